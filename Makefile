@@ -1,0 +1,56 @@
+# Every target sets up what it needs, once; `make help` lists them.
+.DEFAULT_GOAL := help
+.PHONY: help setup demo test check test-debian13 lint fmt clean
+
+PYTHON := .venv/bin/python
+READY  := .venv/ready
+TOOLS  := .venv/tools
+
+# Open MPI: root is allowed (containers, CI), more ranks than cores too, and no chatter about the machine.
+export OMPI_ALLOW_RUN_AS_ROOT = 1
+export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM = 1
+export OMPI_MCA_rmaps_base_oversubscribe = 1
+export PRTE_MCA_rmaps_default_mapping_policy = :oversubscribe
+export UCX_LOG_LEVEL ?= fatal
+export HWLOC_HIDE_ERRORS ?= 2
+# Tests are many small problems: one thread each, unless the caller says otherwise.
+test check: export OMP_NUM_THREADS ?= 1
+
+help: ## list the targets
+	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / { printf "make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+
+setup: $(READY) ## Debian packages, .venv, antiosc in editable form (all other targets do this themselves)
+
+demo: $(READY) ## a steel sphere strikes the bracket: table, force plot, model and fields in out/
+	$(PYTHON) demos/impact_on_bracket.py
+
+test: $(READY) ## all tests, those on several MPI ranks included
+	$(PYTHON) -m pytest
+
+check: $(READY) ## the quick tests (under 2 minutes)
+	$(PYTHON) -m pytest -m "not slow"
+
+test-debian13: ## all tests in a Debian 13 tree (needs root or sudo; ANTIOSC_CHROOT says where)
+	.ci/debian13
+
+lint: $(READY) $(TOOLS)/ready ## style, format and types
+	$(TOOLS)/bin/ruff check .
+	$(TOOLS)/bin/ruff format --check .
+	$(TOOLS)/bin/mypy --python-executable $(PYTHON)
+
+fmt: $(TOOLS)/ready ## put the code in its format
+	$(TOOLS)/bin/ruff check --fix .
+	$(TOOLS)/bin/ruff format .
+
+clean: ## remove .venv, caches and out/
+	rm -rf .venv out build src/*.egg-info .pytest_cache .mypy_cache .ruff_cache
+	find . -name __pycache__ -prune -exec rm -rf {} +
+
+$(READY): .ci/setup .ci/packages pyproject.toml
+	.ci/setup
+	@touch $@
+
+$(TOOLS)/ready: .ci/tools | $(READY)
+	/usr/bin/python3 -m venv $(TOOLS)
+	$(TOOLS)/bin/python -m pip install --quiet --disable-pip-version-check -r .ci/tools
+	@touch $@
