@@ -1,0 +1,45 @@
+"""The helper that runs scripts on several ranks: what it returns, and that failures are seen."""
+
+import time
+
+import pytest
+
+from mpi import run_ranks
+
+pytestmark = pytest.mark.mpi
+
+
+def test_output_of_all_ranks():
+    script = """
+        from mpi4py import MPI
+        print(MPI.COMM_WORLD.rank, MPI.COMM_WORLD.allreduce(1))
+    """
+    output = run_ranks(2, script)
+    assert output == ["0 2\n", "1 2\n"]
+
+
+def test_arguments_are_handed_on():
+    assert run_ranks(1, "import sys; print(sys.argv[1:])", "a", "b") == ["['a', 'b']\n"]
+
+
+def test_one_rank_that_raises_fails_all():
+    script = """
+        from mpi4py import MPI
+        if MPI.COMM_WORLD.rank == 1:
+            raise ValueError("only here")
+        MPI.COMM_WORLD.barrier()
+    """
+    with pytest.raises(AssertionError, match="only here"):
+        run_ranks(2, script)
+
+
+def test_a_hang_is_ended():
+    script = """
+        from mpi4py import MPI
+        if MPI.COMM_WORLD.rank == 0:
+            MPI.COMM_WORLD.recv(source=1)
+    """
+    start = time.monotonic()
+    with pytest.raises(AssertionError, match="not done after 3 s"):
+        run_ranks(2, script, timeout=3)
+    assert time.monotonic() - start < 30
