@@ -1,0 +1,184 @@
+"""What antiosc finds on this machine: versions, BLAS, solvers, and how to get what is missing."""
+
+from __future__ import annotations
+
+import ctypes
+import importlib
+import importlib.metadata
+import importlib.util
+import os
+import platform
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class Package:
+    """A package antiosc can use."""
+
+    name: str  # as its makers write it
+    module: str  # what is imported
+    debian: str  # the Debian package that brings it
+    version: Callable[[], str]  # called only where the module is installed
+
+
+@dataclass(frozen=True)
+class Blas:
+    """The BLAS that this process has loaded."""
+
+    name: str
+    path: str
+    slow: bool  # the reference implementation
+
+
+def version() -> str:
+    """antiosc's own version, or "unknown" in a tree that was never installed."""
+    try:
+        return importlib.metadata.version("antiosc")
+    except importlib.metadata.PackageNotFoundError:
+        return "unknown"
+
+
+def report() -> str:
+    """Versions, BLAS, threads, PETSc's solvers, and what is missing with the remedy, as text."""
+    rows = [
+        ("antiosc", version()),
+        ("Python", f"{platform.python_version()}  {sys.executable}"),
+    ]
+    missing = []
+    remarks = []
+    for package in PACKAGES:
+        try:
+            found = package.version() if importlib.util.find_spec(package.module) else ""
+        except Exception as error:  # an installed package can fail in any way: say so and go on
+            found = "fails to load"
+            remarks.append(f"{package.name} is installed but fails to load: {error}")
+        rows.append((package.name, found or "missing"))
+        if not found:
+            missing.append(package)
+    rows += [("solvers", ", ".join(solvers()) or "none of CHOLMOD, MUMPS"), ("threads", _threads())]
+
+    used = blas()
+    rows.append(("BLAS", f"{used.name}  {used.path}"))
+    if used.slow:
+        remarks.append(
+            "WARNING: this is the reference BLAS, which makes every factorization and solve slow."
+            " Remedy: sudo apt install libopenblas0-pthread"
+        )
+    if missing:
+        names = ", ".join(package.name for package in missing)
+        debian = " ".join(sorted({package.debian for package in missing}))
+        remarks.append(f"Missing: {names}. Remedy: sudo apt install {debian}")
+
+    lines = [f"{name:<12}{text}".rstrip() for name, text in rows]
+    return "\n".join(lines + [""] * bool(remarks) + remarks)
+
+
+def solvers() -> list[str]:
+    """The direct solvers, of those antiosc uses, that PETSc was built with here."""
+    try:
+        from petsc4py import PETSc
+    except ImportError:
+        return []
+    # Debian 12's PETSc names SuiteSparse as a whole, Debian 13's its parts.
+    keys = {"CHOLMOD": ("suitesparse", "cholmod"), "MUMPS": ("mumps",)}
+    return [name for name in keys if any(map(PETSc.Sys.hasExternalPackage, keys[name]))]
+
+
+def blas() -> Blas:
+    """The BLAS in use, found among the libraries that are loaded once NumPy is.
+
+    Debian's packages all ask for libblas.so.3 and the `alternatives` links choose what that is;
+    a NumPy from PyPI brings an OpenBLAS of its own.
+    """
+    importlib.import_module("numpy.linalg")
+    loaded = [Path(path) for path in _loaded_libraries()]
+    chosen = [path for path in loaded if path.name.startswith("libblas.so")]
+    own = [path for path in loaded if any(key in path.name for key in ("openblas", "mkl_rt"))]
+    for path in chosen + own:
+        path = path.resolve()
+        for key, name in {"openblas": "OpenBLAS", "blis": "BLIS", "mkl": "MKL"}.items():
+            if key in str(path):
+                return Blas(name, str(path), slow=False)
+        if "atlas" in str(path):
+            return Blas("ATLAS", str(path), slow=False)
+        return Blas("reference", str(path), slow=True)
+    return Blas("unknown", "", slow=False)
+
+
+def _loaded_libraries() -> list[str]:
+    """Paths of the shared libraries of this process, asked of the loader (/proc may be missing)."""
+
+    class Header(ctypes.Structure):  # the first two fields of struct dl_phdr_info
+        _fields_ = (("address", ctypes.c_void_p), ("name", ctypes.c_char_p))
+
+    paths: list[str] = []
+
+    @ctypes.CFUNCTYPE(ctypes.c_int, ctypes.POINTER(Header), ctypes.c_size_t, ctypes.c_void_p)
+    def collect(header, _size, _data):  # type: ignore[no-untyped-def]
+        paths.append(os.fsdecode(header.contents.name or b""))
+        return 0
+
+    try:
+        ctypes.CDLL(None).dl_iterate_phdr(collect, None)
+    except AttributeError:  # not an ELF system
+        return []
+    return paths
+
+
+def _threads() -> str:
+    cores = len(os.sched_getaffinity(0))
+    chosen = os.environ.get("OMP_NUM_THREADS")
+    return f"{chosen or cores} ({'OMP_NUM_THREADS' if chosen else 'default'}), {cores} cores"
+
+
+def _attribute(module: str) -> Callable[[], str]:
+    return lambda: importlib.import_module(module).__version__
+
+
+def _petsc() -> str:
+    from petsc4py import PETSc
+
+    return ".".join(map(str, PETSc.Sys.getVersion()))
+
+
+def _slepc() -> str:
+    from slepc4py import SLEPc
+
+    return ".".join(map(str, SLEPc.Sys.getVersion()))
+
+
+def _mpi() -> str:
+    from mpi4py import MPI
+
+    return MPI.Get_library_version().split(",")[0]
+
+
+def _gmsh() -> str:
+    import gmsh  # its __version__ is that of the interface, not of the program
+
+    gmsh.initialize(readConfigFiles=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        return gmsh.option.getString("General.Version")
+    finally:
+        gmsh.finalize()
+
+
+PACKAGES = [
+    Package("NumPy", "numpy", "python3-numpy", _attribute("numpy")),
+    Package("SciPy", "scipy", "python3-scipy", _attribute("scipy")),
+    Package("matplotlib", "matplotlib", "python3-matplotlib", _attribute("matplotlib")),
+    Package("MPI", "mpi4py", "python3-mpi4py", _mpi),
+    Package("mpi4py", "mpi4py", "python3-mpi4py", _attribute("mpi4py")),
+    Package("PETSc", "petsc4py", "python3-petsc4py-real", _petsc),
+    Package("petsc4py", "petsc4py", "python3-petsc4py-real", _attribute("petsc4py")),
+    Package("SLEPc", "slepc4py", "python3-slepc4py-real", _slepc),
+    Package("slepc4py", "slepc4py", "python3-slepc4py-real", _attribute("slepc4py")),
+    Package("dolfinx", "dolfinx", "python3-dolfinx-real", _attribute("dolfinx")),
+    Package("gmsh", "gmsh", "python3-gmsh", _gmsh),
+    Package("meshio", "meshio", "python3-meshio", _attribute("meshio")),
+    Package("h5py", "h5py", "python3-h5py", _attribute("h5py")),
+]

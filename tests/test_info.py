@@ -1,0 +1,114 @@
+"""`antiosc info`: checked against what Debian, the kernel and the packages themselves say."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from antiosc import cli, info
+from antiosc.errors import InputError
+
+REFERENCE_BLAS = Path("/usr/lib/x86_64-linux-gnu/blas/libblas.so.3")
+
+
+def run_info(before: str = "", **environment: str) -> str:
+    """Output of `antiosc info` in a fresh Python that runs the statement `before` first."""
+    code = f"import sys\n{before}\nfrom antiosc.cli import main\nsys.exit(main(['info']))"
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env={**os.environ, **environment},
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def row(text: str, name: str) -> str:
+    return re.search(rf"^{name} +(.+)$", text, re.MULTILINE)[1]
+
+
+def test_versions_are_those_of_the_metadata():
+    text = run_info()
+    for name, distribution in {"NumPy": "numpy", "SciPy": "scipy", "antiosc": "antiosc"}.items():
+        assert row(text, name) == importlib.metadata.version(distribution)
+
+
+@pytest.mark.fem
+def test_nothing_is_missing_after_set_up():
+    text = run_info()
+    assert "missing" not in text
+    assert "fails" not in text
+    for package in info.PACKAGES:
+        assert re.search(r"\d+\.\d+", row(text, package.name)), package.name
+    assert row(text, "dolfinx") == importlib.metadata.version("fenics-dolfinx")
+    assert row(text, "solvers") == "CHOLMOD, MUMPS"
+
+
+def test_runs_without_the_finite_element_packages_and_says_how_to_get_them():
+    absent = ["dolfinx", "petsc4py", "slepc4py", "gmsh", "meshio", "mpi4py", "h5py", "matplotlib"]
+    text = run_info(f"sys.modules.update(dict.fromkeys({absent}))")
+    assert row(text, "dolfinx") == "missing"
+    assert row(text, "solvers") == "none of CHOLMOD, MUMPS"
+    remedy = text.splitlines()[-1]
+    assert "sudo apt install" in remedy
+    for module in absent:
+        assert re.search(rf"\bpython3-{module}\b", remedy), module
+
+
+def test_a_broken_package_is_reported_and_the_rest_still_shown(tmp_path):
+    (tmp_path / "meshio.py").write_text("raise OSError('libfoo.so: wrong ELF class')")
+    text = run_info(f"sys.path.insert(0, {str(tmp_path)!r})")
+    assert row(text, "meshio") == "fails to load"
+    assert "libfoo.so: wrong ELF class" in text
+    assert "BLAS" in text
+
+
+@pytest.mark.skipif(not REFERENCE_BLAS.exists(), reason="no reference BLAS installed here")
+def test_the_reference_blas_gets_a_warning_with_the_remedy():
+    text = run_info(LD_LIBRARY_PATH=str(REFERENCE_BLAS.parent))
+    assert row(text, "BLAS") == f"reference  {REFERENCE_BLAS.resolve()}"
+    assert "WARNING" in text
+    assert "sudo apt install libopenblas0-pthread" in text
+
+
+@pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="no /proc here")
+def test_the_blas_is_one_that_the_kernel_has_mapped():
+    found = info.blas()
+    assert np.linalg.det(np.eye(2)) == 1  # NumPy's BLAS is in use, so it is mapped
+    mapped = {line.split()[-1] for line in Path("/proc/self/maps").read_text().splitlines()}
+    assert found.path in mapped
+    assert found.slow == (found.name == "reference")
+
+
+def test_threads_follow_the_environment():
+    assert row(run_info(OMP_NUM_THREADS="3"), "threads").startswith("3 (OMP_NUM_THREADS), ")
+
+
+def test_version_option(capsys):
+    with pytest.raises(SystemExit, match="0"):
+        cli.main(["--version"])
+    assert capsys.readouterr().out == f"antiosc {importlib.metadata.version('antiosc')}\n"
+
+
+def test_no_command_is_an_error_with_the_list_of_commands(capsys):
+    with pytest.raises(SystemExit, match="2"):
+        cli.main([])
+    assert "command" in capsys.readouterr().err
+
+
+def test_errors_of_antiosc_become_one_line_and_exit_code_1(capsys, monkeypatch):
+    def fail() -> str:
+        raise InputError("the number must be > 0; got -1.")
+
+    monkeypatch.setattr(info, "report", fail)
+    assert cli.main(["info"]) == 1
+    assert capsys.readouterr().err == "antiosc: the number must be > 0; got -1.\n"
