@@ -1,0 +1,60 @@
+"""Beams whose anti-oscillators and modes are known without any mesh, to rounding.
+
+Timoshenko's beam, or Euler-Bernoulli's (`UniformBeam.euler_bernoulli`), on any supports of its two
+ends and struck at any point, is a `StruckBeam`; the functions below name the usual ones.
+
+>>> beam = UniformBeam.euler_bernoulli(E=67e9, rho=2400, area=2e-4, inertia=0.33e-8, length=1.0)
+>>> pinned_free(beam).anti_oscillators(50)  # the article's falling beam, (24)-(27)
+"""
+
+from antiosc.closed_form.struck import BeamModes, StruckBeam
+from antiosc.closed_form.uniform import UniformBeam
+
+__all__ = [
+    "BeamModes",
+    "StruckBeam",
+    "UniformBeam",
+    "cantilever",
+    "clamped_clamped",
+    "free_free",
+    "pinned_free",
+    "pinned_pinned",
+]
+
+
+def pinned_free(beam: UniformBeam, site: float | None = None) -> StruckBeam:
+    """Pinned at x = 0, free at x = L, struck at `site` (m), the free tip unless given.
+
+    At the tip k0 = 0, φ_CR = x/L and the constraint modes are the hinged beam's: Article (24)-(27).
+    With rotary inertia the two spectra share the mass 2 rhoA L/(i²π²) of each wave number i, the
+    pure shear mode at the cut-off holds rhoI/L, and m_CR = rhoA L/3 + rhoI/L.
+    """
+    return StruckBeam(beam, "pinned", "free", beam.length if site is None else site)
+
+
+def pinned_pinned(beam: UniformBeam, site: float | None = None) -> StruckBeam:
+    """Pinned at both ends, struck at `site` (m), mid-span unless given.
+
+    1/k0 = a²b²/(3EI L) + ab/(kGA L) with b = L - a. The second spectrum, which is there above the
+    cut-off, moves the site little but does move it: it carries mass and is kept.
+    """
+    return StruckBeam(beam, "pinned", "pinned", beam.length / 2 if site is None else site)
+
+
+def cantilever(beam: UniformBeam, site: float | None = None) -> StruckBeam:
+    """Clamped at x = 0, struck at `site` (m), the free tip unless given: 1/k0 = a³/3EI + a/kGA."""
+    return StruckBeam(beam, "clamped", "free", beam.length if site is None else site)
+
+
+def free_free(beam: UniformBeam, site: float) -> StruckBeam:
+    """Free at both ends, struck at `site` (m).
+
+    Two rigid-body modes, so k0 = 0 and 1/m_CR = 1/m + d²/J, with d the distance from the middle
+    and J = rhoA L³/12 + rhoI L.
+    """
+    return StruckBeam(beam, "free", "free", site)
+
+
+def clamped_clamped(beam: UniformBeam, site: float | None = None) -> StruckBeam:
+    """Clamped at both ends, struck at `site` (m), mid-span unless given (L³/192EI + L/4kGA)."""
+    return StruckBeam(beam, "clamped", "clamped", beam.length / 2 if site is None else site)

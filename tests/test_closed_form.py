@@ -1,0 +1,363 @@
+"""Closed-form beams against tables, formulae, identities and a spectral discretisation."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from antiosc.closed_form import (
+    StruckBeam,
+    UniformBeam,
+    cantilever,
+    clamped_clamped,
+    free_free,
+    pinned_free,
+    pinned_pinned,
+)
+from antiosc.errors import InputError
+from spectral_beam import SpectralBeam
+
+ARTICLE = {"E": 67e9, "rho": 2400.0, "area": 2e-4, "inertia": 0.33e-8, "length": 1.0}
+SLENDER = UniformBeam.timoshenko(**ARTICLE, nu=0.3)
+THICK = UniformBeam.timoshenko(E=70e9, nu=0.3, rho=2700, area=1e-2, inertia=8e-6, length=0.3)
+UNIT = UniformBeam(EI=1.0, rhoA=1.0, length=1.0)
+
+SUPPORTS = [
+    ("pinned", "free", 1.0),
+    ("pinned", "free", 0.37),
+    ("pinned", "pinned", 0.5),
+    ("pinned", "pinned", 0.31),
+    ("clamped", "free", 1.0),
+    ("clamped", "free", 0.6),
+    ("free", "free", 0.3),
+    ("free", "free", 0.0),
+    ("free", "free", 0.5),
+    ("clamped", "clamped", 0.5),
+    ("clamped", "pinned", 0.7),
+    ("guided", "pinned", 0.0),
+    ("guided", "guided", 0.45),
+]
+
+
+def struck(beam: UniformBeam, supports: tuple[str, str, float]) -> StruckBeam:
+    left, right, place = supports
+    return StruckBeam(beam, left, right, place * beam.length)
+
+
+def hinged_roots(beam: UniformBeam, i: np.ndarray, alpha: float) -> np.ndarray:
+    """Both roots of the article's characteristic equation, as frequencies in rad/s."""
+    eta = beam.EI / (beam.kGA * beam.length**2)
+    half = ((eta + alpha) * (i * np.pi) ** 2 + 1) / 2
+    large = half + np.sqrt(half**2 - eta * alpha * (i * np.pi) ** 4)
+    Omega = np.array([(i * np.pi) ** 4 / large, large / (eta * alpha)])
+    return np.sqrt(Omega * beam.EI / (beam.rhoA * beam.length**4))
+
+
+# ---- frequencies ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("ends", "equation"),
+    [
+        (("clamped", "free"), lambda z: np.cos(z) + 1 / np.cosh(z)),
+        (("pinned", "free"), lambda z: np.sin(z) - np.cos(z) * np.tanh(z)),
+        (("free", "free"), lambda z: np.cos(z) - 1 / np.cosh(z)),
+        (("clamped", "clamped"), lambda z: np.cos(z) - 1 / np.cosh(z)),
+        (("clamped", "pinned"), lambda z: np.sin(z) - np.cos(z) * np.tanh(z)),
+        (("pinned", "pinned"), np.sin),
+    ],
+)
+def test_slender_beams_have_the_textbook_frequencies(ends, equation):
+    z = np.linspace(1.0, 100.0, 9901)
+    f = equation(z)
+    brackets = np.nonzero(f[1:] * f[:-1] < 0)[0]
+    betas = np.array([brentq(equation, z[i], z[i + 1], xtol=1e-13) for i in brackets])[:30]
+    place = 0.29 if ends[0] == ends[1] else 0.61
+    found = np.sqrt(struck(UNIT, (*ends, place)).natural_frequencies(30))
+    np.testing.assert_allclose(found, betas, rtol=1e-10)
+
+
+def test_tabulated_roots():
+    """R. D. Blevins, Formulas for Natural Frequency and Mode Shape (1979), table 8-1."""
+    table = {
+        ("clamped", "free"): [1.87510407, 4.69409113, 7.85475744],
+        ("free", "free"): [4.73004074, 7.85320462, 10.9956078],
+        ("pinned", "free"): [3.92660231, 7.06858275, 10.21017612],
+    }
+    for ends, betas in table.items():
+        found = np.sqrt(struck(UNIT, (*ends, 1.0)).natural_frequencies(3))
+        np.testing.assert_allclose(found, betas, rtol=1e-8)
+
+
+@pytest.mark.parametrize("beam", [SLENDER, THICK], ids=["slender", "thick"])
+def test_hinged_beam_fulfils_the_articles_equation_in_both_spectra(beam):
+    """None of 200 is missed, above the cut-off either (where the pure shear mode joins)."""
+    roots = hinged_roots(beam, np.arange(1, 400), beam.alpha)
+    expected = np.sort(np.append(roots, beam.cutoff))[:200]
+    assert expected[-1] > beam.cutoff
+    found = pinned_pinned(beam, 0.41 * beam.length).natural_frequencies(200)
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
+
+
+def test_printed_alpha_is_wrong_and_its_correction_right():
+    """Short waves: E/rho and k'G/rho are speeds that cannot depend on the section's size."""
+    i = np.array([20000.0])
+    alpha = THICK.rhoI / (THICK.rhoA * THICK.length**2)
+    assert alpha == pytest.approx(8e-6 / 1e-2 / 0.3**2)
+    bar, shear = math.sqrt(70e9 / 2700), math.sqrt(5 / 6 * 70e9 / 2.6 / 2700)
+    speed = hinged_roots(THICK, i, alpha)[:, 0] * THICK.length / (i[0] * np.pi)
+    np.testing.assert_allclose(np.sort(speed), [shear, bar], rtol=1e-6)
+    printed = (8e-6 / 1e-2) ** 2 / 0.3**2
+    speed = hinged_roots(THICK, i, printed)[:, 0] * THICK.length / (i[0] * np.pi)
+    assert speed.max() > 10 * bar
+    # The library's own spectra have these asymptotes.
+    top = pinned_pinned(THICK, 0.41 * THICK.length).natural_frequencies(200)
+    within = top[-1] * THICK.length / np.pi
+    assert within / bar + within / shear == pytest.approx(200, rel=0.02)
+
+
+def test_shear_beam_limit():
+    """Without rotary inertia and rigid in bending, the hinged beam is a string: order 1/EI."""
+    errors = []
+    for EI in (1e2, 1e3, 1e4):
+        found = pinned_pinned(UniformBeam(EI, 1.0, 1.0, kGA=1.0), 0.3).natural_frequencies(3)
+        errors.append(np.abs(found / (np.pi * np.arange(1, 4)) - 1).max())
+    assert errors[-1] < 1e-5
+    np.testing.assert_allclose(np.log10(np.divide(errors[:-1], errors[1:])), 1, atol=0.02)
+
+
+def test_slender_limit_is_euler_bernoulli_with_order_two():
+    errors = []
+    exact = free_free(UNIT, 0.3).anti_oscillators(5)
+    for slenderness in (400.0, 800.0, 1600.0):
+        rhoI = slenderness**-2.0
+        found = free_free(UniformBeam(1.0, 1.0, 1.0, 1 / (3 * rhoI), rhoI), 0.3).anti_oscillators(5)
+        errors.append(
+            [np.abs(found.omega / exact.omega - 1).max(), np.abs(found.m / exact.m - 1).max()]
+        )
+    order = np.log2(np.divide(errors[:-1], errors[1:]))
+    np.testing.assert_allclose(order, 2, atol=0.1)
+
+
+@pytest.mark.parametrize("supports", SUPPORTS, ids=str)
+def test_frequencies_against_the_spectral_beam(supports):
+    exact = struck(THICK, supports)
+    spectral = SpectralBeam(THICK, supports[0], supports[1], supports[2] * THICK.length)
+    rigid = exact.rigid_modes
+    np.testing.assert_allclose(
+        exact.natural_frequencies(25),
+        spectral.natural_frequencies()[rigid : rigid + 25],
+        rtol=1e-8,
+    )
+
+
+# ---- masses and stiffness ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("supports", [s for s in SUPPORTS if struck(UNIT, s).rigid_modes == 0])
+def test_anti_oscillators_against_the_articles_definitions(supports):
+    """M(st, i)²/M(i, i) in polynomials against residues of the transcendental solution."""
+    model = struck(THICK, supports).anti_oscillators(15)
+    spectral = SpectralBeam(THICK, supports[0], supports[1], supports[2] * THICK.length)
+    k0, m_st, m, omega = spectral.anti_oscillators()
+    seen = m > 1e-8 * m_st
+    assert model.k0 == pytest.approx(k0, rel=1e-9)
+    assert model.m_st == pytest.approx(m_st, rel=1e-9)
+    np.testing.assert_allclose(model.omega, omega[seen][:15], rtol=1e-8)
+    np.testing.assert_allclose(model.m, m[seen][:15], rtol=1e-6)
+
+
+def test_pinned_free_beam_is_the_articles():
+    """(24)-(27) exactly for Euler-Bernoulli; psi_i = c_i sin(i pi x/L)."""
+    beam = UniformBeam.euler_bernoulli(**ARTICLE)
+    x = np.array([0.2, 0.5, 1.0])
+    model = pinned_free(beam).anti_oscillators(60, x)
+    i = np.arange(1, 61)
+    np.testing.assert_allclose(model.m, 2 * beam.mass / (i * np.pi) ** 2, rtol=1e-9)
+    np.testing.assert_allclose(model.omega, (i * np.pi) ** 2 * beam.omega_unit, rtol=1e-12)
+    assert model.k0 == 0
+    assert model.m_st == pytest.approx(beam.mass / 3, rel=1e-13)
+    c = -2 * (-1.0) ** i / (i * np.pi)
+    np.testing.assert_allclose(model.shapes[:, 0], x, atol=1e-14)
+    np.testing.assert_allclose(
+        model.shapes[:, 1:], c * np.sin(np.outer(x, i * np.pi)), rtol=1e-7, atol=1e-9
+    )
+
+
+@pytest.mark.parametrize("beam", [SLENDER, THICK], ids=["slender", "thick"])
+def test_pinned_free_timoshenko_masses_of_both_spectra(beam):
+    """Masses by M(CR, i)²/M(i, i) of sin and cos; the shear mode at the cut-off holds rhoI/L."""
+    n, L = 150, beam.length
+    i = np.arange(1, 400)
+    roots = hinged_roots(beam, i, beam.alpha)
+    q = i * np.pi / L
+    ratio = q - roots**2 * beam.rhoA / (beam.kGA * q)  # cos amplitude of the rotation
+    modal = beam.rhoA * L / 2 + beam.rhoI * L / 2 * ratio**2
+    # M(CR, i) = rhoA ∫ x/L sin + rhoI ∫ ratio cos/L, and the second integral vanishes
+    masses = (beam.rhoA * L / (i * np.pi)) ** 2 / modal
+    omega = np.append(roots, beam.cutoff)
+    order = np.argsort(omega)[:n]
+    model = pinned_free(beam).anti_oscillators(n)
+    assert model.omega[-1] > beam.cutoff
+    np.testing.assert_allclose(model.omega, omega[order], rtol=1e-9)
+    np.testing.assert_allclose(model.m, np.append(masses, beam.rhoI / L)[order], rtol=1e-6)
+    np.testing.assert_allclose(masses.sum(axis=0), 2 * beam.mass / (i * np.pi) ** 2, rtol=1e-9)
+    assert model.m_st == pytest.approx(beam.mass / 3 + beam.rhoI / L, rel=1e-12)
+
+
+@pytest.mark.parametrize("beam", [SLENDER, THICK], ids=["slender", "thick"])
+def test_static_stiffness_formulae(beam):
+    L, EI, kGA = beam.length, beam.EI, beam.kGA
+    a, b = 0.3 * L, 0.7 * L
+    cases = {
+        cantilever(beam): L**3 / (3 * EI) + L / kGA,
+        cantilever(beam, a): a**3 / (3 * EI) + a / kGA,
+        pinned_pinned(beam): L**3 / (48 * EI) + L / (4 * kGA),
+        pinned_pinned(beam, a): (a * b) ** 2 / (3 * EI * L) + a * b / (kGA * L),
+        clamped_clamped(beam): L**3 / (192 * EI) + L / (4 * kGA),
+    }
+    for case, compliance in cases.items():
+        assert 1 / case.static_stiffness == pytest.approx(compliance, rel=1e-12)
+
+
+def test_rigid_body_mass_formulae():
+    L, site = THICK.length, 0.3 * THICK.length
+    J = THICK.rhoA * L**3 / 12 + THICK.rhoI * L
+    expected = 1 / (1 / THICK.mass + (site - L / 2) ** 2 / J)
+    assert free_free(THICK, site).static_mass == pytest.approx(expected, rel=1e-13)
+    expected = (THICK.rhoA * L**3 / 3 + THICK.rhoI * L) / site**2
+    assert pinned_free(THICK, site).static_mass == pytest.approx(expected, rel=1e-13)
+
+
+@pytest.mark.parametrize("supports", SUPPORTS, ids=str)
+def test_masses_are_residues_of_the_dynamic_stiffness(supports):
+    """Z near a pole x_i is m_i x_i²/(x - x_i): no integral of any shape enters."""
+    beam = struck(THICK, supports)
+    model = beam.anti_oscillators(8)
+    x = model.omega**2
+    h = 1e-5 * x
+    jump = beam.dynamic_stiffness(np.sqrt(x + h)) - beam.dynamic_stiffness(np.sqrt(x - h))
+    np.testing.assert_allclose(jump * h / 2 / x**2, model.m, rtol=1e-5)
+
+
+@pytest.mark.parametrize("supports", SUPPORTS, ids=str)
+def test_dynamic_stiffness_is_the_models(supports):
+    """All of Z from k0, m_st, m_i, omega_i; the error left falls as the fourth power of omega."""
+    beam = struck(THICK, supports)
+    model = beam.anti_oscillators(30)
+    # midway between an antiresonance and the natural frequency above, so never near either
+    omega = model.omega[:4] * 0.93
+    scale = model.k0 + omega**2 * model.m_st
+    error = np.abs(model.dynamic_stiffness(omega) - beam.dynamic_stiffness(omega)) / scale
+    left = omega**2 / model.omega[-1] ** 2 * model.m0 / model.m_st
+    assert np.all(error < 3 * left + 1e-10)
+    assert error[0] < 1e-3
+
+
+@pytest.mark.parametrize("supports", SUPPORTS, ids=str)
+def test_interlacing(supports):
+    """Zeros and poles of Z alternate: none is missed, none is spurious."""
+    beam = struck(THICK, supports)
+    poles, zeros = beam.anti_oscillators(16).omega, beam.modes(17).omega
+    assert np.all(zeros[:16] < poles)
+    assert np.all(poles < zeros[1:])
+
+
+@pytest.mark.parametrize("supports", SUPPORTS, ids=str)
+def test_modes_give_the_same_receptance(supports):
+    """Σ b²/(ω_j² - ω²) + r from the zeros against Z from the beam's solution."""
+    beam = struck(THICK, supports)
+    body = beam.modes(24, static_correction=True).modal()
+    omega = 0.8 * body.omega[1:4]
+    H = 1 / beam.dynamic_stiffness(omega)
+    np.testing.assert_allclose(body.receptance(omega).real, H, atol=1e-3 * np.abs(H).max())
+    assert body.r > 0
+    # and the free modes of the anti-oscillator model are those modes
+    free = beam.anti_oscillators(24).modal()
+    np.testing.assert_allclose(free.omega[:4], body.omega[:4], rtol=5e-4)
+    np.testing.assert_allclose(np.abs(free.b[:4]), body.b[:4], rtol=5e-3)
+
+
+def test_no_lack_of_mass():
+    """Σ m_i + m0 = m_st for any N; Σ m_i → m_st as 1/N."""
+    full = pinned_pinned(UniformBeam.euler_bernoulli(**ARTICLE)).anti_oscillators(160)
+    assert full.m_st == pytest.approx(17 / 35 * 0.48, rel=1e-12)
+    left = np.array([full.truncated(n).m0 for n in (20, 40, 80, 160)])
+    np.testing.assert_allclose(np.log2(left[:-1] / left[1:]), 1, atol=0.05)
+
+
+def test_unobservable_modes_are_left_out():
+    """At mid-span of a symmetric beam every second mode has a node there."""
+    beam = pinned_pinned(SLENDER)
+    model, constrained = beam.anti_oscillators(5), beam.antiresonances(10)
+    np.testing.assert_allclose(model.omega, constrained[1::2], rtol=1e-10)
+    np.testing.assert_allclose(beam.modes(5).omega, beam.natural_frequencies(10)[::2], rtol=1e-10)
+
+
+def test_site_near_a_node_counts_its_faint_modes():
+    model = pinned_pinned(SLENDER, 0.5003).anti_oscillators(10)
+    assert np.all(model.m[::2] < 1e-4 * model.m[1])
+    np.testing.assert_allclose(model.omega, pinned_pinned(SLENDER, 0.5003).antiresonances(10))
+
+
+@pytest.mark.parametrize("supports", SUPPORTS, ids=str)
+def test_shapes_expand_the_static_shape(supports):
+    """phi_st - Σ psi_i → 0 away from the site, and every psi_i vanishes at the site."""
+    beam = struck(THICK, supports)
+    x = np.array([0.11, 0.52, 0.83]) * THICK.length
+    model = beam.anti_oscillators(40, np.append(x, beam.site))
+    assert model.shapes is not None
+    np.testing.assert_allclose(model.shapes[-1, 1:], 0, atol=1e-8)
+    rest = model.shapes[:-1, 0] - model.shapes[:-1, 1:].sum(axis=1)
+    near = np.abs(x - beam.site) < 0.12 * THICK.length
+    assert np.all(np.abs(rest[~near]) < 0.05)
+
+
+def test_participation_is_the_mass_moved():
+    """A unit uniform acceleration of a free beam: phi_0 and psi_i together feel M(CR, 1)."""
+    beam = free_free(THICK, 0.3 * THICK.length)
+    model = beam.anti_oscillators(60)
+    assert model.participation is not None
+    # M-orthogonality of phi_CR to the rigid motion about the site: M(CR, 1) = m_CR
+    assert model.participation.sum() == pytest.approx(model.m_st, rel=1e-12)
+    # constraint modes are orthogonal to phi_0, and 1 = phi_CR + (rotation about the site)
+    np.testing.assert_allclose(model.participation[1:], model.m, rtol=1e-6)
+
+
+def test_statics_of_the_modes():
+    """Σ b²/ω² of a supported beam is its compliance; the deflections follow likewise."""
+    beam = pinned_pinned(THICK, 0.3 * THICK.length)
+    x = np.array([0.1, 0.6]) * THICK.length
+    modes = beam.modes(80, x)
+    compliance = np.sum((modes.b / modes.omega) ** 2)
+    assert compliance == pytest.approx(1 / beam.static_stiffness, rel=5e-3)
+    deflection = (modes.b / modes.omega**2) @ modes.shapes
+    shapes = beam.anti_oscillators(1, x).shapes
+    assert shapes is not None
+    static = shapes[:, 0]
+    np.testing.assert_allclose(deflection * beam.static_stiffness, static, rtol=1e-3, atol=1e-4)
+
+
+# ---- bad input -----------------------------------------------------------------------------------
+
+
+def test_bad_input_is_named():
+    with pytest.raises(InputError, match="kGA must be > 0"):
+        UniformBeam(1, 1, 1, kGA=0)
+    with pytest.raises(InputError, match="nu must lie in"):
+        UniformBeam.timoshenko(**ARTICLE, nu=0.5)
+    with pytest.raises(InputError, match="one of free, pinned, clamped, guided"):
+        StruckBeam(UNIT, "hinged", "free", 1.0)
+    with pytest.raises(InputError, match="site must lie on the beam, 0 to 1 m"):
+        cantilever(UNIT, 1.2)
+    with pytest.raises(InputError, match="sits on a support"):
+        pinned_pinned(UNIT, 0.0)
+    with pytest.raises(InputError, match="n must be a whole number >= 1"):
+        cantilever(UNIT).anti_oscillators(0)
+    with pytest.raises(InputError, match="x must lie on the beam"):
+        cantilever(UNIT).anti_oscillators(2, [1.5])
+    with pytest.raises(InputError, match="omega must be finite and > 0"):
+        cantilever(UNIT).dynamic_stiffness(0.0)
