@@ -1,0 +1,33 @@
+"""The one door to gmsh, dolfinx, PETSc and SLEPc: from a mesh to anti-oscillators and fields."""
+
+from antiosc.errors import MissingDependencyError
+
+try:
+    import dolfinx  # noqa: F401
+    import petsc4py  # noqa: F401
+    import slepc4py  # noqa: F401
+except ImportError as error:
+    raise MissingDependencyError(
+        f"{error.name} is not installed: meshes and structures need Debian's python3-dolfinx-real, "
+        "python3-petsc4py-real, python3-slepc4py-real and python3-gmsh (sudo apt install …); "
+        "models, contact laws and simulate work without them."
+    ) from error
+
+from antiosc.fem.beam import Beam, Section
+from antiosc.fem.extract import extract
+from antiosc.fem.mesh import Mesh, read_mesh
+from antiosc.fem.site import Site
+from antiosc.fem.solid import Solid
+from antiosc.fem.structure import Structure, Support
+
+__all__ = [
+    "Beam",
+    "Mesh",
+    "Section",
+    "Site",
+    "Solid",
+    "Structure",
+    "Support",
+    "extract",
+    "read_mesh",
+]

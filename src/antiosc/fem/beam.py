@@ -1,0 +1,285 @@
+"""`Beam` and `Section`: Timoshenko beams on line meshes, in a plane or in space."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import ufl
+
+from antiosc.checks import array, poisson, positive
+from antiosc.errors import InputError
+from antiosc.fem import compat
+from antiosc.fem.family import Parts, WeakForm, coefficient, measure
+from antiosc.fem.mesh import Mesh
+from antiosc.fem.parallel import agree
+
+
+@dataclass(frozen=True)
+class Section:
+    """A cross-section in its principal axes y (the "height") and z, SI units.
+
+    `I` bends in the plane of the height (a plane frame needs it alone), `I_side` across it
+    (default: as `I`), `J` is Saint-Venant's torsion constant (default: polar, `I + I_side`,
+    right for circular sections only), `shear` Timoshenko's shear coefficient κ.
+    """
+
+    A: float
+    I: float  # noqa: E741  (the field's own name for it)
+    I_side: float | None = None
+    J: float | None = None
+    shear: float = 5 / 6
+
+    def __post_init__(self) -> None:
+        positive("A", self.A, "m²")
+        positive("I", self.I, "m⁴")
+        for name in ("I_side", "J"):
+            if getattr(self, name) is not None:
+                positive(name, getattr(self, name), "m⁴")
+        positive("shear", self.shear)
+
+    @property
+    def side(self) -> float:
+        """Second moment of area across the height, m⁴."""
+        return self.I if self.I_side is None else self.I_side
+
+    @property
+    def torsion(self) -> float:
+        """Torsion constant, m⁴."""
+        return self.I + self.side if self.J is None else self.J
+
+    @property
+    def isotropic(self) -> bool:
+        """Whether every axis is a principal one, so that no orientation is needed."""
+        return math.isclose(self.I, self.side, rel_tol=1e-9)
+
+    @classmethod
+    def rectangle(cls, width: float, height: float, shear: float = 5 / 6) -> Section:
+        """A full rectangle, sides in m; κ = 5/6 (Reissner)."""
+        width, height = positive("width", width, "m"), positive("height", height, "m")
+        return cls(
+            A=width * height,
+            I=width * height**3 / 12,
+            I_side=height * width**3 / 12,
+            J=_rectangle_torsion(width, height),
+            shear=shear,
+        )
+
+    @classmethod
+    def circle(cls, d: float, shear: float = 0.9) -> Section:
+        """A full circle of diameter `d` in m; κ = 9/10."""
+        d = positive("d", d, "m")
+        return cls(A=math.pi * d**2 / 4, I=math.pi * d**4 / 64, shear=shear)
+
+    @classmethod
+    def tube(cls, d: float, t: float, shear: float = 0.5) -> Section:
+        """A round tube of outer diameter `d` and wall `t` in m; κ = 1/2 (thin wall)."""
+        d, t = positive("d", d, "m"), positive("t", t, "m")
+        if t >= d / 2:
+            raise InputError(f"the wall t must be thinner than d/2 = {d / 2:g} m; got {t:g}.")
+        inner = d - 2 * t
+        return cls(
+            A=math.pi * (d**2 - inner**2) / 4, I=math.pi * (d**4 - inner**4) / 64, shear=shear
+        )
+
+
+def _rectangle_torsion(width: float, height: float) -> float:
+    """Saint-Venant's series for a rectangle (Timoshenko & Goodier, *Theory of Elasticity*, §109)."""
+    a, b = max(width, height), min(width, height)
+    n = np.arange(1, 40, 2)
+    series = np.sum(np.tanh(n * np.pi * a / (2 * b)) / n**5)
+    return float(a * b**3 / 3 * (1 - 192 / np.pi**5 * b / a * series))
+
+
+@dataclass(frozen=True)
+class Beam:
+    """A straight-element Timoshenko beam on a mesh of lines.
+
+    Parameters
+    ----------
+    E, nu, rho : float
+        Young's modulus (Pa), Poisson's ratio, density (kg/m³).
+    section : Section
+        The cross-section.
+    orientation : sequence of 3 floats, optional
+        A vector whose part across the axis is the section's height direction (y). Needed in
+        space unless both second moments are equal; in a plane frame the height lies in the plane.
+
+    Motions in space: x, y, z (displacements) and rx, ry, rz (rotations); in a plane: x, y, rz.
+    Quadratic elements with two-point shear by default (`Structure(..., order=2)`); order=1 is
+    the classical element with one-point shear, as in the article.
+    """
+
+    E: float
+    nu: float
+    rho: float
+    section: Section
+    orientation: Sequence[float] | None = None
+
+    def __post_init__(self) -> None:
+        positive("E", self.E, "Pa")
+        poisson(self.nu)
+        positive("rho", self.rho, "kg/m³")
+        if not isinstance(self.section, Section):
+            raise InputError(f"section must be a Section; got {type(self.section).__name__}.")
+        if self.orientation is not None:
+            vector = array("orientation", self.orientation, (3,))
+            positive("the length of orientation", np.linalg.norm(vector))
+
+    @property
+    def G(self) -> float:
+        """Shear modulus, Pa."""
+        return self.E / (2 * (1 + self.nu))
+
+    def weak_form(self, mesh: Mesh, parts: Parts, order: int) -> WeakForm:
+        """Strain and kinetic energy of the axis, in a plane or in space."""
+        if mesh.tdim != 1:
+            raise InputError(
+                f"Beam needs a mesh of lines; {mesh.name} has {mesh.cell} cells (use Solid)."
+            )
+        if mesh.order != 1:
+            raise InputError(
+                "Beam elements are straight; read the mesh with order=1 and more elements."
+            )
+        return _plane(mesh, parts, order) if mesh.gdim == 2 else _space(mesh, parts, order)
+
+    def half_space_compliance(self, cosine: float) -> float:
+        """0: a beam has no local field, so Hertz's law stands alone."""
+        return 0.0
+
+
+def _tangent(mesh: Mesh) -> Any:
+    J = ufl.Jacobian(mesh.dolfinx)
+    t = ufl.as_vector([J[i, 0] for i in range(mesh.gdim)])
+    return t / ufl.sqrt(ufl.dot(t, t))
+
+
+def _shear_degree(order: int) -> int:
+    """One Gauss point for linear elements, two for quadratic ones: neither locks."""
+    return 1 if order == 1 else 2
+
+
+def _plane(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
+    space = compat.lagrange(mesh.dolfinx, order, 3)
+    w, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+    t = _tangent(mesh)
+    normal = ufl.as_vector([-t[1], t[0]])
+
+    def strains(q: Any) -> tuple[Any, Any, Any]:
+        slope = ufl.dot(ufl.grad(q), t)
+        along = ufl.as_vector([slope[0], slope[1]])
+        return ufl.dot(along, t), ufl.dot(along, normal) - q[2], slope[2]
+
+    (stretch, shear, bend), (stretch_v, shear_v, bend_v) = strains(w), strains(v)
+    EA = coefficient(mesh, parts, lambda b: b.E * b.section.A)
+    GA = coefficient(mesh, parts, lambda b: b.G * b.section.A * b.section.shear)
+    EI = coefficient(mesh, parts, lambda b: b.E * b.section.I)
+    rhoA = coefficient(mesh, parts, lambda b: b.rho * b.section.A)
+    rhoI = coefficient(mesh, parts, lambda b: b.rho * b.section.I)
+    energy = EA * stretch * stretch_v + GA * shear * shear_v + EI * bend * bend_v
+    motion = rhoA * (w[0] * v[0] + w[1] * v[1]) + rhoI * w[2] * v[2]
+    return WeakForm(
+        space=space,
+        stiffness=[energy * measure(mesh, _shear_degree(order))],
+        mass=[motion * measure(mesh, 2 * order)],
+        components={"x": (0,), "y": (1,), "rz": (2,)},
+        density=rhoA,
+        point_load=True,
+    )
+
+
+def _space(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
+    space = compat.lagrange(mesh.dolfinx, order, 6)
+    w, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+    t = _tangent(mesh)
+    height = _orientations(mesh, parts)
+    y = height - ufl.dot(height, t) * t
+    y = y / ufl.sqrt(ufl.dot(y, y))
+    z = ufl.cross(t, y)
+
+    def parts_of(q: Any) -> tuple[Any, Any]:
+        return ufl.as_vector([q[i] for i in range(3)]), ufl.as_vector([q[i] for i in range(3, 6)])
+
+    def strains(q: Any) -> tuple[Any, Any]:
+        _, turn = parts_of(q)
+        slope_u, slope_turn = parts_of(ufl.dot(ufl.grad(q), t))
+        return slope_u - ufl.cross(turn, t), slope_turn
+
+    (force, moment), (force_v, moment_v) = strains(w), strains(v)
+    EA = coefficient(mesh, parts, lambda b: b.E * b.section.A)
+    GA = coefficient(mesh, parts, lambda b: b.G * b.section.A * b.section.shear)
+    EIz = coefficient(mesh, parts, lambda b: b.E * b.section.I)
+    EIy = coefficient(mesh, parts, lambda b: b.E * b.section.side)
+    GJ = coefficient(mesh, parts, lambda b: b.G * b.section.torsion)
+    rhoA = coefficient(mesh, parts, lambda b: b.rho * b.section.A)
+    rhoIz = coefficient(mesh, parts, lambda b: b.rho * b.section.I)
+    rhoIy = coefficient(mesh, parts, lambda b: b.rho * b.section.side)
+    rhoIp = coefficient(mesh, parts, lambda b: b.rho * (b.section.I + b.section.side))
+
+    def along(axis: Any, stiffness: Any, a: Any, b: Any) -> Any:
+        return stiffness * ufl.dot(a, axis) * ufl.dot(b, axis)
+
+    energy = (
+        along(t, EA, force, force_v)
+        + along(y, GA, force, force_v)
+        + along(z, GA, force, force_v)
+        + along(t, GJ, moment, moment_v)
+        + along(y, EIy, moment, moment_v)
+        + along(z, EIz, moment, moment_v)
+    )
+    (u, turn), (u_v, turn_v) = parts_of(w), parts_of(v)
+    motion = (
+        rhoA * ufl.dot(u, u_v)
+        + along(t, rhoIp, turn, turn_v)
+        + along(y, rhoIy, turn, turn_v)
+        + along(z, rhoIz, turn, turn_v)
+    )
+    return WeakForm(
+        space=space,
+        stiffness=[energy * measure(mesh, _shear_degree(order))],
+        mass=[motion * measure(mesh, 2 * order)],
+        components={name: (i,) for i, name in enumerate(("x", "y", "z", "rx", "ry", "rz"))},
+        density=rhoA,
+        point_load=True,
+    )
+
+
+def _orientations(mesh: Mesh, parts: Parts) -> Any:
+    """The height direction of every cell, as a cell-wise vector."""
+    nodes = compat.geometry_nodes(mesh.dolfinx)
+    x = mesh.dolfinx.geometry.x
+    axis = x[nodes[:, 1]] - x[nodes[:, 0]]
+    axis /= np.linalg.norm(axis, axis=1, keepdims=True)
+    function = compat.cellwise(mesh.dolfinx, 3)
+    values = function.x.array.reshape(-1, 3)
+    error = None
+    for beam, cells in parts:
+        try:
+            values[cells] = _heights(beam, axis[cells])
+        except InputError as caught:
+            error = caught
+    agree(mesh.comm, error)
+    return function
+
+
+def _heights(beam: Beam, axis: Any) -> Any:
+    if beam.orientation is None:
+        if not beam.section.isotropic:
+            raise InputError(
+                "a section whose two second moments differ needs an orientation in space: "
+                "Beam(..., orientation=(0, 0, 1)) puts its height along z."
+            )
+        # Any direction across the axis will do: the unit vector least aligned with it.
+        return np.eye(3)[np.argmin(np.abs(axis), axis=1)]
+    height = np.asarray(beam.orientation, dtype=float) / np.linalg.norm(beam.orientation)
+    parallel = np.abs(axis @ height) > 1 - 1e-8
+    if parallel.any():
+        raise InputError(
+            f"orientation {tuple(beam.orientation)} is parallel to the axis of "
+            f"{int(parallel.sum())} beam elements: choose one that is across all of them, or give "
+            "these a material of their own."
+        )
+    return np.broadcast_to(height, axis.shape)

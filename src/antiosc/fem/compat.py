@@ -1,0 +1,247 @@
+"""The only file that knows dolfinx versions (0.5 of Debian 12, 0.9 of Debian 13, 0.11 of sid).
+
+Everything here is a thin function with one meaning on every version; nothing here knows mechanics.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import dolfinx
+import numpy as np
+import ufl
+from dolfinx import fem
+from mpi4py import MPI
+from numpy.typing import NDArray
+from petsc4py import PETSc
+
+import dolfinx.fem.petsc  # isort: skip  (0.9 and later do not import it by themselves)
+
+VERSION = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
+IntArray = NDArray[np.integer[Any]]
+
+# The just-in-time compiler of dolfinx 0.5 reports every compiler call to the root logger.
+for _handler in logging.getLogger().handlers:
+    _handler.addFilter(lambda record: record.levelno > logging.INFO or record.name != "root")
+logging.captureWarnings(False)  # it also turns Python's warnings into log records
+logging.getLogger("FFCx").setLevel(logging.WARNING)
+logging.getLogger("UFL").setLevel(logging.WARNING)
+
+
+# --- Meshes ---------------------------------------------------------------------------------
+
+
+def create_mesh(
+    comm: MPI.Comm, cells: IntArray, x: NDArray[np.float64], cell: str, degree: int
+) -> dolfinx.mesh.Mesh:
+    """A mesh from arrays that rank 0 holds (the other ranks give empty ones).
+
+    `cells` (n, nodes) in dolfinx's node order, `x` (n, gdim). Where more than two lines or
+    facets may meet, 0.9 would silently tear the joint when it partitions the mesh, so there
+    such a mesh stays whole on rank 0.
+    """
+    gdim = x.shape[1]
+    joints = {"interval": 1, "triangle": 2, "quadrilateral": 2}.get(cell, 3) < gdim
+    joints = joints or cell == "interval"
+    if VERSION < (0, 8):
+        element = ufl.VectorElement("Lagrange", ufl.Cell(cell, gdim), degree)
+        return dolfinx.mesh.create_mesh(comm, cells, x, ufl.Mesh(element))
+    import basix.ufl
+
+    domain = ufl.Mesh(basix.ufl.element("Lagrange", cell, degree, shape=(gdim,)))
+    options: dict[str, Any] = {}
+    if joints and comm.size > 1:
+        if VERSION < (0, 10):
+            options["partitioner"] = _all_on_root
+        else:
+            options["max_facet_to_cell_links"] = 64
+    return dolfinx.mesh.create_mesh(comm, cells=cells, x=x, e=domain, **options)
+
+
+def _all_on_root(comm: MPI.Comm, n_parts: int, kinds: Any, cells: Any) -> Any:
+    n_cells = cells[0].num_nodes if isinstance(cells, list) else cells.num_nodes
+    return dolfinx.graph.adjacencylist(np.zeros((n_cells, 1), dtype=np.int32))._cpp_object
+
+
+def node_order(cell: str, n_nodes: int, convention: str) -> IntArray:
+    """Permutation p with dolfinx_nodes = nodes[p], for `convention` "gmsh" or "vtk"."""
+    kind = getattr(dolfinx.mesh.CellType, cell)
+    if convention == "gmsh":
+        if VERSION < (0, 10):
+            from dolfinx.io import gmshio
+        else:
+            from dolfinx.io import gmsh as gmshio
+        return np.asarray(gmshio.cell_perm_array(kind, n_nodes))
+    return np.asarray(dolfinx.cpp.io.perm_vtk(kind, n_nodes))
+
+
+def geometry_nodes(mesh: dolfinx.mesh.Mesh) -> IntArray:
+    """Nodes of every cell of this rank, ghosts included: (cells, nodes)."""
+    dofmap = mesh.geometry.dofmap
+    if isinstance(dofmap, np.ndarray):
+        return dofmap
+    n_cells = cell_map(mesh).size_local + cell_map(mesh).num_ghosts
+    return np.asarray(dofmap.array).reshape(n_cells, -1)
+
+
+def entity_vertices(mesh: dolfinx.mesh.Mesh, dim: int) -> IntArray:
+    """Geometry nodes at the vertices of every entity of dimension `dim` of this rank."""
+    mesh.topology.create_entities(dim)
+    mesh.topology.create_connectivity(dim, mesh.topology.dim)
+    mesh.topology.create_connectivity(dim, 0)
+    mesh.topology.create_connectivity(mesh.topology.dim, 0)
+    imap = mesh.topology.index_map(dim)
+    entities = np.arange(imap.size_local + imap.num_ghosts, dtype=np.int32)
+    cpp_mesh = mesh._mesh if VERSION < (0, 6) else mesh._cpp_object
+    nodes = dolfinx.cpp.mesh.entities_to_geometry(cpp_mesh, dim, entities, False)
+    return np.asarray(nodes).reshape(len(entities), -1)
+
+
+def cell_map(mesh: dolfinx.mesh.Mesh) -> Any:
+    """Index map of the cells."""
+    return mesh.topology.index_map(mesh.topology.dim)
+
+
+def cell_name(mesh: dolfinx.mesh.Mesh) -> str:
+    """ "interval", "triangle", "quadrilateral", "tetrahedron", "hexahedron", …"""
+    return str(mesh.ufl_cell().cellname() if VERSION < (0, 10) else mesh.basix_cell().name)
+
+
+def coordinate_map(mesh: dolfinx.mesh.Mesh) -> Any:
+    """The mesh's coordinate element: push_forward(X, nodes), pull_back(x, nodes), degree."""
+    return mesh.geometry.cmap
+
+
+def exterior_facets(mesh: dolfinx.mesh.Mesh) -> IntArray:
+    """Facets with one cell, owned by this rank."""
+    dim = mesh.topology.dim
+    mesh.topology.create_entities(dim - 1)
+    mesh.topology.create_connectivity(dim - 1, dim)
+    return np.asarray(dolfinx.mesh.exterior_facet_indices(mesh.topology))
+
+
+# --- Function spaces and forms ----------------------------------------------------------------
+
+
+def lagrange(mesh: dolfinx.mesh.Mesh, degree: int, size: int) -> Any:
+    """A continuous Lagrange space of `size` components (blocked)."""
+    if VERSION < (0, 8):
+        element = ufl.VectorElement("Lagrange", mesh.ufl_cell(), degree, dim=size)
+        return fem.FunctionSpace(mesh, element)
+    import basix.ufl
+
+    element = basix.ufl.element("Lagrange", mesh.basix_cell(), degree, shape=(size,))
+    return fem.functionspace(mesh, element)
+
+
+def cellwise(mesh: dolfinx.mesh.Mesh, size: int = 0) -> Any:
+    """A function with one value (`size` = 0) or vector (`size` components) per cell."""
+    if VERSION < (0, 8):
+        family = (
+            ufl.VectorElement("DG", mesh.ufl_cell(), 0, dim=size)
+            if size
+            else ufl.FiniteElement("DG", mesh.ufl_cell(), 0)
+        )
+        return fem.Function(fem.FunctionSpace(mesh, family))
+    import basix.ufl
+
+    shape = {"shape": (size,)} if size else {}
+    element = basix.ufl.element("DG", mesh.basix_cell(), 0, **shape)
+    return fem.Function(fem.functionspace(mesh, element))
+
+
+def subspace(space: Any, path: Sequence[int]) -> Any:
+    """`space` itself or the component that `path` names."""
+    for index in path:
+        space = space.sub(index)
+    return space
+
+
+def dof_coordinates(space: Any, path: Sequence[int]) -> tuple[IntArray, NDArray[np.float64]]:
+    """(dofs of this rank, ghosts included; their coordinates (n, 3)) of one scalar component."""
+    collapsed, parent = subspace(space, path).collapse()
+    parent_dofs = np.asarray(parent, dtype=np.int32).reshape(-1)
+    return parent_dofs, collapsed.tabulate_dof_coordinates()
+
+
+def tabulate(space: Any, path: Sequence[int], X: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Basis functions of one scalar component at reference points X: (points, functions)."""
+    element = subspace(space, path).element.basix_element
+    return np.asarray(element.tabulate(0, X))[0].reshape(len(X), -1)
+
+
+def local_size(space: Any) -> int:
+    """Dofs owned by this rank."""
+    return int(space.dofmap.index_map.size_local * space.dofmap.index_map_bs)
+
+
+def assemble(
+    forms: Sequence[Any], space: Any, fixed: Mapping[tuple[int, ...], IntArray], diagonal: float
+) -> PETSc.Mat:
+    """Sum of the bilinear `forms`, rows and columns of fixed dofs emptied, `diagonal` put there.
+
+    `fixed`: path of a scalar component -> its dofs on this rank, ghosts included.
+    """
+    zero = np.zeros((), dtype=PETSc.ScalarType)
+    bcs = [fem.dirichletbc(zero, dofs, subspace(space, path)) for path, dofs in fixed.items()]
+    total = None
+    for form in forms:
+        compiled = fem.form(form)
+        matrix = fem.petsc.assemble_matrix(compiled, bcs, diagonal if total is None else 0.0)
+        matrix.assemble()
+        # From 0.9 the layouts of the matrix point into the mesh: they must not die first.
+        matrix.setAttr("keep", (compiled, space))
+        if total is None:
+            total = matrix
+        else:
+            total.axpy(1.0, matrix, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+    if total is None:
+        raise ValueError("no form to assemble")
+    return total
+
+
+def assemble_functional(form: Any, space: Any) -> NDArray[np.float64]:
+    """A linear form as an array over this rank's dofs, ghost contributions sent to their owners."""
+    vector = fem.petsc.assemble_vector(fem.form(form))
+    vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+    values = np.array(vector.array_r, dtype=float)
+    vector.destroy()
+    return values
+
+
+def integrate(form: Any, mesh: dolfinx.mesh.Mesh) -> float:
+    """A UFL form of rank 0, on all ranks."""
+    return float(mesh.comm.allreduce(fem.assemble_scalar(fem.form(form))))
+
+
+def constant(mesh: dolfinx.mesh.Mesh, value: Any) -> Any:
+    """A UFL constant, scalar or vector: forms that differ in it alone are compiled once."""
+    return fem.Constant(mesh, np.asarray(value, dtype=PETSc.ScalarType))
+
+
+def global_dofs(space: Any, local: IntArray) -> IntArray:
+    """Global numbers of dofs of this rank (unrolled)."""
+    bs = space.dofmap.index_map_bs
+    local = np.asarray(local, dtype=np.int32)
+    blocks = space.dofmap.index_map.local_to_global(local // bs)
+    return (np.asarray(blocks) * bs + local % bs).astype(np.int32)
+
+
+def facet_normals(mesh: dolfinx.mesh.Mesh, facets: IntArray) -> NDArray[np.float64]:
+    """Unit outward normals (n, 3) of exterior facets, by their vertices."""
+    dim = mesh.topology.dim
+    vertices = entity_vertices(mesh, dim - 1)[facets]
+    x = mesh.geometry.x[vertices]
+    cells = mesh.topology.connectivity(dim - 1, dim)
+    owner = np.array([cells.links(f)[0] for f in facets], dtype=np.int64)
+    inner = mesh.geometry.x[geometry_nodes(mesh)[owner]].mean(axis=1)
+    if dim == 3:
+        normal = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
+    else:
+        edge = x[:, 1] - x[:, 0]
+        normal = np.column_stack([edge[:, 1], -edge[:, 0], np.zeros(len(edge))])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    outward = np.sign(np.einsum("ij,ij->i", normal, x.mean(axis=1) - inner))
+    return normal * outward[:, None]

@@ -1,0 +1,199 @@
+"""`read_mesh`: a file, or a dolfinx mesh, into a mesh with named groups of entities."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import dolfinx
+import numpy as np
+from mpi4py import MPI
+
+from antiosc.checks import array, positive
+from antiosc.errors import InputError, MeshError
+from antiosc.fem import compat
+from antiosc.fem.compat import IntArray
+from antiosc.fem.parallel import agree, bounds, on_root
+from antiosc.fem.readers import RawMesh, Refinement, read
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """A dolfinx mesh whose entities have names. Coordinates in metres."""
+
+    #: the dolfinx mesh
+    dolfinx: dolfinx.mesh.Mesh
+    #: name -> {dimension: entities of this rank, ghosts included}; every rank knows every name
+    groups: Mapping[str, Mapping[int, IntArray]] = field(default_factory=dict)
+    #: where it came from, for messages
+    name: str = "mesh"
+
+    @property
+    def comm(self) -> MPI.Comm:
+        """The MPI communicator that shares the mesh."""
+        return self.dolfinx.comm
+
+    @property
+    def tdim(self) -> int:
+        """Dimension of the cells: 1 lines, 2 faces, 3 volumes."""
+        return int(self.dolfinx.topology.dim)
+
+    @property
+    def gdim(self) -> int:
+        """Dimension of the space the mesh lives in: 2 or 3."""
+        return int(self.dolfinx.geometry.dim)
+
+    @property
+    def cell(self) -> str:
+        """Shape of the cells, as dolfinx names it."""
+        return compat.cell_name(self.dolfinx)
+
+    @property
+    def order(self) -> int:
+        """Geometric order of the cells: 1 straight, 2 curved."""
+        return int(compat.coordinate_map(self.dolfinx).degree)
+
+    @property
+    def n_cells(self) -> int:
+        """Number of cells on all ranks."""
+        return int(compat.cell_map(self.dolfinx).size_global)
+
+    def extent(self) -> float:
+        """Diagonal of the bounding box, in m."""
+        low, high = bounds(self.comm, self.dolfinx.geometry.x)
+        return float(np.linalg.norm(high - low))
+
+    def group(self, name: str) -> Mapping[int, IntArray]:
+        """{dimension: local entities} of the group `name`; InputError if there is none."""
+        if name not in self.groups:
+            known = ", ".join(repr(n) for n in sorted(self.groups)) or "none"
+            raise InputError(f"{self.name} has no group {name!r}; its groups are: {known}.")
+        return self.groups[name]
+
+
+def read_mesh(
+    source: str | Path | dolfinx.mesh.Mesh,
+    size: float | None = None,
+    gdim: int | None = None,
+    *,
+    order: int | None = None,
+    refine: Sequence[Refinement] = (),
+    groups: Mapping[str, tuple[Any, int]] | None = None,
+    comm: MPI.Comm = MPI.COMM_WORLD,
+) -> Mesh:
+    """Read a mesh, or mesh a geometry.
+
+    Parameters
+    ----------
+    source
+        A Gmsh mesh (`.msh`), a geometry that gmsh meshes (`.geo`, `.step`, `.brep`, `.iges`;
+        STEP's own length unit is converted to metres), any other file that meshio reads, or a
+        dolfinx mesh. Coordinates are metres.
+    size
+        Largest element size in m; geometry files only (needed unless a `.geo` sets its own).
+    gdim
+        2 or 3. By default a plane mesh of triangles or quadrilaterals is 2-D; lines and curved
+        faces live in space. `gdim=2` makes a plane frame of lines, `gdim=3` a flat shell of faces.
+    order
+        Geometric order, 1 or 2. By default what the file has; geometry files are meshed with
+        curved (order 2) faces and volumes and straight lines. `order=1` drops mid-side nodes.
+    refine
+        Pairs (point, size): elements of that size around the point, growing away from it;
+        geometry files only. A site with a radius needs elements no larger than the radius.
+    groups
+        For a dolfinx mesh: name -> (MeshTags, value). Files bring their own: physical groups,
+        element sets, node sets (a node set also holds the facets that it spans), and tags
+        without a name under their number.
+    comm
+        The MPI communicator that shares the mesh.
+
+    Raises
+    ------
+    MeshError
+        Missing or unreadable file, no usable cells, mixed cell kinds, pieces that share no node.
+    """
+    _check(size, gdim, order, refine)
+    if isinstance(source, dolfinx.mesh.Mesh):
+        return _adopted(source, groups or {})
+    if groups:
+        raise InputError("groups= names the tags of a dolfinx mesh; a file brings its own groups.")
+    path = Path(source)
+    raw = on_root(comm, lambda: _flattened(read(path, size, order, refine), gdim, path.name))
+    return _distributed(raw, path.name, comm)
+
+
+def _check(
+    size: float | None, gdim: int | None, order: int | None, refine: Sequence[Refinement]
+) -> None:
+    if size is not None:
+        positive("size", size, "m")
+    if gdim not in (None, 2, 3):
+        raise InputError(f"gdim must be 2 or 3; got {gdim!r}.")
+    if order not in (None, 1, 2):
+        raise InputError(f"order must be 1 or 2; got {order!r}.")
+    for point, local in refine:
+        array("a point of refine", point, (len(point),))
+        positive("a size of refine", local, "m")
+
+
+def _flattened(raw: RawMesh, gdim: int | None, name: str) -> RawMesh:
+    """`raw` with points of shape (n, gdim)."""
+    z = raw.points[:, 2]
+    size = float(np.ptp(raw.points, axis=0).max())
+    flat = float(np.ptp(z)) <= 1e-9 * size
+    if gdim is None:
+        gdim = 2 if raw.kind.dim == 2 and flat else 3
+    if gdim == 2 and raw.kind.dim == 3:
+        raise MeshError(f"{name} is a mesh of volumes: it cannot be read with gdim=2.")
+    if gdim == 2 and not flat:
+        raise MeshError(
+            f"{name} is not plane (z spans {np.ptp(z):g} m): read it with gdim=3, or give it one z."
+        )
+    return RawMesh(
+        np.ascontiguousarray(raw.points[:, :gdim]), raw.cells, raw.kind, raw.convention, raw.groups
+    )
+
+
+def _distributed(raw: RawMesh, name: str, comm: MPI.Comm) -> Mesh:
+    """The dolfinx mesh of arrays that every rank holds (their groups too)."""
+    kind = raw.kind
+    cells, points = raw.cells, raw.points
+    if comm.rank > 0:
+        cells, points = cells[:0], points[:0]
+    cells = cells[:, compat.node_order(kind.shape, kind.nodes, raw.convention)]
+    mesh = compat.create_mesh(comm, np.ascontiguousarray(cells), points, kind.shape, kind.order)
+    groups = {
+        label: {dim: _local_entities(mesh, dim, rows) for dim, rows in parts.items()}
+        for label, parts in raw.groups.items()
+    }
+    return Mesh(mesh, groups, name)
+
+
+def _local_entities(mesh: dolfinx.mesh.Mesh, dim: int, wanted: IntArray) -> IntArray:
+    """Entities of this rank whose vertices are one of the rows of `wanted` (input node numbers)."""
+    nodes = compat.entity_vertices(mesh, dim)
+    if not len(nodes):
+        return np.zeros(0, dtype=np.int32)
+    mine = np.sort(np.asarray(mesh.geometry.input_global_indices)[nodes], axis=1)
+    both = np.vstack([np.sort(wanted, axis=1), mine])
+    _, label = np.unique(both, axis=0, return_inverse=True)
+    label = label.reshape(-1)
+    return np.flatnonzero(np.isin(label[len(wanted) :], label[: len(wanted)])).astype(np.int32)
+
+
+def _adopted(mesh: dolfinx.mesh.Mesh, groups: Mapping[str, tuple[Any, int]]) -> Mesh:
+    """A dolfinx mesh with names given to its tags."""
+    named: dict[str, dict[int, IntArray]] = {}
+    for name, (tags, value) in groups.items():
+        entities = np.asarray(tags.indices)[np.asarray(tags.values) == value]
+        found = mesh.comm.allreduce(len(entities))
+        if not found:
+            raise InputError(f"group {name!r}: no entity of the mesh tags has the value {value}.")
+        named[name] = {int(tags.dim): entities.astype(np.int32)}
+    error = None
+    if mesh.geometry.cmap.degree > 2:
+        error = MeshError("cells of geometric order above 2 are not supported: use order 1 or 2.")
+    agree(mesh.comm, error)
+    return Mesh(mesh, named, "the dolfinx mesh")

@@ -1,0 +1,144 @@
+"""Constraint modes: Kφ = ω²Mφ in the space bᵀφ = 0, on the structure's one factorization.
+
+With A = K + sM and y = A⁻¹b, the solution of A x = r under bᵀx = 0 is A⁻¹r − y (bᵀA⁻¹r)/(bᵀy).
+SLEPc runs its Krylov–Schur method on that operator: the preconditioner inside its
+shift-and-invert is ours. No row is deleted, nothing is factored twice.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+from petsc4py import PETSc
+from slepc4py import SLEPc
+
+from antiosc.errors import NotConvergedError
+from antiosc.fem.algebra import Array, Factorization, csr, dot, multiply
+from antiosc.fem.site import Functional
+from antiosc.fem.static import StaticMode
+from antiosc.fem.structure import Structure
+
+#: SLEPc's tolerance on the eigenvalues 1/(ω² + s); the residuals are measured again afterwards.
+TOLERANCE = 1e-11
+#: Structures of at most this many rows on one rank are solved whole by LAPACK.
+DENSE = 600
+
+
+@dataclass(frozen=True)
+class ConstraintModes:
+    """The lowest constraint modes, ascending."""
+
+    #: circular antiresonance frequencies (k,), rad/s
+    omega: Array
+    #: M-orthonormal shapes on the rows of this rank (rows, k)
+    phi: Array
+    #: whether these are all modes that the structure has
+    complete: bool
+
+
+class ConstraintSolver:
+    """Finds constraint modes from below, in as many rounds as the caller wants."""
+
+    def __init__(self, structure: Structure, site: Functional, static: StaticMode) -> None:
+        self._structure, self._site, self._static = structure, site, static
+        rows = structure.K.getSize()[0]
+        self.limit = structure.dofs - 1 - static.still.shape[1]
+        self._dense = structure.comm.size == 1 and rows <= DENSE
+        self._found = ConstraintModes(np.zeros(0), np.zeros((len(site.b), 0)), False)
+
+    def lowest(self, count: int) -> ConstraintModes:
+        """At least the `count` lowest modes, or all there are."""
+        count = min(count, self.limit)
+        if self._found.complete or len(self._found.omega) >= count:
+            return self._found
+        if self._dense:
+            self._found = _by_lapack(self._structure, self._site, self._static)
+        else:
+            self._found = self._by_slepc(count)
+        return self._found
+
+    def _by_slepc(self, count: int) -> ConstraintModes:
+        """One more round: modes found before are deflated, not computed again."""
+        known = self._found
+        structure = self._structure
+        eps = SLEPc.EPS().create(structure.K.getComm())
+        eps.setOperators(structure.K, structure.M)
+        eps.setProblemType(SLEPc.EPS.ProblemType.GHEP)
+        eps.setType(SLEPc.EPS.Type.KRYLOVSCHUR)
+        eps.setDimensions(count - len(known.omega))
+        eps.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
+        eps.setTarget(-structure.shift)
+        eps.setTolerances(TOLERANCE, 200)
+        st = eps.getST()
+        st.setType(SLEPc.ST.Type.SINVERT)
+        st.setMatMode(SLEPc.ST.MatMode.SHELL)  # the factor is ours: SLEPc needs no K + sM
+        ksp = st.getKSP()
+        ksp.setType(PETSc.KSP.Type.PREONLY)
+        pc = ksp.getPC()
+        pc.setType(PETSc.PC.Type.PYTHON)
+        pc.setPythonContext(_Constrained(structure.factorization, self._site.b, self._static))
+        rng = np.random.default_rng(structure.comm.rank)
+        eps.setInitialSpace([self._vector(structure.factorization.solve(
+            multiply(structure.M, rng.standard_normal(len(self._site.b)))))])
+        known_shapes = [*self._static.still.T, *known.phi.T]
+        if known_shapes:
+            eps.setDeflationSpace([self._vector(shape) for shape in known_shapes])
+        eps.solve()
+        found = eps.getConverged()
+        wanted = count - len(known.omega)
+        if found < wanted:
+            raise NotConvergedError(
+                f"SLEPc found {found} of {wanted} constraint modes within {eps.getIterationNumber()} "
+                f"restarts (reason {eps.getConvergedReason()}): ask for fewer modes."
+            )
+        x = structure.K.createVecRight()
+        values, shapes = np.zeros(found), np.zeros((len(self._site.b), found))
+        for k in range(found):
+            values[k] = eps.getEigenpair(k, x).real
+            shapes[:, k] = x.array_r
+        eps.destroy()
+        omega = np.concatenate([known.omega, np.sqrt(np.maximum(values, 0.0))])
+        phi = _normalised(structure, np.column_stack([known.phi, shapes]))
+        order = np.argsort(omega, kind="stable")
+        return ConstraintModes(omega[order], phi[:, order], len(omega) >= self.limit)
+
+    def _vector(self, values: Array) -> PETSc.Vec:
+        x = self._structure.K.createVecRight()
+        x.setArray(values)
+        return x
+
+
+class _Constrained:
+    """PETSc's Python preconditioner: r → A⁻¹r − y (bᵀA⁻¹r)/(bᵀy)."""
+
+    def __init__(self, factor: Factorization, b: Array, static: StaticMode) -> None:
+        self._factor, self._b, self._static = factor, b, static
+
+    def apply(self, pc: Any, r: PETSc.Vec, x: PETSc.Vec) -> None:
+        self._factor.solve_vector(r, x)
+        free = dot(self._factor.comm, self._b, x.array_r)
+        x.array[:] -= free / self._static.bAb * self._static.y
+
+
+def _normalised(structure: Structure, phi: Array) -> Array:
+    masses = structure.comm.allreduce(np.einsum("ij,ij->j", phi, multiply(structure.M, phi)))
+    return phi / np.sqrt(masses)
+
+
+def _by_lapack(structure: Structure, site: Functional, static: StaticMode) -> ConstraintModes:
+    """All modes of a small structure, from (M, K + sM) on a basis of the constrained space."""
+    free = np.setdiff1d(np.arange(len(site.b)), structure.fixed)
+    K, M = (csr(matrix)[free][:, free].toarray() for matrix in (structure.K, structure.M))
+    conditions = np.column_stack([site.b, multiply(structure.M, static.still)])[free]
+    conditions = conditions / np.linalg.norm(conditions, axis=0)
+    basis = scipy.linalg.qr(conditions)[0][:, conditions.shape[1] :]
+    A = basis.T @ (K + structure.shift * M) @ basis
+    theta, vectors = scipy.linalg.eigh(basis.T @ M @ basis, (A + A.T) / 2)
+    keep = theta > 1e-14 * theta.max(initial=0.0)  # motions without mass have no frequency
+    omega = np.sqrt(np.maximum(1 / theta[keep] - structure.shift, 0.0))[::-1]
+    phi = np.zeros((len(site.b), int(keep.sum())))
+    phi[free] = (basis @ vectors[:, keep])[:, ::-1]
+    return ConstraintModes(omega, _normalised(structure, phi), True)

@@ -1,0 +1,211 @@
+"""Rigid-body modes that the supports leave, and the shift that makes a singular K factorable.
+
+On a mesh both come from polynomial displacement fields (with half their curl as the rotations
+of beams and shells): the rigid motions among them that vanish on the fixed dofs are exact null
+vectors of K, and the lowest Rayleigh–Ritz value of the quadratic ones has the size of the first
+elastic ω², which is where the shift belongs. Foreign matrices are searched by inverse iteration.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from antiosc.errors import AccuracyError, AntioscError, InputError
+from antiosc.fem import compat
+from antiosc.fem.algebra import Array, Factorization, dot, multiply, norm, sum_of
+from antiosc.fem.compat import IntArray
+from antiosc.fem.family import WeakForm
+from antiosc.fem.parallel import bounds
+
+#: ‖K r‖ / (‖K‖ ‖r‖) below which r counts as a rigid-body mode; rounding leaves about 1e-16.
+RIGID = 1e-11
+#: Share of a field's square on the fixed dofs below which it vanishes there; rounding: 1e-16.
+HELD = 1e-13
+#: Shift over the estimate of the first elastic ω²: modes converge fast, A stays well conditioned.
+SHIFT = 0.1
+
+
+def of_mesh(
+    form: WeakForm, fixed: IntArray, K: PETSc.Mat, M: PETSc.Mat
+) -> tuple[Array, float]:
+    """(M-orthonormal rigid-body modes (rows of this rank, r), shift in rad²/s²)."""
+    comm: MPI.Comm = K.getComm().tompi4py()
+    fields, n_rigid = _fields(form, comm)
+    motions = _vanishing(comm, fields[:, :n_rigid], fixed)
+    motions = orthonormal(comm, M, motions)
+    if not motions.shape[1]:
+        return motions, 0.0
+    scale = K.norm(PETSc.NormType.NORM_INFINITY)
+    left = max(norm(comm, c) for c in multiply(K, motions).T)
+    size = min(norm(comm, c) for c in motions.T)
+    if left > RIGID * scale * size:
+        raise AccuracyError(
+            f"a rigid motion strains the structure: ‖K r‖/(‖K‖‖r‖) = {left / scale / size:.1e} "
+            f"where rounding leaves 1e-16; the mesh or the element order cannot carry it."
+        )
+    return motions, SHIFT * _first_elastic(comm, K, M, _vanishing(comm, fields, fixed), motions)
+
+
+def of_matrices(K: PETSc.Mat, M: PETSc.Mat, given: Array | None) -> tuple[Array, float]:
+    """The same for matrices without a mesh; `given` is a basis of K's null space, if known."""
+    comm: MPI.Comm = K.getComm().tompi4py()
+    n = K.getLocalSize()[0]
+    scale = K.norm(PETSc.NormType.NORM_INFINITY)
+    if given is None and not _singular(comm, K, scale):
+        return np.zeros((n, 0)), 0.0
+    trace_ratio = K.getDiagonal().sum() / max(M.getDiagonal().sum(), np.finfo(float).tiny)
+    # Block inverse iteration, first far below the mean of the spectrum; then again from the
+    # elastic value that it finds, so that the shift sits where the modes are.
+    shift = 1e-7 * trace_ratio
+    rng = np.random.default_rng(0)
+    block = rng.standard_normal((n, 12)) if given is None else np.hstack(
+        [given, rng.standard_normal((n, 6))]
+    )
+    values = np.zeros(0)
+    for _ in range(2):
+        factor = Factorization(sum_of(K, shift, M))
+        for _ in range(8):
+            block = orthonormal(comm, M, block)
+            block = np.column_stack([factor.solve(c) for c in multiply(M, block).T])
+        block = orthonormal(comm, M, block)
+        values, turn = np.linalg.eigh(dot(comm, block, multiply(K, block)))
+        block = block @ turn
+        sizes = np.array([norm(comm, c) for c in block.T])
+        left = np.array([norm(comm, c) for c in multiply(K, block).T]) / (scale * sizes)
+        zero = left < RIGID
+        if zero.all():
+            raise InputError(
+                f"K has {len(values)} or more null vectors: the matrices hold several loose bodies."
+            )
+        shift = SHIFT * float(values[~zero].min())
+    found = block[:, zero]
+    if given is not None and given.shape[1] != found.shape[1]:
+        raise InputError(
+            f"rigid_modes has {given.shape[1]} columns but K has {found.shape[1]} null vectors."
+        )
+    return orthonormal(comm, M, found), shift
+
+
+def _singular(comm: MPI.Comm, K: PETSc.Mat, scale: float) -> bool:
+    """Whether K has a null vector: then it does not factor, or a solve blows up along it."""
+    n = K.getLocalSize()[0]
+    try:
+        factor = Factorization(K)
+        x = np.random.default_rng(0).standard_normal(n)
+        for _ in range(3):
+            x = factor.solve_checked(x / norm(comm, x))
+    except AntioscError:
+        return True
+    return norm(comm, multiply(K, x)) < RIGID * 1e-3 * scale * norm(comm, x)
+
+
+def orthonormal(comm: MPI.Comm, M: PETSc.Mat, block: Array) -> Array:
+    """An M-orthonormal basis of the columns, those without mass of their own dropped."""
+    for _ in range(2):  # twice is enough (Kahan)
+        if not block.shape[1]:
+            return block
+        gram = dot(comm, block, multiply(M, block))
+        scale = np.sqrt(np.maximum(gram.diagonal(), np.finfo(float).tiny))
+        values, vectors = np.linalg.eigh(gram / np.outer(scale, scale))
+        keep = values > 1e-12 * values.max()
+        block = (block / scale) @ (vectors[:, keep] / np.sqrt(values[keep]))
+    return block
+
+
+def _vanishing(comm: MPI.Comm, fields: Array, fixed: IntArray) -> Array:
+    """The combinations of the columns that are zero on the fixed dofs."""
+    owned = fixed[fixed < len(fields)]
+    held = fields[owned]
+    gram = comm.allreduce(held.T @ held)
+    whole = comm.allreduce(np.einsum("ij,ij->j", fields, fields))
+    scale = np.sqrt(whole)
+    values, vectors = np.linalg.eigh(gram / np.outer(scale, scale))
+    combinations = (vectors / scale[:, None])[:, values < HELD]
+    result = fields @ combinations
+    result[owned] = 0.0
+    return result
+
+
+def _first_elastic(
+    comm: MPI.Comm, K: PETSc.Mat, M: PETSc.Mat, fields: Array, motions: Array
+) -> float:
+    """A Rayleigh–Ritz value of the size of the lowest elastic ω²."""
+    fields = fields - motions @ dot(comm, motions, multiply(M, fields))
+    basis = orthonormal(comm, M, fields)
+    values = np.linalg.eigvalsh(dot(comm, basis, multiply(K, basis))) if basis.size else []
+    for value in values:
+        if value > 1e-9 * max(values):
+            return float(value)
+    return float(K.getDiagonal().sum() / M.getDiagonal().sum())
+
+
+def _fields(form: WeakForm, comm: MPI.Comm) -> tuple[Array, int]:
+    """(polynomial fields on the dofs of this rank (rows, k), how many of them are rigid)."""
+    located = {name: compat.dof_coordinates(form.space, p) for name, p in form.components.items()}
+    dim = 3 if "z" in located else 2
+    low, high = bounds(comm, located["x"][1])
+    rows = compat.local_size(form.space)
+    columns = []
+    rigid_count = 0
+    for rigid, field in _polynomials(dim):
+        column = np.zeros(rows)
+        for name, (dofs, x) in located.items():
+            mine = dofs < rows
+            s = (x[mine] - (low + high) / 2) / (high - low).max()
+            displacement, rotation = field(s)
+            if name in "xyz":
+                column[dofs[mine]] = displacement["xyz".index(name)]
+            else:  # the displacement was given per unit of the scaled coordinates
+                column[dofs[mine]] = rotation["xyz".index(name[1])] / (high - low).max()
+        columns.append(column)
+        rigid_count += rigid
+    return np.column_stack(columns), rigid_count
+
+
+def _polynomials(dim: int) -> Iterator[tuple[bool, object]]:
+    """(is rigid, s -> (displacement (3, n), rotation (3, n))): rigid motions, then up to quadratic."""
+    axes = range(dim)
+    for i in axes:
+        yield True, _field(i, ())
+    for i, j in [(0, 1)] if dim == 2 else [(0, 1), (1, 2), (2, 0)]:
+        yield True, _difference(_field(i, (j,)), _field(j, (i,)))
+    for i in axes:
+        for j in axes:
+            yield False, _field(i, (j,))
+            for k in range(j, dim):
+                yield False, _field(i, (j, k))
+
+
+def _field(component: int, powers: tuple[int, ...]):  # type: ignore[no-untyped-def]
+    """u_component = Π s_j over `powers`, and half its curl."""
+
+    def value(s: Array) -> tuple[Array, Array]:
+        displacement, rotation = np.zeros((3, len(s))), np.zeros((3, len(s)))
+        displacement[component] = np.prod(s[:, list(powers)], axis=1)
+        for axis in range(3):
+            if axis == component or axis not in powers:
+                continue
+            rest = list(powers)
+            rest.remove(axis)
+            slope = powers.count(axis) * np.prod(s[:, rest], axis=1)
+            # curl of u e_c: component k gets ε_{k,axis,c} ∂u/∂axis
+            k = 3 - axis - component
+            sign = 1.0 if (k, axis, component) in ((0, 1, 2), (1, 2, 0), (2, 0, 1)) else -1.0
+            rotation[k] += 0.5 * sign * slope
+        return displacement, rotation
+
+    return value
+
+
+def _difference(a, b):  # type: ignore[no-untyped-def]
+    def value(s: Array) -> tuple[Array, Array]:
+        (u, r), (v, q) = a(s), b(s)
+        return u - v, r - q
+
+    return value
+
+

@@ -1,0 +1,288 @@
+"""`Structure`: a mesh, its materials and supports as assembled K and M, or matrices from elsewhere."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import dolfinx
+import numpy as np
+from mpi4py import MPI
+from numpy.typing import ArrayLike, NDArray
+from petsc4py import PETSc
+
+from antiosc.checks import array
+from antiosc.errors import InputError
+from antiosc.fem import compat, rigid
+from antiosc.fem.algebra import Factorization, as_petsc, sum_of
+from antiosc.fem.compat import IntArray
+from antiosc.fem.family import Family, Parts, WeakForm, measure
+from antiosc.fem.mesh import Mesh
+from antiosc.fem.parallel import agree
+
+_NO_DOFS = np.zeros(0, dtype=np.int32)
+Place = str | Callable[[NDArray[np.float64]], NDArray[np.bool_]]
+
+
+@dataclass(frozen=True)
+class Support:
+    """Motions held at zero.
+
+    Parameters
+    ----------
+    where
+        Name of a group of the mesh, or a function of coordinates x of shape (3, n) that tells
+        which of the n points are held.
+    fix
+        "all", or the motions held: of "x", "y", "z" (displacements) and, for beams,
+        "rx", "ry", "rz" (rotations); one name or several.
+    """
+
+    where: Place
+    fix: str | Iterable[str] = "all"
+
+
+class Structure:
+    """M and K of a part, with its supports applied.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        From `read_mesh`.
+    material : Solid, Beam, … or dict
+        One material, or {group name: material} that covers every cell once.
+    supports : sequence of Support
+        None: a free body.
+    order : 1 or 2
+        Degree of the displacements.
+
+    Attributes
+    ----------
+    K, M : PETSc.Mat
+        Stiffness (N/m) and mass (kg). Fixed dofs keep their rows: 1 on K's diagonal, 0 in M.
+    dofs : int
+        Dofs that are not fixed, on all ranks.
+    mass : float
+        Total mass, kg.
+    rigid_modes : ndarray (rows of this rank, r)
+        M-orthonormal rigid-body modes that the supports leave.
+    seconds : dict
+        What assembly and factorization took.
+
+    Raises
+    ------
+    InputError
+        Unknown group, support that selects nothing, cells without a material, family and mesh
+        that do not fit.
+    """
+
+    def __init__(
+        self,
+        mesh: Mesh,
+        material: Family | Mapping[str, Family],
+        supports: Sequence[Support] = (),
+        *,
+        order: int = 2,
+    ) -> None:
+        if not isinstance(mesh, Mesh):
+            raise InputError(f"mesh must come from read_mesh; got {type(mesh).__name__}.")
+        if order not in (1, 2):
+            raise InputError(f"order must be 1 or 2; got {order!r}.")
+        started = time.perf_counter()
+        self.mesh: Mesh | None = mesh
+        self.parts: Parts = _parts(mesh, material)
+        self.form: WeakForm | None = self.parts[0][0].weak_form(mesh, self.parts, order)
+        held = _held(mesh, self.form, supports)
+        space = self.form.space
+        self.K: PETSc.Mat = compat.assemble(self.form.stiffness, space, held, 1.0)
+        self.M: PETSc.Mat = compat.assemble(self.form.mass, space, held, 0.0)
+        # dofs of this rank, ghosts included, that the supports hold
+        self.fixed: IntArray = np.unique(np.concatenate([_NO_DOFS, *held.values()]))
+        owned = self.fixed[self.fixed < compat.local_size(space)]
+        self.dofs: int = self.K.getSize()[0] - self.comm.allreduce(len(owned))
+        if self.dofs == 0:
+            raise InputError("the supports fix every dof of the structure: nothing can move.")
+        self._mass: float | None = compat.integrate(
+            self.form.density * measure(mesh, 5), mesh.dolfinx
+        )
+        self.rigid_modes, self.shift = rigid.of_mesh(self.form, self.fixed, self.K, self.M)
+        self.seconds: dict[str, float] = {"assembly": time.perf_counter() - started}
+
+    @classmethod
+    def from_matrices(
+        cls, K: Any, M: Any, *, rigid_modes: ArrayLike | None = None
+    ) -> Structure:
+        """A structure from the matrices of any finite-element code, supports already applied.
+
+        Parameters
+        ----------
+        K, M : SciPy sparse, dense or PETSc matrix (n, n)
+            Symmetric; K positive semidefinite, M too. SI units.
+        rigid_modes : array_like (n, r), optional
+            A basis of K's null space; found by itself where K is singular.
+        """
+        started = time.perf_counter()
+        self = cls.__new__(cls)
+        self.K, self.M = as_petsc("K", K), as_petsc("M", M)
+        if self.K.getSize() != self.M.getSize():
+            raise InputError(
+                f"K and M must be of one size; got {self.K.getSize()} and {self.M.getSize()}."
+            )
+        for name, matrix in (("K", self.K), ("M", self.M)):
+            _check_symmetric(name, matrix)
+        self.mesh = self.form = self._mass = None
+        self.parts, self.fixed = [], _NO_DOFS
+        self.dofs = self.K.getSize()[0]
+        given = None
+        if rigid_modes is not None:
+            given = array("rigid_modes", rigid_modes, (self.K.getLocalSize()[0], None))
+        self.rigid_modes, self.shift = rigid.of_matrices(self.K, self.M, given)
+        self.seconds = {"assembly": time.perf_counter() - started}
+        return self
+
+    @property
+    def comm(self) -> MPI.Comm:
+        """The MPI communicator that shares the matrices."""
+        if self.mesh is not None:
+            return self.mesh.comm
+        return self.K.getComm().tompi4py()
+
+    @property
+    def mass(self) -> float:
+        """Total mass in kg."""
+        if self._mass is None:
+            raise InputError("matrices alone do not tell a total mass; build the Structure of a mesh.")
+        return self._mass
+
+    @cached_property
+    def factorization(self) -> Factorization:
+        """The one factor of K + shift·M that every site and every mode of this structure uses."""
+        factor = Factorization(sum_of(self.K, self.shift, self.M))
+        self.seconds["factorization"] = factor.seconds
+        return factor
+
+    def material_of(self, cell: int) -> Family:
+        """The material of a cell of this rank."""
+        return next(material for material, cells in self.parts if cell in cells)
+
+    def describe(self) -> str:
+        """One line: what was modelled and with how many dofs."""
+        if self.mesh is None:
+            return f"given matrices, {self.dofs} dofs"
+        family = type(self.parts[0][0]).__name__
+        return (
+            f"{self.mesh.name}: {self.mesh.n_cells} {self.mesh.cell} cells, {family}, "
+            f"{self.dofs} dofs, {self.rigid_modes.shape[1]} rigid-body modes"
+        )
+
+
+def _parts(mesh: Mesh, material: Any) -> Parts:
+    """[(material, cells of this rank)], each cell once."""
+    imap = compat.cell_map(mesh.dolfinx)
+    n_cells = imap.size_local + imap.num_ghosts
+    if not isinstance(material, Mapping):
+        _check_family(material)
+        return [(material, np.arange(n_cells, dtype=np.int32))]
+    if not material:
+        raise InputError("material is an empty dict: give {group name: material}.")
+    times = np.zeros(n_cells, dtype=int)
+    parts = []
+    for name, one in material.items():
+        _check_family(one)
+        cells = mesh.group(name).get(mesh.tdim)
+        if cells is None:
+            raise InputError(f"group {name!r} holds no cells (dimension {mesh.tdim}).")
+        times[cells] += 1
+        parts.append((one, cells))
+    if len({type(one) for one, _ in parts}) > 1:
+        raise InputError("all materials of one structure must be of one family (Solid, Beam, …).")
+    none = mesh.comm.allreduce(int(np.sum(times[: imap.size_local] == 0)))
+    twice = mesh.comm.allreduce(int(np.sum(times[: imap.size_local] > 1)))
+    if none or twice:
+        raise InputError(
+            f"every cell needs one material: of {mesh.n_cells} cells {none} have none and "
+            f"{twice} more than one; the groups named are {', '.join(map(repr, material))}."
+        )
+    return parts
+
+
+def _check_family(material: Any) -> None:
+    if not hasattr(material, "weak_form"):
+        raise InputError(
+            f"material must be a Solid or a Beam, or a dict of them; got {type(material).__name__}."
+        )
+
+
+def _held(
+    mesh: Mesh, form: WeakForm, supports: Sequence[Support]
+) -> dict[tuple[int, ...], IntArray]:
+    """Path of each component -> its dofs of this rank, ghosts included, that are held."""
+    if isinstance(supports, Support):
+        supports = [supports]
+    held: dict[tuple[int, ...], IntArray] = {}
+    for support in supports:
+        count = 0
+        for name in _components(support.fix, form):
+            path = form.components[name]
+            dofs = _there(mesh, form, support.where, path)
+            count += mesh.comm.allreduce(len(dofs))
+            held[path] = np.union1d(held.get(path, _NO_DOFS), dofs).astype(np.int32)
+        if not count:
+            raise InputError(
+                f"the support {_label(support.where)} holds nothing: no point of the mesh lies "
+                "there; check the group or the coordinates (metres)."
+            )
+    return held
+
+
+def _components(fix: str | Iterable[str], form: WeakForm) -> list[str]:
+    known = list(form.components)
+    if fix == "all":
+        return known
+    names = [fix] if isinstance(fix, str) else list(fix)
+    wrong = [name for name in names if name not in known]
+    if wrong or not names:
+        raise InputError(
+            f"fix={fix!r} is not a motion of this structure: it must be 'all' or of "
+            f"{', '.join(map(repr, known))}."
+        )
+    return names
+
+
+def _there(mesh: Mesh, form: WeakForm, where: Place, path: tuple[int, ...]) -> IntArray:
+    if callable(where):
+        dofs, x = compat.dof_coordinates(form.space, path)
+        mask, error = None, None
+        try:
+            mask = np.asarray(where(x.T), dtype=bool)
+            if mask.shape != (len(x),):
+                raise InputError(
+                    f"a support's function must return one bool per point: shape ({len(x)},); "
+                    f"got {mask.shape}."
+                )
+        except Exception as caught:
+            error = caught
+        agree(mesh.comm, error)
+        return dofs[mask]
+    component = compat.subspace(form.space, path)
+    parts = mesh.group(where)
+    found = [_topological(mesh, component, dim, parts[dim]) for dim in sorted(parts)]
+    return np.unique(np.concatenate([_NO_DOFS, *found]))
+
+
+def _topological(mesh: Mesh, component: Any, dim: int, entities: IntArray) -> IntArray:
+    mesh.dolfinx.topology.create_connectivity(dim, mesh.tdim)
+    return np.asarray(dolfinx.fem.locate_dofs_topological(component, dim, entities))
+
+
+def _label(where: Place) -> str:
+    return f"on group {where!r}" if isinstance(where, str) else f"by function {where!r}"
+
+
+def _check_symmetric(name: str, matrix: PETSc.Mat) -> None:
+    scale = matrix.norm(PETSc.NormType.NORM_INFINITY)
+    if not matrix.isSymmetric(1e-9 * scale):
+        raise InputError(f"{name} must be symmetric (to 1e-9 of its norm); it is not.")
