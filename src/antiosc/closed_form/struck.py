@@ -365,11 +365,11 @@ class StruckBeam:
             points = start + h * (np.arange(panels)[:, None] + (nodes + 1) / 2).ravel()
             w, theta = self._state(Omega, c, points)
             rule = h / 2 * np.tile(weights, panels)
-            mass += rule @ (w**2 + self.beam.alpha * theta**2)
-            moved += rule @ w
+            mass += float(rule @ (w**2 + self.beam.alpha * theta**2))
+            moved += float(rule @ w)
         at_site = self._state(Omega, c, np.array([self.site / self.beam.length]))[0][0]
         shape = np.empty(0) if x is None else self._state(Omega, c, x / self.beam.length)[0]
-        return _Response(at_site if force else reaction, float(mass), float(moved), shape)
+        return _Response(at_site if force else reaction, mass, moved, shape)
 
     def _count(self, Omega: Floats, *, pinned: bool) -> NDArray[np.int64]:
         """Number of eigenvalues below Ω, zero ones included (Wittrick-Williams)."""
