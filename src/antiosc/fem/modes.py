@@ -23,8 +23,11 @@ from antiosc.fem.structure import Structure
 
 #: SLEPc's tolerance on the eigenvalues 1/(ω² + s); the residuals are measured again afterwards.
 TOLERANCE = 1e-11
-#: Structures of at most this many rows on one rank are solved whole by LAPACK.
+#: LAPACK solves structures of at most this many rows whole (one rank) …
 DENSE = 600
+#: … and of this many where more than a fifth of all modes is wanted: Krylov methods find the
+#: ends of a spectrum, not all of it.
+DENSE_MANY = 5000
 
 
 @dataclass(frozen=True)
@@ -44,9 +47,7 @@ class ConstraintSolver:
 
     def __init__(self, structure: Structure, site: Functional, static: StaticMode) -> None:
         self._structure, self._site, self._static = structure, site, static
-        rows = structure.K.getSize()[0]
         self.limit = structure.dofs - 1 - static.still.shape[1]
-        self._dense = structure.comm.size == 1 and rows <= DENSE
         self._found = ConstraintModes(np.zeros(0), np.zeros((len(site.b), 0)), False)
 
     def lowest(self, count: int) -> ConstraintModes:
@@ -54,7 +55,9 @@ class ConstraintSolver:
         count = min(count, self.limit)
         if self._found.complete or len(self._found.omega) >= count:
             return self._found
-        if self._dense:
+        rows = self._structure.K.getSize()[0]
+        dense = rows <= DENSE or (count > rows / 5 and rows <= DENSE_MANY)
+        if dense and self._structure.comm.size == 1:
             self._found = _by_lapack(self._structure, self._site, self._static)
         else:
             self._found = self._by_slepc(count)
@@ -129,16 +132,22 @@ def _normalised(structure: Structure, phi: Array) -> Array:
 
 
 def _by_lapack(structure: Structure, site: Functional, static: StaticMode) -> ConstraintModes:
-    """All modes of a small structure, from (M, K + sM) on a basis of the constrained space."""
+    """All modes of a small structure, from (M, K + σM) on a basis of the constrained space.
+
+    Rounding leaves an error ε/σ in 1/(ω² + σ): with σ between the lowest and the highest ω²
+    (geometrically) it spares both ends of the spectrum.
+    """
     free = np.setdiff1d(np.arange(len(site.b)), structure.fixed)
     K, M = (csr(matrix)[free][:, free].toarray() for matrix in (structure.K, structure.M))
     conditions = np.column_stack([site.b, multiply(structure.M, static.still)])[free]
     conditions = conditions / np.linalg.norm(conditions, axis=0)
     basis = scipy.linalg.qr(conditions)[0][:, conditions.shape[1] :]
-    A = basis.T @ (K + structure.shift * M) @ basis
+    low = static.k0 / static.mass + structure.shift
+    sigma = np.sqrt(low * np.trace(K) / np.trace(M))
+    A = basis.T @ (K + sigma * M) @ basis
     theta, vectors = scipy.linalg.eigh(basis.T @ M @ basis, (A + A.T) / 2)
     keep = theta > 1e-14 * theta.max(initial=0.0)  # motions without mass have no frequency
-    omega = np.sqrt(np.maximum(1 / theta[keep] - structure.shift, 0.0))[::-1]
+    omega = np.sqrt(np.maximum(1 / theta[keep] - sigma, 0.0))[::-1]
     phi = np.zeros((len(site.b), int(keep.sum())))
     phi[free] = (basis @ vectors[:, keep])[:, ::-1]
     return ConstraintModes(omega, _normalised(structure, phi), True)

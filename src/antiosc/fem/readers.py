@@ -135,13 +135,12 @@ def _gmsh_session() -> Iterator[Any]:
         import gmsh
     except ImportError as error:
         raise MissingDependencyError("gmsh is not installed: sudo apt install python3-gmsh") from error
-    try:  # gmsh 4.8 has no isInitialized
-        verbosity = gmsh.option.getNumber("General.Terminal")
-        started, current = False, gmsh.model.getCurrent()
-    except Exception:
+    started, current = not _running(gmsh), ""
+    if started:
         gmsh.initialize(["antiosc"], readConfigFiles=False, **_no_signal_handler(gmsh))
-        started, current, verbosity = True, "", 0.0
-    names = ("Mesh.MeshSizeMax", "Mesh.MeshSizeMin", "Mesh.ElementOrder")
+    else:
+        current = gmsh.model.getCurrent()
+    names = ("General.Terminal", "Mesh.MeshSizeMax", "Mesh.MeshSizeMin", "Mesh.ElementOrder")
     kept = {name: gmsh.option.getNumber(name) for name in names}
     gmsh.option.setNumber("General.Terminal", 0)
     try:
@@ -152,9 +151,18 @@ def _gmsh_session() -> Iterator[Any]:
         else:
             gmsh.model.remove()
             gmsh.model.setCurrent(current)
-            gmsh.option.setNumber("General.Terminal", verbosity)
             for name, value in kept.items():
                 gmsh.option.setNumber(name, value)
+
+
+def _running(gmsh: Any) -> bool:
+    if hasattr(gmsh, "isInitialized"):
+        return bool(gmsh.isInitialized())
+    try:  # gmsh 4.8 only tells by failing
+        gmsh.option.getNumber("General.Terminal")
+    except Exception:
+        return False
+    return True
 
 
 def _no_signal_handler(gmsh: Any) -> dict[str, bool]:
