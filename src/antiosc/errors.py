@@ -23,3 +23,11 @@ class AccuracyError(AntioscError, ArithmeticError):
 
 class MissingDependencyError(AntioscError, ImportError):
     """An optional package is not installed; the message says which and how to get it."""
+
+
+class AntioscWarning(UserWarning):
+    """Something the caller should know before trusting a number; the message names the remedy."""
+
+
+class AccuracyWarning(UserWarning):
+    """A result that is usable but did not reach what was asked; the message says how far it came."""

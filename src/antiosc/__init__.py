@@ -1,0 +1,93 @@
+"""antiosc: impacts on structures by anti-oscillators, from a mesh to a force history.
+
+Everything public is importable from here. Models, contact laws and `simulate` need NumPy and SciPy
+alone; what reads meshes and extracts models needs the FE stack and is loaded when first used.
+"""
+
+from typing import Any
+
+from antiosc.contact import ContactLaw, Hertz, Linear, Power
+from antiosc.errors import (
+    AccuracyError,
+    AccuracyWarning,
+    AntioscError,
+    InputError,
+    MeshError,
+    MissingDependencyError,
+    NotConvergedError,
+)
+from antiosc.history import Energy, History
+from antiosc.impact import simulate
+from antiosc.impactor import Impactor, Obstacle, RigidMass, Sphere
+from antiosc.modal import Damping, LinearBody, ModalBody
+from antiosc.model import AntiOscillators
+
+__version__ = "0.1.0"
+
+_FEM = (
+    "Beam",
+    "Mesh",
+    "Section",
+    "Shell",
+    "Site",
+    "Solid",
+    "Structure",
+    "Support",
+    "extract",
+    "full",
+    "probe",
+    "read_mesh",
+    "superposition",
+    "write_series",
+)
+
+__all__ = [
+    "AccuracyError",
+    "AccuracyWarning",
+    "AntiOscillators",
+    "AntioscError",
+    "Beam",
+    "ContactLaw",
+    "Damping",
+    "Energy",
+    "Hertz",
+    "History",
+    "Impactor",
+    "InputError",
+    "Linear",
+    "LinearBody",
+    "Mesh",
+    "MeshError",
+    "MissingDependencyError",
+    "ModalBody",
+    "NotConvergedError",
+    "Obstacle",
+    "Power",
+    "RigidMass",
+    "Section",
+    "Shell",
+    "Site",
+    "Solid",
+    "Sphere",
+    "Structure",
+    "Support",
+    "extract",
+    "full",
+    "probe",
+    "read_mesh",
+    "simulate",
+    "superposition",
+    "write_series",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _FEM:
+        from antiosc import fem
+
+        return getattr(fem, name)
+    raise AttributeError(f"module 'antiosc' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *_FEM])

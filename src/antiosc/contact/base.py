@@ -1,0 +1,116 @@
+"""The contract of a contact law.
+
+`delta` [m] is the indentation, `rate` [m/s] its time derivative. A law is a frozen dataclass of
+parameters, so that one object serves any number of simulations at once; what a contact remembers
+(the deepest indentation, the speed of approach) travels in `state`, a tuple of floats.
+
+1.  `touch(speed, state)` gives the state at first touch (`state` None) or when bodies that had
+    parted meet again; `speed` >= 0 is the closing speed.
+2.  `force` is >= 0 [N] and 0 for delta <= `origin(state)`. For a fixed state and rate it does not
+    fall as delta grows, nor for a fixed delta as the rate grows: an implicit step has one root.
+3.  `tangent` gives the partial derivatives of `force` by delta [N/m] and rate [N s/m].
+4.  `advance` is called after each accepted step, in order of time, and returns the new state.
+5.  `origin(state)` [m] is where unloading ends and where contact starts again: 0, or the permanent
+    indentation.
+6.  `energy(delta, state)` [J] is what the contact can still give back; `lost(state)` [J] what it
+    has turned into plastic work so far; `damping` [N] is the part of the force that depends on the
+    rate, so that damping * rate is the power lost besides. Over a closed cycle the work done on the
+    contact equals `lost` plus the damping's work.
+7.  `implicit` solves force and a linear relation between force and motion together. The base class
+    does it for any law that keeps rules 2 and 3; a law overrides it where a closed form is quicker.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import ClassVar
+
+State = tuple[float, ...]
+
+
+class ContactLaw(ABC):
+    """Base of all contact laws: see the module's seven rules."""
+
+    #: the force depends on the rate of indentation
+    rate_dependent: ClassVar[bool] = False
+    #: the force depends on the path, so that `advance` matters
+    has_memory: ClassVar[bool] = False
+    #: largest force [N] for which the law's own theory holds
+    valid_force: float = float("inf")
+
+    @abstractmethod
+    def force(self, delta: float, rate: float, state: State) -> float:
+        """Contact force [N], >= 0."""
+
+    @abstractmethod
+    def tangent(self, delta: float, rate: float, state: State) -> tuple[float, float]:
+        """Partial derivatives of the force by delta [N/m] and by rate [N s/m]."""
+
+    @abstractmethod
+    def energy(self, delta: float, state: State) -> float:
+        """Recoverable energy [J] held by the contact at this indentation."""
+
+    def touch(self, speed: float, state: State | None = None) -> State:
+        """State at first touch (`state` None) or at a further one, closing at `speed` [m/s]."""
+        return () if state is None else state
+
+    def advance(self, delta: float, rate: float, state: State) -> State:
+        """State after a step that ended at this indentation and rate."""
+        return state
+
+    def origin(self, state: State) -> float:
+        """Indentation [m] at which the bodies part and touch again."""
+        return 0.0
+
+    def lost(self, state: State) -> float:
+        """Energy [J] lost by hysteresis since the state was new."""
+        return 0.0
+
+    def damping(self, delta: float, rate: float, state: State) -> float:
+        """Rate-dependent part of the force [N]."""
+        return 0.0
+
+    def potential(self, delta: float, state: State) -> float:
+        """Work [J] of the rate-independent force from the origin, up to a constant of the state.
+
+        Along a step that starts in `state` the work is the difference of two potentials, whether
+        or not the step ends on virgin ground.
+        """
+        reached = self.advance(delta, 0.0, state)
+        return self.energy(delta, reached) + self.lost(reached)
+
+    def implicit(
+        self,
+        delta: float,
+        alpha: float,
+        rate: float,
+        alpha_rate: float,
+        state: State,
+        guess: float = 0.0,
+    ) -> float:
+        """The force F [N] that satisfies F = force(delta - alpha F, rate - alpha_rate F).
+
+        `delta` and `rate` are what the motion would be with F = 0; `alpha` [m/N] and `alpha_rate`
+        [m/(N s)] >= 0 say how F holds it back. `guess` is a force to start from.
+        """
+        high = self.force(delta, rate, state)
+        if high <= 0.0 or (alpha == 0.0 and alpha_rate == 0.0):
+            return max(high, 0.0)
+        low, trial = 0.0, min(max(guess, 0.0), high)
+        for _ in range(200):
+            d, r = delta - alpha * trial, rate - alpha_rate * trial
+            excess = trial - self.force(d, r, state)
+            if excess == 0.0:
+                return trial
+            if excess > 0.0:
+                high = trial
+            else:
+                low = trial
+            by_delta, by_rate = self.tangent(d, r, state)
+            new = trial - excess / (1.0 + alpha * by_delta + alpha_rate * by_rate)
+            if not low < new < high:
+                new = 0.5 * (low + high)
+            if abs(new - trial) <= 2e-15 * abs(new) or new in (low, high):
+                return new
+            trial = new
+        return trial

@@ -1,0 +1,79 @@
+"""Stiffness of Hertz's contact from radii of curvature and elastic constants.
+
+K. L. Johnson, Contact Mechanics, Cambridge University Press 1985, sections 4.1-4.2; the elliptic
+integrals in Carlson's form, DLMF 19.25.1.
+"""
+
+from __future__ import annotations
+
+from math import cos, pi, radians, sqrt
+
+from scipy.optimize import brentq
+from scipy.special import ellipkm1, elliprd
+
+from antiosc import checks
+from antiosc.errors import InputError
+
+Radii = float | tuple[float, float]
+
+
+def effective_modulus(E1: float, nu1: float, E2: float | None, nu2: float | None) -> float:
+    """E* [Pa] with 1/E* = (1 - nu1^2)/E1 + (1 - nu2^2)/E2; E2 None or infinite: rigid body 2."""
+    compliance = (1 - checks.poisson(nu1) ** 2) / checks.positive("E1", E1, "Pa")
+    if E2 is not None and E2 != float("inf"):
+        second = checks.poisson(nu1 if nu2 is None else nu2)
+        compliance += (1 - second**2) / checks.positive("E2", E2, "Pa")
+    return 1 / compliance
+
+
+def relative_curvatures(radii1: Radii, radii2: Radii, angle: float) -> tuple[float, float]:
+    """A <= B [1/m] of the gap z = A x^2 + B y^2 between the two surfaces. Johnson eq. (4.3)-(4.5).
+
+    `angle` [degree] lies between the planes of the first radii of both bodies.
+    """
+    first, second = _curvatures("radii1", radii1), _curvatures("radii2", radii2)
+    total = sum(first) + sum(second)
+    c1, c2 = first[0] - first[1], second[0] - second[1]
+    spread = sqrt(max(c1 * c1 + c2 * c2 + 2 * c1 * c2 * cos(2 * radians(angle)), 0.0))
+    A, B = (total - spread) / 4, (total + spread) / 4
+    if A <= 1e-12 * B or B <= 0:
+        raise InputError(
+            f"the surfaces must part in every direction from their point of contact; the relative"
+            f" curvatures are {2 * A:g} and {2 * B:g} 1/m (a cylinder along a plane, or a ball in"
+            f" too tight a cup, has no point contact)."
+        )
+    return A, B
+
+
+def hertz_stiffness(E_star: float, A: float, B: float) -> float:
+    """k_H [N m^-3/2] of F = k_H delta^(3/2) for an elliptic contact. Johnson eq. (4.24)-(4.26)."""
+    m1 = _axes_ratio_squared(B / A)
+    D = elliprd(0, m1, 1) / 3
+    return float(2 * pi * E_star / 3 * sqrt(D / A) / ellipkm1(m1) ** 1.5)
+
+
+def _axes_ratio_squared(ratio: float) -> float:
+    """(b/a)^2 of the contact ellipse from B/A >= 1."""
+    if ratio <= 1 + 1e-12:
+        return 1.0
+
+    def mismatch(log_m1: float) -> float:
+        m1 = 10.0**log_m1
+        return float(elliprd(0, 1, m1) / elliprd(0, m1, 1)) / ratio - 1
+
+    return float(10.0 ** brentq(mismatch, -40.0, 0.0, xtol=1e-15))
+
+
+def _curvatures(name: str, radii: Radii) -> tuple[float, float]:
+    pair = (radii, radii) if not hasattr(radii, "__len__") else tuple(radii)  # type: ignore
+    if len(pair) != 2:
+        raise InputError(f"{name} must be one radius or a pair of principal radii; got {radii!r}.")
+    values = []
+    for r in pair:
+        r = float(r)
+        if r == 0 or r != r:
+            raise InputError(
+                f"{name} must be non-zero radii in m (inf: flat, negative: hollow); got {radii!r}."
+            )
+        values.append(1 / r)
+    return values[0], values[1]

@@ -1,0 +1,206 @@
+"""Elastic laws F = k delta^n: linear, Hertz's, and any exponent."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import inf, sqrt
+
+from antiosc import checks
+from antiosc.contact.base import ContactLaw, State
+from antiosc.contact.geometry import (
+    Radii,
+    effective_modulus,
+    hertz_stiffness,
+    relative_curvatures,
+)
+from antiosc.errors import InputError
+
+
+@dataclass(frozen=True)
+class Power(ContactLaw):
+    """F = stiffness * delta^exponent.
+
+    Parameters
+    ----------
+    stiffness : float
+        [N/m^exponent], > 0.
+    exponent : float
+        >= 1.
+    """
+
+    stiffness: float
+    exponent: float
+
+    def __post_init__(self) -> None:
+        checks.positive("stiffness", self.stiffness, "N/m^exponent")
+        if not 1 <= checks.number("exponent", self.exponent) <= 10:
+            raise InputError(
+                f"exponent must lie in 1 <= n <= 10 (1 linear, 1.5 Hertz); got {self.exponent:g}."
+            )
+
+    def force(self, delta: float, rate: float, state: State) -> float:
+        return float(self.stiffness * delta**self.exponent) if delta > 0 else 0.0
+
+    def tangent(self, delta: float, rate: float, state: State) -> tuple[float, float]:
+        if delta <= 0:
+            return (0.0, 0.0)
+        return (float(self.exponent * self.stiffness * delta ** (self.exponent - 1)), 0.0)
+
+    def energy(self, delta: float, state: State) -> float:
+        if delta <= 0:
+            return 0.0
+        n = self.exponent + 1
+        return float(self.stiffness * delta**n / n)
+
+
+@dataclass(frozen=True)
+class Linear(ContactLaw):
+    """F = stiffness * delta, a spring that can only push. `stiffness` in N/m."""
+
+    stiffness: float
+
+    def __post_init__(self) -> None:
+        checks.positive("stiffness", self.stiffness, "N/m")
+
+    def force(self, delta: float, rate: float, state: State) -> float:
+        return self.stiffness * delta if delta > 0 else 0.0
+
+    def tangent(self, delta: float, rate: float, state: State) -> tuple[float, float]:
+        return (self.stiffness if delta > 0 else 0.0, 0.0)
+
+    def energy(self, delta: float, state: State) -> float:
+        return 0.5 * self.stiffness * delta * delta if delta > 0 else 0.0
+
+    def implicit(
+        self,
+        delta: float,
+        alpha: float,
+        rate: float,
+        alpha_rate: float,
+        state: State,
+        guess: float = 0.0,
+    ) -> float:
+        return self.stiffness * delta / (1.0 + self.stiffness * alpha) if delta > 0 else 0.0
+
+
+@dataclass(frozen=True)
+class Hertz(ContactLaw):
+    """Hertz's law F = stiffness * delta^(3/2), or the same with a compliance taken out of it.
+
+    Parameters
+    ----------
+    stiffness : float
+        k_H [N m^-3/2], > 0.
+    compliance : float
+        c [m/N], >= 0: the indentation is (F/k_H)^(2/3) - c F. This is for a structure whose own
+        compliance already holds the half-space's part of a contact patch.
+
+    Notes
+    -----
+    The law with c holds while the indentation grows with the force, F < F_lim = (2/(3c))^3/k_H^2;
+    there the contact radius is 0.83 of the patch's. With rho = (F/F_lim)^(1/3) the flexibility left
+    is 1 - rho of Hertz's own, so a relative error e in c becomes e rho/(1 - rho) in the tangent.
+    `valid_force` is where rho = 0.7: an error of 2 % in c still is below 5 % in the tangent (the
+    contact radius is then 0.58 of the patch radius). Beyond, the law goes on along its tangent, so
+    that a run can end and say how far it went; `simulate` then raises AccuracyError.
+    """
+
+    stiffness: float
+    compliance: float = 0.0
+
+    #: rho at which the law with a compliance ends
+    END = 0.7
+
+    def __post_init__(self) -> None:
+        k = checks.positive("stiffness", self.stiffness, "N m^-3/2")
+        c = checks.nonnegative("compliance", self.compliance, "m/N")
+        a = k ** (-2 / 3)
+        s = self.END * 2 * a / (3 * c) if c > 0 else inf  # s = F^(1/3)
+        object.__setattr__(self, "_a", a)
+        object.__setattr__(self, "_end", s)
+        object.__setattr__(self, "_end_slope", (2 / 3) * a / s - c if c > 0 else 0.0)
+        object.__setattr__(self, "valid_force", s**3)
+
+    @classmethod
+    def from_radii(
+        cls,
+        radii1: Radii,
+        E1: float,
+        nu1: float,
+        radii2: Radii = inf,
+        E2: float | None = None,
+        nu2: float | None = None,
+        angle: float = 0.0,
+    ) -> Hertz:
+        """Hertz's law of two elastic bodies from their radii of curvature at the contact.
+
+        Parameters
+        ----------
+        radii1, radii2 : float or (float, float)
+            Principal radii [m] of each surface: one number for a sphere, `inf` for flat, negative
+            for hollow, (r, inf) for a cylinder.
+        E1, nu1, E2, nu2 : float
+            Young's modulus [Pa] and Poisson's ratio; E2 None: body 2 is rigid; nu2 None: as nu1.
+        angle : float
+            Between the planes of the first radii [degree]; 90 for crossed cylinders.
+        """
+        A, B = relative_curvatures(radii1, radii2, checks.number("angle", angle, "degree"))
+        return cls(hertz_stiffness(effective_modulus(E1, nu1, E2, nu2), A, B))
+
+    def without(self, compliance: float) -> Hertz:
+        """This law with `compliance` [m/N] taken out."""
+        return replace(self, compliance=compliance)
+
+    def force(self, delta: float, rate: float, state: State) -> float:
+        if self.compliance == 0.0:
+            return self.stiffness * delta * sqrt(delta) if delta > 0 else 0.0
+        return self.implicit(delta, 0.0, rate, 0.0, state)
+
+    def tangent(self, delta: float, rate: float, state: State) -> tuple[float, float]:
+        if delta <= 0:
+            return (0.0, 0.0)
+        if self.compliance == 0.0:
+            return (1.5 * self.stiffness * sqrt(delta), 0.0)
+        s = min(self.force(delta, rate, state) ** (1 / 3), self._end)
+        return (1 / ((2 / 3) * self._a / s - self.compliance), 0.0)
+
+    def energy(self, delta: float, state: State) -> float:
+        if delta <= 0:
+            return 0.0
+        F = self.force(delta, 0.0, state)
+        top = min(F, self.valid_force)
+        stored = 0.4 * self._a * top ** (5 / 3) - 0.5 * self.compliance * top**2
+        return stored + 0.5 * self._end_slope * (F * F - top * top)
+
+    def implicit(
+        self,
+        delta: float,
+        alpha: float,
+        rate: float,
+        alpha_rate: float,
+        state: State,
+        guess: float = 0.0,
+    ) -> float:
+        """Newton on a s^2 + (alpha - c) s^3 = delta with s = F^(1/3) and a = k_H^(-2/3)."""
+        if delta <= 0.0:
+            return 0.0
+        a, end = self._a, self._end
+        cubic = alpha - self.compliance
+        if self.compliance > 0.0:
+            reach = (a + cubic * end) * end * end
+            if delta >= reach:
+                return self.valid_force + (delta - reach) / (self._end_slope + alpha)
+        s = sqrt(delta / a)
+        if cubic > 0.0:  # convex: from above the iteration falls to the root
+            s = min(s, (delta / cubic) ** (1 / 3))
+            if guess > 0.0:
+                s = guess ** (1 / 3)
+        for _ in range(100):
+            slope = (2.0 * a + 3.0 * cubic * s) * s
+            step = ((a + cubic * s) * s * s - delta) / slope
+            new = min(s - step, end)
+            if abs(new - s) <= 1e-15 * new:
+                return new * new * new
+            s = new
+        return s * s * s
+

@@ -1,0 +1,310 @@
+"""What a simulation returns: the force history, the motion and their balances."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.integrate import cumulative_trapezoid
+
+from antiosc import checks
+from antiosc.errors import InputError
+from antiosc.integrators import Problem, Trajectory
+from antiosc.modal import ModalBody
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Energy:
+    """Energies [J] at the nodes of a history, each (n,), and how well they balance.
+
+    Attributes
+    ----------
+    kinetic, strain : of both bodies.
+    contact : what the contact law can give back.
+    dissipated : lost by the contact law and by the bodies' damping so far.
+    gravity : work done by gravity so far.
+    drift : largest |kinetic + strain + contact + dissipated - gravity - start|, relative to the
+        largest sum of kinetic, strain and contact energy.
+    """
+
+    kinetic: Array
+    strain: Array
+    contact: Array
+    dissipated: Array
+    gravity: Array
+
+    @property
+    def total(self) -> Array:
+        """What would be constant in exact arithmetic."""
+        return self.kinetic + self.strain + self.contact + self.dissipated - self.gravity
+
+    @property
+    def drift(self) -> float:
+        total = self.total
+        scale = float(np.max(self.kinetic + self.strain + self.contact))
+        return float(np.max(np.abs(total - total[0]))) / scale if scale > 0 else 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class History:
+    """History of an impact; times in s, forces in N, displacements in m along the direction d.
+
+    Attributes
+    ----------
+    status : 0: completed; 1: completed, tol not met; 2: stopped before the end.
+    message : the status in words, with what was done to the contact law.
+    step : the step used during contact [s].
+    error : estimated relative errors reached: "force" (L2 norm) and "peak"; empty when the step
+        was given.
+    """
+
+    problem: Problem
+    bodies: tuple[ModalBody, ModalBody]
+    model: Any
+    trajectory: Trajectory
+    step: float
+    error: dict[str, float]
+    gravity: float
+    status: int
+    message: str
+
+    # -- at the nodes
+
+    @cached_property
+    def time(self) -> Array:
+        """Nodes [s], ascending from 0, (n,). Two segments share their common node."""
+        return self._joined([s.time for s in self.trajectory.segments])
+
+    @cached_property
+    def force(self) -> Array:
+        """Contact force [N], >= 0, (n,); linear between nodes."""
+        return self._joined([s.force for s in self.trajectory.segments])
+
+    @cached_property
+    def indentation(self) -> Array:
+        """w - u - gap [m], (n,); negative: distance."""
+        return self._joined([s.indentation for s in self.trajectory.segments])
+
+    @cached_property
+    def displacement(self) -> Array:
+        """Displacement u of the structure's site [m], (n,)."""
+        q, _ = self._modal_states
+        s, r = self._size, self.bodies[0].r
+        return np.asarray(q[:, :s] @ self.bodies[0].b + r * self.force)
+
+    @cached_property
+    def velocity(self) -> Array:
+        """Velocity of the structure's site [m/s], (n,), of the part that has inertia."""
+        return np.asarray(self._modal_states[1][:, : self._size] @ self.bodies[0].b)
+
+    @cached_property
+    def impactor_displacement(self) -> Array:
+        """Displacement w of the impactor's contact point [m], (n,)."""
+        q, _ = self._modal_states
+        return np.asarray(q[:, self._size :] @ self.bodies[1].b - self.bodies[1].r * self.force)
+
+    @cached_property
+    def impactor_velocity(self) -> Array:
+        """Velocity w' of the impactor's contact point [m/s], (n,)."""
+        return np.asarray(self._modal_states[1][:, self._size :] @ self.bodies[1].b)
+
+    # -- numbers
+
+    @property
+    def peak_force(self) -> float:
+        """Largest contact force [N]."""
+        return float(self.force.max())
+
+    @property
+    def impulse(self) -> float:
+        """Time integral of the contact force [N s]."""
+        return float(sum(s.impulse for s in self.trajectory.segments))
+
+    @property
+    def contacts(self) -> list[tuple[float, float]]:
+        """(start, end) [s] of every contact, in order."""
+        return [(c.start, c.end) for c in self.trajectory.contacts]
+
+    @property
+    def contact_time(self) -> float:
+        """First touch to last release [s] of the main impact; 0 if nothing touched.
+
+        Contacts belong to one impact while the flight between them is shorter than the impact has
+        lasted so far; the main impact is the one with the largest impulse.
+        """
+        groups: list[tuple[float, float, float]] = []
+        for contact in self.trajectory.contacts:
+            pieces = self.trajectory.segments[slice(*contact.segments)]
+            impulse = sum(s.impulse for s in pieces)
+            if groups and contact.start - groups[-1][1] < groups[-1][1] - groups[-1][0]:
+                start, _, before = groups[-1]
+                groups[-1] = (start, contact.end, before + impulse)
+            else:
+                groups.append((contact.start, contact.end, impulse))
+        if not groups:
+            return 0.0
+        main = max(groups, key=lambda g: g[2])
+        return main[1] - main[0]
+
+    @property
+    def restitution(self) -> float | None:
+        """Closing speed of the rigid-body motions at first touch over their parting speed at last
+        release. None without a contact, while it lasts, or when the bodies did not close.
+        """
+        contacts = self.trajectory.contacts
+        if not contacts or not contacts[-1].released:
+            return None
+        _, v = self.states([contacts[0].start, contacts[-1].end])
+        rigid = np.where(self.problem.omega == 0, self.problem.beta, 0.0)
+        closing, after = v @ rigid
+        return float(-after / closing) if closing > 0 else None
+
+    @cached_property
+    def energy(self) -> Energy:
+        """Energies and their drift."""
+        q, v = self._modal_states
+        p = self.problem
+        stored, lost = self._contact_energy
+        braked = cumulative_trapezoid(
+            np.sum(2 * p.decay * v**2, axis=1), self.time, initial=0.0
+        )
+        return Energy(
+            kinetic=0.5 * np.sum(v**2, axis=1),
+            strain=0.5 * np.sum((p.omega * q) ** 2, axis=1) + 0.5 * p.r * self.force**2,
+            contact=stored,
+            dissipated=lost + braked,
+            gravity=(q - p.q) @ p.load,
+        )
+
+    # -- at any time
+
+    def states(self, t: ArrayLike) -> tuple[Array, Array]:
+        """Modal displacements and velocities (n, J) of both bodies at times (n,) within the run.
+
+        Between two nodes the motion is exact for the force that is linear there.
+        """
+        times, index = self._locate(t)
+        q, v = self._modal_states
+        time, force = self.time, self.force
+        return self.problem.forced(
+            q[index], v[index], times - time[index], force[index], np.interp(times, time, force)
+        )
+
+    def coordinates(self, t: ArrayLike) -> Array:
+        """The structure's own coordinates, lambda_0 ... lambda_N for `AntiOscillators`.
+
+        `t` of shape (n,) gives (n, N + 1), a single time (N + 1,).
+        """
+        q, _ = self.states(t)
+        force = np.interp(np.atleast_1d(np.asarray(t, dtype=float)), self.time, self.force)
+        own = self.bodies[0].coordinates(q[:, : self._size], force)
+        return own if np.ndim(t) else own[0]
+
+    def field(self, t: ArrayLike) -> Array:
+        """Nodal displacements (n_dofs,) at one time, (n, n_dofs) at several. Article eq. (8)."""
+        if not hasattr(self.model, "field"):
+            raise InputError(
+                f"{type(self.model).__name__} has no displacement field (no `field` method)."
+            )
+        return np.asarray(self.model.field(self.coordinates(t)))
+
+    def summary(self) -> str:
+        """The numbers of the impact as a short table."""
+        e = self.restitution
+        rows = [
+            ("peak force", f"{self.peak_force:.6g} N"),
+            ("impulse", f"{self.impulse:.6g} N s"),
+            ("contacts", f"{len(self.contacts)}"),
+            ("contact time", f"{self.contact_time:.6g} s"),
+            ("restitution", "-" if e is None else f"{e:.4f}"),
+            ("energy drift", f"{self.energy.drift:.1e}"),
+            ("step", f"{self.step:.3g} s"),
+            ("force error", f"{self.error['force']:.1e}" if self.error else "not estimated"),
+            ("status", self.message),
+        ]
+        return "\n".join(f"{name:<13} {value}" for name, value in rows)
+
+    # -- inside
+
+    @property
+    def _size(self) -> int:
+        return int(self.bodies[0].omega.size)
+
+    def _joined(self, pieces: Sequence[Array]) -> Array:
+        """Segments end to end, the common nodes once."""
+        return np.concatenate([pieces[0], *(p[1:] for p in pieces[1:])])
+
+    @cached_property
+    def _modal_states(self) -> tuple[Array, Array]:
+        states = [s.states() for s in self.trajectory.segments]
+        return self._joined([q for q, _ in states]), self._joined([v for _, v in states])
+
+    def _locate(self, t: ArrayLike) -> tuple[Array, NDArray[np.intp]]:
+        times = np.atleast_1d(np.asarray(t, dtype=float))
+        times = checks.array("t", times, (None,))
+        end = float(self.time[-1])
+        outside = (times < 0) | (times > end * (1 + 1e-12))
+        if np.any(outside):
+            raise InputError(
+                f"t must lie within the run, 0 <= t <= {end:g} s; got {times[outside][0]:g} s."
+            )
+        times = np.minimum(times, end)
+        index = np.searchsorted(self.time, times, side="right") - 1
+        return times, np.minimum(index, max(self.time.size - 2, 0))
+
+    @cached_property
+    def _contact_energy(self) -> tuple[Array, Array]:
+        """Recoverable and lost energy of the contact law, replayed along the nodes."""
+        law = self.problem.law
+        stored, lost = np.zeros(self.time.size), np.zeros(self.time.size)
+        sizes = [s.time.size - 1 for s in self.trajectory.segments]
+        first = np.concatenate(([0], np.cumsum(sizes)))
+        rate = self._modal_states[1] @ self.problem.beta if law.rate_dependent else None
+        for contact in self.trajectory.contacts:
+            a, b = first[contact.segments[0]], first[contact.segments[1]]
+            state, gone, power = contact.state, float(lost[a]), 0.0
+            start = law.lost(state)
+            for n in range(a, b + 1):
+                delta = float(self.indentation[n])
+                speed = 0.0 if rate is None else float(rate[n])
+                state = law.advance(delta, speed, state) if n > a else state
+                if rate is not None:
+                    now = law.damping(delta, speed, state) * speed if n < b else 0.0
+                    gone += 0.5 * (power + now) * float(self.time[n] - self.time[n - 1]) * (n > a)
+                    power = now
+                stored[n] = law.energy(delta, state)
+                lost[n] = gone + law.lost(state) - start
+            lost[b:] = lost[b]
+            stored[b] = 0.0 if contact.released else stored[b]
+        return stored, lost
+
+
+def force_difference(coarse: Trajectory, fine: Trajectory) -> tuple[float, float]:
+    """Relative difference of two force histories: in the L2 norm and of the peak."""
+    a, b = _force(coarse), _force(fine)
+    time = np.union1d(a[0], b[0])
+    fa, fb = np.interp(time, *a), np.interp(time, *b)
+    size = _l2(time, fb)
+    if size == 0.0:
+        return (0.0, 0.0) if _l2(time, fa) == 0.0 else (1.0, 1.0)
+    top = float(fb.max())
+    return _l2(time, fa - fb) / size, abs(float(fa.max()) - top) / top
+
+
+def _force(trajectory: Trajectory) -> tuple[Array, Array]:
+    return (
+        np.concatenate([s.time for s in trajectory.segments]),
+        np.concatenate([s.force for s in trajectory.segments]),
+    )
+
+
+def _l2(time: Array, value: Array) -> float:
+    """L2 norm of a piecewise linear function, exactly."""
+    a, b = value[:-1], value[1:]
+    return float(np.sqrt(np.sum(np.diff(time) * (a * a + a * b + b * b) / 3)))

@@ -1,0 +1,342 @@
+"""Simulate an impact: put two linear bodies and a contact law together and integrate.
+
+Signs, once for all: d is the direction in which the contact force F >= 0 pushes the structure. The
+impactor moves along +d when it strikes, so the displacements u of the site and w of the impactor
+are both measured along d, and
+
+    delta = w - u - gap.
+
+Every velocity given by the user is > 0 when it closes the gap: the impactor's is w', and the
+structure's `initial_velocity` is -u', so that a structure that moves on an `Obstacle` has u' < 0
+and is pushed back along +d. Gravity is the acceleration along +d: > 0 presses the impactor on the
+structure, < 0 lets a structure fall on an obstacle. A supported structure (k0 > 0) is measured from
+its own equilibrium under gravity; one with a rigid-body mode falls.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from antiosc import checks
+from antiosc.contact import ContactLaw, Hertz
+from antiosc.errors import AccuracyError, AccuracyWarning, InputError
+from antiosc.history import History, force_difference
+from antiosc.impactor import Impactor
+from antiosc.integrators import (
+    IVP_METHODS,
+    Exact,
+    Integrator,
+    Problem,
+    SolveIVP,
+    Trajectory,
+    run,
+)
+from antiosc.modal import LinearBody, ModalBody
+
+Array = NDArray[np.float64]
+
+#: fixed-step integrators by name; each takes the step [s]
+INTEGRATORS: dict[str, Callable[[float], Integrator]] = {"exact": Exact}
+
+DEFAULT_TOL = 1e-3
+MAX_STEPS = 2_000_000
+_FIRST_STEPS = 24  # per estimated contact time, on the coarsest level
+_MAX_LEVELS = 24
+
+
+def simulate(
+    model: LinearBody,
+    impactor: LinearBody,
+    contact: ContactLaw,
+    duration: float,
+    method: str = "exact",
+    *,
+    step: float | None = None,
+    tol: float | None = None,
+    initial_velocity: float = 0.0,
+    gravity: float = 0.0,
+    gap: float | None = None,
+    max_contacts: int = 10_000,
+    max_steps: int = MAX_STEPS,
+) -> History:
+    """Integrate the impact of `impactor` on the site of `model`.
+
+    Parameters
+    ----------
+    model : AntiOscillators, or any `LinearBody`
+        The structure.
+    impactor : RigidMass, Sphere, Obstacle, Impactor, or any `LinearBody`
+        What strikes; a bare model is at rest.
+    contact : ContactLaw
+        A Hertz law is freed from the patch's own compliance when the model contains it
+        (`local_compliance`); the history's message says so.
+    duration : float
+        Time to simulate [s].
+    method : str
+        "exact", another name in `INTEGRATORS`, or a method of `scipy.integrate.solve_ivp`.
+    step : float, optional
+        Fixed time step during contact [s] (solve_ivp: largest step). By default the step is
+        halved until the force history has converged.
+    tol : float
+        Relative error of the force history in the L2 norm, and of its peak; default 1e-3.
+    initial_velocity : float
+        Velocity of the structure's rigid-body motion at the site [m/s], > 0 toward the impactor.
+    gravity : float
+        Acceleration along the impact direction [m/s^2].
+    gap : float, optional
+        Distance at the start [m]; default 0, or the obstacle's own.
+    max_contacts, max_steps : int
+        Bounds on the work; a run that meets one stops and says so in its status and message.
+
+    Returns
+    -------
+    History
+
+    Raises
+    ------
+    InputError
+        For input that breaks a rule.
+    AccuracyError
+        When the peak force leaves the range in which the contact law holds.
+    """
+    duration = checks.positive("duration", duration, "s")
+    accuracy = DEFAULT_TOL if tol is None else checks.positive("tol", tol)
+    if accuracy >= 1:
+        raise InputError(f"tol is a relative error, 0 < tol < 1; got {accuracy:g}.")
+    checks.whole("max_contacts", max_contacts)
+    checks.whole("max_steps", max_steps)
+    law, note = _without_patch(contact, model, impactor)
+    problem, bodies = assemble(model, impactor, law, initial_velocity, gravity, gap)
+    problem, scale = _scaled(problem, bodies, duration)
+
+    if step is not None:
+        step = checks.positive("step", step, "s")
+        if step > duration:
+            raise InputError(
+                f"step must be <= the duration {duration:g} s; got {step:g} s."
+            )
+        if duration / step > max_steps and method not in IVP_METHODS:
+            raise InputError(
+                f"step {step:g} s makes {duration / step:.3g} steps, more than max_steps ="
+                f" {max_steps}; use a larger step or raise max_steps."
+            )
+
+    def go(integrator: Integrator, fine: float) -> Trajectory:
+        return run(problem, integrator, duration, fine, max_contacts)
+
+    error: dict[str, float] = {}
+    if method in IVP_METHODS:
+        limit = scale / 10 if step is None else step
+        trajectory = go(SolveIVP(method, max(1e-2 * accuracy, 3e-14), limit), limit / 4)
+        step = limit
+    elif method in INTEGRATORS:
+        make = INTEGRATORS[method]
+        if step is None:
+            trajectory, step, error = _converge(
+                lambda h: go(make(h), h / 4), scale, duration, accuracy, max_steps
+            )
+        else:
+            trajectory = go(make(step), step / 4)
+    else:
+        names = ", ".join([*INTEGRATORS, *IVP_METHODS])
+        raise InputError(f"method must be one of {names}; got {method!r}.")
+
+    status, message = _verdict(trajectory, error, accuracy)
+    history = History(
+        problem=problem,
+        bodies=bodies,
+        model=model,
+        trajectory=trajectory,
+        step=step,
+        error=error,
+        gravity=gravity,
+        status=status,
+        message=" ".join(filter(None, (message, note))),
+    )
+    if status:
+        warnings.warn(message, AccuracyWarning, stacklevel=2)
+    _check_range(law, history, model)
+    return history
+
+
+def assemble(
+    model: LinearBody,
+    impactor: LinearBody,
+    law: ContactLaw,
+    initial_velocity: float = 0.0,
+    gravity: float = 0.0,
+    gap: float | None = None,
+) -> tuple[Problem, tuple[ModalBody, ModalBody]]:
+    """The problem an integrator sees, and the two bodies in the order (structure, impactor)."""
+    for name, body in (("model", model), ("impactor", impactor)):
+        if not isinstance(body, LinearBody):
+            raise InputError(
+                f"{name} must have a modal() method, as AntiOscillators and RigidMass have;"
+                f" got {type(body).__name__}."
+            )
+    if not isinstance(law, ContactLaw):
+        raise InputError(f"contact must be a ContactLaw such as Hertz; got {type(law).__name__}.")
+    structure, striker = model.modal(), impactor.modal()
+    gravity = checks.number("gravity", gravity, "m/s^2")
+    away = -checks.number("initial_velocity", initial_velocity, "m/s")
+    speed = float(getattr(impactor, "velocity", 0.0))
+    own_gap = float(getattr(impactor, "gap", 0.0))
+    decays = [np.zeros(b.omega.size) if b.decay is None else b.decay for b in (structure, striker)]
+    size = structure.omega.size + striker.omega.size
+    problem = Problem(
+        omega=np.concatenate((structure.omega, striker.omega)),
+        decay=np.concatenate(decays),
+        beta=np.concatenate((-structure.b, striker.b)),
+        r=structure.r + striker.r,
+        load=gravity * np.concatenate((_weight("structure", structure, gravity),
+                                       _weight("impactor", striker, gravity))),
+        gap=own_gap if gap is None else checks.nonnegative("gap", gap, "m"),
+        q=np.zeros(size),
+        v=np.concatenate((structure.rigid_motion(away), striker.rigid_motion(speed))),
+        law=law,
+        resolution=0.0,
+    )
+    return problem, (structure, striker)
+
+
+def _weight(name: str, body: ModalBody, gravity: float) -> Array:
+    """Modal weight; a supported body is measured from its equilibrium and has none."""
+    carried = not np.any((body.omega == 0) & (body.b != 0))
+    if gravity == 0.0 or carried:
+        return np.zeros(body.omega.size)
+    if body.weight is None:
+        raise InputError(
+            f"gravity on a {name} with a rigid-body mode needs the model's participation;"
+            f" extract the model anew, give participation=, or set gravity=0."
+        )
+    return body.weight
+
+
+def _without_patch(
+    law: ContactLaw, model: LinearBody, impactor: LinearBody
+) -> tuple[ContactLaw, str]:
+    """The law with the patches' own half-space compliance taken out, and a note on it."""
+    local = sum(float(getattr(body, "local_compliance", 0.0)) for body in (model, impactor))
+    if local == 0.0:
+        return law, ""
+    if not isinstance(law, Hertz):
+        return law, (
+            f"The site's patch compliance {local:.4g} m/N stays in: {type(law).__name__} is not"
+            f" Hertz's law."
+        )
+    if law.compliance > 0.0:
+        return law, ""
+    return law.without(local), (
+        f"The patch's half-space compliance {local:.4g} m/N was taken out of Hertz's law,"
+        f" so that the indentation is counted once."
+    )
+
+
+def _scaled(
+    problem: Problem, bodies: tuple[ModalBody, ModalBody], duration: float
+) -> tuple[Problem, float]:
+    """The problem with its resolution set, and an estimate of the contact time [s].
+
+    The estimate treats both bodies as the masses that their slowest motion puts behind the
+    contact point: it only starts the choice of the step.
+    """
+    mobility = sum(_mobility(body) for body in bodies)
+    mass = 1 / mobility if mobility > 0 else 1.0
+    push = abs(float(problem.beta @ problem.load)) * mass
+    speed = abs(float(problem.beta @ problem.v))
+    speed = float(np.sqrt(speed**2 + 2 * push / mass * problem.gap))
+    if speed == 0.0 and push == 0.0:
+        return replace(problem, resolution=1e-300), duration / 16
+    law = problem.law
+    state = law.touch(speed)
+
+    def excess(delta: float) -> float:
+        return law.potential(delta, state) - 0.5 * mass * speed**2 - push * delta
+
+    delta = speed * duration + push / mass * duration**2
+    if excess(delta) > 0:  # else the law is softer than the whole run can show
+        low = 0.0
+        high = delta
+        for _ in range(400):
+            middle = 0.5 * (low + high) if low > 0 else 0.1 * high
+            low, high = (low, middle) if excess(middle) > 0 else (middle, high)
+            if high <= 1.1 * low:
+                break
+        delta = high
+    pace = speed + float(np.sqrt(2 * push / mass * delta))
+    scale = min(3 * delta / pace, duration / 2)
+    return replace(problem, resolution=1e-9 * delta), scale
+
+
+def _mobility(body: ModalBody) -> float:
+    """Inverse of the mass [1/kg] that the body's slowest motion puts behind its contact point."""
+    rigid = body.omega == 0
+    if np.any(body.b[rigid]):
+        return float(np.sum(body.b[rigid] ** 2))
+    x, b = body.omega[~rigid] ** 2, body.b[~rigid]
+    inertia = float(np.sum((b / x) ** 2))
+    return (float(np.sum(b**2 / x)) + body.r) ** 2 / inertia if inertia > 0 else 0.0
+
+
+def _converge(
+    go: Callable[[float], Trajectory], scale: float, duration: float, tol: float, max_steps: int
+) -> tuple[Trajectory, float, dict[str, float]]:
+    """Halve the step until the force of two levels agrees; the finer one and its error."""
+    step = max(scale / _FIRST_STEPS, 4 * duration / max_steps)
+    coarse = go(step)
+    before: float | None = None
+    error = {"force": np.inf, "peak": np.inf}
+    for _ in range(_MAX_LEVELS):
+        if duration / (step / 2) > max_steps or coarse.trouble:
+            break
+        fine = go(step / 2)
+        step /= 2
+        l2, peak = force_difference(coarse, fine)
+        # the ratio of successive differences tells how much of this one is left in the finer run
+        rate = 1.0 if before is None or l2 == 0 else min(max(before / l2, 1.5), 4.0)
+        left = 1.0 if before is None else 1 / (rate - 1)
+        error = {"force": l2 * left, "peak": peak * left}
+        coarse, before = fine, l2
+        if max(error.values()) <= tol:
+            break
+        if coarse.evaluations > max_steps:
+            break
+    return coarse, step, error
+
+
+def _verdict(
+    trajectory: Trajectory, error: dict[str, float], tol: float
+) -> tuple[int, str]:
+    if trajectory.trouble:
+        return 2, trajectory.trouble[0].upper() + trajectory.trouble[1:] + "."
+    worst = max(error.values(), default=0.0)
+    if worst > tol:
+        return 1, (
+            f"The force history reached a relative error of {worst:.2g}, not tol = {tol:g}, within"
+            f" the bound on steps; raise max_steps or shorten the duration."
+        )
+    return 0, "Completed."
+
+
+def _check_range(law: ContactLaw, history: History, model: Any) -> None:
+    peak, limit = history.peak_force, law.valid_force
+    if peak <= limit:
+        return
+    rho = Hertz.END * (peak / limit) ** (1 / 3) if isinstance(law, Hertz) else 0.0
+    radius = getattr(model, "radius", None)
+    remedy = (
+        f"; make the site's radius at least {1.05 * radius * rho / Hertz.END:.3g} m"
+        f" (now {radius:g} m) and extract again"
+        if radius is not None
+        else "; use a larger patch radius"
+    )
+    raise AccuracyError(
+        f"the peak force {peak:.4g} N exceeds {limit:.4g} N, up to which Hertz's law without the"
+        f" patch's compliance holds (contact radius below 0.58 of the patch radius){remedy}."
+    )

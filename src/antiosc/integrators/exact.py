@@ -1,0 +1,248 @@
+"""The exact propagator: the force is linear over a step, everything else is exact. Order 2.
+
+Over a run of steps h the indentation at the nodes is a sum of known responses,
+
+    delta_n = free_n + half_n F_0 + sum_{0<m<n} hat_{n-m} F_m - alpha F_n,
+
+where `half` and `hat` answer to the hat functions that interpolate F. So each step costs one short
+scalar product and one scalar equation, however many modes there are; the modal state is brought
+up to date once in `CHUNK` steps. There is no stability limit, and massless contact points (r > 0)
+are nothing special.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import toeplitz
+from scipy.optimize import brentq
+
+from antiosc.contact import State
+from antiosc.integrators.problem import Phase, Problem, Segment
+
+Array = NDArray[np.float64]
+
+CHUNK = 64
+SHORT = 8
+DEPTH = 10
+
+
+class Exact:
+    """Exact propagator with a fixed step [s] during contact; release is located within a step.
+
+    A contact that is over within `SHORT` steps is done again with a step 8 times smaller.
+    """
+
+    order = 2
+    name = "exact"
+
+    def __init__(self, step: float) -> None:
+        self.step = step
+        self._kernel = lru_cache(maxsize=16)(_Kernel)
+
+    def contact(
+        self, problem: Problem, t: float, q: Array, v: Array, state: State, end: float
+    ) -> Phase:
+        step = self.step
+        phase = self._contact(problem, t, q, v, state, end, step)
+        for _ in range(DEPTH):
+            if not phase.released or phase.time - t > SHORT * step:
+                break
+            step /= 8
+            phase = self._contact(problem, t, q, v, state, end, step)
+        return phase
+
+    def _contact(
+        self, problem: Problem, t: float, q: Array, v: Array, state: State, end: float, step: float
+    ) -> Phase:
+        segments: list[Segment] = []
+        force, count = 0.0, 0
+        while True:
+            left = end - t
+            size, h = min(CHUNK, int(left / step * (1 + 1e-12))), step
+            if size < 1:
+                size, h = 1, left
+            kernel = self._kernel(problem, h, CHUNK if size > 1 else 1)
+            forces, delta, state, parted = _march(kernel, q, v, force, state, size)
+            if parted:
+                forces, delta = forces[:-1], delta[:-1]
+            done = forces.size - 1
+            count += done + parted
+            if done:
+                segments.append(_segment(kernel, t, q, v, forces, delta))
+                q, v = kernel.state(q, v, forces)
+                t += done * h
+                force = float(forces[-1])
+            if parted:
+                length = _release(problem, q, v, force, problem.law.origin(state), h)
+                segments.append(_last(problem, t, q, v, force, float(delta[-1]), length, state))
+                q, v = _forced_one(problem, q, v, length, force, 0.0)
+                return Phase(segments, t + length, q, v, state, count, True)
+            if end - t <= 1e-12 * end:
+                return Phase(segments, end, q, v, state, count, False)
+
+
+class _Kernel:
+    """Responses of one problem at the nodes 0 ... size of a uniform step h."""
+
+    def __init__(self, problem: Problem, h: float, size: int) -> None:
+        self.problem, self.h = problem, h
+        beta, prop = problem.beta, problem.propagator
+        times = h * np.arange(size + 1)
+        self.P, self.S, self.W = prop.motion(times)
+        self.V = -prop.square * self.S
+        self.J = prop.step(times) if problem.loaded else None
+        step, ramp = prop.step(h), prop.ramp(h)
+        S = prop.motion(h).S
+        # states that unit forces leave: rising (0 to 1) and falling (1 to 0) over one step
+        rise_q, rise_v = -beta * ramp / h, -beta * step / h
+        fall_q, fall_v = -beta * step - rise_q, -beta * S - rise_v
+        peak_q, peak_v = self._after(1, rise_q, rise_v)
+        peak_q, peak_v = peak_q + fall_q, peak_v + fall_v
+        self.hat_q, self.hat_v = self._train(rise_q, rise_v, peak_q, peak_v)
+        zero = np.zeros_like(beta)
+        self.half_q, self.half_v = self._train(zero, zero, fall_q, fall_v)
+        self.hat, self.half = self.hat_q @ beta, self.half_q @ beta
+        self.hat_rate, self.half_rate = self.hat_v @ beta, self.half_v @ beta
+        self.alpha = problem.r - float(self.hat[0])
+        self.alpha_rate = -float(self.hat_rate[0])
+
+    def _after(self, n: int | slice, q: Array, v: Array) -> tuple[Array, Array]:
+        return self.P[n] * q + self.S[n] * v, self.V[n] * q + self.W[n] * v
+
+    def _train(self, q0: Array, v0: Array, q1: Array, v1: Array) -> tuple[Array, Array]:
+        """(q0, v0) at node 0, then the free motion from (q1, v1) at node 1."""
+        q, v = self._after(slice(0, self.P.shape[0] - 1), q1, v1)
+        return np.vstack((q0, q)), np.vstack((v0, v))
+
+    def free(self, q: Array, v: Array) -> Array:
+        """Indentation at the nodes without contact force, (size + 1,)."""
+        p = self.problem
+        value = self.P @ (p.beta * q) + self.S @ (p.beta * v) - p.gap
+        return value if self.J is None else value + self.J @ (p.beta * p.load)
+
+    def free_rate(self, q: Array, v: Array) -> Array:
+        p = self.problem
+        value = self.V @ (p.beta * q) + self.W @ (p.beta * v)
+        return value if self.J is None else value + self.S @ (p.beta * p.load)
+
+    def state(self, q: Array, v: Array, forces: Array) -> tuple[Array, Array]:
+        """Modal state after the steps whose nodal forces are given."""
+        n = forces.size - 1
+        q1, v1 = self._after(n, q, v)
+        if self.J is not None:
+            q1, v1 = q1 + self.J[n] * self.problem.load, v1 + self.S[n] * self.problem.load
+        late = forces[:0:-1]
+        q1 = q1 + late @ self.hat_q[:n] + forces[0] * self.half_q[n]
+        v1 = v1 + late @ self.hat_v[:n] + forces[0] * self.half_v[n]
+        return q1, v1
+
+    def states(self, q: Array, v: Array, forces: Array) -> tuple[Array, Array]:
+        """Modal states at all nodes, (n + 1, J) each."""
+        n = forces.size
+        qn, vn = self._after(slice(0, n), q, v)
+        if self.J is not None:
+            qn, vn = qn + self.J[:n] * self.problem.load, vn + self.S[:n] * self.problem.load
+        inner = np.concatenate(([0.0], forces[1:]))
+        T = toeplitz(inner, np.zeros(n))
+        qn = qn + T @ self.hat_q[:n] + forces[0] * self.half_q[:n]
+        vn = vn + T @ self.hat_v[:n] + forces[0] * self.half_v[:n]
+        return qn, vn
+
+
+def _march(
+    kernel: _Kernel, q: Array, v: Array, force: float, state: State, size: int
+) -> tuple[Array, Array, State, bool]:
+    """Forces and indentations at nodes 0 ... up to `size`; stops at the first node apart."""
+    law, r, h = kernel.problem.law, kernel.problem.r, kernel.h
+    alpha, alpha_rate = kernel.alpha, kernel.alpha_rate
+    free = (kernel.free(q, v) + force * kernel.half).tolist()
+    forces, delta = np.zeros(size + 1), np.zeros(size + 1)
+    forces[0] = force
+    delta[0] = free[0] - r * force
+    last = kernel.hat.size
+    reverse = kernel.hat[::-1].copy()
+    moving = law.rate_dependent or law.has_memory
+    rate, held = 0.0, 0.0
+    if moving:
+        free_rate = (kernel.free_rate(q, v) + force * kernel.half_rate).tolist()
+        reverse_rate = kernel.hat_rate[::-1].copy()
+        held = alpha_rate + r / h
+    implicit, origin = law.implicit, law.origin(state)
+    for n in range(1, size + 1):
+        trial = free[n]
+        if n > 1:
+            trial += float(reverse[last - n : last - 1] @ forces[1:n])
+        if moving:
+            rate = free_rate[n] + r * force / h
+            if n > 1:
+                rate += float(reverse_rate[last - n : last - 1] @ forces[1:n])
+        new = implicit(trial, alpha, rate, held, state, force)
+        if new == 0.0 and trial <= origin:
+            return forces[: n + 1], delta[: n + 1], state, True
+        force = new
+        forces[n] = new
+        delta[n] = trial - alpha * new
+        if moving:
+            state = law.advance(float(delta[n]), rate - held * new, state)
+            origin = law.origin(state)
+    return forces, delta, state, False
+
+
+def _forced_one(
+    problem: Problem, q: Array, v: Array, t: float, f0: float, f1: float
+) -> tuple[Array, Array]:
+    qt, vt = problem.forced(q, v, np.array([t]), np.array([f0]), np.array([f1]))
+    return qt[0], vt[0]
+
+
+def _release(
+    problem: Problem, q: Array, v: Array, force: float, origin: float, h: float
+) -> float:
+    """Length of the last step, over which the force falls to 0 as delta falls to the origin."""
+
+    def apart(t: float) -> float:
+        return problem.approach(_forced_one(problem, q, v, t, force, 0.0)[0]) - origin
+
+    if apart(h) >= 0.0:  # by rounding only
+        return h
+    low = 1e-9 * h
+    if apart(low) <= 0.0:
+        return low
+    return float(brentq(apart, low, h, xtol=1e-18, rtol=1e-14))
+
+
+def _segment(
+    kernel: _Kernel, t: float, q: Array, v: Array, forces: Array, delta: Array
+) -> Segment:
+    time = t + kernel.h * np.arange(forces.size)
+    impulse = kernel.h * float(forces.sum() - 0.5 * (forces[0] + forces[-1]))
+    return Segment(time, forces, delta, impulse, lambda: kernel.states(q, v, forces), True)
+
+
+def _last(
+    problem: Problem,
+    t: float,
+    q: Array,
+    v: Array,
+    force: float,
+    delta: float,
+    length: float,
+    state: State,
+) -> Segment:
+    def states() -> tuple[Array, Array]:
+        q1, v1 = _forced_one(problem, q, v, length, force, 0.0)
+        return np.vstack((q, q1)), np.vstack((v, v1))
+
+    return Segment(
+        np.array([t, t + length]),
+        np.array([force, 0.0]),
+        np.array([delta, problem.law.origin(state)]),
+        0.5 * length * force,
+        states,
+        True,
+    )
+
+

@@ -1,0 +1,86 @@
+"""Free flight: find the next touch, however far, without stepping over a graze."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from antiosc.integrators.problem import Problem
+
+Array = NDArray[np.float64]
+
+_PIECES = 32
+
+
+def next_touch(
+    problem: Problem, q: Array, v: Array, origin: float, span: float, fine: float
+) -> float | None:
+    """Time [s] until the indentation first rises above `origin`, or None within `span`.
+
+    On an interval of length L, delta lies below the larger of its end values plus the bound
+    sum_j |beta_j| A_j min(2, curvature_j L^2/8) of what a chord can miss (A_j: amplitude of the
+    free motion). Intervals that this bound clears hold no touch; the first one that it does not
+    clear is cut into pieces, down to intervals where the bound lies under the resolution. A sign
+    change is accepted once the interval is shorter than `fine`.
+    """
+    search = _Search(problem, q, v, origin)
+    stack = [(0.0, span)]
+    start = min(float(search.delta(0.0)), 0.0)  # parted a moment ago: no touch by rounding
+    while stack:
+        a, b = stack.pop()
+        times = np.linspace(a, b, _PIECES + 1)
+        length = (b - a) / _PIECES
+        delta = search.delta(times)
+        if a == 0.0:
+            delta[0] = start
+        missed = search.missed(length)
+        crest = np.maximum(delta[:-1], delta[1:])
+        suspects = np.flatnonzero((crest > 0) | (crest + missed > problem.resolution))
+        if suspects.size == 0:
+            continue
+        first = int(suspects[0])
+        left, right = float(times[first]), float(times[first + 1])
+        if first + 1 < _PIECES:
+            stack.append((right, b))
+        if delta[first] > 0.0:
+            return left
+        if delta[first + 1] > 0.0 and (length <= fine or missed <= problem.resolution):
+            return search.root(left, right, float(delta[first]))
+        if length > fine / 16:  # a touch shorter than that is below the integrator's step
+            stack.append((left, right))
+    return None
+
+
+class _Search:
+    """delta(t) - origin of the free motion from one state, and the bound on what a chord misses."""
+
+    def __init__(self, problem: Problem, q: Array, v: Array, origin: float) -> None:
+        self.problem, self.q, self.v = problem, q, v
+        self.level = problem.gap + origin
+        omega, d = problem.omega, problem.decay
+        elastic = omega > 0
+        rest = np.where(elastic, problem.load / np.where(elastic, omega, 1.0) ** 2, 0.0)
+        swing = np.hypot(q - rest, v / np.where(elastic, omega, 1.0))
+        size = np.abs(problem.beta)
+        self.amplitude = np.where(elastic, size * swing, 0.0)
+        self.curvature = omega**2 + 2 * d * omega
+        bend = np.abs(problem.load) + 2 * d * np.abs(v)
+        self.bend = float(np.sum(np.where(elastic, 0.0, size * bend)))
+
+    def delta(self, t: Array | float) -> Array:
+        p = self.problem
+        P, S, _ = p.propagator.motion(t)
+        value = P @ (p.beta * self.q) + S @ (p.beta * self.v) - self.level
+        if p.loaded:
+            value = value + p.propagator.step(t) @ (p.beta * p.load)
+        return np.asarray(value)
+
+    def missed(self, length: float) -> float:
+        chord = np.minimum(2.0, self.curvature * (length**2 / 8))
+        return float(self.amplitude @ chord) + self.bend * length**2 / 8
+
+    def root(self, left: float, right: float, at_left: float) -> float:
+        if at_left >= 0.0:
+            return left
+        return float(brentq(lambda t: float(self.delta(t)), left, right, xtol=1e-18, rtol=1e-15))

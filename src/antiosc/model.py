@@ -1,0 +1,308 @@
+"""The anti-oscillator model of a structure: N one-degree-of-freedom systems on a residual one.
+
+    F -> [m0] lambda_0 --k1-- [m1] lambda_1        Article Fig. 1: the contact force F acts on the
+          |   \\---k2-- [m2] lambda_2               residual mass m0, whose displacement lambda_0 is
+          k0    ...                                 that of the impact site; mass m_i hangs on m0 by
+        ground  \\--kN-- [mN] lambda_N               k_i = omega_i^2 m_i.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+import zipfile
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from antiosc import checks
+from antiosc.errors import InputError
+from antiosc.modal import Damping, ModalBody, arrow_modes
+
+FORMAT = "antiosc-model"
+VERSION = 1
+
+# m0 = m_st - sum(m_i) is known only to the rounding of m_st: a relative m0 below this is noise.
+_ROUNDING = 1e-12
+_MASSLESS = 1e-15
+
+_ARRAYS = {"m0": "kg", "k0": "N/m", "m": "kg", "omega": "rad/s", "participation": "kg"}
+_SCALARS = {"local_compliance": "m/N", "radius": "m"}
+_MEANING = {
+    "m0": "residual mass, Article eq. (15)",
+    "k0": "static stiffness at the site, Article eq. (20); 0 with a rigid-body mode",
+    "m": "masses of the anti-oscillators, Article eq. (12)",
+    "omega": "antiresonant circular frequencies, ascending",
+    "participation": "generalised mass of a unit uniform acceleration along the impact direction",
+    "local_compliance": "half-space compliance of the patch, contained in 1/k0",
+    "radius": "radius of the patch over which the site's displacement is averaged",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class AntiOscillators:
+    """Anti-oscillator model of a structure seen from one impact site along one direction.
+
+    Parameters
+    ----------
+    m0 : float
+        Residual mass [kg], >= 0; 0 is a massless contact point.
+    k0 : float
+        Static stiffness at the site [N/m]; 0 when a rigid-body mode carries the site.
+    m, omega : array_like, shape (N,)
+        Masses [kg], > 0, and circular frequencies [rad/s], > 0, of the anti-oscillators.
+        They are sorted by frequency. N may be 0: the classical one-degree-of-freedom model.
+    local_compliance : float
+        The half-space compliance of the patch itself [m/N], contained in 1/k0. A Hertz law
+        counts it again, so `simulate` takes it out of the contact.
+    radius : float, optional
+        Radius of the patch [m]; None for a point.
+    participation : array_like, shape (N + 1,), optional
+        Generalised masses [kg] of a unit uniform acceleration along the impact direction:
+        phi_0^T M e for the residual mode, then psi_i^T M e. Needed for gravity on a structure
+        with a rigid-body mode.
+    shapes : array_like, shape (n_dofs, N + 1), optional
+        Columns psi_0 = phi_st and psi_i = c_i phi_i of Article eq. (9); not saved to files.
+    damping : Damping, optional
+        Damping of the free modes.
+    info : dict
+        Facts of the extraction, JSON-able.
+
+    Raises
+    ------
+    InputError
+        For masses, stiffnesses or frequencies outside their range, and mismatched shapes.
+    """
+
+    m0: float
+    k0: float
+    m: NDArray[np.float64]
+    omega: NDArray[np.float64]
+    local_compliance: float = 0.0
+    radius: float | None = None
+    participation: NDArray[np.float64] | None = None
+    shapes: NDArray[np.float64] | None = None
+    damping: Damping | None = None
+    info: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        m = _column("m", self.m)
+        omega = _column("omega", self.omega)
+        if m.shape != omega.shape:
+            raise InputError(
+                f"m and omega must have one entry per anti-oscillator;"
+                f" got {m.size} masses and {omega.size} frequencies."
+            )
+        for name, values in (("m", m), ("omega", omega)):
+            if np.any(values <= 0):
+                worst = int(np.argmin(values))
+                raise InputError(
+                    f"every {name} must be > 0; {name}[{worst}] = {values[worst]:g}"
+                    f" (drop massless anti-oscillators: they never move the site)."
+                )
+        order = np.argsort(omega, kind="stable")
+        m0 = checks.number("m0", self.m0, "kg")
+        total = float(m.sum()) + max(m0, 0.0)
+        if m0 < 0 and -m0 <= _ROUNDING * total:
+            m0 = 0.0
+        k0 = checks.nonnegative("k0", self.k0, "N/m")
+        checks.nonnegative("m0", m0, "kg")
+        if total == 0 and k0 == 0:
+            raise InputError(
+                "a model with m0 = 0, k0 = 0 and no anti-oscillator resists nothing;"
+                " give it a mass or a stiffness."
+            )
+        self._set("m0", m0)
+        self._set("k0", k0)
+        self._set("m", _frozen(m[order]))
+        self._set("omega", _frozen(omega[order]))
+        columns = np.concatenate(([0], 1 + order))
+        self._set("local_compliance", checks.nonnegative("local_compliance", self.local_compliance))
+        if self.radius is not None:
+            self._set("radius", checks.positive("radius", self.radius, "m"))
+        if self.participation is not None:
+            p = checks.array("participation", self.participation, (m.size + 1,))
+            self._set("participation", _frozen(p[columns]))
+        if self.shapes is not None:
+            shapes = checks.array("shapes", self.shapes, (None, m.size + 1))
+            sorted_already = np.array_equal(order, np.arange(m.size))
+            self._set("shapes", shapes if sorted_already else shapes[:, columns])
+
+    def _set(self, name: str, value: Any) -> None:
+        object.__setattr__(self, name, value)
+
+    @property
+    def n(self) -> int:
+        """Number of anti-oscillators N."""
+        return int(self.m.size)
+
+    @property
+    def k(self) -> NDArray[np.float64]:
+        """Stiffnesses k_i = omega_i^2 m_i [N/m], shape (N,). Article eq. (23)."""
+        return self.omega**2 * self.m
+
+    @property
+    def m_st(self) -> float:
+        """Static mass m0 + sum(m_i) [kg], or the rigid-body mass m_CR. Article eq. (15)."""
+        return self.m0 + float(self.m.sum())
+
+    def dynamic_stiffness(self, omega: ArrayLike) -> NDArray[Any]:
+        """Z(omega) = F/lambda_0 [N/m] of the undamped model under a harmonic force at the site.
+
+        Z = k0 - omega^2 m0 - sum_i m_i omega^2 omega_i^2 / (omega_i^2 - omega^2). Its poles are
+        the antiresonances, its zeros the free frequencies; at a pole the value is infinite.
+        `omega` [rad/s] may be an array of any shape, real or complex.
+        """
+        x = np.asarray(omega)[..., np.newaxis] ** 2
+        poles = self.omega**2
+        with np.errstate(divide="ignore"):
+            hung = np.sum(self.m * poles * x / (poles - x), axis=-1)
+        return np.asarray(self.k0 - x[..., 0] * self.m0 - hung)
+
+    def truncated(self, n: int) -> AntiOscillators:
+        """The model with the `n` lowest anti-oscillators; the mass of the others returns to m0."""
+        n = checks.whole("n", n, least=0)
+        if n > self.n:
+            raise InputError(f"n must be <= {self.n}, the number of anti-oscillators; got {n}.")
+        p, shapes = self.participation, self.shapes
+        if p is not None:
+            p = np.concatenate(([p[0] + p[n + 1 :].sum()], p[1 : n + 1]))
+        return replace(
+            self,
+            m0=self.m0 + float(self.m[n:].sum()),
+            m=self.m[:n],
+            omega=self.omega[:n],
+            participation=p,
+            shapes=None if shapes is None else shapes[:, : n + 1],
+        )
+
+    def field(self, coordinates: ArrayLike) -> NDArray[np.float64]:
+        """Nodal displacements of Article eq. (8) for lambda of shape (..., N + 1): (..., n_dofs)."""
+        if self.shapes is None:
+            raise InputError(
+                "this model carries no shapes (model files do not store them);"
+                " extract it again to recover displacement fields."
+            )
+        lam = np.asarray(coordinates, dtype=float)
+        amplitude = np.concatenate((lam[..., :1], lam[..., 1:] - lam[..., :1]), axis=-1)
+        return np.asarray(amplitude @ self.shapes.T)
+
+    def modal(self) -> ModalBody:
+        """The same model in its free modes; coordinates are lambda_0 ... lambda_N."""
+        return self._modal
+
+    @cached_property
+    def _modal(self) -> ModalBody:
+        massless = self.m0 <= _MASSLESS * self.m_st
+        # equal frequencies share one motion as seen from the site
+        poles, group = np.unique(self.omega**2, return_inverse=True)
+        mass = np.bincount(group.ravel(), weights=self.m, minlength=poles.size)
+        x, shape = arrow_modes(self.k0, 0.0 if massless else self.m0, mass, poles)
+        shape = shape[np.concatenate(([0], 1 + group.ravel()))]
+        residual = np.zeros(self.n + 1)
+        if massless:
+            residual[0] = 1.0 / (self.k0 + float(self.k.sum()))
+        omega = np.sqrt(x)
+        weight = None if self.participation is None else shape.T @ self.participation
+        return ModalBody(
+            omega=omega,
+            b=shape[0],
+            r=float(residual[0]),
+            decay=None if self.damping is None else self.damping.decay(omega),
+            weight=weight,
+            shape=shape,
+            residual=residual,
+        )
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the model to one NumPy .npz file with a self-describing JSON header.
+
+        The file is complete or absent: it is written beside its place and moved there at the end.
+        Shapes are not stored.
+        """
+        arrays = {
+            name: np.asarray(getattr(self, name))
+            for name in _ARRAYS
+            if getattr(self, name) is not None
+        }
+        header = {
+            "format": FORMAT,
+            "version": VERSION,
+            "units": {**_ARRAYS, **_SCALARS},
+            "meaning": _MEANING,
+            **{name: getattr(self, name) for name in _SCALARS},
+            "damping": None if self.damping is None else self.damping.as_dict(),
+            "info": self.info,
+        }
+        try:
+            text = json.dumps(header)
+        except TypeError as error:
+            raise InputError(f"model.info must hold JSON values only: {error}.") from None
+        _write_atomically(Path(path), {"header": np.array(text), **arrays})
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> AntiOscillators:
+        """Read a model written by `save`. InputError when the file is not one."""
+        header, arrays = _read(Path(path))
+        damping = header.get("damping")
+        return cls(
+            m0=float(arrays["m0"]),
+            k0=float(arrays["k0"]),
+            m=arrays["m"],
+            omega=arrays["omega"],
+            participation=arrays.get("participation"),
+            damping=None if damping is None else Damping(**damping),
+            info=header.get("info", {}),
+            **{name: header[name] for name in _SCALARS},
+        )
+
+
+def _column(name: str, value: ArrayLike) -> NDArray[np.float64]:
+    return checks.array(name, np.atleast_1d(np.asarray(value)), (None,))
+
+
+def _frozen(array: NDArray[np.float64]) -> NDArray[np.float64]:
+    array = np.array(array, dtype=float)
+    array.setflags(write=False)
+    return array
+
+
+def _write_atomically(path: Path, arrays: dict[str, NDArray[Any]]) -> None:
+    try:
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
+    except OSError as error:
+        raise InputError(f"cannot write the model to {path}: {error.strerror}.") from None
+    try:
+        with os.fdopen(handle, "wb") as stream:
+            np.savez(stream, **arrays)  # type: ignore[arg-type]
+        os.chmod(name, 0o644)
+        os.replace(name, path)
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise
+
+
+def _read(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    if not path.is_file():
+        raise InputError(f"there is no model file {path}.")
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            arrays = {name: archive[name] for name in archive.files}
+        header = json.loads(str(arrays.pop("header")))
+    except (OSError, ValueError, KeyError, AttributeError, EOFError, zipfile.BadZipFile):
+        raise InputError(f"{path} is not an antiosc model file, or it is damaged.") from None
+    if header.get("format") != FORMAT:
+        raise InputError(f"{path} has format {header.get('format')!r}, expected {FORMAT!r}.")
+    if header["version"] > VERSION:
+        raise InputError(
+            f"{path} has version {header['version']}; this antiosc reads up to {VERSION}: update it."
+        )
+    missing = {"m0", "k0", "m", "omega"} - arrays.keys()
+    if missing:
+        raise InputError(f"{path} lacks {', '.join(sorted(missing))}; write it again.")
+    return header, arrays
