@@ -15,6 +15,7 @@ except ImportError as error:
 
 from antiosc.fem.beam import Beam, Section
 from antiosc.fem.extract import extract
+from antiosc.fem.fields import probe, write_series
 from antiosc.fem.mesh import Mesh, read_mesh
 from antiosc.fem.site import Site
 from antiosc.fem.solid import Solid
@@ -29,5 +30,7 @@ __all__ = [
     "Structure",
     "Support",
     "extract",
+    "probe",
     "read_mesh",
+    "write_series",
 ]

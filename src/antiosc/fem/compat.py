@@ -245,3 +245,22 @@ def facet_normals(mesh: dolfinx.mesh.Mesh, facets: IntArray) -> NDArray[np.float
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     outward = np.sign(np.einsum("ij,ij->i", normal, x.mean(axis=1) - inner))
     return normal * outward[:, None]
+
+
+def cell_dofs(space: Any, path: Sequence[int]) -> IntArray:
+    """Dofs of this rank (unrolled) of one scalar component in every cell: (cells, functions)."""
+    dofmap = subspace(space, path).dofmap
+    imap = cell_map(space.mesh)
+    return np.array([dofmap.cell_dofs(c) for c in range(imap.size_local + imap.num_ghosts)])
+
+
+def with_ghosts(space: Any, block: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Columns given on the dofs that this rank owns, continued to its ghosts."""
+    function = fem.Function(space)
+    rows = len(block)
+    result = np.zeros((len(function.x.array), block.shape[1]))
+    for k in range(block.shape[1]):
+        function.x.array[:rows] = block[:, k]
+        function.x.scatter_forward()
+        result[:, k] = function.x.array
+    return result

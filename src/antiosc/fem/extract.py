@@ -13,7 +13,7 @@ from antiosc.errors import AccuracyError, InputError
 from antiosc.fem import compat
 from antiosc.fem.algebra import Array, dot, multiply
 from antiosc.fem.family import measure
-from antiosc.fem.modes import ConstraintModes, ConstraintSolver
+from antiosc.fem.modes import Modes, ModeSolver
 from antiosc.fem.site import Functional, Site, functional
 from antiosc.fem.static import StaticMode, static_mode
 from antiosc.fem.structure import Structure
@@ -102,9 +102,9 @@ def extract(
 
 def _observable(
     structure: Structure, where: Functional, static: StaticMode, n: int, tol: float
-) -> tuple[ConstraintModes, _Oscillators]:
+) -> tuple[Modes, _Oscillators]:
     """Constraint modes from below until `n` of them carry mass, or none is left that could."""
-    solver = ConstraintSolver(structure, where, static)
+    solver = ModeSolver(structure, where, static)
     asked = n + 2 if n else 0
     while True:
         modes = solver.lowest(asked)
@@ -117,7 +117,7 @@ def _observable(
 
 
 def _oscillators(
-    structure: Structure, static: StaticMode, modes: ConstraintModes, tol: float
+    structure: Structure, static: StaticMode, modes: Modes, tol: float
 ) -> _Oscillators:
     """m_i = (φ_stᵀMφ_i)² of M-orthonormal modes (Article (12)), repeated frequencies merged."""
     c = dot(structure.comm, modes.phi, static.m_phi)
@@ -147,7 +147,7 @@ def _first(found: _Oscillators, n: int) -> _Oscillators:
 
 
 def _check(
-    structure: Structure, where: Functional, static: StaticMode, modes: ConstraintModes
+    structure: Structure, where: Functional, static: StaticMode, modes: Modes
 ) -> dict[str, float]:
     """Measure the modes against what they must satisfy; AccuracyError beyond CHECK."""
     comm, phi = structure.comm, modes.phi

@@ -2,7 +2,8 @@
 
 With A = K + sM and y = A⁻¹b, the solution of A x = r under bᵀx = 0 is A⁻¹r − y (bᵀA⁻¹r)/(bᵀy).
 SLEPc runs its Krylov–Schur method on that operator: the preconditioner inside its
-shift-and-invert is ours. No row is deleted, nothing is factored twice.
+shift-and-invert is ours. No row is deleted, nothing is factored twice. Without the constraint the
+same solver gives the structure's natural modes.
 """
 
 from __future__ import annotations
@@ -31,10 +32,10 @@ DENSE_MANY = 5000
 
 
 @dataclass(frozen=True)
-class ConstraintModes:
-    """The lowest constraint modes, ascending."""
+class Modes:
+    """The lowest modes, ascending."""
 
-    #: circular antiresonance frequencies (k,), rad/s
+    #: circular frequencies (k,), rad/s: antiresonances of the site if it is pinned
     omega: Array
     #: M-orthonormal shapes on the rows of this rank (rows, k)
     phi: Array
@@ -42,15 +43,23 @@ class ConstraintModes:
     complete: bool
 
 
-class ConstraintSolver:
-    """Finds constraint modes from below, in as many rounds as the caller wants."""
+class ModeSolver:
+    """Finds modes from below, in as many rounds as the caller wants, rigid-body modes left out.
 
-    def __init__(self, structure: Structure, site: Functional, static: StaticMode) -> None:
+    `pinned` tells whether the site is held: constraint modes, or natural ones.
+    """
+
+    def __init__(
+        self, structure: Structure, site: Functional, static: StaticMode, *, pinned: bool = True
+    ) -> None:
         self._structure, self._site, self._static = structure, site, static
-        self.limit = structure.dofs - 1 - static.still.shape[1]
-        self._found = ConstraintModes(np.zeros(0), np.zeros((len(site.b), 0)), False)
+        self._pinned = pinned
+        #: rigid-body modes that remain
+        self._rigid = static.still if pinned else structure.rigid_modes
+        self.limit = structure.dofs - int(pinned) - self._rigid.shape[1]
+        self._found = Modes(np.zeros(0), np.zeros((len(site.b), 0)), False)
 
-    def lowest(self, count: int) -> ConstraintModes:
+    def lowest(self, count: int) -> Modes:
         """At least the `count` lowest modes, or all there are."""
         count = min(count, self.limit)
         if self._found.complete or len(self._found.omega) >= count:
@@ -58,12 +67,12 @@ class ConstraintSolver:
         rows = self._structure.K.getSize()[0]
         dense = rows <= DENSE or (count > rows / 5 and rows <= DENSE_MANY)
         if dense and self._structure.comm.size == 1:
-            self._found = _by_lapack(self._structure, self._site, self._static)
+            self._found = self._by_lapack()
         else:
             self._found = self._by_slepc(count)
         return self._found
 
-    def _by_slepc(self, count: int) -> ConstraintModes:
+    def _by_slepc(self, count: int) -> Modes:
         """One more round: modes found before are deflated, not computed again."""
         known = self._found
         structure = self._structure
@@ -82,11 +91,15 @@ class ConstraintSolver:
         ksp.setType(PETSc.KSP.Type.PREONLY)
         pc = ksp.getPC()
         pc.setType(PETSc.PC.Type.PYTHON)
-        pc.setPythonContext(_Constrained(structure.factorization, self._site.b, self._static))
+        pc.setPythonContext(
+            _Constrained(structure.factorization, self._site.b, self._static)
+            if self._pinned
+            else _Free(structure.factorization)
+        )
         rng = np.random.default_rng(structure.comm.rank)
         eps.setInitialSpace([self._vector(structure.factorization.solve(
             multiply(structure.M, rng.standard_normal(len(self._site.b)))))])
-        known_shapes = [*self._static.still.T, *known.phi.T]
+        known_shapes = [*self._rigid.T, *known.phi.T]
         if known_shapes:
             eps.setDeflationSpace([self._vector(shape) for shape in known_shapes])
         eps.solve()
@@ -94,7 +107,7 @@ class ConstraintSolver:
         wanted = count - len(known.omega)
         if found < wanted:
             raise NotConvergedError(
-                f"SLEPc found {found} of {wanted} constraint modes within {eps.getIterationNumber()} "
+                f"SLEPc found {found} of {wanted} modes within {eps.getIterationNumber()} "
                 f"restarts (reason {eps.getConvergedReason()}): ask for fewer modes."
             )
         x = structure.K.createVecRight()
@@ -106,12 +119,37 @@ class ConstraintSolver:
         omega = np.concatenate([known.omega, np.sqrt(np.maximum(values, 0.0))])
         phi = _normalised(structure, np.column_stack([known.phi, shapes]))
         order = np.argsort(omega, kind="stable")
-        return ConstraintModes(omega[order], phi[:, order], len(omega) >= self.limit)
+        return Modes(omega[order], phi[:, order], len(omega) >= self.limit)
 
     def _vector(self, values: Array) -> PETSc.Vec:
         x = self._structure.K.createVecRight()
         x.setArray(values)
         return x
+
+    def _by_lapack(self) -> Modes:
+        """All modes of a small structure, from (M, K + σM) on a basis of the space allowed.
+
+        Rounding leaves an error ε/σ in 1/(ω² + σ): with σ between the lowest and the highest ω²
+        (geometrically) it spares both ends of the spectrum.
+        """
+        structure, static, b = self._structure, self._static, self._site.b
+        free = np.setdiff1d(np.arange(len(b)), structure.fixed)
+        K, M = (csr(matrix)[free][:, free].toarray() for matrix in (structure.K, structure.M))
+        conditions = multiply(structure.M, self._rigid)
+        if self._pinned:
+            conditions = np.column_stack([b, conditions])
+        conditions = conditions[free]
+        conditions = conditions / np.linalg.norm(conditions, axis=0)
+        basis = scipy.linalg.qr(conditions)[0][:, conditions.shape[1] :]
+        low = static.k0 / static.mass + structure.shift
+        sigma = np.sqrt(low * np.trace(K) / np.trace(M))
+        A = basis.T @ (K + sigma * M) @ basis
+        theta, vectors = scipy.linalg.eigh(basis.T @ M @ basis, (A + A.T) / 2)
+        keep = theta > 1e-14 * theta.max(initial=0.0)  # motions without mass have no frequency
+        omega = np.sqrt(np.maximum(1 / theta[keep] - sigma, 0.0))[::-1]
+        phi = np.zeros((len(b), int(keep.sum())))
+        phi[free] = (basis @ vectors[:, keep])[:, ::-1]
+        return Modes(omega, _normalised(structure, phi), True)
 
 
 class _Constrained:
@@ -126,28 +164,16 @@ class _Constrained:
         x.array[:] -= free / self._static.bAb * self._static.y
 
 
+class _Free:
+    """PETSc's Python preconditioner: r → A⁻¹r."""
+
+    def __init__(self, factor: Factorization) -> None:
+        self._factor = factor
+
+    def apply(self, pc: Any, r: PETSc.Vec, x: PETSc.Vec) -> None:
+        self._factor.solve_vector(r, x)
+
+
 def _normalised(structure: Structure, phi: Array) -> Array:
     masses = structure.comm.allreduce(np.einsum("ij,ij->j", phi, multiply(structure.M, phi)))
     return phi / np.sqrt(masses)
-
-
-def _by_lapack(structure: Structure, site: Functional, static: StaticMode) -> ConstraintModes:
-    """All modes of a small structure, from (M, K + σM) on a basis of the constrained space.
-
-    Rounding leaves an error ε/σ in 1/(ω² + σ): with σ between the lowest and the highest ω²
-    (geometrically) it spares both ends of the spectrum.
-    """
-    free = np.setdiff1d(np.arange(len(site.b)), structure.fixed)
-    K, M = (csr(matrix)[free][:, free].toarray() for matrix in (structure.K, structure.M))
-    conditions = np.column_stack([site.b, multiply(structure.M, static.still)])[free]
-    conditions = conditions / np.linalg.norm(conditions, axis=0)
-    basis = scipy.linalg.qr(conditions)[0][:, conditions.shape[1] :]
-    low = static.k0 / static.mass + structure.shift
-    sigma = np.sqrt(low * np.trace(K) / np.trace(M))
-    A = basis.T @ (K + sigma * M) @ basis
-    theta, vectors = scipy.linalg.eigh(basis.T @ M @ basis, (A + A.T) / 2)
-    keep = theta > 1e-14 * theta.max(initial=0.0)  # motions without mass have no frequency
-    omega = np.sqrt(np.maximum(1 / theta[keep] - sigma, 0.0))[::-1]
-    phi = np.zeros((len(site.b), int(keep.sum())))
-    phi[free] = (basis @ vectors[:, keep])[:, ::-1]
-    return ConstraintModes(omega, _normalised(structure, phi), True)

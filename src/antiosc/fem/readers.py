@@ -135,34 +135,26 @@ def _gmsh_session() -> Iterator[Any]:
         import gmsh
     except ImportError as error:
         raise MissingDependencyError("gmsh is not installed: sudo apt install python3-gmsh") from error
-    started, current = not _running(gmsh), ""
+    # gmsh 4.8 cannot tell whether it runs: there it is started again, which does no harm, and
+    # left running, lest a caller's own session ends with ours.
+    told = hasattr(gmsh, "isInitialized")
+    started = not (told and gmsh.isInitialized())
     if started:
         gmsh.initialize(["antiosc"], readConfigFiles=False, **_no_signal_handler(gmsh))
-    else:
-        current = gmsh.model.getCurrent()
+    current = gmsh.model.getCurrent()
     names = ("General.Terminal", "Mesh.MeshSizeMax", "Mesh.MeshSizeMin", "Mesh.ElementOrder")
     kept = {name: gmsh.option.getNumber(name) for name in names}
     gmsh.option.setNumber("General.Terminal", 0)
     try:
         yield gmsh
     finally:
-        if started:
+        if started and told:
             gmsh.finalize()
         else:
             gmsh.model.remove()
             gmsh.model.setCurrent(current)
             for name, value in kept.items():
                 gmsh.option.setNumber(name, value)
-
-
-def _running(gmsh: Any) -> bool:
-    if hasattr(gmsh, "isInitialized"):
-        return bool(gmsh.isInitialized())
-    try:  # gmsh 4.8 only tells by failing
-        gmsh.option.getNumber("General.Terminal")
-    except Exception:
-        return False
-    return True
 
 
 def _no_signal_handler(gmsh: Any) -> dict[str, bool]:

@@ -1,0 +1,199 @@
+"""Fields of the whole structure, recovered from the anti-oscillators after an impact.
+
+w(x, t) = λ0 ψ0(x) + Σ (λi − λ0) ψi(x), Article (8): `probe` evaluates it at one point for all
+times, `write_series` at all nodes for some times, in files that ParaView opens.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import meshio
+import numpy as np
+from numpy.typing import ArrayLike
+
+from antiosc.checks import array
+from antiosc.errors import InputError
+from antiosc.fem import compat, locate
+from antiosc.fem.algebra import Array
+from antiosc.fem.compat import IntArray
+from antiosc.fem.mesh import Mesh
+from antiosc.fem.parallel import on_root
+from antiosc.fem.readers import KINDS
+from antiosc.fem.structure import Structure
+from antiosc.history import History
+
+
+def probe(
+    structure: Structure, history: History, point: Sequence[float], times: ArrayLike | None = None
+) -> Array:
+    """Displacements (n, gdim) in m of one point of the structure at `times`.
+
+    Parameters
+    ----------
+    structure : Structure
+        The one that `history`'s model was extracted from.
+    history : History
+    point : sequence of 2 or 3 floats
+        Coordinates in m; the nearest point of the structure is taken.
+    times : array_like (n,), optional
+        Times in s; default: those of the history.
+    """
+    mesh, shapes = _mesh(structure), _with_ghosts(structure, _shapes(structure, history))
+    x = np.zeros(3)
+    x[: len(point)] = array("point", point, (len(point),))
+    place = locate.closest(mesh, x)
+    values = None
+    if mesh.comm.rank == place.rank:
+        values = np.zeros((mesh.gdim, shapes.shape[1]))
+        for axis, name in enumerate("xyz"[: mesh.gdim]):
+            assert structure.form is not None
+            path = structure.form.components[name]
+            dofs = compat.subspace(structure.form.space, path).dofmap.cell_dofs(place.cell)
+            weights = compat.tabulate(structure.form.space, path, place.X.reshape(1, -1))[0]
+            values[axis] = weights @ shapes[dofs]
+    values = mesh.comm.bcast(values, root=place.rank)
+    at = history.time if times is None else np.asarray(times, dtype=float)
+    return _amplitudes(history, at) @ values.T
+
+
+def write_series(
+    structure: Structure,
+    history: History,
+    path: str | Path,
+    times: ArrayLike | None = None,
+) -> Path:
+    """Write the displacement field as a series that ParaView opens (`.pvd` with `.vtu` files).
+
+    Parameters
+    ----------
+    structure : Structure
+        The one that `history`'s model was extracted from.
+    history : History
+    path : str or Path
+        The `.pvd` file; the frames go beside it as `<name>_0000.vtu` and on.
+    times : array_like (n,), optional
+        Times in s; default: 40 evenly over the history.
+
+    Returns
+    -------
+    Path
+        Of the `.pvd`, written last: while it is absent, so is the series.
+    """
+    mesh = _mesh(structure)
+    target = Path(path).with_suffix(".pvd")
+    if times is None:
+        times = np.linspace(history.time[0], history.time[-1], 40)
+    at = array("times", times, (np.size(times),))
+    shapes = _at_nodes(structure, mesh, _with_ghosts(structure, _shapes(structure, history)))
+    points, cells, shapes = _gathered(mesh, shapes)
+    amplitudes = _amplitudes(history, at)
+
+    def write() -> None:
+        kind = next(n for n, k in KINDS.items() if (k.shape, k.nodes) == (mesh.cell, cells.shape[1]))
+        _write_frames(target, points, [(kind, cells)], at, (shapes @ a for a in amplitudes))
+
+    on_root(mesh.comm, write)
+    return target
+
+
+def _mesh(structure: Structure) -> Mesh:
+    if structure.mesh is None:
+        raise InputError("fields need a mesh; a structure of matrices has none (use history.field).")
+    return structure.mesh
+
+
+def _shapes(structure: Structure, history: History) -> Array:
+    shapes = getattr(history.model, "shapes", None)
+    if shapes is None:
+        raise InputError(
+            "the model of this history carries no shapes (model files do not store them): extract "
+            "it again."
+        )
+    rows = structure.K.getLocalSize()[0]
+    if len(shapes) != rows:
+        raise InputError(
+            f"the model's shapes have {len(shapes)} rows, the structure {rows}: the model was "
+            "extracted from another structure."
+        )
+    return np.asarray(shapes)
+
+
+def _amplitudes(history: History, times: Array) -> Array:
+    """Factors (n, N + 1) of ψ0 and ψi at `times`."""
+    lam = history.coordinates(times)
+    return np.column_stack([lam[:, 0], lam[:, 1:] - lam[:, :1]])
+
+
+def _with_ghosts(structure: Structure, shapes: Array) -> Array:
+    """Rows of this rank and of its ghosts."""
+    assert structure.form is not None
+    return compat.with_ghosts(structure.form.space, shapes)
+
+
+def _at_nodes(structure: Structure, mesh: Mesh, shapes: Array) -> Array:
+    """Displacement shapes at the geometry nodes of this rank: (nodes, 3, N + 1).
+
+    Lagrange nodes of a cell come in one order, vertices first: a geometry node is the dof of
+    the same local number.
+    """
+    assert structure.form is not None
+    nodes = compat.geometry_nodes(mesh.dolfinx)
+    result = np.zeros((len(mesh.dolfinx.geometry.x), 3, shapes.shape[1]))
+    for axis, name in enumerate("xyz"[: mesh.gdim]):
+        dofs = compat.cell_dofs(structure.form.space, structure.form.components[name])
+        result[nodes, axis] = shapes[dofs[:, : nodes.shape[1]]]
+    return result
+
+
+def _gathered(mesh: Mesh, shapes: Array) -> tuple[Array, IntArray, Array]:
+    """Points, cells (VTK's node order) and shapes of all ranks on rank 0."""
+    own = compat.cell_map(mesh.dolfinx).size_local
+    cells = compat.geometry_nodes(mesh.dolfinx)[:own]
+    points = mesh.dolfinx.geometry.x
+    pieces = mesh.comm.gather((points, cells, shapes), root=0)
+    if pieces is None:
+        return points, cells, shapes
+    order = np.argsort(compat.node_order(mesh.cell, cells.shape[1], "vtk"))
+    starts = np.cumsum([0] + [len(p) for p, _, _ in pieces[:-1]])
+    return (
+        np.vstack([p for p, _, _ in pieces]),
+        np.vstack([c + s for s, (_, c, _) in zip(starts, pieces, strict=True)])[:, order],
+        np.concatenate([f for _, _, f in pieces]),
+    )
+
+
+def _write_frames(
+    target: Path,
+    points: Array,
+    cells: list[tuple[str, IntArray]],
+    times: Array,
+    fields: Iterable[Array],
+) -> None:
+    """All frames into a folder of their own first: an interrupted run leaves nothing behind."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    staging = Path(tempfile.mkdtemp(prefix=f".{target.stem}-", dir=target.parent))
+    try:
+        entries = []
+        for number, (time, field) in enumerate(zip(times, fields, strict=True)):
+            name = f"{target.stem}_{number:04d}.vtu"
+            meshio.Mesh(points, cells, point_data={"displacement": field}).write(staging / name)
+            entries.append(f'    <DataSet timestep="{time:.9e}" file="{name}"/>\n')
+        listing = (
+            '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n  <Collection>\n'
+            + "".join(entries)
+            + "  </Collection>\n</VTKFile>\n"
+        )
+        (staging / target.name).write_text(listing)
+        target.unlink(missing_ok=True)
+        for stale in target.parent.glob(f"{target.stem}_[0-9][0-9][0-9][0-9].vtu"):
+            stale.unlink()
+        for frame in sorted(staging.glob("*.vtu")):
+            os.replace(frame, target.parent / frame.name)
+        os.replace(staging / target.name, target)
+    finally:
+        shutil.rmtree(staging, ignore_errors=True)
