@@ -41,6 +41,7 @@ def main(folder: Path = HERE) -> None:
     try:
         gmsh.option.setNumber("General.Verbosity", 2)
         model()
+        gmsh.option.setString("Geometry.OCCTargetUnit", "MM")  # else that of the file read last
         gmsh.write(str(folder / "bracket.step"))
         gmsh.clear()
         gmsh.open(str(HERE / "bracket.geo"))  # takes the bracket.step beside it

@@ -1,0 +1,233 @@
+"""The parts of meshes/: their groups, and their measures against closed forms.
+
+Read with gmsh itself, so that nothing here depends on antiosc's own reader.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Iterator
+from contextlib import contextmanager
+from math import hypot, pi
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytestmark = pytest.mark.fem
+
+FOLDER = Path(__file__).parent.parent / "meshes"
+MM, MM2, MM3 = 1e-3, 1e-6, 1e-9
+
+# Measure of each group: number of points, or length, area, volume in SI units.
+SEATS = 2 * (2 * pi * 9 * 3 + pi * (9**2 - 4.5**2) + 2 * pi * 4.5 * 7)
+UNDERSIDE = 84 * 60 - 2 * (10**2 - pi * 10**2 / 4) - 2 * pi * 4.5**2
+LEVER = 135 * 30 + pi * 15**2 / 2 + 65 * 30 + (12**2 - pi * 12**2 / 4) - pi * 8**2
+PARTS = {
+    "bracket": {
+        "body": (3, None),  # held against the STEP file below
+        "clamp": (2, SEATS * MM2),
+        "base": (2, UNDERSIDE * MM2),
+        "eye": (2, 2 * pi * 18 * (28 - 15) * MM2),
+        "bore": (2, 2 * pi * 11 * 28 * MM2),
+        "front": (2, pi * (18**2 - 11**2) * MM2),
+    },
+    "lever": {
+        "body": (2, LEVER * MM2),
+        "clamp": (1, 2 * pi * 8 * MM),
+        "edge": (1, pi * 15 * MM),
+        "end": (1, 30 * MM),
+    },
+    "arch": {
+        "body": (2, pi / 2 * (100**2 - 80**2) * MM2),
+        "clamp": (1, 2 * 20 * MM),
+        "edge": (1, pi * 100 * MM),
+    },
+    "beam": {"beam": (1, 1.0), "left": (0, 1), "middle": (0, 1), "right": (0, 1)},
+    "frame": {
+        "columns": (1, 4 * 1.3),
+        "beams": (1, 2 * 2 * (1.0 + 0.8)),
+        "braces": (1, sum(2 * hypot(width, h) for width in (1.0, 0.8) for h in (0.7, 0.6))),
+        "feet": (0, 4),
+        "top": (0, 4),
+    },
+}
+ELEMENTS = {
+    "bracket": {"Tetrahedron 10", "Triangle 6"},
+    "lever": {"Triangle 6", "Line 3"},
+    "arch": {"Quadrilateral 9", "Line 3"},
+    "beam": {"Line 2", "Point"},
+    "frame": {"Line 2", "Point"},
+}
+
+
+@contextmanager
+def opened(path: Path | None = None) -> Iterator:
+    """gmsh, with the file at `path` open in it."""
+    import gmsh
+
+    gmsh.initialize(readConfigFiles=False)
+    try:
+        gmsh.option.setNumber("General.Verbosity", 1)
+        if path is not None:
+            gmsh.open(str(path))
+        yield gmsh
+    finally:
+        gmsh.finalize()
+
+
+def groups(gmsh) -> dict[str, tuple[int, list[int]]]:
+    """Dimension and entities of each physical group, by name."""
+    return {
+        gmsh.model.getPhysicalName(dim, tag): (
+            dim,
+            list(gmsh.model.getEntitiesForPhysicalGroup(dim, tag)),
+        )
+        for dim, tag in gmsh.model.getPhysicalGroups()
+    }
+
+
+def jacobians(gmsh, dim: int, entity: int) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Weights (q,) and Jacobian determinants (cells, q) of each element type of an entity."""
+    for kind in gmsh.model.mesh.getElementTypes(dim, entity):
+        points, weights = gmsh.model.mesh.getIntegrationPoints(kind, "Gauss6")
+        _, determinants, _ = gmsh.model.mesh.getJacobians(kind, points, entity)
+        yield np.array(weights), np.reshape(determinants, (-1, len(weights)))
+
+
+def measure(gmsh, dim: int, entities: list[int]) -> float:
+    """Number of points, length, area or volume of the elements on `entities`."""
+    if dim == 0:
+        return sum(len(gmsh.model.mesh.getElements(0, tag)[1][0]) for tag in entities)
+    return sum(
+        (determinants @ weights).sum()
+        for tag in entities
+        for weights, determinants in jacobians(gmsh, dim, tag)
+    )
+
+
+def measures(gmsh) -> dict[str, tuple[int, float]]:
+    return {
+        name: (dim, measure(gmsh, dim, entities)) for name, (dim, entities) in groups(gmsh).items()
+    }
+
+
+def solid(path: Path) -> tuple[float, np.ndarray, int]:
+    """Volume (mm³), centre of mass (mm) and number of faces of the one solid in a STEP file."""
+    with opened() as gmsh:
+        # Said each time: OpenCASCADE keeps the unit of the file before, even through finalize.
+        gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
+        gmsh.open(str(path))
+        ((_, tag),) = gmsh.model.getEntities(3)
+        centre = gmsh.model.occ.getCenterOfMass(3, tag)
+        return gmsh.model.occ.getMass(3, tag), np.array(centre), len(gmsh.model.getEntities(2))
+
+
+def make(part: str, folder: Path) -> None:
+    """Run meshes/make_<part>.py with its output sent to `folder`."""
+    spec = importlib.util.spec_from_file_location(f"make_{part}", FOLDER / f"make_{part}.py")
+    script = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(script)
+    script.main(folder)
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_groups_have_their_names_and_closed_form_measures(part):
+    with opened(FOLDER / f"{part}.msh") as gmsh:
+        found = measures(gmsh)
+    assert found.keys() == PARTS[part].keys()
+    for name, (dim, expected) in PARTS[part].items():
+        assert found[name][0] == dim, name
+        assert found[name][1] > 0, name
+        if expected is not None:
+            assert found[name][1] == pytest.approx(expected, rel=2e-4), name
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_element_types(part):
+    with opened(FOLDER / f"{part}.msh") as gmsh:
+        kinds = gmsh.model.mesh.getElementTypes()
+        names = {gmsh.model.mesh.getElementProperties(kind)[0] for kind in kinds}
+    assert names == ELEMENTS[part]
+
+
+@pytest.mark.parametrize("part", PARTS)
+def test_script_makes_the_committed_part(part, tmp_path):
+    make(part, tmp_path)
+    with opened(FOLDER / f"{part}.msh") as gmsh:
+        committed = measures(gmsh)
+    with opened(tmp_path / f"{part}.msh") as gmsh:
+        made = measures(gmsh)
+    assert made.keys() == committed.keys()
+    for name, (dim, size) in committed.items():
+        assert made[name] == (dim, pytest.approx(size, rel=1e-4)), name
+
+
+def test_script_makes_the_committed_step(tmp_path):
+    make("bracket", tmp_path)
+    volume, centre, faces = solid(tmp_path / "bracket.step")
+    expected_volume, expected_centre, expected_faces = solid(FOLDER / "bracket.step")
+    assert faces == expected_faces
+    assert volume == pytest.approx(expected_volume, rel=1e-9)
+    np.testing.assert_allclose(centre, expected_centre, rtol=1e-9)
+
+
+def test_bracket_mesh_has_the_volume_of_the_step():
+    millimetres, centre, _ = solid(FOLDER / "bracket.step")
+    with opened(FOLDER / "bracket.msh") as gmsh:
+        volume = measures(gmsh)["body"][1]
+    assert volume == pytest.approx(millimetres * MM3, rel=1e-4)
+    assert centre[1] == pytest.approx(30, abs=1e-6)  # the part is symmetric about y = 30 mm
+
+
+def test_bracket_groups_are_the_same_faces_from_geo_and_msh():
+    with opened(FOLDER / "bracket.geo") as gmsh:
+        areas = {
+            name: sum(gmsh.model.occ.getMass(dim, tag) for tag in entities)
+            for name, (dim, entities) in groups(gmsh).items()
+        }
+    with opened(FOLDER / "bracket.msh") as gmsh:
+        meshed = measures(gmsh)
+    assert meshed.keys() == areas.keys()
+    for name, area in areas.items():
+        assert meshed[name][1] == pytest.approx(area, rel=2e-4), name
+
+
+def test_bracket_elements_are_not_folded():
+    with opened(FOLDER / "bracket.msh") as gmsh:
+        _, (body,) = groups(gmsh)["body"]
+        ((_, determinants),) = jacobians(gmsh, 3, body)
+    assert determinants.min() > 0
+    assert (determinants.min(axis=1) / determinants.max(axis=1)).min() > 0.05
+
+
+def test_struck_face_is_curved_and_exact():
+    """Mid-edge nodes too lie on the boss, a cylinder of radius 18 mm about y = 30, z = 60 mm."""
+    with opened(FOLDER / "bracket.msh") as gmsh:
+        _, (eye,) = groups(gmsh)["eye"]
+        _, x, _ = gmsh.model.mesh.getNodes(2, eye, includeBoundary=True)
+    _, y, z = np.reshape(x, (-1, 3)).T
+    np.testing.assert_allclose(np.hypot(y - 0.030, z - 0.060), 0.018, rtol=1e-6)
+
+
+def test_named_points_of_the_beam_and_the_frame():
+    places = {}
+    for part in ("beam", "frame"):
+        with opened(FOLDER / f"{part}.msh") as gmsh:
+            for name, (dim, entities) in groups(gmsh).items():
+                if dim == 0:
+                    nodes = [gmsh.model.mesh.getNodes(0, tag)[1] for tag in entities]
+                    places[name] = sorted(map(tuple, nodes))
+    assert places.pop("left") == [(0, 0, 0)]
+    assert places.pop("middle") == [(0.5, 0, 0)]
+    assert places.pop("right") == [(1, 0, 0)]
+    for name, height in {"feet": 0, "top": 1.3}.items():
+        corners = sorted((x, y, height) for x in (0, 1) for y in (0, 0.8))
+        np.testing.assert_allclose(places.pop(name), corners, atol=1e-15)
+    assert not places
+
+
+def test_files_are_small():
+    for path in FOLDER.iterdir():
+        if path.is_file():
+            assert path.stat().st_size < 2e6, path.name
