@@ -141,9 +141,7 @@ def _oscillators(
 
 
 def _first(found: _Oscillators, n: int) -> _Oscillators:
-    return _Oscillators(
-        found.omega[:n], found.m[:n], found.psi[:, :n], found.unseen, found.merged
-    )
+    return _Oscillators(found.omega[:n], found.m[:n], found.psi[:, :n], found.unseen, found.merged)
 
 
 def _check(
@@ -171,7 +169,8 @@ def _check(
         ),
         "mass": max(0.0, total / static.mass - 1),
         "stiffness": abs(
-            float(dot(comm, static.phi, multiply(structure.K, static.phi))) * _compliance(static) - 1
+            float(dot(comm, static.phi, multiply(structure.K, static.phi))) * _compliance(static)
+            - 1
         )
         if static.k0
         else 0.0,
@@ -233,11 +232,18 @@ def _participation(
     structure: Structure, where: Functional, static: StaticMode, found: _Oscillators
 ) -> Array | None:
     """φ_0ᵀMe and ψ_iᵀMe for e, the unit uniform acceleration along the impact; Σ = φ_stᵀMe."""
+    weight = uniform_inertia(structure, where)
+    if weight is None:
+        return None
+    own = np.asarray(dot(structure.comm, found.psi, weight))
+    whole_shape = float(dot(structure.comm, static.phi, weight))
+    return np.concatenate([[whole_shape - own.sum()], own])
+
+
+def uniform_inertia(structure: Structure, where: Functional) -> Array | None:
+    """Me on the rows of this rank; None for matrices, which do not tell where e points."""
     if structure.mesh is None or structure.form is None or where.direction is None:
         return None
     direction = compat.constant(structure.mesh.dolfinx, where.direction)
     load = structure.form.density * structure.form.along(direction) * measure(structure.mesh, 5)
-    weight = compat.assemble_functional(load, structure.form.space)[: len(where.b)]
-    own = np.asarray(dot(structure.comm, found.psi, weight))
-    whole_shape = float(dot(structure.comm, static.phi, weight))
-    return np.concatenate([[whole_shape - own.sum()], own])
+    return compat.assemble_functional(load, structure.form.space)[: len(where.b)]

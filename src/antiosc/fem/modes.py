@@ -97,8 +97,15 @@ class ModeSolver:
             else _Free(structure.factorization)
         )
         rng = np.random.default_rng(structure.comm.rank)
-        eps.setInitialSpace([self._vector(structure.factorization.solve(
-            multiply(structure.M, rng.standard_normal(len(self._site.b)))))])
+        eps.setInitialSpace(
+            [
+                self._vector(
+                    structure.factorization.solve(
+                        multiply(structure.M, rng.standard_normal(len(self._site.b)))
+                    )
+                )
+            ]
+        )
         known_shapes = [*self._rigid.T, *known.phi.T]
         if known_shapes:
             eps.setDeflationSpace([self._vector(shape) for shape in known_shapes])

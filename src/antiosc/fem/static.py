@@ -57,7 +57,7 @@ def static_mode(structure: Structure, site: Functional) -> StaticMode:
         still = R @ vt[1:].T
         k0 = 0.0
     else:
-        shape = y if not R.shape[1] else _beside_rigid(structure, factor, b)
+        shape = y if not R.shape[1] else beside_rigid(structure, factor, b)
         compliance = float(dot(comm, b, shape))
         phi, still, k0 = shape / compliance, R, 1 / compliance
     m_phi = multiply(structure.M, phi)
@@ -73,7 +73,7 @@ def _mass_scale(structure: Structure) -> float:
     return 1 / peak**2
 
 
-def _beside_rigid(structure: Structure, factor: Factorization, b: Array) -> Array:
+def beside_rigid(structure: Structure, factor: Factorization, b: Array) -> Array:
     """K y = b with y M-orthogonal to the rigid modes: conjugate gradients on the one factor.
 
     A = K + shift·M is spectrally close to K on the elastic space, so a few steps reach rounding.
