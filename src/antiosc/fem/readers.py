@@ -135,26 +135,43 @@ def _gmsh_session() -> Iterator[Any]:
         import gmsh
     except ImportError as error:
         raise MissingDependencyError("gmsh is not installed: sudo apt install python3-gmsh") from error
-    # gmsh 4.8 cannot tell whether it runs: there it is started again, which does no harm, and
-    # left running, lest a caller's own session ends with ours.
-    told = hasattr(gmsh, "isInitialized")
-    started = not (told and gmsh.isInitialized())
+    started = not _running(gmsh)
     if started:
         gmsh.initialize(["antiosc"], readConfigFiles=False, **_no_signal_handler(gmsh))
     current = gmsh.model.getCurrent()
     names = ("General.Terminal", "Mesh.MeshSizeMax", "Mesh.MeshSizeMin", "Mesh.ElementOrder")
     kept = {name: gmsh.option.getNumber(name) for name in names}
+    unit = gmsh.option.getString("Geometry.OCCTargetUnit")
     gmsh.option.setNumber("General.Terminal", 0)
+    gmsh.option.setString("Geometry.OCCTargetUnit", "M")
     try:
         yield gmsh
     finally:
-        if started and told:
+        if started and hasattr(gmsh, "isInitialized"):
             gmsh.finalize()
-        else:
+        else:  # gmsh 4.8 is left running: the session that it cannot tell of may be the caller's
             gmsh.model.remove()
             gmsh.model.setCurrent(current)
+            gmsh.option.setString("Geometry.OCCTargetUnit", unit)
             for name, value in kept.items():
                 gmsh.option.setNumber(name, value)
+
+
+def _running(gmsh: Any) -> bool:
+    """Whether a session is under way."""
+    global _started
+    if hasattr(gmsh, "isInitialized"):
+        return bool(gmsh.isInitialized())
+    # gmsh 4.8 knows its version while it runs, but complains aloud when asked before its first
+    # start; to start it again does no harm.
+    before, _started = _started, True
+    try:
+        return before and gmsh.option.getString("General.Version") != ""
+    except Exception:  # it was ended
+        return False
+
+
+_started = False
 
 
 def _no_signal_handler(gmsh: Any) -> dict[str, bool]:
@@ -170,7 +187,6 @@ def _through_gmsh(
 ) -> RawMesh:
     with _gmsh_session() as gmsh:
         try:
-            gmsh.option.setString("Geometry.OCCTargetUnit", "M")
             gmsh.open(str(path))
             if path.suffix.lower() != ".msh":
                 _generate(gmsh, size, order, refine)

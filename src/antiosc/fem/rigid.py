@@ -118,11 +118,11 @@ def orthonormal(comm: MPI.Comm, M: PETSc.Mat, block: Array) -> Array:
 
 def _vanishing(comm: MPI.Comm, fields: Array, fixed: IntArray) -> Array:
     """The combinations of the columns that are zero on the fixed dofs."""
+    scale = np.sqrt(comm.allreduce(np.einsum("ij,ij->j", fields, fields)))
+    fields, scale = fields[:, scale > 0], scale[scale > 0]  # y and z are zero on a line along x
     owned = fixed[fixed < len(fields)]
     held = fields[owned]
     gram = comm.allreduce(held.T @ held)
-    whole = comm.allreduce(np.einsum("ij,ij->j", fields, fields))
-    scale = np.sqrt(whole)
     values, vectors = np.linalg.eigh(gram / np.outer(scale, scale))
     combinations = (vectors / scale[:, None])[:, values < HELD]
     result = fields @ combinations
