@@ -257,9 +257,8 @@ def _face(
     facets = np.sort(compat.exterior_facets(mesh.dolfinx))
     x = mesh.dolfinx.geometry.x[compat.entity_vertices(mesh.dolfinx, mesh.tdim - 1)[facets]]
     normals = compat.facet_normals(mesh.dolfinx, facets)
-    centres = x.mean(axis=1)
-    sizes = np.linalg.norm(x - centres[:, None], axis=2).max(axis=1, initial=0.0) * 2
-    near = np.linalg.norm(centres - place.x, axis=1) < radius + sizes
+    edges = np.linalg.norm(x - np.roll(x, 1, axis=1), axis=2)
+    sizes, longest = edges.mean(axis=1), edges.max(axis=1, initial=0.0)
     gap = _distances(x, place.x)
     reach = min(mesh.comm.allgather(gap.min(initial=np.inf)))
     if reach > radius:
@@ -272,8 +271,10 @@ def _face(
     facing = normals[here] @ direction
     meets = (float(facing.min()), tuple(normals[here[facing.argmin()]])) if len(here) else (2.0, ())
     normal = np.array(min(mesh.comm.allgather(meets))[1])
-    chosen = near & (normals @ normal > SAME_FACE)
-    local = max(mesh.comm.allgather(float(sizes[chosen].max(initial=0.0))))
+    same = normals @ normal > SAME_FACE
+    local = max(mesh.comm.allgather(float(sizes[same & (gap < radius)].max(initial=0.0))))
+    # The sampled distances are a little long: take a margin, the weight is zero there anyway.
+    chosen = same & (gap < radius + 0.5 * longest)
     return facets[chosen].astype(np.int32), normal, local
 
 
