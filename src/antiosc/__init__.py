@@ -6,7 +6,21 @@ alone; what reads meshes and extracts models needs the FE stack and is loaded wh
 
 from typing import Any
 
-from antiosc.contact import ContactLaw, Hertz, Linear, Power
+from antiosc.contact import (
+    ContactLaw,
+    Flores,
+    Gonthier,
+    Hertz,
+    HuntCrossley,
+    LankaraniNikravesh,
+    Linear,
+    Power,
+    Stronge,
+    Tabulated,
+    TanSun,
+    Thornton,
+    YangSun,
+)
 from antiosc.errors import (
     AccuracyError,
     AccuracyWarning,
@@ -50,10 +64,14 @@ __all__ = [
     "ContactLaw",
     "Damping",
     "Energy",
+    "Flores",
+    "Gonthier",
     "Hertz",
     "History",
+    "HuntCrossley",
     "Impactor",
     "InputError",
+    "LankaraniNikravesh",
     "Linear",
     "LinearBody",
     "Mesh",
@@ -69,8 +87,13 @@ __all__ = [
     "Site",
     "Solid",
     "Sphere",
+    "Stronge",
     "Structure",
     "Support",
+    "Tabulated",
+    "TanSun",
+    "Thornton",
+    "YangSun",
     "extract",
     "full",
     "probe",

@@ -18,7 +18,6 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -161,7 +160,9 @@ def simulate(
     )
     if status:
         warnings.warn(message, AccuracyWarning, stacklevel=2)
-    _check_range(law, history, model)
+    if history.peak_force > law.valid_force:
+        reason = law.out_of_range(history.peak_force, getattr(model, "radius", None))
+        raise AccuracyError(f"{reason}.")
     return history
 
 
@@ -322,21 +323,3 @@ def _verdict(
             f" the bound on steps; raise max_steps or shorten the duration."
         )
     return 0, "Completed."
-
-
-def _check_range(law: ContactLaw, history: History, model: Any) -> None:
-    peak, limit = history.peak_force, law.valid_force
-    if peak <= limit:
-        return
-    rho = Hertz.END * (peak / limit) ** (1 / 3) if isinstance(law, Hertz) else 0.0
-    radius = getattr(model, "radius", None)
-    remedy = (
-        f"; make the site's radius at least {1.05 * radius * rho / Hertz.END:.3g} m"
-        f" (now {radius:g} m) and extract again"
-        if radius is not None
-        else "; use a larger patch radius"
-    )
-    raise AccuracyError(
-        f"the peak force {peak:.4g} N exceeds {limit:.4g} N, up to which Hertz's law without the"
-        f" patch's compliance holds (contact radius below 0.58 of the patch radius){remedy}."
-    )

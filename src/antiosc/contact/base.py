@@ -70,6 +70,11 @@ class ContactLaw(ABC):
         """Rate-dependent part of the force [N]."""
         return 0.0
 
+    def out_of_range(self, peak: float, radius: float | None) -> str:
+        """Why a peak force above `valid_force` cannot be trusted and what to do; `radius` [m] is
+        that of the structure's patch, if any."""
+        return f"the peak force {peak:.4g} N exceeds {self.valid_force:.4g} N, where the law ends"
+
     def potential(self, delta: float, state: State) -> float:
         """Work [J] of the rate-independent force from the origin, up to a constant of the state.
 

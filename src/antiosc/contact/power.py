@@ -151,6 +151,19 @@ class Hertz(ContactLaw):
         """This law with `compliance` [m/N] taken out."""
         return replace(self, compliance=compliance)
 
+    def out_of_range(self, peak: float, radius: float | None) -> str:
+        # the contact radius goes with F^(1/3), the patch's compliance with 1/radius
+        if radius is None:
+            remedy = "use a larger patch radius"
+        else:
+            enough = 1.05 * radius * (peak / self.valid_force) ** (1 / 3)
+            remedy = f"extract with a site radius of at least {enough:.3g} m (now {radius:g} m)"
+        return (
+            f"the peak force {peak:.4g} N exceeds {self.valid_force:.4g} N, up to which Hertz's law"
+            f" without the patch's own compliance holds (contact radius below 0.58 of the patch"
+            f" radius); {remedy}"
+        )
+
     def force(self, delta: float, rate: float, state: State) -> float:
         if self.compliance == 0.0:
             return self.stiffness * delta * sqrt(delta) if delta > 0 else 0.0

@@ -1,0 +1,149 @@
+"""Laws with a damping that grows with the indentation: F = k delta^n (1 + d delta'/v0) >= 0.
+
+v0 is the speed of approach of the present contact and d follows from a coefficient of restitution
+e. For two free rigid bodies the motion has the first integral d (1 + e') = ln[(1 + d)/(1 - d e')]
+between d and the ratio e' of parting and closing speed, whatever k, n and the masses
+(`restitution_of`); of the laws here only Gonthier's returns e itself.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from dataclasses import dataclass
+from math import log1p
+from typing import ClassVar
+
+from scipy.optimize import brentq
+
+from antiosc import checks
+from antiosc.contact.base import ContactLaw, State
+from antiosc.errors import InputError
+
+# In chatter v0 -> 0 and d/v0 would grow without bound: it is held above this share of the
+# fastest approach so far.
+_SLOWEST = 0.01
+
+
+@dataclass(frozen=True)
+class _Damped(ContactLaw):
+    """F = stiffness * delta^exponent * (1 + d * rate/v0), never negative.
+
+    Parameters
+    ----------
+    stiffness : float
+        [N/m^exponent], > 0.
+    restitution : float
+        Coefficient of restitution e, 0 < e <= 1.
+    exponent : float
+        >= 1; 1.5 is Hertz's.
+    """
+
+    stiffness: float
+    restitution: float
+    exponent: float = 1.5
+
+    rate_dependent: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        checks.positive("stiffness", self.stiffness, "N/m^exponent")
+        e = checks.number("restitution", self.restitution)
+        if not 0 < e <= 1:
+            raise InputError(f"restitution must lie in 0 < e <= 1; got {e:g}.")
+        if not 1 <= checks.number("exponent", self.exponent) <= 10:
+            raise InputError(
+                f"exponent must lie in 1 <= n <= 10 (1 linear, 1.5 Hertz); got {self.exponent:g}."
+            )
+        object.__setattr__(self, "factor", self._factor(e))
+
+    @staticmethod
+    @abstractmethod
+    def _factor(e: float) -> float:
+        """d for a coefficient of restitution e."""
+
+    # state: (d/v0, fastest approach so far)
+    def touch(self, speed: float, state: State | None = None) -> State:
+        fastest = max(speed, 0.0 if state is None else state[1])
+        v0 = max(speed, _SLOWEST * fastest)
+        return (self.factor / v0 if v0 > 0 else 0.0, fastest)  # type: ignore[attr-defined]
+
+    def force(self, delta: float, rate: float, state: State) -> float:
+        if delta <= 0:
+            return 0.0
+        return float(max(self.stiffness * delta**self.exponent * (1 + state[0] * rate), 0.0))
+
+    def tangent(self, delta: float, rate: float, state: State) -> tuple[float, float]:
+        grip = 1 + state[0] * rate
+        if delta <= 0 or grip <= 0:
+            return (0.0, 0.0)
+        elastic = self.stiffness * delta**self.exponent
+        return (float(self.exponent * elastic / delta * grip), float(elastic * state[0]))
+
+    def energy(self, delta: float, state: State) -> float:
+        n = self.exponent + 1
+        return float(self.stiffness * delta**n / n) if delta > 0 else 0.0
+
+    def damping(self, delta: float, rate: float, state: State) -> float:
+        if delta <= 0:
+            return 0.0
+        return self.force(delta, rate, state) - float(self.stiffness * delta**self.exponent)
+
+
+class HuntCrossley(_Damped):
+    """d = 3 (1 - e)/2. K. H. Hunt, F. R. E. Crossley, J. Appl. Mech. 42 (1975) 440-445."""
+
+    @staticmethod
+    def _factor(e: float) -> float:
+        return 1.5 * (1 - e)
+
+
+class LankaraniNikravesh(_Damped):
+    """d = 3 (1 - e^2)/4. H. M. Lankarani, P. E. Nikravesh, J. Mech. Des. 112 (1990) 369-376."""
+
+    @staticmethod
+    def _factor(e: float) -> float:
+        return 0.75 * (1 - e * e)
+
+
+class Flores(_Damped):
+    """d = 8 (1 - e)/(5 e). P. Flores et al., Multibody Syst. Dyn. 25 (2011) 357-375."""
+
+    @staticmethod
+    def _factor(e: float) -> float:
+        return 1.6 * (1 - e) / e
+
+
+class Gonthier(_Damped):
+    """d from (1 + d)/(1 - e d) = exp(d (1 + e)), so that free bodies part with e exactly.
+
+    Y. Gonthier et al., Multibody Syst. Dyn. 11 (2004) 209-233; their d = (1 - e^2)/e is the
+    closed-form approximation of this root.
+    """
+
+    @staticmethod
+    def _factor(e: float) -> float:
+        if e == 1:
+            return 0.0
+
+        def mismatch(d: float) -> float:
+            return log1p(d) - d - (log1p(-e * d) + e * d)
+
+        low, near = 0.5 * (1 - e), 0.1  # d -> 3 (1 - e)/2 as e -> 1, d -> 1/e as e -> 0
+        while mismatch((1 - near) / e) < 0:
+            near *= 0.1
+            if near < 1e-15:
+                return 1 / e
+        return float(brentq(mismatch, low, (1 - near) / e, xtol=1e-16, rtol=1e-14))
+
+
+def restitution_of(d: float) -> float:
+    """Ratio e' of parting and closing speed of two free bodies for a damping factor d >= 0."""
+    if checks.nonnegative("d", d) == 0:
+        return 1.0
+
+    def mismatch(e: float) -> float:
+        return log1p(d) - d - (log1p(-e * d) + e * d)
+
+    high = min(1.0, (1 - 1e-15) / d)
+    if mismatch(high) <= 0:  # the root lies within rounding of 1/d
+        return high
+    return float(brentq(mismatch, 0.0, high, xtol=1e-16))
