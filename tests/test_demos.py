@@ -1,0 +1,45 @@
+"""Every demo runs, small, and returns numbers that mechanics checks."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+import antiosc as ao
+
+DEMOS = Path(__file__).resolve().parent.parent / "demos"
+
+
+def load(name: str) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(name, DEMOS / f"{name}.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.fem
+def test_impact_on_bracket(tmp_path, capsys):
+    result = load("impact_on_bracket").main(size=8e-3, radius=3e-3, n=12, out=tmp_path)
+    assert result["impulse"] == pytest.approx(result["momentum"], rel=1e-6)
+    assert 0 < result["restitution"] < 1
+    assert abs(result["drift"]) < 1e-3
+    # A bracket that moves is struck less hard than a half-space of its material that does not:
+    # Hertz's peak force there is k^(2/5) (5 m v²/4)^(3/5).
+    sphere = ao.Sphere(radius=0.010, E=210e9, nu=0.3, rho=7850.0, velocity=2.0)
+    k = sphere.hertz(E=70e9, nu=0.33, radii=(0.018, float("inf"))).stiffness
+    rigid = k**0.4 * (1.25 * sphere.mass * sphere.velocity**2) ** 0.6
+    assert 0.3 * rigid < result["peak_force"] < rigid
+    for name in ("bracket_force.png", "bracket.png", "bracket.npz", "bracket.pvd"):
+        assert (tmp_path / name).stat().st_size > 0
+    frames = sorted(tmp_path.glob("bracket_*.vtu"))
+    assert len(frames) == 40
+    table = capsys.readouterr().out
+    for row in ("static stiffness k0", "peak force", "contact time", "restitution", "seconds"):
+        assert row in table
+    assert np.isfinite(list(result.values())).all()
