@@ -1,0 +1,191 @@
+"""Small parts for the tests of the FE side: meshes with named groups, and direct solves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import dolfinx
+import numpy as np
+import scipy.sparse.linalg
+from mpi4py import MPI
+from numpy.typing import NDArray
+
+import antiosc as ao
+from antiosc.fem import compat
+from antiosc.fem.algebra import csr
+
+Array = NDArray[np.float64]
+Marker = Callable[[Array], NDArray[np.bool_]]
+
+STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}
+ALUMINIUM = {"E": 70e9, "nu": 0.33, "rho": 2700.0}
+
+CELLS = ("triangle", "quadrilateral", "tetrahedron", "hexahedron")
+
+
+def named(mesh: dolfinx.mesh.Mesh, groups: Mapping[str, tuple[int, Marker]]) -> ao.Mesh:
+    """A dolfinx mesh with groups: name -> (dimension, function of the coordinates)."""
+    tags = {}
+    for name, (dim, marker) in groups.items():
+        entities = dolfinx.mesh.locate_entities(mesh, dim, marker)
+        values = np.ones(len(entities), dtype=np.int32)
+        tags[name] = (dolfinx.mesh.meshtags(mesh, dim, entities, values), 1)
+    return ao.read_mesh(mesh, groups=tags)
+
+
+def box(
+    n: Sequence[int] = (4, 2, 2),
+    size: Sequence[float] = (0.2, 0.05, 0.04),
+    cell: str = "hexahedron",
+    comm: MPI.Comm = MPI.COMM_WORLD,
+    groups: Mapping[str, tuple[int, Marker]] | None = None,
+) -> ao.Mesh:
+    """A block with the groups "left" (x = 0) and "right", or those given."""
+    kind = getattr(dolfinx.mesh.CellType, cell)
+    corners = [np.zeros(len(n)), np.asarray(size, dtype=float)]
+    make = dolfinx.mesh.create_box if len(n) == 3 else dolfinx.mesh.create_rectangle
+    mesh = make(comm, corners, list(n), cell_type=kind)
+    sides = {
+        "left": (len(n) - 1, lambda x: np.isclose(x[0], 0)),
+        "right": (len(n) - 1, lambda x: np.isclose(x[0], size[0])),
+    }
+    return named(mesh, sides if groups is None else groups)
+
+
+def plate(
+    n: Sequence[int] = (8, 4),
+    size: Sequence[float] = (0.2, 0.06),
+    cell: str = "quadrilateral",
+    comm: MPI.Comm = MPI.COMM_WORLD,
+    groups: Mapping[str, tuple[int, Marker]] | None = None,
+) -> ao.Mesh:
+    """A rectangle in the plane, as `box`."""
+    return box(n, size, cell, comm, groups)
+
+
+def frame(
+    points: Sequence[Sequence[float]],
+    members: Sequence[tuple[int, int]],
+    n: int,
+    groups: Mapping[str, tuple[int, Marker]] | None = None,
+    comm: MPI.Comm = MPI.COMM_WORLD,
+) -> ao.Mesh:
+    """Straight members of `n` line elements each between `points` of 2 or 3 coordinates."""
+    x = [np.asarray(p, dtype=float) for p in points]
+    cells = []
+    for a, b in members:
+        inner = range(len(x), len(x) + n - 1)
+        x += [x[a] + (x[b] - x[a]) * k / n for k in range(1, n)]
+        chain = [a, *inner, b]
+        cells += list(zip(chain[:-1], chain[1:], strict=True))
+    nodes, lines = np.array(x), np.array(cells, dtype=np.int64)
+    if comm.rank:
+        nodes, lines = nodes[:0], lines[:0]
+    return named(compat.create_mesh(comm, lines, nodes, "interval", 1), groups or {})
+
+
+def line(
+    length: float, n: int, direction: Sequence[float] = (1.0, 0.0), **options: Any
+) -> ao.Mesh:
+    """A straight line from the origin, with the end nodes as groups "left" and "right"."""
+    along = np.asarray(direction, dtype=float) / np.linalg.norm(direction)
+    end = length * along
+    groups = {
+        "left": (0, lambda x: np.linalg.norm(x, axis=0) < 1e-9 * length),
+        "right": (0, lambda x: np.linalg.norm(x.T - np.resize(end, 3) * _mask(end), axis=1)
+                  < 1e-9 * length),
+    }
+    return frame([0 * end, end], [(0, 1)], n, groups=groups, **options)
+
+
+def _mask(end: Array) -> Array:
+    return np.arange(3) < len(end)
+
+
+def bend(x: Array) -> Array:
+    """A quadratic, volume-preserving map of points (n, 3): cells of order 2 follow it exactly."""
+    bent = x.copy()
+    bent[:, 0] += 0.2 * x[:, 1] ** 2
+    bent[:, 2] += 0.3 * x[:, 0] * x[:, 1]
+    return bent
+
+
+def bend_plane(x: Array) -> Array:
+    """The same in the plane."""
+    bent = x.copy()
+    bent[:, 0] += 0.3 * x[:, 1] ** 2
+    return bent
+
+
+def gmsh_cube(
+    path: Path,
+    cell: str,
+    order: int = 1,
+    *,
+    bent: bool = False,
+    version: float = 4.1,
+    binary: bool = False,
+    n: int = 2,
+) -> Path:
+    """Write the unit cube or square as a mesh file by gmsh, its cells of one kind.
+
+    Groups: "body"; in `.msh` files also "clamp", on x = 0 before bending, and the point "corner".
+    """
+    import gmsh
+
+    space = cell in ("tetrahedron", "hexahedron")
+    gmsh.initialize(readConfigFiles=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.model.add("cube")
+        geo = gmsh.model.geo
+        corner = geo.addPoint(0, 0, 0)
+        edge = geo.extrude([(0, corner)], 0, 1, 0, [n])[1]
+        recombine = cell in ("quadrilateral", "hexahedron")
+        swept = geo.extrude([edge], 1, 0, 0, [n], recombine=recombine)
+        body, clamp = swept[1], edge
+        if space:
+            raised = geo.extrude([body], 0, 0, 1, [n], recombine=recombine)
+            body = raised[1]
+            geo.synchronize()
+            clamp = next(
+                (2, tag)
+                for dim, tag in gmsh.model.getEntities(2)
+                if np.allclose(np.array(gmsh.model.getBoundingBox(dim, tag))[[0, 3]], 0, atol=1e-6)
+            )
+        geo.synchronize()
+        for name, (dim, tag) in {"body": body, "clamp": clamp, "corner": (0, corner)}.items():
+            if name == "body" or path.suffix == ".msh":
+                gmsh.model.setPhysicalName(dim, gmsh.model.addPhysicalGroup(dim, [tag]), name)
+        gmsh.model.mesh.generate(3 if space else 2)
+        gmsh.model.mesh.setOrder(order)
+        if bent:
+            tags, x, _ = gmsh.model.mesh.getNodes()
+            moved = (bend if space else bend_plane)(np.array(x).reshape(-1, 3))
+            for node, place in zip(tags, moved, strict=True):
+                gmsh.model.mesh.setNode(node, place, [])
+        gmsh.option.setNumber("Mesh.MshFileVersion", version)
+        gmsh.option.setNumber("Mesh.Binary", binary)
+        gmsh.write(str(path))
+    finally:
+        gmsh.finalize()
+    return path
+
+
+def direct_stiffness(K: Any, M: Any, b: Array, omega: Array) -> Array:
+    """1/bᵀ(K − ω²M)⁻¹b by a sparse LU for every ω: knows nothing of anti-oscillators."""
+    K, M = (csr(A) if hasattr(A, "getValuesCSR") else A for A in (K, M))
+    values = []
+    for w in omega:
+        factor = scipy.sparse.linalg.splu(
+            scipy.sparse.csc_matrix(K - w**2 * M),
+            permc_spec="MMD_AT_PLUS_A",
+            diag_pivot_thresh=0.01,
+            options={"SymmetricMode": True},
+        )
+        x = factor.solve(b)
+        x += factor.solve(b - K @ x + w**2 * (M @ x))  # one step of refinement
+        values.append(1 / (b @ x))
+    return np.array(values)
