@@ -265,23 +265,23 @@ class History:
         stored, lost = np.zeros(self.time.size), np.zeros(self.time.size)
         sizes = [s.time.size - 1 for s in self.trajectory.segments]
         first = np.concatenate(([0], np.cumsum(sizes)))
-        rate = self._modal_states[1] @ self.problem.beta if law.rate_dependent else None
         for contact in self.trajectory.contacts:
             a, b = first[contact.segments[0]], first[contact.segments[1]]
-            state, gone, power = contact.state, float(lost[a]), 0.0
+            state, braked, before = contact.state, float(lost[a]), 0.0
             start = law.lost(state)
             for n in range(a, b + 1):
                 delta = float(self.indentation[n])
-                speed = 0.0 if rate is None else float(rate[n])
-                state = law.advance(delta, speed, state) if n > a else state
-                if rate is not None:
-                    now = law.damping(delta, speed, state) * speed if n < b else 0.0
-                    gone += 0.5 * (power + now) * float(self.time[n] - self.time[n - 1]) * (n > a)
-                    power = now
+                if n > a:
+                    state = law.advance(delta, 0.0, state)
+                if law.rate_dependent:  # the work of what the force has beyond its elastic part
+                    damping = float(self.force[n]) - law.force(delta, 0.0, state)
+                    if n > a:
+                        change = delta - float(self.indentation[n - 1])
+                        braked += 0.5 * (before + damping) * change
+                    before = damping
                 stored[n] = law.energy(delta, state)
-                lost[n] = gone + law.lost(state) - start
+                lost[n] = braked + law.lost(state) - start
             lost[b:] = lost[b]
-            stored[b] = 0.0 if contact.released else stored[b]
         return stored, lost
 
 

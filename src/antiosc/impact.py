@@ -28,8 +28,8 @@ from antiosc.errors import AccuracyError, AccuracyWarning, InputError
 from antiosc.history import History, force_difference
 from antiosc.impactor import Impactor
 from antiosc.integrators import (
+    FIXED_STEP,
     IVP_METHODS,
-    Exact,
     Integrator,
     Problem,
     SolveIVP,
@@ -39,9 +39,6 @@ from antiosc.integrators import (
 from antiosc.modal import LinearBody, ModalBody
 
 Array = NDArray[np.float64]
-
-#: fixed-step integrators by name; each takes the step [s]
-INTEGRATORS: dict[str, Callable[[float], Integrator]] = {"exact": Exact}
 
 DEFAULT_TOL = 1e-3
 MAX_STEPS = 2_000_000
@@ -78,7 +75,8 @@ def simulate(
     duration : float
         Time to simulate [s].
     method : str
-        "exact", another name in `INTEGRATORS`, or a method of `scipy.integrate.solve_ivp`.
+        "exact", "newmark", "conserving", "leapfrog", or a method of `scipy.integrate.solve_ivp`
+        such as "DOP853".
     step : float, optional
         Fixed time step during contact [s] (solve_ivp: largest step). By default the step is
         halved until the force history has converged.
@@ -134,16 +132,22 @@ def simulate(
         limit = scale / 10 if step is None else step
         trajectory = go(SolveIVP(method, max(1e-2 * accuracy, 3e-14), limit), limit / 4)
         step = limit
-    elif method in INTEGRATORS:
-        make = INTEGRATORS[method]
+    elif method in FIXED_STEP:
+        make = FIXED_STEP[method]
         if step is None:
+            first = min(scale / _FIRST_STEPS, make.stable_step(problem))
+            if duration / first > max_steps:
+                raise InputError(
+                    f"{method} needs steps of {first:.3g} s here, {duration / first:.3g} of them,"
+                    f" more than max_steps = {max_steps}; use method='exact' or raise max_steps."
+                )
             trajectory, step, error = _converge(
-                lambda h: go(make(h), h / 4), scale, duration, accuracy, max_steps
+                lambda h: go(make(h), h / 4), first, duration, accuracy, max_steps
             )
         else:
             trajectory = go(make(step), step / 4)
     else:
-        names = ", ".join([*INTEGRATORS, *IVP_METHODS])
+        names = ", ".join([*FIXED_STEP, *IVP_METHODS])
         raise InputError(f"method must be one of {names}; got {method!r}.")
 
     status, message = _verdict(trajectory, error, accuracy)
@@ -286,10 +290,9 @@ def _mobility(body: ModalBody) -> float:
 
 
 def _converge(
-    go: Callable[[float], Trajectory], scale: float, duration: float, tol: float, max_steps: int
+    go: Callable[[float], Trajectory], step: float, duration: float, tol: float, max_steps: int
 ) -> tuple[Trajectory, float, dict[str, float]]:
     """Halve the step until the force of two levels agrees; the finer one and its error."""
-    step = max(scale / _FIRST_STEPS, 4 * duration / max_steps)
     coarse = go(step)
     before: float | None = None
     error = {"force": np.inf, "peak": np.inf}

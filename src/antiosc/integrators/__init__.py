@@ -1,16 +1,29 @@
 """How an impact is integrated: one integrator a file, and the course of events they share."""
 
+from antiosc.integrators.conserving import Conserving
 from antiosc.integrators.exact import Exact
 from antiosc.integrators.ivp import METHODS as IVP_METHODS
 from antiosc.integrators.ivp import SolveIVP
-from antiosc.integrators.problem import Integrator, Phase, Problem, Segment
+from antiosc.integrators.leapfrog import Leapfrog
+from antiosc.integrators.newmark import Newmark
+from antiosc.integrators.problem import FixedStep, Integrator, Phase, Problem, Segment
 from antiosc.integrators.run import Contact, Trajectory, run
 
+#: fixed-step integrators by the name `simulate` takes
+FIXED_STEP: dict[str, type[FixedStep]] = {
+    method.name: method for method in (Exact, Newmark, Conserving, Leapfrog)
+}
+
 __all__ = [
+    "FIXED_STEP",
     "IVP_METHODS",
+    "Conserving",
     "Contact",
     "Exact",
+    "FixedStep",
     "Integrator",
+    "Leapfrog",
+    "Newmark",
     "Phase",
     "Problem",
     "Segment",

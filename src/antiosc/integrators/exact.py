@@ -42,6 +42,10 @@ class Exact:
         self.step = step
         self._kernel = lru_cache(maxsize=16)(_Kernel)
 
+    @staticmethod
+    def stable_step(problem: Problem) -> float:
+        return np.inf
+
     def contact(
         self, problem: Problem, t: float, q: Array, v: Array, state: State, end: float
     ) -> Phase:

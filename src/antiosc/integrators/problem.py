@@ -129,3 +129,14 @@ class Integrator(Protocol):
     ) -> Phase:
         """Integrate from first touch at `t` until the bodies part or `end` is reached."""
         ...
+
+
+class FixedStep(Integrator, Protocol):
+    """An integrator made for one step [s]."""
+
+    def __init__(self, step: float) -> None: ...
+
+    @staticmethod
+    def stable_step(problem: Problem) -> float:
+        """Largest stable step [s]; inf when there is no limit."""
+        ...

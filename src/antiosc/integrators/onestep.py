@@ -1,0 +1,108 @@
+"""What the fixed-step one-step methods share: march through a contact and locate its release."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from antiosc.contact import State
+from antiosc.integrators.problem import Phase, Problem, Segment
+
+Array = NDArray[np.float64]
+
+# A speed this many times the one at touch is not motion but growth.
+_GROWTH = 1e6
+
+
+class Node(NamedTuple):
+    """State at the end of a step; `mean` is the force over the step that made the impulse."""
+
+    q: Array
+    v: Array
+    force: float
+    delta: float
+    rate: float
+    mean: float
+
+
+class OneStep(ABC):
+    """A one-step method of fixed `step` [s]; subclasses give one step."""
+
+    order: ClassVar[int]
+    name: ClassVar[str]
+
+    def __init__(self, step: float) -> None:
+        self.step = step
+
+    @abstractmethod
+    def advance(self, problem: Problem, start: Node, state: State, h: float) -> Node:
+        """One step of length h from `start`."""
+
+    @staticmethod
+    def stable_step(problem: Problem) -> float:
+        """Largest stable step [s]."""
+        return np.inf
+
+    def contact(
+        self, problem: Problem, t: float, q: Array, v: Array, state: State, end: float
+    ) -> Phase:
+        law = problem.law
+        node = Node(q, v, 0.0, problem.approach(q), float(problem.beta @ v), 0.0)
+        nodes, times = [node], [t]
+        limit = _GROWTH**2 * float(v @ v + np.sum((problem.load * (end - t)) ** 2))
+        released, trouble = False, ""
+        with np.errstate(over="ignore", invalid="ignore"):
+            while end - t > 1e-12 * end and not released:
+                h = min(self.step, end - t)
+                new = self.advance(problem, node, state, h)
+                if not float(new.v @ new.v) <= limit:
+                    trouble = (
+                        f"{self.name} diverged at {t:g} s with a step of {self.step:g} s"
+                        f" (h omega_max = {self.step * problem.omega.max():.3g}); use a smaller"
+                        f" step or method='exact'"
+                    )
+                    break
+                if new.force == 0.0 and new.delta <= law.origin(state):
+                    h, new = self._release(problem, node, state, h, new)
+                    released = True
+                t += h
+                node = new
+                state = law.advance(node.delta, node.rate, state)
+                nodes.append(node)
+                times.append(t)
+        segment = _segment(np.array(times), nodes)
+        count = len(nodes) - 1
+        if not released and not trouble:
+            t = end
+        return Phase([segment], t, node.q, node.v, state, count, released, trouble)
+
+    def _release(
+        self, problem: Problem, node: Node, state: State, h: float, last: Node
+    ) -> tuple[float, Node]:
+        """The part of the step at whose end the indentation reaches the law's origin."""
+        origin = problem.law.origin(state)
+
+        def above(part: float) -> float:
+            return self.advance(problem, node, state, part).delta - origin
+
+        if node.delta <= origin or above(1e-9 * h) <= 0:
+            return h, last
+        part = float(brentq(above, 1e-9 * h, h, xtol=1e-18, rtol=1e-13))
+        return part, self.advance(problem, node, state, part)._replace(force=0.0)
+
+
+def _segment(times: Array, nodes: list[Node]) -> Segment:
+    q, v = np.array([n.q for n in nodes]), np.array([n.v for n in nodes])
+    mean = np.array([n.mean for n in nodes[1:]])
+    return Segment(
+        times,
+        np.array([n.force for n in nodes]),
+        np.array([n.delta for n in nodes]),
+        float(np.diff(times) @ mean),
+        lambda: (q, v),
+        True,
+    )
