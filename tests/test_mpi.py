@@ -30,7 +30,7 @@ def test_one_rank_that_raises_fails_all():
         MPI.COMM_WORLD.barrier()
     """
     with pytest.raises(AssertionError, match=r"(?s)ended with code .*only here"):
-        run_ranks(2, script)
+        run_ranks(2, script, timeout=30)
 
 
 def test_a_hang_is_ended():
