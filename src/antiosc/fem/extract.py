@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import logging
 import time
-from dataclasses import dataclass
-from typing import Any
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal, get_args
 
 import numpy as np
 
+from antiosc import band as bands
 from antiosc.checks import positive, whole
-from antiosc.errors import AccuracyError, InputError
+from antiosc.errors import AccuracyError, AccuracyWarning, InputError
 from antiosc.fem import compat
 from antiosc.fem.algebra import Array, dot, multiply
 from antiosc.fem.family import measure
+from antiosc.fem.krylov import CHUNK, by_krylov
 from antiosc.fem.modes import Modes, ModeSolver
 from antiosc.fem.site import Functional, Site, functional
-from antiosc.fem.static import StaticMode, static_mode
+from antiosc.fem.static import StaticMode, static_modes
 from antiosc.fem.structure import Structure
 from antiosc.model import AntiOscillators
 
@@ -25,6 +30,17 @@ UNSEEN = 1e-8
 REPEATED = 1e-6
 #: Limits of the self-check, relative: residual, M-orthogonality, constraint, mass balance.
 CHECK = 1e-6
+#: A Ritz pair with a smaller residual (of forces, relative) is an antiresonance: its frequency is
+#: then right to about the square of this.
+CONVERGED = 1e-3
+#: Anti-oscillators taken where the caller names no number, and the most that a band may take.
+DEFAULT, MOST = 20, 400
+#: Bytes of basis vectors that the sites worked on at once may fill.
+SLICE = 5e8
+
+Method = Literal["krylov", "modes"]
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -40,29 +56,43 @@ class _Oscillators:
 
 def extract(
     structure: Structure,
-    site: Site,
-    n: int = 20,
-    method: str = "modes",
+    site: Site | Sequence[Site],
+    n: int | None = None,
+    method: Method = "krylov",
     tol: float = UNSEEN,
-) -> AntiOscillators:
-    """The anti-oscillator model of a structure at a site.
+    *,
+    band: float | None = None,
+    accuracy: float = 1e-3,
+    shapes: bool = True,
+) -> Any:
+    """The anti-oscillator model of a structure at a site, or the models at several.
 
     Parameters
     ----------
     structure : Structure
-    site : Site
-    n : int
-        Anti-oscillators wanted: modes that carry mass at the site. Fewer come back where the
-        structure has fewer.
-    method : "modes"
-        SLEPc on the constrained eigenproblem, as in the article.
+    site : Site or sequence of Site
+        All sites share one factorization and are solved for together.
+    n : int, optional
+        Anti-oscillators wanted, 20 by default; with `band` the most that may be taken. Fewer come
+        back where the structure has fewer that carry mass at the site.
+    method : "krylov" or "modes"
+        "krylov": the best Z(ω) for n solves; the lower anti-oscillators (`info["converged"]` of
+        them) are antiresonances of the structure, the upper ones stand for all those above.
+        "modes": the n lowest antiresonances, by SLEPc, as in the article.
     tol : float
         Share of m_st below which a mode counts as massless at the site; its mass stays in m0.
+    band : float, optional
+        Highest circular frequency of interest, rad/s (see `impact_band`): as many
+        anti-oscillators are taken as bring the error of Z(ω) below it to `accuracy`.
+    accuracy : float
+        Largest |ΔZ|/|Z| over the band, at one per cent of damping; a bound, not an estimate.
+    shapes : bool
+        Keep the shapes that recover displacement fields, n + 1 vectors a site.
 
     Returns
     -------
-    AntiOscillators
-        With `shapes` for the recovery of fields and `info` on what was found and dropped.
+    AntiOscillators, or a list of them for a sequence of sites
+        With `info` on what was found, dropped and checked.
 
     Raises
     ------
@@ -73,47 +103,141 @@ def extract(
 
     Notes
     -----
-    Article (12), (15), (20), (23); with a rigid-body mode its section 3.3.
+    Article (12), (15), (20), (23); with a rigid-body mode its section 3.3. The method "krylov":
+    `antiosc.fem.krylov`.
     """
-    n = whole("n", n, least=0)
-    positive("tol", tol)
-    if method != "modes":
-        raise InputError(f"method must be 'modes'; got {method!r}.")
+    sites = [site] if isinstance(site, Site) else list(site)
+    wish = _wish(structure, n, method, tol, band, accuracy)
+    started = time.perf_counter()
+    places = [functional(structure, one) for one in sites]
+    factored = "factorization" in structure.seconds
+    structure.factorization  # noqa: B018  (timed on its own)
+    spent = time.perf_counter() - started
+    if not factored:
+        spent -= structure.seconds["factorization"]
+    models: list[AntiOscillators] = []
+    width = _together(structure, wish)
+    for first in range(0, len(places), width):
+        models += _extracted(structure, places[first : first + width], wish, shapes, spent)
+        if len(places) > width:
+            log.info("extracted %d of %d sites", len(models), len(places))
+    return models[0] if isinstance(site, Site) else models
+
+
+@dataclass(frozen=True)
+class _Wish:
+    """What the caller asked for, checked."""
+
+    n: int
+    method: Method
+    tol: float
+    band: float | None
+    accuracy: float
+
+
+def _wish(structure: Structure, n: Any, method: Any, tol: Any, band: Any, accuracy: Any) -> _Wish:
+    if method not in get_args(Method):
+        raise InputError(f"method must be 'krylov' or 'modes'; got {method!r}.")
+    if n is None:
+        n = min(DEFAULT if band is None else MOST, structure.dofs - 1)
+    n = whole("n", n, least=0 if band is None else 1)
     if n >= structure.dofs:
         raise InputError(
             f"n must be below the structure's {structure.dofs} dofs; got {n}: refine the mesh or "
             "ask for fewer anti-oscillators."
         )
+    if band is not None:
+        band = positive("band", band, "rad/s")
+    return _Wish(n, method, positive("tol", tol), band, positive("accuracy", accuracy))
+
+
+def _together(structure: Structure, wish: _Wish) -> int:
+    """Sites that are worked on at once: as many as share SLICE bytes of basis vectors."""
+    if wish.method == "modes":
+        return 1
+    columns = wish.n + 2 if wish.band is None else 2 * CHUNK
+    return max(1, int(SLICE / (16 * columns * structure.K.getSize()[0])))
+
+
+def _extracted(
+    structure: Structure, places: list[Functional], wish: _Wish, shapes: bool, spent: float
+) -> list[AntiOscillators]:
+    """The models of a few sites."""
     started = time.perf_counter()
-    where = functional(structure, site)
-    factored = "factorization" in structure.seconds
-    structure.factorization  # noqa: B018  (timed on its own)
-    located = time.perf_counter()
-    static = static_mode(structure, where)
-    modes, found = _observable(structure, where, static, n, tol)
-    worst = _check(structure, where, static, modes)
-    seconds = {
-        **structure.seconds,
-        "site": located - started - (0.0 if factored else structure.seconds["factorization"]),
-        "modes": time.perf_counter() - located,
-    }
-    return _model(structure, site, where, static, found, len(modes.omega), worst, seconds)
+    statics = static_modes(structure, places)
+    if wish.method == "krylov":
+        found = by_krylov(structure, places, statics, wish.n, wish.tol, wish.band, wish.accuracy)
+    else:
+        found = [_observable(structure, places[0], statics[0], wish)]
+    models: list[AntiOscillators] = []
+    for where, static, (modes, error) in zip(places, statics, found, strict=True):
+        oscillators = _oscillators(structure, static, modes, wish.tol)
+        worst = _check(structure, where, static, modes, wish.method)
+        seconds = {
+            **structure.seconds,
+            "site": spent,
+            "modes": (time.perf_counter() - started) / (len(models) + 1),
+        }
+        model = _model(
+            structure, where, static, _first(oscillators, wish.n), modes, worst, wish, seconds
+        )
+        if wish.band is not None and error is not None:
+            model.info["band"] = {"top": wish.band, "error_bound": error}
+            _tell(model, wish, error)
+        models.append(model if shapes else replace(model, shapes=None))
+    return models
+
+
+def _tell(model: AntiOscillators, wish: _Wish, error: float) -> None:
+    """Warn of a band that was not reached, or that holds nothing."""
+    assert wish.band is not None
+    if error > wish.accuracy:
+        warnings.warn(
+            f"{model.n} anti-oscillators know Z up to {wish.band:g} rad/s to {error:.1e}, not to "
+            f"the accuracy {wish.accuracy:g} asked: raise n or lower the band.",
+            AccuracyWarning,
+            stacklevel=4,
+        )
+    elif model.n and wish.band < model.omega[0]:
+        warnings.warn(
+            f"the band ends at {wish.band:g} rad/s, below the first antiresonance "
+            f"{model.omega[0]:g} rad/s: the model is little more than its static stiffness and "
+            "mass; raise the band if the impact is shorter than that.",
+            AccuracyWarning,
+            stacklevel=4,
+        )
 
 
 def _observable(
-    structure: Structure, where: Functional, static: StaticMode, n: int, tol: float
-) -> tuple[Modes, _Oscillators]:
-    """Constraint modes from below until `n` of them carry mass, or none is left that could."""
+    structure: Structure, where: Functional, static: StaticMode, wish: _Wish
+) -> tuple[Modes, float | None]:
+    """Constraint modes from below until n of them carry mass (or Z is known over the band)."""
     solver = ModeSolver(structure, where, static)
-    asked = n + 2 if n else 0
+    n = wish.n
+    asked = n + 2 if n and wish.band is None else min(n, DEFAULT)
     while True:
         modes = solver.lowest(asked)
-        found = _oscillators(structure, static, modes, tol)
-        held = float(found.m.sum())
-        enough = len(found.m) > n or static.mass - held <= tol * static.mass
-        if enough or modes.complete or asked >= solver.limit or n == 0:
-            return modes, _first(found, n)
+        found = _oscillators(structure, static, modes, wish.tol)
+        left = static.mass - float(found.m.sum())
+        error = None if wish.band is None else _left_out(static, found, left, wish.band)
+        enough = len(found.m) > n or left <= wish.tol * static.mass or modes.complete
+        if enough or asked >= solver.limit or n == 0:
+            return modes, error
+        if error is not None and error <= wish.accuracy:
+            return modes, error
         asked = min(solver.limit, len(modes.omega) + max(8, n // 2))
+
+
+def _left_out(static: StaticMode, found: _Oscillators, left: float, band: float) -> float:
+    """Bound on |ΔZ|/|Z| over the band when mass `left` hangs on poles above those found."""
+    poles = found.omega**2
+    lowest = bands.lowest_frequency(static.k0, static.mass, found.omega)
+    x = bands.samples(band, lowest) ** 2
+    hung = np.sum(found.m * poles / (poles - x[:, None]), axis=1)
+    stiffness = static.k0 - x * left - x * hung
+    top = poles[-1] if len(poles) else 0.0
+    nearest = np.where(x.real > top, x.imag, np.abs(top - x))
+    return float(np.max(np.abs(x) ** 2 * left / nearest / np.abs(stiffness)))
 
 
 def _oscillators(
@@ -145,12 +269,15 @@ def _first(found: _Oscillators, n: int) -> _Oscillators:
 
 
 def _check(
-    structure: Structure, where: Functional, static: StaticMode, modes: Modes
-) -> dict[str, float]:
-    """Measure the modes against what they must satisfy; AccuracyError beyond CHECK."""
+    structure: Structure, where: Functional, static: StaticMode, modes: Modes, method: Method
+) -> dict[str, Any]:
+    """Measure the modes against what they must satisfy; AccuracyError beyond CHECK.
+
+    Ritz pairs need no small residual, but are orthogonal through K as well as through M.
+    """
     comm, phi = structure.comm, modes.phi
     k_phi, m_phi = multiply(structure.K, phi), multiply(structure.M, phi)
-    # The constraint's reaction μ b balances K φ − ω²M φ at the site: φ_stᵀb = 1 gives μ.
+    # The constraint's reaction μ b balances K φ - ω²M φ at the site: φ_stᵀb = 1 gives μ.
     residual = k_phi - m_phi * modes.omega**2
     reaction = dot(comm, static.phi, residual)
     residual = residual - np.outer(where.b, reaction)
@@ -161,8 +288,14 @@ def _check(
     b_norm = np.sqrt(dot(comm, where.b, where.b))
     amplitudes = np.sqrt(comm.allreduce(np.einsum("ij,ij->j", phi, phi)))
     total = float(np.sum(dot(comm, phi, static.m_phi) ** 2))
+    if method == "krylov":
+        stiffness = dot(comm, phi, k_phi) - np.diag(modes.omega**2)
+        scale = np.sqrt(modes.omega**2 + structure.shift)
+        own = {"projection": float(np.abs(stiffness / np.outer(scale, scale)).max(initial=0.0))}
+    else:
+        own = {"residual": float(off.max(initial=0.0))}
     measured = {
-        "residual": float(off.max(initial=0.0)),
+        **own,
         "orthogonality": float(np.abs(gram - np.eye(len(gram))).max(initial=0.0)),
         "constraint": float(
             (np.abs(dot(comm, phi, where.b)) / (b_norm * amplitudes)).max(initial=0.0)
@@ -178,10 +311,10 @@ def _check(
     for name, value in measured.items():
         if not value <= CHECK:
             raise AccuracyError(
-                f"the constraint modes fail their own check: {name} {value:.1e}, limit {CHECK:.0e}; "
-                "the matrices may be ill-conditioned (very uneven elements or materials)."
+                f"the constraint modes fail their own check: {name} {value:.1e}, limit {CHECK:.0e};"
+                " the matrices may be ill-conditioned (very uneven elements or materials)."
             )
-    return measured
+    return {**measured, "converged": int(np.sum(off < CONVERGED))}
 
 
 def _compliance(static: StaticMode) -> float:
@@ -190,12 +323,12 @@ def _compliance(static: StaticMode) -> float:
 
 def _model(
     structure: Structure,
-    site: Site,
     where: Functional,
     static: StaticMode,
     found: _Oscillators,
-    computed: int,
-    checks: dict[str, float],
+    modes: Modes,
+    checks: dict[str, Any],
+    wish: _Wish,
     seconds: dict[str, float],
 ) -> AntiOscillators:
     m0 = static.mass - float(found.m.sum())
@@ -204,8 +337,9 @@ def _model(
     info: dict[str, Any] = {
         "structure": structure.describe(),
         "dofs": structure.dofs,
-        "method": "modes",
-        "modes_computed": computed,
+        "method": wish.method,
+        "modes_computed": len(modes.omega),
+        "converged": checks.pop("converged"),
         "modes_unseen": found.unseen,
         "modes_merged": found.merged,
         "rigid_modes": int(structure.rigid_modes.shape[1]),
@@ -221,7 +355,7 @@ def _model(
         m=found.m,
         omega=found.omega,
         local_compliance=where.local_compliance,
-        radius=site.radius,
+        radius=where.radius,
         participation=_participation(structure, where, static, found),
         shapes=np.column_stack([static.phi, found.psi]),
         info=info,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,9 +44,21 @@ def static_mode(structure: Structure, site: Functional) -> StaticMode:
     these carry no mass and drop out (Article, section 3.3). A body that can slide, but not
     along the impact, has a static mode; it is taken M-orthogonal to the sliding.
     """
-    comm, b = structure.comm, site.b
-    factor = structure.factorization
-    y = factor.solve_checked(b)
+    return static_modes(structure, [site])[0]
+
+
+def static_modes(structure: Structure, sites: Sequence[Functional]) -> list[StaticMode]:
+    """The same for several sites, from one block of right-hand sides."""
+    loads = np.column_stack([site.b for site in sites])
+    shapes = structure.factorization.solve_checked(loads)
+    return [
+        _static_mode(structure, b, y)
+        for b, y in zip(loads.T, np.asfortranarray(shapes).T, strict=True)
+    ]
+
+
+def _static_mode(structure: Structure, b: Array, y: Array) -> StaticMode:
+    comm, factor = structure.comm, structure.factorization
     bAb = float(dot(comm, b, y))
     R = structure.rigid_modes
     along = dot(comm, R, b)

@@ -1,0 +1,55 @@
+"""How well a model's driving-point stiffness Z is known over a band of frequencies.
+
+Z of an undamped model is infinite at its poles and zero at its zeros, where relative errors say
+nothing; so Z is compared at frequencies with one per cent of damping, ω(1 + 0.01 i).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from antiosc import checks
+
+#: damping ratio at which Z is evaluated
+DAMPING = 0.01
+#: the band is sampled from its top down to this share of the lowest frequency of the model
+START = 0.25
+
+Stiffness = Callable[[Any], NDArray[Any]]
+
+
+def samples(top: float, lowest: float) -> NDArray[np.complex128]:
+    """Damped circular frequencies up to `top` [rad/s], close enough to meet every peak of Z.
+
+    `lowest`: the first frequency [rad/s] at which Z does anything; below it Z is quasi-static.
+    """
+    start = START * min(top, lowest)
+    count = int(np.ceil(np.log(top / start) / DAMPING)) + 2
+    return np.geomspace(start, top, count) * (1 + 1j * DAMPING)
+
+
+def lowest_frequency(k0: float, m_st: float, omega: ArrayLike) -> float:
+    """Where Z begins to vary [rad/s]: the one-degree-of-freedom model's or the first pole."""
+    known = [float(w) for w in np.atleast_1d(np.asarray(omega, dtype=float))[:1]]
+    if k0 > 0:
+        known.append(float(np.sqrt(k0 / m_st)))
+    return min(known)
+
+
+def stiffness_error(Z: Stiffness, reference: Stiffness, band: float, lowest: float) -> float:
+    """Largest |Z - Z_ref|/|Z_ref| over the band up to `band` [rad/s], with one per cent damping.
+
+    Parameters
+    ----------
+    Z, reference : callable
+        Dynamic stiffness [N/m] of complex circular frequencies, as `model.dynamic_stiffness`.
+    band, lowest : float
+        Limits of the band [rad/s]; it is sampled down to a quarter of `lowest`.
+    """
+    at = samples(checks.positive("band", band, "rad/s"), checks.positive("lowest", lowest, "rad/s"))
+    exact = reference(at)
+    return float(np.max(np.abs(Z(at) - exact) / np.abs(exact)))
