@@ -30,6 +30,7 @@ from antiosc.impactor import Impactor
 from antiosc.integrators import (
     FIXED_STEP,
     IVP_METHODS,
+    MAX_STEPS,
     Integrator,
     Problem,
     SolveIVP,
@@ -41,7 +42,6 @@ from antiosc.modal import LinearBody, ModalBody
 Array = NDArray[np.float64]
 
 DEFAULT_TOL = 1e-3
-MAX_STEPS = 2_000_000
 _FIRST_STEPS = 24  # per estimated contact time, on the coarsest level
 _MAX_LEVELS = 24
 
@@ -118,11 +118,6 @@ def simulate(
             raise InputError(
                 f"step must be <= the duration {duration:g} s; got {step:g} s."
             )
-        if duration / step > max_steps and method not in IVP_METHODS:
-            raise InputError(
-                f"step {step:g} s makes {duration / step:.3g} steps, more than max_steps ="
-                f" {max_steps}; use a larger step or raise max_steps."
-            )
 
     def go(integrator: Integrator, fine: float) -> Trajectory:
         return run(problem, integrator, duration, fine, max_contacts)
@@ -136,16 +131,16 @@ def simulate(
         make = FIXED_STEP[method]
         if step is None:
             first = min(scale / _FIRST_STEPS, make.stable_step(problem))
-            if duration / first > max_steps:
+            if scale / first > max_steps:
                 raise InputError(
-                    f"{method} needs steps of {first:.3g} s here, {duration / first:.3g} of them,"
-                    f" more than max_steps = {max_steps}; use method='exact' or raise max_steps."
+                    f"{method} needs steps of {first:.3g} s here, {scale / first:.3g} of them in one"
+                    f" contact, more than max_steps = {max_steps}; use method='exact'."
                 )
             trajectory, step, error = _converge(
-                lambda h: go(make(h), h / 4), first, duration, accuracy, max_steps
+                lambda h: go(make(h, max_steps), h / 4), first, accuracy, max_steps, max_contacts
             )
         else:
-            trajectory = go(make(step), step / 4)
+            trajectory = go(make(step, max_steps), step / 4)
     else:
         names = ", ".join([*FIXED_STEP, *IVP_METHODS])
         raise InputError(f"method must be one of {names}; got {method!r}.")
@@ -290,26 +285,28 @@ def _mobility(body: ModalBody) -> float:
 
 
 def _converge(
-    go: Callable[[float], Trajectory], step: float, duration: float, tol: float, max_steps: int
+    go: Callable[[float], Trajectory],
+    step: float,
+    tol: float,
+    max_steps: int,
+    max_contacts: int,
 ) -> tuple[Trajectory, float, dict[str, float]]:
     """Halve the step until the force of two levels agrees; the finer one and its error."""
     coarse = go(step)
     before: float | None = None
     error = {"force": np.inf, "peak": np.inf}
     for _ in range(_MAX_LEVELS):
-        if duration / (step / 2) > max_steps or coarse.trouble:
+        if 2 * coarse.evaluations > max_steps or len(coarse.contacts) >= max_contacts:
             break
-        fine = go(step / 2)
         step /= 2
+        fine = go(step)
         l2, peak = force_difference(coarse, fine)
         # the ratio of successive differences tells how much of this one is left in the finer run
         rate = 1.0 if before is None or l2 == 0 else min(max(before / l2, 1.5), 4.0)
         left = 1.0 if before is None else 1 / (rate - 1)
         error = {"force": l2 * left, "peak": peak * left}
         coarse, before = fine, l2
-        if max(error.values()) <= tol:
-            break
-        if coarse.evaluations > max_steps:
+        if max(error.values()) <= tol and not fine.trouble:
             break
     return coarse, step, error
 

@@ -6,7 +6,7 @@ from antiosc.integrators.ivp import METHODS as IVP_METHODS
 from antiosc.integrators.ivp import SolveIVP
 from antiosc.integrators.leapfrog import Leapfrog
 from antiosc.integrators.newmark import Newmark
-from antiosc.integrators.problem import FixedStep, Integrator, Phase, Problem, Segment
+from antiosc.integrators.problem import MAX_STEPS, FixedStep, Integrator, Phase, Problem, Segment
 from antiosc.integrators.run import Contact, Trajectory, run
 
 #: fixed-step integrators by the name `simulate` takes
@@ -17,6 +17,7 @@ FIXED_STEP: dict[str, type[FixedStep]] = {
 __all__ = [
     "FIXED_STEP",
     "IVP_METHODS",
+    "MAX_STEPS",
     "Conserving",
     "Contact",
     "Exact",

@@ -20,7 +20,7 @@ from scipy.linalg import toeplitz
 from scipy.optimize import brentq
 
 from antiosc.contact import State
-from antiosc.integrators.problem import Phase, Problem, Segment
+from antiosc.integrators.problem import MAX_STEPS, Phase, Problem, Segment, too_many_steps
 
 Array = NDArray[np.float64]
 
@@ -38,8 +38,8 @@ class Exact:
     order = 2
     name = "exact"
 
-    def __init__(self, step: float) -> None:
-        self.step = step
+    def __init__(self, step: float, max_steps: int = MAX_STEPS) -> None:
+        self.step, self.max_steps = step, max_steps
         self._kernel = lru_cache(maxsize=16)(_Kernel)
 
     @staticmethod
@@ -51,11 +51,14 @@ class Exact:
     ) -> Phase:
         step = self.step
         phase = self._contact(problem, t, q, v, state, end, step)
+        work = phase.evaluations
         for _ in range(DEPTH):
             if not phase.released or phase.time - t > SHORT * step:
                 break
             step /= 8
             phase = self._contact(problem, t, q, v, state, end, step)
+            work += phase.evaluations
+        phase.evaluations = work
         return phase
 
     def _contact(
@@ -84,6 +87,9 @@ class Exact:
                 segments.append(_last(problem, t, q, v, force, float(delta[-1]), length, state))
                 q, v = _forced_one(problem, q, v, length, force, 0.0)
                 return Phase(segments, t + length, q, v, state, count, True)
+            if count > self.max_steps:
+                trouble = too_many_steps(t, self.max_steps)
+                return Phase(segments, t, q, v, state, count, False, trouble)
             if end - t <= 1e-12 * end:
                 return Phase(segments, end, q, v, state, count, False)
 

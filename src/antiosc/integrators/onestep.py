@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -10,13 +11,9 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from antiosc.contact import State
-from antiosc.integrators.problem import Phase, Problem, Segment
+from antiosc.integrators.problem import MAX_STEPS, Phase, Problem, Segment, too_many_steps
 
 Array = NDArray[np.float64]
-
-# A speed this many times the one at touch is not motion but growth.
-_GROWTH = 1e6
-
 
 class Node(NamedTuple):
     """State at the end of a step; `mean` is the force over the step that made the impulse."""
@@ -35,8 +32,8 @@ class OneStep(ABC):
     order: ClassVar[int]
     name: ClassVar[str]
 
-    def __init__(self, step: float) -> None:
-        self.step = step
+    def __init__(self, step: float, max_steps: int = MAX_STEPS) -> None:
+        self.step, self.max_steps = step, max_steps
 
     @abstractmethod
     def advance(self, problem: Problem, start: Node, state: State, h: float) -> Node:
@@ -53,18 +50,21 @@ class OneStep(ABC):
         law = problem.law
         node = Node(q, v, 0.0, problem.approach(q), float(problem.beta @ v), 0.0)
         nodes, times = [node], [t]
-        limit = _GROWTH**2 * float(v @ v + np.sum((problem.load * (end - t)) ** 2))
+        grown = _growth(problem, q, v)
         released, trouble = False, ""
         with np.errstate(over="ignore", invalid="ignore"):
             while end - t > 1e-12 * end and not released:
                 h = min(self.step, end - t)
                 new = self.advance(problem, node, state, h)
-                if not float(new.v @ new.v) <= limit:
+                if grown(new.q, new.v):
                     trouble = (
                         f"{self.name} diverged at {t:g} s with a step of {self.step:g} s"
                         f" (h omega_max = {self.step * problem.omega.max():.3g}); use a smaller"
                         f" step or method='exact'"
                     )
+                    break
+                if len(nodes) > self.max_steps:
+                    trouble = too_many_steps(t, self.max_steps)
                     break
                 if new.force == 0.0 and new.delta <= law.origin(state):
                     h, new = self._release(problem, node, state, h, new)
@@ -93,6 +93,22 @@ class OneStep(ABC):
             return h, last
         part = float(brentq(above, 1e-9 * h, h, xtol=1e-18, rtol=1e-13))
         return part, self.advance(problem, node, state, part)._replace(force=0.0)
+
+
+def _growth(problem: Problem, q: Array, v: Array) -> Callable[[Array, Array], bool]:
+    """Tells whether the bodies hold twice the energy they had at (q, v), which no contact gives."""
+    x, load = problem.propagator.square, problem.load
+
+    def mechanical(q: Array, v: Array) -> float:
+        return 0.5 * float(v @ v + (x * q) @ q)
+
+    start = mechanical(q, v)
+
+    def grown(q1: Array, v1: Array) -> bool:
+        fall = abs(float(load @ (q1 - q)))
+        return not mechanical(q1, v1) <= 2 * (start + fall)
+
+    return grown
 
 
 def _segment(times: Array, nodes: list[Node]) -> Segment:

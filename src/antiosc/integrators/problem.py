@@ -22,6 +22,8 @@ from antiosc.integrators.propagator import Propagator
 
 Array = NDArray[np.float64]
 
+MAX_STEPS = 1_000_000
+
 
 @dataclass(frozen=True, eq=False)
 class Problem:
@@ -116,6 +118,14 @@ class Phase:
     trouble: str = ""
 
 
+def too_many_steps(t: float, max_steps: int) -> str:
+    """The trouble of a contact that does not end."""
+    return (
+        f"stopped at {t:g} s: more than {max_steps} steps in one contact; shorten the duration,"
+        f" use a larger step or raise max_steps"
+    )
+
+
 class Integrator(Protocol):
     """Integrates one contact; free flight in between is exact and common to all (`run`)."""
 
@@ -132,9 +142,9 @@ class Integrator(Protocol):
 
 
 class FixedStep(Integrator, Protocol):
-    """An integrator made for one step [s]."""
+    """An integrator made for one step [s]; a contact of more than `max_steps` steps is trouble."""
 
-    def __init__(self, step: float) -> None: ...
+    def __init__(self, step: float, max_steps: int = MAX_STEPS) -> None: ...
 
     @staticmethod
     def stable_step(problem: Problem) -> float:

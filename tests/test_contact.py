@@ -1,0 +1,334 @@
+"""Contact laws: their contract, published formulas, and energy over closed cycles."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import trapezoid
+
+import antiosc as ao
+from antiosc.contact import restitution_of
+from scenes import HERTZ, rigid, thornton_restitution
+
+_X = np.linspace(0.0, 1e-4, 12)
+_UP = 1e9 * _X**1.4
+_XU = np.linspace(3e-5, 1e-4, 9)
+_DOWN = _UP[-1] * ((_XU - _XU[0]) / (_XU[-1] - _XU[0])) ** 1.8
+
+LAWS = {
+    "linear": ao.Linear(1e7),
+    "power": ao.Power(1e9, 2.2),
+    "hertz": ao.Hertz(1e9),
+    "hertz without patch": ao.Hertz(1e9, compliance=2e-8),
+    "hunt-crossley": ao.HuntCrossley(1e9, 0.6),
+    "lankarani-nikravesh": ao.LankaraniNikravesh(1e9, 0.6),
+    "flores": ao.Flores(1e9, 0.6),
+    "gonthier": ao.Gonthier(1e9, 0.6),
+    "thornton": ao.Thornton(1e9, 1e-5),
+    "stronge": ao.Stronge(1e9, 5e-7),
+    "stronge near yield": ao.Stronge(1e9, 6e-5),
+    "yang-sun": ao.YangSun(1e9, 1e-5),
+    "tan-sun": ao.TanSun(1e9, 1e-5, slope=0.3),
+    "table": ao.Tabulated(_X, _UP, (_XU, _DOWN)),
+    "elastic table": ao.Tabulated(_X, _UP),
+}
+laws = pytest.mark.parametrize("law", LAWS.values(), ids=LAWS.keys())
+
+
+@laws
+def test_energy_balance_over_cycles(law, rng):
+    """Work done = energy held + energy lost, along a random path with partings."""
+    state = law.touch(1.0)
+    delta, work, most = 0.0, 0.0, 0.0
+    for leg in range(12):
+        low = law.origin(state)
+        target = low if leg % 4 == 3 else rng.uniform(low, 1.4e-4)
+        path = np.linspace(delta, target, 3000)
+        force = np.empty(path.size)
+        for i, d in enumerate(path):
+            force[i] = law.force(d, 0.0, state)
+            state = law.advance(d, 0.0, state)
+        work += trapezoid(force, path)
+        delta, most = target, max(most, work)
+        assert work == pytest.approx(
+            law.energy(delta, state) + law.lost(state), rel=1e-5, abs=1e-5 * most
+        )
+        assert law.lost(state) >= -1e-12 * most
+        if leg % 4 == 3:
+            assert law.energy(delta, state) == pytest.approx(0.0, abs=1e-12 * most)
+            state = law.touch(1.0, state)
+
+
+@laws
+def test_force_rises_with_indentation_and_rate(law, rng):
+    states = [law.touch(1.0)]
+    deep = law.advance(9e-5, 0.0, states[0])
+    states += [deep, law.touch(0.5, deep)]
+    states.append(law.advance(7e-5, 0.0, states[-1]))
+    for state in states:
+        for rate in (-2.0, -0.3, 0.0, 1.0):
+            values = [law.force(d, rate, state) for d in np.linspace(-1e-5, 1.5e-4, 400)]
+            assert min(values) >= 0.0
+            assert np.all(np.diff(values) >= -1e-12 * max(values))
+            assert law.force(law.origin(state), rate, state) == 0.0
+        values = [law.force(5e-5, rate, state) for rate in np.linspace(-3, 3, 50)]
+        assert np.all(np.diff(values) >= 0.0)
+
+
+@laws
+def test_tangent_is_the_derivative(law, rng):
+    deep = law.advance(9e-5, 0.0, law.touch(1.0))
+    for state in (law.touch(1.0), deep, law.touch(1.0, deep)):
+        for delta in rng.uniform(1e-6, 1.3e-4, 12):
+            by_delta, by_rate = law.tangent(delta, 0.2, state)
+            h = 1e-6 * delta
+            slope = (law.force(delta + h, 0.2, state) - law.force(delta - h, 0.2, state)) / (2 * h)
+            assert by_delta == pytest.approx(slope, rel=2e-3, abs=1e-3)
+            slope = (law.force(delta, 0.201, state) - law.force(delta, 0.199, state)) / 0.002
+            assert by_rate == pytest.approx(slope, rel=1e-6, abs=1e-9)
+
+
+@laws
+def test_implicit_solution_fulfils_the_law(law, rng):
+    deep = law.advance(9e-5, 0.0, law.touch(1.0))
+    for state in (law.touch(1.0), deep, law.touch(1.0, deep)):
+        for delta in rng.uniform(1e-6, 1.3e-4, 12):
+            for alpha in (0.0, 1e-12, 1e-8, 1e-5, 1.0):
+                held = 1e3 * alpha
+                F = law.implicit(delta, alpha, 0.3, held, state, 7.0)
+                there = law.force(delta - alpha * F, 0.3 - held * F, state)
+                # F is known to rounding of the indentation
+                by_delta, by_rate = law.tangent(delta - alpha * F, 0.3 - held * F, state)
+                noise = 1e-13 * (by_delta * delta + by_rate * 0.3)
+                assert there == pytest.approx(F, rel=1e-9, abs=noise + 1e-12)
+        assert law.implicit(-1e-6, 1e-8, 0.3, 1e-5, state) == 0.0
+
+
+# -- published numbers
+
+
+@pytest.mark.parametrize("e", [0.02, 0.3, 0.6, 0.95, 1.0])
+def test_gonthier_returns_the_restitution_it_was_given(e):
+    hit = ao.simulate(rigid(0.5), ao.RigidMass(0.24, 1.3), ao.Gonthier(HERTZ, e), 2e-3, tol=1e-4)
+    assert hit.restitution == pytest.approx(e, rel=1e-3)
+
+
+@pytest.mark.parametrize("law", [ao.HuntCrossley, ao.LankaraniNikravesh, ao.Flores])
+@pytest.mark.parametrize("exponent", [1.0, 1.5])
+def test_damped_laws_obey_their_first_integral(law, exponent):
+    contact = law(1e8, 0.7, exponent=exponent)
+    hit = ao.simulate(rigid(0.5), ao.RigidMass(0.24, 1.3), contact, 1e-2, tol=1e-4)
+    assert hit.restitution == pytest.approx(restitution_of(contact.factor), rel=1e-4)
+
+
+def test_nearly_elastic_damped_laws_return_their_restitution():
+    """d -> 3 (1 - e)/2 is the exact limit; Flores has 8/5 in the place of 3/2."""
+    for law in (ao.HuntCrossley, ao.LankaraniNikravesh, ao.Gonthier):
+        assert restitution_of(law(1.0, 0.999).factor) == pytest.approx(0.999, abs=1e-5)
+    flores = restitution_of(ao.Flores(1.0, 0.999).factor)
+    assert 1 - flores == pytest.approx(1e-3 * 16 / 15, abs=1e-5)
+
+
+def test_thornton_restitution_is_the_published_formula():
+    mass = 0.24 * 0.5 / 0.74
+    for ratio in (0.1, 0.4, 0.9):
+        law = ao.Thornton(HERTZ, 3e-6)
+        yield_speed = np.sqrt(0.8 * HERTZ * 3e-6**2.5 / mass)
+        striker = ao.RigidMass(0.24, yield_speed / ratio)
+        hit = ao.simulate(rigid(0.5), striker, law, 5e-3, tol=1e-4)
+        assert hit.restitution == pytest.approx(thornton_restitution(ratio), rel=1e-4)
+        lost = hit.energy.dissipated[-1] / (0.5 * mass * striker.velocity**2)
+        assert lost == pytest.approx(1 - hit.restitution**2, rel=1e-3)
+
+
+def test_thornton_yield_from_material():
+    E_star, R, p = 1.1e11, 0.01, 1.5e9
+    law = ao.Thornton.from_material(E_star, R, p)
+    assert law.stiffness == pytest.approx(ao.Hertz.from_radii(R, E_star, 0.0).stiffness)
+    # the pressure cut-off: dF/d(area of contact) = p beyond yield, with area = pi R delta
+    delta = 5 * law.yield_indentation
+    assert law.loading_slope(delta) == pytest.approx(np.pi * R * p)
+
+
+def test_yang_sun_unloads_with_constant_rigidity():
+    """F = s (delta - delta_p)^(5/2) with s = k/critical whatever the depth."""
+    law = ao.YangSun(1e9, 1e-5)
+    for deepest in (2e-5, 1e-4):
+        state = law.advance(deepest, 0.0, law.touch(1.0))
+        delta = 0.9 * deepest
+        by_hand = 1e9 / 1e-5 * (delta - law.permanent(deepest)) ** 2.5
+        assert law.force(delta, 0.0, state) == pytest.approx(by_hand)
+
+
+def test_laminate_reloads_with_the_power_three_halves():
+    law = ao.TanSun(1e9, 1e-5, slope=0.3)
+    state = law.touch(1.0, law.advance(1e-4, 0.0, law.touch(1.0)))
+    low = law.permanent(1e-4)
+    share = (6e-5 - low) / (1e-4 - low)
+    assert law.force(6e-5, 0.0, state) == pytest.approx(1e9 * 1e-4**1.5 * share**1.5)
+
+
+def test_table_passes_through_its_points():
+    law = LAWS["table"]
+    fresh = law.touch(1.0)
+    assert [law.force(x, 0, fresh) for x in _X] == pytest.approx(_UP)
+    state = law.advance(_X[-1], 0.0, fresh)
+    assert [law.force(x, 0, state) for x in _XU] == pytest.approx(_DOWN)
+
+
+# -- Hertz's geometry
+
+
+def test_sphere_on_plane_and_sphere_on_sphere():
+    E, nu, R = 2.1e11, 0.3, 0.01
+    E_star = E / (1 - nu**2)
+    law = ao.Hertz.from_radii(R, E, nu)
+    assert law.stiffness == pytest.approx(4 / 3 * E_star * np.sqrt(R))
+    pair = ao.Hertz.from_radii(R, E, nu, R, E, nu)
+    assert pair.stiffness == pytest.approx(4 / 3 * (E_star / 2) * np.sqrt(R / 2))
+    cup = ao.Hertz.from_radii(R, E, nu, -3 * R)
+    assert cup.stiffness == pytest.approx(4 / 3 * E_star * np.sqrt(1.5 * R))
+
+
+def test_equal_crossed_cylinders_are_a_sphere():
+    law = ao.Hertz.from_radii((0.01, np.inf), 2e11, 0.3, (0.01, np.inf), 2e11, 0.3, angle=90)
+    ball = ao.Hertz.from_radii(0.01, 2e11, 0.3, np.inf, 2e11, 0.3)
+    assert law.stiffness == pytest.approx(ball.stiffness)
+
+
+def test_ellipse_against_the_integral():
+    """delta and the curvatures from the potential of Hertz's pressure, by direct quadrature.
+
+    With semi-axes a, b and the peak pressure p0: A, B and delta are p0 a b/(2 E*) times integrals
+    of ds/sqrt((a^2 + s)(b^2 + s) s) with weights 1/(a^2 + s), 1/(b^2 + s), 1.
+    """
+    from scipy.integrate import quad
+
+    a, b, p0, E_star = 3e-4, 1e-4, 1e9, 1e11
+
+    def integral(weight):
+        # s = (u/(1-u))^2 takes the root singularity and the infinite range away
+        def f(u):
+            s = a * b * (u / (1 - u)) ** 2
+            ds = 2 * a * b * u / (1 - u) ** 3
+            return weight(s) * ds / np.sqrt((a * a + s) * (b * b + s) * s)
+
+        return p0 * a * b / (2 * E_star) * quad(f, 0, 1, epsrel=1e-11)[0]
+
+    A = integral(lambda s: 1 / (a * a + s))
+    B = integral(lambda s: 1 / (b * b + s))
+    delta = integral(lambda s: 1.0)
+    force = 2 / 3 * np.pi * p0 * a * b
+    law = ao.Hertz.from_radii((1 / (2 * A), 1 / (2 * B)), E_star, 0.0)
+    assert law.force(delta, 0.0, ()) == pytest.approx(force, rel=1e-8)
+
+
+def test_angle_between_the_principal_planes():
+    one = ao.Hertz.from_radii((0.01, 0.03), 2e11, 0.3, (0.02, np.inf), angle=0)
+    other = ao.Hertz.from_radii((0.01, 0.03), 2e11, 0.3, (np.inf, 0.02), angle=90)
+    assert one.stiffness == pytest.approx(other.stiffness)
+    between = ao.Hertz.from_radii((0.01, 0.03), 2e11, 0.3, (0.02, np.inf), angle=45)
+    assert between.stiffness != pytest.approx(one.stiffness, rel=1e-4)
+
+
+# -- the patch's compliance
+
+
+def test_compliance_taken_out_of_hertz():
+    k, c = 1e9, 2e-8
+    law = ao.Hertz(k, compliance=c)
+    F = 0.5 * law.valid_force
+    assert law.force((F / k) ** (2 / 3) - c * F, 0.0, ()) == pytest.approx(F)
+    limit = (2 / (3 * c)) ** 3 / k**2
+    assert law.valid_force == pytest.approx(0.343 * limit)
+
+
+def test_hertz_without_patch_on_a_spring_is_hertz_on_the_stiffer_spring():
+    """Compliance c in the structure and out of the contact: the same as in neither."""
+    k, c, stiff = 1e9, 2e-8, 1e7
+    soft = 1 / (1 / stiff + c)
+    with_patch = ao.AntiOscillators(m0=0, k0=soft, m=[], omega=[], local_compliance=c, radius=1e-3)
+    without = ao.AntiOscillators(m0=0, k0=stiff, m=[], omega=[])
+    striker = ao.RigidMass(0.01, 0.2)
+    a = ao.simulate(with_patch, striker, ao.Hertz(k), 2e-3, tol=1e-5)
+    b = ao.simulate(without, striker, ao.Hertz(k), 2e-3, tol=1e-5)
+    assert a.peak_force == pytest.approx(b.peak_force, rel=1e-4)
+    assert a.contact_time == pytest.approx(b.contact_time, rel=1e-4)
+    assert "taken out" in a.message
+    twice = ao.simulate(with_patch, striker, ao.Power(k, 1.5), 2e-3)
+    assert twice.peak_force < 0.98 * a.peak_force
+    assert "stays in" in twice.message
+
+
+def test_patch_too_small_for_the_force():
+    model = ao.AntiOscillators(
+        m0=0.1, k0=1e6, m=[], omega=[], local_compliance=2e-8, radius=1e-3
+    )
+    with pytest.raises(ao.AccuracyError, match=r"site radius of at least .* \(now 0.001 m\)"):
+        ao.simulate(model, ao.RigidMass(1.0, 30.0), ao.Hertz(1e9), 1e-2)
+
+
+def test_radius_named_in_the_error_is_enough():
+    c, radius = 2e-8, 1e-3
+    for _ in range(2):
+        model = ao.AntiOscillators(
+            m0=0.1, k0=1e7, m=[], omega=[], local_compliance=c, radius=radius
+        )
+        try:
+            ao.simulate(model, ao.RigidMass(1.0, 10.0), ao.Hertz(1e9), 1e-2)
+            break
+        except ao.AccuracyError as error:
+            better = float(str(error).split("at least ")[1].split(" m")[0])
+            c, radius = c * radius / better, better
+    else:
+        pytest.fail("the radius that the message named was still too small")
+
+
+def test_force_beyond_the_table():
+    with pytest.raises(ao.AccuracyError, match="last point"):
+        ao.simulate(rigid(1.0), ao.RigidMass(1.0, 30.0), LAWS["table"], 1e-2)
+
+
+# -- input
+
+
+@pytest.mark.parametrize(
+    ("make", "says"),
+    [
+        (lambda: ao.Linear(0.0), "stiffness must be > 0"),
+        (lambda: ao.Hertz(np.inf), "stiffness must be finite"),
+        (lambda: ao.Hertz(-1.0), "stiffness must be > 0"),
+        (lambda: ao.Hertz(1.0, compliance=-1.0), "compliance must be >= 0"),
+        (lambda: ao.Power(1.0, 0.5), "exponent must lie in"),
+        (lambda: ao.HuntCrossley(1.0, 1.1), r"0 < e <= 1; got 1.1"),
+        (lambda: ao.Flores(1.0, 0.0), r"0 < e <= 1; got 0"),
+        (lambda: ao.Gonthier(1.0, 0.5, exponent=0.0), "exponent must lie in"),
+        (lambda: ao.Thornton(1.0, 0.0), "yield_indentation must be > 0"),
+        (lambda: ao.Stronge(1.0, np.nan), "yield_indentation must be finite"),
+        (lambda: ao.YangSun(1.0, -1.0), "critical must be > 0"),
+        (lambda: ao.TanSun(1.0, 1.0, slope=1.0), "slope must lie in"),
+        (lambda: ao.Hertz.from_radii(0.0, 1.0, 0.3), "non-zero radii"),
+        (lambda: ao.Hertz.from_radii((1.0, np.inf), 1.0, 0.3), "must part in every direction"),
+        (lambda: ao.Hertz.from_radii(1.0, 1.0, 0.3, -1.0), "must part in every direction"),
+        (lambda: ao.Hertz.from_radii((1.0, 2.0, 3.0), 1.0, 0.3), "a pair of principal radii"),
+        (lambda: ao.Hertz.from_radii(1.0, 1.0, 0.5), "nu must lie in"),
+        (lambda: ao.Tabulated([0, 1, 1], [0, 1, 2]), "indentation of the loading curve must incr"),
+        (lambda: ao.Tabulated([0, 1, 2], [0, 2, 1]), "force of the loading curve must increase"),
+        (lambda: ao.Tabulated([1, 2], [0, 1]), r"must start at \(0, 0\)"),
+        (lambda: ao.Tabulated([0, 1], [0, 1, 2]), "must have shape"),
+        (lambda: ao.Tabulated([0], [0]), "at least 2 points"),
+        (
+            lambda: ao.Tabulated([0, 1, 2], [0, 1, 2], ([0.5, 1.2, 2], [0, 1.5, 1.2])),
+            "force of the unloading curve must increase",
+        ),
+        (lambda: ao.Tabulated([0, 1, 2], [0, 1, 2], ([0.5, 1], [0, 1])), "unloading curve must run"),
+        (
+            lambda: ao.Tabulated([0, 1, 2], [0, 0.1, 2], ([0.1, 0.2, 2], [0, 1.9, 2])),
+            "must lie below",
+        ),
+        (lambda: restitution_of(-1.0), "d must be >= 0"),
+    ],
+)
+def test_bad_law(make, says):
+    with pytest.raises(ao.InputError, match=says):
+        make()

@@ -1,0 +1,139 @@
+"""What a history says: nodes, motion at any time, numbers, and its own consistency."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import antiosc as ao
+from scenes import HERTZ, case_two, random_model, rigid
+
+
+@pytest.fixture(scope="module")
+def hit() -> ao.History:
+    model, striker = case_two(9)
+    return ao.simulate(model, striker, ao.Hertz(HERTZ), 8e-3)
+
+
+def test_nodes_are_in_order(hit):
+    assert hit.time[0] == 0.0
+    assert hit.time[-1] == pytest.approx(8e-3)
+    assert np.all(np.diff(hit.time) > 0)
+    for name in ("force", "indentation", "displacement", "impactor_displacement", "velocity"):
+        assert getattr(hit, name).shape == hit.time.shape
+
+
+def test_indentation_is_the_difference_of_the_displacements(hit):
+    gap = hit.impactor_displacement - hit.displacement
+    assert hit.indentation == pytest.approx(gap, abs=1e-12 * np.abs(gap).max())
+
+
+def test_force_is_the_law_at_the_indentation(hit):
+    F = HERTZ * np.clip(hit.indentation, 0, None) ** 1.5
+    assert hit.force == pytest.approx(F, abs=1e-9 * F.max())
+    touching = np.zeros(hit.time.size, dtype=bool)
+    for start, end in hit.contacts:
+        touching |= (hit.time > start * (1 + 1e-12)) & (hit.time < end * (1 - 1e-12))
+    assert np.all(hit.force[touching] > 0)
+    assert np.all(hit.force[~touching] <= 1e-9 * hit.peak_force)
+
+
+def test_motion_between_nodes_obeys_the_equations(hit):
+    """m_i lambda_i'' = -k_i (lambda_i - lambda_0), by central differences of the coordinates."""
+    model, d = hit.model, 2e-7
+    for t in (3.3e-4, 1.1e-3, 5e-3):
+        before, now, after = hit.coordinates([t - d, t, t + d])
+        acceleration = (before - 2 * now + after) / d**2
+        pull = -(model.omega**2) * (now[1:] - now[0])
+        assert acceleration[1:] == pytest.approx(pull, abs=2e-4 * np.abs(pull).max())
+
+
+def test_coordinates_hold_the_site_first(hit):
+    lam = hit.coordinates(hit.time)
+    assert lam.shape == (hit.time.size, 10)
+    assert lam[:, 0] == pytest.approx(hit.displacement, abs=1e-15)
+    assert hit.coordinates(1e-3).shape == (10,)
+
+
+def test_massless_site_has_its_static_share():
+    """With m0 = 0 the site follows k0 l0 + sum k_i (l0 - l_i) = F at every time."""
+    rng = np.random.default_rng(0)
+    base = random_model(rng, 4)
+    model = ao.AntiOscillators(m0=0.0, k0=base.k0, m=base.m, omega=base.omega)
+    run = ao.simulate(model, ao.RigidMass(0.1, 1.0), ao.Hertz(1e8), 1e-3)
+    lam = run.coordinates(run.time)
+    held = model.k0 * lam[:, 0] + np.sum(model.k * (lam[:, :1] - lam[:, 1:]), axis=1)
+    assert held == pytest.approx(run.force, abs=1e-9 * run.peak_force)
+
+
+def test_field_is_the_model_s(hit):
+    model, striker = case_two(3)
+    shapes = np.random.default_rng(0).standard_normal((5, 4))
+    with_shapes = ao.AntiOscillators(model.m0, model.k0, model.m, model.omega, shapes=shapes)
+    run = ao.simulate(with_shapes, striker, ao.Hertz(HERTZ), 1e-3)
+    assert run.field(5e-4) == pytest.approx(with_shapes.field(run.coordinates(5e-4)))
+    assert run.field([1e-4, 5e-4]).shape == (2, 5)
+    with pytest.raises(ao.InputError, match="carries no shapes"):
+        hit.field(1e-3)
+
+
+def test_field_of_a_body_without_one():
+    class Body:
+        def modal(self):
+            return ao.ModalBody([0.0], [1.0])
+
+    run = ao.simulate(Body(), ao.RigidMass(1.0, 1.0), ao.Hertz(1e9), 1e-3)
+    with pytest.raises(ao.InputError, match="Body has no displacement field"):
+        run.field(1e-4)
+
+
+def test_time_outside_the_run(hit):
+    for t in (-1e-6, 9e-3, np.nan):
+        with pytest.raises(ao.InputError, match="t must"):
+            hit.coordinates(t)
+
+
+def test_energy_parts(hit):
+    energy = hit.energy
+    start = 0.5 * 0.24 * 0.01**2
+    assert energy.kinetic[0] == pytest.approx(start)
+    assert energy.total[0] == pytest.approx(start)
+    assert energy.drift < 1e-3
+    deepest = int(np.argmax(hit.indentation))
+    contact = 0.4 * HERTZ * hit.indentation[deepest] ** 2.5
+    assert energy.contact[deepest] == pytest.approx(contact)
+    assert np.all(energy.dissipated == 0)
+
+
+def test_contact_time_holds_the_sub_impacts_together(hit):
+    (first, _), *_, (_, last) = hit.contacts[:2]
+    assert len(hit.contacts) >= 2
+    assert hit.contact_time >= last - first
+
+
+def test_later_impact_is_another_one():
+    """A ball that falls back after a long flight: the main impact is the first."""
+    body = ao.AntiOscillators(m0=1e9, k0=0, m=[], omega=[])
+    run = ao.simulate(
+        body, ao.Obstacle(), ao.Hertz(1e9), 1e-3, initial_velocity=0.0
+    )
+    assert run.contact_time == 0.0
+    ground = ao.AntiOscillators(m0=0.0, k0=1e9, m=[], omega=[])
+    ball = ao.simulate(
+        ground, ao.RigidMass(0.1), ao.HuntCrossley(1e9, 0.7), 0.3, gravity=9.81, gap=0.01
+    )
+    assert len(ball.contacts) >= 3
+    start, end = ball.contacts[0]
+    assert ball.contact_time == pytest.approx(end - start)
+
+
+def test_restitution_is_unknown_while_in_contact():
+    run = ao.simulate(rigid(1.0), ao.RigidMass(1.0, 1.0), ao.Hertz(1e9), 1e-5)
+    assert run.restitution is None
+
+
+def test_summary_names_what_matters(hit):
+    text = hit.summary()
+    for word in ("peak force", "impulse", "contacts", "contact time", "restitution", "drift"):
+        assert word in text
+    assert f"{hit.peak_force:.6g} N" in text
