@@ -16,6 +16,7 @@ except ImportError as error:
 from antiosc.fem.beam import Beam, Section
 from antiosc.fem.extract import extract
 from antiosc.fem.fields import probe, write_series
+from antiosc.fem.full import NaturalModes, full, superposition
 from antiosc.fem.mesh import Mesh, read_mesh
 from antiosc.fem.site import Site
 from antiosc.fem.solid import Solid
@@ -24,13 +25,16 @@ from antiosc.fem.structure import Structure, Support
 __all__ = [
     "Beam",
     "Mesh",
+    "NaturalModes",
     "Section",
     "Site",
     "Solid",
     "Structure",
     "Support",
     "extract",
+    "full",
     "probe",
     "read_mesh",
+    "superposition",
     "write_series",
 ]
