@@ -32,8 +32,8 @@ def direct(K: np.ndarray, M: np.ndarray, b: np.ndarray, omega: np.ndarray) -> np
     return np.array([1 / (b @ np.linalg.solve(K - w**2 * M, b)) for w in omega])
 
 
-def block(n: int = 6, fix: str | list[str] = "all") -> ao.Structure:
-    """A clamped steel block of hexahedra, as a structure."""
+def block(n: int = 6, fix: str | list[str] = "all", *, supported: bool = True) -> ao.Structure:
+    """A steel block, held at one end: hexahedra."""
     from dolfinx.mesh import CellType, create_box
     from mpi4py import MPI
 
@@ -44,7 +44,9 @@ def block(n: int = 6, fix: str | list[str] = "all") -> ao.Structure:
         CellType.hexahedron,
     )
     clamp = ao.Support(lambda x: np.isclose(x[0], 0), fix)
-    return ao.Structure(ao.read_mesh(mesh), ao.Solid(E=210e9, nu=0.3, rho=7850), supports=[clamp])
+    return ao.Structure(
+        ao.read_mesh(mesh), ao.Solid(E=210e9, nu=0.3, rho=7850), supports=[clamp] * supported
+    )
 
 
 @pytest.fixture(scope="module")
@@ -82,6 +84,13 @@ def test_all_steps_give_the_structure(fixed, rng):
     omega = samples(np.sqrt(scipy.linalg.eigvalsh(K, M)[-1]), 50.0)[::7]
     np.testing.assert_allclose(model.dynamic_stiffness(omega), direct(K, M, b, omega), rtol=1e-8)
     assert (model.k0 == 0) == (not fixed)
+
+
+def test_rigid_body_modes_cost_no_step():
+    free = block(3, supported=False)
+    model = ao.extract(free, ao.Site(vector=_push(free, (1.0, 0.4, -0.3))), n=20)
+    assert model.k0 == 0
+    assert model.info["modes_computed"] == model.n == 20
 
 
 def test_a_body_that_slides_across_the_impact():

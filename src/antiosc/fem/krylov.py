@@ -64,13 +64,14 @@ class Lanczos:
             scale = np.sqrt(self._shift)  # RᵀAR = s
             self._V[:, : self._locked] = static.still / scale
             self._F[:, : self._locked] = scale * multiply(self._M, static.still)
-        self.load = self._constrained(static.m_phi)
+        self.load = static.m_phi
 
     def advance(self, w: Array) -> None:
         """Take w = A⁻¹ load as the next basis vector and make the next load of it."""
         k = self._locked + self.steps
-        V, F, f = self._V[:, :k], self._F[:, :k], self.load
-        before = float(dot(self._comm, w, f))
+        V, F = self._V[:, :k], self._F[:, :k]
+        w = self._pinned(w)
+        before = float(dot(self._comm, w, self.load))
         w = self._pinned(w - V @ dot(self._comm, F, w))
         # f = A w afresh: carried along, f and w would part by a constant factor each step.
         f = multiply(self._A, w)
@@ -98,7 +99,7 @@ class Lanczos:
         H = np.zeros((self.steps + 1, self.steps + 1))
         H[:-1, :-1] = self._H
         H[:, -1] = H[-1, :] = column
-        self._H, self.load = H, self._constrained(m_v)
+        self._H, self.load = H, m_v
         self.steps += 1
 
     def release(self) -> None:
@@ -108,11 +109,6 @@ class Lanczos:
     def _pinned(self, w: Array) -> Array:
         """w - y (bᵀw)/(bᵀy), which vanishes at the site."""
         return np.asarray(w - self._static.y * (dot(self._comm, self._b, w) / self._static.bAb))
-
-    def _constrained(self, r: Array) -> Array:
-        """r - b (yᵀr)/(bᵀy): the load whose response vanishes at the site."""
-        gamma = dot(self._comm, self._static.y, r) / self._static.bAb
-        return np.asarray(r - gamma * self._b)
 
     def _ritz(self, n: int) -> tuple[Array, Array]:
         """Eigenvalues θ = 1/(ω² + s), ω ascending, and eigenvectors of the first n steps."""
