@@ -261,9 +261,7 @@ def test_hertz_without_patch_on_a_spring_is_hertz_on_the_stiffer_spring():
 
 
 def test_patch_too_small_for_the_force():
-    model = ao.AntiOscillators(
-        m0=0.1, k0=1e6, m=[], omega=[], local_compliance=2e-8, radius=1e-3
-    )
+    model = ao.AntiOscillators(m0=0.1, k0=1e6, m=[], omega=[], local_compliance=2e-8, radius=1e-3)
     with pytest.raises(ao.AccuracyError, match=r"site radius of at least .* \(now 0.001 m\)"):
         ao.simulate(model, ao.RigidMass(1.0, 30.0), ao.Hertz(1e9), 1e-2)
 
@@ -321,7 +319,10 @@ def test_force_beyond_the_table():
             lambda: ao.Tabulated([0, 1, 2], [0, 1, 2], ([0.5, 1.2, 2], [0, 1.5, 1.2])),
             "force of the unloading curve must increase",
         ),
-        (lambda: ao.Tabulated([0, 1, 2], [0, 1, 2], ([0.5, 1], [0, 1])), "unloading curve must run"),
+        (
+            lambda: ao.Tabulated([0, 1, 2], [0, 1, 2], ([0.5, 1], [0, 1])),
+            "unloading curve must run",
+        ),
         (
             lambda: ao.Tabulated([0, 1, 2], [0, 0.1, 2], ([0.1, 0.2, 2], [0, 1.9, 2])),
             "must lie below",

@@ -114,9 +114,7 @@ def test_contact_time_holds_the_sub_impacts_together(hit):
 def test_later_impact_is_another_one():
     """A ball that falls back after a long flight: the main impact is the first."""
     body = ao.AntiOscillators(m0=1e9, k0=0, m=[], omega=[])
-    run = ao.simulate(
-        body, ao.Obstacle(), ao.Hertz(1e9), 1e-3, initial_velocity=0.0
-    )
+    run = ao.simulate(body, ao.Obstacle(), ao.Hertz(1e9), 1e-3, initial_velocity=0.0)
     assert run.contact_time == 0.0
     ground = ao.AntiOscillators(m0=0.0, k0=1e9, m=[], omega=[])
     ball = ao.simulate(

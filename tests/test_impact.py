@@ -232,7 +232,7 @@ class TestGravity:
         assert hit.displacement[-1] == pytest.approx(0.5 * 9.81 * 0.1**2)
 
     def test_rest_under_gravity_carries_the_weight(self):
-        """Laid down without speed: the force swings about the weight, and its mean is the weight."""
+        """Laid down without speed: the force swings about the weight, which is its mean."""
         m, k = 0.5, 1e6
         ground = ao.AntiOscillators(m0=0.0, k0=1e9, m=[], omega=[])
         series = 1 / (1 / k + 1e-9)

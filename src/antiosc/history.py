@@ -171,9 +171,7 @@ class History:
         q, v = self._modal_states
         p = self.problem
         stored, lost = self._contact_energy
-        braked = cumulative_trapezoid(
-            np.sum(2 * p.decay * v**2, axis=1), self.time, initial=0.0
-        )
+        braked = cumulative_trapezoid(np.sum(2 * p.decay * v**2, axis=1), self.time, initial=0.0)
         return Energy(
             kinetic=0.5 * np.sum(v**2, axis=1),
             strain=0.5 * np.sum((p.omega * q) ** 2, axis=1) + 0.5 * p.r * self.force**2,

@@ -26,7 +26,6 @@ from antiosc import checks
 from antiosc.contact import ContactLaw, Hertz
 from antiosc.errors import AccuracyError, AccuracyWarning, InputError
 from antiosc.history import History, force_difference
-from antiosc.impactor import Impactor
 from antiosc.integrators import (
     FIXED_STEP,
     IVP_METHODS,
@@ -115,9 +114,7 @@ def simulate(
     if step is not None:
         step = checks.positive("step", step, "s")
         if step > duration:
-            raise InputError(
-                f"step must be <= the duration {duration:g} s; got {step:g} s."
-            )
+            raise InputError(f"step must be <= the duration {duration:g} s; got {step:g} s.")
 
     def go(integrator: Integrator, fine: float) -> Trajectory:
         return run(problem, integrator, duration, fine, max_contacts)
@@ -133,7 +130,7 @@ def simulate(
             first = min(scale / _FIRST_STEPS, make.stable_step(problem))
             if scale / first > max_steps:
                 raise InputError(
-                    f"{method} needs steps of {first:.3g} s here, {scale / first:.3g} of them in one"
+                    f"{method} needs steps of {first:.3g} s, {scale / first:.3g} of them in one"
                     f" contact, more than max_steps = {max_steps}; use method='exact'."
                 )
             trajectory, step, error = _converge(
@@ -194,8 +191,10 @@ def assemble(
         decay=np.concatenate(decays),
         beta=np.concatenate((-structure.b, striker.b)),
         r=structure.r + striker.r,
-        load=gravity * np.concatenate((_weight("structure", structure, gravity),
-                                       _weight("impactor", striker, gravity))),
+        load=gravity
+        * np.concatenate(
+            (_weight("structure", structure, gravity), _weight("impactor", striker, gravity))
+        ),
         gap=own_gap if gap is None else checks.nonnegative("gap", gap, "m"),
         q=np.zeros(size),
         v=np.concatenate((structure.rigid_motion(away), striker.rigid_motion(speed))),
@@ -311,9 +310,7 @@ def _converge(
     return coarse, step, error
 
 
-def _verdict(
-    trajectory: Trajectory, error: dict[str, float], tol: float
-) -> tuple[int, str]:
+def _verdict(trajectory: Trajectory, error: dict[str, float], tol: float) -> tuple[int, str]:
     if trajectory.trouble:
         return 2, trajectory.trouble[0].upper() + trajectory.trouble[1:] + "."
     worst = max(error.values(), default=0.0)

@@ -119,5 +119,6 @@ class Impactor:
 
 def _rigid(mass: float) -> ModalBody:
     root = sqrt(mass)
-    return ModalBody(np.zeros(1), np.array([1 / root]), weight=np.array([root]),
-                     shape=np.array([[1 / root]]))
+    return ModalBody(
+        np.zeros(1), np.array([1 / root]), weight=np.array([root]), shape=np.array([[1 / root]])
+    )

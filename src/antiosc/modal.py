@@ -116,7 +116,7 @@ class ModalBody:
         return np.asarray(np.sum(self.b**2 / (self.omega**2 - w**2 + loss), axis=-1) + self.r + 0j)
 
     def rigid_motion(self, velocity: float) -> Array:
-        """Modal velocities (J,) of the rigid-body motion that moves the contact point at `velocity`.
+        """Modal velocities (J,) of the rigid-body motion with this velocity of the contact point.
 
         Of several rigid-body modes the combination with least kinetic energy is taken, that is
         the article's phi_CR. InputError if no rigid-body mode moves the contact point.

@@ -1,9 +1,9 @@
 """The anti-oscillator model of a structure: N one-degree-of-freedom systems on a residual one.
 
-    F -> [m0] lambda_0 --k1-- [m1] lambda_1        Article Fig. 1: the contact force F acts on the
-          |   \\---k2-- [m2] lambda_2               residual mass m0, whose displacement lambda_0 is
-          k0    ...                                 that of the impact site; mass m_i hangs on m0 by
-        ground  \\--kN-- [mN] lambda_N               k_i = omega_i^2 m_i.
+F -> [m0] lambda_0 --k1-- [m1] lambda_1        Article Fig. 1: the contact force F acts on the
+      |   \\---k2-- [m2] lambda_2               residual mass m0, whose displacement lambda_0 is
+      k0    ...                                 that of the impact site; mass m_i hangs on m0 by
+    ground  \\--kN-- [mN] lambda_N               k_i = omega_i^2 m_i.
 """
 
 from __future__ import annotations
@@ -182,7 +182,7 @@ class AntiOscillators:
         )
 
     def field(self, coordinates: ArrayLike) -> NDArray[np.float64]:
-        """Nodal displacements of Article eq. (8) for lambda of shape (..., N + 1): (..., n_dofs)."""
+        """Nodal displacements (..., n_dofs) of Article eq. (8) for lambda (..., N + 1)."""
         if self.shapes is None:
             raise InputError(
                 "this model carries no shapes (model files do not store them);"
@@ -201,7 +201,8 @@ class AntiOscillators:
         massless = self.m0 <= _MASSLESS * self.m_st
         # equal frequencies share one motion as seen from the site
         poles, group = np.unique(self.omega**2, return_inverse=True)
-        mass = np.bincount(group.ravel(), weights=self.m, minlength=poles.size)
+        mass = np.zeros(poles.size)
+        np.add.at(mass, group.ravel(), self.m)
         x, shape = arrow_modes(self.k0, 0.0 if massless else self.m0, mass, poles)
         shape = shape[np.concatenate(([0], 1 + group.ravel()))]
         residual = np.zeros(self.n + 1)
@@ -300,7 +301,7 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         raise InputError(f"{path} has format {header.get('format')!r}, expected {FORMAT!r}.")
     if header["version"] > VERSION:
         raise InputError(
-            f"{path} has version {header['version']}; this antiosc reads up to {VERSION}: update it."
+            f"{path} has version {header['version']}; this antiosc reads up to {VERSION}."
         )
     missing = {"m0", "k0", "m", "omega"} - arrays.keys()
     if missing:

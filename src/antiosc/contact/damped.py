@@ -9,7 +9,7 @@ between d and the ratio e' of parting and closing speed, whatever k, n and the m
 from __future__ import annotations
 
 from abc import abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import log1p
 from typing import ClassVar
 
@@ -41,6 +41,7 @@ class _Damped(ContactLaw):
     stiffness: float
     restitution: float
     exponent: float = 1.5
+    factor: float = field(init=False, repr=False, compare=False)
 
     rate_dependent: ClassVar[bool] = True
 
@@ -64,7 +65,7 @@ class _Damped(ContactLaw):
     def touch(self, speed: float, state: State | None = None) -> State:
         fastest = max(speed, 0.0 if state is None else state[1])
         v0 = max(speed, _SLOWEST * fastest)
-        return (self.factor / v0 if v0 > 0 else 0.0, fastest)  # type: ignore[attr-defined]
+        return (self.factor / v0 if v0 > 0 else 0.0, fastest)
 
     def force(self, delta: float, rate: float, state: State) -> float:
         if delta <= 0:

@@ -121,7 +121,7 @@ class Hysteretic(ContactLaw):
         return (top * value, top * slope / (deepest - low))
 
     def _work(self, delta: float, state: State) -> float:
-        """Work along reloading and virgin loading up to delta >= delta_t, from some fixed origin."""
+        """Work along reloading and virgin loading up to delta >= delta_t, from a fixed origin."""
         deepest = state[0]
         if deepest == 0.0:
             return self.loading_work(delta)
@@ -142,7 +142,7 @@ def _power(x: float, n: float) -> tuple[float, float, float]:
 
 @dataclass(frozen=True)
 class Thornton(Hysteretic):
-    """Elastic, perfectly plastic contact of a sphere. C. Thornton, J. Appl. Mech. 64 (1997) 383-386.
+    """Elastic, perfectly plastic sphere. C. Thornton, J. Appl. Mech. 64 (1997) 383-386.
 
     Hertz's law up to the yield indentation; beyond, the pressure is cut off and the force goes on
     along the tangent; unloading is Hertzian with the flattened radius R F_e/F_m, F_e being Hertz's
@@ -201,7 +201,7 @@ class Thornton(Hysteretic):
 
 @dataclass(frozen=True)
 class Stronge(Hysteretic):
-    """Elastic-plastic contact of a sphere. W. J. Stronge, Impact Mechanics, Cambridge 2000, ch. 6.
+    """Elastic-plastic sphere. W. J. Stronge, Impact Mechanics, Cambridge 2000, ch. 6.
 
     Hertz up to yield at delta_y; then F/F_y = (2 x - 1)(1 + ln(2 x - 1)/3.3) with
     x = delta/delta_y, and the mean pressure stays 2.55 times that at yield from x = 84 on.
@@ -329,5 +329,3 @@ class TanSun(_Laminate):
 
     def permanent(self, deepest: float) -> float:
         return self.slope * max(deepest - self.critical, 0.0)
-
-

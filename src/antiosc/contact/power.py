@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from math import inf, sqrt
+from typing import ClassVar
 
 from antiosc import checks
 from antiosc.contact.base import ContactLaw, State
@@ -109,13 +110,18 @@ class Hertz(ContactLaw):
     compliance: float = 0.0
 
     #: rho at which the law with a compliance ends
-    END = 0.7
+    END: ClassVar[float] = 0.7
+
+    # with s = F^(1/3): delta = a s^2 - c s^3 up to s = end, a straight line beyond
+    _a: float = field(init=False, repr=False, compare=False)
+    _end: float = field(init=False, repr=False, compare=False)
+    _end_slope: float = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         k = checks.positive("stiffness", self.stiffness, "N m^-3/2")
         c = checks.nonnegative("compliance", self.compliance, "m/N")
         a = k ** (-2 / 3)
-        s = self.END * 2 * a / (3 * c) if c > 0 else inf  # s = F^(1/3)
+        s = self.END * 2 * a / (3 * c) if c > 0 else inf
         object.__setattr__(self, "_a", a)
         object.__setattr__(self, "_end", s)
         object.__setattr__(self, "_end_slope", (2 / 3) * a / s - c if c > 0 else 0.0)
@@ -216,4 +222,3 @@ class Hertz(ContactLaw):
                 return new * new * new
             s = new
         return s * s * s
-

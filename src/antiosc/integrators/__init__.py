@@ -6,11 +6,11 @@ from antiosc.integrators.ivp import METHODS as IVP_METHODS
 from antiosc.integrators.ivp import SolveIVP
 from antiosc.integrators.leapfrog import Leapfrog
 from antiosc.integrators.newmark import Newmark
-from antiosc.integrators.problem import MAX_STEPS, FixedStep, Integrator, Phase, Problem, Segment
+from antiosc.integrators.problem import MAX_STEPS, Integrator, Phase, Problem, Segment
 from antiosc.integrators.run import Contact, Trajectory, run
 
 #: fixed-step integrators by the name `simulate` takes
-FIXED_STEP: dict[str, type[FixedStep]] = {
+FIXED_STEP: dict[str, type[Exact] | type[Newmark] | type[Conserving] | type[Leapfrog]] = {
     method.name: method for method in (Exact, Newmark, Conserving, Leapfrog)
 }
 
@@ -21,7 +21,6 @@ __all__ = [
     "Conserving",
     "Contact",
     "Exact",
-    "FixedStep",
     "Integrator",
     "Leapfrog",
     "Newmark",

@@ -136,7 +136,7 @@ class _Kernel:
     def free_rate(self, q: Array, v: Array) -> Array:
         p = self.problem
         value = self.V @ (p.beta * q) + self.W @ (p.beta * v)
-        return value if self.J is None else value + self.S @ (p.beta * p.load)
+        return np.asarray(value if self.J is None else value + self.S @ (p.beta * p.load))
 
     def state(self, q: Array, v: Array, forces: Array) -> tuple[Array, Array]:
         """Modal state after the steps whose nodal forces are given."""
@@ -208,9 +208,7 @@ def _forced_one(
     return qt[0], vt[0]
 
 
-def _release(
-    problem: Problem, q: Array, v: Array, force: float, origin: float, h: float
-) -> float:
+def _release(problem: Problem, q: Array, v: Array, force: float, origin: float, h: float) -> float:
     """Length of the last step, over which the force falls to 0 as delta falls to the origin."""
 
     def apart(t: float) -> float:
@@ -224,9 +222,7 @@ def _release(
     return float(brentq(apart, low, h, xtol=1e-18, rtol=1e-14))
 
 
-def _segment(
-    kernel: _Kernel, t: float, q: Array, v: Array, forces: Array, delta: Array
-) -> Segment:
+def _segment(kernel: _Kernel, t: float, q: Array, v: Array, forces: Array, delta: Array) -> Segment:
     time = t + kernel.h * np.arange(forces.size)
     impulse = kernel.h * float(forces.sum() - 0.5 * (forces[0] + forces[-1]))
     return Segment(time, forces, delta, impulse, lambda: kernel.states(q, v, forces), True)
@@ -254,5 +250,3 @@ def _last(
         states,
         True,
     )
-
-

@@ -37,8 +37,8 @@ class SolveIVP:
         law = problem.law
         if problem.r > 0 and law.rate_dependent:
             raise InputError(
-                f"{self.name} cannot take a rate-dependent law on a massless contact point (m0 = 0),"
-                f" where the force depends on its own derivative; use method='exact'."
+                f"{self.name} cannot take a rate-dependent law on a massless contact point"
+                f" (m0 = 0), where the force depends on its own derivative; use method='exact'."
             )
         size = q.size
         segments: list[Segment] = []
@@ -54,7 +54,11 @@ class SolveIVP:
             scale = max(float(np.abs(y[:size]).max(initial=0)), problem.resolution)
             speed = max(float(np.abs(y[size : 2 * size]).max(initial=0)), 1e-300)
             atol = self.rtol * np.concatenate(
-                (np.full(size, min(scale, 1.0) * 1e-3), np.full(size, speed * 1e-3), [1e-12 * speed])
+                (
+                    np.full(size, min(scale, 1.0) * 1e-3),
+                    np.full(size, speed * 1e-3),
+                    [1e-12 * speed],
+                )
             )
             solution: Any = solve_ivp(
                 motion.slope,
@@ -70,7 +74,13 @@ class SolveIVP:
             count += int(solution.nfev)
             if solution.status < 0:
                 return Phase(
-                    segments, t, y[:size], y[size:-1], state, count, False,
+                    segments,
+                    t,
+                    y[:size],
+                    y[size:-1],
+                    state,
+                    count,
+                    False,
                     f"{self.name} gave up at {t:g} s: {solution.message}",
                 )
             segments.append(_segment(motion, solution))

@@ -1,4 +1,4 @@
-"""Newmark's average acceleration with implicit contact. Order 2, unconditionally stable when linear.
+"""Newmark's average acceleration with implicit contact. Order 2; stable when linear.
 
 N. M. Newmark, J. Eng. Mech. Div. ASCE 85 (1959) 67-94 with beta = 1/4, gamma = 1/2. Its energy is
 not conserved where the contact stiffens within a step.

@@ -15,6 +15,7 @@ from antiosc.integrators.problem import MAX_STEPS, Phase, Problem, Segment, too_
 
 Array = NDArray[np.float64]
 
+
 class Node(NamedTuple):
     """State at the end of a step; `mean` is the force over the step that made the impulse."""
 

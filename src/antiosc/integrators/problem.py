@@ -129,24 +129,18 @@ def too_many_steps(t: float, max_steps: int) -> str:
 class Integrator(Protocol):
     """Integrates one contact; free flight in between is exact and common to all (`run`)."""
 
-    #: order of convergence in the step
-    order: int
-    #: name of the method
-    name: str
+    @property
+    def order(self) -> int:
+        """Order of convergence in the step."""
+        ...
+
+    @property
+    def name(self) -> str:
+        """Name of the method."""
+        ...
 
     def contact(
         self, problem: Problem, t: float, q: Array, v: Array, state: State, end: float
     ) -> Phase:
         """Integrate from first touch at `t` until the bodies part or `end` is reached."""
-        ...
-
-
-class FixedStep(Integrator, Protocol):
-    """An integrator made for one step [s]; a contact of more than `max_steps` steps is trouble."""
-
-    def __init__(self, step: float, max_steps: int = MAX_STEPS) -> None: ...
-
-    @staticmethod
-    def stable_step(problem: Problem) -> float:
-        """Largest stable step [s]; inf when there is no limit."""
         ...

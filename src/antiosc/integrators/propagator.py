@@ -60,7 +60,7 @@ class Propagator:
         if not self.damped:
             z2 = (self.omega * time) ** 2
             small = z2 < 0.25
-            series = (1 - z2 / 20 * (1 - z2 / 42 * (1 - z2 / 72 * (1 - z2 / 110 * (1 - z2 / 156)))))
+            series = 1 - z2 / 20 * (1 - z2 / 42 * (1 - z2 / 72 * (1 - z2 / 110 * (1 - z2 / 156))))
             with np.errstate(divide="ignore", invalid="ignore"):
                 direct = 6 * (1 - _sinc(self.omega * time)) / z2
             return np.asarray(time**3 / 6 * np.where(small, series, direct))
@@ -103,8 +103,10 @@ class Propagator:
         a, b = np.zeros_like(t), np.ones_like(t)  # coefficients of S, scaled by t^k
         J, R = 0.5 * b, b / 6
         for k in range(22):
-            a, b = b, -(2 * self.decay * t * (k + 1) * b + (self.omega * t) ** 2 * a) / (
-                (k + 1) * (k + 2)
+            a, b = (
+                b,
+                -(2 * self.decay * t * (k + 1) * b + (self.omega * t) ** 2 * a)
+                / ((k + 1) * (k + 2)),
             )
             J = J + b / (k + 3)
             R = R + b / ((k + 3) * (k + 4))

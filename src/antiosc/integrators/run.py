@@ -40,7 +40,7 @@ class Trajectory:
 def run(
     problem: Problem, integrator: Integrator, duration: float, fine: float, max_contacts: int
 ) -> Trajectory:
-    """Integrate over [0, duration] [s]; `fine` [s] is the time within which touches are told apart."""
+    """Integrate over [0, duration] [s]; touches closer than `fine` [s] are not told apart."""
     result = Trajectory()
     t, q, v = 0.0, problem.q, problem.v
     state: State | None = None
