@@ -18,6 +18,7 @@ from antiosc.fem.extract import extract
 from antiosc.fem.fields import probe, write_series
 from antiosc.fem.full import NaturalModes, full, superposition
 from antiosc.fem.mesh import Mesh, read_mesh
+from antiosc.fem.shell import Shell
 from antiosc.fem.site import Site
 from antiosc.fem.solid import Solid
 from antiosc.fem.structure import Structure, Support
@@ -27,6 +28,7 @@ __all__ = [
     "Mesh",
     "NaturalModes",
     "Section",
+    "Shell",
     "Site",
     "Solid",
     "Structure",

@@ -187,7 +187,7 @@ def _plane(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
         mass=[motion * measure(mesh, 2 * order)],
         components={"x": (0,), "y": (1,), "rz": (2,)},
         density=rhoA,
-        point_load=True,
+        patch=None,
     )
 
 
@@ -243,7 +243,7 @@ def _space(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
         mass=[motion * measure(mesh, 2 * order)],
         components={name: (i,) for i, name in enumerate(("x", "y", "z", "rx", "ry", "rz"))},
         density=rhoA,
-        point_load=True,
+        patch=None,
     )
 
 

@@ -136,6 +136,19 @@ def lagrange(mesh: dolfinx.mesh.Mesh, degree: int, size: int) -> Any:
     return fem.functionspace(mesh, element)
 
 
+def mixed(mesh: dolfinx.mesh.Mesh, blocks: Sequence[tuple[int, int]]) -> Any:
+    """A mixed space of continuous Lagrange vectors, one (degree, size) a block."""
+    if VERSION < (0, 8):
+        cell = mesh.ufl_cell()
+        vectors = [ufl.VectorElement("Lagrange", cell, degree, dim=n) for degree, n in blocks]
+        return fem.FunctionSpace(mesh, ufl.MixedElement(*vectors))
+    import basix.ufl
+
+    cell = mesh.basix_cell()
+    vectors = [basix.ufl.element("Lagrange", cell, degree, shape=(n,)) for degree, n in blocks]
+    return fem.functionspace(mesh, basix.ufl.mixed_element(vectors))
+
+
 def cellwise(mesh: dolfinx.mesh.Mesh, size: int = 0) -> Any:
     """A function with one value (`size` = 0) or vector (`size` components) per cell."""
     if VERSION < (0, 8):

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol
 
 import ufl
 
@@ -34,9 +34,9 @@ class WeakForm:
     components: Mapping[str, tuple[int, ...]]
     #: mass per unit of cell measure, a UFL expression (total mass = its integral)
     density: Any
-    #: whether the compliance under a point load has a limit on refinement
-    point_load: bool
-
+    #: where a patch of pressure lies: on exterior "facets" or on the "cells" themselves; None where
+    #: the compliance under a point load has a limit and no patch is needed
+    patch: Literal["facets", "cells"] | None
 
     def along(self, direction: Sequence[float]) -> Any:
         """The test function's displacement along `direction` (UFL)."""

@@ -53,6 +53,20 @@ def cell_size(mesh: Mesh, cell: int) -> float:
     return float(np.linalg.norm(x[:, None] - x[None], axis=2).max())
 
 
+def sheet_normal(mesh: Mesh, place: Place) -> Array:
+    """Unit normal (3,) of a mesh of faces at a place, on all ranks; its sign is the cell's."""
+    normal = np.zeros(3)
+    if mesh.comm.rank == place.rank:
+        nodes = np.ascontiguousarray(cell_nodes(mesh, place.cell)[:, : mesh.gdim])
+        step = 1e-3 * (1 if mesh.order > 1 else 100)  # inside or outside, the map is a polynomial
+        X = place.X + step * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])
+        x = np.zeros((4, 3))
+        x[:, : mesh.gdim] = compat.coordinate_map(mesh.dolfinx).push_forward(X, nodes)
+        normal = np.cross(x[0] - x[1], x[2] - x[3])
+        normal /= np.linalg.norm(normal)
+    return np.asarray(mesh.comm.bcast(normal, root=place.rank))
+
+
 def _closest_here(mesh: Mesh, point: Array) -> Place | None:
     """Cells in the order of the distance to their boxes, until no box can hold a closer point."""
     n_cells = compat.cell_map(mesh.dolfinx).size_local
@@ -77,22 +91,27 @@ def _closest_in(mesh: Mesh, cell: int, nodes: Array, point: Array) -> Place:
     cmap = compat.coordinate_map(mesh.dolfinx)
     simplex = mesh.cell in ("interval", "triangle", "tetrahedron")
     here = np.ascontiguousarray(nodes[:, : mesh.gdim])
-    if mesh.tdim == mesh.gdim:
-        X = _pulled_back(cmap, here, point[: mesh.gdim])
-        if X is not None and _excess(X, simplex) <= INSIDE:
-            off = abs(point[2]) if mesh.gdim == 2 else 0.0
-            return _place(mesh, cell, X, np.append(point[: mesh.gdim], [0.0] * (3 - mesh.gdim)), off)
     scale = float(np.ptp(nodes, axis=0).max())
 
     def position(X: Array) -> Array:
         return np.asarray(cmap.push_forward(X.reshape(1, -1), here))[0]
+
+    X = _pulled_back(cmap, here, point[: mesh.gdim])
+    if X is not None and _excess(X, simplex) <= INSIDE:
+        at = np.zeros(3)
+        at[: mesh.gdim] = point[: mesh.gdim] if mesh.tdim == mesh.gdim else position(X)
+        off = float(np.linalg.norm(at - point))
+        if mesh.tdim == mesh.gdim or off <= INSIDE * scale:
+            return _place(mesh, cell, X, at, off)
 
     def objective(X: Array) -> float:
         return float(np.sum(((position(X) - point[: mesh.gdim]) / scale) ** 2))
 
     constraint: list[Any] = []
     if simplex and mesh.tdim > 1:
-        constraint = [{"type": "ineq", "fun": lambda X: 1 - X.sum(), "jac": lambda X: -np.ones_like(X)}]
+        constraint = [
+            {"type": "ineq", "fun": lambda X: 1 - X.sum(), "jac": lambda X: -np.ones_like(X)}
+        ]
     start = np.full(mesh.tdim, 1 / (mesh.tdim + 1) if simplex else 0.5)
     result = scipy.optimize.minimize(
         objective,

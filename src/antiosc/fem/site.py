@@ -23,6 +23,7 @@ from antiosc.errors import AntioscWarning, InputError
 from antiosc.fem import compat, locate
 from antiosc.fem.algebra import Array, norm
 from antiosc.fem.compat import IntArray
+from antiosc.fem.family import WeakForm
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.structure import Structure
 
@@ -30,6 +31,10 @@ from antiosc.fem.structure import Structure
 ON_STRUCTURE = 1e-6
 #: Facets whose normal turns from the site's by more than this cosine are around an edge.
 SAME_FACE = 0.5
+#: Radius of a shell's patch over its thickness, where none is given.
+DISC_RADIUS = 0.5
+#: A patch's point that lies off the sheet by more than this share of the radius is beyond its edge.
+OFF_DISC = 0.05
 #: Quadrature degree for the patch pressure, whose slope is infinite on the rim.
 PATCH_DEGREE = 16
 
@@ -46,8 +51,9 @@ class Site:
         The direction in which the impactor pushes; any length.
     radius : float, optional
         Radius in m of a patch with Hertz's pressure √(1 − r²/a²) on the surface around the
-        point; force and displacement are both weighted by it. None: a point, which on a solid
-        has no compliance that converges with the mesh.
+        point; force and displacement are both weighted by it. None: on a beam a point; on a
+        solid too, though it has no compliance that converges with the mesh; on a shell, where
+        it has none either, a patch as wide as the shell is thick (radius half the thickness).
     snap : bool
         Move a point off the structure to the nearest point of it.
     dof : int
@@ -72,7 +78,9 @@ class Site:
         if self.point is None:
             return
         if self.direction is None:
-            raise InputError("a Site at a point needs the direction of impact, as direction=(0, 0, -1).")
+            raise InputError(
+                "a Site at a point needs the direction of impact, as direction=(0, 0, -1)."
+            )
         dim = len(self.point)
         if dim not in (2, 3) or len(self.direction) != dim:
             raise InputError(
@@ -81,7 +89,9 @@ class Site:
             )
         array("point", self.point, (dim,))
         if np.linalg.norm(array("direction", self.direction, (dim,))) == 0:
-            raise InputError("direction must not be the zero vector: it is where the impactor pushes.")
+            raise InputError(
+                "direction must not be the zero vector: it is where the impactor pushes."
+            )
 
 
 @dataclass(frozen=True)
@@ -90,6 +100,8 @@ class Functional:
 
     #: b on the rows of this rank, zero on fixed dofs
     b: Array
+    #: radius of the patch, m; None for a point
+    radius: float | None = None
     #: the half-space compliance that a patch brings along, m/N (0 for a point)
     local_compliance: float = 0.0
     #: where the site really lies (3,), m, and along which unit vector it is struck
@@ -112,10 +124,12 @@ def functional(structure: Structure, site: Site) -> Functional:
         return _algebraic(structure, site)
     if structure.mesh is None or structure.form is None:
         raise InputError("matrices have no points: use Site(dof=i) or Site(vector=b).")
-    point, direction = _in_space(structure.mesh, site)
+    point, direction = _in_space(structure.mesh, structure.form, site)
     place = locate.closest(structure.mesh, point)
     _check_distance(structure.mesh, site, place)
-    if site.radius is None:
+    if structure.form.patch == "cells":
+        result = _disc(structure, site.radius, place, direction)
+    elif site.radius is None:
         result = _point_load(structure, place, direction)
     else:
         result = _patch(structure, site.radius, place, direction)
@@ -151,14 +165,14 @@ def _moving(structure: Structure, result: Functional, label: str) -> Functional:
     return result
 
 
-def _in_space(mesh: Mesh, site: Site) -> tuple[Array, Array]:
+def _in_space(mesh: Mesh, form: WeakForm, site: Site) -> tuple[Array, Array]:
     """Point and unit direction with three coordinates."""
     assert site.point is not None and site.direction is not None
     point, direction = np.zeros(3), np.zeros(3)
     point[: len(site.point)] = site.point
     direction[: len(site.direction)] = site.direction
     direction /= np.linalg.norm(direction)
-    if mesh.gdim == 2 and abs(direction[2]) > 1e-12:
+    if "z" not in form.components and abs(direction[2]) > 1e-12:
         raise InputError(
             f"direction {tuple(site.direction)} leaves the plane of {mesh.name}, which is 2-D."
         )
@@ -180,21 +194,9 @@ def _text(point: Any) -> str:
 def _point_load(structure: Structure, place: locate.Place, direction: Array) -> Functional:
     mesh, form = structure.mesh, structure.form
     assert mesh is not None and form is not None
-    vector = structure.K.createVecRight()
-    size = 0.0
-    if mesh.comm.rank == place.rank:
-        size = locate.cell_size(mesh, place.cell)
-        for axis, name in enumerate("xyz"[: mesh.gdim]):
-            path = form.components[name]
-            space = compat.subspace(form.space, path)
-            dofs = compat.global_dofs(form.space, space.dofmap.cell_dofs(place.cell))
-            weights = compat.tabulate(form.space, path, place.X.reshape(1, -1))[0]
-            vector.setValues(dofs, direction[axis] * weights, addv=PETSc.InsertMode.ADD_VALUES)
-    vector.assemble()
-    b = np.array(vector.array_r)
-    vector.destroy()
-    size = mesh.comm.bcast(size, root=place.rank)
-    if not form.point_load and mesh.comm.rank == 0:
+    b = _displacement(structure, [place], np.ones(1), direction)
+    size = _size_at(mesh, place)
+    if form.patch and mesh.comm.rank == 0:
         warnings.warn(
             f"the compliance under a point load on a solid grows without limit as the mesh is "
             f"refined: give the site a radius, here for instance radius={_rounded(size)} (the "
@@ -202,7 +204,88 @@ def _point_load(structure: Structure, place: locate.Place, direction: Array) -> 
             AntioscWarning,
             stacklevel=4,
         )
-    return Functional(b, 0.0, place.x, direction, size)
+    return Functional(b, None, 0.0, place.x, direction, size)
+
+
+def _displacement(
+    structure: Structure, places: Sequence[locate.Place], weights: Array, direction: Array
+) -> Array:
+    """The vector of Σ w_k u(x_k)·d, on the rows of this rank."""
+    mesh, form = structure.mesh, structure.form
+    assert mesh is not None and form is not None
+    vector = structure.K.createVecRight()
+    components = [
+        (i, form.components[name]) for i, name in enumerate("xyz") if name in form.components
+    ]
+    for axis, path in components:
+        dofmap = compat.subspace(form.space, path).dofmap
+        for place, weight in zip(places, weights, strict=True):
+            if mesh.comm.rank == place.rank:
+                dofs = compat.global_dofs(form.space, dofmap.cell_dofs(place.cell))
+                values = compat.tabulate(form.space, path, place.X.reshape(1, -1))[0]
+                vector.setValues(
+                    dofs, weight * direction[axis] * values, addv=PETSc.InsertMode.ADD_VALUES
+                )
+    vector.assemble()
+    b = np.array(vector.array_r)
+    vector.destroy()
+    return b
+
+
+def _size_at(mesh: Mesh, place: locate.Place) -> float:
+    size = locate.cell_size(mesh, place.cell) if mesh.comm.rank == place.rank else 0.0
+    return float(mesh.comm.bcast(size, root=place.rank))
+
+
+def _disc(
+    structure: Structure, radius: float | None, place: locate.Place, direction: Array
+) -> Functional:
+    """b = Σ w φ·d over points of a disc on the sheet, with the weights of Hertz's pressure.
+
+    The points resolve the disc and the cells, whichever are smaller: a thin sheet's patch may lie
+    inside one cell.
+    """
+    mesh = structure.mesh
+    assert mesh is not None
+    if radius is None:
+        radius = structure.material_at(place).thickness * DISC_RADIUS
+    size = _size_at(mesh, place)
+    normal = locate.sheet_normal(mesh, place)
+    offsets, weights = _hertz_disc(radius, normal, min(4 + int(np.ceil(4 * radius / size)), 24))
+    places = [locate.closest(mesh, place.x + offset) for offset in offsets]
+    found = np.array([p.x for p in places]) - place.x
+    off = found - offsets
+    off -= np.outer(off @ normal, normal)
+    on_sheet = np.linalg.norm(off, axis=1) < OFF_DISC * radius
+    share = float(weights[on_sheet].sum())
+    weights = np.where(on_sheet, weights, 0.0) / share
+    if share < 0.9 and mesh.comm.rank == 0:
+        warnings.warn(
+            f"an edge cuts the patch of radius {radius:g} m: only {share:.0%} of its load area lies "
+            "on the sheet; move the site or take a smaller radius.",
+            AntioscWarning,
+            stacklevel=4,
+        )
+    b = _displacement(structure, places, weights, direction)
+    local = structure.material_at(place).half_space_compliance(float(direction @ normal)) / radius
+    return Functional(b, radius, local, place.x, direction, size)
+
+
+def _hertz_disc(radius: float, normal: Array, rings: int) -> tuple[Array, Array]:
+    """(offsets (n, 3) in the plane across `normal`, weights of sum 1) of Hertz's pressure.
+
+    With s² = 1 − r²/a² the pressure's weight s r dr is s² ds: a Gauss rule in s is exact for
+    polynomials in r², the equidistant angles for what turns with them.
+    """
+    s, w = np.polynomial.legendre.leggauss(rings)
+    s, w = (s + 1) / 2, w * ((s + 1) / 2) ** 2
+    angles = 2 * np.pi * np.arange(2 * rings) / (2 * rings)
+    first = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
+    first /= np.linalg.norm(first)
+    ring = np.outer(np.cos(angles), first) + np.outer(np.sin(angles), np.cross(normal, first))
+    offsets = radius * np.sqrt(1 - s**2)[:, None, None] * ring
+    weights = np.repeat(w / w.sum(), len(angles)) / len(angles)
+    return offsets.reshape(-1, 3), weights
 
 
 def _rounded(size: float) -> str:
@@ -215,7 +298,7 @@ def _patch(
     """b = ∫ w φ·d dS / ∫ w dS with w = √(1 − |x − p|²/a²) on the face around p."""
     mesh, form = structure.mesh, structure.form
     assert mesh is not None and form is not None
-    if form.point_load:
+    if form.patch is None:
         raise InputError(
             "a radius applies to solids and shells: under a beam's point load the compliance is "
             "finite, so leave radius=None."
@@ -240,10 +323,8 @@ def _patch(
     ideal = 2 / 3 * np.pi * radius**2 if mesh.tdim == 3 else np.pi / 2 * radius
     _check_patch(mesh, radius, size, total / ideal)
     b = compat.assemble_functional(weight * form.along(along) * ds, form.space) / total
-    material = structure.material_of(place.cell) if mesh.comm.rank == place.rank else None
-    material = mesh.comm.bcast(material, root=place.rank)
-    local = material.half_space_compliance(float(direction @ normal)) / radius
-    return Functional(b[: compat.local_size(form.space)], local, place.x, direction, size)
+    local = structure.material_at(place).half_space_compliance(float(direction @ normal)) / radius
+    return Functional(b[: compat.local_size(form.space)], radius, local, place.x, direction, size)
 
 
 def _face(

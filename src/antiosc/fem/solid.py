@@ -75,7 +75,7 @@ class Solid:
             mass=[depth * rho * ufl.inner(u, v) * measure(mesh, for_m)],
             components={name: (i,) for i, name in enumerate("xyz"[: mesh.gdim])},
             density=depth * rho,
-            point_load=False,
+            patch="facets",
         )
 
     def half_space_compliance(self, cosine: float) -> float:

@@ -1,0 +1,226 @@
+"""`Shell`: Reissner–Mindlin plates and shells on sheets of triangles or quadrilaterals.
+
+In every point of the sheet a frame (e1, e2, n) comes from the Jacobian. With the displacement u
+and the rotation vector θ of the normal, and s_α the lengths along e_α,
+
+    membrane strain  sym(e_α·∂u/∂s_β)          shear strain  n·∂u/∂s_α + (θ×n)·e_α
+    bending strain   sym(e_α·∂θ/∂s_β × n)      drilling      (e2·∂u/∂s1 − e1·∂u/∂s2)/2 − θ·n
+
+the last one held to zero with the shear modulus, so that θ·n is the rotation of the sheet in its
+own plane and folded sheets pass moments on. Nothing depends on the sign of n.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+import ufl
+
+from antiosc.checks import poisson, positive
+from antiosc.errors import InputError
+from antiosc.fem import compat
+from antiosc.fem.family import Parts, WeakForm, coefficient, measure
+from antiosc.fem.mesh import Mesh
+from antiosc.fem.parallel import agree
+
+#: Reissner's shear coefficient.
+SHEAR = 5 / 6
+#: Share of its size² below which a cell has no area.
+FLAT = 1e-10
+#: Quadrilaterals: the fully integrated share t²/(t² + 10 h²) of shear and membrane energy.
+STABILIZATION = 10.0
+
+
+@dataclass(frozen=True)
+class Shell:
+    """An isotropic plate or shell, shear deformation and rotary inertia included.
+
+    Parameters
+    ----------
+    E, nu, rho : float
+        Young's modulus (Pa), Poisson's ratio, density (kg/m³).
+    thickness : float
+        Thickness, m; the mesh is the middle surface.
+
+    Motions: x, y, z (displacements) and rx, ry, rz (rotations). Triangles, plane or curved: cubic
+    displacements with quadratic rotations, fully integrated; bending without shear lies in that
+    space, so it does not lock. Quadrilaterals: both quadratic, membrane and shear at 2×2 points
+    with a share of full integration that vanishes with the thickness. Orientations of
+    neighbouring cells need not agree: the energy does not depend on the sign of the normal.
+    """
+
+    E: float
+    nu: float
+    rho: float
+    thickness: float
+
+    def __post_init__(self) -> None:
+        positive("E", self.E, "Pa")
+        poisson(self.nu)
+        positive("rho", self.rho, "kg/m³")
+        positive("thickness", self.thickness, "m")
+
+    @property
+    def G(self) -> float:
+        """Shear modulus, Pa."""
+        return self.E / (2 * (1 + self.nu))
+
+    def weak_form(self, mesh: Mesh, parts: Parts, order: int) -> WeakForm:
+        """Strain and kinetic energy of the sheet; rotations are of degree 2 whatever the cells."""
+        if mesh.tdim != 2:
+            raise InputError(
+                f"Shell needs a mesh of triangles or quadrilaterals; {mesh.name} has {mesh.cell} "
+                "cells (lines: Beam, volumes: Solid)."
+            )
+        if order != 2:
+            raise InputError("Shell elements are quadratic and more: leave Structure's order=2.")
+        areas = _areas(mesh)
+        triangles = mesh.cell == "triangle"
+        if triangles:
+            space = compat.mixed(mesh.dolfinx, [(3, 3), (2, 3)])
+            paths: list[tuple[int, ...]] = [(k, i) for k in range(2) for i in range(3)]
+        else:
+            space = compat.lagrange(mesh.dolfinx, 2, 6)
+            paths = [(i,) for i in range(6)]
+        section = _Section(
+            t=coefficient(mesh, parts, lambda s: s.thickness),
+            G=coefficient(mesh, parts, lambda s: s.G),
+            nu=coefficient(mesh, parts, lambda s: s.nu),
+            rho=coefficient(mesh, parts, lambda s: s.rho),
+        )
+        w, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+        frame = _frame(mesh)
+        stretching, bending = _energies(section, _strains(frame, w), _strains(frame, v))
+        u, turn, u_v, turn_v = *_halves(w), *_halves(v)
+        motion = section.rho * (
+            section.t * ufl.dot(u, u_v) + section.t**3 / 12 * ufl.dot(turn, turn_v)
+        )
+        curved = 2 * (mesh.order - 1)
+        if triangles:
+            stiffness = [(stretching + bending) * measure(mesh, 4 + curved)]
+            mass = [motion * measure(mesh, 6 + curved)]
+        else:
+            share = section.t**2 / (section.t**2 + STABILIZATION * areas)
+            stiffness = [
+                (share * stretching + bending) * measure(mesh, 5),
+                (1 - share) * stretching * measure(mesh, 3),
+            ]
+            mass = [motion * measure(mesh, 5)]
+        return WeakForm(
+            space=space,
+            stiffness=stiffness,
+            mass=mass,
+            components=dict(zip(("x", "y", "z", "rx", "ry", "rz"), paths, strict=True)),
+            density=section.rho * section.t,
+            patch="cells",
+        )
+
+    def half_space_compliance(self, cosine: float) -> float:
+        """0: a shell's thickness does not deform, so Hertz's law stands alone."""
+        return 0.0
+
+
+class _Section(NamedTuple):
+    """Cell-wise thickness and constants (UFL)."""
+
+    t: Any
+    G: Any
+    nu: Any
+    rho: Any
+
+
+class _Frame(NamedTuple):
+    """Orthonormal e1, e2 (tangents) and n with three components, and derivatives along e1, e2."""
+
+    e1: Any
+    e2: Any
+    n: Any
+    #: (2, gdim): the tangents in the coordinates of the mesh
+    along: Any
+
+
+class _Strains(NamedTuple):
+    membrane: Any
+    bending: Any
+    shear: Any
+    drilling: Any
+
+
+def _frame(mesh: Mesh) -> _Frame:
+    J = ufl.Jacobian(mesh.dolfinx)
+    zeros = [0] * (3 - mesh.gdim)
+    a, b = (ufl.as_vector([*(J[i, j] for i in range(mesh.gdim)), *zeros]) for j in (0, 1))
+    normal = ufl.cross(a, b)
+    area = ufl.sqrt(ufl.dot(normal, normal))
+    n, e1 = normal / area, a / ufl.sqrt(ufl.dot(a, a))
+    e2 = ufl.cross(n, e1)
+    along = ufl.as_matrix([[e[i] for i in range(mesh.gdim)] for e in (e1, e2)])
+    return _Frame(e1, e2, n, along)
+
+
+def _halves(w: Any) -> tuple[Any, Any]:
+    """Displacement and rotation of a trial or test function."""
+    return ufl.as_vector([w[i] for i in range(3)]), ufl.as_vector([w[i] for i in range(3, 6)])
+
+
+def _strains(frame: _Frame, w: Any) -> _Strains:
+    e1, e2, n = frame.e1, frame.e2, frame.n
+    u, turn = _halves(w)
+    # columns: the derivatives along e1 and e2
+    du = ufl.dot(ufl.grad(u), ufl.transpose(frame.along))
+    dr = ufl.dot(ufl.grad(turn), ufl.transpose(frame.along))
+
+    def columns(of: Any) -> tuple[Any, Any]:
+        return tuple(ufl.as_vector([of[i, j] for i in range(3)]) for j in (0, 1))  # type: ignore
+
+    (u1, u2), (r1, r2) = columns(du), columns(dr)
+    gradient = ufl.as_matrix(
+        [[ufl.dot(e1, u1), ufl.dot(e1, u2)], [ufl.dot(e2, u1), ufl.dot(e2, u2)]]
+    )
+    # θ × n = (θ·e2) e1 − (θ·e1) e2
+    curvature = ufl.as_matrix(
+        [[ufl.dot(e2, r1), ufl.dot(e2, r2)], [-ufl.dot(e1, r1), -ufl.dot(e1, r2)]]
+    )
+    shear = ufl.as_vector([ufl.dot(n, u1) + ufl.dot(turn, e2), ufl.dot(n, u2) - ufl.dot(turn, e1)])
+    drilling = (gradient[1, 0] - gradient[0, 1]) / 2 - ufl.dot(turn, n)
+    return _Strains(ufl.sym(gradient), ufl.sym(curvature), shear, drilling)
+
+
+def _energies(section: _Section, a: _Strains, b: _Strains) -> tuple[Any, Any]:
+    """(membrane, shear and drilling; bending) energy densities of two strain states."""
+    t, G, nu = section.t, section.G, section.nu
+
+    def plane_stress(e: Any, f: Any) -> Any:  # E/(1−ν²) = 2G/(1−ν)
+        return 2 * G * (ufl.inner(e, f) + nu / (1 - nu) * ufl.tr(e) * ufl.tr(f))
+
+    stretching = (
+        t * plane_stress(a.membrane, b.membrane)
+        + SHEAR * G * t * ufl.dot(a.shear, b.shear)
+        + G * t * a.drilling * b.drilling
+    )
+    return stretching, t**3 / 12 * plane_stress(a.bending, b.bending)
+
+
+def _areas(mesh: Mesh) -> Any:
+    """Area between the corners of every cell as a function; InputError where there is none."""
+    x = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)]
+    first, second = x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]
+    if mesh.cell == "quadrilateral":  # the diagonals
+        first, second = x[:, 3] - x[:, 0], x[:, 2] - x[:, 1]
+    areas = compat.cellwise(mesh.dolfinx)
+    areas.x.array[:] = np.linalg.norm(np.cross(first, second), axis=1) / 2
+    owned = compat.cell_map(mesh.dolfinx).size_local
+    size = np.maximum(np.sum(first**2, axis=1), np.sum(second**2, axis=1))
+    bad = np.flatnonzero((areas.x.array <= FLAT * size)[:owned])
+    total = mesh.comm.allreduce(len(bad))
+    error = None
+    if len(bad):
+        place = ", ".join(f"{c:.6g}" for c in x[bad[0]].mean(axis=0))
+        error = InputError(
+            f"{total} of {mesh.n_cells} {mesh.cell} cells have no area, one at ({place}) m: "
+            "mesh the sheet again, or remove them."
+        )
+    agree(mesh.comm, error)
+    return areas

@@ -1,0 +1,111 @@
+"""Closed forms of plates: two series agree, the anti-oscillator identity, Zener's limits."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from antiosc.closed_form import zener
+from antiosc.closed_form.plates import SupportedPlate
+from antiosc.errors import InputError
+
+PLATE = SupportedPlate(E=70e9, nu=0.3, rho=2700.0, thickness=1e-3, a=1.0, b=0.8)
+SQUARE = SupportedPlate(E=70e9, nu=0.3, rho=2700.0, thickness=1e-3, a=1.0, b=1.0)
+POINTS = [(0.5, 0.4), (0.35, 0.3)]
+
+
+def _modes(plate: SupportedPlate, x: float, y: float, count: int = 1500):
+    m = np.arange(1, count + 1)
+    sines = np.outer(np.sin(m * np.pi * x / plate.a), np.sin(m * np.pi * y / plate.b))
+    b2 = 4 / (plate.surface_density * plate.a * plate.b) * sines**2
+    return plate.kirchhoff(m[:, None], m) ** 2, b2
+
+
+@pytest.mark.parametrize("point", POINTS)
+def test_single_and_double_series_agree(point):
+    omega2, b2 = _modes(PLATE, *point)
+    assert np.sum(b2 / omega2) == pytest.approx(PLATE.compliance(*point), rel=1e-6)
+    for x in (1e2, 1e4, 3e5):
+        # the same difference of slow tails on both sides
+        double = np.sum(b2 * (1 / (omega2 - x) - 1 / omega2)) + PLATE.compliance(*point)
+        assert PLATE.receptance(*point, x).real == pytest.approx(double, rel=1e-6)
+
+
+def test_compliance_at_the_centre_is_timoshenkos():
+    # Theory of Plates and Shells, table 23: 0.01160 P a²/D
+    assert SQUARE.compliance(0.5, 0.5) * SQUARE.D == pytest.approx(0.01160, abs=5e-6)
+
+
+@pytest.mark.parametrize("point", POINTS)
+def test_anti_oscillators_give_the_receptance_back(point):
+    model = PLATE.anti_oscillators(*point, 60)
+    omega = np.linspace(0.05, 0.95, 12) * model.omega[9]
+    exact = np.array([1 / PLATE.receptance(*point, w**2).real for w in omega])
+
+    def error(n):
+        return np.abs(model.truncated(n).dynamic_stiffness(omega) - exact) / np.abs(exact).max()
+
+    # what is left out: Σ m_i ω⁴/ω_i² over the masses that are left to m0
+    assert error(60).max() < 2e-3
+    assert error(60).max() < error(15).max() / 5
+    assert model.m0 > 0
+    assert PLATE.anti_oscillators(*point, 20).m == pytest.approx(model.m[:20], rel=1e-9)
+
+
+def test_observable_frequencies_are_counted():
+    # at the centre only odd m and n move the point; (1, 3) and (3, 1) are one
+    seen = SQUARE.observable(0.5, 0.5, 4)
+    assert seen.modes.tolist() == [1, 2, 1, 2]
+    assert seen.omega[1] / seen.omega[0] == pytest.approx(5)
+    # below (1, 5): 2·(1,2) (2,2) 2·(2,3) 2·(1,4) 2·(2,4) 2·(3,4): six frequencies unseen
+    assert seen.unseen == 6
+    everywhere = SQUARE.observable(0.35, 0.3, 4)
+    assert everywhere.modes.tolist() == [1, 2, 1, 2]
+    assert everywhere.unseen == 0
+
+
+def test_mindlin_tends_to_kirchhoff():
+    assert SQUARE.mindlin(1, 2) == pytest.approx(SQUARE.kirchhoff(1, 2), rel=2e-5)
+    # Liew, Xiang & Kitipornchai's table for t/a = 0.1, κ = 5/6: 1.9317, 4.6084 of π²√(D/ρh)/a²
+    thick = SupportedPlate(70e9, 0.3, 2700.0, 0.1, 1.0, 1.0)
+    unit = np.pi**2 * np.sqrt(thick.D / thick.surface_density)
+    assert thick.mindlin(1, 1) / unit == pytest.approx(1.9317, abs=2e-4)
+    assert thick.mindlin(1, 2) / unit == pytest.approx(4.6084, abs=2e-4)
+
+
+def test_mindlin_compliance_grows_as_the_logarithm_of_the_radius():
+    thick = SupportedPlate(70e9, 0.3, 2700.0, 0.1, 1.0, 1.0)
+    wide, narrow = (thick.mindlin_compliance(0.5, 0.5, r, 2000) for r in (0.01, 0.005))
+    per_ln = 1 / (2 * np.pi * 5 / 6 * 70e9 / 2.6 * 0.1)
+    assert (narrow - wide) / (per_ln * np.log(2)) == pytest.approx(1, abs=0.05)
+
+
+@pytest.mark.parametrize("point", [(0.0, 0.4), (0.5, 0.9), (-1, 0.4)])
+def test_a_point_off_the_plate_is_refused(point):
+    with pytest.raises(InputError, match="inside the plate"):
+        PLATE.compliance(*point)
+
+
+def test_zener_limits():
+    assert zener.restitution(0.0) == pytest.approx(1, abs=1e-9)
+    # two bodies through Hertz alone: 2.9433 (5/4)^{2/5}
+    assert zener.contact_time(0.0) == pytest.approx(2.9432 * 1.25**0.4, rel=1e-4)
+    values = [zener.restitution(lam) for lam in (0.1, 0.3, 0.5, 1.0)]
+    assert np.all(np.diff(values) < 0)
+    # first order: the work of the damping force along the undamped path,
+    # 1 − e = λ ∫ (3/2)√σ σ'² dτ = λ · 2 ∫ (3/2)√σ √(1 − (4/5)σ^{5/2}) dσ
+    from scipy.integrate import quad
+
+    top = 1.25**0.4
+    work = 2 * quad(lambda s: 1.5 * np.sqrt(s * max(1 - 0.8 * s**2.5, 0.0)), 0, top)[0]
+    assert (1 - zener.restitution(1e-4)) / 1e-4 == pytest.approx(work, rel=1e-3)
+    assert zener.restitution(3.0) > 0
+
+
+def test_zener_parameter_is_free_of_units():
+    lam = zener.inelasticity(0.01, 2.0, 1e9, 50.0, 8.0)
+    # mass × 1000 (kg → g), length × 100 (m → cm): N m^-3/2 → 10⁵ · 10^-3
+    scaled = zener.inelasticity(10.0, 200.0, 1e9 * 1e5 * 1e-3, 50.0 * 1e7, 8.0 * 0.1)
+    assert scaled == pytest.approx(lam, rel=1e-12)
+    with pytest.raises(InputError, match="mass must be > 0"):
+        zener.inelasticity(0.0, 2.0, 1e9, 50.0, 8.0)
