@@ -61,8 +61,12 @@ def create_mesh(
 
 
 def _all_on_root(comm: MPI.Comm, n_parts: int, kinds: Any, cells: Any) -> Any:
-    n_cells = cells[0].num_nodes if isinstance(cells, list) else cells.num_nodes
-    return dolfinx.graph.adjacencylist(np.zeros((n_cells, 1), dtype=np.int32))._cpp_object
+    if isinstance(cells, list):  # of vertices, one flat array a kind of cell
+        n_cells = len(cells[0]) // dolfinx.cpp.mesh.cell_num_vertices(kinds[0])
+    else:
+        n_cells = cells.num_nodes
+    everything = dolfinx.graph.adjacencylist(np.zeros((n_cells, 1), dtype=np.int32))
+    return getattr(everything, "_cpp_object", everything)
 
 
 def node_order(cell: str, n_nodes: int, convention: str) -> IntArray:

@@ -136,7 +136,7 @@ def _first_elastic(
     """A Rayleigh–Ritz value of the size of the lowest elastic ω²."""
     fields = fields - motions @ dot(comm, motions, multiply(M, fields))
     basis = orthonormal(comm, M, fields)
-    values = np.linalg.eigvalsh(dot(comm, basis, multiply(K, basis))) if basis.size else []
+    values = np.linalg.eigvalsh(dot(comm, basis, multiply(K, basis))) if basis.shape[1] else []
     for value in values:
         if value > 1e-9 * max(values):
             return float(value)
