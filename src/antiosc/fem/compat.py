@@ -100,7 +100,10 @@ def entity_vertices(mesh: dolfinx.mesh.Mesh, dim: int) -> IntArray:
     entities = np.arange(imap.size_local + imap.num_ghosts, dtype=np.int32)
     cpp_mesh = mesh._mesh if VERSION < (0, 6) else mesh._cpp_object
     nodes = dolfinx.cpp.mesh.entities_to_geometry(cpp_mesh, dim, entities, False)
-    return np.asarray(nodes).reshape(len(entities), -1)
+    # From 0.9 on the nodes inside edges and faces of curved cells follow those at the vertices.
+    kind = dolfinx.cpp.mesh.cell_entity_type(mesh.topology.cell_type, dim, 0)
+    vertices = dolfinx.cpp.mesh.cell_num_vertices(kind)
+    return np.asarray(nodes).reshape(len(entities), -1)[:, :vertices]
 
 
 def cell_map(mesh: dolfinx.mesh.Mesh) -> Any:
