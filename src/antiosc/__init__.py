@@ -6,6 +6,7 @@ alone; what reads meshes and extracts models needs the FE stack and is loaded wh
 
 from typing import Any
 
+from antiosc.batch import Batch, simulate_many, sweep
 from antiosc.contact import (
     ContactLaw,
     Flores,
@@ -35,6 +36,7 @@ from antiosc.impact import simulate
 from antiosc.impactor import Impactor, Obstacle, RigidMass, Sphere
 from antiosc.modal import Damping, LinearBody, ModalBody
 from antiosc.model import AntiOscillators
+from antiosc.truncation import choose_n, truncation_error
 
 __version__ = "0.1.0"
 
@@ -47,11 +49,14 @@ _FEM = (
     "Solid",
     "Structure",
     "Support",
+    "choose_n",
     "extract",
     "full",
     "probe",
     "read_mesh",
     "superposition",
+    "sweep",
+    "truncation_error",
     "write_series",
 )
 
@@ -60,6 +65,7 @@ __all__ = [
     "AccuracyWarning",
     "AntiOscillators",
     "AntioscError",
+    "Batch",
     "Beam",
     "ContactLaw",
     "Damping",
@@ -94,12 +100,16 @@ __all__ = [
     "TanSun",
     "Thornton",
     "YangSun",
+    "choose_n",
     "extract",
     "full",
     "probe",
     "read_mesh",
     "simulate",
+    "simulate_many",
     "superposition",
+    "sweep",
+    "truncation_error",
     "write_series",
 ]
 

@@ -61,7 +61,7 @@ class History:
     message : the status in words, with what was done to the contact law.
     step : the step used during contact [s].
     error : estimated relative errors reached: "force" (L2 norm) and "peak"; empty when the step
-        was given.
+        was given. With n="auto" also "truncation peak_force", "... impulse", "... contact_time".
     """
 
     problem: Problem
@@ -138,19 +138,13 @@ class History:
         Contacts belong to one impact while the flight between them is shorter than the impact has
         lasted so far; the main impact is the one with the largest impulse.
         """
-        groups: list[tuple[float, float, float]] = []
-        for contact in self.trajectory.contacts:
-            pieces = self.trajectory.segments[slice(*contact.segments)]
-            impulse = sum(s.impulse for s in pieces)
-            if groups and contact.start - groups[-1][1] < groups[-1][1] - groups[-1][0]:
-                start, _, before = groups[-1]
-                groups[-1] = (start, contact.end, before + impulse)
-            else:
-                groups.append((contact.start, contact.end, impulse))
-        if not groups:
-            return 0.0
-        main = max(groups, key=lambda g: g[2])
-        return main[1] - main[0]
+        segments = self.trajectory.segments
+        return main_impact(
+            [
+                (c.start, c.end, sum(s.impulse for s in segments[slice(*c.segments)]))
+                for c in self.trajectory.contacts
+            ]
+        )
 
     @property
     def restitution(self) -> float | None:
@@ -223,7 +217,10 @@ class History:
             ("restitution", "-" if e is None else f"{e:.4f}"),
             ("energy drift", f"{self.energy.drift:.1e}"),
             ("step", f"{self.step:.3g} s"),
-            ("force error", f"{self.error['force']:.1e}" if self.error else "not estimated"),
+            (
+                "force error",
+                f"{self.error['force']:.1e}" if "force" in self.error else "not estimated",
+            ),
             ("status", self.message),
         ]
         return "\n".join(f"{name:<13} {value}" for name, value in rows)
@@ -281,6 +278,20 @@ class History:
                 lost[n] = braked + law.lost(state) - start
             lost[b:] = lost[b]
         return stored, lost
+
+
+def main_impact(contacts: Sequence[tuple[float, float, float]]) -> float:
+    """Length [s] of the main impact among contacts (start, end, impulse); see `contact_time`."""
+    groups: list[tuple[float, float, float]] = []
+    for start, end, impulse in contacts:
+        if groups and start - groups[-1][1] < groups[-1][1] - groups[-1][0]:
+            groups[-1] = (groups[-1][0], end, groups[-1][2] + impulse)
+        else:
+            groups.append((start, end, impulse))
+    if not groups:
+        return 0.0
+    main = max(groups, key=lambda g: g[2])
+    return main[1] - main[0]
 
 
 def force_difference(coarse: Trajectory, fine: Trajectory) -> tuple[float, float]:

@@ -18,12 +18,14 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from antiosc import checks
 from antiosc.contact import ContactLaw, Hertz
+from antiosc.control import Refinement
 from antiosc.errors import AccuracyError, AccuracyWarning, InputError
 from antiosc.history import History, force_difference
 from antiosc.integrators import (
@@ -41,8 +43,8 @@ from antiosc.modal import LinearBody, ModalBody
 Array = NDArray[np.float64]
 
 DEFAULT_TOL = 1e-3
-_FIRST_STEPS = 24  # per estimated contact time, on the coarsest level
-_MAX_LEVELS = 24
+COARSEST = 24  # per estimated contact time, on the coarsest level
+MAX_LEVELS = 24
 
 
 def simulate(
@@ -52,6 +54,7 @@ def simulate(
     duration: float,
     method: str = "exact",
     *,
+    n: int | str | None = None,
     step: float | None = None,
     tol: float | None = None,
     initial_velocity: float = 0.0,
@@ -76,6 +79,10 @@ def simulate(
     method : str
         "exact", "newmark", "conserving", "leapfrog", or a method of `scipy.integrate.solve_ivp`
         such as "DOP853".
+    n : int or "auto", optional
+        Number of anti-oscillators of the model to use; default all. "auto" takes the smallest
+        number whose estimated truncation error of peak force, impulse and contact time meets
+        `tol` (see `antiosc.truncation`).
     step : float, optional
         Fixed time step during contact [s] (solve_ivp: largest step). By default the step is
         halved until the force history has converged.
@@ -107,9 +114,16 @@ def simulate(
         raise InputError(f"tol is a relative error, 0 < tol < 1; got {accuracy:g}.")
     checks.whole("max_contacts", max_contacts)
     checks.whole("max_steps", max_steps)
-    law, note = _without_patch(contact, model, impactor)
+    truncation: dict[str, float] = {}
+    shortage = ""
+    if n is not None:
+        scene = {"initial_velocity": initial_velocity, "gravity": gravity, "gap": gap}
+        model, truncation, shortage = _truncated(
+            model, n, (impactor, contact, duration), accuracy, scene
+        )
+    law, note = without_patch(contact, model, impactor)
     problem, bodies = assemble(model, impactor, law, initial_velocity, gravity, gap)
-    problem, scale = _scaled(problem, bodies, duration)
+    problem, scale = scaled(problem, bodies, duration)
 
     if step is not None:
         step = checks.positive("step", step, "s")
@@ -127,7 +141,7 @@ def simulate(
     elif method in FIXED_STEP:
         make = FIXED_STEP[method]
         if step is None:
-            first = min(scale / _FIRST_STEPS, make.stable_step(problem))
+            first = min(scale / COARSEST, make.stable_step(problem))
             if scale / first > max_steps:
                 raise InputError(
                     f"{method} needs steps of {first:.3g} s, {scale / first:.3g} of them in one"
@@ -143,13 +157,15 @@ def simulate(
         raise InputError(f"method must be one of {names}; got {method!r}.")
 
     status, message = _verdict(trajectory, error, accuracy)
+    if shortage:
+        status, message = max(status, 1), f"{message} {shortage}"
     history = History(
         problem=problem,
         bodies=bodies,
         model=model,
         trajectory=trajectory,
         step=step,
-        error=error,
+        error={**error, **truncation},
         gravity=gravity,
         status=status,
         message=" ".join(filter(None, (message, note))),
@@ -160,6 +176,38 @@ def simulate(
         reason = law.out_of_range(history.peak_force, getattr(model, "radius", None))
         raise AccuracyError(f"{reason}.")
     return history
+
+
+def _truncated(
+    model: LinearBody,
+    n: int | str,
+    impact: tuple[LinearBody, ContactLaw, float],
+    tol: float,
+    scene: dict[str, Any],
+) -> tuple[LinearBody, dict[str, float], str]:
+    """The model with `n` anti-oscillators, its estimated errors, and what it lacks, if anything."""
+    from antiosc.model import AntiOscillators
+    from antiosc.truncation import choose_n
+
+    if not isinstance(model, AntiOscillators):
+        raise InputError(f"only AntiOscillators can be truncated; got {type(model).__name__}.")
+    if not isinstance(n, str):
+        return model.truncated(n), {}, ""
+    if n != "auto":
+        raise InputError(f'n must be a number of anti-oscillators or "auto"; got {n!r}.')
+    choice = choose_n(model, *impact, tol=tol, **scene)
+    errors = {
+        f"truncation {name}": getattr(choice.error, name)
+        for name in ("peak_force", "impulse", "contact_time")
+    }
+    shortage = ""
+    if choice.missing:
+        shortage = (
+            f"The model's {model.n} anti-oscillators leave an estimated truncation error of"
+            f" {choice.error.worst:.2g}, more than tol = {tol:g}; about {choice.missing} more are"
+            f" needed."
+        )
+    return model.truncated(choice.n), errors, shortage
 
 
 def assemble(
@@ -217,7 +265,7 @@ def _weight(name: str, body: ModalBody, gravity: float) -> Array:
     return body.weight
 
 
-def _without_patch(
+def without_patch(
     law: ContactLaw, model: LinearBody, impactor: LinearBody
 ) -> tuple[ContactLaw, str]:
     """The law with the patches' own half-space compliance taken out, and a note on it."""
@@ -237,7 +285,7 @@ def _without_patch(
     )
 
 
-def _scaled(
+def scaled(
     problem: Problem, bodies: tuple[ModalBody, ModalBody], duration: float
 ) -> tuple[Problem, float]:
     """The problem with its resolution set, and an estimate of the contact time [s].
@@ -290,24 +338,20 @@ def _converge(
     max_steps: int,
     max_contacts: int,
 ) -> tuple[Trajectory, float, dict[str, float]]:
-    """Halve the step until the force of two levels agrees; the finer one and its error."""
+    """Refine the step until the force has converged; the finest run and its estimated error."""
     coarse = go(step)
-    before: float | None = None
-    error = {"force": np.inf, "peak": np.inf}
-    for _ in range(_MAX_LEVELS):
-        if 2 * coarse.evaluations > max_steps or len(coarse.contacts) >= max_contacts:
+    control = Refinement(tol)
+    for _ in range(MAX_LEVELS):
+        share = 2**control.halvings
+        if share * coarse.evaluations > max_steps or len(coarse.contacts) >= max_contacts:
             break
-        step /= 2
+        step /= share
         fine = go(step)
-        l2, peak = force_difference(coarse, fine)
-        # the ratio of successive differences tells how much of this one is left in the finer run
-        rate = 1.0 if before is None or l2 == 0 else min(max(before / l2, 1.5), 4.0)
-        left = 1.0 if before is None else 1 / (rate - 1)
-        error = {"force": l2 * left, "peak": peak * left}
-        coarse, before = fine, l2
-        if max(error.values()) <= tol and not fine.trouble:
+        control.update(*force_difference(coarse, fine))
+        coarse = fine
+        if control.reached and not fine.trouble:
             break
-    return coarse, step, error
+    return coarse, step, control.error
 
 
 def _verdict(trajectory: Trajectory, error: dict[str, float], tol: float) -> tuple[int, str]:

@@ -50,22 +50,31 @@ class Exact:
         self, problem: Problem, t: float, q: Array, v: Array, state: State, end: float
     ) -> Phase:
         step = self.step
-        phase = self._contact(problem, t, q, v, state, end, step)
+        phase = self.resume(problem, t, q, v, state, end, step)
         work = phase.evaluations
         for _ in range(DEPTH):
             if not phase.released or phase.time - t > SHORT * step:
                 break
             step /= 8
-            phase = self._contact(problem, t, q, v, state, end, step)
+            phase = self.resume(problem, t, q, v, state, end, step)
             work += phase.evaluations
         phase.evaluations = work
         return phase
 
-    def _contact(
-        self, problem: Problem, t: float, q: Array, v: Array, state: State, end: float, step: float
+    def resume(
+        self,
+        problem: Problem,
+        t: float,
+        q: Array,
+        v: Array,
+        state: State,
+        end: float,
+        step: float,
+        force: float = 0.0,
     ) -> Phase:
+        """Go on from any state of the contact, `force` included."""
         segments: list[Segment] = []
-        force, count = 0.0, 0
+        count = 0
         while True:
             left = end - t
             size, h = min(CHUNK, int(left / step * (1 + 1e-12))), step
@@ -175,7 +184,7 @@ def _march(
     last = kernel.hat.size
     reverse = kernel.hat[::-1].copy()
     moving = law.rate_dependent or law.has_memory
-    rate, held = 0.0, 0.0
+    rate, held, previous = 0.0, 0.0, force
     if moving:
         free_rate = (kernel.free_rate(q, v) + force * kernel.half_rate).tolist()
         reverse_rate = kernel.hat_rate[::-1].copy()
@@ -189,10 +198,11 @@ def _march(
             rate = free_rate[n] + r * force / h
             if n > 1:
                 rate += float(reverse_rate[last - n : last - 1] @ forces[1:n])
-        new = implicit(trial, alpha, rate, held, state, force)
+        guess = max(2 * force - previous, 0.5 * force)
+        new = implicit(trial, alpha, rate, held, state, guess)
         if new == 0.0 and trial <= origin:
             return forces[: n + 1], delta[: n + 1], state, True
-        force = new
+        previous, force = force, new
         forces[n] = new
         delta[n] = trial - alpha * new
         if moving:
@@ -211,8 +221,15 @@ def _forced_one(
 def _release(problem: Problem, q: Array, v: Array, force: float, origin: float, h: float) -> float:
     """Length of the last step, over which the force falls to 0 as delta falls to the origin."""
 
+    prop, beta = problem.propagator, problem.beta
+    from_q, from_v, pull = beta * q, beta * v, force * beta**2
+    level = problem.gap + origin
+
     def apart(t: float) -> float:
-        return problem.approach(_forced_one(problem, q, v, t, force, 0.0)[0]) - origin
+        P, S, _ = prop.motion(t)
+        J, R = prop.step(t), prop.ramp(t)
+        delta = float(P @ from_q + S @ from_v - (J - R / t) @ pull) - level
+        return delta + float(J @ (beta * problem.load)) if problem.loaded else delta
 
     if apart(h) >= 0.0:  # by rounding only
         return h

@@ -58,11 +58,12 @@ class Propagator:
         """R(t) [s^3], the displacement under a modal force that grows as t."""
         time = np.asarray(t, dtype=float)[..., np.newaxis]
         if not self.damped:
-            z2 = (self.omega * time) ** 2
-            small = z2 < 0.25
-            series = 1 - z2 / 20 * (1 - z2 / 42 * (1 - z2 / 72 * (1 - z2 / 110 * (1 - z2 / 156))))
-            with np.errstate(divide="ignore", invalid="ignore"):
-                direct = 6 * (1 - _sinc(self.omega * time)) / z2
+            z = self.omega * time
+            small = np.abs(z) < 0.5
+            y = np.where(small, z * z, 0.0)
+            series = 1 - y / 20 * (1 - y / 42 * (1 - y / 72 * (1 - y / 110 * (1 - y / 156))))
+            large = np.where(small, 1.0, z)
+            direct = 6 * (1 - np.sin(large) / large) / (large * large)
             return np.asarray(time**3 / 6 * np.where(small, series, direct))
         return self._step_and_ramp(time)[1]
 
@@ -114,7 +115,8 @@ class Propagator:
 
 
 def _sinc(z: Array) -> Array:
-    return np.asarray(np.sinc(z / np.pi))
+    safe = np.where(z == 0, 1e-20, z)
+    return np.asarray(np.sin(safe) / safe)
 
 
 def _phi1(z: Array) -> Array:

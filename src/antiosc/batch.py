@@ -1,0 +1,816 @@
+"""Many impacts at once: the exact integrator, vectorised over scenes.
+
+All scenes march together, each with its own step, through the same course of events as one by one
+(flight, touch, contact, release), so the results are those of `simulate` to rounding. Laws of the
+power type (Linear, Hertz, Power) are vectorised; scenes with other laws are run one by one.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from antiosc import checks
+from antiosc.contact import ContactLaw, Hertz, Linear, Power
+from antiosc.control import Refinement
+from antiosc.errors import AccuracyError, InputError
+from antiosc.history import main_impact
+from antiosc.impact import (
+    COARSEST,
+    DEFAULT_TOL,
+    MAX_LEVELS,
+    assemble,
+    scaled,
+    simulate,
+    without_patch,
+)
+from antiosc.integrators import MAX_STEPS, Problem
+from antiosc.integrators.exact import DEPTH, SHORT, Exact
+from antiosc.integrators.propagator import Propagator
+from antiosc.modal import LinearBody
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+_BLOCK = 512  # scenes that march together: small enough for the cache
+_FEW = 8  # scenes that are quicker one by one ...
+_LONG = 64  # ... if they go on for more steps than this
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """Results of many impacts, one entry per scene; see `History` for their meaning.
+
+    Attributes
+    ----------
+    peak_force, impulse, contact_time, restitution : (S,) float; restitution is NaN where
+        `History.restitution` is None.
+    contacts : (S,) number of contacts.
+    step, error : (S,) step used [s] and estimated relative error of the force (NaN: step given).
+    status : (S,) as in `History`.
+    force : list of S pairs (time, force): nodes of the contacts, force linear in between.
+    """
+
+    peak_force: Array
+    impulse: Array
+    contact_time: Array
+    restitution: Array
+    contacts: Index
+    step: Array
+    error: Array
+    status: Index
+    force: list[tuple[Array, Array]]
+
+    def __len__(self) -> int:
+        return self.peak_force.size
+
+
+def sweep(make: Callable[..., Any], **values: Any) -> list[Any]:
+    """Objects made from arrays: `sweep(RigidMass, mass=masses, velocity=2.0)`.
+
+    Every keyword is one value for all or a sequence; all sequences must have the same length.
+    """
+    lengths = {k: len(v) for k, v in values.items() if isinstance(v, Sequence | np.ndarray)}
+    size = _common_length(lengths)
+    return [
+        make(**{k: v[i] if k in lengths else v for k, v in values.items()}) for i in range(size)
+    ]
+
+
+def simulate_many(
+    models: LinearBody | Sequence[LinearBody],
+    impactors: LinearBody | Sequence[LinearBody],
+    contacts: ContactLaw | Sequence[ContactLaw],
+    duration: ArrayLike,
+    *,
+    step: ArrayLike | None = None,
+    tol: float | None = None,
+    initial_velocity: ArrayLike = 0.0,
+    gravity: ArrayLike = 0.0,
+    max_contacts: int = 10_000,
+    max_steps: int = MAX_STEPS,
+) -> Batch:
+    """`simulate` with the exact integrator for many scenes.
+
+    Parameters
+    ----------
+    models, impactors, contacts
+        One for all scenes, or a sequence with one per scene (see `sweep`).
+    duration, step, initial_velocity, gravity : float or (S,)
+        As for `simulate`, for all scenes or one per scene.
+    tol, max_contacts, max_steps
+        As for `simulate`.
+
+    Raises
+    ------
+    InputError
+        For sequences of different lengths and whatever `simulate` refuses.
+    AccuracyError
+        When a scene's force leaves the range of its law; the message names the scene.
+    """
+    given: dict[str, Any] = {
+        "models": models,
+        "impactors": impactors,
+        "contacts": contacts,
+        "duration": duration,
+        "step": step,
+        "initial_velocity": initial_velocity,
+        "gravity": gravity,
+    }
+    size = _common_length({k: len(v) for k, v in given.items() if _is_many(v)})
+    columns = {k: list(v) if _is_many(v) else [v] * size for k, v in given.items()}
+    accuracy = DEFAULT_TOL if tol is None else checks.positive("tol", tol)
+    if accuracy >= 1:
+        raise InputError(f"tol is a relative error, 0 < tol < 1; got {accuracy:g}.")
+    scenes = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+    results: list[_Result | None] = [None] * size
+    groups: dict[type, list[int]] = {}
+    for i, scene in enumerate(scenes):
+        groups.setdefault(type(scene["contacts"]), []).append(i)
+    for kind, members in groups.items():
+        if kind not in _FORCES:
+            for i in members:
+                results[i] = _alone(scenes[i], accuracy, max_contacts, max_steps)
+            continue
+        for first in range(0, len(members), _BLOCK):
+            block = members[first : first + _BLOCK]
+            prepared = [_prepare(scenes[i], i) for i in block]
+            solved = _solve(kind, prepared, accuracy, max_contacts, max_steps)
+            for i, result in zip(block, solved, strict=True):
+                results[i] = result
+    return _gather([r for r in results if r is not None])
+
+
+# -- one scene in, one result out
+
+
+@dataclass(eq=False)
+class _Scene:
+    index: int
+    problem: Problem
+    duration: float
+    step: float
+    fixed: bool
+
+
+@dataclass(eq=False)
+class _Result:
+    """Contacts (start, end, impulse), the nodes of the force, and how it was got."""
+
+    contacts: list[tuple[float, float, float]] = field(default_factory=list)
+    time: Array = field(default_factory=lambda: np.zeros(0))
+    force: Array = field(default_factory=lambda: np.zeros(0))
+    closing: float = 0.0
+    parting: float = np.nan
+    released: bool = False
+    work: int = 0
+    full: bool = False
+    step: float = 0.0
+    error: float = np.nan
+    status: int = 0
+
+
+def _prepare(scene: dict[str, Any], index: int) -> _Scene:
+    duration = checks.positive("duration", scene["duration"], "s")
+    law, _ = without_patch(scene["contacts"], scene["models"], scene["impactors"])
+    problem, bodies = assemble(
+        scene["models"], scene["impactors"], law, scene["initial_velocity"], scene["gravity"]
+    )
+    problem, scale = scaled(problem, bodies, duration)
+    step = scene["step"]
+    if step is None:
+        return _Scene(index, problem, duration, scale / COARSEST, False)
+    step = checks.positive("step", step, "s")
+    if step > duration:
+        raise InputError(f"step must be <= the duration {duration:g} s; got {step:g} s.")
+    return _Scene(index, problem, duration, step, True)
+
+
+def _alone(scene: dict[str, Any], tol: float, max_contacts: int, max_steps: int) -> _Result:
+    hit = simulate(
+        scene["models"],
+        scene["impactors"],
+        scene["contacts"],
+        scene["duration"],
+        step=scene["step"],
+        tol=tol,
+        initial_velocity=scene["initial_velocity"],
+        gravity=scene["gravity"],
+        max_contacts=max_contacts,
+        max_steps=max_steps,
+    )
+    e = hit.restitution
+    return _Result(
+        contacts=[
+            (c.start, c.end, sum(s.impulse for s in hit.trajectory.segments[slice(*c.segments)]))
+            for c in hit.trajectory.contacts
+        ],
+        time=hit.time,
+        force=hit.force,
+        closing=1.0,
+        parting=np.nan if e is None else -e,
+        released=True,
+        step=hit.step,
+        error=hit.error.get("force", np.nan),
+        status=hit.status,
+    )
+
+
+def _gather(results: list[_Result]) -> Batch:
+    def restitution(r: _Result) -> float:
+        return -r.parting / r.closing if r.released and r.closing > 0 else np.nan
+
+    return Batch(
+        peak_force=np.array([r.force.max(initial=0.0) for r in results]),
+        impulse=np.array([sum(c[2] for c in r.contacts) for r in results]),
+        contact_time=np.array([main_impact(r.contacts) for r in results]),
+        restitution=np.array([restitution(r) for r in results]),
+        contacts=np.array([len(r.contacts) for r in results], dtype=np.intp),
+        step=np.array([r.step for r in results]),
+        error=np.array([r.error for r in results]),
+        status=np.array([r.status for r in results], dtype=np.intp),
+        force=[(r.time, r.force) for r in results],
+    )
+
+
+def _is_many(value: Any) -> bool:
+    return isinstance(value, Sequence) or (isinstance(value, np.ndarray) and value.ndim == 1)
+
+
+def _common_length(lengths: dict[str, int]) -> int:
+    sizes = set(lengths.values())
+    if len(sizes) > 1:
+        listed = ", ".join(f"{k}: {v}" for k, v in lengths.items())
+        raise InputError(f"sequences of a batch must have one length; got {listed}.")
+    if not sizes:
+        return 1
+    size = sizes.pop()
+    if size == 0:
+        raise InputError("a batch needs at least one scene; got empty sequences.")
+    return size
+
+
+# -- error control, as in `simulate`
+
+
+def _solve(
+    kind: type, scenes: list[_Scene], tol: float, max_contacts: int, max_steps: int
+) -> list[_Result]:
+    stack = _Stack(kind, scenes)
+    step = np.array([s.step for s in scenes])
+    fixed = np.array([s.fixed for s in scenes])
+    results = _run(stack, np.arange(len(scenes)), step, max_contacts, max_steps)
+    control = [Refinement(tol) for _ in scenes]
+    todo = np.flatnonzero(~fixed)
+    for _ in range(MAX_LEVELS):
+        share = np.array([2**c.halvings for c in control])
+        work = np.array([r.work for r in results])
+        full = np.array([r.full for r in results])
+        todo = todo[(share * work <= max_steps)[todo] & ~full[todo]]
+        if todo.size == 0:
+            break
+        step[todo] /= share[todo]
+        fine = _run(stack, todo, step[todo], max_contacts, max_steps)
+        l2, peak = _differences([results[i] for i in todo], fine, stack.duration[todo])
+        for j, i in enumerate(todo):
+            control[i].update(float(l2[j]), float(peak[j]))
+            results[i] = fine[j]
+        todo = np.array([i for i in todo if not control[i].reached], dtype=np.intp)
+    for i, (result, scene) in enumerate(zip(results, scenes, strict=True)):
+        result.step = float(step[i])
+        if not fixed[i]:
+            result.error = control[i].error["force"]
+            result.status = int(not control[i].reached)
+        if result.full:
+            result.status = 2
+        law, peak_force = scene.problem.law, float(result.force.max(initial=0.0))
+        if peak_force > law.valid_force:
+            reason = law.out_of_range(peak_force, None)
+            raise AccuracyError(f"scene {scene.index}: {reason}.")
+    return results
+
+
+def _differences(
+    coarse: list[_Result], fine: list[_Result], duration: Array
+) -> tuple[Array, Array]:
+    """`force_difference` of many pairs: their time axes are laid end to end."""
+    ends = np.concatenate(([0.0], np.cumsum(2 * duration)))
+
+    def flat(results: list[_Result]) -> tuple[Array, Array]:
+        time = [a + np.concatenate(([0.0], r.time)) for a, r in zip(ends, results, strict=False)]
+        force = [np.concatenate(([0.0], r.force)) for r in results]
+        last = [np.array([a + d]) for a, d in zip(ends, duration, strict=False)]
+        hold = [np.array([f[-1]]) for f in force]
+        pairs = zip(time, last, strict=True), zip(force, hold, strict=True)
+        return tuple(np.concatenate([x for pair in p for x in pair]) for p in pairs)  # type: ignore
+
+    (ta, fa), (tb, fb) = flat(coarse), flat(fine)
+    time = np.union1d(ta, tb)
+    a, b = np.interp(time, ta, fa), np.interp(time, tb, fb)
+    starts = np.searchsorted(time, ends[:-1])
+    inside = np.ones(time.size - 1, dtype=bool)
+    inside[starts[1:] - 1] = False  # between two scenes
+
+    def norm(f: Array) -> Array:
+        piece = np.diff(time) * (f[:-1] ** 2 + f[:-1] * f[1:] + f[1:] ** 2) / 3
+        return np.sqrt(np.add.reduceat(np.where(inside, piece, 0.0), starts))
+
+    size, gap = norm(b), norm(a - b)
+    tops = np.maximum.reduceat(a, starts), np.maximum.reduceat(b, starts)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        l2 = np.where(size > 0, gap / size, np.where(gap > 0, 1.0, 0.0))
+        peak = np.where(size > 0, np.abs(tops[0] - tops[1]) / tops[1], l2)
+    return l2, peak
+
+
+# -- the march
+
+
+class _Stack:
+    """Problems side by side: arrays (S, J), padded with modes that take no part."""
+
+    def __init__(self, kind: type, scenes: list[_Scene]) -> None:
+        problems = [s.problem for s in scenes]
+        size = max(p.omega.size for p in problems)
+
+        def pad(name: str) -> Array:
+            rows = [getattr(p, name) for p in problems]
+            return np.array([np.pad(row, (0, size - row.size)) for row in rows])
+
+        self.omega, self.decay, self.beta = pad("omega"), pad("decay"), pad("beta")
+        self.load, self.q, self.v = pad("load"), pad("q"), pad("v")
+        self.r = np.array([p.r for p in problems])
+        self.gap = np.array([p.gap for p in problems])
+        self.resolution = np.array([p.resolution for p in problems])
+        self.duration = np.array([s.duration for s in scenes])
+        self.kind, self.problems = kind, problems
+        self.loaded = bool(np.any(self.load))
+
+    def implicit(self, rows: Index) -> _Law:
+        return _FORCES[self.kind]([self.problems[i].law for i in rows])
+
+    def part(self, rows: Index) -> _Part:
+        return _Part(self, rows)
+
+
+class _Part:
+    """Some rows of a stack, with the motion of their modes."""
+
+    def __init__(self, stack: _Stack, rows: Index) -> None:
+        self.rows = rows
+        self.beta, self.gap, self.r = stack.beta[rows], stack.gap[rows], stack.r[rows]
+        self.load = stack.load[rows] if stack.loaded else None
+        self.resolution = stack.resolution[rows]
+        self.propagator = Propagator(stack.omega[rows], stack.decay[rows])
+
+    def delta(self, q: Array) -> Array:
+        return np.einsum("sj,sj->s", self.beta, q) - self.gap
+
+    def free(self, q: Array, v: Array, t: Array) -> tuple[Array, Array]:
+        P, S, W = self.propagator.motion(t)
+        q1, v1 = P * q + S * v, W * v - self.propagator.square * S * q
+        if self.load is not None:
+            q1, v1 = q1 + self.propagator.step(t) * self.load, v1 + S * self.load
+        return q1, v1
+
+    def falling(self, q: Array, v: Array, force: Array, t: Array) -> tuple[Array, Array]:
+        """States after `t` while the force falls linearly to 0."""
+        q1, v1 = self.free(q, v, t)
+        S = self.propagator.motion(t).S
+        J, R = self.propagator.step(t), self.propagator.ramp(t)
+        pull = self.beta * force[:, None]
+        t = t[:, None]
+        return q1 - pull * (J - R / t), v1 - pull * (S - J / t)
+
+
+class _Steps:
+    """Coefficients of one step of length h (S,) for rows of a stack; `take` drops rows."""
+
+    def __init__(self, part: _Part, h: Array) -> None:
+        p, column = part.propagator, h[:, None]
+        self.beta, self.gap = part.beta, part.gap
+        self.P, self.S, self.W = p.motion(h)
+        self.V = -p.square * self.S
+        J, R = p.step(h), p.ramp(h)
+        self.rise_q, self.rise_v = -part.beta * R / column, -part.beta * J / column
+        self.fall_q = -part.beta * J - self.rise_q
+        self.fall_v = -part.beta * self.S - self.rise_v
+        self.push_q = None if part.load is None else J * part.load
+        self.push_v = None if part.load is None else self.S * part.load
+        self.alpha = part.r - np.einsum("sj,sj->s", part.beta, self.rise_q)
+
+    def take(self, keep: Index) -> None:
+        for name, value in vars(self).items():
+            if value is not None:
+                setattr(self, name, value[keep])
+
+    def free(self, q: Array, v: Array, force: Array) -> tuple[Array, Array, Array]:
+        """State and indentation after the step if the force fell to 0."""
+        F = force[:, None]
+        q1 = self.P * q
+        q1 += self.S * v
+        q1 += self.fall_q * F
+        v1 = self.V * q
+        v1 += self.W * v
+        v1 += self.fall_v * F
+        if self.push_q is not None and self.push_v is not None:
+            q1, v1 = q1 + self.push_q, v1 + self.push_v
+        return q1, v1, np.einsum("sj,sj->s", self.beta, q1) - self.gap
+
+
+def _run(
+    stack: _Stack, rows: Index, step: Array, max_contacts: int, max_steps: int
+) -> list[_Result]:
+    """All events of the given rows, with one step each."""
+    results = [_Result() for _ in rows]
+    size = rows.size
+    q, v, t = stack.q[rows], stack.v[rows], np.zeros(size)
+    end = stack.duration[rows]
+    log = _Log(size)
+    live = np.arange(size)
+    while live.size:
+        part = stack.part(rows[live])
+        wait = _next_touch(part, q[live], v[live], end[live] - t[live], step[live] / 4)
+        struck = np.isfinite(wait) & (t[live] + wait < end[live])
+        live, wait = live[struck], wait[struck]
+        if live.size == 0:
+            break
+        part = stack.part(rows[live])
+        q[live], v[live] = part.free(q[live], v[live], wait)
+        t[live] += wait
+        rigid = np.where(part.propagator.omega == 0, part.beta, 0.0)
+        closing = np.einsum("sj,sj->s", rigid, v[live])
+        for i, speed in zip(live, closing, strict=True):
+            if not results[i].contacts:
+                results[i].closing = float(speed)
+        parted = _contact(stack, rows, live, step, (q, v, t, end), log, results, max_steps)
+        for i in live:
+            results[i].full = results[i].full or len(results[i].contacts) >= max_contacts
+        parting = np.einsum("sj,sj->s", rigid, v[live])
+        for i, speed, out in zip(live, parting, parted, strict=True):
+            results[i].parting, results[i].released = float(speed), bool(out)
+        live = live[parted & np.array([not results[i].full for i in live])]
+    log.fill(results)
+    return results
+
+
+class _Log:
+    """Nodes of all scenes in the order in which they come; sorted by scene at the end."""
+
+    def __init__(self, size: int) -> None:
+        self.size = size
+        self.owner: list[Index] = []
+        self.time: list[Array] = []
+        self.force: list[Array] = []
+
+    def add(self, owner: Index, time: Array, force: Array) -> None:
+        self.owner.append(owner)
+        self.time.append(time)
+        self.force.append(force)
+
+    def fill(self, results: list[_Result]) -> None:
+        if not self.owner:
+            return
+        owner = np.concatenate(self.owner)
+        order = np.argsort(owner, kind="stable")
+        bounds = np.searchsorted(owner[order], np.arange(self.size + 1))
+        time, force = np.concatenate(self.time)[order], np.concatenate(self.force)[order]
+        for i, result in enumerate(results):
+            piece = slice(bounds[i], bounds[i + 1])
+            result.time, result.force = time[piece], force[piece]
+
+
+def _contact(
+    stack: _Stack,
+    rows: Index,
+    live: Index,
+    step: Array,
+    motion: tuple[Array, Array, Array, Array],
+    log: _Log,
+    results: list[_Result],
+    max_steps: int,
+) -> NDArray[np.bool_]:
+    """One contact of each live scene; short ones again with smaller steps. True: parted."""
+    q, v, t, end = motion
+    parted = np.zeros(live.size, dtype=bool)
+    h = step[live].copy()
+    todo = np.arange(live.size)
+    for depth in range(DEPTH + 1):
+        who = live[todo]
+        nodes = _Log(live.size)
+        part = stack.part(rows[who])
+        out = _march(stack, part, (q[who], v[who], t[who], end[who]), h[todo], nodes, max_steps)
+        for j, i in enumerate(who):
+            results[i].work += int(out.count[j])
+            results[i].full = results[i].full or bool(out.count[j] > max_steps)
+        short = out.parted & (out.t - t[who] <= SHORT * h[todo])
+        again = short if depth < DEPTH else np.zeros(short.size, dtype=bool)
+        done = ~again
+        log.add(who[done], t[who[done]], np.zeros(int(done.sum())))
+        owner, time, force = (np.concatenate(x) for x in (nodes.owner, nodes.time, nodes.force))
+        keep = done[owner]
+        log.add(who[owner[keep]], time[keep], force[keep])
+        for j in np.flatnonzero(done):
+            i = who[j]
+            results[i].contacts.append((float(t[i]), float(out.t[j]), float(out.impulse[j])))
+        kept = who[done]
+        q[kept], v[kept], t[kept] = out.q[done], out.v[done], out.t[done]
+        parted[todo[done]] = out.parted[done]
+        todo = todo[again]
+        if todo.size == 0:
+            break
+        h[todo] /= 8
+    return parted
+
+
+@dataclass(eq=False)
+class _Outcome:
+    """State at the end of a contact, its impulse and steps, and whether the bodies parted."""
+
+    q: Array
+    v: Array
+    t: Array
+    impulse: Array
+    count: Index
+    parted: NDArray[np.bool_]
+
+    @classmethod
+    def like(cls, q: Array, v: Array, t: Array) -> _Outcome:
+        n = t.size
+        zeros = np.zeros(n, dtype=np.intp)
+        return cls(q.copy(), v.copy(), t.copy(), np.zeros(n), zeros, np.zeros(n, dtype=bool))
+
+    def save(self, rows: Index, q: Array, v: Array, t: Any, impulse: Any, count: Any) -> None:
+        self.q[rows], self.v[rows], self.t[rows] = q, v, t
+        self.impulse[rows], self.count[rows] = impulse, count
+
+
+def _march(
+    stack: _Stack,
+    part: _Part,
+    start: tuple[Array, Array, Array, Array],
+    h: Array,
+    nodes: _Log,
+    max_steps: int,
+) -> _Outcome:
+    """Step until every scene has parted or reached its end."""
+    q, v, t, end = (x.copy() for x in start)
+    size = t.size
+    out = _Outcome.like(q, v, t)
+    force, ids, h = np.zeros(size), np.arange(size), h.copy()
+    previous = np.zeros(size)
+    count, impulse = np.zeros(size, dtype=np.intp), np.zeros(size)
+    last_force, last_h = np.zeros(size), h.copy()
+    steps, implicit = _Steps(part, h), stack.implicit(part.rows)
+    lonely = 0
+    while ids.size and lonely < _LONG:
+        lonely += ids.size <= _FEW
+        # the last step to the end of the run is shorter
+        near = end - t < h * (1 - 1e-12)
+        if near.any():
+            h = np.where(near, end - t, h)
+            steps = _Steps(stack.part(part.rows[ids]), h)
+        q1, v1, trial = steps.free(q, v, force)
+        guess = np.maximum(2 * force - previous, 0.5 * force)
+        F1 = implicit.force(trial, steps.alpha, guess)
+        count += 1
+        gone = (F1 == 0.0) & (trial <= 0.0)
+        any_gone = bool(gone.any())
+        if any_gone:
+            g = ids[gone]
+            out.save(g, q[gone], v[gone], t[gone], impulse[gone], count[gone])
+            last_force[g], last_h[g] = force[gone], h[gone]
+            out.parted[g] = True
+        F = F1[:, None]
+        q1 += steps.rise_q * F
+        v1 += steps.rise_v * F
+        q, v, t = q1, v1, np.where(near, end, t + h)
+        impulse += 0.5 * h * (force + F1)
+        previous, force = force, F1
+        over = near | (end - t <= 1e-12 * end) | (count > max_steps)
+        if any_gone:
+            over &= ~gone
+            stay = np.flatnonzero(~gone)
+            nodes.add(ids[stay], t[stay], F1[stay])
+        else:
+            nodes.add(ids, t, F1)
+        any_over = bool(over.any())
+        if any_over:
+            out.save(ids[over], q[over], v[over], t[over], impulse[over], count[over])
+        if any_gone or any_over:
+            keep = np.flatnonzero(~(gone | over))
+            ids, q, v, t, end, h = ids[keep], q[keep], v[keep], t[keep], end[keep], h[keep]
+            previous = previous[keep]
+            force, count, impulse = force[keep], count[keep], impulse[keep]
+            steps.take(keep)
+            implicit.take(keep)
+    _release(stack, part, out, last_force, last_h, nodes)
+    for i in range(ids.size):  # quicker alone than side by side
+        row = part.rows[ids[i]]
+        problem = stack.problems[row]
+        J = problem.omega.size
+        phase = Exact(h[i], max_steps).resume(
+            problem, t[i], q[i, :J], v[i, :J], (), end[i], h[i], float(force[i])
+        )
+        k = ids[i : i + 1]
+        more = sum(s.impulse for s in phase.segments)
+        state = np.zeros((2, 1, q.shape[1]))
+        state[0, 0, :J], state[1, 0, :J] = phase.q, phase.v
+        out.save(k, state[0], state[1], phase.time, impulse[i] + more, count[i] + phase.evaluations)
+        out.parted[k] = phase.released
+        for segment in phase.segments:
+            owner = np.full(segment.time.size - 1, ids[i])
+            nodes.add(owner, segment.time[1:], segment.force[1:])
+    return out
+
+
+def _release(
+    stack: _Stack, part: _Part, out: _Outcome, force: Array, h: Array, nodes: _Log
+) -> None:
+    """The last step of the scenes that parted: delta falls to 0 as the force does."""
+    g = np.flatnonzero(out.parted)
+    if g.size == 0:
+        return
+    sub = stack.part(part.rows[g])
+    q, v, f, h = out.q[g], out.v[g], force[g], h[g]
+
+    def apart(t: Array) -> Array:
+        q1, _ = sub.falling(q, v, f, t)
+        return sub.delta(q1)
+
+    low = 1e-9 * h
+    at_low, at_high = apart(low), apart(h)
+    inside = (at_low > 0) & (at_high < 0)
+    length = np.where(at_high >= 0, h, low)
+    root = _root(apart, np.where(inside, low, length), np.where(inside, h, length))
+    length = np.where(inside, root, length)
+    out.q[g], out.v[g] = sub.falling(q, v, f, length)
+    out.t[g] += length
+    out.impulse[g] += 0.5 * length * f
+    nodes.add(g, out.t[g], np.zeros(g.size))
+
+
+def _next_touch(part: _Part, q: Array, v: Array, span: Array, fine: Array) -> Array:
+    """As `flight.next_touch` for every row: the time of the first touch, inf if none."""
+    p, size = part.propagator, np.abs(part.beta)
+    elastic = p.omega > 0
+    safe = np.where(elastic, p.omega, 1.0)
+    load = np.zeros_like(q) if part.load is None else part.load
+    swing = np.hypot(q - np.where(elastic, load / safe**2, 0.0), v / safe)
+    amplitude = np.where(elastic, size * swing, 0.0)
+    curvature = p.square + 2 * p.decay * p.omega
+    bend = np.where(elastic, 0.0, size * (np.abs(load) + 2 * p.decay * np.abs(v))).sum(axis=1)
+
+    def delta(rows: Index, t: Array) -> Array:
+        sub = Propagator(p.omega[rows], p.decay[rows])
+        P, S, _ = sub.motion(t)
+        value = np.einsum("sj,sj->s", part.beta[rows], P * q[rows] + S * v[rows]) - part.gap[rows]
+        if part.load is not None:
+            push = sub.step(t) * load[rows]
+            value = value + np.einsum("sj,sj->s", part.beta[rows], push)
+        return value
+
+    def missed(rows: Index, length: Array) -> Array:
+        chord = np.minimum(2.0, curvature[rows] * (length**2 / 8)[:, None])
+        return np.einsum("sj,sj->s", amplitude[rows], chord) + bend[rows] * length**2 / 8
+
+    touch = np.full(span.size, np.inf)
+    left, right = np.zeros(span.size), np.zeros(span.size)
+    found = np.zeros(span.size, dtype=bool)
+    rows = np.arange(span.size)
+    a, length = np.zeros(span.size), span / 32
+    at = np.minimum(delta(rows, a), 0.0)
+    while rows.size:
+        b = np.minimum(a + length, span[rows])
+        reach = b - a
+        ahead = delta(rows, b)
+        slack = missed(rows, reach)
+        clear = (ahead <= 0) & (np.maximum(at, ahead) + slack <= part.resolution[rows])
+        hit = (ahead > 0) & ((reach <= fine[rows]) | (slack <= part.resolution[rows]))
+        skip = ~clear & ~hit & (reach <= fine[rows] / 16)
+        found[rows[hit]] = True
+        left[rows[hit]], right[rows[hit]] = a[hit], b[hit]
+        touch[rows[hit & (at >= 0)]] = a[hit & (at >= 0)]
+        on = clear | skip
+        length = np.where(on, 2 * length, reach / 4)
+        a, at = np.where(on, b, a), np.where(on, ahead, at)
+        keep = ~hit & (a < span[rows])
+        rows, a, at, length = rows[keep], a[keep], at[keep], length[keep]
+    todo = np.flatnonzero(found & np.isinf(touch))
+    if todo.size:
+        touch[todo] = _root(lambda t: delta(todo, t), left[todo], right[todo])
+    return touch
+
+
+def _root(f: Callable[[Array], Array], a: Array, b: Array) -> Array:
+    """Roots of f in [a, b] by the Illinois rule, to rounding; equal ends are returned."""
+    fa, fb = f(a), f(b)
+    c = b
+    for _ in range(100):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            c = b - fb * (b - a) / (fb - fa)
+        c = np.where(np.isfinite(c), c, 0.5 * (a + b))
+        fc = f(c)
+        swap = fc * fb <= 0
+        fa = np.where(swap, fb, 0.5 * fa)
+        a = np.where(swap, b, a)
+        done = (np.abs(c - b) <= 2e-15 * np.abs(c)) | (fc == 0)
+        b, fb = c, fc
+        if np.all(done):
+            break
+    return c
+
+
+# -- vectorised laws
+
+
+class _Law(ABC):
+    """Solves F = law(delta - alpha F) for all rows; `take` drops rows."""
+
+    def take(self, keep: Index) -> None:
+        for name, value in vars(self).items():
+            if isinstance(value, np.ndarray):
+                setattr(self, name, value[keep])
+
+    @abstractmethod
+    def force(self, delta: Array, alpha: Array, guess: Array) -> Array:
+        """The force [N], 0 where delta <= 0; `guess` is the force before."""
+
+
+class _Linear(_Law):
+    def __init__(self, laws: list[Any]) -> None:
+        self.k = np.array([law.stiffness for law in laws])
+
+    def force(self, delta: Array, alpha: Array, guess: Array) -> Array:
+        return self.k * np.maximum(delta, 0.0) / (1 + self.k * alpha)
+
+
+class _Hertz(_Law):
+    def __init__(self, laws: list[Any]) -> None:
+        self.a = np.array([law.stiffness for law in laws]) ** (-2 / 3)
+        self.c = np.array([law.compliance for law in laws])
+        self.end = np.cbrt([law.valid_force for law in laws])
+        self.slope = np.array([law._end_slope for law in laws])
+        self.bounded = bool(np.any(self.c > 0))
+
+    def force(self, delta: Array, alpha: Array, guess: Array) -> Array:
+        """Newton on a s^2 + (alpha - c) s^3 = delta, s = F^(1/3), as `Hertz.implicit`."""
+        a, cubic = self.a, alpha - self.c
+        touching = delta > 0
+        d = np.where(touching, delta, a + cubic)  # s = 1 solves the rows that do not touch
+        warm = touching & (guess > 0) & (cubic > 0)
+        s = np.ones_like(d)
+        cold = touching & ~warm
+        if cold.any():
+            start = np.sqrt(d[cold] / a[cold])
+            positive = cubic[cold] > 0
+            limit = np.cbrt(d[cold] / np.where(positive, cubic[cold], 1.0))
+            s[cold] = np.where(positive, np.minimum(start, limit), start)
+        s[warm] = np.cbrt(guess[warm])
+        if self.bounded:
+            s = np.where(touching, np.minimum(s, self.end), 1.0)
+        a2, c3 = 2 * a, 3 * cubic
+        for _ in range(100):
+            step = ((a + cubic * s) * s * s - d) / ((a2 + c3 * s) * s)
+            s = s - step
+            if self.bounded:
+                s = np.where(touching, np.minimum(s, self.end), 1.0)
+            if (np.abs(step) <= 1e-8 * s).all():  # the error left is the square of that
+                break
+        force = np.where(touching, s * s * s, 0.0)
+        return self._beyond(force, delta, alpha, cubic) if self.bounded else force
+
+    def _beyond(self, force: Array, delta: Array, alpha: Array, cubic: Array) -> Array:
+        limited = np.isfinite(self.end)
+        e = np.where(limited, self.end, 1.0)
+        reach = (self.a + cubic * e) * e * e
+        line = e**3 + (delta - reach) / (self.slope + alpha + ~limited)
+        return np.where(limited & (delta >= reach), line, force)
+
+
+class _Power(_Law):
+    def __init__(self, laws: list[Any]) -> None:
+        self.k = np.array([law.stiffness for law in laws])
+        self.n = np.array([law.exponent for law in laws])
+
+    def force(self, delta: Array, alpha: Array, guess: Array) -> Array:
+        """Newton on x + alpha k x^n = delta: convex, so that it falls to the root from above."""
+        touching = delta > 0
+        d = np.where(touching, delta, 1.0)
+        with np.errstate(divide="ignore"):
+            x = np.minimum(d, (d / (alpha * self.k)) ** (1 / self.n))
+        for _ in range(100):
+            F = self.k * x**self.n
+            step = (x + alpha * F - d) / (1 + alpha * self.n * F / x)
+            x = x - step
+            if (np.abs(step) <= 1e-8 * x).all():
+                break
+        return np.where(touching, self.k * x**self.n, 0.0)
+
+
+_FORCES: dict[type, Callable[[list[Any]], _Law]] = {Linear: _Linear, Hertz: _Hertz, Power: _Power}
