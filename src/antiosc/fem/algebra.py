@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 
 #: Largest ‖Ax - r‖ / (‖A‖‖x‖ + ‖r‖) that a direct solve may leave; sound ones leave about 1e-16.
 BACKWARD_ERROR = 1e-10
+#: Largest ‖A‖‖x‖/‖Ax‖: rounding makes a mechanism as stiff as 1e-16 of the stiffest motion.
+GROWTH = 1e14
 
 
 def dot(comm: MPI.Comm, x: Array, y: Array) -> Any:
@@ -67,7 +69,8 @@ def as_petsc(name: str, matrix: Any) -> PETSc.Mat:
     rows, columns = matrix.getSize()
     if rows != columns or not rows:
         raise InputError(f"{name} must be square; got {rows} rows and {columns} columns.")
-    if not np.isfinite(matrix.norm(PETSc.NormType.NORM_INFINITY)):
+    # not the row-sum norm: PETSc's maximum passes over NaN
+    if not np.isfinite(matrix.norm(PETSc.NormType.NORM_FROBENIUS)):
         raise InputError(f"{name} holds NaN or infinite entries; antiosc needs finite matrices.")
     return matrix
 
@@ -157,6 +160,9 @@ class Factorization:
         left = multiply(self.A, X) - R
         for x, rest, load in zip(X.T, left.T, R.T, strict=True):
             size = self._scale * norm(self.comm, x) + norm(self.comm, load)
+            growth = size / max(norm(self.comm, load), np.finfo(float).tiny)
+            if not growth <= GROWTH:
+                raise AccuracyError(_SINGULAR.format(f"‖A‖‖x‖/‖Ax‖ = {growth:.0e}"))
             if not norm(self.comm, rest) <= BACKWARD_ERROR * size:
                 raise AccuracyError(
                     _SINGULAR.format(

@@ -81,6 +81,17 @@ def node_order(cell: str, n_nodes: int, convention: str) -> IntArray:
     return np.asarray(dolfinx.cpp.io.perm_vtk(kind, n_nodes))
 
 
+def lattice_gradients(cell: str, degree: int, n: int) -> NDArray[np.float64]:
+    """Slopes (dim, points, nodes) of the Lagrange functions of a cell on its lattice of n steps."""
+    import basix
+
+    kind = getattr(basix.CellType, cell)
+    variant = basix.LagrangeVariant.equispaced
+    element = basix.create_element(basix.ElementFamily.P, kind, degree, variant)
+    X = basix.create_lattice(kind, n, basix.LatticeType.equispaced, True)
+    return np.asarray(element.tabulate(1, X))[1:, :, :, 0]
+
+
 def geometry_nodes(mesh: dolfinx.mesh.Mesh) -> IntArray:
     """Nodes of every cell of this rank, ghosts included: (cells, nodes)."""
     dofmap = mesh.geometry.dofmap

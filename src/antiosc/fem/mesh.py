@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +13,11 @@ import numpy as np
 from mpi4py import MPI
 
 from antiosc.checks import array, positive
-from antiosc.errors import InputError, MeshError
-from antiosc.fem import compat
+from antiosc.errors import AntioscWarning, InputError, MeshError
+from antiosc.fem import compat, folds
 from antiosc.fem.compat import IntArray
 from antiosc.fem.parallel import agree, bounds, on_root
-from antiosc.fem.readers import RawMesh, Refinement, read
+from antiosc.fem.readers import GEOMETRY, RawMesh, Refinement, read
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +99,8 @@ def read_mesh(
         faces live in space. `gdim=2` makes a plane frame of lines, `gdim=3` a flat shell of faces.
     order
         Geometric order, 1 or 2. By default what the file has; geometry files are meshed with
-        curved (order 2) faces and volumes and straight lines. `order=1` drops mid-side nodes.
+        curved (order 2) faces and volumes and straight lines; the few curved cells that fold over
+        at a tight fillet are straightened. `order=1` drops mid-side nodes.
     refine
         Pairs (point, size): elements of that size around the point, growing away from it;
         geometry files only. A site with a radius needs elements no larger than the radius.
@@ -120,7 +122,9 @@ def read_mesh(
     if groups:
         raise InputError("groups= names the tags of a dolfinx mesh; a file brings its own groups.")
     path = Path(source)
-    raw = on_root(comm, lambda: _flattened(read(path, size, order, refine), gdim, path.name))
+    raw = on_root(
+        comm, lambda: _sound(_flattened(read(path, size, order, refine), gdim, path.name), path)
+    )
     return _distributed(raw, path.name, comm)
 
 
@@ -154,6 +158,28 @@ def _flattened(raw: RawMesh, gdim: int | None, name: str) -> RawMesh:
     return RawMesh(
         np.ascontiguousarray(raw.points[:, :gdim]), raw.cells, raw.kind, raw.convention, raw.groups
     )
+
+
+def _sound(raw: RawMesh, path: Path) -> RawMesh:
+    """`raw` without folded cells if gmsh made it here; with a warning of them if a file has them."""
+    kind = raw.kind
+    if kind.dim != raw.points.shape[1]:
+        return raw
+    if path.suffix.lower() in GEOMETRY and kind.order == 2 and kind.shape in folds.EDGES:
+        points = folds.straightened(raw.points, raw.cells, kind.shape)
+        return replace(raw, points=points)
+    cells = raw.cells[:, compat.node_order(kind.shape, kind.nodes, raw.convention)]
+    bad = folds.folded(raw.points, cells, kind.shape, kind.order)
+    if len(bad):
+        where = ", ".join(f"{c:.4g}" for c in raw.points[raw.cells[bad[0]]].mean(axis=0))
+        warnings.warn(
+            f"{len(bad)} of {len(raw.cells)} cells of {path.name} fold over themselves or have no "
+            f"volume, one at ({where}) m: what is computed there is wrong; optimise the mesh (in "
+            "gmsh: Mesh.HighOrderOptimize = 2) or read it with order=1.",
+            AntioscWarning,
+            stacklevel=5,
+        )
+    return raw
 
 
 def _distributed(raw: RawMesh, name: str, comm: MPI.Comm) -> Mesh:

@@ -110,7 +110,9 @@ def read(
 ) -> RawMesh:
     """Read or mesh the file `path`; see `antiosc.read_mesh`."""
     if not path.is_file():
-        raise MeshError(f"there is no mesh file {str(path)!r}; check the path (working folder: {Path.cwd()}).")
+        raise MeshError(
+            f"there is no mesh file {str(path)!r}; check the path (working folder: {Path.cwd()})."
+        )
     suffix = path.suffix.lower()
     geometry = suffix in GEOMETRY
     if geometry and size is None and suffix not in (".geo", ".geo_unrolled"):
@@ -123,7 +125,11 @@ def read(
             f"{path.name} is a finished mesh: size= and refine= apply to geometry files only "
             f"({', '.join(GEOMETRY)})."
         )
-    raw = _through_gmsh(path, size, order, refine) if geometry or suffix == ".msh" else _through_meshio(path)
+    raw = (
+        _through_gmsh(path, size, order, refine)
+        if geometry or suffix == ".msh"
+        else _through_meshio(path)
+    )
     if order == 1 and raw.kind.order == 2:
         raw = _straightened(raw)
     return _connected(_compact(raw), path.name)
@@ -138,7 +144,9 @@ def _gmsh_session() -> Iterator[Any]:
     try:
         import gmsh
     except ImportError as error:
-        raise MissingDependencyError("gmsh is not installed: sudo apt install python3-gmsh") from error
+        raise MissingDependencyError(
+            "gmsh is not installed: sudo apt install python3-gmsh"
+        ) from error
     started = not _running(gmsh)
     if started:
         gmsh.initialize(["antiosc"], readConfigFiles=False, **_no_signal_handler(gmsh))
@@ -205,7 +213,9 @@ def _through_gmsh(
         except MeshError:
             raise
         except Exception as error:
-            raise MeshError(f"gmsh cannot read or mesh {path.name}: {error}") from error
+            raise MeshError(
+                f"gmsh cannot read or mesh {path.name}: {_plain(str(error))}."
+            ) from error
 
 
 def _generate(
@@ -287,17 +297,20 @@ def _through_meshio(path: Path) -> RawMesh:
     try:
         import meshio
     except ImportError as error:
-        raise MissingDependencyError("meshio is not installed: sudo apt install python3-meshio") from error
+        raise MissingDependencyError(
+            "meshio is not installed: sudo apt install python3-meshio"
+        ) from error
     said = io.StringIO()
     try:
         with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
             mesh = meshio.read(path)
     except (Exception, SystemExit) as error:
         # meshio prints what is wrong and leaves by sys.exit
-        reason = " ".join(said.getvalue().split()) or str(error) or type(error).__name__
-        raise MeshError(f"meshio cannot read {path.name}: {reason.rstrip('.')}.") from error
+        reason = _plain(said.getvalue()) or _plain(str(error)) or type(error).__name__
+        raise MeshError(f"meshio cannot read {path.name}: {reason}.") from error
     points = np.zeros((len(mesh.points), 3))
-    points[:, : mesh.points.shape[1]] = mesh.points
+    if len(points):
+        points[:, : mesh.points.shape[1]] = mesh.points
     top = max((_kind(b.type).dim for b in mesh.cells if _is_known(b.type)), default=0)
     if top == 0:
         kinds = sorted({b.type for b in mesh.cells}) or ["none"]
@@ -389,6 +402,11 @@ def _spanned(raw: RawMesh, nodes: IntArray) -> dict[int, IntArray]:
 # --- Common -----------------------------------------------------------------------------------
 
 
+def _plain(text: str) -> str:
+    """A library's complaint as part of a sentence."""
+    return " ".join(text.split()).rstrip(".")
+
+
 def _is_known(label: str) -> bool:
     return label in KINDS or label in SERENDIPITY
 
@@ -455,7 +473,8 @@ def _connected(raw: RawMesh, name: str) -> RawMesh:
     n = len(raw.points)
     first = np.repeat(raw.cells[:, :1], raw.cells.shape[1] - 1, axis=1)
     graph = coo_matrix(
-        (np.ones(first.size, dtype=np.int8), (first.ravel(), raw.cells[:, 1:].ravel())), shape=(n, n)
+        (np.ones(first.size, dtype=np.int8), (first.ravel(), raw.cells[:, 1:].ravel())),
+        shape=(n, n),
     )
     count, label = connected_components(graph, directed=False)
     if count > 1:

@@ -1,0 +1,62 @@
+"""Cells that fold over themselves: found by the sign of their Jacobian, undone where gmsh made them.
+
+A curved cell at a tight fillet may turn inside out at a corner. Integrals over it are wrong without
+a sign of it, and a point in it has two sets of reference coordinates.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from antiosc.errors import MeshError
+from antiosc.fem import compat
+from antiosc.fem.compat import IntArray
+
+Array = NDArray[np.float64]
+
+#: Smallest Jacobian determinant over the largest in a cell that still counts as sound.
+SOUND = 0.02
+#: Mid-side nodes of second-order simplices in gmsh's order, from the third vertex on.
+EDGES = {
+    "triangle": [(0, 1), (1, 2), (2, 0)],
+    "tetrahedron": [(0, 1), (1, 2), (2, 0), (3, 0), (3, 2), (3, 1)],
+}
+
+
+def folded(points: Array, cells: IntArray, shape: str, order: int, least: float = 0.0) -> IntArray:
+    """Cells, nodes in dolfinx's order and filling their space, whose smallest Jacobian is at most `least` of the largest."""
+    slopes = compat.lattice_gradients(shape, order, 3 if order > 1 else 1)
+    found = []
+    for start in range(0, len(cells), 20_000):
+        x = points[cells[start : start + 20_000]]
+        det = np.linalg.det(np.einsum("dqn,cni->cqid", slopes, x, optimize=True))
+        det = det * np.sign(det.sum(axis=1))[:, None]
+        found.append(start + np.flatnonzero(det.min(axis=1) <= least * det.max(axis=1)))
+    return np.concatenate([np.zeros(0, dtype=np.int64), *found])
+
+
+def straightened(points: Array, cells: IntArray, shape: str) -> Array:
+    """`points` with the mid-side nodes of folded second-order simplices put halfway.
+
+    `cells` are in gmsh's order. Neighbours share those nodes: repeated until no cell is folded.
+    """
+    points = points.copy()
+    edges = np.array(EDGES[shape])
+    middles = slice(edges.max() + 1, edges.max() + 1 + len(edges))
+    turned = cells[:, compat.node_order(shape, cells.shape[1], "gmsh")]
+    bad = folded(points, turned, shape, 2, SOUND)
+    before = -1
+    straight = np.zeros(len(cells), dtype=bool)
+    while len(bad):
+        straight[bad] = True
+        if straight.sum() == before:
+            raise MeshError(
+                f"gmsh made {len(bad)} cells without volume: choose another element size."
+            )
+        before = int(straight.sum())
+        points[cells[straight][:, middles]] = points[cells[straight][:, edges]].mean(axis=2)
+        near = np.isin(cells, cells[straight][:, middles]).any(axis=1)
+        suspects = np.flatnonzero(near)
+        bad = suspects[folded(points, turned[suspects], shape, 2, SOUND)]
+    return points
