@@ -30,6 +30,8 @@ UNSEEN = 1e-8
 REPEATED = 1e-6
 #: Limits of the self-check, relative: residual, M-orthogonality, constraint, mass balance.
 CHECK = 1e-6
+#: ω² over the shift below which a mode is a mechanism: the shift has the size of the first elastic.
+MECHANISM = 1e-9
 #: A Ritz pair with a smaller residual (of forces, relative) is an antiresonance: its frequency is
 #: then right to about the square of this.
 CONVERGED = 1e-3
@@ -276,6 +278,12 @@ def _check(
     Ritz pairs need no small residual, but are orthogonal through K as well as through M.
     """
     comm, phi = structure.comm, modes.phi
+    if len(modes.omega) and modes.omega[0] ** 2 < MECHANISM * structure.shift:
+        raise AccuracyError(
+            f"the structure moves without strain (ω = {modes.omega[0]:.1e} rad/s) though not as a "
+            "rigid body: some part hangs on a hinge, where pieces meet in one point or line; join "
+            "it."
+        )
     k_phi, m_phi = multiply(structure.K, phi), multiply(structure.M, phi)
     # The constraint's reaction μ b balances K φ - ω²M φ at the site: φ_stᵀb = 1 gives μ.
     residual = k_phi - m_phi * modes.omega**2

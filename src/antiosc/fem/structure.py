@@ -133,6 +133,7 @@ class Structure:
             )
         for name, matrix in (("K", self.K), ("M", self.M)):
             _check_symmetric(name, matrix)
+            _check_diagonal(name, matrix)
         self.mesh = self.form = self._mass = None
         self.parts, self.fixed = [], _NO_DOFS
         self.dofs = self.K.getSize()[0]
@@ -280,7 +281,9 @@ def _topological(mesh: Mesh, component: Any, dim: int, entities: IntArray) -> In
 
 
 def _label(where: Place) -> str:
-    return f"on group {where!r}" if isinstance(where, str) else f"by function {where!r}"
+    if isinstance(where, str):
+        return f"on group {where!r}"
+    return f"by function {getattr(where, '__name__', repr(where))!r}"
 
 
 def _check_symmetric(name: str, matrix: PETSc.Mat) -> None:
@@ -291,3 +294,15 @@ def _check_symmetric(name: str, matrix: PETSc.Mat) -> None:
     skew.axpy(-1.0, matrix, structure=PETSc.Mat.Structure.UNKNOWN_NONZERO_PATTERN)
     if skew.norm(PETSc.NormType.NORM_INFINITY) > 1e-9 * scale:
         raise InputError(f"{name} must be symmetric (to 1e-9 of its norm); it is not.")
+
+
+def _check_diagonal(name: str, matrix: PETSc.Mat) -> None:
+    """No entry < 0, not all 0: what is left of definiteness that costs nothing to check."""
+    diagonal = matrix.getDiagonal()
+    row, least = diagonal.min()
+    if least < 0:
+        raise InputError(
+            f"{name} must be positive semidefinite; its diagonal has {least:g} in row {row}."
+        )
+    if diagonal.max()[1] == 0:
+        raise InputError(f"{name} is zero: a structure needs stiffness and mass.")
