@@ -134,12 +134,16 @@ def solid(path: Path) -> tuple[float, np.ndarray, int]:
         return gmsh.model.occ.getMass(3, tag), np.array(centre), len(gmsh.model.getEntities(2))
 
 
-def make(part: str, folder: Path) -> None:
-    """Run meshes/make_<part>.py with its output sent to `folder`."""
-    spec = importlib.util.spec_from_file_location(f"make_{part}", FOLDER / f"make_{part}.py")
-    script = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(script)
-    script.main(folder)
+@pytest.fixture(scope="module")
+def made(tmp_path_factory) -> Path:
+    """A folder with what the scripts of meshes/ make."""
+    folder = tmp_path_factory.mktemp("meshes")
+    for part in PARTS:
+        spec = importlib.util.spec_from_file_location(f"make_{part}", FOLDER / f"make_{part}.py")
+        script = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(script)
+        script.main(folder)
+    return folder
 
 
 @pytest.mark.parametrize("part", PARTS)
@@ -161,26 +165,24 @@ def test_element_types(part):
 
 
 @pytest.mark.parametrize("part", PARTS)
-def test_script_makes_the_committed_part(part, tmp_path):
-    make(part, tmp_path)
+def test_script_makes_the_committed_part(part, made):
     found = []
-    for folder in (FOLDER, tmp_path):
+    for folder in (FOLDER, made):
         with opened(folder / f"{part}.msh") as gmsh:
             named = {
                 (name, dim): moments(gmsh, dim, entities)
                 for name, (dim, entities) in groups(gmsh).items()
             }
             found.append((elements(gmsh), named))
-    (kinds, committed), (made_kinds, made) = found
-    assert made_kinds == kinds
-    assert made.keys() == committed.keys()
+    (kinds, committed), (new_kinds, new) = found
+    assert new_kinds == kinds
+    assert new.keys() == committed.keys()
     for group, expected in committed.items():
-        np.testing.assert_allclose(made[group], expected, rtol=1e-4, atol=1e-6, err_msg=group[0])
+        np.testing.assert_allclose(new[group], expected, rtol=1e-4, atol=1e-6, err_msg=group[0])
 
 
-def test_script_makes_the_committed_step(tmp_path):
-    make("bracket", tmp_path)
-    volume, centre, faces = solid(tmp_path / "bracket.step")
+def test_script_makes_the_committed_step(made):
+    volume, centre, faces = solid(made / "bracket.step")
     expected_volume, expected_centre, expected_faces = solid(FOLDER / "bracket.step")
     assert faces == expected_faces
     assert volume == pytest.approx(expected_volume, rel=1e-9)
