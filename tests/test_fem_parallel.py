@@ -1,0 +1,139 @@
+"""Two ranks give what one gives: models, fields, files."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+
+pytest.importorskip("dolfinx")
+
+import parts
+from mpi import run_ranks
+
+pytestmark = [pytest.mark.fem, pytest.mark.mpi]
+
+HERE = str(Path(__file__).parent)
+
+MODELS = """
+import json, sys, warnings
+import numpy as np
+sys.path.insert(0, sys.argv[1])
+import antiosc as ao
+import parts
+from antiosc.errors import AntioscWarning
+from antiosc.fem import compat
+
+warnings.simplefilter("ignore", AntioscWarning)
+solid = ao.Solid(**parts.STEEL)
+plane = ao.Solid(**parts.ALUMINIUM, plane="stress", thickness=0.01)
+beam = ao.Beam(**parts.STEEL, section=ao.Section.rectangle(0.02, 0.03), orientation=(0.3, 1, 0.2))
+halves = {
+    "left": (2, lambda x: np.isclose(x[0], 0)),
+    "soft": (3, lambda x: x[0] <= 0.1 + 1e-9),
+    "hard": (3, lambda x: x[0] >= 0.1 - 1e-9),
+}
+block = parts.box((8, 4, 3), groups=halves)
+two = {"soft": ao.Solid(3e9, 0.4, 1200.0), "hard": solid}
+patch = ao.Site((0.15, 0.021, 0.04), (0.1, 0.2, -1), radius=0.016)
+lever = ao.read_mesh("meshes/lever.msh")
+cube = ao.read_mesh(sys.argv[2])
+frame = ao.read_mesh("meshes/frame.msh")
+clamp, left = [ao.Support("clamp")], [ao.Support("left")]
+nose = (0.12 + 0.015 * 0.8, 0.015 * 0.6)
+cases = {
+    "block, point": (block, solid, left, ao.Site((0.137, 0.0312, 0.04), (0.3, -0.2, -1))),
+    "block of two materials, patch": (block, two, left, patch),
+    "free block, patch": (block, solid, [], patch),
+    "hinged block, point": (block, solid, [ao.Support("left", ("x", "z"))],
+                            ao.Site((0.2, 0.05, 0.04), (0, 0, -1))),
+    "bent tetrahedra, patch": (cube, solid, clamp, ao.Site((1.05, 0.5, 0.6), (-1, 0.1, 0),
+                                                           radius=0.45, snap=True)),
+    "lever, point": (lever, plane, clamp, ao.Site(nose, (-0.6, 1), snap=True)),
+    "free lever, patch": (lever, plane, [], ao.Site((0.135, 0.0), (-1, 0), radius=0.005)),
+    "frame": (frame, beam, [ao.Support("feet")], ao.Site((0.43, 0.0, 1.3), (0.2, 1, -0.5))),
+    "free frame": (frame, beam, [], ao.Site((0.0, 0.0, 0.33), (1, 0.3, 0))),
+    "frame on pins": (frame, beam, [ao.Support(lambda x: x[2] < 1e-9, ("x", "y", "z"))],
+                      ao.Site((0.0, 0.0, 1.3), (1, 0.3, 0))),
+}
+found = {}
+for name, (mesh, material, supports, site) in cases.items():
+    structure = ao.Structure(mesh, material, supports)
+    model = ao.extract(structure, site, n=8, method="modes")
+    own = compat.cell_map(mesh.dolfinx).size_local
+    found[name] = {
+        "spread": bool(mesh.comm.allreduce(int(own > 0)) == mesh.comm.size),
+        "dofs": structure.dofs, "mass": structure.mass, "k0": model.k0, "m0": model.m0,
+        "rigid": structure.rigid_modes.shape[1],
+        "m": model.m.tolist(), "omega": model.omega.tolist(),
+        "local": model.local_compliance, "participation": model.participation.sum(),
+    }
+print(json.dumps(found))
+"""
+
+
+@pytest.mark.slow
+def test_two_ranks_give_the_models_of_one(tmp_path):
+    cube = parts.gmsh_cube(tmp_path / "cube.msh", "tetrahedron", 2, bent=True, n=4)
+    one = json.loads(run_ranks(1, MODELS, HERE, str(cube))[0])
+    both = [json.loads(text) for text in run_ranks(2, MODELS, HERE, str(cube))]
+    assert both[0] == both[1]
+    assert len(one) == 10
+    for name, serial in one.items():
+        ranks = both[0][name]
+        if "frame" not in name:
+            assert ranks["spread"], name
+        for key in ("dofs", "rigid"):
+            assert ranks[key] == serial[key], (name, key)
+        for key in ("mass", "local"):
+            assert ranks[key] == pytest.approx(serial[key], rel=1e-12), (name, key)
+        for key in ("k0", "omega", "participation"):
+            np.testing.assert_allclose(ranks[key], serial[key], rtol=1e-8, err_msg=f"{name} {key}")
+        m_st = serial["m0"] + sum(serial["m"])
+        np.testing.assert_allclose(ranks["m"], serial["m"], rtol=1e-8, atol=1e-10 * m_st, err_msg=name)
+        assert ranks["m0"] == pytest.approx(serial["m0"], abs=1e-8 * m_st), name
+
+
+FIELDS = """
+import json, sys
+import numpy as np
+sys.path.insert(0, sys.argv[1])
+import antiosc as ao
+import parts
+
+structure = ao.Structure(parts.box((8, 4, 3), cell="tetrahedron"), ao.Solid(**parts.STEEL),
+                         [ao.Support("left")])
+site = ao.Site((0.15, 0.021, 0.04), (0.1, 0.2, -1), radius=0.02)
+model = ao.extract(structure, site, n=8, method="modes")
+hit = ao.simulate(model, ao.RigidMass(0.1, 1.0), ao.Hertz(1e9), duration=1e-3, step=1e-5)
+times = np.linspace(0, 1e-3, 4)
+moved = ao.probe(structure, hit, (0.0731, 0.0312, 0.0207), times)
+ao.write_series(structure, hit, sys.argv[2], times)
+print(json.dumps([moved.tolist(), hit.peak_force]))
+"""
+
+
+def test_two_ranks_give_the_fields_of_one(tmp_path):
+    results = {}
+    for n in (1, 2):
+        (tmp_path / str(n)).mkdir()
+        printed = run_ranks(n, FIELDS, HERE, str(tmp_path / str(n) / "series.pvd"))
+        assert len(set(printed)) == 1
+        moved, peak = json.loads(printed[0])
+        frames = [meshio.read(p) for p in sorted((tmp_path / str(n)).glob("*.vtu"))]
+        last = frames[-1]
+        u = last.point_data["displacement"]
+        cells = np.vstack([b.data for b in last.cells])
+        # points on the seam may come twice
+        order = np.lexsort(last.points[cells].mean(axis=1).round(9).T)
+        by_cell = u[cells].mean(axis=1)[order]
+        results[n] = np.array(moved), peak, len(frames), by_cell
+    one, two = results[1], results[2]
+    scale = np.abs(one[0]).max()
+    np.testing.assert_allclose(two[0], one[0], atol=1e-8 * scale)
+    assert two[1] == pytest.approx(one[1], rel=1e-8)
+    assert two[2] == one[2] == 4
+    np.testing.assert_allclose(two[3], one[3], atol=1e-8 * np.abs(one[3]).max())
