@@ -31,6 +31,7 @@ from antiosc.errors import (
     MissingDependencyError,
     NotConvergedError,
 )
+from antiosc.free_modes import from_free_modes
 from antiosc.history import Energy, History
 from antiosc.impact import simulate
 from antiosc.impactor import Impactor, Obstacle, RigidMass, Sphere
@@ -42,6 +43,7 @@ __version__ = "0.1.0"
 
 _FEM = (
     "Beam",
+    "ImpactMap",
     "Mesh",
     "Section",
     "Shell",
@@ -52,6 +54,7 @@ _FEM = (
     "choose_n",
     "extract",
     "full",
+    "impact_map",
     "probe",
     "read_mesh",
     "superposition",
@@ -75,6 +78,7 @@ __all__ = [
     "Hertz",
     "History",
     "HuntCrossley",
+    "ImpactMap",
     "Impactor",
     "InputError",
     "LankaraniNikravesh",
@@ -102,7 +106,9 @@ __all__ = [
     "YangSun",
     "choose_n",
     "extract",
+    "from_free_modes",
     "full",
+    "impact_map",
     "probe",
     "read_mesh",
     "simulate",

@@ -17,6 +17,7 @@ from antiosc.fem.beam import Beam, Section
 from antiosc.fem.extract import extract
 from antiosc.fem.fields import probe, write_series
 from antiosc.fem.full import NaturalModes, full, superposition
+from antiosc.fem.impact_map import ImpactMap, impact_map
 from antiosc.fem.mesh import Mesh, read_mesh
 from antiosc.fem.shell import Shell
 from antiosc.fem.site import Site
@@ -25,6 +26,7 @@ from antiosc.fem.structure import Structure, Support
 
 __all__ = [
     "Beam",
+    "ImpactMap",
     "Mesh",
     "NaturalModes",
     "Section",
@@ -35,6 +37,7 @@ __all__ = [
     "Support",
     "extract",
     "full",
+    "impact_map",
     "probe",
     "read_mesh",
     "superposition",

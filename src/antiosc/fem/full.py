@@ -24,7 +24,7 @@ from antiosc.fem.structure import Structure
 from antiosc.modal import ModalBody
 
 #: A residual compliance below this share of the compliance is rounding.
-ROUNDING = 1e-10
+ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +92,7 @@ def superposition(
         raise InputError(f"n must be at most the structure's {structure.dofs} dofs; got {n}.")
     where = functional(structure, site)
     static = static_mode(structure, where)
-    solver = ModeSolver(structure, where, static, pinned=False)
+    solver = ModeSolver(structure)
     asked = n + 2
     while True:
         modes = solver.lowest(asked)
@@ -101,7 +101,9 @@ def superposition(
             break
         asked = len(modes.omega) + max(8, n // 2)
     kept = Modes(seen.omega[:n], seen.phi[:, :n], len(seen.omega) <= n)
-    return _model(structure, site, where, static, kept, static_correction, "superposition")
+    all_kept = kept.complete and len(modes.omega) == solver.limit
+    correction = static_correction and not all_kept
+    return _model(structure, site, where, static, kept, correction, "superposition")
 
 
 def full(structure: Structure, site: Site) -> NaturalModes:
@@ -120,9 +122,11 @@ def full(structure: Structure, site: Site) -> NaturalModes:
         )
     where = functional(structure, site)
     static = static_mode(structure, where)
-    modes = ModeSolver(structure, where, static, pinned=False).lowest(structure.dofs)
+    solver = ModeSolver(structure)
+    modes = solver.lowest(structure.dofs)
     seen = _seen(structure, where, static, modes)
-    return _model(structure, site, where, static, seen, True, "full")
+    massless = len(modes.omega) < solver.limit  # such motions have no mode, but a compliance
+    return _model(structure, site, where, static, seen, massless, "full")
 
 
 def _seen(structure: Structure, where: Functional, static: StaticMode, modes: Modes) -> Modes:

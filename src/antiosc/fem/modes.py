@@ -46,18 +46,19 @@ class Modes:
 class ModeSolver:
     """Finds modes from below, in as many rounds as the caller wants, rigid-body modes left out.
 
-    `pinned` tells whether the site is held: constraint modes, or natural ones.
+    Of a site and its static mode it finds the constraint modes, otherwise the natural ones.
     """
 
     def __init__(
-        self, structure: Structure, site: Functional, static: StaticMode, *, pinned: bool = True
+        self, structure: Structure, site: Functional | None = None, static: StaticMode | None = None
     ) -> None:
-        self._structure, self._site, self._static = structure, site, static
-        self._pinned = pinned
+        self._structure = structure
+        self._pin = None if site is None or static is None else (site.b, static)
         #: rigid-body modes that remain
-        self._rigid = static.still if pinned else structure.rigid_modes
-        self.limit = structure.dofs - int(pinned) - self._rigid.shape[1]
-        self._found = Modes(np.zeros(0), np.zeros((len(site.b), 0)), False)
+        self._rigid = structure.rigid_modes if static is None else static.still
+        self.limit = structure.dofs - (self._pin is not None) - self._rigid.shape[1]
+        self._rows = structure.K.getLocalSize()[0]
+        self._found = Modes(np.zeros(0), np.zeros((self._rows, 0)), False)
 
     def lowest(self, count: int) -> Modes:
         """At least the `count` lowest modes, or all there are."""
@@ -92,20 +93,13 @@ class ModeSolver:
         pc = ksp.getPC()
         pc.setType(PETSc.PC.Type.PYTHON)
         pc.setPythonContext(
-            _Constrained(structure.factorization, self._site.b, self._static)
-            if self._pinned
-            else _Free(structure.factorization)
+            _Free(structure.factorization)
+            if self._pin is None
+            else _Constrained(structure.factorization, *self._pin)
         )
         rng = np.random.default_rng(structure.comm.rank)
-        eps.setInitialSpace(
-            [
-                self._vector(
-                    structure.factorization.solve(
-                        multiply(structure.M, rng.standard_normal(len(self._site.b)))
-                    )
-                )
-            ]
-        )
+        start = multiply(structure.M, rng.standard_normal(self._rows))
+        eps.setInitialSpace([self._vector(structure.factorization.solve(start))])
         known_shapes = [*self._rigid.T, *known.phi.T]
         if known_shapes:
             eps.setDeflationSpace([self._vector(shape) for shape in known_shapes])
@@ -118,7 +112,7 @@ class ModeSolver:
                 f"restarts (reason {eps.getConvergedReason()}): ask for fewer modes."
             )
         x = structure.K.createVecRight()
-        values, shapes = np.zeros(found), np.zeros((len(self._site.b), found))
+        values, shapes = np.zeros(found), np.zeros((self._rows, found))
         for k in range(found):
             values[k] = eps.getEigenpair(k, x).real
             shapes[:, k] = x.array_r
@@ -139,24 +133,35 @@ class ModeSolver:
         Rounding leaves an error ε/σ in 1/(ω² + σ): with σ between the lowest and the highest ω²
         (geometrically) it spares both ends of the spectrum.
         """
-        structure, static, b = self._structure, self._static, self._site.b
-        free = np.setdiff1d(np.arange(len(b)), structure.fixed)
+        structure = self._structure
+        free = np.setdiff1d(np.arange(self._rows), structure.fixed)
         K, M = (csr(matrix)[free][:, free].toarray() for matrix in (structure.K, structure.M))
         conditions = multiply(structure.M, self._rigid)
-        if self._pinned:
-            conditions = np.column_stack([b, conditions])
+        if self._pin is not None:
+            conditions = np.column_stack([self._pin[0], conditions])
         conditions = conditions[free]
         conditions = conditions / np.linalg.norm(conditions, axis=0)
         basis = scipy.linalg.qr(conditions)[0][:, conditions.shape[1] :]
-        low = static.k0 / static.mass + structure.shift
-        sigma = np.sqrt(low * np.trace(K) / np.trace(M))
+        sigma = np.sqrt(self._lowest() * np.trace(K) / np.trace(M))
         A = basis.T @ (K + sigma * M) @ basis
         theta, vectors = scipy.linalg.eigh(basis.T @ M @ basis, (A + A.T) / 2)
         keep = theta > 1e-14 * theta.max(initial=0.0)  # motions without mass have no frequency
         omega = np.sqrt(np.maximum(1 / theta[keep] - sigma, 0.0))[::-1]
-        phi = np.zeros((len(b), int(keep.sum())))
+        phi = np.zeros((self._rows, int(keep.sum())))
         phi[free] = (basis @ vectors[:, keep])[:, ::-1]
         return Modes(omega, _normalised(structure, phi), True)
+
+    def _lowest(self) -> float:
+        """An ω² + shift of the size of the lowest, by inverse iteration."""
+        structure = self._structure
+        x = np.random.default_rng(0).standard_normal(self._rows)
+        for _ in range(4):
+            x = structure.factorization.solve(multiply(structure.M, x / np.linalg.norm(x)))
+        return (
+            float(dot(structure.comm, x, multiply(structure.K, x)))
+            / float(dot(structure.comm, x, multiply(structure.M, x)))
+            + structure.shift
+        )
 
 
 class _Constrained:

@@ -1,0 +1,264 @@
+"""Impact maps against direct extraction at the same sites, single impacts, and bad input."""
+
+from __future__ import annotations
+
+import importlib
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("dolfinx")
+pytest.importorskip("gmsh")
+
+import meshio
+
+import antiosc as ao
+import parts
+from antiosc.band import stiffness_error
+from antiosc.fem.site import functional
+from antiosc.fem.surface import patch_loads, point_loads, surface
+
+pytestmark = pytest.mark.fem
+
+module = importlib.import_module("antiosc.fem.impact_map")
+SIZE = (0.12, 0.08, 0.03)
+
+
+def top(x: np.ndarray) -> np.ndarray:
+    return np.isclose(x[2], SIZE[2])
+
+
+def block(n=(6, 4, 2), *, supported=True, cell="hexahedron", **options) -> ao.Structure:
+    groups = {
+        "left": (2, lambda x: np.isclose(x[0], 0)),
+        "top": (2, top),
+        "end": (2, lambda x: np.isclose(x[0], SIZE[0])),
+    }
+    mesh = parts.box(n, SIZE, cell, groups=groups)
+    supports = [ao.Support("left")] if supported else []
+    return ao.Structure(mesh, ao.Solid(**parts.STEEL), supports=supports, **options)
+
+
+@pytest.fixture(scope="module")
+def steel() -> ao.Structure:
+    return block()
+
+
+@pytest.fixture(scope="module")
+def mapped(steel) -> ao.ImpactMap:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        return ao.impact_map(steel, "top", n=16, modes=40)
+
+
+def at(structure: ao.Structure, where: str, i: int, **options) -> ao.Site:
+    """The i-th site of a map, as the vector that the map used."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        sites = module._sites(structure, where, None, options.get("radius"))
+    return ao.Site(vector=sites.loads[:, i].toarray()[:, 0])
+
+
+def test_bound_against_direct_extraction(steel, mapped):
+    sites = range(0, len(mapped), 5)
+    direct = ao.extract(steel, [at(steel, "top", i) for i in sites], n=60)
+    for i, reference in zip(sites, direct, strict=True):
+        model = mapped.model(i)
+        error = stiffness_error(
+            model.dynamic_stiffness, reference.dynamic_stiffness, mapped.band, reference.omega[0]
+        )
+        assert error <= mapped.error[i] + 1e-9
+        assert model.k0 == pytest.approx(reference.k0, rel=1e-9)
+        assert model.m_st == pytest.approx(reference.m_st, rel=1e-8)
+    assert np.median(mapped.error) < 0.05
+
+
+def test_free_body():
+    free = block(supported=False)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        result = ao.impact_map(free, "top", n=14, modes=25)
+    assert np.all(result.models.k0 == 0)
+    for i in (0, 7, 20):
+        direct = ao.extract(free, at(free, "top", i), n=40)
+        error = stiffness_error(
+            result.model(i).dynamic_stiffness,
+            direct.dynamic_stiffness,
+            result.band,
+            direct.omega[0],
+        )
+        assert error <= result.error[i]
+        assert result.models.m_st[i] == pytest.approx(direct.m_st, rel=1e-9)
+
+
+@pytest.mark.parametrize("cell", ["hexahedron", "tetrahedron"])
+def test_loads_of_a_surface_are_those_of_single_sites(cell):
+    structure = block(cell=cell)
+    ground = surface(structure, "top")
+    np.testing.assert_allclose(ground.normals[:, 2].max(), 1.0)
+    push = np.tile([0.6, 0.0, -0.8], (len(ground.points), 1))
+    points = point_loads(structure, ground.points, push)
+    patches, share = patch_loads(structure, ground.points, ground.normals, push, 0.02)
+    inner = np.flatnonzero(share > 0.99)
+    assert len(inner) > 3
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for i in inner[::4]:
+            point = functional(structure, ao.Site(ground.points[i], push[i]))
+            np.testing.assert_allclose(points[:, i].toarray()[:, 0], point.b, atol=1e-12)
+            patch = functional(structure, ao.Site(ground.points[i], push[i], radius=0.02))
+            difference = patches[:, i].toarray()[:, 0] - patch.b
+            assert np.linalg.norm(difference) < 0.02 * np.linalg.norm(patch.b)
+
+
+def test_curved_patch_carries_a_unit_force():
+    mesh = ao.read_mesh(Path(__file__).parent.parent / "meshes" / "bracket.msh")
+    part = ao.Structure(mesh, ao.Solid(**parts.ALUMINIUM))
+    ground = surface(part, "eye")
+    along = np.tile([0.0, 0.0, 1.0], (len(ground.points), 1))
+    loads, share = patch_loads(part, ground.points, ground.normals, along, 4e-3)
+    # b'u of a unit translation along z is 1, and its first moment is the patch's centre
+    z = np.zeros(loads.shape[0])
+    z[2::3] = 1.0
+    np.testing.assert_allclose(loads.T @ z, 1.0, rtol=1e-12)
+    whole = np.abs(share - 1) < 0.01
+    assert whole.sum() > 30
+
+
+def test_interpolated_compliances_are_as_good_as_said(monkeypatch):
+    structure = block((12, 8, 1))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        exact = ao.impact_map(structure, "top", radius=0.02, modes=20)
+        monkeypatch.setattr(module, "EXACT", 20)
+        monkeypatch.setattr(module, "FIRST", 40)
+        close = ao.impact_map(structure, "top", radius=0.02, modes=20, k0_accuracy=0.02)
+    assert close.info["solves"] < exact.info["solves"] == len(exact)
+    off = np.abs(close.models.k0 / exact.models.k0 - 1)
+    assert np.all(off[close.k0_error == 0] < 1e-9)
+    assert np.all(close.k0_error <= 0.02)
+    assert np.quantile(off, 0.98) <= 0.02  # estimated, not bounded
+
+
+def test_sites_that_are_not_good_enough_are_extracted(steel):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        rough = ao.impact_map(steel, "end", n=12, modes=8, accuracy=1e9, band=6e4)
+        fine = ao.impact_map(steel, "end", n=12, modes=8, accuracy=1e-3, band=6e4)
+    assert not rough.direct.any()
+    assert fine.direct.any()
+    assert np.all(fine.error[fine.direct] < rough.error[fine.direct])
+    i = int(np.flatnonzero(fine.direct)[0])
+    direct = ao.extract(steel, at(steel, "end", i), n=60)
+    error = stiffness_error(
+        fine.model(i).dynamic_stiffness, direct.dynamic_stiffness, 6e4, direct.omega[0]
+    )
+    assert error <= fine.error[i]
+
+
+def test_impacts_are_single_impacts(steel):
+    ball, law = ao.RigidMass(mass=0.05, velocity=1.0), ao.Hertz(1e10)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        result = ao.impact_map(steel, "end", ball, law, 4e-4)
+    for i in (0, 5):
+        hit = ao.simulate(result.model(i), ball, law, 4e-4)
+        assert result.peak_force[i] == pytest.approx(hit.peak_force, rel=1e-3)
+        assert result.contact_time[i] == pytest.approx(hit.contact_time, rel=1e-3)
+
+
+def test_files(mapped, tmp_path):
+    read = meshio.read(mapped.write(tmp_path / "map.vtu"))
+    np.testing.assert_allclose(read.points, mapped.points)
+    np.testing.assert_allclose(read.point_data["k0"], mapped.models.k0)
+    assert len(read.cells_dict["triangle"]) == len(mapped.elements) > 30
+    assert mapped.plot(tmp_path / "map.png", "k0").stat().st_size > 5000
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["map.png", "map.vtu"]
+    with pytest.raises(ao.InputError, match="quantity must be one of"):
+        mapped.plot(tmp_path / "no.png", "peak_force")
+    with pytest.raises(ao.InputError, match="cannot write the map"):
+        mapped.write(tmp_path / "none" / "map.vtu")
+
+
+def test_sites_on_supports_are_counted(steel, mapped):
+    assert mapped.skipped == 5  # the edge of the top that is clamped
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        ao.impact_map(steel, "top", accuracy=1e9)
+    messages = " ".join(str(warning.message) for warning in said)
+    assert "5 of 35 sites are left out" in messages
+    assert "give the map a radius" in messages
+    with (
+        pytest.raises(ao.InputError, match="no site of the map can move"),
+        pytest.warns(UserWarning, match="give the map a radius"),
+    ):
+        ao.impact_map(steel, "left")
+
+
+def test_given_points(steel):
+    points = [(0.1, 0.03, 0.03), (0.07, 0.05, 0.03)]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        result = ao.impact_map(steel, points, direction=(0, 0, -1), radius=0.02, modes=25)
+        direct = ao.extract(steel, ao.Site(points[1], (0, 0, -1), radius=0.02))
+    assert result.models.k0[1] == pytest.approx(direct.k0, rel=1e-9)
+    assert result.local_compliance[1] == pytest.approx(direct.local_compliance, rel=1e-12)
+    assert result.model(1).radius == 0.02
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"where": "none"}, "has no group 'none'"),
+        ({"where": []}, "points need the direction"),
+        ({"where": [], "direction": (0, 0, 1)}, "at least one point"),
+        ({"direction": (0, 0, 0)}, "direction must not be the zero vector"),
+        ({"n": 0}, "n must be a whole number >= 1"),
+        ({"radius": -1.0}, "radius must be > 0"),
+        ({"modes": 5, "band": 1e9}, "must end below the last of 5 free modes"),
+        (
+            {"impactor": ao.RigidMass(1.0, 1.0)},
+            "impacts need all of impactor, contact and duration",
+        ),
+    ],
+)
+def test_bad_input(steel, options, words):
+    warnings.simplefilter("ignore", UserWarning)
+    with pytest.raises(ao.InputError, match=words):
+        ao.impact_map(steel, **{"where": "top", **options})
+
+
+def test_an_empty_group():
+    middle = SIZE[0] / 2
+    groups = {"left": (2, lambda x: np.isclose(x[0], 0)), "cut": (2, lambda x: x[0] == middle)}
+    mesh = parts.box((2, 2, 2), SIZE, groups=groups)
+    part = ao.Structure(mesh, ao.Solid(**parts.STEEL), supports=[ao.Support("left")])
+    with pytest.raises(ao.InputError, match="'cut' holds no outer faces"):
+        ao.impact_map(part, "cut")
+
+
+def test_a_shell_through_its_patches():
+    shell = ao.Structure(
+        parts.plate((6, 2)), ao.Shell(**parts.STEEL, thickness=0.01), [ao.Support("left")]
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        result = ao.impact_map(shell, direction=(0, 0, -1), modes=25, n=10)
+        i = int(np.argmax(result.points[:, 0]))
+        direct = ao.extract(shell, ao.Site(result.points[i], (0, 0, -1)), n=40)
+    error = stiffness_error(
+        result.model(i).dynamic_stiffness, direct.dynamic_stiffness, result.band, direct.omega[0]
+    )
+    assert error <= result.error[i]
+
+
+def test_shells_and_matrices_say_what_they_need(steel):
+    matrices = ao.Structure.from_matrices(np.diag([1.0, 2.0]), np.eye(2))
+    with pytest.raises(ao.InputError, match="a map needs a mesh"):
+        ao.impact_map(matrices)
+    plate = parts.plate()
+    shell = ao.Structure(plate, ao.Shell(**parts.STEEL, thickness=0.01))
+    with pytest.raises(ao.InputError, match="shells and beams have no outside"):
+        ao.impact_map(shell)
