@@ -109,6 +109,8 @@ def entity_vertices(mesh: dolfinx.mesh.Mesh, dim: int) -> IntArray:
     mesh.topology.create_connectivity(mesh.topology.dim, 0)
     imap = mesh.topology.index_map(dim)
     entities = np.arange(imap.size_local + imap.num_ghosts, dtype=np.int32)
+    if not len(entities):  # 0.9 would divide by their number
+        return np.zeros((0, dim + 1), dtype=np.int32)
     cpp_mesh = mesh._mesh if VERSION < (0, 6) else mesh._cpp_object
     nodes = dolfinx.cpp.mesh.entities_to_geometry(cpp_mesh, dim, entities, False)
     # From 0.9 on the nodes inside edges and faces of curved cells follow those at the vertices.
