@@ -304,7 +304,8 @@ def impact_map(
         skipped=sites.total - len(sites.points),
         info=info,
     )
-    _tell(result, accuracy)
+    if structure.comm.rank == 0:
+        _tell(result, accuracy)
     if impactor is None or contact is None or duration is None:
         return result
     return _struck(structure, result, impactor, contact, duration)
@@ -426,7 +427,7 @@ def _at_points(
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
         places = [functional(structure, Site(tuple(x), tuple(along), radius)) for x in at]
-    if said:
+    if said and structure.comm.rank == 0:
         warnings.warn(
             f"{said[0].message} (the first of {len(said)} such warnings)",
             said[0].category,

@@ -1,0 +1,138 @@
+"""Two ranks give what one gives: Krylov models at several sites, bands, impact maps and files."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+
+pytest.importorskip("dolfinx")
+
+from mpi import run_ranks
+
+pytestmark = [pytest.mark.fem, pytest.mark.mpi]
+
+HERE = str(Path(__file__).parent)
+
+MODELS = """
+import json, sys, warnings
+import numpy as np
+sys.path.insert(0, sys.argv[1])
+import antiosc as ao
+import parts
+
+warnings.simplefilter("ignore")
+block = parts.box((8, 4, 3))
+frame = ao.read_mesh("meshes/frame.msh")
+beam = ao.Beam(**parts.STEEL, section=ao.Section.rectangle(0.02, 0.03), orientation=(0.3, 1, 0.2))
+solid = ao.Solid(**parts.STEEL)
+on_block = [ao.Site((x, 0.021, 0.04), (0.1, 0.2, -1), radius=0.016) for x in (0.07, 0.15)]
+on_frame = [ao.Site((0.43, 0.0, 1.3), (0.2, 1, -0.5)), ao.Site((0.0, 0.0, 0.33), (1, 0.3, 0))]
+cases = {
+    "block": (block, solid, [ao.Support("left")], on_block),
+    "free block": (block, solid, [], on_block),
+    "sliding block": (block, solid, [ao.Support("left", ("y", "z"))], on_block[:1]),
+    "frame": (frame, beam, [ao.Support("feet")], on_frame),
+    "free frame": (frame, beam, [], on_frame),
+}
+found = {}
+for name, (mesh, material, supports, sites) in cases.items():
+    structure = ao.Structure(mesh, material, supports)
+    models = ao.extract(structure, sites, n=12)
+    models += ao.extract(structure, sites, band=1.1 * models[0].omega[2], accuracy=1e-4)
+    band = 1.5 * models[0].omega[1]
+    at = np.linspace(0.05 * band, band, 40) * (1 + 0.01j)
+    found[name] = {
+        "fixed": [[m.k0, m.m_st, m.n] for m in models],
+        "Z": [np.abs(m.dynamic_stiffness(at)).tolist() for m in models],
+        "low": [[*m.omega[:2], *m.m[:2]] for m in models],
+        "all": [[*m.omega, *m.m] for m in models],
+    }
+print(json.dumps(found))
+"""
+
+
+@pytest.mark.slow
+def test_krylov_models():
+    one = json.loads(run_ranks(1, MODELS, HERE)[0])
+    both = [json.loads(text) for text in run_ranks(2, MODELS, HERE)]
+    assert both[0] == both[1]
+    assert len(one) == 5
+    for name, serial in one.items():
+        ranks = both[0][name]
+        for key in ("fixed", "Z", "low"):
+            np.testing.assert_allclose(ranks[key], serial[key], rtol=1e-8, err_msg=f"{name} {key}")
+        # The upper Ritz pairs are no property of the structure: they feel every solve's rounding.
+        for a, b in zip(serial["all"], ranks["all"], strict=True):
+            np.testing.assert_allclose(b, a, rtol=1e-3, err_msg=name)
+
+
+MAP = """
+import json, sys, warnings
+import numpy as np
+sys.path.insert(0, sys.argv[1])
+import antiosc as ao
+import parts
+
+warnings.simplefilter("ignore")
+size = (0.12, 0.08, 0.03)
+groups = {"left": (2, lambda x: np.isclose(x[0], 0)), "top": (2, lambda x: np.isclose(x[2], 0.03))}
+mesh = parts.box((6, 4, 2), size, "tetrahedron", groups=groups)
+part = ao.Structure(mesh, ao.Solid(**parts.STEEL), [ao.Support("left")])
+impact = ao.RigidMass(0.05, 1.0), ao.Hertz(1e9), 5e-4
+found = ao.impact_map(part, "top", *impact, radius=0.02, n=8, modes=15)
+found.write(sys.argv[2]) if mesh.comm.rank == 0 else None
+print(json.dumps({
+    "points": found.points.tolist(), "m": found.models.m.tolist(), "k0": found.models.k0.tolist(),
+    "omega": found.models.omega.tolist(), "error": found.error.tolist(),
+    "peak": found.peak_force.tolist(), "skipped": found.skipped,
+}))
+"""
+
+
+def test_impact_map(tmp_path):
+    results, files = [], []
+    for n in (1, 2):
+        path = tmp_path / f"map{n}.vtu"
+        printed = run_ranks(n, MAP, HERE, str(path))
+        assert len(set(printed)) == 1  # every rank holds the whole map
+        results.append(json.loads(printed[0]))
+        files.append(meshio.read(path))
+    one, two = results
+    assert one["skipped"] == two["skipped"]
+    order = [np.lexsort(np.round(r["points"], 9).T) for r in results]
+    for name in ("points", "k0", "omega", "m", "error", "peak"):
+        a, b = (np.array(r[name])[o] for r, o in zip(results, order, strict=True))
+        np.testing.assert_allclose(b, a, rtol=1e-8, atol=1e-8 * np.abs(a).max(), err_msg=name)
+    assert len(files[0].cells[0].data) == len(files[1].cells[0].data)
+
+
+ERRORS = """
+import sys, warnings
+import numpy as np
+sys.path.insert(0, sys.argv[1])
+import antiosc as ao
+import parts
+
+warnings.simplefilter("ignore")
+part = ao.Structure(parts.box((8, 2, 2)), ao.Solid(**parts.STEEL), [ao.Support("left")])
+for ask in (
+    lambda: ao.extract(part, ao.Site((5, 0, 0), (0, 0, 1))),
+    lambda: ao.extract(part, ao.Site((0.2, 0.05, 0.04), (0, 0, 1)), n=10**6),
+    lambda: ao.impact_map(part, "nowhere"),
+    lambda: ao.impact_map(part, "left"),
+):
+    try:
+        ask()
+    except ao.InputError as error:
+        print(error)
+"""
+
+
+def test_errors_are_raised_on_every_rank():
+    printed = run_ranks(2, ERRORS, HERE)
+    assert printed[0] == printed[1]
+    assert len(printed[0].splitlines()) == 4
