@@ -78,12 +78,15 @@ def test_mass_and_rigid_motions_are_exact(tmp_path, cell, geometry, order):
         assert shift @ (M @ shift) == pytest.approx(mass, rel=1e-13)
 
 
-def test_moment_of_inertia_of_a_block():
-    a, b, c = size = (0.2, 0.06, 0.05)
-    structure = ao.Structure(parts.box((3, 2, 2), size), ao.Solid(**parts.STEEL))
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("cell", parts.CELLS)
+def test_moment_of_inertia(cell, order):
+    size = (0.2, 0.06, 0.05) if cell in ("tetrahedron", "hexahedron") else (0.2, 0.06)
+    mesh = parts.box((3, 2, 2)[: len(size)], size, cell)
+    structure = ao.Structure(mesh, material(mesh), order=order)
+    a, b = size[:2]
     turn = nodal(structure, lambda x: np.array([-(x[1] - b / 2), x[0] - a / 2, 0 * x[0]]))
-    mass = parts.STEEL["rho"] * a * b * c
-    expected = mass * (a**2 + b**2) / 12
+    expected = structure.mass * (a**2 + b**2) / 12
     assert turn @ (csr(structure.M) @ turn) == pytest.approx(expected, rel=1e-13)
 
 
