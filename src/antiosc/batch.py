@@ -30,7 +30,7 @@ from antiosc.impact import (
     without_patch,
 )
 from antiosc.integrators import MAX_STEPS, Problem
-from antiosc.integrators.exact import DEPTH, SHORT, Exact
+from antiosc.integrators.exact import DEPTH, LONGER, SHORT, Exact
 from antiosc.integrators.propagator import Propagator
 from antiosc.modal import LinearBody
 
@@ -382,7 +382,7 @@ class _Part:
         """States after `t` while the force falls linearly to 0."""
         q1, v1 = self.free(q, v, t)
         S = self.propagator.motion(t).S
-        J, R = self.propagator.step(t), self.propagator.ramp(t)
+        J, R = self.propagator.step_and_ramp(t)
         pull = self.beta * force[:, None]
         t = t[:, None]
         return q1 - pull * (J - R / t), v1 - pull * (S - J / t)
@@ -396,7 +396,7 @@ class _Steps:
         self.beta, self.gap = part.beta, part.gap
         self.P, self.S, self.W = p.motion(h)
         self.V = -p.square * self.S
-        J, R = p.step(h), p.ramp(h)
+        J, R = p.step_and_ramp(h)
         self.rise_q, self.rise_v = -part.beta * R / column, -part.beta * J / column
         self.fall_q = -part.beta * J - self.rise_q
         self.fall_v = -part.beta * self.S - self.rise_v
@@ -504,11 +504,31 @@ def _contact(
         who = live[todo]
         nodes = _Log(live.size)
         part = stack.part(rows[who])
-        out = _march(stack, part, (q[who], v[who], t[who], end[who]), h[todo], nodes, max_steps)
+        # done again at 1/8 of the step: should it not be over by now, go on as before
+        until = (
+            end[who] if depth == 0 else np.minimum(end[who], t[who] + LONGER * SHORT * 8 * h[todo])
+        )
+        out = _march(stack, part, (q[who], v[who], t[who], until), h[todo], nodes, max_steps)
+        go_on = np.flatnonzero(~out.parted & (until < end[who]) & (out.count <= max_steps))
+        if go_on.size:
+            late = _Log(live.size)
+            more = _march(
+                stack,
+                stack.part(part.rows[go_on]),
+                (out.q[go_on], out.v[go_on], out.t[go_on], end[who][go_on]),
+                8 * h[todo][go_on],
+                late,
+                max_steps,
+                out.force[go_on],
+            )
+            out.extend(go_on, more)
+            for owner, time, force in zip(late.owner, late.time, late.force, strict=True):
+                nodes.add(go_on[owner], time, force)
         for j, i in enumerate(who):
             results[i].work += int(out.count[j])
             results[i].full = results[i].full or bool(out.count[j] > max_steps)
         short = out.parted & (out.t - t[who] <= SHORT * h[todo])
+        short[go_on] = False
         again = short if depth < DEPTH else np.zeros(short.size, dtype=bool)
         done = ~again
         log.add(who[done], t[who[done]], np.zeros(int(done.sum())))
@@ -537,17 +557,28 @@ class _Outcome:
     t: Array
     impulse: Array
     count: Index
+    force: Array
     parted: NDArray[np.bool_]
 
     @classmethod
     def like(cls, q: Array, v: Array, t: Array) -> _Outcome:
         n = t.size
         zeros = np.zeros(n, dtype=np.intp)
-        return cls(q.copy(), v.copy(), t.copy(), np.zeros(n), zeros, np.zeros(n, dtype=bool))
+        off = np.zeros(n, dtype=bool)
+        return cls(q.copy(), v.copy(), t.copy(), np.zeros(n), zeros, np.zeros(n), off)
 
-    def save(self, rows: Index, q: Array, v: Array, t: Any, impulse: Any, count: Any) -> None:
+    def save(
+        self, rows: Index, q: Array, v: Array, t: Any, impulse: Any, count: Any, force: Any
+    ) -> None:
         self.q[rows], self.v[rows], self.t[rows] = q, v, t
-        self.impulse[rows], self.count[rows] = impulse, count
+        self.impulse[rows], self.count[rows], self.force[rows] = impulse, count, force
+
+    def extend(self, rows: Index, more: _Outcome) -> None:
+        """Go on from these rows with what came after."""
+        self.q[rows], self.v[rows], self.t[rows] = more.q, more.v, more.t
+        self.impulse[rows] += more.impulse
+        self.count[rows] += more.count
+        self.parted[rows] = more.parted
 
 
 def _march(
@@ -557,13 +588,15 @@ def _march(
     h: Array,
     nodes: _Log,
     max_steps: int,
+    force: Array | None = None,
 ) -> _Outcome:
     """Step until every scene has parted or reached its end."""
     q, v, t, end = (x.copy() for x in start)
     size = t.size
     out = _Outcome.like(q, v, t)
-    force, ids, h = np.zeros(size), np.arange(size), h.copy()
-    previous = np.zeros(size)
+    force = np.zeros(size) if force is None else force
+    ids, h = np.arange(size), h.copy()
+    previous = force
     count, impulse = np.zeros(size, dtype=np.intp), np.zeros(size)
     last_force, last_h = np.zeros(size), h.copy()
     steps, implicit = _Steps(part, h), stack.implicit(part.rows)
@@ -583,7 +616,7 @@ def _march(
         any_gone = bool(gone.any())
         if any_gone:
             g = ids[gone]
-            out.save(g, q[gone], v[gone], t[gone], impulse[gone], count[gone])
+            out.save(g, q[gone], v[gone], t[gone], impulse[gone], count[gone], 0.0)
             last_force[g], last_h[g] = force[gone], h[gone]
             out.parted[g] = True
         F = F1[:, None]
@@ -601,7 +634,7 @@ def _march(
             nodes.add(ids, t, F1)
         any_over = bool(over.any())
         if any_over:
-            out.save(ids[over], q[over], v[over], t[over], impulse[over], count[over])
+            out.save(ids[over], q[over], v[over], t[over], impulse[over], count[over], force[over])
         if any_gone or any_over:
             keep = np.flatnonzero(~(gone | over))
             ids, q, v, t, end, h = ids[keep], q[keep], v[keep], t[keep], end[keep], h[keep]
@@ -621,7 +654,9 @@ def _march(
         more = sum(s.impulse for s in phase.segments)
         state = np.zeros((2, 1, q.shape[1]))
         state[0, 0, :J], state[1, 0, :J] = phase.q, phase.v
-        out.save(k, state[0], state[1], phase.time, impulse[i] + more, count[i] + phase.evaluations)
+        last = float(phase.segments[-1].force[-1])
+        steps_done = count[i] + phase.evaluations
+        out.save(k, state[0], state[1], phase.time, impulse[i] + more, steps_done, last)
         out.parted[k] = phase.released
         for segment in phase.segments:
             owner = np.full(segment.time.size - 1, ids[i])

@@ -250,8 +250,7 @@ class History:
                 f"t must lie within the run, 0 <= t <= {end:g} s; got {times[outside][0]:g} s."
             )
         times = np.minimum(times, end)
-        index = np.searchsorted(self.time, times, side="right") - 1
-        return times, np.minimum(index, max(self.time.size - 2, 0))
+        return times, np.searchsorted(self.time, times, side="right") - 1
 
     @cached_property
     def _contact_energy(self) -> tuple[Array, Array]:

@@ -26,13 +26,15 @@ Array = NDArray[np.float64]
 
 CHUNK = 64
 SHORT = 8
-DEPTH = 10
+DEPTH = 6
+LONGER = 2
 
 
 class Exact:
     """Exact propagator with a fixed step [s] during contact; release is located within a step.
 
-    A contact that is over within `SHORT` steps is done again with a step 8 times smaller.
+    A contact that is over within `SHORT` steps is done again with a step 8 times smaller, and so
+    on, at most `DEPTH` times.
     """
 
     order = 2
@@ -55,9 +57,17 @@ class Exact:
         for _ in range(DEPTH):
             if not phase.released or phase.time - t > SHORT * step:
                 break
+            # at 1/8 of the step; should it not be over by now, go on as before
+            until = min(end, t + LONGER * SHORT * step)
             step /= 8
-            phase = self.resume(problem, t, q, v, state, end, step)
+            phase = self.resume(problem, t, q, v, state, until, step)
             work += phase.evaluations
+            if not phase.released and not phase.trouble and until < end:
+                p, force = phase, float(phase.segments[-1].force[-1])
+                phase = self.resume(problem, p.time, p.q, p.v, p.state, end, 8 * step, force)
+                phase.segments[:0] = p.segments
+                work += phase.evaluations
+                break
         phase.evaluations = work
         return phase
 
@@ -113,7 +123,7 @@ class _Kernel:
         self.P, self.S, self.W = prop.motion(times)
         self.V = -prop.square * self.S
         self.J = prop.step(times) if problem.loaded else None
-        step, ramp = prop.step(h), prop.ramp(h)
+        step, ramp = prop.step_and_ramp(h)
         S = prop.motion(h).S
         # states that unit forces leave: rising (0 to 1) and falling (1 to 0) over one step
         rise_q, rise_v = -beta * ramp / h, -beta * step / h
@@ -227,7 +237,7 @@ def _release(problem: Problem, q: Array, v: Array, force: float, origin: float, 
 
     def apart(t: float) -> float:
         P, S, _ = prop.motion(t)
-        J, R = prop.step(t), prop.ramp(t)
+        J, R = prop.step_and_ramp(t)
         delta = float(P @ from_q + S @ from_v - (J - R / t) @ pull) - level
         return delta + float(J @ (beta * problem.load)) if problem.loaded else delta
 

@@ -39,6 +39,10 @@ def next_touch(
         suspects = np.flatnonzero((crest > 0) | (crest + missed > problem.resolution))
         if suspects.size == 0:
             continue
+        if length <= fine / 16:  # a touch shorter than that is below the integrator's step
+            suspects = np.flatnonzero(crest > 0)
+            if suspects.size == 0:
+                continue
         first = int(suspects[0])
         left, right = float(times[first]), float(times[first + 1])
         if first + 1 < _PIECES:
@@ -47,8 +51,7 @@ def next_touch(
             return left
         if delta[first + 1] > 0.0 and (length <= fine or missed <= problem.resolution):
             return search.root(left, right, float(delta[first]))
-        if length > fine / 16:  # a touch shorter than that is below the integrator's step
-            stack.append((left, right))
+        stack.append((left, right))
     return None
 
 

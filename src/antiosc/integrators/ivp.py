@@ -15,7 +15,7 @@ from scipy.integrate import solve_ivp
 
 from antiosc.contact import State
 from antiosc.errors import InputError
-from antiosc.integrators.problem import Phase, Problem, Segment
+from antiosc.integrators.problem import MAX_STEPS, Phase, Problem, Segment
 
 Array = NDArray[np.float64]
 
@@ -25,10 +25,20 @@ _NODES = 8  # per solver step, from its dense output
 
 
 class SolveIVP:
-    """`solve_ivp` with relative tolerance `rtol`; `max_step` [s] bounds its steps."""
+    """`solve_ivp` with relative tolerance `rtol`.
 
-    def __init__(self, method: str, rtol: float, max_step: float = np.inf) -> None:
+    `max_step` [s] bounds its steps, `max_evaluations` those of the force in one contact.
+    """
+
+    def __init__(
+        self,
+        method: str,
+        rtol: float,
+        max_step: float = np.inf,
+        max_evaluations: int = 10 * MAX_STEPS,
+    ) -> None:
         self.name, self.rtol, self.max_step = method, rtol, max_step
+        self.max_evaluations = max_evaluations
         self.order = _ORDERS[method]
 
     def contact(
@@ -45,7 +55,7 @@ class SolveIVP:
         count, turn = 0, -1.0
         y = np.concatenate((q, v, [0.0]))
         while True:
-            motion = _Contact(problem, state)
+            motion = _Contact(problem, state, self.max_evaluations - count)
             # a hysteretic law changes branch where the indentation turns
             events: list[Callable[..., float]] = [motion.parted(law.origin(state))]
             if law.has_memory:
@@ -60,18 +70,27 @@ class SolveIVP:
                     [1e-12 * speed],
                 )
             )
-            solution: Any = solve_ivp(
-                motion.slope,
-                (t, end),
-                y,
-                method=self.name,
-                rtol=self.rtol,
-                atol=atol,
-                max_step=self.max_step,
-                events=events,
-                dense_output=True,
-            )
-            count += int(solution.nfev)
+            try:
+                solution: Any = solve_ivp(
+                    motion.slope,
+                    (t, end),
+                    y,
+                    method=self.name,
+                    rtol=self.rtol,
+                    atol=atol,
+                    max_step=self.max_step,
+                    events=events,
+                    dense_output=True,
+                )
+            except _TooMany:
+                trouble = (
+                    f"{self.name} gave up after {t:g} s: more than {self.max_evaluations}"
+                    f" evaluations of the force in one contact; use method='exact' or raise"
+                    f" max_steps"
+                )
+                count = self.max_evaluations
+                return Phase(segments, t, y[:size], y[size:-1], state, count, False, trouble)
+            count += motion.evaluations
             if solution.status < 0:
                 return Phase(
                     segments,
@@ -93,11 +112,16 @@ class SolveIVP:
                 return Phase(segments, t, y[:size], y[size:-1], state, count, released)
 
 
+class _TooMany(Exception):
+    """The bound on evaluations is met."""
+
+
 class _Contact:
     """Right-hand side during one branch of contact; y = (q, v, impulse)."""
 
-    def __init__(self, problem: Problem, state: State) -> None:
+    def __init__(self, problem: Problem, state: State, most: int) -> None:
         self.problem, self.state = problem, state
+        self.evaluations, self.most = 0, most
         self.size = problem.omega.size
 
     def contact(self, y: Array) -> tuple[float, float, float]:
@@ -110,6 +134,9 @@ class _Contact:
 
     def slope(self, t: float, y: Array) -> Array:
         p, n = self.problem, self.size
+        self.evaluations += 1
+        if self.evaluations > self.most:
+            raise _TooMany
         force = self.contact(y)[2]
         v = y[n:-1]
         a = p.load - p.beta * force - p.omega**2 * y[:n] - 2 * p.decay * v

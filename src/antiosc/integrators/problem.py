@@ -77,7 +77,7 @@ class Problem:
     def forced(self, q: Array, v: Array, t: Array, f0: Array, f1: Array) -> tuple[Array, Array]:
         """States (n, J) after times `t` (n,) from (q, v) while F goes linearly from f0 to f1."""
         qt, vt = self.free(q, v, t)
-        S, J, R = self.propagator.motion(t).S, self.propagator.step(t), self.propagator.ramp(t)
+        S, (J, R) = self.propagator.motion(t).S, self.propagator.step_and_ramp(t)
         with np.errstate(divide="ignore", invalid="ignore"):
             slope = np.where(t > 0, (f1 - f0) / t, 0.0)[:, None]
         f0 = np.asarray(f0)[:, None]

@@ -52,20 +52,20 @@ class Propagator:
         time = np.asarray(t, dtype=float)[..., np.newaxis]
         if not self.damped:
             return np.asarray(0.5 * time**2 * _sinc(0.5 * self.omega * time) ** 2)
-        return self._step_and_ramp(time)[0]
+        return self._damped_step_and_ramp(time)[0]
 
-    def ramp(self, t: Array | float) -> Array:
-        """R(t) [s^3], the displacement under a modal force that grows as t."""
+    def step_and_ramp(self, t: Array | float) -> tuple[Array, Array]:
+        """J(t) and R(t) [s^3], the displacement under a modal force that grows as t."""
         time = np.asarray(t, dtype=float)[..., np.newaxis]
-        if not self.damped:
-            z = self.omega * time
-            small = np.abs(z) < 0.5
-            y = np.where(small, z * z, 0.0)
-            series = 1 - y / 20 * (1 - y / 42 * (1 - y / 72 * (1 - y / 110 * (1 - y / 156))))
-            large = np.where(small, 1.0, z)
-            direct = 6 * (1 - np.sin(large) / large) / (large * large)
-            return np.asarray(time**3 / 6 * np.where(small, series, direct))
-        return self._step_and_ramp(time)[1]
+        if self.damped:
+            return self._damped_step_and_ramp(time)
+        z = self.omega * time
+        small = np.abs(z) < 0.5
+        y = np.where(small, z * z, 0.0)
+        series = 1 - y / 20 * (1 - y / 42 * (1 - y / 72 * (1 - y / 110 * (1 - y / 156))))
+        large = np.where(small, 1.0, z)
+        direct = 6 * (1 - np.sin(large) / large) / (large * large)
+        return self.step(t), np.asarray(time**3 / 6 * np.where(small, series, direct))
 
     def _decaying(self, t: Array) -> tuple[Array, Array]:
         """C and S with S = exp(-d t) sin(g t)/g and C = exp(-d t) cos(g t), or sinh and cosh."""
@@ -81,7 +81,7 @@ class Propagator:
         C = np.where(self.over, slow * (1 + 0.5 * fast), C)
         return C, S
 
-    def _step_and_ramp(self, t: Array) -> tuple[Array, Array]:
+    def _damped_step_and_ramp(self, t: Array) -> tuple[Array, Array]:
         d, x = self.decay, self.square
         C, S = self._decaying(t)
         small = np.maximum(self.omega * t, 2 * d * t) < 0.5
@@ -109,6 +109,8 @@ class Propagator:
                 -(2 * self.decay * t * (k + 1) * b + (self.omega * t) ** 2 * a)
                 / ((k + 1) * (k + 2)),
             )
+            if np.abs(b).max() < 1e-20:
+                break
             J = J + b / (k + 3)
             R = R + b / ((k + 3) * (k + 4))
         return J * t**2, R * t**3

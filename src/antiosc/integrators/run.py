@@ -62,6 +62,8 @@ def run(
             break
         state = problem.law.touch(max(float(problem.beta @ v), 0.0), state)
         phase = integrator.contact(problem, t, q, v, state, duration)
+        if not phase.segments:  # gave up before its first step
+            phase.segments.append(_moment(t, q, v))
         _append(result, t, state, phase)
         t, q, v, state = phase.time, phase.q, phase.v, phase.state
         origin = problem.law.origin(state)
@@ -77,6 +79,12 @@ def _append(result: Trajectory, t: float, state: State, phase: Phase) -> None:
     span = (first, len(result.segments))
     result.contacts.append(Contact(t, phase.time, span, state, phase.released))
     result.evaluations += phase.evaluations
+
+
+def _moment(t: float, q: Array, v: Array) -> Segment:
+    """One node without force."""
+    zero = np.zeros(1)
+    return Segment(np.array([t]), zero, zero, 0.0, lambda: (q[None], v[None]), True)
 
 
 def _flight(
