@@ -1,6 +1,6 @@
 # Every target sets up what it needs, once; `make help` lists them.
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test check test-debian13 lint fmt clean
+.PHONY: help setup demo article test check test-debian13 lint fmt clean
 
 PYTHON := .venv/bin/python
 READY  := .venv/ready
@@ -23,6 +23,9 @@ setup: $(READY) ## Debian packages, .venv, antiosc in editable form (all other t
 
 demo: $(READY) ## a steel sphere strikes the bracket: table, force plot, model and fields in out/
 	$(PYTHON) demos/impact_on_bracket.py
+
+article: $(READY) ## every claim of the article rerun: demos/ARTICLE.md and its figures
+	$(PYTHON) demos/article.py
 
 test: $(READY) ## all tests, those on several MPI ranks included
 	$(PYTHON) -m pytest

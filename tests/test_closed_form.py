@@ -345,6 +345,26 @@ def test_statics_of_the_modes():
     np.testing.assert_allclose(deflection * beam.static_stiffness, static, rtol=1e-3, atol=1e-4)
 
 
+@pytest.mark.parametrize(("beam", "orders"), [(UNIT, (3, 5, 7)), (THICK, (1, 3, 3))])
+def test_orders_of_what_truncation_leaves_out(beam, orders):
+    """Where bending governs, and where the short waves are shear waves (omega_j ~ j).
+
+    Left out of H by n modes: Σ b²/ω². Left out of Z/ω⁴ by n anti-oscillators: Σ m/ω². Left out of
+    H/ω² in spite of static correction: Σ b²/ω⁴.
+    """
+    case, top = pinned_pinned(beam), 160
+    modes, model = case.modes(top), case.anti_oscillators(top)
+    sums = (
+        (modes.b / modes.omega) ** 2,
+        model.m / model.omega**2,
+        modes.b**2 / modes.omega**4,
+    )
+    wholes = (1 / case.static_stiffness, sums[1].sum(), sums[2].sum())
+    for terms, whole, order in zip(sums, wholes, orders, strict=True):
+        left = whole - np.cumsum(terms)
+        assert np.log2(left[19] / left[39]) == pytest.approx(order, abs=0.3)
+
+
 # ---- bad input -----------------------------------------------------------------------------------
 
 

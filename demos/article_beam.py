@@ -1,0 +1,217 @@
+"""The article's beam, and how two force histories are compared: shared by its two cases.
+
+Table 1 and 2 of the article: E = 67 GPa, rho = 2400 kg/m^3, S = 2 cm^2, I = 0.33 cm^4, L = 1 m.
+Poisson's ratio and the shear coefficient are not given; 0.3 and 5/6 are taken, and both are varied
+where it could matter.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid, trapezoid
+
+import antiosc as ao
+from antiosc.closed_form import BeamModes, StruckBeam, UniformBeam
+
+Floats = NDArray[np.float64]
+
+E, RHO, AREA, INERTIA, LENGTH = 67e9, 2400.0, 2e-4, 0.33e-8, 1.0
+NU, SHEAR = 0.3, 5 / 6
+MASS = RHO * AREA * LENGTH
+HERTZ = 1.55e10  # N m^-3/2: given for case 1, not for case 2
+PICTURES = Path(__file__).resolve().parent / "pictures"
+
+GEO = """
+Point(1) = {{0, 0, 0}}; Point(2) = {{{length}, 0, 0}}; Line(1) = {{1, 2}};
+Transfinite Curve {{1}} = {nodes};
+Physical Point("left") = {{1}}; Physical Point("right") = {{2}}; Physical Curve("beam") = {{1}};
+"""
+
+
+class Errors(NamedTuple):
+    """Of a force history against another, all relative to the latter."""
+
+    force: float  # L2 norm of the difference
+    peak: float
+    impulse: float
+    contact_time: float
+    momentum: float  # largest difference of the running impulse, over the whole impulse
+
+
+def analytic(inertia: float = INERTIA, nu: float = NU, shear: float = SHEAR) -> UniformBeam:
+    """The beam without a mesh, Timoshenko's theory."""
+    return UniformBeam.timoshenko(
+        E=E,
+        nu=nu,
+        rho=RHO,
+        area=AREA,
+        inertia=inertia,
+        length=LENGTH,
+        shear_coefficient=shear,
+    )
+
+
+def euler_bernoulli() -> UniformBeam:
+    """The beam without shear and rotary inertia."""
+    return UniformBeam.euler_bernoulli(E=E, rho=RHO, area=AREA, inertia=INERTIA, length=LENGTH)
+
+
+def meshed(elements: int, pinned: Sequence[str], order: int = 1) -> ao.Structure:
+    """The beam in Timoshenko elements; order 1 are the article's (linear, one-point shear)."""
+    material = ao.Beam(E, NU, RHO, ao.Section(A=AREA, I=INERTIA, shear=SHEAR))
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "beam.geo"
+        path.write_text(GEO.format(length=LENGTH, nodes=elements + 1))
+        mesh = ao.read_mesh(path, size=LENGTH, gdim=2)
+    supports = [ao.Support("left", ("x", "y")), *(ao.Support(end, "y") for end in pinned)]
+    return ao.Structure(mesh, material, supports=supports, order=order)
+
+
+def site(x: float) -> ao.Site:
+    """A point of the meshed beam, struck across."""
+    return ao.Site(point=(x, 0.0), direction=(0.0, 1.0))
+
+
+def compare(hit: ao.History, reference: ao.History) -> Errors:
+    """How far a force history is from another."""
+    time = np.union1d(hit.time, reference.time)
+    ours, theirs = (np.interp(time, h.time, h.force) for h in (hit, reference))
+    off = np.sqrt(trapezoid((ours - theirs) ** 2, time) / trapezoid(theirs**2, time))
+    run = cumulative_trapezoid(ours - theirs, time)
+    return Errors(
+        float(off),
+        abs(hit.peak_force / reference.peak_force - 1),
+        abs(hit.impulse / reference.impulse - 1),
+        abs(lasted(hit) / lasted(reference) - 1),
+        float(np.abs(run).max() / reference.impulse),
+    )
+
+
+def lasted(hit: ao.History) -> float:
+    """From the first touch to the last release, s: sub-impacts and what lies between included."""
+    return hit.contacts[-1][1] - hit.contacts[0][0]
+
+
+class Family(NamedTuple):
+    """One way to truncate: a name, and the model with n degrees of freedom."""
+
+    name: str
+    model: Callable[[int], ao.LinearBody]
+
+
+def analytic_families(beam: StruckBeam) -> list[Family]:
+    """Anti-oscillators, mode superposition, and that with static correction, of a beam."""
+    return [
+        Family("anti-oscillators", beam.anti_oscillators),
+        Family("modes", beam.modes),
+        Family("modes, static correction", lambda n: corrected(beam, n)),
+    ]
+
+
+def meshed_families(part: ao.Structure, where: ao.Site) -> list[Family]:
+    """The same from the finite elements."""
+    return [
+        Family("anti-oscillators", lambda n: ao.extract(part, where, n=n, method="modes")),
+        Family("modes", lambda n: ao.superposition(part, where, n)),
+        Family(
+            "modes, static correction",
+            lambda n: ao.superposition(part, where, n, static_correction=True),
+        ),
+    ]
+
+
+def corrected(beam: StruckBeam, n: int, x: Sequence[float] = ()) -> BeamModes:
+    """Natural modes with static correction."""
+    return beam.modes(n, x, static_correction=True)
+
+
+def convergence(
+    families: Iterable[Family],
+    counts: Sequence[int],
+    simulate: Callable[[ao.LinearBody], ao.History],
+    reference: ao.History,
+) -> dict[str, list[Errors]]:
+    """Errors of each family at each count."""
+    return {
+        family.name: [compare(simulate(family.model(n)), reference) for n in counts]
+        for family in families
+    }
+
+
+def order(counts: Sequence[int], errors: Sequence[Errors], floor: float = 2e-5) -> float:
+    """Observed order p of the force error ~ n^-p, over the points that have begun to converge."""
+    x, y = np.log(counts), np.log([e.force for e in errors])
+    tail = (y < np.log(0.5)) & (y > np.log(floor))
+    return float(-np.polyfit(x[tail], y[tail], 1)[0]) if tail.sum() > 2 else float("nan")
+
+
+class Panel(NamedTuple):
+    """One picture of a convergence study: a measure of the errors of some families."""
+
+    title: str
+    table: Mapping[str, Sequence[Errors]]
+    measure: str = "force"
+
+
+def norms(table: Mapping[str, Sequence[Errors]]) -> list[Panel]:
+    """A panel for each measure of one study."""
+    titles = {"force": "force, L2", "peak": "peak", "impulse": "impulse"}
+    titles["contact_time"] = "contact time"
+    return [Panel(title, table, measure) for measure, title in titles.items()]
+
+
+def plot_convergence(counts: Sequence[int], panels: Sequence[Panel], path: Path) -> None:
+    """Relative errors against the number of degrees of freedom, side by side."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(1, len(panels), figsize=(12, 3), sharex=True, sharey=True)
+    for axis, panel in zip(axes, panels, strict=True):
+        for style, (name, errors) in zip(("o-", "s--", "^:"), panel.table.items(), strict=True):
+            values = [max(getattr(e, panel.measure), 1e-6) for e in errors]
+            axis.loglog(counts, values, style, ms=3, label=name)
+        axis.set_title(panel.title)
+        axis.set_xlabel("anti-oscillators, or modes")
+        axis.grid(alpha=0.3)
+    axes[0].set_ylabel("relative error")
+    axes[0].legend(fontsize=7)
+    save(figure, path)
+
+
+def show(numbers: Mapping[str, Any], indent: str = "") -> None:
+    """Print what is a number, or a table of numbers."""
+    for key, value in numbers.items():
+        if isinstance(value, float | int | str):
+            print(
+                f"{indent}{key:<24} {value:.6g}"
+                if isinstance(value, float)
+                else f"{indent}{key:<24} {value}"
+            )
+        elif isinstance(value, tuple):
+            print(
+                f"{indent}{key!s:<24}", *(f"{v:.3g}" for v in value if isinstance(v, float | int))
+            )
+        elif isinstance(value, Mapping) and key not in ("hits", "models"):
+            print(f"{indent}{key}")
+            show(value, indent + "    ")
+        elif isinstance(value, list):
+            print(f"{indent}{key}")
+            for row in value:
+                print(f"{indent}    ", *(f"{v:.2e}" for v in row))
+
+
+def save(figure: object, path: Path) -> None:
+    """A small PNG."""
+    import matplotlib.pyplot as plt
+
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=80, bbox_inches="tight")  # type: ignore[attr-defined]
+    plt.close(figure)  # type: ignore[arg-type]

@@ -1,0 +1,279 @@
+"""One test per claim of the article, on the demos that make demos/ARTICLE.md."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytestmark = [pytest.mark.fem, pytest.mark.slow]
+
+DEMOS = Path(__file__).resolve().parent.parent / "demos"
+pytest.importorskip("dolfinx")
+
+
+@pytest.fixture(scope="module")
+def demos() -> dict[str, ModuleType]:
+    """The demos' modules, which import one another by name."""
+    sys.path.insert(0, str(DEMOS))
+    try:
+        import article
+        import article_beam
+        import article_case1
+        import article_case2
+        import article_parts
+    finally:
+        sys.path.remove(str(DEMOS))
+    return {
+        "article": article,
+        "beam": article_beam,
+        "case1": article_case1,
+        "case2": article_case2,
+        "parts": article_parts,
+    }
+
+
+@pytest.fixture(scope="module")
+def case1(demos) -> dict[str, Any]:
+    return demos["case1"].main(
+        step=6e-8, reference_modes=200, counts=(20, 50, 120), refinements=((2, 200),), check=False
+    )
+
+
+@pytest.fixture(scope="module")
+def case2(demos) -> dict[str, Any]:
+    return demos["case2"].main(
+        velocities=(0.01, 1.0),
+        counts=(4, 6, 9, 12, 15, 20, 30, 45),
+        sweep=(1.5e9, 2.5e9, 4e9, 1e10, 1.55e10),
+        fe_counts=(5, 8, 9, 12, 15, 20, 30, 40),
+    )
+
+
+# ---- masses --------------------------------------------------------------------------------------
+
+
+def test_five_anti_oscillators_hold_89_percent(case1):
+    """Of m_CR: 6/π² (1 + 1/4 + 1/9 + 1/16 + 1/25), and hardly less with rotary inertia."""
+    series = 6 / np.pi**2 * sum(1 / i**2 for i in range(1, 6))
+    assert case1["share_five_euler"] == pytest.approx(series, rel=1e-9)
+    assert round(case1["share_five"], 2) == 0.89
+
+
+def test_five_visible_anti_oscillators_hold_86_percent(case2):
+    """Of m_st; the first five constraint modes, visible or not, hold 70 %."""
+    assert round(case2["share_five"], 2) == 0.86
+    assert round(case2["share_five_fe"], 2) == 0.86
+    assert round(case2["share_first_five_modes"], 2) == 0.70
+
+
+def test_first_mass_is_more_than_half_of_the_effective_mass_only(case1, case2):
+    for case in (case1, case2):
+        assert case["first_of_effective"] > 0.5
+        assert case["first_of_beam"] < 0.5
+
+
+def test_no_lack_of_mass(case1, case2):
+    assert case1["mass_balance"] < 1e-13
+    assert case2["mass_balance"] < 1e-13
+
+
+# ---- durations -----------------------------------------------------------------------------------
+
+
+def test_half_periods_are_not_the_printed_ones(case1, case2):
+    """π/ω₁ from the textbook: (π/L)² √(EI/rho S), and tan z = tanh z on half the span."""
+    unit = np.sqrt(67e9 * 0.33e-8 / (2400 * 2e-4))
+    assert case1["half_period_euler"] == pytest.approx(np.pi / (np.pi**2 * unit), rel=1e-9)
+    z = 3.926602312047919
+    assert case2["half_period_euler"] == pytest.approx(np.pi / ((2 * z) ** 2 * unit), rel=1e-9)
+    assert case1["half_period"] == pytest.approx(14.84e-3, abs=0.005e-3)
+    assert case2["half_period"] == pytest.approx(2.381e-3, abs=0.0005e-3)
+
+
+def test_no_single_factor_gives_the_printed_half_periods(demos):
+    """The ratio of the two is outside what the printed figures, rounded, allow."""
+    variants = demos["article"].half_period_variants()
+    for name in ("as given", "without shear and rotary inertia", "100 linear elements"):
+        first, second = variants[name]
+        assert first / second > 15.25 / 2.45
+    given, coarse = variants["as given"], variants["10 linear elements"]
+    assert coarse[0] < given[0]
+    assert coarse[1] < given[1]
+
+
+def test_half_period_estimates_the_duration(case1, case2):
+    assert case1["lasted"]["exact"] / case1["half_period"] == pytest.approx(1, abs=0.12)
+    assert case2["lasted"]["exact"] / case2["half_period"] == pytest.approx(1, abs=0.05)
+
+
+def test_duration_of_case1_read_from_the_displacement(case1):
+    """The last contact ends well before the tip is seen to leave: 14.4 ms in the article."""
+    assert case1["lasted"]["exact"] == pytest.approx(13.27e-3, abs=0.02e-3)
+    assert case1["leaves_1mm"] == pytest.approx(14.4e-3, abs=0.1e-3)
+
+
+def test_stiffness_that_gives_the_printed_duration_of_case2(case2):
+    """2.4 ms needs a softer contact than case 1's, in the beam and in its elements."""
+    for name in ("contact_time", "contact_time_fe"):
+        times = [row[name] for row in case2["sweep"].values()]
+        assert np.all(np.diff(times) < 0)
+        assert times[-1] < 2.35
+        assert 1.5e9 < case2["stiffness_for"][name][2.4] < 4e9
+
+
+# ---- convergence ---------------------------------------------------------------------------------
+
+
+def test_displacement_of_case1_needs_few_degrees_of_freedom(case1):
+    for name, limit in (("AO 9", 0.06), ("modes 10", 0.07), ("AO 50", 0.02), ("FE", 0.03)):
+        assert case1["mid_span"][name] < limit
+
+
+def test_the_reference_of_case1_has_not_converged_in_force(case1):
+    """100 linear elements miss the beam's force by more than its own size; 200 quadratic do not."""
+    assert case1["against_exact"]["FE"].force > 0.9
+    _, quadratic = case1["meshes"][2, 200]
+    assert quadratic.force < 0.4
+    assert quadratic.peak < 0.05
+
+
+def test_50_anti_oscillators_are_as_good_as_90_modes(case1):
+    """Comparable, and neither is near the force in L2."""
+    ours, theirs = (case1["against_exact"][name] for name in ("AO 50", "modes 90"))
+    assert 0.5 < ours.force / theirs.force < 2
+    assert min(ours.force, theirs.force) > 0.5
+    assert max(ours.momentum, theirs.momentum) < 0.08
+    assert case1["against_fe"]["AO 50"].peak < case1["against_fe"]["modes 90"].peak
+
+
+def test_9_anti_oscillators_against_10_and_15_modes(case2):
+    """Of 10 modes mid-span sees 5, of 15 it sees 8."""
+    force = {name: errors.force for name, errors in case2["against_fe"].items()}
+    assert force["AO 9"] < 0.03
+    assert force["modes 5"] > 0.3
+    assert force["modes 8"] < 0.07
+    assert 0.5 < force["modes 10"] / force["AO 9"] < 2
+
+
+def test_modes_needed_against_anti_oscillators(case2):
+    """More modes at every velocity on the beam itself; static correction needs fewest."""
+    for needed in case2["needed_exact"].values():
+        for i, good in enumerate((0.1, 0.05, 0.01)):
+            ao, modes, corrected = (row[i] or np.inf for row in needed.values())
+            assert corrected <= ao, good
+            assert ao <= modes, good
+        assert needed["modes"][2] == 0 or needed["modes"][2] >= 1.5 * needed["anti-oscillators"][2]
+
+
+def test_orders_of_convergence(case2):
+    """Plain superposition is slow for shear's sake; static correction is the fastest."""
+    ao, modes, corrected = case2["orders"][1.0].values()
+    assert 0.7 < modes < 1.5
+    assert ao > 2.5
+    assert corrected > ao
+    ao, modes, corrected = case2["orders"][0.01].values()
+    assert modes < 2.5
+    assert ao > 3.5
+    assert corrected > 5
+
+
+def test_anti_oscillators_converge_faster_in_case1(case1):
+    force = {name: [errors.force for errors in rows] for name, rows in case1["convergence"].items()}
+    assert force["anti-oscillators"][-1] < 0.3
+    assert force["modes"][-1] > 0.5
+    assert force["modes, static correction"][-1] < 0.01
+
+
+# ---- identities ----------------------------------------------------------------------------------
+
+
+def test_nothing_left_out_is_the_unreduced_model(case1, case2):
+    assert case1["untruncated"].force < 1e-6
+    for errors in case2["untruncated"].values():
+        assert errors.force < 1e-9
+
+
+def test_two_integrators_agree_on_the_forces_of_case2(case2):
+    """To the four digits that the table prints, where no sub-impact is left to chance."""
+    for name in ("FE", "FE, all AO", "AO 9", "modes 10", "modes 15", "exact"):
+        assert case2["integrators"][name].force < 2e-4
+        assert case2["integrators"][name].peak < 1e-4
+        assert case2["integrators"][name].contact_time < 1e-5
+
+
+def test_two_integrators_agree_on_the_forces_of_case1(demos):
+    """To the three digits that the table prints."""
+    result = demos["case1"].main(
+        reference_modes=150, counts=(20,), refinements=(), duration=16e-3, check=True
+    )
+    for errors in result["integrators"].values():
+        assert errors.force < 2e-3
+        assert errors.peak < 5e-4
+        assert errors.contact_time < 1e-5
+
+
+# ---- the same beam as a part ---------------------------------------------------------------------
+
+
+def test_plane_part_is_the_beam(demos):
+    """Stiffness, mass, antiresonance and, where the contact is calm, the force."""
+    parts = demos["parts"].main(n1=20, n2=12, solid=False)
+    for case in parts.values():
+        beam, part = case["beam"], case["plane stress"]
+        assert part.half_period == pytest.approx(beam.half_period, rel=2e-3)
+        assert part.m_st == pytest.approx(beam.m_st, rel=2e-3)
+        assert part.k0 == pytest.approx(beam.k0, rel=2e-3)
+    beam, part = parts["case 2"].values()
+    assert part.peak_force == pytest.approx(beam.peak_force, rel=0.03)
+    assert part.duration == pytest.approx(beam.duration, rel=0.01)
+
+
+def test_solid_part_is_the_beam(demos):
+    parts = demos["parts"].main(n1=20, n2=12)
+    for case in parts.values():
+        beam, solid = case["beam"], case["solid"]
+        assert solid.half_period == pytest.approx(beam.half_period, rel=2e-3)
+        assert solid.k0 == pytest.approx(beam.k0, rel=2e-3)
+    assert parts["case 2"]["solid"].peak_force == pytest.approx(
+        parts["case 2"]["beam"].peak_force, rel=0.05
+    )
+
+
+# ---- the page ------------------------------------------------------------------------------------
+
+
+def test_figures_and_page(demos, case1, case2, tmp_path):
+    """Every figure the page shows is drawn, and the page is written whole."""
+    drawn = demos["case1"].figures(case1, tmp_path) + demos["case2"].figures(case2, tmp_path)
+    assert all(path.stat().st_size > 3000 for path in drawn)
+    article = demos["article"]
+    sections = article.first_case(case1) + article.second_case(case2)
+    shown = {part.split(")")[0] for part in sections.split("pictures/")[1:]}
+    assert shown == {path.name for path in drawn}
+    article.write(tmp_path / "page.md", sections)
+    assert (tmp_path / "page.md").read_text(encoding="utf-8") == sections
+    assert not list(tmp_path.glob("*.part"))
+
+
+def test_page_in_the_repository_names_every_claim(demos):
+    """demos/ARTICLE.md is the generated one: same sections, same claims, no gap."""
+    page = (DEMOS / "ARTICLE.md").read_text(encoding="utf-8")
+    for words in (
+        "89 %",
+        "86 %",
+        "more than half",
+        "15.2 and 2.5",
+        "14.4",
+        "50 AO",
+        "9 AO",
+        "50 %",
+    ):
+        assert words in page
+    assert "| nan" not in page
+    for picture in page.split("pictures/")[1:]:
+        assert (DEMOS / "pictures" / picture.split(")")[0]).is_file()
