@@ -90,7 +90,7 @@ def test_bound_holds_and_falls(rng, rigid):
                 omega[rigid],
             )
         )
-    assert np.all(np.array(errors) < np.array(bounds) * (1 + np.array(bounds)))
+    assert np.all(np.array(errors) < np.array(bounds))
     assert np.all(np.diff(bounds) < 0)
     assert bounds[-1] < 2e-2
 

@@ -210,8 +210,8 @@ def error_bound(
         one = r[part] / (1 - z * theta[part])
         chord = r[part] * (1 - p[part] + p[part] / (1 - z / (omega[-1] ** 2 + shift)))
         H = b[part] ** 2 @ modal + one
-        off = np.abs((chord - one) / H) + np.abs(H * models.dynamic_stiffness(at, part) - 1)
-        worst[part] = np.max(off, axis=1)
+        Z = models.dynamic_stiffness(at, part)
+        worst[part] = np.max(np.abs(Z * (chord - one)) + np.abs(Z * H - 1), axis=1)
     return worst
 
 
