@@ -120,6 +120,26 @@ def test_coordinates_that_are_not_numbers(tmp_path):
         ao.read_mesh(path)
 
 
+def test_cells_without_measure(tmp_path):
+    line = [[0, 0, 0], [1, 0, 0], [1, 0, 0], [2, 0, 0]]
+    path = write(tmp_path / "line.vtu", line, ("line", [[0, 1], [1, 2], [2, 3]]))
+    with refused(r"1 of 3 cells of line\.vtu have no length, one at \(1, 0, 0\) m: merge", ao.MeshError):
+        ao.read_mesh(path)
+    faces = [[0, 0, 0], [1, 0, 0], [2, 0, 0], [1, 1, 0]]
+    path = write(tmp_path / "face.vtu", faces, ("triangle", [[0, 1, 2], [0, 2, 3]]))
+    for gdim in (2, 3):
+        with refused(r"1 of 2 cells of face\.vtu have no area", ao.MeshError):
+            ao.read_mesh(path, gdim=gdim)
+
+
+def test_what_is_no_file(tmp_path):
+    with refused("read_mesh takes a file or a dolfinx mesh; got int 3"):
+        ao.read_mesh(3)
+    for wrong in (0.1, ((0.1, 0.2, 0.3), 0.1, 4), (0.1, 0.2)):
+        with refused(r"refine lists pairs \(point, size\)"):
+            ao.read_mesh("meshes/bracket.step", size=0.1, refine=[wrong])
+
+
 def test_tags_that_mark_nothing():
     mesh = dolfinx.mesh.create_unit_square(MPI.COMM_SELF, 2, 2)
     tags = dolfinx.mesh.meshtags(mesh, 2, np.array([0], dtype=np.int32), np.array([3], dtype=np.int32))
@@ -238,6 +258,8 @@ def test_supports():
         ao.Structure(mesh, SOLID, [ao.Support("left", ())])
     with refused(r"must return one bool per point: shape \(225,\); got \(\)"):
         ao.Structure(mesh, SOLID, [ao.Support(lambda x: True)])
+    with refused(r"supports must be a list of Support\(where, fix\); got str 'left' in it"):
+        ao.Structure(mesh, SOLID, ["left"])
     with refused(r"the supports fix every dof of the structure"):
         ao.Structure(mesh, SOLID, [ao.Support(lambda x: x[0] > -1)])
 

@@ -137,3 +137,23 @@ def test_a_solid_bar_becomes_the_beam():
     np.testing.assert_allclose(model.omega[:2], exact.omega[:2], rtol=0.01)
     assert model.k0 == pytest.approx(exact.k0, rel=0.01)
     assert model.m_st == pytest.approx(exact.m_st, rel=0.01)
+
+
+@pytest.mark.parametrize("method", ["modes", "krylov"])
+@pytest.mark.parametrize("slenderness", [50, 500])
+def test_thin_free_beams(slenderness, method):
+    """The shift finds the size of the bending modes also where shearing is 1e11 times stiffer."""
+    d = LENGTH / slenderness
+    section = ao.Section.circle(d)
+    beam = ao.Beam(**parts.STEEL, section=section)
+    structure = ao.Structure(parts.line(LENGTH, 100), beam)
+    exact = closed_form.free_free(
+        closed_form.UniformBeam.timoshenko(
+            **parts.STEEL, area=section.A, inertia=section.I, length=LENGTH, shear_coefficient=0.9
+        ),
+        LENGTH,
+    ).anti_oscillators(3)
+    model = ao.extract(structure, ao.Site((LENGTH, 0), (0, 1)), n=12, method=method)
+    np.testing.assert_allclose(model.omega[:3], exact.omega, rtol=1e-5)
+    np.testing.assert_allclose(model.m[:3], exact.m, rtol=1e-4)
+    assert exact.omega[0] ** 2 / 100 < structure.shift < exact.omega[0] ** 2

@@ -1,4 +1,4 @@
-"""Cells that fold over themselves: found by the sign of their Jacobian, undone where gmsh made them.
+"""Cells that fold over or collapse: found by their Jacobian, undone where gmsh made them.
 
 A curved cell at a tight fillet may turn inside out at a corner. Integrals over it are wrong without
 a sign of it, and a point in it has two sets of reference coordinates.
@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 
 #: Smallest Jacobian determinant over the largest in a cell that still counts as sound.
 SOUND = 0.02
+#: Measure of a cell over its size to the power of its dimension below which it has none.
+FLAT = 1e-7
 #: Mid-side nodes of second-order simplices in gmsh's order, from the third vertex on.
 EDGES = {
     "triangle": [(0, 1), (1, 2), (2, 0)],
@@ -34,6 +36,15 @@ def folded(points: Array, cells: IntArray, shape: str, order: int, least: float 
         det = det * np.sign(det.sum(axis=1))[:, None]
         found.append(start + np.flatnonzero(det.min(axis=1) <= least * det.max(axis=1)))
     return np.concatenate([np.zeros(0, dtype=np.int64), *found])
+
+
+def collapsed(points: Array, cells: IntArray, shape: str, order: int) -> IntArray:
+    """Cells (nodes in dolfinx's order) without length, area or volume, in any space."""
+    slopes = compat.lattice_gradients(shape, order, order)
+    J = np.einsum("dqn,cni->cqdi", slopes, points[cells], optimize=True)
+    measure = np.sqrt(np.abs(np.linalg.det(J @ J.swapaxes(2, 3)))).max(axis=1)
+    size = np.abs(J).max(axis=(1, 2, 3))
+    return np.flatnonzero(measure <= FLAT * size ** slopes.shape[0])
 
 
 def straightened(points: Array, cells: IntArray, shape: str) -> Array:

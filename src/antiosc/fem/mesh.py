@@ -121,6 +121,10 @@ def read_mesh(
         return _adopted(source, groups or {})
     if groups:
         raise InputError("groups= names the tags of a dolfinx mesh; a file brings its own groups.")
+    if not isinstance(source, str | Path):
+        raise InputError(
+            f"read_mesh takes a file or a dolfinx mesh; got {type(source).__name__} {source!r}."
+        )
     path = Path(source)
     raw = on_root(
         comm, lambda: _sound(_flattened(read(path, size, order, refine), gdim, path.name), path)
@@ -137,8 +141,15 @@ def _check(
         raise InputError(f"gdim must be 2 or 3; got {gdim!r}.")
     if order not in (None, 1, 2):
         raise InputError(f"order must be 1 or 2; got {order!r}.")
-    for point, local in refine:
-        array("a point of refine", point, (len(point),))
+    for one in refine:
+        try:
+            point, local = one
+            dim = len(point)
+        except (TypeError, ValueError) as error:
+            raise InputError(
+                f"refine lists pairs (point, size), as in refine=[((0, 0, 0.1), 2e-3)]; got {one!r}."
+            ) from error
+        array("a point of refine", point, (dim,))
         positive("a size of refine", local, "m")
 
 
@@ -163,23 +174,33 @@ def _flattened(raw: RawMesh, gdim: int | None, name: str) -> RawMesh:
 def _sound(raw: RawMesh, path: Path) -> RawMesh:
     """`raw` without folded cells if gmsh made it here; with a warning of them if a file has them."""
     kind = raw.kind
+    cells = raw.cells[:, compat.node_order(kind.shape, kind.nodes, raw.convention)]
+    flat = folds.collapsed(raw.points, cells, kind.shape, kind.order)
+    if len(flat):
+        measure = ("length", "area", "volume")[kind.dim - 1]
+        raise MeshError(
+            f"{len(flat)} of {len(cells)} cells of {path.name} have no {measure}, one at "
+            f"({_centre(raw, flat[0])}) m: merge the nodes that coincide, or mesh it anew."
+        )
     if kind.dim != raw.points.shape[1]:
         return raw
     if path.suffix.lower() in GEOMETRY and kind.order == 2 and kind.shape in folds.EDGES:
         points = folds.straightened(raw.points, raw.cells, kind.shape)
         return replace(raw, points=points)
-    cells = raw.cells[:, compat.node_order(kind.shape, kind.nodes, raw.convention)]
     bad = folds.folded(raw.points, cells, kind.shape, kind.order)
     if len(bad):
-        where = ", ".join(f"{c:.4g}" for c in raw.points[raw.cells[bad[0]]].mean(axis=0))
         warnings.warn(
-            f"{len(bad)} of {len(raw.cells)} cells of {path.name} fold over themselves or have no "
-            f"volume, one at ({where}) m: what is computed there is wrong; optimise the mesh (in "
+            f"{len(bad)} of {len(raw.cells)} cells of {path.name} fold over themselves, one "
+            f"at ({_centre(raw, bad[0])}) m: what is computed there is wrong; optimise the mesh (in "
             "gmsh: Mesh.HighOrderOptimize = 2) or read it with order=1.",
             AntioscWarning,
             stacklevel=5,
         )
     return raw
+
+
+def _centre(raw: RawMesh, cell: int) -> str:
+    return ", ".join(f"{c:.4g}" for c in raw.points[raw.cells[cell]].mean(axis=0))
 
 
 def _distributed(raw: RawMesh, name: str, comm: MPI.Comm) -> Mesh:

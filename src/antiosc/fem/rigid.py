@@ -27,6 +27,9 @@ RIGID = 1e-11
 HELD = 1e-13
 #: Shift over the estimate of the first elastic ω²: modes converge fast, A stays well conditioned.
 SHIFT = 0.1
+#: Share of the largest Ritz value above which one is elastic: of a thin beam's bending beside its
+#: shearing little is left, of a rigid motion only rounding.
+ELASTIC = 1e-13
 
 
 def of_mesh(
@@ -138,7 +141,7 @@ def _first_elastic(
     basis = orthonormal(comm, M, fields)
     values = np.linalg.eigvalsh(dot(comm, basis, multiply(K, basis))) if basis.shape[1] else []
     for value in values:
-        if value > 1e-9 * max(values):
+        if value > ELASTIC * max(values):
             return float(value)
     return float(K.getDiagonal().sum() / M.getDiagonal().sum())
 

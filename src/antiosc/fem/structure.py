@@ -226,6 +226,11 @@ def _held(
         supports = [supports]
     held: dict[tuple[int, ...], IntArray] = {}
     for support in supports:
+        if not isinstance(support, Support):
+            raise InputError(
+                f"supports must be a list of Support(where, fix); got {type(support).__name__} "
+                f"{support!r} in it."
+            )
         count = 0
         for name in _components(support.fix, form):
             path = form.components[name]
