@@ -226,7 +226,7 @@ def test_pinched_cylinder(cell, order):
     assert loaded(structure, {place: 0.25})[place] == pytest.approx(1.8248e-5, rel=2e-2)
 
 
-@pytest.mark.parametrize(("cell", "order"), [s for s in SHELLS if s != ("triangle", 1)])
+@pytest.mark.parametrize(("cell", "order"), [(cell, 2) for cell in CELLS])
 def test_hemisphere_with_a_hole(cell, order):
     """Alternating loads at the equator: 0.094 (MacNeal & Harder 1985), 0.0935 in later work."""
     R, rise = 10.0, np.deg2rad(72)

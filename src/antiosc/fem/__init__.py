@@ -13,6 +13,7 @@ except ImportError as error:
         "models, contact laws and simulate work without them."
     ) from error
 
+from antiosc.fem.attached import PointMass, Spring
 from antiosc.fem.beam import Beam, Section
 from antiosc.fem.extract import extract
 from antiosc.fem.fields import probe, write_series
@@ -29,10 +30,12 @@ __all__ = [
     "ImpactMap",
     "Mesh",
     "NaturalModes",
+    "PointMass",
     "Section",
     "Shell",
     "Site",
     "Solid",
+    "Spring",
     "Structure",
     "Support",
     "extract",

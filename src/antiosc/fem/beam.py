@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import ufl
 
-from antiosc.checks import array, poisson, positive
+from antiosc.checks import array, number, poisson, positive
 from antiosc.errors import InputError
 from antiosc.fem import compat
 from antiosc.fem.family import Parts, WeakForm, coefficient, measure
@@ -107,6 +107,9 @@ class Beam:
     orientation : sequence of 3 floats, optional
         A vector whose part across the axis is the section's height direction (y). Needed in
         space unless both second moments are equal; in a plane frame the height lies in the plane.
+    offset : float
+        In space: the section's centroid lies this far, in m, from the line of the mesh along
+        `orientation`, as that of a stiffener on the edges of a sheet.
 
     Motions in space: x, y, z (displacements) and rx, ry, rz (rotations); in a plane: x, y, rz.
     Quadratic elements with two-point shear by default (`Structure(..., order=2)`); order=1 is
@@ -118,6 +121,7 @@ class Beam:
     rho: float
     section: Section
     orientation: Sequence[float] | None = None
+    offset: float = 0.0
 
     def __post_init__(self) -> None:
         positive("E", self.E, "Pa")
@@ -128,6 +132,11 @@ class Beam:
         if self.orientation is not None:
             vector = array("orientation", self.orientation, (3,))
             positive("the length of orientation", np.linalg.norm(vector))
+        if number("offset", self.offset, "m") and self.orientation is None:
+            raise InputError(
+                f"offset = {self.offset:g} m lies along the orientation: give that as well, as in "
+                "Beam(..., orientation=(0, 0, 1))."
+            )
 
     @property
     def G(self) -> float:
@@ -144,7 +153,7 @@ class Beam:
             raise InputError(
                 "Beam elements are straight; read the mesh with order=1 and more elements."
             )
-        return _plane(mesh, parts, order) if mesh.gdim == 2 else _space(mesh, parts, order)
+        return _plane(mesh, parts, order) if mesh.gdim == 2 else on_lines(mesh, parts, order)
 
     def half_space_compliance(self, cosine: float) -> float:
         """0: a beam has no local field, so Hertz's law stands alone."""
@@ -163,6 +172,8 @@ def _shear_degree(order: int) -> int:
 
 
 def _plane(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
+    if any(beam.offset for beam, _ in parts):
+        raise InputError("offset applies to beams in space: read the mesh with gdim=3.")
     space = compat.lagrange(mesh.dolfinx, order, 3)
     w, v = ufl.TrialFunction(space), ufl.TestFunction(space)
     t = _tangent(mesh)
@@ -191,14 +202,28 @@ def _plane(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
     )
 
 
-def _space(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
-    space = compat.lagrange(mesh.dolfinx, order, 6)
+def on_lines(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
+    """Beams in space, straight or curved.
+
+    Order 3 is the companion of the triangular shell: cubic displacements, quadratic rotations,
+    fully integrated.
+    """
+    paths: list[tuple[int, ...]]
+    if order == 3:
+        space = compat.mixed(mesh.dolfinx, [(3, 3), (2, 3)])
+        paths = [(k, i) for k in range(2) for i in range(3)]
+        for_k, for_m = 4 + 2 * (mesh.order - 1), 6 + 2 * (mesh.order - 1)
+    else:
+        space = compat.lagrange(mesh.dolfinx, order, 6)
+        paths = [(i,) for i in range(6)]
+        for_k, for_m = _shear_degree(order), 2 * order
     w, v = ufl.TrialFunction(space), ufl.TestFunction(space)
     t = _tangent(mesh)
     height = _orientations(mesh, parts)
     y = height - ufl.dot(height, t) * t
     y = y / ufl.sqrt(ufl.dot(y, y))
     z = ufl.cross(t, y)
+    offset = coefficient(mesh, parts, lambda b: b.offset)
 
     def parts_of(q: Any) -> tuple[Any, Any]:
         return ufl.as_vector([q[i] for i in range(3)]), ufl.as_vector([q[i] for i in range(3, 6)])
@@ -206,7 +231,10 @@ def _space(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
     def strains(q: Any) -> tuple[Any, Any]:
         _, turn = parts_of(q)
         slope_u, slope_turn = parts_of(ufl.dot(ufl.grad(q), t))
-        return slope_u - ufl.cross(turn, t), slope_turn
+        # Bending stretches a centroid off the line. Twist also shifts it sideways, which a
+        # stiffener follows by warping: no shear comes of it.
+        stretch = -offset * ufl.dot(slope_turn, z) * t
+        return slope_u + stretch - ufl.cross(turn, t), slope_turn
 
     (force, moment), (force_v, moment_v) = strains(w), strains(v)
     EA = coefficient(mesh, parts, lambda b: b.E * b.section.A)
@@ -231,17 +259,18 @@ def _space(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
         + along(z, EIz, moment, moment_v)
     )
     (u, turn), (u_v, turn_v) = parts_of(w), parts_of(v)
+    centroid, centroid_v = u + offset * ufl.cross(turn, y), u_v + offset * ufl.cross(turn_v, y)
     motion = (
-        rhoA * ufl.dot(u, u_v)
+        rhoA * ufl.dot(centroid, centroid_v)
         + along(t, rhoIp, turn, turn_v)
         + along(y, rhoIy, turn, turn_v)
         + along(z, rhoIz, turn, turn_v)
     )
     return WeakForm(
         space=space,
-        stiffness=[energy * measure(mesh, _shear_degree(order))],
-        mass=[motion * measure(mesh, 2 * order)],
-        components={name: (i,) for i, name in enumerate(("x", "y", "z", "rx", "ry", "rz"))},
+        stiffness=[energy * measure(mesh, for_k)],
+        mass=[motion * measure(mesh, for_m)],
+        components=dict(zip(("x", "y", "z", "rx", "ry", "rz"), paths, strict=True)),
         density=rhoA,
         patch=None,
     )

@@ -14,9 +14,7 @@ import numpy as np
 from antiosc import band as bands
 from antiosc.checks import positive, whole
 from antiosc.errors import AccuracyError, AccuracyWarning, InputError
-from antiosc.fem import compat
 from antiosc.fem.algebra import Array, dot, multiply
-from antiosc.fem.family import measure
 from antiosc.fem.krylov import CHUNK, by_krylov
 from antiosc.fem.modes import Modes, ModeSolver
 from antiosc.fem.site import Functional, Site, functional
@@ -185,7 +183,8 @@ def _extracted(
         )
         if wish.band is not None and error is not None:
             model.info["band"] = {"top": wish.band, "error_bound": error}
-            _tell(model, wish, error)
+            if structure.comm.rank == 0:
+                _tell(model, wish, error)
         models.append(model if shapes else replace(model, shapes=None))
     return models
 
@@ -384,8 +383,4 @@ def _participation(
 
 def uniform_inertia(structure: Structure, where: Functional) -> Array | None:
     """Me on the rows of this rank; None for matrices, which do not tell where e points."""
-    if structure.mesh is None or structure.form is None or where.direction is None:
-        return None
-    direction = compat.constant(structure.mesh.dolfinx, where.direction)
-    load = structure.form.density * structure.form.along(direction) * measure(structure.mesh, 5)
-    return compat.assemble_functional(load, structure.form.space)[: len(where.b)]
+    return None if where.direction is None else structure.uniform_inertia(where.direction)

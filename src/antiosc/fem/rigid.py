@@ -30,15 +30,20 @@ SHIFT = 0.1
 #: Share of the largest Ritz value above which one is elastic: of a thin beam's bending beside its
 #: shearing little is left, of a rigid motion only rounding.
 ELASTIC = 1e-13
+#: A first shift that is more than this too high is replaced: Krylov spaces then converge slowly.
+FAR = 0.1
 
 
 def of_mesh(
-    form: WeakForm, fixed: IntArray, K: PETSc.Mat, M: PETSc.Mat
+    form: WeakForm, fixed: IntArray, K: PETSc.Mat, M: PETSc.Mat, springs: Array
 ) -> tuple[Array, float]:
-    """(M-orthonormal rigid-body modes (rows of this rank, r), shift in rad²/s²)."""
+    """(M-orthonormal rigid-body modes (rows of this rank, r), shift in rad²/s²).
+
+    `springs` (rows of this rank, k): columns b whose motions bᵀu grounded springs hold.
+    """
     comm: MPI.Comm = K.getComm().tompi4py()
     fields, n_rigid = _fields(form, comm)
-    motions = _vanishing(comm, fields[:, :n_rigid], fixed)
+    motions = _vanishing(comm, fields[:, :n_rigid], fixed, springs)
     motions = orthonormal(comm, M, motions)
     if not motions.shape[1]:
         return motions, 0.0
@@ -50,7 +55,8 @@ def of_mesh(
             f"a rigid motion strains the structure: ‖K r‖/(‖K‖‖r‖) = {left / scale / size:.1e} "
             f"where rounding leaves 1e-16; the mesh or the element order cannot carry it."
         )
-    return motions, SHIFT * _first_elastic(comm, K, M, _vanishing(comm, fields, fixed), motions)
+    fields = _vanishing(comm, fields, fixed, springs)
+    return motions, SHIFT * _first_elastic(comm, K, M, fields, motions)
 
 
 def of_matrices(K: PETSc.Mat, M: PETSc.Mat, given: Array | None) -> tuple[Array, float]:
@@ -65,8 +71,10 @@ def of_matrices(K: PETSc.Mat, M: PETSc.Mat, given: Array | None) -> tuple[Array,
     # elastic value that it finds, so that the shift sits where the modes are.
     shift = 1e-7 * trace_ratio
     rng = np.random.default_rng(0)
-    block = rng.standard_normal((n, 12)) if given is None else np.hstack(
-        [given, rng.standard_normal((n, 6))]
+    block = (
+        rng.standard_normal((n, 12))
+        if given is None
+        else np.hstack([given, rng.standard_normal((n, 6))])
     )
     values = np.zeros(0)
     for _ in range(2):
@@ -119,18 +127,36 @@ def orthonormal(comm: MPI.Comm, M: PETSc.Mat, block: Array) -> Array:
     return block
 
 
-def _vanishing(comm: MPI.Comm, fields: Array, fixed: IntArray) -> Array:
-    """The combinations of the columns that are zero on the fixed dofs."""
+def _vanishing(comm: MPI.Comm, fields: Array, fixed: IntArray, springs: Array) -> Array:
+    """The combinations of the columns that are zero on the fixed dofs and stretch no spring."""
     scale = np.sqrt(comm.allreduce(np.einsum("ij,ij->j", fields, fields)))
     fields, scale = fields[:, scale > 0], scale[scale > 0]  # y and z are zero on a line along x
     owned = fixed[fixed < len(fields)]
     held = fields[owned]
-    gram = comm.allreduce(held.T @ held)
+    stretch = dot(comm, springs, fields)
+    gram = comm.allreduce(held.T @ held) + stretch.T @ stretch
     values, vectors = np.linalg.eigh(gram / np.outer(scale, scale))
     combinations = (vectors / scale[:, None])[:, values < HELD]
     result = fields @ combinations
     result[owned] = 0.0
     return result
+
+
+def closer_shift(factor: Factorization, K: PETSc.Mat, M: PETSc.Mat, motions: Array) -> float:
+    """The shift again, from block inverse iteration with a first one.
+
+    The polynomial fields that gave the first one know nothing of slender members, whose
+    frequencies may be ten times lower.
+    """
+    comm = factor.comm
+    x = np.random.default_rng(comm.rank).standard_normal((len(motions), 3))
+    blocks = []
+    for _ in range(4):
+        x = factor.solve_block(multiply(M, x))
+        x = orthonormal(comm, M, x - motions @ dot(comm, motions, multiply(M, x)))
+        blocks.append(x)
+    basis = orthonormal(comm, M, np.hstack(blocks))
+    return SHIFT * float(np.linalg.eigvalsh(dot(comm, basis, multiply(K, basis)))[0])
 
 
 def _first_elastic(
@@ -210,5 +236,3 @@ def _difference(a, b):  # type: ignore[no-untyped-def]
         return u - v, r - q
 
     return value
-
-

@@ -29,8 +29,9 @@ from antiosc.fem.parallel import agree
 SHEAR = 5 / 6
 #: Share of its size² below which a cell has no area.
 FLAT = 1e-10
-#: Quadrilaterals: the fully integrated share t²/(t² + 10 h²) of shear and membrane energy.
-STABILIZATION = 10.0
+#: Quadrilaterals: the fully integrated shares are t²/(t² + 10 h²) of the shear energy and
+#: t²/(t² + 1000 s²) of the membrane energy, s being the rise of a curved cell over its chords.
+FOR_SHEAR, FOR_MEMBRANE = 10.0, 1000.0
 
 
 @dataclass(frozen=True)
@@ -46,8 +47,10 @@ class Shell:
 
     Motions: x, y, z (displacements) and rx, ry, rz (rotations). Triangles, plane or curved: cubic
     displacements with quadratic rotations, fully integrated; bending without shear lies in that
-    space, so it does not lock. Quadrilaterals: both quadratic, membrane and shear at 2×2 points
-    with a share of full integration that vanishes with the thickness. Orientations of
+    space, so it does not lock. Quadrilaterals: both quadratic, the shear at 2×2 points with a
+    share of full integration that vanishes with the thickness, and so the membrane strains where
+    a cell is curved: curved ones are for smooth sheets, where sheets or stiffeners join triangles
+    are right; flat ones stretch fully integrated. Orientations of
     neighbouring cells need not agree: the energy does not depend on the sign of the normal.
     """
 
@@ -92,21 +95,22 @@ class Shell:
         )
         w, v = ufl.TrialFunction(space), ufl.TestFunction(space)
         frame = _frame(mesh)
-        stretching, bending = _energies(section, _strains(frame, w), _strains(frame, v))
+        membrane, shear, bending = _energies(section, _strains(frame, w), _strains(frame, v))
         u, turn, u_v, turn_v = *_halves(w), *_halves(v)
         motion = section.rho * (
             section.t * ufl.dot(u, u_v) + section.t**3 / 12 * ufl.dot(turn, turn_v)
         )
         curved = 2 * (mesh.order - 1)
         if triangles:
-            stiffness = [(stretching + bending) * measure(mesh, 4 + curved)]
+            stiffness = [(membrane + shear + bending) * measure(mesh, 4 + curved)]
             mass = [motion * measure(mesh, 6 + curved)]
         else:
-            share = section.t**2 / (section.t**2 + STABILIZATION * areas)
-            stiffness = [
-                (share * stretching + bending) * measure(mesh, 5),
-                (1 - share) * stretching * measure(mesh, 3),
-            ]
+            square = section.t**2
+            for_shear = square / (square + FOR_SHEAR * areas)
+            for_membrane = square / (square + FOR_MEMBRANE * _rise(mesh) ** 2)
+            full = for_membrane * membrane + for_shear * shear + bending
+            reduced = (1 - for_membrane) * membrane + (1 - for_shear) * shear
+            stiffness = [full * measure(mesh, 5), reduced * measure(mesh, 3)]
             mass = [motion * measure(mesh, 5)]
         return WeakForm(
             space=space,
@@ -188,19 +192,16 @@ def _strains(frame: _Frame, w: Any) -> _Strains:
     return _Strains(ufl.sym(gradient), ufl.sym(curvature), shear, drilling)
 
 
-def _energies(section: _Section, a: _Strains, b: _Strains) -> tuple[Any, Any]:
-    """(membrane, shear and drilling; bending) energy densities of two strain states."""
+def _energies(section: _Section, a: _Strains, b: _Strains) -> tuple[Any, Any, Any]:
+    """(membrane and drilling, shear, bending) energy densities of two strain states."""
     t, G, nu = section.t, section.G, section.nu
 
     def plane_stress(e: Any, f: Any) -> Any:  # E/(1−ν²) = 2G/(1−ν)
         return 2 * G * (ufl.inner(e, f) + nu / (1 - nu) * ufl.tr(e) * ufl.tr(f))
 
-    stretching = (
-        t * plane_stress(a.membrane, b.membrane)
-        + SHEAR * G * t * ufl.dot(a.shear, b.shear)
-        + G * t * a.drilling * b.drilling
-    )
-    return stretching, t**3 / 12 * plane_stress(a.bending, b.bending)
+    membrane = t * plane_stress(a.membrane, b.membrane) + G * t * a.drilling * b.drilling
+    shear = SHEAR * G * t * ufl.dot(a.shear, b.shear)
+    return membrane, shear, t**3 / 12 * plane_stress(a.bending, b.bending)
 
 
 def _areas(mesh: Mesh) -> Any:
@@ -224,3 +225,15 @@ def _areas(mesh: Mesh) -> Any:
         )
     agree(mesh.comm, error)
     return areas
+
+
+def _rise(mesh: Mesh) -> Any:
+    """How far the middle of each quadrilateral lies off its corners, along the normal, m."""
+    rise = compat.cellwise(mesh.dolfinx)
+    if mesh.order > 1:
+        x = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)]
+        normal = np.cross(x[:, 3] - x[:, 0], x[:, 2] - x[:, 1])
+        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        offset = x[:, 8] - x[:, :4].mean(axis=1)
+        rise.x.array[:] = np.abs(np.einsum("ij,ij->i", offset, normal))
+    return rise

@@ -18,10 +18,13 @@ from antiosc.checks import array
 from antiosc.errors import InputError
 from antiosc.fem import compat, locate, rigid
 from antiosc.fem.algebra import Factorization, as_petsc, sum_of
+from antiosc.fem.attached import Matrices, PointMass, Spring, add_at_points, add_beams
+from antiosc.fem.beam import Beam
 from antiosc.fem.compat import IntArray
 from antiosc.fem.family import Family, Parts, WeakForm, measure
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.parallel import agree
+from antiosc.fem.shell import Shell
 
 _NO_DOFS = np.zeros(0, dtype=np.int32)
 Place = str | Callable[[NDArray[np.float64]], NDArray[np.bool_]]
@@ -52,12 +55,15 @@ class Structure:
     ----------
     mesh : Mesh
         From `read_mesh`.
-    material : Solid, Beam, … or dict
-        One material, or {group name: material} that covers every cell once.
+    material : Solid, Shell, Beam or dict
+        One material, or {group name: material} that covers every cell once. On a shell's mesh
+        groups of edges may carry a `Beam` besides: a stiffener that moves with the sheet.
     supports : sequence of Support
         None: a free body.
     order : 1 or 2
         Degree of the displacements.
+    attached : sequence of PointMass and Spring
+        Masses and grounded springs at points of the structure.
 
     Attributes
     ----------
@@ -86,6 +92,7 @@ class Structure:
         supports: Sequence[Support] = (),
         *,
         order: int = 2,
+        attached: Sequence[PointMass | Spring] = (),
     ) -> None:
         if not isinstance(mesh, Mesh):
             raise InputError(f"mesh must come from read_mesh; got {type(mesh).__name__}.")
@@ -93,7 +100,8 @@ class Structure:
             raise InputError(f"order must be 1 or 2; got {order!r}.")
         started = time.perf_counter()
         self.mesh: Mesh | None = mesh
-        self.parts: Parts = _parts(mesh, material)
+        cells, beams = _divided(mesh, material)
+        self.parts: Parts = _parts(mesh, cells)
         self.form: WeakForm | None = self.parts[0][0].weak_form(mesh, self.parts, order)
         held = _held(mesh, self.form, supports)
         space = self.form.space
@@ -108,13 +116,19 @@ class Structure:
         self._mass: float | None = compat.integrate(
             self.form.density * measure(mesh, 5), mesh.dolfinx
         )
-        self.rigid_modes, self.shift = rigid.of_mesh(self.form, self.fixed, self.K, self.M)
+        to = Matrices(mesh, self.form, self.K, self.M, self.fixed)
+        added = [add_beams(to, name, beam, edges) for name, beam, edges in beams]
+        added += [add_at_points(to, one) for one in _checked(attached)]
+        self._mass += sum(one.mass for one in added)
+        self._attached_inertia = sum(
+            (one.inertia for one in added), np.zeros((self.K.getLocalSize()[0], 3))
+        )
+        springs = np.column_stack([self._attached_inertia[:, :0], *(one.springs for one in added)])
+        self.rigid_modes, self.shift = rigid.of_mesh(self.form, self.fixed, self.K, self.M, springs)
         self.seconds: dict[str, float] = {"assembly": time.perf_counter() - started}
 
     @classmethod
-    def from_matrices(
-        cls, K: Any, M: Any, *, rigid_modes: ArrayLike | None = None
-    ) -> Structure:
+    def from_matrices(cls, K: Any, M: Any, *, rigid_modes: ArrayLike | None = None) -> Structure:
         """A structure from the matrices of any finite-element code, supports already applied.
 
         Parameters
@@ -155,15 +169,34 @@ class Structure:
     def mass(self) -> float:
         """Total mass in kg."""
         if self._mass is None:
-            raise InputError("matrices alone do not tell a total mass; build the Structure of a mesh.")
+            raise InputError(
+                "matrices alone do not tell a total mass; build the Structure of a mesh."
+            )
         return self._mass
 
     @cached_property
     def factorization(self) -> Factorization:
         """The one factor of K + shift·M that every site and every mode of this structure uses."""
         factor = Factorization(sum_of(self.K, self.shift, self.M))
+        if self.rigid_modes.shape[1]:
+            better = rigid.closer_shift(factor, self.K, self.M, self.rigid_modes)
+            if better < rigid.FAR * self.shift:
+                self.shift = better
+                factor = Factorization(sum_of(self.K, self.shift, self.M))
         self.seconds["factorization"] = factor.seconds
         return factor
+
+    def uniform_inertia(self, direction: NDArray[np.float64]) -> NDArray[np.float64] | None:
+        """Me on the rows of this rank for e, a unit uniform motion along `direction` (3,).
+
+        None for matrices, which do not tell where e points.
+        """
+        if self.mesh is None or self.form is None:
+            return None
+        along = compat.constant(self.mesh.dolfinx, direction)
+        load = self.form.density * self.form.along(along) * measure(self.mesh, 5)
+        own = compat.assemble_functional(load, self.form.space)
+        return np.asarray(own[: len(self._attached_inertia)] + self._attached_inertia @ direction)
 
     def material_at(self, place: locate.Place) -> Any:
         """The material of the cell at `place`, on all ranks."""
@@ -179,6 +212,41 @@ class Structure:
             f"{self.mesh.name}: {self.mesh.n_cells} {self.mesh.cell} cells, {family}, "
             f"{self.dofs} dofs, {self.rigid_modes.shape[1]} rigid-body modes"
         )
+
+
+def _divided(mesh: Mesh, material: Any) -> tuple[Any, list[tuple[str, Beam, IntArray]]]:
+    """(materials of the cells, beams on edges of a sheet as (group, beam, edges))."""
+    if not isinstance(material, Mapping) or mesh.tdim != 2:
+        return material, []
+    beams = {name: one for name, one in material.items() if isinstance(one, Beam)}
+    if not beams:
+        return material, []
+    cells = {name: one for name, one in material.items() if name not in beams}
+    if not cells or not all(isinstance(one, Shell) for one in cells.values()):
+        raise InputError(
+            f"a Beam on edges (group {next(iter(beams))!r}) stiffens a shell: give the cells of "
+            f"{mesh.name} a Shell; a frame of beams alone needs a mesh of lines."
+        )
+    found = []
+    for name, beam in beams.items():
+        edges = mesh.group(name).get(1)
+        if edges is None:
+            raise InputError(
+                f"group {name!r} holds no edges of the sheet's cells, which a Beam there needs: "
+                "let its lines lie in the surface that is meshed (in gmsh: BooleanFragments)."
+            )
+        found.append((name, beam, edges))
+    return cells, found
+
+
+def _checked(attached: Any) -> Sequence[PointMass | Spring]:
+    items = [attached] if isinstance(attached, PointMass | Spring) else list(attached)
+    for one in items:
+        if not isinstance(one, PointMass | Spring):
+            raise InputError(
+                f"attached must hold PointMass and Spring objects; got {type(one).__name__}."
+            )
+    return items
 
 
 def _parts(mesh: Mesh, material: Any) -> Parts:
@@ -200,7 +268,9 @@ def _parts(mesh: Mesh, material: Any) -> Parts:
         times[cells] += 1
         parts.append((one, cells))
     if len({type(one) for one, _ in parts}) > 1:
-        raise InputError("all materials of one structure must be of one family (Solid, Beam, …).")
+        raise InputError(
+            "all materials of one structure must be of one family (Solid, Shell, Beam)."
+        )
     none = mesh.comm.allreduce(int(np.sum(times[: imap.size_local] == 0)))
     twice = mesh.comm.allreduce(int(np.sum(times[: imap.size_local] > 1)))
     if none or twice:
@@ -214,7 +284,7 @@ def _parts(mesh: Mesh, material: Any) -> Parts:
 def _check_family(material: Any) -> None:
     if not hasattr(material, "weak_form"):
         raise InputError(
-            f"material must be a Solid or a Beam, or a dict of them; got {type(material).__name__}."
+            f"material must be a Solid, Shell or Beam, or a dict of them; got {type(material).__name__}."
         )
 
 
