@@ -17,7 +17,7 @@ from petsc4py import PETSc
 from slepc4py import SLEPc
 
 from antiosc.errors import NotConvergedError
-from antiosc.fem.algebra import Array, Factorization, csr, dot, multiply
+from antiosc.fem.algebra import Array, Solver, csr, dot, multiply
 from antiosc.fem.site import Functional
 from antiosc.fem.static import StaticMode
 from antiosc.fem.structure import Structure
@@ -167,7 +167,7 @@ class ModeSolver:
 class _Constrained:
     """PETSc's Python preconditioner: r → A⁻¹r − y (bᵀA⁻¹r)/(bᵀy)."""
 
-    def __init__(self, factor: Factorization, b: Array, static: StaticMode) -> None:
+    def __init__(self, factor: Solver, b: Array, static: StaticMode) -> None:
         self._factor, self._b, self._static = factor, b, static
 
     def apply(self, pc: Any, r: PETSc.Vec, x: PETSc.Vec) -> None:
@@ -179,7 +179,7 @@ class _Constrained:
 class _Free:
     """PETSc's Python preconditioner: r → A⁻¹r."""
 
-    def __init__(self, factor: Factorization) -> None:
+    def __init__(self, factor: Solver) -> None:
         self._factor = factor
 
     def apply(self, pc: Any, r: PETSc.Vec, x: PETSc.Vec) -> None:

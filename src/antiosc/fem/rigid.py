@@ -16,7 +16,7 @@ from petsc4py import PETSc
 
 from antiosc.errors import AccuracyError, AntioscError, InputError
 from antiosc.fem import compat
-from antiosc.fem.algebra import Array, Factorization, dot, multiply, norm, sum_of
+from antiosc.fem.algebra import Array, Factorization, Solver, dot, multiply, norm, sum_of
 from antiosc.fem.compat import IntArray
 from antiosc.fem.family import WeakForm
 from antiosc.fem.parallel import bounds
@@ -57,6 +57,14 @@ def of_mesh(
         )
     fields = _vanishing(comm, fields, fixed, springs)
     return motions, SHIFT * _first_elastic(comm, K, M, fields, motions)
+
+
+def motions(form: WeakForm | None, K: PETSc.Mat) -> Array:
+    """Rigid-body motions of the unsupported body (rows of this rank, r); none without a mesh."""
+    if form is None:
+        return np.zeros((K.getLocalSize()[0], 0))
+    fields, rigid_count = _fields(form, K.getComm().tompi4py())
+    return fields[:, :rigid_count]
 
 
 def of_matrices(K: PETSc.Mat, M: PETSc.Mat, given: Array | None) -> tuple[Array, float]:
@@ -142,7 +150,7 @@ def _vanishing(comm: MPI.Comm, fields: Array, fixed: IntArray, springs: Array) -
     return result
 
 
-def closer_shift(factor: Factorization, K: PETSc.Mat, M: PETSc.Mat, motions: Array) -> float:
+def closer_shift(factor: Solver, K: PETSc.Mat, M: PETSc.Mat, motions: Array) -> float:
     """The shift again, from block inverse iteration with a first one.
 
     The polynomial fields that gave the first one know nothing of slender members, whose

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from antiosc.errors import NotConvergedError
-from antiosc.fem.algebra import Array, Factorization, dot, multiply, norm
+from antiosc.fem.algebra import Array, Solver, dot, multiply, norm
 from antiosc.fem.site import Functional
 from antiosc.fem.structure import Structure
 
@@ -86,7 +86,7 @@ def _mass_scale(structure: Structure) -> float:
     return 1 / peak**2
 
 
-def beside_rigid(structure: Structure, factor: Factorization, b: Array) -> Array:
+def beside_rigid(structure: Structure, factor: Solver, b: Array) -> Array:
     """K y = b with y M-orthogonal to the rigid modes: conjugate gradients on the one factor.
 
     A = K + shift·M is spectrally close to K on the elastic space, so a few steps reach rounding.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import dolfinx
@@ -17,11 +17,12 @@ from petsc4py import PETSc
 from antiosc.checks import array
 from antiosc.errors import InputError
 from antiosc.fem import compat, locate, rigid
-from antiosc.fem.algebra import Factorization, as_petsc, sum_of
+from antiosc.fem.algebra import Solver, as_petsc, sum_of
 from antiosc.fem.attached import Matrices, PointMass, Spring, add_at_points, add_beams
 from antiosc.fem.beam import Beam
 from antiosc.fem.compat import IntArray
 from antiosc.fem.family import Family, Parts, WeakForm, measure
+from antiosc.fem.large import Choice, checked_choice, solver_for
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.parallel import agree
 from antiosc.fem.shell import Shell
@@ -64,6 +65,9 @@ class Structure:
         Degree of the displacements.
     attached : sequence of PointMass and Spring
         Masses and grounded springs at points of the structure.
+    solver : "auto", "direct" or "iterative"
+        How K is solved with: by a Cholesky factor, or where its memory is not to be had by
+        conjugate gradients with multigrid (`antiosc.fem.large`).
 
     Attributes
     ----------
@@ -93,12 +97,14 @@ class Structure:
         *,
         order: int = 2,
         attached: Sequence[PointMass | Spring] = (),
+        solver: Choice = "auto",
     ) -> None:
         if not isinstance(mesh, Mesh):
             raise InputError(f"mesh must come from read_mesh; got {type(mesh).__name__}.")
         if order not in (1, 2):
             raise InputError(f"order must be 1 or 2; got {order!r}.")
         started = time.perf_counter()
+        self._solver: Choice = checked_choice(solver)
         self.mesh: Mesh | None = mesh
         cells, beams = _divided(mesh, material)
         self.parts: Parts = _parts(mesh, cells)
@@ -149,6 +155,7 @@ class Structure:
             _check_symmetric(name, matrix)
             _check_diagonal(name, matrix)
         self.mesh = self.form = self._mass = None
+        self._solver = "auto"
         self.parts, self.fixed = [], _NO_DOFS
         self.dofs = self.K.getSize()[0]
         given = None
@@ -175,16 +182,22 @@ class Structure:
         return self._mass
 
     @cached_property
-    def factorization(self) -> Factorization:
+    def factorization(self) -> Solver:
         """The one factor of K + shift·M that every site and every mode of this structure uses."""
-        factor = Factorization(sum_of(self.K, self.shift, self.M))
+        factor = self._factored()
+        seconds = factor.seconds
         if self.rigid_modes.shape[1]:
             better = rigid.closer_shift(factor, self.K, self.M, self.rigid_modes)
             if better < rigid.FAR * self.shift:
                 self.shift = better
-                factor = Factorization(sum_of(self.K, self.shift, self.M))
-        self.seconds["factorization"] = factor.seconds
+                factor = self._factored()
+                seconds += factor.seconds
+        self.seconds["factorization"] = seconds
         return factor
+
+    def _factored(self) -> Solver:
+        motions = partial(rigid.motions, self.form, self.K)
+        return solver_for(sum_of(self.K, self.shift, self.M), self._solver, motions)
 
     def uniform_inertia(self, direction: NDArray[np.float64]) -> NDArray[np.float64] | None:
         """Me on the rows of this rank for e, a unit uniform motion along `direction` (3,).

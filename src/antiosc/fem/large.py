@@ -1,0 +1,113 @@
+"""Models too large for a direct solver: the memory a factor will need, and what is done without it.
+
+A Cholesky factor of a compact body grows as n^(4/3): where it will not fit in the memory that is
+free, conjugate gradients with an algebraic multigrid solve instead, at about a hundred times the
+time per solve.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Literal, get_args
+
+import numpy as np
+from petsc4py import PETSc
+
+from antiosc.errors import AntioscWarning, InputError
+from antiosc.fem.algebra import Array, Factorization, Solver, forecasts
+from antiosc.fem.parallel import on_root
+
+Choice = Literal["auto", "direct", "iterative"]
+
+#: Bytes per entry of the factor, and of the matrices and work arrays beside it.
+BYTES = 8 * 1.3
+#: Entries of a factor over rows^(4/3), for the most compact bodies: cubes of quadratic tetrahedra.
+COMPACT = 35.0
+#: Share of the free memory that a factor may fill.
+FILL = 0.9
+#: Relative residual of an iterative solve, and the most iterations for it.
+RESIDUAL, ITERATIONS = 1e-12, 2000
+
+
+class Multigrid(Solver):
+    """Conjugate gradients, preconditioned by smoothed aggregation that knows the rigid motions."""
+
+    def __init__(self, A: PETSc.Mat, motions: Array) -> None:
+        basis = []
+        for column in motions.T:
+            x = A.createVecRight()
+            x.setArray(column)
+            basis.append(x)
+        if basis:
+            for k, x in enumerate(basis):  # PETSc wants them orthonormal
+                for other in basis[:k]:
+                    x.axpy(-x.dot(other), other)
+                x.normalize()
+            A.setNearNullSpace(PETSc.NullSpace().create(vectors=basis, comm=A.getComm()))
+        super().__init__(A)
+
+    def _set_up(self) -> None:
+        self._ksp.setType(PETSc.KSP.Type.CG)
+        self._ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
+        self._ksp.setTolerances(rtol=RESIDUAL, max_it=ITERATIONS)
+        self._ksp.getPC().setType(PETSc.PC.Type.GAMG)
+        self._ksp.setUp()
+
+
+def checked_choice(choice: Choice) -> Choice:
+    """`choice`, or InputError."""
+    if choice not in get_args(Choice):
+        raise InputError(f"solver must be 'auto', 'direct' or 'iterative'; got {choice!r}.")
+    return choice
+
+
+def solver_for(A: PETSc.Mat, choice: Choice, motions: Callable[[], Array]) -> Solver:
+    """The solver of A that `choice` names; "auto": direct where its factor fits in memory.
+
+    `motions` gives rigid-body motions (rows of this rank, r) for the multigrid.
+    """
+    if choice == "iterative":
+        return Multigrid(A, motions())
+    rows = A.getSize()[0]
+    free = on_root(A.getComm().tompi4py(), free_memory)
+    if BYTES * COMPACT * rows ** (4 / 3) <= FILL * free:
+        return Factorization(A)
+    need = BYTES * min((f.entries for f in forecasts(A)), default=0.0)
+    if need <= FILL * free:
+        return Factorization(A)
+    text = (
+        f"the factor of {rows} dofs needs about {need / 1e9:.3g} GB and {free / 1e9:.3g} GB are "
+        "free"
+    )
+    if choice == "direct":
+        raise InputError(f"{text}: take solver='iterative', a coarser mesh, or order=1.")
+    if A.getComm().rank == 0:
+        warnings.warn(
+            f"{text}: each solve is iterated instead (conjugate gradients with multigrid), which "
+            "takes about a hundred times as long; a coarser mesh or order=1 would fit.",
+            AntioscWarning,
+            stacklevel=3,
+        )
+    return Multigrid(A, motions())
+
+
+def free_memory() -> float:
+    """Bytes that this machine, and the container if there is one, can still give."""
+    free = np.inf
+    for line in _lines("/proc/meminfo"):
+        if line.startswith("MemAvailable:"):
+            free = 1024 * float(line.split()[1])
+    group = "/sys/fs/cgroup/memory."
+    most, used = (_lines(group + name) for name in ("max", "current"))
+    if most and used and most[0].isdigit():
+        free = min(free, float(most[0]) - float(used[0]))
+    return free
+
+
+def _lines(path: str) -> list[str]:
+    try:
+        return Path(path).read_text().splitlines()
+    except OSError:
+        return []
