@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -79,23 +80,23 @@ def frame(
         inner = range(len(x), len(x) + n - 1)
         x += [x[a] + (x[b] - x[a]) * k / n for k in range(1, n)]
         chain = [a, *inner, b]
-        cells += list(zip(chain[:-1], chain[1:], strict=True))
+        cells += list(pairwise(chain))
     nodes, lines = np.array(x), np.array(cells, dtype=np.int64)
     if comm.rank:
         nodes, lines = nodes[:0], lines[:0]
     return named(compat.create_mesh(comm, lines, nodes, "interval", 1), groups or {})
 
 
-def line(
-    length: float, n: int, direction: Sequence[float] = (1.0, 0.0), **options: Any
-) -> ao.Mesh:
+def line(length: float, n: int, direction: Sequence[float] = (1.0, 0.0), **options: Any) -> ao.Mesh:
     """A straight line from the origin, with the end nodes as groups "left" and "right"."""
     along = np.asarray(direction, dtype=float) / np.linalg.norm(direction)
     end = length * along
     groups = {
         "left": (0, lambda x: np.linalg.norm(x, axis=0) < 1e-9 * length),
-        "right": (0, lambda x: np.linalg.norm(x.T - np.resize(end, 3) * _mask(end), axis=1)
-                  < 1e-9 * length),
+        "right": (
+            0,
+            lambda x: np.linalg.norm(x.T - np.resize(end, 3) * _mask(end), axis=1) < 1e-9 * length,
+        ),
     }
     return frame([0 * end, end], [(0, 1)], n, groups=groups, **options)
 

@@ -55,7 +55,9 @@ def test_missing_file(tmp_path):
     assert one_sentence(str(caught.value))
 
 
-@pytest.mark.parametrize("suffix", ["msh", "step", "brep", "geo", "vtu", "inp", "bdf", "med", "xyz", "stl"])
+@pytest.mark.parametrize(
+    "suffix", ["msh", "step", "brep", "geo", "vtu", "inp", "bdf", "med", "xyz", "stl"]
+)
 def test_a_file_of_something_else(tmp_path, suffix):
     path = tmp_path / f"part.{suffix}"
     path.write_text("Dear reader,\nthis is no mesh.\n")
@@ -105,10 +107,12 @@ def test_serendipity_cells(tmp_path):
 
 
 def test_pieces_that_share_no_node(tmp_path):
-    points = [*SQUARE, *(SQUARE + [1.5, 0, 0]), *(SQUARE + [2.5, 0, 0])]
+    points = [*SQUARE, *(SQUARE + np.array([1.5, 0, 0])), *(SQUARE + np.array([2.5, 0, 0]))]
     quads = [[0, 1, 2, 3], [4, 5, 6, 7], [8, 9, 10, 11]]
     path = write(tmp_path / "part.vtu", points, ("quad", quads))
-    with refused(r"part\.vtu falls into 3 pieces that share no node \(1, 1, 1 cells\)", ao.MeshError):
+    with refused(
+        r"part\.vtu falls into 3 pieces that share no node \(1, 1, 1 cells\)", ao.MeshError
+    ):
         ao.read_mesh(path)
 
 
@@ -123,7 +127,9 @@ def test_coordinates_that_are_not_numbers(tmp_path):
 def test_cells_without_measure(tmp_path):
     line = [[0, 0, 0], [1, 0, 0], [1, 0, 0], [2, 0, 0]]
     path = write(tmp_path / "line.vtu", line, ("line", [[0, 1], [1, 2], [2, 3]]))
-    with refused(r"1 of 3 cells of line\.vtu have no length, one at \(1, 0, 0\) m: merge", ao.MeshError):
+    with refused(
+        r"1 of 3 cells of line\.vtu have no length, one at \(1, 0, 0\) m: merge", ao.MeshError
+    ):
         ao.read_mesh(path)
     faces = [[0, 0, 0], [1, 0, 0], [2, 0, 0], [1, 1, 0]]
     path = write(tmp_path / "face.vtu", faces, ("triangle", [[0, 1, 2], [0, 2, 3]]))
@@ -142,7 +148,9 @@ def test_what_is_no_file(tmp_path):
 
 def test_tags_that_mark_nothing():
     mesh = dolfinx.mesh.create_unit_square(MPI.COMM_SELF, 2, 2)
-    tags = dolfinx.mesh.meshtags(mesh, 2, np.array([0], dtype=np.int32), np.array([3], dtype=np.int32))
+    tags = dolfinx.mesh.meshtags(
+        mesh, 2, np.array([0], dtype=np.int32), np.array([3], dtype=np.int32)
+    )
     with refused("group 'body': no entity of the mesh tags has the value 4"):
         ao.read_mesh(mesh, groups={"body": (tags, 4)})
     with refused("a file brings its own groups"):
@@ -201,7 +209,9 @@ def test_materials_and_meshes_that_do_not_fit():
     with refused(r"Solid needs cells that fill their space; .* has interval cells"):
         ao.Structure(parts.line(1.0, 2), SOLID)
     with refused(r"displacements of order 1 on cells of geometric order 2"):
-        ao.Structure(ao.read_mesh("meshes/lever.msh"), ao.Solid(**parts.STEEL, plane="stress"), order=1)
+        ao.Structure(
+            ao.read_mesh("meshes/lever.msh"), ao.Solid(**parts.STEEL, plane="stress"), order=1
+        )
     with refused(r"order must be 1 or 2; got 3"):
         ao.Structure(parts.box(), SOLID, order=3)
     with refused(r"mesh must come from read_mesh; got str"):
@@ -252,7 +262,9 @@ def test_supports():
         ao.Structure(mesh, SOLID, [ao.Support("foot")])
     with refused(r"the support by function .* holds nothing: no point of the mesh lies there"):
         ao.Structure(mesh, SOLID, [ao.Support(lambda x: x[0] > 1)])
-    with refused(r"fix='rx' is not a motion of this structure: it must be 'all' or of 'x', 'y', 'z'"):
+    with refused(
+        r"fix='rx' is not a motion of this structure: it must be 'all' or of 'x', 'y', 'z'"
+    ):
         ao.Structure(mesh, SOLID, [ao.Support("left", "rx")])
     with refused(r"fix=\(\) is not a motion"):
         ao.Structure(mesh, SOLID, [ao.Support("left", ())])
@@ -279,7 +291,10 @@ def test_a_function_that_fails_says_its_own_error():
         ({"point": (0, 0, 0), "dof": 3}, r"a Site needs one of"),
         ({"point": (0, 0, 0)}, r"needs the direction of impact"),
         ({"point": (0, 0, 0), "direction": (0, 0, 0)}, r"direction must not be the zero vector"),
-        ({"point": (0, 0, 0), "direction": (0, 1)}, r"must both have 2 or 3 coordinates; got 3 and 2"),
+        (
+            {"point": (0, 0, 0), "direction": (0, 1)},
+            r"must both have 2 or 3 coordinates; got 3 and 2",
+        ),
         ({"point": (0,), "direction": (1,)}, r"must both have 2 or 3 coordinates; got 1 and 1"),
         ({"point": (0, np.nan, 0), "direction": (0, 0, 1)}, r"point must be finite"),
         ({"point": (0, 0, 0), "direction": (0, np.inf, 1)}, r"direction must be finite"),
@@ -294,7 +309,9 @@ def test_sites(clamped, arguments, text):
 
 
 def test_a_site_outside_or_held(clamped):
-    with refused(r"is 0.06 m off the structure; its nearest point is \(0.2, 0.02, 0.04\) m.*snap=True"):
+    with refused(
+        r"is 0.06 m off the structure; its nearest point is \(0.2, 0.02, 0.04\) m.*snap=True"
+    ):
         ao.extract(clamped, ao.Site((0.2, 0.02, 0.1), (0, 0, -1)))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", AntioscWarning)
@@ -376,8 +393,8 @@ def hinge(tmp_path: Path) -> ao.Mesh:
 @pytest.mark.filterwarnings("ignore::antiosc.errors.AntioscWarning")
 def test_a_part_that_hangs_on_one_node(tmp_path, supports, method):
     """A mechanism: the factor may pass, but no number made with it may."""
-    with pytest.raises(ao.AntioscError, match=r"hinge|freely|move|loose|null vector"):
-        structure = ao.Structure(hinge(tmp_path), ao.Solid(**parts.STEEL, plane="stress"), supports)
+    structure = ao.Structure(hinge(tmp_path), ao.Solid(**parts.STEEL, plane="stress"), supports)
+    with refused("hinge", ao.AccuracyError):
         ao.extract(structure, ao.Site((2.0, 2.0), (-1, 1)), n=3, method=method)
 
 

@@ -86,7 +86,7 @@ def test_first_frequencies_of_the_classical_element(name):
 
 
 def test_stiffness_of_the_article_supported_beam():
-    """k0 = 48 EI/L³ with shear, and five observable anti-oscillators hold 86 % (Article, Fig. 8)."""
+    """k0 = 48 EI/L³ with shear; five observable anti-oscillators hold 86 % (Article, Fig. 8)."""
     model = meshed("pinned-pinned, mid-span", 50, 1)
     bending = 48 * BEAM.E * SECTION.I / LENGTH**3
     assert model.k0 == pytest.approx(bending, rel=2e-3)

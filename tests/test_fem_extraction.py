@@ -53,7 +53,9 @@ def free_part(structure: ao.Structure, b: np.ndarray):
 
 
 def block(cell: str, supports=(), order: int = 1) -> ao.Structure:
-    return ao.Structure(parts.box((3, 2, 2), (0.12, 0.05, 0.04), cell), SOLID, supports, order=order)
+    return ao.Structure(
+        parts.box((3, 2, 2), (0.12, 0.05, 0.04), cell), SOLID, supports, order=order
+    )
 
 
 def sheet(cell: str, supports=()) -> ao.Structure:

@@ -80,7 +80,10 @@ def centre_and_inertia(structure: ao.Structure) -> tuple[np.ndarray, np.ndarray]
         t = (q - p) / length
         middle = (p + q) / 2 - centre
         across = np.eye(3) - np.outer(t, t)
-        total += m * (middle @ middle * np.eye(3) - np.outer(middle, middle)) + m * length**2 / 12 * across
+        total += (
+            m * (middle @ middle * np.eye(3) - np.outer(middle, middle))
+            + m * length**2 / 12 * across
+        )
         # rotary inertia of the section
         if structure.mesh.gdim == 2:
             height = np.cross([0, 0, 1], t)

@@ -64,7 +64,9 @@ def group_points(mesh: ao.Mesh, name: str, dim: int) -> np.ndarray:
 
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("cell", parts.CELLS)
-@pytest.mark.parametrize(("version", "binary"), [(2.2, False), (2.2, True), (4.1, False), (4.1, True)])
+@pytest.mark.parametrize(
+    ("version", "binary"), [(2.2, False), (2.2, True), (4.1, False), (4.1, True)]
+)
 def test_gmsh_files_of_every_kind_keep_shape_and_groups(tmp_path, cell, order, version, binary):
     bent = order == 2
     path = parts.gmsh_cube(
@@ -121,7 +123,10 @@ def test_vtu_cell_data_become_groups(tmp_path):
         cell_data={"material": [np.array([7] * 4 + [9] * 4)], "pressure": [np.arange(8.0)]},
     )  # fmt: skip
     mesh = ao.read_mesh(path)
-    assert {name: len(g[3]) for name, g in mesh.groups.items()} == {"material=7": 4, "material=9": 4}
+    assert {name: len(g[3]) for name, g in mesh.groups.items()} == {
+        "material=7": 4,
+        "material=9": 4,
+    }
 
 
 ABAQUS = """\
@@ -276,7 +281,7 @@ def test_step_in_millimetres_becomes_metres():
 
 
 def smallest_jacobian(mesh: ao.Mesh) -> float:
-    """Smallest determinant over the largest of any cell, at its nodes, by differences of the map."""
+    """Smallest determinant over the largest of any cell, by differences of the map at its nodes."""
     nodes = compat.geometry_nodes(mesh.dolfinx)
     cmap = compat.coordinate_map(mesh.dolfinx)
     corners = np.vstack([np.zeros(3), np.eye(3)])
@@ -308,7 +313,9 @@ def test_folded_cells_of_a_file_are_told(tmp_path):
     cells = next(b.data for b in cube.cells if b.type == "tetra10")
     cube.points[cells[5, 4]] += 3 * (cube.points[cells[5, 2]] - cube.points[cells[5, 4]])
     meshio.Mesh(cube.points, [("tetra10", cells)]).write(tmp_path / "bad.vtu")
-    with pytest.warns(AntioscWarning, match=r"of 48 cells of bad.vtu fold over themselves.*order=1"):
+    with pytest.warns(
+        AntioscWarning, match=r"of 48 cells of bad.vtu fold over themselves.*order=1"
+    ):
         ao.read_mesh(tmp_path / "bad.vtu")
     assert ao.read_mesh(tmp_path / "bad.vtu", order=1).order == 1
 
@@ -449,6 +456,9 @@ def test_two_ranks_hold_the_same_mesh(tmp_path):
             assert 0 < owned < mesh.n_cells
     """
     arguments = [str(p) for p in (parts.__file__.rsplit("/", 1)[0], *paths, geo)]
-    one, two = run_ranks(1, script.replace("assert", "#"), *arguments), run_ranks(2, script, *arguments)
+    one, two = (
+        run_ranks(1, script.replace("assert", "#"), *arguments),
+        run_ranks(2, script, *arguments),
+    )
     assert one[0].count("\n") == 3
     assert two == [one[0], one[0]]

@@ -93,7 +93,9 @@ def test_two_ranks_give_the_models_of_one(tmp_path):
         for key in ("k0", "omega", "participation"):
             np.testing.assert_allclose(ranks[key], serial[key], rtol=1e-8, err_msg=f"{name} {key}")
         m_st = serial["m0"] + sum(serial["m"])
-        np.testing.assert_allclose(ranks["m"], serial["m"], rtol=1e-8, atol=1e-10 * m_st, err_msg=name)
+        np.testing.assert_allclose(
+            ranks["m"], serial["m"], rtol=1e-8, atol=1e-10 * m_st, err_msg=name
+        )
         assert ranks["m0"] == pytest.approx(serial["m0"], abs=1e-8 * m_st), name
 
 

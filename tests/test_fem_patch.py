@@ -74,12 +74,16 @@ def test_point_and_patches_over_four_meshes():
         rest.append(whole[-1] - local)
     # What the half-space takes off leaves the block's own share: no radius in it.
     rest = np.array(rest)
-    np.testing.assert_allclose(rest, -9.0e-11, rtol=0.08)  # clamped, it is stiffer than a half-space
+    np.testing.assert_allclose(
+        rest, -9.0e-11, rtol=0.08
+    )  # clamped, it is stiffer than a half-space
     assert abs(np.diff(rest)[0]) < 0.01 * 0.6 * (1 - 0.3**2) / 210e9 / RADII[0]
 
 
 @pytest.mark.parametrize("cell", ["hexahedron", "tetrahedron"])
-@pytest.mark.parametrize("direction", [(0, 0, -1), (1, 0, 0), (0.6, 0.8, 0), (1, 0, -1), (2, 1, -2)])
+@pytest.mark.parametrize(
+    "direction", [(0, 0, -1), (1, 0, 0), (0.6, 0.8, 0), (1, 0, -1), (2, 1, -2)]
+)
 def test_own_compliance_of_a_patch_in_any_direction(block, cell, direction):
     """C(a) − C_half-space(a, direction) does not depend on the radius, normal to oblique."""
     whole, local = np.array([compliance(block[cell], direction, r) for r in RADII]).T
@@ -97,9 +101,13 @@ def block():
 
 def test_an_oblique_patch_is_the_sum_of_its_components(block):
     """In the middle of the square the block couples no direction with another."""
-    n, t, oblique = (compliance(block["hexahedron"], d, 0.004)[0] for d in ((0, 0, 1), (1, 0, 0), (3, 0, 4)))
+    n, t, oblique = (
+        compliance(block["hexahedron"], d, 0.004)[0] for d in ((0, 0, 1), (1, 0, 0), (3, 0, 4))
+    )
     assert oblique == pytest.approx(0.64 * n + 0.36 * t, rel=1e-6)
-    local = [compliance(block["hexahedron"], d, 0.004)[1] for d in ((0, 0, 1), (1, 0, 0), (3, 0, 4))]
+    local = [
+        compliance(block["hexahedron"], d, 0.004)[1] for d in ((0, 0, 1), (1, 0, 0), (3, 0, 4))
+    ]
     assert local[2] == pytest.approx(0.64 * local[0] + 0.36 * local[1])
     assert local[1] / local[0] == pytest.approx((2 - 0.3) / 2 / (1 - 0.3), rel=1e-12)
 

@@ -32,7 +32,9 @@ def field_of(structure: ao.Structure, function) -> np.ndarray:
 
 
 def quadratic(x: np.ndarray) -> np.ndarray:
-    return np.array([1 + x[0] * x[1] - x[2] ** 2, 2 - x[1] ** 2 + x[0], x[0] ** 2 - 3 * x[1] * x[2]])
+    return np.array(
+        [1 + x[0] * x[1] - x[2] ** 2, 2 - x[1] ** 2 + x[0], x[0] ** 2 - 3 * x[1] * x[2]]
+    )
 
 
 def linear(x: np.ndarray) -> np.ndarray:
@@ -126,7 +128,10 @@ def test_a_point_on_a_beam(dim, order):
 
 def test_a_point_outside_says_how_far_and_where_to_strike():
     structure = ao.Structure(parts.box(), SOLID)
-    text = r"\(0.1, 0.02, 0.05\) m is 0.01 m off the structure; its nearest point is \(0.1, 0.02, 0.04\) m"
+    text = (
+        r"\(0.1, 0.02, 0.05\) m is 0.01 m off the structure; "
+        r"its nearest point is \(0.1, 0.02, 0.04\) m"
+    )
     with pytest.raises(ao.InputError, match=text):
         at(structure, (0.1, 0.02, 0.05), (0, 0, -1))
     snapped = at(structure, (0.1, 0.02, 0.05), (0, 0, -1), snap=True)
@@ -144,8 +149,10 @@ def test_a_point_above_a_plane_part_is_off_it():
 @pytest.mark.parametrize("part", ["lever", "arch", "frame", "bracket"])
 def test_the_nearest_point_is_the_nearest(part):
     """Against brute force: no sample of any cell lies nearer, on curved and concave parts."""
-    mesh = ao.read_mesh(f"meshes/{part}.msh" if part != "bracket" else "meshes/bracket.step",
-                        size=None if part != "bracket" else 0.01)
+    mesh = ao.read_mesh(
+        f"meshes/{part}.msh" if part != "bracket" else "meshes/bracket.step",
+        size=None if part != "bracket" else 0.01,
+    )
     nodes = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)]
     rng = np.random.default_rng(5)
     X = rng.dirichlet(np.ones(mesh.tdim + 1), 40)[:, 1:]
@@ -221,13 +228,18 @@ def test_a_patch_on_an_edge_takes_the_face_that_is_struck():
 
 def test_a_patch_needs_a_surface():
     structure = ao.Structure(parts.box((4, 4, 4), (0.1, 0.1, 0.1)), SOLID)
-    with pytest.raises(ao.InputError, match=r"lies about 0.05 m inside the part, deeper than its radius"):
+    with pytest.raises(
+        ao.InputError, match=r"lies about 0.05 m inside the part, deeper than its radius"
+    ):
         functional(structure, ao.Site((0.05, 0.05, 0.05), (0, 0, -1), radius=0.01))
 
 
 def test_a_coarse_mesh_does_not_resolve_a_patch():
     structure = ao.Structure(parts.box((4, 4, 4), (0.1, 0.1, 0.1)), SOLID)
-    with pytest.warns(AntioscWarning, match=r"facets at the site measure 0\.0(25|3) m, more than the radius 0\.01 m"):
+    with pytest.warns(
+        AntioscWarning,
+        match=r"facets at the site measure 0\.0(25|3) m, more than the radius 0\.01 m",
+    ):
         functional(structure, ao.Site((0.05, 0.05, 0.1), (0, 0, -1), radius=0.01))
 
 
@@ -238,7 +250,9 @@ def test_a_point_on_a_solid_warns_and_names_a_radius():
 
 
 def test_a_radius_on_a_beam_is_refused():
-    structure = ao.Structure(parts.line(1.0, 2), ao.Beam(**parts.STEEL, section=ao.Section.circle(0.02)))
+    structure = ao.Structure(
+        parts.line(1.0, 2), ao.Beam(**parts.STEEL, section=ao.Section.circle(0.02))
+    )
     with pytest.raises(ao.InputError, match="a radius applies to solids and shells"):
         functional(structure, ao.Site((0.5, 0.0), (0, 1), radius=0.01))
 
@@ -248,7 +262,9 @@ def test_a_radius_on_a_beam_is_refused():
 
 def test_a_site_that_the_supports_hold():
     structure = ao.Structure(parts.box(), SOLID, [ao.Support("left", ("x", "z"))])
-    with pytest.raises(ao.InputError, match=r"the site at \(0, 0.02, 0.01\) m is held by the supports"):
+    with pytest.raises(
+        ao.InputError, match=r"the site at \(0, 0.02, 0.01\) m is held by the supports"
+    ):
         at(structure, (0.0, 0.02, 0.01), (0, 0, -1))
     assert np.linalg.norm(at(structure, (0.0, 0.02, 0.01), (0, 1, -1))) > 0
 

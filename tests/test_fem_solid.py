@@ -182,7 +182,8 @@ def half_space_patch(E: float, nu: float, direction: np.ndarray) -> float:
     """
     G = E / 2 / (1 + nu)
     normal, tangential = direction[2], np.hypot(*direction[:2])
-    # u_z = (1−ν)F/(2πGs); u_x = F/(2πGs)·(1 − ν + ν cos²): Johnson, Contact Mechanics (3.18), (3.75)
+    # Johnson, Contact Mechanics, (3.18), (3.75): u_z = (1 - ν) F/(2πGs), u_x = F/(2πGs)
+    # (1 - ν + ν cos²)
     angle = (np.arange(64) + 0.5) * np.pi / 32
     along = np.mean((1 - nu) + nu * np.cos(angle) ** 2)
     shape = normal**2 * (1 - nu) + tangential**2 * along  # the coupling normal–tangential is odd

@@ -139,7 +139,9 @@ def test_a_hinged_line_can_swing_about_its_pin():
     assert structure.rigid_modes.shape[1] == 1
     dofs, x = coordinates(structure, "y")
     swing = structure.rigid_modes[dofs, 0]
-    np.testing.assert_allclose(swing, x[:, 0] * swing[np.argmax(x[:, 0])], atol=1e-12 * abs(swing).max())
+    np.testing.assert_allclose(
+        swing, x[:, 0] * swing[np.argmax(x[:, 0])], atol=1e-12 * abs(swing).max()
+    )
 
 
 def test_describe_names_what_was_modelled():

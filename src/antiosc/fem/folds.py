@@ -27,7 +27,10 @@ EDGES = {
 
 
 def folded(points: Array, cells: IntArray, shape: str, order: int, least: float = 0.0) -> IntArray:
-    """Cells, nodes in dolfinx's order and filling their space, whose smallest Jacobian is at most `least` of the largest."""
+    """Cells whose smallest Jacobian is at most `least` of the largest.
+
+    They fill their space; their nodes are in dolfinx's order.
+    """
     slopes = compat.lattice_gradients(shape, order, 3 if order > 1 else 1)
     found = []
     for start in range(0, len(cells), 20_000):

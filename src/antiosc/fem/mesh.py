@@ -147,7 +147,8 @@ def _check(
             dim = len(point)
         except (TypeError, ValueError) as error:
             raise InputError(
-                f"refine lists pairs (point, size), as in refine=[((0, 0, 0.1), 2e-3)]; got {one!r}."
+                "refine lists pairs (point, size), as in refine=[((0, 0, 0.1), 2e-3)]; "
+                f"got {one!r}."
             ) from error
         array("a point of refine", point, (dim,))
         positive("a size of refine", local, "m")
@@ -172,7 +173,7 @@ def _flattened(raw: RawMesh, gdim: int | None, name: str) -> RawMesh:
 
 
 def _sound(raw: RawMesh, path: Path) -> RawMesh:
-    """`raw` without folded cells if gmsh made it here; with a warning of them if a file has them."""
+    """`raw` without folded cells if gmsh made it here, with a warning if a file has them."""
     kind = raw.kind
     cells = raw.cells[:, compat.node_order(kind.shape, kind.nodes, raw.convention)]
     flat = folds.collapsed(raw.points, cells, kind.shape, kind.order)
@@ -190,8 +191,8 @@ def _sound(raw: RawMesh, path: Path) -> RawMesh:
     bad = folds.folded(raw.points, cells, kind.shape, kind.order)
     if len(bad):
         warnings.warn(
-            f"{len(bad)} of {len(raw.cells)} cells of {path.name} fold over themselves, one "
-            f"at ({_centre(raw, bad[0])}) m: what is computed there is wrong; optimise the mesh (in "
+            f"{len(bad)} of {len(raw.cells)} cells of {path.name} fold over themselves, one at "
+            f"({_centre(raw, bad[0])}) m: what is computed there is wrong; optimise the mesh (in "
             "gmsh: Mesh.HighOrderOptimize = 2) or read it with order=1.",
             AntioscWarning,
             stacklevel=5,

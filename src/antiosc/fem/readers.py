@@ -385,9 +385,10 @@ def _spanned(raw: RawMesh, nodes: IntArray) -> dict[int, IntArray]:
     result: dict[int, IntArray] = {}
     if raw.kind.dim > 1:
         facets = np.vstack([raw.cells[:, list(f)] for f in FACETS[raw.kind.shape]])
-        _, first, count = np.unique(
+        unique: Any = np.unique(
             np.sort(facets, axis=1), axis=0, return_index=True, return_counts=True
         )
+        _, first, count = unique
         outer = facets[first[count == 1]]
         held = outer[marked[outer].all(axis=1)]
         if len(held):
