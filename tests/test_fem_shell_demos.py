@@ -21,3 +21,21 @@ def test_plate_impact(tmp_path, capsys):
     assert 0 < numbers["off-centre"] < 1
     assert (tmp_path / "plate_impact.png").stat().st_size > 0
     assert "Zener" in capsys.readouterr().out
+
+
+def test_stiffened_panel(tmp_path):
+    """Stiffeners as beams or as shells: two models of one panel."""
+    numbers = load("stiffened_panel").main(n=20, duration=1e-3, out=tmp_path)
+    for row in numbers.values():
+        assert row["impulse"] == pytest.approx(row["momentum"], rel=1e-6)
+    for place in ("between stringers", "over a stringer"):
+        beams, shells = numbers[f"beams, {place}"], numbers[f"shells, {place}"]
+        # the blades' own volume where they meet, and their modes, are all that differs
+        assert beams["mass"] == pytest.approx(shells["mass"], rel=3e-3)
+        assert beams["first"] == pytest.approx(shells["first"], rel=1e-2)
+        assert beams["k0"] == pytest.approx(shells["k0"], rel=5e-2)
+        assert beams["peak_force"] == pytest.approx(shells["peak_force"], rel=5e-2)
+    # a stringer stiffens the place above it
+    assert numbers["shells, over a stringer"]["k0"] > 3 * numbers["shells, between stringers"]["k0"]
+    assert (tmp_path / "stiffened_panel.png").stat().st_size > 0
+    assert len(list(tmp_path.glob("*.vtu"))) == 30

@@ -28,8 +28,8 @@ from antiosc.fem.parallel import agree
 MOTIONS = ("x", "y", "z", "rx", "ry", "rz")
 #: Dofs of a beam and of the sheet are the same within this share of the beam's extent.
 SAME = 1e-7
-#: A named point may lie this share of the structure's size off it.
-NEAR = 1e-6
+#: A point this share of the size off the structure, as by a curved mesh, is moved onto it.
+NEAR = 1e-3
 
 
 @dataclass(frozen=True)

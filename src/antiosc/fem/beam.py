@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,6 +13,7 @@ import ufl
 from antiosc.checks import array, number, poisson, positive
 from antiosc.errors import InputError
 from antiosc.fem import compat
+from antiosc.fem.algebra import Array
 from antiosc.fem.family import Parts, WeakForm, coefficient, measure
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.parallel import agree
@@ -104,9 +105,10 @@ class Beam:
         Young's modulus (Pa), Poisson's ratio, density (kg/m³).
     section : Section
         The cross-section.
-    orientation : sequence of 3 floats, optional
+    orientation : sequence of 3 floats or function, optional
         A vector whose part across the axis is the section's height direction (y). Needed in
         space unless both second moments are equal; in a plane frame the height lies in the plane.
+        A function of points x (3, n) gives such vectors (3, n), as for rings.
     offset : float
         In space: the section's centroid lies this far, in m, from the line of the mesh along
         `orientation`, as that of a stiffener on the edges of a sheet.
@@ -120,7 +122,7 @@ class Beam:
     nu: float
     rho: float
     section: Section
-    orientation: Sequence[float] | None = None
+    orientation: Sequence[float] | Callable[[Array], Array] | None = None
     offset: float = 0.0
 
     def __post_init__(self) -> None:
@@ -129,7 +131,7 @@ class Beam:
         positive("rho", self.rho, "kg/m³")
         if not isinstance(self.section, Section):
             raise InputError(f"section must be a Section; got {type(self.section).__name__}.")
-        if self.orientation is not None:
+        if self.orientation is not None and not callable(self.orientation):
             vector = array("orientation", self.orientation, (3,))
             positive("the length of orientation", np.linalg.norm(vector))
         if number("offset", self.offset, "m") and self.orientation is None:
@@ -282,19 +284,21 @@ def _orientations(mesh: Mesh, parts: Parts) -> Any:
     x = mesh.dolfinx.geometry.x
     axis = x[nodes[:, 1]] - x[nodes[:, 0]]
     axis /= np.linalg.norm(axis, axis=1, keepdims=True)
+    middle = x[nodes].mean(axis=1)
     function = compat.cellwise(mesh.dolfinx, 3)
     values = function.x.array.reshape(-1, 3)
     error = None
     for beam, cells in parts:
         try:
-            values[cells] = _heights(beam, axis[cells])
+            values[cells] = _heights(beam, axis[cells], middle[cells])
         except InputError as caught:
             error = caught
     agree(mesh.comm, error)
     return function
 
 
-def _heights(beam: Beam, axis: Any) -> Any:
+def _heights(beam: Beam, axis: Array, middle: Array) -> Array:
+    """Unit height directions of elements with these axes and midpoints (n, 3)."""
     if beam.orientation is None:
         if not beam.section.isotropic:
             raise InputError(
@@ -303,12 +307,18 @@ def _heights(beam: Beam, axis: Any) -> Any:
             )
         # Any direction across the axis will do: the unit vector least aligned with it.
         return np.eye(3)[np.argmin(np.abs(axis), axis=1)]
-    height = np.asarray(beam.orientation, dtype=float) / np.linalg.norm(beam.orientation)
-    parallel = np.abs(axis @ height) > 1 - 1e-8
+    given = beam.orientation(middle.T).T if callable(beam.orientation) else beam.orientation
+    height = array("orientation", np.broadcast_to(given, axis.shape), (len(axis), 3))
+    length = np.linalg.norm(height, axis=1, keepdims=True)
+    parallel = np.linalg.norm(np.cross(axis, height), axis=1) <= 1e-4 * length[:, 0]
     if parallel.any():
         raise InputError(
-            f"orientation {tuple(beam.orientation)} is parallel to the axis of "
-            f"{int(parallel.sum())} beam elements: choose one that is across all of them, or give "
-            "these a material of their own."
+            f"the orientation{_shown(beam)} is parallel to the axis of {int(parallel.sum())} beam "
+            "elements: choose one that is across all of them, or give these a material of their "
+            "own."
         )
-    return np.broadcast_to(height, axis.shape)
+    return np.asarray(height / length)
+
+
+def _shown(beam: Beam) -> str:
+    return "" if callable(beam.orientation) else f" {tuple(beam.orientation or ())}"

@@ -277,7 +277,11 @@ def _gmsh_arrays(gmsh: Any, name: str) -> RawMesh:
             for kind, block in blocks.get(member, {}).items()
         ]
         if vertices:
-            groups.setdefault(label, {})[dim] = np.vstack(vertices)
+            if dim in groups.setdefault(label, {}):
+                raise MeshError(
+                    f"{name} gives two groups of dimension {dim} the name {label!r}: name them apart."
+                )
+            groups[label][dim] = np.vstack(vertices)
         if dim == top:
             in_groups += members
     # As gmsh itself writes files: once cells are in named groups, the others are construction aids.
