@@ -78,14 +78,21 @@ def site(x: float) -> ao.Site:
     return ao.Site(point=(x, 0.0), direction=(0.0, 1.0))
 
 
+def early(hit: ao.History, reference: ao.History, until: float) -> float:
+    """Difference of two force histories in L2 up to a time in s, relative to the latter."""
+    time = np.union1d(hit.time, reference.time)
+    time = time[time <= until]
+    ours, theirs = (np.interp(time, h.time, h.force) for h in (hit, reference))
+    return float(np.sqrt(trapezoid((ours - theirs) ** 2, time) / trapezoid(theirs**2, time)))
+
+
 def compare(hit: ao.History, reference: ao.History) -> Errors:
     """How far a force history is from another."""
     time = np.union1d(hit.time, reference.time)
     ours, theirs = (np.interp(time, h.time, h.force) for h in (hit, reference))
-    off = np.sqrt(trapezoid((ours - theirs) ** 2, time) / trapezoid(theirs**2, time))
     run = cumulative_trapezoid(ours - theirs, time)
     return Errors(
-        float(off),
+        early(hit, reference, float(time[-1])),
         abs(hit.peak_force / reference.peak_force - 1),
         abs(hit.impulse / reference.impulse - 1),
         abs(lasted(hit) / lasted(reference) - 1),

@@ -26,6 +26,7 @@ from article_beam import (
     compare,
     convergence,
     corrected,
+    early,
     euler_bernoulli,
     lasted,
     meshed,
@@ -128,6 +129,8 @@ def main(
         "against_exact": {
             name: compare(hits[name], hits["exact"]) for name in hits if name != "exact"
         },
+        "early": {name: early(hits[name], hits["exact"], 2e-3) for name in hits},
+        "mid_span_returns": float(time[np.flatnonzero(exact < 0)[-1]]),
         "mid_span": {
             name: mid_span_error(mid_span(hits[name], time), exact)
             for name in ("AO 9", "modes 10", "AO 50", "modes 90")

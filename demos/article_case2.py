@@ -251,8 +251,8 @@ def figures(result: dict[str, Any], folder: Path = PICTURES) -> list[Path]:
     figure, axes = plt.subplots(1, 2, figsize=(10, 3.2))
     k = np.array(list(result["sweep"]))
     rows = list(result["sweep"].values())
-    for name in ("contact_time", "contact_time_fe"):
-        axes[0].semilogx(k, [row[name] for row in rows], "o-", ms=3, label=name)
+    for name, label in (("contact_time", "exact"), ("contact_time_fe", "FE")):
+        axes[0].semilogx(k, [row[name] for row in rows], "o-", ms=3, label=label)
     axes[0].axhspan(2.35, 2.45, color="0.85", label="article, 2.4")
     axes[0].set(xlabel="Hertz stiffness (N m$^{-3/2}$)", ylabel="contact time (ms)")
     for name in ("AO 9", "modes 5", "modes 8", "modes 10", "modes 15"):
