@@ -148,7 +148,7 @@ def draw(rng: Rng) -> dict[str, Any]:
         "method": str(
             rng.choice(
                 ["exact", "newmark", "conserving", "leapfrog", "DOP853"],
-                p=[0.8, 0.06, 0.04, 0.06, 0.04],
+                p=[0.82, 0.06, 0.04, 0.06, 0.02],
             )
         ),
         "tol": 10 ** rng.uniform(-3.5, -1),

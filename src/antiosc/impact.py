@@ -137,7 +137,7 @@ def simulate(
     if method in IVP_METHODS:
         limit = scale / 10 if step is None else step
         trajectory = go(
-            SolveIVP(method, max(1e-2 * accuracy, 3e-14), limit, 10 * max_steps), limit / 4
+            SolveIVP(method, max(1e-2 * accuracy, 3e-14), limit, 5 * max_steps), limit / 4
         )
         step = limit
     elif method in FIXED_STEP:

@@ -35,7 +35,7 @@ class SolveIVP:
         method: str,
         rtol: float,
         max_step: float = np.inf,
-        max_evaluations: int = 10 * MAX_STEPS,
+        max_evaluations: int = 5 * MAX_STEPS,
     ) -> None:
         self.name, self.rtol, self.max_step = method, rtol, max_step
         self.max_evaluations = max_evaluations
@@ -61,8 +61,9 @@ class SolveIVP:
             if law.has_memory:
                 events.append(motion.turned(turn))
                 turn = -turn
-            scale = max(float(np.abs(y[:size]).max(initial=0)), problem.resolution)
-            speed = max(float(np.abs(y[size : 2 * size]).max(initial=0)), 1e-300)
+            pause = min(self.max_step, end - t)  # a time in which gravity sets things moving
+            speed = max(np.abs(y[size:-1]).max(), np.abs(problem.load).max() * pause, 1e-200)
+            scale = max(np.abs(y[:size]).max(), speed * pause)
             atol = self.rtol * np.concatenate(
                 (
                     np.full(size, min(scale, 1.0) * 1e-3),
@@ -71,24 +72,26 @@ class SolveIVP:
                 )
             )
             try:
-                solution: Any = solve_ivp(
-                    motion.slope,
-                    (t, end),
-                    y,
-                    method=self.name,
-                    rtol=self.rtol,
-                    atol=atol,
-                    max_step=self.max_step,
-                    events=events,
-                    dense_output=True,
+                with np.errstate(all="ignore"):  # a failing method says so below
+                    solution: Any = solve_ivp(
+                        motion.slope,
+                        (t, end),
+                        y,
+                        method=self.name,
+                        rtol=self.rtol,
+                        atol=atol,
+                        max_step=self.max_step,
+                        events=events,
+                        dense_output=True,
+                    )
+            except (_GaveUp, ArithmeticError, ValueError) as error:
+                reason = (
+                    f"more than {self.max_evaluations} evaluations of the force in one contact"
+                    if isinstance(error, _GaveUp)
+                    else f"no finite step ({error})"
                 )
-            except _TooMany:
-                trouble = (
-                    f"{self.name} gave up after {t:g} s: more than {self.max_evaluations}"
-                    f" evaluations of the force in one contact; use method='exact' or raise"
-                    f" max_steps"
-                )
-                count = self.max_evaluations
+                trouble = f"{self.name} gave up after {t:g} s: {reason}; use method='exact'"
+                count += motion.evaluations
                 return Phase(segments, t, y[:size], y[size:-1], state, count, False, trouble)
             count += motion.evaluations
             if solution.status < 0:
@@ -100,7 +103,7 @@ class SolveIVP:
                     state,
                     count,
                     False,
-                    f"{self.name} gave up at {t:g} s: {solution.message}",
+                    f"{self.name} gave up at {t:g} s: {solution.message}; use method='exact'",
                 )
             segments.append(_segment(motion, solution))
             t, y = float(solution.t[-1]), solution.y[:, -1].copy()
@@ -112,7 +115,7 @@ class SolveIVP:
                 return Phase(segments, t, y[:size], y[size:-1], state, count, released)
 
 
-class _TooMany(Exception):
+class _GaveUp(Exception):
     """The bound on evaluations is met."""
 
 
@@ -136,7 +139,7 @@ class _Contact:
         p, n = self.problem, self.size
         self.evaluations += 1
         if self.evaluations > self.most:
-            raise _TooMany
+            raise _GaveUp
         force = self.contact(y)[2]
         v = y[n:-1]
         a = p.load - p.beta * force - p.omega**2 * y[:n] - 2 * p.decay * v

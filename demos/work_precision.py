@@ -1,0 +1,265 @@
+"""Error of the force against time and force evaluations, for every integrator.
+
+Scenes: the article's second case with 9 and with 60 anti-oscillators, the same with a contact a
+million times stiffer, and the bracket, if its model file is there (`make demo` writes it). The
+truth of each scene is DOP853 at its tightest tolerance; the exact propagator is judged by it, not
+by itself. Also measured, with the error beside the time:
+
+- the default run at tol = 1e-3 with 9, 60 and 100 anti-oscillators: flat in N?
+- the exact propagator against solve_ivp's best method at equal error,
+- the rate of `simulate_many`.
+
+    OMP_NUM_THREADS=1 .venv/bin/python demos/work_precision.py
+"""
+
+from __future__ import annotations
+
+import argparse
+import inspect
+import json
+import time
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+
+import antiosc as ao
+from antiosc.closed_form import UniformBeam, pinned_pinned
+from antiosc.history import force_difference
+from antiosc.integrators import FIXED_STEP
+
+ROOT = Path(__file__).resolve().parent.parent
+BEAM = UniformBeam.euler_bernoulli(E=67e9, rho=2400.0, area=2e-4, inertia=0.33e-8, length=1.0)
+STRIKER = ao.RigidMass(0.24, 0.01)
+HERTZ = 1.55e10
+SOLVE_IVP = ("RK45", "DOP853", "LSODA", "Radau")
+EQUAL = 1e-3  # error at which methods are compared
+
+
+@dataclass(frozen=True)
+class Scene:
+    name: str
+    model: ao.AntiOscillators
+    impactor: Any
+    law: ao.ContactLaw
+    duration: float
+    steps: np.ndarray
+
+    def run(self, method: str, **how: Any) -> ao.History:
+        return ao.simulate(self.model, self.impactor, self.law, self.duration, method, **how)
+
+
+def main(
+    repeats: int = 5,
+    numbers: Sequence[int] = (9, 60, 100),
+    scenes: int = 2048,
+    bracket: Path = ROOT / "out" / "bracket.npz",
+    out: Path = ROOT / "out",
+) -> dict[str, Any]:
+    """Measure and draw; return the numbers that are printed.
+
+    Parameters
+    ----------
+    repeats : runs of which the median time is taken
+    numbers : of anti-oscillators for the default run; the first two are charted as well
+    scenes : in the batch
+    bracket : model file of the bracket; left out if missing
+    out : folder of the chart and the table
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    models = {n: pinned_pinned(BEAM).anti_oscillators(n) for n in sorted({10, *numbers})}
+    table = []
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ao.AccuracyWarning)
+        for scene in charted(models, numbers, bracket):
+            table += survey(scene, repeats)
+        default = [default_run(models[n], n, repeats) for n in numbers]
+        batch = batch_rate(models[10], scenes, repeats)
+    chart(table, out / "work_precision.png")
+    result = {
+        "table": table,
+        "default": default,
+        "flatness": max(d["seconds"] for d in default) / min(d["seconds"] for d in default),
+        "speedup": speedups(table),
+        "batch": batch,
+    }
+    partial = out / "work_precision.json.part"
+    partial.write_text(json.dumps(result, indent=1))
+    partial.replace(out / "work_precision.json")
+    return result
+
+
+def charted(
+    models: dict[int, ao.AntiOscillators], numbers: Sequence[int], bracket: Path
+) -> list[Scene]:
+    law, steps = ao.Hertz(HERTZ), 4e-5 / 2.0 ** np.arange(0, 9)
+    few, many = models[numbers[0]], models[numbers[min(1, len(numbers) - 1)]]
+    scenes = [
+        Scene(f"case 2, {m.n} anti-oscillators", m, STRIKER, law, 8e-3, steps) for m in (few, many)
+    ]
+    stiff = ao.Hertz(1e6 * HERTZ)
+    scenes.append(Scene("contact x 1e6", few, STRIKER, stiff, 1e-4, steps / 300))
+    if bracket.is_file():
+        model = ao.AntiOscillators.load(bracket)
+        ball = ao.Sphere(0.01, 2.1e11, 0.3, 7850.0, 2.0)
+        contact = ball.hertz(7e10, 0.33, (0.018, np.inf))
+        scenes.append(Scene("bracket", model, ball, contact, 5e-4, steps / 10))
+    return scenes
+
+
+def survey(scene: Scene, repeats: int) -> list[dict[str, Any]]:
+    """All methods over steps or tolerances against DOP853 at its tightest."""
+    truth = scene.run("DOP853", tol=1e-6, step=float(scene.steps[3]))
+    rows = []
+    for method in FIXED_STEP:
+        for h in scene.steps:
+            rows.append(measure(scene, truth, method, {"step": float(h)}, repeats))
+    for method in SOLVE_IVP:
+        for tol in 10.0 ** np.arange(0, -6, -1):  # rtol is a hundredth of that
+            how = {"tol": min(tol, 0.5), "step": scene.duration}
+            row = measure(scene, truth, method, how, 1)
+            rows.append(row)
+            if row["seconds"] > 2:
+                break
+    return rows
+
+
+def measure(
+    scene: Scene, truth: ao.History, method: str, how: dict[str, float], repeats: int
+) -> dict[str, Any]:
+    hit, seconds = timed(lambda: scene.run(method, **how), repeats)
+    error = force_difference(hit.trajectory, truth.trajectory)[0]
+    failed = hit.status == 2
+    return {
+        "scene": scene.name,
+        "method": method,
+        **how,
+        "error": float("inf") if failed else error,
+        "seconds": seconds,
+        "evaluations": hit.trajectory.evaluations,
+    }
+
+
+def timed(work: Callable[[], Any], repeats: int) -> tuple[Any, float]:
+    """Result and median seconds."""
+    seconds = []
+    for _ in range(repeats):
+        began = time.perf_counter()
+        result = work()
+        seconds.append(time.perf_counter() - began)
+    return result, float(np.median(seconds))
+
+
+def default_run(model: ao.AntiOscillators, n: int, repeats: int) -> dict[str, Any]:
+    """`simulate` as a user calls it: 0.01 m/s, 8 ms, error of the force <= 1e-3."""
+    law = ao.Hertz(HERTZ)
+    model.modal()
+    hit, seconds = timed(lambda: ao.simulate(model, STRIKER, law, 8e-3), 4 * repeats)
+    truth = ao.simulate(model, STRIKER, law, 8e-3, step=hit.step / 16)
+    error = force_difference(hit.trajectory, truth.trajectory)[0]
+    return {"n": n, "seconds": seconds, "error": error, "estimate": hit.error["force"]}
+
+
+def batch_rate(model: ao.AntiOscillators, scenes: int, repeats: int) -> dict[str, Any]:
+    """Scenes a second of case 2 with masses, speeds and contacts spread by 4, at 1e-3."""
+    rng = np.random.default_rng(0)
+    spread = rng.uniform(0.5, 2.0, (3, scenes))
+    strikers = ao.sweep(
+        ao.RigidMass, mass=STRIKER.mass * spread[0], velocity=STRIKER.velocity * spread[1]
+    )
+    laws = ao.sweep(ao.Hertz, stiffness=HERTZ * spread[2])
+    batch, seconds = timed(lambda: ao.simulate_many(model, strikers, laws, 3e-3), repeats)
+    few = range(0, scenes, max(scenes // 20, 1))
+    alone, each = timed(lambda: [ao.simulate(model, strikers[i], laws[i], 3e-3) for i in few], 1)
+    gap = [abs(batch.peak_force[i] / h.peak_force - 1) for i, h in zip(few, alone, strict=True)]
+    return {
+        "scenes": scenes,
+        "rate": scenes / seconds,
+        "rate one by one": len(few) / each,
+        "largest difference": max(gap),
+        "largest error": float(batch.error.max()),
+    }
+
+
+def speedups(table: list[dict[str, Any]]) -> dict[str, dict[str, float]]:
+    """Per scene: seconds of each method at the error `EQUAL`; exact against solve_ivp."""
+    result = {}
+    for scene in dict.fromkeys(r["scene"] for r in table):
+        at = {
+            method: seconds_at(
+                [r for r in table if r["scene"] == scene and r["method"] == method], EQUAL
+            )
+            for method in (*FIXED_STEP, *SOLVE_IVP)
+        }
+        best = min(at[m] for m in SOLVE_IVP)
+        result[scene] = {**at, "speedup": best / at["exact"]}
+    return result
+
+
+def seconds_at(rows: list[dict[str, Any]], error: float) -> float:
+    """Least time of the runs that reach the error."""
+    return min((r["seconds"] for r in rows if r["error"] <= error), default=float("inf"))
+
+
+def chart(table: list[dict[str, Any]], path: Path) -> None:
+    scenes = list(dict.fromkeys(r["scene"] for r in table))
+    fig, axes = plt.subplots(
+        2, len(scenes), figsize=(4.2 * len(scenes), 7), layout="constrained", squeeze=False
+    )
+    for column, scene in zip(axes.T, scenes, strict=True):
+        for method in (*FIXED_STEP, *SOLVE_IVP):
+            rows = [r for r in table if r["scene"] == scene and r["method"] == method]
+            rows = [r for r in rows if 0 < r["error"] < 2]
+            style = "o-" if method in FIXED_STEP else "s--"
+            error = [r["error"] for r in rows]
+            for ax, key in zip(column, ("seconds", "evaluations"), strict=True):
+                ax.loglog([r[key] for r in rows], error, style, ms=4, label=method)
+                ax.set_xlabel({"seconds": "time [s]", "evaluations": "force evaluations"}[key])
+                ax.grid(alpha=0.3)
+        column[0].set_title(scene)
+    for row in axes:
+        row[0].set_ylabel("relative error of the force (L2)")
+    axes[0, -1].legend(fontsize=8)
+    fig.savefig(path, dpi=120)
+    plt.close(fig)
+
+
+def report(result: dict[str, Any]) -> None:
+    print(f"time to reach an error of {EQUAL:g}, ms")
+    for scene, at in result["speedup"].items():
+        listed = "  ".join(f"{m} {1e3 * s:.3g}" for m, s in at.items() if m != "speedup")
+        print(f"  {scene}: {listed}")
+        print(f"    exact is {at['speedup']:.0f} x faster than solve_ivp's best")
+    for d in result["default"]:
+        print(
+            f"default run, {d['n']:>3} anti-oscillators: {1e3 * d['seconds']:.1f} ms,"
+            f" error {d['error']:.1e} (estimated {d['estimate']:.1e})"
+        )
+    print(f"slowest over fastest of these: {result['flatness']:.2f}")
+    b = result["batch"]
+    print(
+        f"batch of {b['scenes']}: {b['rate']:.0f} scenes/s, one by one {b['rate one by one']:.0f};"
+        f" largest estimated error {b['largest error']:.1e},"
+        f" largest difference to one by one {b['largest difference']:.0e}"
+    )
+
+
+def command(arguments: Sequence[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(description=inspect.getdoc(main))
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.add_argument("--repeats", type=int, default=5)
+    parser.add_argument("--scenes", type=int, default=2048)
+    parser.add_argument("--bracket", type=Path, default=ROOT / "out" / "bracket.npz")
+    parser.add_argument("--out", type=Path, default=ROOT / "out")
+    report(main(**vars(parser.parse_args(arguments))))
+
+
+if __name__ == "__main__":
+    command()
