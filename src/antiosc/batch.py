@@ -37,7 +37,7 @@ from antiosc.modal import LinearBody
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
-_BLOCK = 512  # scenes that march together: small enough for the cache
+_BLOCK = 2048  # scenes that march together: many enough to hide the cost of a call
 _FEW = 8  # scenes that are quicker one by one ...
 _LONG = 64  # ... if they go on for more steps than this
 
@@ -339,8 +339,11 @@ class _Stack:
         size = max(p.omega.size for p in problems)
 
         def pad(name: str) -> Array:
-            rows = [getattr(p, name) for p in problems]
-            return np.array([np.pad(row, (0, size - row.size)) for row in rows])
+            array = np.zeros((len(problems), size))
+            for row, p in zip(array, problems, strict=True):
+                values = getattr(p, name)
+                row[: values.size] = values
+            return array
 
         self.omega, self.decay, self.beta = pad("omega"), pad("decay"), pad("beta")
         self.load, self.q, self.v = pad("load"), pad("q"), pad("v")
@@ -532,9 +535,13 @@ def _contact(
         again = short if depth < DEPTH else np.zeros(short.size, dtype=bool)
         done = ~again
         log.add(who[done], t[who[done]], np.zeros(int(done.sum())))
-        owner, time, force = (np.concatenate(x) for x in (nodes.owner, nodes.time, nodes.force))
+        owner = np.concatenate(nodes.owner)
         keep = done[owner]
-        log.add(who[owner[keep]], time[keep], force[keep])
+        log.add(
+            who[owner[keep]],
+            np.concatenate(nodes.time)[keep],
+            np.concatenate(nodes.force)[keep],
+        )
         for j in np.flatnonzero(done):
             i = who[j]
             results[i].contacts.append((float(t[i]), float(out.t[j]), float(out.impulse[j])))
@@ -576,8 +583,8 @@ class _Outcome:
     def extend(self, rows: Index, more: _Outcome) -> None:
         """Go on from these rows with what came after."""
         self.q[rows], self.v[rows], self.t[rows] = more.q, more.v, more.t
-        self.impulse[rows] += more.impulse
-        self.count[rows] += more.count
+        self.impulse[rows] = self.impulse[rows] + more.impulse
+        self.count[rows] = self.count[rows] + more.count
         self.parted[rows] = more.parted
 
 
@@ -591,55 +598,61 @@ def _march(
     force: Array | None = None,
 ) -> _Outcome:
     """Step until every scene has parted or reached its end."""
-    q, v, t, end = (x.copy() for x in start)
-    size = t.size
-    out = _Outcome.like(q, v, t)
+    q, v, t0, end = start
+    size = t0.size
+    out = _Outcome.like(q, v, t0)
     force = np.zeros(size) if force is None else force
-    ids, h = np.arange(size), h.copy()
-    previous = force
-    count, impulse = np.zeros(size, dtype=np.intp), np.zeros(size)
-    last_force, last_h = np.zeros(size), h.copy()
+    ids, previous = np.arange(size), force
+    total = 0.5 * force  # of the forces, by the trapezoidal rule
+    whole = ((end - t0) / h * (1 + 1e-12)).astype(np.intp)  # whole steps to the end of the run
+    soonest = int(whole.min())
+    last_force, last_h = np.zeros(size), h
     steps, implicit = _Steps(part, h), stack.implicit(part.rows)
-    lonely = 0
+    n = lonely = 0
     while ids.size and lonely < _LONG:
         lonely += ids.size <= _FEW
-        # the last step to the end of the run is shorter
-        near = end - t < h * (1 - 1e-12)
-        if near.any():
-            h = np.where(near, end - t, h)
+        n += 1
+        near = None
+        if n > soonest:  # the last step to the end of the run is shorter
+            near = whole < n
+            h = np.where(near, end - t0 - (n - 1) * h, h)
             steps = _Steps(stack.part(part.rows[ids]), h)
+            t0 = np.where(near, end - n * h, t0)
+            earlier = last_h[ids] / h * (total - 0.5 * force) + 0.5 * force
+            total = np.where(near, earlier, total)
         q1, v1, trial = steps.free(q, v, force)
         guess = np.maximum(2 * force - previous, 0.5 * force)
         F1 = implicit.force(trial, steps.alpha, guess)
-        count += 1
-        gone = (F1 == 0.0) & (trial <= 0.0)
-        any_gone = bool(gone.any())
-        if any_gone:
-            g = ids[gone]
-            out.save(g, q[gone], v[gone], t[gone], impulse[gone], count[gone], 0.0)
-            last_force[g], last_h[g] = force[gone], h[gone]
+        leave = trial <= 0.0 if trial.min() <= 0.0 else None
+        if leave is not None:
+            g = ids[leave]
+            t = t0[leave] + (n - 1) * h[leave]
+            impulse = h[leave] * (total - 0.5 * force)[leave]
+            out.save(g, q[leave], v[leave], t, impulse, n, 0.0)
+            last_force[g], last_h = force[leave], _with(last_h, g, h[leave])
             out.parted[g] = True
-        F = F1[:, None]
-        q1 += steps.rise_q * F
-        v1 += steps.rise_v * F
-        q, v, t = q1, v1, np.where(near, end, t + h)
-        impulse += 0.5 * h * (force + F1)
-        previous, force = force, F1
-        over = near | (end - t <= 1e-12 * end) | (count > max_steps)
-        if any_gone:
-            over &= ~gone
-            stay = np.flatnonzero(~gone)
-            nodes.add(ids[stay], t[stay], F1[stay])
-        else:
+        q1 += steps.rise_q * F1[:, None]
+        v1 += steps.rise_v * F1[:, None]
+        q, v, previous, force = q1, v1, force, F1
+        total = total + F1
+        t = t0 + n * h
+        if leave is None:
             nodes.add(ids, t, F1)
-        any_over = bool(over.any())
-        if any_over:
-            out.save(ids[over], q[over], v[over], t[over], impulse[over], count[over], force[over])
-        if any_gone or any_over:
-            keep = np.flatnonzero(~(gone | over))
-            ids, q, v, t, end, h = ids[keep], q[keep], v[keep], t[keep], end[keep], h[keep]
-            previous = previous[keep]
-            force, count, impulse = force[keep], count[keep], impulse[keep]
+        else:
+            stay = np.flatnonzero(~leave)
+            nodes.add(ids[stay], t[stay], F1[stay])
+        if n >= soonest or n > max_steps:
+            over = (end - t <= 1e-12 * end) | (n > max_steps)
+            if leave is not None:
+                over &= ~leave
+            impulse = h * (total - 0.5 * force)
+            out.save(ids[over], q[over], v[over], t[over], impulse[over], n, force[over])
+            leave = over if leave is None else leave | over
+        if leave is not None:
+            keep = np.flatnonzero(~leave)
+            ids, q, v, t0, end, h = ids[keep], q[keep], v[keep], t0[keep], end[keep], h[keep]
+            previous, force, total, whole = previous[keep], force[keep], total[keep], whole[keep]
+            soonest = int(whole.min(initial=max_steps))
             steps.take(keep)
             implicit.take(keep)
     _release(stack, part, out, last_force, last_h, nodes)
@@ -648,20 +661,26 @@ def _march(
         problem = stack.problems[row]
         J = problem.omega.size
         phase = Exact(h[i], max_steps).resume(
-            problem, t[i], q[i, :J], v[i, :J], (), end[i], h[i], float(force[i])
+            problem, t0[i] + n * h[i], q[i, :J], v[i, :J], (), end[i], h[i], float(force[i])
         )
         k = ids[i : i + 1]
-        more = sum(s.impulse for s in phase.segments)
+        impulse = h[i] * (total[i] - 0.5 * force[i]) + sum(s.impulse for s in phase.segments)
         state = np.zeros((2, 1, q.shape[1]))
         state[0, 0, :J], state[1, 0, :J] = phase.q, phase.v
         last = float(phase.segments[-1].force[-1])
-        steps_done = count[i] + phase.evaluations
-        out.save(k, state[0], state[1], phase.time, impulse[i] + more, steps_done, last)
+        out.save(k, state[0], state[1], phase.time, impulse, n + phase.evaluations, last)
         out.parted[k] = phase.released
         for segment in phase.segments:
             owner = np.full(segment.time.size - 1, ids[i])
             nodes.add(owner, segment.time[1:], segment.force[1:])
     return out
+
+
+def _with(array: Array, rows: Index, values: Array) -> Array:
+    """A copy of the array with some rows changed."""
+    new = array.copy()
+    new[rows] = values
+    return new
 
 
 def _release(
@@ -796,6 +815,9 @@ class _Hertz(_Law):
     def force(self, delta: Array, alpha: Array, guess: Array) -> Array:
         """Newton on a s^2 + (alpha - c) s^3 = delta, s = F^(1/3), as `Hertz.implicit`."""
         a, cubic = self.a, alpha - self.c
+        if not self.bounded and guess.min() > 0 and delta.min() > 0 and cubic.min() > 0:
+            s = self._newton(np.cbrt(guess), delta, cubic)
+            return s * s * s
         touching = delta > 0
         d = np.where(touching, delta, a + cubic)  # s = 1 solves the rows that do not touch
         warm = touching & (guess > 0) & (cubic > 0)
@@ -807,18 +829,22 @@ class _Hertz(_Law):
             limit = np.cbrt(d[cold] / np.where(positive, cubic[cold], 1.0))
             s[cold] = np.where(positive, np.minimum(start, limit), start)
         s[warm] = np.cbrt(guess[warm])
-        if self.bounded:
-            s = np.where(touching, np.minimum(s, self.end), 1.0)
-        a2, c3 = 2 * a, 3 * cubic
-        for _ in range(100):
-            step = ((a + cubic * s) * s * s - d) / ((a2 + c3 * s) * s)
-            s = s - step
-            if self.bounded:
-                s = np.where(touching, np.minimum(s, self.end), 1.0)
-            if (np.abs(step) <= 1e-8 * s).all():  # the error left is the square of that
-                break
+        top = np.where(touching, self.end, 1.0) if self.bounded else None
+        s = self._newton(s, d, cubic, top)
         force = np.where(touching, s * s * s, 0.0)
         return self._beyond(force, delta, alpha, cubic) if self.bounded else force
+
+    def _newton(self, s: Array, d: Array, cubic: Array, top: Array | None = None) -> Array:
+        a, a2 = self.a, 2 * self.a
+        for _ in range(100):
+            bend = cubic * s
+            step = ((a + bend) * s * s - d) / ((a2 + 3 * bend) * s)
+            s = s - step
+            if top is not None:
+                s = np.minimum(s, top)
+            if (np.abs(step) <= 1e-8 * s).all():  # the error left is the square of that
+                break
+        return s
 
     def _beyond(self, force: Array, delta: Array, alpha: Array, cubic: Array) -> Array:
         limited = np.isfinite(self.end)

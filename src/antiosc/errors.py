@@ -30,4 +30,4 @@ class AntioscWarning(UserWarning):
 
 
 class AccuracyWarning(UserWarning):
-    """A result that is usable but did not reach what was asked; the message says how far it came."""
+    """A usable result that did not reach what was asked; the message says how far it came."""
