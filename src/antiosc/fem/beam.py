@@ -88,7 +88,7 @@ class Section:
 
 
 def _rectangle_torsion(width: float, height: float) -> float:
-    """Saint-Venant's series for a rectangle (Timoshenko & Goodier, *Theory of Elasticity*, §109)."""
+    """Saint-Venant's series (Timoshenko & Goodier, *Theory of Elasticity*, §109)."""
     a, b = max(width, height), min(width, height)
     n = np.arange(1, 40, 2)
     series = np.sum(np.tanh(n * np.pi * a / (2 * b)) / n**5)

@@ -47,10 +47,13 @@ def cell_nodes(mesh: Mesh, cell: int) -> Array:
     return np.asarray(mesh.dolfinx.geometry.x[nodes])
 
 
-def cell_size(mesh: Mesh, cell: int) -> float:
-    """Largest distance between two nodes of a cell of this rank, m."""
-    x = cell_nodes(mesh, cell)
-    return float(np.linalg.norm(x[:, None] - x[None], axis=2).max())
+def size_at(mesh: Mesh, place: Place) -> float:
+    """Largest distance in m between two nodes of the cell at a place, on all ranks."""
+    size = 0.0
+    if mesh.comm.rank == place.rank:
+        x = cell_nodes(mesh, place.cell)
+        size = float(np.linalg.norm(x[:, None] - x[None], axis=2).max())
+    return float(mesh.comm.bcast(size, root=place.rank))
 
 
 def sheet_normal(mesh: Mesh, place: Place) -> Array:

@@ -279,7 +279,8 @@ def _gmsh_arrays(gmsh: Any, name: str) -> RawMesh:
         if vertices:
             if dim in groups.setdefault(label, {}):
                 raise MeshError(
-                    f"{name} gives two groups of dimension {dim} the name {label!r}: name them apart."
+                    f"{name} gives two groups of dimension {dim} the name {label!r}: name them "
+                    "apart."
                 )
             groups[label][dim] = np.vstack(vertices)
         if dim == top:
@@ -389,10 +390,8 @@ def _spanned(raw: RawMesh, nodes: IntArray) -> dict[int, IntArray]:
     result: dict[int, IntArray] = {}
     if raw.kind.dim > 1:
         facets = np.vstack([raw.cells[:, list(f)] for f in FACETS[raw.kind.shape]])
-        unique: Any = np.unique(
-            np.sort(facets, axis=1), axis=0, return_index=True, return_counts=True
-        )
-        _, first, count = unique
+        ends = np.sort(facets, axis=1)
+        first, count = np.unique(ends, axis=0, return_index=True, return_counts=True)[1:]
         outer = facets[first[count == 1]]
         held = outer[marked[outer].all(axis=1)]
         if len(held):

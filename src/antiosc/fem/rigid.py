@@ -8,7 +8,7 @@ elastic ω², which is where the shift belongs. Foreign matrices are searched by
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from mpi4py import MPI
@@ -20,6 +20,9 @@ from antiosc.fem.algebra import Array, Factorization, Solver, dot, multiply, nor
 from antiosc.fem.compat import IntArray
 from antiosc.fem.family import WeakForm
 from antiosc.fem.parallel import bounds
+
+#: scaled coordinates (n, 3) -> (displacement (3, n), rotation (3, n))
+_Field = Callable[[Array], tuple[Array, Array]]
 
 #: ‖K r‖ / (‖K‖ ‖r‖) below which r counts as a rigid-body mode; rounding leaves about 1e-16.
 RIGID = 1e-11
@@ -173,10 +176,10 @@ def _first_elastic(
     """A Rayleigh–Ritz value of the size of the lowest elastic ω²."""
     fields = fields - motions @ dot(comm, motions, multiply(M, fields))
     basis = orthonormal(comm, M, fields)
-    values = np.linalg.eigvalsh(dot(comm, basis, multiply(K, basis))) if basis.shape[1] else []
-    for value in values:
-        if value > ELASTIC * max(values):
-            return float(value)
+    values = np.linalg.eigvalsh(dot(comm, basis, multiply(K, basis)))
+    elastic = values[values > ELASTIC * values.max(initial=0.0)]
+    if len(elastic):
+        return float(elastic[0])
     return float(K.getDiagonal().sum() / M.getDiagonal().sum())
 
 
@@ -203,8 +206,8 @@ def _fields(form: WeakForm, comm: MPI.Comm) -> tuple[Array, int]:
     return np.column_stack(columns), rigid_count
 
 
-def _polynomials(dim: int) -> Iterator[tuple[bool, object]]:
-    """(is rigid, s -> (displacement (3, n), rotation (3, n))): rigid motions, then up to quadratic."""
+def _polynomials(dim: int) -> Iterator[tuple[bool, _Field]]:
+    """(is rigid, s -> (displacement (3, n), rotation (3, n))): rigid motions, then the others."""
     axes = range(dim)
     for i in axes:
         yield True, _field(i, ())
@@ -217,7 +220,7 @@ def _polynomials(dim: int) -> Iterator[tuple[bool, object]]:
                 yield False, _field(i, (j, k))
 
 
-def _field(component: int, powers: tuple[int, ...]):  # type: ignore[no-untyped-def]
+def _field(component: int, powers: tuple[int, ...]) -> _Field:
     """u_component = Π s_j over `powers`, and half its curl."""
 
     def value(s: Array) -> tuple[Array, Array]:
@@ -238,7 +241,7 @@ def _field(component: int, powers: tuple[int, ...]):  # type: ignore[no-untyped-
     return value
 
 
-def _difference(a, b):  # type: ignore[no-untyped-def]
+def _difference(a: _Field, b: _Field) -> _Field:
     def value(s: Array) -> tuple[Array, Array]:
         (u, r), (v, q) = a(s), b(s)
         return u - v, r - q

@@ -1,14 +1,12 @@
-"""`Structure`: a mesh, its materials and supports as assembled K and M, or matrices from elsewhere."""
+"""`Structure`: mesh, materials and supports as assembled K and M, or matrices from elsewhere."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from functools import cached_property, partial
 from typing import Any
 
-import dolfinx
 import numpy as np
 from mpi4py import MPI
 from numpy.typing import ArrayLike, NDArray
@@ -24,29 +22,8 @@ from antiosc.fem.compat import IntArray
 from antiosc.fem.family import Family, Parts, WeakForm, measure
 from antiosc.fem.large import Choice, checked_choice, solver_for
 from antiosc.fem.mesh import Mesh
-from antiosc.fem.parallel import agree
 from antiosc.fem.shell import Shell
-
-_NO_DOFS = np.zeros(0, dtype=np.int32)
-Place = str | Callable[[NDArray[np.float64]], NDArray[np.bool_]]
-
-
-@dataclass(frozen=True)
-class Support:
-    """Motions held at zero.
-
-    Parameters
-    ----------
-    where
-        Name of a group of the mesh, or a function of coordinates x of shape (3, n) that tells
-        which of the n points are held.
-    fix
-        "all", or the motions held: of "x", "y", "z" (displacements) and, for beams,
-        "rx", "ry", "rz" (rotations); one name or several.
-    """
-
-    where: Place
-    fix: str | Iterable[str] = "all"
+from antiosc.fem.support import NO_DOFS, Support, held_dofs
 
 
 class Structure:
@@ -109,12 +86,12 @@ class Structure:
         cells, beams = _divided(mesh, material)
         self.parts: Parts = _parts(mesh, cells)
         self.form: WeakForm | None = self.parts[0][0].weak_form(mesh, self.parts, order)
-        held = _held(mesh, self.form, supports)
+        held = held_dofs(mesh, self.form, supports)
         space = self.form.space
         self.K: PETSc.Mat = compat.assemble(self.form.stiffness, space, held, 1.0)
         self.M: PETSc.Mat = compat.assemble(self.form.mass, space, held, 0.0)
         # dofs of this rank, ghosts included, that the supports hold
-        self.fixed: IntArray = np.unique(np.concatenate([_NO_DOFS, *held.values()]))
+        self.fixed: IntArray = np.unique(np.concatenate([NO_DOFS, *held.values()]))
         owned = self.fixed[self.fixed < compat.local_size(space)]
         self.dofs: int = self.K.getSize()[0] - self.comm.allreduce(len(owned))
         if self.dofs == 0:
@@ -156,7 +133,7 @@ class Structure:
             _check_diagonal(name, matrix)
         self.mesh = self.form = self._mass = None
         self._solver = "auto"
-        self.parts, self.fixed = [], _NO_DOFS
+        self.parts, self.fixed = [], NO_DOFS
         self.dofs = self.K.getSize()[0]
         given = None
         if rigid_modes is not None:
@@ -171,6 +148,12 @@ class Structure:
         if self.mesh is not None:
             return self.mesh.comm
         return self.K.getComm().tompi4py()
+
+    def meshed(self) -> tuple[Mesh, WeakForm]:
+        """The mesh and the form that was assembled on it; InputError for matrices."""
+        if self.mesh is None or self.form is None:
+            raise InputError("matrices carry no mesh: build the Structure of one for this.")
+        return self.mesh, self.form
 
     @property
     def mass(self) -> float:
@@ -297,81 +280,9 @@ def _parts(mesh: Mesh, material: Any) -> Parts:
 def _check_family(material: Any) -> None:
     if not hasattr(material, "weak_form"):
         raise InputError(
-            f"material must be a Solid, Shell or Beam, or a dict of them; got {type(material).__name__}."
+            "material must be a Solid, Shell or Beam, or a dict of them; got "
+            f"{type(material).__name__}."
         )
-
-
-def _held(
-    mesh: Mesh, form: WeakForm, supports: Sequence[Support]
-) -> dict[tuple[int, ...], IntArray]:
-    """Path of each component -> its dofs of this rank, ghosts included, that are held."""
-    if isinstance(supports, Support):
-        supports = [supports]
-    held: dict[tuple[int, ...], IntArray] = {}
-    for support in supports:
-        if not isinstance(support, Support):
-            raise InputError(
-                f"supports must be a list of Support(where, fix); got {type(support).__name__} "
-                f"{support!r} in it."
-            )
-        count = 0
-        for name in _components(support.fix, form):
-            path = form.components[name]
-            dofs = _there(mesh, form, support.where, path)
-            count += mesh.comm.allreduce(len(dofs))
-            held[path] = np.union1d(held.get(path, _NO_DOFS), dofs).astype(np.int32)
-        if not count:
-            raise InputError(
-                f"the support {_label(support.where)} holds nothing: no point of the mesh lies "
-                "there; check the group or the coordinates (metres)."
-            )
-    return held
-
-
-def _components(fix: str | Iterable[str], form: WeakForm) -> list[str]:
-    known = list(form.components)
-    if fix == "all":
-        return known
-    names = [fix] if isinstance(fix, str) else list(fix)
-    wrong = [name for name in names if name not in known]
-    if wrong or not names:
-        raise InputError(
-            f"fix={fix!r} is not a motion of this structure: it must be 'all' or of "
-            f"{', '.join(map(repr, known))}."
-        )
-    return names
-
-
-def _there(mesh: Mesh, form: WeakForm, where: Place, path: tuple[int, ...]) -> IntArray:
-    if callable(where):
-        dofs, x = compat.dof_coordinates(form.space, path)
-        mask, error = None, None
-        try:
-            mask = np.asarray(where(x.T), dtype=bool)
-            if mask.shape != (len(x),):
-                raise InputError(
-                    f"a support's function must return one bool per point: shape ({len(x)},); "
-                    f"got {mask.shape}."
-                )
-        except Exception as caught:
-            error = caught
-        agree(mesh.comm, error)
-        return dofs[mask]
-    component = compat.subspace(form.space, path)
-    parts = mesh.group(where)
-    found = [_topological(mesh, component, dim, parts[dim]) for dim in sorted(parts)]
-    return np.unique(np.concatenate([_NO_DOFS, *found]))
-
-
-def _topological(mesh: Mesh, component: Any, dim: int, entities: IntArray) -> IntArray:
-    mesh.dolfinx.topology.create_connectivity(dim, mesh.tdim)
-    return np.asarray(dolfinx.fem.locate_dofs_topological(component, dim, entities))
-
-
-def _label(where: Place) -> str:
-    if isinstance(where, str):
-        return f"on group {where!r}"
-    return f"by function {getattr(where, '__name__', repr(where))!r}"
 
 
 def _check_symmetric(name: str, matrix: PETSc.Mat) -> None:

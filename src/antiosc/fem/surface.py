@@ -19,8 +19,8 @@ from antiosc.errors import InputError
 from antiosc.fem import compat
 from antiosc.fem.algebra import Array
 from antiosc.fem.compat import IntArray
+from antiosc.fem.load import SAME_FACE
 from antiosc.fem.mesh import Mesh
-from antiosc.fem.site import SAME_FACE
 from antiosc.fem.structure import Structure
 
 #: Gauss points across one radius (the pressure's slope is infinite on the rim), and per direction
