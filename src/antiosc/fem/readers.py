@@ -75,7 +75,7 @@ GMSH_KINDS = {
     12: "hexahedron27",
     17: "hexahedron20",
 }
-FACETS = {
+FACETS: dict[str, list[tuple[int, ...]]] = {
     "triangle": [(0, 1), (1, 2), (2, 0)],
     "quadrilateral": [(0, 1), (1, 2), (2, 3), (3, 0)],
     "tetrahedron": [(0, 1, 2), (0, 1, 3), (0, 2, 3), (1, 2, 3)],
