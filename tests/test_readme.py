@@ -32,6 +32,7 @@ def test_the_program_of_the_readme_runs(tmp_path, monkeypatch, capsys):
 
 def test_every_path_that_the_readme_names_exists():
     text = (ROOT / "README.md").read_text(encoding="utf-8")
-    paths = re.findall(r"\]\(([^)#]+)\)", text) + re.findall(r"`((?:src|meshes|demos|tests)/[^`]*)`", text)
+    paths = re.findall(r"\]\(([^)#]+)\)", text)
+    paths += re.findall(r"`((?:src|meshes|demos|tests)/[^`]*)`", text)
     assert paths
     assert [p for p in paths if not p.startswith("http") and not (ROOT / p).exists()] == []
