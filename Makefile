@@ -1,6 +1,6 @@
 # Every target sets up what it needs, once; `make help` lists them.
 .DEFAULT_GOAL := help
-.PHONY: help setup demo article test check test-debian13 lint fmt clean
+.PHONY: help setup demo article bench test check test-debian13 lint fmt clean
 
 PYTHON := .venv/bin/python
 READY  := .venv/ready
@@ -26,6 +26,9 @@ demo: $(READY) ## a steel sphere strikes the bracket: table, force plot, model a
 
 article: $(READY) ## every claim of the article rerun: demos/ARTICLE.md and its figures
 	$(PYTHON) demos/article.py
+
+bench: $(READY) ## speed against accuracy: tables, pictures and JSON in out/bench (about 20 minutes)
+	$(PYTHON) demos/speed_accuracy.py
 
 test: $(READY) ## all tests, those on several MPI ranks included
 	$(PYTHON) -m pytest
