@@ -193,6 +193,20 @@ class TestTwoModels:
         assert two.peak_force == pytest.approx(one.peak_force, rel=1e-9)
         assert two.impulse == pytest.approx(one.impulse, rel=1e-9)
 
+    def test_massless_contact_points_of_both(self, rng):
+        """Exchanged again, with m0 = 0 on one side and on both: compliances in series."""
+        a, b = (random_model(rng, n, supported=False) for n in (3, 4))
+        for light in ((a,), (b,), (a, b)):
+            x, y = (ao.AntiOscillators(0.0, 0.0, m.m, m.omega) if m in light else m for m in (a, b))
+            law = ao.Hertz(1e8)
+            one = ao.simulate(x, ao.Impactor(y, 1.0), law, 2e-3, step=1e-6)
+            two = ao.simulate(y, x, law, 2e-3, initial_velocity=1.0, step=1e-6)
+            assert two.peak_force == pytest.approx(one.peak_force, rel=1e-9)
+            gap = one.impactor_displacement - one.displacement
+            assert one.indentation == pytest.approx(gap, abs=1e-9 * np.abs(gap).max())
+            law_force = 1e8 * np.clip(one.indentation, 0, None) ** 1.5
+            assert one.force == pytest.approx(law_force, abs=1e-9 * one.peak_force)
+
     def test_a_striker_without_oscillators_is_a_rigid_mass(self, rng):
         model = random_model(rng, 3)
         law = ao.Hertz(1e8)

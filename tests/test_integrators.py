@@ -151,7 +151,8 @@ class TestPropagator:
         t = 1e-7
         # leading terms of the series; the next ones are smaller by 2 d t and (w t)^2
         assert p.step(t) == pytest.approx(t**2 / 2 * (1 - 2 * self.DECAY * t / 3), rel=1e-11)
-        assert p.step_and_ramp(t)[1] == pytest.approx(t**3 / 6 * (1 - 2 * self.DECAY * t / 4), rel=1e-11)
+        ramp = t**3 / 6 * (1 - 2 * self.DECAY * t / 4)
+        assert p.step_and_ramp(t)[1] == pytest.approx(ramp, rel=1e-11)
 
     def test_undamped_is_the_limit_of_damped(self):
         plain = Propagator(self.OMEGA, np.zeros_like(self.OMEGA))
