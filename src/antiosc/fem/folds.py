@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 SOUND = 0.02
 #: Measure of a cell over its size to the power of its dimension below which it has none.
 FLAT = 1e-7
+#: Size of a cell over that of the mesh below which it is a point.
+POINT = 1e-12
 #: Mid-side nodes of second-order simplices in gmsh's order, from the third vertex on.
 EDGES = {
     "triangle": [(0, 1), (1, 2), (2, 0)],
@@ -47,7 +49,8 @@ def collapsed(points: Array, cells: IntArray, shape: str, order: int) -> IntArra
     J = np.einsum("dqn,cni->cqdi", slopes, points[cells], optimize=True)
     measure = np.sqrt(np.abs(np.linalg.det(J @ J.swapaxes(2, 3)))).max(axis=1)
     size = np.abs(J).max(axis=(1, 2, 3))
-    return np.flatnonzero(measure <= FLAT * size ** slopes.shape[0])
+    nothing = size <= POINT * np.ptp(points, axis=0).max()
+    return np.flatnonzero(nothing | (measure <= FLAT * size ** slopes.shape[0]))
 
 
 def straightened(points: Array, cells: IntArray, shape: str) -> Array:

@@ -368,8 +368,8 @@ def _meshio_point_sets(mesh: Any) -> Iterator[tuple[str, IntArray]]:
         yield name, np.asarray(nodes, dtype=np.int64)
     tags = mesh.point_data.get("point_tags")  # MED: tag -> names
     if tags is not None:
-        for value, names in getattr(mesh, "point_tags", {}).items():
-            for name in names:
+        for value, labels in getattr(mesh, "point_tags", {}).items():
+            for name in labels:
                 yield name, np.flatnonzero(np.asarray(tags) == value)
 
 
