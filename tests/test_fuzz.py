@@ -14,11 +14,11 @@ fuzz = demo("fuzz")
 
 
 def test_random_scenes():
-    result = fuzz.main(scenes=120, seed=3)
+    result = fuzz.main(scenes=60, seed=3)
     assert result["failures"] == []
     assert result["momentum"] <= 1e-9
     laws = [name for name in result["counts"] if name.startswith("law")]
-    assert len(laws) >= 12
+    assert len(laws) >= 10
 
 
 @pytest.mark.slow

@@ -59,7 +59,7 @@ def coverage(scenes: int) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.filterwarnings("ignore::antiosc.errors.AccuracyWarning")
 def test_estimate_covers_the_truth_in_a_few_scenes():
-    share, factor = coverage(12)
+    share, factor = coverage(8)
     assert share.min() >= 0.8
     assert factor.max() < 15
 
@@ -105,9 +105,9 @@ def test_too_small_a_model_says_how_many_are_missing():
     with pytest.warns(ao.AccuracyWarning, match=r"3 anti-oscillators leave .* more are needed"):
         hit = ao.simulate(model, striker, ao.Hertz(HERTZ), 8e-3, n="auto", tol=0.02)
     assert hit.status == 1
-    missing = choose_n(model, striker, ao.Hertz(HERTZ), 8e-3, tol=0.02).missing
+    missing = choose_n(model, striker, ao.Hertz(HERTZ), 8e-3, tol=0.05).missing
     enough = case_two(3 + missing)[0]
-    assert choose_n(enough, striker, ao.Hertz(HERTZ), 8e-3, tol=0.02).missing <= missing
+    assert choose_n(enough, striker, ao.Hertz(HERTZ), 8e-3, tol=0.05).missing <= missing / 4
 
 
 def test_number_of_anti_oscillators_by_hand():

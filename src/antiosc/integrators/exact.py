@@ -34,7 +34,8 @@ class Exact:
     """Exact propagator with a fixed step [s] during contact; release is located within a step.
 
     A contact that is over within `SHORT` steps is done again with a step 8 times smaller, and so
-    on, at most `DEPTH` times.
+    on, at most `DEPTH` times. With a rate-dependent law on a massless contact point the order is 1:
+    the force then starts with a jump of its derivative.
     """
 
     order = 2
