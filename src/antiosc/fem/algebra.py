@@ -27,6 +27,8 @@ BACKWARD_ERROR = 1e-10
 #: Largest ‖A‖‖x‖/‖Ax‖: rounding makes a mechanism as stiff as 1e-16 of the stiffest motion.
 GROWTH = 1e14
 
+#: Vectors from which a product of matrices is faster than one by one.
+BLOCK = 4
 #: MUMPS's numbers of its orderings that Debian's build has and that serve here.
 AMF, PORD = 2, 4
 #: Rows from which it pays to forecast a factorization before it is made.
@@ -47,6 +49,13 @@ def norm(comm: MPI.Comm, x: Array) -> float:
 
 def multiply(matrix: PETSc.Mat, x: Array) -> Array:
     """matrix · x for a vector or a block of vectors."""
+    if x.ndim == 2 and x.shape[1] >= BLOCK:
+        block = _dense(matrix, x)
+        product = matrix.matMult(block)
+        result = np.array(product.getDenseArray())
+        product.destroy()
+        block.destroy()
+        return result
     source, target = matrix.createVecs()
     result = np.empty_like(x)
     columns = x[:, None] if x.ndim == 1 else x
@@ -58,6 +67,15 @@ def multiply(matrix: PETSc.Mat, x: Array) -> Array:
     source.destroy()
     target.destroy()
     return result
+
+
+def _dense(matrix: PETSc.Mat, x: Array) -> PETSc.Mat:
+    """A block of vectors (rows of this rank, k) as a PETSc matrix that `matrix` can meet."""
+    size = ((x.shape[0], matrix.getSize()[0]), (None, x.shape[1]))
+    block = PETSc.Mat().createDense(size, array=np.asfortranarray(x), comm=matrix.getComm())
+    block.setUp()
+    block.assemble()
+    return block
 
 
 def as_petsc(name: str, matrix: Any) -> PETSc.Mat:
@@ -189,15 +207,9 @@ class Factorization(Solver):
 
     def solve_block(self, R: Array) -> Array:
         """A⁻¹R for a block of vectors (rows, k): many at once cost a fraction of one by one."""
-        rows, columns = R.shape
-        if columns < 2:
+        if R.shape[1] < 2:
             return super().solve_block(R)
-        size = ((rows, self.A.getSize()[0]), (None, columns))
-        X = PETSc.Mat().createDense(size, comm=self.A.getComm())
-        B = PETSc.Mat().createDense(size, array=np.asfortranarray(R), comm=self.A.getComm())
-        for matrix in (X, B):
-            matrix.setUp()
-            matrix.assemble()
+        B, X = _dense(self.A, R), _dense(self.A, np.zeros(R.shape, order="F"))
         self._ksp.getPC().getFactorMatrix().matSolve(B, X)
         result = np.array(X.getDenseArray())
         X.destroy()

@@ -58,7 +58,7 @@ EXACT, FIRST = 300, 150
 #: in turn; that at another site is the largest among so many nearest ones.
 FOLDS, NEIGHBOURS = 5, 3
 #: Largest number of sites extracted directly.
-DIRECT = 64
+DIRECT = 16
 #: Weight of the direction of the surface in the distance of two sites, over the size of the part.
 TURN = 0.3
 #: A site with less than this share of its load on dofs that can move is held by the supports.
@@ -239,8 +239,8 @@ def impact_map(
     band : float, optional
         Highest circular frequency of interest, rad/s; default: half the last free frequency.
     accuracy : float
-        Largest |dZ|/|Z| over the band, at one per cent of damping. Sites above it are extracted
-        directly, the worst 64 at most; a warning says how many remain.
+        Largest |dZ|/|Z| over the band, at one per cent of damping. Sites where the modes left out
+        make more are extracted directly, the worst 16 at most; a warning says how many remain.
     k0_accuracy : float
         Relative error to which the static compliance of many sites may be interpolated; 0: it is
         solved for at each.
@@ -274,9 +274,11 @@ def impact_map(
     solved = time.perf_counter()
     C, G, off, solves = _deflections(structure, sites, omega, b, k0_accuracy)
     models = free_modes.at_sites(omega, b, C, G, n, structure.shift, "krylov")
-    error = free_modes.error_bound(models, omega, b, C, G, band, structure.shift)
+    left_out, reduction = free_modes.error_bound(models, omega, b, C, G, band, structure.shift)
     reduced = time.perf_counter()
-    models, error, direct = _refined(structure, sites, models, error, band, accuracy)
+    models, error, direct = _refined(
+        structure, sites, models, (left_out, reduction), band, accuracy
+    )
     extracted = time.perf_counter()
     seconds = {
         "sites": located - started,
@@ -548,14 +550,15 @@ def _refined(
     structure: Structure,
     sites: _Sites,
     models: SiteModels,
-    error: Array,
+    errors: tuple[Array, Array],
     band: float,
     accuracy: float,
 ) -> tuple[SiteModels, Array, Array]:
-    """The sites with the largest errors extracted by themselves."""
+    """The sites for which the free modes are too few, extracted by themselves; errors of all."""
+    left_out, error = errors[0], errors[0] + errors[1]
     direct = np.zeros(len(error), dtype=bool)
-    worst = np.argsort(-error, kind="stable")[:DIRECT]
-    worst = worst[error[worst] > accuracy]
+    worst = np.argsort(-left_out, kind="stable")[:DIRECT]
+    worst = worst[left_out[worst] > accuracy]
     if not len(worst):
         return models, error, direct
     omega, m = models.omega.copy(), models.m.copy()

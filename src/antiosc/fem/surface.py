@@ -71,7 +71,9 @@ def point_loads(structure: Structure, points: Array, directions: Array) -> scipy
     assert structure.form is not None
     near = 1e-9 * structure.mesh.extent()
     rows, sites, values = [], [], []
-    for axis, name in enumerate("xyz"[: structure.mesh.gdim]):
+    for axis, name in enumerate("xyz"):
+        if name not in structure.form.components:
+            continue
         dofs, x = compat.dof_coordinates(structure.form.space, structure.form.components[name])
         mine = dofs < structure.K.getLocalSize()[0]
         if not mine.any():
