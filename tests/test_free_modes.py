@@ -155,3 +155,16 @@ def test_a_band_above_the_modes(rng):
     models = at_sites(omega, b[None], [C], [G])
     with pytest.raises(ao.InputError, match="must end below the last free mode"):
         error_bound(models, omega, b[None], [C], [G], 1.1 * omega[-1])
+
+
+@pytest.mark.parametrize("speed", [0.1, 3.0])
+def test_band_of_an_impact(speed):
+    ball, law = ao.RigidMass(mass=0.1, velocity=speed), ao.Hertz(1e9)
+    # Hertz's contact time against a wall: 2.9432 delta/v, delta = (5 m v^2/4 k)^(2/5)
+    duration = 2.9432 * (1.25 * 0.1 * speed**2 / 1e9) ** 0.4 / speed
+    assert ao.impact_band(ball, law) == pytest.approx(3 * np.pi / duration, rel=0.15)
+
+
+def test_no_band_without_a_velocity():
+    with pytest.raises(ao.InputError, match="velocity > 0"):
+        ao.impact_band(ao.Obstacle(), ao.Hertz(1e9))

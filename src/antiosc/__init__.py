@@ -6,6 +6,8 @@ alone; what reads meshes and extracts models needs the FE stack and is loaded wh
 
 from typing import Any
 
+from antiosc.advise import Advice, advise
+from antiosc.band import impact_band
 from antiosc.batch import Batch, simulate_many, sweep
 from antiosc.contact import (
     ContactLaw,
@@ -68,6 +70,7 @@ _FEM = (
 __all__ = [
     "AccuracyError",
     "AccuracyWarning",
+    "Advice",
     "AntiOscillators",
     "AntioscError",
     "Batch",
@@ -108,10 +111,12 @@ __all__ = [
     "TanSun",
     "Thornton",
     "YangSun",
+    "advise",
     "choose_n",
     "extract",
     "from_free_modes",
     "full",
+    "impact_band",
     "impact_map",
     "probe",
     "read_mesh",

@@ -13,11 +13,19 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from antiosc import checks
+from antiosc.contact import ContactLaw
+from antiosc.errors import InputError
+from antiosc.impact import assemble, scaled
+from antiosc.modal import LinearBody, ModalBody
 
 #: damping ratio at which Z is evaluated
 DAMPING = 0.01
 #: the band is sampled from its top down to this share of the lowest frequency of the model
 START = 0.25
+
+#: the band of an impact over the circular frequency pi/T of its contact time: a half-sine of length
+#: T has its first zero there
+BEYOND = 3.0
 
 Stiffness = Callable[[Any], NDArray[Any]]
 
@@ -53,3 +61,27 @@ def stiffness_error(Z: Stiffness, reference: Stiffness, band: float, lowest: flo
     at = samples(checks.positive("band", band, "rad/s"), checks.positive("lowest", lowest, "rad/s"))
     exact = reference(at)
     return float(np.max(np.abs(Z(at) - exact) / np.abs(exact)))
+
+
+def impact_band(impactor: LinearBody, contact: ContactLaw) -> float:
+    """The highest circular frequency [rad/s] that an impact brings to a structure, about 3 pi/T.
+
+    T is the contact time of `impactor` on a rigid wall, the shortest that a single contact with
+    the structure can have. Raises InputError for an impactor at rest.
+    """
+    if not float(getattr(impactor, "velocity", 0.0)) > 0:
+        raise InputError(
+            "impact_band needs an impactor with a velocity > 0; with an Obstacle or a body at rest "
+            "give the band as a number."
+        )
+    problem, bodies = assemble(_Wall(), impactor, contact)
+    endless = 1e6  # s
+    _, duration = scaled(problem, bodies, endless)
+    return BEYOND * np.pi / duration
+
+
+class _Wall:
+    """A body that does not move."""
+
+    def modal(self) -> ModalBody:
+        return ModalBody(np.zeros(0), np.zeros(0))
