@@ -18,8 +18,8 @@ QUANTITIES = ("peak_force", "impulse", "contact_time")
 @functools.cache
 def whole_models() -> list[ao.AntiOscillators]:
     """Models with so many anti-oscillators that they stand for the truth, of several kinds."""
-    struck = (pinned_pinned(BEAM), pinned_free(BEAM), cantilever(BEAM), free_free(BEAM, 0.3))
-    models = [each.anti_oscillators(80) for each in struck]
+    beams = (pinned_pinned(BEAM), pinned_free(BEAM), cantilever(BEAM), free_free(BEAM, 0.3))
+    models = [each.anti_oscillators(80) for each in beams]
     rng = np.random.default_rng(1)
     i = np.arange(1.0, 200.0)
     for spread, fall in ((1.0, 1.3), (1.0, 2.0), (1.5, 1.5)):  # plate- and solid-like densities
@@ -27,6 +27,11 @@ def whole_models() -> list[ao.AntiOscillators]:
         omega = np.sort(2e3 * i**spread * (1 + 0.2 * rng.uniform(-1, 1, i.size) / i))
         models.append(ao.AntiOscillators(m0=0.0, k0=3e4, m=0.3 * m / m.sum(), omega=omega))
     return models
+
+
+def struck(striker: ao.RigidMass, law: ao.ContactLaw, duration: float):
+    """The impact as a function of the model."""
+    return lambda model, tol: ao.simulate(model, striker, law, duration, tol=tol)
 
 
 def compare(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
@@ -38,8 +43,9 @@ def compare(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     n = int(2 ** rng.uniform(1, 5.5))
     duration = (2.5 if whole.k0 else 1.5) * np.pi / whole.omega[0]
     short = whole.truncated(n)
-    estimate = truncation_error(short, striker, law, duration)
-    hits = [ao.simulate(m, striker, law, duration, tol=1e-4) for m in (short, whole)]
+    run = struck(striker, law, duration)
+    estimate = truncation_error(short, run)
+    hits = [run(m, 1e-4) for m in (short, whole)]
     true = [abs(getattr(hits[0], q) / getattr(hits[1], q) - 1) for q in QUANTITIES]
     return np.array(true), np.array([getattr(estimate, q) for q in QUANTITIES])
 
@@ -75,18 +81,17 @@ def test_estimate_covers_the_truth_in_200_scenes():
 
 def test_choice_is_the_smallest_that_meets_the_tolerance():
     model, striker = case_two(60)
-    law = ao.Hertz(HERTZ)
-    choice = choose_n(model, striker, law, 8e-3, tol=0.03)
+    run = struck(striker, ao.Hertz(HERTZ), 8e-3)
+    choice = choose_n(model, run, tol=0.03)
     assert choice.missing == 0
     assert choice.error.worst <= 0.03
     assert 1 < choice.n < 60
     below = truncation_error(
-        model.truncated(choice.n - 1), striker, law, 8e-3, next_omega=model.omega[choice.n - 1]
+        model.truncated(choice.n - 1), run, next_omega=model.omega[choice.n - 1]
     )
     assert below.worst > 0.03
     # and the answer is right
-    short = ao.simulate(model.truncated(choice.n), striker, law, 8e-3)
-    whole = ao.simulate(model, striker, law, 8e-3)
+    short, whole = run(model.truncated(choice.n), 1e-3), run(model, 1e-3)
     for quantity in QUANTITIES:
         assert getattr(short, quantity) == pytest.approx(getattr(whole, quantity), rel=0.03)
 
@@ -105,9 +110,10 @@ def test_too_small_a_model_says_how_many_are_missing():
     with pytest.warns(ao.AccuracyWarning, match=r"3 anti-oscillators leave .* more are needed"):
         hit = ao.simulate(model, striker, ao.Hertz(HERTZ), 8e-3, n="auto", tol=0.02)
     assert hit.status == 1
-    missing = choose_n(model, striker, ao.Hertz(HERTZ), 8e-3, tol=0.05).missing
+    run = struck(striker, ao.Hertz(HERTZ), 8e-3)
+    missing = choose_n(model, run, tol=0.05).missing
     enough = case_two(3 + missing)[0]
-    assert choose_n(enough, striker, ao.Hertz(HERTZ), 8e-3, tol=0.05).missing <= missing / 4
+    assert choose_n(enough, run, tol=0.05).missing <= missing / 4
 
 
 def test_number_of_anti_oscillators_by_hand():
@@ -130,4 +136,4 @@ def test_other_bodies_cannot_be_truncated():
     with pytest.raises(ao.InputError, match="only AntiOscillators"):
         ao.simulate(striker, striker, ao.Hertz(1e9), 1e-3, n=2)
     with pytest.raises(ao.InputError, match="0 < tol < 1"):
-        choose_n(case_two(2)[0], striker, ao.Hertz(1e9), 1e-3, tol=2.0)
+        choose_n(case_two(2)[0], struck(striker, ao.Hertz(1e9), 1e-3), tol=2.0)

@@ -70,7 +70,6 @@ class History:
     trajectory: Trajectory
     step: float
     error: dict[str, float]
-    gravity: float
     status: int
     message: str
 

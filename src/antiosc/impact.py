@@ -18,7 +18,6 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +38,8 @@ from antiosc.integrators import (
     run,
 )
 from antiosc.modal import LinearBody, ModalBody
+from antiosc.model import AntiOscillators
+from antiosc.truncation import Run, choose_n
 
 Array = NDArray[np.float64]
 
@@ -117,10 +118,20 @@ def simulate(
     truncation: dict[str, float] = {}
     shortage = ""
     if n is not None:
-        scene = {"initial_velocity": initial_velocity, "gravity": gravity, "gap": gap}
-        model, truncation, shortage = _truncated(
-            model, n, (impactor, contact, duration), accuracy, scene
-        )
+
+        def again(each: AntiOscillators, tol: float) -> History:
+            return simulate(
+                each,
+                impactor,
+                contact,
+                duration,
+                tol=tol,
+                initial_velocity=initial_velocity,
+                gravity=gravity,
+                gap=gap,
+            )
+
+        model, truncation, shortage = _truncated(model, n, again, accuracy)
     law, note = without_patch(contact, model, impactor)
     problem, bodies = assemble(model, impactor, law, initial_velocity, gravity, gap)
     problem, scale = scaled(problem, bodies, duration)
@@ -168,7 +179,6 @@ def simulate(
         trajectory=trajectory,
         step=step,
         error={**error, **truncation},
-        gravity=gravity,
         status=status,
         message=" ".join(filter(None, (message, note))),
     )
@@ -181,23 +191,16 @@ def simulate(
 
 
 def _truncated(
-    model: LinearBody,
-    n: int | str,
-    impact: tuple[LinearBody, ContactLaw, float],
-    tol: float,
-    scene: dict[str, Any],
+    model: LinearBody, n: int | str, run: Run, tol: float
 ) -> tuple[LinearBody, dict[str, float], str]:
     """The model with `n` anti-oscillators, its estimated errors, and what it lacks, if anything."""
-    from antiosc.model import AntiOscillators
-    from antiosc.truncation import choose_n
-
     if not isinstance(model, AntiOscillators):
         raise InputError(f"only AntiOscillators can be truncated; got {type(model).__name__}.")
     if not isinstance(n, str):
         return model.truncated(n), {}, ""
     if n != "auto":
         raise InputError(f'n must be a number of anti-oscillators or "auto"; got {n!r}.')
-    choice = choose_n(model, *impact, tol=tol, **scene)
+    choice = choose_n(model, run, tol)
     errors = {
         f"truncation {name}": getattr(choice.error, name)
         for name in ("peak_force", "impulse", "contact_time")

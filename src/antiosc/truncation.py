@@ -11,19 +11,19 @@ the estimate, at the price of a median over-estimation of 4 to 8 (tests/test_tru
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import ceil, inf, log
-from typing import Any
 
 import numpy as np
 
 from antiosc import checks
-from antiosc.contact import ContactLaw
 from antiosc.errors import InputError
 from antiosc.history import History
-from antiosc.impact import simulate
-from antiosc.modal import LinearBody
 from antiosc.model import AntiOscillators
+
+#: strikes a model, always in the same way, with a given time integration error
+Run = Callable[[AntiOscillators, float], History]
 
 FLOOR = 0.5
 SAFETY = 2.0
@@ -62,21 +62,16 @@ class Choice:
 
 
 def truncation_error(
-    model: AntiOscillators,
-    impactor: LinearBody,
-    contact: ContactLaw,
-    duration: float,
-    *,
-    next_omega: float | None = None,
-    tol: float = 1e-4,
-    **scene: Any,
+    model: AntiOscillators, run: Run, *, next_omega: float | None = None, tol: float = 1e-4
 ) -> TruncationError:
-    """Estimate what the modes left out of `model` do to this impact.
+    """Estimate what the modes left out of `model` do to an impact.
 
     Parameters
     ----------
-    model, impactor, contact, duration, scene
-        As for `simulate`.
+    model : AntiOscillators
+    run : callable
+        The impact: `run(model, tol)` returns its `History`, for instance
+        `lambda m, tol: simulate(m, impactor, law, duration, tol=tol)`.
     next_omega : float, optional
         First frequency left out [rad/s]; by default as far above the last as that is above the
         one before.
@@ -86,27 +81,17 @@ def truncation_error(
     if model.n == 0:
         return TruncationError(0, inf, inf, inf)
     soft = _hung(model, next_omega)
-    runs = [simulate(each, impactor, contact, duration, tol=tol, **scene) for each in (model, soft)]
-    errors = [
-        SAFETY * max(_relative(*values) - tol, 0.0)
-        for values in zip(*(_quantities(run) for run in runs), strict=True)
-    ]
+    pairs = zip(_quantities(run(model, tol)), _quantities(run(soft, tol)), strict=True)
+    errors = [SAFETY * max(_relative(*pair) - tol, 0.0) for pair in pairs]
     worst = max(errors)
     return TruncationError(model.n, *(max(e, FLOOR * worst) for e in errors))
 
 
-def choose_n(
-    model: AntiOscillators,
-    impactor: LinearBody,
-    contact: ContactLaw,
-    duration: float,
-    tol: float = 1e-2,
-    **scene: Any,
-) -> Choice:
+def choose_n(model: AntiOscillators, run: Run, tol: float = 1e-2) -> Choice:
     """Smallest truncation of `model` whose estimated error is <= `tol`, or how many are missing.
 
-    To extract as many anti-oscillators as a scene needs: extract some, call this, and extract
-    `choice.missing` more until that is 0. Scene keywords as for `simulate`.
+    `run(model, tol)` is the impact, as for `truncation_error`. To extract as many anti-oscillators
+    as a scene needs: extract some, call this, and extract `choice.missing` more until that is 0.
 
     Raises
     ------
@@ -123,13 +108,7 @@ def choose_n(
         if n not in known:
             following = float(model.omega[n]) if n < model.n else None
             known[n] = truncation_error(
-                model.truncated(n),
-                impactor,
-                contact,
-                duration,
-                next_omega=following,
-                tol=min(0.1 * tol, 1e-3),
-                **scene,
+                model.truncated(n), run, next_omega=following, tol=min(0.1 * tol, 1e-3)
             )
         return known[n]
 
