@@ -167,6 +167,7 @@ def test_impacts_are_single_impacts(steel):
         hit = ao.simulate(result.model(i), ball, law, 4e-4)
         assert result.peak_force[i] == pytest.approx(hit.peak_force, rel=1e-3)
         assert result.contact_time[i] == pytest.approx(hit.contact_time, rel=1e-3)
+        assert result.peak_deflection[i] == pytest.approx(hit.displacement.max(), rel=1e-3)
 
 
 def test_files(mapped, tmp_path):

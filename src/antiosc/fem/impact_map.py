@@ -30,6 +30,7 @@ from antiosc import free_modes
 from antiosc.batch import simulate_many
 from antiosc.checks import array, nonnegative, positive, whole
 from antiosc.contact import ContactLaw
+from antiosc.deflection import peak_deflections
 from antiosc.errors import AccuracyWarning, AntioscWarning, InputError
 from antiosc.fem.algebra import Array, dot, multiply
 from antiosc.fem.compat import IntArray
@@ -74,6 +75,7 @@ LABELS = {
     "contact_time": "contact time / s",
     "restitution": "coefficient of restitution",
     "impulse": "impulse / (N s)",
+    "peak_deflection": "peak deflection / m",
 }
 
 log = logging.getLogger(__name__)
@@ -95,8 +97,9 @@ class ImpactMap:
     k0_error : (P,) estimated relative error of the static compliance, 0 where it was solved for.
     direct : (P,) bool, sites that were extracted by themselves.
     skipped : sites left out because the supports hold them or no surface carries their patch.
-    peak_force [N], contact_time [s], restitution, impulse [N s] : (P,) of the impacts, or None;
-        restitution is NaN where the impactor had not left at the end.
+    peak_force [N], contact_time [s], restitution, impulse [N s], peak_deflection [m] : (P,) of the
+        impacts, or None; restitution is NaN where the impactor had not left at the end, the
+        deflection is the site's, the patch's own indentation included.
     info : facts, JSON-able: free modes, solves, seconds, error of the interpolation.
     """
 
@@ -115,6 +118,7 @@ class ImpactMap:
     contact_time: Array | None = None
     restitution: Array | None = None
     impulse: Array | None = None
+    peak_deflection: Array | None = None
     info: dict[str, Any] = field(default_factory=dict)
 
     def __len__(self) -> int:
@@ -142,6 +146,7 @@ class ImpactMap:
             "contact_time": self.contact_time,
             "restitution": self.restitution,
             "impulse": self.impulse,
+            "peak_deflection": self.peak_deflection,
         }
         return {name: value for name, value in named.items() if value is not None}
 
@@ -615,14 +620,16 @@ def _struck(
     part, error = None, None
     try:
         if len(mine):
-            part = simulate_many([result.model(i) for i in mine], impactor, contact, duration)
+            models = [result.model(i) for i in mine]
+            batch = simulate_many(models, impactor, contact, duration)
+            part = batch, peak_deflections(models, batch.force, duration)
     except Exception as caught:
         error = caught
     agree(comm, error)
     parts = [p for p in comm.allgather(part) if p is not None]
 
     def gathered(name: str) -> Array:
-        return np.concatenate([getattr(p, name) for p in parts])
+        return np.concatenate([getattr(batch, name) for batch, _ in parts])
 
     result.info["seconds"]["impacts"] = time.perf_counter() - started
     return replace(
@@ -631,4 +638,5 @@ def _struck(
         contact_time=gathered("contact_time"),
         restitution=gathered("restitution"),
         impulse=gathered("impulse"),
+        peak_deflection=np.concatenate([deflection for _, deflection in parts]),
     )
