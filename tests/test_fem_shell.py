@@ -10,6 +10,8 @@ from mpi4py import MPI
 
 pytest.importorskip("dolfinx")
 
+import dolfinx
+
 import antiosc as ao
 from antiosc.closed_form.plates import SupportedPlate
 from antiosc.errors import AntioscWarning, InputError
@@ -421,6 +423,35 @@ def test_a_fold_carries_bending_across():
     assert y[dof(structure, (1, 0, 1), "x")] == pytest.approx(bending, rel=2e-3)
 
 
+def test_one_strut_as_beam_shell_and_solid():
+    """ν = 0, so that the clamp restrains no contraction: what is left is warping, (h/L)²."""
+    length, width, height = 0.3, 0.02, 0.01
+    held = [ao.Support(at(0, 0.0))]
+    x = np.column_stack([np.linspace(0, length, 21), np.zeros((21, 2))])
+    cells = np.column_stack([np.arange(20), np.arange(1, 21)])
+    line = ao.read_mesh(compat.create_mesh(MPI.COMM_WORLD, cells, x, "interval", 1))
+    section = ao.Section.rectangle(width=width, height=height)
+    bar = ao.Beam(E, 0.0, RHO, section, orientation=(0, 0, 1))
+    box = dolfinx.mesh.create_box(
+        MPI.COMM_WORLD,
+        [np.zeros(3), np.array([length, width, height])],
+        [24, 2, 2],
+        dolfinx.mesh.CellType.hexahedron,
+    )
+    beam, shell, solid = (
+        frequencies(part, 3)
+        for part in (
+            ao.Structure(line, bar, held),
+            ao.Structure(rectangle((20, 2), length, width), ao.Shell(E, 0.0, RHO, height), held),
+            ao.Structure(ao.read_mesh(box), ao.Solid(E, 0.0, RHO), held),
+        )
+    )
+    # twice in the thickness' direction, between them once in the width's
+    assert beam[1] / beam[0] == pytest.approx(width / height, rel=1e-2)
+    assert shell == pytest.approx(beam, rel=2e-3)
+    assert solid == pytest.approx(beam, rel=2e-3)
+
+
 # --- sites ------------------------------------------------------------------------------------
 
 
@@ -438,13 +469,13 @@ def test_patch_compliance_is_mindlins(n, radius):
     assert found == pytest.approx(exact, rel=2e-3)
 
 
-def test_the_default_radius_is_half_the_thickness():
+def test_the_default_radius_is_the_thickness():
     structure = plate(12, 0.1)
     site = ao.Site((0.45, 0.4, 0), (0, 0, 1))
-    assert functional(structure, site).radius == pytest.approx(0.05)
-    same = compliance(structure, ao.Site((0.45, 0.4, 0), (0, 0, 1), radius=0.05))
+    assert functional(structure, site).radius == pytest.approx(0.1)
+    same = compliance(structure, ao.Site((0.45, 0.4, 0), (0, 0, 1), radius=0.1))
     assert compliance(structure, site) == pytest.approx(same, rel=1e-12)
-    assert ao.extract(structure, site, n=2).radius == pytest.approx(0.05)
+    assert ao.extract(structure, site, n=2).radius == pytest.approx(0.1)
 
 
 def test_the_weights_of_a_patch_are_its_motion():

@@ -23,8 +23,6 @@ from antiosc.fem.structure import Structure
 
 #: Facets whose normal turns from the site's by more than this cosine are around an edge.
 SAME_FACE = 0.5
-#: Radius of a shell's patch over its thickness, where none is given.
-DISC_RADIUS = 0.5
 #: A patch's point that lies off the sheet by more than this share of the radius is beyond its edge.
 OFF_DISC = 0.05
 #: Quadrature degree for the patch pressure, whose slope is infinite on the rim.

@@ -26,8 +26,9 @@ from antiosc.fem.structure import Structure
 
 #: A point counts as on the structure up to this share of the structure's size.
 ON_STRUCTURE = 1e-6
-#: Radius of a shell's patch over its thickness, where none is given.
-SHEET_RADIUS = 0.5
+#: Radius of a shell's patch over its thickness, where none is given: that at which a plate yields
+#: as a solid does without what its patch has of a half-space (demos/fidelity.py compares them).
+SHEET_RADIUS = 1.0
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,8 @@ class Site:
         Radius in m of a patch with Hertz's pressure √(1 − r²/a²) on the surface around the
         point; force and displacement are both weighted by it. None: on a beam a point; on a
         solid too, though it has no compliance that converges with the mesh; on a shell, where
-        it has none either, a patch as wide as the shell is thick (radius half the thickness).
+        it has none either, a patch with the shell's thickness as radius, where it yields as a
+        solid does without its half-space compliance.
     snap : bool
         Move a point off the structure to the nearest point of it.
     dof : int

@@ -22,6 +22,7 @@ from antiosc.fem.compat import IntArray
 from antiosc.fem.family import Family, Parts, WeakForm, measure
 from antiosc.fem.large import Choice, checked_choice, solver_for
 from antiosc.fem.mesh import Mesh
+from antiosc.fem.parallel import bounds
 from antiosc.fem.shell import Shell
 from antiosc.fem.support import NO_DOFS, Support, held_dofs
 
@@ -193,6 +194,27 @@ class Structure:
         load = self.form.density * self.form.along(along) * measure(self.mesh, 5)
         own = compat.assemble_functional(load, self.form.space)
         return np.asarray(own[: len(self._attached_inertia)] + self._attached_inertia @ direction)
+
+    @property
+    def dimensions(self) -> tuple[float, float, float]:
+        """Length, width and thickness of the part, m, as `antiosc.advise` wants them.
+
+        Of the box along the axes around it; a shell's thickness is its least, a beam's width and
+        thickness are those of the rectangle with its section's A and I.
+        """
+        if self.mesh is None:
+            raise InputError("matrices have no dimensions: give length, width and thickness.")
+        low, high = bounds(self.comm, self.mesh.dolfinx.geometry.x)
+        length, width, thickness = sorted((float(e) for e in high - low), reverse=True)
+        materials = [material for material, _ in self.parts]
+        if isinstance(materials[0], Shell):
+            thickness = min(one.thickness for one in materials)
+        elif isinstance(materials[0], Beam):
+            thickness = min((12 * one.section.I / one.section.A) ** 0.5 for one in materials)
+            width = max(one.section.A for one in materials) / thickness
+        elif materials[0].plane is not None:
+            width, thickness = materials[0].thickness, width
+        return length, width, thickness
 
     def material_at(self, place: locate.Place) -> Any:
         """The material of the cell at `place`, on all ranks."""

@@ -1,0 +1,193 @@
+"""Which element family is enough for a part and an impact, and how fine its mesh must be.
+
+Everything is estimated from dimensions, before any mesh: the contact time of the impactor on a
+half-space of the part's material is the shortest that the part can have, and above twice its
+inverse the force has little to give. A family serves as long as it carries that frequency:
+
+    beam    until its section deforms: half of the lowest frequency of a free strip of its width
+    shell   until its thickness does: half of the first thickness-shear frequency, c_s/(2h)
+    solid   always
+
+and as long as the contact is small against the section that the family takes to be rigid, and the
+part slender in its sense. A light impactor leaves before the part has moved: where Zener's
+inelasticity λ says so, the force is Hertz's on a half-space, whatever carries the frequency.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import pi, sqrt
+from typing import Any
+
+import numpy as np
+
+from antiosc import checks
+from antiosc.closed_form import zener
+from antiosc.contact.geometry import effective_modulus
+from antiosc.errors import InputError
+
+#: Highest frequency that matters, times the contact time: beyond it the spectrum of a Hertz pulse
+#: stays below a twentieth of its value at 0.
+REACH = 2.0
+#: A family is trusted up to this share of the frequency at which it fails.
+TRUST = 0.5
+#: Inelasticity up to which the part has no say in the force (at 0.02 the impactor keeps 97 % of its
+#: velocity on an infinite plate).
+UNMOVED = 0.02
+#: Length over width of a beam, and side over thickness of a shell, from which each is slender.
+SLENDER = 5.0
+#: Largest contact radius over thickness for a family whose thickness is rigid.
+CONTACT = 0.25
+#: Elements per wavelength (cubic or quadratic ones).
+PER_WAVE = 4.0
+#: Factor of Hertz's contact time, 2.943 δ/v with a rigid partner.
+HERTZ_TIME = 2.9432
+
+
+@dataclass(frozen=True)
+class Advice:
+    """What serves for one part and one impact.
+
+    Attributes
+    ----------
+    family : "beam", "shell" or "solid", the smallest that is enough.
+    contact_time : of the impactor on a half-space [s]; the part's own is longer.
+    frequency : highest that the model must carry [Hz].
+    element_size : largest element of that family [m].
+    contact_radius : of Hertz's contact at its peak [m].
+    inelasticity : Zener's λ of the impactor on an infinite plate of this thickness.
+    limits : family -> frequency [Hz] up to which it holds.
+    reasons : why the smaller families were left, and what bounds the mesh.
+    """
+
+    family: str
+    contact_time: float
+    frequency: float
+    element_size: float
+    contact_radius: float
+    inelasticity: float
+    limits: dict[str, float]
+    reasons: tuple[str, ...]
+
+    def __str__(self) -> str:
+        return (
+            f"{self.family}, elements of at most {1e3 * self.element_size:.3g} mm, for "
+            f"{1e-3 * self.frequency:.3g} kHz ({'; '.join(self.reasons)})"
+        )
+
+
+def advise(
+    part: Any, impactor: Any, *, E: float | None = None, nu: float = 0.3, rho: float | None = None
+) -> Advice:
+    """The smallest family that is enough for `impactor` on `part`, and its mesh.
+
+    Parameters
+    ----------
+    part : sequence of 3 floats, or Structure
+        Length, width and thickness of a box around it, m, struck along the thickness; or a
+        structure, which knows these and its material.
+    impactor : Sphere
+        Or whatever else has a mass, a velocity and `hertz(E, nu)`.
+    E, nu, rho : float
+        Of the part's material; needed with bare dimensions.
+
+    Raises
+    ------
+    InputError
+        Dimensions that are not positive or not in falling order, no material, an impactor at rest
+        or without Hertz's law.
+    """
+    length, width, thickness, material = _measures(part, E, nu, rho)
+    E, nu, rho = material
+    if not hasattr(impactor, "hertz"):
+        raise InputError(
+            f"advise needs an impactor with a contact law of its own, as a Sphere; got "
+            f"{type(impactor).__name__}."
+        )
+    speed = checks.positive("the impactor's velocity", impactor.velocity, "m/s")
+    stiffness = impactor.hertz(E, nu).stiffness
+    depth = (1.25 * impactor.mass * speed**2 / stiffness) ** 0.4
+    time = HERTZ_TIME * depth / speed
+    reduced = effective_modulus(E, nu, impactor.E, impactor.nu)
+    contact = (0.75 * stiffness * depth**1.5 * impactor.radius / reduced) ** (1 / 3)
+    frequency = REACH / time
+    bending = E * thickness**3 / (12 * (1 - nu**2))
+    lam = zener.inelasticity(impactor.mass, speed, stiffness, bending, rho * thickness)
+
+    limits = {
+        "beam": TRUST * _strip(width, thickness, E, nu, rho),
+        "shell": TRUST * sqrt(E / (2 * (1 + nu)) / rho) / (2 * thickness),
+        "solid": np.inf,
+    }
+    slender = {"beam": length / width, "shell": sqrt(length * width) / thickness, "solid": np.inf}
+    reasons = []
+    for family, limit in limits.items():
+        lacks = []
+        if frequency > limit and lam > UNMOVED:
+            lacks.append(f"holds up to {1e-3 * limit:.3g} kHz")
+        if slender[family] < SLENDER:
+            lacks.append(f"slenderness {slender[family]:.2g} < {SLENDER:g}")
+        if family != "solid" and contact > CONTACT * thickness:
+            lacks.append(f"contact radius {1e3 * contact:.2g} mm > {CONTACT:g} of the thickness")
+        if not lacks:
+            break
+        reasons.append(f"{family} {' and '.join(lacks)}")
+    if lam <= UNMOVED:
+        reasons.append(f"the part hardly moves while the impactor touches it: λ = {lam:.2g}")
+    size, bound = _element(family, frequency, length, thickness, E, nu, rho, contact)
+    return Advice(
+        family, time, frequency, size, contact, lam, limits, (*reasons, f"elements: {bound}")
+    )
+
+
+def _measures(
+    part: Any, E: float | None, nu: float, rho: float | None
+) -> tuple[float, float, float, tuple[float, float, float]]:
+    """Length ≥ width, thickness, and (E, nu, rho)."""
+    if hasattr(part, "dimensions"):
+        size, own = part.dimensions, part.parts[0][0]
+        E, nu, rho = own.E, own.nu, own.rho
+    else:
+        size = checks.array("the dimensions", part, (3,))
+    if E is None or rho is None:
+        raise InputError("dimensions alone have no material: give advise(..., E=…, nu=…, rho=…).")
+    length, width, thickness = (
+        checks.positive(name, value, "m")
+        for name, value in zip(("length", "width", "thickness"), size, strict=True)
+    )
+    if width > length:
+        raise InputError(f"length must be >= width; got {length:g} and {width:g} m.")
+    material = (checks.positive("E", E, "Pa"), checks.poisson(nu), checks.positive("rho", rho))
+    return length, width, thickness, material
+
+
+def _strip(width: float, thickness: float, E: float, nu: float, rho: float) -> float:
+    """Lowest bending frequency across a free strip of this width [Hz]."""
+    wave = sqrt(E * thickness**2 / (12 * rho * (1 - nu**2)))
+    return 22.373 / (2 * pi * width**2) * wave
+
+
+def _element(
+    family: str,
+    frequency: float,
+    length: float,
+    thickness: float,
+    E: float,
+    nu: float,
+    rho: float,
+    contact: float,
+) -> tuple[float, str]:
+    """(largest element, what bounds it)."""
+    omega = 2 * pi * frequency
+    shear = sqrt(E / (2 * (1 + nu)) / rho)
+    bending = 2 * pi / sqrt(omega) * (E * thickness**2 / (12 * rho * (1 - nu**2))) ** 0.25
+    # a thick plate's wave is no slower than it would be in bending alone, nor longer than shear's
+    wave = min(bending, max(2 * pi * shear / omega, thickness))
+    bounds = {f"{PER_WAVE:g} to the wave of {1e3 * wave:.3g} mm": wave / PER_WAVE}
+    bounds["8 to the length"] = length / 8
+    if family == "solid":
+        bounds["2 through the thickness"] = thickness / 2
+    bound = min(bounds, key=lambda key: bounds[key])
+    if family == "solid":
+        return bounds[bound], f"{bound}; no larger than the patch around the site"
+    return bounds[bound], bound

@@ -1,0 +1,146 @@
+"""Advice on the element family: its estimates, its rules, and (slow) the ladder of models."""
+
+from __future__ import annotations
+
+import importlib.util
+
+import numpy as np
+import pytest
+
+import antiosc as ao
+from antiosc.advise import advise
+from antiosc.closed_form.plates import SupportedPlate
+from antiosc.errors import InputError
+from test_demos import load
+
+STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}
+
+
+def sphere(radius, velocity):
+    return ao.Sphere(radius, **STEEL, velocity=velocity)
+
+
+def test_contact_time_and_radius_are_hertzs():
+    striker = sphere(0.01, 1.0)
+    advice = advise((0.3, 0.2, 0.006), striker, **STEEL)
+    law = striker.hertz(STEEL["E"], STEEL["nu"])
+    hit = ao.simulate(
+        striker_at_rest := ao.AntiOscillators(m0=1e9, k0=0.0, m=[], omega=[]),
+        striker,
+        law,
+        duration=2 * advice.contact_time,
+    )
+    assert striker_at_rest.n == 0
+    assert advice.contact_time == pytest.approx(hit.contact_time, rel=1e-3)
+    # a² = R δ for a sphere on a plane
+    assert advice.contact_radius == pytest.approx(np.sqrt(0.01 * hit.indentation.max()), rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("size", "striker", "family"),
+    [
+        ((0.30, 0.020, 0.010), sphere(10e-3, 1.0), "beam"),
+        ((0.30, 0.200, 0.006), sphere(10e-3, 1.0), "shell"),
+        ((0.15, 0.120, 0.040), sphere(15e-3, 3.0), "solid"),
+        # the contact is wide against the sheet
+        ((0.30, 0.200, 0.002), sphere(50e-3, 5.0), "solid"),
+    ],
+)
+def test_the_smallest_family_that_serves(size, striker, family):
+    advice = advise(size, striker, **STEEL)
+    assert advice.family == family
+    assert str(advice).startswith(family)
+
+
+def test_a_light_sphere_leaves_before_the_part_moves():
+    heavy, light = (advise((0.3, 0.02, 0.01), sphere(r, 2.0), **STEEL) for r in (10e-3, 2e-3))
+    assert heavy.inelasticity > 0.02 > light.inelasticity
+    assert "hardly moves" in str(light)
+    # the frequency alone would have asked for a solid
+    assert light.family == "beam"
+    assert light.frequency > light.limits["shell"]
+
+
+def test_faster_impacts_need_finer_meshes():
+    sizes = [advise((0.3, 0.2, 0.006), sphere(10e-3, v), **STEEL).element_size for v in (0.1, 1, 3)]
+    assert np.all(np.diff(sizes) < 0)
+
+
+def test_the_element_resolves_the_plates_wave():
+    """Four to the bending wavelength at the highest frequency: Kirchhoff's dispersion."""
+    advice = advise((0.3, 0.2, 0.006), sphere(10e-3, 1.0), **STEEL)
+    wave = 4 * advice.element_size
+    half = SupportedPlate(**STEEL, thickness=0.006, a=wave / 2, b=1e9)
+    assert half.kirchhoff(1, 0) / (2 * np.pi) == pytest.approx(advice.frequency, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("size", "striker", "material", "words"),
+    [
+        ((0.3, 0.2), sphere(0.01, 1), STEEL, "dimensions must have shape"),
+        ((0.3, -0.2, 0.1), sphere(0.01, 1), STEEL, "width must be > 0"),
+        ((0.2, 0.3, 0.1), sphere(0.01, 1), STEEL, "length must be >= width"),
+        ((0.3, 0.2, 0.1), sphere(0.01, 0), STEEL, "the impactor's velocity must be > 0"),
+        ((0.3, 0.2, 0.1), sphere(0.01, 1), {}, "dimensions alone have no material"),
+        ((0.3, 0.2, 0.1), ao.RigidMass(1.0, 1.0), STEEL, "needs an impactor with a contact law"),
+    ],
+)
+def test_bad_input(size, striker, material, words):
+    with pytest.raises(InputError, match=words):
+        advise(size, striker, **material)
+
+
+@pytest.mark.fem
+@pytest.mark.skipif(importlib.util.find_spec("dolfinx") is None, reason="needs dolfinx")
+def test_a_structure_knows_its_dimensions():
+    from sheets import rectangle
+
+    part = ao.Structure(rectangle(2, 0.3, 0.2), ao.Shell(**STEEL, thickness=0.006))
+    assert part.dimensions == pytest.approx((0.3, 0.2, 0.006))
+    assert advise(part, sphere(0.01, 1.0)) == advise((0.3, 0.2, 0.006), sphere(0.01, 1.0), **STEEL)
+    line = ao.read_mesh("meshes/beam.msh")
+    bar = ao.Beam(**STEEL, section=ao.Section.rectangle(0.02, 0.01), orientation=(0, 0, 1))
+    assert ao.Structure(line, bar).dimensions == pytest.approx((1.0, 0.02, 0.01))
+
+
+@pytest.mark.fem
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:the facets at the site")
+def test_the_ladder_bears_the_advice_out(tmp_path):
+    """The family advised is within 5 % of the solid's force, a smaller one is not."""
+    cases = ("strut, large sphere", "strip, large sphere")
+    results = load("fidelity").main(cases=cases, n=40, fine=0.7, out=tmp_path)
+    strut, strip = (results[name] for name in cases)
+    assert strut["advice"].family == "beam"
+    assert strut["beam"]["error"] < 0.05
+    assert strip["advice"].family == "shell"
+    assert strip["shell"]["error"] < 0.05
+    assert strip["beam"]["error"] > 0.15
+    for row in (strut["beam"], strut["shell"], strut["plane"]):
+        assert row["first"][0] == pytest.approx(strut["solid"]["first"][0], rel=3e-2)
+        assert row["compliance"] == pytest.approx(strut["solid"]["compliance"], rel=4e-2)
+
+
+@pytest.mark.fem
+def test_the_advised_element_is_fine_enough():
+    """Half of it changes the force of an impact on a panel by less than 1 %."""
+    pytest.importorskip("dolfinx")
+    from sheets import rectangle
+
+    striker = sphere(10e-3, 1.0)
+    advice = advise((0.3, 0.2, 0.006), striker, **STEEL)
+    assert advice.family == "shell"
+    times = np.linspace(0, 2.5 * advice.contact_time, 1000)
+
+    def force(size):
+        cells = (int(np.ceil(0.3 / size)), int(np.ceil(0.2 / size)))
+        ends = ao.Support(lambda x: np.isclose(x[0], 0) | np.isclose(x[0], 0.3))
+        part = ao.Structure(rectangle(cells, 0.3, 0.2), ao.Shell(**STEEL, thickness=0.006), [ends])
+        model = ao.extract(part, ao.Site((0.15, 0.1, 0), (0, 0, -1)), n=40)
+        law = striker.hertz(STEEL["E"], STEEL["nu"])
+        hit = ao.simulate(model, striker, law, duration=times[-1])
+        return np.interp(times, hit.time, hit.force)
+
+    advised, fine, coarse = (force(k * advice.element_size) for k in (1, 0.5, 4))
+    assert np.linalg.norm(advised - fine) < 1e-2 * np.linalg.norm(fine)
+    assert np.linalg.norm(coarse - fine) > 2 * np.linalg.norm(advised - fine)
