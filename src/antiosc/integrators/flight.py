@@ -25,8 +25,15 @@ def next_touch(
     change is accepted once the interval is shorter than `fine`.
     """
     search = _Search(problem, q, v, origin)
-    stack = [(0.0, span)]
-    start = min(float(search.delta(0.0)), 0.0)  # parted a moment ago: no touch by rounding
+    now, speed = float(search.delta(0.0)), float(problem.beta @ v)
+    if now >= 0.0 and speed > 0.0:
+        return 0.0
+    start, wait = min(now, 0.0), 0.0  # parted a moment ago: no touch by rounding
+    if speed < 0.0:
+        # receding from `start`: delta <= speed t + bound t^2/2 stays below it for a while
+        bound = float(search.amplitude @ search.curvature) + search.bend
+        wait = min(-speed / bound, span) if bound > 0.0 else span
+    stack = [(wait, span)] if wait < span else []
     while stack:
         a, b = stack.pop()
         times = np.linspace(a, b, _PIECES + 1)

@@ -31,6 +31,8 @@ class Propagator:
         self.square = omega**2
         self.decay = decay
         self.damped = bool(np.any(decay))
+        self.rigid = (omega == 0).astype(float)
+        self.inverse = (1 - self.rigid) / np.where(omega == 0, 1.0, omega)
         if self.damped:
             excess = (decay - omega) * (decay + omega)
             self.over = excess > 0
@@ -42,8 +44,9 @@ class Propagator:
         """Free motion after times `t` [s] of any shape."""
         t = np.asarray(t, dtype=float)[..., np.newaxis]
         if not self.damped:
-            P = np.cos(self.omega * t)
-            return Motion(P, t * _sinc(self.omega * t), P)
+            z = self.omega * t
+            P = np.cos(z)
+            return Motion(P, np.sin(z) * self.inverse + t * self.rigid, P)
         C, S = self._decaying(t)
         return Motion(C + self.decay * S, S, C - self.decay * S)
 
@@ -51,7 +54,8 @@ class Propagator:
         """J(t) [s^2], the displacement under a unit modal force since 0."""
         time = np.asarray(t, dtype=float)[..., np.newaxis]
         if not self.damped:
-            return np.asarray(0.5 * time**2 * _sinc(0.5 * self.omega * time) ** 2)
+            S = np.sin(0.5 * self.omega * time) * self.inverse + 0.5 * time * self.rigid
+            return np.asarray(2 * S * S)
         return self._damped_step_and_ramp(time)[0]
 
     def step_and_ramp(self, t: Array | float) -> tuple[Array, Array]:
@@ -63,9 +67,8 @@ class Propagator:
         small = np.abs(z) < 0.5
         y = np.where(small, z * z, 0.0)
         series = 1 - y / 20 * (1 - y / 42 * (1 - y / 72 * (1 - y / 110 * (1 - y / 156))))
-        large = np.where(small, 1.0, z)
-        direct = 6 * (1 - np.sin(large) / large) / (large * large)
-        return self.step(t), np.asarray(time**3 / 6 * np.where(small, series, direct))
+        direct = (time - np.sin(z) * self.inverse) * self.inverse**2
+        return self.step(t), np.asarray(np.where(small, time**3 / 6 * series, direct))
 
     def _decaying(self, t: Array) -> tuple[Array, Array]:
         """C and S with S = exp(-d t) sin(g t)/g and C = exp(-d t) cos(g t), or sinh and cosh."""
