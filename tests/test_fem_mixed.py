@@ -58,6 +58,9 @@ def test_a_stiffened_strip_is_a_composite_beam(cell):
     EI = E * (own.sum() + areas @ (centres - middle) ** 2)
     assert loaded(part, tip)[z] == pytest.approx(length**3 / (3 * EI), rel=1e-2)
     assert part.mass == pytest.approx(RHO * length * areas.sum(), rel=1e-12)
+    # pulled in the sheet's plane, below the neutral axis, it bends toward the rib's side
+    pull = {dof(part, (length, v, 0), "x"): force for v, force in forces}
+    assert loaded(part, pull)[z] == pytest.approx(middle * length**2 / (2 * EI), rel=2e-2)
 
 
 def test_a_blade_as_beam_and_as_shell():
