@@ -136,6 +136,44 @@ def simulate(
     problem, bodies = assemble(model, impactor, law, initial_velocity, gravity, gap)
     problem, scale = scaled(problem, bodies, duration)
 
+    trajectory, step, error = _integrate(
+        problem, method, duration, scale, step, accuracy, max_contacts, max_steps
+    )
+    status, message = _verdict(trajectory, error, accuracy)
+    if shortage:
+        status, message = max(status, 1), f"{message} {shortage}"
+    history = History(
+        problem=problem,
+        bodies=bodies,
+        model=model,
+        trajectory=trajectory,
+        step=step,
+        error={**error, **truncation},
+        status=status,
+        message=" ".join(filter(None, (message, note))),
+    )
+    if status:
+        warnings.warn(message, AccuracyWarning, stacklevel=2)
+    if history.peak_force > law.valid_force:
+        reason = law.out_of_range(history.peak_force, getattr(model, "radius", None))
+        raise AccuracyError(f"{reason}.")
+    return history
+
+
+def _integrate(
+    problem: Problem,
+    method: str,
+    duration: float,
+    scale: float,
+    step: float | None,
+    accuracy: float,
+    max_contacts: int,
+    max_steps: int,
+) -> tuple[Trajectory, float, dict[str, float]]:
+    """The run by the named method, its step, and its estimated errors if the step was chosen.
+
+    `scale` is the estimated contact time [s], from which the choice of the step starts.
+    """
     if step is not None:
         step = checks.positive("step", step, "s")
         if step > duration:
@@ -168,26 +206,7 @@ def simulate(
     else:
         names = ", ".join([*FIXED_STEP, *IVP_METHODS])
         raise InputError(f"method must be one of {names}; got {method!r}.")
-
-    status, message = _verdict(trajectory, error, accuracy)
-    if shortage:
-        status, message = max(status, 1), f"{message} {shortage}"
-    history = History(
-        problem=problem,
-        bodies=bodies,
-        model=model,
-        trajectory=trajectory,
-        step=step,
-        error={**error, **truncation},
-        status=status,
-        message=" ".join(filter(None, (message, note))),
-    )
-    if status:
-        warnings.warn(message, AccuracyWarning, stacklevel=2)
-    if history.peak_force > law.valid_force:
-        reason = law.out_of_range(history.peak_force, getattr(model, "radius", None))
-        raise AccuracyError(f"{reason}.")
-    return history
+    return trajectory, step, error
 
 
 def _truncated(
