@@ -18,7 +18,7 @@ import antiosc as ao
 import parts
 from antiosc.band import stiffness_error
 from antiosc.fem.site import functional
-from antiosc.fem.surface import patch_loads, point_loads, surface
+from antiosc.fem.surface import patch_loads, point_loads, sheet_loads, surface
 
 pytestmark = pytest.mark.fem
 
@@ -240,17 +240,41 @@ def test_an_empty_group():
         ao.impact_map(part, "cut")
 
 
-def test_a_shell_through_its_patches():
+@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
+def test_discs_on_a_sheet_are_those_of_single_sites(cell):
     shell = ao.Structure(
-        parts.plate((6, 2)), ao.Shell(**parts.STEEL, thickness=0.01), [ao.Support("left")]
+        parts.plate((6, 3), cell=cell),
+        ao.Shell(**parts.STEEL, thickness=0.01),
+        [ao.Support("left")],
+    )
+    ground = surface(shell, None)
+    push = np.tile([0.0, 0.6, -0.8], (len(ground.points), 1))
+    for radius in (0.01, 0.004):
+        loads, share = sheet_loads(shell, ground.points, ground.normals, push, radius)
+        inner = np.flatnonzero(share > 0.999)
+        assert len(inner) == 5 * 2  # the others lie on the edge
+        for i in inner[::3]:
+            site = functional(shell, ao.Site(ground.points[i], push[i], radius=radius))
+            off = loads[:, i].toarray()[:, 0] - site.b
+            assert np.linalg.norm(off) < 1e-9 * np.linalg.norm(site.b)
+
+
+def test_a_shell_map():
+    shell = ao.Structure(
+        parts.plate((6, 3)), ao.Shell(**parts.STEEL, thickness=0.01), [ao.Support("left")]
     )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         result = ao.impact_map(shell, direction=(0, 0, -1), modes=25, n=10)
-        i = int(np.argmax(result.points[:, 0]))
+        inner = np.flatnonzero(np.abs(result.points[:, 1] - 0.03) < 0.02)
+        i = int(inner[np.argmax(result.points[inner, 0] * (result.points[inner, 0] < 0.19))])
         direct = ao.extract(shell, ao.Site(result.points[i], (0, 0, -1)), n=40)
+    model = result.model(i)
+    assert model.radius == direct.radius == 0.01
+    assert model.local_compliance == pytest.approx(direct.local_compliance, rel=1e-12)
+    assert model.k0 == pytest.approx(direct.k0, rel=1e-9)
     error = stiffness_error(
-        result.model(i).dynamic_stiffness, direct.dynamic_stiffness, result.band, direct.omega[0]
+        model.dynamic_stiffness, direct.dynamic_stiffness, result.band, direct.omega[0]
     )
     assert error <= 1.02 * result.error[i]
 

@@ -37,10 +37,10 @@ from antiosc.fem.compat import IntArray
 from antiosc.fem.krylov import by_krylov
 from antiosc.fem.modes import Modes, ModeSolver
 from antiosc.fem.parallel import agree
-from antiosc.fem.site import Functional, Site, functional
+from antiosc.fem.site import SHEET_RADIUS, Functional, Site, functional
 from antiosc.fem.static import static_modes
 from antiosc.fem.structure import Structure
-from antiosc.fem.surface import Surface, patch_loads, point_loads, surface
+from antiosc.fem.surface import Surface, patch_loads, point_loads, sheet_loads, surface
 from antiosc.free_modes import SiteModels
 from antiosc.modal import LinearBody
 from antiosc.model import AntiOscillators
@@ -229,8 +229,8 @@ def impact_map(
         Of a mesh.
     where : str or array_like (P, 2 or 3), optional
         A group of faces (cells of shells and beams), whose vertices are the sites; or points.
-        None: the whole surface. Points, and sites on shells, are found one by one, which takes
-        longer than all else.
+        None: the whole surface. Points, and sites on shells of several materials, are found one
+        by one, which takes longer than all else.
     impactor, contact, duration
         As for `simulate`; None: parameters only.
     direction : sequence of float, optional
@@ -303,7 +303,7 @@ def impact_map(
         elements=sites.elements,
         models=models,
         local_compliance=sites.local,
-        radius=radius,
+        radius=sites.radius,
         band=band,
         error=error,
         k0_error=np.where(direct, 0.0, off),
@@ -330,6 +330,8 @@ class _Sites:
     #: b of all sites as columns, the rows of this rank
     loads: scipy.sparse.csr_matrix
     local: Array
+    #: of the patch, m; None for a point
+    radius: float | None
     #: how many were asked for
     total: int
 
@@ -346,6 +348,7 @@ class _Sites:
             elements,
             self.loads[:, np.flatnonzero(keep)],
             self.local[keep],
+            self.radius,
             self.total,
         )
 
@@ -385,13 +388,19 @@ def _on_surface(
         raise InputError(
             "shells and beams have no outside: give the direction of impact, direction=(0, 0, -1)."
         )
-    directions = -ground.normals if along is None else np.tile(along, (len(ground.points), 1))
-    if structure.form.patch == "cells" or (radius is not None and structure.form.patch is None):
-        return _at_points(structure, ground.points, along, radius, ground)
-    local = np.zeros(len(ground.points))
-    if radius is None:
-        loads = point_loads(structure, ground.points, directions)
-        if structure.form.patch and structure.comm.rank == 0:
+    points, normals = ground.points, ground.normals
+    directions = -normals if along is None else np.tile(along, (len(points), 1))
+    kind, patch = structure.parts[0][0], structure.form.patch
+    if radius is not None:
+        positive("radius", radius, "m")
+    if patch == "cells" and len(structure.parts) == 1:
+        radius = radius or kind.thickness * SHEET_RADIUS
+        loads, share = sheet_loads(structure, points, normals, directions, radius)
+    elif patch == "cells" or (patch is None and radius is not None):
+        return _at_points(structure, points, along, radius, ground)
+    elif radius is None:
+        loads, share = point_loads(structure, points, directions), np.ones(len(points))
+        if patch and structure.comm.rank == 0:
             warnings.warn(
                 "the compliance under a point load on a solid grows without limit as the mesh is "
                 "refined: give the map a radius.",
@@ -399,22 +408,20 @@ def _on_surface(
                 stacklevel=5,
             )
     else:
-        positive("radius", radius, "m")
-        loads, share = patch_loads(structure, ground.points, ground.normals, directions, radius)
-        cosine = np.einsum("ij,ij->i", directions, ground.normals)
-        kind = structure.parts[0][0]
-        if len(structure.parts) == 1:
-            local = np.array([kind.half_space_compliance(float(c)) for c in cosine]) / radius
-        cut = int(np.sum(share < 0.9))
-        if cut and structure.comm.rank == 0:
-            warnings.warn(
-                f"an edge cuts the patch at {cut} of {len(share)} sites (less than 90 % of its "
-                "load lies on the face): its half-space compliance does not hold there.",
-                AccuracyWarning,
-                stacklevel=5,
-            )
-    n = len(ground.points)
-    return _Sites(ground.points, ground.normals, directions, ground.elements, loads, local, n)
+        loads, share = patch_loads(structure, points, normals, directions, radius)
+    local = np.zeros(len(points))
+    if radius is not None and len(structure.parts) == 1:
+        cosine = np.einsum("ij,ij->i", directions, normals)
+        local = np.array([kind.half_space_compliance(float(c)) for c in cosine]) / radius
+    cut = int(np.sum(share < 0.9))
+    if cut and structure.comm.rank == 0:
+        warnings.warn(
+            f"an edge cuts the patch at {cut} of {len(share)} sites (less than 90 % of its "
+            "load lies on the surface): its half-space compliance does not hold there.",
+            AccuracyWarning,
+            stacklevel=5,
+        )
+    return _Sites(points, normals, directions, ground.elements, loads, local, radius, len(points))
 
 
 def _at_points(
@@ -448,6 +455,7 @@ def _at_points(
         np.zeros((0, 3), dtype=int) if ground is None else ground.elements,
         scipy.sparse.csr_matrix(np.column_stack([place.b for place in places])),
         np.array([place.local_compliance for place in places]),
+        places[0].radius,
         len(x),
     )
 

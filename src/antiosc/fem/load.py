@@ -64,7 +64,7 @@ def on_sheet(
     mesh, _ = structure.meshed()
     size = locate.size_at(mesh, place)
     normal = locate.sheet_normal(mesh, place)
-    offsets, weights = _hertz_disc(radius, normal, min(4 + int(np.ceil(4 * radius / size)), 24))
+    offsets, weights = hertz_disc(radius, normal, min(4 + int(np.ceil(4 * radius / size)), 24))
     places = [locate.closest(mesh, place.x + offset) for offset in offsets]
     found = np.array([p.x for p in places]) - place.x
     off = found - offsets
@@ -83,7 +83,7 @@ def on_sheet(
     return b, _half_space(structure, place, float(direction @ normal), radius)
 
 
-def _hertz_disc(radius: float, normal: Array, rings: int) -> tuple[Array, Array]:
+def hertz_disc(radius: float, normal: Array, rings: int) -> tuple[Array, Array]:
     """(offsets (n, 3) in the plane across `normal`, weights of sum 1) of Hertz's pressure.
 
     With s² = 1 − r²/a² the pressure's weight s r dr is s² ds: a Gauss rule in s is exact for

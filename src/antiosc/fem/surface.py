@@ -19,13 +19,15 @@ from antiosc.errors import InputError
 from antiosc.fem import compat
 from antiosc.fem.algebra import Array
 from antiosc.fem.compat import IntArray
-from antiosc.fem.load import SAME_FACE
+from antiosc.fem.load import OFF_DISC, SAME_FACE, hertz_disc
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.structure import Structure
 
 #: Gauss points across one radius (the pressure's slope is infinite on the rim), and per direction
 #: on a facet at least and at most.
 GAUSS, FEWEST, MOST = 8, 4, 12
+#: Cells of a sheet in which a point is looked for, and how far outside one it may lie (rounding).
+NEAR, INSIDE = 16, 1e-8
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,6 +143,100 @@ def patch_loads(
     return (B @ scipy.sparse.diags(scale)).tocsr(), total / ideal
 
 
+def sheet_loads(
+    structure: Structure, points: Array, normals: Array, directions: Array, radius: float
+) -> tuple[scipy.sparse.csr_matrix, Array]:
+    """b of discs with Hertz's pressure on a shell, and what share of each lies on the sheet."""
+    mesh, form = structure.meshed()
+    cells = _Sheet(mesh)
+    rings = min(4 + int(np.ceil(4 * radius / cells.size)), 24)
+    flat, weights = hertz_disc(radius, np.array([0.0, 0.0, 1.0]), rings)
+    # turned as for a single site: at a node the rule's error depends on where its rings begin
+    first = np.cross(normals, np.eye(3)[np.argmin(np.abs(normals), axis=1)])
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    second = np.cross(normals, first)
+    offsets = flat[:, 1, None] * first[:, None] - flat[:, 0, None] * second[:, None]
+    at = (points[:, None] + offsets).reshape(-1, 3)
+    cell, X, distance = cells.find(at)
+    # Each point belongs to the rank that holds it; at a seam to the first that does.
+    inside = distance < OFF_DISC * radius
+    ranks = mesh.comm.allgather(inside)
+    taken = np.any(ranks[: mesh.comm.rank], axis=0) if mesh.comm.rank else np.zeros(len(at), bool)
+    mine = np.flatnonzero(inside & ~taken)
+    weight = np.tile(weights, len(points))
+    share = np.where(np.any(ranks, axis=0), weight, 0.0).reshape(len(points), -1).sum(axis=1)
+    site = mine // len(weights)
+    scaled = weight[mine] / np.where(share > 0, share, 1.0)[site]
+    rows, sites, values = [], [], []
+    for axis, name in enumerate("xyz"):
+        if name not in form.components:
+            continue
+        path = form.components[name]
+        dofmap = compat.subspace(form.space, path).dofmap
+        basis = compat.tabulate(form.space, path, X[mine])
+        dofs = np.array([dofmap.cell_dofs(c) for c in range(cells.count)])[cell[mine]]
+        rows.append(dofs.ravel())
+        sites.append(np.repeat(site, basis.shape[1]))
+        values.append((basis * (scaled * directions[site, axis])[:, None]).ravel())
+    return _columns(structure, rows, sites, values, len(points)), share
+
+
+class _Sheet:
+    """The cells of a shell that this rank owns, to find points on them."""
+
+    def __init__(self, mesh: Mesh) -> None:
+        self.count = int(compat.cell_map(mesh.dolfinx).size_local)
+        nodes = compat.geometry_nodes(mesh.dolfinx)[: self.count]
+        self.x = mesh.dolfinx.geometry.x[nodes]
+        self.triangles = mesh.cell == "triangle"
+        kind = getattr(basix.CellType, mesh.cell)
+        self.element = basix.create_element(basix.ElementFamily.P, kind, mesh.order)
+        corners = self.x[:, : 3 if self.triangles else 4]
+        reach = np.linalg.norm(corners - corners.mean(axis=1, keepdims=True), axis=2)
+        total, number = mesh.comm.allreduce(float(reach.sum())), mesh.comm.allreduce(reach.size)
+        self.size = 2 * total / number
+        self.tree = cKDTree(corners.mean(axis=1)) if self.count else None
+
+    def find(self, points: Array) -> tuple[IntArray, Array, Array]:
+        """(cell, reference coordinates in it, distance to it); inf where no near cell has it."""
+        cell = np.zeros(len(points), dtype=int)
+        X, distance = np.zeros((len(points), 2)), np.full(len(points), np.inf)
+        if self.tree is None:
+            return cell, X, distance
+        _, near = self.tree.query(points, k=min(NEAR, self.count))
+        near = near.reshape(len(points), -1)
+        left = np.arange(len(points))
+        for candidate in near.T:
+            xi, off = self._projected(points[left], self.x[candidate[left]])
+            better = off < distance[left]
+            which = left[better]
+            cell[which], X[which] = candidate[which], xi[better]
+            distance[which] = off[better]
+            left = left[~better]
+            if not len(left):
+                break
+        return cell, X, distance
+
+    def _projected(self, points: Array, nodes: Array) -> tuple[Array, Array]:
+        """(reference coordinates of the points' feet on their cells, distances; inf outside)."""
+        xi = np.full((len(points), 2), 1 / 3 if self.triangles else 0.5)
+        for _ in range(1 if self.triangles and nodes.shape[1] == 3 else 5):  # Gauss and Newton
+            N = self.element.tabulate(1, xi)[..., 0]
+            gap = points - np.einsum("qn,qnd->qd", N[0], nodes)
+            J = np.einsum("kqn,qnd->qkd", N[1:], nodes)
+            xi = (
+                xi
+                + np.linalg.solve(
+                    J @ J.transpose(0, 2, 1), np.einsum("qkd,qd->qk", J, gap)[..., None]
+                )[..., 0]
+            )
+        N = self.element.tabulate(0, np.clip(xi, -1, 2))[0, ..., 0]
+        off = np.linalg.norm(points - np.einsum("qn,qnd->qd", N, nodes), axis=1)
+        beyond = 1 - xi.sum(axis=1) if self.triangles else 1 - xi.max(axis=1)
+        inside = np.minimum(xi.min(axis=1), beyond) > -INSIDE
+        return xi, np.where(inside, off, np.inf)
+
+
 def _facets(mesh: Mesh, group: str | None, outside: bool) -> tuple[IntArray, int]:
     """Facets on the outside of a solid, or cells of a shell or a beam, owned by this rank."""
     dim = mesh.tdim - outside
@@ -166,6 +262,8 @@ def _normals(mesh: Mesh, dim: int, facets: IntArray) -> Array:
         return np.zeros((len(facets), 3))
     x = mesh.dolfinx.geometry.x[compat.entity_vertices(mesh.dolfinx, dim)[facets]]
     normals = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
+    # a sheet's cells lie either way round: all are turned to one side of an oblique plane
+    normals *= np.where(normals @ [0.43, 0.59, 0.68] < 0, -1.0, 1.0)[:, None]
     return normals / np.linalg.norm(normals, axis=1, keepdims=True)
 
 
