@@ -122,6 +122,7 @@ def test_the_ladder_bears_the_advice_out(tmp_path):
 
 
 @pytest.mark.fem
+@pytest.mark.slow
 def test_the_advised_element_is_fine_enough():
     """Half of it changes the force of an impact on a panel by less than 1 %."""
     pytest.importorskip("dolfinx")

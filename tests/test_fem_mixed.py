@@ -47,9 +47,8 @@ def test_a_stiffened_strip_is_a_composite_beam(cell):
     length, width = 1.0, 0.05
     mesh = grouped(rectangle((24, 2), length, width, cell), lambda x: np.isclose(x[1], width / 2))
     part = ao.Structure(mesh, {"sheet": SHEET, "rib": RIB}, [ao.Support(at(0, 0.0))])
-    tip = {
-        dof(part, (length, v, 0), "z"): f for v, f in ((0, 0.25), (width / 2, 0.5), (width, 0.25))
-    }
+    forces = ((0, 0.25), (width / 2, 0.5), (width, 0.25))
+    tip = {dof(part, (length, v, 0), "z"): force for v, force in forces}
     z = dof(part, (length, width / 2, 0), "z")
     areas = np.array([width * 0.004, 0.004 * 0.03])
     centres = np.array([0.0, 0.017])

@@ -9,6 +9,7 @@ from test_demos import load
 pytestmark = pytest.mark.fem
 
 
+@pytest.mark.slow
 def test_plate_impact(tmp_path, capsys):
     """No reflection returns on the large plate: Zener's restitution, within 1 %."""
     numbers = load("plate_impact").main(
