@@ -63,7 +63,7 @@ class _Quotient:
 
         if excess(high) <= 0.0:  # by rounding, when alpha F is nothing beside the indentation
             return high
-        return float(brentq(excess, 0.0, high, xtol=1e-300, rtol=1e-15))
+        return float(brentq(excess, 0.0, high, xtol=1e-300, rtol=1e-15, maxiter=2000))
 
     def mean(self, after: float) -> float:
         law, change = self.problem.law, after - self.before

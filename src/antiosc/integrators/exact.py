@@ -247,7 +247,7 @@ def _release(problem: Problem, q: Array, v: Array, force: float, origin: float, 
     low = 1e-9 * h
     if apart(low) <= 0.0:
         return low
-    return float(brentq(apart, low, h, xtol=1e-18, rtol=1e-14))
+    return float(brentq(apart, low, h, xtol=1e-18, rtol=1e-14, maxiter=500))
 
 
 def _segment(kernel: _Kernel, t: float, q: Array, v: Array, forces: Array, delta: Array) -> Segment:

@@ -93,4 +93,6 @@ class _Search:
     def root(self, left: float, right: float, at_left: float) -> float:
         if at_left >= 0.0:
             return left
-        return float(brentq(lambda t: float(self.delta(t)), left, right, xtol=1e-18, rtol=1e-15))
+        return float(
+            brentq(lambda t: float(self.delta(t)), left, right, xtol=1e-18, rtol=1e-15, maxiter=500)
+        )

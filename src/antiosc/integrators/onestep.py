@@ -92,7 +92,7 @@ class OneStep(ABC):
 
         if node.delta <= origin or above(1e-9 * h) <= 0:
             return h, last
-        part = float(brentq(above, 1e-9 * h, h, xtol=1e-18, rtol=1e-13))
+        part = float(brentq(above, 1e-9 * h, h, xtol=1e-18, rtol=1e-13, maxiter=500))
         return part, self.advance(problem, node, state, part)._replace(force=0.0)
 
 
