@@ -21,6 +21,7 @@ from antiosc.errors import InputError
 from antiosc.fem import compat, locate
 from antiosc.fem.algebra import Array
 from antiosc.fem.compat import IntArray
+from antiosc.fem.family import WeakForm
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.parallel import on_root
 from antiosc.fem.readers import KINDS
@@ -43,7 +44,8 @@ def probe(
     times : array_like (n,), optional
         Times in s; default: those of the history.
     """
-    mesh, shapes = _mesh(structure), _with_ghosts(structure, _shapes(structure, history))
+    mesh, form = structure.meshed()
+    shapes = compat.with_ghosts(form.space, _shapes(structure, history))
     x = np.zeros(3)
     x[: len(point)] = array("point", point, (len(point),))
     place = locate.closest(mesh, x)
@@ -51,10 +53,9 @@ def probe(
     if mesh.comm.rank == place.rank:
         values = np.zeros((mesh.gdim, shapes.shape[1]))
         for axis, name in enumerate("xyz"[: mesh.gdim]):
-            assert structure.form is not None
-            path = structure.form.components[name]
-            dofs = compat.subspace(structure.form.space, path).dofmap.cell_dofs(place.cell)
-            weights = compat.tabulate(structure.form.space, path, place.X.reshape(1, -1))[0]
+            path = form.components[name]
+            dofs = compat.subspace(form.space, path).dofmap.cell_dofs(place.cell)
+            weights = compat.tabulate(form.space, path, place.X.reshape(1, -1))[0]
             values[axis] = weights @ shapes[dofs]
     values = mesh.comm.bcast(values, root=place.rank)
     at = history.time if times is None else np.asarray(times, dtype=float)
@@ -84,27 +85,23 @@ def write_series(
     Path
         Of the `.pvd`, written last: while it is absent, so is the series.
     """
-    mesh = _mesh(structure)
+    mesh, form = structure.meshed()
     target = Path(path).with_suffix(".pvd")
     if times is None:
         times = np.linspace(history.time[0], history.time[-1], 40)
     at = array("times", times, (np.size(times),))
-    shapes = _at_nodes(structure, mesh, _with_ghosts(structure, _shapes(structure, history)))
+    shapes = _at_nodes(mesh, form, compat.with_ghosts(form.space, _shapes(structure, history)))
     points, cells, shapes = _gathered(mesh, shapes)
     amplitudes = _amplitudes(history, at)
 
     def write() -> None:
-        kind = next(n for n, k in KINDS.items() if (k.shape, k.nodes) == (mesh.cell, cells.shape[1]))
+        kind = next(
+            n for n, k in KINDS.items() if (k.shape, k.nodes) == (mesh.cell, cells.shape[1])
+        )
         _write_frames(target, points, [(kind, cells)], at, (shapes @ a for a in amplitudes))
 
     on_root(mesh.comm, write)
     return target
-
-
-def _mesh(structure: Structure) -> Mesh:
-    if structure.mesh is None:
-        raise InputError("fields need a mesh; a structure of matrices has none (use history.field).")
-    return structure.mesh
 
 
 def _shapes(structure: Structure, history: History) -> Array:
@@ -129,23 +126,16 @@ def _amplitudes(history: History, times: Array) -> Array:
     return np.column_stack([lam[:, 0], lam[:, 1:] - lam[:, :1]])
 
 
-def _with_ghosts(structure: Structure, shapes: Array) -> Array:
-    """Rows of this rank and of its ghosts."""
-    assert structure.form is not None
-    return compat.with_ghosts(structure.form.space, shapes)
-
-
-def _at_nodes(structure: Structure, mesh: Mesh, shapes: Array) -> Array:
+def _at_nodes(mesh: Mesh, form: WeakForm, shapes: Array) -> Array:
     """Displacement shapes at the geometry nodes of this rank: (nodes, 3, N + 1).
 
     Lagrange nodes of a cell come in one order, vertices first: a geometry node is the dof of
     the same local number.
     """
-    assert structure.form is not None
     nodes = compat.geometry_nodes(mesh.dolfinx)
     result = np.zeros((len(mesh.dolfinx.geometry.x), 3, shapes.shape[1]))
     for axis, name in enumerate("xyz"[: mesh.gdim]):
-        dofs = compat.cell_dofs(structure.form.space, structure.form.components[name])
+        dofs = compat.cell_dofs(form.space, form.components[name])
         result[nodes, axis] = shapes[dofs[:, : nodes.shape[1]]]
     return result
 

@@ -152,7 +152,8 @@ def _face(
     facets = np.sort(compat.exterior_facets(mesh.dolfinx))
     x = mesh.dolfinx.geometry.x[compat.entity_vertices(mesh.dolfinx, mesh.tdim - 1)[facets]]
     normals = compat.facet_normals(mesh.dolfinx, facets)
-    edges = np.linalg.norm(x - np.roll(x, 1, axis=1), axis=2)
+    around = [0, 1, 3, 2] if x.shape[1] == 4 else list(range(x.shape[1]))  # tensor order
+    edges = np.linalg.norm(x[:, around] - np.roll(x[:, around], 1, axis=1), axis=2)
     sizes, longest = edges.mean(axis=1), edges.max(axis=1, initial=0.0)
     gap = _distances(x, place.x)
     reach = min(mesh.comm.allgather(gap.min(initial=np.inf)))

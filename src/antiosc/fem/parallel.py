@@ -34,7 +34,9 @@ def agree(comm: MPI.Comm, error: Exception | None) -> None:
         raise found[0]
 
 
-def bounds(comm: MPI.Comm, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def bounds(
+    comm: MPI.Comm, x: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """(lowest, highest) coordinates over all ranks of points x (n, dim)."""
     dim = x.shape[1]
     low = x.min(axis=0) if len(x) else np.full(dim, np.inf)
