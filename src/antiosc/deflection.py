@@ -55,7 +55,10 @@ def _peaks(
     even = np.linspace(0, duration, SAMPLES)
     times = [np.union1d(even, time) for time, _ in forces]
     steps = zip(times, forces, strict=True)
-    force = [np.interp(at, t, F, left=0.0, right=0.0) if t.size else 0 * at for at, (t, F) in steps]
+    force = [
+        np.interp(at, t, F, left=0.0, right=0.0) if t.size else np.zeros_like(at)
+        for at, (t, F) in steps
+    ]
     time, F = _padded(times, None), _padded(force, 0.0)
     motion = Propagator(omega, decay)
     q, v = np.zeros_like(b), np.zeros_like(b)
