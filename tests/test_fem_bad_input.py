@@ -431,6 +431,15 @@ def test_a_model_that_cannot_be_written_leaves_no_file(tmp_path, monkeypatch):
 
 # --- On two ranks ---------------------------------------------------------------------------------
 
+
+def test_extract_tells_what_it_was_given():
+    line = ao.Structure(parts.line(1.0, 4), ao.Beam(**parts.STEEL, section=ao.Section.circle(0.01)))
+    with pytest.raises(ao.InputError, match=r"site must be a Site\(point, direction\); got int"):
+        ao.extract(line, (0, 0, 0))
+    with pytest.raises(ao.InputError, match="structure must be a Structure; got Mesh"):
+        ao.extract(parts.line(1.0, 4), ao.Site((0.5, 0), (0, 1)))
+
+
 RANKS = r"""
 import sys, warnings
 import numpy as np

@@ -157,3 +157,20 @@ def test_thin_free_beams(slenderness, method):
     np.testing.assert_allclose(model.omega[:3], exact.omega, rtol=1e-5)
     np.testing.assert_allclose(model.m[:3], exact.m, rtol=1e-4)
     assert exact.omega[0] ** 2 / 100 < structure.shift < exact.omega[0] ** 2
+
+
+@pytest.mark.parametrize("slenderness", [1e3, 1e4])
+def test_a_free_beam_however_thin(slenderness):
+    """The shift sits at the first bending mode, though shearing is 1e14 times stiffer."""
+    side = LENGTH / slenderness
+    section = ao.Section.rectangle(side, side)
+    beam = ao.Beam(E=67e9, nu=0.33, rho=2400.0, section=section)
+    model = ao.extract(
+        ao.Structure(parts.line(LENGTH, 40), beam), ao.Site((0.3 * LENGTH, 0), (0, 1)), n=12
+    )
+    thin = closed_form.UniformBeam.timoshenko(
+        E=67e9, nu=0.33, rho=2400.0, area=section.A, inertia=section.I, length=LENGTH
+    )
+    exact = closed_form.free_free(thin, 0.3).anti_oscillators(3)
+    np.testing.assert_allclose(model.omega[:3], exact.omega, rtol=1e-3)
+    np.testing.assert_allclose(model.m[:3], exact.m, rtol=1e-2)

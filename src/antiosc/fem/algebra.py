@@ -274,5 +274,6 @@ def best_ordering(A: PETSc.Mat) -> int:
 
 _SINGULAR = (
     "the stiffness matrix cannot be factored ({}): some part can still move freely, as at a hinge "
-    "where pieces meet in one point or line; join or support it."
+    "where pieces meet in one point or line (join or support it), or is too slender for sixteen "
+    "digits."
 )

@@ -33,6 +33,8 @@ MECHANISM = 1e-9
 #: A Ritz pair with a smaller residual (of forces, relative) is an antiresonance: its frequency is
 #: then right to about the square of this.
 CONVERGED = 1e-3
+#: Of this many Krylov anti-oscillators the lowest is an antiresonance, or something is amiss.
+SETTLED = 10
 #: Anti-oscillators taken where the caller names no number, and the most that a band may take.
 DEFAULT, MOST = 20, 400
 #: Bytes of basis vectors that the sites worked on at once may fill.
@@ -106,7 +108,7 @@ def extract(
     Article (12), (15), (20), (23); with a rigid-body mode its section 3.3. The method "krylov":
     `antiosc.fem.krylov`.
     """
-    sites = [site] if isinstance(site, Site) else list(site)
+    sites = _sites(structure, site)
     wish = _wish(structure, n, method, tol, band, accuracy)
     started = time.perf_counter()
     places = [functional(structure, one) for one in sites]
@@ -122,6 +124,17 @@ def extract(
         if len(places) > width:
             log.info("extracted %d of %d sites", len(models), len(places))
     return models[0] if isinstance(site, Site) else models
+
+
+def _sites(structure: Any, site: Any) -> list[Site]:
+    """The sites as a list, once both arguments are what they should be."""
+    if not isinstance(structure, Structure):
+        raise InputError(f"structure must be a Structure; got {type(structure).__name__}.")
+    sites = [site] if isinstance(site, Site) else list(site) if np.iterable(site) else [site]
+    for one in sites:
+        if not isinstance(one, Site):
+            raise InputError(f"site must be a Site(point, direction); got {type(one).__name__}.")
+    return sites
 
 
 @dataclass(frozen=True)
@@ -185,6 +198,13 @@ def _extracted(
             model.info["band"] = {"top": wish.band, "error_bound": error}
             if structure.comm.rank == 0:
                 _tell(model, wish, error)
+        if model.info["converged"] == 0 and model.n >= SETTLED and structure.comm.rank == 0:
+            warnings.warn(
+                f"none of the {model.n} anti-oscillators has settled on an antiresonance: the "
+                "structure has parts too slender, or masses too uneven, for so few; raise n.",
+                AccuracyWarning,
+                stacklevel=3,
+            )
         models.append(model if shapes else replace(model, shapes=None))
     return models
 
@@ -319,7 +339,8 @@ def _check(
         if not value <= CHECK:
             raise AccuracyError(
                 f"the constraint modes fail their own check: {name} {value:.1e}, limit {CHECK:.0e};"
-                " the matrices may be ill-conditioned (very uneven elements or materials)."
+                " the matrices are ill-conditioned: very slender beams, very thin sheets, very "
+                "uneven elements or materials."
             )
     return {**measured, "converged": int(np.sum(off < CONVERGED))}
 

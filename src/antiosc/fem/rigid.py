@@ -30,9 +30,8 @@ RIGID = 1e-11
 HELD = 1e-13
 #: Shift over the estimate of the first elastic ω²: modes converge fast, A stays well conditioned.
 SHIFT = 0.1
-#: Share of the largest Ritz value above which one is elastic: of a thin beam's bending beside its
-#: shearing little is left, of a rigid motion only rounding.
-ELASTIC = 1e-13
+#: Share of a field that is left without its rigid part, above which it strains; rounding: 1e-15.
+ELASTIC = 1e-9
 #: A first shift that is more than this too high is replaced: Krylov spaces then converge slowly.
 FAR = 0.1
 
@@ -174,12 +173,14 @@ def _first_elastic(
     comm: MPI.Comm, K: PETSc.Mat, M: PETSc.Mat, fields: Array, motions: Array
 ) -> float:
     """A Rayleigh–Ritz value of the size of the lowest elastic ω²."""
-    fields = fields - motions @ dot(comm, motions, multiply(M, fields))
-    basis = orthonormal(comm, M, fields)
+    elastic = fields - motions @ dot(comm, motions, multiply(M, fields))
+    before, after = (comm.allreduce(np.einsum("ij,ij->j", x, x)) for x in (fields, elastic))
+    # A rigid field leaves rounding only, which must not be scaled up to a field of its own.
+    basis = orthonormal(comm, M, elastic[:, after > ELASTIC**2 * before])
     values = np.linalg.eigvalsh(dot(comm, basis, multiply(K, basis)))
-    elastic = values[values > ELASTIC * values.max(initial=0.0)]
-    if len(elastic):
-        return float(elastic[0])
+    straining = values[values > 0]
+    if len(straining):
+        return float(straining[0])
     return float(K.getDiagonal().sum() / M.getDiagonal().sum())
 
 
