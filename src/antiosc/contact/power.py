@@ -209,16 +209,18 @@ class Hertz(ContactLaw):
             reach = (a + cubic * end) * end * end
             if delta >= reach:
                 return self.valid_force + (delta - reach) / (self._end_slope + alpha)
-        s = sqrt(delta / a)
-        if cubic > 0.0:  # convex: from above the iteration falls to the root
-            s = min(s, (delta / cubic) ** (1 / 3))
-            if guess > 0.0:
-                s = guess ** (1 / 3)
+        if guess > 0.0 and cubic > 0.0:  # convex: from above the iteration falls to the root
+            s = guess ** (1 / 3)
+        else:
+            s = sqrt(delta / a)
+            if cubic > 0.0:
+                s = min(s, (delta / cubic) ** (1 / 3))
         for _ in range(100):
-            slope = (2.0 * a + 3.0 * cubic * s) * s
-            step = ((a + cubic * s) * s * s - delta) / slope
-            new = min(s - step, end)
-            if abs(new - s) <= 1e-15 * new:
-                return new * new * new
-            s = new
+            bend = cubic * s
+            step = ((a + bend) * s * s - delta) / ((2.0 * a + 3.0 * bend) * s)
+            s -= step
+            if s > end:
+                s = end
+            if abs(step) <= 1e-8 * s:  # the error left is the square of that
+                break
         return s * s * s

@@ -17,10 +17,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import toeplitz
-from scipy.optimize import brentq
 
 from antiosc.contact import State
 from antiosc.integrators.problem import MAX_STEPS, Phase, Problem, Segment, too_many_steps
+from antiosc.integrators.root import rising_root
 
 Array = NDArray[np.float64]
 
@@ -94,6 +94,7 @@ class Exact:
             kernel = self._kernel(problem, h, CHUNK if size > 1 else 1)
             forces, delta, state, parted = _march(kernel, q, v, force, state, size)
             if parted:
+                ahead = float(delta[-1])
                 forces, delta = forces[:-1], delta[:-1]
             done = forces.size - 1
             count += done + parted
@@ -103,9 +104,9 @@ class Exact:
                 t += done * h
                 force = float(forces[-1])
             if parted:
-                length = _release(problem, q, v, force, problem.law.origin(state), h)
+                length = _release(problem, q, v, force, problem.law.origin(state), h, ahead)
                 segments.append(_last(problem, t, q, v, force, float(delta[-1]), length, state))
-                q, v = _forced_one(problem, q, v, length, force, 0.0)
+                q, v = problem.forced(q, v, length, force, 0.0)
                 return Phase(segments, t + length, q, v, state, count, True)
             if count > self.max_steps:
                 trouble = too_many_steps(t, self.max_steps)
@@ -124,8 +125,7 @@ class _Kernel:
         self.P, self.S, self.W = prop.motion(times)
         self.V = -prop.square * self.S
         self.J = prop.step(times) if problem.loaded else None
-        step, ramp = prop.step_and_ramp(h)
-        S = prop.motion(h).S
+        _, S, _, step, ramp = prop.responses(h)
         # states that unit forces leave: rising (0 to 1) and falling (1 to 0) over one step
         rise_q, rise_v = -beta * ramp / h, -beta * step / h
         fall_q, fall_v = -beta * step - rise_q, -beta * S - rise_v
@@ -204,14 +204,15 @@ def _march(
     for n in range(1, size + 1):
         trial = free[n]
         if n > 1:
-            trial += float(reverse[last - n : last - 1] @ forces[1:n])
+            trial += float(reverse[last - n : last - 1].dot(forces[1:n]))
         if moving:
             rate = free_rate[n] + r * force / h
             if n > 1:
-                rate += float(reverse_rate[last - n : last - 1] @ forces[1:n])
-        guess = max(2 * force - previous, 0.5 * force)
+                rate += float(reverse_rate[last - n : last - 1].dot(forces[1:n]))
+        guess = 2 * force - previous if force > 2 / 3 * previous else 0.5 * force
         new = implicit(trial, alpha, rate, held, state, guess)
         if new == 0.0 and trial <= origin:
+            delta[n] = trial
             return forces[: n + 1], delta[: n + 1], state, True
         previous, force = force, new
         forces[n] = new
@@ -222,32 +223,28 @@ def _march(
     return forces, delta, state, False
 
 
-def _forced_one(
-    problem: Problem, q: Array, v: Array, t: float, f0: float, f1: float
-) -> tuple[Array, Array]:
-    qt, vt = problem.forced(q, v, np.array([t]), np.array([f0]), np.array([f1]))
-    return qt[0], vt[0]
+def _release(
+    problem: Problem, q: Array, v: Array, force: float, origin: float, h: float, ahead: float
+) -> float:
+    """Length of the last step, over which the force falls to 0 as delta falls to the origin.
 
-
-def _release(problem: Problem, q: Array, v: Array, force: float, origin: float, h: float) -> float:
-    """Length of the last step, over which the force falls to 0 as delta falls to the origin."""
-
+    `ahead` is the indentation that a whole step h would end with.
+    """
     prop, beta = problem.propagator, problem.beta
-    from_q, from_v, pull = beta * q, beta * v, force * beta**2
+    from_q, from_v, pull, push = beta * q, beta * v, force * beta**2, beta * problem.load
+    stiff = prop.square * from_q
     level = problem.gap + origin
 
-    def apart(t: float) -> float:
-        P, S, _ = prop.motion(t)
-        J, R = prop.step_and_ramp(t)
-        delta = float(P @ from_q + S @ from_v - (J - R / t) @ pull) - level
-        return delta + float(J @ (beta * problem.load)) if problem.loaded else delta
+    def apart(t: float) -> tuple[float, float]:
+        P, S, W, J, R = prop.responses(t)
+        held = (J - R / t) / t  # the force's share of the rate, but for S
+        delta = P @ from_q + S @ from_v + J @ push - (J - R / t) @ pull
+        rate = W @ from_v - S @ stiff + S @ push - (S - held) @ pull
+        return level - float(delta), -float(rate)
 
-    if apart(h) >= 0.0:  # by rounding only
-        return h
-    low = 1e-9 * h
-    if apart(low) <= 0.0:
-        return low
-    return float(brentq(apart, low, h, xtol=1e-18, rtol=1e-14, maxiter=500))
+    depth = max(problem.approach(q) - origin, 0.0)
+    chord = h * depth / (depth + origin - ahead)
+    return rising_root(apart, 1e-9 * h, h, chord)
 
 
 def _segment(kernel: _Kernel, t: float, q: Array, v: Array, forces: Array, delta: Array) -> Segment:
@@ -267,7 +264,7 @@ def _last(
     state: State,
 ) -> Segment:
     def states() -> tuple[Array, Array]:
-        q1, v1 = _forced_one(problem, q, v, length, force, 0.0)
+        q1, v1 = problem.forced(q, v, length, force, 0.0)
         return np.vstack((q, q1)), np.vstack((v, v1))
 
     return Segment(

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from antiosc.integrators.problem import Problem
+from antiosc.integrators.root import rising_root
 
 Array = NDArray[np.float64]
 
@@ -25,7 +25,7 @@ def next_touch(
     change is accepted once the interval is shorter than `fine`.
     """
     search = _Search(problem, q, v, origin)
-    now, speed = float(search.delta(0.0)), float(problem.beta @ v)
+    now, speed = problem.approach(q) - origin, float(problem.beta @ v)
     if now >= 0.0 and speed > 0.0:
         return 0.0
     start, wait = min(now, 0.0), 0.0  # parted a moment ago: no touch by rounding
@@ -57,7 +57,11 @@ def next_touch(
         if delta[first] > 0.0:
             return left
         if delta[first + 1] > 0.0 and (length <= fine or missed <= problem.resolution):
-            return search.root(left, right, float(delta[first]))
+            at_left, at_right = float(delta[first]), float(delta[first + 1])
+            if at_left >= 0.0:
+                return left
+            chord = left + (right - left) * at_left / (at_left - at_right)
+            return rising_root(search.motion, left, right, chord)
         stack.append((left, right))
     return None
 
@@ -66,8 +70,7 @@ class _Search:
     """delta(t) - origin of the free motion from one state, and the bound on what a chord misses."""
 
     def __init__(self, problem: Problem, q: Array, v: Array, origin: float) -> None:
-        self.problem, self.q, self.v = problem, q, v
-        self.level = problem.gap + origin
+        self.problem, self.q, self.v, self.origin = problem, q, v, origin
         omega, d = problem.omega, problem.decay
         elastic = omega > 0
         rest = np.where(elastic, problem.load / np.where(elastic, omega, 1.0) ** 2, 0.0)
@@ -78,21 +81,14 @@ class _Search:
         bend = np.abs(problem.load) + 2 * d * np.abs(v)
         self.bend = float(np.sum(np.where(elastic, 0.0, size * bend)))
 
-    def delta(self, t: Array | float) -> Array:
-        p = self.problem
-        P, S, _ = p.propagator.motion(t)
-        value = P @ (p.beta * self.q) + S @ (p.beta * self.v) - self.level
-        if p.loaded:
-            value = value + p.propagator.step(t) @ (p.beta * p.load)
-        return np.asarray(value)
+    def delta(self, t: Array) -> Array:
+        return self.problem.indentation(self.q, self.v, t) - self.origin
+
+    def motion(self, t: float) -> tuple[float, float]:
+        """delta and its rate."""
+        q, v = self.problem.free(self.q, self.v, t)
+        return self.problem.approach(q) - self.origin, float(self.problem.beta @ v)
 
     def missed(self, length: float) -> float:
         chord = np.minimum(2.0, self.curvature * (length**2 / 8))
         return float(self.amplitude @ chord) + self.bend * length**2 / 8
-
-    def root(self, left: float, right: float, at_left: float) -> float:
-        if at_left >= 0.0:
-            return left
-        return float(
-            brentq(lambda t: float(self.delta(t)), left, right, xtol=1e-18, rtol=1e-15, maxiter=500)
-        )

@@ -74,14 +74,24 @@ class Problem:
             qt, vt = qt + self.propagator.step(t) * self.load, vt + S * self.load
         return qt, vt
 
-    def forced(self, q: Array, v: Array, t: Array, f0: Array, f1: Array) -> tuple[Array, Array]:
-        """States (n, J) after times `t` (n,) from (q, v) while F goes linearly from f0 to f1."""
-        qt, vt = self.free(q, v, t)
-        S, (J, R) = self.propagator.motion(t).S, self.propagator.step_and_ramp(t)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            slope = np.where(t > 0, (f1 - f0) / t, 0.0)[:, None]
-        f0 = np.asarray(f0)[:, None]
-        return qt - self.beta * (f0 * J + slope * R), vt - self.beta * (f0 * S + slope * J)
+    def indentation(self, q: Array, v: Array, t: Array | float) -> Array:
+        """Indentation [m] after free motion over times `t` from (q, v), shape of `t`."""
+        P, S, _ = self.propagator.motion(t)
+        delta = P @ (self.beta * q) + S @ (self.beta * v) - self.gap
+        if self.loaded:
+            delta = delta + self.propagator.step(t) @ (self.beta * self.load)
+        return np.asarray(delta)
+
+    def forced(
+        self, q: Array, v: Array, t: Array | float, f0: Array | float, f1: Array | float
+    ) -> tuple[Array, Array]:
+        """States (..., J) after times `t` from (q, v) while F goes linearly from f0 to f1."""
+        P, S, W, J, R = self.propagator.responses(t)
+        slope = np.asarray((f1 - f0) / np.where(np.greater(t, 0), t, 1.0))[..., np.newaxis]
+        f0 = np.asarray(f0)[..., np.newaxis]
+        q1 = P * q + S * v - self.beta * (f0 * J + slope * R)
+        v1 = W * v - self.propagator.square * S * q - self.beta * (f0 * S + slope * J)
+        return (q1 + J * self.load, v1 + S * self.load) if self.loaded else (q1, v1)
 
 
 @dataclass(eq=False)

@@ -23,6 +23,16 @@ class Motion(NamedTuple):
     W: Array
 
 
+class Responses(NamedTuple):
+    """The motion and what forces add: J under a unit force, R under one that grows as t."""
+
+    P: Array
+    S: Array
+    W: Array
+    J: Array
+    R: Array
+
+
 class Propagator:
     """Closed-form responses of the modes (omega, decay), each of shape (J,)."""
 
@@ -60,15 +70,26 @@ class Propagator:
 
     def step_and_ramp(self, t: Array | float) -> tuple[Array, Array]:
         """J(t) and R(t) [s^3], the displacement under a modal force that grows as t."""
+        responses = self.responses(t)
+        return responses.J, responses.R
+
+    def responses(self, t: Array | float) -> Responses:
+        """All responses after times `t` [s] of any shape."""
         time = np.asarray(t, dtype=float)[..., np.newaxis]
         if self.damped:
-            return self._damped_step_and_ramp(time)
+            return Responses(*self.motion(t), *self._damped_step_and_ramp(time))
         z = self.omega * time
-        small = np.abs(z) < 0.5
-        y = np.where(small, z * z, 0.0)
-        series = 1 - y / 20 * (1 - y / 42 * (1 - y / 72 * (1 - y / 110 * (1 - y / 156))))
-        direct = (time - np.sin(z) * self.inverse) * self.inverse**2
-        return self.step(t), np.asarray(np.where(small, time**3 / 6 * series, direct))
+        sine, cosine = np.sin(0.5 * z), np.cos(0.5 * z)
+        half = sine * self.inverse + (0.5 * time) * self.rigid
+        P, J = cosine * cosine - sine * sine, 2 * half * half
+        S = 2 * cosine * half
+        R = (time - S) * self.inverse**2
+        small = z < 0.5
+        if small.any():
+            y = np.where(small, z * z, 0.0)
+            series = 1 - y / 20 * (1 - y / 42 * (1 - y / 72 * (1 - y / 110 * (1 - y / 156))))
+            R = np.where(small, time**3 / 6 * series, R)
+        return Responses(P, S, P, J, R)
 
     def _decaying(self, t: Array) -> tuple[Array, Array]:
         """C and S with S = exp(-d t) sin(g t)/g and C = exp(-d t) cos(g t), or sinh and cosh."""

@@ -96,5 +96,5 @@ def _flight(
     def states() -> tuple[Array, Array]:
         return problem.free(q, v, times)
 
-    delta = states()[0] @ problem.beta - problem.gap
+    delta = problem.indentation(q, v, times)
     return Segment(t + times, zero, delta, 0.0, states, False)
