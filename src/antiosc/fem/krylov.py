@@ -15,6 +15,10 @@ mass above.
 What N steps leave out is a quadratic form of the next basis vector v, g - g_N = q² vᵀA(I - zT)⁻¹v
 with q = z β_N e_Nᵀ(I - zH)⁻¹e_1 ‖Tφ_st‖. As vᵀAv = 1 and T has real positive eigenvalues only,
 |g - g_N| ≤ |q|²/|sin arg z|: a bound at every damped frequency, at no cost.
+
+The shift s is 0 where K is regular. One inside the band (s < 0) would save a fifth of the steps at
+most (bracket of 21 300 dofs, 16 antiresonances in the band: 26 to 31 steps against 32 for 1e-3),
+but takes a second factorization, and an indefinite one, whose solves cost more.
 """
 
 from __future__ import annotations
