@@ -24,7 +24,7 @@ from antiosc.integrators.root import rising_root
 
 Array = NDArray[np.float64]
 
-CHUNK = 64
+CHUNK = 96
 SHORT = 8
 DEPTH = 6
 LONGER = 2

@@ -10,7 +10,8 @@ from antiosc.integrators.root import rising_root
 
 Array = NDArray[np.float64]
 
-_PIECES = 32
+_PIECES = 128
+_GRID = np.arange(_PIECES + 1) / _PIECES
 
 
 def next_touch(
@@ -20,9 +21,9 @@ def next_touch(
 
     On an interval of length L, delta lies below the larger of its end values plus the bound
     sum_j |beta_j| A_j min(2, curvature_j L^2/8) of what a chord can miss (A_j: amplitude of the
-    free motion). Intervals that this bound clears hold no touch; the first one that it does not
-    clear is cut into pieces, down to intervals where the bound lies under the resolution. A sign
-    change is accepted once the interval is shorter than `fine`.
+    free motion). Intervals that this bound clears hold no touch; those that it does not clear are
+    cut into pieces, in order of time, down to intervals where the bound lies under the resolution.
+    A sign change is accepted once the interval is shorter than `fine`.
     """
     search = _Search(problem, q, v, origin)
     now, speed = problem.approach(q) - origin, float(problem.beta @ v)
@@ -36,33 +37,25 @@ def next_touch(
     stack = [(wait, span)] if wait < span else []
     while stack:
         a, b = stack.pop()
-        times = np.linspace(a, b, _PIECES + 1)
-        length = (b - a) / _PIECES
+        times, length = a + (b - a) * _GRID, (b - a) / _PIECES
         delta = search.delta(times)
         if a == 0.0:
             delta[0] = start
         missed = search.missed(length)
-        crest = np.maximum(delta[:-1], delta[1:])
-        suspects = np.flatnonzero((crest > 0) | (crest + missed > problem.resolution))
+        # a touch shorter than fine/16 is below the integrator's step
+        clear = 0.0 if length <= fine / 16 else min(problem.resolution - missed, 0.0)
+        suspects = np.flatnonzero(np.maximum(delta[:-1], delta[1:]) > clear)
         if suspects.size == 0:
             continue
-        if length <= fine / 16:  # a touch shorter than that is below the integrator's step
-            suspects = np.flatnonzero(crest > 0)
-            if suspects.size == 0:
-                continue
         first = int(suspects[0])
         left, right = float(times[first]), float(times[first + 1])
-        if first + 1 < _PIECES:
-            stack.append((right, b))
-        if delta[first] > 0.0:
+        at_left, at_right = float(delta[first]), float(delta[first + 1])
+        if at_left > 0.0:
             return left
-        if delta[first + 1] > 0.0 and (length <= fine or missed <= problem.resolution):
-            at_left, at_right = float(delta[first]), float(delta[first + 1])
-            if at_left >= 0.0:
-                return left
+        if at_right > 0.0 and (length <= fine or missed <= problem.resolution):
             chord = left + (right - left) * at_left / (at_left - at_right)
-            return rising_root(search.motion, left, right, chord)
-        stack.append((left, right))
+            return rising_root(search.motion, left, right, chord) if at_left < 0.0 else left
+        stack.extend((float(times[i]), float(times[i + 1])) for i in suspects[::-1])
     return None
 
 
@@ -71,15 +64,13 @@ class _Search:
 
     def __init__(self, problem: Problem, q: Array, v: Array, origin: float) -> None:
         self.problem, self.q, self.v, self.origin = problem, q, v, origin
-        omega, d = problem.omega, problem.decay
-        elastic = omega > 0
-        rest = np.where(elastic, problem.load / np.where(elastic, omega, 1.0) ** 2, 0.0)
-        swing = np.hypot(q - rest, v / np.where(elastic, omega, 1.0))
-        size = np.abs(problem.beta)
-        self.amplitude = np.where(elastic, size * swing, 0.0)
-        self.curvature = omega**2 + 2 * d * omega
-        bend = np.abs(problem.load) + 2 * d * np.abs(v)
-        self.bend = float(np.sum(np.where(elastic, 0.0, size * bend)))
+        prop, size = problem.propagator, np.abs(problem.beta)
+        rest = problem.load * prop.inverse**2
+        swing = np.hypot(q - rest, v * prop.inverse)
+        self.amplitude = (1 - prop.rigid) * size * swing
+        self.curvature = prop.square + 2 * prop.decay * prop.omega
+        bend = np.abs(problem.load) + 2 * prop.decay * np.abs(v)
+        self.bend = float((prop.rigid * size) @ bend)
 
     def delta(self, t: Array) -> Array:
         return self.problem.indentation(self.q, self.v, t) - self.origin

@@ -76,8 +76,7 @@ class Problem:
 
     def indentation(self, q: Array, v: Array, t: Array | float) -> Array:
         """Indentation [m] after free motion over times `t` from (q, v), shape of `t`."""
-        P, S, _ = self.propagator.motion(t)
-        delta = P @ (self.beta * q) + S @ (self.beta * v) - self.gap
+        delta = self.propagator.weighted(t, self.beta * q, self.beta * v) - self.gap
         if self.loaded:
             delta = delta + self.propagator.step(t) @ (self.beta * self.load)
         return np.asarray(delta)

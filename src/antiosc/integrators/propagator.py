@@ -7,12 +7,16 @@ cancels for small or large omega t or d t.
 
 from __future__ import annotations
 
+from math import factorial
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+
+# R/t^3 as a power series in (omega t)^2: (-1)^k/(2 k + 3)!
+_RAMP = tuple((-1) ** k / factorial(2 * k + 3) for k in range(6))
 
 
 class Motion(NamedTuple):
@@ -60,6 +64,15 @@ class Propagator:
         C, S = self._decaying(t)
         return Motion(C + self.decay * S, S, C - self.decay * S)
 
+    def weighted(self, t: Array | float, a: Array, b: Array) -> Array:
+        """sum_j (a_j P_j + b_j S_j) after times `t` [s], of the shape of `t`."""
+        if self.damped:
+            P, S, _ = self.motion(t)
+            return np.asarray(P @ a + S @ b)
+        z = np.multiply.outer(t, self.omega)
+        drift = float(b @ self.rigid)
+        return np.asarray(np.cos(z) @ a + np.sin(z) @ (b * self.inverse) + np.multiply(t, drift))
+
     def step(self, t: Array | float) -> Array:
         """J(t) [s^2], the displacement under a unit modal force since 0."""
         time = np.asarray(t, dtype=float)[..., np.newaxis]
@@ -80,15 +93,13 @@ class Propagator:
             return Responses(*self.motion(t), *self._damped_step_and_ramp(time))
         z = self.omega * time
         sine, cosine = np.sin(0.5 * z), np.cos(0.5 * z)
-        half = sine * self.inverse + (0.5 * time) * self.rigid
-        P, J = cosine * cosine - sine * sine, 2 * half * half
-        S = 2 * cosine * half
-        R = (time - S) * self.inverse**2
-        small = z < 0.5
-        if small.any():
-            y = np.where(small, z * z, 0.0)
-            series = 1 - y / 20 * (1 - y / 42 * (1 - y / 72 * (1 - y / 110 * (1 - y / 156))))
-            R = np.where(small, time**3 / 6 * series, R)
+        double = 2 * sine * self.inverse + time * self.rigid
+        P, S, J = cosine * cosine - sine * sine, cosine * double, 0.5 * double * double
+        y = z * z
+        series = _RAMP[-1]
+        for coefficient in _RAMP[-2::-1]:
+            series = coefficient + y * series
+        R = np.where(z < 0.5, time**3 * series, (time - S) * self.inverse**2)
         return Responses(P, S, P, J, R)
 
     def _decaying(self, t: Array) -> tuple[Array, Array]:
