@@ -27,14 +27,14 @@ demo: $(READY) ## a steel sphere strikes the bracket: table, force plot, model a
 article: $(READY) ## every claim of the article rerun: demos/ARTICLE.md and its figures
 	$(PYTHON) demos/article.py
 
-bench: $(READY) ## speed against accuracy: tables, pictures and JSON in out/bench (about 20 minutes)
+bench: $(READY) ## speed against accuracy: tables, pictures and JSON in demos/speed (about 20 minutes)
 	$(PYTHON) demos/speed_accuracy.py
 
 test: $(READY) ## all tests, those on several MPI ranks included
 	$(PYTHON) -m pytest
 
-check: $(READY) ## the quick tests (under 2 minutes)
-	$(PYTHON) -m pytest -m "not slow"
+check: $(READY) ## the quick tests on one rank (under 2 minutes)
+	$(PYTHON) -m pytest -m "not slow and not mpi"
 
 test-debian13: ## all tests in a Debian 13 tree (needs root or sudo; ANTIOSC_CHROOT says where)
 	.ci/debian13

@@ -466,7 +466,7 @@ def _memory() -> float:
 
 
 def main(
-    out: Path = ROOT / "out/bench", sizes: tuple[float, ...] = SIZES, quick: bool = False
+    out: Path = ROOT / "demos/speed", sizes: tuple[float, ...] = SIZES, quick: bool = False
 ) -> dict[str, Any]:
     """Run everything; write JSON, tables and pictures to `out`.
 
@@ -645,7 +645,7 @@ def _task(text: str) -> None:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=Path, default=ROOT / "out/bench")
+    parser.add_argument("--out", type=Path, default=ROOT / "demos/speed")
     parser.add_argument("--sizes", type=float, nargs="+", default=SIZES)
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--task", help=argparse.SUPPRESS)
