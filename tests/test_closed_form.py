@@ -345,6 +345,7 @@ def test_statics_of_the_modes():
     np.testing.assert_allclose(deflection * beam.static_stiffness, static, rtol=1e-3, atol=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("beam", "orders"), [(UNIT, (3, 5, 7)), (THICK, (1, 3, 3))])
 def test_orders_of_what_truncation_leaves_out(beam, orders):
     """Where bending governs, and where the short waves are shear waves (omega_j ~ j).

@@ -513,6 +513,7 @@ def thin_plate_graded_to(point, cell, n=28):
     return ao.Structure(mesh, ao.Shell(E, NU, RHO, 1e-3), SIMPLE)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("point", [(0.5, 0.5), (0.35, 0.3)])
 @pytest.mark.parametrize("cell", [pytest.param("triangle", marks=pytest.mark.slow), CELLS[1]])
 def test_thin_plate_anti_oscillators_are_kirchhoffs(point, cell):

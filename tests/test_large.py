@@ -26,6 +26,7 @@ def block(solver="auto", supports=("left",), n=(8, 4, 3)) -> ao.Structure:
     return ao.Structure(parts.box(n), ao.Solid(**parts.STEEL), held, solver=solver)
 
 
+@pytest.mark.slow
 def test_forecast_against_the_factor_itself():
     part = block(n=(16, 10, 8))
     found = algebra.forecasts(part.K)
@@ -36,6 +37,7 @@ def test_forecast_against_the_factor_itself():
     assert entries < large.COMPACT * part.K.getSize()[0] ** (4 / 3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("supports", [("left",), ()])
 def test_iterative_and_direct_agree(supports):
     direct, iterative = block("direct", supports), block("iterative", supports)
