@@ -32,6 +32,7 @@ from antiosc.impact import (
 from antiosc.integrators import MAX_STEPS, Problem
 from antiosc.integrators.exact import DEPTH, LONGER, SHORT, Exact
 from antiosc.integrators.propagator import Propagator
+from antiosc.integrators.root import CLOSE
 from antiosc.modal import LinearBody
 
 Array = NDArray[np.float64]
@@ -365,11 +366,14 @@ class _Part:
     """Some rows of a stack, with the motion of their modes."""
 
     def __init__(self, stack: _Stack, rows: Index) -> None:
-        self.rows = rows
+        self.stack, self.rows = stack, rows
         self.beta, self.gap, self.r = stack.beta[rows], stack.gap[rows], stack.r[rows]
         self.load = stack.load[rows] if stack.loaded else None
         self.resolution = stack.resolution[rows]
         self.propagator = Propagator(stack.omega[rows], stack.decay[rows])
+
+    def take(self, keep: Index) -> _Part:
+        return _Part(self.stack, self.rows[keep])
 
     def delta(self, q: Array) -> Array:
         return np.einsum("sj,sj->s", self.beta, q) - self.gap
@@ -383,12 +387,18 @@ class _Part:
 
     def falling(self, q: Array, v: Array, force: Array, t: Array) -> tuple[Array, Array]:
         """States after `t` while the force falls linearly to 0."""
-        q1, v1 = self.free(q, v, t)
-        S = self.propagator.motion(t).S
-        J, R = self.propagator.step_and_ramp(t)
-        pull = self.beta * force[:, None]
-        t = t[:, None]
-        return q1 - pull * (J - R / t), v1 - pull * (S - J / t)
+        P, S, W, J, R = self.propagator.responses(t)
+        pull, t = self.beta * force[:, None], t[:, None]
+        q1: Array = P * q + S * v - pull * (J - R / t)
+        v1: Array = W * v - self.propagator.square * S * q - pull * (S - J / t)
+        return (q1, v1) if self.load is None else (q1 + J * self.load, v1 + S * self.load)
+
+    def ending(self, q: Array, v: Array, force: Array, t: Array) -> tuple[Array, Array]:
+        """Indentation at the end of `falling`, and its derivative by `t`."""
+        q1, v1 = self.falling(q, v, force, t)
+        R = self.propagator.responses(t).R
+        later = np.einsum("sj,sj->s", self.beta**2, R) * force / t**2
+        return self.delta(q1), np.einsum("sj,sj->s", self.beta, v1) - later
 
 
 class _Steps:
@@ -397,9 +407,8 @@ class _Steps:
     def __init__(self, part: _Part, h: Array) -> None:
         p, column = part.propagator, h[:, None]
         self.beta, self.gap = part.beta, part.gap
-        self.P, self.S, self.W = p.motion(h)
+        self.P, self.S, self.W, J, R = p.responses(h)
         self.V = -p.square * self.S
-        J, R = p.step_and_ramp(h)
         self.rise_q, self.rise_v = -part.beta * R / column, -part.beta * J / column
         self.fall_q = -part.beta * J - self.rise_q
         self.fall_v = -part.beta * self.S - self.rise_v
@@ -693,16 +702,11 @@ def _release(
     sub = stack.part(part.rows[g])
     q, v, f, h = out.q[g], out.v[g], force[g], h[g]
 
-    def apart(t: Array) -> Array:
-        q1, _ = sub.falling(q, v, f, t)
-        return sub.delta(q1)
+    def apart(t: Array) -> tuple[Array, Array]:
+        delta, rate = sub.ending(q, v, f, t)
+        return -delta, -rate
 
-    low = 1e-9 * h
-    at_low, at_high = apart(low), apart(h)
-    inside = (at_low > 0) & (at_high < 0)
-    length = np.where(at_high >= 0, h, low)
-    root = _root(apart, np.where(inside, low, length), np.where(inside, h, length))
-    length = np.where(inside, root, length)
+    length = _rising_root(apart, 1e-9 * h, h)
     out.q[g], out.v[g] = sub.falling(q, v, f, length)
     out.t[g] += length
     out.impulse[g] += 0.5 * length * f
@@ -757,27 +761,37 @@ def _next_touch(part: _Part, q: Array, v: Array, span: Array, fine: Array) -> Ar
         rows, a, at, length = rows[keep], a[keep], at[keep], length[keep]
     todo = np.flatnonzero(found & np.isinf(touch))
     if todo.size:
-        touch[todo] = _root(lambda t: delta(todo, t), left[todo], right[todo])
+        sub, q, v = part.take(todo), q[todo], v[todo]
+
+        def motion(t: Array) -> tuple[Array, Array]:
+            q1, v1 = sub.free(q, v, t)
+            return sub.delta(q1), np.einsum("sj,sj->s", sub.beta, v1)
+
+        touch[todo] = _rising_root(motion, left[todo], right[todo])
     return touch
 
 
-def _root(f: Callable[[Array], Array], a: Array, b: Array) -> Array:
-    """Roots of f in [a, b] by the Illinois rule, to rounding; equal ends are returned."""
-    fa, fb = f(a), f(b)
-    c = b
-    for _ in range(100):
-        with np.errstate(divide="ignore", invalid="ignore"):
-            c = b - fb * (b - a) / (fb - fa)
-        c = np.where(np.isfinite(c), c, 0.5 * (a + b))
-        fc = f(c)
-        swap = fc * fb <= 0
-        fa = np.where(swap, fb, 0.5 * fa)
-        a = np.where(swap, b, a)
-        done = (np.abs(c - b) <= 2e-15 * np.abs(c)) | (fc == 0)
-        b, fb = c, fc
-        if np.all(done):
-            break
-    return c
+def _rising_root(f: Callable[[Array], tuple[Array, Array]], low: Array, high: Array) -> Array:
+    """`integrators.root.rising_root` for every row, from where the chord meets 0."""
+    at_low, at_high = f(low)[0], f(high)[0]
+    inside = (at_low < 0) & (at_high > 0)
+    t = np.where(at_low < 0, high, low)
+    t[inside] = (low - at_low * (high - low) / (at_high - at_low))[inside]
+    close = CLOSE * (high - low)
+    before = last = high - low
+    done = ~inside
+    while not done.all():
+        value, slope = f(t)
+        low, high = np.where(value > 0, low, t), np.where(value > 0, t, high)
+        newton = t - value / np.where(slope > 0, slope, np.inf)
+        good = (low <= newton) & (newton <= high) & (np.abs(newton - t) <= 0.5 * before)
+        good &= slope > 0
+        new = np.where(good, newton, 0.5 * (low + high))
+        new = np.where(done, t, new)
+        move = np.abs(new - t)
+        done |= np.where(good, move <= close, (new == low) | (new == high))
+        before, last, t = last, move, new
+    return t
 
 
 # -- vectorised laws

@@ -244,7 +244,7 @@ def assemble(
 ) -> tuple[Problem, tuple[ModalBody, ModalBody]]:
     """The problem an integrator sees, and the two bodies in the order (structure, impactor)."""
     for name, body in (("model", model), ("impactor", impactor)):
-        if not isinstance(body, LinearBody):
+        if not callable(getattr(body, "modal", None)):
             raise InputError(
                 f"{name} must have a modal() method, as AntiOscillators and RigidMass have;"
                 f" got {type(body).__name__}."

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-_CLOSE = 1e-8  # of the bracket: what Newton's step leaves is the square of it
+CLOSE = 1e-8  # of the bracket: what Newton's step leaves is the square of it
 
 
 def rising_root(
@@ -15,7 +15,7 @@ def rising_root(
     Newton's method from `start`, and bisection where that leaves the bracket or slows down. If the
     sign does not change, the answer is the end to which it points.
     """
-    close = _CLOSE * (high - low)
+    close = CLOSE * (high - low)
     t = start if low < start < high else 0.5 * (low + high)
     before = last = high - low
     for _ in range(400):
