@@ -536,9 +536,9 @@ def _contact(
             out.extend(go_on, more)
             for owner, time, force in zip(late.owner, late.time, late.force, strict=True):
                 nodes.add(go_on[owner], time, force)
-        for j, i in enumerate(who):
-            results[i].work += int(out.count[j])
-            results[i].full = results[i].full or bool(out.count[j] > max_steps)
+        for i, count in zip(who, out.count.tolist(), strict=True):
+            results[i].work += count
+            results[i].full |= count > max_steps
         short = out.parted & (out.t - t[who] <= SHORT * h[todo])
         short[go_on] = False
         again = short if depth < DEPTH else np.zeros(short.size, dtype=bool)
@@ -551,10 +551,10 @@ def _contact(
             np.concatenate(nodes.time)[keep],
             np.concatenate(nodes.force)[keep],
         )
-        for j in np.flatnonzero(done):
-            i = who[j]
-            results[i].contacts.append((float(t[i]), float(out.t[j]), float(out.impulse[j])))
         kept = who[done]
+        spans = zip(t[kept].tolist(), out.t[done].tolist(), out.impulse[done].tolist(), strict=True)
+        for i, span in zip(kept, spans, strict=True):
+            results[i].contacts.append(span)
         q[kept], v[kept], t[kept] = out.q[done], out.v[done], out.t[done]
         parted[todo[done]] = out.parted[done]
         todo = todo[again]
@@ -737,12 +737,16 @@ def _next_touch(part: _Part, q: Array, v: Array, span: Array, fine: Array) -> Ar
         chord = np.minimum(2.0, curvature[rows] * (length**2 / 8)[:, None])
         return np.einsum("sj,sj->s", amplitude[rows], chord) + bend[rows] * length**2 / 8
 
-    touch = np.full(span.size, np.inf)
-    left, right = np.zeros(span.size), np.zeros(span.size)
+    touch, left, right = np.full(span.size, np.inf), np.zeros(span.size), np.zeros(span.size)
     found = np.zeros(span.size, dtype=bool)
-    rows = np.arange(span.size)
-    a, length = np.zeros(span.size), span / 32
-    at = np.minimum(delta(rows, a), 0.0)
+    # receding: delta <= speed t + bound t^2/2 stays below 0 for a while
+    speed = np.einsum("sj,sj->s", part.beta, v)
+    bound = np.einsum("sj,sj->s", amplitude, curvature) + bend
+    a = np.where(speed < 0, np.minimum(-speed / np.maximum(bound, 1e-300), span), 0.0)
+    at = delta(np.arange(span.size), a)
+    touch[(at >= 0) & (speed > 0)] = 0.0
+    rows = np.flatnonzero((a < span) & (touch > 0))
+    a, at, length = a[rows], np.minimum(at[rows], 0.0), span[rows] / 32
     while rows.size:
         b = np.minimum(a + length, span[rows])
         reach = b - a

@@ -278,8 +278,7 @@ def assemble(
 
 def _weight(name: str, body: ModalBody, gravity: float) -> Array:
     """Modal weight; a supported body is measured from its equilibrium and has none."""
-    carried = not np.any((body.omega == 0) & (body.b != 0))
-    if gravity == 0.0 or carried:
+    if gravity == 0.0 or not np.any((body.omega == 0) & (body.b != 0)):
         return np.zeros(body.omega.size)
     if body.weight is None:
         raise InputError(
