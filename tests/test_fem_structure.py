@@ -217,3 +217,20 @@ def test_a_chain_of_springs_by_hand():
     assert model.m0 == pytest.approx(m, rel=1e-12)
     with pytest.raises(ao.InputError, match="matrices alone do not tell a total mass"):
         _ = ao.Structure.from_matrices(K, M).mass
+
+
+def test_matrices_of_which_one_part_slides():
+    """A free chain beside a grounded one: struck on either, Z is that of the dense matrices."""
+    K = np.zeros((6, 6))
+    for i, j, k in [(0, 1, 1e6), (1, 2, 2e6), (3, 4, 3e6), (4, 5, 1e6)]:
+        K[np.ix_([i, j], [i, j])] += k * np.array([[1, -1], [-1, 1]])
+    K[3, 3] += 1e6
+    M = np.diag([1.0, 2.0, 1.0, 1.0, 1.5, 1.0])
+    structure = ao.Structure.from_matrices(K, M)
+    assert structure.rigid_modes.shape == (6, 1)
+    omega = np.linspace(100, 3000, 7)
+    for dof, k0 in [(0, 0.0), (5, 1 / (1e-6 + 1 / 3e6 + 1e-6))]:
+        model = ao.extract(structure, ao.Site(dof=dof), n=5)
+        exact = [1 / np.linalg.inv(K - w**2 * M)[dof, dof] for w in omega]
+        assert model.k0 == pytest.approx(k0, rel=1e-12)
+        np.testing.assert_allclose(model.dynamic_stiffness(omega), exact, rtol=1e-10)

@@ -32,6 +32,8 @@ HELD = 1e-13
 SHIFT = 0.1
 #: Share of a field that is left without its rigid part, above which it strains; rounding: 1e-15.
 ELASTIC = 1e-9
+#: Share of a vector outside the span of others, below which it adds nothing; rounding: 1e-16.
+SPANNED = 1e-12
 #: A first shift that is more than this too high is replaced: Krylov spaces then converge slowly.
 FAR = 0.1
 
@@ -125,16 +127,18 @@ def _singular(comm: MPI.Comm, K: PETSc.Mat, scale: float) -> bool:
 
 
 def orthonormal(comm: MPI.Comm, M: PETSc.Mat, block: Array) -> Array:
-    """An M-orthonormal basis of the columns, those without mass of their own dropped."""
-    for _ in range(2):  # twice is enough (Kahan)
-        if not block.shape[1]:
-            return block
-        gram = dot(comm, block, multiply(M, block))
-        scale = np.sqrt(np.maximum(gram.diagonal(), np.finfo(float).tiny))
-        values, vectors = np.linalg.eigh(gram / np.outer(scale, scale))
-        keep = values > 1e-12 * values.max()
-        block = (block / scale) @ (vectors[:, keep] / np.sqrt(values[keep]))
-    return block
+    """An M-orthonormal basis of the columns, those that others span dropped (Gram–Schmidt)."""
+    basis, loads = np.zeros((len(block), 0)), np.zeros((len(block), 0))
+    for column in block.T:
+        before = np.sqrt(float(dot(comm, column, multiply(M, column))))
+        for _ in range(2):  # twice is enough (Kahan)
+            column = column - basis @ dot(comm, loads, column)
+        load = multiply(M, column)
+        left = np.sqrt(max(float(dot(comm, column, load)), 0.0))
+        if left > SPANNED * before:
+            basis = np.column_stack([basis, column / left])
+            loads = np.column_stack([loads, load / left])
+    return basis
 
 
 def _vanishing(comm: MPI.Comm, fields: Array, fixed: IntArray, springs: Array) -> Array:
