@@ -88,7 +88,7 @@ class History:
     @cached_property
     def indentation(self) -> Array:
         """w - u - gap [m], (n,); negative: distance."""
-        return self._joined([s.indentation for s in self.trajectory.segments])
+        return self._joined([s.indentation() for s in self.trajectory.segments])
 
     @cached_property
     def displacement(self) -> Array:

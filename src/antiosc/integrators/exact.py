@@ -136,6 +136,7 @@ class _Kernel:
         self.half_q, self.half_v = self._train(zero, zero, fall_q, fall_v)
         self.hat, self.half = self.hat_q @ beta, self.half_q @ beta
         self.hat_rate, self.half_rate = self.hat_v @ beta, self.half_v @ beta
+        self.tails, self.tails_rate = _tails(self.hat), _tails(self.hat_rate)
         self.alpha = problem.r - float(self.hat[0])
         self.alpha_rate = -float(self.hat_rate[0])
 
@@ -182,6 +183,12 @@ class _Kernel:
         return qn, vn
 
 
+def _tails(hat: Array) -> list[Array]:
+    """For every node n, hat_{n-1} ... hat_1: what F_1 ... F_{n-1} are weighted with there."""
+    reverse, last = hat[::-1].copy(), hat.size
+    return [reverse[last - n : last - 1] for n in range(last)]
+
+
 def _march(
     kernel: _Kernel, q: Array, v: Array, force: float, state: State, size: int
 ) -> tuple[Array, Array, State, bool]:
@@ -192,29 +199,26 @@ def _march(
     forces, delta = np.zeros(size + 1), np.zeros(size + 1)
     forces[0] = force
     delta[0] = free[0] - r * force
-    last = kernel.hat.size
-    reverse = kernel.hat[::-1].copy()
+    tails, tails_rate = kernel.tails, kernel.tails_rate
     moving = law.rate_dependent or law.has_memory
-    rate, held, previous = 0.0, 0.0, force
+    rate, held, previous, before = 0.0, 0.0, force, force
     if moving:
         free_rate = (kernel.free_rate(q, v) + force * kernel.half_rate).tolist()
-        reverse_rate = kernel.hat_rate[::-1].copy()
         held = alpha_rate + r / h
     implicit, origin = law.implicit, law.origin(state)
     for n in range(1, size + 1):
-        trial = free[n]
-        if n > 1:
-            trial += float(reverse[last - n : last - 1].dot(forces[1:n]))
+        past = forces[1:n]
+        trial = free[n] + float(tails[n].dot(past))
         if moving:
-            rate = free_rate[n] + r * force / h
-            if n > 1:
-                rate += float(reverse_rate[last - n : last - 1].dot(forces[1:n]))
-        guess = 2 * force - previous if force > 2 / 3 * previous else 0.5 * force
+            rate = free_rate[n] + r * force / h + float(tails_rate[n].dot(past))
+        guess = 3 * (force - previous) + before  # on a parabola
+        if guess < 0.5 * force:
+            guess = 0.5 * force
         new = implicit(trial, alpha, rate, held, state, guess)
         if new == 0.0 and trial <= origin:
             delta[n] = trial
             return forces[: n + 1], delta[: n + 1], state, True
-        previous, force = force, new
+        before, previous, force = previous, force, new
         forces[n] = new
         delta[n] = trial - alpha * new
         if moving:
@@ -250,7 +254,7 @@ def _release(
 def _segment(kernel: _Kernel, t: float, q: Array, v: Array, forces: Array, delta: Array) -> Segment:
     time = t + kernel.h * np.arange(forces.size)
     impulse = kernel.h * float(forces.sum() - 0.5 * (forces[0] + forces[-1]))
-    return Segment(time, forces, delta, impulse, lambda: kernel.states(q, v, forces), True)
+    return Segment(time, forces, lambda: delta, impulse, lambda: kernel.states(q, v, forces), True)
 
 
 def _last(
@@ -270,7 +274,7 @@ def _last(
     return Segment(
         np.array([t, t + length]),
         np.array([force, 0.0]),
-        np.array([delta, problem.law.origin(state)]),
+        lambda: np.array([delta, problem.law.origin(state)]),
         0.5 * length * force,
         states,
         True,

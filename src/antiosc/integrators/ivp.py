@@ -170,4 +170,4 @@ def _segment(motion: _Contact, solution: Any) -> Segment:
     delta, _, force = np.array([motion.contact(column) for column in y.T]).T
     n = motion.size
     impulse = float(solution.y[-1, -1] - solution.y[-1, 0])
-    return Segment(time, force, delta, impulse, lambda: (y[:n].T, y[n:-1].T), True)
+    return Segment(time, force, lambda: delta, impulse, lambda: (y[:n].T, y[n:-1].T), True)

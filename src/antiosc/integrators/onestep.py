@@ -118,7 +118,7 @@ def _segment(times: Array, nodes: list[Node]) -> Segment:
     return Segment(
         times,
         np.array([n.force for n in nodes]),
-        np.array([n.delta for n in nodes]),
+        lambda: np.array([n.delta for n in nodes]),
         float(np.diff(times) @ mean),
         lambda: (q, v),
         True,

@@ -99,7 +99,8 @@ class Segment:
 
     Attributes
     ----------
-    time, force, indentation : (n,) at the nodes; between nodes F is linear.
+    time, force : (n,) at the nodes; between nodes F is linear.
+    indentation : gives the indentation at the nodes, (n,).
     impulse : time integral of the force as the integrator took it [N s].
     states : gives modal displacements and velocities at the nodes, (n, J) each.
     contact : whether the bodies touch.
@@ -107,7 +108,7 @@ class Segment:
 
     time: Array
     force: Array
-    indentation: Array
+    indentation: Callable[[], Array]
     impulse: float
     states: Callable[[], tuple[Array, Array]]
     contact: bool

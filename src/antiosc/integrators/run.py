@@ -84,7 +84,7 @@ def _append(result: Trajectory, t: float, state: State, phase: Phase) -> None:
 def _moment(t: float, q: Array, v: Array) -> Segment:
     """One node without force."""
     zero = np.zeros(1)
-    return Segment(np.array([t]), zero, zero, 0.0, lambda: (q[None], v[None]), True)
+    return Segment(np.array([t]), zero, lambda: zero, 0.0, lambda: (q[None], v[None]), True)
 
 
 def _flight(
@@ -93,8 +93,10 @@ def _flight(
     times = np.linspace(0.0, span, 2 + int(_FLIGHT_NODES * span / duration))
     zero = np.zeros(times.size)
 
+    def indentation() -> Array:
+        return problem.indentation(q, v, times)
+
     def states() -> tuple[Array, Array]:
         return problem.free(q, v, times)
 
-    delta = problem.indentation(q, v, times)
-    return Segment(t + times, zero, delta, 0.0, states, False)
+    return Segment(t + times, zero, indentation, 0.0, states, False)
