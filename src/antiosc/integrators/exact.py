@@ -12,7 +12,8 @@ are nothing special.
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import cached_property, lru_cache
+from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -135,10 +136,14 @@ class _Kernel:
         zero = np.zeros_like(beta)
         self.half_q, self.half_v = self._train(zero, zero, fall_q, fall_v)
         self.hat, self.half = self.hat_q @ beta, self.half_q @ beta
-        self.hat_rate, self.half_rate = self.hat_v @ beta, self.half_v @ beta
-        self.tails, self.tails_rate = _tails(self.hat), _tails(self.hat_rate)
+        self.tails = _tails(self.hat)
         self.alpha = problem.r - float(self.hat[0])
-        self.alpha_rate = -float(self.hat_rate[0])
+
+    @cached_property
+    def rates(self) -> tuple[Array, list[Array], float]:
+        """What `half`, `tails` and `alpha` are to the indentation, to its rate."""
+        hat_rate = self.hat_v @ self.problem.beta
+        return self.half_v @ self.problem.beta, _tails(hat_rate), -float(hat_rate[0])
 
     def _after(self, n: int | slice, q: Array, v: Array) -> tuple[Array, Array]:
         return self.P[n] * q + self.S[n] * v, self.V[n] * q + self.W[n] * v
@@ -194,16 +199,17 @@ def _march(
 ) -> tuple[Array, Array, State, bool]:
     """Forces and indentations at nodes 0 ... up to `size`; stops at the first node apart."""
     law, r, h = kernel.problem.law, kernel.problem.r, kernel.h
-    alpha, alpha_rate = kernel.alpha, kernel.alpha_rate
+    alpha = kernel.alpha
     free = (kernel.free(q, v) + force * kernel.half).tolist()
     forces, delta = np.zeros(size + 1), np.zeros(size + 1)
     forces[0] = force
     delta[0] = free[0] - r * force
-    tails, tails_rate = kernel.tails, kernel.tails_rate
+    tails = kernel.tails
     moving = law.rate_dependent or law.has_memory
     rate, held, previous, before = 0.0, 0.0, force, force
     if moving:
-        free_rate = (kernel.free_rate(q, v) + force * kernel.half_rate).tolist()
+        half_rate, tails_rate, alpha_rate = kernel.rates
+        free_rate = (kernel.free_rate(q, v) + force * half_rate).tolist()
         held = alpha_rate + r / h
     implicit, origin = law.implicit, law.origin(state)
     for n in range(1, size + 1):
@@ -236,19 +242,21 @@ def _release(
     """
     prop, beta = problem.propagator, problem.beta
     from_q, from_v, pull, push = beta * q, beta * v, force * beta**2, beta * problem.load
-    stiff = prop.square * from_q
+    turn = push - prop.square * from_q - pull
     level = problem.gap + origin
 
     def apart(t: float) -> tuple[float, float]:
         P, S, W, J, R = prop.responses(t)
-        held = (J - R / t) / t  # the force's share of the rate, but for S
-        delta = P @ from_q + S @ from_v + J @ push - (J - R / t) @ pull
-        rate = W @ from_v - S @ stiff + S @ push - (S - held) @ pull
-        return level - float(delta), -float(rate)
+        held = float((J - R / t) @ pull)
+        delta = float(P @ from_q + S @ from_v + J @ push) - held
+        rate = float(W @ from_v + S @ turn) + held / t
+        return level - delta, -rate
 
-    depth = max(problem.approach(q) - origin, 0.0)
-    chord = h * depth / (depth + origin - ahead)
-    return rising_root(apart, 1e-9 * h, h, chord)
+    # a first guess on the parabola from here with this rate to the whole step's end
+    depth, slope = max(problem.approach(q) - origin, 0.0), h * float(beta @ v)
+    bend = min(ahead - origin, 0.0) - depth - slope
+    root = sqrt(max(slope**2 - 4 * depth * bend, 0.0)) - slope
+    return rising_root(apart, 1e-9 * h, h, 2 * depth * h / root if root > 0.0 else h)
 
 
 def _segment(kernel: _Kernel, t: float, q: Array, v: Array, forces: Array, delta: Array) -> Segment:
