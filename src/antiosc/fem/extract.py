@@ -196,22 +196,24 @@ def _extracted(
         )
         if wish.band is not None and error is not None:
             model.info["band"] = {"top": wish.band, "error_bound": error}
-            if structure.comm.rank == 0:
-                _tell(model, wish, error)
-        if model.info["converged"] == 0 and model.n >= SETTLED and structure.comm.rank == 0:
-            warnings.warn(
-                f"none of the {model.n} anti-oscillators has settled on an antiresonance: the "
-                "structure has parts too slender, or masses too uneven, for so few; raise n.",
-                AccuracyWarning,
-                stacklevel=3,
-            )
+        if structure.comm.rank == 0:
+            _tell(model, wish)
         models.append(model if shapes else replace(model, shapes=None))
     return models
 
 
-def _tell(model: AntiOscillators, wish: _Wish, error: float) -> None:
-    """Warn of a band that was not reached, or that holds nothing."""
-    assert wish.band is not None
+def _tell(model: AntiOscillators, wish: _Wish) -> None:
+    """Warn of frequencies that have not settled, of a band not reached, or one that holds none."""
+    if model.info["converged"] == 0 and model.n >= SETTLED:
+        warnings.warn(
+            f"none of the {model.n} anti-oscillators has settled on an antiresonance: their "
+            "frequencies are not to be trusted; some part may be very slender.",
+            AccuracyWarning,
+            stacklevel=4,
+        )
+    if wish.band is None or "band" not in model.info:
+        return
+    error = model.info["band"]["error_bound"]
     if error > wish.accuracy:
         warnings.warn(
             f"{model.n} anti-oscillators know Z up to {wish.band:g} rad/s to {error:.1e}, not to "

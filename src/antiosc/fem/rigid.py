@@ -182,10 +182,15 @@ def _first_elastic(
     # A rigid field leaves rounding only, which must not be scaled up to a field of its own.
     basis = orthonormal(comm, M, elastic[:, after > ELASTIC**2 * before])
     values = np.linalg.eigvalsh(dot(comm, basis, multiply(K, basis)))
-    straining = values[values > 0]
-    if len(straining):
-        return float(straining[0])
-    return float(K.getDiagonal().sum() / M.getDiagonal().sum())
+    if not len(values):
+        return float(K.getDiagonal().sum() / M.getDiagonal().sum())
+    if values[0] <= 0:
+        raise AccuracyError(
+            "the part is too slender for sixteen digits: the energy of its softest deformation "
+            f"drowns in rounding ({values[0]:.1e} beside {values[-1]:.1e} rad²/s²); slendernesses "
+            "up to about 1e4 can be told."
+        )
+    return float(values[0])
 
 
 def _fields(form: WeakForm, comm: MPI.Comm) -> tuple[Array, int]:
