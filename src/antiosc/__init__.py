@@ -47,6 +47,8 @@ __version__ = "0.1.0"
 _FEM = (
     "Beam",
     "ImpactMap",
+    "Laminate",
+    "Layer",
     "Mesh",
     "PointMass",
     "Section",
@@ -85,7 +87,9 @@ __all__ = [
     "ImpactMap",
     "Impactor",
     "InputError",
+    "Laminate",
     "LankaraniNikravesh",
+    "Layer",
     "Linear",
     "LinearBody",
     "Mesh",

@@ -146,6 +146,11 @@ def _measures(
     """Length ≥ width, thickness, and (E, nu, rho)."""
     if hasattr(part, "dimensions"):
         size, own = part.dimensions, part.parts[0][0]
+        if not hasattr(own, "E"):
+            raise InputError(
+                f"advise judges isotropic materials, which a {type(own).__name__} is not: give "
+                "it dimensions, and E, nu, rho that stand for the part."
+            )
         E, nu, rho = own.E, own.nu, own.rho
     else:
         size = checks.array("the dimensions", part, (3,))

@@ -19,8 +19,9 @@ from antiosc.fem.extract import extract
 from antiosc.fem.fields import probe, write_series
 from antiosc.fem.full import NaturalModes, full, superposition
 from antiosc.fem.impact_map import ImpactMap, impact_map
+from antiosc.fem.laminate import Layer
 from antiosc.fem.mesh import Mesh, read_mesh
-from antiosc.fem.shell import Shell
+from antiosc.fem.shell import Laminate, Shell
 from antiosc.fem.site import Site
 from antiosc.fem.solid import Solid
 from antiosc.fem.structure import Structure, Support
@@ -28,6 +29,8 @@ from antiosc.fem.structure import Structure, Support
 __all__ = [
     "Beam",
     "ImpactMap",
+    "Laminate",
+    "Layer",
     "Mesh",
     "NaturalModes",
     "PointMass",

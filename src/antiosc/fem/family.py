@@ -11,12 +11,15 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, Protocol
 
+import numpy as np
 import ufl
+from numpy.typing import NDArray
 
 from antiosc.fem import compat
 from antiosc.fem.compat import IntArray
 from antiosc.fem.mesh import Mesh
 
+Array = NDArray[np.float64]
 Parts = Sequence[tuple[Any, IntArray]]
 
 
@@ -37,12 +40,26 @@ class WeakForm:
     #: where a patch of pressure lies: on exterior "facets" or on the "cells" themselves; None where
     #: the compliance under a point load has a limit and no patch is needed
     patch: Literal["facets", "cells"] | None
+    #: mass moment per unit of cell measure about the mesh, kg/m along the normal (UFL vector),
+    #: where the mass of a sheet does not lie in its middle
+    moment: Any = None
 
     def along(self, direction: Sequence[float]) -> Any:
         """The test function's displacement along `direction` (UFL)."""
+        return self._contracted("xyz", direction)
+
+    def momentum(self, direction: Any) -> Any:
+        """Density of momentum along `direction`, the test function being the velocity (UFL)."""
+        linear = self.density * self.along(direction)
+        if self.moment is None:
+            return linear
+        # (θ × m)·d
+        return linear + self._contracted(("rx", "ry", "rz"), ufl.cross(self.moment, direction))
+
+    def _contracted(self, names: Sequence[str], vector: Any) -> Any:
         v = ufl.TestFunction(self.space)
         flat = list(self.components)
-        return sum(direction[i] * v[flat.index(n)] for i, n in enumerate("xyz") if n in flat)
+        return sum(vector[i] * v[flat.index(n)] for i, n in enumerate(names) if n in flat)
 
 
 class Family(Protocol):
@@ -60,12 +77,18 @@ class Family(Protocol):
         ...
 
 
-def coefficient(mesh: Mesh, parts: Parts, value: Callable[[Any], float]) -> Any:
-    """`value(material)` as a cell-wise constant function."""
-    function = compat.cellwise(mesh.dolfinx)
+def coefficient(mesh: Mesh, parts: Parts, value: Callable[[Any], float | Array]) -> Any:
+    """`value(material)`, a number or a matrix, as a cell-wise constant (UFL)."""
+    shape = np.shape(value(parts[0][0]))
+    size = int(np.prod(shape, dtype=int))
+    function = compat.cellwise(mesh.dolfinx, size if shape else 0)
+    values = function.x.array.reshape(-1, size)
     for material, cells in parts:
-        function.x.array[cells] = value(material)
-    return function
+        values[cells] = np.ravel(value(material))
+    if not shape:
+        return function
+    rows, columns = shape
+    return ufl.as_matrix([[function[columns * i + j] for j in range(columns)] for i in range(rows)])
 
 
 def measure(mesh: Mesh, degree: int | None) -> Any:

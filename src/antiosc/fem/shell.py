@@ -1,18 +1,22 @@
-"""`Shell`: Reissner–Mindlin plates and shells on sheets of triangles or quadrilaterals.
+"""`Shell`, `Laminate`: Reissner–Mindlin plates and shells on sheets of triangles or quadrilaterals.
 
-In every point of the sheet a frame (e1, e2, n) comes from the Jacobian. With the displacement u
-and the rotation vector θ of the normal, and s_α the lengths along e_α,
+In every point of the sheet a frame (e1, e2, n) comes from the Jacobian, and where there are layers
+from their axis and top. With the displacement u and the rotation vector θ of the normal, and s_α
+the lengths along e_α,
 
     membrane strain  sym(e_α·∂u/∂s_β)          shear strain  n·∂u/∂s_α + (θ×n)·e_α
     bending strain   sym(e_α·∂θ/∂s_β × n)      drilling      (e2·∂u/∂s1 − e1·∂u/∂s2)/2 − θ·n
 
 the last one held to zero with the shear modulus, so that θ·n is the rotation of the sheet in its
-own plane and folded sheets pass moments on. Nothing depends on the sign of n.
+own plane and folded sheets pass moments on. Nothing depends on the sign of n, unless the layers
+have a top and a bottom.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,11 +26,11 @@ from antiosc.checks import poisson, positive
 from antiosc.errors import InputError
 from antiosc.fem import compat
 from antiosc.fem.family import Parts, WeakForm, coefficient, measure
+from antiosc.fem.laminate import Layer, PlateSection, stacked
 from antiosc.fem.mesh import Mesh
+from antiosc.fem.orientation import Direction, axes_and_sides, checked
 from antiosc.fem.parallel import agree
 
-#: Reissner's shear coefficient.
-SHEAR = 5 / 6
 #: Share of its size² below which a cell has no area.
 FLAT = 1e-10
 #: Quadrilaterals: the fully integrated shares are t²/(t² + 10 h²) of the shear energy and
@@ -34,8 +38,69 @@ FLAT = 1e-10
 FOR_SHEAR, FOR_MEMBRANE = 10.0, 1000.0
 
 
+class Sheet:
+    """What `Shell` and `Laminate` share: the element, on one mesh for both kinds of section."""
+
+    #: directions of 0° and of the last layer; None: any, and the normal of the cells
+    axis: Direction | None = None
+    top: Direction | None = None
+
+    @property
+    def section(self) -> PlateSection:
+        """Stiffness and mass per area of the middle surface."""
+        raise NotImplementedError
+
+    def weak_form(self, mesh: Mesh, parts: Parts, order: int) -> WeakForm:
+        """Strain and kinetic energy of the sheet; rotations are of degree 2 whatever the cells."""
+        if mesh.tdim != 2:
+            raise InputError(
+                f"{type(self).__name__} needs a mesh of triangles or quadrilaterals; {mesh.name} "
+                f"has {mesh.cell} cells (lines: Beam, volumes: Solid)."
+            )
+        if order != 2:
+            raise InputError("Shell elements are quadratic and more: leave Structure's order=2.")
+        areas = _areas(mesh)
+        triangles = mesh.cell == "triangle"
+        if triangles:
+            space = compat.mixed(mesh.dolfinx, [(3, 3), (2, 3)])
+            paths: list[tuple[int, ...]] = [(k, i) for k in range(2) for i in range(3)]
+        else:
+            space = compat.lagrange(mesh.dolfinx, 2, 6)
+            paths = [(i,) for i in range(6)]
+        section = _section(mesh, parts)
+        w, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+        frame = _frame(mesh, parts)
+        membrane, shear, bending = _energies(section, _strains(frame, w), _strains(frame, v))
+        motion = _inertia(section, frame, w, v)
+        curved = 2 * (mesh.order - 1)
+        if triangles:
+            stiffness = [(membrane + shear + bending) * measure(mesh, 4 + curved)]
+            mass = [motion * measure(mesh, 6 + curved)]
+        else:
+            square = section.t**2
+            for_shear = square / (square + FOR_SHEAR * areas)
+            for_membrane = square / (square + FOR_MEMBRANE * _rise(mesh) ** 2)
+            full = for_membrane * membrane + for_shear * shear + bending
+            reduced = (1 - for_membrane) * membrane + (1 - for_shear) * shear
+            stiffness = [full * measure(mesh, 5), reduced * measure(mesh, 3)]
+            mass = [motion * measure(mesh, 5)]
+        return WeakForm(
+            space=space,
+            stiffness=stiffness,
+            mass=mass,
+            components=dict(zip(("x", "y", "z", "rx", "ry", "rz"), paths, strict=True)),
+            density=section.I0,
+            patch="cells",
+            moment=None if section.I1 is None else section.I1 * frame.n,
+        )
+
+    def half_space_compliance(self, cosine: float) -> float:
+        """0: a sheet's thickness does not deform, so Hertz's law stands alone."""
+        return 0.0
+
+
 @dataclass(frozen=True)
-class Shell:
+class Shell(Sheet):
     """An isotropic plate or shell, shear deformation and rotary inertia included.
 
     Parameters
@@ -70,69 +135,95 @@ class Shell:
         """Shear modulus, Pa."""
         return self.E / (2 * (1 + self.nu))
 
-    def weak_form(self, mesh: Mesh, parts: Parts, order: int) -> WeakForm:
-        """Strain and kinetic energy of the sheet; rotations are of degree 2 whatever the cells."""
-        if mesh.tdim != 2:
-            raise InputError(
-                f"Shell needs a mesh of triangles or quadrilaterals; {mesh.name} has {mesh.cell} "
-                "cells (lines: Beam, volumes: Solid)."
-            )
-        if order != 2:
-            raise InputError("Shell elements are quadratic and more: leave Structure's order=2.")
-        areas = _areas(mesh)
-        triangles = mesh.cell == "triangle"
-        if triangles:
-            space = compat.mixed(mesh.dolfinx, [(3, 3), (2, 3)])
-            paths: list[tuple[int, ...]] = [(k, i) for k in range(2) for i in range(3)]
-        else:
-            space = compat.lagrange(mesh.dolfinx, 2, 6)
-            paths = [(i,) for i in range(6)]
-        section = _Section(
-            t=coefficient(mesh, parts, lambda s: s.thickness),
-            G=coefficient(mesh, parts, lambda s: s.G),
-            nu=coefficient(mesh, parts, lambda s: s.nu),
-            rho=coefficient(mesh, parts, lambda s: s.rho),
-        )
-        w, v = ufl.TrialFunction(space), ufl.TestFunction(space)
-        frame = _frame(mesh)
-        membrane, shear, bending = _energies(section, _strains(frame, w), _strains(frame, v))
-        u, turn, u_v, turn_v = *_halves(w), *_halves(v)
-        motion = section.rho * (
-            section.t * ufl.dot(u, u_v) + section.t**3 / 12 * ufl.dot(turn, turn_v)
-        )
-        curved = 2 * (mesh.order - 1)
-        if triangles:
-            stiffness = [(membrane + shear + bending) * measure(mesh, 4 + curved)]
-            mass = [motion * measure(mesh, 6 + curved)]
-        else:
-            square = section.t**2
-            for_shear = square / (square + FOR_SHEAR * areas)
-            for_membrane = square / (square + FOR_MEMBRANE * _rise(mesh) ** 2)
-            full = for_membrane * membrane + for_shear * shear + bending
-            reduced = (1 - for_membrane) * membrane + (1 - for_shear) * shear
-            stiffness = [full * measure(mesh, 5), reduced * measure(mesh, 3)]
-            mass = [motion * measure(mesh, 5)]
-        return WeakForm(
-            space=space,
-            stiffness=stiffness,
-            mass=mass,
-            components=dict(zip(("x", "y", "z", "rx", "ry", "rz"), paths, strict=True)),
-            density=section.rho * section.t,
-            patch="cells",
-        )
+    @cached_property
+    def section(self) -> PlateSection:
+        """Stiffness and mass per area of the middle surface."""
+        return stacked([Layer.isotropic(self.E, self.nu, self.rho, self.thickness)])
 
-    def half_space_compliance(self, cosine: float) -> float:
-        """0: a shell's thickness does not deform, so Hertz's law stands alone."""
-        return 0.0
+
+@dataclass(frozen=True)
+class Laminate(Sheet):
+    """A plate or shell of orthotropic layers, perfectly bonded: composites, sandwiches.
+
+    Parameters
+    ----------
+    layers : sequence of Layer
+        From the bottom to the top; the mesh is the surface in the middle of their thickness.
+    axis : sequence of 3 floats or function
+        0°: its part along the sheet, in every cell. A function of points x (3, n) gives such
+        vectors (3, n), as the hoop of a tank.
+    top : sequence of 3 floats or function, optional
+        On which side of the sheet the last layer lies. By default on that of the cells' normals,
+        which must then agree from cell to cell, if the stack differs from itself turned over.
+
+    Angles count from the axis toward normal × axis, the normal pointing to the top. The element,
+    its motions and its cells are `Shell`'s, and both may share a mesh, by group. `section` holds
+    the matrices A, B, D, S of the axis. Shear across the layers has the stiffness S of equal
+    energy, not 5/6 of the layers' (`antiosc.fem.laminate`).
+
+    Raises
+    ------
+    InputError
+        No layers; with the mesh: an axis along a normal, a top along the sheet, opposite normals.
+    """
+
+    layers: Sequence[Layer]
+    axis: Direction = (1.0, 0.0, 0.0)
+    top: Direction | None = None
+
+    def __post_init__(self) -> None:
+        single = [self.layers] if isinstance(self.layers, Layer) else self.layers
+        object.__setattr__(self, "layers", tuple(single))
+        checked("axis", self.axis)
+        if self.top is not None:
+            checked("top", self.top)
+        _ = self.section  # which checks the layers
+
+    @cached_property
+    def section(self) -> PlateSection:
+        """Stiffness and mass per area of the middle surface, in the axes (0°, 90°, normal)."""
+        return stacked(self.layers)
+
+    @property
+    def thickness(self) -> float:
+        """Sum of the layers' thicknesses, m."""
+        return self.section.thickness
 
 
 class _Section(NamedTuple):
-    """Cell-wise thickness and constants (UFL)."""
+    """Cell-wise constants of the sheets (UFL)."""
 
     t: Any
-    G: Any
-    nu: Any
-    rho: Any
+    A: Any
+    #: D − B A⁻¹ B: bending about the surface that moments do not stretch
+    D: Any
+    S: Any
+    drilling: Any
+    #: A⁻¹ B, None where no stack couples stretching with bending
+    coupling: Any
+    I0: Any
+    #: None where no stack has its mass off the middle
+    I1: Any
+    I2: Any
+
+
+def _section(mesh: Mesh, parts: Parts) -> _Section:
+    def constant(value: Callable[[PlateSection], Any]) -> Any:
+        return coefficient(mesh, parts, lambda sheet: value(sheet.section))
+
+    sections = [material.section for material, _ in parts]
+    coupled = any(s.B.any() for s in sections)
+    return _Section(
+        t=constant(lambda s: s.thickness),
+        A=constant(lambda s: s.A),
+        D=constant(lambda s: s.D - s.B @ np.linalg.solve(s.A, s.B)),
+        S=constant(lambda s: s.S),
+        drilling=constant(lambda s: s.drilling),
+        coupling=constant(lambda s: np.linalg.solve(s.A, s.B)) if coupled else None,
+        I0=constant(lambda s: s.I0),
+        I1=constant(lambda s: s.I1) if any(s.I1 for s in sections) else None,
+        I2=constant(lambda s: s.I2),
+    )
 
 
 class _Frame(NamedTuple):
@@ -146,19 +237,26 @@ class _Frame(NamedTuple):
 
 
 class _Strains(NamedTuple):
+    #: (ε1, ε2, γ12)
     membrane: Any
+    #: (κ1, κ2, 2κ12)
     bending: Any
+    #: (γ13, γ23)
     shear: Any
     drilling: Any
 
 
-def _frame(mesh: Mesh) -> _Frame:
+def _frame(mesh: Mesh, parts: Parts) -> _Frame:
     J = ufl.Jacobian(mesh.dolfinx)
     zeros = [0] * (3 - mesh.gdim)
     a, b = (ufl.as_vector([*(J[i, j] for i in range(mesh.gdim)), *zeros]) for j in (0, 1))
     normal = ufl.cross(a, b)
     area = ufl.sqrt(ufl.dot(normal, normal))
-    n, e1 = normal / area, a / ufl.sqrt(ufl.dot(a, a))
+    n = normal / area
+    if any(material.axis is not None for material, _ in parts):
+        axis, side = axes_and_sides(mesh, parts)
+        n, a = side * n, axis - ufl.dot(axis, n) * n
+    e1 = a / ufl.sqrt(ufl.dot(a, a))
     e2 = ufl.cross(n, e1)
     along = ufl.as_matrix([[e[i] for i in range(mesh.gdim)] for e in (e1, e2)])
     return _Frame(e1, e2, n, along)
@@ -189,19 +287,40 @@ def _strains(frame: _Frame, w: Any) -> _Strains:
     )
     shear = ufl.as_vector([ufl.dot(n, u1) + ufl.dot(turn, e2), ufl.dot(n, u2) - ufl.dot(turn, e1)])
     drilling = (gradient[1, 0] - gradient[0, 1]) / 2 - ufl.dot(turn, n)
-    return _Strains(ufl.sym(gradient), ufl.sym(curvature), shear, drilling)
+    return _Strains(_engineering(gradient), _engineering(curvature), shear, drilling)
+
+
+def _engineering(e: Any) -> Any:
+    """(e11, e22, e12 + e21)."""
+    return ufl.as_vector([e[0, 0], e[1, 1], e[0, 1] + e[1, 0]])
 
 
 def _energies(section: _Section, a: _Strains, b: _Strains) -> tuple[Any, Any, Any]:
-    """(membrane and drilling, shear, bending) energy densities of two strain states."""
-    t, G, nu = section.t, section.G, section.nu
+    """(membrane and drilling, shear, bending) energy densities of two strain states.
 
-    def plane_stress(e: Any, f: Any) -> Any:  # E/(1−ν²) = 2G/(1−ν)
-        return 2 * G * (ufl.inner(e, f) + nu / (1 - nu) * ufl.tr(e) * ufl.tr(f))
+    The membrane's is that of the surface without stretch under moments, ε + A⁻¹Bκ: so each of
+    them is of one sign by itself, whatever points it is integrated with.
+    """
 
-    membrane = t * plane_stress(a.membrane, b.membrane) + G * t * a.drilling * b.drilling
-    shear = SHEAR * G * t * ufl.dot(a.shear, b.shear)
-    return membrane, shear, t**3 / 12 * plane_stress(a.bending, b.bending)
+    def stretch(e: _Strains) -> Any:
+        if section.coupling is None:
+            return e.membrane
+        return e.membrane + section.coupling * e.bending
+
+    membrane = ufl.inner(section.A * stretch(a), stretch(b))
+    drilling = section.drilling * a.drilling * b.drilling
+    shear = ufl.inner(section.S * a.shear, b.shear)
+    return membrane + drilling, shear, ufl.inner(section.D * a.bending, b.bending)
+
+
+def _inertia(section: _Section, frame: _Frame, w: Any, v: Any) -> Any:
+    """Kinetic energy density of the motions u + z θ×n, and of θ·n as of the other rotations."""
+    (u, turn), (u_v, turn_v) = _halves(w), _halves(v)
+    motion = section.I0 * ufl.dot(u, u_v) + section.I2 * ufl.dot(turn, turn_v)
+    if section.I1 is not None:
+        across = ufl.dot(u, ufl.cross(turn_v, frame.n)) + ufl.dot(ufl.cross(turn, frame.n), u_v)
+        motion += section.I1 * across
+    return motion
 
 
 def _areas(mesh: Mesh) -> Any:

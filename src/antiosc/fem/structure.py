@@ -23,7 +23,7 @@ from antiosc.fem.family import Family, Parts, WeakForm, measure
 from antiosc.fem.large import Choice, checked_choice, solver_for
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.parallel import bounds
-from antiosc.fem.shell import Shell
+from antiosc.fem.shell import Sheet
 from antiosc.fem.support import NO_DOFS, Support, held_dofs
 
 
@@ -34,7 +34,7 @@ class Structure:
     ----------
     mesh : Mesh
         From `read_mesh`.
-    material : Solid, Shell, Beam or dict
+    material : Solid, Shell, Laminate, Beam or dict
         One material, or {group name: material} that covers every cell once. On a shell's mesh
         groups of edges may carry a `Beam` besides: a stiffener that moves with the sheet.
     supports : sequence of Support
@@ -191,7 +191,7 @@ class Structure:
         if self.mesh is None or self.form is None:
             return None
         along = compat.constant(self.mesh.dolfinx, direction)
-        load = self.form.density * self.form.along(along) * measure(self.mesh, 5)
+        load = self.form.momentum(along) * measure(self.mesh, 5)
         own = compat.assemble_functional(load, self.form.space)
         return np.asarray(own[: len(self._attached_inertia)] + self._attached_inertia @ direction)
 
@@ -207,7 +207,7 @@ class Structure:
         low, high = bounds(self.comm, self.mesh.dolfinx.geometry.x)
         length, width, thickness = sorted((float(e) for e in high - low), reverse=True)
         materials = [material for material, _ in self.parts]
-        if isinstance(materials[0], Shell):
+        if isinstance(materials[0], Sheet):
             thickness = min(one.thickness for one in materials)
         elif isinstance(materials[0], Beam):
             thickness = min((12 * one.section.I / one.section.A) ** 0.5 for one in materials)
@@ -218,14 +218,14 @@ class Structure:
 
     def material_at(self, place: locate.Place) -> Any:
         """The material of the cell at `place`, on all ranks."""
-        found = [material for material, cells in self.parts if place.cell in cells]
-        return self.comm.bcast(found[0] if found else None, root=place.rank)
+        found = [k for k, (_, cells) in enumerate(self.parts) if place.cell in cells]
+        return self.parts[self.comm.bcast(found[0] if found else 0, root=place.rank)][0]
 
     def describe(self) -> str:
         """One line: what was modelled and with how many dofs."""
         if self.mesh is None:
             return f"given matrices, {self.dofs} dofs"
-        family = type(self.parts[0][0]).__name__
+        family = " and ".join(sorted({type(material).__name__ for material, _ in self.parts}))
         return (
             f"{self.mesh.name}: {self.mesh.n_cells} {self.mesh.cell} cells, {family}, "
             f"{self.dofs} dofs, {self.rigid_modes.shape[1]} rigid-body modes"
@@ -240,10 +240,10 @@ def _divided(mesh: Mesh, material: Any) -> tuple[Any, list[tuple[str, Beam, IntA
     if not beams:
         return material, []
     cells = {name: one for name, one in material.items() if name not in beams}
-    if not cells or not all(isinstance(one, Shell) for one in cells.values()):
+    if not cells or not all(isinstance(one, Sheet) for one in cells.values()):
         raise InputError(
             f"a Beam on edges (group {next(iter(beams))!r}) stiffens a shell: give the cells of "
-            f"{mesh.name} a Shell; a frame of beams alone needs a mesh of lines."
+            f"{mesh.name} a Shell or Laminate; a frame of beams alone needs a mesh of lines."
         )
     found = []
     for name, beam in beams.items():
@@ -285,9 +285,10 @@ def _parts(mesh: Mesh, material: Any) -> Parts:
             raise InputError(f"group {name!r} holds no cells (dimension {mesh.tdim}).")
         times[cells] += 1
         parts.append((one, cells))
-    if len({type(one) for one, _ in parts}) > 1:
+    if len({type(one).weak_form for one, _ in parts}) > 1:  # Shell and Laminate share theirs
         raise InputError(
-            "all materials of one structure must be of one family (Solid, Shell, Beam)."
+            "all materials of one structure must be of one family: Solid, Beam, or Shell and "
+            "Laminate."
         )
     none = mesh.comm.allreduce(int(np.sum(times[: imap.size_local] == 0)))
     twice = mesh.comm.allreduce(int(np.sum(times[: imap.size_local] > 1)))
@@ -302,7 +303,7 @@ def _parts(mesh: Mesh, material: Any) -> Parts:
 def _check_family(material: Any) -> None:
     if not hasattr(material, "weak_form"):
         raise InputError(
-            "material must be a Solid, Shell or Beam, or a dict of them; got "
+            "material must be a Solid, Shell, Laminate or Beam, or a dict of them; got "
             f"{type(material).__name__}."
         )
 
