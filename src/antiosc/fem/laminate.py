@@ -164,7 +164,8 @@ class PlateSection:
 
 def stacked(layers: Sequence[Layer]) -> PlateSection:
     """The section of layers from the bottom to the top, the reference in the middle."""
-    if not layers or not all(isinstance(one, Layer) for one in layers):
+    listed = isinstance(layers, Sequence) and len(layers) > 0
+    if not listed or not all(isinstance(one, Layer) for one in layers):
         raise InputError(
             "layers lists the Layer objects of the stack, at least one, from the bottom to the "
             f"top; got {layers!r}."

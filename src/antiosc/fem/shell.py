@@ -172,8 +172,8 @@ class Laminate(Sheet):
     top: Direction | None = None
 
     def __post_init__(self) -> None:
-        single = [self.layers] if isinstance(self.layers, Layer) else self.layers
-        object.__setattr__(self, "layers", tuple(single))
+        if isinstance(self.layers, Sequence):
+            object.__setattr__(self, "layers", tuple(self.layers))
         checked("axis", self.axis)
         if self.top is not None:
             checked("top", self.top)
