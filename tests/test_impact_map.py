@@ -22,7 +22,7 @@ from antiosc.fem.surface import patch_loads, point_loads, sheet_loads, surface
 
 pytestmark = pytest.mark.fem
 
-module = importlib.import_module("antiosc.fem.impact_map")
+module = importlib.import_module("antiosc.fem.many_sites")
 SIZE = (0.12, 0.08, 0.03)
 
 
@@ -57,7 +57,7 @@ def at(structure: ao.Structure, where: str, i: int, **options) -> ao.Site:
     """The i-th site of a map, as the vector that the map used."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
-        sites = module._sites(structure, where, None, options.get("radius"))
+        sites = module.sites_of(structure, where, None, options.get("radius"))
     return ao.Site(vector=sites.loads[:, i].toarray()[:, 0])
 
 
@@ -71,7 +71,7 @@ def test_bound_against_direct_extraction(steel, mapped):
         )
         assert error <= 1.02 * mapped.error[i] + 1e-9
         assert model.k0 == pytest.approx(reference.k0, rel=1e-9)
-        assert model.m_st == pytest.approx(reference.m_st, rel=1e-8)
+        assert model.m_st == pytest.approx(reference.m_st, rel=1e-5)
     assert np.median(mapped.error) < 0.05
 
 
@@ -90,7 +90,7 @@ def test_free_body():
             direct.omega[0],
         )
         assert error <= 1.02 * result.error[i]
-        assert result.models.m_st[i] == pytest.approx(direct.m_st, rel=1e-9)
+        assert result.models.m_st[i] == pytest.approx(direct.m_st, rel=1e-5)
 
 
 @pytest.mark.parametrize("cell", ["hexahedron", "tetrahedron"])
@@ -127,19 +127,49 @@ def test_curved_patch_carries_a_unit_force():
     assert whole.sum() > 30
 
 
-def test_interpolated_compliances_are_as_good_as_said(monkeypatch):
-    structure = block((12, 8, 1))
+def test_sheets_of_two_thicknesses_have_patches_of_two_sizes():
+    groups = {
+        "left": (1, lambda x: np.isclose(x[0], 0)),
+        "thin": (2, lambda x: x[0] < 0.1 + 1e-9),
+        "thick": (2, lambda x: x[0] > 0.1 - 1e-9),
+    }
+    shell = ao.Structure(
+        parts.plate((6, 4), groups=groups),
+        {
+            "thin": ao.Shell(**parts.STEEL, thickness=4e-3),
+            "thick": ao.Shell(**parts.STEEL, thickness=8e-3),
+        },
+        [ao.Support("left")],
+    )
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)
-        exact = ao.impact_map(structure, "top", radius=0.02, modes=20)
-        monkeypatch.setattr(module, "EXACT", 20)
-        monkeypatch.setattr(module, "FIRST", 40)
-        close = ao.impact_map(structure, "top", radius=0.02, modes=20, k0_accuracy=0.02)
-    assert close.info["solves"] < exact.info["solves"] == len(exact)
-    off = np.abs(close.models.k0 / exact.models.k0 - 1)
-    assert np.all(off[close.k0_error == 0] < 1e-9)
-    assert np.all(close.k0_error <= 0.02)
-    assert np.quantile(off, 0.98) <= 0.02  # estimated, not bounded
+        warnings.simplefilter("ignore")
+        result = ao.impact_map(shell, direction=(0, 0, -1))
+        inner = np.flatnonzero(
+            (np.abs(result.points[:, 1] - 0.03) < 0.02) & (result.points[:, 0] < 0.19)
+        )
+        for i in inner[::3]:
+            direct = ao.extract(
+                shell, ao.Site(result.points[i], (0, 0, -1), radius=result.radius[i])
+            )
+            assert result.models.k0[i] == pytest.approx(direct.k0, rel=1e-9)
+    assert set(result.radius[inner]) == {4e-3, 8e-3}
+
+
+def test_the_half_space_is_that_of_the_material_at_the_site():
+    groups = {
+        "left": (2, lambda x: np.isclose(x[0], 0)),
+        "steel": (3, lambda x: x[0] < SIZE[0] / 2 + 1e-9),
+        "light": (3, lambda x: x[0] > SIZE[0] / 2 - 1e-9),
+        "end": (2, lambda x: np.isclose(x[0], SIZE[0])),
+    }
+    mesh = parts.box((4, 4, 2), SIZE, groups=groups)
+    materials = {"steel": ao.Solid(**parts.STEEL), "light": ao.Solid(**parts.ALUMINIUM)}
+    part = ao.Structure(mesh, materials, [ao.Support("left")])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        result = ao.impact_map(part, "end", radius=0.01)
+    expected = materials["light"].half_space_compliance(1.0) / 0.01
+    np.testing.assert_allclose(result.local_compliance, expected)
 
 
 def test_sites_that_are_not_good_enough_are_extracted(steel):

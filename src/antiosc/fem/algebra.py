@@ -109,6 +109,27 @@ def csr(matrix: PETSc.Mat) -> scipy.sparse.csr_matrix:
     return scipy.sparse.csr_matrix((values, indices, pointers), shape=matrix.getSize())
 
 
+def gathered(matrix: PETSc.Mat, root: int) -> scipy.sparse.csr_matrix | None:
+    """The whole of a matrix that the ranks share, as a SciPy one on rank `root`; None elsewhere."""
+    comm = matrix.getComm().tompi4py()
+    if comm.size == 1:
+        return csr(matrix)
+    own = [np.ascontiguousarray(part) for part in matrix.getValuesCSR()]
+    own[0] = np.diff(own[0])  # entries of each row
+    parts: list[Any] = []
+    for part in own:
+        counts = comm.gather(len(part), root=root)
+        whole = np.empty(sum(counts), part.dtype) if comm.rank == root else None
+        comm.Gatherv(part, (whole, counts), root=root)
+        parts.append(whole)
+    if comm.rank != root:
+        return None
+    sizes, columns, values = parts
+    return scipy.sparse.csr_matrix(
+        (values, columns, np.concatenate([[0], np.cumsum(sizes)])), shape=matrix.getSize()
+    )
+
+
 def sum_of(K: PETSc.Mat, shift: float, M: PETSc.Mat) -> PETSc.Mat:
     """K + shift·M; K itself where the shift is zero."""
     if shift == 0.0:

@@ -40,6 +40,8 @@ class Surface:
     normals: Array
     #: corners (T, 3) of triangles between the points; (T, 2) segments of lines
     elements: IntArray
+    #: number of the material there in `structure.parts` (P,); where several meet, the least
+    part: IntArray
 
 
 def surface(structure: Structure, group: str | None) -> Surface:
@@ -51,20 +53,22 @@ def surface(structure: Structure, group: str | None) -> Surface:
     facets, dim = _facets(mesh, group, structure.form.patch == "facets")
     nodes = compat.entity_vertices(mesh.dolfinx, dim)[facets]
     numbers = np.asarray(mesh.dolfinx.geometry.input_global_indices)[nodes]
-    own = (numbers, mesh.dolfinx.geometry.x[nodes], _normals(mesh, dim, facets))
-    numbers, x, normals = (
-        np.concatenate(part) for part in zip(*mesh.comm.allgather(own), strict=True)
+    part = _part_of_cells(structure)[_cells_of(mesh, dim, facets)]
+    own = (numbers, mesh.dolfinx.geometry.x[nodes], _normals(mesh, dim, facets), part)
+    numbers, x, normals, part = (
+        np.concatenate(each) for each in zip(*mesh.comm.allgather(own), strict=True)
     )
     _, first, corner = np.unique(numbers.ravel(), return_index=True, return_inverse=True)
     corner = corner.reshape(numbers.shape)
-    mean = np.zeros((len(first), 3))
+    mean, least = np.zeros((len(first), 3)), np.full(len(first), len(structure.parts))
     for column in corner.T:
         np.add.at(mean, column, normals)
+        np.minimum.at(least, column, part)
     length = np.linalg.norm(mean, axis=1, keepdims=True)
     mean = mean / np.where(length > 0, length, 1.0)
     if corner.shape[1] == 4:  # in tensor order: 0 1 / 2 3
         corner = np.vstack([corner[:, [0, 1, 2]], corner[:, [1, 3, 2]]])
-    return Surface(x.reshape(-1, 3)[first], mean, corner)
+    return Surface(x.reshape(-1, 3)[first], mean, corner, least)
 
 
 def point_loads(structure: Structure, points: Array, directions: Array) -> scipy.sparse.csr_matrix:
@@ -102,8 +106,9 @@ def patch_loads(
     corners = mesh.dolfinx.geometry.x[compat.entity_vertices(mesh.dolfinx, mesh.tdim - 1)[facets]]
     centres = corners.mean(axis=1)
     reach = radius + np.linalg.norm(corners - centres[:, None], axis=2).max(axis=1, initial=0.0)
+    tree = cKDTree(points)
     if len(facets):
-        distance, _ = cKDTree(points).query(centres)
+        distance, _ = tree.query(centres)
         facets = facets[distance < 1.5 * reach]
     size = mesh.comm.allreduce(float(np.sum(reach - radius)))
     size = 1.5 * size / max(mesh.comm.allreduce(len(reach)), 1)
@@ -113,14 +118,13 @@ def patch_loads(
     for part in _quadrature(mesh, structure, facets, order):
         if not len(part.x):
             continue
-        pairs = cKDTree(points).query_ball_point(part.x.reshape(-1, 3), radius)
-        counts = np.array([len(p) for p in pairs])
-        at = np.repeat(np.arange(len(counts)), counts)
-        site = np.concatenate([np.zeros(0, dtype=int), *map(np.asarray, pairs)]).astype(int)
+        near = cKDTree(part.x.reshape(-1, 3)).sparse_distance_matrix(
+            tree, radius, output_type="ndarray"
+        )
+        at, site, gap = near["i"], near["j"], near["v"] / radius
         facet = at // part.x.shape[1]
         same = np.einsum("ij,ij->i", part.normals[facet], normals[site]) > SAME_FACE
-        at, site, facet = at[same], site[same], facet[same]
-        gap = np.linalg.norm(part.x.reshape(-1, 3)[at] - points[site], axis=1) / radius
+        at, site, facet, gap = at[same], site[same], facet[same], gap[same]
         weight = part.dS.ravel()[at] * np.sqrt(np.maximum(1 - gap**2, 0.0))
         np.add.at(total, site, weight)
         # one entry per (site, facet): its pressure against each basis function
@@ -255,6 +259,25 @@ def _facets(mesh: Mesh, group: str | None, outside: bool) -> tuple[IntArray, int
     return own, dim
 
 
+def _cells_of(mesh: Mesh, dim: int, facets: IntArray) -> IntArray:
+    """A cell at each facet; cells themselves."""
+    if dim == mesh.tdim:
+        return facets
+    topology = mesh.dolfinx.topology
+    topology.create_connectivity(dim, mesh.tdim)
+    to_cell = topology.connectivity(dim, mesh.tdim)
+    return np.array([to_cell.links(f)[0] for f in facets], dtype=np.int32)
+
+
+def _part_of_cells(structure: Structure) -> IntArray:
+    """Number of the material of each cell of this rank, ghosts included."""
+    imap = compat.cell_map(structure.meshed()[0].dolfinx)
+    part = np.zeros(imap.size_local + imap.num_ghosts, dtype=int)
+    for number, (_, cells) in enumerate(structure.parts):
+        part[cells] = number
+    return part
+
+
 def _normals(mesh: Mesh, dim: int, facets: IntArray) -> Array:
     if dim < mesh.tdim:
         return compat.facet_normals(mesh.dolfinx, facets)
@@ -309,11 +332,8 @@ def _quadrature(mesh: Mesh, structure: Structure, facets: IntArray, order: int) 
     assert structure.form is not None
     tdim, topology = mesh.tdim, mesh.dolfinx.topology
     topology.create_connectivity(tdim, tdim - 1)
-    topology.create_connectivity(tdim - 1, tdim)
-    to_cell, to_facet = (
-        topology.connectivity(*pair) for pair in ((tdim - 1, tdim), (tdim, tdim - 1))
-    )
-    cells = np.array([to_cell.links(f)[0] for f in facets], dtype=np.int32)
+    to_facet = topology.connectivity(tdim, tdim - 1)
+    cells = _cells_of(mesh, tdim - 1, facets)
     place = np.array(
         [
             int(np.flatnonzero(to_facet.links(c) == f)[0])

@@ -1,0 +1,194 @@
+"""Many sites at once: where they lie, how they are struck, and their loads as sparse columns.
+
+The vertices of a surface get theirs from one quadrature (`antiosc.fem.surface`); given points are
+found one by one, with all the checks of `Site`.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.sparse
+
+from antiosc.checks import array, positive
+from antiosc.errors import AccuracyWarning, AntioscWarning, InputError
+from antiosc.fem.algebra import Array
+from antiosc.fem.compat import IntArray
+from antiosc.fem.site import SHEET_RADIUS, Site, functional
+from antiosc.fem.structure import Structure
+from antiosc.fem.surface import Surface, patch_loads, point_loads, sheet_loads, surface
+
+#: A site with less than this share of its load on dofs that can move is held by the supports.
+HELD = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class Sites:
+    """Sites with their loads; all but `loads` on every rank alike."""
+
+    #: (P, 3) m, unit normals of the surface there (0 where unknown), unit directions of impact
+    points: Array
+    normals: Array
+    directions: Array
+    #: (T, 3) triangles between the points, or (T, 2) segments
+    elements: IntArray
+    #: b of all sites as columns, the rows of this rank
+    loads: scipy.sparse.csr_matrix
+    #: (P,) half-space compliances of the patches, m/N, and their radii, m; None for points
+    local: Array
+    radius: Array | None
+    #: how many were asked for
+    total: int
+
+    def only(self, keep: Array) -> Sites:
+        """Some of the sites, with the elements that lie between them."""
+        number = np.cumsum(keep) - 1
+        elements = self.elements
+        if len(elements):
+            elements = number[elements[keep[elements].all(axis=1)]]
+        return Sites(
+            self.points[keep],
+            self.normals[keep],
+            self.directions[keep],
+            elements,
+            self.loads[:, np.flatnonzero(keep)],
+            self.local[keep],
+            None if self.radius is None else self.radius[keep],
+            self.total,
+        )
+
+
+def sites_of(
+    structure: Structure, where: Any, direction: Sequence[float] | None, radius: float | None
+) -> Sites:
+    """The sites that `impact_map` is asked for, without those that the supports hold."""
+    if structure.mesh is None:
+        raise InputError("a map needs a mesh: matrices have no points.")
+    along = None
+    if direction is not None:
+        along = np.zeros(3)
+        along[: len(direction)] = array("direction", direction, (len(direction),))
+        if not np.linalg.norm(along):
+            raise InputError("direction must not be the zero vector.")
+        along /= np.linalg.norm(along)
+    if where is None or isinstance(where, str):
+        found = _on_surface(structure, surface(structure, where), along, radius)
+    else:
+        found = _at_points(structure, where, along, radius)
+    weight = structure.comm.allreduce(np.asarray(abs(found.loads).sum(axis=0)).ravel())
+    # a unit force along d is spread over |d_x| + |d_y| + |d_z| of load, negative parts apart
+    moving = weight > HELD * np.abs(found.directions).sum(axis=1)
+    if not moving.any():
+        raise InputError(
+            "no site of the map can move: the supports hold the whole surface, or no face carries "
+            "the patch; name another group."
+        )
+    return found if moving.all() else found.only(moving)
+
+
+def _on_surface(
+    structure: Structure, ground: Surface, along: Array | None, radius: float | None
+) -> Sites:
+    assert structure.form is not None
+    if along is None and structure.form.patch != "facets":
+        raise InputError(
+            "shells and beams have no outside: give the direction of impact, direction=(0, 0, -1)."
+        )
+    points, normals = ground.points, ground.normals
+    directions = -normals if along is None else np.tile(along, (len(points), 1))
+    patch, materials = structure.form.patch, [material for material, _ in structure.parts]
+    if radius is not None:
+        positive("radius", radius, "m")
+    if patch is None and radius is not None:
+        return _at_points(structure, points, along, radius, ground)
+    if radius is None and patch != "cells":
+        loads, share = point_loads(structure, points, directions), np.ones(len(points))
+        if patch and structure.comm.rank == 0:
+            warnings.warn(
+                "the compliance under a point load on a solid grows without limit as the mesh is "
+                "refined: give the map a radius.",
+                AntioscWarning,
+                stacklevel=5,
+            )
+        return Sites(
+            points, normals, directions, ground.elements, loads, 0 * share, None, len(points)
+        )
+    if patch == "cells":
+        radii = np.full(len(points), radius or 0.0)
+        if radius is None:
+            radii = SHEET_RADIUS * np.array([one.thickness for one in materials])[ground.part]
+        loads, share = _by_radius(structure, points, normals, directions, radii)
+    else:
+        assert radius is not None
+        radii = np.full(len(points), radius)
+        loads, share = patch_loads(structure, points, normals, directions, radius)
+    cosine = np.einsum("ij,ij->i", directions, normals)
+    local = np.array(
+        [
+            materials[part].half_space_compliance(float(c))
+            for part, c in zip(ground.part, cosine, strict=True)
+        ]
+    )
+    local = local / radii
+    cut = int(np.sum(share < 0.9))
+    if cut and structure.comm.rank == 0:
+        warnings.warn(
+            f"an edge cuts the patch at {cut} of {len(share)} sites (less than 90 % of its "
+            "load lies on the surface): its half-space compliance does not hold there.",
+            AccuracyWarning,
+            stacklevel=5,
+        )
+    return Sites(points, normals, directions, ground.elements, loads, local, radii, len(points))
+
+
+def _by_radius(
+    structure: Structure, points: Array, normals: Array, directions: Array, radii: Array
+) -> tuple[scipy.sparse.csr_matrix, Array]:
+    """`sheet_loads` of discs whose radii follow the thickness."""
+    loads, share = [], np.zeros(len(points))
+    order = np.argsort(radii, kind="stable")
+    for radius in np.unique(radii):
+        at = order[radii[order] == radius]
+        own, share[at] = sheet_loads(structure, points[at], normals[at], directions[at], radius)
+        loads.append(own)
+    return scipy.sparse.hstack(loads).tocsr()[:, np.argsort(order)], share
+
+
+def _at_points(
+    structure: Structure,
+    points: Any,
+    along: Array | None,
+    radius: float | None,
+    ground: Surface | None = None,
+) -> Sites:
+    """Sites one by one, with all the checks of `Site`."""
+    if along is None:
+        raise InputError("points need the direction of impact, as direction=(0, 0, -1).")
+    if not len(points):
+        raise InputError("a map needs at least one point.")
+    at = array("points", points, (None, None))
+    at = np.pad(at, ((0, 0), (0, 3 - at.shape[1])))
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        places = [functional(structure, Site(tuple(x), tuple(along), radius)) for x in at]
+    if said and structure.comm.rank == 0:
+        warnings.warn(
+            f"{said[0].message} (the first of {len(said)} such warnings)",
+            said[0].category,
+            stacklevel=5,
+        )
+    x = np.array([place.point for place in places])
+    return Sites(
+        x,
+        np.zeros_like(x) if ground is None else ground.normals,
+        np.tile(along, (len(x), 1)),
+        np.zeros((0, 3), dtype=int) if ground is None else ground.elements,
+        scipy.sparse.csr_matrix(np.column_stack([place.b for place in places])),
+        np.array([place.local_compliance for place in places]),
+        None if places[0].radius is None else np.array([place.radius for place in places]),
+        len(x),
+    )
