@@ -17,6 +17,7 @@ import dolfinx
 
 import antiosc as ao
 from antiosc.closed_form.laminates import SupportedLaminate
+from antiosc.closed_form.plates import SupportedPlate
 from antiosc.errors import InputError
 from antiosc.fem import compat
 from antiosc.fem.algebra import csr, multiply
@@ -24,6 +25,7 @@ from antiosc.fem.laminate import stacked
 from antiosc.fem.mesh import Mesh
 from mpi import run_ranks
 from sheets import rectangle, sheet
+from test_demos import load
 from test_fem_shell import (
     CELLS,
     NU,
@@ -159,6 +161,17 @@ def test_which_stacks_have_sides():
         assert stacked(stack(angles, 1e-3)).has_sides is expected, angles
 
 
+def test_a_section_turned_over_is_its_stack_turned_over():
+    """Listed from the other side, and about the same 0° all angles change sign."""
+    layers = unsymmetric(2e-3)
+    here = stacked(layers).turned_over
+    there = stacked([p.turned(-p.angle) for p in layers[::-1]])
+    for name in ("A", "B", "D", "S", "I0", "I1", "I2"):
+        one, other = np.asarray(getattr(here, name)), np.asarray(getattr(there, name))
+        assert np.abs(one - other).max() < 1e-12 * np.abs(other).max(), name
+        assert name == "S" or np.abs(other).min() > 0
+
+
 # --- plates -----------------------------------------------------------------------------------
 
 
@@ -185,7 +198,7 @@ def test_navier_gives_the_published_frequencies():
 
 
 def test_navier_of_one_isotropic_layer_is_mindlins():
-    theory = ao.closed_form.plates.SupportedPlate(E, NU, RHO, 0.1, 1.0, 1.0)
+    theory = SupportedPlate(E, NU, RHO, 0.1, 1.0, 1.0)
     found = navier([ao.Layer.isotropic(E, NU, RHO, 0.1)])
     for m, n in ((1, 1), (2, 1), (2, 3)):
         assert found.frequencies(m, n)[0] == pytest.approx(theory.mindlin(m, n), rel=1e-10)
@@ -299,12 +312,28 @@ def test_opposite_normals(cell):
     assert frequencies(part, 2) == pytest.approx(frequencies(same, 2), rel=1e-9)
 
 
+def test_the_top_of_a_plane_mesh_is_up():
+    """dolfinx turns every other triangle of its own rectangles over."""
+    corners = [np.zeros(2), np.ones(2)]
+    built = ao.read_mesh(dolfinx.mesh.create_rectangle(MPI.COMM_WORLD, corners, [3, 3]))
+    layers = unsymmetric(0.05)
+    here = ao.Structure(built, ao.Laminate(layers), SIMPLE)
+    cells = compat.geometry_nodes(built.dolfinx).astype(np.int64)
+    space = ao.read_mesh(
+        compat.create_mesh(built.comm, cells, built.dolfinx.geometry.x.copy(), "triangle", 1)
+    )
+    there = ao.Structure(space, ao.Laminate(layers, top=(0, 0, 1)), SIMPLE)
+    assert frequencies(here, 2) == pytest.approx(frequencies(there, 2), rel=1e-9)
+    with pytest.raises(InputError, match="opposite normals"):
+        ao.Structure(space, ao.Laminate(layers))
+
+
 def test_sides_end_where_three_sheets_meet():
     """A blade on a plate: the common edge has no side to keep, each sheet has its own."""
     x = np.array(
         [[0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 1, 0], [1, 1, 0], [2, 1, 0], [1, 0, 1], [1, 1, 1.0]]
     )
-    cells = np.array([[0, 1, 3, 4], [1, 2, 4, 5], [1, 4, 6, 7]])
+    cells = np.array([[0, 1, 3, 4], [1, 4, 2, 5], [1, 4, 6, 7]])  # all go along it the same way
     mesh = ao.read_mesh(compat.create_mesh(MPI.COMM_WORLD, cells, x, "quadrilateral", 1))
     part = ao.Structure(mesh, ao.Laminate(unsymmetric(0.01), axis=(1, 1, 0)))
     assert part.rigid_modes.shape[1] == 6
@@ -488,6 +517,21 @@ def test_two_ranks_find_what_one_finds():
         numbers, message = (json.loads(line) for line in text.splitlines()[-2:])
         assert numbers == pytest.approx(one[0], rel=1e-6)
         assert "opposite normals at 1 edges" in message == one[1]
+
+
+def test_the_demo(tmp_path):
+    """Panels of one mass; the plain one as Mindlin's series has it, the sandwich far stiffer."""
+    numbers = load("composite_panel").main(elements=10, n=16, duration=3e-3, out=tmp_path)
+    for row in numbers.values():
+        assert row["mass"] == pytest.approx(numbers["aluminium"]["mass"], rel=1e-12)
+        assert row["impulse"] == pytest.approx(row["momentum"], rel=1e-6)
+    t = numbers["aluminium"]["thickness"]
+    plate = SupportedPlate(70e9, 0.33, 2700.0, t, 0.4, 0.3)
+    exact = plate.mindlin_compliance(0.2, 0.15, radius=t)
+    assert numbers["aluminium"]["k0"] == pytest.approx(1 / exact, rel=1e-2)
+    assert numbers["sandwich"]["k0"] > 20 * numbers["carbon"]["k0"]
+    assert numbers["carbon"]["k0"] > 2 * numbers["aluminium"]["k0"]
+    assert (tmp_path / "composite_panel.png").stat().st_size > 0
 
 
 # --- bad input --------------------------------------------------------------------------------

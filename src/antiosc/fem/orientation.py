@@ -1,8 +1,9 @@
 """Where 0° and the top of a layered sheet lie in every cell, and whether neighbours agree.
 
 Layers are stacked along the normal of the cells, which the order of their nodes gives, or toward a
-stated `top`. Where a stack differs from itself turned over, cells with a common edge must have
-their normals on one side: nothing in the energy would tell that they have not.
+stated `top`; on a plane mesh, whose cells' order says nothing, toward +z. Where a stack differs
+from itself turned over, cells with a common edge must have their normals on one side: nothing in
+the energy would tell that they have not.
 """
 
 from __future__ import annotations
@@ -57,8 +58,9 @@ def axes_and_sides(mesh: Mesh, parts: Parts) -> tuple[Any, Any]:
         try:
             if material.axis is not None:
                 axis[cells] = _axis(material.axis, x[cells], normals[cells])
-            if material.top is not None:
-                side[cells] = _side(material.top, x[cells], normals[cells])
+            top = (0.0, 0.0, 1.0) if material.top is None and mesh.gdim == 2 else material.top
+            if top is not None:
+                side[cells] = _side(top, x[cells], normals[cells])
         except Exception as caught:  # a user's function may raise what it likes
             error = caught
         has_sides[cells] = material.section.has_sides

@@ -1,0 +1,142 @@
+"""A tool falls on three panels of one mass: aluminium, carbon plies, a sandwich with carbon faces.
+
+The panels are rectangles on simple supports, of the same kg/m²; the tool is a steel sphere. Hertz's
+law takes the modulus across the plies. A sheet's thickness does not deform: that the foam gives way
+under the ball is not in it, so the sandwich is struck softer than this says.
+
+    .venv/bin/python demos/composite_panel.py --help
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import dolfinx
+import matplotlib
+import numpy as np
+from mpi4py import MPI
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+
+import antiosc as ao
+
+ROOT = Path(__file__).resolve().parent.parent
+STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}
+ALUMINIUM = {"E": 70e9, "nu": 0.33, "rho": 2700.0}
+PLY = ao.Layer(
+    E1=135e9, E2=9e9, nu12=0.3, G12=5e9, G13=5e9, G23=3.5e9, rho=1600.0, thickness=0.25e-3
+)
+FOAM = ao.Layer.isotropic(E=75e6, nu=0.3, rho=80.0, thickness=20e-3)
+ACROSS = {"E": PLY.E2, "nu": 0.3}  # of the plies, under the ball
+
+CARBON = ao.Laminate([PLY.turned(a) for a in (0, 45, -45, 90, 90, -45, 45, 0)])
+FACE = [PLY.turned(a) for a in (45, -45)]
+SANDWICH = ao.Laminate([*FACE, FOAM, *FACE[::-1]])
+SHEET = ao.Shell(**ALUMINIUM, thickness=CARBON.section.I0 / ALUMINIUM["rho"])
+PANELS = {"aluminium": SHEET, "carbon": CARBON, "sandwich": SANDWICH}
+
+
+def main(
+    length: float = 0.40,
+    width: float = 0.30,
+    sphere: float = 10e-3,
+    height: float = 0.5,
+    elements: int = 16,
+    n: int = 40,
+    duration: float = 4e-3,
+    out: Path = ROOT / "out",
+) -> dict[str, dict[str, float]]:
+    """Strike the middle of each panel; return the numbers of each.
+
+    Parameters
+    ----------
+    length, width : of the panels, m
+    sphere : radius of the steel sphere, m
+    height : it falls from, m
+    elements : along the width
+    n : anti-oscillators
+    duration : simulated time, s
+    out : folder of the picture
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    mesh = ao.read_mesh(
+        dolfinx.mesh.create_rectangle(
+            MPI.COMM_WORLD,
+            [np.zeros(2), np.array([length, width])],
+            [round(elements * length / width), elements],
+        )
+    )
+    ends = ao.Support(lambda x: np.isclose(x[0], 0) | np.isclose(x[0], length), ("y", "z", "rx"))
+    sides = ao.Support(lambda x: np.isclose(x[1], 0) | np.isclose(x[1], width), ("x", "z", "ry"))
+    striker = ao.Sphere(radius=sphere, **STEEL, velocity=float(np.sqrt(2 * 9.81 * height)))
+    site = ao.Site((length / 2, width / 2, 0), (0, 0, -1))
+    numbers, hits = {}, {}
+    for name, material in PANELS.items():
+        part = ao.Structure(mesh, material, [ends, sides])
+        model = ao.extract(part, site, n=n)
+        surface = ACROSS if isinstance(material, ao.Laminate) else ALUMINIUM
+        contact = striker.hertz(surface["E"], surface["nu"])
+        hit = hits[name] = ao.simulate(model, striker, contact, duration=duration)
+        S, bending = material.section.S[0, 0], material.section.D[0, 0]
+        numbers[name] = {
+            "thickness": material.thickness,
+            "mass": part.mass,
+            "bending": bending,
+            "shear": S,
+            "k0": model.k0,
+            "first": model.omega[0] / (2 * np.pi),
+            "peak_force": hit.peak_force,
+            "contact_time": hit.contact_time,
+            "deflection": float(np.max(hit.displacement)),
+            "restitution": hit.restitution,
+            "impulse": hit.impulse,
+            "momentum": striker.mass * (striker.velocity - hit.impactor_velocity[-1]),
+        }
+    print_table(numbers)
+    plot(hits, out / "composite_panel.png")
+    print(f"written to {out}: composite_panel.png")
+    return numbers
+
+
+def print_table(numbers: dict[str, dict[str, float]]) -> None:
+    """One line a panel."""
+    print(
+        "            thick (mm)  mass (kg)  D11 (N m)  S (kN/mm)  k0 (N/m)  first AO (Hz)  peak (N)"
+        "  contact (us)  deflection (mm)  restitution"
+    )
+    for name, row in numbers.items():
+        print(
+            f"{name:10s} {1e3 * row['thickness']:11.2f} {row['mass']:10.3f} {row['bending']:10.1f} "
+            f"{1e-6 * row['shear']:10.3f} {row['k0']:9.4g} {row['first']:14.0f} "
+            f"{row['peak_force']:9.0f} {1e6 * row['contact_time']:13.0f} "
+            f"{1e3 * row['deflection']:16.3f} {row['restitution']:12.3f}"
+        )
+
+
+def plot(hits: dict[str, ao.History], path: Path) -> None:
+    """Force and deflection of all panels."""
+    figure, axes = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
+    for name, hit in hits.items():
+        axes[0].plot(1e3 * hit.time, 1e-3 * hit.force, label=name)
+        axes[1].plot(1e3 * hit.time, 1e3 * hit.displacement)
+    for axis, label in zip(axes, ("contact force (kN)", "deflection (mm)"), strict=True):
+        axis.set_xlabel("time (ms)")
+        axis.set_ylabel(label)
+    axes[0].legend()
+    figure.savefig(path, dpi=120)
+    plt.close(figure)
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--length", type=float, default=0.40, help="of the panels, m")
+    parser.add_argument("--width", type=float, default=0.30, help="of the panels, m")
+    parser.add_argument("--sphere", type=float, default=10e-3, help="radius, m")
+    parser.add_argument("--height", type=float, default=0.5, help="that the sphere falls, m")
+    parser.add_argument("--elements", type=int, default=16, help="along the width")
+    parser.add_argument("--n", type=int, default=40, help="anti-oscillators")
+    parser.add_argument("--duration", type=float, default=4e-3, help="simulated time, s")
+    parser.add_argument("--out", type=Path, default=ROOT / "out", help="folder of the picture")
+    main(**vars(parser.parse_args()))
