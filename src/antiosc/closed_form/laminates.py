@@ -101,4 +101,8 @@ class SupportedLaminate:
         I0, I1, I2 = np.asarray(self.inertia)
         M = np.diag([I0, I0, I0, I2, I2])
         M[[0, 1, 3, 4], [3, 4, 0, 1]] = I1
-        return np.sqrt(scipy.linalg.eigh(K, M, eigvals_only=True))
+        high = np.sqrt(np.abs(scipy.linalg.eigh(K, M, eigvals_only=True)))
+        # rounding of a thin plate's thickness-shear modes would drown its bending
+        inverse = scipy.linalg.eigh(M, K, eigvals_only=True)[::-1]
+        low = 1 / np.sqrt(np.maximum(inverse, 1e-30 * inverse[0]))
+        return np.where(high < np.sqrt(low[0] * high[-1]), low, high)

@@ -137,6 +137,21 @@ class PlateSection:
     I2: float
 
     @property
+    def bending(self) -> Array:
+        """D − B A⁻¹ B (3, 3), the bending stiffness where nothing holds the stretching, N m."""
+        return np.asarray(self.D - self.B @ np.linalg.solve(self.A, self.B))
+
+    @property
+    def t2_of_shear(self) -> float:
+        """t² of the isotropic sheet whose bending is as stiff beside its shear, m²."""
+        return 20 * _over_angles(self.bending) / float(np.trace(self.S))
+
+    @property
+    def t2_of_stretch(self) -> float:
+        """t² of the isotropic sheet whose bending is as stiff beside its stretching, m²."""
+        return 12 * _over_angles(self.bending) / _over_angles(self.A)
+
+    @property
     def turned_over(self) -> PlateSection:
         """The section seen from the other side, with the same 0°: 90° and the normal reversed."""
         flip = np.diag([1.0, 1.0, -1.0])
@@ -160,6 +175,12 @@ class PlateSection:
             for name, size in scale.items()
         ]
         return any(differ) or self.I1 != 0
+
+
+def _over_angles(stiffness: Array) -> float:
+    """The mean of the entry 66 over all angles: G of an isotropic Q."""
+    m = stiffness
+    return float(m[0, 0] + m[1, 1] - 2 * m[0, 1] + 4 * m[2, 2]) / 8
 
 
 def stacked(layers: Sequence[Layer]) -> PlateSection:

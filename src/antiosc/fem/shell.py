@@ -77,9 +77,9 @@ class Sheet:
             stiffness = [(membrane + shear + bending) * measure(mesh, 4 + curved)]
             mass = [motion * measure(mesh, 6 + curved)]
         else:
-            square = section.t**2
-            for_shear = square / (square + FOR_SHEAR * areas)
-            for_membrane = square / (square + FOR_MEMBRANE * _rise(mesh) ** 2)
+            for_shear = section.t2_of_shear / (section.t2_of_shear + FOR_SHEAR * areas)
+            rise2 = _rise(mesh) ** 2
+            for_membrane = section.t2_of_stretch / (section.t2_of_stretch + FOR_MEMBRANE * rise2)
             full = for_membrane * membrane + for_shear * shear + bending
             reduced = (1 - for_membrane) * membrane + (1 - for_shear) * shear
             stiffness = [full * measure(mesh, 5), reduced * measure(mesh, 3)]
@@ -153,8 +153,9 @@ class Laminate(Sheet):
         0°: its part along the sheet, in every cell. A function of points x (3, n) gives such
         vectors (3, n), as the hoop of a tank.
     top : sequence of 3 floats or function, optional
-        On which side of the sheet the last layer lies. By default on that of the cells' normals,
-        which must then agree from cell to cell, if the stack differs from itself turned over.
+        On which side of the sheet the last layer lies. By default toward +z on a plane mesh, and
+        in space on that of the cells' normals, which must then agree from cell to cell if the
+        stack differs from itself turned over.
 
     Angles count from the axis toward normal × axis, the normal pointing to the top. The element,
     its motions and its cells are `Shell`'s, and both may share a mesh, by group. `section` holds
@@ -193,10 +194,9 @@ class Laminate(Sheet):
 class _Section(NamedTuple):
     """Cell-wise constants of the sheets (UFL)."""
 
-    t: Any
     A: Any
-    #: D − B A⁻¹ B: bending about the surface that moments do not stretch
-    D: Any
+    #: D − B A⁻¹ B
+    bending: Any
     S: Any
     drilling: Any
     #: A⁻¹ B, None where no stack couples stretching with bending
@@ -205,6 +205,9 @@ class _Section(NamedTuple):
     #: None where no stack has its mass off the middle
     I1: Any
     I2: Any
+    #: t², and what stands for it in a stack
+    t2_of_shear: Any
+    t2_of_stretch: Any
 
 
 def _section(mesh: Mesh, parts: Parts) -> _Section:
@@ -214,15 +217,16 @@ def _section(mesh: Mesh, parts: Parts) -> _Section:
     sections = [material.section for material, _ in parts]
     coupled = any(s.B.any() for s in sections)
     return _Section(
-        t=constant(lambda s: s.thickness),
         A=constant(lambda s: s.A),
-        D=constant(lambda s: s.D - s.B @ np.linalg.solve(s.A, s.B)),
+        bending=constant(lambda s: s.bending),
         S=constant(lambda s: s.S),
         drilling=constant(lambda s: s.drilling),
         coupling=constant(lambda s: np.linalg.solve(s.A, s.B)) if coupled else None,
         I0=constant(lambda s: s.I0),
         I1=constant(lambda s: s.I1) if any(s.I1 for s in sections) else None,
         I2=constant(lambda s: s.I2),
+        t2_of_shear=constant(lambda s: s.t2_of_shear),
+        t2_of_stretch=constant(lambda s: s.t2_of_stretch),
     )
 
 
@@ -310,7 +314,7 @@ def _energies(section: _Section, a: _Strains, b: _Strains) -> tuple[Any, Any, An
     membrane = ufl.inner(section.A * stretch(a), stretch(b))
     drilling = section.drilling * a.drilling * b.drilling
     shear = ufl.inner(section.S * a.shear, b.shear)
-    return membrane + drilling, shear, ufl.inner(section.D * a.bending, b.bending)
+    return membrane + drilling, shear, ufl.inner(section.bending * a.bending, b.bending)
 
 
 def _inertia(section: _Section, frame: _Frame, w: Any, v: Any) -> Any:
