@@ -1,10 +1,11 @@
 """Speed against accuracy: error of the impact force and of Z against seconds and against N.
 
 Cases: a steel sphere's worth of mass on the article's pinned beam, a sphere on a thin clamped
-plate, a sphere on the bracket at three sizes. Methods: anti-oscillators by Krylov and by modes,
-mode superposition with and without static correction, the unreduced model, and, where they are
-installed, other people's tools on the same matrices (SciPy, pyYeti, Exudyn). Besides: how time and
-memory grow with the size, a map of every point of the bracket, two ranks against one.
+plate, a sphere on the bracket at three sizes, a heavy mass on the bracket. Methods:
+anti-oscillators by Krylov and by modes, mode superposition with and without static correction, the
+unreduced model, and, where they are installed, other people's tools on the same matrices (SciPy,
+pyYeti, Exudyn). Besides: how time and memory grow with the size, what an extraction spends its time
+on, maps of every point of the bracket and of a stiffened panel, two ranks against one.
 
 Written: speed_accuracy.json, speed_accuracy.md (the tables) and a PNG for each case.
 
@@ -14,13 +15,16 @@ Written: speed_accuracy.json, speed_accuracy.md (the tables) and a PNG for each 
 from __future__ import annotations
 
 import argparse
+import cProfile
 import importlib.util
 import json
 import logging
 import os
+import pstats
 import resource
 import subprocess
 import sys
+import tempfile
 import time
 import warnings
 from collections.abc import Callable
@@ -42,6 +46,7 @@ from mpi4py import MPI
 import antiosc as ao
 from antiosc.band import stiffness_error
 from antiosc.fem.algebra import Factorization, csr, dot, multiply, sum_of
+from antiosc.fem.many_sites import sites_of
 from antiosc.fem.site import functional
 from antiosc.impact import without_patch
 
@@ -58,7 +63,14 @@ COUNTS = {
     "superposition, static correction": (4, 8, 20, 60),
 }
 #: steps a contact of the integrators with a fixed step; the beam's contact has many sub-impacts
-STEPS = {"beam": (1000, 4000), "plate": (25, 100), "bracket": (25, 100)}
+STEPS = {
+    "beam": (1000, 4000),
+    "plate": (25, 100),
+    "bracket": (25, 100),
+    "bracket, heavy mass": (2000, 8000),
+}
+#: elements of the panel whose map is drawn, m: more than 10 000 vertices
+PANEL = 8.8e-3
 #: dofs up to which the unreduced model is run, and from which only every other count is
 SMALL, LARGE = 60_000, 150_000
 REFERENCE = 120  # Krylov anti-oscillators of the reference
@@ -144,17 +156,42 @@ def bracket(size: float | None) -> tuple[Any, ...]:
     return mesh, ao.Solid(**ALUMINIUM), [ao.Support("clamp")], site, (ball, law, 4e-4)
 
 
+def heavy(size: float | None) -> tuple[Any, ...]:
+    """A mass of 10 kg falls on the bracket at 0.3 m/s: a contact of milliseconds that rings."""
+    *part, (_, law, _) = bracket(size)
+    return *part, (ao.RigidMass(mass=10.0, velocity=0.3), law, 8e-3)
+
+
+def panel(size: float | None) -> tuple[Any, ...]:
+    """A steel sphere of 30 mm on the stiffened panel, skin and blades as shells."""
+    sys.path.insert(0, str(ROOT / "meshes"))
+    import make_panel
+    import stiffened_panel as demo
+
+    with tempfile.TemporaryDirectory() as folder:
+        make_panel.main(Path(folder), size or make_panel.SIZE)
+        mesh = ao.read_mesh(Path(folder) / "panel.msh")
+    skin, blade = (ao.Shell(**ALUMINIUM, thickness=t) for t in (2e-3, 3e-3))
+    site = ao.Site(demo.surface(0.45, 5.0), demo.inward(5.0), snap=True)
+    ball = ao.Sphere(radius=15e-3, **STEEL, velocity=2.0)
+    law = ball.hertz(ALUMINIUM["E"], ALUMINIUM["nu"])
+    materials = {"skin": skin, "stringers": blade, "frames": blade}
+    return mesh, materials, [ao.Support("ends")], site, (ball, law, 4e-3)
+
+
 CASES: dict[str, Callable[[float | None], tuple[Any, ...]]] = {
     "beam": beam,
     "plate": plate,
     "bracket": bracket,
+    "bracket, heavy mass": heavy,
+    "panel": panel,
 }
 
 
 # --- Methods: model and seconds after the factorization -------------------------------------------
 
 
-def reduced(case: Case, method: str, n: int) -> dict[str, Any]:
+def reduced(case: Case, method: str, n: int, tol: float | None = None) -> dict[str, Any]:
     """One model: its errors, the seconds to make it, and those to simulate with it."""
     started = time.perf_counter()
     if method in ("Krylov", "modes"):
@@ -163,7 +200,7 @@ def reduced(case: Case, method: str, n: int) -> dict[str, Any]:
         model = ao.superposition(case.part, case.site, n, static_correction="static" in method)
     made = time.perf_counter() - started
     started = time.perf_counter()
-    hit = ao.simulate(model, *case.impact)
+    hit = ao.simulate(model, *case.impact, tol=tol)
     simulated = time.perf_counter() - started
     return {
         "method": method,
@@ -385,8 +422,12 @@ def chart(name: str, size: float | None, quick: bool) -> dict[str, Any]:
     if case.part.dofs < SMALL:
         rows += [unreduced(case, steps) for steps in STEPS[name][: 1 if quick else 2]]
         rows += peers(case, name == "beam")
+    return _chart(case, rows)
+
+
+def _chart(case: Case, rows: list[dict[str, Any]]) -> dict[str, Any]:
     return {
-        "case": name,
+        "case": case.name,
         "dofs": case.part.dofs,
         "band": case.band,
         "antiresonances in the band": int(np.sum(case.reference.omega < case.band)),
@@ -414,47 +455,93 @@ def growth(size: float) -> dict[str, Any]:
     }
 
 
-def mapped(size: float) -> dict[str, Any]:
-    """Every point of the bracket's surface, and 20 of them by direct extraction."""
+def heavy_mass(size: float) -> dict[str, Any]:
+    """The longer contact: reduced and unreduced at equal error."""
+    case = Case("bracket, heavy mass", size)
+    case.prepare()
+    rows = [reduced(case, "Krylov", n, tol=1e-4) for n in (10, 20, 30, 50)]
+    rows += [unreduced(case, steps) for steps in STEPS[case.name]]
+    return _chart(case, rows)
+
+
+def profile(size: float) -> dict[str, Any]:
+    """What a whole extraction of 20 anti-oscillators spends its time on, seconds."""
     case = Case("bracket", size)
+    run = cProfile.Profile()
     started = time.perf_counter()
-    ao.extract(case.part, case.site, n=20, shapes=False)
-    one = case.before + time.perf_counter() - started
-    started = time.perf_counter()
-    band = 2 * pi * 6000
-    found = ao.impact_map(case.part, radius=3e-3, band=band)
+    run.runcall(ao.extract, case.part, case.site, n=20)
     spent = time.perf_counter() - started
-    started = time.perf_counter()
-    b = _loads(case.part, found)
-    which = np.random.default_rng(0).choice(len(found), 50, replace=False)
-    direct = ao.extract(case.part, [ao.Site(vector=b[:, i]) for i in which], n=25, shapes=False)
-    pairs = [(found.model(i), d, i) for i, d in zip(which, direct, strict=True)]
-    off = [abs(m.k0 / d.k0 - 1) for m, d, _ in pairs]
-    Z = [
-        stiffness_error(m.dynamic_stiffness, d.dynamic_stiffness, band, d.omega[0])
-        for m, d, i in pairs
-        if found.k0_error[i] == 0
-    ]
+    found: dict[str, float] = {}
+    calls = 0
+    for (_, _, name), (count, _, _, total, _) in pstats.Stats(run).stats.items():  # type: ignore
+        if name in PROFILED:
+            found[PROFILED[name]] = found.get(PROFILED[name], 0.0) + total
+            calls += count if name == "solve" else 0
+    found["the rest"] = spent - sum(found.values())
     return {
         "dofs": case.part.dofs,
-        "sites": len(found),
-        "skipped": found.skipped,
-        "solves": found.info["solves"],
-        "seconds": found.info["seconds"],
-        "milliseconds a site": 1e3 * spent / len(found),
-        "over one extraction": spent / one,
-        "error of k0, median and largest of 50": [float(np.median(off)), float(max(off))],
-        "error of Z where solved for, median and largest": [float(np.median(Z)), float(max(Z))],
-        "bound of Z, median and largest": [float(np.median(found.error)), float(found.error.max())],
+        "assembly": case.seconds["assembly"],
+        "factorization": case.seconds["factorization"],
+        **found,
+        "solves": calls,
     }
 
 
-def _loads(part: ao.Structure, found: ao.ImpactMap) -> Any:
-    from antiosc.fem.surface import patch_loads
+#: functions whose time is told apart, none of which calls another
+PROFILED = {
+    "functional": "load of the site",
+    "solve": "solves",
+    "multiply": "products with K and M",
+    "dot": "inner products of the basis",
+}
 
-    radius = float(found.radius or 0.0)
-    loads, _ = patch_loads(part, found.points, -found.directions, found.directions, radius)
-    return loads.toarray()
+
+def mapped(name: str, size: float, group: str | None) -> dict[str, Any]:
+    """Every point of a surface, and 50 of them by direct extraction."""
+    case = Case(name, size)
+    started = time.perf_counter()
+    ao.extract(case.part, case.site, n=12, shapes=False)
+    alone = case.before + time.perf_counter() - started
+    options: dict[str, Any] = {"radius": 3e-3} if name == "bracket" else {"direction": (0, 0, -1)}
+    started = time.perf_counter()
+    found = ao.impact_map(case.part, group, **options)
+    spent = time.perf_counter() - started
+    seconds = found.info["seconds"]
+    each = sum(seconds[stage] for stage in ("sites", "deflections", "models"))
+    which = np.random.default_rng(0).choice(len(found), 50, replace=False)
+    loads = sites_of(case.part, group, options.get("direction"), options.get("radius")).loads
+    direct = ao.extract(
+        case.part,
+        [ao.Site(vector=b) for b in loads[:, which].toarray().T],
+        n=60,
+        band=found.band,
+        shapes=False,
+    )
+    off = [abs(found.models.k0[i] / one.k0 - 1) for i, one in zip(which, direct, strict=True)]
+    Z = [
+        stiffness_error(
+            found.model(i).dynamic_stiffness, one.dynamic_stiffness, found.band, one.omega[0]
+        )
+        for i, one in zip(which, direct, strict=True)
+    ]
+    return {
+        "part": name,
+        "dofs": case.part.dofs,
+        "sites": len(found),
+        "skipped": found.skipped,
+        "one extraction of 12 anti-oscillators, assembly and factor included": alone,
+        "map": spent,
+        "map over that": spent / alone,
+        "seconds": seconds,
+        "milliseconds for one more site, a second factor included": 1e3 * each / len(found),
+        "error of k0 at 50 sites, median and largest": [float(np.median(off)), float(max(off))],
+        "error of Z there, median and largest": [float(np.median(Z)), float(max(Z))],
+        "bound of Z of all, median and largest": [
+            float(np.median(found.error)),
+            float(found.error.max()),
+        ],
+        "sites extracted directly": int(found.direct.sum()),
+    }
 
 
 def _memory() -> float:
@@ -479,16 +566,22 @@ def main(
     out.mkdir(parents=True, exist_ok=True)
     if quick:
         sizes = sizes[:1]
-    result: dict[str, Any] = {"charts": [], "growth": [], "ranks": [], "map": {}}
+    result: dict[str, Any] = {"charts": [], "growth": [], "ranks": [], "profile": {}, "maps": []}
     for name, size in [("beam", None), ("plate", None), *(("bracket", s) for s in sizes)]:
         result["charts"].append(_apart("chart", name, size, quick))
         _plot(result["charts"][-1], out)
         _report(result, out)
+    result["charts"].append(_apart("heavy_mass", sizes[0]))
+    _plot(result["charts"][-1], out)
     for size in sizes:
         result["growth"].append(_apart("growth", size))
     result["ranks"] = [_apart("growth", sizes[-1], ranks=2)]
+    result["profile"] = _apart("profile", sizes[-1])
     _report(result, out)
-    result["map"] = _apart("mapped", sizes[min(1, len(sizes) - 1)])
+    middle = sizes[min(1, len(sizes) - 1)]
+    result["maps"] = [_apart("mapped", "bracket", middle, None)]
+    if not quick:
+        result["maps"].append(_apart("mapped", "panel", PANEL, "skin"))
     print(_report(result, out))
     return result
 
@@ -554,7 +647,8 @@ def _plot(found: dict[str, Any], out: Path) -> None:
         axes[row, 0].set_ylabel("error of the force (L2)" if row == 0 else "error of Z, band")
     axes[0, 0].legend(fontsize=7)
     figure.suptitle(f"{found['case']}, {found['dofs']} dofs")
-    path = out / f"speed_accuracy_{found['case']}_{found['dofs']}.png"
+    name = found["case"].replace(", ", "_").replace(" ", "_")
+    path = out / f"speed_accuracy_{name}_{found['dofs']}.png"
     part = path.with_name(f".{path.name}.part.png")
     figure.savefig(part, dpi=130)
     plt.close(figure)
@@ -628,9 +722,21 @@ def tables(result: dict[str, Any]) -> str:
     for two in result["ranks"]:
         faster = result["growth"][-1]["whole"] / two["whole"]
         lines.append(f"\ntwo ranks against one: {faster:.2f} times as fast")
-    lines += ["", "## Map of the bracket", ""]
-    lines += [f"- {k}: {v}" for k, v in result["map"].items()]
+    lines += ["", "## What the largest extraction spends its time on", ""]
+    lines += [f"- {k}: {v:.3g}" for k, v in result["profile"].items()]
+    for one in result["maps"]:
+        lines += ["", f"## Map of the {one['part']}", ""]
+        lines += [f"- {k}: {_short(v)}" for k, v in one.items()]
     return "\n".join(lines) + "\n"
+
+
+def _short(value: Any) -> str:
+    """Numbers to three digits, in lists and dicts too."""
+    if isinstance(value, dict):
+        return ", ".join(f"{k} {_short(v)}" for k, v in value.items())
+    if isinstance(value, list):
+        return ", ".join(map(_short, value))
+    return f"{value:.3g}" if isinstance(value, float) else str(value)
 
 
 def _task(text: str) -> None:
@@ -638,7 +744,8 @@ def _task(text: str) -> None:
     logging.disable(logging.INFO)
     warnings.simplefilter("ignore")
     name, *arguments = json.loads(text)
-    result = {"chart": chart, "growth": growth, "mapped": mapped}[name](*arguments)
+    tasks = (chart, heavy_mass, growth, profile, mapped)
+    result = {task.__name__: task for task in tasks}[name](*arguments)
     if MPI.COMM_WORLD.rank == 0:
         print(json.dumps(result))
 

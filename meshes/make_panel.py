@@ -27,14 +27,14 @@ FRAMES, DEPTH = (0.3, 0.6), 0.040
 SIZE = 0.045  # of the elements
 
 
-def main(folder: Path = HERE) -> None:
-    """Write panel.msh and skin.msh to `folder`."""
+def main(folder: Path = HERE, size: float = SIZE) -> None:
+    """Write panel.msh and skin.msh to `folder`, with elements of `size` m."""
     for build, name in ((with_blades, "panel.msh"), (with_lines, "skin.msh")):
         gmsh.initialize(readConfigFiles=False)
         try:
             gmsh.option.setNumber("General.Verbosity", 2)
             build()
-            gmsh.option.setNumber("Mesh.MeshSizeMax", SIZE)
+            gmsh.option.setNumber("Mesh.MeshSizeMax", size)
             gmsh.option.setNumber("Mesh.ElementOrder", 2)
             gmsh.model.mesh.generate(2)
             gmsh.write(str(folder / name))

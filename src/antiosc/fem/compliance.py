@@ -31,7 +31,7 @@ from antiosc.fem.structure import Structure
 BLOCK = 32
 #: Right-hand sides of a block where all is solved for.
 SOLVED = 64
-#: σ over the last known ω² + s. The secant is off by about this share, rounding by about 1e-12 over it.
+#: σ over the last known ω² + s: the secant is off by about this share, rounding by 1e-12 over it.
 STEP = 1e-3
 
 log = logging.getLogger(__name__)

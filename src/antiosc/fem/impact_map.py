@@ -47,8 +47,8 @@ MODES = 20
 ABOVE = 1.5
 #: The band where none is given, over the last free mode.
 WITHIN = 0.5
-#: Largest number of sites extracted directly.
-DIRECT = 16
+#: Up to so many sites are extracted by themselves; where more would have to be, none is.
+DIRECT = 32
 
 LABELS = {
     "k0": "static stiffness / (N/m)",
@@ -224,7 +224,7 @@ def impact_map(
         Highest circular frequency of interest, rad/s; default: half the last free frequency.
     accuracy : float
         Largest |dZ|/|Z| over the band, at one per cent of damping. Sites where the modes left out
-        make more are extracted directly, the worst 16 at most; a warning says how many remain.
+        make more are extracted directly if they are few (32); a warning says how many remain.
 
     Raises
     ------
@@ -324,9 +324,8 @@ def _refined(
     """The sites for which the free modes are too few, extracted by themselves; errors of all."""
     left_out, error = errors[0], errors[0] + errors[1]
     direct = np.zeros(len(error), dtype=bool)
-    worst = np.argsort(-left_out, kind="stable")[:DIRECT]
-    worst = worst[left_out[worst] > accuracy]
-    if not len(worst):
+    worst = np.flatnonzero(left_out > accuracy)
+    if not 0 < len(worst) <= DIRECT:
         return models, error, direct
     omega, m = models.omega.copy(), models.m.copy()
     k0, m0, m_st, error = models.k0.copy(), models.m0.copy(), models.m_st.copy(), error.copy()

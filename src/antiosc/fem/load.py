@@ -149,13 +149,11 @@ def _face(
     The face is the facets within the radius that look the same way as the one at the site:
     not the back of a thin part, nor around its edges.
     """
-    facets = np.sort(compat.exterior_facets(mesh.dolfinx))
-    x = mesh.dolfinx.geometry.x[compat.entity_vertices(mesh.dolfinx, mesh.tdim - 1)[facets]]
-    normals = compat.facet_normals(mesh.dolfinx, facets)
+    facets, x, normals = mesh.outside
     around = [0, 1, 3, 2] if x.shape[1] == 4 else list(range(x.shape[1]))  # tensor order
     edges = np.linalg.norm(x[:, around] - np.roll(x[:, around], 1, axis=1), axis=2)
     sizes, longest = edges.mean(axis=1), edges.max(axis=1, initial=0.0)
-    gap = _distances(x, place.x)
+    gap = _distances(x, place.x, radius)
     reach = min(mesh.comm.allgather(gap.min(initial=np.inf)))
     if reach > radius:
         raise InputError(
@@ -174,14 +172,21 @@ def _face(
     return facets[chosen].astype(np.int32), normal, local
 
 
-def _distances(x: Array, point: Array) -> Array:
-    """Distances of a point to facets x (n, vertices, 3), sampled at a few points of each."""
+def _distances(x: Array, point: Array, radius: float) -> Array:
+    """Distances of a point to facets x (n, vertices, 3), sampled at a few points of each.
+
+    inf for facets that lie farther off than the closest and than the radius by their own size.
+    """
+    centres = x.mean(axis=1)
+    size = np.linalg.norm(x - centres[:, None], axis=2).max(axis=1, initial=0.0)
+    away = np.linalg.norm(centres - point, axis=1)
+    near = np.flatnonzero(away - 3 * size <= max(away.min(initial=np.inf), radius))
     samples = np.random.default_rng(0).dirichlet(np.ones(x.shape[1]), 60)
     samples = np.vstack([np.eye(x.shape[1]), samples])
-    near = np.full(len(x), np.inf)
-    for weights in samples:
-        near = np.minimum(near, np.linalg.norm(np.einsum("v,nvk->nk", weights, x) - point, axis=1))
-    return near
+    gap = np.full(len(x), np.inf)
+    at = np.einsum("sv,nvk->nsk", samples, x[near])
+    gap[near] = np.linalg.norm(at - point, axis=2).min(axis=1)
+    return gap
 
 
 def _check_patch(mesh: Mesh, radius: float, size: float, share: float) -> None:

@@ -75,16 +75,13 @@ def _closest_here(mesh: Mesh, point: Array) -> Place | None:
     n_cells = compat.cell_map(mesh.dolfinx).size_local
     if not n_cells:
         return None
-    x = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)[:n_cells]]
-    low, high = x.min(axis=1), x.max(axis=1)
-    if mesh.order > 1:  # a curved side may bulge out of the box of its nodes
-        low, high = low - 0.2 * (high - low), high + 0.2 * (high - low)
+    low, high = mesh.boxes
     bound = np.linalg.norm(np.maximum(0.0, np.maximum(low - point, point - high)), axis=1)
     best: Place | None = None
     for cell in np.argsort(bound, kind="stable"):
         if best is not None and bound[cell] >= best.distance:
             break
-        place = _closest_in(mesh, int(cell), x[cell], point)
+        place = _closest_in(mesh, int(cell), cell_nodes(mesh, int(cell)), point)
         if best is None or place.distance < best.distance:
             best = place
     return best

@@ -5,12 +5,14 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import dolfinx
 import numpy as np
 from mpi4py import MPI
+from numpy.typing import NDArray
 
 from antiosc.checks import array, positive
 from antiosc.errors import AntioscWarning, InputError, MeshError
@@ -18,6 +20,19 @@ from antiosc.fem import compat, folds
 from antiosc.fem.compat import IntArray
 from antiosc.fem.parallel import agree, bounds, on_root
 from antiosc.fem.readers import GEOMETRY, RawMesh, Refinement, read
+
+Array = NDArray[np.float64]
+
+
+class Outside(NamedTuple):
+    """The outer facets of a mesh that this rank owns: their numbers, vertices and normals."""
+
+    #: (n,), ascending
+    facets: IntArray
+    #: (n, vertices, 3), m
+    corners: Array
+    #: (n, 3), unit, out of the body
+    normals: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +75,24 @@ class Mesh:
     def n_cells(self) -> int:
         """Number of cells on all ranks."""
         return int(compat.cell_map(self.dolfinx).size_global)
+
+    @cached_property
+    def outside(self) -> Outside:
+        """The outer facets of this rank."""
+        facets = np.sort(compat.exterior_facets(self.dolfinx))
+        nodes = compat.entity_vertices(self.dolfinx, self.tdim - 1)[facets]
+        normals = compat.facet_normals(self.dolfinx, facets)
+        return Outside(facets, self.dolfinx.geometry.x[nodes], normals)
+
+    @cached_property
+    def boxes(self) -> tuple[Array, Array]:
+        """Lowest and highest coordinates (cells, 3) of the cells that this rank owns, m."""
+        nodes = compat.geometry_nodes(self.dolfinx)[: compat.cell_map(self.dolfinx).size_local]
+        x = self.dolfinx.geometry.x[nodes]
+        low, high = x.min(axis=1), x.max(axis=1)
+        if self.order > 1:  # a curved side may bulge out of the box of its nodes
+            low, high = low - 0.2 * (high - low), high + 0.2 * (high - low)
+        return low, high
 
     def extent(self) -> float:
         """Diagonal of the bounding box, in m."""

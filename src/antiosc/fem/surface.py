@@ -102,8 +102,7 @@ def patch_loads(
     mesh, form = structure.mesh, structure.form
     assert mesh is not None
     assert form is not None
-    facets = compat.exterior_facets(mesh.dolfinx)
-    corners = mesh.dolfinx.geometry.x[compat.entity_vertices(mesh.dolfinx, mesh.tdim - 1)[facets]]
+    facets, corners, _ = mesh.outside
     centres = corners.mean(axis=1)
     reach = radius + np.linalg.norm(corners - centres[:, None], axis=2).max(axis=1, initial=0.0)
     tree = cKDTree(points)
@@ -245,7 +244,7 @@ def _facets(mesh: Mesh, group: str | None, outside: bool) -> tuple[IntArray, int
     """Facets on the outside of a solid, or cells of a shell or a beam, owned by this rank."""
     dim = mesh.tdim - outside
     if outside:
-        own = np.sort(compat.exterior_facets(mesh.dolfinx))
+        own = mesh.outside.facets
     else:
         own = np.arange(compat.cell_map(mesh.dolfinx).size_local, dtype=np.int32)
     if group is not None:
