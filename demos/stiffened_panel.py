@@ -140,10 +140,12 @@ def print_table(numbers: dict[str, dict[str, float]]) -> None:
         "contact (us)  restitution      s"
     )
     for name, row in numbers.items():
+        parting = row["restitution"]  # None: still in touch
+        restitution = "-" if parting is None else f"{parting:.3f}"
         print(
             f"{name:28s} {row['dofs']:6.0f} {row['mass']:10.4f} {row['k0']:9.4g} "
             f"{row['m_st']:10.4f} {row['first']:14.1f} {row['peak_force']:9.1f} "
-            f"{1e6 * row['contact_time']:13.1f} {row['restitution']:12.3f} {row['seconds']:6.1f}"
+            f"{1e6 * row['contact_time']:13.1f} {restitution:>12s} {row['seconds']:6.1f}"
         )
 
 

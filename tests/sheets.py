@@ -17,8 +17,12 @@ def sheet(
     cell: str = "triangle",
     order: int = 1,
     comm: MPI.Comm = MPI.COMM_WORLD,
+    alternate: bool = True,
 ) -> Mesh:
-    """The surface (s, t) in [0, 1]² -> coordinates, n × n squares or twice as many triangles."""
+    """The surface (s, t) in [0, 1]² -> coordinates, n × n squares or twice as many triangles.
+
+    Triangles: the diagonals turn from square to square, unless not `alternate`.
+    """
     nx, ny = (n, n) if isinstance(n, int) else n
     s, t = np.meshgrid(
         np.linspace(0, 1, order * nx + 1), np.linspace(0, 1, order * ny + 1), indexing="ij"
@@ -38,14 +42,13 @@ def sheet(
             rows = [corners + middle]
         cells = np.column_stack([node(*p) for p in rows[0]])
     else:
-        # the diagonals turn from square to square
         halves = {
             0: [[(0, 0), (1, 0), (0, 1)], [(1, 1), (0, 1), (1, 0)]],
             1: [[(1, 0), (1, 1), (0, 0)], [(0, 1), (0, 0), (1, 1)]],
         }
         parts = []
         for parity, triangles in halves.items():
-            mine = ((i + j) // order) % 2 == parity
+            mine = ((i + j) // order * alternate) % 2 == parity
             for corners in triangles:
                 nodes = list(corners)
                 if order == 2:

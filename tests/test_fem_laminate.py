@@ -431,30 +431,35 @@ def test_a_cantilever_strip_bends_and_stretches_as_a_beam(cell):
     assert y[dof(part, (length, 0, 0), "x")] == pytest.approx(stretch, rel=close)
 
 
-def test_a_strip_of_two_layers_as_shell_and_solid():
-    """Frequencies of the cantilever along and across, its twist, and how the middle stretches."""
+def sandwich():
+    """Faces on a core a hundred times softer; with 5/6 its shear would be 20 times too stiff."""
+    face = ao.Layer.isotropic(E, 0.0, RHO, 2.5e-3)
+    return [face, ao.Layer.isotropic(E / 100, 0.0, 60.0, 15e-3), face]
+
+
+@pytest.mark.parametrize(("layers", "through", "count"), [(two_layers, 4, 4), (sandwich, 8, 2)])
+def test_a_layered_cantilever_as_shell_and_solid(layers, through, count):
+    """Frequencies up and down, sideways, in twist; where thick faces bend alone, the lowest two."""
     length, width, h = 0.4, 0.04, 0.02
     held = [ao.Support(at(0, 0.0))]
     box = dolfinx.mesh.create_box(
         MPI.COMM_WORLD,
         [np.array([0, 0, -h / 2]), np.array([length, width, h / 2])],
-        [16, 2, 4],
+        [12, 1, through],
         dolfinx.mesh.CellType.hexahedron,
     )
     middle = box.geometry.x[compat.geometry_nodes(box)].mean(axis=1)[:, 2]
-    groups = {
-        name: {3: np.flatnonzero(mask).astype(np.int32)}
-        for name, mask in (("below", middle < 0), ("above", middle > 0))
-    }
-    materials = {"below": ao.Solid(E, 0.0, RHO), "above": ao.Solid(5 * E, 0.0, 2 * RHO)}
+    number = np.searchsorted(np.cumsum([layer.thickness for layer in layers()]) - h / 2, middle)
+    groups, materials = {}, {}
+    for k, layer in enumerate(layers()):
+        groups[f"layer {k}"] = {3: np.flatnonzero(number == k).astype(np.int32)}
+        materials[f"layer {k}"] = ao.Solid(layer.E1, layer.nu12, layer.rho)
     solid = ao.Structure(Mesh(box, groups, "the box"), materials, held)
-    shell = ao.Structure(rectangle((16, 2), length, width), ao.Laminate(two_layers()), held)
+    shell = ao.Structure(rectangle((12, 1), length, width), ao.Laminate(layers()), held)
     assert shell.mass == pytest.approx(solid.mass, rel=1e-12)
-    found, exact = frequencies(shell, 4), frequencies(solid, 4)
-    assert found == pytest.approx(exact, rel=4e-3)
-    # without the coupling, or with the mass in the middle, they would lie far off
-    uncoupled = stacked(two_layers())
-    assert uncoupled.B[0, 0] ** 2 / (uncoupled.A[0, 0] * uncoupled.D[0, 0]) > 0.2
+    found, exact = frequencies(shell, count), frequencies(solid, count)
+    assert found == pytest.approx(exact, rel=1e-2)
+    assert found[:2] == pytest.approx(exact[:2], rel=2.5e-3)
 
 
 # --- struck -----------------------------------------------------------------------------------

@@ -169,8 +169,8 @@ def _tangent(mesh: Mesh) -> Any:
 
 
 def _shear_degree(order: int) -> int:
-    """One Gauss point for linear elements, two for quadratic ones: neither locks."""
-    return 1 if order == 1 else 2
+    """As many Gauss points as the order: none locks."""
+    return 2 * order - 1
 
 
 def _plane(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
@@ -207,18 +207,9 @@ def _plane(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
 def on_lines(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
     """Beams in space, straight or curved.
 
-    Order 3 is the companion of the triangular shell: cubic displacements, quadratic rotations,
-    fully integrated.
+    Order 3 is the companion of the triangular shell.
     """
-    paths: list[tuple[int, ...]]
-    if order == 3:
-        space = compat.mixed(mesh.dolfinx, [(3, 3), (2, 3)])
-        paths = [(k, i) for k in range(2) for i in range(3)]
-        for_k, for_m = 4 + 2 * (mesh.order - 1), 6 + 2 * (mesh.order - 1)
-    else:
-        space = compat.lagrange(mesh.dolfinx, order, 6)
-        paths = [(i,) for i in range(6)]
-        for_k, for_m = _shear_degree(order), 2 * order
+    space = compat.lagrange(mesh.dolfinx, order, 6)
     w, v = ufl.TrialFunction(space), ufl.TestFunction(space)
     t = _tangent(mesh)
     height = _orientations(mesh, parts)
@@ -270,9 +261,9 @@ def on_lines(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
     )
     return WeakForm(
         space=space,
-        stiffness=[energy * measure(mesh, for_k)],
-        mass=[motion * measure(mesh, for_m)],
-        components=dict(zip(("x", "y", "z", "rx", "ry", "rz"), paths, strict=True)),
+        stiffness=[energy * measure(mesh, _shear_degree(order))],
+        mass=[motion * measure(mesh, 2 * order)],
+        components={name: (i,) for i, name in enumerate(("x", "y", "z", "rx", "ry", "rz"))},
         density=rhoA,
         patch=None,
     )

@@ -29,6 +29,20 @@ logging.captureWarnings(False)  # it also turns Python's warnings into log recor
 logging.getLogger("FFCx").setLevel(logging.WARNING)
 logging.getLogger("UFL").setLevel(logging.WARNING)
 
+if VERSION < (0, 6):
+    # FFCx 0.5 counts derivatives on a sheet in space along x, y, z, Basix along the two directions
+    # of the cell: the first ones agree, higher ones would be mistaken for others.
+    import ffcx.ir.elementtables as _tables
+
+    _table_values = _tables.get_ffcx_table_values
+
+    def _in_the_cell(points: Any, cell: Any, *others: Any) -> Any:
+        *head, counts, component = others
+        counts = counts[: cell.topological_dimension()]
+        return _table_values(points, cell, *head, counts, component)
+
+    _tables.get_ffcx_table_values = _in_the_cell
+
 
 # --- Meshes ---------------------------------------------------------------------------------
 
@@ -156,19 +170,6 @@ def lagrange(mesh: dolfinx.mesh.Mesh, degree: int, size: int) -> Any:
     return fem.functionspace(mesh, element)
 
 
-def mixed(mesh: dolfinx.mesh.Mesh, blocks: Sequence[tuple[int, int]]) -> Any:
-    """A mixed space of continuous Lagrange vectors, one (degree, size) a block."""
-    if VERSION < (0, 8):
-        cell = mesh.ufl_cell()
-        vectors = [ufl.VectorElement("Lagrange", cell, degree, dim=n) for degree, n in blocks]
-        return fem.FunctionSpace(mesh, ufl.MixedElement(*vectors))
-    import basix.ufl
-
-    cell = mesh.basix_cell()
-    vectors = [basix.ufl.element("Lagrange", cell, degree, shape=(n,)) for degree, n in blocks]
-    return fem.functionspace(mesh, basix.ufl.mixed_element(vectors))
-
-
 def cellwise(mesh: dolfinx.mesh.Mesh, size: int = 0) -> Any:
     """A function with one value (`size` = 0) or vector (`size` components) per cell."""
     if VERSION < (0, 8):
@@ -183,6 +184,40 @@ def cellwise(mesh: dolfinx.mesh.Mesh, size: int = 0) -> Any:
     shape = {"shape": (size,)} if size else {}
     element = basix.ufl.element("DG", mesh.basix_cell(), 0, **shape)
     return fem.Function(fem.functionspace(mesh, element))
+
+
+def reference_coordinates(mesh: dolfinx.mesh.Mesh) -> Any:
+    """ξ and η in triangles, as a function."""
+    if VERSION < (0, 8):
+        element = ufl.VectorElement("DG", mesh.ufl_cell(), 1, dim=2)
+        function = fem.Function(fem.FunctionSpace(mesh, element))
+    else:
+        import basix.ufl
+
+        element = basix.ufl.element("DG", mesh.basix_cell(), 1, shape=(2,))
+        function = fem.Function(fem.functionspace(mesh, element))
+    corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    function.x.array.reshape(-1, 3, 2)[:] = corners
+    return function
+
+
+def _edge_element() -> Any:
+    import basix
+
+    legendre = basix.LagrangeVariant.legendre, basix.DPCVariant.legendre
+    return basix.create_element(basix.ElementFamily.N2E, basix.CellType.triangle, 2, *legendre)
+
+
+def edge_points() -> NDArray[np.float64]:
+    """Points (n, 2) of the reference triangle at which `edge_interpolant` wants its values."""
+    return np.asarray(_edge_element().points)
+
+
+def edge_interpolant(values: NDArray[np.float64], X: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The field of Nédélec's second triangle of degree 2 with the moments of `values`, at X."""
+    element = _edge_element()
+    moments = element.interpolation_matrix @ values.T.ravel()
+    return np.einsum("pdc,d->pc", element.tabulate(0, X)[0], moments)
 
 
 def subspace(space: Any, path: Sequence[int]) -> Any:

@@ -28,6 +28,7 @@ from antiosc.fem import compat
 from antiosc.fem.family import Parts, WeakForm, coefficient, measure
 from antiosc.fem.laminate import Layer, PlateSection, stacked
 from antiosc.fem.mesh import Mesh
+from antiosc.fem.mixed_interpolation import dropped
 from antiosc.fem.orientation import Direction, axes_and_sides, checked
 from antiosc.fem.parallel import agree
 
@@ -51,7 +52,7 @@ class Sheet:
         raise NotImplementedError
 
     def weak_form(self, mesh: Mesh, parts: Parts, order: int) -> WeakForm:
-        """Strain and kinetic energy of the sheet; rotations are of degree 2 whatever the cells."""
+        """Strain and kinetic energy of the sheet; cubic triangles, quadratic quadrilaterals."""
         if mesh.tdim != 2:
             raise InputError(
                 f"{type(self).__name__} needs a mesh of triangles or quadrilaterals; {mesh.name} "
@@ -61,20 +62,24 @@ class Sheet:
             raise InputError("Shell elements are quadratic and more: leave Structure's order=2.")
         areas = _areas(mesh)
         triangles = mesh.cell == "triangle"
-        if triangles:
-            space = compat.mixed(mesh.dolfinx, [(3, 3), (2, 3)])
-            paths: list[tuple[int, ...]] = [(k, i) for k in range(2) for i in range(3)]
-        else:
-            space = compat.lagrange(mesh.dolfinx, 2, 6)
-            paths = [(i,) for i in range(6)]
+        space = compat.lagrange(mesh.dolfinx, 3 if triangles else 2, 6)
         section = _section(mesh, parts)
         w, v = ufl.TrialFunction(space), ufl.TestFunction(space)
         frame = _frame(mesh, parts)
-        membrane, shear, bending = _energies(section, _strains(frame, w), _strains(frame, v))
+        X = compat.reference_coordinates(mesh.dolfinx) if triangles else None
+
+        def strains(motion: Any) -> _Strains:
+            found = _strains(frame, motion)
+            if X is None:
+                return found
+            _, turn = _halves(motion)
+            return found._replace(shear=found.shear - dropped(mesh, X, turn, frame.n, frame.along))
+
+        membrane, shear, bending = _energies(section, strains(w), strains(v))
         motion = _inertia(section, frame, w, v)
-        curved = 2 * (mesh.order - 1)
         if triangles:
-            stiffness = [(membrane + shear + bending) * measure(mesh, 4 + curved)]
+            curved = 2 * (mesh.order - 1)
+            stiffness = [(membrane + shear + bending) * measure(mesh, 6 + curved)]
             mass = [motion * measure(mesh, 6 + curved)]
         else:
             for_shear = section.t2_of_shear / (section.t2_of_shear + FOR_SHEAR * areas)
@@ -88,7 +93,7 @@ class Sheet:
             space=space,
             stiffness=stiffness,
             mass=mass,
-            components=dict(zip(("x", "y", "z", "rx", "ry", "rz"), paths, strict=True)),
+            components={name: (i,) for i, name in enumerate(("x", "y", "z", "rx", "ry", "rz"))},
             density=section.I0,
             patch="cells",
             moment=None if section.I1 is None else section.I1 * frame.n,
@@ -110,13 +115,14 @@ class Shell(Sheet):
     thickness : float
         Thickness, m; the mesh is the middle surface.
 
-    Motions: x, y, z (displacements) and rx, ry, rz (rotations). Triangles, plane or curved: cubic
-    displacements with quadratic rotations, fully integrated; bending without shear lies in that
-    space, so it does not lock. Quadrilaterals: both quadratic, the shear at 2×2 points with a
-    share of full integration that vanishes with the thickness, and so the membrane strains where
-    a cell is curved: curved ones are for smooth sheets, where sheets or stiffeners join triangles
-    are right; flat ones stretch fully integrated. Orientations of
-    neighbouring cells need not agree: the energy does not depend on the sign of the normal.
+    Motions: x, y, z (displacements) and rx, ry, rz (rotations). Triangles, plane or curved: all
+    cubic, fully integrated; in the shear strain quadratics of the same moments along edges stand
+    for the rotations, so that thin plates do not lock (`antiosc.fem.mixed_interpolation`).
+    Quadrilaterals: all quadratic, the shear at 2×2 points with a share of full integration that
+    vanishes with the thickness, and so the membrane strains where a cell is curved: curved ones
+    are for smooth sheets, where sheets or stiffeners join triangles are right; flat ones stretch
+    fully integrated. Orientations of neighbouring cells need not agree: the energy does not depend
+    on the sign of the normal.
     """
 
     E: float
