@@ -209,6 +209,13 @@ def test_navier_of_one_isotropic_layer_is_mindlins():
     assert thin[-1] == pytest.approx(shear, rel=1e-4)
 
 
+def test_navier_of_thin_coupled_plates():
+    """ω/h has a limit, which rounding of the thickness-shear modes must not drown."""
+    for angles in ((0, 90), (45, -45)):
+        thick, thin = (navier(stack(angles, h)).frequencies(1, 1)[0] / h for h in (1e-3, 1e-4))
+        assert thin == pytest.approx(thick, rel=2e-4)
+
+
 def plate_error(n, cell, angles, h, supports):
     """Of the fundamental frequency, relative.
 
