@@ -140,7 +140,8 @@ def beam(case: Case, fine: float) -> tuple[ao.Structure, ao.Site]:
 def shell(case: Case, fine: float) -> tuple[ao.Structure, ao.Site]:
     """Reissner–Mindlin's plate on the middle plane."""
     across = max(4, round(24 * case.width / case.length))
-    mesh = graded((case.length, case.width), (round(28 * fine), round(across * fine)), 1.4)
+    cells = (round(28 * fine), round(across * fine))
+    mesh = graded((case.length, case.width), cells, case.thickness / 2)
     material = ao.Shell(**STEEL, thickness=case.thickness)
     part = ao.Structure(ao.read_mesh(mesh), material, [at_ends(case.length)])
     return part, ao.Site((case.length / 2, case.width / 2, 0), (0, 0, -1))
@@ -148,7 +149,8 @@ def shell(case: Case, fine: float) -> tuple[ao.Structure, ao.Site]:
 
 def plane(case: Case, fine: float) -> tuple[ao.Structure, ao.Site]:
     """Plane stress in the side view; the load is a strip across the width."""
-    mesh = graded((case.length, case.thickness), (round(40 * fine), round(6 * fine)), 1.8)
+    cells = (round(40 * fine), round(6 * fine))
+    mesh = graded((case.length, case.thickness), cells, patch(case) / 4, top=True)
     material = ao.Solid(**STEEL, plane="stress", thickness=case.width)
     part = ao.Structure(ao.read_mesh(mesh), material, [at_ends(case.length)])
     radius = patch(case)
@@ -159,7 +161,7 @@ def solid(case: Case, fine: float) -> tuple[ao.Structure, ao.Site]:
     """Quadratic hexahedra, small ones around the patch."""
     across = max(8, round(36 * case.width / case.length))
     along = (round(32 * fine), round(across * fine), round(4 * fine))
-    mesh = graded(case.size, along, 2.0)
+    mesh = graded(case.size, along, patch(case) / 4, top=True)
     part = ao.Structure(ao.read_mesh(mesh), ao.Solid(**STEEL), [at_ends(case.length)])
     x, y, z = case.length / 2, case.width / 2, case.thickness
     return part, ao.Site((x, y, z), (0, 0, -1), radius=patch(case))
@@ -173,9 +175,14 @@ def patch(case: Case) -> float:
     return case.thickness / 2
 
 
-def graded(size: tuple[float, ...], cells: tuple[int, ...], power: float) -> dolfinx.mesh.Mesh:
-    """A box of quadrilaterals or hexahedra, smaller toward its middle (in the last of three
-    directions and in the plane part's second toward the top)."""
+def graded(
+    size: tuple[float, ...], cells: tuple[int, ...], smallest: float, top: bool = False
+) -> dolfinx.mesh.Mesh:
+    """A box of quadrilaterals or hexahedra, no larger than `smallest` (m) at its middle.
+
+    `top`: in the last direction at the end instead. Away from there they grow by a power of the
+    distance.
+    """
     corners = [np.zeros(len(size)), np.ones(len(size))]
     numbers = [max(2, n + n % 2) for n in cells]
     if len(size) == 2:
@@ -184,13 +191,20 @@ def graded(size: tuple[float, ...], cells: tuple[int, ...], power: float) -> dol
     else:
         kind = dolfinx.mesh.CellType.hexahedron
         mesh = dolfinx.mesh.create_box(MPI.COMM_WORLD, corners, numbers, kind)
-    for axis, extent in enumerate(size[:2]):
-        s = 2 * mesh.geometry.x[:, axis] - 1
-        mesh.geometry.x[:, axis] = extent * (1 + np.sign(s) * np.abs(s) ** power) / 2
-    if len(size) == 3:
-        top = 1 - mesh.geometry.x[:, 2]
-        mesh.geometry.x[:, 2] = size[2] * (1 - top**1.3)
+    for axis, (extent, n) in enumerate(zip(size, numbers, strict=True)):
+        s = mesh.geometry.x[:, axis]
+        if top and axis == len(size) - 1:
+            mesh.geometry.x[:, axis] = extent * (1 - (1 - s) ** power(smallest / extent, n))
+        else:
+            s = 2 * s - 1
+            s = np.sign(s) * np.abs(s) ** power(2 * smallest / extent, n // 2)
+            mesh.geometry.x[:, axis] = extent * (1 + s) / 2
     return mesh
+
+
+def power(first: float, n: int) -> float:
+    """Exponent with which the first of n steps to 1 is `first`, or all are equal and smaller."""
+    return 1.0 if n * first >= 1 else float(np.log(first) / np.log(1 / n))
 
 
 # --- output -------------------------------------------------------------------------------------
