@@ -129,3 +129,14 @@ def test_the_impact_does_not_depend_on_the_patch(block):
     # counted twice, the radius matters
     assert bare[1] / bare[0] > 1.02
     assert max(bare) < min(peaks)
+
+
+def test_supports_under_a_patch_are_told():
+    groups = {"held": (2, lambda x: np.isclose(x[2], 0.03) & (x[0] < 0.03 + 1e-9))}
+    mesh = parts.box((12, 8, 2), (0.12, 0.08, 0.03), groups=groups)
+    part = ao.Structure(mesh, ao.Solid(**parts.STEEL), [ao.Support("held")])
+    site = ao.Site((0.032, 0.04, 0.03), (0, 0, -1), radius=0.01)
+    with pytest.warns(ao.AccuracyWarning, match=r"hold 50% of the patch"):
+        ao.extract(part, site, n=10)
+    with pytest.warns(ao.AccuracyWarning, match="supports hold a part of the patch at"):
+        ao.impact_map(part, radius=0.01, modes=30)

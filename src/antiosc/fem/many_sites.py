@@ -16,6 +16,7 @@ import scipy.sparse
 
 from antiosc.checks import array, positive
 from antiosc.errors import AccuracyWarning, AntioscWarning, InputError
+from antiosc.fem import site
 from antiosc.fem.algebra import Array
 from antiosc.fem.compat import IntArray
 from antiosc.fem.site import SHEET_RADIUS, Site, functional
@@ -81,11 +82,20 @@ def sites_of(
         found = _at_points(structure, where, along, radius)
     weight = structure.comm.allreduce(np.asarray(abs(found.loads).sum(axis=0)).ravel())
     # a unit force along d is spread over |d_x| + |d_y| + |d_z| of load, negative parts apart
-    moving = weight > HELD * np.abs(found.directions).sum(axis=1)
+    share = weight / np.abs(found.directions).sum(axis=1)
+    moving = share > HELD
     if not moving.any():
         raise InputError(
             "no site of the map can move: the supports hold the whole surface, or no face carries "
             "the patch; name another group."
+        )
+    partly = int(np.sum(moving & (share < 1 - site.HELD) & (found.local > 0)))
+    if partly and structure.comm.rank == 0:
+        warnings.warn(
+            f"supports hold a part of the patch at {partly} of {len(share)} sites (more than "
+            f"{site.HELD:.0%} of its load): its half-space compliance does not hold there.",
+            AccuracyWarning,
+            stacklevel=4,
         )
     return found if moving.all() else found.only(moving)
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from antiosc.checks import array, positive
-from antiosc.errors import AntioscWarning, InputError
+from antiosc.errors import AccuracyWarning, AntioscWarning, InputError
 from antiosc.fem import locate
 from antiosc.fem.algebra import Array, norm
 from antiosc.fem.family import WeakForm
@@ -24,6 +24,8 @@ from antiosc.fem.load import at_points, on_face, on_sheet
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.structure import Structure
 
+#: Share of a patch's load on supports above which it is told.
+HELD = 0.1
 #: A point counts as on the structure up to this share of the structure's size.
 ON_STRUCTURE = 1e-6
 #: Radius of a shell's patch over its thickness, where none is given: that at which a plate yields
@@ -152,14 +154,28 @@ def _algebraic(structure: Structure, site: Site) -> Functional:
 def _moving(structure: Structure, result: Functional, label: str) -> Functional:
     """`result` with b zero on the fixed dofs; InputError where nothing is left."""
     whole = norm(structure.comm, result.b)
+    weight = _weight(structure, result.b)
     owned = structure.fixed[structure.fixed < len(result.b)]
     result.b[owned] = 0.0
+    held = 1 - _weight(structure, result.b) / weight
     if norm(structure.comm, result.b) <= 1e-9 * whole:
         raise InputError(
             f"{label} is held by the supports along the direction of impact: it cannot move; "
             "strike a point that can."
         )
+    if result.local_compliance and structure.comm.rank == 0 and held > HELD:
+        warnings.warn(
+            f"supports hold {held:.0%} of the patch: its half-space compliance does not hold "
+            "there; move the site or take a smaller radius.",
+            AccuracyWarning,
+            stacklevel=4,
+        )
     return result
+
+
+def _weight(structure: Structure, b: Array) -> float:
+    """Sum of the load's parts, all taken as positive."""
+    return float(structure.comm.allreduce(np.abs(b).sum()))
 
 
 def _in_space(
