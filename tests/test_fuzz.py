@@ -81,12 +81,12 @@ class TestItSeesFaults:
 
 def test_stability_demo_small(tmp_path):
     stability = demo("stability")
-    result = stability.main(most=4, counts=2, steps=5, decades=2, hard=False, out=tmp_path)
+    result = stability.main(most=4, counts=2, steps=5, decades=2, hard=False, fine=26, out=tmp_path)
     limits = result["limits"]
     # central differences diverge above the limit that the contact lowers; the others nowhere
     model = stability.pinned_pinned(stability.BEAM).anti_oscillators(4)
     bound = 0.7 * stability._limits(model)[1]
-    failed = [r for r in result["runs"] if r["kind"] == "diverged"]
+    failed = [r for r in result["runs"] if r["kind"] == "diverged" and "margin" not in r]
     assert {r["method"] for r in failed} == {"leapfrog"}
     assert all(r["step"] > bound for r in failed)
     assert limits["exact"]["first diverged"] is None
@@ -94,6 +94,13 @@ def test_stability_demo_small(tmp_path):
     drifts = [r["drift"] for r in result["runs"] if r["method"] == "conserving"]
     assert max(drifts) < 1e-9
     assert (tmp_path / "stability.png").stat().st_size > 0
+    # the exact integrator fails in the predicted windows alone, the implicit ones in none
+    windows = result["windows"]
+    bad = [r for r in windows if r["kind"] in ("wrong", "diverged") and r["method"] != "leapfrog"]
+    assert len(bad) >= 3
+    assert {r["method"] for r in bad} == {"exact"}
+    assert all(r["margin"] < 1 for r in bad)
+    assert (tmp_path / "stability_windows.png").stat().st_size > 0
     assert not list(tmp_path.glob("*.part"))
 
 

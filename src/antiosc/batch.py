@@ -10,6 +10,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from math import log2
 from typing import Any
 
 import numpy as np
@@ -30,9 +31,10 @@ from antiosc.impact import (
     without_patch,
 )
 from antiosc.integrators import MAX_STEPS, Problem
-from antiosc.integrators.exact import DEPTH, LONGER, SHORT, Exact
+from antiosc.integrators.exact import CHUNK, DEPTH, GROWTH, LONGER, SHORT, Exact
 from antiosc.integrators.propagator import Propagator
 from antiosc.integrators.root import CLOSE
+from antiosc.integrators.stability import clear_steps, growth
 from antiosc.modal import LinearBody
 
 Array = NDArray[np.float64]
@@ -155,6 +157,7 @@ class _Scene:
     index: int
     problem: Problem
     duration: float
+    scale: float
     step: float
     fixed: bool
 
@@ -171,6 +174,7 @@ class _Result:
     released: bool = False
     work: int = 0
     full: bool = False
+    diverged: bool = False
     step: float = 0.0
     error: float = np.nan
     status: int = 0
@@ -185,11 +189,11 @@ def _prepare(scene: dict[str, Any], index: int) -> _Scene:
     problem, scale = scaled(problem, bodies, duration)
     step = scene["step"]
     if step is None:
-        return _Scene(index, problem, duration, scale / COARSEST, False)
+        return _Scene(index, problem, duration, scale, scale / COARSEST, False)
     step = checks.positive("step", step, "s")
     if step > duration:
         raise InputError(f"step must be <= the duration {duration:g} s; got {step:g} s.")
-    return _Scene(index, problem, duration, step, True)
+    return _Scene(index, problem, duration, scale, step, True)
 
 
 def _alone(scene: dict[str, Any], tol: float, max_contacts: int, max_steps: int) -> _Result:
@@ -265,9 +269,11 @@ def _solve(
     stack = _Stack(kind, scenes)
     step = np.array([s.step for s in scenes])
     fixed = np.array([s.fixed for s in scenes])
+    least = np.array([s.scale for s in scenes]) / max_steps
+    todo = np.flatnonzero(~fixed)
+    step[todo] = stack.clear(todo, step[todo], least[todo])
     results = _run(stack, np.arange(len(scenes)), step, max_contacts, max_steps)
     control = [Refinement(tol) for _ in scenes]
-    todo = np.flatnonzero(~fixed)
     for _ in range(MAX_LEVELS):
         share = np.array([2**c.halvings for c in control])
         work = np.array([r.work for r in results])
@@ -275,19 +281,24 @@ def _solve(
         todo = todo[(share * work <= max_steps)[todo] & ~full[todo]]
         if todo.size == 0:
             break
-        step[todo] /= share[todo]
-        fine = _run(stack, todo, step[todo], max_contacts, max_steps)
+        finer = stack.clear(todo, step[todo] / share[todo], least[todo])
+        fine = _run(stack, todo, finer, max_contacts, max_steps)
         l2, peak = _differences([results[i] for i in todo], fine, stack.duration[todo])
         for j, i in enumerate(todo):
-            control[i].update(float(l2[j]), float(peak[j]))
-            results[i] = fine[j]
+            control[i].halvings = log2(step[i] / finer[j])
+            if fine[j].diverged and not results[i].diverged:
+                control[i].halvings += 1
+                continue
+            if not results[i].diverged:
+                control[i].update(float(l2[j]), float(peak[j]))
+            results[i], step[i] = fine[j], finer[j]
         todo = np.array([i for i in todo if not control[i].reached], dtype=np.intp)
     for i, (result, scene) in enumerate(zip(results, scenes, strict=True)):
         result.step = float(step[i])
         if not fixed[i]:
             result.error = control[i].error["force"]
             result.status = int(not control[i].reached)
-        if result.full:
+        if result.full or result.diverged:
             result.status = 2
         law, peak_force = scene.problem.law, float(result.force.max(initial=0.0))
         if peak_force > law.valid_force:
@@ -352,6 +363,7 @@ class _Stack:
         self.gap = np.array([p.gap for p in problems])
         self.resolution = np.array([p.resolution for p in problems])
         self.duration = np.array([s.duration for s in scenes])
+        self.stiffness = np.array([p.stiffness for p in problems])
         self.kind, self.problems = kind, problems
         self.loaded = bool(np.any(self.load))
 
@@ -360,6 +372,12 @@ class _Stack:
 
     def part(self, rows: Index) -> _Part:
         return _Part(self, rows)
+
+    def clear(self, rows: Index, h: Array, least: Array | None = None) -> Array:
+        """Steps at or just below `h` outside the windows of instability."""
+        bodies = self.omega[rows], self.beta[rows], self.r[rows]
+        least = np.zeros(h.size) if least is None else least
+        return clear_steps(*bodies, self.stiffness[rows], h, least)
 
 
 class _Part:
@@ -374,6 +392,12 @@ class _Part:
 
     def take(self, keep: Index) -> _Part:
         return _Part(self.stack, self.rows[keep])
+
+    def grown(self, q: Array, v: Array) -> NDArray[np.bool_]:
+        """Where the bodies have gained energy since the start of the run."""
+        s, rows = self.stack, self.rows
+        square = self.propagator.square
+        return growth(square, s.load[rows], s.q[rows], s.v[rows], GROWTH)(q, v)
 
     def delta(self, q: Array) -> Array:
         return np.einsum("sj,sj->s", self.beta, q) - self.gap
@@ -461,12 +485,13 @@ def _run(
             if not results[i].contacts:
                 results[i].closing = float(speed)
         parted = _contact(stack, rows, live, step, (q, v, t, end), log, results, max_steps)
-        for i in live:
-            results[i].full = results[i].full or len(results[i].contacts) >= max_contacts
+        current = [results[i] for i in live]
+        for result in current:
+            result.full = result.full or len(result.contacts) >= max_contacts
         parting = np.einsum("sj,sj->s", rigid, v[live])
         for i, speed, out in zip(live, parting, parted, strict=True):
             results[i].parting, results[i].released = float(speed), bool(out)
-        live = live[parted & np.array([not results[i].full for i in live])]
+        live = live[parted & np.array([not (r.full or r.diverged) for r in current])]
     log.fill(results)
     return results
 
@@ -511,6 +536,7 @@ def _contact(
     q, v, t, end = motion
     parted = np.zeros(live.size, dtype=bool)
     h = step[live].copy()
+    coarse = h
     todo = np.arange(live.size)
     for depth in range(DEPTH + 1):
         who = live[todo]
@@ -518,17 +544,19 @@ def _contact(
         part = stack.part(rows[who])
         # done again at 1/8 of the step: should it not be over by now, go on as before
         until = (
-            end[who] if depth == 0 else np.minimum(end[who], t[who] + LONGER * SHORT * 8 * h[todo])
+            end[who] if depth == 0 else np.minimum(end[who], t[who] + LONGER * SHORT * coarse[todo])
         )
         out = _march(stack, part, (q[who], v[who], t[who], until), h[todo], nodes, max_steps)
-        go_on = np.flatnonzero(~out.parted & (until < end[who]) & (out.count <= max_steps))
+        go_on = np.flatnonzero(
+            ~out.parted & (until < end[who]) & (out.count <= max_steps) & ~out.grown
+        )
         if go_on.size:
             late = _Log(live.size)
             more = _march(
                 stack,
                 stack.part(part.rows[go_on]),
                 (out.q[go_on], out.v[go_on], out.t[go_on], end[who][go_on]),
-                8 * h[todo][go_on],
+                coarse[todo][go_on],
                 late,
                 max_steps,
                 out.force[go_on],
@@ -557,16 +585,20 @@ def _contact(
             results[i].contacts.append(span)
         q[kept], v[kept], t[kept] = out.q[done], out.v[done], out.t[done]
         parted[todo[done]] = out.parted[done]
+        out.grown[out.parted] = part.grown(out.q, out.v)[out.parted]
+        for i in who[done & out.grown]:
+            results[i].diverged = True
         todo = todo[again]
         if todo.size == 0:
             break
-        h[todo] /= 8
+        coarse = h.copy()
+        h[todo] = stack.clear(rows[live[todo]], h[todo] / 8)
     return parted
 
 
 @dataclass(eq=False)
 class _Outcome:
-    """State at the end of a contact, its impulse and steps, and whether the bodies parted."""
+    """State at the end of a contact, its impulse and steps; did the bodies part, gain energy?"""
 
     q: Array
     v: Array
@@ -575,13 +607,14 @@ class _Outcome:
     count: Index
     force: Array
     parted: NDArray[np.bool_]
+    grown: NDArray[np.bool_]
 
     @classmethod
     def like(cls, q: Array, v: Array, t: Array) -> _Outcome:
         n = t.size
         zeros = np.zeros(n, dtype=np.intp)
         off = np.zeros(n, dtype=bool)
-        return cls(q.copy(), v.copy(), t.copy(), np.zeros(n), zeros, np.zeros(n), off)
+        return cls(q.copy(), v.copy(), t.copy(), np.zeros(n), zeros, np.zeros(n), off, off.copy())
 
     def save(
         self, rows: Index, q: Array, v: Array, t: Any, impulse: Any, count: Any, force: Any
@@ -594,7 +627,7 @@ class _Outcome:
         self.q[rows], self.v[rows], self.t[rows] = more.q, more.v, more.t
         self.impulse[rows] = self.impulse[rows] + more.impulse
         self.count[rows] = self.count[rows] + more.count
-        self.parted[rows] = more.parted
+        self.parted[rows], self.grown[rows] = more.parted, more.grown
 
 
 def _march(
@@ -618,7 +651,7 @@ def _march(
     last_force, last_h = np.zeros(size), h
     steps, implicit = _Steps(part, h), stack.implicit(part.rows)
     n = lonely = 0
-    while ids.size and lonely < _LONG:
+    while ids.size and (lonely < _LONG or n % CHUNK):
         lonely += ids.size <= _FEW
         n += 1
         near = None
@@ -650,8 +683,14 @@ def _march(
         else:
             stay = np.flatnonzero(~leave)
             nodes.add(ids[stay], t[stay], F1[stay])
-        if n >= soonest or n > max_steps:
+        if n >= soonest or n > max_steps or n % CHUNK == 0:
             over = (end - t <= 1e-12 * end) | (n > max_steps)
+            if n % CHUNK == 0:
+                grown = stack.part(part.rows[ids]).grown(q, v)
+                if leave is not None:
+                    grown &= ~leave
+                out.grown[ids[grown]] = True
+                over |= grown
             if leave is not None:
                 over &= ~leave
             impulse = h * (total - 0.5 * force)
@@ -678,7 +717,7 @@ def _march(
         state[0, 0, :J], state[1, 0, :J] = phase.q, phase.v
         last = float(phase.segments[-1].force[-1])
         out.save(k, state[0], state[1], phase.time, impulse, n + phase.evaluations, last)
-        out.parted[k] = phase.released
+        out.parted[k], out.grown[k] = phase.released, phase.diverged
         for segment in phase.segments:
             owner = np.full(segment.time.size - 1, ids[i])
             nodes.add(owner, segment.time[1:], segment.force[1:])

@@ -18,12 +18,13 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
+from math import log2
 
 import numpy as np
 from numpy.typing import NDArray
 
 from antiosc import checks
-from antiosc.contact import ContactLaw, Hertz
+from antiosc.contact import ContactLaw, Hertz, State
 from antiosc.control import Refinement
 from antiosc.errors import AccuracyError, AccuracyWarning, InputError
 from antiosc.history import History, force_difference
@@ -86,7 +87,7 @@ def simulate(
         `tol` (see `antiosc.truncation`).
     step : float, optional
         Fixed time step during contact [s] (solve_ivp: largest step). By default the step is
-        halved until the force history has converged.
+        refined until the force history has converged, past those at which the method is unstable.
     tol : float
         Relative error of the force history in the L2 norm, and of its peak; default 1e-3.
     initial_velocity : float
@@ -192,14 +193,23 @@ def _integrate(
     elif method in FIXED_STEP:
         make = FIXED_STEP[method]
         if step is None:
-            first = min(scale / COARSEST, make.stable_step(problem))
+
+            def stable(h: float) -> float:
+                return make.stable_step(problem, h, scale / max_steps)
+
+            first = stable(scale / COARSEST)
             if scale / first > max_steps:
                 raise InputError(
                     f"{method} needs steps of {first:.3g} s, {scale / first:.3g} of them in one"
                     f" contact, more than max_steps = {max_steps}; use method='exact'."
                 )
             trajectory, step, error = _converge(
-                lambda h: go(make(h, max_steps), h / 4), first, accuracy, max_steps, max_contacts
+                lambda h: go(make(h, max_steps), h / 4),
+                stable,
+                first,
+                accuracy,
+                max_steps,
+                max_contacts,
             )
         else:
             trajectory = go(make(step, max_steps), step / 4)
@@ -311,7 +321,7 @@ def without_patch(
 def scaled(
     problem: Problem, bodies: tuple[ModalBody, ModalBody], duration: float
 ) -> tuple[Problem, float]:
-    """The problem with its resolution set, and an estimate of the contact time [s].
+    """The problem with its resolution and stiffness, and an estimate of the contact time [s].
 
     The estimate treats both bodies as the masses that their slowest motion puts behind the
     contact point: it only starts the choice of the step.
@@ -325,23 +335,57 @@ def scaled(
         return replace(problem, resolution=1e-300), duration / 16
     law = problem.law
     state = law.touch(speed)
-
-    def excess(delta: float) -> float:
-        return law.potential(delta, state) - 0.5 * mass * speed**2 - push * delta
-
-    delta = speed * duration + push / mass * duration**2
-    if excess(delta) > 0:  # else the law is softer than the whole run can show
-        low = 0.0
-        high = delta
-        for _ in range(400):
-            middle = 0.5 * (low + high) if low > 0 else 0.1 * high
-            low, high = (low, middle) if excess(middle) > 0 else (middle, high)
-            if high <= 1.1 * low:
-                break
-        delta = high
+    farthest = speed * duration + push / mass * duration**2
+    delta = _deepest(law, state, 0.5 * mass * speed**2, push, farthest)
     pace = speed + float(np.sqrt(2 * push / mass * delta))
     scale = min(3 * delta / pace, duration / 2)
-    return replace(problem, resolution=1e-9 * delta), scale
+    late = _pressed(problem, mass, speed, state, farthest)
+    stiffness = _stiffness(law, delta + late, state)
+    return replace(problem, resolution=1e-9 * delta, stiffness=stiffness), scale
+
+
+def _deepest(
+    law: ContactLaw, state: State, energy: float, push: float, high: float, soft: float = 0.0
+) -> float:
+    """Indentation [m], to 10 % and at most `high`, that takes up an energy and a push's work.
+
+    The contact has a spring of compliance `soft` [m/N] in series.
+    """
+
+    def excess(delta: float) -> float:
+        force = law.force(delta, 0.0, state) if soft else 0.0
+        path = delta + soft * force
+        return law.potential(delta, state) + 0.5 * soft * force**2 - energy - push * path
+
+    if excess(high) <= 0:  # the law is softer than the whole run can show
+        return high
+    low = 0.0
+    for _ in range(400):
+        middle = 0.5 * (low + high) if low > 0 else 0.1 * high
+        low, high = (low, middle) if excess(middle) > 0 else (middle, high)
+        if high <= 1.1 * low:
+            break
+    return high
+
+
+def _pressed(problem: Problem, mass: float, speed: float, state: State, high: float) -> float:
+    """Indentation [m] of the whole striking mass at rest on the static compliance of both bodies.
+
+    Under a light structure this comes after the first impact, on top of it.
+    """
+    rigid = problem.omega == 0
+    mobility = float(np.sum(problem.beta[rigid] ** 2))
+    mass = 1 / mobility if mobility > 0 else mass
+    push = abs(float(problem.beta[rigid] @ problem.load[rigid])) * mass
+    soft = problem.r + float(np.sum((problem.beta[~rigid] / problem.omega[~rigid]) ** 2))
+    return _deepest(problem.law, state, 0.5 * mass * speed**2, push, high, soft)
+
+
+def _stiffness(law: ContactLaw, delta: float, state: State) -> float:
+    """Of the contact [N/m] at its deepest: loading, or unloading where that is stiffer."""
+    turned = law.advance(delta, 0.0, state)
+    slopes = law.tangent(delta, 0.0, state)[0], law.tangent((1 - 1e-9) * delta, 0.0, turned)[0]
+    return float(np.nan_to_num(max(slopes), posinf=0.0))
 
 
 def _mobility(body: ModalBody) -> float:
@@ -356,22 +400,31 @@ def _mobility(body: ModalBody) -> float:
 
 def _converge(
     go: Callable[[float], Trajectory],
+    stable: Callable[[float], float],
     step: float,
     tol: float,
     max_steps: int,
     max_contacts: int,
 ) -> tuple[Trajectory, float, dict[str, float]]:
-    """Refine the step until the force has converged; the finest run and its estimated error."""
+    """Refine the step until the force has converged; the finest run and its estimated error.
+
+    A run that diverged tells nothing of the error of another.
+    """
     coarse = go(step)
     control = Refinement(tol)
     for _ in range(MAX_LEVELS):
         share = 2**control.halvings
         if share * coarse.evaluations > max_steps or len(coarse.contacts) >= max_contacts:
             break
-        step /= share
-        fine = go(step)
-        control.update(*force_difference(coarse, fine))
-        coarse = fine
+        finer = stable(step / share)
+        fine = go(finer)
+        control.halvings = log2(step / finer)
+        if fine.diverged and not coarse.diverged:
+            control.halvings += 1
+            continue
+        if not coarse.diverged:
+            control.update(*force_difference(coarse, fine))
+        coarse, step = fine, finer
         if control.reached and not fine.trouble:
             break
     return coarse, step, control.error

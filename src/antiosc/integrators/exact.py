@@ -6,12 +6,15 @@ Over a run of steps h the indentation at the nodes is a sum of known responses,
 
 where `half` and `hat` answer to the hat functions that interpolate F. So each step costs one short
 scalar product and one scalar equation, however many modes there are; the modal state is brought
-up to date once in `CHUNK` steps. There is no stability limit, and massless contact points (r > 0)
-are nothing special.
+up to date once in `CHUNK` steps. Massless contact points (r > 0) are nothing special.
+
+There are narrow windows of steps in which the contact drives the modes (`integrators.stability`).
+The steps that are chosen here avoid them; a given step that lies in one is found by the energy.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property, lru_cache
 from math import sqrt
 
@@ -22,6 +25,7 @@ from scipy.linalg import toeplitz
 from antiosc.contact import State
 from antiosc.integrators.problem import MAX_STEPS, Phase, Problem, Segment, too_many_steps
 from antiosc.integrators.root import rising_root
+from antiosc.integrators.stability import clear_step, growth
 
 Array = NDArray[np.float64]
 
@@ -29,6 +33,7 @@ CHUNK = 96
 SHORT = 8
 DEPTH = 6
 LONGER = 2
+GROWTH = 1.2  # of the energy: coarse steps of random scenes stay below 1.01
 
 
 class Exact:
@@ -45,10 +50,13 @@ class Exact:
     def __init__(self, step: float, max_steps: int = MAX_STEPS) -> None:
         self.step, self.max_steps = step, max_steps
         self._kernel = lru_cache(maxsize=16)(_Kernel)
+        self._clear = lru_cache(maxsize=16)(clear_step)
+        self._grown = lru_cache(maxsize=1)(_growth)
 
     @staticmethod
-    def stable_step(problem: Problem) -> float:
-        return np.inf
+    def stable_step(problem: Problem, step: float, least: float) -> float:
+        """The largest step [s] up to `step` outside the windows, if it is not below `least`."""
+        return clear_step(problem, step, least)
 
     def contact(
         self, problem: Problem, t: float, q: Array, v: Array, state: State, end: float
@@ -61,17 +69,28 @@ class Exact:
                 break
             # at 1/8 of the step; should it not be over by now, go on as before
             until = min(end, t + LONGER * SHORT * step)
-            step /= 8
+            coarse, step = step, self._clear(problem, step / 8)
             phase = self.resume(problem, t, q, v, state, until, step)
             work += phase.evaluations
             if not phase.released and not phase.trouble and until < end:
                 p, force = phase, float(phase.segments[-1].force[-1])
-                phase = self.resume(problem, p.time, p.q, p.v, p.state, end, 8 * step, force)
+                phase = self.resume(problem, p.time, p.q, p.v, p.state, end, coarse, force)
                 phase.segments[:0] = p.segments
                 work += phase.evaluations
                 break
         phase.evaluations = work
+        if phase.released and self._grown(problem)(phase.q, phase.v):
+            phase.trouble, phase.diverged = self._gained(problem, phase.time), True
         return phase
+
+    def _gained(self, problem: Problem, t: float) -> str:
+        """The trouble of a run that made energy of nothing."""
+        clear = clear_step(problem, self.step)
+        remedy = f"step={clear:.6g}" if clear < self.step else "a smaller step"
+        return (
+            f"exact gained energy by {t:g} s: at a step of {self.step:g} s the contact drives the"
+            f" modes; use {remedy} or leave the step to the program"
+        )
 
     def resume(
         self,
@@ -87,6 +106,7 @@ class Exact:
         """Go on from any state of the contact, `force` included."""
         segments: list[Segment] = []
         count = 0
+        grown = self._grown(problem)
         while True:
             left = end - t
             size, h = min(CHUNK, int(left / step * (1 + 1e-12))), step
@@ -109,11 +129,18 @@ class Exact:
                 segments.append(_last(problem, t, q, v, force, float(delta[-1]), length, state))
                 q, v = problem.forced(q, v, length, force, 0.0)
                 return Phase(segments, t + length, q, v, state, count, True)
+            if grown(q, v):
+                trouble = self._gained(problem, t)
+                return Phase(segments, t, q, v, state, count, False, trouble, True)
             if count > self.max_steps:
                 trouble = too_many_steps(t, self.max_steps)
                 return Phase(segments, t, q, v, state, count, False, trouble)
             if end - t <= 1e-12 * end:
                 return Phase(segments, end, q, v, state, count, False)
+
+
+def _growth(problem: Problem) -> Callable[[Array, Array], NDArray[np.bool_]]:
+    return growth(problem.propagator.square, problem.load, problem.q, problem.v, GROWTH)
 
 
 class _Kernel:

@@ -8,8 +8,6 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-import numpy as np
-
 from antiosc.contact import State
 from antiosc.integrators.onestep import Node, OneStep
 from antiosc.integrators.problem import Problem
@@ -24,9 +22,9 @@ class Leapfrog(OneStep):
     SAFETY: ClassVar[float] = 0.9
 
     @staticmethod
-    def stable_step(problem: Problem) -> float:
+    def stable_step(problem: Problem, step: float, least: float) -> float:
         top = float(problem.omega.max(initial=0.0))
-        return Leapfrog.SAFETY * 2 / top if top > 0 else np.inf
+        return min(step, Leapfrog.SAFETY * 2 / top) if top > 0 else step
 
     def advance(self, problem: Problem, start: Node, state: State, h: float) -> Node:
         p, x, d = problem, problem.propagator.square, problem.decay

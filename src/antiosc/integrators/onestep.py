@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -12,8 +11,11 @@ from scipy.optimize import brentq
 
 from antiosc.contact import State
 from antiosc.integrators.problem import MAX_STEPS, Phase, Problem, Segment, too_many_steps
+from antiosc.integrators.stability import growth
 
 Array = NDArray[np.float64]
+
+GROWTH = 2.0  # of the energy: less may be the error of a coarse step
 
 
 class Node(NamedTuple):
@@ -41,9 +43,9 @@ class OneStep(ABC):
         """One step of length h from `start`."""
 
     @staticmethod
-    def stable_step(problem: Problem) -> float:
-        """Largest stable step [s]."""
-        return np.inf
+    def stable_step(problem: Problem, step: float, least: float) -> float:
+        """The largest stable step [s] up to `step`, if it is not below `least`."""
+        return step
 
     def contact(
         self, problem: Problem, t: float, q: Array, v: Array, state: State, end: float
@@ -51,13 +53,14 @@ class OneStep(ABC):
         law = problem.law
         node = Node(q, v, 0.0, problem.approach(q), float(problem.beta @ v), 0.0)
         nodes, times = [node], [t]
-        grown = _growth(problem, q, v)
-        released, trouble = False, ""
+        grown = growth(problem.propagator.square, problem.load, problem.q, problem.v, GROWTH)
+        released, trouble, diverged = False, "", False
         with np.errstate(over="ignore", invalid="ignore"):
             while end - t > 1e-12 * end and not released:
                 h = min(self.step, end - t)
                 new = self.advance(problem, node, state, h)
                 if grown(new.q, new.v):
+                    diverged = True
                     trouble = (
                         f"{self.name} diverged at {t:g} s with a step of {self.step:g} s"
                         f" (h omega_max = {self.step * problem.omega.max():.3g}); use a smaller"
@@ -79,7 +82,7 @@ class OneStep(ABC):
         count = len(nodes) - 1
         if not released and not trouble:
             t = end
-        return Phase([segment], t, node.q, node.v, state, count, released, trouble)
+        return Phase([segment], t, node.q, node.v, state, count, released, trouble, diverged)
 
     def _release(
         self, problem: Problem, node: Node, state: State, h: float, last: Node
@@ -94,22 +97,6 @@ class OneStep(ABC):
             return h, last
         part = float(brentq(above, 1e-9 * h, h, xtol=1e-18, rtol=1e-13, maxiter=500))
         return part, self.advance(problem, node, state, part)._replace(force=0.0)
-
-
-def _growth(problem: Problem, q: Array, v: Array) -> Callable[[Array, Array], bool]:
-    """Tells whether the bodies hold twice the energy they had at (q, v), which no contact gives."""
-    x, load = problem.propagator.square, problem.load
-
-    def mechanical(q: Array, v: Array) -> float:
-        return 0.5 * float(v @ v + (x * q) @ q)
-
-    start = mechanical(q, v)
-
-    def grown(q1: Array, v1: Array) -> bool:
-        fall = abs(float(load @ (q1 - q)))
-        return not mechanical(q1, v1) <= 2 * (start + fall)
-
-    return grown
 
 
 def _segment(times: Array, nodes: list[Node]) -> Segment:

@@ -39,6 +39,7 @@ class Problem:
     q, v : initial state.
     law : contact law.
     resolution : an indentation [m] below which contact is not told from no contact.
+    stiffness : largest contact stiffness that is expected [N/m]; 0: not known.
     """
 
     omega: Array
@@ -51,6 +52,7 @@ class Problem:
     v: Array
     law: ContactLaw
     resolution: float
+    stiffness: float = 0.0
 
     @cached_property
     def propagator(self) -> Propagator:
@@ -116,7 +118,10 @@ class Segment:
 
 @dataclass(eq=False)
 class Phase:
-    """What an integrator returns for one contact: its segments and the state at its end."""
+    """What an integrator returns for one contact: its segments and the state at its end.
+
+    `trouble` says why it gave up, if it did; `diverged`: because the bodies gained energy.
+    """
 
     segments: list[Segment]
     time: float
@@ -126,6 +131,7 @@ class Phase:
     evaluations: int
     released: bool
     trouble: str = ""
+    diverged: bool = False
 
 
 def too_many_steps(t: float, max_steps: int) -> str:

@@ -29,12 +29,16 @@ class Contact:
 
 @dataclass(eq=False)
 class Trajectory:
-    """The whole run: consecutive segments, contacts, and why it ended before its time, if so."""
+    """The whole run: consecutive segments, contacts, and why it ended before its time, if so.
+
+    `diverged`: it ended because the bodies gained energy, so that its figures mean nothing.
+    """
 
     segments: list[Segment] = field(default_factory=list)
     contacts: list[Contact] = field(default_factory=list)
     evaluations: int = 0
     trouble: str = ""
+    diverged: bool = False
 
 
 def run(
@@ -68,7 +72,7 @@ def run(
         t, q, v, state = phase.time, phase.q, phase.v, phase.state
         origin = problem.law.origin(state)
         if phase.trouble:
-            result.trouble = phase.trouble
+            result.trouble, result.diverged = phase.trouble, phase.diverged
             break
     return result
 
