@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from antiosc.errors import AccuracyError, InputError, NotConvergedError
+from antiosc.fem.cholmod import Cholesky
 
 Array = NDArray[np.float64]
 
@@ -142,7 +143,6 @@ def sum_of(K: PETSc.Mat, shift: float, M: PETSc.Mat) -> PETSc.Mat:
 class Solver(ABC):
     """A⁻¹ of a symmetric positive definite matrix, for many right-hand sides."""
 
-    A: PETSc.Mat
     #: what setting it up took
     seconds: float
 
@@ -152,44 +152,26 @@ class Solver(ABC):
         self.comm: MPI.Comm = A.getComm().tompi4py()
         A.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         A.setOption(PETSc.Mat.Option.SPD, True)
-        self._ksp = PETSc.KSP().create(A.getComm())
-        self._ksp.setOperators(A)
-        self._ksp.setOptionsPrefix(f"antiosc_{id(self)}_")
-        try:
-            self._set_up()
-        except PETSc.Error as error:
-            raise NotConvergedError(_SINGULAR.format(f"PETSc error {error.ierr}")) from error
-        self._b, self._x = A.createVecs()
         self._scale = A.norm(PETSc.NormType.NORM_INFINITY)
+        self._set_up()
         self.seconds = time.perf_counter() - started
         log.info("%s of %d dofs: %.1f s", type(self).__name__, A.getSize()[0], self.seconds)
 
     @abstractmethod
     def _set_up(self) -> None:
-        """Make the PETSc solver ready."""
+        """Make ready for solves."""
 
-    def _option(self, name: str, value: Any) -> None:
-        PETSc.Options()[self._ksp.getOptionsPrefix() + name] = value
+    @abstractmethod
+    def solve_block(self, R: Array) -> Array:
+        """A⁻¹R for a block of vectors (rows, k), unchecked but for the solver's own verdict."""
 
     def solve(self, r: Array) -> Array:
-        """A⁻¹r for one vector, unchecked but for PETSc's own verdict."""
-        self._b.setArray(r)
-        self.solve_vector(self._b, self._x)
-        return np.array(self._x.array_r)
-
-    def solve_block(self, R: Array) -> Array:
-        """A⁻¹R for a block of vectors (rows, k)."""
-        X = np.empty(R.shape, order="F")
-        for k in range(R.shape[1]):
-            X[:, k] = self.solve(R[:, k])
-        return X
+        """A⁻¹r for one vector."""
+        return self.solve_block(r[:, None])[:, 0]
 
     def solve_vector(self, r: PETSc.Vec, x: PETSc.Vec) -> None:
         """The same on PETSc vectors, in place."""
-        self._ksp.solve(r, x)
-        reason = self._ksp.getConvergedReason()
-        if reason < 0:
-            raise NotConvergedError(_SINGULAR.format(f"PETSc reason {reason}"))
+        x.setArray(self.solve(r.array_r))
 
     def solve_checked(self, r: Array) -> Array:
         """A⁻¹r (a vector or a block), its residual measured: a singular matrix is not unseen."""
@@ -200,10 +182,10 @@ class Solver(ABC):
             size = self._scale * norm(self.comm, x) + norm(self.comm, load)
             growth = size / max(norm(self.comm, load), np.finfo(float).tiny)
             if not growth <= GROWTH:
-                raise AccuracyError(_SINGULAR.format(f"‖A‖‖x‖/‖Ax‖ = {growth:.0e}"))
+                raise AccuracyError(SINGULAR.format(f"‖A‖‖x‖/‖Ax‖ = {growth:.0e}"))
             if not norm(self.comm, rest) <= BACKWARD_ERROR * size:
                 raise AccuracyError(
-                    _SINGULAR.format(
+                    SINGULAR.format(
                         f"backward error {norm(self.comm, rest) / size:.1e}, "
                         f"limit {BACKWARD_ERROR:.0e}"
                     )
@@ -212,19 +194,65 @@ class Solver(ABC):
 
 
 class Factorization(Solver):
-    """Cholesky factor: CHOLMOD on one rank (its supernodal solves are three times faster than
-    MUMPS's defaults), MUMPS on several, with the ordering that needs fewer operations.
-    """
+    """Cholesky factor: here of a matrix on one rank, by CHOLMOD; subclasses work on several."""
 
     def _set_up(self) -> None:
+        try:
+            self._factor = Cholesky(csr(self.A), self.A.getBlockSize())
+        except NotConvergedError as error:
+            raise NotConvergedError(SINGULAR.format(error)) from error
+
+    def solve_block(self, R: Array) -> Array:
+        """A⁻¹R for a block of vectors (rows, k): many at once cost a fraction of one by one."""
+        return self._factor.solve(R)
+
+
+class PetscSolver(Solver):
+    """A solver of PETSc's."""
+
+    def _set_up(self) -> None:
+        self._ksp = PETSc.KSP().create(self.A.getComm())
+        self._ksp.setOperators(self.A)
+        self._ksp.setOptionsPrefix(f"antiosc_{id(self)}_")
+        try:
+            self._choose()
+            self._ksp.setUp()
+        except PETSc.Error as error:
+            raise NotConvergedError(SINGULAR.format(f"PETSc error {error.ierr}")) from error
+        self._b, self._x = self.A.createVecs()
+
+    @abstractmethod
+    def _choose(self) -> None:
+        """Tell PETSc which solver it shall be."""
+
+    def solve_vector(self, r: PETSc.Vec, x: PETSc.Vec) -> None:
+        """A⁻¹r on PETSc vectors, in place."""
+        self._ksp.solve(r, x)
+        reason = self._ksp.getConvergedReason()
+        if reason < 0:
+            raise NotConvergedError(SINGULAR.format(f"PETSc reason {reason}"))
+
+    def solve_block(self, R: Array) -> Array:
+        """A⁻¹R for a block of vectors (rows, k), one by one."""
+        X = np.empty(R.shape, order="F")
+        for k in range(R.shape[1]):
+            self._b.setArray(R[:, k])
+            self.solve_vector(self._b, self._x)
+            X[:, k] = self._x.array_r
+        return X
+
+
+class Distributed(PetscSolver, Factorization):
+    """Cholesky factor over many ranks by MUMPS, with the ordering that needs fewer operations."""
+
+    def _choose(self) -> None:
         self._ksp.setType(PETSc.KSP.Type.PREONLY)
         pc = self._ksp.getPC()
         pc.setType(PETSc.PC.Type.CHOLESKY)
-        pc.setFactorSolverType("cholmod" if self.comm.size == 1 else "mumps")
-        if self.comm.size > 1:
-            self._option("mat_mumps_icntl_7", best_ordering(self.A))
-            self._ksp.setFromOptions()
-        self._ksp.setUp()
+        pc.setFactorSolverType("mumps")
+        prefix = self._ksp.getOptionsPrefix()
+        PETSc.Options()[prefix + "mat_mumps_icntl_7"] = best_ordering(self.A)
+        self._ksp.setFromOptions()
 
     def solve_block(self, R: Array) -> Array:
         """A⁻¹R for a block of vectors (rows, k): many at once cost a fraction of one by one."""
@@ -293,7 +321,8 @@ def best_ordering(A: PETSc.Mat) -> int:
     return min(found, key=lambda f: f.operations).ordering if found else AMF
 
 
-_SINGULAR = (
+#: What is said of a matrix that has no Cholesky factor.
+SINGULAR = (
     "the stiffness matrix cannot be factored ({}): some part can still move freely, as at a hinge "
     "where pieces meet in one point or line (join or support it), or is too slender for sixteen "
     "digits."

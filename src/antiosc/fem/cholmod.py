@@ -11,6 +11,9 @@ Chen, Davis, Hager and Rajamanickam, *Algorithm 887: CHOLMOD*, ACM TOMS 35 (2008
 from __future__ import annotations
 
 import ctypes
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from ctypes import POINTER, Structure, byref, c_double, c_int, c_int64, c_size_t, c_void_p
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -28,7 +31,11 @@ IntArray = NDArray[np.int64]
 #: Bytes for `cholmod_common`, of which the library uses less than a tenth.
 COMMON = 1 << 16
 #: CHOLMOD's numbers: 64-bit integers, real numbers, the upper triangle, A x = b, supernodal only.
-LONG, REAL, UPPER, SOLVE, SUPERNODAL = 2, 1, 1, 0, 2
+LONG, REAL, UPPER, SUPERNODAL = 2, 1, 1, 2
+#: of `cholmod_l_solve2`: A x = b, L y = b and Lᵀx = y
+SOLVE, FORWARD, BACKWARD = 0, 4, 5
+#: What `openblas_get_parallel` returns where OpenBLAS itself runs on OpenMP.
+ON_OPENMP = 2
 #: Nodes of at least so many rows are ordered as nodes.
 BLOCK = 2
 
@@ -94,6 +101,34 @@ def _library() -> Any:
     return lib
 
 
+@contextmanager
+def _without_openmp() -> Iterator[None]:
+    """Keep CHOLMOD's own OpenMP loops on one thread.
+
+    Up to SuiteSparse 5 they take four threads whatever the environment says; they are short, and
+    threads that wait for the next one hinder those of BLAS and the other ranks: half of the time
+    of a factor on two cores was lost by it. BLAS keeps its threads, but for one built on OpenMP.
+    """
+    openmp, blas = _loaded("libgomp.so.1"), _loaded("libopenblas.so.0")
+    if openmp is None or blas is None or blas.openblas_get_parallel() == ON_OPENMP:
+        yield
+        return
+    levels = openmp.omp_get_max_active_levels()
+    openmp.omp_set_max_active_levels(0)
+    try:
+        yield
+    finally:
+        openmp.omp_set_max_active_levels(levels)
+
+
+def _loaded(name: str) -> Any:
+    """A library that this process has loaded already, or None."""
+    try:
+        return ctypes.CDLL(name, mode=os.RTLD_NOW | getattr(os, "RTLD_NOLOAD", 0))
+    except OSError:
+        return None
+
+
 class Supernodes(NamedTuple):
     """L of P A Pᵀ = L Lᵀ: dense blocks of columns with the same rows.
 
@@ -117,6 +152,7 @@ class Cholesky:
     A : csr_matrix (n, n)
     block : rows of a node, one after the other; A is ordered by its nodes.
     permutation : of another matrix with the same pattern, to order this one alike.
+    last : first rows of A that are eliminated after all others.
 
     Raises
     ------
@@ -129,6 +165,7 @@ class Cholesky:
         A: scipy.sparse.csr_matrix,
         block: int = 1,
         permutation: IntArray | None = None,
+        last: int = 0,
     ) -> None:
         self._lib = _library()
         self._common = ctypes.create_string_buffer(COMMON)
@@ -137,11 +174,13 @@ class Cholesky:
         self._lib.cholmod_l_start(self._common)
         head = _Head.from_buffer(self._common)
         head.supernodal, head.quick_return_if_not_posdef, head.print_level = SUPERNODAL, 1, 0
-        if permutation is None and block >= BLOCK:
-            permutation = self._of_nodes(A, block)
+        if permutation is None and (block >= BLOCK or last):
+            inner = self._of_nodes(A[last:, last:] if last else A, block)
+            permutation = np.concatenate([last + inner, np.arange(last)])
         matrix, _kept = _sparse(A)
         self._factor = self._analysed(matrix, permutation)
-        done = self._lib.cholmod_l_factorize(byref(matrix), self._factor, self._common)
+        with _without_openmp():
+            done = self._lib.cholmod_l_factorize(byref(matrix), self._factor, self._common)
         found = self._factor.contents
         if not done or not found.is_super or not found.x:
             raise NotConvergedError("CHOLMOD found no memory for the factor")
@@ -157,13 +196,26 @@ class Cholesky:
 
     def solve(self, B: Array) -> Array:
         """A⁻¹B for a vector (n,) or a block of vectors (n, k)."""
+        return self._solved(SOLVE, B)
+
+    def forward(self, B: Array) -> Array:
+        """L⁻¹B, rows in the order of L."""
+        return self._solved(FORWARD, B)
+
+    def backward(self, Y: Array) -> Array:
+        """L⁻ᵀY, rows in the order of L."""
+        return self._solved(BACKWARD, Y)
+
+    def _solved(self, system: int, B: Array) -> Array:
         B = np.asfortranarray(B, dtype=float)
         rows, columns = len(B), B.size // len(B)
         right = _Dense(rows, columns, B.size, rows, B.ctypes.data, None, REAL, 0)
         x, *rest = self._work
-        done = self._lib.cholmod_l_solve2(
-            SOLVE, self._factor, byref(right), None, byref(x), None, *map(byref, rest), self._common
-        )
+        with _without_openmp():
+            done = self._lib.cholmod_l_solve2(
+                *(system, self._factor, byref(right), None, byref(x), None),
+                *(*map(byref, rest), self._common),
+            )
         if not done:
             raise NotConvergedError("CHOLMOD found no memory for a solve")
         X = _view(ctypes.cast(x, POINTER(_Dense)).contents.x, B.size, c_double)
@@ -187,6 +239,28 @@ class Cholesky:
             value=_view(found.px, many, c_int64),
             values=_view(found.x, found.xsize, c_double),
         )
+
+    def corner(self, last: int) -> tuple[IntArray, Array]:
+        """(Order of the first `last` rows of A in L, their dense block of L).
+
+        With A's rows eliminated in that order the block is a factor of the Schur complement onto
+        them, if they came last.
+        """
+        L, permutation = self.supernodes, self.permutation
+        columns = np.flatnonzero(permutation < last)
+        place = np.full(len(permutation), -1)
+        place[columns] = np.arange(len(columns))
+        block = np.zeros((len(columns), len(columns)), order="F")
+        for s in np.unique(np.searchsorted(L.start, columns, side="right") - 1):
+            rows = L.rows[L.row[s] : L.row[s + 1]]
+            width = L.start[s + 1] - L.start[s]
+            values = L.values[L.value[s] : L.value[s] + len(rows) * width]
+            dense = values.reshape(len(rows), width, order="F")
+            i = place[rows]
+            for j, column in zip(place[L.start[s] : L.start[s + 1]], dense.T, strict=True):
+                if j >= 0:
+                    block[i[i >= j], j] = column[i >= j]
+        return permutation[columns], block
 
     def _of_nodes(self, A: scipy.sparse.csr_matrix, block: int) -> IntArray:
         """An ordering of A's rows from that of its nodes, whose graph is block² times smaller."""

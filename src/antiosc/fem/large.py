@@ -16,8 +16,9 @@ import numpy as np
 from petsc4py import PETSc
 
 from antiosc.errors import AntioscWarning, InputError
-from antiosc.fem.algebra import Array, Factorization, Solver, forecasts
+from antiosc.fem.algebra import Array, Distributed, Factorization, PetscSolver, Solver, forecasts
 from antiosc.fem.parallel import on_root
+from antiosc.fem.substructures import Substructures, interface
 
 Choice = Literal["auto", "direct", "iterative"]
 
@@ -27,11 +28,13 @@ BYTES = 8 * 1.3
 COMPACT = 35.0
 #: Share of the free memory that a factor may fill.
 FILL = 0.9
+#: Most rows of an interface between ranks that are kept as a dense matrix, 0.3 GB on each rank.
+INTERFACE = 6_000
 #: Relative residual of an iterative solve, and the most iterations for it.
 RESIDUAL, ITERATIONS = 1e-12, 2000
 
 
-class Multigrid(Solver):
+class Multigrid(PetscSolver):
     """Conjugate gradients, preconditioned by smoothed aggregation that knows the rigid motions."""
 
     def __init__(self, A: PETSc.Mat, motions: Array) -> None:
@@ -48,12 +51,11 @@ class Multigrid(Solver):
             A.setNearNullSpace(PETSc.NullSpace().create(vectors=basis, comm=A.getComm()))
         super().__init__(A)
 
-    def _set_up(self) -> None:
+    def _choose(self) -> None:
         self._ksp.setType(PETSc.KSP.Type.CG)
         self._ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
         self._ksp.setTolerances(rtol=RESIDUAL, max_it=ITERATIONS)
         self._ksp.getPC().setType(PETSc.PC.Type.GAMG)
-        self._ksp.setUp()
 
 
 def checked_choice(choice: Choice) -> Choice:
@@ -73,10 +75,10 @@ def solver_for(A: PETSc.Mat, choice: Choice, motions: Callable[[], Array]) -> So
     rows = A.getSize()[0]
     free = on_root(A.getComm().tompi4py(), free_memory)
     if BYTES * COMPACT * rows ** (4 / 3) <= FILL * free:
-        return Factorization(A)
+        return factorize(A)
     need = BYTES * min((f.entries for f in forecasts(A)), default=0.0)
     if need <= FILL * free:
-        return Factorization(A)
+        return factorize(A)
     text = (
         f"the factor of {rows} dofs needs about {need / 1e9:.3g} GB and {free / 1e9:.3g} GB are "
         "free"
@@ -91,6 +93,14 @@ def solver_for(A: PETSc.Mat, choice: Choice, motions: Callable[[], Array]) -> So
             stacklevel=3,
         )
     return Multigrid(A, motions())
+
+
+def factorize(A: PETSc.Mat) -> Solver:
+    """The Cholesky factor of A by what is fastest on its ranks."""
+    if A.getComm().size == 1:
+        return Factorization(A)
+    rows = interface(A)
+    return Substructures(A, rows) if len(rows) <= INTERFACE else Distributed(A)
 
 
 def free_memory() -> float:

@@ -16,9 +16,10 @@ from petsc4py import PETSc
 
 from antiosc.errors import AccuracyError, AntioscError, InputError
 from antiosc.fem import compat
-from antiosc.fem.algebra import Array, Factorization, Solver, dot, multiply, norm, sum_of
+from antiosc.fem.algebra import Array, Solver, dot, multiply, norm, sum_of
 from antiosc.fem.compat import IntArray
 from antiosc.fem.family import WeakForm
+from antiosc.fem.large import factorize
 from antiosc.fem.parallel import bounds
 
 #: scaled coordinates (n, 3) -> (displacement (3, n), rotation (3, n))
@@ -90,7 +91,7 @@ def of_matrices(K: PETSc.Mat, M: PETSc.Mat, given: Array | None) -> tuple[Array,
     )
     values = np.zeros(0)
     for _ in range(2):
-        factor = Factorization(sum_of(K, shift, M))
+        factor = factorize(sum_of(K, shift, M))
         for _ in range(8):
             block = orthonormal(comm, M, block)
             block = np.column_stack([factor.solve(c) for c in multiply(M, block).T])
@@ -117,7 +118,7 @@ def _singular(comm: MPI.Comm, K: PETSc.Mat, scale: float) -> bool:
     """Whether K has a null vector: then it does not factor, or a solve blows up along it."""
     n = K.getLocalSize()[0]
     try:
-        factor = Factorization(K)
+        factor = factorize(K)
         x = np.random.default_rng(0).standard_normal(n)
         for _ in range(3):
             x = factor.solve_checked(x / norm(comm, x))
