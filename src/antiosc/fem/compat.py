@@ -201,6 +201,26 @@ def reference_coordinates(mesh: dolfinx.mesh.Mesh) -> Any:
     return function
 
 
+class _PulledBack(ufl.classes.ReferenceValue):  # type: ignore[misc]
+    """A function on the reference cell, left as it is where UFL pulls the others back."""
+
+    __slots__ = ()
+
+    def _ufl_expr_reconstruct_(self, *operands: Any) -> Any:
+        return self
+
+
+def reference_derivatives(argument: Any, n: int) -> Any:
+    """n-th derivatives of a Lagrange test or trial function along the reference directions.
+
+    UFL takes derivatives in space alone, whose change to the cell is a burden for compilers.
+    """
+    result = _PulledBack(argument)
+    for _ in range(n):
+        result = ufl.classes.ReferenceGrad(result)
+    return result
+
+
 def _edge_element() -> Any:
     import basix
 

@@ -29,24 +29,21 @@ CUBIC = ((3, 0), (2, 1), (1, 2), (0, 3))
 QUADRATIC = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
 
 
-def dropped(mesh: Mesh, X: Any, turn: Any, n: Any, along: Any) -> Any:
+def dropped(mesh: Mesh, X: Any, motion: Any, n: Any, along: Any) -> Any:
     """Components of (1 − R)(θ×n) along two tangents (UFL).
 
-    `X`: the reference coordinates, `turn`: the cubic θ (3,), `n`: the normal (3,), `along`
-    (2, gdim): the tangents. On curved triangles, n and the reference directions of the point hold
-    for the whole of θ.
+    `X`: the reference coordinates, `motion`: the trial or test function, its last three components
+    θ, `n`: the normal (3,), `along` (2, gdim): the tangents. On curved triangles, n and the
+    reference directions of the point hold for the whole of θ.
     """
     J, inverse = ufl.Jacobian(mesh.dolfinx), ufl.JacobianInverse(mesh.dolfinx)
     zeros = [0] * (3 - mesh.gdim)
     axes = [ufl.as_vector([*(J[i, a] for i in range(mesh.gdim)), *zeros]) for a in (0, 1)]
-    third = ufl.grad(ufl.grad(ufl.grad(turn)))
-    c, i, j, k, a = ufl.indices(5)
-    for _ in range(3):  # along the reference directions
-        third = ufl.as_tensor(third[c, i, j, k] * J[i, a], (c, j, k, a))
+    third = compat.reference_derivatives(motion, 3)
     covariant = [0, 0]
     for (p, q), fields in zip(CUBIC, _dropped_of_cubics(), strict=True):
         which = [0] * p + [1] * q
-        cubic = ufl.as_vector([third[(m, *which)] for m in range(3)])
+        cubic = ufl.as_vector([third[(m, *which)] for m in range(3, 6)])
         cubic = cubic / (factorial(p) * factorial(q))
         for axis, field in zip(axes, fields, strict=True):
             size = ufl.dot(ufl.cross(cubic, n), axis)

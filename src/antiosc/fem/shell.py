@@ -72,8 +72,8 @@ class Sheet:
             found = _strains(frame, motion)
             if X is None:
                 return found
-            _, turn = _halves(motion)
-            return found._replace(shear=found.shear - dropped(mesh, X, turn, frame.n, frame.along))
+            lost = dropped(mesh, X, motion, frame.n, frame.along)
+            return found._replace(shear=found.shear - lost)
 
         membrane, shear, bending = _energies(section, strains(w), strains(v))
         motion = _inertia(section, frame, w, v)
