@@ -32,7 +32,7 @@ def test_forecast_against_the_factor_itself():
     found = algebra.forecasts(part.K)
     assert [f.ordering for f in found] == [algebra.AMF, algebra.PORD]
     # CHOLMOD's, with an ordering of its own, and supernodes that are held as full rectangles
-    entries = part.factorization._factor.supernodes.values.size
+    entries = part.factorization.cholesky.supernodes.values.size
     assert 0.7 < min(f.entries for f in found) / entries < 2.0
     assert entries < large.COMPACT * part.K.getSize()[0] ** (4 / 3)
 

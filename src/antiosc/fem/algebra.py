@@ -113,8 +113,6 @@ def csr(matrix: PETSc.Mat) -> scipy.sparse.csr_matrix:
 def gathered(matrix: PETSc.Mat, root: int) -> scipy.sparse.csr_matrix | None:
     """The whole of a matrix that the ranks share, as a SciPy one on rank `root`; None elsewhere."""
     comm = matrix.getComm().tompi4py()
-    if comm.size == 1:
-        return csr(matrix)
     own = [np.ascontiguousarray(part) for part in matrix.getValuesCSR()]
     own[0] = np.diff(own[0])  # entries of each row
     parts: list[Any] = []
@@ -194,17 +192,21 @@ class Solver(ABC):
 
 
 class Factorization(Solver):
-    """Cholesky factor: here of a matrix on one rank, by CHOLMOD; subclasses work on several."""
+    """A Cholesky factor: `OnOneRank`, `Distributed`, or that of `antiosc.fem.substructures`."""
+
+
+class OnOneRank(Factorization):
+    """Cholesky factor of a matrix on one rank, by CHOLMOD."""
 
     def _set_up(self) -> None:
         try:
-            self._factor = Cholesky(csr(self.A), self.A.getBlockSize())
+            self.cholesky = Cholesky(csr(self.A), self.A.getBlockSize())
         except NotConvergedError as error:
             raise NotConvergedError(SINGULAR.format(error)) from error
 
     def solve_block(self, R: Array) -> Array:
         """A⁻¹R for a block of vectors (rows, k): many at once cost a fraction of one by one."""
-        return self._factor.solve(R)
+        return self.cholesky.solve(R)
 
 
 class PetscSolver(Solver):

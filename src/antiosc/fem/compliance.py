@@ -21,9 +21,10 @@ import scipy.linalg.blas
 import scipy.sparse
 
 from antiosc.errors import NotConvergedError
-from antiosc.fem.algebra import Array, Factorization, gathered, multiply, sum_of
+from antiosc.fem.algebra import Array, OnOneRank, csr, gathered, multiply, sum_of
 from antiosc.fem.cholmod import Cholesky
 from antiosc.fem.compat import IntArray
+from antiosc.fem.large import Multigrid
 from antiosc.fem.parallel import agree
 from antiosc.fem.structure import Structure
 
@@ -49,7 +50,7 @@ def deflections(
     omega, b : (J,) and (P, J)
         The lowest frequencies [rad/s] and what each load sees of their modes.
     """
-    if not isinstance(structure.factorization, Factorization):
+    if isinstance(structure.factorization, Multigrid):
         return _by_solves(structure, loads)
     x = omega**2 + structure.shift
     step = STEP * x[-1]
@@ -63,16 +64,24 @@ def deflections(
 def _at_shifts(
     structure: Structure, loads: scipy.sparse.csr_matrix, shifts: Sequence[float]
 ) -> list[Array]:
-    """bᵀ(K + sM)⁻¹b of every load for some shifts s: a factor each, on ranks of their own."""
-    comm = structure.comm
+    """bᵀ(K + sM)⁻¹b of every load for some shifts s, the first of them the structure's own.
+
+    On several ranks each shift has a rank of its own, with a factor of the whole matrix.
+    """
+    comm, solver = structure.comm, structure.factorization
+    if isinstance(solver, OnOneRank):
+        first = compliances(solver.cholesky, loads)
+        others = (csr(sum_of(structure.K, s, structure.M)) for s in shifts[1:])
+        order = solver.cholesky.permutation
+        return [first, *(compliances(Cholesky(A, permutation=order), loads) for A in others)]
     whole = scipy.sparse.vstack(comm.allgather(loads))
     ranks = [k % comm.size for k in range(len(shifts))]
     mine: dict[int, Any] = {}
-    error = None
     for k, (rank, shift) in enumerate(zip(ranks, shifts, strict=True)):
         A = gathered(sum_of(structure.K, shift, structure.M), rank)
         if A is not None:
             mine[k] = A
+    error = None
     try:
         for k, A in mine.items():
             mine[k] = compliances(Cholesky(A, structure.K.getBlockSize()), whole)

@@ -16,7 +16,15 @@ import numpy as np
 from petsc4py import PETSc
 
 from antiosc.errors import AntioscWarning, InputError
-from antiosc.fem.algebra import Array, Distributed, Factorization, PetscSolver, Solver, forecasts
+from antiosc.fem.algebra import (
+    Array,
+    Distributed,
+    Factorization,
+    OnOneRank,
+    PetscSolver,
+    Solver,
+    forecasts,
+)
 from antiosc.fem.parallel import on_root
 from antiosc.fem.substructures import Substructures, interface
 
@@ -95,10 +103,10 @@ def solver_for(A: PETSc.Mat, choice: Choice, motions: Callable[[], Array]) -> So
     return Multigrid(A, motions())
 
 
-def factorize(A: PETSc.Mat) -> Solver:
+def factorize(A: PETSc.Mat) -> Factorization:
     """The Cholesky factor of A by what is fastest on its ranks."""
     if A.getComm().size == 1:
-        return Factorization(A)
+        return OnOneRank(A)
     rows = interface(A)
     return Substructures(A, rows) if len(rows) <= INTERFACE else Distributed(A)
 
