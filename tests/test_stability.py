@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,9 +10,11 @@ import pytest
 from scipy.linalg import expm
 
 import antiosc as ao
+from antiosc import batch as batch_module
 from antiosc import impact
 from antiosc.impact import assemble, scaled
 from antiosc.integrators import FIXED_STEP, Problem
+from antiosc.integrators.onestep import Node
 from antiosc.integrators.stability import SAFETY, clear_step, growth, margin
 
 # a heavy mass on a soft structure whose light residual mass has its mode far above the others
@@ -160,16 +163,10 @@ def test_average_acceleration_and_midpoint_have_no_windows(method, r, monkeypatc
             for unit in np.eye(2 * n):
                 q, v = unit[:n], unit[n:] / h
                 force = p.law.implicit(p.approach(q), p.r, 0.0, 0.0, ())
-                start = _node(q, v, force)
+                start = Node(q, v, force, 0.0, 0.0, 0.0)
                 end = integrator.advance(p, start, (), h)
                 columns.append(np.concatenate((end.q, end.v * h)))
             assert np.abs(np.linalg.eigvals(np.array(columns).T)).max() <= 1 + 1e-6
-
-
-def _node(q, v, force):
-    from antiosc.integrators.onestep import Node
-
-    return Node(q, v, force, 0.0, 0.0, 0.0)
 
 
 class TestRuns:
@@ -198,6 +195,21 @@ class TestRuns:
         assert hit.peak_force == pytest.approx(truth.peak_force, rel=6e-3)
 
     def test_chosen_steps_avoid_them(self, monkeypatch):
+        runs = []
+        plain = impact.run
+
+        def run(problem, integrator, *rest):
+            runs.append((plain(problem, integrator, *rest), integrator.step, problem))
+            return runs[-1][0]
+
+        monkeypatch.setattr(impact, "run", run)
+        self.check_avoided()
+        assert len(runs) >= 4
+        exact = [x for x in runs if x[0].segments and x[1] != 3e-7]
+        assert not any(t.diverged for t, _, _ in exact)
+        assert all(room(p, h) >= 1 for _, h, p in exact)
+
+    def check_avoided(self):
         """Beside a speed at which plain halving would meet no window: about the same work."""
         striker, neighbour = ao.RigidMass(10.0, 0.8), ao.RigidMass(10.0, 0.6)
         problem, bodies = assemble(MODEL, striker, LAW)
@@ -224,7 +236,7 @@ class TestRuns:
 
     def test_short_contacts_are_done_again_outside(self):
         """A step of eight in the window: what is over within it is not done in the window."""
-        striker = ao.RigidMass(1e-4, 0.8)
+        striker = ao.RigidMass(0.01, 0.8)
         step = 8 * 3.0 / TOP
         hit = ao.simulate(MODEL, striker, LAW, DURATION / 10, step=step)
         start, end = hit.contacts[0]
@@ -234,20 +246,26 @@ class TestRuns:
         assert room(hit.problem, 3.0 / TOP) < 1
         assert all(room(hit.problem, float(h)) >= 1 for h in inside[inside > 0])
 
-    @pytest.mark.parametrize("step", [None, 3.0 / TOP])
-    def test_batch(self, step):
-        strikers = [ao.RigidMass(10.0, v) for v in (0.3, 0.6, 0.8)] + [ao.RigidMass(1e-3, 1.0)]
+    @pytest.mark.parametrize(("y", "status"), [(None, 0), (3.0, 2), (24.0, 0)])
+    def test_batch(self, y, status):
+        step = None if y is None else y / TOP
+        strikers = [ao.RigidMass(10.0, v) for v in np.linspace(0.3, 0.8, 11)]
+        strikers += [ao.RigidMass(m, 0.8) for m in (1e-3, 0.01)]  # over within eight steps
         batch = ao.simulate_many(MODEL, strikers, LAW, DURATION, step=step, tol=3e-3)
-        with pytest.warns() if step else _nothing():
+        with pytest.warns(ao.AccuracyWarning) if status else nullcontext():
             alone = [ao.simulate(MODEL, s, LAW, DURATION, step=step, tol=3e-3) for s in strikers]
         assert batch.status.tolist() == [h.status for h in alone]
-        assert batch.status.any() == (step is not None)
+        assert batch.status.max() == status
         assert batch.step == pytest.approx([h.step for h in alone], rel=1e-9)
         assert batch.contacts.tolist() == [len(h.contacts) for h in alone]
         assert batch.peak_force == pytest.approx([h.peak_force for h in alone], rel=1e-6)
         assert batch.impulse == pytest.approx([h.impulse for h in alone], rel=1e-6)
 
-    def test_batch_without_foresight(self, monkeypatch):
+    @pytest.mark.parametrize("coarsest", [24, 48])
+    def test_batch_without_foresight(self, monkeypatch, coarsest):
+        """The second or the very first step lies in a window."""
+        for module in (impact, batch_module):
+            monkeypatch.setattr(module, "COARSEST", coarsest)
         monkeypatch.setattr(impact, "_stiffness", lambda *_: 0.0)
         strikers = [ao.RigidMass(10.0, v) for v in (0.6, 0.8)]
         batch = ao.simulate_many(MODEL, strikers, LAW, DURATION, tol=3e-3)
@@ -255,12 +273,6 @@ class TestRuns:
         assert not batch.status.any()
         assert batch.step == pytest.approx([h.step for h in alone], rel=1e-9)
         assert batch.peak_force == pytest.approx([h.peak_force for h in alone], rel=1e-6)
-
-
-def _nothing():
-    from contextlib import nullcontext
-
-    return nullcontext()
 
 
 class TestConvergence:

@@ -31,7 +31,7 @@ from antiosc.impact import (
     without_patch,
 )
 from antiosc.integrators import MAX_STEPS, Problem
-from antiosc.integrators.exact import CHUNK, DEPTH, GROWTH, LONGER, SHORT, Exact
+from antiosc.integrators.exact import DEPTH, GROWTH, LONGER, SHORT, Exact
 from antiosc.integrators.propagator import Propagator
 from antiosc.integrators.root import CLOSE
 from antiosc.integrators.stability import clear_steps, growth
@@ -547,9 +547,7 @@ def _contact(
             end[who] if depth == 0 else np.minimum(end[who], t[who] + LONGER * SHORT * coarse[todo])
         )
         out = _march(stack, part, (q[who], v[who], t[who], until), h[todo], nodes, max_steps)
-        go_on = np.flatnonzero(
-            ~out.parted & (until < end[who]) & (out.count <= max_steps) & ~out.grown
-        )
+        go_on = np.flatnonzero(~out.parted & (until < end[who]) & (out.count <= max_steps))
         if go_on.size:
             late = _Log(live.size)
             more = _march(
@@ -585,8 +583,7 @@ def _contact(
             results[i].contacts.append(span)
         q[kept], v[kept], t[kept] = out.q[done], out.v[done], out.t[done]
         parted[todo[done]] = out.parted[done]
-        out.grown[out.parted] = part.grown(out.q, out.v)[out.parted]
-        for i in who[done & out.grown]:
+        for i in who[done & (out.count <= max_steps) & part.grown(out.q, out.v)]:
             results[i].diverged = True
         todo = todo[again]
         if todo.size == 0:
@@ -598,7 +595,7 @@ def _contact(
 
 @dataclass(eq=False)
 class _Outcome:
-    """State at the end of a contact, its impulse and steps; did the bodies part, gain energy?"""
+    """State at the end of a contact, its impulse and steps, and whether the bodies parted."""
 
     q: Array
     v: Array
@@ -607,14 +604,13 @@ class _Outcome:
     count: Index
     force: Array
     parted: NDArray[np.bool_]
-    grown: NDArray[np.bool_]
 
     @classmethod
     def like(cls, q: Array, v: Array, t: Array) -> _Outcome:
         n = t.size
         zeros = np.zeros(n, dtype=np.intp)
         off = np.zeros(n, dtype=bool)
-        return cls(q.copy(), v.copy(), t.copy(), np.zeros(n), zeros, np.zeros(n), off, off.copy())
+        return cls(q.copy(), v.copy(), t.copy(), np.zeros(n), zeros, np.zeros(n), off)
 
     def save(
         self, rows: Index, q: Array, v: Array, t: Any, impulse: Any, count: Any, force: Any
@@ -627,7 +623,7 @@ class _Outcome:
         self.q[rows], self.v[rows], self.t[rows] = more.q, more.v, more.t
         self.impulse[rows] = self.impulse[rows] + more.impulse
         self.count[rows] = self.count[rows] + more.count
-        self.parted[rows], self.grown[rows] = more.parted, more.grown
+        self.parted[rows] = more.parted
 
 
 def _march(
@@ -651,7 +647,7 @@ def _march(
     last_force, last_h = np.zeros(size), h
     steps, implicit = _Steps(part, h), stack.implicit(part.rows)
     n = lonely = 0
-    while ids.size and (lonely < _LONG or n % CHUNK):
+    while ids.size and lonely < _LONG:
         lonely += ids.size <= _FEW
         n += 1
         near = None
@@ -683,14 +679,8 @@ def _march(
         else:
             stay = np.flatnonzero(~leave)
             nodes.add(ids[stay], t[stay], F1[stay])
-        if n >= soonest or n > max_steps or n % CHUNK == 0:
+        if n >= soonest or n > max_steps:
             over = (end - t <= 1e-12 * end) | (n > max_steps)
-            if n % CHUNK == 0:
-                grown = stack.part(part.rows[ids]).grown(q, v)
-                if leave is not None:
-                    grown &= ~leave
-                out.grown[ids[grown]] = True
-                over |= grown
             if leave is not None:
                 over &= ~leave
             impulse = h * (total - 0.5 * force)
@@ -717,7 +707,7 @@ def _march(
         state[0, 0, :J], state[1, 0, :J] = phase.q, phase.v
         last = float(phase.segments[-1].force[-1])
         out.save(k, state[0], state[1], phase.time, impulse, n + phase.evaluations, last)
-        out.parted[k], out.grown[k] = phase.released, phase.diverged
+        out.parted[k] = phase.released
         for segment in phase.segments:
             owner = np.full(segment.time.size - 1, ids[i])
             nodes.add(owner, segment.time[1:], segment.force[1:])

@@ -79,7 +79,7 @@ class Exact:
                 work += phase.evaluations
                 break
         phase.evaluations = work
-        if phase.released and self._grown(problem)(phase.q, phase.v):
+        if not phase.trouble and self._grown(problem)(phase.q, phase.v):
             phase.trouble, phase.diverged = self._gained(problem, phase.time), True
         return phase
 
@@ -106,7 +106,6 @@ class Exact:
         """Go on from any state of the contact, `force` included."""
         segments: list[Segment] = []
         count = 0
-        grown = self._grown(problem)
         while True:
             left = end - t
             size, h = min(CHUNK, int(left / step * (1 + 1e-12))), step
@@ -129,9 +128,6 @@ class Exact:
                 segments.append(_last(problem, t, q, v, force, float(delta[-1]), length, state))
                 q, v = problem.forced(q, v, length, force, 0.0)
                 return Phase(segments, t + length, q, v, state, count, True)
-            if grown(q, v):
-                trouble = self._gained(problem, t)
-                return Phase(segments, t, q, v, state, count, False, trouble, True)
             if count > self.max_steps:
                 trouble = too_many_steps(t, self.max_steps)
                 return Phase(segments, t, q, v, state, count, False, trouble)
