@@ -394,7 +394,7 @@ def hinge(tmp_path: Path) -> ao.Mesh:
 def test_a_part_that_hangs_on_one_node(tmp_path, supports, method):
     """A mechanism: the factor may pass, but no number made with it may."""
     structure = ao.Structure(hinge(tmp_path), ao.Solid(**parts.STEEL, plane="stress"), supports)
-    with refused("hinge", ao.AccuracyError):
+    with refused("hinge", (ao.AccuracyError, ao.NotConvergedError)):
         ao.extract(structure, ao.Site((2.0, 2.0), (-1, 1)), n=3, method=method)
 
 

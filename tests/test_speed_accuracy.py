@@ -40,6 +40,12 @@ def test_chart_of_the_beam(tmp_path):
         "seconds": {"assembly": 1.0, "factorization": 1.0, "20 anti-oscillators": 1.0},
     }
     text = speed_accuracy.tables(
-        {"charts": [found], "growth": [grown], "ranks": [grown], "map": {"sites": 3}}
+        {
+            "charts": [found],
+            "growth": [grown],
+            "ranks": [grown],
+            "profile": {"dofs": 1, "solves": 2.5},
+            "maps": [{"part": "bracket", "sites": 3, "seconds": {"models": 0.5}}],
+        }
     )
     assert text.count("| Krylov |") == len(errors["Krylov"])
