@@ -110,6 +110,15 @@ def csr(matrix: PETSc.Mat) -> scipy.sparse.csr_matrix:
     return scipy.sparse.csr_matrix((values, indices, pointers), shape=matrix.getSize())
 
 
+def lower(A: scipy.sparse.csr_matrix) -> scipy.sparse.csr_matrix:
+    """The lower triangle, the diagonal included; half the memory."""
+    rows = np.repeat(np.arange(A.shape[0], dtype=A.indices.dtype), np.diff(A.indptr))
+    within = A.indices <= rows
+    counts = np.bincount(rows[within], minlength=A.shape[0])
+    pointers = np.append(0, np.cumsum(counts)).astype(A.indptr.dtype)
+    return scipy.sparse.csr_matrix((A.data[within], A.indices[within], pointers), shape=A.shape)
+
+
 def gathered(matrix: PETSc.Mat, root: int) -> scipy.sparse.csr_matrix | None:
     """The whole of a matrix that the ranks share, as a SciPy one on rank `root`; None elsewhere."""
     comm = matrix.getComm().tompi4py()
@@ -200,7 +209,7 @@ class OnOneRank(Factorization):
 
     def _set_up(self) -> None:
         try:
-            self.cholesky = Cholesky(csr(self.A), self.A.getBlockSize())
+            self.cholesky = Cholesky(lower(csr(self.A)), self.A.getBlockSize())
         except NotConvergedError as error:
             raise NotConvergedError(SINGULAR.format(error)) from error
 

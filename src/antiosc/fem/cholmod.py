@@ -150,6 +150,7 @@ class Cholesky:
     Parameters
     ----------
     A : csr_matrix (n, n)
+        Its lower triangle at least.
     block : rows of a node, one after the other; A is ordered by its nodes.
     permutation : of another matrix with the same pattern, to order this one alike.
     last : first rows of A that are eliminated after all others.
@@ -284,7 +285,7 @@ class Cholesky:
 
 
 def _sparse(A: scipy.sparse.csr_matrix) -> tuple[_Sparse, tuple[Any, ...]]:
-    """The upper triangle of a symmetric matrix for CHOLMOD, and the arrays it points to.
+    """A as CHOLMOD's upper triangle, and the arrays it points to.
 
     Rows of the one are columns of the other: the lower triangle of A is what CHOLMOD reads.
     """

@@ -21,7 +21,7 @@ import scipy.linalg.blas
 import scipy.sparse
 
 from antiosc.errors import NotConvergedError
-from antiosc.fem.algebra import Array, OnOneRank, csr, gathered, multiply, sum_of
+from antiosc.fem.algebra import Array, OnOneRank, csr, gathered, lower, multiply, sum_of
 from antiosc.fem.cholmod import Cholesky
 from antiosc.fem.compat import IntArray
 from antiosc.fem.large import Multigrid
@@ -29,7 +29,9 @@ from antiosc.fem.parallel import agree
 from antiosc.fem.structure import Structure
 
 #: Loads that go through the tree together: few enough that they share their branch.
-BLOCK = 32
+BLOCK = 64
+#: Columns of L that are solved for at a time; the triangle of so many is copied.
+PANEL = 128
 #: Right-hand sides of a block where all is solved for.
 SOLVED = 64
 #: σ over the last known ω² + s: the secant is off by about this share, rounding by 1e-12 over it.
@@ -71,7 +73,7 @@ def _at_shifts(
     comm, solver = structure.comm, structure.factorization
     if isinstance(solver, OnOneRank):
         first = compliances(solver.cholesky, loads)
-        others = (csr(sum_of(structure.K, s, structure.M)) for s in shifts[1:])
+        others = (lower(csr(sum_of(structure.K, s, structure.M))) for s in shifts[1:])
         order = solver.cholesky.permutation
         return [first, *(compliances(Cholesky(A, permutation=order), loads) for A in others)]
     whole = scipy.sparse.vstack(comm.allgather(loads))
@@ -127,14 +129,17 @@ def compliances(factor: Cholesky, loads: scipy.sparse.spmatrix) -> Array:
         W[rows, part.col] = part.data
         Z = W[:, : len(sites)]
         for s in _branch(np.unique(supernode[rows]), parent):
-            own = slice(L.start[s], L.start[s + 1])
-            height, width = L.row[s + 1] - L.row[s], columns[s]
+            among = L.rows[L.row[s] : L.row[s + 1]]
+            height, width = len(among), columns[s]
             block = L.values[L.value[s] : L.value[s] + height * width].reshape(width, height).T
-            z = scipy.linalg.blas.dtrsm(1.0, block[:width], Z[own], lower=1)
-            found[sites] += np.einsum("ij,ij->j", z, z)
-            if height > width:
-                Z[L.rows[L.row[s] + width : L.row[s + 1]]] -= block[width:] @ z
-            Z[own] = 0.0
+            z = Z[among]
+            for c in range(0, width, PANEL):
+                d = min(c + PANEL, width)
+                z[c:d] = scipy.linalg.blas.dtrsm(1.0, block[c:d, c:d], z[c:d], lower=1)
+                z[d:] -= block[d:, c:d] @ z[c:d]
+            found[sites] += np.einsum("ij,ij->j", z[:width], z[:width])
+            Z[among[width:]] = z[width:]
+            Z[L.start[s] : L.start[s + 1]] = 0.0
     return found
 
 

@@ -28,11 +28,12 @@ from antiosc.contact import ContactLaw
 from antiosc.deflection import peak_deflections
 from antiosc.errors import AccuracyWarning, InputError
 from antiosc.fem.algebra import Array, dot
+from antiosc.fem.block_lanczos import lowest_modes
 from antiosc.fem.compat import IntArray
 from antiosc.fem.compliance import deflections
 from antiosc.fem.krylov import by_krylov
 from antiosc.fem.many_sites import Sites, sites_of
-from antiosc.fem.modes import Modes, ModeSolver
+from antiosc.fem.modes import Modes
 from antiosc.fem.parallel import agree
 from antiosc.fem.site import Functional
 from antiosc.fem.static import static_modes
@@ -298,16 +299,12 @@ def impact_map(
 
 def _free_modes(structure: Structure, count: int | None, band: float | None) -> Modes:
     """The lowest elastic modes: `count`, or as many as reach above the band."""
-    solver = ModeSolver(structure)
     wanted = MODES if count is None else whole("modes", count)
-    found = solver.lowest(wanted)
-    while count is None and band is not None and found.omega[wanted - 1 :][:1] < ABOVE * band:
-        if len(found.omega) < wanted:  # there are no more
-            break
-        wanted = int(1.5 * wanted)
-        found = solver.lowest(wanted)
-        log.info("%d free modes up to %.4g rad/s", len(found.omega), found.omega[-1])
-    return Modes(found.omega[:wanted], found.phi[:, :wanted], len(found.omega) <= wanted)
+    reach = 0.0 if band is None or count is not None else ABOVE * band
+    found = lowest_modes(structure, wanted, reach)
+    kept = max(wanted, int(np.sum(found.omega < reach)) + 1)
+    log.info("%d free modes up to %.4g rad/s", len(found.omega[:kept]), found.omega[:kept][-1])
+    return Modes(found.omega[:kept], found.phi[:, :kept], found.complete)
 
 
 # --- What is not good enough --------------------------------------------------------------------
