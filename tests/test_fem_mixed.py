@@ -164,7 +164,7 @@ def test_two_ranks_find_what_one_finds():
         mesh = grouped(mesh, lambda x: np.isclose(x[0], 0.5), lambda x: np.isclose(x[0], 0))
         part = ao.Structure(mesh, {"sheet": SHEET, "rib": RIB}, attached=[
             PointMass("feet", 0.1, 1e-3),
-            Spring("feet", {"z": 1e4, "ry": 1e4})])
+            Spring("feet", {"z": 1e4, "ry": 10.0})])
         site = ao.Site((0.52, 0.33, 0.02), (0, 0.3, 1), snap=True)
         model = ao.extract(part, site, n=4, method="modes")
         print(json.dumps([part.mass, part.rigid_modes.shape[1], model.k0, model.m_st,
