@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.batch import _rising_root
+from antiosc.integrators.many import _rising_root
 from antiosc.integrators.root import rising_root
 
 # value, slope, bracket, root
