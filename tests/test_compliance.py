@@ -12,7 +12,7 @@ pytest.importorskip("dolfinx")
 import antiosc as ao
 import parts
 from antiosc.errors import NotConvergedError
-from antiosc.fem import compliance
+from antiosc.fem import cholmod, compliance
 from antiosc.fem.algebra import csr, sum_of
 from antiosc.fem.cholmod import Cholesky
 from antiosc.fem.modes import ModeSolver
@@ -90,3 +90,11 @@ def test_deflections_are_those_of_solves(supported, count):
     Y = scipy.sparse.linalg.splu(A.tocsc()).solve(B.toarray())
     np.testing.assert_allclose(C, np.sum(B.toarray() * Y, axis=0), rtol=1e-8)
     np.testing.assert_allclose(G, np.sum(Y * (csr(part.M) @ Y), axis=0), rtol=2 * compliance.STEP)
+
+
+def test_a_petsc_without_cholmod_is_refused(monkeypatch):
+    cholmod._library.cache_clear()
+    monkeypatch.setattr(cholmod.ctypes, "CDLL", lambda *_: object())
+    with pytest.raises(ao.MissingDependencyError, match="built without CHOLMOD"):
+        Cholesky(grid(2))
+    cholmod._library.cache_clear()

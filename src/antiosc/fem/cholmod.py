@@ -15,7 +15,7 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from ctypes import POINTER, Structure, byref, c_double, c_int, c_int64, c_size_t, c_void_p
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,7 +23,7 @@ import scipy.sparse
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
-from antiosc.errors import NotConvergedError
+from antiosc.errors import MissingDependencyError, NotConvergedError
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -92,8 +92,14 @@ class _Factor(Structure):
     ]
 
 
+@cache
 def _library() -> Any:
     lib = ctypes.CDLL(PETSc.__file__)  # symbols are looked up in what it links, too
+    if not hasattr(lib, "cholmod_l_analyze_p"):
+        raise MissingDependencyError(
+            "this PETSc is built without CHOLMOD (SuiteSparse), which antiosc factors with: "
+            "install one with it, such as Debian's."
+        )
     lib.cholmod_l_analyze_p.restype = POINTER(_Factor)
     lib.cholmod_l_analyze_p.argtypes = [c_void_p, c_void_p, c_void_p, c_size_t, c_void_p]
     lib.cholmod_l_factorize.argtypes = [c_void_p, POINTER(_Factor), c_void_p]
@@ -168,11 +174,12 @@ class Cholesky:
         permutation: IntArray | None = None,
         last: int = 0,
     ) -> None:
+        self._work: list[Any] = []
+        self._factor: Any = None
         self._lib = _library()
         self._common = ctypes.create_string_buffer(COMMON)
-        self._work = [c_void_p() for _ in range(3)]  # X, Y and E of cholmod_l_solve2
-        self._factor: Any = None
         self._lib.cholmod_l_start(self._common)
+        self._work = [c_void_p() for _ in range(3)]  # X, Y and E of cholmod_l_solve2
         head = _Head.from_buffer(self._common)
         head.supernodal, head.quick_return_if_not_posdef, head.print_level = SUPERNODAL, 1, 0
         if permutation is None and (block >= BLOCK or last):
@@ -189,6 +196,8 @@ class Cholesky:
             raise NotConvergedError(f"column {found.minor} of {found.n} is not positive definite")
 
     def __del__(self) -> None:
+        if not self._work:  # it was not started
+            return
         for work in self._work:
             self._lib.cholmod_l_free_dense(byref(work), self._common)
         if self._factor:
