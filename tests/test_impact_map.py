@@ -155,6 +155,32 @@ def test_sheets_of_two_thicknesses_have_patches_of_two_sizes():
     assert set(result.radius[inner]) == {4e-3, 8e-3}
 
 
+@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
+def test_given_points_of_a_sheet(cell):
+    groups = {
+        "left": (1, lambda x: np.isclose(x[0], 0)),
+        "thin": (2, lambda x: x[0] < 0.1 + 1e-9),
+        "thick": (2, lambda x: x[0] > 0.1 - 1e-9),
+    }
+    shell = ao.Structure(
+        parts.plate((6, 4), cell=cell, groups=groups),
+        {
+            "thin": ao.Shell(**parts.STEEL, thickness=4e-3),
+            "thick": ao.Shell(**parts.STEEL, thickness=8e-3),
+        },
+        [ao.Support("left")],
+    )
+    points = [(0.053, 0.021), (0.147, 0.034), (0.081, 0.042)]
+    result = ao.impact_map(shell, points, direction=(0, 0, -1), accuracy=1e9)
+    np.testing.assert_allclose(result.points[:, :2], points, atol=1e-12)
+    for i, point in enumerate(points):
+        direct = ao.extract(shell, ao.Site((*point, 0), (0, 0, -1)))
+        assert result.model(i).radius == direct.radius
+        assert result.models.k0[i] == pytest.approx(direct.k0, rel=1e-9)
+    with pytest.raises(ao.InputError, match=r"1 of 4 points lie off the sheet, one at \(0"):
+        ao.impact_map(shell, [*[(*p, 0) for p in points], (0.05, 0.03, 1e-3)], direction=(0, 0, -1))
+
+
 def test_the_half_space_is_that_of_the_material_at_the_site():
     groups = {
         "left": (2, lambda x: np.isclose(x[0], 0)),

@@ -209,8 +209,8 @@ def impact_map(
     structure : Structure
         Of a mesh.
     where : str or array_like (P, 2 or 3), optional
-        A group of faces (cells of shells and beams), whose vertices are the sites; or points,
-        which are found one by one. None: the whole surface.
+        A group of faces (cells of shells and beams), whose vertices are the sites; or points
+        (those of solids and beams are found one by one). None: the whole surface.
     impactor, contact, duration
         As for `simulate`; None: parameters only.
     direction : sequence of float, optional

@@ -1,7 +1,7 @@
 """Many sites at once: where they lie, how they are struck, and their loads as sparse columns.
 
-The vertices of a surface get theirs from one quadrature (`antiosc.fem.surface`); given points are
-found one by one, with all the checks of `Site`.
+The vertices of a surface get theirs from one quadrature, and so do given points of a sheet
+(`antiosc.fem.surface`); other points are found one by one, with all the checks of `Site`.
 """
 
 from __future__ import annotations
@@ -21,7 +21,14 @@ from antiosc.fem.algebra import Array
 from antiosc.fem.compat import IntArray
 from antiosc.fem.site import SHEET_RADIUS, Site, functional
 from antiosc.fem.structure import Structure
-from antiosc.fem.surface import Surface, patch_loads, point_loads, sheet_loads, surface
+from antiosc.fem.surface import (
+    Surface,
+    patch_loads,
+    point_loads,
+    points_on_sheet,
+    sheet_loads,
+    surface,
+)
 
 #: A site with less than this share of its load on dofs that can move is held by the supports.
 HELD = 0.05
@@ -79,7 +86,11 @@ def sites_of(
     if where is None or isinstance(where, str):
         found = _on_surface(structure, surface(structure, where), along, radius)
     else:
-        found = _at_points(structure, where, along, radius)
+        at = _given(where, along)
+        if structure.form is not None and structure.form.patch == "cells":
+            found = _on_surface(structure, points_on_sheet(structure, at), along, radius)
+        else:
+            found = _one_by_one(structure, at, along, radius)
     weight = structure.comm.allreduce(np.asarray(abs(found.loads).sum(axis=0)).ravel())
     # a unit force along d is spread over |d_x| + |d_y| + |d_z| of load, negative parts apart
     share = weight / np.abs(found.directions).sum(axis=1)
@@ -114,7 +125,7 @@ def _on_surface(
     if radius is not None:
         positive("radius", radius, "m")
     if patch is None and radius is not None:
-        return _at_points(structure, points, along, radius, ground)
+        return _one_by_one(structure, points, along, radius, ground)
     if radius is None and patch != "cells":
         loads, share = point_loads(structure, points, directions), np.ones(len(points))
         if patch and structure.comm.rank == 0:
@@ -168,37 +179,45 @@ def _by_radius(
     return scipy.sparse.hstack(loads).tocsr()[:, np.argsort(order)], share
 
 
-def _at_points(
-    structure: Structure,
-    points: Any,
-    along: Array | None,
-    radius: float | None,
-    ground: Surface | None = None,
-) -> Sites:
-    """Sites one by one, with all the checks of `Site`."""
+def _given(points: Any, along: Array | None) -> Array:
+    """Points (P, 3) that the caller gave."""
     if along is None:
         raise InputError("points need the direction of impact, as direction=(0, 0, -1).")
     if not len(points):
         raise InputError("a map needs at least one point.")
     at = array("points", points, (None, None))
-    at = np.pad(at, ((0, 0), (0, 3 - at.shape[1])))
+    return np.pad(at, ((0, 0), (0, 3 - at.shape[1])))
+
+
+def _one_by_one(
+    structure: Structure,
+    at: Array,
+    along: Array | None,
+    radius: float | None,
+    ground: Surface | None = None,
+) -> Sites:
+    """Sites with all the checks of `Site`."""
+    assert along is not None
+    columns, x, local, radii = [], np.zeros_like(at), np.zeros(len(at)), np.zeros(len(at))
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
-        places = [functional(structure, Site(tuple(x), tuple(along), radius)) for x in at]
+        for i, point in enumerate(at):
+            place = functional(structure, Site(tuple(point), tuple(along), radius))
+            columns.append(scipy.sparse.csc_matrix(place.b[:, None]))
+            x[i], local[i], radii[i] = place.point, place.local_compliance, place.radius or 0.0
     if said and structure.comm.rank == 0:
         warnings.warn(
             f"{said[0].message} (the first of {len(said)} such warnings)",
             said[0].category,
             stacklevel=5,
         )
-    x = np.array([place.point for place in places])
     return Sites(
         x,
         np.zeros_like(x) if ground is None else ground.normals,
         np.tile(along, (len(x), 1)),
         np.zeros((0, 3), dtype=int) if ground is None else ground.elements,
-        scipy.sparse.csr_matrix(np.column_stack([place.b for place in places])),
-        np.array([place.local_compliance for place in places]),
-        None if places[0].radius is None else np.array([place.radius for place in places]),
+        scipy.sparse.hstack(columns).tocsr(),
+        local,
+        radii if radii.any() else None,
         len(x),
     )

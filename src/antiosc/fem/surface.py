@@ -26,6 +26,8 @@ from antiosc.fem.structure import Structure
 #: Gauss points across one radius (the pressure's slope is infinite on the rim), and per direction
 #: on a facet at least and at most.
 GAUSS, FEWEST, MOST = 8, 4, 12
+#: How far off a sheet a point may lie, over the extent of the part.
+ON_SHEET = 1e-6
 #: Cells of a sheet in which a point is looked for, and how far outside one it may lie (rounding).
 NEAR, INSIDE = 16, 1e-8
 
@@ -69,6 +71,29 @@ def surface(structure: Structure, group: str | None) -> Surface:
     if corner.shape[1] == 4:  # in tensor order: 0 1 / 2 3
         corner = np.vstack([corner[:, [0, 1, 2]], corner[:, [1, 3, 2]]])
     return Surface(x.reshape(-1, 3)[first], mean, corner, least)
+
+
+def points_on_sheet(structure: Structure, points: Array) -> Surface:
+    """The sheet at given points (P, 3) of it; no elements between them.
+
+    Raises InputError for points off the sheet.
+    """
+    mesh, _ = structure.meshed()
+    sheet = _Sheet(mesh)
+    cell, X, distance = sheet.find(points)
+    x, normals = sheet.at(cell, X)
+    own = distance, x, normals, _part_of_cells(structure)[cell] if sheet.count else cell
+    ranks = [np.array(each) for each in zip(*mesh.comm.allgather(own), strict=True)]
+    nearest = ranks[0].argmin(axis=0), np.arange(len(points))
+    distance, x, normals, part = (each[nearest] for each in ranks)
+    off = np.flatnonzero(distance > ON_SHEET * mesh.extent())
+    if len(off):
+        place = ", ".join(f"{c:.6g}" for c in points[off[0]])
+        raise InputError(
+            f"{len(off)} of {len(points)} points lie off the sheet, one at ({place}) m: give "
+            "points on its middle surface, or the name of a group."
+        )
+    return Surface(x, normals, np.zeros((0, 3), dtype=int), part)
 
 
 def point_loads(structure: Structure, points: Array, directions: Array) -> scipy.sparse.csr_matrix:
@@ -219,6 +244,15 @@ class _Sheet:
             if not len(left):
                 break
         return cell, X, distance
+
+    def at(self, cell: IntArray, X: Array) -> tuple[Array, Array]:
+        """(points (P, 3), unit normals) at reference coordinates in cells."""
+        if not self.count:
+            return np.zeros((len(X), 3)), np.zeros((len(X), 3))
+        N = self.element.tabulate(1, X)[..., 0]
+        x, first, second = np.einsum("kqn,qnd->kqd", N, self.x[cell])
+        normals = np.cross(first, second)
+        return x, normals / np.linalg.norm(normals, axis=1, keepdims=True)
 
     def _projected(self, points: Array, nodes: Array) -> tuple[Array, Array]:
         """(reference coordinates of the points' feet on their cells, distances; inf outside)."""
