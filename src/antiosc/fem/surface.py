@@ -197,7 +197,7 @@ def sheet_loads(
     scaled = weight[mine] / np.where(share > 0, share, 1.0)[site]
     rows, sites, values = [], [], []
     for axis, name in enumerate("xyz"):
-        if name not in form.components:
+        if name not in form.components or not directions[:, axis].any():
             continue
         path = form.components[name]
         dofmap = compat.subspace(form.space, path).dofmap
