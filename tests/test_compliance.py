@@ -92,6 +92,24 @@ def test_deflections_are_those_of_solves(supported, count):
     np.testing.assert_allclose(G, np.sum(Y * (csr(part.M) @ Y), axis=0), rtol=2 * compliance.STEP)
 
 
+def test_without_room_for_a_second_factor_all_is_solved_for(monkeypatch):
+    part = ao.Structure(parts.box((4, 2, 2)), ao.Solid(**parts.STEEL), [ao.Support("left")])
+    free = np.ones(part.K.getSize()[0])
+    free[part.fixed] = 0.0
+    B = (scipy.sparse.diags(free) @ loads(len(free), 5)).tocsr()
+    modes = ModeSolver(part).lowest(5)
+    b = B.T @ modes.phi
+    expected = compliance.deflections(part, B, modes.omega, b)
+    entries = part.factorization.entries
+    assert entries == part.factorization.cholesky.supernodes.values.size
+    monkeypatch.setattr(compliance.large, "free_memory", lambda: 8 * entries)
+    monkeypatch.setattr(compliance, "compliances", None)  # is not asked
+    with pytest.warns(ao.AntioscWarning, match="every site is solved for"):
+        found = compliance.deflections(part, B, modes.omega, b)
+    np.testing.assert_allclose(found[0], expected[0], rtol=1e-9)
+    np.testing.assert_allclose(found[1], expected[1], rtol=2 * compliance.STEP)
+
+
 def test_a_petsc_without_cholmod_is_refused(monkeypatch):
     cholmod._library.cache_clear()
     monkeypatch.setattr(cholmod.ctypes, "CDLL", lambda *_: object())

@@ -203,6 +203,11 @@ class Solver(ABC):
 class Factorization(Solver):
     """A Cholesky factor: `OnOneRank`, `Distributed`, or that of `antiosc.fem.substructures`."""
 
+    @property
+    @abstractmethod
+    def entries(self) -> float:
+        """Entries of the factor, of all ranks together."""
+
 
 class OnOneRank(Factorization):
     """Cholesky factor of a matrix on one rank, by CHOLMOD."""
@@ -212,6 +217,11 @@ class OnOneRank(Factorization):
             self.cholesky = Cholesky(lower(csr(self.A)), self.A.getBlockSize())
         except NotConvergedError as error:
             raise NotConvergedError(SINGULAR.format(error)) from error
+
+    @property
+    def entries(self) -> float:
+        """Entries of the factor."""
+        return float(self.cholesky.supernodes.values.size)
 
     def solve_block(self, R: Array) -> Array:
         """A⁻¹R for a block of vectors (rows, k): many at once cost a fraction of one by one."""
@@ -265,6 +275,11 @@ class Distributed(PetscSolver, Factorization):
         PETSc.Options()[prefix + "mat_mumps_icntl_7"] = best_ordering(self.A)
         self._ksp.setFromOptions()
 
+    @property
+    def entries(self) -> float:
+        """Entries of the factor, of all ranks together."""
+        return _count(self._ksp.getPC().getFactorMatrix().getMumpsInfog(29))
+
     def solve_block(self, R: Array) -> Array:
         """A⁻¹R for a block of vectors (rows, k): many at once cost a fraction of one by one."""
         if R.shape[1] < 2:
@@ -317,11 +332,14 @@ def forecasts(A: PETSc.Mat) -> list[Forecast]:
         ksp.setUp()
         factor = pc.getFactorMatrix()
         entries, operations = factor.getMumpsInfog(20), factor.getMumpsRinfog(1)
-        if entries < 0:  # MUMPS then counts in millions
-            entries = -1e6 * entries
-        found.append(Forecast(ordering, block**2 * entries, block**3 * operations))
+        found.append(Forecast(ordering, block**2 * _count(entries), block**3 * operations))
         ksp.destroy()
     return found
+
+
+def _count(entries: int) -> float:
+    """A number of entries as MUMPS gives it: large ones in millions, negative."""
+    return float(entries) if entries >= 0 else -1e6 * entries
 
 
 def best_ordering(A: PETSc.Mat) -> int:

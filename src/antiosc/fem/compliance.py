@@ -13,6 +13,7 @@ A + σM.
 from __future__ import annotations
 
 import logging
+import warnings
 from collections.abc import Sequence
 from typing import Any
 
@@ -20,12 +21,22 @@ import numpy as np
 import scipy.linalg.blas
 import scipy.sparse
 
-from antiosc.errors import NotConvergedError
-from antiosc.fem.algebra import Array, OnOneRank, csr, gathered, lower, multiply, sum_of
+from antiosc.errors import AntioscWarning, NotConvergedError
+from antiosc.fem import large
+from antiosc.fem.algebra import (
+    Array,
+    Factorization,
+    OnOneRank,
+    csr,
+    gathered,
+    lower,
+    multiply,
+    sum_of,
+)
 from antiosc.fem.cholmod import Cholesky
 from antiosc.fem.compat import IntArray
-from antiosc.fem.large import Multigrid
-from antiosc.fem.parallel import agree
+from antiosc.fem.large import BYTES
+from antiosc.fem.parallel import agree, on_root
 from antiosc.fem.structure import Structure
 
 #: Loads that go through the tree together: few enough that they share their branch.
@@ -52,7 +63,7 @@ def deflections(
     omega, b : (J,) and (P, J)
         The lowest frequencies [rad/s] and what each load sees of their modes.
     """
-    if isinstance(structure.factorization, Multigrid):
+    if not _room(structure):
         return _by_solves(structure, loads)
     x = omega**2 + structure.shift
     step = STEP * x[-1]
@@ -61,6 +72,25 @@ def deflections(
     rest, rest_after = C - b**2 @ (1 / x), after - b**2 @ (1 / (x + step))
     slow = (rest - rest_after) / (step * np.where(rest_after > 0, rest_after, np.inf))
     return C, b**2 @ (1 / x**2) + np.maximum(rest, 0.0) * np.clip(slow, 0.0, 1 / x[-1])
+
+
+def _room(structure: Structure) -> bool:
+    """Whether the factors that are made here fit in memory beside the structure's own."""
+    solver, comm = structure.factorization, structure.comm
+    if not isinstance(solver, Factorization):
+        return False
+    more = min(comm.size, 2) * BYTES * solver.entries
+    free = on_root(comm, large.free_memory)
+    if more > large.FILL * free:
+        if comm.rank == 0:
+            warnings.warn(
+                f"the map's further factors need about {more / 1e9:.3g} GB and {free / 1e9:.3g} GB "
+                "are free: every site is solved for instead, which takes some ten times as long.",
+                AntioscWarning,
+                stacklevel=4,
+            )
+        return False
+    return True
 
 
 def _at_shifts(

@@ -101,6 +101,12 @@ class Substructures(Factorization):
         n = len(self._interface)
         return scipy.sparse.csr_matrix((value, (row, column)), shape=(n, n))
 
+    @property
+    def entries(self) -> float:
+        """Entries of the factors of all ranks, and of the interface's."""
+        own = self._factor.supernodes.values.size if len(self._inner) else 0
+        return float(self.comm.allreduce(own) + len(self._interface) ** 2)
+
     def solve_block(self, R: Array) -> Array:
         """A⁻¹R for a block of vectors (rows of this rank, k)."""
         load = np.zeros((len(self._interface), R.shape[1]))
