@@ -138,5 +138,7 @@ def test_supports_under_a_patch_are_told():
     site = ao.Site((0.032, 0.04, 0.03), (0, 0, -1), radius=0.01)
     with pytest.warns(ao.AccuracyWarning, match=r"hold 50% of the patch"):
         ao.extract(part, site, n=10)
-    with pytest.warns(ao.AccuracyWarning, match="supports hold a part of the patch at"):
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
         ao.impact_map(part, radius=0.01, modes=30)
+    assert any("supports hold a part of the patch at" in str(one.message) for one in said)
