@@ -5,22 +5,30 @@ from __future__ import annotations
 import re
 import runpy
 import shutil
+import warnings
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 
 
+def programs() -> list[str]:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    return re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+
+
+def run(program: str, folder: Path, monkeypatch) -> dict[str, Any]:
+    shutil.copytree(ROOT / "meshes", folder / "meshes")
+    (folder / "program.py").write_text(program, encoding="utf-8")
+    monkeypatch.chdir(folder)
+    return runpy.run_path("program.py")
+
+
 @pytest.mark.fem
 def test_the_program_of_the_readme_runs(tmp_path, monkeypatch, capsys):
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    programs = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
-    assert len(programs) == 1
-    shutil.copytree(ROOT / "meshes", tmp_path / "meshes")
-    (tmp_path / "program.py").write_text(programs[0], encoding="utf-8")
-    monkeypatch.chdir(tmp_path)
-    names = runpy.run_path("program.py")
+    names = run(programs()[0], tmp_path, monkeypatch)
     hit, model, sphere = names["hit"], names["model"], names["sphere"]
     lost = sphere.mass * (sphere.velocity - hit.impactor_velocity[-1])
     assert hit.impulse == pytest.approx(lost, rel=1e-6)
@@ -28,6 +36,19 @@ def test_the_program_of_the_readme_runs(tmp_path, monkeypatch, capsys):
     assert model.n == 20
     assert (tmp_path / "out" / "bracket.pvd").is_file()
     assert "peak force" in capsys.readouterr().out
+
+
+@pytest.mark.fem
+@pytest.mark.slow
+def test_the_map_of_the_readme_runs(tmp_path, monkeypatch):
+    whole, rest = programs()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of patches that edges and supports cut
+        names = run(whole + rest, tmp_path, monkeypatch)
+    at = names["found"].points[names["found"].peak_force.argmin()]
+    assert at[2] > 0.05  # on the eye or the wall, not at the bolts
+    assert (tmp_path / "out" / "map.vtu").is_file()
+    assert (tmp_path / "out" / "map.png").is_file()
 
 
 def test_every_path_that_the_readme_names_exists():
