@@ -56,6 +56,7 @@ def test_all_modes_up_to_a_frequency():
     np.testing.assert_allclose(found.omega, omega[: len(found.omega)], rtol=1e-8)
 
 
+@pytest.mark.slow
 def test_a_space_that_is_used_up(monkeypatch):
     """With more wanted than there is every mode is found, once."""
     structure = bar(n=(5, 2, 2))
@@ -67,6 +68,7 @@ def test_a_space_that_is_used_up(monkeypatch):
     np.testing.assert_allclose(found.omega[:50], omega[:50], rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_few_dofs_are_left_to_others(monkeypatch):
     structure = bar()
     reach = ModeSolver(structure).lowest(60).omega[-1]

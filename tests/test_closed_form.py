@@ -268,6 +268,7 @@ def test_interlacing(supports):
 
 
 @pytest.mark.parametrize("supports", SOME, ids=str)
+@pytest.mark.slow
 def test_modes_give_the_same_receptance(supports):
     """Σ b²/(ω_j² - ω²) + r from the zeros against Z from the beam's solution."""
     beam = struck(THICK, supports)

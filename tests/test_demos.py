@@ -25,6 +25,7 @@ def load(name: str) -> ModuleType:
 
 
 @pytest.mark.fem
+@pytest.mark.slow
 def test_impact_on_bracket(tmp_path, capsys):
     result = load("impact_on_bracket").main(size=8e-3, radius=3e-3, n=12, out=tmp_path)
     assert result["impulse"] == pytest.approx(result["momentum"], rel=1e-6)

@@ -63,6 +63,7 @@ def test_eighty_quadratic_elements_give_the_closed_form(name):
 
 @pytest.mark.parametrize(("order", "rate"), [(2, 4.0), (1, 2.0)])
 @pytest.mark.parametrize("name", CASES)
+@pytest.mark.slow
 def test_order_of_convergence(name, order, rate):
     """h⁴ with quadratic elements and two-point shear, h² with linear ones and one-point shear."""
     exact = CASES[name][2].anti_oscillators(N)

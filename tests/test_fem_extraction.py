@@ -128,6 +128,7 @@ def case(request):
     return structure, load(structure, site), rigid, model
 
 
+@pytest.mark.slow
 def test_all_modes_give_the_direct_harmonic_solution(case):
     """Z(ω) = 1/bᵀ(K − ω²M)⁻¹b at 20 frequencies up to the middle of the anti-oscillators."""
     structure, b, rigid, model = case
@@ -234,6 +235,7 @@ def test_shapes_are_what_they_are_called(case):
 
 @pytest.mark.parametrize("supports", [LEFT, (), [ao.Support("left", ("x", "z"))]],
                          ids=["supported", "free", "hinged"])  # fmt: skip
+@pytest.mark.slow
 def test_slepc_finds_what_a_dense_solver_finds(supports):
     """1323 dofs, too many for the dense branch: constraint modes against LAPACK on a null space."""
     structure = ao.Structure(parts.box((6, 3, 2), (0.12, 0.05, 0.04)), SOLID, supports)
@@ -302,6 +304,7 @@ def real_part(name: str) -> tuple[ao.Structure, ao.Site, int]:
 
 
 @pytest.mark.parametrize("name", ["lever", "arch", "frame", "bracket"])
+@pytest.mark.slow
 def test_truncation_error_is_the_mass_left_out(name):
     """0 ≤ Z_N − Z ≤ ω⁴m0/(ω_N² − ω²): each mode above ω_N adds m_i ω⁴/(ω_i² − ω²) ≥ 0."""
     structure, site, n = real_part(name)

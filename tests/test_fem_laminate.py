@@ -558,6 +558,7 @@ def test_two_ranks_find_what_one_finds():
         assert "opposite normals at 1 edges" in message == one[1]
 
 
+@pytest.mark.slow
 def test_the_demo(tmp_path):
     """Panels of one mass; the plain one as Mindlin's series has it, the sandwich far stiffer."""
     numbers = load("composite_panel").main(elements=10, n=16, duration=3e-3, out=tmp_path)

@@ -84,6 +84,7 @@ def test_point_and_patches_over_four_meshes():
 @pytest.mark.parametrize(
     "direction", [(0, 0, -1), (1, 0, 0), (0.6, 0.8, 0), (1, 0, -1), (2, 1, -2)]
 )
+@pytest.mark.slow
 def test_own_compliance_of_a_patch_in_any_direction(block, cell, direction):
     """C(a) − C_half-space(a, direction) does not depend on the radius, normal to oblique."""
     whole, local = np.array([compliance(block[cell], direction, r) for r in RADII]).T

@@ -46,6 +46,7 @@ def test_panel(group):
 @pytest.mark.parametrize(
     ("group", "length"), [("stringers", 3 * 0.9), ("frames", 2 * 1.2 * ARC), ("sides", 2 * 0.9)]
 )
+@pytest.mark.slow
 def test_lines_of_the_skin(group, length):
     """Their length is the mass that a beam on them adds."""
     mesh = ao.read_mesh(FOLDER / "skin.msh")
@@ -55,6 +56,7 @@ def test_lines_of_the_skin(group, length):
     assert with_rod.mass - bare.mass == pytest.approx(length, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_tank_from_its_step_file():
     """A 2:1 half spheroid on a skirt, less the manhole; the geometry meshed anew as well."""
     a, b = 0.3, 0.15

@@ -139,12 +139,14 @@ def test_no_locking(cell):
 
 @pytest.mark.parametrize("cell", [*CELLS, "one way"])
 @pytest.mark.parametrize("t", [1e-1, 1e-4])
+@pytest.mark.slow
 def test_clamped_plates_converge_with_the_fourth_order(cell, t):
     coarse, fine = clamped_error(4, t, cell), clamped_error(8, t, cell)
     assert 3.3 < np.log2(coarse / fine) < 5.5
 
 
 @pytest.mark.parametrize("cell", CELLS)
+@pytest.mark.slow
 def test_thirty_frequencies_and_none_between(cell):
     """A spurious mode would shift all that follow."""
     m = np.arange(1, 12)

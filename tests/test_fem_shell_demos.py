@@ -24,6 +24,7 @@ def test_plate_impact(tmp_path, capsys):
     assert "Zener" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_stiffened_panel(tmp_path):
     """Stiffeners as beams or as shells: two models of one panel."""
     numbers = load("stiffened_panel").main(n=20, duration=1e-3, out=tmp_path)

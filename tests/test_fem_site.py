@@ -182,6 +182,7 @@ def test_the_nearest_point_is_the_nearest(part):
 
 
 @pytest.mark.parametrize("cell", ["tetrahedron", "hexahedron"])
+@pytest.mark.slow
 def test_a_patch_averages_with_hertz_weights(cell):
     """Exact for a translation; the centre's value for a linear field; a²/5 for x²."""
     mesh = parts.box((20, 20, 2), (0.1, 0.1, 0.02), cell)

@@ -79,6 +79,7 @@ class TestItSeesFaults:
         assert not fuzz.expected(ao.AccuracyError("the peak force"), {"contact": ao.Hertz(1.0)})
 
 
+@pytest.mark.slow
 def test_stability_demo_small(tmp_path):
     stability = demo("stability")
     result = stability.main(most=4, counts=2, steps=5, decades=2, hard=False, fine=26, out=tmp_path)

@@ -113,6 +113,7 @@ def test_loads_of_a_surface_are_those_of_single_sites(cell):
             assert np.linalg.norm(difference) < 0.02 * np.linalg.norm(patch.b)
 
 
+@pytest.mark.slow
 def test_curved_patch_carries_a_unit_force():
     mesh = ao.read_mesh(Path(__file__).parent.parent / "meshes" / "bracket.msh")
     part = ao.Structure(mesh, ao.Solid(**parts.ALUMINIUM))

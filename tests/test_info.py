@@ -36,6 +36,7 @@ def row(text: str, name: str) -> str:
     return re.search(rf"^{name} +(.+)$", text, re.MULTILINE)[1]
 
 
+@pytest.mark.slow
 def test_versions_are_those_of_the_metadata():
     text = run_info()
     for name, distribution in {"NumPy": "numpy", "SciPy": "scipy", "antiosc": "antiosc"}.items():
@@ -64,6 +65,7 @@ def test_runs_without_the_finite_element_packages_and_says_how_to_get_them():
         assert re.search(rf"\bpython3-{module}\b", remedy), module
 
 
+@pytest.mark.slow
 def test_a_broken_package_is_reported_and_the_rest_still_shown(tmp_path):
     (tmp_path / "meshio.py").write_text("raise OSError('libfoo.so: wrong ELF class')")
     text = run_info(f"sys.path.insert(0, {str(tmp_path)!r})")
@@ -89,6 +91,7 @@ def test_the_blas_is_one_that_the_kernel_has_mapped():
     assert found.slow == (found.name == "reference")
 
 
+@pytest.mark.slow
 def test_threads_follow_the_environment():
     assert row(run_info(OMP_NUM_THREADS="3"), "threads").startswith("3 (OMP_NUM_THREADS), ")
 

@@ -38,6 +38,7 @@ def strike(law, method, step=None, m0=0.05, **kwargs):
 
 @laws
 @methods
+@pytest.mark.slow
 def test_declared_order_is_measured(law, method):
     """Against DOP853 at tight tolerance: the two share nothing but the problem."""
     truth = strike(law, "DOP853", tol=1e-8, step=1e-6)

@@ -165,6 +165,7 @@ def test_element_types(part):
 
 
 @pytest.mark.parametrize("part", PARTS)
+@pytest.mark.slow
 def test_script_makes_the_committed_part(part, made):
     found = []
     for folder in (FOLDER, made):

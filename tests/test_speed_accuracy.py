@@ -16,6 +16,7 @@ import speed_accuracy
 pytestmark = pytest.mark.fem
 
 
+@pytest.mark.slow
 def test_chart_of_the_beam(tmp_path):
     found = speed_accuracy.chart("beam", None, quick=True)
     errors = {}

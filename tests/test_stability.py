@@ -247,6 +247,7 @@ class TestRuns:
         assert all(room(hit.problem, float(h)) >= 1 for h in inside[inside > 0])
 
     @pytest.mark.parametrize(("y", "status"), [(None, 0), (3.0, 2), (24.0, 0)])
+    @pytest.mark.slow
     def test_batch(self, y, status):
         step = None if y is None else y / TOP
         strikers = [ao.RigidMass(10.0, v) for v in np.linspace(0.3, 0.8, 11)]

@@ -64,6 +64,7 @@ def coverage(scenes: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.filterwarnings("ignore::antiosc.errors.AccuracyWarning")
+@pytest.mark.slow
 def test_estimate_covers_the_truth_in_a_few_scenes():
     share, factor = coverage(8)
     assert share.min() >= 0.8
