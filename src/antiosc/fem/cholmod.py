@@ -112,8 +112,9 @@ def _without_openmp() -> Iterator[None]:
     """Keep CHOLMOD's own OpenMP loops on one thread.
 
     Up to SuiteSparse 5 they take four threads whatever the environment says; they are short, and
-    threads that wait for the next one hinder those of BLAS and the other ranks: half of the time
-    of a factor on two cores was lost by it. BLAS keeps its threads, but for one built on OpenMP.
+    threads that wait for the next one hinder those of BLAS and the other ranks: up to half of the
+    time of a factor on two cores was lost by it. BLAS keeps its threads, but for one built on
+    OpenMP.
     """
     openmp, blas = _loaded("libgomp.so.1"), _loaded("libopenblas.so.0")
     if openmp is None or blas is None or blas.openblas_get_parallel() == ON_OPENMP:
@@ -127,6 +128,7 @@ def _without_openmp() -> Iterator[None]:
         openmp.omp_set_max_active_levels(levels)
 
 
+@cache
 def _loaded(name: str) -> Any:
     """A library that this process has loaded already, or None."""
     try:

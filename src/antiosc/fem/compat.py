@@ -317,14 +317,20 @@ def global_dofs(space: Any, local: IntArray) -> IntArray:
     return (np.asarray(blocks) * bs + local % bs).astype(np.int32)
 
 
+def cells_of(mesh: dolfinx.mesh.Mesh, facets: IntArray) -> IntArray:
+    """A cell at each facet."""
+    dim = mesh.topology.dim
+    mesh.topology.create_connectivity(dim - 1, dim)
+    to_cell = mesh.topology.connectivity(dim - 1, dim)
+    return np.array([to_cell.links(f)[0] for f in facets], dtype=np.int32)
+
+
 def facet_normals(mesh: dolfinx.mesh.Mesh, facets: IntArray) -> NDArray[np.float64]:
     """Unit outward normals (n, 3) of exterior facets, by their vertices."""
     dim = mesh.topology.dim
     vertices = entity_vertices(mesh, dim - 1)[facets]
     x = mesh.geometry.x[vertices]
-    cells = mesh.topology.connectivity(dim - 1, dim)
-    owner = np.array([cells.links(f)[0] for f in facets], dtype=np.int64)
-    inner = mesh.geometry.x[geometry_nodes(mesh)[owner]].mean(axis=1)
+    inner = mesh.geometry.x[geometry_nodes(mesh)[cells_of(mesh, facets)]].mean(axis=1)
     if dim == 3:
         normal = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
     else:

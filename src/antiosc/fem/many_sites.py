@@ -16,10 +16,9 @@ import scipy.sparse
 
 from antiosc.checks import array, positive
 from antiosc.errors import AccuracyWarning, AntioscWarning, InputError
-from antiosc.fem import site
 from antiosc.fem.algebra import Array
 from antiosc.fem.compat import IntArray
-from antiosc.fem.site import SHEET_RADIUS, Site, functional
+from antiosc.fem.site import PARTLY, SHEET_RADIUS, Site, functional
 from antiosc.fem.structure import Structure
 from antiosc.fem.surface import (
     Surface,
@@ -100,11 +99,11 @@ def sites_of(
             "no site of the map can move: the supports hold the whole surface, or no face carries "
             "the patch; name another group."
         )
-    partly = int(np.sum(moving & (share < 1 - site.HELD) & (found.local > 0)))
+    partly = int(np.sum(moving & (share < 1 - PARTLY) & (found.local > 0)))
     if partly and structure.comm.rank == 0:
         warnings.warn(
             f"supports hold a part of the patch at {partly} of {len(share)} sites (more than "
-            f"{site.HELD:.0%} of its load): its half-space compliance does not hold there.",
+            f"{PARTLY:.0%} of its load): its half-space compliance does not hold there.",
             AccuracyWarning,
             stacklevel=4,
         )

@@ -25,7 +25,7 @@ from antiosc.fem.mesh import Mesh
 from antiosc.fem.structure import Structure
 
 #: Share of a patch's load on supports above which it is told.
-HELD = 0.1
+PARTLY = 0.1
 #: A point counts as on the structure up to this share of the structure's size.
 ON_STRUCTURE = 1e-6
 #: Radius of a shell's patch over its thickness, where none is given: that at which a plate yields
@@ -163,7 +163,7 @@ def _moving(structure: Structure, result: Functional, label: str) -> Functional:
             f"{label} is held by the supports along the direction of impact: it cannot move; "
             "strike a point that can."
         )
-    if result.local_compliance and structure.comm.rank == 0 and held > HELD:
+    if result.local_compliance and structure.comm.rank == 0 and held > PARTLY:
         warnings.warn(
             f"supports hold {held:.0%} of the patch: its half-space compliance does not hold "
             "there; move the site or take a smaller radius.",

@@ -21,13 +21,12 @@ from antiosc.fem.algebra import Array
 from antiosc.fem.compat import IntArray
 from antiosc.fem.load import OFF_DISC, SAME_FACE, hertz_disc
 from antiosc.fem.mesh import Mesh
+from antiosc.fem.site import ON_STRUCTURE
 from antiosc.fem.structure import Structure
 
 #: Gauss points across one radius (the pressure's slope is infinite on the rim), and per direction
 #: on a facet at least and at most.
 GAUSS, FEWEST, MOST = 8, 4, 12
-#: How far off a sheet a point may lie, over the extent of the part.
-ON_SHEET = 1e-6
 #: Cells of a sheet in which a point is looked for, and how far outside one it may lie (rounding).
 NEAR, INSIDE = 16, 1e-8
 
@@ -55,7 +54,8 @@ def surface(structure: Structure, group: str | None) -> Surface:
     facets, dim = _facets(mesh, group, structure.form.patch == "facets")
     nodes = compat.entity_vertices(mesh.dolfinx, dim)[facets]
     numbers = np.asarray(mesh.dolfinx.geometry.input_global_indices)[nodes]
-    part = _part_of_cells(structure)[_cells_of(mesh, dim, facets)]
+    cells = facets if dim == mesh.tdim else compat.cells_of(mesh.dolfinx, facets)
+    part = _part_of_cells(structure)[cells]
     own = (numbers, mesh.dolfinx.geometry.x[nodes], _normals(mesh, dim, facets), part)
     numbers, x, normals, part = (
         np.concatenate(each) for each in zip(*mesh.comm.allgather(own), strict=True)
@@ -86,7 +86,7 @@ def points_on_sheet(structure: Structure, points: Array) -> Surface:
     ranks = [np.array(each) for each in zip(*mesh.comm.allgather(own), strict=True)]
     nearest = ranks[0].argmin(axis=0), np.arange(len(points))
     distance, x, normals, part = (each[nearest] for each in ranks)
-    off = np.flatnonzero(distance > ON_SHEET * mesh.extent())
+    off = np.flatnonzero(distance > ON_STRUCTURE * mesh.extent())
     if len(off):
         place = ", ".join(f"{c:.6g}" for c in points[off[0]])
         raise InputError(
@@ -200,9 +200,8 @@ def sheet_loads(
         if name not in form.components or not directions[:, axis].any():
             continue
         path = form.components[name]
-        dofmap = compat.subspace(form.space, path).dofmap
         basis = compat.tabulate(form.space, path, X[mine])
-        dofs = np.array([dofmap.cell_dofs(c) for c in range(cells.count)])[cell[mine]]
+        dofs = compat.cell_dofs(form.space, path)[cell[mine]]
         rows.append(dofs.ravel())
         sites.append(np.repeat(site, basis.shape[1]))
         values.append((basis * (scaled * directions[site, axis])[:, None]).ravel())
@@ -292,16 +291,6 @@ def _facets(mesh: Mesh, group: str | None, outside: bool) -> tuple[IntArray, int
     return own, dim
 
 
-def _cells_of(mesh: Mesh, dim: int, facets: IntArray) -> IntArray:
-    """A cell at each facet; cells themselves."""
-    if dim == mesh.tdim:
-        return facets
-    topology = mesh.dolfinx.topology
-    topology.create_connectivity(dim, mesh.tdim)
-    to_cell = topology.connectivity(dim, mesh.tdim)
-    return np.array([to_cell.links(f)[0] for f in facets], dtype=np.int32)
-
-
 def _part_of_cells(structure: Structure) -> IntArray:
     """Number of the material of each cell of this rank, ghosts included."""
     imap = compat.cell_map(structure.meshed()[0].dolfinx)
@@ -366,7 +355,7 @@ def _quadrature(mesh: Mesh, structure: Structure, facets: IntArray, order: int) 
     tdim, topology = mesh.tdim, mesh.dolfinx.topology
     topology.create_connectivity(tdim, tdim - 1)
     to_facet = topology.connectivity(tdim, tdim - 1)
-    cells = _cells_of(mesh, tdim - 1, facets)
+    cells = compat.cells_of(mesh.dolfinx, facets)
     place = np.array(
         [
             int(np.flatnonzero(to_facet.links(c) == f)[0])
