@@ -1,23 +1,61 @@
-"""Input checks shared by all modules: each returns the value in its canonical form or raises."""
+"""Input checks shared by all modules: each returns the value in the form that is stored, or raises.
+
+Every public constructor and function passes its arguments through one of these and keeps what they
+return, never the argument itself. A number is a real number: no complex one (its imaginary part
+would be lost), no string, no truth value, no NaN and no infinity.
+"""
 
 from __future__ import annotations
 
-from typing import Any
+import os
+import reprlib
+from collections.abc import Callable, Collection
+from functools import wraps
+from numbers import Integral, Real
+from pathlib import Path
+from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from antiosc.errors import InputError
+from antiosc.errors import AccuracyError, InputError
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+#: A quantity in SI units is 0 or lies between these in magnitude. Products and powers of a few such
+#: numbers stay within double precision (1e±308).
+SMALLEST, LARGEST = 1e-60, 1e60
+#: Largest whole number: every one up to it is a float too.
+MOST = 2**53
+
+_TRUTH = (bool, np.bool_)
+
+_repr = reprlib.Repr()
+_repr.maxstring = _repr.maxother = _repr.maxlong = 60
+_repr.maxlist = _repr.maxtuple = _repr.maxarray = _repr.maxset = _repr.maxdict = 4
+
+
+# -- numbers
 
 
 def number(name: str, value: Any, unit: str = "") -> float:
-    """`value` as a finite float, or InputError."""
+    """`value` as a finite float, 0 or of a magnitude from 1e-60 to 1e60, or InputError."""
+    if isinstance(value, np.ndarray) and value.ndim == 0 and not _masked(value):
+        value = value[()]
+    if isinstance(value, _TRUTH) or not isinstance(value, Real):
+        raise InputError(f"{name} must be a number{_in(unit)}; got {shown(value)}.")
     try:
         result = float(value)
-    except (TypeError, ValueError):
-        raise InputError(f"{name} must be a number{_in(unit)}; got {value!r}.") from None
+    except (ValueError, OverflowError):
+        result = float("inf")
     if not np.isfinite(result):
-        raise InputError(f"{name} must be finite{_in(unit)}; got {result}.")
+        raise InputError(f"{name} must be finite{_in(unit)}; got {shown(value)}.")
+    if result and not SMALLEST <= abs(result) <= LARGEST:
+        raise InputError(
+            f"{name} must be 0 or between {SMALLEST:g} and {LARGEST:g} in magnitude{_in(unit)}; "
+            f"got {result:g}."
+        )
     return result
 
 
@@ -37,14 +75,18 @@ def nonnegative(name: str, value: Any, unit: str = "") -> float:
     return result
 
 
-def whole(name: str, value: Any, least: int = 1) -> int:
-    """`value` as an int >= `least`, or InputError."""
-    try:
-        result = int(value)
-    except (TypeError, ValueError, OverflowError):
-        raise InputError(f"{name} must be a whole number >= {least}; got {value!r}.") from None
-    if result != value or result < least:
-        raise InputError(f"{name} must be a whole number >= {least}; got {value!r}.")
+def whole(name: str, value: Any, least: int = 1, most: int = MOST) -> int:
+    """`value` as an int from `least` to `most`, or InputError; 2.0 is taken as 2."""
+    if isinstance(value, np.ndarray) and value.ndim == 0 and not _masked(value):
+        value = value[()]
+    real = isinstance(value, Real) and not isinstance(value, _TRUTH)
+    if not real or not (isinstance(value, Integral) or float(value).is_integer()):
+        raise InputError(f"{name} must be a whole number >= {least}; got {shown(value)}.")
+    result = int(value)
+    if result < least:
+        raise InputError(f"{name} must be a whole number >= {least}; got {shown(value)}.")
+    if result > most:
+        raise InputError(f"{name} must be at most {most}; got {shown(value)}.")
     return result
 
 
@@ -59,22 +101,191 @@ def poisson(nu: Any) -> float:
     return result
 
 
-def array(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> NDArray[np.float64]:
-    """`value` as a finite float array of `shape` (None: any length), or InputError."""
-    try:
-        result = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
-        raise InputError(f"{name} must be an array of numbers; got {value!r}.") from None
-    fits = result.ndim == len(shape) and all(
-        want is None or want == have for want, have in zip(shape, result.shape, strict=True)
-    )
-    if not fits:
-        wanted = "(" + ", ".join("any" if s is None else str(s) for s in shape) + ")"
-        raise InputError(f"{name} must have shape {wanted}; got {result.shape}.")
+def tolerance(value: Any, name: str = "tol") -> float:
+    """A relative error 0 < tol < 1, or InputError."""
+    result = positive(name, value)
+    if result >= 1:
+        raise InputError(f"{name} is a relative error, 0 < {name} < 1; got {result:g}.")
+    return result
+
+
+# -- arrays of numbers
+
+
+def array(name: str, value: Any, shape: tuple[int | None, ...] | None) -> NDArray[np.float64]:
+    """`value` as a finite float array of `shape` (None: any length, or any shape), or InputError.
+
+    An array of floats is returned as it is: whoever keeps the result keeps a copy (see `kept`).
+    """
+    result = _numbers(name, value, "iuf")
+    with np.errstate(over="ignore"):  # a long double above 1e308 becomes inf, refused below
+        result = np.asarray(result, dtype=float)
+    if shape is not None:
+        _check_shape(name, result, shape)
     bad = np.count_nonzero(~np.isfinite(result))
     if bad:
         raise InputError(f"{name} must be finite; {bad} of its {result.size} entries are not.")
+    if result.size and np.abs(result).max() > LARGEST:
+        raise InputError(
+            f"{name} must not exceed {LARGEST:g} in magnitude; its largest entry is "
+            f"{np.abs(result).max():g}."
+        )
     return result
+
+
+def column(name: str, value: Any, size: int | None = None) -> NDArray[np.float64]:
+    """One number or a sequence of them as an array (n,), or InputError."""
+    result = array(name, value, None)
+    result = result.reshape(1) if result.ndim == 0 else result
+    _check_shape(name, result, (size,))
+    return result
+
+
+def spectrum(name: str, value: Any) -> NDArray[Any]:
+    """Finite numbers, real or complex, as an array of any shape, or InputError."""
+    result = _numbers(name, value, "iufc")
+    result = result.astype(complex if result.dtype.kind == "c" else float)
+    if result.size and not np.abs(result).max() <= LARGEST:  # catches NaN too
+        raise InputError(f"{name} must be finite and at most {LARGEST:g} in magnitude.")
+    return np.asarray(result)
+
+
+def coordinates(name: str, value: Any, unit: str = "m") -> tuple[float, ...]:
+    """`value` as 2 or 3 floats, or InputError."""
+    result = array(name, value, None)
+    if result.shape not in ((2,), (3,)):
+        raise InputError(f"{name} must be 2 or 3 numbers{_in(unit)}; got {shown(value)}.")
+    return tuple(result.tolist())
+
+
+def kept(values: NDArray[Any]) -> NDArray[Any]:
+    """A read-only copy: later changes of the caller's array do not reach what is stored."""
+    own = np.array(values)
+    own.setflags(write=False)
+    return own
+
+
+# -- what is no number
+
+
+def flag(name: str, value: Any) -> bool:
+    """`value` as a bool, or InputError."""
+    if not isinstance(value, _TRUTH):
+        raise InputError(f"{name} must be True or False; got {shown(value)}.")
+    return bool(value)
+
+
+def choice(name: str, value: Any, options: Collection[str | None]) -> Any:
+    """`value` if it is one of `options`, or InputError."""
+    if not (value is None or isinstance(value, str)) or value not in options:
+        names = ", ".join(repr(option) for option in options)
+        raise InputError(f"{name} must be one of {names}; got {shown(value)}.")
+    return value
+
+
+def text(name: str, value: Any) -> str:
+    """`value` as a string that is not empty, or InputError."""
+    if not isinstance(value, str) or not value:
+        raise InputError(f"{name} must be a name in quotes; got {shown(value)}.")
+    return str(value)
+
+
+def path(name: str, value: Any) -> Path:
+    """`value` as a path, or InputError."""
+    if not isinstance(value, str | os.PathLike) or not isinstance(os.fspath(value), str):
+        raise InputError(f"{name} must be a file name; got {shown(value)}.")
+    name_of_file = os.fspath(value)
+    if not name_of_file or "\0" in name_of_file:
+        raise InputError(f"{name} must be the name of a file; got {shown(name_of_file)}.")
+    return Path(name_of_file)
+
+
+def function(name: str, value: Any, what: str = "a function") -> Callable[..., Any]:
+    """`value` if it can be called, or InputError; `what` says of which arguments."""
+    if not callable(value):
+        raise InputError(f"{name} must be {what}; got {shown(value)}.")
+    return value
+
+
+def instance(name: str, value: Any, kind: type | tuple[type, ...], what: str) -> Any:
+    """`value` if it is of `kind`, or InputError; `what` names the kind and how to get one."""
+    if not isinstance(value, kind):
+        raise InputError(f"{name} must be {what}; got {shown(value)}.")
+    return value
+
+
+# -- results
+
+
+def within_range(function: Callable[P, T]) -> Callable[P, T]:
+    """`function`, with what overflows, divides by zero or has no value in it as an AccuracyError.
+
+    Each argument may be right by itself and the combination still leave double precision, as a
+    mass of 1e-50 kg on a spring of 1e50 N/m.
+    """
+
+    @wraps(function)
+    def guarded(*args: P.args, **kwargs: P.kwargs) -> T:
+        try:
+            with np.errstate(over="raise", divide="raise", invalid="raise"):
+                return function(*args, **kwargs)
+        except (ArithmeticError, np.linalg.LinAlgError) as error:
+            if isinstance(error, AccuracyError):
+                raise
+            raise AccuracyError(
+                f"{function.__qualname__}: the numbers given lie too far apart for double"
+                f" precision ({error}); check their units, which are SI."
+            ) from error
+
+    return guarded
+
+
+def shown(value: Any) -> str:
+    """`value` in a message: one short line."""
+    if isinstance(value, np.ndarray) and value.ndim:
+        return f"an array of shape {value.shape} and type {value.dtype}"
+    try:
+        line = " ".join(_repr.repr(value).split())
+    except Exception:  # a foreign object's repr, or an int of more than 4300 digits
+        return f"an object of type {type(value).__name__}"
+    return line if len(line) <= 80 else f"an object of type {type(value).__name__}"
+
+
+# -- inside
+
+
+def _numbers(name: str, value: Any, kinds: str) -> NDArray[Any]:
+    """`value` as an array whose dtype is of one of NumPy's `kinds`, or InputError."""
+    meant = "an array of numbers" if "c" in kinds else "an array of real numbers"
+    if _foreign(value):
+        raise InputError(f"{name} must be {meant}; got {shown(value)}.")
+    try:
+        result = np.asarray(value)
+    except Exception:  # ragged lists, and foreign objects whose __array__ raises what it likes
+        raise InputError(f"{name} must be {meant}; got {shown(value)}.") from None
+    if result.dtype.kind not in kinds:
+        raise InputError(f"{name} must be {meant}; got {shown(value)}.")
+    return result
+
+
+def _foreign(value: Any) -> bool:
+    """Whether NumPy would turn an entry that is no number into one."""
+    if isinstance(value, list | tuple):
+        return any(_foreign(entry) for entry in value)
+    return _masked(value) or isinstance(value, (*_TRUTH, str, bytes))
+
+
+def _masked(value: Any) -> bool:
+    return isinstance(value, np.ma.MaskedArray)
+
+
+def _check_shape(name: str, value: NDArray[Any], shape: tuple[int | None, ...]) -> None:
+    fits = value.ndim == len(shape) and all(
+        want is None or want == have for want, have in zip(shape, value.shape, strict=True)
+    )
+    if not fits:
+        wanted = "(" + ", ".join("any" if s is None else str(s) for s in shape) + ")"
+        raise InputError(f"{name} must have shape {wanted}; got {value.shape}.")
 
 
 def _in(unit: str) -> str:

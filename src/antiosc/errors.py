@@ -1,5 +1,10 @@
 """The errors antiosc raises: one sentence with the number, the rule and the remedy."""
 
+from __future__ import annotations
+
+import sys
+import warnings
+
 
 class AntioscError(Exception):
     """Base of all errors raised on purpose by antiosc."""
@@ -29,5 +34,25 @@ class AntioscWarning(UserWarning):
     """Something the caller should know before trusting a number; the message names the remedy."""
 
 
-class AccuracyWarning(UserWarning):
-    """A usable result that did not reach what was asked; the message says how far it came."""
+class AccuracyWarning(AntioscWarning):
+    """A usable result that did not reach what was asked, or is less accurate than usual."""
+
+
+def warn(message: str, category: type[Warning] = AntioscWarning) -> None:
+    """Warn at the line of the caller's own code, however deep in the library this is called."""
+    warnings.warn(message, category, stacklevel=1 + _frames_to_caller())
+
+
+#: Packages that stand between the caller's code and the place of a warning, beside Python's own.
+_BETWEEN = {"antiosc", "dolfinx", "mpi4py", "numpy", "petsc4py", "scipy", "slepc4py"}
+
+
+def _frames_to_caller() -> int:
+    """How many frames above `warn` the first is that belongs to neither antiosc nor a library."""
+    frame, count = sys._getframe(1), 0
+    while frame.f_back is not None:
+        package = str(frame.f_globals.get("__name__", "")).partition(".")[0]
+        if package not in _BETWEEN and package not in sys.stdlib_module_names:
+            return count
+        frame, count = frame.f_back, count + 1
+    return count

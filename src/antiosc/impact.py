@@ -15,7 +15,6 @@ its own equilibrium under gravity; one with a rigid-body mode falls.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from math import log2
@@ -26,7 +25,7 @@ from numpy.typing import NDArray
 from antiosc import checks
 from antiosc.contact import ContactLaw, Hertz, State
 from antiosc.control import Refinement
-from antiosc.errors import AccuracyError, AccuracyWarning, InputError
+from antiosc.errors import AccuracyError, AccuracyWarning, InputError, warn
 from antiosc.history import History, force_difference
 from antiosc.integrators import (
     FIXED_STEP,
@@ -154,7 +153,7 @@ def simulate(
         message=" ".join(filter(None, (message, note))),
     )
     if status:
-        warnings.warn(message, AccuracyWarning, stacklevel=2)
+        warn(message, AccuracyWarning)
     if history.peak_force > law.valid_force:
         reason = law.out_of_range(history.peak_force, getattr(model, "radius", None))
         raise AccuracyError(f"{reason}.")

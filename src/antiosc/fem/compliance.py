@@ -13,13 +13,12 @@ A + σM.
 from __future__ import annotations
 
 import logging
-import warnings
 
 import numpy as np
 import scipy.linalg.blas
 import scipy.sparse
 
-from antiosc.errors import AntioscWarning
+from antiosc.errors import warn
 from antiosc.fem import large
 from antiosc.fem.algebra import (
     Array,
@@ -80,11 +79,9 @@ def _room(structure: Structure) -> bool:
     free = on_root(comm, large.free_memory)
     if more > large.FILL * free:
         if comm.rank == 0:
-            warnings.warn(
+            warn(
                 f"the map's further factors need about {more / 1e9:.3g} GB and {free / 1e9:.3g} GB "
                 "are free: every site is solved for instead, which takes some ten times as long.",
-                AntioscWarning,
-                stacklevel=4,
             )
         return False
     return True

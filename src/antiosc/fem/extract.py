@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import time
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args
@@ -13,7 +12,7 @@ import numpy as np
 
 from antiosc import band as bands
 from antiosc.checks import positive, whole
-from antiosc.errors import AccuracyError, AccuracyWarning, InputError
+from antiosc.errors import AccuracyError, AccuracyWarning, InputError, warn
 from antiosc.fem.algebra import Array, dot, multiply
 from antiosc.fem.krylov import CHUNK, by_krylov
 from antiosc.fem.modes import Modes, ModeSolver
@@ -208,29 +207,26 @@ def _extracted(
 def _tell(model: AntiOscillators, wish: _Wish) -> None:
     """Warn of frequencies that have not settled, of a band not reached, or one that holds none."""
     if model.info["converged"] == 0 and model.n >= SETTLED:
-        warnings.warn(
+        warn(
             f"none of the {model.n} anti-oscillators has settled on an antiresonance: their "
             "frequencies are not to be trusted; some part may be very slender.",
             AccuracyWarning,
-            stacklevel=4,
         )
     if wish.band is None or "band" not in model.info:
         return
     error = model.info["band"]["error_bound"]
     if error > wish.accuracy:
-        warnings.warn(
+        warn(
             f"{model.n} anti-oscillators know Z up to {wish.band:g} rad/s to {error:.1e}, not to "
             f"the accuracy {wish.accuracy:g} asked: raise n or lower the band.",
             AccuracyWarning,
-            stacklevel=4,
         )
     elif model.n and wish.band < model.omega[0]:
-        warnings.warn(
+        warn(
             f"the band ends at {wish.band:g} rad/s, below the first antiresonance "
             f"{model.omega[0]:g} rad/s: the model is little more than its static stiffness and "
             "mass; raise the band if the impact is shorter than that.",
             AccuracyWarning,
-            stacklevel=4,
         )
 
 

@@ -12,7 +12,6 @@ import logging
 import os
 import tempfile
 import time
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -26,7 +25,7 @@ from antiosc.batch import simulate_many
 from antiosc.checks import positive, whole
 from antiosc.contact import ContactLaw
 from antiosc.deflection import peak_deflections
-from antiosc.errors import AccuracyWarning, InputError
+from antiosc.errors import AccuracyWarning, InputError, warn
 from antiosc.fem.algebra import Array, dot
 from antiosc.fem.block_lanczos import lowest_modes
 from antiosc.fem.compat import IntArray
@@ -345,20 +344,18 @@ def _refined(
 
 def _tell(result: ImpactMap, accuracy: float) -> None:
     if result.skipped:
-        warnings.warn(
+        warn(
             f"{result.skipped} of {result.skipped + len(result)} sites are left out: the supports "
             "hold them along the impact, or no face carries their patch.",
             AccuracyWarning,
-            stacklevel=3,
         )
     left = int(np.sum(result.error > accuracy))
     if left:
-        warnings.warn(
+        warn(
             f"Z may be off by more than {accuracy:g} at {left} of {len(result)} sites up to "
             f"{result.band:g} rad/s (at worst {result.error.max():.1e}): raise n or modes, lower "
             "the band, or extract those sites (see .error).",
             AccuracyWarning,
-            stacklevel=3,
         )
 
 

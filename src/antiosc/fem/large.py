@@ -7,7 +7,6 @@ time per solve.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Literal, get_args
@@ -15,7 +14,7 @@ from typing import Literal, get_args
 import numpy as np
 from petsc4py import PETSc
 
-from antiosc.errors import AntioscWarning, InputError
+from antiosc.errors import InputError, warn
 from antiosc.fem.algebra import (
     Array,
     Distributed,
@@ -94,11 +93,9 @@ def solver_for(A: PETSc.Mat, choice: Choice, motions: Callable[[], Array]) -> So
     if choice == "direct":
         raise InputError(f"{text}: take solver='iterative', a coarser mesh, or order=1.")
     if A.getComm().rank == 0:
-        warnings.warn(
+        warn(
             f"{text}: each solve is iterated instead (conjugate gradients with multigrid), which "
             "takes about a hundred times as long; a coarser mesh or order=1 would fit.",
-            AntioscWarning,
-            stacklevel=3,
         )
     return Multigrid(A, motions())
 

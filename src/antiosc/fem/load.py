@@ -6,7 +6,6 @@ over a disc with the same pressure on a sheet.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 
 import dolfinx
@@ -14,7 +13,7 @@ import numpy as np
 import ufl
 from petsc4py import PETSc
 
-from antiosc.errors import AntioscWarning, InputError
+from antiosc.errors import AccuracyWarning, InputError, warn
 from antiosc.fem import compat, locate
 from antiosc.fem.algebra import Array
 from antiosc.fem.compat import IntArray
@@ -73,11 +72,10 @@ def on_sheet(
     share = float(weights[on_sheet].sum())
     weights = np.where(on_sheet, weights, 0.0) / share
     if share < 0.9 and mesh.comm.rank == 0:
-        warnings.warn(
+        warn(
             f"an edge cuts the patch of radius {radius:g} m: only {share:.0%} of its load area "
             "lies on the sheet; move the site or take a smaller radius.",
-            AntioscWarning,
-            stacklevel=4,
+            AccuracyWarning,
         )
     b = at_points(structure, places, weights, direction)
     return b, _half_space(structure, place, float(direction @ normal), radius)
@@ -198,17 +196,15 @@ def _check_patch(mesh: Mesh, radius: float, size: float, share: float) -> None:
     if mesh.comm.rank:
         return
     if size > 1.2 * radius:
-        warnings.warn(
+        warn(
             f"the facets at the site measure {size:.2g} m, more than the radius {radius:g} m: the "
             f"patch is not resolved; read the geometry with refine=[(point, {radius:g})] or take "
             f"radius={size:.1g}.",
-            AntioscWarning,
-            stacklevel=5,
+            AccuracyWarning,
         )
     if share < 0.9:
-        warnings.warn(
+        warn(
             f"an edge cuts the patch: only {share:.0%} of its load area lies on the face, so its "
             "half-space compliance does not hold; move the site or take a smaller radius.",
-            AntioscWarning,
-            stacklevel=5,
+            AccuracyWarning,
         )

@@ -15,7 +15,7 @@ import numpy as np
 import scipy.sparse
 
 from antiosc.checks import array, positive
-from antiosc.errors import AccuracyWarning, AntioscWarning, InputError
+from antiosc.errors import AccuracyWarning, InputError, warn
 from antiosc.fem.algebra import Array
 from antiosc.fem.compat import IntArray
 from antiosc.fem.site import PARTLY, SHEET_RADIUS, Site, functional
@@ -101,11 +101,10 @@ def sites_of(
         )
     partly = int(np.sum(moving & (share < 1 - PARTLY) & (found.local > 0)))
     if partly and structure.comm.rank == 0:
-        warnings.warn(
+        warn(
             f"supports hold a part of the patch at {partly} of {len(share)} sites (more than "
             f"{PARTLY:.0%} of its load): its half-space compliance does not hold there.",
             AccuracyWarning,
-            stacklevel=4,
         )
     return found if moving.all() else found.only(moving)
 
@@ -128,11 +127,10 @@ def _on_surface(
     if radius is None and patch != "cells":
         loads, share = point_loads(structure, points, directions), np.ones(len(points))
         if patch and structure.comm.rank == 0:
-            warnings.warn(
+            warn(
                 "the compliance under a point load on a solid grows without limit as the mesh is "
                 "refined: give the map a radius.",
-                AntioscWarning,
-                stacklevel=5,
+                AccuracyWarning,
             )
         return Sites(
             points, normals, directions, ground.elements, loads, 0 * share, None, len(points)
@@ -156,11 +154,10 @@ def _on_surface(
     local = local / radii
     cut = int(np.sum(share < 0.9))
     if cut and structure.comm.rank == 0:
-        warnings.warn(
+        warn(
             f"an edge cuts the patch at {cut} of {len(share)} sites (less than 90 % of its "
             "load lies on the surface): its half-space compliance does not hold there.",
             AccuracyWarning,
-            stacklevel=5,
         )
     return Sites(points, normals, directions, ground.elements, loads, local, radii, len(points))
 
@@ -205,10 +202,9 @@ def _one_by_one(
             columns.append(scipy.sparse.csc_matrix(place.b[:, None]))
             x[i], local[i], radii[i] = place.point, place.local_compliance, place.radius or 0.0
     if said and structure.comm.rank == 0:
-        warnings.warn(
+        warn(
             f"{said[0].message} (the first of {len(said)} such warnings)",
             said[0].category,
-            stacklevel=5,
         )
     return Sites(
         x,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -15,7 +14,7 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 
 from antiosc.checks import array, positive
-from antiosc.errors import AntioscWarning, InputError, MeshError
+from antiosc.errors import InputError, MeshError, warn
 from antiosc.fem import compat, folds
 from antiosc.fem.compat import IntArray
 from antiosc.fem.parallel import agree, bounds, on_root
@@ -223,12 +222,10 @@ def _sound(raw: RawMesh, path: Path) -> RawMesh:
         return replace(raw, points=points)
     bad = folds.folded(raw.points, cells, kind.shape, kind.order)
     if len(bad):
-        warnings.warn(
+        warn(
             f"{len(bad)} of {len(raw.cells)} cells of {path.name} fold over themselves, one at "
             f"({_centre(raw, bad[0])}) m: what is computed there is wrong; optimise the mesh (in "
             "gmsh: Mesh.HighOrderOptimize = 2) or read it with order=1.",
-            AntioscWarning,
-            stacklevel=5,
         )
     return raw
 

@@ -7,7 +7,6 @@ patch with Hertz's pressure.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -16,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from antiosc.checks import array, positive
-from antiosc.errors import AccuracyWarning, AntioscWarning, InputError
+from antiosc.errors import AccuracyWarning, InputError, warn
 from antiosc.fem import locate
 from antiosc.fem.algebra import Array, norm
 from antiosc.fem.family import WeakForm
@@ -164,11 +163,10 @@ def _moving(structure: Structure, result: Functional, label: str) -> Functional:
             "strike a point that can."
         )
     if result.local_compliance and structure.comm.rank == 0 and held > PARTLY:
-        warnings.warn(
+        warn(
             f"supports hold {held:.0%} of the patch: its half-space compliance does not hold "
             "there; move the site or take a smaller radius.",
             AccuracyWarning,
-            stacklevel=4,
         )
     return result
 
@@ -207,10 +205,9 @@ def _text(point: Any) -> str:
 def _warn_of_point(mesh: Mesh, place: locate.Place) -> None:
     size = locate.size_at(mesh, place)
     if mesh.comm.rank == 0:
-        warnings.warn(
+        warn(
             f"the compliance under a point load on a solid grows without limit as the mesh is "
             f"refined: give the site a radius, here for instance radius={size:.1g} (the element "
             f"there measures {size:.2g} m; its radius should not be smaller).",
-            AntioscWarning,
-            stacklevel=4,
+            AccuracyWarning,
         )
