@@ -143,7 +143,7 @@ def test_names_paths_flags_choices_functions():
         with pytest.raises(ao.InputError, match=r"^snap must be True or False"):
             checks.flag("snap", value)
     for value in ([], {}, 3, "c", np.ones(2)):
-        with pytest.raises(ao.InputError, match=r"^plane must be one of None, 'a'; got"):
+        with pytest.raises(ao.InputError, match=r"^plane must be None or 'a'; got"):
             checks.choice("plane", value, (None, "a"))
     with pytest.raises(ao.InputError, match=r"^where must be a function of points; got 3"):
         checks.function("where", 3, "a function of points")

@@ -70,7 +70,7 @@ class TestItSeesFaults:
 
         monkeypatch.setattr(ao.Hertz, "implicit", broken)
         result = fuzz.main(scenes=40)
-        assert any("ZeroDivisionError" in failure for failure in result["failures"])
+        assert any("division by zero" in failure for failure in result["failures"])
 
     def test_unexpected_refusal(self):
         assert not fuzz.expected(ao.InputError("k0 must be >= 0"), {})

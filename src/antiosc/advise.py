@@ -76,6 +76,7 @@ class Advice:
         )
 
 
+@checks.within_range
 def advise(
     part: Any, impactor: Any, *, E: float | None = None, nu: float = 0.3, rho: float | None = None
 ) -> Advice:
@@ -102,7 +103,7 @@ def advise(
     if not hasattr(impactor, "hertz"):
         raise InputError(
             f"advise needs an impactor with a contact law of its own, as a Sphere; got "
-            f"{type(impactor).__name__}."
+            f"{checks.shown(impactor)}."
         )
     speed = checks.positive("the impactor's velocity", impactor.velocity, "m/s")
     stiffness = impactor.hertz(E, nu).stiffness

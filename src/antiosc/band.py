@@ -16,7 +16,7 @@ from antiosc import checks
 from antiosc.contact import ContactLaw
 from antiosc.errors import InputError
 from antiosc.impact import assemble, scaled
-from antiosc.modal import LinearBody, ModalBody
+from antiosc.modal import LinearBody, ModalBody, checked_body
 
 #: damping ratio at which Z is evaluated
 DAMPING = 0.01
@@ -63,13 +63,15 @@ def stiffness_error(Z: Stiffness, reference: Stiffness, band: float, lowest: flo
     return float(np.max(np.abs(Z(at) - exact) / np.abs(exact)))
 
 
+@checks.within_range
 def impact_band(impactor: LinearBody, contact: ContactLaw) -> float:
     """The highest circular frequency [rad/s] that an impact brings to a structure, about 3 pi/T.
 
     T is the contact time of `impactor` on a rigid wall, the shortest that a single contact with
     the structure can have. Raises InputError for an impactor at rest.
     """
-    if not float(getattr(impactor, "velocity", 0.0)) > 0:
+    checked_body("impactor", impactor)
+    if not checks.number("velocity", getattr(impactor, "velocity", 0.0), "m/s") > 0:
         raise InputError(
             "impact_band needs an impactor with a velocity > 0; with an Obstacle or a body at rest "
             "give the band as a number."

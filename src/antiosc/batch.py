@@ -76,6 +76,7 @@ def sweep(make: Callable[..., Any], **values: Any) -> list[Any]:
     ]
 
 
+@checks.within_range
 def simulate_many(
     models: LinearBody | Sequence[LinearBody],
     impactors: LinearBody | Sequence[LinearBody],
@@ -118,9 +119,9 @@ def simulate_many(
     }
     size = _common_length({k: len(v) for k, v in given.items() if _is_many(v)})
     columns = {k: list(v) if _is_many(v) else [v] * size for k, v in given.items()}
-    accuracy = DEFAULT_TOL if tol is None else checks.positive("tol", tol)
-    if accuracy >= 1:
-        raise InputError(f"tol is a relative error, 0 < tol < 1; got {accuracy:g}.")
+    accuracy = DEFAULT_TOL if tol is None else checks.tolerance(tol)
+    max_contacts = checks.whole("max_contacts", max_contacts)
+    max_steps = checks.whole("max_steps", max_steps)
     scenes = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
     results: list[Result | None] = [None] * size
     groups: dict[type, list[int]] = {}

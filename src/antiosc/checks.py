@@ -175,11 +175,13 @@ def flag(name: str, value: Any) -> bool:
     return bool(value)
 
 
-def choice(name: str, value: Any, options: Collection[str | None]) -> Any:
+def choice(name: str, value: Any, options: Collection[Any]) -> Any:
     """`value` if it is one of `options`, or InputError."""
-    if not (value is None or isinstance(value, str)) or value not in options:
-        names = ", ".join(repr(option) for option in options)
-        raise InputError(f"{name} must be one of {names}; got {shown(value)}.")
+    known = value is None or (isinstance(value, str | int) and not isinstance(value, bool))
+    if not known or value not in options:
+        *some, last = map(repr, options)
+        names = f"{', '.join(some)} or {last}"
+        raise InputError(f"{name} must be {names}; got {shown(value)}.")
     return value
 
 
@@ -214,6 +216,12 @@ def instance(name: str, value: Any, kind: type | tuple[type, ...], what: str) ->
     return value
 
 
+def store(target: Any, **values: Any) -> None:
+    """Set attributes of a frozen dataclass: from its `__post_init__` only."""
+    for name, value in values.items():
+        object.__setattr__(target, name, value)
+
+
 # -- results
 
 
@@ -232,8 +240,9 @@ def within_range(function: Callable[P, T]) -> Callable[P, T]:
         except (ArithmeticError, np.linalg.LinAlgError) as error:
             if isinstance(error, AccuracyError):
                 raise
+            name = function.__qualname__.removesuffix(".__post_init__")
             raise AccuracyError(
-                f"{function.__qualname__}: the numbers given lie too far apart for double"
+                f"{name}: the numbers given lie too far apart for double"
                 f" precision ({error}); check their units, which are SI."
             ) from error
 

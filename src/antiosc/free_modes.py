@@ -65,7 +65,7 @@ class SiteModels:
 
     def dynamic_stiffness(self, omega: ArrayLike, part: slice = slice(None)) -> NDArray[Any]:
         """Z of the sites of `part` at circular frequencies of shape (W,): (S, W), as of a model."""
-        x = np.asarray(omega) ** 2
+        x = checks.spectrum("omega", omega) ** 2
         Z = self.k0[part, None] - x * self.m0[part, None]
         for w, m in zip(self.omega[part].T, self.m[part].T, strict=True):
             real = m > 0
@@ -81,6 +81,7 @@ class SiteModels:
         )
 
 
+@checks.within_range
 def from_free_modes(
     omega: ArrayLike,
     b: ArrayLike,
@@ -122,6 +123,7 @@ def from_free_modes(
     return at_sites(omega, b[None, :], C, G, n, shift, method).model(0)
 
 
+@checks.within_range
 def at_sites(
     omega: ArrayLike,
     b: ArrayLike,
@@ -132,8 +134,7 @@ def at_sites(
     method: Method = "modes",
 ) -> SiteModels:
     """The same for S sites at once: b (S, J), compliance and inertia (S,)."""
-    if method not in get_args(Method):
-        raise InputError(f"method must be 'krylov' or 'modes'; got {method!r}.")
+    checks.choice("method", method, get_args(Method))
     omega = checks.array("omega", omega, (None,))
     if not omega.size or np.any(omega < 0) or np.any(np.diff(omega) < 0) or omega[-1] == 0:
         raise InputError("omega must ascend from 0 or above to a frequency > 0.")
@@ -176,6 +177,7 @@ def residual(
     return r, np.where(G - heavy > ROUNDING * G, s, 0.0)
 
 
+@checks.within_range
 def error_bound(
     models: SiteModels,
     omega: ArrayLike,

@@ -37,7 +37,7 @@ from antiosc.integrators import (
     Trajectory,
     run,
 )
-from antiosc.modal import LinearBody, ModalBody
+from antiosc.modal import LinearBody, ModalBody, checked_body
 from antiosc.model import AntiOscillators
 from antiosc.truncation import Run, choose_n
 
@@ -48,6 +48,7 @@ COARSEST = 24  # per estimated contact time, on the coarsest level
 MAX_LEVELS = 24
 
 
+@checks.within_range
 def simulate(
     model: LinearBody,
     impactor: LinearBody,
@@ -110,11 +111,10 @@ def simulate(
         When the peak force leaves the range in which the contact law holds.
     """
     duration = checks.positive("duration", duration, "s")
-    accuracy = DEFAULT_TOL if tol is None else checks.positive("tol", tol)
-    if accuracy >= 1:
-        raise InputError(f"tol is a relative error, 0 < tol < 1; got {accuracy:g}.")
-    checks.whole("max_contacts", max_contacts)
-    checks.whole("max_steps", max_steps)
+    accuracy = DEFAULT_TOL if tol is None else checks.tolerance(tol)
+    checks.choice("method", method, (*FIXED_STEP, *IVP_METHODS))
+    max_contacts = checks.whole("max_contacts", max_contacts)
+    max_steps = checks.whole("max_steps", max_steps)
     truncation: dict[str, float] = {}
     shortage = ""
     if n is not None:
@@ -252,14 +252,9 @@ def assemble(
     gap: float | None = None,
 ) -> tuple[Problem, tuple[ModalBody, ModalBody]]:
     """The problem an integrator sees, and the two bodies in the order (structure, impactor)."""
-    for name, body in (("model", model), ("impactor", impactor)):
-        if not callable(getattr(body, "modal", None)):
-            raise InputError(
-                f"{name} must have a modal() method, as AntiOscillators and RigidMass have;"
-                f" got {type(body).__name__}."
-            )
-    if not isinstance(law, ContactLaw):
-        raise InputError(f"contact must be a ContactLaw such as Hertz; got {type(law).__name__}.")
+    checked_body("model", model)
+    checked_body("impactor", impactor)
+    checks.instance("contact", law, ContactLaw, "a ContactLaw such as Hertz(stiffness)")
     structure, striker = model.modal(), impactor.modal()
     gravity = checks.number("gravity", gravity, "m/s^2")
     away = -checks.number("initial_velocity", initial_velocity, "m/s")

@@ -10,7 +10,7 @@ import numpy as np
 from antiosc import checks
 from antiosc.contact import Hertz
 from antiosc.errors import InputError
-from antiosc.modal import LinearBody, ModalBody
+from antiosc.modal import LinearBody, ModalBody, checked_body
 
 
 @dataclass(frozen=True)
@@ -21,8 +21,11 @@ class RigidMass:
     velocity: float = 0.0
 
     def __post_init__(self) -> None:
-        checks.positive("mass", self.mass, "kg")
-        checks.number("velocity", self.velocity, "m/s")
+        checks.store(
+            self,
+            mass=checks.positive("mass", self.mass, "kg"),
+            velocity=checks.number("velocity", self.velocity, "m/s"),
+        )
 
     def modal(self) -> ModalBody:
         return _rigid(self.mass)
@@ -49,11 +52,14 @@ class Sphere:
     velocity: float = 0.0
 
     def __post_init__(self) -> None:
-        checks.positive("radius", self.radius, "m")
-        checks.positive("E", self.E, "Pa")
-        checks.poisson(self.nu)
-        checks.positive("rho", self.rho, "kg/m^3")
-        checks.number("velocity", self.velocity, "m/s")
+        checks.store(
+            self,
+            radius=checks.positive("radius", self.radius, "m"),
+            E=checks.positive("E", self.E, "Pa"),
+            nu=checks.poisson(self.nu),
+            rho=checks.positive("rho", self.rho, "kg/m^3"),
+            velocity=checks.number("velocity", self.velocity, "m/s"),
+        )
 
     @property
     def mass(self) -> float:
@@ -78,12 +84,13 @@ class Obstacle:
     velocity: float = 0.0
 
     def __post_init__(self) -> None:
-        checks.nonnegative("gap", self.gap, "m")
-        if self.velocity != 0.0:
+        velocity = checks.number("velocity", self.velocity, "m/s")
+        if velocity != 0.0:
             raise InputError(
                 f"an obstacle is fixed; give the structure an initial_velocity instead of"
-                f" velocity = {self.velocity!r}."
+                f" velocity = {velocity:g}."
             )
+        checks.store(self, gap=checks.nonnegative("gap", self.gap, "m"), velocity=velocity)
 
     def modal(self) -> ModalBody:
         return ModalBody(np.zeros(0), np.zeros(0), weight=np.zeros(0))
@@ -101,12 +108,8 @@ class Impactor:
     velocity: float = 0.0
 
     def __post_init__(self) -> None:
-        if not isinstance(self.body, LinearBody):
-            raise InputError(
-                f"body must be a linear body with a modal() method, such as AntiOscillators;"
-                f" got {type(self.body).__name__}."
-            )
-        checks.number("velocity", self.velocity, "m/s")
+        body = checked_body("body", self.body)
+        checks.store(self, body=body, velocity=checks.number("velocity", self.velocity, "m/s"))
 
     @property
     def local_compliance(self) -> float:

@@ -42,11 +42,15 @@ class Damping:
     beta: float = 0.0
 
     def __post_init__(self) -> None:
-        ratios = np.atleast_1d(np.asarray(self.ratio, dtype=float))
-        if ratios.ndim != 1 or ratios.size == 0 or not np.all(np.isfinite(ratios) & (ratios >= 0)):
-            raise InputError(f"damping ratios must be finite and >= 0; got {self.ratio!r}.")
-        checks.nonnegative("alpha", self.alpha, "1/s")
-        checks.nonnegative("beta", self.beta, "s")
+        ratios = checks.column("ratio", self.ratio)
+        if not ratios.size or np.any(ratios < 0):
+            raise InputError(f"damping ratios must be >= 0; got {checks.shown(self.ratio)}.")
+        checks.store(
+            self,
+            ratio=float(ratios[0]) if ratios.size == 1 else tuple(ratios.tolist()),
+            alpha=checks.nonnegative("alpha", self.alpha, "1/s"),
+            beta=checks.nonnegative("beta", self.beta, "s"),
+        )
 
     def decay(self, omega: Array) -> Array:
         """Decay constants d_j [1/s] for ascending circular frequencies, shape (J,)."""
@@ -88,16 +92,22 @@ class ModalBody:
     residual: Array | None = None
 
     def __post_init__(self) -> None:
-        size = np.shape(self.omega)
-        for name in ("omega", "b", "decay", "weight"):
+        checks.store(self, omega=checks.array("omega", self.omega, (None,)))
+        size = self.omega.size
+        for name in ("b", "decay", "weight"):
             value = getattr(self, name)
-            if value is not None:
-                object.__setattr__(self, name, checks.array(name, value, (size[0] if size else 1,)))
+            if value is not None or name == "b":
+                checks.store(self, **{name: checks.array(name, value, (size,))})
         if np.any(self.omega < 0):
             raise InputError(f"omega must be >= 0; its least entry is {self.omega.min():g} rad/s.")
         if self.decay is not None and np.any(self.decay < 0):
             raise InputError("decay must be >= 0: negative damping feeds energy in.")
-        object.__setattr__(self, "r", checks.nonnegative("r", self.r, "m/N"))
+        checks.store(self, r=checks.nonnegative("r", self.r, "m/N"))
+        if self.shape is not None:
+            checks.store(self, shape=checks.array("shape", self.shape, (None, size)))
+        if self.residual is not None:
+            rows = None if self.shape is None else len(self.shape)
+            checks.store(self, residual=checks.array("residual", self.residual, (rows,)))
 
     def coordinates(self, q: ArrayLike, force: ArrayLike) -> Array:
         """Own coordinates for modal ones of shape (..., J) and contact forces (...,): (..., n)."""
@@ -111,7 +121,7 @@ class ModalBody:
 
     def receptance(self, omega: ArrayLike) -> NDArray[np.complex128]:
         """H(omega) = u/F [m/N], damping included."""
-        w = np.asarray(omega)[..., np.newaxis]
+        w = checks.spectrum("omega", omega)[..., np.newaxis]
         loss = 0.0 if self.decay is None else 2j * self.decay * w
         return np.asarray(np.sum(self.b**2 / (self.omega**2 - w**2 + loss), axis=-1) + self.r + 0j)
 
@@ -144,6 +154,16 @@ class LinearBody(Protocol):
     def modal(self) -> ModalBody:
         """The body in free modes, seen from its contact point."""
         ...
+
+
+def checked_body(name: str, body: Any) -> LinearBody:
+    """`body` if it has a modal() method, or InputError."""
+    if not isinstance(body, type) and callable(getattr(body, "modal", None)):
+        return body  # type: ignore[no-any-return]
+    raise InputError(
+        f"{name} must have a modal() method, as AntiOscillators and RigidMass have;"
+        f" got {checks.shown(body)}."
+    )
 
 
 def arrow_modes(k0: float, m0: float, m: Array, poles: Array) -> tuple[Array, Array]:

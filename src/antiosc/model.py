@@ -158,7 +158,7 @@ class AntiOscillators:
         the antiresonances, its zeros the free frequencies; at a pole the value is infinite.
         `omega` [rad/s] may be an array of any shape, real or complex.
         """
-        x = np.asarray(omega)[..., np.newaxis] ** 2
+        x = checks.spectrum("omega", omega)[..., np.newaxis] ** 2
         poles = self.omega**2
         with np.errstate(divide="ignore"):
             hung = np.sum(self.m * poles * x / (poles - x), axis=-1)
@@ -264,7 +264,7 @@ class AntiOscillators:
 
 
 def _column(name: str, value: ArrayLike) -> NDArray[np.float64]:
-    return checks.array(name, np.atleast_1d(np.asarray(value)), (None,))
+    return checks.column(name, value)
 
 
 def _frozen(array: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -78,6 +78,10 @@ def truncation_error(
     tol : float
         Time integration error of the two impacts that are compared.
     """
+    _check(model, run)
+    tol = checks.tolerance(tol)
+    if next_omega is not None:
+        next_omega = checks.positive("next_omega", next_omega, "rad/s")
     if model.n == 0:
         return TruncationError(0, inf, inf, inf)
     soft = _hung(model, next_omega)
@@ -98,10 +102,8 @@ def choose_n(model: AntiOscillators, run: Run, tol: float = 1e-2) -> Choice:
     InputError
         For a tolerance that is not in (0, 1), or a model that is not `AntiOscillators`.
     """
-    if not isinstance(model, AntiOscillators):
-        raise InputError(f"only AntiOscillators can be truncated; got {type(model).__name__}.")
-    if not 0 < checks.number("tol", tol) < 1:
-        raise InputError(f"tol is a relative error, 0 < tol < 1; got {tol:g}.")
+    _check(model, run)
+    tol = checks.tolerance(tol)
     known: dict[int, TruncationError] = {}
 
     def error(n: int) -> TruncationError:
@@ -142,7 +144,14 @@ def _hung(model: AntiOscillators, next_omega: float | None) -> AntiOscillators:
     )
 
 
+def _check(model: AntiOscillators, run: Run) -> None:
+    if not isinstance(model, AntiOscillators):
+        raise InputError(f"only AntiOscillators can be truncated; model is {checks.shown(model)}.")
+    checks.function("run", run, "a function run(model, tol) that returns a History")
+
+
 def _quantities(hit: History) -> tuple[float, float, float]:
+    checks.instance("what run returns", hit, History, "a History")
     return hit.peak_force, hit.impulse, hit.contact_time
 
 

@@ -17,6 +17,7 @@ from scipy.optimize import brentq
 
 from antiosc import checks
 from antiosc.contact.base import ContactLaw, State
+from antiosc.contact.power import checked_exponent
 from antiosc.errors import InputError
 
 # In chatter v0 -> 0 and d/v0 would grow without bound: it is held above this share of the
@@ -46,15 +47,16 @@ class _Damped(ContactLaw):
     rate_dependent: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
-        checks.positive("stiffness", self.stiffness, "N/m^exponent")
         e = checks.number("restitution", self.restitution)
         if not 0 < e <= 1:
             raise InputError(f"restitution must lie in 0 < e <= 1; got {e:g}.")
-        if not 1 <= checks.number("exponent", self.exponent) <= 10:
-            raise InputError(
-                f"exponent must lie in 1 <= n <= 10 (1 linear, 1.5 Hertz); got {self.exponent:g}."
-            )
-        object.__setattr__(self, "factor", self._factor(e))
+        checks.store(
+            self,
+            stiffness=checks.positive("stiffness", self.stiffness, "N/m^exponent"),
+            restitution=e,
+            exponent=checked_exponent(self.exponent),
+            factor=self._factor(e),
+        )
 
     @staticmethod
     @abstractmethod

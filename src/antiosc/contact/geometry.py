@@ -6,8 +6,10 @@ integrals in Carlson's form, DLMF 19.25.1.
 
 from __future__ import annotations
 
-from math import cos, pi, radians, sqrt
+from math import cos, inf, pi, radians, sqrt
+from typing import Any
 
+import numpy as np
 from scipy.optimize import brentq
 from scipy.special import ellipkm1, elliprd
 
@@ -20,7 +22,7 @@ Radii = float | tuple[float, float]
 def effective_modulus(E1: float, nu1: float, E2: float | None, nu2: float | None) -> float:
     """E* [Pa] with 1/E* = (1 - nu1^2)/E1 + (1 - nu2^2)/E2; E2 None or infinite: rigid body 2."""
     compliance = (1 - checks.poisson(nu1) ** 2) / checks.positive("E1", E1, "Pa")
-    if E2 is not None and float("inf") != E2:
+    if E2 is not None and not _infinite(E2):
         second = checks.poisson(nu1 if nu2 is None else nu2)
         compliance += (1 - second**2) / checks.positive("E2", E2, "Pa")
     return 1 / compliance
@@ -64,16 +66,26 @@ def _axes_ratio_squared(ratio: float) -> float:
     return float(10.0 ** brentq(mismatch, -40.0, 0.0, xtol=1e-15))
 
 
+def _infinite(value: Any) -> bool:
+    return isinstance(value, float | np.floating) and abs(value) == inf
+
+
 def _curvatures(name: str, radii: Radii) -> tuple[float, float]:
-    pair = (radii, radii) if not hasattr(radii, "__len__") else tuple(radii)  # type: ignore
+    pair = tuple(radii) if isinstance(radii, list | tuple | np.ndarray) else (radii, radii)
     if len(pair) != 2:
-        raise InputError(f"{name} must be one radius or a pair of principal radii; got {radii!r}.")
+        raise InputError(
+            f"{name} must be one radius or a pair of principal radii; got {checks.shown(radii)}."
+        )
     values = []
     for r in pair:
-        r = float(r)
-        if r == 0 or r != r:
+        if _infinite(r):
+            values.append(0.0)
+            continue
+        radius = checks.number(name, r, "m")
+        if radius == 0:
             raise InputError(
-                f"{name} must be non-zero radii in m (inf: flat, negative: hollow); got {radii!r}."
+                f"{name} must be non-zero radii in m (inf: flat, negative: hollow); got "
+                f"{checks.shown(radii)}."
             )
-        values.append(1 / r)
+        values.append(1 / radius)
     return values[0], values[1]

@@ -160,8 +160,11 @@ class Thornton(Hysteretic):
     yield_indentation: float
 
     def __post_init__(self) -> None:
-        checks.positive("stiffness", self.stiffness, "N m^-3/2")
-        checks.positive("yield_indentation", self.yield_indentation, "m")
+        checks.store(
+            self,
+            stiffness=checks.positive("stiffness", self.stiffness, "N m^-3/2"),
+            yield_indentation=checks.positive("yield_indentation", self.yield_indentation, "m"),
+        )
 
     @classmethod
     def from_material(cls, E_star: float, radius: float, yield_pressure: float) -> Thornton:
@@ -224,8 +227,11 @@ class Stronge(Hysteretic):
     PRESSURE: ClassVar[float] = 3.3  # 3 times p_y/Y = 1.1 at yield
 
     def __post_init__(self) -> None:
-        checks.positive("stiffness", self.stiffness, "N m^-3/2")
-        checks.positive("yield_indentation", self.yield_indentation, "m")
+        checks.store(
+            self,
+            stiffness=checks.positive("stiffness", self.stiffness, "N m^-3/2"),
+            yield_indentation=checks.positive("yield_indentation", self.yield_indentation, "m"),
+        )
 
     def _yield_force(self) -> float:
         return float(self.stiffness * self.yield_indentation**1.5)
@@ -285,8 +291,11 @@ class _Laminate(Hysteretic):
     retraces: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
-        checks.positive("stiffness", self.stiffness, "N m^-3/2")
-        checks.positive("critical", self.critical, "m")
+        checks.store(
+            self,
+            stiffness=checks.positive("stiffness", self.stiffness, "N m^-3/2"),
+            critical=checks.positive("critical", self.critical, "m"),
+        )
 
     def loading(self, delta: float) -> float:
         return self.stiffness * delta * sqrt(delta)
@@ -324,8 +333,10 @@ class TanSun(_Laminate):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not 0 < checks.number("slope", self.slope) < 1:
-            raise InputError(f"slope must lie in 0 < slope < 1; got {self.slope:g}.")
+        slope = checks.number("slope", self.slope)
+        if not 0 < slope < 1:
+            raise InputError(f"slope must lie in 0 < slope < 1; got {slope:g}.")
+        checks.store(self, slope=slope)
 
     def permanent(self, deepest: float) -> float:
         return self.slope * max(deepest - self.critical, 0.0)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from math import inf, sqrt
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from antiosc import checks
 from antiosc.contact.base import ContactLaw, State
@@ -15,6 +15,14 @@ from antiosc.contact.geometry import (
     relative_curvatures,
 )
 from antiosc.errors import InputError
+
+
+def checked_exponent(value: Any) -> float:
+    """n of a force that grows as delta^n, 1 <= n <= 10, or InputError."""
+    n = checks.number("exponent", value)
+    if not 1 <= n <= 10:
+        raise InputError(f"exponent must lie in 1 <= n <= 10 (1 linear, 1.5 Hertz); got {n:g}.")
+    return n
 
 
 @dataclass(frozen=True)
@@ -33,11 +41,11 @@ class Power(ContactLaw):
     exponent: float
 
     def __post_init__(self) -> None:
-        checks.positive("stiffness", self.stiffness, "N/m^exponent")
-        if not 1 <= checks.number("exponent", self.exponent) <= 10:
-            raise InputError(
-                f"exponent must lie in 1 <= n <= 10 (1 linear, 1.5 Hertz); got {self.exponent:g}."
-            )
+        checks.store(
+            self,
+            stiffness=checks.positive("stiffness", self.stiffness, "N/m^exponent"),
+            exponent=checked_exponent(self.exponent),
+        )
 
     def force(self, delta: float, rate: float, state: State) -> float:
         return float(self.stiffness * delta**self.exponent) if delta > 0 else 0.0
@@ -61,7 +69,7 @@ class Linear(ContactLaw):
     stiffness: float
 
     def __post_init__(self) -> None:
-        checks.positive("stiffness", self.stiffness, "N/m")
+        checks.store(self, stiffness=checks.positive("stiffness", self.stiffness, "N/m"))
 
     def force(self, delta: float, rate: float, state: State) -> float:
         return self.stiffness * delta if delta > 0 else 0.0
@@ -122,10 +130,9 @@ class Hertz(ContactLaw):
         c = checks.nonnegative("compliance", self.compliance, "m/N")
         a = k ** (-2 / 3)
         s = self.END * 2 * a / (3 * c) if c > 0 else inf
-        object.__setattr__(self, "_a", a)
-        object.__setattr__(self, "_end", s)
-        object.__setattr__(self, "_end_slope", (2 / 3) * a / s - c if c > 0 else 0.0)
-        object.__setattr__(self, "valid_force", s**3)
+        slope = (2 / 3) * a / s - c if c > 0 else 0.0
+        checks.store(self, stiffness=k, compliance=c)
+        checks.store(self, _a=a, _end=s, _end_slope=slope, valid_force=s**3)
 
     @classmethod
     def from_radii(
