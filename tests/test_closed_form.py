@@ -375,7 +375,7 @@ def test_bad_input_is_named():
         UniformBeam(1, 1, 1, kGA=0)
     with pytest.raises(InputError, match="nu must lie in"):
         UniformBeam.timoshenko(**ARTICLE, nu=0.5)
-    with pytest.raises(InputError, match="one of free, pinned, clamped, guided"):
+    with pytest.raises(InputError, match="left must be 'free', 'pinned', 'clamped' or 'guided'"):
         StruckBeam(UNIT, "hinged", "free", 1.0)
     with pytest.raises(InputError, match="site must lie on the beam, 0 to 1 m"):
         cantilever(UNIT, 1.2)

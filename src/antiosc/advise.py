@@ -145,7 +145,7 @@ def _measures(
     part: Any, E: float | None, nu: float, rho: float | None
 ) -> tuple[float, float, float, tuple[float, float, float]]:
     """Length ≥ width, thickness, and (E, nu, rho)."""
-    if hasattr(part, "dimensions"):
+    if hasattr(part, "dimensions") and hasattr(part, "parts"):
         size, own = part.dimensions, part.parts[0][0]
         if not hasattr(own, "E"):
             raise InputError(
@@ -154,7 +154,7 @@ def _measures(
             )
         E, nu, rho = own.E, own.nu, own.rho
     else:
-        size = checks.array("the dimensions", part, (3,))
+        size = checks.array("part's dimensions", part, (3,))
     if E is None or rho is None:
         raise InputError("dimensions alone have no material: give advise(..., E=…, nu=…, rho=…).")
     length, width, thickness = (

@@ -90,6 +90,11 @@ def whole(name: str, value: Any, least: int = 1, most: int = MOST) -> int:
     return result
 
 
+def endless(value: Any) -> bool:
+    """Whether `value` is +inf or -inf: where that has a meaning, as a plane's radius."""
+    return isinstance(value, float | np.floating) and bool(np.isinf(value))
+
+
 def poisson(nu: Any) -> float:
     """Poisson's ratio of a stable isotropic material, -1 < nu < 0.5, or InputError."""
     result = number("nu", nu)

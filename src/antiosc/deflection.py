@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from antiosc import checks
 from antiosc.integrators.propagator import Propagator
 from antiosc.modal import LinearBody
 
@@ -35,6 +36,7 @@ def peak_deflections(
     ndarray, shape (S,)
         Exact at the times of the force and at 200 times over the duration.
     """
+    duration = checks.positive("duration", duration, "s")
     peaks = [
         _peaks(bodies[i : i + BATCH], forces[i : i + BATCH], duration)
         for i in range(0, len(bodies), BATCH)

@@ -193,7 +193,7 @@ class History:
         `t` of shape (n,) gives (n, N + 1), a single time (N + 1,).
         """
         q, _ = self.states(t)
-        force = np.interp(np.atleast_1d(np.asarray(t, dtype=float)), self.time, self.force)
+        force = np.interp(checks.column("t", t), self.time, self.force)
         own = self.bodies[0].coordinates(q[:, : self._size], force)
         return own if np.ndim(t) else own[0]
 
@@ -240,8 +240,7 @@ class History:
         return self._joined([q for q, _ in states]), self._joined([v for _, v in states])
 
     def _locate(self, t: ArrayLike) -> tuple[Array, NDArray[np.intp]]:
-        times = np.atleast_1d(np.asarray(t, dtype=float))
-        times = checks.array("t", times, (None,))
+        times = checks.column("t", t)
         end = float(self.time[-1])
         outside = (times < 0) | (times > end * (1 + 1e-12))
         if np.any(outside):

@@ -7,6 +7,7 @@ ends and struck at any point, is a `StruckBeam`; the functions below name the us
 >>> pinned_free(beam).anti_oscillators(50)  # the article's falling beam, (24)-(27)
 """
 
+from antiosc import checks
 from antiosc.closed_form.struck import BeamModes, StruckBeam
 from antiosc.closed_form.uniform import UniformBeam
 
@@ -29,7 +30,7 @@ def pinned_free(beam: UniformBeam, site: float | None = None) -> StruckBeam:
     With rotary inertia the two spectra share the mass 2 rhoA L/(i²π²) of each wave number i, the
     pure shear mode at the cut-off holds rhoI/L, and m_CR = rhoA L/3 + rhoI/L.
     """
-    return StruckBeam(beam, "pinned", "free", beam.length if site is None else site)
+    return StruckBeam(beam, "pinned", "free", _place(beam, 1.0, site))
 
 
 def pinned_pinned(beam: UniformBeam, site: float | None = None) -> StruckBeam:
@@ -38,12 +39,12 @@ def pinned_pinned(beam: UniformBeam, site: float | None = None) -> StruckBeam:
     1/k0 = a²b²/(3EI L) + ab/(kGA L) with b = L - a. The second spectrum, which is there above the
     cut-off, moves the site little but does move it: it carries mass and is kept.
     """
-    return StruckBeam(beam, "pinned", "pinned", beam.length / 2 if site is None else site)
+    return StruckBeam(beam, "pinned", "pinned", _place(beam, 0.5, site))
 
 
 def cantilever(beam: UniformBeam, site: float | None = None) -> StruckBeam:
     """Clamped at x = 0, struck at `site` (m), the free tip unless given: 1/k0 = a³/3EI + a/kGA."""
-    return StruckBeam(beam, "clamped", "free", beam.length if site is None else site)
+    return StruckBeam(beam, "clamped", "free", _place(beam, 1.0, site))
 
 
 def free_free(beam: UniformBeam, site: float) -> StruckBeam:
@@ -57,4 +58,10 @@ def free_free(beam: UniformBeam, site: float) -> StruckBeam:
 
 def clamped_clamped(beam: UniformBeam, site: float | None = None) -> StruckBeam:
     """Clamped at both ends, struck at `site` (m), mid-span unless given (L³/192EI + L/4kGA)."""
-    return StruckBeam(beam, "clamped", "clamped", beam.length / 2 if site is None else site)
+    return StruckBeam(beam, "clamped", "clamped", _place(beam, 0.5, site))
+
+
+def _place(beam: UniformBeam, share: float, site: float | None) -> float:
+    """`site`, or this share of the length."""
+    checks.instance("beam", beam, UniformBeam, "a UniformBeam")
+    return share * beam.length if site is None else site

@@ -27,6 +27,8 @@ from antiosc.errors import InputError
 Array = NDArray[np.float64]
 #: Share of a stiffness below which a coupling is rounding.
 NOTHING = 1e-9
+#: Most half waves along a side.
+WAVES = 100_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,12 +61,22 @@ class SupportedLaminate:
     a: float
     b: float
 
+    @checks.within_range
     def __post_init__(self) -> None:
         for name, shape in (("A", (3, 3)), ("B", (3, 3)), ("D", (3, 3)), ("S", (2, 2))):
-            object.__setattr__(self, name, checks.array(name, getattr(self, name), shape))
-        object.__setattr__(self, "inertia", checks.array("inertia", self.inertia, (3,)))
-        checks.positive("a", self.a, "m")
-        checks.positive("b", self.b, "m")
+            value = checks.kept(checks.array(name, getattr(self, name), shape))
+            if name != "B" and value.max() <= 0:
+                raise InputError(f"{name} must be positive definite; no entry of it is > 0.")
+            checks.store(self, **{name: value})
+        inertia = checks.kept(checks.array("inertia", self.inertia, (3,)))
+        if inertia[0] <= 0:
+            raise InputError(f"inertia must begin with a mass per area > 0; got {inertia[0]:g}.")
+        checks.store(
+            self,
+            inertia=inertia,
+            a=checks.positive("a", self.a, "m"),
+            b=checks.positive("b", self.b, "m"),
+        )
         A, B, D, S = (np.asarray(value) for value in (self.A, self.B, self.D, self.S))
         thickness = np.sqrt(D.max() / A.max())
         straight = [
@@ -84,10 +96,11 @@ class SupportedLaminate:
                 "without the terms 16, 26 and 45, and B of these alone or without them."
             )
 
+    @checks.within_range
     def frequencies(self, m: int, n: int) -> Array:
         """The five natural circular frequencies with m × n half waves, ascending, rad/s."""
-        alpha = checks.whole("m", m) * np.pi / self.a
-        beta = checks.whole("n", n) * np.pi / self.b
+        alpha = checks.whole("m", m, most=WAVES) * np.pi / self.a
+        beta = checks.whole("n", n, most=WAVES) * np.pi / self.b
         # amplitudes of (ε1, ε2, γ12) of (U, V), and of (γ13, γ23) of (W, X, Y)
         E = np.array([[-alpha, 0], [0, -beta], [beta, alpha]])
         shear = np.array([[alpha, 1, 0], [beta, 0, 1]])

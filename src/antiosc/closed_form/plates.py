@@ -36,6 +36,10 @@ TERMS = 2000
 SAME = 1e-9
 #: Share of the largest b² below which the point cannot see a frequency.
 UNSEEN = 1e-12
+#: What a plate is made of, beside Poisson's ratio.
+UNITS = {"E": "Pa", "rho": "kg/m³", "thickness": "m", "a": "m", "b": "m"}
+#: Most modes of one point, and most terms of a double series in each direction.
+MOST_MODES, MOST_TERMS = 100_000, 5000
 #: Mindlin's shear coefficient for the static and dynamic plate alike (Reissner's).
 SHEAR = 5 / 6
 
@@ -73,9 +77,9 @@ class SupportedPlate:
     b: float
 
     def __post_init__(self) -> None:
-        checks.poisson(self.nu)
-        for name in ("E", "rho", "thickness", "a", "b"):
-            checks.positive(name, getattr(self, name))
+        checks.store(self, nu=checks.poisson(self.nu))
+        for name, unit in UNITS.items():
+            checks.store(self, **{name: checks.positive(name, getattr(self, name), unit)})
 
     @property
     def D(self) -> float:
@@ -87,14 +91,18 @@ class SupportedPlate:
         """Mass per area, kg/m²."""
         return self.rho * self.thickness
 
+    @checks.within_range
     def wave_number_squared(self, m: Any, n: Any) -> Any:
         """π²(m²/a² + n²/b²), 1/m²."""
+        m, n = checks.array("m", m, None), checks.array("n", n, None)
         return np.pi**2 * (np.square(m) / self.a**2 + np.square(n) / self.b**2)
 
+    @checks.within_range
     def kirchhoff(self, m: Any, n: Any) -> Any:
         """Natural circular frequency of the thin plate with m × n half waves, rad/s."""
         return self.wave_number_squared(m, n) * np.sqrt(self.D / self.surface_density)
 
+    @checks.within_range
     def mindlin(self, m: Any, n: Any) -> Any:
         """The same with shear deformation and rotary inertia (the lowest, flexural branch)."""
         q = self.wave_number_squared(m, n)
@@ -105,13 +113,16 @@ class SupportedPlate:
         constant = shear * q * self.D * q
         return np.sqrt(constant / (half + np.sqrt(half**2 - product * constant)))
 
+    @checks.within_range
     def mindlin_compliance(self, x: float, y: float, radius: float, terms: int = 1000) -> float:
         """Static compliance of a patch with Hertz's pressure, m/N; the plate with shear.
 
         The transform of √(1 − r²/r0²), of unit integral, is 3 (sin q − q cos q)/q³ with q = |k| r0.
         `terms` per direction must resolve the patch: terms ≫ a/radius.
         """
-        checks.positive("radius", radius, "m")
+        x, y = self._inside(x, y)
+        radius = checks.positive("radius", radius, "m")
+        terms = checks.whole("terms", terms, most=MOST_TERMS)
         m = np.arange(1, terms + 1)
         k2 = self.wave_number_squared(m[:, None], m)
         q = np.sqrt(k2) * radius
@@ -121,9 +132,11 @@ class SupportedPlate:
         flexibility = 1 / (self.D * k2**2) + 1 / (SHEAR * G * self.thickness * k2)
         return float(4 / (self.a * self.b) * np.sum((shape * pressure) ** 2 * flexibility))
 
+    @checks.within_range
     def observable(self, x: float, y: float, n: int) -> Observable:
         """The `n` lowest natural frequencies of the thin plate that the point (x, y) sees."""
-        self._check(x, y)
+        x, y = self._inside(x, y)
+        n = checks.whole("n", n, most=MOST_MODES)
         count = 4 * int(np.sqrt(n)) + 8
         while True:
             m = np.arange(1, count + 1)
@@ -147,24 +160,31 @@ class SupportedPlate:
                 )
             count *= 2
 
+    @checks.within_range
     def receptance(self, x: float, y: float, omega2: complex) -> Any:
         """H = displacement/force of the thin plate at (x, y), m/N, at ω² = `omega2` ≠ 0."""
-        self._check(x, y)
+        x, y = self._inside(x, y)
+        given = checks.spectrum("omega2", omega2)
+        if given.ndim or given == 0:
+            raise InputError(f"omega2 must be one number, not 0; got {checks.shown(omega2)}.")
+        omega2 = complex(given)
         alpha = np.arange(1, TERMS + 1) * np.pi / self.a
         k2 = np.sqrt(omega2 * self.surface_density / self.D + 0j)
         terms = (self._line(alpha**2 - k2, y) - self._line(alpha**2 + k2, y)) / (2 * k2)
         total = np.sum(np.sin(alpha * x) ** 2 * terms)
         return 2 / (self.a * self.D) * (total + self._tail())
 
+    @checks.within_range
     def compliance(self, x: float, y: float) -> float:
         """Static compliance of the thin plate at (x, y), m/N."""
-        self._check(x, y)
+        x, y = self._inside(x, y)
         alpha = np.arange(1, TERMS + 1) * np.pi / self.a
         step = 1e-20 * alpha**2  # a complex step: the derivative to rounding
         terms = -self._line(alpha**2 + 1j * step, y).imag / step
         total = np.sum(np.sin(alpha * x) ** 2 * terms)
         return float(2 / (self.a * self.D) * (total + self._tail()))
 
+    @checks.within_range
     def anti_oscillators(self, x: float, y: float, n: int) -> AntiOscillators:
         """The `n` lowest anti-oscillators of the thin plate at (x, y).
 
@@ -173,7 +193,8 @@ class SupportedPlate:
         InputError
             A point outside the plate or on its edge.
         """
-        n = checks.whole("n", n, least=0)
+        x, y = self._inside(x, y)
+        n = checks.whole("n", n, least=0, most=MOST_MODES)
         C = self.compliance(x, y)
         poles = self.observable(x, y, n + 1).omega ** 2
         zeros = np.array([self._zero(x, y, low, high) for low, high in pairwise(poles)])
@@ -211,9 +232,11 @@ class SupportedPlate:
         """Σ sin²(αx)/(4α³) beyond TERMS, with sin² at its mean."""
         return float((self.a / np.pi) ** 3 / 8 / (2 * (TERMS + 0.5) ** 2))
 
-    def _check(self, x: float, y: float) -> None:
+    def _inside(self, x: Any, y: Any) -> tuple[float, float]:
+        x, y = checks.number("x", x, "m"), checks.number("y", y, "m")
         if not (0 < x < self.a and 0 < y < self.b):
             raise InputError(
                 f"the point must lie inside the plate, 0 < x < {self.a:g} m and 0 < y < "
                 f"{self.b:g} m; got ({x:g}, {y:g})."
             )
+        return x, y

@@ -33,6 +33,8 @@ Floats = NDArray[np.float64]
 ENDS = {"free": (2, 3), "pinned": (0, 3), "clamped": (0, 1), "guided": (1, 2)}
 #: Pole and zero of Z closer than this (relative, in ω) belong to a mode the site cannot see.
 SAME = 1e-9
+#: Most frequencies that are sought at once.
+MOST = 10_000
 
 
 class _Static(NamedTuple):
@@ -88,7 +90,7 @@ class BeamModes:
 
     def field(self, coordinates: ArrayLike) -> Floats:
         """The deflections at x (m): the coordinates themselves."""
-        return np.asarray(coordinates, dtype=float)
+        return checks.array("coordinates", coordinates, None)
 
 
 @dataclass(frozen=True)
@@ -112,14 +114,15 @@ class StruckBeam:
     site: float
 
     def __post_init__(self) -> None:
-        for end in (self.left, self.right):
-            if end not in ENDS:
-                raise InputError(f"a beam's end is one of {', '.join(ENDS)}; got {end!r}.")
+        checks.instance("beam", self.beam, UniformBeam, "a UniformBeam")
+        for name in ("left", "right"):
+            checks.choice(name, getattr(self, name), tuple(ENDS))
         site, length = checks.number("site", self.site, "m"), self.beam.length
         if not 0 <= site <= length:
             raise InputError(f"site must lie on the beam, 0 to {length:g} m; got {site:g} m.")
         if (site == 0 and 0 in ENDS[self.left]) or (site == length and 0 in ENDS[self.right]):
             raise InputError(f"the site at {site:g} m sits on a support and cannot move.")
+        checks.store(self, site=site)
 
     # ---- statics -------------------------------------------------------------------------------
 
@@ -129,11 +132,13 @@ class StruckBeam:
         return self._rigid.shape[1]
 
     @property
+    @checks.within_range
     def static_stiffness(self) -> float:
         """k0 in N/m, Article (20): force per deflection at the site; 0 with a rigid-body mode."""
         return self._static.stiffness
 
     @property
+    @checks.within_range
     def static_mass(self) -> float:
         """m_st = M(φ_st, φ_st) in kg, or m_CR = M(φ_CR, φ_CR) with rigid-body modes.
 
@@ -144,27 +149,31 @@ class StruckBeam:
 
     # ---- harmonic response ---------------------------------------------------------------------
 
+    @checks.within_range
     def dynamic_stiffness(self, omega: ArrayLike) -> Floats:
         """Driving-point dynamic stiffness Z in N/m at `omega` (rad/s, > 0), same shape."""
-        omega = np.asarray(omega, dtype=float)
-        if not np.all(np.isfinite(omega) & (omega > 0)):
+        omega = checks.array("omega", omega, None)
+        if not np.all(omega > 0):
             raise InputError("omega must be finite and > 0 rad/s (static_stiffness is Z at 0).")
         Omega = (omega / self.beam.omega_unit) ** 2
         Z = [self._solve(value, force=False)[1] for value in Omega.ravel()]
         return np.array(Z).reshape(omega.shape) * self.beam.EI / self.beam.length**3
 
+    @checks.within_range
     def natural_frequencies(self, n: int) -> Floats:
         """The first n natural frequencies > 0 in rad/s, those with a node at the site included."""
-        n = checks.whole("n", n)
+        n = checks.whole("n", n, most=MOST)
         return np.sqrt(self._eigenvalues(n, pinned=False)) * self.beam.omega_unit
 
+    @checks.within_range
     def antiresonances(self, n: int) -> Floats:
         """The first n > 0 of the beam pinned at the site, in rad/s, the unobservable included."""
-        n = checks.whole("n", n)
+        n = checks.whole("n", n, most=MOST)
         return np.sqrt(self._eigenvalues(n, pinned=True)) * self.beam.omega_unit
 
     # ---- the models ----------------------------------------------------------------------------
 
+    @checks.within_range
     def anti_oscillators(self, n: int, x: ArrayLike = ()) -> AntiOscillators:
         """The first n anti-oscillators, Article (12), (15), (20), (23).
 
@@ -172,7 +181,7 @@ class StruckBeam:
         deflections at the points `x` (m), Article (8).
         """
         points = self._points(x)
-        omega, m, psi, moved = self._constraint_modes(checks.whole("n", n), points)
+        omega, m, psi, moved = self._constraint_modes(checks.whole("n", n, most=MOST), points)
         psi0, moved0 = self._static_shape(points), self._static.moved
         return AntiOscillators(
             m0=self.static_mass - m.sum(),
@@ -183,6 +192,7 @@ class StruckBeam:
             shapes=np.column_stack((psi0, psi.T)) if points.size else None,
         )
 
+    @checks.within_range
     def modes(self, n: int, x: ArrayLike = (), *, static_correction: bool = False) -> BeamModes:
         """The first n natural modes that move the site, the rigid-body one included.
 
@@ -191,7 +201,9 @@ class StruckBeam:
         """
         points = self._points(x)
         rigid = min(self.rigid_modes, 1)
-        omega, b, weight = np.zeros(checks.whole("n", n)), np.empty(n), np.empty(n)
+        n = checks.whole("n", n, most=MOST)
+        checks.flag("static_correction", static_correction)
+        omega, b, weight = np.zeros(n), np.empty(n), np.empty(n)
         shapes = np.empty((n, len(points)))
         if rigid:
             b[0] = 1 / np.sqrt(self.static_mass)

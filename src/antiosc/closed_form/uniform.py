@@ -53,10 +53,10 @@ class UniformBeam:
 
     def __post_init__(self) -> None:
         for name, unit in (("EI", "N m^2"), ("rhoA", "kg/m"), ("length", "m")):
-            object.__setattr__(self, name, checks.positive(name, getattr(self, name), unit))
-        if self.kGA != math.inf:
-            object.__setattr__(self, "kGA", checks.positive("kGA", self.kGA, "N"))
-        object.__setattr__(self, "rhoI", checks.nonnegative("rhoI", self.rhoI, "kg m"))
+            checks.store(self, **{name: checks.positive(name, getattr(self, name), unit)})
+        if not checks.endless(self.kGA):
+            checks.store(self, kGA=checks.positive("kGA", self.kGA, "N"))
+        checks.store(self, rhoI=checks.nonnegative("rhoI", self.rhoI, "kg m"))
 
     @classmethod
     def timoshenko(

@@ -18,8 +18,13 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from antiosc import checks
+from antiosc.errors import InputError
+
+#: Inelasticity beyond which nothing is left of the velocity.
+HIGHEST = 100.0
 
 
+@checks.within_range
 def inelasticity(
     mass: float, velocity: float, stiffness: float, D: float, surface_density: float
 ) -> float:
@@ -35,8 +40,11 @@ def inelasticity(
     return mass / (impedance * time_unit(mass, velocity, stiffness))
 
 
+@checks.within_range
 def time_unit(mass: float, velocity: float, stiffness: float) -> float:
     """(mv²/k)^{2/5}/v in s: with λ = 0 contact lasts 3.218 of it."""
+    mass, velocity = checks.positive("mass", mass, "kg"), checks.positive("velocity", velocity)
+    stiffness = checks.positive("stiffness", stiffness, "N m^-3/2")
     return float((mass * velocity**2 / stiffness) ** 0.4 / velocity)
 
 
@@ -53,6 +61,8 @@ def contact_time(lam: float) -> float:
 def _solution(lam: float) -> tuple[float, float]:
     """(time of release, σ' there)."""
     lam = checks.nonnegative("lam", lam)
+    if lam > HIGHEST:
+        raise InputError(f"lam must be at most {HIGHEST:g}: the restitution is 0; got {lam:g}.")
 
     def slope(_: float, state: np.ndarray) -> list[float]:
         root = sqrt(max(state[0], 0.0))

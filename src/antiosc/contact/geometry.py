@@ -6,8 +6,7 @@ integrals in Carlson's form, DLMF 19.25.1.
 
 from __future__ import annotations
 
-from math import cos, inf, pi, radians, sqrt
-from typing import Any
+from math import cos, pi, radians, sqrt
 
 import numpy as np
 from scipy.optimize import brentq
@@ -22,7 +21,7 @@ Radii = float | tuple[float, float]
 def effective_modulus(E1: float, nu1: float, E2: float | None, nu2: float | None) -> float:
     """E* [Pa] with 1/E* = (1 - nu1^2)/E1 + (1 - nu2^2)/E2; E2 None or infinite: rigid body 2."""
     compliance = (1 - checks.poisson(nu1) ** 2) / checks.positive("E1", E1, "Pa")
-    if E2 is not None and not _infinite(E2):
+    if E2 is not None and not checks.endless(E2):
         second = checks.poisson(nu1 if nu2 is None else nu2)
         compliance += (1 - second**2) / checks.positive("E2", E2, "Pa")
     return 1 / compliance
@@ -66,10 +65,6 @@ def _axes_ratio_squared(ratio: float) -> float:
     return float(10.0 ** brentq(mismatch, -40.0, 0.0, xtol=1e-15))
 
 
-def _infinite(value: Any) -> bool:
-    return isinstance(value, float | np.floating) and abs(value) == inf
-
-
 def _curvatures(name: str, radii: Radii) -> tuple[float, float]:
     pair = tuple(radii) if isinstance(radii, list | tuple | np.ndarray) else (radii, radii)
     if len(pair) != 2:
@@ -78,7 +73,7 @@ def _curvatures(name: str, radii: Radii) -> tuple[float, float]:
         )
     values = []
     for r in pair:
-        if _infinite(r):
+        if checks.endless(r):
             values.append(0.0)
             continue
         radius = checks.number(name, r, "m")

@@ -167,6 +167,7 @@ class Thornton(Hysteretic):
         )
 
     @classmethod
+    @checks.within_range
     def from_material(cls, E_star: float, radius: float, yield_pressure: float) -> Thornton:
         """From E* [Pa], relative radius [m] and contact pressure at yield p_y [Pa] (1.6 Y).
 

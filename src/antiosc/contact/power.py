@@ -125,6 +125,7 @@ class Hertz(ContactLaw):
     _end: float = field(init=False, repr=False, compare=False)
     _end_slope: float = field(init=False, repr=False, compare=False)
 
+    @checks.within_range
     def __post_init__(self) -> None:
         k = checks.positive("stiffness", self.stiffness, "N m^-3/2")
         c = checks.nonnegative("compliance", self.compliance, "m/N")
@@ -135,6 +136,7 @@ class Hertz(ContactLaw):
         checks.store(self, _a=a, _end=s, _end_slope=slope, valid_force=s**3)
 
     @classmethod
+    @checks.within_range
     def from_radii(
         cls,
         radii1: Radii,

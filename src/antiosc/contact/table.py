@@ -32,6 +32,7 @@ class Tabulated(Hysteretic):
     point the loading curve goes on along its end tangent and `valid_force` is exceeded.
     """
 
+    @checks.within_range
     def __init__(
         self,
         indentation: ArrayLike,
@@ -48,6 +49,11 @@ class Tabulated(Hysteretic):
         self.elastic = unloading is None
         self.valid_force = float(F[-1])
         if unloading is not None:
+            if not isinstance(unloading, list | tuple) or len(unloading) != 2:
+                raise InputError(
+                    "unloading must be a pair (indentation, force) of the unloading curve; got"
+                    f" {checks.shown(unloading)}."
+                )
             xu, Fu = _branch("unloading", *unloading)
             meets = np.allclose((xu[-1], Fu[-1]), (x[-1], F[-1]), rtol=1e-9, atol=0)
             if Fu[0] != 0 or xu[0] < 0 or not meets:
