@@ -12,7 +12,7 @@ pytest.importorskip("dolfinx")
 import antiosc as ao
 import parts
 from antiosc.errors import NotConvergedError
-from antiosc.fem import cholmod, compliance
+from antiosc.fem import cholmod_library, compliance
 from antiosc.fem.algebra import csr, sum_of
 from antiosc.fem.cholmod import Cholesky
 from antiosc.fem.modes import ModeSolver
@@ -111,8 +111,8 @@ def test_without_room_for_a_second_factor_all_is_solved_for(monkeypatch):
 
 
 def test_a_petsc_without_cholmod_is_refused(monkeypatch):
-    cholmod._library.cache_clear()
-    monkeypatch.setattr(cholmod.ctypes, "CDLL", lambda *_: object())
+    cholmod_library.library.cache_clear()
+    monkeypatch.setattr(cholmod_library.ctypes, "CDLL", lambda *_: object())
     with pytest.raises(ao.MissingDependencyError, match="built without CHOLMOD"):
         Cholesky(grid(2))
-    cholmod._library.cache_clear()
+    cholmod_library.library.cache_clear()

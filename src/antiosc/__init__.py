@@ -33,6 +33,7 @@ from antiosc.errors import (
     MeshError,
     MissingDependencyError,
     NotConvergedError,
+    OutOfMemoryError,
 )
 from antiosc.free_modes import from_free_modes
 from antiosc.history import Energy, History
@@ -98,6 +99,7 @@ __all__ = [
     "ModalBody",
     "NotConvergedError",
     "Obstacle",
+    "OutOfMemoryError",
     "PointMass",
     "Power",
     "RigidMass",

@@ -22,6 +22,10 @@ class NotConvergedError(AntioscError, RuntimeError):
     """A linear solver, an eigensolver or an integrator gave up; the message says where it stood."""
 
 
+class OutOfMemoryError(AntioscError, MemoryError):
+    """There is no memory for what was asked; the message says how much it needs."""
+
+
 class AccuracyError(AntioscError, ArithmeticError):
     """A result failed its own check, or left the range in which its theory holds."""
 

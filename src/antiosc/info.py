@@ -58,7 +58,8 @@ def report() -> str:
         rows.append((package.name, found or "missing"))
         if not found:
             missing.append(package)
-    rows += [("solvers", ", ".join(solvers()) or "none of CHOLMOD, MUMPS"), ("threads", _threads())]
+    rows += [("solvers", ", ".join(solvers()) or "none of CHOLMOD, MUMPS"), ("CHOLMOD", _cholmod())]
+    rows.append(("threads", _threads()))
 
     used = blas()
     rows.append(("BLAS", f"{used.name}  {used.path}"))
@@ -85,6 +86,19 @@ def solvers() -> list[str]:
     # Debian 12's PETSc names SuiteSparse as a whole, Debian 13's its parts.
     keys = {"CHOLMOD": ("suitesparse", "cholmod"), "MUMPS": ("mumps",)}
     return [name for name in keys if any(map(PETSc.Sys.hasExternalPackage, keys[name]))]
+
+
+def _cholmod() -> str:
+    """CHOLMOD's version and whether it is called directly, or through PETSc and why."""
+    try:
+        from antiosc.fem import cholmod, cholmod_library
+    except Exception as error:  # whatever an installed package may raise
+        return f"not tried: {error}"
+    refusal = cholmod.refusal()
+    if refusal:
+        return f"through PETSc: {refusal}"
+    numbers = cholmod_library.version(cholmod_library.library())
+    return f"{'.'.join(map(str, numbers))}  called directly"
 
 
 def blas() -> Blas:

@@ -18,8 +18,8 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
-from antiosc.errors import AccuracyError, InputError, NotConvergedError
-from antiosc.fem.cholmod import Cholesky
+from antiosc.errors import AccuracyError, InputError, NotConvergedError, OutOfMemoryError
+from antiosc.fem.cholmod import Cholesky, NotPositiveDefiniteError
 
 Array = NDArray[np.float64]
 
@@ -32,6 +32,8 @@ GROWTH = 1e14
 BLOCK = 4
 #: MUMPS's numbers of its orderings that Debian's build has and that serve here.
 AMF, PORD = 2, 4
+#: PETSC_ERR_MEM
+PETSC_NO_MEMORY = 55
 #: Rows from which it pays to forecast a factorization before it is made.
 FORECAST = 30_000
 
@@ -80,10 +82,12 @@ def _dense(matrix: PETSc.Mat, x: Array) -> PETSc.Mat:
 
 
 def as_petsc(name: str, matrix: Any) -> PETSc.Mat:
-    """A square, finite PETSc matrix of a SciPy sparse, dense or PETSc one."""
-    if not isinstance(matrix, PETSc.Mat):
+    """A square, finite PETSc matrix of a SciPy sparse, dense or PETSc one, always a copy."""
+    if isinstance(matrix, PETSc.Mat):
+        matrix = matrix.convert(PETSc.Mat.Type.AIJ, PETSc.Mat())
+    else:
         try:
-            csr = scipy.sparse.csr_matrix(matrix, dtype=float)
+            csr = scipy.sparse.csr_matrix(matrix, dtype=float, copy=True)  # it is sorted in place
         except (TypeError, ValueError) as error:
             raise InputError(
                 f"{name} must be a SciPy sparse, dense or PETSc matrix; "
@@ -201,7 +205,7 @@ class Solver(ABC):
 
 
 class Factorization(Solver):
-    """A Cholesky factor: `OnOneRank`, `Distributed`, or that of `antiosc.fem.substructures`."""
+    """A Cholesky factor: `OnOneRank`, `ByPetsc`, `Distributed`, or by `fem.substructures`."""
 
     @property
     @abstractmethod
@@ -215,7 +219,7 @@ class OnOneRank(Factorization):
     def _set_up(self) -> None:
         try:
             self.cholesky = Cholesky(lower(csr(self.A)), self.A.getBlockSize())
-        except NotConvergedError as error:
+        except NotPositiveDefiniteError as error:
             raise NotConvergedError(SINGULAR.format(error)) from error
 
     @property
@@ -239,6 +243,11 @@ class PetscSolver(Solver):
             self._choose()
             self._ksp.setUp()
         except PETSc.Error as error:
+            if error.ierr == PETSC_NO_MEMORY:
+                raise OutOfMemoryError(
+                    f"PETSc has no memory to solve for {self.A.getSize()[0]} rows: take "
+                    "solver='iterative', a coarser mesh or order=1."
+                ) from error
             raise NotConvergedError(SINGULAR.format(f"PETSc error {error.ierr}")) from error
         self._b, self._x = self.A.createVecs()
 
@@ -290,6 +299,22 @@ class Distributed(PetscSolver, Factorization):
         X.destroy()
         B.destroy()
         return result
+
+
+class ByPetsc(PetscSolver, Factorization):
+    """Cholesky factor on one rank by CHOLMOD through PETSc, where `cholmod.refusal` says why."""
+
+    def _choose(self) -> None:
+        self._ksp.setType(PETSc.KSP.Type.PREONLY)
+        pc = self._ksp.getPC()
+        pc.setType(PETSc.PC.Type.CHOLESKY)
+        if PETSc.Sys.hasExternalPackage("cholmod") or PETSc.Sys.hasExternalPackage("suitesparse"):
+            pc.setFactorSolverType("cholmod")  # PETSc's own Cholesky fills in far more
+
+    @property
+    def entries(self) -> float:
+        """Entries of the factor."""
+        return float(self._ksp.getPC().getFactorMatrix().getInfo()["nz_used"])
 
 
 @dataclass(frozen=True)

@@ -73,7 +73,7 @@ def deflections(
 def _room(structure: Structure) -> bool:
     """Whether the factors that are made here fit in memory beside the structure's own."""
     solver, comm = structure.factorization, structure.comm
-    if not isinstance(solver, Factorization):
+    if not isinstance(solver, Factorization) or large.cholmod_refused(comm):
         return False
     more = min(comm.size, 2) * large.BYTES * solver.entries
     free = on_root(comm, large.free_memory)

@@ -12,11 +12,14 @@ from pathlib import Path
 from typing import Literal, get_args
 
 import numpy as np
+from mpi4py import MPI
 from petsc4py import PETSc
 
 from antiosc.errors import InputError, warn
+from antiosc.fem import cholmod
 from antiosc.fem.algebra import (
     Array,
+    ByPetsc,
     Distributed,
     Factorization,
     OnOneRank,
@@ -102,10 +105,19 @@ def solver_for(A: PETSc.Mat, choice: Choice, motions: Callable[[], Array]) -> So
 
 def factorize(A: PETSc.Mat) -> Factorization:
     """The Cholesky factor of A by what is fastest on its ranks."""
-    if A.getComm().size == 1:
-        return OnOneRank(A)
+    comm = A.getComm().tompi4py()
+    refused = cholmod_refused(comm)
+    if comm.size == 1:
+        return ByPetsc(A) if refused else OnOneRank(A)
+    if refused:
+        return Distributed(A)
     rows = interface(A)
     return Substructures(A, rows) if len(rows) <= INTERFACE else Distributed(A)
+
+
+def cholmod_refused(comm: MPI.Comm) -> bool:
+    """Whether CHOLMOD cannot be called directly on some rank."""
+    return any(comm.allgather(bool(cholmod.refusal())))
 
 
 def free_memory() -> float:

@@ -22,7 +22,7 @@ from scipy.sparse.csgraph import breadth_first_order, maximum_bipartite_matching
 
 from antiosc.errors import NotConvergedError
 from antiosc.fem.algebra import SINGULAR, Array, Factorization
-from antiosc.fem.cholmod import Cholesky
+from antiosc.fem.cholmod import Cholesky, NotPositiveDefiniteError
 from antiosc.fem.compat import IntArray
 from antiosc.fem.parallel import agree, on_root
 
@@ -82,7 +82,7 @@ class Substructures(Factorization):
                 self._met = self._met[order]
                 S[np.ix_(self._met, self._met)] += _square(self._L)
                 S[np.ix_(self._met, self._met)] -= whole[self._met][:, self._met].toarray()
-        except NotConvergedError as caught:
+        except NotPositiveDefiniteError as caught:
             error = NotConvergedError(SINGULAR.format(caught))
         except Exception as caught:  # the other ranks must not wait for this one
             error = caught
@@ -128,7 +128,8 @@ class Substructures(Factorization):
 
 def _square(L: Array) -> Array:
     """L Lᵀ of a lower triangle, in a third of the operations of a product."""
-    upper, _ = scipy.linalg.lapack.dlauum(np.asfortranarray(L[::-1, ::-1]), overwrite_c=1)
+    turned = np.array(L[::-1, ::-1], order="F")  # a copy: LAPACK writes over it
+    upper, _ = scipy.linalg.lapack.dlauum(turned, overwrite_c=1)
     square = np.triu(upper)[::-1, ::-1]
     return np.asarray(square + np.tril(square, -1).T)
 
