@@ -5,8 +5,6 @@ make article
 
 from __future__ import annotations
 
-import os
-import tempfile
 import time
 from pathlib import Path
 from typing import Any
@@ -30,6 +28,7 @@ from article_beam import (
 )
 
 import antiosc as ao
+from antiosc import files
 from antiosc.closed_form import UniformBeam, pinned_free, pinned_pinned
 
 PAGE = Path(__file__).resolve().parent / "ARTICLE.md"
@@ -52,17 +51,8 @@ def main(page: Path = PAGE, pictures: Path = PICTURES) -> None:
             as_parts(parts),
         ]
     )
-    write(page, text)
+    files.write_text(page, text)
     print(f"{page}: {time.perf_counter() - started:.0f} s")
-
-
-def write(page: Path, text: str) -> None:
-    """The whole page or none."""
-    handle, name = tempfile.mkstemp(dir=page.parent, suffix=".part")
-    with os.fdopen(handle, "w", encoding="utf-8") as stream:
-        stream.write(text)
-    os.chmod(name, 0o644)
-    os.replace(name, page)
 
 
 INTRODUCTION = """# The article, claim by claim

@@ -18,6 +18,7 @@ from scipy.integrate import cumulative_trapezoid, trapezoid
 
 import antiosc as ao
 from antiosc.closed_form import BeamModes, StruckBeam, UniformBeam
+from antiosc.plotting import save_figure
 
 Floats = NDArray[np.float64]
 
@@ -220,5 +221,5 @@ def save(figure: object, path: Path) -> None:
     import matplotlib.pyplot as plt
 
     path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=80, bbox_inches="tight")  # type: ignore[attr-defined]
+    save_figure(figure, path, dpi=80, bbox_inches="tight")
     plt.close(figure)  # type: ignore[arg-type]

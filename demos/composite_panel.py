@@ -21,6 +21,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
 import antiosc as ao
+from antiosc.plotting import save_figure
 
 ROOT = Path(__file__).resolve().parent.parent
 STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}
@@ -125,7 +126,7 @@ def plot(hits: dict[str, ao.History], path: Path) -> None:
         axis.set_xlabel("time (ms)")
         axis.set_ylabel(label)
     axes[0].legend()
-    figure.savefig(path, dpi=120)
+    save_figure(figure, path, dpi=120)
     plt.close(figure)
 
 

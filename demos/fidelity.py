@@ -26,6 +26,7 @@ import matplotlib.pyplot as plt
 import antiosc as ao
 from antiosc.advise import advise
 from antiosc.fem import compat
+from antiosc.plotting import save_figure
 
 ROOT = Path(__file__).resolve().parent.parent
 STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}
@@ -241,7 +242,7 @@ def plot(histories: dict[str, dict[str, ao.History]], path: Path) -> None:
             axis.plot(1e6 * hit.time, hit.force, "k:" if family == "solid" else "-", label=family)
         axis.set(title=name, xlabel="time (µs)", ylabel="contact force (N)")
         axis.legend()
-    figure.savefig(path, dpi=120)
+    save_figure(figure, path, dpi=120)
     plt.close(figure)
 
 

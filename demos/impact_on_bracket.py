@@ -26,6 +26,7 @@ import matplotlib.pyplot as plt
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 import antiosc as ao
+from antiosc.plotting import save_figure
 
 ROOT = Path(__file__).resolve().parent.parent
 ALUMINIUM = {"E": 70e9, "nu": 0.33, "rho": 2700.0}
@@ -140,7 +141,7 @@ def plot(hit: ao.History, sphere: float, path: Path) -> None:
     lower.set_xlabel("time (ms)")
     lower.legend()
     upper.set_title(f"A steel sphere of radius {1e3 * sphere:g} mm strikes the bracket")
-    figure.savefig(path, dpi=120)
+    save_figure(figure, path, dpi=120)
     plt.close(figure)
 
 
@@ -173,7 +174,7 @@ def picture(part: ao.Structure, hit: ao.History, point: Sequence[float], path: P
     axes.view_init(elev=24, azim=52)
     scale = plt.cm.ScalarMappable(plt.Normalize(0, size.max()), "viridis")
     figure.colorbar(scale, ax=axes, shrink=0.6, label=f"displacement (µm), drawn x {enlarged:.0f}")
-    figure.savefig(path, dpi=120)
+    save_figure(figure, path, dpi=120)
     plt.close(figure)
 
 

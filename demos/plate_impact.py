@@ -27,6 +27,7 @@ import matplotlib.pyplot as plt
 import antiosc as ao
 from antiosc.closed_form import zener
 from antiosc.closed_form.plates import SupportedPlate
+from antiosc.plotting import save_figure
 
 ROOT = Path(__file__).resolve().parent.parent
 ALUMINIUM = {"E": 70e9, "nu": 0.33, "rho": 2700.0}
@@ -167,7 +168,7 @@ def plot(
         f"A nylon sphere of radius {1e3 * scene.sphere.radius:.3g} mm strikes a supported "
         f"aluminium plate of {1e3 * scene.thickness:g} mm (left and middle: λ = {scene.lam:g})"
     )
-    figure.savefig(path, dpi=120)
+    save_figure(figure, path, dpi=120)
     plt.close(figure)
 
 

@@ -44,6 +44,7 @@ import matplotlib.pyplot as plt
 from mpi4py import MPI
 
 import antiosc as ao
+from antiosc import files
 from antiosc.band import stiffness_error
 from antiosc.fem.algebra import csr, dot, multiply, sum_of
 from antiosc.fem.compliance import compliances
@@ -51,6 +52,7 @@ from antiosc.fem.large import factorize
 from antiosc.fem.many_sites import sites_of
 from antiosc.fem.site import functional
 from antiosc.impact import without_patch
+from antiosc.plotting import save_figure
 
 ROOT = Path(__file__).resolve().parent.parent
 STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}
@@ -600,8 +602,8 @@ def main(
 def _report(result: dict[str, Any], out: Path) -> str:
     """What there is so far, written to `out`."""
     text = tables(result)
-    _write(out / "speed_accuracy.json", json.dumps(result, indent=1))
-    _write(out / "speed_accuracy.md", text)
+    files.write_text(out / "speed_accuracy.json", json.dumps(result, indent=1))
+    files.write_text(out / "speed_accuracy.md", text)
     return text
 
 
@@ -622,12 +624,6 @@ def _apart(task: str, *arguments: Any, ranks: int = 1) -> Any:
     if run.returncode:
         raise SystemExit(run.stderr or run.stdout)
     return json.loads(run.stdout.strip().splitlines()[-1])
-
-
-def _write(path: Path, text: str) -> None:
-    part = path.with_name(f".{path.name}.part")
-    part.write_text(text)
-    os.replace(part, path)
 
 
 STYLE = {
@@ -660,10 +656,8 @@ def _plot(found: dict[str, Any], out: Path) -> None:
     figure.suptitle(f"{found['case']}, {found['dofs']} dofs")
     name = found["case"].replace(", ", "_").replace(" ", "_")
     path = out / f"speed_accuracy_{name}_{found['dofs']}.png"
-    part = path.with_name(f".{path.name}.part.png")
-    figure.savefig(part, dpi=130)
+    save_figure(figure, path, dpi=130)
     plt.close(figure)
-    os.replace(part, path)
 
 
 def ratios(found: dict[str, Any]) -> dict[str, float]:

@@ -35,11 +35,13 @@ import matplotlib.pyplot as plt
 from matplotlib.colors import ListedColormap
 
 import antiosc as ao
+from antiosc import files
 from antiosc.closed_form import UniformBeam, pinned_pinned
 from antiosc.history import force_difference
 from antiosc.impact import assemble, scaled
 from antiosc.integrators import FIXED_STEP
 from antiosc.integrators.stability import margin
+from antiosc.plotting import save_figure
 
 ROOT = Path(__file__).resolve().parent.parent
 BEAM = UniformBeam.euler_bernoulli(E=67e9, rho=2400.0, area=2e-4, inertia=0.33e-8, length=1.0)
@@ -125,9 +127,7 @@ def main(
         rows += hard_table + [adaptive(s, m) for s in scenes for m in ("exact", "DOP853", "Radau")]
     found = windows(fine, out / "stability_windows.png")
     rows += found
-    partial = out / "stability.json.part"
-    partial.write_text(json.dumps(rows, indent=1))
-    partial.replace(out / "stability.json")
+    files.write_text(out / "stability.json", json.dumps(rows, indent=1))
     return {"runs": rows, "limits": measured_limits(table), "windows": found}
 
 
@@ -261,7 +261,7 @@ def windows(count: int, path: Path) -> list[dict[str, Any]]:
     )
     ax.set(xlabel=r"step, $h\,\omega_{max}$", ylabel="error of the force", ylim=(3e-4, 3))
     ax.legend(fontsize=8, loc="lower right")
-    fig.savefig(path, dpi=120)
+    save_figure(fig, path, dpi=120)
     plt.close(fig)
     return rows
 
@@ -308,7 +308,7 @@ def chart_numbers(
     axes[-1].legend(fontsize=8)
     bar = fig.colorbar(image, ax=axes, ticks=range(4))
     bar.ax.set_yticklabels(CLASSES)
-    fig.savefig(path, dpi=120)
+    save_figure(fig, path, dpi=120)
     plt.close(fig)
 
 
@@ -335,7 +335,7 @@ def chart_scenes(
     axes[0].set_yticks(np.arange(len(names)) + 0.5, names)
     bar = fig.colorbar(image, ax=axes, ticks=range(4))
     bar.ax.set_yticklabels(CLASSES)
-    fig.savefig(path, dpi=120)
+    save_figure(fig, path, dpi=120)
     plt.close(fig)
 
 

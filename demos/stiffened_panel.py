@@ -22,6 +22,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
 import antiosc as ao
+from antiosc.plotting import save_figure
 
 ROOT = Path(__file__).resolve().parent.parent
 ALUMINIUM = {"E": 70e9, "nu": 0.33, "rho": 2700.0}
@@ -162,7 +163,7 @@ def plot(hits: dict[tuple[str, str], ao.History], path: Path) -> None:
     axes[0, 0].set_ylabel("contact force (N)")
     axes[1, 0].set_ylabel("deflection at the site (µm)")
     axes[0, 0].legend()
-    figure.savefig(path, dpi=120)
+    save_figure(figure, path, dpi=120)
     plt.close(figure)
 
 

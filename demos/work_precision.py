@@ -33,9 +33,11 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
 import antiosc as ao
+from antiosc import files
 from antiosc.closed_form import UniformBeam, pinned_pinned
 from antiosc.history import force_difference
 from antiosc.integrators import FIXED_STEP
+from antiosc.plotting import save_figure
 
 ROOT = Path(__file__).resolve().parent.parent
 BEAM = UniformBeam.euler_bernoulli(E=67e9, rho=2400.0, area=2e-4, inertia=0.33e-8, length=1.0)
@@ -92,9 +94,7 @@ def main(
         "speedup": speedups(table),
         "batch": batch,
     }
-    partial = out / "work_precision.json.part"
-    partial.write_text(json.dumps(result, indent=1))
-    partial.replace(out / "work_precision.json")
+    files.write_text(out / "work_precision.json", json.dumps(result, indent=1))
     return result
 
 
@@ -228,7 +228,7 @@ def chart(table: list[dict[str, Any]], path: Path) -> None:
     for row in axes:
         row[0].set_ylabel("relative error of the force (L2)")
     axes[0, -1].legend(fontsize=8)
-    fig.savefig(path, dpi=120)
+    save_figure(fig, path, dpi=120)
     plt.close(fig)
 
 

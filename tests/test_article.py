@@ -257,9 +257,9 @@ def test_figures_and_page(demos, case1, case2, tmp_path):
     sections = article.first_case(case1) + article.second_case(case2)
     shown = {part.split(")")[0] for part in sections.split("pictures/")[1:]}
     assert shown == {path.name for path in drawn}
-    article.write(tmp_path / "page.md", sections)
+    article.files.write_text(tmp_path / "page.md", sections)
     assert (tmp_path / "page.md").read_text(encoding="utf-8") == sections
-    assert not list(tmp_path.glob("*.part"))
+    assert not list(tmp_path.glob(".*"))
 
 
 def test_page_in_the_repository_names_every_claim(demos):

@@ -165,6 +165,54 @@ def test_a_shorter_series_leaves_no_frames_of_the_longer_one(tmp_path, hit):
     assert len(list(tmp_path.glob("*.vtu"))) == 2
 
 
+NAMES = ["run_v=1.5", "run_v=1.7", "run", "run_*", "run[0-9]", 'a & b "<c>"', "Stoß 3", "run_0001"]
+
+
+def test_every_name_makes_a_series_of_its_own(tmp_path, hit):
+    structure, history = hit
+    for k, name in enumerate(2 * NAMES):
+        listing = ao.write_series(structure, history, tmp_path / name, [0.0, (1 + k) * 1e-6])
+        assert listing == tmp_path / f"{name}.pvd"
+    assert len(list(tmp_path.iterdir())) == 3 * len(NAMES)
+    for k, name in enumerate(NAMES):
+        frames = ElementTree.parse(tmp_path / f"{name}.pvd").getroot().findall(".//DataSet")
+        assert [f.get("file") for f in frames] == [f"{name}_{i:04d}.vtu" for i in range(2)]
+        assert float(frames[1].get("timestep")) == pytest.approx((1 + len(NAMES) + k) * 1e-6)
+        assert all((tmp_path / f.get("file")).is_file() for f in frames)
+
+
+def test_a_series_removes_only_what_its_list_names(tmp_path, hit):
+    structure, history = hit
+    mine = tmp_path / "run_2024.vtu"
+    mine.write_text("not a frame")
+    listing = ao.write_series(structure, history, tmp_path / "run.pvd", [0.0, 1e-6])
+    listing.chmod(0o600)
+    text = listing.read_text().replace("run_0001.vtu", "run_2024.vtu/../../outside.vtu")
+    listing.write_text(text)
+    ao.write_series(structure, history, listing, [0.0])
+    assert sorted(p.name for p in tmp_path.iterdir()) == [
+        "run.pvd", "run_0000.vtu", "run_0001.vtu", "run_2024.vtu"
+    ]  # fmt: skip
+    assert mine.read_text() == "not a frame"
+    modes = [p.stat().st_mode & 0o777 for p in (listing, tmp_path / "run_0000.vtu")]
+    assert modes == [0o600, 0o600]
+
+
+def test_names_that_make_no_series(tmp_path, hit):
+    structure, history = hit
+    (tmp_path / "file").write_text("")
+    (tmp_path / "folder.pvd").mkdir()
+    for name, says in (
+        ("a\nb", "XML has no word"),
+        ("x" * 300, "File name too long"),
+        ("file/run", "cannot write the series"),
+        ("folder.pvd", "it is a folder"),
+    ):
+        with pytest.raises(ao.InputError, match=says):
+            ao.write_series(structure, history, tmp_path / name, [0.0])
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["file", "folder.pvd"]
+
+
 def test_fields_need_the_shapes_and_their_structure(tmp_path, hit):
     structure, history = hit
     history.model.save(tmp_path / "model.npz")

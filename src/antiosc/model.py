@@ -8,24 +8,17 @@ F -> [m0] lambda_0 --k1-- [m1] lambda_1        Article Fig. 1: the contact force
 
 from __future__ import annotations
 
-import json
 import os
-import tempfile
-import zipfile
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from antiosc import checks
+from antiosc import checks, model_file
 from antiosc.errors import InputError
 from antiosc.modal import Damping, ModalBody, arrow_modes
-
-FORMAT = "antiosc-model"
-VERSION = 1
 
 # m0 = m_st - sum(m_i) is known only to the rounding of m_st: a relative m0 below this is noise.
 _ROUNDING = 1e-12
@@ -223,8 +216,8 @@ class AntiOscillators:
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the model to one NumPy .npz file with a self-describing JSON header.
 
-        The file is complete or absent: it is written beside its place and moved there at the end.
-        Shapes are not stored.
+        The file is complete or absent (`antiosc.files`). Shapes are not stored. InputError where
+        it cannot be written.
         """
         arrays = {
             name: np.asarray(getattr(self, name))
@@ -232,35 +225,37 @@ class AntiOscillators:
             if getattr(self, name) is not None
         }
         header = {
-            "format": FORMAT,
-            "version": VERSION,
+            "format": model_file.FORMAT,
+            "version": model_file.VERSION,
             "units": {**_ARRAYS, **_SCALARS},
             "meaning": _MEANING,
             **{name: getattr(self, name) for name in _SCALARS},
             "damping": None if self.damping is None else self.damping.as_dict(),
             "info": self.info,
         }
-        try:
-            text = json.dumps(header)
-        except TypeError as error:
-            raise InputError(f"model.info must hold JSON values only: {error}.") from None
-        _write_atomically(Path(path), {"header": np.array(text), **arrays})
+        model_file.write(path, header, arrays)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> AntiOscillators:
         """Read a model written by `save`. InputError when the file is not one."""
-        header, arrays = _read(Path(path))
-        damping = header.get("damping")
-        return cls(
-            m0=float(arrays["m0"]),
-            k0=float(arrays["k0"]),
-            m=arrays["m"],
-            omega=arrays["omega"],
-            participation=arrays.get("participation"),
-            damping=None if damping is None else Damping(**damping),
-            info=header.get("info", {}),
-            **{name: header[name] for name in _SCALARS},
-        )
+        header, arrays = model_file.read(path, {"m0", "k0", "m", "omega"})
+        try:
+            damping = header.get("damping")
+            return cls(
+                m0=arrays["m0"],  # type: ignore[arg-type]
+                k0=arrays["k0"],  # type: ignore[arg-type]
+                m=arrays["m"],
+                omega=arrays["omega"],
+                participation=arrays.get("participation"),
+                damping=None if damping is None else Damping(**damping),
+                info=dict(header.get("info", {})),
+                **{name: header[name] for name in _SCALARS},
+            )
+        except (InputError, KeyError, TypeError, ValueError) as error:
+            raise InputError(
+                f"{path} holds no usable model, its numbers are damaged or edited: "
+                f"{str(error).rstrip('.')}."
+            ) from error
 
 
 def _column(name: str, value: ArrayLike) -> NDArray[np.float64]:
@@ -271,39 +266,3 @@ def _frozen(array: NDArray[np.float64]) -> NDArray[np.float64]:
     array = np.array(array, dtype=float)
     array.setflags(write=False)
     return array
-
-
-def _write_atomically(path: Path, arrays: dict[str, NDArray[Any]]) -> None:
-    try:
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
-    except OSError as error:
-        raise InputError(f"cannot write the model to {path}: {error.strerror}.") from None
-    try:
-        with os.fdopen(handle, "wb") as stream:
-            np.savez(stream, **arrays)  # type: ignore[arg-type]
-        os.chmod(name, 0o644)
-        os.replace(name, path)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
-
-
-def _read(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    if not path.is_file():
-        raise InputError(f"there is no model file {path}.")
-    try:
-        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in archive.files}
-        header = json.loads(str(arrays.pop("header")))
-    except (OSError, ValueError, KeyError, AttributeError, EOFError, zipfile.BadZipFile):
-        raise InputError(f"{path} is not an antiosc model file, or it is damaged.") from None
-    if header.get("format") != FORMAT:
-        raise InputError(f"{path} has format {header.get('format')!r}, expected {FORMAT!r}.")
-    if header["version"] > VERSION:
-        raise InputError(
-            f"{path} has version {header['version']}; this antiosc reads up to {VERSION}."
-        )
-    missing = {"m0", "k0", "m", "omega"} - arrays.keys()
-    if missing:
-        raise InputError(f"{path} lacks {', '.join(sorted(missing))}; write it again.")
-    return header, arrays

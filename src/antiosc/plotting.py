@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from antiosc import files
 from antiosc.errors import InputError, MissingDependencyError
 from antiosc.history import History
 from antiosc.model import AntiOscillators
@@ -64,6 +67,18 @@ def plot_masses(model: AntiOscillators, ax: Axes | None = None) -> Axes:
     ax.set_ylabel("share of the static mass")
     ax.legend()
     return ax
+
+
+def save_figure(figure: Any, path: str | os.PathLike[str], **options: Any) -> None:
+    """Write a matplotlib figure to a file that is complete or absent; `options` as for `savefig`.
+
+    InputError where the ending of `path` is no picture's, or the file cannot be written.
+    """
+    known = figure.canvas.get_supported_filetypes()
+    if Path(path).suffix.lower().removeprefix(".") not in known:
+        raise InputError(f"a picture ends with one of .{', .'.join(sorted(known))}; got {path!s}.")
+    with files.complete(path, "the picture") as part:
+        figure.savefig(part, **options)
 
 
 def _axes(ax: Axes | None) -> Axes:

@@ -6,13 +6,9 @@ times, `write_series` at all nodes for some times, in files that ParaView opens.
 
 from __future__ import annotations
 
-import os
-import shutil
-import tempfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
-import meshio
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -25,6 +21,7 @@ from antiosc.fem.family import WeakForm
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.parallel import on_root
 from antiosc.fem.readers import KINDS
+from antiosc.fem.series import listing, write_frames
 from antiosc.fem.structure import Structure
 from antiosc.history import History
 
@@ -76,17 +73,18 @@ def write_series(
         The one that `history`'s model was extracted from.
     history : History
     path : str or Path
-        The `.pvd` file; the frames go beside it as `<name>_0000.vtu` and on.
+        The `.pvd` file (the ending is added where it is missing); the frames go beside it as
+        `<name>_0000.vtu` and on.
     times : array_like (n,), optional
         Times in s; default: 40 evenly over the history.
 
     Returns
     -------
     Path
-        Of the `.pvd`, written last: while it is absent, so is the series.
+        Of the `.pvd`, written last: until then it is absent, or lists no frame.
     """
+    target = listing(path)
     mesh, form = structure.meshed()
-    target = Path(path).with_suffix(".pvd")
     if times is None:
         times = np.linspace(history.time[0], history.time[-1], 40)
     at = array("times", times, (np.size(times),))
@@ -98,7 +96,7 @@ def write_series(
         kind = next(
             n for n, k in KINDS.items() if (k.shape, k.nodes) == (mesh.cell, cells.shape[1])
         )
-        _write_frames(target, points, [(kind, cells)], at, (shapes @ a for a in amplitudes))
+        write_frames(target, points, [(kind, cells)], at, (shapes @ a for a in amplitudes))
 
     on_root(mesh.comm, write)
     return target
@@ -155,35 +153,3 @@ def _gathered(mesh: Mesh, shapes: Array) -> tuple[Array, IntArray, Array]:
         np.vstack([c + s for s, (_, c, _) in zip(starts, pieces, strict=True)])[:, order],
         np.concatenate([f for _, _, f in pieces]),
     )
-
-
-def _write_frames(
-    target: Path,
-    points: Array,
-    cells: list[tuple[str, IntArray]],
-    times: Array,
-    fields: Iterable[Array],
-) -> None:
-    """All frames into a folder of their own first: an interrupted run leaves nothing behind."""
-    target.parent.mkdir(parents=True, exist_ok=True)
-    staging = Path(tempfile.mkdtemp(prefix=f".{target.stem}-", dir=target.parent))
-    try:
-        entries = []
-        for number, (time, field) in enumerate(zip(times, fields, strict=True)):
-            name = f"{target.stem}_{number:04d}.vtu"
-            meshio.Mesh(points, cells, point_data={"displacement": field}).write(staging / name)
-            entries.append(f'    <DataSet timestep="{time:.9e}" file="{name}"/>\n')
-        listing = (
-            '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n  <Collection>\n'
-            + "".join(entries)
-            + "  </Collection>\n</VTKFile>\n"
-        )
-        (staging / target.name).write_text(listing)
-        target.unlink(missing_ok=True)
-        for stale in target.parent.glob(f"{target.stem}_[0-9][0-9][0-9][0-9].vtu"):
-            stale.unlink()
-        for frame in sorted(staging.glob("*.vtu")):
-            os.replace(frame, target.parent / frame.name)
-        os.replace(staging / target.name, target)
-    finally:
-        shutil.rmtree(staging, ignore_errors=True)

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import logging
 import os
-import tempfile
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -20,7 +19,7 @@ from typing import Any
 import meshio
 import numpy as np
 
-from antiosc import free_modes
+from antiosc import files, free_modes
 from antiosc.batch import simulate_many
 from antiosc.checks import positive, whole
 from antiosc.contact import ContactLaw
@@ -40,6 +39,7 @@ from antiosc.fem.structure import Structure
 from antiosc.free_modes import SiteModels
 from antiosc.modal import LinearBody
 from antiosc.model import AntiOscillators
+from antiosc.plotting import save_figure
 
 #: Free modes where neither `modes` nor a band says how many.
 MODES = 20
@@ -132,24 +132,23 @@ class ImpactMap:
         return {name: value for name, value in named.items() if value is not None}
 
     def write(self, path: str | os.PathLike[str]) -> Path:
-        """Write points, elements and all quantities to a VTU file (or whatever meshio writes)."""
+        """Write points, elements and all quantities to a VTU file (or whatever meshio writes).
+
+        InputError where the file cannot be written, or its ending tells meshio no format.
+        """
         target = Path(path)
         kind = {3: "triangle", 2: "line"}.get(self.elements.shape[1], "vertex")
         cells = self.elements if len(self.elements) else np.arange(len(self))[:, None]
         kind = kind if len(self.elements) else "vertex"
         data = {**self.quantities(), "direction": self.directions}
-        try:
-            handle, name = tempfile.mkstemp(dir=target.parent, suffix=target.suffix)
-            os.close(handle)
-        except OSError as error:
-            raise InputError(f"cannot write the map to {target}: {error.strerror}.") from None
-        try:
-            meshio.Mesh(self.points, [(kind, cells)], point_data=data).write(name)
-            os.chmod(name, 0o644)
-            os.replace(name, target)
-        except BaseException:
-            Path(name).unlink(missing_ok=True)
-            raise
+        with files.complete(target, "the map") as part:
+            try:
+                meshio.Mesh(self.points, [(kind, cells)], point_data=data).write(part)
+            except (meshio.ReadError, meshio.WriteError, KeyError, SystemExit) as error:
+                raise InputError(
+                    f"meshio cannot write a map to {target.name!r}: give it a name that ends with "
+                    ".vtu."
+                ) from error
         return target
 
     def plot(self, path: str | os.PathLike[str], quantity: str = "peak_force") -> Path:
@@ -177,13 +176,10 @@ class ImpactMap:
         axes.set(xlabel="x / m", ylabel="y / m", zlabel="z / m")
         figure.colorbar(faces, ax=axes, shrink=0.7, label=LABELS.get(quantity, quantity))
         target = Path(path)
-        part = target.with_name(f".{target.name}.part{target.suffix}")
         try:
-            figure.savefig(part, dpi=150)
-            os.replace(part, target)
+            save_figure(figure, target, dpi=150)
         finally:
             plt.close(figure)
-            part.unlink(missing_ok=True)
         return target
 
 

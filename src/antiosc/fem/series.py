@@ -1,0 +1,104 @@
+"""A series of displacement fields in files that ParaView opens: one `.pvd` that lists `.vtu`."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import stat
+import tempfile
+from collections.abc import Iterable
+from pathlib import Path
+from xml.sax.saxutils import quoteattr, unescape
+
+import meshio
+import numpy as np
+from numpy.typing import NDArray
+
+from antiosc import checks, files
+from antiosc.errors import InputError
+from antiosc.fem.compat import IntArray
+
+Array = NDArray[np.float64]
+
+
+def listing(path: str | os.PathLike[str]) -> Path:
+    """The `.pvd` of a series: `path`, with that ending where it has another or none.
+
+    What follows a point belongs to the name: `run_v=1.5` and `run_v=1.7` are two series.
+    """
+    path = checks.path("path", path)
+    if not path.name:
+        raise InputError(f"a series needs a name; {str(path)!r} has none.")
+    target = path if path.suffix.lower() == ".pvd" else path.with_name(f"{path.name}.pvd")
+    if not target.stem.isprintable():
+        raise InputError(
+            f"a series cannot be named {checks.shown(target.stem)}: XML has no word for one of its "
+            "characters."
+        )
+    return target
+
+
+def write_frames(
+    target: Path,
+    points: Array,
+    cells: list[tuple[str, IntArray]],
+    times: Array,
+    fields: Iterable[Array],
+) -> None:
+    """Write one frame a time, and the list of them to `target` (from `listing`) as the last.
+
+    All is written into a folder beside first: an interrupted run leaves nothing behind. Frames that
+    an earlier list of this name names are removed, and none else; its permissions are kept.
+
+    Raises
+    ------
+    InputError
+        The system refuses to write there.
+    """
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        staging = Path(tempfile.mkdtemp(prefix=".antiosc-", dir=target.parent))
+        try:
+            names = []
+            for number, field in enumerate(fields):
+                names.append(f"{target.stem}_{number:04d}.vtu")
+                with files.complete(staging / names[-1], "the series") as part:
+                    meshio.Mesh(points, cells, point_data={"displacement": field}).write(part)
+            if os.path.lexists(target):
+                old = _listed(target)
+                files.write_text(target, _collection(times[:0], []), "the series")
+                for name in old:
+                    (target.parent / name).unlink(missing_ok=True)
+                for name in names:
+                    (staging / name).chmod(stat.S_IMODE(target.stat().st_mode))
+            for name in names:
+                os.replace(staging / name, target.parent / name)
+        finally:
+            shutil.rmtree(staging, ignore_errors=True)
+    except OSError as error:
+        raise files.cannot_write("the series", target, error) from error
+    files.write_text(target, _collection(times, names), "the series")
+
+
+def _collection(times: Array, names: list[str]) -> str:
+    entries = [
+        f'    <DataSet timestep="{time:.9e}" file={quoteattr(name)}/>\n'
+        for time, name in zip(times, names, strict=True)
+    ]
+    return (
+        '<?xml version="1.0" encoding="utf-8"?>\n<VTKFile type="Collection" version="0.1">\n'
+        "  <Collection>\n" + "".join(entries) + "  </Collection>\n</VTKFile>\n"
+    )
+
+
+def _listed(target: Path) -> list[str]:
+    """The frames beside `target` that it lists: those of its own name, whatever else it says."""
+    try:
+        text = target.read_text(encoding="utf-8") if target.is_file() else ""
+    except UnicodeDecodeError:
+        return []
+    own = re.compile(re.escape(target.stem) + r"_\d{4,}\.vtu")
+    quoted = re.findall(r"""file=(?:"([^"]*)"|'([^']*)')""", text)
+    names = (unescape(a or b, {"&quot;": '"', "&apos;": "'"}) for a, b in quoted)
+    return [name for name in names if own.fullmatch(name)]

@@ -1,0 +1,108 @@
+"""Files that are complete or absent: whoever reads one never meets half of it.
+
+What is written goes to a file beside its place, onto the disk, and then takes its place in one
+step. An interrupted run, a full disk or an error on the way leaves what was there before.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import secrets
+import stat
+from collections.abc import Iterator
+from pathlib import Path
+
+from antiosc import checks
+from antiosc.errors import InputError
+
+#: Longest ending kept by the file beside the place: programs choose a format by it.
+_SUFFIX = 20
+
+
+@contextlib.contextmanager
+def complete(path: str | os.PathLike[str], what: str = "the file") -> Iterator[Path]:
+    """A new file with the ending of `path` to write to; it takes its place when the block ends.
+
+    A file that exists keeps its permissions and its owner, a link stays a link and what it points
+    to is written. When the block raises, nothing has changed.
+
+    Parameters
+    ----------
+    path : str or Path
+        In a folder that exists.
+    what : str
+        What is written, for messages.
+
+    Raises
+    ------
+    InputError
+        `path` is no place for a file, or the system refuses to write there (also in the block).
+    """
+    try:
+        target = Path(os.path.realpath(checks.path("path", path)))
+        old = _regular(target, path, what)
+        part = _beside(target, old)
+        try:
+            yield part
+            _to_disk(part)
+            os.replace(part, target)
+            _to_disk(target.parent)
+        except BaseException:
+            part.unlink(missing_ok=True)
+            raise
+    except (OSError, UnicodeEncodeError) as error:
+        raise cannot_write(what, path, error) from error
+
+
+def write_text(path: str | os.PathLike[str], text: str, what: str = "the text") -> None:
+    """Write a text in UTF-8 to a file that is complete or absent; InputError as `complete`."""
+    with complete(path, what) as part:
+        part.write_text(text, encoding="utf-8")
+
+
+def cannot_write(what: str, path: str | os.PathLike[str], error: Exception) -> InputError:
+    """The error that says which file the system refuses to write, and why."""
+    reason = getattr(error, "strerror", None) or str(error)
+    return InputError(f"cannot write {what} to {os.fspath(path)!r}: {reason.rstrip('.')}.")
+
+
+def _regular(target: Path, path: str | os.PathLike[str], what: str) -> os.stat_result | None:
+    """The status of the file that stands at `target`; None where there is none."""
+    try:
+        old = target.lstat()  # links are resolved: one that is left leads in a circle
+    except FileNotFoundError:
+        return None
+    if not stat.S_ISREG(old.st_mode):
+        kind = "a folder" if stat.S_ISDIR(old.st_mode) else "not a regular file"
+        raise InputError(
+            f"cannot write {what} to {os.fspath(path)!r}: it is {kind}; choose another name."
+        )
+    if not os.access(target, os.W_OK):
+        raise InputError(f"cannot write {what} to {os.fspath(path)!r}: it is write-protected.")
+    return old
+
+
+def _beside(target: Path, old: os.stat_result | None) -> Path:
+    """An empty file in the folder of `target`, with the permissions that the new one shall have."""
+    suffix = target.suffix if len(target.suffix) <= _SUFFIX else ""
+    part = target.with_name(f".antiosc-{secrets.token_hex(6)}{suffix}")
+    flags = os.O_CREAT | os.O_EXCL | os.O_WRONLY | os.O_CLOEXEC
+    handle = os.open(part, flags, 0o666 if old is None else 0o600)
+    try:
+        if old is not None:
+            with contextlib.suppress(PermissionError):  # root alone may give files away
+                os.fchown(handle, old.st_uid, old.st_gid)
+            os.fchmod(handle, stat.S_IMODE(old.st_mode))
+    finally:
+        os.close(handle)
+    return part
+
+
+def _to_disk(path: Path) -> None:
+    """Wait until the file, or the list of names in a folder, is on the disk."""
+    handle = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)

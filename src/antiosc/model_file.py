@@ -1,0 +1,108 @@
+"""Model files: NumPy's `.npz` with a header in JSON that describes itself.
+
+A model file is data from elsewhere: it is read without pickles, and no number in it is believed
+before it agrees with the size of what is stored.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import stat
+import zipfile
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.lib import format as npy
+from numpy.typing import NDArray
+
+from antiosc import checks, files
+from antiosc.errors import InputError
+
+FORMAT = "antiosc-model"
+VERSION = 1
+
+#: Largest member of an archive in bytes. A model of a million anti-oscillators takes 8 MB.
+_LARGEST = 2**26
+#: Most members of an archive.
+_MEMBERS = 100
+
+Arrays = dict[str, NDArray[Any]]
+
+
+def write(path: str | os.PathLike[str], header: dict[str, Any], arrays: Arrays) -> None:
+    """Write header and arrays to a file that is complete or absent."""
+    try:
+        text = json.dumps(header)
+    except (TypeError, ValueError, RecursionError) as error:
+        raise InputError(f"model.info must hold JSON values only: {error}.") from None
+    with files.complete(path, "the model") as part, part.open("wb") as stream:
+        np.savez(stream, **{"header": np.array(text), **arrays})  # type: ignore[arg-type]
+
+
+def read(path: str | os.PathLike[str], needed: set[str]) -> tuple[dict[str, Any], Arrays]:
+    """(header, arrays) of a model file that holds the arrays `needed`; InputError for another."""
+    source = checks.path("path", path)
+    _check_regular(source)
+    try:
+        with zipfile.ZipFile(source) as archive:
+            members = archive.infolist()
+            if len(members) > _MEMBERS:
+                raise ValueError(f"{len(members)} members")
+            arrays = {m.filename.removesuffix(".npy"): _member(archive, m) for m in members}
+        header = json.loads(str(arrays.pop("header")))
+        version = header["version"] if header.get("format") == FORMAT else VERSION
+        newer = bool(version > VERSION)
+    except (
+        *(OSError, ValueError, KeyError, TypeError, AttributeError, EOFError, MemoryError),
+        *(NotImplementedError, RuntimeError, zipfile.BadZipFile, zipfile.LargeZipFile),
+        *(SyntaxError, zlib.error),
+    ):
+        raise InputError(f"{path} is not an antiosc model file, or it is damaged.") from None
+    if header.get("format") != FORMAT:
+        raise InputError(
+            f"{path} has format {checks.shown(header.get('format'))}, expected {FORMAT!r}."
+        )
+    if newer:
+        raise InputError(f"{path} has version {version}; this antiosc reads up to {VERSION}.")
+    missing = needed - arrays.keys()
+    if missing:
+        raise InputError(f"{path} lacks {', '.join(sorted(missing))}; write it again.")
+    return header, arrays
+
+
+def _check_regular(path: Path) -> None:
+    """InputError unless `path` is a regular file: opening a pipe could wait for ever."""
+    try:
+        mode = path.stat().st_mode
+    except OSError as error:
+        reason = "" if isinstance(error, FileNotFoundError) else f" ({error.strerror})"
+        raise InputError(f"there is no model file {path}{reason}.") from None
+    if not stat.S_ISREG(mode):
+        raise InputError(f"there is no model file {path}: it is a folder or a device.")
+
+
+def _member(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> NDArray[Any]:
+    """One array of numbers or text; ValueError where header and size of it disagree."""
+    if member.file_size > _LARGEST:
+        raise ValueError(f"{member.filename} has {member.file_size} bytes")
+    with archive.open(member) as stream:
+        content = stream.read(member.file_size + 1)  # no more than that, whatever is compressed
+    if len(content) != member.file_size:
+        raise ValueError(f"{member.filename} is cut")
+    stream = io.BytesIO(content)
+    major = npy.read_magic(stream)
+    if major not in ((1, 0), (2, 0)):
+        raise ValueError(f"{member.filename} is of version {major}")
+    head = npy.read_array_header_1_0 if major == (1, 0) else npy.read_array_header_2_0
+    shape, _, dtype = head(stream)
+    if dtype.hasobject or dtype.kind not in "fiuU":
+        raise ValueError(f"{member.filename} holds {dtype}")
+    count = int(np.prod([int(n) for n in shape], dtype=object)) if shape else 1
+    if count * dtype.itemsize != len(content) - stream.tell():
+        raise ValueError(f"{member.filename} is not of shape {shape}")
+    stream.seek(0)
+    return np.asarray(npy.read_array(stream, allow_pickle=False))
