@@ -1,6 +1,6 @@
 # Every target sets up what it needs, once; `make help` lists them.
 .DEFAULT_GOAL := help
-.PHONY: help setup demo article bench test check test-debian13 lint fmt clean
+.PHONY: help setup demo article bench test check test-trixie test-sid lint fmt clean
 
 PYTHON := .venv/bin/python
 READY  := .venv/ready
@@ -36,8 +36,11 @@ test: $(READY) ## all tests, those on several MPI ranks included
 check: $(READY) ## the quick tests on one rank (under 2 minutes)
 	$(PYTHON) -m pytest -m "not slow and not mpi"
 
-test-debian13: ## all tests in a Debian 13 tree (needs root or sudo; ANTIOSC_CHROOT says where)
-	.ci/debian13
+test-trixie: ## all tests in a tree of Debian 13 (needs root or sudo; ANTIOSC_CHROOTS says where)
+	.ci/debian trixie
+
+test-sid: ## all tests in a tree of Debian sid, likewise
+	.ci/debian sid
 
 lint: $(READY) $(TOOLS)/ready ## style, format and types
 	$(TOOLS)/bin/ruff check .

@@ -169,12 +169,13 @@ def test_average_acceleration_and_midpoint_have_no_windows(method, r, monkeypatc
             assert np.abs(np.linalg.eigvals(np.array(columns).T)).max() <= 1 + 1e-6
 
 
+@pytest.fixture(scope="module")
+def truth():
+    return ao.simulate(MODEL, STRIKER, LAW, DURATION, step=3e-7)
+
+
 class TestRuns:
     """Of the whole simulation."""
-
-    @pytest.fixture(scope="class")
-    def truth(self):
-        return ao.simulate(MODEL, STRIKER, LAW, DURATION, step=3e-7)
 
     @pytest.mark.parametrize("y", [2.8, 3.0, 3.1])
     def test_a_given_step_in_a_window_is_told(self, truth, y):

@@ -108,7 +108,8 @@ def lattice_gradients(cell: str, degree: int, n: int) -> NDArray[np.float64]:
 
 def geometry_nodes(mesh: dolfinx.mesh.Mesh) -> IntArray:
     """Nodes of every cell of this rank, ghosts included: (cells, nodes)."""
-    dofmap = mesh.geometry.dofmap
+    geometry = mesh.geometry
+    dofmap = geometry.dofmap if VERSION < (0, 11) else geometry.dofmaps[0]
     if isinstance(dofmap, np.ndarray):
         return dofmap
     n_cells = cell_map(mesh).size_local + cell_map(mesh).num_ghosts
@@ -145,7 +146,7 @@ def cell_name(mesh: dolfinx.mesh.Mesh) -> str:
 
 def coordinate_map(mesh: dolfinx.mesh.Mesh) -> Any:
     """The mesh's coordinate element: push_forward(X, nodes), pull_back(x, nodes), degree."""
-    return mesh.geometry.cmap
+    return mesh.geometry.cmap if VERSION < (0, 11) else mesh.geometry.cmaps[0]
 
 
 def exterior_facets(mesh: dolfinx.mesh.Mesh) -> IntArray:

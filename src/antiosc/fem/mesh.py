@@ -271,7 +271,7 @@ def _adopted(mesh: dolfinx.mesh.Mesh, groups: Mapping[str, tuple[Any, int]]) -> 
             raise InputError(f"group {name!r}: no entity of the mesh tags has the value {value}.")
         named[name] = {int(tags.dim): entities.astype(np.int32)}
     error = None
-    if mesh.geometry.cmap.degree > 2:
+    if compat.coordinate_map(mesh).degree > 2:
         error = MeshError("cells of geometric order above 2 are not supported: use order 1 or 2.")
     agree(mesh.comm, error)
     return Mesh(mesh, named, "the dolfinx mesh")
