@@ -168,6 +168,10 @@ def _tangent(mesh: Mesh) -> Any:
     return t / ufl.sqrt(ufl.dot(t, t))
 
 
+def _root(mesh: Mesh, parts: Parts, stiffness: Callable[[Beam], float]) -> Any:
+    return coefficient(mesh, parts, lambda beam: math.sqrt(stiffness(beam)))
+
+
 def _shear_degree(order: int) -> int:
     """As many Gauss points as the order: none locks."""
     return 2 * order - 1
@@ -181,26 +185,28 @@ def _plane(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
     t = _tangent(mesh)
     normal = ufl.as_vector([-t[1], t[0]])
 
-    def strains(q: Any) -> tuple[Any, Any, Any]:
+    EA = _root(mesh, parts, lambda b: b.E * b.section.A)
+    GA = _root(mesh, parts, lambda b: b.G * b.section.A * b.section.shear)
+    EI = _root(mesh, parts, lambda b: b.E * b.section.I)
+
+    def strains(q: Any) -> Any:  # times √stiffness
         slope = ufl.dot(ufl.grad(q), t)
         along = ufl.as_vector([slope[0], slope[1]])
-        return ufl.dot(along, t), ufl.dot(along, normal) - q[2], slope[2]
+        shear = ufl.dot(along, normal) - q[2]
+        return ufl.as_vector([EA * ufl.dot(along, t), GA * shear, EI * slope[2]])
 
-    (stretch, shear, bend), (stretch_v, shear_v, bend_v) = strains(w), strains(v)
-    EA = coefficient(mesh, parts, lambda b: b.E * b.section.A)
-    GA = coefficient(mesh, parts, lambda b: b.G * b.section.A * b.section.shear)
-    EI = coefficient(mesh, parts, lambda b: b.E * b.section.I)
     rhoA = coefficient(mesh, parts, lambda b: b.rho * b.section.A)
     rhoI = coefficient(mesh, parts, lambda b: b.rho * b.section.I)
-    energy = EA * stretch * stretch_v + GA * shear * shear_v + EI * bend * bend_v
+    degree = _shear_degree(order)
     motion = rhoA * (w[0] * v[0] + w[1] * v[1]) + rhoI * w[2] * v[2]
     return WeakForm(
         space=space,
-        stiffness=[energy * measure(mesh, _shear_degree(order))],
+        stiffness=[ufl.dot(strains(w), strains(v)) * measure(mesh, degree)],
         mass=[motion * measure(mesh, 2 * order)],
         components={"x": (0,), "y": (1,), "rz": (2,)},
         density=rhoA,
         patch=None,
+        strains=(strains(w), degree),
     )
 
 
@@ -221,20 +227,25 @@ def on_lines(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
     def parts_of(q: Any) -> tuple[Any, Any]:
         return ufl.as_vector([q[i] for i in range(3)]), ufl.as_vector([q[i] for i in range(3, 6)])
 
-    def strains(q: Any) -> tuple[Any, Any]:
+    EA = _root(mesh, parts, lambda b: b.E * b.section.A)
+    GA = _root(mesh, parts, lambda b: b.G * b.section.A * b.section.shear)
+    EIz = _root(mesh, parts, lambda b: b.E * b.section.I)
+    EIy = _root(mesh, parts, lambda b: b.E * b.section.side)
+    GJ = _root(mesh, parts, lambda b: b.G * b.section.torsion)
+
+    def strains(q: Any) -> Any:  # times √stiffness
         _, turn = parts_of(q)
         slope_u, slope_turn = parts_of(ufl.dot(ufl.grad(q), t))
         # Bending stretches a centroid off the line. Twist also shifts it sideways, which a
         # stiffener follows by warping: no shear comes of it.
         stretch = -offset * ufl.dot(slope_turn, z) * t
-        return slope_u + stretch - ufl.cross(turn, t), slope_turn
+        force = slope_u + stretch - ufl.cross(turn, t)
+        pairs = (EA, t), (GA, y), (GA, z)
+        forces = [root * ufl.dot(force, axis) for root, axis in pairs]
+        pairs = (GJ, t), (EIy, y), (EIz, z)
+        return ufl.as_vector(forces + [root * ufl.dot(slope_turn, axis) for root, axis in pairs])
 
-    (force, moment), (force_v, moment_v) = strains(w), strains(v)
-    EA = coefficient(mesh, parts, lambda b: b.E * b.section.A)
-    GA = coefficient(mesh, parts, lambda b: b.G * b.section.A * b.section.shear)
-    EIz = coefficient(mesh, parts, lambda b: b.E * b.section.I)
-    EIy = coefficient(mesh, parts, lambda b: b.E * b.section.side)
-    GJ = coefficient(mesh, parts, lambda b: b.G * b.section.torsion)
+    degree = _shear_degree(order)
     rhoA = coefficient(mesh, parts, lambda b: b.rho * b.section.A)
     rhoIz = coefficient(mesh, parts, lambda b: b.rho * b.section.I)
     rhoIy = coefficient(mesh, parts, lambda b: b.rho * b.section.side)
@@ -243,14 +254,6 @@ def on_lines(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
     def along(axis: Any, stiffness: Any, a: Any, b: Any) -> Any:
         return stiffness * ufl.dot(a, axis) * ufl.dot(b, axis)
 
-    energy = (
-        along(t, EA, force, force_v)
-        + along(y, GA, force, force_v)
-        + along(z, GA, force, force_v)
-        + along(t, GJ, moment, moment_v)
-        + along(y, EIy, moment, moment_v)
-        + along(z, EIz, moment, moment_v)
-    )
     (u, turn), (u_v, turn_v) = parts_of(w), parts_of(v)
     centroid, centroid_v = u + offset * ufl.cross(turn, y), u_v + offset * ufl.cross(turn_v, y)
     motion = (
@@ -261,11 +264,12 @@ def on_lines(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
     )
     return WeakForm(
         space=space,
-        stiffness=[energy * measure(mesh, _shear_degree(order))],
+        stiffness=[ufl.dot(strains(w), strains(v)) * measure(mesh, degree)],
         mass=[motion * measure(mesh, 2 * order)],
         components={name: (i,) for i, name in enumerate(("x", "y", "z", "rx", "ry", "rz"))},
         density=rhoA,
         patch=None,
+        strains=(strains(w), degree),
     )
 
 

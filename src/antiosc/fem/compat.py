@@ -291,6 +291,36 @@ def assemble(
     return total
 
 
+def strain_matrix(
+    strains: Any, degree: int, space: Any, fixed: Mapping[tuple[int, ...], IntArray]
+) -> PETSc.Mat:
+    """S with SᵀS the integral of |strains|² by quadrature of `degree`; columns of `fixed` emptied.
+
+    `strains`: a UFL vector, linear in the trial function; one row for each at each Gauss point.
+    """
+    mesh, size = space.mesh, len(strains)
+    if VERSION < (0, 8):
+        element = ufl.VectorElement(
+            "Quadrature", mesh.ufl_cell(), degree, dim=size, quad_scheme="default"
+        )
+        points = fem.FunctionSpace(mesh, element)
+    else:
+        import basix.ufl
+
+        element = basix.ufl.quadrature_element(
+            mesh.basix_cell(), value_shape=(size,), degree=degree
+        )
+        points = fem.functionspace(mesh, element)
+    v = ufl.TestFunction(points)
+    dx = ufl.Measure("dx", domain=mesh, metadata={"quadrature_degree": degree})
+    S = assemble([ufl.dot(strains, v) * dx], space, fixed, 0.0)
+    weights = assemble_functional(sum(v[i] for i in range(size)) * dx, points)
+    scale = S.createVecLeft()
+    scale.setArray(1 / np.sqrt(weights))
+    S.diagonalScale(scale, None)
+    return S
+
+
 def assemble_functional(form: Any, space: Any) -> NDArray[np.float64]:
     """A linear form as an array over this rank's dofs, ghost contributions sent to their owners."""
     vector = fem.petsc.assemble_vector(fem.form(form))

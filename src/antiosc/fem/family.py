@@ -43,6 +43,9 @@ class WeakForm:
     #: mass moment per unit of cell measure about the mesh, kg/m along the normal (UFL vector),
     #: where the mass of a sheet does not lie in its middle
     moment: Any = None
+    #: strains times √stiffness of the trial function (UFL vector), and the quadrature degree with
+    #: which their squares make K; None where K's entries alone are accurate enough
+    strains: tuple[Any, int] | None = None
 
     def along(self, direction: Sequence[float]) -> Any:
         """The test function's displacement along `direction` (UFL)."""

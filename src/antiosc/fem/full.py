@@ -151,10 +151,10 @@ def _check(structure: Structure, modes: Modes) -> None:
     k_phi, m_phi = multiply(structure.K, modes.phi), multiply(structure.M, modes.phi)
     gram = dot(structure.comm, modes.phi, m_phi)
     off = k_phi - m_phi * modes.omega**2
-    sizes = [structure.comm.allreduce(np.sum(x**2, axis=0)) for x in (off, k_phi)]
+    left, size = np.split(structure.factorization.force_sizes(np.hstack([off, k_phi])), 2)
     worst = {
         "orthogonality": np.abs(gram - np.eye(len(gram))).max(initial=0.0),
-        "residual": np.sqrt(sizes[0] / np.maximum(sizes[1], np.finfo(float).tiny)).max(initial=0.0),
+        "residual": (left / np.maximum(size, np.finfo(float).tiny)).max(initial=0.0),
     }
     for name, value in worst.items():
         if not value <= CHECK:

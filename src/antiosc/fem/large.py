@@ -25,9 +25,11 @@ from antiosc.fem.algebra import (
     OnOneRank,
     PetscSolver,
     Solver,
+    by_strains,
     forecasts,
 )
 from antiosc.fem.parallel import on_root
+from antiosc.fem.strains import Refined
 from antiosc.fem.substructures import Substructures, interface
 
 Choice = Literal["auto", "direct", "iterative"]
@@ -78,8 +80,15 @@ def checked_choice(choice: Choice) -> Choice:
 def solver_for(A: PETSc.Mat, choice: Choice, motions: Callable[[], Array]) -> Solver:
     """The solver of A that `choice` names; "auto": direct where its factor fits in memory.
 
-    `motions` gives rigid-body motions (rows of this rank, r) for the multigrid.
+    `motions` gives rigid-body motions (rows of this rank, r) for the multigrid. Where A's product
+    is by strains the solver of its entries is refined to that accuracy.
     """
+    if by_strains(A):
+        return Refined(A, lambda matrix: _of_entries(matrix, choice, motions))
+    return _of_entries(A, choice, motions)
+
+
+def _of_entries(A: PETSc.Mat, choice: Choice, motions: Callable[[], Array]) -> Solver:
     if choice == "iterative":
         return Multigrid(A, motions())
     rows = A.getSize()[0]

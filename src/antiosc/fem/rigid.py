@@ -16,7 +16,7 @@ from petsc4py import PETSc
 
 from antiosc.errors import AccuracyError, AntioscError, InputError
 from antiosc.fem import compat
-from antiosc.fem.algebra import Array, Solver, dot, multiply, norm, sum_of
+from antiosc.fem.algebra import Array, Solver, by_strains, dot, multiply, norm, sum_of
 from antiosc.fem.compat import IntArray
 from antiosc.fem.family import WeakForm
 from antiosc.fem.large import factorize
@@ -35,6 +35,9 @@ SHIFT = 0.1
 ELASTIC = 1e-9
 #: Share of a vector outside the span of others, below which it adds nothing; rounding: 1e-16.
 SPANNED = 1e-12
+INFINITY = PETSc.NormType.NORM_INFINITY
+#: Share of the largest of some eigenvalues below which rounding makes them up.
+DROWNED = 1e-14
 #: A first shift that is more than this too high is replaced: Krylov spaces then converge slowly.
 FAR = 0.1
 
@@ -52,7 +55,7 @@ def of_mesh(
     motions = orthonormal(comm, M, motions)
     if not motions.shape[1]:
         return motions, 0.0
-    scale = K.norm(PETSc.NormType.NORM_INFINITY)
+    scale = K.norm(INFINITY)
     left = max(norm(comm, c) for c in multiply(K, motions).T)
     size = min(norm(comm, c) for c in motions.T)
     if left > RIGID * scale * size:
@@ -76,7 +79,7 @@ def of_matrices(K: PETSc.Mat, M: PETSc.Mat, given: Array | None) -> tuple[Array,
     """The same for matrices without a mesh; `given` is a basis of K's null space, if known."""
     comm: MPI.Comm = K.getComm().tompi4py()
     n = K.getLocalSize()[0]
-    scale = K.norm(PETSc.NormType.NORM_INFINITY)
+    scale = K.norm(INFINITY)
     if given is None and not _singular(comm, K, scale):
         return np.zeros((n, 0)), 0.0
     trace_ratio = K.getDiagonal().sum() / max(M.getDiagonal().sum(), np.finfo(float).tiny)
@@ -164,6 +167,7 @@ def closer_shift(factor: Solver, K: PETSc.Mat, M: PETSc.Mat, motions: Array) -> 
     frequencies may be ten times lower.
     """
     comm = factor.comm
+    rounding = 0.0 if by_strains(K) else np.finfo(float).eps * K.norm(INFINITY)
     x = np.random.default_rng(comm.rank).standard_normal((len(motions), 3))
     blocks = []
     for _ in range(4):
@@ -171,7 +175,17 @@ def closer_shift(factor: Solver, K: PETSc.Mat, M: PETSc.Mat, motions: Array) -> 
         x = orthonormal(comm, M, x - motions @ dot(comm, motions, multiply(M, x)))
         blocks.append(x)
     basis = orthonormal(comm, M, np.hstack(blocks))
-    return SHIFT * float(np.linalg.eigvalsh(dot(comm, basis, multiply(K, basis)))[0])
+    values, turn = np.linalg.eigh(dot(comm, basis, multiply(K, basis)))
+    # A sum over the dofs: x of length ‖x‖ has an energy of at most ‖K‖‖x‖², to ε of that.
+    rounding *= norm(comm, basis @ turn[:, 0]) ** 2
+    rounding += np.finfo(float).eps * values[-1]
+    if values[0] <= rounding:
+        raise AccuracyError(
+            f"the softest deformation drowns in rounding, ω² = {values[0]:.1e} ± {rounding:.1e} "
+            "rad²/s²: some part hangs on a hinge, where pieces meet in one point or line (join it),"
+            " or is too slender for sixteen digits (take fewer elements)."
+        )
+    return SHIFT * float(values[0])
 
 
 def _first_elastic(
@@ -185,13 +199,8 @@ def _first_elastic(
     values = np.linalg.eigvalsh(dot(comm, basis, multiply(K, basis)))
     if not len(values):
         return float(K.getDiagonal().sum() / M.getDiagonal().sum())
-    if values[0] <= 0:
-        raise AccuracyError(
-            "the part is too slender for sixteen digits: the energy of its softest deformation "
-            f"drowns in rounding ({values[0]:.1e} beside {values[-1]:.1e} rad²/s²); slendernesses "
-            "up to about 1e4 can be told."
-        )
-    return float(values[0])
+    # Below the rounding of the largest nothing is told: `closer_shift` comes after.
+    return float(max(values[0], DROWNED * values[-1]))
 
 
 def _fields(form: WeakForm, comm: MPI.Comm) -> tuple[Array, int]:

@@ -24,7 +24,11 @@ from antiosc.fem.large import Choice, checked_choice, solver_for
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.parallel import bounds
 from antiosc.fem.shell import Sheet
+from antiosc.fem.strains import attach
 from antiosc.fem.support import NO_DOFS, Support, held_dofs
+
+#: Most times that the shift of a free body is brought closer to its first elastic ω².
+CLOSER = 6
 
 
 class Structure:
@@ -100,9 +104,13 @@ class Structure:
         self._mass: float | None = compat.integrate(
             self.form.density * measure(mesh, 5), mesh.dolfinx
         )
-        to = Matrices(mesh, self.form, self.K, self.M, self.fixed)
+        # What is added to K, apart where K is taken by its strains.
+        rest = self.K if self.form.strains is None else _zeros_like(self.K)
+        to = Matrices(mesh, self.form, rest, self.M, self.fixed)
         added = [add_beams(to, name, beam, edges) for name, beam, edges in beams]
         added += [add_at_points(to, one) for one in _checked(attached)]
+        if self.form.strains is not None:
+            self._by_strains(self.form.strains, held, rest)
         self._mass += sum(one.mass for one in added)
         self._attached_inertia = sum(
             (one.inertia for one in added), np.zeros((self.K.getLocalSize()[0], 3))
@@ -170,14 +178,30 @@ class Structure:
         """The one factor of K + shift·M that every site and every mode of this structure uses."""
         factor = self._factored()
         seconds = factor.seconds
-        if self.rigid_modes.shape[1]:
+        for _ in range(CLOSER if self.rigid_modes.shape[1] else 0):
             better = rigid.closer_shift(factor, self.K, self.M, self.rigid_modes)
-            if better < rigid.FAR * self.shift:
-                self.shift = better
-                factor = self._factored()
-                seconds += factor.seconds
+            if better >= rigid.FAR * self.shift:
+                break
+            self.shift = better
+            factor = self._factored()
+            seconds += factor.seconds
         self.seconds["factorization"] = seconds
         return factor
+
+    def _by_strains(
+        self,
+        strains: tuple[Any, int],
+        held: Mapping[tuple[int, ...], IntArray],
+        rest: PETSc.Mat,
+    ) -> None:
+        """Add `rest` to K, and let products with K be taken by its strains."""
+        self.K.axpy(1.0, rest, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+        first, last = rest.getOwnershipRange()
+        for dof in self.fixed[self.fixed < last - first]:
+            rest.setValue(first + dof, first + dof, 1.0)
+        rest.assemble()
+        space = self.meshed()[1].space
+        attach(self.K, compat.strain_matrix(*strains, space, held), rest)
 
     def _factored(self) -> Solver:
         motions = partial(rigid.motions, self.form, self.K)
@@ -230,6 +254,12 @@ class Structure:
             f"{self.mesh.name}: {self.mesh.n_cells} {self.mesh.cell} cells, {family}, "
             f"{self.dofs} dofs, {self.rigid_modes.shape[1]} rigid-body modes"
         )
+
+
+def _zeros_like(matrix: PETSc.Mat) -> PETSc.Mat:
+    result = matrix.duplicate()
+    result.zeroEntries()
+    return result
 
 
 def _divided(mesh: Mesh, material: Any) -> tuple[Any, list[tuple[str, Beam, IntArray]]]:
