@@ -147,7 +147,7 @@ def test_names_paths_flags_choices_functions():
             checks.choice("plane", value, (None, "a"))
     with pytest.raises(ao.InputError, match=r"^where must be a function of points; got 3"):
         checks.function("where", 3, "a function of points")
-    with pytest.raises(ao.InputError, match=r"^part must be a Structure; got 'x'"):
+    with pytest.raises(ao.InputError, match=r"^part must be a Structure; got str 'x'"):
         checks.instance("part", "x", float, "a Structure")
 
 

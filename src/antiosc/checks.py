@@ -217,7 +217,8 @@ def function(name: str, value: Any, what: str = "a function") -> Callable[..., A
 def instance(name: str, value: Any, kind: type | tuple[type, ...], what: str) -> Any:
     """`value` if it is of `kind`, or InputError; `what` names the kind and how to get one."""
     if not isinstance(value, kind):
-        raise InputError(f"{name} must be {what}; got {shown(value)}.")
+        kind_given = "" if value is None else f"{type(value).__name__} "
+        raise InputError(f"{name} must be {what}; got {kind_given}{shown(value)}.")
     return value
 
 

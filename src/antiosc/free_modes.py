@@ -75,6 +75,7 @@ class SiteModels:
 
     def model(self, i: int) -> AntiOscillators:
         """The model of site i."""
+        i = checks.whole("i", i, least=0, most=len(self.k0) - 1)
         real = self.m[i] > 0
         return AntiOscillators(
             m0=float(self.m0[i]), k0=float(self.k0[i]), m=self.m[i, real], omega=self.omega[i, real]

@@ -181,7 +181,12 @@ class AntiOscillators:
                 "this model carries no shapes (model files do not store them);"
                 " extract it again to recover displacement fields."
             )
-        lam = np.asarray(coordinates, dtype=float)
+        lam = checks.array("coordinates", coordinates, None)
+        if lam.ndim == 0 or lam.shape[-1] != self.n + 1:
+            raise InputError(
+                f"coordinates must have {self.n + 1} entries along their last axis; got shape"
+                f" {lam.shape}."
+            )
         amplitude = np.concatenate((lam[..., :1], lam[..., 1:] - lam[..., :1]), axis=-1)
         return np.asarray(amplitude @ self.shapes.T)
 

@@ -9,13 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import dolfinx
 import numpy as np
 import scipy.spatial
 from petsc4py import PETSc
 
-from antiosc.checks import array, nonnegative, positive
+from antiosc.checks import array, coordinates, nonnegative, positive, shown, store
 from antiosc.errors import InputError
 from antiosc.fem import compat, locate
 from antiosc.fem.algebra import Array, multiply
@@ -30,6 +31,11 @@ MOTIONS = ("x", "y", "z", "rx", "ry", "rz")
 SAME = 1e-7
 #: A point this share of the size off the structure, as by a curved mesh, is moved onto it.
 NEAR = 1e-3
+
+
+def _checked_where(where: Any) -> str | tuple[float, ...]:
+    """A group's name, or coordinates."""
+    return where if isinstance(where, str) else coordinates("where, if no group's name,", where)
 
 
 @dataclass(frozen=True)
@@ -52,10 +58,19 @@ class PointMass:
     inertia: float | Sequence[float] = 0.0
 
     def __post_init__(self) -> None:
-        nonnegative("mass", self.mass, "kg")
-        values = array("inertia", np.broadcast_to(self.inertia, (3,)), (3,))
+        values = array("inertia", self.inertia, None)
+        if values.shape not in ((), (3,)):
+            raise InputError(
+                f"inertia must be one number or three (in kg m²); got {shown(self.inertia)}."
+            )
         if (values < 0).any():
-            raise InputError(f"inertia must be >= 0 (in kg m²); got {self.inertia}.")
+            raise InputError(f"inertia must be >= 0 (in kg m²); got {shown(self.inertia)}.")
+        store(
+            self,
+            where=_checked_where(self.where),
+            mass=nonnegative("mass", self.mass, "kg"),
+            inertia=tuple(values.tolist()) if values.ndim else float(values),
+        )
         if self.mass == 0 and not values.any():
             raise InputError("a PointMass needs a mass or an inertia; both are 0.")
 
@@ -81,14 +96,21 @@ class Spring:
     stiffness: Mapping[str, float]
 
     def __post_init__(self) -> None:
-        if not self.stiffness:
+        store(self, where=_checked_where(self.where))
+        if not isinstance(self.stiffness, Mapping) or not self.stiffness:
             raise InputError("a Spring needs a stiffness, as in Spring(where, {'z': 1e5}).")
-        for name, value in self.stiffness.items():
+        for name in self.stiffness:
             if name not in MOTIONS:
                 raise InputError(
                     f"a Spring holds motions of {', '.join(MOTIONS)}; {name!r} is none of them."
                 )
-            positive(f"the stiffness along {name}", value)
+        store(
+            self,
+            stiffness={
+                name: positive(f"the stiffness along {name}", value)
+                for name, value in self.stiffness.items()
+            },
+        )
 
 
 @dataclass(frozen=True)
@@ -191,8 +213,7 @@ def _add_motion(
 def _places(mesh: Mesh, where: str | Sequence[float]) -> list[locate.Place]:
     if not isinstance(where, str):
         point = np.zeros(3)
-        given = array("a point", where, (len(where),))
-        point[: len(given)] = given
+        point[: len(where)] = where
         place = locate.closest(mesh, point)
         if place.distance > NEAR * mesh.extent():
             at = ", ".join(f"{c:.6g}" for c in place.x)

@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 import ufl
 
-from antiosc.checks import array, number, poisson, positive
+from antiosc.checks import array, instance, number, poisson, positive, store, within_range
 from antiosc.errors import InputError
 from antiosc.fem import compat
 from antiosc.fem.algebra import Array
 from antiosc.fem.family import Parts, WeakForm, coefficient, measure
 from antiosc.fem.mesh import Mesh
+from antiosc.fem.orientation import checked, shown_direction
 from antiosc.fem.parallel import agree
 
 
@@ -35,12 +36,11 @@ class Section:
     shear: float = 5 / 6
 
     def __post_init__(self) -> None:
-        positive("A", self.A, "m²")
-        positive("I", self.I, "m⁴")
+        store(self, A=positive("A", self.A, "m²"), I=positive("I", self.I, "m⁴"))
         for name in ("I_side", "J"):
             if getattr(self, name) is not None:
-                positive(name, getattr(self, name), "m⁴")
-        positive("shear", self.shear)
+                store(self, **{name: positive(name, getattr(self, name), "m⁴")})
+        store(self, shear=positive("shear", self.shear))
 
     @property
     def side(self) -> float:
@@ -58,6 +58,7 @@ class Section:
         return math.isclose(self.I, self.side, rel_tol=1e-9)
 
     @classmethod
+    @within_range
     def rectangle(cls, width: float, height: float, shear: float = 5 / 6) -> Section:
         """A full rectangle, sides in m; κ = 5/6 (Reissner)."""
         width, height = positive("width", width, "m"), positive("height", height, "m")
@@ -126,15 +127,17 @@ class Beam:
     offset: float = 0.0
 
     def __post_init__(self) -> None:
-        positive("E", self.E, "Pa")
-        poisson(self.nu)
-        positive("rho", self.rho, "kg/m³")
-        if not isinstance(self.section, Section):
-            raise InputError(f"section must be a Section; got {type(self.section).__name__}.")
-        if self.orientation is not None and not callable(self.orientation):
-            vector = array("orientation", self.orientation, (3,))
-            positive("the length of orientation", np.linalg.norm(vector))
-        if number("offset", self.offset, "m") and self.orientation is None:
+        store(
+            self,
+            E=positive("E", self.E, "Pa"),
+            nu=poisson(self.nu),
+            rho=positive("rho", self.rho, "kg/m³"),
+            section=instance("section", self.section, Section, "a Section"),
+            offset=number("offset", self.offset, "m"),
+        )
+        if self.orientation is not None:
+            store(self, orientation=checked("orientation", self.orientation))
+        if self.offset and self.orientation is None:
             raise InputError(
                 f"offset = {self.offset:g} m lies along the orientation: give that as well, as in "
                 "Beam(..., orientation=(0, 0, 1))."
@@ -307,13 +310,10 @@ def _heights(beam: Beam, axis: Array, middle: Array) -> Array:
     length = np.linalg.norm(height, axis=1, keepdims=True)
     parallel = np.linalg.norm(np.cross(axis, height), axis=1) <= 1e-4 * length[:, 0]
     if parallel.any():
+        shown = "" if beam.orientation is None else shown_direction(beam.orientation)
         raise InputError(
-            f"the orientation{_shown(beam)} is parallel to the axis of {int(parallel.sum())} beam "
+            f"the orientation{shown} is parallel to the axis of {int(parallel.sum())} beam "
             "elements: choose one that is across all of them, or give these a material of their "
             "own."
         )
     return np.asarray(height / length)
-
-
-def _shown(beam: Beam) -> str:
-    return "" if callable(beam.orientation) else f" {tuple(beam.orientation or ())}"

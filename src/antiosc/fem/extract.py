@@ -11,7 +11,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from antiosc import band as bands
-from antiosc.checks import positive, whole
+from antiosc.checks import choice, flag, instance, positive, whole
 from antiosc.errors import AccuracyError, AccuracyWarning, InputError, warn
 from antiosc.fem.algebra import Array, dot, multiply
 from antiosc.fem.krylov import CHUNK, by_krylov
@@ -113,6 +113,7 @@ def extract(
     `antiosc.fem.krylov`.
     """
     sites = _sites(structure, site)
+    flag("shapes", shapes)
     wish = _wish(structure, n, method, tol, band, accuracy)
     started = time.perf_counter()
     places = [functional(structure, one) for one in sites]
@@ -132,12 +133,10 @@ def extract(
 
 def _sites(structure: Any, site: Any) -> list[Site]:
     """The sites as a list, once both arguments are what they should be."""
-    if not isinstance(structure, Structure):
-        raise InputError(f"structure must be a Structure; got {type(structure).__name__}.")
+    instance("structure", structure, Structure, "a Structure")
     sites = [site] if isinstance(site, Site) else list(site) if np.iterable(site) else [site]
     for one in sites:
-        if not isinstance(one, Site):
-            raise InputError(f"site must be a Site(point, direction); got {type(one).__name__}.")
+        instance("site", one, Site, "a Site(point, direction)")
     return sites
 
 
@@ -153,8 +152,7 @@ class _Wish:
 
 
 def _wish(structure: Structure, n: Any, method: Any, tol: Any, band: Any, accuracy: Any) -> _Wish:
-    if method not in get_args(Method):
-        raise InputError(f"method must be 'krylov' or 'modes'; got {method!r}.")
+    choice("method", method, get_args(Method))
     if n is None:
         n = min(DEFAULT if band is None else MOST, structure.dofs - 1)
     n = whole("n", n, least=0 if band is None else 1)

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from antiosc.checks import array
+from antiosc.checks import array, coordinates, instance
 from antiosc.errors import InputError
 from antiosc.fem import compat, locate
 from antiosc.fem.algebra import Array
@@ -41,10 +41,11 @@ def probe(
     times : array_like (n,), optional
         Times in s; default: those of the history.
     """
+    shapes = _shapes(structure, history)
     mesh, form = structure.meshed()
-    shapes = compat.with_ghosts(form.space, _shapes(structure, history))
-    x = np.zeros(3)
-    x[: len(point)] = array("point", point, (len(point),))
+    shapes = compat.with_ghosts(form.space, shapes)
+    x, given = np.zeros(3), coordinates("point", point)
+    x[: len(given)] = given
     place = locate.closest(mesh, x)
     values = None
     if mesh.comm.rank == place.rank:
@@ -55,7 +56,7 @@ def probe(
             weights = compat.tabulate(form.space, path, place.X.reshape(1, -1))[0]
             values[axis] = weights @ shapes[dofs]
     values = mesh.comm.bcast(values, root=place.rank)
-    at = history.time if times is None else np.asarray(times, dtype=float)
+    at = history.time if times is None else array("times", times, (None,))
     return _amplitudes(history, at) @ values.T
 
 
@@ -84,11 +85,12 @@ def write_series(
         Of the `.pvd`, written last: until then it is absent, or lists no frame.
     """
     target = listing(path)
+    shapes = _shapes(structure, history)
     mesh, form = structure.meshed()
     if times is None:
         times = np.linspace(history.time[0], history.time[-1], 40)
-    at = array("times", times, (np.size(times),))
-    shapes = _at_nodes(mesh, form, compat.with_ghosts(form.space, _shapes(structure, history)))
+    at = array("times", times, (None,))
+    shapes = _at_nodes(mesh, form, compat.with_ghosts(form.space, shapes))
     points, cells, shapes = _gathered(mesh, shapes)
     amplitudes = _amplitudes(history, at)
 
@@ -103,6 +105,8 @@ def write_series(
 
 
 def _shapes(structure: Structure, history: History) -> Array:
+    instance("structure", structure, Structure, "a Structure")
+    instance("history", history, History, "a History, which simulate returns")
     shapes = getattr(history.model, "shapes", None)
     if shapes is None:
         raise InputError(

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from antiosc.checks import whole
+from antiosc.checks import flag, instance, whole
 from antiosc.errors import AccuracyError, InputError
 from antiosc.fem.algebra import Array, dot, multiply
 from antiosc.fem.extract import CHECK, REPEATED, UNSEEN, uniform_inertia
@@ -87,7 +87,9 @@ def superposition(
     InputError, NotConvergedError, AccuracyError
         As `extract`.
     """
+    _check_arguments(structure, site)
     n = whole("n", n)
+    flag("static_correction", static_correction)
     if n > structure.dofs:
         raise InputError(f"n must be at most the structure's {structure.dofs} dofs; got {n}.")
     where = functional(structure, site)
@@ -114,6 +116,7 @@ def full(structure: Structure, site: Site) -> NaturalModes:
     InputError
         For more dofs than a dense eigensolver carries, or on several ranks.
     """
+    _check_arguments(structure, site)
     if structure.dofs > DENSE_MANY or structure.comm.size > 1:
         raise InputError(
             f"full() takes every mode of the structure, by a dense eigensolver on one rank: at most"
@@ -127,6 +130,11 @@ def full(structure: Structure, site: Site) -> NaturalModes:
     seen = _seen(structure, where, static, modes)
     massless = len(modes.omega) < solver.limit  # such motions have no mode, but a compliance
     return _model(structure, site, where, static, seen, massless, "full")
+
+
+def _check_arguments(structure: Structure, site: Site) -> None:
+    instance("structure", structure, Structure, "a Structure")
+    instance("site", site, Site, "a Site(point, direction)")
 
 
 def _seen(structure: Structure, where: Functional, static: StaticMode, modes: Modes) -> Modes:

@@ -21,7 +21,7 @@ import numpy as np
 
 from antiosc import files, free_modes
 from antiosc.batch import simulate_many
-from antiosc.checks import positive, whole
+from antiosc.checks import instance, positive, shown, whole
 from antiosc.contact import ContactLaw
 from antiosc.deflection import peak_deflections
 from antiosc.errors import AccuracyWarning, InputError, warn
@@ -37,7 +37,7 @@ from antiosc.fem.site import Functional
 from antiosc.fem.static import static_modes
 from antiosc.fem.structure import Structure
 from antiosc.free_modes import SiteModels
-from antiosc.modal import LinearBody
+from antiosc.modal import LinearBody, checked_body
 from antiosc.model import AntiOscillators
 from antiosc.plotting import save_figure
 
@@ -108,6 +108,7 @@ class ImpactMap:
 
     def model(self, i: int) -> AntiOscillators:
         """The model of site i, without shapes."""
+        i = whole("i", i, least=0, most=len(self) - 1)
         return replace(
             self.models.model(i),
             local_compliance=float(self.local_compliance[i]),
@@ -154,8 +155,8 @@ class ImpactMap:
     def plot(self, path: str | os.PathLike[str], quantity: str = "peak_force") -> Path:
         """A picture of one quantity over the surface (PNG)."""
         known = self.quantities()
-        if quantity not in known:
-            raise InputError(f"quantity must be one of {', '.join(known)}; got {quantity!r}.")
+        if not isinstance(quantity, str) or quantity not in known:
+            raise InputError(f"quantity must be one of {', '.join(known)}; got {shown(quantity)}.")
         import matplotlib.pyplot as plt
 
         value = known[quantity]
@@ -228,12 +229,19 @@ def impact_map(
         An empty group, points off the structure, no site that can move, a missing direction.
     """
     started = time.perf_counter()
-    positive("accuracy", accuracy)
+    instance("structure", structure, Structure, "a Structure")
+    accuracy = positive("accuracy", accuracy)
+    if radius is not None:
+        radius = positive("radius", radius, "m")
     n = whole("n", n)
     if band is not None:
         band = positive("band", band, "rad/s")
     if (impactor is None) != (contact is None) or (impactor is None) != (duration is None):
         raise InputError("impacts need all of impactor, contact and duration; parameters none.")
+    if impactor is not None:
+        checked_body("impactor", impactor)
+        instance("contact", contact, ContactLaw, "a ContactLaw such as Hertz(stiffness)")
+        duration = positive("duration", duration, "s")
     sites = sites_of(structure, where, direction, radius)
     structure.factorization  # noqa: B018  (timed on its own)
     located = time.perf_counter()

@@ -23,7 +23,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from antiosc.checks import number, poisson, positive
+from antiosc.checks import number, poisson, positive, shown, store, within_range
 from antiosc.errors import InputError
 
 Array = NDArray[np.float64]
@@ -69,11 +69,15 @@ class Layer:
 
     def __post_init__(self) -> None:
         for name in ("E1", "E2", "G12", "G13", "G23"):
-            positive(name, getattr(self, name), "Pa")
-        positive("rho", self.rho, "kg/m³")
-        positive("thickness", self.thickness, "m")
-        number("angle", self.angle, "degrees")
-        if number("nu12", self.nu12) ** 2 * self.E2 >= self.E1:
+            store(self, **{name: positive(name, getattr(self, name), "Pa")})
+        store(
+            self,
+            rho=positive("rho", self.rho, "kg/m³"),
+            thickness=positive("thickness", self.thickness, "m"),
+            angle=number("angle", self.angle, "degrees"),
+            nu12=number("nu12", self.nu12),
+        )
+        if self.nu12**2 * self.E2 >= self.E1:
             raise InputError(
                 f"nu12² must be < E1/E2 = {self.E1 / self.E2:g}, else the layer gains energy by "
                 f"straining; got nu12 = {self.nu12:g} (is it nu21?)."
@@ -82,7 +86,7 @@ class Layer:
     @classmethod
     def isotropic(cls, E: float, nu: float, rho: float, thickness: float) -> Layer:
         """A layer without directions: Young's modulus (Pa), Poisson's ratio, kg/m³, m."""
-        positive("E", E, "Pa")
+        E = positive("E", E, "Pa")
         G = E / (2 * (1 + poisson(nu)))
         return cls(E, E, nu, G, G, G, rho, thickness)
 
@@ -183,13 +187,14 @@ def _over_angles(stiffness: Array) -> float:
     return float(m[0, 0] + m[1, 1] - 2 * m[0, 1] + 4 * m[2, 2]) / 8
 
 
+@within_range
 def stacked(layers: Sequence[Layer]) -> PlateSection:
     """The section of layers from the bottom to the top, the reference in the middle."""
     listed = isinstance(layers, Sequence) and len(layers) > 0
     if not listed or not all(isinstance(one, Layer) for one in layers):
         raise InputError(
             "layers lists the Layer objects of the stack, at least one, from the bottom to the "
-            f"top; got {layers!r}."
+            f"top; got {shown(layers)}."
         )
     t = np.array([layer.thickness for layer in layers])
     h = float(t.sum())

@@ -15,6 +15,7 @@ import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from antiosc import checks
 from antiosc.errors import InputError, warn
 from antiosc.fem import cholmod
 from antiosc.fem.algebra import (
@@ -72,8 +73,7 @@ class Multigrid(PetscSolver):
 
 def checked_choice(choice: Choice) -> Choice:
     """`choice`, or InputError."""
-    if choice not in get_args(Choice):
-        raise InputError(f"solver must be 'auto', 'direct' or 'iterative'; got {choice!r}.")
+    checks.choice("solver", choice, get_args(Choice))
     return choice
 
 

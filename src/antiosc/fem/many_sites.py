@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse
 
-from antiosc.checks import array, positive
+from antiosc.checks import array, coordinates, positive
 from antiosc.errors import AccuracyWarning, InputError, warn
 from antiosc.fem.algebra import Array
 from antiosc.fem.compat import IntArray
@@ -78,7 +78,8 @@ def sites_of(
     along = None
     if direction is not None:
         along = np.zeros(3)
-        along[: len(direction)] = array("direction", direction, (len(direction),))
+        given = coordinates("direction", direction, "")
+        along[: len(given)] = given
         if not np.linalg.norm(along):
             raise InputError("direction must not be the zero vector.")
         along /= np.linalg.norm(along)
@@ -179,9 +180,11 @@ def _given(points: Any, along: Array | None) -> Array:
     """Points (P, 3) that the caller gave."""
     if along is None:
         raise InputError("points need the direction of impact, as direction=(0, 0, -1).")
-    if not len(points):
+    at = array("where, if no group's name, the points,", points, None)
+    if not at.size:
         raise InputError("a map needs at least one point.")
-    at = array("points", points, (None, None))
+    if at.ndim != 2 or at.shape[1] not in (2, 3):
+        raise InputError(f"where must list points of 2 or 3 coordinates; got shape {at.shape}.")
     return np.pad(at, ((0, 0), (0, 3 - at.shape[1])))
 
 

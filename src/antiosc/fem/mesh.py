@@ -13,7 +13,7 @@ import numpy as np
 from mpi4py import MPI
 from numpy.typing import NDArray
 
-from antiosc.checks import array, positive
+from antiosc.checks import array, choice, instance, positive, shown
 from antiosc.errors import InputError, MeshError, warn
 from antiosc.fem import compat, folds
 from antiosc.fem.compat import IntArray
@@ -44,6 +44,10 @@ class Mesh:
     groups: Mapping[str, Mapping[int, IntArray]] = field(default_factory=dict)
     #: where it came from, for messages
     name: str = "mesh"
+
+    def __post_init__(self) -> None:
+        instance("dolfinx", self.dolfinx, dolfinx.mesh.Mesh, "a dolfinx mesh (see read_mesh)")
+        instance("groups", self.groups, Mapping, "a dict: name -> {dimension: entities}")
 
     @property
     def comm(self) -> MPI.Comm:
@@ -169,10 +173,11 @@ def _check(
 ) -> None:
     if size is not None:
         positive("size", size, "m")
-    if gdim not in (None, 2, 3):
-        raise InputError(f"gdim must be 2 or 3; got {gdim!r}.")
-    if order not in (None, 1, 2):
-        raise InputError(f"order must be 1 or 2; got {order!r}.")
+    for name, value, options in (("gdim", gdim, (2, 3)), ("order", order, (1, 2))):
+        if value is not None:
+            choice(name, value, options)
+    if not isinstance(refine, Sequence) or isinstance(refine, str):
+        raise InputError(f"refine must be a list of pairs (point, size); got {shown(refine)}.")
     for one in refine:
         try:
             point, local = one

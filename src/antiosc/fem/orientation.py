@@ -32,11 +32,13 @@ LEAST = 0.05
 AROUND = {"triangle": [0, 1, 2], "quadrilateral": [0, 1, 3, 2]}
 
 
-def checked(name: str, direction: Any) -> None:
-    """InputError unless `direction` is a vector that is not zero, or a function."""
-    if not callable(direction):
-        vector = array(name, direction, (3,))
-        positive(f"the length of {name}", np.linalg.norm(vector))
+def checked(name: str, direction: Any) -> Direction:
+    """`direction` if it is a vector that is not zero, or a function; else InputError."""
+    if callable(direction):
+        return direction  # type: ignore[no-any-return]
+    vector = array(name, direction, (3,))
+    positive(f"the length of {name}", np.linalg.norm(vector))
+    return tuple(vector.tolist())
 
 
 def axes_and_sides(mesh: Mesh, parts: Parts) -> tuple[Any, Any]:
@@ -86,7 +88,7 @@ def _axis(direction: Direction, x: Array, normals: Array) -> Array:
     _refuse(
         along < LEAST,
         x,
-        f"the axis{_shown(direction)} is normal to the sheet",
+        f"the axis{shown_direction(direction)} is normal to the sheet",
         "choose a direction along the sheet, a function of x, or a laminate of their own for "
         "these cells",
     )
@@ -100,7 +102,7 @@ def _side(direction: Direction, x: Array, normals: Array) -> Array:
     _refuse(
         (up * side[:, None]).min(axis=1) < LEAST,
         x,
-        f"top{_shown(direction)} lies along the sheet",
+        f"top{shown_direction(direction)} lies along the sheet",
         "choose a direction off it, a function of x, or a laminate of their own for these cells",
     )
     return np.asarray(side)
@@ -122,8 +124,9 @@ def _refuse(bad: NDArray[np.bool_], x: Array, what: str, remedy: str) -> None:
         raise InputError(f"{what} in {int(bad.sum())} cells, one at ({place}) m: {remedy}.")
 
 
-def _shown(direction: Direction) -> str:
-    return "" if callable(direction) else f" {tuple(direction)}"
+def shown_direction(direction: Direction) -> str:
+    """A vector in a message; nothing for a function."""
+    return "" if callable(direction) else f" ({', '.join(f'{c:g}' for c in direction)})"
 
 
 def _check_neighbours(

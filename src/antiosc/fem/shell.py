@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import ufl
 
-from antiosc.checks import poisson, positive
+from antiosc.checks import poisson, positive, store
 from antiosc.errors import InputError
 from antiosc.fem import compat
 from antiosc.fem.family import Parts, WeakForm, coefficient, measure
@@ -131,10 +131,13 @@ class Shell(Sheet):
     thickness: float
 
     def __post_init__(self) -> None:
-        positive("E", self.E, "Pa")
-        poisson(self.nu)
-        positive("rho", self.rho, "kg/m³")
-        positive("thickness", self.thickness, "m")
+        store(
+            self,
+            E=positive("E", self.E, "Pa"),
+            nu=poisson(self.nu),
+            rho=positive("rho", self.rho, "kg/m³"),
+            thickness=positive("thickness", self.thickness, "m"),
+        )
 
     @property
     def G(self) -> float:
@@ -180,10 +183,10 @@ class Laminate(Sheet):
 
     def __post_init__(self) -> None:
         if isinstance(self.layers, Sequence):
-            object.__setattr__(self, "layers", tuple(self.layers))
-        checked("axis", self.axis)
+            store(self, layers=tuple(self.layers))
+        store(self, axis=checked("axis", self.axis))
         if self.top is not None:
-            checked("top", self.top)
+            store(self, top=checked("top", self.top))
         _ = self.section  # which checks the layers
 
     @cached_property

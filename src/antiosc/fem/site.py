@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from antiosc.checks import array, positive
+from antiosc.checks import array, flag, kept, positive, store, whole
 from antiosc.errors import AccuracyWarning, InputError, warn
 from antiosc.fem import locate
 from antiosc.fem.algebra import Array, norm
@@ -68,24 +68,30 @@ class Site:
         if sum(given) != 1:
             raise InputError("a Site needs one of: point with direction, dof, or vector.")
         if self.radius is not None:
-            positive("radius", self.radius, "m")
+            store(self, radius=positive("radius", self.radius, "m"))
+        store(self, snap=flag("snap", self.snap))
+        if self.dof is not None:
+            store(self, dof=whole("dof", self.dof, least=0))
+        if self.vector is not None:
+            store(self, vector=kept(array("vector", self.vector, (None,))))
         if self.point is None:
             return
         if self.direction is None:
             raise InputError(
                 "a Site at a point needs the direction of impact, as direction=(0, 0, -1)."
             )
-        dim = len(self.point)
-        if dim not in (2, 3) or len(self.direction) != dim:
+        point = array("point", self.point, (None,))
+        direction = array("direction", self.direction, (None,))
+        if len(point) not in (2, 3) or len(point) != len(direction):
             raise InputError(
-                f"point and direction must both have 2 or 3 coordinates; got {dim} and "
-                f"{len(self.direction)}."
+                f"point and direction must both have 2 or 3 coordinates; got {len(point)} and "
+                f"{len(direction)}."
             )
-        array("point", self.point, (dim,))
-        if np.linalg.norm(array("direction", self.direction, (dim,))) == 0:
+        if not direction.any():
             raise InputError(
                 "direction must not be the zero vector: it is where the impactor pushes."
             )
+        store(self, point=tuple(point.tolist()), direction=tuple(direction.tolist()))
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 import ufl
 
-from antiosc.checks import poisson, positive
+from antiosc.checks import choice, poisson, positive, store
 from antiosc.errors import InputError
 from antiosc.fem import compat
 from antiosc.fem.family import Parts, WeakForm, coefficient, measure
@@ -39,12 +39,14 @@ class Solid:
     thickness: float = 1.0
 
     def __post_init__(self) -> None:
-        positive("E", self.E, "Pa")
-        poisson(self.nu)
-        positive("rho", self.rho, "kg/m³")
-        positive("thickness", self.thickness, "m")
-        if self.plane not in (None, "stress", "strain"):
-            raise InputError(f"plane must be None, 'stress' or 'strain'; got {self.plane!r}.")
+        store(
+            self,
+            E=positive("E", self.E, "Pa"),
+            nu=poisson(self.nu),
+            rho=positive("rho", self.rho, "kg/m³"),
+            plane=choice("plane", self.plane, (None, "stress", "strain")),
+            thickness=positive("thickness", self.thickness, "m"),
+        )
 
     def weak_form(self, mesh: Mesh, parts: Parts, order: int) -> WeakForm:
         """Displacements of degree `order`, which must not be below the geometric order."""

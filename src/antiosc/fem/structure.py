@@ -12,7 +12,7 @@ from mpi4py import MPI
 from numpy.typing import ArrayLike, NDArray
 from petsc4py import PETSc
 
-from antiosc.checks import array
+from antiosc.checks import array, shown, whole
 from antiosc.errors import InputError
 from antiosc.fem import compat, locate, rigid
 from antiosc.fem.algebra import Solver, as_petsc, sum_of
@@ -83,8 +83,9 @@ class Structure:
     ) -> None:
         if not isinstance(mesh, Mesh):
             raise InputError(f"mesh must come from read_mesh; got {type(mesh).__name__}.")
+        order = whole("order", order)
         if order not in (1, 2):
-            raise InputError(f"order must be 1 or 2; got {order!r}.")
+            raise InputError(f"order must be 1 or 2; got {order}.")
         started = time.perf_counter()
         self._solver: Choice = checked_choice(solver)
         self.mesh: Mesh | None = mesh
@@ -288,7 +289,11 @@ def _divided(mesh: Mesh, material: Any) -> tuple[Any, list[tuple[str, Beam, IntA
 
 
 def _checked(attached: Any) -> Sequence[PointMass | Spring]:
-    items = [attached] if isinstance(attached, PointMass | Spring) else list(attached)
+    items = [attached] if isinstance(attached, PointMass | Spring) else attached
+    if not isinstance(items, Sequence):
+        raise InputError(
+            f"attached must be a list of PointMass and Spring objects; got {shown(attached)}."
+        )
     for one in items:
         if not isinstance(one, PointMass | Spring):
             raise InputError(
@@ -331,7 +336,7 @@ def _parts(mesh: Mesh, material: Any) -> Parts:
 
 
 def _check_family(material: Any) -> None:
-    if not hasattr(material, "weak_form"):
+    if isinstance(material, type) or not hasattr(material, "weak_form"):
         raise InputError(
             "material must be a Solid, Shell, Laminate or Beam, or a dict of them; got "
             f"{type(material).__name__}."

@@ -10,6 +10,7 @@ import dolfinx
 import numpy as np
 from numpy.typing import NDArray
 
+from antiosc.checks import shown, store
 from antiosc.errors import InputError
 from antiosc.fem import compat
 from antiosc.fem.compat import IntArray
@@ -39,6 +40,22 @@ class Support:
     where: Where
     fix: str | Iterable[str] = "all"
 
+    def __post_init__(self) -> None:
+        if not isinstance(self.where, str) and not callable(self.where):
+            raise InputError(
+                "where must be the name of a group or a function of coordinates x (3, n); got "
+                f"{shown(self.where)}."
+            )
+        names = self.fix
+        if not isinstance(names, str):
+            names = tuple(names) if isinstance(names, Iterable) else ()
+            if not names or not all(isinstance(name, str) for name in names):
+                raise InputError(
+                    f"fix={shown(self.fix)} is not a motion: it must be 'all', or motions such as "
+                    "'x', 'rz' or ('x', 'y')."
+                )
+        store(self, fix=names)
+
 
 def held_dofs(
     mesh: Mesh, form: WeakForm, supports: Sequence[Support]
@@ -46,6 +63,8 @@ def held_dofs(
     """Path of each component -> its dofs of this rank, ghosts included, that are held."""
     if isinstance(supports, Support):
         supports = [supports]
+    if not isinstance(supports, Sequence):
+        raise InputError(f"supports must be a list of Support(where, fix); got {shown(supports)}.")
     held: dict[tuple[int, ...], IntArray] = {}
     for support in supports:
         if not isinstance(support, Support):
