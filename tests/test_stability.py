@@ -322,3 +322,13 @@ def test_growth_counts_the_work_of_loads():
     assert not grown(q, v)
     assert grown(q, 1.15 * v)
     assert grown(q, np.nan * v)
+
+
+def test_growth_is_that_of_the_modes_that_the_contact_moves():
+    """A fast spin beside a slow blow must not hide energy that comes from nothing."""
+    zero, beta = np.zeros(2), np.array([1.0, 0.0])
+    v = np.array([1.0, 100.0])
+    grown = growth(zero, zero, zero, v, 1.2, beta)
+    assert not grown(zero, v)
+    assert grown(zero, v * [1.2, 1.0])
+    assert not growth(zero, zero, zero, v, 1.2)(zero, v * [1.2, 1.0])

@@ -41,6 +41,7 @@ from antiosc.impact import simulate
 from antiosc.impactor import Impactor, Obstacle, RigidMass, Sphere
 from antiosc.modal import Damping, LinearBody, ModalBody
 from antiosc.model import AntiOscillators
+from antiosc.motion import Inertia, Motion
 from antiosc.truncation import choose_n, truncation_error
 
 __version__ = "0.1.0"
@@ -87,6 +88,7 @@ __all__ = [
     "HuntCrossley",
     "ImpactMap",
     "Impactor",
+    "Inertia",
     "InputError",
     "Laminate",
     "LankaraniNikravesh",
@@ -97,6 +99,7 @@ __all__ = [
     "MeshError",
     "MissingDependencyError",
     "ModalBody",
+    "Motion",
     "NotConvergedError",
     "Obstacle",
     "OutOfMemoryError",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,6 +17,7 @@ from antiosc.integrators import Problem, Trajectory
 from antiosc.modal import ModalBody
 
 Array = NDArray[np.float64]
+Body = Literal["structure", "impactor"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +68,7 @@ class History:
     problem: Problem
     bodies: tuple[ModalBody, ModalBody]
     model: Any
+    impactor: Any
     trajectory: Trajectory
     step: float
     error: dict[str, float]
@@ -159,8 +161,18 @@ class History:
         return float(-after / closing) if closing > 0 else None
 
     @cached_property
+    def momentum(self) -> Array:
+        """Momentum of the structure (n, 3) [kg m/s], in the axes of its mesh."""
+        return self._momenta[:, :3]
+
+    @cached_property
+    def angular_momentum(self) -> Array:
+        """Angular momentum of the structure (n, 3) [kg m^2/s] about its centre of mass at rest."""
+        return self._momenta[:, 3:]
+
+    @cached_property
     def energy(self) -> Energy:
-        """Energies and their drift."""
+        """Energies of both whole bodies, and their drift."""
         q, v = self._modal_states
         p = self.problem
         stored, lost = self._contact_energy
@@ -187,23 +199,32 @@ class History:
             q[index], v[index], times - time[index], force[index], np.interp(times, time, force)
         )
 
-    def coordinates(self, t: ArrayLike) -> Array:
-        """The structure's own coordinates, lambda_0 ... lambda_N for `AntiOscillators`.
+    def of(self, body: Body) -> tuple[Any, ModalBody]:
+        """The model of the "structure" or the "impactor", and its modal form."""
+        if body not in get_args(Body):
+            raise InputError(f"body must be 'structure' or 'impactor'; got {body!r}.")
+        return ((self.model, self.bodies[0]), (self.impactor, self.bodies[1]))[body == "impactor"]
 
-        `t` of shape (n,) gives (n, N + 1), a single time (N + 1,).
+    def coordinates(self, t: ArrayLike, body: Body = "structure") -> Array:
+        """The own coordinates of a body: for `AntiOscillators` lambda_0 ... lambda_N.
+
+        `t` of shape (n,) gives (n, N + 1), a single time (N + 1,). The rigid motions of a free body
+        that its site does not see follow lambda, one coordinate each.
         """
         q, _ = self.states(t)
         force = np.interp(checks.column("t", t), self.time, self.force)
-        own = self.bodies[0].coordinates(q[:, : self._size], force)
+        own = self.of(body)[1].coordinates(self._part(q, body), force)
         return own if np.ndim(t) else own[0]
 
-    def field(self, t: ArrayLike) -> Array:
-        """Nodal displacements (n_dofs,) at one time, (n, n_dofs) at several. Article eq. (8)."""
-        if not hasattr(self.model, "field"):
-            raise InputError(
-                f"{type(self.model).__name__} has no displacement field (no `field` method)."
-            )
-        return np.asarray(self.model.field(self.coordinates(t)))
+    def field(self, t: ArrayLike, body: Body = "structure") -> Array:
+        """Nodal displacements (n_dofs,) at one time, (n, n_dofs) at several. Article eq. (8).
+
+        `body`: "structure", or "impactor" where that is a model with shapes.
+        """
+        model, own = self.of(body)
+        if own.basis is None:
+            raise InputError(no_field(model))
+        return own.field(self.coordinates(t, body))
 
     def summary(self) -> str:
         """The numbers of the impact as a short table."""
@@ -229,6 +250,24 @@ class History:
     @property
     def _size(self) -> int:
         return int(self.bodies[0].omega.size)
+
+    def _part(self, q: Array, body: Body) -> Array:
+        """A body's own modal states among those of both.
+
+        The impactor's are measured along the impact, against the force that its own model knows.
+        """
+        return q[:, : self._size] if body == "structure" else -q[:, self._size :]
+
+    @cached_property
+    def _momenta(self) -> Array:
+        inertia = self.bodies[0].inertia
+        if inertia is None:
+            raise InputError(
+                f"the momentum of {type(self.model).__name__} is not known: a model knows it when"
+                f" it was extracted from a mesh whose supports leave a rigid-body motion."
+            )
+        v = self._part(self._modal_states[1], "structure")
+        return inertia.moved(v @ inertia.momentum, inertia.centre)
 
     def _joined(self, pieces: Sequence[Array]) -> Array:
         """Segments end to end, the common nodes once."""
@@ -275,6 +314,15 @@ class History:
                 lost[n] = braked + law.lost(state) - start
             lost[b:] = lost[b]
         return stored, lost
+
+
+def no_field(model: Any) -> str:
+    """Why a model has no displacement field, and the remedy."""
+    name = type(getattr(model, "body", model)).__name__
+    return (
+        f"{name} has no displacement field: it carries no shapes (model files do not store them);"
+        f" extract the model again to recover fields."
+    )
 
 
 def main_impact(contacts: Sequence[tuple[float, float, float]]) -> float:

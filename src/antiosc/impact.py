@@ -15,7 +15,7 @@ its own equilibrium under gravity; one with a rigid-body mode falls.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from math import log2
 
@@ -39,6 +39,7 @@ from antiosc.integrators import (
 )
 from antiosc.modal import LinearBody, ModalBody, checked_body
 from antiosc.model import AntiOscillators
+from antiosc.motion import Motion
 from antiosc.truncation import Run, choose_n
 
 Array = NDArray[np.float64]
@@ -59,8 +60,8 @@ def simulate(
     n: int | str | None = None,
     step: float | None = None,
     tol: float | None = None,
-    initial_velocity: float = 0.0,
-    gravity: float = 0.0,
+    initial_velocity: float | Motion = 0.0,
+    gravity: float | Sequence[float] = 0.0,
     gap: float | None = None,
     max_contacts: int = 10_000,
     max_steps: int = MAX_STEPS,
@@ -90,10 +91,16 @@ def simulate(
         refined until the force history has converged, past those at which the method is unstable.
     tol : float
         Relative error of the force history in the L2 norm, and of its peak; default 1e-3.
-    initial_velocity : float
-        Velocity of the structure's rigid-body motion at the site [m/s], > 0 toward the impactor.
-    gravity : float
-        Acceleration along the impact direction [m/s^2].
+    initial_velocity : float or Motion
+        How a structure with rigid-body modes starts. A number is its velocity along the impact
+        direction [m/s], > 0 toward the impactor. A body that is free along that direction
+        translates. Where supports leave no such translation, as on a beam pinned at one end, and
+        for models that do not know their mass in space (made by hand or from matrices), it is the
+        velocity of the site in the rigid-body motion of least kinetic energy, the article's
+        phi_CR. A `Motion` gives velocity and spin in the axes of the mesh.
+    gravity : float or sequence of 3 floats
+        Acceleration [m/s^2] along the impact direction, or as a vector in the axes of the mesh. It
+        acts on bodies that can fall; a body supported at its site is measured from its equilibrium.
     gap : float, optional
         Distance at the start [m]; default 0, or the obstacle's own.
     max_contacts, max_steps : int
@@ -146,6 +153,7 @@ def simulate(
         problem=problem,
         bodies=bodies,
         model=model,
+        impactor=impactor,
         trajectory=trajectory,
         step=step,
         error={**error, **truncation},
@@ -247,8 +255,8 @@ def assemble(
     model: LinearBody,
     impactor: LinearBody,
     law: ContactLaw,
-    initial_velocity: float = 0.0,
-    gravity: float = 0.0,
+    initial_velocity: float | Motion = 0.0,
+    gravity: float | Sequence[float] = 0.0,
     gap: float | None = None,
 ) -> tuple[Problem, tuple[ModalBody, ModalBody]]:
     """The problem an integrator sees, and the two bodies in the order (structure, impactor)."""
@@ -256,9 +264,7 @@ def assemble(
     checked_body("impactor", impactor)
     checks.instance("contact", law, ContactLaw, "a ContactLaw such as Hertz(stiffness)")
     structure, striker = model.modal(), impactor.modal()
-    gravity = checks.number("gravity", gravity, "m/s^2")
-    away = -checks.number("initial_velocity", initial_velocity, "m/s")
-    speed = float(getattr(impactor, "velocity", 0.0))
+    speed = getattr(impactor, "velocity", 0.0)
     own_gap = float(getattr(impactor, "gap", 0.0))
     decays = [np.zeros(b.omega.size) if b.decay is None else b.decay for b in (structure, striker)]
     size = structure.omega.size + striker.omega.size
@@ -267,29 +273,69 @@ def assemble(
         decay=np.concatenate(decays),
         beta=np.concatenate((-structure.b, striker.b)),
         r=structure.r + striker.r,
-        load=gravity
-        * np.concatenate(
-            (_weight("structure", structure, gravity), _weight("impactor", striker, gravity))
-        ),
+        load=np.concatenate(_loads(structure, striker, gravity)),
         gap=own_gap if gap is None else checks.nonnegative("gap", gap, "m"),
         q=np.zeros(size),
-        v=np.concatenate((structure.rigid_motion(away), striker.rigid_motion(speed))),
+        v=np.concatenate(_starts(structure, striker, initial_velocity, speed)),
         law=law,
         resolution=0.0,
     )
     return problem, (structure, striker)
 
 
-def _weight(name: str, body: ModalBody, gravity: float) -> Array:
-    """Modal weight; a supported body is measured from its equilibrium and has none."""
-    if gravity == 0.0 or not np.any((body.omega == 0) & (body.b != 0)):
+# The model of a striking body is made like a structure's: its direction is that in which the
+# contact pushes it. Its modal coordinates count here along the impact, against that direction.
+
+
+def _starts(
+    structure: ModalBody, striker: ModalBody, initial: float | Motion, speed: float | Motion
+) -> tuple[Array, Array]:
+    """Modal velocities of both bodies; numbers are > 0 when they close the gap."""
+    if not isinstance(initial, Motion):
+        initial = -checks.number("initial_velocity", initial, "m/s")
+    own = striker.rigid_motion(speed)
+    return structure.rigid_motion(initial), -own if isinstance(speed, Motion) else own
+
+
+def _loads(
+    structure: ModalBody, striker: ModalBody, gravity: float | Sequence[float]
+) -> tuple[Array, Array]:
+    """Modal forces of gravity on both bodies."""
+    if np.ndim(gravity) == 0:
+        along = checks.number("gravity", gravity, "m/s^2")
+        return _pull("structure", structure, along), _pull("impactor", striker, along)
+    vector = checks.array("gravity", gravity, (3,))
+    if structure.direction is None:
+        raise InputError(
+            "gravity as a vector needs a model that knows the direction of impact: extract it from"
+            " a mesh, or give gravity as a number along the impact."
+        )
+    along = float(vector @ structure.direction)
+    loads = []
+    for name, body, sign in (("structure", structure, 1.0), ("impactor", striker, -1.0)):
+        if body.inertia is None:
+            loads.append(_pull(name, body, along))
+        else:
+            loads.append(_falling(body, sign * body.inertia.momentum[:, :3] @ vector))
+    return loads[0], loads[1]
+
+
+def _pull(name: str, body: ModalBody, gravity: float) -> Array:
+    """Modal forces of gravity along the impact."""
+    if gravity == 0.0 or not np.any(body.omega == 0):
         return np.zeros(body.omega.size)
     if body.weight is None:
         raise InputError(
             f"gravity on a {name} with a rigid-body mode needs the model's participation;"
             f" extract the model anew, give participation=, or set gravity=0."
         )
-    return body.weight
+    return _falling(body, gravity * body.weight)
+
+
+def _falling(body: ModalBody, load: Array) -> Array:
+    """`load` on what falls: a body whose site is supported is measured from its equilibrium."""
+    rigid = body.omega == 0
+    return load if np.any(rigid & (body.b != 0)) else np.where(rigid, load, 0.0)
 
 
 def without_patch(

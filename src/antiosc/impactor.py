@@ -11,6 +11,7 @@ from antiosc import checks
 from antiosc.contact import Hertz
 from antiosc.errors import InputError
 from antiosc.modal import LinearBody, ModalBody, checked_body
+from antiosc.motion import Motion
 
 
 @dataclass(frozen=True)
@@ -100,16 +101,19 @@ class Obstacle:
 class Impactor:
     """Any linear body as the striker, such as a second `AntiOscillators` (Article Fig. 1).
 
-    Its contact point is the site of its model, its rigid-body motion has `velocity` [m/s] there,
-    > 0 toward the structure. A supported body keeps velocity 0.
+    Its contact point is the site of its model, the direction of that site the one in which the
+    contact pushes it. `velocity` is a number [m/s], > 0 toward the structure, or a `Motion` in the
+    axes of its own mesh, as `initial_velocity` of `simulate`. A supported body keeps velocity 0.
     """
 
     body: LinearBody
-    velocity: float = 0.0
+    velocity: float | Motion = 0.0
 
     def __post_init__(self) -> None:
-        body = checked_body("body", self.body)
-        checks.store(self, body=body, velocity=checks.number("velocity", self.velocity, "m/s"))
+        body, velocity = checked_body("body", self.body), self.velocity
+        if not isinstance(velocity, Motion):
+            velocity = checks.number("velocity", velocity, "m/s")
+        checks.store(self, body=body, velocity=velocity)
 
     @property
     def local_compliance(self) -> float:

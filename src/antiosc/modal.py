@@ -20,8 +20,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from antiosc import checks
 from antiosc.errors import InputError
+from antiosc.motion import Inertia, Motion, unit_vector
 
 Array = NDArray[np.float64]
+
+#: Share of a rigid motion's kinetic energy outside the body's rigid-body modes that is rounding.
+RIGID = 1e-8
 
 
 @dataclass(frozen=True)
@@ -75,12 +79,19 @@ class ModalBody:
     Attributes
     ----------
     omega : (J,) circular frequencies [rad/s]; exactly 0 for rigid-body modes.
-    b : (J,) displacement of the contact point in each mass-normalised mode [kg^-1/2].
+    b : (J,) displacement of the contact point in each mass-normalised mode [kg^-1/2]; 0 for the
+        rigid-body motions that the contact point does not take part in.
     r : residual compliance [m/N] >= 0, the part of the contact point without inertia.
     decay : (J,) decay constants d [1/s]; None: undamped.
     weight : (J,) modal force of a unit gravity along the impact direction [kg^1/2]; None: unknown.
-    shape, residual : (n, J) and (n,) the way back to the body's own coordinates,
+    shape, residual : (C, J) and (C,) the way back to the body's own coordinates,
         x = shape q + residual F; None: the modes are the coordinates.
+    basis : displacement shapes of the whole body, blocks (n, .) of columns side by side, on the
+        rows of this rank; None: unknown.
+    amplitude : (B, C) amplitudes of the B columns of `basis` per unit coordinate; None: each
+        coordinate is the amplitude of one column.
+    direction : (3,) unit vector along which the contact force pushes; None: unknown.
+    inertia : momentum (J, 6) of each mode and the mass of the whole body; None: unknown.
     """
 
     omega: Array
@@ -90,6 +101,10 @@ class ModalBody:
     weight: Array | None = None
     shape: Array | None = None
     residual: Array | None = None
+    basis: tuple[Array, ...] | None = None
+    amplitude: Array | None = None
+    direction: Array | None = None
+    inertia: Inertia | None = None
 
     def __post_init__(self) -> None:
         checks.store(self, omega=checks.array("omega", self.omega, (None,)))
@@ -108,9 +123,16 @@ class ModalBody:
         if self.residual is not None:
             rows = None if self.shape is None else len(self.shape)
             checks.store(self, residual=checks.array("residual", self.residual, (rows,)))
+        if self.direction is not None:
+            checks.store(self, direction=unit_vector("direction", self.direction))
+        if self.inertia is not None and len(self.inertia.momentum) != size:
+            raise InputError(
+                f"inertia.momentum needs one row for each of {size} modes; got"
+                f" {len(self.inertia.momentum)}."
+            )
 
     def coordinates(self, q: ArrayLike, force: ArrayLike) -> Array:
-        """Own coordinates for modal ones of shape (..., J) and contact forces (...,): (..., n)."""
+        """Own coordinates (..., C) for modal ones of shape (..., J) and contact forces (...,)."""
         q = np.asarray(q, dtype=float)
         if self.shape is None:
             return q
@@ -119,35 +141,92 @@ class ModalBody:
             x = x + np.multiply.outer(np.asarray(force, dtype=float), self.residual)
         return np.asarray(x)
 
+    def amplitudes(self, coordinates: ArrayLike) -> Array:
+        """Amplitudes (..., B) of the columns of `basis` for own coordinates (..., C)."""
+        x = np.asarray(coordinates, dtype=float)
+        return x if self.amplitude is None else np.asarray(x @ self.amplitude.T)
+
+    def field(self, coordinates: ArrayLike) -> Array:
+        """Displacements (..., n) of the whole body for own coordinates (..., C)."""
+        if self.basis is None:
+            raise InputError(
+                "this model has no displacement field: it carries no shapes (model files do not"
+                " store them); extract it again to recover fields."
+            )
+        rest = self.amplitudes(coordinates)
+        total = np.zeros((*rest.shape[:-1], len(self.basis[0])))
+        for block in self.basis:
+            size = block.shape[1]
+            total += rest[..., :size] @ block.T
+            rest = rest[..., size:]
+        return total
+
     def receptance(self, omega: ArrayLike) -> NDArray[np.complex128]:
         """H(omega) = u/F [m/N], damping included."""
         w = checks.spectrum("omega", omega)[..., np.newaxis]
         loss = 0.0 if self.decay is None else 2j * self.decay * w
         return np.asarray(np.sum(self.b**2 / (self.omega**2 - w**2 + loss), axis=-1) + self.r + 0j)
 
-    def rigid_motion(self, velocity: float) -> Array:
-        """Modal velocities (J,) of the rigid-body motion with this velocity of the contact point.
+    def rigid_motion(self, velocity: float | Motion) -> Array:
+        """Modal velocities (J,) of a body that moves without strain.
 
-        Of several rigid-body modes the combination with least kinetic energy is taken, that is
-        the article's phi_CR. InputError if no rigid-body mode moves the contact point.
+        Parameters
+        ----------
+        velocity : float or Motion
+            A number is the velocity of the contact point along the impact direction [m/s]. Where
+            nothing holds the body along it, the whole body translates; where supports do, or where
+            `inertia` is unknown, it takes the rigid-body motion of least kinetic energy with this
+            velocity of the contact point, the article's phi_CR.
+
+        Raises
+        ------
+        InputError
+            For a body that cannot move so.
         """
-        start = np.zeros(self.omega.size)
-        if velocity != 0.0:
-            rigid = np.where(self.omega == 0, self.b, 0.0)
-            if not np.any(rigid):
-                raise InputError(
-                    f"a velocity of {velocity:g} m/s was asked of a supported body, which has no"
-                    f" rigid-body motion at its contact point; use 0 or free its supports."
-                )
-            start = velocity * rigid / np.sum(rigid**2)
+        rigid = self.omega == 0
+        if isinstance(velocity, Motion):
+            return self._moving(velocity)
+        if velocity == 0.0:
+            return np.zeros(self.omega.size)
+        if not np.any(self.b[rigid]):
+            raise InputError(
+                f"a velocity of {velocity:g} m/s was asked of a supported body, which has no"
+                f" rigid-body motion at its contact point; use 0 or free its supports."
+            )
+        if self.inertia is not None and self.direction is not None:
+            translation = np.concatenate((velocity * self.direction, np.zeros(3)))
+            start, left = self._projected(self.inertia, translation)
+            if left <= RIGID:
+                return start
+        along = np.where(rigid, self.b, 0.0)
+        return np.asarray(velocity * along / np.sum(along**2))
+
+    def _moving(self, motion: Motion) -> Array:
+        if self.inertia is None:
+            raise InputError(
+                "this body's model does not know how it moves in space (it is supported, or made"
+                " by hand or from matrices): give its velocity as a number, along the impact."
+            )
+        start, left = self._projected(self.inertia, motion.at(self.inertia))
+        if left > RIGID:
+            raise InputError(
+                f"the supports hold the body back: {left:.2g} of the kinetic energy of {motion} is"
+                f" not in rigid-body motions that they leave; give one that leaves them at rest."
+            )
         return start
+
+    def _projected(self, inertia: Inertia, motion: Array) -> tuple[Array, float]:
+        """Modal velocities of the rigid motion (6,), and the share of its energy that they miss."""
+        start = np.where(self.omega == 0, inertia.momentum @ motion, 0.0)
+        whole = float(motion @ inertia.matrix @ motion)
+        return start, abs(1 - float(start @ start) / whole) if whole > 0 else 0.0
 
 
 @runtime_checkable
 class LinearBody(Protocol):
     """The one protocol of bodies in an impact: models, impactors and foreign models alike.
 
-    A body may also have `field(coordinates) -> (..., n_dofs)`, which `History.field` uses, and
+    The `basis` of its `ModalBody` makes the fields of a history. A body may also have
     `local_compliance` and `radius` (see `AntiOscillators`).
     """
 

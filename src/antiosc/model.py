@@ -15,16 +15,26 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import block_diag
 
 from antiosc import checks, model_file
 from antiosc.errors import InputError
 from antiosc.modal import Damping, ModalBody, arrow_modes
+from antiosc.motion import Inertia, unit_vector
 
 # m0 = m_st - sum(m_i) is known only to the rounding of m_st: a relative m0 below this is noise.
 _ROUNDING = 1e-12
 _MASSLESS = 1e-15
 
-_ARRAYS = {"m0": "kg", "k0": "N/m", "m": "kg", "omega": "rad/s", "participation": "kg"}
+_ARRAYS = {
+    "m0": "kg",
+    "k0": "N/m",
+    "m": "kg",
+    "omega": "rad/s",
+    "participation": "kg",
+    "direction": "1",
+}
+_INERTIA = {"point": "m", "matrix": "kg, kg m, kg m^2", "momentum": "kg, kg m"}
 _SCALARS = {"local_compliance": "m/N", "radius": "m"}
 _MEANING = {
     "m0": "residual mass, Article eq. (15)",
@@ -32,6 +42,10 @@ _MEANING = {
     "m": "masses of the anti-oscillators, Article eq. (12)",
     "omega": "antiresonant circular frequencies, ascending",
     "participation": "generalised mass of a unit uniform acceleration along the impact direction",
+    "direction": "unit vector of the impact in the axes of the mesh",
+    "inertia.point": "reference point of all moments",
+    "inertia.matrix": "momentum and angular momentum of the whole body's six rigid motions",
+    "inertia.momentum": "those of phi_st, psi_i and the rigid motions that the site does not see",
     "local_compliance": "half-space compliance of the patch, contained in 1/k0",
     "radius": "radius of the patch over which the site's displacement is averaged",
 }
@@ -61,6 +75,14 @@ class AntiOscillators:
         with a rigid-body mode.
     shapes : array_like, shape (n_dofs, N + 1), optional
         Columns psi_0 = phi_st and psi_i = c_i phi_i of Article eq. (9); not saved to files.
+    direction : array_like, shape (3,), optional
+        Unit vector along which the structure is struck, in the axes of its mesh.
+    inertia : Inertia, optional
+        Of a structure with rigid-body modes: the momentum (N + 1 + h, 6) of unit amplitudes of
+        psi_0 ... psi_N and of the h rigid-body motions (mass-normalised) that the site does not
+        see. They feel no contact, but they carry initial velocity and gravity.
+    hidden : array_like, shape (n_dofs, h), optional
+        Shapes of those h motions; not saved to files.
     damping : Damping, optional
         Damping of the free modes.
     info : dict
@@ -80,6 +102,9 @@ class AntiOscillators:
     radius: float | None = None
     participation: NDArray[np.float64] | None = None
     shapes: NDArray[np.float64] | None = None
+    direction: NDArray[np.float64] | None = None
+    inertia: Inertia | None = None
+    hidden: NDArray[np.float64] | None = None
     damping: Damping | None = None
     info: dict[str, Any] = field(default_factory=dict)
 
@@ -125,6 +150,29 @@ class AntiOscillators:
             shapes = checks.array("shapes", self.shapes, (None, m.size + 1))
             sorted_already = np.array_equal(order, np.arange(m.size))
             self._set("shapes", shapes if sorted_already else shapes[:, columns])
+        self._place(columns)
+
+    def _place(self, columns: NDArray[np.intp]) -> None:
+        """Check what the model knows of space; `columns` sorts psi_0 ... psi_N."""
+        if self.direction is not None:
+            self._set("direction", unit_vector("direction", self.direction))
+        if self.inertia is None:
+            if self.hidden is not None:
+                raise InputError("hidden motions need the inertia that says what they carry.")
+            return
+        momentum = checks.instance("inertia", self.inertia, Inertia, "an Inertia").momentum
+        if len(momentum) < columns.size:
+            raise InputError(
+                f"inertia.momentum needs a row for each of psi_0 ... psi_{self.n}, {columns.size},"
+                f" and one for each hidden motion; got {len(momentum)}."
+            )
+        if not np.array_equal(columns, np.arange(columns.size)):
+            rows = np.concatenate((columns, np.arange(columns.size, len(momentum))))
+            self._set("inertia", self.inertia.along(momentum[rows]))
+        if self.hidden is not None:
+            rows_of = None if self.shapes is None else len(self.shapes)
+            shape = (rows_of, self._hidden_count)
+            self._set("hidden", checks.array("hidden", self.hidden, shape))
 
     def _set(self, name: str, value: Any) -> None:
         object.__setattr__(self, name, value)
@@ -133,6 +181,11 @@ class AntiOscillators:
     def n(self) -> int:
         """Number of anti-oscillators N."""
         return int(self.m.size)
+
+    @property
+    def _hidden_count(self) -> int:
+        """Rigid motions that the site does not see."""
+        return 0 if self.inertia is None else len(self.inertia.momentum) - self.n - 1
 
     @property
     def k(self) -> NDArray[np.float64]:
@@ -162,9 +215,12 @@ class AntiOscillators:
         n = checks.whole("n", n, least=0)
         if n > self.n:
             raise InputError(f"n must be <= {self.n}, the number of anti-oscillators; got {n}.")
-        p, shapes = self.participation, self.shapes
+        p, shapes, inertia = self.participation, self.shapes, self.inertia
         if p is not None:
             p = np.concatenate(([p[0] + p[n + 1 :].sum()], p[1 : n + 1]))
+        if inertia is not None:
+            left_out = np.arange(n + 1, self.n + 1)
+            inertia = inertia.along(np.delete(inertia.momentum, left_out, axis=0))
         return replace(
             self,
             m0=self.m0 + float(self.m[n:].sum()),
@@ -172,26 +228,30 @@ class AntiOscillators:
             omega=self.omega[:n],
             participation=p,
             shapes=None if shapes is None else shapes[:, : n + 1],
+            inertia=inertia,
         )
 
     def field(self, coordinates: ArrayLike) -> NDArray[np.float64]:
-        """Nodal displacements (..., n_dofs) of Article eq. (8) for lambda (..., N + 1)."""
-        if self.shapes is None:
+        """Nodal displacements (..., n_dofs) of Article eq. (8) for lambda (..., N + 1).
+
+        Hidden motions follow lambda, (..., N + 1 + h); without them they are at rest.
+        """
+        body, size = self.modal(), self.n + 1
+        x = checks.array("coordinates", coordinates, None)
+        hidden = self._hidden_count
+        if x.ndim == 0 or x.shape[-1] not in (size, size + hidden):
             raise InputError(
-                "this model carries no shapes (model files do not store them);"
-                " extract it again to recover displacement fields."
+                f"coordinates must have {size} entries along their last axis, or {size + hidden}"
+                f" with the hidden motions; got shape {x.shape}."
             )
-        lam = checks.array("coordinates", coordinates, None)
-        if lam.ndim == 0 or lam.shape[-1] != self.n + 1:
-            raise InputError(
-                f"coordinates must have {self.n + 1} entries along their last axis; got shape"
-                f" {lam.shape}."
-            )
-        amplitude = np.concatenate((lam[..., :1], lam[..., 1:] - lam[..., :1]), axis=-1)
-        return np.asarray(amplitude @ self.shapes.T)
+        at_rest = np.zeros((*x.shape[:-1], size + hidden - x.shape[-1]))
+        return body.field(np.concatenate((x, at_rest), axis=-1))
 
     def modal(self) -> ModalBody:
-        """The same model in its free modes; coordinates are lambda_0 ... lambda_N."""
+        """The same model in its free modes.
+
+        Its coordinates are lambda_0 ... lambda_N, then the amplitudes of the hidden motions.
+        """
         return self._modal
 
     @cached_property
@@ -207,15 +267,47 @@ class AntiOscillators:
         if massless:
             residual[0] = 1.0 / (self.k0 + float(self.k.sum()))
         omega = np.sqrt(x)
-        weight = None if self.participation is None else shape.T @ self.participation
-        return ModalBody(
+        seen = ModalBody(
             omega=omega,
             b=shape[0],
             r=float(residual[0]),
             decay=None if self.damping is None else self.damping.decay(omega),
-            weight=weight,
+            weight=None if self.participation is None else shape.T @ self.participation,
             shape=shape,
             residual=residual,
+            basis=None if self.shapes is None else (self.shapes,),
+            amplitude=_relative(self.n),
+            direction=self.direction,
+        )
+        return seen if self.inertia is None else self._with_hidden(seen, self.inertia)
+
+    def _with_hidden(self, seen: ModalBody, inertia: Inertia) -> ModalBody:
+        """The body with the rigid motions that the site does not see as modes of their own."""
+        count = self._hidden_count
+        none, own = np.zeros(count), np.eye(count)
+        # in front, so that the frequencies ascend; their coordinates follow lambda
+        shape = np.roll(block_diag(seen.shape, own), count, axis=1)
+        amplitude = block_diag(seen.amplitude, own)
+        momentum = (amplitude @ shape).T @ inertia.momentum
+        basis, decay, weight = seen.basis, seen.decay, seen.weight
+        if basis is not None and count:
+            basis = None if self.hidden is None else (*basis, self.hidden)
+        if decay is not None and self.damping is not None:
+            decay = np.concatenate((none + self.damping.alpha / 2, decay))
+        if self.direction is not None:
+            pull = momentum[:, :3] @ self.direction
+            weight = pull if weight is None else np.concatenate((pull[:count], weight))
+        return replace(
+            seen,
+            omega=np.concatenate((none, seen.omega)),
+            b=np.concatenate((none, seen.b)),
+            decay=decay,
+            weight=weight,
+            shape=shape,
+            residual=np.concatenate((seen.residual, none)),  # type: ignore[arg-type]
+            basis=basis,
+            amplitude=amplitude,
+            inertia=inertia.along(momentum),
         )
 
     def save(self, path: str | os.PathLike[str]) -> None:
@@ -229,10 +321,15 @@ class AntiOscillators:
             for name in _ARRAYS
             if getattr(self, name) is not None
         }
+        units = {**_ARRAYS, **_SCALARS}
+        if self.inertia is not None:
+            for name, unit in _INERTIA.items():
+                arrays[f"inertia.{name}"] = getattr(self.inertia, name)
+                units[f"inertia.{name}"] = unit
         header = {
             "format": model_file.FORMAT,
             "version": model_file.VERSION,
-            "units": {**_ARRAYS, **_SCALARS},
+            "units": units,
             "meaning": _MEANING,
             **{name: getattr(self, name) for name in _SCALARS},
             "damping": None if self.damping is None else self.damping.as_dict(),
@@ -252,6 +349,8 @@ class AntiOscillators:
                 m=arrays["m"],
                 omega=arrays["omega"],
                 participation=arrays.get("participation"),
+                direction=arrays.get("direction"),
+                inertia=_inertia(arrays),
                 damping=None if damping is None else Damping(**damping),
                 info=dict(header.get("info", {})),
                 **{name: header[name] for name in _SCALARS},
@@ -265,6 +364,21 @@ class AntiOscillators:
 
 def _column(name: str, value: ArrayLike) -> NDArray[np.float64]:
     return checks.column(name, value)
+
+
+def _relative(n: int) -> NDArray[np.float64]:
+    """Amplitudes lambda_0 and lambda_i - lambda_0 of psi_0 and psi_i, Article eq. (8)."""
+    turn = np.eye(n + 1)
+    turn[1:, 0] = -1.0
+    return turn
+
+
+def _inertia(arrays: dict[str, NDArray[Any]]) -> Inertia | None:
+    """The inertia in a model file, if it holds one."""
+    found = [arrays.get(f"inertia.{name}") for name in _INERTIA]
+    if any(value is None for value in found):
+        return None
+    return Inertia(*found)  # type: ignore[arg-type]
 
 
 def _frozen(array: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -133,7 +133,10 @@ def _hung(model: AntiOscillators, next_omega: float | None) -> AntiOscillators:
     if next_omega is None:
         spacing = model.omega[-1] - model.omega[-2] if model.n > 1 else model.omega[-1]
         next_omega = float(model.omega[-1] + spacing)
-    p = model.participation
+    p, inertia = model.participation, model.inertia
+    if inertia is not None:  # what psi_0 is made of beside psi_1 ... psi_N
+        rest = inertia.momentum[0] - inertia.momentum[1 : model.n + 1].sum(axis=0)
+        inertia = inertia.along(np.insert(inertia.momentum, model.n + 1, rest, axis=0))
     return replace(
         model,
         m0=0.0,
@@ -141,6 +144,8 @@ def _hung(model: AntiOscillators, next_omega: float | None) -> AntiOscillators:
         omega=np.append(model.omega, next_omega),
         participation=None if p is None else np.concatenate(([0.0], p[1:], p[:1])),
         shapes=None,
+        inertia=inertia,
+        hidden=None,
     )
 
 

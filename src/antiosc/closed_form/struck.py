@@ -86,6 +86,7 @@ class BeamModes:
             weight=self.weight,
             shape=self.shapes.T,
             residual=self.residual,
+            basis=(np.eye(len(self.x)),),
         )
 
     def field(self, coordinates: ArrayLike) -> Floats:

@@ -20,6 +20,7 @@ from antiosc.fem.site import Functional, Site, functional
 from antiosc.fem.static import StaticMode, static_modes
 from antiosc.fem.structure import Structure
 from antiosc.model import AntiOscillators
+from antiosc.motion import Inertia
 
 #: A constraint mode whose m_i is below this share of m_st cannot be seen from the site.
 UNSEEN = 1e-8
@@ -200,7 +201,7 @@ def _extracted(
             model.info["band"] = {"top": wish.band, "error_bound": error}
         if structure.comm.rank == 0:
             _tell(model, wish)
-        models.append(model if shapes else replace(model, shapes=None))
+        models.append(model if shapes else replace(model, shapes=None, hidden=None))
     return models
 
 
@@ -395,6 +396,9 @@ def _model(
         radius=where.radius,
         participation=_participation(structure, where, static, found),
         shapes=np.column_stack([static.phi, found.psi]),
+        direction=where.direction,
+        inertia=inertia_of(structure, static.phi[:, None], found.psi, static.still),
+        hidden=static.still if structure.rigid_inertia is not None else None,
         info=info,
     )
 
@@ -409,6 +413,14 @@ def _participation(
     own = np.asarray(dot(structure.comm, found.psi, weight))
     whole_shape = float(dot(structure.comm, static.phi, weight))
     return np.concatenate([[whole_shape - own.sum()], own])
+
+
+def inertia_of(structure: Structure, *shapes: Array) -> Inertia | None:
+    """The inertia of a body that can move as a whole, with the momentum of these shapes."""
+    if structure.rigid_inertia is None:
+        return None
+    inertia, loads = structure.rigid_inertia
+    return inertia.along(np.vstack([dot(structure.comm, block, loads) for block in shapes]))
 
 
 def uniform_inertia(structure: Structure, where: Functional) -> Array | None:

@@ -1,7 +1,8 @@
-"""Fields of the whole structure, recovered from the anti-oscillators after an impact.
+"""Fields of a whole body, recovered from its model after an impact.
 
-w(x, t) = λ0 ψ0(x) + Σ (λi − λ0) ψi(x), Article (8): `probe` evaluates it at one point for all
-times, `write_series` at all nodes for some times, in files that ParaView opens.
+The body's modal form (`ModalBody`) says how its shapes add up, for anti-oscillators as in Article
+(8), w(x, t) = λ0 ψ0(x) + Σ (λi − λ0) ψi(x): `probe` evaluates the sum at one point for all times,
+`write_series` at all nodes for some times, in files that ParaView opens.
 """
 
 from __future__ import annotations
@@ -23,25 +24,32 @@ from antiosc.fem.parallel import on_root
 from antiosc.fem.readers import KINDS
 from antiosc.fem.series import listing, write_frames
 from antiosc.fem.structure import Structure
-from antiosc.history import History
+from antiosc.history import Body, History, no_field
 
 
 def probe(
-    structure: Structure, history: History, point: Sequence[float], times: ArrayLike | None = None
+    structure: Structure,
+    history: History,
+    point: Sequence[float],
+    times: ArrayLike | None = None,
+    *,
+    body: Body = "structure",
 ) -> Array:
     """Displacements (n, gdim) in m of one point of the structure at `times`.
 
     Parameters
     ----------
     structure : Structure
-        The one that `history`'s model was extracted from.
+        The one that the body's model was extracted from.
     history : History
     point : sequence of 2 or 3 floats
         Coordinates in m; the nearest point of the structure is taken.
     times : array_like (n,), optional
         Times in s; default: those of the history.
+    body : "structure" or "impactor"
+        Which of the two bodies `structure` is.
     """
-    shapes = _shapes(structure, history)
+    shapes = _shapes(structure, history, body)
     mesh, form = structure.meshed()
     shapes = compat.with_ghosts(form.space, shapes)
     x, given = np.zeros(3), coordinates("point", point)
@@ -57,7 +65,7 @@ def probe(
             values[axis] = weights @ shapes[dofs]
     values = mesh.comm.bcast(values, root=place.rank)
     at = history.time if times is None else array("times", times, (None,))
-    return _amplitudes(history, at) @ values.T
+    return _amplitudes(history, at, body) @ values.T
 
 
 def write_series(
@@ -65,19 +73,23 @@ def write_series(
     history: History,
     path: str | Path,
     times: ArrayLike | None = None,
+    *,
+    body: Body = "structure",
 ) -> Path:
     """Write the displacement field as a series that ParaView opens (`.pvd` with `.vtu` files).
 
     Parameters
     ----------
     structure : Structure
-        The one that `history`'s model was extracted from.
+        The one that the body's model was extracted from.
     history : History
     path : str or Path
         The `.pvd` file (the ending is added where it is missing); the frames go beside it as
         `<name>_0000.vtu` and on.
     times : array_like (n,), optional
         Times in s; default: 40 evenly over the history.
+    body : "structure" or "impactor"
+        Which of the two bodies `structure` is.
 
     Returns
     -------
@@ -85,14 +97,14 @@ def write_series(
         Of the `.pvd`, written last: until then it is absent, or lists no frame.
     """
     target = listing(path)
-    shapes = _shapes(structure, history)
+    shapes = _shapes(structure, history, body)
     mesh, form = structure.meshed()
     if times is None:
         times = np.linspace(history.time[0], history.time[-1], 40)
     at = array("times", times, (None,))
     shapes = _at_nodes(mesh, form, compat.with_ghosts(form.space, shapes))
     points, cells, shapes = _gathered(mesh, shapes)
-    amplitudes = _amplitudes(history, at)
+    amplitudes = _amplitudes(history, at, body)
 
     def write() -> None:
         kind = next(
@@ -104,28 +116,25 @@ def write_series(
     return target
 
 
-def _shapes(structure: Structure, history: History) -> Array:
+def _shapes(structure: Structure, history: History, body: Body) -> Array:
+    """Shapes of the body on the rows of this rank, columns side by side."""
     instance("structure", structure, Structure, "a Structure")
     instance("history", history, History, "a History, which simulate returns")
-    shapes = getattr(history.model, "shapes", None)
-    if shapes is None:
-        raise InputError(
-            "the model of this history carries no shapes (model files do not store them): extract "
-            "it again."
-        )
+    model, own = history.of(body)
+    if own.basis is None:
+        raise InputError(no_field(model))
     rows = structure.K.getLocalSize()[0]
-    if len(shapes) != rows:
+    if any(len(block) != rows for block in own.basis):
         raise InputError(
-            f"the model's shapes have {len(shapes)} rows, the structure {rows}: the model was "
-            "extracted from another structure."
+            f"the model's shapes have {len(own.basis[0])} rows, the structure {rows}: the model "
+            "was extracted from another structure."
         )
-    return np.asarray(shapes)
+    return np.column_stack(own.basis)
 
 
-def _amplitudes(history: History, times: Array) -> Array:
-    """Factors (n, N + 1) of ψ0 and ψi at `times`."""
-    lam = history.coordinates(times)
-    return np.column_stack([lam[:, 0], lam[:, 1:] - lam[:, :1]])
+def _amplitudes(history: History, times: Array, body: Body) -> Array:
+    """Factors (n, B) of those shapes at `times`."""
+    return history.of(body)[1].amplitudes(history.coordinates(times, body))
 
 
 def _at_nodes(mesh: Mesh, form: WeakForm, shapes: Array) -> Array:

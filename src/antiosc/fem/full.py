@@ -8,6 +8,7 @@ which is the finite-element model itself in other coordinates.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -16,12 +17,13 @@ from numpy.typing import ArrayLike
 from antiosc.checks import flag, instance, whole
 from antiosc.errors import AccuracyError, InputError
 from antiosc.fem.algebra import Array, dot, multiply
-from antiosc.fem.extract import CHECK, REPEATED, UNSEEN, uniform_inertia
+from antiosc.fem.extract import CHECK, REPEATED, UNSEEN, inertia_of, uniform_inertia
 from antiosc.fem.modes import DENSE_MANY, Modes, ModeSolver
 from antiosc.fem.site import Functional, Site, functional
 from antiosc.fem.static import StaticMode, beside_rigid, static_mode
 from antiosc.fem.structure import Structure
 from antiosc.modal import ModalBody
+from antiosc.motion import Inertia
 
 #: A residual compliance below this share of the compliance is rounding.
 ROUNDING = 1e-9
@@ -39,6 +41,10 @@ class NaturalModes:
     shapes : mass-normalised modes as columns, kg^-1/2, on the rows of this rank, shape (rows, n).
     residual : shape that goes with r, m/N, shape (rows,).
     weight : modal force of a unit gravity along the impact, kg^1/2, shape (n,), or None.
+    direction : unit vector of the impact, shape (3,), or None.
+    inertia : momentum (h + n, 6) of h rigid-body motions that the site does not see and of the
+        modes, or None.
+    hidden : mass-normalised shapes of those, shape (rows, h), or None.
     local_compliance, radius : of the site's patch, as in `AntiOscillators`.
     info : facts of the extraction.
     """
@@ -49,6 +55,9 @@ class NaturalModes:
     shapes: Array
     residual: Array
     weight: Array | None = None
+    direction: Array | None = None
+    inertia: Inertia | None = None
+    hidden: Array | None = None
     local_compliance: float = 0.0
     radius: float | None = None
     info: dict[str, Any] = field(default_factory=dict)
@@ -59,8 +68,36 @@ class NaturalModes:
         return len(self.omega)
 
     def modal(self) -> ModalBody:
-        """As a body of an impact; its coordinates are the modal ones."""
-        return ModalBody(self.omega, self.b, self.r, weight=self.weight)
+        """As a body of an impact.
+
+        Its coordinates are those of the hidden motions, of the modes, and with static correction
+        the contact force.
+        """
+        return self._modal
+
+    @cached_property
+    def _modal(self) -> ModalBody:
+        basis = (self.shapes,) if self.hidden is None else (self.hidden, self.shapes)
+        count = 0 if self.hidden is None else self.hidden.shape[1]
+        size, none = count + self.n, np.zeros(count)
+        weight = self.weight
+        if weight is not None and self.inertia is not None and self.direction is not None:
+            weight = np.append(self.inertia.momentum[:count, :3] @ self.direction, weight)
+        shape = residual = None
+        if self.r > 0:  # the massless deflection is one more shape, its amplitude the force
+            basis = (*basis, self.residual[:, None])
+            shape, residual = np.eye(size + 1, size), np.eye(size + 1)[size]
+        return ModalBody(
+            np.append(none, self.omega),
+            np.append(none, self.b),
+            self.r,
+            weight=weight,
+            shape=shape,
+            residual=residual,
+            basis=basis,
+            direction=self.direction,
+            inertia=self.inertia,
+        )
 
     def field(self, coordinates: ArrayLike) -> Array:
         """Nodal displacements (..., rows) from modal coordinates (..., n); without `residual`."""
@@ -193,6 +230,9 @@ def _model(
         shapes=modes.phi,
         residual=residual,
         weight=None if inertia is None else np.asarray(dot(structure.comm, modes.phi, inertia)),
+        direction=where.direction,
+        inertia=inertia_of(structure, static.still, modes.phi),
+        hidden=static.still if structure.rigid_inertia is not None else None,
         local_compliance=where.local_compliance,
         radius=site.radius,
         info={"structure": structure.describe(), "dofs": structure.dofs, "method": method},

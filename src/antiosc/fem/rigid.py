@@ -75,6 +75,29 @@ def motions(form: WeakForm | None, K: PETSc.Mat) -> Array:
     return fields[:, :rigid_count]
 
 
+def about(form: WeakForm, point: Array) -> Array:
+    """The six rigid motions of the unsupported body (rows of this rank, 6).
+
+    Unit translations along x, y and z, unit rotations about the axes through `point` (3,) [m]; a
+    plane structure has zeros where it cannot move.
+    """
+    result = np.zeros((compat.local_size(form.space), 6))
+    plane = "z" not in form.components
+    for name, path in form.components.items():
+        dofs, x = compat.dof_coordinates(form.space, path)
+        mine = dofs < len(result)
+        axis = "xyz".index(name[-1])
+        for motion in (0, 1, 5) if plane else range(6):
+            turn = np.eye(3)[motion - 3] if motion > 2 else np.zeros(3)
+            if name.startswith("r"):
+                result[dofs[mine], motion] = turn[axis]
+            elif motion > 2:
+                result[dofs[mine], motion] = np.cross(turn, x[mine] - point)[:, axis]
+            else:
+                result[dofs[mine], motion] = float(axis == motion)
+    return result
+
+
 def of_matrices(K: PETSc.Mat, M: PETSc.Mat, given: Array | None) -> tuple[Array, float]:
     """The same for matrices without a mesh; `given` is a basis of K's null space, if known."""
     comm: MPI.Comm = K.getComm().tompi4py()

@@ -15,7 +15,7 @@ from petsc4py import PETSc
 from antiosc.checks import array, shown, whole
 from antiosc.errors import InputError
 from antiosc.fem import compat, locate, rigid
-from antiosc.fem.algebra import Solver, as_petsc, sum_of
+from antiosc.fem.algebra import Solver, as_petsc, dot, multiply, sum_of
 from antiosc.fem.attached import Matrices, PointMass, Spring, add_at_points, add_beams
 from antiosc.fem.beam import Beam
 from antiosc.fem.compat import IntArray
@@ -26,6 +26,7 @@ from antiosc.fem.parallel import bounds
 from antiosc.fem.shell import Sheet
 from antiosc.fem.strains import attach
 from antiosc.fem.support import NO_DOFS, Support, held_dofs
+from antiosc.motion import Inertia
 
 #: Most times that the shift of a free body is brought closer to its first elastic ω².
 CLOSER = 6
@@ -219,6 +220,31 @@ class Structure:
         load = self.form.momentum(along) * measure(self.mesh, 5)
         own = compat.assemble_functional(load, self.form.space)
         return np.asarray(own[: len(self._attached_inertia)] + self._attached_inertia @ direction)
+
+    @cached_property
+    def rigid_inertia(self) -> tuple[Inertia, NDArray[np.float64]] | None:
+        """The whole body's inertia (its momentum empty) and M r of its rigid motions r (rows, 6).
+
+        With them any shape's momentum is its product with M r. None for matrices, which have no
+        coordinates, and where no rigid-body mode is left.
+        """
+        if self.mesh is None or self.form is None or not self.rigid_modes.shape[1]:
+            return None
+        low, high = bounds(self.comm, self.mesh.dolfinx.geometry.x)
+        point = (low + high) / 2
+        motions = rigid.about(self.form, point)
+        loads = multiply(self.M, motions)
+        owned = self.fixed[self.fixed < len(motions)]
+        if self.comm.allreduce(len(owned)):
+            # M has no entries on the held dofs, whose mass moves with a motion of the whole body
+            whole = compat.assemble(self.form.mass, self.form.space, {}, 0.0)
+            free = motions.copy()
+            free[owned] = 0.0
+            kept = multiply(whole, free)
+            kept[owned] = 0.0
+            loads += multiply(whole, motions) - kept
+        S = dot(self.comm, motions, loads)
+        return Inertia(point, (S + S.T) / 2, np.zeros((0, 6))), loads
 
     @property
     def dimensions(self) -> tuple[float, float, float]:

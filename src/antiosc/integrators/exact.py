@@ -136,7 +136,8 @@ class Exact:
 
 
 def _growth(problem: Problem) -> Callable[[Array, Array], NDArray[np.bool_]]:
-    return growth(problem.propagator.square, problem.load, problem.q, problem.v, GROWTH)
+    p = problem
+    return growth(p.propagator.square, p.load, p.q, p.v, GROWTH, p.beta)
 
 
 class _Kernel:

@@ -51,6 +51,7 @@ class SolveIVP:
                 f" (m0 = 0), where the force depends on its own derivative; use method='exact'."
             )
         size = q.size
+        struck = problem.beta != 0  # what a body carries beside the blow sets no tolerance
         segments: list[Segment] = []
         count, turn = 0, -1.0
         y = np.concatenate((q, v, [0.0]))
@@ -62,8 +63,9 @@ class SolveIVP:
                 events.append(motion.turned(turn))
                 turn = -turn
             pause = min(self.max_step, end - t)  # a time in which gravity sets things moving
-            speed = max(np.abs(y[size:-1]).max(), np.abs(problem.load).max() * pause, 1e-200)
-            scale = max(np.abs(y[:size]).max(), speed * pause)
+            fall = np.abs(problem.load[struck]).max(initial=0.0) * pause
+            speed = max(np.abs(y[size:-1][struck]).max(initial=0.0), fall, 1e-200)
+            scale = max(np.abs(y[:size][struck]).max(initial=0.0), speed * pause)
             atol = self.rtol * np.concatenate(
                 (
                     np.full(size, min(scale, 1.0) * 1e-3),

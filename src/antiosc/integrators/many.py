@@ -95,7 +95,7 @@ class _Part:
         """Where the bodies have gained energy since the start of the run."""
         s, rows = self.stack, self.rows
         square = self.propagator.square
-        return growth(square, s.load[rows], s.q[rows], s.v[rows], GROWTH)(q, v)
+        return growth(square, s.load[rows], s.q[rows], s.v[rows], GROWTH, self.beta)(q, v)
 
     def delta(self, q: Array) -> Array:
         return np.einsum("sj,sj->s", self.beta, q) - self.gap

@@ -50,10 +50,10 @@ class OneStep(ABC):
     def contact(
         self, problem: Problem, t: float, q: Array, v: Array, state: State, end: float
     ) -> Phase:
-        law = problem.law
+        p, law = problem, problem.law
         node = Node(q, v, 0.0, problem.approach(q), float(problem.beta @ v), 0.0)
         nodes, times = [node], [t]
-        grown = growth(problem.propagator.square, problem.load, problem.q, problem.v, GROWTH)
+        grown = growth(p.propagator.square, p.load, p.q, p.v, GROWTH, p.beta)
         released, trouble, diverged = False, "", False
         with np.errstate(over="ignore", invalid="ignore"):
             while end - t > 1e-12 * end and not released:

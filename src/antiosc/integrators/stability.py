@@ -141,24 +141,27 @@ def clear_step(problem: Problem, h: float, least: float = 0.0) -> float:
 
 
 def growth(
-    square: Array, load: Array, q0: Array, v0: Array, most: float
+    square: Array, load: Array, q0: Array, v0: Array, most: float, beta: Array | float = 1.0
 ) -> Callable[[Array, Array], NDArray[np.bool_]]:
     """Tells whether bodies at (q, v) hold more than `most` times the energy they were given.
 
     That is what they had at (q0, v0), out of contact, and what the loads have done since: no
-    contact adds to it. All arrays of shape (J,) or (S, J); `square` is omega^2.
+    contact adds to it. Modes that the contact does not move (beta = 0) are left out: what a body
+    carries beside the blow would hide a gain. All arrays of shape (J,) or (S, J); `square` is
+    omega^2.
     """
+    struck = np.not_equal(beta, 0)
 
     def product(a: Array, b: Array) -> Any:
         return a.dot(b) if a.ndim == 1 else np.einsum("sj,sj->s", a, b)
 
     def mechanical(q: Array, v: Array) -> Any:
-        return 0.5 * (product(v, v) + product(square * q, q))
+        return 0.5 * (product(struck * v, v) + product(struck * square * q, q))
 
     start = mechanical(q0, v0)
 
     def grown(q: Array, v: Array) -> NDArray[np.bool_]:
-        fall = abs(product(load, q - q0))
+        fall = abs(product(struck * load, q - q0))
         return np.logical_not(mechanical(q, v) <= most * (start + fall))
 
     return grown

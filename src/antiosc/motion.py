@@ -1,0 +1,127 @@
+"""Rigid-body motion in space: how a free body starts, and what its mass makes of a motion.
+
+A rigid motion with the velocity V of a reference point p and the spin W is written t = (V, W),
+shape (6,): every point x moves with V + W x (x - p). A body carries then the momentum and the
+angular momentum about p, as one array of shape (6,),
+
+    (P, L) = S t,      S (6, 6): its mass, first moments and inertia tensor about p,
+
+and the kinetic energy t'St/2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from antiosc import checks
+from antiosc.errors import InputError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Inertia:
+    """The momentum that a body's motions carry, in the axes of its mesh.
+
+    Attributes
+    ----------
+    point : (3,) reference point p [m] of all moments.
+    matrix : (6, 6) momentum [kg m/s] and angular momentum about p [kg m^2/s] of the whole body for
+        unit velocities along x, y, z and unit spins about the axes through p, S above. A plane body
+        has zeros for what it cannot do.
+    momentum : (C, 6) the same for a unit velocity of each of its coordinates.
+    """
+
+    point: Array
+    matrix: Array
+    momentum: Array
+
+    def __post_init__(self) -> None:
+        for name, shape in (("point", (3,)), ("matrix", (6, 6)), ("momentum", (None, 6))):
+            value = checks.array(f"inertia.{name}", getattr(self, name), shape)
+            checks.store(self, **{name: checks.kept(value)})
+        size = np.abs(self.matrix).max()
+        if not self.matrix.diagonal().min() >= 0 or np.any(
+            np.abs(self.matrix - self.matrix.T) > 1e-9 * size
+        ):
+            raise InputError("inertia.matrix must be symmetric with a diagonal >= 0.")
+
+    @property
+    def mass(self) -> float:
+        """Mass of the body [kg]."""
+        return float(self.matrix.diagonal()[:3].max())
+
+    @property
+    def centre(self) -> Array:
+        """Centre of mass (3,) [m]."""
+        # L = m (c - p) x V of a translation: the lower left block is m [c - p] x
+        S = self.matrix
+        moments = 0.5 * np.array([S[5, 1] - S[4, 2], S[3, 2] - S[5, 0], S[4, 0] - S[3, 1]])
+        in_plane = S[2, 2] == 0
+        if in_plane:  # a plane body in x and y has the third row alone
+            moments = np.array([S[5, 1], -S[5, 0], 0.0])
+        return np.asarray(self.point + moments / self.mass)
+
+    def along(self, momentum: Array) -> Inertia:
+        """The same body with other coordinates, `momentum` (C, 6) of each."""
+        return Inertia(self.point, self.matrix, momentum)
+
+    def moved(self, momenta: Array, about: Array) -> Array:
+        """(P, L) about another point `about` (3,) from `momenta` (..., 6) about the reference."""
+        P, L = momenta[..., :3], momenta[..., 3:]
+        return np.concatenate((P, L + np.cross(self.point - about, P)), axis=-1)
+
+
+@dataclass(frozen=True)
+class Motion:
+    """The rigid-body motion with which a free body starts: velocity + spin x (x - about).
+
+    Parameters
+    ----------
+    velocity : sequence of 3 floats
+        Velocity of the point `about` [m/s], along the axes of the body's mesh.
+    spin : sequence of 3 floats
+        Angular velocity [rad/s].
+    about : sequence of 3 floats, optional
+        Point [m] that moves with `velocity`; by default the centre of mass.
+    """
+
+    velocity: Sequence[float] = (0.0, 0.0, 0.0)
+    spin: Sequence[float] = (0.0, 0.0, 0.0)
+    about: Sequence[float] | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("velocity", "spin", "about"):
+            value = getattr(self, name)
+            if value is not None:
+                checks.store(self, **{name: tuple(checks.array(name, value, (3,)).tolist())})
+
+    def at(self, inertia: Inertia) -> Array:
+        """t = (V, W) of this motion at the reference point of `inertia`, shape (6,)."""
+        centre = inertia.centre if self.about is None else np.asarray(self.about)
+        spin = np.asarray(self.spin)
+        velocity = np.asarray(self.velocity) + np.cross(spin, inertia.point - centre)
+        motion = np.concatenate((velocity, spin))
+        massless = (inertia.matrix.diagonal() == 0) & (motion != 0)
+        if np.any(massless):
+            names = ("along x", "along y", "along z", "about x", "about y", "about z")
+            asked = ", ".join(n for n, bad in zip(names, massless, strict=True) if bad)
+            raise InputError(
+                f"a motion {asked} was asked of a body whose model has none, as a plane body has"
+                f" only those along x and y and about z; leave it out of the Motion."
+            )
+        return motion
+
+
+def unit_vector(name: str, value: Any) -> Array:
+    """`value` (3,) scaled to length 1, or InputError."""
+    vector = checks.array(name, value, (3,))
+    length = float(np.linalg.norm(vector))
+    if length == 0:
+        raise InputError(f"{name} must not be the zero vector.")
+    return checks.kept(vector / length)
