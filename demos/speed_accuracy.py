@@ -514,7 +514,8 @@ def mapped(name: str, size: float, group: str | None) -> dict[str, Any]:
     seconds = found.info["seconds"]
     some = 50 if case.part.dofs < LARGE else 20
     which = np.random.default_rng(0).choice(len(found), some, replace=False)
-    loads = sites_of(case.part, group, options.get("direction"), options.get("radius")).loads
+    sites, _, _ = sites_of(case.part, group, options.get("direction"), options.get("radius"))
+    loads = sites.loads
     started = time.perf_counter()
     compliances(case.part.factorization.cholesky, loads)
     each = seconds["sites"] + 2 * (time.perf_counter() - started) + seconds["models"]

@@ -55,9 +55,9 @@ def compliance(structure: ao.Structure, direction, radius=None) -> tuple[float, 
 
 
 @pytest.mark.slow
-def test_point_and_patches_over_four_meshes():
+def test_point_and_patches_over_five_meshes():
     normal = (0, 0, -1)
-    structures = [graded(n) for n in (6, 8, 12, 16)]
+    structures = [graded(n) for n in (6, 8, 12, 16, 20)]
     sizes = np.array([smallest(s) for s in structures])
     point = np.array([compliance(s, normal)[0] for s in structures])
     # The point's compliance grows as 1/h: it knows no limit.
@@ -142,4 +142,4 @@ def test_supports_under_a_patch_are_told():
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
         ao.impact_map(part, radius=0.01, modes=30)
-    assert any("supports hold a part of the patch at" in str(one.message) for one in said)
+    assert any("of the patch at" in str(one.message) for one in said)

@@ -356,27 +356,19 @@ def cells_of(mesh: dolfinx.mesh.Mesh, facets: IntArray) -> IntArray:
     return np.array([to_cell.links(f)[0] for f in facets], dtype=np.int32)
 
 
-def facet_normals(mesh: dolfinx.mesh.Mesh, facets: IntArray) -> NDArray[np.float64]:
-    """Unit outward normals (n, 3) of exterior facets, by their vertices."""
+def facet_numbers(mesh: dolfinx.mesh.Mesh, cells: IntArray, facets: IntArray) -> IntArray:
+    """Which facet of its cell each facet is: numbers in the reference cell, shape (n,)."""
     dim = mesh.topology.dim
-    vertices = entity_vertices(mesh, dim - 1)[facets]
-    x = mesh.geometry.x[vertices]
-    inner = mesh.geometry.x[geometry_nodes(mesh)[cells_of(mesh, facets)]].mean(axis=1)
-    if dim == 3:
-        normal = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
-    else:
-        edge = x[:, 1] - x[:, 0]
-        normal = np.column_stack([edge[:, 1], -edge[:, 0], np.zeros(len(edge))])
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    outward = np.sign(np.einsum("ij,ij->i", normal, x.mean(axis=1) - inner))
-    return normal * outward[:, None]
+    mesh.topology.create_connectivity(dim, dim - 1)
+    to_facet = mesh.topology.connectivity(dim, dim - 1)
+    here = [int(np.argmax(to_facet.links(c) == f)) for c, f in zip(cells, facets, strict=True)]
+    return np.array(here, dtype=int)
 
 
-def cell_dofs(space: Any, path: Sequence[int]) -> IntArray:
-    """Dofs of this rank (unrolled) of one scalar component in every cell: (cells, functions)."""
+def cell_dofs(space: Any, path: Sequence[int], cells: IntArray) -> IntArray:
+    """Dofs of this rank (unrolled) of one scalar component in cells: (cells, functions)."""
     dofmap = subspace(space, path).dofmap
-    imap = cell_map(space.mesh)
-    return np.array([dofmap.cell_dofs(c) for c in range(imap.size_local + imap.num_ghosts)])
+    return np.array([dofmap.cell_dofs(c) for c in cells], dtype=np.int32)
 
 
 def with_ghosts(space: Any, block: NDArray[np.float64]) -> NDArray[np.float64]:

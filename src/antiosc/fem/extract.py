@@ -16,7 +16,7 @@ from antiosc.errors import AccuracyError, AccuracyWarning, InputError, warn
 from antiosc.fem.algebra import Array, dot, multiply
 from antiosc.fem.krylov import CHUNK, by_krylov
 from antiosc.fem.modes import Modes, ModeSolver
-from antiosc.fem.site import Functional, Site, functional
+from antiosc.fem.site import Functional, Site, functionals
 from antiosc.fem.static import StaticMode, static_modes
 from antiosc.fem.structure import Structure
 from antiosc.model import AntiOscillators
@@ -117,7 +117,7 @@ def extract(
     flag("shapes", shapes)
     wish = _wish(structure, n, method, tol, band, accuracy)
     started = time.perf_counter()
-    places = [functional(structure, one) for one in sites]
+    places = functionals(structure, sites)
     factored = "factorization" in structure.seconds
     structure.factorization  # noqa: B018  (timed on its own)
     spent = time.perf_counter() - started

@@ -146,7 +146,7 @@ def _at_nodes(mesh: Mesh, form: WeakForm, shapes: Array) -> Array:
     nodes = compat.geometry_nodes(mesh.dolfinx)
     result = np.zeros((len(mesh.dolfinx.geometry.x), 3, shapes.shape[1]))
     for axis, name in enumerate("xyz"[: mesh.gdim]):
-        dofs = compat.cell_dofs(form.space, form.components[name])
+        dofs = compat.cell_dofs(form.space, form.components[name], np.arange(len(nodes)))
         result[nodes, axis] = shapes[dofs[:, : nodes.shape[1]]]
     return result
 

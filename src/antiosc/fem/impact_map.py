@@ -30,10 +30,11 @@ from antiosc.fem.block_lanczos import lowest_modes
 from antiosc.fem.compat import IntArray
 from antiosc.fem.compliance import deflections
 from antiosc.fem.krylov import by_krylov
-from antiosc.fem.many_sites import Sites, sites_of
+from antiosc.fem.many_sites import sites_of
 from antiosc.fem.modes import Modes
 from antiosc.fem.parallel import agree
 from antiosc.fem.site import Functional
+from antiosc.fem.sites import Sites
 from antiosc.fem.static import static_modes
 from antiosc.fem.structure import Structure
 from antiosc.free_modes import SiteModels
@@ -242,7 +243,7 @@ def impact_map(
         checked_body("impactor", impactor)
         instance("contact", contact, ContactLaw, "a ContactLaw such as Hertz(stiffness)")
         duration = positive("duration", duration, "s")
-    sites = sites_of(structure, where, direction, radius)
+    sites, elements, total = sites_of(structure, where, direction, radius)
     structure.factorization  # noqa: B018  (timed on its own)
     located = time.perf_counter()
     free = _free_modes(structure, modes, band)
@@ -280,14 +281,14 @@ def impact_map(
     result = ImpactMap(
         points=sites.points,
         directions=sites.directions,
-        elements=sites.elements,
+        elements=elements,
         models=models,
         local_compliance=sites.local,
-        radius=sites.radius,
+        radius=None if np.isnan(sites.radii).any() else sites.radii,
         band=band,
         error=error,
         direct=direct,
-        skipped=sites.total - len(sites.points),
+        skipped=total - len(sites),
         info=info,
     )
     if structure.comm.rank == 0:

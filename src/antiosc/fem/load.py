@@ -1,210 +1,178 @@
 """Unit loads as vectors b, bᵀu being the displacement that the load works on.
 
-Three kinds: at points, over a patch of Hertz's pressure √(1 − r²/a²) on the face of a solid, and
-over a disc with the same pressure on a sheet.
+A load is a set of weighted points: one point, or the points of a rule for Hertz's pressure
+√(1 − r²/a²) over a disc in the plane of the surface (over a segment, on the edge of a plane part),
+brought along the normal onto the surface. All sites are arrays; one site is P = 1.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
-import dolfinx
 import numpy as np
-import ufl
-from petsc4py import PETSc
+import scipy.sparse
 
-from antiosc.errors import AccuracyWarning, InputError, warn
-from antiosc.fem import compat, locate
+from antiosc.fem import compat
 from antiosc.fem.algebra import Array
 from antiosc.fem.compat import IntArray
-from antiosc.fem.mesh import Mesh
 from antiosc.fem.structure import Structure
+from antiosc.fem.surface import Contact, Faces
 
-#: Facets whose normal turns from the site's by more than this cosine are around an edge.
-SAME_FACE = 0.5
-#: A patch's point that lies off the sheet by more than this share of the radius is beyond its edge.
-OFF_DISC = 0.05
-#: Quadrature degree for the patch pressure, whose slope is infinite on the rim.
-PATCH_DEGREE = 16
-
-
-def at_points(
-    structure: Structure, places: Sequence[locate.Place], weights: Array, direction: Array
-) -> Array:
-    """The vector of Σ w_k u(x_k)·d, on the rows of this rank."""
-    mesh, form = structure.meshed()
-    vector = structure.K.createVecRight()
-    components = [
-        (i, form.components[name]) for i, name in enumerate("xyz") if name in form.components
-    ]
-    for axis, path in components:
-        dofmap = compat.subspace(form.space, path).dofmap
-        for place, weight in zip(places, weights, strict=True):
-            if mesh.comm.rank == place.rank:
-                dofs = compat.global_dofs(form.space, dofmap.cell_dofs(place.cell))
-                values = compat.tabulate(form.space, path, place.X.reshape(1, -1))[0]
-                vector.setValues(
-                    dofs, weight * direction[axis] * values, addv=PETSc.InsertMode.ADD_VALUES
-                )
-    vector.assemble()
-    b = np.array(vector.array_r)
-    vector.destroy()
-    return b
+#: Rings of a disc's rule beside those that its cells ask for, and the most there may be.
+RINGS, MOST = 4, 24
+#: A surface that rises by less than this share of the radius is flat; it may rise by the second.
+FLAT, RISE = 1e-6, 0.5
+#: Points of patches that are worked on at a time.
+BATCH = 200_000
 
 
-def on_sheet(
-    structure: Structure, radius: float, place: locate.Place, direction: Array
-) -> tuple[Array, float]:
-    """(b, half-space compliance in m/N) of a disc: b = Σ w φ·d over points of it.
+@dataclass(frozen=True, eq=False)
+class Points:
+    """Weighted points in cells of this rank, n of them.
 
-    The points resolve the disc and the cells, whichever are smaller: a thin sheet's patch may lie
-    inside one cell.
+    Attributes
+    ----------
+    site : (n,) the site to which each belongs.
+    cell, X : (n,) cell of this rank and (n, tdim) reference coordinates in it.
+    weight : (n,) share of the site's unit force.
     """
-    mesh, _ = structure.meshed()
-    size = locate.size_at(mesh, place)
-    normal = locate.sheet_normal(mesh, place)
-    offsets, weights = hertz_disc(radius, normal, min(4 + int(np.ceil(4 * radius / size)), 24))
-    places = [locate.closest(mesh, place.x + offset) for offset in offsets]
-    found = np.array([p.x for p in places]) - place.x
-    off = found - offsets
-    off -= np.outer(off @ normal, normal)
-    on_sheet = np.linalg.norm(off, axis=1) < OFF_DISC * radius
-    share = float(weights[on_sheet].sum())
-    weights = np.where(on_sheet, weights, 0.0) / share
-    if share < 0.9 and mesh.comm.rank == 0:
-        warn(
-            f"an edge cuts the patch of radius {radius:g} m: only {share:.0%} of its load area "
-            "lies on the sheet; move the site or take a smaller radius.",
-            AccuracyWarning,
-        )
-    b = at_points(structure, places, weights, direction)
-    return b, _half_space(structure, place, float(direction @ normal), radius)
+
+    site: IntArray
+    cell: IntArray
+    X: Array
+    weight: Array
+
+    @classmethod
+    def joined(cls, parts: Sequence[Points]) -> Points:
+        """All points of several sets."""
+        columns = [[p.site, p.cell, p.X, p.weight] for p in parts]
+        return cls(*(np.concatenate(each) for each in zip(*columns, strict=True)))
 
 
-def hertz_disc(radius: float, normal: Array, rings: int) -> tuple[Array, Array]:
-    """(offsets (n, 3) in the plane across `normal`, weights of sum 1) of Hertz's pressure.
+def disc(rings: int) -> tuple[Array, Array]:
+    """(points (n, 2) of the unit disc, weights of sum 1) of Hertz's pressure.
 
-    With s² = 1 − r²/a² the pressure's weight s r dr is s² ds: a Gauss rule in s is exact for
+    With s² = 1 − r² the pressure's weight s r dr is s² ds: a Gauss rule in s is exact for
     polynomials in r², the equidistant angles for what turns with them.
     """
     s, w = np.polynomial.legendre.leggauss(rings)
     s, w = (s + 1) / 2, w * ((s + 1) / 2) ** 2
-    angles = 2 * np.pi * np.arange(2 * rings) / (2 * rings)
-    first = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
-    first /= np.linalg.norm(first)
-    ring = np.outer(np.cos(angles), first) + np.outer(np.sin(angles), np.cross(normal, first))
-    offsets = radius * np.sqrt(1 - s**2)[:, None, None] * ring
-    weights = np.repeat(w / w.sum(), len(angles)) / len(angles)
-    return offsets.reshape(-1, 3), weights
+    angles = np.pi * (np.arange(2 * rings) + 0.5) / rings  # none along an edge of the face
+    ring = np.column_stack([np.cos(angles), np.sin(angles)])
+    points = np.sqrt(1 - s**2)[:, None, None] * ring
+    return points.reshape(-1, 2), np.repeat(w / w.sum(), len(angles)) / len(angles)
 
 
-def on_face(
-    structure: Structure, radius: float, place: locate.Place, direction: Array
-) -> tuple[Array, float]:
-    """(b, half-space compliance in m/N) of a patch on the face around p.
+def segment(count: int) -> tuple[Array, Array]:
+    """(points (n, 1) of [−1, 1], weights of sum 1) of the pressure √(1 − x²): Gauss–Chebyshev."""
+    angles = np.pi * np.arange(1, count + 1) / (count + 1)
+    weights = np.sin(angles) ** 2
+    return np.cos(angles)[:, None], weights / weights.sum()
 
-    b = ∫ w φ·d dS / ∫ w dS with w = √(1 − |x − p|²/a²).
+
+def patches(faces: Faces, points: Array, radii: Array, contact: Contact) -> tuple[Points, Array]:
+    """The weighted points of patches on this rank, and what share of each lies on its face (P,).
+
+    The rules resolve the patch and the faces under it, whichever are smaller. The weights of a
+    patch that an edge cuts are scaled to a unit force.
+    """
+    size = np.where(np.isfinite(contact.smallest), contact.smallest, radii)
+    rings = np.minimum(RINGS + np.ceil(4 * radii / size - 1e-6), MOST).astype(int)
+    flat = contact.rise <= FLAT * radii  # then few faces come into question for a point
+    share = np.zeros(len(points))
+    found = []
+    for count, even in sorted({(int(n), bool(f)) for n, f in zip(rings, flat, strict=True)}):
+        rule, weights = disc(count) if faces.dim == 2 else segment(4 * count)
+        members = np.flatnonzero((rings == count) & (flat == even))
+        rise = FLAT if even else RISE
+        for part in np.array_split(members, 1 + len(members) * len(rule) // BATCH):
+            own = _laid(faces, points, radii, contact.normals, part, rule, weights, rise)
+            share[part] = own[1]
+            found.append(own[0])
+    return Points.joined(found), share
+
+
+def _laid(
+    faces: Faces,
+    points: Array,
+    radii: Array,
+    normals: Array,
+    part: IntArray,
+    rule: Array,
+    weights: Array,
+    rise: float,
+) -> tuple[Points, Array]:
+    """One rule laid on some of the sites; see `patches`."""
+    comm = faces.mesh.comm
+    normal = normals[part]
+    first = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal), axis=1)])
+    if rule.shape[1] == 1:
+        first = np.cross(normal, [0.0, 0.0, 1.0])
+    size = np.linalg.norm(first, axis=1, keepdims=True)
+    first = first / np.where(size > 0, size, 1.0)
+    axes = np.stack([first, np.cross(normal, first)], axis=1)[:, : rule.shape[1]]
+    x = points[part, None] + radii[part, None, None] * np.einsum("qk,pkd->pqd", rule, axes)
+    count = len(weights)
+    face, xi, distance = faces.along(
+        x.reshape(-1, 3), np.repeat(normal, count, axis=0), rise * float(radii[part].max())
+    )
+    ranks = np.array(comm.allgather(distance))
+    on = np.isfinite(ranks).any(axis=0)
+    share = (np.tile(weights, len(part)) * on).reshape(len(part), count).sum(axis=1)
+    mine = np.flatnonzero(on & (ranks.argmin(axis=0) == comm.rank))
+    at = mine // count
+    weight = np.tile(weights, len(part))[mine] / share[at]
+    reference = faces.reference(face[mine], xi[mine])
+    return Points(part[at], faces.cells[face[mine]], reference, weight), share
+
+
+def loads(structure: Structure, points: Points, directions: Array) -> scipy.sparse.csr_matrix:
+    """b of P sites as columns (rows of this rank, P), fixed dofs included: Σ w φ(X)·d.
+
+    `directions` (P, 3) are the unit directions of the forces.
     """
     mesh, form = structure.meshed()
-    if form.patch is None:
-        raise InputError(
-            "a radius applies to solids and shells: under a beam's point load the compliance is "
-            "finite, so leave radius=None."
-        )
-    facets, normal, size = _face(mesh, place, radius, direction)
-    tags = dolfinx.mesh.meshtags(
-        mesh.dolfinx, mesh.tdim - 1, facets, np.ones(len(facets), dtype=np.int32)
+    rows, sites, values = [], [], []
+    # one entry for each site and cell: the moments of its points with each basis function
+    key, pair = np.unique(points.site * mesh.n_cells + points.cell, return_inverse=True)
+    site, cell = key // mesh.n_cells, key % mesh.n_cells
+    gather = scipy.sparse.csr_matrix(
+        (points.weight, (pair.ravel(), np.arange(len(points.weight)))),
+        shape=(len(key), len(points.weight)),
     )
-    ds = ufl.Measure(
-        "ds",
-        domain=mesh.dolfinx,
-        subdomain_data=tags,
-        metadata={"quadrature_degree": PATCH_DEGREE},
-    )(1)
-    x = ufl.SpatialCoordinate(mesh.dolfinx)
-    centre = compat.constant(mesh.dolfinx, place.x[: mesh.gdim])
-    along = compat.constant(mesh.dolfinx, direction[: mesh.gdim])
-    a = compat.constant(mesh.dolfinx, radius)
-    inside = 1 - ufl.dot(x - centre, x - centre) / a**2
-    weight = ufl.sqrt(ufl.max_value(inside, 0.0))
-    total = compat.integrate(weight * ds, mesh.dolfinx)
-    ideal = 2 / 3 * np.pi * radius**2 if mesh.tdim == 3 else np.pi / 2 * radius
-    _check_patch(mesh, radius, size, total / ideal)
-    b = compat.assemble_functional(weight * form.along(along) * ds, form.space) / total
-    own = b[: compat.local_size(form.space)]
-    return own, _half_space(structure, place, float(direction @ normal), radius)
+    cells, place = np.unique(cell, return_inverse=True)
+    for axis, name in enumerate("xyz"):
+        force = directions[site, axis]
+        if name not in form.components or not force.any():
+            continue
+        path = form.components[name]
+        moments = gather @ compat.tabulate(form.space, path, points.X)
+        rows.append(compat.cell_dofs(form.space, path, cells)[place.ravel()].ravel())
+        sites.append(np.repeat(site, moments.shape[1]))
+        values.append((moments * force[:, None]).ravel())
+    return _columns(structure, rows, sites, values, len(directions))
 
 
-def _half_space(structure: Structure, place: locate.Place, cosine: float, radius: float) -> float:
-    return float(structure.material_at(place).half_space_compliance(cosine) / radius)
-
-
-def _face(
-    mesh: Mesh, place: locate.Place, radius: float, direction: Array
-) -> tuple[IntArray, Array, float]:
-    """(exterior facets of the face around the site, its outward normal, their largest size).
-
-    The face is the facets within the radius that look the same way as the one at the site:
-    not the back of a thin part, nor around its edges.
-    """
-    facets, x, normals = mesh.outside
-    around = [0, 1, 3, 2] if x.shape[1] == 4 else list(range(x.shape[1]))  # tensor order
-    edges = np.linalg.norm(x[:, around] - np.roll(x[:, around], 1, axis=1), axis=2)
-    sizes, longest = edges.mean(axis=1), edges.max(axis=1, initial=0.0)
-    gap = _distances(x, place.x, radius)
-    reach = min(mesh.comm.allgather(gap.min(initial=np.inf)))
-    if reach > radius:
-        raise InputError(
-            f"the site lies about {reach:.2g} m inside the part, deeper than its radius "
-            f"{radius:g} m: a patch needs a surface; give a point on it."
-        )
-    # On an edge the face that the impactor meets is the one that looks toward it.
-    here = np.flatnonzero(gap <= reach + 0.25 * sizes)
-    facing = normals[here] @ direction
-    meets = (float(facing.min()), tuple(normals[here[facing.argmin()]])) if len(here) else (2.0, ())
-    normal = np.array(min(mesh.comm.allgather(meets))[1])
-    same = normals @ normal > SAME_FACE
-    local = max(mesh.comm.allgather(float(sizes[same & (gap < radius)].max(initial=0.0))))
-    # The sampled distances are a little long: take a margin, the weight is zero there anyway.
-    chosen = same & (gap < radius + 0.5 * longest)
-    return facets[chosen].astype(np.int32), normal, local
-
-
-def _distances(x: Array, point: Array, radius: float) -> Array:
-    """Distances of a point to facets x (n, vertices, 3), sampled at a few points of each.
-
-    inf for facets that lie farther off than the closest and than the radius by their own size.
-    """
-    centres = x.mean(axis=1)
-    size = np.linalg.norm(x - centres[:, None], axis=2).max(axis=1, initial=0.0)
-    away = np.linalg.norm(centres - point, axis=1)
-    near = np.flatnonzero(away - 3 * size <= max(away.min(initial=np.inf), radius))
-    samples = np.random.default_rng(0).dirichlet(np.ones(x.shape[1]), 60)
-    samples = np.vstack([np.eye(x.shape[1]), samples])
-    gap = np.full(len(x), np.inf)
-    at = np.einsum("sv,nvk->nsk", samples, x[near])
-    gap[near] = np.linalg.norm(at - point, axis=2).min(axis=1)
-    return gap
-
-
-def _check_patch(mesh: Mesh, radius: float, size: float, share: float) -> None:
-    if share <= 0:
-        raise InputError(
-            f"the patch of radius {radius:g} m finds no surface: the facets there measure "
-            f"{size:.3g} m; refine around the site, refine=[(point, {radius:g})]."
-        )
-    if mesh.comm.rank:
-        return
-    if size > 1.2 * radius:
-        warn(
-            f"the facets at the site measure {size:.2g} m, more than the radius {radius:g} m: the "
-            f"patch is not resolved; read the geometry with refine=[(point, {radius:g})] or take "
-            f"radius={size:.1g}.",
-            AccuracyWarning,
-        )
-    if share < 0.9:
-        warn(
-            f"an edge cuts the patch: only {share:.0%} of its load area lies on the face, so its "
-            "half-space compliance does not hold; move the site or take a smaller radius.",
-            AccuracyWarning,
-        )
+def _columns(
+    structure: Structure,
+    rows: list[IntArray],
+    sites: list[IntArray],
+    values: list[Array],
+    count: int,
+) -> scipy.sparse.csr_matrix:
+    """The sparse matrix of entries at dofs of this rank, ghosts included, sent to their owners."""
+    _, form = structure.meshed()
+    size = structure.K.getLocalSize()[0]
+    row = np.concatenate([np.zeros(0, dtype=np.int32), *rows]).astype(np.int64)
+    site = np.concatenate([np.zeros(0, dtype=int), *sites])
+    value = np.concatenate([np.zeros(0), *values])
+    ghost = row >= size
+    sent = (compat.global_dofs(form.space, row[ghost]), site[ghost], value[ghost])
+    first = structure.K.getOwnershipRange()[0]
+    entries = [(row[~ghost], site[~ghost], value[~ghost])]
+    for number, at, what in structure.comm.allgather(sent):
+        mine = (number >= first) & (number < first + size)
+        entries.append((number[mine] - first, at[mine], what[mine]))
+    row, site, value = (np.concatenate(part) for part in zip(*entries, strict=True))
+    return scipy.sparse.csr_matrix((value, (row, site)), shape=(size, count))

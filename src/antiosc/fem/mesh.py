@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import dolfinx
 import numpy as np
@@ -16,22 +16,12 @@ from numpy.typing import NDArray
 from antiosc.checks import array, choice, instance, positive, shown
 from antiosc.errors import InputError, MeshError, warn
 from antiosc.fem import compat, folds
+from antiosc.fem.cell_geometry import CellGeometry
 from antiosc.fem.compat import IntArray
 from antiosc.fem.parallel import agree, bounds, on_root
 from antiosc.fem.readers import GEOMETRY, RawMesh, Refinement, read
 
 Array = NDArray[np.float64]
-
-
-class Outside(NamedTuple):
-    """The outer facets of a mesh that this rank owns: their numbers, vertices and normals."""
-
-    #: (n,), ascending
-    facets: IntArray
-    #: (n, vertices, 3), m
-    corners: Array
-    #: (n, 3), unit, out of the body
-    normals: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,12 +70,10 @@ class Mesh:
         return int(compat.cell_map(self.dolfinx).size_global)
 
     @cached_property
-    def outside(self) -> Outside:
-        """The outer facets of this rank."""
-        facets = np.sort(compat.exterior_facets(self.dolfinx))
-        nodes = compat.entity_vertices(self.dolfinx, self.tdim - 1)[facets]
-        normals = compat.facet_normals(self.dolfinx, facets)
-        return Outside(facets, self.dolfinx.geometry.x[nodes], normals)
+    def geometry(self) -> CellGeometry:
+        """The map of the cells of this rank, ghosts included, from reference coordinates."""
+        nodes = compat.geometry_nodes(self.dolfinx)
+        return CellGeometry(self.dolfinx.geometry.x[nodes], self.cell, self.order)
 
     @cached_property
     def boxes(self) -> tuple[Array, Array]:

@@ -1,8 +1,8 @@
 """`Site`: where and along which direction a structure is struck, as the functional b.
 
 bᵀu is the displacement of the structure at the site along the direction of impact, and b the
-load of a unit force there. `functional` makes it, on or off the nodes, for a point or for a
-patch with Hertz's pressure.
+load of a unit force there. `functionals` makes it, on or off the nodes, for points and for
+patches with Hertz's pressure.
 """
 
 from __future__ import annotations
@@ -15,21 +15,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from antiosc.checks import array, flag, kept, positive, store, whole
-from antiosc.errors import AccuracyWarning, InputError, warn
+from antiosc.errors import InputError
 from antiosc.fem import locate
 from antiosc.fem.algebra import Array, norm
 from antiosc.fem.family import WeakForm
-from antiosc.fem.load import at_points, on_face, on_sheet
 from antiosc.fem.mesh import Mesh
+from antiosc.fem.sites import Sites, located, tell
 from antiosc.fem.structure import Structure
 
-#: Share of a patch's load on supports above which it is told.
-PARTLY = 0.1
 #: A point counts as on the structure up to this share of the structure's size.
 ON_STRUCTURE = 1e-6
-#: Radius of a shell's patch over its thickness, where none is given: that at which a plate yields
-#: as a solid does without what its patch has of a half-space (demos/fidelity.py compares them).
-SHEET_RADIUS = 1.0
+#: A site with less than this share of its load on dofs that can move is held by the supports.
+HELD = 1e-9
 
 
 @dataclass(frozen=True)
@@ -110,7 +107,12 @@ class Functional:
 
 
 def functional(structure: Structure, site: Site) -> Functional:
-    """The vector b of `site` on `structure`.
+    """The vector b of `site` on `structure`; see `functionals`."""
+    return functionals(structure, [site])[0]
+
+
+def functionals(structure: Structure, sites: Sequence[Site]) -> list[Functional]:
+    """The vectors b of sites on `structure`.
 
     Raises
     ------
@@ -118,26 +120,11 @@ def functional(structure: Structure, site: Site) -> Functional:
         A point off the structure, a direction that the structure does not have, a patch that
         finds no surface, a site that the supports hold.
     """
-    if site.point is None:
-        return _algebraic(structure, site)
-    if structure.mesh is None:
+    at_points = [site for site in sites if site.point is not None]
+    if at_points and structure.mesh is None:
         raise InputError("matrices have no points: use Site(dof=i) or Site(vector=b).")
-    mesh, form = structure.meshed()
-    point, direction = _in_space(mesh, form, site.point, site.direction)
-    place = locate.closest(mesh, point)
-    _check_distance(mesh, site, place)
-    radius, local = site.radius, 0.0
-    if form.patch == "cells":
-        radius = radius or structure.material_at(place).thickness * SHEET_RADIUS
-        b, local = on_sheet(structure, radius, place, direction)
-    elif radius is not None:
-        b, local = on_face(structure, radius, place, direction)
-    else:
-        b = at_points(structure, [place], np.ones(1), direction)
-        if form.patch:
-            _warn_of_point(mesh, place)
-    result = Functional(b, radius, local, place.x, direction)
-    return _moving(structure, result, f"the site at {_text(place.x)}")
+    found = iter(_at_points(structure, at_points) if at_points else [])
+    return [_algebraic(structure, site) if site.point is None else next(found) for site in sites]
 
 
 def _algebraic(structure: Structure, site: Site) -> Functional:
@@ -146,46 +133,76 @@ def _algebraic(structure: Structure, site: Site) -> Functional:
     if site.radius is not None:
         raise InputError("radius needs a mesh; a site given by dof or vector has none.")
     if site.vector is not None:
-        b = array("vector", site.vector, (n,))[first:last]
+        b = array("vector", site.vector, (n,))[first:last].copy()
     else:
         if site.dof is None or not 0 <= site.dof < n:
             raise InputError(f"dof must be a number from 0 to {n - 1}; got {site.dof!r}.")
         b = np.zeros(last - first)
         if first <= site.dof < last:
             b[site.dof - first] = 1.0
-    return _moving(structure, Functional(b.copy()), "the site")
+    whole = norm(structure.comm, b)
+    b[structure.fixed[structure.fixed < len(b)]] = 0.0
+    if norm(structure.comm, b) <= HELD * whole:
+        raise InputError(_held("the site"))
+    return Functional(b)
 
 
-def _moving(structure: Structure, result: Functional, label: str) -> Functional:
-    """`result` with b zero on the fixed dofs; InputError where nothing is left."""
-    whole = norm(structure.comm, result.b)
-    weight = _weight(structure, result.b)
-    owned = structure.fixed[structure.fixed < len(result.b)]
-    result.b[owned] = 0.0
-    held = 1 - _weight(structure, result.b) / weight
-    if norm(structure.comm, result.b) <= 1e-9 * whole:
-        raise InputError(
-            f"{label} is held by the supports along the direction of impact: it cannot move; "
-            "strike a point that can."
+def _at_points(structure: Structure, sites: Sequence[Site]) -> list[Functional]:
+    """b of sites at points, all at once."""
+    mesh, form = structure.meshed()
+    given = [_in_space(mesh, form, site) for site in sites]
+    points, directions = (np.array(each) for each in zip(*given, strict=True))
+    places = locate.closest_many(mesh, points)
+    extent = mesh.extent()
+    for i, site in enumerate(sites):
+        _check_distance(extent, site, places[i])
+    radii = np.array([np.nan if site.radius is None else site.radius for site in sites])
+    found = located(structure, places.x, directions, radii, places)
+    _check(found)
+    tell(structure, found)
+    columns = found.loads.toarray().T
+    return [
+        Functional(
+            np.ascontiguousarray(columns[i]),
+            None if np.isnan(found.radii[i]) else float(found.radii[i]),
+            float(found.local[i]),
+            found.points[i],
+            found.directions[i],
         )
-    if result.local_compliance and structure.comm.rank == 0 and held > PARTLY:
-        warn(
-            f"supports hold {held:.0%} of the patch: its half-space compliance does not hold "
-            "there; move the site or take a smaller radius.",
-            AccuracyWarning,
-        )
-    return result
+        for i in range(len(sites))
+    ]
 
 
-def _weight(structure: Structure, b: Array) -> float:
-    """Sum of the load's parts, all taken as positive."""
-    return float(structure.comm.allreduce(np.abs(b).sum()))
+def _check(found: Sites) -> None:
+    """InputError for the first site that has no surface under its patch, or that cannot move."""
+    for i, radius in enumerate(found.radii):
+        if found.depth[i] > radius:
+            raise InputError(
+                f"the site at {_text(found.points[i])} lies about {found.depth[i]:.2g} m inside "
+                f"the part, deeper than its radius {radius:g} m: a patch needs a surface; give a "
+                "point on it."
+            )
+        if found.share[i] <= 0:
+            raise InputError(
+                f"the patch of radius {radius:g} m at {_text(found.points[i])} finds no surface: "
+                f"the facets there measure {found.size[i]:.3g} m; refine around the site, "
+                f"refine=[(point, {radius:g})]."
+            )
+        if found.moving[i] <= HELD:
+            raise InputError(_held(f"the site at {_text(found.points[i])}"))
 
 
-def _in_space(
-    mesh: Mesh, form: WeakForm, at: Sequence[float], along: Sequence[float] | None
-) -> tuple[Array, Array]:
+def _held(label: str) -> str:
+    return (
+        f"{label} is held by the supports along the direction of impact: it cannot move; strike a "
+        "point that can."
+    )
+
+
+def _in_space(mesh: Mesh, form: WeakForm, site: Site) -> tuple[Array, Array]:
     """Point and unit direction with three coordinates."""
+    at, along = site.point, site.direction
+    assert at is not None
     assert along is not None  # Site has seen to that
     point, direction = np.zeros(3), np.zeros(3)
     point[: len(at)] = at
@@ -196,8 +213,8 @@ def _in_space(
     return point, direction
 
 
-def _check_distance(mesh: Mesh, site: Site, place: locate.Place) -> None:
-    if place.distance > ON_STRUCTURE * mesh.extent() and not site.snap:
+def _check_distance(extent: float, site: Site, place: locate.Place) -> None:
+    if place.distance > ON_STRUCTURE * extent and not site.snap:
         raise InputError(
             f"the point {_text(site.point)} is {place.distance:.3g} m off the structure; its "
             f"nearest point is {_text(place.x)}: strike that, or use Site(..., snap=True)."
@@ -206,14 +223,3 @@ def _check_distance(mesh: Mesh, site: Site, place: locate.Place) -> None:
 
 def _text(point: Any) -> str:
     return "(" + ", ".join(f"{c:.6g}" for c in point) + ") m"
-
-
-def _warn_of_point(mesh: Mesh, place: locate.Place) -> None:
-    size = locate.size_at(mesh, place)
-    if mesh.comm.rank == 0:
-        warn(
-            f"the compliance under a point load on a solid grows without limit as the mesh is "
-            f"refined: give the site a radius, here for instance radius={size:.1g} (the element "
-            f"there measures {size:.2g} m; its radius should not be smaller).",
-            AccuracyWarning,
-        )

@@ -14,7 +14,7 @@ from petsc4py import PETSc
 
 from antiosc.checks import array, shown, whole
 from antiosc.errors import InputError
-from antiosc.fem import compat, locate, rigid
+from antiosc.fem import compat, rigid
 from antiosc.fem.algebra import Solver, as_petsc, dot, multiply, sum_of
 from antiosc.fem.attached import Matrices, PointMass, Spring, add_at_points, add_beams
 from antiosc.fem.beam import Beam
@@ -267,10 +267,13 @@ class Structure:
             width, thickness = materials[0].thickness, width
         return length, width, thickness
 
-    def material_at(self, place: locate.Place) -> Any:
-        """The material of the cell at `place`, on all ranks."""
-        found = [k for k, (_, cells) in enumerate(self.parts) if place.cell in cells]
-        return self.parts[self.comm.bcast(found[0] if found else 0, root=place.rank)][0]
+    def part_of_cells(self) -> IntArray:
+        """Number in `parts` of the material of each cell of this rank, ghosts included."""
+        imap = compat.cell_map(self.meshed()[0].dolfinx)
+        part = np.zeros(imap.size_local + imap.num_ghosts, dtype=int)
+        for number, (_, cells) in enumerate(self.parts):
+            part[cells] = number
+        return part
 
     def describe(self) -> str:
         """One line: what was modelled and with how many dofs."""
