@@ -8,10 +8,13 @@ import importlib.metadata
 import importlib.util
 import os
 import platform
+import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+
+from antiosc.isolation import restored, start_petsc
 
 
 @dataclass(frozen=True)
@@ -51,7 +54,8 @@ def report() -> str:
     remarks = []
     for package in PACKAGES:
         try:
-            found = package.version() if importlib.util.find_spec(package.module) else ""
+            with restored():
+                found = package.version() if importlib.util.find_spec(package.module) else ""
         except Exception as error:  # an installed package can fail in any way: say so and go on
             found = "fails to load"
             remarks.append(f"{package.name} is installed but fails to load: {error}")
@@ -153,6 +157,7 @@ def _attribute(module: str) -> Callable[[], str]:
 
 
 def _petsc() -> str:
+    start_petsc()
     from petsc4py import PETSc
 
     return ".".join(map(str, PETSc.Sys.getVersion()))
@@ -171,14 +176,17 @@ def _mpi() -> str:
 
 
 def _gmsh() -> str:
-    import gmsh  # its __version__ is that of the interface, not of the program
-
-    gmsh.initialize(readConfigFiles=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        return gmsh.option.getString("General.Version")
-    finally:
-        gmsh.finalize()
+    # Its __version__ is that of the interface, not of the program, which would have to be
+    # initialised: not in this process, where it changes the locale and may be in use.
+    code = (
+        "import gmsh; gmsh.initialize(readConfigFiles=False);"
+        "gmsh.option.setNumber('General.Terminal', 0);"
+        "print(gmsh.option.getString('General.Version'))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    if done.returncode:
+        raise ImportError(" ".join(done.stderr.split()[-20:]) or f"it ends with {done.returncode}")
+    return done.stdout.split()[-1]
 
 
 PACKAGES = [

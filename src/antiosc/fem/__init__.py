@@ -1,11 +1,13 @@
 """The one door to gmsh, dolfinx, PETSc and SLEPc: from a mesh to anti-oscillators and fields."""
 
 from antiosc.errors import MissingDependencyError
+from antiosc.isolation import restored, start_petsc
 
 try:
-    import dolfinx  # noqa: F401
-    import petsc4py  # noqa: F401
-    import slepc4py  # noqa: F401
+    with restored():
+        start_petsc()
+        import dolfinx.fem.petsc  # noqa: F401
+        import slepc4py.SLEPc  # noqa: F401
 except ImportError as error:
     raise MissingDependencyError(
         f"{error.name} is not installed: meshes and structures need Debian's python3-dolfinx-real, "

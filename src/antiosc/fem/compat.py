@@ -5,7 +5,6 @@ Everything here is a thin function with one meaning on every version; nothing he
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -17,32 +16,12 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
+from antiosc.fem.compiler import compiler
+
 import dolfinx.fem.petsc  # isort: skip  (0.9 and later do not import it by themselves)
 
 VERSION = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
 IntArray = NDArray[np.integer[Any]]
-
-# The just-in-time compiler of dolfinx 0.5 reports every compiler call to the root logger.
-for _handler in logging.getLogger().handlers:
-    _handler.addFilter(lambda record: record.levelno > logging.INFO or record.name != "root")
-logging.captureWarnings(False)  # it also turns Python's warnings into log records
-logging.getLogger("FFCx").setLevel(logging.WARNING)
-logging.getLogger("UFL").setLevel(logging.WARNING)
-
-if VERSION < (0, 6):
-    # FFCx 0.5 counts derivatives on a sheet in space along x, y, z, Basix along the two directions
-    # of the cell: the first ones agree, higher ones would be mistaken for others.
-    import ffcx.ir.elementtables as _tables
-
-    _table_values = _tables.get_ffcx_table_values
-
-    def _in_the_cell(points: Any, cell: Any, *others: Any) -> Any:
-        *head, counts, component = others
-        counts = counts[: cell.topological_dimension()]
-        return _table_values(points, cell, *head, counts, component)
-
-    _tables.get_ffcx_table_values = _in_the_cell
-
 
 # --- Meshes ---------------------------------------------------------------------------------
 
@@ -162,44 +141,40 @@ def exterior_facets(mesh: dolfinx.mesh.Mesh) -> IntArray:
 
 def lagrange(mesh: dolfinx.mesh.Mesh, degree: int, size: int) -> Any:
     """A continuous Lagrange space of `size` components (blocked)."""
-    if VERSION < (0, 8):
-        element = ufl.VectorElement("Lagrange", mesh.ufl_cell(), degree, dim=size)
-        return fem.FunctionSpace(mesh, element)
-    import basix.ufl
-
-    element = basix.ufl.element("Lagrange", mesh.basix_cell(), degree, shape=(size,))
-    return fem.functionspace(mesh, element)
+    return _space(mesh, "Lagrange", degree, size)
 
 
 def cellwise(mesh: dolfinx.mesh.Mesh, size: int = 0) -> Any:
     """A function with one value (`size` = 0) or vector (`size` components) per cell."""
-    if VERSION < (0, 8):
-        family = (
-            ufl.VectorElement("DG", mesh.ufl_cell(), 0, dim=size)
-            if size
-            else ufl.FiniteElement("DG", mesh.ufl_cell(), 0)
-        )
-        return fem.Function(fem.FunctionSpace(mesh, family))
-    import basix.ufl
-
-    shape = {"shape": (size,)} if size else {}
-    element = basix.ufl.element("DG", mesh.basix_cell(), 0, **shape)
-    return fem.Function(fem.functionspace(mesh, element))
+    return fem.Function(_space(mesh, "DG", 0, size))
 
 
 def reference_coordinates(mesh: dolfinx.mesh.Mesh) -> Any:
     """ξ and η in triangles, as a function."""
-    if VERSION < (0, 8):
-        element = ufl.VectorElement("DG", mesh.ufl_cell(), 1, dim=2)
-        function = fem.Function(fem.FunctionSpace(mesh, element))
-    else:
-        import basix.ufl
-
-        element = basix.ufl.element("DG", mesh.basix_cell(), 1, shape=(2,))
-        function = fem.Function(fem.functionspace(mesh, element))
+    function = fem.Function(_space(mesh, "DG", 1, 2))
     corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
     function.x.array.reshape(-1, 3, 2)[:] = corners
     return function
+
+
+def _space(mesh: dolfinx.mesh.Mesh, family: str, degree: int, size: int) -> Any:
+    """A space of `size` components, scalar where that is 0."""
+    with compiler():
+        if VERSION < (0, 8):
+            cell = mesh.ufl_cell()
+            if size:
+                return fem.FunctionSpace(mesh, ufl.VectorElement(family, cell, degree, dim=size))
+            return fem.FunctionSpace(mesh, ufl.FiniteElement(family, cell, degree))
+        import basix.ufl
+
+        shape = (size,) if size else None
+        element = basix.ufl.element(family, mesh.basix_cell(), degree, shape=shape)
+        return fem.functionspace(mesh, element)
+
+
+def _compiled(form: Any) -> Any:
+    with compiler():
+        return fem.form(form)
 
 
 class _PulledBack(ufl.classes.ReferenceValue):  # type: ignore[misc]
@@ -277,7 +252,7 @@ def assemble(
     bcs = [fem.dirichletbc(zero, dofs, subspace(space, path)) for path, dofs in fixed.items()]
     total = None
     for form in forms:
-        compiled = fem.form(form)
+        compiled = _compiled(form)
         matrix = fem.petsc.assemble_matrix(compiled, bcs, diagonal if total is None else 0.0)
         matrix.assemble()
         # From 0.9 the layouts of the matrix point into the mesh: they must not die first.
@@ -323,7 +298,7 @@ def strain_matrix(
 
 def assemble_functional(form: Any, space: Any) -> NDArray[np.float64]:
     """A linear form as an array over this rank's dofs, ghost contributions sent to their owners."""
-    vector = fem.petsc.assemble_vector(fem.form(form))
+    vector = fem.petsc.assemble_vector(_compiled(form))
     vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
     values = np.array(vector.array_r, dtype=float)
     vector.destroy()
@@ -332,7 +307,7 @@ def assemble_functional(form: Any, space: Any) -> NDArray[np.float64]:
 
 def integrate(form: Any, mesh: dolfinx.mesh.Mesh) -> float:
     """A UFL form of rank 0, on all ranks."""
-    return float(mesh.comm.allreduce(fem.assemble_scalar(fem.form(form))))
+    return float(mesh.comm.allreduce(fem.assemble_scalar(_compiled(form))))
 
 
 def constant(mesh: dolfinx.mesh.Mesh, value: Any) -> Any:

@@ -1,0 +1,50 @@
+"""FFCx as it is needed while something is compiled, and as it was before afterwards."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import ffcx
+
+from antiosc.isolation import quiet, restored
+
+VERSION = tuple(int(part) for part in ffcx.__version__.split(".")[:2])
+#: Loggers that report every step; from 0.6 on FFCx itself keeps the root logger quiet.
+NOISY = ("UFL", "FFCx", "ffcx", *([""] if VERSION < (0, 6) else []))
+
+_lock = threading.RLock()
+
+
+@contextmanager
+def compiler() -> Iterator[None]:
+    """Compile in here: quietly, rightly on sheets in space, and without traces."""
+    with _lock, restored(), quiet(*NOISY), _derivatives_in_the_cell():
+        yield
+
+
+@contextmanager
+def _derivatives_in_the_cell() -> Iterator[None]:
+    """FFCx 0.5 counts derivatives on a sheet in space along x, y, z, Basix along the cell's two.
+
+    The first ones agree, higher ones would be mistaken for others.
+    """
+    if VERSION >= (0, 6):
+        yield
+        return
+    import ffcx.ir.elementtables as tables
+
+    values = tables.get_ffcx_table_values
+
+    def in_the_cell(points: Any, cell: Any, *others: Any) -> Any:
+        *head, counts, component = others
+        counts = counts[: cell.topological_dimension()]
+        return values(points, cell, *head, counts, component)
+
+    tables.get_ffcx_table_values = in_the_cell
+    try:
+        yield
+    finally:
+        tables.get_ffcx_table_values = values
