@@ -53,7 +53,7 @@ def main(scenes: int = 10_000, seed: int = 1, budget: float = 60.0) -> dict[str,
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("error")
-                warnings.simplefilter("ignore", ao.AccuracyWarning)
+                warnings.simplefilter("ignore", ao.AntioscWarning)
                 hit = ao.simulate(**scene)
                 wrong, balance = check(hit, scene)
             counts[f"status {hit.status}"] += 1

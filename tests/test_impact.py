@@ -417,7 +417,7 @@ class TestErrorControl:
             hit = ao.simulate(model, striker, law, 8e-3, method="leapfrog", step=2.5 / top)
         assert hit.status == 2
         fine = ao.simulate(model, striker, law, 8e-3, method="leapfrog", step=1.9 / top)
-        assert fine.status == 0
+        assert fine.status == 3  # it ends during contact
         assert np.all(np.isfinite(hit.force))
 
 

@@ -25,13 +25,14 @@ from antiosc.impact import (
     DEFAULT_TOL,
     MAX_LEVELS,
     assemble,
+    integrated,
     scaled,
-    simulate,
     without_patch,
 )
 from antiosc.integrators import MAX_STEPS, Problem
 from antiosc.integrators.many import Result, Stack, run_many
 from antiosc.modal import LinearBody
+from antiosc.verdict import judge, tell_all
 
 _BLOCK = 2048  # scenes that march together: many enough to hide the cost of a call
 
@@ -48,6 +49,7 @@ class Batch:
     step, error : (S,) step used [s] and estimated relative error of the force (NaN: step given).
     status : (S,) as in `History`.
     force : list of S pairs (time, force): nodes of the contacts, force linear in between.
+    message : list of S sentences, the status in words.
     """
 
     peak_force: Array
@@ -59,6 +61,7 @@ class Batch:
     error: Array
     status: Index
     force: list[tuple[Array, Array]]
+    message: list[str]
 
     def __len__(self) -> int:
         return self.peak_force.size
@@ -130,7 +133,7 @@ def simulate_many(
     for kind, members in groups.items():
         if kind not in VECTORISED:
             for i in members:
-                results[i] = _alone(scenes[i], accuracy, max_contacts, max_steps)
+                results[i] = _alone(scenes[i], i, accuracy, max_contacts, max_steps)
             continue
         for first in range(0, len(members), _BLOCK):
             block = members[first : first + _BLOCK]
@@ -138,7 +141,9 @@ def simulate_many(
             solved = _solve(kind, prepared, accuracy, max_contacts, max_steps)
             for i, result in zip(block, solved, strict=True):
                 results[i] = result
-    return _gather([r for r in results if r is not None])
+    done = [r for r in results if r is not None]
+    tell_all([r.verdict for r in done])
+    return _gather(done)
 
 
 # -- one scene in, one result out
@@ -170,19 +175,23 @@ def _prepare(scene: dict[str, Any], index: int) -> _Scene:
     return _Scene(index, problem, duration, scale, step, True)
 
 
-def _alone(scene: dict[str, Any], tol: float, max_contacts: int, max_steps: int) -> Result:
-    hit = simulate(
+def _alone(
+    scene: dict[str, Any], index: int, tol: float, max_contacts: int, max_steps: int
+) -> Result:
+    hit, verdict = integrated(
         scene["models"],
         scene["impactors"],
         scene["contacts"],
-        scene["duration"],
+        checks.positive("duration", scene["duration"], "s"),
         step=scene["step"],
         tol=tol,
         initial_velocity=scene["initial_velocity"],
         gravity=scene["gravity"],
+        gap=None,
         max_contacts=max_contacts,
         max_steps=max_steps,
     )
+    _check_range(hit.problem.law, hit.peak_force, index)
     e = hit.restitution
     return Result(
         contacts=[
@@ -196,8 +205,13 @@ def _alone(scene: dict[str, Any], tol: float, max_contacts: int, max_steps: int)
         released=True,
         step=hit.step,
         error=hit.error.get("force", np.nan),
-        status=hit.status,
+        verdict=verdict,
     )
+
+
+def _check_range(law: ContactLaw, peak_force: float, index: int) -> None:
+    if peak_force > law.valid_force:
+        raise AccuracyError(f"scene {index}: {law.out_of_range(peak_force, None)}.")
 
 
 def _gather(results: list[Result]) -> Batch:
@@ -212,8 +226,9 @@ def _gather(results: list[Result]) -> Batch:
         contacts=np.array([len(r.contacts) for r in results], dtype=np.intp),
         step=np.array([r.step for r in results]),
         error=np.array([r.error for r in results]),
-        status=np.array([r.status for r in results], dtype=np.intp),
+        status=np.array([r.verdict.status for r in results], dtype=np.intp),
         force=[(r.time, r.force) for r in results],
+        message=[r.verdict.message for r in results],
     )
 
 
@@ -269,16 +284,33 @@ def _solve(
         todo = np.array([i for i in todo if not control[i].reached], dtype=np.intp)
     for i, (result, scene) in enumerate(zip(results, scenes, strict=True)):
         result.step = float(step[i])
+        worst = 0.0
         if not fixed[i]:
             result.error = control[i].error["force"]
-            result.status = int(not control[i].reached)
-        if result.full or result.diverged:
-            result.status = 2
-        law, peak_force = scene.problem.law, float(result.force.max(initial=0.0))
-        if peak_force > law.valid_force:
-            reason = law.out_of_range(peak_force, None)
-            raise AccuracyError(f"scene {scene.index}: {reason}.")
+            worst = max(control[i].error.values())
+        result.verdict = judge(
+            scene.problem,
+            scene.duration,
+            touched=bool(result.contacts),
+            released=result.released,
+            trouble=_trouble(result, max_contacts, max_steps),
+            error=worst,
+            tol=tol,
+        )
+        _check_range(scene.problem.law, float(result.force.max(initial=0.0)), scene.index)
     return results
+
+
+def _trouble(result: Result, max_contacts: int, max_steps: int) -> str:
+    """Why a scene stopped before its end, if it did."""
+    if result.diverged:
+        return "stopped: it gained energy at the step given; use a smaller one, or none"
+    if result.full:
+        return (
+            f"stopped before its end: more than {max_contacts} contacts, or {max_steps} steps in"
+            f" one; shorten the duration or raise max_contacts or max_steps"
+        )
+    return ""
 
 
 def _differences(coarse: list[Result], fine: list[Result], duration: Array) -> tuple[Array, Array]:

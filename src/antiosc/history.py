@@ -58,7 +58,8 @@ class History:
 
     Attributes
     ----------
-    status : 0: completed; 1: completed, tol not met; 2: stopped before the end.
+    status : 0: completed; 1: completed, tol not met; 2: stopped before the end; 3: completed, but
+        the bodies touch at the end: contact time, impulse and peak force are those so far.
     message : the status in words, with what was done to the contact law.
     step : the step used during contact [s].
     error : estimated relative errors reached: "force" (L2 norm) and "peak"; empty when the step
@@ -136,6 +137,7 @@ class History:
     def contact_time(self) -> float:
         """First touch to last release [s] of the main impact; 0 if nothing touched.
 
+        A contact that goes on at the end of the run counts up to there (status 3).
         Contacts belong to one impact while the flight between them is shorter than the impact has
         lasted so far; the main impact is the one with the largest impulse.
         """
@@ -149,8 +151,13 @@ class History:
 
     @property
     def restitution(self) -> float | None:
-        """Closing speed of the rigid-body motions at first touch over their parting speed at last
-        release. None without a contact, while it lasts, or when the bodies did not close.
+        """Coefficient of restitution: Newton's, of the rigid-body motions.
+
+        The speed at which the bodies part at the contact point after the last release, over that
+        at which they closed at the first touch, both of their rigid-body motions: what vibrates is
+        left out. A supported structure has no rigid-body motion at its site, so against it this is
+        the rebound speed of the impactor over its speed of approach. None without a contact, while
+        one lasts at the end, or when the bodies did not close.
         """
         contacts = self.trajectory.contacts
         if not contacts or not contacts[-1].released:

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from antiosc import checks
 from antiosc.contact import ContactLaw, Hertz, State
 from antiosc.control import Refinement
-from antiosc.errors import AccuracyError, AccuracyWarning, InputError, warn
+from antiosc.errors import AccuracyError, InputError
 from antiosc.history import History, force_difference
 from antiosc.integrators import (
     FIXED_STEP,
@@ -41,6 +41,7 @@ from antiosc.modal import LinearBody, ModalBody, checked_body
 from antiosc.model import AntiOscillators
 from antiosc.motion import Motion
 from antiosc.truncation import Run, choose_n
+from antiosc.verdict import Verdict, judge
 
 Array = NDArray[np.float64]
 
@@ -106,6 +107,9 @@ def simulate(
     max_contacts, max_steps : int
         Bounds on the work; a run that meets one stops and says so in its status and message.
 
+    With n="auto" the runs that choose n are made in the same way, by the same method with the same
+    step and bounds.
+
     Returns
     -------
     History
@@ -122,33 +126,75 @@ def simulate(
     checks.choice("method", method, (*FIXED_STEP, *IVP_METHODS))
     max_contacts = checks.whole("max_contacts", max_contacts)
     max_steps = checks.whole("max_steps", max_steps)
+
+    def run_of(each: LinearBody, tol: float, method: str) -> tuple[History, Verdict]:
+        return integrated(
+            each, impactor, contact, duration, method, step=step, tol=tol,
+            initial_velocity=initial_velocity, gravity=gravity, gap=gap,
+            max_contacts=max_contacts, max_steps=max_steps,
+        )  # fmt: skip
+
+    def again(each: AntiOscillators, tol: float) -> History:
+        # a model with all its mass in anti-oscillators leaves the others to the exact method
+        own = "exact" if each.m0 == 0 and contact.rate_dependent else method
+        return run_of(each, tol, own)[0]
+
     truncation: dict[str, float] = {}
     shortage = ""
     if n is not None:
-
-        def again(each: AntiOscillators, tol: float) -> History:
-            return simulate(
-                each,
-                impactor,
-                contact,
-                duration,
-                tol=tol,
-                initial_velocity=initial_velocity,
-                gravity=gravity,
-                gap=gap,
-            )
-
         model, truncation, shortage = _truncated(model, n, again, accuracy)
+    history, verdict = run_of(model, accuracy, method)
+    verdict = verdict.with_shortage(shortage)
+    history = replace(
+        history,
+        error={**history.error, **truncation},
+        status=verdict.status,
+        message=" ".join(filter(None, (history.message, shortage))),
+    )
+    verdict.tell()
+    check_range(history)
+    return history
+
+
+def check_range(history: History) -> None:
+    """AccuracyError when the peak force lies outside the range in which its law holds."""
+    law = history.problem.law
+    if history.peak_force > law.valid_force:
+        reason = law.out_of_range(history.peak_force, getattr(history.model, "radius", None))
+        raise AccuracyError(f"{reason}.")
+
+
+def integrated(
+    model: LinearBody,
+    impactor: LinearBody,
+    contact: ContactLaw,
+    duration: float,
+    method: str = "exact",
+    *,
+    step: float | None,
+    tol: float,
+    initial_velocity: float | Motion,
+    gravity: float | Sequence[float],
+    gap: float | None,
+    max_contacts: int,
+    max_steps: int,
+) -> tuple[History, Verdict]:
+    """One run of `simulate` and what is to be said of it, unsaid as yet."""
     law, note = without_patch(contact, model, impactor)
     problem, bodies = assemble(model, impactor, law, initial_velocity, gravity, gap)
     problem, scale = scaled(problem, bodies, duration)
-
     trajectory, step, error = _integrate(
-        problem, method, duration, scale, step, accuracy, max_contacts, max_steps
+        problem, method, duration, scale, step, tol, max_contacts, max_steps
     )
-    status, message = _verdict(trajectory, error, accuracy)
-    if shortage:
-        status, message = max(status, 1), f"{message} {shortage}"
+    verdict = judge(
+        problem,
+        duration,
+        touched=bool(trajectory.contacts),
+        released=bool(trajectory.contacts) and trajectory.contacts[-1].released,
+        trouble=trajectory.trouble,
+        error=max(error.values(), default=0.0),
+        tol=tol,
+    )
     history = History(
         problem=problem,
         bodies=bodies,
@@ -156,16 +202,11 @@ def simulate(
         impactor=impactor,
         trajectory=trajectory,
         step=step,
-        error={**error, **truncation},
-        status=status,
-        message=" ".join(filter(None, (message, note))),
+        error=error,
+        status=verdict.status,
+        message=" ".join(filter(None, (verdict.message, note))),
     )
-    if status:
-        warn(message, AccuracyWarning)
-    if history.peak_force > law.valid_force:
-        reason = law.out_of_range(history.peak_force, getattr(model, "radius", None))
-        raise AccuracyError(f"{reason}.")
-    return history
+    return history, verdict
 
 
 def _integrate(
@@ -468,15 +509,3 @@ def _converge(
         if control.reached and not fine.trouble:
             break
     return coarse, step, control.error
-
-
-def _verdict(trajectory: Trajectory, error: dict[str, float], tol: float) -> tuple[int, str]:
-    if trajectory.trouble:
-        return 2, trajectory.trouble[0].upper() + trajectory.trouble[1:] + "."
-    worst = max(error.values(), default=0.0)
-    if worst > tol:
-        return 1, (
-            f"The force history reached a relative error of {worst:.2g}, not tol = {tol:g}, within"
-            f" the bound on steps; raise max_steps or shorten the duration."
-        )
-    return 0, "Completed."

@@ -82,8 +82,8 @@ class ImpactMap:
     direct : (P,) bool, sites that were extracted by themselves.
     skipped : sites left out because the supports hold them or no surface carries their patch.
     peak_force [N], contact_time [s], restitution, impulse [N s], peak_deflection [m] : (P,) of the
-        impacts, or None; restitution is NaN where the impactor had not left at the end, the
-        deflection is the site's, the patch's own indentation included.
+        impacts, or None; restitution as in `History`, NaN where the bodies still touch at the end
+        or never did; the deflection is the site's, the patch's own indentation included.
     info : facts, JSON-able: free modes, seconds.
     """
 

@@ -39,7 +39,7 @@ class Result:
     diverged: bool = False
     step: float = 0.0
     error: float = np.nan
-    status: int = 0
+    verdict: Any = None
 
 
 class Stack:
