@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
 from math import sqrt
-from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 from scipy.special import beta
@@ -16,18 +12,6 @@ from antiosc.closed_form import UniformBeam, pinned_pinned
 
 HERTZ = 1.55e10
 BEAM = UniformBeam.euler_bernoulli(E=67e9, rho=2400.0, area=2e-4, inertia=0.33e-8, length=1.0)
-
-
-def demo(name: str) -> ModuleType:
-    """The demo of that name as a module."""
-    path = Path(__file__).resolve().parent.parent / "demos" / f"{name}.py"
-    spec = importlib.util.spec_from_file_location(name, path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module  # dataclasses look their module up
-    spec.loader.exec_module(module)
-    return module
 
 
 def case_two(n: int) -> tuple[ao.AntiOscillators, ao.RigidMass]:

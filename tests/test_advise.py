@@ -11,7 +11,7 @@ import antiosc as ao
 from antiosc.advise import advise
 from antiosc.closed_form.plates import SupportedPlate
 from antiosc.errors import InputError
-from test_demos import load
+from paths import demo
 
 STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}
 
@@ -108,7 +108,7 @@ def test_a_structure_knows_its_dimensions():
 def test_the_ladder_bears_the_advice_out(tmp_path):
     """The family advised is within 5 % of the solid's force, a smaller one is not."""
     cases = ("strut, large sphere", "strip, large sphere")
-    results = load("fidelity").main(cases=cases, n=40, fine=0.85, out=tmp_path)
+    results = demo("fidelity").main(cases=cases, n=40, fine=0.85, out=tmp_path)
     strut, strip = (results[name] for name in cases)
     assert strut["advice"].family == "beam"
     assert strut["beam"]["error"] < 0.05

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import sys
-from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pytest
 
+from paths import DEMOS
+
 pytestmark = [pytest.mark.fem, pytest.mark.slow]
 
-DEMOS = Path(__file__).resolve().parent.parent / "demos"
 pytest.importorskip("dolfinx")
 
 

@@ -2,32 +2,19 @@
 
 from __future__ import annotations
 
-import importlib.util
 import warnings
-from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 import pytest
 
 import antiosc as ao
-
-DEMOS = Path(__file__).resolve().parent.parent / "demos"
-
-
-def load(name: str) -> ModuleType:
-    spec = importlib.util.spec_from_file_location(name, DEMOS / f"{name}.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+from paths import demo
 
 
 @pytest.mark.fem
 @pytest.mark.slow
 def test_impact_on_bracket(tmp_path, capsys):
-    result = load("impact_on_bracket").main(size=8e-3, radius=3e-3, n=12, out=tmp_path)
+    result = demo("impact_on_bracket").main(size=8e-3, radius=3e-3, n=12, out=tmp_path)
     assert result["impulse"] == pytest.approx(result["momentum"], rel=1e-6)
     assert 0 < result["restitution"] < 1
     assert abs(result["drift"]) < 1e-3
@@ -52,7 +39,7 @@ def test_impact_on_bracket(tmp_path, capsys):
 def test_impact_map(tmp_path):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of sites on supports and edges
-        found, worst = load("impact_map").main(size=12e-3, check=3, out=tmp_path)
+        found, worst = demo("impact_map").main(size=12e-3, check=3, out=tmp_path)
     assert worst < 0.02
     sphere = ao.Sphere(radius=0.010, E=210e9, nu=0.3, rho=7850.0, velocity=1.0)
     k = sphere.hertz(E=70e9, nu=0.33).stiffness

@@ -19,6 +19,7 @@ import antiosc as ao
 import parts
 from antiosc.errors import AntioscWarning
 from mpi import run_ranks
+from paths import TESTS
 
 pytestmark = pytest.mark.fem
 
@@ -504,7 +505,7 @@ def test_every_rank_raises_the_same_error(tmp_path):
     write(tmp_path / "wedge.vtu", wedge, ("wedge", [[0, 1, 2, 3, 4, 5]]))
     quads = ("quad", [[0, 1, 2, 3], [4, 5, 6, 7]])
     write(tmp_path / "pieces.vtu", [*SQUARE, *(SQUARE + 2)], quads)
-    here = str(Path(__file__).parent)
+    here = str(TESTS)
     one = run_ranks(1, RANKS, here, str(tmp_path))[0]
     two = run_ranks(2, RANKS, here, str(tmp_path), timeout=60)
     assert "nothing was raised" not in one

@@ -16,8 +16,6 @@ from antiosc.fem.site import functional
 
 pytestmark = pytest.mark.fem
 
-MESHES = Path(__file__).resolve().parent.parent / "meshes"
-
 
 @pytest.fixture(scope="module", params=["clamped", "sliding", "free"])
 def plate(request) -> tuple[ao.Structure, ao.Site]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,37 +23,35 @@ from antiosc.fem.algebra import csr, multiply
 from antiosc.fem.laminate import stacked
 from antiosc.fem.mesh import Mesh
 from mpi import run_ranks
-from sheets import rectangle, sheet
-from test_demos import load
-from test_fem_shell import (
+from paths import TESTS, demo
+from sheets import (
     CELLS,
     NU,
+    PLY,
     RHO,
     SIMPLE,
     E,
     at,
     dof,
     edges,
+    flipped,
     frequencies,
     interpolated,
     loaded,
+    rectangle,
+    sheet,
+    stack,
+    unsymmetric,
 )
 
 pytestmark = pytest.mark.fem
 
-#: the ply of Reddy's tables: E1/E2 = 40, G12 = G13 = 0.6 E2, G23 = 0.5 E2, ν12 = 0.25
-PLY = ao.Layer(400e9, 10e9, 0.25, 6e9, 6e9, 5e9, 1500.0, 1e-3)
 #: held as in Navier's solution for angle-plies: sliding along the edges, not across
 SLIDING = [
     ao.Support(edges(0, 1), "z"),
     ao.Support(edges(0), ("x", "rx")),
     ao.Support(edges(1), ("y", "ry")),
 ]
-
-
-def stack(angles, thickness, ply=PLY):
-    """Equal plies of this total thickness."""
-    return [replace(ply, angle=a, thickness=thickness / len(angles)) for a in angles]
 
 
 def navier(layers, S=None):
@@ -291,12 +288,6 @@ def test_angles_count_from_the_axis_about_the_normal(cell):
     assert differ(other, here)[0] > 1e-3
 
 
-def unsymmetric(thickness):
-    """A stack that couples everything, its mass off the middle."""
-    foil = ao.Layer.isotropic(E, NU, 5 * RHO, thickness / 5)
-    return [*stack([20, 90, -35], 4 / 5 * thickness), foil]
-
-
 @pytest.mark.parametrize("cell", CELLS)
 def test_a_laminate_turned_in_space_keeps_its_frequencies(cell):
     """Mesh and axis turned together; and the top of a stack listed from the other side."""
@@ -317,15 +308,6 @@ def test_a_laminate_turned_in_space_keeps_its_frequencies(cell):
     assert there == pytest.approx(here, rel=1e-8)
     assert free(np.eye(3), layers=over, top=(0, 0, -1)) == pytest.approx(here, rel=1e-8)
     assert free(np.eye(3), layers=over) != pytest.approx(here, rel=1e-3)
-
-
-def flipped(mesh, some):
-    """The mesh with `some` of its cells turned over."""
-    flip = {"triangle": [0, 2, 1], "quadrilateral": [0, 2, 1, 3]}[mesh.cell]
-    cells = compat.geometry_nodes(mesh.dolfinx).astype(np.int64)
-    cells[some] = cells[some][:, flip]
-    x = mesh.dolfinx.geometry.x.copy()
-    return ao.read_mesh(compat.create_mesh(mesh.comm, cells, x, mesh.cell, 1))
 
 
 @pytest.mark.parametrize("cell", CELLS)
@@ -525,8 +507,7 @@ import json, sys
 sys.path.insert(0, sys.argv[1])
 import numpy as np
 import antiosc as ao
-from sheets import sheet
-from test_fem_laminate import flipped, unsymmetric
+from sheets import flipped, sheet, unsymmetric
 
 mesh = sheet((8, 3), lambda s, t: (
     np.minimum(2 * s, 1.0), 0.4 * t + 0.1 * s**2, np.maximum(2 * s - 1, 0.0)**2), "triangle")
@@ -550,7 +531,7 @@ except ao.InputError as error:
 
 @pytest.mark.mpi
 def test_two_ranks_find_what_one_finds():
-    here = str(Path(__file__).parent)
+    here = str(TESTS)
     one = [json.loads(line) for line in run_ranks(1, SCRIPT, here)[0].splitlines()[-2:]]
     for text in run_ranks(2, SCRIPT, here):
         numbers, message = (json.loads(line) for line in text.splitlines()[-2:])
@@ -561,7 +542,7 @@ def test_two_ranks_find_what_one_finds():
 @pytest.mark.slow
 def test_the_demo(tmp_path):
     """Panels of one mass; the plain one as Mindlin's series has it, the sandwich far stiffer."""
-    numbers = load("composite_panel").main(elements=10, n=16, duration=3e-3, out=tmp_path)
+    numbers = demo("composite_panel").main(elements=10, n=16, duration=3e-3, out=tmp_path)
     for row in numbers.values():
         assert row["mass"] == pytest.approx(numbers["aluminium"]["mass"], rel=1e-12)
         assert row["impulse"] == pytest.approx(row["momentum"], rel=1e-6)

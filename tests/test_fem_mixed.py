@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,28 +16,14 @@ import antiosc as ao
 from antiosc.errors import InputError
 from antiosc.fem import PointMass, Spring, compat
 from antiosc.fem.algebra import csr, multiply
-from antiosc.fem.mesh import Mesh
 from mpi import run_ranks
-from sheets import rectangle, sheet
-from test_fem_shell import at, dof, frequencies, interpolated, loaded
+from paths import TESTS
+from sheets import RIB, SHEET, at, dof, frequencies, grouped, interpolated, loaded, rectangle, sheet
 
 pytestmark = pytest.mark.fem
 
 E, RHO = 70e9, 2700.0
 CELLS = ["triangle", "quadrilateral"]
-SHEET = ao.Shell(E, 0.0, RHO, 0.004)
-RIB = ao.Beam(E, 0.0, RHO, ao.Section.rectangle(0.004, 0.03), orientation=(0, 0, 1), offset=0.017)
-
-
-def grouped(mesh, edges=None, points=None):
-    """The mesh with its cells as "sheet", and edges and vertices there as "rib" and "feet"."""
-    cells = compat.cell_map(mesh.dolfinx)
-    groups = {"sheet": {2: np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32)}}
-    for name, dim, where in (("rib", 1, edges), ("feet", 0, points)):
-        if where is not None:
-            found = dolfinx.mesh.locate_entities(mesh.dolfinx, dim, where)
-            groups[name] = {dim: found.astype(np.int32)}
-    return Mesh(mesh.dolfinx, groups, "the panel")
 
 
 @pytest.mark.parametrize("cell", CELLS)
@@ -158,7 +143,7 @@ def test_two_ranks_find_what_one_finds():
         import antiosc as ao
         from antiosc.fem import PointMass, Spring
         from sheets import sheet
-        from test_fem_mixed import RIB, SHEET, grouped
+        from sheets import RIB, SHEET, grouped
 
         mesh = sheet((6, 6), lambda s, t: (s, 0.6 * t, 0.1 * s * t), "triangle", 2)
         mesh = grouped(mesh, lambda x: np.isclose(x[0], 0.5), lambda x: np.isclose(x[0], 0))
@@ -170,7 +155,7 @@ def test_two_ranks_find_what_one_finds():
         print(json.dumps([part.mass, part.rigid_modes.shape[1], model.k0, model.m_st,
                           *model.omega, *model.m, *np.abs(model.participation)]))
     """
-    here = str(Path(__file__).parent)
+    here = str(TESTS)
     one = json.loads(run_ranks(1, script, here)[0].splitlines()[-1])
     two = [json.loads(text.splitlines()[-1]) for text in run_ranks(2, script, here)]
     assert two[0] == two[1]

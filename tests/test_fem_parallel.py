@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import meshio
 import numpy as np
@@ -13,10 +12,11 @@ pytest.importorskip("dolfinx")
 
 import parts
 from mpi import run_ranks
+from paths import TESTS
 
 pytestmark = [pytest.mark.fem, pytest.mark.mpi]
 
-HERE = str(Path(__file__).parent)
+HERE = str(TESTS)
 
 MODELS = """
 import json, sys, warnings

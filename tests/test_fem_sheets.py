@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from math import atanh, pi, radians, sqrt
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,10 +11,11 @@ from scipy.integrate import dblquad
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
+from paths import MESHES
 
 pytestmark = pytest.mark.fem
 
-FOLDER = Path(__file__).parent.parent / "meshes"
+FOLDER = MESHES
 ARC = radians(36)
 PLATE = 0.3 * 0.2 - pi * (0.020**2 + 0.025**2 + 0.015**2 + 0.012**2) - 0.080 * 0.024
 PANEL = {

@@ -23,82 +23,25 @@ from antiosc.fem.mixed_interpolation import CUBIC, QUADRATIC, _dropped_of_cubics
 from antiosc.fem.modes import ModeSolver
 from antiosc.fem.site import functional
 from antiosc.fem.static import static_mode
-from sheets import rectangle, sheet
+from sheets import (
+    CELLS,
+    NU,
+    RHO,
+    SIMPLE,
+    E,
+    at,
+    dof,
+    edges,
+    frequencies,
+    interpolated,
+    loaded,
+    plate,
+    pressed,
+    rectangle,
+    sheet,
+)
 
 pytestmark = pytest.mark.fem
-
-E, NU, RHO = 70e9, 0.3, 2700.0
-CELLS = ["triangle", "quadrilateral"]
-
-
-def edges(*axes, size=1.0):
-    """Whether points lie on the edges across these axes of a square."""
-    return lambda x: np.any([np.isclose(x[a], 0) | np.isclose(x[a], size) for a in axes], axis=0)
-
-
-def at(axis, value):
-    return lambda x: np.isclose(x[axis], value, atol=1e-6)
-
-
-#: held as in Mindlin's double series: no rotation along the edge
-SIMPLE = [
-    ao.Support(edges(0, 1), "z"),
-    ao.Support(edges(0), ("y", "rx")),
-    ao.Support(edges(1), ("x", "ry")),
-]
-
-
-def plate(n, t, cell="triangle", supports=SIMPLE, **options):
-    if cell == "one way":  # triangles, the diagonals parallel
-        mesh = sheet(n, lambda s, v: (s, v, 0 * s), alternate=False)
-    else:
-        mesh = rectangle(n, 1.0, 1.0, cell, **options)
-    return ao.Structure(mesh, ao.Shell(E, NU, RHO, t), supports)
-
-
-def frequencies(structure, count):
-    """Lowest natural circular frequencies."""
-    free = np.setdiff1d(np.arange(structure.K.getSize()[0]), structure.fixed)
-    K, M = (csr(matrix)[free][:, free].tocsc() for matrix in (structure.K, structure.M))
-    values = scipy.sparse.linalg.eigsh(
-        K, count, M, sigma=-structure.shift, return_eigenvectors=False, v0=np.ones(len(free))
-    )
-    return np.sqrt(np.maximum(np.sort(values), 0.0))
-
-
-def dof(structure, point, component):
-    dofs, x = compat.dof_coordinates(structure.form.space, structure.form.components[component])
-    distance = np.linalg.norm(x - point, axis=1)
-    assert distance.min() < 1e-6
-    return dofs[distance.argmin()]
-
-
-def loaded(structure, forces):
-    """Static response to {dof: force}."""
-    b = np.zeros(structure.K.getSize()[0])
-    for number, force in forces.items():
-        b[number] = force
-    b[structure.fixed] = 0.0
-    return structure.factorization.solve_checked(b)
-
-
-def pressed(structure, force):
-    """Static response to a force per area (3,)."""
-    load = compat.assemble_functional(
-        structure.form.along(force) * measure(structure.mesh, 6), structure.form.space
-    )
-    load[structure.fixed] = 0.0
-    return structure.factorization.solve_checked(load)
-
-
-def interpolated(structure, field):
-    """Dof values of x (n, 3) -> {component: values}."""
-    values = np.zeros(structure.K.getSize()[0])
-    for name, path in structure.form.components.items():
-        dofs, x = compat.dof_coordinates(structure.form.space, path)
-        values[dofs] = field(x).get(name, 0.0)
-    return values
-
 
 # --- plates -----------------------------------------------------------------------------------
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from test_demos import load
+from paths import demo
 
 pytestmark = pytest.mark.fem
 
@@ -12,7 +12,7 @@ pytestmark = pytest.mark.fem
 @pytest.mark.slow
 def test_plate_impact(tmp_path, capsys):
     """No reflection returns on the large plate: Zener's restitution, within 1 %."""
-    numbers = load("plate_impact").main(
+    numbers = demo("plate_impact").main(
         inelasticities=(0.1, 0.3, 0.5), sizes=(3.0, 8.0), elements=20, n=40, out=tmp_path
     )
     for lam in ("0.1", "0.3", "0.5"):
@@ -27,7 +27,7 @@ def test_plate_impact(tmp_path, capsys):
 @pytest.mark.slow
 def test_stiffened_panel(tmp_path):
     """Stiffeners as beams or as shells: two models of one panel."""
-    numbers = load("stiffened_panel").main(n=20, duration=1e-3, out=tmp_path)
+    numbers = demo("stiffened_panel").main(n=20, duration=1e-3, out=tmp_path)
     for row in numbers.values():
         assert row["impulse"] == pytest.approx(row["momentum"], rel=1e-6)
     for place in ("between stringers", "over a stringer"):
@@ -44,6 +44,6 @@ def test_stiffened_panel(tmp_path):
 
 
 def test_shell_size():
-    rows = load("shell_size").main(elements=(4, 8), n=4)
+    rows = demo("shell_size").main(elements=(4, 8), n=4)
     assert rows[1]["dofs"] > 3 * rows[0]["dofs"]
     assert all(row["memory"] > 0 and row["total"] > row["modes"] for row in rows)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import pytest
 
 from mpi import run_ranks
+from paths import TESTS
 
 pytestmark = [pytest.mark.fem, pytest.mark.mpi]
 
@@ -36,7 +36,7 @@ print(json.dumps(numbers))
 
 
 def test_two_ranks_find_what_one_finds():
-    here = str(Path(__file__).parent)
+    here = str(TESTS)
     one = json.loads(run_ranks(1, SCRIPT, here)[0].splitlines()[-1])
     two = [json.loads(text.splitlines()[-1]) for text in run_ranks(2, SCRIPT, here)]
     assert two[0] == two[1]

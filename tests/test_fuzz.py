@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from scenes import HERTZ, case_two, demo, rigid
+from paths import demo
+from scenes import HERTZ, case_two, rigid
 
 fuzz = demo("fuzz")
 

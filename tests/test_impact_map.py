@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,6 +18,7 @@ from antiosc.band import stiffness_error
 from antiosc.fem.many_sites import sites_of, surface
 from antiosc.fem.site import functional
 from antiosc.fem.sites import located
+from paths import MESHES
 
 pytestmark = pytest.mark.fem
 
@@ -125,7 +125,7 @@ def test_a_patch_has_its_centre_at_the_site_on_any_mesh():
 
 @pytest.mark.slow
 def test_curved_patch_carries_a_unit_force():
-    mesh = ao.read_mesh(Path(__file__).parent.parent / "meshes" / "bracket.msh")
+    mesh = ao.read_mesh(MESHES / "bracket.msh")
     part = ao.Structure(mesh, ao.Solid(**parts.ALUMINIUM))
     ground = surface(part, "eye")
     along = np.tile([0.0, 0.0, 1.0], (len(ground.points), 1))

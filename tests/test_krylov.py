@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib
 import warnings
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,10 +12,9 @@ import scipy.sparse
 
 import antiosc as ao
 from antiosc.band import samples, stiffness_error
+from paths import MESHES
 
 pytestmark = pytest.mark.fem
-
-MESHES = Path(__file__).parent.parent / "meshes"
 
 
 def chain(n: int, *, fixed: bool, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:

@@ -15,6 +15,7 @@ import parts
 from antiosc.errors import AntioscWarning
 from antiosc.fem import algebra, large
 from mpi import run_ranks
+from paths import TESTS
 
 pytestmark = pytest.mark.fem
 
@@ -99,5 +100,5 @@ print(json.dumps(chosen))
 
 @pytest.mark.mpi
 def test_two_ranks_take_the_ordering_with_fewer_operations():
-    here = str(Path(__file__).parent)
+    here = str(TESTS)
     assert [json.loads(text) for text in run_ranks(2, ORDERINGS, here)] == [[True, True]] * 2

@@ -14,9 +14,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from paths import MESHES
+
 pytestmark = pytest.mark.fem
 
-FOLDER = Path(__file__).parent.parent / "meshes"
+FOLDER = MESHES
 MM, MM2, MM3 = 1e-3, 1e-6, 1e-9
 
 # Measure of each group: number of points, or length, area, volume in SI units.

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import sys
-from pathlib import Path
 
 import pytest
 
+from paths import DEMOS
+
 pytest.importorskip("dolfinx")
 
-sys.path.insert(0, str(Path(__file__).parent.parent / "demos"))
+sys.path.insert(0, str(DEMOS))
 
 import speed_accuracy
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,10 +15,11 @@ from antiosc.errors import NotConvergedError
 from antiosc.fem import substructures
 from antiosc.fem.cholmod import Cholesky
 from mpi import run_ranks
+from paths import TESTS
 
 pytestmark = pytest.mark.fem
 
-HERE = str(Path(__file__).parent)
+HERE = str(TESTS)
 
 
 @pytest.mark.parametrize("seed", range(6))
