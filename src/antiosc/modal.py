@@ -58,7 +58,8 @@ class Damping:
 
     def decay(self, omega: Array) -> Array:
         """Decay constants d_j [1/s] for ascending circular frequencies, shape (J,)."""
-        ratios = np.atleast_1d(np.asarray(self.ratio, dtype=float))
+        omega = checks.array("omega", omega, (None,))
+        ratios = checks.column("ratio", self.ratio)
         rigid = int(np.count_nonzero(omega == 0))
         index = np.clip(np.arange(omega.size) - rigid, 0, ratios.size - 1)
         return np.asarray(ratios[index] * omega + self.alpha / 2 + self.beta * omega**2 / 2)
@@ -133,17 +134,26 @@ class ModalBody:
 
     def coordinates(self, q: ArrayLike, force: ArrayLike) -> Array:
         """Own coordinates (..., C) for modal ones of shape (..., J) and contact forces (...,)."""
-        q = np.asarray(q, dtype=float)
+        q = checks.array("q", q, None)
+        force = checks.array("force", force, None)
+        if q.ndim == 0 or q.shape[-1] != self.omega.size or force.shape not in ((), q.shape[:-1]):
+            raise InputError(
+                f"q must have shape (..., {self.omega.size}) and force shape (...,); got {q.shape}"
+                f" and {force.shape}."
+            )
         if self.shape is None:
             return q
         x = q @ self.shape.T
         if self.residual is not None:
-            x = x + np.multiply.outer(np.asarray(force, dtype=float), self.residual)
+            x = x + np.multiply.outer(force, self.residual)
         return np.asarray(x)
 
     def amplitudes(self, coordinates: ArrayLike) -> Array:
         """Amplitudes (..., B) of the columns of `basis` for own coordinates (..., C)."""
-        x = np.asarray(coordinates, dtype=float)
+        x = checks.array("coordinates", coordinates, None)
+        size = len(self.omega) if self.shape is None else len(self.shape)
+        if x.ndim == 0 or x.shape[-1] != size:
+            raise InputError(f"coordinates must have shape (..., {size}); got {x.shape}.")
         return x if self.amplitude is None else np.asarray(x @ self.amplitude.T)
 
     def field(self, coordinates: ArrayLike) -> Array:
@@ -186,6 +196,7 @@ class ModalBody:
         rigid = self.omega == 0
         if isinstance(velocity, Motion):
             return self._moving(velocity)
+        velocity = checks.number("velocity", velocity, "m/s")
         if velocity == 0.0:
             return np.zeros(self.omega.size)
         if not np.any(self.b[rigid]):

@@ -66,7 +66,8 @@ def _axes_ratio_squared(ratio: float) -> float:
 
 
 def _curvatures(name: str, radii: Radii) -> tuple[float, float]:
-    pair = tuple(radii) if isinstance(radii, list | tuple | np.ndarray) else (radii, radii)
+    several = isinstance(radii, list | tuple) or (isinstance(radii, np.ndarray) and radii.ndim)
+    pair = tuple(radii) if several else (radii, radii)  # type: ignore[arg-type]
     if len(pair) != 2:
         raise InputError(
             f"{name} must be one radius or a pair of principal radii; got {checks.shown(radii)}."

@@ -1,0 +1,359 @@
+"""Every public callable with sound arguments, and values that no argument or only some may be.
+
+What is public is enumerated, so that a new function or method is tried by itself; a parameter whose
+name is not known here asks for a sound value.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import inspect
+import math
+import signal
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+
+import antiosc as ao
+from antiosc import closed_form, contact, plotting
+from antiosc.closed_form import laminates, plates, zener
+
+MODULES = {
+    "": (ao, ao.__all__),
+    "closed_form.": (closed_form, closed_form.__all__),
+    "contact.": (contact, contact.__all__),
+    "plates.": (plates, ["SupportedPlate"]),
+    "laminates.": (laminates, ["SupportedLaminate"]),
+    "zener.": (zener, ["inelasticity", "time_unit", "restitution", "contact_time"]),
+    "plotting.": (plotting, [name for name in vars(plotting) if name.startswith("plot_")]),
+}
+
+#: Steps of the march and of the assembly: they are called with what antiosc itself has checked,
+#: a contact law's methods a million times a run.
+INNER = {
+    *("force", "tangent", "energy", "touch", "advance", "origin", "lost", "damping", "potential"),
+    *("implicit", "out_of_range", "loading", "loading_slope", "loading_work", "permanent"),
+    *("unload_shape", "reload_shape", "weak_form", "half_space_compliance"),
+}
+#: Where NaN stands for "no such number", as the documentation says.
+NONE_IS_NAN = {"restitution", "error"}
+
+#: Seconds after which a call counts as hanging.
+PATIENCE = 8.0
+
+
+class Unprintable:
+    """An object that is of no use and cannot even be shown."""
+
+    def __repr__(self) -> str:
+        raise RuntimeError("no repr")
+
+
+class Rude:
+    """An object that refuses to be an array, a number or a sequence."""
+
+    def __array__(self, *args: Any, **kwargs: Any) -> Any:
+        raise RuntimeError("no array")
+
+    def __float__(self) -> float:
+        raise RuntimeError("no float")
+
+    def __len__(self) -> int:
+        raise RuntimeError("no len")
+
+    def __iter__(self) -> Iterator[Any]:
+        raise RuntimeError("no iter")
+
+
+TYPES: list[Any] = [
+    *(None, True, False, "", "1e9", "x" * 300, "a\0b", b"12", 3, 0, -1, 2.0, 1.5, object(), float),
+    *(1j, 1 + 1e-9j, np.complex128(2), np.bool_(True), np.array(2.0), np.array("1"), np.float32(1)),
+    *([], (), {}, set(), [None], ["a"], [[]], [[1.0], [1.0, 2.0]], [1.0, 1.0], [1.0, 1.0, 1.0]),
+    *((0.0, 0.0), (1.0, 2.0, 3.0, 4.0), {"a": 1.0}, [1.0, True], [1.0, "2"], [1.0, None]),
+    *(np.zeros(0), np.zeros((0, 3)), np.ones(3), np.ones((3, 3)), np.ones(2, dtype=complex)),
+    *(np.array([1, "a"], dtype=object), np.ma.array([1.0, 2.0], mask=[0, 1]), np.ma.masked),
+    *(np.ones(3, dtype=bool), np.datetime64(0, "s"), range(3), lambda *args: args, len, Unprintable()),
+    *(Rude(), slice(None), Ellipsis, NotImplemented, np.dtype(float)),
+]
+EXTREMES: list[Any] = [
+    *(float("nan"), math.inf, -math.inf, 10**400, -(10**400), 2**53, 2**63, -(2**31)),
+    *(1e300, -1e300, 1e-300, 5e-324, -5e-324, 1e60, 1e-60, -1e60, 1e30, 1e-30, 1e15, 1e-15, -1e-15),
+    *([1e300, 1e-300], [math.nan, 1.0], [math.inf, 1.0, 1.0], [1e60, 1e-60, 0.0], np.full(3, 1e30)),
+]
+
+
+class Hang(BaseException):
+    """A call that takes too long."""
+
+
+@contextmanager
+def patience(seconds: float = PATIENCE) -> Iterator[None]:
+    """Hang where the block does not end."""
+
+    def ring(*_: Any) -> None:
+        raise Hang(f"longer than {seconds:g} s")
+
+    before = signal.signal(signal.SIGALRM, ring)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
+
+
+# -- what is public
+
+
+def public() -> dict[str, Callable[..., Any]]:
+    """Name -> function, constructor or method; a method takes its object as `self`."""
+    found: dict[str, Callable[..., Any]] = {}
+    for prefix, (module, names) in MODULES.items():
+        for name in names:
+            thing = getattr(module, name)
+            if thing in (getattr(ao, n, None) for n in ao.__all__) and prefix:
+                continue
+            if not isinstance(thing, type):
+                found[prefix + name] = thing
+            elif not issubclass(thing, BaseException):
+                found |= {prefix + key: value for key, value in _of_class(thing).items()}
+    return found
+
+
+def _of_class(kind: type) -> dict[str, Callable[..., Any]]:
+    found: dict[str, Callable[..., Any]] = {}
+    if not inspect.isabstract(kind) and not getattr(kind, "_is_protocol", False):
+        found[kind.__name__] = kind
+    for key, value in inspect.getmembers(kind):
+        inner = key.startswith("_") or key in INNER
+        if inner or not callable(value) or getattr(object, key, None) is value:
+            continue
+        if inspect.isclass(value) or not getattr(value, "__module__", "").startswith("antiosc"):
+            continue
+        if kind.__name__ in found or inspect.ismethod(value):
+            found[f"{kind.__name__}.{key}"] = value
+    return found
+
+
+def parameters(call: Callable[..., Any]) -> dict[str, inspect.Parameter]:
+    """Those that a caller gives; without *args and **kwargs."""
+    given = inspect.signature(call).parameters
+    many = (inspect.Parameter.VAR_KEYWORD, inspect.Parameter.VAR_POSITIONAL)
+    return {name: p for name, p in given.items() if p.kind not in many}
+
+
+# -- sound arguments
+
+
+@functools.cache
+def model() -> ao.AntiOscillators:
+    return ao.AntiOscillators(
+        m0=0.1, k0=1e6, m=[0.3, 0.1], omega=[2e3, 9e3], participation=[0.2, 0.3, 0.1],
+        shapes=np.arange(12.0).reshape(4, 3),
+    )  # fmt: skip
+
+
+@functools.cache
+def beam() -> Any:
+    return closed_form.UniformBeam.timoshenko(
+        E=70e9, nu=0.3, rho=2700, area=2e-4, inertia=3e-9, length=1.0
+    )
+
+
+@functools.cache
+def struck() -> Any:
+    return closed_form.pinned_pinned(beam(), 0.3)
+
+
+@functools.cache
+def history() -> ao.History:
+    return ao.simulate(model(), sphere(), ao.Hertz(1e9), 1e-3)
+
+
+def sphere() -> ao.Sphere:
+    return ao.Sphere(0.01, 210e9, 0.3, 7850.0, 1.0)
+
+
+def run(each: Any, tol: float) -> ao.History:
+    return ao.simulate(each, sphere(), ao.Hertz(1e9), 1e-3, tol=tol)
+
+
+@functools.cache
+def mesh() -> Any:
+    import dolfinx
+    from mpi4py import MPI
+
+    box = dolfinx.mesh.create_box(MPI.COMM_WORLD, [[0, 0, 0], [0.1, 0.1, 0.02]], [2, 2, 1])
+    return ao.read_mesh(box)
+
+
+@functools.cache
+def part() -> Any:
+    return ao.Structure(mesh(), ao.Solid(70e9, 0.3, 2700.0), [ao.Support(lambda x: x[0] < 1e-9)])
+
+
+def place() -> Any:
+    return ao.Site((0.1, 0.1, 0.02), (0, 0, -1), radius=0.05)
+
+
+@functools.cache
+def struck_part() -> ao.History:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ao.AntioscWarning)
+        return ao.simulate(ao.extract(part(), place(), 3), sphere(), ao.Linear(1e6), 1e-3)
+
+
+@functools.cache
+def surface_map() -> Any:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ao.AntioscWarning)
+        at = [(0.1, 0.1, 0.02), (0.1, 0.0, 0.02)]
+        return ao.impact_map(part(), at, direction=(0, 0, -1), radius=0.05, n=2, modes=4)
+
+
+def matrices() -> tuple[Any, Any]:
+    K = np.diag([2e6, 2e6, 1e6]) - np.diag([1e6, 1e6], 1) - np.diag([1e6, 1e6], -1)
+    return K, np.eye(3)
+
+
+CARBON = {"E1": 140e9, "E2": 9e9, "nu12": 0.3, "G12": 5e9, "G13": 5e9, "G23": 3e9}
+PLY = ao.Layer(**CARBON, rho=1600.0, thickness=1e-3)
+DIAGONAL = np.diag([2e8, 2e8, 8e7])
+
+#: name of a parameter -> a value that is right wherever no entry of OWN says otherwise
+COMMON: dict[str, Any] = {
+    **CARBON, "E": 70e9, "nu": 0.3, "rho": 2700.0, "thickness": 5e-3, "mass": 0.1, "velocity": 1.0,
+    "stiffness": 1e8, "exponent": 1.5, "restitution": 0.8, "radius": 0.01, "critical": 1e-5,
+    "yield_indentation": 1e-5, "E_star": 1e11, "yield_pressure": 1e9, "compliance": 1e-9,
+    "radii1": 0.01, "E1": 210e9, "nu1": 0.3, "indentation": [0.0, 1e-5, 3e-5],
+    "force": [0.0, 1.0, 5.0], "E2": 9e9, "duration": 1e-3, "omega": [1e3, 5e3], "b": [0.5, 0.4],
+    "m0": 0.1, "k0": 1e6, "m": [0.2, 0.3], "n": 2, "t": 1e-4, "d": 0.7, "A": 1e-4, "I": 1e-9,
+    "width": 0.01, "height": 0.02, "axis": (1.0, 0.0, 0.0), "point": (0.1, 0.1, 0.02),
+    "direction": (0.0, 0.0, -1.0), "angle": 30.0, "length": 1.0, "EI": 200.0, "rhoA": 0.5,
+    "area": 2e-4, "inertia": 3e-9, "site": 0.3, "left": "pinned", "right": "free", "x": 0.02,
+    "y": 0.03, "tol": 1e-3, "lam": 0.5, "D": 100.0, "surface_density": 10.0, "omega2": 1e6,
+    "where": (0.1, 0.1, 0.02), "a": 0.3, "path": "out.file", "i": 0, "q": [0.1, 0.2, 0.3],
+}  # fmt: skip
+
+BY_MAKER: dict[str, Callable[[], Any]] = {
+    "beam": beam, "impactor": sphere, "body": model, "contact": lambda: ao.Hertz(1e9),
+    "section": lambda: ao.Section(1e-4, 1e-9), "layers": lambda: [PLY, PLY.turned(90)],
+    "mesh": mesh, "material": lambda: ao.Solid(70e9, 0.3, 2700.0), "structure": part,
+    "history": struck_part, "run": lambda: run, "model": model, "hits": history,
+    "models": model, "impactors": sphere, "contacts": lambda: ao.Hertz(1e9), "source": lambda: "no.msh",
+    "K": lambda: matrices()[0], "M": lambda: matrices()[1], "make": lambda: ao.RigidMass,
+}  # fmt: skip
+
+RESULTS = ("Advice", "Batch", "Energy", "History", "ImpactMap", "closed_form.BeamModes")
+
+OWN: dict[str, dict[str, Any]] = {
+    "advise": {"part": (0.3, 0.2, 0.01), "E": 70e9, "rho": 2700.0},
+    "extract": {"site": place}, "full": {"site": place}, "superposition": {"site": place},
+    "impact_map": {"where": [(0.1, 0.1, 0.02)], "radius": 0.05, "n": 2, "modes": 4},
+    "Site": {"radius": 0.05}, "Spring": {"stiffness": {"z": 1e5}}, "Support": {"where": "clamp"},
+    "Damping": {"ratio": 0.01, "alpha": 1.0, "beta": 1e-6}, "Section.circle": {"d": 0.02},
+    "Section.tube": {"d": 0.02, "t": 1e-3}, "sweep": {"mass": [1.0, 2.0]},
+    "Structure.uniform_inertia": {"direction": np.array([0.0, 0.0, 1.0])},
+    "Mesh": {"dolfinx": lambda: mesh().dolfinx}, "Mesh.group": {"name": "clamp"},
+    "Structure.from_matrices": {}, "ModalBody": {"r": 1e-9}, "ModalBody.coordinates": {"force": 1.0},
+    "AntiOscillators.field": {"coordinates": [0.1, 0.2, 0.3]}, "AntiOscillators.load": {"path": "m"},
+    "AntiOscillators.dynamic_stiffness": {"omega": 1e3}, "ModalBody.receptance": {"omega": 1e3},
+    "closed_form.StruckBeam.dynamic_stiffness": {"omega": 1e3}, "ImpactMap.plot": {"quantity": "k0"},
+    "closed_form.BeamModes.field": {"coordinates": [0.1]}, "from_free_modes": {"compliance": 1e-6},
+    "laminates.SupportedLaminate": {
+        "A": DIAGONAL, "B": 0 * DIAGONAL, "D": 1e-5 * DIAGONAL, "S": 1e7 * np.eye(2),
+        "inertia": (8.0, 0.0, 1e-5), "b": 0.2,
+    },
+    "laminates.SupportedLaminate.frequencies": {"m": 1}, "plates.SupportedPlate": {"b": 0.2},
+    "plates.SupportedPlate.kirchhoff": {"m": 1}, "plates.SupportedPlate.mindlin": {"m": 1},
+    "plates.SupportedPlate.wave_number_squared": {"m": 1},
+    "plates.SupportedPlate.mindlin_compliance": {"terms": 50},
+    "plotting.plot_dynamic_stiffness": {"models": model, "omega": [1e3, 2e3]},
+    "zener.restitution": {}, "TanSun": {"slope": 0.4}, "Power": {"stiffness": 1e6},
+}  # fmt: skip
+
+SELVES: dict[str, Callable[[], Any]] = {
+    "AntiOscillators": model, "History": history, "ImpactMap": surface_map, "Structure": part,
+    "Mesh": mesh, "StruckBeam": struck, "BeamModes": lambda: struck().modes(2, [0.5]),
+    "UniformBeam": beam, "Sphere": sphere, "RigidMass": lambda: ao.RigidMass(0.1),
+    "Obstacle": ao.Obstacle, "Impactor": lambda: ao.Impactor(model()), "Hertz": lambda: ao.Hertz(1e9),
+    "ModalBody": lambda: model().modal(), "Damping": lambda: ao.Damping(0.01), "Layer": lambda: PLY,
+    "PointMass": lambda: ao.PointMass((0, 0, 0), 1.0),
+    "SupportedPlate": lambda: plates.SupportedPlate(70e9, 0.3, 2700.0, 2e-3, 0.3, 0.2),
+    "SupportedLaminate": lambda: laminates.SupportedLaminate(
+        **{k: v for k, v in OWN["laminates.SupportedLaminate"].items()}, a=0.3
+    ),
+}  # fmt: skip
+
+
+def sound(name: str, call: Callable[..., Any]) -> dict[str, Any]:
+    """Arguments with which `call` works; a LookupError asks for one that is not known here."""
+    own = OWN.get(name, {})
+    values = dict(own)
+    for key, parameter in parameters(call).items():
+        if key in own:
+            continue
+        if key == "self":
+            values[key] = SELVES[name.split(".")[-2]]
+        elif parameter.default is inspect.Parameter.empty:
+            if key not in COMMON and key not in BY_MAKER:
+                raise LookupError(f"{name}: tests/nasty.py needs a sound value for {key!r}")
+            values[key] = COMMON[key] if key in COMMON else BY_MAKER[key]
+    made = {"self", *BY_MAKER, *(k for k, v in own.items() if k in ("site", "dolfinx") and callable(v))}
+    return {k: v() if k in made and callable(v) else v for k, v in values.items()}
+
+
+# -- the verdict
+
+
+def verdict(call: Callable[..., Any], arguments: dict[str, Any]) -> str:
+    """What is wrong with the outcome of a call; "" where it works or refuses in one sentence."""
+    given = dict(arguments)
+    args = [given.pop("self")] if "self" in given else []
+    try:
+        with patience(), warnings.catch_warnings():
+            warnings.simplefilter("error")
+            warnings.simplefilter("ignore", ao.AntioscWarning)
+            result = call(*args, **given)
+            wrong = _nan(result, "result")
+    except ao.AntioscError as error:
+        return _unclear(error)
+    except Hang as error:
+        return f"hangs: {error}"
+    except BaseException as error:
+        return f"{type(error).__name__}: {error}"[:300]
+    return wrong
+
+
+def _unclear(error: ao.AntioscError) -> str:
+    text = str(error)
+    if len(text) < 15 or "\n" in text or not text.endswith(".") or len(text) > 600:
+        return f"no sentence: {text!r}"
+    return ""
+
+
+def _nan(value: Any, where: str, depth: int = 0) -> str:
+    """Where a NaN stands in a result, its public attributes included."""
+    if depth > 3 or where.rpartition(".")[2] in NONE_IS_NAN:
+        return ""
+    if isinstance(value, float | complex | np.number):
+        return f"NaN in {where}" if value != value else ""
+    if isinstance(value, np.ndarray):
+        return f"NaN in {where}" if value.dtype.kind in "fc" and np.isnan(value).any() else ""
+    if isinstance(value, dict):
+        return next(filter(None, (_nan(v, f"{where}[{k!r}]", depth + 1) for k, v in value.items())), "")
+    if isinstance(value, list | tuple):
+        return next(filter(None, (_nan(v, f"{where}[{i}]", depth + 1) for i, v in enumerate(value))), "")
+    if type(value).__module__.startswith("antiosc") and not isinstance(value, type):
+        names = {f.name for f in dataclasses.fields(value)} if dataclasses.is_dataclass(value) else set()
+        names |= {k for k, v in inspect.getmembers(type(value)) if isinstance(v, property | functools.cached_property)}
+        names = {n for n in names if not n.startswith("_")}
+        try:
+            return next(filter(None, (_nan(getattr(value, n), f"{where}.{n}", depth + 1) for n in sorted(names))), "")
+        except ao.AntioscError:
+            return ""
+    return ""
