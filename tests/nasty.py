@@ -6,6 +6,7 @@ name is not known here asks for a sound value.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import functools
 import inspect
@@ -39,6 +40,8 @@ INNER = {
     *("implicit", "out_of_range", "loading", "loading_slope", "loading_work", "permanent"),
     *("unload_shape", "reload_shape", "weak_form", "half_space_compliance"),
 }
+#: What functions return: antiosc alone makes them.
+RESULTS = {"Advice", "Batch", "BeamModes", "Energy", "History", "ImpactMap"}
 #: Where NaN stands for "no such number", as the documentation says.
 NONE_IS_NAN = {"restitution", "error"}
 
@@ -76,8 +79,8 @@ TYPES: list[Any] = [
     *((0.0, 0.0), (1.0, 2.0, 3.0, 4.0), {"a": 1.0}, [1.0, True], [1.0, "2"], [1.0, None]),
     *(np.zeros(0), np.zeros((0, 3)), np.ones(3), np.ones((3, 3)), np.ones(2, dtype=complex)),
     *(np.array([1, "a"], dtype=object), np.ma.array([1.0, 2.0], mask=[0, 1]), np.ma.masked),
-    *(np.ones(3, dtype=bool), np.datetime64(0, "s"), range(3), lambda *args: args, len, Unprintable()),
-    *(Rude(), slice(None), Ellipsis, NotImplemented, np.dtype(float)),
+    *(np.ones(3, dtype=bool), np.datetime64(0, "s"), range(3), Unprintable(), Rude(), slice(None)),
+    *(Ellipsis, NotImplemented, np.dtype(float), min, lambda *args: args),
 ]
 EXTREMES: list[Any] = [
     *(float("nan"), math.inf, -math.inf, 10**400, -(10**400), 2**53, 2**63, -(2**31)),
@@ -119,14 +122,15 @@ def public() -> dict[str, Callable[..., Any]]:
                 continue
             if not isinstance(thing, type):
                 found[prefix + name] = thing
-            elif not issubclass(thing, BaseException):
+            elif not issubclass(thing, BaseException) and thing.__module__.startswith("antiosc"):
                 found |= {prefix + key: value for key, value in _of_class(thing).items()}
     return found
 
 
 def _of_class(kind: type) -> dict[str, Callable[..., Any]]:
     found: dict[str, Callable[..., Any]] = {}
-    if not inspect.isabstract(kind) and not getattr(kind, "_is_protocol", False):
+    made = not inspect.isabstract(kind) and not getattr(kind, "_is_protocol", False)
+    if made and kind.__name__ not in RESULTS:
         found[kind.__name__] = kind
     for key, value in inspect.getmembers(kind):
         inner = key.startswith("_") or key in INNER
@@ -134,7 +138,7 @@ def _of_class(kind: type) -> dict[str, Callable[..., Any]]:
             continue
         if inspect.isclass(value) or not getattr(value, "__module__", "").startswith("antiosc"):
             continue
-        if kind.__name__ in found or inspect.ismethod(value):
+        if made or inspect.ismethod(value):
             found[f"{kind.__name__}.{key}"] = value
     return found
 
@@ -196,6 +200,12 @@ def part() -> Any:
     return ao.Structure(mesh(), ao.Solid(70e9, 0.3, 2700.0), [ao.Support(lambda x: x[0] < 1e-9)])
 
 
+@functools.cache
+def saved() -> str:
+    model().save("sound.npz")
+    return "sound.npz"
+
+
 def place() -> Any:
     return ao.Site((0.1, 0.1, 0.02), (0, 0, -1), radius=0.05)
 
@@ -244,25 +254,32 @@ BY_MAKER: dict[str, Callable[[], Any]] = {
     "section": lambda: ao.Section(1e-4, 1e-9), "layers": lambda: [PLY, PLY.turned(90)],
     "mesh": mesh, "material": lambda: ao.Solid(70e9, 0.3, 2700.0), "structure": part,
     "history": struck_part, "run": lambda: run, "model": model, "hits": history,
-    "models": model, "impactors": sphere, "contacts": lambda: ao.Hertz(1e9), "source": lambda: "no.msh",
+    "models": model, "impactors": sphere, "contacts": lambda: ao.Hertz(1e9),
+    "source": lambda: mesh().dolfinx,
     "K": lambda: matrices()[0], "M": lambda: matrices()[1], "make": lambda: ao.RigidMass,
 }  # fmt: skip
-
-RESULTS = ("Advice", "Batch", "Energy", "History", "ImpactMap", "closed_form.BeamModes")
 
 OWN: dict[str, dict[str, Any]] = {
     "advise": {"part": (0.3, 0.2, 0.01), "E": 70e9, "rho": 2700.0},
     "extract": {"site": place}, "full": {"site": place}, "superposition": {"site": place},
-    "impact_map": {"where": [(0.1, 0.1, 0.02)], "radius": 0.05, "n": 2, "modes": 4},
-    "Site": {"radius": 0.05}, "Spring": {"stiffness": {"z": 1e5}}, "Support": {"where": "clamp"},
+    "impact_map": {
+        "where": [(0.1, 0.1, 0.02)], "direction": (0, 0, -1), "radius": 0.05, "n": 2, "modes": 4,
+    },
+    "Site": {"point": (0.1, 0.1, 0.02), "direction": (0, 0, -1), "radius": 0.05},
+    "simulate": {"max_contacts": 50, "max_steps": 20_000},
+    "simulate_many": {"max_contacts": 50, "max_steps": 20_000}, "Spring": {"stiffness": {"z": 1e5}}, "Support": {"where": "clamp"},
     "Damping": {"ratio": 0.01, "alpha": 1.0, "beta": 1e-6}, "Section.circle": {"d": 0.02},
     "Section.tube": {"d": 0.02, "t": 1e-3}, "sweep": {"mass": [1.0, 2.0]},
     "Structure.uniform_inertia": {"direction": np.array([0.0, 0.0, 1.0])},
-    "Mesh": {"dolfinx": lambda: mesh().dolfinx}, "Mesh.group": {"name": "clamp"},
-    "Structure.from_matrices": {}, "ModalBody": {"r": 1e-9}, "ModalBody.coordinates": {"force": 1.0},
-    "AntiOscillators.field": {"coordinates": [0.1, 0.2, 0.3]}, "AntiOscillators.load": {"path": "m"},
+    "Mesh": {"dolfinx": lambda: mesh().dolfinx}, "Mesh.group": {"name": "none"},
+    "Structure.from_matrices": {}, "ModalBody": {"r": 1e-9},
+    "ModalBody.coordinates": {"force": 1.0}, "ModalBody.rigid_motion": {"velocity": 0.0},
+    "ModalBody.amplitudes": {"coordinates": [0.1, 0.2, 0.3]},
+    "ModalBody.field": {"coordinates": [0.1, 0.2, 0.3]},
+    "AntiOscillators.load": {"path": saved},
     "AntiOscillators.dynamic_stiffness": {"omega": 1e3}, "ModalBody.receptance": {"omega": 1e3},
-    "closed_form.StruckBeam.dynamic_stiffness": {"omega": 1e3}, "ImpactMap.plot": {"quantity": "k0"},
+    "closed_form.StruckBeam.dynamic_stiffness": {"omega": 1e3},
+    "ImpactMap.plot": {"quantity": "k0", "path": "map.png"}, "ImpactMap.write": {"path": "map.vtu"},
     "closed_form.BeamModes.field": {"coordinates": [0.1]}, "from_free_modes": {"compliance": 1e-6},
     "laminates.SupportedLaminate": {
         "A": DIAGONAL, "B": 0 * DIAGONAL, "D": 1e-5 * DIAGONAL, "S": 1e7 * np.eye(2),
@@ -280,7 +297,8 @@ SELVES: dict[str, Callable[[], Any]] = {
     "AntiOscillators": model, "History": history, "ImpactMap": surface_map, "Structure": part,
     "Mesh": mesh, "StruckBeam": struck, "BeamModes": lambda: struck().modes(2, [0.5]),
     "UniformBeam": beam, "Sphere": sphere, "RigidMass": lambda: ao.RigidMass(0.1),
-    "Obstacle": ao.Obstacle, "Impactor": lambda: ao.Impactor(model()), "Hertz": lambda: ao.Hertz(1e9),
+    "Obstacle": ao.Obstacle, "Impactor": lambda: ao.Impactor(model()),
+    "Hertz": lambda: ao.Hertz(1e9),
     "ModalBody": lambda: model().modal(), "Damping": lambda: ao.Damping(0.01), "Layer": lambda: PLY,
     "PointMass": lambda: ao.PointMass((0, 0, 0), 1.0),
     "SupportedPlate": lambda: plates.SupportedPlate(70e9, 0.3, 2700.0, 2e-3, 0.3, 0.2),
@@ -303,8 +321,7 @@ def sound(name: str, call: Callable[..., Any]) -> dict[str, Any]:
             if key not in COMMON and key not in BY_MAKER:
                 raise LookupError(f"{name}: tests/nasty.py needs a sound value for {key!r}")
             values[key] = COMMON[key] if key in COMMON else BY_MAKER[key]
-    made = {"self", *BY_MAKER, *(k for k, v in own.items() if k in ("site", "dolfinx") and callable(v))}
-    return {k: v() if k in made and callable(v) else v for k, v in values.items()}
+    return {k: v() if inspect.isfunction(v) or k in BY_MAKER or k == "self" else v for k, v in values.items()}
 
 
 # -- the verdict
@@ -344,16 +361,23 @@ def _nan(value: Any, where: str, depth: int = 0) -> str:
         return f"NaN in {where}" if value != value else ""
     if isinstance(value, np.ndarray):
         return f"NaN in {where}" if value.dtype.kind in "fc" and np.isnan(value).any() else ""
+    inside: list[tuple[str, Any]] = []
     if isinstance(value, dict):
-        return next(filter(None, (_nan(v, f"{where}[{k!r}]", depth + 1) for k, v in value.items())), "")
-    if isinstance(value, list | tuple):
-        return next(filter(None, (_nan(v, f"{where}[{i}]", depth + 1) for i, v in enumerate(value))), "")
-    if type(value).__module__.startswith("antiosc") and not isinstance(value, type):
-        names = {f.name for f in dataclasses.fields(value)} if dataclasses.is_dataclass(value) else set()
-        names |= {k for k, v in inspect.getmembers(type(value)) if isinstance(v, property | functools.cached_property)}
-        names = {n for n in names if not n.startswith("_")}
-        try:
-            return next(filter(None, (_nan(getattr(value, n), f"{where}.{n}", depth + 1) for n in sorted(names))), "")
-        except ao.AntioscError:
-            return ""
-    return ""
+        inside = [(f"[{key!r}]", one) for key, one in value.items()]
+    elif isinstance(value, list | tuple):
+        inside = [(f"[{i}]", one) for i, one in enumerate(value)]
+    elif type(value).__module__.startswith("antiosc") and not isinstance(value, type):
+        inside = list(_attributes(value))
+    return next(filter(None, (_nan(v, where + name, depth + 1) for name, v in inside)), "")
+
+
+def _attributes(value: Any) -> Iterator[tuple[str, Any]]:
+    """Fields and properties that are not refused."""
+    computed = (property, functools.cached_property)
+    names = {name for name, v in inspect.getmembers(type(value)) if isinstance(v, computed)}
+    if dataclasses.is_dataclass(value):
+        names |= {field.name for field in dataclasses.fields(value)}
+    for name in sorted(names):
+        if not name.startswith("_"):
+            with contextlib.suppress(ao.AntioscError):
+                yield f".{name}", getattr(value, name)

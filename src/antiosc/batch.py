@@ -72,7 +72,8 @@ def sweep(make: Callable[..., Any], **values: Any) -> list[Any]:
 
     Every keyword is one value for all or a sequence; all sequences must have the same length.
     """
-    lengths = {k: len(v) for k, v in values.items() if isinstance(v, Sequence | np.ndarray)}
+    checks.function("make", make, "a constructor, such as RigidMass")
+    lengths = {k: len(v) for k, v in values.items() if _is_many(v)}
     size = _common_length(lengths)
     return [
         make(**{k: v[i] if k in lengths else v for k, v in values.items()}) for i in range(size)
@@ -233,7 +234,9 @@ def _gather(results: list[Result]) -> Batch:
 
 
 def _is_many(value: Any) -> bool:
-    return isinstance(value, Sequence) or (isinstance(value, np.ndarray) and value.ndim == 1)
+    if isinstance(value, np.ndarray):
+        return value.ndim == 1
+    return isinstance(value, Sequence) and not isinstance(value, str | bytes)
 
 
 def _common_length(lengths: dict[str, int]) -> int:

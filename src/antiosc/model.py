@@ -151,6 +151,9 @@ class AntiOscillators:
             sorted_already = np.array_equal(order, np.arange(m.size))
             self._set("shapes", shapes if sorted_already else shapes[:, columns])
         self._place(columns)
+        if self.damping is not None:
+            checks.instance("damping", self.damping, Damping, "a Damping(ratio, alpha, beta)")
+        checks.instance("info", self.info, dict, "a dict of facts")
 
     def _place(self, columns: NDArray[np.intp]) -> None:
         """Check what the model knows of space; `columns` sorts psi_0 ... psi_N."""

@@ -22,6 +22,7 @@ import numpy as np
 from antiosc import files, free_modes
 from antiosc.batch import simulate_many
 from antiosc.checks import instance, positive, shown, whole
+from antiosc.checks import path as checked_path
 from antiosc.contact import ContactLaw
 from antiosc.deflection import peak_deflections
 from antiosc.errors import AccuracyWarning, InputError, warn
@@ -138,7 +139,7 @@ class ImpactMap:
 
         InputError where the file cannot be written, or its ending tells meshio no format.
         """
-        target = Path(path)
+        target = checked_path("path", path)
         kind = {3: "triangle", 2: "line"}.get(self.elements.shape[1], "vertex")
         cells = self.elements if len(self.elements) else np.arange(len(self))[:, None]
         kind = kind if len(self.elements) else "vertex"
@@ -158,6 +159,7 @@ class ImpactMap:
         known = self.quantities()
         if not isinstance(quantity, str) or quantity not in known:
             raise InputError(f"quantity must be one of {', '.join(known)}; got {shown(quantity)}.")
+        target = checked_path("path", path)
         import matplotlib.pyplot as plt
 
         value = known[quantity]
@@ -177,7 +179,6 @@ class ImpactMap:
         axes.set_box_aspect(np.maximum(size, 0.05 * size.max()))
         axes.set(xlabel="x / m", ylabel="y / m", zlabel="z / m")
         figure.colorbar(faces, ax=axes, shrink=0.7, label=LABELS.get(quantity, quantity))
-        target = Path(path)
         try:
             save_figure(figure, target, dpi=150)
         finally:

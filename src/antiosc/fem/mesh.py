@@ -14,6 +14,7 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 
 from antiosc.checks import array, choice, instance, positive, shown
+from antiosc.checks import path as checked_path
 from antiosc.errors import InputError, MeshError, warn
 from antiosc.fem import compat, folds
 from antiosc.fem.cell_geometry import CellGeometry
@@ -38,6 +39,7 @@ class Mesh:
     def __post_init__(self) -> None:
         instance("dolfinx", self.dolfinx, dolfinx.mesh.Mesh, "a dolfinx mesh (see read_mesh)")
         instance("groups", self.groups, Mapping, "a dict: name -> {dimension: entities}")
+        instance("name", self.name, str, "a text")
 
     @property
     def comm(self) -> MPI.Comm:
@@ -92,9 +94,9 @@ class Mesh:
 
     def group(self, name: str) -> Mapping[int, IntArray]:
         """{dimension: local entities} of the group `name`; InputError if there is none."""
-        if name not in self.groups:
+        if not isinstance(name, str) or name not in self.groups:
             known = ", ".join(repr(n) for n in sorted(self.groups)) or "none"
-            raise InputError(f"{self.name} has no group {name!r}; its groups are: {known}.")
+            raise InputError(f"{self.name} has no group {shown(name)}; its groups are: {known}.")
         return self.groups[name]
 
 
@@ -141,15 +143,19 @@ def read_mesh(
         Missing or unreadable file, no usable cells, mixed cell kinds, pieces that share no node.
     """
     _check(size, gdim, order, refine)
+    instance("comm", comm, MPI.Comm, "an MPI communicator (mpi4py)")
+    if groups is not None:
+        instance("groups", groups, Mapping, "a dict: name -> (MeshTags, value)")
     if isinstance(source, dolfinx.mesh.Mesh):
         return _adopted(source, groups or {})
     if groups:
         raise InputError("groups= names the tags of a dolfinx mesh; a file brings its own groups.")
     if not isinstance(source, str | Path):
         raise InputError(
-            f"read_mesh takes a file or a dolfinx mesh; got {type(source).__name__} {source!r}."
+            f"read_mesh takes a file or a dolfinx mesh; got {type(source).__name__} "
+            f"{shown(source)}."
         )
-    path = Path(source)
+    path = checked_path("source", source)
     raw = on_root(
         comm, lambda: _sound(_flattened(read(path, size, order, refine), gdim, path.name), path)
     )
@@ -173,7 +179,7 @@ def _check(
         except (TypeError, ValueError) as error:
             raise InputError(
                 "refine lists pairs (point, size), as in refine=[((0, 0, 0.1), 2e-3)]; "
-                f"got {one!r}."
+                f"got {shown(one)}."
             ) from error
         array("a point of refine", point, (dim,))
         positive("a size of refine", local, "m")
@@ -257,7 +263,12 @@ def _local_entities(mesh: dolfinx.mesh.Mesh, dim: int, wanted: IntArray) -> IntA
 def _adopted(mesh: dolfinx.mesh.Mesh, groups: Mapping[str, tuple[Any, int]]) -> Mesh:
     """A dolfinx mesh with names given to its tags."""
     named: dict[str, dict[int, IntArray]] = {}
-    for name, (tags, value) in groups.items():
+    for name, pair in groups.items():
+        if not isinstance(pair, tuple | list) or len(pair) != 2 or not hasattr(pair[0], "indices"):
+            raise InputError(
+                f"group {shown(name)} must be a pair (MeshTags, value); got {shown(pair)}."
+            )
+        tags, value = pair
         entities = np.asarray(tags.indices)[np.asarray(tags.values) == value]
         found = mesh.comm.allreduce(len(entities))
         if not found:

@@ -109,7 +109,7 @@ def read(
     path: Path, size: float | None, order: int | None, refine: Sequence[Refinement]
 ) -> RawMesh:
     """Read or mesh the file `path`; see `antiosc.read_mesh`."""
-    if not path.is_file():
+    if not os.path.isfile(path):  # False too for a name that is too long
         raise MeshError(
             f"there is no mesh file {str(path)!r}; check the path (working folder: {Path.cwd()})."
         )

@@ -214,6 +214,7 @@ class Structure:
 
         None for matrices, which do not tell where e points.
         """
+        direction = array("direction", direction, (3,))
         if self.mesh is None or self.form is None:
             return None
         along = compat.constant(self.mesh.dolfinx, direction)

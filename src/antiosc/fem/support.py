@@ -48,7 +48,7 @@ class Support:
             )
         names = self.fix
         if not isinstance(names, str):
-            names = tuple(names) if isinstance(names, Iterable) else ()
+            names = tuple(names) if isinstance(names, list | tuple | set | frozenset) else ()
             if not names or not all(isinstance(name, str) for name in names):
                 raise InputError(
                     f"fix={shown(self.fix)} is not a motion: it must be 'all', or motions such as "
