@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import functools
+import importlib.util
 import inspect
 import math
 import signal
@@ -45,7 +46,7 @@ RESULTS = {"Advice", "Batch", "BeamModes", "Energy", "History", "ImpactMap"}
 #: Where NaN stands for "no such number", as the documentation says.
 NONE_IS_NAN = {"restitution", "error"}
 
-#: Seconds after which a call counts as hanging.
+#: Seconds of the processor after which a call counts as hanging.
 PATIENCE = 8.0
 
 
@@ -100,13 +101,13 @@ def patience(seconds: float = PATIENCE) -> Iterator[None]:
     def ring(*_: Any) -> None:
         raise Hang(f"longer than {seconds:g} s")
 
-    before = signal.signal(signal.SIGALRM, ring)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
+    before = signal.signal(signal.SIGPROF, ring)
+    signal.setitimer(signal.ITIMER_PROF, seconds)
     try:
         yield
     finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
-        signal.signal(signal.SIGALRM, before)
+        signal.setitimer(signal.ITIMER_PROF, 0)
+        signal.signal(signal.SIGPROF, before)
 
 
 # -- what is public
@@ -117,14 +118,21 @@ def public() -> dict[str, Callable[..., Any]]:
     found: dict[str, Callable[..., Any]] = {}
     for prefix, (module, names) in MODULES.items():
         for name in names:
+            if is_fem(name) and importlib.util.find_spec("dolfinx") is None:
+                continue
             thing = getattr(module, name)
             if thing in (getattr(ao, n, None) for n in ao.__all__) and prefix:
                 continue
-            if not isinstance(thing, type):
+            if inspect.isfunction(thing):
                 found[prefix + name] = thing
-            elif not issubclass(thing, BaseException) and thing.__module__.startswith("antiosc"):
+            elif inspect.isclass(thing) and not issubclass(thing, (BaseException, tuple)):
                 found |= {prefix + key: value for key, value in _of_class(thing).items()}
     return found
+
+
+def is_fem(name: str) -> bool:
+    """Whether the function, or the class of the method, needs the finite-element packages."""
+    return name.partition(".")[0] in ao._FEM
 
 
 def _of_class(kind: type) -> dict[str, Callable[..., Any]]:
@@ -174,6 +182,11 @@ def struck() -> Any:
 
 
 @functools.cache
+def modes_of_beam() -> Any:
+    return struck().modes(2, [0.5])
+
+
+@functools.cache
 def history() -> ao.History:
     return ao.simulate(model(), sphere(), ao.Hertz(1e9), 1e-3)
 
@@ -200,7 +213,16 @@ def part() -> Any:
     return ao.Structure(mesh(), ao.Solid(70e9, 0.3, 2700.0), [ao.Support(lambda x: x[0] < 1e-9)])
 
 
-@functools.cache
+def inertia() -> Any:
+    return ao.Inertia((0, 0, 0), np.eye(6), np.ones((3, 6)))
+
+
+def nearest() -> Any:
+    from antiosc.fem import locate
+
+    return locate.closest(mesh(), np.zeros(3))
+
+
 def saved() -> str:
     model().save("sound.npz")
     return "sound.npz"
@@ -245,6 +267,7 @@ COMMON: dict[str, Any] = {
     "width": 0.01, "height": 0.02, "axis": (1.0, 0.0, 0.0), "point": (0.1, 0.1, 0.02),
     "direction": (0.0, 0.0, -1.0), "angle": 30.0, "length": 1.0, "EI": 200.0, "rhoA": 0.5,
     "area": 2e-4, "inertia": 3e-9, "site": 0.3, "left": "pinned", "right": "free", "x": 0.02,
+    "momenta": np.ones((2, 6)),
     "y": 0.03, "tol": 1e-3, "lam": 0.5, "D": 100.0, "surface_density": 10.0, "omega2": 1e6,
     "where": (0.1, 0.1, 0.02), "a": 0.3, "path": "out.file", "i": 0, "q": [0.1, 0.2, 0.3],
 }  # fmt: skip
@@ -267,7 +290,12 @@ OWN: dict[str, dict[str, Any]] = {
     },
     "Site": {"point": (0.1, 0.1, 0.02), "direction": (0, 0, -1), "radius": 0.05},
     "simulate": {"max_contacts": 50, "max_steps": 20_000},
-    "simulate_many": {"max_contacts": 50, "max_steps": 20_000}, "Spring": {"stiffness": {"z": 1e5}}, "Support": {"where": "clamp"},
+    "simulate_many": {"max_contacts": 50, "max_steps": 20_000},
+    "AntiOscillators.field": {"coordinates": [0.1, 0.2, 0.3]}, "History.of": {"body": "impactor"},
+    "Inertia": {"point": (0, 0, 0), "matrix": np.eye(6), "momentum": np.ones((2, 6))},
+    "Inertia.along": {"momentum": np.ones((2, 6))}, "Inertia.moved": {"about": (0, 0, 1)},
+    "Motion.at": {"inertia": inertia}, "Structure.material_at": {"place": nearest},
+    "Spring": {"stiffness": {"z": 1e5}}, "Support": {"where": "clamp"},
     "Damping": {"ratio": 0.01, "alpha": 1.0, "beta": 1e-6}, "Section.circle": {"d": 0.02},
     "Section.tube": {"d": 0.02, "t": 1e-3}, "sweep": {"mass": [1.0, 2.0]},
     "Structure.uniform_inertia": {"direction": np.array([0.0, 0.0, 1.0])},
@@ -295,11 +323,12 @@ OWN: dict[str, dict[str, Any]] = {
 
 SELVES: dict[str, Callable[[], Any]] = {
     "AntiOscillators": model, "History": history, "ImpactMap": surface_map, "Structure": part,
-    "Mesh": mesh, "StruckBeam": struck, "BeamModes": lambda: struck().modes(2, [0.5]),
+    "Mesh": mesh, "StruckBeam": struck, "BeamModes": modes_of_beam,
     "UniformBeam": beam, "Sphere": sphere, "RigidMass": lambda: ao.RigidMass(0.1),
-    "Obstacle": ao.Obstacle, "Impactor": lambda: ao.Impactor(model()),
+    "Obstacle": lambda: ao.Obstacle(), "Impactor": lambda: ao.Impactor(model()),
     "Hertz": lambda: ao.Hertz(1e9),
     "ModalBody": lambda: model().modal(), "Damping": lambda: ao.Damping(0.01), "Layer": lambda: PLY,
+    "Inertia": inertia, "Motion": lambda: ao.Motion((0, 0, 1.0)),
     "PointMass": lambda: ao.PointMass((0, 0, 0), 1.0),
     "SupportedPlate": lambda: plates.SupportedPlate(70e9, 0.3, 2700.0, 2e-3, 0.3, 0.2),
     "SupportedLaminate": lambda: laminates.SupportedLaminate(
@@ -309,7 +338,14 @@ SELVES: dict[str, Callable[[], Any]] = {
 
 
 def sound(name: str, call: Callable[..., Any]) -> dict[str, Any]:
-    """Arguments with which `call` works; a LookupError asks for one that is not known here."""
+    """Arguments with which `call` works."""
+    makers = type(lambda: 0), type(model)
+    given = unmade(name, call)
+    return {k: v() if isinstance(v, makers) else v for k, v in given.items()}
+
+
+def unmade(name: str, call: Callable[..., Any]) -> dict[str, Any]:
+    """The same, functions in place of what they make; LookupError for a parameter unknown here."""
     own = OWN.get(name, {})
     values = dict(own)
     for key, parameter in parameters(call).items():
@@ -321,7 +357,7 @@ def sound(name: str, call: Callable[..., Any]) -> dict[str, Any]:
             if key not in COMMON and key not in BY_MAKER:
                 raise LookupError(f"{name}: tests/nasty.py needs a sound value for {key!r}")
             values[key] = COMMON[key] if key in COMMON else BY_MAKER[key]
-    return {k: v() if inspect.isfunction(v) or k in BY_MAKER or k == "self" else v for k, v in values.items()}
+    return values
 
 
 # -- the verdict

@@ -208,8 +208,7 @@ class History:
 
     def of(self, body: Body) -> tuple[Any, ModalBody]:
         """The model of the "structure" or the "impactor", and its modal form."""
-        if body not in get_args(Body):
-            raise InputError(f"body must be 'structure' or 'impactor'; got {body!r}.")
+        checks.choice("body", body, get_args(Body))
         return ((self.model, self.bodies[0]), (self.impactor, self.bodies[1]))[body == "impactor"]
 
     def coordinates(self, t: ArrayLike, body: Body = "structure") -> Array:

@@ -124,8 +124,15 @@ class ModalBody:
         if self.residual is not None:
             rows = None if self.shape is None else len(self.shape)
             checks.store(self, residual=checks.array("residual", self.residual, (rows,)))
+        own = size if self.shape is None else len(self.shape)
+        if self.basis is not None:
+            checks.store(self, basis=_checked_basis(self.basis))
+        if self.amplitude is not None:
+            checks.store(self, amplitude=checks.array("amplitude", self.amplitude, (None, own)))
         if self.direction is not None:
             checks.store(self, direction=unit_vector("direction", self.direction))
+        if self.inertia is not None:
+            checks.instance("inertia", self.inertia, Inertia, "an Inertia")
         if self.inertia is not None and len(self.inertia.momentum) != size:
             raise InputError(
                 f"inertia.momentum needs one row for each of {size} modes; got"
@@ -244,6 +251,16 @@ class LinearBody(Protocol):
     def modal(self) -> ModalBody:
         """The body in free modes, seen from its contact point."""
         ...
+
+
+def _checked_basis(basis: Any) -> tuple[Array, ...]:
+    """Blocks of columns with equal rows; as given, since they may fill much of the memory."""
+    blocks = tuple(basis) if isinstance(basis, tuple | list) else ()
+    if not blocks or not all(isinstance(b, np.ndarray) and b.ndim == 2 for b in blocks):
+        raise InputError(f"basis must list arrays of columns (n, …); got {checks.shown(basis)}.")
+    if len({len(b) for b in blocks}) > 1:
+        raise InputError("basis must list arrays with one number of rows.")
+    return blocks
 
 
 def checked_body(name: str, body: Any) -> LinearBody:

@@ -73,6 +73,9 @@ class Inertia:
 
     def moved(self, momenta: Array, about: Array) -> Array:
         """(P, L) about another point `about` (3,) from `momenta` (..., 6) about the reference."""
+        momenta, about = checks.array("momenta", momenta, None), checks.array("about", about, (3,))
+        if momenta.ndim == 0 or momenta.shape[-1] != 6:
+            raise InputError(f"momenta must have shape (..., 6); got {momenta.shape}.")
         P, L = momenta[..., :3], momenta[..., 3:]
         return np.concatenate((P, L + np.cross(self.point - about, P)), axis=-1)
 
@@ -103,6 +106,7 @@ class Motion:
 
     def at(self, inertia: Inertia) -> Array:
         """t = (V, W) of this motion at the reference point of `inertia`, shape (6,)."""
+        checks.instance("inertia", inertia, Inertia, "an Inertia")
         centre = inertia.centre if self.about is None else np.asarray(self.about)
         spin = np.asarray(self.spin)
         velocity = np.asarray(self.velocity) + np.cross(spin, inertia.point - centre)

@@ -11,7 +11,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from antiosc import band as bands
-from antiosc.checks import choice, flag, instance, positive, whole
+from antiosc.checks import choice, flag, instance, positive, whole, within_range
 from antiosc.errors import AccuracyError, AccuracyWarning, InputError, warn
 from antiosc.fem.algebra import Array, dot, multiply
 from antiosc.fem.krylov import CHUNK, by_krylov
@@ -61,6 +61,7 @@ class _Oscillators:
     merged: int
 
 
+@within_range
 def extract(
     structure: Structure,
     site: Site | Sequence[Site],
@@ -135,7 +136,7 @@ def extract(
 def _sites(structure: Any, site: Any) -> list[Site]:
     """The sites as a list, once both arguments are what they should be."""
     instance("structure", structure, Structure, "a Structure")
-    sites = [site] if isinstance(site, Site) else list(site) if np.iterable(site) else [site]
+    sites = list(site) if isinstance(site, list | tuple) else [site]
     for one in sites:
         instance("site", one, Site, "a Site(point, direction)")
     return sites

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from antiosc.checks import flag, instance, whole
+from antiosc.checks import flag, instance, whole, within_range
 from antiosc.errors import AccuracyError, InputError
 from antiosc.fem.algebra import Array, dot, multiply
 from antiosc.fem.extract import CHECK, REPEATED, UNSEEN, inertia_of, uniform_inertia
@@ -104,6 +104,7 @@ class NaturalModes:
         return np.asarray(np.asarray(coordinates, dtype=float) @ self.shapes.T)
 
 
+@within_range
 def superposition(
     structure: Structure, site: Site, n: int, *, static_correction: bool = False
 ) -> NaturalModes:
@@ -145,6 +146,7 @@ def superposition(
     return _model(structure, site, where, static, kept, correction, "superposition")
 
 
+@within_range
 def full(structure: Structure, site: Site) -> NaturalModes:
     """The unreduced model: all natural modes, and what is massless as a residual compliance.
 

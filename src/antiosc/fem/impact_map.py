@@ -21,7 +21,7 @@ import numpy as np
 
 from antiosc import files, free_modes
 from antiosc.batch import simulate_many
-from antiosc.checks import instance, positive, shown, whole
+from antiosc.checks import instance, positive, shown, whole, within_range
 from antiosc.checks import path as checked_path
 from antiosc.contact import ContactLaw
 from antiosc.deflection import peak_deflections
@@ -186,6 +186,7 @@ class ImpactMap:
         return target
 
 
+@within_range
 def impact_map(
     structure: Structure,
     where: str | Sequence[Sequence[float]] | None = None,

@@ -1,0 +1,113 @@
+"""Whatever is given to a public function: it works, or it refuses in one sentence.
+
+No foreign exception, no warning of NumPy, no hang and no NaN comes out. `tests/nasty.py` lists the
+functions and the values.
+"""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import antiosc as ao
+from nasty import EXTREMES, TYPES, is_fem, parameters, public, sound, unmade, verdict
+
+CALLS = public()
+POOL = TYPES + EXTREMES
+#: Numbers of values in POOL.
+ANY, OF_TYPES, OF_EXTREMES = range(len(POOL)), range(len(TYPES)), range(len(TYPES), len(POOL))
+#: Those that assemble, extract, march or draw: some milliseconds a call and more.
+DEAR = {"Structure", "extract", "full", "superposition", "impact_map", "simulate", "simulate_many"}
+DEAR |= {"choose_n", "truncation_error", "probe", "write_series", "ImpactMap.plot", "read_mesh"}
+#: Parameters that take the caller's own function: what that raises is the caller's.
+OWN_FUNCTIONS = {"make", "run"}
+
+QUICK = settings(
+    max_examples=20,
+    derandomize=True,
+    database=None,
+    deadline=None,
+    suppress_health_check=list(HealthCheck),
+)
+LARGE = settings(QUICK, max_examples=400)
+
+
+@pytest.fixture(autouse=True)
+def _in_a_folder_of_its_own(tmp_path_factory, monkeypatch):
+    matplotlib = pytest.importorskip("matplotlib")
+    matplotlib.use("Agg")
+    monkeypatch.chdir(tmp_path_factory.mktemp("nasty"))
+    yield
+    import matplotlib.pyplot as plt
+
+    plt.close("all")
+
+
+def names_of(name: str) -> list[str]:
+    return [p for p in {**parameters(CALLS[name]), **unmade(name, CALLS[name])} if p != "self"]
+
+
+def attempt(name: str, change: dict[str, int]) -> str:
+    """What is wrong with the call when some parameters have the values POOL[number]."""
+    given = {p: POOL[k] for p, k in change.items()}
+    if any(p in OWN_FUNCTIONS and callable(value) for p, value in given.items()):
+        return ""
+    return verdict(CALLS[name], {**sound(name, CALLS[name]), **given})
+
+
+@st.composite
+def changes(draw: Any, name: str, numbers: range) -> dict[str, int]:
+    """One to three parameters of a call, each with the number of a value."""
+    names = st.lists(st.sampled_from(names_of(name)), min_size=1, max_size=3, unique=True)
+    return {p: draw(st.sampled_from(numbers)) for p in draw(names)}
+
+
+def cases(*, dear: bool) -> list[Any]:
+    """The calls that take arguments; those that cost much are left to the slow run."""
+    return [
+        pytest.param(name, marks=[pytest.mark.fem] if is_fem(name) else [])
+        for name in CALLS
+        if names_of(name) and (dear or name not in DEAR)
+    ]
+
+
+@pytest.mark.parametrize("name", [name for name in CALLS if name != "Mesh.group"])
+def test_sound_arguments_are_taken(name):
+    arguments = sound(name, CALLS[name])
+    own = [arguments.pop("self")] if "self" in arguments else []
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ao.AntioscWarning)
+        CALLS[name](*own, **arguments)
+
+
+@pytest.mark.parametrize("name", cases(dear=False))
+@QUICK
+@given(data=st.data())
+def test_some_nasty_arguments(name, data):
+    assert not attempt(name, data.draw(changes(name, ANY)))
+
+
+@pytest.mark.parametrize("name", [name for name in CALLS if name in DEAR])
+@settings(QUICK, max_examples=8)
+@given(data=st.data())
+def test_some_nasty_arguments_of_what_takes_longer(name, data):
+    assert not attempt(name, data.draw(changes(name, OF_TYPES)))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", cases(dear=True))
+def test_every_nasty_argument(name):
+    found = {(p, k): attempt(name, {p: k}) for p in names_of(name) for k in ANY}
+    assert not {key: wrong for key, wrong in found.items() if wrong}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", cases(dear=True))
+@LARGE
+@given(data=st.data())
+def test_extremes_together(name, data):
+    assert not attempt(name, data.draw(changes(name, OF_EXTREMES)))
