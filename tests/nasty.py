@@ -217,12 +217,6 @@ def inertia() -> Any:
     return ao.Inertia((0, 0, 0), np.eye(6), np.ones((3, 6)))
 
 
-def nearest() -> Any:
-    from antiosc.fem import locate
-
-    return locate.closest(mesh(), np.zeros(3))
-
-
 def saved() -> str:
     model().save("sound.npz")
     return "sound.npz"
@@ -294,7 +288,7 @@ OWN: dict[str, dict[str, Any]] = {
     "AntiOscillators.field": {"coordinates": [0.1, 0.2, 0.3]}, "History.of": {"body": "impactor"},
     "Inertia": {"point": (0, 0, 0), "matrix": np.eye(6), "momentum": np.ones((2, 6))},
     "Inertia.along": {"momentum": np.ones((2, 6))}, "Inertia.moved": {"about": (0, 0, 1)},
-    "Motion.at": {"inertia": inertia}, "Structure.material_at": {"place": nearest},
+    "Motion.at": {"inertia": inertia},
     "Spring": {"stiffness": {"z": 1e5}}, "Support": {"where": "clamp"},
     "Damping": {"ratio": 0.01, "alpha": 1.0, "beta": 1e-6}, "Section.circle": {"d": 0.02},
     "Section.tube": {"d": 0.02, "t": 1e-3}, "sweep": {"mass": [1.0, 2.0]},
