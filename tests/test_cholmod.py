@@ -18,7 +18,7 @@ pytest.importorskip("dolfinx")
 import antiosc as ao
 import parts
 from antiosc import info
-from antiosc.fem import algebra, cholmod, cholmod_library, large
+from antiosc.fem import algebra, cholmod, cholmod_library, given, large
 from antiosc.fem.cholmod import Cholesky
 
 pytestmark = pytest.mark.fem
@@ -61,7 +61,7 @@ def test_the_factor_cannot_be_written_to():
 def test_a_pattern_that_two_matrices_share_stays():
     """Sorting the one in place would put the other's entries at wrong places."""
     pattern = np.array([1, 0, 1, 0], dtype=np.int32), np.array([0, 2, 4], dtype=np.int32)
-    for use in (Cholesky, lambda K: algebra.as_petsc("K", K)):
+    for use in (Cholesky, lambda K: given.as_petsc("K", K)):
         K = scipy.sparse.csr_matrix((np.array([-1.0, 2.0, 2.0, -1.0]), *pattern))
         M = scipy.sparse.csr_matrix((np.array([0.1, 5.0, 5.0, 0.1]), K.indices, K.indptr))
         K.has_sorted_indices = M.has_sorted_indices = False

@@ -18,8 +18,9 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
-from antiosc.errors import AccuracyError, InputError, NotConvergedError, OutOfMemoryError
+from antiosc.errors import AccuracyError, NotConvergedError, OutOfMemoryError
 from antiosc.fem.cholmod import Cholesky, NotPositiveDefiniteError
+from antiosc.fem.scaling import norms, roots
 
 Array = NDArray[np.float64]
 
@@ -91,33 +92,6 @@ def _dense(matrix: PETSc.Mat, x: Array) -> PETSc.Mat:
     return block
 
 
-def as_petsc(name: str, matrix: Any) -> PETSc.Mat:
-    """A square, finite PETSc matrix of a SciPy sparse, dense or PETSc one, always a copy."""
-    if isinstance(matrix, PETSc.Mat):
-        matrix = matrix.convert(PETSc.Mat.Type.AIJ, PETSc.Mat())
-    else:
-        try:
-            csr = scipy.sparse.csr_matrix(matrix, dtype=float, copy=True)  # it is sorted in place
-        except (TypeError, ValueError) as error:
-            raise InputError(
-                f"{name} must be a SciPy sparse, dense or PETSc matrix; "
-                f"got {type(matrix).__name__}."
-            ) from error
-        csr.sum_duplicates()
-        csr.sort_indices()
-        matrix = PETSc.Mat().createAIJ(
-            csr.shape, csr=(csr.indptr, csr.indices, csr.data), comm=PETSc.COMM_SELF
-        )
-        matrix.assemble()
-    rows, columns = matrix.getSize()
-    if rows != columns or not rows:
-        raise InputError(f"{name} must be square; got {rows} rows and {columns} columns.")
-    # not the row-sum norm: PETSc's maximum passes over NaN
-    if not np.isfinite(matrix.norm(PETSc.NormType.NORM_FROBENIUS)):
-        raise InputError(f"{name} holds NaN or infinite entries; antiosc needs finite matrices.")
-    return matrix
-
-
 def csr(matrix: PETSc.Mat) -> scipy.sparse.csr_matrix:
     """The matrix of a one-rank communicator as a SciPy one."""
     pointers, indices, values = matrix.getValuesCSR()
@@ -178,7 +152,6 @@ class Solver(ABC):
         self.comm: MPI.Comm = A.getComm().tompi4py()
         A.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         A.setOption(PETSc.Mat.Option.SPD, True)
-        self._scale = A.norm(PETSc.NormType.NORM_INFINITY)
         self._set_up()
         self.seconds = time.perf_counter() - started
         log.info("%s of %d dofs: %.1f s", type(self).__name__, A.getSize()[0], self.seconds)
@@ -203,24 +176,23 @@ class Solver(ABC):
         """A⁻¹r (a vector or a block), its residual measured: a singular matrix is not unseen."""
         R = r[:, None] if r.ndim == 1 else r
         X = self.solve_block(R)
-        left = multiply(self.A, X) - R
-        for x, rest, load in zip(X.T, left.T, R.T, strict=True):
-            size = self._scale * norm(self.comm, x) + norm(self.comm, load)
-            growth = size / max(norm(self.comm, load), np.finfo(float).tiny)
-            if not growth <= self.growth:
-                raise AccuracyError(SINGULAR.format(f"‖A‖‖x‖/‖Ax‖ = {growth:.0e}"))
-            if not norm(self.comm, rest) <= BACKWARD_ERROR * size:
-                raise AccuracyError(
-                    SINGULAR.format(
-                        f"backward error {norm(self.comm, rest) / size:.1e}, "
-                        f"limit {BACKWARD_ERROR:.0e}"
-                    )
-                )
+        root = roots(self.A)[:, None]
+        load = norms(self.comm, R / root)
+        size = norms(self.comm, root * X) + load
+        rest = norms(self.comm, (multiply(self.A, X) - R) / root)
+        growth = (size / np.maximum(load, np.finfo(float).tiny)).max()
+        if not growth <= self.growth:
+            raise AccuracyError(SINGULAR.format(f"‖A‖‖x‖/‖Ax‖ = {growth:.0e}"))
+        if not (rest <= BACKWARD_ERROR * size).all():
+            error = (rest / size).max()
+            raise AccuracyError(
+                SINGULAR.format(f"backward error {error:.1e}, limit {BACKWARD_ERROR:.0e}")
+            )
         return X[:, 0] if r.ndim == 1 else X
 
     def force_sizes(self, R: Array) -> Array:
         """Norms of forces, vectors as columns, in which residuals are compared."""
-        return np.sqrt(np.asarray(self.comm.allreduce(np.einsum("ij,ij->j", R, R))))
+        return norms(self.comm, R)
 
 
 class Factorization(Solver):

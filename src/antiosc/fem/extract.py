@@ -344,8 +344,8 @@ def _judge(name: str, value: float, limit: float, tell: bool) -> None:
     if value <= limit:
         return
     why = (
-        "the matrices are ill-conditioned by very slender or thin parts, very uneven elements or "
-        "materials: take fewer elements, or more even ones."
+        "the matrices are ill-conditioned by very slender or thin parts, penalties, very uneven "
+        "elements or materials: take fewer elements, more even ones, smaller penalties."
     )
     if not value <= USABLE * limit:
         raise AccuracyError(

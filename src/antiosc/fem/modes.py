@@ -18,6 +18,7 @@ from slepc4py import SLEPc
 
 from antiosc.errors import NotConvergedError
 from antiosc.fem.algebra import Array, Solver, by_strains, csr, dot, multiply
+from antiosc.fem.scaling import frequency
 from antiosc.fem.site import Functional
 from antiosc.fem.static import StaticMode
 from antiosc.fem.structure import Structure
@@ -80,7 +81,7 @@ class ModeSolver:
         K, M = self._structure.K, self._structure.M
         if not by_strains(K):
             return False
-        return bool(self._lowest() < EVEN * K.getDiagonal().sum() / M.getDiagonal().sum())
+        return self._lowest() < EVEN * frequency(K, M)
 
     def _by_slepc(self, count: int) -> Modes:
         """One more round: modes found before are deflated, not computed again."""
@@ -151,7 +152,7 @@ class ModeSolver:
         conditions = conditions[free]
         conditions = conditions / np.linalg.norm(conditions, axis=0)
         basis = scipy.linalg.qr(conditions)[0][:, conditions.shape[1] :]
-        sigma = np.sqrt(self._lowest() * np.trace(K) / np.trace(M))
+        sigma = np.sqrt(self._lowest() * frequency(structure.K, structure.M))
         A = basis.T @ (K + sigma * M) @ basis
         theta, vectors = scipy.linalg.eigh(basis.T @ M @ basis, (A + A.T) / 2)
         keep = theta > 1e-14 * theta.max(initial=0.0)  # motions without mass have no frequency

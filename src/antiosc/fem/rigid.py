@@ -14,18 +14,20 @@ import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from antiosc.errors import AccuracyError, AntioscError, InputError
+from antiosc.errors import AccuracyError, AntioscError, InputError, NotConvergedError
 from antiosc.fem import compat
 from antiosc.fem.algebra import Array, Solver, by_strains, dot, multiply, norm, sum_of
 from antiosc.fem.compat import IntArray
 from antiosc.fem.family import WeakForm
-from antiosc.fem.large import factorize
+from antiosc.fem.large import solver_for
 from antiosc.fem.parallel import bounds
+from antiosc.fem.scaling import force_ratios, frequency, norms, roots, softness
 
 #: scaled coordinates (n, 3) -> (displacement (3, n), rotation (3, n))
 _Field = Callable[[Array], tuple[Array, Array]]
 
-#: ‖K r‖ / (‖K‖ ‖r‖) below which r counts as a rigid-body mode; rounding leaves about 1e-16.
+#: Force or energy of r over that of the entries (`antiosc.fem.scaling`) below which r counts as a
+#: rigid-body mode; rounding leaves about 1e-16.
 RIGID = 1e-11
 #: Share of a field's square on the fixed dofs below which it vanishes there; rounding: 1e-16.
 HELD = 1e-13
@@ -35,7 +37,12 @@ SHIFT = 0.1
 ELASTIC = 1e-9
 #: Share of a vector outside the span of others, below which it adds nothing; rounding: 1e-16.
 SPANNED = 1e-12
-INFINITY = PETSc.NormType.NORM_INFINITY
+#: What is said of matrices that no structure has.
+INDEFINITE = (
+    "K must be positive semidefinite, and no dof without mass may move freely: {}; check the "
+    "supports, the signs, that no penalty exceeds 1e8 times the usual entries, and that K is not "
+    "beyond a buckling load."
+)
 #: Share of the largest of some eigenvalues below which rounding makes them up.
 DROWNED = 1e-14
 #: A first shift that is more than this too high is replaced: Krylov spaces then converge slowly.
@@ -55,12 +62,10 @@ def of_mesh(
     motions = orthonormal(comm, M, motions)
     if not motions.shape[1]:
         return motions, 0.0
-    scale = K.norm(INFINITY)
-    left = max(norm(comm, c) for c in multiply(K, motions).T)
-    size = min(norm(comm, c) for c in motions.T)
-    if left > RIGID * scale * size:
+    left = force_ratios(K, motions, multiply(K, motions)).max()
+    if left > RIGID:
         raise AccuracyError(
-            f"a rigid motion strains the structure: ‖K r‖/(‖K‖‖r‖) = {left / scale / size:.1e} "
+            f"a rigid motion strains the structure: ‖K r‖/(‖K‖‖r‖) = {left:.1e} "
             f"where rounding leaves 1e-16; the mesh or the element order cannot carry it."
         )
     fields = _vanishing(comm, fields, fixed, springs)
@@ -102,13 +107,11 @@ def of_matrices(K: PETSc.Mat, M: PETSc.Mat, given: Array | None) -> tuple[Array,
     """The same for matrices without a mesh; `given` is a basis of K's null space, if known."""
     comm: MPI.Comm = K.getComm().tompi4py()
     n = K.getLocalSize()[0]
-    scale = K.norm(INFINITY)
-    if given is None and not _singular(comm, K, scale):
+    if given is None and not _singular(comm, K):
         return np.zeros((n, 0)), 0.0
-    trace_ratio = K.getDiagonal().sum() / max(M.getDiagonal().sum(), np.finfo(float).tiny)
-    # Block inverse iteration, first far below the mean of the spectrum; then again from the
+    # Block inverse iteration, first far below the top of the spectrum; then again from the
     # elastic value that it finds, so that the shift sits where the modes are.
-    shift = 1e-7 * trace_ratio
+    shift = 1e-7 * frequency(K, M)
     rng = np.random.default_rng(0)
     block = (
         rng.standard_normal((n, 12))
@@ -117,21 +120,22 @@ def of_matrices(K: PETSc.Mat, M: PETSc.Mat, given: Array | None) -> tuple[Array,
     )
     values = np.zeros(0)
     for _ in range(2):
-        factor = factorize(sum_of(K, shift, M))
+        factor = _positive(K, shift, M)
         for _ in range(8):
             block = orthonormal(comm, M, block)
             block = np.column_stack([factor.solve(c) for c in multiply(M, block).T])
         block = orthonormal(comm, M, block)
         values, turn = np.linalg.eigh(dot(comm, block, multiply(K, block)))
         block = block @ turn
-        sizes = np.array([norm(comm, c) for c in block.T])
-        left = np.array([norm(comm, c) for c in multiply(K, block).T]) / (scale * sizes)
-        zero = left < RIGID
+        zero = np.abs(softness(K, block, multiply(K, block))) < _rigid(K)
         if zero.all():
             raise InputError(
                 f"K has {len(values)} or more null vectors: the matrices hold several loose bodies."
             )
-        shift = SHIFT * float(values[~zero].min())
+        lowest = float(values[~zero].min())
+        if lowest <= np.finfo(float).eps * values[-1]:
+            raise InputError(INDEFINITE.format(f"xᵀK x/xᵀM x = {lowest:.1e} rad²/s² for some x"))
+        shift = SHIFT * lowest
     found = block[:, zero]
     if given is not None and given.shape[1] != found.shape[1]:
         raise InputError(
@@ -140,17 +144,37 @@ def of_matrices(K: PETSc.Mat, M: PETSc.Mat, given: Array | None) -> tuple[Array,
     return orthonormal(comm, M, found), shift
 
 
-def _singular(comm: MPI.Comm, K: PETSc.Mat, scale: float) -> bool:
+def _singular(comm: MPI.Comm, K: PETSc.Mat) -> bool:
     """Whether K has a null vector: then it does not factor, or a solve blows up along it."""
     n = K.getLocalSize()[0]
     try:
-        factor = factorize(K)
+        factor = _solver(K)
         x = np.random.default_rng(0).standard_normal(n)
         for _ in range(3):
             x = factor.solve_checked(x / norm(comm, x))
     except AntioscError:
         return True
-    return norm(comm, multiply(K, x)) < RIGID * 1e-3 * scale * norm(comm, x)
+    X = x[:, None]
+    return bool(softness(K, X, multiply(K, X))[0] < _rigid(K) * 1e-3)
+
+
+def _rigid(K: PETSc.Mat) -> float:
+    """Share of the entries' energy below which a motion is rigid; by strains it is a square."""
+    return RIGID**2 if by_strains(K) else RIGID
+
+
+def _positive(K: PETSc.Mat, shift: float, M: PETSc.Mat) -> Solver:
+    """A solver of K + shift M; InputError where that is not positive definite."""
+    try:
+        return _solver(sum_of(K, shift, M))
+    except NotConvergedError as error:
+        raise InputError(
+            INDEFINITE.format(f"K + {shift:.1e} M rad²/s² has no Cholesky factor")
+        ) from error
+
+
+def _solver(A: PETSc.Mat) -> Solver:
+    return solver_for(A, "auto", lambda: np.zeros((A.getLocalSize()[0], 0)))
 
 
 def orthonormal(comm: MPI.Comm, M: PETSc.Mat, block: Array) -> Array:
@@ -190,7 +214,6 @@ def closer_shift(factor: Solver, K: PETSc.Mat, M: PETSc.Mat, motions: Array) -> 
     frequencies may be ten times lower.
     """
     comm = factor.comm
-    rounding = 0.0 if by_strains(K) else np.finfo(float).eps * K.norm(INFINITY)
     x = np.random.default_rng(comm.rank).standard_normal((len(motions), 3))
     blocks = []
     for _ in range(4):
@@ -199,9 +222,10 @@ def closer_shift(factor: Solver, K: PETSc.Mat, M: PETSc.Mat, motions: Array) -> 
         blocks.append(x)
     basis = orthonormal(comm, M, np.hstack(blocks))
     values, turn = np.linalg.eigh(dot(comm, basis, multiply(K, basis)))
-    # A sum over the dofs: x of length ‖x‖ has an energy of at most ‖K‖‖x‖², to ε of that.
-    rounding *= norm(comm, basis @ turn[:, 0]) ** 2
-    rounding += np.finfo(float).eps * values[-1]
+    # xᵀK x is a sum of terms of the size of xᵀD x, known to ε of that.
+    softest = basis @ turn[:, :1]
+    cancelled = 0.0 if by_strains(K) else norms(comm, roots(K)[:, None] * softest)[0] ** 2
+    rounding = np.finfo(float).eps * (cancelled + values[-1])
     if values[0] <= rounding:
         raise AccuracyError(
             f"the softest deformation drowns in rounding, ω² = {values[0]:.1e} ± {rounding:.1e} "
@@ -221,7 +245,7 @@ def _first_elastic(
     basis = orthonormal(comm, M, elastic[:, after > ELASTIC**2 * before])
     values = np.linalg.eigvalsh(dot(comm, basis, multiply(K, basis)))
     if not len(values):
-        return float(K.getDiagonal().sum() / M.getDiagonal().sum())
+        return frequency(K, M)
     # Below the rounding of the largest nothing is told: `closer_shift` comes after.
     return float(max(values[0], DROWNED * values[-1]))
 

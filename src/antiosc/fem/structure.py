@@ -15,11 +15,12 @@ from petsc4py import PETSc
 from antiosc.checks import array, shown, whole
 from antiosc.errors import InputError
 from antiosc.fem import compat, rigid
-from antiosc.fem.algebra import Solver, as_petsc, dot, multiply, sum_of
+from antiosc.fem.algebra import Solver, dot, multiply, sum_of
 from antiosc.fem.attached import Matrices, PointMass, Spring, add_at_points, add_beams
 from antiosc.fem.beam import Beam
 from antiosc.fem.compat import IntArray
 from antiosc.fem.family import Family, Parts, WeakForm, measure
+from antiosc.fem.given import as_petsc, supported
 from antiosc.fem.large import Choice, checked_choice, solver_for
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.parallel import bounds
@@ -128,24 +129,19 @@ class Structure:
         Parameters
         ----------
         K, M : SciPy sparse, dense or PETSc matrix (n, n)
-            Symmetric; K positive semidefinite, M too. SI units.
+            Symmetric; K positive semidefinite, M too. SI units. Penalties on K's diagonal, 1e14
+            times the rest of their rows or more, become supports.
         rigid_modes : array_like (n, r), optional
             A basis of K's null space; found by itself where K is singular.
         """
         started = time.perf_counter()
         self = cls.__new__(cls)
         self.K, self.M = as_petsc("K", K), as_petsc("M", M)
-        if self.K.getSize() != self.M.getSize():
-            raise InputError(
-                f"K and M must be of one size; got {self.K.getSize()} and {self.M.getSize()}."
-            )
-        for name, matrix in (("K", self.K), ("M", self.M)):
-            _check_symmetric(name, matrix)
-            _check_diagonal(name, matrix)
+        self.fixed = supported(self.K, self.M)
         self.mesh = self.form = self._mass = None
         self._solver = "auto"
-        self.parts, self.fixed = [], NO_DOFS
-        self.dofs = self.K.getSize()[0]
+        self.parts = []
+        self.dofs = self.K.getSize()[0] - self.comm.allreduce(len(self.fixed))
         given = None
         if rigid_modes is not None:
             given = array("rigid_modes", rigid_modes, (self.K.getLocalSize()[0], None))
@@ -371,25 +367,3 @@ def _check_family(material: Any) -> None:
             "material must be a Solid, Shell, Laminate or Beam, or a dict of them; got "
             f"{type(material).__name__}."
         )
-
-
-def _check_symmetric(name: str, matrix: PETSc.Mat) -> None:
-    scale = matrix.norm(PETSc.NormType.NORM_INFINITY)
-    # PETSc's own isSymmetric rejects a rounding error whose mirror entry is not stored.
-    skew = matrix.duplicate(copy=True)
-    skew.transpose()
-    skew.axpy(-1.0, matrix, structure=PETSc.Mat.Structure.UNKNOWN_NONZERO_PATTERN)
-    if skew.norm(PETSc.NormType.NORM_INFINITY) > 1e-9 * scale:
-        raise InputError(f"{name} must be symmetric (to 1e-9 of its norm); it is not.")
-
-
-def _check_diagonal(name: str, matrix: PETSc.Mat) -> None:
-    """No entry < 0, not all 0: what is left of definiteness that costs nothing to check."""
-    diagonal = matrix.getDiagonal()
-    row, least = diagonal.min()
-    if least < 0:
-        raise InputError(
-            f"{name} must be positive semidefinite; its diagonal has {least:g} in row {row}."
-        )
-    if diagonal.max()[1] == 0:
-        raise InputError(f"{name} is zero: a structure needs stiffness and mass.")

@@ -1,0 +1,52 @@
+"""Sizes of motions and forces by the diagonal of their matrix, D = diag(A).
+
+An entry of a semidefinite matrix is at most √(a_ii a_jj): in ‖√D x‖ and ‖r/√D‖ every dof counts
+alike. In a norm of the whole one penalty, or one unit, would hide all others.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from mpi4py import MPI
+from numpy.typing import NDArray
+from petsc4py import PETSc
+
+Array = NDArray[np.float64]
+
+
+def norms(comm: MPI.Comm, X: Array) -> Array:
+    """Euclidean norms over all ranks of vectors as columns (rows, k): (k,)."""
+    return np.sqrt(np.asarray(comm.allreduce(np.einsum("ij,ij->j", X, X))))
+
+
+def roots(matrix: PETSc.Mat) -> Array:
+    """√a_ii on the rows of this rank; for an empty row that of a typical one."""
+    result = np.sqrt(np.maximum(matrix.getDiagonal().array_r, 0.0))
+    comm = matrix.getComm().tompi4py()
+    if comm.allreduce(not result.all(), MPI.LOR):
+        everywhere = np.concatenate(comm.allgather(result))
+        result[result == 0] = np.median(everywhere[everywhere > 0])
+    return result
+
+
+def force_ratios(matrix: PETSc.Mat, X: Array, product: Array) -> Array:
+    """‖A x/√D‖ / ‖√D x‖ of each column, `product` being A X: 1e-16 for a null vector."""
+    comm, root = matrix.getComm().tompi4py(), roots(matrix)[:, None]
+    return norms(comm, product / root) / norms(comm, root * X)
+
+
+def softness(matrix: PETSc.Mat, X: Array, product: Array) -> Array:
+    """xᵀA x / xᵀD x of each column, `product` being A X: ±1e-16 for a null vector.
+
+    Unlike `force_ratios` it is insensitive, to first order, to what else is in x.
+    """
+    comm, root = matrix.getComm().tompi4py(), roots(matrix)[:, None]
+    energy = np.asarray(comm.allreduce(np.einsum("ij,ij->j", X, product)))
+    return np.asarray(energy / norms(comm, root * X) ** 2)
+
+
+def frequency(K: PETSc.Mat, M: PETSc.Mat) -> float:
+    """Median of K_ii/M_ii over the dofs with mass, rad²/s²: below the top of the spectrum."""
+    k, m = (np.array(matrix.getDiagonal().array_r) for matrix in (K, M))
+    ratios = K.getComm().tompi4py().allgather(k[m > 0] / m[m > 0])
+    return float(np.median(np.concatenate(ratios)))
