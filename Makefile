@@ -1,6 +1,6 @@
 # Every target sets up what it needs, once; `make help` lists them.
 .DEFAULT_GOAL := help
-.PHONY: help setup demo article bench test check test-trixie test-sid lint fmt clean
+.PHONY: help setup demo article bench test check check-cores test-trixie test-sid lint fmt clean
 
 PYTHON := .venv/bin/python
 READY  := .venv/ready
@@ -15,6 +15,10 @@ export UCX_LOG_LEVEL ?= fatal
 export HWLOC_HIDE_ERRORS ?= 2
 # Tests are many small problems: one thread each, unless the caller says otherwise.
 test check: export OMP_NUM_THREADS ?= 1
+# OpenBLAS rounds differently on each kind of processor; it takes the kernels of another kind if told.
+ifdef CORE
+export OPENBLAS_CORETYPE := $(CORE)
+endif
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / { printf "make %-14s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -33,8 +37,11 @@ bench: $(READY) ## speed against accuracy: tables, pictures and JSON in demos/sp
 test: $(READY) ## all tests, those on several MPI ranks included
 	$(PYTHON) -m pytest
 
-check: $(READY) ## the quick tests on one rank (under 2 minutes)
+check: $(READY) ## the quick tests on one rank (under 2 minutes); CORE=HASWELL: rounded as there
 	$(PYTHON) -m pytest -m "not slow and not mpi"
+
+check-cores: $(READY) ## the same under HASWELL, SKYLAKEX, ZEN and SANDYBRIDGE, those that run here
+	.ci/cores
 
 test-trixie: ## all tests in a tree of Debian 13 (needs root or sudo; ANTIOSC_CHROOTS says where)
 	.ci/debian trixie
