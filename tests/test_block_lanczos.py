@@ -81,3 +81,15 @@ def test_no_convergence_is_told(monkeypatch):
     monkeypatch.setattr(block_lanczos, "STEPS", 2)
     with pytest.raises(ao.NotConvergedError, match=r"settled \d+ of 15 modes in 2 steps"):
         lowest_modes(bar(), 15)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("n", [(5, 4, 4), (8, 3, 3), (10, 2, 2)])
+@pytest.mark.parametrize("lowest", [lowest_modes, lambda part, k: ModeSolver(part).lowest(k)])
+def test_no_mode_of_a_pair_is_missed(n, lowest):
+    """What is found is the lowest part of the spectrum, wherever the search ends."""
+    structure = bar(True, n)
+    omega = dense(structure)
+    for count in (10, 14, 15, 20, 25, 30):
+        found = lowest(structure, count).omega
+        np.testing.assert_allclose(found, omega[: len(found)], rtol=1e-8)

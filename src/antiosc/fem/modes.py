@@ -30,6 +30,9 @@ DENSE = 600
 #: … and of this many where more than a fifth of all modes is wanted: Krylov methods find the
 #: ends of a spectrum, not all of it.
 DENSE_MANY = 5000
+#: Modes beyond those wanted that SLEPc is asked for, and that are dropped: of a repeated frequency
+#: it may have found one shape when the search ends, and not yet the other.
+GUARD = 4
 #: Lowest ω² over the mean of all from which LAPACK, whose errors are 1e-16 of the highest, has it.
 EVEN = 1e-7
 
@@ -91,7 +94,8 @@ class ModeSolver:
         eps.setOperators(structure.K, structure.M)
         eps.setProblemType(SLEPc.EPS.ProblemType.GHEP)
         eps.setType(SLEPc.EPS.Type.KRYLOVSCHUR)
-        eps.setDimensions(count - len(known.omega))
+        wanted = count - len(known.omega)
+        eps.setDimensions(min(wanted + GUARD, self.limit - len(known.omega)))
         eps.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
         eps.setTarget(-structure.shift)
         eps.setTolerances(TOLERANCE, 200)
@@ -115,7 +119,6 @@ class ModeSolver:
             eps.setDeflationSpace([self._vector(shape) for shape in known_shapes])
         eps.solve()
         found = eps.getConverged()
-        wanted = count - len(known.omega)
         if found < wanted:
             raise NotConvergedError(
                 f"SLEPc found {found} of {wanted} modes within {eps.getIterationNumber()} "
@@ -129,8 +132,9 @@ class ModeSolver:
         eps.destroy()
         omega = np.concatenate([known.omega, np.sqrt(np.maximum(values, 0.0))])
         phi = _normalised(structure, np.column_stack([known.phi, shapes]))
-        order = np.argsort(omega, kind="stable")
-        return Modes(omega[order], phi[:, order], len(omega) >= self.limit)
+        order = np.argsort(omega, kind="stable")[:count]
+        omega, phi = omega[order], phi[:, order]
+        return Modes(omega, phi, len(omega) >= self.limit)
 
     def _vector(self, values: Array) -> PETSc.Vec:
         x = self._structure.K.createVecRight()
