@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+import antiosc as ao
 from antiosc.closed_form import (
     StruckBeam,
     UniformBeam,
@@ -18,6 +19,7 @@ from antiosc.closed_form import (
     pinned_pinned,
 )
 from antiosc.errors import InputError
+from scenes import BEAM
 from spectral_beam import SpectralBeam
 
 ARTICLE = {"E": 67e9, "rho": 2400.0, "area": 2e-4, "inertia": 0.33e-8, "length": 1.0}
@@ -274,7 +276,7 @@ def test_modes_give_the_same_receptance(supports):
     beam = struck(THICK, supports)
     modes = beam.modes(24, [beam.site], static_correction=True)
     body = modes.modal()
-    omega = 0.8 * body.omega[1:4]
+    omega = 0.8 * modes.omega[1:4]
     H = 1 / beam.dynamic_stiffness(omega)
     np.testing.assert_allclose(body.receptance(omega).real, H, atol=1e-3 * np.abs(H).max())
     assert body.r > 0
@@ -387,3 +389,55 @@ def test_bad_input_is_named():
         cantilever(UNIT).anti_oscillators(2, [1.5])
     with pytest.raises(InputError, match="omega must be finite and > 0"):
         cantilever(UNIT).dynamic_stiffness(0.0)
+
+
+@pytest.mark.parametrize("kind", ["anti-oscillators", "modes", "corrected"])
+@pytest.mark.parametrize("site", [0.3, 0.5, 1.0])
+def test_a_free_beam_falls_and_spins_as_a_whole(kind, site):
+    """Momentum, energy and field of the struck free beam against rigid-body mechanics."""
+    beam = free_free(BEAM, site)
+    length, mass = BEAM.length, BEAM.mass
+    x = np.linspace(0, length, 5)
+    model = {
+        "anti-oscillators": lambda: beam.anti_oscillators(6, x),
+        "modes": lambda: beam.modes(6, x),
+        "corrected": lambda: beam.modes(6, x, static_correction=True),
+    }[kind]()
+    V, W, g = -0.4, 2.0, -9.81
+    tensor = mass * length**2 * (1 / 12 + BEAM.alpha)
+    hit = ao.simulate(
+        model, ao.RigidMass(0.3 * mass, 1.0), ao.Hertz(1e9), 4e-3, gap=1e-4, gravity=(0, g, 0),
+        initial_velocity=ao.Motion((0, V, 0), (0, 0, W)),
+    )  # fmt: skip
+    energy = mass * V**2 / 2 + tensor * W**2 / 2 + 0.15 * mass
+    assert hit.energy.kinetic[0] == pytest.approx(energy, rel=1e-9)
+    start = hit.contacts[0][0]
+    times = start * np.linspace(0.2, 1, 4)
+    fallen = V * times + g * times**2 / 2
+    expected = fallen[:, None] + W * times[:, None] * (x - length / 2)
+    found = hit.field(times)
+    np.testing.assert_allclose(found, expected, atol=1e-9 * np.abs(expected).max())
+    t = hit.time
+    J = np.concatenate(([0], np.cumsum(np.diff(t) * (hit.force[1:] + hit.force[:-1]) / 2)))
+    P = mass * (V + g * t) + J
+    L = tensor * W + (beam.site - length / 2) * J
+    np.testing.assert_allclose(hit.momentum[:, 1], P, atol=1e-6 * np.abs(P).max())
+    np.testing.assert_allclose(hit.angular_momentum[:, 2], L, atol=1e-6 * np.abs(L).max())
+    # a number translates the whole beam; nothing is held at its centre of percussion
+    number = ao.simulate(model, ao.Obstacle(gap=0.1), ao.Hertz(1e9), 1e-3, initial_velocity=1.5)
+    assert number.energy.kinetic[0] == pytest.approx(mass * 1.5**2 / 2, rel=1e-9)
+    motion = ao.Motion(velocity=(1, 0, 0))
+    with pytest.raises(ao.InputError, match="along x"):
+        ao.simulate(model, ao.Obstacle(), ao.Hertz(1e9), 1e-3, initial_velocity=motion)
+
+
+@pytest.mark.parametrize("site", [2 / 3, 1.0])
+def test_a_pinned_beam_turns_even_struck_at_its_centre_of_percussion(site):
+    """There the translation gives the site its own velocity, but the pin allows it not."""
+    beam = pinned_free(BEAM, site)
+    model = beam.anti_oscillators(5, [1.0])
+    hit = ao.simulate(model, ao.Obstacle(gap=1e-2), ao.Hertz(1e9), 1e-3, initial_velocity=3.0)
+    spin = -3.0 / site
+    assert hit.field(1e-3) == pytest.approx(1e-3 * spin)
+    tensor = BEAM.mass * (1 / 3 + BEAM.alpha)
+    assert hit.energy.kinetic[0] == pytest.approx(tensor * spin**2 / 2, rel=1e-9)

@@ -26,11 +26,14 @@ from antiosc.closed_form.uniform import UniformBeam
 from antiosc.errors import AccuracyError, InputError
 from antiosc.modal import ModalBody
 from antiosc.model import AntiOscillators
+from antiosc.motion import Inertia
 
 Floats = NDArray[np.float64]
 
 #: End supports: which of the state (w, θ, Q, M) they hold at zero.
 ENDS = {"free": (2, 3), "pinned": (0, 3), "clamped": (0, 1), "guided": (1, 2)}
+#: Direction of the impact in the axes of `inertia`, the beam on x.
+ACROSS = np.array([0.0, 1.0, 0.0])
 #: Pole and zero of Z closer than this (relative, in ω) belong to a mode the site cannot see.
 SAME = 1e-9
 #: Most frequencies that are sought at once.
@@ -42,7 +45,7 @@ class _Static(NamedTuple):
 
     stiffness: float  # k0 in N/m
     mass: float  # m_st or m_CR in kg
-    moved: float  # ∫ rhoA w dx in kg
+    moved: Floats  # momentum of w as velocity, and about mid-span over the length: (2,) in kg
 
 
 class _Response(NamedTuple):
@@ -50,7 +53,7 @@ class _Response(NamedTuple):
 
     value: float  # H under F = 1, Z under w = 1
     mass: float  # ∫ w² + alpha θ² dx
-    moved: float  # ∫ w dx
+    moved: Floats  # ∫ w dx and ∫ w (x - 1/2) + alpha θ dx
     w: Floats  # at the points asked for
 
 
@@ -67,6 +70,9 @@ class BeamModes:
     x : points in m at which the shapes were asked for.
     shapes : deflections of the modes at x in kg^-1/2, shape (n, len(x)).
     residual : deflection at x per unit force in m/N that goes with r, shape (len(x),).
+    hidden : deflections at x of the h rigid-body motions that leave the site at rest, (h, len(x)).
+    inertia : momentum (h + n, 6) of those and of the modes, in axes with the beam on x from 0 and
+        the impact along y; None without rigid-body motions.
     """
 
     omega: Floats
@@ -76,17 +82,25 @@ class BeamModes:
     x: Floats
     shapes: Floats
     residual: Floats
+    hidden: Floats
+    inertia: Inertia | None = None
 
     def modal(self) -> ModalBody:
         """As a body of an impact; its coordinates are the deflections at x."""
+        none = np.zeros(len(self.hidden))
+        weight = self.weight
+        if self.inertia is not None:
+            weight = np.append(self.inertia.momentum[: none.size, 1], weight)
         return ModalBody(
-            self.omega,
-            self.b,
+            np.append(none, self.omega),
+            np.append(none, self.b),
             self.r,
-            weight=self.weight,
-            shape=self.shapes.T,
+            weight=weight,
+            shape=np.vstack((self.hidden, self.shapes)).T,
             residual=self.residual,
             basis=(np.eye(len(self.x)),),
+            direction=ACROSS,
+            inertia=self.inertia,
         )
 
     def field(self, coordinates: ArrayLike) -> Floats:
@@ -184,13 +198,18 @@ class StruckBeam:
         points = self._points(x)
         omega, m, psi, moved = self._constraint_modes(checks.whole("n", n, most=MOST), points)
         psi0, moved0 = self._static_shape(points), self._static.moved
+        hidden, carried = self._hidden(points)
+        inertia = self._inertia(np.vstack((moved0, moved, carried)))
         return AntiOscillators(
             m0=self.static_mass - m.sum(),
             k0=self.static_stiffness,
             m=m,
             omega=omega,
-            participation=np.concatenate(([moved0 - moved.sum()], moved)),
+            participation=np.concatenate(([moved0[0] - moved[:, 0].sum()], moved[:, 0])),
             shapes=np.column_stack((psi0, psi.T)) if points.size else None,
+            direction=ACROSS,
+            inertia=inertia,
+            hidden=hidden if points.size and inertia is not None else None,
         )
 
     @checks.within_range
@@ -204,11 +223,11 @@ class StruckBeam:
         rigid = min(self.rigid_modes, 1)
         n = checks.whole("n", n, most=MOST)
         checks.flag("static_correction", static_correction)
-        omega, b, weight = np.zeros(n), np.empty(n), np.empty(n)
+        omega, b, moved = np.zeros(n), np.empty(n), np.empty((n, 2))
         shapes = np.empty((n, len(points)))
         if rigid:
             b[0] = 1 / np.sqrt(self.static_mass)
-            weight[0] = b[0] * self._static.moved
+            moved[0] = b[0] * self._static.moved
             shapes[0] = b[0] * self._static_shape(points)
         for j, zero in enumerate(self._spectra(n)[1][: n - rigid], start=rigid):
             rough = self._respond(zero, force=False)
@@ -216,20 +235,24 @@ class StruckBeam:
             response = self._respond(zero, force=False, x=points)
             omega[j] = np.sqrt(zero) * self.beam.omega_unit
             b[j] = 1 / np.sqrt(response.mass * self.beam.mass)
-            weight[j] = b[j] * response.moved * self.beam.mass
+            moved[j] = b[j] * response.moved * self.beam.mass
             shapes[j] = b[j] * response.w
         r, residual = 0.0, np.zeros(len(points))
         if static_correction:
             r, residual = self._compliance(points)
             held = b[rigid:] / omega[rigid:] ** 2
             r, residual = r - held @ b[rigid:], residual - held @ shapes[rigid:]
-        return BeamModes(omega, b, weight, max(r, 0.0), points, shapes, residual)
+        hidden, carried = self._hidden(points)
+        inertia = self._inertia(np.vstack((carried, moved)))
+        return BeamModes(
+            omega, b, moved[:, 0], max(r, 0.0), points, shapes, residual, hidden.T, inertia
+        )
 
     # ---- how -----------------------------------------------------------------------------------
 
     def _constraint_modes(self, n: int, x: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        """ω_i (rad/s), m_i (kg), ψ_i at x (m) as rows, ∫ rhoA ψ_i dx (kg) of the first n."""
-        omega, m, psi, moved = np.empty(n), np.empty(n), np.empty((n, len(x))), np.empty(n)
+        """ω_i (rad/s), m_i (kg), ψ_i at x (m) as rows, what ψ_i moves (n, 2) (kg)."""
+        omega, m, psi, moved = np.empty(n), np.empty(n), np.empty((n, len(x))), np.empty((n, 2))
         for i, pole in enumerate(self._spectra(n)[0]):
             rough = self._respond(pole, force=True)
             pole -= rough.value / rough.mass
@@ -279,14 +302,38 @@ class StruckBeam:
     @cached_property
     def _static(self) -> _Static:
         nodes, weights = np.polynomial.legendre.leggauss(4)  # exact: w² has degree 6
-        mass = moved = 0.0
+        mass, moved = 0.0, np.zeros(2)
         for start, length in self._segments:
-            w, theta = self._static_state(start + length * (nodes + 1) / 2)
+            points = start + length * (nodes + 1) / 2
+            w, theta = self._static_state(points)
             mass += length / 2 * np.sum(weights * (w**2 + self.beam.alpha * theta**2))
-            moved += length / 2 * np.sum(weights * w)
+            moved += length / 2 * (weights @ self._moved(points, w, theta))
         stiffness = 0.0 if self.rigid_modes else self._solve(0.0, force=False)[1]
         unit = self.beam.EI / self.beam.length**3
         return _Static(stiffness * unit, mass * self.beam.mass, moved * self.beam.mass)
+
+    def _moved(self, x: Floats, w: Floats, theta: Floats) -> Floats:
+        """Momentum and angular momentum about mid-span at points x (in L): (n, 2)."""
+        return np.column_stack((w, w * (x - 0.5) + self.beam.alpha * theta))
+
+    def _hidden(self, x: Floats) -> tuple[Floats, Floats]:
+        """Rigid motions of unit mass that leave the site at rest: (len(x), h) at x (m), (h, 2)."""
+        at_site = np.array([[1, self.site / self.beam.length]]) @ self._rigid
+        motions = self._rigid @ (null_space(at_site) if at_site.size else np.zeros((0, 0)))
+        mass = np.array([[1, 0.5], [0.5, 1 / 3 + self.beam.alpha]])
+        p, q = motions / np.sqrt(self.beam.mass * np.sum(motions * (mass @ motions), axis=0))
+        moved = np.column_stack((p + q / 2, q * (1 / 12 + self.beam.alpha)))
+        return p + np.multiply.outer(x / self.beam.length, q), self.beam.mass * moved
+
+    def _inertia(self, moved: Floats) -> Inertia | None:
+        """Of a beam that can move as a whole, along y with the beam on x; `moved` (C, 2) in kg."""
+        if not self.rigid_modes:
+            return None
+        length, momentum, matrix = self.beam.length, np.zeros((len(moved), 6)), np.zeros((6, 6))
+        momentum[:, [1, 5]] = moved * [1, length]
+        matrix[1, 1] = self.beam.mass
+        matrix[5, 5] = self.beam.mass * length**2 * (1 / 12 + self.beam.alpha)
+        return Inertia(np.array([length / 2, 0, 0]), matrix, momentum)
 
     def _static_shape(self, x: Floats) -> Floats:
         return self._static_state(x / self.beam.length)[0]
@@ -371,7 +418,7 @@ class StruckBeam:
         (mu1, _), (mu2, _) = waves.wave_roots(Omega, self.beam.alpha, self.beam.eta)
         shortest = float(np.sqrt(max(abs(mu1), abs(mu2))))
         nodes, weights = np.polynomial.legendre.leggauss(12)
-        mass = moved = 0.0
+        mass, moved = 0.0, np.zeros(2)
         for start, length in self._segments:
             panels = int(np.ceil(shortest * length / 2)) + 1
             h = length / panels
@@ -379,7 +426,7 @@ class StruckBeam:
             w, theta = self._state(Omega, c, points)
             rule = h / 2 * np.tile(weights, panels)
             mass += float(rule @ (w**2 + self.beam.alpha * theta**2))
-            moved += float(rule @ w)
+            moved += rule @ self._moved(points, w, theta)
         at_site = self._state(Omega, c, np.array([self.site / self.beam.length]))[0][0]
         shape = np.empty(0) if x is None else self._state(Omega, c, x / self.beam.length)[0]
         return _Response(at_site if force else reaction, mass, moved, shape)
