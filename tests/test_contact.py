@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import trapezoid
 
 import antiosc as ao
-from antiosc.contact import restitution_of
+from antiosc.contact import ContactLaw, restitution_of
 from scenes import HERTZ, rigid, thornton_restitution
 
 _X = np.linspace(0.0, 1e-4, 12)
@@ -333,3 +333,14 @@ def test_force_beyond_the_table():
 def test_bad_law(make, says):
     with pytest.raises(ao.InputError, match=says):
         make()
+
+
+def test_a_force_that_does_not_settle_is_told():
+    """A law whose tangent is a thousand times too steep makes Newton's steps too short."""
+
+    class Steep(ao.Linear):
+        def tangent(self, delta, rate, state):
+            return (1e3 * self.stiffness, 0.0)
+
+    with pytest.raises(ao.NotConvergedError, match="has not converged after 200 steps"):
+        ContactLaw.implicit(Steep(1e6), 1.0, 1e-3, 0.0, 0.0, ())

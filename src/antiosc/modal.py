@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from antiosc import checks
-from antiosc.errors import InputError
+from antiosc.errors import InputError, NotConvergedError
 from antiosc.motion import Inertia, Motion, unit_vector
 
 Array = NDArray[np.float64]
@@ -380,6 +380,12 @@ def _zeros(
         shift = np.where((sweep > 0) & (g == 0), trial, new)
         if np.all(done):
             break
+    unsettled = ~done & (np.abs(new - trial) > 1e-12 * np.abs(new))
+    if np.any(unsettled):
+        raise NotConvergedError(
+            f"{int(unsettled.sum())} of {size} free frequencies have not settled after 200 steps;"
+            " masses or frequencies lie too far apart for double precision."
+        )
     if k0 == 0:
         origin[0], shift[0] = -1, 0.0
     return origin, shift

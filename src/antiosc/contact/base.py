@@ -25,7 +25,12 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import ClassVar
 
+from antiosc.errors import NotConvergedError
+
 State = tuple[float, ...]
+
+#: Share of a force within which rounding may keep its iteration from settling.
+ROUNDING = 1e-9
 
 
 class ContactLaw(ABC):
@@ -101,7 +106,7 @@ class ContactLaw(ABC):
         high = self.force(delta, rate, state)
         if high <= 0.0 or (alpha == 0.0 and alpha_rate == 0.0):
             return max(high, 0.0)
-        low, trial = 0.0, min(max(guess, 0.0), high)
+        low, trial, step = 0.0, min(max(guess, 0.0), high), high
         for _ in range(200):
             d, r = delta - alpha * trial, rate - alpha_rate * trial
             excess = trial - self.force(d, r, state)
@@ -117,5 +122,10 @@ class ContactLaw(ABC):
                 new = 0.5 * (low + high)
             if abs(new - trial) <= 2e-15 * abs(new) or new in (low, high):
                 return new
-            trial = new
+            step, trial = abs(new - trial), new
+        if step > ROUNDING * abs(trial):
+            raise NotConvergedError(
+                f"the force at the indentation {delta:g} m has not converged after 200 steps:"
+                f" {low:g} to {high:g} N remain; check that the law rises with the indentation."
+            )
         return trial

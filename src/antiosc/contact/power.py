@@ -14,7 +14,7 @@ from antiosc.contact.geometry import (
     hertz_stiffness,
     relative_curvatures,
 )
-from antiosc.errors import InputError
+from antiosc.errors import InputError, NotConvergedError
 
 
 def checked_exponent(value: Any) -> float:
@@ -231,5 +231,7 @@ class Hertz(ContactLaw):
             if s > end:
                 s = end
             if abs(step) <= 1e-8 * s:  # the error left is the square of that
-                break
-        return s * s * s
+                return s * s * s
+        raise NotConvergedError(
+            f"Hertz's force at the indentation {delta:g} m has not converged after 100 steps."
+        )

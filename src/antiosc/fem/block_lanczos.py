@@ -18,7 +18,7 @@ from antiosc.fem.modes import DENSE, Modes, ModeSolver
 from antiosc.fem.structure import Structure
 
 #: Right-hand sides solved for together. On two structures of 10⁵ dofs 20 modes took half of the
-#: time of SLEPc's Krylov–Schur method with 8, two thirds with 16; on the bracket with 43 263 dofs 20
+#: time of SLEPc's Krylov–Schur method with 8, two thirds with 16; with 43 263 dofs (the bracket) 20
 #: and 60 modes took 0.47 and 0.37 of its time (one thread).
 BLOCK = 8
 #: Largest ‖A⁻¹Mφ - θφ‖ over θ of a mode that is taken; its ω² is off by about the square.

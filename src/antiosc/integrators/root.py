@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from antiosc.errors import NotConvergedError
+
 CLOSE = 1e-8  # of the bracket: what Newton's step leaves is the square of it
 
 
@@ -33,4 +35,6 @@ def rising_root(
             if new in (low, high):
                 return new
         before, last, t = last, abs(new - t), new
-    return t
+    raise NotConvergedError(
+        f"a root has not converged after 400 steps: it lies between {low!r} and {high!r} s."
+    )
