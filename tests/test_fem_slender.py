@@ -60,7 +60,9 @@ def test_however_slender_and_fine(slenderness, elements, held, method):
     assert model.info["converged"] >= 3
 
 
-@pytest.mark.parametrize("held", [True, False], ids=["mast", "free"])
+@pytest.mark.parametrize(
+    "held", [True, pytest.param(False, marks=pytest.mark.slow)], ids=["mast", "free"]
+)
 def test_a_mast_askew_in_space(held):
     """A tube of 60 mm, 6 m long, in elements of 5 mm, along no axis."""
     section = ao.Section.tube(0.06, 0.003)
@@ -135,3 +137,34 @@ def test_a_small_error_is_warned_of_and_a_large_one_refused():
     for wrong in (1e-3, np.nan):
         with pytest.raises(ao.AccuracyError, match=r"stiffness .*, limit 1e-04; .*fewer elements"):
             _judge("stiffness", wrong, 1e-6, True)
+
+
+@pytest.mark.parametrize("held", [True, False], ids=["cantilever", "free"])
+@pytest.mark.parametrize("axis", [(1.0, 0.0), (1.0, 2.0, 2.0)], ids=["plane", "space"])
+@pytest.mark.parametrize("side", [0.2, 1e-4], ids=["stocky", "slender"])
+def test_a_beam_that_is_rigid_in_shear(side, axis, held):
+    """Euler and Bernoulli's, whatever the section; Timoshenko's stocky one is 10 % off."""
+    section = ao.Section.rectangle(side, side)
+    along = np.array(axis) / np.linalg.norm(axis)
+    structure = ao.Structure(
+        parts.line(1.0, 60, axis),
+        ao.Beam(**parts.STEEL, section=section, shear=False),
+        [ao.Support("left")] if held else [],
+    )
+    across = (0, 1) if len(axis) == 2 else (0, 1, -1)
+    model = ao.extract(structure, ao.Site(along, across), n=8)
+    beam = closed_form.UniformBeam.euler_bernoulli(
+        E=210e9, rho=7850.0, area=section.A, inertia=section.I, length=1.0
+    )
+    exact = closed_form.cantilever(beam) if held else closed_form.free_free(beam, 1.0)
+    compare(model, exact.anti_oscillators(3), 1e-5)
+
+
+def test_stiffeners_of_a_sheet_are_not_rigid_in_shear():
+    edges = {"blade": (1, lambda x: np.isclose(x[1], 0))}
+    beam = ao.Beam(**parts.STEEL, section=ao.Section.circle(0.01), shear=False)
+    sheet = parts.plate(groups={**edges, "skin": (2, lambda x: x[0] > -1)})
+    with pytest.raises(ao.InputError, match=r"stiffeners \(group 'blade'\) shear with their sheet"):
+        ao.Structure(sheet, {"skin": ao.Shell(**parts.STEEL, thickness=1e-3), "blade": beam})
+    with pytest.raises(ao.InputError, match="shear must be True or False; got 0"):
+        ao.Beam(**parts.STEEL, section=ao.Section.circle(0.01), shear=0)

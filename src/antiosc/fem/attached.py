@@ -144,6 +144,10 @@ def add_beams(to: Matrices, name: str, beam: Beam, edges: IntArray) -> Added:
             f"beams on curved quadrilaterals (group {name!r}): these give way to the pull of a "
             "stiffener where they are thinner than their rise; mesh the sheet with triangles."
         )
+    if not beam.shear:
+        raise InputError(
+            f"stiffeners (group {name!r}) shear with their sheet: leave shear=False to beams alone."
+        )
     line = _edge_mesh(to.mesh, edges, f"the edges of group {name!r}")
     cells = compat.cell_map(line.dolfinx)
     parts = [(beam, np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32))]

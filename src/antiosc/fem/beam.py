@@ -1,4 +1,4 @@
-"""`Beam` and `Section`: Timoshenko beams on line meshes, in a plane or in space."""
+"""`Beam` and `Section`: Timoshenko or Euler–Bernoulli beams on line meshes, in a plane or space."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import ufl
 
-from antiosc.checks import array, instance, number, poisson, positive, store, within_range
+from antiosc.checks import array, flag, instance, number, poisson, positive, store, within_range
 from antiosc.errors import InputError
 from antiosc.fem import compat
 from antiosc.fem.algebra import Array
@@ -18,6 +18,10 @@ from antiosc.fem.family import Parts, WeakForm, coefficient, measure
 from antiosc.fem.mesh import Mesh
 from antiosc.fem.orientation import checked, shown_direction
 from antiosc.fem.parallel import agree
+
+#: Shear stiffness of a beam that is rigid in shear, over EI/L² for the size L of the mesh: a member
+#: of length l shears by 3e-10 (L/l)² of its bending.
+RIGID_IN_SHEAR = 1e10
 
 
 @dataclass(frozen=True)
@@ -98,7 +102,7 @@ def _rectangle_torsion(width: float, height: float) -> float:
 
 @dataclass(frozen=True)
 class Beam:
-    """A straight-element Timoshenko beam on a mesh of lines.
+    """A straight-element beam on a mesh of lines, after Timoshenko or Euler and Bernoulli.
 
     Parameters
     ----------
@@ -113,6 +117,9 @@ class Beam:
     offset : float
         In space: the section's centroid lies this far, in m, from the line of the mesh along
         `orientation`, as that of a stiffener on the edges of a sheet.
+    shear : bool
+        False: rigid in shear and without rotary inertia in bending (Euler–Bernoulli). Not for
+        stiffeners of a sheet.
 
     Motions in space: x, y, z (displacements) and rx, ry, rz (rotations); in a plane: x, y, rz.
     Quadratic elements with two-point shear by default (`Structure(..., order=2)`); order=1 is
@@ -125,6 +132,7 @@ class Beam:
     section: Section
     orientation: Sequence[float] | Callable[[Array], Array] | None = None
     offset: float = 0.0
+    shear: bool = True
 
     def __post_init__(self) -> None:
         store(
@@ -134,6 +142,7 @@ class Beam:
             rho=positive("rho", self.rho, "kg/m³"),
             section=instance("section", self.section, Section, "a Section"),
             offset=number("offset", self.offset, "m"),
+            shear=flag("shear", self.shear),
         )
         if self.orientation is not None:
             store(self, orientation=checked("orientation", self.orientation))
@@ -147,6 +156,16 @@ class Beam:
     def G(self) -> float:
         """Shear modulus, Pa."""
         return self.E / (2 * (1 + self.nu))
+
+    def shear_stiffness(self, I: float, size: float) -> float:  # noqa: E741
+        """Of the bending with second moment `I`, N: G κ A, or what is rigid on that `size` [m]."""
+        if self.shear:
+            return self.G * self.section.A * self.section.shear
+        return RIGID_IN_SHEAR * self.E * I / size**2
+
+    def rotary_inertia(self, I: float) -> float:  # noqa: E741
+        """Of the bending with second moment `I`, kg m."""
+        return self.rho * I if self.shear else 0.0
 
     def weak_form(self, mesh: Mesh, parts: Parts, order: int) -> WeakForm:
         """Strain and kinetic energy of the axis, in a plane or in space."""
@@ -189,7 +208,8 @@ def _plane(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
     normal = ufl.as_vector([-t[1], t[0]])
 
     EA = _root(mesh, parts, lambda b: b.E * b.section.A)
-    GA = _root(mesh, parts, lambda b: b.G * b.section.A * b.section.shear)
+    size = mesh.extent()
+    GA = _root(mesh, parts, lambda b: b.shear_stiffness(b.section.I, size))
     EI = _root(mesh, parts, lambda b: b.E * b.section.I)
 
     def strains(q: Any) -> Any:  # times √stiffness
@@ -199,7 +219,7 @@ def _plane(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
         return ufl.as_vector([EA * ufl.dot(along, t), GA * shear, EI * slope[2]])
 
     rhoA = coefficient(mesh, parts, lambda b: b.rho * b.section.A)
-    rhoI = coefficient(mesh, parts, lambda b: b.rho * b.section.I)
+    rhoI = coefficient(mesh, parts, lambda b: b.rotary_inertia(b.section.I))
     degree = _shear_degree(order)
     motion = rhoA * (w[0] * v[0] + w[1] * v[1]) + rhoI * w[2] * v[2]
     return WeakForm(
@@ -231,7 +251,9 @@ def on_lines(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
         return ufl.as_vector([q[i] for i in range(3)]), ufl.as_vector([q[i] for i in range(3, 6)])
 
     EA = _root(mesh, parts, lambda b: b.E * b.section.A)
-    GA = _root(mesh, parts, lambda b: b.G * b.section.A * b.section.shear)
+    size = mesh.extent()
+    GAy = _root(mesh, parts, lambda b: b.shear_stiffness(b.section.I, size))
+    GAz = _root(mesh, parts, lambda b: b.shear_stiffness(b.section.side, size))
     EIz = _root(mesh, parts, lambda b: b.E * b.section.I)
     EIy = _root(mesh, parts, lambda b: b.E * b.section.side)
     GJ = _root(mesh, parts, lambda b: b.G * b.section.torsion)
@@ -243,15 +265,15 @@ def on_lines(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
         # stiffener follows by warping: no shear comes of it.
         stretch = -offset * ufl.dot(slope_turn, z) * t
         force = slope_u + stretch - ufl.cross(turn, t)
-        pairs = (EA, t), (GA, y), (GA, z)
+        pairs = (EA, t), (GAy, y), (GAz, z)
         forces = [root * ufl.dot(force, axis) for root, axis in pairs]
         pairs = (GJ, t), (EIy, y), (EIz, z)
         return ufl.as_vector(forces + [root * ufl.dot(slope_turn, axis) for root, axis in pairs])
 
     degree = _shear_degree(order)
     rhoA = coefficient(mesh, parts, lambda b: b.rho * b.section.A)
-    rhoIz = coefficient(mesh, parts, lambda b: b.rho * b.section.I)
-    rhoIy = coefficient(mesh, parts, lambda b: b.rho * b.section.side)
+    rhoIz = coefficient(mesh, parts, lambda b: b.rotary_inertia(b.section.I))
+    rhoIy = coefficient(mesh, parts, lambda b: b.rotary_inertia(b.section.side))
     rhoIp = coefficient(mesh, parts, lambda b: b.rho * (b.section.I + b.section.side))
 
     def along(axis: Any, stiffness: Any, a: Any, b: Any) -> Any:
