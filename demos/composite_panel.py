@@ -10,6 +10,7 @@ under the ball is not in it, so the sandwich is struck softer than this says.
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 
 import dolfinx
@@ -19,6 +20,7 @@ from mpi4py import MPI
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
+import options
 
 import antiosc as ao
 from antiosc.plotting import save_figure
@@ -45,7 +47,7 @@ def main(
     sphere: float = 10e-3,
     height: float = 0.5,
     elements: int = 16,
-    n: int = 40,
+    n: int = 160,
     duration: float = 4e-3,
     out: Path = ROOT / "out",
 ) -> dict[str, dict[str, float]]:
@@ -130,14 +132,18 @@ def plot(hits: dict[str, ao.History], path: Path) -> None:
     plt.close(figure)
 
 
-if __name__ == "__main__":
+def command(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--length", type=float, default=0.40, help="of the panels, m")
-    parser.add_argument("--width", type=float, default=0.30, help="of the panels, m")
-    parser.add_argument("--sphere", type=float, default=10e-3, help="radius, m")
-    parser.add_argument("--height", type=float, default=0.5, help="that the sphere falls, m")
-    parser.add_argument("--elements", type=int, default=16, help="along the width")
-    parser.add_argument("--n", type=int, default=40, help="anti-oscillators")
-    parser.add_argument("--duration", type=float, default=4e-3, help="simulated time, s")
+    parser.add_argument("--length", type=options.positive, default=0.40, help="of the panels, m")
+    parser.add_argument("--width", type=options.positive, default=0.30, help="of the panels, m")
+    parser.add_argument("--sphere", type=options.positive, default=10e-3, help="radius, m")
+    parser.add_argument("--height", type=options.positive, default=0.5, help="of the fall, m")
+    parser.add_argument("--elements", type=options.count, default=16, help="along the width")
+    parser.add_argument("--n", type=options.count, default=160, help="anti-oscillators")
+    parser.add_argument("--duration", type=options.positive, default=4e-3, help="simulated time, s")
     parser.add_argument("--out", type=Path, default=ROOT / "out", help="folder of the picture")
-    main(**vars(parser.parse_args()))
+    options.run(parser, main, arguments)
+
+
+if __name__ == "__main__":
+    command()

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -22,6 +23,7 @@ from mpi4py import MPI
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
+import options
 
 import antiosc as ao
 from antiosc.advise import advise
@@ -69,7 +71,7 @@ def main(
     ----------
     cases : names of CASES
     n : anti-oscillators
-    fine : factor on the number of elements along every side
+    fine : factor on the number of elements along every side, which are at least 2
     out : folder of the picture
     """
     results: dict[str, dict[str, Any]] = {}
@@ -129,7 +131,7 @@ def at_ends(length: float) -> ao.Support:
 
 def beam(case: Case, fine: float) -> tuple[ao.Structure, ao.Site]:
     """Timoshenko's beam on a line."""
-    elements = round(40 * fine)
+    elements = max(2, 2 * round(20 * fine))  # even: a node in the middle
     x = np.column_stack([np.linspace(0, case.length, elements + 1), np.zeros(elements + 1)])
     cells = np.column_stack([np.arange(elements), np.arange(1, elements + 1)])
     mesh = ao.read_mesh(compat.create_mesh(MPI.COMM_WORLD, cells, x, "interval", 1))
@@ -205,7 +207,7 @@ def graded(
 
 def power(first: float, n: int) -> float:
     """Exponent with which the first of n steps to 1 is `first`, or all are equal and smaller."""
-    return 1.0 if n * first >= 1 else float(np.log(first) / np.log(1 / n))
+    return 1.0 if n == 1 or n * first >= 1 else float(np.log(first) / np.log(1 / n))
 
 
 # --- output -------------------------------------------------------------------------------------
@@ -248,13 +250,22 @@ def plot(histories: dict[str, dict[str, ao.History]], path: Path) -> None:
 
 def names(text: str) -> tuple[str, ...]:
     """Case names from a list separated by semicolons."""
-    return tuple(part.strip() for part in text.split(";"))
+    given = tuple(part.strip() for part in text.split(";"))
+    unknown = [name for name in given if name not in CASES]
+    if unknown:
+        known = "; ".join(CASES)
+        raise argparse.ArgumentTypeError(f"{unknown[0]!r} is none of the cases: {known}")
+    return given
+
+
+def command(arguments: Sequence[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--cases", type=names, default=tuple(CASES), help="a; b; …")
+    parser.add_argument("--n", type=options.count, default=60, help="anti-oscillators")
+    parser.add_argument("--fine", type=options.positive, default=1.0, help="factor on elements")
+    parser.add_argument("--out", type=Path, default=ROOT / "out", help="folder of the picture")
+    options.run(parser, main, arguments)
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--cases", type=names, default=tuple(CASES), help="a; b; …")
-    parser.add_argument("--n", type=int, default=60, help="anti-oscillators")
-    parser.add_argument("--fine", type=float, default=1.0, help="factor on all element counts")
-    parser.add_argument("--out", type=Path, default=ROOT / "out", help="folder of the picture")
-    main(**vars(parser.parse_args()))
+    command()

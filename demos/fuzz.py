@@ -21,6 +21,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import options
 
 import antiosc as ao
 
@@ -250,10 +251,10 @@ def report(result: dict[str, Any]) -> None:
 def command(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=inspect.getdoc(main))
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    parser.add_argument("--scenes", type=int, default=10_000)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--budget", type=float, default=60.0)
-    result = main(**vars(parser.parse_args(arguments)))
+    parser.add_argument("--scenes", type=options.count, default=10_000)
+    parser.add_argument("--seed", type=options.seed, default=1)
+    parser.add_argument("--budget", type=options.positive, default=60.0)
+    result = options.run(parser, main, arguments)
     report(result)
     return 1 if result["failures"] else 0
 

@@ -12,12 +12,15 @@ from __future__ import annotations
 import argparse
 import time
 import warnings
+from collections.abc import Sequence
 from pathlib import Path
 
 import matplotlib
 import numpy as np
 
 matplotlib.use("Agg")
+
+import options
 
 import antiosc as ao
 
@@ -90,11 +93,15 @@ def _text(point: np.ndarray) -> str:
     return "(" + ", ".join(f"{1e3 * c:.1f}" for c in point) + ") mm"
 
 
-if __name__ == "__main__":
+def command(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--size", type=float, default=6e-3, help="largest elements, m")
-    parser.add_argument("--radius", type=float, default=3e-3, help="of the patches, m")
-    parser.add_argument("--velocity", type=float, default=1.0, help="of the sphere, m/s")
-    parser.add_argument("--check", type=int, default=5, help="sites to compare")
+    parser.add_argument("--size", type=options.positive, default=6e-3, help="largest elements, m")
+    parser.add_argument("--radius", type=options.positive, default=3e-3, help="of the patches, m")
+    parser.add_argument("--velocity", type=options.positive, default=1.0, help="of the sphere, m/s")
+    parser.add_argument("--check", type=options.count, default=5, help="sites to compare")
     parser.add_argument("--out", type=Path, default=ROOT / "out", help="folder of the results")
-    main(**vars(parser.parse_args()))
+    options.run(parser, main, arguments)
+
+
+if __name__ == "__main__":
+    command()

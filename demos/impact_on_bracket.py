@@ -23,6 +23,7 @@ import numpy as np
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
+import options
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 import antiosc as ao
@@ -187,14 +188,16 @@ def surface(cells: np.ndarray) -> np.ndarray:
     return faces[first[count == 1]]
 
 
-if __name__ == "__main__":
+def command(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    kinds = {float: options.positive, int: options.seed, Path: Path}
     for name, parameter in inspect.signature(main).parameters.items():
-        kind = type(parameter.default)
+        kind = next(made for given, made in kinds.items() if isinstance(parameter.default, given))
         parser.add_argument(
-            f"--{name}",
-            type=Path if issubclass(kind, Path) else kind,
-            default=parameter.default,
-            help="(default: %(default)s)",
+            f"--{name}", type=kind, default=parameter.default, help="(default: %(default)s)"
         )
-    main(**vars(parser.parse_args()))
+    options.run(parser, main, arguments)
+
+
+if __name__ == "__main__":
+    command()

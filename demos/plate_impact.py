@@ -12,6 +12,7 @@ who solved the infinite plate. Lengths are counted in the wave's own measure, th
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from math import sqrt
 from pathlib import Path
 
@@ -23,6 +24,7 @@ from scipy.optimize import brentq
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
+import options
 
 import antiosc as ao
 from antiosc.closed_form import zener
@@ -172,18 +174,18 @@ def plot(
     plt.close(figure)
 
 
-def numbers(text: str) -> tuple[float, ...]:
-    """Numbers from a comma-separated list."""
-    return tuple(float(part) for part in text.split(","))
+def command(arguments: Sequence[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--thickness", type=options.positive, default=2e-3, help="of the plate, m")
+    parser.add_argument("--velocity", type=options.positive, default=0.1, help="of the sphere, m/s")
+    numbers = options.listed(options.positive)
+    parser.add_argument("--inelasticities", type=numbers, default=(0.1, 0.3, 0.5), help="a,b,…")
+    parser.add_argument("--sizes", type=numbers, default=(2, 3, 4, 5, 6, 8, 10), help="a,b,…")
+    parser.add_argument("--elements", type=options.count, default=32, help="along a side")
+    parser.add_argument("--n", type=options.count, default=60, help="anti-oscillators")
+    parser.add_argument("--out", type=Path, default=ROOT / "out", help="folder of the pictures")
+    options.run(parser, main, arguments)
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--thickness", type=float, default=2e-3, help="of the plate, m")
-    parser.add_argument("--velocity", type=float, default=0.1, help="of the sphere, m/s")
-    parser.add_argument("--inelasticities", type=numbers, default=(0.1, 0.3, 0.5), help="a,b,…")
-    parser.add_argument("--sizes", type=numbers, default=(2, 3, 4, 5, 6, 8, 10), help="a,b,…")
-    parser.add_argument("--elements", type=int, default=32, help="along a side")
-    parser.add_argument("--n", type=int, default=60, help="anti-oscillators")
-    parser.add_argument("--out", type=Path, default=ROOT / "out", help="folder of the pictures")
-    main(**vars(parser.parse_args()))
+    command()

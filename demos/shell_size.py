@@ -11,9 +11,11 @@ from __future__ import annotations
 import argparse
 import resource
 import time
+from collections.abc import Sequence
 
 import dolfinx
 import numpy as np
+import options
 from mpi4py import MPI
 
 import antiosc as ao
@@ -59,13 +61,13 @@ def on_edges(x: np.ndarray) -> np.ndarray:
     return np.asarray((np.isclose(x[:2], 0) | np.isclose(x[:2], SIDE)).any(axis=0))
 
 
-def integers(text: str) -> tuple[int, ...]:
-    """Whole numbers from a comma-separated list."""
-    return tuple(int(part) for part in text.split(","))
+def command(arguments: Sequence[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    sizes = options.listed(options.count)
+    parser.add_argument("--elements", type=sizes, default=(10, 24, 42, 62), help="a,b,…")
+    parser.add_argument("--n", type=options.count, default=20, help="anti-oscillators")
+    options.run(parser, main, arguments)
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--elements", type=integers, default=(10, 24, 42, 62), help="a,b,…")
-    parser.add_argument("--n", type=int, default=20, help="anti-oscillators")
-    main(**vars(parser.parse_args()))
+    command()

@@ -27,7 +27,7 @@ import sys
 import tempfile
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from math import cos, pi, radians, sin
 from pathlib import Path
 from typing import Any
@@ -41,6 +41,7 @@ import scipy.sparse.linalg
 matplotlib.use("Agg")
 import dolfinx
 import matplotlib.pyplot as plt
+import options
 from mpi4py import MPI
 
 import antiosc as ao
@@ -756,14 +757,16 @@ def _task(text: str) -> None:
         print(json.dumps(result))
 
 
-if __name__ == "__main__":
+def command(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=ROOT / "demos/speed")
-    parser.add_argument("--sizes", type=float, nargs="+", default=SIZES)
+    parser.add_argument("--sizes", type=options.positive, nargs="+", default=SIZES)
     parser.add_argument("--quick", action="store_true")
-    parser.add_argument("--task", help=argparse.SUPPRESS)
-    options = parser.parse_args()
-    if options.task:
-        _task(options.task)
+    options.run(parser, main, arguments)
+
+
+if __name__ == "__main__":
+    if sys.argv[1:2] == ["--task"]:  # a process of its own for one measurement, see `_apart`
+        _task(sys.argv[2])
     else:
-        main(options.out, tuple(options.sizes), options.quick)
+        command()

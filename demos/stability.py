@@ -32,6 +32,7 @@ import numpy as np
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
+import options
 from matplotlib.colors import ListedColormap
 
 import antiosc as ao
@@ -392,14 +393,14 @@ def report(result: dict[str, Any]) -> None:
 def command(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=inspect.getdoc(main))
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    parser.add_argument("--most", type=int, default=200)
-    parser.add_argument("--counts", type=int, default=8)
-    parser.add_argument("--steps", type=int, default=9)
-    parser.add_argument("--decades", type=float, default=4.0)
+    parser.add_argument("--most", type=options.count, default=200)
+    parser.add_argument("--counts", type=options.count, default=8)
+    parser.add_argument("--steps", type=options.count, default=9)
+    parser.add_argument("--decades", type=options.positive, default=4.0)
     parser.add_argument("--hard", action=argparse.BooleanOptionalAction, default=True)
-    parser.add_argument("--fine", type=int, default=120)
+    parser.add_argument("--fine", type=options.count, default=120)
     parser.add_argument("--out", type=Path, default=ROOT / "out")
-    report(main(**vars(parser.parse_args(arguments))))
+    report(options.run(parser, main, arguments))
 
 
 if __name__ == "__main__":

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import time
+from collections.abc import Sequence
 from math import cos, radians, sin
 from pathlib import Path
 
@@ -20,6 +21,7 @@ import numpy as np
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
+import options
 
 import antiosc as ao
 from antiosc.plotting import save_figure
@@ -167,13 +169,17 @@ def plot(hits: dict[tuple[str, str], ao.History], path: Path) -> None:
     plt.close(figure)
 
 
-if __name__ == "__main__":
+def command(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--skin", type=float, default=2e-3, help="thickness of the skin, m")
-    parser.add_argument("--blade", type=float, default=3e-3, help="of stringers and frames, m")
-    parser.add_argument("--sphere", type=float, default=15e-3, help="radius, m")
-    parser.add_argument("--velocity", type=float, default=2.0, help="of the sphere, m/s")
-    parser.add_argument("--n", type=int, default=40, help="anti-oscillators")
-    parser.add_argument("--duration", type=float, default=4e-3, help="simulated time, s")
+    parser.add_argument("--skin", type=options.positive, default=2e-3, help="thickness, m")
+    parser.add_argument("--blade", type=options.positive, default=3e-3, help="thickness, m")
+    parser.add_argument("--sphere", type=options.positive, default=15e-3, help="radius, m")
+    parser.add_argument("--velocity", type=options.positive, default=2.0, help="of the sphere, m/s")
+    parser.add_argument("--n", type=options.count, default=40, help="anti-oscillators")
+    parser.add_argument("--duration", type=options.positive, default=4e-3, help="simulated time, s")
     parser.add_argument("--out", type=Path, default=ROOT / "out", help="folder of the results")
-    main(**vars(parser.parse_args()))
+    options.run(parser, main, arguments)
+
+
+if __name__ == "__main__":
+    command()

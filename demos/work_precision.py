@@ -31,6 +31,7 @@ import numpy as np
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
+import options
 
 import antiosc as ao
 from antiosc import files
@@ -255,11 +256,11 @@ def report(result: dict[str, Any]) -> None:
 def command(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=inspect.getdoc(main))
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    parser.add_argument("--repeats", type=int, default=5)
-    parser.add_argument("--scenes", type=int, default=2048)
+    parser.add_argument("--repeats", type=options.count, default=5)
+    parser.add_argument("--scenes", type=options.count, default=2048)
     parser.add_argument("--bracket", type=Path, default=ROOT / "out" / "bracket.npz")
     parser.add_argument("--out", type=Path, default=ROOT / "out")
-    report(main(**vars(parser.parse_args(arguments))))
+    report(options.run(parser, main, arguments))
 
 
 if __name__ == "__main__":

@@ -1,0 +1,50 @@
+"""What the demos' command lines share: kinds of arguments, and errors in one line."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from typing import Any
+
+import antiosc as ao
+from antiosc import checks
+
+
+def positive(text: str) -> float:
+    """A number > 0."""
+    return _checked(lambda: checks.positive("it", float(text)), text, "a number > 0")
+
+
+def count(text: str) -> int:
+    """A whole number from 1 to a million."""
+    return _checked(lambda: checks.whole("it", int(text), most=10**6), text, "a whole number >= 1")
+
+
+def seed(text: str) -> int:
+    """A whole number from 0."""
+    return _checked(lambda: checks.whole("it", int(text), least=0), text, "a whole number >= 0")
+
+
+def listed(kind: Callable[[str], Any]) -> Callable[[str], tuple[Any, ...]]:
+    """A comma-separated list of a kind."""
+
+    def several(text: str) -> tuple[Any, ...]:
+        return tuple(kind(part) for part in text.split(","))
+
+    return several
+
+
+def run(parser: argparse.ArgumentParser, main: Callable[..., Any], arguments: Any = None) -> Any:
+    """`main` with the arguments by name; what antiosc refuses ends the program with one line."""
+    options = parser.parse_args(arguments)
+    try:
+        return main(**vars(options))
+    except ao.AntioscError as error:
+        parser.exit(1, f"{parser.prog}: {error}\n")
+
+
+def _checked(convert: Callable[[], Any], text: str, kind: str) -> Any:
+    try:
+        return convert()
+    except ValueError:  # InputError too
+        raise argparse.ArgumentTypeError(f"must be {kind}; got {text!r}") from None
