@@ -39,7 +39,8 @@ MODULES = {
 INNER = {
     *("force", "tangent", "energy", "touch", "advance", "origin", "lost", "damping", "potential"),
     *("implicit", "out_of_range", "loading", "loading_slope", "loading_work", "permanent"),
-    *("unload_shape", "reload_shape", "weak_form", "half_space_compliance"),
+    *("unload_shape", "reload_shape", "weak_form", "half_space_compliance", "shear_stiffness"),
+    *("rotary_inertia",),
 }
 #: What functions return: antiosc alone makes them.
 RESULTS = {"Advice", "Batch", "BeamModes", "Energy", "History", "ImpactMap"}
@@ -346,7 +347,10 @@ def unmade(name: str, call: Callable[..., Any]) -> dict[str, Any]:
         if key in own:
             continue
         if key == "self":
-            values[key] = SELVES[name.split(".")[-2]]
+            owner = name.split(".")[-2]
+            if owner not in SELVES:
+                raise LookupError(f"{name}: tests/nasty.py needs an object of {owner} in SELVES")
+            values[key] = SELVES[owner]
         elif parameter.default is inspect.Parameter.empty:
             if key not in COMMON and key not in BY_MAKER:
                 raise LookupError(f"{name}: tests/nasty.py needs a sound value for {key!r}")

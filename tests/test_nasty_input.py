@@ -17,7 +17,6 @@ import antiosc as ao
 from nasty import EXTREMES, TYPES, is_fem, parameters, public, sound, unmade, verdict
 
 CALLS = public()
-CALLS.pop("Structure.from_matrices", None)
 POOL = TYPES + EXTREMES
 #: Numbers of values in POOL.
 ANY, OF_TYPES, OF_EXTREMES = range(len(POOL)), range(len(TYPES)), range(len(TYPES), len(POOL))
