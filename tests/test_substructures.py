@@ -65,7 +65,7 @@ def test_corner_is_a_factor_of_the_schur_complement(n, last, block):
 
 
 @pytest.mark.parametrize("order", "CF")
-@pytest.mark.parametrize("n", [1, 2, 9])
+@pytest.mark.parametrize("n", [0, 1, 2, 9])
 def test_square_leaves_the_triangle(n, order):
     """One row is contiguous either way round: a conversion alone is no copy of it."""
     L = np.array(np.tril(np.random.default_rng(n).standard_normal((n, n)) + 2), order=order)

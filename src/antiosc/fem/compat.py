@@ -92,6 +92,12 @@ def geometry_nodes(mesh: dolfinx.mesh.Mesh) -> IntArray:
     if isinstance(dofmap, np.ndarray):
         return dofmap
     n_cells = cell_map(mesh).size_local + cell_map(mesh).num_ghosts
+    if not n_cells:  # their number of nodes cannot be read off
+        import basix
+
+        kind = getattr(basix.CellType, cell_name(mesh))
+        element = basix.create_element(basix.ElementFamily.P, kind, coordinate_map(mesh).degree)
+        return np.zeros((0, element.dim), dtype=np.int32)
     return np.asarray(dofmap.array).reshape(n_cells, -1)
 
 
@@ -103,13 +109,13 @@ def entity_vertices(mesh: dolfinx.mesh.Mesh, dim: int) -> IntArray:
     mesh.topology.create_connectivity(mesh.topology.dim, 0)
     imap = mesh.topology.index_map(dim)
     entities = np.arange(imap.size_local + imap.num_ghosts, dtype=np.int32)
+    kind = dolfinx.cpp.mesh.cell_entity_type(mesh.topology.cell_type, dim, 0)
+    vertices = dolfinx.cpp.mesh.cell_num_vertices(kind)
     if not len(entities):  # 0.9 would divide by their number
-        return np.zeros((0, dim + 1), dtype=np.int32)
+        return np.zeros((0, vertices), dtype=np.int32)
     cpp_mesh = mesh._mesh if VERSION < (0, 6) else mesh._cpp_object
     nodes = dolfinx.cpp.mesh.entities_to_geometry(cpp_mesh, dim, entities, False)
     # From 0.9 on the nodes inside edges and faces of curved cells follow those at the vertices.
-    kind = dolfinx.cpp.mesh.cell_entity_type(mesh.topology.cell_type, dim, 0)
-    vertices = dolfinx.cpp.mesh.cell_num_vertices(kind)
     return np.asarray(nodes).reshape(len(entities), -1)[:, :vertices]
 
 
@@ -224,10 +230,15 @@ def subspace(space: Any, path: Sequence[int]) -> Any:
 
 
 def dof_coordinates(space: Any, path: Sequence[int]) -> tuple[IntArray, NDArray[np.float64]]:
-    """(dofs of this rank, ghosts included; their coordinates (n, 3)) of one scalar component."""
-    collapsed, parent = subspace(space, path).collapse()
-    parent_dofs = np.asarray(parent, dtype=np.int32).reshape(-1)
-    return parent_dofs, collapsed.tabulate_dof_coordinates()
+    """(dofs of this rank, ghosts included; their coordinates (n, 3)) of one scalar component.
+
+    Of a blocked space, whose components share their nodes. (dolfinx's own `collapse` fails on
+    ranks without cells.)
+    """
+    (component,) = path
+    x = space.tabulate_dof_coordinates()
+    dofs = component + space.dofmap.index_map_bs * np.arange(len(x))
+    return dofs.astype(np.int32), x
 
 
 def tabulate(space: Any, path: Sequence[int], X: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -343,7 +354,8 @@ def facet_numbers(mesh: dolfinx.mesh.Mesh, cells: IntArray, facets: IntArray) ->
 def cell_dofs(space: Any, path: Sequence[int], cells: IntArray) -> IntArray:
     """Dofs of this rank (unrolled) of one scalar component in cells: (cells, functions)."""
     dofmap = subspace(space, path).dofmap
-    return np.array([dofmap.cell_dofs(c) for c in cells], dtype=np.int32)
+    rows = [dofmap.cell_dofs(c) for c in cells]
+    return np.array(rows, dtype=np.int32).reshape(len(rows), dofmap.dof_layout.num_dofs)
 
 
 def with_ghosts(space: Any, block: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -18,7 +18,6 @@ import numpy as np
 import scipy.linalg.blas
 import scipy.sparse
 
-from antiosc.errors import warn
 from antiosc.fem import large
 from antiosc.fem.algebra import (
     Array,
@@ -32,7 +31,7 @@ from antiosc.fem.algebra import (
 )
 from antiosc.fem.cholmod import Cholesky
 from antiosc.fem.compat import IntArray
-from antiosc.fem.parallel import agree, on_root
+from antiosc.fem.parallel import agree, on_root, warn
 from antiosc.fem.structure import Structure
 
 #: Loads that go through the tree together: few enough that they share their branch.
@@ -78,11 +77,11 @@ def _room(structure: Structure) -> bool:
     more = min(comm.size, 2) * large.BYTES * solver.entries
     free = on_root(comm, large.free_memory)
     if more > large.FILL * free:
-        if comm.rank == 0:
-            warn(
-                f"the map's further factors need about {more / 1e9:.3g} GB and {free / 1e9:.3g} GB "
-                "are free: every site is solved for instead, which takes some ten times as long.",
-            )
+        warn(
+            comm,
+            f"the map's further factors need about {more / 1e9:.3g} GB and {free / 1e9:.3g} GB "
+            "are free: every site is solved for instead, which takes some ten times as long.",
+        )
         return False
     return True
 

@@ -6,13 +6,16 @@ import logging
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Literal, get_args
 
 import numpy as np
+from mpi4py import MPI
 
 from antiosc import band as bands
 from antiosc.checks import choice, flag, instance, positive, whole, within_range
 from antiosc.errors import AccuracyError, AccuracyWarning, InputError, warn
+from antiosc.fem import parallel
 from antiosc.fem.algebra import Array, dot, multiply
 from antiosc.fem.krylov import CHUNK, by_krylov
 from antiosc.fem.modes import Modes, ModeSolver
@@ -61,6 +64,7 @@ class _Oscillators:
     merged: int
 
 
+@parallel.collective()
 @within_range
 def extract(
     structure: Structure,
@@ -200,8 +204,7 @@ def _extracted(
         )
         if wish.band is not None and error is not None:
             model.info["band"] = {"top": wish.band, "error_bound": error}
-        if structure.comm.rank == 0:
-            _tell(model, wish)
+        parallel.on_root(structure.comm, partial(_tell, model, wish))
         models.append(model if shapes else replace(model, shapes=None, hidden=None))
     return models
 
@@ -335,12 +338,12 @@ def _check(
         "stiffness": abs(strain / static.k0 - 1) if static.k0 else 0.0,
     }
     for name, value in measured.items():
-        _judge(name, value, FORCES if name == "residual" else CHECK, comm.rank == 0)
+        _judge(name, value, FORCES if name == "residual" else CHECK, comm)
     return {**measured, "converged": int(np.sum(off < CONVERGED))}
 
 
-def _judge(name: str, value: float, limit: float, tell: bool) -> None:
-    """Pass a measured error, warn of it (on the rank that may `tell`), or refuse it."""
+def _judge(name: str, value: float, limit: float, comm: MPI.Comm) -> None:
+    """Pass a measured error, warn of it, or refuse it."""
     if value <= limit:
         return
     why = (
@@ -352,12 +355,12 @@ def _judge(name: str, value: float, limit: float, tell: bool) -> None:
             f"the constraint modes fail their own check: {name} {value:.1e}, limit "
             f"{USABLE * limit:.0e}; {why}"
         )
-    if tell:
-        warn(
-            f"the constraint modes meet their own check to {value:.1e} only ({name}, usually below "
-            f"{limit:.0e}): {why}",
-            AccuracyWarning,
-        )
+    parallel.warn(
+        comm,
+        f"the constraint modes meet their own check to {value:.1e} only ({name}, usually below "
+        f"{limit:.0e}): {why}",
+        AccuracyWarning,
+    )
 
 
 def _model(

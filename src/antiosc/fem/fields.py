@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,13 +21,19 @@ from antiosc.fem.algebra import Array
 from antiosc.fem.compat import IntArray
 from antiosc.fem.family import WeakForm
 from antiosc.fem.mesh import Mesh
-from antiosc.fem.parallel import on_root
+from antiosc.fem.parallel import collective, on_root
 from antiosc.fem.readers import KINDS
 from antiosc.fem.series import listing, write_frames
 from antiosc.fem.structure import Structure
 from antiosc.history import Body, History, no_field
 
 
+def _what(history: History) -> tuple[Any, ...]:
+    """What must be the same of a history on all ranks; not the last digits of its numbers."""
+    return history.model, history.status, f"{history.time[-1]:.6g}"
+
+
+@collective(history=_what)
 def probe(
     structure: Structure,
     history: History,
@@ -68,6 +75,7 @@ def probe(
     return _amplitudes(history, at, body) @ values.T
 
 
+@collective(history=_what)
 def write_series(
     structure: Structure,
     history: History,
@@ -124,7 +132,8 @@ def _shapes(structure: Structure, history: History, body: Body) -> Array:
     if own.basis is None:
         raise InputError(no_field(model))
     rows = structure.K.getLocalSize()[0]
-    if any(len(block) != rows for block in own.basis):
+    fits = all(len(block) == rows for block in own.basis)
+    if not all(structure.comm.allgather(fits)):  # on some rank they may fit by chance
         raise InputError(
             f"the model's shapes have {len(own.basis[0])} rows, the structure {rows}: the model "
             "was extracted from another structure."

@@ -19,6 +19,7 @@ from antiosc.errors import AccuracyError, InputError
 from antiosc.fem.algebra import Array, dot, multiply
 from antiosc.fem.extract import CHECK, REPEATED, UNSEEN, inertia_of, uniform_inertia
 from antiosc.fem.modes import DENSE_MANY, Modes, ModeSolver
+from antiosc.fem.parallel import collective
 from antiosc.fem.site import Functional, Site, functional
 from antiosc.fem.static import StaticMode, beside_rigid, static_mode
 from antiosc.fem.structure import Structure
@@ -104,6 +105,7 @@ class NaturalModes:
         return np.asarray(np.asarray(coordinates, dtype=float) @ self.shapes.T)
 
 
+@collective()
 @within_range
 def superposition(
     structure: Structure, site: Site, n: int, *, static_correction: bool = False
@@ -146,6 +148,7 @@ def superposition(
     return _model(structure, site, where, static, kept, correction, "superposition")
 
 
+@collective()
 @within_range
 def full(structure: Structure, site: Site) -> NaturalModes:
     """The unreduced model: all natural modes, and what is massless as a residual compliance.

@@ -13,6 +13,7 @@ import os
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +34,7 @@ from antiosc.fem.compliance import deflections
 from antiosc.fem.krylov import by_krylov
 from antiosc.fem.many_sites import sites_of
 from antiosc.fem.modes import Modes
-from antiosc.fem.parallel import agree
+from antiosc.fem.parallel import agree, collective, on_root
 from antiosc.fem.site import Functional
 from antiosc.fem.sites import Sites
 from antiosc.fem.static import static_modes
@@ -186,6 +187,7 @@ class ImpactMap:
         return target
 
 
+@collective()
 @within_range
 def impact_map(
     structure: Structure,
@@ -293,8 +295,7 @@ def impact_map(
         skipped=total - len(sites),
         info=info,
     )
-    if structure.comm.rank == 0:
-        _tell(result, accuracy)
+    on_root(structure.comm, partial(_tell, result, accuracy))
     if impactor is None or contact is None or duration is None:
         return result
     return _struck(structure, result, impactor, contact, duration)

@@ -16,7 +16,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from antiosc import checks
-from antiosc.errors import InputError, warn
+from antiosc.errors import InputError
 from antiosc.fem import cholmod
 from antiosc.fem.algebra import (
     Array,
@@ -29,7 +29,7 @@ from antiosc.fem.algebra import (
     by_strains,
     forecasts,
 )
-from antiosc.fem.parallel import on_root
+from antiosc.fem.parallel import on_root, warn
 from antiosc.fem.strains import Refined
 from antiosc.fem.substructures import Substructures, interface
 
@@ -104,11 +104,11 @@ def _of_entries(A: PETSc.Mat, choice: Choice, motions: Callable[[], Array]) -> S
     )
     if choice == "direct":
         raise InputError(f"{text}: take solver='iterative', a coarser mesh, or order=1.")
-    if A.getComm().rank == 0:
-        warn(
-            f"{text}: each solve is iterated instead (conjugate gradients with multigrid), which "
-            "takes about a hundred times as long; a coarser mesh or order=1 would fit.",
-        )
+    warn(
+        A.getComm().tompi4py(),
+        f"{text}: each solve is iterated instead (conjugate gradients with multigrid), which "
+        "takes about a hundred times as long; a coarser mesh or order=1 would fit.",
+    )
     return Multigrid(A, motions())
 
 

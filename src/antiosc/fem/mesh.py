@@ -19,7 +19,7 @@ from antiosc.errors import InputError, MeshError, warn
 from antiosc.fem import compat, folds
 from antiosc.fem.cell_geometry import CellGeometry
 from antiosc.fem.compat import IntArray
-from antiosc.fem.parallel import agree, bounds, on_root
+from antiosc.fem.parallel import agree, bounds, collective, on_root
 from antiosc.fem.readers import GEOMETRY, RawMesh, Refinement, read
 
 Array = NDArray[np.float64]
@@ -100,6 +100,7 @@ class Mesh:
         return self.groups[name]
 
 
+@collective()
 def read_mesh(
     source: str | Path | dolfinx.mesh.Mesh,
     size: float | None = None,

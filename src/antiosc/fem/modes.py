@@ -17,7 +17,9 @@ from petsc4py import PETSc
 from slepc4py import SLEPc
 
 from antiosc.errors import NotConvergedError
-from antiosc.fem.algebra import Array, Solver, by_strains, csr, dot, multiply
+from antiosc.fem.algebra import Array, Solver, by_strains, dot, gathered, multiply, norm
+from antiosc.fem.compat import IntArray
+from antiosc.fem.parallel import on_root
 from antiosc.fem.scaling import frequency
 from antiosc.fem.site import Functional
 from antiosc.fem.static import StaticMode
@@ -25,7 +27,7 @@ from antiosc.fem.structure import Structure
 
 #: SLEPc's tolerance on the eigenvalues 1/(ω² + s); the residuals are measured again afterwards.
 TOLERANCE = 1e-11
-#: LAPACK solves structures of at most this many rows whole (one rank) …
+#: LAPACK solves structures of at most this many rows whole, on one rank for all …
 DENSE = 600
 #: … and of this many where more than a fifth of all modes is wanted: Krylov methods find the
 #: ends of a spectrum, not all of it.
@@ -73,7 +75,7 @@ class ModeSolver:
             return self._found
         rows = self._structure.K.getSize()[0]
         dense = rows <= DENSE_MANY if count > rows / 5 else rows <= DENSE and not self._uneven()
-        if dense and self._structure.comm.size == 1:
+        if dense:
             self._found = self._by_lapack()
         else:
             self._found = self._by_slepc(count)
@@ -147,35 +149,51 @@ class ModeSolver:
         Rounding leaves an error ε/σ in 1/(ω² + σ): with σ between the lowest and the highest ω²
         (geometrically) it spares both ends of the spectrum.
         """
-        structure = self._structure
-        free = np.setdiff1d(np.arange(self._rows), structure.fixed)
-        K, M = (csr(matrix)[free][:, free].toarray() for matrix in (structure.K, structure.M))
+        structure, comm = self._structure, self._structure.comm
         conditions = multiply(structure.M, self._rigid)
         if self._pin is not None:
             conditions = np.column_stack([self._pin[0], conditions])
-        conditions = conditions[free]
-        conditions = conditions / np.linalg.norm(conditions, axis=0)
-        basis = scipy.linalg.qr(conditions)[0][:, conditions.shape[1] :]
-        sigma = np.sqrt(self._lowest() * frequency(structure.K, structure.M))
-        A = basis.T @ (K + sigma * M) @ basis
-        theta, vectors = scipy.linalg.eigh(basis.T @ M @ basis, (A + A.T) / 2)
-        keep = theta > 1e-14 * theta.max(initial=0.0)  # motions without mass have no frequency
-        omega = np.sqrt(np.maximum(1 / theta[keep] - sigma, 0.0))[::-1]
-        phi = np.zeros((self._rows, int(keep.sum())))
-        phi[free] = (basis @ vectors[:, keep])[:, ::-1]
+        first = structure.K.getOwnershipRange()[0]
+        own = np.setdiff1d(np.arange(self._rows), structure.fixed)
+        parts: Any = comm.gather((first + own, conditions[own]))
+        K, M = (gathered(matrix, 0) for matrix in (structure.K, structure.M))
+        sigma = float(np.sqrt(self._lowest() * frequency(structure.K, structure.M)))
+
+        def all_modes() -> tuple[Array, Array]:
+            free, rows = (np.concatenate(part) for part in zip(*parts, strict=True))
+            return _dense_modes(K, M, free, rows, sigma)
+
+        omega, phi = on_root(comm, all_modes)
+        phi = phi[first : first + self._rows]
         return Modes(omega, _normalised(structure, phi), True)
 
     def _lowest(self) -> float:
         """An ω² + shift of the size of the lowest, by inverse iteration."""
         structure = self._structure
-        x = np.random.default_rng(0).standard_normal(self._rows)
+        x = np.random.default_rng(structure.comm.rank).standard_normal(self._rows)
         for _ in range(4):
-            x = structure.factorization.solve(multiply(structure.M, x / np.linalg.norm(x)))
+            x = structure.factorization.solve(multiply(structure.M, x / norm(structure.comm, x)))
         return (
             float(dot(structure.comm, x, multiply(structure.K, x)))
             / float(dot(structure.comm, x, multiply(structure.M, x)))
             + structure.shift
         )
+
+
+def _dense_modes(
+    K: Any, M: Any, free: IntArray, conditions: Array, sigma: float
+) -> tuple[Array, Array]:
+    """(ω ascending, shapes) on the rows `free` of SciPy matrices, under `conditions` (free, c)."""
+    stiffness, mass = (matrix[free][:, free].toarray() for matrix in (K, M))
+    conditions = conditions / np.linalg.norm(conditions, axis=0)
+    basis = scipy.linalg.qr(conditions)[0][:, conditions.shape[1] :]
+    A = basis.T @ (stiffness + sigma * mass) @ basis
+    theta, vectors = scipy.linalg.eigh(basis.T @ mass @ basis, (A + A.T) / 2)
+    keep = theta > 1e-14 * theta.max(initial=0.0)  # motions without mass have no frequency
+    omega = np.sqrt(np.maximum(1 / theta[keep] - sigma, 0.0))[::-1]
+    phi = np.zeros((K.shape[0], int(keep.sum())))
+    phi[free] = (basis @ vectors[:, keep])[:, ::-1]
+    return omega, phi
 
 
 class _Constrained:

@@ -1,19 +1,150 @@
-"""One answer on all MPI ranks: work done on rank 0, and errors that every rank raises."""
+"""One answer on all MPI ranks: the same arguments, work done on rank 0, errors that all raise."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TypeVar
+import functools
+import inspect
+import pickle
+from collections.abc import Callable, Iterable
+from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 from mpi4py import MPI
 from numpy.typing import NDArray
 
+from antiosc import errors
+from antiosc.checks import shown
+from antiosc.errors import AntioscWarning, InputError
+from antiosc.fem.fingerprint import fingerprint, named, number
+
+P = ParamSpec("P")
 T = TypeVar("T")
+
+#: The number of the next object that all ranks make together.
+_serial = 0
+
+
+def collective(
+    default: MPI.Comm = MPI.COMM_WORLD, **counts: Callable[[Any], Any]
+) -> Callable[[Callable[P, T]], Callable[P, T]]:
+    """Guard a public function that all ranks must call with the same arguments.
+
+    The ranks compare fingerprints of their arguments before anything else, once, and raise
+    InputError together where they differ: otherwise they would wait for one another for ever, or
+    mix two problems. At the end an error that one rank has is raised by all, so that none goes on
+    alone. On one rank the function is called as it is.
+
+    Parameters
+    ----------
+    default : the communicator where no argument has one.
+    counts : argument name -> function of its value that gives what must be the same of it.
+    """
+
+    def guard(function: Callable[P, T]) -> Callable[P, T]:
+        signature = inspect.signature(function)
+
+        @functools.wraps(function)
+        def guarded(*args: P.args, **kwargs: P.kwargs) -> T:
+            comm = _communicator([*args, *kwargs.values()], default)
+            if comm.size == 1:
+                return function(*args, **kwargs)
+            given = _given(signature, args, kwargs)
+            for name in counts.keys() & given.keys():
+                given[name] = _counted(counts[name], given[name])
+            compare(comm, function.__qualname__, given)
+            result: Any = None
+            error: Exception | None = None
+            try:
+                result = function(*args, **kwargs)
+            except Exception as caught:
+                error = caught
+            _conclude(comm, error, args[0] if function.__name__ == "__init__" else result)
+            return result  # type: ignore[no-any-return]
+
+        return guarded
+
+    return guard
+
+
+def compare(comm: MPI.Comm, name: str, arguments: dict[str, Any]) -> None:
+    """InputError on all ranks unless they call `name` with the same arguments."""
+    own = name, {key: fingerprint(value) for key, value in arguments.items()}
+    ranks = comm.allgather(own)
+    if all(other == ranks[0] for other in ranks):
+        return
+    texts = comm.allgather({key: named(value) or shown(value) for key, value in arguments.items()})
+    rank = next(k for k, other in enumerate(ranks) if other != ranks[0])
+    (here, first), (there, other) = ranks[0], ranks[rank]
+    if here != there:
+        raise InputError(
+            f"rank 0 calls {_public(here)} where rank {rank} calls {_public(there)}: all "
+            "ranks must make the same calls."
+        )
+    key = next(k for k in [*first, *other] if first.get(k) != other.get(k))
+    values = [texts[k].get(key, "nothing") for k in (0, rank)]
+    told = f"{values[0]} on rank 0, {values[1]} on rank {rank}"
+    if values[0] == values[1]:
+        told = f"on rank {rank} not what it is on rank 0, {values[0]}"
+    raise InputError(
+        f"{_public(name)} needs the same arguments on every MPI rank; {key} differs: {told}; "
+        "compute it on one rank and broadcast it."
+    )
+
+
+def _public(name: str) -> str:
+    return name.removesuffix(".__init__")
+
+
+def _given(signature: inspect.Signature, args: Iterable[Any], kwargs: Any) -> dict[str, Any]:
+    """Argument name -> value; positions where the call does not fit the function."""
+    try:
+        given = dict(signature.bind_partial(*args, **kwargs).arguments)
+    except TypeError:
+        given = {**{f"argument {k + 1}": value for k, value in enumerate(args)}, **kwargs}
+    return {name: value for name, value in given.items() if name not in ("self", "cls")}
+
+
+def _counted(count: Callable[[Any], Any], value: Any) -> Any:
+    """`count(value)`; the value itself where it is not what it should be."""
+    try:
+        return count(value)
+    except Exception:  # the function called will say what is wrong with it
+        return value
+
+
+def _communicator(values: Iterable[Any], default: MPI.Comm) -> MPI.Comm:
+    """The communicator that the first of these values has.
+
+    dolfinx and PETSc work on copies of the one they are given: all ranks then talk on the first,
+    those too that were given something else.
+    """
+    for value in values:
+        try:
+            comm = value if isinstance(value, MPI.Comm) else getattr(value, "comm", None)
+            if comm is not None and not isinstance(comm, MPI.Comm):
+                comm = comm.tompi4py()  # one of PETSc's
+        except Exception:
+            continue
+        if isinstance(comm, MPI.Comm) and comm != MPI.COMM_NULL:
+            alike = MPI.Comm.Compare(comm, MPI.COMM_WORLD) in (MPI.IDENT, MPI.CONGRUENT)
+            return MPI.COMM_WORLD if alike else comm
+    return default
+
+
+def _conclude(comm: MPI.Comm, error: Exception | None, made: Any) -> None:
+    """Raise what any rank has to raise; else number what all have made."""
+    global _serial
+    found = comm.allgather((_portable(error), _serial))
+    _raise_first([one for one, _ in found], error)
+    serial = max(count for _, count in found)
+    number(made, serial)
+    _serial = serial + (len(made) if isinstance(made, list) else 1)
 
 
 def on_root(comm: MPI.Comm, work: Callable[[], T]) -> T:
     """The result of `work()` done on rank 0 alone; its error, if any, is raised on all ranks."""
+    if comm.size == 1:
+        return work()
     result: T | None = None
     error: Exception | None = None
     if comm.rank == 0:
@@ -21,17 +152,39 @@ def on_root(comm: MPI.Comm, work: Callable[[], T]) -> T:
             result = work()
         except Exception as caught:
             error = caught
-    result, error = comm.bcast((result, error), root=0)
-    if error is not None:
-        raise error
+    result, told = comm.bcast((result, _portable(error)), root=0)
+    _raise_first([told], error)
     return result  # type: ignore[return-value]
 
 
 def agree(comm: MPI.Comm, error: Exception | None) -> None:
     """Raise the first error that any rank has, on every rank; return if none has one."""
-    found = [e for e in comm.allgather(error) if e is not None]
-    if found:
-        raise found[0]
+    _raise_first(comm.allgather(_portable(error)), error)
+
+
+def warn(comm: MPI.Comm, message: str, category: type[Warning] = AntioscWarning) -> None:
+    """Warn once, on rank 0; where the caller's filters make an error of it, all ranks raise it."""
+    on_root(comm, lambda: errors.warn(message, category))
+
+
+def _portable(error: Exception | None) -> Exception | None:
+    """`error` as it can be sent: one that cannot be pickled would leave the other ranks waiting."""
+    if error is None:
+        return None
+    try:
+        pickle.loads(pickle.dumps(error))
+    except Exception:
+        return RuntimeError(f"{type(error).__name__}: {error}")
+    return error
+
+
+def _raise_first(found: list[Exception | None], own: Exception | None) -> None:
+    first = next((one for one in found if one is not None), None)
+    if first is None:
+        return
+    if own is not None and type(own).__name__ in (type(first).__name__, str(first).split(":")[0]):
+        raise own  # the same, with its traceback
+    raise first
 
 
 def bounds(

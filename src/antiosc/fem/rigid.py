@@ -220,7 +220,8 @@ def closer_shift(factor: Solver, K: PETSc.Mat, M: PETSc.Mat, motions: Array) -> 
         x = factor.solve_block(multiply(M, x))
         x = orthonormal(comm, M, x - motions @ dot(comm, motions, multiply(M, x)))
         blocks.append(x)
-    basis = orthonormal(comm, M, np.hstack(blocks))
+    # a small structure exhausts the blocks: what rounding leaves of them must not be rigid
+    basis = orthonormal(comm, M, np.hstack([motions, *blocks]))[:, motions.shape[1] :]
     values, turn = np.linalg.eigh(dot(comm, basis, multiply(K, basis)))
     # xᵀK x is a sum of terms of the size of xᵀD x, known to ε of that.
     softest = basis @ turn[:, :1]

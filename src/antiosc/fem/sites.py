@@ -8,11 +8,12 @@ import numpy as np
 import scipy.sparse
 from numpy.typing import NDArray
 
-from antiosc.errors import AccuracyWarning, InputError, warn
+from antiosc.errors import AccuracyWarning, InputError
 from antiosc.fem.algebra import Array
 from antiosc.fem.compat import IntArray
 from antiosc.fem.load import Points, loads, patches
 from antiosc.fem.locate import Places, closest, closest_many, size_at
+from antiosc.fem.parallel import warn
 from antiosc.fem.structure import Structure
 from antiosc.fem.surface import Faces
 
@@ -169,5 +170,4 @@ def _at(which: NDArray[np.bool_]) -> str:
 
 
 def _warn(structure: Structure, message: str) -> None:
-    if structure.comm.rank == 0:
-        warn(message, AccuracyWarning)
+    warn(structure.comm, message, AccuracyWarning)

@@ -23,7 +23,7 @@ from antiosc.fem.family import Family, Parts, WeakForm, measure
 from antiosc.fem.given import as_petsc, supported
 from antiosc.fem.large import Choice, checked_choice, solver_for
 from antiosc.fem.mesh import Mesh
-from antiosc.fem.parallel import bounds
+from antiosc.fem.parallel import bounds, collective
 from antiosc.fem.shell import Sheet
 from antiosc.fem.strains import attach
 from antiosc.fem.support import NO_DOFS, Support, held_dofs
@@ -73,6 +73,7 @@ class Structure:
         that do not fit.
     """
 
+    @collective()
     def __init__(
         self,
         mesh: Mesh,
@@ -123,6 +124,7 @@ class Structure:
         self.seconds: dict[str, float] = {"assembly": time.perf_counter() - started}
 
     @classmethod
+    @collective(MPI.COMM_SELF, rigid_modes=lambda _: "rows of one rank")
     def from_matrices(cls, K: Any, M: Any, *, rigid_modes: ArrayLike | None = None) -> Structure:
         """A structure from the matrices of any finite-element code, supports already applied.
 

@@ -128,6 +128,8 @@ class Substructures(Factorization):
 
 def _square(L: Array) -> Array:
     """L Lᵀ of a lower triangle, in a third of the operations of a product."""
+    if not L.size:  # this part meets no other
+        return np.zeros(L.shape)
     turned = np.array(L[::-1, ::-1], order="F")  # a copy: LAPACK writes over it
     upper, _ = scipy.linalg.lapack.dlauum(turned, overwrite_c=1)
     square = np.triu(upper)[::-1, ::-1]

@@ -48,7 +48,9 @@ class Support:
             )
         names = self.fix
         if not isinstance(names, str):
-            names = tuple(names) if isinstance(names, list | tuple | set | frozenset) else ()
+            if isinstance(names, set | frozenset):  # each rank has an order of its own of it
+                names = sorted(names, key=str)
+            names = tuple(names) if isinstance(names, list | tuple) else ()
             if not names or not all(isinstance(name, str) for name in names):
                 raise InputError(
                     f"fix={shown(self.fix)} is not a motion: it must be 'all', or motions such as "
