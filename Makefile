@@ -1,6 +1,6 @@
 # Every target sets up what it needs, once; `make help` lists them.
 .DEFAULT_GOAL := help
-.PHONY: help setup demo article bench test check check-cores test-trixie test-sid lint fmt clean
+.PHONY: help setup demo article bench test check check-cores test-trixie test-sid memcheck lint fmt clean
 
 PYTHON := .venv/bin/python
 READY  := .venv/ready
@@ -48,6 +48,9 @@ test-trixie: ## all tests in a tree of Debian 13 (needs root or sudo; ANTIOSC_CH
 
 test-sid: ## all tests in a tree of Debian sid, likewise
 	.ci/debian sid
+
+memcheck: $(READY) ## every call to CHOLMOD under valgrind (apt install valgrind; some minutes)
+	.ci/memcheck $(PYTHON)
 
 lint: $(READY) $(TOOLS)/ready ## style, format and types
 	$(TOOLS)/bin/ruff check .

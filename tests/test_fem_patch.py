@@ -7,6 +7,7 @@ toward the site.
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,6 +17,8 @@ pytest.importorskip("dolfinx")
 import antiosc as ao
 import parts
 from antiosc.errors import AntioscWarning
+from antiosc.fem.load import patches
+from antiosc.fem.surface import Faces
 
 pytestmark = pytest.mark.fem
 
@@ -143,3 +146,18 @@ def test_supports_under_a_patch_are_told():
         warnings.simplefilter("always")
         ao.impact_map(part, radius=0.01, modes=30)
     assert any("of the patch at" in str(one.message) for one in said)
+
+
+def test_rounding_does_not_turn_the_rule_of_a_patch():
+    """The normal of a face along an axis has two components of rounding, of which one is less."""
+    mesh = parts.box((4, 4, 2), SIZE)
+    faces = Faces(mesh, False)
+    radii, labels = np.array([0.008]), np.zeros(len(faces.cells), dtype=int)
+    site, down = np.array([[0.015, 0.02, 0.02]]), np.array([[0.0, 0.0, -1.0]])
+    contact = faces.contact(site, down, radii, labels)
+    found = []
+    for normal in ((1e-17, 2e-17, 1.0), (2e-17, 1e-17, 1.0)):
+        turned = replace(contact, normals=np.array([normal]))
+        found.append(patches(faces, site, radii, turned)[0])
+    np.testing.assert_array_equal(found[0].cell, found[1].cell)
+    np.testing.assert_allclose(found[0].X, found[1].X, atol=1e-12)

@@ -106,7 +106,9 @@ def _laid(
     """One rule laid on some of the sites; see `patches`."""
     comm = faces.mesh.comm
     normal = normals[part]
-    first = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal), axis=1)])
+    # between axes that are equally oblique rounding must not decide how the rule is turned
+    least = np.argmin(np.abs(normal).round(6), axis=1)
+    first = np.cross(normal, np.eye(3)[least])
     if rule.shape[1] == 1:
         first = np.cross(normal, [0.0, 0.0, 1.0])
     size = np.linalg.norm(first, axis=1, keepdims=True)
