@@ -66,7 +66,8 @@ def of_mesh(
     if left > RIGID:
         raise AccuracyError(
             f"a rigid motion strains the structure: ‖K r‖/(‖K‖‖r‖) = {left:.1e} "
-            f"where rounding leaves 1e-16; the mesh or the element order cannot carry it."
+            "where rounding leaves 1e-16; the mesh or the element order cannot carry it, or a "
+            "spring is so stiff that a Support should take its place."
         )
     fields = _vanishing(comm, fields, fixed, springs)
     return motions, SHIFT * _first_elastic(comm, K, M, fields, motions)
