@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from antiosc import cli, info
+from antiosc import cli, info, threads
 from antiosc.errors import InputError
 
 REFERENCE_BLAS = Path("/usr/lib/x86_64-linux-gnu/blas/libblas.so.3")
@@ -74,7 +74,10 @@ def test_a_broken_package_is_reported_and_the_rest_still_shown(tmp_path):
     assert "BLAS" in text
 
 
-@pytest.mark.skipif(not REFERENCE_BLAS.exists(), reason="no reference BLAS installed here")
+@pytest.mark.skipif(
+    not (REFERENCE_BLAS.exists() and Path("/proc/self/maps").exists()),
+    reason="no reference BLAS installed here, or no /proc",
+)
 def test_the_reference_blas_gets_a_warning_with_the_remedy():
     text = run_info(LD_LIBRARY_PATH=str(REFERENCE_BLAS.parent))
     assert row(text, "BLAS") == f"reference  {REFERENCE_BLAS.resolve()}"
@@ -94,6 +97,20 @@ def test_the_blas_is_one_that_the_kernel_has_mapped():
 @pytest.mark.slow
 def test_threads_follow_the_environment():
     assert row(run_info(OMP_NUM_THREADS="3"), "threads").startswith("3 (OMP_NUM_THREADS), ")
+    both = run_info(OMP_NUM_THREADS="3", OPENBLAS_NUM_THREADS="2")
+    assert row(both, "threads").startswith("2 (OPENBLAS_NUM_THREADS), ")
+
+
+@pytest.mark.slow
+def test_threads_that_are_chosen_here_are_told():
+    unset = dict.fromkeys(threads.VARIABLES, "")
+    assert re.match(
+        r"1, more for large factors while cores are free; \d+ cores, \d+ free$",
+        row(run_info(**unset), "threads"),
+    )
+    text = run_info("sys.modules['threadpoolctl'] = None", **unset)
+    assert "threadpoolctl is missing" in row(text, "threads")
+    assert "python3-threadpoolctl" in text.splitlines()[-1]
 
 
 def test_version_option(capsys):

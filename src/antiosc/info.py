@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import ctypes
 import importlib
 import importlib.metadata
 import importlib.util
-import os
 import platform
 import subprocess
 import sys
@@ -14,7 +12,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from antiosc import threads
 from antiosc.isolation import restored, start_petsc
+
+#: Fast BLAS libraries, as threadpoolctl and as people call them.
+NAMES = {"openblas": "OpenBLAS", "blis": "BLIS", "mkl": "MKL"}
 
 
 @dataclass(frozen=True)
@@ -77,7 +79,7 @@ def report() -> str:
         debian = " ".join(sorted({package.debian for package in missing}))
         remarks.append(f"Missing: {names}. Remedy: sudo apt install {debian}")
 
-    lines = [f"{name:<12}{text}".rstrip() for name, text in rows]
+    lines = [f"{name:<15}{text}".rstrip() for name, text in rows]
     return "\n".join(lines + [""] * bool(remarks) + remarks)
 
 
@@ -106,50 +108,41 @@ def _cholmod() -> str:
 
 
 def blas() -> Blas:
-    """The BLAS in use, found among the libraries that are loaded once NumPy is.
+    """The BLAS in use, as threadpoolctl finds it among the libraries that are loaded with NumPy.
 
     Debian's packages all ask for libblas.so.3 and the `alternatives` links choose what that is;
-    a NumPy from PyPI brings an OpenBLAS of its own.
+    a NumPy from PyPI brings an OpenBLAS of its own. threadpoolctl does not know those without
+    threads, the reference implementation above all, beside which OpenBLAS may serve LAPACK alone.
     """
     importlib.import_module("numpy.linalg")
-    loaded = [Path(path) for path in _loaded_libraries()]
-    chosen = [path for path in loaded if path.name.startswith("libblas.so")]
-    own = [path for path in loaded if any(key in path.name for key in ("openblas", "mkl_rt"))]
-    for path in chosen + own:
-        path = path.resolve()
-        for key, name in {"openblas": "OpenBLAS", "blis": "BLIS", "mkl": "MKL"}.items():
-            if key in str(path):
-                return Blas(name, str(path), slow=False)
-        if "atlas" in str(path):
-            return Blas("ATLAS", str(path), slow=False)
-        return Blas("reference", str(path), slow=True)
-    return Blas("unknown", "", slow=False)
+    path = _mapped("libblas.so")
+    if path and not any(name in path for name in NAMES):
+        return Blas("ATLAS", path, slow=False) if "atlas" in path else Blas("reference", path, True)
+    for pool in threads.pools() or ():
+        kind = pool["internal_api"]
+        return Blas(NAMES.get(kind, kind), str(Path(pool["filepath"]).resolve()), slow=False)
+    return Blas("unknown", path, slow=False)
 
 
-def _loaded_libraries() -> list[str]:
-    """Paths of the shared libraries of this process, asked of the loader (/proc may be missing)."""
-
-    class Header(ctypes.Structure):  # the first two fields of struct dl_phdr_info
-        _fields_ = (("address", ctypes.c_void_p), ("name", ctypes.c_char_p))
-
-    paths: list[str] = []
-
-    @ctypes.CFUNCTYPE(ctypes.c_int, ctypes.POINTER(Header), ctypes.c_size_t, ctypes.c_void_p)
-    def collect(header, _size, _data):  # type: ignore[no-untyped-def]
-        paths.append(os.fsdecode(header.contents.name or b""))
-        return 0
-
+def _mapped(name: str) -> str:
+    """Path of a library of this process; empty where it has none or where /proc is missing."""
     try:
-        ctypes.CDLL(None).dl_iterate_phdr(collect, None)
-    except AttributeError:  # not an ELF system
-        return []
-    return paths
+        lines = Path("/proc/self/maps").read_text().splitlines()
+    except OSError:
+        return ""
+    paths = (line.split(maxsplit=5)[-1] for line in lines)
+    return next((path for path in paths if Path(path).name.startswith(name)), "")
 
 
 def _threads() -> str:
-    cores = len(os.sched_getaffinity(0))
-    chosen = os.environ.get("OMP_NUM_THREADS")
-    return f"{chosen or cores} ({'OMP_NUM_THREADS' if chosen else 'default'}), {cores} cores"
+    count = f"{threads.cores()} cores"
+    chosen = threads.chosen()
+    if chosen:
+        variable, number = chosen
+        return f"{number} ({variable}), {count}"
+    if threads.pools() is None:
+        return f"as many as BLAS takes (threadpoolctl is missing), {count}"
+    return f"1, more for large factors while cores are free; {count}, {threads.free_cores()} free"
 
 
 def _attribute(module: str) -> Callable[[], str]:
@@ -201,6 +194,7 @@ PACKAGES = [
     Package("slepc4py", "slepc4py", "python3-slepc4py-real", _attribute("slepc4py")),
     Package("dolfinx", "dolfinx", "python3-dolfinx-real", _attribute("dolfinx")),
     Package("gmsh", "gmsh", "python3-gmsh", _gmsh),
+    Package("threadpoolctl", "threadpoolctl", "python3-threadpoolctl", _attribute("threadpoolctl")),
     Package("meshio", "meshio", "python3-meshio", _attribute("meshio")),
     Package("h5py", "h5py", "python3-h5py", _attribute("h5py")),
 ]

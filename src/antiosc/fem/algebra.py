@@ -21,6 +21,7 @@ from petsc4py import PETSc
 from antiosc.errors import AccuracyError, NotConvergedError, OutOfMemoryError
 from antiosc.fem.cholmod import Cholesky, NotPositiveDefiniteError
 from antiosc.fem.scaling import norms, roots
+from antiosc.threads import one_thread
 
 Array = NDArray[np.float64]
 
@@ -152,7 +153,8 @@ class Solver(ABC):
         self.comm: MPI.Comm = A.getComm().tompi4py()
         A.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         A.setOption(PETSc.Mat.Option.SPD, True)
-        self._set_up()
+        with one_thread():  # but for factors that are worth more
+            self._set_up()
         self.seconds = time.perf_counter() - started
         log.info("%s of %d dofs: %.1f s", type(self).__name__, A.getSize()[0], self.seconds)
 

@@ -33,6 +33,7 @@ from antiosc.fem.cholmod_library import (
     version,
     without_openmp,
 )
+from antiosc.threads import as_many_as_pay, one_thread
 
 Array = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -143,7 +144,7 @@ class Cholesky:
             permutation = np.concatenate([last + inner, np.arange(last)])
         matrix, _kept = _sparse(A)
         factor = self._memory.factor = self._analysed(matrix, permutation)
-        with without_openmp():
+        with without_openmp(), as_many_as_pay(self._fronts()):
             done = self._memory.lib.cholmod_l_factorize(byref(matrix), factor, byref(common))
         found = factor.contents
         if not done or not found.is_super or not found.x:
@@ -152,6 +153,14 @@ class Cholesky:
             raise NotPositiveDefiniteError(
                 f"column {found.minor} of {found.n} is not positive definite"
             )
+
+    def _fronts(self) -> Array:
+        """Operations for each supernode: c² for a column of c entries."""
+        found = self._memory.factor.contents
+        starts = (self._memory.array(p, found.nsuper + 1, c_int64) for p in (found.super, found.pi))
+        width, height = (np.diff(start).astype(float) for start in starts)
+        squares = (width - 1) * width * (2 * width - 1) / 6
+        return np.asarray(width * height**2 - height * width * (width - 1) + squares)
 
     def solve(self, B: Array) -> Array:
         """A⁻¹B for a vector (n,) or a block of vectors (n, k)."""
@@ -175,7 +184,7 @@ class Cholesky:
         x, *rest = memory.work
         if not memory.make_room(rows, columns):
             raise failure(memory.common, f"a solve for {columns} vectors of {rows} rows")
-        with without_openmp():
+        with without_openmp(), one_thread():
             done = memory.lib.cholmod_l_solve2(
                 *(system, memory.factor, byref(right), None, byref(x), None),
                 *(*map(byref, rest), byref(memory.common)),

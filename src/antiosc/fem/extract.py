@@ -24,6 +24,7 @@ from antiosc.fem.static import StaticMode, static_modes
 from antiosc.fem.structure import Structure
 from antiosc.model import AntiOscillators
 from antiosc.motion import Inertia
+from antiosc.threads import one_thread
 
 #: A constraint mode whose m_i is below this share of m_st cannot be seen from the site.
 UNSEEN = 1e-8
@@ -66,6 +67,7 @@ class _Oscillators:
 
 @parallel.collective()
 @within_range
+@one_thread()
 def extract(
     structure: Structure,
     site: Site | Sequence[Site],

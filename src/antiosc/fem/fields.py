@@ -26,6 +26,7 @@ from antiosc.fem.readers import KINDS
 from antiosc.fem.series import listing, write_frames
 from antiosc.fem.structure import Structure
 from antiosc.history import Body, History, no_field
+from antiosc.threads import one_thread
 
 
 def _what(history: History) -> tuple[Any, ...]:
@@ -34,6 +35,7 @@ def _what(history: History) -> tuple[Any, ...]:
 
 
 @collective(history=_what)
+@one_thread()
 def probe(
     structure: Structure,
     history: History,
@@ -76,6 +78,7 @@ def probe(
 
 
 @collective(history=_what)
+@one_thread()
 def write_series(
     structure: Structure,
     history: History,

@@ -25,6 +25,7 @@ from antiosc.fem.static import StaticMode, beside_rigid, static_mode
 from antiosc.fem.structure import Structure
 from antiosc.modal import ModalBody
 from antiosc.motion import Inertia
+from antiosc.threads import one_thread
 
 #: A residual compliance below this share of the compliance is rounding.
 ROUNDING = 1e-9
@@ -107,6 +108,7 @@ class NaturalModes:
 
 @collective()
 @within_range
+@one_thread()
 def superposition(
     structure: Structure, site: Site, n: int, *, static_correction: bool = False
 ) -> NaturalModes:
@@ -150,6 +152,7 @@ def superposition(
 
 @collective()
 @within_range
+@one_thread()
 def full(structure: Structure, site: Site) -> NaturalModes:
     """The unreduced model: all natural modes, and what is massless as a residual compliance.
 

@@ -43,6 +43,7 @@ from antiosc.free_modes import SiteModels
 from antiosc.modal import LinearBody, checked_body
 from antiosc.model import AntiOscillators
 from antiosc.plotting import save_figure
+from antiosc.threads import one_thread
 
 #: Free modes where neither `modes` nor a band says how many.
 MODES = 20
@@ -189,6 +190,7 @@ class ImpactMap:
 
 @collective()
 @within_range
+@one_thread()
 def impact_map(
     structure: Structure,
     where: str | Sequence[Sequence[float]] | None = None,

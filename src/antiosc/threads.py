@@ -1,0 +1,176 @@
+"""BLAS threads: one, unless a factorization is large enough for more and cores are free for them.
+
+OpenBLAS's threads wait for each other in busy loops, thousands of times in one sparse factor. Where
+another program has one of the cores they wait for that, too, and two threads take up to nine times
+as long as one; where all cores are free they gain on the large fronts alone (`demos/threads.py`).
+A number that the user has set in the environment is left alone, and so are all other libraries.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+from threading import Lock, get_ident
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+#: Variables by which users choose a number of threads; the first one that is set counts.
+VARIABLES = (
+    *("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "GOTO_NUM_THREADS"),
+    "OMP_NUM_THREADS",
+)
+#: Operations of a front for each thread: with fewer, threads spend their time on waiting.
+SHARE = 5e8
+#: Twice as many threads pay where they leave at most this share of the time.
+PAYS = 0.8
+#: Looks at what runs on this machine, of which the median counts, and seconds between them.
+LOOKS, PAUSE = 5, 0.004
+
+
+def chosen() -> tuple[str, str] | None:
+    """(Variable, number of threads) that the user has set in the environment, or None."""
+    return next(((name, os.environ[name]) for name in VARIABLES if os.environ.get(name)), None)
+
+
+def cores() -> int:
+    """Cores that this process may use, by its affinity and the quota of its container."""
+    allowed = len(os.sched_getaffinity(0))
+    quota = _text("/sys/fs/cgroup/cpu.max").split()
+    if len(quota) == 2 and quota[0].isdigit():
+        allowed = min(allowed, max(1, int(quota[0]) // int(quota[1])))
+    return allowed
+
+
+def free_cores() -> int:
+    """Those of them that nothing else is using now, at least 1 (our own); 1 if that is unknown."""
+    allowed = cores()
+    if allowed == 1:
+        return 1
+    looks = []
+    for _ in range(LOOKS):
+        others = _running_elsewhere()
+        if others is None:
+            return 1
+        looks.append(others)
+        time.sleep(PAUSE)
+    idle = (os.cpu_count() or 1) - int(np.median(looks))
+    return max(1, min(allowed, idle))
+
+
+def _running_elsewhere() -> int | None:
+    """Threads of other processes that run or wait for a core; None where /proc is missing."""
+    load = _text("/proc/loadavg").split()
+    if len(load) < 4:
+        return None
+    own = sum(
+        _text(path).rpartition(")")[2].split()[:1] == ["R"]
+        for path in Path("/proc/self/task").glob("*/stat")
+    )
+    return max(0, int(load[3].partition("/")[0]) - max(1, own))
+
+
+def _text(path: str | Path) -> str:
+    try:
+        return Path(path).read_text()
+    except OSError:
+        return ""
+
+
+def worth(fronts: NDArray[np.float64], free: int) -> int:
+    """Threads, at most `free`, that pay for dense fronts of so many operations each."""
+
+    def cost(threads: int) -> float:
+        return float(np.sum(fronts / np.clip(fronts / SHARE, 1, threads)))
+
+    threads = 1
+    while threads < free and cost(min(2 * threads, free)) < PAYS * cost(threads):
+        threads = min(2 * threads, free)
+    return threads
+
+
+class _Blas:
+    """The thread pools of the BLAS libraries that are loaded, kept at one thread while in use."""
+
+    def __init__(self, controller: Any) -> None:
+        self.controller = controller
+        self.lock = Lock()
+        self.users: Counter[int] = Counter()  # calls under way, by the Python thread
+        self.limit: Any = None
+        self.before = 1
+
+    def pools(self) -> list[dict[str, Any]]:
+        """What threadpoolctl knows of each BLAS."""
+        return [pool for pool in self.controller.info() if pool["user_api"] == "blas"]
+
+    def enter(self) -> None:
+        with self.lock:
+            if not self.users:
+                self.before = max((pool["num_threads"] for pool in self.pools()), default=1)
+                self.limit = self.controller.limit(limits=1, user_api="blas")
+            self.users[get_ident()] += 1
+
+    def leave(self) -> None:
+        with self.lock:
+            self.users[get_ident()] -= 1
+            self.users += Counter()  # drops the zeros
+            if not self.users:
+                self.limit.restore_original_limits()
+
+
+@cache
+def _blas() -> _Blas | None:
+    """None where threadpoolctl is not installed."""
+    try:
+        from threadpoolctl import ThreadpoolController
+    except ImportError:
+        return None
+    import scipy.linalg  # noqa: F401  (loads the BLAS)
+
+    return _Blas(ThreadpoolController())
+
+
+def pools() -> list[dict[str, Any]] | None:
+    """What threadpoolctl knows of each BLAS that is loaded; None where it is not installed."""
+    blas = _blas()
+    return None if blas is None else blas.pools()
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Work with one BLAS thread, and as many as before afterwards; also as a decorator."""
+    blas = None if chosen() else _blas()
+    if blas is None:
+        yield
+        return
+    blas.enter()
+    try:
+        yield
+    finally:
+        blas.leave()
+
+
+@contextmanager
+def as_many_as_pay(fronts: NDArray[np.float64]) -> Iterator[int | None]:
+    """Work with the threads that pay for dense fronts of so many operations each.
+
+    Never with more than there were at first, nor with more than one beside another calculation of
+    this process. Gives their number, None where it is not ours to choose.
+    """
+    blas = None if chosen() else _blas()
+    if blas is None:
+        yield None
+        return
+    with one_thread():
+        most = min(blas.before, cores()) if len(blas.users) == 1 else 1
+        threads = worth(fronts, most)
+        if threads > 1:
+            threads = worth(fronts, min(most, free_cores()))
+        with blas.controller.limit(limits=threads, user_api="blas"):
+            yield threads

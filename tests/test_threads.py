@@ -1,0 +1,210 @@
+"""BLAS threads: one, unless more pay; a number that the user has set stays."""
+
+from __future__ import annotations
+
+import importlib
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from antiosc import threads
+
+threadpoolctl = pytest.importorskip("threadpoolctl")
+if not threads.pools():
+    pytest.skip("this BLAS has no threads", allow_module_level=True)
+
+LARGE = 100 * threads.SHARE
+
+
+def now() -> set[int]:
+    """Threads of the BLAS libraries at the moment."""
+    return {pool["num_threads"] for pool in threads.pools()}
+
+
+@pytest.fixture
+def two_threads(monkeypatch):
+    """BLAS has two threads and the environment names no number; both are there."""
+    for name in threads.VARIABLES:
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(threads, "cores", lambda: 2)
+    monkeypatch.setattr(threads, "free_cores", lambda: 2)
+    with threadpoolctl.threadpool_limits(2, user_api="blas"):
+        yield
+
+
+def test_small_fronts_stay_with_one_thread():
+    assert threads.worth(np.full(10_000, 0.9 * threads.SHARE), 64) == 1
+    assert threads.worth(np.array([LARGE]), 1) == 1
+    assert threads.worth(np.zeros(0), 4) == 1
+
+
+def test_large_fronts_take_what_is_free_and_mixed_ones_only_what_saves_a_fifth():
+    assert threads.worth(np.array([LARGE]), 2) == 2
+    assert threads.worth(np.array([LARGE]), 3) == 3
+    assert threads.worth(np.full(3, 2 * threads.SHARE), 64) == 2  # not enough for four
+    small = np.full(1000, threads.SHARE / 10)  # as much work as LARGE
+    assert threads.worth(np.append(small, LARGE), 2) == 2  # saves a quarter
+    assert threads.worth(np.append(small, LARGE / 3), 2) == 1  # saves an eighth
+
+
+@pytest.mark.parametrize(
+    ("load", "free"),
+    [("1/300", 4), ("2/300", 3), ("4/300", 1), ("40/300", 1)],
+)
+def test_cores_in_use_are_not_free(monkeypatch, load, free):
+    texts = {"/proc/loadavg": f"0.00 0.00 0.00 {load} 1234\n"}
+    monkeypatch.setattr(threads, "_text", lambda path: texts.get(str(path), ""))
+    monkeypatch.setattr(threads, "cores", lambda: 4)
+    monkeypatch.setattr(threads.os, "cpu_count", lambda: 4)
+    assert threads.free_cores() == free
+
+
+def test_where_nothing_is_known_only_our_own_core_is_free(monkeypatch):
+    monkeypatch.setattr(threads, "_text", lambda path: "")
+    monkeypatch.setattr(threads, "cores", lambda: 4)
+    assert threads.free_cores() == 1
+
+
+def test_a_container_s_quota_counts(monkeypatch):
+    monkeypatch.setattr(threads.os, "sched_getaffinity", lambda _: set(range(8)))
+    for text, count in (("max 100000", 8), ("250000 100000", 2), ("50000 100000", 1), ("", 8)):
+        monkeypatch.setattr(threads, "_text", lambda _, text=text: text)
+        assert threads.cores() == count
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/proc/loadavg").exists(), reason="no /proc here")
+def test_a_busy_machine_has_no_core_free():
+    busy = [
+        subprocess.Popen([sys.executable, "-c", "while True: pass"])
+        for _ in range(2 * threads.cores())
+    ]
+    try:
+        time.sleep(0.5)
+        assert threads.free_cores() == 1
+    finally:
+        for process in busy:
+            process.kill()
+            process.wait()
+
+
+def test_one_thread_inside_and_as_before_afterwards(two_threads):
+    with threads.one_thread():
+        assert now() == {1}
+        with threads.one_thread():
+            assert now() == {1}
+        assert now() == {1}
+    assert now() == {2}
+
+    @threads.one_thread()
+    def failing() -> None:
+        assert now() == {1}
+        raise KeyError("also after an error")
+
+    with pytest.raises(KeyError):
+        failing()
+    assert now() == {2}
+
+
+def test_more_threads_only_for_large_fronts_on_free_cores(two_threads, monkeypatch):
+    with threads.one_thread():
+        with threads.as_many_as_pay(np.array([LARGE])) as count:
+            assert (count, now()) == (2, {2})
+        assert now() == {1}
+        with threads.as_many_as_pay(np.array([1e6])) as count:
+            assert (count, now()) == (1, {1})
+    monkeypatch.setattr(threads, "free_cores", lambda: 1)
+    with threads.as_many_as_pay(np.array([LARGE])) as count:
+        assert (count, now()) == (1, {1})
+    assert now() == {2}
+
+
+def test_never_more_threads_than_the_application_had(two_threads):
+    with (
+        threadpoolctl.threadpool_limits(1, user_api="blas"),
+        threads.as_many_as_pay(np.array([LARGE])) as count,
+    ):
+        assert (count, now()) == (1, {1})
+
+
+@pytest.mark.parametrize("name", threads.VARIABLES)
+def test_a_number_that_the_user_has_set_stays(two_threads, monkeypatch, name):
+    monkeypatch.setenv(name, "2")
+    assert threads.chosen() == (name, "2")
+    with threads.one_thread():
+        assert now() == {2}
+        with threads.as_many_as_pay(np.array([1e6])) as count:
+            assert (count, now()) == (None, {2})
+    assert now() == {2}
+
+
+def test_two_calculations_at_once_share_the_cores_and_leave_all_as_it_was(two_threads):
+    started, ended, seen = threading.Barrier(2), threading.Barrier(2), []
+
+    def calculate(delay: float) -> None:
+        with threads.one_thread():
+            started.wait(10)
+            with threads.as_many_as_pay(np.array([LARGE])) as count:
+                seen.append((count, now()))
+                ended.wait(10)
+            time.sleep(delay)
+
+    workers = [threading.Thread(target=calculate, args=(delay,)) for delay in (0.0, 0.05)]
+    for worker in workers:
+        worker.start()
+    for worker in workers:
+        worker.join()
+    assert seen == [(1, {1}), (1, {1})]
+    assert now() == {2}
+
+
+@pytest.mark.fem
+def test_a_factor_tells_the_operations_of_its_fronts(monkeypatch):
+    import scipy.sparse
+
+    from antiosc.fem import cholmod
+
+    given, plain = [], cholmod.as_many_as_pay
+
+    def record(fronts):
+        given.append(fronts)
+        return plain(fronts)
+
+    monkeypatch.setattr(cholmod, "as_many_as_pay", record)
+    n = 200
+    dense = scipy.sparse.csr_matrix(np.tril(np.ones((n, n)) + n * np.eye(n)))
+    cholmod.Cholesky(dense)
+    chain = scipy.sparse.diags([-np.ones(n - 1), np.full(n, 2.1)], [-1, 0], format="csr")
+    L = cholmod.Cholesky(chain).supernodes
+    # c² operations for a column of c entries
+    assert given[0].sum() == sum(c**2 for c in range(n + 1))
+    heights = np.repeat(np.diff(L.row), np.diff(L.start))
+    first = np.repeat(L.start[:-1], np.diff(L.start))
+    counts = heights - (np.arange(n) - first)
+    assert given[1].sum() == (counts**2).sum()
+
+
+@pytest.mark.fem
+def test_an_extraction_keeps_to_one_thread(two_threads, monkeypatch):
+    import scipy.sparse
+
+    import antiosc as ao
+
+    extract = importlib.import_module("antiosc.fem.extract")
+    seen, plain = [], extract.functionals
+
+    def record(*arguments):
+        seen.append(now())
+        return plain(*arguments)
+
+    monkeypatch.setattr(extract, "functionals", record)
+    K = scipy.sparse.diags([-np.ones(19), np.full(20, 2.0), -np.ones(19)], [-1, 0, 1])
+    part = ao.Structure.from_matrices(1e6 * K, scipy.sparse.eye(20))
+    ao.extract(part, ao.Site(dof=4), n=3)
+    assert seen == [{1}]
+    assert now() == {2}
