@@ -157,6 +157,7 @@ def test_momentum_and_angular_momentum_after_the_impact(name, method):
         assert about == expected
 
 
+@pytest.mark.filterwarnings("ignore:.*units are SI")
 def test_a_stiff_body_parts_as_rigid_ones_do():
     """Hardly any vibration is left behind: J = 2 v/(1/m1 + 1/m2), and e = 1."""
     site = CASES["block"][1]

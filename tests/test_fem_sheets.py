@@ -28,7 +28,8 @@ PANEL = {
 def area(mesh: ao.Mesh, group: str) -> float:
     """Of one group of cells: the mass of a sheet with weight there alone."""
     cells = [name for name, parts in mesh.groups.items() if 2 in parts]
-    materials = {name: ao.Shell(1.0, 0.3, 1.0 if name == group else 1e-12, 1.0) for name in cells}
+    weights = {name: 1.0 if name == group else 1e-12 for name in cells}
+    materials = {name: ao.Shell(1e6 * rho, 0.3, rho, 1.0) for name, rho in weights.items()}
     return ao.Structure(mesh, materials).mass
 
 
@@ -50,8 +51,8 @@ def test_panel(group):
 def test_lines_of_the_skin(group, length):
     """Their length is the mass that a beam on them adds."""
     mesh = ao.read_mesh(FOLDER / "skin.msh")
-    sheet = ao.Shell(1.0, 0.3, 1e-9, 1.0)
-    rod = ao.Beam(1.0, 0.3, 1.0, ao.Section(A=1.0, I=1.0))
+    sheet = ao.Shell(1e-3, 0.3, 1e-9, 1.0)
+    rod = ao.Beam(1e6, 0.3, 1.0, ao.Section(A=1.0, I=1.0))
     with_rod, bare = (ao.Structure(mesh, m) for m in ({"skin": sheet, group: rod}, {"skin": sheet}))
     assert with_rod.mass - bare.mass == pytest.approx(length, rel=1e-5)
 

@@ -66,11 +66,7 @@ def node_order(cell: str, n_nodes: int, convention: str) -> IntArray:
     """Permutation p with dolfinx_nodes = nodes[p], for `convention` "gmsh" or "vtk"."""
     kind = getattr(dolfinx.mesh.CellType, cell)
     if convention == "gmsh":
-        if VERSION < (0, 10):
-            from dolfinx.io import gmshio
-        else:
-            from dolfinx.io import gmsh as gmshio
-        return np.asarray(gmshio.cell_perm_array(kind, n_nodes))
+        return np.asarray(dolfinx.cpp.io.perm_gmsh(kind, n_nodes))
     return np.asarray(dolfinx.cpp.io.perm_vtk(kind, n_nodes))
 
 

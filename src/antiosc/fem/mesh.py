@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -13,14 +13,16 @@ import numpy as np
 from mpi4py import MPI
 from numpy.typing import NDArray
 
-from antiosc.checks import array, choice, instance, positive, shown
+from antiosc.checks import array, choice, flag, instance, positive, shown, text, whole
 from antiosc.checks import path as checked_path
-from antiosc.errors import InputError, MeshError, warn
-from antiosc.fem import compat, folds
+from antiosc.errors import InputError, MeshError
+from antiosc.fem import compat
 from antiosc.fem.cell_geometry import CellGeometry
 from antiosc.fem.compat import IntArray
 from antiosc.fem.parallel import agree, bounds, collective, on_root
-from antiosc.fem.readers import GEOMETRY, RawMesh, Refinement, read
+from antiosc.fem.readers import GEOMETRY, RawMesh, Refinement, Wanted, read
+from antiosc.fem.readers.selection import keys
+from antiosc.fem.soundness import sound
 
 Array = NDArray[np.float64]
 
@@ -109,9 +111,15 @@ def read_mesh(
     order: int | None = None,
     refine: Sequence[Refinement] = (),
     groups: Mapping[str, tuple[Any, int]] | None = None,
+    cells: Wanted = None,
+    trust: bool = False,
+    timeout: float | None = None,
     comm: MPI.Comm = MPI.COMM_WORLD,
 ) -> Mesh:
     """Read a mesh, or mesh a geometry.
+
+    A file is data, whoever it comes from: it is read in a process of its own with limits on time
+    and memory, and runs no commands.
 
     Parameters
     ----------
@@ -135,15 +143,34 @@ def read_mesh(
         For a dolfinx mesh: name -> (MeshTags, value). Files bring their own: physical groups,
         element sets, node sets (a node set also holds the facets that it spans), and tags
         without a name under their number.
+    cells
+        Which cells of a file make the mesh: a dimension (1, 2 or 3), a group or a list of groups.
+        By default those of the highest dimension; if others (shells, beams) are no faces or edges
+        of these, the file is refused.
+    trust
+        Let a `.geo` include other files, run programs and write files; read the options (`.opt`)
+        beside a file. Only for files whose author you know.
+    timeout
+        Seconds after which reading is given up. By default as the size of the file, or the number
+        of cells to be made, asks for, with a margin of 10 or more.
     comm
         The MPI communicator that shares the mesh.
 
     Raises
     ------
     MeshError
-        Missing or unreadable file, no usable cells, mixed cell kinds, pieces that share no node.
+        Missing, unreadable or damaged file, no usable cells, mixed cell kinds, repeated cells,
+        pieces that share no node, a size that would take more than 10 million cells, a script that
+        does more than describe a geometry.
+
+    Warns
+    -----
+    AntioscWarning
+        Folded or overlapping cells, cracks and hanging nodes.
     """
     _check(size, gdim, order, refine)
+    _check(size, gdim, order, refine)
+    _check_choice(cells, trust, timeout)
     instance("comm", comm, MPI.Comm, "an MPI communicator (mpi4py)")
     if groups is not None:
         instance("groups", groups, Mapping, "a dict: name -> (MeshTags, value)")
@@ -156,11 +183,14 @@ def read_mesh(
             f"read_mesh takes a file or a dolfinx mesh; got {type(source).__name__} "
             f"{shown(source)}."
         )
-    path = checked_path("source", source)
-    raw = on_root(
-        comm, lambda: _sound(_flattened(read(path, size, order, refine), gdim, path.name), path)
-    )
-    return _distributed(raw, path.name, comm)
+    file = checked_path("source", source)
+
+    def work() -> RawMesh:
+        raw = read(file, size, order, refine, cells=cells, trust=trust, timeout=timeout)
+        made_here = file.suffix.lower() in GEOMETRY
+        return sound(_flattened(raw, gdim, file.name), file.name, made_here)
+
+    return _distributed(on_root(comm, work), file.name, comm)
 
 
 def _check(
@@ -186,6 +216,19 @@ def _check(
         positive("a size of refine", local, "m")
 
 
+def _check_choice(cells: Any, trust: Any, timeout: Any) -> None:
+    if isinstance(cells, list | tuple):
+        if not cells or not all(isinstance(c, str) and c for c in cells):
+            raise InputError(f"cells must be a dimension or names of groups; got {shown(cells)}.")
+    elif isinstance(cells, str):
+        text("cells", cells)
+    elif cells is not None:
+        whole("cells", cells, 1, 3)
+    flag("trust", trust)
+    if timeout is not None:
+        positive("timeout", timeout, "s")
+
+
 def _flattened(raw: RawMesh, gdim: int | None, name: str) -> RawMesh:
     """`raw` with points of shape (n, gdim)."""
     z = raw.points[:, 2]
@@ -204,36 +247,6 @@ def _flattened(raw: RawMesh, gdim: int | None, name: str) -> RawMesh:
     )
 
 
-def _sound(raw: RawMesh, path: Path) -> RawMesh:
-    """`raw` without folded cells if gmsh made it here, with a warning if a file has them."""
-    kind = raw.kind
-    cells = raw.cells[:, compat.node_order(kind.shape, kind.nodes, raw.convention)]
-    flat = folds.collapsed(raw.points, cells, kind.shape, kind.order)
-    if len(flat):
-        measure = ("length", "area", "volume")[kind.dim - 1]
-        raise MeshError(
-            f"{len(flat)} of {len(cells)} cells of {path.name} have no {measure}, one at "
-            f"({_centre(raw, flat[0])}) m: merge the nodes that coincide, or mesh it anew."
-        )
-    if kind.dim != raw.points.shape[1]:
-        return raw
-    if path.suffix.lower() in GEOMETRY and kind.order == 2 and kind.shape in folds.EDGES:
-        points = folds.straightened(raw.points, raw.cells, kind.shape)
-        return replace(raw, points=points)
-    bad = folds.folded(raw.points, cells, kind.shape, kind.order)
-    if len(bad):
-        warn(
-            f"{len(bad)} of {len(raw.cells)} cells of {path.name} fold over themselves, one at "
-            f"({_centre(raw, bad[0])}) m: what is computed there is wrong; optimise the mesh (in "
-            "gmsh: Mesh.HighOrderOptimize = 2) or read it with order=1.",
-        )
-    return raw
-
-
-def _centre(raw: RawMesh, cell: int) -> str:
-    return ", ".join(f"{c:.4g}" for c in raw.points[raw.cells[cell]].mean(axis=0))
-
-
 def _distributed(raw: RawMesh, name: str, comm: MPI.Comm) -> Mesh:
     """The dolfinx mesh of arrays that every rank holds (their groups too)."""
     kind = raw.kind
@@ -242,23 +255,33 @@ def _distributed(raw: RawMesh, name: str, comm: MPI.Comm) -> Mesh:
         cells, points = cells[:0], points[:0]
     cells = cells[:, compat.node_order(kind.shape, kind.nodes, raw.convention)]
     mesh = compat.create_mesh(comm, np.ascontiguousarray(cells), points, kind.shape, kind.order)
-    groups = {
-        label: {dim: _local_entities(mesh, dim, rows) for dim, rows in parts.items()}
-        for label, parts in raw.groups.items()
-    }
-    return Mesh(mesh, groups, name)
+    return Mesh(mesh, _local_groups(mesh, raw.groups), name)
 
 
-def _local_entities(mesh: dolfinx.mesh.Mesh, dim: int, wanted: IntArray) -> IntArray:
-    """Entities of this rank whose vertices are one of the rows of `wanted` (input node numbers)."""
-    nodes = compat.entity_vertices(mesh, dim)
-    if not len(nodes):
-        return np.zeros(0, dtype=np.int32)
-    mine = np.sort(np.asarray(mesh.geometry.input_global_indices)[nodes], axis=1)
-    both = np.vstack([np.sort(wanted, axis=1), mine])
-    _, label = np.unique(both, axis=0, return_inverse=True)
-    label = label.reshape(-1)
-    return np.flatnonzero(np.isin(label[len(wanted) :], label[: len(wanted)])).astype(np.int32)
+def _local_groups(
+    mesh: dolfinx.mesh.Mesh, wanted: Mapping[str, Mapping[int, IntArray]]
+) -> dict[str, dict[int, IntArray]]:
+    """The entities of this rank in each group, given by the vertices of each (input numbers).
+
+    One sort for all groups of a dimension: there may be thousands.
+    """
+    groups: dict[str, dict[int, IntArray]] = {name: {} for name in wanted}
+    numbers = np.asarray(mesh.geometry.input_global_indices)
+    for dim in sorted({dim for parts in wanted.values() for dim in parts}):
+        names = [name for name, parts in wanted.items() if dim in parts]
+        rows = [wanted[name][dim] for name in names]
+        mine = numbers[compat.entity_vertices(mesh, dim)]
+        code = keys(mine)
+        order = np.argsort(code)
+        asked = keys(np.vstack(rows))
+        place = np.minimum(np.searchsorted(code[order], asked), max(len(mine) - 1, 0))
+        here = code[order][place] == asked if len(mine) else np.zeros(len(asked), dtype=bool)
+        ends = np.cumsum([len(r) for r in rows])
+        for name, end, part in zip(names, ends, rows, strict=True):
+            some = slice(end - len(part), end)
+            found = order[place[some][here[some]]]
+            groups[name][dim] = np.unique(found).astype(np.int32)
+    return groups
 
 
 def _adopted(mesh: dolfinx.mesh.Mesh, groups: Mapping[str, tuple[Any, int]]) -> Mesh:

@@ -27,6 +27,7 @@ from antiosc.fem.parallel import bounds, collective
 from antiosc.fem.shell import Sheet
 from antiosc.fem.strains import attach
 from antiosc.fem.support import NO_DOFS, Support, held_dofs
+from antiosc.fem.units import tell_of_units
 from antiosc.motion import Inertia
 
 #: Most times that the shift of a free body is brought closer to its first elastic ω².
@@ -94,6 +95,8 @@ class Structure:
         self.mesh: Mesh | None = mesh
         cells, beams = _divided(mesh, material)
         self.parts: Parts = _parts(mesh, cells)
+        stiffeners = [beam for _, beam, _ in beams]
+        tell_of_units(mesh.extent(), [*(one for one, _ in self.parts), *stiffeners])
         self.form: WeakForm | None = self.parts[0][0].weak_form(mesh, self.parts, order)
         held = held_dofs(mesh, self.form, supports)
         space = self.form.space

@@ -1,0 +1,330 @@
+"""Gmsh's own mesh files, and geometries that gmsh meshes.
+
+gmsh runs what a file says: it takes any file that does not begin as a mesh for a script, and looks
+for options beside each file. So it gets a copy under a fixed name in an empty folder, and the
+beginning of meshes and every word of scripts is looked at before (`geo_script`).
+"""
+
+from __future__ import annotations
+
+import inspect
+import shutil
+from collections.abc import Sequence
+from math import log, sqrt
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from antiosc.errors import MeshError, MissingDependencyError
+from antiosc.fem.readers import geo_script
+from antiosc.fem.readers.neutral import FileMesh, IntArray, kind_of, known
+from antiosc.fem.readers.request import Request
+
+SCRIPTS = (".geo", ".geo_unrolled")
+GEOMETRY = (*SCRIPTS, ".step", ".stp", ".brep", ".iges", ".igs")
+#: With one of these gmsh's meshes begin; what begins otherwise would be run as a script.
+HEADERS = (b"$MeshFormat", b"$Comments", b"$NOD", b"$NOE", b"$PARA", b"$ELM", b"$PTS")
+#: Sizes grow away from a refined point by this much per unit of distance.
+GROWTH = 0.35
+#: The refined size reaches this many sizes around the point before it grows.
+REACH = 2.0
+#: What gmsh is asked for instead of 1: the edges of its tetrahedra come out up to 1.9 times longer.
+SHORTER = 0.5
+#: More cells than this are refused: gmsh would need some 20 GB.
+MOST_CELLS = 10_000_000
+#: Element sizes below this share of the part are below what its coordinates resolve.
+RESOLVED = 1e-9
+#: Cells that fill a unit of measure with edges of length 1, by dimension: regular simplices.
+FILL = (0.0, 1.0, 4 / sqrt(3), 6 * sqrt(2))
+
+GMSH_KINDS = {
+    15: "vertex",
+    1: "line",
+    8: "line3",
+    2: "triangle",
+    9: "triangle6",
+    3: "quad",
+    10: "quad9",
+    16: "quad8",
+    4: "tetra",
+    11: "tetra10",
+    5: "hexahedron",
+    12: "hexahedron27",
+    17: "hexahedron20",
+}
+
+
+def read(ask: Request) -> FileMesh:
+    """A mesh file (`.msh`)."""
+    source = Path(ask.path)
+    ask.allow(30 + 2e-6 * source.stat().st_size)
+    if not ask.trust:
+        with source.open("rb") as stream:
+            beginning = stream.read(16)
+        if not beginning.startswith(HEADERS):
+            raise MeshError(
+                f"{ask.name} does not begin as a Gmsh mesh ($MeshFormat): it is another file, or "
+                "it is damaged."
+            )
+        source = Path(shutil.copyfile(source, "mesh.msh"))
+    return _through_gmsh(ask, source)
+
+
+def generate(ask: Request) -> FileMesh:
+    """A geometry, meshed."""
+    source = Path(ask.path)
+    suffix = source.suffix.lower()
+    # a script may build and cut for long before there is anything to mesh
+    ask.allow((120 if suffix in SCRIPTS else 30) + 1e-5 * source.stat().st_size)
+    if not ask.trust:
+        own = Path(f"mesh{suffix}")
+        if suffix in SCRIPTS:
+            script = geo_script.harmless(source.read_text(encoding="latin-1"), ask.name)
+            for name in script.merged:
+                _copy_beside(source, name, ask.name)
+            own.write_text(script.text, encoding="latin-1", newline="")
+        else:
+            shutil.copyfile(source, own)
+        source = own
+    return _through_gmsh(ask, source)
+
+
+def _copy_beside(script: Path, name: str, shown: str) -> None:
+    """A geometry file that a script merges, into the folder where the script's copy runs."""
+    merged = script.with_name(name)
+    if not merged.is_file():
+        raise MeshError(f"{shown} merges {name}, but there is no such file beside it.")
+    shutil.copyfile(merged, name)
+
+
+def _through_gmsh(ask: Request, path: Path) -> FileMesh:
+    gmsh = _session()
+    ask.seal()
+    try:
+        gmsh.open(str(path))
+        if Path(ask.path).suffix.lower() != ".msh":
+            _generate(gmsh, ask)
+        return _arrays(gmsh, ask.name)
+    except MeshError:
+        raise
+    except Exception as error:
+        reason = " ".join(str(error).replace(str(path), ask.name).split()).rstrip(".")
+        reason = reason[:200] or "it is damaged"
+        raise MeshError(f"gmsh cannot read or mesh {ask.name}: {reason}.") from error
+
+
+def _session() -> Any:
+    try:
+        import gmsh
+    except ImportError as error:
+        raise MissingDependencyError(
+            "gmsh is not installed: sudo apt install python3-gmsh"
+        ) from error
+    # gmsh 4.9 and later catch signals unless told not to
+    newer = "interruptible" in inspect.signature(gmsh.initialize).parameters
+    options = {"interruptible": False} if newer else {}
+    gmsh.initialize(["antiosc"], readConfigFiles=False, **options)
+    gmsh.option.setNumber("General.Terminal", 0)
+    gmsh.option.setString("Geometry.OCCTargetUnit", "M")
+    return gmsh
+
+
+# --- Meshing --------------------------------------------------------------------------------------
+
+
+def _generate(gmsh: Any, ask: Request) -> None:
+    dim = gmsh.model.getDimension()
+    if dim < 1:
+        raise MeshError(f"{ask.name} holds no geometry (curves, surfaces or volumes).")
+    _check_sizes(gmsh, ask)
+    ask.allow(600)
+    if ask.size is not None:
+        expected = max(_expected(gmsh, ask, d, ask.size) for d in range(1, dim + 1))
+        gmsh.option.setNumber("Mesh.MeshSizeMax", ask.size)
+        ask.allow(30 + 2e-3 * max(expected, 1e4))
+    if ask.refine:
+        fields = [_graded_field(gmsh, point, local, ask.size) for point, local in ask.refine]
+        smallest = gmsh.model.mesh.field.add("Min")
+        gmsh.model.mesh.field.setNumbers(smallest, "FieldsList", fields)
+        gmsh.model.mesh.field.setAsBackgroundMesh(smallest)
+    gmsh.model.mesh.generate(dim)
+    wanted = ask.order if ask.order is not None else (1 if dim == 1 else 2)
+    gmsh.model.mesh.setOrder(wanted)
+
+
+def _check_sizes(gmsh: Any, ask: Request) -> None:
+    extent = _extent(gmsh)
+    for size in [ask.size, *(local for _, local in ask.refine)]:
+        if size is not None and size < RESOLVED * extent:
+            raise MeshError(
+                f"{ask.name} is {extent:.3g} m long: elements of {size:g} m are below what its "
+                f"coordinates resolve, and there would be about {extent / size:.0e} along one "
+                "edge; choose a larger size."
+            )
+
+
+def _expected(gmsh: Any, ask: Request, dim: int, size: float) -> float:
+    """About how many cells of dimension `dim` there will be; MeshError if far too many."""
+    entities = gmsh.model.getEntities(dim)
+    measures = [_bound]
+    if dim > 1 and any(_mass(gmsh, d, tag) is None for d, tag in entities):
+        measures.append(_measure)  # which wants a mesh of what lies below
+    count = 0.0
+    for measure in measures:
+        if measure is _measure:
+            _mesh_coarsely(gmsh, dim - 1)
+        count = FILL[dim] * sum(measure(gmsh, d, tag) for d, tag in entities) / size**dim
+        count += _refined(ask, dim)
+        if measure is _measure:
+            gmsh.model.mesh.clear()
+        if count <= MOST_CELLS:
+            return count
+    raise MeshError(
+        f"{ask.name} would need about {count:.1e} {('', 'lines', 'faces', 'cells')[dim]} at "
+        f"size={size:g} m, more than {MOST_CELLS:.0e}: choose a larger size."
+    )
+
+
+def _mesh_coarsely(gmsh: Any, dim: int) -> None:
+    """A mesh to measure by, of some thirty edges along the model."""
+    gmsh.model.mesh.clear()
+    gmsh.option.setNumber("Mesh.MeshSizeMax", _extent(gmsh) / 30)
+    gmsh.model.mesh.generate(dim)
+
+
+def _extent(gmsh: Any) -> float:
+    """Longest edge of the box around the model, m."""
+    box = np.array(gmsh.model.getBoundingBox(-1, -1))
+    return float(np.max(box[3:] - box[:3]))
+
+
+def _refined(ask: Request, dim: int) -> float:
+    """About how many more cells the refined points take: the integral of their size field."""
+    far = ask.size or 1.0
+    count = 0.0
+    for _, local in ask.refine:
+        ball = FILL[dim] * (2 * REACH / SHORTER) ** dim
+        count += ball * (1 + log(1 + max(far / local, 0.0)) / GROWTH)
+    return count
+
+
+def _bound(gmsh: Any, dim: int, tag: int) -> float:
+    """Length, area or volume of an entity; of gmsh's own kernel at most that of its box."""
+    mass = _mass(gmsh, dim, tag)
+    if mass is not None or dim == 1:
+        return _length(gmsh, tag) if mass is None else mass
+    box = np.array(gmsh.model.getBoundingBox(dim, tag))
+    a, b, c = box[3:] - box[:3]
+    return float(a * b * c if dim == 3 else a * b + b * c + c * a)
+
+
+def _mass(gmsh: Any, dim: int, tag: int) -> float | None:
+    try:
+        return float(gmsh.model.occ.getMass(dim, tag))
+    except Exception:  # not of OpenCASCADE
+        return None
+
+
+def _length(gmsh: Any, tag: int) -> float:
+    low, high = gmsh.model.getParametrizationBounds(1, tag)
+    t = np.linspace(float(low[0]), float(high[0]), 33)
+    x = np.reshape(gmsh.model.getValue(1, tag, t), (-1, 3))
+    return float(np.linalg.norm(np.diff(x, axis=0), axis=1).sum())
+
+
+def _measure(gmsh: Any, dim: int, tag: int) -> float:
+    """Length, area or volume of an entity: of gmsh's own kernel by the mesh of its boundary."""
+    mass = _mass(gmsh, dim, tag)
+    if mass is not None or dim == 1:
+        return _length(gmsh, tag) if mass is None else mass
+    sides = gmsh.model.getBoundary([(dim, tag)], oriented=True)
+    cells = [_corners(gmsh, dim - 1, abs(s))[:, :: -1 if s < 0 else 1] for _, s in sides]
+    if not cells:
+        return 0.0
+    x = np.concatenate(cells)
+    if dim == 2:  # of a plane one; of a curved one the plane that its boundary spans
+        return float(np.linalg.norm(np.cross(x[:, 0], x[:, 1]).sum(axis=0))) / 2
+    return float(abs(np.einsum("ni,ni->", x[:, 0], np.cross(x[:, 1], x[:, 2])))) / 6
+
+
+def _corners(gmsh: Any, dim: int, tag: int) -> NDArray[np.float64]:
+    """Vertices (cells, dim + 1, 3) of the first-order simplices on a meshed entity."""
+    kind, width = {1: (1, 2), 2: (2, 3)}[dim]
+    _, nodes = gmsh.model.mesh.getElementsByType(kind, tag)
+    tags, coordinates, _ = gmsh.model.mesh.getNodes(dim, tag, includeBoundary=True)
+    tags = np.asarray(tags)
+    order = np.argsort(tags)
+    x = np.reshape(coordinates, (-1, 3))[order]
+    return x[np.searchsorted(tags[order], nodes)].reshape(-1, width, 3)
+
+
+def _graded_field(gmsh: Any, point: Sequence[float], local: float, size: float | None) -> int:
+    """A size field: edges of at most `local` around the point, growing to `size` away from it."""
+    x, y, z = (float(c) for c in (*point, 0.0)[:3])
+    far = 1e22 if size is None else float(size)
+    local = float(local)
+    tag = gmsh.model.mesh.field.add("MathEval")
+    distance = f"Sqrt((x-({x!r}))^2+(y-({y!r}))^2+(z-({z!r}))^2)"
+    grown = f"{SHORTER * local!r}+{GROWTH!r}*Max(0,{distance}-{REACH * local!r})"
+    gmsh.model.mesh.field.setString(tag, "F", f"Min({far!r},{grown})")
+    return int(tag)
+
+
+# --- Arrays ---------------------------------------------------------------------------------------
+
+
+def _arrays(gmsh: Any, name: str) -> FileMesh:
+    """All cells, entity after entity, and the physical groups of gmsh's current model."""
+    tags, coordinates, _ = gmsh.model.mesh.getNodes()
+    by_tag = np.argsort(tags).astype(np.int64)
+    sorted_tags = np.asarray(tags)[by_tag]
+    points = np.asarray(coordinates, dtype=float).reshape(-1, 3)
+
+    def indices(node_tags: Any, width: int) -> IntArray:
+        found = np.searchsorted(sorted_tags, node_tags)
+        found[found == len(sorted_tags)] = 0
+        if not len(sorted_tags) or not np.array_equal(sorted_tags[found], node_tags):
+            raise MeshError(f"{name} has cells on nodes that it does not hold: it is damaged.")
+        return by_tag[found].reshape(-1, width)
+
+    blocks: dict[str, list[IntArray]] = {}
+    rows: dict[tuple[int, int], dict[str, IntArray]] = {}
+    count: dict[str, int] = {}
+    for dim, tag in sorted(gmsh.model.getEntities()):
+        kinds, _, nodes = gmsh.model.mesh.getElements(dim, tag)
+        for kind, block in zip(kinds, nodes, strict=True):
+            label = known(GMSH_KINDS.get(int(kind), f"gmsh type {kind}"), name)
+            part = indices(block, kind_of(label).nodes)
+            start = count.get(label, 0)
+            count[label] = start + len(part)
+            blocks.setdefault(label, []).append(part)
+            rows.setdefault((dim, tag), {})[label] = np.arange(start, count[label])
+    cells = {label: np.vstack(parts) for label, parts in blocks.items()}
+    return FileMesh(points, cells, "gmsh", _groups(gmsh, rows, name), aids=True)
+
+
+def _groups(
+    gmsh: Any, rows: dict[tuple[int, int], dict[str, IntArray]], name: str
+) -> dict[str, dict[str, IntArray]]:
+    found: dict[tuple[int, int], dict[str, list[IntArray]]] = {}
+    for (dim, tag), blocks in rows.items():
+        # the other way round gmsh goes through all entities for each group
+        for group in gmsh.model.getPhysicalGroupsForEntity(dim, tag):
+            for kind, members in blocks.items():
+                found.setdefault((dim, abs(int(group))), {}).setdefault(kind, []).append(members)
+    groups: dict[str, dict[str, IntArray]] = {}
+    dims: set[tuple[str, int]] = set()
+    for dim, tag in gmsh.model.getPhysicalGroups():
+        label = gmsh.model.getPhysicalName(dim, tag) or str(tag)
+        parts = found.get((dim, tag))
+        if parts is None:
+            continue
+        if (label, dim) in dims:
+            raise MeshError(
+                f"{name} gives two groups of dimension {dim} the name {label!r}: name them apart."
+            )
+        dims.add((label, dim))
+        groups.setdefault(label, {}).update({k: np.concatenate(r) for k, r in parts.items()})
+    return groups

@@ -1,0 +1,110 @@
+"""All files that gmsh does not read here: through meshio."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from antiosc.errors import MeshError, MissingDependencyError
+from antiosc.fem.readers.neutral import FileMesh, IntArray, kind_of, known
+from antiosc.fem.readers.request import Request
+
+
+def read(ask: Request) -> FileMesh:
+    """The content of a file in any format that meshio knows by its ending."""
+    name = ask.name
+    mesh = _read(Path(ask.path), name)
+    points = np.zeros((len(mesh.points), 3))
+    if len(points):
+        points[:, : mesh.points.shape[1]] = mesh.points
+    cells: dict[str, list[IntArray]] = {}
+    starts: list[int] = []
+    count: dict[str, int] = {}
+    for block in mesh.cells:
+        data = np.asarray(block.data, dtype=np.int64)
+        starts.append(count.get(block.type, 0))
+        cells.setdefault(known(block.type, name), []).append(data)
+        count[block.type] = starts[-1] + len(data)
+    result = FileMesh(points, {k: np.vstack(parts) for k, parts in cells.items()}, "vtk")
+    parts: dict[str, dict[str, list[IntArray]]] = {}
+    for group, index, rows in _cell_sets(mesh):
+        label = mesh.cells[index].type
+        parts.setdefault(group, {}).setdefault(label, []).append(starts[index] + rows)
+    result.groups = {
+        group: {label: np.concatenate(rows) for label, rows in kinds.items()}
+        for group, kinds in parts.items()
+    }
+    result.node_sets = dict(_node_sets(mesh))
+    return result
+
+
+def _read(path: Path, name: str) -> Any:
+    try:
+        import meshio
+    except ImportError as error:
+        raise MissingDependencyError(
+            "meshio is not installed: sudo apt install python3-meshio"
+        ) from error
+    said = io.StringIO()
+    try:
+        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+            return meshio.read(path)
+    except (Exception, SystemExit) as error:
+        # meshio prints what is wrong and leaves by sys.exit
+        reason = _plain(said.getvalue()) or _plain(str(error)) or type(error).__name__
+        reason = reason.replace(str(path), name)
+        raise MeshError(f"meshio cannot read {name}: {reason[:200]}.") from error
+
+
+def _plain(text: str) -> str:
+    """A library's complaint as part of a sentence."""
+    return " ".join(text.split()).rstrip(".")
+
+
+def _cell_sets(mesh: Any) -> Iterator[tuple[str, int, IntArray]]:
+    """(group name, block, rows) from every way in which meshio's formats carry cell groups."""
+    physical = {(int(tag), int(dim)): name for name, (tag, dim) in mesh.field_data.items()}
+    families = getattr(mesh, "cell_tags", {})  # MED: tag -> names
+    for key, blocks in mesh.cell_data.items():
+        for index, values in enumerate(blocks):
+            values = np.asarray(values)
+            if values.ndim != 1 or not np.issubdtype(values.dtype, np.integer):
+                continue
+            dim = kind_of(mesh.cells[index].type).dim
+            for value, rows in _by_value(values):
+                if key == "gmsh:physical":
+                    yield physical.get((value, dim), str(value)), index, rows
+                elif key == "cell_tags":
+                    for name in families.get(value, []):
+                        yield name, index, rows
+                elif key in ("nastran:ref", "medit:ref"):
+                    yield str(value), index, rows
+                elif key != "gmsh:geometrical":
+                    yield f"{key}={value}", index, rows
+    for name, blocks in mesh.cell_sets.items():
+        for index, rows in enumerate(blocks):
+            if rows is not None and len(rows) and name not in mesh.cell_data:
+                yield str(name), index, np.asarray(rows, dtype=np.int64)
+
+
+def _by_value(values: Any) -> Iterator[tuple[int, IntArray]]:
+    """(value, rows that have it), ascending; one sort for all of them."""
+    order = np.argsort(values, kind="stable")
+    found, first = np.unique(values[order], return_index=True)
+    for value, rows in zip(found, np.split(order, first[1:]), strict=True):
+        yield int(value), rows.astype(np.int64)
+
+
+def _node_sets(mesh: Any) -> Iterator[tuple[str, IntArray]]:
+    for name, nodes in getattr(mesh, "point_sets", {}).items():
+        yield str(name), np.asarray(nodes, dtype=np.int64)
+    tags = mesh.point_data.get("point_tags")  # MED: tag -> names
+    if tags is not None:
+        for value, labels in getattr(mesh, "point_tags", {}).items():
+            for name in labels:
+                yield name, np.flatnonzero(np.asarray(tags) == value)

@@ -1,0 +1,165 @@
+"""What every reader of files delivers: points, cells by kind and groups by name, as arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from antiosc.errors import MeshError
+
+IntArray = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class CellKind:
+    """A cell shape with its geometric order; `vertices` of its `nodes` come first."""
+
+    shape: str
+    dim: int
+    order: int
+    vertices: int
+    nodes: int
+
+
+#: By meshio's names.
+KINDS = {
+    "vertex": CellKind("point", 0, 1, 1, 1),
+    "line": CellKind("interval", 1, 1, 2, 2),
+    "line3": CellKind("interval", 1, 2, 2, 3),
+    "triangle": CellKind("triangle", 2, 1, 3, 3),
+    "triangle6": CellKind("triangle", 2, 2, 3, 6),
+    "quad": CellKind("quadrilateral", 2, 1, 4, 4),
+    "quad9": CellKind("quadrilateral", 2, 2, 4, 9),
+    "tetra": CellKind("tetrahedron", 3, 1, 4, 4),
+    "tetra10": CellKind("tetrahedron", 3, 2, 4, 10),
+    "hexahedron": CellKind("hexahedron", 3, 1, 8, 8),
+    "hexahedron27": CellKind("hexahedron", 3, 2, 8, 27),
+}
+#: Kinds that are only read as the boundary of others, or whose mid-side nodes can be dropped.
+SERENDIPITY = {
+    "quad8": CellKind("quadrilateral", 2, 2, 4, 8),
+    "hexahedron20": CellKind("hexahedron", 3, 2, 8, 20),
+}
+FACETS: dict[str, list[tuple[int, ...]]] = {
+    "interval": [(0,), (1,)],
+    "triangle": [(0, 1), (1, 2), (2, 0)],
+    "quadrilateral": [(0, 1), (1, 2), (2, 3), (3, 0)],
+    "tetrahedron": [(0, 1, 2), (0, 1, 3), (0, 2, 3), (1, 2, 3)],
+    "hexahedron": [
+        (0, 1, 2, 3),
+        (4, 5, 6, 7),
+        (0, 1, 5, 4),
+        (1, 2, 6, 5),
+        (2, 3, 7, 6),
+        (3, 0, 4, 7),
+    ],
+}
+EDGES: dict[str, list[tuple[int, int]]] = {
+    "tetrahedron": [(0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)],
+    "hexahedron": [
+        *((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4)),
+        *((0, 4), (1, 5), (2, 6), (3, 7)),
+    ],
+}
+
+
+@dataclass
+class FileMesh:
+    """The content of one mesh file.
+
+    A reader fills it; which cells make the mesh, and whether they are sound, is decided later.
+    """
+
+    #: (n, 3) node coordinates, m
+    points: NDArray[np.float64]
+    #: kind (a name of KINDS or SERENDIPITY) -> (cells, nodes of one), vertices first
+    cells: dict[str, IntArray]
+    #: node order within a cell: "gmsh" or "vtk"
+    convention: str
+    #: group name -> {kind: rows of `cells[kind]`}
+    groups: dict[str, dict[str, IntArray]] = field(default_factory=dict)
+    #: name of a set of nodes -> rows of `points`
+    node_sets: dict[str, IntArray] = field(default_factory=dict)
+    #: once a group holds cells of the highest dimension, cells in no group are construction aids
+    aids: bool = False
+
+
+@dataclass
+class RawMesh:
+    """Nodes, cells of one kind, and groups, as arrays."""
+
+    #: (n, 3) node coordinates
+    points: NDArray[np.float64]
+    #: (cells, nodes per cell), vertices first
+    cells: IntArray
+    kind: CellKind
+    #: node order within a cell: "gmsh" or "vtk"
+    convention: str
+    #: name -> {dimension: (entities, vertices of one)}
+    groups: dict[str, dict[int, IntArray]] = field(default_factory=dict)
+
+
+def kind_of(label: str) -> CellKind:
+    """The kind named `label`; KeyError if no element here can carry it."""
+    return KINDS[label] if label in KINDS else SERENDIPITY[label]
+
+
+def known(label: str, name: str) -> str:
+    """`label` itself; MeshError if no element here can carry such cells of the file `name`."""
+    if label not in KINDS and label not in SERENDIPITY:
+        raise MeshError(
+            f"{name} holds {label} cells, which no element here can carry; it must be of lines, "
+            "triangles, quadrilaterals, tetrahedra or hexahedra of geometric order 1 or 2."
+        )
+    return label
+
+
+def packed(mesh: FileMesh) -> tuple[dict[str, Any], list[NDArray[Any]]]:
+    """`mesh` as (what fits JSON, arrays); groups are put end to end, for there may be thousands."""
+    rows = [rows for parts in mesh.groups.values() for rows in parts.values()]
+    nodes = list(mesh.node_sets.values())
+    head = {
+        "cells": list(mesh.cells),
+        "convention": mesh.convention,
+        "groups": [[n, k, len(r)] for n, g in mesh.groups.items() for k, r in g.items()],
+        "node_sets": [[name, len(r)] for name, r in mesh.node_sets.items()],
+        "aids": mesh.aids,
+    }
+    none = np.zeros(0, dtype=np.int64)
+    arrays = [np.concatenate([none, *rows]), np.concatenate([none, *nodes]), mesh.points]
+    return head, [*arrays, *mesh.cells.values()]
+
+
+def unpacked(head: dict[str, Any], arrays: list[NDArray[Any]]) -> FileMesh:
+    """The mesh that `packed` took apart; ValueError where sizes, kinds and indices disagree."""
+    rows, nodes, points, *blocks = arrays
+    cells = dict(zip(head["cells"], blocks, strict=True))
+    mesh = FileMesh(points, cells, head["convention"], aids=bool(head["aids"]))
+    if points.dtype != float or points.ndim != 2 or points.shape[1] != 3:
+        raise ValueError("points must be of shape (n, 3)")
+    for label, block in cells.items():
+        if block.ndim != 2 or block.shape[1] != kind_of(label).nodes:
+            raise ValueError(f"{label} cells of shape {block.shape}")
+        _check_indices(block, len(points), f"the {label} cells name nodes")
+    start = 0
+    for name, label, count in head["groups"]:
+        part = rows[start : start + count]
+        _check_indices(part, len(cells[label]), f"group {name!r} names {label} cells")
+        mesh.groups.setdefault(name, {})[label] = part
+        start += count
+    start = 0
+    for name, count in head["node_sets"]:
+        mesh.node_sets[name] = nodes[start : start + count]
+        start += count
+    _check_indices(nodes, len(points), "a node set names nodes")
+    return mesh
+
+
+def _check_indices(rows: NDArray[Any], most: int, what: str) -> None:
+    if rows.dtype != np.int64:
+        raise ValueError(f"{what} by {rows.dtype}")
+    if rows.size and not (rows.min() >= 0 and rows.max() < most):
+        raise ValueError(f"{what} that the file does not hold")

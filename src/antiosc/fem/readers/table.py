@@ -1,0 +1,33 @@
+"""Which reader reads which files.
+
+A new format is one function here: it gets a `Request`, reads `ask.path` and returns a `FileMesh`,
+or raises MeshError in one sentence that calls the file `ask.name`. It runs in a process of its own
+with limits on time and memory (`child`), in which of antiosc only modules without dolfinx can be
+imported: `antiosc.errors`, `antiosc.checks` and this package. What no entry names goes to meshio.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from antiosc.fem.readers import by_gmsh, by_meshio
+from antiosc.fem.readers.neutral import FileMesh
+from antiosc.fem.readers.request import Request
+
+Reader = Callable[[Request], FileMesh]
+
+READERS: dict[str, Reader] = {
+    ".msh": by_gmsh.read,
+    **dict.fromkeys(by_gmsh.GEOMETRY, by_gmsh.generate),
+}
+
+
+def reader_of(path: str | Path) -> Reader:
+    """The reader of a file, by its ending."""
+    return READERS.get(Path(path).suffix.lower(), by_meshio.read)
+
+
+def library_of(path: str | Path) -> str:
+    """The module that the reader of a file needs; it is loaded once for all files."""
+    return "meshio" if reader_of(path) is by_meshio.read else "gmsh"

@@ -1,0 +1,47 @@
+"""Numbers that look as if they were not in SI units: meshes and decks are often in mm and MPa."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from math import sqrt
+from typing import Any
+
+from antiosc.errors import warn
+
+#: Speeds √(E/ρ) of waves in bars, m/s: rubber has some 50, diamond 18 000.
+SLOWEST, FASTEST = 50.0, 20_000.0
+#: Parts are shorter than this, m.
+LONGEST = 100.0
+
+
+def tell_of_units(extent: float, materials: Iterable[Any]) -> None:
+    """Warn where a part of this extent (m) or one of its materials cannot well be meant in SI.
+
+    Parameters
+    ----------
+    extent : float
+        Diagonal of the box around the part, m.
+    materials : Solid, Beam, Shell or Laminate
+    """
+    if extent > LONGEST:
+        warn(
+            f"the part is {extent:.4g} m long, more than {LONGEST:g} m: units are SI; a mesh in "
+            "millimetres must be scaled by 1e-3."
+        )
+    for material in materials:
+        speed = _speed(material)
+        if not SLOWEST <= speed <= FASTEST:
+            warn(
+                f"waves run through a {type(material).__name__} of this part at √(E/ρ) = "
+                f"{speed:.3g} m/s, outside {SLOWEST:g} to {FASTEST:g}: units are SI, E in Pa and "
+                "rho in kg/m³ (steel: 210e9 and 7850)."
+            )
+
+
+def _speed(material: Any) -> float:
+    """√(E/ρ), m/s; of a laminate by its mean E along its stiffer directions and its mean ρ."""
+    layers = getattr(material, "layers", None)
+    if layers is None:
+        return sqrt(material.E / material.rho)
+    stiffness = sum(max(layer.E1, layer.E2) * layer.thickness for layer in layers)
+    return sqrt(stiffness / sum(layer.rho * layer.thickness for layer in layers))
