@@ -20,6 +20,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 import scipy.sparse
 from numpy.typing import NDArray
+from petsc4py import PETSc
 
 #: Fields that hold the rows of one rank.
 LOCAL = frozenset({"phi", "residual", "shape", "shapes"})
@@ -178,6 +179,8 @@ def _of_code(code: types.CodeType, above: tuple[int, ...]) -> Iterator[bytes]:
 
 def _global_facts(value: Any) -> tuple[Any, ...]:
     """What a distributed object of PETSc, dolfinx or MPI is on all of its ranks."""
+    if isinstance(value, PETSc.Object) and not value:
+        return ("empty or destroyed",)  # to ask it for more kills the process
     if hasattr(value, "topology"):
         cells = value.topology.index_map(value.topology.dim)
         return value.topology.dim, value.geometry.dim, cells.size_global

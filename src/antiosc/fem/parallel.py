@@ -11,6 +11,7 @@ from typing import Any, ParamSpec, TypeVar
 import numpy as np
 from mpi4py import MPI
 from numpy.typing import NDArray
+from petsc4py import PETSc
 
 from antiosc import errors
 from antiosc.checks import shown
@@ -119,6 +120,8 @@ def _communicator(values: Iterable[Any], default: MPI.Comm) -> MPI.Comm:
     those too that were given something else.
     """
     for value in values:
+        if isinstance(value, PETSc.Object) and not value:
+            continue  # empty or destroyed: to ask for its communicator kills the process
         try:
             comm = value if isinstance(value, MPI.Comm) else getattr(value, "comm", None)
             if comm is not None and not isinstance(comm, MPI.Comm):
