@@ -235,3 +235,42 @@ def unit_meshes(tmp_path):
 
     kinds = "quadrilateral", "hexahedron"
     return [str(parts.gmsh_cube(tmp_path / f"{kind}.msh", kind, n=1)) for kind in kinds]
+
+
+GIVEN = """
+import json, sys
+import numpy as np
+import antiosc as ao
+from petsc4py import PETSc
+
+def shared(n, entries):
+    comm = PETSc.COMM_WORLD
+    A = PETSc.Mat().createAIJ(((PETSc.DECIDE, n), (PETSc.DECIDE, n)), nnz=3, comm=comm)
+    for i in range(*A.getOwnershipRange()):
+        for j in range(max(i - 1, 0), min(i + 2, n)):
+            A[i, j] = entries(i, j, n)
+    A.assemble()
+    return A
+
+def springs(i, j, n):
+    return 1e4 * (-1.0 if i != j else float(i > 0) + float(i < n - 1))
+
+found = {}
+for n in (2, 3, 4, 9):
+    chain = ao.Structure.from_matrices(shared(n, springs), shared(n, lambda i, j, n: float(i == j)))
+    model = ao.extract(chain, ao.Site(dof=n - 1), n=n - 1, method="modes")
+    found[n] = [model.k0, model.m_st, *model.omega]
+print(json.dumps(found))
+"""
+
+
+@pytest.mark.parametrize("ranks", [1, 3])
+def test_a_free_chain_of_fewer_masses_than_ranks(ranks):
+    """Its antiresonances are 2 √(k/m) sin((2j - 1)π/(4n - 2)), those of the chain pinned there."""
+    printed = run_ranks(ranks, GIVEN)
+    assert len(set(printed)) == 1
+    for n, (k0, m_st, *omega) in json.loads(printed[0]).items():
+        j = np.arange(1, int(n))
+        exact = 200 * np.sin((2 * j - 1) * np.pi / (4 * int(n) - 2))
+        np.testing.assert_allclose([k0, m_st], [0, int(n)], rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(omega, exact, rtol=1e-9)

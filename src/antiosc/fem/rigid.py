@@ -113,7 +113,7 @@ def of_matrices(K: PETSc.Mat, M: PETSc.Mat, given: Array | None) -> tuple[Array,
     # Block inverse iteration, first far below the top of the spectrum; then again from the
     # elastic value that it finds, so that the shift sits where the modes are.
     shift = 1e-7 * frequency(K, M)
-    rng = np.random.default_rng(0)
+    rng = np.random.default_rng(comm.rank)
     block = (
         rng.standard_normal((n, 12))
         if given is None
@@ -150,7 +150,7 @@ def _singular(comm: MPI.Comm, K: PETSc.Mat) -> bool:
     n = K.getLocalSize()[0]
     try:
         factor = _solver(K)
-        x = np.random.default_rng(0).standard_normal(n)
+        x = np.random.default_rng(comm.rank).standard_normal(n)
         for _ in range(3):
             x = factor.solve_checked(x / norm(comm, x))
     except AntioscError:
