@@ -22,6 +22,9 @@ from antiosc.modal import LinearBody, ModalBody, checked_body
 DAMPING = 0.01
 #: the band is sampled from its top down to this share of the lowest frequency of the model
 START = 0.25
+#: an anti-oscillator is not seen from the site when its share of |Z| at its own frequency, where it
+#: is largest, stays below this
+UNSEEN = 1e-8
 
 #: the band of an impact over the circular frequency pi/T of its contact time: a half-sine of length
 #: T has its first zero there
@@ -30,22 +33,56 @@ BEYOND = 3.0
 Stiffness = Callable[[Any], NDArray[Any]]
 
 
-def samples(top: float, lowest: float) -> NDArray[np.complex128]:
+def samples(top: float, lowest: float, step: float = DAMPING) -> NDArray[np.complex128]:
     """Damped circular frequencies up to `top` [rad/s], close enough to meet every peak of Z.
 
     `lowest`: the first frequency [rad/s] at which Z does anything; below it Z is quasi-static.
+    `step`: relative distance of neighbours; a peak has the width of the damping.
     """
     start = START * min(top, lowest)
-    count = int(np.ceil(np.log(top / start) / DAMPING)) + 2
+    count = int(np.ceil(np.log(top / start) / step)) + 2
     return np.geomspace(start, top, count) * (1 + 1j * DAMPING)
 
 
+def driving_point(
+    x: NDArray[Any], k0: ArrayLike, m0: ArrayLike, m: ArrayLike, poles: ArrayLike
+) -> NDArray[Any]:
+    """Z at x = omega^2 of shape (..., W) for k0, m0 (...,) and m, poles = omega_i^2 (..., N).
+
+    Written with m0, not with m_st = m0 + sum(m_i): where an m_i is large, -x m_st and its own term
+    cancel to all digits.
+    """
+    k0, m0, m, poles = (np.asarray(a, dtype=float) for a in (k0, m0, m, poles))
+    real = m > 0
+    weight, poles = np.where(real, m * poles, 0.0), np.where(real, poles, -1.0)
+    hung = np.sum(weight[..., None, :] / (poles[..., None, :] - x[..., None]), axis=-1)
+    return np.asarray(k0[..., None] - x * (m0[..., None] + hung))
+
+
+def shares(k0: ArrayLike, m0: ArrayLike, m: ArrayLike, poles: ArrayLike) -> NDArray[np.float64]:
+    """|change of Z|/|Z| (..., N) at each pole, damped, if its mass were counted to m0 instead.
+
+    Arguments as of `driving_point`; poles with m = 0 have no share.
+    """
+    m, poles = np.asarray(m, dtype=float), np.asarray(poles, dtype=float)
+    share = np.zeros(m.shape)
+    for i in range(m.shape[-1]):  # one after the other: all at once take N times the memory
+        pole = np.where(m[..., i] > 0, poles[..., i], 1.0)
+        x = pole * (1 + 1j * DAMPING) ** 2
+        Z = driving_point(x[..., None], k0, m0, m, poles)[..., 0]
+        share[..., i] = m[..., i] * np.abs(x**2 / (pole - x) / Z)
+    return share
+
+
 def lowest_frequency(k0: float, m_st: float, omega: ArrayLike) -> float:
-    """Where Z begins to vary [rad/s]: the one-degree-of-freedom model's or the first pole."""
+    """Where Z begins to vary [rad/s]: the one-degree-of-freedom model's or the first pole.
+
+    inf for a rigid mass, whose Z varies alike everywhere.
+    """
     known = [float(w) for w in np.atleast_1d(np.asarray(omega, dtype=float))[:1]]
     if k0 > 0:
         known.append(float(np.sqrt(k0 / m_st)))
-    return min(known)
+    return min(known, default=float("inf"))
 
 
 def stiffness_error(Z: Stiffness, reference: Stiffness, band: float, lowest: float) -> float:

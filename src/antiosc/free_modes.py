@@ -30,18 +30,21 @@ from antiosc import band as bands
 from antiosc import checks
 from antiosc.errors import InputError
 from antiosc.model import AntiOscillators
+from antiosc.rigid_share import APART, HIDDEN, with_rigid
 
 Array = NDArray[np.float64]
 Method = Literal["krylov", "modes"]
 
-#: An anti-oscillator below this share of m_st is not seen from the site.
-UNSEEN = 1e-8
 #: A residual compliance below this share of C is rounding.
 ROUNDING = 1e-9
 #: What orthogonalisation leaves of a new direction, relatively, when the space is exhausted.
 EXHAUSTED = 1e-10
 #: An eigenvalue of T below this share of the largest is rounding.
 NULL = 1e-13
+#: Sqrt of the share of m_st at the site that is rounding.
+MASSLESS = 1e-12
+#: Share by which a bound rises at most between two of its samples.
+SAMPLED = 0.25
 #: Sites worked on at a time: their arrays stay in the cache.
 BATCH = 500
 
@@ -149,12 +152,37 @@ def at_sites(
         )
     count = omega.size + 1 if n is None else min(checks.whole("n", n), omega.size + 1)
     r, s = residual(omega, b, C, G, shift)
-    parts = [slice(i, i + BATCH) for i in range(0, len(b), BATCH)]
-    found = [_batch(omega, b[p], r[p], s[p], count, shift, method) for p in parts]
-    if not found:
-        none = np.zeros((0, count))
-        return SiteModels(C, C, C, none, none)
-    return SiteModels(*(np.concatenate(columns) for columns in zip(*found, strict=True)))
+    # the rigid-body modes as one that moves the site by `along`
+    along = np.sqrt(np.sum(b[:, omega == 0] ** 2, axis=1))
+    share = along**2 / shift / C if shift else np.zeros(len(b))
+    elastic = np.where(omega == 0, 0.0, b)
+    result = SiteModels(*np.zeros((3, len(b))), *np.zeros((2, len(b), count)))
+    result.omega[:] = np.inf
+    for group, part, few in (
+        (share > APART, b, count),
+        ((share <= APART) & (share > HIDDEN), elastic, count - 1),
+        (share <= HIDDEN, elastic, count),
+    ):
+        sites = np.flatnonzero(group)
+        for at in np.split(sites, range(BATCH, len(sites), BATCH)):
+            found: tuple[Array, ...] = _batch(omega, part[at], r[at], s[at], few, shift, method)
+            if few < count:
+                found = _joined(found, along[at])
+            result.k0[at], result.m0[at], result.m_st[at] = found[:3]
+            result.omega[at, : found[3].shape[1]], result.m[at, : found[4].shape[1]] = found[3:]
+    return result
+
+
+def _joined(found: tuple[Array, ...], along: Array) -> tuple[Array, ...]:
+    """The elastic parameters of a batch with a rigid-body mode that hardly moves the site."""
+    k0, m0, _, omega, m = found
+    wide = np.full((len(k0), m.shape[1] + 1), np.inf), np.zeros((len(k0), m.shape[1] + 1))
+    left = np.zeros_like(m0)
+    for i, a in enumerate(along):
+        real = m[i] > 0
+        left[i], own, w, _, _ = with_rigid(k0[i], m0[i], m[i, real], omega[i, real], a)
+        wide[0][i, : len(w)], wide[1][i, : len(w)] = w, own
+    return np.zeros_like(k0), left, 1 / along**2, *wide
 
 
 def residual(
@@ -202,11 +230,15 @@ def error_bound(
             f"the band must end below the last free mode, {omega[-1]:g} rad/s; got {band:g} rad/s."
         )
     r, s = (v[:, None] for v in residual(omega, b, C, G, shift))
+    # what `residual` took for rounding
+    lost = np.where(r > 0, 0.0, np.abs(C - b**2 @ (1 / (omega**2 + shift)))[:, None])
+    slow = np.where(s > 0, 0.0, np.abs(G - b**2 @ (1 / (omega**2 + shift) ** 2))[:, None])
     theta = s / np.where(r > 0, r, 1.0)
     p = theta * (omega[-1] ** 2 + shift)
-    at = bands.samples(band, float(omega[omega > 0][0]))
+    at = bands.samples(band, min(omega[omega > 0].min(), models.omega.min(initial=np.inf)))
     x = at**2
     z = x + shift
+    far = np.abs(1 - z / (omega[-1] ** 2 + shift))
     modal = 1 / (omega[:, None] ** 2 - x)
     left_out, reduction = np.zeros(len(b)), np.zeros(len(b))
     for i in range(0, len(b), BATCH):
@@ -215,9 +247,10 @@ def error_bound(
         chord = r[part] * (1 - p[part] + p[part] / (1 - z / (omega[-1] ** 2 + shift)))
         H = b[part] ** 2 @ modal + one
         Z = models.dynamic_stiffness(at, part)
-        left_out[part] = np.max(np.abs(Z * (chord - one)), axis=1)
+        change = np.abs(chord - one) + (lost[part] + slow[part] * np.abs(z)) / far
+        left_out[part] = np.max(np.abs(Z) * change, axis=1)
         reduction[part] = np.max(np.abs(Z * H - 1), axis=1)
-    return left_out, reduction
+    return (1 + SAMPLED) * left_out, (1 + SAMPLED) * reduction
 
 
 def _batch(
@@ -235,41 +268,44 @@ def _batch(
     C = np.sum(b * deflection, axis=1) + massless
     # the static mode, or the rigid-body mode in its place
     along = np.sum(b[:, rigid] ** 2, axis=1)
-    free = along > 1e-12 * np.sum(b**2, axis=1)
+    free = along > 0
     swing = np.where(rigid, b, 0.0) / np.where(free, along, 1.0)[:, None]
     phi = np.where(free[:, None], swing, deflection / C[:, None])
     m_st = np.sum(phi**2, axis=1)
-    if method == "krylov":
-        theta, m = _lanczos(A, b, bAb, massless, phi, n)
-    else:
-        theta, m = _eigenpairs(A, b, bAb, phi)
+    solve = _lanczos if method == "krylov" else _eigenpairs
+    theta, c, left = solve(A, b, bAb, massless, phi, n)
+    k0, m = np.where(free, 0.0, 1 / C), c**2
     with np.errstate(divide="ignore"):
         x = np.where(theta > 0, 1 / theta - shift, np.inf)
-    seen = (m > UNSEEN * m_st[:, None]) & np.isfinite(x) & (x > 0)
-    order = np.argsort(np.where(seen, x, np.inf), axis=1, kind="stable")[:, :n]
+    real = np.isfinite(x) & (x > 0)
+    rest = left + np.sum(np.where(real, 0.0, m), axis=1)
+    seen = bands.shares(k0, rest, np.where(real, m, 0.0), np.where(real, x, 1.0)) > bands.UNSEEN
+    order = np.argsort(np.where(seen, x, np.inf), axis=1, kind="stable")
     x, m, seen = (np.take_along_axis(a, order, axis=1) for a in (x, m, seen))
-    m = np.where(seen, m, 0.0)
-    m0 = m_st - m.sum(axis=1)
-    m0 = np.where(m0 < 1e-12 * m_st, 0.0, m0)
-    frequency = np.sqrt(np.where(seen, x, np.inf))
-    return np.where(free, 0.0, 1 / C), m0, m_st, frequency, m
+    seen[:, n:] = False
+    m0 = left + np.sum(np.where(seen, 0.0, m), axis=1)  # what is not kept, no difference
+    m0 = np.where(m0 <= MASSLESS**2 * m_st, 0.0, m0)
+    frequency = np.sqrt(np.where(seen, x, np.inf))[:, :n]
+    return k0, m0, m_st, frequency, np.where(seen, m, 0.0)[:, :n]
 
 
-def _eigenpairs(A: Array, b: Array, bAb: Array, phi: Array) -> tuple[Array, Array]:
-    """All eigenvalues of T and the masses that go with them, (S, J + 1) each."""
+def _eigenpairs(
+    A: Array, b: Array, bAb: Array, massless: Array, phi: Array, n: int
+) -> tuple[Array, Array, Array]:
+    """All eigenvalues of T, the parts of phi in them (S, J + 1) each, and the mass left (S,)."""
     y = b / A
     T = -y[:, :, None] * y[:, None, :] / bAb[:, None, None]
     diagonal = np.arange(A.shape[1])
     T[:, diagonal, diagonal] += 1 / A
     theta, z = np.linalg.eigh(T)
     theta = np.where(theta > NULL * theta[:, -1:], theta, 0.0)  # T b = 0 where nothing is massless
-    return theta, np.einsum("sji,sj->si", z, phi) ** 2
+    return theta, np.einsum("sji,sj->si", z, phi), np.zeros(len(b))
 
 
 def _lanczos(
     A: Array, b: Array, bAb: Array, massless: Array, phi: Array, n: int
-) -> tuple[Array, Array]:
-    """The n Ritz values of T from the start T phi in the inner product of A, and their masses.
+) -> tuple[Array, Array, Array]:
+    """The n Ritz values of T from the start T phi in the inner product of A; as `_eigenpairs`.
 
     As `antiosc.fem.krylov`; a massless residual compliance r takes up b'v, which adds (b'v)^2/r to
     v'Av, and without one b'v = 0.
@@ -288,7 +324,6 @@ def _lanczos(
     sites, size = phi.shape
     V, F = np.zeros((sites, n, size)), np.zeros((sites, n, size))
     H = np.zeros((sites, n, n))
-    first = np.zeros(sites)
     w = flexed(phi)
     for k in range(n):
         before = np.sum(w * force(w), axis=1)
@@ -300,13 +335,16 @@ def _lanczos(
         left = np.sum(w * f, axis=1)
         real = left > EXHAUSTED**2 * before
         beta = np.sqrt(np.where(real, left, 0.0))
-        if k == 0:
-            first = beta
         scale = np.where(real, 1 / np.where(real, beta, 1.0), 0.0)[:, None]
         V[:, k], F[:, k] = w * scale, f * scale
         H[:, : k + 1, k] = H[:, k, : k + 1] = np.einsum("skj,sj->sk", V[:, : k + 1], V[:, k])
         w = flexed(V[:, k])
     theta, turn = np.linalg.eigh(H)
-    real = theta > 0
-    m = (first[:, None] * turn[:, 0]) ** 2 / np.where(real, theta, 1.0)
-    return np.where(real, theta, 0.0), np.where(real, m, 0.0)
+    theta = np.where(theta > 0, theta, 0.0)
+    scale = np.where(theta > 0, 1 / np.sqrt(np.where(theta > 0, theta, 1.0)), 0.0)
+    shapes = np.einsum("skj,ski->sji", V, turn) * scale[:, None]
+    left, c = phi, np.zeros_like(theta)
+    for _ in range(2):  # twice is enough (Kahan)
+        part = np.einsum("sji,sj->si", shapes, left)
+        c, left = c + part, left - np.einsum("sji,si->sj", shapes, part)
+    return theta, c, np.sum(left**2, axis=1)

@@ -24,6 +24,7 @@ from antiosc.motion import Inertia, unit_vector
 
 # m0 = m_st - sum(m_i) is known only to the rounding of m_st: a relative m0 below this is noise.
 _ROUNDING = 1e-12
+# m0 adds nothing where its own free mode lies so far above the last pole (squared frequencies).
 _MASSLESS = 1e-15
 
 _ARRAYS = {
@@ -259,7 +260,10 @@ class AntiOscillators:
 
     @cached_property
     def _modal(self) -> ModalBody:
-        massless = self.m0 <= _MASSLESS * self.m_st
+        massless = self.m0 == 0
+        if self.n:
+            top = float(self.omega[-1]) ** 2
+            massless = self.m0 * top <= _MASSLESS * (self.k0 + float(self.k.sum()))
         # equal frequencies share one motion as seen from the site
         poles, group = np.unique(self.omega**2, return_inverse=True)
         mass = np.zeros(poles.size)

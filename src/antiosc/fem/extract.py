@@ -13,12 +13,21 @@ import numpy as np
 from mpi4py import MPI
 
 from antiosc import band as bands
-from antiosc.checks import choice, flag, instance, positive, whole, within_range
+from antiosc.checks import choice, flag, instance, positive, tolerance, whole, within_range
 from antiosc.errors import AccuracyError, AccuracyWarning, InputError, warn
-from antiosc.fem import parallel
+from antiosc.fem import large, parallel
 from antiosc.fem.algebra import Array, dot, multiply
-from antiosc.fem.krylov import CHUNK, by_krylov
+from antiosc.fem.krylov import CHUNK, Remainder, by_krylov
 from antiosc.fem.modes import Modes, ModeSolver
+from antiosc.fem.oscillators import (
+    Found,
+    Oscillators,
+    error_bound,
+    left_out,
+    lumped,
+    oscillators,
+    wanted,
+)
 from antiosc.fem.site import Functional, Site, functionals
 from antiosc.fem.static import StaticMode, static_modes
 from antiosc.fem.structure import Structure
@@ -26,10 +35,6 @@ from antiosc.model import AntiOscillators
 from antiosc.motion import Inertia
 from antiosc.threads import one_thread
 
-#: A constraint mode whose m_i is below this share of m_st cannot be seen from the site.
-UNSEEN = 1e-8
-#: Frequencies closer than this (relatively) are one repeated frequency: only Σm_i has a meaning.
-REPEATED = 1e-6
 #: Limits of the self-check, relative: residual, M-orthogonality, constraint, mass balance.
 CHECK = 1e-6
 #: A result off by up to this many times a limit is usable, and warned of; beyond it is refused.
@@ -46,23 +51,17 @@ CONVERGED = 1e-3
 SETTLED = 10
 #: Anti-oscillators taken where the caller names no number, and the most that a band may take.
 DEFAULT, MOST = 20, 400
+#: Modes searched for each one wanted, at most: a site that sees fewer of them gets fewer.
+SEARCHED = 10
+#: What the Krylov steps aim at, over the accuracy wanted: the bound of the finished model is
+#: sampled more finely and holds what was dropped.
+AIM = 0.6
 #: Bytes of basis vectors that the sites worked on at once may fill.
 SLICE = 5e8
 
 Method = Literal["krylov", "modes"]
 
 log = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True)
-class _Oscillators:
-    """Anti-oscillators with their shapes ψ_i = c_i φ_i (rows of this rank, N)."""
-
-    omega: Array
-    m: Array
-    psi: Array
-    unseen: int
-    merged: int
 
 
 @parallel.collective()
@@ -73,7 +72,7 @@ def extract(
     site: Site | Sequence[Site],
     n: int | None = None,
     method: Method = "krylov",
-    tol: float = UNSEEN,
+    tol: float = bands.UNSEEN,
     *,
     band: float | None = None,
     accuracy: float = 1e-3,
@@ -94,19 +93,23 @@ def extract(
         them) are antiresonances of the structure, the upper ones stand for all those above.
         "modes": the n lowest antiresonances, by SLEPc, as in the article.
     tol : float
-        Share of m_st below which a mode counts as massless at the site; its mass stays in m0.
+        Share of |Z| at a mode's own frequency, at one per cent of damping, below which the site
+        does not see the mode; its mass stays in m0.
     band : float, optional
         Highest circular frequency of interest, rad/s (see `impact_band`): as many
         anti-oscillators are taken as bring the error of Z(ω) below it to `accuracy`.
     accuracy : float
-        Largest |ΔZ|/|Z| over the band, at one per cent of damping; a bound, not an estimate.
+        Largest |ΔZ|/|Z| over the band, at one per cent of damping. `info["band"]["error_bound"]`
+        is what was reached: a bound on all that is left out, rounding included.
     shapes : bool
         Keep the shapes that recover displacement fields, n + 1 vectors a site.
 
     Returns
     -------
     AntiOscillators, or a list of them for a sequence of sites
-        With `info` on what was found, dropped and checked.
+        With `info` on what was found, dropped and checked. Where a rigid-body motion has next to
+        no share in the motion of the site ("rigid_share" of its compliance below 1e-4), it is an
+        anti-oscillator of nearly zero frequency; below 1e-16 it is left out and k0 > 0.
 
     Raises
     ------
@@ -169,9 +172,16 @@ def _wish(structure: Structure, n: Any, method: Any, tol: Any, band: Any, accura
             f"n must be below the structure's {structure.dofs} dofs; got {n}: refine the mesh or "
             "ask for fewer anti-oscillators."
         )
+    need = 16 * (n + 2) * structure.K.getLocalSize()[0]
+    free = parallel.on_root(structure.comm, large.free_memory) / structure.comm.size
+    if band is None and need > large.FILL * free:
+        raise InputError(
+            f"n = {n} anti-oscillators of {structure.K.getSize()[0]} dofs take {need / 1e9:.3g} GB"
+            f" of basis vectors and {free / 1e9:.3g} GB are free: ask for fewer."
+        )
     if band is not None:
         band = positive("band", band, "rad/s")
-    return _Wish(n, method, positive("tol", tol), band, positive("accuracy", accuracy))
+    return _Wish(n, method, tolerance(tol), band, positive("accuracy", accuracy))
 
 
 def _together(structure: Structure, wish: _Wish) -> int:
@@ -189,30 +199,40 @@ def _extracted(
     started = time.perf_counter()
     statics = static_modes(structure, places)
     if wish.method == "krylov":
-        found = by_krylov(structure, places, statics, wish.n, wish.tol, wish.band, wish.accuracy)
+        counts = [wanted(static, wish.n) for static in statics]
+        found = by_krylov(
+            structure, places, statics, counts, wish.tol, wish.band, AIM * wish.accuracy
+        )
     else:
         found = [_observable(structure, places[0], statics[0], wish)]
     models: list[AntiOscillators] = []
-    for where, static, (modes, error) in zip(places, statics, found, strict=True):
-        oscillators = _oscillators(structure, static, modes, wish.tol)
-        worst = _check(structure, where, static, modes, wish.method)
+    for where, static, (modes, remainder) in zip(places, statics, found, strict=True):
+        known = lumped(structure, static, modes)
+        kept = oscillators(known, wish.n, wish.tol)
+        worst = _check(structure, where, known, wish.method)
         seconds = {
             **structure.seconds,
             "site": spent,
             "modes": (time.perf_counter() - started) / (len(models) + 1),
         }
-        model = _model(
-            structure, where, static, _first(oscillators, wish.n), modes, worst, wish, seconds
-        )
-        if wish.band is not None and error is not None:
+        model = _model(structure, where, known, kept, worst, wish, seconds)
+        if wish.band is not None and remainder is not None:
+            error = error_bound(structure, known, remainder, kept, wish.band)
             model.info["band"] = {"top": wish.band, "error_bound": error}
-        parallel.on_root(structure.comm, partial(_tell, model, wish))
+        parallel.on_root(structure.comm, partial(_tell, model, wish, modes.complete))
         models.append(model if shapes else replace(model, shapes=None, hidden=None))
     return models
 
 
-def _tell(model: AntiOscillators, wish: _Wish) -> None:
-    """Warn of frequencies that have not settled, of a band not reached, or one that holds none."""
+def _tell(model: AntiOscillators, wish: _Wish, complete: bool) -> None:
+    """Warn of too few, of frequencies that have not settled, of a band not reached or too low."""
+    if wish.band is None and model.n < wish.n and not complete:
+        warn(
+            f"the site sees {model.n} of the first {model.info['modes_computed']} modes with a "
+            f"share in Z above {wish.tol:g}, fewer than the n = {wish.n} asked: the model holds "
+            "these; lower tol for more.",
+            AccuracyWarning,
+        )
     if model.info["converged"] == 0 and model.n >= SETTLED:
         warn(
             f"none of the {model.n} anti-oscillators has settled on an antiresonance: their "
@@ -222,7 +242,7 @@ def _tell(model: AntiOscillators, wish: _Wish) -> None:
     if wish.band is None or "band" not in model.info:
         return
     error = model.info["band"]["error_bound"]
-    if error > wish.accuracy:
+    if not error <= wish.accuracy:
         warn(
             f"{model.n} anti-oscillators know Z up to {wish.band:g} rad/s to {error:.1e}, not to "
             f"the accuracy {wish.accuracy:g} asked: raise n or lower the band.",
@@ -239,92 +259,55 @@ def _tell(model: AntiOscillators, wish: _Wish) -> None:
 
 def _observable(
     structure: Structure, where: Functional, static: StaticMode, wish: _Wish
-) -> tuple[Modes, float | None]:
-    """Constraint modes from below until n of them carry mass (or Z is known over the band)."""
+) -> tuple[Modes, Remainder | None]:
+    """Constraint modes from below until n of them are seen (or Z is known over the band)."""
     solver = ModeSolver(structure, where, static)
-    n = wish.n
+    n = wanted(static, wish.n)
+    most = min(solver.limit, SEARCHED * (n + DEFAULT))
     asked = n + 2 if n and wish.band is None else min(n, DEFAULT)
     while True:
         modes = solver.lowest(asked)
-        found = _oscillators(structure, static, modes, wish.tol)
-        left = static.mass - float(found.m.sum())
-        error = None if wish.band is None else _left_out(static, found, left, wish.band)
-        enough = len(found.m) > n or left <= wish.tol * static.mass or modes.complete
-        if enough or asked >= solver.limit or n == 0:
-            return modes, error
-        if error is not None and error <= wish.accuracy:
-            return modes, error
-        asked = min(solver.limit, len(modes.omega) + max(8, n // 2))
+        known = lumped(structure, static, modes)
+        kept = oscillators(known, wish.n, wish.tol)
+        remainder = None if wish.band is None else left_out(known)
+        if modes.complete or asked >= most or n == 0:
+            return modes, remainder
+        if remainder is None or wish.band is None:
+            if len(kept.chain[2]) >= n or known.m0 == 0:
+                return modes, None
+        elif len(kept.chain[2]) >= n or (
+            error_bound(structure, known, remainder, kept, wish.band) <= wish.accuracy
+        ):
+            return modes, remainder
+        asked = min(most, len(modes.omega) + max(8, len(modes.omega) // 2))
 
 
-def _left_out(static: StaticMode, found: _Oscillators, left: float, band: float) -> float:
-    """Bound on |ΔZ|/|Z| over the band when mass `left` hangs on poles above those found."""
-    poles = found.omega**2
-    lowest = bands.lowest_frequency(static.k0, static.mass, found.omega)
-    x = bands.samples(band, lowest) ** 2
-    hung = np.sum(found.m * poles / (poles - x[:, None]), axis=1)
-    stiffness = static.k0 - x * left - x * hung
-    top = poles[-1] if len(poles) else 0.0
-    nearest = np.where(x.real > top, x.imag, np.abs(top - x))
-    return float(np.max(np.abs(x) ** 2 * left / nearest / np.abs(stiffness)))
-
-
-def _oscillators(
-    structure: Structure, static: StaticMode, modes: Modes, tol: float
-) -> _Oscillators:
-    """m_i = (φ_stᵀMφ_i)² of M-orthonormal modes (Article (12)), repeated frequencies merged."""
-    c = dot(structure.comm, modes.phi, static.m_phi)
-    m = c**2
-    # ω = 0 is left only by rounding: rigid modes that vanish at the site are deflated.
-    seen = (m > tol * static.mass) & (modes.omega > 0)
-    omega, c = modes.omega[seen], c[seen]
-    psi = modes.phi[:, seen] * c
-    if not len(omega):
-        return _Oscillators(omega, c**2, psi, int(np.sum(~seen)), 0)
-    start = np.flatnonzero(np.diff(omega, prepend=-np.inf) > REPEATED * omega)
-    masses = np.add.reduceat(c**2, start)
-    stiffnesses = np.add.reduceat(c**2 * omega**2, start)
-    return _Oscillators(
-        np.sqrt(stiffnesses / masses),
-        masses,
-        np.add.reduceat(psi, start, axis=1),
-        int(np.sum(~seen)),
-        len(omega) - len(start),
-    )
-
-
-def _first(found: _Oscillators, n: int) -> _Oscillators:
-    return _Oscillators(found.omega[:n], found.m[:n], found.psi[:, :n], found.unseen, found.merged)
-
-
-def _check(
-    structure: Structure, where: Functional, static: StaticMode, modes: Modes, method: Method
-) -> dict[str, Any]:
+def _check(structure: Structure, where: Functional, known: Found, method: Method) -> dict[str, Any]:
     """Measure the modes against what they must satisfy; AccuracyError far beyond CHECK.
 
     Ritz pairs need no small residual, but are orthogonal through K as well as through M.
     """
-    comm, phi = structure.comm, modes.phi
+    static, modes = known.static, known.modes
+    comm, phi, k_phi, m_phi = structure.comm, modes.phi, known.k_phi, known.m_phi
     if len(modes.omega) and modes.omega[0] ** 2 < MECHANISM * structure.shift:
         raise AccuracyError(
             f"the structure moves without strain (ω = {modes.omega[0]:.1e} rad/s) though not as a "
             "rigid body: some part hangs on a hinge, where pieces meet in one point or line; join "
             "it."
         )
-    k_phi, m_phi = multiply(structure.K, phi), multiply(structure.M, phi)
     # The constraint's reaction μ b balances K φ - ω²M φ at the site: φ_stᵀb = 1 gives μ.
     residual = k_phi - m_phi * modes.omega**2
     reaction = dot(comm, static.phi, residual)
-    residual = residual - np.outer(where.b, reaction)
+    residual = residual - np.outer(static.load, reaction)
     sizes = structure.factorization.force_sizes(np.hstack([residual, k_phi]))
     left, size = np.split(sizes, 2)
     off = left / np.maximum(size, np.finfo(float).tiny)
-    gram = dot(comm, phi, m_phi)
+    gram = known.masses
     b_norm = np.sqrt(dot(comm, where.b, where.b))
     amplitudes = np.sqrt(comm.allreduce(np.einsum("ij,ij->j", phi, phi)))
-    total = float(np.sum(dot(comm, phi, static.m_phi) ** 2))
+    total = float(np.sum(known.c**2))
     if method == "krylov":
-        stiffness = dot(comm, phi, k_phi) - np.diag(modes.omega**2)
+        stiffness = known.stiffnesses - np.diag(modes.omega**2)
         scale = np.sqrt(modes.omega**2 + structure.shift)
         own = {"projection": float(np.abs(stiffness / np.outer(scale, scale)).max(initial=0.0))}
     else:
@@ -368,57 +351,46 @@ def _judge(name: str, value: float, limit: float, comm: MPI.Comm) -> None:
 def _model(
     structure: Structure,
     where: Functional,
-    static: StaticMode,
-    found: _Oscillators,
-    modes: Modes,
+    known: Found,
+    kept: Oscillators,
     checks: dict[str, Any],
     wish: _Wish,
     seconds: dict[str, float],
 ) -> AntiOscillators:
-    m0 = static.mass - float(found.m.sum())
-    if abs(m0) <= 1e-12 * static.mass:
-        m0 = 0.0
+    modes, added = known.modes, len(kept.m) - len(kept.chain[2])
     info: dict[str, Any] = {
         "structure": structure.describe(),
         "dofs": structure.dofs,
         "method": wish.method,
         "modes_computed": len(modes.omega),
-        "converged": checks.pop("converged"),
-        "modes_unseen": found.unseen,
-        "modes_merged": found.merged,
+        "converged": checks.pop("converged") + added,
+        "modes_unseen": kept.unseen,
+        "modes_merged": kept.merged,
         "rigid_modes": int(structure.rigid_modes.shape[1]),
+        "rigid_share": known.static.share,
         "checks": checks,
         "seconds": seconds,
     }
     if where.point is not None and where.direction is not None:
         info["point"] = where.point.tolist()
         info["direction"] = where.direction.tolist()
+    weight = uniform_inertia(structure, where)
+    parts = np.column_stack([kept.residual, kept.psi])
+    shapes = np.column_stack([parts.sum(axis=1), kept.psi])
     return AntiOscillators(
-        m0=m0,
-        k0=static.k0,
-        m=found.m,
-        omega=found.omega,
+        m0=kept.m0,
+        k0=kept.k0,
+        m=kept.m,
+        omega=kept.omega,
         local_compliance=where.local_compliance,
         radius=where.radius,
-        participation=_participation(structure, where, static, found),
-        shapes=np.column_stack([static.phi, found.psi]),
+        participation=None if weight is None else np.asarray(dot(structure.comm, parts, weight)),
+        shapes=shapes,
         direction=where.direction,
-        inertia=inertia_of(structure, static.phi[:, None], found.psi, static.still),
-        hidden=static.still if structure.rigid_inertia is not None else None,
+        inertia=inertia_of(structure, shapes, kept.hidden),
+        hidden=kept.hidden if structure.rigid_inertia is not None else None,
         info=info,
     )
-
-
-def _participation(
-    structure: Structure, where: Functional, static: StaticMode, found: _Oscillators
-) -> Array | None:
-    """φ_0ᵀMe and ψ_iᵀMe for e, the unit uniform acceleration along the impact; Σ = φ_stᵀMe."""
-    weight = uniform_inertia(structure, where)
-    if weight is None:
-        return None
-    own = np.asarray(dot(structure.comm, found.psi, weight))
-    whole_shape = float(dot(structure.comm, static.phi, weight))
-    return np.concatenate([[whole_shape - own.sum()], own])
 
 
 def inertia_of(structure: Structure, *shapes: Array) -> Inertia | None:

@@ -8,18 +8,20 @@ which is the finite-element model itself in other coordinates.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from antiosc.band import UNSEEN
 from antiosc.checks import flag, instance, whole, within_range
-from antiosc.errors import AccuracyError, InputError
+from antiosc.errors import AccuracyError, AccuracyWarning, InputError, warn
 from antiosc.fem.algebra import Array, dot, multiply
-from antiosc.fem.extract import CHECK, REPEATED, UNSEEN, inertia_of, uniform_inertia
+from antiosc.fem.extract import CHECK, DEFAULT, SEARCHED, inertia_of, uniform_inertia
 from antiosc.fem.modes import DENSE_MANY, Modes, ModeSolver
-from antiosc.fem.parallel import collective
+from antiosc.fem.oscillators import REPEATED
+from antiosc.fem.parallel import collective, on_root
 from antiosc.fem.site import Functional, Site, functional
 from antiosc.fem.static import StaticMode, beside_rigid, static_mode
 from antiosc.fem.structure import Structure
@@ -137,13 +139,19 @@ def superposition(
     where = functional(structure, site)
     static = static_mode(structure, where)
     solver = ModeSolver(structure)
-    asked = n + 2
+    asked, most = n + 2, SEARCHED * (n + DEFAULT)
     while True:
         modes = solver.lowest(asked)
         seen = _seen(structure, where, static, modes)
-        if len(seen.omega) >= n or modes.complete:
+        if len(seen.omega) >= n or modes.complete or asked >= most:
             break
-        asked = len(modes.omega) + max(8, n // 2)
+        asked = min(most, len(modes.omega) + max(8, len(modes.omega) // 2))
+    if len(seen.omega) < n and not modes.complete:
+        few = (
+            f"the site sees {len(seen.omega)} of the first {len(modes.omega)} modes, fewer than "
+            f"the n = {n} asked: the model holds these."
+        )
+        on_root(structure.comm, partial(warn, few, AccuracyWarning))
     kept = Modes(seen.omega[:n], seen.phi[:, :n], len(seen.omega) <= n)
     all_kept = kept.complete and len(modes.omega) == solver.limit
     correction = static_correction and not all_kept
@@ -193,9 +201,9 @@ def _seen(structure: Structure, where: Functional, static: StaticMode, modes: Mo
         size = np.sqrt(np.add.reduceat(b**2, start))
         phi = np.add.reduceat(phi * b, start, axis=1) / size
         omega = omega[start]
-    if static.k0 == 0:
+    if static.rigid is not None:
         omega = np.concatenate([[0.0], omega])
-        phi = np.column_stack([static.phi / np.sqrt(static.mass), phi])
+        phi = np.column_stack([static.rigid[0], phi])
     return Modes(omega, phi, modes.complete)
 
 
@@ -239,8 +247,8 @@ def _model(
         residual=residual,
         weight=None if inertia is None else np.asarray(dot(structure.comm, modes.phi, inertia)),
         direction=where.direction,
-        inertia=inertia_of(structure, static.still, modes.phi),
-        hidden=static.still if structure.rigid_inertia is not None else None,
+        inertia=inertia_of(structure, static.beside, modes.phi),
+        hidden=static.beside if structure.rigid_inertia is not None else None,
         local_compliance=where.local_compliance,
         radius=site.radius,
         info={"structure": structure.describe(), "dofs": structure.dofs, "method": method},

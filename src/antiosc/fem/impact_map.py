@@ -20,6 +20,7 @@ from typing import Any
 import meshio
 import numpy as np
 
+from antiosc import band as bands
 from antiosc import files, free_modes
 from antiosc.batch import simulate_many
 from antiosc.checks import instance, positive, shown, whole, within_range
@@ -27,13 +28,14 @@ from antiosc.checks import path as checked_path
 from antiosc.contact import ContactLaw
 from antiosc.deflection import peak_deflections
 from antiosc.errors import AccuracyWarning, InputError, warn
-from antiosc.fem.algebra import Array, dot
+from antiosc.fem.algebra import Array
 from antiosc.fem.block_lanczos import lowest_modes
 from antiosc.fem.compat import IntArray
 from antiosc.fem.compliance import deflections
 from antiosc.fem.krylov import by_krylov
 from antiosc.fem.many_sites import sites_of
 from antiosc.fem.modes import Modes
+from antiosc.fem.oscillators import error_bound, lumped, oscillators, wanted
 from antiosc.fem.parallel import agree, collective, on_root
 from antiosc.fem.site import Functional
 from antiosc.fem.sites import Sites
@@ -338,16 +340,19 @@ def _refined(
     n = m.shape[1]
     places = [Functional(b) for b in sites.loads[:, worst].toarray().T]
     statics = static_modes(structure, places)
-    found = by_krylov(structure, places, statics, n, free_modes.UNSEEN, band, 0.0)
-    for i, static, (modes, bound) in zip(worst, statics, found, strict=True):
-        if bound is None or bound >= error[i]:
+    counts = [wanted(static, n) for static in statics]
+    found = by_krylov(structure, places, statics, counts, bands.UNSEEN, band, 0.0)
+    for i, static, (modes, remainder) in zip(worst, statics, found, strict=True):
+        known = lumped(structure, static, modes)
+        kept = oscillators(known, n, bands.UNSEEN)
+        assert remainder is not None  # there is a band
+        bound = error_bound(structure, known, remainder, kept, band)
+        if bound >= error[i]:
             continue
-        mass = dot(structure.comm, modes.phi, static.m_phi) ** 2
-        seen = (mass > free_modes.UNSEEN * static.mass) & (modes.omega > 0)
-        size = int(seen.sum())
+        size = len(kept.m)
         omega[i], m[i] = np.inf, 0.0
-        omega[i, :size], m[i, :size] = modes.omega[seen], mass[seen]
-        k0[i], m_st[i], m0[i] = static.k0, static.mass, max(static.mass - m[i].sum(), 0.0)
+        omega[i, :size], m[i, :size] = kept.omega, kept.m
+        k0[i], m0[i], m_st[i] = kept.k0, kept.m0, kept.m0 + kept.m.sum()
         error[i], direct[i] = bound, True
     return SiteModels(k0, m0, m_st, omega, m), error, direct
 

@@ -24,21 +24,31 @@ but takes a second factorization, and an indefinite one, whose solves cost more.
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from antiosc import band as bands
 from antiosc.fem.algebra import Array, dot, multiply
-from antiosc.fem.modes import Modes
+from antiosc.fem.modes import Modes, polish
 from antiosc.fem.site import Functional
 from antiosc.fem.static import StaticMode
 from antiosc.fem.structure import Structure
 
 #: What orthogonalisation leaves of a new direction, relatively, when the space is exhausted.
 EXHAUSTED = 1e-10
+#: Share of the largest θ below which the rounding of an eigensolver shows in the smallest.
+WIDE = 1e-8
 #: Columns by which a basis grows.
 CHUNK = 16
+
+#: Steps beyond the number of anti-oscillators wanted, where some of them have no share in Z.
+MORE = 20
+
+Complex = NDArray[np.complex128]
+#: Bound on |Z - Z_N| [N/m] at complex x = ω² of shape (W,): (W,).
+Remainder = Callable[[Complex], Array]
 
 log = logging.getLogger(__name__)
 
@@ -52,6 +62,7 @@ class Lanczos:
         self._comm, self._M, self._shift = structure.comm, structure.M, structure.shift
         self._A = structure.factorization.A
         self._b, self._static = site.b, static
+        self._most = structure.dofs - 1 - static.still.shape[1]
         #: basis vectors found
         self.steps = 0
         #: β_N: how far T leads out of the space; known one solve after its last vector
@@ -80,10 +91,16 @@ class Lanczos:
         # f = A w afresh: carried along, f and w would part by a constant factor each step.
         f = multiply(self._A, w)
         h = dot(self._comm, V, f)  # twice is enough (Kahan)
+        # K has no part in it for a rigid-body mode: its rounding, over s, would be a large one
+        h[: self._locked] = dot(self._comm, F[:, : self._locked], w)
         w, f = self._pinned(w - V @ h), f - F @ h
         left = float(dot(self._comm, w, f))
+        beta = float(np.sqrt(max(left, 0.0)))
         self.exhausted = not left > EXHAUSTED**2 * before
-        beta = 0.0 if self.exhausted else float(np.sqrt(left))
+        if self.exhausted:
+            beta = EXHAUSTED * float(np.sqrt(max(before, 0.0)))  # at most: it may be all rounding
+        if self.steps == self._most:  # rounding may feign directions that the space has not
+            self.exhausted, beta = True, 0.0
         if self.steps:
             self.beta = beta
         else:
@@ -116,8 +133,20 @@ class Lanczos:
 
     def _ritz(self, n: int) -> tuple[Array, Array]:
         """Eigenvalues θ = 1/(ω² + s), ω ascending, and eigenvectors of the first n steps."""
-        theta, turn = np.linalg.eigh(self._H[:n, :n])
+        H = self._H[:n, :n]
+        theta, turn = np.linalg.eigh(H)
+        if n and 0 < theta[0] < WIDE * theta[-1]:
+            poles, x = polish(turn / np.sqrt(theta), lambda x: x.T @ x, lambda x: x.T @ H @ x)
+            order = np.argsort(-poles)
+            theta, turn = 1 / poles[order], (x / np.sqrt(poles))[:, order]
         return theta[::-1], turn[:, ::-1]
+
+    def shares(self, n: int) -> Array:
+        """Shares in Z of the pairs of the first n steps."""
+        theta, _ = self._ritz(n)
+        m = self.masses(n)
+        left = max(self._static.mass - float(m.sum()), 0.0)
+        return bands.shares(self._static.k0, left, m, np.maximum(1 / theta - self._shift, 0.0))
 
     def masses(self, n: int) -> Array:
         """m_i of the first n steps, kg."""
@@ -131,49 +160,59 @@ class Lanczos:
         basis = self._V[:, self._locked : self._locked + n]
         return Modes(omega, basis @ (turn / np.sqrt(theta)), self.exhausted)
 
-    def bound(self, n: int, band: float) -> float:
-        """Bound on |Z - Z_N|/|Z_N| of the model of n steps over the band up to `band` [rad/s].
+    def remainder(self, n: int) -> Remainder:
+        """Bound on |Z - Z_N| of the model of n steps, at complex x = ω².
 
         n is `steps`, or one less: the step after must have been tried.
         """
-        beta = self.beta if n == self.steps else float(self._H[n, n - 1])
-        assert beta is not None
-        theta, turn = self._ritz(n)
-        poles = np.maximum(1 / theta - self._shift, 0.0)
-        m = self.masses(n)
-        static = self._static
-        lowest = bands.lowest_frequency(static.k0, static.mass, np.sqrt(poles))
-        x = bands.samples(band, lowest)[:, None] ** 2
-        z = x + self._shift
-        stiffness = static.k0 - x[:, 0] * static.mass - np.sum(m * x**2 / (poles - x), axis=1)
-        last = np.sum(self._norm * turn[0] * turn[-1] / (1 - z * theta), axis=1)
-        left = np.abs(x * z * beta * last[:, None])[:, 0] ** 2
-        left = left * np.abs(z[:, 0]) / z[:, 0].imag
-        return float(np.max(left / np.abs(stiffness)))
+        theta, _ = self._ritz(n)
+        beta = np.append(self._H.diagonal(-1), self.beta or 0.0)[:n]
+        # the factors of det(I - zH) beside those of e_Nᵀ adj(I - zH) e_1: nothing cancels
+        norm, shift = self._norm, self._shift
+
+        def bound(x: Complex) -> Array:
+            z = x + shift
+            q = np.full(len(x), norm)
+            for b, t in zip(beta, theta, strict=True):
+                q *= np.abs(z * b / (1 - z * t))
+            return np.asarray(np.abs(x * q) ** 2 * np.abs(z) / z.imag)
+
+        return bound
+
+    def error(self, n: int, band: float) -> float:
+        """Bound on |Z - Z_N|/|Z_N| of the model of n steps over the band up to `band` [rad/s]."""
+        theta, _ = self._ritz(n)
+        poles, m = 1 / theta - self._shift, self.masses(n)
+        k0, mass = self._static.k0, self._static.mass
+        m, poles = m[poles > 0], poles[poles > 0]
+        x = bands.samples(band, bands.lowest_frequency(k0, mass, np.sqrt(poles))) ** 2
+        Z = bands.driving_point(x, k0, max(mass - float(m.sum()), 0.0), m, poles)
+        return float(np.max(self.remainder(n)(x) / np.abs(Z)))
 
 
 def by_krylov(
     structure: Structure,
     sites: Sequence[Functional],
     statics: Sequence[StaticMode],
-    n: int,
+    counts: Sequence[int],
     unseen: float,
     band: float | None,
     accuracy: float,
-) -> list[tuple[Modes, float | None]]:
-    """(Ritz pairs, error bound of Z over the band) of each site; the sites advance together.
+) -> list[tuple[Modes, Remainder | None]]:
+    """(Ritz pairs, with a band the bound of what they leave out) of each site, all in step.
 
-    Without a band there are n pairs with more than the share `unseen` of the static mass, if the
-    structure has so many. With one, there are as few as make the bound at most `accuracy`, and at
-    most n. One block of right-hand sides per step.
+    Without a band there are as many pairs as `counts` says with more than the share `unseen` in Z,
+    if the structure has so many and `MORE` further steps find them. With one, there are as few as
+    make the error of Z at most `accuracy`, and at most that number. One block of right-hand sides
+    per step.
     """
     runs = [
         Lanczos(structure, site, static, n + 1 if band is None else CHUNK)
-        for site, static in zip(sites, statics, strict=True)
+        for site, static, n in zip(sites, statics, counts, strict=True)
     ]
-    done: dict[int, tuple[Modes, float | None]] = {}
-    if n == 0:
-        return [(run.modes(0), None) for run in runs]
+    done: dict[int, tuple[Modes, Remainder | None]] = {}
+    if band is None:
+        done = {i: (run.modes(0), None) for i, run in enumerate(runs) if counts[i] == 0}
     while len(done) < len(runs):
         active = [i for i in range(len(runs)) if i not in done]
         shapes = structure.factorization.solve_block(
@@ -181,25 +220,22 @@ def by_krylov(
         )
         for i, w in zip(active, shapes.T, strict=True):
             runs[i].advance(w)
-            kept, error = _finished(runs[i], n, unseen * statics[i].mass, band, accuracy)
+            kept = _finished(runs[i], counts[i], unseen, band, accuracy)
             if kept is not None:
-                done[i] = (runs[i].modes(kept), error)
+                done[i] = runs[i].modes(kept), None if band is None else runs[i].remainder(kept)
                 runs[i].release()
         log.debug("Krylov step: %d of %d sites done", len(done), len(runs))
     return [done[i] for i in range(len(runs))]
 
 
 def _finished(
-    run: Lanczos, n: int, massless: float, band: float | None, accuracy: float
-) -> tuple[int | None, float | None]:
-    """(steps to keep, or None to go on; bound of the error over the band)."""
+    run: Lanczos, n: int, unseen: float, band: float | None, accuracy: float
+) -> int | None:
+    """How many steps to keep, or None to go on."""
     if run.exhausted:
-        return run.steps, None if band is None else 0.0
+        return run.steps
     if band is None:
-        enough = run.steps >= n and np.sum(run.masses(run.steps) > massless) >= n
-        return (run.steps if enough else None), None
-    tried = run.steps - 1
-    if tried == 0:
-        return None, None
-    error = run.bound(tried, band)
-    return (tried, error) if error <= accuracy or tried == n else (None, error)
+        wanting = run.steps < n or np.sum(run.shares(run.steps) > unseen) < n
+        return None if wanting and run.steps < n + n // 2 + MORE else run.steps
+    tried = run.steps - 1  # what this many leave out is known only now
+    return tried if tried == n or (tried and run.error(tried, band) <= accuracy) else None

@@ -223,6 +223,8 @@ def closer_shift(factor: Solver, K: PETSc.Mat, M: PETSc.Mat, motions: Array) -> 
         blocks.append(x)
     # a small structure exhausts the blocks: what rounding leaves of them must not be rigid
     basis = orthonormal(comm, M, np.hstack([motions, *blocks]))[:, motions.shape[1] :]
+    if not basis.shape[1]:  # all motions are rigid
+        return float("inf")
     values, turn = np.linalg.eigh(dot(comm, basis, multiply(K, basis)))
     # xᵀK x is a sum of terms of the size of xᵀD x, known to ε of that.
     softest = basis @ turn[:, :1]

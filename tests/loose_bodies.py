@@ -1,0 +1,89 @@
+"""Random structures of a few bodies, masses and springs over eight decades, and their exact Z.
+
+The springs are integers of few digits times powers of two, so that K has no rounding and the
+rigid-body motions are its exact null vectors. The reference knows nothing of modes: elimination in
+extended precision at each frequency, done in two orders, whose difference is its own error.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def loose_bodies(
+    rng: np.random.Generator, rigid: int, along: float | None = None
+) -> tuple[Array, Array, Array]:
+    """(K, M, b) of `rigid` loose bodies (0: one that is supported).
+
+    Most bodies are pushed by forces in equilibrium, plus a little along their rigid motion:
+    `along`, or something between 1e-15 and 1.
+    """
+    sizes = rng.integers(3, 8, max(rigid, 1))
+    n = int(sizes.sum())
+    K, b = np.zeros((n, n)), np.zeros(n)
+
+    def spring() -> float:
+        return float(rng.integers(512, 1024)) * 2.0 ** int(rng.integers(0, 27))
+
+    first = 0
+    for size in sizes:
+        pairs = [(i, int(rng.integers(0, i))) for i in range(1, size)]
+        pairs += [tuple(rng.choice(size, 2, replace=False)) for _ in range(size // 2)]
+        for i, j in pairs:
+            e = np.zeros(n)
+            e[first + i], e[first + j] = 1.0, -1.0
+            K += spring() * np.outer(e, e)
+        push = rng.integers(-64, 64, size).astype(float)
+        if rigid and rng.integers(4):
+            push[-1] -= push.sum()
+            push[0] += 10 ** rng.uniform(-15, 0) if along is None else along
+        b[first : first + size] = push
+        first += size
+    if not rigid:
+        for i in rng.choice(n, 2, replace=False):
+            K[i, i] += spring()
+    if not b.any():
+        b[0] = 1.0
+    return K, np.diag(10 ** rng.uniform(-4, 4, n)), b
+
+
+def elastic_frequencies(K: Array, M: Array, rigid: int) -> Array:
+    """Those that double precision knows, ascending, rad/s."""
+    scale = 1 / np.sqrt(np.diag(M))
+    x = np.linalg.eigvalsh(K * scale * scale[:, None])[rigid:]
+    omega = np.sqrt(np.maximum(x, 0.0))
+    return np.asarray(omega[omega > 1e-6 * omega[-1]])
+
+
+def exact_stiffness(
+    K: Array, M: Array, b: Array, omega: NDArray[np.complex128]
+) -> tuple[NDArray[np.clongdouble], Array]:
+    """Z = 1/(b'(K - omega^2 M)^-1 b) (W,), and how far two ways to it are apart, relatively."""
+    Z = _eliminated(K, M, b, omega)
+    turned = np.arange(len(b))[::-1]
+    other = _eliminated(K[turned][:, turned], M[turned][:, turned], b[turned], omega)
+    return Z, np.abs(other / Z - 1).astype(float)
+
+
+def _eliminated(
+    K: Array, M: Array, b: Array, omega: NDArray[np.complex128]
+) -> NDArray[np.clongdouble]:
+    n, W = len(b), np.arange(len(omega))
+    x = omega.astype(np.clongdouble) ** 2
+    scale = 1 / np.sqrt(np.diag(K) + np.abs(x)[:, None] * np.diag(M))
+    load = (b * scale).astype(np.clongdouble)
+    A = (K.astype(np.longdouble) - x[:, None, None] * M) * scale[:, :, None] * scale[:, None, :]
+    A = np.concatenate([A, load[:, :, None]], axis=2)
+    for k in range(n):
+        pivot = k + np.argmax(np.abs(A[:, k:, k]), axis=1)
+        A[W, pivot], A[:, k] = A[:, k].copy(), A[W, pivot]
+        factor = A[:, k + 1 :, k] / A[:, k, k][:, None]
+        A[:, k + 1 :, k:] -= factor[:, :, None] * A[:, k, k:][:, None, :]
+    y = np.zeros((len(omega), n), np.clongdouble)
+    for k in reversed(range(n)):
+        known = np.einsum("wj,wj->w", A[:, k, k + 1 : n], y[:, k + 1 :])
+        y[:, k] = (A[:, k, n] - known) / A[:, k, k]
+    return np.asarray(1 / np.einsum("wj,wj->w", load, y))
