@@ -33,7 +33,7 @@ QUICK = settings(
     deadline=None,
     suppress_health_check=list(HealthCheck),
 )
-LARGE = settings(QUICK, max_examples=400)
+LARGE = settings(QUICK, max_examples=200)
 
 
 @pytest.fixture(autouse=True)

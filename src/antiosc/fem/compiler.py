@@ -9,6 +9,7 @@ from typing import Any
 
 import ffcx
 
+from antiosc.errors import InputError
 from antiosc.isolation import quiet, restored
 
 VERSION = tuple(int(part) for part in ffcx.__version__.split(".")[:2])
@@ -20,9 +21,19 @@ _lock = threading.RLock()
 
 @contextmanager
 def compiler() -> Iterator[None]:
-    """Compile in here: quietly, rightly on sheets in space, and without traces."""
-    with _lock, restored(), quiet(*NOISY), _derivatives_in_the_cell():
-        yield
+    """Compile in here: quietly, rightly on sheets in space, and without traces.
+
+    InputError where the system does not let the compiler keep what it makes.
+    """
+    try:
+        with _lock, restored(), quiet(*NOISY), _derivatives_in_the_cell():
+            yield
+    except OSError as error:
+        raise InputError(
+            f"compiled finite elements cannot be kept at {error.filename or 'their place'} "
+            f"({error.strerror or error}): set XDG_CACHE_HOME, or HOME, to a folder that can be "
+            "written."
+        ) from error
 
 
 @contextmanager

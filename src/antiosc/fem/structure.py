@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 from petsc4py import PETSc
 
 from antiosc.checks import array, shown, whole
-from antiosc.errors import InputError
-from antiosc.fem import compat, rigid
+from antiosc.errors import InputError, warn
+from antiosc.fem import compat, loose, rigid
 from antiosc.fem.algebra import Solver, dot, multiply, sum_of
 from antiosc.fem.attached import Matrices, PointMass, Spring, add_at_points, add_beams
 from antiosc.fem.beam import Beam
@@ -124,6 +124,13 @@ class Structure:
         )
         springs = np.column_stack([self._attached_inertia[:, :0], *(one.springs for one in added)])
         self.rigid_modes, self.shift = rigid.of_mesh(self.form, self.fixed, self.K, self.M, springs)
+        if held and self.rigid_modes.shape[1]:
+            motions = loose.described(mesh, self.form, self.rigid_modes)
+            if mesh.comm.rank == 0:
+                warn(
+                    f"the supports leave the structure free to move as a rigid body: {motions}; "
+                    "hold that too if it is not meant."
+                )
         self.seconds: dict[str, float] = {"assembly": time.perf_counter() - started}
 
     @classmethod

@@ -1,0 +1,47 @@
+"""The compiler of finite elements: what the system denies it is said, with the remedy."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+import antiosc as ao
+from paths import ROOT
+
+pytestmark = pytest.mark.fem
+
+SCRIPT = """
+import dolfinx
+import numpy as np
+from mpi4py import MPI
+import antiosc as ao
+
+box = dolfinx.mesh.create_box(MPI.COMM_WORLD, [np.zeros(3), np.ones(3)], [1, 1, 1])
+try:
+    ao.Structure(ao.read_mesh(box), ao.Solid(70e9, 0.3, 2700.0))
+except ao.AntioscError as error:
+    print(error)
+"""
+
+
+def test_a_place_that_cannot_be_written_is_named():
+    compiler = pytest.importorskip("antiosc.fem.compiler").compiler
+    said = r"^compiled finite elements cannot be kept at /x \(denied\): set XDG_CACHE_HOME"
+    with pytest.raises(ao.InputError, match=said), compiler():
+        raise PermissionError(13, "denied", "/x")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["XDG_CACHE_HOME", "HOME"])
+def test_no_place_for_compiled_elements(name, tmp_path):
+    (tmp_path / "file").touch()
+    environment = {k: v for k, v in os.environ.items() if k != "XDG_CACHE_HOME"}
+    environment |= {name: str(tmp_path / "file" / "x"), "PYTHONPATH": str(ROOT / "src")}
+    run = subprocess.run(
+        [sys.executable, "-c", SCRIPT], env=environment, capture_output=True, text=True, check=True
+    )
+    assert "set XDG_CACHE_HOME" in run.stdout
+    assert len(run.stdout.splitlines()) == 1
