@@ -19,8 +19,9 @@ from antiosc.fem.algebra import csr
 from antiosc.fem.modes import ModeSolver
 from antiosc.fem.site import functional
 from antiosc.fem.static import static_mode
+from marks import FREE_ON_PURPOSE
 
-pytestmark = pytest.mark.fem
+pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]
 
 SOLID = ao.Solid(**parts.STEEL)
 PLANE = ao.Solid(**parts.STEEL, plane="strain", thickness=0.02)

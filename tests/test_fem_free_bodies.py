@@ -14,8 +14,9 @@ import parts
 from antiosc.errors import AntioscWarning
 from antiosc.fem import compat
 from antiosc.fem.algebra import csr
+from marks import FREE_ON_PURPOSE
 
-pytestmark = pytest.mark.fem
+pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]
 
 SIZE = np.array([0.12, 0.05, 0.04])
 SECTION = ao.Section.rectangle(width=0.02, height=0.03)

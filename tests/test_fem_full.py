@@ -13,8 +13,9 @@ import antiosc as ao
 from antiosc.fem.algebra import csr
 from antiosc.fem.full import DENSE_MANY
 from antiosc.fem.site import functional
+from marks import FREE_ON_PURPOSE
 
-pytestmark = pytest.mark.fem
+pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]
 
 
 @pytest.fixture(scope="module", params=["clamped", "sliding", "free"])

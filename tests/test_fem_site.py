@@ -14,8 +14,9 @@ import parts
 from antiosc.errors import AntioscWarning
 from antiosc.fem import compat, locate
 from antiosc.fem.site import functional
+from marks import FREE_ON_PURPOSE
 
-pytestmark = pytest.mark.fem
+pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]
 
 SOLID = ao.Solid(**parts.STEEL)
 PLANE = ao.Solid(**parts.STEEL, plane="stress", thickness=0.01)

@@ -14,8 +14,9 @@ import parts
 from antiosc import closed_form
 from antiosc.fem.algebra import csr, multiply
 from antiosc.fem.extract import _judge
+from marks import FREE_ON_PURPOSE
 
-pytestmark = pytest.mark.fem
+pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]
 
 #: slenderness L/h and elements: ε (L/r)² n² is 1e-9, 5e-5, 0.5, 50 and 5e3
 CASES = [

@@ -15,8 +15,9 @@ import antiosc as ao
 import parts
 from antiosc.fem import compat
 from antiosc.fem.algebra import csr
+from marks import FREE_ON_PURPOSE
 
-pytestmark = pytest.mark.fem
+pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]
 
 SOLID = ao.Solid(**parts.STEEL)
 

@@ -12,9 +12,10 @@ import scipy.sparse
 
 import antiosc as ao
 from antiosc.band import samples, stiffness_error
+from marks import FREE_ON_PURPOSE
 from paths import MESHES
 
-pytestmark = pytest.mark.fem
+pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]
 
 
 def chain(n: int, *, fixed: bool, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:

@@ -1,0 +1,8 @@
+"""Marks that several test files share."""
+
+import pytest
+
+#: Tests of structures whose supports leave rigid-body motions, which antiosc warns of.
+FREE_ON_PURPOSE = pytest.mark.filterwarnings(
+    "ignore:the supports leave:antiosc.errors.AntioscWarning"
+)
