@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from petsc4py import PETSc
 
 from antiosc.checks import array, shown, whole
-from antiosc.errors import InputError, warn
+from antiosc.errors import InputError
 from antiosc.fem import compat, loose, rigid
 from antiosc.fem.algebra import Solver, dot, multiply, sum_of
 from antiosc.fem.attached import Matrices, PointMass, Spring, add_at_points, add_beams
@@ -23,7 +23,7 @@ from antiosc.fem.family import Family, Parts, WeakForm, measure
 from antiosc.fem.given import as_petsc, supported
 from antiosc.fem.large import Choice, checked_choice, solver_for
 from antiosc.fem.mesh import Mesh
-from antiosc.fem.parallel import bounds, collective
+from antiosc.fem.parallel import bounds, collective, warn
 from antiosc.fem.shell import Sheet
 from antiosc.fem.strains import attach
 from antiosc.fem.support import NO_DOFS, Support, held_dofs
@@ -126,11 +126,11 @@ class Structure:
         self.rigid_modes, self.shift = rigid.of_mesh(self.form, self.fixed, self.K, self.M, springs)
         if held and self.rigid_modes.shape[1]:
             motions = loose.described(mesh, self.form, self.rigid_modes)
-            if mesh.comm.rank == 0:
-                warn(
-                    f"the supports leave the structure free to move as a rigid body: {motions}; "
-                    "hold that too if it is not meant."
-                )
+            warn(
+                mesh.comm,
+                f"the supports leave the structure free to move as a rigid body: {motions}; hold "
+                "that too if it is not meant.",
+            )
         self.seconds: dict[str, float] = {"assembly": time.perf_counter() - started}
 
     @classmethod
