@@ -13,6 +13,7 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 import parts
+from antiosc.fem import parallel
 from antiosc.fem.fingerprint import fingerprint
 
 pytestmark = pytest.mark.fem
@@ -132,3 +133,16 @@ def test_nothing_raises():
     mesh = parts.box((1, 1, 1))
     for value in (mesh, mesh.dolfinx, ao.Structure(mesh, ao.Solid(**parts.STEEL)).K):
         assert fingerprint(value) == fingerprint(value)
+
+
+def test_memory_that_is_not_there_is_told():
+    @parallel.collective()
+    def work(error):
+        raise error
+
+    with pytest.raises(ao.OutOfMemoryError, match=r"work found no memory \(Python itself\)"):
+        work(MemoryError())
+    with pytest.raises(ao.OutOfMemoryError, match=r"Unable to allocate"):
+        work(MemoryError("Unable to allocate 7.3 TiB"))
+    with pytest.raises(ao.OutOfMemoryError, match=r"^as it was$"):
+        work(ao.OutOfMemoryError("as it was"))

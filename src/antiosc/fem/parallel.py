@@ -15,7 +15,7 @@ from petsc4py import PETSc
 
 from antiosc import errors
 from antiosc.checks import shown
-from antiosc.errors import AntioscWarning, InputError
+from antiosc.errors import AntioscWarning, InputError, OutOfMemoryError
 from antiosc.fem.fingerprint import fingerprint, named, number
 
 P = ParamSpec("P")
@@ -48,7 +48,7 @@ def collective(
         def guarded(*args: P.args, **kwargs: P.kwargs) -> T:
             comm = _communicator([*args, *kwargs.values()], default)
             if comm.size == 1:
-                return function(*args, **kwargs)
+                return _with_memory(function, *args, **kwargs)
             given = _given(signature, args, kwargs)
             for name in counts.keys() & given.keys():
                 given[name] = _counted(counts[name], given[name])
@@ -56,7 +56,7 @@ def collective(
             result: Any = None
             error: Exception | None = None
             try:
-                result = function(*args, **kwargs)
+                result = _with_memory(function, *args, **kwargs)
             except Exception as caught:
                 error = caught
             _conclude(comm, error, args[0] if function.__name__ == "__init__" else result)
@@ -65,6 +65,18 @@ def collective(
         return guarded
 
     return guard
+
+
+def _with_memory(function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T:
+    try:
+        return function(*args, **kwargs)
+    except OutOfMemoryError:
+        raise
+    except MemoryError as error:
+        raise OutOfMemoryError(
+            f"{_public(function.__qualname__)} found no memory ({str(error) or 'Python itself'}): "
+            "take a coarser mesh or order=1, or free some."
+        ) from error
 
 
 def compare(comm: MPI.Comm, name: str, arguments: dict[str, Any]) -> None:
@@ -121,6 +133,7 @@ def _communicator(values: Iterable[Any], default: MPI.Comm) -> MPI.Comm:
     """
     for value in values:
         if isinstance(value, PETSc.Object) and not value:
+            default = MPI.COMM_WORLD  # it may be a real one on other ranks
             continue  # empty or destroyed: to ask for its communicator kills the process
         try:
             comm = value if isinstance(value, MPI.Comm) else getattr(value, "comm", None)
@@ -185,7 +198,7 @@ def _raise_first(found: list[Exception | None], own: Exception | None) -> None:
     first = next((one for one in found if one is not None), None)
     if first is None:
         return
-    if own is not None and type(own).__name__ in (type(first).__name__, str(first).split(":")[0]):
+    if own is not None and str(_portable(own)) == str(first):
         raise own  # the same, with its traceback
     raise first
 
