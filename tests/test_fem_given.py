@@ -214,7 +214,6 @@ FORMS = {
     "stored zeros": with_zeros,
     **{name: getattr(scipy.sparse, f"{name}_matrix") for name in ("coo", "csc", "dia", "dok")},
     "sparse array": scipy.sparse.csr_array,
-    "sparse objects": lambda A: scipy.sparse.csr_matrix(A).astype(object),
     **{f"PETSc {kind}": lambda A, kind=kind: petsc(A, kind) for kind in ("aij", "sbaij", "dense")},
 }
 
