@@ -51,3 +51,18 @@ def test_impact_map(tmp_path):
     assert found.peak_force.min() < 0.7 * rigid
     for name in ("bracket_map.vtu", "bracket_map.png"):
         assert (tmp_path / name).stat().st_size > 0
+
+
+@pytest.mark.fem
+@pytest.mark.slow
+def test_blas_threads(tmp_path, monkeypatch):
+    module = demo("blas_threads")
+    for name in module.threads.VARIABLES:
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(module.threads, "cores", lambda: 1)  # threads would wait for each other
+    found = module.main(sizes=(0.02,), rounds=1, out=tmp_path)
+    (times,) = found.values()
+    assert len(times) == 2 * 3 * len(module.TASKS)  # loads, ways, tasks
+    assert all(seconds > 0 for (seconds,) in times.values())
+    for name in ("blas_threads.md", "blas_threads.png"):
+        assert (tmp_path / name).stat().st_size > 0

@@ -2,8 +2,9 @@
 
 OpenBLAS's threads wait for each other in busy loops, thousands of times in one sparse factor. Where
 another program has one of the cores they wait for that, too, and two threads take up to nine times
-as long as one; where all cores are free they gain on the large fronts alone (`demos/threads.py`).
-A number that the user has set in the environment is left alone, and so are all other libraries.
+as long as one; where all cores are free they gain on the large fronts alone. A number that the user
+has set in the environment is left alone, and so are all other libraries.
+`demos/blas_threads.py` measures it.
 """
 
 from __future__ import annotations

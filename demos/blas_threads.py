@@ -3,9 +3,9 @@
 The stiffness of the bracket at three sizes is factored and solved with one BLAS thread, with one a
 core (what BLAS takes by itself), and with those that antiosc chooses; first with the machine as it
 is, then beside two busy processes a core. All in one run, one after the other in every round; the
-medians are told over that of one thread without load. Writes threads.md and threads.png.
+medians are told over that of one thread without load. Writes blas_threads.md and blas_threads.png.
 
-    .venv/bin/python demos/threads.py --rounds 5 --out demos/speed
+    .venv/bin/python demos/blas_threads.py --rounds 5 --out demos/speed
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
@@ -24,6 +24,7 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
+import options
 from threadpoolctl import ThreadpoolController
 
 import antiosc as ao
@@ -31,34 +32,34 @@ from antiosc import threads
 from antiosc.fem.algebra import csr, lower
 from antiosc.fem.cholmod import Cholesky
 
-HERE = Path(__file__).parent
+ROOT = Path(__file__).resolve().parent.parent
+OUT = ROOT / "demos" / "speed"
 #: Sizes of the elements [m].
 SIZES = (0.012, 0.008, 0.005)
 #: Columns of the solves.
 COLUMNS = (1, 16)
 TASKS = ("factor", *(f"solve, {k} column{'s' * (k > 1)}" for k in COLUMNS))
+#: Seconds by load, way and task; and those by dofs.
 Times = dict[tuple[str, str, str], list[float]]
+Found = dict[int, Times]
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--rounds", type=int, default=5, help="how often all is repeated")
-    parser.add_argument("--out", type=Path, default=HERE / "speed", help="folder of the results")
-    options = parser.parse_args()
+def main(sizes: tuple[float, ...] = SIZES, rounds: int = 5, out: Path = OUT) -> Found:
+    """Measure with elements of these sizes, write the table and the chart, return the seconds."""
     if threads.chosen():
         sys.exit(f"unset {threads.chosen()[0]} first: it decides the threads by itself.")
-
     ways = {"1 thread": 1, f"{threads.cores()} threads": threads.cores(), "antiosc": None}
-    found = {size: measured(size, ways, options.rounds) for size in SIZES}
-    options.out.mkdir(parents=True, exist_ok=True)
-    (options.out / "threads.md").write_text(table(found, ways))
-    draw(found, ways, options.out / "threads.png")
+    found = dict(measured(size, ways, rounds) for size in sizes)
+    out.mkdir(parents=True, exist_ok=True)
+    (out / "blas_threads.md").write_text(table(found, ways))
+    draw(found, ways, out / "blas_threads.png")
     print(table(found, ways))
+    return found
 
 
 def measured(size: float, ways: dict[str, int | None], rounds: int) -> tuple[int, Times]:
     """(Dofs, seconds by load, way and task) of the bracket at a size of its elements."""
-    mesh = ao.read_mesh(HERE.parent / "meshes" / "bracket.geo", size=size)
+    mesh = ao.read_mesh(ROOT / "meshes" / "bracket.geo", size=size)
     material = ao.Solid(E=70e9, nu=0.33, rho=2700.0)
     part = ao.Structure(mesh, material, supports=[ao.Support("clamp")])
     A = lower(csr(part.K))
@@ -116,18 +117,18 @@ def ratio(times: Times, load: str, way: str, task: str) -> float:
     return float(np.median(times[load, way, task]) / np.median(times["idle", "1 thread", task]))
 
 
-def table(found: dict[float, tuple[int, Times]], ways: dict[str, int | None]) -> str:
+def table(found: Found, ways: dict[str, int | None]) -> str:
     lines = [
         "# BLAS threads, idle and busy",
         "",
         f"Bracket, {threads.cores()} cores; idle: the machine as it was; busy: beside "
         f"{2 * threads.cores()} processes that compute without end. Medians over that of one "
-        "thread without load; in brackets the longest one. Made by `demos/threads.py`.",
+        "thread without load; in brackets the longest one. Made by `demos/blas_threads.py`.",
         "",
         f"| dofs | | {' | '.join(f'{load}, {way}' for load in ('idle', 'busy') for way in ways)} |",
         "|---|---|" + "---|" * (2 * len(ways)),
     ]
-    for dofs, times in found.values():
+    for dofs, times in found.items():
         for task in TASKS:
             base = np.median(times["idle", "1 thread", task])
             cells = [
@@ -139,13 +140,13 @@ def table(found: dict[float, tuple[int, Times]], ways: dict[str, int | None]) ->
     return "\n".join(lines) + "\n"
 
 
-def draw(found: dict[float, tuple[int, Times]], ways: dict[str, int | None], path: Path) -> None:
+def draw(found: Found, ways: dict[str, int | None], path: Path) -> None:
     figure, axes = plt.subplots(1, 2, figsize=(9, 3.6), sharey=True, layout="constrained")
-    dofs = [str(n) for n, _ in found.values()]
+    dofs = [str(n) for n in found]
     places = np.arange(len(dofs))
     for axis, load in zip(axes, ("idle", "busy"), strict=True):
         for k, way in enumerate(ways):
-            values = [ratio(times, load, way, "factor") for _, times in found.values()]
+            values = [ratio(times, load, way, "factor") for times in found.values()]
             axis.bar(places + 0.27 * (k - 1), values, 0.25, label=way)
         axis.set(title=load, xlabel="dofs", yscale="log")
         axis.set_xticks(places, dofs)
@@ -155,5 +156,12 @@ def draw(found: dict[float, tuple[int, Times]], ways: dict[str, int | None], pat
     figure.savefig(path, dpi=120)
 
 
+def command(arguments: Sequence[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--rounds", type=options.count, default=5, help="how often all is repeated")
+    parser.add_argument("--out", type=Path, default=OUT, help="folder of the results")
+    options.run(parser, main, arguments)
+
+
 if __name__ == "__main__":
-    main()
+    command()
