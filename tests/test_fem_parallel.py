@@ -139,3 +139,39 @@ def test_two_ranks_give_the_fields_of_one(tmp_path):
     assert two[1] == pytest.approx(one[1], rel=1e-8)
     assert two[2] == one[2] == 4
     np.testing.assert_allclose(two[3], one[3], atol=1e-8 * np.abs(one[3]).max())
+
+
+FREE = """
+import json, sys, warnings
+import numpy as np
+sys.path.insert(0, sys.argv[1])
+import antiosc as ao
+import parts
+
+warnings.simplefilter("ignore")
+guide = ao.Support(lambda x: np.isclose(x[2], 0.0), fix=("y", "z"))
+rows = []
+thrown, sliding = ao.Motion((0.3, 0.2, 0), (1, 2, 3)), ao.Motion((0.3, 0, 0))
+for supports, start in (([], thrown), ([guide], sliding)):
+    structure = ao.Structure(parts.box((8, 4, 3), cell="tetrahedron"), ao.Solid(**parts.STEEL),
+                             supports)
+    site = ao.Site((0.17, 0.04, 0.04), (0.2, -0.3, -1))
+    for model in (ao.extract(structure, site, n=6, method="modes"),
+                  ao.superposition(structure, site, 5, static_correction=True)):
+        hit = ao.simulate(model, ao.RigidMass(0.5, 3.0), ao.Hertz(1e9), 2e-3, gap=1e-4,
+                          gravity=(1, 2, -9), initial_velocity=start)
+        moved = ao.probe(structure, hit, (0.1, 0.02, 0.03), [1e-3, 1.5e-3])
+        rows.append([*hit.momentum[-1], *hit.angular_momentum[-1], *moved.ravel(),
+                     hit.energy.kinetic[0], hit.peak_force])
+print(json.dumps(rows))
+"""
+
+
+def test_two_ranks_give_the_free_motion_of_one():
+    """Momentum, angular momentum and fields of falling, spinning, sliding bodies."""
+    one, two = (run_ranks(n, FREE, HERE) for n in (1, 2))
+    assert two[0] == two[1]
+    for a, b in zip(json.loads(one[0]), json.loads(two[0]), strict=True):
+        for part in (slice(0, 3), slice(3, 6), slice(6, 12), slice(12, 13), slice(13, 14)):
+            scale = np.abs(a[part]).max()
+            np.testing.assert_allclose(b[part], a[part], atol=1e-6 * scale)
