@@ -506,3 +506,19 @@ def test_public_names_exist():
     assert set(ao.__all__) <= set(dir(ao))
     with pytest.raises(AttributeError, match="no_such"):
         _ = ao.no_such
+
+
+def test_a_run_over_which_no_phase_is_left_is_refused():
+    model = ao.AntiOscillators(m0=1e20, k0=0.0, m=[1e-40], omega=[1e40])
+    ball, law = ao.RigidMass(1e60, -1e60), ao.Hertz(1e-20)
+    with pytest.raises(ao.AccuracyError, match=r"keeps no phase of the fastest motion, 1e\+40 rad"):
+        ao.simulate(model, ball, law, 1e60)
+    with pytest.raises(ao.AccuracyError, match="keeps no phase"):
+        ao.simulate_many(model, ball, law, 1e60)
+
+
+def test_bodies_without_any_mass_are_refused():
+    spring = ao.AntiOscillators(m0=0.0, k0=1e6, m=[], omega=[])
+    for run in (ao.simulate, ao.simulate_many):
+        with pytest.raises(ao.InputError, match="nothing can move"):
+            run(spring, ao.Obstacle(), ao.Linear(1e6), 1e-3)

@@ -25,6 +25,7 @@ from antiosc.impact import (
     DEFAULT_TOL,
     MAX_LEVELS,
     assemble,
+    check_span,
     integrated,
     scaled,
     without_patch,
@@ -166,6 +167,7 @@ def _prepare(scene: dict[str, Any], index: int) -> _Scene:
     problem, bodies = assemble(
         scene["models"], scene["impactors"], law, scene["initial_velocity"], scene["gravity"]
     )
+    check_span(problem, duration)
     problem, scale = scaled(problem, bodies, duration)
     step = scene["step"]
     if step is None:

@@ -48,6 +48,8 @@ Array = NDArray[np.float64]
 DEFAULT_TOL = 1e-3
 COARSEST = 24  # per estimated contact time, on the coarsest level
 MAX_LEVELS = 24
+#: Largest phase of a motion [rad]: rounding leaves 1e-4 of it.
+LONGEST = 1e12
 
 
 @checks.within_range
@@ -182,6 +184,7 @@ def integrated(
     """One run of `simulate` and what is to be said of it, unsaid as yet."""
     law, note = without_patch(contact, model, impactor)
     problem, bodies = assemble(model, impactor, law, initial_velocity, gravity, gap)
+    check_span(problem, duration)
     problem, scale = scaled(problem, bodies, duration)
     trajectory, step, error = _integrate(
         problem, method, duration, scale, step, tol, max_contacts, max_steps
@@ -397,6 +400,22 @@ def without_patch(
         f"The patch's half-space compliance {local:.4g} m/N was taken out of Hertz's law,"
         f" so that the indentation is counted once."
     )
+
+
+def check_span(problem: Problem, duration: float) -> None:
+    """InputError where nothing can move, AccuracyError where no phase is left after `duration`."""
+    if not problem.omega.size:
+        raise InputError(
+            "nothing can move: neither the model nor the impactor has a mass; give m0 or m > 0, or"
+            " an impactor with a mass."
+        )
+    fastest = float(problem.omega.max())
+    if fastest * duration > LONGEST:
+        raise AccuracyError(
+            f"double precision keeps no phase of the fastest motion, {fastest:.3g} rad/s, over a"
+            f" duration of {duration:g} s: shorten it to at most {LONGEST / fastest:.2g} s, or take"
+            f" fewer anti-oscillators."
+        )
 
 
 def scaled(
