@@ -8,6 +8,9 @@ import os
 import random
 import re
 import signal
+import subprocess
+import sys
+import time
 import warnings
 from pathlib import Path
 
@@ -261,6 +264,29 @@ def test_the_reading_process_may_be_lost(tmp_path):
     os.kill(isolation.server._process.pid, signal.SIGKILL)
     isolation.server._process.wait()
     assert ao.read_mesh(MESHES / "lever.msh").n_cells
+
+
+def test_a_reader_ends_with_the_one_that_asked(tmp_path):
+    path = tmp_path / "part.geo"
+    path.write_text("For i In {1:1e15}\n a = i;\nEndFor\n" + BAR)
+    script = f"""
+import os, threading, time
+from antiosc.fem.readers import isolation, read
+from pathlib import Path
+threading.Thread(target=read, args=(Path({str(path)!r}),), daemon=True).start()
+while isolation.server._process is None:
+    time.sleep(0.01)
+time.sleep(0.5)
+print(isolation.server._process.pid, flush=True)
+os._exit(0)
+"""
+    run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    group, deadline = int(run.stdout), time.monotonic() + 30
+    with contextlib.suppress(ProcessLookupError):
+        while True:
+            os.killpg(group, 0)
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
 
 
 def test_counts_of_a_header_take_no_memory(tmp_path):
@@ -624,25 +650,26 @@ def damaged(content: bytes, rng: random.Random) -> bytes:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
-def test_damaged_files_are_refused_or_read(tmp_path, session, seed):
+def test_damaged_files_are_refused_or_read(tmp_path, seed):
     rng = random.Random(seed)
     files = [MESHES / "bracket.step", MESHES / "lever.msh"]
     for version in (2.2, 4.1):
         for binary in (False, True):
             name = tmp_path / f"cube{version}{binary}.msh"
             files.append(parts.gmsh_cube(name, "tetrahedron", 1, version=version, binary=binary))
-    files.append(cube(session, tmp_path / "cube", "occ"))
-    files.append(cube(session, tmp_path / "cube", "own"))
     source = meshio.read(files[2])
     body = meshio.Mesh(source.points, [("tetra", source.get_cells_type("tetra"))])
-    for suffix in ("inp", "bdf", "vtu", "vtk", "med", "stl", "xdmf", "unv"):
-        path = tmp_path / f"cube.{suffix}"
-        if suffix in ("unv", "stl"):
-            gmsh.open(str(files[2]))
-            gmsh.write(str(path))
-        else:
-            body.write(path)
-        files.append(path)
+    for suffix in ("inp", "bdf", "vtu", "vtk", "med", "xdmf"):
+        body.write(tmp_path / f"cube.{suffix}")
+        files.append(tmp_path / f"cube.{suffix}")
+    gmsh.initialize(readConfigFiles=False)
+    gmsh.option.setNumber("General.Terminal", 0)
+    gmsh.open(str(files[2]))
+    for suffix in ("unv", "stl"):
+        gmsh.write(str(tmp_path / f"cube.{suffix}"))
+        files.append(tmp_path / f"cube.{suffix}")
+    files += [cube(gmsh, tmp_path / "cube", kernel) for kernel in ("occ", "own")]
+    gmsh.finalize()
     told = []
     for k in range(60):
         file = rng.choice(files)

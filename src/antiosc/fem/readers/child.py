@@ -9,6 +9,8 @@ import contextlib
 import importlib
 import json
 import os
+import select
+import signal
 import sys
 import types
 from pathlib import Path
@@ -58,9 +60,26 @@ def _in_a_fork(asked, nowhere):  # type: ignore[no-untyped-def]
         finally:
             os._exit(code)  # no cleaning up, in which gmsh may die
     os.close(writing)
-    with os.fdopen(reading, "rb") as stream:
-        answer = stream.read()
+    answer = _answer_of(pid, reading)
     return os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]), answer
+
+
+def _answer_of(pid: int, reading: int) -> bytes:
+    """All that the fork writes; it is ended, and so is this process, if nobody waits any more."""
+    poll = select.poll()
+    poll.register(reading, select.POLLIN)
+    poll.register(0, 0)  # tells only that the other end is closed
+    parts: list[bytes] = []
+    with os.fdopen(reading, "rb", buffering=0) as stream:
+        while True:
+            ready = dict(poll.poll())
+            if 0 in ready:
+                os.kill(pid, signal.SIGKILL)
+                os._exit(1)
+            part = stream.read(2**20)
+            if not part:
+                return b"".join(parts)
+            parts.append(part)
 
 
 def _work(asked, answer):  # type: ignore[no-untyped-def]
