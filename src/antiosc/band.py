@@ -74,6 +74,16 @@ def shares(k0: ArrayLike, m0: ArrayLike, m: ArrayLike, poles: ArrayLike) -> NDAr
     return share
 
 
+def shares_of_receptance(b: ArrayLike, poles: ArrayLike) -> NDArray[np.float64]:
+    """|change of H|/|H| (J,) at each pole, damped, without its mode: H = sum b^2/(poles - x)."""
+    weight, poles = np.asarray(b, dtype=float) ** 2, np.asarray(poles, dtype=float)
+    share = np.ones(poles.shape)  # of a rigid-body mode at its own frequency, 0
+    for i in np.flatnonzero(poles > 0):
+        parts = weight / (poles - poles[i] * (1 + 1j * DAMPING) ** 2)
+        share[i] = np.abs(parts[i]) / max(float(np.abs(np.sum(parts))), np.finfo(float).tiny)
+    return share
+
+
 def lowest_frequency(k0: float, m_st: float, omega: ArrayLike) -> float:
     """Where Z begins to vary [rad/s]: the one-degree-of-freedom model's or the first pole.
 

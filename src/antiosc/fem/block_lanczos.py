@@ -13,8 +13,10 @@ import logging
 import numpy as np
 
 from antiosc.errors import NotConvergedError
+from antiosc.fem import large
 from antiosc.fem.algebra import Array, dot, multiply
 from antiosc.fem.modes import DENSE, Modes, ModeSolver
+from antiosc.fem.parallel import on_root
 from antiosc.fem.structure import Structure
 
 #: Right-hand sides solved for together. On two structures of 10⁵ dofs 20 modes took half of the
@@ -44,17 +46,20 @@ def lowest_modes(structure: Structure, count: int, reach: float = 0.0) -> Modes:
     if structure.K.getSize()[0] <= DENSE or structure.dofs < FEW * count:
         return _one_by_one(structure, count, reach)
     run = _Lanczos(structure)
-    for step in range(STEPS):
+    rows = structure.K.getSize()[0]
+    room = large.FILL * on_root(structure.comm, large.free_memory) / (8 * BLOCK * rows)
+    steps = max(1, min(STEPS, int(room) - 3))  # a block of the basis each
+    for step in range(steps):
         run.advance()
         omega, turn, residual = run.ritz()
-        settled = np.append(residual > RESIDUAL, True).argmax()
+        settled = int(np.append(residual > RESIDUAL, True).argmax())
         if run.exhausted or (settled >= count and omega[settled - 1] >= reach):
             kept = len(omega) if run.exhausted else settled
             return Modes(omega[:kept], run.shapes(turn[:, :kept]), run.exhausted)
         log.debug("block Lanczos step %d: %d modes settled", step, settled)
     raise NotConvergedError(
-        f"block Lanczos settled {settled} of {count} modes in {STEPS} steps: ask for fewer modes "
-        "or a lower band."
+        f"block Lanczos settled {settled} of {count} modes in {steps} steps (at most {STEPS}, and "
+        "as many as fit in memory): ask for fewer modes or a lower band."
     )
 
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from antiosc.band import UNSEEN
+from antiosc.band import UNSEEN, shares_of_receptance
 from antiosc.checks import flag, instance, whole, within_range
 from antiosc.errors import AccuracyError, AccuracyWarning, InputError, warn
 from antiosc.fem.algebra import Array, dot, multiply
@@ -194,7 +194,9 @@ def _seen(structure: Structure, where: Functional, static: StaticMode, modes: Mo
     """The modes that move the site, equal frequencies merged, the rigid-body one in front."""
     _check(structure, modes)
     b = dot(structure.comm, modes.phi, where.b)
-    seen = b**2 * static.mass > UNSEEN
+    along = 0.0 if static.rigid is None else static.rigid[1]
+    shares = shares_of_receptance(np.append(along, b), np.append(0.0, modes.omega**2))
+    seen = shares[1:] > UNSEEN
     omega, b, phi = modes.omega[seen], b[seen], modes.phi[:, seen]
     if len(omega):
         start = np.flatnonzero(np.diff(omega, prepend=-np.inf) > REPEATED * omega)
