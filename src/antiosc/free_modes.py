@@ -15,7 +15,11 @@ eigenpairs are the anti-oscillators, 1/T - shift the zeros of H.
 
 The modes left out have 0 < 1/w^2 <= 1/w_J^2, so at real x the value of h lies between that of the
 one mode and the chord r (1 - p + p/(1 - x/w_J^2)), p = s w_J^2/r: an error bound at every site
-(the little damping with which Z is compared moves it by its own share, a per cent).
+(the little damping with which Z is compared moves it by its own share, a per cent; between two
+samples it may rise by a quarter).
+
+Rigid-body modes that hardly move a site are left out of this and added to its anti-oscillators
+(`antiosc.rigid_share`), as in `antiosc.extract`.
 """
 
 from __future__ import annotations
