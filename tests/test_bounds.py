@@ -17,6 +17,7 @@ from antiosc.fem.algebra import csr
 from antiosc.free_modes import at_sites, error_bound
 from antiosc.rigid_share import with_rigid
 from loose_bodies import elastic_frequencies, exact_stiffness, loose_bodies
+from marks import FREE_ON_PURPOSE
 from parts import STEEL, box
 
 METHODS = ("krylov", "modes")
@@ -110,6 +111,7 @@ def test_force_is_continuous_in_the_angle_to_a_slide(method):
     _check_forces(structure, [_slide(angle)[1] for angle in [*ANGLES, 0.0]], 9, method)
 
 
+@FREE_ON_PURPOSE
 @pytest.mark.slow
 @pytest.mark.fem
 @pytest.mark.parametrize("method", METHODS)
