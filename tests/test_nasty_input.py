@@ -10,11 +10,18 @@ import warnings
 from typing import Any
 
 import pytest
+
+pytest.importorskip("matplotlib")
+pytest.importorskip("hypothesis")
+
+import matplotlib.pyplot as plt
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import antiosc as ao
 from nasty import EXTREMES, TYPES, is_fem, parameters, public, sound, unmade, verdict
+
+plt.switch_backend("Agg")
 
 CALLS = public()
 POOL = TYPES + EXTREMES
@@ -38,13 +45,7 @@ LARGE = settings(QUICK, max_examples=200)
 
 @pytest.fixture(autouse=True)
 def _in_a_folder_of_its_own(tmp_path_factory, monkeypatch):
-    matplotlib = pytest.importorskip("matplotlib")
-    matplotlib.use("Agg")
     monkeypatch.chdir(tmp_path_factory.mktemp("nasty"))
-    yield
-    import matplotlib.pyplot as plt
-
-    plt.close("all")
 
 
 def names_of(name: str) -> list[str]:
@@ -56,7 +57,10 @@ def attempt(name: str, change: dict[str, int]) -> str:
     given = {p: POOL[k] for p, k in change.items()}
     if any(p in OWN_FUNCTIONS and callable(value) for p, value in given.items()):
         return ""
-    return verdict(CALLS[name], {**sound(name, CALLS[name]), **given})
+    wrong = verdict(CALLS[name], {**sound(name, CALLS[name]), **given})
+    if "plot" in name:
+        plt.close("all")
+    return wrong
 
 
 @st.composite

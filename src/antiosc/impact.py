@@ -345,7 +345,8 @@ def _loads(
     structure: ModalBody, striker: ModalBody, gravity: float | Sequence[float]
 ) -> tuple[Array, Array]:
     """Modal forces of gravity on both bodies."""
-    if np.ndim(gravity) == 0:
+    listed = isinstance(gravity, list | tuple)
+    if not (listed or (isinstance(gravity, np.ndarray) and gravity.ndim)):
         along = checks.number("gravity", gravity, "m/s^2")
         return _pull("structure", structure, along), _pull("impactor", striker, along)
     vector = checks.array("gravity", gravity, (3,))

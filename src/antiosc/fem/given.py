@@ -75,7 +75,7 @@ def _of_arrays(name: str, matrix: Any) -> PETSc.Mat:
     sparse = scipy.sparse.issparse(matrix)
     try:
         entries: Any = matrix if sparse else np.asarray(matrix)
-    except (TypeError, ValueError):  # rows of different lengths
+    except Exception:  # rows of different lengths, or objects that are no arrays at all
         entries = np.zeros(())
     if not sparse and entries.ndim == 0:
         raise InputError(
