@@ -355,6 +355,10 @@ def test_a_beam_on_a_pin_turns_about_it():
     tensor = ROUND.A / 3 + ROUND.I  # rho and the length 1
     energy = parts.STEEL["rho"] * tensor * spin**2 / 2
     assert hit.energy.kinetic[0] == pytest.approx(energy, rel=1e-9)
+    # all its mass turns, that of the held dofs included
+    assert model.inertia.mass == pytest.approx(structure.mass, rel=1e-12)
+    drawn = structure.mass * spin * np.array([-0.3, 0.4, 0.0])
+    np.testing.assert_allclose(hit.momentum[0], drawn, atol=1e-9 * structure.mass)
     same = ao.simulate(
         model, stop, ao.Hertz(1e9), 5e-4, gap=1e-2,
         initial_velocity=ao.Motion(spin=(0, 0, spin), about=(0, 0, 0)),
