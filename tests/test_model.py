@@ -247,3 +247,50 @@ def test_without_shapes_no_field():
 def test_truncation_beyond_the_model():
     with pytest.raises(ao.InputError, match="n must be <= 0"):
         ao.AntiOscillators(m0=1.0, k0=1.0, m=[], omega=[]).truncated(1)
+
+
+def test_motion_and_inertia_are_checked():
+    point, none = np.zeros(3), np.zeros((2, 6))
+    for matrix, says in (
+        (np.zeros((6, 6)), "must hold a mass > 0"),
+        (-np.eye(6), "diagonal >= 0"),
+        (np.eye(6) + np.eye(6, k=1), "must be symmetric"),
+        (np.eye(5), r"must have shape \(6, 6\)"),
+    ):
+        with pytest.raises(ao.InputError, match=says):
+            ao.Inertia(point, matrix, none)
+    inertia = ao.Inertia(point, np.eye(6), none)
+    with pytest.raises(ao.InputError, match="one row for each of 1 modes; got 2"):
+        ao.ModalBody([0.0], [1.0], inertia=inertia)
+    with pytest.raises(ao.InputError, match=r"a row for each of psi_0 \.\.\. psi_2, 3"):
+        ao.AntiOscillators(1.0, 0.0, [1.0, 2.0], [1.0, 2.0], inertia=inertia)
+    with pytest.raises(ao.InputError, match="hidden motions need the inertia"):
+        ao.AntiOscillators(1.0, 0.0, [1.0], [1.0], hidden=np.zeros((4, 1)))
+    for given in ({"velocity": (1, 2)}, {"spin": (0, 0, np.nan)}, {"about": "abc"}):
+        with pytest.raises(ao.InputError, match=f"{next(iter(given))} must"):
+            ao.Motion(**given)
+    body = ao.ModalBody([0.0], [1.0])
+    with pytest.raises(ao.InputError, match="does not know how it moves in space"):
+        body.rigid_motion(ao.Motion((1, 0, 0)))
+
+
+def test_centre_of_mass_and_momentum_about_another_point():
+    """S of a rigid body about p, by hand: mass, first moments, Steiner's theorem."""
+    point, centre, mass = np.array([1.0, 2, 3]), np.array([1.5, 2.2, 2.7]), 2.0
+    c = centre - point
+    cross = np.array([[0, -c[2], c[1]], [c[2], 0, -c[0]], [-c[1], c[0], 0]])
+    tensor = np.diag([1.0, 2, 3])
+    matrix = np.block(
+        [[mass * np.eye(3), -mass * cross], [mass * cross, tensor - mass * cross @ cross]]
+    )
+    inertia = ao.Inertia(point, matrix, np.zeros((0, 6)))
+    assert inertia.mass == mass
+    np.testing.assert_allclose(inertia.centre, centre)
+    V, W = np.array([0.3, -0.2, 0.4]), np.array([2.0, -3.0, 5.0])
+    momenta = matrix @ ao.Motion(V, W).at(inertia)
+    np.testing.assert_allclose(momenta[:3], mass * V)
+    np.testing.assert_allclose(inertia.moved(momenta, centre)[3:], tensor @ W)
+    # the same motion told by another of its points
+    about = np.array([0.0, 1.0, 0.0])
+    same = ao.Motion(V + np.cross(W, about - centre), W, about).at(inertia)
+    np.testing.assert_allclose(same, ao.Motion(V, W).at(inertia))

@@ -50,6 +50,7 @@ COARSEST = 24  # per estimated contact time, on the coarsest level
 MAX_LEVELS = 24
 #: Largest phase of a motion [rad]: rounding leaves 1e-4 of it.
 LONGEST = 1e12
+LAW = "a ContactLaw such as Hertz(stiffness)"
 
 
 @checks.within_range
@@ -128,6 +129,7 @@ def simulate(
     checks.choice("method", method, (*FIXED_STEP, *IVP_METHODS))
     max_contacts = checks.whole("max_contacts", max_contacts)
     max_steps = checks.whole("max_steps", max_steps)
+    checks.instance("contact", contact, ContactLaw, LAW)
 
     def run_of(each: LinearBody, tol: float, method: str) -> tuple[History, Verdict]:
         return integrated(
@@ -306,7 +308,7 @@ def assemble(
     """The problem an integrator sees, and the two bodies in the order (structure, impactor)."""
     checked_body("model", model)
     checked_body("impactor", impactor)
-    checks.instance("contact", law, ContactLaw, "a ContactLaw such as Hertz(stiffness)")
+    checks.instance("contact", law, ContactLaw, LAW)
     structure, striker = model.modal(), impactor.modal()
     speed = getattr(impactor, "velocity", 0.0)
     own_gap = float(getattr(impactor, "gap", 0.0))

@@ -237,7 +237,9 @@ class ModalBody:
         """Modal velocities of the rigid motion (6,), and the share of its energy that they miss."""
         start = np.where(self.omega == 0, inertia.momentum @ motion, 0.0)
         whole = float(motion @ inertia.matrix @ motion)
-        return start, abs(1 - float(start @ start) / whole) if whole > 0 else 0.0
+        if not np.any(motion):
+            return start, 0.0
+        return start, abs(1 - float(start @ start) / whole) if whole > 0 else np.inf
 
 
 @runtime_checkable

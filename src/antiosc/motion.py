@@ -45,11 +45,11 @@ class Inertia:
         for name, shape in (("point", (3,)), ("matrix", (6, 6)), ("momentum", (None, 6))):
             value = checks.array(f"inertia.{name}", getattr(self, name), shape)
             checks.store(self, **{name: checks.kept(value)})
-        size = np.abs(self.matrix).max()
-        if not self.matrix.diagonal().min() >= 0 or np.any(
-            np.abs(self.matrix - self.matrix.T) > 1e-9 * size
-        ):
+        S = self.matrix
+        if S.diagonal().min() < 0 or np.any(np.abs(S - S.T) > 1e-9 * np.abs(S).max()):
             raise InputError("inertia.matrix must be symmetric with a diagonal >= 0.")
+        if self.mass == 0:
+            raise InputError("inertia.matrix must hold a mass > 0, along x, y and z.")
 
     @property
     def mass(self) -> float:
