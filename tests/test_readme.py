@@ -41,7 +41,7 @@ def test_the_program_of_the_readme_runs(tmp_path, monkeypatch, capsys):
 @pytest.mark.fem
 @pytest.mark.slow
 def test_the_map_of_the_readme_runs(tmp_path, monkeypatch):
-    whole, rest = programs()
+    whole, rest = programs()[:2]
     names = run(whole + rest, tmp_path, monkeypatch)  # a warning would be an error
     found, sphere = names["found"], names["sphere"]
     assert len(found) == 25
@@ -55,6 +55,17 @@ def test_the_map_of_the_readme_runs(tmp_path, monkeypatch):
     assert (found.peak_force > 0.5 * rigid).all()
     assert (tmp_path / "out" / "map.vtu").is_file()
     assert (tmp_path / "out" / "map.png").is_file()
+
+
+def test_the_scene_of_the_readme_runs(tmp_path, monkeypatch, capsys):
+    landing = run(programs()[2], tmp_path, monkeypatch)["landing"]
+    assert "Completed" in capsys.readouterr().out
+    pushed = sum(landing[f"box:foot{i}", "floor"].impulse for i in range(4))
+    gained = landing.bodies["box"].momentum[-1, 2] - landing.bodies["box"].momentum[0, 2]
+    assert gained == pytest.approx(pushed - 0.8 * 9.81 * 8e-3, rel=1e-6)
+    for i in range(4):
+        contact = landing[f"box:foot{i}", "floor"]
+        assert abs(contact.friction).max() <= 0.3 * contact.peak_force * (1 + 1e-9)
 
 
 def test_every_path_that_the_readme_names_exists():

@@ -42,6 +42,17 @@ from antiosc.impactor import Impactor, Obstacle, RigidMass, Sphere
 from antiosc.modal import Damping, LinearBody, ModalBody
 from antiosc.model import AntiOscillators
 from antiosc.motion import Inertia, Motion
+from antiosc.simulation import (
+    Base,
+    BodyHistory,
+    Contact,
+    ContactHistory,
+    Load,
+    RigidBody,
+    Scene,
+    SceneHistory,
+    SiteModes,
+)
 from antiosc.truncation import choose_n, truncation_error
 
 __version__ = "0.1.0"
@@ -76,8 +87,12 @@ __all__ = [
     "AntiOscillators",
     "AntioscError",
     "AntioscWarning",
+    "Base",
     "Batch",
     "Beam",
+    "BodyHistory",
+    "Contact",
+    "ContactHistory",
     "ContactLaw",
     "Damping",
     "Energy",
@@ -95,6 +110,7 @@ __all__ = [
     "Layer",
     "Linear",
     "LinearBody",
+    "Load",
     "Mesh",
     "MeshError",
     "MissingDependencyError",
@@ -105,10 +121,14 @@ __all__ = [
     "OutOfMemoryError",
     "PointMass",
     "Power",
+    "RigidBody",
     "RigidMass",
+    "Scene",
+    "SceneHistory",
     "Section",
     "Shell",
     "Site",
+    "SiteModes",
     "Solid",
     "Sphere",
     "Spring",

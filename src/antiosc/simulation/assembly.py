@@ -1,0 +1,387 @@
+"""From a scene to the modes, rows and loads that the march takes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from antiosc.contact import ContactLaw, Hertz
+from antiosc.errors import InputError
+from antiosc.impact import _deepest, _stiffness
+from antiosc.impactor import Obstacle
+from antiosc.simulation.bodies import PARALLEL, Placed, place
+from antiosc.simulation.engine import System
+from antiosc.simulation.laws import packed
+from antiosc.simulation.scene import Contact, Scene
+
+Array = NDArray[np.float64]
+
+MINDLIN = 2 * (1 - 0.3) / (2 - 0.3)  # tangential over normal stiffness for nu = 0.3
+
+
+@dataclass(eq=False)
+class Assembly:
+    """A scene in one set of modal coordinates.
+
+    Attributes
+    ----------
+    bodies : the placed bodies; `spans` their modes, `columns` their columns among all.
+    B : (J, P) displacements of all columns; r : (P, P).
+    G : (m, P) the rows: contacts, then the tangential rows of their friction.
+    laws : of the contacts, freed from the compliance of patches; `notes` say so.
+    system : what the march takes.
+    lasting : expected time of a contact [s], the shortest.
+    """
+
+    scene: Scene
+    bodies: dict[str, Placed]
+    spans: dict[str, slice]
+    columns: dict[str, slice]
+    B: Array
+    r: Array
+    G: Array
+    laws: list[ContactLaw]
+    notes: list[str]
+    system: System
+    lasting: float
+
+
+def assemble(scene: Scene, duration: float) -> Assembly:
+    """The scene ready to integrate; InputError for what does not fit together."""
+    bodies = {n: place(n, body, scene.motion.get(n)) for n, body in scene.bodies.items()}
+    spans, columns, j, k = {}, {}, 0, 0
+    for name, body in bodies.items():
+        spans[name], columns[name] = slice(j, j + body.omega.size), slice(k, k + body.B.shape[1])
+        j, k = spans[name].stop, columns[name].stop
+    B, r = np.zeros((j, k)), np.zeros((k, k))
+    for name, body in bodies.items():
+        B[spans[name], columns[name]] = body.B
+        r[columns[name], columns[name]] = body.r
+    normal: list[Array] = []
+    rubbing: list[Array] = []
+    tangents: list[tuple[int, int]] = []
+    lines: list[Array | None] = []
+    for contact in scene.contacts:
+        row, direction = _row(contact, bodies, columns, k)
+        normal.append(row)
+        lines.append(direction)
+    for contact, line in zip(scene.contacts, lines, strict=True):
+        sides = _tangents(contact, line, bodies, columns, k) if contact.friction > 0 else []
+        tangents.append((len(scene.contacts) + len(rubbing), len(sides)))
+        rubbing += sides
+    G = np.array(normal + rubbing)
+    axes = _axes(scene, bodies, lines)
+    breaks, loads, offsets = _loads(scene, bodies, spans, columns, axes, B, r, G, duration)
+    laws, notes = _laws(scene, bodies)
+    omega = np.concatenate([b.omega for b in bodies.values()])
+    if not omega.size:
+        raise InputError("nothing in the scene can move: every body is an obstacle.")
+    beta = np.ascontiguousarray(G @ B.T)
+    mass = np.array([_mass(beta[c], omega) for c in range(len(laws))])
+    v = np.concatenate([b.start for b in bodies.values()])
+    R = G @ r @ G.T
+    gaps = offsets[0, : len(laws)]
+    depth, speed, slip, lasting = _scales(scene, laws, mass, beta, v, loads, gaps, duration)
+    rows = [packed(law) for law in laws]
+    width = max(len(values) for _, values in rows)
+    system = System(
+        omega=omega,
+        decay=np.concatenate([b.decay for b in bodies.values()]),
+        beta=beta,
+        R=R,
+        breaks=breaks,
+        loads=loads,
+        offsets=offsets,
+        kinds=np.array([kind for kind, _ in rows], dtype=np.int64),
+        params=np.array([np.pad(values, (0, width - values.size)) for _, values in rows]),
+        slip=slip,
+        tangents=np.array(tangents, dtype=np.int64),
+        q=np.zeros(omega.size),
+        v=v,
+        mass=mass,
+        depth=depth,
+        speed=speed,
+        pressed=np.zeros(len(laws)),
+    )
+    return Assembly(scene, bodies, spans, columns, B, r, G, laws, notes, system, lasting)
+
+
+def find(end: str, bodies: dict[str, Placed]) -> tuple[Placed, str]:
+    """The body of an end and the name of its site."""
+    name, _, site = end.partition(":")
+    if name not in bodies:
+        raise InputError(f"there is no body {name!r} in the scene; it has {', '.join(bodies)}.")
+    body = bodies[name]
+    if isinstance(body.body, Obstacle):
+        return body, ""
+    if not site and len(body.sites) == 1:
+        site = next(iter(body.sites))
+    if site in body.sites:
+        return body, site
+    if body.sites == {"": (0,)}:  # one site: its name is free
+        return body, ""
+    listed = ", ".join(f"{name}:{s}" for s in body.sites)
+    raise InputError(f"{end!r} names no site of the body {name!r}; it has {listed}.")
+
+
+def along(body: Placed, site: str, direction: Array | None, end: str) -> Array:
+    """Coefficients (P,) of the body's columns that give a site's displacement along a direction."""
+    row = np.zeros(body.B.shape[1])
+    if isinstance(body.body, Obstacle):
+        return row
+    columns = list(body.sites[site])
+    if direction is None or body.directions is None:
+        row[columns[0]] = 1.0
+        return row
+    known = body.directions[columns]
+    parts, *_ = np.linalg.lstsq(known.T, direction, rcond=None)
+    found = known.T @ parts
+    if np.linalg.norm(found) < PARALLEL or found @ direction < PARALLEL * np.linalg.norm(found):
+        raise InputError(
+            f"the contact at {end!r} is along {np.round(direction, 4).tolist()}, but the model"
+            f" knows that site only along {np.round(known, 4).tolist()}; extract it along the"
+            f" contact."
+        )
+    row[columns] = parts
+    return row
+
+
+def _row(
+    contact: Contact, bodies: dict[str, Placed], columns: dict[str, slice], size: int
+) -> tuple[Array, Array | None]:
+    """Row (P,) of the indentation, and the contact's direction in space, where known."""
+    (a, at), (b, bt) = find(contact.a, bodies), find(contact.b, bodies)
+    if isinstance(a.body, Obstacle) and isinstance(b.body, Obstacle):
+        raise InputError(f"both ends of the contact {contact.a!r}, {contact.b!r} are obstacles.")
+    direction = a.pushes.get(at)
+    if direction is None:
+        direction = b.pushes.get(bt)
+    row = np.zeros(size)
+    row[columns[b.name]] += along(b, bt, direction, contact.b)
+    row[columns[a.name]] -= along(a, at, direction, contact.a)
+    return row, direction
+
+
+def _tangents(
+    contact: Contact,
+    direction: Array | None,
+    bodies: dict[str, Placed],
+    columns: dict[str, slice],
+    size: int,
+) -> list[Array]:
+    """Rows of the tangential displacement of b against a, one or two."""
+    ends = [find(contact.a, bodies), find(contact.b, bodies)]
+    moving = [(body, site) for body, site in ends if not isinstance(body.body, Obstacle)]
+    if direction is None or any(body.directions is None for body, _ in moving):
+        raise InputError(
+            f"friction between {contact.a!r} and {contact.b!r} needs ends that move along the"
+            f" surface too: a RigidBody, or SiteModes with tangential columns and directions."
+        )
+    across: list[Array] = []
+    for body, site in moving:
+        known = body.directions
+        assert known is not None
+        for i in body.sites[site]:
+            side = known[i] - (known[i] @ direction) * direction
+            for other in across:
+                side = side - (side @ other) * other
+            if np.linalg.norm(side) > 0.5:
+                across.append(side / np.linalg.norm(side))
+    rows = []
+    for side in across[:2]:
+        row = np.zeros(size)
+        for (body, site), sign, end in zip(ends, (-1, 1), (contact.a, contact.b), strict=True):
+            row[columns[body.name]] += sign * along(body, site, side, end)
+        rows.append(row)
+    if not rows:
+        raise InputError(
+            f"friction between {contact.a!r} and {contact.b!r} needs a site with tangential"
+            f" columns; the models know it along the contact alone."
+        )
+    return rows
+
+
+def _axes(
+    scene: Scene, bodies: dict[str, Placed], lines: list[Array | None]
+) -> dict[str, Array | None]:
+    """Direction in space of the one coordinate of each body that knows none itself."""
+    axes: dict[str, Array | None] = {}
+    for name, body in bodies.items():
+        if body.directions is not None and len(body.directions):
+            axes[name] = body.directions[0] if body.inertia is None else None
+            continue
+        axes[name] = None
+        for contact, line in zip(scene.contacts, lines, strict=True):
+            if line is not None and name in (
+                contact.a.partition(":")[0],
+                contact.b.partition(":")[0],
+            ):
+                axes[name] = line
+                break
+    return axes
+
+
+def _weights(body: Placed, axis: Array | None, vector: bool) -> Array:
+    """Modal forces (J, 3) of unit accelerations along the axes, or (J, 1) along the coordinate."""
+    if isinstance(body.body, Obstacle):
+        return np.zeros((0, 3 if vector else 1))
+    if vector and body.inertia is not None:
+        return body.inertia.momentum[:, :3]
+    if not vector and body.weight is None and body.inertia is not None and len(body.pushes) == 1:
+        (push,) = body.pushes.values()
+        return np.asarray(body.inertia.momentum[:, :3] @ push)[:, None]
+    if body.weight is None:
+        raise InputError(
+            f"gravity or the ground's motion on {body.name!r} needs what its motion carries:"
+            f" extract the model anew, give participation= or inertia="
+            + (", or a vector where the body moves in space." if body.inertia is not None else ".")
+        )
+    if not vector:
+        return body.weight[:, None]
+    if axis is None:
+        raise InputError(
+            f"gravity as a vector needs the direction of {body.name!r}: its contacts must have one"
+            f" (an extracted model, a RigidBody); else give gravity as a number."
+        )
+    return body.weight[:, None] * axis
+
+
+def _loads(
+    scene: Scene,
+    bodies: dict[str, Placed],
+    spans: dict[str, slice],
+    columns: dict[str, slice],
+    axes: dict[str, Array | None],
+    B: Array,
+    r: Array,
+    G: Array,
+    duration: float,
+) -> tuple[Array, Array, Array]:
+    """Times (K,), modal loads (K, J) and offsets (K, m) of all that acts on the scene."""
+    series = [load.times for load in scene.loads]
+    if scene.base is not None:
+        series.append(scene.base.times)
+    inside = [t[(t > 0) & (t < duration)] for t in series]
+    breaks = np.unique(np.concatenate([np.zeros(1), *inside]))
+    if len(series) and any(t[-1] >= duration for t in series):
+        breaks = np.append(breaks, duration)
+    loads, forces = np.zeros((breaks.size, B.shape[0])), np.zeros((breaks.size, B.shape[1]))
+    for load in scene.loads:
+        body, site = find(load.end, bodies)
+        if isinstance(body.body, Obstacle):
+            raise InputError(f"the load on {load.end!r} acts on an obstacle, which does not move.")
+        row = along(body, site, body.pushes.get(site), load.end)
+        forces[:, columns[body.name]] += np.interp(breaks, load.times, load.forces)[:, None] * row
+    loads += forces @ B.T
+    gravity = np.asarray(scene.gravity)
+    vector = gravity.ndim == 1 or (scene.base is not None and scene.base.accelerations.ndim == 2)
+    if np.any(gravity):
+        for name, body in bodies.items():
+            if not np.any(body.omega == 0):
+                continue
+            if gravity.ndim == 1:
+                pull = _weights(body, axes[name], True) @ gravity
+            else:
+                pull = _weights(body, axes[name], False)[:, 0] * float(gravity)
+            if body.supported:
+                pull = np.where(body.omega == 0, pull, 0.0)
+            loads[:, spans[name]] += pull
+    if scene.base is not None:
+        given = scene.base.accelerations
+        given = given if given.ndim == 2 else given[:, None]
+        moved = np.stack(
+            [np.interp(breaks, scene.base.times, given[:, i]) for i in range(given.shape[1])], 1
+        )
+        for name, body in bodies.items():
+            weights = _weights(body, axes[name], vector and given.shape[1] == 3)
+            if weights.size:
+                loads[:, spans[name]] -= moved @ weights.T
+    gaps = np.zeros(len(G))
+    for i, contact in enumerate(scene.contacts):
+        own = find(contact.a, bodies)[0].gap + find(contact.b, bodies)[0].gap
+        gaps[i] = own if contact.gap is None else contact.gap
+    return breaks, loads, gaps - forces @ r @ G.T
+
+
+def _laws(scene: Scene, bodies: dict[str, Placed]) -> tuple[list[ContactLaw], list[str]]:
+    """The laws with the patches' own half-space compliance taken out, and notes on it."""
+    laws, notes = [], []
+    for contact in scene.contacts:
+        law = contact.law
+        ends = (find(contact.a, bodies)[0].body, find(contact.b, bodies)[0].body)
+        local = sum(float(getattr(body, "local_compliance", 0.0)) for body in ends)
+        if local and isinstance(law, Hertz) and law.compliance == 0.0:
+            law = law.without(local)
+            notes.append(
+                f"The patch's half-space compliance {local:.4g} m/N was taken out of the law of"
+                f" {contact.a!r}, {contact.b!r}."
+            )
+        elif local and not isinstance(law, Hertz):
+            notes.append(
+                f"The patch's compliance {local:.4g} m/N stays in {contact.a!r}, {contact.b!r}:"
+                f" {type(law).__name__} is not Hertz's law."
+            )
+        laws.append(law)
+    return laws, notes
+
+
+def _mass(beta: Array, omega: Array) -> float:
+    """Inertia [kg] that the slowest motions put behind a contact, roughly."""
+    rigid = omega == 0
+    mobility = float(np.sum(beta[rigid] ** 2))
+    x, b = omega[~rigid] ** 2, beta[~rigid]
+    inertia = float(np.sum((b / x) ** 2))
+    if inertia > 0:
+        mobility = max(mobility, 0.0) + float(np.sum(b**2 / x)) ** 2 / inertia
+    return 1 / mobility if mobility > 0 else 1.0
+
+
+def _scales(
+    scene: Scene,
+    laws: list[ContactLaw],
+    mass: Array,
+    beta: Array,
+    v: Array,
+    loads: Array,
+    gaps: Array,
+    duration: float,
+) -> tuple[Array, Array, Array, float]:
+    """Depth and speed (p,) that are expected, friction's (p, 2), the shortest contact time [s]."""
+    p = len(laws)
+    push = _felt(beta[:p], loads)
+    speed = _felt(beta[:p], v[None])
+    # what is at rest is set in motion by the others, at their speed, or by the loads
+    falling = np.sqrt(2 * push * np.maximum(gaps, 1e-3 * duration**2 * push))
+    speed = np.maximum(speed, np.minimum(falling, push * duration))
+    most = float(speed.max())
+    if most == 0.0:
+        return np.full(p, 1e-300), np.full(p, 1e-300), np.zeros((p, 2)), duration / 16
+    speed = np.where(speed > 1e-6 * most, speed, most)
+    depth, slip, lasting = np.zeros(p), np.zeros((p, 2)), duration / 2
+    for c, law in enumerate(laws):
+        state = law.touch(float(speed[c]))
+        energy = 0.5 * mass[c] * speed[c] ** 2
+        far = float(speed[c] * duration + push[c] * duration**2)
+        depth[c] = _deepest(law, state, float(energy), float(push[c] * mass[c]), far)
+        pace = speed[c] + sqrt(2 * push[c] * depth[c])
+        lasting = min(lasting, 3 * depth[c] / pace)
+        contact = scene.contacts[c]
+        if contact.friction > 0:
+            stiffness = contact.tangential_stiffness
+            if stiffness is None:
+                stiffness = MINDLIN * _stiffness(law, float(depth[c]), state)
+            slip[c] = contact.friction, stiffness
+    return depth, speed, slip, lasting
+
+
+def _felt(beta: Array, modal: Array) -> Array:
+    """Largest |beta modal| (p,) over the rows of `modal` (K, J); what is rounding, by its parts.
+
+    A force or motion far from a contact reaches it later.
+    """
+    direct = np.abs(modal @ beta.T).max(axis=0)
+    parts = (np.abs(modal) @ np.abs(beta).T).max(axis=0)
+    return np.where(direct > 1e-9 * parts, direct, 0.1 * parts)

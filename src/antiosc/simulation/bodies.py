@@ -1,0 +1,309 @@
+"""Bodies of a scene: models, impactors, obstacles, rigid bodies, and modes seen from several sites.
+
+Whatever a body is, a scene sees its modes, the displacements of its sites in them, and what its
+motion carries (`Placed`). A site has one or more columns, each a displacement along a direction of
+space; bodies that know no directions (a `RigidMass`, a model made by hand) have one column.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from antiosc import checks
+from antiosc.errors import InputError
+from antiosc.impactor import Impactor, Obstacle
+from antiosc.modal import LinearBody, ModalBody
+from antiosc.motion import Inertia, Motion
+
+Array = NDArray[np.float64]
+
+#: cosine of the angle beyond which two directions are not taken as one
+PARALLEL = 0.999
+
+
+@dataclass(frozen=True, eq=False)
+class SiteModes:
+    """A linear body in its free modes, seen from several sites.
+
+    With mass-normalised modes q_j and forces f on the columns,
+
+        q_j'' + 2 d_j q_j' + omega_j^2 q_j = sum_c b_jc f_c,      u_c = sum_j b_jc q_j + (r f)_c.
+
+    Parameters
+    ----------
+    omega : array_like, shape (J,)
+        Circular frequencies [rad/s]; exactly 0 for rigid-body modes.
+    b : array_like, shape (J, P)
+        Displacement of each column in each mode [kg^-1/2]; 0 for hidden rigid motions.
+    sites : mapping or sequence of names
+        Columns of each site, the one along which the contact pushes first, then up to two
+        tangential ones; names alone: one column each, in order.
+    r : array_like, shape (P, P), optional
+        Residual compliance [m/N], symmetric, positive semidefinite.
+    directions : array_like, shape (P, 3), optional
+        Unit vectors of the columns, in the axes of the scene.
+    decay : array_like, shape (J,), optional
+        Decay constants [1/s].
+    inertia : Inertia, optional
+        Momentum (J, 6) of each mode: for gravity, `Motion` and momentum.
+
+    Raises
+    ------
+    InputError
+        For shapes that do not fit and numbers outside their range.
+    """
+
+    omega: Array
+    b: Array
+    sites: Mapping[str, Sequence[int]] | Sequence[str]
+    r: Array | None = None
+    directions: Array | None = None
+    decay: Array | None = None
+    inertia: Inertia | None = None
+
+    def __post_init__(self) -> None:
+        omega = checks.array("omega", self.omega, (None,))
+        if np.any(omega < 0):
+            raise InputError(f"omega must be >= 0; its least entry is {omega.min():g} rad/s.")
+        b = checks.array("b", self.b, (omega.size, None))
+        count = b.shape[1]
+        r = np.zeros((count, count)) if self.r is None else self.r
+        r = checks.array("r", r, (count, count))
+        size = float(np.abs(r).max(initial=0.0))
+        if size and (
+            np.abs(r - r.T).max() > 1e-9 * size or np.linalg.eigvalsh(r).min() < -1e-9 * size
+        ):
+            raise InputError("r must be symmetric and positive semidefinite, as a compliance is.")
+        decay = np.zeros(omega.size) if self.decay is None else self.decay
+        decay = checks.array("decay", decay, (omega.size,))
+        if np.any(decay < 0):
+            raise InputError("decay must be >= 0: negative damping feeds energy in.")
+        if isinstance(self.sites, Mapping):
+            sites = {str(name): tuple(int(i) for i in c) for name, c in self.sites.items()}
+        else:
+            sites = {str(name): (i,) for i, name in enumerate(self.sites)}
+        for name, columns in sites.items():
+            if not 1 <= len(columns) <= 3 or not all(0 <= i < count for i in columns):
+                raise InputError(
+                    f"site {name!r} must have one to three of the {count} columns of b;"
+                    f" got {columns}."
+                )
+        for name, value in (("omega", omega), ("b", b), ("r", r), ("decay", decay)):
+            object.__setattr__(self, name, value)
+        object.__setattr__(self, "sites", sites)
+        if self.directions is not None:
+            directions = checks.array("directions", self.directions, (count, 3))
+            object.__setattr__(self, "directions", _unit("directions", directions))
+        if self.inertia is not None and len(self.inertia.momentum) != omega.size:
+            raise InputError(
+                f"inertia.momentum needs one row for each of the {omega.size} modes;"
+                f" got {len(self.inertia.momentum)}."
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class RigidBody:
+    """A rigid body with several sites; it moves in space, its rotations are small.
+
+    Parameters
+    ----------
+    mass : float
+        [kg].
+    inertia : array_like, shape (3,) or (3, 3)
+        Principal moments about the axes, or the inertia tensor, about the centre [kg m^2].
+    sites : mapping
+        Name -> (point, direction): place (3,) [m] and the direction (3,) in which the contact
+        pushes the body there.
+    centre : array_like, shape (3,)
+        Centre of mass [m].
+
+    Raises
+    ------
+    InputError
+        For a mass that is not > 0 and an inertia that is not positive definite.
+    """
+
+    mass: float
+    inertia: Array
+    sites: Mapping[str, tuple[ArrayLike, ArrayLike]]
+    centre: Array = (0.0, 0.0, 0.0)  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "mass", checks.positive("mass", self.mass, "kg"))
+        tensor = np.asarray(self.inertia, dtype=float)
+        tensor = np.diag(tensor) if tensor.shape == (3,) else tensor
+        tensor = checks.array("inertia", tensor, (3, 3))
+        size = np.abs(tensor).max()
+        if np.abs(tensor - tensor.T).max() > 1e-9 * size or np.linalg.eigvalsh(tensor).min() <= 0:
+            raise InputError(
+                "inertia must be symmetric and positive definite [kg m^2]: three moments > 0 or"
+                " their tensor."
+            )
+        object.__setattr__(self, "inertia", tensor)
+        object.__setattr__(self, "centre", checks.array("centre", self.centre, (3,)))
+        sites = {}
+        for name, (point, direction) in self.sites.items():
+            at = checks.array(f"point of site {name!r}", point, (3,))
+            along = checks.array(f"direction of site {name!r}", direction, (1, 3)[1:])
+            sites[str(name)] = (at, _unit(f"direction of site {name!r}", along[None])[0])
+        object.__setattr__(self, "sites", sites)
+
+
+def _unit(name: str, vectors: Array) -> Array:
+    length = np.linalg.norm(vectors, axis=1)
+    if np.any(length == 0):
+        raise InputError(f"{name} must not be a zero vector.")
+    return np.asarray(vectors / length[:, None])
+
+
+@dataclass(eq=False)
+class Placed:
+    """A body as a scene sees it.
+
+    Attributes
+    ----------
+    omega, decay : (J,).
+    B : (J, P) and r : (P, P) of all columns; `sites` has the columns of each name.
+    directions : (P, 3) or None.
+    pushes : direction (3,) in which the contact pushes each site, where known.
+    inertia : Inertia or None; weight : (J,) modal force of a unit gravity along `along`.
+    start : (J,) modal velocities.
+    gap : distance [m] that the body brings with it.
+    """
+
+    name: str
+    body: Any
+    omega: Array
+    decay: Array
+    B: Array
+    r: Array
+    sites: dict[str, tuple[int, ...]]
+    directions: Array | None
+    pushes: dict[str, Array]
+    inertia: Inertia | None
+    weight: Array | None
+    start: Array
+    gap: float = 0.0
+
+    @property
+    def supported(self) -> bool:
+        """Whether no rigid-body mode moves a site: measured from its equilibrium under gravity."""
+        return not bool(np.any(self.B[self.omega == 0] != 0))
+
+
+def place(name: str, body: Any, motion: Motion | float | None) -> Placed:
+    """The body of that name with its start; InputError when it is no body of a scene."""
+    if isinstance(body, RigidBody):
+        placed = _rigid(name, body)
+    elif isinstance(body, SiteModes):
+        placed = _several(name, body)
+    elif isinstance(body, type) or not callable(getattr(body, "modal", None)):
+        raise InputError(
+            f"body {name!r} must be a model, an impactor, an Obstacle, a RigidBody or SiteModes;"
+            f" got {type(body).__name__}."
+        )
+    else:
+        placed = _single(name, body)
+    if motion is not None:
+        if isinstance(body, Obstacle):
+            raise InputError(f"body {name!r} is an obstacle, which does not move.")
+        placed.start = _started(placed, motion)
+    return placed
+
+
+def _single(name: str, body: LinearBody) -> Placed:
+    modes: ModalBody = body.modal()
+    velocity = getattr(body, "velocity", 0.0)
+    own = isinstance(body, Impactor)
+    if own and not isinstance(velocity, Motion):
+        velocity = -float(velocity) if modes.direction is not None else float(velocity)
+    start = modes.rigid_motion(velocity)
+    direction = modes.direction
+    return Placed(
+        name=name,
+        body=body,
+        omega=modes.omega,
+        decay=np.zeros(modes.omega.size) if modes.decay is None else modes.decay,
+        B=modes.b[:, None],
+        r=np.array([[modes.r]]),
+        sites={"": (0,)},
+        directions=None if direction is None else np.asarray(direction)[None],
+        pushes={} if direction is None else {"": np.asarray(direction)},
+        inertia=modes.inertia,
+        weight=modes.weight,
+        start=start,
+        gap=float(getattr(body, "gap", 0.0)),
+    )
+
+
+def _several(name: str, body: SiteModes) -> Placed:
+    sites: dict[str, tuple[int, ...]] = dict(body.sites)  # type: ignore[arg-type]
+    assert body.r is not None
+    assert body.decay is not None
+    known = body.directions
+    return Placed(
+        name=name,
+        body=body,
+        omega=body.omega,
+        decay=body.decay,
+        B=body.b,
+        r=body.r,
+        sites=sites,
+        directions=known,
+        pushes={} if known is None else {site: known[c[0]] for site, c in sites.items()},
+        inertia=body.inertia,
+        weight=None,
+        start=np.zeros(body.omega.size),
+    )
+
+
+def _rigid(name: str, body: RigidBody) -> Placed:
+    moments, axes = np.linalg.eigh(body.inertia)
+    columns: list[Array] = []
+    sites: dict[str, tuple[int, ...]] = {}
+    pushes: dict[str, Array] = {}
+    for i, (site, (point, push)) in enumerate(body.sites.items()):
+        arm = np.asarray(point) - body.centre
+        turn = np.cross(axes.T, arm) / np.sqrt(moments)[:, None]  # (3 rotations, 3 directions)
+        columns.append(np.concatenate((np.eye(3) / np.sqrt(body.mass), turn)))
+        sites[site] = (3 * i, 3 * i + 1, 3 * i + 2)
+        pushes[site] = np.asarray(push)
+    B = np.concatenate(columns, axis=1) if columns else np.zeros((6, 0))
+    matrix = np.zeros((6, 6))
+    matrix[:3, :3], matrix[3:, 3:] = body.mass * np.eye(3), body.inertia
+    momentum = np.zeros((6, 6))
+    momentum[:3, :3] = np.sqrt(body.mass) * np.eye(3)
+    momentum[3:, 3:] = (axes * np.sqrt(moments)).T
+    return Placed(
+        name=name,
+        body=body,
+        omega=np.zeros(6),
+        decay=np.zeros(6),
+        B=B,
+        r=np.zeros((B.shape[1], B.shape[1])),
+        sites=sites,
+        directions=np.tile(np.eye(3), (len(sites), 1)) if sites else np.zeros((0, 3)),
+        pushes=pushes,
+        inertia=Inertia(body.centre, matrix, momentum),
+        weight=None,
+        start=np.zeros(6),
+    )
+
+
+def _started(placed: Placed, motion: Motion | float) -> Array:
+    """Modal velocities of a body that moves without strain."""
+    if placed.directions is None and len(placed.sites) == 1 and not isinstance(motion, Motion):
+        modes = ModalBody(placed.omega, placed.B[:, 0])
+        return modes.rigid_motion(checks.number(f"motion of {placed.name!r}", motion, "m/s"))
+    one = np.zeros(placed.omega.size) if not placed.B.shape[1] else placed.B[:, 0]
+    if not isinstance(motion, Motion):
+        raise InputError(
+            f"body {placed.name!r} moves in space: give its start as a Motion(velocity=(...),"
+            f" spin=(...)), not as the number {motion!r}."
+        )
+    return ModalBody(placed.omega, one, inertia=placed.inertia).rigid_motion(motion)

@@ -1,0 +1,255 @@
+"""Runs of the march: compiled where numba is installed and the work is worth it."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import sys
+import warnings
+from dataclasses import dataclass, field
+from math import ceil, log2
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from antiosc.simulation import march
+from antiosc.simulation.laws import MEMORY
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+# Interpreted steps, about 0.1 ms each, that it takes to load the compiled march (1 s) or to compile
+# it (20 s) for the rest.
+_WORTH_LOADING, _WORTH_COMPILING = 20_000, 400_000
+_interpreted = 0
+
+_COMPILED = march.__name__ + "_compiled"
+_FIRST = 512  # nodes of the first buffer
+
+
+def fitting_march(work: int) -> ModuleType:
+    """The march to go on with after so many interpreted steps: compiled once that pays."""
+    global _interpreted
+    if _COMPILED in sys.modules:
+        return sys.modules[_COMPILED] or march
+    _interpreted += work
+    if _interpreted > (_WORTH_LOADING if _cached() else _WORTH_COMPILING):
+        return compiled_march() or march
+    return march
+
+
+def _cached() -> bool:
+    """Whether an earlier process has compiled the march, as far as its usual folder tells."""
+    folder = Path(os.environ.get("NUMBA_CACHE_DIR", Path(march.__file__).parent / "__pycache__"))
+    return next(folder.rglob("march.march-*.nbi"), None) is not None
+
+
+def compiled_march() -> ModuleType | None:
+    """The march compiled by numba; None where numba is not installed or does not work here."""
+    if _COMPILED not in sys.modules:
+        sys.modules[_COMPILED] = _load()  # type: ignore[assignment]
+    return sys.modules[_COMPILED]
+
+
+def _load() -> ModuleType | None:
+    if importlib.util.find_spec("numba") is None:
+        return None
+    for cache in (True, False):  # where its folder cannot be written there is no cache
+        spec = importlib.util.spec_from_file_location(_COMPILED, Path(march.__file__))
+        assert spec is not None
+        assert spec.loader is not None
+        module = importlib.util.module_from_spec(spec)
+        module.CACHE = cache  # type: ignore[attr-defined]
+        sys.modules[_COMPILED] = module  # the cache looks for it there
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # what an old numba says of a newer Python
+                spec.loader.exec_module(module)
+        except ImportError:  # this numba does not know this NumPy
+            return None
+        except (RuntimeError, OSError):
+            continue
+        # straight in: numba 0.56 at times mistakes the types of long tuples
+        (compiled,) = module.march.overloads.values()
+        module.march = compiled.entry_point  # type: ignore[attr-defined]
+        return module
+    return None
+
+
+@dataclass(eq=False)
+class System:
+    """Modes, rows and contacts as the march takes them (see `march.march`).
+
+    Attributes
+    ----------
+    omega, decay : (J,) of all bodies side by side.
+    beta : (m, J), the p contacts first, then the tangential rows of their friction.
+    R : (m, m) residual compliance.
+    breaks, loads, offsets : (K,), (K, J), (K, m).
+    kinds, params : (p,) and (p, .) of the laws.
+    slip : (p, 2) coefficient of friction, tangential stiffness [N/m].
+    tangents : (p, 2) first tangential row and their number.
+    q, v : (J,) initial state.
+    mass : (p,) inertia behind each contact [kg], roughly.
+    depth, speed : (p,) indentation [m] and closing speed [m/s] that are expected, roughly.
+    pressed : (p,) forces [N] at the start: a contact with one is closed.
+    """
+
+    omega: Array
+    decay: Array
+    beta: Array
+    R: Array
+    breaks: Array
+    loads: Array
+    offsets: Array
+    kinds: NDArray[np.int64]
+    params: Array
+    slip: Array
+    tangents: NDArray[np.int64]
+    q: Array
+    v: Array
+    mass: Array
+    depth: Array
+    speed: Array
+    pressed: Array
+    given: float = 0.0
+
+
+@dataclass(eq=False)
+class Run:
+    """One run: values at 0, h/2, h of every step, and the events.
+
+    Attributes
+    ----------
+    time : (2 n + 1,); force, depth : (2 n + 1, m).
+    states : (n + 1, 2, J) at the start and after each step; None if not kept.
+    events : (., 4) time, contact, piece that begins, closing speed.
+    answer : why the march stopped.
+    """
+
+    time: Array
+    force: Array
+    depth: Array
+    states: Array | None
+    events: Array
+    answer: int
+    steps: int
+    touches: int
+    highest: float
+    work: float = field(default=0.0)
+
+
+def run(
+    system: System,
+    duration: float,
+    share: float,
+    *,
+    module: ModuleType | None = None,
+    scale: float = 0.0,
+    fine: float,
+    keep: bool = True,
+    max_contacts: int = 10_000,
+    max_steps: int = 1_000_000,
+) -> Run:
+    """March over [0, duration] with forces to `share` of their scale (0: found as it goes)."""
+    p, (m, size) = system.kinds.size, system.beta.shape
+    if np.any(system.kinds == march.USER):
+        module = march  # only the interpreted march calls a law of one's own
+    clock = np.zeros(14)
+    clock[march.DURATION], clock[march.SHARE] = duration, share
+    clock[march.LONGEST] = 2.0 ** ceil(log2(duration))
+    clock[march.FINE] = fine
+    clock[march.CAP] = duration / 16
+    clock[march.FORCE_SCALE], clock[march.KNOWN] = scale, float(scale > 0)
+    count = np.zeros(12, dtype=np.int64)
+    count[march.MOST_TOUCHES], count[march.MOST_STEPS] = max_contacts, max_steps
+    count[march.KEEP] = keep
+    count[march.LEVEL] = 4
+    count[march.LOADED] = bool(np.any(system.loads))
+    x = np.stack((system.q, system.v))
+    mode, s = np.zeros(p, dtype=np.int64), np.zeros((p, MEMORY))
+    anchor = np.zeros((3, p, 2))
+    row = np.zeros((7, m))
+    row[march.FRESH] = 1.0
+    row[march.DEPTH] = system.beta @ system.q - system.offsets[0]
+    row[march.RATE] = system.beta @ system.v
+    for c in np.flatnonzero(system.pressed > 0):
+        mode[c] = march.change(
+            system.kinds[c], march.APART, march.HIGH, 0.0, 0.0, system.params[c], s[c]
+        )
+        row[march.FORCE, c] = system.pressed[c]
+        clock[march.FORCE_SCALE] = max(clock[march.FORCE_SCALE], system.pressed[c])
+        count[march.LEVEL] = 10
+    row[march.DEPTH] -= system.R @ row[march.FORCE]
+    for c in range(p):
+        first, n = system.tangents[c]
+        anchor[0, c, :n] = row[march.DEPTH, first : first + n]
+    clock[march.GIVEN] = system.given + march.mechanical(x, system.omega)
+    clock[march.HIGHEST] = clock[march.GIVEN]
+    scales = np.stack((system.depth, system.speed), axis=1)
+    slots = march.LEVELS + 2
+    ready = np.zeros((slots, 3), dtype=np.int64)
+    modes = (system.omega, system.decay, system.beta, system.R)
+    acting = (system.breaks, system.loads, system.offsets)
+    contacts = (system.kinds, system.params, system.slip, system.tangents, system.mass)
+    state = (clock, count, x, row, mode, s, anchor, scales)
+    tables = (
+        ready,
+        np.empty((slots, 6, size)),
+        np.empty((slots, 2, m, 2, size)),
+        np.empty((slots, 4, m, m)),
+        np.empty((slots, 4, 3, m, m)),
+    )
+    work = (
+        np.zeros((3, m)),
+        np.zeros((4, m)),
+        np.zeros((4, m)),
+        np.zeros((2, m)),
+        np.zeros(size),
+        np.zeros(size),
+        np.zeros(m),
+        np.zeros(m),
+        np.zeros(2, dtype=np.int64),
+        np.zeros((p, size)),
+        np.zeros(p),
+        np.zeros((march.LEVELS + 1, p)),
+        np.zeros(march.LEVELS + 1, dtype=np.int64),
+    )
+    begin = (np.zeros(1), row[march.FORCE].copy()[None], row[march.DEPTH].copy()[None])
+    times, forces, depths, events = [begin[0]], [begin[1]], [begin[2]], []
+    states = []
+    buffer, chosen, before = _FIRST, module or fitting_march(0), 0
+    while True:
+        time_out, force_out = np.empty(buffer), np.empty((buffer, m))
+        depth_out, event_out = np.empty((buffer, m)), np.empty((buffer + p + 1, 4))
+        state_out = np.empty((buffer // 2 + 1 if keep else 0, 2, size))
+        count[march.NODES] = count[march.EVENTS] = count[march.STATES] = 0
+        out = (time_out, force_out, depth_out, state_out, event_out)
+        answer = chosen.march(modes, acting, contacts, state, tables, work, out)
+        n = count[march.NODES]
+        times.append(time_out[:n])
+        forces.append(force_out[:n])
+        depths.append(depth_out[:n])
+        events.append(event_out[: count[march.EVENTS]])
+        states.append(state_out[: count[march.STATES]])
+        if chosen is march and module is None:
+            chosen = fitting_march(int(count[march.STEPS]) - before)
+            before = int(count[march.STEPS])
+        if answer != march.FULL:
+            break
+        buffer = min(4 * buffer, 1 << 17)
+    states.append(x[None].copy())
+    return Run(
+        time=np.concatenate(times),
+        force=np.concatenate(forces),
+        depth=np.concatenate(depths),
+        states=np.concatenate(states) if keep else None,
+        events=np.concatenate(events),
+        answer=int(answer),
+        steps=int(count[march.STEPS]),
+        touches=int(count[march.TOUCHES]),
+        highest=float(clock[march.HIGHEST]),
+        work=float(clock[march.WORKED]),
+    )

@@ -1,0 +1,1431 @@
+"""The march: modes under contact forces that are quadratic over a step. One source, two modules.
+
+State: modal displacements and velocities x = (q, v) of all bodies side by side. With m rows beta,
+one a contact and one or two more for its friction,
+
+    q'' + 2 d q' + omega^2 q = load - beta^T F,      delta = beta q - gap - R F.
+
+Over a step h each row's force is the parabola through its values at 0, h/2 and h, and the motion
+under it is exact. The force law is met at h/2 and h (collocation at Lobatto's nodes: order 4 for a
+smooth force, order 3 between the nodes; a massless contact point, R > 0, is nothing special). The
+error of the parabola is estimated from its third divided difference with the step before and
+decides on the step, a power of two, so that the responses of a step are found once.
+
+A law is smooth in pieces: within bounds of indentation and rate (`piece`). A step that leaves the
+piece of a contact ends where it does: touch, release, turn, cut and the kinks of loading curves
+are located. While nothing touches the motion is free, and no touch is stepped over: what a chord
+can miss is bounded by the amplitudes of the modes.
+
+`antiosc.simulation.engine` loads this file a second time, compiled by numba, where that pays.
+"""
+
+from __future__ import annotations
+
+from math import exp, inf, log, sqrt
+from typing import Any
+
+import numpy as np
+
+COMPILED = __name__.endswith("_compiled")
+
+if COMPILED:
+    from numba import njit
+
+    CACHE: bool = globals()["CACHE"]
+
+    def compiled(signature: str, allocates: bool = False) -> Any:
+        """Compile to the signature when first imported; afterwards the cache is read.
+
+        What does not allocate needs no counting of references, which costs more than the work.
+        """
+        return njit(
+            signature,
+            cache=CACHE,
+            nogil=True,
+            _nrt=allocates,
+            error_model="numpy",
+            fastmath={"reassoc", "contract", "arcp", "nsz"},
+        )
+
+else:
+
+    def compiled(signature: str, allocates: bool = False) -> Any:
+        """Leave the function as it is."""
+        return lambda function: function
+
+
+# what the functions take: arrays of floats and whole numbers, by their dimensions
+F1, F2, F3 = "float64[::1]", "float64[:, ::1]", "float64[:, :, ::1]"
+F4, F5 = "float64[:, :, :, ::1]", "float64[:, :, :, :, ::1]"
+I1, I2 = "int64[::1]", "int64[:, ::1]"
+# groups of arrays, by their names:
+# omega, decay (J,), beta (m, J), R (m, m)
+MODES = f"Tuple(({F1}, {F1}, {F2}, {F2}))"
+# breaks (K,), loads (K, J), offsets (K, m): modal loads and gaps, linear in between, then constant
+ACTING = f"Tuple(({F1}, {F2}, {F2}))"
+# kinds (p,), params (p, .), slip (p, 2): friction and tangential stiffness, tangents (p, 2): first
+# tangential row and their number, mass (p,): behind each contact, roughly
+CONTACTS = f"Tuple(({I1}, {F2}, {F2}, {I2}, {F1}))"
+# clock, count, x (2, J), row (7, m), mode (p,), s (p, .), anchor (3, p, 2): where the tangential
+# springs hang at 0, h/2, h, scale (p, 2): depths and speeds met so far
+STATE = f"Tuple(({F1}, {I1}, {F2}, {F2}, {I1}, {F2}, {F3}, {F2}))"
+# ready (slots, 3), table (slots, 6, J), rows (slots, 2, m, 2, J), coupling (slots, 4, m, m),
+# share (slots, 4, 3, m, m): responses of the steps used so far
+TABLES = f"Tuple(({I2}, {F3}, {F5}, {F4}, {F5}))"
+# F (3, m), base, motion (4, m), free (2, m), at, slope (J,), offset, drift (m,), which (2,),
+# swing (p, J), bend (p,), missed (LEVELS + 1, p), known (LEVELS + 1,)
+WORK = f"Tuple(({F2}, {F2}, {F2}, {F2}, {F1}, {F1}, {F1}, {F1}, {I1}, {F2}, {F1}, {F2}, {I1}))"
+# time (n,), force, depth (n, m) at 0, h/2, h, 3h/2 ...; states (., 2, J) at the start of each step;
+# events (., 4): time, contact, piece that begins, closing speed
+OUT = f"Tuple(({F1}, {F2}, {F2}, {F3}, {F2}))"
+
+# kinds of laws (`antiosc.simulation.laws` packs their parameters)
+LINEAR, POWER, HERTZ, DAMPED, THORNTON, STRONGE, YANG_SUN, TAN_SUN, TABLE, USER = range(10)
+# pieces of a law: apart; loading or reloading; force cut at 0 by its rate; unloading
+APART, FORWARD, CUT, BACK = range(4)
+# what ends a step: the bounds of a piece, in this order
+LOW, HIGH, SLOW, FAST, NOTHING = range(5)
+# answers of `march`
+DONE, FULL, TOO_MANY_CONTACTS, TOO_MANY_STEPS, GREW, STUCK = range(6)
+
+LEVELS = 64  # steps H, H/2, H/4 ...
+SCRATCH = LEVELS  # two slots more for a step of any length and its half
+FULLY_PLASTIC, PRESSURE = 84.0, 3.3  # Stronge's law
+SLOWEST = 0.01  # share of the fastest approach that a damped law's speed of approach is held above
+GROWTH = 1.2  # of the bodies' energy, beyond what was given and the loads' work
+INTERPOLATION = 0.0482  # max |s (s - 1/2)(s - 1)| on [0, 1]
+KINKED = 0.075  # error of the parabola through t^(3/2), over its second difference
+SHARP = 1e-9  # of the depth or the speed: a bound is met
+SWEEPS, NEWTON = 12, 40
+MOST_TRIES = 60  # to find the step that is small enough
+
+# the user's own laws by their number: only the interpreted march calls them
+LAWS: dict[int, Any] = {}
+
+
+# -- laws as functions of indentation and rate. par: parameters, s: what the contact remembers
+
+
+@compiled(f"UniTuple(float64, 3)({F1}, int64, int64, float64)")
+def table_at(par: Any, first: int, count: int, x: float) -> Any:
+    """Value, slope, integral of the packed monotone cubic: knots x, four coefficients, area, end.
+
+    Rows of `count` knots from par[first]: x, then a, b, c, e of each interval, then value and slope
+    at the end.
+    """
+    last = first + count - 1
+    if x <= par[first]:
+        return 0.0, 0.0, 0.0
+    if x >= par[last]:
+        end = first + 6 * count
+        d = x - par[last]
+        area = par[first + 6 * count - 1]
+        return (
+            par[end] + par[end + 1] * d,
+            par[end + 1],
+            area + d * (par[end] + 0.5 * par[end + 1] * d),
+        )
+    low, high = first, last
+    while high - low > 1:
+        middle = (low + high) // 2
+        if par[middle] <= x:
+            low = middle
+        else:
+            high = middle
+    i = low - first
+    d = x - par[low]
+    a = par[first + count + i]
+    b = par[first + 2 * count + i]
+    c = par[first + 3 * count + i]
+    e = par[first + 4 * count + i]
+    area = par[first + 5 * count + i]
+    return (
+        ((a * d + b) * d + c) * d + e,
+        (3 * a * d + 2 * b) * d + c,
+        area + (((a * d / 4 + b / 3) * d + c / 2) * d + e) * d,
+    )
+
+
+@compiled(f"UniTuple(float64, 2)(int64, float64, {F1})")
+def loading(kind: int, delta: float, par: Any) -> Any:
+    """Virgin force and its slope of a law with memory."""
+    if delta <= 0.0:
+        return 0.0, 0.0
+    k = par[0]
+    if kind == THORNTON:
+        y = par[1]
+        if delta <= y:
+            return k * delta * sqrt(delta), 1.5 * k * sqrt(delta)
+        return k * sqrt(y) * (1.5 * delta - 0.5 * y), 1.5 * k * sqrt(y)
+    if kind == STRONGE:
+        y = par[1]
+        x = delta / y
+        if x <= 1.0:
+            return k * delta * sqrt(delta), 1.5 * k * sqrt(delta)
+        area = 2.0 * x - 1.0
+        growth = 1.0 + log(min(area, 2.0 * FULLY_PLASTIC - 1.0)) / PRESSURE
+        top = k * y * sqrt(y)
+        force = top * area * growth
+        if x < FULLY_PLASTIC:
+            growth += 1.0 / PRESSURE
+        return force, 2.0 * top / y * growth
+    if kind == TABLE:
+        value, slope, _ = table_at(par, 6, int(par[2]), delta)
+        return value, slope
+    return k * delta * sqrt(delta), 1.5 * k * sqrt(delta)
+
+
+@compiled(f"float64(int64, float64, {F1})")
+def permanent(kind: int, deepest: float, par: Any) -> float:
+    """Permanent indentation after a deepest one."""
+    if kind == THORNTON:
+        y = par[1]
+        if deepest <= y:
+            return 0.0
+        x = sqrt(y / deepest)
+        return deepest * (1.0 - x) ** 2 * (2.0 + x) / 2.0
+    if kind == STRONGE:
+        y = par[1]
+        x = deepest / y
+        if x <= 1.0:
+            return 0.0
+        printed = y * (x - 1.0) ** 2 / (x + sqrt(2.0 * x - 1.0))
+        # what gives back no more than was put in
+        s, full = 2.0 * x - 1.0, 2.0 * FULLY_PLASTIC - 1.0
+        a = min(s, full)
+        work = (a * a - 1.0) / 4 + (a * a * (2 * log(a) - 1.0) + 1.0) / (8 * PRESSURE)
+        if s > full:
+            work += (s * s - full * full) / 4 * (1.0 + log(full) / PRESSURE)
+        top = par[0] * y * sqrt(y)
+        work = 0.4 * top * y + top * y * work
+        return max(printed, deepest - 2.5 * work / loading(kind, deepest, par)[0])
+    if kind == YANG_SUN:
+        if deepest <= par[1]:
+            return 0.0
+        return deepest * (1.0 - exp(0.4 * log(par[1] / deepest)))
+    if kind == TAN_SUN:
+        return par[2] * max(deepest - par[1], 0.0)
+    return par[1] * deepest  # TABLE
+
+
+@compiled(f"UniTuple(float64, 2)(int64, float64, boolean, {F1})")
+def shape(kind: int, x: float, back: bool, par: Any) -> Any:
+    """Unloading (`back`) or reloading curve from (0, 0) to (1, 1), and its slope."""
+    if x <= 0.0:
+        return 0.0, 0.0
+    if kind == TABLE:
+        value, slope, _ = table_at(par, int(par[4]), int(par[3]), x)
+        return value, slope
+    root = sqrt(x)
+    if back and (kind in (YANG_SUN, TAN_SUN)):
+        return x * x * root, 2.5 * x * root
+    return x * root, 1.5 * root
+
+
+@compiled(f"UniTuple(float64, 2)(int64, int64, float64, {F1}, {F1})")
+def hysteretic(kind: int, mode: int, delta: float, par: Any, s: Any) -> Any:
+    """Force and slope of a law with memory; s = (deepest, turning point)."""
+    deepest, turn = s[0], s[1]
+    if mode == FORWARD and delta >= deepest:
+        return loading(kind, delta, par)
+    low = permanent(kind, deepest, par)
+    if delta <= low or deepest <= 0.0:
+        return 0.0, 0.0
+    top, from_here = loading(kind, deepest, par)[0], deepest
+    if mode == FORWARD:
+        value, slope = shape(kind, (delta - low) / (deepest - low), False, par)
+        return top * value, top * slope / (deepest - low)
+    if turn <= low:
+        return 0.0, 0.0
+    if turn < deepest:
+        top *= shape(kind, (turn - low) / (deepest - low), False, par)[0]
+        from_here = turn
+    value, slope = shape(kind, (delta - low) / (from_here - low), True, par)
+    return top * value, top * slope / (from_here - low)
+
+
+def user_curve(mode: int, delta: float, rate: float, par: Any, s: Any) -> Any:
+    """Force and its slopes of a law that is not one of ours."""
+    law = LAWS[int(par[0])]
+    state = tuple(s[: int(par[1])])
+    force = law.force(delta, rate, state)
+    by_delta, by_rate = law.tangent(delta, rate, state)
+    return force, by_delta, by_rate
+
+
+@compiled(f"UniTuple(float64, 3)(int64, int64, float64, float64, {F1}, {F1})")
+def curve(kind: int, mode: int, delta: float, rate: float, par: Any, s: Any) -> Any:
+    """Force of a piece and its slopes by indentation and rate; a linear law goes on below 0."""
+    if mode in (APART, CUT):
+        return 0.0, 0.0, 0.0
+    if kind == LINEAR:
+        return par[0] * delta, par[0], 0.0
+    if kind == USER:
+        if COMPILED:
+            return 0.0, 0.0, 0.0
+        return user_curve(mode, delta, rate, par, s)
+    if kind >= THORNTON:
+        force, slope = hysteretic(kind, mode, delta, par, s)
+        return force, slope, 0.0
+    if delta <= 0.0:
+        return 0.0, 0.0, 0.0
+    if kind == HERTZ:
+        k, c = par[0], par[1]
+        if c == 0.0:
+            root = sqrt(delta)
+            return k * delta * root, 1.5 * k * root, 0.0
+        a, end = par[2], par[3]  # delta = a s^2 - c s^3 up to s = end, a straight line beyond
+        reach = (a - c * end) * end * end
+        if delta >= reach:
+            return end**3 + (delta - reach) / par[4], 1.0 / par[4], 0.0
+        root = sqrt(delta / a)
+        for _ in range(50):
+            step = ((a - c * root) * root * root - delta) / ((2.0 * a - 3.0 * c * root) * root)
+            root = min(root - step, end)
+            if abs(step) <= 1e-9 * root:
+                break
+        return root**3, 1.0 / ((2.0 / 3.0) * a / root - c), 0.0
+    n = par[1]
+    if n == 1.5:
+        elastic = par[0] * delta * sqrt(delta)
+    elif n == 1.0:
+        elastic = par[0] * delta
+    else:
+        elastic = par[0] * exp(n * log(delta))
+    if kind == POWER:
+        return elastic, n * elastic / delta, 0.0
+    grip = 1.0 + s[0] * rate
+    return elastic * grip, n * elastic / delta * grip, elastic * s[0]
+
+
+@compiled(f"UniTuple(float64, 4)(int64, int64, {F1}, {F1})")
+def piece(kind: int, mode: int, par: Any, s: Any) -> Any:
+    """Bounds of the piece: least and largest indentation, least and largest rate."""
+    origin = 0.0
+    if THORNTON <= kind <= TABLE:
+        origin = permanent(kind, s[0], par)
+    elif kind == USER:
+        origin = s[int(par[1])]
+    if mode == APART:
+        return -inf, origin, -inf, inf
+    if kind == DAMPED:
+        slow = -1.0 / s[0] if s[0] > 0.0 else -inf
+        if mode == CUT:
+            return 0.0, inf, -inf, slow
+        return 0.0, inf, slow, inf
+    if kind < THORNTON or kind == USER:
+        return origin, inf, -inf, inf
+    if kind == TABLE and par[0] == 1.0:  # elastic
+        return origin, inf, -inf, inf
+    if mode == BACK:
+        return origin, s[1], -inf, inf
+    # loading or reloading, up to the next kink
+    high = inf
+    deepest = s[0]
+    if s[2] < deepest:
+        high = deepest
+    elif kind in (THORNTON, STRONGE):
+        if s[2] < par[1]:
+            high = par[1]
+        elif kind == STRONGE and s[2] < FULLY_PLASTIC * par[1]:
+            high = FULLY_PLASTIC * par[1]
+    return origin, high, 0.0, inf
+
+
+@compiled(f"int64(int64, int64, int64, float64, float64, {F1}, {F1})")
+def change(kind: int, mode: int, bound: int, delta: float, rate: float, par: Any, s: Any) -> int:
+    """The piece beyond a bound; what the contact remembers is brought up to date in `s`.
+
+    With memory s = (deepest, turning point, indentation from which the loading goes on).
+    """
+    if mode == APART:
+        if kind == DAMPED:
+            s[1] = max(rate, s[1])
+            slow = max(rate, SLOWEST * s[1])
+            s[0] = par[2] / slow if slow > 0.0 else 0.0
+        elif THORNTON <= kind <= TABLE:
+            low = permanent(kind, s[0], par)
+            s[2] = low
+            retraces = kind != YANG_SUN and kind != TAN_SUN
+            if retraces and s[0] > 0.0:
+                s[1] = s[0]
+                return BACK
+            s[1] = low
+        elif kind == USER and not COMPILED:
+            user_touch(rate, par, s)
+        return FORWARD
+    if bound == LOW:
+        return APART
+    if kind == DAMPED:
+        return CUT if mode == FORWARD else FORWARD
+    if mode == BACK:
+        s[2] = max(delta, s[1])
+        return FORWARD
+    if bound == SLOW:
+        s[1] = delta
+        s[0] = max(s[0], delta)
+        return BACK
+    s[2] = delta * (1.0 + 1e-12)  # over a kink
+    if s[0] < s[2]:
+        s[0] = s[2]
+    return FORWARD
+
+
+def user_touch(rate: float, par: Any, s: Any) -> None:
+    law = LAWS[int(par[0])]
+    size = int(par[1])
+    state = law.touch(max(rate, 0.0), tuple(s[:size]) if s[size + 1] else None)
+    s[:size] = state
+    s[size], s[size + 1] = law.origin(state), 1.0
+
+
+def user_advance(delta: float, rate: float, par: Any, s: Any) -> None:
+    law = LAWS[int(par[0])]
+    size = int(par[1])
+    state = law.advance(delta, rate, tuple(s[:size]))
+    s[:size] = state
+    s[size] = law.origin(state)
+
+
+@compiled(f"UniTuple(float64, 2)(int64, float64, float64, {F1}, {F1})")
+def expected(kind: int, mass: float, speed: float, par: Any, s: Any) -> Any:
+    """Depth and force at which a mass would have turned, roughly: F delta = m v^2."""
+    base = 0.0
+    if THORNTON <= kind <= TABLE:
+        base = s[2]
+    work = mass * speed * speed
+    depth = 1e-6
+    for _ in range(60):
+        force = curve(kind, FORWARD, base + depth, 0.0, par, s)[0]
+        ratio = work / (force * depth) if force * depth > 0.0 else 1e6
+        ratio = min(max(ratio, 1e-6), 1e6)
+        depth *= ratio**0.4
+        if 0.9 < ratio < 1.1:
+            break
+    return depth, curve(kind, FORWARD, base + depth, 0.0, par, s)[0]
+
+
+# -- the modes over a step
+
+
+# Each of the next four is written once for a mode (compiled) and for all modes at once (NumPy).
+
+
+@compiled("float64(boolean, float64, float64)")
+def choose(condition: Any, yes: Any, no: Any) -> Any:
+    """`yes` where the condition holds, else `no`."""
+    if COMPILED:
+        return yes if condition else no
+    return np.where(condition, yes, no)
+
+
+@compiled("boolean(boolean)")
+def some(condition: Any) -> Any:
+    """Whether the condition holds for any mode."""
+    if COMPILED:
+        return condition
+    return np.any(condition)
+
+
+@compiled("UniTuple(float64, 3)(float64)")
+def phi(z: Any) -> Any:
+    """(e^z - 1)/z, (e^z - 1 - z)/z^2 and (e^z - 1 - z - z^2/2)/z^3."""
+    near = abs(z) < 0.7
+    safe = choose(near, 1.0, z)
+    p1 = np.expm1(safe) / safe
+    p2 = (p1 - 1.0) / safe
+    p3 = (p2 - 0.5) / safe
+    zn = choose(near, z, 0.0)
+    t1, t2, t3 = 1.0 + 0.0 * zn, 0.5 + 0.0 * zn, 1 / 6 + 0.0 * zn
+    s1, s2, s3 = t1, t2, t3
+    for k in range(1, 20):
+        t1 = t1 * zn / (k + 1)
+        t2 = t2 * zn / (k + 2)
+        t3 = t3 * zn / (k + 3)
+        s1, s2, s3 = s1 + t1, s2 + t2, s3 + t3
+    return choose(near, s1, p1), choose(near, s2, p2), choose(near, s3, p3)
+
+
+@compiled("UniTuple(float64, 6)(float64, float64, float64, boolean)")
+def response(omega: Any, decay: Any, t: Any, damped: bool) -> Any:
+    """P, W, S, J0, J1, J2 after a time t.
+
+    Free motion q = P q0 + S v0, v = W v0 - omega^2 S q0; J0, J1, J2 answer to the modal forces 1,
+    t and t^2/2. Nothing cancels for small or large omega t or d t.
+    """
+    z = omega * t
+    x = z * z
+    if not damped:
+        y = choose(z > 0.0, z, 1.0)
+        half = np.sin(0.5 * z)
+        S = choose(z > 0.0, 2.0 * half * np.cos(0.5 * z) / y, 1.0)
+        P = 1.0 - 2.0 * half * half
+        W = P
+        J0 = choose(z > 0.0, 2.0 * half * half / (y * y), 0.5)
+        J1, J2 = (1.0 - S) / (y * y), (0.5 - J0) / (y * y)
+        small = z < 1.0
+        if some(small):
+            near = choose(small, x, 0.0)
+            a, b = 1.0 - near / 156, 1.0 - near / 182
+            a, b = 1.0 - near / 110 * a, 1.0 - near / 132 * b
+            a, b = 1.0 - near / 72 * a, 1.0 - near / 90 * b
+            a, b = 1.0 - near / 42 * a, 1.0 - near / 56 * b
+            a, b = 1.0 - near / 20 * a, 1.0 - near / 30 * b
+            J1, J2 = choose(small, a / 6, J1), choose(small, b / 24, J2)
+        return P, W, S * t, J0 * t**2, J1 * t**3, J2 * t**4
+    e = decay * t
+    gap = (e - z) * (e + z)
+    g = np.sqrt(abs(gap))
+    over = gap > 0.0
+    alike = g < 1e-6
+    gs = choose(alike, 1.0, g)
+    fade = np.exp(-choose(over, 0.0, e))
+    # over-damped: the slow root is -x/(e + g), no difference of large numbers
+    slow = np.exp(choose(over, -x / choose(over, e + g, 1.0), 0.0))
+    fast = np.expm1(choose(over, -2.0 * g, 0.0))
+    S = choose(over, -slow * fast / (2.0 * gs), fade * np.sin(g) / gs)
+    S = choose(alike, np.exp(-e), S)
+    C = choose(over, slow * (1.0 + 0.5 * fast), fade * np.cos(choose(over, 0.0, g)))
+    P, W = C + e * S, C - e * S
+    xs = choose(x > 0.0, x, 1.0)
+    J0 = (1.0 - P) / xs
+    J1 = (1.0 - S - 2.0 * e * J0) / xs
+    J2 = (0.5 - J0 - 2.0 * e * J1) / xs
+    split = gap > 0.25 * e * e
+    if some(split):  # partial fractions: J_k = (phi_k+1(slow) - phi_k+1(fast))/(2 g)
+        root = choose(split, e + g, 1.0)
+        p1, p2, p3 = phi(-x / root)
+        f1, f2, f3 = phi(-root)
+        width = choose(split, 2.0 * g, 1.0)
+        J0 = choose(split, (p1 - f1) / width, J0)
+        J1 = choose(split, (p2 - f2) / width, J1)
+        J2 = choose(split, (p3 - f3) / width, J2)
+    small = (z < 1.0) & (e < 0.5)
+    if some(small):  # power series of S, from the differential equation
+        e, x = choose(small, e, 0.0), choose(small, x, 0.0)
+        a, b = 0.0 * x, 1.0 + 0.0 * x
+        s0, s1, s2 = 0.5 * b, b / 6, b / 24
+        for k in range(20):
+            a, b = b, -(2.0 * e * (k + 1) * b + x * a) / ((k + 1) * (k + 2))
+            s0 = s0 + b / (k + 3)
+            s1 = s1 + b / ((k + 3) * (k + 4))
+            s2 = s2 + b / ((k + 3) * (k + 4) * (k + 5))
+        J0, J1, J2 = choose(small, s0, J0), choose(small, s1, J1), choose(small, s2, J2)
+    return P, W, S * t, J0 * t**2, J1 * t**3, J2 * t**4
+
+
+@compiled(f"void({F1}, {F1}, float64, {F2})")
+def responses(omega: Any, decay: Any, t: Any, out: Any) -> None:
+    """`response` of every mode into out (6, J)."""
+    if COMPILED:
+        for j in range(omega.size):
+            P, W, S, J0, J1, J2 = response(omega[j], decay[j], t, decay[j] > 0.0)
+            out[0, j], out[1, j], out[2, j] = P, W, S
+            out[3, j], out[4, j], out[5, j] = J0, J1, J2
+    else:
+        out[:] = response(omega, decay, t, bool(np.any(decay)))
+
+
+@compiled(f"void(int64, float64, {F1}, {F1}, {F2}, {F3}, {F5})")
+def fill(slot: int, t: float, omega: Any, decay: Any, beta: Any, table: Any, rows: Any) -> None:
+    """Responses after a time t, and the rows that give indentation and rate from (q, v)."""
+    responses(omega, decay, t, table[slot])
+    for i in range(beta.shape[0]):
+        if COMPILED:
+            for j in range(omega.size):
+                S = beta[i, j] * table[slot, 2, j]
+                rows[slot, 0, i, 0, j] = beta[i, j] * table[slot, 0, j]
+                rows[slot, 0, i, 1, j] = S
+                rows[slot, 1, i, 0, j] = -omega[j] * omega[j] * S
+                rows[slot, 1, i, 1, j] = beta[i, j] * table[slot, 1, j]
+        else:
+            P, W, S = table[slot, :3]
+            rows[slot, 0, i] = beta[i] * P, beta[i] * S
+            rows[slot, 1, i] = -beta[i] * omega * omega * S, beta[i] * W
+
+
+@compiled(f"void({F2}, {F2}, {F3})")
+def compliances(table: Any, beta: Any, out: Any) -> None:
+    """beta S beta^T, beta J0 beta^T, beta J1 beta^T, beta J2 beta^T into out (4, m, m)."""
+    m, size = beta.shape
+    for k in range(4):
+        if COMPILED:
+            for i in range(m):
+                for j in range(i + 1):
+                    total = 0.0
+                    for n in range(size):
+                        total += beta[i, n] * beta[j, n] * table[2 + k, n]
+                    out[k, i, j] = total
+                    out[k, j, i] = total
+        else:
+            out[k] = (beta * table[2 + k]) @ beta.T
+
+
+@compiled(f"void(int64, float64, {F3}, {F3}, {F2}, boolean, {F5})")
+def pair(slot: int, h: float, half: Any, whole: Any, R: Any, rated: bool, share: Any) -> None:
+    """How the forces at 0, h/2, h hold back the indentations and rates at h/2 and h.
+
+    share[slot][2 stage + (0: indentation, 1: rate), node] is (m, m). The rate of what has no mass,
+    -R F', is that of the parabola; backward differences where a law depends on the rate (`rated`):
+    there it relaxes, the faster the less the contact is closed, and only they damp that out.
+    """
+    for stage in range(2):
+        K = half if stage == 0 else whole
+        for k in range(2):
+            to = share[slot, 2 * stage + k]
+            for i in range(R.shape[0]):
+                for j in range(R.shape[0]):
+                    one, two = K[2 - k, i, j] / h, K[3 - k, i, j] / (h * h)
+                    to[0, i, j] = K[1 - k, i, j] - 3.0 * one + 4.0 * two
+                    to[1, i, j] = 4.0 * one - 8.0 * two
+                    to[2, i, j] = 4.0 * two - one
+    for i in range(R.shape[0]):
+        for j in range(R.shape[0]):
+            r = R[i, j]
+            share[slot, 0, 1, i, j] += r
+            share[slot, 2, 2, i, j] += r
+            if rated:
+                share[slot, 1, 0, i, j] -= 2.0 * r / h
+                share[slot, 1, 1, i, j] += 2.0 * r / h
+                share[slot, 3, 1, i, j] -= 2.0 * r / h
+                share[slot, 3, 2, i, j] += 2.0 * r / h
+            else:
+                share[slot, 1, 0, i, j] -= r / h
+                share[slot, 1, 2, i, j] += r / h
+                share[slot, 3, 0, i, j] += r / h
+                share[slot, 3, 1, i, j] -= 4.0 * r / h
+                share[slot, 3, 2, i, j] += 3.0 * r / h
+
+
+@compiled(f"void({F3}, {F2}, {F1})")
+def project(rows: Any, x: Any, out: Any) -> None:
+    """out (m,) = rows (m, 2, J) x (2, J)."""
+    if COMPILED:
+        m, size = rows.shape[0], x.shape[1]
+        for i in range(m):
+            total = 0.0
+            for n in range(size):
+                total += rows[i, 0, n] * x[0, n] + rows[i, 1, n] * x[1, n]
+            out[i] = total
+    else:
+        np.dot(rows.reshape(rows.shape[0], -1), x.ravel(), out=out)
+
+
+@compiled(f"void({F2}, {F2}, {F1}, {F1}, {F2})")
+def loaded_rows(table: Any, beta: Any, at: Any, slope: Any, out: Any) -> None:
+    """What linear modal loads add to indentations and rates, added to out (2, m)."""
+    if COMPILED:
+        for i in range(beta.shape[0]):
+            for j in range(at.size):
+                out[0, i] += beta[i, j] * (at[j] * table[3, j] + slope[j] * table[4, j])
+                out[1, i] += beta[i, j] * (at[j] * table[2, j] + slope[j] * table[3, j])
+    else:
+        out[0] += beta @ (at * table[3] + slope * table[4])
+        out[1] += beta @ (at * table[2] + slope * table[3])
+
+
+@compiled(f"void({F2}, {F1}, {F2}, {F2}, {F2})")
+def push(table: Any, omega: Any, beta: Any, parabola: Any, x: Any) -> None:
+    """The state after a step: free motion, and forces with value, slope, curvature (3, m)."""
+    if COMPILED:
+        m, size = beta.shape
+        for n in range(size):
+            a, b, c = 0.0, 0.0, 0.0
+            for i in range(m):
+                a += beta[i, n] * parabola[0, i]
+                b += beta[i, n] * parabola[1, i]
+                c += beta[i, n] * parabola[2, i]
+            q, v = x[0, n], x[1, n]
+            S, J0, J1 = table[2, n], table[3, n], table[4, n]
+            x[0, n] = table[0, n] * q + S * v - a * J0 - b * J1 - c * table[5, n]
+            x[1, n] = table[1, n] * v - omega[n] * omega[n] * S * q - a * S - b * J0 - c * J1
+    else:
+        a, b, c = parabola @ beta
+        P, W, S, J0, J1, J2 = table
+        q = P * x[0] + S * x[1] - a * J0 - b * J1 - c * J2
+        x[1] = W * x[1] - omega * omega * S * x[0] - a * S - b * J0 - c * J1
+        x[0] = q
+
+
+@compiled(f"boolean({F2}, {F1})")
+def eliminate(A: Any, b: Any) -> bool:
+    """Solve A x = b in place by elimination with pivots; x into b."""
+    n = b.size
+    for k in range(n):
+        best = k
+        for i in range(k + 1, n):
+            if abs(A[i, k]) > abs(A[best, k]):
+                best = i
+        if not abs(A[best, k]) > 1e-300:
+            return False
+        if best != k:
+            for j in range(n):
+                A[k, j], A[best, j] = A[best, j], A[k, j]
+            b[k], b[best] = b[best], b[k]
+        for i in range(k + 1, n):
+            f = A[i, k] / A[k, k]
+            if f != 0.0:
+                for j in range(k, n):
+                    A[i, j] -= f * A[k, j]
+                b[i] -= f * b[k]
+    for i in range(n - 1, -1, -1):
+        for j in range(i + 1, n):
+            b[i] -= A[i, j] * b[j]
+        b[i] /= A[i, i]
+    return True
+
+
+# clock
+TIME, BEFORE, FORCE_SCALE, WORKED, GIVEN, HIGHEST, CAP, FINE = range(8)
+DURATION, SHARE, LONGEST, KNOWN, STEP, LEFT = range(8, 14)
+# count
+LEVEL, SEGMENT, STEPS, TOUCHES, NODES, EVENTS, STATES, KEEP = range(8)
+MOST_TOUCHES, MOST_STEPS, IDLE, LOADED = range(8, 12)
+# rows of `row`
+FORCE, MIDDLE, SLOPE, BEND, DEPTH, RATE, FRESH = range(7)
+
+
+# -- one step: the forces at h/2 and h
+
+
+@compiled(f"UniTuple(float64, 2)(int64, int64, {F4}, {F2}, {F2})")
+def felt(stage: int, i: int, share: Any, base: Any, F: Any) -> Any:
+    """Indentation and rate of row i at h/2 (stage 0) or h (stage 1) under the forces F."""
+    delta, rate = base[2 * stage, i], base[2 * stage + 1, i]
+    for j in range(F.shape[1]):
+        delta -= share[2 * stage, 1, i, j] * F[1, j] + share[2 * stage, 2, i, j] * F[2, j]
+        rate -= share[2 * stage + 1, 1, i, j] * F[1, j] + share[2 * stage + 1, 2, i, j] * F[2, j]
+    return delta, rate
+
+
+@compiled(f"float64(int64, int64, {F4}, {F2}, {F2}, {CONTACTS}, {F3})")
+def rub(stage: int, c: int, share: Any, base: Any, F: Any, contacts: Any, anchor: Any) -> float:
+    """Friction of one contact by a spring that slides; by how much the force changed."""
+    _, _, slip, tangents, _ = contacts
+    first, count = tangents[c, 0], tangents[c, 1]
+    stiffness = slip[c, 1]
+    one, two = F[stage + 1, first], F[stage + 1, first + count - 1]
+    total = 0.0
+    for r in range(count):
+        i = first + r
+        way = felt(stage, i, share, base, F)[0]
+        held = share[2 * stage, stage + 1, i, i]
+        stuck = stiffness * (way - anchor[stage, c, r])
+        anchor[stage + 1, c, r] = way + held * F[stage + 1, i]  # the way without this force
+        F[stage + 1, i] -= (F[stage + 1, i] - stuck) / (1.0 + stiffness * held)
+        total += F[stage + 1, i] ** 2
+    most = slip[c, 0] * max(F[stage + 1, c], 0.0)
+    ratio = most / sqrt(total) if total > most * most else 1.0
+    for r in range(count):
+        i = first + r
+        F[stage + 1, i] *= ratio
+        held = share[2 * stage, stage + 1, i, i]
+        anchor[stage + 1, c, r] -= F[stage + 1, i] * (held + 1.0 / stiffness)
+    return max(abs(F[stage + 1, first] - one), abs(F[stage + 1, first + count - 1] - two))
+
+
+@compiled(f"boolean({F4}, {F2}, {F2}, {CONTACTS}, {I1}, {F2})", allocates=True)
+def together(share: Any, base: Any, F: Any, contacts: Any, mode: Any, s: Any) -> bool:
+    """One step of Newton's method for all normal forces of both stages, shortened if need be."""
+    kinds, params, _, _, _ = contacts
+    p = kinds.size
+    active = np.empty(p, dtype=np.int64)
+    n = 0
+    for c in range(p):
+        if mode[c] == FORWARD or mode[c] == BACK:
+            active[n] = c
+            n += 1
+    A, g = np.zeros((2 * n, 2 * n)), np.zeros(2 * n)
+    start, best, length = F.copy(), inf, 1.0
+    for attempt in range(12):
+        norm, size = 0.0, 0.0
+        for stage in range(2):
+            for i in range(n):
+                c = active[i]
+                delta, rate = felt(stage, c, share, base, F)
+                f, by_delta, by_rate = curve(kinds[c], mode[c], delta, rate, params[c], s[c])
+                k = stage * n + i
+                norm += (F[stage + 1, c] - f) ** 2
+                size += F[stage + 1, c] ** 2
+                if attempt == 0:
+                    g[k] = F[stage + 1, c] - f
+                    for other in range(2):
+                        for j in range(n):
+                            A[k, other * n + j] = (
+                                by_delta * share[2 * stage, other + 1, c, active[j]]
+                                + by_rate * share[2 * stage + 1, other + 1, c, active[j]]
+                            )
+                    A[k, k] += 1.0
+        if attempt == 0:
+            best = norm
+            if norm <= 1e-28 * size:
+                return True
+            if not eliminate(A, g):
+                return False
+        elif norm < best:
+            return True
+        else:
+            length *= 0.5
+        for stage in range(2):
+            for i in range(n):
+                c = active[i]
+                F[stage + 1, c] = start[stage + 1, c] - length * g[stage * n + i]
+    F[:] = start
+    return best <= 1e-20 * size  # what is left is rounding
+
+
+@compiled(f"boolean({F4}, {F2}, {F2}, {F2}, {CONTACTS}, {I1}, {F2}, {F3}, float64)")
+def solve(
+    share: Any,
+    base: Any,
+    F: Any,
+    motion: Any,
+    contacts: Any,
+    mode: Any,
+    s: Any,
+    anchor: Any,
+    scale: float,
+) -> bool:
+    """Forces F (3, m) at the nodes 0, h/2, h that meet laws and friction; F[0] is given.
+
+    base (4, m): indentation and rate at h/2, then at h, that F[0] alone leaves; motion (4, m): the
+    same with all forces. Gauss and Seidel's sweeps, each force by Newton's method on its own law;
+    the whole system by Newton's method where they do not converge.
+    """
+    kinds, params, _, tangents, _ = contacts
+    p = kinds.size
+    for sweep in range(SWEEPS + NEWTON):
+        if sweep == SWEEPS:  # the sweeps may have led away
+            for c in range(p):
+                F[1, c], F[2, c] = F[0, c], F[0, c]
+        if sweep >= SWEEPS and not together(share, base, F, contacts, mode, s):
+            return False
+        change, size, noise = 0.0, 1e-3 * scale, 0.0
+        for stage in range(2):
+            for c in range(p):
+                if mode[c] == APART or mode[c] == CUT:
+                    F[stage + 1, c] = 0.0
+                    for r in range(tangents[c, 1]):
+                        F[stage + 1, tangents[c, 0] + r] = 0.0
+                    continue
+                delta, rate = felt(stage, c, share, base, F)
+                old = F[stage + 1, c]
+                f, by_delta, by_rate = curve(kinds[c], mode[c], delta, rate, params[c], s[c])
+                a = share[2 * stage, stage + 1, c, c]
+                b = share[2 * stage + 1, stage + 1, c, c]
+                grip = 1.0 + max(a * by_delta + b * by_rate, 0.0)
+                new = old - (old - f) / grip
+                noise = max(noise, 1e-15 * by_delta / grip * abs(base[2 * stage, c]))
+                if sweep < SWEEPS:
+                    F[stage + 1, c] = new
+                change = max(change, abs(new - old))
+                size = max(size, abs(new))
+                if tangents[c, 1] > 0:
+                    change = max(change, rub(stage, c, share, base, F, contacts, anchor))
+        total = 0.0
+        for i in range(F.shape[1]):
+            total += abs(F[1, i]) + abs(F[2, i])
+        if not total + change < 1e300:
+            return False
+        if change <= 1e-12 * size + noise:
+            for stage in range(2):
+                for i in range(F.shape[1]):
+                    delta, rate = felt(stage, i, share, base, F)
+                    motion[2 * stage, i], motion[2 * stage + 1, i] = delta, rate
+            return True
+    return False
+
+
+@compiled("float64(float64, float64, float64, float64, float64, float64, float64)")
+def misfit(
+    before: float, f0: float, f1: float, f2: float, hp: float, h: float, fresh: float
+) -> float:
+    """Error of a step's parabola: from the third difference with the value hp/2 before the step.
+
+    In the first step of a contact, whose force may rise as t^(3/2), from the second difference.
+    """
+    if fresh > 0.0:
+        return KINKED * abs(f0 - 2.0 * f1 + f2)
+    g, e = 0.5 * hp, 0.5 * h
+    d1, d2, d3 = (f0 - before) / g, (f1 - f0) / e, (f2 - f1) / e
+    third = ((d3 - d2) / h - (d2 - d1) / (g + e)) / (g + h)
+    return INTERPOLATION * h**3 * abs(third)
+
+
+@compiled("float64(float64, float64, float64, float64, float64, float64)")
+def crossing(y0: float, d0: float, y1: float, d1: float, h: float, bound: float) -> float:
+    """When the cubic through values y and slopes d over h meets the bound, which y1 lies beyond."""
+    sign = 1.0 if y1 > bound else -1.0
+    if sign * (y0 - bound) >= 0.0:
+        return 0.0
+    low, high = 0.0, 1.0
+    for _ in range(50):
+        u = 0.5 * (low + high)
+        w = 1.0 - u
+        y = w * w * (y0 * (1 + 2 * u) + h * d0 * u) + u * u * (y1 * (3 - 2 * u) - h * d1 * w)
+        if sign * (y - bound) > 0.0:
+            high = u
+        else:
+            low = u
+        if high - low < 1e-12:
+            break
+    return high * h
+
+
+@compiled(f"float64({F2}, {F1})")
+def mechanical(x: Any, omega: Any) -> float:
+    """Kinetic and strain energy."""
+    total = 0.0
+    if COMPILED:
+        for j in range(omega.size):
+            total += (omega[j] * x[0, j]) ** 2 + x[1, j] ** 2
+    else:
+        total = float(np.sum((omega * x[0]) ** 2) + np.sum(x[1] ** 2))
+    return 0.5 * total
+
+
+# -- free flight
+
+
+@compiled(f"void(int64, float64, {MODES}, {TABLES})")
+def ready_rows(slot: int, t: float, modes: Any, tables: Any) -> None:
+    """See to it that a slot holds the responses after t; those of `SCRATCH` are always new."""
+    omega, decay, beta, _ = modes
+    ready, table, rows, _, _ = tables
+    if slot >= SCRATCH or ready[slot, 0] == 0:
+        fill(slot, t, omega, decay, beta, table, rows)
+        ready[slot, 0], ready[slot, 1], ready[slot, 2] = 1, 0, 0
+
+
+@compiled(f"void(int64, float64, {MODES}, {STATE}, {TABLES}, {WORK}, {F2})")
+def free_motion(
+    slot: int, t: float, modes: Any, state: Any, tables: Any, work: Any, out: Any
+) -> None:
+    """Indentations and rates (2, m) after a time t without contact forces, into out."""
+    beta = modes[2]
+    count, x = state[1], state[2]
+    table, rows = tables[1], tables[2]
+    at, slope, offset, drift = work[4], work[5], work[6], work[7]
+    project(rows[slot, 0], x, out[0])
+    project(rows[slot, 1], x, out[1])
+    if count[LOADED] > 0:
+        loaded_rows(table[slot], beta, at, slope, out)
+    for i in range(offset.size):
+        out[0, i] -= offset[i] + drift[i] * t
+        out[1, i] -= drift[i]
+
+
+@compiled(f"float64({ACTING}, {STATE}, {WORK})")
+def acting_now(acting: Any, state: Any, work: Any) -> float:
+    """Loads and gaps from the present time on, with their slopes; the time that they hold."""
+    breaks, loads, offsets = acting
+    clock, count = state[0], state[1]
+    at, slope, offset, drift = work[4], work[5], work[6], work[7]
+    t, end = clock[TIME], clock[DURATION]
+    k = count[SEGMENT]
+    while k + 1 < breaks.size and breaks[k + 1] - t <= 1e-13 * end:
+        k += 1
+    count[SEGMENT] = k
+    last = k + 1 == breaks.size
+    span = inf if last else breaks[k + 1] - breaks[k]
+    for i in range(offset.size):
+        drift[i] = 0.0 if last else (offsets[k + 1, i] - offsets[k, i]) / span
+        offset[i] = offsets[k, i] + drift[i] * (t - breaks[k])
+    if count[LOADED] > 0:
+        for j in range(at.size):
+            slope[j] = 0.0 if last else (loads[k + 1, j] - loads[k, j]) / span
+            at[j] = loads[k, j] + slope[j] * (t - breaks[k])
+    return end - t if last else min(end, breaks[k + 1]) - t
+
+
+@compiled(f"void(float64, {MODES}, {STATE}, {WORK})")
+def amplitudes(left: float, modes: Any, state: Any, work: Any) -> None:
+    """How each contact sees the free motion about that which the loads give: `swing`, `bend`."""
+    omega, decay, beta, _ = modes
+    x = state[2]
+    at, slope, swing, bend, missed, known = work[4], work[5], work[9], work[10], work[11], work[12]
+    known[:] = 0
+    for c in range(bend.size):
+        bend[c], missed[LEVELS, c] = 0.0, 0.0
+    for j in range(omega.size):
+        w = omega[j]
+        if w > 0.0:
+            rest = (at[j] - 2.0 * decay[j] * slope[j] / (w * w)) / (w * w)
+            amplitude = sqrt((x[0, j] - rest) ** 2 + ((x[1, j] - slope[j] / (w * w)) / w) ** 2)
+        else:
+            amplitude = max(abs(at[j]), abs(at[j] + slope[j] * left))
+            amplitude += 2.0 * decay[j] * abs(x[1, j])
+        for c in range(bend.size):
+            swing[c, j] = abs(beta[c, j]) * amplitude
+            if w > 0.0:
+                missed[LEVELS, c] += swing[c, j] * (w * w + 2.0 * decay[j] * w)
+            else:
+                bend[c] += swing[c, j]
+    for c in range(bend.size):
+        missed[LEVELS, c] += bend[c]
+
+
+@compiled(f"float64(int64, int64, float64, {MODES}, {WORK})")
+def chord(c: int, level: int, h: float, modes: Any, work: Any) -> float:
+    """The most by which free motion rises above its chord over h at a contact."""
+    omega, decay, _, _ = modes
+    swing, bend, missed, known = work[9], work[10], work[11], work[12]
+    if level < LEVELS and known[level] > 0:
+        return float(missed[level, c])
+    total = bend[c] * h * h / 8.0
+    if COMPILED:
+        for j in range(omega.size):
+            if omega[j] > 0.0:
+                curvature = omega[j] * (omega[j] + 2.0 * decay[j])
+                total += swing[c, j] * min(2.0, curvature * (h * h / 8.0))
+    else:
+        share = np.minimum(2.0, omega * (omega + 2.0 * decay) * (h * h / 8.0))
+        total += float(swing[c] @ share)
+    if level < LEVELS:
+        missed[level, c] = total
+    return total
+
+
+@compiled(f"float64(int64, float64, float64, {MODES}, {CONTACTS}, {STATE}, {TABLES}, {WORK})")
+def touch_time(
+    c: int, after: float, h: float, modes: Any, contacts: Any, state: Any, tables: Any, work: Any
+) -> float:
+    """When the contact c touches within h, at whose end it lies `after` beyond; Newton's method."""
+    kinds, params, _, _, _ = contacts
+    row, s, scale = state[3], state[5], state[7]
+    base = work[1]
+    origin = piece(kinds[c], APART, params[c], s[c])[1]
+    before = min(row[DEPTH, c] - origin, 0.0)
+    low, high, guess = 0.0, h, h * before / (before - after)
+    for _ in range(60):
+        ready_rows(SCRATCH, guess, modes, tables)
+        free_motion(SCRATCH, guess, modes, state, tables, work, base)
+        g, v = base[0, c] - origin, base[1, c]
+        if abs(g) <= 0.01 * SHARP * scale[c, 0]:
+            break
+        if g > 0.0:
+            high = guess
+        else:
+            low = guess
+        new = guess - g / v if v > 0.0 else -1.0
+        if not low < new < high:
+            new = 0.5 * (low + high)
+        if abs(new - guess) <= 1e-15 * h:
+            break
+        guess = new
+    return guess
+
+
+@compiled(f"int64({MODES}, {CONTACTS}, {STATE}, {TABLES}, {WORK})")
+def fly(modes: Any, contacts: Any, state: Any, tables: Any, work: Any) -> int:
+    """The next step of free flight, up to a touch: its slot, -1 if one touches now, -2: stuck.
+
+    An interval holds no touch if the larger of its ends lies below 0 by more than a chord can miss,
+    or while the bodies recede fast enough.
+    """
+    kinds, params, _, _, _ = contacts
+    clock, count, _, row, _, s, _, scale = state
+    motion, free, which, missed, known = work[2], work[3], work[8], work[11], work[12]
+    p = kinds.size
+    for c in range(p):
+        origin = piece(kinds[c], APART, params[c], s[c])[1]
+        if row[DEPTH, c] >= origin - SHARP * scale[c, 0] and row[RATE, c] > 0.0:
+            which[0], which[1] = c, HIGH
+            return -1
+    level, left = count[LEVEL], clock[LEFT]
+    slot, h = level, 0.0
+    struck = False
+    while True:
+        slot, h = level, clock[LONGEST] * 0.5**level
+        if h >= left:
+            slot, h = SCRATCH, left
+        ready_rows(slot, h, modes, tables)
+        free_motion(slot, h, modes, state, tables, work, free)
+        clear, struck = True, False
+        for c in range(p):
+            origin = piece(kinds[c], APART, params[c], s[c])[1]
+            before, after = min(row[DEPTH, c] - origin, 0.0), free[0, c] - origin
+            most, close = chord(c, slot, h, modes, work), SHARP * scale[c, 0]
+            room = close if h <= clock[FINE] / 16.0 else min(close - most, 0.0)
+            recedes = row[RATE, c] < 0.0 and -row[RATE, c] >= h * missed[LEVELS, c]
+            if max(before, after) <= room or (recedes and after <= 0.0):
+                continue
+            if after > close and (h <= clock[FINE] or most <= close):
+                struck = True
+            else:
+                clear = False
+        if slot < LEVELS:
+            known[level] = 1
+        if clear:
+            break
+        level += 1
+        while slot == SCRATCH and clock[LONGEST] * 0.5**level >= 0.5 * left:
+            level += 1
+        if level >= LEVELS - 1:
+            return -2
+    count[LEVEL] = max(level - 1, 0)
+    if struck:
+        first = inf
+        for c in range(p):
+            after = free[0, c] - piece(kinds[c], APART, params[c], s[c])[1]
+            if after > SHARP * scale[c, 0]:
+                found = touch_time(c, after, h, modes, contacts, state, tables, work)
+                if found < first:
+                    first, which[0], which[1] = found, c, HIGH
+        slot, h = SCRATCH, first
+        if h <= 1e-15 * clock[DURATION]:
+            return -1
+        ready_rows(slot, h, modes, tables)
+    ready_rows(slot + 1, 0.5 * h, modes, tables)
+    free_motion(slot + 1, 0.5 * h, modes, state, tables, work, motion[:2])
+    free_motion(slot, h, modes, state, tables, work, motion[2:])
+    work[0][:] = 0.0
+    clock[STEP] = h
+    return slot
+
+
+# -- contact
+
+
+@compiled(f"boolean(int64, float64, {MODES}, {CONTACTS}, {STATE}, {TABLES}, {WORK})")
+def attempt(
+    slot: int, h: float, modes: Any, contacts: Any, state: Any, tables: Any, work: Any
+) -> bool:
+    """Forces and motion of a step h under contact, into `work`; False if they are not found."""
+    _, _, beta, R = modes
+    clock, _, _, row, mode, s, anchor, _ = state
+    ready, table, _, coupling, share = tables
+    F, base, motion, free = work[0], work[1], work[2], work[3]
+    m = beta.shape[0]
+    for stage in range(2):
+        each = slot + 1 - stage
+        ready_rows(each, 0.5 * h * (1 + stage), modes, tables)
+        if ready[each, 1] == 0:
+            compliances(table[each], beta, coupling[each])
+            ready[each, 1] = 1
+    if ready[slot, 2] == 0:
+        rated = False
+        for c in range(mode.size):
+            rated = rated or contacts[0][c] == DAMPED or contacts[0][c] == USER
+        pair(slot, h, coupling[slot + 1], coupling[slot], R, rated, share)
+        ready[slot, 2] = 1
+    for i in range(m):
+        F[0, i] = row[FORCE, i]
+    for stage in range(2):
+        u = 0.5 * h * (1 + stage)
+        free_motion(slot + 1 - stage, u, modes, state, tables, work, free)
+        for i in range(m):
+            d, v = free[0, i], free[1, i]
+            for j in range(m):
+                d -= share[slot, 2 * stage, 0, i, j] * F[0, j]
+                v -= share[slot, 2 * stage + 1, 0, i, j] * F[0, j]
+            base[2 * stage, i], base[2 * stage + 1, i] = d, v
+            # a first guess on the last parabola
+            F[stage + 1, i] = row[FORCE, i] + u * (row[SLOPE, i] + 0.5 * u * row[BEND, i])
+    return bool(solve(share[slot], base, F, motion, contacts, mode, s, anchor, clock[FORCE_SCALE]))
+
+
+@compiled(f"float64({CONTACTS}, {STATE}, {WORK})")
+def first_exit(contacts: Any, state: Any, work: Any) -> float:
+    """When the first contact leaves its piece in the step, inf if none does; sets `which`."""
+    kinds, params, _, _, _ = contacts
+    clock, _, _, row, mode, s, _, scale = state
+    motion, which = work[2], work[8]
+    half = 0.5 * clock[STEP]
+    first = inf
+    for c in range(kinds.size):
+        low, high, slow, fast = piece(kinds[c], mode[c], params[c], s[c])
+        near, even = SHARP * scale[c, 0], 1e-6 * scale[c, 1]
+        a, va = row[DEPTH, c], row[RATE, c]
+        for stage in range(2):
+            b, vb = motion[2 * stage, c], motion[2 * stage + 1, c]
+            found, bound = inf, NOTHING
+            if b < low - near:
+                found, bound = crossing(a, va, b, vb, half, low), LOW
+            elif b > high + near:
+                found, bound = crossing(a, va, b, vb, half, high), HIGH
+            if vb < slow - even or vb > fast + even:
+                edge = slow if vb < slow else fast
+                at = half * min(max((edge - va) / (vb - va), 0.0), 1.0) if vb != va else 0.0
+                if at < found:
+                    found, bound = at, SLOW if vb < slow else FAST
+            if bound != NOTHING:
+                if found + half * stage < first:
+                    first, which[0], which[1] = found + half * stage, c, bound
+                break
+            a, va = b, vb
+    return first
+
+
+@compiled(f"float64({CONTACTS}, {STATE}, {I1}, float64, float64)")
+def beyond(contacts: Any, state: Any, which: Any, d: float, v: float) -> float:
+    """How far indentation d and rate v lie beyond the bound `which` of a piece."""
+    kinds, params, _, _, _ = contacts
+    mode, s = state[4], state[5]
+    c = which[0]
+    low, high, slow, fast = piece(kinds[c], mode[c], params[c], s[c])
+    if which[1] == LOW:
+        return low - d
+    if which[1] == HIGH:
+        return d - high
+    if which[1] == SLOW:
+        return slow - v
+    return v - fast
+
+
+@compiled(f"boolean(float64, {MODES}, {CONTACTS}, {STATE}, {TABLES}, {WORK})")
+def end_at_exit(
+    first: float, modes: Any, contacts: Any, state: Any, tables: Any, work: Any
+) -> bool:
+    """Shorten the step to end where the contact `which` leaves its piece, at about `first`."""
+    clock, _, _, row, _, _, _, scale = state
+    motion, which = work[2], work[8]
+    c, bound = which[0], which[1]
+    short, long = 0.0, clock[STEP]
+    g_short = beyond(contacts, state, which, row[DEPTH, c], row[RATE, c])
+    g_long = beyond(contacts, state, which, motion[2, c], motion[3, c])
+    length = first
+    for tries in range(14):
+        if not attempt(SCRATCH, length, modes, contacts, state, tables, work):
+            return False
+        d, v = motion[2, c], motion[3, c]
+        g = beyond(contacts, state, which, d, v)
+        close = SHARP * scale[c, 0] if bound <= HIGH else 1e-6 * scale[c, 1]
+        if abs(g) <= close:
+            break
+        if g > 0.0:
+            long, g_long = length, g
+        else:
+            short, g_short = length, g
+        speed = -v if bound == LOW else v
+        new = length - g / speed if bound <= HIGH and speed > 0.0 else -1.0
+        if not short < new < long and g_short < 0.0 < g_long and tries < 8:
+            new = short + (long - short) * g_short / (g_short - g_long)
+        if not short < new < long:
+            new = 0.5 * (short + long)
+        length = new
+    clock[STEP] = length
+    return True
+
+
+@compiled(f"float64({STATE}, {WORK})")
+def worst_misfit(state: Any, work: Any) -> float:
+    """Largest error of the parabolas of the step."""
+    clock, row = state[0], state[3]
+    F = work[0]
+    worst = 0.0
+    for i in range(F.shape[1]):
+        error = misfit(
+            row[MIDDLE, i], F[0, i], F[1, i], F[2, i], clock[BEFORE], clock[STEP], row[FRESH, i]
+        )
+        worst = max(worst, error)
+    return worst
+
+
+@compiled(f"int64({MODES}, {CONTACTS}, {STATE}, {TABLES}, {WORK})")
+def press(modes: Any, contacts: Any, state: Any, tables: Any, work: Any) -> int:
+    """The next step under contact, up to the first exit: its slot, -1: at once, -2: stuck."""
+    kinds = contacts[0]
+    clock, count = state[0], state[1]
+    limit, left = clock[SHARE] * clock[FORCE_SCALE], clock[LEFT]
+    level = count[LEVEL]
+    while clock[LONGEST] * 0.5**level > clock[CAP] and level < LEVELS - 3:
+        level += 1
+    blind = count[IDLE] > 4 * kinds.size + 8  # exits without end at one time: step over them
+    if blind:
+        level = min(level + 3, LEVELS - 3)
+    while level < LEVELS - 2:
+        slot, h = level, clock[LONGEST] * 0.5**level
+        if h >= left:
+            slot, h = SCRATCH, left
+        clock[STEP] = h
+        found = attempt(slot, h, modes, contacts, state, tables, work)
+        worst = worst_misfit(state, work) if found else inf
+        finer = 0
+        if worst > limit and not (blind and found):
+            finer = 1 if not found or worst < 16.0 * limit else 2 if worst < 128.0 * limit else 3
+        elif not blind:
+            first = first_exit(contacts, state, work)
+            if first <= 1e-9 * h:
+                return -1
+            if first < inf:
+                if end_at_exit(first, modes, contacts, state, tables, work):
+                    count[LEVEL] = level
+                    return SCRATCH
+                work[8][0] = -1
+                finer = 1
+        if finer == 0:
+            coarser = worst < limit / 16.0 and level > 0 and slot != SCRATCH
+            count[LEVEL] = level - 1 if coarser else level
+            return slot
+        level += finer
+        while slot == SCRATCH and clock[LONGEST] * 0.5**level >= 0.5 * left:
+            level += 1
+    return -2
+
+
+# -- the course of events
+
+
+@compiled(f"boolean({I1})")
+def mode_is_free(mode: Any) -> bool:
+    """Whether nothing touches."""
+    touching = 0
+    for c in range(mode.size):
+        if mode[c] != APART:
+            touching += 1
+    return touching == 0
+
+
+@compiled(f"float64({F1}, {F1}, float64, {F2})")
+def loads_on(at: Any, slope: Any, h: float, x: Any) -> float:
+    """The mean loads over a step times the displacements: its change is their work, nearly."""
+    total = 0.0
+    if COMPILED:
+        for j in range(at.size):
+            total += (at[j] + 0.5 * h * slope[j]) * x[0, j]
+    else:
+        total = float((at + 0.5 * h * slope) @ x[0])
+    return total
+
+
+@compiled(f"void(int64, {MODES}, {CONTACTS}, {STATE}, {TABLES}, {WORK}, {OUT})")
+def take(
+    slot: int, modes: Any, contacts: Any, state: Any, tables: Any, work: Any, out: Any
+) -> None:
+    """Go to the end of the step and write it down."""
+    omega, _, beta, _ = modes
+    kinds, params, _, tangents, _ = contacts
+    clock, count, x, row, mode, s, anchor, scale = state
+    table = tables[1]
+    F, base, motion, at, slope = work[0], work[1], work[2], work[4], work[5]
+    time_out, force_out, depth_out, state_out, _ = out
+    h = clock[STEP]
+    m, size = F.shape[1], omega.size
+    if count[KEEP] > 0:
+        for j in range(size):
+            state_out[count[STATES], 0, j], state_out[count[STATES], 1, j] = x[0, j], x[1, j]
+        count[STATES] += 1
+    for i in range(m):
+        base[0, i] = F[0, i]
+        base[1, i] = (4.0 * F[1, i] - 3.0 * F[0, i] - F[2, i]) / h
+        base[2, i] = 4.0 * (F[0, i] - 2.0 * F[1, i] + F[2, i]) / (h * h)
+    if count[LOADED] > 0:
+        clock[WORKED] -= loads_on(at, slope, h, x)
+    push(table[slot], omega, beta, base[:3], x)
+    if count[LOADED] > 0:
+        for j in range(size):
+            S, J0, J1 = table[slot, 2, j], table[slot, 3, j], table[slot, 4, j]
+            x[0, j] += at[j] * J0 + slope[j] * J1
+            x[1, j] += at[j] * S + slope[j] * J0
+        clock[WORKED] += loads_on(at, slope, h, x)
+    n = count[NODES]
+    for k in range(2):
+        time_out[n + k] = clock[TIME] + 0.5 * h * (1 + k)
+        for i in range(m):
+            force_out[n + k, i], depth_out[n + k, i] = F[1 + k, i], motion[2 * k, i]
+    if mode_is_free(mode):
+        clock[WORKED] = mechanical(x, omega) - clock[GIVEN]  # flight is exact
+    count[NODES] = n + 2
+    count[STEPS] += 1
+    count[IDLE] = 0
+    clock[TIME] += h
+    clock[BEFORE] = h
+    for i in range(m):
+        row[FORCE, i], row[MIDDLE, i] = F[2, i], F[1, i]
+        row[SLOPE, i], row[BEND, i] = base[1, i] + h * base[2, i], base[2, i]
+        row[DEPTH, i], row[RATE, i] = motion[2, i], motion[3, i]
+        row[FRESH, i] = 0.0
+    for c in range(kinds.size):
+        scale[c, 1] = max(scale[c, 1], abs(motion[3, c]))
+        if mode[c] == APART:
+            continue
+        for r in range(tangents[c, 1]):
+            anchor[0, c, r] = anchor[2, c, r]
+        if clock[KNOWN] == 0.0:
+            clock[FORCE_SCALE] = max(clock[FORCE_SCALE], F[2, c])
+        if kinds[c] == USER and not COMPILED:
+            user_advance(motion[2, c], motion[3, c], params[c], s[c])
+
+
+@compiled(f"void({CONTACTS}, {STATE}, {WORK}, {OUT}, boolean)")
+def enter(contacts: Any, state: Any, work: Any, out: Any, active: bool) -> None:
+    """The contact `which` goes over to its next piece; `active`: others touched before."""
+    kinds, params, _, tangents, mass = contacts
+    clock, count, _, row, mode, s, anchor, scale = state
+    which, event_out = work[8], out[4]
+    c = which[0]
+    before, rate = mode[c], max(row[RATE, c], 0.0)
+    mode[c] = change(kinds[c], before, which[1], row[DEPTH, c], row[RATE, c], params[c], s[c])
+    rest = mode[c] == APART or mode[c] == CUT
+    for k in range(1 + tangents[c, 1]):
+        i = c if k == 0 else tangents[c, 0] + k - 1
+        row[FRESH, i], row[SLOPE, i], row[BEND, i] = 1.0, 0.0, 0.0
+        if rest:
+            row[FORCE, i] = 0.0
+        if before == APART and k > 0:
+            anchor[0, c, k - 1] = row[DEPTH, i]
+    if before == APART or mode[c] == APART:
+        n = count[EVENTS]
+        event_out[n, 0], event_out[n, 1] = clock[TIME], c
+        event_out[n, 2], event_out[n, 3] = mode[c], rate
+        count[EVENTS] = n + 1
+    if before == APART:
+        count[TOUCHES] += 1
+        speed = max(rate, 1e-2 * scale[c, 1])
+        depth, force = expected(kinds[c], mass[c], speed, params[c], s[c])
+        scale[c, 0] = max(scale[c, 0], depth)
+        if clock[KNOWN] == 0.0:
+            clock[FORCE_SCALE] = max(clock[FORCE_SCALE], force)
+        lasts = 3.0 * depth / speed
+        clock[CAP] = min(clock[CAP], lasts / 4.0) if active else lasts / 4.0
+        level = count[LEVEL] if active else 0
+        while clock[LONGEST] * 0.5**level > lasts / 64.0 and level < LEVELS - 8:
+            level += 1
+        count[LEVEL] = level
+
+
+@compiled(f"int64({MODES}, {ACTING}, {CONTACTS}, {STATE}, {TABLES}, {WORK}, {OUT})")
+def march(
+    modes: Any, acting: Any, contacts: Any, state: Any, tables: Any, work: Any, out: Any
+) -> int:
+    """Go on from `state` until the end or a full buffer of `out`; the groups stand above."""
+    omega = modes[0]
+    clock, count, x, _, mode, _, _, _ = state
+    which = work[8]
+    segment, flying = -1, False
+    while True:
+        if clock[DURATION] - clock[TIME] <= 1e-13 * clock[DURATION]:
+            clock[TIME] = clock[DURATION]
+            return DONE
+        full = count[NODES] + 3 > out[0].size or count[EVENTS] + 2 > out[4].shape[0]
+        if full or (count[KEEP] > 0 and count[STATES] + 1 > out[3].shape[0]):
+            return FULL
+        if count[STEPS] >= count[MOST_STEPS]:
+            return TOO_MANY_STEPS
+        clock[LEFT] = acting_now(acting, state, work)
+        active = not mode_is_free(mode)
+        which[0], which[1] = -1, NOTHING
+        if active:
+            flying = False
+            slot = press(modes, contacts, state, tables, work)
+        else:
+            if not flying or count[SEGMENT] != segment:
+                amplitudes(clock[LEFT], modes, state, work)
+                flying, segment = True, count[SEGMENT]
+            slot = fly(modes, contacts, state, tables, work)
+        if slot == -2:
+            return STUCK
+        if slot == -1:
+            count[IDLE] += 1
+        else:
+            take(slot, modes, contacts, state, tables, work, out)
+        if which[0] >= 0:
+            if mode[which[0]] == APART and count[TOUCHES] >= count[MOST_TOUCHES]:
+                return TOO_MANY_CONTACTS
+            enter(contacts, state, work, out, active)
+        if active and (which[0] >= 0 or count[STEPS] % 32 == 0):
+            clock[HIGHEST] = max(clock[HIGHEST], clock[GIVEN] + clock[WORKED])
+            surplus = mechanical(x, omega) - clock[GIVEN] - clock[WORKED]
+            if not surplus <= (GROWTH - 1.0) * clock[HIGHEST]:
+                return GREW

@@ -1,0 +1,212 @@
+"""Error control of a scene: the march is repeated with a finer share until its forces converge."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from antiosc import checks
+from antiosc.errors import AccuracyError, AccuracyWarning, InputError
+from antiosc.simulation import march
+from antiosc.simulation.assembly import Assembly, assemble
+from antiosc.simulation.engine import Run, run
+from antiosc.simulation.equilibrium import closed, settle
+from antiosc.simulation.laws import forget
+from antiosc.simulation.scene import Scene
+from antiosc.simulation.scene_history import SceneHistory
+
+Array = NDArray[np.float64]
+
+FINER = 8.0  # of the share: steps half as long, force errors an eighth
+LEFT = 0.25  # error left in the finer run, of the difference of the two: an eighth, and a margin
+MOST = 12  # runs
+PATIENCE = 3  # runs without gain after which a scene counts as not convergent
+
+
+@dataclass(eq=False)
+class Converged:
+    """The finest run, its estimated relative errors, and until when [s] two runs agreed."""
+
+    run: Run
+    share: float
+    force: float
+    peak: float
+    certain: float
+
+
+def integrate(
+    scene: Scene, duration: float, tol: float, max_contacts: int, max_steps: int
+) -> SceneHistory:
+    """The history of a scene; see `Scene.run`."""
+    duration = checks.positive("duration", duration, "s")
+    tol = checks.positive("tol", tol)
+    if tol >= 1:
+        raise InputError(f"tol is a relative error, 0 < tol < 1; got {tol:g}.")
+    checks.whole("max_contacts", max_contacts)
+    checks.whole("max_steps", max_steps)
+    assembly = assemble(scene, duration)
+    start(assembly)
+    try:
+        found = converge(assembly, duration, tol, max_contacts, max_steps)
+    finally:
+        for kind, parameters in zip(assembly.system.kinds, assembly.system.params, strict=True):
+            forget(int(kind), parameters)
+    status, message = verdict(found, tol, max_contacts, max_steps)
+    history = SceneHistory(
+        assembly=assembly,
+        run=found.run,
+        error={"force": found.force, "peak": found.peak},
+        status=status,
+        message=" ".join([message, *assembly.notes]),
+    )
+    turned = history.largest_rotation()
+    if turned[1] > 0.1:
+        warnings.warn(
+            f"{turned[0]!r} turned by {turned[1]:.2g} rad; rotations are taken as small, below"
+            f" 0.1 rad.",
+            AccuracyWarning,
+            stacklevel=3,
+        )
+    if status:
+        warnings.warn(message, AccuracyWarning, stacklevel=3)
+    for contact, law in zip(scene.contacts, assembly.laws, strict=True):
+        peak = history[contact.a, contact.b].peak_force
+        if peak > law.valid_force:
+            raise AccuracyError(
+                f"contact {contact.a!r}, {contact.b!r}: {law.out_of_range(peak, None)}."
+            )
+    return history
+
+
+def start(assembly: Assembly) -> None:
+    """Forces of the contacts that are closed at the start, at rest if the scene asks for it.
+
+    Without preload only a load on a site without mass closes a contact at once.
+    """
+    system, laws = assembly.system, assembly.laws
+    if assembly.scene.preload:
+        system.q, system.pressed = settle(system, laws)
+    else:
+        system.pressed = closed(system, laws)
+    if np.any(system.pressed):
+        p = len(laws)
+        delta = system.beta[:p] @ system.q - system.offsets[0, :p]
+        delta = np.maximum(delta - system.R[:p, :p] @ system.pressed, 0.0)
+        system.depth = np.maximum(system.depth, delta)
+        system.given = sum(
+            law.potential(float(d), law.touch(0.0)) for law, d in zip(laws, delta, strict=True)
+        )
+
+
+def converge(
+    assembly: Assembly, duration: float, tol: float, max_contacts: int, max_steps: int
+) -> Converged:
+    """Finer runs until the forces of two agree to the tolerance."""
+    share, scale = tol, 0.0
+    fine = assembly.lasting / 200
+    m = len(assembly.G)
+    p = len(assembly.laws)
+    best: Converged | None = None
+    before: Run | None = None
+    worse = 0
+    for _ in range(MOST):
+        now = run(
+            assembly.system,
+            duration,
+            share,
+            scale=scale,
+            fine=fine,
+            max_contacts=max_contacts,
+            max_steps=max_steps,
+        )
+        scale = max(float(now.force[:, :p].max()), 1e-300) if now.force.size else 0.0
+        if not np.isfinite(scale):
+            scale = 0.0
+        if before is not None and now.answer not in (march.GREW, march.STUCK):
+            force, peak, certain = difference(before, now, m, tol)
+            found = Converged(now, share, LEFT * force, LEFT * peak, certain)
+            gained = best is None or found.force < 0.7 * best.force
+            worse = 0 if gained else worse + 1
+            if best is None or found.force <= best.force or found.force <= tol:
+                best = found
+            if max(found.force, found.peak) <= tol or worse >= PATIENCE:
+                return found if max(found.force, found.peak) <= tol else best
+        if now.answer in (march.TOO_MANY_CONTACTS, march.TOO_MANY_STEPS):
+            break
+        before = now if now.answer == march.DONE else None
+        share /= FINER
+        if FINER * now.steps > 20 * max_steps:
+            break
+    if best is None:
+        best = Converged(now, share, np.inf, np.inf, 0.0)
+    return best
+
+
+def verdict(found: Converged, tol: float, max_contacts: int, max_steps: int) -> tuple[int, str]:
+    """Status and message of a run: 0 completed, 1 tolerance not met, 2 stopped before the end."""
+    answer, t = found.run.answer, float(found.run.time[-1])
+    if answer == march.TOO_MANY_CONTACTS:
+        return 2, (
+            f"Stopped at {t:g} s: more than {max_contacts} contacts (chatter); shorten the duration"
+            f" or raise max_contacts."
+        )
+    if answer == march.TOO_MANY_STEPS:
+        return 2, (
+            f"Stopped at {t:g} s: more than {max_steps} steps; shorten the duration, use a larger"
+            f" tol or raise max_steps."
+        )
+    if answer == march.GREW:
+        return 2, f"Stopped at {t:g} s: the bodies gained energy; use a smaller tol."
+    if answer == march.STUCK:
+        return 2, (
+            f"Stopped at {t:g} s: no step is small enough for the contact forces there; check the"
+            f" laws' stiffness against the bodies' masses."
+        )
+    worst = max(found.force, found.peak)
+    if not worst <= tol:
+        return 1, (
+            f"The contact forces did not converge: finer runs differ by {worst:.2g}, not"
+            f" tol = {tol:g} (they rattle, so that small errors grow). Up to {found.certain:.4g} s"
+            f" they agree; shorten the duration to that."
+        )
+    return 0, "Completed."
+
+
+def difference(coarse: Run, fine: Run, p: int, tol: float) -> tuple[float, float, float]:
+    """Relative difference of the forces in the L2 norm and of their peak; until when they agree."""
+    time = np.union1d(coarse.time, fine.time)
+    a, b = parabolas(coarse, time, p), parabolas(fine, time, p)
+    weight = np.zeros(time.size)
+    step = np.diff(time)
+    weight[:-1] += step / 2
+    weight[1:] += step / 2
+    gap = weight @ (a - b) ** 2
+    size = float((weight @ b**2).sum())
+    if size == 0.0:
+        same = not np.any(a)
+        return (0.0, 0.0, float(time[-1])) if same else (1.0, 1.0, 0.0)
+    top = float(np.abs(b).max())
+    # how much of the norm the difference has used up as time goes on
+    used = np.cumsum(weight * ((a - b) ** 2).sum(axis=1))
+    beyond = np.flatnonzero(LEFT * np.sqrt(used / size) > tol)
+    certain = float(time[beyond[0]]) if beyond.size else float(time[-1])
+    return (
+        float(np.sqrt(gap.sum() / size)),
+        float(np.max(np.abs(np.abs(a).max(axis=0) - np.abs(b).max(axis=0)))) / top,
+        certain,
+    )
+
+
+def parabolas(run: Run, time: Array, p: int) -> Array:
+    """Forces (n, p) of a run at times (n,)."""
+    starts = run.time[::2]
+    if starts.size < 2:
+        return np.zeros((time.size, p))
+    i = np.clip(np.searchsorted(starts, time, side="right") - 1, 0, starts.size - 2)
+    span = starts[i + 1] - starts[i]
+    u = (np.clip((time - starts[i]) / np.where(span > 0, span, 1.0), 0.0, 1.0))[:, None]
+    f0, f1, f2 = (run.force[2 * i + k, :p] for k in range(3))
+    return np.asarray(f0 * (1 - u) * (1 - 2 * u) + 4 * f1 * u * (1 - u) + f2 * u * (2 * u - 1))

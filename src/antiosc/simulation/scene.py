@@ -1,0 +1,238 @@
+"""A scene: bodies, the contacts between their sites, and what acts on them.
+
+All bodies stand in one system of axes. A contact of the ends a and b has a direction d, that of
+a's site (of b's, where a's is not known); its force F >= 0 pushes a along +d and b along -d, and
+
+    delta = (displacement of b - displacement of a) along d - gap.
+
+A body that knows no directions in space (`RigidMass`, `Sphere`, a model made by hand) has one
+coordinate, which takes the place of the displacement along d: as b it moves toward a when its
+velocity is > 0. Everything is measured relative to the ground, and a body that its supports hold
+at its sites from its own equilibrium under gravity.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from antiosc import checks
+from antiosc.contact import ContactLaw
+from antiosc.errors import InputError
+from antiosc.motion import Motion
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Contact:
+    """A contact between two sites, "body" or "body:site".
+
+    Parameters
+    ----------
+    a, b : str
+        The ends; the force pushes a along the direction of its site and b against it.
+    law : ContactLaw
+        Force along the direction of the contact.
+    gap : float, optional
+        Distance at the start [m], >= 0; default 0, or the obstacle's own.
+    friction : float
+        Coulomb's coefficient mu >= 0 (`tangential_stiffness` says how it is met).
+    tangential_stiffness : float, optional
+        k_t [N/m] of the spring in series with the slider that carries mu F at most; default
+        2 (1 - nu)/(2 - nu) = 0.82 (nu = 0.3, R. D. Mindlin, J. Appl. Mech. 16 (1949) 259-268)
+        times the normal stiffness at the depth that is expected.
+    """
+
+    a: str
+    b: str
+    law: ContactLaw
+    gap: float | None = None
+    friction: float = 0.0
+    tangential_stiffness: float | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("a", "b"):
+            if not isinstance(getattr(self, name), str):
+                raise InputError(
+                    f'an end of a contact is "body" or "body:site"; got {getattr(self, name)!r}.'
+                )
+        if self.a == self.b:
+            raise InputError(f"the ends of a contact must differ; got {self.a!r} twice.")
+        if not isinstance(self.law, ContactLaw):
+            raise InputError(
+                f"the law of contact {self.a!r}, {self.b!r} must be a ContactLaw such as"
+                f" Hertz(stiffness); got {type(self.law).__name__}."
+            )
+        if self.gap is not None:
+            object.__setattr__(self, "gap", checks.nonnegative("gap", self.gap, "m"))
+        object.__setattr__(self, "friction", checks.nonnegative("friction", self.friction))
+        if self.tangential_stiffness is not None:
+            value = checks.positive("tangential_stiffness", self.tangential_stiffness, "N/m")
+            object.__setattr__(self, "tangential_stiffness", value)
+
+
+@dataclass(frozen=True, eq=False)
+class Load:
+    """A force in time at a site, along the direction of the site (the body's one coordinate).
+
+    Parameters
+    ----------
+    end : str
+        "body" or "body:site".
+    times, forces : array_like, shape (K,)
+        Ascending times [s] and forces [N]; linear in between, constant before and after.
+    """
+
+    end: str
+    times: Array
+    forces: Array
+
+    def __post_init__(self) -> None:
+        times, forces = _series(f"load on {self.end!r}", self.times, self.forces)
+        object.__setattr__(self, "times", times)
+        object.__setattr__(self, "forces", checks.array("forces", forces, (times.size,)))
+
+
+@dataclass(frozen=True, eq=False)
+class Base:
+    """Acceleration of the ground, with all supports and obstacles on it.
+
+    Parameters
+    ----------
+    times : array_like, shape (K,)
+        Ascending times [s].
+    accelerations : array_like, shape (K,) or (K, 3)
+        [m/s^2], along the direction of the contacts or in the axes of the scene; linear in
+        between, constant before and after.
+
+    Notes
+    -----
+    All motion of the scene is relative to the ground, so that every body feels -acceleration as a
+    gravity that changes in time, supported bodies in all their modes.
+    """
+
+    times: Array
+    accelerations: Array
+
+    def __post_init__(self) -> None:
+        times, values = _series("base", self.times, self.accelerations)
+        shape = (times.size,) if values.ndim == 1 else (times.size, 3)
+        object.__setattr__(self, "times", times)
+        object.__setattr__(self, "accelerations", checks.array("accelerations", values, shape))
+
+
+def _series(name: str, times: ArrayLike, values: ArrayLike) -> tuple[Array, Array]:
+    t = checks.array(f"times of {name}", times, (None,))
+    if not t.size or np.any(np.diff(t) <= 0):
+        raise InputError(f"the times of {name} must ascend; give at least one.")
+    return t, np.asarray(values, dtype=float)
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Bodies in contact; `run` integrates their motion.
+
+    Parameters
+    ----------
+    bodies : mapping
+        Name -> model, `RigidMass`, `Sphere`, `Obstacle`, `Impactor`, `RigidBody` or `SiteModes`.
+    contacts : sequence of Contact
+        At least one.
+    gravity : float or sequence of 3 floats
+        [m/s^2] along the contacts' direction, or a vector.
+    loads : sequence of Load
+        Forces in time.
+    base : Base, optional
+        Motion of the ground.
+    motion : mapping, optional
+        Name -> `Motion` with which a free body starts, or the velocity [m/s] along its one
+        coordinate.
+    preload : bool
+        Start from the static equilibrium under gravity, the loads at t = 0 and closed contacts.
+
+    Raises
+    ------
+    InputError
+        For names that do not exist and values outside their range.
+    """
+
+    bodies: Mapping[str, Any]
+    contacts: Sequence[Contact]
+    gravity: float | Sequence[float] = 0.0
+    loads: Sequence[Load] = ()
+    base: Base | None = None
+    motion: Mapping[str, Motion | float] = field(default_factory=dict)
+    preload: bool = False
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "bodies", dict(self.bodies))
+        object.__setattr__(self, "contacts", tuple(self.contacts))
+        object.__setattr__(self, "loads", tuple(self.loads))
+        object.__setattr__(self, "motion", dict(self.motion))
+        for name in self.bodies:
+            if not isinstance(name, str) or ":" in name or not name:
+                raise InputError(f"a body's name is a text without ':'; got {name!r}.")
+        if not self.contacts:
+            raise InputError("a scene needs at least one Contact.")
+        for kind, entries in ((Contact, self.contacts), (Load, self.loads)):
+            for entry in entries:
+                if not isinstance(entry, kind):
+                    raise InputError(
+                        f"{kind.__name__.lower()}s must be {kind.__name__} objects;"
+                        f" got {type(entry).__name__}."
+                    )
+        if self.base is not None and not isinstance(self.base, Base):
+            raise InputError(f"base must be a Base; got {type(self.base).__name__}.")
+        if np.ndim(self.gravity):
+            vector = checks.array("gravity", self.gravity, (3,))
+            object.__setattr__(self, "gravity", tuple(vector.tolist()))
+        else:
+            object.__setattr__(self, "gravity", checks.number("gravity", self.gravity, "m/s^2"))
+        ends = [(c.a, c.b) for c in self.contacts]
+        if len(set(ends)) < len(ends):
+            raise InputError("two contacts have the same ends; give each pair of sites once.")
+        unknown = set(self.motion) - set(self.bodies)
+        if unknown:
+            raise InputError(
+                f"motion names the bodies {sorted(unknown)}, which are not in the scene:"
+                f" {', '.join(self.bodies)}."
+            )
+
+    def run(
+        self,
+        duration: float,
+        *,
+        tol: float = 1e-3,
+        max_contacts: int = 10_000,
+        max_steps: int = 1_000_000,
+    ) -> Any:
+        """Integrate over `duration` [s] to a relative error `tol` of the contact forces.
+
+        Parameters
+        ----------
+        duration : float
+            [s].
+        tol : float
+            Relative error of all contact forces together in the L2 norm, and of their peak.
+        max_contacts, max_steps : int
+            Bounds on the work; a run that meets one stops and says so.
+
+        Returns
+        -------
+        SceneHistory
+
+        Raises
+        ------
+        InputError
+            For a scene that cannot be posed.
+        AccuracyError
+            When a force leaves the range of its law.
+        """
+        from antiosc.simulation.refinement import integrate
+
+        return integrate(self, duration, tol, max_contacts, max_steps)

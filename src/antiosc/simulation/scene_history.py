@@ -1,0 +1,410 @@
+"""What a scene returns: the forces of its contacts, the motion of its bodies, their balances."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.integrate import cumulative_trapezoid
+
+from antiosc import checks
+from antiosc.contact import ContactLaw
+from antiosc.errors import InputError
+from antiosc.history import Energy
+from antiosc.simulation import march
+from antiosc.simulation.assembly import Assembly, along, find
+from antiosc.simulation.bodies import Placed, RigidBody
+from antiosc.simulation.engine import Run
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class ContactHistory:
+    """One contact of a scene, at the times of the history.
+
+    Attributes
+    ----------
+    time : (n,) [s]; force : (n,) [N], >= 0; indentation : (n,) [m], negative: distance.
+    friction : (n, k) tangential forces on b against a [N], one or two; (n, 0) without friction.
+    contacts : list of (start, end) [s].
+    """
+
+    time: Array
+    force: Array
+    indentation: Array
+    friction: Array
+    contacts: list[tuple[float, float]]
+
+    @property
+    def peak_force(self) -> float:
+        """Largest force [N], of the parabolas between the nodes."""
+        if self.force.size < 3:
+            return float(self.force.max())
+        f0, f1, f2 = self.force[:-2:2], self.force[1:-1:2], self.force[2::2]
+        bend = f0 - 2 * f1 + f2
+        slope = 4 * f1 - 3 * f0 - f2
+        with np.errstate(divide="ignore", invalid="ignore"):
+            u = np.where(bend < 0, -slope / (4 * bend), 0.0)
+        u = np.where((u > 0) & (u < 1), u, 0.0)
+        return float(max(self.force.max(), (f0 + u * slope + 2 * u * u * bend).max()))
+
+    @property
+    def impulse(self) -> float:
+        """Time integral of the force [N s]."""
+        return float(np.sum(_simpson(self.time, self.force)))
+
+    @property
+    def contact_time(self) -> float:
+        """Sum of the durations of all contacts [s]."""
+        return float(sum(end - start for start, end in self.contacts))
+
+
+@dataclass(frozen=True, eq=False)
+class BodyHistory:
+    """One body of a scene, at the times of the history.
+
+    Attributes
+    ----------
+    time : (n,) [s].
+    q, v : (n, J) modal displacements and velocities.
+    kinetic, strain : (n,) energies [J].
+    """
+
+    placed: Placed
+    time: Array
+    q: Array
+    v: Array
+    kinetic: Array
+    strain: Array
+    _columns: Array
+
+    def displacement(self, site: str = "", direction: ArrayLike | None = None) -> Array:
+        """Displacement (n,) [m] of a site, along the direction that the contact pushes it in."""
+        return np.asarray(self._columns @ self._row(site, direction))
+
+    def velocity(self, site: str = "", direction: ArrayLike | None = None) -> Array:
+        """Velocity (n,) [m/s] of a site, of the part that has inertia."""
+        return np.asarray(self.v @ (self.placed.B @ self._row(site, direction)))
+
+    @property
+    def momentum(self) -> Array:
+        """Momentum [kg m/s]: (n, 3) of a body that moves in space, else (n,) along its axis."""
+        if self.placed.inertia is not None:
+            return np.asarray(self.v @ self.placed.inertia.momentum[:, :3])
+        if self.placed.weight is None:
+            raise InputError(f"the model of {self.placed.name!r} does not know what it carries.")
+        return np.asarray(self.v @ self.placed.weight)
+
+    def angular_momentum(self, about: ArrayLike = (0.0, 0.0, 0.0)) -> Array:
+        """Angular momentum (n, 3) [kg m^2/s] about a point of the undeformed scene."""
+        if self.placed.inertia is None:
+            raise InputError(f"the model of {self.placed.name!r} does not know how it turns.")
+        inertia = self.placed.inertia
+        point = checks.array("about", about, (3,))
+        return inertia.moved(self.v @ inertia.momentum, point)[..., 3:]
+
+    @property
+    def rotation(self) -> Array:
+        """Rotation vector (n, 3) [rad] of a rigid body, taken as small."""
+        if not isinstance(self.placed.body, RigidBody):
+            raise InputError(f"{self.placed.name!r} is no RigidBody.")
+        moments, axes = np.linalg.eigh(self.placed.body.inertia)
+        return np.asarray((self.q[:, 3:] / np.sqrt(moments)) @ axes.T)
+
+    def _row(self, site: str, direction: ArrayLike | None) -> Array:
+        name = self.placed.name
+        _, found = find(f"{name}:{site}" if site else name, {name: self.placed})
+        line = None if direction is None else checks.array("direction", direction, (3,))
+        if line is None:
+            line = self.placed.pushes.get(found)
+        return along(self.placed, found, line, f"{name}:{found}")
+
+
+@dataclass(frozen=True, eq=False)
+class SceneHistory:
+    """History of a scene: `hit[a, b]` a contact, `hit.bodies[name]` a body.
+
+    Attributes
+    ----------
+    error : estimated relative errors of the forces: "force" (L2 norm of all) and "peak".
+    status : 0: completed; 1: completed, tol not met; 2: stopped before the end.
+    message : the status in words.
+    """
+
+    assembly: Assembly
+    run: Run
+    error: dict[str, float]
+    status: int
+    message: str
+
+    @property
+    def time(self) -> Array:
+        """Times (n,) [s]: every other one ends a step, over which the forces are parabolas."""
+        return self.run.time
+
+    def __getitem__(self, ends: tuple[str, str]) -> ContactHistory:
+        pairs = [(c.a, c.b) for c in self.assembly.scene.contacts]
+        if ends not in pairs:
+            listed = ", ".join(str(pair) for pair in pairs)
+            raise InputError(f"there is no contact {ends!r} in the scene; it has {listed}.")
+        c = pairs.index(ends)
+        first, count = self.assembly.system.tangents[c]
+        return ContactHistory(
+            time=self.run.time,
+            force=self.run.force[:, c],
+            indentation=self.run.depth[:, c],
+            friction=self.run.force[:, first : first + count],
+            contacts=self._contacts(c),
+        )
+
+    def _contacts(self, c: int) -> list[tuple[float, float]]:
+        open_at = 0.0 if self.assembly.system.pressed[c] > 0 else None
+        found = []
+        for t, which, piece, _ in self.run.events:
+            if int(which) != c:
+                continue
+            if piece == march.APART:
+                if open_at is not None:
+                    found.append((open_at, float(t)))
+                open_at = None
+            elif open_at is None:
+                open_at = float(t)
+        if open_at is not None:
+            found.append((open_at, float(self.run.time[-1])))
+        return found
+
+    @cached_property
+    def bodies(self) -> dict[str, BodyHistory]:
+        """Histories of the bodies by name."""
+        q, v = self._states
+        a = self.assembly
+        forces = -self.run.force @ a.G + self._loads_on_columns
+        columns = q @ a.B + forces @ a.r
+        kinetic, strain = 0.5 * v**2, 0.5 * (a.system.omega * q) ** 2
+        found = {}
+        for name, body in a.bodies.items():
+            j, k = a.spans[name], a.columns[name]
+            residual = 0.5 * np.einsum("nk,kl,nl->n", forces[:, k], a.r[k, k], forces[:, k])
+            found[name] = BodyHistory(
+                placed=body,
+                time=self.run.time,
+                q=q[:, j],
+                v=v[:, j],
+                kinetic=kinetic[:, j].sum(axis=1),
+                strain=strain[:, j].sum(axis=1) + residual,
+                _columns=columns[:, k],
+            )
+        return found
+
+    @cached_property
+    def energy(self) -> Energy:
+        """Energies of the whole scene; `gravity` is the work of all loads."""
+        q, v = self._states
+        a = self.assembly
+        stored, lost = self._contact_energy
+        kinetic, modal = 0.5 * np.sum(v**2, axis=1), 0.5 * np.sum((a.system.omega * q) ** 2, axis=1)
+        acting = self._loads_on_columns
+        forces = acting - self.run.force @ a.G
+        work, braked = self._work_and_damping(kinetic + modal)
+        residual = forces @ a.r
+        work = work + _path(acting, residual).sum(axis=1)
+        return Energy(
+            kinetic=kinetic,
+            strain=modal + 0.5 * np.sum(forces * residual, axis=1),
+            contact=stored,
+            dissipated=lost + braked,
+            gravity=work,
+        )
+
+    def largest_rotation(self) -> tuple[str, float]:
+        """The rigid body that turned most, and by how much [rad]; ("", 0) without one."""
+        turned = [
+            (name, float(np.linalg.norm(body.rotation, axis=1).max()))
+            for name, body in self.bodies.items()
+            if isinstance(body.placed.body, RigidBody)
+        ]
+        return max(turned, key=lambda pair: pair[1], default=("", 0.0))
+
+    def summary(self) -> str:
+        """The numbers of every contact as a short table."""
+        rows = [f"{'contact':<24} {'peak N':>11} {'impulse Ns':>11} {'touches':>7} {'time s':>10}"]
+        for contact in self.assembly.scene.contacts:
+            h = self[contact.a, contact.b]
+            rows.append(
+                f"{contact.a + ' - ' + contact.b:<24} {h.peak_force:>11.5g} {h.impulse:>11.5g}"
+                f" {len(h.contacts):>7} {h.contact_time:>10.4g}"
+            )
+        rows.append(f"energy drift {self.energy.drift:.1e}; force error {self.error['force']:.1e}")
+        rows.append(self.message)
+        return "\n".join(rows)
+
+    # -- inside
+
+    @cached_property
+    def _states(self) -> tuple[Array, Array]:
+        """Modal states (n, J) at all nodes; at the middles from the step's start."""
+        run, system = self.run, self.assembly.system
+        assert run.states is not None
+        n = run.states.shape[0] - 1
+        q, v = np.empty((2 * n + 1, system.omega.size)), np.empty((2 * n + 1, system.omega.size))
+        q[::2], v[::2] = run.states[:, 0], run.states[:, 1]
+        if n:
+            q[1::2], v[1::2] = _middles(run, system.omega, system.decay, system.beta, self._load)
+        return q, v
+
+    def _load(self, t: Array) -> Array:
+        """Modal loads (n, J) at times (n,)."""
+        breaks, loads = self.assembly.system.breaks, self.assembly.system.loads
+        return _between(t, breaks, loads)
+
+    def _work_and_damping(self, mechanical: Array) -> tuple[Array, Array]:
+        """Work (n,) of all modal loads since the start, and what the damping took.
+
+        In flight the motion is exact and the steps are long: there both follow from the balance.
+        """
+        q, v = self._states
+        time, system = self.run.time, self.assembly.system
+        work = np.diff(_path(self._load(time), q).sum(axis=1))
+        power = np.sum(2 * system.decay * v**2, axis=1)
+        lost = np.diff(cumulative_trapezoid(power, time, initial=0.0))
+        pressed = np.any(self.run.force != 0.0, axis=1)
+        still = ~(pressed[:-1:2] | pressed[1::2] | pressed[2::2])
+        flight = np.repeat(still, 2)
+        gained = np.diff(mechanical)
+        if np.any(system.decay):
+            lost = np.where(flight, work - gained, lost)
+        else:
+            work = np.where(flight, gained, work)
+        return np.append(0.0, np.cumsum(work)), np.append(0.0, np.cumsum(lost))
+
+    @cached_property
+    def _loads_on_columns(self) -> Array:
+        """External forces (n, P) on all columns at the nodes."""
+        a = self.assembly
+        forces = np.zeros((self.run.time.size, a.B.shape[1]))
+        for load in a.scene.loads:
+            body, site = find(load.end, a.bodies)
+            row = along(body, site, body.pushes.get(site), load.end)
+            value = np.interp(self.run.time, load.times, load.forces)
+            forces[:, a.columns[body.name]] += value[:, None] * row
+        return forces
+
+    @cached_property
+    def _contact_energy(self) -> tuple[Array, Array]:
+        """Energy that all contacts can give back, and what they lost, at the nodes."""
+        stored, lost = np.zeros(self.run.time.size), np.zeros(self.run.time.size)
+        system = self.assembly.system
+        for c, law in enumerate(self.assembly.laws):
+            speeds = [e[3] for e in self.run.events if int(e[1]) == c and e[2] != march.APART]
+            if system.pressed[c] > 0:
+                speeds.insert(0, 0.0)
+            each = _replay(
+                law,
+                self.run.time,
+                self.run.force[:, c],
+                self.run.depth[:, c],
+                self._contacts(c),
+                speeds,
+            )
+            stored += each[0]
+            lost += each[1]
+            first, count = system.tangents[c]
+            for i in range(first, first + count):
+                T, way = self.run.force[:, i], self.run.depth[:, i]
+                spring = 0.5 * T**2 / system.slip[c, 1]
+                work = _path(T[:, None], way[:, None])[:, 0]
+                stored += spring
+                lost += work - spring
+        return stored, lost
+
+
+def _replay(
+    law: ContactLaw,
+    time: Array,
+    force: Array,
+    depth: Array,
+    contacts: list[tuple[float, float]],
+    speeds: list[float],
+) -> tuple[Array, Array]:
+    """Recoverable and lost energy (n,), (n,) of one contact, by its law along the nodes."""
+    stored, plastic, damping = (np.zeros(time.size) for _ in range(3))
+    state = None
+    for (start, end), speed in zip(contacts, speeds, strict=False):
+        a, b = np.searchsorted(time, start), np.searchsorted(time, end, side="right") - 1
+        state = law.touch(speed, state)
+        begin = law.lost(state)
+        for n in range(a, b + 1):
+            delta = float(depth[n])
+            if n > a:
+                state = law.advance(delta, 0.0, state)
+            if law.rate_dependent:
+                damping[n] = float(force[n]) - law.force(delta, 0.0, state)
+            stored[n] = law.energy(delta, state)
+            plastic[n:] += law.lost(state) - begin
+            begin = law.lost(state)
+        if b < time.size - 1:
+            stored[b] = damping[b] = 0.0
+    return stored, plastic + _path(damping[:, None], depth[:, None])[:, 0]
+
+
+def _path(force: Array, way: Array) -> Array:
+    """Work (n, k) of forces along ways, both parabolas over every step, at its middle and end."""
+    f0, f1, f2 = force[:-2:2], force[1:-1:2], force[2::2]
+    w0, w1, w2 = way[:-2:2], way[1:-1:2], way[2::2]
+    b, c = 4 * f1 - 3 * f0 - f2, 2 * (f0 - 2 * f1 + f2)
+    d, e = 4 * w1 - 3 * w0 - w2, 4 * (w0 - 2 * w1 + w2)
+
+    def until(u: float) -> Array:
+        return np.asarray(
+            f0 * d * u + (f0 * e + b * d) * u**2 / 2 + (b * e + c * d) * u**3 / 3 + c * e * u**4 / 4
+        )
+
+    whole = until(1.0)
+    total = np.zeros_like(way)
+    total[2::2] = np.cumsum(whole, axis=0)
+    total[1::2] = total[:-1:2] + until(0.5)
+    return total
+
+
+def _between(t: Array, breaks: Array, values: Array) -> Array:
+    """Rows of `values` at times, linear between the breaks and constant after the last."""
+    if breaks.size == 1:
+        return np.broadcast_to(values[0], (t.size, values.shape[1]))
+    i = np.clip(np.searchsorted(breaks, t, side="right") - 1, 0, breaks.size - 2)
+    u = np.clip((t - breaks[i]) / (breaks[i + 1] - breaks[i]), 0.0, 1.0)[:, None]
+    return np.asarray(values[i] * (1 - u) + values[i + 1] * u)
+
+
+def _middles(
+    run: Run, omega: Array, decay: Array, beta: Array, load_at: Callable[[Array], Array]
+) -> tuple[Array, Array]:
+    """Modal states (n, J) at the middles of the steps, exact for the parabolas of force."""
+    assert run.states is not None
+    n, size = run.states.shape[0] - 1, omega.size
+    h = run.time[2::2] - run.time[:-2:2]
+    half = np.repeat(0.5 * h, size)
+    out = np.empty((6, n * size))
+    march.responses(np.tile(omega, n), np.tile(decay, n), half, out)
+    P, W, S, J0, J1, J2 = out.reshape(6, n, size)
+    q, v = run.states[:-1, 0], run.states[:-1, 1]
+    f0, f1, f2 = run.force[:-2:2], run.force[1:-1:2], run.force[2::2]
+    long = np.where(h > 0, h, 1.0)[:, None]
+    at = load_at(run.time[:-2:2])
+    slope = (load_at(run.time[1:-1:2]) - at) / (0.5 * long)
+    a = f0 @ beta - at
+    b = ((4 * f1 - 3 * f0 - f2) / long) @ beta - slope
+    c = (4 * (f0 - 2 * f1 + f2) / long**2) @ beta
+    return (
+        P * q + S * v - a * J0 - b * J1 - c * J2,
+        W * v - omega**2 * S * q - a * S - b * J0 - c * J1,
+    )
+
+
+def _simpson(time: Array, force: Array) -> Array:
+    """Integral of the force over each step, exact for its parabola."""
+    step = time[2::2] - time[:-2:2]
+    return np.asarray(step / 6 * (force[:-2:2] + 4 * force[1:-1:2] + force[2::2]))
