@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from antiosc.isolation import quiet, restored
+from paths import MESHES
 
 #: What a process can see of itself; the packages' own loggers are theirs.
 STATE = """
@@ -80,7 +81,7 @@ EXTRACT = """
     )
     site = ao.Site(point=(0.05, 0.01, 0.01), direction=(0, 0, -1), radius=8e-3)
     model = ao.extract(part, site, n=5)
-    hit = ao.simulate(model, ao.RigidMass(0.1, 1.0), ao.Hertz(1e9), duration=1e-4)
+    hit = ao.simulate(model, ao.RigidMass(0.01, 1.0), ao.Hertz(1e9), duration=5e-3)
     ao.probe(part, hit, point=(0.1, 0, 0))
 """
 
@@ -136,10 +137,11 @@ def test_import_and_extraction_leave_no_trace(application, tmp_path):
         print(json.dumps(changed(start)))
         """,
         EXTRACT,
-        """
+        f"""
+        ao.read_mesh({str(MESHES / "beam.msh")!r})
         print(json.dumps(changed(start)))
         from petsc4py import PETSc
-        print(json.dumps({k: v for k, v in PETSc.Options().getAll().items() if "antiosc" in k}))
+        print(json.dumps({{k: v for k, v in PETSc.Options().getAll().items() if "antiosc" in k}}))
         """,
         folder=tmp_path,
     )
