@@ -48,7 +48,7 @@ def lowest_modes(structure: Structure, count: int, reach: float = 0.0) -> Modes:
     run = _Lanczos(structure)
     rows = structure.K.getSize()[0]
     room = large.FILL * on_root(structure.comm, large.free_memory) / (8 * BLOCK * rows)
-    steps = max(1, min(STEPS, int(room) - 3))  # a block of the basis each
+    steps = max(1, int(min(STEPS, room - 3)))  # a block of the basis each
     for step in range(steps):
         run.advance()
         omega, turn, residual = run.ritz()
