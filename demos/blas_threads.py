@@ -29,8 +29,8 @@ from threadpoolctl import ThreadpoolController
 
 import antiosc as ao
 from antiosc import threads
-from antiosc.fem.algebra import csr, lower
-from antiosc.fem.cholmod import Cholesky
+from antiosc.fem.linalg.cholmod import Cholesky
+from antiosc.fem.linalg.solvers import csr, lower
 
 ROOT = Path(__file__).resolve().parent.parent
 OUT = ROOT / "demos" / "speed"

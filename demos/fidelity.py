@@ -3,7 +3,7 @@
 All are clamped at their ends and struck in the middle, by a large sphere or by a small one.
 Printed for each model: dofs, seconds, compliance (a solid's without what its patch has of a
 half-space), the first anti-oscillators, peak force, contact time, and the error of the force
-history against the solid's. Then what `antiosc.advise` says from the dimensions alone.
+history against the solid's. Then what `antiosc.advice` says from the dimensions alone.
 
     .venv/bin/python demos/fidelity.py --help
 """
@@ -26,7 +26,7 @@ import matplotlib.pyplot as plt
 import options
 
 import antiosc as ao
-from antiosc.advise import advise
+from antiosc.advice import advise
 from antiosc.fem import compat
 from antiosc.plotting import save_figure
 

@@ -46,14 +46,14 @@ from mpi4py import MPI
 
 import antiosc as ao
 from antiosc import files
-from antiosc.band import stiffness_error
-from antiosc.fem.algebra import csr, dot, multiply, sum_of
-from antiosc.fem.compliance import compliances
-from antiosc.fem.large import factorize
-from antiosc.fem.many_sites import sites_of
-from antiosc.fem.site import functional
-from antiosc.impact import without_patch
+from antiosc.fem.linalg.compliance import compliances
+from antiosc.fem.linalg.solver_choice import factorize
+from antiosc.fem.linalg.solvers import csr, dot, multiply, sum_of
+from antiosc.fem.site.map_sites import sites_of
+from antiosc.fem.site.site import functional
+from antiosc.models.driving_point import stiffness_error
 from antiosc.plotting import save_figure
+from antiosc.simulation.simulate import without_patch
 
 ROOT = Path(__file__).resolve().parent.parent
 STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}

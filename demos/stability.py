@@ -7,7 +7,7 @@ mass. The second takes N = 10 through hard scenes: stiff contact, m0 -> 0, light
 impactors, grazing speed, rest under gravity, an anti-oscillator next to massless. The third draws
 the error of the force over the step, finely, for a heavy mass on a soft structure whose light
 residual mass has its mode far above the others: the exact integrator has windows of steps in which
-the contact drives that mode, shaded where `antiosc.integrators.stability` predicts them.
+the contact drives that mode, shaded where `antiosc.simulation.integrators.stability` predicts them.
 
 Each run is one of: good; energy (drift above 1 % of the energy there is); wrong (force off by more
 than 10 % in the L2 norm); diverged; and the seconds tell where a method only gets slow.
@@ -38,11 +38,11 @@ from matplotlib.colors import ListedColormap
 import antiosc as ao
 from antiosc import files
 from antiosc.closed_form import UniformBeam, pinned_pinned
-from antiosc.history import force_difference
-from antiosc.impact import assemble, scaled
-from antiosc.integrators import FIXED_STEP
-from antiosc.integrators.stability import margin
 from antiosc.plotting import save_figure
+from antiosc.simulation.history import force_difference
+from antiosc.simulation.integrators import FIXED_STEP
+from antiosc.simulation.integrators.stability import margin
+from antiosc.simulation.simulate import assemble, scaled
 
 ROOT = Path(__file__).resolve().parent.parent
 BEAM = UniformBeam.euler_bernoulli(E=67e9, rho=2400.0, area=2e-4, inertia=0.33e-8, length=1.0)

@@ -36,9 +36,9 @@ import options
 import antiosc as ao
 from antiosc import files
 from antiosc.closed_form import UniformBeam, pinned_pinned
-from antiosc.history import force_difference
-from antiosc.integrators import FIXED_STEP
 from antiosc.plotting import save_figure
+from antiosc.simulation.history import force_difference
+from antiosc.simulation.integrators import FIXED_STEP
 
 ROOT = Path(__file__).resolve().parent.parent
 BEAM = UniformBeam.euler_bernoulli(E=67e9, rho=2400.0, area=2e-4, inertia=0.33e-8, length=1.0)

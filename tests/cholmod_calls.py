@@ -17,7 +17,7 @@ from antiosc.errors import NotConvergedError
 door = types.ModuleType("antiosc.fem")
 door.__path__ = [f"{antiosc.__path__[0]}/fem"]
 sys.modules["antiosc.fem"] = door
-cholmod = importlib.import_module("antiosc.fem.cholmod")
+cholmod = importlib.import_module("antiosc.fem.linalg.cholmod")
 
 
 def matrix(n: int, block: int) -> scipy.sparse.csr_matrix:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 import antiosc as ao
 from antiosc.fem import compat
-from antiosc.fem.algebra import csr
+from antiosc.fem.linalg.solvers import csr
 
 Array = NDArray[np.float64]
 Marker = Callable[[Array], NDArray[np.bool_]]

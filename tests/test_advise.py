@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.advise import advise
+from antiosc.advice import advise
 from antiosc.closed_form.plates import SupportedPlate
 from antiosc.errors import InputError
 from paths import demo

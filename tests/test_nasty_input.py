@@ -15,8 +15,7 @@ pytest.importorskip("matplotlib")
 pytest.importorskip("hypothesis")
 
 import matplotlib.pyplot as plt
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, given, settings, strategies as st
 
 import antiosc as ao
 from nasty import EXTREMES, TYPES, is_fem, parameters, public, sound, unmade, verdict

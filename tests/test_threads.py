@@ -167,7 +167,7 @@ def test_two_calculations_at_once_share_the_cores_and_leave_all_as_it_was(two_th
 def test_a_factor_tells_the_operations_of_its_fronts(monkeypatch):
     import scipy.sparse
 
-    from antiosc.fem import cholmod
+    from antiosc.fem.linalg import cholmod
 
     given, plain = [], cholmod.as_many_as_pay
 
@@ -195,7 +195,7 @@ def test_an_extraction_keeps_to_one_thread(two_threads, monkeypatch):
 
     import antiosc as ao
 
-    extract = importlib.import_module("antiosc.fem.extract")
+    extract = importlib.import_module("antiosc.fem.extraction.extract")
     seen, plain = [], extract.functionals
 
     def record(*arguments):

@@ -1,169 +1,36 @@
 """antiosc: impacts on structures by anti-oscillators, from a mesh to a force history.
 
 Everything public is importable from here. Models, contact laws and `simulate` need NumPy and SciPy
-alone; what reads meshes and extracts models needs the FE stack and is loaded when first used.
+alone; what reads meshes and extracts models needs the FE stack. Each module is loaded when one of
+its names is first used: the stub `__init__.pyi` lists them.
 """
 
+import ast
+from importlib import import_module
+from pathlib import Path
 from typing import Any
-
-from antiosc.advise import Advice, advise
-from antiosc.band import impact_band
-from antiosc.batch import Batch, simulate_many, sweep
-from antiosc.contact import (
-    ContactLaw,
-    Flores,
-    Gonthier,
-    Hertz,
-    HuntCrossley,
-    LankaraniNikravesh,
-    Linear,
-    Power,
-    Stronge,
-    Tabulated,
-    TanSun,
-    Thornton,
-    YangSun,
-)
-from antiosc.errors import (
-    AccuracyError,
-    AccuracyWarning,
-    AntioscError,
-    AntioscWarning,
-    InputError,
-    MeshError,
-    MissingDependencyError,
-    NotConvergedError,
-    OutOfMemoryError,
-)
-from antiosc.free_modes import from_free_modes
-from antiosc.history import Energy, History
-from antiosc.impact import simulate
-from antiosc.impactor import Impactor, Obstacle, RigidMass, Sphere
-from antiosc.modal import Damping, LinearBody, ModalBody
-from antiosc.model import AntiOscillators
-from antiosc.motion import Inertia, Motion
-from antiosc.simulation import (
-    Base,
-    BodyHistory,
-    Contact,
-    ContactHistory,
-    Load,
-    RigidBody,
-    Scene,
-    SceneHistory,
-    SiteModes,
-)
-from antiosc.truncation import choose_n, truncation_error
 
 __version__ = "0.1.0"
 
-_FEM = (
-    "Beam",
-    "ImpactMap",
-    "Laminate",
-    "Layer",
-    "Mesh",
-    "PointMass",
-    "Section",
-    "Shell",
-    "Site",
-    "Solid",
-    "Spring",
-    "Structure",
-    "Support",
-    "extract",
-    "full",
-    "impact_map",
-    "probe",
-    "read_mesh",
-    "superposition",
-    "write_series",
-)
 
-__all__ = [
-    "AccuracyError",
-    "AccuracyWarning",
-    "Advice",
-    "AntiOscillators",
-    "AntioscError",
-    "AntioscWarning",
-    "Base",
-    "Batch",
-    "Beam",
-    "BodyHistory",
-    "Contact",
-    "ContactHistory",
-    "ContactLaw",
-    "Damping",
-    "Energy",
-    "Flores",
-    "Gonthier",
-    "Hertz",
-    "History",
-    "HuntCrossley",
-    "ImpactMap",
-    "Impactor",
-    "Inertia",
-    "InputError",
-    "Laminate",
-    "LankaraniNikravesh",
-    "Layer",
-    "Linear",
-    "LinearBody",
-    "Load",
-    "Mesh",
-    "MeshError",
-    "MissingDependencyError",
-    "ModalBody",
-    "Motion",
-    "NotConvergedError",
-    "Obstacle",
-    "OutOfMemoryError",
-    "PointMass",
-    "Power",
-    "RigidBody",
-    "RigidMass",
-    "Scene",
-    "SceneHistory",
-    "Section",
-    "Shell",
-    "Site",
-    "SiteModes",
-    "Solid",
-    "Sphere",
-    "Spring",
-    "Stronge",
-    "Structure",
-    "Support",
-    "Tabulated",
-    "TanSun",
-    "Thornton",
-    "YangSun",
-    "advise",
-    "choose_n",
-    "extract",
-    "from_free_modes",
-    "full",
-    "impact_band",
-    "impact_map",
-    "probe",
-    "read_mesh",
-    "simulate",
-    "simulate_many",
-    "superposition",
-    "sweep",
-    "truncation_error",
-    "write_series",
-]
+def _listed() -> dict[str, str]:
+    """Public name -> module that holds it, from the stub beside this file."""
+    stub = ast.parse(Path(__file__).with_suffix(".pyi").read_text(encoding="utf-8"))
+    imports = [node for node in stub.body if isinstance(node, ast.ImportFrom)]
+    return {alias.name: str(node.module) for node in imports for alias in node.names}
+
+
+_MODULES = _listed()
+__all__ = sorted(_MODULES)
 
 
 def __getattr__(name: str) -> Any:
-    if name in _FEM:
-        from antiosc import fem
-
-        return getattr(fem, name)
-    raise AttributeError(f"module 'antiosc' has no attribute {name!r}")
+    if name not in _MODULES:
+        raise AttributeError(f"module 'antiosc' has no attribute {name!r}")
+    value = getattr(import_module(_MODULES[name]), name)
+    globals()[name] = value
+    return value
 
 
 def __dir__() -> list[str]:
-    return sorted([*globals(), *_FEM])
+    return sorted({*globals(), *__all__})

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 
 from antiosc import checks, files
 from antiosc.errors import InputError, MissingDependencyError
-from antiosc.history import History
-from antiosc.model import AntiOscillators
+from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.simulation.history import History
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -26,7 +26,7 @@ from scipy.optimize import brentq
 
 from antiosc import checks
 from antiosc.errors import AccuracyError, InputError
-from antiosc.model import AntiOscillators
+from antiosc.models.anti_oscillators import AntiOscillators
 
 Array = NDArray[np.float64]
 

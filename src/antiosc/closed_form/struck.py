@@ -24,9 +24,9 @@ from antiosc import checks
 from antiosc.closed_form import waves
 from antiosc.closed_form.uniform import UniformBeam
 from antiosc.errors import AccuracyError, InputError
-from antiosc.modal import ModalBody
-from antiosc.model import AntiOscillators
-from antiosc.motion import Inertia
+from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.modal import ModalBody
+from antiosc.models.motion import Inertia
 
 Floats = NDArray[np.float64]
 

@@ -16,16 +16,17 @@ from numpy.typing import ArrayLike
 
 from antiosc.checks import array, coordinates, instance
 from antiosc.errors import InputError
-from antiosc.fem import compat, locate
-from antiosc.fem.algebra import Array
+from antiosc.fem import compat
 from antiosc.fem.compat import IntArray
-from antiosc.fem.family import WeakForm
-from antiosc.fem.mesh import Mesh
-from antiosc.fem.parallel import collective, on_root
+from antiosc.fem.elements.weak_form import WeakForm
+from antiosc.fem.linalg.solvers import Array
+from antiosc.fem.mesh import closest_point
+from antiosc.fem.mesh.mesh import Mesh
+from antiosc.fem.mpi import collective, on_root
 from antiosc.fem.readers import KINDS
 from antiosc.fem.series import listing, write_frames
-from antiosc.fem.structure import Structure
-from antiosc.history import Body, History, no_field
+from antiosc.fem.structure.structure import Structure
+from antiosc.simulation.history import Body, History, no_field
 from antiosc.threads import one_thread
 
 
@@ -63,7 +64,7 @@ def probe(
     shapes = compat.with_ghosts(form.space, shapes)
     x, given = np.zeros(3), coordinates("point", point)
     x[: len(given)] = given
-    place = locate.closest(mesh, x)
+    place = closest_point.closest(mesh, x)
     values = None
     if mesh.comm.rank == place.rank:
         values = np.zeros((mesh.gdim, shapes.shape[1]))

@@ -1,17 +1,5 @@
-"""Scenes of several bodies and contacts, and the march that integrates them."""
+"""Impacts in time: bodies and contacts put together, integrated, and what came out of it.
 
-from antiosc.simulation.bodies import RigidBody, SiteModes
-from antiosc.simulation.scene import Base, Contact, Load, Scene
-from antiosc.simulation.scene_history import BodyHistory, ContactHistory, SceneHistory
-
-__all__ = [
-    "Base",
-    "BodyHistory",
-    "Contact",
-    "ContactHistory",
-    "Load",
-    "RigidBody",
-    "Scene",
-    "SceneHistory",
-    "SiteModes",
-]
+`simulate` takes two bodies and one contact, `Scene` several; `integrators` are to compare with.
+Nothing here knows finite elements.
+"""

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from antiosc.contact import ContactLaw, Hertz
 from antiosc.errors import InputError
-from antiosc.impact import _deepest, _stiffness
-from antiosc.impactor import Obstacle
 from antiosc.simulation.bodies import PARALLEL, Placed, place
 from antiosc.simulation.engine import System
+from antiosc.simulation.impactors import Obstacle
 from antiosc.simulation.laws import packed
 from antiosc.simulation.scene import Contact, Scene
+from antiosc.simulation.simulate import _deepest, _stiffness
 
 Array = NDArray[np.float64]
 

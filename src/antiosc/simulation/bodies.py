@@ -16,9 +16,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from antiosc import checks
 from antiosc.errors import InputError
-from antiosc.impactor import Impactor, Obstacle
-from antiosc.modal import LinearBody, ModalBody
-from antiosc.motion import Inertia, Motion
+from antiosc.models.modal import LinearBody, ModalBody
+from antiosc.models.motion import Inertia, Motion
+from antiosc.simulation.impactors import Impactor, Obstacle
 
 Array = NDArray[np.float64]
 

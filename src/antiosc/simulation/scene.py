@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from antiosc import checks
 from antiosc.contact import ContactLaw
 from antiosc.errors import InputError
-from antiosc.motion import Motion
+from antiosc.models.motion import Motion
 
 Array = NDArray[np.float64]
 

@@ -13,11 +13,11 @@ from scipy.integrate import cumulative_trapezoid
 from antiosc import checks
 from antiosc.contact import ContactLaw
 from antiosc.errors import InputError
-from antiosc.history import Energy
 from antiosc.simulation import march
 from antiosc.simulation.assembly import Assembly, along, find
 from antiosc.simulation.bodies import Placed, RigidBody
 from antiosc.simulation.engine import Run
+from antiosc.simulation.history import Energy
 
 Array = NDArray[np.float64]
 

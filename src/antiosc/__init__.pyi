@@ -1,0 +1,142 @@
+# The public names and the modules that hold them: the one list of them, for type checkers and for
+# the package itself, which loads a module when one of its names is first used.
+
+from antiosc.advice import (
+    Advice as Advice,
+    advise as advise,
+)
+from antiosc.contact.base import (
+    ContactLaw as ContactLaw,
+)
+from antiosc.contact.damped import (
+    Flores as Flores,
+    Gonthier as Gonthier,
+    HuntCrossley as HuntCrossley,
+    LankaraniNikravesh as LankaraniNikravesh,
+)
+from antiosc.contact.plastic import (
+    Stronge as Stronge,
+    TanSun as TanSun,
+    Thornton as Thornton,
+    YangSun as YangSun,
+)
+from antiosc.contact.power import (
+    Hertz as Hertz,
+    Linear as Linear,
+    Power as Power,
+)
+from antiosc.contact.table import (
+    Tabulated as Tabulated,
+)
+from antiosc.errors import (
+    AccuracyError as AccuracyError,
+    AccuracyWarning as AccuracyWarning,
+    AntioscError as AntioscError,
+    AntioscWarning as AntioscWarning,
+    InputError as InputError,
+    MeshError as MeshError,
+    MissingDependencyError as MissingDependencyError,
+    NotConvergedError as NotConvergedError,
+    OutOfMemoryError as OutOfMemoryError,
+)
+from antiosc.fem.elements.beam import (
+    Beam as Beam,
+    Section as Section,
+)
+from antiosc.fem.elements.plate_section import (
+    Layer as Layer,
+)
+from antiosc.fem.elements.shell import (
+    Laminate as Laminate,
+    Shell as Shell,
+)
+from antiosc.fem.elements.solid import (
+    Solid as Solid,
+)
+from antiosc.fem.extraction.extract import (
+    extract as extract,
+)
+from antiosc.fem.extraction.superposition import (
+    full as full,
+    superposition as superposition,
+)
+from antiosc.fem.fields import (
+    probe as probe,
+    write_series as write_series,
+)
+from antiosc.fem.mesh.mesh import (
+    Mesh as Mesh,
+    read_mesh as read_mesh,
+)
+from antiosc.fem.site.site import (
+    Site as Site,
+)
+from antiosc.fem.structure.attachments import (
+    PointMass as PointMass,
+    Spring as Spring,
+)
+from antiosc.fem.structure.structure import (
+    Structure as Structure,
+    Support as Support,
+)
+from antiosc.maps import (
+    ImpactMap as ImpactMap,
+    impact_map as impact_map,
+)
+from antiosc.models.anti_oscillators import (
+    AntiOscillators as AntiOscillators,
+)
+from antiosc.models.free_modes import (
+    from_free_modes as from_free_modes,
+)
+from antiosc.models.modal import (
+    Damping as Damping,
+    LinearBody as LinearBody,
+    ModalBody as ModalBody,
+)
+from antiosc.models.motion import (
+    Inertia as Inertia,
+    Motion as Motion,
+)
+from antiosc.simulation.batch import (
+    Batch as Batch,
+    simulate_many as simulate_many,
+    sweep as sweep,
+)
+from antiosc.simulation.bodies import (
+    RigidBody as RigidBody,
+    SiteModes as SiteModes,
+)
+from antiosc.simulation.history import (
+    Energy as Energy,
+    History as History,
+)
+from antiosc.simulation.impact_band import (
+    impact_band as impact_band,
+)
+from antiosc.simulation.impactors import (
+    Impactor as Impactor,
+    Obstacle as Obstacle,
+    RigidMass as RigidMass,
+    Sphere as Sphere,
+)
+from antiosc.simulation.scene import (
+    Base as Base,
+    Contact as Contact,
+    Load as Load,
+    Scene as Scene,
+)
+from antiosc.simulation.scene_history import (
+    BodyHistory as BodyHistory,
+    ContactHistory as ContactHistory,
+    SceneHistory as SceneHistory,
+)
+from antiosc.simulation.simulate import (
+    simulate as simulate,
+)
+from antiosc.simulation.truncation import (
+    choose_n as choose_n,
+    truncation_error as truncation_error,
+)
+
+__version__: str

@@ -1,0 +1,1 @@
+"""Element families: the weak forms of solids, beams, shells and laminates."""

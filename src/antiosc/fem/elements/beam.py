@@ -1,0 +1,341 @@
+"""`Beam` and `Section`: Timoshenko or Euler–Bernoulli beams on line meshes, in a plane or space."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import ufl
+
+from antiosc.checks import array, flag, instance, number, poisson, positive, store, within_range
+from antiosc.errors import InputError
+from antiosc.fem import compat
+from antiosc.fem.elements.material_axes import checked, shown_direction
+from antiosc.fem.elements.weak_form import Parts, WeakForm, coefficient, measure
+from antiosc.fem.linalg.solvers import Array
+from antiosc.fem.mesh.mesh import Mesh
+from antiosc.fem.mpi import agree
+
+#: Shear stiffness of a beam that is rigid in shear, over EI/L² for the size L of the mesh: a member
+#: of length l shears by 3e-10 (L/l)² of its bending.
+RIGID_IN_SHEAR = 1e10
+
+
+@dataclass(frozen=True)
+class Section:
+    """A cross-section in its principal axes y (the "height") and z, SI units.
+
+    `I` bends in the plane of the height (a plane frame needs it alone), `I_side` across it
+    (default: as `I`), `J` is Saint-Venant's torsion constant (default: polar, `I + I_side`,
+    right for circular sections only), `shear` Timoshenko's shear coefficient κ.
+    """
+
+    A: float
+    I: float  # noqa: E741  (the field's own name for it)
+    I_side: float | None = None
+    J: float | None = None
+    shear: float = 5 / 6
+
+    def __post_init__(self) -> None:
+        store(self, A=positive("A", self.A, "m²"), I=positive("I", self.I, "m⁴"))
+        for name in ("I_side", "J"):
+            if getattr(self, name) is not None:
+                store(self, **{name: positive(name, getattr(self, name), "m⁴")})
+        store(self, shear=positive("shear", self.shear))
+
+    @property
+    def side(self) -> float:
+        """Second moment of area across the height, m⁴."""
+        return self.I if self.I_side is None else self.I_side
+
+    @property
+    def torsion(self) -> float:
+        """Torsion constant, m⁴."""
+        return self.I + self.side if self.J is None else self.J
+
+    @property
+    def isotropic(self) -> bool:
+        """Whether every axis is a principal one, so that no orientation is needed."""
+        return math.isclose(self.I, self.side, rel_tol=1e-9)
+
+    @classmethod
+    @within_range
+    def rectangle(cls, width: float, height: float, shear: float = 5 / 6) -> Section:
+        """A full rectangle, sides in m; κ = 5/6 (Reissner)."""
+        width, height = positive("width", width, "m"), positive("height", height, "m")
+        return cls(
+            A=width * height,
+            I=width * height**3 / 12,
+            I_side=height * width**3 / 12,
+            J=_rectangle_torsion(width, height),
+            shear=shear,
+        )
+
+    @classmethod
+    def circle(cls, d: float, shear: float = 0.9) -> Section:
+        """A full circle of diameter `d` in m; κ = 9/10."""
+        d = positive("d", d, "m")
+        return cls(A=math.pi * d**2 / 4, I=math.pi * d**4 / 64, shear=shear)
+
+    @classmethod
+    def tube(cls, d: float, t: float, shear: float = 0.5) -> Section:
+        """A round tube of outer diameter `d` and wall `t` in m; κ = 1/2 (thin wall)."""
+        d, t = positive("d", d, "m"), positive("t", t, "m")
+        if t >= d / 2:
+            raise InputError(f"the wall t must be thinner than d/2 = {d / 2:g} m; got {t:g}.")
+        inner = d - 2 * t
+        return cls(
+            A=math.pi * (d**2 - inner**2) / 4, I=math.pi * (d**4 - inner**4) / 64, shear=shear
+        )
+
+
+def _rectangle_torsion(width: float, height: float) -> float:
+    """Saint-Venant's series (Timoshenko & Goodier, *Theory of Elasticity*, §109)."""
+    a, b = max(width, height), min(width, height)
+    n = np.arange(1, 40, 2)
+    series = np.sum(np.tanh(n * np.pi * a / (2 * b)) / n**5)
+    return float(a * b**3 / 3 * (1 - 192 / np.pi**5 * b / a * series))
+
+
+@dataclass(frozen=True)
+class Beam:
+    """A straight-element beam on a mesh of lines, after Timoshenko or Euler and Bernoulli.
+
+    Parameters
+    ----------
+    E, nu, rho : float
+        Young's modulus (Pa), Poisson's ratio, density (kg/m³).
+    section : Section
+        The cross-section.
+    orientation : sequence of 3 floats or function, optional
+        A vector whose part across the axis is the section's height direction (y). Needed in
+        space unless both second moments are equal; in a plane frame the height lies in the plane.
+        A function of points x (3, n) gives such vectors (3, n), as for rings.
+    offset : float
+        In space: the section's centroid lies this far, in m, from the line of the mesh along
+        `orientation`, as that of a stiffener on the edges of a sheet.
+    shear : bool
+        False: rigid in shear and without rotary inertia in bending (Euler–Bernoulli). Not for
+        stiffeners of a sheet.
+
+    Motions in space: x, y, z (displacements) and rx, ry, rz (rotations); in a plane: x, y, rz.
+    Quadratic elements with two-point shear by default (`Structure(..., order=2)`); order=1 is
+    the classical element with one-point shear, as in the article.
+    """
+
+    E: float
+    nu: float
+    rho: float
+    section: Section
+    orientation: Sequence[float] | Callable[[Array], Array] | None = None
+    offset: float = 0.0
+    shear: bool = True
+
+    def __post_init__(self) -> None:
+        store(
+            self,
+            E=positive("E", self.E, "Pa"),
+            nu=poisson(self.nu),
+            rho=positive("rho", self.rho, "kg/m³"),
+            section=instance("section", self.section, Section, "a Section"),
+            offset=number("offset", self.offset, "m"),
+            shear=flag("shear", self.shear),
+        )
+        if self.orientation is not None:
+            store(self, orientation=checked("orientation", self.orientation))
+        if self.offset and self.orientation is None:
+            raise InputError(
+                f"offset = {self.offset:g} m lies along the orientation: give that as well, as in "
+                "Beam(..., orientation=(0, 0, 1))."
+            )
+
+    @property
+    def G(self) -> float:
+        """Shear modulus, Pa."""
+        return self.E / (2 * (1 + self.nu))
+
+    def shear_stiffness(self, I: float, size: float) -> float:  # noqa: E741
+        """Of the bending with second moment `I`, N: G κ A, or what is rigid on that `size` [m]."""
+        if self.shear:
+            return self.G * self.section.A * self.section.shear
+        return RIGID_IN_SHEAR * self.E * I / size**2
+
+    def rotary_inertia(self, I: float) -> float:  # noqa: E741
+        """Of the bending with second moment `I`, kg m."""
+        return self.rho * I if self.shear else 0.0
+
+    def weak_form(self, mesh: Mesh, parts: Parts, order: int) -> WeakForm:
+        """Strain and kinetic energy of the axis, in a plane or in space."""
+        if mesh.tdim != 1:
+            raise InputError(
+                f"Beam needs a mesh of lines; {mesh.name} has {mesh.cell} cells (use Solid)."
+            )
+        if mesh.order != 1:
+            raise InputError(
+                "Beam elements are straight; read the mesh with order=1 and more elements."
+            )
+        return _plane(mesh, parts, order) if mesh.gdim == 2 else on_lines(mesh, parts, order)
+
+    def half_space_compliance(self, cosine: float) -> float:
+        """0: a beam has no local field, so Hertz's law stands alone."""
+        return 0.0
+
+
+def _tangent(mesh: Mesh) -> Any:
+    J = ufl.Jacobian(mesh.dolfinx)
+    t = ufl.as_vector([J[i, 0] for i in range(mesh.gdim)])
+    return t / ufl.sqrt(ufl.dot(t, t))
+
+
+def _root(mesh: Mesh, parts: Parts, stiffness: Callable[[Beam], float]) -> Any:
+    return coefficient(mesh, parts, lambda beam: math.sqrt(stiffness(beam)))
+
+
+def _shear_degree(order: int) -> int:
+    """As many Gauss points as the order: none locks."""
+    return 2 * order - 1
+
+
+def _plane(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
+    if any(beam.offset for beam, _ in parts):
+        raise InputError("offset applies to beams in space: read the mesh with gdim=3.")
+    space = compat.lagrange(mesh.dolfinx, order, 3)
+    w, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+    t = _tangent(mesh)
+    normal = ufl.as_vector([-t[1], t[0]])
+
+    EA = _root(mesh, parts, lambda b: b.E * b.section.A)
+    size = mesh.extent()
+    GA = _root(mesh, parts, lambda b: b.shear_stiffness(b.section.I, size))
+    EI = _root(mesh, parts, lambda b: b.E * b.section.I)
+
+    def strains(q: Any) -> Any:  # times √stiffness
+        slope = ufl.dot(ufl.grad(q), t)
+        along = ufl.as_vector([slope[0], slope[1]])
+        shear = ufl.dot(along, normal) - q[2]
+        return ufl.as_vector([EA * ufl.dot(along, t), GA * shear, EI * slope[2]])
+
+    rhoA = coefficient(mesh, parts, lambda b: b.rho * b.section.A)
+    rhoI = coefficient(mesh, parts, lambda b: b.rotary_inertia(b.section.I))
+    degree = _shear_degree(order)
+    motion = rhoA * (w[0] * v[0] + w[1] * v[1]) + rhoI * w[2] * v[2]
+    return WeakForm(
+        space=space,
+        stiffness=[ufl.dot(strains(w), strains(v)) * measure(mesh, degree)],
+        mass=[motion * measure(mesh, 2 * order)],
+        components={"x": (0,), "y": (1,), "rz": (2,)},
+        density=rhoA,
+        patch=None,
+        strains=(strains(w), degree),
+    )
+
+
+def on_lines(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
+    """Beams in space, straight or curved.
+
+    Order 3 is the companion of the triangular shell.
+    """
+    space = compat.lagrange(mesh.dolfinx, order, 6)
+    w, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+    t = _tangent(mesh)
+    height = _orientations(mesh, parts)
+    y = height - ufl.dot(height, t) * t
+    y = y / ufl.sqrt(ufl.dot(y, y))
+    z = ufl.cross(t, y)
+    offset = coefficient(mesh, parts, lambda b: b.offset)
+
+    def parts_of(q: Any) -> tuple[Any, Any]:
+        return ufl.as_vector([q[i] for i in range(3)]), ufl.as_vector([q[i] for i in range(3, 6)])
+
+    EA = _root(mesh, parts, lambda b: b.E * b.section.A)
+    size = mesh.extent()
+    GAy = _root(mesh, parts, lambda b: b.shear_stiffness(b.section.I, size))
+    GAz = _root(mesh, parts, lambda b: b.shear_stiffness(b.section.side, size))
+    EIz = _root(mesh, parts, lambda b: b.E * b.section.I)
+    EIy = _root(mesh, parts, lambda b: b.E * b.section.side)
+    GJ = _root(mesh, parts, lambda b: b.G * b.section.torsion)
+
+    def strains(q: Any) -> Any:  # times √stiffness
+        _, turn = parts_of(q)
+        slope_u, slope_turn = parts_of(ufl.dot(ufl.grad(q), t))
+        # Bending stretches a centroid off the line. Twist also shifts it sideways, which a
+        # stiffener follows by warping: no shear comes of it.
+        stretch = -offset * ufl.dot(slope_turn, z) * t
+        force = slope_u + stretch - ufl.cross(turn, t)
+        pairs = (EA, t), (GAy, y), (GAz, z)
+        forces = [root * ufl.dot(force, axis) for root, axis in pairs]
+        pairs = (GJ, t), (EIy, y), (EIz, z)
+        return ufl.as_vector(forces + [root * ufl.dot(slope_turn, axis) for root, axis in pairs])
+
+    degree = _shear_degree(order)
+    rhoA = coefficient(mesh, parts, lambda b: b.rho * b.section.A)
+    rhoIz = coefficient(mesh, parts, lambda b: b.rotary_inertia(b.section.I))
+    rhoIy = coefficient(mesh, parts, lambda b: b.rotary_inertia(b.section.side))
+    rhoIp = coefficient(mesh, parts, lambda b: b.rho * (b.section.I + b.section.side))
+
+    def along(axis: Any, stiffness: Any, a: Any, b: Any) -> Any:
+        return stiffness * ufl.dot(a, axis) * ufl.dot(b, axis)
+
+    (u, turn), (u_v, turn_v) = parts_of(w), parts_of(v)
+    centroid, centroid_v = u + offset * ufl.cross(turn, y), u_v + offset * ufl.cross(turn_v, y)
+    motion = (
+        rhoA * ufl.dot(centroid, centroid_v)
+        + along(t, rhoIp, turn, turn_v)
+        + along(y, rhoIy, turn, turn_v)
+        + along(z, rhoIz, turn, turn_v)
+    )
+    return WeakForm(
+        space=space,
+        stiffness=[ufl.dot(strains(w), strains(v)) * measure(mesh, degree)],
+        mass=[motion * measure(mesh, 2 * order)],
+        components={name: (i,) for i, name in enumerate(("x", "y", "z", "rx", "ry", "rz"))},
+        density=rhoA,
+        patch=None,
+        strains=(strains(w), degree),
+    )
+
+
+def _orientations(mesh: Mesh, parts: Parts) -> Any:
+    """The height direction of every cell, as a cell-wise vector."""
+    nodes = compat.geometry_nodes(mesh.dolfinx)
+    x = mesh.dolfinx.geometry.x
+    axis = x[nodes[:, 1]] - x[nodes[:, 0]]
+    axis /= np.linalg.norm(axis, axis=1, keepdims=True)
+    middle = x[nodes].mean(axis=1)
+    function = compat.cellwise(mesh.dolfinx, 3)
+    values = function.x.array.reshape(-1, 3)
+    error = None
+    for beam, cells in parts:
+        try:
+            values[cells] = _heights(beam, axis[cells], middle[cells])
+        except InputError as caught:
+            error = caught
+    agree(mesh.comm, error)
+    return function
+
+
+def _heights(beam: Beam, axis: Array, middle: Array) -> Array:
+    """Unit height directions of elements with these axes and midpoints (n, 3)."""
+    if beam.orientation is None:
+        if not beam.section.isotropic:
+            raise InputError(
+                "a section whose two second moments differ needs an orientation in space: "
+                "Beam(..., orientation=(0, 0, 1)) puts its height along z."
+            )
+        # Any direction across the axis will do: the unit vector least aligned with it.
+        return np.eye(3)[np.argmin(np.abs(axis), axis=1)]
+    given = beam.orientation(middle.T).T if callable(beam.orientation) else beam.orientation
+    height = array("orientation", np.broadcast_to(given, axis.shape), (len(axis), 3))
+    length = np.linalg.norm(height, axis=1, keepdims=True)
+    parallel = np.linalg.norm(np.cross(axis, height), axis=1) <= 1e-4 * length[:, 0]
+    if parallel.any():
+        shown = "" if beam.orientation is None else shown_direction(beam.orientation)
+        raise InputError(
+            f"the orientation{shown} is parallel to the axis of {int(parallel.sum())} beam "
+            "elements: choose one that is across all of them, or give these a material of their "
+            "own."
+        )
+    return np.asarray(height / length)

@@ -1,0 +1,371 @@
+"""`Shell`, `Laminate`: Reissner–Mindlin plates and shells on sheets of triangles or quadrilaterals.
+
+In every point of the sheet a frame (e1, e2, n) comes from the Jacobian, and where there are layers
+from their axis and top. With the displacement u and the rotation vector θ of the normal, and s_α
+the lengths along e_α,
+
+    membrane strain  sym(e_α·∂u/∂s_β)          shear strain  n·∂u/∂s_α + (θ×n)·e_α
+    bending strain   sym(e_α·∂θ/∂s_β × n)      drilling      (e2·∂u/∂s1 − e1·∂u/∂s2)/2 − θ·n
+
+the last one held to zero with the shear modulus, so that θ·n is the rotation of the sheet in its
+own plane and folded sheets pass moments on. Nothing depends on the sign of n, unless the layers
+have a top and a bottom.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+import ufl
+
+from antiosc.checks import poisson, positive, store
+from antiosc.errors import InputError
+from antiosc.fem import compat
+from antiosc.fem.elements.material_axes import Direction, axes_and_sides, checked
+from antiosc.fem.elements.mitc import dropped
+from antiosc.fem.elements.plate_section import Layer, PlateSection, stacked
+from antiosc.fem.elements.weak_form import Parts, WeakForm, coefficient, measure
+from antiosc.fem.mesh.mesh import Mesh
+from antiosc.fem.mpi import agree
+
+#: Share of its size² below which a cell has no area.
+FLAT = 1e-10
+#: Quadrilaterals: the fully integrated shares are t²/(t² + 10 h²) of the shear energy and
+#: t²/(t² + 1000 s²) of the membrane energy, s being the rise of a curved cell over its chords.
+FOR_SHEAR, FOR_MEMBRANE = 10.0, 1000.0
+
+
+class Sheet:
+    """What `Shell` and `Laminate` share: the element, on one mesh for both kinds of section."""
+
+    #: directions of 0° and of the last layer; None: any, and the normal of the cells
+    axis: Direction | None = None
+    top: Direction | None = None
+
+    @property
+    def section(self) -> PlateSection:
+        """Stiffness and mass per area of the middle surface."""
+        raise NotImplementedError
+
+    def weak_form(self, mesh: Mesh, parts: Parts, order: int) -> WeakForm:
+        """Strain and kinetic energy of the sheet; cubic triangles, quadratic quadrilaterals."""
+        if mesh.tdim != 2:
+            raise InputError(
+                f"{type(self).__name__} needs a mesh of triangles or quadrilaterals; {mesh.name} "
+                f"has {mesh.cell} cells (lines: Beam, volumes: Solid)."
+            )
+        if order != 2:
+            raise InputError("Shell elements are quadratic and more: leave Structure's order=2.")
+        areas = _areas(mesh)
+        triangles = mesh.cell == "triangle"
+        space = compat.lagrange(mesh.dolfinx, 3 if triangles else 2, 6)
+        section = _section(mesh, parts)
+        w, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+        frame = _frame(mesh, parts)
+        X = compat.reference_coordinates(mesh.dolfinx) if triangles else None
+
+        def strains(motion: Any) -> _Strains:
+            found = _strains(frame, motion)
+            if X is None:
+                return found
+            lost = dropped(mesh, X, motion, frame.n, frame.along)
+            return found._replace(shear=found.shear - lost)
+
+        membrane, shear, bending = _energies(section, strains(w), strains(v))
+        motion = _inertia(section, frame, w, v)
+        if triangles:
+            curved = 2 * (mesh.order - 1)
+            stiffness = [(membrane + shear + bending) * measure(mesh, 6 + curved)]
+            mass = [motion * measure(mesh, 6 + curved)]
+        else:
+            for_shear = section.t2_of_shear / (section.t2_of_shear + FOR_SHEAR * areas)
+            rise2 = _rise(mesh) ** 2
+            for_membrane = section.t2_of_stretch / (section.t2_of_stretch + FOR_MEMBRANE * rise2)
+            full = for_membrane * membrane + for_shear * shear + bending
+            reduced = (1 - for_membrane) * membrane + (1 - for_shear) * shear
+            stiffness = [full * measure(mesh, 5), reduced * measure(mesh, 3)]
+            mass = [motion * measure(mesh, 5)]
+        return WeakForm(
+            space=space,
+            stiffness=stiffness,
+            mass=mass,
+            components={name: (i,) for i, name in enumerate(("x", "y", "z", "rx", "ry", "rz"))},
+            density=section.I0,
+            patch="cells",
+            moment=None if section.I1 is None else section.I1 * frame.n,
+        )
+
+    def half_space_compliance(self, cosine: float) -> float:
+        """0: a sheet's thickness does not deform, so Hertz's law stands alone."""
+        return 0.0
+
+
+@dataclass(frozen=True)
+class Shell(Sheet):
+    """An isotropic plate or shell, shear deformation and rotary inertia included.
+
+    Parameters
+    ----------
+    E, nu, rho : float
+        Young's modulus (Pa), Poisson's ratio, density (kg/m³).
+    thickness : float
+        Thickness, m; the mesh is the middle surface.
+
+    Motions: x, y, z (displacements) and rx, ry, rz (rotations). Triangles, plane or curved: all
+    cubic, fully integrated; in the shear strain quadratics of the same moments along edges stand
+    for the rotations, so that thin plates do not lock (`antiosc.fem.elements.mitc`).
+    Quadrilaterals: all quadratic, the shear at 2×2 points with a share of full integration that
+    vanishes with the thickness, and so the membrane strains where a cell is curved: curved ones
+    are for smooth sheets, where sheets or stiffeners join triangles are right; flat ones stretch
+    fully integrated. Orientations of neighbouring cells need not agree: the energy does not depend
+    on the sign of the normal.
+    """
+
+    E: float
+    nu: float
+    rho: float
+    thickness: float
+
+    def __post_init__(self) -> None:
+        store(
+            self,
+            E=positive("E", self.E, "Pa"),
+            nu=poisson(self.nu),
+            rho=positive("rho", self.rho, "kg/m³"),
+            thickness=positive("thickness", self.thickness, "m"),
+        )
+
+    @property
+    def G(self) -> float:
+        """Shear modulus, Pa."""
+        return self.E / (2 * (1 + self.nu))
+
+    @cached_property
+    def section(self) -> PlateSection:
+        """Stiffness and mass per area of the middle surface."""
+        return stacked([Layer.isotropic(self.E, self.nu, self.rho, self.thickness)])
+
+
+@dataclass(frozen=True)
+class Laminate(Sheet):
+    """A plate or shell of orthotropic layers, perfectly bonded: composites, sandwiches.
+
+    Parameters
+    ----------
+    layers : sequence of Layer
+        From the bottom to the top; the mesh is the surface in the middle of their thickness.
+    axis : sequence of 3 floats or function
+        0°: its part along the sheet, in every cell. A function of points x (3, n) gives such
+        vectors (3, n), as the hoop of a tank.
+    top : sequence of 3 floats or function, optional
+        On which side of the sheet the last layer lies. By default toward +z on a plane mesh, and
+        in space on that of the cells' normals, which must then agree from cell to cell if the
+        stack differs from itself turned over.
+
+    Angles count from the axis toward normal × axis, the normal pointing to the top. The element,
+    its motions and its cells are `Shell`'s, and both may share a mesh, by group. `section` holds
+    the matrices A, B, D, S of the axis. Shear across the layers has the stiffness S of equal
+    energy, not 5/6 of the layers' (`antiosc.fem.elements.plate_section`).
+
+    Raises
+    ------
+    InputError
+        No layers; with the mesh: an axis along a normal, a top along the sheet, opposite normals.
+    """
+
+    layers: Sequence[Layer]
+    axis: Direction = (1.0, 0.0, 0.0)
+    top: Direction | None = None
+
+    def __post_init__(self) -> None:
+        if isinstance(self.layers, Sequence):
+            store(self, layers=tuple(self.layers))
+        store(self, axis=checked("axis", self.axis))
+        if self.top is not None:
+            store(self, top=checked("top", self.top))
+        _ = self.section  # which checks the layers
+
+    @cached_property
+    def section(self) -> PlateSection:
+        """Stiffness and mass per area of the middle surface, in the axes (0°, 90°, normal)."""
+        return stacked(self.layers)
+
+    @property
+    def thickness(self) -> float:
+        """Sum of the layers' thicknesses, m."""
+        return self.section.thickness
+
+
+class _Section(NamedTuple):
+    """Cell-wise constants of the sheets (UFL)."""
+
+    A: Any
+    #: D − B A⁻¹ B
+    bending: Any
+    S: Any
+    drilling: Any
+    #: A⁻¹ B, None where no stack couples stretching with bending
+    coupling: Any
+    I0: Any
+    #: None where no stack has its mass off the middle
+    I1: Any
+    I2: Any
+    #: t², and what stands for it in a stack
+    t2_of_shear: Any
+    t2_of_stretch: Any
+
+
+def _section(mesh: Mesh, parts: Parts) -> _Section:
+    def constant(value: Callable[[PlateSection], Any]) -> Any:
+        return coefficient(mesh, parts, lambda sheet: value(sheet.section))
+
+    sections = [material.section for material, _ in parts]
+    coupled = any(s.B.any() for s in sections)
+    return _Section(
+        A=constant(lambda s: s.A),
+        bending=constant(lambda s: s.bending),
+        S=constant(lambda s: s.S),
+        drilling=constant(lambda s: s.drilling),
+        coupling=constant(lambda s: np.linalg.solve(s.A, s.B)) if coupled else None,
+        I0=constant(lambda s: s.I0),
+        I1=constant(lambda s: s.I1) if any(s.I1 for s in sections) else None,
+        I2=constant(lambda s: s.I2),
+        t2_of_shear=constant(lambda s: s.t2_of_shear),
+        t2_of_stretch=constant(lambda s: s.t2_of_stretch),
+    )
+
+
+class _Frame(NamedTuple):
+    """Orthonormal e1, e2 (tangents) and n with three components, and derivatives along e1, e2."""
+
+    e1: Any
+    e2: Any
+    n: Any
+    #: (2, gdim): the tangents in the coordinates of the mesh
+    along: Any
+
+
+class _Strains(NamedTuple):
+    #: (ε1, ε2, γ12)
+    membrane: Any
+    #: (κ1, κ2, 2κ12)
+    bending: Any
+    #: (γ13, γ23)
+    shear: Any
+    drilling: Any
+
+
+def _frame(mesh: Mesh, parts: Parts) -> _Frame:
+    J = ufl.Jacobian(mesh.dolfinx)
+    zeros = [0] * (3 - mesh.gdim)
+    a, b = (ufl.as_vector([*(J[i, j] for i in range(mesh.gdim)), *zeros]) for j in (0, 1))
+    normal = ufl.cross(a, b)
+    area = ufl.sqrt(ufl.dot(normal, normal))
+    n = normal / area
+    if any(material.axis is not None for material, _ in parts):
+        axis, side = axes_and_sides(mesh, parts)
+        n, a = side * n, axis - ufl.dot(axis, n) * n
+    e1 = a / ufl.sqrt(ufl.dot(a, a))
+    e2 = ufl.cross(n, e1)
+    along = ufl.as_matrix([[e[i] for i in range(mesh.gdim)] for e in (e1, e2)])
+    return _Frame(e1, e2, n, along)
+
+
+def _halves(w: Any) -> tuple[Any, Any]:
+    """Displacement and rotation of a trial or test function."""
+    return ufl.as_vector([w[i] for i in range(3)]), ufl.as_vector([w[i] for i in range(3, 6)])
+
+
+def _strains(frame: _Frame, w: Any) -> _Strains:
+    e1, e2, n = frame.e1, frame.e2, frame.n
+    u, turn = _halves(w)
+    # columns: the derivatives along e1 and e2
+    du = ufl.dot(ufl.grad(u), ufl.transpose(frame.along))
+    dr = ufl.dot(ufl.grad(turn), ufl.transpose(frame.along))
+
+    def columns(of: Any) -> tuple[Any, Any]:
+        return tuple(ufl.as_vector([of[i, j] for i in range(3)]) for j in (0, 1))  # type: ignore
+
+    (u1, u2), (r1, r2) = columns(du), columns(dr)
+    gradient = ufl.as_matrix(
+        [[ufl.dot(e1, u1), ufl.dot(e1, u2)], [ufl.dot(e2, u1), ufl.dot(e2, u2)]]
+    )
+    # θ × n = (θ·e2) e1 − (θ·e1) e2
+    curvature = ufl.as_matrix(
+        [[ufl.dot(e2, r1), ufl.dot(e2, r2)], [-ufl.dot(e1, r1), -ufl.dot(e1, r2)]]
+    )
+    shear = ufl.as_vector([ufl.dot(n, u1) + ufl.dot(turn, e2), ufl.dot(n, u2) - ufl.dot(turn, e1)])
+    drilling = (gradient[1, 0] - gradient[0, 1]) / 2 - ufl.dot(turn, n)
+    return _Strains(_engineering(gradient), _engineering(curvature), shear, drilling)
+
+
+def _engineering(e: Any) -> Any:
+    """(e11, e22, e12 + e21)."""
+    return ufl.as_vector([e[0, 0], e[1, 1], e[0, 1] + e[1, 0]])
+
+
+def _energies(section: _Section, a: _Strains, b: _Strains) -> tuple[Any, Any, Any]:
+    """(membrane and drilling, shear, bending) energy densities of two strain states.
+
+    The membrane's is that of the surface without stretch under moments, ε + A⁻¹Bκ: so each of
+    them is of one sign by itself, whatever points it is integrated with.
+    """
+
+    def stretch(e: _Strains) -> Any:
+        if section.coupling is None:
+            return e.membrane
+        return e.membrane + section.coupling * e.bending
+
+    membrane = ufl.inner(section.A * stretch(a), stretch(b))
+    drilling = section.drilling * a.drilling * b.drilling
+    shear = ufl.inner(section.S * a.shear, b.shear)
+    return membrane + drilling, shear, ufl.inner(section.bending * a.bending, b.bending)
+
+
+def _inertia(section: _Section, frame: _Frame, w: Any, v: Any) -> Any:
+    """Kinetic energy density of the motions u + z θ×n, and of θ·n as of the other rotations."""
+    (u, turn), (u_v, turn_v) = _halves(w), _halves(v)
+    motion = section.I0 * ufl.dot(u, u_v) + section.I2 * ufl.dot(turn, turn_v)
+    if section.I1 is not None:
+        across = ufl.dot(u, ufl.cross(turn_v, frame.n)) + ufl.dot(ufl.cross(turn, frame.n), u_v)
+        motion += section.I1 * across
+    return motion
+
+
+def _areas(mesh: Mesh) -> Any:
+    """Area between the corners of every cell as a function; InputError where there is none."""
+    x = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)]
+    first, second = x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]
+    if mesh.cell == "quadrilateral":  # the diagonals
+        first, second = x[:, 3] - x[:, 0], x[:, 2] - x[:, 1]
+    areas = compat.cellwise(mesh.dolfinx)
+    areas.x.array[:] = np.linalg.norm(np.cross(first, second), axis=1) / 2
+    owned = compat.cell_map(mesh.dolfinx).size_local
+    size = np.maximum(np.sum(first**2, axis=1), np.sum(second**2, axis=1))
+    bad = np.flatnonzero((areas.x.array <= FLAT * size)[:owned])
+    total = mesh.comm.allreduce(len(bad))
+    error = None
+    if len(bad):
+        place = ", ".join(f"{c:.6g}" for c in x[bad[0]].mean(axis=0))
+        error = InputError(
+            f"{total} of {mesh.n_cells} {mesh.cell} cells have no area, one at ({place}) m: "
+            "mesh the sheet again, or remove them."
+        )
+    agree(mesh.comm, error)
+    return areas
+
+
+def _rise(mesh: Mesh) -> Any:
+    """How far the middle of each quadrilateral lies off its corners, along the normal, m."""
+    rise = compat.cellwise(mesh.dolfinx)
+    if mesh.order > 1:
+        x = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)]
+        normal = np.cross(x[:, 3] - x[:, 0], x[:, 2] - x[:, 1])
+        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        offset = x[:, 8] - x[:, :4].mean(axis=1)
+        rise.x.array[:] = np.abs(np.einsum("ij,ij->i", offset, normal))
+    return rise

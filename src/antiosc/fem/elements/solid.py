@@ -1,0 +1,126 @@
+"""`Solid`: linear elasticity on 2-D and 3-D meshes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import ufl
+
+from antiosc.checks import choice, poisson, positive, store
+from antiosc.errors import InputError
+from antiosc.fem import compat
+from antiosc.fem.elements.weak_form import Parts, WeakForm, coefficient, measure
+from antiosc.fem.mesh.mesh import Mesh
+
+
+@dataclass(frozen=True)
+class Solid:
+    """An isotropic linear-elastic solid.
+
+    Parameters
+    ----------
+    E : float
+        Young's modulus, Pa.
+    nu : float
+        Poisson's ratio, -1 < nu < 0.5.
+    rho : float
+        Density, kg/m³.
+    plane : None, "stress" or "strain"
+        Needed on 2-D meshes, and there only.
+    thickness : float
+        Thickness of a 2-D part, m.
+    """
+
+    E: float
+    nu: float
+    rho: float
+    plane: Literal["stress", "strain"] | None = None
+    thickness: float = 1.0
+
+    def __post_init__(self) -> None:
+        store(
+            self,
+            E=positive("E", self.E, "Pa"),
+            nu=poisson(self.nu),
+            rho=positive("rho", self.rho, "kg/m³"),
+            plane=choice("plane", self.plane, (None, "stress", "strain")),
+            thickness=positive("thickness", self.thickness, "m"),
+        )
+
+    def weak_form(self, mesh: Mesh, parts: Parts, order: int) -> WeakForm:
+        """Displacements of degree `order`, which must not be below the geometric order."""
+        if mesh.tdim != mesh.gdim:
+            raise InputError(
+                f"Solid needs cells that fill their space; {mesh.name} has {mesh.cell} cells in "
+                f"{mesh.gdim}-D (a plane part: read it with gdim=2; lines: use Beam)."
+            )
+        if order < mesh.order:
+            raise InputError(
+                f"displacements of order {order} on cells of geometric order {mesh.order} would "
+                "strain rigid rotations: take order=2, or read the mesh with order=1."
+            )
+        for material, _ in parts:
+            _check_plane(material, mesh)
+        space = compat.lagrange(mesh.dolfinx, order, mesh.gdim)
+        u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+        lame = coefficient(mesh, parts, _first_lame)
+        shear = coefficient(mesh, parts, lambda s: s.E / (2 * (1 + s.nu)))
+        depth = coefficient(mesh, parts, _depth)
+        rho = coefficient(mesh, parts, lambda s: s.rho)
+        strain, virtual = ufl.sym(ufl.grad(u)), ufl.sym(ufl.grad(v))
+        stress = lame * ufl.tr(strain) * ufl.Identity(mesh.gdim) + 2 * shear * strain
+        for_k, for_m = _degrees(mesh, order)
+        return WeakForm(
+            space=space,
+            stiffness=[depth * ufl.inner(stress, virtual) * measure(mesh, for_k)],
+            mass=[depth * rho * ufl.inner(u, v) * measure(mesh, for_m)],
+            components={name: (i,) for i, name in enumerate("xyz"[: mesh.gdim])},
+            density=depth * rho,
+            patch="facets",
+        )
+
+    def half_space_compliance(self, cosine: float) -> float:
+        """Displacement × radius / force of a patch with Hertz's pressure, m²/N.
+
+        Load and displacement are weighted by √(1 − r²/a²) and taken along one direction, whose
+        angle to the surface normal has this `cosine`: 0.6 (1 − ν²)/E along the normal,
+        0.3 (2 − ν)(1 + ν)/E in the surface, from the fields of Johnson, *Contact Mechanics*
+        (1985), (3.41a) and (3.91a). A plane part has no such value (the half-plane's compliance
+        grows with its size): 0.
+        """
+        if self.plane is not None:
+            return 0.0
+        normal = 0.6 * (1 - self.nu**2) / self.E
+        tangential = 0.3 * (2 - self.nu) * (1 + self.nu) / self.E
+        return cosine**2 * normal + (1 - cosine**2) * tangential
+
+
+def _check_plane(solid: Any, mesh: Mesh) -> None:
+    if mesh.gdim == 2 and solid.plane is None:
+        raise InputError("Solid on a 2-D mesh needs plane='stress' or plane='strain'.")
+    if mesh.gdim == 3 and solid.plane is not None:
+        raise InputError(f"plane={solid.plane!r} applies to 2-D meshes; {mesh.name} is 3-D.")
+
+
+def _first_lame(solid: Any) -> float:
+    """λ, or in plane stress the λ* that keeps the stress across the plane zero."""
+    if solid.plane == "stress":
+        return solid.E * solid.nu / (1 - solid.nu**2)
+    return solid.E * solid.nu / ((1 + solid.nu) * (1 - 2 * solid.nu))
+
+
+def _depth(solid: Any) -> float:
+    return 1.0 if solid.plane is None else solid.thickness
+
+
+def _degrees(mesh: Mesh, order: int) -> tuple[int, int]:
+    """Quadrature degrees of K and M: exact on straight simplices, full Gauss rules elsewhere.
+
+    UFL's own estimate asks for thousands of points on curved cells.
+    """
+    if mesh.cell in ("quadrilateral", "hexahedron"):
+        return 2 * order + 1, 2 * order + 1
+    if mesh.order == 1:
+        return 2 * order - 2, 2 * order
+    return 2 * order, 2 * order + 1

@@ -1,0 +1,260 @@
+"""Constraint modes: Kφ = ω²Mφ in the space bᵀφ = 0, on the structure's one factorization.
+
+With A = K + sM and y = A⁻¹b, the solution of A x = r under bᵀx = 0 is A⁻¹r − y (bᵀA⁻¹r)/(bᵀy).
+SLEPc runs its Krylov–Schur method on that operator: the preconditioner inside its
+shift-and-invert is ours. No row is deleted, nothing is factored twice. Without the constraint the
+same solver gives the structure's natural modes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+from petsc4py import PETSc
+from slepc4py import SLEPc
+
+from antiosc.errors import NotConvergedError
+from antiosc.fem.compat import IntArray
+from antiosc.fem.extraction.static_mode import StaticMode
+from antiosc.fem.linalg.scaling import frequency
+from antiosc.fem.linalg.solvers import Array, Solver, by_strains, dot, gathered, multiply, norm
+from antiosc.fem.mpi import on_root
+from antiosc.fem.site.site import Functional
+from antiosc.fem.structure.structure import Structure
+
+#: SLEPc's tolerance on the eigenvalues 1/(ω² + s); the residuals are measured again afterwards.
+TOLERANCE = 1e-11
+#: LAPACK solves structures of at most this many rows whole, on one rank for all …
+DENSE = 600
+#: … and of this many where more than a fifth of all modes is wanted: Krylov methods find the
+#: ends of a spectrum, not all of it.
+DENSE_MANY = 5000
+#: Modes beyond those wanted that SLEPc is asked for, and that are dropped: of a repeated frequency
+#: it may have found one shape when the search ends, and not yet the other.
+GUARD = 4
+#: Lowest ω² over the mean of all from which LAPACK, whose errors are 1e-16 of the highest, has it.
+EVEN = 1e-7
+#: Relative distance of ω² below which two modes are taken as they are: any basis of theirs serves.
+CLOSE = 1e-8
+
+
+@dataclass(frozen=True)
+class Modes:
+    """The lowest modes, ascending."""
+
+    #: circular frequencies (k,), rad/s: antiresonances of the site if it is pinned
+    omega: Array
+    #: M-orthonormal shapes on the rows of this rank (rows, k)
+    phi: Array
+    #: whether these are all modes that the structure has
+    complete: bool
+
+
+class ModeSolver:
+    """Finds modes from below, in as many rounds as the caller wants, rigid-body modes left out.
+
+    Of a site and its static mode it finds the constraint modes, otherwise the natural ones.
+    """
+
+    def __init__(
+        self, structure: Structure, site: Functional | None = None, static: StaticMode | None = None
+    ) -> None:
+        self._structure = structure
+        self._pin = None if site is None or static is None else (site.b, static)
+        #: rigid-body modes that remain
+        self._rigid = structure.rigid_modes if static is None else static.still
+        self.limit = structure.dofs - (self._pin is not None) - self._rigid.shape[1]
+        self._rows = structure.K.getLocalSize()[0]
+        self._found = Modes(np.zeros(0), np.zeros((self._rows, 0)), False)
+
+    def lowest(self, count: int) -> Modes:
+        """At least the `count` lowest modes, or all there are."""
+        count = min(count, self.limit)
+        if self._found.complete or len(self._found.omega) >= count:
+            return self._found
+        rows = self._structure.K.getSize()[0]
+        dense = rows <= DENSE_MANY if count > rows / 5 else rows <= DENSE and not self._uneven()
+        if dense:
+            self._found = self._by_lapack()
+        else:
+            self._found = self._by_slepc(count)
+        return self._found
+
+    def _uneven(self) -> bool:
+        """Whether the lowest modes drown in the rounding of K's entries, which products avoid."""
+        K, M = self._structure.K, self._structure.M
+        if not by_strains(K):
+            return False
+        return self._lowest() < EVEN * frequency(K, M)
+
+    def _by_slepc(self, count: int) -> Modes:
+        """One more round: modes found before are deflated, not computed again."""
+        known = self._found
+        structure = self._structure
+        eps = SLEPc.EPS().create(structure.K.getComm())
+        eps.setOperators(structure.K, structure.M)
+        eps.setProblemType(SLEPc.EPS.ProblemType.GHEP)
+        eps.setType(SLEPc.EPS.Type.KRYLOVSCHUR)
+        wanted = count - len(known.omega)
+        eps.setDimensions(min(wanted + GUARD, self.limit - len(known.omega)))
+        eps.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
+        eps.setTarget(-structure.shift)
+        eps.setTolerances(TOLERANCE, 200)
+        st = eps.getST()
+        st.setType(SLEPc.ST.Type.SINVERT)
+        st.setMatMode(SLEPc.ST.MatMode.SHELL)  # the factor is ours: SLEPc needs no K + sM
+        ksp = st.getKSP()
+        ksp.setType(PETSc.KSP.Type.PREONLY)
+        pc = ksp.getPC()
+        pc.setType(PETSc.PC.Type.PYTHON)
+        pc.setPythonContext(
+            _Free(structure.factorization)
+            if self._pin is None
+            else _Constrained(structure.factorization, *self._pin)
+        )
+        rng = np.random.default_rng(structure.comm.rank)
+        start = multiply(structure.M, rng.standard_normal(self._rows))
+        eps.setInitialSpace([self._vector(structure.factorization.solve(start))])
+        known_shapes = [*self._rigid.T, *known.phi.T]
+        if known_shapes:
+            eps.setDeflationSpace([self._vector(shape) for shape in known_shapes])
+        eps.solve()
+        found = eps.getConverged()
+        if found < wanted:
+            raise NotConvergedError(
+                f"SLEPc found {found} of {wanted} modes within {eps.getIterationNumber()} "
+                f"restarts (reason {eps.getConvergedReason()}): ask for fewer modes."
+            )
+        x = structure.K.createVecRight()
+        values, shapes = np.zeros(found), np.zeros((self._rows, found))
+        for k in range(found):
+            values[k] = eps.getEigenpair(k, x).real
+            shapes[:, k] = x.array_r
+        eps.destroy()
+        omega = np.concatenate([known.omega, np.sqrt(np.maximum(values, 0.0))])
+        phi = _normalised(structure, np.column_stack([known.phi, shapes]))
+        order = np.argsort(omega, kind="stable")[:count]
+        omega, phi = omega[order], phi[:, order]
+        return Modes(omega, phi, len(omega) >= self.limit)
+
+    def _vector(self, values: Array) -> PETSc.Vec:
+        x = self._structure.K.createVecRight()
+        x.setArray(values)
+        return x
+
+    def _by_lapack(self) -> Modes:
+        """All modes of a small structure, from (M, K + σM) on a basis of the space allowed.
+
+        Rounding leaves an error ε/σ in 1/(ω² + σ): with σ between the lowest and the highest ω²
+        (geometrically) it spares both ends of the spectrum.
+        """
+        structure, comm = self._structure, self._structure.comm
+        conditions = multiply(structure.M, self._rigid)
+        if self._pin is not None:
+            conditions = np.column_stack([self._pin[0], conditions])
+        first = structure.K.getOwnershipRange()[0]
+        own = np.setdiff1d(np.arange(self._rows), structure.fixed)
+        parts: Any = comm.gather((first + own, conditions[own]))
+        K, M = (gathered(matrix, 0) for matrix in (structure.K, structure.M))
+        sigma = float(np.sqrt(self._lowest() * frequency(structure.K, structure.M)))
+
+        def all_modes() -> tuple[Array, Array]:
+            free, rows = (np.concatenate(part) for part in zip(*parts, strict=True))
+            return _dense_modes(K, M, free, rows, sigma)
+
+        omega, phi = on_root(comm, all_modes)
+        phi = phi[first : first + self._rows]
+        return _polished(structure, Modes(omega, _normalised(structure, phi), True))
+
+    def _lowest(self) -> float:
+        """An ω² + shift of the size of the lowest, by inverse iteration."""
+        structure = self._structure
+        x = np.random.default_rng(structure.comm.rank).standard_normal(self._rows)
+        for _ in range(4):
+            x = structure.factorization.solve(multiply(structure.M, x / norm(structure.comm, x)))
+        return (
+            float(dot(structure.comm, x, multiply(structure.K, x)))
+            / float(dot(structure.comm, x, multiply(structure.M, x)))
+            + structure.shift
+        )
+
+
+def _dense_modes(
+    K: Any, M: Any, free: IntArray, conditions: Array, sigma: float
+) -> tuple[Array, Array]:
+    """(ω ascending, shapes) on the rows `free` of SciPy matrices, under `conditions` (free, c)."""
+    stiffness, mass = (matrix[free][:, free].toarray() for matrix in (K, M))
+    conditions = conditions / np.linalg.norm(conditions, axis=0)
+    basis = scipy.linalg.qr(conditions)[0][:, conditions.shape[1] :]
+    A = basis.T @ (stiffness + sigma * mass) @ basis
+    theta, vectors = scipy.linalg.eigh(basis.T @ mass @ basis, (A + A.T) / 2)
+    keep = theta > 1e-14 * theta.max(initial=0.0)  # motions without mass have no frequency
+    omega = np.sqrt(np.maximum(1 / theta[keep] - sigma, 0.0))[::-1]
+    phi = np.zeros((K.shape[0], int(keep.sum())))
+    phi[free] = (basis @ vectors[:, keep])[:, ::-1]
+    return omega, phi
+
+
+class _Constrained:
+    """PETSc's Python preconditioner: r → A⁻¹r − y (bᵀA⁻¹r)/(bᵀy)."""
+
+    def __init__(self, factor: Solver, b: Array, static: StaticMode) -> None:
+        self._factor, self._b, self._static = factor, b, static
+
+    def apply(self, pc: Any, r: PETSc.Vec, x: PETSc.Vec) -> None:
+        self._factor.solve_vector(r, x)
+        free = dot(self._factor.comm, self._b, x.array_r)
+        x.array[:] -= free / self._static.bAb * self._static.y
+
+
+class _Free:
+    """PETSc's Python preconditioner: r → A⁻¹r."""
+
+    def __init__(self, factor: Solver) -> None:
+        self._factor = factor
+
+    def apply(self, pc: Any, r: PETSc.Vec, x: PETSc.Vec) -> None:
+        self._factor.solve_vector(r, x)
+
+
+def _polished(structure: Structure, modes: Modes) -> Modes:
+    """The modes once more orthogonal through M and through K (`polish`)."""
+
+    def gram(matrix: PETSc.Mat, phi: Array) -> Array:
+        return np.asarray(dot(structure.comm, phi, multiply(matrix, phi)))
+
+    poles, phi = polish(modes.phi, lambda x: gram(structure.K, x), lambda x: gram(structure.M, x))
+    omega = np.sqrt(np.maximum(poles, 0.0))
+    order = np.argsort(omega, kind="stable")
+    return Modes(omega[order], phi[:, order], modes.complete)
+
+
+def polish(
+    phi: Array, strains: Callable[[Array], Array], masses: Callable[[Array], Array]
+) -> tuple[Array, Array]:
+    """(ω², φ) of approximate eigenvectors φ of unit mass, by the step of Ogita and Aishima.
+
+    A dense eigensolver leaves an error of ε times the highest ω² in all of them, or of the lowest
+    in all 1/ω²: too much where the spectrum spans many decades. With φ(1 + T) the products φᵀKφ
+    and φᵀMφ, measured by `strains` and `masses`, become diagonal to the square of what they lack
+    (Japan J. Indust. Appl. Math. 35 (2018) 1007).
+    """
+    one = np.eye(phi.shape[1])
+    poles = np.zeros(phi.shape[1])
+    for _ in range(2):
+        own, strain = masses(phi) - one, strains(phi)
+        poles = np.diag(strain) / (1 + np.diag(own))
+        gap = poles[:, None] - poles
+        apart = np.abs(gap) > CLOSE * np.maximum(poles[:, None], poles)
+        step = np.where(apart, (poles * own - strain) / np.where(apart, gap, 1.0), -own / 2)
+        phi = phi + phi @ step
+    return poles, phi
+
+
+def _normalised(structure: Structure, phi: Array) -> Array:
+    masses = structure.comm.allreduce(np.einsum("ij,ij->j", phi, multiply(structure.M, phi)))
+    return phi / np.sqrt(masses)

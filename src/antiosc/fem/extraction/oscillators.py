@@ -1,0 +1,217 @@
+"""Constraint modes into anti-oscillators, and a bound on all that is lost on the way.
+
+What the parameters leave out of Z, at every damped frequency of a band, is the sum of: what the
+method left out (`Remainder`), the modes that the site does not see and those of one frequency that
+were merged, the number of anti-oscillators kept, and rounding. The last is what a change of every
+entry of K and M by its last digits makes of Z, |φ|ᵀ(|K| + |x||M|)|φ| ε with the shape φ(x) of the
+structure at that frequency; the diagonals of K and M stand for the whole matrices.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from antiosc.fem.extraction.eigenmodes import Modes
+from antiosc.fem.extraction.krylov import Complex, Remainder
+from antiosc.fem.extraction.static_mode import StaticMode
+from antiosc.fem.linalg.solvers import Array, by_strains, dot, multiply
+from antiosc.fem.structure.structure import Structure
+from antiosc.models import driving_point as bands
+from antiosc.models.rigid_share import with_rigid
+
+#: Frequencies closer than this (relatively) are one repeated frequency: only Σm_i has a meaning.
+REPEATED = 1e-6
+#: √(m0/m_st) that rounding leaves where no mass remains at the site.
+MASSLESS = 1e-12
+#: Distance of the samples of a bound; between two of them it rises by less than the share `SAMPLED`
+STEP, SAMPLED = bands.DAMPING / 4, 0.05
+#: Rounding of the solves, in units of ε for every entry of the matrices.
+ROUNDING = 64.0
+
+
+@dataclass(frozen=True)
+class Found:
+    """All modes of a site that were found, as parameters of its elastic motions.
+
+    Attributes
+    ----------
+    m0 : mass that they leave at the site, kg.
+    c : φ_stᵀMφ_i of the modes, kg^½, (n,).
+    residual : the shape that moves with m0, on the rows of this rank.
+    k_phi, m_phi : Kφ_i and Mφ_i on the rows of this rank, (rows, n).
+    stiffnesses, masses : φ_iᵀKφ_j and φ_iᵀMφ_j as they are, (n, n).
+    coupling : φ_iᵀKφ_st as it is, (n,).
+    """
+
+    static: StaticMode
+    modes: Modes
+    m0: float
+    c: Array
+    residual: Array
+    k_phi: Array
+    m_phi: Array
+    stiffnesses: Array
+    masses: Array
+    coupling: Array
+
+    @property
+    def poles(self) -> Array:
+        """ω_i², rad²/s²."""
+        return self.modes.omega**2
+
+    def stiffness(self, x: Complex) -> Complex:
+        """Z of all of them, nothing dropped."""
+        real = self.poles > 0
+        m, poles = self.c[real] ** 2, self.poles[real]
+        return bands.driving_point(x, self.static.k0, self.m0, m, poles)
+
+
+def lumped(structure: Structure, static: StaticMode, modes: Modes) -> Found:
+    """What M-orthonormal modes leave of φ_st, mass and shape: no difference of large numbers."""
+    comm, phi = structure.comm, modes.phi
+    k_phi, m_phi = multiply(structure.K, phi), multiply(structure.M, phi)
+    residual, c = static.phi, np.zeros(phi.shape[1])
+    for _ in range(2):  # twice is enough (Kahan)
+        part = dot(comm, m_phi, residual)
+        c, residual = c + part, residual - phi @ part
+    m0 = float(dot(comm, residual, multiply(structure.M, residual)))
+    return Found(
+        static,
+        modes,
+        0.0 if m0 <= MASSLESS**2 * static.mass else m0,
+        c,
+        residual,
+        k_phi,
+        m_phi,
+        dot(comm, phi, k_phi),
+        dot(comm, phi, m_phi),
+        dot(comm, k_phi, static.phi),
+    )
+
+
+@dataclass(frozen=True)
+class Oscillators:
+    """The parameters of a model, its shapes on the rows of this rank, and what was left out.
+
+    Attributes
+    ----------
+    k0, m0, omega, m : as of `AntiOscillators`.
+    residual, psi : (rows,) and (rows, N) the shapes that move with m0 and with the m_i.
+    hidden : (rows, h) rigid-body modes that are not in the model.
+    chain : (k0, m0, m, poles) of the elastic motions alone.
+    unseen, merged : modes dropped and modes counted to others.
+    """
+
+    k0: float
+    m0: float
+    omega: Array
+    m: Array
+    residual: Array
+    psi: Array
+    hidden: Array
+    chain: tuple[float, float, Array, Array]
+    unseen: int
+    merged: int
+
+
+def wanted(static: StaticMode, n: int) -> int:
+    """Of n anti-oscillators those of the elastic motions: a rigid one set apart takes one."""
+    return n - 1 if static.apart is not None and n else n
+
+
+def oscillators(known: Found, n: int, tol: float) -> Oscillators:
+    """The n lowest anti-oscillators with more than the share `tol` in Z.
+
+    m_i = (φ_stᵀMφ_i)² of M-orthonormal modes (Article (12)); repeated frequencies are merged; a
+    rigid-body motion that was set apart is added.
+    """
+    static, c = known.static, known.c
+    # ω = 0 is left only by rounding: rigid modes that vanish at the site are deflated.
+    real = known.poles > 0
+    seen = np.zeros(len(c), dtype=bool)
+    seen[real] = bands.shares(static.k0, known.m0, c[real] ** 2, known.poles[real]) > tol
+    omega, psi, c = known.modes.omega[seen], known.modes.phi[:, seen] * c[seen], c[seen]
+    start = np.flatnonzero(np.diff(omega, prepend=-np.inf) > REPEATED * omega)
+    merged = len(omega) - len(start)
+    m = c**2
+    if merged:
+        m, k = (np.add.reduceat(v, start) for v in (m, m * omega**2))
+        omega, psi = np.sqrt(k / m), np.add.reduceat(psi, start, axis=1)
+    few = wanted(static, n)
+    # what is not kept goes back to m0, with its shape
+    lost = known.c.copy()
+    lost[np.flatnonzero(seen)[: start[few] if few < len(start) else len(lost)]] = 0.0
+    m0 = known.m0 + float(lost @ lost)
+    residual = known.residual + known.modes.phi @ lost
+    omega, m, psi = omega[:few], m[:few], psi[:, :few]
+    chain = (static.k0, m0, m, omega**2)
+    k0, hidden = static.k0, static.still
+    if static.apart is not None and n:
+        shapes = np.column_stack([static.apart, residual + psi.sum(axis=1), psi])
+        m0, m, omega, own, turn = with_rigid(k0, m0, m, omega, static.along)
+        k0, residual, psi, hidden = 0.0, shapes @ own, shapes @ turn, static.beside
+    unseen = int(np.sum(~seen))
+    return Oscillators(k0, m0, omega, m, residual, psi, hidden, chain, unseen, merged)
+
+
+def error_bound(
+    structure: Structure, known: Found, remainder: Remainder, kept: Oscillators, band: float
+) -> float:
+    """Bound on |ΔZ|/|Z| of the parameters over the band up to `band` [rad/s]."""
+    static = known.static
+    lowest = bands.lowest_frequency(kept.k0, kept.m0 + float(kept.m.sum()), kept.omega)
+    x = bands.samples(band, lowest, STEP) ** 2
+    elastic = bands.driving_point(x, *kept.chain)
+    left = remainder(x) + np.abs(known.stiffness(x) - elastic) + _rounding(structure, known, x)
+    off = (1 + SAMPLED) * left / np.abs(elastic)
+    # |1/Z - 1/Z_e| |Z_e| of the true elastic Z and this one
+    off = np.where(off < 1, off / np.where(off < 1, 1 - off, 1.0), np.inf)
+    Z = bands.driving_point(x, kept.k0, kept.m0, kept.m, kept.omega**2)
+    off = off * np.abs(Z / elastic)
+    # the displacement of the site in the rigid-body motion: its rounding, or all of it if left out
+    known_a = static.along if kept.k0 == 0 else 0.0
+    off = off + np.abs(Z / x) * ((static.along + static.doubt) ** 2 - known_a**2)
+    return float(np.max(off))
+
+
+def left_out(known: Found) -> Remainder:
+    """Bound on what the modes above those found change of Z: their mass, on poles above the last.
+
+    Without them that mass is all in m0.
+    """
+    top = float(known.poles.max(initial=0.0))
+    mass = 0.0 if known.modes.complete else known.m0
+
+    def bound(x: Complex) -> Array:
+        nearest = np.where(x.real > top, x.imag, np.abs(top - x))
+        return np.asarray(np.abs(x) ** 2 * mass / nearest)
+
+    return bound
+
+
+def _rounding(structure: Structure, known: Found, x: Complex) -> Array:
+    """What rounding makes of Z at complex x = ω²: (W,).
+
+    That of the entries and of the solves, and what was measured of the modes' orthogonality.
+    """
+    real = known.poles > 0
+    poles, c = known.poles[real], known.c[real]
+    shapes = np.column_stack([known.residual, known.modes.phi[:, real]])
+    weight = np.column_stack([np.ones(len(x)), c * poles / (poles - x[:, None])])
+    parts = []
+    for matrix in (structure.K, structure.M):
+        diagonal = matrix.getDiagonal().array_r
+        gram = dot(structure.comm, shapes, diagonal[:, None] * shapes)
+        parts.append(np.einsum("wi,wi->w", weight @ gram, weight.conj()).real)
+    if by_strains(structure.K):  # a sum of squares of strains, each to ε of its own terms
+        energy = known.static.k0 + np.abs(weight[:, 1:] * x[:, None] / poles) ** 2 @ poles
+        parts[0] = np.sqrt(parts[0] * energy)
+    left = ROUNDING * np.finfo(float).eps * (parts[0] + np.abs(x) * parts[1])
+    off = [known.stiffnesses - np.diag(known.poles), known.masses - np.eye(len(known.c))]
+    size = np.abs(weight[:, 1:])
+    left += 2 * np.abs(x) * (size @ np.abs(known.coupling[real] / poles))
+    for matrix, times in zip(off, (np.ones(len(x)), np.abs(x)), strict=True):
+        left += times * np.einsum("wi,wi->w", size @ np.abs(matrix[real][:, real]), size)
+    return left

@@ -1,0 +1,156 @@
+"""The static mode of a site, or the rigid-body mode that takes its place."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from antiosc.errors import NotConvergedError
+from antiosc.fem.linalg.solvers import Array, Solver, dot, multiply
+from antiosc.fem.site.site import Functional
+from antiosc.fem.structure.structure import Structure
+from antiosc.models.rigid_share import APART, HIDDEN
+
+#: Relative error in energy of the static solve beside rigid-body modes: wanted, and taken where
+#: rounding leaves no less (the error of the compliance is the square of it).
+STATIC_TOL, STATIC_SOUND = 1e-13, 1e-8
+#: Most steps of that solve, and how many without progress are rounding.
+STEPS, IDLE = 200, 5
+
+
+@dataclass(frozen=True)
+class StaticMode:
+    """The shape with unit displacement at the site on which the anti-oscillators are built.
+
+    φ_CR where a rigid-body motion has a share in the motion of the site, otherwise φ_st; with
+    rigid-body modes φ_st is that of the elastic motions, M-orthogonal to the rigid ones.
+    """
+
+    #: the shape on the rows of this rank
+    phi: Array
+    #: M·phi
+    m_phi: Array
+    #: k0 = φᵀKφ, N/m (Article (20), or (27) with a rigid-body mode)
+    k0: float
+    #: m_st = φᵀMφ, or m_CR, kg
+    mass: float
+    #: M-orthonormal rigid-body modes that no constraint mode may hold (rows, r)
+    still: Array
+    #: A⁻¹b and bᵀA⁻¹b with the structure's one factor of A = K + shift·M; without what the rigid
+    #: modes `still` add to them
+    y: Array
+    bAb: float
+    #: b without its load on the rigid modes `still`: what holds a constraint mode at the site
+    load: Array
+    #: |Rᵀb|: displacement of the site in the one rigid-body mode that moves it, kg^-1/2; 0: none
+    along: float
+    #: rounding of `along`
+    doubt: float
+    #: share of the rigid-body motions in bᵀA⁻¹b
+    share: float
+    #: M-orthonormal rigid-body modes that do not move the site (rows, r or r - 1)
+    beside: Array
+    #: the one that does, of unit mass, where the elastic motions are modelled alone
+    apart: Array | None = None
+
+    @property
+    def rigid(self) -> tuple[Array, float] | None:
+        """(shape of unit mass, its displacement of the site) of the rigid-body mode that moves it.
+
+        None where there is none, or where it cannot be told from rounding.
+        """
+        if self.k0 == 0:
+            return self.phi * self.along, self.along
+        return None if self.apart is None else (self.apart, self.along)
+
+
+def static_mode(structure: Structure, site: Functional) -> StaticMode:
+    """φ_st from one static solve, or φ_CR = R Rᵀb/|Rᵀb|² of the M-orthonormal rigid modes R.
+
+    That choice of φ_CR is M-orthogonal to the rigid-body modes that vanish at the site, so
+    these carry no mass and drop out (Article, section 3.3). Where the rigid-body modes have next
+    to no share in the compliance of the site, the static mode of the elastic motions serves; the
+    rigid motion is added to its anti-oscillators (`antiosc.models.rigid_share`).
+    """
+    return static_modes(structure, [site])[0]
+
+
+def static_modes(structure: Structure, sites: Sequence[Functional]) -> list[StaticMode]:
+    """The same for several sites, from one block of right-hand sides."""
+    loads = np.column_stack([site.b for site in sites])
+    shapes = structure.factorization.solve_checked(loads)
+    return [
+        _static_mode(structure, b, y)
+        for b, y in zip(loads.T, np.asfortranarray(shapes).T, strict=True)
+    ]
+
+
+def _static_mode(structure: Structure, b: Array, y: Array) -> StaticMode:
+    comm, factor, R = structure.comm, structure.factorization, structure.rigid_modes
+    bAb = float(dot(comm, b, y))
+    a = dot(comm, R, b)
+    along = float(np.linalg.norm(a))
+    share = along**2 / structure.shift / bAb if R.shape[1] else 0.0
+    doubt = float(np.finfo(float).eps) * float(np.linalg.norm(dot(comm, np.abs(R), np.abs(b))))
+    beside, apart = R, None
+    if share > HIDDEN:
+        beside = R @ np.linalg.svd(a[None, :])[2][1:].T
+    if share > APART:
+        phi = R @ a / along**2
+        still, load, k0 = beside, b, 0.0
+    else:
+        still, load, shape = R, b, y
+        if R.shape[1]:
+            load = b - multiply(structure.M, R) @ a
+            y = y - R @ (a / structure.shift)
+            bAb = float(dot(comm, b, y))
+            shape = beside_rigid(structure, factor, b)
+            # R that strains, by rounding, moves the site by yᵀKR besides
+            doubt += float(np.linalg.norm(dot(comm, shape, multiply(structure.K, R))))
+        compliance = float(dot(comm, b, shape))
+        phi, k0 = shape / compliance, 1 / compliance
+        if share > HIDDEN:
+            apart = R @ a / along
+    m_phi = multiply(structure.M, phi)
+    mass = float(dot(comm, phi, m_phi))
+    return StaticMode(phi, m_phi, k0, mass, still, y, bAb, load, along, doubt, share, beside, apart)
+
+
+def beside_rigid(structure: Structure, factor: Solver, b: Array) -> Array:
+    """K y = b with y M-orthogonal to the rigid modes: conjugate gradients on the one factor.
+
+    A = K + shift·M is spectrally close to K on the elastic space, so a few steps reach rounding.
+    """
+    comm, K, R = structure.comm, structure.K, structure.rigid_modes
+    MR = multiply(structure.M, R)
+
+    def load(r: Array) -> Array:  # without its part on the rigid motions
+        return np.asarray(r - MR @ dot(comm, R, r))
+
+    def shape(z: Array) -> Array:
+        return np.asarray(z - R @ dot(comm, MR, z))
+
+    r = load(b)
+    y = np.zeros_like(b)
+    z = p = shape(factor.solve(r))
+    rz = first = best = float(dot(comm, r, z))
+    idle = 0
+    # rᵀz is the square of the error in energy, to the tenth that A differs from K.
+    for _ in range(STEPS):
+        Kp = multiply(K, p)
+        step = rz / float(dot(comm, p, Kp))
+        y, r = y + step * p, load(r - step * Kp)
+        z = shape(factor.solve(r))
+        rz, before = float(dot(comm, r, z)), rz
+        idle = 0 if rz < best else idle + 1
+        best = min(best, rz)
+        if rz <= STATIC_TOL**2 * first or (idle == IDLE and best <= STATIC_SOUND**2 * first):
+            return shape(y)
+        p = z + rz / before * p
+    raise NotConvergedError(
+        f"the static mode beside {R.shape[1]} rigid-body modes did not converge: relative error in "
+        f"energy {np.sqrt(best / first):.1e} after {STEPS} steps, goal {STATIC_TOL:.0e}: the "
+        "matrices are ill-conditioned (very uneven elements or materials)."
+    )

@@ -1,0 +1,274 @@
+"""The structure in its own natural modes: the plain mode superposition, and the unreduced model.
+
+Both are what an anti-oscillator model is measured against, and `simulate` takes them like one:
+`superposition` keeps n modes (Goldsmith's and Stronge's way, Article section 1), `full` keeps all,
+which is the finite-element model itself in other coordinates.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from antiosc.checks import flag, instance, whole, within_range
+from antiosc.errors import AccuracyError, AccuracyWarning, InputError, warn
+from antiosc.fem.extraction.eigenmodes import DENSE_MANY, Modes, ModeSolver
+from antiosc.fem.extraction.extract import CHECK, DEFAULT, SEARCHED, inertia_of, uniform_inertia
+from antiosc.fem.extraction.oscillators import REPEATED
+from antiosc.fem.extraction.static_mode import StaticMode, beside_rigid, static_mode
+from antiosc.fem.linalg.solvers import Array, dot, multiply
+from antiosc.fem.mpi import collective, on_root
+from antiosc.fem.site.site import Functional, Site, functional
+from antiosc.fem.structure.structure import Structure
+from antiosc.models.driving_point import UNSEEN, shares_of_receptance
+from antiosc.models.modal import ModalBody
+from antiosc.models.motion import Inertia
+from antiosc.threads import one_thread
+
+#: A residual compliance below this share of the compliance is rounding.
+ROUNDING = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class NaturalModes:
+    """A structure in natural modes as seen from one site, accepted by `simulate`.
+
+    Attributes
+    ----------
+    omega : natural circular frequencies in rad/s, ascending, shape (n,); 0 for the rigid-body mode.
+    b : displacement of the site along the impact in each mode, kg^-1/2, shape (n,), > 0.
+    r : compliance in m/N of the modes left out, 0 without static correction.
+    shapes : mass-normalised modes as columns, kg^-1/2, on the rows of this rank, shape (rows, n).
+    residual : shape that goes with r, m/N, shape (rows,).
+    weight : modal force of a unit gravity along the impact, kg^1/2, shape (n,), or None.
+    direction : unit vector of the impact, shape (3,), or None.
+    inertia : momentum (h + n, 6) of h rigid-body motions that the site does not see and of the
+        modes, or None.
+    hidden : mass-normalised shapes of those, shape (rows, h), or None.
+    local_compliance, radius : of the site's patch, as in `AntiOscillators`.
+    info : facts of the extraction.
+    """
+
+    omega: Array
+    b: Array
+    r: float
+    shapes: Array
+    residual: Array
+    weight: Array | None = None
+    direction: Array | None = None
+    inertia: Inertia | None = None
+    hidden: Array | None = None
+    local_compliance: float = 0.0
+    radius: float | None = None
+    info: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def n(self) -> int:
+        """Number of modes."""
+        return len(self.omega)
+
+    def modal(self) -> ModalBody:
+        """As a body of an impact.
+
+        Its coordinates are those of the hidden motions, of the modes, and with static correction
+        the contact force.
+        """
+        return self._modal
+
+    @cached_property
+    def _modal(self) -> ModalBody:
+        basis = (self.shapes,) if self.hidden is None else (self.hidden, self.shapes)
+        count = 0 if self.hidden is None else self.hidden.shape[1]
+        size, none = count + self.n, np.zeros(count)
+        weight = self.weight
+        if weight is not None and self.inertia is not None and self.direction is not None:
+            weight = np.append(self.inertia.momentum[:count, :3] @ self.direction, weight)
+        shape = residual = None
+        if self.r > 0:  # the massless deflection is one more shape, its amplitude the force
+            basis = (*basis, self.residual[:, None])
+            shape, residual = np.eye(size + 1, size), np.eye(size + 1)[size]
+        return ModalBody(
+            np.append(none, self.omega),
+            np.append(none, self.b),
+            self.r,
+            weight=weight,
+            shape=shape,
+            residual=residual,
+            basis=basis,
+            direction=self.direction,
+            inertia=self.inertia,
+        )
+
+    def field(self, coordinates: ArrayLike) -> Array:
+        """Nodal displacements (..., rows) from modal coordinates (..., n); without `residual`."""
+        return np.asarray(np.asarray(coordinates, dtype=float) @ self.shapes.T)
+
+
+@collective()
+@within_range
+@one_thread()
+def superposition(
+    structure: Structure, site: Site, n: int, *, static_correction: bool = False
+) -> NaturalModes:
+    """The first n natural modes that move the site, the rigid-body mode included.
+
+    Parameters
+    ----------
+    structure : Structure
+    site : Site
+    n : int
+        Modes wanted; fewer come back where the structure has fewer. Modes with a node at the site
+        are not counted, equal frequencies count once.
+    static_correction : bool
+        Give the modes left out their static compliance (a massless contact point).
+
+    Raises
+    ------
+    InputError, NotConvergedError, AccuracyError
+        As `extract`.
+    """
+    _check_arguments(structure, site)
+    n = whole("n", n)
+    flag("static_correction", static_correction)
+    if n > structure.dofs:
+        raise InputError(f"n must be at most the structure's {structure.dofs} dofs; got {n}.")
+    where = functional(structure, site)
+    static = static_mode(structure, where)
+    solver = ModeSolver(structure)
+    asked, most = n + 2, SEARCHED * (n + DEFAULT)
+    while True:
+        modes = solver.lowest(asked)
+        seen = _seen(structure, where, static, modes)
+        if len(seen.omega) >= n or modes.complete or asked >= most:
+            break
+        asked = min(most, len(modes.omega) + max(8, len(modes.omega) // 2))
+    if len(seen.omega) < n and not modes.complete:
+        few = (
+            f"the site sees {len(seen.omega)} of the first {len(modes.omega)} modes, fewer than "
+            f"the n = {n} asked: the model holds these."
+        )
+        on_root(structure.comm, partial(warn, few, AccuracyWarning))
+    kept = Modes(seen.omega[:n], seen.phi[:, :n], len(seen.omega) <= n)
+    all_kept = kept.complete and len(modes.omega) == solver.limit
+    correction = static_correction and not all_kept
+    return _model(structure, site, where, static, kept, correction, "superposition")
+
+
+@collective()
+@within_range
+@one_thread()
+def full(structure: Structure, site: Site) -> NaturalModes:
+    """The unreduced model: all natural modes, and what is massless as a residual compliance.
+
+    Raises
+    ------
+    InputError
+        For more dofs than a dense eigensolver carries, or on several ranks.
+    """
+    _check_arguments(structure, site)
+    if structure.dofs > DENSE_MANY or structure.comm.size > 1:
+        raise InputError(
+            f"full() takes every mode of the structure, by a dense eigensolver on one rank: at most"
+            f" {DENSE_MANY} dofs; got {structure.dofs} on {structure.comm.size} rank(s): use a"
+            f" coarser mesh, or superposition() or extract() with a growing n."
+        )
+    where = functional(structure, site)
+    static = static_mode(structure, where)
+    solver = ModeSolver(structure)
+    modes = solver.lowest(structure.dofs)
+    seen = _seen(structure, where, static, modes)
+    massless = len(modes.omega) < solver.limit  # such motions have no mode, but a compliance
+    return _model(structure, site, where, static, seen, massless, "full")
+
+
+def _check_arguments(structure: Structure, site: Site) -> None:
+    instance("structure", structure, Structure, "a Structure")
+    instance("site", site, Site, "a Site(point, direction)")
+
+
+def _seen(structure: Structure, where: Functional, static: StaticMode, modes: Modes) -> Modes:
+    """The modes that move the site, equal frequencies merged, the rigid-body one in front."""
+    _check(structure, modes)
+    b = dot(structure.comm, modes.phi, where.b)
+    along = 0.0 if static.rigid is None else static.rigid[1]
+    shares = shares_of_receptance(np.append(along, b), np.append(0.0, modes.omega**2))
+    seen = shares[1:] > UNSEEN
+    omega, b, phi = modes.omega[seen], b[seen], modes.phi[:, seen]
+    if len(omega):
+        start = np.flatnonzero(np.diff(omega, prepend=-np.inf) > REPEATED * omega)
+        size = np.sqrt(np.add.reduceat(b**2, start))
+        phi = np.add.reduceat(phi * b, start, axis=1) / size
+        omega = omega[start]
+    if static.rigid is not None:
+        omega = np.concatenate([[0.0], omega])
+        phi = np.column_stack([static.rigid[0], phi])
+    return Modes(omega, phi, modes.complete)
+
+
+def _check(structure: Structure, modes: Modes) -> None:
+    """M-orthogonality and residual, measured; AccuracyError beyond CHECK."""
+    k_phi, m_phi = multiply(structure.K, modes.phi), multiply(structure.M, modes.phi)
+    gram = dot(structure.comm, modes.phi, m_phi)
+    off = k_phi - m_phi * modes.omega**2
+    left, size = np.split(structure.factorization.force_sizes(np.hstack([off, k_phi])), 2)
+    worst = {
+        "orthogonality": np.abs(gram - np.eye(len(gram))).max(initial=0.0),
+        "residual": (left / np.maximum(size, np.finfo(float).tiny)).max(initial=0.0),
+    }
+    for name, value in worst.items():
+        if not value <= CHECK:
+            raise AccuracyError(
+                f"the natural modes fail their own check: {name} {value:.1e}, limit {CHECK:.0e};"
+                " the matrices may be ill-conditioned (very uneven elements or materials)."
+            )
+
+
+def _model(
+    structure: Structure,
+    site: Site,
+    where: Functional,
+    static: StaticMode,
+    modes: Modes,
+    static_correction: bool,
+    method: str,
+) -> NaturalModes:
+    b = np.asarray(dot(structure.comm, modes.phi, where.b))
+    r, residual = 0.0, np.zeros_like(where.b)
+    if static_correction:
+        r, residual = _left_out(structure, where, static, modes, b)
+    inertia = uniform_inertia(structure, where)
+    return NaturalModes(
+        omega=modes.omega,
+        b=b,
+        r=r,
+        shapes=modes.phi,
+        residual=residual,
+        weight=None if inertia is None else np.asarray(dot(structure.comm, modes.phi, inertia)),
+        direction=where.direction,
+        inertia=inertia_of(structure, static.beside, modes.phi),
+        hidden=static.beside if structure.rigid_inertia is not None else None,
+        local_compliance=where.local_compliance,
+        radius=site.radius,
+        info={"structure": structure.describe(), "dofs": structure.dofs, "method": method},
+    )
+
+
+def _left_out(
+    structure: Structure, where: Functional, static: StaticMode, modes: Modes, b: Array
+) -> tuple[float, Array]:
+    """Static deflection under a unit force, at the site and everywhere, less that of the modes."""
+    elastic = static.y
+    if structure.rigid_modes.shape[1]:
+        elastic = beside_rigid(structure, structure.factorization, where.b)
+    compliance = float(dot(structure.comm, where.b, elastic))
+    own = np.zeros_like(b)
+    moving = modes.omega > 0
+    own[moving] = b[moving] / modes.omega[moving] ** 2
+    r = compliance - float(own @ b)
+    if r <= ROUNDING * compliance:
+        return 0.0, np.zeros_like(elastic)
+    return r, elastic - modes.phi @ own

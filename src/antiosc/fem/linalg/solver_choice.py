@@ -1,0 +1,149 @@
+"""Models too large for a direct solver: the memory a factor will need, and what is done without it.
+
+A Cholesky factor of a compact body grows as n^(4/3): where it will not fit in the memory that is
+free, conjugate gradients with an algebraic multigrid solve instead, at about a hundred times the
+time per solve.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Literal, get_args
+
+import numpy as np
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from antiosc import checks
+from antiosc.errors import InputError
+from antiosc.fem.linalg import cholmod
+from antiosc.fem.linalg.solvers import (
+    Array,
+    ByPetsc,
+    Distributed,
+    Factorization,
+    OnOneRank,
+    PetscSolver,
+    Solver,
+    by_strains,
+    forecasts,
+)
+from antiosc.fem.linalg.strains import Refined
+from antiosc.fem.linalg.substructures import Substructures, interface
+from antiosc.fem.mpi import on_root, warn
+
+Choice = Literal["auto", "direct", "iterative"]
+
+#: Bytes per entry of the factor, and of the matrices and work arrays beside it.
+BYTES = 8 * 1.3
+#: Entries of a factor over rows^(4/3), for the most compact bodies: cubes of quadratic tetrahedra.
+COMPACT = 35.0
+#: Share of the free memory that a factor may fill.
+FILL = 0.9
+#: Most rows of an interface between ranks that are kept as a dense matrix, 0.3 GB on each rank.
+INTERFACE = 6_000
+#: Relative residual of an iterative solve, and the most iterations for it.
+RESIDUAL, ITERATIONS = 1e-12, 2000
+
+
+class Multigrid(PetscSolver):
+    """Conjugate gradients, preconditioned by smoothed aggregation that knows the rigid motions."""
+
+    def __init__(self, A: PETSc.Mat, motions: Array) -> None:
+        basis = []
+        for column in motions.T:
+            x = A.createVecRight()
+            x.setArray(column)
+            basis.append(x)
+        if basis:
+            for k, x in enumerate(basis):  # PETSc wants them orthonormal
+                for other in basis[:k]:
+                    x.axpy(-x.dot(other), other)
+                x.normalize()
+            A.setNearNullSpace(PETSc.NullSpace().create(vectors=basis, comm=A.getComm()))
+        super().__init__(A)
+
+    def _choose(self) -> None:
+        self._ksp.setType(PETSc.KSP.Type.CG)
+        self._ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
+        self._ksp.setTolerances(rtol=RESIDUAL, max_it=ITERATIONS)
+        self._ksp.getPC().setType(PETSc.PC.Type.GAMG)
+
+
+def checked_choice(choice: Choice) -> Choice:
+    """`choice`, or InputError."""
+    checks.choice("solver", choice, get_args(Choice))
+    return choice
+
+
+def solver_for(A: PETSc.Mat, choice: Choice, motions: Callable[[], Array]) -> Solver:
+    """The solver of A that `choice` names; "auto": direct where its factor fits in memory.
+
+    `motions` gives rigid-body motions (rows of this rank, r) for the multigrid. Where A's product
+    is by strains the solver of its entries is refined to that accuracy.
+    """
+    if by_strains(A):
+        return Refined(A, lambda matrix: _of_entries(matrix, choice, motions))
+    return _of_entries(A, choice, motions)
+
+
+def _of_entries(A: PETSc.Mat, choice: Choice, motions: Callable[[], Array]) -> Solver:
+    if choice == "iterative":
+        return Multigrid(A, motions())
+    rows = A.getSize()[0]
+    free = on_root(A.getComm().tompi4py(), free_memory)
+    if BYTES * COMPACT * rows ** (4 / 3) <= FILL * free:
+        return factorize(A)
+    need = BYTES * min((f.entries for f in forecasts(A)), default=0.0)
+    if need <= FILL * free:
+        return factorize(A)
+    text = (
+        f"the factor of {rows} dofs needs about {need / 1e9:.3g} GB and {free / 1e9:.3g} GB are "
+        "free"
+    )
+    if choice == "direct":
+        raise InputError(f"{text}: take solver='iterative', a coarser mesh, or order=1.")
+    warn(
+        A.getComm().tompi4py(),
+        f"{text}: each solve is iterated instead (conjugate gradients with multigrid), which "
+        "takes about a hundred times as long; a coarser mesh or order=1 would fit.",
+    )
+    return Multigrid(A, motions())
+
+
+def factorize(A: PETSc.Mat) -> Factorization:
+    """The Cholesky factor of A by what is fastest on its ranks."""
+    comm = A.getComm().tompi4py()
+    refused = cholmod_refused(comm)
+    if comm.size == 1:
+        return ByPetsc(A) if refused else OnOneRank(A)
+    if refused:
+        return Distributed(A)
+    rows = interface(A)
+    return Substructures(A, rows) if len(rows) <= INTERFACE else Distributed(A)
+
+
+def cholmod_refused(comm: MPI.Comm) -> bool:
+    """Whether CHOLMOD cannot be called directly on some rank."""
+    return any(comm.allgather(bool(cholmod.refusal())))
+
+
+def free_memory() -> float:
+    """Bytes that this machine, and the container if there is one, can still give."""
+    free = np.inf
+    for line in _lines("/proc/meminfo"):
+        if line.startswith("MemAvailable:"):
+            free = 1024 * float(line.split()[1])
+    group = "/sys/fs/cgroup/memory."
+    most, used = (_lines(group + name) for name in ("max", "current"))
+    if most and used and most[0].isdigit():
+        free = min(free, float(most[0]) - float(used[0]))
+    return free
+
+
+def _lines(path: str) -> list[str]:
+    try:
+        return Path(path).read_text().splitlines()
+    except OSError:
+        return []

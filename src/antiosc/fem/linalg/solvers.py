@@ -1,0 +1,376 @@
+"""PETSc matrices and direct solves on plain arrays.
+
+Vectors are NumPy arrays of the rows this rank owns, blocks of vectors are (rows, columns); inner
+products sum over the ranks. Every solve is checked: PETSc itself stays silent when one fails.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.sparse
+from mpi4py import MPI
+from numpy.typing import NDArray
+from petsc4py import PETSc
+
+from antiosc.errors import AccuracyError, NotConvergedError, OutOfMemoryError
+from antiosc.fem.linalg.cholmod import Cholesky, NotPositiveDefiniteError
+from antiosc.fem.linalg.scaling import norms, roots
+from antiosc.threads import one_thread
+
+Array = NDArray[np.float64]
+
+#: Largest ‖Ax - r‖ / (‖A‖‖x‖ + ‖r‖) that a direct solve may leave; sound ones leave about 1e-16.
+BACKWARD_ERROR = 1e-10
+#: Largest ‖A‖‖x‖/‖Ax‖: rounding makes a mechanism as stiff as 1e-16 of the stiffest motion.
+GROWTH = 1e14
+
+#: Vectors from which a product of matrices is faster than one by one.
+BLOCK = 4
+#: MUMPS's numbers of its orderings that Debian's build has and that serve here.
+AMF, PORD = 2, 4
+#: PETSC_ERR_MEM
+PETSC_NO_MEMORY = 55
+#: PETSc attribute of a matrix: a product that is more accurate than its entries give (callable).
+PRODUCT = "antiosc_product"
+#: Rows from which it pays to forecast a factorization before it is made.
+FORECAST = 30_000
+
+log = logging.getLogger(__name__)
+
+
+def dot(comm: MPI.Comm, x: Array, y: Array) -> Any:
+    """xᵀy over all ranks; x and y are vectors or blocks of vectors."""
+    return comm.allreduce(x.T @ y)
+
+
+def norm(comm: MPI.Comm, x: Array) -> float:
+    """Euclidean norm over all ranks."""
+    return float(np.sqrt(dot(comm, x, x)))
+
+
+def multiply(matrix: PETSc.Mat, x: Array) -> Array:
+    """matrix · x for a vector or a block of vectors."""
+    accurate = matrix.getAttr(PRODUCT)
+    if accurate is not None:
+        return np.asarray(accurate(x))
+    if x.ndim == 2 and x.shape[1] >= BLOCK:
+        block = _dense(matrix, x)
+        product = matrix.matMult(block)
+        result = np.array(product.getDenseArray())
+        product.destroy()
+        block.destroy()
+        return result
+    source, target = matrix.createVecs()
+    result = np.empty((target.getLocalSize(), *x.shape[1:]))
+    columns = x[:, None] if x.ndim == 1 else x
+    out = result[:, None] if x.ndim == 1 else result
+    for k in range(columns.shape[1]):
+        source.setArray(columns[:, k])
+        matrix.mult(source, target)
+        out[:, k] = target.array_r
+    source.destroy()
+    target.destroy()
+    return result
+
+
+def by_strains(matrix: PETSc.Mat) -> bool:
+    """Whether products with the matrix are taken by its strains (`antiosc.fem.linalg.strains`)."""
+    return matrix.getAttr(PRODUCT) is not None
+
+
+def _dense(matrix: PETSc.Mat, x: Array) -> PETSc.Mat:
+    """A block of vectors (rows of this rank, k) as a PETSc matrix that `matrix` can meet."""
+    size = ((x.shape[0], matrix.getSize()[1]), (None, x.shape[1]))
+    block = PETSc.Mat().createDense(size, array=np.asfortranarray(x), comm=matrix.getComm())
+    block.setUp()
+    block.assemble()
+    return block
+
+
+def csr(matrix: PETSc.Mat) -> scipy.sparse.csr_matrix:
+    """The matrix of a one-rank communicator as a SciPy one."""
+    pointers, indices, values = matrix.getValuesCSR()
+    return scipy.sparse.csr_matrix((values, indices, pointers), shape=matrix.getSize())
+
+
+def lower(A: scipy.sparse.csr_matrix) -> scipy.sparse.csr_matrix:
+    """The lower triangle, the diagonal included; half the memory."""
+    rows = np.repeat(np.arange(A.shape[0], dtype=A.indices.dtype), np.diff(A.indptr))
+    within = A.indices <= rows
+    counts = np.bincount(rows[within], minlength=A.shape[0])
+    pointers = np.append(0, np.cumsum(counts)).astype(A.indptr.dtype)
+    return scipy.sparse.csr_matrix((A.data[within], A.indices[within], pointers), shape=A.shape)
+
+
+def gathered(matrix: PETSc.Mat, root: int) -> scipy.sparse.csr_matrix | None:
+    """The whole of a matrix that the ranks share, as a SciPy one on rank `root`; None elsewhere."""
+    comm = matrix.getComm().tompi4py()
+    own = [np.ascontiguousarray(part) for part in matrix.getValuesCSR()]
+    own[0] = np.diff(own[0])  # entries of each row
+    parts: list[Any] = []
+    for part in own:
+        counts = comm.gather(len(part), root=root)
+        whole = np.empty(sum(counts), part.dtype) if comm.rank == root else None
+        comm.Gatherv(part, (whole, counts), root=root)
+        parts.append(whole)
+    if comm.rank != root:
+        return None
+    sizes, columns, values = parts
+    return scipy.sparse.csr_matrix(
+        (values, columns, np.concatenate([[0], np.cumsum(sizes)])), shape=matrix.getSize()
+    )
+
+
+def sum_of(K: PETSc.Mat, shift: float, M: PETSc.Mat) -> PETSc.Mat:
+    """K + shift·M; K itself where the shift is zero."""
+    if shift == 0.0:
+        return K
+    A = K.copy()
+    A.axpy(shift, M, structure=PETSc.Mat.Structure.UNKNOWN_NONZERO_PATTERN)
+    accurate = K.getAttr(PRODUCT)
+    if accurate is not None:
+        A.setAttr(PRODUCT, lambda x: accurate(x) + shift * multiply(M, x))
+    return A
+
+
+class Solver(ABC):
+    """A⁻¹ of a symmetric positive definite matrix, for many right-hand sides."""
+
+    #: what setting it up took
+    seconds: float
+    #: largest ‖A‖‖x‖/‖Ax‖ of a checked solve
+    growth: float = GROWTH
+
+    def __init__(self, A: PETSc.Mat) -> None:
+        started = time.perf_counter()
+        self.A = A
+        self.comm: MPI.Comm = A.getComm().tompi4py()
+        A.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+        A.setOption(PETSc.Mat.Option.SPD, True)
+        with one_thread():  # but for factors that are worth more
+            self._set_up()
+        self.seconds = time.perf_counter() - started
+        log.info("%s of %d dofs: %.1f s", type(self).__name__, A.getSize()[0], self.seconds)
+
+    @abstractmethod
+    def _set_up(self) -> None:
+        """Make ready for solves."""
+
+    @abstractmethod
+    def solve_block(self, R: Array) -> Array:
+        """A⁻¹R for a block of vectors (rows, k), unchecked but for the solver's own verdict."""
+
+    def solve(self, r: Array) -> Array:
+        """A⁻¹r for one vector."""
+        return self.solve_block(r[:, None])[:, 0]
+
+    def solve_vector(self, r: PETSc.Vec, x: PETSc.Vec) -> None:
+        """The same on PETSc vectors, in place."""
+        x.setArray(self.solve(r.array_r))
+
+    def solve_checked(self, r: Array) -> Array:
+        """A⁻¹r (a vector or a block), its residual measured: a singular matrix is not unseen."""
+        R = r[:, None] if r.ndim == 1 else r
+        X = self.solve_block(R)
+        root = roots(self.A)[:, None]
+        load = norms(self.comm, R / root)
+        size = norms(self.comm, root * X) + load
+        rest = norms(self.comm, (multiply(self.A, X) - R) / root)
+        growth = (size / np.maximum(load, np.finfo(float).tiny)).max()
+        if not growth <= self.growth:
+            raise AccuracyError(SINGULAR.format(f"‖A‖‖x‖/‖Ax‖ = {growth:.0e}"))
+        if not (rest <= BACKWARD_ERROR * size).all():
+            error = (rest / size).max()
+            raise AccuracyError(
+                SINGULAR.format(f"backward error {error:.1e}, limit {BACKWARD_ERROR:.0e}")
+            )
+        return X[:, 0] if r.ndim == 1 else X
+
+    def force_sizes(self, R: Array) -> Array:
+        """Norms of forces, vectors as columns, in which residuals are compared."""
+        return norms(self.comm, R)
+
+
+class Factorization(Solver):
+    """A Cholesky factor: `OnOneRank`, `ByPetsc`, `Distributed`, or by `fem.substructures`."""
+
+    @property
+    @abstractmethod
+    def entries(self) -> float:
+        """Entries of the factor, of all ranks together."""
+
+
+class OnOneRank(Factorization):
+    """Cholesky factor of a matrix on one rank, by CHOLMOD."""
+
+    def _set_up(self) -> None:
+        try:
+            self.cholesky = Cholesky(lower(csr(self.A)), self.A.getBlockSize())
+        except NotPositiveDefiniteError as error:
+            raise NotConvergedError(SINGULAR.format(error)) from error
+
+    @property
+    def entries(self) -> float:
+        """Entries of the factor."""
+        return float(self.cholesky.supernodes.values.size)
+
+    def solve_block(self, R: Array) -> Array:
+        """A⁻¹R for a block of vectors (rows, k): many at once cost a fraction of one by one."""
+        return self.cholesky.solve(R)
+
+
+class PetscSolver(Solver):
+    """A solver of PETSc's."""
+
+    def _set_up(self) -> None:
+        self._ksp = PETSc.KSP().create(self.A.getComm())
+        self._ksp.setOperators(self.A)
+        self._ksp.setOptionsPrefix(f"antiosc_{id(self)}_")
+        try:
+            self._choose()
+            self._ksp.setUp()
+        except PETSc.Error as error:
+            if error.ierr == PETSC_NO_MEMORY:
+                raise OutOfMemoryError(
+                    f"PETSc has no memory to solve for {self.A.getSize()[0]} rows: take "
+                    "solver='iterative', a coarser mesh or order=1."
+                ) from error
+            raise NotConvergedError(SINGULAR.format(f"PETSc error {error.ierr}")) from error
+        self._b, self._x = self.A.createVecs()
+
+    @abstractmethod
+    def _choose(self) -> None:
+        """Tell PETSc which solver it shall be."""
+
+    def solve_vector(self, r: PETSc.Vec, x: PETSc.Vec) -> None:
+        """A⁻¹r on PETSc vectors, in place."""
+        self._ksp.solve(r, x)
+        reason = self._ksp.getConvergedReason()
+        if reason < 0:
+            raise NotConvergedError(SINGULAR.format(f"PETSc reason {reason}"))
+
+    def solve_block(self, R: Array) -> Array:
+        """A⁻¹R for a block of vectors (rows, k), one by one."""
+        X = np.empty(R.shape, order="F")
+        for k in range(R.shape[1]):
+            self._b.setArray(R[:, k])
+            self.solve_vector(self._b, self._x)
+            X[:, k] = self._x.array_r
+        return X
+
+
+class Distributed(PetscSolver, Factorization):
+    """Cholesky factor over many ranks by MUMPS, with the ordering that needs fewer operations."""
+
+    def _choose(self) -> None:
+        self._ksp.setType(PETSc.KSP.Type.PREONLY)
+        pc = self._ksp.getPC()
+        pc.setType(PETSc.PC.Type.CHOLESKY)
+        pc.setFactorSolverType("mumps")
+        prefix = self._ksp.getOptionsPrefix()
+        PETSc.Options()[prefix + "mat_mumps_icntl_7"] = best_ordering(self.A)
+        self._ksp.setFromOptions()
+
+    @property
+    def entries(self) -> float:
+        """Entries of the factor, of all ranks together."""
+        return _count(self._ksp.getPC().getFactorMatrix().getMumpsInfog(29))
+
+    def solve_block(self, R: Array) -> Array:
+        """A⁻¹R for a block of vectors (rows, k): many at once cost a fraction of one by one."""
+        if R.shape[1] < 2:
+            return super().solve_block(R)
+        B, X = _dense(self.A, R), _dense(self.A, np.zeros(R.shape, order="F"))
+        self._ksp.getPC().getFactorMatrix().matSolve(B, X)
+        result = np.array(X.getDenseArray())
+        X.destroy()
+        B.destroy()
+        return result
+
+
+class ByPetsc(PetscSolver, Factorization):
+    """Cholesky factor on one rank by CHOLMOD through PETSc, where `cholmod.refusal` says why."""
+
+    def _choose(self) -> None:
+        self._ksp.setType(PETSc.KSP.Type.PREONLY)
+        pc = self._ksp.getPC()
+        pc.setType(PETSc.PC.Type.CHOLESKY)
+        if PETSc.Sys.hasExternalPackage("cholmod") or PETSc.Sys.hasExternalPackage("suitesparse"):
+            pc.setFactorSolverType("cholmod")  # PETSc's own Cholesky fills in far more
+
+    @property
+    def entries(self) -> float:
+        """Entries of the factor."""
+        return float(self._ksp.getPC().getFactorMatrix().getInfo()["nz_used"])
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """What a Cholesky factor will need, from that of one displacement component."""
+
+    #: MUMPS's number of the ordering
+    ordering: int
+    #: entries of the factor, and operations to make it
+    entries: float
+    operations: float
+
+
+def forecasts(A: PETSc.Mat) -> list[Forecast]:
+    """Forecasts for MUMPS's orderings; empty where A is not blocked by nodes.
+
+    The graph of the nodes decides: of the rows every b-th is taken (one component of each node)
+    and factored, at 1/b² of the entries and 1/b³ of the operations.
+    """
+    block = A.getBlockSize()
+    if block == 1:
+        return []
+    first, last = A.getOwnershipRange()
+    rows = PETSc.IS().createStride((last - first) // block, first, block, comm=A.getComm())
+    part = A.createSubMatrix(rows, rows)
+    part.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+    part.setOption(PETSc.Mat.Option.SPD, True)
+    found = []
+    for ordering in (AMF, PORD):
+        ksp = PETSc.KSP().create(A.getComm())
+        ksp.setOperators(part)
+        ksp.setType(PETSc.KSP.Type.PREONLY)
+        pc = ksp.getPC()
+        pc.setType(PETSc.PC.Type.CHOLESKY)
+        pc.setFactorSolverType("mumps")
+        prefix = f"antiosc_forecast_{ordering}_"
+        ksp.setOptionsPrefix(prefix)
+        PETSc.Options()[prefix + "mat_mumps_icntl_7"] = ordering
+        ksp.setFromOptions()
+        ksp.setUp()
+        factor = pc.getFactorMatrix()
+        entries, operations = factor.getMumpsInfog(20), factor.getMumpsRinfog(1)
+        found.append(Forecast(ordering, block**2 * _count(entries), block**3 * operations))
+        ksp.destroy()
+    return found
+
+
+def _count(entries: int) -> float:
+    """A number of entries as MUMPS gives it: large ones in millions, negative."""
+    return float(entries) if entries >= 0 else -1e6 * entries
+
+
+def best_ordering(A: PETSc.Mat) -> int:
+    """MUMPS's ordering with fewer operations: AMF on thin bodies, PORD on compact ones."""
+    if A.getSize()[0] < FORECAST:
+        return AMF
+    found = forecasts(A)
+    return min(found, key=lambda f: f.operations).ordering if found else AMF
+
+
+#: What is said of a matrix that has no Cholesky factor.
+SINGULAR = (
+    "the stiffness matrix cannot be factored ({}): some part can still move freely, as at a hinge "
+    "where pieces meet in one point or line (join or support it), or is too slender for sixteen "
+    "digits (take fewer elements)."
+)

@@ -1,0 +1,118 @@
+"""What must be true of the cells of a file before they become a mesh, and what is only told."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from antiosc.errors import MeshError, warn
+from antiosc.fem import compat
+from antiosc.fem.mesh import conformity, folded_cells
+from antiosc.fem.readers import RawMesh
+from antiosc.fem.readers.neutral import IntArray
+
+
+def sound(raw: RawMesh, name: str, made_here: bool) -> RawMesh:
+    """`raw` itself, or without folded cells if gmsh made it here; `name` is that of the file.
+
+    Raises
+    ------
+    MeshError
+        Repeated cells, cells without length, area or volume, pieces that share no node.
+
+    Warns
+    -----
+    AntioscWarning
+        Cells that fold over or overlap, cracks and hanging nodes.
+    """
+    kind = raw.kind
+    vertices = raw.cells[:, : kind.vertices]
+    _refuse_repeated(raw, vertices, name)
+    cells = raw.cells[:, compat.node_order(kind.shape, kind.nodes, raw.convention)]
+    flat = folded_cells.collapsed(raw.points, cells, kind.shape, kind.order)
+    if len(flat):
+        measure = ("length", "area", "volume")[kind.dim - 1]
+        raise MeshError(
+            f"{len(flat)} of {len(cells)} cells of {name} have no {measure}, one at "
+            f"({_centre(raw, flat[0])}) m: merge the nodes that coincide, or mesh it anew."
+        )
+    _refuse_pieces(raw, name)
+    if kind.dim == raw.points.shape[1]:
+        if made_here and kind.order == 2 and kind.shape in folded_cells.EDGES:
+            return replace(raw, points=folded_cells.straightened(raw.points, raw.cells, kind.shape))
+        bad = folded_cells.folded(raw.points, cells, kind.shape, kind.order)
+        if len(bad):
+            warn(
+                f"{len(bad)} of {len(cells)} cells of {name} fold over themselves, one at "
+                f"({_centre(raw, bad[0])}) m: what is computed there is wrong; optimise the mesh "
+                "(in gmsh: Mesh.HighOrderOptimize = 2) or read it with order=1.",
+            )
+    if not made_here:
+        _tell_unfit(raw, vertices, name)
+    return raw
+
+
+def _refuse_repeated(raw: RawMesh, vertices: IntArray, name: str) -> None:
+    ordered = np.sort(raw.cells, axis=1)
+    twice = np.flatnonzero((ordered[:, 1:] == ordered[:, :-1]).any(axis=1))
+    if len(twice):
+        raise MeshError(
+            f"{len(twice)} of {len(vertices)} cells of {name} use a node twice, one at "
+            f"({_centre(raw, twice[0])}) m: write them as cells of fewer nodes, or mesh it anew."
+        )
+    again = conformity.repeated(vertices)
+    if len(again):
+        raise MeshError(
+            f"{len(again)} of {len(vertices)} cells of {name} repeat another one, node by node, "
+            f"one at ({_centre(raw, again[0])}) m: delete the copies."
+        )
+    if raw.kind.dim == raw.points.shape[1]:
+        many = conformity.crowded(vertices, raw.kind)
+        if len(many):
+            raise MeshError(
+                f"{len(many)} of {len(vertices)} cells of {name} share a side with more than one "
+                f"other, one at ({_centre(raw, many[0])}) m: they overlap; delete those too many."
+            )
+
+
+def _refuse_pieces(raw: RawMesh, name: str) -> None:
+    n = len(raw.points)
+    first = np.repeat(raw.cells[:, :1], raw.cells.shape[1] - 1, axis=1)
+    graph = coo_matrix(
+        (np.ones(first.size, dtype=np.int8), (first.ravel(), raw.cells[:, 1:].ravel())),
+        shape=(n, n),
+    )
+    count, label = connected_components(graph, directed=False)
+    if count > 1:
+        sizes = np.sort(np.bincount(label[raw.cells[:, 0]], minlength=count))[::-1]
+        shown = ", ".join(str(s) for s in sizes[:4]) + (", …" if count > 4 else "")
+        raise MeshError(
+            f"{name} falls into {count} pieces that share no node ({shown} cells): join them "
+            '(in gmsh: BooleanFragments or Coherence) or read the one that is struck (cells="its '
+            'group").'
+        )
+
+
+def _tell_unfit(raw: RawMesh, vertices: IntArray, name: str) -> None:
+    over = conformity.overlapping(raw.points, vertices, raw.kind)
+    if len(over):
+        warn(
+            f"{len(over)} of {len(vertices)} cells of {name} overlap others, one at "
+            f"({_centre(raw, over[0])}) m: mass and stiffness count twice there; mesh the parts as "
+            "one (in gmsh: BooleanUnion or BooleanFragments)."
+        )
+    loose = conformity.unjoined(raw.points, vertices, raw.kind)
+    if len(loose):
+        at = ", ".join(f"{c:.4g}" for c in raw.points[loose[0]])
+        warn(
+            f"{len(loose)} nodes of {name} lie on cells that they do not belong to, one at "
+            f"({at}) m: the mesh is cracked there, by nodes that coincide or hang on an edge; "
+            "merge them, or mesh the parts as one, unless they shall move apart."
+        )
+
+
+def _centre(raw: RawMesh, cell: int) -> str:
+    return ", ".join(f"{c:.4g}" for c in raw.points[raw.cells[cell]].mean(axis=0))

@@ -1,0 +1,173 @@
+"""Sites as arrays: what each means on the mesh, and its load b as a sparse column."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse
+from numpy.typing import NDArray
+
+from antiosc.errors import AccuracyWarning, InputError
+from antiosc.fem.compat import IntArray
+from antiosc.fem.linalg.solvers import Array
+from antiosc.fem.mesh.closest_point import Places, closest, closest_many, size_at
+from antiosc.fem.mesh.surface import Faces
+from antiosc.fem.mpi import warn
+from antiosc.fem.site.patches import Points, loads, patches
+from antiosc.fem.structure.structure import Structure
+
+#: Radius of a shell's patch over its thickness, where none is given: that at which a plate deforms
+#: as a solid does without what its patch has of a half-space (demos/fidelity.py compares them).
+SHEET_RADIUS = 1.0
+#: A point lies on a sheet up to this share of the structure's size.
+ON_SHEET = 1e-6
+#: A patch is whole with this share of its load on the face, resolved by faces up to this times its
+#: radius, and held by supports where these carry more than this share of its load.
+WHOLE, RESOLVED, PARTLY = 0.9, 1.2, 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Sites:
+    """P sites; all but `loads` on every rank alike.
+
+    Attributes
+    ----------
+    points, directions : (P, 3) places [m] and unit directions of impact.
+    loads : b of all sites as columns (rows of this rank, P), zero on fixed dofs.
+    radii : (P,) of the patches [m]; NaN for points.
+    local : (P,) half-space compliances of the patches [m/N].
+    share : (P,) of each patch that lies on its face; 1 for points.
+    depth, size : (P,) distance of the site from the surface, and size of the faces there [m].
+    moving : (P,) share of the load on dofs that can move.
+    """
+
+    points: Array
+    directions: Array
+    loads: scipy.sparse.csr_matrix
+    radii: Array
+    local: Array
+    share: Array
+    depth: Array
+    size: Array
+    moving: Array
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+
+def located(
+    structure: Structure,
+    points: Array,
+    directions: Array,
+    radii: Array,
+    places: Places | None = None,
+) -> Sites:
+    """Sites at points (P, 3) of the structure, struck along unit directions (P, 3).
+
+    `radii` (P,) are those of the patches; NaN is a point, on a sheet a patch of its thickness.
+    `places`, the cells that hold the points, are found where they are not given.
+    """
+    mesh, form = structure.meshed()
+    count, radii = len(points), np.array(radii, dtype=float)
+    local, share, depth, size = np.zeros(count), np.ones(count), np.zeros(count), np.zeros(count)
+    given = np.isfinite(radii)
+    if form.patch is None and given.any():
+        raise InputError(
+            "a radius applies to solids and shells: under a beam's point load the compliance is "
+            "finite, so leave radius=None."
+        )
+    found = []
+    patch = np.full(count, form.patch == "cells") | given
+    if patch.any():
+        faces = Faces(mesh, form.patch == "cells")
+        labels = structure.part_of_cells()[faces.cells]
+        if not given.all() and form.patch == "cells":
+            thickness = np.array([material.thickness for material, _ in structure.parts])
+            near = np.full(count, ON_SHEET * mesh.extent())
+            part = faces.contact(points, directions, near, labels).label
+            radii = np.where(given, radii, SHEET_RADIUS * thickness[part])
+        contact = faces.contact(points[patch], directions[patch], radii[patch], labels)
+        own, share[patch] = patches(faces, points[patch], radii[patch], contact)
+        found.append(replace(own, site=np.flatnonzero(patch)[own.site]))
+        cosines = np.einsum("pd,pd->p", directions[patch], contact.normals)
+        pairs = zip(contact.label, cosines, strict=True)
+        half_space = [structure.parts[k][0].half_space_compliance(float(c)) for k, c in pairs]
+        local[patch] = np.array(half_space) / radii[patch]
+        depth[patch], size[patch] = contact.depth, contact.largest
+        deep = np.flatnonzero(np.isinf(depth))
+        if len(deep):  # how deep is told to the caller
+            far = np.full(len(deep), mesh.extent())
+            depth[deep] = faces.contact(points[deep], directions[deep], far, labels).depth
+    if not patch.all():
+        found.append(_points(structure, points, np.flatnonzero(~patch), places))
+    B = loads(structure, Points.joined(found), directions)
+    weight = _sums(structure, B)
+    free = np.ones(B.shape[0])
+    free[structure.fixed[structure.fixed < len(free)]] = 0.0
+    B = (scipy.sparse.diags(free) @ B).tocsr()
+    moving = _sums(structure, B) / np.where(weight > 0, weight, 1.0)
+    return Sites(points, directions, B, radii, local, share, depth, size, moving)
+
+
+def _sums(structure: Structure, B: scipy.sparse.csr_matrix) -> Array:
+    """Sum (P,) of each load's parts over all ranks, all taken as positive."""
+    return np.asarray(structure.comm.allreduce(np.asarray(abs(B).sum(axis=0)).ravel()))
+
+
+def _points(structure: Structure, points: Array, which: IntArray, places: Places | None) -> Points:
+    """The sites that are points, as points of this rank's cells."""
+    at: IntArray = which
+    if places is None:
+        places = closest_many(structure.meshed()[0], points[which])
+        at = np.arange(len(which))
+    mine = places.rank[at] == structure.comm.rank
+    at = at[mine]
+    return Points(which[mine], places.cell[at], places.X[at], np.ones(len(at)))
+
+
+def tell(structure: Structure, sites: Sites) -> None:
+    """Warn, on rank 0, of what makes the sites' compliances doubtful."""
+    mesh, form = structure.meshed()
+    if form.patch and np.isnan(sites.radii).any():
+        first = np.flatnonzero(np.isnan(sites.radii))[0]
+        size = size_at(mesh, closest(mesh, sites.points[first]))
+        _warn(
+            structure,
+            "the compliance under a point load on a solid grows without limit as the mesh is "
+            f"refined: give the site a radius, here for instance radius={size:.1g} (the element "
+            f"there measures {size:.2g} m; its radius should not be smaller).",
+        )
+    coarse = sites.size > RESOLVED * sites.radii
+    if coarse.any() and form.patch == "facets":
+        i = int(np.argmax(np.where(coarse, sites.size / sites.radii, 0.0)))
+        _warn(
+            structure,
+            f"the facets at the site{_at(coarse)} measure {sites.size[i]:.2g} m, more than "
+            f"the radius {sites.radii[i]:g} m: the patch is not resolved; read the geometry with "
+            f"refine=[(point, {sites.radii[i]:g})] or take radius={sites.size[i]:.1g}.",
+        )
+    cut = sites.share < WHOLE
+    if cut.any():
+        _warn(
+            structure,
+            f"an edge cuts the patch{_at(cut)}: only {sites.share[cut].min():.0%} of its load area "
+            "lies on the face, so its half-space compliance does not hold; move the site or take a "
+            "smaller radius.",
+        )
+    held = (1 - sites.moving > PARTLY) & (sites.local > 0)
+    if held.any():
+        _warn(
+            structure,
+            f"supports hold {1 - sites.moving[held].min():.0%} of the patch{_at(held)}: its "
+            "half-space compliance does not hold there; move the site or take a smaller radius.",
+        )
+
+
+def _at(which: NDArray[np.bool_]) -> str:
+    """ " at 3 of 10 sites" where there are several."""
+    return "" if len(which) == 1 else f" at {int(which.sum())} of {len(which)} sites"
+
+
+def _warn(structure: Structure, message: str) -> None:
+    warn(structure.comm, message, AccuracyWarning)

@@ -1,0 +1,321 @@
+"""What is added to a structure's matrices on motions that it already has.
+
+Beams on the edges of a sheet, point masses, grounded springs: none has dofs of its own. A beam is
+assembled on a mesh of those edges, whose dofs are dofs of the sheet, K + Tᵀ K_beam T; masses and
+springs are sums of m b bᵀ with the b that gives a motion of a point.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import dolfinx
+import numpy as np
+import scipy.spatial
+from petsc4py import PETSc
+
+from antiosc.checks import array, coordinates, nonnegative, positive, shown, store
+from antiosc.errors import InputError
+from antiosc.fem import compat
+from antiosc.fem.compat import IntArray
+from antiosc.fem.elements.beam import Beam, on_lines
+from antiosc.fem.elements.weak_form import WeakForm
+from antiosc.fem.linalg.solvers import Array, multiply
+from antiosc.fem.mesh import closest_point
+from antiosc.fem.mesh.mesh import Mesh
+from antiosc.fem.mpi import agree
+
+MOTIONS = ("x", "y", "z", "rx", "ry", "rz")
+#: Dofs of a beam and of the sheet are the same within this share of the beam's extent.
+SAME = 1e-7
+#: A point this share of the size off the structure, as by a curved mesh, is moved onto it.
+NEAR = 1e-3
+
+
+def _checked_where(where: Any) -> str | tuple[float, ...]:
+    """A group's name, or coordinates."""
+    return where if isinstance(where, str) else coordinates("where, if no group's name,", where)
+
+
+@dataclass(frozen=True)
+class PointMass:
+    """A rigid mass fixed at a point, as a motor on a panel.
+
+    Parameters
+    ----------
+    where : str or sequence of floats
+        A group of points of the mesh (each of them carries one such mass), or coordinates in m
+        of any point of the structure.
+    mass : float
+        kg.
+    inertia : float or sequence of 3 floats
+        Moments of inertia about x, y and z, kg m²; on beams and shells.
+    """
+
+    where: str | Sequence[float]
+    mass: float
+    inertia: float | Sequence[float] = 0.0
+
+    def __post_init__(self) -> None:
+        values = array("inertia", self.inertia, None)
+        if values.shape not in ((), (3,)):
+            raise InputError(
+                f"inertia must be one number or three (in kg m²); got {shown(self.inertia)}."
+            )
+        if (values < 0).any():
+            raise InputError(f"inertia must be >= 0 (in kg m²); got {shown(self.inertia)}.")
+        store(
+            self,
+            where=_checked_where(self.where),
+            mass=nonnegative("mass", self.mass, "kg"),
+            inertia=tuple(values.tolist()) if values.ndim else float(values),
+        )
+        if self.mass == 0 and not values.any():
+            raise InputError("a PointMass needs a mass or an inertia; both are 0.")
+
+    def values(self) -> dict[str, float]:
+        """Motion -> mass or inertia."""
+        inertia = np.broadcast_to(self.inertia, (3,))
+        return dict(zip(MOTIONS, [self.mass] * 3 + [float(i) for i in inertia], strict=True))
+
+
+@dataclass(frozen=True)
+class Spring:
+    """A spring from a point of the structure to the ground.
+
+    Parameters
+    ----------
+    where : str or sequence of floats
+        As for `PointMass`.
+    stiffness : dict
+        Motion -> stiffness: of "x", "y", "z" (N/m), "rx", "ry", "rz" (N m/rad).
+    """
+
+    where: str | Sequence[float]
+    stiffness: Mapping[str, float]
+
+    def __post_init__(self) -> None:
+        store(self, where=_checked_where(self.where))
+        if not isinstance(self.stiffness, Mapping) or not self.stiffness:
+            raise InputError("a Spring needs a stiffness, as in Spring(where, {'z': 1e5}).")
+        for name in self.stiffness:
+            if name not in MOTIONS:
+                raise InputError(
+                    f"a Spring holds motions of {', '.join(MOTIONS)}; {name!r} is none of them."
+                )
+        store(
+            self,
+            stiffness={
+                name: positive(f"the stiffness along {name}", value)
+                for name, value in self.stiffness.items()
+            },
+        )
+
+
+@dataclass(frozen=True)
+class Matrices:
+    """A structure's matrices and what attachments need to know to change them in place."""
+
+    mesh: Mesh
+    form: WeakForm
+    K: PETSc.Mat
+    M: PETSc.Mat
+    #: dofs of this rank, ghosts included, that the supports hold
+    fixed: IntArray
+
+
+@dataclass(frozen=True)
+class Added:
+    """What attachments bring along besides their part of K and M, summed by the structure."""
+
+    #: kg
+    mass: float
+    #: M e for unit accelerations e along x, y, z, of the attachment alone (rows of this rank, 3)
+    inertia: Array
+    #: b of every motion that is held by a spring (rows of this rank, k)
+    springs: Array
+
+
+def add_beams(to: Matrices, name: str, beam: Beam, edges: IntArray) -> Added:
+    """Add `beam` on the `edges` of a sheet, entities of this rank in the group `name`."""
+    if to.mesh.cell == "quadrilateral" and to.mesh.order > 1:
+        raise InputError(
+            f"beams on curved quadrilaterals (group {name!r}): these give way to the pull of a "
+            "stiffener where they are thinner than their rise; mesh the sheet with triangles."
+        )
+    if not beam.shear:
+        raise InputError(
+            f"stiffeners (group {name!r}) shear with their sheet: leave shear=False to beams alone."
+        )
+    line = _edge_mesh(to.mesh, edges, f"the edges of group {name!r}")
+    cells = compat.cell_map(line.dolfinx)
+    parts = [(beam, np.arange(cells.size_local + cells.num_ghosts, dtype=np.int32))]
+    form = on_lines(line, parts, 3 if to.mesh.cell == "triangle" else 2)
+    T = _shared_dofs(to, edges, form, line)
+    own = [compat.assemble(forms, form.space, {}, 0.0) for forms in (form.stiffness, form.mass)]
+    for matrix, one in zip((to.K, to.M), own, strict=True):
+        matrix.axpy(1.0, one.ptap(T), structure=PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+    moving = np.zeros((compat.local_size(form.space), 3))
+    for axis, motion in enumerate("xyz"):
+        dofs, _ = compat.dof_coordinates(form.space, form.components[motion])
+        moving[dofs[dofs < len(moving)], axis] = 1.0
+    inertia = multiply(own[1], moving)
+    mass = line.comm.allreduce(float(moving[:, 0] @ inertia[:, 0]))
+    rows = compat.local_size(to.form.space)
+    return Added(mass, _transposed(T, inertia), np.zeros((rows, 0)))
+
+
+def add_at_points(to: Matrices, one: PointMass | Spring) -> Added:
+    """Add a mass or a spring at its points."""
+    matrix = to.M if isinstance(one, PointMass) else to.K
+    values = one.values() if isinstance(one, PointMass) else one.stiffness
+    values = {motion: value for motion, value in values.items() if value}
+    if "z" not in to.form.components and isinstance(one, PointMass):
+        values.pop("z", None)  # a plane structure does not move there
+    foreign = [motion for motion in values if motion not in to.form.components]
+    if foreign:
+        raise InputError(
+            f"{type(one).__name__} at {one.where!r} acts on {', '.join(foreign)}, but the motions "
+            f"of this structure are {', '.join(to.form.components)}."
+        )
+    places = _places(to.mesh, one.where)
+    rows = compat.local_size(to.form.space)
+    inertia, springs = np.zeros((rows, 3)), []
+    for place in places:
+        for motion, value in values.items():
+            b = _add_motion(to, matrix, motion, place, value)
+            if isinstance(one, Spring):
+                springs.append(b)
+            elif motion in "xyz":
+                inertia[:, "xyz".index(motion)] += value * b
+    matrix.assemble()
+    mass = one.mass * len(places) if isinstance(one, PointMass) else 0.0
+    return Added(mass, inertia, np.column_stack([np.zeros((rows, 0)), *springs]))
+
+
+def _add_motion(
+    to: Matrices, matrix: PETSc.Mat, motion: str, place: closest_point.Place, value: float
+) -> Array:
+    """Add value·b bᵀ for the motion b of a point; b on the rows of this rank, 0 where held."""
+    path = to.form.components[motion]
+    vector = matrix.createVecRight()
+    if to.mesh.comm.rank == place.rank:
+        dofs = compat.subspace(to.form.space, path).dofmap.cell_dofs(place.cell)
+        weights = compat.tabulate(to.form.space, path, place.X.reshape(1, -1))[0]
+        weights = np.where(np.isin(dofs, to.fixed), 0.0, weights)
+        rows = compat.global_dofs(to.form.space, dofs)
+        add = PETSc.InsertMode.ADD_VALUES
+        matrix.setValues(rows, rows, value * np.outer(weights, weights), addv=add)
+        vector.setValues(rows, weights, addv=add)
+    vector.assemble()
+    b = np.array(vector.array_r)
+    vector.destroy()
+    return b
+
+
+def _places(mesh: Mesh, where: str | Sequence[float]) -> list[closest_point.Place]:
+    if not isinstance(where, str):
+        point = np.zeros(3)
+        point[: len(where)] = where
+        place = closest_point.closest(mesh, point)
+        if place.distance > NEAR * mesh.extent():
+            at = ", ".join(f"{c:.6g}" for c in place.x)
+            raise InputError(
+                f"the point {tuple(where)} is {place.distance:.3g} m off the structure; its "
+                f"nearest point is ({at}) m."
+            )
+        return [place]
+    group = mesh.group(where)
+    if set(group) != {0}:
+        raise InputError(
+            f"group {where!r} must hold points alone to carry masses or springs; it holds "
+            f"entities of dimension {', '.join(str(dim) for dim in sorted(group))}."
+        )
+    owned = mesh.dolfinx.topology.index_map(0).size_local
+    mine = group[0][group[0] < owned]
+    x = mesh.dolfinx.geometry.x[compat.entity_vertices(mesh.dolfinx, 0)[mine, 0]]
+    points = np.vstack(mesh.comm.allgather(x))
+    return [closest_point.closest(mesh, point) for point in points]
+
+
+#: Corners of the edges of a cell, in dolfinx's order; mid-side nodes follow the corners.
+EDGES = {
+    "triangle": ((1, 2), (0, 2), (0, 1)),
+    "quadrilateral": ((0, 1), (0, 2), (1, 3), (2, 3)),
+}
+
+
+def _edge_mesh(mesh: Mesh, edges: IntArray, name: str) -> Mesh:
+    """A mesh in space of some edges, with the curvature that they have in the sheet."""
+    topology = mesh.dolfinx.topology
+    topology.create_connectivity(1, 2)
+    topology.create_connectivity(2, 1)
+    owned = edges[edges < topology.index_map(1).size_local]
+    nodes = np.zeros((len(owned), mesh.order + 1), dtype=np.int64)
+    of_cell = compat.geometry_nodes(mesh.dolfinx)
+    table = EDGES[mesh.cell]
+    for row, edge in enumerate(owned):
+        cell = topology.connectivity(1, 2).links(edge)[0]
+        local = int(np.flatnonzero(topology.connectivity(2, 1).links(cell) == edge)[0])
+        places = [*table[local], len(table) + local][: mesh.order + 1]
+        nodes[row] = of_cell[cell][places]
+    x = np.zeros((len(mesh.dolfinx.geometry.x), 3))
+    x[:] = mesh.dolfinx.geometry.x
+    numbers = np.asarray(mesh.dolfinx.geometry.input_global_indices)[nodes]
+    everywhere = mesh.comm.allgather((numbers, x[nodes]))
+    numbers = np.vstack([one for one, _ in everywhere])
+    points = np.concatenate([one for _, one in everywhere])
+    _, first, cells = np.unique(numbers.ravel(), return_index=True, return_inverse=True)
+    cells, points = cells.reshape(numbers.shape), points.reshape(-1, 3)[first]
+    if mesh.comm.rank:
+        cells, points = cells[:0], points[:0]
+    line = compat.create_mesh(mesh.comm, cells, points, "interval", mesh.order)
+    return Mesh(line, {}, name)
+
+
+def _shared_dofs(to: Matrices, edges: IntArray, form: WeakForm, line: Mesh) -> PETSc.Mat:
+    """T with beam dofs = T · sheet dofs; the rows of dofs that the supports hold are empty."""
+    size = line.extent()
+    rows, first = compat.local_size(form.space), form.space.dofmap.index_map.local_range[0]
+    first *= form.space.dofmap.index_map_bs
+    T = PETSc.Mat().createAIJ(
+        ((rows, None), (compat.local_size(to.form.space), None)), nnz=1, comm=to.mesh.comm
+    )
+    error = None
+    for motion, path in form.components.items():
+        sheet = compat.subspace(to.form.space, to.form.components[motion])
+        all_dofs, all_x = compat.dof_coordinates(to.form.space, to.form.components[motion])
+        there = np.asarray(dolfinx.fem.locate_dofs_topological(sheet, 1, edges))
+        order = np.argsort(all_dofs)
+        x = all_x[order[np.searchsorted(all_dofs, there, sorter=order)]]
+        numbers = compat.global_dofs(to.form.space, there)
+        held = np.isin(there, to.fixed)
+        found = to.mesh.comm.allgather((x, numbers, held))
+        x, numbers, held = (np.concatenate([one[k] for one in found]) for k in range(3))
+        mine, points = compat.dof_coordinates(form.space, path)
+        points, mine = points[mine < rows], mine[mine < rows]
+        if not len(mine):
+            continue
+        distance, nearest = scipy.spatial.cKDTree(x).query(points)
+        if distance.max() > SAME * size:
+            error = InputError(f"{line.name} do not carry the dofs of the sheet.")
+            continue
+        for dof, k in zip(mine, nearest, strict=True):
+            if not held[k]:
+                T.setValue(first + dof, numbers[k], 1.0)
+    agree(to.mesh.comm, error)
+    T.assemble()
+    return T
+
+
+def _transposed(T: PETSc.Mat, columns: Array) -> Array:
+    """Tᵀ · columns."""
+    right, left = T.createVecs()
+    result = np.zeros((right.getLocalSize(), columns.shape[1]))
+    for k, column in enumerate(columns.T):
+        left.setArray(column)
+        T.multTranspose(left, right)
+        result[:, k] = right.array_r
+    return result

@@ -1,0 +1,295 @@
+"""K and M of another code: what they must be, entry by entry, and the penalties that support them.
+
+The scale of an entry K_ij is √(K_ii K_jj), which it cannot exceed in a positive semidefinite
+matrix. A norm of the whole is no scale: where supports are penalties, as FreeFEM's 1e30 on a
+diagonal, everything else is rounding beside it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from numbers import Complex, Real
+from typing import Any
+
+import numpy as np
+import scipy.sparse
+from mpi4py import MPI
+from numpy.typing import NDArray
+from petsc4py import PETSc
+
+from antiosc.checks import LARGEST
+from antiosc.errors import InputError
+from antiosc.fem.compat import IntArray
+from antiosc.fem.linalg.solvers import PRODUCT, Array, dot, multiply, norm
+from antiosc.fem.mpi import agree
+
+#: Difference of mirrored entries over √(a_ii a_jj) that is still rounding of the code they are of.
+SYMMETRIC = 1e-9
+#: Share of the typical diagonal entry below which an entry is rounding.
+ROUNDING = 1e-15
+#: A diagonal entry that holds a dof: over the sum of the row's other entries, and over the typical
+#: one of all rows. The dof moves 1e-14 of what its neighbours do.
+HOLDS, HELD = 1e14, 1e12
+#: A coupling that leaves less than four digits of what is coupled.
+DROWNS = 1e12
+#: A negative eigenvalue over the largest, of M scaled to a unit diagonal, and the steps to find it.
+NEGATIVE, STEPS = 1e-8, 30
+
+
+# -- one matrix
+
+
+def as_petsc(name: str, matrix: Any) -> PETSc.Mat:
+    """A square, finite PETSc matrix of a SciPy sparse, dense or PETSc one, always a copy."""
+    copy = _of_petsc(name, matrix) if isinstance(matrix, PETSc.Mat) else _of_arrays(name, matrix)
+    rows, columns = copy.getSize()
+    if rows != columns or not rows:
+        raise InputError(f"{name} must be square; got {rows} rows and {columns} columns.")
+    comm: MPI.Comm = copy.getComm().tompi4py()
+    try:
+        _check_values(name, copy.getValuesCSR()[2])
+        error = None
+    except InputError as caught:
+        error = caught
+    agree(comm, error)
+    return copy
+
+
+def _of_petsc(name: str, matrix: PETSc.Mat) -> PETSc.Mat:
+    if not matrix:
+        raise InputError(f"{name} is an empty PETSc matrix, or one that was destroyed.")
+    if not matrix.assembled:
+        raise InputError(f"{name} is not assembled: call {name}.assemble() first.")
+    try:
+        copy = matrix.convert(PETSc.Mat.Type.AIJ, PETSc.Mat())
+    except PETSc.Error as error:
+        raise InputError(
+            f"{name} is a PETSc matrix of type {matrix.getType()} that tells no entries: give one "
+            "of type aij."
+        ) from error
+    copy.setAttr(PRODUCT, matrix.getAttr(PRODUCT))
+    return copy
+
+
+def _of_arrays(name: str, matrix: Any) -> PETSc.Mat:
+    sparse = scipy.sparse.issparse(matrix)
+    try:
+        entries: Any = matrix if sparse else np.asarray(matrix)
+    except Exception:  # rows of different lengths, or objects that are no arrays at all
+        entries = np.zeros(())
+    if not sparse and entries.ndim == 0:
+        raise InputError(
+            f"{name} must be a SciPy sparse, dense or PETSc matrix; got {type(matrix).__name__}."
+        )
+    if entries.ndim != 2:
+        raise InputError(f"{name} must be square; got an array of shape {entries.shape}.")
+    if isinstance(matrix, np.ma.MaskedArray) and np.ma.is_masked(matrix):
+        raise InputError(f"{name} must be given without masked entries.")
+    if entries.dtype.kind not in "iuf":
+        entries = _real(name, entries.tocsr() if sparse else entries)
+    with np.errstate(over="ignore"):  # a long double above 1e308 becomes inf, refused later
+        own = scipy.sparse.csr_matrix(entries, dtype=float, copy=True)  # it is sorted in place
+    if max(own.shape[0], own.nnz) > np.iinfo(PETSc.IntType).max:
+        raise InputError(f"{name} has {own.nnz} entries, more than this PETSc's integers count.")
+    own.sum_duplicates()
+    own.sort_indices()
+    arrays = (own.indptr.astype(PETSc.IntType), own.indices.astype(PETSc.IntType), own.data)
+    result = PETSc.Mat().createAIJ(own.shape, csr=arrays, comm=PETSc.COMM_SELF)
+    result.assemble()
+    return result
+
+
+def _real(name: str, entries: Any) -> Any:
+    """Entries of other types as floats, if each is a real number."""
+    values = entries.data if scipy.sparse.issparse(entries) else entries
+    kinds = [Complex] if values.dtype.kind == "c" else {type(v) for v in np.ravel(values)}
+    if values.dtype.kind == "O" and all(issubclass(k, Real) and k is not bool for k in kinds):
+        return entries.astype(float)
+    if all(issubclass(k, Complex) and k is not bool for k in kinds):
+        raise InputError(
+            f"{name} is complex: antiosc takes real matrices and brings damping in later (give "
+            f"{name}.real where its imaginary part is zero)."
+        )
+    raise InputError(f"{name} must hold real numbers; got entries of type {values.dtype}.")
+
+
+def _check_values(name: str, values: Array) -> None:
+    if not np.isfinite(values).all():
+        raise InputError(f"{name} holds NaN or infinite entries; antiosc needs finite matrices.")
+    largest = np.abs(values).max(initial=0.0)
+    if largest > LARGEST:
+        raise InputError(
+            f"{name} has an entry of {largest:g}; entries must not exceed {LARGEST:g} in magnitude "
+            "(a penalty of 1e30 does all that one can)."
+        )
+
+
+# -- K and M together
+
+
+@dataclass(frozen=True)
+class _Entries:
+    """What is stored off the diagonal on this rank, and the whole diagonal."""
+
+    row: IntArray
+    column: IntArray
+    value: Array
+    #: (n,) on every rank
+    diagonal: Array
+    #: √(a_ii a_jj) of each entry, and what of it is rounding
+    scale: Array
+    noise: float
+
+
+def supported(K: PETSc.Mat, M: PETSc.Mat) -> IntArray:
+    """Check K and M, and give penalties the form of supports: K's rows emptied but for 1, M's too.
+
+    Returns the dofs of this rank that they hold.
+
+    Raises
+    ------
+    InputError
+        Matrices that are no stiffness and mass, and penalties that drown what they couple.
+    """
+    if K.getSize() != M.getSize():
+        raise InputError(f"K and M must be of one size; got {K.getSize()} and {M.getSize()}.")
+    comm: MPI.Comm = K.getComm().tompi4py()
+    alike = MPI.Comm.Compare(comm, M.getComm().tompi4py()) in (MPI.IDENT, MPI.CONGRUENT)
+    if not alike or not comm.allreduce(K.getOwnershipRange() == M.getOwnershipRange(), MPI.LAND):
+        raise InputError("K and M must be spread over the MPI ranks alike.")
+    of_K, of_M = (_checked(name, matrix) for name, matrix in (("K", K), ("M", M)))
+    empty = np.flatnonzero((of_K.diagonal == 0) & (of_M.diagonal == 0))
+    if len(empty):
+        raise InputError(
+            f"{len(empty)} dofs have neither stiffness nor mass, the first is {empty[0]}: leave "
+            "their rows and columns out."
+        )
+    _check_definite(comm, M, of_M.diagonal)
+    held = _held(comm, of_K)
+    stray = np.setdiff1d(_held(comm, of_M), held)
+    if len(stray):
+        raise InputError(
+            f"M has a penalty on its diagonal ({of_M.diagonal[stray[0]]:g} in row {stray[0]}) and "
+            "K has none there: apply supports to K."
+        )
+    _check_couplings(comm, of_K, held)
+    if len(held):
+        K.setAttr(PRODUCT, None)
+    first, last = K.getOwnershipRange()
+    own = held[(held >= first) & (held < last)]
+    if len(held):
+        K.zeroRowsColumns(own.astype(PETSc.IntType), diag=1.0)
+        M.zeroRowsColumns(own.astype(PETSc.IntType), diag=0.0)
+    return own - first
+
+
+def _checked(name: str, matrix: PETSc.Mat) -> _Entries:
+    """The entries of a matrix that has the marks of a symmetric, semidefinite one."""
+    comm: MPI.Comm = matrix.getComm().tompi4py()
+    diagonal = np.concatenate(comm.allgather(np.array(matrix.getDiagonal().array_r)))
+    if not diagonal.any() and matrix.norm() == 0:
+        raise InputError(f"{name} is zero: a structure needs stiffness and mass.")
+    typical = np.median(np.abs(diagonal[diagonal != 0])) if diagonal.any() else 0.0
+    least = int(np.argmin(diagonal))
+    if diagonal[least] < -ROUNDING * typical:
+        raise InputError(
+            f"{name} must be positive semidefinite; its diagonal has {diagonal[least]:g} in row "
+            f"{least}."
+        )
+    # PETSc's own isSymmetric rejects a rounding error whose mirror entry is not stored.
+    skew = matrix.copy()
+    skew.transpose()
+    skew.axpy(-1.0, matrix, structure=PETSc.Mat.Structure.UNKNOWN_NONZERO_PATTERN)
+    apart, entries = (_entries(one, diagonal, ROUNDING * typical) for one in (skew, matrix))
+    _forbid(
+        comm, apart, np.abs(apart.value) > SYMMETRIC * apart.scale + apart.noise,
+        f"{name} must be symmetric (to {SYMMETRIC:g} of √(a_ii a_jj)); its entries ({{0}}, {{1}}) "
+        "and ({1}, {0}) differ by {2:g}.",
+    )  # fmt: skip
+    _forbid(
+        comm, entries,
+        np.abs(entries.value) > (1 + SYMMETRIC) * entries.scale + entries.noise,
+        f"{name} must be positive semidefinite; its entry ({{0}}, {{1}}) = {{2:g}} exceeds "
+        "√(a_ii a_jj) = {3:g}.",
+    )  # fmt: skip
+    return entries
+
+
+def _entries(matrix: PETSc.Mat, diagonal: Array, noise: float) -> _Entries:
+    pointers, column, value = matrix.getValuesCSR()
+    row = matrix.getOwnershipRange()[0] + np.repeat(np.arange(len(pointers) - 1), np.diff(pointers))
+    off = (row != column) & (value != 0)
+    row, column, value = row[off], column[off], value[off]
+    roots = np.sqrt(np.maximum(diagonal, 0.0))
+    return _Entries(row, column, value, diagonal, roots[row] * roots[column], noise)
+
+
+def _forbid(comm: MPI.Comm, entries: _Entries, bad: NDArray[np.bool_], text: str) -> None:
+    """InputError on all ranks where entries are `bad`; `text` takes row, column, value, scale."""
+    error = None
+    if bad.any():
+        k = int(np.argmax(bad))
+        numbers = entries.row[k], entries.column[k], abs(entries.value[k]), entries.scale[k]
+        error = InputError(text.format(*numbers))
+    agree(comm, error)
+
+
+def _typical(comm: MPI.Comm, entries: _Entries) -> float:
+    """The usual size of an entry off the diagonal, where penalties are few; 0 if there is none."""
+    size = np.abs(entries.value)
+    least = np.minimum(entries.diagonal[entries.row], entries.diagonal[entries.column])
+    sizes = np.concatenate(comm.allgather(size[size > ROUNDING * least]))
+    return float(np.median(sizes)) if len(sizes) else 0.0
+
+
+def _held(comm: MPI.Comm, entries: _Entries) -> IntArray:
+    """Dofs whose diagonal entry is a penalty that holds them, on every rank."""
+    typical = _typical(comm, entries)
+    if not typical:
+        return np.zeros(0, dtype=int)
+    others = np.bincount(entries.row, np.abs(entries.value), len(entries.diagonal))
+    others = comm.allreduce(others)
+    return np.flatnonzero((entries.diagonal > HOLDS * others) & (entries.diagonal > HELD * typical))
+
+
+def _check_couplings(comm: MPI.Comm, entries: _Entries, held: IntArray) -> None:
+    """Refuse entries off the diagonal beside which all others of both their rows are rounding."""
+    typical = _typical(comm, entries)
+    large = np.abs(entries.value) > DROWNS * (typical or np.inf)
+    large &= ~np.isin(entries.row, held) & ~np.isin(entries.column, held)
+    small = np.zeros(len(entries.diagonal))
+    np.maximum.at(small, entries.row[~large], np.abs(entries.value[~large]))
+    comm.Allreduce(MPI.IN_PLACE, small, MPI.MAX)
+    beside = np.maximum(small[entries.row], small[entries.column])
+    _forbid(
+        comm, entries, large & (DROWNS * beside < np.abs(entries.value)),
+        "K couples dofs {0} and {1} by a penalty of {2:g}, which leaves less than four digits of "
+        "their own stiffness: take a penalty of at most 1e8 times the usual entries.",
+    )  # fmt: skip
+
+
+def _check_definite(comm: MPI.Comm, M: PETSc.Mat, diagonal: Array) -> None:
+    """Refuse a mass matrix with negative eigenvalues that a few Lanczos steps find."""
+    first, last = M.getOwnershipRange()
+    weights = np.zeros(last - first)
+    own = diagonal[first:last]
+    weights[own > 0] = 1 / np.sqrt(own[own > 0])
+    v = np.random.default_rng(comm.rank).standard_normal(last - first) * (weights > 0)
+    before, beta = np.zeros_like(v), 0.0
+    v /= norm(comm, v)
+    alphas, betas = [], []
+    for _ in range(min(STEPS, int(np.count_nonzero(diagonal > 0)))):
+        w = weights * multiply(M, weights * v) - beta * before
+        alphas.append(float(dot(comm, v, w)))
+        w -= alphas[-1] * v
+        beta = norm(comm, w)
+        betas.append(beta)
+        if beta <= ROUNDING:
+            break
+        before, v = v, w / beta
+    values = np.linalg.eigvalsh(np.diag(alphas) + np.diag(betas[:-1], 1) + np.diag(betas[:-1], -1))
+    if values[0] < -NEGATIVE * values[-1]:
+        raise InputError(
+            "M must be positive semidefinite; scaled to a unit diagonal it has an eigenvalue below "
+            f"{values[0]:.2g}."
+        )

@@ -1,0 +1,134 @@
+"""`Support`: motions of a structure that are held at zero, as dofs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import dolfinx
+import numpy as np
+from numpy.typing import NDArray
+
+from antiosc.checks import shown, store
+from antiosc.errors import InputError
+from antiosc.fem import compat
+from antiosc.fem.compat import IntArray
+from antiosc.fem.elements.weak_form import WeakForm
+from antiosc.fem.mesh.mesh import Mesh
+from antiosc.fem.mpi import agree
+
+Where = str | Callable[[NDArray[np.float64]], NDArray[np.bool_]]
+
+NO_DOFS = np.zeros(0, dtype=np.int32)
+
+
+@dataclass(frozen=True)
+class Support:
+    """Motions held at zero.
+
+    Parameters
+    ----------
+    where
+        Name of a group of the mesh, or a function of coordinates x of shape (3, n) that tells
+        which of the n points are held.
+    fix
+        "all", or the motions held: of "x", "y", "z" (displacements) and, for beams,
+        "rx", "ry", "rz" (rotations); one name or several.
+    """
+
+    where: Where
+    fix: str | Iterable[str] = "all"
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.where, str) and not callable(self.where):
+            raise InputError(
+                "where must be the name of a group or a function of coordinates x (3, n); got "
+                f"{shown(self.where)}."
+            )
+        names = self.fix
+        if not isinstance(names, str):
+            if isinstance(names, set | frozenset):  # each rank has an order of its own of it
+                names = sorted(names, key=str)
+            names = tuple(names) if isinstance(names, list | tuple) else ()
+            if not names or not all(isinstance(name, str) for name in names):
+                raise InputError(
+                    f"fix={shown(self.fix)} is not a motion: it must be 'all', or motions such as "
+                    "'x', 'rz' or ('x', 'y')."
+                )
+        store(self, fix=names)
+
+
+def held_dofs(
+    mesh: Mesh, form: WeakForm, supports: Sequence[Support]
+) -> dict[tuple[int, ...], IntArray]:
+    """Path of each component -> its dofs of this rank, ghosts included, that are held."""
+    if isinstance(supports, Support):
+        supports = [supports]
+    if not isinstance(supports, Sequence):
+        raise InputError(f"supports must be a list of Support(where, fix); got {shown(supports)}.")
+    held: dict[tuple[int, ...], IntArray] = {}
+    for support in supports:
+        if not isinstance(support, Support):
+            raise InputError(
+                f"supports must be a list of Support(where, fix); got {type(support).__name__} "
+                f"{support!r} in it."
+            )
+        count = 0
+        for name in _components(support.fix, form):
+            path = form.components[name]
+            dofs = _there(mesh, form, support.where, path)
+            count += mesh.comm.allreduce(len(dofs))
+            held[path] = np.union1d(held.get(path, NO_DOFS), dofs).astype(np.int32)
+        if not count:
+            raise InputError(
+                f"the support {_label(support.where)} holds nothing: no point of the mesh lies "
+                "there; check the group or the coordinates (metres)."
+            )
+    return held
+
+
+def _components(fix: str | Iterable[str], form: WeakForm) -> list[str]:
+    known = list(form.components)
+    if fix == "all":
+        return known
+    names = [fix] if isinstance(fix, str) else list(fix)
+    wrong = [name for name in names if name not in known]
+    if wrong or not names:
+        raise InputError(
+            f"fix={fix!r} is not a motion of this structure: it must be 'all' or of "
+            f"{', '.join(map(repr, known))}."
+        )
+    return names
+
+
+def _there(mesh: Mesh, form: WeakForm, where: Where, path: tuple[int, ...]) -> IntArray:
+    if callable(where):
+        dofs, x = compat.dof_coordinates(form.space, path)
+        mask, error = None, None
+        try:
+            mask = np.asarray(where(x.T), dtype=bool)
+            if mask.shape != (len(x),):
+                raise InputError(
+                    f"a support's function must return one bool per point: shape ({len(x)},); "
+                    f"got {mask.shape}."
+                )
+        except Exception as caught:
+            error = caught
+        agree(mesh.comm, error)
+        return dofs[mask]
+    component = compat.subspace(form.space, path)
+    parts = mesh.group(where)
+    found = [_topological(mesh, component, dim, parts[dim]) for dim in sorted(parts)]
+    return np.unique(np.concatenate([NO_DOFS, *found]))
+
+
+def _topological(mesh: Mesh, component: Any, dim: int, entities: IntArray) -> IntArray:
+    mesh.dolfinx.topology.create_connectivity(dim, mesh.tdim)
+    return np.asarray(dolfinx.fem.locate_dofs_topological(component, dim, entities))
+
+
+def _label(where: Where) -> str:
+    if isinstance(where, str):
+        return f"on group {where!r}"
+    return f"by function {getattr(where, '__name__', repr(where))!r}"

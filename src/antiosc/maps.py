@@ -1,0 +1,409 @@
+"""`impact_map`: the anti-oscillators, and the impacts, of every point of a surface.
+
+One eigenproblem serves all sites (`antiosc.models.free_modes`): each needs the free modes at its
+place and two numbers of its static deflection y, the compliance b'y and the inertia y'My
+(`antiosc.fem.linalg.compliance`). The error of each site's Z is bounded; where the bound is too
+large the site is extracted by itself.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import meshio
+import numpy as np
+
+from antiosc import files
+from antiosc.checks import instance, path as checked_path, positive, shown, whole, within_range
+from antiosc.contact import ContactLaw
+from antiosc.errors import AccuracyWarning, InputError, warn
+from antiosc.fem.compat import IntArray
+from antiosc.fem.extraction.block_lanczos import lowest_modes
+from antiosc.fem.extraction.eigenmodes import Modes
+from antiosc.fem.extraction.krylov import by_krylov
+from antiosc.fem.extraction.oscillators import error_bound, lumped, oscillators, wanted
+from antiosc.fem.extraction.static_mode import static_modes
+from antiosc.fem.linalg.compliance import deflections
+from antiosc.fem.linalg.solvers import Array
+from antiosc.fem.mpi import agree, collective, on_root
+from antiosc.fem.site.map_sites import sites_of
+from antiosc.fem.site.site import Functional
+from antiosc.fem.site.sites import Sites
+from antiosc.fem.structure.structure import Structure
+from antiosc.models import driving_point as bands, free_modes
+from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.free_modes import SiteModels
+from antiosc.models.modal import LinearBody, checked_body
+from antiosc.plotting import save_figure
+from antiosc.simulation.batch import simulate_many
+from antiosc.simulation.deflection import peak_deflections
+from antiosc.threads import one_thread
+
+#: Free modes where neither `modes` nor a band says how many.
+MODES = 20
+#: The last free mode lies this far above the band.
+ABOVE = 1.5
+#: The band where none is given, over the last free mode.
+WITHIN = 0.5
+#: Up to so many sites are extracted by themselves; where more would have to be, none is.
+DIRECT = 32
+
+LABELS = {
+    "k0": "static stiffness / (N/m)",
+    "m_st": "static mass / kg",
+    "omega_1": "first antiresonance / (rad/s)",
+    "error": "bound on the relative error of Z",
+    "peak_force": "peak force / N",
+    "contact_time": "contact time / s",
+    "restitution": "coefficient of restitution",
+    "impulse": "impulse / (N s)",
+    "peak_deflection": "peak deflection / m",
+}
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, eq=False)
+class ImpactMap:
+    """Anti-oscillators and impacts over a surface, on every rank alike.
+
+    Attributes
+    ----------
+    points, directions : (P, 3) sites [m] and unit vectors along which they are struck.
+    elements : (T, 3) triangles between the points (or (T, 2) segments); empty for given points.
+    models : SiteModels
+        Parameters k0, m0, m_st, omega, m of all sites; `model(i)` is one of them.
+    local_compliance : (P,) half-space compliance of the patch [m/N], 0 for a point.
+    radius : (P,) radii of the patches [m], or None for points.
+    error : (P,) bound on |dZ|/|Z| up to `band` [rad/s].
+    direct : (P,) bool, sites that were extracted by themselves.
+    skipped : sites left out because the supports hold them or no surface carries their patch.
+    peak_force [N], contact_time [s], restitution, impulse [N s], peak_deflection [m] : (P,) of the
+        impacts, or None; restitution as in `History`, NaN where the bodies still touch at the end
+        or never did; the deflection is the site's, the patch's own indentation included.
+    info : facts, JSON-able: free modes, seconds.
+    """
+
+    points: Array
+    directions: Array
+    elements: IntArray
+    models: SiteModels
+    local_compliance: Array
+    radius: Array | None
+    band: float
+    error: Array
+    direct: Array
+    skipped: int
+    peak_force: Array | None = None
+    contact_time: Array | None = None
+    restitution: Array | None = None
+    impulse: Array | None = None
+    peak_deflection: Array | None = None
+    info: dict[str, Any] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def model(self, i: int) -> AntiOscillators:
+        """The model of site i, without shapes."""
+        i = whole("i", i, least=0, most=len(self) - 1)
+        return replace(
+            self.models.model(i),
+            local_compliance=float(self.local_compliance[i]),
+            radius=None if self.radius is None else float(self.radius[i]),
+            info={"point": self.points[i].tolist(), "direction": self.directions[i].tolist()},
+        )
+
+    def quantities(self) -> dict[str, Array]:
+        """Every scalar of the map by name, as written to files: (P,) each."""
+        first = np.where(self.models.m[:, 0] > 0, self.models.omega[:, 0], 0.0)
+        named = {
+            "k0": self.models.k0,
+            "m_st": self.models.m_st,
+            "omega_1": first,
+            "error": self.error,
+            "peak_force": self.peak_force,
+            "contact_time": self.contact_time,
+            "restitution": self.restitution,
+            "impulse": self.impulse,
+            "peak_deflection": self.peak_deflection,
+        }
+        return {name: value for name, value in named.items() if value is not None}
+
+    def write(self, path: str | os.PathLike[str]) -> Path:
+        """Write points, elements and all quantities to a VTU file (or whatever meshio writes).
+
+        InputError where the file cannot be written, or its ending tells meshio no format.
+        """
+        target = checked_path("path", path)
+        kind = {3: "triangle", 2: "line"}.get(self.elements.shape[1], "vertex")
+        cells = self.elements if len(self.elements) else np.arange(len(self))[:, None]
+        kind = kind if len(self.elements) else "vertex"
+        data = {**self.quantities(), "direction": self.directions}
+        with files.complete(target, "the map") as part:
+            try:
+                meshio.Mesh(self.points, [(kind, cells)], point_data=data).write(part)
+            except (meshio.ReadError, meshio.WriteError, KeyError, SystemExit) as error:
+                raise InputError(
+                    f"meshio cannot write a map to {target.name!r}: give it a name that ends with "
+                    ".vtu."
+                ) from error
+        return target
+
+    def plot(self, path: str | os.PathLike[str], quantity: str = "peak_force") -> Path:
+        """A picture of one quantity over the surface (PNG)."""
+        known = self.quantities()
+        if not isinstance(quantity, str) or quantity not in known:
+            raise InputError(f"quantity must be one of {', '.join(known)}; got {shown(quantity)}.")
+        target = checked_path("path", path)
+        import matplotlib.pyplot as plt
+
+        value = known[quantity]
+        figure, axes = plt.subplots(subplot_kw={"projection": "3d"}, figsize=(7, 5))
+        if self.elements.shape[1] == 3 and len(self.elements):
+            from mpl_toolkits.mplot3d.art3d import (  # type: ignore[import-untyped]
+                Poly3DCollection,
+            )
+
+            faces = Poly3DCollection(self.points[self.elements], linewidths=0)
+            faces.set_array(value[self.elements].mean(axis=1))
+            axes.add_collection3d(faces)
+            axes.auto_scale_xyz(*self.points.T)
+        else:
+            faces = axes.scatter(*self.points.T, c=value, s=8)
+        size = np.ptp(self.points, axis=0)
+        axes.set_box_aspect(np.maximum(size, 0.05 * size.max()))
+        axes.set(xlabel="x / m", ylabel="y / m", zlabel="z / m")
+        figure.colorbar(faces, ax=axes, shrink=0.7, label=LABELS.get(quantity, quantity))
+        try:
+            save_figure(figure, target, dpi=150)
+        finally:
+            plt.close(figure)
+        return target
+
+
+@collective()
+@within_range
+@one_thread()
+def impact_map(
+    structure: Structure,
+    where: str | Sequence[Sequence[float]] | None = None,
+    impactor: LinearBody | None = None,
+    contact: ContactLaw | None = None,
+    duration: float | None = None,
+    *,
+    direction: Sequence[float] | None = None,
+    radius: float | None = None,
+    n: int = 12,
+    modes: int | None = None,
+    band: float | None = None,
+    accuracy: float = 0.05,
+) -> ImpactMap:
+    """Anti-oscillators at many sites of a structure, and the impact of one impactor at each.
+
+    Parameters
+    ----------
+    structure : Structure
+        Of a mesh.
+    where : str or array_like (P, 2 or 3), optional
+        A group of faces (cells of shells and beams), whose vertices are the sites; or points
+        (those of solids and beams are found one by one). None: the whole surface.
+    impactor, contact, duration
+        As for `simulate`; None: parameters only.
+    direction : sequence of float, optional
+        Along which all sites are struck; None: against the surface (solids, by group).
+    radius : float, optional
+        Radius of the patch, m, as for `Site`.
+    n : int
+        Anti-oscillators at each site, by the Krylov method on the free modes.
+    modes : int, optional
+        Free modes; 20 by default, or as many as reach 1.5 times the band.
+    band : float, optional
+        Highest circular frequency of interest, rad/s; default: half the last free frequency.
+    accuracy : float
+        Largest |dZ|/|Z| over the band, at one per cent of damping. Sites where the modes left out
+        make more are extracted directly if they are few (32); a warning says how many remain.
+
+    Raises
+    ------
+    InputError
+        An empty group, points off the structure, no site that can move, a missing direction.
+    """
+    started = time.perf_counter()
+    instance("structure", structure, Structure, "a Structure")
+    accuracy = positive("accuracy", accuracy)
+    if radius is not None:
+        radius = positive("radius", radius, "m")
+    n = whole("n", n)
+    if band is not None:
+        band = positive("band", band, "rad/s")
+    if (impactor is None) != (contact is None) or (impactor is None) != (duration is None):
+        raise InputError("impacts need all of impactor, contact and duration; parameters none.")
+    if impactor is not None:
+        checked_body("impactor", impactor)
+        instance("contact", contact, ContactLaw, "a ContactLaw such as Hertz(stiffness)")
+        duration = positive("duration", duration, "s")
+    sites, elements, total = sites_of(structure, where, direction, radius)
+    structure.factorization  # noqa: B018  (timed on its own)
+    located = time.perf_counter()
+    free = _free_modes(structure, modes, band)
+    omega = np.concatenate([np.zeros(structure.rigid_modes.shape[1]), free.omega])
+    phi = np.column_stack([structure.rigid_modes, free.phi])
+    band = WITHIN * float(omega[-1]) if band is None else band
+    if band >= omega[-1]:
+        raise InputError(
+            f"the band {band:g} rad/s must end below the last of {len(omega)} free modes,"
+            f" {omega[-1]:g} rad/s: ask for more modes."
+        )
+    b = structure.comm.allreduce(sites.loads.T @ phi)
+    solved = time.perf_counter()
+    C, G = deflections(structure, sites.loads, omega, b)
+    moved = time.perf_counter()
+    models = free_modes.at_sites(omega, b, C, G, n, structure.shift, "krylov")
+    left_out, reduction = free_modes.error_bound(models, omega, b, C, G, band, structure.shift)
+    reduced = time.perf_counter()
+    models, error, direct = _refined(
+        structure, sites, models, (left_out, reduction), band, accuracy
+    )
+    extracted = time.perf_counter()
+    seconds = {
+        "sites": located - started,
+        "free_modes": solved - located,
+        "deflections": moved - solved,
+        "models": reduced - moved,
+        "direct": extracted - reduced,
+    }
+    info = {
+        "structure": structure.describe(),
+        "free_modes": len(omega),
+        "seconds": {**structure.seconds, **seconds},
+    }
+    result = ImpactMap(
+        points=sites.points,
+        directions=sites.directions,
+        elements=elements,
+        models=models,
+        local_compliance=sites.local,
+        radius=None if np.isnan(sites.radii).any() else sites.radii,
+        band=band,
+        error=error,
+        direct=direct,
+        skipped=total - len(sites),
+        info=info,
+    )
+    on_root(structure.comm, partial(_tell, result, accuracy))
+    if impactor is None or contact is None or duration is None:
+        return result
+    return _struck(structure, result, impactor, contact, duration)
+
+
+# --- Free modes ---------------------------------------------------------------------------------
+
+
+def _free_modes(structure: Structure, count: int | None, band: float | None) -> Modes:
+    """The lowest elastic modes: `count`, or as many as reach above the band."""
+    wanted = MODES if count is None else whole("modes", count)
+    reach = 0.0 if band is None or count is not None else ABOVE * band
+    found = lowest_modes(structure, wanted, reach)
+    kept = max(wanted, int(np.sum(found.omega < reach)) + 1)
+    log.info("%d free modes up to %.4g rad/s", len(found.omega[:kept]), found.omega[:kept][-1])
+    return Modes(found.omega[:kept], found.phi[:, :kept], found.complete)
+
+
+# --- What is not good enough --------------------------------------------------------------------
+
+
+def _refined(
+    structure: Structure,
+    sites: Sites,
+    models: SiteModels,
+    errors: tuple[Array, Array],
+    band: float,
+    accuracy: float,
+) -> tuple[SiteModels, Array, Array]:
+    """The sites for which the free modes are too few, extracted by themselves; errors of all."""
+    left_out, error = errors[0], errors[0] + errors[1]
+    direct = np.zeros(len(error), dtype=bool)
+    worst = np.flatnonzero(left_out > accuracy)
+    if not 0 < len(worst) <= DIRECT:
+        return models, error, direct
+    omega, m = models.omega.copy(), models.m.copy()
+    k0, m0, m_st, error = models.k0.copy(), models.m0.copy(), models.m_st.copy(), error.copy()
+    n = m.shape[1]
+    places = [Functional(b) for b in sites.loads[:, worst].toarray().T]
+    statics = static_modes(structure, places)
+    counts = [wanted(static, n) for static in statics]
+    found = by_krylov(structure, places, statics, counts, bands.UNSEEN, band, 0.0)
+    for i, static, (modes, remainder) in zip(worst, statics, found, strict=True):
+        known = lumped(structure, static, modes)
+        kept = oscillators(known, n, bands.UNSEEN)
+        assert remainder is not None  # there is a band
+        bound = error_bound(structure, known, remainder, kept, band)
+        if bound >= error[i]:
+            continue
+        size = len(kept.m)
+        omega[i], m[i] = np.inf, 0.0
+        omega[i, :size], m[i, :size] = kept.omega, kept.m
+        k0[i], m0[i], m_st[i] = kept.k0, kept.m0, kept.m0 + kept.m.sum()
+        error[i], direct[i] = bound, True
+    return SiteModels(k0, m0, m_st, omega, m), error, direct
+
+
+def _tell(result: ImpactMap, accuracy: float) -> None:
+    if result.skipped:
+        warn(
+            f"{result.skipped} of {result.skipped + len(result)} sites are left out: the supports "
+            "hold them along the impact, or no face carries their patch.",
+            AccuracyWarning,
+        )
+    left = int(np.sum(result.error > accuracy))
+    if left:
+        warn(
+            f"Z may be off by more than {accuracy:g} at {left} of {len(result)} sites up to "
+            f"{result.band:g} rad/s (at worst {result.error.max():.1e}): raise n or modes, lower "
+            "the band, or extract those sites (see .error).",
+            AccuracyWarning,
+        )
+
+
+def _struck(
+    structure: Structure,
+    result: ImpactMap,
+    impactor: LinearBody,
+    contact: ContactLaw,
+    duration: float,
+) -> ImpactMap:
+    """The map with one impact at each site, the sites shared among the ranks."""
+    started = time.perf_counter()
+    comm = structure.comm
+    mine = np.array_split(np.arange(len(result)), comm.size)[comm.rank]
+    part, error = None, None
+    try:
+        if len(mine):
+            models = [result.model(i) for i in mine]
+            batch = simulate_many(models, impactor, contact, duration)
+            part = batch, peak_deflections(models, batch.force, duration)
+    except Exception as caught:
+        error = caught
+    agree(comm, error)
+    parts = [p for p in comm.allgather(part) if p is not None]
+
+    def gathered(name: str) -> Array:
+        return np.concatenate([getattr(batch, name) for batch, _ in parts])
+
+    result.info["seconds"]["impacts"] = time.perf_counter() - started
+    return replace(
+        result,
+        peak_force=gathered("peak_force"),
+        contact_time=gathered("contact_time"),
+        restitution=gathered("restitution"),
+        impulse=gathered("impulse"),
+        peak_deflection=np.concatenate([deflection for _, deflection in parts]),
+    )

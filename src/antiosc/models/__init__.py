@@ -1,0 +1,1 @@
+"""What a body is, seen from its sites: free modes, anti-oscillators, driving-point stiffness."""

@@ -1,0 +1,395 @@
+"""The anti-oscillator model of a structure: N one-degree-of-freedom systems on a residual one.
+
+F -> [m0] lambda_0 --k1-- [m1] lambda_1        Article Fig. 1: the contact force F acts on the
+      |   \\---k2-- [m2] lambda_2               residual mass m0, whose displacement lambda_0 is
+      k0    ...                                 that of the impact site; mass m_i hangs on m0 by
+    ground  \\--kN-- [mN] lambda_N               k_i = omega_i^2 m_i.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import block_diag
+
+from antiosc import checks
+from antiosc.errors import InputError
+from antiosc.models import model_file
+from antiosc.models.modal import Damping, ModalBody, arrow_modes
+from antiosc.models.motion import Inertia, unit_vector
+
+# m0 = m_st - sum(m_i) is known only to the rounding of m_st: a relative m0 below this is noise.
+_ROUNDING = 1e-12
+# m0 adds nothing where its own free mode lies so far above the last pole (squared frequencies).
+_MASSLESS = 1e-15
+
+_ARRAYS = {
+    "m0": "kg",
+    "k0": "N/m",
+    "m": "kg",
+    "omega": "rad/s",
+    "participation": "kg",
+    "direction": "1",
+}
+_INERTIA = {"point": "m", "matrix": "kg, kg m, kg m^2", "momentum": "kg, kg m"}
+_SCALARS = {"local_compliance": "m/N", "radius": "m"}
+_MEANING = {
+    "m0": "residual mass, Article eq. (15)",
+    "k0": "static stiffness at the site, Article eq. (20); 0 with a rigid-body mode",
+    "m": "masses of the anti-oscillators, Article eq. (12)",
+    "omega": "antiresonant circular frequencies, ascending",
+    "participation": "generalised mass of a unit uniform acceleration along the impact direction",
+    "direction": "unit vector of the impact in the axes of the mesh",
+    "inertia.point": "reference point of all moments",
+    "inertia.matrix": "momentum and angular momentum of the whole body's six rigid motions",
+    "inertia.momentum": "those of phi_st, psi_i and the rigid motions that the site does not see",
+    "local_compliance": "half-space compliance of the patch, contained in 1/k0",
+    "radius": "radius of the patch over which the site's displacement is averaged",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class AntiOscillators:
+    """Anti-oscillator model of a structure seen from one impact site along one direction.
+
+    Parameters
+    ----------
+    m0 : float
+        Residual mass [kg], >= 0; 0 is a massless contact point.
+    k0 : float
+        Static stiffness at the site [N/m]; 0 when a rigid-body mode carries the site.
+    m, omega : array_like, shape (N,)
+        Masses [kg], > 0, and circular frequencies [rad/s], > 0, of the anti-oscillators.
+        They are sorted by frequency. N may be 0: the classical one-degree-of-freedom model.
+    local_compliance : float
+        The half-space compliance of the patch itself [m/N], contained in 1/k0. A Hertz law
+        counts it again, so `simulate` takes it out of the contact.
+    radius : float, optional
+        Radius of the patch [m]; None for a point.
+    participation : array_like, shape (N + 1,), optional
+        Generalised masses [kg] of a unit uniform acceleration along the impact direction:
+        phi_0^T M e for the residual mode, then psi_i^T M e. Needed for gravity on a structure
+        with a rigid-body mode.
+    shapes : array_like, shape (n_dofs, N + 1), optional
+        Columns psi_0 = phi_st and psi_i = c_i phi_i of Article eq. (9); not saved to files.
+    direction : array_like, shape (3,), optional
+        Unit vector along which the structure is struck, in the axes of its mesh.
+    inertia : Inertia, optional
+        Of a structure with rigid-body modes: the momentum (N + 1 + h, 6) of unit amplitudes of
+        psi_0 ... psi_N and of the h rigid-body motions (mass-normalised) that the site does not
+        see. They feel no contact, but they carry initial velocity and gravity.
+    hidden : array_like, shape (n_dofs, h), optional
+        Shapes of those h motions; not saved to files.
+    damping : Damping, optional
+        Damping of the free modes.
+    info : dict
+        Facts of the extraction, JSON-able.
+
+    Raises
+    ------
+    InputError
+        For masses, stiffnesses or frequencies outside their range, and mismatched shapes.
+    """
+
+    m0: float
+    k0: float
+    m: NDArray[np.float64]
+    omega: NDArray[np.float64]
+    local_compliance: float = 0.0
+    radius: float | None = None
+    participation: NDArray[np.float64] | None = None
+    shapes: NDArray[np.float64] | None = None
+    direction: NDArray[np.float64] | None = None
+    inertia: Inertia | None = None
+    hidden: NDArray[np.float64] | None = None
+    damping: Damping | None = None
+    info: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        m = _column("m", self.m)
+        omega = _column("omega", self.omega)
+        if m.shape != omega.shape:
+            raise InputError(
+                f"m and omega must have one entry per anti-oscillator;"
+                f" got {m.size} masses and {omega.size} frequencies."
+            )
+        for name, values in (("m", m), ("omega", omega)):
+            if np.any(values <= 0):
+                worst = int(np.argmin(values))
+                raise InputError(
+                    f"every {name} must be > 0; {name}[{worst}] = {values[worst]:g}"
+                    f" (drop massless anti-oscillators: they never move the site)."
+                )
+        order = np.argsort(omega, kind="stable")
+        m0 = checks.number("m0", self.m0, "kg")
+        total = float(m.sum()) + max(m0, 0.0)
+        if m0 < 0 and -m0 <= _ROUNDING * total:
+            m0 = 0.0
+        k0 = checks.nonnegative("k0", self.k0, "N/m")
+        checks.nonnegative("m0", m0, "kg")
+        if total == 0 and k0 == 0:
+            raise InputError(
+                "a model with m0 = 0, k0 = 0 and no anti-oscillator resists nothing;"
+                " give it a mass or a stiffness."
+            )
+        self._set("m0", m0)
+        self._set("k0", k0)
+        self._set("m", _frozen(m[order]))
+        self._set("omega", _frozen(omega[order]))
+        columns = np.concatenate(([0], 1 + order))
+        self._set("local_compliance", checks.nonnegative("local_compliance", self.local_compliance))
+        if self.radius is not None:
+            self._set("radius", checks.positive("radius", self.radius, "m"))
+        if self.participation is not None:
+            p = checks.array("participation", self.participation, (m.size + 1,))
+            self._set("participation", _frozen(p[columns]))
+        if self.shapes is not None:
+            shapes = checks.array("shapes", self.shapes, (None, m.size + 1))
+            sorted_already = np.array_equal(order, np.arange(m.size))
+            self._set("shapes", shapes if sorted_already else shapes[:, columns])
+        self._place(columns)
+        if self.damping is not None:
+            checks.instance("damping", self.damping, Damping, "a Damping(ratio, alpha, beta)")
+        checks.instance("info", self.info, dict, "a dict of facts")
+
+    def _place(self, columns: NDArray[np.intp]) -> None:
+        """Check what the model knows of space; `columns` sorts psi_0 ... psi_N."""
+        if self.direction is not None:
+            self._set("direction", unit_vector("direction", self.direction))
+        if self.inertia is None:
+            if self.hidden is not None:
+                raise InputError("hidden motions need the inertia that says what they carry.")
+            return
+        momentum = checks.instance("inertia", self.inertia, Inertia, "an Inertia").momentum
+        if len(momentum) < columns.size:
+            raise InputError(
+                f"inertia.momentum needs a row for each of psi_0 ... psi_{self.n}, {columns.size},"
+                f" and one for each hidden motion; got {len(momentum)}."
+            )
+        if not np.array_equal(columns, np.arange(columns.size)):
+            rows = np.concatenate((columns, np.arange(columns.size, len(momentum))))
+            self._set("inertia", self.inertia.along(momentum[rows]))
+        if self.hidden is not None:
+            rows_of = None if self.shapes is None else len(self.shapes)
+            shape = (rows_of, self._hidden_count)
+            self._set("hidden", checks.array("hidden", self.hidden, shape))
+
+    def _set(self, name: str, value: Any) -> None:
+        object.__setattr__(self, name, value)
+
+    @property
+    def n(self) -> int:
+        """Number of anti-oscillators N."""
+        return int(self.m.size)
+
+    @property
+    def _hidden_count(self) -> int:
+        """Rigid motions that the site does not see."""
+        return 0 if self.inertia is None else len(self.inertia.momentum) - self.n - 1
+
+    @property
+    def k(self) -> NDArray[np.float64]:
+        """Stiffnesses k_i = omega_i^2 m_i [N/m], shape (N,). Article eq. (23)."""
+        return self.omega**2 * self.m
+
+    @property
+    def m_st(self) -> float:
+        """Static mass m0 + sum(m_i) [kg], or the rigid-body mass m_CR. Article eq. (15)."""
+        return self.m0 + float(self.m.sum())
+
+    def dynamic_stiffness(self, omega: ArrayLike) -> NDArray[Any]:
+        """Z(omega) = F/lambda_0 [N/m] of the undamped model under a harmonic force at the site.
+
+        Z = k0 - omega^2 m0 - sum_i m_i omega^2 omega_i^2 / (omega_i^2 - omega^2). Its poles are
+        the antiresonances, its zeros the free frequencies; at a pole the value is infinite.
+        `omega` [rad/s] may be an array of any shape, real or complex.
+        """
+        x = checks.spectrum("omega", omega)[..., np.newaxis] ** 2
+        poles = self.omega**2
+        with np.errstate(divide="ignore"):
+            hung = np.sum(self.m * poles * x / (poles - x), axis=-1)
+        return np.asarray(self.k0 - x[..., 0] * self.m0 - hung)
+
+    def truncated(self, n: int) -> AntiOscillators:
+        """The model with the `n` lowest anti-oscillators; the mass of the others returns to m0."""
+        n = checks.whole("n", n, least=0)
+        if n > self.n:
+            raise InputError(f"n must be <= {self.n}, the number of anti-oscillators; got {n}.")
+        p, shapes, inertia = self.participation, self.shapes, self.inertia
+        if p is not None:
+            p = np.concatenate(([p[0] + p[n + 1 :].sum()], p[1 : n + 1]))
+        if inertia is not None:
+            left_out = np.arange(n + 1, self.n + 1)
+            inertia = inertia.along(np.delete(inertia.momentum, left_out, axis=0))
+        return replace(
+            self,
+            m0=self.m0 + float(self.m[n:].sum()),
+            m=self.m[:n],
+            omega=self.omega[:n],
+            participation=p,
+            shapes=None if shapes is None else shapes[:, : n + 1],
+            inertia=inertia,
+        )
+
+    def field(self, coordinates: ArrayLike) -> NDArray[np.float64]:
+        """Nodal displacements (..., n_dofs) of Article eq. (8) for lambda (..., N + 1).
+
+        Hidden motions follow lambda, (..., N + 1 + h); without them they are at rest.
+        """
+        body, size = self.modal(), self.n + 1
+        x = checks.array("coordinates", coordinates, None)
+        hidden = self._hidden_count
+        if x.ndim == 0 or x.shape[-1] not in (size, size + hidden):
+            raise InputError(
+                f"coordinates must have {size} entries along their last axis, or {size + hidden}"
+                f" with the hidden motions; got shape {x.shape}."
+            )
+        at_rest = np.zeros((*x.shape[:-1], size + hidden - x.shape[-1]))
+        return body.field(np.concatenate((x, at_rest), axis=-1))
+
+    def modal(self) -> ModalBody:
+        """The same model in its free modes.
+
+        Its coordinates are lambda_0 ... lambda_N, then the amplitudes of the hidden motions.
+        """
+        return self._modal
+
+    @cached_property
+    def _modal(self) -> ModalBody:
+        massless = self.m0 == 0
+        if self.n:
+            top = float(self.omega[-1]) ** 2
+            massless = self.m0 * top <= _MASSLESS * (self.k0 + float(self.k.sum()))
+        # equal frequencies share one motion as seen from the site
+        poles, group = np.unique(self.omega**2, return_inverse=True)
+        mass = np.zeros(poles.size)
+        np.add.at(mass, group.ravel(), self.m)
+        x, shape = arrow_modes(self.k0, 0.0 if massless else self.m0, mass, poles)
+        shape = shape[np.concatenate(([0], 1 + group.ravel()))]
+        residual = np.zeros(self.n + 1)
+        if massless:
+            residual[0] = 1.0 / (self.k0 + float(self.k.sum()))
+        omega = np.sqrt(x)
+        seen = ModalBody(
+            omega=omega,
+            b=shape[0],
+            r=float(residual[0]),
+            decay=None if self.damping is None else self.damping.decay(omega),
+            weight=None if self.participation is None else shape.T @ self.participation,
+            shape=shape,
+            residual=residual,
+            basis=None if self.shapes is None else (self.shapes,),
+            amplitude=_relative(self.n),
+            direction=self.direction,
+        )
+        return seen if self.inertia is None else self._with_hidden(seen, self.inertia)
+
+    def _with_hidden(self, seen: ModalBody, inertia: Inertia) -> ModalBody:
+        """The body with the rigid motions that the site does not see as modes of their own."""
+        count = self._hidden_count
+        none, own = np.zeros(count), np.eye(count)
+        # in front, so that the frequencies ascend; their coordinates follow lambda
+        shape = np.roll(block_diag(seen.shape, own), count, axis=1)
+        amplitude = block_diag(seen.amplitude, own)
+        momentum = (amplitude @ shape).T @ inertia.momentum
+        basis, decay, weight = seen.basis, seen.decay, seen.weight
+        if basis is not None and count:
+            basis = None if self.hidden is None else (*basis, self.hidden)
+        if decay is not None and self.damping is not None:
+            decay = np.concatenate((none + self.damping.alpha / 2, decay))
+        if self.direction is not None:
+            pull = momentum[:, :3] @ self.direction
+            weight = pull if weight is None else np.concatenate((pull[:count], weight))
+        return replace(
+            seen,
+            omega=np.concatenate((none, seen.omega)),
+            b=np.concatenate((none, seen.b)),
+            decay=decay,
+            weight=weight,
+            shape=shape,
+            residual=np.concatenate((seen.residual, none)),  # type: ignore[arg-type]
+            basis=basis,
+            amplitude=amplitude,
+            inertia=inertia.along(momentum),
+        )
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the model to one NumPy .npz file with a self-describing JSON header.
+
+        The file is complete or absent (`antiosc.files`). Shapes are not stored. InputError where
+        it cannot be written.
+        """
+        arrays = {
+            name: np.asarray(getattr(self, name))
+            for name in _ARRAYS
+            if getattr(self, name) is not None
+        }
+        units = {**_ARRAYS, **_SCALARS}
+        if self.inertia is not None:
+            for name, unit in _INERTIA.items():
+                arrays[f"inertia.{name}"] = getattr(self.inertia, name)
+                units[f"inertia.{name}"] = unit
+        header = {
+            "format": model_file.FORMAT,
+            "version": model_file.VERSION,
+            "units": units,
+            "meaning": _MEANING,
+            **{name: getattr(self, name) for name in _SCALARS},
+            "damping": None if self.damping is None else self.damping.as_dict(),
+            "info": self.info,
+        }
+        model_file.write(path, header, arrays)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> AntiOscillators:
+        """Read a model written by `save`. InputError when the file is not one."""
+        header, arrays = model_file.read(path, {"m0", "k0", "m", "omega"})
+        try:
+            damping = header.get("damping")
+            return cls(
+                m0=arrays["m0"],  # type: ignore[arg-type]
+                k0=arrays["k0"],  # type: ignore[arg-type]
+                m=arrays["m"],
+                omega=arrays["omega"],
+                participation=arrays.get("participation"),
+                direction=arrays.get("direction"),
+                inertia=_inertia(arrays),
+                damping=None if damping is None else Damping(**damping),
+                info=dict(header.get("info", {})),
+                **{name: header[name] for name in _SCALARS},
+            )
+        except (InputError, KeyError, TypeError, ValueError) as error:
+            raise InputError(
+                f"{path} holds no usable model, its numbers are damaged or edited: "
+                f"{str(error).rstrip('.')}."
+            ) from error
+
+
+def _column(name: str, value: ArrayLike) -> NDArray[np.float64]:
+    return checks.column(name, value)
+
+
+def _relative(n: int) -> NDArray[np.float64]:
+    """Amplitudes lambda_0 and lambda_i - lambda_0 of psi_0 and psi_i, Article eq. (8)."""
+    turn = np.eye(n + 1)
+    turn[1:, 0] = -1.0
+    return turn
+
+
+def _inertia(arrays: dict[str, NDArray[Any]]) -> Inertia | None:
+    """The inertia in a model file, if it holds one."""
+    found = [arrays.get(f"inertia.{name}") for name in _INERTIA]
+    if any(value is None for value in found):
+        return None
+    return Inertia(*found)  # type: ignore[arg-type]
+
+
+def _frozen(array: NDArray[np.float64]) -> NDArray[np.float64]:
+    array = np.array(array, dtype=float)
+    array.setflags(write=False)
+    return array

@@ -1,0 +1,103 @@
+"""How well a model's driving-point stiffness Z is known over a band of frequencies.
+
+Z of an undamped model is infinite at its poles and zero at its zeros, where relative errors say
+nothing; so Z is compared at frequencies with one per cent of damping, ω(1 + 0.01 i).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from antiosc import checks
+
+#: damping ratio at which Z is evaluated
+DAMPING = 0.01
+#: the band is sampled from its top down to this share of the lowest frequency of the model
+START = 0.25
+#: an anti-oscillator is not seen from the site when its share of |Z| at its own frequency, where it
+#: is largest, stays below this
+UNSEEN = 1e-8
+
+
+Stiffness = Callable[[Any], NDArray[Any]]
+
+
+def samples(top: float, lowest: float, step: float = DAMPING) -> NDArray[np.complex128]:
+    """Damped circular frequencies up to `top` [rad/s], close enough to meet every peak of Z.
+
+    `lowest`: the first frequency [rad/s] at which Z does anything; below it Z is quasi-static.
+    `step`: relative distance of neighbours; a peak has the width of the damping.
+    """
+    start = START * min(top, lowest)
+    count = int(np.ceil(np.log(top / start) / step)) + 2
+    return np.geomspace(start, top, count) * (1 + 1j * DAMPING)
+
+
+def driving_point(
+    x: NDArray[Any], k0: ArrayLike, m0: ArrayLike, m: ArrayLike, poles: ArrayLike
+) -> NDArray[Any]:
+    """Z at x = omega^2 of shape (..., W) for k0, m0 (...,) and m, poles = omega_i^2 (..., N).
+
+    Written with m0, not with m_st = m0 + sum(m_i): where an m_i is large, -x m_st and its own term
+    cancel to all digits.
+    """
+    k0, m0, m, poles = (np.asarray(a, dtype=float) for a in (k0, m0, m, poles))
+    real = m > 0
+    weight, poles = np.where(real, m * poles, 0.0), np.where(real, poles, -1.0)
+    hung = np.sum(weight[..., None, :] / (poles[..., None, :] - x[..., None]), axis=-1)
+    return np.asarray(k0[..., None] - x * (m0[..., None] + hung))
+
+
+def shares(k0: ArrayLike, m0: ArrayLike, m: ArrayLike, poles: ArrayLike) -> NDArray[np.float64]:
+    """|change of Z|/|Z| (..., N) at each pole, damped, if its mass were counted to m0 instead.
+
+    Arguments as of `driving_point`; poles with m = 0 have no share.
+    """
+    m, poles = np.asarray(m, dtype=float), np.asarray(poles, dtype=float)
+    share = np.zeros(m.shape)
+    for i in range(m.shape[-1]):  # one after the other: all at once take N times the memory
+        pole = np.where(m[..., i] > 0, poles[..., i], 1.0)
+        x = pole * (1 + 1j * DAMPING) ** 2
+        Z = driving_point(x[..., None], k0, m0, m, poles)[..., 0]
+        share[..., i] = m[..., i] * np.abs(x**2 / (pole - x) / Z)
+    return share
+
+
+def shares_of_receptance(b: ArrayLike, poles: ArrayLike) -> NDArray[np.float64]:
+    """|change of H|/|H| (J,) at each pole, damped, without its mode: H = sum b^2/(poles - x)."""
+    weight, poles = np.asarray(b, dtype=float) ** 2, np.asarray(poles, dtype=float)
+    share = np.ones(poles.shape)  # of a rigid-body mode at its own frequency, 0
+    for i in np.flatnonzero(poles > 0):
+        parts = weight / (poles - poles[i] * (1 + 1j * DAMPING) ** 2)
+        share[i] = np.abs(parts[i]) / max(float(np.abs(np.sum(parts))), np.finfo(float).tiny)
+    return share
+
+
+def lowest_frequency(k0: float, m_st: float, omega: ArrayLike) -> float:
+    """Where Z begins to vary [rad/s]: the one-degree-of-freedom model's or the first pole.
+
+    inf for a rigid mass, whose Z varies alike everywhere.
+    """
+    known = [float(w) for w in np.atleast_1d(np.asarray(omega, dtype=float))[:1]]
+    if k0 > 0:
+        known.append(float(np.sqrt(k0 / m_st)))
+    return min(known, default=float("inf"))
+
+
+def stiffness_error(Z: Stiffness, reference: Stiffness, band: float, lowest: float) -> float:
+    """Largest |Z - Z_ref|/|Z_ref| over the band up to `band` [rad/s], with one per cent damping.
+
+    Parameters
+    ----------
+    Z, reference : callable
+        Dynamic stiffness [N/m] of complex circular frequencies, as `model.dynamic_stiffness`.
+    band, lowest : float
+        Limits of the band [rad/s]; it is sampled down to a quarter of `lowest`.
+    """
+    at = samples(checks.positive("band", band, "rad/s"), checks.positive("lowest", lowest, "rad/s"))
+    exact = reference(at)
+    return float(np.max(np.abs(Z(at) - exact) / np.abs(exact)))

@@ -1,0 +1,354 @@
+"""Anti-oscillators at any site from one set of free modes.
+
+With J free modes of a structure (omega_j, and b_j = b'phi_j at the site), its static compliance C
+and the inertia G = y'My of its static deflection y under a unit force there,
+
+    H(x) = sum_j b_j^2/(w_j^2 - x) + h(x),      x = omega^2,
+    h(0)  = C - sum_j b_j^2/w_j^2 = r,          h'(0) = G - sum_j b_j^2/w_j^4 = s,
+
+and h, the part of the modes left out, is taken as one mode that matches r and s: its frequency is
+w_r^2 = r/s and its weight b_r^2 = r w_r^2. (Without G it has no mass: h = r.) Where rigid-body
+modes leave no static deflection, C and G are those of K + shift M, and all of this holds about
+x = -shift. In these J + 1 coordinates the structure is diagonal, D = diag(w_j^2), and its
+constrained flexibility a change of rank one, T = A^-1 - A^-1 b b'A^-1/C with A = D + shift: its
+eigenpairs are the anti-oscillators, 1/T - shift the zeros of H.
+
+The modes left out have 0 < 1/w^2 <= 1/w_J^2, so at real x the value of h lies between that of the
+one mode and the chord r (1 - p + p/(1 - x/w_J^2)), p = s w_J^2/r: an error bound at every site
+(the little damping with which Z is compared moves it by its own share, a per cent; between two
+samples it may rise by a quarter).
+
+Rigid-body modes that hardly move a site are left out of this and added to its anti-oscillators
+(`antiosc.models.rigid_share`), as in `antiosc.extract`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from antiosc import checks
+from antiosc.errors import InputError
+from antiosc.models import driving_point as bands
+from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.rigid_share import APART, HIDDEN, with_rigid
+
+Array = NDArray[np.float64]
+Method = Literal["krylov", "modes"]
+
+#: A residual compliance below this share of C is rounding.
+ROUNDING = 1e-9
+#: What orthogonalisation leaves of a new direction, relatively, when the space is exhausted.
+EXHAUSTED = 1e-10
+#: An eigenvalue of T below this share of the largest is rounding.
+NULL = 1e-13
+#: Sqrt of the share of m_st at the site that is rounding.
+MASSLESS = 1e-12
+#: Share by which a bound rises at most between two of its samples.
+SAMPLED = 0.25
+#: Sites worked on at a time: their arrays stay in the cache.
+BATCH = 500
+
+
+@dataclass(frozen=True, eq=False)
+class SiteModels:
+    """Anti-oscillator parameters of S sites, as arrays.
+
+    Attributes
+    ----------
+    k0, m0, m_st : (S,) static stiffness [N/m], residual mass [kg], static mass [kg].
+    omega, m : (S, n) frequencies [rad/s], ascending, and masses [kg]; the row of a site with
+        fewer than n anti-oscillators ends in m = 0, omega = inf.
+    """
+
+    k0: Array
+    m0: Array
+    m_st: Array
+    omega: Array
+    m: Array
+
+    def dynamic_stiffness(self, omega: ArrayLike, part: slice = slice(None)) -> NDArray[Any]:
+        """Z of the sites of `part` at circular frequencies of shape (W,): (S, W), as of a model."""
+        x = checks.spectrum("omega", omega) ** 2
+        Z = self.k0[part, None] - x * self.m0[part, None]
+        for w, m in zip(self.omega[part].T, self.m[part].T, strict=True):
+            real = m > 0
+            poles = np.where(real, w, 1.0)[:, None] ** 2
+            Z = Z - x * m[:, None] * poles / (poles - x)
+        return np.asarray(Z)
+
+    def model(self, i: int) -> AntiOscillators:
+        """The model of site i."""
+        i = checks.whole("i", i, least=0, most=len(self.k0) - 1)
+        real = self.m[i] > 0
+        return AntiOscillators(
+            m0=float(self.m0[i]), k0=float(self.k0[i]), m=self.m[i, real], omega=self.omega[i, real]
+        )
+
+
+@checks.within_range
+def from_free_modes(
+    omega: ArrayLike,
+    b: ArrayLike,
+    compliance: float,
+    inertia: float | None = None,
+    n: int | None = None,
+    shift: float = 0.0,
+    method: Method = "modes",
+) -> AntiOscillators:
+    """The anti-oscillators of one site from free modes.
+
+    Parameters
+    ----------
+    omega : array_like, shape (J,)
+        Free frequencies [rad/s], ascending; 0 for rigid-body modes.
+    b : array_like, shape (J,)
+        Displacement of the site along the impact in each mass-normalised mode [kg^-1/2].
+    compliance : float
+        b'y [m/N], y = (K + shift M)^-1 b: for shift = 0 the static displacement of the site under
+        a unit force.
+    inertia : float, optional
+        y'My [kg m^2/N^2]. None: the modes left out have no mass.
+    n : int, optional
+        Anti-oscillators to keep.
+    shift : float
+        [rad^2/s^2], > 0 where a frequency is 0.
+    method : "modes" or "krylov"
+        "modes": the n lowest zeros of H, the mass of the others returns to m0. "krylov": the n
+        that give the best Z(omega), as in `extract`.
+
+    Raises
+    ------
+    InputError
+        Bad shapes; modes more compliant than the structure.
+    """
+    b = checks.array("b", b, (None,))
+    C = np.array([checks.positive("compliance", compliance, "m/N")])
+    G = None if inertia is None else np.array([checks.positive("inertia", inertia, "kg m^2/N^2")])
+    return at_sites(omega, b[None, :], C, G, n, shift, method).model(0)
+
+
+@checks.within_range
+def at_sites(
+    omega: ArrayLike,
+    b: ArrayLike,
+    compliance: ArrayLike,
+    inertia: ArrayLike | None = None,
+    n: int | None = None,
+    shift: float = 0.0,
+    method: Method = "modes",
+) -> SiteModels:
+    """The same for S sites at once: b (S, J), compliance and inertia (S,)."""
+    checks.choice("method", method, get_args(Method))
+    omega = checks.array("omega", omega, (None,))
+    if not omega.size or np.any(omega < 0) or np.any(np.diff(omega) < 0) or omega[-1] == 0:
+        raise InputError("omega must ascend from 0 or above to a frequency > 0.")
+    b = checks.array("b", b, (None, omega.size))
+    C = checks.array("compliance", compliance, (len(b),))
+    G = None if inertia is None else checks.array("inertia", inertia, (len(b),))
+    if not checks.nonnegative("shift", shift, "rad^2/s^2") and omega[0] == 0:
+        raise InputError(
+            "a rigid-body mode (omega = 0) has no static compliance: give a shift > 0, and the"
+            " compliance and inertia of K + shift M."
+        )
+    count = omega.size + 1 if n is None else min(checks.whole("n", n), omega.size + 1)
+    r, s = residual(omega, b, C, G, shift)
+    # the rigid-body modes as one that moves the site by `along`
+    along = np.sqrt(np.sum(b[:, omega == 0] ** 2, axis=1))
+    share = along**2 / shift / C if shift else np.zeros(len(b))
+    elastic = np.where(omega == 0, 0.0, b)
+    result = SiteModels(*np.zeros((3, len(b))), *np.zeros((2, len(b), count)))
+    result.omega[:] = np.inf
+    for group, part, few in (
+        (share > APART, b, count),
+        ((share <= APART) & (share > HIDDEN), elastic, count - 1),
+        (share <= HIDDEN, elastic, count),
+    ):
+        sites = np.flatnonzero(group)
+        for at in np.split(sites, range(BATCH, len(sites), BATCH)):
+            found: tuple[Array, ...] = _batch(omega, part[at], r[at], s[at], few, shift, method)
+            if few < count:
+                found = _joined(found, along[at])
+            result.k0[at], result.m0[at], result.m_st[at] = found[:3]
+            result.omega[at, : found[3].shape[1]], result.m[at, : found[4].shape[1]] = found[3:]
+    return result
+
+
+def _joined(found: tuple[Array, ...], along: Array) -> tuple[Array, ...]:
+    """The elastic parameters of a batch with a rigid-body mode that hardly moves the site."""
+    k0, m0, _, omega, m = found
+    wide = np.full((len(k0), m.shape[1] + 1), np.inf), np.zeros((len(k0), m.shape[1] + 1))
+    left = np.zeros_like(m0)
+    for i, a in enumerate(along):
+        real = m[i] > 0
+        left[i], own, w, _, _ = with_rigid(k0[i], m0[i], m[i, real], omega[i, real], a)
+        wide[0][i, : len(w)], wide[1][i, : len(w)] = w, own
+    return np.zeros_like(k0), left, 1 / along**2, *wide
+
+
+def residual(
+    omega: Array, b: Array, C: Array, G: Array | None, shift: float = 0.0
+) -> tuple[Array, Array]:
+    """r and s (S,) of the modes left out; s = 0 where they have no mass, r = 0 where none is."""
+    x = omega**2 + shift
+    held, heavy = b**2 @ (1 / x), b**2 @ (1 / x**2)
+    r = C - held
+    if np.any(r < -ROUNDING * C):
+        worst = int(np.argmin(r / C))
+        raise InputError(
+            f"the modes alone are more compliant than the structure at site {worst}:"
+            f" {held[worst]:.6g} m/N against {C[worst]:.6g} m/N; give the static compliance of the"
+            " same structure and site."
+        )
+    r = np.where(r <= ROUNDING * C, 0.0, r)
+    if G is None:
+        return r, np.zeros_like(r)
+    s = np.clip(G - heavy, 0.0, r / x[-1])  # what is left out lies above the last mode
+    return r, np.where(G - heavy > ROUNDING * G, s, 0.0)
+
+
+@checks.within_range
+def error_bound(
+    models: SiteModels,
+    omega: ArrayLike,
+    b: ArrayLike,
+    compliance: ArrayLike,
+    inertia: ArrayLike,
+    band: float,
+    shift: float = 0.0,
+) -> tuple[Array, Array]:
+    """Bounds on |dZ|/|Z| (S,), (S,) of the models over the band up to `band` [rad/s].
+
+    First by the modes left out (see above), then by keeping only n anti-oscillators; the whole
+    error is at most their sum. Z is taken with one per cent of damping; `band` must lie below
+    the last free mode. Other arguments as in `at_sites`, which made the models.
+    """
+    omega = checks.array("omega", omega, (None,))
+    b = checks.array("b", b, (None, omega.size))
+    C, G = (checks.array(name, v, (len(b),)) for name, v in (("C", compliance), ("G", inertia)))
+    if not checks.positive("band", band, "rad/s") < omega[-1]:
+        raise InputError(
+            f"the band must end below the last free mode, {omega[-1]:g} rad/s; got {band:g} rad/s."
+        )
+    r, s = (v[:, None] for v in residual(omega, b, C, G, shift))
+    # what `residual` took for rounding
+    lost = np.where(r > 0, 0.0, np.abs(C - b**2 @ (1 / (omega**2 + shift)))[:, None])
+    slow = np.where(s > 0, 0.0, np.abs(G - b**2 @ (1 / (omega**2 + shift) ** 2))[:, None])
+    theta = s / np.where(r > 0, r, 1.0)
+    p = theta * (omega[-1] ** 2 + shift)
+    at = bands.samples(band, min(omega[omega > 0].min(), models.omega.min(initial=np.inf)))
+    x = at**2
+    z = x + shift
+    far = np.abs(1 - z / (omega[-1] ** 2 + shift))
+    modal = 1 / (omega[:, None] ** 2 - x)
+    left_out, reduction = np.zeros(len(b)), np.zeros(len(b))
+    for i in range(0, len(b), BATCH):
+        part = slice(i, i + BATCH)
+        one = r[part] / (1 - z * theta[part])
+        chord = r[part] * (1 - p[part] + p[part] / (1 - z / (omega[-1] ** 2 + shift)))
+        H = b[part] ** 2 @ modal + one
+        Z = models.dynamic_stiffness(at, part)
+        change = np.abs(chord - one) + (lost[part] + slow[part] * np.abs(z)) / far
+        left_out[part] = np.max(np.abs(Z) * change, axis=1)
+        reduction[part] = np.max(np.abs(Z * H - 1), axis=1)
+    return (1 + SAMPLED) * left_out, (1 + SAMPLED) * reduction
+
+
+def _batch(
+    omega: Array, b: Array, r: Array, s: Array, n: int, shift: float, method: Method
+) -> tuple[Array, Array, Array, Array, Array]:
+    """(k0, m0, m_st, omega, m) of a batch of sites."""
+    heavy = s > 0
+    above = np.where(heavy, r / np.where(heavy, s, 1.0), omega[-1] ** 2 + shift)
+    A = np.column_stack([np.broadcast_to(omega**2 + shift, b.shape), above])
+    b = np.column_stack([b, np.sqrt(np.where(heavy, r * above, 0.0))])
+    massless = np.where(heavy, 0.0, r)
+    bAb = np.sum(b**2 / A, axis=1) + massless
+    rigid = np.append(omega == 0, False)
+    deflection = np.where(rigid, 0.0, b / np.where(rigid, 1.0, A - shift))
+    C = np.sum(b * deflection, axis=1) + massless
+    # the static mode, or the rigid-body mode in its place
+    along = np.sum(b[:, rigid] ** 2, axis=1)
+    free = along > 0
+    swing = np.where(rigid, b, 0.0) / np.where(free, along, 1.0)[:, None]
+    phi = np.where(free[:, None], swing, deflection / C[:, None])
+    m_st = np.sum(phi**2, axis=1)
+    solve = _lanczos if method == "krylov" else _eigenpairs
+    theta, c, left = solve(A, b, bAb, massless, phi, n)
+    k0, m = np.where(free, 0.0, 1 / C), c**2
+    with np.errstate(divide="ignore"):
+        x = np.where(theta > 0, 1 / theta - shift, np.inf)
+    real = np.isfinite(x) & (x > 0)
+    rest = left + np.sum(np.where(real, 0.0, m), axis=1)
+    seen = bands.shares(k0, rest, np.where(real, m, 0.0), np.where(real, x, 1.0)) > bands.UNSEEN
+    order = np.argsort(np.where(seen, x, np.inf), axis=1, kind="stable")
+    x, m, seen = (np.take_along_axis(a, order, axis=1) for a in (x, m, seen))
+    seen[:, n:] = False
+    m0 = left + np.sum(np.where(seen, 0.0, m), axis=1)  # what is not kept, no difference
+    m0 = np.where(m0 <= MASSLESS**2 * m_st, 0.0, m0)
+    frequency = np.sqrt(np.where(seen, x, np.inf))[:, :n]
+    return k0, m0, m_st, frequency, np.where(seen, m, 0.0)[:, :n]
+
+
+def _eigenpairs(
+    A: Array, b: Array, bAb: Array, massless: Array, phi: Array, n: int
+) -> tuple[Array, Array, Array]:
+    """All eigenvalues of T, the parts of phi in them (S, J + 1) each, and the mass left (S,)."""
+    y = b / A
+    T = -y[:, :, None] * y[:, None, :] / bAb[:, None, None]
+    diagonal = np.arange(A.shape[1])
+    T[:, diagonal, diagonal] += 1 / A
+    theta, z = np.linalg.eigh(T)
+    theta = np.where(theta > NULL * theta[:, -1:], theta, 0.0)  # T b = 0 where nothing is massless
+    return theta, np.einsum("sji,sj->si", z, phi), np.zeros(len(b))
+
+
+def _lanczos(
+    A: Array, b: Array, bAb: Array, massless: Array, phi: Array, n: int
+) -> tuple[Array, Array, Array]:
+    """The n Ritz values of T from the start T phi in the inner product of A; as `_eigenpairs`.
+
+    As `antiosc.fem.extraction.krylov`; a massless residual compliance r takes up b'v, which adds
+    (b'v)^2/r to v'Av, and without one b'v = 0.
+    """
+    y = b / A
+    soft = massless > 0
+    stiff = np.where(soft, 1 / np.where(soft, massless, 1.0), 0.0)
+    pin = np.where(soft, 0.0, 1 / np.where(soft, 1.0, np.sum(b * y, axis=1)))
+
+    def flexed(v: Array) -> Array:
+        return np.asarray(v / A - y * (np.sum(y * v, axis=1) / bAb)[:, None])
+
+    def force(v: Array) -> Array:
+        return np.asarray(A * v + b * (stiff * np.sum(b * v, axis=1))[:, None])
+
+    sites, size = phi.shape
+    V, F = np.zeros((sites, n, size)), np.zeros((sites, n, size))
+    H = np.zeros((sites, n, n))
+    w = flexed(phi)
+    for k in range(n):
+        before = np.sum(w * force(w), axis=1)
+        for _ in range(2):  # twice is enough (Kahan)
+            h = np.einsum("skj,sj->sk", F[:, :k], w)
+            w = w - np.einsum("skj,sk->sj", V[:, :k], h)
+            w = w - y * (pin * np.sum(b * w, axis=1))[:, None]
+        f = force(w)
+        left = np.sum(w * f, axis=1)
+        real = left > EXHAUSTED**2 * before
+        beta = np.sqrt(np.where(real, left, 0.0))
+        scale = np.where(real, 1 / np.where(real, beta, 1.0), 0.0)[:, None]
+        V[:, k], F[:, k] = w * scale, f * scale
+        H[:, : k + 1, k] = H[:, k, : k + 1] = np.einsum("skj,sj->sk", V[:, : k + 1], V[:, k])
+        w = flexed(V[:, k])
+    theta, turn = np.linalg.eigh(H)
+    theta = np.where(theta > 0, theta, 0.0)
+    scale = np.where(theta > 0, 1 / np.sqrt(np.where(theta > 0, theta, 1.0)), 0.0)
+    shapes = np.einsum("skj,ski->sji", V, turn) * scale[:, None]
+    left, c = phi, np.zeros_like(theta)
+    for _ in range(2):  # twice is enough (Kahan)
+        part = np.einsum("sji,sj->si", shapes, left)
+        c, left = c + part, left - np.einsum("sji,si->sj", shapes, part)
+    return theta, c, np.sum(left**2, axis=1)

@@ -1,0 +1,90 @@
+"""How far many sites move in their impacts, from the force histories alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from antiosc import checks
+from antiosc.models.modal import LinearBody
+from antiosc.simulation.integrators.propagator import Propagator
+
+Array = NDArray[np.float64]
+
+#: Bodies that are worked on together, and times beside those of the force at which u is looked at.
+BATCH, SAMPLES = 200, 200
+
+
+def peak_deflections(
+    bodies: Sequence[LinearBody], forces: Sequence[tuple[Array, Array]], duration: float
+) -> Array:
+    """Largest displacement u [m] of each body's site along the impact, up to `duration` [s].
+
+    Parameters
+    ----------
+    bodies : sequence of LinearBody
+        At rest at the start.
+    forces : sequence of (time, force)
+        The force [N] on each, linear between its times [s] and zero outside them.
+    duration : float
+        [s].
+
+    Returns
+    -------
+    ndarray, shape (S,)
+        Exact at the times of the force and at 200 times over the duration.
+    """
+    duration = checks.positive("duration", duration, "s")
+    peaks = [
+        _peaks(bodies[i : i + BATCH], forces[i : i + BATCH], duration)
+        for i in range(0, len(bodies), BATCH)
+    ]
+    return np.concatenate([np.zeros(0), *peaks])
+
+
+def _peaks(
+    bodies: Sequence[LinearBody], forces: Sequence[tuple[Array, Array]], duration: float
+) -> Array:
+    modal = [body.modal() for body in bodies]
+    omega, b, decay = (
+        _padded([m.omega for m in modal], 0.0),
+        _padded([m.b for m in modal], 0.0),
+        _padded([np.zeros(m.b.size) if m.decay is None else m.decay for m in modal], 0.0),
+    )
+    r = np.array([m.r for m in modal])
+    even = np.linspace(0, duration, SAMPLES)
+    times = [np.union1d(even, time) for time, _ in forces]
+    steps = zip(times, forces, strict=True)
+    force = [
+        np.interp(at, t, F, left=0.0, right=0.0) if t.size else np.zeros_like(at)
+        for at, (t, F) in steps
+    ]
+    time, F = _padded(times, None), _padded(force, 0.0)
+    motion = Propagator(omega, decay)
+    q, v = np.zeros_like(b), np.zeros_like(b)
+    peak = np.zeros(len(modal))
+    for k in range(time.shape[1] - 1):
+        h = time[:, k + 1] - time[:, k]
+        P, S, W = motion.motion(h)
+        J, R = motion.step_and_ramp(h)
+        rise = (b.T * ((F[:, k + 1] - F[:, k]) / np.where(h > 0, h, 1.0))).T
+        push = b * F[:, k, None]
+        q, v = (
+            P * q + S * v + push * J + rise * R,
+            W * v - motion.square * S * q + push * S + rise * J,
+        )
+        peak = np.maximum(peak, np.sum(b * q, axis=1) + r * F[:, k + 1])
+    return peak
+
+
+def _padded(rows: Sequence[Array], filler: float | None) -> Array:
+    """Rows of different length as one array; None repeats the last value."""
+    size = max(row.size for row in rows)
+    return np.array(
+        [
+            np.pad(row, (0, size - row.size), constant_values=row[-1] if filler is None else filler)
+            for row in rows
+        ]
+    )

@@ -1,0 +1,370 @@
+"""What a simulation returns: the force history, the motion and their balances."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.integrate import cumulative_trapezoid
+
+from antiosc import checks
+from antiosc.errors import InputError
+from antiosc.models.modal import ModalBody
+from antiosc.simulation.integrators import Problem, Trajectory
+
+Array = NDArray[np.float64]
+Body = Literal["structure", "impactor"]
+
+
+@dataclass(frozen=True, eq=False)
+class Energy:
+    """Energies [J] at the nodes of a history, each (n,), and how well they balance.
+
+    Attributes
+    ----------
+    kinetic, strain : of both bodies.
+    contact : what the contact law can give back.
+    dissipated : lost by the contact law and by the bodies' damping so far.
+    gravity : work done by gravity so far.
+    drift : largest |kinetic + strain + contact + dissipated - gravity - start|, relative to the
+        largest sum of kinetic, strain and contact energy.
+    """
+
+    kinetic: Array
+    strain: Array
+    contact: Array
+    dissipated: Array
+    gravity: Array
+
+    @property
+    def total(self) -> Array:
+        """What would be constant in exact arithmetic."""
+        return self.kinetic + self.strain + self.contact + self.dissipated - self.gravity
+
+    @property
+    def drift(self) -> float:
+        total = self.total
+        scale = float(np.max(self.kinetic + self.strain + self.contact))
+        return float(np.max(np.abs(total - total[0]))) / scale if scale > 0 else 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class History:
+    """History of an impact; times in s, forces in N, displacements in m along the direction d.
+
+    Attributes
+    ----------
+    status : 0: completed; 1: completed, tol not met; 2: stopped before the end; 3: completed, but
+        the bodies touch at the end: contact time, impulse and peak force are those so far.
+    message : the status in words, with what was done to the contact law.
+    step : the step used during contact [s].
+    error : estimated relative errors reached: "force" (L2 norm) and "peak"; empty when the step
+        was given. With n="auto" also "truncation peak_force", "... impulse", "... contact_time".
+    """
+
+    problem: Problem
+    bodies: tuple[ModalBody, ModalBody]
+    model: Any
+    impactor: Any
+    trajectory: Trajectory
+    step: float
+    error: dict[str, float]
+    status: int
+    message: str
+
+    # -- at the nodes
+
+    @cached_property
+    def time(self) -> Array:
+        """Nodes [s], ascending from 0, (n,). Two segments share their common node."""
+        return self._joined([s.time for s in self.trajectory.segments])
+
+    @cached_property
+    def force(self) -> Array:
+        """Contact force [N], >= 0, (n,); linear between nodes."""
+        return self._joined([s.force for s in self.trajectory.segments])
+
+    @cached_property
+    def indentation(self) -> Array:
+        """w - u - gap [m], (n,); negative: distance."""
+        return self._joined([s.indentation() for s in self.trajectory.segments])
+
+    @cached_property
+    def displacement(self) -> Array:
+        """Displacement u of the structure's site [m], (n,)."""
+        q, _ = self._modal_states
+        s, r = self._size, self.bodies[0].r
+        return np.asarray(q[:, :s] @ self.bodies[0].b + r * self.force)
+
+    @cached_property
+    def velocity(self) -> Array:
+        """Velocity of the structure's site [m/s], (n,), of the part that has inertia."""
+        return np.asarray(self._modal_states[1][:, : self._size] @ self.bodies[0].b)
+
+    @cached_property
+    def impactor_displacement(self) -> Array:
+        """Displacement w of the impactor's contact point [m], (n,)."""
+        q, _ = self._modal_states
+        return np.asarray(q[:, self._size :] @ self.bodies[1].b - self.bodies[1].r * self.force)
+
+    @cached_property
+    def impactor_velocity(self) -> Array:
+        """Velocity w' of the impactor's contact point [m/s], (n,)."""
+        return np.asarray(self._modal_states[1][:, self._size :] @ self.bodies[1].b)
+
+    # -- numbers
+
+    @property
+    def peak_force(self) -> float:
+        """Largest contact force [N]."""
+        return float(self.force.max())
+
+    @property
+    def impulse(self) -> float:
+        """Time integral of the contact force [N s]."""
+        return float(sum(s.impulse for s in self.trajectory.segments))
+
+    @property
+    def contacts(self) -> list[tuple[float, float]]:
+        """(start, end) [s] of every contact, in order."""
+        return [(c.start, c.end) for c in self.trajectory.contacts]
+
+    @property
+    def contact_time(self) -> float:
+        """First touch to last release [s] of the main impact; 0 if nothing touched.
+
+        A contact that goes on at the end of the run counts up to there (status 3).
+        Contacts belong to one impact while the flight between them is shorter than the impact has
+        lasted so far; the main impact is the one with the largest impulse.
+        """
+        segments = self.trajectory.segments
+        return main_impact(
+            [
+                (c.start, c.end, sum(s.impulse for s in segments[slice(*c.segments)]))
+                for c in self.trajectory.contacts
+            ]
+        )
+
+    @property
+    def restitution(self) -> float | None:
+        """Coefficient of restitution: Newton's, of the rigid-body motions.
+
+        The speed at which the bodies part at the contact point after the last release, over that
+        at which they closed at the first touch, both of their rigid-body motions: what vibrates is
+        left out. A supported structure has no rigid-body motion at its site, so against it this is
+        the rebound speed of the impactor over its speed of approach. None without a contact, while
+        one lasts at the end, or when the bodies did not close.
+        """
+        contacts = self.trajectory.contacts
+        if not contacts or not contacts[-1].released:
+            return None
+        _, v = self.states([contacts[0].start, contacts[-1].end])
+        rigid = np.where(self.problem.omega == 0, self.problem.beta, 0.0)
+        closing, after = v @ rigid
+        return float(-after / closing) if closing > 0 else None
+
+    @cached_property
+    def momentum(self) -> Array:
+        """Momentum of the structure (n, 3) [kg m/s], in the axes of its mesh."""
+        return self._momenta[:, :3]
+
+    @cached_property
+    def angular_momentum(self) -> Array:
+        """Angular momentum of the structure (n, 3) [kg m^2/s] about its centre of mass at rest."""
+        return self._momenta[:, 3:]
+
+    @cached_property
+    def energy(self) -> Energy:
+        """Energies of both whole bodies, and their drift."""
+        q, v = self._modal_states
+        p = self.problem
+        stored, lost = self._contact_energy
+        braked = cumulative_trapezoid(np.sum(2 * p.decay * v**2, axis=1), self.time, initial=0.0)
+        return Energy(
+            kinetic=0.5 * np.sum(v**2, axis=1),
+            strain=0.5 * np.sum((p.omega * q) ** 2, axis=1) + 0.5 * p.r * self.force**2,
+            contact=stored,
+            dissipated=lost + braked,
+            gravity=(q - p.q) @ p.load,
+        )
+
+    # -- at any time
+
+    def states(self, t: ArrayLike) -> tuple[Array, Array]:
+        """Modal displacements and velocities (n, J) of both bodies at times (n,) within the run.
+
+        Between two nodes the motion is exact for the force that is linear there.
+        """
+        times, index = self._locate(t)
+        q, v = self._modal_states
+        time, force = self.time, self.force
+        return self.problem.forced(
+            q[index], v[index], times - time[index], force[index], np.interp(times, time, force)
+        )
+
+    def of(self, body: Body) -> tuple[Any, ModalBody]:
+        """The model of the "structure" or the "impactor", and its modal form."""
+        checks.choice("body", body, get_args(Body))
+        return ((self.model, self.bodies[0]), (self.impactor, self.bodies[1]))[body == "impactor"]
+
+    def coordinates(self, t: ArrayLike, body: Body = "structure") -> Array:
+        """The own coordinates of a body: for `AntiOscillators` lambda_0 ... lambda_N.
+
+        `t` of shape (n,) gives (n, N + 1), a single time (N + 1,). The rigid motions of a free body
+        that its site does not see follow lambda, one coordinate each.
+        """
+        q, _ = self.states(t)
+        force = np.interp(checks.column("t", t), self.time, self.force)
+        own = self.of(body)[1].coordinates(self._part(q, body), force)
+        return own if np.ndim(t) else own[0]
+
+    def field(self, t: ArrayLike, body: Body = "structure") -> Array:
+        """Nodal displacements (n_dofs,) at one time, (n, n_dofs) at several. Article eq. (8).
+
+        `body`: "structure", or "impactor" where that is a model with shapes.
+        """
+        model, own = self.of(body)
+        if own.basis is None:
+            raise InputError(no_field(model))
+        return own.field(self.coordinates(t, body))
+
+    def summary(self) -> str:
+        """The numbers of the impact as a short table."""
+        e = self.restitution
+        rows = [
+            ("peak force", f"{self.peak_force:.6g} N"),
+            ("impulse", f"{self.impulse:.6g} N s"),
+            ("contacts", f"{len(self.contacts)}"),
+            ("contact time", f"{self.contact_time:.6g} s"),
+            ("restitution", "-" if e is None else f"{e:.4f}"),
+            ("energy drift", f"{self.energy.drift:.1e}"),
+            ("step", f"{self.step:.3g} s"),
+            (
+                "force error",
+                f"{self.error['force']:.1e}" if "force" in self.error else "not estimated",
+            ),
+            ("status", self.message),
+        ]
+        return "\n".join(f"{name:<13} {value}" for name, value in rows)
+
+    # -- inside
+
+    @property
+    def _size(self) -> int:
+        return int(self.bodies[0].omega.size)
+
+    def _part(self, q: Array, body: Body) -> Array:
+        """A body's own modal states among those of both.
+
+        The impactor's are measured along the impact, against the force that its own model knows.
+        """
+        return q[:, : self._size] if body == "structure" else -q[:, self._size :]
+
+    @cached_property
+    def _momenta(self) -> Array:
+        inertia = self.bodies[0].inertia
+        if inertia is None:
+            raise InputError(
+                f"the momentum of {type(self.model).__name__} is not known: a model knows it when"
+                f" it was extracted from a mesh whose supports leave a rigid-body motion."
+            )
+        v = self._part(self._modal_states[1], "structure")
+        return inertia.moved(v @ inertia.momentum, inertia.centre)
+
+    def _joined(self, pieces: Sequence[Array]) -> Array:
+        """Segments end to end, the common nodes once."""
+        return np.concatenate([pieces[0], *(p[1:] for p in pieces[1:])])
+
+    @cached_property
+    def _modal_states(self) -> tuple[Array, Array]:
+        states = [s.states() for s in self.trajectory.segments]
+        return self._joined([q for q, _ in states]), self._joined([v for _, v in states])
+
+    def _locate(self, t: ArrayLike) -> tuple[Array, NDArray[np.intp]]:
+        times = checks.column("t", t)
+        end = float(self.time[-1])
+        outside = (times < 0) | (times > end * (1 + 1e-12))
+        if np.any(outside):
+            raise InputError(
+                f"t must lie within the run, 0 <= t <= {end:g} s; got {times[outside][0]:g} s."
+            )
+        times = np.minimum(times, end)
+        return times, np.searchsorted(self.time, times, side="right") - 1
+
+    @cached_property
+    def _contact_energy(self) -> tuple[Array, Array]:
+        """Recoverable and lost energy of the contact law, replayed along the nodes."""
+        law = self.problem.law
+        stored, lost = np.zeros(self.time.size), np.zeros(self.time.size)
+        sizes = [s.time.size - 1 for s in self.trajectory.segments]
+        first = np.concatenate(([0], np.cumsum(sizes)))
+        for contact in self.trajectory.contacts:
+            a, b = first[contact.segments[0]], first[contact.segments[1]]
+            state, braked, before = contact.state, float(lost[a]), 0.0
+            start = law.lost(state)
+            for n in range(a, b + 1):
+                delta = float(self.indentation[n])
+                if n > a:
+                    state = law.advance(delta, 0.0, state)
+                if law.rate_dependent:  # the work of what the force has beyond its elastic part
+                    damping = float(self.force[n]) - law.force(delta, 0.0, state)
+                    if n > a:
+                        change = delta - float(self.indentation[n - 1])
+                        braked += 0.5 * (before + damping) * change
+                    before = damping
+                stored[n] = law.energy(delta, state)
+                lost[n] = braked + law.lost(state) - start
+            lost[b:] = lost[b]
+        return stored, lost
+
+
+def no_field(model: Any) -> str:
+    """Why a model has no displacement field, and the remedy."""
+    name = type(getattr(model, "body", model)).__name__
+    return (
+        f"{name} has no displacement field: it carries no shapes (model files do not store them);"
+        f" extract the model again to recover fields."
+    )
+
+
+def main_impact(contacts: Sequence[tuple[float, float, float]]) -> float:
+    """Length [s] of the main impact among contacts (start, end, impulse); see `contact_time`."""
+    groups: list[tuple[float, float, float]] = []
+    for start, end, impulse in contacts:
+        if groups and start - groups[-1][1] < groups[-1][1] - groups[-1][0]:
+            groups[-1] = (groups[-1][0], end, groups[-1][2] + impulse)
+        else:
+            groups.append((start, end, impulse))
+    if not groups:
+        return 0.0
+    main = max(groups, key=lambda g: g[2])
+    return main[1] - main[0]
+
+
+def force_difference(coarse: Trajectory, fine: Trajectory) -> tuple[float, float]:
+    """Relative difference of two force histories: in the L2 norm and of the peak."""
+    a, b = _force(coarse), _force(fine)
+    time = np.union1d(a[0], b[0])
+    fa, fb = np.interp(time, *a), np.interp(time, *b)
+    size = _l2(time, fb)
+    if size == 0.0:
+        return (0.0, 0.0) if _l2(time, fa) == 0.0 else (1.0, 1.0)
+    top = float(fb.max())
+    return _l2(time, fa - fb) / size, abs(float(fa.max()) - top) / top
+
+
+def _force(trajectory: Trajectory) -> tuple[Array, Array]:
+    return (
+        np.concatenate([s.time for s in trajectory.segments]),
+        np.concatenate([s.force for s in trajectory.segments]),
+    )
+
+
+def _l2(time: Array, value: Array) -> float:
+    """L2 norm of a piecewise linear function, exactly."""
+    a, b = value[:-1], value[1:]
+    return float(np.sqrt(np.sum(np.diff(time) * (a * a + a * b + b * b) / 3)))

@@ -1,0 +1,41 @@
+"""Up to which frequency an impact moves a structure, before any model of the structure is known."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from antiosc import checks
+from antiosc.contact import ContactLaw
+from antiosc.errors import InputError
+from antiosc.models.modal import LinearBody, ModalBody, checked_body
+from antiosc.simulation.simulate import assemble, scaled
+
+#: the band of an impact over the circular frequency pi/T of its contact time: a half-sine of length
+#: T has its first zero there
+BEYOND = 3.0
+
+
+@checks.within_range
+def impact_band(impactor: LinearBody, contact: ContactLaw) -> float:
+    """The highest circular frequency [rad/s] that an impact brings to a structure, about 3 pi/T.
+
+    T is the contact time of `impactor` on a rigid wall, the shortest that a single contact with
+    the structure can have. Raises InputError for an impactor at rest.
+    """
+    checked_body("impactor", impactor)
+    if not checks.number("velocity", getattr(impactor, "velocity", 0.0), "m/s") > 0:
+        raise InputError(
+            "impact_band needs an impactor with a velocity > 0; with an Obstacle or a body at rest "
+            "give the band as a number."
+        )
+    problem, bodies = assemble(_Wall(), impactor, contact)
+    endless = 1e6  # s
+    _, duration = scaled(problem, bodies, endless)
+    return BEYOND * np.pi / duration
+
+
+class _Wall:
+    """A body that does not move."""
+
+    def modal(self) -> ModalBody:
+        return ModalBody(np.zeros(0), np.zeros(0))

@@ -1,0 +1,131 @@
+"""What strikes: each impactor is a linear body with a velocity along the impact direction."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf, pi, sqrt
+
+import numpy as np
+
+from antiosc import checks
+from antiosc.contact import Hertz
+from antiosc.errors import InputError
+from antiosc.models.modal import LinearBody, ModalBody, checked_body
+from antiosc.models.motion import Motion
+
+
+@dataclass(frozen=True)
+class RigidMass:
+    """A rigid mass [kg] that moves at `velocity` [m/s], > 0 toward the structure."""
+
+    mass: float
+    velocity: float = 0.0
+
+    def __post_init__(self) -> None:
+        checks.store(
+            self,
+            mass=checks.positive("mass", self.mass, "kg"),
+            velocity=checks.number("velocity", self.velocity, "m/s"),
+        )
+
+    def modal(self) -> ModalBody:
+        return _rigid(self.mass)
+
+
+@dataclass(frozen=True)
+class Sphere:
+    """A solid elastic sphere whose own vibration is neglected.
+
+    Parameters
+    ----------
+    radius : float
+        [m].
+    E, nu, rho : float
+        Young's modulus [Pa], Poisson's ratio, density [kg/m^3].
+    velocity : float
+        [m/s], > 0 toward the structure.
+    """
+
+    radius: float
+    E: float
+    nu: float
+    rho: float
+    velocity: float = 0.0
+
+    def __post_init__(self) -> None:
+        checks.store(
+            self,
+            radius=checks.positive("radius", self.radius, "m"),
+            E=checks.positive("E", self.E, "Pa"),
+            nu=checks.poisson(self.nu),
+            rho=checks.positive("rho", self.rho, "kg/m^3"),
+            velocity=checks.number("velocity", self.velocity, "m/s"),
+        )
+
+    @property
+    def mass(self) -> float:
+        """Mass [kg]."""
+        return self.rho * 4 / 3 * pi * self.radius**3
+
+    def hertz(
+        self, E: float, nu: float, radii: float | tuple[float, float] = inf, angle: float = 0.0
+    ) -> Hertz:
+        """Hertz's law against a surface of modulus E [Pa], Poisson's ratio nu and these radii."""
+        return Hertz.from_radii(self.radius, self.E, self.nu, radii, E, nu, angle)
+
+    def modal(self) -> ModalBody:
+        return _rigid(self.mass)
+
+
+@dataclass(frozen=True)
+class Obstacle:
+    """A fixed rigid obstacle, `gap` [m] away from the structure; the structure moves."""
+
+    gap: float = 0.0
+    velocity: float = 0.0
+
+    def __post_init__(self) -> None:
+        velocity = checks.number("velocity", self.velocity, "m/s")
+        if velocity != 0.0:
+            raise InputError(
+                f"an obstacle is fixed; give the structure an initial_velocity instead of"
+                f" velocity = {velocity:g}."
+            )
+        checks.store(self, gap=checks.nonnegative("gap", self.gap, "m"), velocity=velocity)
+
+    def modal(self) -> ModalBody:
+        return ModalBody(np.zeros(0), np.zeros(0), weight=np.zeros(0))
+
+
+@dataclass(frozen=True)
+class Impactor:
+    """Any linear body as the striker, such as a second `AntiOscillators` (Article Fig. 1).
+
+    Its contact point is the site of its model, the direction of that site the one in which the
+    contact pushes it. `velocity` is a number [m/s], > 0 toward the structure, or a `Motion` in the
+    axes of its own mesh, as `initial_velocity` of `simulate`. A supported body keeps velocity 0.
+    """
+
+    body: LinearBody
+    velocity: float | Motion = 0.0
+
+    def __post_init__(self) -> None:
+        body, velocity = checked_body("body", self.body), self.velocity
+        if not isinstance(velocity, Motion):
+            velocity = checks.number("velocity", velocity, "m/s")
+        checks.store(self, body=body, velocity=velocity)
+
+    @property
+    def local_compliance(self) -> float:
+        """Patch compliance [m/N] that the body's model contains."""
+        return float(getattr(self.body, "local_compliance", 0.0))
+
+    def modal(self) -> ModalBody:
+        return self.body.modal()
+
+
+def _rigid(mass: float) -> ModalBody:
+    root = sqrt(mass)
+    return ModalBody(
+        np.zeros(1), np.array([1 / root]), weight=np.array([root]), shape=np.array([[1 / root]])
+    )

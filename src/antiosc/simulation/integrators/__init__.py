@@ -1,0 +1,32 @@
+"""How an impact is integrated: one integrator a file, and the course of events they share."""
+
+from antiosc.simulation.integrators.conserving import Conserving
+from antiosc.simulation.integrators.exact import Exact
+from antiosc.simulation.integrators.ivp import METHODS as IVP_METHODS, SolveIVP
+from antiosc.simulation.integrators.leapfrog import Leapfrog
+from antiosc.simulation.integrators.newmark import Newmark
+from antiosc.simulation.integrators.problem import MAX_STEPS, Integrator, Phase, Problem, Segment
+from antiosc.simulation.integrators.run import Contact, Trajectory, run
+
+#: fixed-step integrators by the name `simulate` takes
+FIXED_STEP: dict[str, type[Exact] | type[Newmark] | type[Conserving] | type[Leapfrog]] = {
+    method.name: method for method in (Exact, Newmark, Conserving, Leapfrog)
+}
+
+__all__ = [
+    "FIXED_STEP",
+    "IVP_METHODS",
+    "MAX_STEPS",
+    "Conserving",
+    "Contact",
+    "Exact",
+    "Integrator",
+    "Leapfrog",
+    "Newmark",
+    "Phase",
+    "Problem",
+    "Segment",
+    "SolveIVP",
+    "Trajectory",
+    "run",
+]

@@ -1,0 +1,114 @@
+"""How a run ended: its status, and the sentence that says what its figures are worth."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from antiosc.errors import AccuracyWarning, AntioscWarning, warn
+from antiosc.simulation.integrators import Problem
+
+#: status of a run: complete; complete, but not to the tolerance; stopped before the end; complete,
+#: but the bodies still touch at the end
+COMPLETED, INEXACT, STOPPED, TOUCHING = 0, 1, 2, 3
+
+#: A closing speed below this share of what the modes make of it is rounding.
+_ROUNDING = 1e-12
+#: Scenes of a batch that a warning names.
+_NAMED = 5
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Status and message of a run; `odd`: worth a warning though the status is 0."""
+
+    status: int
+    message: str
+    odd: bool = False
+
+    def with_shortage(self, shortage: str) -> Verdict:
+        """The same for a model that has too few anti-oscillators, if `shortage` says so."""
+        if not shortage:
+            return self
+        worse = self.status if self.status in (INEXACT, STOPPED) else INEXACT
+        return Verdict(worse, f"{self.message} {shortage}", self.odd)
+
+    def tell(self) -> None:
+        """Warn at the caller's line, unless all went as asked."""
+        if self.status:
+            warn(self.message, AccuracyWarning)
+        elif self.odd:
+            warn(self.message)
+
+
+def judge(
+    problem: Problem,
+    duration: float,
+    *,
+    touched: bool,
+    released: bool,
+    trouble: str,
+    error: float,
+    tol: float,
+) -> Verdict:
+    """The verdict on one run.
+
+    Parameters
+    ----------
+    problem, duration : what was integrated, and for how long [s].
+    touched, released : whether there was a contact, and whether the last one ended.
+    trouble : why the run stopped before its end, if it did.
+    error, tol : estimated relative error of the force, and the one asked for.
+    """
+    if trouble:
+        return Verdict(STOPPED, trouble[0].upper() + trouble[1:] + ".")
+    if not touched:
+        return Verdict(COMPLETED, _never_touched(problem, duration), odd=True)
+    cut = (
+        f"The run ends during contact: contact time, impulse and peak force are those up to"
+        f" {duration:g} s, and a restitution is not known; lengthen the duration."
+    )
+    if error > tol:
+        inexact = (
+            f"The force history reached a relative error of {error:.2g}, not tol = {tol:g}, within"
+            f" the bound on steps; raise max_steps or shorten the duration."
+        )
+        return Verdict(INEXACT, inexact if released else f"{inexact} {cut}")
+    return Verdict(COMPLETED, "Completed.") if released else Verdict(TOUCHING, cut)
+
+
+def _never_touched(problem: Problem, duration: float) -> str:
+    """Why nothing touched, from the motion at the start."""
+    speed, push = float(problem.beta @ problem.v), float(problem.beta @ problem.load)
+    if abs(speed) <= _ROUNDING * float(np.abs(problem.beta) @ np.abs(problem.v)):
+        speed = 0.0
+    if speed > 0 or (speed == 0 and push > 0):
+        pace = f"{speed:g} m/s" if speed > 0 else f"{push:g} m/s^2"
+        why = (
+            f"the gap of {problem.gap:g} m closes at {pace} at first and was never closed within"
+            f" {duration:g} s; lengthen the duration"
+        )
+    elif speed < 0:
+        why = f"the gap opens at {-speed:g} m/s; velocities close it when > 0"
+    elif push < 0:
+        why = f"gravity opens the gap at {-push:g} m/s^2; turn its sign or give a velocity > 0"
+    else:
+        why = "nothing moves the bodies toward each other; give one a velocity > 0, or gravity"
+    return f"Never touched: {why}."
+
+
+def tell_all(verdicts: Sequence[Verdict]) -> None:
+    """One warning for each kind of trouble in a batch of runs, with the scenes that have it."""
+    kinds: dict[tuple[int, bool], list[int]] = {}
+    for i, one in enumerate(verdicts):
+        if one.status or one.odd:
+            kinds.setdefault((one.status, one.odd), []).append(i)
+    for (status, _), scenes in kinds.items():
+        named = ", ".join(map(str, scenes[:_NAMED])) + (", ..." if len(scenes) > _NAMED else "")
+        warn(
+            f"{len(scenes)} of {len(verdicts)} scenes ({named}), as scene {scenes[0]}:"
+            f" {verdicts[scenes[0]].message}",
+            AccuracyWarning if status else AntioscWarning,
+        )

@@ -1,0 +1,242 @@
+"""Timoshenko beams: sections, the classical element, exact static solutions, rotation in space."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+pytest.importorskip("dolfinx")
+
+import scipy.linalg
+import scipy.sparse.linalg
+
+import antiosc as ao
+import parts
+from antiosc.fem import compat
+from antiosc.fem.linalg.solvers import csr
+
+pytestmark = pytest.mark.fem
+
+FLAT = ao.Section.rectangle(width=0.02, height=0.05)
+
+
+def beam(section: ao.Section = FLAT, **extra) -> ao.Beam:
+    return ao.Beam(**parts.ALUMINIUM, section=section, **extra)
+
+
+def dofs_at(structure: ao.Structure, point, names) -> list[int]:
+    """The dofs of the components `names` at the node nearest to `point`."""
+    found = []
+    for name in names:
+        dofs, x = compat.dof_coordinates(structure.form.space, structure.form.components[name])
+        target = np.zeros(3)
+        target[: len(point)] = point
+        found.append(int(dofs[np.argmin(np.linalg.norm(x - target, axis=1))]))
+    return found
+
+
+def solve(structure: ao.Structure, point, loads: dict[str, float]) -> dict[str, float]:
+    """Motions at `point` under forces and moments there."""
+    f = np.zeros(structure.K.getSize()[0])
+    f[dofs_at(structure, point, loads)] = list(loads.values())
+    u = scipy.sparse.linalg.spsolve(csr(structure.K).tocsc(), f)
+    return {n: u[dofs_at(structure, point, [n])[0]] for n in structure.form.components}
+
+
+# --- Sections -------------------------------------------------------------------------------------
+
+
+def test_sections_by_their_definitions():
+    r = ao.Section.rectangle(0.02, 0.05)
+    assert (r.A, r.I, r.side) == pytest.approx((1e-3, 0.02 * 0.05**3 / 12, 0.05 * 0.02**3 / 12))
+    square = ao.Section.rectangle(0.1, 0.1)
+    assert square.torsion == pytest.approx(0.140577 * 1e-4, rel=1e-5)  # Timoshenko & Goodier, §109
+    strip = ao.Section.rectangle(1.0, 1e-3)
+    assert strip.torsion == pytest.approx(1e-9 / 3 * (1 - 0.630249e-3), rel=1e-6)
+    d = ao.Section.circle(0.04)
+    np.testing.assert_allclose([d.A, d.I], [np.pi * 0.02**2, np.pi * 0.02**4 / 4])
+    assert d.torsion == pytest.approx(np.pi * 0.02**4 / 2)
+    tube = ao.Section.tube(0.04, 0.001)
+    thin = np.pi * 0.039 * 0.001
+    np.testing.assert_allclose(tube.A, thin, rtol=1e-12)
+    np.testing.assert_allclose(tube.I, thin * 0.0195**2 / 2, rtol=1e-3)
+    full = ao.Section.tube(0.04, 0.02 * (1 - 1e-9))
+    np.testing.assert_allclose(full.I, d.I, rtol=1e-8)
+
+
+# --- One element ----------------------------------------------------------------------------------
+
+
+def test_linear_element_is_the_classical_one():
+    """One-point shear: 2-node Timoshenko element, e.g. Hughes, The FEM (1987), §5.4."""
+    L = 0.3
+    structure = ao.Structure(parts.line(L, 1), beam(), order=1)
+    order = [dofs_at(structure, p, [n])[0] for p in [(0, 0), (L, 0)] for n in ("x", "y", "rz")]
+    K, M = (csr(A)[order][:, order].toarray() for A in (structure.K, structure.M))
+    b = beam()
+    EA, GA, EI = b.E * FLAT.A, b.G * FLAT.A * FLAT.shear, b.E * FLAT.I
+    s = GA / L
+    expected = np.array([
+        [EA / L, 0, 0, -EA / L, 0, 0],
+        [0, s, s * L / 2, 0, -s, s * L / 2],
+        [0, s * L / 2, s * L**2 / 4 + EI / L, 0, -s * L / 2, s * L**2 / 4 - EI / L],
+        [-EA / L, 0, 0, EA / L, 0, 0],
+        [0, -s, -s * L / 2, 0, s, -s * L / 2],
+        [0, s * L / 2, s * L**2 / 4 - EI / L, 0, -s * L / 2, s * L**2 / 4 + EI / L],
+    ])  # fmt: skip
+    np.testing.assert_allclose(K, expected, rtol=0, atol=1e-13 * np.abs(expected).max())
+    line = np.array([[2, 1], [1, 2]]) * L / 6
+    weights = np.diag([b.rho * FLAT.A] * 2 + [b.rho * FLAT.I])
+    np.testing.assert_allclose(M, np.kron(line, weights), rtol=0, atol=1e-14)
+
+
+# --- Mass and rigid motions -----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_mass_and_rigid_motions_of_a_plane_frame(order):
+    mesh = parts.frame([(0, 0), (0.3, 1.0), (1.2, 0.8), (0.5, 0.4)], [(0, 1), (1, 2), (1, 3)], 3)
+    structure = ao.Structure(mesh, beam(), order=order)
+    check_free(structure, [np.hypot(0.3, 1.0), np.hypot(0.9, 0.2), np.hypot(0.2, 0.6)], 3)
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_mass_and_rigid_motions_of_a_space_frame(order):
+    points = [(0, 0, 0), (0.3, 0.1, 1.0), (1.2, 0.8, 0.9), (0.5, -0.4, 0.7), (0.3, 0.1, 2.0)]
+    members = [(0, 1), (1, 2), (1, 3), (1, 4), (3, 4)]
+    mesh = parts.frame(points, members, 2)
+    structure = ao.Structure(mesh, beam(orientation=(0.3, 1.0, 0.1)), order=order)
+    lengths = [np.linalg.norm(np.subtract(points[a], points[b])) for a, b in members]
+    check_free(structure, lengths, 6)
+
+
+def check_free(structure: ao.Structure, lengths, count: int) -> None:
+    mass = sum(lengths) * FLAT.A * parts.ALUMINIUM["rho"]
+    assert structure.mass == pytest.approx(mass, rel=1e-13)
+    K, M, R = csr(structure.K), csr(structure.M), structure.rigid_modes
+    assert R.shape[1] == count
+    np.testing.assert_allclose(R.T @ (M @ R), np.eye(count), atol=1e-11)
+    assert np.abs(K @ R).max() < 1e-12 * abs(K).max() * np.abs(R).max()
+    # No other null vector: nothing is loose at the joints.
+    values = scipy.linalg.eigvalsh(K.toarray(), M.toarray())
+    assert values[count] > 1e-3 * structure.shift
+    assert abs(values[count - 1]) < 1e-6 * values[count]
+
+
+@pytest.mark.parametrize("direction", [(1, 0, 0), (0, 0, 1), (1, 2, -2)])
+def test_a_straight_line_has_all_six_rigid_motions(direction):
+    """Along an axis too, where two coordinates are zero everywhere."""
+    L = 0.8
+    mesh = parts.line(L, 4, direction)
+    structure = ao.Structure(mesh, beam(ao.Section.circle(0.03)))
+    assert structure.rigid_modes.shape[1] == 6
+    R, M = structure.rigid_modes, csr(structure.M)
+    # spin about its own axis: the polar inertia rho (I + I) L
+    along = np.asarray(direction) / np.linalg.norm(direction)
+    spin = np.zeros(len(R))
+    for axis, name in enumerate(("rx", "ry", "rz")):
+        spin[compat.dof_coordinates(structure.form.space, structure.form.components[name])[0]] = (
+            along[axis]
+        )
+    section = structure.parts[0][0].section
+    polar = 2 * parts.ALUMINIUM["rho"] * section.I * L
+    assert spin @ (M @ spin) == pytest.approx(polar, rel=1e-12)
+    assert np.linalg.norm(spin - R @ (R.T @ (M @ spin))) < 1e-9 * np.linalg.norm(spin)
+
+
+# --- Statics --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("n", [1, 4])
+def test_cantilever_with_quadratic_elements_is_exact_at_the_tip(n):
+    """F L³/3EI + F L/κGA and M L/EI: cubic deflections, quadratic ones at two-point shear."""
+    L = 0.7
+    structure = ao.Structure(parts.line(L, n), beam(), [ao.Support("left")])
+    EI, GA = beam().E * FLAT.I, beam().G * FLAT.A * FLAT.shear
+    under_force = solve(structure, (L, 0), {"y": 1.0})
+    assert under_force["y"] == pytest.approx(L**3 / 3 / EI + L / GA, rel=1e-9)
+    assert under_force["rz"] == pytest.approx(L**2 / 2 / EI, rel=1e-9)
+    under_moment = solve(structure, (L, 0), {"rz": 1.0})
+    assert under_moment["rz"] == pytest.approx(L / EI, rel=1e-9)
+    assert solve(structure, (L, 0), {"x": 1.0})["x"] == pytest.approx(
+        L / beam().E / FLAT.A, rel=1e-10
+    )
+
+
+def test_linear_elements_do_not_lock():
+    """The classical element errs by h²/12EI in 1/κGA and by nothing else, however thin."""
+    L, n = 1.0, 10
+    thin = ao.Section.rectangle(0.01, 0.001)
+    structure = ao.Structure(parts.line(L, n), beam(thin), [ao.Support("left")], order=1)
+    EI, GA = beam().E * thin.I, beam().G * thin.A * thin.shear
+    h = L / n
+    tip = solve(structure, (L, 0), {"y": 1.0})["y"]
+    assert tip == pytest.approx(L**3 / 3 / EI + L / GA - L * h**2 / 12 / EI, rel=1e-7)
+
+
+@pytest.mark.parametrize("direction", [(1, 0, 0), (0, 0, 1), (2, -1, 2)])
+@pytest.mark.parametrize("order", [1, 2])
+def test_orientation_in_space(direction, order):
+    """Forces along and across the height, a torque and a pull, on a cantilever in space."""
+    L = 0.6
+    t = np.asarray(direction) / np.linalg.norm(direction)
+    tilted = np.array([0.2, 1.0, 0.3])
+    y = tilted - tilted @ t * t
+    y /= np.linalg.norm(y)
+    z = np.cross(t, y)
+    b = beam(orientation=tuple(tilted))
+    n = 4 if order == 2 else 40
+    structure = ao.Structure(parts.line(L, n, direction), b, [ao.Support("left")], order=order)
+    tip = L * t
+    A, G, E = FLAT.A, b.G, b.E
+    # the classical element's only error is known: see test_linear_elements_do_not_lock
+    lack = 0 if order == 2 else (L / n) ** 2 / 12
+    for axis, compliance in [
+        (t, L / E / A),
+        (y, L**3 / 3 / E / FLAT.I + L / G / A / FLAT.shear - L * lack / E / FLAT.I),
+        (z, L**3 / 3 / E / FLAT.side + L / G / A / FLAT.shear - L * lack / E / FLAT.side),
+    ]:
+        u = solve(structure, tip, dict(zip("xyz", axis, strict=True)))
+        moved = np.array([u[c] for c in "xyz"])
+        np.testing.assert_allclose(moved, compliance * axis, rtol=0, atol=2e-8 * compliance)
+    twisted = solve(structure, tip, dict(zip(("rx", "ry", "rz"), t, strict=True)))
+    turn = np.array([twisted[c] for c in ("rx", "ry", "rz")])
+    np.testing.assert_allclose(
+        turn, L / G / FLAT.torsion * t, rtol=1e-8, atol=1e-12 * np.abs(turn).max()
+    )
+
+
+def test_plane_and_space_agree():
+    """A plane frame, in a plane and as part of space with its out-of-plane motions held."""
+    points = [(0, 0), (0.1, 1.0), (1.2, 0.8)]
+    foot = {"foot": (0, lambda x: np.linalg.norm(x, axis=0) < 1e-9)}
+    plane = parts.frame(points, [(0, 1), (1, 2)], 3, groups=foot)
+    space = parts.frame([(*p, 0.0) for p in points], [(0, 1), (1, 2)], 3, groups=foot)
+    whole = {"all": (1, lambda x: x[0] > -1)}
+    space = parts.named(space.dolfinx, {**foot, **whole})
+    flat = ao.Structure(plane, beam(), [ao.Support("foot")])
+    held = [ao.Support("foot"), ao.Support("all", ("z", "rx", "ry"))]
+    # the height of the section lies in the plane: across each member
+    oriented = ao.Structure(space, beam(orientation=(0.7, -0.7, 0.0)), held)
+    assert oriented.dofs == flat.dofs
+    for load in ("x", "y", "rz"):
+        a = solve(flat, points[2], {load: 1.0})
+        b = solve(oriented, (*points[2], 0.0), {load: 1.0})
+        for name in a:
+            assert b[name] == pytest.approx(a[name], rel=1e-8)
+
+
+def test_pin_holds_displacements_and_lets_rotate():
+    """Pinned–pinned: L³/48EI + L/4κGA at mid-span; clamped–clamped a quarter of the bending."""
+    L = 1.0
+    EI, GA = beam().E * FLAT.I, beam().G * FLAT.A * FLAT.shear
+    mesh = parts.line(L, 8)
+    pins = [ao.Support("left", ("x", "y")), ao.Support("right", "y")]
+    u = solve(ao.Structure(mesh, beam(), pins), (L / 2, 0), {"y": 1.0})
+    assert u["y"] == pytest.approx(L**3 / 48 / EI + L / 4 / GA, rel=1e-9)
+    u = solve(
+        ao.Structure(mesh, beam(), [ao.Support("left"), ao.Support("right")]),
+        (L / 2, 0),
+        {"y": 1.0},
+    )
+    assert u["y"] == pytest.approx(L**3 / 192 / EI + L / 4 / GA, rel=1e-9)

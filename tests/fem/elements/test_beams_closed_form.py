@@ -1,0 +1,186 @@
+"""Meshed beams against the closed forms: anti-oscillators, and the order at which they converge."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+pytest.importorskip("dolfinx")
+
+import antiosc as ao
+import parts
+from antiosc import closed_form
+from antiosc.errors import AntioscWarning
+from marks import FREE_ON_PURPOSE
+
+pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]
+
+LENGTH = 1.0
+WIDTH = 0.0141421356237  # the article's case 2: 2 cm², 0.33 cm⁴
+SECTION = ao.Section.rectangle(WIDTH, WIDTH)
+BEAM = ao.Beam(E=67e9, nu=0.33, rho=2400.0, section=SECTION)
+EXACT = closed_form.UniformBeam.timoshenko(
+    E=67e9, nu=0.33, rho=2400.0, area=SECTION.A, inertia=SECTION.I, length=LENGTH
+)
+PIN, CLAMP = ("x", "y"), "all"
+# ends held, site, closed form
+CASES = {
+    "cantilever, tip": ([("left", CLAMP)], 1.0, closed_form.cantilever(EXACT)),
+    "pinned-pinned, mid-span": (
+        [("left", PIN), ("right", "y")], 0.5, closed_form.pinned_pinned(EXACT)
+    ),
+    "pinned-free, tip": ([("left", PIN)], 1.0, closed_form.pinned_free(EXACT)),
+    "free-free, at 0.3 L": ([], 0.3, closed_form.free_free(EXACT, 0.3)),
+}  # fmt: skip
+N = 5
+
+
+def meshed(name: str, elements: int, order: int, n: int = N) -> ao.AntiOscillators:
+    ends, site, _ = CASES[name]
+    supports = [ao.Support(*end) for end in ends]
+    structure = ao.Structure(parts.line(LENGTH, elements), BEAM, supports, order=order)
+    return ao.extract(structure, ao.Site((site * LENGTH, 0), (0, 1)), n=n, method="modes")
+
+
+def errors(model: ao.AntiOscillators, exact: ao.AntiOscillators) -> dict[str, np.ndarray]:
+    return {
+        "omega": np.abs(model.omega / exact.omega - 1),
+        "m": np.abs(model.m / exact.m - 1),
+    }
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_eighty_quadratic_elements_give_the_closed_form(name):
+    exact = CASES[name][2].anti_oscillators(N)
+    model = meshed(name, 80, 2)
+    assert errors(model, exact)["omega"].max() < 1e-4
+    assert errors(model, exact)["m"].max() < 1e-4
+    assert model.m_st == pytest.approx(exact.m_st, rel=1e-7)
+    if exact.k0:
+        assert model.k0 == pytest.approx(exact.k0, rel=1e-7)
+    else:
+        assert model.k0 == 0.0
+
+
+@pytest.mark.parametrize(("order", "rate"), [(2, 4.0), (1, 2.0)])
+@pytest.mark.parametrize("name", CASES)
+@pytest.mark.slow
+def test_order_of_convergence(name, order, rate):
+    """h⁴ with quadratic elements and two-point shear, h² with linear ones and one-point shear."""
+    exact = CASES[name][2].anti_oscillators(N)
+    counts = np.array([20, 40, 80]) if order == 2 else np.array([40, 80, 160])
+    models = [meshed(name, int(count), order) for count in counts]
+    for quantity in ("omega", "m"):
+        found = np.array([errors(model, exact)[quantity] for model in models])
+        rates = np.log2(found[-2] / found[-1])[1:4]  # the first mode reaches rounding
+        assert rates.min() > rate - 0.25, (quantity, found)
+        if quantity == "omega":  # the masses of some sites converge faster
+            assert rates.max() < rate + 0.25, found
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_first_frequencies_of_the_classical_element(name):
+    """Linear elements, as in the article: 50 of them are within 3 % on three anti-oscillators."""
+    exact = CASES[name][2].anti_oscillators(3)
+    found = errors(meshed(name, 50, 1, 3), exact)["omega"]
+    assert found.max() < 0.03
+    assert found.max() > 1e-4  # they are not the quadratic ones
+
+
+def test_stiffness_of_the_article_supported_beam():
+    """k0 = 48 EI/L³ with shear; five observable anti-oscillators hold 86 % (Article, Fig. 8)."""
+    model = meshed("pinned-pinned, mid-span", 50, 1)
+    bending = 48 * BEAM.E * SECTION.I / LENGTH**3
+    assert model.k0 == pytest.approx(bending, rel=2e-3)
+    assert model.m.sum() / model.m_st == pytest.approx(0.86, abs=0.01)
+    assert model.info["modes_unseen"] >= 4
+    assert meshed("pinned-free, tip", 50, 1).m.sum() / meshed(
+        "pinned-free, tip", 50, 1
+    ).m_st == pytest.approx(0.89, abs=0.01)
+
+
+def test_off_the_nodes():
+    """A site within an element: the closed form at that very point."""
+    site = 0.3711
+    exact = closed_form.cantilever(EXACT, site * LENGTH).anti_oscillators(N)
+    structure = ao.Structure(parts.line(LENGTH, 40), BEAM, [ao.Support("left")])
+    model = ao.extract(structure, ao.Site((site * LENGTH, 0), (0, 1)), n=N, method="modes")
+    # A load within an element bends it by a cubic with a kink that the element does not hold.
+    assert model.k0 == pytest.approx(exact.k0, rel=1e-4)
+    assert errors(model, exact)["omega"].max() < 5e-4
+    assert errors(model, exact)["m"].max() < 5e-3
+
+
+def test_a_beam_along_its_own_axis_is_a_rod():
+    """Struck on its end, a clamped rod: ω_i = iπ c/L, m_i = 2 m/(iπ)², m_st = m/3, k0 = EA/L."""
+    structure = ao.Structure(parts.line(LENGTH, 40), BEAM, [ao.Support("left")])
+    model = ao.extract(structure, ao.Site((LENGTH, 0), (-1, 0)), n=4, method="modes")
+    i = np.arange(1, 5)
+    mass = EXACT.mass
+    np.testing.assert_allclose(model.omega, i * np.pi * np.sqrt(67e9 / 2400) / LENGTH, rtol=1e-5)
+    np.testing.assert_allclose(model.m, 2 * mass / (i * np.pi) ** 2, rtol=1e-3)
+    assert model.m_st == pytest.approx(mass / 3, rel=1e-9)
+    assert model.k0 == pytest.approx(67e9 * SECTION.A / LENGTH, rel=1e-9)
+
+
+def test_a_solid_bar_becomes_the_beam():
+    """Two-dimensional elasticity at a tenth in thickness: Timoshenko's k0 and first frequencies."""
+    L, h, t = 1.0, 0.1, 0.02
+    mesh = parts.plate((40, 4), (L, h))
+    solid = ao.Solid(E=67e9, nu=0.3, rho=2400.0, plane="stress", thickness=t)
+    structure = ao.Structure(mesh, solid, [ao.Support("left")])
+    with pytest.warns(AntioscWarning, match="point load on a solid"):
+        model = ao.extract(structure, ao.Site((L, h / 2), (0, -1)), n=3, method="modes")
+    exact = closed_form.cantilever(
+        closed_form.UniformBeam.timoshenko(
+            E=67e9, nu=0.3, rho=2400.0, area=h * t, inertia=t * h**3 / 12, length=L
+        )
+    ).anti_oscillators(3)
+    np.testing.assert_allclose(model.omega[:2], exact.omega[:2], rtol=0.01)
+    assert model.k0 == pytest.approx(exact.k0, rel=0.01)
+    assert model.m_st == pytest.approx(exact.m_st, rel=0.01)
+
+
+@pytest.mark.parametrize("method", ["modes", "krylov"])
+@pytest.mark.parametrize("slenderness", [50, 500])
+def test_thin_free_beams(slenderness, method):
+    """The shift finds the size of the bending modes also where shearing is 1e11 times stiffer."""
+    d = LENGTH / slenderness
+    section = ao.Section.circle(d)
+    beam = ao.Beam(**parts.STEEL, section=section)
+    structure = ao.Structure(parts.line(LENGTH, 100), beam)
+    exact = closed_form.free_free(
+        closed_form.UniformBeam.timoshenko(
+            **parts.STEEL, area=section.A, inertia=section.I, length=LENGTH, shear_coefficient=0.9
+        ),
+        LENGTH,
+    ).anti_oscillators(3)
+    model = ao.extract(structure, ao.Site((LENGTH, 0), (0, 1)), n=12, method=method)
+    np.testing.assert_allclose(model.omega[:3], exact.omega, rtol=1e-5)
+    np.testing.assert_allclose(model.m[:3], exact.m, rtol=1e-4)
+    assert exact.omega[0] ** 2 / 100 < structure.shift < exact.omega[0] ** 2
+
+
+@pytest.mark.parametrize("slenderness", [1e3, 5e3])
+def test_a_free_beam_however_thin(slenderness):
+    """The shift sits at the first bending mode, though shearing is 1e13 times stiffer."""
+    side = LENGTH / slenderness
+    section = ao.Section.rectangle(side, side)
+    beam = ao.Beam(E=67e9, nu=0.33, rho=2400.0, section=section)
+    model = ao.extract(
+        ao.Structure(parts.line(LENGTH, 40), beam), ao.Site((0.3 * LENGTH, 0), (0, 1)), n=12
+    )
+    thin = closed_form.UniformBeam.timoshenko(
+        E=67e9, nu=0.33, rho=2400.0, area=section.A, inertia=section.I, length=LENGTH
+    )
+    exact = closed_form.free_free(thin, 0.3).anti_oscillators(3)
+    np.testing.assert_allclose(model.omega[:3], exact.omega, rtol=1e-3)
+    np.testing.assert_allclose(model.m[:3], exact.m, rtol=1e-2)
+
+
+def test_frequencies_that_have_not_settled_are_told(monkeypatch):
+    part = ao.Structure(parts.line(LENGTH, 40), BEAM)
+    part.shift *= 1e9
+    monkeypatch.setattr("antiosc.fem.structure.rigid_body_modes.closer_shift", lambda *_: np.inf)
+    with pytest.warns(ao.AccuracyWarning, match="none of the 12 anti-oscillators has settled"):
+        ao.extract(part, ao.Site((0.3 * LENGTH, 0), (0, 1)), n=12)

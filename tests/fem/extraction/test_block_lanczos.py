@@ -1,0 +1,95 @@
+"""Natural modes by block Lanczos against dense eigenvalues and SLEPc, repeated ones included."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.linalg
+
+pytest.importorskip("dolfinx")
+
+import antiosc as ao
+import parts
+from antiosc.fem.extraction import block_lanczos
+from antiosc.fem.extraction.block_lanczos import lowest_modes
+from antiosc.fem.extraction.eigenmodes import ModeSolver
+from antiosc.fem.linalg.solvers import csr, multiply
+
+pytestmark = pytest.mark.fem
+
+
+def bar(supported: bool = True, n: tuple[int, int, int] = (6, 3, 3)) -> ao.Structure:
+    """Of square section: bending comes in pairs."""
+    supports = [ao.Support("left")] if supported else []
+    return ao.Structure(parts.box(n, (0.2, 0.04, 0.04)), ao.Solid(**parts.STEEL), supports)
+
+
+def dense(structure: ao.Structure) -> np.ndarray:
+    """Elastic frequencies of all modes."""
+    free = np.setdiff1d(np.arange(structure.K.getSize()[0]), structure.fixed)
+    K, M = (csr(A)[free][:, free].toarray() for A in (structure.K, structure.M))
+    rigid = structure.rigid_modes.shape[1]
+    return np.sqrt(np.abs(scipy.linalg.eigh(K, M, eigvals_only=True)))[rigid:]
+
+
+@pytest.mark.parametrize("supported", [True, False])
+def test_modes_are_those_of_the_matrices(supported):
+    structure = bar(supported)
+    assert structure.K.getSize()[0] > block_lanczos.DENSE
+    found = lowest_modes(structure, 15)
+    omega = dense(structure)
+    assert np.min(np.diff(omega[:10]) / omega[:9]) < 1e-6  # a pair
+    np.testing.assert_allclose(found.omega, omega[: len(found.omega)], rtol=1e-8)
+    M_phi = multiply(structure.M, found.phi)
+    np.testing.assert_allclose(found.phi.T @ M_phi, np.eye(len(found.omega)), atol=1e-10)
+    np.testing.assert_allclose(structure.rigid_modes.T @ M_phi, 0, atol=1e-8)
+    residual = multiply(structure.K, found.phi) - M_phi * found.omega**2
+    assert np.max(np.abs(residual)) < 1e-5 * np.max(np.abs(M_phi * found.omega**2))
+
+
+def test_all_modes_up_to_a_frequency():
+    structure = bar()
+    omega = dense(structure)
+    reach = 0.5 * (omega[24] + omega[25])
+    found = lowest_modes(structure, 3, reach)
+    assert found.omega[-1] >= reach
+    np.testing.assert_allclose(found.omega, omega[: len(found.omega)], rtol=1e-8)
+
+
+@pytest.mark.slow
+def test_a_space_that_is_used_up(monkeypatch):
+    """With more wanted than there is every mode is found, once."""
+    structure = bar(n=(5, 2, 2))
+    omega = dense(structure)
+    monkeypatch.setattr(block_lanczos, "FEW", 0)
+    monkeypatch.setattr(block_lanczos, "DENSE", 0)
+    found = lowest_modes(structure, 10**6)
+    assert found.complete
+    np.testing.assert_allclose(found.omega[:50], omega[:50], rtol=1e-6)
+
+
+@pytest.mark.slow
+def test_few_dofs_are_left_to_others(monkeypatch):
+    structure = bar()
+    reach = ModeSolver(structure).lowest(60).omega[-1]
+    found = lowest_modes(structure, 45, 0.99 * reach)  # fewer than 20 dofs for each
+    np.testing.assert_allclose(found.omega, dense(structure)[: len(found.omega)], rtol=1e-8)
+    assert found.omega[-1] >= 0.99 * reach
+
+
+def test_no_convergence_is_told(monkeypatch):
+    monkeypatch.setattr(block_lanczos, "STEPS", 2)
+    with pytest.raises(ao.NotConvergedError, match=r"settled \d+ of 15 modes in 2 steps"):
+        lowest_modes(bar(), 15)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("n", [(5, 4, 4), (8, 3, 3), (10, 2, 2)])
+@pytest.mark.parametrize("lowest", [lowest_modes, lambda part, k: ModeSolver(part).lowest(k)])
+def test_no_mode_of_a_pair_is_missed(n, lowest):
+    """What is found is the lowest part of the spectrum, wherever the search ends."""
+    structure = bar(True, n)
+    omega = dense(structure)
+    for count in (10, 14, 15, 20, 25, 30):
+        found = lowest(structure, count).omega
+        np.testing.assert_allclose(found, omega[: len(found)], rtol=1e-8)

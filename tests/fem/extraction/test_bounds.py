@@ -1,0 +1,278 @@
+"""The claimed bounds of Z against direct solves; rigid-body motions that hardly move the site."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import scipy.linalg
+
+import antiosc as ao
+from antiosc.fem.linalg.solvers import csr
+from antiosc.models import driving_point as bands
+from antiosc.models.free_modes import at_sites, error_bound
+from antiosc.models.rigid_share import with_rigid
+from loose_bodies import elastic_frequencies, exact_stiffness, loose_bodies
+from marks import FREE_ON_PURPOSE
+from parts import STEEL, box
+
+METHODS = ("krylov", "modes")
+
+
+def _frequencies(model: ao.AntiOscillators, band: float) -> np.ndarray:
+    """Damped frequencies over the band, others than those at which the bound was found."""
+    lowest = bands.lowest_frequency(model.k0, model.m_st, model.omega)
+    start = min(1e-3 * band, lowest)
+    own = model.omega[model.omega < band] * (1 + 1j * bands.DAMPING)
+    return np.concatenate([own, np.geomspace(start, band, 60) * (1 + 1j * bands.DAMPING)])
+
+
+def _extracted(seed: int) -> tuple[float, float, str]:
+    """(largest error of Z over a band, claimed bound, what was extracted) of a random structure."""
+    rng = np.random.default_rng(seed)
+    rigid, method = seed % 8, METHODS[seed // 8 % 2]
+    K, M, b = loose_bodies(rng, rigid)
+    band = float(rng.choice(elastic_frequencies(K, M, rigid))) * rng.uniform(0.5, 2)
+    n = int(rng.integers(1, min(6, len(b)))) if rng.integers(2) else None
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        structure = ao.Structure.from_matrices(K, M)
+        model = ao.extract(structure, ao.Site(vector=b), n, method, band=band)
+    omega = _frequencies(model, band)
+    exact, doubt = exact_stiffness(K, M, b, omega)
+    error = np.abs(model.dynamic_stiffness(omega) / exact - 1) - 10 * doubt
+    what = f"seed {seed}: {method}, n = {n}, {rigid} rigid-body modes"
+    return float(np.max(error[doubt < 1e-6])), model.info["band"]["error_bound"], what
+
+
+@pytest.mark.fem
+def test_bound_over_the_band_holds():
+    _check_bounds([1, 2, 8, 10, 16, 18, 24, 26])
+
+
+@pytest.mark.slow
+@pytest.mark.fem
+def test_bound_over_the_band_holds_for_three_hundred():
+    _check_bounds(range(300))
+
+
+def _check_bounds(seeds: Sequence[int]) -> None:
+    small = 0
+    for seed in seeds:
+        error, bound, what = _extracted(seed)
+        assert error <= bound, f"{what}: {error:.2e} above the bound {bound:.2e}"
+        small += bound <= 1e-3
+    assert small > len(seeds) / 3  # the bounds are of use
+
+
+# --- A rigid-body motion that hardly moves the site ----------------------------------------------
+
+
+def _slide(angle: float) -> tuple[ao.Structure, ao.Site]:
+    """A stack of five masses, the lowest held in y by a spring, all free to slide along x.
+
+    It is struck at its top, across the slide but for the angle.
+    """
+    m, k = np.array([0.5, 0.3, 0.4, 0.2, 0.1]), np.array([4e7, 2e7, 3e7, 1e7, 2e7])
+    n = len(m)
+    across = np.diag(k) + np.diag(np.append(k[1:], 0.0))
+    across -= np.diag(k[1:], 1) + np.diag(k[1:], -1)
+    along = across - np.diag([k[0], *np.zeros(n - 1)])
+    K = np.block([[along, np.zeros((n, n))], [np.zeros((n, n)), across]])
+    b = np.zeros(2 * n)
+    b[n - 1], b[-1] = np.sin(angle), np.cos(angle)
+    M = np.diag(np.concatenate([m, m]))
+    return ao.Structure.from_matrices(K, M), ao.Site(vector=b)
+
+
+ANGLES = np.geomspace(1e-1, 1e-15, 12)
+
+
+def _check_forces(structure: ao.Structure, sites: list[ao.Site], n: int, method: str) -> None:
+    """From one site to the next the force changes by the square of the angle, and by what the
+    last of n modes adds: rounding hides the rigid motion, and another takes its place."""
+    forces = []
+    for site in sites:
+        model = ao.extract(structure, site, n, method)
+        hit = ao.simulate(model, ao.RigidMass(0.2, 1.0), ao.Hertz(1e9), duration=1e-3, step=2e-6)
+        forces.append(np.interp(np.linspace(0, 1e-3, 500), hit.time, hit.force))
+    for angle, (one, following) in zip(ANGLES, pairwise(forces), strict=True):
+        assert np.abs(following - one).max() <= (3 * angle**2 + 2e-4) * forces[-1].max()
+
+
+@pytest.mark.fem
+@pytest.mark.parametrize("method", METHODS)
+def test_force_is_continuous_in_the_angle_to_a_slide(method):
+    structure = _slide(0.0)[0]
+    _check_forces(structure, [_slide(angle)[1] for angle in [*ANGLES, 0.0]], 9, method)
+
+
+@FREE_ON_PURPOSE
+@pytest.mark.slow
+@pytest.mark.fem
+@pytest.mark.parametrize("method", METHODS)
+def test_force_on_a_block_is_continuous_in_the_angle_to_its_slide(method):
+    rails = ao.Support(lambda x: np.isclose(x[2], 0), ["y", "z"])
+    block = ao.Structure(box((4, 3, 2), (0.1, 0.06, 0.03)), ao.Solid(**STEEL), [rails])
+    sites = [
+        ao.Site((0.07, 0.033, 0.03), (np.sin(angle), 0, -np.cos(angle)), radius=0.02)
+        for angle in [*ANGLES, 0.0]
+    ]
+    _check_forces(block, sites, 20, method)
+
+
+@pytest.mark.fem
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("angle", [1e-1, 1e-3, 1e-4, 1e-6, 1e-7, 1e-9, 1e-12])
+def test_bound_across_a_slide(angle, method):
+    structure, site = _slide(angle)
+    model = ao.extract(structure, site, method=method, band=2e4)
+    omega = np.geomspace(10.0, 2e4, 150) * (1 + 1j * bands.DAMPING)  # the reference knows these
+    K, M = (csr(a).toarray() for a in (structure.K, structure.M))
+    exact, doubt = exact_stiffness(K, M, np.asarray(site.vector), omega)
+    error = np.abs(model.dynamic_stiffness(omega) / exact - 1)
+    assert doubt.max() < 1e-12
+    assert np.max(error) <= model.info["band"]["error_bound"] < 1e-3
+    assert (model.k0 == 0) == (angle > 1e-8)
+
+
+def test_elastic_motions_and_a_rigid_one_are_the_whole():
+    k0, m0, m, omega, a = 3e6, 0.2, np.array([0.5, 0.1]), np.array([2e3, 5e3]), 1e-6
+    left, masses, poles, _, _ = with_rigid(k0, m0, m, omega, a)
+    elastic = ao.AntiOscillators(m0=m0, k0=k0, m=m, omega=omega)
+    model = ao.AntiOscillators(m0=left, k0=0.0, m=masses, omega=poles)
+    w = np.geomspace(1e-5, 1e4, 60) * (1 + 0.01j)
+    whole = 1 / (1 / elastic.dynamic_stiffness(w) - (a / w) ** 2)
+    np.testing.assert_allclose(model.dynamic_stiffness(w), whole, rtol=1e-12)
+    assert model.m_st == pytest.approx(1 / a**2)
+
+
+def test_a_rigid_motion_of_enormous_mass_leaves_m0_in_the_impact():
+    light = ao.AntiOscillators(m0=0.1, k0=1e6, m=[0.2], omega=[3e3])
+    m0, m, omega, _, _ = with_rigid(1e6, 0.1, light.m, light.omega, 1e-9)
+    heavy = ao.AntiOscillators(m0=m0, k0=0.0, m=m, omega=omega)
+    assert heavy.modal().r == 0.0  # the site is no massless point
+    forces = [
+        ao.simulate(one, ao.RigidMass(0.2, 1.0), ao.Hertz(1e9), duration=2e-3, step=1e-5).peak_force
+        for one in (light, heavy)
+    ]
+    assert forces[1] == pytest.approx(forces[0], rel=1e-9)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("rigid", [0, 2])
+def test_bound_of_free_modes_holds_however_little_a_rigid_motion_moves_the_site(rigid, method):
+    rng = np.random.default_rng(rigid)
+    omega, sites = np.sort(10 ** rng.uniform(0, 2, 30)), 12
+    omega[:rigid] = 0.0
+    b = rng.standard_normal((sites, 30)) * 10 ** rng.uniform(-3, 0, (sites, 30))
+    b[:, :rigid] *= np.geomspace(1, 1e-15, sites)[:, None]
+    shift = 0.1 * omega[rigid] ** 2 if rigid else 0.0
+    C, G = b**2 @ (1 / (omega**2 + shift)), b**2 @ (1 / (omega**2 + shift) ** 2)
+    known, band = (omega[:20], b[:, :20], C, G), 0.6 * omega[19]
+    models = at_sites(*known, 8, shift, method)
+    bound = np.sum(error_bound(models, *known, band, shift), axis=0)
+    w = bands.samples(band, min(omega[rigid], models.omega.min()), 0.003)
+    H = b**2 @ (1 / (omega[:, None] ** 2 - w**2))
+    error = np.max(np.abs(models.dynamic_stiffness(w) * H - 1), axis=1)
+    assert np.all(error <= bound)
+    assert np.all(bound < 20 * error + 1e-9)
+
+
+# --- What rounding did --------------------------------------------------------------------------
+
+
+@pytest.mark.fem
+def test_modes_of_an_uneven_structure_are_orthogonal():
+    K, M, b = loose_bodies(np.random.default_rng(20), 7)
+    model = ao.extract(ao.Structure.from_matrices(K, M), ao.Site(vector=b), 5, "modes")
+    assert model.info["checks"]["orthogonality"] < 1e-9
+
+
+@pytest.mark.fem
+@pytest.mark.parametrize("method", METHODS)
+def test_a_residual_mass_that_a_difference_would_lose(method):
+    # a grain on a spring before ten tons that a soft spring holds
+    K = np.array([[1e3, -1e3], [-1e3, 1e3 + 1.0]])
+    structure = ao.Structure.from_matrices(K, np.diag([1e-9, 1e4]))
+    model = ao.extract(structure, ao.Site(dof=0), 1, method)
+    assert model.m_st == pytest.approx(1e4, rel=0.01)
+    np.testing.assert_allclose(model.m0, 1e-9, rtol=1e-6)
+
+
+@pytest.mark.fem
+def test_full_keeps_a_resonance_that_hardly_yields_at_rest():
+    structure = ao.Structure.from_matrices(np.diag([1e7, 1e4]), np.diag([1e-4, 1.0]))
+    model = ao.full(structure, ao.Site(vector=[1.0, 1e-4]))
+    assert model.n == 2  # 5e-4 of H at 100 rad/s, 1e-5 of it at rest
+
+
+@pytest.mark.fem
+def test_more_vectors_than_memory_holds_are_refused(monkeypatch):
+    from antiosc.fem.linalg import solver_choice
+
+    structure = ao.Structure.from_matrices(_row(50), np.eye(50))
+    monkeypatch.setattr(solver_choice, "free_memory", lambda: 1e4)
+    with pytest.raises(ao.InputError, match=r"n = 40 .* of basis vectors .* ask for fewer"):
+        ao.extract(structure, ao.Site(dof=7), 40)
+
+
+@pytest.mark.fem
+def test_krylov_steps_stay_orthogonal_to_rigid_motions_beside_stiff_springs():
+    K, M, b = loose_bodies(np.random.default_rng(5), 5)
+    structure = ao.Structure.from_matrices(K, M)
+    model = ao.extract(structure, ao.Site(vector=b), len(b) - 5)
+    still = structure.rigid_modes @ np.linalg.svd((structure.rigid_modes.T @ b)[None])[2][1:].T
+    assert np.abs(still.T @ M @ model.shapes[:, 1:] / np.sqrt(model.m)).max() < 1e-11
+
+
+@pytest.mark.fem
+@pytest.mark.parametrize("seed", [1, 9, 41])
+def test_small_uneven_structures_are_not_refused(seed):
+    K, M, b = loose_bodies(np.random.default_rng(seed), 1)
+    model = ao.extract(ao.Structure.from_matrices(K, M), ao.Site(vector=b), 1)
+    assert model.n == 1
+
+
+# --- Loops that end -----------------------------------------------------------------------------
+
+
+def _row(n: int) -> np.ndarray:
+    """K of n masses between two walls."""
+    k = np.linspace(1e6, 2e6, n + 1)
+    return np.diag(k[:-1] + k[1:]) - np.diag(k[1:-1], 1) - np.diag(k[1:-1], -1)
+
+
+@pytest.mark.fem
+def test_krylov_steps_end_where_no_mode_has_the_share_asked():
+    structure = ao.Structure.from_matrices(_row(300), np.eye(300))
+    with pytest.warns(ao.AccuracyWarning, match=r"share in Z above 0\.999"):
+        model = ao.extract(structure, ao.Site(dof=7), 5, tol=0.999)
+    assert model.n < 5
+    assert model.info["modes_computed"] < 40
+
+
+@pytest.mark.fem
+def test_the_search_for_modes_ends_where_the_site_sees_none(monkeypatch):
+    from antiosc.fem.extraction import eigenmodes
+
+    monkeypatch.setattr(eigenmodes, "DENSE", 0)
+    monkeypatch.setattr(eigenmodes, "DENSE_MANY", 0)
+    monkeypatch.setattr(sys.modules["antiosc.fem.extraction.extract"], "SEARCHED", 1)
+    K = scipy.linalg.block_diag(_row(3), _row(200))  # the site sees the first row only
+    structure = ao.Structure.from_matrices(K, np.eye(203))
+    site = ao.Site(dof=0)
+    with pytest.warns(ao.AccuracyWarning, match="of the first 25 modes"):
+        assert ao.extract(structure, site, 5, "modes").n < 5
+
+
+@pytest.mark.fem
+@pytest.mark.parametrize("tol", [0.0, 1.0, 3.0])
+def test_a_share_is_between_0_and_1(tol):
+    structure, site = _slide(0.1)
+    with pytest.raises(ao.InputError, match="tol"):
+        ao.extract(structure, site, 2, tol=tol)

@@ -1,0 +1,440 @@
+"""Extraction by constraint modes against direct harmonic solves, dense eigenproblems and hand."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pytest
+
+pytest.importorskip("dolfinx")
+
+import scipy.linalg
+import scipy.sparse
+
+import antiosc as ao
+import parts
+from antiosc.errors import AntioscWarning
+from antiosc.fem.extraction.eigenmodes import ModeSolver
+from antiosc.fem.extraction.static_mode import static_mode
+from antiosc.fem.linalg.solvers import csr
+from antiosc.fem.site.site import functional
+from marks import FREE_ON_PURPOSE
+
+pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]
+
+SOLID = ao.Solid(**parts.STEEL)
+PLANE = ao.Solid(**parts.STEEL, plane="strain", thickness=0.02)
+RECTANGLE = ao.Section.rectangle(width=0.02, height=0.03)
+
+
+def quiet(work, *arguments, **options):
+    """The result of `work`, without the warning that a point load on a solid diverges."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", AntioscWarning)
+        return work(*arguments, **options)
+
+
+def extract(structure: ao.Structure, site: ao.Site, n: int, **options) -> ao.AntiOscillators:
+    return quiet(ao.extract, structure, site, n=n, method="modes", **options)
+
+
+def load(structure: ao.Structure, site: ao.Site) -> np.ndarray:
+    return quiet(functional, structure, site).b
+
+
+def free_part(structure: ao.Structure, b: np.ndarray):
+    """Dense K, M and b without the fixed dofs."""
+    free = np.setdiff1d(np.arange(len(b)), structure.fixed)
+    K, M = (csr(A)[free][:, free].toarray() for A in (structure.K, structure.M))
+    return K, M, b[free]
+
+
+# --- Parts on which everything is tried -----------------------------------------------------------
+
+
+def block(cell: str, supports=(), order: int = 1) -> ao.Structure:
+    return ao.Structure(
+        parts.box((3, 2, 2), (0.12, 0.05, 0.04), cell), SOLID, supports, order=order
+    )
+
+
+def sheet(cell: str, supports=()) -> ao.Structure:
+    return ao.Structure(parts.plate((6, 3), (0.2, 0.06), cell), PLANE, supports)
+
+
+def tripod(supports=()) -> ao.Structure:
+    """Three members in space on one joint, with a fourth on top."""
+    points = [(0, 0, 0), (0.5, 0, 0), (0.2, 0.5, 0), (0.2, 0.2, 0.6), (0.5, 0.4, 0.8)]
+    mesh = parts.frame(
+        points, [(0, 3), (1, 3), (2, 3), (3, 4)], 3,
+        groups={"feet": (0, lambda x: np.isclose(x[2], 0))},
+    )  # fmt: skip
+    beam = ao.Beam(**parts.STEEL, section=RECTANGLE, orientation=(1, 0.2, 0.1))
+    return ao.Structure(mesh, beam, supports)
+
+
+def portal(supports=()) -> ao.Structure:
+    points = [(0, 0), (0, 0.6), (0.8, 0.7), (0.8, 0)]
+    mesh = parts.frame(
+        points, [(0, 1), (1, 2), (2, 3)], 4, groups={"feet": (0, lambda x: np.isclose(x[1], 0))}
+    )
+    return ao.Structure(mesh, ao.Beam(**parts.STEEL, section=RECTANGLE), supports)
+
+
+LEFT = [ao.Support("left")]
+ON_TOP = ao.Site((0.071, 0.031, 0.04), (0.3, -0.2, -1))
+ON_EDGE = ao.Site((0.127, 0.06), (0.2, -1))
+ON_FRAME = ao.Site((0.4, 0.333333333333333, 0.733333333333333), (0.4, 1, -0.3), snap=True)
+ON_BEAM = ao.Site((0.3, 0.6375), (0.3, -1))
+
+CASES = {
+    "tetrahedra": lambda: (block("tetrahedron", LEFT), ON_TOP, 0),
+    "hexahedra": lambda: (block("hexahedron", LEFT), ON_TOP, 0),
+    "hexahedra of order 2, a patch": lambda: (
+        block("hexahedron", LEFT, 2), ao.Site((0.08, 0.025, 0.04), (0, 0.2, -1), radius=0.024), 0
+    ),
+    "free in space": lambda: (block("tetrahedron"), ON_TOP, 6),
+    "free in space, a patch": lambda: (
+        block("hexahedron"), ao.Site((0.08, 0.025, 0.04), (0, 0.2, -1), radius=0.024), 6
+    ),
+    "triangles": lambda: (sheet("triangle", LEFT), ON_EDGE, 0),
+    "quadrilaterals": lambda: (sheet("quadrilateral", LEFT), ON_EDGE, 0),
+    "free in the plane": lambda: (sheet("quadrilateral"), ON_EDGE, 3),
+    "on a hinge line": lambda: (block("hexahedron", [ao.Support("left", ("x", "z"))]), ON_TOP, 1),
+    "one rotation left": lambda: (
+        sheet("quadrilateral", [ao.Support(lambda x: np.hypot(x[0], x[1]) < 1e-9)]), ON_EDGE, 1
+    ),
+    "slides and turns": lambda: (sheet("triangle", [ao.Support("left", "y")]), ON_EDGE, 2),
+    "slides, hit along": lambda: (
+        sheet("triangle", [ao.Support("left", "y"), ao.Support("right", "y")]), ON_EDGE, 1
+    ),
+    "slides, hit across": lambda: (
+        sheet("triangle", [ao.Support("left", "y"), ao.Support("right", "y")]),
+        ao.Site((0.127, 0.06), (0, -1)), 1
+    ),
+    "space frame": lambda: (tripod([ao.Support("feet")]), ON_FRAME, 0),
+    "space frame on pins": lambda: (tripod([ao.Support("feet", ("x", "y", "z"))]), ON_FRAME, 0),
+    "free space frame": lambda: (tripod(), ON_FRAME, 6),
+    "plane frame": lambda: (portal([ao.Support("feet")]), ON_BEAM, 0),
+    "free plane frame": lambda: (portal(), ON_BEAM, 3),
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module", params=list(CASES))
+def case(request):
+    """(structure, b, rigid modes, model with every anti-oscillator)."""
+    structure, site, rigid = CASES[request.param]()
+    model = extract(structure, site, structure.dofs - 1, tol=1e-13)
+    return structure, load(structure, site), rigid, model
+
+
+@pytest.mark.slow
+def test_all_modes_give_the_direct_harmonic_solution(case):
+    """Z(ω) = 1/bᵀ(K − ω²M)⁻¹b at 20 frequencies up to the middle of the anti-oscillators."""
+    structure, b, rigid, model = case
+    assert structure.rigid_modes.shape[1] == rigid
+    top = model.omega[-1] / 2
+    omega = top * np.arange(1, 21) / 20
+    Z = parts.direct_stiffness(structure.K, structure.M, b, omega)
+    # Relative to the terms that Z is the sum of: near its zeros they cancel.
+    poles = np.abs(1 - (omega[:, None] / model.omega) ** 2)
+    terms = model.k0 + omega**2 * model.m0 + (omega[:, None] ** 2 * model.m / poles).sum(axis=1)
+    np.testing.assert_array_less(np.abs(model.dynamic_stiffness(omega) - Z), 1e-8 * terms)
+    lowest = omega[omega < 3 * model.omega[0]]
+    if len(lowest):
+        plain = model.dynamic_stiffness(lowest) / Z[: len(lowest)] - 1
+        assert np.abs(plain).max() < 1e-8
+
+
+def test_zeros_of_the_model_are_the_free_frequencies(case):
+    """The reduced system's own modes are those of the structure that move the site."""
+    structure, b, rigid, model = case
+    K, M, b = free_part(structure, b)
+    x, phi = scipy.linalg.eigh(K, M)
+    omega = np.sqrt(np.maximum(x, 0))
+    omega[:rigid] = 0.0
+    seen = (b @ phi) ** 2
+    # groups of equal frequencies move the site together
+    found = model.modal()
+    assert np.all(np.diff(found.omega) >= 0)
+    low = (found.omega < 0.5 * model.omega[-1]) & (found.b != 0)
+    lowest, strength = found.omega[low], found.b[low] ** 2
+    assert np.count_nonzero(found.omega == 0) == rigid
+    assert len(lowest) > 5
+    for w, s in zip(lowest, strength, strict=True):
+        near = np.abs(omega - w) <= 1e-7 * w + 1e-3 * (w == 0)
+        assert near.any()
+        assert seen[near].sum() == pytest.approx(s, rel=1e-5, abs=1e-9 * seen.max())
+    # and none that moves the site is missing
+    total = seen[omega < 0.5 * model.omega[-1]].sum()
+    assert strength.sum() == pytest.approx(total, rel=1e-6)
+
+
+def test_antiresonances_interlace_the_free_frequencies(case):
+    """Between two neighbouring free frequencies that move the site lies one antiresonance."""
+    structure, b, rigid, model = case
+    K, M, b = free_part(structure, b)
+    x, phi = scipy.linalg.eigh(K, M)
+    x[:rigid] = 0.0
+    omega = np.sqrt(np.maximum(x, 0))
+    seen = (b @ phi) ** 2
+    observable = omega[seen > 1e-10 * seen.max()]
+    observable = observable[np.diff(observable, prepend=-1.0) > 1e-6 * observable]
+    for low, high in zip(model.omega[:-1], model.omega[1:], strict=True):
+        if high > 0.5 * model.omega[-1]:
+            break
+        assert np.sum((observable > low) & (observable < high)) >= 1
+    # Cauchy: of all constraint frequencies below any ω there are as many as free ones, or one less.
+    whole = ModeSolver(structure, *_site_parts(structure, case)).lowest(structure.dofs)
+    constraint = np.concatenate([np.zeros(max(rigid - (model.k0 == 0), 0)), whole.omega])
+    for w in np.sqrt(omega[:-1] * omega[1:])[rigid::7]:
+        gap = np.sum(omega < w * (1 + 1e-9)) - np.sum(constraint < w * (1 - 1e-9))
+        assert gap in (0, 1)
+
+
+def _site_parts(structure, case):
+    where = quiet(functional, structure, ao.Site(vector=case[1]))
+    return where, static_mode(structure, where)
+
+
+def test_static_quantities(case):
+    structure, b, rigid, model = case
+    K, M, b = free_part(structure, b)
+    if not rigid:
+        y = np.linalg.solve(K, b)
+        assert model.k0 == pytest.approx(1 / (b @ y), rel=1e-9)
+        assert model.m_st == pytest.approx(y @ M @ y / (b @ y) ** 2, rel=1e-9)
+    elif model.k0 == 0:
+        R = scipy.linalg.eigh(K, M)[1][:, :rigid]
+        assert model.m_st == pytest.approx(1 / np.sum((b @ R) ** 2), rel=1e-6)
+    else:  # it slides, but not along the impact
+        y = np.linalg.lstsq(K / K.max(), b / K.max(), rcond=1e-13)[0]
+        assert model.k0 == pytest.approx(1 / (b @ y), rel=1e-6)
+    assert model.m.min() > 0
+    assert model.m0 >= 0
+    assert np.all(np.diff(model.omega) > 0)
+
+
+def test_shapes_are_what_they_are_called(case):
+    structure, b, _, model = case
+    psi0, psi = model.shapes[:, 0], model.shapes[:, 1:]
+    M, K = csr(structure.M), csr(structure.K)
+    assert b @ psi0 == pytest.approx(1.0, rel=1e-10)
+    reach = np.abs(psi).max(axis=0) * np.abs(b).sum()
+    assert np.all(np.abs(b @ psi) < 1e-8 * reach)
+    np.testing.assert_allclose(np.einsum("ij,ij->j", psi, M @ psi), model.m, rtol=1e-8)
+    np.testing.assert_allclose(psi0 @ (M @ psi), model.m, rtol=1e-6)
+    low = model.omega < 0.3 * model.omega[-1]
+    np.testing.assert_allclose(
+        np.einsum("ij,ij->j", psi, K @ psi)[low], (model.omega**2 * model.m)[low], rtol=1e-6
+    )
+    residual = psi0 - psi.sum(axis=1)
+    assert residual @ (M @ residual) == pytest.approx(model.m0, abs=1e-8 * model.m_st)
+
+
+# --- Large enough for SLEPc -----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("supports", [LEFT, (), [ao.Support("left", ("x", "z"))]],
+                         ids=["supported", "free", "hinged"])  # fmt: skip
+@pytest.mark.slow
+def test_slepc_finds_what_a_dense_solver_finds(supports):
+    """1323 dofs, too many for the dense branch: constraint modes against LAPACK on a null space."""
+    structure = ao.Structure(parts.box((6, 3, 2), (0.12, 0.05, 0.04)), SOLID, supports)
+    assert structure.K.getSize()[0] > 1000
+    site = ON_TOP
+    model = extract(structure, site, 12)
+    K, M, b = free_part(structure, load(structure, site))
+    basis = scipy.linalg.null_space(b[None, :])
+    x, phi = scipy.linalg.eigh(basis.T @ K @ basis, basis.T @ M @ basis, subset_by_index=(0, 39))
+    omega = np.sqrt(np.maximum(x, 0))
+    rigid = structure.rigid_modes.shape[1]
+    if rigid:
+        R = scipy.linalg.eigh(K, M, subset_by_index=(0, rigid - 1))[1]
+        phi_st = R @ (R.T @ b) / np.sum((R.T @ b) ** 2)
+    else:
+        phi_st = np.linalg.solve(K, b)
+        phi_st /= b @ phi_st
+    m = (phi.T @ (basis.T @ (M @ phi_st))) ** 2
+    m_st = phi_st @ M @ phi_st
+    seen = (m > 1e-8 * m_st) & (omega > 1)
+    np.testing.assert_allclose(model.omega, omega[seen][:12], rtol=1e-8)
+    np.testing.assert_allclose(model.m, m[seen][:12], rtol=1e-5, atol=1e-9 * m_st)
+    assert model.m_st == pytest.approx(m_st, rel=1e-8)
+    assert model.n == 12
+    for name, value in model.info["checks"].items():
+        assert value < 1e-7, name
+
+
+def test_more_rounds_deflate_what_is_known():
+    """Forty observable modes need several rounds; they are the forty of one long round."""
+    structure = ao.Structure(parts.box((6, 3, 2), (0.12, 0.05, 0.04)), SOLID, LEFT)
+    site = ao.Site((0.12, 0.025, 0.02), (-1, 0, 0))  # in the middle of the end: few can be seen
+    model = extract(structure, site, 15)
+    assert model.n == 15
+    assert model.info["modes_unseen"] > 15
+    where = quiet(functional, structure, site)
+    static = static_mode(structure, where)
+    modes = ModeSolver(structure, where, static).lowest(model.info["modes_computed"])
+    m = (modes.phi.T @ static.m_phi) ** 2
+    np.testing.assert_allclose(model.omega, modes.omega[m > 1e-8 * static.mass][:15], rtol=1e-9)
+
+
+# --- Real parts -----------------------------------------------------------------------------------
+
+
+def real_part(name: str) -> tuple[ao.Structure, ao.Site, int]:
+    if name == "lever":
+        solid = ao.Solid(**parts.ALUMINIUM, plane="stress", thickness=0.012)
+        mesh = ao.read_mesh("meshes/lever.msh")
+        part = ao.Structure(mesh, solid, [ao.Support("clamp")])
+        return part, ao.Site((0.135, 0.0), (-0.6, 1), radius=0.004), 12
+    if name == "arch":
+        solid = ao.Solid(**parts.STEEL, plane="strain")
+        part = ao.Structure(ao.read_mesh("meshes/arch.msh"), solid, [ao.Support("clamp")])
+        top = 0.1 * np.array([np.sin(0.3), np.cos(0.3)])
+        return part, ao.Site(top, (0.2, -1), radius=0.006), 12
+    if name == "frame":
+        beam = ao.Beam(**parts.STEEL, section=ao.Section.tube(0.04, 0.003))
+        part = ao.Structure(ao.read_mesh("meshes/frame.msh"), beam, [ao.Support("feet")])
+        return part, ao.Site((0.43, 0.0, 1.3), (0.2, 1, -0.5)), 20
+    mesh = ao.read_mesh("meshes/bracket.step", size=0.015)
+    floor = ao.Support(lambda x: np.isclose(x[2], 0))
+    part = ao.Structure(mesh, ao.Solid(**parts.ALUMINIUM), [floor])
+    eye = np.array([0.02, 0.03, 0.06]) + 0.018 * np.array([0, np.sin(0.4), np.cos(0.4)])
+    return part, ao.Site(eye, (-0.5, -0.3, -1), snap=True), 12
+
+
+@pytest.mark.parametrize("name", ["lever", "arch", "frame", "bracket"])
+@pytest.mark.slow
+def test_truncation_error_is_the_mass_left_out(name):
+    """0 ≤ Z_N − Z ≤ ω⁴m0/(ω_N² − ω²): each mode above ω_N adds m_i ω⁴/(ω_i² − ω²) ≥ 0."""
+    structure, site, n = real_part(name)
+    model = extract(structure, site, n)
+    assert model.n == n
+    omega = model.omega[-1] / 2 * np.arange(1, 21) / 20
+    Z = parts.direct_stiffness(structure.K, structure.M, load(structure, site), omega)
+    excess = model.dynamic_stiffness(omega) - Z
+    bound = omega**4 * model.m0 / (model.omega[-1] ** 2 - omega**2)
+    rounding = 1e-8 * np.abs(Z) + 1e-8 * model.k0
+    np.testing.assert_array_less(excess, bound + rounding)
+    np.testing.assert_array_less(-excess, rounding)
+    # The bound is not idle: a good part of it is there.
+    assert excess[-1] > 1e-3 * bound[-1]
+
+
+# --- Unobservable and repeated modes --------------------------------------------------------------
+
+
+def test_two_equal_oscillators_are_merged():
+    """Two equal pendulums on one mass: only their common mass has a meaning."""
+    k0, m0, k, m = 5.0e4, 0.3, 2.0e4, [0.4, 0.4, 0.7]
+    ks = [k, k, 3 * k]
+    K = np.diag([k0 + sum(ks), *ks])
+    K[0, 1:] = K[1:, 0] = -np.array(ks)
+    structure = ao.Structure.from_matrices(K, np.diag([m0, *m]))
+    model = extract(structure, ao.Site(dof=0), 3)
+    np.testing.assert_allclose(model.omega, np.sqrt([k / 0.4, 3 * k / 0.7]), rtol=1e-10)
+    np.testing.assert_allclose(model.m, [0.8, 0.7], rtol=1e-10)
+    assert model.m0 == pytest.approx(m0, rel=1e-9)
+    assert model.k0 == pytest.approx(k0, rel=1e-9)
+    assert model.info["modes_merged"] == 1
+
+
+def test_a_cross_of_equal_arms_has_repeated_modes():
+    """Struck at the hub, arms that move alike and arms that move against each other share ω."""
+    L, n = 0.4, 4
+    ends = [(L, 0, 0), (0, L, 0), (-L, 0, 0), (0, -L, 0)]
+    mesh = parts.frame(
+        [(0, 0, 0), *ends], [(0, i) for i in range(1, 5)], n,
+        groups={"ends": (0, lambda x: np.hypot(x[0], x[1]) > L - 1e-9)},
+    )  # fmt: skip
+    beam = ao.Beam(**parts.STEEL, section=ao.Section.circle(0.02))
+    cross = ao.Structure(mesh, beam, [ao.Support("ends")])
+    model = extract(cross, ao.Site((0, 0, 0), (0, 0, -1)), 4)
+    # By symmetry: four beams clamped at one end and guided at the other, a quarter of the load each
+    arm = ao.Structure(
+        parts.line(L, n, (1.0, 0.0)), beam, [ao.Support("right"), ao.Support("left", ("x", "rz"))]
+    )
+    quarter = extract(arm, ao.Site((0, 0), (0, -1)), 4)
+    np.testing.assert_allclose(model.omega, quarter.omega, rtol=1e-8)
+    np.testing.assert_allclose(model.m, 4 * quarter.m, rtol=1e-6)
+    assert model.k0 == pytest.approx(4 * quarter.k0, rel=1e-9)
+    assert model.info["modes_unseen"] + model.info["modes_merged"] >= 8
+
+
+def test_a_free_square_bar_struck_obliquely_is_a_plane_beam():
+    """Bending across the impact, torsion and stretching are there, and carry nothing."""
+    L = 0.8
+    section = ao.Section.rectangle(0.02, 0.02)
+    space = ao.Structure(parts.line(L, 8, (1, 0, 0)), ao.Beam(**parts.STEEL, section=section))
+    plane = ao.Structure(parts.line(L, 8), ao.Beam(**parts.STEEL, section=section))
+    oblique = extract(space, ao.Site((0.3 * L, 0, 0), (0, 3, -4)), 6)
+    flat = extract(plane, ao.Site((0.3 * L, 0), (0, 1)), 6)
+    np.testing.assert_allclose(oblique.omega, flat.omega, rtol=1e-7)
+    np.testing.assert_allclose(oblique.m, flat.m, rtol=1e-5)
+    assert oblique.m_st == pytest.approx(flat.m_st, rel=1e-9)
+    assert oblique.k0 == flat.k0 == 0.0
+    assert oblique.info["modes_unseen"] > 6
+
+
+def test_square_plate_at_its_centre():
+    """A solid square plate keeps one in eight modes or so; turned by 90° it is the same plate."""
+    mesh = parts.box((6, 6, 1), (0.2, 0.2, 0.01))
+    edge = ao.Support(lambda x: np.isclose(x[0], 0) | np.isclose(x[0], 0.2)
+                      | np.isclose(x[1], 0) | np.isclose(x[1], 0.2))  # fmt: skip
+    structure = ao.Structure(mesh, SOLID, [edge])
+    model = extract(structure, ao.Site((0.1, 0.1, 0.01), (0, 0, -1)), 6)
+    assert model.n == 6
+    # Every mode that carries mass has the symmetry of the square.
+    M = csr(structure.M)
+    from antiosc.fem import compat
+
+    dofs, x = compat.dof_coordinates(structure.form.space, (2,))
+    key = {tuple(p): k for k, p in enumerate(np.round(x / 0.2 * 1000).astype(int))}
+    for turn in (lambda p: (1000 - p[1], p[0], p[2]), lambda p: (1000 - p[0], p[1], p[2])):
+        image = [key[turn(p)] for p in np.round(x / 0.2 * 1000).astype(int)]
+        for psi in model.shapes[dofs].T:
+            assert np.abs(psi[image] - psi).max() < 1e-4 * np.abs(psi).max()
+    assert model.info["modes_unseen"] > 2 * model.n
+    assert M.shape[0] > 1000
+
+
+# --- Numbers asked for ----------------------------------------------------------------------------
+
+
+def test_fewer_modes_than_asked_come_back_where_there_are_no_more():
+    K = np.array([[2.0, -1.0], [-1.0, 1.0]])
+    model = extract(ao.Structure.from_matrices(K, np.eye(2)), ao.Site(dof=1), 1)
+    assert model.n == 1
+    assert model.omega[0] == pytest.approx(np.sqrt(2))
+
+
+def test_none_at_all_is_the_classical_one_mass_model():
+    structure, site, _ = CASES["plane frame"]()
+    none, some = extract(structure, site, 0), extract(structure, site, 5)
+    assert none.n == 0
+    assert none.k0 == pytest.approx(some.k0, rel=1e-12)
+    assert none.m0 == pytest.approx(some.m_st, rel=1e-12)
+
+
+def test_a_massless_dof_has_no_frequency():
+    """M may be singular: a rotation without inertia adds no anti-oscillator."""
+    k = 1e4
+    K = scipy.sparse.diags([[-k, -k], [2 * k, 2 * k, k], [-k, -k]], [-1, 0, 1])
+    structure = ao.Structure.from_matrices(K, scipy.sparse.diags([[0.5, 0.0, 0.5]], [0]))
+    model = extract(structure, ao.Site(dof=2), 2)
+    # between the held mass 3 and mass 1 lie two springs in series
+    np.testing.assert_allclose(model.omega, [np.sqrt((k + k / 2) / 0.5)], rtol=1e-10)
+    assert model.m0 + model.m.sum() == pytest.approx(model.m_st)
+
+
+def test_one_factorization_serves_every_site():
+    structure, site, _ = CASES["plane frame"]()
+    extract(structure, site, 3)
+    factor = structure.factorization
+    again = extract(structure, ao.Site((0.0, 0.3), (1, 0)), 3)
+    assert structure.factorization is factor
+    fresh = extract(CASES["plane frame"]()[0], ao.Site((0.0, 0.3), (1, 0)), 3)
+    np.testing.assert_allclose(again.omega, fresh.omega, rtol=1e-12)

@@ -1,0 +1,149 @@
+"""The unreduced model and the mode superposition against direct harmonic and static solves."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("dolfinx")
+
+import antiosc as ao
+from antiosc.fem.extraction.superposition import DENSE_MANY
+from antiosc.fem.linalg.solvers import csr
+from antiosc.fem.site.site import functional
+from marks import FREE_ON_PURPOSE
+
+pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]
+
+
+@pytest.fixture(scope="module", params=["clamped", "sliding", "free"])
+def plate(request) -> tuple[ao.Structure, ao.Site]:
+    """A small plane part: held, free to slide across the impact, or free."""
+    supports = {
+        "clamped": [ao.Support(lambda x: np.isclose(x[0], 0))],
+        "sliding": [ao.Support(lambda x: np.isclose(x[0], 0), "y")],
+        "free": [],
+    }[request.param]
+    part = ao.Structure(
+        rectangle(), ao.Solid(70e9, 0.3, 2700.0, plane="stress", thickness=0.01), supports=supports
+    )
+    return part, ao.Site(point=(0.31, 0.06), direction=(0, -1), radius=0.03)
+
+
+def rectangle() -> ao.Mesh:
+    import tempfile
+
+    text = """
+    Point(1) = {0, 0, 0}; Point(2) = {0.4, 0, 0}; Line(1) = {1, 2}; Transfinite Curve {1} = 17;
+    a[] = Extrude {0, 0.06, 0} { Curve{1}; Layers{3}; Recombine; };
+    Physical Surface("part") = {a[1]};
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "plate.geo"
+        path.write_text(text)
+        return ao.read_mesh(path, size=1.0)
+
+
+def direct(part: ao.Structure, site: ao.Site, omega: np.ndarray) -> np.ndarray:
+    """bᵀ(K - ω²M)⁻¹b by dense solves."""
+    b = functional(part, site).b
+    free = np.setdiff1d(np.arange(len(b)), part.fixed)
+    K, M = (csr(matrix)[free][:, free].toarray() for matrix in (part.K, part.M))
+    return np.array([b[free] @ np.linalg.solve(K - w**2 * M, b[free]) for w in omega])
+
+
+def test_full_is_the_direct_solution(plate):
+    part, site = plate
+    omega = np.array([300.0, 5e3, 4.1e4, 2e5])
+    full = ao.full(part, site)
+    H = full.modal().receptance(omega)
+    np.testing.assert_allclose(H.real, direct(part, site, omega), rtol=1e-6)
+    assert full.r == 0
+    # and the anti-oscillators say the same
+    model = ao.extract(part, site, n=part.dofs - 5, method="modes", tol=1e-14)
+    np.testing.assert_allclose(model.dynamic_stiffness(omega) * H.real, 1, rtol=1e-5)
+
+
+def test_static_correction_makes_the_rest_static(plate):
+    """With it the receptance errs as ω² beyond the modes kept; without, by a constant."""
+    part, site = plate
+    omega = np.array([500.0, 1000.0])
+    H = direct(part, site, omega)
+    plain = ao.superposition(part, site, 6).modal()
+    corrected = ao.superposition(part, site, 6, static_correction=True).modal()
+    off = np.abs(plain.receptance(omega).real - H)
+    left = np.abs(corrected.receptance(omega).real - H)
+    assert corrected.r == pytest.approx(off[0], rel=0.01)
+    assert np.all(left < 1e-3 * off)
+
+
+def test_superposition_keeps_the_lowest_of_full(plate):
+    part, site = plate
+    full, few = ao.full(part, site), ao.superposition(part, site, 5)
+    assert few.n == 5
+    np.testing.assert_allclose(few.omega, full.omega[:5], rtol=1e-8, atol=1e-6)
+    np.testing.assert_allclose(np.abs(few.b), np.abs(full.b[:5]), rtol=1e-6)
+
+
+def test_residual_shape_goes_with_the_residual_compliance(plate):
+    part, site = plate
+    model = ao.superposition(part, site, 4, static_correction=True)
+    b = functional(part, site).b
+    assert b @ model.residual == pytest.approx(model.r, rel=1e-8)
+    np.testing.assert_allclose(b @ model.shapes, model.b, rtol=1e-12)
+    M = csr(part.M)
+    np.testing.assert_allclose(model.shapes.T @ (M @ model.shapes), np.eye(4), atol=1e-7)
+    q = np.array([1.0, -2.0, 0.5, 3.0])
+    np.testing.assert_allclose(model.field(q), model.shapes @ q)
+
+
+def test_weight_of_a_free_part_is_its_mass(plate):
+    """The rigid-body mode b = 1/√m_CR feels gravity as the body it belongs to."""
+    part, site = plate
+    model = ao.superposition(part, site, 3)
+    assert model.weight is not None
+    if model.omega[0] == 0:
+        reduced = ao.extract(part, site, n=3, method="modes")
+        assert reduced.participation is not None
+        total = reduced.participation.sum() / np.sqrt(reduced.m_st)
+        assert model.weight[0] == pytest.approx(total, rel=1e-8)
+    else:
+        assert part.rigid_modes.shape[1] < 3
+
+
+def test_massless_dofs_are_a_compliance():
+    """A spring in series with a mass-spring: the struck dof has no mass."""
+    K = np.array([[3.0, -3.0], [-3.0, 5.0]])
+    M = np.diag([0.0, 2.0])
+    part = ao.Structure.from_matrices(K, M)
+    full = ao.full(part, ao.Site(dof=0))
+    assert full.n == 1
+    assert full.omega[0] == pytest.approx(1.0, rel=1e-10)
+    assert full.r == pytest.approx(1 / 3, rel=1e-8)
+    assert full.weight is None
+
+
+def test_same_impact_from_both_routes(plate):
+    part, site = plate
+    full = ao.full(part, site)
+    model = ao.extract(part, site, n=part.dofs - 5, method="modes", tol=1e-14)
+    hits = [
+        ao.simulate(m, ao.RigidMass(0.1, 1.0), ao.Hertz(1e10), 4e-4, step=2e-7)
+        for m in (full, model)
+    ]
+    assert hits[0].peak_force == pytest.approx(hits[1].peak_force, rel=1e-6)
+    assert hits[0].impulse == pytest.approx(hits[1].impulse, rel=1e-6)
+
+
+def test_bad_input():
+    part = ao.Structure.from_matrices(np.diag([1.0, 2.0]), np.eye(2))
+    with pytest.raises(ao.InputError, match="n must be at most the structure's 2 dofs"):
+        ao.superposition(part, ao.Site(dof=0), 3)
+    import scipy.sparse as sp
+
+    n = DENSE_MANY + 1
+    big = ao.Structure.from_matrices(sp.identity(n), sp.identity(n))
+    with pytest.raises(ao.InputError, match=f"at most {DENSE_MANY} dofs; got {n}"):
+        ao.full(big, ao.Site(dof=0))

@@ -1,0 +1,269 @@
+"""Krylov anti-oscillators: moments, bound, exhaustion, rigid-body modes, and the modes method."""
+
+from __future__ import annotations
+
+import importlib
+import warnings
+
+import numpy as np
+import pytest
+import scipy.linalg
+import scipy.sparse
+
+import antiosc as ao
+from antiosc.models.driving_point import samples, stiffness_error
+from marks import FREE_ON_PURPOSE
+from paths import MESHES
+
+pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]
+
+
+def chain(n: int, *, fixed: bool, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """K and M of n uneven masses in a row, joined by uneven springs; `fixed`: to a wall too."""
+    k, m = rng.uniform(1e5, 3e5, n + 1), rng.uniform(0.5, 1.5, n)
+    if not fixed:
+        k[[0, -1]] = 0.0
+    return np.diag(k[:-1] + k[1:]) - np.diag(k[1:-1], 1) - np.diag(k[1:-1], -1), np.diag(m)
+
+
+def direct(K: np.ndarray, M: np.ndarray, b: np.ndarray, omega: np.ndarray) -> np.ndarray:
+    """Z = 1/(b'(K - omega^2 M)^-1 b), which knows nothing of anti-oscillators."""
+    return np.array([1 / (b @ np.linalg.solve(K - w**2 * M, b)) for w in omega])
+
+
+def block(n: int = 6, fix: str | list[str] = "all", *, supported: bool = True) -> ao.Structure:
+    """A steel block, held at one end: hexahedra."""
+    from dolfinx.mesh import CellType, create_box
+    from mpi4py import MPI
+
+    mesh = create_box(
+        MPI.COMM_SELF,
+        [np.zeros(3), np.array([0.1, 0.06, 0.03])],
+        [n, n // 2 + 1, 2],
+        CellType.hexahedron,
+    )
+    clamp = ao.Support(lambda x: np.isclose(x[0], 0), fix)
+    return ao.Structure(
+        ao.read_mesh(mesh), ao.Solid(E=210e9, nu=0.3, rho=7850), supports=[clamp] * supported
+    )
+
+
+@pytest.fixture(scope="module")
+def steel() -> ao.Structure:
+    return block()
+
+
+SITE = ao.Site(point=(0.07, 0.033, 0.03), direction=(0.2, 0.1, -1), radius=0.02)
+
+
+@pytest.mark.parametrize("n", [1, 2, 4])
+def test_first_2n_moments(n, rng):
+    K, M = chain(40, fixed=True, rng=rng)
+    b = np.zeros(40)
+    b[[3, 17]] = 0.6, 0.8
+    model = ao.extract(ao.Structure.from_matrices(K, M), ao.Site(vector=b), n=n)
+    y = np.linalg.solve(K, b)
+    shape = y / (b @ y)
+    T = np.linalg.solve(K, M) - np.outer(y, y @ M) / (b @ y)
+    power, exact = shape, []
+    for _ in range(2 * n + 1):
+        power = T @ power
+        exact.append(shape @ M @ power)
+    moments = [np.sum(model.m / model.omega ** (2 * j)) for j in range(1, 2 * n + 2)]
+    np.testing.assert_allclose(moments[:-1], exact[:-1], rtol=1e-11)
+    assert abs(moments[-1] / exact[-1] - 1) > 1e-10  # the next one is not matched
+
+
+@pytest.mark.parametrize("fixed", [True, False])
+def test_all_steps_give_the_structure(fixed, rng):
+    K, M = chain(12, fixed=fixed, rng=rng)
+    b = np.zeros(12)
+    b[4] = 1.0
+    model = ao.extract(ao.Structure.from_matrices(K, M), ao.Site(dof=4), n=11)
+    omega = samples(np.sqrt(scipy.linalg.eigvalsh(K, M)[-1]), 50.0)[::7]
+    np.testing.assert_allclose(model.dynamic_stiffness(omega), direct(K, M, b, omega), rtol=1e-8)
+    assert (model.k0 == 0) == (not fixed)
+
+
+def test_rigid_body_modes_cost_no_step():
+    free = block(3, supported=False)
+    model = ao.extract(free, ao.Site(vector=_push(free, (1.0, 0.4, -0.3))), n=20)
+    assert model.k0 == 0
+    assert model.info["modes_computed"] == model.n == 20
+
+
+def test_a_body_that_slides_across_the_impact():
+    structure = block(2, fix=["x", "y"])  # along z it slides
+    site = ao.Site(vector=_push(structure, (1.0, 0.4, 0.0)))
+    model = ao.extract(structure, site, n=40)
+    assert structure.rigid_modes.shape[1] == 1
+    assert model.k0 > 0
+    from antiosc.fem.linalg.solvers import csr
+
+    K, M = (csr(matrix).toarray() for matrix in (structure.K, structure.M))
+    omega = samples(2 * model.omega[0], model.omega[0])[::20]
+    exact = direct(K, M, np.asarray(site.vector), omega)
+    np.testing.assert_allclose(model.dynamic_stiffness(omega), exact, rtol=1e-8)
+
+
+def _push(structure: ao.Structure, direction: tuple[float, float, float]) -> np.ndarray:
+    """A load of no symmetry along `direction`, spread over all nodes."""
+    n = structure.K.getSize()[0]
+    push = np.random.default_rng(1).uniform(0.5, 1.5, n) * np.resize(direction, n)
+    push[structure.fixed] = 0.0
+    return push
+
+
+def test_unobservable_modes_never_appear(rng):
+    half = rng.uniform(1e5, 3e5, 10)
+    k = np.concatenate([half, half[::-1]])  # symmetric about mass 9, which is struck
+    K = np.diag(k[:-1] + k[1:]) - np.diag(k[1:-1], 1) - np.diag(k[1:-1], -1)
+    structure = ao.Structure.from_matrices(K, np.eye(19))
+    model = ao.extract(structure, ao.Site(dof=9), n=18)
+    assert model.n == 9  # of 18 constraint modes, half move the site's two sides against each other
+    side = scipy.linalg.eigvalsh(K[:9, :9])
+    np.testing.assert_allclose(model.omega**2, side, rtol=1e-9)
+
+
+@pytest.mark.parametrize("supported", [True, False])
+def test_bound_holds_and_is_tight(supported, rng):
+    K, M = chain(200, fixed=supported, rng=rng)
+    b = np.zeros(200)
+    b[100] = 1.0
+    structure, site = ao.Structure.from_matrices(K, M), ao.Site(dof=100)
+    band = 40.0
+    omega = samples(band, 4.0)
+    exact = direct(K, M, b, omega)
+    bounds, errors = [], []
+    for n in range(4, 30, 2):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ao.AccuracyWarning)  # fewer than the band needs
+            model = ao.extract(structure, site, n=n, band=band, accuracy=1e-13)
+        bounds.append(model.info["band"]["error_bound"])
+        errors.append(np.max(np.abs(model.dynamic_stiffness(omega) / exact - 1)))
+    bounds, errors = np.array(bounds), np.array(errors)
+    measurable = (errors > 1e-10) & (errors < 1e-1)
+    assert measurable.sum() >= 3
+    assert np.all(errors[measurable] <= bounds[measurable])
+    assert np.all(bounds[measurable] <= 1e3 * errors[measurable])
+
+
+@pytest.mark.parametrize("method", ["krylov", "modes"])
+def test_band_stops_where_the_accuracy_is_reached(steel, method):
+    reference = ao.extract(steel, SITE, n=60)
+    band = 1.1 * reference.omega[1]
+    model = ao.extract(steel, SITE, method=method, band=band, accuracy=1e-2)
+    error = stiffness_error(
+        model.dynamic_stiffness, reference.dynamic_stiffness, band, reference.omega[0]
+    )
+    assert error <= model.info["band"]["error_bound"] <= 1e-2
+    assert model.n < 60
+
+
+def test_fewer_krylov_than_modes_at_equal_error(steel):
+    reference = ao.extract(steel, SITE, n=60)
+    band = 1.1 * reference.omega[2]
+
+    def error(**options) -> float:
+        model = ao.extract(steel, SITE, **options)
+        return stiffness_error(
+            model.dynamic_stiffness, reference.dynamic_stiffness, band, reference.omega[0]
+        )
+
+    assert error(n=10) < 1e-2 * error(n=20, method="modes")
+
+
+def test_lower_ones_are_the_antiresonances(steel):
+    krylov = ao.extract(steel, SITE, n=30)
+    modes = ao.extract(steel, SITE, n=8, method="modes")
+    count = min(krylov.info["converged"], 8)
+    assert count >= 5
+    np.testing.assert_allclose(krylov.omega[:count], modes.omega[:count], rtol=1e-6)
+    np.testing.assert_allclose(krylov.m[:count], modes.m[:count], rtol=1e-4)
+    assert krylov.k0 == pytest.approx(modes.k0, rel=1e-12)
+    assert krylov.m_st == pytest.approx(modes.m_st, rel=1e-12)
+
+
+def test_masses_are_positive_and_fill_up(steel):
+    rest = [ao.extract(steel, SITE, n=n).m0 for n in (0, 2, 5, 10, 20, 40)]
+    assert np.all(np.diff(rest) < 0)
+    assert rest[-1] > 0
+
+
+def test_shapes_carry_the_masses(steel):
+    from antiosc.fem.linalg.solvers import multiply
+
+    model = ao.extract(steel, SITE, n=12)
+    psi = model.shapes[:, 1:]
+    np.testing.assert_allclose(
+        psi.T @ multiply(steel.M, psi), np.diag(model.m), atol=1e-9 * model.m_st
+    )
+    np.testing.assert_allclose(
+        psi.T @ multiply(steel.K, psi), np.diag(model.k), atol=1e-7 * model.k.max()
+    )
+    assert ao.extract(steel, SITE, n=3, shapes=False).shapes is None
+
+
+def test_several_sites_on_one_factorization(monkeypatch):
+    module = importlib.import_module("antiosc.fem.extraction.extract")
+    structure = block()
+    sites = [
+        ao.Site(point=(0.1 * s, 0.034, 0.03), direction=(0.1, 0.2, -1), radius=0.02)
+        for s in (0.3, 0.55, 0.75)
+    ]
+    together = ao.extract(structure, sites, n=9)
+    factor = structure.factorization
+    for slices in (5e8, 1.0):  # all at once, then one by one
+        monkeypatch.setattr(module, "SLICE", slices)
+        again = ao.extract(structure, sites, n=9)
+        for one, other, site in zip(together, again, sites, strict=True):
+            alone = ao.extract(structure, site, n=9)
+            for model in (other, alone):
+                np.testing.assert_allclose(model.omega, one.omega, rtol=1e-8)
+                np.testing.assert_allclose(model.m, one.m, rtol=1e-6)
+                assert model.k0 == pytest.approx(one.k0, rel=1e-11)
+    assert structure.factorization is factor
+
+
+def test_a_slender_beam_stays_accurate():
+    # κ(K) is about 1e12 here: what was lost would show against LAPACK's constraint modes.
+    mesh = ao.read_mesh(MESHES / "beam.msh")
+    beam = ao.Structure(
+        mesh,
+        ao.Beam(E=210e9, nu=0.3, rho=7850, section=ao.Section.rectangle(1e-3, 1e-3)),
+        supports=[ao.Support(lambda x: np.isclose(x[0], 0))],
+    )
+    site = ao.Site(point=(0.73, 0, 0), direction=(0, 0, -1))
+    krylov = ao.extract(beam, site, n=25)
+    modes = ao.extract(beam, site, n=40, method="modes")
+    count = krylov.info["converged"]
+    assert count >= 8
+    np.testing.assert_allclose(krylov.omega[:8], modes.omega[:8], rtol=1e-6)
+    assert krylov.m0 > 0
+
+
+def test_a_band_below_the_first_antiresonance_is_said(steel):
+    with pytest.warns(ao.AccuracyWarning, match="below the first antiresonance"):
+        ao.extract(steel, SITE, band=100.0)
+
+
+def test_a_band_that_n_cannot_reach_is_said(steel):
+    with pytest.warns(ao.AccuracyWarning, match="raise n or lower the band"):
+        model = ao.extract(steel, SITE, n=3, band=1e6)
+    assert model.n == 3
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"method": "lanczos"}, "method must be 'krylov' or 'modes'; got 'lanczos'"),
+        ({"n": -1}, "n must be a whole number >= 0; got -1"),
+        ({"n": 10**6}, "n must be below the structure's"),
+        ({"band": 0.0}, "band must be > 0"),
+        ({"band": 1e5, "n": 0}, "n must be a whole number >= 1; got 0"),
+        ({"band": 1e5, "accuracy": -1}, "accuracy must be > 0"),
+    ],
+)
+def test_bad_wishes(steel, options, words):
+    with pytest.raises(ao.InputError, match=words):
+        ao.extract(steel, SITE, **options)

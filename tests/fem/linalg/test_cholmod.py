@@ -1,0 +1,241 @@
+"""CHOLMOD called directly: memory that lasts, failures in words, libraries that are refused."""
+
+from __future__ import annotations
+
+import ctypes
+import gc
+import itertools
+import re
+import weakref
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+import scipy.sparse
+
+pytest.importorskip("dolfinx")
+
+import antiosc as ao
+import parts
+from antiosc import info
+from antiosc.fem.linalg import cholmod, cholmod_library, solver_choice, solvers
+from antiosc.fem.linalg.cholmod import Cholesky
+from antiosc.fem.structure import given_matrices
+
+pytestmark = pytest.mark.fem
+
+
+def chain(n: int) -> scipy.sparse.csr_matrix:
+    """Springs in a row, the first and the last on the ground."""
+    diagonals = [-1.0, 2.1, -1.0]
+    return scipy.sparse.diags(diagonals, [-1, 0, 1], shape=(n, n)).tocsr()
+
+
+@pytest.fixture
+def forgotten():
+    """Nothing that was found of the library before, nor afterwards."""
+    yield cholmod_library.library.cache_clear(), cholmod.refusal.cache_clear()
+    cholmod_library.library.cache_clear()
+    cholmod.refusal.cache_clear()
+
+
+def test_arrays_of_the_factor_last_as_long_as_they_are_used():
+    factor = Cholesky(chain(2000), 1)
+    memory = weakref.ref(factor._memory)
+    values, permutation = factor.supernodes.values[10:], factor.permutation
+    before = values.copy()
+    del factor
+    gc.collect()
+    others = [np.full(len(values), 1e5) for _ in range(20)]
+    np.testing.assert_array_equal(values, before)
+    assert sorted(permutation) == list(range(2000))
+    assert memory() is not None
+    del values, permutation, others
+    assert memory() is None  # at once, without the garbage collector
+
+
+def test_the_factor_cannot_be_written_to():
+    with pytest.raises(ValueError, match="read-only"):
+        Cholesky(chain(5)).supernodes.values[0] = 1.0
+
+
+def test_a_pattern_that_two_matrices_share_stays():
+    """Sorting the one in place would put the other's entries at wrong places."""
+    pattern = np.array([1, 0, 1, 0], dtype=np.int32), np.array([0, 2, 4], dtype=np.int32)
+    for use in (Cholesky, lambda K: given_matrices.as_petsc("K", K)):
+        K = scipy.sparse.csr_matrix((np.array([-1.0, 2.0, 2.0, -1.0]), *pattern))
+        M = scipy.sparse.csr_matrix((np.array([0.1, 5.0, 5.0, 0.1]), K.indices, K.indptr))
+        K.has_sorted_indices = M.has_sorted_indices = False
+        before = M.toarray()
+        use(K)
+        np.testing.assert_array_equal(M.toarray(), before)
+
+
+@contextmanager
+def failing_allocation(number: int):
+    """SuiteSparse's memory functions, of which the call of that number finds no memory."""
+    libc = ctypes.CDLL(None)
+    kinds = {"malloc": 1, "calloc": 2, "realloc": 2}
+    config = next(
+        (lib for lib in map(_opened, (f"libsuitesparseconfig.so.{n}" for n in (7, 5))) if lib), None
+    )
+    if config is None:
+        pytest.skip("SuiteSparse's memory functions cannot be replaced here")
+    counter = itertools.count(1)
+    kept = []
+    for place, (name, many) in enumerate(kinds.items()):
+        real = getattr(libc, name)
+        real.restype = ctypes.c_void_p
+        first = ctypes.c_void_p if name == "realloc" else ctypes.c_size_t
+        real.argtypes = [first, ctypes.c_size_t][:many]
+        kind = ctypes.CFUNCTYPE(ctypes.c_void_p, *real.argtypes)
+
+        def asked(*sizes, real=real):
+            return None if next(counter) == number else real(*sizes)
+
+        kept.append((_replace(config, place, name, kind(asked)), name, place))
+    try:
+        yield counter
+    finally:
+        for old, name, place in kept:
+            _replace(config, place, name, old)
+
+
+def _opened(name):
+    try:
+        return ctypes.CDLL(name)
+    except OSError:
+        return None
+
+
+_ALIVE = []
+
+
+def _replace(config, place, name, function):
+    """Set one of SuiteSparse's functions; the one before."""
+    _ALIVE.append(function)
+    address = ctypes.cast(function, ctypes.c_void_p).value
+    if hasattr(config, f"SuiteSparse_config_{name}_func_set"):
+        get = getattr(config, f"SuiteSparse_config_{name}_func_get")
+        get.restype = ctypes.c_void_p
+        old = get()
+        put = getattr(config, f"SuiteSparse_config_{name}_func_set")
+        put.argtypes = [ctypes.c_void_p]
+        put(address)
+    else:
+        table = (ctypes.c_void_p * 3).in_dll(config, "SuiteSparse_config")
+        old, table[place] = table[place], address
+    return ctypes.c_void_p(old)
+
+
+@pytest.mark.parametrize("block", [1, 2])
+def test_every_allocation_that_fails_is_told_as_such(block):
+    """One after the other fails, until there are no more: ordering, factor and solves."""
+    A = scipy.sparse.kron(chain(30), np.eye(2)).tocsr()
+    b = np.ones((60, 2))
+    x = np.linalg.solve(A.toarray(), b)
+    said = []
+    for number in range(1, 1000):
+        with failing_allocation(number) as counter:
+            try:
+                found = Cholesky(A, block).solve(b)
+            except ao.OutOfMemoryError as error:
+                said.append(str(error))
+                continue
+        np.testing.assert_allclose(found, x, rtol=1e-10)
+        if next(counter) <= number:
+            break
+    else:
+        pytest.fail("allocations never end")
+    assert len(said) > 20
+    assert all(text.startswith("there is no memory for the ") or "a solve" in text for text in said)
+    assert not any("move freely" in text for text in said)
+
+
+def test_failures_have_the_reason_that_cholmod_gives():
+    factor = Cholesky(chain(10))
+    with pytest.raises(ao.NotConvergedError, match=r"finds the input invalid \(status -4\)"):
+        factor.solve(np.ones(7))
+    np.testing.assert_allclose(chain(10) @ factor.solve(np.ones(10)), 1.0)  # still of use
+    assert factor.solve(np.ones((10, 0))).shape == (10, 0)
+
+
+def test_the_message_of_a_structure_too_large_says_so(monkeypatch):
+    def none(*_):
+        raise ao.OutOfMemoryError("there is no memory for the Cholesky factor")
+
+    part = ao.Structure(parts.box((2, 1, 1)), ao.Solid(**parts.STEEL), [ao.Support("left")])
+    monkeypatch.setattr(solvers, "Cholesky", none)
+    with pytest.raises(ao.OutOfMemoryError, match=r"no memory for the Cholesky factor$"):
+        part.factorization  # noqa: B018
+
+
+class Other:
+    """CHOLMOD's library in a version that is not known."""
+
+    def __init__(self, lib, number):
+        self._lib, self._number = lib, number
+
+    def cholmod_l_version(self, numbers):
+        numbers[0] = self._number
+
+    def __getattr__(self, name):
+        return getattr(self._lib, name)
+
+
+def another_version(monkeypatch):
+    real = cholmod_library.ctypes.CDLL
+    monkeypatch.setattr(cholmod_library.ctypes, "CDLL", lambda *a: Other(real(*a), 9))
+
+
+def another_layout(monkeypatch):
+    defaults = {**cholmod_library.DEFAULTS, "grow2": 6}
+    monkeypatch.setattr(cholmod_library, "DEFAULTS", defaults)
+
+
+def wrong_numbers(monkeypatch):
+    monkeypatch.setattr(Cholesky, "solve", lambda _self, B: 1.001 * B)
+
+
+REASONS = {
+    another_version: r"CHOLMOD 9\.\d+\.\d+ is not known",
+    another_layout: r"starts with other defaults \(grow2 = 5\)",
+    wrong_numbers: r"factors wrongly",
+}
+
+
+@pytest.mark.parametrize("change", REASONS)
+def test_a_library_that_is_not_as_known_is_left_to_petsc(change, monkeypatch, forgotten):
+    """The same models as with the direct calls, and `antiosc info` says why."""
+    mesh = parts.box((8, 4, 3))
+    site = ao.Site((0.1, 0.017, 0.04), (0, 0, -1), radius=0.02)  # on no plane of symmetry
+
+    def results():
+        part = ao.Structure(mesh, ao.Solid(**parts.STEEL), [ao.Support("left")])
+        model = ao.extract(part, site, n=6)
+        grid = ao.impact_map(part, [site.point], direction=(0, 0, -1), radius=0.02, n=4, modes=5)
+        numbers = [model.k0, model.m_st, *model.omega[:3], *model.m[:3], *grid.models.k0]
+        return type(part.factorization), [*numbers, *grid.models.omega[0, :1]]
+
+    kind, direct = results()
+    assert kind is solvers.OnOneRank
+    assert "called directly" in info.report()
+    cholmod_library.library.cache_clear()
+    cholmod.refusal.cache_clear()
+    change(monkeypatch)
+    kind, through = results()
+    assert kind is solvers.ByPetsc
+    np.testing.assert_allclose(through, direct, rtol=1e-7)
+    assert re.search(REASONS[change], cholmod.refusal())
+    assert re.search(REASONS[change], info.report())
+
+
+def test_petsc_s_own_interface_tells_a_mechanism(monkeypatch, forgotten):
+    another_layout(monkeypatch)
+    part = ao.Structure(parts.box((2, 1, 1)), ao.Solid(**parts.STEEL), [ao.Support("left")])
+    A = part.K.copy()
+    A.scale(-1.0)
+    with pytest.raises(ao.NotConvergedError, match="cannot be factored"):
+        solver_choice.factorize(A)
+    factor = solver_choice.factorize(part.K)
+    assert factor.entries >= part.dofs

@@ -1,0 +1,104 @@
+"""What is done about memory: forecasts of a factor, the choice of a solver, solving without one."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("dolfinx")
+
+import antiosc as ao
+import parts
+from antiosc.errors import AntioscWarning
+from antiosc.fem.linalg import solver_choice, solvers
+from mpi import run_ranks
+from paths import TESTS
+
+pytestmark = pytest.mark.fem
+
+SITE = ao.Site((0.15, 0.021, 0.04), (0.1, 0.2, -1), radius=0.024)
+
+
+def block(solver="auto", supports=("left",), n=(8, 4, 3)) -> ao.Structure:
+    held = [ao.Support(name) for name in supports]
+    return ao.Structure(parts.box(n), ao.Solid(**parts.STEEL), held, solver=solver)
+
+
+@pytest.mark.slow
+def test_forecast_against_the_factor_itself():
+    part = block(n=(16, 10, 8))
+    found = solvers.forecasts(part.K)
+    assert [f.ordering for f in found] == [solvers.AMF, solvers.PORD]
+    # CHOLMOD's, with an ordering of its own, and supernodes that are held as full rectangles
+    entries = part.factorization.cholesky.supernodes.values.size
+    assert 0.7 < min(f.entries for f in found) / entries < 2.0
+    assert entries < solver_choice.COMPACT * part.K.getSize()[0] ** (4 / 3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("supports", [("left",), ()])
+def test_iterative_and_direct_agree(supports):
+    direct, iterative = block("direct", supports), block("iterative", supports)
+    assert isinstance(iterative.factorization, solver_choice.Multigrid)
+    a, b = (ao.extract(part, SITE, n=6) for part in (direct, iterative))
+    assert b.k0 == pytest.approx(a.k0, rel=1e-8)
+    assert b.m_st == pytest.approx(a.m_st, rel=1e-8)
+    np.testing.assert_allclose(b.omega[:3], a.omega[:3], rtol=1e-8)
+    a, b = (ao.extract(part, SITE, n=4, method="modes") for part in (direct, iterative))
+    np.testing.assert_allclose(b.omega, a.omega, rtol=1e-8)
+
+
+def test_no_memory_for_the_factor(monkeypatch):
+    monkeypatch.setattr(solver_choice, "free_memory", lambda: 1e6)
+    with pytest.warns(AntioscWarning, match="GB are free: each solve is iterated"):
+        model = ao.extract(block(), SITE, n=3)
+    assert model.k0 > 0
+    with pytest.raises(ao.InputError, match=r"needs about 0\.0\d+ GB and 0\.001 GB are free"):
+        ao.extract(block("direct"), SITE, n=3)
+
+
+def test_a_thin_body_needs_less_than_a_compact_one(monkeypatch):
+    # Between the general bound and the forecast: the forecast decides, without a word.
+    part = block(n=(24, 12, 1))
+    need = solver_choice.BYTES * min(f.entries for f in solvers.forecasts(part.K))
+    bound = solver_choice.BYTES * solver_choice.COMPACT * part.K.getSize()[0] ** (4 / 3)
+    assert need < bound / 2
+    monkeypatch.setattr(solver_choice, "free_memory", lambda: 2 * need)
+    assert isinstance(part.factorization, solvers.Factorization)
+
+
+@pytest.mark.skipif(not Path("/proc/meminfo").exists(), reason="no /proc: memory is unknown")
+def test_free_memory_is_a_number():
+    assert 1e8 < solver_choice.free_memory() < 1e15
+
+
+def test_unknown_solver():
+    with pytest.raises(ao.InputError, match="solver must be 'auto', 'direct' or 'iterative'"):
+        block("umfpack")
+
+
+ORDERINGS = """
+import json, sys
+sys.path.insert(0, sys.argv[1])
+import antiosc as ao
+import parts
+from antiosc.fem.linalg import solvers
+
+chosen = []
+for n, size in (((24, 24, 1), (0.2, 0.2, 0.008)), ((7, 7, 7), (1.0, 1.0, 1.0))):
+    part = ao.Structure(parts.box(n, size), ao.Solid(**parts.STEEL), [ao.Support("left")])
+    found = solvers.forecasts(part.K)
+    solvers.FORECAST = 1
+    best = solvers.best_ordering(part.K)
+    chosen.append(min((f.operations, f.ordering) for f in found)[1] == best)
+print(json.dumps(chosen))
+"""
+
+
+@pytest.mark.mpi
+def test_two_ranks_take_the_ordering_with_fewer_operations():
+    here = str(TESTS)
+    assert [json.loads(text) for text in run_ranks(2, ORDERINGS, here)] == [[True, True]] * 2

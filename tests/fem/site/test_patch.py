@@ -1,0 +1,163 @@
+"""A point on a solid has no compliance; a patch has one, and its own half-space part comes off.
+
+A steel block 40 × 40 × 20 mm, clamped at its underside and struck on its top, on meshes graded
+toward the site.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("dolfinx")
+
+import antiosc as ao
+import parts
+from antiosc.errors import AntioscWarning
+from antiosc.fem.mesh.surface import Faces
+from antiosc.fem.site.patches import patches
+
+pytestmark = pytest.mark.fem
+
+SIZE = np.array([0.04, 0.04, 0.02])
+TOP = (0.02, 0.02, 0.02)
+STEEL = ao.Solid(**parts.STEEL)
+RADII = (0.002, 0.004)
+
+
+def graded(n: int, cell: str = "hexahedron") -> ao.Structure:
+    """n × n × n/2 elements, at the site some 14 times smaller than far away."""
+    mesh = parts.box(
+        (n, n, n // 2 + 1), SIZE, cell, groups={"bottom": (2, lambda x: np.isclose(x[2], 0))}
+    )
+    x = mesh.dolfinx.geometry.x
+    for axis in (0, 1):
+        s = 2 * x[:, axis] / SIZE[axis] - 1
+        x[:, axis] = SIZE[axis] / 2 * (1 + np.sign(s) * (0.15 * abs(s) + 0.85 * abs(s) ** 2.5))
+    s = 1 - x[:, 2] / SIZE[2]
+    x[:, 2] = SIZE[2] * (1 - (0.15 * s + 0.85 * s**2.5))
+    return ao.Structure(mesh, STEEL, [ao.Support("bottom")])
+
+
+def smallest(structure: ao.Structure) -> float:
+    """Size of the elements at the site."""
+    return float(np.diff(np.unique(structure.mesh.dolfinx.geometry.x[:, 0].round(9))).min())
+
+
+def compliance(structure: ao.Structure, direction, radius=None) -> tuple[float, float]:
+    """(1/k0, the part of it that is the patch's own)."""
+    with warnings.catch_warnings():
+        # a point has no limit, and the coarsest meshes do not resolve the patch: that is known here
+        warnings.simplefilter("ignore", AntioscWarning)
+        site = ao.Site(TOP, direction, radius=radius)
+        model = ao.extract(structure, site, n=0, method="modes")
+    return 1 / model.k0, model.local_compliance
+
+
+@pytest.mark.slow
+def test_point_and_patches_over_five_meshes():
+    normal = (0, 0, -1)
+    structures = [graded(n) for n in (6, 8, 12, 16, 20)]
+    sizes = np.array([smallest(s) for s in structures])
+    point = np.array([compliance(s, normal)[0] for s in structures])
+    # The point's compliance grows as 1/h: it knows no limit.
+    np.testing.assert_allclose(point * sizes, point[-1] * sizes[-1], rtol=0.03)
+    assert point[-1] > 4 * point[0]
+    rest = []
+    for radius in RADII:
+        found = np.array([compliance(s, normal, radius) for s in structures])
+        whole, local = found[:, 0], found[0, 1]
+        assert local == pytest.approx(0.6 * (1 - 0.3**2) / 210e9 / radius)
+        # The patch's converges, from below as all displacement methods do.
+        assert np.all(np.diff(whole) > 0)
+        assert whole[-1] / whole[-2] - 1 < 3e-3
+        rest.append(whole[-1] - local)
+    # What the half-space takes off leaves the block's own share: no radius in it.
+    rest = np.array(rest)
+    np.testing.assert_allclose(
+        rest, -9.0e-11, rtol=0.08
+    )  # clamped, it is stiffer than a half-space
+    assert abs(np.diff(rest)[0]) < 0.01 * 0.6 * (1 - 0.3**2) / 210e9 / RADII[0]
+
+
+@pytest.mark.parametrize("cell", ["hexahedron", "tetrahedron"])
+@pytest.mark.parametrize(
+    "direction", [(0, 0, -1), (1, 0, 0), (0.6, 0.8, 0), (1, 0, -1), (2, 1, -2)]
+)
+@pytest.mark.slow
+def test_own_compliance_of_a_patch_in_any_direction(block, cell, direction):
+    """C(a) − C_half-space(a, direction) does not depend on the radius, normal to oblique."""
+    whole, local = np.array([compliance(block[cell], direction, r) for r in RADII]).T
+    rest = whole - local
+    assert abs(rest[1] - rest[0]) < 0.03 * (local[0] - local[1])
+    # and most of it is gone: without taking it off the two differ by the half-space's part
+    assert whole[0] - whole[1] == pytest.approx(local[0] - local[1], rel=0.03)
+    assert abs(rest).max() < 0.2 * local.min()
+
+
+@pytest.fixture(scope="module")
+def block():
+    return {cell: graded(12, cell) for cell in ("hexahedron", "tetrahedron")}
+
+
+def test_an_oblique_patch_is_the_sum_of_its_components(block):
+    """In the middle of the square the block couples no direction with another."""
+    n, t, oblique = (
+        compliance(block["hexahedron"], d, 0.004)[0] for d in ((0, 0, 1), (1, 0, 0), (3, 0, 4))
+    )
+    assert oblique == pytest.approx(0.64 * n + 0.36 * t, rel=1e-6)
+    local = [
+        compliance(block["hexahedron"], d, 0.004)[1] for d in ((0, 0, 1), (1, 0, 0), (3, 0, 4))
+    ]
+    assert local[2] == pytest.approx(0.64 * local[0] + 0.36 * local[1])
+    assert local[1] / local[0] == pytest.approx((2 - 0.3) / 2 / (1 - 0.3), rel=1e-12)
+
+
+def test_the_impact_does_not_depend_on_the_patch(block):
+    """A steel ball at 1 m/s: the indentation of the patch is counted once, whatever its radius."""
+    ball = ao.Sphere(radius=0.01, E=210e9, nu=0.3, rho=7850.0, velocity=1.0)
+    law = ball.hertz(210e9, 0.3)
+    peaks, bare = [], []
+    for radius in RADII:
+        site = ao.Site(TOP, (0, 0, -1), radius=radius)
+        model = ao.extract(block["hexahedron"], site, n=12)
+        hit = ao.simulate(model, ball, law, duration=2e-4)
+        assert "was taken out of Hertz's law" in hit.message
+        peaks.append(hit.peak_force)
+        twice = ao.AntiOscillators(m0=model.m0, k0=model.k0, m=model.m, omega=model.omega)
+        bare.append(ao.simulate(twice, ball, law, duration=2e-4).peak_force)
+    assert peaks[0] == pytest.approx(peaks[1], rel=1e-3)
+    # counted twice, the radius matters
+    assert bare[1] / bare[0] > 1.02
+    assert max(bare) < min(peaks)
+
+
+def test_supports_under_a_patch_are_told():
+    groups = {"held": (2, lambda x: np.isclose(x[2], 0.03) & (x[0] < 0.03 + 1e-9))}
+    mesh = parts.box((12, 8, 2), (0.12, 0.08, 0.03), groups=groups)
+    part = ao.Structure(mesh, ao.Solid(**parts.STEEL), [ao.Support("held")])
+    site = ao.Site((0.032, 0.04, 0.03), (0, 0, -1), radius=0.01)
+    with pytest.warns(ao.AccuracyWarning, match=r"hold 50% of the patch"):
+        ao.extract(part, site, n=10)
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        ao.impact_map(part, radius=0.01, modes=30)
+    assert any("of the patch at" in str(one.message) for one in said)
+
+
+def test_rounding_does_not_turn_the_rule_of_a_patch():
+    """The normal of a face along an axis has two components of rounding, of which one is less."""
+    mesh = parts.box((4, 4, 2), SIZE)
+    faces = Faces(mesh, False)
+    radii, labels = np.array([0.008]), np.zeros(len(faces.cells), dtype=int)
+    site, down = np.array([[0.015, 0.02, 0.02]]), np.array([[0.0, 0.0, -1.0]])
+    contact = faces.contact(site, down, radii, labels)
+    found = []
+    for normal in ((1e-17, 2e-17, 1.0), (2e-17, 1e-17, 1.0)):
+        turned = replace(contact, normals=np.array([normal]))
+        found.append(patches(faces, site, radii, turned)[0])
+    np.testing.assert_array_equal(found[0].cell, found[1].cell)
+    np.testing.assert_allclose(found[0].X, found[1].X, atol=1e-12)

@@ -1,0 +1,284 @@
+"""Sites: the functional b on and off the nodes, patches of pressure, and what cannot be struck."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pytest
+
+pytest.importorskip("dolfinx")
+
+import antiosc as ao
+import parts
+from antiosc.errors import AntioscWarning
+from antiosc.fem import compat
+from antiosc.fem.mesh import closest_point
+from antiosc.fem.site.site import functional
+from marks import FREE_ON_PURPOSE
+
+pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]
+
+SOLID = ao.Solid(**parts.STEEL)
+PLANE = ao.Solid(**parts.STEEL, plane="stress", thickness=0.01)
+
+
+def field_of(structure: ao.Structure, function) -> np.ndarray:
+    """Dofs of the displacement field x (3, n) -> (3, n)."""
+    u = np.zeros(structure.K.getSize()[0])
+    for axis, name in enumerate("xyz"):
+        if name in structure.form.components:
+            dofs, x = compat.dof_coordinates(structure.form.space, structure.form.components[name])
+            u[dofs] = function(x.T)[axis]
+    return u
+
+
+def quadratic(x: np.ndarray) -> np.ndarray:
+    return np.array(
+        [1 + x[0] * x[1] - x[2] ** 2, 2 - x[1] ** 2 + x[0], x[0] ** 2 - 3 * x[1] * x[2]]
+    )
+
+
+def linear(x: np.ndarray) -> np.ndarray:
+    return np.array([1 + x[0] - 2 * x[1], 0.5 - x[2] + x[1], 3 * x[0] + x[1] - x[2]])
+
+
+def at(structure: ao.Structure, point, direction, **options) -> np.ndarray:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", AntioscWarning)
+        return functional(structure, ao.Site(point, direction, **options)).b
+
+
+# --- A point --------------------------------------------------------------------------------------
+
+POINTS = [
+    (0.0, 0.0, 0.0), (0.2, 0.05, 0.04), (0.1, 0.025, 0.02), (0.05, 0.0, 0.013),
+    (0.0731, 0.0312, 0.0207), (0.2, 0.011, 0.04), (0.1, 0.05, 0.0333),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("cell", ["tetrahedron", "hexahedron"])
+def test_displacement_of_any_point_in_any_direction(cell, order):
+    structure = ao.Structure(parts.box(cell=cell), SOLID, order=order)
+    field = quadratic if order == 2 else linear
+    u = field_of(structure, field)
+    d = np.array([1.0, -2.0, 0.5])
+    for point in POINTS:
+        x = np.array(point)
+        expected = field(x[:, None])[:, 0] @ d / np.linalg.norm(d)
+        assert at(structure, point, d) @ u == pytest.approx(expected, rel=1e-12)
+        assert at(structure, point, 7 * d) @ u == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
+def test_displacement_of_any_point_in_the_plane(cell):
+    structure = ao.Structure(parts.plate(cell=cell), PLANE)
+    u = field_of(structure, quadratic)
+    for point in [(0.0, 0.0), (0.1, 0.03), (0.2, 0.06), (0.0731, 0.0312), (0.025, 0.0313)]:
+        expected = quadratic(np.array([*point, 0.0])[:, None])[:2, 0] @ [0.6, -0.8]
+        assert at(structure, point, (0.6, -0.8)) @ u == pytest.approx(expected, rel=1e-12)
+        assert at(structure, (*point, 0.0), (3, -4, 0)) @ u == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize("cell", parts.CELLS)
+def test_curved_cells(tmp_path, cell):
+    """On cells of order 2 a linear field is exact at every point of the bent cube."""
+    space = cell in ("tetrahedron", "hexahedron")
+    path = parts.gmsh_cube(tmp_path / "cube.msh", cell, 2, bent=True)
+    structure = ao.Structure(ao.read_mesh(path), SOLID if space else PLANE)
+    u = field_of(structure, linear)
+    d = np.array([0.6, 0.0, 0.8]) if space else np.array([0.6, 0.8, 0.0])
+    straight = np.random.default_rng(1).uniform(0, 1, (20, 3))
+    straight[::4, 0] = 1.0  # some on a face
+    straight[::5, 1] = 0.5  # some between cells
+    straight[:, 2] *= space
+    for point in (parts.bend if space else parts.bend_plane)(straight):
+        expected = linear(point[:, None])[:, 0] @ d
+        assert at(structure, point, d) @ u == pytest.approx(expected, rel=1e-10)
+
+
+def test_a_node_is_one_dof():
+    structure = ao.Structure(parts.box(), SOLID)
+    b = at(structure, (0.1, 0.025, 0.04), (0, 0, -2))
+    assert np.sum(np.abs(b) > 1e-12) == 1
+    assert b.min() == pytest.approx(-1.0)
+
+
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_point_on_a_beam(dim, order):
+    direction = (1.0, 2.0, -2.0)[:dim]
+    structure = ao.Structure(
+        parts.line(0.9, 3, direction),
+        ao.Beam(**parts.STEEL, section=ao.Section.circle(0.02)),
+        order=order,
+    )
+    field = quadratic if order == 2 else linear
+    u = field_of(structure, field)
+    t = np.zeros(3)
+    t[:dim] = np.asarray(direction) / np.linalg.norm(direction)
+    d = np.array([0.3, -0.4, 1.2 * (dim == 3)])
+    for s in (0.0, 0.3, 0.31234, 0.75, 0.9):
+        expected = field((s * t)[:, None])[:, 0] @ d / np.linalg.norm(d)
+        found = at(structure, (s * t)[:dim], d[:dim]) @ u
+        assert found == pytest.approx(expected, rel=1e-10)
+
+
+# --- Off the structure ----------------------------------------------------------------------------
+
+
+def test_a_point_outside_says_how_far_and_where_to_strike():
+    structure = ao.Structure(parts.box(), SOLID)
+    text = (
+        r"\(0.1, 0.02, 0.05\) m is 0.01 m off the structure; "
+        r"its nearest point is \(0.1, 0.02, 0.04\) m"
+    )
+    with pytest.raises(ao.InputError, match=text):
+        at(structure, (0.1, 0.02, 0.05), (0, 0, -1))
+    snapped = at(structure, (0.1, 0.02, 0.05), (0, 0, -1), snap=True)
+    np.testing.assert_allclose(snapped, at(structure, (0.1, 0.02, 0.04), (0, 0, -1)), atol=1e-6)
+
+
+def test_a_point_above_a_plane_part_is_off_it():
+    structure = ao.Structure(parts.plate(), PLANE)
+    with pytest.raises(ao.InputError, match=r"is 0.01 m off the structure"):
+        at(structure, (0.1, 0.02, 0.01), (0, 1, 0))
+    with pytest.raises(ao.InputError, match=r"leaves the plane of .* which is 2-D"):
+        at(structure, (0.1, 0.02, 0.0), (0, 1, 1))
+
+
+@pytest.mark.parametrize("part", ["lever", "arch", "frame", "bracket"])
+def test_the_nearest_point_is_the_nearest(part):
+    """Against brute force: no sample of any cell lies nearer, on curved and concave parts."""
+    mesh = ao.read_mesh(
+        f"meshes/{part}.msh" if part != "bracket" else "meshes/bracket.step",
+        size=None if part != "bracket" else 0.01,
+    )
+    nodes = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)]
+    rng = np.random.default_rng(5)
+    X = rng.dirichlet(np.ones(mesh.tdim + 1), 40)[:, 1:]
+    if mesh.cell == "quadrilateral":
+        X = rng.uniform(0, 1, (40, 2))
+    cmap = compat.coordinate_map(mesh.dolfinx)
+    samples = np.concatenate([
+        cmap.push_forward(X, np.ascontiguousarray(n[:, : mesh.gdim])) for n in nodes
+    ])  # fmt: skip
+    low, high = nodes.min(axis=(0, 1)), nodes.max(axis=(0, 1))
+    points = rng.uniform(low - 0.2 * (high - low), high + 0.2 * (high - low), (25, 3))
+    points[:, mesh.gdim :] = 0
+    spacing = np.ptp(nodes, axis=1).max()
+    for point in points:
+        place = closest_point.closest(mesh, point)
+        assert np.linalg.norm(place.x - point) == pytest.approx(place.distance, abs=1e-12)
+        brute = np.linalg.norm(samples - point[: mesh.gdim], axis=1).min()
+        assert place.distance <= brute + 1e-9
+        assert place.distance >= brute - spacing
+        again = cmap.push_forward(
+            place.X.reshape(1, -1), np.ascontiguousarray(nodes[place.cell][:, : mesh.gdim])
+        )[0]
+        np.testing.assert_allclose(again, place.x[: mesh.gdim], atol=1e-9)
+
+
+# --- A patch --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("cell", ["tetrahedron", "hexahedron"])
+@pytest.mark.slow
+def test_a_patch_averages_with_hertz_weights(cell):
+    """Exact for a translation; the centre's value for a linear field; a²/5 for x²."""
+    mesh = parts.box((20, 20, 2), (0.1, 0.1, 0.02), cell)
+    structure = ao.Structure(mesh, SOLID)
+    p, d = np.array([0.053, 0.048, 0.02]), np.array([0.48, 0.6, 0.64])
+    a = 0.02
+    result = functional(structure, ao.Site(p, d, radius=a))
+    ones = field_of(structure, lambda x: np.outer(d, np.ones(x.shape[1])))
+    assert result.b @ ones == pytest.approx(1.0, rel=1e-13)
+    u = field_of(structure, linear)
+    assert result.b @ u == pytest.approx(linear(p[:, None])[:, 0] @ d, rel=1e-4)
+    # ∫ w x² dS / ∫ w dS = a²/5 with w = √(1 − r²/a²)
+    square = field_of(structure, lambda x: np.outer(d, (x[0] - p[0]) ** 2))
+    assert result.b @ square == pytest.approx(a**2 / 5, rel=5e-3)
+    # The load lies on the face alone, not on the back nor the inside.
+    below = field_of(structure, lambda x: np.outer(d, x[2] < 0.0199))
+    assert abs(result.b @ below) < 1e-12
+    cosine = d[2]
+    assert result.local_compliance == pytest.approx(SOLID.half_space_compliance(cosine) / a)
+    np.testing.assert_allclose(result.point, p)
+
+
+def test_a_patch_on_a_plane_part_lies_on_its_edge():
+    structure = ao.Structure(parts.plate((40, 8), (0.2, 0.04)), PLANE)
+    a = 0.012
+    result = functional(structure, ao.Site((0.103, 0.04), (0, -1), radius=a))
+    down = field_of(structure, lambda x: np.array([0 * x[0], -1 + 0 * x[0], 0 * x[0]]))
+    assert result.b @ down == pytest.approx(1.0, rel=1e-13)
+    square = field_of(structure, lambda x: np.array([0 * x[0], -((x[0] - 0.103) ** 2), 0 * x[0]]))
+    assert result.b @ square == pytest.approx(a**2 / 4, rel=1e-2)  # along a line
+    assert result.local_compliance == 0.0
+
+
+def test_a_patch_on_an_edge_takes_the_face_that_is_struck():
+    """Half of the patch is missing, which is said; the other face carries nothing."""
+    structure = ao.Structure(parts.box((10, 10, 10), (0.1, 0.1, 0.1)), SOLID)
+    with pytest.warns(AntioscWarning, match="an edge cuts the patch: only 50% of its load area"):
+        result = functional(structure, ao.Site((0.05, 0.0, 0.1), (0, 0.1, -1), radius=0.03))
+    side = field_of(structure, lambda x: np.outer([0, 0, -1], x[2] < 0.0999))
+    assert abs(result.b @ side) < 1e-12
+    top = field_of(structure, lambda x: np.outer([0, 0, -1], np.ones(x.shape[1])))
+    assert result.b @ top == pytest.approx(1 / np.hypot(1, 0.1), rel=1e-12)
+
+
+def test_a_patch_needs_a_surface():
+    structure = ao.Structure(parts.box((4, 4, 4), (0.1, 0.1, 0.1)), SOLID)
+    with pytest.raises(
+        ao.InputError, match=r"lies about 0.05 m inside the part, deeper than its radius"
+    ):
+        functional(structure, ao.Site((0.05, 0.05, 0.05), (0, 0, -1), radius=0.01))
+
+
+def test_a_coarse_mesh_does_not_resolve_a_patch():
+    structure = ao.Structure(parts.box((4, 4, 4), (0.1, 0.1, 0.1)), SOLID)
+    with pytest.warns(
+        AntioscWarning,
+        match=r"facets at the site measure 0\.0(25|3) m, more than the radius 0\.01 m",
+    ):
+        functional(structure, ao.Site((0.05, 0.05, 0.1), (0, 0, -1), radius=0.01))
+
+
+def test_a_point_on_a_solid_warns_and_names_a_radius():
+    structure = ao.Structure(parts.box((4, 4, 4), (0.1, 0.1, 0.1)), SOLID)
+    with pytest.warns(AntioscWarning, match=r"grows without limit.*radius=0\.0\d"):
+        functional(structure, ao.Site((0.05, 0.05, 0.1), (0, 0, -1)))
+
+
+def test_a_radius_on_a_beam_is_refused():
+    structure = ao.Structure(
+        parts.line(1.0, 2), ao.Beam(**parts.STEEL, section=ao.Section.circle(0.02))
+    )
+    with pytest.raises(ao.InputError, match="a radius applies to solids and shells"):
+        functional(structure, ao.Site((0.5, 0.0), (0, 1), radius=0.01))
+
+
+# --- Held sites -----------------------------------------------------------------------------------
+
+
+def test_a_site_that_the_supports_hold():
+    structure = ao.Structure(parts.box(), SOLID, [ao.Support("left", ("x", "z"))])
+    with pytest.raises(
+        ao.InputError, match=r"the site at \(0, 0.02, 0.01\) m is held by the supports"
+    ):
+        at(structure, (0.0, 0.02, 0.01), (0, 0, -1))
+    assert np.linalg.norm(at(structure, (0.0, 0.02, 0.01), (0, 1, -1))) > 0
+
+
+def test_dof_and_vector_sites():
+    structure = ao.Structure(parts.box(), SOLID, [ao.Support("left")])
+    free = int(np.setdiff1d(np.arange(675), structure.fixed)[0])
+    assert functional(structure, ao.Site(dof=free)).b[free] == 1.0
+    with pytest.raises(ao.InputError, match="the site is held by the supports"):
+        functional(structure, ao.Site(dof=int(structure.fixed[0])))
+    with pytest.raises(ao.InputError, match="dof must be a number from 0 to 674; got 675"):
+        functional(structure, ao.Site(dof=675))
+    with pytest.raises(ao.InputError, match=r"vector must have shape \(675\)"):
+        functional(structure, ao.Site(vector=np.ones(3)))

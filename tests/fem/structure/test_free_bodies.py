@@ -1,0 +1,437 @@
+"""Free bodies struck off-centre: momentum, angular momentum and energy of rigid-body mechanics."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pytest
+
+pytest.importorskip("dolfinx")
+
+import antiosc as ao
+import parts
+from antiosc.errors import AntioscWarning
+from antiosc.fem import compat
+from antiosc.fem.linalg.solvers import csr
+from marks import FREE_ON_PURPOSE
+
+pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]
+
+SIZE = np.array([0.12, 0.05, 0.04])
+SECTION = ao.Section.rectangle(width=0.02, height=0.03)
+
+
+def block(E: float = 210e9, order: int = 1) -> ao.Structure:
+    return ao.Structure(parts.box((4, 2, 2), SIZE), ao.Solid(E=E, nu=0.3, rho=7850.0), order=order)
+
+
+def space_frame() -> ao.Structure:
+    points = [(0, 0, 0), (0.5, 0, 0), (0.2, 0.5, 0), (0.2, 0.2, 0.6), (0.5, 0.4, 0.8)]
+    members = [(0, 3), (1, 3), (2, 3), (3, 4)]
+    beam = ao.Beam(**parts.STEEL, section=SECTION, orientation=(1, 0.2, 0.1))
+    return ao.Structure(parts.frame(points, members, 3), beam)
+
+
+def plane_frame() -> ao.Structure:
+    points = [(0, 0), (0, 0.6), (0.8, 0.7), (0.8, 0)]
+    beam = ao.Beam(**parts.STEEL, section=SECTION)
+    return ao.Structure(parts.frame(points, [(0, 1), (1, 2), (2, 3)], 4), beam)
+
+
+CASES = {
+    "block": (block, ao.Site((0.11, 0.04, 0.04), (0.2, -0.3, -1))),
+    "space frame": (space_frame, ao.Site((0.5, 0.4, 0.8), (-1, 0.5, 0.3))),
+    "plane frame": (plane_frame, ao.Site((0.2, 0.625), (0.3, -1))),
+}
+
+
+def extract(structure: ao.Structure, site: ao.Site, n: int, method: str) -> ao.AntiOscillators:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", AntioscWarning)
+        return ao.extract(structure, site, n=n, method=method)
+
+
+def rigid_field(structure: ao.Structure, shift, turn, about) -> np.ndarray:
+    """Dofs of the rigid motion u = shift + turn × (x − about), rotation dofs too."""
+    u = np.zeros(structure.K.getSize()[0])
+    for name, path in structure.form.components.items():
+        dofs, x = compat.dof_coordinates(structure.form.space, path)
+        if name in "xyz":
+            moved = shift + np.cross(turn, x - about)
+            u[dofs] = moved[:, "xyz".index(name)]
+        else:
+            u[dofs] = turn["xyz".index(name[1])]
+    return u
+
+
+def centre_and_inertia(structure: ao.Structure) -> tuple[np.ndarray, np.ndarray]:
+    """Centre of mass (3,) and inertia tensor (3, 3) about it, by hand from the geometry."""
+    if structure.mesh.tdim == 3:
+        mass = 7850.0 * np.prod(SIZE)
+        squares = SIZE**2
+        return SIZE / 2, mass / 12 * np.diag(squares.sum() - squares)
+    x = structure.mesh.dolfinx.geometry.x[compat.geometry_nodes(structure.mesh.dolfinx)]
+    a, b = x[:, 0], x[:, 1]
+    lengths = np.linalg.norm(b - a, axis=1)
+    masses = lengths * SECTION.A * parts.STEEL["rho"]
+    centre = masses @ ((a + b) / 2) / masses.sum()
+    total = np.zeros((3, 3))
+    for p, q, length, m in zip(a, b, lengths, masses, strict=True):
+        t = (q - p) / length
+        middle = (p + q) / 2 - centre
+        across = np.eye(3) - np.outer(t, t)
+        total += (
+            m * (middle @ middle * np.eye(3) - np.outer(middle, middle))
+            + m * length**2 / 12 * across
+        )
+        # rotary inertia of the section
+        if structure.mesh.gdim == 2:
+            height = np.cross([0, 0, 1], t)
+            y, z = height, np.array([0, 0, 1.0])
+        else:
+            y = across @ np.array([1, 0.2, 0.1])
+            y /= np.linalg.norm(y)
+            z = np.cross(t, y)
+        per_area = m / SECTION.A
+        total += per_area * (
+            SECTION.I * np.outer(z, z) + SECTION.side * np.outer(y, y)
+            + (SECTION.I + SECTION.side) * np.outer(t, t)
+        )  # fmt: skip
+    return centre, total
+
+
+def site_vectors(site: ao.Site) -> tuple[np.ndarray, np.ndarray]:
+    point, d = np.zeros(3), np.zeros(3)
+    point[: len(site.point)] = site.point
+    d[: len(site.direction)] = site.direction
+    return point, d / np.linalg.norm(d)
+
+
+def effective_mass(structure: ao.Structure, site: ao.Site) -> float:
+    """1/(1/m + (r×d)·I⁻¹(r×d)): the mass that a blow at the site feels."""
+    point, d = site_vectors(site)
+    centre, inertia = centre_and_inertia(structure)
+    lever = np.cross(point - centre, d)
+    if structure.mesh.gdim == 2:
+        return 1 / (1 / structure.mass + lever[2] ** 2 / inertia[2, 2])
+    return 1 / (1 / structure.mass + lever @ np.linalg.solve(inertia, lever))
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_mass_felt_at_the_site(name):
+    make, site = CASES[name]
+    structure = make()
+    model = extract(structure, site, 5, "modes")
+    assert model.k0 == 0.0
+    assert model.m_st == pytest.approx(effective_mass(structure, site), rel=1e-10)
+
+
+@pytest.mark.parametrize("method", ["modes", "krylov"])
+@pytest.mark.parametrize("name", CASES)
+def test_momentum_and_angular_momentum_after_the_impact(name, method):
+    make, site = CASES[name]
+    structure = make()
+    model = extract(structure, site, 8, method)
+    striker = ao.RigidMass(mass=0.3 * model.m_st, velocity=1.0)
+    hit = ao.simulate(model, striker, ao.Hertz(1e9), duration=6e-3)
+    end = hit.contacts[-1][1]
+    assert 0 < end < 5e-3
+    impulse = striker.mass * (1.0 - hit.impactor_velocity[-1])
+    assert hit.impulse == pytest.approx(impulse, rel=1e-6)
+    # With no force on it, what the body carries does not change: the mean velocity suffices.
+    times = np.array([end + 1e-5, 6e-3])
+    velocity = np.diff(hit.field(times), axis=0)[0] / np.diff(times)
+    momentum = csr(structure.M) @ velocity
+    point, d = site_vectors(site)
+    centre, _ = centre_and_inertia(structure)
+    moment = np.cross(point - centre, d) * impulse
+    axes = [0, 1] if structure.mesh.gdim == 2 else [0, 1, 2]
+    for axis in axes:
+        e = np.eye(3)[axis]
+        along = rigid_field(structure, e, np.zeros(3), centre) @ momentum
+        assert along == pytest.approx(impulse * d[axis], rel=1e-6, abs=1e-7 * impulse)
+    for axis in [2] if structure.mesh.gdim == 2 else axes:
+        e = np.eye(3)[axis]
+        about = rigid_field(structure, np.zeros(3), e, centre) @ momentum
+        expected = pytest.approx(moment[axis], rel=1e-6, abs=1e-7 * np.linalg.norm(moment))
+        assert about == expected
+
+
+@pytest.mark.filterwarnings("ignore:.*units are SI")
+def test_a_stiff_body_parts_as_rigid_ones_do():
+    """Hardly any vibration is left behind: J = 2 v/(1/m1 + 1/m2), and e = 1."""
+    site = CASES["block"][1]
+    structure = block(E=210e12)
+    model = extract(structure, site, 5, "modes")
+    felt = effective_mass(structure, site)
+    striker = ao.RigidMass(mass=0.5, velocity=2.0)
+    hit = ao.simulate(model, striker, ao.Hertz(1e8), duration=4e-3)
+    assert len(hit.contacts) == 1
+    assert hit.impulse == pytest.approx(2 * 2.0 / (1 / 0.5 + 1 / felt), rel=1e-3)
+    assert hit.restitution == pytest.approx(1.0, abs=1e-3)
+    # and the body has its share of the energy, translation and rotation
+    left = 0.5 * 0.5 * 2.0**2 - 0.5 * 0.5 * hit.impactor_velocity[-1] ** 2
+    assert left == pytest.approx(hit.impulse**2 / 2 / felt, rel=1e-3)
+
+
+def test_a_free_body_thrown_at_an_obstacle():
+    """It translates at v0, of which the site stops: J = m_CR v0 (1 + e), energy m v0²/2."""
+    make, site = CASES["plane frame"]
+    structure = make()
+    model = extract(structure, site, 10, "modes")
+    hit = ao.simulate(model, ao.Obstacle(), ao.Hertz(1e9), duration=60e-3, initial_velocity=1.5)
+    felt = effective_mass(structure, site)
+    assert hit.restitution is not None
+    assert hit.impulse == pytest.approx(felt * 1.5 * (1 + hit.restitution), rel=1e-4)
+    assert hit.energy.kinetic[0] == pytest.approx(0.5 * structure.mass * 1.5**2, rel=1e-9)
+    assert hit.energy.drift < 1e-3
+
+
+def test_gravity_pulls_the_whole_body():
+    """In free fall nothing touches and the site falls g t²/2: participation is the whole mass."""
+    make, site = CASES["block"]
+    structure = make()
+    model = extract(structure, site, 6, "modes")
+    point, d = site_vectors(site)
+    assert model.participation.sum() == pytest.approx(
+        (rigid_field(structure, d, np.zeros(3), point) @ (csr(structure.M) @ model.shapes[:, 0])),
+        rel=1e-10,
+    )
+    # a uniform acceleration moves the site along d by g t²/2, so φ_CRᵀMe = m_CR
+    assert model.participation.sum() == pytest.approx(model.m_st, rel=1e-9)
+    np.testing.assert_allclose(model.participation[1:], model.m, rtol=1e-4, atol=1e-9 * model.m_st)
+
+
+ROUND = ao.Section.circle(0.03)
+BAR = ao.Beam(**parts.STEEL, section=ROUND)
+
+
+def bar() -> ao.Structure:
+    """A straight bar in space."""
+    return ao.Structure(parts.line(0.8, 6, (1, 2, -2)), BAR)
+
+
+def stick() -> ao.Structure:
+    """A bar in the plane, of several elements."""
+    return ao.Structure(parts.frame([(0.1, 0.3), (0.7, 0.5)], [(0, 1)], 5), BAR)
+
+
+THROWN = {
+    "bar": (bar, ao.Site(0.8 * np.array([1, 2, -2]) / 3, (2, 1, 2))),
+    "bar in a plane": (stick, ao.Site((0.55, 0.45), (-0.3, 1))),
+    "box": CASES["block"],
+}
+#: velocity of the centre of mass, spin and gravity; in a plane their parts in it
+VELOCITY, SPIN, GRAVITY = np.array([0.3, -0.2, 0.4]), np.array([2.0, -3.0, 5.0]), (1.0, 2.0, -9.0)
+ROOM, THROW = 2e-4, 4e-3
+
+
+def planar(structure: ao.Structure, vector, normal: bool = False) -> np.ndarray:
+    """The part of a vector that a plane structure can have; `normal`: an axis of rotation."""
+    vector = np.array(vector)
+    if structure.mesh.gdim == 2:
+        vector[[0, 1] if normal else [2]] = 0.0
+    return vector
+
+
+def centred(structure: ao.Structure) -> tuple[np.ndarray, np.ndarray]:
+    """Centre of mass and inertia tensor, of a box or bars."""
+    if structure.mesh.tdim == 3:
+        return centre_and_inertia(structure)
+    x = structure.mesh.dolfinx.geometry.x
+    a, b = x[np.argmin(x @ [1, 1, 0])], x[np.argmax(x @ [1, 1, 0])]
+    length = np.linalg.norm(b - a)
+    t = (b - a) / length
+    along, across = np.outer(t, t), np.eye(3) - np.outer(t, t)
+    per_length = ROUND.A * length**2 / 12 * across + ROUND.I * (across + 2 * along)
+    return (a + b) / 2, parts.STEEL["rho"] * length * per_length
+
+
+def model_of(kind: str, structure: ao.Structure, site: ao.Site):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", AntioscWarning)
+        if kind == "superposition":
+            return ao.superposition(structure, site, 6)
+        if kind == "corrected":
+            return ao.superposition(structure, site, 6, static_correction=True)
+        if kind == "full":
+            return ao.full(structure, site)
+        return ao.extract(structure, site, n=8, method=kind)
+
+
+@pytest.mark.parametrize("kind", ["krylov", "modes", "superposition", "corrected", "full"])
+@pytest.mark.parametrize("name", THROWN)
+def test_a_falling_spinning_struck_body_moves_as_mechanics_says(name, kind):
+    """Closed forms: rigid motion before the blow; with the force known, P, L and the mean motion.
+
+    P = m (V + g t) + d J(t), L = I W + (p - c) x d J(t) about the centre c at rest, and the mass's
+    mean displacement and rotation are their time integrals over m and I.
+    """
+    make, site = THROWN[name]
+    structure = make()
+    model = model_of(kind, structure, site)
+    (centre, tensor), (point, d) = centred(structure), site_vectors(site)
+    V, W = planar(structure, VELOCITY), planar(structure, SPIN, normal=True)
+    g = planar(structure, GRAVITY)
+    striker = ao.RigidMass(mass=0.3 * structure.mass, velocity=3.0)
+    hit = ao.simulate(
+        model, striker, ao.Hertz(1e9), THROW, gap=ROOM, gravity=g, tol=1e-4,
+        initial_velocity=ao.Motion(V, W),
+    )  # fmt: skip
+    start, end = hit.contacts[0]
+    assert 0 < start < end < THROW
+    mass = structure.mass
+    lever = np.cross(point - centre, d)
+    t = hit.time
+    # ∫F dt and ∫∫F dt dt, F linear between the nodes
+    h, F = np.diff(t), hit.force
+    J = np.concatenate(([0], np.cumsum(h * (F[1:] + F[:-1]) / 2)))
+    JJ = np.concatenate(([0], np.cumsum(h * J[:-1] + h**2 * (2 * F[:-1] + F[1:]) / 6)))
+    P = mass * (V + np.outer(t, g)) + np.outer(J, d)
+    L = tensor @ W + np.outer(J, lever)
+    axes = slice(None) if structure.mesh.gdim == 3 else slice(2, 3)
+    scale = np.linalg.norm(P, axis=1).max()
+    np.testing.assert_allclose(hit.momentum, P, atol=1e-6 * scale)
+    scale = np.linalg.norm(L[:, axes], axis=1).max()
+    np.testing.assert_allclose(hit.angular_momentum[:, axes], L[:, axes], atol=1e-6 * scale)
+    # the energy it was given is that of the whole body, and none is lost
+    given = mass * V @ V / 2 + W @ tensor @ W / 2 + striker.mass * 3.0**2 / 2
+    assert hit.energy.kinetic[0] == pytest.approx(given, rel=1e-6)
+    assert hit.energy.drift < 1e-3
+    # fields: before the blow a rigid motion; later the mean of all mass moves as a rigid body
+    M = csr(structure.M)
+    e = [rigid_field(structure, np.eye(3)[i], np.zeros(3), centre) for i in range(3)]
+    e += [rigid_field(structure, np.zeros(3), np.eye(3)[i], centre) for i in range(3)]
+    before = start * np.array([0.3, 1.0])
+    for time, field in zip(before, hit.field(before), strict=True):
+        fallen = rigid_field(structure, V * time + g * time**2 / 2, W * time, centre)
+        assert np.abs(field - fallen).max() < 1e-6 * np.abs(fallen).max()
+    for node in np.flatnonzero(t >= start)[:: max(1, t.size // 40)]:
+        moved = M @ hit.field(t[node])
+        mean = mass * (V * t[node] + g * t[node] ** 2 / 2) + d * JJ[node]
+        turned = tensor @ W * t[node] + lever * JJ[node]
+        flat = structure.mesh.gdim == 2
+        for i in (0, 1) if flat else range(3):
+            assert e[i] @ moved == pytest.approx(mean[i], abs=1e-6 * np.linalg.norm(mean))
+        for i in (5,) if flat else range(3, 6):
+            expected = pytest.approx(turned[i - 3], abs=1e-6 * np.linalg.norm(turned))
+            assert e[i] @ moved == expected
+
+
+@pytest.mark.parametrize("name", THROWN)
+def test_a_number_is_a_translation_toward_the_impactor(name):
+    make, site = THROWN[name]
+    structure = make()
+    model = model_of("krylov", structure, site)
+    _, d = site_vectors(site)
+    hit = ao.simulate(
+        model, ao.Obstacle(gap=1e-3), ao.Hertz(1e9), 1e-3, initial_velocity=1.5, gravity=-9.81
+    )
+    fallen = rigid_field(structure, -d * (1.5 * 3e-4 + 9.81 * 3e-4**2 / 2), np.zeros(3), d)
+    assert np.abs(hit.field(3e-4) - fallen).max() < 1e-9 * np.abs(fallen).max()
+    assert hit.energy.kinetic[0] == pytest.approx(structure.mass * 1.5**2 / 2, rel=1e-9)
+    np.testing.assert_allclose(hit.momentum[0], -1.5 * structure.mass * d, atol=1e-9)
+    # the same as a Motion, whose spin may be about any point
+    same = ao.simulate(
+        model, ao.Obstacle(gap=1e-3), ao.Hertz(1e9), 1e-3, gravity=-9.81,
+        initial_velocity=ao.Motion(-1.5 * d),
+    )  # fmt: skip
+    np.testing.assert_allclose(same.force, hit.force, rtol=1e-6, atol=1e-6 * hit.peak_force)
+
+
+def test_a_beam_on_a_pin_turns_about_it():
+    """Only the rotation is left: a number defines it at the site, a Motion must leave the pin."""
+    mesh = parts.frame([(0.0, 0.0), (0.8, 0.6)], [(0, 1)], 6)
+    pin = ao.Support(lambda x: np.isclose(x[0], 0.0), fix=("x", "y"))
+    structure = ao.Structure(mesh, BAR, [pin])
+    across = np.array([-0.6, 0.8, 0.0])
+    model = ao.extract(structure, ao.Site((0.8, 0.6), across[:2]), n=6)
+    spin = -1.5  # rad/s: the tip, 1 m from the pin, moves at 1.5 m/s against the impact
+    stop = ao.Obstacle(gap=1e-3)
+    hit = ao.simulate(model, stop, ao.Hertz(1e9), 5e-4, initial_velocity=1.5, gap=1e-2)
+    turned = rigid_field(structure, np.zeros(3), [0, 0, spin * 4e-4], np.zeros(3))
+    assert np.abs(hit.field(4e-4) - turned).max() < 1e-9 * np.abs(turned).max()
+    tensor = ROUND.A / 3 + ROUND.I  # rho and the length 1
+    energy = parts.STEEL["rho"] * tensor * spin**2 / 2
+    assert hit.energy.kinetic[0] == pytest.approx(energy, rel=1e-9)
+    # all its mass turns, that of the held dofs included
+    assert model.inertia.mass == pytest.approx(structure.mass, rel=1e-12)
+    drawn = structure.mass * spin * np.array([-0.3, 0.4, 0.0])
+    np.testing.assert_allclose(hit.momentum[0], drawn, atol=1e-9 * structure.mass)
+    same = ao.simulate(
+        model, stop, ao.Hertz(1e9), 5e-4, gap=1e-2,
+        initial_velocity=ao.Motion(spin=(0, 0, spin), about=(0, 0, 0)),
+    )  # fmt: skip
+    np.testing.assert_allclose(same.displacement, hit.displacement, atol=1e-12)
+    for motion in (ao.Motion(spin=(0, 0, spin)), ao.Motion(velocity=(0, 1, 0))):
+        with pytest.raises(ao.InputError, match="supports hold the body back"):
+            ao.simulate(model, stop, ao.Hertz(1e9), 1e-3, initial_velocity=motion)
+    with pytest.raises(ao.InputError, match="about x"):
+        ao.simulate(model, stop, ao.Hertz(1e9), 1e-3, initial_velocity=ao.Motion(spin=(1, 0, 0)))
+
+
+def test_a_sliding_body_starts_along_its_guide_only_by_a_motion():
+    """Held along the impact, free across it: the site sees no rigid motion, but the body slides."""
+    guide = ao.Support(lambda x: np.isclose(x[2], 0.0), fix=("y", "z"))
+    structure = ao.Structure(parts.box((4, 2, 2), SIZE), ao.Solid(**parts.STEEL), [guide], order=1)
+    site = ao.Site((0.11, 0.04, 0.04), (0, 0, -1))
+    model = model_of("krylov", structure, site)
+    assert model.k0 > 0
+    hit = ao.simulate(
+        model, ao.RigidMass(0.1, 1.0), ao.Hertz(1e9), 1e-3, gap=5e-4, gravity=(2.0, 0, -9.81),
+        initial_velocity=ao.Motion((0.7, 0, 0)),
+    )  # fmt: skip
+    slid = rigid_field(structure, np.array([0.7 * 4e-4 + 4e-4**2, 0, 0]), np.zeros(3), np.zeros(3))
+    assert np.abs(hit.field(4e-4) - slid).max() < 1e-9 * slid.max()
+    mass = 7850.0 * np.prod(SIZE)
+    assert hit.momentum[-1, 0] == pytest.approx(mass * (0.7 + 2.0 * 1e-3), rel=1e-6)
+    with pytest.raises(ao.InputError, match="asked of a supported body"):
+        ao.simulate(model, ao.RigidMass(0.1), ao.Hertz(1e9), 1e-3, initial_velocity=1.0)
+
+
+def test_a_model_file_keeps_what_moves_a_free_body(tmp_path):
+    make, site = THROWN["box"]
+    model = model_of("krylov", make(), site)
+    model.save(tmp_path / "box.npz")
+    again = ao.AntiOscillators.load(tmp_path / "box.npz")
+    run = {
+        "duration": 2e-3, "gravity": GRAVITY, "initial_velocity": ao.Motion(VELOCITY, SPIN),
+        "gap": 1e-4,
+    }  # fmt: skip
+    hits = [ao.simulate(m, ao.RigidMass(0.5, 3.0), ao.Hertz(1e9), **run) for m in (model, again)]
+    for name in ("time", "force", "momentum", "angular_momentum"):
+        np.testing.assert_array_equal(*(getattr(hit, name) for hit in hits))
+    with pytest.raises(ao.InputError, match="carries no shapes"):
+        hits[1].field(1e-4)
+
+
+def test_two_free_bodies_each_as_the_impactor_of_the_other():
+    """The field of a body is the same whichever role it has, translating, spinning, falling."""
+    make, site = THROWN["box"]
+    small = parts.box((3, 1, 1), (0.1, 0.03, 0.03))
+    struck, other = make(), ao.Structure(small, ao.Solid(**parts.STEEL), order=1)
+    down = model_of("krylov", struck, site)
+    up = model_of("corrected", other, ao.Site((0.02, 0.03, 0.0), -np.array(site.direction)))
+    motion, g = ao.Motion(VELOCITY, SPIN), (1.0, -2.0, 5.0)
+    run = {"duration": 1.5e-3, "gravity": g, "tol": 1e-5}
+    _, d = site_vectors(site)
+    law = ao.Hertz(1e9)
+    toward = ao.Motion(2.0 * d, (1.0, 2.0, 3.0))
+    one = ao.simulate(down, ao.Impactor(up, toward), law, initial_velocity=motion, **run)
+    two = ao.simulate(up, ao.Impactor(down, motion), law, initial_velocity=toward, **run)
+    assert one.peak_force > 0
+    assert two.peak_force == pytest.approx(one.peak_force, rel=1e-4)
+    for first, second in (("structure", "impactor"), ("impactor", "structure")):
+        a, b = one.field(1.4e-3, first), two.field(1.4e-3, second)
+        assert np.abs(a - b).max() < 1e-4 * np.abs(a).max()
+    probed = [ao.probe(other, hit, (0.05, 0.01, 0.02), [1e-3], body=role)
+              for hit, role in ((one, "impactor"), (two, "structure"))]  # fmt: skip
+    np.testing.assert_allclose(*probed, rtol=1e-3)
+    # a number means the same: each closes the gap at its speed
+    one = ao.simulate(down, ao.Impactor(up, 2.0), law, initial_velocity=1.0, duration=1e-3)
+    two = ao.simulate(up, ao.Impactor(down, 1.0), law, initial_velocity=2.0, duration=1e-3)
+    total = 0.5 * (struck.mass * 1.0**2 + other.mass * 2.0**2)
+    assert one.energy.kinetic[0] == pytest.approx(total, rel=1e-9)
+    assert two.energy.kinetic[0] == pytest.approx(total, rel=1e-9)
+    assert two.peak_force == pytest.approx(one.peak_force, rel=2e-3)

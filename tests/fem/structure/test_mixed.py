@@ -1,0 +1,223 @@
+"""Sheets with stiffeners, masses and springs, against beam theory and rigid-body mechanics."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+pytest.importorskip("dolfinx")
+
+import dolfinx
+from mpi4py import MPI
+
+import antiosc as ao
+from antiosc import PointMass, Spring
+from antiosc.errors import InputError
+from antiosc.fem import compat
+from antiosc.fem.linalg.solvers import csr, multiply
+from mpi import run_ranks
+from paths import TESTS
+from sheets import RIB, SHEET, at, dof, frequencies, grouped, interpolated, loaded, rectangle, sheet
+
+pytestmark = pytest.mark.fem
+
+E, RHO = 70e9, 2700.0
+CELLS = ["triangle", "quadrilateral"]
+
+
+@pytest.mark.parametrize("cell", CELLS)
+def test_a_stiffened_strip_is_a_composite_beam(cell):
+    """A cantilever of T section: parallel axes and the shift of the neutral axis."""
+    length, width = 1.0, 0.05
+    mesh = grouped(rectangle((24, 2), length, width, cell), lambda x: np.isclose(x[1], width / 2))
+    part = ao.Structure(mesh, {"sheet": SHEET, "rib": RIB}, [ao.Support(at(0, 0.0))])
+    forces = ((0, 0.25), (width / 2, 0.5), (width, 0.25))
+    tip = {dof(part, (length, v, 0), "z"): force for v, force in forces}
+    z = dof(part, (length, width / 2, 0), "z")
+    areas = np.array([width * 0.004, 0.004 * 0.03])
+    centres = np.array([0.0, 0.017])
+    own = np.array([width * 0.004**3, 0.004 * 0.03**3]) / 12
+    middle = areas @ centres / areas.sum()
+    EI = E * (own.sum() + areas @ (centres - middle) ** 2)
+    assert loaded(part, tip)[z] == pytest.approx(length**3 / (3 * EI), rel=1e-2)
+    assert part.mass == pytest.approx(RHO * length * areas.sum(), rel=1e-12)
+    # pulled in the sheet's plane, below the neutral axis, it bends toward the rib's side
+    pull = {dof(part, (length, v, 0), "x"): force for v, force in forces}
+    assert loaded(part, pull)[z] == pytest.approx(middle * length**2 / (2 * EI), rel=2e-2)
+
+
+def test_a_blade_as_beam_and_as_shell():
+    """A plate with one rib, free: the lowest frequencies agree, the rib's own modes apart."""
+    n, length, width = 12, 0.6, 0.3
+    flat = grouped(rectangle((n, 6), length, width), lambda x: np.isclose(x[1], width / 2))
+    ribbed = ao.Structure(flat, {"sheet": SHEET, "rib": RIB})
+    s, t = np.meshgrid(np.linspace(0, length, n + 1), np.linspace(0, width, 7), indexing="ij")
+    blade = np.stack(
+        [s[:, :2], np.full((n + 1, 2), width / 2), np.array([[0, 0.032]] * (n + 1))], -1
+    )
+    points = np.vstack([np.stack([s, t, 0 * s], -1).reshape(-1, 3), blade[:, 1]])
+    skin = np.arange(7 * (n + 1)).reshape(n + 1, 7)
+    top = 7 * (n + 1) + np.arange(n + 1)
+    quads = [skin[:, k : k + 2] for k in range(6)] + [np.column_stack([skin[:, 3], top])]
+    cells = np.vstack(
+        [
+            corner
+            for q in quads
+            for corner in (
+                np.column_stack([q[:-1, 0], q[1:, 0], q[1:, 1]]),
+                np.column_stack([q[:-1, 0], q[1:, 1], q[:-1, 1]]),
+            )
+        ]
+    )
+    mesh = ao.read_mesh(compat.create_mesh(MPI.COMM_WORLD, cells, points, "triangle", 1))
+    shells = ao.Structure(mesh, SHEET)
+    both = [frequencies(part, 10)[6:] for part in (ribbed, shells)]
+    assert both[0] == pytest.approx(both[1], rel=1e-2)
+    bare = frequencies(ao.Structure(flat, {"sheet": SHEET}), 10)[6:]
+    assert both[0][1] > 1.2 * bare[0]
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_rigid_motions_strain_no_stiffener(order):
+    """A rib around a curved sheet, off its surface: six rigid-body modes, exact mass."""
+    mesh = sheet((4, 6), lambda s, v: (0.4 * s, np.sin(v), np.cos(v)), "triangle", order)
+    mesh = grouped(mesh, lambda x: np.isclose(x[0], 0.2, atol=1e-6))
+    frame = ao.Beam(
+        E, 0.3, RHO, ao.Section.tube(0.03, 0.002), orientation=(0.1, 1, -1), offset=0.02
+    )
+    part = ao.Structure(
+        mesh, {"sheet": SHEET, "rib": frame}, attached=[PointMass((0.1, 0, 1), 2.0)]
+    )
+    assert part.rigid_modes.shape[1] == 6
+    K = csr(part.K)
+    scale = abs(K).max() * np.abs(part.rigid_modes).max()
+    assert np.abs(K @ part.rigid_modes).max() < 1e-12 * scale
+    along = interpolated(part, lambda x: {"x": 0.6, "z": 0.8})
+    assert along @ multiply(part.M, along) == pytest.approx(part.mass, rel=1e-9)
+    inertia = part.uniform_inertia(np.array([0.6, 0, 0.8]))
+    exact = multiply(part.M, along)
+    assert inertia == pytest.approx(exact, rel=1e-5, abs=1e-7 * np.abs(exact).max())
+
+
+def test_a_stiff_plate_on_springs_heaves_as_one_mass():
+    mesh = grouped(
+        rectangle(4, 0.2, 0.2),
+        points=lambda x: np.isclose(np.abs(x[0] - 0.1), 0.1) & np.isclose(np.abs(x[1] - 0.1), 0.1),
+    )
+    feet = Spring("feet", {"x": 100.0, "y": 100.0, "z": 100.0})
+    motor = PointMass((0.1, 0.1, 0.0), 0.5, inertia=1e-3)
+    part = ao.Structure(mesh, ao.Shell(E, 0.3, RHO, 0.01), attached=[feet, motor])
+    mass = RHO * 0.01 * 0.04 + 0.5
+    assert part.mass == pytest.approx(mass, rel=1e-12)
+    assert part.rigid_modes.shape[1] == 0
+    J = (mass - 0.5) * (0.2**2 + 0.01**2) / 12 + 1e-3  # about x and y
+    polar = (mass - 0.5) * (0.2**2 + 0.2**2) / 12 + 1e-3  # about z; thin normals add a little
+    squares = sorted([400 / mass] * 3 + [4 * 100 * 0.1**2 / J] * 2 + [400 * 0.02 / polar])
+    assert frequencies(part, 6) ** 2 == pytest.approx(squares, rel=2e-3)
+
+
+def test_springs_leave_the_rigid_motions_that_they_do_not_hold():
+    free = ao.Structure(rectangle(3, 0.2, 0.2), SHEET, attached=[Spring((0.1, 0.1, 0), {"z": 1e3})])
+    assert free.rigid_modes.shape[1] == 5
+    model = ao.extract(free, ao.Site((0.13, 0.1, 0), (0, 0, 1)), n=3)
+    assert model.k0 == 0
+
+
+def test_a_support_holds_the_stiffener_too():
+    """A rib along a clamped edge adds nothing but mass."""
+    mesh = grouped(rectangle((4, 4), 0.4, 0.4), lambda x: np.isclose(x[0], 0))
+    held = [ao.Support(at(0, 0.0))]
+    with_rib = ao.Structure(mesh, {"sheet": SHEET, "rib": RIB}, held)
+    without = ao.Structure(mesh, {"sheet": SHEET}, held)
+    assert np.abs(csr(with_rib.K) - csr(without.K)).max() <= 1e-12 * abs(csr(without.K)).max()
+    assert with_rib.mass > without.mass
+
+
+@pytest.mark.mpi
+def test_two_ranks_find_what_one_finds():
+    script = """
+        import json, sys
+        sys.path.insert(0, sys.argv[1])
+        import numpy as np
+        import antiosc as ao
+        from antiosc import PointMass, Spring
+        from sheets import sheet
+        from sheets import RIB, SHEET, grouped
+
+        mesh = sheet((6, 6), lambda s, t: (s, 0.6 * t, 0.1 * s * t), "triangle", 2)
+        mesh = grouped(mesh, lambda x: np.isclose(x[0], 0.5), lambda x: np.isclose(x[0], 0))
+        part = ao.Structure(mesh, {"sheet": SHEET, "rib": RIB}, attached=[
+            PointMass("feet", 0.1, 1e-3),
+            Spring("feet", {"z": 1e4, "ry": 10.0})])
+        site = ao.Site((0.52, 0.33, 0.02), (0, 0.3, 1), snap=True)
+        model = ao.extract(part, site, n=4, method="modes")
+        print(json.dumps([part.mass, part.rigid_modes.shape[1], model.k0, model.m_st,
+                          *model.omega, *model.m, *np.abs(model.participation)]))
+    """
+    here = str(TESTS)
+    one = json.loads(run_ranks(1, script, here)[0].splitlines()[-1])
+    two = [json.loads(text.splitlines()[-1]) for text in run_ranks(2, script, here)]
+    assert two[0] == two[1]
+    assert two[0] == pytest.approx(one, rel=1e-5)
+
+
+# --- bad input --------------------------------------------------------------------------------
+
+
+def test_values_out_of_range():
+    with pytest.raises(InputError, match="mass must be >= 0"):
+        PointMass((0, 0, 0), -1.0)
+    with pytest.raises(InputError, match="inertia must be >= 0"):
+        PointMass((0, 0, 0), 1.0, inertia=-1e-3)
+    with pytest.raises(InputError, match="both are 0"):
+        PointMass((0, 0, 0), 0.0)
+    with pytest.raises(InputError, match="'up' is none of them"):
+        Spring((0, 0, 0), {"up": 1.0})
+    with pytest.raises(InputError, match="stiffness along z must be > 0"):
+        Spring((0, 0, 0), {"z": 0.0})
+    with pytest.raises(InputError, match="give that as well"):
+        ao.Beam(E, 0.3, RHO, ao.Section.circle(0.01), offset=0.02)
+
+
+def test_attachments_that_find_no_place():
+    mesh = grouped(rectangle(2, 1, 1), lambda x: np.isclose(x[0], 0))
+
+    def built(*attached, material=SHEET):
+        return ao.Structure(mesh, material, attached=attached)
+
+    with pytest.raises(InputError, match=r"is 0\.5 m off the structure; its nearest point is"):
+        built(PointMass((0.5, 0.5, 0.5), 1.0))
+    with pytest.raises(InputError, match="must hold points alone"):
+        built(PointMass("rib", 1.0))
+    with pytest.raises(InputError, match="no group 'motor'"):
+        built(PointMass("motor", 1.0))
+    with pytest.raises(InputError, match="must hold PointMass and Spring objects; got float"):
+        built(1.0)
+    with pytest.raises(InputError, match="group 'sheet' holds no edges"):
+        built(material={"sheet": RIB, "rib": SHEET})
+    with pytest.raises(InputError, match="needs an orientation in space"):
+        built(material={"sheet": SHEET, "rib": ao.Beam(E, 0.3, RHO, ao.Section.rectangle(1, 2))})
+
+
+def test_solids_have_no_rotations():
+    solid = ao.Solid(E, 0.3, RHO)
+    mesh = ao.read_mesh(
+        dolfinx.mesh.create_box(MPI.COMM_WORLD, [np.zeros(3), np.ones(3)], [1, 1, 1])
+    )
+    with pytest.raises(
+        InputError, match="acts on rx, but the motions of this structure are x, y, z"
+    ):
+        ao.Structure(mesh, solid, attached=[Spring((0, 0, 0), {"rx": 1.0})])
+    plane = grouped(rectangle(1, 1, 1, gdim=2), lambda x: np.isclose(x[0], 0))
+    flat = ao.Solid(E, 0.3, RHO, plane="stress")
+    with pytest.raises(InputError, match="stiffens a shell"):
+        ao.Structure(plane, {"sheet": flat, "rib": RIB})
+
+
+def test_curved_quadrilaterals_take_no_stiffeners():
+    mesh = sheet(2, lambda s, t: (s, np.sin(t), np.cos(t)), "quadrilateral", 2)
+    mesh = grouped(mesh, lambda x: np.isclose(x[0], 0.5))
+    with pytest.raises(InputError, match="mesh the sheet with triangles"):
+        ao.Structure(mesh, {"sheet": SHEET, "rib": RIB})

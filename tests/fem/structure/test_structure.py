@@ -1,0 +1,237 @@
+"""Structures: what supports hold, and matrices of other codes beside meshes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+pytest.importorskip("dolfinx")
+
+import meshio
+import scipy.sparse
+from petsc4py import PETSc
+
+import antiosc as ao
+import parts
+from antiosc.fem import compat
+from antiosc.fem.linalg.solvers import csr
+from marks import FREE_ON_PURPOSE
+
+pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]
+
+SOLID = ao.Solid(**parts.STEEL)
+
+
+def coordinates(structure: ao.Structure, name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Dofs of one component and their coordinates (n, 3)."""
+    return compat.dof_coordinates(structure.form.space, structure.form.components[name])
+
+
+def held(structure: ao.Structure, name: str) -> np.ndarray:
+    """Coordinates (n, 3) of the dofs of one component that are fixed."""
+    dofs, x = coordinates(structure, name)
+    return x[np.isin(dofs, structure.fixed)]
+
+
+# --- Supports -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("cell", ["tetrahedron", "hexahedron"])
+def test_a_named_group_holds_all_motions_of_its_face(cell):
+    structure = ao.Structure(parts.box(cell=cell), SOLID, [ao.Support("left")])
+    for name in "xyz":
+        x = held(structure, name)
+        assert len(x) == 25  # 2 × 2 elements of order 2 across
+        np.testing.assert_allclose(x[:, 0], 0, atol=1e-15)
+    assert structure.dofs == structure.K.getSize()[0] - 75
+    assert structure.rigid_modes.shape[1] == 0
+    K = csr(structure.K)
+    fixed = structure.fixed
+    np.testing.assert_array_equal(K[fixed][:, fixed].toarray(), np.eye(75))
+    assert csr(structure.M)[fixed].nnz == 0 or not csr(structure.M)[fixed].data.any()
+    assert abs(K[fixed]).sum() == 75
+
+
+def test_function_and_group_hold_the_same():
+    mesh = parts.box()
+    by_name = ao.Structure(mesh, SOLID, [ao.Support("left", "y"), ao.Support("right", ("x", "z"))])
+    by_place = ao.Structure(
+        mesh,
+        SOLID,
+        [
+            ao.Support(lambda x: np.isclose(x[0], 0), fix="y"),
+            ao.Support(lambda x: x[0] > 0.2 - 1e-9, fix=["x", "z"]),
+        ],
+    )
+    np.testing.assert_array_equal(by_name.fixed, by_place.fixed)
+    np.testing.assert_allclose(held(by_name, "y")[:, 0], 0, atol=1e-15)
+    np.testing.assert_allclose(held(by_name, "x")[:, 0], 0.2)
+    assert (csr(by_name.K) != csr(by_place.K)).nnz == 0
+
+
+def test_one_support_needs_no_list():
+    one = ao.Structure(parts.box(), SOLID, ao.Support("left"))
+    listed = ao.Structure(parts.box(), SOLID, [ao.Support("left")])
+    np.testing.assert_array_equal(one.fixed, listed.fixed)
+
+
+def test_a_node_set_holds_the_mid_sides_between_its_nodes(tmp_path):
+    """A file's node set names vertices; quadratic displacements on its facets must stand too."""
+    cube = meshio.read(parts.gmsh_cube(tmp_path / "cube.msh", "hexahedron", 1))
+    hexes = np.vstack([b.data for b in cube.cells if b.type == "hexahedron"])
+    foot = np.flatnonzero(np.isclose(cube.points[:, 2], 0))
+    meshio.Mesh(cube.points, [("hexahedron", hexes)], point_sets={"foot": foot}).write(
+        tmp_path / "cube.inp"
+    )
+    structure = ao.Structure(ao.read_mesh(tmp_path / "cube.inp"), SOLID, [ao.Support("foot")])
+    x = held(structure, "x")
+    assert len(x) == 25
+    np.testing.assert_allclose(x[:, 2], 0, atol=1e-15)
+    assert structure.rigid_modes.shape[1] == 0
+
+
+def test_a_point_group_holds_a_node():
+    """Three nodes held along three, two and one axes leave no rigid motion, and no more is held."""
+    size = (0.2, 0.05, 0.04)
+    corners = {
+        "origin": (0, lambda x: np.linalg.norm(x, axis=0) < 1e-9),
+        "along x": (0, lambda x: np.linalg.norm(x - [[size[0]], [0], [0]], axis=0) < 1e-9),
+        "along y": (0, lambda x: np.linalg.norm(x - [[0], [size[1]], [0]], axis=0) < 1e-9),
+    }
+    mesh = parts.box(size=size, groups=corners)
+    supports = [ao.Support("origin"), ao.Support("along x", "yz"), ao.Support("along y", "z")]
+    with pytest.raises(ao.InputError, match="fix='yz'"):
+        ao.Structure(mesh, SOLID, supports)
+    supports[1] = ao.Support("along x", ("y", "z"))
+    structure = ao.Structure(mesh, SOLID, supports)
+    assert len(structure.fixed) == 6
+    assert structure.rigid_modes.shape[1] == 0
+    np.testing.assert_array_equal(structure.K.getSize()[0] - structure.dofs, 6)
+
+
+@pytest.mark.parametrize(
+    ("supports", "left"),
+    [
+        ([], 6),
+        ([("left", "x")], 3),
+        ([("left", "y")], 4),
+        ([("left", ("x", "y"))], 1),
+        ([("left", ("y", "z"))], 3),
+        ([("left", "x"), ("right", "y")], 1),
+        ([("left", "x"), ("right", ("y", "z"))], 0),
+        ([("left", "all")], 0),
+    ],
+)
+def test_supports_leave_the_right_rigid_motions(supports, left):
+    structure = ao.Structure(parts.box(), SOLID, [ao.Support(*s) for s in supports])
+    R, K = structure.rigid_modes, csr(structure.K)
+    assert R.shape[1] == left
+    assert (structure.shift > 0) == (left > 0)
+    assert not R[structure.fixed].any()
+    if left:
+        assert np.abs(K @ R).max() < 1e-12 * abs(K).max() * np.abs(R).max()
+
+
+def test_a_hinged_line_can_swing_about_its_pin():
+    structure = ao.Structure(
+        parts.line(1.0, 4), ao.Beam(**parts.STEEL, section=ao.Section.circle(0.02)),
+        [ao.Support("left", ("x", "y"))],
+    )  # fmt: skip
+    assert structure.rigid_modes.shape[1] == 1
+    dofs, x = coordinates(structure, "y")
+    swing = structure.rigid_modes[dofs, 0]
+    np.testing.assert_allclose(
+        swing, x[:, 0] * swing[np.argmax(x[:, 0])], atol=1e-12 * abs(swing).max()
+    )
+
+
+def test_describe_names_what_was_modelled():
+    text = ao.Structure(parts.box(), SOLID).describe()
+    assert "16 hexahedron cells, Solid, 675 dofs, 6 rigid-body modes" in text
+
+
+# --- Foreign matrices -----------------------------------------------------------------------------
+
+
+def handed_over(structure: ao.Structure, kind: str):
+    """K and M without the fixed dofs, as another code would give them."""
+    free = np.setdiff1d(np.arange(structure.K.getSize()[0]), structure.fixed)
+    pair = [csr(A)[free][:, free] for A in (structure.K, structure.M)]
+    if kind == "petsc":
+        pair = [
+            PETSc.Mat().createAIJ(A.shape, csr=(A.indptr, A.indices, A.data), comm=PETSc.COMM_SELF)
+            for A in pair
+        ]
+    elif kind == "coo":
+        pair = [A.tocoo() for A in pair]
+    elif kind == "dense":
+        pair = [A.toarray() for A in pair]
+    return pair, free
+
+
+@pytest.mark.parametrize("kind", ["csr", "coo", "dense", "petsc"])
+@pytest.mark.parametrize("supports", [[ao.Support("left")], []], ids=["supported", "free"])
+def test_matrices_give_the_model_of_the_mesh(kind, supports):
+    mesh = parts.plate((6, 3), (0.2, 0.05))
+    meshed = ao.Structure(mesh, ao.Solid(**parts.STEEL, plane="stress", thickness=0.01), supports)
+    (K, M), free = handed_over(meshed, kind)
+    foreign = ao.Structure.from_matrices(K, M)
+    assert foreign.rigid_modes.shape[1] == meshed.rigid_modes.shape[1]
+    assert foreign.dofs == meshed.dofs
+    dofs, x = coordinates(meshed, "y")
+    dof = int(dofs[np.argmin(np.linalg.norm(x - [0.2, 0.05, 0], axis=1))])
+    b = np.zeros(meshed.K.getSize()[0])
+    b[dof] = 1.0
+    expected = ao.extract(meshed, ao.Site(vector=b), n=6, method="modes")
+    for site in (ao.Site(dof=int(np.searchsorted(free, dof))), ao.Site(vector=b[free])):
+        model = ao.extract(foreign, site, n=6, method="modes")
+        np.testing.assert_allclose(model.omega, expected.omega, rtol=1e-8)
+        np.testing.assert_allclose(model.m, expected.m, rtol=1e-7)
+        assert model.k0 == pytest.approx(expected.k0, rel=1e-8)
+        assert model.m0 == pytest.approx(expected.m0, rel=1e-6)
+
+
+def test_given_rigid_modes_are_used():
+    mesh = parts.plate((4, 2), (0.2, 0.05))
+    meshed = ao.Structure(mesh, ao.Solid(**parts.STEEL, plane="stress", thickness=0.01))
+    (K, M), _ = handed_over(meshed, "csr")
+    mixed = meshed.rigid_modes @ np.array([[1.0, 2.0, 0.0], [0.0, 1.0, 5.0], [3.0, 0.0, 1.0]])
+    foreign = ao.Structure.from_matrices(K, M, rigid_modes=mixed)
+    R = foreign.rigid_modes
+    np.testing.assert_allclose(R.T @ (M @ R), np.eye(3), atol=1e-10)
+    with pytest.raises(ao.InputError, match="2 columns but K has 3 null vectors"):
+        ao.Structure.from_matrices(K, M, rigid_modes=mixed[:, :2])
+
+
+def test_a_chain_of_springs_by_hand():
+    """Three masses, the first held by a spring: known matrices, known anti-oscillators."""
+    k, m = 4.0e4, 0.5
+    K = scipy.sparse.diags([[-k, -k], [2 * k, 2 * k, k], [-k, -k]], [-1, 0, 1])
+    M = scipy.sparse.identity(3) * m
+    model = ao.extract(ao.Structure.from_matrices(K, M), ao.Site(dof=2), n=2, method="modes")
+    # held at mass 3: two equal masses between three equal springs
+    w = np.sqrt(k / m)
+    np.testing.assert_allclose(model.omega, [w, np.sqrt(3) * w], rtol=1e-12)
+    assert model.k0 == pytest.approx(k / 3, rel=1e-12)
+    # φ_st = (1, 2, 3)/3, constraint modes (1, ±1, 0)/√2: m_i = m (1 ± 2)²/18
+    np.testing.assert_allclose(model.m, [m / 2, m / 18], rtol=1e-12)
+    assert model.m0 == pytest.approx(m, rel=1e-12)
+    with pytest.raises(ao.InputError, match="matrices alone do not tell a total mass"):
+        _ = ao.Structure.from_matrices(K, M).mass
+
+
+def test_matrices_of_which_one_part_slides():
+    """A free chain beside a grounded one: struck on either, Z is that of the dense matrices."""
+    K = np.zeros((6, 6))
+    for i, j, k in [(0, 1, 1e6), (1, 2, 2e6), (3, 4, 3e6), (4, 5, 1e6)]:
+        K[np.ix_([i, j], [i, j])] += k * np.array([[1, -1], [-1, 1]])
+    K[3, 3] += 1e6
+    M = np.diag([1.0, 2.0, 1.0, 1.0, 1.5, 1.0])
+    structure = ao.Structure.from_matrices(K, M)
+    assert structure.rigid_modes.shape == (6, 1)
+    omega = np.linspace(100, 3000, 7)
+    for dof, k0 in [(0, 0.0), (5, 1 / (1e-6 + 1 / 3e6 + 1e-6))]:
+        model = ao.extract(structure, ao.Site(dof=dof), n=5)
+        exact = [1 / np.linalg.inv(K - w**2 * M)[dof, dof] for w in omega]
+        assert model.k0 == pytest.approx(k0, rel=1e-12)
+        np.testing.assert_allclose(model.dynamic_stiffness(omega), exact, rtol=1e-10)

@@ -1,0 +1,316 @@
+"""Fields after an impact: probes against an independent integration, series that ParaView opens."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+
+import numpy as np
+import pytest
+
+pytest.importorskip("dolfinx")
+
+import meshio
+import scipy.linalg
+
+import antiosc as ao
+import parts
+from antiosc.fem import compat
+from antiosc.fem.linalg.solvers import csr
+from antiosc.fem.site.site import functional
+
+pytestmark = pytest.mark.fem
+
+PLANE = ao.Solid(**parts.STEEL, plane="stress", thickness=0.01)
+SITE = ao.Site((0.13, 0.06), (0.2, -1), radius=0.03)
+DURATION = 1e-3
+
+
+def sheet(cell: str = "quadrilateral") -> ao.Structure:
+    return ao.Structure(parts.plate((6, 3), (0.2, 0.06), cell), PLANE, [ao.Support("left")])
+
+
+@pytest.fixture(scope="module")
+def hit():
+    structure = sheet()
+    model = ao.extract(structure, SITE, n=structure.dofs - 1, method="modes", tol=1e-13)
+    striker = ao.RigidMass(mass=0.1, velocity=1.0)
+    return structure, ao.simulate(model, striker, ao.Hertz(1e9), duration=DURATION, step=2e-6)
+
+
+def directly(structure: ao.Structure, b: np.ndarray, time, force) -> np.ndarray:
+    """u (times, dofs) under the force b F(t), F linear between `time`: modes by LAPACK, exactly."""
+    free = np.setdiff1d(np.arange(len(b)), structure.fixed)
+    K, M = (csr(A)[free][:, free].toarray() for A in (structure.K, structure.M))
+    x, phi = scipy.linalg.eigh(K, M)
+    w = np.sqrt(x)
+    load = phi.T @ b[free]
+    q, v = np.zeros_like(w), np.zeros_like(w)
+    history = [q]
+    for k, h in enumerate(np.diff(time)):
+        # particular solution: (F0 + F' t) load/w²
+        f, slope = force[k] * load / x, (force[k + 1] - force[k]) / max(h, 1e-300) * load / x
+        a, c = q - f, (v - slope) / w
+        cos, sin = np.cos(w * h), np.sin(w * h)
+        q, v = a * cos + c * sin + f + slope * h, w * (c * cos - a * sin) + slope
+        history.append(q)
+    u = np.zeros((len(time), len(b)))
+    u[:, free] = np.array(history) @ phi.T
+    return u
+
+
+def test_the_field_is_that_of_the_full_model_under_the_same_force(hit):
+    structure, history = hit
+    b = functional(structure, SITE).b
+    u = directly(structure, b, history.time, history.force)
+    found = history.field(history.time)
+    assert found.shape == u.shape
+    assert np.abs(found - u).max() < 1e-6 * np.abs(u).max()
+    # The site's displacement is what the functional makes of the field.
+    np.testing.assert_allclose(found @ b, history.displacement, atol=1e-9 * np.abs(u).max())
+
+
+MODELS = {
+    "krylov": lambda part: ao.extract(part, SITE, n=6),
+    "modes": lambda part: ao.extract(part, SITE, n=6, method="modes"),
+    "corrected": lambda part: ao.superposition(part, SITE, 4, static_correction=True),
+    "full": lambda part: ao.full(part, SITE),
+}
+
+
+@pytest.mark.parametrize("kind", [*MODELS, "plain"])
+@pytest.mark.parametrize("role", ["structure", "impactor"])
+def test_every_model_gives_the_field_of_its_own_motion(kind, role, tmp_path):
+    """The site in the field moves as the history says: the static correction included."""
+    structure = sheet()
+    model = ao.superposition(structure, SITE, 4) if kind == "plain" else MODELS[kind](structure)
+    law, ball = ao.Hertz(1e9), ao.RigidMass(0.1, 1.0)
+    b = functional(structure, SITE).b
+    if role == "structure":
+        history = ao.simulate(model, ball, law, DURATION)
+        site = history.displacement
+    else:  # measured along the impact, against the direction of the model's own site
+        body = ao.AntiOscillators(m0=0.1, k0=0.0, m=[], omega=[])
+        history = ao.simulate(body, ao.Impactor(model), law, DURATION, initial_velocity=1.0)
+        site = -history.impactor_displacement
+    found = history.field(history.time, role)
+    assert np.abs(site).max() > 1e-6
+    np.testing.assert_allclose(found @ b, site, atol=1e-9 * np.abs(site).max())
+    corner = (0.2, 0.06)
+    moved = ao.probe(structure, history, corner, body=role)
+    dofs, x = compat.dof_coordinates(structure.form.space, structure.form.components["y"])
+    dof = dofs[np.argmin(np.linalg.norm(x[:, :2] - corner, axis=1))]
+    np.testing.assert_allclose(moved[:, 1], found[:, dof], atol=1e-12 * np.abs(found).max())
+    ao.write_series(structure, history, tmp_path / "series.pvd", [DURATION], body=role)
+    frame = meshio.read(tmp_path / "series_0000.vtu")
+    node = np.argmin(np.linalg.norm(frame.points[:, :2] - corner, axis=1))
+    written = frame.point_data["displacement"][node, :2]
+    np.testing.assert_allclose(moved[-1], written, atol=1e-9 * np.abs(moved).max())
+
+
+@pytest.mark.parametrize("kind", MODELS)
+def test_at_rest_under_a_force_the_field_is_the_static_deflection(kind):
+    """x = K⁻¹ b F by a direct solve: no mode that was left out is missing from it."""
+    structure = sheet()
+    body = MODELS[kind](structure).modal()
+    b, force = functional(structure, SITE).b, 3.0
+    free = np.setdiff1d(np.arange(len(b)), structure.fixed)
+    still = np.zeros_like(b)
+    still[free] = np.linalg.solve(csr(structure.K)[free][:, free].toarray(), b[free] * force)
+    at_rest = body.field(body.coordinates(body.b * force / body.omega**2, force))
+    np.testing.assert_allclose(at_rest, still, atol=1e-8 * np.abs(still).max())
+
+
+def test_a_superposition_converges_to_the_full_field():
+    """The same force on both: modes left out are quasi-static, so the corrected field is near."""
+    structure = sheet()
+    history = ao.simulate(ao.full(structure, SITE), ao.RigidMass(0.1, 1.0), ao.Hertz(1e9), DURATION)
+    times = np.linspace(0.1, 1, 7) * DURATION
+    whole = history.field(times)
+    errors = []
+    for n in (2, 4, 8):
+        model = ao.superposition(structure, SITE, n, static_correction=True)
+        near = ao.simulate(model, ao.RigidMass(0.1, 1.0), ao.Hertz(1e9), DURATION)
+        errors.append(np.abs(near.field(times) - whole).max() / np.abs(whole).max())
+    assert errors[0] < 0.2
+    assert errors[2] < errors[1] < errors[0]
+    assert errors[2] < 0.01
+
+
+def test_bodies_without_shapes_say_so(tmp_path, hit):
+    structure, history = hit
+    history.model.save(tmp_path / "model.npz")
+    loaded = ao.AntiOscillators.load(tmp_path / "model.npz")
+    run = ao.simulate(loaded, ao.RigidMass(0.1, 1.0), ao.Hertz(1e9), DURATION)
+    for make in (
+        lambda: run.field(1e-4),
+        lambda: ao.probe(structure, run, (0.1, 0.03)),
+        lambda: ao.write_series(structure, run, tmp_path / "none.pvd"),
+        lambda: history.field(1e-4, "impactor"),
+    ):
+        with pytest.raises(ao.InputError, match=r"carries no shapes \(model files do not store"):
+            make()
+    assert not (tmp_path / "none.pvd").exists()
+    with pytest.raises(ao.InputError, match="'structure' or 'impactor'; got 'floor'"):
+        history.field(1e-4, "floor")
+
+
+@pytest.mark.filterwarnings("ignore:the compliance under a point load")
+def test_a_probe_is_the_field_at_a_point(hit):
+    structure, history = hit
+    times = np.linspace(0, DURATION, 7)
+    field = history.field(times)
+    for point in [(0.2, 0.06), (0.0731, 0.0312), (0.1, 0.03)]:
+        moved = ao.probe(structure, history, point, times)
+        assert moved.shape == (7, 2)
+        for axis in (0, 1):
+            weights = functional(structure, ao.Site(point, np.eye(2)[axis], radius=None)).b
+            np.testing.assert_allclose(moved[:, axis], field @ weights, rtol=1e-10, atol=1e-18)
+    everywhere = ao.probe(structure, history, (0.2, 0.06))
+    assert everywhere.shape == (len(history.time), 2)
+    assert np.abs(everywhere[:, 1]).max() > 1e-6
+    assert np.abs(ao.probe(structure, history, (0.0, 0.03), times)).max() < 1e-18  # clamped
+
+
+def test_probe_of_a_beam_and_of_a_solid():
+    """The site's own displacement, by the probe, in space and in the plane."""
+    beam = ao.Beam(**parts.STEEL, section=ao.Section.circle(0.02))
+    structure = ao.Structure(parts.line(0.8, 4, (1, 2, -2)), beam, [ao.Support("left")])
+    tip, d = 0.8 * np.array([1, 2, -2]) / 3, np.array([2, 1, 2]) / 3
+    model = ao.extract(structure, ao.Site(tip, d), n=8)
+    history = ao.simulate(model, ao.RigidMass(0.1, 1.0), ao.Hertz(1e9), duration=1e-3)
+    moved = ao.probe(structure, history, tip)
+    np.testing.assert_allclose(moved @ d, history.displacement, atol=1e-9 * abs(moved).max())
+    assert moved.shape[1] == 3
+
+
+@pytest.mark.filterwarnings("ignore:the facets at the site measure")
+@pytest.mark.parametrize("kind", [*parts.CELLS, "line"])
+def test_series_for_paraview(tmp_path, kind):
+    if kind == "line":
+        beam = ao.Beam(**parts.STEEL, section=ao.Section.circle(0.02))
+        structure = ao.Structure(parts.line(0.8, 4, (1, 2, -2)), beam, [ao.Support("left")])
+        site = ao.Site(0.8 * np.array([1, 2, -2]) / 3, (2, 1, 2))
+    elif kind in ("triangle", "quadrilateral"):
+        structure, site = sheet(kind), SITE
+    else:
+        path = parts.gmsh_cube(tmp_path / "cube.msh", kind, 2, bent=True)
+        structure = ao.Structure(ao.read_mesh(path), ao.Solid(**parts.STEEL), [ao.Support("clamp")])
+        site = ao.Site((1.14, 0.5, 0.5), (-1, 0, 0), radius=0.5, snap=True)
+    model = ao.extract(structure, site, n=5)
+    history = ao.simulate(model, ao.RigidMass(0.1, 1.0), ao.Hertz(1e9), duration=DURATION)
+    times = np.linspace(0, DURATION, 5)
+    listing = ao.write_series(structure, history, tmp_path / "out" / "series.pvd", times)
+    frames = ElementTree.parse(listing).getroot().findall(".//DataSet")
+    np.testing.assert_allclose([float(f.get("timestep")) for f in frames], times, atol=1e-12)
+    assert sorted(p.name for p in listing.parent.iterdir()) == [
+        "series.pvd", *(f"series_{k:04d}.vtu" for k in range(5))
+    ]  # fmt: skip
+    # The cells are whole: read back as a mesh, they fill the same space.
+    again = ao.read_mesh(listing.parent / frames[-1].get("file"), gdim=structure.mesh.gdim)
+    assert again.n_cells == structure.mesh.n_cells
+    assert again.order == structure.mesh.order
+    if kind != "line":
+        solid = ao.Solid(**parts.STEEL, plane=None if again.gdim == 3 else "stress")
+        depth = 1.0 if again.gdim == 3 else PLANE.thickness
+        mass = ao.Structure(again, solid).mass * depth
+        assert mass == pytest.approx(structure.mass, rel=1e-12)
+    # The displacements are those of the field at the nodes.
+    frame = meshio.read(listing.parent / frames[-1].get("file"))
+    written = frame.point_data["displacement"]
+    assert written.shape == (len(frame.points), 3)
+    field = history.field(times[-1])
+    for axis, name in enumerate("xyz"[: structure.mesh.gdim]):
+        dofs, x = compat.dof_coordinates(structure.form.space, structure.form.components[name])
+        distance = np.linalg.norm(frame.points[:, None] - x[None], axis=2)
+        assert distance.min(axis=1).max() < 1e-9
+        expected = field[dofs[distance.argmin(axis=1)]]
+        np.testing.assert_allclose(written[:, axis], expected, atol=1e-12 * abs(field).max())
+
+
+def test_an_interrupted_series_leaves_nothing(tmp_path, hit, monkeypatch):
+    structure, history = hit
+    write, calls = meshio.Mesh.write, []
+
+    def broken(self, *arguments, **options):
+        calls.append(1)
+        if len(calls) == 3:
+            raise KeyboardInterrupt
+        return write(self, *arguments, **options)
+
+    monkeypatch.setattr(meshio.Mesh, "write", broken)
+    with pytest.raises(KeyboardInterrupt):
+        ao.write_series(structure, history, tmp_path / "series.pvd", [0.0, 1e-4, 2e-4, 3e-4])
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_shorter_series_leaves_no_frames_of_the_longer_one(tmp_path, hit):
+    structure, history = hit
+    ao.write_series(structure, history, tmp_path / "series.pvd", np.linspace(0, DURATION, 6))
+    ao.write_series(structure, history, tmp_path / "series.pvd", np.linspace(0, DURATION, 2))
+    assert len(list(tmp_path.glob("*.vtu"))) == 2
+
+
+NAMES = ["run_v=1.5", "run_v=1.7", "run", "run_*", "run[0-9]", 'a & b "<c>"', "Stoß 3", "run_0001"]
+
+
+def test_every_name_makes_a_series_of_its_own(tmp_path, hit):
+    structure, history = hit
+    for k, name in enumerate(2 * NAMES):
+        listing = ao.write_series(structure, history, tmp_path / name, [0.0, (1 + k) * 1e-6])
+        assert listing == tmp_path / f"{name}.pvd"
+    assert len(list(tmp_path.iterdir())) == 3 * len(NAMES)
+    for k, name in enumerate(NAMES):
+        frames = ElementTree.parse(tmp_path / f"{name}.pvd").getroot().findall(".//DataSet")
+        assert [f.get("file") for f in frames] == [f"{name}_{i:04d}.vtu" for i in range(2)]
+        assert float(frames[1].get("timestep")) == pytest.approx((1 + len(NAMES) + k) * 1e-6)
+        assert all((tmp_path / f.get("file")).is_file() for f in frames)
+
+
+def test_a_series_removes_only_what_its_list_names(tmp_path, hit):
+    structure, history = hit
+    mine = tmp_path / "run_2024.vtu"
+    mine.write_text("not a frame")
+    listing = ao.write_series(structure, history, tmp_path / "run.pvd", [0.0, 1e-6])
+    listing.chmod(0o600)
+    text = listing.read_text().replace("run_0001.vtu", "run_2024.vtu/../../outside.vtu")
+    listing.write_text(text)
+    ao.write_series(structure, history, listing, [0.0])
+    assert sorted(p.name for p in tmp_path.iterdir()) == [
+        "run.pvd", "run_0000.vtu", "run_0001.vtu", "run_2024.vtu"
+    ]  # fmt: skip
+    assert mine.read_text() == "not a frame"
+    modes = [p.stat().st_mode & 0o777 for p in (listing, tmp_path / "run_0000.vtu")]
+    assert modes == [0o600, 0o600]
+
+
+def test_names_that_make_no_series(tmp_path, hit):
+    structure, history = hit
+    (tmp_path / "file").write_text("")
+    (tmp_path / "folder.pvd").mkdir()
+    for name, says in (
+        ("a\nb", "XML has no word"),
+        ("x" * 300, "File name too long"),
+        ("file/run", "cannot write the series"),
+        ("folder.pvd", "it is a folder"),
+    ):
+        with pytest.raises(ao.InputError, match=says):
+            ao.write_series(structure, history, tmp_path / name, [0.0])
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["file", "folder.pvd"]
+
+
+def test_fields_need_the_shapes_and_their_structure(tmp_path, hit):
+    structure, history = hit
+    history.model.save(tmp_path / "model.npz")
+    loaded = ao.AntiOscillators.load(tmp_path / "model.npz")
+    striker = ao.RigidMass(0.1, 1.0)
+    bare = ao.simulate(loaded, striker, ao.Hertz(1e9), duration=DURATION, step=1e-5)
+    with pytest.raises(ao.InputError, match="carries no shapes"):
+        ao.probe(structure, bare, (0.1, 0.03))
+    with pytest.raises(ao.InputError, match="carries no shapes"):
+        bare.field(0.0)
+    other = ao.Structure(parts.plate((3, 3), (0.2, 0.06)), PLANE, [ao.Support("left")])
+    with pytest.raises(ao.InputError, match="extracted from another structure"):
+        ao.write_series(other, history, tmp_path / "series.pvd")
+    with pytest.raises(ao.InputError, match="t must lie within the run"):
+        ao.write_series(structure, history, tmp_path / "series.pvd", [0.0, 1.0])
+    assert [p.name for p in tmp_path.iterdir()] == ["model.npz"]

@@ -1,0 +1,296 @@
+"""The anti-oscillator model: identities of the driving point, truncation, files."""
+
+from __future__ import annotations
+
+import json
+import os
+
+import numpy as np
+import pytest
+import scipy.linalg as la
+
+import antiosc as ao
+from antiosc.models.modal import arrow_modes
+from scenes import random_model
+
+
+def spd(rng: np.random.Generator, n: int) -> tuple[np.ndarray, np.ndarray]:
+    a, b = rng.standard_normal((2, n, n))
+    return a @ a.T + n * np.eye(n), b @ b.T + n * np.eye(n)
+
+
+def anti_oscillators(K: np.ndarray, M: np.ndarray, p: int) -> ao.AntiOscillators:
+    """Article eq. (28)-(31) with dense matrices, site at dof p."""
+    unit = np.zeros(K.shape[0])
+    unit[p] = 1.0
+    y = np.linalg.solve(K, unit)
+    static = y / y[p]
+    keep = np.arange(K.shape[0]) != p
+    x, V = la.eigh(K[np.ix_(keep, keep)], M[np.ix_(keep, keep)])
+    L = V.T @ (M @ static)[keep]
+    return ao.AntiOscillators(
+        m0=static @ M @ static - np.sum(L**2), k0=1 / y[p], m=L**2, omega=np.sqrt(x)
+    )
+
+
+def test_driving_point_stiffness_is_that_of_the_matrices(rng):
+    K, M = spd(rng, 9)
+    model = anti_oscillators(K, M, 4)
+    for omega in rng.uniform(0.05, 3.0, 10):
+        direct = 1 / np.linalg.inv(K - omega**2 * M)[4, 4]
+        assert model.dynamic_stiffness(omega) == pytest.approx(direct, rel=1e-9)
+
+
+def test_residual_mass_is_the_inverse_of_the_inverse(rng):
+    K, M = spd(rng, 9)
+    assert anti_oscillators(K, M, 2).m0 == pytest.approx(1 / np.linalg.inv(M)[2, 2], rel=1e-9)
+
+
+def test_free_frequencies_interlace_and_agree(rng):
+    K, M = spd(rng, 9)
+    model = anti_oscillators(K, M, 0)
+    free = model.modal().omega
+    assert free == pytest.approx(np.sqrt(la.eigh(K, M, eigvals_only=True)), rel=1e-10)
+    assert np.all(free[:-1] < model.omega)
+    assert np.all(model.omega < free[1:])
+
+
+@pytest.mark.parametrize("m0", [0.0, 1e-9, 1e-3, 1.0, 1e6])
+@pytest.mark.parametrize("k0", [0.0, 1e-3, 1e6])
+def test_free_modes_are_exact_for_any_ratio_of_masses(rng, m0, k0):
+    omega = np.sort(rng.uniform(10.0, 1e5, 40))
+    m = 10 ** rng.uniform(-12, 0, 40)
+    x, shape = arrow_modes(k0, m0, m, omega**2)
+    mass = np.concatenate(([m0], m))
+    assert shape.T @ (mass[:, None] * shape) == pytest.approx(np.eye(x.size), abs=1e-11)
+    model = ao.AntiOscillators(m0=m0, k0=k0, m=m, omega=omega)
+    w = rng.uniform(1.0, 1e5, 8) * (1 + 1j)  # off the poles
+    r = 0.0 if m0 > 0 else 1 / (k0 + np.sum(m * omega**2))
+    H = np.sum(shape[0] ** 2 / (x - w[:, None] ** 2), axis=1) + r
+    assert H * model.dynamic_stiffness(w) == pytest.approx(np.ones(8), rel=1e-11)
+
+
+def test_modes_of_the_chain_against_a_dense_eigensolver(rng):
+    model = random_model(rng, 5)
+    k = model.k
+    K = np.diag(np.concatenate(([model.k0 + k.sum()], k)))
+    K[0, 1:] = K[1:, 0] = -k
+    M = np.diag(np.concatenate(([model.m0], model.m)))
+    body = model.modal()
+    assert body.omega**2 == pytest.approx(la.eigh(K, M, eigvals_only=True), rel=1e-9)
+    residual = K @ body.shape - M @ body.shape * body.omega**2
+    assert np.abs(residual).max() < 1e-9 * np.abs(K).max()
+
+
+def test_equal_frequencies_act_as_one(rng):
+    split = ao.AntiOscillators(m0=0.1, k0=10.0, m=[0.2, 0.3, 0.4], omega=[5.0, 5.0, 9.0])
+    whole = ao.AntiOscillators(m0=0.1, k0=10.0, m=[0.5, 0.4], omega=[5.0, 9.0])
+    assert split.modal().omega == pytest.approx(whole.modal().omega)
+    assert split.modal().b == pytest.approx(whole.modal().b)
+    assert split.modal().shape[1] == pytest.approx(split.modal().shape[2])
+
+
+def test_truncation_returns_the_mass_and_keeps_the_static_answer(rng):
+    model = random_model(rng, 6)
+    short = model.truncated(2)
+    assert short.n == 2
+    assert short.m_st == pytest.approx(model.m_st)
+    assert short.dynamic_stiffness(0.0) == model.k0
+    assert short.participation.sum() == pytest.approx(model.participation.sum())
+    # the low-frequency expansion k0 - x m_st - ... begins alike
+    x = 1e-3 * model.omega[0]
+    assert short.dynamic_stiffness(x) == pytest.approx(model.dynamic_stiffness(x), rel=1e-9)
+
+
+def test_truncated_models_converge_to_the_full_one(rng):
+    model = random_model(rng, 12)
+    w = 0.5 * model.omega[0]
+    errors = [
+        abs(model.truncated(n).dynamic_stiffness(w) - model.dynamic_stiffness(w))
+        for n in (1, 3, 6, 11)
+    ]
+    assert errors == sorted(errors, reverse=True)
+
+
+def test_field_is_equation_eight(rng):
+    shapes = rng.standard_normal((7, 3))
+    model = ao.AntiOscillators(m0=1.0, k0=1.0, m=[1.0, 2.0], omega=[1.0, 2.0], shapes=shapes)
+    lam = np.array([0.3, -0.2, 0.9])
+    by_hand = lam[0] * shapes[:, 0] + (lam[1] - lam[0]) * shapes[:, 1]
+    by_hand += (lam[2] - lam[0]) * shapes[:, 2]
+    assert model.field(lam) == pytest.approx(by_hand)
+
+
+def test_sorting_takes_everything_along():
+    shapes = np.arange(6.0).reshape(2, 3)
+    model = ao.AntiOscillators(
+        m0=1.0, k0=1.0, m=[3.0, 2.0], omega=[9.0, 4.0], shapes=shapes, participation=[0.0, 3.0, 2.0]
+    )
+    assert model.omega.tolist() == [4.0, 9.0]
+    assert model.m.tolist() == [2.0, 3.0]
+    assert model.participation.tolist() == [0.0, 2.0, 3.0]
+    assert model.shapes.tolist() == [[0.0, 2.0, 1.0], [3.0, 5.0, 4.0]]
+
+
+class TestFile:
+    def test_round_trip(self, rng, tmp_path):
+        model = ao.AntiOscillators(
+            m0=0.5,
+            k0=1e5,
+            m=rng.uniform(0.1, 1, 4),
+            omega=np.arange(1.0, 5.0),
+            local_compliance=1e-9,
+            radius=2e-3,
+            participation=rng.uniform(0, 1, 5),
+            damping=ao.Damping(ratio=[0.01, 0.02], beta=1e-7),
+            info={"dofs": 12},
+        )
+        model.save(tmp_path / "model.npz")
+        back = ao.AntiOscillators.load(tmp_path / "model.npz")
+        for name in ("m0", "k0", "local_compliance", "radius", "info", "damping"):
+            assert getattr(back, name) == getattr(model, name)
+        for name in ("m", "omega", "participation"):
+            assert np.array_equal(getattr(back, name), getattr(model, name))
+        assert back.modal().decay == pytest.approx(model.modal().decay)
+
+    def test_header_explains_itself(self, tmp_path):
+        random_model(np.random.default_rng(0), 2).save(tmp_path / "m.npz")
+        with np.load(tmp_path / "m.npz", allow_pickle=False) as archive:
+            header = json.loads(str(archive["header"]))
+        assert header["format"] == "antiosc-model"
+        assert header["units"]["omega"] == "rad/s"
+        assert set(header["meaning"]) >= {"m0", "k0", "m", "omega"}
+
+    @pytest.mark.parametrize(
+        ("stop", "raised"),
+        [(KeyboardInterrupt(), KeyboardInterrupt), (OSError(28, "disk full"), ao.InputError)],
+    )
+    def test_interrupted_write_leaves_the_old_file(self, tmp_path, monkeypatch, stop, raised):
+        path = tmp_path / "m.npz"
+        old = random_model(np.random.default_rng(0), 2)
+        old.save(path)
+
+        def interrupted(stream, **arrays):
+            stream.write(b"half")
+            raise stop
+
+        monkeypatch.setattr(np, "savez", interrupted)
+        with pytest.raises(raised):
+            random_model(np.random.default_rng(1), 3).save(path)
+        monkeypatch.undo()
+        assert os.listdir(tmp_path) == ["m.npz"]
+        assert ao.AntiOscillators.load(path).n == 2
+
+    @pytest.mark.parametrize(
+        ("content", "says"),
+        [(b"", "damaged"), (b"PK\x03\x04broken", "damaged"), (b"text", "damaged")],
+    )
+    def test_foreign_file(self, tmp_path, content, says):
+        path = tmp_path / "m.npz"
+        path.write_bytes(content)
+        with pytest.raises(ao.InputError, match=says):
+            ao.AntiOscillators.load(path)
+
+    def test_missing_future_and_other_format(self, tmp_path):
+        with pytest.raises(ao.InputError, match="no model file"):
+            ao.AntiOscillators.load(tmp_path / "none.npz")
+        for header, says in (
+            ({"format": "antiosc-model", "version": 99}, "version 99"),
+            ({"format": "other", "version": 1}, "'other'"),
+            ({"format": "antiosc-model", "version": 1}, "lacks"),
+        ):
+            np.savez(tmp_path / "x.npz", header=np.array(json.dumps(header)))
+            with pytest.raises(ao.InputError, match=says):
+                ao.AntiOscillators.load(tmp_path / "x.npz")
+
+    def test_unwritable_place(self, tmp_path):
+        with pytest.raises(ao.InputError, match="cannot write"):
+            random_model(np.random.default_rng(0), 1).save(tmp_path / "none" / "m.npz")
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"m": [1.0, -1.0]}, "every m must be > 0"),
+        ({"m": [1.0, 0.0]}, "every m must be > 0"),
+        ({"omega": [0.0, 1.0]}, "every omega must be > 0"),
+        ({"omega": [1.0]}, "2 masses and 1 frequencies"),
+        ({"omega": [1.0, np.nan]}, "omega must be finite"),
+        ({"m0": -1.0}, "m0 must be >= 0"),
+        ({"k0": -1.0}, "k0 must be >= 0"),
+        ({"k0": np.inf}, "k0 must be finite"),
+        ({"radius": 0.0}, "radius must be > 0"),
+        ({"participation": [1.0]}, "participation must have shape"),
+        ({"shapes": np.zeros((4, 2))}, "shapes must have shape"),
+    ],
+)
+def test_bad_model(change, says):
+    good = {"m0": 1.0, "k0": 1.0, "m": [1.0, 2.0], "omega": [1.0, 2.0]}
+    with pytest.raises(ao.InputError, match=says):
+        ao.AntiOscillators(**{**good, **change})
+
+
+def test_nothing_at_all_is_no_model():
+    with pytest.raises(ao.InputError, match="resists nothing"):
+        ao.AntiOscillators(m0=0.0, k0=0.0, m=[], omega=[])
+
+
+def test_rounding_below_zero_is_zero():
+    assert ao.AntiOscillators(m0=-1e-17, k0=1.0, m=[1.0], omega=[1.0]).m0 == 0.0
+
+
+def test_without_shapes_no_field():
+    with pytest.raises(ao.InputError, match="carries no shapes"):
+        ao.AntiOscillators(m0=1.0, k0=1.0, m=[], omega=[]).field([1.0])
+
+
+def test_truncation_beyond_the_model():
+    with pytest.raises(ao.InputError, match="n must be <= 0"):
+        ao.AntiOscillators(m0=1.0, k0=1.0, m=[], omega=[]).truncated(1)
+
+
+def test_motion_and_inertia_are_checked():
+    point, none = np.zeros(3), np.zeros((2, 6))
+    for matrix, says in (
+        (np.zeros((6, 6)), "must hold a mass > 0"),
+        (-np.eye(6), "diagonal >= 0"),
+        (np.eye(6) + np.eye(6, k=1), "must be symmetric"),
+        (np.eye(5), r"must have shape \(6, 6\)"),
+    ):
+        with pytest.raises(ao.InputError, match=says):
+            ao.Inertia(point, matrix, none)
+    inertia = ao.Inertia(point, np.eye(6), none)
+    with pytest.raises(ao.InputError, match="one row for each of 1 modes; got 2"):
+        ao.ModalBody([0.0], [1.0], inertia=inertia)
+    with pytest.raises(ao.InputError, match=r"a row for each of psi_0 \.\.\. psi_2, 3"):
+        ao.AntiOscillators(1.0, 0.0, [1.0, 2.0], [1.0, 2.0], inertia=inertia)
+    with pytest.raises(ao.InputError, match="hidden motions need the inertia"):
+        ao.AntiOscillators(1.0, 0.0, [1.0], [1.0], hidden=np.zeros((4, 1)))
+    for given in ({"velocity": (1, 2)}, {"spin": (0, 0, np.nan)}, {"about": "abc"}):
+        with pytest.raises(ao.InputError, match=f"{next(iter(given))} must"):
+            ao.Motion(**given)
+    body = ao.ModalBody([0.0], [1.0])
+    with pytest.raises(ao.InputError, match="does not know how it moves in space"):
+        body.rigid_motion(ao.Motion((1, 0, 0)))
+
+
+def test_centre_of_mass_and_momentum_about_another_point():
+    """S of a rigid body about p, by hand: mass, first moments, Steiner's theorem."""
+    point, centre, mass = np.array([1.0, 2, 3]), np.array([1.5, 2.2, 2.7]), 2.0
+    c = centre - point
+    cross = np.array([[0, -c[2], c[1]], [c[2], 0, -c[0]], [-c[1], c[0], 0]])
+    tensor = np.diag([1.0, 2, 3])
+    matrix = np.block(
+        [[mass * np.eye(3), -mass * cross], [mass * cross, tensor - mass * cross @ cross]]
+    )
+    inertia = ao.Inertia(point, matrix, np.zeros((0, 6)))
+    assert inertia.mass == mass
+    np.testing.assert_allclose(inertia.centre, centre)
+    V, W = np.array([0.3, -0.2, 0.4]), np.array([2.0, -3.0, 5.0])
+    momenta = matrix @ ao.Motion(V, W).at(inertia)
+    np.testing.assert_allclose(momenta[:3], mass * V)
+    np.testing.assert_allclose(inertia.moved(momenta, centre)[3:], tensor @ W)
+    # the same motion told by another of its points
+    about = np.array([0.0, 1.0, 0.0])
+    same = ao.Motion(V + np.cross(W, about - centre), W, about).at(inertia)
+    np.testing.assert_allclose(same, ao.Motion(V, W).at(inertia))

@@ -1,0 +1,164 @@
+"""Many impacts at once give what each gives alone."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import antiosc as ao
+from antiosc.simulation.step_control import Refinement
+from scenes import HERTZ, case_two, random_model
+
+LAWS = {
+    "hertz": lambda rng: ao.Hertz(HERTZ * rng.uniform(0.1, 2)),
+    "linear": lambda rng: ao.Linear(1e7 * rng.uniform(0.1, 2)),
+    "power": lambda rng: ao.Power(1e9 * rng.uniform(0.1, 2), rng.uniform(1.0, 2.5)),
+    "thornton": lambda rng: ao.Thornton(HERTZ * rng.uniform(0.1, 2), 1e-6),
+}
+
+
+def compare(batch: ao.Batch, alone: list[ao.History], rel: float = 1e-9) -> None:
+    for i, hit in enumerate(alone):
+        assert batch.step[i] == pytest.approx(hit.step, rel=1e-9)
+        assert batch.contacts[i] == len(hit.contacts)
+        assert batch.status[i] == hit.status
+        for name in ("peak_force", "impulse", "contact_time"):
+            assert getattr(batch, name)[i] == pytest.approx(getattr(hit, name), rel=rel, abs=1e-300)
+        if hit.restitution is None:
+            assert np.isnan(batch.restitution[i])
+        else:
+            assert batch.restitution[i] == pytest.approx(hit.restitution, rel=rel, abs=rel)
+        time, force = batch.force[i]
+        there = np.interp(time, hit.time, hit.force)
+        assert force == pytest.approx(there, abs=1e-6 * hit.peak_force)
+
+
+@pytest.mark.parametrize("law", LAWS.values(), ids=LAWS.keys())
+@pytest.mark.parametrize("step", [None, 4e-6])
+def test_same_as_one_by_one(rng, law, step):
+    model, striker = case_two(10)
+    n = 12
+    masses = striker.mass * 10 ** rng.uniform(-1, 1, n)
+    speeds = 10 ** rng.uniform(-2.5, 0, n)
+    contacts = [law(rng) for _ in range(n)]
+    impactors = ao.sweep(ao.RigidMass, mass=masses, velocity=speeds)
+    batch = ao.simulate_many(model, impactors, contacts, 2e-3, step=step)
+    alone = [
+        ao.simulate(model, i, c, 2e-3, step=step) for i, c in zip(impactors, contacts, strict=True)
+    ]
+    compare(batch, alone)
+    if step is None:
+        assert batch.error == pytest.approx([h.error["force"] for h in alone], rel=1e-3)
+
+
+def test_over_models_obstacles_gravity_and_damping(rng):
+    models = []
+    for n in (1, 3, 8):
+        base = random_model(rng, n, supported=False)
+        models += [
+            base,
+            ao.AntiOscillators(
+                0.0,
+                0.0,
+                base.m,
+                base.omega,
+                participation=base.participation,
+                damping=ao.Damping(0.02, alpha=1.0),
+            ),
+        ]
+    speeds = rng.uniform(0.1, 2, len(models))
+    batch = ao.simulate_many(
+        models, ao.Obstacle(), ao.Hertz(1e8), 8e-3, initial_velocity=speeds, gravity=-9.81
+    )
+    alone = [
+        ao.simulate(m, ao.Obstacle(), ao.Hertz(1e8), 8e-3, initial_velocity=v, gravity=-9.81)
+        for m, v in zip(models, speeds, strict=True)
+    ]
+    compare(batch, alone, rel=1e-8)
+
+
+def test_many_impacts_of_one_scene():
+    """Chatter: scenes with tens of contacts beside scenes with one and with none."""
+    model = ao.AntiOscillators(m0=1e-2, k0=1e4, m=[1.0], omega=[300.0])
+    impactors = [ao.RigidMass(10.0, 1.0), ao.RigidMass(0.001, 0.1), ao.RigidMass(1.0, -1.0)]
+    batch = ao.simulate_many(model, impactors, ao.Hertz(1e11), 5e-3, step=1e-6)
+    alone = [ao.simulate(model, i, ao.Hertz(1e11), 5e-3, step=1e-6) for i in impactors]
+    compare(batch, alone, rel=1e-6)
+    assert batch.contacts[0] > 5
+    assert batch.contacts[2] == 0
+
+
+def test_patch_compliance_and_its_limit():
+    model = ao.AntiOscillators(0.1, 1e7, [], [], local_compliance=2e-8, radius=1e-3)
+    impactors = ao.sweep(ao.RigidMass, mass=0.01, velocity=[0.1, 0.2])
+    batch = ao.simulate_many(model, impactors, ao.Hertz(1e9), 2e-3)
+    compare(batch, [ao.simulate(model, i, ao.Hertz(1e9), 2e-3) for i in impactors])
+    hard = ao.RigidMass(1.0, 30.0)
+    with pytest.raises(ao.AccuracyError) as alone:
+        ao.simulate(model, hard, ao.Hertz(1e9), 1e-2)
+    with pytest.raises(ao.AccuracyError) as batched:
+        ao.simulate_many(model, [ao.RigidMass(0.01, 0.1), hard], ao.Hertz(1e9), 1e-2)
+    # the same peak force, though beyond the law's range
+    assert str(batched.value).startswith("scene 1: " + str(alone.value)[:40])
+
+
+def test_sweep_of_spheres_and_laws():
+    radii = [0.005, 0.01]
+    balls = ao.sweep(ao.Sphere, radius=radii, E=2.1e11, nu=0.3, rho=7800.0, velocity=1.0)
+    laws = [ball.hertz(7e10, 0.33) for ball in balls]
+    batch = ao.simulate_many(case_two(5)[0], balls, laws, 1e-3)
+    assert len(batch) == 2
+    assert batch.peak_force[1] > batch.peak_force[0]
+
+
+@pytest.mark.parametrize(
+    ("kwargs", "says"),
+    [
+        (
+            {"impactors": [ao.RigidMass(1, 1)] * 3, "contacts": [ao.Hertz(1e9)] * 2},
+            "one length; got impactors: 3, contacts: 2",
+        ),
+        ({"duration": [1e-3, 2e-3], "impactors": [ao.RigidMass(1, 1)] * 3}, "one length"),
+        ({"impactors": []}, "at least one scene"),
+        ({"duration": [1e-3, -1e-3]}, "duration must be > 0"),
+        ({"step": [1e-6, 1.0]}, "step must be <= the duration"),
+        ({"tol": -1.0}, "tol must be > 0"),
+        ({"tol": 2.0}, "0 < tol < 1"),
+        ({"contacts": ["hertz"]}, "ContactLaw"),
+    ],
+)
+def test_bad_batch(kwargs, says):
+    good = {
+        "models": case_two(2)[0],
+        "impactors": ao.RigidMass(1.0, 1.0),
+        "contacts": ao.Hertz(1e9),
+        "duration": 1e-3,
+    }
+    with pytest.raises(ao.InputError, match=says):
+        ao.simulate_many(**{**good, **kwargs})
+
+
+def test_bad_sweep():
+    with pytest.raises(ao.InputError, match="mass: 2, velocity: 3"):
+        ao.sweep(ao.RigidMass, mass=[1.0, 2.0], velocity=[1.0, 2.0, 3.0])
+
+
+class TestRefinement:
+    """The control of the step, on sequences whose errors are known."""
+
+    @pytest.mark.parametrize("order", [1.0, 1.5, 2.0])
+    def test_estimates_the_error_of_the_finer_run(self, order):
+        control, h = Refinement(1e-6), 1.0
+        for _ in range(6):
+            finer = h / 2**control.halvings
+            control.update(h**order - finer**order, 0.0)
+            h = finer
+        assert control.error["force"] == pytest.approx(h**order, rel=0.05)
+
+    def test_aims_at_the_tolerance(self):
+        control, h = Refinement(1e-4), 1.0
+        while not control.reached:
+            finer = h / 2**control.halvings
+            control.update(h**2 - finer**2, 0.0)
+            h = finer
+        assert 0.3e-4 < h**2 <= 1e-4

@@ -1,0 +1,163 @@
+"""Every integrator: declared order measured, energy, massless points, agreement with the others."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+import antiosc as ao
+from antiosc.simulation.history import force_difference
+from antiosc.simulation.integrators import FIXED_STEP
+from antiosc.simulation.integrators.propagator import Propagator
+from rates import observed_order
+
+methods = pytest.mark.parametrize("method", FIXED_STEP)
+MODEL = {
+    "k0": 1e5,
+    "m": [0.02, 0.05, 0.04, 0.08],
+    "omega": [1.5e3, 6e3, 1.1e4, 2e4],
+}
+STRIKER = ao.RigidMass(0.1, 1.0)
+LAWS = {
+    "hertz": ao.Hertz(1.55e8),
+    "hunt-crossley": ao.HuntCrossley(1.55e8, 0.5),
+    "thornton": ao.Thornton(1.55e8, 2e-5),
+    "yang-sun": ao.YangSun(1.55e8, 2e-5),
+}
+laws = pytest.mark.parametrize("law", LAWS.values(), ids=LAWS.keys())
+STEPS = [4e-6, 2e-6, 1e-6]
+DURATION = 6e-4
+
+
+def strike(law, method, step=None, m0=0.05, **kwargs):
+    return ao.simulate(
+        ao.AntiOscillators(m0=m0, **MODEL), STRIKER, law, DURATION, method, step=step, **kwargs
+    )
+
+
+@laws
+@methods
+@pytest.mark.slow
+def test_declared_order_is_measured(law, method):
+    """Against DOP853 at tight tolerance: the two share nothing but the problem."""
+    truth = strike(law, "DOP853", tol=1e-8, step=1e-6)
+    runs = [strike(law, method, step) for step in STEPS]
+    t = np.linspace(0, DURATION, 3001)
+    reference = np.interp(t, truth.time, truth.force)
+    errors = [np.linalg.norm(np.interp(t, r.time, r.force) - reference) for r in runs]
+    order = FIXED_STEP[method].order
+    assert observed_order(STEPS, errors) == pytest.approx(order, abs=0.35)
+    assert errors[-1] < 1e-4 * np.linalg.norm(reference)
+
+
+@methods
+def test_energy_drift_falls_with_the_step(method):
+    drifts = [strike(LAWS["hertz"], method, step).energy.drift for step in STEPS]
+    if method == "conserving":
+        assert max(drifts) < 1e-12
+    else:
+        assert observed_order(STEPS, drifts) == pytest.approx(2, abs=0.35)
+
+
+@pytest.mark.parametrize("law", [LAWS["thornton"], LAWS["yang-sun"]])
+def test_conserving_takes_exactly_what_plasticity_takes(law):
+    assert strike(law, "conserving", 4e-6).energy.drift < 1e-12
+
+
+@methods
+def test_momentum_is_exact_whatever_the_step(method):
+    run = strike(LAWS["hertz"], method, 1e-5)
+    lost = STRIKER.mass * (STRIKER.velocity - run.impactor_velocity[-1])
+    assert lost == pytest.approx(run.impulse, rel=1e-12)
+
+
+@methods
+@pytest.mark.parametrize("law", [LAWS["hertz"], LAWS["thornton"]], ids=["hertz", "thornton"])
+def test_massless_contact_point(law, method):
+    truth = strike(law, "DOP853", tol=1e-6, m0=0.0)
+    run = strike(law, method, 1e-6, m0=0.0)
+    assert force_difference(run.trajectory, truth.trajectory)[0] < 2e-4
+
+
+def test_rate_dependent_law_on_a_massless_point():
+    law = LAWS["hunt-crossley"]
+    exact = strike(law, "exact", m0=0.0)
+    newmark = strike(law, "newmark", m0=0.0)
+    assert force_difference(exact.trajectory, newmark.trajectory)[0] < 2e-3
+    for method in ("conserving", "DOP853"):
+        with pytest.raises(ao.InputError, match="rate-dependent law on a massless contact point"):
+            strike(law, method, 1e-6, m0=0.0)
+
+
+@pytest.mark.parametrize("method", ["RK45", "DOP853", "Radau", "BDF", "LSODA"])
+def test_every_solve_ivp_method_agrees(method):
+    exact = strike(LAWS["hertz"], "exact", 2e-7)
+    run = strike(LAWS["hertz"], method, tol=1e-4)
+    assert run.impulse == pytest.approx(exact.impulse, rel=1e-3)
+    assert run.peak_force == pytest.approx(exact.peak_force, rel=2e-3)
+
+
+def test_leapfrog_says_when_it_needs_too_many_steps():
+    model = ao.AntiOscillators(m0=1e-12, **MODEL)
+    with pytest.raises(ao.InputError, match=r"leapfrog needs steps of .* use method='exact'"):
+        ao.simulate(model, STRIKER, LAWS["hertz"], 1e-2, "leapfrog")
+
+
+def test_exact_takes_steps_of_many_periods():
+    """A step of 40 periods of the fastest mode: the slow force is still right."""
+    stiff = ao.AntiOscillators(m0=1e-9, **MODEL)
+    limit = ao.AntiOscillators(m0=0.0, **MODEL)
+    step = 2e-6
+    assert step * stiff.modal().omega.max() > 250
+    law = LAWS["hertz"]
+    a = ao.simulate(stiff, STRIKER, law, DURATION, step=step)
+    b = ao.simulate(limit, STRIKER, law, DURATION, step=step)
+    assert force_difference(a.trajectory, b.trajectory)[0] < 0.02
+    assert np.all(np.isfinite(a.displacement))
+
+
+def test_short_sub_impacts_are_resolved_whatever_the_step():
+    """A contact shorter than the step is done again with smaller ones, not missed."""
+    from scenes import hertz_impact, rigid
+
+    peak, time = hertz_impact(1.0, 1.0, 1e9)
+    wall = rigid(1e12)
+    hit = ao.simulate(wall, ao.RigidMass(1.0, 1.0), ao.Hertz(1e9), 10 * time, step=2 * time)
+    assert hit.peak_force == pytest.approx(peak, rel=0.05)
+    assert hit.contact_time == pytest.approx(time, rel=0.02)
+
+
+class TestPropagator:
+    """The closed forms against the matrix exponential."""
+
+    OMEGA = np.array([0.0, 0.0, 0.0, 1e-4, 1.0, 1.0, 1.0, 3.0, 3.0, 3.0, 30.0, 30.0])
+    DECAY = np.array([0.0, 1e-3, 20.0, 0.0, 0.0, 1e-3, 1.0, 3.0, 2.9999999, 3.0000001, 2.0, 70.0])
+
+    @pytest.mark.parametrize("t", [0.03, 0.2, 1.0, 4.0])
+    def test_against_expm(self, t):
+        p = Propagator(self.OMEGA, self.DECAY)
+        motion, (J, R) = p.motion(t), p.step_and_ramp(t)
+        for j, (w, d) in enumerate(zip(self.OMEGA, self.DECAY, strict=True)):
+            A = np.array([[0, 1, 0, 0], [-(w**2), -2 * d, 1, 0], [0, 0, 0, 1], [0, 0, 0, 0.0]])
+            E = expm(A * t)
+            assert motion.P[j] == pytest.approx(E[0, 0], abs=1e-11)
+            assert motion.W[j] == pytest.approx(E[1, 1], abs=1e-11)
+            assert motion.S[j] == pytest.approx(E[0, 1], rel=1e-9, abs=1e-12)
+            assert J[j] == pytest.approx(E[0, 2], rel=1e-9)
+            assert R[j] == pytest.approx(E[0, 3], rel=1e-9)
+
+    def test_small_times_do_not_cancel(self):
+        p = Propagator(self.OMEGA, self.DECAY)
+        t = 1e-7
+        # leading terms of the series; the next ones are smaller by 2 d t and (w t)^2
+        assert p.step(t) == pytest.approx(t**2 / 2 * (1 - 2 * self.DECAY * t / 3), rel=1e-11)
+        ramp = t**3 / 6 * (1 - 2 * self.DECAY * t / 4)
+        assert p.step_and_ramp(t)[1] == pytest.approx(ramp, rel=1e-11)
+
+    def test_undamped_is_the_limit_of_damped(self):
+        plain = Propagator(self.OMEGA, np.zeros_like(self.OMEGA))
+        faint = Propagator(self.OMEGA, np.full_like(self.OMEGA, 1e-13))
+        for t in (1e-3, 0.7, 5.0):
+            assert plain.step_and_ramp(t)[1] == pytest.approx(faint.step_and_ramp(t)[1], rel=1e-9)
+            assert pytest.approx(faint.motion(t).S, rel=1e-9) == plain.motion(t).S

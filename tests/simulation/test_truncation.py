@@ -1,0 +1,140 @@
+"""The truncation estimate against the truth, and the choice of N."""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+import pytest
+
+import antiosc as ao
+from antiosc.closed_form import cantilever, free_free, pinned_free, pinned_pinned
+from antiosc.simulation.truncation import choose_n, truncation_error
+from scenes import BEAM, HERTZ, case_two
+
+QUANTITIES = ("peak_force", "impulse", "contact_time")
+
+
+@functools.cache
+def whole_models() -> list[ao.AntiOscillators]:
+    """Models with so many anti-oscillators that they stand for the truth, of several kinds."""
+    beams = (pinned_pinned(BEAM), pinned_free(BEAM), cantilever(BEAM), free_free(BEAM, 0.3))
+    models = [each.anti_oscillators(80) for each in beams]
+    rng = np.random.default_rng(1)
+    i = np.arange(1.0, 200.0)
+    for spread, fall in ((1.0, 1.3), (1.0, 2.0), (1.5, 1.5)):  # plate- and solid-like densities
+        m = i**-fall * rng.uniform(0.5, 1.5, i.size)
+        omega = np.sort(2e3 * i**spread * (1 + 0.2 * rng.uniform(-1, 1, i.size) / i))
+        models.append(ao.AntiOscillators(m0=0.0, k0=3e4, m=0.3 * m / m.sum(), omega=omega))
+    return models
+
+
+def struck(striker: ao.RigidMass, law: ao.ContactLaw, duration: float):
+    """The impact as a function of the model."""
+    return lambda model, tol: ao.simulate(model, striker, law, duration, tol=tol)
+
+
+def compare(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """True and estimated relative errors of one random scene."""
+    models = whole_models()
+    whole = models[rng.integers(len(models))]
+    striker = ao.RigidMass(whole.m_st * 10 ** rng.uniform(-2, 1), 10 ** rng.uniform(-2, 1))
+    law = ao.Hertz(10 ** rng.uniform(7, 10))
+    n = int(2 ** rng.uniform(1, 5.5))
+    duration = (2.5 if whole.k0 else 1.5) * np.pi / whole.omega[0]
+    short = whole.truncated(n)
+    run = struck(striker, law, duration)
+    estimate = truncation_error(short, run)
+    hits = [run(m, 1e-4) for m in (short, whole)]
+    true = [abs(getattr(hits[0], q) / getattr(hits[1], q) - 1) for q in QUANTITIES]
+    return np.array(true), np.array([getattr(estimate, q) for q in QUANTITIES])
+
+
+def coverage(scenes: int) -> tuple[np.ndarray, np.ndarray]:
+    """Share of scenes whose true error lies under the estimate, and the median over-estimation."""
+    rng = np.random.default_rng(7)
+    pairs = np.array([compare(rng) for _ in range(scenes)])
+    true, estimate = pairs[:, 0], pairs[:, 1]
+    share, factor = np.empty(3), np.empty(3)
+    for j in range(3):
+        seen = true[:, j] > 5e-4  # above what time integration leaves
+        share[j] = np.mean(estimate[seen, j] >= true[seen, j])
+        factor[j] = np.median(estimate[seen, j] / true[seen, j])
+    return share, factor
+
+
+@pytest.mark.filterwarnings("ignore::antiosc.errors.AccuracyWarning")
+@pytest.mark.slow
+def test_estimate_covers_the_truth_in_a_few_scenes():
+    share, factor = coverage(8)
+    assert share.min() >= 0.8
+    assert factor.max() < 15
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::antiosc.errors.AccuracyWarning")
+def test_estimate_covers_the_truth_in_200_scenes():
+    share, factor = coverage(220)
+    print("share under the estimate", share, "median over-estimation", factor)
+    assert share.min() >= 0.9
+    assert factor.max() < 15
+
+
+def test_choice_is_the_smallest_that_meets_the_tolerance():
+    model, striker = case_two(60)
+    run = struck(striker, ao.Hertz(HERTZ), 8e-3)
+    choice = choose_n(model, run, tol=0.03)
+    assert choice.missing == 0
+    assert choice.error.worst <= 0.03
+    assert 1 < choice.n < 60
+    below = truncation_error(
+        model.truncated(choice.n - 1), run, next_omega=model.omega[choice.n - 1]
+    )
+    assert below.worst > 0.03
+    # and the answer is right
+    short, whole = run(model.truncated(choice.n), 1e-3), run(model, 1e-3)
+    for quantity in QUANTITIES:
+        assert getattr(short, quantity) == pytest.approx(getattr(whole, quantity), rel=0.03)
+
+
+def test_simulate_chooses():
+    model, striker = case_two(40)
+    hit = ao.simulate(model, striker, ao.Hertz(HERTZ), 8e-3, n="auto", tol=0.05)
+    assert hit.model.n < 40
+    assert hit.status == 0
+    assert max(hit.error.values()) <= 0.05
+    assert set(hit.error) == {"force", "peak", *(f"truncation {q}" for q in QUANTITIES)}
+
+
+def test_too_small_a_model_says_how_many_are_missing():
+    model, striker = case_two(3)
+    with pytest.warns(ao.AccuracyWarning, match=r"3 anti-oscillators leave .* more are needed"):
+        hit = ao.simulate(model, striker, ao.Hertz(HERTZ), 8e-3, n="auto", tol=0.02)
+    assert hit.status == 1
+    run = struck(striker, ao.Hertz(HERTZ), 8e-3)
+    missing = choose_n(model, run, tol=0.05).missing
+    enough = case_two(3 + missing)[0]
+    assert choose_n(enough, run, tol=0.05).missing <= missing / 4
+
+
+def test_number_of_anti_oscillators_by_hand():
+    model, striker = case_two(9)
+    hit = ao.simulate(model, striker, ao.Hertz(HERTZ), 2e-3, n=4)
+    assert hit.model.n == 4
+
+
+@pytest.mark.parametrize(
+    ("n", "says"), [("many", 'or "auto"'), (99, "n must be <= 9"), (-1, "whole number >= 0")]
+)
+def test_bad_n(n, says):
+    model, striker = case_two(9)
+    with pytest.raises(ao.InputError, match=says):
+        ao.simulate(model, striker, ao.Hertz(HERTZ), 2e-3, n=n)
+
+
+def test_other_bodies_cannot_be_truncated():
+    striker = ao.RigidMass(1.0, 1.0)
+    with pytest.raises(ao.InputError, match="only AntiOscillators"):
+        ao.simulate(striker, striker, ao.Hertz(1e9), 1e-3, n=2)
+    with pytest.raises(ao.InputError, match="0 < tol < 1"):
+        choose_n(case_two(2)[0], struck(striker, ao.Hertz(1e9), 1e-3), tol=2.0)

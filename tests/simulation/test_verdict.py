@@ -1,0 +1,174 @@
+"""What is said of a run: cut during contact, nothing touched, restitution, the choice of n."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pytest
+
+import antiosc as ao
+from antiosc.simulation import simulate
+from scenes import HERTZ, case_two, hertz_impact, rigid
+
+CUT = r"The run ends during contact: .* those up to 0.0005 s"
+NOTHING = "nothing moves the bodies toward each other"
+LAWS = [
+    ao.Hertz(1e8),
+    ao.Linear(1e5),
+    ao.HuntCrossley(1e8, 0.7),
+    ao.Thornton(1e8, 1e-5),
+]
+
+
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: type(law).__name__)
+@pytest.mark.parametrize("method", ["exact", "newmark", "DOP853"])
+def test_a_run_that_ends_during_contact_says_so(law, method):
+    with pytest.warns(ao.AccuracyWarning, match=CUT):
+        hit = ao.simulate(rigid(1.0), ao.RigidMass(1.0, 1.0), law, 5e-4, method, gap=1e-4)
+    assert hit.status == 3
+    assert hit.message.startswith("The run ends during contact")
+    # its figures are those so far
+    assert hit.restitution is None
+    assert hit.contact_time == pytest.approx(5e-4 - 1e-4, rel=1e-6)
+    assert hit.impulse == pytest.approx(1.0 - hit.impactor_velocity[-1], rel=1e-6)
+    assert hit.peak_force == hit.force[-1]
+
+
+def test_an_unreached_tolerance_beside_a_cut_is_said_too():
+    model, striker = case_two(9)
+    first = ao.simulate(model, striker, ao.Hertz(HERTZ), 8e-3).contacts[0]
+    words = r"not tol = 1e-10.* The run ends during contact"
+    with pytest.warns(ao.AccuracyWarning, match=words):
+        hit = ao.simulate(
+            model, striker, ao.Hertz(HERTZ), 0.5 * sum(first), tol=1e-10, max_steps=5000
+        )
+    assert hit.status == 1
+
+
+@pytest.mark.parametrize("law", [LAWS[0], LAWS[2]], ids=["together", "one by one"])
+def test_a_batch_names_its_scenes(law):
+    """The second ends during contact, the third never touches; the others go as asked."""
+    strikers = [ao.RigidMass(1.0, v) for v in (1.0, 1.0, -1.0, 1.0)]
+    durations = np.array([0.1, 5e-4, 0.1, 0.1])
+    with pytest.warns(ao.AntioscWarning) as told:
+        batch = ao.simulate_many(rigid(1.0), strikers, law, durations)
+    words = sorted(str(w.message) for w in told)
+    assert len(words) == 2
+    assert words[0].startswith("1 of 4 scenes (1), as scene 1: The run ends during contact")
+    assert words[1].startswith("1 of 4 scenes (2), as scene 2: Never touched: the gap opens at 1 m")
+    assert batch.status.tolist() == [0, 3, 0, 0]
+    assert batch.message[0] == batch.message[3] == "Completed."
+    assert batch.message[2].endswith("velocities close it when > 0.")
+    assert np.isnan(batch.restitution).tolist() == [False, True, True, False]
+    assert batch.contact_time[1] == pytest.approx(5e-4, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("scene", "says"),
+    [
+        ({"speed": -1.0}, r"the gap opens at 1 m/s; velocities close it when > 0\."),
+        ({"speed": 1.0, "initial_velocity": -3.0}, r"the gap opens at 2 m/s"),
+        ({"speed": 1.0, "gap": 0.5}, r"the gap of 0\.5 m closes at 1 m/s at first .* 0\.01 s"),
+        ({"speed": 0.0, "gap": 0.5, "gravity": 9.81, "k0": 1e5}, r"closes at 9\.81 m/s\^2"),
+        ({"speed": 0.0, "gap": 0.5, "gravity": -9.81, "k0": 1e5}, r"gravity opens .* 9\.81 m/s\^2"),
+        ({"speed": 0.0}, NOTHING),
+        ({"speed": 0.3, "initial_velocity": -0.3, "gap": 1e-3}, NOTHING),
+    ],
+)
+def test_no_contact_is_said(scene, says):
+    scene = dict(scene)
+    striker, k0 = ao.RigidMass(0.7, scene.pop("speed")), scene.pop("k0", 0.0)
+    body = ao.AntiOscillators(m0=1.0, k0=k0, m=[0.3], omega=[1e3])
+    with pytest.warns(ao.AntioscWarning, match=f"Never touched: .*{says}"):
+        hit = ao.simulate(body, striker, ao.Hertz(1e9), 0.01, **scene)
+    assert hit.contacts == []
+    assert hit.status == 0
+    assert hit.message.startswith("Never touched")
+    assert (hit.peak_force, hit.impulse, hit.contact_time, hit.restitution) == (0, 0, 0, None)
+
+
+def test_a_run_that_goes_as_asked_says_nothing():
+    _, time = hertz_impact(0.5, 1.0, 1e9)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        hit = ao.simulate(rigid(1.0), ao.RigidMass(1.0, 1.0), ao.Hertz(1e9), 2 * time)
+        ao.simulate_many(rigid(1.0), ao.RigidMass(1.0, 1.0), ao.Hertz(1e9), 2 * time)
+    assert (hit.status, hit.message) == (0, "Completed.")
+
+
+class TestRestitution:
+    """Newton's, of the rigid-body motions at the contact point."""
+
+    def test_against_a_supported_structure_it_is_the_rebound(self):
+        model, striker = case_two(9)
+        hit = ao.simulate(model, striker, ao.Hertz(HERTZ), 12e-3)
+        w = hit.impactor_velocity
+        assert hit.restitution == pytest.approx(-w[-1] / w[0], rel=1e-9)
+        many = ao.simulate_many(model, striker, ao.Hertz(HERTZ), 12e-3)
+        assert many.restitution[0] == pytest.approx(hit.restitution, rel=1e-6)
+
+    def test_of_two_free_bodies_it_is_that_of_their_mean_motions(self):
+        """1 - e is the energy that their vibrations take: m_red v² (1 - e²)/2."""
+        model = ao.AntiOscillators(m0=0.2, k0=0.0, m=[0.5, 0.3], omega=[2e3, 9e3])
+        hit = ao.simulate(model, ao.RigidMass(1.5, 2.0), ao.Hertz(1e9), 5e-3, initial_velocity=0.5)
+        reduced = 1 / (1 / 1.5 + 1 / model.m_st)
+        assert hit.impulse == pytest.approx(reduced * 2.5 * (1 + hit.restitution), rel=1e-6)
+        _, v = hit.states(5e-3)
+        shaken = hit.problem.omega > 0
+        left = 0.5 * np.sum(v[0, shaken] ** 2)
+        left += hit.energy.strain[-1]
+        lost = 0.5 * reduced * 2.5**2 * (1 - hit.restitution**2)
+        assert left == pytest.approx(lost, rel=2e-3)
+        many = ao.simulate_many(
+            model, ao.RigidMass(1.5, 2.0), ao.Hertz(1e9), 5e-3, initial_velocity=0.5
+        )
+        assert many.restitution[0] == pytest.approx(hit.restitution, rel=1e-6)
+
+
+class TestChoiceOfN:
+    """The runs that choose n are made like the one that is asked for."""
+
+    @pytest.mark.parametrize(
+        ("method", "given"),
+        [
+            ("newmark", {"step": 1e-5}),
+            ("exact", {"step": 2e-5, "max_steps": 3000}),
+            ("exact", {"max_contacts": 40}),
+            ("DOP853", {"step": 2e-5}),
+        ],
+    )
+    def test_method_step_and_bounds_are_kept(self, monkeypatch, method, given):
+        asked = []
+        original = simulate._integrate
+
+        def spy(problem, method, duration, scale, step, tol, max_contacts, max_steps):
+            asked.append((method, step, max_contacts, max_steps))
+            return original(problem, method, duration, scale, step, tol, max_contacts, max_steps)
+
+        monkeypatch.setattr(simulate, "_integrate", spy)
+        model, striker = case_two(12)
+        ao.simulate(model, striker, ao.Hertz(HERTZ), 8e-3, method, n="auto", tol=0.1, **given)
+        assert len(asked) > 4
+        assert set(asked) == {
+            (
+                method,
+                given.get("step"),
+                given.get("max_contacts", 10_000),
+                given.get("max_steps", simulate.MAX_STEPS),
+            )
+        }
+
+    def test_a_massless_point_under_a_damped_law_is_left_to_the_exact_method(self):
+        model, striker = case_two(12)
+        law = ao.HuntCrossley(HERTZ, 0.7)
+        hit = ao.simulate(model, striker, law, 8e-3, "DOP853", n="auto", tol=0.1)
+        assert 0 < hit.model.n <= 12
+
+    def test_the_runs_that_choose_n_do_not_warn(self):
+        model, striker = case_two(12)
+        first = ao.simulate(model, striker, ao.Hertz(HERTZ), 8e-3).contacts[0]
+        with pytest.warns(ao.AccuracyWarning) as told:
+            ao.simulate(model, striker, ao.Hertz(HERTZ), 0.5 * sum(first), n="auto", tol=0.3)
+        assert len(told) == 1
+        assert "ends during contact" in str(told[0].message)

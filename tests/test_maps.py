@@ -1,0 +1,355 @@
+"""Impact maps against direct extraction at the same sites, single impacts, and bad input."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pytest
+
+pytest.importorskip("dolfinx")
+pytest.importorskip("gmsh")
+
+import meshio
+
+import antiosc as ao
+import parts
+from antiosc.fem.site.map_sites import sites_of, surface
+from antiosc.fem.site.site import functional
+from antiosc.fem.site.sites import located
+from antiosc.models.driving_point import stiffness_error
+from paths import MESHES
+
+pytestmark = pytest.mark.fem
+
+SIZE = (0.12, 0.08, 0.03)
+
+
+def top(x: np.ndarray) -> np.ndarray:
+    return np.isclose(x[2], SIZE[2])
+
+
+def block(n=(6, 4, 2), *, supported=True, cell="hexahedron", **options) -> ao.Structure:
+    groups = {
+        "left": (2, lambda x: np.isclose(x[0], 0)),
+        "top": (2, top),
+        "end": (2, lambda x: np.isclose(x[0], SIZE[0])),
+    }
+    mesh = parts.box(n, SIZE, cell, groups=groups)
+    supports = [ao.Support("left")] if supported else []
+    return ao.Structure(mesh, ao.Solid(**parts.STEEL), supports=supports, **options)
+
+
+@pytest.fixture(scope="module")
+def steel() -> ao.Structure:
+    return block()
+
+
+@pytest.fixture(scope="module")
+def mapped(steel) -> ao.ImpactMap:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        return ao.impact_map(steel, "top", n=16, modes=40)
+
+
+def at(structure: ao.Structure, where: str, i: int, **options) -> ao.Site:
+    """The i-th site of a map, as the vector that the map used."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        sites, _, _ = sites_of(structure, where, None, options.get("radius"))
+    return ao.Site(vector=sites.loads[:, i].toarray()[:, 0])
+
+
+def test_bound_against_direct_extraction(steel, mapped):
+    sites = range(0, len(mapped), 5)
+    direct = ao.extract(steel, [at(steel, "top", i) for i in sites], n=60)
+    for i, reference in zip(sites, direct, strict=True):
+        model = mapped.model(i)
+        error = stiffness_error(
+            model.dynamic_stiffness, reference.dynamic_stiffness, mapped.band, reference.omega[0]
+        )
+        assert error <= 1.02 * mapped.error[i] + 1e-9
+        assert model.k0 == pytest.approx(reference.k0, rel=1e-9)
+        assert model.m_st == pytest.approx(reference.m_st, rel=1e-5)
+    assert np.median(mapped.error) < 0.05
+
+
+def test_free_body():
+    free = block(supported=False)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        result = ao.impact_map(free, "top", n=14, modes=25)
+    assert np.all(result.models.k0 == 0)
+    for i in (0, 7, 20):
+        direct = ao.extract(free, at(free, "top", i), n=40)
+        error = stiffness_error(
+            result.model(i).dynamic_stiffness,
+            direct.dynamic_stiffness,
+            result.band,
+            direct.omega[0],
+        )
+        assert error <= 1.02 * result.error[i]
+        assert result.models.m_st[i] == pytest.approx(direct.m_st, rel=1e-5)
+
+
+@pytest.mark.parametrize("cell", ["hexahedron", "tetrahedron"])
+def test_loads_of_a_surface_are_those_of_single_sites(cell):
+    structure = block(cell=cell)
+    ground = surface(structure, "top")
+    np.testing.assert_allclose(ground.normals[:, 2].max(), 1.0)
+    push = np.tile([0.6, 0.0, -0.8], (len(ground.points), 1))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for radius in (None, 0.02):
+            radii = np.full(len(push), np.nan if radius is None else radius)
+            found = located(structure, ground.points, push, radii)
+            inner = np.flatnonzero((found.share > 0.99) & (found.moving > 0.1))
+            assert len(inner) > 3
+            for i in inner[::4]:
+                one = functional(structure, ao.Site(ground.points[i], push[i], radius=radius))
+                np.testing.assert_allclose(found.loads[:, i].toarray()[:, 0], one.b, atol=1e-12)
+
+
+def test_a_patch_has_its_centre_at_the_site_on_any_mesh():
+    """Force and moments of the load, and so m_CR of a free block, do not depend on the mesh."""
+    site = ao.Site((0.071, 0.037, SIZE[2]), (0.3, -0.2, -1.0), radius=0.012)
+    found = []
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # the patch is not resolved, which does not matter here
+        for n in ((3, 2, 1), (5, 3, 2), (7, 6, 2)):
+            for cell in ("hexahedron", "tetrahedron"):
+                part = block(n, supported=False, cell=cell)
+                found.append(ao.extract(part, site, n=0).m_st)
+    np.testing.assert_allclose(found, found[0], rtol=1e-9)
+
+
+@pytest.mark.slow
+def test_curved_patch_carries_a_unit_force():
+    mesh = ao.read_mesh(MESHES / "bracket.msh")
+    part = ao.Structure(mesh, ao.Solid(**parts.ALUMINIUM))
+    ground = surface(part, "eye")
+    along = np.tile([0.0, 0.0, 1.0], (len(ground.points), 1))
+    found = located(part, ground.points, along, np.full(len(along), 4e-3))
+    # b'u of a unit translation along z is 1, and its first moment is the patch's centre
+    z = np.zeros(found.loads.shape[0])
+    z[2::3] = 1.0
+    np.testing.assert_allclose(found.loads.T @ z, 1.0, rtol=1e-12)
+    assert (found.share > 0.99).sum() > 30
+
+
+def test_sheets_of_two_thicknesses_have_patches_of_two_sizes():
+    groups = {
+        "left": (1, lambda x: np.isclose(x[0], 0)),
+        "thin": (2, lambda x: x[0] < 0.1 + 1e-9),
+        "thick": (2, lambda x: x[0] > 0.1 - 1e-9),
+    }
+    shell = ao.Structure(
+        parts.plate((6, 4), groups=groups),
+        {
+            "thin": ao.Shell(**parts.STEEL, thickness=4e-3),
+            "thick": ao.Shell(**parts.STEEL, thickness=8e-3),
+        },
+        [ao.Support("left")],
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        result = ao.impact_map(shell, direction=(0, 0, -1))
+        inner = np.flatnonzero(
+            (np.abs(result.points[:, 1] - 0.03) < 0.02) & (result.points[:, 0] < 0.19)
+        )
+        for i in inner[::3]:
+            direct = ao.extract(
+                shell, ao.Site(result.points[i], (0, 0, -1), radius=result.radius[i])
+            )
+            assert result.models.k0[i] == pytest.approx(direct.k0, rel=1e-9)
+    assert set(result.radius[inner]) == {4e-3, 8e-3}
+
+
+@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
+def test_given_points_of_a_sheet(cell):
+    groups = {
+        "left": (1, lambda x: np.isclose(x[0], 0)),
+        "thin": (2, lambda x: x[0] < 0.1 + 1e-9),
+        "thick": (2, lambda x: x[0] > 0.1 - 1e-9),
+    }
+    shell = ao.Structure(
+        parts.plate((6, 4), cell=cell, groups=groups),
+        {
+            "thin": ao.Shell(**parts.STEEL, thickness=4e-3),
+            "thick": ao.Shell(**parts.STEEL, thickness=8e-3),
+        },
+        [ao.Support("left")],
+    )
+    points = [(0.053, 0.021), (0.147, 0.034), (0.081, 0.042)]
+    result = ao.impact_map(shell, points, direction=(0, 0, -1), accuracy=1e9)
+    np.testing.assert_allclose(result.points[:, :2], points, atol=1e-12)
+    for i, point in enumerate(points):
+        direct = ao.extract(shell, ao.Site((*point, 0), (0, 0, -1)))
+        assert result.model(i).radius == direct.radius
+        assert result.models.k0[i] == pytest.approx(direct.k0, rel=1e-9)
+    with pytest.raises(ao.InputError, match=r"1 of 4 points lie off the structure, one at \(0"):
+        ao.impact_map(shell, [*[(*p, 0) for p in points], (0.05, 0.03, 1e-3)], direction=(0, 0, -1))
+
+
+def test_the_half_space_is_that_of_the_material_at_the_site():
+    groups = {
+        "left": (2, lambda x: np.isclose(x[0], 0)),
+        "steel": (3, lambda x: x[0] < SIZE[0] / 2 + 1e-9),
+        "light": (3, lambda x: x[0] > SIZE[0] / 2 - 1e-9),
+        "end": (2, lambda x: np.isclose(x[0], SIZE[0])),
+    }
+    mesh = parts.box((4, 4, 2), SIZE, groups=groups)
+    materials = {"steel": ao.Solid(**parts.STEEL), "light": ao.Solid(**parts.ALUMINIUM)}
+    part = ao.Structure(mesh, materials, [ao.Support("left")])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        result = ao.impact_map(part, "end", radius=0.01)
+    expected = materials["light"].half_space_compliance(1.0) / 0.01
+    np.testing.assert_allclose(result.local_compliance, expected)
+
+
+def test_sites_that_are_not_good_enough_are_extracted(steel):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        rough = ao.impact_map(steel, "end", n=12, modes=8, accuracy=1e9, band=6e4)
+        fine = ao.impact_map(steel, "end", n=12, modes=8, accuracy=1e-3, band=6e4)
+    assert not rough.direct.any()
+    assert fine.direct.any()
+    assert np.all(fine.error[fine.direct] < rough.error[fine.direct])
+    i = int(np.flatnonzero(fine.direct)[0])
+    direct = ao.extract(steel, at(steel, "end", i), n=60)
+    error = stiffness_error(
+        fine.model(i).dynamic_stiffness, direct.dynamic_stiffness, 6e4, direct.omega[0]
+    )
+    assert error <= fine.error[i]
+
+
+def test_impacts_are_single_impacts(steel):
+    ball, law = ao.RigidMass(mass=0.05, velocity=1.0), ao.Hertz(1e10)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        result = ao.impact_map(steel, "end", ball, law, 4e-4)
+    for i in (0, 5):
+        hit = ao.simulate(result.model(i), ball, law, 4e-4)
+        assert result.peak_force[i] == pytest.approx(hit.peak_force, rel=1e-3)
+        assert result.contact_time[i] == pytest.approx(hit.contact_time, rel=1e-3)
+        assert result.peak_deflection[i] == pytest.approx(hit.displacement.max(), rel=1e-3)
+
+
+def test_files(mapped, tmp_path):
+    read = meshio.read(mapped.write(tmp_path / "map.vtu"))
+    np.testing.assert_allclose(read.points, mapped.points)
+    np.testing.assert_allclose(read.point_data["k0"], mapped.models.k0)
+    assert len(read.cells_dict["triangle"]) == len(mapped.elements) > 30
+    assert mapped.plot(tmp_path / "map.png", "k0").stat().st_size > 5000
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["map.png", "map.vtu"]
+    with pytest.raises(ao.InputError, match="quantity must be one of"):
+        mapped.plot(tmp_path / "no.png", "peak_force")
+    with pytest.raises(ao.InputError, match="cannot write the map"):
+        mapped.write(tmp_path / "none" / "map.vtu")
+
+
+def test_sites_on_supports_are_counted(steel, mapped):
+    assert mapped.skipped == 5  # the edge of the top that is clamped
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        ao.impact_map(steel, "top", accuracy=1e9)
+    messages = " ".join(str(warning.message) for warning in said)
+    assert "5 of 35 sites are left out" in messages
+    assert "give the site a radius" in messages
+    with (
+        pytest.raises(ao.InputError, match="no site of the map can move"),
+        pytest.warns(UserWarning, match="give the site a radius"),
+    ):
+        ao.impact_map(steel, "left")
+
+
+def test_given_points(steel):
+    points = [(0.1, 0.03, 0.03), (0.07, 0.05, 0.03)]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        result = ao.impact_map(steel, points, direction=(0, 0, -1), radius=0.02, modes=25)
+        direct = ao.extract(steel, ao.Site(points[1], (0, 0, -1), radius=0.02))
+    assert result.models.k0[1] == pytest.approx(direct.k0, rel=1e-9)
+    assert result.local_compliance[1] == pytest.approx(direct.local_compliance, rel=1e-12)
+    assert result.model(1).radius == 0.02
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"where": "none"}, "has no group 'none'"),
+        ({"where": []}, "points need the direction"),
+        ({"where": [], "direction": (0, 0, 1)}, "at least one point"),
+        ({"direction": (0, 0, 0)}, "direction must not be the zero vector"),
+        ({"n": 0}, "n must be a whole number >= 1"),
+        ({"radius": -1.0}, "radius must be > 0"),
+        ({"modes": 5, "band": 1e9}, "must end below the last of 5 free modes"),
+        (
+            {"impactor": ao.RigidMass(1.0, 1.0)},
+            "impacts need all of impactor, contact and duration",
+        ),
+    ],
+)
+def test_bad_input(steel, options, words):
+    warnings.simplefilter("ignore", UserWarning)
+    with pytest.raises(ao.InputError, match=words):
+        ao.impact_map(steel, **{"where": "top", **options})
+
+
+def test_an_empty_group():
+    middle = SIZE[0] / 2
+    groups = {"left": (2, lambda x: np.isclose(x[0], 0)), "cut": (2, lambda x: x[0] == middle)}
+    mesh = parts.box((2, 2, 2), SIZE, groups=groups)
+    part = ao.Structure(mesh, ao.Solid(**parts.STEEL), supports=[ao.Support("left")])
+    with pytest.raises(ao.InputError, match="'cut' holds no outer faces"):
+        ao.impact_map(part, "cut")
+
+
+@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
+def test_discs_on_a_sheet_are_those_of_single_sites(cell):
+    shell = ao.Structure(
+        parts.plate((6, 3), cell=cell),
+        ao.Shell(**parts.STEEL, thickness=0.01),
+        [ao.Support("left")],
+    )
+    ground = surface(shell, None)
+    push = np.tile([0.0, 0.6, -0.8], (len(ground.points), 1))
+    for radius in (0.01, 0.004):
+        found = located(shell, ground.points, push, np.full(len(push), radius))
+        inner = np.flatnonzero(found.share > 0.999)
+        assert len(inner) == 5 * 2  # the others lie on the edge
+        for i in inner[::3]:
+            site = functional(shell, ao.Site(ground.points[i], push[i], radius=radius))
+            off = found.loads[:, i].toarray()[:, 0] - site.b
+            assert np.linalg.norm(off) < 1e-12 * np.linalg.norm(site.b)
+
+
+def test_a_shell_map():
+    shell = ao.Structure(
+        parts.plate((6, 3)), ao.Shell(**parts.STEEL, thickness=0.01), [ao.Support("left")]
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        result = ao.impact_map(shell, direction=(0, 0, -1), modes=25, n=10)
+        inner = np.flatnonzero(np.abs(result.points[:, 1] - 0.03) < 0.02)
+        i = int(inner[np.argmax(result.points[inner, 0] * (result.points[inner, 0] < 0.19))])
+        direct = ao.extract(shell, ao.Site(result.points[i], (0, 0, -1)), n=40)
+    model = result.model(i)
+    assert model.radius == direct.radius == 0.01
+    assert model.local_compliance == pytest.approx(direct.local_compliance, rel=1e-12)
+    assert model.k0 == pytest.approx(direct.k0, rel=1e-9)
+    error = stiffness_error(
+        model.dynamic_stiffness, direct.dynamic_stiffness, result.band, direct.omega[0]
+    )
+    assert error <= 1.02 * result.error[i]
+
+
+def test_shells_and_matrices_say_what_they_need(steel):
+    matrices = ao.Structure.from_matrices(np.diag([1.0, 2.0]), np.eye(2))
+    with pytest.raises(ao.InputError, match="a map needs a mesh"):
+        ao.impact_map(matrices)
+    plate = parts.plate()
+    shell = ao.Structure(plate, ao.Shell(**parts.STEEL, thickness=0.01))
+    with pytest.raises(ao.InputError, match="shells and beams have no outside"):
+        ao.impact_map(shell)
