@@ -43,7 +43,10 @@ INNER = {
     *("rotary_inertia",),
 }
 #: What functions return: antiosc alone makes them.
-RESULTS = {"Advice", "Batch", "BeamModes", "Energy", "History", "ImpactMap"}
+RESULTS = {
+    *("Advice", "Batch", "BeamModes", "Energy", "History", "ImpactMap"),
+    *("BodyHistory", "ContactHistory", "SceneHistory"),
+}
 #: Where NaN stands for "no such number", as the documentation says.
 NONE_IS_NAN = {"restitution", "error"}
 
@@ -133,7 +136,8 @@ def public() -> dict[str, Callable[..., Any]]:
 
 def is_fem(name: str) -> bool:
     """Whether the function, or the class of the method, needs the finite-element packages."""
-    return name.partition(".")[0] in ao._FEM
+    module = ao._MODULES.get(name.partition(".")[0], "")
+    return module.startswith(("antiosc.fem", "antiosc.maps"))
 
 
 def _of_class(kind: type) -> dict[str, Callable[..., Any]]:
@@ -218,6 +222,17 @@ def inertia() -> Any:
     return ao.Inertia((0, 0, 0), np.eye(6), np.ones((3, 6)))
 
 
+def scene() -> Any:
+    return ao.Scene(
+        {"part": model(), "ball": sphere()}, [ao.Contact("part", "ball", ao.Linear(1e6))]
+    )
+
+
+@functools.cache
+def scene_history() -> Any:
+    return scene().run(1e-3)
+
+
 def saved() -> str:
     model().save("sound.npz")
     return "sound.npz"
@@ -290,6 +305,17 @@ OWN: dict[str, dict[str, Any]] = {
     "Inertia": {"point": (0, 0, 0), "matrix": np.eye(6), "momentum": np.ones((2, 6))},
     "Inertia.along": {"momentum": np.ones((2, 6))}, "Inertia.moved": {"about": (0, 0, 1)},
     "Motion.at": {"inertia": inertia},
+    "Base": {"times": [0.0, 1e-3], "accelerations": [0.0, 1.0]},
+    "Load": {"end": "part", "times": [0.0, 1e-3], "forces": [0.0, 1.0]},
+    "Contact": {"a": "part", "b": "ball", "law": lambda: ao.Linear(1e6)},
+    "Scene": {
+        "bodies": lambda: {"part": model(), "ball": sphere()},
+        "contacts": lambda: [ao.Contact("part", "ball", ao.Linear(1e6))],
+    },
+    "Scene.run": {"max_steps": 20_000},
+    "RigidBody": {"inertia": np.eye(3), "sites": {"foot": ((0, 0, 0), (0, 0, 1))}},
+    "SiteModes": {"b": [[0.5, 0.1], [0.4, 0.2]], "sites": ["foot", "tip"]},
+    "BodyHistory.displacement": {"direction": (0, 0, 1)},
     "Spring": {"stiffness": {"z": 1e5}}, "Support": {"where": "clamp"},
     "Damping": {"ratio": 0.01, "alpha": 1.0, "beta": 1e-6}, "Section.circle": {"d": 0.02},
     "Section.tube": {"d": 0.02, "t": 1e-3}, "sweep": {"mass": [1.0, 2.0]},
@@ -323,6 +349,9 @@ SELVES: dict[str, Callable[[], Any]] = {
     "Obstacle": lambda: ao.Obstacle(), "Impactor": lambda: ao.Impactor(model()),
     "Hertz": lambda: ao.Hertz(1e9),
     "ModalBody": lambda: model().modal(), "Damping": lambda: ao.Damping(0.01), "Layer": lambda: PLY,
+    "Scene": scene, "SceneHistory": scene_history,
+    "BodyHistory": lambda: scene_history().bodies["part"],
+    "ContactHistory": lambda: scene_history()["part", "ball"],
     "Inertia": inertia, "Motion": lambda: ao.Motion((0, 0, 1.0)),
     "PointMass": lambda: ao.PointMass((0, 0, 0), 1.0),
     "SupportedPlate": lambda: plates.SupportedPlate(70e9, 0.3, 2700.0, 2e-3, 0.3, 0.2),
