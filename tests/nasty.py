@@ -223,8 +223,9 @@ def inertia() -> Any:
 
 
 def scene() -> Any:
+    block = ao.RigidBody(0.1, np.full(3, 1e-4), {"foot": ((0, 0, 0.01), (0, 0, -1))})
     return ao.Scene(
-        {"part": model(), "ball": sphere()}, [ao.Contact("part", "ball", ao.Linear(1e6))]
+        {"part": block, "ball": sphere()}, [ao.Contact("part:foot", "ball", ao.Linear(1e6))]
     )
 
 
@@ -351,7 +352,7 @@ SELVES: dict[str, Callable[[], Any]] = {
     "ModalBody": lambda: model().modal(), "Damping": lambda: ao.Damping(0.01), "Layer": lambda: PLY,
     "Scene": scene, "SceneHistory": scene_history,
     "BodyHistory": lambda: scene_history().bodies["part"],
-    "ContactHistory": lambda: scene_history()["part", "ball"],
+    "ContactHistory": lambda: scene_history()["part:foot", "ball"],
     "Inertia": inertia, "Motion": lambda: ao.Motion((0, 0, 1.0)),
     "PointMass": lambda: ao.PointMass((0, 0, 0), 1.0),
     "SupportedPlate": lambda: plates.SupportedPlate(70e9, 0.3, 2700.0, 2e-3, 0.3, 0.2),

@@ -83,27 +83,39 @@ class SiteModes:
         decay = checks.array("decay", decay, (omega.size,))
         if np.any(decay < 0):
             raise InputError("decay must be >= 0: negative damping feeds energy in.")
-        if isinstance(self.sites, Mapping):
-            sites = {str(name): tuple(int(i) for i in c) for name, c in self.sites.items()}
-        else:
-            sites = {str(name): (i,) for i, name in enumerate(self.sites)}
-        for name, columns in sites.items():
-            if not 1 <= len(columns) <= 3 or not all(0 <= i < count for i in columns):
-                raise InputError(
-                    f"site {name!r} must have one to three of the {count} columns of b;"
-                    f" got {columns}."
-                )
+        sites = _columns_of_sites(self.sites, count)
         for name, value in (("omega", omega), ("b", b), ("r", r), ("decay", decay)):
             object.__setattr__(self, name, value)
         object.__setattr__(self, "sites", sites)
         if self.directions is not None:
             directions = checks.array("directions", self.directions, (count, 3))
             object.__setattr__(self, "directions", _unit("directions", directions))
+        if self.inertia is not None:
+            checks.instance("inertia", self.inertia, Inertia, "an Inertia")
         if self.inertia is not None and len(self.inertia.momentum) != omega.size:
             raise InputError(
                 f"inertia.momentum needs one row for each of the {omega.size} modes;"
                 f" got {len(self.inertia.momentum)}."
             )
+
+
+def _columns_of_sites(sites: Any, count: int) -> dict[str, tuple[int, ...]]:
+    """Columns of each site; one column each where names alone are given."""
+    kinds = (Mapping, list, tuple)
+    checks.instance("sites", sites, kinds, "a list of names, or a dict {name: columns of b}")
+    named = sites.items() if isinstance(sites, Mapping) else zip(sites, range(count), strict=False)
+    found = {}
+    for name, columns in named:
+        found[checks.text("the name of a site", name)] = tuple(
+            checks.whole(f"a column of site {name!r}", i, least=0, most=count - 1)
+            for i in checks.column(f"columns of site {name!r}", columns).tolist()
+        )
+    if len(found) != len(sites) or any(not 1 <= len(c) <= 3 for c in found.values()):
+        raise InputError(
+            f"each site has one to three of the {count} columns of b, and a name of its own;"
+            f" got {checks.shown(sites)}."
+        )
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +147,7 @@ class RigidBody:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "mass", checks.positive("mass", self.mass, "kg"))
-        tensor = np.asarray(self.inertia, dtype=float)
+        tensor = checks.array("inertia", self.inertia, None)
         tensor = np.diag(tensor) if tensor.shape == (3,) else tensor
         tensor = checks.array("inertia", tensor, (3, 3))
         size = np.abs(tensor).max()
@@ -147,9 +159,15 @@ class RigidBody:
         object.__setattr__(self, "inertia", tensor)
         object.__setattr__(self, "centre", checks.array("centre", self.centre, (3,)))
         sites = {}
-        for name, (point, direction) in self.sites.items():
-            at = checks.array(f"point of site {name!r}", point, (3,))
-            along = checks.array(f"direction of site {name!r}", direction, (1, 3)[1:])
+        checks.instance("sites", self.sites, Mapping, "a dict {name: (point, direction)}")
+        for name, site in self.sites.items():
+            checks.text("the name of a site", name)
+            if not isinstance(site, tuple | list) or len(site) != 2:
+                raise InputError(
+                    f"site {name!r} must be (point, direction); got {checks.shown(site)}."
+                )
+            at = checks.array(f"point of site {name!r}", site[0], (3,))
+            along = checks.array(f"direction of site {name!r}", site[1], (3,))
             sites[str(name)] = (at, _unit(f"direction of site {name!r}", along[None])[0])
         object.__setattr__(self, "sites", sites)
 

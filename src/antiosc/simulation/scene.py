@@ -23,7 +23,9 @@ from numpy.typing import ArrayLike, NDArray
 from antiosc import checks
 from antiosc.contact import ContactLaw
 from antiosc.errors import InputError
+from antiosc.models.modal import checked_body
 from antiosc.models.motion import Motion
+from antiosc.simulation.bodies import RigidBody, SiteModes
 
 Array = NDArray[np.float64]
 
@@ -57,17 +59,10 @@ class Contact:
 
     def __post_init__(self) -> None:
         for name in ("a", "b"):
-            if not isinstance(getattr(self, name), str):
-                raise InputError(
-                    f'an end of a contact is "body" or "body:site"; got {getattr(self, name)!r}.'
-                )
+            checks.text(f"end {name}, as 'body' or 'body:site',", getattr(self, name))
         if self.a == self.b:
             raise InputError(f"the ends of a contact must differ; got {self.a!r} twice.")
-        if not isinstance(self.law, ContactLaw):
-            raise InputError(
-                f"the law of contact {self.a!r}, {self.b!r} must be a ContactLaw such as"
-                f" Hertz(stiffness); got {type(self.law).__name__}."
-            )
+        checks.instance("law", self.law, ContactLaw, "a ContactLaw such as Hertz(stiffness)")
         if self.gap is not None:
             object.__setattr__(self, "gap", checks.nonnegative("gap", self.gap, "m"))
         object.__setattr__(self, "friction", checks.nonnegative("friction", self.friction))
@@ -93,6 +88,7 @@ class Load:
     forces: Array
 
     def __post_init__(self) -> None:
+        checks.text("end, as 'body' or 'body:site',", self.end)
         times, forces = _series(f"load on {self.end!r}", self.times, self.forces)
         object.__setattr__(self, "times", times)
         object.__setattr__(self, "forces", checks.array("forces", forces, (times.size,)))
@@ -130,7 +126,7 @@ def _series(name: str, times: ArrayLike, values: ArrayLike) -> tuple[Array, Arra
     t = checks.array(f"times of {name}", times, (None,))
     if not t.size or np.any(np.diff(t) <= 0):
         raise InputError(f"the times of {name} must ascend; give at least one.")
-    return t, np.asarray(values, dtype=float)
+    return t, checks.array(f"values of {name}", values, None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,13 +166,23 @@ class Scene:
     preload: bool = False
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "bodies", dict(self.bodies))
-        object.__setattr__(self, "contacts", tuple(self.contacts))
-        object.__setattr__(self, "loads", tuple(self.loads))
-        object.__setattr__(self, "motion", dict(self.motion))
-        for name in self.bodies:
-            if not isinstance(name, str) or ":" in name or not name:
+        for each in ("bodies", "motion"):
+            value = getattr(self, each)
+            checks.instance(each, value, Mapping, "a dict with the names of bodies")
+            checks.store(self, **{each: dict(value)})
+        for each, what in (("contacts", "Contact"), ("loads", "Load")):
+            value = getattr(self, each)
+            checks.instance(each, value, (list, tuple), f"a list of {what} objects")
+            checks.store(self, **{each: tuple(value)})
+        checks.flag("preload", self.preload)
+        for name, body in self.bodies.items():
+            if ":" in checks.text("a body's name", name):
                 raise InputError(f"a body's name is a text without ':'; got {name!r}.")
+            if not isinstance(body, RigidBody | SiteModes):
+                checked_body(f"body {name!r}", body)
+        for name, motion in self.motion.items():
+            if not isinstance(motion, Motion):
+                checks.number(f"motion of {name!r}, if no Motion,", motion, "m/s")
         if not self.contacts:
             raise InputError("a scene needs at least one Contact.")
         for kind, entries in ((Contact, self.contacts), (Load, self.loads)):
@@ -188,11 +194,11 @@ class Scene:
                     )
         if self.base is not None and not isinstance(self.base, Base):
             raise InputError(f"base must be a Base; got {type(self.base).__name__}.")
-        if np.ndim(self.gravity):
+        if isinstance(self.gravity, Sequence | np.ndarray):
             vector = checks.array("gravity", self.gravity, (3,))
-            object.__setattr__(self, "gravity", tuple(vector.tolist()))
+            checks.store(self, gravity=tuple(vector.tolist()))
         else:
-            object.__setattr__(self, "gravity", checks.number("gravity", self.gravity, "m/s^2"))
+            checks.store(self, gravity=checks.number("gravity", self.gravity, "m/s^2"))
         ends = [(c.a, c.b) for c in self.contacts]
         if len(set(ends)) < len(ends):
             raise InputError("two contacts have the same ends; give each pair of sites once.")

@@ -116,6 +116,7 @@ class BodyHistory:
         return np.asarray((self.q[:, 3:] / np.sqrt(moments)) @ axes.T)
 
     def _row(self, site: str, direction: ArrayLike | None) -> Array:
+        checks.instance("site", site, str, "the name of a site")
         name = self.placed.name
         _, found = find(f"{name}:{site}" if site else name, {name: self.placed})
         line = None if direction is None else checks.array("direction", direction, (3,))
