@@ -34,8 +34,8 @@ PLY = ao.Layer(
 FOAM = ao.Layer.isotropic(E=75e6, nu=0.3, rho=80.0, thickness=20e-3)
 ACROSS = {"E": PLY.E2, "nu": 0.3}  # of the plies, under the ball
 
-CARBON = ao.Laminate([PLY.turned(a) for a in (0, 45, -45, 90, 90, -45, 45, 0)])
-FACE = [PLY.turned(a) for a in (45, -45)]
+CARBON = ao.Laminate([PLY.rotated(a) for a in (0, 45, -45, 90, 90, -45, 45, 0)])
+FACE = [PLY.rotated(a) for a in (45, -45)]
 SANDWICH = ao.Laminate([*FACE, FOAM, *FACE[::-1]])
 SHEET = ao.Shell(**ALUMINIUM, thickness=CARBON.section.I0 / ALUMINIUM["rho"])
 PANELS = {"aluminium": SHEET, "carbon": CARBON, "sandwich": SANDWICH}

@@ -285,7 +285,7 @@ COMMON: dict[str, Any] = {
 
 BY_MAKER: dict[str, Callable[[], Any]] = {
     "beam": beam, "impactor": sphere, "body": model, "contact": lambda: ao.Hertz(1e9),
-    "section": lambda: ao.Section(1e-4, 1e-9), "layers": lambda: [PLY, PLY.turned(90)],
+    "section": lambda: ao.Section(1e-4, 1e-9), "layers": lambda: [PLY, PLY.rotated(90)],
     "mesh": mesh, "material": lambda: ao.Solid(70e9, 0.3, 2700.0), "structure": part,
     "history": struck_part, "run": lambda: run, "model": model, "hits": history,
     "models": model, "impactors": sphere, "contacts": lambda: ao.Hertz(1e9),

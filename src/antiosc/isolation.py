@@ -30,7 +30,7 @@ def restored() -> Iterator[None]:
     levels = {name: _level(name) for name in LOGGERS}
     environment = dict(os.environ)
     flags = sys.getdlopenflags()
-    place = locale.setlocale(locale.LC_ALL)
+    former = locale.setlocale(locale.LC_ALL)
     path = list(sys.path)
     sys.path.extend(entry for entry in _appended if entry not in path)
     try:
@@ -51,7 +51,7 @@ def restored() -> Iterator[None]:
             if os.environ.get(name) != value:
                 os.environ[name] = value
         sys.setdlopenflags(flags)
-        locale.setlocale(locale.LC_ALL, place)
+        locale.setlocale(locale.LC_ALL, former)
 
 
 def _level(name: str) -> int | None:

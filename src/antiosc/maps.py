@@ -337,13 +337,13 @@ def _refined(
     omega, m = models.omega.copy(), models.m.copy()
     k0, m0, m_st, error = models.k0.copy(), models.m0.copy(), models.m_st.copy(), error.copy()
     n = m.shape[1]
-    places = [Functional(b) for b in sites.loads[:, worst].toarray().T]
-    statics = static_modes(structure, places)
+    targets = [Functional(b) for b in sites.loads[:, worst].toarray().T]
+    statics = static_modes(structure, targets)
     counts = [wanted(static, n) for static in statics]
-    found = by_krylov(structure, places, statics, counts, bands.UNSEEN, band, 0.0)
+    found = by_krylov(structure, targets, statics, counts, bands.UNOBSERVABLE, band, 0.0)
     for i, static, (modes, remainder) in zip(worst, statics, found, strict=True):
         known = lumped(structure, static, modes)
-        kept = oscillators(known, n, bands.UNSEEN)
+        kept = oscillators(known, n, bands.UNOBSERVABLE)
         assert remainder is not None  # there is a band
         bound = error_bound(structure, known, remainder, kept, band)
         if bound >= error[i]:

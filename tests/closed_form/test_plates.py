@@ -57,11 +57,11 @@ def test_observable_frequencies_are_counted():
     seen = SQUARE.observable(0.5, 0.5, 4)
     assert seen.modes.tolist() == [1, 2, 1, 2]
     assert seen.omega[1] / seen.omega[0] == pytest.approx(5)
-    # below (1, 5): 2·(1,2) (2,2) 2·(2,3) 2·(1,4) 2·(2,4) 2·(3,4): six frequencies unseen
-    assert seen.unseen == 6
+    # below (1, 5): 2·(1,2) (2,2) 2·(2,3) 2·(1,4) 2·(2,4) 2·(3,4): six unobservable frequencies
+    assert seen.unobservable == 6
     everywhere = SQUARE.observable(0.35, 0.3, 4)
     assert everywhere.modes.tolist() == [1, 2, 1, 2]
-    assert everywhere.unseen == 0
+    assert everywhere.unobservable == 0
 
 
 def test_mindlin_tends_to_kirchhoff():

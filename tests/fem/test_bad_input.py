@@ -264,10 +264,10 @@ def test_supports():
     with refused(r"the support by function .* holds nothing: no point of the mesh lies there"):
         ao.Structure(mesh, SOLID, [ao.Support(lambda x: x[0] > 1)])
     with refused(
-        r"fix='rx' is not a motion of this structure: it must be 'all' or of 'x', 'y', 'z'"
+        r"fix='rx' is not a component of this structure: it must be 'all' or of 'x', 'y', 'z'"
     ):
         ao.Structure(mesh, SOLID, [ao.Support("left", "rx")])
-    with refused(r"fix=\(\) is not a motion"):
+    with refused(r"fix=\(\) is not a component"):
         ao.Structure(mesh, SOLID, [ao.Support("left", ())])
     with refused(r"must return one bool per point: shape \(225,\); got \(\)"):
         ao.Structure(mesh, SOLID, [ao.Support(lambda x: True)])

@@ -288,7 +288,7 @@ class TestConvergence:
         def go(h):
             level = round(np.log2(1 / h))
             return SimpleNamespace(
-                h=h, diverged=level in diverged, evaluations=int(10 / h), contacts=[], trouble=""
+                h=h, diverged=level in diverged, evaluations=int(10 / h), contacts=[], failure=""
             )
 
         pairs = []

@@ -35,7 +35,7 @@ TERMS = 2000
 #: Natural frequencies closer than this (relatively) are one repeated frequency.
 SAME = 1e-9
 #: Share of the largest b² below which the point cannot see a frequency.
-UNSEEN = 1e-12
+UNOBSERVABLE = 1e-12
 #: What a plate is made of, beside Poisson's ratio.
 UNITS = {"E": "Pa", "rho": "kg/m³", "thickness": "m", "a": "m", "b": "m"}
 #: Most modes of one point, and most terms of a double series in each direction.
@@ -54,7 +54,7 @@ class Observable(NamedTuple):
     #: modes that share each frequency and move the point (n,)
     modes: NDArray[np.intp]
     #: frequencies below the last one that the point cannot see
-    unseen: int
+    unobservable: int
 
 
 @dataclass(frozen=True)
@@ -150,7 +150,7 @@ class SupportedPlate:
             omega, b2 = omega[keep][order], b2[keep][order]
             start = np.flatnonzero(np.diff(omega, prepend=-np.inf) > SAME * omega)
             sums = np.add.reduceat(b2, start)
-            moving = b2 > UNSEEN * b2.max()
+            moving = b2 > UNOBSERVABLE * b2.max()
             modes = np.add.reduceat(moving.astype(np.intp), start)
             seen = np.flatnonzero(modes > 0)
             if len(seen) >= n:

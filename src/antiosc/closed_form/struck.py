@@ -1,6 +1,6 @@
 """A uniform beam on any end supports, struck at any point: its exact anti-oscillators and modes.
 
-Nothing is discretised. The eigenfrequencies of the beam, free at the site and pinned there, are
+Nothing is discretised. Its eigenfrequencies, with the site free and with the site constrained, are
 counted by Wittrick and Williams's rule, so that none is missed, and bracketed by bisection. The
 observable ones are the zeros and the poles of the driving-point dynamic stiffness Z; one Newton
 step brings them to rounding, with the slope of Z from the integral of the response:
@@ -178,13 +178,13 @@ class StruckBeam:
     def natural_frequencies(self, n: int) -> Floats:
         """The first n natural frequencies > 0 in rad/s, those with a node at the site included."""
         n = checks.whole("n", n, most=MOST)
-        return np.sqrt(self._eigenvalues(n, pinned=False)) * self.beam.omega_unit
+        return np.sqrt(self._eigenvalues(n, constrained=False)) * self.beam.omega_unit
 
     @checks.within_range
     def antiresonances(self, n: int) -> Floats:
-        """The first n > 0 of the beam pinned at the site, in rad/s, the unobservable included."""
+        """The first n > 0 with the site constrained, in rad/s, the unobservable ones included."""
         n = checks.whole("n", n, most=MOST)
-        return np.sqrt(self._eigenvalues(n, pinned=True)) * self.beam.omega_unit
+        return np.sqrt(self._eigenvalues(n, constrained=True)) * self.beam.omega_unit
 
     # ---- the models ----------------------------------------------------------------------------
 
@@ -240,8 +240,8 @@ class StruckBeam:
         r, residual = 0.0, np.zeros(len(points))
         if static_correction:
             r, residual = self._compliance(points)
-            held = b[rigid:] / omega[rigid:] ** 2
-            r, residual = r - held @ b[rigid:], residual - held @ shapes[rigid:]
+            modal = b[rigid:] / omega[rigid:] ** 2
+            r, residual = r - modal @ b[rigid:], residual - modal @ shapes[rigid:]
         hidden, carried = self._hidden(points)
         inertia = self._inertia(np.vstack((carried, moved)))
         return BeamModes(
@@ -431,7 +431,7 @@ class StruckBeam:
         shape = np.empty(0) if x is None else self._state(Omega, c, x / self.beam.length)[0]
         return _Response(at_site if force else reaction, mass, moved, shape)
 
-    def _count(self, Omega: Floats, *, pinned: bool) -> NDArray[np.int64]:
+    def _count(self, Omega: Floats, *, constrained: bool) -> NDArray[np.int64]:
         """Number of eigenvalues below Ω, zero ones included (Wittrick-Williams)."""
         alpha, eta = self.beam.alpha, self.beam.eta
         segments = self._segments
@@ -442,11 +442,11 @@ class StruckBeam:
             part = slice(2 * s, 2 * s + 4)
             K[:, part, part] += waves.member_stiffness(Omega, alpha, eta, length)
             count += waves.clamped_count(Omega, alpha, eta, length)
-        held = {which for which in ENDS[self.left] if which < 2}
-        held |= {2 * nodes - 2 + which for which in ENDS[self.right] if which < 2}
-        if pinned:
-            held.add(0 if self.site == 0 else 2)
-        free = [dof for dof in range(2 * nodes) if dof not in held]
+        fixed = {which for which in ENDS[self.left] if which < 2}
+        fixed |= {2 * nodes - 2 + which for which in ENDS[self.right] if which < 2}
+        if constrained:
+            fixed.add(0 if self.site == 0 else 2)
+        free = [dof for dof in range(2 * nodes) if dof not in fixed]
         if not free:
             return count
         K = K[:, free][:, :, free]
@@ -454,26 +454,26 @@ class StruckBeam:
         d = 1 / np.sqrt(np.maximum(np.abs(K).max(axis=2), np.finfo(float).tiny))
         return count + np.sum(np.linalg.eigvalsh(K * d[:, :, None] * d[:, None, :]) < 0, axis=1)
 
-    def _eigenvalues(self, n: int, *, pinned: bool) -> Floats:
-        """The first n eigenvalues Ω > 0 of the beam, free or pinned at the site, by bisection."""
+    def _eigenvalues(self, n: int, *, constrained: bool) -> Floats:
+        """The first n eigenvalues Ω > 0 with the site free or constrained, by bisection."""
         rigid = self.rigid_modes
-        if pinned and rigid:  # one rigid motion less: the site sees every straight beam's
+        if constrained and rigid:  # one rigid motion less: the site sees every straight beam's
             rigid -= 1
         low = 0.1 / (1 + self.beam.alpha + self.beam.eta)
-        if self._count(np.array([low]), pinned=pinned)[0] != rigid:
+        if self._count(np.array([low]), constrained=constrained)[0] != rigid:
             raise AccuracyError(
                 f"the count of eigenvalues below Ω = {low:g} is not the number of rigid modes,"
                 f" {rigid}: the site is too close to an end for this beam."
             )
         high = 1e3 * low
-        while self._count(np.array([high]), pinned=pinned)[0] < n + rigid:
+        while self._count(np.array([high]), constrained=constrained)[0] < n + rigid:
             high *= 4
         # Bisection in Ω^(1/4), in which the spectrum is evenly spread.
         lo, hi = np.full(n, low**0.25), np.full(n, high**0.25)
         wanted = rigid + 1 + np.arange(n)
         while np.any(hi - lo > 1e-12 * hi):
             middle = (lo + hi) / 2
-            enough = self._count(middle**4, pinned=pinned) >= wanted
+            enough = self._count(middle**4, constrained=constrained) >= wanted
             lo, hi = np.where(enough, lo, middle), np.where(enough, middle, hi)
         return ((lo + hi) / 2) ** 4
 
@@ -481,7 +481,7 @@ class StruckBeam:
         """The first n observable poles and zeros of Z, as Ω: the two spectra, common ones out."""
         asked = 2 * n + 4
         while True:
-            poles, zeros = (self._eigenvalues(asked, pinned=p) for p in (True, False))
+            poles, zeros = (self._eigenvalues(asked, constrained=p) for p in (True, False))
             top = min(poles[-1], zeros[-1]) * (1 + SAME)
             poles, zeros = _unmatched(poles[poles <= top], zeros[zeros <= top])
             if min(len(poles), len(zeros)) >= n:

@@ -30,7 +30,7 @@ def compiler() -> Iterator[None]:
             yield
     except OSError as error:
         raise InputError(
-            f"compiled finite elements cannot be kept at {error.filename or 'their place'} "
+            f"compiled finite elements cannot be kept at {error.filename or 'their cache folder'} "
             f"({error.strerror or error}): set XDG_CACHE_HOME, or HOME, to a folder that can be "
             "written."
         ) from error

@@ -64,16 +64,16 @@ def probe(
     shapes = compat.with_ghosts(form.space, shapes)
     x, given = np.zeros(3), coordinates("point", point)
     x[: len(given)] = given
-    place = closest_point.closest(mesh, x)
+    nearest = closest_point.closest(mesh, x)
     values = None
-    if mesh.comm.rank == place.rank:
+    if mesh.comm.rank == nearest.rank:
         values = np.zeros((mesh.gdim, shapes.shape[1]))
         for axis, name in enumerate("xyz"[: mesh.gdim]):
             path = form.components[name]
-            dofs = compat.subspace(form.space, path).dofmap.cell_dofs(place.cell)
-            weights = compat.tabulate(form.space, path, place.X.reshape(1, -1))[0]
+            dofs = compat.subspace(form.space, path).dofmap.cell_dofs(nearest.cell)
+            weights = compat.tabulate(form.space, path, nearest.X.reshape(1, -1))[0]
             values[axis] = weights @ shapes[dofs]
-    values = mesh.comm.bcast(values, root=place.rank)
+    values = mesh.comm.bcast(values, root=nearest.rank)
     at = history.time if times is None else array("times", times, (None,))
     return _amplitudes(history, at, body) @ values.T
 

@@ -20,7 +20,7 @@ DAMPING = 0.01
 START = 0.25
 #: an anti-oscillator is not seen from the site when its share of |Z| at its own frequency, where it
 #: is largest, stays below this
-UNSEEN = 1e-8
+UNOBSERVABLE = 1e-8
 
 
 Stiffness = Callable[[Any], NDArray[Any]]

@@ -194,13 +194,13 @@ def residual(
 ) -> tuple[Array, Array]:
     """r and s (S,) of the modes left out; s = 0 where they have no mass, r = 0 where none is."""
     x = omega**2 + shift
-    held, heavy = b**2 @ (1 / x), b**2 @ (1 / x**2)
-    r = C - held
+    modal, heavy = b**2 @ (1 / x), b**2 @ (1 / x**2)
+    r = C - modal
     if np.any(r < -ROUNDING * C):
         worst = int(np.argmin(r / C))
         raise InputError(
             f"the modes alone are more compliant than the structure at site {worst}:"
-            f" {held[worst]:.6g} m/N against {C[worst]:.6g} m/N; give the static compliance of the"
+            f" {modal[worst]:.6g} m/N against {C[worst]:.6g} m/N; give the static compliance of the"
             " same structure and site."
         )
     r = np.where(r <= ROUNDING * C, 0.0, r)
@@ -283,7 +283,8 @@ def _batch(
         x = np.where(theta > 0, 1 / theta - shift, np.inf)
     real = np.isfinite(x) & (x > 0)
     rest = left + np.sum(np.where(real, 0.0, m), axis=1)
-    seen = bands.shares(k0, rest, np.where(real, m, 0.0), np.where(real, x, 1.0)) > bands.UNSEEN
+    share = bands.shares(k0, rest, np.where(real, m, 0.0), np.where(real, x, 1.0))
+    seen = share > bands.UNOBSERVABLE
     order = np.argsort(np.where(seen, x, np.inf), axis=1, kind="stable")
     x, m, seen = (np.take_along_axis(a, order, axis=1) for a in (x, m, seen))
     seen[:, n:] = False

@@ -298,7 +298,7 @@ def _solve(
             scene.duration,
             touched=bool(result.contacts),
             released=result.released,
-            trouble=_trouble(result, max_contacts, max_steps),
+            failure=_failure(result, max_contacts, max_steps),
             error=worst,
             tol=tol,
         )
@@ -306,7 +306,7 @@ def _solve(
     return results
 
 
-def _trouble(result: Result, max_contacts: int, max_steps: int) -> str:
+def _failure(result: Result, max_contacts: int, max_steps: int) -> str:
     """Why a scene stopped before its end, if it did."""
     if result.diverged:
         return "stopped: it gained energy at the step given; use a smaller one, or none"

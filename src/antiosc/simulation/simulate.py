@@ -196,7 +196,7 @@ def integrated(
         duration,
         touched=bool(trajectory.contacts),
         released=bool(trajectory.contacts) and trajectory.contacts[-1].released,
-        trouble=trajectory.trouble,
+        failure=trajectory.failure,
         error=max(error.values(), default=0.0),
         tol=tol,
     )
@@ -486,8 +486,8 @@ def _pressed(problem: Problem, mass: float, speed: float, state: State, high: fl
 
 def _stiffness(law: ContactLaw, delta: float, state: State) -> float:
     """Of the contact [N/m] at its deepest: loading, or unloading where that is stiffer."""
-    turned = law.advance(delta, 0.0, state)
-    slopes = law.tangent(delta, 0.0, state)[0], law.tangent((1 - 1e-9) * delta, 0.0, turned)[0]
+    unloading = law.advance(delta, 0.0, state)
+    slopes = law.tangent(delta, 0.0, state)[0], law.tangent((1 - 1e-9) * delta, 0.0, unloading)[0]
     return float(np.nan_to_num(max(slopes), posinf=0.0))
 
 
@@ -528,6 +528,6 @@ def _converge(
         if not coarse.diverged:
             control.update(*force_difference(coarse, fine))
         coarse, step = fine, finer
-        if control.reached and not fine.trouble:
+        if control.reached and not fine.failure:
             break
     return coarse, step, control.error

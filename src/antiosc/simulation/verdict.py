@@ -49,7 +49,7 @@ def judge(
     *,
     touched: bool,
     released: bool,
-    trouble: str,
+    failure: str,
     error: float,
     tol: float,
 ) -> Verdict:
@@ -59,11 +59,11 @@ def judge(
     ----------
     problem, duration : what was integrated, and for how long [s].
     touched, released : whether there was a contact, and whether the last one ended.
-    trouble : why the run stopped before its end, if it did.
+    failure : why the run stopped before its end, if it did.
     error, tol : estimated relative error of the force, and the one asked for.
     """
-    if trouble:
-        return Verdict(STOPPED, trouble[0].upper() + trouble[1:] + ".")
+    if failure:
+        return Verdict(STOPPED, failure[0].upper() + failure[1:] + ".")
     if not touched:
         return Verdict(COMPLETED, _never_touched(problem, duration), odd=True)
     cut = (
@@ -100,7 +100,7 @@ def _never_touched(problem: Problem, duration: float) -> str:
 
 
 def tell_all(verdicts: Sequence[Verdict]) -> None:
-    """One warning for each kind of trouble in a batch of runs, with the scenes that have it."""
+    """One warning for each kind of failure in a batch of runs, with the scenes that have it."""
     kinds: dict[tuple[int, bool], list[int]] = {}
     for i, one in enumerate(verdicts):
         if one.status or one.odd:

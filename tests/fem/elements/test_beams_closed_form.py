@@ -93,7 +93,7 @@ def test_stiffness_of_the_article_supported_beam():
     bending = 48 * BEAM.E * SECTION.I / LENGTH**3
     assert model.k0 == pytest.approx(bending, rel=2e-3)
     assert model.m.sum() / model.m_st == pytest.approx(0.86, abs=0.01)
-    assert model.info["modes_unseen"] >= 4
+    assert model.info["modes_unobservable"] >= 4
     assert meshed("pinned-free, tip", 50, 1).m.sum() / meshed(
         "pinned-free, tip", 50, 1
     ).m_st == pytest.approx(0.89, abs=0.01)

@@ -118,13 +118,13 @@ def test_a_ply_at_an_angle():
     """1/Ex = c⁴/E1 + (1/G12 − 2ν12/E1) s²c² + s⁴/E2 (Jones, eq. 2.97), and whole turns."""
     for angle in (0, 20, 45, 70, 90, 200):
         c, s = np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))
-        Q = PLY.turned(angle).plane_stress()
+        Q = PLY.rotated(angle).plane_stress()
         exact = c**4 / PLY.E1 + (1 / PLY.G12 - 2 * PLY.nu12 / PLY.E1) * (s * c) ** 2 + s**4 / PLY.E2
         assert np.linalg.inv(Q)[0, 0] == pytest.approx(exact, rel=1e-12)
     # fibres at +20°: stretching along 1 pulls them to shear of the positive sign
-    assert PLY.turned(20).plane_stress()[0, 2] > 0
-    assert PLY.turned(360 + 20).plane_stress() == pytest.approx(
-        PLY.turned(20).plane_stress(), rel=1e-12
+    assert PLY.rotated(20).plane_stress()[0, 2] > 0
+    assert PLY.rotated(360 + 20).plane_stress() == pytest.approx(
+        PLY.rotated(20).plane_stress(), rel=1e-12
     )
 
 
@@ -158,11 +158,11 @@ def test_which_stacks_have_sides():
         assert stacked(stack(angles, 1e-3)).has_sides is expected, angles
 
 
-def test_a_section_turned_over_is_its_stack_turned_over():
+def test_a_flipped_section_is_that_of_its_flipped_stack():
     """Listed from the other side, and about the same 0° all angles change sign."""
     layers = unsymmetric(2e-3)
-    here = stacked(layers).turned_over
-    there = stacked([p.turned(-p.angle) for p in layers[::-1]])
+    here = stacked(layers).flipped
+    there = stacked([p.rotated(-p.angle) for p in layers[::-1]])
     for name in ("A", "B", "D", "S", "I0", "I1", "I2"):
         one, other = np.asarray(getattr(here, name)), np.asarray(getattr(there, name))
         assert np.abs(one - other).max() < 1e-12 * np.abs(other).max(), name
@@ -242,7 +242,7 @@ def test_plates_have_naviers_frequencies(cell, h, angles, supports):
 def test_a_soft_core_leaves_no_spurious_mode():
     """What the quadrilaterals integrate in full must count with how soft in shear the stack is."""
     core = ao.Layer.isotropic(1e6, 0.3, 30.0, 20e-3)
-    face = [PLY.turned(a) for a in (0, 90)]
+    face = [PLY.rotated(a) for a in (0, 90)]
     layers = [*face, core, *face[::-1]]
     found = []
     for cell in CELLS:
@@ -274,23 +274,23 @@ def test_isotropic_layers_are_a_shell(cell):
 
 @pytest.mark.parametrize("cell", CELLS)
 def test_angles_count_from_the_axis_about_the_normal(cell):
-    """One ply at 30° is one at 0° on an axis turned by 30°; seen from below it lies at −30°."""
+    """One ply at 30° is one at 0° on an axis rotated by 30°; seen from below it lies at −30°."""
     mesh = rectangle(3, 1.0, 1.0, cell)
-    turned = (np.cos(np.pi / 6), np.sin(np.pi / 6), 0.7)  # its part off the sheet does not count
-    here = ao.Structure(mesh, ao.Laminate([PLY.turned(30)], axis=(2, 0, 0)))
+    rotated = (np.cos(np.pi / 6), np.sin(np.pi / 6), 0.7)  # its part off the sheet does not count
+    here = ao.Structure(mesh, ao.Laminate([PLY.rotated(30)], axis=(2, 0, 0)))
     for same in (
-        ao.Laminate([PLY], axis=turned),
-        ao.Laminate([PLY.turned(-30)], top=(0.5, 0, -1)),
-        ao.Laminate([PLY.turned(-60)], axis=(0, 1, 0)),
+        ao.Laminate([PLY], axis=rotated),
+        ao.Laminate([PLY.rotated(-30)], top=(0.5, 0, -1)),
+        ao.Laminate([PLY.rotated(-60)], axis=(0, 1, 0)),
     ):
         assert max(differ(ao.Structure(mesh, same), here)) < 1e-12
-    other = ao.Structure(mesh, ao.Laminate([PLY.turned(-30)]))
+    other = ao.Structure(mesh, ao.Laminate([PLY.rotated(-30)]))
     assert differ(other, here)[0] > 1e-3
 
 
 @pytest.mark.parametrize("cell", CELLS)
-def test_a_laminate_turned_in_space_keeps_its_frequencies(cell):
-    """Mesh and axis turned together; and the top of a stack listed from the other side."""
+def test_a_laminate_rotated_in_space_keeps_its_frequencies(cell):
+    """Mesh and axis rotated together; and the top of a stack listed from the other side."""
     R = np.linalg.qr(np.random.default_rng(2).standard_normal((3, 3)))[0]
     R *= np.linalg.det(R)
     layers = unsymmetric(0.05)
@@ -304,7 +304,7 @@ def test_a_laminate_turned_in_space_keeps_its_frequencies(cell):
 
     here = free(np.eye(3), layers=layers)
     there = free(R, layers=layers, axis=R[:, 0])
-    over = [p.turned(-p.angle) for p in layers[::-1]]
+    over = [p.rotated(-p.angle) for p in layers[::-1]]
     assert there == pytest.approx(here, rel=1e-8)
     assert free(np.eye(3), layers=over, top=(0, 0, -1)) == pytest.approx(here, rel=1e-8)
     assert free(np.eye(3), layers=over) != pytest.approx(here, rel=1e-3)
@@ -323,7 +323,7 @@ def test_opposite_normals(cell):
     )
     assert frequencies(settled, 3) == pytest.approx(frequencies(straight, 3), rel=1e-9)
     assert max(differ(ao.Structure(mesh, ao.Laminate(layers), SIMPLE), straight)) < 1e-12
-    # a stack that is itself, turned over, asks for nothing
+    # a stack that is itself when flipped, asks for nothing
     same, part = (ao.Structure(m, ao.Laminate(stack([45, -45], 0.05)), SIMPLE) for m in both)
     assert frequencies(part, 2) == pytest.approx(frequencies(same, 2), rel=1e-9)
 
@@ -360,7 +360,7 @@ def test_an_axis_as_a_function():
     mesh = sheet((2, 6), lambda s, v: (s, np.sin(2 * v), np.cos(2 * v)))
     layers = stack([10, 60], 0.02)
     hoop = ao.Laminate(layers, axis=lambda x: np.stack([0 * x[0], -x[2], x[1]]))
-    along = ao.Laminate([p.turned(p.angle - 90) for p in layers])
+    along = ao.Laminate([p.rotated(p.angle - 90) for p in layers])
     outward = {"top": lambda x: x * [[0], [1], [1]]}
     one, other = (ao.Structure(mesh, replace(lam, **outward)) for lam in (hoop, along))
     # S belongs to the axes: bending to a cylinder along 0° and along 90°

@@ -273,7 +273,7 @@ def test_more_rounds_deflate_what_is_known():
     site = ao.Site((0.12, 0.025, 0.02), (-1, 0, 0))  # in the middle of the end: few can be seen
     model = extract(structure, site, 15)
     assert model.n == 15
-    assert model.info["modes_unseen"] > 15
+    assert model.info["modes_unobservable"] > 15
     where = quiet(functional, structure, site)
     static = static_mode(structure, where)
     modes = ModeSolver(structure, where, static).lowest(model.info["modes_computed"])
@@ -361,7 +361,7 @@ def test_a_cross_of_equal_arms_has_repeated_modes():
     np.testing.assert_allclose(model.omega, quarter.omega, rtol=1e-8)
     np.testing.assert_allclose(model.m, 4 * quarter.m, rtol=1e-6)
     assert model.k0 == pytest.approx(4 * quarter.k0, rel=1e-9)
-    assert model.info["modes_unseen"] + model.info["modes_merged"] >= 8
+    assert model.info["modes_unobservable"] + model.info["modes_merged"] >= 8
 
 
 def test_a_free_square_bar_struck_obliquely_is_a_plane_beam():
@@ -376,7 +376,7 @@ def test_a_free_square_bar_struck_obliquely_is_a_plane_beam():
     np.testing.assert_allclose(oblique.m, flat.m, rtol=1e-5)
     assert oblique.m_st == pytest.approx(flat.m_st, rel=1e-9)
     assert oblique.k0 == flat.k0 == 0.0
-    assert oblique.info["modes_unseen"] > 6
+    assert oblique.info["modes_unobservable"] > 6
 
 
 def test_square_plate_at_its_centre():
@@ -397,7 +397,7 @@ def test_square_plate_at_its_centre():
         image = [key[turn(p)] for p in np.round(x / 0.2 * 1000).astype(int)]
         for psi in model.shapes[dofs].T:
             assert np.abs(psi[image] - psi).max() < 1e-4 * np.abs(psi).max()
-    assert model.info["modes_unseen"] > 2 * model.n
+    assert model.info["modes_unobservable"] > 2 * model.n
     assert M.shape[0] > 1000
 
 

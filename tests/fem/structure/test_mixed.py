@@ -173,7 +173,7 @@ def test_values_out_of_range():
         PointMass((0, 0, 0), 1.0, inertia=-1e-3)
     with pytest.raises(InputError, match="both are 0"):
         PointMass((0, 0, 0), 0.0)
-    with pytest.raises(InputError, match="'up' is none of them"):
+    with pytest.raises(InputError, match="'up' is not one of them"):
         Spring((0, 0, 0), {"up": 1.0})
     with pytest.raises(InputError, match="stiffness along z must be > 0"):
         Spring((0, 0, 0), {"z": 0.0})
@@ -207,7 +207,7 @@ def test_solids_have_no_rotations():
         dolfinx.mesh.create_box(MPI.COMM_WORLD, [np.zeros(3), np.ones(3)], [1, 1, 1])
     )
     with pytest.raises(
-        InputError, match="acts on rx, but the motions of this structure are x, y, z"
+        InputError, match="acts on rx, but the components of this structure are x, y, z"
     ):
         ao.Structure(mesh, solid, attached=[Spring((0, 0, 0), {"rx": 1.0})])
     plane = grouped(rectangle(1, 1, 1, gdim=2), lambda x: np.isclose(x[0], 0))

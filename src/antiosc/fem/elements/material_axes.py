@@ -2,8 +2,8 @@
 
 Layers are stacked along the normal of the cells, which the order of their nodes gives, or toward a
 stated `top`; on a plane mesh, whose cells' order says nothing, toward +z. Where a stack differs
-from itself turned over, cells with a common edge must have their normals on one side: nothing in
-the energy would tell that they have not.
+from itself seen from the other side, cells with a common edge must have their normals on one
+side: the energy alone does not show an error in this.
 """
 
 from __future__ import annotations
@@ -120,8 +120,8 @@ def _at(name: str, direction: Direction, x: Array) -> Array:
 
 def _refuse(bad: NDArray[np.bool_], x: Array, what: str, remedy: str) -> None:
     if bad.any():
-        place = ", ".join(f"{c:.4g}" for c in x[np.argmax(bad)].mean(axis=0))
-        raise InputError(f"{what} in {int(bad.sum())} cells, one at ({place}) m: {remedy}.")
+        at_point = ", ".join(f"{c:.4g}" for c in x[np.argmax(bad)].mean(axis=0))
+        raise InputError(f"{what} in {int(bad.sum())} cells, one at ({at_point}) m: {remedy}.")
 
 
 def shown_direction(direction: Direction) -> str:
@@ -161,7 +161,7 @@ def _check_neighbours(
     on_root(mesh.comm, work)
 
 
-def _compare(edges: IntArray, way: Array, has_sides: Any, stated: Any, places: Array) -> None:
+def _compare(edges: IntArray, way: Array, has_sides: Any, stated: Any, points: Array) -> None:
     order = np.lexsort((edges[:, 1], edges[:, 0]))
     edges = edges[order]
     first = np.flatnonzero(np.append(True, np.any(np.diff(edges, axis=0), axis=1)))
@@ -170,9 +170,10 @@ def _compare(edges: IntArray, way: Array, has_sides: Any, stated: Any, places: A
     concerned = has_sides[pairs].all(axis=0) & ~stated[pairs].all(axis=0)
     bad = concerned & (way[pairs].sum(axis=0) != 0)
     if bad.any():
-        place = ", ".join(f"{c:.4g}" for c in places[pairs[0, np.argmax(bad)]])
+        at_point = ", ".join(f"{c:.4g}" for c in points[pairs[0, np.argmax(bad)]])
         raise InputError(
-            f"neighbouring cells have opposite normals at {int(bad.sum())} edges, one at ({place}) "
-            "m, so that the laminate's top would change sides: turn those cells over in the mesh, "
+            f"neighbouring cells have opposite normals at {int(bad.sum())} edges, one at "
+            f"({at_point}) m, so that the laminate's top would change sides: reverse the node "
+            "order of those cells, "
             "or give Laminate(..., top=…), a direction on whose side the last layer lies."
         )

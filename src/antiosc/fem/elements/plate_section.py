@@ -90,7 +90,7 @@ class Layer:
         G = E / (2 * (1 + poisson(nu)))
         return cls(E, E, nu, G, G, G, rho, thickness)
 
-    def turned(self, angle: float) -> Layer:
+    def rotated(self, angle: float) -> Layer:
         """The same layer at another angle (degrees)."""
         return replace(self, angle=angle)
 
@@ -156,7 +156,7 @@ class PlateSection:
         return 12 * _over_angles(self.bending) / _over_angles(self.A)
 
     @property
-    def turned_over(self) -> PlateSection:
+    def flipped(self) -> PlateSection:
         """The section seen from the other side, with the same 0°: 90° and the normal reversed."""
         flip = np.diag([1.0, 1.0, -1.0])
         S = self.S * np.array([[1, -1], [-1, 1]])
@@ -172,7 +172,7 @@ class PlateSection:
     @property
     def has_sides(self) -> bool:
         """Whether top and bottom differ, so that the sign of the normal matters."""
-        over = self.turned_over
+        over = self.flipped
         scale = {"A": self.A, "B": self.A * self.thickness, "D": self.D, "S": self.S}
         differ = [
             np.abs(getattr(self, name) - getattr(over, name)).max() > 1e-9 * np.abs(size).max()

@@ -164,7 +164,7 @@ class Laminate(Sheet):
     top : sequence of 3 floats or function, optional
         On which side of the sheet the last layer lies. By default toward +z on a plane mesh, and
         in space on that of the cells' normals, which must then agree from cell to cell if the
-        stack differs from itself turned over.
+        stack is not symmetric about its middle.
 
     Angles count from the axis toward normal × axis, the normal pointing to the top. The element,
     its motions and its cells are `Shell`'s, and both may share a mesh, by group. `section` holds
@@ -350,9 +350,9 @@ def _areas(mesh: Mesh) -> Any:
     total = mesh.comm.allreduce(len(bad))
     error = None
     if len(bad):
-        place = ", ".join(f"{c:.6g}" for c in x[bad[0]].mean(axis=0))
+        at_point = ", ".join(f"{c:.6g}" for c in x[bad[0]].mean(axis=0))
         error = InputError(
-            f"{total} of {mesh.n_cells} {mesh.cell} cells have no area, one at ({place}) m: "
+            f"{total} of {mesh.n_cells} {mesh.cell} cells have no area, one at ({at_point}) m: "
             "mesh the sheet again, or remove them."
         )
     agree(mesh.comm, error)

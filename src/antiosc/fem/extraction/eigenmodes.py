@@ -46,7 +46,7 @@ CLOSE = 1e-8
 class Modes:
     """The lowest modes, ascending."""
 
-    #: circular frequencies (k,), rad/s: antiresonances of the site if it is pinned
+    #: circular frequencies (k,), rad/s: antiresonances of the site if it is constrained
     omega: Array
     #: M-orthonormal shapes on the rows of this rank (rows, k)
     phi: Array
@@ -66,7 +66,7 @@ class ModeSolver:
         self._structure = structure
         self._pin = None if site is None or static is None else (site.b, static)
         #: rigid-body modes that remain
-        self._rigid = structure.rigid_modes if static is None else static.still
+        self._rigid = structure.rigid_modes if static is None else static.nodal
         self.limit = structure.dofs - (self._pin is not None) - self._rigid.shape[1]
         self._rows = structure.K.getLocalSize()[0]
         self._found = Modes(np.zeros(0), np.zeros((self._rows, 0)), False)

@@ -73,7 +73,7 @@ def extract(
     site: Site | Sequence[Site],
     n: int | None = None,
     method: Method = "krylov",
-    tol: float = bands.UNSEEN,
+    tol: float = bands.UNOBSERVABLE,
     *,
     band: float | None = None,
     accuracy: float = 1e-3,
@@ -128,7 +128,7 @@ def extract(
     flag("shapes", shapes)
     wish = _wish(structure, n, method, tol, band, accuracy)
     started = time.perf_counter()
-    places = functionals(structure, sites)
+    targets = functionals(structure, sites)
     factored = "factorization" in structure.seconds
     structure.factorization  # noqa: B018  (timed on its own)
     spent = time.perf_counter() - started
@@ -136,10 +136,10 @@ def extract(
         spent -= structure.seconds["factorization"]
     models: list[AntiOscillators] = []
     width = _together(structure, wish)
-    for first in range(0, len(places), width):
-        models += _extracted(structure, places[first : first + width], wish, shapes, spent)
-        if len(places) > width:
-            log.info("extracted %d of %d sites", len(models), len(places))
+    for first in range(0, len(targets), width):
+        models += _extracted(structure, targets[first : first + width], wish, shapes, spent)
+        if len(targets) > width:
+            log.info("extracted %d of %d sites", len(models), len(targets))
     return models[0] if isinstance(site, Site) else models
 
 
@@ -194,29 +194,29 @@ def _together(structure: Structure, wish: _Wish) -> int:
 
 
 def _extracted(
-    structure: Structure, places: list[Functional], wish: _Wish, shapes: bool, spent: float
+    structure: Structure, targets: list[Functional], wish: _Wish, shapes: bool, spent: float
 ) -> list[AntiOscillators]:
     """The models of a few sites."""
     started = time.perf_counter()
-    statics = static_modes(structure, places)
+    statics = static_modes(structure, targets)
     if wish.method == "krylov":
         counts = [wanted(static, wish.n) for static in statics]
         found = by_krylov(
-            structure, places, statics, counts, wish.tol, wish.band, AIM * wish.accuracy
+            structure, targets, statics, counts, wish.tol, wish.band, AIM * wish.accuracy
         )
     else:
-        found = [_observable(structure, places[0], statics[0], wish)]
+        found = [_observable(structure, targets[0], statics[0], wish)]
     models: list[AntiOscillators] = []
-    for where, static, (modes, remainder) in zip(places, statics, found, strict=True):
+    for target, static, (modes, remainder) in zip(targets, statics, found, strict=True):
         known = lumped(structure, static, modes)
         kept = oscillators(known, wish.n, wish.tol)
-        worst = _check(structure, where, known, wish.method)
+        worst = _check(structure, target, known, wish.method)
         seconds = {
             **structure.seconds,
             "site": spent,
             "modes": (time.perf_counter() - started) / (len(models) + 1),
         }
-        model = _model(structure, where, known, kept, worst, wish, seconds)
+        model = _model(structure, target, known, kept, worst, wish, seconds)
         if wish.band is not None and remainder is not None:
             error = error_bound(structure, known, remainder, kept, wish.band)
             model.info["band"] = {"top": wish.band, "error_bound": error}
@@ -259,10 +259,10 @@ def _tell(model: AntiOscillators, wish: _Wish, complete: bool) -> None:
 
 
 def _observable(
-    structure: Structure, where: Functional, static: StaticMode, wish: _Wish
+    structure: Structure, target: Functional, static: StaticMode, wish: _Wish
 ) -> tuple[Modes, Remainder | None]:
     """Constraint modes from below until n of them are seen (or Z is known over the band)."""
-    solver = ModeSolver(structure, where, static)
+    solver = ModeSolver(structure, target, static)
     n = wanted(static, wish.n)
     most = min(solver.limit, SEARCHED * (n + DEFAULT))
     asked = n + 2 if n and wish.band is None else min(n, DEFAULT)
@@ -283,7 +283,9 @@ def _observable(
         asked = min(most, len(modes.omega) + max(8, len(modes.omega) // 2))
 
 
-def _check(structure: Structure, where: Functional, known: Found, method: Method) -> dict[str, Any]:
+def _check(
+    structure: Structure, target: Functional, known: Found, method: Method
+) -> dict[str, Any]:
     """Measure the modes against what they must satisfy; AccuracyError far beyond CHECK.
 
     Ritz pairs need no small residual, but are orthogonal through K as well as through M.
@@ -304,7 +306,7 @@ def _check(structure: Structure, where: Functional, known: Found, method: Method
     left, size = np.split(sizes, 2)
     off = left / np.maximum(size, np.finfo(float).tiny)
     gram = known.masses
-    b_norm = np.sqrt(dot(comm, where.b, where.b))
+    b_norm = np.sqrt(dot(comm, target.b, target.b))
     amplitudes = np.sqrt(comm.allreduce(np.einsum("ij,ij->j", phi, phi)))
     total = float(np.sum(known.c**2))
     if method == "krylov":
@@ -318,7 +320,7 @@ def _check(structure: Structure, where: Functional, known: Found, method: Method
         **own,
         "orthogonality": float(np.abs(gram - np.eye(len(gram))).max(initial=0.0)),
         "constraint": float(
-            (np.abs(dot(comm, phi, where.b)) / (b_norm * amplitudes)).max(initial=0.0)
+            (np.abs(dot(comm, phi, target.b)) / (b_norm * amplitudes)).max(initial=0.0)
         ),
         "mass": max(0.0, total / static.mass - 1),
         "stiffness": abs(strain / static.k0 - 1) if static.k0 else 0.0,
@@ -351,7 +353,7 @@ def _judge(name: str, value: float, limit: float, comm: MPI.Comm) -> None:
 
 def _model(
     structure: Structure,
-    where: Functional,
+    target: Functional,
     known: Found,
     kept: Oscillators,
     checks: dict[str, Any],
@@ -365,17 +367,17 @@ def _model(
         "method": wish.method,
         "modes_computed": len(modes.omega),
         "converged": checks.pop("converged") + added,
-        "modes_unseen": kept.unseen,
+        "modes_unobservable": kept.unobservable,
         "modes_merged": kept.merged,
         "rigid_modes": int(structure.rigid_modes.shape[1]),
         "rigid_share": known.static.share,
         "checks": checks,
         "seconds": seconds,
     }
-    if where.point is not None and where.direction is not None:
-        info["point"] = where.point.tolist()
-        info["direction"] = where.direction.tolist()
-    weight = uniform_inertia(structure, where)
+    if target.point is not None and target.direction is not None:
+        info["point"] = target.point.tolist()
+        info["direction"] = target.direction.tolist()
+    weight = uniform_inertia(structure, target)
     parts = np.column_stack([kept.residual, kept.psi])
     shapes = np.column_stack([parts.sum(axis=1), kept.psi])
     return AntiOscillators(
@@ -383,11 +385,11 @@ def _model(
         k0=kept.k0,
         m=kept.m,
         omega=kept.omega,
-        local_compliance=where.local_compliance,
-        radius=where.radius,
+        local_compliance=target.local_compliance,
+        radius=target.radius,
         participation=None if weight is None else np.asarray(dot(structure.comm, parts, weight)),
         shapes=shapes,
-        direction=where.direction,
+        direction=target.direction,
         inertia=inertia_of(structure, shapes, kept.hidden),
         hidden=kept.hidden if structure.rigid_inertia is not None else None,
         info=info,
@@ -402,6 +404,6 @@ def inertia_of(structure: Structure, *shapes: Array) -> Inertia | None:
     return inertia.along(np.vstack([dot(structure.comm, block, loads) for block in shapes]))
 
 
-def uniform_inertia(structure: Structure, where: Functional) -> Array | None:
+def uniform_inertia(structure: Structure, target: Functional) -> Array | None:
     """Me on the rows of this rank; None for matrices, which do not tell where e points."""
-    return None if where.direction is None else structure.uniform_inertia(where.direction)
+    return None if target.direction is None else structure.uniform_inertia(target.direction)

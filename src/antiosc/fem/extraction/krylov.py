@@ -62,7 +62,7 @@ class Lanczos:
         self._comm, self._M, self._shift = structure.comm, structure.M, structure.shift
         self._A = structure.factorization.A
         self._b, self._static = site.b, static
-        self._most = structure.dofs - 1 - static.still.shape[1]
+        self._most = structure.dofs - 1 - static.nodal.shape[1]
         #: basis vectors found
         self.steps = 0
         #: β_N: how far T leads out of the space; known one solve after its last vector
@@ -72,28 +72,28 @@ class Lanczos:
         self._H = np.zeros((0, 0))  # VᵀMV, that is T in the basis
         # V, and F = A V. In front stand the rigid-body modes that vanish at the site, which no
         # step may pick up again.
-        rows, self._locked = static.still.shape
+        rows, self._locked = static.nodal.shape
         self._V = np.empty((rows, self._locked + room), order="F")
         self._F = np.empty_like(self._V)
         if self._locked:
             scale = np.sqrt(self._shift)  # RᵀAR = s
-            self._V[:, : self._locked] = static.still / scale
-            self._F[:, : self._locked] = scale * multiply(self._M, static.still)
+            self._V[:, : self._locked] = static.nodal / scale
+            self._F[:, : self._locked] = scale * multiply(self._M, static.nodal)
         self.load = static.m_phi
 
     def advance(self, w: Array) -> None:
         """Take w = A⁻¹ load as the next basis vector and make the next load of it."""
         k = self._locked + self.steps
         V, F = self._V[:, :k], self._F[:, :k]
-        w = self._pinned(w)
+        w = self._constrained(w)
         before = float(dot(self._comm, w, self.load))
-        w = self._pinned(w - V @ dot(self._comm, F, w))
+        w = self._constrained(w - V @ dot(self._comm, F, w))
         # f = A w afresh: carried along, f and w would part by a constant factor each step.
         f = multiply(self._A, w)
         h = dot(self._comm, V, f)  # twice is enough (Kahan)
         # K has no part in it for a rigid-body mode: its rounding, over s, would be a large one
         h[: self._locked] = dot(self._comm, F[:, : self._locked], w)
-        w, f = self._pinned(w - V @ h), f - F @ h
+        w, f = self._constrained(w - V @ h), f - F @ h
         left = float(dot(self._comm, w, f))
         beta = float(np.sqrt(max(left, 0.0)))
         self.exhausted = not left > EXHAUSTED**2 * before
@@ -127,7 +127,7 @@ class Lanczos:
         """Let go of the basis."""
         self._V = self._F = np.zeros((0, 0))
 
-    def _pinned(self, w: Array) -> Array:
+    def _constrained(self, w: Array) -> Array:
         """w - y (bᵀw)/(bᵀy), which vanishes at the site."""
         return np.asarray(w - self._static.y * (dot(self._comm, self._b, w) / self._static.bAb))
 
@@ -195,13 +195,13 @@ def by_krylov(
     sites: Sequence[Functional],
     statics: Sequence[StaticMode],
     counts: Sequence[int],
-    unseen: float,
+    tol: float,
     band: float | None,
     accuracy: float,
 ) -> list[tuple[Modes, Remainder | None]]:
     """(Ritz pairs, with a band the bound of what they leave out) of each site, all in step.
 
-    Without a band there are as many pairs as `counts` says with more than the share `unseen` in Z,
+    Without a band there are as many pairs as `counts` says with more than the share `tol` in Z,
     if the structure has so many and `MORE` further steps find them. With one, there are as few as
     make the error of Z at most `accuracy`, and at most that number. One block of right-hand sides
     per step.
@@ -220,7 +220,7 @@ def by_krylov(
         )
         for i, w in zip(active, shapes.T, strict=True):
             runs[i].advance(w)
-            kept = _finished(runs[i], counts[i], unseen, band, accuracy)
+            kept = _finished(runs[i], counts[i], tol, band, accuracy)
             if kept is not None:
                 done[i] = runs[i].modes(kept), None if band is None else runs[i].remainder(kept)
                 runs[i].release()
@@ -228,14 +228,12 @@ def by_krylov(
     return [done[i] for i in range(len(runs))]
 
 
-def _finished(
-    run: Lanczos, n: int, unseen: float, band: float | None, accuracy: float
-) -> int | None:
+def _finished(run: Lanczos, n: int, tol: float, band: float | None, accuracy: float) -> int | None:
     """How many steps to keep, or None to go on."""
     if run.exhausted:
         return run.steps
     if band is None:
-        wanting = run.steps < n or np.sum(run.shares(run.steps) > unseen) < n
+        wanting = run.steps < n or np.sum(run.shares(run.steps) > tol) < n
         return None if wanting and run.steps < n + n // 2 + MORE else run.steps
     tried = run.steps - 1  # what this many leave out is known only now
     return tried if tried == n or (tried and run.error(tried, band) <= accuracy) else None

@@ -101,7 +101,7 @@ class Oscillators:
     residual, psi : (rows,) and (rows, N) the shapes that move with m0 and with the m_i.
     hidden : (rows, h) rigid-body modes that are not in the model.
     chain : (k0, m0, m, poles) of the elastic motions alone.
-    unseen, merged : modes dropped and modes counted to others.
+    unobservable, merged : modes dropped and modes counted to others.
     """
 
     k0: float
@@ -112,7 +112,7 @@ class Oscillators:
     psi: Array
     hidden: Array
     chain: tuple[float, float, Array, Array]
-    unseen: int
+    unobservable: int
     merged: int
 
 
@@ -147,13 +147,13 @@ def oscillators(known: Found, n: int, tol: float) -> Oscillators:
     residual = known.residual + known.modes.phi @ lost
     omega, m, psi = omega[:few], m[:few], psi[:, :few]
     chain = (static.k0, m0, m, omega**2)
-    k0, hidden = static.k0, static.still
+    k0, hidden = static.k0, static.nodal
     if static.apart is not None and n:
         shapes = np.column_stack([static.apart, residual + psi.sum(axis=1), psi])
         m0, m, omega, own, turn = with_rigid(k0, m0, m, omega, static.along)
         k0, residual, psi, hidden = 0.0, shapes @ own, shapes @ turn, static.beside
-    unseen = int(np.sum(~seen))
-    return Oscillators(k0, m0, omega, m, residual, psi, hidden, chain, unseen, merged)
+    unobservable = int(np.sum(~seen))
+    return Oscillators(k0, m0, omega, m, residual, psi, hidden, chain, unobservable, merged)
 
 
 def error_bound(

@@ -37,12 +37,12 @@ class StaticMode:
     #: m_st = φᵀMφ, or m_CR, kg
     mass: float
     #: M-orthonormal rigid-body modes that no constraint mode may hold (rows, r)
-    still: Array
+    nodal: Array
     #: A⁻¹b and bᵀA⁻¹b with the structure's one factor of A = K + shift·M; without what the rigid
-    #: modes `still` add to them
+    #: modes `nodal` add to them
     y: Array
     bAb: float
-    #: b without its load on the rigid modes `still`: what holds a constraint mode at the site
+    #: b without its load on the rigid modes `nodal`: what holds a constraint mode at the site
     load: Array
     #: |Rᵀb|: displacement of the site in the one rigid-body mode that moves it, kg^-1/2; 0: none
     along: float
@@ -99,9 +99,9 @@ def _static_mode(structure: Structure, b: Array, y: Array) -> StaticMode:
         beside = R @ np.linalg.svd(a[None, :])[2][1:].T
     if share > APART:
         phi = R @ a / along**2
-        still, load, k0 = beside, b, 0.0
+        nodal, load, k0 = beside, b, 0.0
     else:
-        still, load, shape = R, b, y
+        nodal, load, shape = R, b, y
         if R.shape[1]:
             load = b - multiply(structure.M, R) @ a
             y = y - R @ (a / structure.shift)
@@ -115,7 +115,7 @@ def _static_mode(structure: Structure, b: Array, y: Array) -> StaticMode:
             apart = R @ a / along
     m_phi = multiply(structure.M, phi)
     mass = float(dot(comm, phi, m_phi))
-    return StaticMode(phi, m_phi, k0, mass, still, y, bAb, load, along, doubt, share, beside, apart)
+    return StaticMode(phi, m_phi, k0, mass, nodal, y, bAb, load, along, doubt, share, beside, apart)
 
 
 def beside_rigid(structure: Structure, factor: Solver, b: Array) -> Array:

@@ -24,7 +24,7 @@ from antiosc.fem.linalg.solvers import Array, dot, multiply
 from antiosc.fem.mpi import collective, on_root
 from antiosc.fem.site.site import Functional, Site, functional
 from antiosc.fem.structure.structure import Structure
-from antiosc.models.driving_point import UNSEEN, shares_of_receptance
+from antiosc.models.driving_point import UNOBSERVABLE, shares_of_receptance
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Inertia
 from antiosc.threads import one_thread
@@ -196,7 +196,7 @@ def _seen(structure: Structure, where: Functional, static: StaticMode, modes: Mo
     b = dot(structure.comm, modes.phi, where.b)
     along = 0.0 if static.rigid is None else static.rigid[1]
     shares = shares_of_receptance(np.append(along, b), np.append(0.0, modes.omega**2))
-    seen = shares[1:] > UNSEEN
+    seen = shares[1:] > UNOBSERVABLE
     omega, b, phi = modes.omega[seen], b[seen], modes.phi[:, seen]
     if len(omega):
         start = np.flatnonzero(np.diff(omega, prepend=-np.inf) > REPEATED * omega)

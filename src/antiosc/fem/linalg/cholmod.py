@@ -221,16 +221,16 @@ class Cholesky:
         """
         L, permutation = self.supernodes, self.permutation
         columns = np.flatnonzero(permutation < last)
-        place = np.full(len(permutation), -1)
-        place[columns] = np.arange(len(columns))
+        position = np.full(len(permutation), -1)
+        position[columns] = np.arange(len(columns))
         block = np.zeros((len(columns), len(columns)), order="F")
         for s in np.unique(np.searchsorted(L.start, columns, side="right") - 1):
             rows = L.rows[L.row[s] : L.row[s + 1]]
             width = L.start[s + 1] - L.start[s]
             values = L.values[L.value[s] : L.value[s] + len(rows) * width]
             dense = values.reshape(len(rows), width, order="F")
-            i = place[rows]
-            for j, column in zip(place[L.start[s] : L.start[s + 1]], dense.T, strict=True):
+            i = position[rows]
+            for j, column in zip(position[L.start[s] : L.start[s + 1]], dense.T, strict=True):
                 if j >= 0:
                     block[i[i >= j], j] = column[i >= j]
         return permutation[columns], block

@@ -129,22 +129,22 @@ def _by_solves(structure: Structure, loads: scipy.sparse.csr_matrix) -> tuple[Ar
 def compliances(factor: Cholesky, loads: scipy.sparse.spmatrix) -> Array:
     """bᵀA⁻¹b of every column of `loads` (n, P): (P,)."""
     L, permutation = factor.supernodes, factor.permutation
-    place = np.empty_like(permutation)
-    place[permutation] = np.arange(len(place))
+    position = np.empty_like(permutation)
+    position[permutation] = np.arange(len(position))
     B = scipy.sparse.csc_matrix(loads)
     columns = np.diff(L.start)
     supernode = np.repeat(np.arange(len(columns)), columns)
     parent = _parents(L.row, L.rows, columns, supernode)
     used = np.flatnonzero(np.diff(B.indptr))
     # columns in postorder: neighbours in the tree follow one another
-    first = np.array([place[B.indices[B.indptr[k] : B.indptr[k + 1]]].min() for k in used], int)
+    first = np.array([position[B.indices[B.indptr[k] : B.indptr[k + 1]]].min() for k in used], int)
     order = used[np.argsort(first, kind="stable")]
     found = np.zeros(B.shape[1])
-    W = np.zeros((len(place), BLOCK))
+    W = np.zeros((len(position), BLOCK))
     for start in range(0, len(order), BLOCK):
         sites = order[start : start + BLOCK]
         part = B[:, sites].tocoo()
-        rows = place[part.row]
+        rows = position[part.row]
         W[rows, part.col] = part.data
         Z = W[:, : len(sites)]
         for s in _branch(np.unique(supernode[rows]), parent):

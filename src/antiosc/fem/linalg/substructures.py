@@ -56,16 +56,16 @@ class Substructures(Factorization):
         # Γ as far as this rank's interior meets it stands in front: CHOLMOD reads columns that
         # come before the diagonal.
         rows = own[self._inner]
-        place = np.full(A.getSize()[0], -1, dtype=np.int32)
-        place[self._interface] = np.arange(len(self._interface))
-        met = place[rows.indices]
+        position = np.full(A.getSize()[0], -1, dtype=np.int32)
+        position[self._interface] = np.arange(len(self._interface))
+        met = position[rows.indices]
         self._met = np.unique(met[met >= 0])
         count = len(self._met)
-        place[self._interface[self._met]] = np.arange(count)
-        place[first + self._inner] = count + np.arange(len(self._inner))
+        position[self._interface[self._met]] = np.arange(count)
+        position[first + self._inner] = count + np.arange(len(self._inner))
         n = count + len(self._inner)
         rows = scipy.sparse.csr_matrix(
-            (rows.data, place[rows.indices], rows.indptr), shape=(len(self._inner), n)
+            (rows.data, position[rows.indices], rows.indptr), shape=(len(self._inner), n)
         )
         corner = whole[self._met][:, self._met]
         S = whole.toarray() if comm.rank == 0 else np.zeros(whole.shape)
@@ -78,7 +78,7 @@ class Substructures(Factorization):
                 del local, rows, own
                 self._to = np.argsort(self._factor.permutation)  # where a row stands in L
                 order, self._L = self._factor.corner(count)
-                self._places = self._to[order]
+                self._positions = self._to[order]
                 self._met = self._met[order]
                 S[np.ix_(self._met, self._met)] += _square(self._L)
                 S[np.ix_(self._met, self._met)] -= whole[self._met][:, self._met].toarray()
@@ -115,13 +115,13 @@ class Substructures(Factorization):
             B = np.zeros((len(self._to), R.shape[1]), order="F")
             B[self._to[-len(self._inner) :]] = R[self._inner]
             Y = self._factor.forward(B)
-            load[self._met] += self._L @ Y[self._places]
+            load[self._met] += self._L @ Y[self._positions]
         self.comm.Allreduce(MPI.IN_PLACE, load)
         U = scipy.linalg.cho_solve(self._S, load) if self._S else load
         X = np.empty(R.shape, order="F")
         X[self._mine] = U[self._at]
         if len(self._inner):
-            Y[self._places] = self._L.T @ U[self._met]
+            Y[self._positions] = self._L.T @ U[self._met]
             X[self._inner] = self._factor.backward(Y)[self._to[-len(self._inner) :]]
         return X
 
@@ -130,8 +130,8 @@ def _square(L: Array) -> Array:
     """L Lᵀ of a lower triangle, in a third of the operations of a product."""
     if not L.size:  # this part meets no other
         return np.zeros(L.shape)
-    turned = np.array(L[::-1, ::-1], order="F")  # a copy: LAPACK writes over it
-    upper, _ = scipy.linalg.lapack.dlauum(turned, overwrite_c=1)
+    reversed_L = np.array(L[::-1, ::-1], order="F")  # a copy: LAPACK writes over it
+    upper, _ = scipy.linalg.lapack.dlauum(reversed_L, overwrite_c=1)
     square = np.triu(upper)[::-1, ::-1]
     return np.asarray(square + np.tril(square, -1).T)
 

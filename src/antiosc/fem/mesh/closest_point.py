@@ -21,7 +21,7 @@ INSIDE = 1e-9
 
 
 @dataclass(frozen=True)
-class Place:
+class ClosestPoint:
     """The point of the structure closest to a given one."""
 
     #: rank that owns the cell, and the cell's number there
@@ -36,7 +36,7 @@ class Place:
 
 
 @dataclass(frozen=True, eq=False)
-class Places:
+class ClosestPoints:
     """The same for P points, as arrays: (P,), (P,), (P, tdim), (P, 3), (P,)."""
 
     rank: IntArray
@@ -48,18 +48,18 @@ class Places:
     def __len__(self) -> int:
         return len(self.rank)
 
-    def __getitem__(self, i: int) -> Place:
-        return Place(
+    def __getitem__(self, i: int) -> ClosestPoint:
+        return ClosestPoint(
             int(self.rank[i]), int(self.cell[i]), self.X[i], self.x[i], float(self.distance[i])
         )
 
 
-def closest(mesh: Mesh, point: Array) -> Place:
+def closest(mesh: Mesh, point: Array) -> ClosestPoint:
     """The closest point of the mesh, the same answer on every rank; `point` has shape (3,)."""
     return closest_many(mesh, np.asarray(point)[None])[0]
 
 
-def closest_many(mesh: Mesh, points: Array) -> Places:
+def closest_many(mesh: Mesh, points: Array) -> ClosestPoints:
     """The closest points of the mesh to points of shape (P, 3), the same answer on every rank.
 
     Points inside a cell are found all at once; the others one by one, cell by cell.
@@ -68,23 +68,23 @@ def closest_many(mesh: Mesh, points: Array) -> Places:
     found = np.array(mesh.comm.allgather(np.isfinite(distance)))
     x = points.copy()
     for i in np.flatnonzero(~found.any(axis=0)):
-        place = _closest_here(mesh, points[i])
-        if place is not None:
-            cell[i], X[i], x[i], distance[i] = place.cell, place.X, place.x, place.distance
+        nearest = _closest_here(mesh, points[i])
+        if nearest is not None:
+            cell[i], X[i], x[i], distance[i] = nearest.cell, nearest.X, nearest.x, nearest.distance
     rank = np.array(mesh.comm.allgather(distance)).argmin(axis=0)
     mine = rank == mesh.comm.rank
     own = [np.where(mine if a.ndim == 1 else mine[:, None], a, 0) for a in (cell, X, x, distance)]
     cell, X, x, distance = (mesh.comm.allreduce(a) for a in own)
-    return Places(rank, cell, X, x, distance)
+    return ClosestPoints(rank, cell, X, x, distance)
 
 
-def size_at(mesh: Mesh, place: Place) -> float:
-    """Largest distance in m between two nodes of the cell at a place, on all ranks."""
+def size_at(mesh: Mesh, nearest: ClosestPoint) -> float:
+    """Largest distance in m between two nodes of the cell with the closest point, on all ranks."""
     size = 0.0
-    if mesh.comm.rank == place.rank:
-        x = mesh.geometry.nodes[place.cell]
+    if mesh.comm.rank == nearest.rank:
+        x = mesh.geometry.nodes[nearest.cell]
         size = float(np.linalg.norm(x[:, None] - x[None], axis=2).max())
-    return float(mesh.comm.bcast(size, root=place.rank))
+    return float(mesh.comm.bcast(size, root=nearest.rank))
 
 
 def _inside(mesh: Mesh, points: Array) -> tuple[IntArray, Array, Array]:
@@ -116,24 +116,24 @@ def _inside(mesh: Mesh, points: Array) -> tuple[IntArray, Array, Array]:
     return cell, X, distance
 
 
-def _closest_here(mesh: Mesh, point: Array) -> Place | None:
+def _closest_here(mesh: Mesh, point: Array) -> ClosestPoint | None:
     """Cells in the order of the distance to their boxes, until no box can hold a closer point."""
     n_cells = compat.cell_map(mesh.dolfinx).size_local
     if not n_cells:
         return None
     low, high = mesh.boxes
     bound = np.linalg.norm(np.maximum(0.0, np.maximum(low - point, point - high)), axis=1)
-    best: Place | None = None
+    best: ClosestPoint | None = None
     for cell in np.argsort(bound, kind="stable"):
         if best is not None and bound[cell] >= best.distance:
             break
-        place = _closest_in(mesh, int(cell), point)
-        if best is None or place.distance < best.distance:
-            best = place
+        nearest = _closest_in(mesh, int(cell), point)
+        if best is None or nearest.distance < best.distance:
+            best = nearest
     return best
 
 
-def _closest_in(mesh: Mesh, cell: int, point: Array) -> Place:
+def _closest_in(mesh: Mesh, cell: int, point: Array) -> ClosestPoint:
     """The closest point of one cell: the foot of the perpendicular, or a point of its boundary."""
     geometry = mesh.geometry
     scale = float(np.ptp(geometry.nodes[cell], axis=0).max())
@@ -172,4 +172,4 @@ def _closest_in(mesh: Mesh, cell: int, point: Array) -> Place:
         ]
         X = clamped(min(results, key=lambda r: r.fun).x[None], geometry.simplex)
     x = at(X)[0][0]
-    return Place(mesh.comm.rank, cell, X[0], x, float(np.linalg.norm(x - point)))
+    return ClosestPoint(mesh.comm.rank, cell, X[0], x, float(np.linalg.norm(x - point)))

@@ -61,8 +61,8 @@ def straightened(points: Array, cells: IntArray, shape: str) -> Array:
     points = points.copy()
     edges = np.array(EDGES[shape])
     middles = slice(edges.max() + 1, edges.max() + 1 + len(edges))
-    turned = cells[:, compat.node_order(shape, cells.shape[1], "gmsh")]
-    bad = folded(points, turned, shape, 2, SOUND)
+    reordered = cells[:, compat.node_order(shape, cells.shape[1], "gmsh")]
+    bad = folded(points, reordered, shape, 2, SOUND)
     before = -1
     straight = np.zeros(len(cells), dtype=bool)
     while len(bad):
@@ -75,5 +75,5 @@ def straightened(points: Array, cells: IntArray, shape: str) -> Array:
         points[cells[straight][:, middles]] = points[cells[straight][:, edges]].mean(axis=2)
         near = np.isin(cells, cells[straight][:, middles]).any(axis=1)
         suspects = np.flatnonzero(near)
-        bad = suspects[folded(points, turned[suspects], shape, 2, SOUND)]
+        bad = suspects[folded(points, reordered[suspects], shape, 2, SOUND)]
     return points

@@ -283,12 +283,12 @@ def _local_groups(
         code = keys(mine)
         order = np.argsort(code)
         asked = keys(np.vstack(rows))
-        place = np.minimum(np.searchsorted(code[order], asked), max(len(mine) - 1, 0))
-        here = code[order][place] == asked if len(mine) else np.zeros(len(asked), dtype=bool)
+        position = np.minimum(np.searchsorted(code[order], asked), max(len(mine) - 1, 0))
+        here = code[order][position] == asked if len(mine) else np.zeros(len(asked), dtype=bool)
         ends = np.cumsum([len(r) for r in rows])
         for name, end, part in zip(names, ends, rows, strict=True):
             some = slice(end - len(part), end)
-            found = order[place[some][here[some]]]
+            found = order[position[some][here[some]]]
             groups[name][dim] = np.unique(found).astype(np.int32)
     return groups
 

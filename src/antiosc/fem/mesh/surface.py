@@ -80,14 +80,14 @@ class Faces:
             self.cells = compat.cells_of(mesh.dolfinx, self.facets)
         self.vertices = compat.entity_vertices(mesh.dolfinx, dim)[self.facets]
         self.corners = mesh.dolfinx.geometry.x[self.vertices]
-        self._origin, self._axes = self._places()
+        self._origin, self._axes = self._reference_frames()
         self.simplex = self.corners.shape[1] == dim + 1
         self.affine = mesh.geometry.affine
         middle = np.full((len(self.facets), dim), 1 / (dim + 1) if self.simplex else 0.5)
         self.middle = middle
         self.centres = self.corners.mean(axis=1)
 
-    def _places(self) -> tuple[Array, Array]:
+    def _reference_frames(self) -> tuple[Array, Array]:
         """Origin (F, tdim) and axes (F, tdim, d) of each face in the reference cell."""
         mesh = self.mesh
         if self.sheet:
@@ -95,10 +95,10 @@ class Faces:
             return np.zeros((n, mesh.tdim)), np.tile(np.eye(mesh.tdim), (n, 1, 1))
         kind = getattr(basix.CellType, mesh.cell)
         corners, faces = np.asarray(basix.geometry(kind)), basix.topology(kind)[mesh.tdim - 1]
-        place = compat.facet_numbers(mesh.dolfinx, self.cells, self.facets)
+        number = compat.facet_numbers(mesh.dolfinx, self.cells, self.facets)
         origin = np.array([corners[face[0]] for face in faces])
         axes = np.array([(corners[face[1 : mesh.tdim]] - corners[face[0]]).T for face in faces])
-        return origin[place], axes[place]
+        return origin[number], axes[number]
 
     def reference(self, face: IntArray, xi: Array) -> Array:
         """Reference coordinates (n, tdim) in the cells of points ξ (n, d) of faces (n,)."""
@@ -204,8 +204,8 @@ class Faces:
             affine=False,
             along=normals[point[bent]],
         )
-        held = excess(found, self.simplex) <= INSIDE
-        item, point, found = item[held], point[held], found[held]
+        inside = excess(found, self.simplex) <= INSIDE
+        item, point, found = item[inside], point[inside], found[inside]
         x, normal = self.across(item, found)
         off = np.abs(np.einsum("nd,nd->n", x - points[point], normals[point]))
         cosine = np.einsum("nd,nd->n", normal, normals[point])

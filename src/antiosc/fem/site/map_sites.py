@@ -20,7 +20,7 @@ from antiosc.fem.site.sites import Sites, located, tell
 from antiosc.fem.structure.structure import Structure
 
 #: A site with less than this share of its load on dofs that can move is held by the supports.
-HELD = 0.05
+CONSTRAINED = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +65,7 @@ def sites_of(
     radii = np.full(count, np.nan if radius is None else radius)
     found = located(structure, ground.points, directions, radii)
     on_face = np.isnan(found.radii) | ((found.share > 0) & (found.depth <= found.radii))
-    keep = on_face & (found.moving > HELD)
+    keep = on_face & (found.moving > CONSTRAINED)
     if not keep.any():
         raise InputError(
             "no site of the map can move: the supports hold the whole surface, or no face carries "
@@ -127,15 +127,15 @@ def _given(structure: Structure, points: Any, along: Array | None) -> Ground:
         raise InputError(f"where must list points of 2 or 3 coordinates; got shape {at.shape}.")
     at = np.pad(at, ((0, 0), (0, 3 - at.shape[1])))
     mesh = structure.meshed()[0]
-    places = closest_many(mesh, at)
-    off = np.flatnonzero(places.distance > ON_STRUCTURE * mesh.extent())
+    nearest = closest_many(mesh, at)
+    off = np.flatnonzero(nearest.distance > ON_STRUCTURE * mesh.extent())
     if len(off):
-        place = ", ".join(f"{c:.6g}" for c in at[off[0]])
+        at_point = ", ".join(f"{c:.6g}" for c in at[off[0]])
         raise InputError(
-            f"{len(off)} of {len(at)} points lie off the structure, one at ({place}) m by "
-            f"{places.distance[off[0]]:.3g} m: give points on it, or the name of a group."
+            f"{len(off)} of {len(at)} points lie off the structure, one at ({at_point}) m by "
+            f"{nearest.distance[off[0]]:.3g} m: give points on it, or the name of a group."
         )
-    return Ground(places.x, np.zeros_like(at), np.zeros((0, 3), dtype=int))
+    return Ground(nearest.x, np.zeros_like(at), np.zeros((0, 3), dtype=int))
 
 
 def _only(sites: Sites, elements: IntArray, keep: NDArray[np.bool_]) -> tuple[Sites, IntArray]:

@@ -143,14 +143,14 @@ def loads(structure: Structure, points: Points, directions: Array) -> scipy.spar
         (points.weight, (pair.ravel(), np.arange(len(points.weight)))),
         shape=(len(key), len(points.weight)),
     )
-    cells, place = np.unique(cell, return_inverse=True)
+    cells, index = np.unique(cell, return_inverse=True)
     for axis, name in enumerate("xyz"):
         force = directions[site, axis]
         if name not in form.components or not force.any():
             continue
         path = form.components[name]
         moments = gather @ compat.tabulate(form.space, path, points.X)
-        rows.append(compat.cell_dofs(form.space, path, cells)[place.ravel()].ravel())
+        rows.append(compat.cell_dofs(form.space, path, cells)[index.ravel()].ravel())
         sites.append(np.repeat(site, moments.shape[1]))
         values.append((moments * force[:, None]).ravel())
     return _columns(structure, rows, sites, values, len(directions))

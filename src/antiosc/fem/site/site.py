@@ -26,7 +26,7 @@ from antiosc.fem.structure.structure import Structure
 #: A point counts as on the structure up to this share of the structure's size.
 ON_STRUCTURE = 1e-6
 #: A site with less than this share of its load on dofs that can move is held by the supports.
-HELD = 1e-9
+CONSTRAINED = 1e-9
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Site:
         Radius in m of a patch with Hertz's pressure √(1 − r²/a²) on the surface around the
         point; force and displacement are both weighted by it. None: on a beam a point; on a
         solid too, though it has no compliance that converges with the mesh; on a shell, where
-        it has none either, a patch with the shell's thickness as radius, where it yields as a
+        it has none either, a patch with the shell's thickness as radius, where it deforms as a
         solid does without its half-space compliance.
     snap : bool
         Move a point off the structure to the nearest point of it.
@@ -142,8 +142,8 @@ def _algebraic(structure: Structure, site: Site) -> Functional:
             b[site.dof - first] = 1.0
     whole = norm(structure.comm, b)
     b[structure.fixed[structure.fixed < len(b)]] = 0.0
-    if norm(structure.comm, b) <= HELD * whole:
-        raise InputError(_held("the site"))
+    if norm(structure.comm, b) <= CONSTRAINED * whole:
+        raise InputError(_constrained("the site"))
     return Functional(b)
 
 
@@ -152,12 +152,12 @@ def _at_points(structure: Structure, sites: Sequence[Site]) -> list[Functional]:
     mesh, form = structure.meshed()
     given = [_in_space(mesh, form, site) for site in sites]
     points, directions = (np.array(each) for each in zip(*given, strict=True))
-    places = closest_point.closest_many(mesh, points)
+    nearest = closest_point.closest_many(mesh, points)
     extent = mesh.extent()
     for i, site in enumerate(sites):
-        _check_distance(extent, site, places[i])
+        _check_distance(extent, site, nearest[i])
     radii = np.array([np.nan if site.radius is None else site.radius for site in sites])
-    found = located(structure, places.x, directions, radii, places)
+    found = located(structure, nearest.x, directions, radii, nearest)
     _check(found)
     tell(structure, found)
     columns = found.loads.toarray().T
@@ -188,11 +188,11 @@ def _check(found: Sites) -> None:
                 f"the facets there measure {found.size[i]:.3g} m; refine around the site, "
                 f"refine=[(point, {radius:g})]."
             )
-        if found.moving[i] <= HELD:
-            raise InputError(_held(f"the site at {_text(found.points[i])}"))
+        if found.moving[i] <= CONSTRAINED:
+            raise InputError(_constrained(f"the site at {_text(found.points[i])}"))
 
 
-def _held(label: str) -> str:
+def _constrained(label: str) -> str:
     return (
         f"{label} is held by the supports along the direction of impact: it cannot move; strike a "
         "point that can."
@@ -213,11 +213,11 @@ def _in_space(mesh: Mesh, form: WeakForm, site: Site) -> tuple[Array, Array]:
     return point, direction
 
 
-def _check_distance(extent: float, site: Site, place: closest_point.Place) -> None:
-    if place.distance > ON_STRUCTURE * extent and not site.snap:
+def _check_distance(extent: float, site: Site, nearest: closest_point.ClosestPoint) -> None:
+    if nearest.distance > ON_STRUCTURE * extent and not site.snap:
         raise InputError(
-            f"the point {_text(site.point)} is {place.distance:.3g} m off the structure; its "
-            f"nearest point is {_text(place.x)}: strike that, or use Site(..., snap=True)."
+            f"the point {_text(site.point)} is {nearest.distance:.3g} m off the structure; its "
+            f"nearest point is {_text(nearest.x)}: strike that, or use Site(..., snap=True)."
         )
 
 

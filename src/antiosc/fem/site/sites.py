@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from antiosc.errors import AccuracyWarning, InputError
 from antiosc.fem.compat import IntArray
 from antiosc.fem.linalg.solvers import Array
-from antiosc.fem.mesh.closest_point import Places, closest, closest_many, size_at
+from antiosc.fem.mesh.closest_point import ClosestPoints, closest, closest_many, size_at
 from antiosc.fem.mesh.surface import Faces
 from antiosc.fem.mpi import warn
 from antiosc.fem.site.patches import Points, loads, patches
@@ -33,7 +33,7 @@ class Sites:
 
     Attributes
     ----------
-    points, directions : (P, 3) places [m] and unit directions of impact.
+    points, directions : (P, 3) coordinates [m] and unit directions of impact.
     loads : b of all sites as columns (rows of this rank, P), zero on fixed dofs.
     radii : (P,) of the patches [m]; NaN for points.
     local : (P,) half-space compliances of the patches [m/N].
@@ -61,12 +61,12 @@ def located(
     points: Array,
     directions: Array,
     radii: Array,
-    places: Places | None = None,
+    nearest: ClosestPoints | None = None,
 ) -> Sites:
     """Sites at points (P, 3) of the structure, struck along unit directions (P, 3).
 
     `radii` (P,) are those of the patches; NaN is a point, on a sheet a patch of its thickness.
-    `places`, the cells that hold the points, are found where they are not given.
+    `nearest`, the cells that hold the points, are found where they are not given.
     """
     mesh, form = structure.meshed()
     count, radii = len(points), np.array(radii, dtype=float)
@@ -100,7 +100,7 @@ def located(
             far = np.full(len(deep), mesh.extent())
             depth[deep] = faces.contact(points[deep], directions[deep], far, labels).depth
     if not patch.all():
-        found.append(_points(structure, points, np.flatnonzero(~patch), places))
+        found.append(_points(structure, points, np.flatnonzero(~patch), nearest))
     B = loads(structure, Points.joined(found), directions)
     weight = _sums(structure, B)
     free = np.ones(B.shape[0])
@@ -115,15 +115,17 @@ def _sums(structure: Structure, B: scipy.sparse.csr_matrix) -> Array:
     return np.asarray(structure.comm.allreduce(np.asarray(abs(B).sum(axis=0)).ravel()))
 
 
-def _points(structure: Structure, points: Array, which: IntArray, places: Places | None) -> Points:
+def _points(
+    structure: Structure, points: Array, which: IntArray, nearest: ClosestPoints | None
+) -> Points:
     """The sites that are points, as points of this rank's cells."""
     at: IntArray = which
-    if places is None:
-        places = closest_many(structure.meshed()[0], points[which])
+    if nearest is None:
+        nearest = closest_many(structure.meshed()[0], points[which])
         at = np.arange(len(which))
-    mine = places.rank[at] == structure.comm.rank
+    mine = nearest.rank[at] == structure.comm.rank
     at = at[mine]
-    return Points(which[mine], places.cell[at], places.X[at], np.ones(len(at)))
+    return Points(which[mine], nearest.cell[at], nearest.X[at], np.ones(len(at)))
 
 
 def tell(structure: Structure, sites: Sites) -> None:
@@ -155,11 +157,12 @@ def tell(structure: Structure, sites: Sites) -> None:
             "lies on the face, so its half-space compliance does not hold; move the site or take a "
             "smaller radius.",
         )
-    held = (1 - sites.moving > PARTLY) & (sites.local > 0)
-    if held.any():
+    constrained = (1 - sites.moving > PARTLY) & (sites.local > 0)
+    if constrained.any():
         _warn(
             structure,
-            f"supports hold {1 - sites.moving[held].min():.0%} of the patch{_at(held)}: its "
+            f"supports hold {1 - sites.moving[constrained].min():.0%} of the "
+            f"patch{_at(constrained)}: its "
             "half-space compliance does not hold there; move the site or take a smaller radius.",
         )
 

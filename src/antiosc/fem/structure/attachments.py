@@ -1,8 +1,8 @@
-"""What is added to a structure's matrices on motions that it already has.
+"""What is added to a structure's matrices on dofs that it already has.
 
 Beams on the edges of a sheet, point masses, grounded springs: none has dofs of its own. A beam is
 assembled on a mesh of those edges, whose dofs are dofs of the sheet, K + Tᵀ K_beam T; masses and
-springs are sums of m b bᵀ with the b that gives a motion of a point.
+springs are sums of m b bᵀ where bᵀu is one displacement component of a point.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from antiosc.fem.compat import IntArray
 from antiosc.fem.elements.beam import Beam, on_lines
 from antiosc.fem.elements.weak_form import WeakForm
 from antiosc.fem.linalg.solvers import Array, multiply
-from antiosc.fem.mesh import closest_point
+from antiosc.fem.mesh.closest_point import ClosestPoint, closest
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.mpi import agree
 
-MOTIONS = ("x", "y", "z", "rx", "ry", "rz")
+COMPONENTS = ("x", "y", "z", "rx", "ry", "rz")
 #: Dofs of a beam and of the sheet are the same within this share of the beam's extent.
 SAME = 1e-7
 #: A point this share of the size off the structure, as by a curved mesh, is moved onto it.
@@ -76,9 +76,9 @@ class PointMass:
             raise InputError("a PointMass needs a mass or an inertia; both are 0.")
 
     def values(self) -> dict[str, float]:
-        """Motion -> mass or inertia."""
+        """Component -> mass or inertia."""
         inertia = np.broadcast_to(self.inertia, (3,))
-        return dict(zip(MOTIONS, [self.mass] * 3 + [float(i) for i in inertia], strict=True))
+        return dict(zip(COMPONENTS, [self.mass] * 3 + [float(i) for i in inertia], strict=True))
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ class Spring:
     where : str or sequence of floats
         As for `PointMass`.
     stiffness : dict
-        Motion -> stiffness: of "x", "y", "z" (N/m), "rx", "ry", "rz" (N m/rad).
+        Component -> stiffness: of "x", "y", "z" (N/m), "rx", "ry", "rz" (N m/rad).
     """
 
     where: str | Sequence[float]
@@ -101,9 +101,9 @@ class Spring:
         if not isinstance(self.stiffness, Mapping) or not self.stiffness:
             raise InputError("a Spring needs a stiffness, as in Spring(where, {'z': 1e5}).")
         for name in self.stiffness:
-            if name not in MOTIONS:
+            if name not in COMPONENTS:
                 raise InputError(
-                    f"a Spring holds motions of {', '.join(MOTIONS)}; {name!r} is none of them."
+                    f"a Spring acts on {', '.join(COMPONENTS)}; {name!r} is not one of them."
                 )
         store(
             self,
@@ -134,7 +134,7 @@ class Added:
     mass: float
     #: M e for unit accelerations e along x, y, z, of the attachment alone (rows of this rank, 3)
     inertia: Array
-    #: b of every motion that is held by a spring (rows of this rank, k)
+    #: b of every component that is held by a spring (rows of this rank, k)
     springs: Array
 
 
@@ -158,8 +158,8 @@ def add_beams(to: Matrices, name: str, beam: Beam, edges: IntArray) -> Added:
     for matrix, one in zip((to.K, to.M), own, strict=True):
         matrix.axpy(1.0, one.ptap(T), structure=PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
     moving = np.zeros((compat.local_size(form.space), 3))
-    for axis, motion in enumerate("xyz"):
-        dofs, _ = compat.dof_coordinates(form.space, form.components[motion])
+    for axis, component in enumerate("xyz"):
+        dofs, _ = compat.dof_coordinates(form.space, form.components[component])
         moving[dofs[dofs < len(moving)], axis] = 1.0
     inertia = multiply(own[1], moving)
     mass = line.comm.allreduce(float(moving[:, 0] @ inertia[:, 0]))
@@ -171,39 +171,39 @@ def add_at_points(to: Matrices, one: PointMass | Spring) -> Added:
     """Add a mass or a spring at its points."""
     matrix = to.M if isinstance(one, PointMass) else to.K
     values = one.values() if isinstance(one, PointMass) else one.stiffness
-    values = {motion: value for motion, value in values.items() if value}
+    values = {component: value for component, value in values.items() if value}
     if "z" not in to.form.components and isinstance(one, PointMass):
         values.pop("z", None)  # a plane structure does not move there
-    foreign = [motion for motion in values if motion not in to.form.components]
+    foreign = [component for component in values if component not in to.form.components]
     if foreign:
         raise InputError(
-            f"{type(one).__name__} at {one.where!r} acts on {', '.join(foreign)}, but the motions "
-            f"of this structure are {', '.join(to.form.components)}."
+            f"{type(one).__name__} at {one.where!r} acts on {', '.join(foreign)}, but the "
+            f"components of this structure are {', '.join(to.form.components)}."
         )
-    places = _places(to.mesh, one.where)
+    points = _attachment_points(to.mesh, one.where)
     rows = compat.local_size(to.form.space)
     inertia, springs = np.zeros((rows, 3)), []
-    for place in places:
-        for motion, value in values.items():
-            b = _add_motion(to, matrix, motion, place, value)
+    for nearest in points:
+        for component, value in values.items():
+            b = _add_component(to, matrix, component, nearest, value)
             if isinstance(one, Spring):
                 springs.append(b)
-            elif motion in "xyz":
-                inertia[:, "xyz".index(motion)] += value * b
+            elif component in "xyz":
+                inertia[:, "xyz".index(component)] += value * b
     matrix.assemble()
-    mass = one.mass * len(places) if isinstance(one, PointMass) else 0.0
+    mass = one.mass * len(points) if isinstance(one, PointMass) else 0.0
     return Added(mass, inertia, np.column_stack([np.zeros((rows, 0)), *springs]))
 
 
-def _add_motion(
-    to: Matrices, matrix: PETSc.Mat, motion: str, place: closest_point.Place, value: float
+def _add_component(
+    to: Matrices, matrix: PETSc.Mat, component: str, nearest: ClosestPoint, value: float
 ) -> Array:
-    """Add value·b bᵀ for the motion b of a point; b on the rows of this rank, 0 where held."""
-    path = to.form.components[motion]
+    """Add value·b bᵀ for one displacement component bᵀu of a point; b (rows of this rank)."""
+    path = to.form.components[component]
     vector = matrix.createVecRight()
-    if to.mesh.comm.rank == place.rank:
-        dofs = compat.subspace(to.form.space, path).dofmap.cell_dofs(place.cell)
-        weights = compat.tabulate(to.form.space, path, place.X.reshape(1, -1))[0]
+    if to.mesh.comm.rank == nearest.rank:
+        dofs = compat.subspace(to.form.space, path).dofmap.cell_dofs(nearest.cell)
+        weights = compat.tabulate(to.form.space, path, nearest.X.reshape(1, -1))[0]
         weights = np.where(np.isin(dofs, to.fixed), 0.0, weights)
         rows = compat.global_dofs(to.form.space, dofs)
         add = PETSc.InsertMode.ADD_VALUES
@@ -215,18 +215,18 @@ def _add_motion(
     return b
 
 
-def _places(mesh: Mesh, where: str | Sequence[float]) -> list[closest_point.Place]:
+def _attachment_points(mesh: Mesh, where: str | Sequence[float]) -> list[ClosestPoint]:
     if not isinstance(where, str):
         point = np.zeros(3)
         point[: len(where)] = where
-        place = closest_point.closest(mesh, point)
-        if place.distance > NEAR * mesh.extent():
-            at = ", ".join(f"{c:.6g}" for c in place.x)
+        nearest = closest(mesh, point)
+        if nearest.distance > NEAR * mesh.extent():
+            at = ", ".join(f"{c:.6g}" for c in nearest.x)
             raise InputError(
-                f"the point {tuple(where)} is {place.distance:.3g} m off the structure; its "
+                f"the point {tuple(where)} is {nearest.distance:.3g} m off the structure; its "
                 f"nearest point is ({at}) m."
             )
-        return [place]
+        return [nearest]
     group = mesh.group(where)
     if set(group) != {0}:
         raise InputError(
@@ -237,7 +237,7 @@ def _places(mesh: Mesh, where: str | Sequence[float]) -> list[closest_point.Plac
     mine = group[0][group[0] < owned]
     x = mesh.dolfinx.geometry.x[compat.entity_vertices(mesh.dolfinx, 0)[mine, 0]]
     points = np.vstack(mesh.comm.allgather(x))
-    return [closest_point.closest(mesh, point) for point in points]
+    return [closest(mesh, point) for point in points]
 
 
 #: Corners of the edges of a cell, in dolfinx's order; mid-side nodes follow the corners.
@@ -259,8 +259,8 @@ def _edge_mesh(mesh: Mesh, edges: IntArray, name: str) -> Mesh:
     for row, edge in enumerate(owned):
         cell = topology.connectivity(1, 2).links(edge)[0]
         local = int(np.flatnonzero(topology.connectivity(2, 1).links(cell) == edge)[0])
-        places = [*table[local], len(table) + local][: mesh.order + 1]
-        nodes[row] = of_cell[cell][places]
+        positions = [*table[local], len(table) + local][: mesh.order + 1]
+        nodes[row] = of_cell[cell][positions]
     x = np.zeros((len(mesh.dolfinx.geometry.x), 3))
     x[:] = mesh.dolfinx.geometry.x
     numbers = np.asarray(mesh.dolfinx.geometry.input_global_indices)[nodes]
@@ -284,16 +284,16 @@ def _shared_dofs(to: Matrices, edges: IntArray, form: WeakForm, line: Mesh) -> P
         ((rows, None), (compat.local_size(to.form.space), None)), nnz=1, comm=to.mesh.comm
     )
     error = None
-    for motion, path in form.components.items():
-        sheet = compat.subspace(to.form.space, to.form.components[motion])
-        all_dofs, all_x = compat.dof_coordinates(to.form.space, to.form.components[motion])
+    for component, path in form.components.items():
+        sheet = compat.subspace(to.form.space, to.form.components[component])
+        all_dofs, all_x = compat.dof_coordinates(to.form.space, to.form.components[component])
         there = np.asarray(dolfinx.fem.locate_dofs_topological(sheet, 1, edges))
         order = np.argsort(all_dofs)
         x = all_x[order[np.searchsorted(all_dofs, there, sorter=order)]]
         numbers = compat.global_dofs(to.form.space, there)
-        held = np.isin(there, to.fixed)
-        found = to.mesh.comm.allgather((x, numbers, held))
-        x, numbers, held = (np.concatenate([one[k] for one in found]) for k in range(3))
+        fixed = np.isin(there, to.fixed)
+        found = to.mesh.comm.allgather((x, numbers, fixed))
+        x, numbers, fixed = (np.concatenate([one[k] for one in found]) for k in range(3))
         mine, points = compat.dof_coordinates(form.space, path)
         points, mine = points[mine < rows], mine[mine < rows]
         if not len(mine):
@@ -303,7 +303,7 @@ def _shared_dofs(to: Matrices, edges: IntArray, form: WeakForm, line: Mesh) -> P
             error = InputError(f"{line.name} do not carry the dofs of the sheet.")
             continue
         for dof, k in zip(mine, nearest, strict=True):
-            if not held[k]:
+            if not fixed[k]:
                 T.setValue(first + dof, numbers[k], 1.0)
     agree(to.mesh.comm, error)
     T.assemble()

@@ -165,19 +165,19 @@ def supported(K: PETSc.Mat, M: PETSc.Mat) -> IntArray:
             "their rows and columns out."
         )
     _check_definite(comm, M, of_M.diagonal)
-    held = _held(comm, of_K)
-    stray = np.setdiff1d(_held(comm, of_M), held)
+    constrained = _penalised(comm, of_K)
+    stray = np.setdiff1d(_penalised(comm, of_M), constrained)
     if len(stray):
         raise InputError(
             f"M has a penalty on its diagonal ({of_M.diagonal[stray[0]]:g} in row {stray[0]}) and "
             "K has none there: apply supports to K."
         )
-    _check_couplings(comm, of_K, held)
-    if len(held):
+    _check_couplings(comm, of_K, constrained)
+    if len(constrained):
         K.setAttr(PRODUCT, None)
     first, last = K.getOwnershipRange()
-    own = held[(held >= first) & (held < last)]
-    if len(held):
+    own = constrained[(constrained >= first) & (constrained < last)]
+    if len(constrained):
         K.zeroRowsColumns(own.astype(PETSc.IntType), diag=1.0)
         M.zeroRowsColumns(own.astype(PETSc.IntType), diag=0.0)
     return own - first
@@ -242,7 +242,7 @@ def _typical(comm: MPI.Comm, entries: _Entries) -> float:
     return float(np.median(sizes)) if len(sizes) else 0.0
 
 
-def _held(comm: MPI.Comm, entries: _Entries) -> IntArray:
+def _penalised(comm: MPI.Comm, entries: _Entries) -> IntArray:
     """Dofs whose diagonal entry is a penalty that holds them, on every rank."""
     typical = _typical(comm, entries)
     if not typical:
@@ -252,11 +252,11 @@ def _held(comm: MPI.Comm, entries: _Entries) -> IntArray:
     return np.flatnonzero((entries.diagonal > HOLDS * others) & (entries.diagonal > HELD * typical))
 
 
-def _check_couplings(comm: MPI.Comm, entries: _Entries, held: IntArray) -> None:
+def _check_couplings(comm: MPI.Comm, entries: _Entries, constrained: IntArray) -> None:
     """Refuse entries off the diagonal beside which all others of both their rows are rounding."""
     typical = _typical(comm, entries)
     large = np.abs(entries.value) > DROWNS * (typical or np.inf)
-    large &= ~np.isin(entries.row, held) & ~np.isin(entries.column, held)
+    large &= ~np.isin(entries.row, constrained) & ~np.isin(entries.column, constrained)
     small = np.zeros(len(entries.diagonal))
     np.maximum.at(small, entries.row[~large], np.abs(entries.value[~large]))
     comm.Allreduce(MPI.IN_PLACE, small, MPI.MAX)

@@ -30,7 +30,7 @@ _Field = Callable[[Array], tuple[Array, Array]]
 #: as a rigid-body mode; rounding leaves about 1e-16.
 RIGID = 1e-11
 #: Share of a field's square on the fixed dofs below which it vanishes there; rounding: 1e-16.
-HELD = 1e-13
+VANISHING = 1e-13
 #: Shift over the estimate of the first elastic ω²: modes converge fast, A stays well conditioned.
 SHIFT = 0.1
 #: Share of a field that is left without its rigid part, above which it strains; rounding: 1e-15.
@@ -198,11 +198,11 @@ def _vanishing(comm: MPI.Comm, fields: Array, fixed: IntArray, springs: Array) -
     scale = np.sqrt(comm.allreduce(np.einsum("ij,ij->j", fields, fields)))
     fields, scale = fields[:, scale > 0], scale[scale > 0]  # y and z are zero on a line along x
     owned = fixed[fixed < len(fields)]
-    held = fields[owned]
+    at_fixed = fields[owned]
     stretch = dot(comm, springs, fields)
-    gram = comm.allreduce(held.T @ held) + stretch.T @ stretch
+    gram = comm.allreduce(at_fixed.T @ at_fixed) + stretch.T @ stretch
     values, vectors = np.linalg.eigh(gram / np.outer(scale, scale))
-    combinations = (vectors / scale[:, None])[:, values < HELD]
+    combinations = (vectors / scale[:, None])[:, values < VANISHING]
     result = fields @ combinations
     result[owned] = 0.0
     return result

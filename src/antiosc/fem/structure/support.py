@@ -1,4 +1,4 @@
-"""`Support`: motions of a structure that are held at zero, as dofs."""
+"""`Support`: displacement components that are held at zero, as dofs."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ NO_DOFS = np.zeros(0, dtype=np.int32)
 
 @dataclass(frozen=True)
 class Support:
-    """Motions held at zero.
+    """Displacements and rotations held at zero on a part of the mesh.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ class Support:
         Name of a group of the mesh, or a function of coordinates x of shape (3, n) that tells
         which of the n points are held.
     fix
-        "all", or the motions held: of "x", "y", "z" (displacements) and, for beams,
+        "all", or the components held at zero: of "x", "y", "z" (displacements) and, for beams,
         "rx", "ry", "rz" (rotations); one name or several.
     """
 
@@ -53,7 +53,7 @@ class Support:
             names = tuple(names) if isinstance(names, list | tuple) else ()
             if not names or not all(isinstance(name, str) for name in names):
                 raise InputError(
-                    f"fix={shown(self.fix)} is not a motion: it must be 'all', or motions such as "
+                    f"fix={shown(self.fix)} is not a component: it must be 'all' or such names as "
                     "'x', 'rz' or ('x', 'y')."
                 )
         store(self, fix=names)
@@ -96,7 +96,7 @@ def _components(fix: str | Iterable[str], form: WeakForm) -> list[str]:
     wrong = [name for name in names if name not in known]
     if wrong or not names:
         raise InputError(
-            f"fix={fix!r} is not a motion of this structure: it must be 'all' or of "
+            f"fix={fix!r} is not a component of this structure: it must be 'all' or of "
             f"{', '.join(map(repr, known))}."
         )
     return names

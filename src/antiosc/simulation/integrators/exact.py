@@ -78,19 +78,19 @@ class Exact:
             coarse, step = step, self._clear(problem, step / 8)
             phase = self.resume(problem, t, q, v, state, until, step)
             work += phase.evaluations
-            if not phase.released and not phase.trouble and until < end:
+            if not phase.released and not phase.failure and until < end:
                 p, force = phase, float(phase.segments[-1].force[-1])
                 phase = self.resume(problem, p.time, p.q, p.v, p.state, end, coarse, force)
                 phase.segments[:0] = p.segments
                 work += phase.evaluations
                 break
         phase.evaluations = work
-        if not phase.trouble and self._grown(problem)(phase.q, phase.v):
-            phase.trouble, phase.diverged = self._gained(problem, phase.time), True
+        if not phase.failure and self._grown(problem)(phase.q, phase.v):
+            phase.failure, phase.diverged = self._gained(problem, phase.time), True
         return phase
 
     def _gained(self, problem: Problem, t: float) -> str:
-        """The trouble of a run that made energy of nothing."""
+        """The failure of a run that made energy of nothing."""
         clear = clear_step(problem, self.step)
         remedy = f"step={clear:.6g}" if clear < self.step else "a smaller step"
         return (
@@ -135,8 +135,8 @@ class Exact:
                 q, v = problem.forced(q, v, length, force, 0.0)
                 return Phase(segments, t + length, q, v, state, count, True)
             if count > self.max_steps:
-                trouble = too_many_steps(t, self.max_steps)
-                return Phase(segments, t, q, v, state, count, False, trouble)
+                failure = too_many_steps(t, self.max_steps)
+                return Phase(segments, t, q, v, state, count, False, failure)
             if end - t <= 1e-12 * end:
                 return Phase(segments, end, q, v, state, count, False)
 
@@ -236,11 +236,11 @@ def _march(
     delta[0] = free[0] - r * force
     tails = kernel.tails
     moving = law.rate_dependent or law.has_memory
-    rate, held, previous, before = 0.0, 0.0, force, force
+    rate, rate_response, previous, before = 0.0, 0.0, force, force
     if moving:
         half_rate, tails_rate, alpha_rate = kernel.rates
         free_rate = (kernel.free_rate(q, v) + force * half_rate).tolist()
-        held = alpha_rate + r / h
+        rate_response = alpha_rate + r / h
     implicit, origin = law.implicit, law.origin(state)
     for n in range(1, size + 1):
         past = forces[1:n]
@@ -250,7 +250,7 @@ def _march(
         guess = 3 * (force - previous) + before  # on a parabola
         if guess < 0.5 * force:
             guess = 0.5 * force
-        new = implicit(trial, alpha, rate, held, state, guess)
+        new = implicit(trial, alpha, rate, rate_response, state, guess)
         if new == 0.0 and trial <= origin:
             delta[n] = trial
             return forces[: n + 1], delta[: n + 1], state, True
@@ -258,7 +258,7 @@ def _march(
         forces[n] = new
         delta[n] = trial - alpha * new
         if moving:
-            state = law.advance(float(delta[n]), rate - held * new, state)
+            state = law.advance(float(delta[n]), rate - rate_response * new, state)
             origin = law.origin(state)
     return forces, delta, state, False
 
@@ -277,9 +277,9 @@ def _release(
 
     def apart(t: float) -> tuple[float, float]:
         P, S, W, J, R = prop.responses(t)
-        held = float((J - R / t) @ pull)
-        delta = float(P @ from_q + S @ from_v + J @ push) - held
-        rate = float(W @ from_v + S @ turn) + held / t
+        change = float((J - R / t) @ pull)
+        delta = float(P @ from_q + S @ from_v + J @ push) - change
+        rate = float(W @ from_v + S @ turn) + change / t
         return level - delta, -rate
 
     # a first guess on the parabola from here with this rate to the whole step's end

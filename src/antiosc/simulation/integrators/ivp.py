@@ -60,7 +60,7 @@ class SolveIVP:
             # a hysteretic law changes branch where the indentation turns
             events: list[Callable[..., float]] = [motion.parted(law.origin(state))]
             if law.has_memory:
-                events.append(motion.turned(turn))
+                events.append(motion.reversal(turn))
                 turn = -turn
             pause = min(self.max_step, end - t)  # a time in which gravity sets things moving
             fall = np.abs(problem.load[struck]).max(initial=0.0) * pause
@@ -92,9 +92,9 @@ class SolveIVP:
                     if isinstance(error, _GaveUp)
                     else f"no finite step ({error})"
                 )
-                trouble = f"{self.name} gave up after {t:g} s: {reason}; use method='exact'"
+                failure = f"{self.name} gave up after {t:g} s: {reason}; use method='exact'"
                 count += motion.evaluations
-                return Phase(segments, t, y[:size], y[size:-1], state, count, False, trouble)
+                return Phase(segments, t, y[:size], y[size:-1], state, count, False, failure)
             count += motion.evaluations
             if solution.status < 0:
                 return Phase(
@@ -154,7 +154,7 @@ class _Contact:
         event.terminal, event.direction = True, -1.0  # type: ignore[attr-defined]
         return event
 
-    def turned(self, direction: float) -> Callable[..., float]:
+    def reversal(self, direction: float) -> Callable[..., float]:
         def event(t: float, y: Array) -> float:
             return float(self.problem.beta @ y[self.size : -1])
 

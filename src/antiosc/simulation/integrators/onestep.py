@@ -60,21 +60,21 @@ class OneStep(ABC):
         node = Node(q, v, 0.0, problem.approach(q), float(problem.beta @ v), 0.0)
         nodes, times = [node], [t]
         grown = growth(p.propagator.square, p.load, p.q, p.v, GROWTH, p.beta)
-        released, trouble, diverged = False, "", False
+        released, failure, diverged = False, "", False
         with np.errstate(over="ignore", invalid="ignore"):
             while end - t > 1e-12 * end and not released:
                 h = min(self.step, end - t)
                 new = self.advance(problem, node, state, h)
                 if grown(new.q, new.v):
                     diverged = True
-                    trouble = (
+                    failure = (
                         f"{self.name} diverged at {t:g} s with a step of {self.step:g} s"
                         f" (h omega_max = {self.step * problem.omega.max():.3g}); use a smaller"
                         f" step or method='exact'"
                     )
                     break
                 if len(nodes) > self.max_steps:
-                    trouble = too_many_steps(t, self.max_steps)
+                    failure = too_many_steps(t, self.max_steps)
                     break
                 if new.force == 0.0 and new.delta <= law.origin(state):
                     h, new = self._release(problem, node, state, h, new)
@@ -86,9 +86,9 @@ class OneStep(ABC):
                 times.append(t)
         segment = _segment(np.array(times), nodes)
         count = len(nodes) - 1
-        if not released and not trouble:
+        if not released and not failure:
             t = end
-        return Phase([segment], t, node.q, node.v, state, count, released, trouble, diverged)
+        return Phase([segment], t, node.q, node.v, state, count, released, failure, diverged)
 
     def _release(
         self, problem: Problem, node: Node, state: State, h: float, last: Node

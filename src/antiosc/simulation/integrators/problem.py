@@ -120,7 +120,7 @@ class Segment:
 class Phase:
     """What an integrator returns for one contact: its segments and the state at its end.
 
-    `trouble` says why it gave up, if it did; `diverged`: because the bodies gained energy.
+    `failure` says why it gave up, if it did; `diverged`: because the bodies gained energy.
     """
 
     segments: list[Segment]
@@ -130,12 +130,12 @@ class Phase:
     state: State
     evaluations: int
     released: bool
-    trouble: str = ""
+    failure: str = ""
     diverged: bool = False
 
 
 def too_many_steps(t: float, max_steps: int) -> str:
-    """The trouble of a contact that does not end."""
+    """The failure of a contact that does not end."""
     return (
         f"stopped at {t:g} s: more than {max_steps} steps in one contact; shorten the duration,"
         f" use a larger step or raise max_steps"

@@ -37,7 +37,7 @@ class Trajectory:
     segments: list[Segment] = field(default_factory=list)
     contacts: list[Contact] = field(default_factory=list)
     evaluations: int = 0
-    trouble: str = ""
+    failure: str = ""
     diverged: bool = False
 
 
@@ -59,7 +59,7 @@ def run(
         if wait is None or t >= duration:
             break
         if len(result.contacts) >= max_contacts:
-            result.trouble = (
+            result.failure = (
                 f"stopped at {t:g} s: more than {max_contacts} contacts (chatter);"
                 f" shorten the duration or raise max_contacts"
             )
@@ -71,8 +71,8 @@ def run(
         _append(result, t, state, phase)
         t, q, v, state = phase.time, phase.q, phase.v, phase.state
         origin = problem.law.origin(state)
-        if phase.trouble:
-            result.trouble, result.diverged = phase.trouble, phase.diverged
+        if phase.failure:
+            result.failure, result.diverged = phase.failure, phase.diverged
             break
     return result
 
