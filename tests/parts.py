@@ -10,6 +10,7 @@ from typing import Any
 import dolfinx
 import numpy as np
 import scipy.sparse.linalg
+import ufl
 from mpi4py import MPI
 from numpy.typing import NDArray
 
@@ -190,3 +191,21 @@ def direct_stiffness(K: Any, M: Any, b: Array, omega: Array) -> Array:
         x += factor.solve(b - K @ x + w**2 * (M @ x))  # one step of refinement
         values.append(1 / (b @ x))
     return np.array(values)
+
+
+EXPONENTS = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1), (2, 0, 0), (0, 2, 0), (0, 0, 2), (1, 1, 0)]
+
+
+def moments(mesh: ao.Mesh) -> np.ndarray:
+    """∫ x^i y^j z^k over the mesh, for all EXPONENTS of its dimension; one compiled form."""
+    domain = mesh.dolfinx
+    x = ufl.SpatialCoordinate(domain)
+    weights = compat.constant(domain, np.zeros(len(EXPONENTS)))
+    monomials = [np.prod([x[a] ** p for a, p in enumerate(e[: mesh.gdim])]) for e in EXPONENTS]
+    dx = ufl.Measure("dx", domain=domain, metadata={"quadrature_degree": 7})
+    form = dolfinx.fem.form(sum(w * m for w, m in zip(weights, monomials, strict=True)) * dx)
+    result = []
+    for row in np.eye(len(EXPONENTS)):
+        weights.value[:] = row
+        result.append(domain.comm.allreduce(dolfinx.fem.assemble_scalar(form)))
+    return np.array([m for e, m in zip(EXPONENTS, result, strict=True) if not any(e[mesh.gdim :])])

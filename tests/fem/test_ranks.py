@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,10 +10,11 @@ import pytest
 pytest.importorskip("dolfinx")
 
 from mpi import run_ranks
+from paths import TESTS
 
 pytestmark = [pytest.mark.fem, pytest.mark.mpi]
 
-HERE = str(Path(__file__).parent)
+HERE = str(TESTS)
 
 DIFFERENT = """
 import sys, warnings
@@ -114,7 +114,7 @@ class Here:
             raise self._error
         return x[0] < 1e-9
 
-@parallel.collective()
+@mpi.collective()
 def work(error):
     if comm.rank == 1:
         raise error
@@ -131,7 +131,7 @@ for call in (
     lambda: ao.Structure(mesh, solid, [ao.Support(Here(Odd("odd", "one")))]),
     lambda: work(ValueError("two")),
     lambda: work(Odd("odd", "two")),
-    lambda: parallel.on_root(comm, lambda: 1 / 0),
+    lambda: mpi.on_root(comm, lambda: 1 / 0),
     warned,
 ):
     try:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from antiosc import checks
-from antiosc.errors import AccuracyError, AccuracyWarning, InputError
+from antiosc.errors import AccuracyError, AccuracyWarning, InputError, warn
 from antiosc.simulation import march
 from antiosc.simulation.assembly import Assembly, assemble
 from antiosc.simulation.engine import Run, run
@@ -64,14 +63,13 @@ def integrate(
     )
     turned = history.largest_rotation()
     if turned[1] > 0.1:
-        warnings.warn(
+        warn(
             f"{turned[0]!r} turned by {turned[1]:.2g} rad; rotations are taken as small, below"
             f" 0.1 rad.",
             AccuracyWarning,
-            stacklevel=3,
         )
     if status:
-        warnings.warn(message, AccuracyWarning, stacklevel=3)
+        warn(message, AccuracyWarning)
     for contact, law in zip(scene.contacts, assembly.laws, strict=True):
         peak = history[contact.a, contact.b].peak_force
         if peak > law.valid_force:

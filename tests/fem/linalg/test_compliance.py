@@ -102,7 +102,7 @@ def test_without_room_for_a_second_factor_all_is_solved_for(monkeypatch):
     expected = compliance.deflections(part, B, modes.omega, b)
     entries = part.factorization.entries
     assert entries == part.factorization.cholesky.supernodes.values.size
-    monkeypatch.setattr(compliance.large, "free_memory", lambda: 8 * entries)
+    monkeypatch.setattr(compliance.solver_choice, "free_memory", lambda: 8 * entries)
     monkeypatch.setattr(compliance, "compliances", None)  # is not asked
     with pytest.warns(ao.AntioscWarning, match="every site is solved for"):
         found = compliance.deflections(part, B, modes.omega, b)

@@ -11,7 +11,6 @@ pytest.importorskip("gmsh")
 import dolfinx
 import gmsh
 import meshio
-import ufl
 from mpi4py import MPI
 
 import antiosc as ao
@@ -19,25 +18,10 @@ import parts
 from antiosc.errors import AntioscWarning
 from antiosc.fem import compat
 from mpi import run_ranks
+from parts import EXPONENTS, moments
+from paths import TESTS
 
 pytestmark = pytest.mark.fem
-
-EXPONENTS = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1), (2, 0, 0), (0, 2, 0), (0, 0, 2), (1, 1, 0)]
-
-
-def moments(mesh: ao.Mesh) -> np.ndarray:
-    """∫ x^i y^j z^k over the mesh, for all EXPONENTS of its dimension; one compiled form."""
-    domain = mesh.dolfinx
-    x = ufl.SpatialCoordinate(domain)
-    weights = compat.constant(domain, np.zeros(len(EXPONENTS)))
-    monomials = [np.prod([x[a] ** p for a, p in enumerate(e[: mesh.gdim])]) for e in EXPONENTS]
-    dx = ufl.Measure("dx", domain=domain, metadata={"quadrature_degree": 7})
-    form = dolfinx.fem.form(sum(w * m for w, m in zip(weights, monomials, strict=True)) * dx)
-    result = []
-    for row in np.eye(len(EXPONENTS)):
-        weights.value[:] = row
-        result.append(domain.comm.allreduce(dolfinx.fem.assemble_scalar(form)))
-    return np.array([m for e, m in zip(EXPONENTS, result, strict=True) if not any(e[mesh.gdim :])])
 
 
 def expected_moments(dim: int, bent: bool) -> np.ndarray:
@@ -443,7 +427,7 @@ def test_two_ranks_hold_the_same_mesh(tmp_path):
         sys.path.insert(0, sys.argv[1])
         import antiosc as ao
         from antiosc.fem import compat
-        from test_fem_mesh import moments
+        from parts import moments
         for path in sys.argv[2:]:
             mesh = ao.read_mesh(path)
             owned = compat.cell_map(mesh.dolfinx).size_local
@@ -456,7 +440,7 @@ def test_two_ranks_hold_the_same_mesh(tmp_path):
             print(mesh.n_cells, sorted(sizes.items()), *moments(mesh).round(12) + 0.0)
             assert 0 < owned < mesh.n_cells
     """
-    arguments = [str(p) for p in (parts.__file__.rsplit("/", 1)[0], *paths, geo)]
+    arguments = [str(p) for p in (TESTS, *paths, geo)]
     one, two = (
         run_ranks(1, script.replace("assert", "#"), *arguments),
         run_ranks(2, script, *arguments),
