@@ -163,6 +163,15 @@ def coordinates(name: str, value: Any, unit: str = "m") -> tuple[float, ...]:
     return tuple(result.tolist())
 
 
+def broadcast(*values: NDArray[Any]) -> bool:
+    """Whether NumPy can combine the arrays entry by entry."""
+    try:
+        np.broadcast_shapes(*(one.shape for one in values))
+    except ValueError:
+        return False
+    return True
+
+
 def kept(values: NDArray[Any]) -> NDArray[Any]:
     """A read-only copy: later changes of the caller's array do not reach what is stored."""
     own = np.array(values)

@@ -109,3 +109,10 @@ def test_zener_parameter_is_free_of_units():
     assert scaled == pytest.approx(lam, rel=1e-12)
     with pytest.raises(InputError, match="mass must be > 0"):
         zener.inelasticity(0.0, 2.0, 1e9, 50.0, 8.0)
+
+
+def test_numbers_of_half_waves_that_do_not_fit_together_are_refused():
+    plate = SupportedPlate(70e9, 0.3, 2700.0, 2e-3, 0.3, 0.2)
+    assert plate.kirchhoff(np.arange(1, 4)[:, None], np.arange(1, 3)).shape == (3, 2)
+    with pytest.raises(InputError, match=r"arrays of shapes that fit; got \(3,\), \(2,\)"):
+        plate.kirchhoff([1, 2, 3], [1, 2])

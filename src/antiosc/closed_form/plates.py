@@ -95,6 +95,10 @@ class SupportedPlate:
     def wave_number_squared(self, m: Any, n: Any) -> Any:
         """π²(m²/a² + n²/b²), 1/m²."""
         m, n = checks.array("m", m, None), checks.array("n", n, None)
+        if m.ndim and n.ndim and not checks.broadcast(m, n):
+            raise InputError(
+                f"m and n must be numbers, or arrays of shapes that fit; got {m.shape}, {n.shape}."
+            )
         return np.pi**2 * (np.square(m) / self.a**2 + np.square(n) / self.b**2)
 
     @checks.within_range
