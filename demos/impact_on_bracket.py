@@ -1,8 +1,9 @@
 """A steel sphere strikes the boss of a machined aluminium bracket: from the mesh to the force.
 
-The bracket is bolted down (group "clamp"). The sphere meets the outside of its eye, a cylinder,
-off any node and obliquely. Printed: what was modelled, what was kept, and the impact. Written to
-out/: the force and the bracket (PNG), the model (NPZ), the moving bracket (PVD, for ParaView).
+The bracket is bolted down (group "clamp"). The sphere strikes the outer surface of the eye, a
+cylinder, obliquely and at a point that is not a node. The script prints the properties of the
+structure, of the reduced model and of the impact. It writes to out/: the force and the bracket
+(PNG), the model (NPZ), the displacement field in time (PVD, for ParaView).
 
     make demo        or        .venv/bin/python demos/impact_on_bracket.py --help
 """
@@ -102,13 +103,13 @@ def main(
 def print_table(
     part: ao.Structure, model: ao.AntiOscillators, hit: ao.History, seconds: dict[str, float]
 ) -> None:
-    """What a reader of the result needs to judge it."""
+    """Print the model, the impact and the figures that tell their accuracy."""
     found = model.info
-    held = 1 - model.m0 / model.m_st
+    captured = 1 - model.m0 / model.m_st
     band = ""
     if "band" in found:
         top, error = found["band"]["top"] / 6283.185307, found["band"]["error_bound"]
-        band = f", which know Z up to {top:.0f} kHz to {error:.0e}"
+        band = f"; relative error of Z <= {error:.0e} up to {top:.0f} kHz"
     lowest = ", ".join(f"{w / 6.283185307:.0f}" for w in model.omega[:5])
     times = "  ".join(f"{stage} {spent:.2f}" for stage, spent in seconds.items())
     rows = [
@@ -116,8 +117,8 @@ def print_table(
         ("static stiffness k0", f"{model.k0:.4g} N/m"),
         ("static mass m_st", f"{model.m_st:.4g} kg"),
         ("anti-oscillators", f"{model.n}{band}"),
-        ("mass that they hold", f"{held:.2%} of m_st"),
-        ("first frequencies", f"{lowest} Hz"),
+        ("captured mass", f"{captured:.2%} of m_st"),
+        ("first antiresonances", f"{lowest} Hz"),
         ("peak force", f"{hit.peak_force:.5g} N"),
         ("contact time", f"{hit.contact_time * 1e6:.4g} us in {len(hit.contacts)} contact(s)"),
         ("restitution", f"{hit.restitution:.3f}"),
@@ -130,7 +131,7 @@ def print_table(
 
 
 def plot(hit: ao.History, sphere: float, path: Path) -> None:
-    """Force, and the motions of site and sphere."""
+    """Plot the force and the displacements of the site and of the sphere."""
     figure, (upper, lower) = plt.subplots(2, 1, sharex=True, figsize=(7, 5), layout="constrained")
     ms = 1e3 * hit.time
     upper.plot(ms, hit.force, color="C3")
@@ -147,7 +148,7 @@ def plot(hit: ao.History, sphere: float, path: Path) -> None:
 
 
 def picture(part: ao.Structure, hit: ao.History, point: Sequence[float], path: Path) -> None:
-    """The bracket where its site has gone farthest, motions enlarged, coloured by their size."""
+    """Draw the bracket at the largest displacement of the site, enlarged and coloured by size."""
     farthest = hit.time[np.argmax(hit.displacement)]
     with tempfile.TemporaryDirectory() as folder:
         ao.write_series(part, hit, Path(folder) / "frame.pvd", [farthest])
@@ -180,7 +181,7 @@ def picture(part: ao.Structure, hit: ao.History, point: Sequence[float], path: P
 
 
 def surface(cells: np.ndarray) -> np.ndarray:
-    """Corners of the faces that belong to one tetrahedron only."""
+    """Vertices of the boundary faces, which belong to one tetrahedron only."""
     faces = np.vstack([cells[:, f] for f in ((0, 1, 2), (0, 1, 3), (0, 2, 3), (1, 2, 3))])
     _, first, count = np.unique(
         np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True

@@ -388,19 +388,19 @@ def _falling(body: ModalBody, load: Array) -> Array:
 def without_patch(
     law: ContactLaw, model: LinearBody, impactor: LinearBody
 ) -> tuple[ContactLaw, str]:
-    """The law with the patches' own half-space compliance taken out, and a note on it."""
+    """The law minus the half-space compliance of the patches, and a note on it."""
     local = sum(float(getattr(body, "local_compliance", 0.0)) for body in (model, impactor))
     if local == 0.0:
         return law, ""
     if not isinstance(law, Hertz):
         return law, (
-            f"The site's patch compliance {local:.4g} m/N stays in: {type(law).__name__} is not"
-            f" Hertz's law."
+            f"The patch's half-space compliance {local:.4g} m/N was not subtracted:"
+            f" {type(law).__name__} is not Hertz's law."
         )
     if law.compliance > 0.0:
         return law, ""
     return law.without(local), (
-        f"The patch's half-space compliance {local:.4g} m/N was taken out of Hertz's law,"
+        f"The patch's half-space compliance {local:.4g} m/N was subtracted from Hertz's law,"
         f" so that the indentation is counted once."
     )
 
