@@ -85,6 +85,12 @@ class FileMesh:
     node_sets: dict[str, IntArray] = field(default_factory=dict)
     #: once a group holds cells of the highest dimension, cells in no group are construction aids
     aids: bool = False
+    #: nodes held at zero: name of a group to be made -> rows of `points`
+    held: dict[str, IntArray] = field(default_factory=dict)
+    #: what the caller must be told of the file, one sentence each
+    told: list[str] = field(default_factory=list)
+    #: materials, sections, supports and masses, as JSON holds them, where a model was asked for
+    model: dict[str, Any] | None = None
 
 
 @dataclass
@@ -120,13 +126,16 @@ def known(label: str, name: str) -> str:
 def packed(mesh: FileMesh) -> tuple[dict[str, Any], list[NDArray[Any]]]:
     """`mesh` as (what fits JSON, arrays); groups are put end to end, for there may be thousands."""
     rows = [rows for parts in mesh.groups.values() for rows in parts.values()]
-    nodes = list(mesh.node_sets.values())
+    nodes = list(mesh.node_sets.values()) + list(mesh.held.values())
     head = {
         "cells": list(mesh.cells),
         "convention": mesh.convention,
         "groups": [[n, k, len(r)] for n, g in mesh.groups.items() for k, r in g.items()],
         "node_sets": [[name, len(r)] for name, r in mesh.node_sets.items()],
+        "held": [[name, len(r)] for name, r in mesh.held.items()],
         "aids": mesh.aids,
+        "told": mesh.told,
+        "model": mesh.model,
     }
     none = np.zeros(0, dtype=np.int64)
     arrays = [np.concatenate([none, *rows]), np.concatenate([none, *nodes]), mesh.points]
@@ -151,9 +160,11 @@ def unpacked(head: dict[str, Any], arrays: list[NDArray[Any]]) -> FileMesh:
         mesh.groups.setdefault(name, {})[label] = part
         start += count
     start = 0
-    for name, count in head["node_sets"]:
-        mesh.node_sets[name] = nodes[start : start + count]
-        start += count
+    for sets, counts in ((mesh.node_sets, head["node_sets"]), (mesh.held, head["held"])):
+        for name, count in counts:
+            sets[name] = nodes[start : start + count]
+            start += count
+    mesh.told, mesh.model = list(head["told"]), head["model"]
     _check_indices(nodes, len(points), "a node set names nodes")
     return mesh
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from antiosc.fem.readers import by_gmsh, by_meshio
+from antiosc.fem.readers import by_deck, by_gmsh, by_meshio
 from antiosc.fem.readers.neutral import FileMesh
 from antiosc.fem.readers.request import Request
 
@@ -19,6 +19,7 @@ Reader = Callable[[Request], FileMesh]
 
 READERS: dict[str, Reader] = {
     ".msh": by_gmsh.read,
+    ".inp": by_deck.abaqus,
     **dict.fromkeys(by_gmsh.GEOMETRY, by_gmsh.generate),
 }
 
@@ -30,4 +31,7 @@ def reader_of(path: str | Path) -> Reader:
 
 def library_of(path: str | Path) -> str:
     """The module that the reader of a file needs; it is loaded once for all files."""
-    return "meshio" if reader_of(path) is by_meshio.read else "gmsh"
+    reader = reader_of(path)
+    if reader is by_meshio.read:
+        return "meshio"
+    return "gmsh" if reader in (by_gmsh.read, by_gmsh.generate) else "numpy"

@@ -1,0 +1,22 @@
+"""Decks of Abaqus, CalculiX and Nastran."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from antiosc.fem.readers.conversion import as_mesh
+from antiosc.fem.readers.decks import abaqus_assembly
+from antiosc.fem.readers.neutral import FileMesh
+from antiosc.fem.readers.request import Request
+
+
+def abaqus(ask: Request) -> FileMesh:
+    """An Abaqus or CalculiX deck (`.inp`)."""
+    whole = abaqus_assembly.read(Path(ask.path), ask.name, _patience(ask))
+    return as_mesh(whole.deck)
+
+
+def _patience(ask: Request) -> Callable[[int], None]:
+    """Time for all that a deck includes."""
+    return lambda size: ask.allow(30 + 3e-5 * size)

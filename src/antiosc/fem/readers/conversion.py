@@ -1,0 +1,239 @@
+"""Elements of a deck as cells that one mesh can carry.
+
+A mesh here has one kind of cells. Where a deck has volumes of several shapes, wedges, pyramids or
+collapsed hexahedra, all are cut into tetrahedra; triangles and quadrilaterals become triangles.
+The cut needs no agreement between neighbours: every cell is the union of the pyramids from its
+node of lowest number over the faces that do not hold it, every rectangle is cut from its node of
+lowest number, so that two cells cut the face between them in the same way (C. W. Lee,
+*Subdivisions and triangulations of polytopes*, 1997: the pulling triangulation). Nodes in the
+middle of faces, of cells and of the cuts lie where the serendipity functions of the element put
+them, so that no curved surface moves.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from antiosc.errors import MeshError
+from antiosc.fem.readers.decks.deck import Array, Block, Deck, IntArray, listed
+from antiosc.fem.readers.neutral import FileMesh
+from antiosc.fem.readers.node_table import NodeTable
+from antiosc.fem.readers.shapes import CORNERS, DIMENSION, EDGES, FACES
+
+#: (shape, geometric order) -> name of the kind of cells
+LABELS = {
+    ("line", 1): "line",
+    ("line", 2): "line3",
+    ("triangle", 1): "triangle",
+    ("triangle", 2): "triangle6",
+    ("quad", 1): "quad",
+    ("quad", 2): "quad9",
+    ("tetra", 1): "tetra",
+    ("tetra", 2): "tetra10",
+    ("hexahedron", 1): "hexahedron",
+    ("hexahedron", 2): "hexahedron27",
+}
+NO_CELLS = np.zeros(0, dtype=np.int64)
+
+
+def as_mesh(deck: Deck, *, halve_lines: bool = False) -> FileMesh:
+    """The deck's elements as cells, its sets as groups.
+
+    `halve_lines`: second-order lines become two straight ones each, as `Beam` needs them.
+
+    Raises
+    ------
+    MeshError
+        An element whose nodes coincide until nothing of it is left.
+    """
+    nodes = NodeTable(deck.points)
+    cells: dict[str, IntArray] = {}
+    owners: dict[str, IntArray] = {}
+    starts = np.cumsum([0, *map(len, deck.blocks)])
+    split = False
+    for dim in (3, 2, 1):
+        some = [
+            (block, np.arange(start, start + len(block)))
+            for block, start in zip(deck.blocks, starts, strict=False)
+            if DIMENSION[block.shape] == dim and len(block)
+        ]
+        if not some:
+            continue
+        if dim == 1 and halve_lines:
+            some = [_halved(*one) for one in some]
+        shapes = {block.shape for block, _ in some}
+        split = dim > 1 and (split or shapes not in _WHOLE or any(_collapsed(b) for b, _ in some))
+        order = 2 if any(block.mids.shape[1] for block, _ in some) else 1
+        shape = _SIMPLEX[dim] if split else next(iter(shapes))
+        label = LABELS[shape, order]
+        cells[label], owners[label] = _of_dimension(deck, some, split, order, nodes)
+    mesh = FileMesh(nodes.all_points(), cells, "vtk")
+    for name, elements in deck.element_sets.items():
+        inside = np.zeros(deck.n_elements, dtype=bool)
+        inside[elements] = True
+        rows = {label: np.flatnonzero(inside[owner]) for label, owner in owners.items()}
+        mesh.groups[name] = {label: r for label, r in rows.items() if len(r)}
+    mesh.node_sets = dict(deck.node_sets)
+    mesh.told = list(deck.told)
+    if deck.left:
+        gone = sum(deck.left.values())
+        mesh.told.append(
+            f"{deck.name} holds {deck.n_elements + gone} elements; {deck.n_elements} of them are "
+            f"cells of the mesh, which leaves out {listed(deck.left)}."
+        )
+    return mesh
+
+
+#: Shapes that need no cutting if they are alone.
+_WHOLE = [{"line"}, {"triangle"}, {"quad"}, {"tetra"}, {"hexahedron"}]
+_SIMPLEX = {1: "line", 2: "triangle", 3: "tetra"}
+
+
+def _of_dimension(
+    deck: Deck, blocks: list[tuple[Block, IntArray]], split: bool, order: int, nodes: NodeTable
+) -> tuple[IntArray, IntArray]:
+    """(cells with all their nodes, the element that each comes from)."""
+    if order == 2:
+        for block, _ in blocks:
+            _note_middles(block, nodes)
+        if split:
+            for block, _ in blocks:
+                _note_cuts(block, nodes)
+    tables, owners = [], []
+    for block, elements in blocks:
+        every = np.arange(len(block))
+        corners, rows = _simplices(block) if split else (block.corners, every)
+        lost = np.setdiff1d(every, rows)
+        if len(lost):
+            raise MeshError(
+                f"{len(lost)} {block.type} elements of {deck.name} use one node several times "
+                "until they have no volume or area; delete them."
+            )
+        shape = _SIMPLEX[DIMENSION[block.shape]] if split else block.shape
+        if order == 2:
+            ends = corners[:, np.array(EDGES[shape])]
+            inner = _inner(block, nodes) if not split else corners[:, :0]
+            corners = np.hstack([corners, nodes.between(ends), inner])
+        tables.append(corners)
+        owners.append(elements[rows])
+    return np.vstack(tables), np.concatenate(owners)
+
+
+# --- Second order ---------------------------------------------------------------------------------
+
+
+def _note_middles(block: Block, nodes: NodeTable) -> None:
+    """Tell the table which nodes the deck gives in the middle of edges."""
+    if block.mids.shape[1]:
+        ends = block.corners[:, np.array(EDGES[block.shape])]
+        given = (block.mids >= 0) & (ends[..., 0] != ends[..., 1])
+        nodes.give(ends[given], block.mids[given])
+
+
+def _middles(block: Block, nodes: NodeTable) -> Array:
+    """Coordinates (n, edges, 3) in the middle of the edges."""
+    return nodes.points_between(block.corners[:, np.array(EDGES[block.shape])])
+
+
+def _face_centres(block: Block, nodes: NodeTable, face: tuple[int, ...]) -> Array:
+    """The middle of a face of four corners and four edges: −1/4 of these and 1/2 of those."""
+    places = [_edge(block.shape, face[k], face[(k + 1) % 4]) for k in range(4)]
+    corners = nodes.points[block.corners[:, list(face)]]
+    return np.asarray(_middles(block, nodes)[:, places].sum(axis=1) / 2 - corners.sum(axis=1) / 4)
+
+
+def _cell_centres(block: Block, nodes: NodeTable) -> Array:
+    """The middle of a hexahedron of 20 nodes: −1/4 of its corners and 1/4 of its edges'."""
+    corners = nodes.points[block.corners]
+    return np.asarray((_middles(block, nodes).sum(axis=1) - corners.sum(axis=1)) / 4)
+
+
+def _edge(shape: str, one: int, other: int) -> int:
+    edges = EDGES[shape]
+    return edges.index((one, other)) if (one, other) in edges else edges.index((other, one))
+
+
+def _rectangles(shape: str) -> list[tuple[int, ...]]:
+    faces = FACES.get(shape, ((0, 1, 2, 3),) if shape == "quad" else ())
+    return [face for face in faces if len(face) == 4]
+
+
+def _inner(block: Block, nodes: NodeTable) -> IntArray:
+    """Nodes within the faces and the volume of quadrilaterals and hexahedra, in VTK's order."""
+    if block.shape not in ("quad", "hexahedron"):
+        return block.corners[:, :0]
+    if block.inner.shape[1] and (block.inner >= 0).all():
+        return block.inner
+    columns = []
+    for face in _rectangles(block.shape):
+        centres = _face_centres(block, nodes, face)
+        columns.append(nodes.of_face(block.corners[:, list(face)], centres))
+    if block.shape == "hexahedron":
+        columns.append(nodes.new(_cell_centres(block, nodes)))
+    return np.stack(columns, axis=1)
+
+
+def _note_cuts(block: Block, nodes: NodeTable) -> None:
+    """Tell the table where the middle of every diagonal lies that a cut may use."""
+    for face in _rectangles(block.shape):
+        centres = _face_centres(block, nodes, face)
+        for one, other in ((0, 2), (1, 3)):
+            nodes.place(block.corners[:, [face[one], face[other]]], centres)
+    if block.shape == "hexahedron":
+        centres = _cell_centres(block, nodes)
+        for one, other in ((0, 6), (1, 7), (2, 4), (3, 5)):
+            nodes.place(block.corners[:, [one, other]], centres)
+
+
+# --- Cuts -----------------------------------------------------------------------------------------
+
+
+def _collapsed(block: Block) -> bool:
+    """Whether an element of more than a simplex' corners uses a node twice."""
+    if CORNERS[block.shape] <= DIMENSION[block.shape] + 1:
+        return False
+    ordered = np.sort(block.corners, axis=1)
+    return bool((ordered[:, 1:] == ordered[:, :-1]).any())
+
+
+def _simplices(block: Block) -> tuple[IntArray, IntArray]:
+    """(corners of triangles or tetrahedra, row of the element that each is cut from)."""
+    if DIMENSION[block.shape] == 2:
+        return _triangles(block.corners)
+    if block.shape == "tetra":
+        return block.corners, np.arange(len(block))
+    apex = block.corners.min(axis=1)
+    corners, rows = [block.corners[:0, :4]], [NO_CELLS]
+    for face in FACES[block.shape]:
+        around = block.corners[:, list(face)]
+        across = np.flatnonzero((around != apex[:, None]).all(axis=1))
+        base, of = _triangles(around[across])
+        corners.append(np.column_stack([base, apex[across[of]]]))
+        rows.append(across[of])
+    return np.vstack(corners), np.concatenate(rows)
+
+
+def _triangles(around: IntArray) -> tuple[IntArray, IntArray]:
+    """Triangles, cut from the lowest node of each face, and the row that each comes from."""
+    rows = np.arange(len(around))
+    if around.shape[1] == 4:
+        turn = (np.argmin(around, axis=1)[:, None] + np.arange(4)) % 4
+        a, b, c, d = np.take_along_axis(around, turn, axis=1).T
+        around = np.vstack([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+        rows = np.concatenate([rows, rows])
+    ordered = np.sort(around, axis=1)
+    sound = (ordered[:, 1:] != ordered[:, :-1]).all(axis=1)
+    return around[sound], rows[sound]
+
+
+# --- Lines ----------------------------------------------------------------------------------------
+
+
+def _halved(block: Block, elements: IntArray) -> tuple[Block, IntArray]:
+    """Two straight lines for every one with a node in its middle."""
+    if not block.mids.shape[1] or (block.mids < 0).any():
+        return block, elements
+    ends = np.column_stack([block.corners[:, 0], block.mids[:, 0], block.corners[:, 1]])
+    lines = np.vstack([ends[:, :2], ends[:, 1:]])
+    halves = Block("line", block.type, lines, lines[:, :0], lines[:, :0])
+    return halves, np.concatenate([elements, elements])

@@ -1,0 +1,151 @@
+"""What a deck holds, whatever program it is written for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from antiosc.errors import MeshError
+
+IntArray = NDArray[np.int64]
+Array = NDArray[np.float64]
+
+#: Numbers of nodes and elements beyond this are damage.
+MOST = 2**62
+
+
+@dataclass
+class Block:
+    """Elements of one type, one after the other."""
+
+    #: a key of `antiosc.fem.readers.conversion.EDGES`
+    shape: str
+    #: the deck's own name of the type
+    type: str
+    #: (n, corners) rows of `Deck.points`
+    corners: IntArray
+    #: (n, edges) rows of `Deck.points`, -1 where there is none; (n, 0) for straight elements
+    mids: IntArray
+    #: (n, k) nodes inside faces and inside the cell, in VTK's order; (n, 0) for most
+    inner: IntArray
+
+    def __len__(self) -> int:
+        return len(self.corners)
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where in which file something stands, for messages."""
+
+    file: str
+    line: int
+
+    def __str__(self) -> str:
+        return f"line {self.line} of {self.file}"
+
+
+@dataclass
+class Deck:
+    """Nodes, elements and sets of a deck.
+
+    Elements are counted through all blocks: their number is their place there.
+    """
+
+    name: str
+    points: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    blocks: list[Block] = field(default_factory=list)
+    #: name -> rows of `points`
+    node_sets: dict[str, IntArray] = field(default_factory=dict)
+    #: name -> numbers of elements
+    element_sets: dict[str, IntArray] = field(default_factory=dict)
+    #: type of elements that are no cells of a mesh -> how many
+    left: dict[str, int] = field(default_factory=dict)
+    #: what the reader has to tell of the deck, one sentence each
+    told: list[str] = field(default_factory=list)
+    #: materials, sections, supports, masses in SI units, if they were asked for
+    model: dict[str, Any] | None = None
+
+    @property
+    def n_elements(self) -> int:
+        """Number of elements that are cells."""
+        return sum(len(block) for block in self.blocks)
+
+    def leave(self, kind: str, count: int) -> None:
+        """Count elements that are no cells."""
+        self.left[kind] = self.left.get(kind, 0) + count
+
+
+class Numbering:
+    """Rows of the numbers that a deck gives its nodes or elements."""
+
+    def __init__(self, labels: IntArray) -> None:
+        self.order = np.argsort(labels, kind="stable")
+        self.labels = labels[self.order]
+
+    def rows(self, labels: IntArray) -> IntArray:
+        """The row of each of `labels`, -1 where there is none."""
+        if not len(self.labels):
+            return np.full(np.shape(labels), -1, dtype=np.int64)
+        place = np.minimum(np.searchsorted(self.labels, labels), len(self.labels) - 1)
+        return np.where(self.labels[place] == labels, self.order[place], -1)
+
+    def between(self, first: int, last: int, step: int = 1) -> IntArray:
+        """Rows of the numbers first, first + step, … up to `last` that there are."""
+        low, high = np.searchsorted(self.labels, [first, last + 1])
+        some = self.labels[low:high]
+        return np.asarray(self.order[low:high][(some - first) % step == 0])
+
+
+def unique_last(labels: IntArray) -> IntArray:
+    """Places of the last of each label, ascending by place: what is defined again is replaced."""
+    _, first = np.unique(labels[::-1], return_index=True)
+    return np.sort(len(labels) - 1 - first)
+
+
+def whole_number(text: str, place: Place) -> int:
+    """An integer of a deck; MeshError if it is none."""
+    try:
+        value = int(text)
+    except ValueError:
+        try:
+            number = real_number(text, place)
+        except MeshError:
+            number = 0.5
+        if not (abs(number) < 2**53 and number.is_integer()):
+            raise MeshError(f"{place}: {text.strip()[:40]!r} is no whole number.") from None
+        value = int(number)
+    if abs(value) > MOST:
+        raise MeshError(f"{place}: the number {text.strip()[:40]} is too large.")
+    return value
+
+
+def real_number(text: str, place: Place) -> float:
+    """A finite number of a deck, also 1.5D+7 and Nastran's 1.5+7; MeshError if it is none."""
+    word = text.strip().upper().replace("D", "E")
+    try:
+        value = float(word)
+    except ValueError:
+        sign = max(word.rfind("+"), word.rfind("-"))
+        try:
+            value = float(f"{word[:sign]}E{word[sign:]}") if sign > 0 else float("nan")
+        except ValueError:
+            value = float("nan")
+    if not np.isfinite(value) or "_" in word:
+        raise MeshError(f"{place}: {text.strip()[:40]!r} is no number.")
+    return value
+
+
+def listed(counts: dict[str, int]) -> str:
+    """Types of elements and how many of each, in a sentence."""
+    shown = [f"{count} {kind}" for kind, count in sorted(counts.items())]
+    return _shortened(shown)
+
+
+def _shortened(words: Iterable[str], most: int = 8) -> str:
+    words = list(words)
+    more = f" and {len(words) - most} more" if len(words) > most else ""
+    return ", ".join(words[:most]) + more

@@ -1,0 +1,108 @@
+"""Nodes in the middle of edges, cuts and faces: those that a file gives, and new ones where needed.
+
+Cells that share an edge, a cut or a face share the node in its middle.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from antiosc.fem.readers.neutral import IntArray
+
+Array = NDArray[np.float64]
+
+
+class NodeTable:
+    """The points of a mesh, and which of them lies between which two others."""
+
+    def __init__(self, points: Array) -> None:
+        self.points = points
+        self._more: list[Array] = []
+        self._count = len(points)
+        #: sorted keys of pairs, and the node between each
+        self._pairs = _Lookup(len(points))
+        #: sorted keys of pairs, and the row in `_placed` of what lies between them
+        self._places = _Lookup(len(points))
+        self._placed: list[Array] = []
+        self._n_placed = 0
+        self._faces: dict[bytes, int] = {}
+
+    def all_points(self) -> Array:
+        """Coordinates of all nodes, the new ones behind those of the file."""
+        return np.vstack([self.points, *self._more])
+
+    def new(self, points: Array) -> IntArray:
+        """New nodes at these points."""
+        self._more.append(points)
+        self._count += len(points)
+        return np.arange(self._count - len(points), self._count)
+
+    def give(self, ends: IntArray, nodes: IntArray) -> None:
+        """`nodes` (n,) of the file lie between `ends` (n, 2)."""
+        self._pairs.add(ends, nodes)
+
+    def place(self, ends: IntArray, points: Array) -> None:
+        """If a node is needed between `ends` (n, 2), it lies at `points` (n, 3)."""
+        self._placed.append(points)
+        self._places.add(ends, np.arange(self._n_placed, self._n_placed + len(points)))
+        self._n_placed += len(points)
+
+    def points_between(self, ends: IntArray) -> Array:
+        """Coordinates (…, 3) of what lies between `ends` (…, 2)."""
+        flat = ends.reshape(-1, 2)
+        x = self.points[flat].mean(axis=1)
+        row = self._places.find(flat)
+        if (row >= 0).any():
+            x[row >= 0] = np.vstack(self._placed)[row[row >= 0]]
+        node = self._pairs.find(flat)
+        # a new node lies at its place or halfway, as found above
+        known = (node >= 0) & (node < len(self.points))
+        x[known] = self.points[node[known]]
+        return x.reshape(*ends.shape[:-1], 3)
+
+    def between(self, ends: IntArray) -> IntArray:
+        """Nodes (…,) between `ends` (…, 2), made where there are none."""
+        flat = ends.reshape(-1, 2)
+        missing = flat[self._pairs.find(flat) < 0]
+        if len(missing):
+            once = np.unique(np.sort(missing, axis=1), axis=0)
+            self._pairs.add(once, self.new(self.points_between(once)))
+        return self._pairs.find(flat).reshape(ends.shape[:-1])
+
+    def of_face(self, corners: IntArray, points: Array) -> IntArray:
+        """Nodes (n,) within faces of these corners (n, 4), at `points` where they are new."""
+        ordered = np.ascontiguousarray(np.sort(corners, axis=1))
+        _, first, which = np.unique(ordered, axis=0, return_index=True, return_inverse=True)
+        keys = [ordered[k].tobytes() for k in first]
+        missing = np.array([key not in self._faces for key in keys], dtype=bool)
+        made = self.new(points[first[missing]])
+        for k, node in zip(np.flatnonzero(missing), made, strict=True):
+            self._faces[keys[k]] = int(node)
+        nodes = np.array([self._faces[key] for key in keys], dtype=np.int64)
+        return nodes[np.ravel(which)]
+
+
+class _Lookup:
+    """Numbers by pairs of nodes, whatever the order of the two; the first one given stays."""
+
+    def __init__(self, n: int) -> None:
+        self._n = max(n, 1)
+        self._keys = np.zeros(0, dtype=np.int64)
+        self._values = np.zeros(0, dtype=np.int64)
+
+    def _key(self, ends: IntArray) -> IntArray:
+        low, high = ends.min(axis=1), ends.max(axis=1)
+        return np.asarray(low * self._n + high)
+
+    def add(self, ends: IntArray, values: IntArray) -> None:
+        keys = np.concatenate([self._keys, self._key(ends)])
+        self._keys, first = np.unique(keys, return_index=True)
+        self._values = np.concatenate([self._values, values])[first]
+
+    def find(self, ends: IntArray) -> IntArray:
+        if not len(self._keys) or not len(ends):
+            return np.full(len(ends), -1, dtype=np.int64)
+        key = self._key(ends)
+        place = np.minimum(np.searchsorted(self._keys, key), len(self._keys) - 1)
+        return np.where(self._keys[place] == key, self._values[place], -1)
