@@ -24,3 +24,6 @@ def demo(name: str) -> ModuleType:
     sys.modules[name] = module  # dataclasses look their module up
     spec.loader.exec_module(module)
     return module
+
+
+DECKS = Path(__file__).parent / "decks"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -29,8 +29,8 @@ from antiosc.fem import compat
 from antiosc.fem.compat import IntArray
 from antiosc.fem.mesh.cell_geometry import CellGeometry
 from antiosc.fem.mesh.soundness import sound
-from antiosc.fem.mpi import agree, bounds, collective, on_root
-from antiosc.fem.readers import GEOMETRY, RawMesh, Refinement, Wanted, read
+from antiosc.fem.mpi import agree, bounds, collective, on_root, warn
+from antiosc.fem.readers import GEOMETRY, RawMesh, Refinement, UnitSystem, Wanted, read
 from antiosc.fem.readers.selection import keys
 
 Array = NDArray[np.float64]
@@ -121,6 +121,8 @@ def read_mesh(
     refine: Sequence[Refinement] = (),
     groups: Mapping[str, tuple[Any, int]] | None = None,
     cells: Wanted = None,
+    unit: str | float | None = None,
+    merge: float | None = None,
     trust: bool = False,
     timeout: float | None = None,
     comm: MPI.Comm = MPI.COMM_WORLD,
@@ -134,8 +136,10 @@ def read_mesh(
     ----------
     source
         A Gmsh mesh (`.msh`), a geometry that gmsh meshes (`.geo`, `.step`, `.brep`, `.iges`;
-        STEP's own length unit is converted to metres), any other file that meshio reads, or a
-        dolfinx mesh. Coordinates are metres.
+        STEP's own length unit is converted to metres), a deck of Abaqus or CalculiX (`.inp`), any
+        other file that meshio reads, or a dolfinx mesh. Coordinates are metres (see `unit`). In
+        decks wedges, pyramids and mixed volumes are cut into tetrahedra, triangles beside
+        quadrilaterals into triangles, and cells of 8 and 20 nodes get those that they lack.
     size
         Largest element size in m; geometry files only (needed unless a `.geo` sets its own).
     gdim
@@ -156,6 +160,10 @@ def read_mesh(
         Which cells of a file make the mesh: a dimension (1, 2 or 3), a group or a list of groups.
         By default those of the highest dimension; if others (shells, beams) are no faces or edges
         of these, the file is refused.
+    unit
+        Of the coordinates in a finished mesh or deck: "m", "mm", "cm", "in", or metres per unit.
+    merge
+        Nodes of a finished mesh or deck that are no further apart than this, m, become one.
     trust
         Let a `.geo` include other files, run programs and write files; read the options (`.opt`)
         beside a file. Only for files whose author you know.
@@ -175,15 +183,19 @@ def read_mesh(
     Warns
     -----
     AntioscWarning
-        Folded or overlapping cells, cracks and hanging nodes.
+        Folded or overlapping cells, cracks and hanging nodes; elements of a deck that are no cells.
     """
     _check(size, gdim, order, refine)
-    _check(size, gdim, order, refine)
     _check_choice(cells, trust, timeout)
+    units = None if unit is None else UnitSystem.of(unit)
+    if merge is not None:
+        positive("merge", merge, "m")
     instance("comm", comm, MPI.Comm, "an MPI communicator (mpi4py)")
     if groups is not None:
         instance("groups", groups, Mapping, "a dict: name -> (MeshTags, value)")
     if isinstance(source, dolfinx.mesh.Mesh):
+        if unit is not None or merge is not None:
+            raise InputError("unit= and merge= apply to files; a dolfinx mesh is in metres.")
         return _adopted(source, groups or {})
     if groups:
         raise InputError("groups= names the tags of a dolfinx mesh; a file brings its own groups.")
@@ -195,11 +207,24 @@ def read_mesh(
     file = checked_path("source", source)
 
     def work() -> RawMesh:
-        raw = read(file, size, order, refine, cells=cells, trust=trust, timeout=timeout)
+        raw = read(
+            file,
+            size,
+            order,
+            refine,
+            cells=cells,
+            trust=trust,
+            timeout=timeout,
+            unit=units,
+            merge=merge,
+        )
         made_here = file.suffix.lower() in GEOMETRY
-        return sound(_flattened(raw, gdim, file.name), file.name, made_here)
+        return sound(flattened(raw, gdim, file.name), file.name, made_here)
 
-    return _distributed(on_root(comm, work), file.name, comm)
+    raw = on_root(comm, work)
+    for sentence in raw.told:
+        warn(comm, sentence)
+    return distributed(raw, file.name, comm)
 
 
 def _check(
@@ -238,7 +263,7 @@ def _check_choice(cells: Any, trust: Any, timeout: Any) -> None:
         positive("timeout", timeout, "s")
 
 
-def _flattened(raw: RawMesh, gdim: int | None, name: str) -> RawMesh:
+def flattened(raw: RawMesh, gdim: int | None, name: str) -> RawMesh:
     """`raw` with points of shape (n, gdim)."""
     z = raw.points[:, 2]
     size = float(np.ptp(raw.points, axis=0).max())
@@ -251,12 +276,10 @@ def _flattened(raw: RawMesh, gdim: int | None, name: str) -> RawMesh:
         raise MeshError(
             f"{name} is not plane (z spans {np.ptp(z):g} m): read it with gdim=3, or give it one z."
         )
-    return RawMesh(
-        np.ascontiguousarray(raw.points[:, :gdim]), raw.cells, raw.kind, raw.convention, raw.groups
-    )
+    return replace(raw, points=np.ascontiguousarray(raw.points[:, :gdim]))
 
 
-def _distributed(raw: RawMesh, name: str, comm: MPI.Comm) -> Mesh:
+def distributed(raw: RawMesh, name: str, comm: MPI.Comm) -> Mesh:
     """The dolfinx mesh of arrays that every rank holds (their groups too)."""
     kind = raw.kind
     cells, points = raw.cells, raw.points

@@ -91,8 +91,8 @@ def _refuse_pieces(raw: RawMesh, name: str) -> None:
         shown = ", ".join(str(s) for s in sizes[:4]) + (", …" if count > 4 else "")
         raise MeshError(
             f"{name} falls into {count} pieces that share no node ({shown} cells): join them "
-            '(in gmsh: BooleanFragments or Coherence) or read the one that is struck (cells="its '
-            'group").'
+            "(nodes that coincide: merge=1e-6; in gmsh: BooleanFragments or Coherence) or read the "
+            'one that is struck (cells="its group").'
         )
 
 

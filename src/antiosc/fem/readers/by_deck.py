@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+from antiosc.errors import MeshError
 from antiosc.fem.readers.conversion import as_mesh
 from antiosc.fem.readers.decks import abaqus_assembly
+from antiosc.fem.readers.decks.deck import Deck, listed
 from antiosc.fem.readers.neutral import FileMesh
 from antiosc.fem.readers.request import Request
 
@@ -14,7 +16,14 @@ from antiosc.fem.readers.request import Request
 def abaqus(ask: Request) -> FileMesh:
     """An Abaqus or CalculiX deck (`.inp`)."""
     whole = abaqus_assembly.read(Path(ask.path), ask.name, _patience(ask))
-    return as_mesh(whole.deck)
+    return _mesh(whole.deck)
+
+
+def _mesh(deck: Deck) -> FileMesh:
+    if not deck.n_elements:
+        found = f": it has {listed(deck.left)}" if deck.left else ""
+        raise MeshError(f"{deck.name} has no elements that are cells of a mesh{found}.")
+    return as_mesh(deck)
 
 
 def _patience(ask: Request) -> Callable[[int], None]:

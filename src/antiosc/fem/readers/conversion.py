@@ -74,6 +74,8 @@ def as_mesh(deck: Deck, *, halve_lines: bool = False) -> FileMesh:
         rows = {label: np.flatnonzero(inside[owner]) for label, owner in owners.items()}
         mesh.groups[name] = {label: r for label, r in rows.items() if len(r)}
     mesh.node_sets = dict(deck.node_sets)
+    mesh.held = {name: nodes.grown(rows) for name, rows in deck.held.items()}
+    mesh.model = deck.model
     mesh.told = list(deck.told)
     if deck.left:
         gone = sum(deck.left.values())
@@ -112,8 +114,9 @@ def _of_dimension(
         shape = _SIMPLEX[DIMENSION[block.shape]] if split else block.shape
         if order == 2:
             ends = corners[:, np.array(EDGES[shape])]
+            mids = nodes.between(ends)
             inner = _inner(block, nodes) if not split else corners[:, :0]
-            corners = np.hstack([corners, nodes.between(ends), inner])
+            corners = np.hstack([corners, mids, inner])
         tables.append(corners)
         owners.append(elements[rows])
     return np.vstack(tables), np.concatenate(owners)
@@ -130,27 +133,33 @@ def _note_middles(block: Block, nodes: NodeTable) -> None:
         nodes.give(ends[given], block.mids[given])
 
 
-def _middles(block: Block, nodes: NodeTable) -> Array:
-    """Coordinates (n, edges, 3) in the middle of the edges."""
-    return nodes.points_between(block.corners[:, np.array(EDGES[block.shape])])
-
-
 def _face_centres(block: Block, nodes: NodeTable, face: tuple[int, ...]) -> Array:
     """The middle of a face of four corners and four edges: −1/4 of these and 1/2 of those."""
-    places = [_edge(block.shape, face[k], face[(k + 1) % 4]) for k in range(4)]
     corners = nodes.points[block.corners[:, list(face)]]
-    return np.asarray(_middles(block, nodes)[:, places].sum(axis=1) / 2 - corners.sum(axis=1) / 4)
+    middles = nodes.points_between(block.corners[:, _edges_of(face)])
+    return np.asarray(middles.sum(axis=1) / 2 - corners.sum(axis=1) / 4)
+
+
+def _nodes_around(block: Block, nodes: NodeTable, face: tuple[int, ...]) -> IntArray:
+    """Corners of a face and the nodes in the middle of its edges."""
+    middles = nodes.between(block.corners[:, _edges_of(face)])
+    return np.hstack([block.corners[:, list(face)], middles])
+
+
+def _edges_of(face: tuple[int, ...]) -> IntArray:
+    return np.stack([face, np.roll(face, -1)], axis=1)
 
 
 def _cell_centres(block: Block, nodes: NodeTable) -> Array:
     """The middle of a hexahedron of 20 nodes: −1/4 of its corners and 1/4 of its edges'."""
     corners = nodes.points[block.corners]
-    return np.asarray((_middles(block, nodes).sum(axis=1) - corners.sum(axis=1)) / 4)
+    middles = nodes.points_between(block.corners[:, np.array(EDGES[block.shape])])
+    return np.asarray((middles.sum(axis=1) - corners.sum(axis=1)) / 4)
 
 
-def _edge(shape: str, one: int, other: int) -> int:
-    edges = EDGES[shape]
-    return edges.index((one, other)) if (one, other) in edges else edges.index((other, one))
+def _all_nodes(block: Block, nodes: NodeTable) -> IntArray:
+    """Corners and the nodes in the middle of the edges."""
+    return np.hstack([block.corners, nodes.between(block.corners[:, np.array(EDGES[block.shape])])])
 
 
 def _rectangles(shape: str) -> list[tuple[int, ...]]:
@@ -167,9 +176,10 @@ def _inner(block: Block, nodes: NodeTable) -> IntArray:
     columns = []
     for face in _rectangles(block.shape):
         centres = _face_centres(block, nodes, face)
-        columns.append(nodes.of_face(block.corners[:, list(face)], centres))
+        around = _nodes_around(block, nodes, face)
+        columns.append(nodes.of_face(block.corners[:, list(face)], centres, around))
     if block.shape == "hexahedron":
-        columns.append(nodes.new(_cell_centres(block, nodes)))
+        columns.append(nodes.new(_cell_centres(block, nodes), _all_nodes(block, nodes)))
     return np.stack(columns, axis=1)
 
 
@@ -178,11 +188,12 @@ def _note_cuts(block: Block, nodes: NodeTable) -> None:
     for face in _rectangles(block.shape):
         centres = _face_centres(block, nodes, face)
         for one, other in ((0, 2), (1, 3)):
-            nodes.place(block.corners[:, [face[one], face[other]]], centres)
+            around = _nodes_around(block, nodes, face)
+            nodes.place(block.corners[:, [face[one], face[other]]], centres, around)
     if block.shape == "hexahedron":
         centres = _cell_centres(block, nodes)
         for one, other in ((0, 6), (1, 7), (2, 4), (3, 5)):
-            nodes.place(block.corners[:, [one, other]], centres)
+            nodes.place(block.corners[:, [one, other]], centres, _all_nodes(block, nodes))
 
 
 # --- Cuts -----------------------------------------------------------------------------------------

@@ -106,6 +106,9 @@ class RawMesh:
     convention: str
     #: name -> {dimension: (entities, vertices of one)}
     groups: dict[str, dict[int, IntArray]] = field(default_factory=dict)
+    #: as in `FileMesh`
+    told: list[str] = field(default_factory=list)
+    model: dict[str, Any] | None = None
 
 
 def kind_of(label: str) -> CellKind:
@@ -160,11 +163,12 @@ def unpacked(head: dict[str, Any], arrays: list[NDArray[Any]]) -> FileMesh:
         mesh.groups.setdefault(name, {})[label] = part
         start += count
     start = 0
-    for sets, counts in ((mesh.node_sets, head["node_sets"]), (mesh.held, head["held"])):
+    for sets, counts in ((mesh.node_sets, head["node_sets"]), (mesh.held, head.get("held", []))):
         for name, count in counts:
             sets[name] = nodes[start : start + count]
             start += count
-    mesh.told, mesh.model = list(head["told"]), head["model"]
+    mesh.told = [str(sentence) for sentence in head.get("told", [])]
+    mesh.model = head.get("model")
     _check_indices(nodes, len(points), "a node set names nodes")
     return mesh
 

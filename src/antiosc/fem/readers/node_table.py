@@ -12,6 +12,9 @@ from antiosc.fem.readers.neutral import IntArray
 
 Array = NDArray[np.float64]
 
+#: Nodes that one lies between: those of a hexahedron at most.
+MOST_AROUND = 20
+
 
 class NodeTable:
     """The points of a mesh, and which of them lies between which two others."""
@@ -25,6 +28,9 @@ class NodeTable:
         #: sorted keys of pairs, and the row in `_placed` of what lies between them
         self._places = _Lookup(len(points))
         self._placed: list[Array] = []
+        #: nodes that each place and each new node lies between, -1 where there are fewer
+        self._around: list[IntArray] = []
+        self._parents: list[IntArray] = []
         self._n_placed = 0
         self._faces: dict[bytes, int] = {}
 
@@ -32,9 +38,10 @@ class NodeTable:
         """Coordinates of all nodes, the new ones behind those of the file."""
         return np.vstack([self.points, *self._more])
 
-    def new(self, points: Array) -> IntArray:
-        """New nodes at these points."""
+    def new(self, points: Array, parents: IntArray) -> IntArray:
+        """New nodes at these points, between their `parents` (n, k)."""
         self._more.append(points)
+        self._parents.append(parents)
         self._count += len(points)
         return np.arange(self._count - len(points), self._count)
 
@@ -42,9 +49,10 @@ class NodeTable:
         """`nodes` (n,) of the file lie between `ends` (n, 2)."""
         self._pairs.add(ends, nodes)
 
-    def place(self, ends: IntArray, points: Array) -> None:
-        """If a node is needed between `ends` (n, 2), it lies at `points` (n, 3)."""
+    def place(self, ends: IntArray, points: Array, around: IntArray) -> None:
+        """If a node is needed between `ends` (n, 2), it lies at `points`, among nodes `around`."""
         self._placed.append(points)
+        self._around.append(_padded(around))
         self._places.add(ends, np.arange(self._n_placed, self._n_placed + len(points)))
         self._n_placed += len(points)
 
@@ -67,20 +75,44 @@ class NodeTable:
         missing = flat[self._pairs.find(flat) < 0]
         if len(missing):
             once = np.unique(np.sort(missing, axis=1), axis=0)
-            self._pairs.add(once, self.new(self.points_between(once)))
+            self._pairs.add(once, self.new(self.points_between(once), self._among(once)))
         return self._pairs.find(flat).reshape(ends.shape[:-1])
 
-    def of_face(self, corners: IntArray, points: Array) -> IntArray:
+    def _among(self, ends: IntArray) -> IntArray:
+        around, row = _padded(ends), self._places.find(ends)
+        if (row >= 0).any():
+            around[row >= 0] = np.vstack(self._around)[row[row >= 0]]
+        return around
+
+    def of_face(self, corners: IntArray, points: Array, around: IntArray) -> IntArray:
         """Nodes (n,) within faces of these corners (n, 4), at `points` where they are new."""
         ordered = np.ascontiguousarray(np.sort(corners, axis=1))
         _, first, which = np.unique(ordered, axis=0, return_index=True, return_inverse=True)
         keys = [ordered[k].tobytes() for k in first]
         missing = np.array([key not in self._faces for key in keys], dtype=bool)
-        made = self.new(points[first[missing]])
+        made = self.new(points[first[missing]], _padded(around[first[missing]]))
         for k, node in zip(np.flatnonzero(missing), made, strict=True):
             self._faces[keys[k]] = int(node)
         nodes = np.array([self._faces[key] for key in keys], dtype=np.int64)
         return nodes[np.ravel(which)]
+
+    def grown(self, nodes: IntArray) -> IntArray:
+        """`nodes` of the file, and the new ones that lie between these alone."""
+        inside = np.zeros(self._count + 1, dtype=bool)
+        inside[nodes] = True
+        inside[-1] = True  # what -1 stands for
+        start = len(self.points)
+        for parents in self._parents:
+            inside[start : start + len(parents)] = inside[parents].all(axis=1)
+            start += len(parents)
+        return np.flatnonzero(inside[:-1])
+
+
+def _padded(nodes: IntArray) -> IntArray:
+    """Rows of equal width."""
+    result = np.full((len(nodes), MOST_AROUND), -1, dtype=np.int64)
+    result[:, : nodes.shape[1]] = nodes
+    return result
 
 
 class _Lookup:

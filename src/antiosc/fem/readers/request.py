@@ -10,6 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 Refinement = tuple[Sequence[float], float]
+#: "density": of materials that state none, kg/m³
+ModelOptions = dict[str, float | None]
 
 
 @dataclass
@@ -30,6 +32,10 @@ class Request:
     trust: bool = False
     #: seconds after which the reader is ended; None: by what it has to do
     timeout: float | None = None
+    #: units of the file: m, N
+    unit: Sequence[float] = (1.0, 1.0)
+    #: read a deck's materials, sections, supports and masses as well, with these options
+    model: ModelOptions | None = None
     #: address space in bytes
     memory: int = 2**33
     #: when the process began, s

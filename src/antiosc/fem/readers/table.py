@@ -17,9 +17,10 @@ from antiosc.fem.readers.request import Request
 
 Reader = Callable[[Request], FileMesh]
 
+DECKS: dict[str, Reader] = {".inp": by_deck.abaqus}
 READERS: dict[str, Reader] = {
     ".msh": by_gmsh.read,
-    ".inp": by_deck.abaqus,
+    **DECKS,
     **dict.fromkeys(by_gmsh.GEOMETRY, by_gmsh.generate),
 }
 
@@ -35,3 +36,8 @@ def library_of(path: str | Path) -> str:
     if reader is by_meshio.read:
         return "meshio"
     return "gmsh" if reader in (by_gmsh.read, by_gmsh.generate) else "numpy"
+
+
+def is_deck(path: str | Path) -> bool:
+    """Whether a file by its ending may hold a whole model."""
+    return Path(path).suffix.lower() in DECKS

@@ -13,6 +13,7 @@ from antiosc.fem.readers.decks.abaqus_cards import Card, cards
 from antiosc.fem.readers.decks.abaqus_elements import element_type, nodes_of_other
 from antiosc.fem.readers.decks.abaqus_generation import element_copies, filled, generated
 from antiosc.fem.readers.decks.deck import (
+    MOST,
     Block,
     Deck,
     IntArray,
@@ -192,9 +193,12 @@ def _numbers(scope: Scope, card: Card, width: int, kind: str) -> list[tuple[list
             start = place
         words = line.split(",")
         try:
-            current += [int(word) for word in words if word and not word.isspace()]
+            numbers = [int(word) for word in words if word and not word.isspace()]
         except ValueError:
-            current += [whole_number(word, place) for word in words if word.strip()]
+            numbers = [whole_number(word, place) for word in words if word.strip()]
+        if max(map(abs, numbers), default=0) > MOST:
+            raise MeshError(f"{place}: a number of a node or element is too large.")
+        current += numbers
         if len(current) >= least:
             longer += len(current) > least
             found.append((current[:least], start))

@@ -1,0 +1,32 @@
+"""Nodes that lie in one place made one, as decks of several parts and STL files need it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from antiosc.fem.readers.neutral import FileMesh
+
+
+def merged(mesh: FileMesh, distance: float) -> FileMesh:
+    """`mesh` with nodes that are not further apart than `distance` (m) made one."""
+    n = len(mesh.points)
+    pairs = cKDTree(mesh.points).query_pairs(distance, output_type="ndarray")
+    graph = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(n, n))
+    _, label = connected_components(graph, directed=False)
+    _, first = np.unique(label, return_index=True)
+    kept = np.sort(first)  # in the file's order
+    new = np.empty(len(first), dtype=np.int64)
+    new[label[kept]] = np.arange(len(kept))
+    row = new[label]
+    return replace(
+        mesh,
+        points=mesh.points[kept],
+        cells={kind: row[block] for kind, block in mesh.cells.items()},
+        node_sets={name: np.unique(row[nodes]) for name, nodes in mesh.node_sets.items()},
+        held={name: np.unique(row[nodes]) for name, nodes in mesh.held.items()},
+    )

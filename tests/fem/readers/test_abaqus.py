@@ -1,0 +1,258 @@
+"""Decks of Abaqus and CalculiX as meshes: small decks, one for each feature."""
+
+from __future__ import annotations
+
+import contextlib
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("dolfinx")
+
+import antiosc as ao
+from antiosc.fem import compat
+from antiosc.fem.elements.weak_form import measure
+from antiosc.fem.readers import conversion
+from antiosc.fem.readers.decks import abaqus_assembly
+from antiosc.fem.readers.decks.deck import Block, Deck
+from antiosc.fem.readers.shapes import CORNERS, EDGES
+from paths import DECKS
+
+pytestmark = pytest.mark.fem
+
+
+def volume(mesh: ao.Mesh) -> float:
+    return compat.integrate(compat.constant(mesh.dolfinx, 1.0) * measure(mesh, 7), mesh.dolfinx)
+
+
+def nodes_of(mesh: ao.Mesh, group: str) -> set[tuple[float, ...]]:
+    """Rounded coordinates of all vertices in a group."""
+    found = set()
+    for dim, entities in mesh.group(group).items():
+        nodes = compat.entity_vertices(mesh.dolfinx, dim)[entities]
+        x = mesh.dolfinx.geometry.x[np.unique(nodes)]
+        found |= {tuple(float(c) for c in np.round(p, 9) + 0.0) for p in x}
+    return found
+
+
+def write(path: Path, text: str) -> Path:
+    path.write_text(text)
+    return path
+
+
+NODES = "*NODE\n1,0,0,0\n2,1,0,0\n3,1,1,0\n4,0,1,0\n5,0,0,1\n6,1,0,1\n7,1,1,1\n8,0,1,1\n"
+CUBE = NODES + "*ELEMENT,TYPE=C3D8,ELSET=ALL\n1,1,2,3,4,5,6,7,8\n"
+
+
+def test_sets_are_read_in_any_case_and_spacing():
+    mesh = ao.read_mesh(DECKS / "sets.inp")
+    assert mesh.cell == "hexahedron"
+    assert mesh.n_cells == 2
+    assert volume(mesh) == pytest.approx(2.0, rel=1e-13)
+    assert {"Left", "Right", "Both", "range", "FOOT", "nested", "Far", "All"} <= set(mesh.groups)
+    assert len(mesh.group("Both")[3]) == len(mesh.group("range")[3]) == 2
+    assert nodes_of(mesh, "Left") == {(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)}
+    foot = {(0, 0, 0), (0, 1, 0), (0, 0, 1), (0, 1, 1)}
+    assert nodes_of(mesh, "FOOT") == foot
+    assert nodes_of(mesh, "nested") == foot | {(2, 0, 0)}
+    assert nodes_of(mesh, "Far") == {(2, y, z) for y in (0, 1) for z in (0, 1)}
+
+
+def test_units_scale_the_mesh():
+    assert volume(ao.read_mesh(DECKS / "sets.inp", unit="mm")) == pytest.approx(2e-9, rel=1e-12)
+    assert volume(ao.read_mesh(DECKS / "sets.inp", unit=0.5)) == pytest.approx(0.25, rel=1e-12)
+    with pytest.raises(ao.InputError, match="unit must be one of 'm', 'mm'"):
+        ao.read_mesh(DECKS / "sets.inp", unit="miles")
+
+
+def test_volumes_of_all_shapes_become_tetrahedra_that_fit():
+    mesh = ao.read_mesh(DECKS / "mixed.inp")  # a crack or an overlap would warn, which fails
+    assert mesh.cell == "tetrahedron"
+    assert volume(mesh) == pytest.approx(3 + 1 / 3, rel=1e-13)
+    assert {len(mesh.group(name)[3]) for name in ("BRICK",)} == {6}
+    assert len(mesh.group("PRISMS")[3]) == 9
+    assert len(mesh.group("COLLAPSED")[3]) == 3
+    assert len(mesh.group("ROOF")[3]) == 2
+    # two for each of the box' 13 rectangles in sight, and the four sides of the roof: a cut that
+    # does not fit would leave more
+    assert len(compat.exterior_facets(mesh.dolfinx)) == 2 * 13 + 4
+
+
+@pytest.mark.parametrize("shape", ["hexahedron", "wedge", "pyramid"])
+def test_cuts_agree_for_every_numbering(shape):
+    """Every numbering of two cells on one rectangle: the same diagonal, and the whole volume."""
+    corners = {
+        "hexahedron": [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)],
+        "wedge": [(0, 0, 0), (1, 0, 0), (0, 0, 1)],
+        "pyramid": [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0.5, 0.5, 1)],
+    }[shape]
+    if shape == "hexahedron":
+        corners += [(x, y, 1) for x, y, _ in corners]
+    if shape == "wedge":
+        corners += [(x, 1, z) for x, _, z in corners]
+    x = np.array(corners, dtype=float)
+    size = {"hexahedron": 1.0, "wedge": 0.5, "pyramid": 1 / 3}[shape]
+    rng = np.random.default_rng(1)
+    for _ in range(50):
+        order = rng.permutation(len(x))
+        table = order[None, :]
+        points = np.zeros_like(x)
+        points[order] = x
+        none = table[:, :0]
+        block = Block(shape, shape, table, none, none)
+        tetra, rows = conversion._simplices(block)
+        edges = points[tetra[:, 1:]] - points[tetra[:, :1]]
+        assert np.abs(np.linalg.det(edges)).sum() / 6 == pytest.approx(size, rel=1e-12)
+        assert (rows == 0).all()
+
+
+def serendipity(shape: str, X: np.ndarray) -> np.ndarray:
+    """Shape functions of 8 or 20 nodes at X in [-1, 1]^d (Zienkiewicz & Taylor)."""
+    ends = {"quad": [(-1, -1), (1, -1), (1, 1), (-1, 1)]}
+    ends["hexahedron"] = [(*p, z) for z in (-1, 1) for p in ends["quad"]]
+    a = np.array(ends[shape], dtype=float)
+    dim = a.shape[1]
+    N = [np.prod(1 + X * p) * (X @ p - dim + 1) / 2**dim for p in a]
+    for i, j in EDGES[shape]:
+        p = (a[i] + a[j]) / 2
+        along = p == 0
+        rest = np.prod(1 + (X * p)[~along])
+        N.append(float((1 - X[along] ** 2).prod() * rest / 2 ** (dim - 1)))
+    return np.array(N)
+
+
+SIDES = [(-1, 0, 0), (1, 0, 0), (0, -1, 0), (0, 1, 0), (0, 0, -1), (0, 0, 1)]
+
+
+@pytest.mark.parametrize("shape", ["quad", "hexahedron"])
+def test_inner_nodes_lie_where_the_serendipity_functions_put_them(shape):
+    rng = np.random.default_rng(2)
+    n, m = CORNERS[shape], len(EDGES[shape])
+    points = rng.normal(size=(n + m, 3))
+    table = np.arange(n + m)[None, :]
+    block = Block(shape, shape, table[:, :n], table[:, n:], table[:, :0])
+    mesh = conversion.as_mesh(Deck("a deck", points, [block]))
+    (cells,) = mesh.cells.values()
+    where = {
+        "quad": [(0, 0)],
+        "hexahedron": [*SIDES, (0, 0, 0)],
+    }[shape]
+    assert cells.shape == (1, n + m + len(where))
+    for node, X in zip(cells[0, n + m :], where, strict=True):
+        np.testing.assert_allclose(
+            mesh.points[node], serendipity(shape, np.array(X, dtype=float)) @ points, atol=1e-13
+        )
+
+
+def test_curved_cells_keep_their_sides_when_they_are_cut():
+    whole, mixed = (ao.read_mesh(DECKS / name) for name in ("tube.inp", "tube_mixed.inp"))
+    assert (whole.cell, mixed.cell) == ("hexahedron", "tetrahedron")
+    assert whole.order == mixed.order == 2
+    exact = np.pi / 8 * (2**2 - 1)
+    assert volume(whole) == pytest.approx(exact, rel=2e-5)
+    assert volume(mixed) == pytest.approx(exact, rel=2e-4)
+    x = mixed.dolfinx.geometry.x
+    radius = np.hypot(x[:, 0], x[:, 1])
+    outer = np.isclose(radius, 2, atol=5e-3)
+    assert outer.sum() > 20
+    np.testing.assert_allclose(radius[outer], 2, atol=1e-4)
+
+
+def test_instances_are_moved_and_turned():
+    with pytest.raises(ao.MeshError, match="2 pieces"):  # the parts only touch
+        ao.read_mesh(DECKS / "instances.inp")
+    deck = abaqus_assembly.read(DECKS / "instances.inp", "instances.inp").deck
+    tip = deck.points[deck.node_sets["Tip"]]
+    np.testing.assert_allclose(np.unique(tip[:, 1]), [2.0], atol=1e-15)
+    np.testing.assert_allclose(np.unique(tip[:, 0].round(12)), [1.0, 2.0], atol=1e-15)
+    assert set(deck.element_sets) >= {"Bar-1.body", "Bar-2.body", "everything", "Bar-1"}
+    assert len(deck.element_sets["everything"]) == 2
+    mesh = ao.read_mesh(DECKS / "instances.inp", cells="Bar-2.body")
+    assert volume(mesh) == pytest.approx(2.0, rel=1e-13)
+    assert nodes_of(mesh, "Tip") == nodes_of(mesh, "Bar-2.end")
+
+
+def test_nodes_that_coincide_are_merged(tmp_path):
+    other = CUBE.replace("*NODE", "*NODE\n11,1,0,0\n12,2,0,0\n13,2,1,0\n14,1,1,0").replace(
+        "*ELEMENT", "15,1,0,1\n16,2,0,1\n17,2,1,1\n18,1,1,1.0000001\n*ELEMENT"
+    )
+    path = write(tmp_path / "two.inp", other + "2,11,12,13,14,15,16,17,18\n")
+    with pytest.raises(ao.MeshError, match="merge="):
+        ao.read_mesh(path)
+    mesh = ao.read_mesh(path, merge=1e-6)
+    assert volume(mesh) == pytest.approx(2.0, rel=1e-6)
+    assert len(mesh.dolfinx.geometry.x) == 12
+
+
+def test_generated_nodes_and_elements():
+    mesh = ao.read_mesh(DECKS / "generated.inp")
+    assert mesh.n_cells == 8
+    assert volume(mesh) == pytest.approx(8.0, rel=1e-13)
+    assert len(mesh.group("SHEET")[2]) == 8
+
+
+def test_quadratic_beams_give_their_middle_node_second():
+    mesh = ao.read_mesh(DECKS / "frame.inp")
+    assert (mesh.cell, mesh.order, mesh.n_cells) == ("interval", 2, 2)
+    assert volume(mesh) == pytest.approx(2.0, rel=1e-13)
+
+
+def test_elements_that_are_no_cells_are_counted():
+    with pytest.warns(ao.AntioscWarning, match="4 elements; 1 of them .* out 2 MASS, 1 SPRINGA"):
+        mesh = ao.read_mesh(DECKS / "springs.inp")
+    assert mesh.n_cells == 1
+
+
+BAD = {
+    "no nodes": ("*ELEMENT, TYPE=C3D4\n1,1,2,3,4\n", "node 1, which the deck does not define"),
+    "unknown node": (CUBE.replace("7,8\n", "7,99\n"), "line 11 .* node 99"),
+    "cut": (CUBE[:-6], "element 1 of type C3D8 has 5 nodes; it must have 8"),
+    "word": (CUBE.replace("1,2,3", "1,two,3"), "line 11 of .*'two' is no whole number"),
+    "not a number": (CUBE.replace("1,0,0,0", "1,0,nan,0"), "line 2 .*'nan' is no number"),
+    "too large": (CUBE.replace("5,6,7,8", "5,6,7,9" + "0" * 30), "is too large"),
+    "other keyword": ("no deck at all\n", "no Abaqus deck"),
+    "text": ("", "is empty"),
+    "binary": ("*NODE\n\0\0\0", "zero bytes"),
+    "set": (CUBE + "*NSET\n1,2\n", r"line 12 .*\*NSET needs NSET="),
+    "range": (CUBE + "*NSET,NSET=A,GENERATE\n8,1\n", "holds nothing"),
+    "outside": (CUBE + "*INCLUDE,INPUT=../../etc/passwd\n", "outside the folder"),
+    "absolute": (CUBE + "*INCLUDE,INPUT=/etc/passwd\n", "outside the folder"),
+    "itself": (CUBE + "*INCLUDE,INPUT=part.inp\n", "includes itself"),
+    "missing": (CUBE + "*INCLUDE,INPUT=other.inp\n", "no file 'other.inp' beside"),
+    "copies": (CUBE + "*NCOPY,CHANGE NUMBER=10,SHIFT\n1,0,0\n", r"\*NCOPY is not read"),
+    "twice": (CUBE + "1,1,2,3,4,5,6,7,8\n", "defines 1 elements twice, one of them 1"),
+    "flat": (NODES + "*ELEMENT,TYPE=C3D6\n1,1,1,1,2,2,2\n", "until they have no volume"),
+    "huge row": (CUBE + "*ELGEN\n1,2000000000,1,1,2000000000\n", r"ELGEN would make 4e|would make"),
+    "no cells": (NODES + "*ELEMENT,TYPE=D\n1,1,2,3\n", "no elements that are cells .*1 D"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_decks_are_refused_in_one_sentence(tmp_path, case):
+    text, message = BAD[case]
+    path = write(tmp_path / "part.inp", text)
+    with pytest.raises(ao.MeshError, match=message) as caught:
+        ao.read_mesh(path)
+    assert "\n" not in str(caught.value)
+    assert len(str(caught.value)) < 450
+
+
+def test_an_include_through_a_link_out_of_the_folder_is_refused(tmp_path):
+    (tmp_path / "in").mkdir()
+    write(tmp_path / "secret.inp", CUBE)
+    (tmp_path / "in" / "link.inp").symlink_to(tmp_path / "secret.inp")
+    path = write(tmp_path / "in" / "part.inp", "*INCLUDE, INPUT=link.inp\n")
+    with pytest.raises(ao.MeshError, match="outside the folder"):
+        ao.read_mesh(path)
+
+
+def test_cut_decks_are_read_or_refused_but_never_crash(tmp_path):
+    text = (DECKS / "sets.inp").read_text().replace("*include, input=sets_more.inp\n", "")
+    for end in range(0, len(text), 37):
+        path = write(tmp_path / "part.inp", text[:end] or "*")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            with contextlib.suppress(ao.MeshError):
+                abaqus_assembly.read(path, "part.inp")
