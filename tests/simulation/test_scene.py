@@ -293,6 +293,38 @@ def test_a_law_of_ones_own() -> None:
     assert hit["w", "m"].contact_time == pytest.approx(lasts, rel=1e-3)
 
 
+def test_residual_compliance_is_a_spring_in_series() -> None:
+    """A mass on a site without inertia: half a sine with 1/k = 1/k_contact + r."""
+    site = ao.SiteModes([1e3], [[0.0]], ("tip",), r=[[2e-6]])
+    bodies = {"site": site, "m": ao.RigidMass(0.5, 2.0)}
+    hit = ao.Scene(bodies, [ao.Contact("site:tip", "m", ao.Linear(1e6))]).run(0.01, tol=1e-4)
+    k = 1 / (1e-6 + 2e-6)
+    contact = hit["site:tip", "m"]
+    assert contact.peak_force == pytest.approx(2.0 * np.sqrt(0.5 * k), rel=1e-5)
+    assert contact.contact_time == pytest.approx(np.pi * np.sqrt(0.5 / k), rel=1e-5)
+    pressed = 2e-6 * contact.force  # along the push
+    np.testing.assert_allclose(hit.bodies["site"].displacement("tip"), pressed, atol=1e-12)
+    assert hit.energy.drift < 1e-4
+
+
+def test_sweeps_and_newtons_method_give_the_same_forces(monkeypatch) -> None:
+    """Four contacts that are coupled through a compliance without inertia, as stiff as they are."""
+    coupling = 1e-7 * (np.eye(4) + 0.5)
+    body = ao.SiteModes([2e3, 5e3], [[1, 0.5, -0.3, 0.2], [0.2, 1, 0.6, -1]], "abcd", r=coupling)
+    masses = {f"m{i}": ao.RigidMass(0.2, 1.0 + 0.2 * i) for i in range(4)}
+    laws = [ao.Hertz(1e9), ao.Linear(1e7), ao.Power(1e8, 1.3), ao.Thornton(1e9, 1e-5)]
+    ends = [(f"b:{s}", f"m{i}") for i, s in enumerate("abcd")]
+    contacts = [ao.Contact(*pair, law) for pair, law in zip(ends, laws, strict=True)]
+    made = assemble(ao.Scene({"b": body, **masses}, contacts), 5e-4)
+    runs = []
+    for sweeps in (march.SWEEPS, 0):
+        monkeypatch.setattr(march, "SWEEPS", sweeps)
+        runs.append(run(made.system, 5e-4, 1e-3, module=march, fine=1e-8))
+    a, b = runs
+    assert a.time.size == b.time.size
+    np.testing.assert_allclose(a.force, b.force, atol=1e-10 * a.force.max())
+
+
 # -- whole bodies
 
 
@@ -551,7 +583,7 @@ def test_random_scenes_end_with_finite_forces_and_their_energy() -> None:
         if hit.status == 0:
             completed += 1
             assert hit.energy.drift < 1e-2, seed
-    assert completed >= 58
+    assert completed >= 59
 
 
 @pytest.mark.slow

@@ -857,7 +857,9 @@ def crossing(y0: float, d0: float, y1: float, d1: float, h: float, bound: float)
     """When the cubic through values y and slopes d over h meets the bound, which y1 lies beyond."""
     sign = 1.0 if y1 > bound else -1.0
     if sign * (y0 - bound) >= 0.0:
-        return 0.0
+        if sign * d0 >= 0.0:
+            return 0.0
+        y0 = bound  # it was on the bound, but for rounding, and goes inward first
     low, high = 0.0, 1.0
     for _ in range(50):
         u = 0.5 * (low + high)
@@ -1242,7 +1244,8 @@ def press(modes: Any, contacts: Any, state: Any, tables: Any, work: Any) -> int:
         found = attempt(slot, h, modes, contacts, state, tables, work)
         worst = worst_misfit(state, work) if found else inf
         finer = 0
-        if worst > limit and not (blind and found):
+        jump = h <= 1e-9 * clock[CAP]  # no smaller step helps
+        if worst > limit and not (found and (blind or jump)):
             finer = 1 if not found or worst < 16.0 * limit else 2 if worst < 128.0 * limit else 3
         elif not blind:
             first = first_exit(contacts, state, work)

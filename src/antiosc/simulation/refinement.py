@@ -20,7 +20,9 @@ from antiosc.simulation.scene_history import SceneHistory
 Array = NDArray[np.float64]
 
 FINER = 8.0  # of the share: steps half as long, force errors an eighth
-LEFT = 0.25  # error left in the finer run, of the difference of the two: an eighth, and a margin
+# error left in the finer run, of the difference of the two: an eighth, and a margin; where a law
+# depends on the rate of what has no mass, the order is 1
+LEFT, LEFT_AT_ORDER_ONE = 0.25, 1.5
 MOST = 12  # runs
 PATIENCE = 3  # runs without gain after which a scene counts as not convergent
 
@@ -107,6 +109,9 @@ def converge(
     fine = assembly.lasting / 200
     m = len(assembly.G)
     p = len(assembly.laws)
+    massless = assembly.system.R.diagonal()[:p] > 0
+    rated = any(law.rate_dependent and m for law, m in zip(assembly.laws, massless, strict=True))
+    left = LEFT_AT_ORDER_ONE if rated else LEFT
     best: Converged | None = None
     before: Run | None = None
     worse = 0
@@ -124,8 +129,8 @@ def converge(
         if not np.isfinite(scale):
             scale = 0.0
         if before is not None and now.answer not in (march.GREW, march.STUCK):
-            force, peak, certain = difference(before, now, m, tol)
-            found = Converged(now, share, LEFT * force, LEFT * peak, certain)
+            force, peak, certain = difference(before, now, m, tol / left)
+            found = Converged(now, share, left * force, left * peak, certain)
             gained = best is None or found.force < 0.7 * best.force
             worse = 0 if gained else worse + 1
             if best is None or found.force <= best.force or found.force <= tol:
@@ -189,7 +194,7 @@ def difference(coarse: Run, fine: Run, p: int, tol: float) -> tuple[float, float
     top = float(np.abs(b).max())
     # how much of the norm the difference has used up as time goes on
     used = np.cumsum(weight * ((a - b) ** 2).sum(axis=1))
-    beyond = np.flatnonzero(LEFT * np.sqrt(used / size) > tol)
+    beyond = np.flatnonzero(np.sqrt(used / size) > tol)
     certain = float(time[beyond[0]]) if beyond.size else float(time[-1])
     return (
         float(np.sqrt(gap.sum() / size)),

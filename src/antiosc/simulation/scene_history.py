@@ -269,7 +269,7 @@ class SceneHistory:
         """
         q, v = self._states
         time, system = self.run.time, self.assembly.system
-        work = np.diff(_path(self._load(time), q).sum(axis=1))
+        work = self._work_of_loads(q, v)
         power = np.sum(2 * system.decay * v**2, axis=1)
         lost = np.diff(cumulative_trapezoid(power, time, initial=0.0))
         pressed = np.any(self.run.force != 0.0, axis=1)
@@ -281,6 +281,27 @@ class SceneHistory:
         else:
             work = np.where(flight, gained, work)
         return np.append(0.0, np.cumsum(work)), np.append(0.0, np.cumsum(lost))
+
+    def _work_of_loads(self, q: Array, v: Array) -> Array:
+        """Work of the modal loads from node to node, (n - 1,), however long the steps.
+
+        By parts: a load that is linear in time needs the integral of q, which an elastic mode's
+        equation of motion gives.
+        """
+        time, force, system = self.run.time, self.run.force, self.assembly.system
+        span = np.diff(time)[:, None]
+        load = self._load(time)
+        f0, f1, f2 = force[:-2:2], force[1:-1:2], force[2::2]
+        impulse = np.empty((time.size - 1, force.shape[1]))
+        impulse[::2] = span[::2] * (5 * f0 + 8 * f1 - f2) / 12
+        impulse[1::2] = span[1::2] * (5 * f2 + 8 * f1 - f0) / 12
+        given = span * 0.5 * (load[1:] + load[:-1]) - impulse @ system.beta
+        change = np.diff(v, axis=0) + 2 * system.decay * np.diff(q, axis=0)
+        elastic = system.omega > 0
+        area = (given - change) / np.where(elastic, system.omega, 1.0) ** 2
+        slope = np.diff(load, axis=0) / np.where(span > 0, span, 1.0)
+        work = np.diff(load * q, axis=0) - slope * area
+        return np.asarray(np.where(elastic, work, np.diff(_path(load, q), axis=0)).sum(axis=1))
 
     @cached_property
     def _loads_on_columns(self) -> Array:
