@@ -110,11 +110,13 @@ def converge(
     m = len(assembly.G)
     p = len(assembly.laws)
     massless = assembly.system.R.diagonal()[:p] > 0
-    rated = any(law.rate_dependent and m for law, m in zip(assembly.laws, massless, strict=True))
+    rated = any(
+        law.rate_dependent and bare for law, bare in zip(assembly.laws, massless, strict=True)
+    )
     left = LEFT_AT_ORDER_ONE if rated else LEFT
     best: Converged | None = None
     before: Run | None = None
-    worse = 0
+    worse, failed, used = 0, 0, 0
     for _ in range(MOST):
         now = run(
             assembly.system,
@@ -123,8 +125,10 @@ def converge(
             scale=scale,
             fine=fine,
             max_contacts=max_contacts,
-            max_steps=max_steps,
+            max_steps=max_steps - used,
         )
+        used += now.steps
+        failed = failed + 1 if now.answer in (march.GREW, march.STUCK) else 0
         scale = max(float(now.force[:, :p].max()), 1e-300) if now.force.size else 0.0
         if not np.isfinite(scale):
             scale = 0.0
@@ -137,11 +141,11 @@ def converge(
                 best = found
             if max(found.force, found.peak) <= tol or worse >= PATIENCE:
                 return found if max(found.force, found.peak) <= tol else best
-        if now.answer in (march.TOO_MANY_CONTACTS, march.TOO_MANY_STEPS):
+        if now.answer in (march.TOO_MANY_CONTACTS, march.TOO_MANY_STEPS) or failed >= PATIENCE:
             break
         before = now if now.answer == march.DONE else None
         share /= FINER
-        if FINER * now.steps > 20 * max_steps:
+        if 2 * now.steps > max_steps - used:
             break
     if best is None:
         best = Converged(now, share, np.inf, np.inf, 0.0)
@@ -169,6 +173,11 @@ def verdict(found: Converged, tol: float, max_contacts: int, max_steps: int) -> 
             f" laws' stiffness against the bodies' masses."
         )
     worst = max(found.force, found.peak)
+    if worst == np.inf:
+        return 1, (
+            f"The error is not known: max_steps = {max_steps} leaves no finer run to compare with;"
+            f" raise it or shorten the duration."
+        )
     if not worst <= tol:
         return 1, (
             f"The contact forces did not converge: finer runs differ by {worst:.2g}, not"
