@@ -510,7 +510,7 @@ def test_bounds_on_the_work_are_told() -> None:
         hit = scene.run(1e-2, max_steps=5)
     assert hit.status == 2
     with pytest.warns(ao.AccuracyWarning, match="leaves no finer run"):
-        assert scene.run(1e-2, max_steps=50).status == 1
+        assert scene.run(1e-2, max_steps=30).status == 1
 
 
 def test_a_body_that_turns_far_is_told() -> None:
