@@ -310,7 +310,8 @@ def test_residual_compliance_is_a_spring_in_series() -> None:
 def test_sweeps_and_newtons_method_give_the_same_forces(monkeypatch) -> None:
     """Four contacts that are coupled through a compliance without inertia, as stiff as they are."""
     coupling = 1e-7 * (np.eye(4) + 0.5)
-    body = ao.SiteModes([2e3, 5e3], [[1, 0.5, -0.3, 0.2], [0.2, 1, 0.6, -1]], "abcd", r=coupling)
+    b = [[1, 0.5, -0.3, 0.2], [0.2, 1, 0.6, -1]]
+    body = ao.SiteModes([2e3, 5e3], b, list("abcd"), r=coupling)
     masses = {f"m{i}": ao.RigidMass(0.2, 1.0 + 0.2 * i) for i in range(4)}
     laws = [ao.Hertz(1e9), ao.Linear(1e7), ao.Power(1e8, 1.3), ao.Thornton(1e9, 1e-5)]
     ends = [(f"b:{s}", f"m{i}") for i, s in enumerate("abcd")]
