@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid, trapezoid
 
 import antiosc as ao
+from antiosc import plotting
 from antiosc.closed_form import BeamModes, StruckBeam, UniformBeam
-from antiosc.plotting import save_figure
 
 Floats = NDArray[np.float64]
 
@@ -179,21 +179,18 @@ def norms(table: Mapping[str, Sequence[Errors]]) -> list[Panel]:
 
 def plot_convergence(counts: Sequence[int], panels: Sequence[Panel], path: Path) -> None:
     """Relative errors against the number of degrees of freedom, side by side."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    figure, axes = plt.subplots(1, len(panels), figsize=(12, 3), sharex=True, sharey=True)
-    for axis, panel in zip(axes, panels, strict=True):
-        for style, (name, errors) in zip(("o-", "s--", "^:"), panel.table.items(), strict=True):
-            values = [max(getattr(e, panel.measure), 1e-6) for e in errors]
-            axis.loglog(counts, values, style, ms=3, label=name)
+    figure, axes = plotting.panels(1, len(panels), size=(12, 3.3), sharex=True, sharey=True)
+    styles = ("C0o-", "C1s--", "C2^:")
+    for axis, panel in zip(axes[0], panels, strict=True):
+        series = {
+            name: (counts, [max(getattr(e, panel.measure), 1e-6) for e in errors])
+            for name, errors in panel.table.items()
+        }
+        plotting.plot_errors(series, axis, styles=dict(zip(series, styles, strict=True)))
         axis.set_title(panel.title)
         axis.set_xlabel("anti-oscillators, or modes")
-        axis.grid(alpha=0.3)
-    axes[0].set_ylabel("relative error")
-    axes[0].legend(fontsize=7)
+    axes[0, 0].set_ylabel("relative error")
+    axes[0, 0].legend(fontsize=7)
     save(figure, path)
 
 
@@ -221,8 +218,5 @@ def show(numbers: Mapping[str, Any], indent: str = "") -> None:
 
 def save(figure: object, path: Path) -> None:
     """A small PNG."""
-    import matplotlib.pyplot as plt
-
     path.parent.mkdir(parents=True, exist_ok=True)
-    save_figure(figure, path, dpi=80, bbox_inches="tight")
-    plt.close(figure)  # type: ignore[arg-type]
+    plotting.save_figure(figure, path, dpi=80, bbox_inches="tight")

@@ -40,6 +40,7 @@ from article_beam import (
 )
 
 import antiosc as ao
+from antiosc import plotting
 from antiosc.closed_form import pinned_free
 
 COUNTS = (5, 10, 20, 35, 50, 70, 90, 120, 160)
@@ -190,11 +191,6 @@ def leaves(hit: ao.History, height: float) -> float:
 
 def figures(result: dict[str, Any], folder: Path = PICTURES) -> list[Path]:
     """The article's figures 2, 3, 4, 7 and 9, and the convergence study."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
     hits, models = result["hits"], result["models"]
     paths = []
 
@@ -202,7 +198,7 @@ def figures(result: dict[str, Any], folder: Path = PICTURES) -> list[Path]:
         paths.append(folder / f"article_{name}.png")
         save(figure, paths[-1])
 
-    figure, axis = plt.subplots(figsize=(6, 3.4))
+    figure, ((axis,),) = plotting.panels(1, 1, size=(6, 3.4))
     time = result["time"]
     axis.plot(time * 1e3, result["fe_mid_span"] * 1e3, "k", label="FE")
     for name, shift in (("AO 9", 2.0), ("modes 10", -2.0)):
@@ -213,7 +209,8 @@ def figures(result: dict[str, Any], folder: Path = PICTURES) -> list[Path]:
     done(figure, "fig2")
 
     for name, number in (("AO 50", "fig3"), ("modes 90", "fig4")):
-        figure, axes = plt.subplots(2, 1, figsize=(8, 4.6))
+        figure, grid = plotting.panels(2, 1, size=(8, 4.6))
+        axes = grid.ravel()
         for axis, until in zip(axes, (16.0, 2.0), strict=True):
             for label, style in (("FE", "0.6"), ("exact", "k"), (name, "C3")):
                 axis.plot(hits[label].time * 1e3, hits[label].force, style, lw=0.8, label=label)
@@ -222,13 +219,13 @@ def figures(result: dict[str, Any], folder: Path = PICTURES) -> list[Path]:
         axes[1].set_xlabel("time (ms)")
         done(figure, number)
 
-    figure, axis = plt.subplots(figsize=(6, 2.6))
+    figure, ((axis,),) = plotting.panels(1, 1, size=(6, 2.6))
     ao50 = models["AO 50"]
     axis.bar(np.arange(1, ao50.n + 1), ao50.m / ao50.m_st)
     axis.set(xlabel="anti-oscillator", ylabel="m_i / m_CR", yscale="log")
     done(figure, "fig7")
 
-    figure, axis = plt.subplots(figsize=(6, 3.4))
+    figure, ((axis,),) = plotting.panels(1, 1, size=(6, 3.4))
     hit = hits["exact"]
     axis.plot(hit.time * 1e3, hit.displacement * 1e3, label="tip")
     axis.plot(time * 1e3, mid_span(hit, time) * 1e3, label="mid-span")

@@ -39,6 +39,7 @@ from article_beam import (
 )
 
 import antiosc as ao
+from antiosc import plotting
 from antiosc.closed_form import pinned_pinned
 
 COUNTS = (4, 6, 9, 12, 15, 20, 30, 45, 70, 100, 140)
@@ -216,11 +217,6 @@ def stiffness_for(time: float, swept: dict[float, dict[str, float]], name: str) 
 
 def figures(result: dict[str, Any], folder: Path = PICTURES) -> list[Path]:
     """The article's figures 5, 6, 8 and 10, the sensitivity and the convergence study."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
     hits, models = result["hits"], result["models"]
     paths = []
 
@@ -229,7 +225,7 @@ def figures(result: dict[str, Any], folder: Path = PICTURES) -> list[Path]:
         save(figure, paths[-1])
 
     for names, number in ((("modes 5", "modes 10"), "fig5"), (("AO 9",), "fig6")):
-        figure, axis = plt.subplots(figsize=(6, 3))
+        figure, ((axis,),) = plotting.panels(1, 1, size=(6, 3))
         axis.plot(hits["FE"].time * 1e3, hits["FE"].force, "k--", lw=1, label="FE")
         for name in names:
             axis.plot(hits[name].time * 1e3, hits[name].force, lw=1, label=name)
@@ -237,13 +233,13 @@ def figures(result: dict[str, Any], folder: Path = PICTURES) -> list[Path]:
         axis.legend(fontsize=8)
         done(figure, number)
 
-    figure, axis = plt.subplots(figsize=(6, 2.6))
+    figure, ((axis,),) = plotting.panels(1, 1, size=(6, 2.6))
     full = models["FE, all AO"]
     axis.bar(np.arange(1, 11), full.m[:10] / full.m_st)
     axis.set(xlabel="anti-oscillator", ylabel="m_i / m_st")
     done(figure, "fig8")
 
-    figure, axis = plt.subplots(figsize=(6, 3.4))
+    figure, ((axis,),) = plotting.panels(1, 1, size=(6, 3.4))
     hit = hits["exact"]
     axis.plot(hit.time * 1e3, hit.displacement * 1e6, "--", label="beam")
     axis.plot(hit.time * 1e3, hit.impactor_displacement * 1e6, label="mass")
@@ -253,7 +249,8 @@ def figures(result: dict[str, Any], folder: Path = PICTURES) -> list[Path]:
     axis.legend(fontsize=8)
     done(figure, "fig10")
 
-    figure, axes = plt.subplots(1, 2, figsize=(10, 3.2))
+    figure, grid = plotting.panels(1, 2, size=(10, 3.2))
+    axes = grid.ravel()
     k = np.array(list(result["sweep"]))
     rows = list(result["sweep"].values())
     for name, label in (("contact_time", "exact"), ("contact_time_fe", "FE")):

@@ -19,16 +19,12 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
 import numpy as np
 import options
 from threadpoolctl import ThreadpoolController
 
 import antiosc as ao
-from antiosc import threads
+from antiosc import plotting, threads
 from antiosc.fem.linalg.cholmod import Cholesky
 from antiosc.fem.linalg.solvers import csr, lower
 
@@ -141,7 +137,8 @@ def table(found: Found, ways: dict[str, int | None]) -> str:
 
 
 def draw(found: Found, ways: dict[str, int | None], path: Path) -> None:
-    figure, axes = plt.subplots(1, 2, figsize=(9, 3.6), sharey=True, layout="constrained")
+    figure, grid = plotting.panels(1, 2, size=(9, 3.6), sharey=True)
+    axes = grid[0]
     dofs = [str(n) for n in found]
     places = np.arange(len(dofs))
     for axis, load in zip(axes, ("idle", "busy"), strict=True):
@@ -153,7 +150,7 @@ def draw(found: Found, ways: dict[str, int | None], path: Path) -> None:
         axis.grid(axis="y", alpha=0.3)
     axes[0].set_ylabel("factorization, over one thread idle")
     axes[0].legend(title="BLAS threads")
-    figure.savefig(path, dpi=120)
+    plotting.save_figure(figure, path, dpi=120)
 
 
 def command(arguments: Sequence[str] | None = None) -> None:

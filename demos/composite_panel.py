@@ -14,16 +14,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import dolfinx
-import matplotlib
 import numpy as np
+import options
 from mpi4py import MPI
 
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
-import options
-
 import antiosc as ao
-from antiosc.plotting import save_figure
+from antiosc import plotting
 
 ROOT = Path(__file__).resolve().parent.parent
 STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}
@@ -120,16 +116,10 @@ def print_table(numbers: dict[str, dict[str, float]]) -> None:
 
 def plot(hits: dict[str, ao.History], path: Path) -> None:
     """Force and deflection of all panels."""
-    figure, axes = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
-    for name, hit in hits.items():
-        axes[0].plot(1e3 * hit.time, 1e-3 * hit.force, label=name)
-        axes[1].plot(1e3 * hit.time, 1e3 * hit.displacement)
-    for axis, label in zip(axes, ("contact force (kN)", "deflection (mm)"), strict=True):
-        axis.set_xlabel("time (ms)")
-        axis.set_ylabel(label)
-    axes[0].legend()
-    save_figure(figure, path, dpi=120)
-    plt.close(figure)
+    figure, axes = plotting.panels(1, 2, size=(10, 4))
+    plotting.plot_force(hits, axes[0, 0])
+    plotting.plot_motion(hits, axes[0, 1])
+    plotting.save_figure(figure, path, dpi=120)
 
 
 def command(arguments: Sequence[str] | None = None) -> None:

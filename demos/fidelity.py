@@ -17,18 +17,14 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import dolfinx
-import matplotlib
 import numpy as np
+import options
 from mpi4py import MPI
 
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
-import options
-
 import antiosc as ao
+from antiosc import plotting
 from antiosc.advice import advise
 from antiosc.fem import compat
-from antiosc.plotting import save_figure
 
 ROOT = Path(__file__).resolve().parent.parent
 STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}
@@ -237,15 +233,10 @@ def print_table(name: str, case: Case, numbers: dict[str, Any]) -> None:
 
 def plot(histories: dict[str, dict[str, ao.History]], path: Path) -> None:
     """The force of every family, a panel for each case."""
-    count = len(histories)
-    figure, axes = plt.subplots(1, count, figsize=(4 * count, 3.6), layout="constrained")
-    for axis, (name, hits) in zip(np.atleast_1d(axes), histories.items(), strict=True):
-        for family, hit in hits.items():
-            axis.plot(1e6 * hit.time, hit.force, "k:" if family == "solid" else "-", label=family)
-        axis.set(title=name, xlabel="time (µs)", ylabel="contact force (N)")
-        axis.legend()
-    save_figure(figure, path, dpi=120)
-    plt.close(figure)
+    figure, axes = plotting.panels(1, len(histories), size=(4 * len(histories), 3.6))
+    for axis, (name, hits) in zip(axes[0], histories.items(), strict=True):
+        plotting.plot_force(hits, axis).set_title(name)
+    plotting.save_figure(figure, path, dpi=120)
 
 
 def names(text: str) -> tuple[str, ...]:

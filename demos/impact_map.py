@@ -15,11 +15,7 @@ import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
-import matplotlib
 import numpy as np
-
-matplotlib.use("Agg")
-
 import options
 
 import antiosc as ao

@@ -12,23 +12,15 @@ from __future__ import annotations
 
 import argparse
 import inspect
-import tempfile
 import time
 from collections.abc import Sequence
 from math import cos, radians, sin
 from pathlib import Path
 
-import matplotlib
-import meshio
-import numpy as np
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
 import options
-from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 import antiosc as ao
-from antiosc.plotting import save_figure
+from antiosc import plotting
 
 ROOT = Path(__file__).resolve().parent.parent
 ALUMINIUM = {"E": 70e9, "nu": 0.33, "rho": 2700.0}
@@ -81,8 +73,8 @@ def main(
     out.mkdir(parents=True, exist_ok=True)
     model.save(out / "bracket.npz")
     ao.write_series(part, hit, out / "bracket.pvd")
-    plot(hit, sphere, out / "bracket_force.png")
-    picture(part, hit, point, out / "bracket.png")
+    hit.plot(out / "bracket_force.png")
+    plotting.plot_deformed(part, hit, out / "bracket.png", point=point, direction=STRIKE)
     seconds["output"] = time.perf_counter() - started
 
     print_table(part, model, hit, seconds)
@@ -128,65 +120,6 @@ def print_table(
     ]
     for name, value in rows:
         print(f"{name:20s}  {value}")
-
-
-def plot(hit: ao.History, sphere: float, path: Path) -> None:
-    """Plot the force and the displacements of the site and of the sphere."""
-    figure, (upper, lower) = plt.subplots(2, 1, sharex=True, figsize=(7, 5), layout="constrained")
-    ms = 1e3 * hit.time
-    upper.plot(ms, hit.force, color="C3")
-    upper.set_ylabel("contact force (N)")
-    lower.plot(ms, 1e6 * hit.displacement, label="bracket, at the site")
-    lower.plot(ms, 1e6 * hit.impactor_displacement, label="sphere", linestyle="--")
-    lower.set_ylim(1.3e6 * hit.displacement.min(), 1.6e6 * hit.displacement.max())
-    lower.set_ylabel("displacement (µm)")
-    lower.set_xlabel("time (ms)")
-    lower.legend()
-    upper.set_title(f"A steel sphere of radius {1e3 * sphere:g} mm strikes the bracket")
-    save_figure(figure, path, dpi=120)
-    plt.close(figure)
-
-
-def picture(part: ao.Structure, hit: ao.History, point: Sequence[float], path: Path) -> None:
-    """Draw the bracket at the largest displacement of the site, enlarged and coloured by size."""
-    farthest = hit.time[np.argmax(hit.displacement)]
-    with tempfile.TemporaryDirectory() as folder:
-        ao.write_series(part, hit, Path(folder) / "frame.pvd", [farthest])
-        frame = meshio.read(Path(folder) / "frame_0000.vtu")
-    moved = frame.point_data["displacement"]
-    enlarged = 0.08 * np.ptp(frame.points, axis=0).max() / np.linalg.norm(moved, axis=1).max()
-    skin = surface(frame.cells[0].data)
-    corners = 1e3 * (frame.points + enlarged * moved)[skin]
-    size = 1e6 * np.linalg.norm(moved, axis=1)[skin].mean(axis=1)
-
-    figure = plt.figure(figsize=(6, 5), layout="constrained")
-    axes = figure.add_subplot(projection="3d", proj_type="ortho", computed_zorder=False)
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    shade = 0.62 + 0.38 * np.abs(normal @ [0.5, -0.4, 0.77]) / np.linalg.norm(normal, axis=1)
-    colours = plt.cm.viridis(size / size.max())
-    colours[:, :3] *= shade[:, None]
-    axes.add_collection3d(Poly3DCollection(corners, facecolors=colours))
-    tip = 1e3 * np.array(point)
-    tail = tip - 22 * np.array(STRIKE)
-    axes.quiver(*tail, *(tip - tail), color="C3", linewidth=2.5, zorder=9)
-    low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
-    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
-    axes.set_box_aspect(high - low)
-    axes.set_axis_off()
-    axes.view_init(elev=24, azim=52)
-    scale = plt.cm.ScalarMappable(plt.Normalize(0, size.max()), "viridis")
-    figure.colorbar(scale, ax=axes, shrink=0.6, label=f"displacement (µm), drawn x {enlarged:.0f}")
-    save_figure(figure, path, dpi=120)
-    plt.close(figure)
-
-
-def surface(cells: np.ndarray) -> np.ndarray:
-    """Vertices of the boundary faces, which belong to one tetrahedron only."""
-    faces = np.vstack([cells[:, f] for f in ((0, 1, 2), (0, 1, 3), (0, 2, 3), (1, 2, 3))])
-    _, first, count = np.unique(
-        np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True
-    )
-    return faces[first[count == 1]]
 
 
 def command(arguments: Sequence[str] | None = None) -> None:

@@ -17,19 +17,15 @@ from math import sqrt
 from pathlib import Path
 
 import dolfinx
-import matplotlib
 import numpy as np
+import options
 from mpi4py import MPI
 from scipy.optimize import brentq
 
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
-import options
-
 import antiosc as ao
+from antiosc import plotting
 from antiosc.closed_form import zener
 from antiosc.closed_form.plates import SupportedPlate
-from antiosc.plotting import save_figure
 
 ROOT = Path(__file__).resolve().parent.parent
 ALUMINIUM = {"E": 70e9, "nu": 0.33, "rho": 2700.0}
@@ -154,13 +150,11 @@ def plot(
     path: Path,
 ) -> None:
     """Force and deflection at two sites; restitution against size."""
-    figure, (force, motion, limit) = plt.subplots(1, 3, figsize=(12, 3.8), layout="constrained")
-    for name, hit in zip(("centre", "off-centre"), pair, strict=True):
-        force.plot(1e6 * hit.time, hit.force, label=name)
-        motion.plot(1e6 * hit.time, 1e6 * hit.displacement, label=name)
-    force.set(xlabel="time (µs)", ylabel="contact force (N)")
-    motion.set(xlabel="time (µs)", ylabel="deflection at the site (µm)")
-    force.legend()
+    figure, axes = plotting.panels(1, 3, size=(12, 3.8))
+    force, motion, limit = axes[0]
+    named = dict(zip(("centre", "off-centre"), pair, strict=True))
+    plotting.plot_force(named, force)
+    plotting.plot_motion(named, motion)
     for colour, (lam, restitution) in enumerate(curves.items()):
         limit.plot(sizes, restitution, "o-", color=f"C{colour}", label=f"λ = {lam:g}")
         limit.axhline(zener.restitution(lam), color=f"C{colour}", linestyle=":")
@@ -170,8 +164,7 @@ def plot(
         f"A nylon sphere of radius {1e3 * scene.sphere.radius:.3g} mm strikes a supported "
         f"aluminium plate of {1e3 * scene.thickness:g} mm (left and middle: λ = {scene.lam:g})"
     )
-    save_figure(figure, path, dpi=120)
-    plt.close(figure)
+    plotting.save_figure(figure, path, dpi=120)
 
 
 def command(arguments: Sequence[str] | None = None) -> None:

@@ -32,27 +32,22 @@ from math import cos, pi, radians, sin
 from pathlib import Path
 from typing import Any
 
-import matplotlib
+import dolfinx
 import numpy as np
+import options
 import scipy.integrate
 import scipy.sparse
 import scipy.sparse.linalg
-
-matplotlib.use("Agg")
-import dolfinx
-import matplotlib.pyplot as plt
-import options
 from mpi4py import MPI
 
 import antiosc as ao
-from antiosc import files
+from antiosc import files, plotting
 from antiosc.fem.linalg.compliance import compliances
 from antiosc.fem.linalg.solver_choice import factorize
 from antiosc.fem.linalg.solvers import csr, dot, multiply, sum_of
 from antiosc.fem.site.map_sites import sites_of
 from antiosc.fem.site.site import functional
 from antiosc.models.driving_point import stiffness_error
-from antiosc.plotting import save_figure
 from antiosc.simulation.simulate import without_patch
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -643,23 +638,22 @@ STYLE = {
 
 def _plot(found: dict[str, Any], out: Path) -> None:
     """Errors of force and Z against total seconds and against N."""
-    figure, axes = plt.subplots(2, 2, figsize=(10, 7), sharey="row", layout="constrained")
+    figure, axes = plotting.panels(2, 2, size=(12, 7), sharey="row")
+    styles = {method: color + style for method, (color, style) in STYLE.items()}
     for row, error in enumerate(("error force", "error Z")):
         for column, key in enumerate(("total", "n")):
-            for method, (color, style) in STYLE.items():
-                rows = [r for r in found["rows"] if r["method"] == method and r[error]]
-                if rows:
-                    x, y = ([r[k] for r in rows] for k in (key, error))
-                    axes[row, column].loglog(x, y, style, color=color, label=method, ms=5)
-            axes[row, column].grid(alpha=0.3)
-            axes[row, column].set_xlabel("seconds, all told" if key == "total" else "N")
+            series = {}
+            for method in STYLE:
+                rows = [r for r in found["rows"] if r["method"] == method and r[error] and r[key]]
+                series[method] = [r[key] for r in rows], [r[error] for r in rows]
+            ax = plotting.plot_errors(series, axes[row, column], styles=styles)
+            ax.set_xlabel("seconds, all told" if key == "total" else "N")
         axes[row, 0].set_ylabel("error of the force (L2)" if row == 0 else "error of Z, band")
-    axes[0, 0].legend(fontsize=7)
+    plotting.legend_beside(axes[0, 1])
     figure.suptitle(f"{found['case']}, {found['dofs']} dofs")
     name = found["case"].replace(", ", "_").replace(" ", "_")
     path = out / f"speed_accuracy_{name}_{found['dofs']}.png"
-    save_figure(figure, path, dpi=130)
-    plt.close(figure)
+    plotting.save_figure(figure, path, dpi=130)
 
 
 def ratios(found: dict[str, Any]) -> dict[str, float]:

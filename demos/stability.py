@@ -27,18 +27,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import matplotlib
 import numpy as np
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
 import options
 from matplotlib.colors import ListedColormap
 
 import antiosc as ao
-from antiosc import files
+from antiosc import files, plotting
 from antiosc.closed_form import UniformBeam, pinned_pinned
-from antiosc.plotting import save_figure
 from antiosc.simulation.history import force_difference
 from antiosc.simulation.integrators import FIXED_STEP
 from antiosc.simulation.integrators.stability import margin
@@ -253,17 +248,18 @@ def windows(count: int, path: Path) -> list[dict[str, Any]]:
     rows = survey(scene, times)
     for row in rows:
         row["margin"] = float(min(rooms[int(np.argmin(np.abs(times - row["step"])))], 1e9))
-    fig, ax = plt.subplots(figsize=(8, 4), layout="constrained")
-    for method in METHODS:
+    fig, axes = plotting.panels(1, 1, size=(8, 4))
+    ax = axes[0, 0]
+    for k, method in enumerate(METHODS):  # the first are drawn wider: none hides another
         mine = [r for r in rows if r["method"] == method]
-        ax.semilogy([r["h_omega"] for r in mine], [r["error"] for r in mine], ".-", label=method)
+        x, y_error = [r["h_omega"] for r in mine], [r["error"] for r in mine]
+        ax.semilogy(x, y_error, ".-", lw=4 - k, ms=8 - k, label=method)
     ax.fill_between(
         y, 0, 1, rooms < 1, transform=ax.get_xaxis_transform(), alpha=0.2, label="predicted window"
     )
     ax.set(xlabel=r"step, $h\,\omega_{max}$", ylabel="error of the force", ylim=(3e-4, 3))
-    ax.legend(fontsize=8, loc="lower right")
-    save_figure(fig, path, dpi=120)
-    plt.close(fig)
+    ax.legend(fontsize=8, ncols=5, loc="lower center", bbox_to_anchor=(0.5, 1))
+    plotting.save_figure(fig, path, dpi=120)
     return rows
 
 
@@ -291,7 +287,8 @@ def chart_numbers(
     times: np.ndarray,
     path: Path,
 ) -> None:
-    fig, axes = plt.subplots(1, len(METHODS), figsize=(13, 4), sharey=True, layout="constrained")
+    fig, grid = plotting.panels(1, len(METHODS), size=(13, 4), sharey=True)
+    axes = grid[0]
     edges_n, edges_h = _edges(numbers), _edges(times)
     limits = np.array([_limits(full.truncated(int(n))) for n in numbers])
     for ax, method in zip(axes, METHODS, strict=True):
@@ -309,14 +306,14 @@ def chart_numbers(
     axes[-1].legend(fontsize=8)
     bar = fig.colorbar(image, ax=axes, ticks=range(4))
     bar.ax.set_yticklabels(CLASSES)
-    save_figure(fig, path, dpi=120)
-    plt.close(fig)
+    plotting.save_figure(fig, path, dpi=120)
 
 
 def chart_scenes(
     table: list[dict[str, Any]], scenes: list[Scene], ratios: np.ndarray, path: Path
 ) -> None:
-    fig, axes = plt.subplots(1, len(METHODS), figsize=(13, 5), sharey=True, layout="constrained")
+    fig, grid = plotting.panels(1, len(METHODS), size=(13, 5), sharey=True)
+    axes = grid[0]
     names = [s.name for s in scenes]
     for ax, method in zip(axes, METHODS, strict=True):
         kinds = np.full((len(names), ratios.size), np.nan)
@@ -336,8 +333,7 @@ def chart_scenes(
     axes[0].set_yticks(np.arange(len(names)) + 0.5, names)
     bar = fig.colorbar(image, ax=axes, ticks=range(4))
     bar.ax.set_yticklabels(CLASSES)
-    save_figure(fig, path, dpi=120)
-    plt.close(fig)
+    plotting.save_figure(fig, path, dpi=120)
 
 
 def _limits(model: ao.AntiOscillators) -> tuple[float, float]:

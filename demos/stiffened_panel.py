@@ -16,15 +16,11 @@ from collections.abc import Sequence
 from math import cos, radians, sin
 from pathlib import Path
 
-import matplotlib
 import numpy as np
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
 import options
 
 import antiosc as ao
-from antiosc.plotting import save_figure
+from antiosc import plotting
 
 ROOT = Path(__file__).resolve().parent.parent
 ALUMINIUM = {"E": 70e9, "nu": 0.33, "rho": 2700.0}
@@ -154,19 +150,12 @@ def print_table(numbers: dict[str, dict[str, float]]) -> None:
 
 def plot(hits: dict[tuple[str, str], ao.History], path: Path) -> None:
     """Force and deflection at both sites, both models."""
-    figure, axes = plt.subplots(2, 2, sharex=True, figsize=(10, 6), layout="constrained")
-    for (name, place), hit in hits.items():
-        column = list(SITES).index(place)
-        style = "-" if name == "shells" else "--"
-        axes[0, column].plot(1e3 * hit.time, hit.force, style, label=f"stiffeners as {name}")
-        axes[1, column].plot(1e3 * hit.time, 1e6 * hit.displacement, style)
-        axes[0, column].set_title(place)
-        axes[1, column].set_xlabel("time (ms)")
-    axes[0, 0].set_ylabel("contact force (N)")
-    axes[1, 0].set_ylabel("deflection at the site (µm)")
-    axes[0, 0].legend()
-    save_figure(figure, path, dpi=120)
-    plt.close(figure)
+    figure, axes = plotting.panels(2, 2, size=(10, 6))
+    for column, place in enumerate(SITES):
+        named = {f"stiffeners as {name}": hit for (name, at), hit in hits.items() if at == place}
+        plotting.plot_force(named, axes[0, column]).set_title(place)
+        plotting.plot_motion(named, axes[1, column])
+    plotting.save_figure(figure, path, dpi=120)
 
 
 def command(arguments: Sequence[str] | None = None) -> None:

@@ -26,17 +26,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import matplotlib
 import numpy as np
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
 import options
 
 import antiosc as ao
-from antiosc import files
+from antiosc import files, plotting
 from antiosc.closed_form import UniformBeam, pinned_pinned
-from antiosc.plotting import save_figure
 from antiosc.simulation.history import force_difference
 from antiosc.simulation.integrators import FIXED_STEP
 
@@ -212,25 +207,22 @@ def seconds_at(rows: list[dict[str, Any]], error: float) -> float:
 
 def chart(table: list[dict[str, Any]], path: Path) -> None:
     scenes = list(dict.fromkeys(r["scene"] for r in table))
-    fig, axes = plt.subplots(
-        2, len(scenes), figsize=(4.2 * len(scenes), 7), layout="constrained", squeeze=False
-    )
+    fig, axes = plotting.panels(2, len(scenes), size=(4.2 * len(scenes) + 2, 7))
+    names = {"seconds": "time (s)", "evaluations": "force evaluations"}
+    styles = {m: "o-" for m in FIXED_STEP} | {m: "s--" for m in SOLVE_IVP}
     for column, scene in zip(axes.T, scenes, strict=True):
-        for method in (*FIXED_STEP, *SOLVE_IVP):
-            rows = [r for r in table if r["scene"] == scene and r["method"] == method]
-            rows = [r for r in rows if 0 < r["error"] < 2]
-            style = "o-" if method in FIXED_STEP else "s--"
-            error = [r["error"] for r in rows]
-            for ax, key in zip(column, ("seconds", "evaluations"), strict=True):
-                ax.loglog([r[key] for r in rows], error, style, ms=4, label=method)
-                ax.set_xlabel({"seconds": "time [s]", "evaluations": "force evaluations"}[key])
-                ax.grid(alpha=0.3)
+        mine = [r for r in table if r["scene"] == scene and 0 < r["error"] < 2]
+        for ax, key in zip(column, names, strict=True):
+            series = {}
+            for method in styles:
+                rows = [r for r in mine if r["method"] == method]
+                series[method] = [r[key] for r in rows], [r["error"] for r in rows]
+            plotting.plot_errors(series, ax, styles=styles).set_xlabel(names[key])
         column[0].set_title(scene)
     for row in axes:
         row[0].set_ylabel("relative error of the force (L2)")
-    axes[0, -1].legend(fontsize=8)
-    save_figure(fig, path, dpi=120)
-    plt.close(fig)
+    plotting.legend_beside(axes[0, -1])
+    plotting.save_figure(fig, path, dpi=120)
 
 
 def report(result: dict[str, Any]) -> None:

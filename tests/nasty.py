@@ -31,7 +31,7 @@ MODULES = {
     "plates.": (plates, ["SupportedPlate"]),
     "laminates.": (laminates, ["SupportedLaminate"]),
     "zener.": (zener, ["inelasticity", "time_unit", "restitution", "contact_time"]),
-    "plotting.": (plotting, [name for name in vars(plotting) if name.startswith("plot_")]),
+    "plotting.": (plotting, [name for name in plotting.__all__ if name[:4] in ("plot", "runn")]),
 }
 
 #: Steps of the march and of the assembly: they are called with what antiosc itself has checked,
@@ -340,6 +340,12 @@ OWN: dict[str, dict[str, Any]] = {
     "plates.SupportedPlate.wave_number_squared": {"m": 1},
     "plates.SupportedPlate.mindlin_compliance": {"terms": 50},
     "plotting.plot_dynamic_stiffness": {"models": model, "omega": [1e3, 2e3]},
+    "plotting.running_mean": {"time": [0.0, 1.0, 2.0], "value": [0.0, 1.0, 0.0], "window": 0.5},
+    "plotting.plot_errors": {"series": {"a": ([1.0, 2.0], [0.1, 0.01])}},
+    "plotting.plot_deformed": {"history": struck_part, "path": "part.png"},
+    "plotting.plot_history": {"path": "hit.png"}, "History.plot": {"path": "hit.png"},
+    "plotting.plot_model": {"path": "model.png"}, "AntiOscillators.plot": {"path": "model.png"},
+    "plotting.plot_map": {"found": surface_map, "quantity": "k0", "path": "map.png"},
     "zener.restitution": {}, "TanSun": {"slope": 0.4}, "Power": {"stiffness": 1e6},
 }  # fmt: skip
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 import sys
 
 import numpy as np
@@ -49,3 +50,98 @@ def test_without_matplotlib(monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib.pyplot", None)
     with pytest.raises(ao.MissingDependencyError, match="python3-matplotlib"):
         plotting.plot_masses(case_two(1)[0])
+
+
+def impact(duration: float = 3e-3, **options) -> ao.History:
+    return ao.simulate(*case_two(3), ao.Hertz(HERTZ), duration, **options)
+
+
+def test_the_pulse_fills_the_axis_and_its_peak_is_marked():
+    """A long flight follows the impact: the time axis of the force ends with the contact."""
+    model = ao.AntiOscillators(m0=1.0, k0=0.0, m=[], omega=[])
+    hit = ao.simulate(model, ao.RigidMass(0.1, 1.0), ao.Hertz(1e9), 0.05)
+    ((start, end),) = hit.contacts
+    assert end - start < 0.05 / 20
+    ax = plotting.plot_force(hit)
+    low, high = ax.get_xlim()
+    assert low <= 1e3 * start
+    assert 1e3 * end <= high
+    assert 1e3 * (end - start) > 0.85 * (high - low)
+    ((x, y),) = ax.lines[1].get_xydata()
+    assert (x, y) == pytest.approx((1e3 * hit.time[hit.force.argmax()], hit.peak_force))
+    assert f"{hit.peak_force:.4g} N" in ax.texts[0].get_text()
+    assert ax.get_ylim()[1] > hit.peak_force
+
+
+def test_later_contacts_with_impulse_stay_in_view():
+    hit = impact(8e-3)
+    assert len(hit.contacts) > 1
+    assert plotting.plot_force(hit).get_xlim()[1] >= 1e3 * hit.contacts[-1][1]
+
+
+def test_equal_curves_are_all_seen():
+    hit = impact()
+    twice = {"a": hit, "b": hit}
+    for ax in (plotting.plot_force(twice), plotting.plot_motion(twice)):
+        first, second = (line for line in ax.lines if line.get_label() in "ab")
+        assert first.get_linewidth() > second.get_linewidth() + 0.5
+
+
+def test_running_mean_keeps_the_impulse():
+    """That of a straight line is its value in the middle, that of many pulses their level."""
+    t = np.linspace(0, 1, 7)
+    at, mean = plotting.running_mean(t, 3 * t, 0.2)
+    inside = (at > 0.1) & (at < 0.9)
+    assert mean[inside] == pytest.approx(3 * at[inside])
+    t = np.linspace(0, 1, 4001)
+    at, mean = plotting.running_mean(t, np.sin(20 * np.pi * t) ** 2, 0.1)
+    assert mean[(at > 0.05) & (at < 0.95)] == pytest.approx(0.5, abs=1e-4)
+    with pytest.raises(ao.InputError, match="time must ascend"):
+        plotting.running_mean([1, 0], [1, 1], 0.1)
+
+
+def test_many_contacts_have_a_mean_and_an_error_has_a_band():
+    hit = impact(8e-3)
+    hit.error.clear()
+    assert not plotting.plot_force(hit).collections
+    hit.error["peak"] = 0.1
+    (band,) = plotting.plot_force(hit).collections
+    assert band.get_paths()[0].get_extents().ymax == pytest.approx(1.1 * hit.peak_force)
+    floor = ao.AntiOscillators(m0=1.0, k0=1e9, m=[], omega=[])
+    bouncing = ao.simulate(
+        floor, ao.RigidMass(0.1), ao.HuntCrossley(1e9, 0.9), 0.3, gravity=9.81, gap=1e-3
+    )
+    assert len(bouncing.contacts) > 7
+    names = [text.get_text() for text in plotting.plot_force(bouncing).get_legend().get_texts()]
+    assert [name for name in names if name.startswith("mean over")]
+
+
+def test_histories_and_models_plot_themselves(tmp_path):
+    hit, model = impact(), case_two(3)[0]
+    for one, name in ((hit, "hit.png"), (model, "model.svg")):
+        assert one.plot(tmp_path / name) == tmp_path / name
+        assert (tmp_path / name).stat().st_size > 3000
+        assert len(one.plot().axes) == 2
+    assert plt.get_fignums() == [1, 2]  # a figure that is only written is no pyplot figure
+    with pytest.raises(ao.InputError, match=r"a picture ends with one of .*\.png"):
+        hit.plot(tmp_path / "hit.txt")
+    with pytest.raises(ao.InputError, match="no anti-oscillator"):
+        model.truncated(0).plot()
+    # poles and zeros of Z are resolved: each antiresonance is a local maximum of the curve
+    line = model.plot().axes[0].lines[0]
+    at, value = line.get_xdata(), line.get_ydata()
+    for omega in model.omega:
+        near = np.abs(at - omega / (2 * np.pi)) < 0.02 * omega / (2 * np.pi)
+        assert value[near].max() > 30 * np.median(value)
+
+
+def test_errors_leave_out_what_has_no_logarithm():
+    ax = plotting.plot_errors({"a": ([1, 2, 0], [0.1, 0.0, 1.0]), "b": ([1], [2.0])})
+    assert ax.lines[0].get_xydata().tolist() == [[1, 0.1]]
+    with pytest.raises(ao.InputError, match=r"must be \(cost, error\)"):
+        plotting.plot_errors({"a": 3.0})
+
+
+def test_drawing_is_loaded_when_asked_for():
+    code = "import sys, antiosc, antiosc.plotting; sys.exit('matplotlib' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -15,13 +15,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import meshio
 import numpy as np
 
 from antiosc import files
-from antiosc.checks import instance, path as checked_path, positive, shown, whole, within_range
+from antiosc.checks import instance, path as checked_path, positive, whole, within_range
 from antiosc.contact import ContactLaw
 from antiosc.errors import AccuracyWarning, InputError, warn
 from antiosc.fem.compat import IntArray
@@ -41,10 +41,13 @@ from antiosc.models import driving_point as bands, free_modes
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.free_modes import SiteModels
 from antiosc.models.modal import LinearBody, checked_body
-from antiosc.plotting import save_figure
+from antiosc.plotting import plot_map
 from antiosc.simulation.batch import simulate_many
 from antiosc.simulation.deflection import peak_deflections
 from antiosc.threads import one_thread
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 #: Free modes where neither `modes` nor a band says how many.
 MODES = 20
@@ -54,18 +57,6 @@ ABOVE = 1.5
 WITHIN = 0.5
 #: Up to so many sites are extracted by themselves; where more would have to be, none is.
 DIRECT = 32
-
-LABELS = {
-    "k0": "static stiffness / (N/m)",
-    "m_st": "static mass / kg",
-    "omega_1": "first antiresonance / (rad/s)",
-    "error": "bound on the relative error of Z",
-    "peak_force": "peak force / N",
-    "contact_time": "contact time / s",
-    "restitution": "coefficient of restitution",
-    "impulse": "impulse / (N s)",
-    "peak_deflection": "peak deflection / m",
-}
 
 log = logging.getLogger(__name__)
 
@@ -157,36 +148,14 @@ class ImpactMap:
                 ) from error
         return target
 
-    def plot(self, path: str | os.PathLike[str], quantity: str = "peak_force") -> Path:
-        """A picture of one quantity over the surface (PNG)."""
-        known = self.quantities()
-        if not isinstance(quantity, str) or quantity not in known:
-            raise InputError(f"quantity must be one of {', '.join(known)}; got {shown(quantity)}.")
-        target = checked_path("path", path)
-        import matplotlib.pyplot as plt
+    def plot(
+        self, path: str | os.PathLike[str] | None = None, quantity: str = "peak_force"
+    ) -> Figure | Path:
+        """One of `quantities()` over the surface; see `antiosc.plotting.plot_map`.
 
-        value = known[quantity]
-        figure, axes = plt.subplots(subplot_kw={"projection": "3d"}, figsize=(7, 5))
-        if self.elements.shape[1] == 3 and len(self.elements):
-            from mpl_toolkits.mplot3d.art3d import (  # type: ignore[import-untyped]
-                Poly3DCollection,
-            )
-
-            faces = Poly3DCollection(self.points[self.elements], linewidths=0)
-            faces.set_array(value[self.elements].mean(axis=1))
-            axes.add_collection3d(faces)
-            axes.auto_scale_xyz(*self.points.T)
-        else:
-            faces = axes.scatter(*self.points.T, c=value, s=8)
-        size = np.ptp(self.points, axis=0)
-        axes.set_box_aspect(np.maximum(size, 0.05 * size.max()))
-        axes.set(xlabel="x / m", ylabel="y / m", zlabel="z / m")
-        figure.colorbar(faces, ax=axes, shrink=0.7, label=LABELS.get(quantity, quantity))
-        try:
-            save_figure(figure, target, dpi=150)
-        finally:
-            plt.close(figure)
-        return target
+        With `path` (PNG, PDF, SVG, …) the picture is written, and the path returned.
+        """
+        return plot_map(self, path, quantity)
 
 
 @collective()
@@ -283,6 +252,7 @@ def impact_map(
     info = {
         "structure": structure.describe(),
         "free_modes": len(omega),
+        "cell_dimension": structure.meshed()[0].tdim,
         "seconds": {**structure.seconds, **seconds},
     }
     result = ImpactMap(

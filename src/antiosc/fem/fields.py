@@ -24,6 +24,7 @@ from antiosc.fem.mesh import closest_point
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.mpi import collective, on_root
 from antiosc.fem.readers import KINDS
+from antiosc.fem.readers.neutral import FACETS
 from antiosc.fem.series import listing, write_frames
 from antiosc.fem.structure.structure import Structure
 from antiosc.simulation.history import Body, History, no_field
@@ -126,6 +127,45 @@ def write_series(
 
     on_root(mesh.comm, write)
     return target
+
+
+@collective(history=_what)
+@one_thread()
+def skin(
+    structure: Structure, history: History, time: float, *, body: Body = "structure"
+) -> tuple[Array, IntArray, Array]:
+    """The surface of a part and its motion at one time, the same on all ranks.
+
+    Returns
+    -------
+    points : (P, 3) [m], nodes of the mesh.
+    faces : (F, 3 or 4) indices of their corners, in order around the face: the outer faces of a
+        solid, the cells of a sheet or of a plane part.
+    moved : (P, 3) [m], displacements of the points at `time` [s].
+
+    Raises
+    ------
+    InputError
+        A model without shapes, or extracted from another structure; a mesh of lines.
+    """
+    shapes = _shapes(structure, history, body)
+    mesh, form = structure.meshed()
+    if mesh.tdim == 1:
+        raise InputError("a mesh of lines has no surface: write_series writes its motion.")
+    shapes = _at_nodes(mesh, form, compat.with_ghosts(form.space, shapes))
+    points, cells, shapes = _gathered(mesh, shapes)
+    moved = shapes @ _amplitudes(history, array("time", [time], (1,)), body)[0]
+    faces = [cells[:, list(f)] for f in FACETS[mesh.cell]]
+    if mesh.tdim == 2:  # corners in order: the first of each edge around the cell
+        faces = [cells[:, [edge[0] for edge in FACETS[mesh.cell]]]]
+    listed = np.vstack(faces)
+    _, first, count = np.unique(
+        np.sort(listed, axis=1), axis=0, return_index=True, return_counts=True
+    )
+    outer: tuple[Array, IntArray, Array] = mesh.comm.bcast(
+        (points, listed[first[count == 1]], moved), root=0
+    )
+    return outer
 
 
 def _shapes(structure: Structure, history: History, body: Body) -> Array:

@@ -11,7 +11,8 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,6 +23,9 @@ from antiosc.errors import InputError
 from antiosc.models import model_file
 from antiosc.models.modal import Damping, ModalBody, arrow_modes
 from antiosc.models.motion import Inertia, unit_vector
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 # m0 = m_st - sum(m_i) is known only to the rounding of m_st: a relative m0 below this is noise.
 _ROUNDING = 1e-12
@@ -251,6 +255,15 @@ class AntiOscillators:
             )
         at_rest = np.zeros((*x.shape[:-1], size + hidden - x.shape[-1]))
         return body.field(np.concatenate((x, at_rest), axis=-1))
+
+    def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:
+        """Dynamic stiffness and masses as a matplotlib figure; see `antiosc.plotting.plot_model`.
+
+        With `path` (PNG, PDF, SVG, …) the picture is written, and the path returned.
+        """
+        from antiosc.plotting import plot_model
+
+        return plot_model(self, path)
 
     def modal(self) -> ModalBody:
         """The same model in its free modes.

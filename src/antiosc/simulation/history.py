@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal, get_args
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,6 +17,9 @@ from antiosc import checks
 from antiosc.errors import InputError
 from antiosc.models.modal import ModalBody
 from antiosc.simulation.integrators import Problem, Trajectory
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 Body = Literal["structure", "impactor"]
@@ -250,6 +255,15 @@ class History:
             ("status", self.message),
         ]
         return "\n".join(f"{name:<13} {value}" for name, value in rows)
+
+    def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:
+        """Force and motions as a matplotlib figure; see `antiosc.plotting.plot_history`.
+
+        With `path` (PNG, PDF, SVG, …) the picture is written, and the path returned.
+        """
+        from antiosc.plotting import plot_history
+
+        return plot_history(self, path)
 
     # -- inside
 

@@ -1,0 +1,28 @@
+"""Charts of histories, models, maps and fields; matplotlib is imported when one is drawn.
+
+Functions that take `ax` draw one chart into matplotlib axes (new ones where `ax` is None) and
+return them. `plot_history`, `plot_model`, `plot_map` and `plot_deformed` draw a whole picture: with
+`path` they write it and return the path, without it they return the figure. `History.plot`,
+`AntiOscillators.plot` and `ImpactMap.plot` call them.
+"""
+
+from antiosc.plotting.figures import legend_beside, panels, save_figure
+from antiosc.plotting.histories import plot_force, plot_history, plot_motion, running_mean
+from antiosc.plotting.models import plot_dynamic_stiffness, plot_errors, plot_masses, plot_model
+from antiosc.plotting.parts import plot_deformed, plot_map
+
+__all__ = [
+    "legend_beside",
+    "panels",
+    "plot_deformed",
+    "plot_dynamic_stiffness",
+    "plot_errors",
+    "plot_force",
+    "plot_history",
+    "plot_map",
+    "plot_masses",
+    "plot_model",
+    "plot_motion",
+    "running_mean",
+    "save_figure",
+]

@@ -1,0 +1,124 @@
+"""Figures, axes, legends and picture files; only here matplotlib makes a figure, when asked for."""
+
+from __future__ import annotations
+
+import importlib
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from antiosc import checks, files
+from antiosc.errors import InputError, MissingDependencyError
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+
+
+def panels(
+    rows: int, columns: int, size: tuple[float, float], *, shown: bool = False, **options: Any
+) -> tuple[Figure, Any]:
+    """A figure of `size` (inches) and its axes (rows, columns); `options` as for `subplots`.
+
+    With `shown`, pyplot knows the figure, so that `pyplot.show()` and notebooks display it.
+    """
+    rows, columns = checks.whole("rows", rows, most=20), checks.whole("columns", columns, most=20)
+    width, height = checks.array("size", size, (2,))
+    if not (0.5 <= width <= 100 and 0.5 <= height <= 100):
+        raise InputError(
+            f"size must be two lengths from 0.5 to 100 inches; got {checks.shown(size)}."
+        )
+    figure = new_figure((float(width), float(height)), checks.flag("shown", shown))
+    return figure, figure.subplots(rows, columns, squeeze=False, **options)
+
+
+def save_figure(figure: Any, path: str | os.PathLike[str], **options: Any) -> None:
+    """Write a matplotlib figure to a file that is complete or absent; `options` as for `savefig`.
+
+    InputError where the ending of `path` is no picture's, or the file cannot be written.
+    """
+    known = figure.canvas.get_supported_filetypes()
+    path = checks.path("path", path)
+    if path.suffix.lower().removeprefix(".") not in known:
+        raise InputError(f"a picture ends with one of .{', .'.join(sorted(known))}; got {path!s}.")
+    with files.complete(path, "the picture") as part:
+        figure.savefig(part, **options)
+
+
+def finished(figure: Figure, path: str | os.PathLike[str] | None) -> Figure | Path:
+    """The figure, or the path of the file that it was written to."""
+    if path is None:
+        return figure
+    save_figure(figure, path, dpi=120)
+    return checks.path("path", path)
+
+
+def new_figure(size: tuple[float, float], shown: bool) -> Figure:
+    """A new figure; one that is only written needs no pyplot, which keeps every figure alive."""
+    if shown:
+        return _matplotlib("pyplot").figure(figsize=size, layout="constrained")
+    return _matplotlib("figure").Figure(figsize=size, layout="constrained")
+
+
+def _matplotlib(module: str) -> Any:
+    try:
+        return importlib.import_module(f"matplotlib.{module}")
+    except ImportError:
+        raise MissingDependencyError(
+            "charts need matplotlib: apt install python3-matplotlib, or pip install matplotlib."
+        ) from None
+
+
+def legend_beside(ax: Axes) -> Axes:
+    """A legend to the right of the axes: many names hide no data there."""
+    ax.legend(loc="upper left", bbox_to_anchor=(1.02, 1.0), fontsize=8)
+    return ax
+
+
+def axes_or_new(ax: Axes | None) -> Axes:
+    if ax is None:
+        return new_figure((6.4, 4.8), shown=True).subplots()
+    if isinstance(ax, type) or not callable(getattr(ax, "get_figure", None)):
+        raise InputError(f"ax must be matplotlib axes; got {checks.shown(ax)}.")
+    return ax
+
+
+def by_name(items: Any, kind: type) -> Mapping[str, Any]:
+    """Name -> object; a single one has no name."""
+    named = items if isinstance(items, Mapping) else {"": items}
+    if not named:
+        raise InputError(f"nothing to draw: give at least one {kind.__name__}.")
+    for name, one in named.items():
+        which = f"the {kind.__name__} named {checks.shown(name)}" if name else "what is drawn"
+        checks.instance(which, one, kind, f"a {kind.__name__}")
+    return named
+
+
+def widths(named: Mapping[str, Any]) -> Array:
+    """Line widths in points: the first of several curves is the widest, so that none is hidden."""
+    return np.linspace(2.6, 1.0, len(named)) if len(named) > 1 else np.array([1.5])
+
+
+def with_room(values: ArrayLike, below: float, above: float) -> tuple[float, float]:
+    """The range of `values` with these shares of it below and above."""
+    low, high = float(np.min(values)), float(np.max(values))
+    size = (high - low) or max(abs(high), 1.0)
+    return low - below * size, high + above * size
+
+
+def rounded(value: float) -> str:
+    """Three digits, without an exponent where that reads well."""
+    return f"{value:.3g}"
+
+
+def legend(ax: Axes) -> Axes:
+    """A legend where it hides the least, if something has a name."""
+    if ax.get_legend_handles_labels()[1]:
+        ax.legend(loc="best")
+    return ax

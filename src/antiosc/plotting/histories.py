@@ -1,0 +1,174 @@
+"""Charts of histories: the contact force and the motions over time."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.integrate import cumulative_trapezoid
+
+from antiosc import checks
+from antiosc.errors import InputError
+from antiosc.plotting.figures import (
+    axes_or_new,
+    by_name,
+    finished,
+    legend,
+    panels,
+    rounded,
+    widths,
+    with_room,
+)
+from antiosc.simulation.history import History
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+
+#: Share of the impulse that the time axis of a force may leave out: weak contacts long afterwards.
+LATE = 0.01
+#: From so many contacts on, a running mean of the force is drawn over the single pulses.
+MANY_CONTACTS = 7
+#: Windows of that mean over the time shown.
+WINDOWS = 25
+#: Estimated relative errors of a force from here on are drawn as a band.
+VISIBLE = 0.005
+
+
+def plot_force(hits: History | Mapping[str, History], ax: Axes | None = None) -> Axes:
+    """Contact force over time, of one history or of several by name; the largest is marked.
+
+    The time axis shows the contacts that exchange all but 1 % of the impulse. An estimated error of
+    the peak from 0.5 % on is drawn as a band; a history of many contacts has a running mean.
+    """
+    named = by_name(hits, History)
+    ax = axes_or_new(ax)
+    spans = [_contact_span(hit) for hit in named.values()]
+    start, end = min(s for s, _ in spans), max(e for _, e in spans)
+    for (name, hit), width in zip(named.items(), widths(named), strict=True):
+        many = len(hit.contacts) >= MANY_CONTACTS
+        label = None if many else name or None
+        (line,) = ax.plot(1e3 * hit.time, hit.force, label=label, lw=0.6 if many else width)
+        if many:
+            line.set_alpha(0.35)
+            window = (end - start) / WINDOWS
+            mean = f"mean over {rounded(1e3 * window)} ms"
+            time, force = running_mean(hit.time, hit.force, window)
+            text = f"{name}, {mean}" if name else mean
+            ax.plot(1e3 * time, force, color=line.get_color(), lw=2, label=text)
+        error = _force_error(hit)
+        if error >= VISIBLE:
+            bounds = (hit.force * (1 - error), hit.force * (1 + error))
+            shade = {"color": line.get_color(), "alpha": 0.2, "lw": 0}
+            ax.fill_between(1e3 * hit.time, *bounds, label=f"estimated error ±{error:.1%}", **shade)
+        if hit.peak_force > 0:
+            top = int(np.argmax(hit.force))
+            ax.plot(1e3 * hit.time[top], hit.force[top], "o", ms=5, color=line.get_color())
+    room = 0.06 * (end - start)
+    ax.set_xlim(1e3 * (start - room), 1e3 * (end + room))
+    ax.set_ylim(*with_room([0.0, *(hit.peak_force for hit in named.values())], 0.05, 0.14))
+    if len(named) == 1:
+        _mark_peak(ax, next(iter(named.values())), 0.5 * (start + end))
+    ax.set_xlabel("time (ms)")
+    ax.set_ylabel("contact force (N)")
+    return legend(ax)
+
+
+def plot_motion(hits: History | Mapping[str, History], ax: Axes | None = None) -> Axes:
+    """Displacements of the site and, dashed, of the impactor over time; the contact is shaded.
+
+    The displacement axis fits the site's motion and the impactor's during contact.
+    """
+    named = by_name(hits, History)
+    ax = axes_or_new(ax)
+    seen: list[Array] = []
+    for (name, hit), width in zip(named.items(), widths(named), strict=True):
+        own, other = (name, None) if name else ("structure, at the site", "impactor")
+        (line,) = ax.plot(1e3 * hit.time, 1e3 * hit.displacement, lw=width, label=own)
+        color = line.get_color() if name else "C1"
+        dashes = {"ls": "--", "lw": width, "color": color}
+        ax.plot(1e3 * hit.time, 1e3 * hit.impactor_displacement, label=other, **dashes)
+        first, last = _contact_span(hit)
+        during = (hit.time >= first) & (hit.time <= last)
+        seen += [1e3 * hit.displacement, 1e3 * hit.impactor_displacement[during]]
+        if len(named) == 1 and hit.contacts:
+            ax.axvspan(1e3 * first, 1e3 * last, color="0.9", lw=0, zorder=0, label="contact")
+    ax.set_ylim(*with_room(np.concatenate(seen), 0.08, 0.08))
+    ends = [1e3 * hit.time[-1] for hit in named.values()]
+    ax.set_xlim(*with_room([0.0, *ends], 0.02, 0.02))
+    ax.set_xlabel("time (ms)")
+    ax.set_ylabel("displacement (mm)")
+    return legend(ax)
+
+
+def plot_history(
+    hits: History | Mapping[str, History], path: str | os.PathLike[str] | None = None
+) -> Figure | Path:
+    """The force during contact, and below it the motions over the whole run.
+
+    Parameters
+    ----------
+    hits : History or mapping of name to History
+    path : str or Path, optional
+        Of a picture (PNG, PDF, SVG, …) to write.
+
+    Returns
+    -------
+    matplotlib Figure, or `path` where it was given.
+    """
+    named = by_name(hits, History)
+    figure, axes = panels(2, 1, size=(7.0, 5.0), shown=path is None)
+    plot_force(named, axes[0, 0])
+    plot_motion(named, axes[1, 0])
+    return finished(figure, path)
+
+
+def running_mean(time: ArrayLike, value: ArrayLike, window: float) -> tuple[Array, Array]:
+    """Mean of a piecewise linear signal over `window` (s) about each of 400 times."""
+    t, y = checks.column("time", time), checks.column("value", value)
+    if t.size != y.size or t.size < 2 or np.any(np.diff(t) < 0):
+        raise InputError("time must ascend, with one value for each of at least two times.")
+    window = checks.positive("window", window, "s")
+    area = np.concatenate(([0.0], cumulative_trapezoid(y, t)))
+    at = np.linspace(t[0], t[-1], 400)
+    low, high = np.maximum(at - window / 2, t[0]), np.minimum(at + window / 2, t[-1])
+
+    def until(x: Array) -> Array:
+        k = np.clip(np.searchsorted(t, x, side="right") - 1, 0, t.size - 2)
+        return np.asarray(area[k] + (x - t[k]) * (y[k] + np.interp(x, t, y)) / 2)
+
+    length = np.maximum(high - low, np.finfo(float).tiny)
+    return at, np.where(high > low, (until(high) - until(low)) / length, np.interp(at, t, y))
+
+
+def _contact_span(hit: History) -> tuple[float, float]:
+    """First touch, and the release after which less than LATE of the impulse follows [s]."""
+    segments = hit.trajectory.segments
+    contacts = hit.trajectory.contacts
+    impulses = [sum(s.impulse for s in segments[slice(*c.segments)]) for c in contacts]
+    if not contacts or sum(impulses) <= 0:
+        return float(hit.time[0]), float(hit.time[-1])
+    so_far = np.cumsum(impulses) / sum(impulses)
+    last = contacts[int(np.argmax(so_far >= 1 - LATE))]
+    return float(contacts[0].start), float(last.end)
+
+
+def _force_error(hit: History) -> float:
+    """Estimated relative error of the peak force, of steps and truncation."""
+    return sum(hit.error.get(key, 0.0) for key in ("peak", "truncation peak_force"))
+
+
+def _mark_peak(ax: Axes, hit: History, middle: float) -> None:
+    """The largest force in numbers, beside its mark on the side with more room."""
+    if hit.peak_force <= 0:
+        return
+    at = float(hit.time[int(np.argmax(hit.force))])
+    text = f"{hit.peak_force:.4g} N at {rounded(1e3 * at)} ms"
+    side, align = (9, "left") if at <= middle else (-9, "right")
+    ax.annotate(text, (1e3 * at, hit.peak_force), (side, 4), textcoords="offset points", ha=align)

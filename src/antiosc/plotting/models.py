@@ -1,0 +1,113 @@
+"""Charts of models, dynamic stiffness and masses, and of the errors of a study."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from antiosc import checks
+from antiosc.errors import InputError
+from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.plotting.figures import axes_or_new, by_name, finished, legend, panels, widths
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+#: Points of a dynamic stiffness between two neighbouring antiresonances, and in all.
+BETWEEN, MOST_POINTS = 160, 20_000
+
+
+def plot_dynamic_stiffness(
+    models: AntiOscillators | Mapping[str, AntiOscillators],
+    omega: ArrayLike,
+    ax: Axes | None = None,
+) -> Axes:
+    """|Z| over frequency: poles at the antiresonances, zeros at the free frequencies.
+
+    `omega` [rad/s], (n,).
+    """
+    named = by_name(models, AntiOscillators)
+    ax = axes_or_new(ax)
+    w = checks.array("omega", omega, (None,))
+    for (name, model), width in zip(named.items(), widths(named), strict=True):
+        stiffness = np.abs(model.dynamic_stiffness(w))
+        ax.semilogy(w / (2 * np.pi), stiffness, lw=width, label=name or None)
+    ax.set_xlabel("frequency (Hz)")
+    ax.set_ylabel("|dynamic stiffness| (N/m)")
+    return legend(ax)
+
+
+def plot_masses(model: AntiOscillators, ax: Axes | None = None) -> Axes:
+    """Share of the static mass held by the first anti-oscillators, as Article Figs. 7 and 8."""
+    _with_anti_oscillators(model)
+    ax = axes_or_new(ax)
+    number = np.arange(1, model.n + 1)
+    ax.bar(number, model.m / model.m_st, label="each")
+    ax.step(number, np.cumsum(model.m) / model.m_st, where="mid", color="k", label="together")
+    ax.set_ylim(0, 1.08)
+    ax.set_xlim(0.4, model.n + 0.6)
+    ax.xaxis.get_major_locator().set_params(integer=True)
+    ax.set_xlabel("anti-oscillator")
+    ax.set_ylabel("share of the static mass")
+    return legend(ax)
+
+
+def plot_model(model: AntiOscillators, path: str | os.PathLike[str] | None = None) -> Figure | Path:
+    """|Z| up to the last antiresonance, and below it the masses of the anti-oscillators.
+
+    `path` and the result as for `plot_history`. InputError for a model without anti-oscillators.
+    """
+    _with_anti_oscillators(model)
+    figure, axes = panels(2, 1, size=(7.0, 5.0), shown=path is None)
+    edges = np.unique(np.concatenate(([0.0], model.omega, [1.1 * model.omega[-1]])))
+    each = max(2, min(BETWEEN, MOST_POINTS // edges.size))
+    # closer towards the ends, where the poles are
+    share = (1 - np.cos(np.pi * np.arange(1, each) / each)) / 2
+    omega = (edges[:-1, None] + np.diff(edges)[:, None] * share).ravel()
+    plot_dynamic_stiffness(model, omega, axes[0, 0])
+    axes[0, 0].set_xlim(0, 1.1 * model.omega[-1] / (2 * np.pi))
+    plot_masses(model, axes[1, 0])
+    return finished(figure, path)
+
+
+def _with_anti_oscillators(model: Any) -> None:
+    checks.instance("model", model, AntiOscillators, "AntiOscillators")
+    if model.n == 0:
+        raise InputError("this model has no anti-oscillator whose mass could be drawn.")
+
+
+def plot_errors(
+    series: Mapping[str, tuple[ArrayLike, ArrayLike]],
+    ax: Axes | None = None,
+    *,
+    styles: Mapping[str, str] | None = None,
+) -> Axes:
+    """Relative errors over what they cost, on logarithmic axes, of several methods by name.
+
+    Parameters
+    ----------
+    series : mapping of name to (cost (n,), error (n,)); points that are not > 0 are left out.
+    ax : matplotlib axes, optional
+    styles : mapping of name to a matplotlib format such as "C0o-", optional
+    """
+    ax = axes_or_new(ax)
+    checks.instance("series", series, Mapping, "a mapping of names to (cost, error)")
+    styles = checks.instance("styles", styles or {}, Mapping, "a mapping of names to formats")
+    for k, (name, pair) in enumerate(series.items()):
+        if not isinstance(pair, Sequence) or len(pair) != 2:
+            raise InputError(f"series[{name!r}] must be (cost, error); got {checks.shown(pair)}.")
+        cost = checks.array("cost", pair[0], (None,))
+        error = checks.array("error", pair[1], cost.shape)
+        known = (cost > 0) & (error > 0)
+        # large open markers below small ones: equal errors of two methods are both seen
+        size = 8 - 4 * k / max(len(series) - 1, 1)
+        style = checks.text("a format", styles.get(name, "o-"))
+        ax.loglog(cost[known], error[known], style, ms=size, mfc="none", lw=1.2, label=name)
+    ax.grid(alpha=0.3)
+    return ax

@@ -1,0 +1,192 @@
+"""Pictures of a part in space: quantities of a map, and the moved part."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from antiosc import checks
+from antiosc.errors import InputError
+from antiosc.plotting.figures import finished, new_figure
+from antiosc.simulation.history import Body, History
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from antiosc.fem.structure.structure import Structure
+    from antiosc.maps import ImpactMap
+
+Array = NDArray[np.float64]
+
+#: Motions are drawn this share of the part's largest dimension.
+ENLARGED = 0.08
+#: Direction of the light, and the darkest shade.
+LIGHT, DARK = np.array([0.5, -0.4, 0.77]), 0.62
+
+LABELS = {
+    "k0": "static stiffness (N/m)",
+    "m_st": "static mass (kg)",
+    "omega_1": "first antiresonance (rad/s)",
+    "error": "bound on the relative error of Z",
+    "peak_force": "peak force (N)",
+    "contact_time": "contact time (s)",
+    "restitution": "coefficient of restitution",
+    "impulse": "impulse (N s)",
+    "peak_deflection": "peak deflection (m)",
+}
+
+
+def plot_map(
+    found: ImpactMap,
+    path: str | os.PathLike[str] | None = None,
+    quantity: str = "peak_force",
+) -> Figure | Path:
+    """One quantity of an impact map over the surface of the part.
+
+    Parameters
+    ----------
+    found : ImpactMap
+    path : str or Path, optional
+        As for `plot_history`.
+    quantity : str
+        One of `found.quantities()`.
+    """
+    if not callable(getattr(found, "quantities", None)) or isinstance(found, type):
+        raise InputError(f"found must be an ImpactMap; got {checks.shown(found)}.")
+    known = found.quantities()
+    if not isinstance(quantity, str) or quantity not in known:
+        raise InputError(
+            f"quantity must be one of {', '.join(known)}; got {checks.shown(quantity)}."
+        )
+    value, label = known[quantity], LABELS.get(quantity, quantity)
+    triangles = len(found.elements) > 0 and found.elements.shape[1] == 3
+    figure, axes, scale, unit = _space(found.points, shown=path is None)
+    x = scale * found.points
+    if triangles:
+        seen = _towards_viewer(found, axes)
+        faces = found.elements[seen]
+        _faces(figure, axes, x[faces], value[faces].mean(axis=1), label, dark=0.85)
+    else:
+        dots = axes.scatter(*x.T, c=value, s=30, depthshade=False)
+        figure.colorbar(dots, ax=axes, shrink=0.7, pad=0.12, label=label)
+    _frame(axes, x)
+    axes.set(xlabel=f"x ({unit})", ylabel=f"y ({unit})", zlabel=f"z ({unit})")
+    return finished(figure, path)
+
+
+def plot_deformed(
+    structure: Structure,
+    history: History,
+    path: str | os.PathLike[str] | None = None,
+    time: float | None = None,
+    *,
+    body: Body = "structure",
+    point: Sequence[float] | None = None,
+    direction: Sequence[float] | None = None,
+) -> Figure | Path:
+    """The moved part at one time, its motions enlarged and coloured by their size.
+
+    Parameters
+    ----------
+    structure, history, body
+        As for `write_series`.
+    path : str or Path, optional
+        As for `plot_history`.
+    time : float, optional
+        In s; default: where the displacement of the site is largest.
+    point, direction : sequence of 3 floats, optional
+        An arrow that ends at `point` (m) shows the impact.
+
+    Raises
+    ------
+    InputError
+        A model without shapes, or extracted from another structure; a mesh of lines.
+    """
+    from antiosc.fem.fields import skin
+
+    checks.instance("history", history, History, "a History, which simulate returns")
+    if (point is None) != (direction is None):
+        raise InputError("the arrow of the impact needs both point and direction.")
+    if time is None:
+        site = history.displacement if body == "structure" else history.impactor_displacement
+        time = float(history.time[np.argmax(np.abs(site))])
+    points, faces, moved = skin(structure, history, checks.number("time", time, "s"), body=body)
+    size = np.linalg.norm(moved, axis=1)
+    largest = float(size.max()) or 1.0
+    factor = float(f"{ENLARGED * np.ptp(points, axis=0).max() / largest:.1g}")
+    figure, axes, scale, _ = _space(points, shown=path is None)
+    corners = scale * (points + factor * moved)[faces]
+    micro, unit = (1e6, "µm") if largest < 1e-3 else (1e3, "mm")
+    label = f"displacement ({unit}), drawn × {factor:g}"
+    _faces(figure, axes, corners, micro * size[faces].mean(axis=1), label)
+    framed = [corners.reshape(-1, 3)]
+    if point is not None and direction is not None:
+        tip = scale * np.array(checks.coordinates("point", point))
+        way = np.array(checks.coordinates("direction", direction))
+        tail = tip - 0.25 * np.ptp(scale * points, axis=0).max() * way / np.linalg.norm(way)
+        axes.quiver(*tail, *(tip - tail), color="C3", linewidth=2.5, zorder=9)
+        framed.append(tail[None])
+    _frame(axes, np.vstack(framed), zoom=1.2)
+    axes.set_axis_off()
+    return finished(figure, path)
+
+
+def _space(points: Array, shown: bool) -> tuple[Figure, Any, float, str]:
+    """A figure with axes in space, and the scale and name of the unit of its coordinates."""
+    figure = new_figure((6.5, 5.0), shown)
+    axes = figure.add_subplot(projection="3d", proj_type="ortho", computed_zorder=False)
+    axes.view_init(elev=24, azim=-52)
+    return figure, axes, *((1e3, "mm") if np.ptp(points, axis=0).max() < 1.0 else (1.0, "m"))
+
+
+def _towards_viewer(found: ImpactMap, axes: Any) -> NDArray[np.bool_]:
+    """Faces to draw (T,): where those of a solid are struck against the surface, its front faces.
+
+    matplotlib sorts faces by their centres; back faces would show through openings.
+    """
+    corners = found.points[found.elements]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    into = found.directions[found.elements].mean(axis=1)
+    across = np.einsum("td,td->t", normal, into)
+    steep = np.abs(across) > 0.5 * np.linalg.norm(normal, axis=1)
+    if found.info.get("cell_dimension") != 3 or np.mean(steep) < 0.9:
+        return np.ones(len(corners), dtype=bool)
+    up, around = np.radians(axes.elev), np.radians(axes.azim)
+    view = np.array([np.cos(up) * np.cos(around), np.cos(up) * np.sin(around), np.sin(up)])
+    return np.asarray((normal @ view) * -np.sign(across) > 0)
+
+
+def _faces(
+    figure: Figure, axes: Any, corners: Array, value: Array, label: str, dark: float = DARK
+) -> None:
+    """Faces (F, 3 or 4, 3) coloured by `value` (F,) and shaded by a light, with a scale."""
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
+
+    scale = ScalarMappable(Normalize(np.nanmin(value), np.nanmax(value)), "viridis")
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    length = np.maximum(np.linalg.norm(normal, axis=1), np.finfo(float).tiny)
+    colours = scale.to_rgba(value)
+    colours[:, :3] *= (dark + (1 - dark) * np.abs(normal @ LIGHT) / length)[:, None]
+    # an edge of the face's own colour hides the background between two faces
+    axes.add_collection3d(
+        Poly3DCollection(corners, facecolors=colours, edgecolors=colours, linewidths=0.2)
+    )
+    figure.colorbar(scale, ax=axes, shrink=0.7, pad=0.12, label=label)
+
+
+def _frame(axes: Any, x: Array, zoom: float = 1.0) -> None:
+    """Limits and equal scales around the points (P, 3); few ticks, fewer on short sides."""
+    low, high = x.min(axis=0), x.max(axis=0)
+    side = np.maximum(high - low, 0.05 * max(float(np.ptp(x, axis=0).max()), 1e-12))
+    for name, middle, length in zip("xyz", (low + high) / 2, side, strict=True):
+        getattr(axes, f"set_{name}lim")(middle - length / 2, middle + length / 2)
+        ticks = max(1, round(4 * length / side.max()))
+        getattr(axes, f"{name}axis").get_major_locator().set_params(nbins=ticks)
+    axes.set_box_aspect(side, zoom=zoom)
