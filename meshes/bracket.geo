@@ -20,6 +20,5 @@ Physical Surface("bore") = bore();
 Physical Surface("front") = front(); // end of the boss
 
 Mesh.ElementOrder = 2;
-Mesh.HighOrderOptimize = 3; // elastic: without it single curved elements at the fillets fold over
 Mesh.MeshSizeMax = 0.005;
 MeshSize {PointsOf {Surface {eye(), bore(), clamp()};}} = 0.0035;
