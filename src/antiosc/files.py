@@ -61,6 +61,12 @@ def write_text(path: str | os.PathLike[str], text: str, what: str = "the text") 
         part.write_text(text, encoding="utf-8")
 
 
+def write_through(path: Path, content: bytes) -> None:
+    """Write a file, and wait until it is on the disk; for folders that nobody reads from yet."""
+    path.write_bytes(content)
+    _to_disk(path)
+
+
 def cannot_write(what: str, path: str | os.PathLike[str], error: Exception) -> InputError:
     """The error that says which file the system refuses to write, and why."""
     reason = getattr(error, "strerror", None) or str(error)

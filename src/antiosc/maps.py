@@ -17,7 +17,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import meshio
 import numpy as np
 
 from antiosc import files
@@ -133,6 +132,8 @@ class ImpactMap:
 
         InputError where the file cannot be written, or its ending tells meshio no format.
         """
+        import meshio  # takes a while to load
+
         target = checked_path("path", path)
         kind = {3: "triangle", 2: "line"}.get(self.elements.shape[1], "vertex")
         cells = self.elements if len(self.elements) else np.arange(len(self))[:, None]

@@ -349,9 +349,11 @@ def facet_numbers(mesh: dolfinx.mesh.Mesh, cells: IntArray, facets: IntArray) ->
 
 def cell_dofs(space: Any, path: Sequence[int], cells: IntArray) -> IntArray:
     """Dofs of this rank (unrolled) of one scalar component in cells: (cells, functions)."""
-    dofmap = subspace(space, path).dofmap
-    rows = [dofmap.cell_dofs(c) for c in cells]
-    return np.array(rows, dtype=np.int32).reshape(len(rows), dofmap.dof_layout.num_dofs)
+    (component,) = path  # of a blocked space, whose components share their nodes
+    dofmap = space.dofmap
+    nodes = np.asarray(getattr(dofmap.list, "array", dofmap.list))  # in 0.5 a list of lists
+    nodes = nodes.reshape(-1, dofmap.dof_layout.num_dofs)[np.asarray(cells, dtype=np.intp)]
+    return np.asarray(dofmap.index_map_bs * nodes + component, dtype=np.int32)
 
 
 def with_ghosts(space: Any, block: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -27,6 +27,7 @@ from antiosc.fem.readers import KINDS
 from antiosc.fem.readers.neutral import FACETS
 from antiosc.fem.series import listing, write_frames
 from antiosc.fem.structure.structure import Structure
+from antiosc.fem.vtu import Frames
 from antiosc.simulation.history import Body, History, no_field
 from antiosc.threads import one_thread
 
@@ -123,7 +124,8 @@ def write_series(
         kind = next(
             n for n, k in KINDS.items() if (k.shape, k.nodes) == (mesh.cell, cells.shape[1])
         )
-        write_frames(target, points, [(kind, cells)], at, (shapes @ a for a in amplitudes))
+        frames = Frames(points, kind, cells)
+        write_frames(target, frames, at, (shapes @ a for a in amplitudes))
 
     on_root(mesh.comm, write)
     return target

@@ -11,13 +11,12 @@ from collections.abc import Iterable
 from pathlib import Path
 from xml.sax.saxutils import quoteattr, unescape
 
-import meshio
 import numpy as np
 from numpy.typing import NDArray
 
 from antiosc import checks, files
 from antiosc.errors import InputError
-from antiosc.fem.compat import IntArray
+from antiosc.fem.vtu import Frames
 
 Array = NDArray[np.float64]
 
@@ -41,12 +40,13 @@ def listing(path: str | os.PathLike[str]) -> Path:
 
 def write_frames(
     target: Path,
-    points: Array,
-    cells: list[tuple[str, IntArray]],
+    frames: Frames,
     times: Array,
     fields: Iterable[Array],
 ) -> None:
     """Write one frame a time, and the list of them to `target` (from `listing`) as the last.
+
+    `fields`: displacements (points, 3) in m for each time.
 
     All is written into a folder beside first: an interrupted run leaves nothing behind. Frames that
     an earlier list of this name names are removed, and none else; its permissions are kept.
@@ -63,8 +63,7 @@ def write_frames(
             names = []
             for number, field in enumerate(fields):
                 names.append(f"{target.stem}_{number:04d}.vtu")
-                with files.complete(staging / names[-1], "the series") as part:
-                    meshio.Mesh(points, cells, point_data={"displacement": field}).write(part)
+                files.write_through(staging / names[-1], frames.content("displacement", field))
             if os.path.lexists(target):
                 old = _listed(target)
                 files.write_text(target, _collection(times[:0], []), "the series")
