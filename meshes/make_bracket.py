@@ -45,8 +45,8 @@ def main(folder: Path = HERE) -> None:
         gmsh.write(str(folder / "bracket.step"))
         gmsh.clear()
         gmsh.open(str(HERE / "bracket.geo"))  # takes the bracket.step beside it
-        # Elastic: without it a few curved elements at the fillets fold over. `read_mesh` straightens
-        # such cells of a geometry itself; a finished mesh is taken as it stands.
+        # Elastic: without it a few curved elements at the fillets fold over. `read_mesh`
+        # straightens those of a geometry itself; a finished mesh is taken as it stands.
         gmsh.option.setNumber("Mesh.HighOrderOptimize", 3)
         gmsh.model.mesh.generate(3)
         gmsh.write(str(folder / "bracket.msh"))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ pytest.importorskip("dolfinx")
 import antiosc as ao
 import parts
 from antiosc.errors import AntioscWarning
-from antiosc.fem.linalg import solver_choice, solvers
+from antiosc.fem.linalg import cholmod, forecast, solver_choice, solvers
 from mpi import run_ranks
 from paths import TESTS
 
@@ -30,8 +31,8 @@ def block(solver="auto", supports=("left",), n=(8, 4, 3)) -> ao.Structure:
 @pytest.mark.slow
 def test_forecast_against_the_factor_itself():
     part = block(n=(16, 10, 8))
-    found = solvers.forecasts(part.K)
-    assert [f.ordering for f in found] == [solvers.AMF, solvers.PORD]
+    found = forecast.forecasts(part.K)
+    assert [f.ordering for f in found] == [forecast.AMF, forecast.PORD]
     # CHOLMOD's, with an ordering of its own, and supernodes that are held as full rectangles
     entries = part.factorization.cholesky.supernodes.values.size
     assert 0.7 < min(f.entries for f in found) / entries < 2.0
@@ -51,6 +52,36 @@ def test_iterative_and_direct_agree(supports):
     np.testing.assert_allclose(b.omega, a.omega, rtol=1e-8)
 
 
+def test_the_forecast_on_one_rank_is_the_factor_that_is_made_of_it():
+    part = block(n=(10, 6, 4))
+    plan = solver_choice.Plan(part.K)
+    told = plan.entries
+    factor = plan.factorize()
+    assert told == factor.entries == part.factorization.entries
+    load = np.sin(np.arange(part.K.getSize()[0]))
+    np.testing.assert_array_equal(factor.solve(load), part.factorization.solve(load))
+
+
+def test_a_matrix_whose_factor_is_forecast_is_analysed_once(monkeypatch):
+    part = block(n=(10, 6, 4))
+    rows = part.K.getSize()[0]
+    # less than the general bound asks for, and enough for the factor
+    bound = solver_choice.BYTES * solver_choice.COMPACT * rows ** (4 / 3)
+    monkeypatch.setattr(solver_choice, "free_memory", lambda: bound)
+    made, analyse = [], cholmod.Analysis._analysed
+
+    def counted(self, matrix, permutation):
+        made.append(matrix.nrow)
+        time.sleep(0.05)
+        return analyse(self, matrix, permutation)
+
+    monkeypatch.setattr(cholmod.Analysis, "_analysed", counted)
+    monkeypatch.setattr(forecast, "forecasts", None)
+    seconds = ao.extract(part, SITE, n=3).info["seconds"]
+    assert made == [rows // 3, rows]  # the graph of the nodes, and the rows in its order
+    assert seconds["factorization"] > 0.1  # the forecast is part of it
+
+
 def test_no_memory_for_the_factor(monkeypatch):
     monkeypatch.setattr(solver_choice, "free_memory", lambda: 1e6)
     with pytest.warns(AntioscWarning, match="GB are free: each solve is iterated"):
@@ -63,7 +94,7 @@ def test_no_memory_for_the_factor(monkeypatch):
 def test_a_thin_body_needs_less_than_a_compact_one(monkeypatch):
     # Between the general bound and the forecast: the forecast decides, without a word.
     part = block(n=(24, 12, 1))
-    need = solver_choice.BYTES * min(f.entries for f in solvers.forecasts(part.K))
+    need = solver_choice.BYTES * min(f.entries for f in forecast.forecasts(part.K))
     bound = solver_choice.BYTES * solver_choice.COMPACT * part.K.getSize()[0] ** (4 / 3)
     assert need < bound / 2
     monkeypatch.setattr(solver_choice, "free_memory", lambda: 2 * need)
@@ -85,14 +116,14 @@ import json, sys
 sys.path.insert(0, sys.argv[1])
 import antiosc as ao
 import parts
-from antiosc.fem.linalg import solvers
+from antiosc.fem.linalg import forecast
 
 chosen = []
 for n, size in (((24, 24, 1), (0.2, 0.2, 0.008)), ((7, 7, 7), (1.0, 1.0, 1.0))):
     part = ao.Structure(parts.box(n, size), ao.Solid(**parts.STEEL), [ao.Support("left")])
-    found = solvers.forecasts(part.K)
-    solvers.FORECAST = 1
-    best = solvers.best_ordering(part.K)
+    found = forecast.forecasts(part.K)
+    forecast.FORECAST = 1
+    best = forecast.best_ordering(part.K)
     chosen.append(min((f.operations, f.ordering) for f in found)[1] == best)
 print(json.dumps(chosen))
 """

@@ -105,8 +105,8 @@ class _Memory:
         return found
 
 
-class Cholesky:
-    """P A Pᵀ = L Lᵀ of a sparse symmetric positive definite matrix.
+class Analysis:
+    """The symbolic factor of a sparse symmetric matrix: its ordering, and the size of L.
 
     Parameters
     ----------
@@ -118,8 +118,6 @@ class Cholesky:
 
     Raises
     ------
-    NotPositiveDefiniteError
-        A has no such factor.
     OutOfMemoryError
         There is no memory for it.
     NotConvergedError
@@ -135,17 +133,85 @@ class Cholesky:
         permutation: IntArray | None = None,
         last: int = 0,
     ) -> None:
-        self._memory = _Memory()
-        common = self._memory.common
+        self.memory = _Memory()
+        common = self.memory.common
         common.supernodal, common.quick_return_if_not_posdef = SUPERNODAL, 1
         common.print_level = 0
         if permutation is None and (block >= BLOCK or last):
             inner = self._of_nodes(A[last:, last:] if last else A, block)
             permutation = np.concatenate([last + inner, np.arange(last)])
-        matrix, _kept = _sparse(A)
-        factor = self._memory.factor = self._analysed(matrix, permutation)
-        with without_openmp(), as_many_as_pay(self._fronts()):
-            done = self._memory.lib.cholmod_l_factorize(byref(matrix), factor, byref(common))
+        self.matrix, self._kept = _sparse(A)
+        self.memory.factor = self._analysed(self.matrix, permutation)
+
+    @property
+    def entries(self) -> int:
+        """Numbers that the factor holds."""
+        return int(self.memory.factor.contents.xsize)
+
+    def fronts(self) -> Array:
+        """Operations for each supernode: c² for a column of c entries."""
+        found = self.memory.factor.contents
+        starts = (self.memory.array(p, found.nsuper + 1, c_int64) for p in (found.super, found.pi))
+        width, height = (np.diff(start).astype(float) for start in starts)
+        squares = (width - 1) * width * (2 * width - 1) / 6
+        return np.asarray(width * height**2 - height * width * (width - 1) + squares)
+
+    def _of_nodes(self, A: scipy.sparse.csr_matrix, block: int) -> IntArray:
+        """An ordering of A's rows from that of its nodes, whose graph is block² times smaller."""
+        matrix, _kept = _sparse(A[::block, ::block])
+        nodes = self._analysed(matrix, None)
+        order = np.array(self.memory.array(nodes.contents.Perm, nodes.contents.n, c_int64))
+        self.memory.lib.cholmod_l_free_factor(byref(nodes), byref(self.memory.common))
+        return np.asarray(block * order[:, None] + np.arange(block)).ravel()
+
+    def _analysed(self, matrix: Sparse, permutation: IntArray | None) -> Any:
+        """Symbolic factor; CHOLMOD tries AMD and METIS where no permutation is given."""
+        lib, common = self.memory.lib, self.memory.common
+        common.nmethods = int(permutation is not None)
+        given = None
+        if permutation is not None:
+            given = np.ascontiguousarray(permutation, dtype=np.int64).ctypes
+        pointer = None if given is None else given.data
+        factor = lib.cholmod_l_analyze_p(byref(matrix), pointer, None, 0, byref(common))
+        if not factor:
+            raise failure(common, f"the ordering of {matrix.nrow} rows")
+        return factor
+
+
+class Cholesky:
+    """P A Pᵀ = L Lᵀ of a sparse symmetric positive definite matrix.
+
+    Parameters
+    ----------
+    A : csr_matrix (n, n) or Analysis
+        The matrix, or its analysis, which becomes this factor and serves no second one.
+    block, permutation, last
+        Of a matrix: as for its `Analysis`.
+
+    Raises
+    ------
+    NotPositiveDefiniteError
+        A has no such factor.
+    OutOfMemoryError
+        There is no memory for it.
+    NotConvergedError
+        CHOLMOD failed; the message has its reason.
+    MissingDependencyError
+        This CHOLMOD is not one that can be called directly (`refusal`).
+    """
+
+    def __init__(
+        self,
+        A: scipy.sparse.csr_matrix | Analysis,
+        block: int = 1,
+        permutation: IntArray | None = None,
+        last: int = 0,
+    ) -> None:
+        analysis = A if isinstance(A, Analysis) else Analysis(A, block, permutation, last)
+        memory = self._memory = analysis.memory
+        common, factor = memory.common, memory.factor
+        with without_openmp(), as_many_as_pay(analysis.fronts()):
+            done = memory.lib.cholmod_l_factorize(byref(analysis.matrix), factor, byref(common))
         found = factor.contents
         if not done or not found.is_super or not found.x:
             raise failure(common, f"the Cholesky factor of {found.n} rows", 8.0 * found.xsize)
@@ -153,14 +219,6 @@ class Cholesky:
             raise NotPositiveDefiniteError(
                 f"column {found.minor} of {found.n} is not positive definite"
             )
-
-    def _fronts(self) -> Array:
-        """Operations for each supernode: c² for a column of c entries."""
-        found = self._memory.factor.contents
-        starts = (self._memory.array(p, found.nsuper + 1, c_int64) for p in (found.super, found.pi))
-        width, height = (np.diff(start).astype(float) for start in starts)
-        squares = (width - 1) * width * (2 * width - 1) / 6
-        return np.asarray(width * height**2 - height * width * (width - 1) + squares)
 
     def solve(self, B: Array) -> Array:
         """A⁻¹B for a vector (n,) or a block of vectors (n, k)."""
@@ -234,27 +292,6 @@ class Cholesky:
                 if j >= 0:
                     block[i[i >= j], j] = column[i >= j]
         return permutation[columns], block
-
-    def _of_nodes(self, A: scipy.sparse.csr_matrix, block: int) -> IntArray:
-        """An ordering of A's rows from that of its nodes, whose graph is block² times smaller."""
-        matrix, _kept = _sparse(A[::block, ::block])
-        nodes = self._analysed(matrix, None)
-        order = np.array(self._memory.array(nodes.contents.Perm, nodes.contents.n, c_int64))
-        self._memory.lib.cholmod_l_free_factor(byref(nodes), byref(self._memory.common))
-        return np.asarray(block * order[:, None] + np.arange(block)).ravel()
-
-    def _analysed(self, matrix: Sparse, permutation: IntArray | None) -> Any:
-        """Symbolic factor; CHOLMOD tries AMD and METIS where no permutation is given."""
-        lib, common = self._memory.lib, self._memory.common
-        common.nmethods = int(permutation is not None)
-        given = None
-        if permutation is not None:
-            given = np.ascontiguousarray(permutation, dtype=np.int64).ctypes
-        pointer = None if given is None else given.data
-        factor = lib.cholmod_l_analyze_p(byref(matrix), pointer, None, 0, byref(common))
-        if not factor:
-            raise failure(common, f"the ordering of {matrix.nrow} rows")
-        return factor
 
 
 def _sparse(A: scipy.sparse.csr_matrix) -> tuple[Sparse, tuple[Any, ...]]:

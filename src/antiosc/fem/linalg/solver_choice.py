@@ -7,7 +7,7 @@ time per solve.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Literal, get_args
 
@@ -18,6 +18,8 @@ from petsc4py import PETSc
 from antiosc import checks
 from antiosc.errors import InputError
 from antiosc.fem.linalg import cholmod
+from antiosc.fem.linalg.cholmod import Analysis
+from antiosc.fem.linalg.forecast import Forecast, forecasts
 from antiosc.fem.linalg.solvers import (
     Array,
     ByPetsc,
@@ -26,8 +28,8 @@ from antiosc.fem.linalg.solvers import (
     OnOneRank,
     PetscSolver,
     Solver,
+    analysed,
     by_strains,
-    forecasts,
 )
 from antiosc.fem.linalg.strains import Refined
 from antiosc.fem.linalg.substructures import Substructures, interface
@@ -95,9 +97,10 @@ def _of_entries(A: PETSc.Mat, choice: Choice, motions: Callable[[], Array]) -> S
     free = on_root(A.getComm().tompi4py(), free_memory)
     if BYTES * COMPACT * rows ** (4 / 3) <= FILL * free:
         return factorize(A)
-    need = BYTES * min((f.entries for f in forecasts(A)), default=0.0)
+    plan = Plan(A)
+    need = BYTES * plan.entries
     if need <= FILL * free:
-        return factorize(A)
+        return plan.factorize()
     text = (
         f"the factor of {rows} dofs needs about {need / 1e9:.3g} GB and {free / 1e9:.3g} GB are "
         "free"
@@ -112,16 +115,47 @@ def _of_entries(A: PETSc.Mat, choice: Choice, motions: Callable[[], Array]) -> S
     return Multigrid(A, motions())
 
 
-def factorize(A: PETSc.Mat) -> Factorization:
-    """The Cholesky factor of A by what is fastest on its ranks."""
+class Plan:
+    """What a factor of A will need, found by an analysis that the factorization goes on with."""
+
+    def __init__(self, A: PETSc.Mat) -> None:
+        comm = A.getComm().tompi4py()
+        self.A = A
+        self._analysis: Analysis | None = None
+        self._forecasts: list[Forecast] = []
+        if comm.size == 1 and not cholmod_refused(comm):
+            self._analysis = analysed(A)
+        else:
+            self._forecasts = forecasts(A)
+
+    @property
+    def entries(self) -> float:
+        """Entries of the factor, of all ranks together; 0 where there is no forecast."""
+        if self._analysis is not None:
+            return float(self._analysis.entries)
+        return min((f.entries for f in self._forecasts), default=0.0)
+
+    def factorize(self) -> Factorization:
+        """The factor; once, since the analysis becomes it."""
+        analysis, self._analysis = self._analysis, None
+        return factorize(self.A, analysis, self._forecasts)
+
+
+def factorize(
+    A: PETSc.Mat, analysis: Analysis | None = None, found: Sequence[Forecast] = ()
+) -> Factorization:
+    """The Cholesky factor of A by what is fastest on its ranks.
+
+    `analysis`, `found`: what is known of A from before, on one rank and on several.
+    """
     comm = A.getComm().tompi4py()
     refused = cholmod_refused(comm)
     if comm.size == 1:
-        return ByPetsc(A) if refused else OnOneRank(A)
+        return ByPetsc(A) if refused else OnOneRank(A, analysis)
     if refused:
-        return Distributed(A)
+        return Distributed(A, found)
     rows = interface(A)
-    return Substructures(A, rows) if len(rows) <= INTERFACE else Distributed(A)
+    return Substructures(A, rows) if len(rows) <= INTERFACE else Distributed(A, found)
 
 
 def cholmod_refused(comm: MPI.Comm) -> bool:

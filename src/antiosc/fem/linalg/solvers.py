@@ -9,7 +9,7 @@ from __future__ import annotations
 import logging
 import time
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from antiosc.errors import AccuracyError, NotConvergedError, OutOfMemoryError
-from antiosc.fem.linalg.cholmod import Cholesky, NotPositiveDefiniteError
+from antiosc.fem.linalg.cholmod import Analysis, Cholesky, NotPositiveDefiniteError
+from antiosc.fem.linalg.forecast import Forecast, best_ordering, count
 from antiosc.fem.linalg.scaling import norms, roots
 from antiosc.threads import one_thread
 
@@ -32,14 +33,10 @@ GROWTH = 1e14
 
 #: Vectors from which a product of matrices is faster than one by one.
 BLOCK = 4
-#: MUMPS's numbers of its orderings that Debian's build has and that serve here.
-AMF, PORD = 2, 4
 #: PETSC_ERR_MEM
 PETSC_NO_MEMORY = 55
 #: PETSc attribute of a matrix: a product that is more accurate than its entries give (callable).
 PRODUCT = "antiosc_product"
-#: Rows from which it pays to forecast a factorization before it is made.
-FORECAST = 30_000
 
 log = logging.getLogger(__name__)
 
@@ -142,8 +139,6 @@ def sum_of(K: PETSc.Mat, shift: float, M: PETSc.Mat) -> PETSc.Mat:
 class Solver(ABC):
     """A⁻¹ of a symmetric positive definite matrix, for many right-hand sides."""
 
-    #: what setting it up took
-    seconds: float
     #: largest ‖A‖‖x‖/‖Ax‖ of a checked solve
     growth: float = GROWTH
 
@@ -155,8 +150,8 @@ class Solver(ABC):
         A.setOption(PETSc.Mat.Option.SPD, True)
         with one_thread():  # but for factors that are worth more
             self._set_up()
-        self.seconds = time.perf_counter() - started
-        log.info("%s of %d dofs: %.1f s", type(self).__name__, A.getSize()[0], self.seconds)
+        seconds = time.perf_counter() - started
+        log.info("%s of %d dofs: %.1f s", type(self).__name__, A.getSize()[0], seconds)
 
     @abstractmethod
     def _set_up(self) -> None:
@@ -207,13 +202,24 @@ class Factorization(Solver):
 
 
 class OnOneRank(Factorization):
-    """Cholesky factor of a matrix on one rank, by CHOLMOD."""
+    """Cholesky factor of a matrix on one rank, by CHOLMOD.
+
+    Parameters
+    ----------
+    analysis : of A, from `analysed`, where it was made before; it becomes the factor.
+    """
+
+    def __init__(self, A: PETSc.Mat, analysis: Analysis | None = None) -> None:
+        self._analysis = analysis
+        super().__init__(A)
 
     def _set_up(self) -> None:
         try:
-            self.cholesky = Cholesky(lower(csr(self.A)), self.A.getBlockSize())
+            self.cholesky = Cholesky(self._analysis or analysed(self.A))
         except NotPositiveDefiniteError as error:
             raise NotConvergedError(SINGULAR.format(error)) from error
+        finally:
+            self._analysis = None  # its copy of A is not used any more
 
     @property
     def entries(self) -> float:
@@ -223,6 +229,11 @@ class OnOneRank(Factorization):
     def solve_block(self, R: Array) -> Array:
         """A⁻¹R for a block of vectors (rows, k): many at once cost a fraction of one by one."""
         return self.cholesky.solve(R)
+
+
+def analysed(A: PETSc.Mat) -> Analysis:
+    """The symbolic factor of a matrix on one rank."""
+    return Analysis(lower(csr(A)), A.getBlockSize())
 
 
 class PetscSolver(Solver):
@@ -266,7 +277,16 @@ class PetscSolver(Solver):
 
 
 class Distributed(PetscSolver, Factorization):
-    """Cholesky factor over many ranks by MUMPS, with the ordering that needs fewer operations."""
+    """Cholesky factor over many ranks by MUMPS, with the ordering that needs fewer operations.
+
+    Parameters
+    ----------
+    found : forecasts of A, where they were made before.
+    """
+
+    def __init__(self, A: PETSc.Mat, found: Sequence[Forecast] = ()) -> None:
+        self._forecasts = found
+        super().__init__(A)
 
     def _choose(self) -> None:
         self._ksp.setType(PETSc.KSP.Type.PREONLY)
@@ -274,13 +294,13 @@ class Distributed(PetscSolver, Factorization):
         pc.setType(PETSc.PC.Type.CHOLESKY)
         pc.setFactorSolverType("mumps")
         prefix = self._ksp.getOptionsPrefix()
-        PETSc.Options()[prefix + "mat_mumps_icntl_7"] = best_ordering(self.A)
+        PETSc.Options()[prefix + "mat_mumps_icntl_7"] = best_ordering(self.A, self._forecasts)
         self._ksp.setFromOptions()
 
     @property
     def entries(self) -> float:
         """Entries of the factor, of all ranks together."""
-        return _count(self._ksp.getPC().getFactorMatrix().getMumpsInfog(29))
+        return count(self._ksp.getPC().getFactorMatrix().getMumpsInfog(29))
 
     def solve_block(self, R: Array) -> Array:
         """A⁻¹R for a block of vectors (rows, k): many at once cost a fraction of one by one."""
@@ -308,64 +328,6 @@ class ByPetsc(PetscSolver, Factorization):
     def entries(self) -> float:
         """Entries of the factor."""
         return float(self._ksp.getPC().getFactorMatrix().getInfo()["nz_used"])
-
-
-@dataclass(frozen=True)
-class Forecast:
-    """What a Cholesky factor will need, from that of one displacement component."""
-
-    #: MUMPS's number of the ordering
-    ordering: int
-    #: entries of the factor, and operations to make it
-    entries: float
-    operations: float
-
-
-def forecasts(A: PETSc.Mat) -> list[Forecast]:
-    """Forecasts for MUMPS's orderings; empty where A is not blocked by nodes.
-
-    The graph of the nodes decides: of the rows every b-th is taken (one component of each node)
-    and factored, at 1/b² of the entries and 1/b³ of the operations.
-    """
-    block = A.getBlockSize()
-    if block == 1:
-        return []
-    first, last = A.getOwnershipRange()
-    rows = PETSc.IS().createStride((last - first) // block, first, block, comm=A.getComm())
-    part = A.createSubMatrix(rows, rows)
-    part.setOption(PETSc.Mat.Option.SYMMETRIC, True)
-    part.setOption(PETSc.Mat.Option.SPD, True)
-    found = []
-    for ordering in (AMF, PORD):
-        ksp = PETSc.KSP().create(A.getComm())
-        ksp.setOperators(part)
-        ksp.setType(PETSc.KSP.Type.PREONLY)
-        pc = ksp.getPC()
-        pc.setType(PETSc.PC.Type.CHOLESKY)
-        pc.setFactorSolverType("mumps")
-        prefix = f"antiosc_forecast_{ordering}_"
-        ksp.setOptionsPrefix(prefix)
-        PETSc.Options()[prefix + "mat_mumps_icntl_7"] = ordering
-        ksp.setFromOptions()
-        ksp.setUp()
-        factor = pc.getFactorMatrix()
-        entries, operations = factor.getMumpsInfog(20), factor.getMumpsRinfog(1)
-        found.append(Forecast(ordering, block**2 * _count(entries), block**3 * operations))
-        ksp.destroy()
-    return found
-
-
-def _count(entries: int) -> float:
-    """A number of entries as MUMPS gives it: large ones in millions, negative."""
-    return float(entries) if entries >= 0 else -1e6 * entries
-
-
-def best_ordering(A: PETSc.Mat) -> int:
-    """MUMPS's ordering with fewer operations: AMF on thin bodies, PORD on compact ones."""
-    if A.getSize()[0] < FORECAST:
-        return AMF
-    found = forecasts(A)
-    return min(found, key=lambda f: f.operations).ordering if found else AMF
 
 
 #: What is said of a matrix that has no Cholesky factor.
