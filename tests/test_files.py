@@ -191,11 +191,11 @@ def test_numbers_that_make_no_model(tmp_path):
     changes = [{"damping": 3}, {"damping": {"magic": 1}}, {"radius": "wide"}, {"info": 7}]
     for change in changes:
         text = member(np.array(json.dumps({**header, **change})))
-        assert "no usable model" in refused(tmp_path, {**good, "header.npy": text})
+        assert "no valid model" in refused(tmp_path, {**good, "header.npy": text})
     refused(tmp_path, {**good, "header.npy": member(np.array("[1, 2]"))})
     refused(tmp_path, {**good, "header.npy": member(np.array('{"format": "antiosc-model"}'))})
     for array in (np.zeros((2, 2)), np.array(["a", "b"]), np.array([np.nan, 1.0]), np.zeros(0)):
-        assert "no usable model" in refused(tmp_path, {**good, "m.npy": member(array)})
+        assert "no valid model" in refused(tmp_path, {**good, "m.npy": member(array)})
 
 
 def test_damaged_copies_are_refused_or_right(tmp_path):

@@ -1,8 +1,8 @@
 """antiosc: impacts on structures by anti-oscillators, from a mesh to a force history.
 
 Everything public is importable from here. Models, contact laws and `simulate` need NumPy and SciPy
-alone; what reads meshes and extracts models needs the FE stack. Each module is loaded when one of
-its names is first used: the stub `__init__.pyi` lists them.
+alone; reading meshes and extracting models need the finite-element packages. Each module is loaded
+when one of its names is first used; the stub `__init__.pyi` lists the names.
 """
 
 import ast

@@ -1,16 +1,18 @@
 """Which element family is enough for a part and an impact, and how fine its mesh must be.
 
-Everything is estimated from dimensions, before any mesh: the contact time of the impactor on a
-half-space of the part's material is the shortest that the part can have, and above twice its
-inverse the force has little to give. A family serves as long as it carries that frequency:
+Everything is estimated from the dimensions, without a mesh. The contact time on the part cannot be
+shorter than that of the impactor on a half-space of the part's material. Above twice the inverse of
+that time the spectrum of the force is small. An element family is sufficient if it is valid up to
+that frequency:
 
-    beam    until its section deforms: half of the lowest frequency of a free strip of its width
-    shell   until its thickness does: half of the first thickness-shear frequency, c_s/(2h)
-    solid   always
+    beam    half of the lowest frequency of a free strip of its width (the section deforms)
+    shell   half of the first thickness-shear frequency, c_s/(2h) (the thickness deforms)
+    solid   no limit
 
-and as long as the contact is small against the section that the family takes to be rigid, and the
-part slender in its sense. A light impactor leaves before the part has moved: where Zener's
-inelasticity λ says so, the force is Hertz's on a half-space, whatever carries the frequency.
+and if the contact is small compared with the dimension that the family takes to be rigid, and the
+part is slender. The contact of a light impactor ends before the part moves appreciably: if Zener's
+inelasticity λ is small, the force is that of Hertz's law on a half-space, and the frequency limit
+does not matter.
 """
 
 from __future__ import annotations
@@ -26,15 +28,15 @@ from antiosc.closed_form import zener
 from antiosc.contact.geometry import effective_modulus
 from antiosc.errors import InputError
 
-#: Highest frequency that matters, times the contact time: beyond it the spectrum of a Hertz pulse
-#: stays below a twentieth of its value at 0.
+#: Highest relevant frequency times the contact time: above it the spectrum of a Hertz pulse is
+#: below a twentieth of its value at 0.
 REACH = 2.0
-#: A family is trusted up to this share of the frequency at which it fails.
+#: A family is used up to this share of the frequency at which it fails.
 TRUST = 0.5
-#: Inelasticity up to which the part has no say in the force (at 0.02 the impactor keeps 97 % of its
-#: velocity on an infinite plate).
+#: Inelasticity up to which the motion of the part does not change the force (at 0.02 the impactor
+#: keeps 97 % of its velocity on an infinite plate).
 UNMOVED = 0.02
-#: Length over width of a beam, and side over thickness of a shell, from which each is slender.
+#: Smallest length over width of a slender beam, and side over thickness of a thin shell.
 SLENDER = 5.0
 #: Largest contact radius over thickness for a family whose thickness is rigid.
 CONTACT = 0.25
@@ -46,18 +48,18 @@ HERTZ_TIME = 2.9432
 
 @dataclass(frozen=True)
 class Advice:
-    """What serves for one part and one impact.
+    """Recommended element family and element size for one part and one impact.
 
     Attributes
     ----------
     family : "beam", "shell" or "solid", the smallest that is enough.
-    contact_time : of the impactor on a half-space [s]; the part's own is longer.
+    contact_time : of the impactor on a half-space [s]; the contact time on the part is longer.
     frequency : highest that the model must carry [Hz].
     element_size : largest element of that family [m].
     contact_radius : of Hertz's contact at its peak [m].
     inelasticity : Zener's λ of the impactor on an infinite plate of this thickness.
     limits : family -> frequency [Hz] up to which it holds.
-    reasons : why the smaller families were left, and what bounds the mesh.
+    reasons : why the simpler families are not sufficient, and what limits the element size.
     """
 
     family: str
@@ -80,15 +82,15 @@ class Advice:
 def advise(
     part: Any, impactor: Any, *, E: float | None = None, nu: float = 0.3, rho: float | None = None
 ) -> Advice:
-    """The smallest family that is enough for `impactor` on `part`, and its mesh.
+    """The simplest sufficient element family for `impactor` on `part`, and its element size.
 
     Parameters
     ----------
     part : sequence of 3 floats, or Structure
-        Length, width and thickness of a box around it, m, struck along the thickness; or a
-        structure, which knows these and its material.
+        Length, width and thickness of the bounding box, m, with the impact along the thickness; or
+        a structure, from which the dimensions and the material are taken.
     impactor : Sphere
-        Or whatever else has a mass, a velocity and `hertz(E, nu)`.
+        Or any object with a mass, a velocity and a method `hertz(E, nu)`.
     E, nu, rho : float
         Of the part's material; needed with bare dimensions.
 
@@ -102,7 +104,7 @@ def advise(
     E, nu, rho = material
     if not hasattr(impactor, "hertz"):
         raise InputError(
-            f"advise needs an impactor with a contact law of its own, as a Sphere; got "
+            "advise needs an impactor with its own contact law, such as a Sphere; got "
             f"{checks.shown(impactor)}."
         )
     speed = checks.positive("the impactor's velocity", impactor.velocity, "m/s")
@@ -134,7 +136,7 @@ def advise(
             break
         reasons.append(f"{family} {' and '.join(lacks)}")
     if lam <= UNMOVED:
-        reasons.append(f"the part hardly moves while the impactor touches it: λ = {lam:.2g}")
+        reasons.append(f"the part hardly moves during the contact: λ = {lam:.2g}")
     size, bound = _element(family, frequency, length, thickness, E, nu, rho, contact)
     return Advice(
         family, time, frequency, size, contact, lam, limits, (*reasons, f"elements: {bound}")
@@ -149,14 +151,14 @@ def _measures(
         size, own = part.dimensions, part.parts[0][0]
         if not hasattr(own, "E"):
             raise InputError(
-                f"advise judges isotropic materials, which a {type(own).__name__} is not: give "
-                "it dimensions, and E, nu, rho that stand for the part."
+                f"advise needs an isotropic material; got a {type(own).__name__}: give the "
+                "dimensions, and equivalent E, nu, rho of the part."
             )
         E, nu, rho = own.E, own.nu, own.rho
     else:
         size = checks.array("part's dimensions", part, (3,))
     if E is None or rho is None:
-        raise InputError("dimensions alone have no material: give advise(..., E=…, nu=…, rho=…).")
+        raise InputError("the material of the part is missing: give advise(..., E=…, nu=…, rho=…).")
     length, width, thickness = (
         checks.positive(name, value, "m")
         for name, value in zip(("length", "width", "thickness"), size, strict=True)
@@ -187,7 +189,7 @@ def _element(
     omega = 2 * pi * frequency
     shear = sqrt(E / (2 * (1 + nu)) / rho)
     bending = 2 * pi / sqrt(omega) * (E * thickness**2 / (12 * rho * (1 - nu**2))) ** 0.25
-    # a thick plate's wave is no slower than it would be in bending alone, nor longer than shear's
+    # the wavelength in a thick plate lies between those of bending alone and of shear
     wave = min(bending, max(2 * pi * shear / omega, thickness))
     bounds = {f"{PER_WAVE:g} to the wave of {1e3 * wave:.3g} mm": wave / PER_WAVE}
     bounds["8 to the length"] = length / 8

@@ -1,8 +1,8 @@
 """Input checks shared by all modules: each returns the value in the form that is stored, or raises.
 
-Every public constructor and function passes its arguments through one of these and keeps what they
-return, never the argument itself. A number is a real number: no complex one (its imaginary part
-would be lost), no string, no truth value, no NaN and no infinity.
+Every public constructor and function passes its arguments through one of these checks and stores
+the returned value, not the argument itself. A number must be real and finite: complex numbers,
+strings, bools, NaN and infinity are refused.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ def whole(name: str, value: Any, least: int = 1, most: int = MOST) -> int:
 
 
 def endless(value: Any) -> bool:
-    """Whether `value` is +inf or -inf: where that has a meaning, as a plane's radius."""
+    """Whether `value` is +inf or -inf, which a radius may be (a plane)."""
     return isinstance(value, float | np.floating) and bool(np.isinf(value))
 
 
@@ -120,7 +120,7 @@ def tolerance(value: Any, name: str = "tol") -> float:
 def array(name: str, value: Any, shape: tuple[int | None, ...] | None) -> NDArray[np.float64]:
     """`value` as a finite float array of `shape` (None: any length, or any shape), or InputError.
 
-    An array of floats is returned as it is: whoever keeps the result keeps a copy (see `kept`).
+    An array of floats is returned without a copy; use `kept` to store it.
     """
     result = _numbers(name, value, "iuf")
     with np.errstate(over="ignore"):  # a long double above 1e308 becomes inf, refused below
@@ -241,10 +241,10 @@ def store(target: Any, **values: Any) -> None:
 
 
 def within_range(function: Callable[P, T]) -> Callable[P, T]:
-    """`function`, with what overflows, divides by zero or has no value in it as an AccuracyError.
+    """Decorate `function`: overflow, division by zero and NaN in it raise an AccuracyError.
 
-    Each argument may be right by itself and the combination still leave double precision, as a
-    mass of 1e-50 kg on a spring of 1e50 N/m.
+    Each argument may be valid while their combination exceeds double precision, for instance a mass
+    of 1e-50 kg on a spring of 1e50 N/m.
     """
 
     @wraps(function)
@@ -257,8 +257,8 @@ def within_range(function: Callable[P, T]) -> Callable[P, T]:
                 raise
             name = function.__qualname__.removesuffix(".__post_init__")
             raise AccuracyError(
-                f"{name}: the numbers given lie too far apart for double"
-                f" precision ({error}); check their units, which are SI."
+                f"{name}: the magnitudes of the arguments differ too much for double precision "
+                f"({error}); check their units, which are SI."
             ) from error
 
     return guarded
@@ -293,7 +293,7 @@ def _numbers(name: str, value: Any, kinds: str) -> NDArray[Any]:
 
 
 def _foreign(value: Any) -> bool:
-    """Whether NumPy would turn an entry that is no number into one."""
+    """Whether NumPy would convert an entry that is not a number into a number."""
     if isinstance(value, list | tuple):
         return any(_foreign(entry) for entry in value)
     return _masked(value) or isinstance(value, (*_TRUTH, str, bytes))

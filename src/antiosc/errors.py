@@ -11,35 +11,35 @@ class AntioscError(Exception):
 
 
 class InputError(AntioscError, ValueError):
-    """The caller's data break a rule that the message states."""
+    """The arguments break a rule that the message states."""
 
 
 class MeshError(InputError):
-    """A mesh that cannot be read, or that no element family here can carry."""
+    """A mesh that cannot be read, or that no element family supports."""
 
 
 class NotConvergedError(AntioscError, RuntimeError):
-    """A linear solver, an eigensolver or an integrator gave up; the message says where it stood."""
+    """A linear solver, an eigensolver or an integrator did not converge."""
 
 
 class OutOfMemoryError(AntioscError, MemoryError):
-    """There is no memory for what was asked; the message says how much it needs."""
+    """There is not enough memory; the message states how much is needed."""
 
 
 class AccuracyError(AntioscError, ArithmeticError):
-    """A result failed its own check, or left the range in which its theory holds."""
+    """A result failed its check, or lies outside the range of validity of its theory."""
 
 
 class MissingDependencyError(AntioscError, ImportError):
-    """An optional package is not installed; the message says which and how to get it."""
+    """An optional package is not installed; the message states which one and how to install it."""
 
 
 class AntioscWarning(UserWarning):
-    """Something the caller should know before trusting a number; the message names the remedy."""
+    """A result may be misleading; the message states why and names the remedy."""
 
 
 class AccuracyWarning(AntioscWarning):
-    """A usable result that did not reach what was asked, or is less accurate than usual."""
+    """A usable result that is less accurate than requested, or than usual."""
 
 
 def warn(message: str, category: type[Warning] = AntioscWarning) -> None:
@@ -47,12 +47,12 @@ def warn(message: str, category: type[Warning] = AntioscWarning) -> None:
     warnings.warn(message, category, stacklevel=1 + _frames_to_caller())
 
 
-#: Packages that stand between the caller's code and the place of a warning, beside Python's own.
+#: Packages whose frames may lie between the caller's code and `warn`, besides Python's own.
 _BETWEEN = {"antiosc", "dolfinx", "mpi4py", "numpy", "petsc4py", "scipy", "slepc4py"}
 
 
 def _frames_to_caller() -> int:
-    """How many frames above `warn` the first is that belongs to neither antiosc nor a library."""
+    """Number of frames from `warn` up to the first one of the caller's own code."""
     frame, count = sys._getframe(1), 0
     while frame.f_back is not None:
         package = str(frame.f_globals.get("__name__", "")).partition(".")[0]

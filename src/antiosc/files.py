@@ -1,7 +1,7 @@
-"""Files that are complete or absent: whoever reads one never meets half of it.
+"""Files are written completely or not at all: a reader never sees a partial file.
 
-What is written goes to a file beside its place, onto the disk, and then takes its place in one
-step. An interrupted run, a full disk or an error on the way leaves what was there before.
+The content is written to a temporary file in the same folder, flushed to the disk, and then renamed
+in one step. An interrupted run, a full disk or an error leaves the previous file unchanged.
 """
 
 from __future__ import annotations
@@ -16,16 +16,16 @@ from pathlib import Path
 from antiosc import checks
 from antiosc.errors import InputError
 
-#: Longest ending kept by the file beside the place: programs choose a format by it.
+#: Longest suffix that the temporary file keeps: programs choose a format by it.
 _SUFFIX = 20
 
 
 @contextlib.contextmanager
 def complete(path: str | os.PathLike[str], what: str = "the file") -> Iterator[Path]:
-    """A new file with the ending of `path` to write to; it takes its place when the block ends.
+    """Context manager: a temporary file with the suffix of `path`, renamed to `path` at the end.
 
-    A file that exists keeps its permissions and its owner, a link stays a link and what it points
-    to is written. When the block raises, nothing has changed.
+    An existing file keeps its permissions and its owner. If `path` is a symbolic link, its target
+    is written. If the block raises, nothing changes.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def complete(path: str | os.PathLike[str], what: str = "the file") -> Iterator[P
     Raises
     ------
     InputError
-        `path` is no place for a file, or the system refuses to write there (also in the block).
+        `path` cannot be a file, or the system refuses to write there (also in the block).
     """
     try:
         target = Path(os.path.realpath(checks.path("path", path)))
@@ -56,7 +56,7 @@ def complete(path: str | os.PathLike[str], what: str = "the file") -> Iterator[P
 
 
 def write_text(path: str | os.PathLike[str], text: str, what: str = "the text") -> None:
-    """Write a text in UTF-8 to a file that is complete or absent; InputError as `complete`."""
+    """Write a text in UTF-8, completely or not at all; InputError as `complete`."""
     with complete(path, what) as part:
         part.write_text(text, encoding="utf-8")
 
@@ -74,9 +74,9 @@ def cannot_write(what: str, path: str | os.PathLike[str], error: Exception) -> I
 
 
 def _regular(target: Path, path: str | os.PathLike[str], what: str) -> os.stat_result | None:
-    """The status of the file that stands at `target`; None where there is none."""
+    """The status of the file at `target`; None if there is none."""
     try:
-        old = target.lstat()  # links are resolved: one that is left leads in a circle
+        old = target.lstat()  # links are resolved: a remaining one is circular
     except FileNotFoundError:
         return None
     if not stat.S_ISREG(old.st_mode):
@@ -90,7 +90,7 @@ def _regular(target: Path, path: str | os.PathLike[str], what: str) -> os.stat_r
 
 
 def _beside(target: Path, old: os.stat_result | None) -> Path:
-    """An empty file in the folder of `target`, with the permissions that the new one shall have."""
+    """An empty file in the folder of `target`, with the permissions of the file to be written."""
     suffix = target.suffix if len(target.suffix) <= _SUFFIX else ""
     part = target.with_name(f".antiosc-{secrets.token_hex(6)}{suffix}")
     flags = os.O_CREAT | os.O_EXCL | os.O_WRONLY | os.O_CLOEXEC

@@ -1,4 +1,4 @@
-"""What antiosc finds on this machine: versions, BLAS, solvers, and how to get what is missing."""
+"""Packages on this machine: versions, BLAS, solvers, and how to install missing ones."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ NAMES = {"openblas": "OpenBLAS", "blis": "BLIS", "mkl": "MKL"}
 
 @dataclass(frozen=True)
 class Package:
-    """A package antiosc can use."""
+    """A package that antiosc can use."""
 
     name: str  # as its makers write it
     module: str  # what is imported
@@ -39,7 +39,7 @@ class Blas:
 
 
 def version() -> str:
-    """antiosc's own version, or "unknown" in a tree that was never installed."""
+    """The version of antiosc, or "unknown" if it is not installed."""
     try:
         return importlib.metadata.version("antiosc")
     except importlib.metadata.PackageNotFoundError:
@@ -47,7 +47,7 @@ def version() -> str:
 
 
 def report() -> str:
-    """Versions, BLAS, threads, PETSc's solvers, and what is missing with the remedy, as text."""
+    """Versions, BLAS, threads, PETSc's solvers, and missing packages with the remedy, as text."""
     rows = [
         ("antiosc", version()),
         ("Python", f"{platform.python_version()}  {sys.executable}"),

@@ -1,8 +1,8 @@
-"""The finite-element packages change the process that imports them; here that is put back.
+"""Undo the changes that the finite-element packages make to the process that imports them.
 
-FFCx gives the root logger a handler and redirects Python's warnings to it, dolfinx leaves the
-flags of the loader changed, PETSc takes over the signals, setuptools, which calls the compiler,
-writes to the environment and to the module path.
+FFCx adds a handler to the root logger and redirects Python's warnings to it; dolfinx changes the
+flags of the dynamic loader; PETSc installs signal handlers; setuptools, which calls the compiler,
+changes the environment and the module path.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-#: Loggers that the packages set to levels of their own.
+#: Loggers whose levels the packages change.
 LOGGERS = ("UFL", "ffcx", "FFCx")
 #: Entries that a package appended to the module path: it may look there again later.
 _appended: list[str] = []
@@ -24,7 +24,7 @@ _appended: list[str] = []
 
 @contextmanager
 def restored() -> Iterator[None]:
-    """Leave logging, warnings, environment, paths, loader flags, locale as they were before."""
+    """Restore logging, warnings, environment, paths, loader flags and locale at the end."""
     root = logging.getLogger()
     handlers, level, show = list(root.handlers), root.level, warnings.showwarning
     levels = {name: _level(name) for name in LOGGERS}
@@ -55,7 +55,7 @@ def restored() -> Iterator[None]:
 
 
 def _level(name: str) -> int | None:
-    """Level of a logger, None where it does not exist yet."""
+    """Level of a logger; None if it does not exist yet."""
     logger = logging.root.manager.loggerDict.get(name)
     return logger.level if isinstance(logger, logging.Logger) else None
 
@@ -84,9 +84,9 @@ class _Below(logging.Filter):
 
 
 def start_petsc() -> None:
-    """Initialise PETSc, unless it is, so that it leaves the signals as they are.
+    """Initialise PETSc once, without its signal handlers.
 
-    By itself it catches a broken pipe, a hang-up and others, and aborts all ranks on them.
+    By default these handlers abort all ranks on a broken pipe, a hang-up and other signals.
     """
     if "petsc4py.PETSc" not in sys.modules:
         import petsc4py

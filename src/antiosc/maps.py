@@ -1,9 +1,9 @@
-"""`impact_map`: the anti-oscillators, and the impacts, of every point of a surface.
+"""`impact_map`: anti-oscillators and impacts at every point of a surface.
 
-One eigenproblem serves all sites (`antiosc.models.free_modes`): each needs the free modes at its
-place and two numbers of its static deflection y, the compliance b'y and the inertia y'My
-(`antiosc.fem.linalg.compliance`). The error of each site's Z is bounded; where the bound is too
-large the site is extracted by itself.
+One eigenproblem serves all sites (`antiosc.models.free_modes`). Each site needs the values of the
+free modes at the site and two numbers of its static deflection y: the compliance b'y and the
+inertia y'My (`antiosc.fem.linalg.compliance`). The error of Z is bounded at each site; if the bound
+is too large, the site is extracted separately.
 """
 
 from __future__ import annotations
@@ -50,11 +50,11 @@ if TYPE_CHECKING:
 
 #: Free modes where neither `modes` nor a band says how many.
 MODES = 20
-#: The last free mode lies this far above the band.
+#: Frequency of the last free mode over the band.
 ABOVE = 1.5
 #: The band where none is given, over the last free mode.
 WITHIN = 0.5
-#: Up to so many sites are extracted by themselves; where more would have to be, none is.
+#: At most this many sites are extracted separately; if more need it, none is.
 DIRECT = 32
 
 log = logging.getLogger(__name__)
@@ -66,19 +66,19 @@ class ImpactMap:
 
     Attributes
     ----------
-    points, directions : (P, 3) sites [m] and unit vectors along which they are struck.
+    points, directions : (P, 3) sites [m] and unit vectors of the directions of impact.
     elements : (T, 3) triangles between the points (or (T, 2) segments); empty for given points.
     models : SiteModels
         Parameters k0, m0, m_st, omega, m of all sites; `model(i)` is one of them.
     local_compliance : (P,) half-space compliance of the patch [m/N], 0 for a point.
     radius : (P,) radii of the patches [m], or None for points.
     error : (P,) bound on |dZ|/|Z| up to `band` [rad/s].
-    direct : (P,) bool, sites that were extracted by themselves.
-    skipped : sites left out because the supports hold them or no surface carries their patch.
+    direct : (P,) bool, sites that were extracted separately.
+    skipped : number of sites left out: fixed by supports, or without a surface under the patch.
     peak_force [N], contact_time [s], restitution, impulse [N s], peak_deflection [m] : (P,) of the
-        impacts, or None; restitution as in `History`, NaN where the bodies still touch at the end
-        or never did; the deflection is the site's, the patch's own indentation included.
-    info : facts, JSON-able: free modes, seconds.
+        impacts, or None; restitution as in `History`, NaN if the bodies still touch at the end or
+        never touched; the deflection is that of the site, including the indentation of the patch.
+    info : free modes, seconds, …; JSON values.
     """
 
     points: Array
@@ -181,25 +181,25 @@ def impact_map(
     Parameters
     ----------
     structure : Structure
-        Of a mesh.
+        With a mesh.
     where : str or array_like (P, 2 or 3), optional
-        A group of faces (cells of shells and beams), whose vertices are the sites; or points
-        (those of solids and beams are found one by one). None: the whole surface.
+        A group of faces (cells of shells and beams) whose vertices are the sites, or points. None:
+        the whole surface.
     impactor, contact, duration
-        As for `simulate`; None: parameters only.
+        As for `simulate`. None: extraction only, no impacts.
     direction : sequence of float, optional
-        Along which all sites are struck; None: against the surface (solids, by group).
+        Direction of impact at all sites; None: against the outward normal (solids, by group).
     radius : float, optional
         Radius of the patch, m, as for `Site`.
     n : int
         Anti-oscillators at each site, by the Krylov method on the free modes.
     modes : int, optional
-        Free modes; 20 by default, or as many as reach 1.5 times the band.
+        Number of free modes; default 20, or as many as reach 1.5 times the band.
     band : float, optional
         Highest circular frequency of interest, rad/s; default: half the last free frequency.
     accuracy : float
-        Largest |dZ|/|Z| over the band, at one per cent of damping. Sites where the modes left out
-        make more are extracted directly if they are few (32); a warning says how many remain.
+        Largest |dZ|/|Z| over the band, at 1 % damping. Sites where the truncated modes exceed it
+        are extracted separately if they are at most 32; a warning states how many remain.
 
     Raises
     ------
@@ -215,7 +215,9 @@ def impact_map(
     if band is not None:
         band = positive("band", band, "rad/s")
     if (impactor is None) != (contact is None) or (impactor is None) != (duration is None):
-        raise InputError("impacts need all of impactor, contact and duration; parameters none.")
+        raise InputError(
+            "impacts need all of impactor, contact and duration; an extraction needs none of them."
+        )
     if impactor is not None:
         checked_body("impactor", impactor)
         instance("contact", contact, ContactLaw, "a ContactLaw such as Hertz(stiffness)")
@@ -299,7 +301,7 @@ def _refined(
     band: float,
     accuracy: float,
 ) -> tuple[SiteModels, Array, Array]:
-    """The sites for which the free modes are too few, extracted by themselves; errors of all."""
+    """The sites with too few free modes, extracted separately; errors of all sites."""
     left_out, error = errors[0], errors[0] + errors[1]
     direct = np.zeros(len(error), dtype=bool)
     worst = np.flatnonzero(left_out > accuracy)
@@ -330,8 +332,8 @@ def _refined(
 def _tell(result: ImpactMap, accuracy: float) -> None:
     if result.skipped:
         warn(
-            f"{result.skipped} of {result.skipped + len(result)} sites are left out: the supports "
-            "hold them along the impact, or no face carries their patch.",
+            f"{result.skipped} of {result.skipped + len(result)} sites are left out: supports fix "
+            "them along the direction of impact, or there is no surface under their patch.",
             AccuracyWarning,
         )
     left = int(np.sum(result.error > accuracy))

@@ -1,9 +1,9 @@
-"""BLAS threads: one, unless a factorization is large enough for more and cores are free for them.
+"""Number of BLAS threads: one, unless a factorization is large and cores are free.
 
-OpenBLAS's threads wait for each other in busy loops, thousands of times in one sparse factor. Where
-another program has one of the cores they wait for that, too, and two threads take up to nine times
-as long as one; where all cores are free they gain on the large fronts alone. A number that the user
-has set in the environment is left alone, and so are all other libraries.
+OpenBLAS threads synchronise in busy loops, thousands of times in one sparse factorization. If
+another program uses one of the cores, they wait for it as well, and two threads take up to nine
+times as long as one. If all cores are free, only large fronts become faster. A number of threads
+that the user has set in the environment is respected; other libraries are not changed.
 `demos/blas_threads.py` measures it.
 """
 
@@ -36,12 +36,12 @@ LOOKS, PAUSE = 5, 0.004
 
 
 def chosen() -> tuple[str, str] | None:
-    """(Variable, number of threads) that the user has set in the environment, or None."""
+    """(variable, number of threads) set by the user in the environment, or None."""
     return next(((name, os.environ[name]) for name in VARIABLES if os.environ.get(name)), None)
 
 
 def cores() -> int:
-    """Cores that this process may use, by its affinity and the quota of its container."""
+    """Number of cores that this process may use (affinity and quota of the container)."""
     allowed = len(os.sched_getaffinity(0))
     quota = _text("/sys/fs/cgroup/cpu.max").split()
     if len(quota) == 2 and quota[0].isdigit():
@@ -50,7 +50,7 @@ def cores() -> int:
 
 
 def free_cores() -> int:
-    """Those of them that nothing else is using now, at least 1 (our own); 1 if that is unknown."""
+    """Number of them that are idle, at least 1; 1 if this is unknown."""
     allowed = cores()
     if allowed == 1:
         return 1
@@ -85,7 +85,7 @@ def _text(path: str | Path) -> str:
 
 
 def worth(fronts: NDArray[np.float64], free: int) -> int:
-    """Threads, at most `free`, that pay for dense fronts of so many operations each."""
+    """Useful number of threads, at most `free`, for dense fronts of these operation counts."""
 
     def cost(threads: int) -> float:
         return float(np.sum(fronts / np.clip(fronts / SHARE, 1, threads)))
@@ -145,7 +145,7 @@ def pools() -> list[dict[str, Any]] | None:
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Work with one BLAS thread, and as many as before afterwards; also as a decorator."""
+    """Use one BLAS thread inside the block or the decorated function."""
     blas = None if chosen() else _blas()
     if blas is None:
         yield
@@ -159,10 +159,10 @@ def one_thread() -> Iterator[None]:
 
 @contextmanager
 def as_many_as_pay(fronts: NDArray[np.float64]) -> Iterator[int | None]:
-    """Work with the threads that pay for dense fronts of so many operations each.
+    """Use the useful number of threads for dense fronts with these numbers of operations.
 
-    Never with more than there were at first, nor with more than one beside another calculation of
-    this process. Gives their number, None where it is not ours to choose.
+    Never more than at the start of the process, and one if another calculation of this process is
+    running. Yields the number, or None if the user has chosen it.
     """
     blas = None if chosen() else _blas()
     if blas is None:

@@ -1,1 +1,1 @@
-"""What a body is, seen from its sites: free modes, anti-oscillators, driving-point stiffness."""
+"""Reduced models of a body at its sites: free modes, anti-oscillators, dynamic stiffness."""

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 # m0 = m_st - sum(m_i) is known only to the rounding of m_st: a relative m0 below this is noise.
 _ROUNDING = 1e-12
-# m0 adds nothing where its own free mode lies so far above the last pole (squared frequencies).
+# m0 is negligible if its own free mode lies so far above the last pole (squared frequencies).
 _MASSLESS = 1e-15
 
 _ARRAYS = {
@@ -51,7 +51,7 @@ _MEANING = {
     "direction": "unit vector of the impact in the axes of the mesh",
     "inertia.point": "reference point of all moments",
     "inertia.matrix": "momentum and angular momentum of the whole body's six rigid motions",
-    "inertia.momentum": "those of phi_st, psi_i and the rigid motions that the site does not see",
+    "inertia.momentum": "those of phi_st, psi_i and the hidden rigid-body motions",
     "local_compliance": "half-space compliance of the patch, contained in 1/k0",
     "radius": "radius of the patch over which the site's displacement is averaged",
 }
@@ -59,20 +59,20 @@ _MEANING = {
 
 @dataclass(frozen=True, eq=False)
 class AntiOscillators:
-    """Anti-oscillator model of a structure seen from one impact site along one direction.
+    """Anti-oscillator model of a structure at one impact site along one direction.
 
     Parameters
     ----------
     m0 : float
         Residual mass [kg], >= 0; 0 is a massless contact point.
     k0 : float
-        Static stiffness at the site [N/m]; 0 when a rigid-body mode carries the site.
+        Static stiffness at the site [N/m]; 0 if a rigid-body mode moves the site.
     m, omega : array_like, shape (N,)
         Masses [kg], > 0, and circular frequencies [rad/s], > 0, of the anti-oscillators.
         They are sorted by frequency. N may be 0: the classical one-degree-of-freedom model.
     local_compliance : float
-        The half-space compliance of the patch itself [m/N], contained in 1/k0. A Hertz law
-        counts it again, so `simulate` takes it out of the contact.
+        Half-space compliance of the patch [m/N], contained in 1/k0. Hertz's law contains it as
+        well, so `simulate` subtracts it from the contact law.
     radius : float, optional
         Radius of the patch [m]; None for a point.
     participation : array_like, shape (N + 1,), optional
@@ -82,17 +82,17 @@ class AntiOscillators:
     shapes : array_like, shape (n_dofs, N + 1), optional
         Columns psi_0 = phi_st and psi_i = c_i phi_i of Article eq. (9); not saved to files.
     direction : array_like, shape (3,), optional
-        Unit vector along which the structure is struck, in the axes of its mesh.
+        Unit vector of the direction of impact, in the axes of the mesh.
     inertia : Inertia, optional
         Of a structure with rigid-body modes: the momentum (N + 1 + h, 6) of unit amplitudes of
-        psi_0 ... psi_N and of the h rigid-body motions (mass-normalised) that the site does not
-        see. They feel no contact, but they carry initial velocity and gravity.
+        psi_0 ... psi_N and of the h hidden rigid-body motions (mass-normalised), which do not move
+        the site. The contact force does not act on them; initial velocity and gravity do.
     hidden : array_like, shape (n_dofs, h), optional
         Shapes of those h motions; not saved to files.
     damping : Damping, optional
         Damping of the free modes.
     info : dict
-        Facts of the extraction, JSON-able.
+        Data of the extraction, JSON values.
 
     Raises
     ------
@@ -138,8 +138,8 @@ class AntiOscillators:
         checks.nonnegative("m0", m0, "kg")
         if total == 0 and k0 == 0:
             raise InputError(
-                "a model with m0 = 0, k0 = 0 and no anti-oscillator resists nothing;"
-                " give it a mass or a stiffness."
+                "a model with m0 = 0, k0 = 0 and no anti-oscillator has neither mass nor "
+                "stiffness; give it one."
             )
         self._set("m0", m0)
         self._set("k0", k0)
@@ -162,12 +162,12 @@ class AntiOscillators:
         checks.instance("info", self.info, dict, "a dict of facts")
 
     def _place(self, columns: NDArray[np.intp]) -> None:
-        """Check what the model knows of space; `columns` sorts psi_0 ... psi_N."""
+        """Check the data in space (direction, inertia, shapes); `columns` sorts psi_0 ... psi_N."""
         if self.direction is not None:
             self._set("direction", unit_vector("direction", self.direction))
         if self.inertia is None:
             if self.hidden is not None:
-                raise InputError("hidden motions need the inertia that says what they carry.")
+                raise InputError("hidden motions need the inertia, which holds their momentum.")
             return
         momentum = checks.instance("inertia", self.inertia, Inertia, "an Inertia").momentum
         if len(momentum) < columns.size:
@@ -193,7 +193,7 @@ class AntiOscillators:
 
     @property
     def _hidden_count(self) -> int:
-        """Rigid motions that the site does not see."""
+        """Number of hidden rigid-body motions, which do not move the site."""
         return 0 if self.inertia is None else len(self.inertia.momentum) - self.n - 1
 
     @property
@@ -278,7 +278,7 @@ class AntiOscillators:
         if self.n:
             top = float(self.omega[-1]) ** 2
             massless = self.m0 * top <= _MASSLESS * (self.k0 + float(self.k.sum()))
-        # equal frequencies share one motion as seen from the site
+        # equal frequencies act at the site as one mode
         poles, group = np.unique(self.omega**2, return_inverse=True)
         mass = np.zeros(poles.size)
         np.add.at(mass, group.ravel(), self.m)
@@ -303,7 +303,7 @@ class AntiOscillators:
         return seen if self.inertia is None else self._with_hidden(seen, self.inertia)
 
     def _with_hidden(self, seen: ModalBody, inertia: Inertia) -> ModalBody:
-        """The body with the rigid motions that the site does not see as modes of their own."""
+        """The body with its hidden rigid-body motions as additional modes."""
         count = self._hidden_count
         none, own = np.zeros(count), np.eye(count)
         # in front, so that the frequencies ascend; their coordinates follow lambda
@@ -378,7 +378,7 @@ class AntiOscillators:
             )
         except (InputError, KeyError, TypeError, ValueError) as error:
             raise InputError(
-                f"{path} holds no usable model, its numbers are damaged or edited: "
+                f"{path} contains no valid model; its numbers are damaged or edited: "
                 f"{str(error).rstrip('.')}."
             ) from error
 

@@ -1,7 +1,7 @@
-"""How well a model's driving-point stiffness Z is known over a band of frequencies.
+"""Error of the dynamic stiffness Z (driving point) of a model over a band of frequencies.
 
-Z of an undamped model is infinite at its poles and zero at its zeros, where relative errors say
-nothing; so Z is compared at frequencies with one per cent of damping, ω(1 + 0.01 i).
+Z of an undamped model is infinite at its poles and zero at its zeros, where relative errors are
+meaningless. Z is therefore compared at complex frequencies with 1 % damping, ω(1 + 0.01 i).
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from antiosc import checks
 DAMPING = 0.01
 #: the band is sampled from its top down to this share of the lowest frequency of the model
 START = 0.25
-#: an anti-oscillator is not seen from the site when its share of |Z| at its own frequency, where it
-#: is largest, stays below this
+#: an anti-oscillator is unobservable if its share in |Z| at its own frequency, where it is largest,
+#: is below this
 UNOBSERVABLE = 1e-8
 
 
@@ -29,8 +29,8 @@ Stiffness = Callable[[Any], NDArray[Any]]
 def samples(top: float, lowest: float, step: float = DAMPING) -> NDArray[np.complex128]:
     """Damped circular frequencies up to `top` [rad/s], close enough to meet every peak of Z.
 
-    `lowest`: the first frequency [rad/s] at which Z does anything; below it Z is quasi-static.
-    `step`: relative distance of neighbours; a peak has the width of the damping.
+    `lowest`: the first frequency [rad/s] at which Z varies; below it Z is quasi-static. `step`:
+    relative distance of neighbouring samples; a peak has the width of the damping.
     """
     start = START * min(top, lowest)
     count = int(np.ceil(np.log(top / start) / step)) + 2
@@ -42,8 +42,8 @@ def driving_point(
 ) -> NDArray[Any]:
     """Z at x = omega^2 of shape (..., W) for k0, m0 (...,) and m, poles = omega_i^2 (..., N).
 
-    Written with m0, not with m_st = m0 + sum(m_i): where an m_i is large, -x m_st and its own term
-    cancel to all digits.
+    The formula uses m0, not m_st = m0 + sum(m_i): if an m_i is large, -x m_st and the term of m_i
+    would cancel.
     """
     k0, m0, m, poles = (np.asarray(a, dtype=float) for a in (k0, m0, m, poles))
     real = m > 0
@@ -53,7 +53,7 @@ def driving_point(
 
 
 def shares(k0: ArrayLike, m0: ArrayLike, m: ArrayLike, poles: ArrayLike) -> NDArray[np.float64]:
-    """|change of Z|/|Z| (..., N) at each pole, damped, if its mass were counted to m0 instead.
+    """|change of Z|/|Z| (..., N) at each damped pole if its mass is added to m0 instead.
 
     Arguments as of `driving_point`; poles with m = 0 have no share.
     """
@@ -68,7 +68,7 @@ def shares(k0: ArrayLike, m0: ArrayLike, m: ArrayLike, poles: ArrayLike) -> NDAr
 
 
 def shares_of_receptance(b: ArrayLike, poles: ArrayLike) -> NDArray[np.float64]:
-    """|change of H|/|H| (J,) at each pole, damped, without its mode: H = sum b^2/(poles - x)."""
+    """|change of H|/|H| (J,) at each damped pole without its mode: H = sum b^2/(poles - x)."""
     weight, poles = np.asarray(b, dtype=float) ** 2, np.asarray(poles, dtype=float)
     share = np.ones(poles.shape)  # of a rigid-body mode at its own frequency, 0
     for i in np.flatnonzero(poles > 0):
@@ -78,9 +78,9 @@ def shares_of_receptance(b: ArrayLike, poles: ArrayLike) -> NDArray[np.float64]:
 
 
 def lowest_frequency(k0: float, m_st: float, omega: ArrayLike) -> float:
-    """Where Z begins to vary [rad/s]: the one-degree-of-freedom model's or the first pole.
+    """Frequency [rad/s] at which Z begins to vary: sqrt(k0/m_st) or the first pole.
 
-    inf for a rigid mass, whose Z varies alike everywhere.
+    inf for a rigid mass, whose Z has no such frequency.
     """
     known = [float(w) for w in np.atleast_1d(np.asarray(omega, dtype=float))[:1]]
     if k0 > 0:

@@ -6,12 +6,13 @@ and the inertia G = y'My of its static deflection y under a unit force there,
     H(x) = sum_j b_j^2/(w_j^2 - x) + h(x),      x = omega^2,
     h(0)  = C - sum_j b_j^2/w_j^2 = r,          h'(0) = G - sum_j b_j^2/w_j^4 = s,
 
-and h, the part of the modes left out, is taken as one mode that matches r and s: its frequency is
-w_r^2 = r/s and its weight b_r^2 = r w_r^2. (Without G it has no mass: h = r.) Where rigid-body
-modes leave no static deflection, C and G are those of K + shift M, and all of this holds about
-x = -shift. In these J + 1 coordinates the structure is diagonal, D = diag(w_j^2), and its
-constrained flexibility a change of rank one, T = A^-1 - A^-1 b b'A^-1/C with A = D + shift: its
-eigenpairs are the anti-oscillators, 1/T - shift the zeros of H.
+and h, the part of the truncated modes, is approximated by one mode that matches r and s: its
+frequency is w_r^2 = r/s and its weight b_r^2 = r w_r^2. (Without G it has no mass: h = r.) If there
+are rigid-body modes and hence no static deflection, C and G are those of K + shift M, and the
+expansion is about x = -shift. In these J + 1 coordinates the stiffness is diagonal,
+D = diag(w_j^2). The flexibility with the site constrained is a rank-one change of A^-1,
+T = A^-1 - A^-1 b b'A^-1/C with A = D + shift. Its eigenvectors are the constraint modes, and the
+antiresonances are 1/theta - shift of its eigenvalues theta: the zeros of H.
 
 The modes left out have 0 < 1/w^2 <= 1/w_J^2, so at real x the value of h lies between that of the
 one mode and the chord r (1 - p + p/(1 - x/w_J^2)), p = s w_J^2/r: an error bound at every site
@@ -39,17 +40,17 @@ from antiosc.models.rigid_share import APART, HIDDEN, with_rigid
 Array = NDArray[np.float64]
 Method = Literal["krylov", "modes"]
 
-#: A residual compliance below this share of C is rounding.
+#: A residual compliance below this share of C is rounding error.
 ROUNDING = 1e-9
-#: What orthogonalisation leaves of a new direction, relatively, when the space is exhausted.
+#: Relative norm of a new direction after orthogonalisation, below which the space is exhausted.
 EXHAUSTED = 1e-10
-#: An eigenvalue of T below this share of the largest is rounding.
+#: An eigenvalue of T below this share of the largest is rounding error.
 NULL = 1e-13
 #: Sqrt of the share of m_st at the site that is rounding.
 MASSLESS = 1e-12
-#: Share by which a bound rises at most between two of its samples.
+#: Largest relative increase of a bound between two samples.
 SAMPLED = 0.25
-#: Sites worked on at a time: their arrays stay in the cache.
+#: Number of sites processed at a time: their arrays fit in the cache.
 BATCH = 500
 
 
@@ -199,9 +200,9 @@ def residual(
     if np.any(r < -ROUNDING * C):
         worst = int(np.argmin(r / C))
         raise InputError(
-            f"the modes alone are more compliant than the structure at site {worst}:"
-            f" {modal[worst]:.6g} m/N against {C[worst]:.6g} m/N; give the static compliance of the"
-            " same structure and site."
+            f"the free modes have a larger static compliance than the structure at site {worst}: "
+            f"{modal[worst]:.6g} m/N against {C[worst]:.6g} m/N; give the static compliance of the "
+            "same structure and site."
         )
     r = np.where(r <= ROUNDING * C, 0.0, r)
     if G is None:

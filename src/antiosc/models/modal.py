@@ -1,4 +1,4 @@
-"""What every linear body is, seen from its contact point: a set of free modes.
+"""Every linear body in an impact is a set of free modes with their values at the contact point.
 
 With mass-normalised free modes q_j, a force F on the contact point along the impact direction
 and a gravity g in that direction,
@@ -35,10 +35,11 @@ class Damping:
     Parameters
     ----------
     ratio : float or sequence of float
-        Damping ratio of the elastic free modes, ascending; the last value holds for all above.
+        Damping ratios of the elastic free modes in ascending order; the last value applies to all
+        higher modes.
     alpha, beta : float
-        Rayleigh's coefficients of C = alpha M + beta K [1/s], [s]. beta puts a dashpot beside
-        every spring of the model; alpha also brakes rigid-body motion.
+        Rayleigh coefficients of C = alpha M + beta K [1/s], [s]. beta acts as a dashpot parallel to
+        every spring of the model; alpha damps rigid-body motion as well.
     """
 
     ratio: float | Sequence[float] = 0.0
@@ -80,12 +81,12 @@ class ModalBody:
     Attributes
     ----------
     omega : (J,) circular frequencies [rad/s]; exactly 0 for rigid-body modes.
-    b : (J,) displacement of the contact point in each mass-normalised mode [kg^-1/2]; 0 for the
-        rigid-body motions that the contact point does not take part in.
-    r : residual compliance [m/N] >= 0, the part of the contact point without inertia.
+    b : (J,) displacement of the contact point in each mass-normalised mode [kg^-1/2]; 0 for hidden
+        rigid-body motions, which do not move the contact point.
+    r : residual compliance [m/N] >= 0 of the contact point, without inertia.
     decay : (J,) decay constants d [1/s]; None: undamped.
     weight : (J,) modal force of a unit gravity along the impact direction [kg^1/2]; None: unknown.
-    shape, residual : (C, J) and (C,) the way back to the body's own coordinates,
+    shape, residual : (C, J) and (C,) the transformation to the body's own coordinates,
         x = shape q + residual F; None: the modes are the coordinates.
     basis : displacement shapes of the whole body, blocks (n, .) of columns side by side, on the
         rows of this rank; None: unknown.
@@ -117,7 +118,7 @@ class ModalBody:
         if np.any(self.omega < 0):
             raise InputError(f"omega must be >= 0; its least entry is {self.omega.min():g} rad/s.")
         if self.decay is not None and np.any(self.decay < 0):
-            raise InputError("decay must be >= 0: negative damping feeds energy in.")
+            raise InputError("decay must be >= 0: negative damping adds energy.")
         checks.store(self, r=checks.nonnegative("r", self.r, "m/N"))
         if self.shape is not None:
             checks.store(self, shape=checks.array("shape", self.shape, (None, size)))
@@ -185,20 +186,20 @@ class ModalBody:
         return np.asarray(np.sum(self.b**2 / (self.omega**2 - w**2 + loss), axis=-1) + self.r + 0j)
 
     def rigid_motion(self, velocity: float | Motion) -> Array:
-        """Modal velocities (J,) of a body that moves without strain.
+        """Modal velocities (J,) of a rigid-body motion.
 
         Parameters
         ----------
         velocity : float or Motion
-            A number is the velocity of the contact point along the impact direction [m/s]. Where
-            nothing holds the body along it, the whole body translates; where supports do, or where
-            `inertia` is unknown, it takes the rigid-body motion of least kinetic energy with this
-            velocity of the contact point, the article's phi_CR.
+            A number is the velocity of the contact point along the impact direction [m/s]. If the
+            body is free in this direction, the whole body translates. If supports restrain it, or
+            if `inertia` is unknown, the motion is the rigid-body motion of least kinetic energy
+            with this velocity of the contact point, phi_CR of the article.
 
         Raises
         ------
         InputError
-            For a body that cannot move so.
+            For a body without such a rigid-body motion.
         """
         rigid = self.omega == 0
         if isinstance(velocity, Motion):
@@ -222,19 +223,21 @@ class ModalBody:
     def _moving(self, motion: Motion) -> Array:
         if self.inertia is None:
             raise InputError(
-                "this body's model does not know how it moves in space (it is supported, or made"
-                " by hand or from matrices): give its velocity as a number, along the impact."
+                "the model of this body has no rigid-body inertia (the body is supported, or the "
+                "model was made by hand or from matrices): give its velocity as a number, along "
+                "the direction of impact."
             )
         start, left = self._projected(self.inertia, motion.at(self.inertia))
         if left > RIGID:
             raise InputError(
-                f"the supports hold the body back: {left:.2g} of the kinetic energy of {motion} is"
-                f" not in rigid-body motions that they leave; give one that leaves them at rest."
+                f"the supports restrain the body: the share {left:.2g} of the kinetic energy of "
+                f"{motion} lies outside the rigid-body motions that the supports permit; give a "
+                "motion that they permit."
             )
         return start
 
     def _projected(self, inertia: Inertia, motion: Array) -> tuple[Array, float]:
-        """Modal velocities of the rigid motion (6,), and the share of its energy that they miss."""
+        """Modal velocities of the rigid motion (6,), and its share of energy outside the modes."""
         start = np.where(self.omega == 0, inertia.momentum @ motion, 0.0)
         whole = float(motion @ inertia.matrix @ motion)
         if not np.any(motion):
@@ -244,19 +247,19 @@ class ModalBody:
 
 @runtime_checkable
 class LinearBody(Protocol):
-    """The one protocol of bodies in an impact: models, impactors and foreign models alike.
+    """Protocol of all bodies in an impact: models, impactors and user-defined models.
 
     The `basis` of its `ModalBody` makes the fields of a history. A body may also have
     `local_compliance` and `radius` (see `AntiOscillators`).
     """
 
     def modal(self) -> ModalBody:
-        """The body in free modes, seen from its contact point."""
+        """The free modes of the body and their values at its contact point."""
         ...
 
 
 def _checked_basis(basis: Any) -> tuple[Array, ...]:
-    """Blocks of columns with equal rows; as given, since they may fill much of the memory."""
+    """Blocks of columns with equal numbers of rows; not copied, since they may be large."""
     blocks = tuple(basis) if isinstance(basis, tuple | list) else ()
     if not blocks or not all(isinstance(b, np.ndarray) and b.ndim == 2 for b in blocks):
         raise InputError(f"basis must list arrays of columns (n, …); got {checks.shown(basis)}.")
@@ -276,7 +279,7 @@ def checked_body(name: str, body: Any) -> LinearBody:
 
 
 def arrow_modes(k0: float, m0: float, m: Array, poles: Array) -> tuple[Array, Array]:
-    """Free modes of the anti-oscillator chain, to full relative precision for any ratio of masses.
+    """Free modes of the anti-oscillator model, to full relative precision for any ratio of masses.
 
     Parameters
     ----------
@@ -385,8 +388,8 @@ def _zeros(
     unsettled = ~done & (np.abs(new - trial) > 1e-12 * np.abs(new))
     if np.any(unsettled):
         raise NotConvergedError(
-            f"{int(unsettled.sum())} of {size} free frequencies have not settled after 200 steps;"
-            " masses or frequencies lie too far apart for double precision."
+            f"{int(unsettled.sum())} of {size} free frequencies have not converged after 200 "
+            "steps; masses or frequencies differ too much for double precision."
         )
     if k0 == 0:
         origin[0], shift[0] = -1, 0.0

@@ -1,7 +1,7 @@
-"""Model files: NumPy's `.npz` with a header in JSON that describes itself.
+"""Model files: NumPy's `.npz` with a self-describing header in JSON.
 
-A model file is data from elsewhere: it is read without pickles, and no number in it is believed
-before it agrees with the size of what is stored.
+A model file is untrusted data: it is read without pickles, and the shapes in its headers are
+checked against the sizes of the stored arrays.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ Arrays = dict[str, NDArray[Any]]
 
 
 def write(path: str | os.PathLike[str], header: dict[str, Any], arrays: Arrays) -> None:
-    """Write header and arrays to a file that is complete or absent."""
+    """Write header and arrays, completely or not at all."""
     try:
         text = json.dumps(header)
     except (TypeError, ValueError, RecursionError) as error:
@@ -75,7 +75,7 @@ def read(path: str | os.PathLike[str], needed: set[str]) -> tuple[dict[str, Any]
 
 
 def _check_regular(path: Path) -> None:
-    """InputError unless `path` is a regular file: opening a pipe could wait for ever."""
+    """InputError unless `path` is a regular file: opening a pipe could block."""
     try:
         mode = path.stat().st_mode
     except OSError as error:
@@ -86,7 +86,7 @@ def _check_regular(path: Path) -> None:
 
 
 def _member(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> NDArray[Any]:
-    """One array of numbers or text; ValueError where header and size of it disagree."""
+    """One array of numbers or text; ValueError if its header and its size disagree."""
     if member.file_size > _LARGEST:
         raise ValueError(f"{member.filename} has {member.file_size} bytes")
     with archive.open(member) as stream:

@@ -1,4 +1,4 @@
-"""Rigid-body motion in space: how a free body starts, and what its mass makes of a motion.
+"""Rigid-body motion in space: the initial motion of a free body, and its momentum.
 
 A rigid motion with the velocity V of a reference point p and the spin W is written t = (V, W),
 shape (6,): every point x moves with V + W x (x - p). A body carries then the momentum and the
@@ -26,14 +26,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Inertia:
-    """The momentum that a body's motions carry, in the axes of its mesh.
+    """Inertia of a body and momentum of its coordinates, in the axes of its mesh.
 
     Attributes
     ----------
     point : (3,) reference point p [m] of all moments.
     matrix : (6, 6) momentum [kg m/s] and angular momentum about p [kg m^2/s] of the whole body for
-        unit velocities along x, y, z and unit spins about the axes through p, S above. A plane body
-        has zeros for what it cannot do.
+        unit velocities along x, y, z and unit spins about the axes through p (S above). The entries
+        of motions that a plane body does not have are zero.
     momentum : (C, 6) the same for a unit velocity of each of its coordinates.
     """
 
@@ -68,7 +68,7 @@ class Inertia:
         return np.asarray(self.point + moments / self.mass)
 
     def along(self, momentum: Array) -> Inertia:
-        """The same body with other coordinates, `momentum` (C, 6) of each."""
+        """The same body with other coordinates, whose momenta are `momentum` (C, 6)."""
         return Inertia(self.point, self.matrix, momentum)
 
     def moved(self, momenta: Array, about: Array) -> Array:
@@ -116,8 +116,8 @@ class Motion:
             names = ("along x", "along y", "along z", "about x", "about y", "about z")
             asked = ", ".join(n for n, bad in zip(names, massless, strict=True) if bad)
             raise InputError(
-                f"a motion {asked} was asked of a body whose model has none, as a plane body has"
-                f" only those along x and y and about z; leave it out of the Motion."
+                f"the body has no motion {asked} (a plane body moves only along x and y and about "
+                "z); leave it out of the Motion."
             )
         return motion
 

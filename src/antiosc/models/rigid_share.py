@@ -1,4 +1,4 @@
-"""A rigid-body motion that hardly moves the site: its share of the compliance, and its own model.
+"""Rigid-body modes that hardly move the site: their share in the compliance, and their model.
 
 With a rigid-body mode r of unit mass and a = b'r at the site, the receptance is
 
@@ -6,9 +6,9 @@ With a rigid-body mode r of unit mass and a = b'r at the site, the receptance is
 
 The article's mode phi_CR = r/a has the mass 1/a^2, beside which every other mass is lost as a -> 0.
 The elastic motions alone have a static mode and anti-oscillators of ordinary size whatever a is,
-and a enters as one number: where the site is held, the rigid motion is the mass 1/a^2 on the
-elastic chain's own site. So the antiresonances of the whole are the free frequencies of the
-elastic chain with that mass added to m0, and nothing is a difference of large numbers.
+and a enters as one number: with the site constrained, the rigid-body mode acts as the mass 1/a^2 at
+the site of the elastic model. So the antiresonances of the whole are the free frequencies of the
+elastic model with that mass added to m0. No step takes a difference of large numbers.
 """
 
 from __future__ import annotations
