@@ -135,7 +135,7 @@ def test_many_sites_are_many_times_one(rng, method, monkeypatch):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"compliance": 1e-12}, "modes have a larger static compliance than the structure at site 0"),
+        ({"compliance": 1e-12}, "larger static compliance than the structure at site 0"),
         ({"omega": [3.0, 2.0]}, "omega must ascend"),
         ({"omega": [0.0, 2.0]}, "a rigid-body mode .omega = 0. has no static compliance"),
         ({"b": [1.0]}, "b must have shape"),
