@@ -75,6 +75,9 @@ from antiosc.fem.structure.attachments import (
     PointMass as PointMass,
     Spring as Spring,
 )
+from antiosc.fem.structure.from_deck import (
+    read_model as read_model,
+)
 from antiosc.fem.structure.structure import (
     Structure as Structure,
     Support as Support,

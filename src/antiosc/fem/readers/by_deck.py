@@ -7,15 +7,19 @@ from pathlib import Path
 
 from antiosc.errors import MeshError
 from antiosc.fem.readers.conversion import as_mesh
-from antiosc.fem.readers.decks import abaqus_assembly
+from antiosc.fem.readers.decks import abaqus_assembly, abaqus_model
 from antiosc.fem.readers.decks.deck import Deck, listed
 from antiosc.fem.readers.neutral import FileMesh
 from antiosc.fem.readers.request import Request
+from antiosc.fem.readers.unit_system import UnitSystem
 
 
 def abaqus(ask: Request) -> FileMesh:
     """An Abaqus or CalculiX deck (`.inp`)."""
     whole = abaqus_assembly.read(Path(ask.path), ask.name, _patience(ask))
+    if ask.model is not None:
+        units = UnitSystem(*ask.unit)
+        whole.deck.model = abaqus_model.model_of(whole, units, ask.model.get("density"))
     return _mesh(whole.deck)
 
 
@@ -23,7 +27,7 @@ def _mesh(deck: Deck) -> FileMesh:
     if not deck.n_elements:
         found = f": it has {listed(deck.left)}" if deck.left else ""
         raise MeshError(f"{deck.name} has no elements that are cells of a mesh{found}.")
-    return as_mesh(deck)
+    return as_mesh(deck, halve_lines=bool(deck.model and deck.model["halve"]))
 
 
 def _patience(ask: Request) -> Callable[[int], None]:

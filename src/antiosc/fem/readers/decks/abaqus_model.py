@@ -1,0 +1,325 @@
+"""Abaqus and CalculiX decks as whole models: sections, supports, masses, springs.
+
+Taken are the model and the supports of the first step. What would change the answer and is not
+supported is refused with its line; loads, later steps and nonlinear materials are listed.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from antiosc.errors import MeshError
+from antiosc.fem.readers.decks.abaqus_assembly import Instance, Whole
+from antiosc.fem.readers.decks.abaqus_cards import Card
+from antiosc.fem.readers.decks.abaqus_sections import SECTIONS, Sections, materials_of
+from antiosc.fem.readers.decks.deck import Array, IntArray, Place, real_number, whole_number
+from antiosc.fem.readers.decks.model import ModelBuilder
+from antiosc.fem.readers.unit_system import UnitSystem
+
+#: Cards that change the answer and have no counterpart here.
+REFUSED = {
+    "CONTACTPAIR": "a contact pair",
+    "CONTACT": "general contact",
+    "CLEARANCE": "a contact pair",
+    "TIE": "a tie of two surfaces",
+    "EQUATION": "a linear equation between motions",
+    "MPC": "a multi-point constraint",
+    "RIGIDBODY": "a rigid body",
+    "COUPLING": "a coupling to a reference node",
+    "KINEMATIC": "a coupling to a reference node",
+    "KINEMATICCOUPLING": "a coupling to a reference node",
+    "DISTRIBUTING": "a coupling to a reference node",
+    "DISTRIBUTINGCOUPLING": "a coupling to a reference node",
+    "PRE-TENSIONSECTION": "a pre-tensioned bolt",
+    "CYCLICSYMMETRYMODEL": "cyclic symmetry",
+    "SUBMODEL": "a submodel",
+    "MODELCHANGE": "a change of the model between steps",
+    "GAP": "a gap element",
+    "DASHPOT": "a dashpot",
+    "CONNECTORSECTION": "a connector",
+    "EMBEDDEDELEMENT": "embedded elements",
+    "SHELLTOSOLIDCOUPLING": "a coupling of shells and solids",
+    "NODALTHICKNESS": "shells of varying thickness",
+    "FLUIDSECTION": "a fluid",
+    "MEMBRANESECTION": "a membrane",
+    "RIGIDSURFACE": "a rigid surface",
+    "USERELEMENT": "a user element",
+    "MATRIXINPUT": "a matrix",
+    "SUBSTRUCTUREPROPERTY": "a substructure",
+    "CHANGESOLIDSECTION": "a change of the sections between steps",
+    "CHANGEMATERIAL": "a change of a material between steps",
+}
+#: Cards that are loads or states at the beginning, which a strike does not have.
+LOADS = (
+    *("CLOAD", "DLOAD", "DSLOAD", "TEMPERATURE", "FILM", "RADIATE", "DFLUX", "CFLUX", "FIELD"),
+    *("INITIALCONDITIONS", "BASEMOTION", "DAMPING", "MODALDAMPING", "EXPANSION"),
+)
+#: Names of supports -> the motions (0 to 5) that they hold.
+NAMED = {
+    "ENCASTRE": (0, 1, 2, 3, 4, 5),
+    "PINNED": (0, 1, 2),
+    "XSYMM": (0, 4, 5),
+    "YSYMM": (1, 3, 5),
+    "ZSYMM": (2, 3, 4),
+    "XASYMM": (1, 2, 3),
+    "YASYMM": (0, 2, 4),
+    "ZASYMM": (0, 1, 5),
+}
+#: Cosine from which a direction is that of an axis.
+ALONG = 1 - 1e-9
+
+
+def model_of(whole: Whole, units: UnitSystem, density: float | None) -> dict[str, Any]:
+    """The deck's model in SI units; its groups and held nodes go into the deck."""
+    first = whole.steps[0] if whole.steps else []
+    _refuse(card for card, _ in whole.cards)
+    _refuse(first)
+    materials, ignored = materials_of([card for card, _ in whole.cards])
+    builder = ModelBuilder(whole.deck, units, density)
+    sections = Sections(whole, builder, materials)
+    for card, within in whole.cards:
+        if card.keyword in SECTIONS:
+            sections.read(card, within)
+    supports = _Supports(whole, builder)
+    top = whole.instances[""]
+    for card, within in [*whole.cards, *((card, top) for card in first)]:
+        if card.keyword == "BOUNDARY":
+            supports.read(card, within)
+    supports.apply()
+    _masses(whole, builder)
+    _springs(whole, builder)
+    builder.ignored = [*ignored, *_ignored(whole), *supports.ignored]
+    return builder.finished(sections.roles)
+
+
+def _refuse(cards: Iterable[Card]) -> None:
+    for card in cards:
+        if card.keyword in REFUSED:
+            raise MeshError(
+                f"{card.place}: *{card.keyword} is {REFUSED[card.keyword]}, which is not supported "
+                "here and would change the answer; take it out of the deck, or model the part "
+                "without it."
+            )
+        if card.keyword == "SPRING" and "NONLINEAR" in card.options:
+            raise MeshError(f"{card.place}: nonlinear springs are not supported.")
+        if card.keyword == "FOUNDATION":
+            raise MeshError(f"{card.place}: *FOUNDATION is not supported; use springs.")
+
+
+def _ignored(whole: Whole) -> Iterator[str]:
+    every = [card for card, _ in whole.cards]
+    every += [card for step in whole.steps for card in step]
+    counts = Counter(card.keyword for card in every if card.keyword in LOADS)
+    for keyword, count in sorted(counts.items()):
+        yield f"{count} *{keyword}"
+    if whole.steps:
+        yield f"{len(whole.steps)} *STEP"
+    later = [card for step in whole.steps[1:] for card in step if card.keyword == "BOUNDARY"]
+    if later:
+        yield f"*BOUNDARY of later steps ({later[0].place})"
+
+
+# --- Supports -------------------------------------------------------------------------------------
+
+
+class _Supports:
+    """*BOUNDARY, in the axes of the deck or of a *TRANSFORM."""
+
+    def __init__(self, whole: Whole, builder: ModelBuilder) -> None:
+        self.whole = whole
+        self.builder = builder
+        self.local = np.zeros((len(whole.deck.points), 6), dtype=bool)
+        self.frames: dict[int, tuple[Array, Place]] = {}
+        self.ignored: list[str] = []
+        for card, within in whole.cards:
+            if card.keyword == "TRANSFORM":
+                self._transform(card, within)
+
+    def read(self, card: Card, within: Instance) -> None:
+        """Mark what one card holds."""
+        if "SUBMODEL" in card.options:
+            raise MeshError(f"{card.place}: *BOUNDARY, SUBMODEL is not supported.")
+        moved = False
+        for fields, place in card.rows():
+            if len(fields) < 2:
+                continue
+            nodes = self.whole.nodes(fields[0], place, within)
+            name = fields[1].upper()
+            if name in NAMED:
+                self._mark(nodes, NAMED[name])
+                continue
+            first = whole_number(fields[1], place)
+            last = whole_number(fields[2], place) if len(fields) > 2 and fields[2] else first
+            if len(fields) > 3 and fields[3]:
+                moved |= real_number(fields[3], place) != 0
+            self._mark(nodes, range(max(first, 1) - 1, min(last, 6)))
+        if moved:
+            self.ignored.append(f"the motion of *BOUNDARY ({card.place}), held at zero instead")
+
+    def _mark(self, nodes: IntArray, motions: Sequence[int]) -> None:
+        self.local[nodes[:, None], np.array(motions, dtype=np.int64)] = True
+
+    def _transform(self, card: Card, within: Instance) -> None:
+        nodes = self.whole.nodes(card.needed("NSET"), card.place, within)
+        values = [real_number(f, p) if f else 0.0 for fields, p in card.rows() for f in fields][:6]
+        kind = card.option("TYPE", "R").upper()[:1]
+        if len(values) < 6 or kind not in "RC":
+            raise MeshError(f"{card.place}: *TRANSFORM needs six coordinates, TYPE=R or C.")
+        a, b = np.array(values[:3]), np.array(values[3:])
+        for node in nodes:
+            if kind == "R":
+                x, z = a, np.cross(a, b)
+            else:
+                z = b - a
+                x = self.whole.deck.points[node] - a
+                x = x - (x @ z) / (z @ z) * z if z.any() else x
+            if not (np.linalg.norm(x) and np.linalg.norm(z)):
+                raise MeshError(f"{card.place}: *TRANSFORM gives no axes.")
+            x, z = x / np.linalg.norm(x), z / np.linalg.norm(z)
+            self.frames[int(node)] = (np.stack([x, np.cross(z, x), z]), card.place)
+
+    def apply(self) -> None:
+        """Give the builder what is held, in the axes of the deck."""
+        held = self.local
+        for node, (frame, place) in self.frames.items():
+            own = held[node].copy()
+            for part in (slice(0, 3), slice(3, 6)):
+                own[part] = _turned(own[part], frame, place)
+            held[node] = own
+        self.builder.held |= held
+
+
+def _turned(held: Any, frame: Array, place: Place) -> Any:
+    """Which motions along the deck's axes are held, of those along the rows of `frame`."""
+    if held.all() or not held.any():
+        return held
+    result = np.zeros(3, dtype=bool)
+    free = np.abs(frame[~held])
+    along = np.abs(frame[held])
+    if (along.max(axis=1) > ALONG).all():
+        result[along.argmax(axis=1)] = True
+        return result
+    if (free.max(axis=1) > ALONG).all():  # held in a plane along the axes
+        result[:] = True
+        result[free.argmax(axis=1)] = False
+        return result
+    raise MeshError(
+        f"{place}: *TRANSFORM holds motions that are not along x, y or z, which supports here are; "
+        "hold whole nodes, or turn the part."
+    )
+
+
+# --- Masses and springs ---------------------------------------------------------------------------
+
+
+def _others(whole: Whole, card: Card, within: Instance) -> Iterator[tuple[str, list[int]]]:
+    """(type, rows of nodes) of the elements that are no cells, in the set of a card."""
+    name = card.needed("ELSET").upper()
+    labels = set(within.scope.other_sets.get(name, []))
+    for instance in [within] if within.name else [within, *whole.instances.values()]:
+        if instance is not within and labels:
+            break
+        labels |= set(instance.scope.other_sets.get(name, []))
+    for kind, label, nodes in within.scope.others:
+        if label in labels:
+            rows = within.scope.nodes.rows(np.array(nodes, dtype=np.int64))
+            if (rows < 0).any():
+                raise MeshError(
+                    f"{card.place}: element {label} ({kind}) has a node that the deck does not "
+                    "define."
+                )
+            yield kind, [int(row) + within.first_node for row in rows]
+
+
+def _masses(whole: Whole, builder: ModelBuilder) -> None:
+    given = 0
+    for card, within in whole.cards:
+        if card.keyword not in ("MASS", "ROTARYINERTIA"):
+            continue
+        values = [real_number(f, p) if f else 0.0 for fields, p in card.rows() for f in fields]
+        if not values:
+            raise MeshError(f"{card.place}: *{card.keyword} without a value.")
+        if card.keyword == "ROTARYINERTIA" and any(values[3:6]):
+            raise MeshError(f"{card.place}: products of inertia are not supported.")
+        for _, nodes in _others(whole, card, within):
+            given += 1
+            if card.keyword == "MASS":
+                builder.mass(nodes[0], values[0], [0.0] * 3, card.place)
+            else:
+                builder.mass(nodes[0], 0.0, (values + [0.0] * 3)[:3], card.place)
+    _refuse_bare(whole, ("MASS", "ROTARYI"), given, "*MASS")
+
+
+def _refuse_bare(whole: Whole, kinds: tuple[str, ...], given: int, card: str) -> None:
+    there = sum(whole.deck.left.get(kind, 0) for kind in kinds)
+    for kind in kinds:
+        whole.deck.left.pop(kind, None)
+    if there != given:
+        raise MeshError(
+            f"{whole.deck.name} has {there} {' and '.join(kinds)} elements, but {card} cards give "
+            f"values to {given} of them."
+        )
+
+
+def _springs(whole: Whole, builder: ModelBuilder) -> None:
+    given = 0
+    for card, within in whole.cards:
+        if card.keyword != "SPRING":
+            continue
+        rows = [(f, p) for f, p in card.rows() if f]
+        if not rows:
+            raise MeshError(f"{card.place}: *SPRING without a stiffness.")
+        for kind, nodes in _others(whole, card, within):
+            given += 1
+            stiffness = real_number(rows[-1][0][0], rows[-1][1])
+            if kind == "SPRING1":
+                builder.spring(nodes[0], _dof(rows[0]), stiffness, card.place)
+            elif kind == "SPRINGA":
+                _axial(builder, nodes, stiffness, card.place)
+            else:
+                dofs = [whole_number(f, rows[0][1]) - 1 for f in rows[0][0][:2]]
+                grounded = [k for k, d in zip(nodes, dofs, strict=False) if builder.held[k, d]]
+                free = [k for k in nodes if k not in grounded]
+                if len(free) != 1 or len(set(dofs)) != 1:
+                    _refuse_between(card.place)
+                builder.spring(free[0], dofs[0], stiffness, card.place)
+    _refuse_bare(whole, ("SPRINGA", "SPRING1", "SPRING2"), given, "*SPRING")
+    if whole.deck.left:
+        kind = next(iter(whole.deck.left))
+        raise MeshError(
+            f"{whole.deck.name} has {whole.deck.left[kind]} {kind} elements, which are not "
+            "supported here and would change the answer."
+        )
+
+
+def _dof(row: tuple[list[str], Place]) -> int:
+    dof = whole_number(row[0][0], row[1])
+    if not 1 <= dof <= 6:
+        raise MeshError(f"{row[1]}: a spring acts on a motion from 1 to 6; got {dof}.")
+    return dof - 1
+
+
+def _axial(builder: ModelBuilder, nodes: list[int], stiffness: float, place: Place) -> None:
+    """A spring along the line between two nodes, one of which is held."""
+    grounded = [node for node in nodes if builder.held[node, :3].all()]
+    free = [node for node in nodes if node not in grounded]
+    if len(grounded) != 1 or len(free) != 1:
+        _refuse_between(place)
+    x = builder.deck.points
+    along = x[free[0]] - x[grounded[0]]
+    length = float(np.linalg.norm(along))
+    motion = int(np.argmax(np.abs(along)))
+    if length == 0 or abs(along[motion]) < ALONG * length:
+        raise MeshError(f"{place}: a grounded spring must lie along x, y or z.")
+    builder.spring(free[0], motion, stiffness, place)
+
+
+def _refuse_between(place: Place) -> None:
+    raise MeshError(
+        f"{place}: a spring between two points that both move is not supported; springs go to "
+        "the ground, a node held in all directions."
+    )

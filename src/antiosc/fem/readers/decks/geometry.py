@@ -1,0 +1,38 @@
+"""Directions of a deck's elements."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from antiosc.fem.readers.decks.deck import Array, Deck, IntArray
+
+
+def tangents_of(deck: Deck, elements: IntArray) -> Array:
+    """Unit vectors (n, 3) along lines, from their first node to their last."""
+    return _each(deck, elements, lambda x: x[:, 1] - x[:, 0])
+
+
+def normals_of(deck: Deck, elements: IntArray) -> Array:
+    """Unit normals (n, 3) of triangles and quadrilaterals, by the order of their corners."""
+    return _each(deck, elements, lambda x: np.cross(x[:, 2] - x[:, 0], x[:, -1] - x[:, 1]))
+
+
+def _each(deck: Deck, elements: IntArray, vector) -> Array:  # type: ignore[no-untyped-def]
+    found, start = [np.zeros((0, 3))], 0
+    for block in deck.blocks:
+        own = elements[(elements >= start) & (elements < start + len(block))] - start
+        if len(own):
+            found.append(vector(deck.points[block.corners[own]]))
+        start += len(block)
+    v = np.vstack(found)
+    length = np.linalg.norm(v, axis=1, keepdims=True)
+    return np.asarray(v / np.where(length > 0, length, 1.0))
+
+
+def common_direction(vectors: Array, least: float = 0.3) -> Array | None:
+    """The mean unit vector if every one has at least this cosine with it, else None."""
+    mean = vectors.mean(axis=0)
+    length = float(np.linalg.norm(mean))
+    if length == 0 or (vectors @ (mean / length)).min() < least:
+        return None
+    return np.asarray(mean / length)

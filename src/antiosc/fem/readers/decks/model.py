@@ -1,0 +1,232 @@
+"""What a deck says besides its mesh: materials, sections, supports, masses, springs; in SI units.
+
+The result is plain (numbers, texts, lists), for it comes out of the reading process as JSON;
+`antiosc.fem.structure.from_deck` makes the structure of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from antiosc.errors import MeshError
+from antiosc.fem.readers.decks.deck import Array, Deck, IntArray, Place
+from antiosc.fem.readers.unit_system import UnitSystem
+
+MOTIONS = ("x", "y", "z", "rx", "ry", "rz")
+
+
+@dataclass
+class Material:
+    """Linear elasticity and density in the deck's units."""
+
+    name: str
+    place: Place
+    #: E1, E2, E3, nu12, nu13, nu23, G12, G13, G23; E3, nu13, nu23 may be nan (a lamina)
+    constants: Array | None = None
+    density: float | None = None
+
+    @property
+    def isotropic(self) -> tuple[float, float] | None:
+        """(E, nu) if every direction is alike."""
+        if self.constants is None:
+            return None
+        E1, E2, E3, n12, n13, n23, *G = self.constants
+        alike = np.allclose([E2, E3], E1, rtol=1e-4) and np.allclose([n13, n23], n12, atol=1e-4)
+        if alike and np.allclose(G, E1 / (2 * (1 + n12)), rtol=1e-4):
+            return float(E1), float(n12)
+        return None
+
+
+def isotropic(E: float, nu: float) -> Array:
+    """Constants of a material without directions."""
+    G = E / (2 * (1 + nu))
+    return np.array([E, E, E, nu, nu, nu, G, G, G])
+
+
+def of_stiffness(D: Array) -> Array:
+    """Constants of an orthotropic stiffness matrix (6, 6); LinAlgError if it is singular."""
+    S = np.linalg.inv(D)
+    E = 1 / np.diag(S)[:3]
+    return np.array([*E, -S[0, 1] * E[0], -S[0, 2] * E[0], -S[1, 2] * E[1], *(1 / np.diag(S)[3:])])
+
+
+@dataclass
+class Family:
+    """A section: what a group of elements is made of; the arguments of a class of antiosc."""
+
+    kind: str
+    arguments: dict[str, Any]
+    place: Place
+
+
+@dataclass
+class ModelBuilder:
+    """Collects a model; see `finished` for what becomes of it."""
+
+    deck: Deck
+    units: UnitSystem
+    #: kg/m³ of materials that state none
+    density: float | None = None
+    families: list[Family] = field(default_factory=list)
+    #: number of the family of each element, -1 while it has none
+    of_element: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    #: name of each family's group of elements
+    names: list[str] = field(default_factory=list)
+    masses: list[Any] = field(default_factory=list)
+    springs: list[Any] = field(default_factory=list)
+    #: what is not taken, in the deck's terms
+    ignored: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.of_element = np.full(self.deck.n_elements, -1, dtype=np.int64)
+        self.held = np.zeros((len(self.deck.points), 6), dtype=bool)
+        self.used = np.zeros(len(self.deck.points), dtype=bool)
+        for block in self.deck.blocks:
+            for table in (block.corners, block.mids, block.inner):
+                self.used[table[table >= 0]] = True
+
+    def rho(self, material: Material) -> float:
+        """Density in kg/m³."""
+        if material.density:
+            return material.density * self.units.density
+        if self.density is not None:
+            return self.density
+        raise MeshError(
+            f"{material.place}: the material {material.name!r} has no density, without which "
+            "nothing can be struck; add it to the deck, or give read_model(..., density=…), kg/m³."
+        )
+
+    def elastic(self, material: Material, what: str) -> tuple[float, float]:
+        """(E in Pa, nu) of a material that must be isotropic."""
+        if material.constants is None:
+            raise MeshError(
+                f"{material.place}: the material {material.name!r} has no linear elasticity."
+            )
+        found = material.isotropic
+        if found is None:
+            raise MeshError(
+                f"{material.place}: the material {material.name!r} has directions; {what} here are "
+                "isotropic, layers of shells alone may be orthotropic."
+            )
+        return found[0] * self.units.stress, found[1]
+
+    def layer(self, material: Material, thickness: float, angle: float) -> dict[str, float]:
+        """Arguments of a `Layer`; the thickness is in the deck's units."""
+        if material.constants is None:
+            raise MeshError(
+                f"{material.place}: the material {material.name!r} has no linear elasticity."
+            )
+        E1, E2, _, nu12, _, _, *G = (float(c) for c in material.constants)
+        G12, G13, G23 = (value * self.units.stress for value in G)
+        return {
+            "E1": E1 * self.units.stress,
+            "E2": E2 * self.units.stress,
+            "nu12": nu12,
+            "G12": G12,
+            "G13": G13,
+            "G23": G23,
+            "rho": self.rho(material),
+            "thickness": thickness * self.units.length,
+            "angle": angle,
+        }
+
+    def add(self, name: str, elements: IntArray, family: Family) -> None:
+        """Give elements their section; a later one replaces an earlier one."""
+        self.of_element[elements] = len(self.families)
+        self.families.append(family)
+        self.names.append(name)
+
+    def hold(self, nodes: IntArray, motions: Sequence[int]) -> None:
+        """Hold motions (0 to 5) of nodes at zero."""
+        self.held[nodes[:, None], np.array(motions, dtype=np.int64)] = True
+
+    def mass(self, node: int, mass: float, inertia: list[float], place: Place) -> None:
+        """A point mass in the deck's units."""
+        self.masses.append(
+            [
+                self._point(node, "a mass", place),
+                mass * self.units.mass,
+                [value * self.units.mass * self.units.length**2 for value in inertia],
+            ]
+        )
+
+    def spring(self, node: int, motion: int, stiffness: float, place: Place) -> None:
+        """A grounded spring in the deck's units."""
+        unit = self.units.force / self.units.length
+        if motion >= 3:
+            unit = self.units.force * self.units.length
+        point = self._point(node, "a spring", place)
+        self.springs.append([point, {MOTIONS[motion]: stiffness * unit}])
+
+    def _point(self, node: int, what: str, place: Place) -> list[float]:
+        if not self.used[node]:
+            raise MeshError(f"{place}: {what} hangs on a node of no element; give it a section.")
+        return [float(c) * self.units.length for c in self.deck.points[node]]
+
+    def finished(self, roles: Sequence[str]) -> dict[str, Any]:
+        """The model; `roles` of the deck's blocks: "solid", "shell", "beam", …
+
+        Raises
+        ------
+        MeshError
+            Elements without a section, families that no structure here has together.
+        """
+        self._refuse_uncovered(roles)
+        present = {role for role, block in zip(roles, self.deck.blocks, strict=True) if len(block)}
+        if len(present) > 1 and present != {"shell", "beam"}:
+            raise MeshError(
+                f"{self.deck.name} has {' and '.join(sorted(present))} elements in one structure; "
+                "here it is of one kind, or of shells with beams along their edges."
+            )
+        groups = []
+        for number, (name, family) in enumerate(zip(self.names, self.families, strict=True)):
+            elements = np.flatnonzero(self.of_element == number)
+            if not len(elements):
+                continue
+            given = self.deck.element_sets.get(name)
+            if given is None or not np.array_equal(given, elements):
+                name = f"{name} ({family.place})"
+                self.deck.element_sets[name] = elements
+            groups.append([name, family.kind, family.arguments, str(family.place)])
+        count = 2 if present & {"plane stress", "plane strain"} else 3 if "solid" in present else 6
+        return {
+            "families": groups,
+            "supports": self._supports(count),
+            "masses": self.masses,
+            "springs": self.springs,
+            "ignored": self.ignored,
+            "gdim": 2 if count == 2 else 3,
+            "halve": present == {"beam"},
+        }
+
+    def _refuse_uncovered(self, roles: Sequence[str]) -> None:
+        start = 0
+        for role, block in zip(roles, self.deck.blocks, strict=True):
+            if role == "other":
+                raise MeshError(
+                    f"{self.deck.name} has {len(block)} {block.type} elements, which no element "
+                    "family here carries (solids, plane stress and strain, shells, beams)."
+                )
+            bare = int((self.of_element[start : start + len(block)] < 0).sum())
+            if bare:
+                raise MeshError(
+                    f"{self.deck.name}: {bare} of {len(block)} {block.type} elements have no "
+                    "section, so that nobody knows what they are made of."
+                )
+            start += len(block)
+
+    def _supports(self, count: int) -> list[Any]:
+        """[[group, motions]], one for each motion: what lies between two nodes needs both."""
+        held = self.held[:, :count] & self.used[:, None]
+        supports = []
+        for k in range(count):
+            nodes = np.flatnonzero(held[:, k])
+            if len(nodes):
+                name = f"held {MOTIONS[k]}"
+                self.deck.held[name] = nodes
+                supports.append([name, [MOTIONS[k]]])
+        return supports

@@ -1,0 +1,91 @@
+"""Cross-sections of beams from the dimensions that decks give: A, second moments, torsion."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+#: Timoshenko's shear coefficients, as `antiosc.Section` has them.
+RECTANGLE, CIRCLE, TUBE, WALLS = 5 / 6, 0.9, 0.5, 0.5
+
+
+@dataclass(frozen=True)
+class Profile:
+    """A cross-section in the deck's units; the height is along its first axis."""
+
+    A: float
+    #: about the axis across the height, and about the height
+    I: float  # noqa: E741
+    I_side: float
+    J: float
+    shear: float
+    #: along the height and across it, for offsets in shares of them
+    height: float = 0.0
+    width: float = 0.0
+
+    def turned(self) -> Profile:
+        """The same with the height across."""
+        return Profile(self.A, self.I_side, self.I, self.J, self.shear, self.width, self.height)
+
+
+def rectangle(height: float, width: float) -> Profile:
+    """A full rectangle (Timoshenko & Goodier, *Theory of Elasticity*, §109)."""
+    a, b = max(height, width), min(height, width)
+    n = np.arange(1, 40, 2)
+    series = float(np.sum(np.tanh(n * np.pi * a / (2 * b)) / n**5))
+    return Profile(
+        height * width,
+        width * height**3 / 12,
+        height * width**3 / 12,
+        a * b**3 / 3 * (1 - 192 / np.pi**5 * b / a * series),
+        RECTANGLE,
+        height,
+        width,
+    )
+
+
+def ellipse(height: float, width: float) -> Profile:
+    """A full ellipse with these axes."""
+    area = math.pi * height * width / 4
+    return Profile(
+        area,
+        area * height**2 / 16,
+        area * width**2 / 16,
+        math.pi * height**3 * width**3 / (16 * (height**2 + width**2)),
+        CIRCLE,
+        height,
+        width,
+    )
+
+
+def tube(radius: float, wall: float) -> Profile:
+    """A round tube of this outer radius."""
+    inner = max(radius - wall, 0.0)
+    second = math.pi * (radius**4 - inner**4) / 4
+    area = math.pi * (radius**2 - inner**2)
+    return Profile(area, second, second, 2 * second, TUBE, 2 * radius, 2 * radius)
+
+
+def box(height: float, width: float, walls: tuple[float, float, float, float]) -> Profile | None:
+    """A rectangular tube; None if its walls differ on opposite sides.
+
+    `walls`: the two across the height (right, left), then the two along the width (top, bottom);
+    torsion by Bredt's formula for thin walls.
+    """
+    right, top, left, bottom = walls
+    if right != left or top != bottom:
+        return None
+    h, w = height - 2 * right, width - 2 * top
+    middle = (height - right) * (width - top)
+    around = 2 * (width - top) / right + 2 * (height - right) / top
+    return Profile(
+        height * width - h * w,
+        (width * height**3 - w * h**3) / 12,
+        (height * width**3 - h * w**3) / 12,
+        4 * middle**2 / around,
+        WALLS,
+        height,
+        width,
+    )

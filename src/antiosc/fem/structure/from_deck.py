@@ -1,0 +1,131 @@
+"""`read_model`: a deck of Abaqus, CalculiX or Nastran as a structure that is ready to be struck."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+from antiosc.checks import instance, path as checked_path, positive
+from antiosc.errors import InputError, MeshError
+from antiosc.fem.elements.beam import Beam, Section
+from antiosc.fem.elements.plate_section import Layer
+from antiosc.fem.elements.shell import Laminate, Shell
+from antiosc.fem.elements.solid import Solid
+from antiosc.fem.elements.weak_form import Family
+from antiosc.fem.linalg.solver_choice import Choice
+from antiosc.fem.mesh.mesh import distributed, flattened
+from antiosc.fem.mesh.soundness import sound
+from antiosc.fem.mpi import collective, on_root, warn
+from antiosc.fem.readers import RawMesh, UnitSystem, read
+from antiosc.fem.structure.attachments import PointMass, Spring
+from antiosc.fem.structure.structure import Structure
+from antiosc.fem.structure.support import Support
+
+
+@collective()
+def read_model(
+    path: str | Path,
+    unit: str | float = "m",
+    *,
+    supports: Sequence[Support] = (),
+    attached: Sequence[PointMass | Spring] = (),
+    density: float | None = None,
+    merge: float | None = None,
+    solver: Choice = "auto",
+    timeout: float | None = None,
+    comm: MPI.Comm = MPI.COMM_WORLD,
+) -> Structure:
+    """The structure that a deck describes: mesh, materials, sections, supports, masses, springs.
+
+    Parameters
+    ----------
+    path
+        A deck of Abaqus or CalculiX (`.inp`).
+    unit
+        Units of the deck: "m" (SI), "mm" (mm, N, t, MPa), "cm" (cm, N), "in" (inch,
+        pound-force, psi), or metres per unit of length (forces in N). Masses and densities
+        follow: force = mass × length / s².
+    supports, attached
+        More of them than the deck has.
+    density
+        Of materials that state none, kg/m³.
+    merge, timeout, comm
+        As for `read_mesh`.
+    solver
+        As for `Structure`.
+
+    The mesh's groups are the deck's sets; supports hold the motions that the deck holds in its
+    model and in its first step. B32 become two straight `Beam` elements each; a layered or
+    orthotropic shell becomes a `Laminate`.
+
+    Raises
+    ------
+    MeshError
+        As `read_mesh`; elements without a section, materials without elasticity or density, and
+        what would change the answer and is not supported: contact pairs, ties, equations, rigid
+        bodies, couplings, element types that no family carries. The message names the line.
+
+    Warns
+    -----
+    AntioscWarning
+        What of the deck is not taken: loads, steps, nonlinear materials.
+    """
+    units = UnitSystem.of(unit)
+    if merge is not None:
+        positive("merge", merge, "m")
+    if density is not None:
+        density = positive("density", density, "kg/m³")
+    if timeout is not None:
+        positive("timeout", timeout, "s")
+    instance("comm", comm, MPI.Comm, "an MPI communicator (mpi4py)")
+    file = checked_path("path", path)
+    more = [supports] if isinstance(supports, Support) else list(supports)
+    added = [attached] if isinstance(attached, PointMass | Spring) else list(attached)
+
+    def work() -> RawMesh:
+        options = {"density": density}
+        raw = read(file, unit=units, merge=merge, timeout=timeout, model=options)
+        gdim = None if raw.model is None else raw.model["gdim"]
+        return sound(flattened(raw, gdim, file.name), file.name, made_here=False)
+
+    raw = on_root(comm, work)
+    model = raw.model
+    if model is None:
+        raise MeshError(f"{file.name} was read without its model.")
+    told = list(raw.told)
+    if model["ignored"]:
+        told.append(f"of {file.name} are not taken: {', '.join(model['ignored'])}.")
+    for sentence in told:
+        warn(comm, sentence)
+    mesh = distributed(raw, file.name, comm)
+    held = [Support(name, fix) for name, fix in model["supports"] if raw.groups.get(name)]
+    masses = [PointMass(point, mass, inertia) for point, mass, inertia in model["masses"]]
+    springs = [Spring(point, stiffness) for point, stiffness in model["springs"]]
+    families = {
+        name: _family(kind, arguments, place) for name, kind, arguments, place in model["families"]
+    }
+    return Structure(
+        mesh,
+        families,
+        [*held, *more],
+        attached=[*masses, *springs, *added],
+        solver=solver,
+    )
+
+
+def _family(kind: str, arguments: dict[str, Any], place: str) -> Family:
+    """A section's class with its arguments; InputError that names the deck's line."""
+    try:
+        if kind == "Solid":
+            return Solid(**arguments)
+        if kind == "Shell":
+            return Shell(**arguments)
+        if kind == "Laminate":
+            layers = [Layer(**layer) for layer in arguments["layers"]]
+            return Laminate(layers, arguments["axis"], arguments["top"])
+        return Beam(**{**arguments, "section": Section(**arguments["section"])})
+    except InputError as error:
+        raise InputError(f"{place}: {error}") from error

@@ -1,0 +1,150 @@
+"""Decks as structures: materials, sections, units and supports against closed forms and solves."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+pytest.importorskip("dolfinx")
+
+import antiosc as ao
+from antiosc.fem.site.site import functional
+from paths import DECKS
+
+pytestmark = pytest.mark.fem
+
+
+def stiffness(structure: ao.Structure, site: ao.Site) -> float:
+    """1/(bᵀ K⁻¹ b) by SciPy's sparse LU of the assembled K."""
+    rows, columns, values = structure.K.getValuesCSR()
+    K = sp.csr_matrix((values, columns, rows))
+    b = functional(structure, site).b
+    return float(1 / (b @ sp.linalg.spsolve(K.tocsc(), b)))
+
+
+def test_a_beam_deck_in_millimetres_is_the_beam_in_metres():
+    with pytest.warns(ao.AntioscWarning, match=r"not taken: \*PLASTIC .line 29.*1 \*CLOAD, 1 \*S"):
+        beam = ao.read_model(DECKS / "cantilever.inp", unit="mm")
+    E, G, L, b, h = 210e9, 210e9 / 2.6, 0.2, 0.01, 0.02
+    assert beam.mass == pytest.approx(7850 * L * b * h + 0.2, rel=1e-12)
+    A = b * h
+    for direction, width, height, spring in (((0, 1, 0), b, h, 0), ((0, 0, 1), h, b, 12500)):
+        tip = ao.Site((L, 0, 0), direction)
+        bending = width * height**3 / 12
+        exact = 1 / (L**3 / (3 * E * bending) + L / (5 / 6 * G * A)) + spring
+        assert stiffness(beam, tip) == pytest.approx(exact, rel=1e-9)
+        model = ao.extract(beam, tip, n=8)
+        assert model.k0 == pytest.approx(exact, rel=1e-8)
+
+
+@pytest.mark.filterwarnings("ignore:the facets at the site")  # one cell is as wide as the block
+def test_a_solid_deck_has_its_materials_and_supports():
+    with pytest.warns(ao.AntioscWarning, match=r"not taken: 1 \*STEP"):
+        block = ao.read_model(DECKS / "block.inp", unit="mm")
+    assert block.mass == pytest.approx(1e-6 * (7800 + 2700), rel=1e-12)
+    mesh = ao.read_mesh(DECKS / "block.inp", unit="mm")
+    steel, alu = ao.Solid(210e9, 0.3, 7800.0), ao.Solid(70e9, 0.33, 2700.0)
+    supports = [
+        ao.Support(lambda x: np.isclose(x[2], 0)),
+        ao.Support(lambda x: np.isclose(x[0], 0), "x"),
+    ]
+    by_hand = ao.Structure(mesh, {"LOWER": steel, "UPPER": alu}, supports)
+    assert block.dofs == by_hand.dofs
+    site = ao.Site((0.01, 0.005, 0.015), (1, 0, 0), radius=5e-3)
+    assert stiffness(block, site) == pytest.approx(stiffness(by_hand, site), rel=1e-10)
+    assert ao.extract(block, site, n=6).k0 == pytest.approx(stiffness(block, site), rel=1e-8)
+
+
+def test_a_layered_deck_stacks_toward_the_normals_of_its_cells():
+    plate = ao.read_model(DECKS / "layers.inp")
+    ply = (140e9, 10e9, 0.3, 5e9, 5e9, 3e9, 1600.0, 0.001)
+    core = ao.Layer.isotropic(1e9, 0.3, 100.0, 0.002)
+    layers = [ao.Layer(*ply), core, ao.Layer(*ply, angle=45)]
+    # normals are downward: from y, 30° about the orientation's own z
+    axis = (-np.sin(np.pi / 6), np.cos(np.pi / 6), 0)
+    by_hand = ao.Structure(
+        ao.read_mesh(DECKS / "layers.inp", gdim=3),
+        ao.Laminate(layers, axis, (0, 0, -1)),
+        [ao.Support(lambda x: np.isclose(x[0], 0))],
+    )
+    assert plate.mass == pytest.approx(2 * (2 * 1.6 + 0.2), rel=1e-12)
+    assert plate.dofs == by_hand.dofs
+    site = ao.Site((1.2, 0.5, 0), (0, 0, 1))
+    assert stiffness(plate, site) == pytest.approx(stiffness(by_hand, site), rel=1e-9)
+
+
+def model_of(folder: Path, text: str, **options) -> ao.Structure:
+    path = folder / "part.inp"
+    path.write_text(text)
+    return ao.read_model(path, **options)
+
+
+MATERIAL = "*MATERIAL, NAME=M\n*ELASTIC\n1E9, .3\n*DENSITY\n1000.\n"
+UNWEIGHED = MATERIAL.partition("*DENSITY")[0]
+
+
+@pytest.mark.parametrize("name", ["tube.inp", "tube_mixed.inp"])
+def test_a_support_holds_what_lies_between_its_nodes(tmp_path, name):
+    text = (DECKS / name).read_text() + "*SOLID SECTION, ELSET=TUBE, MATERIAL=M\n" + MATERIAL
+    tube = model_of(tmp_path, text + "*BOUNDARY\nFOOT, PINNED\n")
+    by_hand = ao.Structure(
+        tube.mesh, ao.Solid(1e9, 0.3, 1000.0), [ao.Support(lambda x: np.isclose(x[1], 0))]
+    )
+    assert tube.dofs == by_hand.dofs
+    assert tube.mass == pytest.approx(1000 * np.pi / 8 * 3, rel=2e-4)
+
+
+CUBE = (
+    "*NODE\n1,0,0,0\n2,1,0,0\n3,1,1,0\n4,0,1,0\n5,0,0,1\n6,1,0,1\n7,1,1,1\n8,0,1,1\n"
+    "*ELEMENT,TYPE=C3D8,ELSET=ALL\n1,1,2,3,4,5,6,7,8\n"
+)
+SECTION = "*SOLID SECTION,ELSET=ALL,MATERIAL=M\n"
+
+
+def test_supports_follow_a_transformation(tmp_path):
+    turned = "*NSET,NSET=FACE\n1,4,5,8\n*TRANSFORM,NSET=FACE\n0,0,1,1,0,0\n"  # 1 is along z
+    foot = "*BOUNDARY\n2,1,3\n3,1\n6,PINNED\n"
+    cube = model_of(tmp_path, CUBE + SECTION + MATERIAL + turned + foot + "FACE,1\n")
+    plain = "*NSET,NSET=FACE\n1,4,5,8\n" + foot + "FACE,3\n"
+    other = model_of(tmp_path, CUBE + SECTION + MATERIAL + plain)
+    assert cube.mesh.groups.keys() == other.mesh.groups.keys()
+    np.testing.assert_array_equal(cube.fixed, other.fixed)
+
+
+REFUSED = {
+    "no section": (CUBE + MATERIAL, "1 of 1 C3D8 elements have no section"),
+    "no material": (CUBE + SECTION, "line 12 of part.inp: there is no material 'M'"),
+    "no density": (CUBE + SECTION + UNWEIGHED, "line 14 .* .M. has no density"),
+    "no elasticity": (CUBE + SECTION + "*MATERIAL,NAME=M\n*DENSITY\n1.\n", "no linear elast"),
+    "negative": (CUBE + SECTION + MATERIAL.replace("1E9", "-1E9"), "line 12 .*E must be > 0"),
+    "contact": (CUBE + "*CONTACT PAIR,INTERACTION=I\nA,B\n", r"line 12 .*\*CONTACTPAIR is a con"),
+    "equation": (CUBE + "*EQUATION\n2\n1,1,1.,2,1,-1.\n", r"line 12 .*\*EQUATION is a linear"),
+    "tie": (CUBE + "*TIE,NAME=T\nA,B\n", r"line 12 .*\*TIE is a tie"),
+    "rigid": (CUBE + "*RIGID BODY,NSET=A,REF NODE=1\n", "line 12 .*a rigid body"),
+    "membrane": (CUBE.replace("C3D8", "SC8R") + SECTION + MATERIAL, "SC8R"),
+    "heat": (CUBE.replace("C3D8", "DC3D8") + SECTION + MATERIAL, "DC3D8"),
+    "offset": (
+        CUBE.replace("C3D8", "S8").replace("\n1,1,2", "\n1,1,2")
+        + "*SHELL SECTION,ELSET=ALL,MATERIAL=M,OFFSET=SPOS\n.1\n"
+        + MATERIAL,
+        "off its middle",
+    ),
+    "dashpot": (CUBE + "*ELEMENT,TYPE=DASHPOTA\n2,1,2\n" + SECTION + MATERIAL, "1 DASHPOTA"),
+    "no mass": (CUBE + "*ELEMENT,TYPE=MASS,ELSET=Q\n2,1\n" + SECTION + MATERIAL, "1 MASS"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_would_change_the_answer_is_refused(tmp_path, case):
+    text, message = REFUSED[case]
+    with pytest.raises(ao.InputError, match=message) as caught:
+        model_of(tmp_path, text)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_density_may_be_given_to_materials_without_one(tmp_path):
+    cube = model_of(tmp_path, CUBE + SECTION + UNWEIGHED, density=500.0)
+    assert cube.mass == pytest.approx(500, rel=1e-12)
