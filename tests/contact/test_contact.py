@@ -344,3 +344,8 @@ def test_a_force_that_does_not_settle_is_told():
 
     with pytest.raises(ao.NotConvergedError, match="has not converged after 200 steps"):
         ContactLaw.implicit(Steep(1e6), 1.0, 1e-3, 0.0, 0.0, ())
+
+
+def test_a_damping_factor_of_single_precision_is_a_number_like_others():
+    """NumPy 2 would compute all that follows in single precision."""
+    assert restitution_of(np.float32(1.0)) == restitution_of(1.0)

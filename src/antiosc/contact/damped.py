@@ -140,7 +140,8 @@ class Gonthier(_Damped):
 
 def restitution_of(d: float) -> float:
     """Ratio e' of parting and closing speed of two free bodies for a damping factor d >= 0."""
-    if checks.nonnegative("d", d) == 0:
+    d = checks.nonnegative("d", d)
+    if d == 0:
         return 1.0
 
     def mismatch(e: float) -> float:

@@ -150,7 +150,8 @@ def at_sites(
     b = checks.array("b", b, (None, omega.size))
     C = checks.array("compliance", compliance, (len(b),))
     G = None if inertia is None else checks.array("inertia", inertia, (len(b),))
-    if not checks.nonnegative("shift", shift, "rad^2/s^2") and omega[0] == 0:
+    shift = checks.nonnegative("shift", shift, "rad^2/s^2")
+    if not shift and omega[0] == 0:
         raise InputError(
             "a rigid-body mode (omega = 0) has no static compliance: give a shift > 0, and the"
             " compliance and inertia of K + shift M."
@@ -230,7 +231,8 @@ def error_bound(
     omega = checks.array("omega", omega, (None,))
     b = checks.array("b", b, (None, omega.size))
     C, G = (checks.array(name, v, (len(b),)) for name, v in (("C", compliance), ("G", inertia)))
-    if not checks.positive("band", band, "rad/s") < omega[-1]:
+    band = checks.positive("band", band, "rad/s")
+    if not band < omega[-1]:
         raise InputError(
             f"the band must end below the last free mode, {omega[-1]:g} rad/s; got {band:g} rad/s."
         )
