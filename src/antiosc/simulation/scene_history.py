@@ -8,7 +8,6 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.integrate import cumulative_trapezoid
 
 from antiosc import checks
 from antiosc.contact import ContactLaw
@@ -271,7 +270,7 @@ class SceneHistory:
         time, system = self.run.time, self.assembly.system
         work = self._work_of_loads(q, v)
         power = np.sum(2 * system.decay * v**2, axis=1)
-        lost = np.diff(cumulative_trapezoid(power, time, initial=0.0))
+        lost = np.diff(time) * (power[:-1] + power[1:]) / 2
         pressed = np.any(self.run.force != 0.0, axis=1)
         still = ~(pressed[:-1:2] | pressed[1::2] | pressed[2::2])
         flight = np.repeat(still, 2)
