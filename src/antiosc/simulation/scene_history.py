@@ -222,6 +222,8 @@ class SceneHistory:
 
     def largest_rotation(self) -> tuple[str, float]:
         """The rigid body that turned most, and by how much [rad]; ("", 0) without one."""
+        if not any(isinstance(b.body, RigidBody) for b in self.assembly.bodies.values()):
+            return "", 0.0  # the motion of all bodies is dear to find
         turned = [
             (name, float(np.linalg.norm(body.rotation, axis=1).max()))
             for name, body in self.bodies.items()
