@@ -40,7 +40,7 @@ INNER = {
     *("force", "tangent", "energy", "touch", "advance", "origin", "lost", "damping", "potential"),
     *("implicit", "out_of_range", "loading", "loading_slope", "loading_work", "permanent"),
     *("unload_shape", "reload_shape", "weak_form", "half_space_compliance", "shear_stiffness"),
-    *("rotary_inertia",),
+    *("rotary_inertia", "dimensions", "bar_speed", "constants"),
 }
 #: What functions return: antiosc alone makes them.
 RESULTS = {

@@ -130,7 +130,7 @@ def loaded(structure, forces):
     for number, force in forces.items():
         b[number] = force
     b[structure.fixed] = 0.0
-    return structure.factorization.solve_checked(b)
+    return structure.factorize().solve_checked(b)
 
 
 def pressed(structure, force):
@@ -139,7 +139,7 @@ def pressed(structure, force):
         structure.form.along(force) * measure(structure.mesh, 6), structure.form.space
     )
     load[structure.fixed] = 0.0
-    return structure.factorization.solve_checked(load)
+    return structure.factorize().solve_checked(load)
 
 
 def interpolated(structure, field):

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import pi, sqrt
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -76,6 +76,20 @@ class Advice:
             f"{self.family}, elements of at most {1e3 * self.element_size:.3g} mm, for "
             f"{1e-3 * self.frequency:.3g} kHz ({'; '.join(self.reasons)})"
         )
+
+
+@runtime_checkable
+class Part(Protocol):
+    """What tells its own dimensions and material, as a Structure does."""
+
+    @property
+    def dimensions(self) -> tuple[float, float, float]:
+        """Length, width and thickness, m."""
+        ...
+
+    def constants(self) -> tuple[float, float, float]:
+        """(E [Pa], nu, rho [kg/m³]); InputError for a material with directions."""
+        ...
 
 
 @checks.within_range
@@ -147,14 +161,9 @@ def _measures(
     part: Any, E: float | None, nu: float, rho: float | None
 ) -> tuple[float, float, float, tuple[float, float, float]]:
     """Length ≥ width, thickness, and (E, nu, rho)."""
-    if hasattr(part, "dimensions") and hasattr(part, "parts"):
-        size, own = part.dimensions, part.parts[0][0]
-        if not hasattr(own, "E"):
-            raise InputError(
-                f"advise needs an isotropic material; got a {type(own).__name__}: give the "
-                "dimensions, and equivalent E, nu, rho of the part."
-            )
-        E, nu, rho = own.E, own.nu, own.rho
+    if isinstance(part, Part):
+        size = np.array(part.dimensions)
+        E, nu, rho = part.constants()
     else:
         size = checks.array("part's dimensions", part, (3,))
     if E is None or rho is None:

@@ -26,6 +26,7 @@ from antiosc.fem.mpi import collective, on_root
 from antiosc.fem.readers import KINDS
 from antiosc.fem.readers.neutral import FACETS
 from antiosc.fem.series import listing, write_frames
+from antiosc.fem.structure.meshed import MeshedStructure, on_mesh
 from antiosc.fem.structure.structure import Structure
 from antiosc.fem.vtu import Frames
 from antiosc.simulation.history import Body, History, no_field
@@ -61,8 +62,8 @@ def probe(
     body : "structure" or "impactor"
         Which of the two bodies `structure` is.
     """
-    shapes = _shapes(structure, history, body)
-    mesh, form = structure.meshed()
+    part, shapes = _shapes(structure, history, body)
+    mesh, form = part.mesh, part.form
     shapes = compat.with_ghosts(form.space, shapes)
     x, given = np.zeros(3), coordinates("point", point)
     x[: len(given)] = given
@@ -111,8 +112,8 @@ def write_series(
         Of the `.pvd`, written last: until then it is absent, or lists no frame.
     """
     target = listing(path)
-    shapes = _shapes(structure, history, body)
-    mesh, form = structure.meshed()
+    part, shapes = _shapes(structure, history, body)
+    mesh, form = part.mesh, part.form
     if times is None:
         times = np.linspace(history.time[0], history.time[-1], 40)
     at = array("times", times, (None,))
@@ -150,8 +151,8 @@ def skin(
     InputError
         A model without shapes, or extracted from another structure; a mesh of lines.
     """
-    shapes = _shapes(structure, history, body)
-    mesh, form = structure.meshed()
+    part, shapes = _shapes(structure, history, body)
+    mesh, form = part.mesh, part.form
     if mesh.tdim == 1:
         raise InputError("a mesh of lines has no surface: write_series writes its motion.")
     shapes = _at_nodes(mesh, form, compat.with_ghosts(form.space, shapes))
@@ -170,8 +171,8 @@ def skin(
     return outer
 
 
-def _shapes(structure: Structure, history: History, body: Body) -> Array:
-    """Shapes of the body on the rows of this rank, columns side by side."""
+def _shapes(structure: Structure, history: History, body: Body) -> tuple[MeshedStructure, Array]:
+    """The structure, and shapes of the body on the rows of this rank, columns side by side."""
     instance("structure", structure, Structure, "a Structure")
     instance("history", history, History, "a History, which simulate returns")
     model, own = history.of(body)
@@ -184,7 +185,7 @@ def _shapes(structure: Structure, history: History, body: Body) -> Array:
             f"the model's shapes have {len(own.basis[0])} rows, the structure {rows}: the model "
             "was extracted from another structure."
         )
-    return np.column_stack(own.basis)
+    return on_mesh(structure), np.column_stack(own.basis)
 
 
 def _amplitudes(history: History, times: Array, body: Body) -> Array:

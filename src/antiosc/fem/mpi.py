@@ -105,7 +105,7 @@ def compare(comm: MPI.Comm, name: str, arguments: dict[str, Any]) -> None:
 
 
 def _public(name: str) -> str:
-    return name.removesuffix(".__init__")
+    return name.removesuffix(".__init__").removesuffix(".__new__")
 
 
 def _given(signature: inspect.Signature, args: Iterable[Any], kwargs: Any) -> dict[str, Any]:

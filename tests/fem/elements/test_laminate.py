@@ -389,7 +389,7 @@ def test_laminate_and_shell_by_group():
     with pytest.raises(InputError, match="of one family: Solid, Beam, or Shell and Laminate"):
         ao.Structure(mesh, {"left": metal, "right": ao.Solid(E, NU, RHO)})
     sphere = ao.Sphere(0.01, E, NU, RHO, velocity=1.0)
-    with pytest.raises(InputError, match="which a Laminate is not: give it dimensions"):
+    with pytest.raises(InputError, match="got a Laminate: give the dimensions"):
         ao.advise(ao.Structure(mesh, layered), sphere)
 
 

@@ -473,7 +473,7 @@ def test_one_strut_as_beam_shell_and_solid():
 
 def compliance(structure, site):
     b = functional(structure, site).b
-    return float(b @ structure.factorization.solve_checked(b))
+    return float(b @ structure.factorize().solve_checked(b))
 
 
 @pytest.mark.parametrize("n", [10, 16])

@@ -100,8 +100,8 @@ def test_without_room_for_a_second_factor_all_is_solved_for(monkeypatch):
     modes = ModeSolver(part).lowest(5)
     b = B.T @ modes.phi
     expected = compliance.deflections(part, B, modes.omega, b)
-    entries = part.factorization.entries
-    assert entries == part.factorization.cholesky.supernodes.values.size
+    entries = part.factorize().entries
+    assert entries == part.factorize().cholesky.supernodes.values.size
     monkeypatch.setattr(compliance.solver_choice, "free_memory", lambda: 8 * entries)
     monkeypatch.setattr(compliance, "compliances", None)  # is not asked
     with pytest.warns(ao.AntioscWarning, match="every site is solved for"):

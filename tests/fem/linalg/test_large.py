@@ -34,7 +34,7 @@ def test_forecast_against_the_factor_itself():
     found = forecast.forecasts(part.K)
     assert [f.ordering for f in found] == [forecast.AMF, forecast.PORD]
     # CHOLMOD's, with an ordering of its own, and supernodes that are held as full rectangles
-    entries = part.factorization.cholesky.supernodes.values.size
+    entries = part.factorize().cholesky.supernodes.values.size
     assert 0.7 < min(f.entries for f in found) / entries < 2.0
     assert entries < solver_choice.COMPACT * part.K.getSize()[0] ** (4 / 3)
 
@@ -43,7 +43,7 @@ def test_forecast_against_the_factor_itself():
 @pytest.mark.parametrize("supports", [("left",), ()])
 def test_iterative_and_direct_agree(supports):
     direct, iterative = block("direct", supports), block("iterative", supports)
-    assert isinstance(iterative.factorization, solver_choice.Multigrid)
+    assert isinstance(iterative.factorize(), solver_choice.Multigrid)
     a, b = (ao.extract(part, SITE, n=6) for part in (direct, iterative))
     assert b.k0 == pytest.approx(a.k0, rel=1e-8)
     assert b.m_st == pytest.approx(a.m_st, rel=1e-8)
@@ -57,9 +57,9 @@ def test_the_forecast_on_one_rank_is_the_factor_that_is_made_of_it():
     plan = solver_choice.Plan(part.K)
     told = plan.entries
     factor = plan.factorize()
-    assert told == factor.entries == part.factorization.entries
+    assert told == factor.entries == part.factorize().entries
     load = np.sin(np.arange(part.K.getSize()[0]))
-    np.testing.assert_array_equal(factor.solve(load), part.factorization.solve(load))
+    np.testing.assert_array_equal(factor.solve(load), part.factorize().solve(load))
 
 
 def test_a_matrix_whose_factor_is_forecast_is_analysed_once(monkeypatch):
@@ -98,7 +98,7 @@ def test_a_thin_body_needs_less_than_a_compact_one(monkeypatch):
     bound = solver_choice.BYTES * solver_choice.COMPACT * part.K.getSize()[0] ** (4 / 3)
     assert need < bound / 2
     monkeypatch.setattr(solver_choice, "free_memory", lambda: 2 * need)
-    assert isinstance(part.factorization, solvers.Factorization)
+    assert isinstance(part.factorize(), solvers.Factorization)
 
 
 @pytest.mark.skipif(not Path("/proc/meminfo").exists(), reason="no /proc: memory is unknown")

@@ -14,7 +14,10 @@ from petsc4py import PETSc
 import antiosc as ao
 import parts
 from antiosc.fem import compat
+from antiosc.fem.elements.weak_form import Family
 from antiosc.fem.linalg.solvers import csr
+from antiosc.fem.site.site import functional
+from antiosc.fem.structure import rigid_body_modes
 from marks import FREE_ON_PURPOSE
 
 pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]
@@ -132,6 +135,38 @@ def test_supports_leave_the_right_rigid_motions(supports, left):
         assert np.abs(K @ R).max() < 1e-12 * abs(K).max() * np.abs(R).max()
 
 
+def test_reading_never_changes_the_shift(monkeypatch):
+    """A first estimate of the shift that is far too high is brought closer before it is read."""
+    of_mesh = rigid_body_modes.of_mesh
+
+    def rough(*arguments):
+        modes, shift = of_mesh(*arguments)
+        return modes, 1e3 * shift
+
+    section = ao.Section.rectangle(1e-3, 1e-3)
+    bar = ao.Beam(**parts.STEEL, section=section)
+    monkeypatch.setattr(rigid_body_modes, "of_mesh", rough)
+    bar = ao.Structure(parts.line(1.0, 40), bar)
+    before = bar.shift
+    first = 4.730041**4 * parts.STEEL["E"] * 1e-3**2 / (12 * parts.STEEL["rho"])  # ω², length 1 m
+    assert first / 100 < before < first
+    factor = bar.factorize()
+    assert bar.shift == before
+    assert bar.factorize() is factor
+    A = csr(bar.K) + before * csr(bar.M)
+    assert abs(csr(factor.A) - A).max() <= 1e-14 * abs(A).max()
+    with pytest.raises(AttributeError):
+        bar.shift = 2 * before
+
+
+def test_reading_a_supported_structure_factors_nothing():
+    structure = ao.Structure(parts.box(), SOLID, [ao.Support("left")])
+    assert structure.shift == 0
+    assert "factorization" not in structure.seconds
+    structure.factorize()
+    assert structure.seconds["factorization"] > 0
+
+
 def test_a_hinged_line_can_swing_about_its_pin():
     structure = ao.Structure(
         parts.line(1.0, 4), ao.Beam(**parts.STEEL, section=ao.Section.circle(0.02)),
@@ -235,3 +270,64 @@ def test_matrices_of_which_one_part_slides():
         exact = [1 / np.linalg.inv(K - w**2 * M)[dof, dof] for w in omega]
         assert model.k0 == pytest.approx(k0, rel=1e-12)
         np.testing.assert_allclose(model.dynamic_stiffness(omega), exact, rtol=1e-10)
+
+
+def test_a_structure_is_one_whether_of_a_mesh_or_of_matrices():
+    meshed = ao.Structure(parts.box(), SOLID, [ao.Support("left")])
+    given = ao.Structure.from_matrices(meshed.K, meshed.M)
+    assert isinstance(meshed, ao.Structure)
+    assert isinstance(given, ao.Structure)
+    assert not hasattr(given, "mesh")
+    assert given.uniform_inertia([0, 0, 1]) is None
+    assert given.rigid_inertia is None
+    for ask in (lambda: given.mass, lambda: given.dimensions, given.constants):
+        with pytest.raises(ao.InputError, match="matrices"):
+            ask()
+
+
+# --- Families -------------------------------------------------------------------------------------
+
+BAR = ao.Beam(**parts.STEEL, section=ao.Section.rectangle(0.02, 0.01))
+SKIN = ao.Layer(E1=140e9, E2=10e9, nu12=0.3, G12=5e9, G13=5e9, G23=3e9, rho=1600.0, thickness=1e-3)
+
+
+@pytest.mark.parametrize("material", [SOLID, BAR, ao.Shell(**parts.STEEL, thickness=1e-3)])
+def test_materials_without_directions_tell_their_constants(material):
+    assert isinstance(material, Family)
+    assert material.constants() == (material.E, material.nu, material.rho)
+    assert material.bar_speed() == pytest.approx((material.E / material.rho) ** 0.5)
+
+
+def test_a_laminate_has_directions():
+    stack = ao.Laminate([SKIN, SKIN])
+    assert isinstance(stack, Family)
+    assert stack.kind is ao.Shell(**parts.STEEL, thickness=1e-3).kind
+    assert stack.patch_radius == pytest.approx(2e-3)
+    with pytest.raises(ao.InputError, match="got a Laminate"):
+        stack.constants()
+
+
+class Rubbery:
+    """A material of one's own, with the weak form of a solid and a patch by default."""
+
+    kind = SOLID.kind
+    patch_radius = 0.02
+    weak_form = SOLID.weak_form
+    half_space_compliance = SOLID.half_space_compliance
+    dimensions = SOLID.dimensions
+    bar_speed = SOLID.bar_speed
+    constants = SOLID.constants
+    plane, thickness = SOLID.plane, SOLID.thickness
+    E, nu, rho = SOLID.E, SOLID.nu, SOLID.rho
+
+
+def test_a_family_of_ones_own_says_what_a_site_takes():
+    clamp = [ao.Support("left")]
+    own, solid = (ao.Structure(parts.box((16, 4, 4)), m, clamp) for m in (Rubbery(), SOLID))
+    at, along = (0.1, 0.025, 0.04), (0, 0, -1)
+    given = functional(solid, ao.Site(at, along, radius=0.02))
+    taken = functional(own, ao.Site(at, along))
+    assert taken.radius == given.radius
+    np.testing.assert_allclose(taken.b, given.b, atol=1e-12)
+    with pytest.raises(ao.InputError, match="material must be a Solid"):
+        ao.Structure(parts.box(), SOLID.weak_form)

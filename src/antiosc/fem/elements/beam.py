@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import ufl
@@ -14,7 +14,15 @@ from antiosc.checks import array, flag, instance, number, poisson, positive, sto
 from antiosc.errors import InputError
 from antiosc.fem import compat
 from antiosc.fem.elements.material_axes import checked, shown_direction
-from antiosc.fem.elements.weak_form import Parts, WeakForm, coefficient, measure
+from antiosc.fem.elements.weak_form import (
+    Box,
+    Isotropic,
+    Kind,
+    Parts,
+    WeakForm,
+    coefficient,
+    measure,
+)
 from antiosc.fem.linalg.solvers import Array
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.mpi import agree
@@ -101,7 +109,7 @@ def _rectangle_torsion(width: float, height: float) -> float:
 
 
 @dataclass(frozen=True)
-class Beam:
+class Beam(Isotropic):
     """A straight-element beam on a mesh of lines, after Timoshenko or Euler and Bernoulli.
 
     Parameters
@@ -125,6 +133,9 @@ class Beam:
     Quadratic elements with two-point shear by default (`Structure(..., order=2)`); order=1 is
     the classical element with one-point shear, as in the article.
     """
+
+    kind: ClassVar[Kind] = Kind("beam", outside=False, point_load=True)
+    patch_radius: ClassVar[None] = None
 
     E: float
     nu: float
@@ -183,6 +194,11 @@ class Beam:
         """0: a beam has no local field, so Hertz's law stands alone."""
         return 0.0
 
+    def dimensions(self, box: Box, materials: Sequence[Beam]) -> Box:
+        """The length of the box; width and thickness of rectangles with the sections' A and I."""
+        thickness = min((12 * one.section.I / one.section.A) ** 0.5 for one in materials)
+        return box[0], max(one.section.A for one in materials) / thickness, thickness
+
 
 def _tangent(mesh: Mesh) -> Any:
     J = ufl.Jacobian(mesh.dolfinx)
@@ -228,7 +244,6 @@ def _plane(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
         mass=[motion * measure(mesh, 2 * order)],
         components={"x": (0,), "y": (1,), "rz": (2,)},
         density=rhoA,
-        patch=None,
         strains=(strains(w), degree),
     )
 
@@ -293,7 +308,6 @@ def on_lines(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
         mass=[motion * measure(mesh, 2 * order)],
         components={name: (i,) for i, name in enumerate(("x", "y", "z", "rx", "ry", "rz"))},
         density=rhoA,
-        patch=None,
         strains=(strains(w), degree),
     )
 

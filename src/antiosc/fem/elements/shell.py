@@ -17,7 +17,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from math import sqrt
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import ufl
@@ -28,7 +29,15 @@ from antiosc.fem import compat
 from antiosc.fem.elements.material_axes import Direction, axes_and_sides, checked
 from antiosc.fem.elements.mitc import dropped
 from antiosc.fem.elements.plate_section import Layer, PlateSection, stacked
-from antiosc.fem.elements.weak_form import Parts, WeakForm, coefficient, measure
+from antiosc.fem.elements.weak_form import (
+    Box,
+    Isotropic,
+    Kind,
+    Parts,
+    WeakForm,
+    coefficient,
+    measure,
+)
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.mpi import agree
 
@@ -37,10 +46,15 @@ FLAT = 1e-10
 #: Quadrilaterals: the fully integrated shares are t²/(t² + 10 h²) of the shear energy and
 #: t²/(t² + 1000 s²) of the membrane energy, s being the rise of a curved cell over its chords.
 FOR_SHEAR, FOR_MEMBRANE = 10.0, 1000.0
+#: Radius of a site's patch over the thickness, where none is given: that at which a plate deforms
+#: as a solid does without what its patch has of a half-space (demos/fidelity.py compares them).
+PATCH_RADIUS = 1.0
 
 
 class Sheet:
     """What `Shell` and `Laminate` share: the element, on one mesh for both kinds of section."""
+
+    kind: ClassVar[Kind] = Kind("sheet", outside=False, point_load=False, sheet=True)
 
     #: directions of 0° and of the last layer; None: any, and the normal of the cells
     axis: Direction | None = None
@@ -95,7 +109,6 @@ class Sheet:
             mass=mass,
             components={name: (i,) for i, name in enumerate(("x", "y", "z", "rx", "ry", "rz"))},
             density=section.I0,
-            patch="cells",
             moment=None if section.I1 is None else section.I1 * frame.n,
         )
 
@@ -103,9 +116,18 @@ class Sheet:
         """0: a sheet's thickness does not deform, so Hertz's law stands alone."""
         return 0.0
 
+    @property
+    def patch_radius(self) -> float:
+        """Radius of a site's patch where none is given, m."""
+        return PATCH_RADIUS * self.section.thickness
+
+    def dimensions(self, box: Box, materials: Sequence[Sheet]) -> Box:
+        """Length and width of the box; the least thickness."""
+        return box[0], box[1], min(one.section.thickness for one in materials)
+
 
 @dataclass(frozen=True)
-class Shell(Sheet):
+class Shell(Isotropic, Sheet):
     """An isotropic plate or shell, shear deformation and rotary inertia included.
 
     Parameters
@@ -198,6 +220,18 @@ class Laminate(Sheet):
     def thickness(self) -> float:
         """Sum of the layers' thicknesses, m."""
         return self.section.thickness
+
+    def bar_speed(self) -> float:
+        """√(E/ρ), m/s, of the mean E along the stiffer directions of the layers and mean ρ."""
+        stiffness = sum(max(layer.E1, layer.E2) * layer.thickness for layer in self.layers)
+        return sqrt(stiffness / sum(layer.rho * layer.thickness for layer in self.layers))
+
+    def constants(self) -> tuple[float, float, float]:
+        """InputError: layers have directions."""
+        raise InputError(
+            "advise needs an isotropic material; got a Laminate: give the dimensions, and "
+            "equivalent E, nu, rho of the part."
+        )
 
 
 class _Section(NamedTuple):

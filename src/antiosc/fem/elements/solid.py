@@ -2,20 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import ufl
 
 from antiosc.checks import choice, poisson, positive, store
 from antiosc.errors import InputError
 from antiosc.fem import compat
-from antiosc.fem.elements.weak_form import Parts, WeakForm, coefficient, measure
+from antiosc.fem.elements.weak_form import (
+    Box,
+    Isotropic,
+    Kind,
+    Parts,
+    WeakForm,
+    coefficient,
+    measure,
+)
 from antiosc.fem.mesh.mesh import Mesh
 
 
 @dataclass(frozen=True)
-class Solid:
+class Solid(Isotropic):
     """An isotropic linear-elastic solid.
 
     Parameters
@@ -31,6 +40,10 @@ class Solid:
     thickness : float
         Thickness of a 2-D part, m.
     """
+
+    kind: ClassVar[Kind] = Kind("solid", outside=True, point_load=False)
+    #: the compliance of a point grows without limit, but no radius is the right one everywhere
+    patch_radius: ClassVar[None] = None
 
     E: float
     nu: float
@@ -77,7 +90,6 @@ class Solid:
             mass=[depth * rho * ufl.inner(u, v) * measure(mesh, for_m)],
             components={name: (i,) for i, name in enumerate("xyz"[: mesh.gdim])},
             density=depth * rho,
-            patch="facets",
         )
 
     def half_space_compliance(self, cosine: float) -> float:
@@ -94,6 +106,13 @@ class Solid:
         normal = 0.6 * (1 - self.nu**2) / self.E
         tangential = 0.3 * (2 - self.nu) * (1 + self.nu) / self.E
         return cosine**2 * normal + (1 - cosine**2) * tangential
+
+    def dimensions(self, box: Box, materials: Sequence[Solid]) -> Box:
+        """The box; of a plane part the thickness is the material's."""
+        if self.plane is None:
+            return box
+        length, width, _ = box
+        return length, self.thickness, width
 
 
 def _check_plane(solid: Any, mesh: Mesh) -> None:

@@ -1,15 +1,16 @@
 """What an element family (Solid, Beam, …) gives to a Structure: its contract, and shared helpers.
 
-A family is the class of a material: a frozen dataclass of its constants with a method
-`weak_form(mesh, parts, order)`, where `parts` lists (material, cells) and `cells` are the
-cells of this rank that the material fills. All materials of one structure are of one family.
+A material is a frozen dataclass of its constants that answers as `Family` says. Its method
+`weak_form(mesh, parts, order)` gets `parts`, a list of (material, cells), where `cells` are the
+cells of this rank that the material fills. All materials of one structure are of one `Kind`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, Protocol
+from math import sqrt
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 import ufl
@@ -20,7 +21,8 @@ from antiosc.fem.compat import IntArray
 from antiosc.fem.mesh.mesh import Mesh
 
 Array = NDArray[np.float64]
-Parts = Sequence[tuple[Any, IntArray]]
+#: Length, width and thickness of a part, m, in falling order.
+Box = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -37,9 +39,6 @@ class WeakForm:
     components: Mapping[str, tuple[int, ...]]
     #: mass per unit of cell measure, a UFL expression (total mass = its integral)
     density: Any
-    #: where a patch of pressure lies: on exterior "facets" or on the "cells" themselves; None where
-    #: the compliance under a point load has a limit and no patch is needed
-    patch: Literal["facets", "cells"] | None
     #: mass moment per unit of cell measure about the mesh, kg/m along the normal (UFL vector),
     #: where the mass of a sheet does not lie in its middle
     moment: Any = None
@@ -65,8 +64,32 @@ class WeakForm:
         return sum(vector[i] * v[flat.index(n)] for i, n in enumerate(names) if n in flat)
 
 
+@dataclass(frozen=True)
+class Kind:
+    """What holds for all materials of one element family."""
+
+    name: str
+    #: whether an impactor touches the exterior facets of the mesh, or else the cells themselves
+    outside: bool
+    #: whether the compliance under a point load has a limit, so that a site takes no patch
+    point_load: bool
+    #: whether beams on edges of the cells may stiffen them
+    sheet: bool = False
+
+
+@runtime_checkable
 class Family(Protocol):
-    """A material that knows its weak form."""
+    """A material, and all that a structure must know of its element family."""
+
+    @property
+    def kind(self) -> Kind:
+        """The facts of the family; one structure has materials of one kind."""
+        ...
+
+    @property
+    def patch_radius(self) -> float | None:
+        """Radius (m) of a site's patch where none is given; None: a point."""
+        ...
 
     def weak_form(self, mesh: Mesh, parts: Parts, order: int) -> WeakForm:
         """The space and forms of `parts` on `mesh` with displacements of degree `order`."""
@@ -78,6 +101,41 @@ class Family(Protocol):
         `cosine`: of the angle between the load and the surface normal.
         """
         ...
+
+    def dimensions(self, box: Box, materials: Sequence[Any]) -> Box:
+        """Length, width and thickness (m) of a part with this `box` along the axes around it.
+
+        `materials`: all of the part, of this kind.
+        """
+        ...
+
+    def bar_speed(self) -> float:
+        """Speed √(E/ρ) of waves in a bar, m/s."""
+        ...
+
+    def constants(self) -> tuple[float, float, float]:
+        """(E [Pa], nu, rho [kg/m³]); InputError for a material with directions."""
+        ...
+
+
+#: (material, cells of this rank that it fills)
+Parts = Sequence[tuple[Any, IntArray]]
+
+
+class Isotropic:
+    """The constants of a material without directions, as `Family` asks for them."""
+
+    E: float
+    nu: float
+    rho: float
+
+    def bar_speed(self) -> float:
+        """Speed √(E/ρ) of waves in a bar, m/s."""
+        return sqrt(self.E / self.rho)
+
+    def constants(self) -> tuple[float, float, float]:
+        """(E [Pa], nu, rho [kg/m³])."""
+        return self.E, self.nu, self.rho
 
 
 def coefficient(mesh: Mesh, parts: Parts, value: Callable[[Any], float | Array]) -> Any:

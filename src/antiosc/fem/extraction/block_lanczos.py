@@ -88,7 +88,7 @@ class _Lanczos:
         self.exhausted = False
         rows = structure.K.getLocalSize()[0]
         random = np.random.default_rng(self._comm.rank).standard_normal((rows, BLOCK))
-        start = structure.factorization.solve_block(multiply(structure.M, random))
+        start = structure.factorize().solve_block(multiply(structure.M, random))
         self._next, self._m_next, _ = self._orthonormal(start)
 
     def advance(self) -> None:
@@ -96,7 +96,7 @@ class _Lanczos:
         V, MV = self._next, self._m_next
         width, size = V.shape[1], len(self._T)
         self._blocks.append(V)
-        Y = self._structure.factorization.solve_block(MV)
+        Y = self._structure.factorize().solve_block(MV)
         T = np.zeros((size + width, size + width))
         T[:size, :size] = self._T
         if size:

@@ -112,13 +112,13 @@ class ModeSolver:
         pc = ksp.getPC()
         pc.setType(PETSc.PC.Type.PYTHON)
         pc.setPythonContext(
-            _Free(structure.factorization)
+            _Free(structure.factorize())
             if self._pin is None
-            else _Constrained(structure.factorization, *self._pin)
+            else _Constrained(structure.factorize(), *self._pin)
         )
         rng = np.random.default_rng(structure.comm.rank)
         start = multiply(structure.M, rng.standard_normal(self._rows))
-        eps.setInitialSpace([self._vector(structure.factorization.solve(start))])
+        eps.setInitialSpace([self._vector(structure.factorize().solve(start))])
         known_shapes = [*self._rigid.T, *known.phi.T]
         if known_shapes:
             eps.setDeflationSpace([self._vector(shape) for shape in known_shapes])
@@ -175,7 +175,7 @@ class ModeSolver:
         structure = self._structure
         x = np.random.default_rng(structure.comm.rank).standard_normal(self._rows)
         for _ in range(4):
-            x = structure.factorization.solve(multiply(structure.M, x / norm(structure.comm, x)))
+            x = structure.factorize().solve(multiply(structure.M, x / norm(structure.comm, x)))
         return (
             float(dot(structure.comm, x, multiply(structure.K, x)))
             / float(dot(structure.comm, x, multiply(structure.M, x)))

@@ -60,7 +60,7 @@ class Lanczos:
         self, structure: Structure, site: Functional, static: StaticMode, room: int = CHUNK
     ) -> None:
         self._comm, self._M, self._shift = structure.comm, structure.M, structure.shift
-        self._A = structure.factorization.A
+        self._A = structure.factorize().A
         self._b, self._static = site.b, static
         self._most = structure.dofs - 1 - static.nodal.shape[1]
         #: basis vectors found
@@ -215,9 +215,7 @@ def by_krylov(
         done = {i: (run.modes(0), None) for i, run in enumerate(runs) if counts[i] == 0}
     while len(done) < len(runs):
         active = [i for i in range(len(runs)) if i not in done]
-        shapes = structure.factorization.solve_block(
-            np.column_stack([runs[i].load for i in active])
-        )
+        shapes = structure.factorize().solve_block(np.column_stack([runs[i].load for i in active]))
         for i, w in zip(active, shapes.T, strict=True):
             runs[i].advance(w)
             kept = _finished(runs[i], counts[i], tol, band, accuracy)

@@ -80,7 +80,7 @@ def static_mode(structure: Structure, site: Functional) -> StaticMode:
 def static_modes(structure: Structure, sites: Sequence[Functional]) -> list[StaticMode]:
     """The same for several sites, from one block of right-hand sides."""
     loads = np.column_stack([site.b for site in sites])
-    shapes = structure.factorization.solve_checked(loads)
+    shapes = structure.factorize().solve_checked(loads)
     return [
         _static_mode(structure, b, y)
         for b, y in zip(loads.T, np.asfortranarray(shapes).T, strict=True)
@@ -88,7 +88,7 @@ def static_modes(structure: Structure, sites: Sequence[Functional]) -> list[Stat
 
 
 def _static_mode(structure: Structure, b: Array, y: Array) -> StaticMode:
-    comm, factor, R = structure.comm, structure.factorization, structure.rigid_modes
+    comm, factor, R = structure.comm, structure.factorize(), structure.rigid_modes
     bAb = float(dot(comm, b, y))
     a = dot(comm, R, b)
     along = float(np.linalg.norm(a))

@@ -214,7 +214,7 @@ def _check(structure: Structure, modes: Modes) -> None:
     k_phi, m_phi = multiply(structure.K, modes.phi), multiply(structure.M, modes.phi)
     gram = dot(structure.comm, modes.phi, m_phi)
     off = k_phi - m_phi * modes.omega**2
-    left, size = np.split(structure.factorization.force_sizes(np.hstack([off, k_phi])), 2)
+    left, size = np.split(structure.factorize().force_sizes(np.hstack([off, k_phi])), 2)
     worst = {
         "orthogonality": np.abs(gram - np.eye(len(gram))).max(initial=0.0),
         "residual": (left / np.maximum(size, np.finfo(float).tiny)).max(initial=0.0),
@@ -263,7 +263,7 @@ def _left_out(
     """Static deflection under a unit force, at the site and everywhere, less that of the modes."""
     elastic = static.y
     if structure.rigid_modes.shape[1]:
-        elastic = beside_rigid(structure, structure.factorization, where.b)
+        elastic = beside_rigid(structure, structure.factorize(), where.b)
     compliance = float(dot(structure.comm, where.b, elastic))
     own = np.zeros_like(b)
     moving = modes.omega > 0

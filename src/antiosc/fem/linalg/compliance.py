@@ -71,7 +71,7 @@ def deflections(
 
 def _room(structure: Structure) -> bool:
     """Whether the factors that are made here fit in memory beside the structure's own."""
-    solver, comm = structure.factorization, structure.comm
+    solver, comm = structure.factorize(), structure.comm
     if not isinstance(solver, Factorization) or solver_choice.cholmod_refused(comm):
         return False
     more = min(comm.size, 2) * solver_choice.BYTES * solver.entries
@@ -93,7 +93,7 @@ def _twice(
 
     On several ranks each has a rank of its own, with a factor of the whole matrix.
     """
-    comm, solver = structure.comm, structure.factorization
+    comm, solver = structure.comm, structure.factorize()
     stiffer = structure.K, structure.shift + step, structure.M
     if isinstance(solver, OnOneRank):
         first = compliances(solver.cholesky, loads)
@@ -119,7 +119,7 @@ def _by_solves(structure: Structure, loads: scipy.sparse.csr_matrix) -> tuple[Ar
     for first in range(0, count, SOLVED):
         part = slice(first, first + SOLVED)
         B = loads[:, part].toarray()
-        Y = structure.factorization.solve_block(B)
+        Y = structure.factorize().solve_block(B)
         C[part] = structure.comm.allreduce(np.einsum("ij,ij->j", B, Y))
         G[part] = structure.comm.allreduce(np.einsum("ij,ij->j", Y, multiply(structure.M, Y)))
         log.info("%d of %d sites solved for", min(first + SOLVED, count), count)

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from math import sqrt
-from typing import Any
+from typing import Protocol
 
 from antiosc.errors import warn
 
@@ -14,7 +13,15 @@ SLOWEST, FASTEST = 50.0, 20_000.0
 LONGEST = 100.0
 
 
-def tell_of_units(extent: float, materials: Iterable[Any]) -> None:
+class Material(Protocol):
+    """What is asked of a material here."""
+
+    def bar_speed(self) -> float:
+        """Speed √(E/ρ) of waves in a bar, m/s."""
+        ...
+
+
+def tell_of_units(extent: float, materials: Iterable[Material]) -> None:
     """Warn where a part of this extent (m) or one of its materials cannot well be meant in SI.
 
     Parameters
@@ -29,19 +36,10 @@ def tell_of_units(extent: float, materials: Iterable[Any]) -> None:
             "millimetres must be scaled by 1e-3."
         )
     for material in materials:
-        speed = _speed(material)
+        speed = material.bar_speed()
         if not SLOWEST <= speed <= FASTEST:
             warn(
                 f"waves run through a {type(material).__name__} of this part at √(E/ρ) = "
                 f"{speed:.3g} m/s, outside {SLOWEST:g} to {FASTEST:g}: units are SI, E in Pa and "
                 "rho in kg/m³ (steel: 210e9 and 7850)."
             )
-
-
-def _speed(material: Any) -> float:
-    """√(E/ρ), m/s; of a laminate by its mean E along its stiffer directions and its mean ρ."""
-    layers = getattr(material, "layers", None)
-    if layers is None:
-        return sqrt(material.E / material.rho)
-    stiffness = sum(max(layer.E1, layer.E2) * layer.thickness for layer in layers)
-    return sqrt(stiffness / sum(layer.rho * layer.thickness for layer in layers))

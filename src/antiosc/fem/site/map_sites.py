@@ -17,7 +17,7 @@ from antiosc.fem.mesh.closest_point import closest_many
 from antiosc.fem.mesh.surface import Faces
 from antiosc.fem.site.site import ON_STRUCTURE
 from antiosc.fem.site.sites import Sites, located, tell
-from antiosc.fem.structure.structure import Structure
+from antiosc.fem.structure.meshed import MeshedStructure
 
 #: A site with less than this share of its load on dofs that can move is held by the supports.
 CONSTRAINED = 0.05
@@ -40,14 +40,12 @@ class Ground:
 
 
 def sites_of(
-    structure: Structure, where: Any, direction: Sequence[float] | None, radius: float | None
+    structure: MeshedStructure, where: Any, direction: Sequence[float] | None, radius: float | None
 ) -> tuple[Sites, IntArray, int]:
     """The sites that a map is asked for, without those that the supports hold.
 
     Returns (sites, elements between them, how many were asked for).
     """
-    if structure.mesh is None:
-        raise InputError("a map needs a mesh: matrices have no points.")
     along = None if direction is None else _unit(direction)
     if radius is not None:
         positive("radius", radius, "m")
@@ -57,7 +55,7 @@ def sites_of(
         else _given(structure, where, along)
     )
     count = len(ground.points)
-    if along is None and structure.meshed()[1].patch != "facets":
+    if along is None and not structure.kind.outside:
         raise InputError(
             "shells and beams have no outside: give the direction of impact, direction=(0, 0, -1)."
         )
@@ -76,10 +74,9 @@ def sites_of(
     return found, elements, count
 
 
-def surface(structure: Structure, group: str | None) -> Ground:
+def surface(structure: MeshedStructure, group: str | None) -> Ground:
     """The vertices of a group of facets (of cells on shells and beams); None: all there are."""
-    mesh, form = structure.meshed()
-    outside = form.patch == "facets"
+    mesh, outside = structure.mesh, structure.kind.outside
     faces = Faces(mesh, not outside)
     own = np.ones(len(faces.facets), dtype=bool)
     if group is not None:
@@ -116,7 +113,7 @@ def _unit(direction: Sequence[float]) -> Array:
     return along / np.linalg.norm(along)
 
 
-def _given(structure: Structure, points: Any, along: Array | None) -> Ground:
+def _given(structure: MeshedStructure, points: Any, along: Array | None) -> Ground:
     """Points of the structure that the caller gave."""
     if along is None:
         raise InputError("points need the direction of impact, as direction=(0, 0, -1).")
@@ -126,7 +123,7 @@ def _given(structure: Structure, points: Any, along: Array | None) -> Ground:
     if at.ndim != 2 or at.shape[1] not in (2, 3):
         raise InputError(f"where must list points of 2 or 3 coordinates; got shape {at.shape}.")
     at = np.pad(at, ((0, 0), (0, 3 - at.shape[1])))
-    mesh = structure.meshed()[0]
+    mesh = structure.mesh
     nearest = closest_many(mesh, at)
     off = np.flatnonzero(nearest.distance > ON_STRUCTURE * mesh.extent())
     if len(off):

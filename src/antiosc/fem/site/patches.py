@@ -17,7 +17,7 @@ from antiosc.fem import compat
 from antiosc.fem.compat import IntArray
 from antiosc.fem.linalg.solvers import Array
 from antiosc.fem.mesh.surface import Contact, Faces
-from antiosc.fem.structure.structure import Structure
+from antiosc.fem.structure.meshed import MeshedStructure
 
 #: Rings of a disc's rule beside those that its cells ask for, and the most there may be.
 RINGS, MOST = 4, 24
@@ -129,12 +129,12 @@ def _laid(
     return Points(part[at], faces.cells[face[mine]], reference, weight), share
 
 
-def loads(structure: Structure, points: Points, directions: Array) -> scipy.sparse.csr_matrix:
+def loads(structure: MeshedStructure, points: Points, directions: Array) -> scipy.sparse.csr_matrix:
     """b of P sites as columns (rows of this rank, P), fixed dofs included: Σ w φ(X)·d.
 
     `directions` (P, 3) are the unit directions of the forces.
     """
-    mesh, form = structure.meshed()
+    mesh, form = structure.mesh, structure.form
     rows, sites, values = [], [], []
     # one entry for each site and cell: the moments of its points with each basis function
     key, pair = np.unique(points.site * mesh.n_cells + points.cell, return_inverse=True)
@@ -157,20 +157,19 @@ def loads(structure: Structure, points: Points, directions: Array) -> scipy.spar
 
 
 def _columns(
-    structure: Structure,
+    structure: MeshedStructure,
     rows: list[IntArray],
     sites: list[IntArray],
     values: list[Array],
     count: int,
 ) -> scipy.sparse.csr_matrix:
     """The sparse matrix of entries at dofs of this rank, ghosts included, sent to their owners."""
-    _, form = structure.meshed()
     size = structure.K.getLocalSize()[0]
     row = np.concatenate([np.zeros(0, dtype=np.int32), *rows]).astype(np.int64)
     site = np.concatenate([np.zeros(0, dtype=int), *sites])
     value = np.concatenate([np.zeros(0), *values])
     ghost = row >= size
-    sent = (compat.global_dofs(form.space, row[ghost]), site[ghost], value[ghost])
+    sent = (compat.global_dofs(structure.form.space, row[ghost]), site[ghost], value[ghost])
     first = structure.K.getOwnershipRange()[0]
     entries = [(row[~ghost], site[~ghost], value[~ghost])]
     for number, at, what in structure.comm.allgather(sent):

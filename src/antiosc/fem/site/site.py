@@ -7,7 +7,7 @@ patches with Hertz's pressure.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,6 +21,7 @@ from antiosc.fem.linalg.solvers import Array, norm
 from antiosc.fem.mesh import closest_point
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.site.sites import Sites, located, tell
+from antiosc.fem.structure.meshed import MeshedStructure, on_mesh
 from antiosc.fem.structure.structure import Structure
 
 #: A point counts as on the structure up to this share of the structure's size.
@@ -121,9 +122,10 @@ def functionals(structure: Structure, sites: Sequence[Site]) -> list[Functional]
         finds no surface, a site that the supports hold.
     """
     at_points = [site for site in sites if site.point is not None]
-    if at_points and structure.mesh is None:
-        raise InputError("matrices have no points: use Site(dof=i) or Site(vector=b).")
-    found = iter(_at_points(structure, at_points) if at_points else [])
+    found: Iterator[Functional] = iter(())
+    if at_points:
+        meshed = on_mesh(structure, "matrices have no points: use Site(dof=i) or Site(vector=b).")
+        found = iter(_at_points(meshed, at_points))
     return [_algebraic(structure, site) if site.point is None else next(found) for site in sites]
 
 
@@ -147,10 +149,10 @@ def _algebraic(structure: Structure, site: Site) -> Functional:
     return Functional(b)
 
 
-def _at_points(structure: Structure, sites: Sequence[Site]) -> list[Functional]:
+def _at_points(structure: MeshedStructure, sites: Sequence[Site]) -> list[Functional]:
     """b of sites at points, all at once."""
-    mesh, form = structure.meshed()
-    given = [_in_space(mesh, form, site) for site in sites]
+    mesh = structure.mesh
+    given = [_in_space(mesh, structure.form, site) for site in sites]
     points, directions = (np.array(each) for each in zip(*given, strict=True))
     nearest = closest_point.closest_many(mesh, points)
     extent = mesh.extent()

@@ -15,11 +15,8 @@ from antiosc.fem.mesh.closest_point import ClosestPoints, closest, closest_many,
 from antiosc.fem.mesh.surface import Faces
 from antiosc.fem.mpi import warn
 from antiosc.fem.site.patches import Points, loads, patches
-from antiosc.fem.structure.structure import Structure
+from antiosc.fem.structure.meshed import MeshedStructure
 
-#: Radius of a shell's patch over its thickness, where none is given: that at which a plate deforms
-#: as a solid does without what its patch has of a half-space (demos/fidelity.py compares them).
-SHEET_RADIUS = 1.0
 #: A point lies on a sheet up to this share of the structure's size.
 ON_SHEET = 1e-6
 #: A patch is whole with this share of its load on the face, resolved by faces up to this times its
@@ -57,7 +54,7 @@ class Sites:
 
 
 def located(
-    structure: Structure,
+    structure: MeshedStructure,
     points: Array,
     directions: Array,
     radii: Array,
@@ -65,28 +62,30 @@ def located(
 ) -> Sites:
     """Sites at points (P, 3) of the structure, struck along unit directions (P, 3).
 
-    `radii` (P,) are those of the patches; NaN is a point, on a sheet a patch of its thickness.
+    `radii` (P,) are those of the patches; NaN is what the material takes: a point, or on a sheet a
+    patch of its thickness.
     `nearest`, the cells that hold the points, are found where they are not given.
     """
-    mesh, form = structure.meshed()
+    mesh, kind = structure.mesh, structure.kind
     count, radii = len(points), np.array(radii, dtype=float)
     local, share, depth, size = np.zeros(count), np.ones(count), np.zeros(count), np.zeros(count)
     given = np.isfinite(radii)
-    if form.patch is None and given.any():
+    if kind.point_load and given.any():
         raise InputError(
             "a radius applies to solids and shells: under a beam's point load the compliance is "
             "finite, so leave radius=None."
         )
     found = []
-    patch = np.full(count, form.patch == "cells") | given
+    own_radii = [material.patch_radius for material, _ in structure.parts]
+    usual = np.array([np.nan if radius is None else radius for radius in own_radii])
+    patch = np.isfinite(usual).all() | given
     if patch.any():
-        faces = Faces(mesh, form.patch == "cells")
+        faces = Faces(mesh, not kind.outside)
         labels = structure.part_of_cells()[faces.cells]
-        if not given.all() and form.patch == "cells":
-            thickness = np.array([material.thickness for material, _ in structure.parts])
+        if not given[patch].all():
             near = np.full(count, ON_SHEET * mesh.extent())
             part = faces.contact(points, directions, near, labels).label
-            radii = np.where(given, radii, SHEET_RADIUS * thickness[part])
+            radii = np.where(given, radii, usual[part])
         contact = faces.contact(points[patch], directions[patch], radii[patch], labels)
         own, share[patch] = patches(faces, points[patch], radii[patch], contact)
         found.append(replace(own, site=np.flatnonzero(patch)[own.site]))
@@ -110,28 +109,28 @@ def located(
     return Sites(points, directions, B, radii, local, share, depth, size, moving)
 
 
-def _sums(structure: Structure, B: scipy.sparse.csr_matrix) -> Array:
+def _sums(structure: MeshedStructure, B: scipy.sparse.csr_matrix) -> Array:
     """Sum (P,) of each load's parts over all ranks, all taken as positive."""
     return np.asarray(structure.comm.allreduce(np.asarray(abs(B).sum(axis=0)).ravel()))
 
 
 def _points(
-    structure: Structure, points: Array, which: IntArray, nearest: ClosestPoints | None
+    structure: MeshedStructure, points: Array, which: IntArray, nearest: ClosestPoints | None
 ) -> Points:
     """The sites that are points, as points of this rank's cells."""
     at: IntArray = which
     if nearest is None:
-        nearest = closest_many(structure.meshed()[0], points[which])
+        nearest = closest_many(structure.mesh, points[which])
         at = np.arange(len(which))
     mine = nearest.rank[at] == structure.comm.rank
     at = at[mine]
     return Points(which[mine], nearest.cell[at], nearest.X[at], np.ones(len(at)))
 
 
-def tell(structure: Structure, sites: Sites) -> None:
+def tell(structure: MeshedStructure, sites: Sites) -> None:
     """Warn, on rank 0, of what makes the sites' compliances doubtful."""
-    mesh, form = structure.meshed()
-    if form.patch and np.isnan(sites.radii).any():
+    mesh, kind = structure.mesh, structure.kind
+    if not kind.point_load and np.isnan(sites.radii).any():
         first = np.flatnonzero(np.isnan(sites.radii))[0]
         size = size_at(mesh, closest(mesh, sites.points[first]))
         _warn(
@@ -141,7 +140,7 @@ def tell(structure: Structure, sites: Sites) -> None:
             f"there measures {size:.2g} m; its radius should not be smaller).",
         )
     coarse = sites.size > RESOLVED * sites.radii
-    if coarse.any() and form.patch == "facets":
+    if coarse.any() and kind.outside:
         i = int(np.argmax(np.where(coarse, sites.size / sites.radii, 0.0)))
         _warn(
             structure,
@@ -172,5 +171,5 @@ def _at(which: NDArray[np.bool_]) -> str:
     return "" if len(which) == 1 else f" at {int(which.sum())} of {len(which)} sites"
 
 
-def _warn(structure: Structure, message: str) -> None:
+def _warn(structure: MeshedStructure, message: str) -> None:
     warn(structure.comm, message, AccuracyWarning)

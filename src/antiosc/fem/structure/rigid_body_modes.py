@@ -73,10 +73,8 @@ def of_mesh(
     return motions, SHIFT * _first_elastic(comm, K, M, fields, motions)
 
 
-def motions(form: WeakForm | None, K: PETSc.Mat) -> Array:
-    """Rigid-body motions of the unsupported body (rows of this rank, r); none without a mesh."""
-    if form is None:
-        return np.zeros((K.getLocalSize()[0], 0))
+def motions(form: WeakForm, K: PETSc.Mat) -> Array:
+    """Rigid-body motions of the unsupported body (rows of this rank, r)."""
     fields, rigid_count = _fields(form, K.getComm().tompi4py())
     return fields[:, :rigid_count]
 

@@ -1,0 +1,230 @@
+"""`MeshedStructure`: a structure with the mesh and the weak form that its matrices come from."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from antiosc.checks import array, shown, whole
+from antiosc.errors import InputError
+from antiosc.fem import compat
+from antiosc.fem.compat import IntArray
+from antiosc.fem.elements.weak_form import Box, Family, Kind, Parts, WeakForm, measure
+from antiosc.fem.linalg.solver_choice import Choice, checked_choice
+from antiosc.fem.linalg.solvers import Array, dot, multiply
+from antiosc.fem.linalg.strains import attach
+from antiosc.fem.mesh.mesh import Mesh
+from antiosc.fem.mesh.units import tell_of_units
+from antiosc.fem.mpi import bounds, warn
+from antiosc.fem.structure import remaining_motions, rigid_body_modes
+from antiosc.fem.structure.attachments import Matrices, PointMass, Spring, add_at_points, add_beams
+from antiosc.fem.structure.materials import divided, parts_of
+from antiosc.fem.structure.structure import Structure
+from antiosc.fem.structure.support import NO_DOFS, Support, held_dofs
+from antiosc.models.motion import Inertia
+
+
+class MeshedStructure(Structure):
+    """K and M of a mesh.
+
+    Attributes
+    ----------
+    mesh : Mesh
+    form : WeakForm
+        That was assembled on it.
+    parts : sequence of (material, cells of this rank)
+    """
+
+    mesh: Mesh
+    form: WeakForm
+    parts: Parts
+    _mass: float
+    #: M e for unit accelerations e along x, y, z, of the attachments alone (rows of this rank, 3)
+    _attached_inertia: Array
+
+    @property
+    def comm(self) -> MPI.Comm:
+        """The MPI communicator that shares the mesh."""
+        return self.mesh.comm
+
+    @property
+    def kind(self) -> Kind:
+        """The facts of the element family that all its materials are of."""
+        return self._material.kind
+
+    @property
+    def _material(self) -> Family:
+        material: Family = self.parts[0][0]
+        return material
+
+    def _rigid_motions(self) -> Array:
+        return rigid_body_modes.motions(self.form, self.K)
+
+    @property
+    def mass(self) -> float:
+        """Total mass in kg."""
+        return self._mass
+
+    @property
+    def dimensions(self) -> Box:
+        """Length, width and thickness of the part, m; see `Structure.dimensions`."""
+        low, high = bounds(self.comm, self.mesh.dolfinx.geometry.x)
+        length, width, thickness = sorted((float(e) for e in high - low), reverse=True)
+        materials = [material for material, _ in self.parts]
+        return self._material.dimensions((length, width, thickness), materials)
+
+    def constants(self) -> tuple[float, float, float]:
+        """(E [Pa], nu, rho [kg/m³]) of the first material; InputError for one with directions."""
+        return self._material.constants()
+
+    def uniform_inertia(self, direction: Array) -> Array | None:
+        """Me on the rows of this rank for e, a unit uniform motion along `direction` (3,)."""
+        direction = array("direction", direction, (3,))
+        along = compat.constant(self.mesh.dolfinx, direction)
+        load = self.form.momentum(along) * measure(self.mesh, 5)
+        own = compat.assemble_functional(load, self.form.space)
+        return np.asarray(own[: len(self._attached_inertia)] + self._attached_inertia @ direction)
+
+    @cached_property
+    def rigid_inertia(self) -> tuple[Inertia, Array] | None:
+        """The whole body's inertia and M r of its rigid motions r; see `Structure`."""
+        if not self.rigid_modes.shape[1]:
+            return None
+        low, high = bounds(self.comm, self.mesh.dolfinx.geometry.x)
+        point = (low + high) / 2
+        motions = rigid_body_modes.about(self.form, point)
+        loads = multiply(self.M, motions)
+        owned = self.fixed[self.fixed < len(motions)]
+        if self.comm.allreduce(len(owned)):
+            # M has no entries on the held dofs, whose mass moves with a motion of the whole body
+            whole = compat.assemble(self.form.mass, self.form.space, {}, 0.0)
+            free = motions.copy()
+            free[owned] = 0.0
+            kept = multiply(whole, free)
+            kept[owned] = 0.0
+            loads += multiply(whole, motions) - kept
+        S = dot(self.comm, motions, loads)
+        return Inertia(point, (S + S.T) / 2, np.zeros((0, 6))), loads
+
+    def part_of_cells(self) -> IntArray:
+        """Number in `parts` of the material of each cell of this rank, ghosts included."""
+        imap = compat.cell_map(self.mesh.dolfinx)
+        part = np.zeros(imap.size_local + imap.num_ghosts, dtype=int)
+        for number, (_, cells) in enumerate(self.parts):
+            part[cells] = number
+        return part
+
+    def describe(self) -> str:
+        """One line: what was modelled and with how many dofs."""
+        family = " and ".join(sorted({type(material).__name__ for material, _ in self.parts}))
+        return (
+            f"{self.mesh.name}: {self.mesh.n_cells} {self.mesh.cell} cells, {family}, "
+            f"{self.dofs} dofs, {self.rigid_modes.shape[1]} rigid-body modes"
+        )
+
+
+def on_mesh(
+    structure: Structure,
+    otherwise: str = "matrices carry no mesh: build the Structure of one for this.",
+) -> MeshedStructure:
+    """`structure`, which must have a mesh; InputError that says `otherwise` for matrices."""
+    if not isinstance(structure, MeshedStructure):
+        raise InputError(otherwise)
+    return structure
+
+
+def assembled(
+    mesh: Mesh,
+    material: Family | Mapping[str, Family],
+    supports: Sequence[Support],
+    *,
+    order: int,
+    attached: Sequence[PointMass | Spring],
+    solver: Choice,
+) -> MeshedStructure:
+    """The structure of a mesh; parameters and errors are those of `Structure`."""
+    if not isinstance(mesh, Mesh):
+        raise InputError(f"mesh must come from read_mesh; got {type(mesh).__name__}.")
+    order = whole("order", order)
+    if order not in (1, 2):
+        raise InputError(f"order must be 1 or 2; got {order}.")
+    started = time.perf_counter()
+    self = object.__new__(MeshedStructure)
+    self._solver = checked_choice(solver)
+    self.mesh = mesh
+    cells, beams = divided(mesh, material)
+    self.parts = parts_of(mesh, cells)
+    stiffeners = [beam for _, beam, _ in beams]
+    tell_of_units(mesh.extent(), [*(one for one, _ in self.parts), *stiffeners])
+    self.form = form = self.parts[0][0].weak_form(mesh, self.parts, order)
+    held = held_dofs(mesh, form, supports)
+    self.K = compat.assemble(form.stiffness, form.space, held, 1.0)
+    self.M = compat.assemble(form.mass, form.space, held, 0.0)
+    self.fixed = np.unique(np.concatenate([NO_DOFS, *held.values()]))
+    owned = self.fixed[self.fixed < compat.local_size(form.space)]
+    self.dofs = self.K.getSize()[0] - self.comm.allreduce(len(owned))
+    if self.dofs == 0:
+        raise InputError("the supports fix every dof of the structure: nothing can move.")
+    self._mass = compat.integrate(form.density * measure(mesh, 5), mesh.dolfinx)
+    # What is added to K, apart where K is taken by its strains.
+    rest = self.K if form.strains is None else _zeros_like(self.K)
+    to = Matrices(mesh, form, rest, self.M, self.fixed)
+    added = [add_beams(to, name, beam, edges) for name, beam, edges in beams]
+    added += [add_at_points(to, one) for one in _checked(attached)]
+    if form.strains is not None:
+        strains, degree = form.strains
+        S = compat.strain_matrix(strains, degree, form.space, held)
+        _take_by_strains(self.K, S, rest, self.fixed)
+    self._mass += sum(one.mass for one in added)
+    self._attached_inertia = sum(
+        (one.inertia for one in added), np.zeros((self.K.getLocalSize()[0], 3))
+    )
+    springs = np.column_stack([self._attached_inertia[:, :0], *(one.springs for one in added)])
+    self.rigid_modes, self._first_shift = rigid_body_modes.of_mesh(
+        form, self.fixed, self.K, self.M, springs
+    )
+    if held and self.rigid_modes.shape[1]:
+        motions = remaining_motions.described(mesh, form, self.rigid_modes)
+        warn(
+            mesh.comm,
+            f"the supports leave the structure free to move as a rigid body: {motions}; hold "
+            "that too if it is not meant.",
+        )
+    self.seconds = {"assembly": time.perf_counter() - started}
+    return self
+
+
+def _take_by_strains(K: PETSc.Mat, S: PETSc.Mat, rest: PETSc.Mat, fixed: IntArray) -> None:
+    """Add `rest` to K, and let products with K be taken by S, its strains."""
+    K.axpy(1.0, rest, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
+    first, last = rest.getOwnershipRange()
+    for dof in fixed[fixed < last - first]:
+        rest.setValue(first + dof, first + dof, 1.0)
+    rest.assemble()
+    attach(K, S, rest)
+
+
+def _zeros_like(matrix: PETSc.Mat) -> PETSc.Mat:
+    result = matrix.duplicate()
+    result.zeroEntries()
+    return result
+
+
+def _checked(attached: Any) -> Sequence[PointMass | Spring]:
+    items = [attached] if isinstance(attached, PointMass | Spring) else attached
+    if not isinstance(items, Sequence):
+        raise InputError(
+            f"attached must be a list of PointMass and Spring objects; got {shown(attached)}."
+        )
+    for one in items:
+        if not isinstance(one, PointMass | Spring):
+            raise InputError(
+                f"attached must hold PointMass and Spring objects; got {type(one).__name__}."
+            )
+    return items
