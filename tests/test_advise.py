@@ -9,6 +9,7 @@ import pytest
 
 import antiosc as ao
 from antiosc.advice import advise
+from antiosc.closed_form import UniformBeam, free_free
 from antiosc.closed_form.plates import SupportedPlate
 from antiosc.errors import InputError
 from paths import demo
@@ -144,3 +145,23 @@ def test_the_advised_element_is_fine_enough():
     advised, fine, coarse = (force(k * advice.element_size) for k in (1, 0.5, 4))
     assert np.linalg.norm(advised - fine) < 1e-2 * np.linalg.norm(fine)
     assert np.linalg.norm(coarse - fine) > 2 * np.linalg.norm(advised - fine)
+
+
+def test_limits_are_half_of_the_frequencies_at_which_a_family_fails():
+    """A free strip across the beam, in plane strain, and the first thickness shear of the plate."""
+    width, thickness = 0.05, 0.004
+    limits = advise((0.3, width, thickness), sphere(10e-3, 1.0), **STEEL).limits
+    across = UniformBeam.euler_bernoulli(
+        E=STEEL["E"] / (1 - STEEL["nu"] ** 2),
+        rho=STEEL["rho"],
+        area=thickness,
+        inertia=thickness**3 / 12,
+        length=width,
+    )
+    deforms = free_free(across, 0.13 * width).natural_frequencies(3)
+    first = deforms[deforms > 1.0][0] / (2 * np.pi)
+    assert limits["beam"] == pytest.approx(first / 2, rel=1e-4)
+    # half a wave of shear over the thickness
+    shear = np.sqrt(STEEL["E"] / 2 / (1 + STEEL["nu"]) / STEEL["rho"])
+    assert limits["shell"] == pytest.approx(shear / (2 * thickness) / 2, rel=1e-12)
+    assert limits["solid"] == np.inf

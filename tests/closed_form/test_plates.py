@@ -116,3 +116,17 @@ def test_numbers_of_half_waves_that_do_not_fit_together_are_refused():
     assert plate.kirchhoff(np.arange(1, 4)[:, None], np.arange(1, 3)).shape == (3, 2)
     with pytest.raises(InputError, match=r"arrays of shapes that fit; got \(3,\), \(2,\)"):
         plate.kirchhoff([1, 2, 3], [1, 2])
+
+
+def test_zeners_impedance_is_that_of_the_plate_without_reflections():
+    """At ω² = -s² waves die out: beyond the first, a finite plate is an infinite one.
+
+    F/v = 8√(Dρh) there, so that F/w = 8√(Dρh) s; λ = m/(8√(Dρh) time_unit).
+    """
+    plate = SupportedPlate(E=70e9, nu=0.3, rho=2700.0, thickness=2e-3, a=1.0, b=1.0)
+    s = 6000.0
+    impedance = 1 / (s * plate.receptance(0.5, 0.5, -(s**2)).real)
+    mass, velocity, stiffness = 0.02, 1.5, 2e9
+    lam = zener.inelasticity(mass, velocity, stiffness, plate.D, plate.surface_density)
+    time = zener.time_unit(mass, velocity, stiffness)
+    assert mass / (lam * time) == pytest.approx(impedance, rel=1e-4)

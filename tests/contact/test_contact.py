@@ -349,3 +349,23 @@ def test_a_force_that_does_not_settle_is_told():
 def test_a_damping_factor_of_single_precision_is_a_number_like_others():
     """NumPy 2 would compute all that follows in single precision."""
     assert restitution_of(np.float32(1.0)) == restitution_of(1.0)
+
+
+@pytest.mark.parametrize(
+    ("law", "lasting"),
+    [
+        (ao.TanSun(1e9, 1e-5, slope=0.3), lambda deepest: 0.3 * (deepest - 1e-5)),
+        (ao.YangSun(1e9, 1e-5), lambda deepest: deepest - 1e-5**0.4 * deepest**0.6),
+    ],
+    ids=["tan-sun", "yang-sun"],
+)
+@pytest.mark.parametrize("speed", [0.5, 3.0])
+def test_permanent_indentation_of_a_laminate_takes_energy(law, lasting, speed):
+    """A mass on a rigid body: m v²/2 = (2/5) F δm loads, F (δm - δp)/(7/2) comes back."""
+    mass = 0.1
+    deepest = (1.25 * mass * speed**2 / 1e9) ** 0.4
+    assert deepest > 1e-5
+    back = (1 - lasting(deepest) / deepest) * 5 / 7
+    hit = ao.simulate(rigid(1e9), ao.RigidMass(mass, speed), law, 2e-3, tol=1e-5)
+    assert hit.indentation.max() == pytest.approx(deepest, rel=1e-4)
+    assert hit.restitution == pytest.approx(np.sqrt(back), rel=1e-3)

@@ -472,7 +472,7 @@ def test_bad_body(make, says):
         make()
 
 
-def test_runs_without_the_finite_element_packages():
+def test_runs_without_the_finite_element_packages_and_loads_little():
     script = """
 import sys
 class Blocked:
@@ -485,6 +485,8 @@ import antiosc as ao
 model = ao.AntiOscillators(m0=0.1, k0=1e5, m=[0.2], omega=[1e3])
 hit = ao.simulate(model, ao.RigidMass(0.1, 1.0), ao.Hertz(1e8), 5e-3)
 assert hit.peak_force > 0
+late = {"scipy.optimize", "scipy.integrate", "scipy.interpolate", "scipy.spatial"}
+assert not late & sys.modules.keys(), late & sys.modules.keys()
 try:
     ao.read_mesh
 except ao.MissingDependencyError as error:

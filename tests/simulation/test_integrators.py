@@ -9,6 +9,7 @@ from scipy.linalg import expm
 import antiosc as ao
 from antiosc.simulation.history import force_difference
 from antiosc.simulation.integrators import FIXED_STEP
+from antiosc.simulation.integrators.problem import Problem
 from antiosc.simulation.integrators.propagator import Propagator
 from rates import observed_order
 
@@ -161,3 +162,32 @@ class TestPropagator:
         for t in (1e-3, 0.7, 5.0):
             assert plain.step_and_ramp(t)[1] == pytest.approx(faint.step_and_ramp(t)[1], rel=1e-9)
             assert pytest.approx(faint.motion(t).S, rel=1e-9) == plain.motion(t).S
+
+
+@pytest.mark.parametrize("omega", [0.0, 800.0])
+def test_a_mode_under_its_weight_and_a_linear_force(omega):
+    """x'' + ω² x = g - β F(t) with F from f0 to f1, by hand: the particular solution and its rest.
+
+    With ω = 0 the mode falls, x = g t²/2; with ω > 0 it hangs at g/ω².
+    """
+    g, beta, f0, f1, end = 9.81, 0.7, 3.0, 5.0, 2e-3
+    problem = Problem(
+        omega=np.array([omega]), decay=np.zeros(1), beta=np.array([beta]), r=0.0,
+        load=np.array([g]), gap=0.0, q=np.zeros(1), v=np.zeros(1), law=ao.Linear(1e6),
+        resolution=1e-12,
+    )  # fmt: skip
+    x0, v0, slope = 1e-4, 0.02, (f1 - f0) / end
+    if omega == 0:
+        x = x0 + v0 * end + (g - beta * f0) * end**2 / 2 - beta * slope * end**3 / 6
+        v = v0 + (g - beta * f0) * end - beta * slope * end**2 / 2
+    else:
+        rest, rate = (g - beta * f0) / omega**2, -beta * slope / omega**2
+        c, s = np.cos(omega * end), np.sin(omega * end)
+        a, b = x0 - rest, (v0 - rate) / omega
+        x = rest + rate * end + a * c + b * s
+        v = rate + omega * (b * c - a * s)
+    start = np.array([x0]), np.array([v0])
+    found = problem.forced(*start, end, f0, f1)
+    assert (found[0][0], found[1][0]) == pytest.approx((x, v), rel=1e-10)
+    free, forced = problem.free(*start, end), problem.forced(*start, end, 0.0, 0.0)
+    np.testing.assert_allclose(np.ravel(forced), np.ravel(free), rtol=1e-12)

@@ -138,3 +138,24 @@ def test_other_bodies_cannot_be_truncated():
         ao.simulate(striker, striker, ao.Hertz(1e9), 1e-3, n=2)
     with pytest.raises(ao.InputError, match="0 < tol < 1"):
         choose_n(case_two(2)[0], struck(striker, ao.Hertz(1e9), 1e-3), tol=2.0)
+
+
+def test_estimate_is_twice_what_the_two_extremes_differ_by():
+    """What is left out follows the site rigidly, or hangs on one spring at the next frequency."""
+    whole, striker = case_two(6)
+    law, tol = ao.Hertz(HERTZ), 1e-4
+    short = whole.truncated(2)
+    run = struck(striker, law, 2e-3)
+    soft = ao.AntiOscillators(
+        m0=0.0,
+        k0=short.k0,
+        m=[*short.m, short.m0],
+        omega=[*short.omega, whole.omega[2]],
+    )
+    rigid, hung = (run(model, tol) for model in (short, soft))
+    apart = abs(hung.peak_force - rigid.peak_force) / max(hung.peak_force, rigid.peak_force)
+    estimate = truncation_error(short, run, next_omega=whole.omega[2], tol=tol)
+    assert estimate.worst >= estimate.peak_force >= 2 * (apart - tol) * (1 - 1e-9)
+    if estimate.peak_force > estimate.worst / 2:  # not raised to the share of the worst
+        assert estimate.peak_force == pytest.approx(2 * (apart - tol), rel=1e-6)
+    assert apart > 100 * tol

@@ -22,7 +22,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from antiosc import checks
 from antiosc.errors import AccuracyError, InputError
@@ -214,6 +213,8 @@ class SupportedPlate:
         )
 
     def _zero(self, x: float, y: float, low: float, high: float) -> float:
+        from scipy.optimize import brentq  # loaded where it is used: it takes long
+
         def value(omega2: float) -> float:
             return float(self.receptance(x, y, omega2).real)
 

@@ -15,7 +15,6 @@ from __future__ import annotations
 from math import sqrt
 
 import numpy as np
-from scipy.integrate import solve_ivp
 
 from antiosc import checks
 from antiosc.errors import InputError
@@ -63,6 +62,8 @@ def _solution(lam: float) -> tuple[float, float]:
     lam = checks.nonnegative("lam", lam)
     if lam > HIGHEST:
         raise InputError(f"lam must be at most {HIGHEST:g}: the restitution is 0; got {lam:g}.")
+
+    from scipy.integrate import solve_ivp  # loaded where it is used: it takes long
 
     def slope(_: float, state: np.ndarray) -> list[float]:
         root = sqrt(max(state[0], 0.0))

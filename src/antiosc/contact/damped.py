@@ -13,8 +13,6 @@ from dataclasses import dataclass, field
 from math import log1p
 from typing import ClassVar
 
-from scipy.optimize import brentq
-
 from antiosc import checks
 from antiosc.contact.base import ContactLaw, State
 from antiosc.contact.power import checked_exponent
@@ -127,6 +125,8 @@ class Gonthier(_Damped):
         if e == 1:
             return 0.0
 
+        from scipy.optimize import brentq  # loaded where it is used: it takes long
+
         def mismatch(d: float) -> float:
             return log1p(d) - d - (log1p(-e * d) + e * d)
 
@@ -143,6 +143,8 @@ def restitution_of(d: float) -> float:
     d = checks.nonnegative("d", d)
     if d == 0:
         return 1.0
+
+    from scipy.optimize import brentq  # loaded where it is used: it takes long
 
     def mismatch(e: float) -> float:
         return log1p(d) - d - (log1p(-e * d) + e * d)

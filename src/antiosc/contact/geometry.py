@@ -9,7 +9,6 @@ from __future__ import annotations
 from math import cos, pi, radians, sqrt
 
 import numpy as np
-from scipy.optimize import brentq
 from scipy.special import ellipkm1, elliprd
 
 from antiosc import checks
@@ -57,6 +56,8 @@ def _axes_ratio_squared(ratio: float) -> float:
     """(b/a)^2 of the contact ellipse from B/A >= 1."""
     if ratio <= 1 + 1e-12:
         return 1.0
+
+    from scipy.optimize import brentq  # loaded where it is used: it takes long
 
     def mismatch(log_m1: float) -> float:
         m1 = 10.0**log_m1

@@ -6,7 +6,6 @@ from bisect import bisect_right
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import PchipInterpolator
 
 from antiosc import checks
 from antiosc.contact.base import State
@@ -111,6 +110,8 @@ class _Curve:
     """Monotone cubic through points, as plain floats: quick for one value at a time."""
 
     def __init__(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> None:
+        from scipy.interpolate import PchipInterpolator  # loaded where it is used
+
         cubic = PchipInterpolator(x, y)
         self.x = x.tolist()
         self.c = cubic.c.T.tolist()

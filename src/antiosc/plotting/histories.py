@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.integrate import cumulative_trapezoid
 
 from antiosc import checks
 from antiosc.errors import InputError
@@ -135,7 +134,7 @@ def running_mean(time: ArrayLike, value: ArrayLike, window: float) -> tuple[Arra
     if t.size != y.size or t.size < 2 or np.any(np.diff(t) < 0):
         raise InputError("time must ascend, with one value for each of at least two times.")
     window = checks.positive("window", window, "s")
-    area = np.concatenate(([0.0], cumulative_trapezoid(y, t)))
+    area = np.concatenate(([0.0], np.cumsum(np.diff(t) * (y[1:] + y[:-1]) / 2)))
     at = np.linspace(t[0], t[-1], 400)
     low, high = np.maximum(at - window / 2, t[0]), np.minimum(at + window / 2, t[-1])
 

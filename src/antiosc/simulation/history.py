@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.integrate import cumulative_trapezoid
 
 from antiosc import checks
 from antiosc.errors import InputError
@@ -188,7 +187,8 @@ class History:
         q, v = self._modal_states
         p = self.problem
         stored, lost = self._contact_energy
-        braked = cumulative_trapezoid(np.sum(2 * p.decay * v**2, axis=1), self.time, initial=0.0)
+        power = np.sum(2 * p.decay * v**2, axis=1)
+        braked = np.append(0.0, np.cumsum(np.diff(self.time) * (power[:-1] + power[1:]) / 2))
         return Energy(
             kinetic=0.5 * np.sum(v**2, axis=1),
             strain=0.5 * np.sum((p.omega * q) ** 2, axis=1) + 0.5 * p.r * self.force**2,

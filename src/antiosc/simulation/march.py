@@ -277,21 +277,21 @@ def curve(kind: int, mode: int, delta: float, rate: float, par: Any, s: Any) -> 
         a, end = par[2], par[3]  # delta = a s^2 - c s^3 up to s = end, a straight line beyond
         reach = (a - c * end) * end * end
         if delta >= reach:
-            return end**3 + (delta - reach) / par[4], 1.0 / par[4], 0.0
+            return end * end * end + (delta - reach) / par[4], 1.0 / par[4], 0.0
         root = sqrt(delta / a)
         for _ in range(50):
             step = ((a - c * root) * root * root - delta) / ((2.0 * a - 3.0 * c * root) * root)
             root = min(root - step, end)
             if abs(step) <= 1e-9 * root:
                 break
-        return root**3, 1.0 / ((2.0 / 3.0) * a / root - c), 0.0
+        return root * root * root, 1.0 / ((2.0 / 3.0) * a / root - c), 0.0
     n = par[1]
     if n == 1.5:
         elastic = par[0] * delta * sqrt(delta)
     elif n == 1.0:
         elastic = par[0] * delta
     else:
-        elastic = par[0] * exp(n * log(delta))
+        elastic = par[0] * np.exp(n * log(delta))
     if kind == POWER:
         return elastic, n * elastic / delta, 0.0
     grip = 1.0 + s[0] * rate

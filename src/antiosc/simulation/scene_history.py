@@ -8,7 +8,6 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.integrate import cumulative_trapezoid
 
 from antiosc import checks
 from antiosc.contact import ContactLaw
@@ -223,6 +222,8 @@ class SceneHistory:
 
     def largest_rotation(self) -> tuple[str, float]:
         """The rigid body that turned most, and by how much [rad]; ("", 0) without one."""
+        if not any(isinstance(b.body, RigidBody) for b in self.assembly.bodies.values()):
+            return "", 0.0  # the motion of all bodies is dear to find
         turned = [
             (name, float(np.linalg.norm(body.rotation, axis=1).max()))
             for name, body in self.bodies.items()
@@ -271,7 +272,7 @@ class SceneHistory:
         time, system = self.run.time, self.assembly.system
         work = self._work_of_loads(q, v)
         power = np.sum(2 * system.decay * v**2, axis=1)
-        lost = np.diff(cumulative_trapezoid(power, time, initial=0.0))
+        lost = np.diff(time) * (power[:-1] + power[1:]) / 2
         pressed = np.any(self.run.force != 0.0, axis=1)
         still = ~(pressed[:-1:2] | pressed[1::2] | pressed[2::2])
         flight = np.repeat(still, 2)

@@ -19,6 +19,7 @@ import parts
 from antiosc.errors import AntioscWarning
 from antiosc.fem.mesh.surface import Faces
 from antiosc.fem.site.patches import patches
+from antiosc.fem.site.site import functional
 
 pytestmark = pytest.mark.fem
 
@@ -161,3 +162,48 @@ def test_rounding_does_not_turn_the_rule_of_a_patch():
         found.append(patches(faces, site, radii, turned)[0])
     np.testing.assert_array_equal(found[0].cell, found[1].cell)
     np.testing.assert_allclose(found[0].X, found[1].X, atol=1e-12)
+
+
+@pytest.mark.parametrize("cell", ["hexahedron", "tetrahedron"])
+def test_moments_of_hertzs_pressure(cell):
+    """Of a unit force p = (3/2πa²)√(1 - r²/a²): force 1, no moment, ∫p x² = a²/5, ∫p xy = 0.
+
+    Quadratic elements carry these fields exactly, so bᵀu is what the load does on them.
+    """
+    part = ao.Structure(parts.box((5, 5, 2), SIZE, cell), STEEL)
+    radius, x0, y0 = 0.01, 0.017, 0.022
+    b = functional(part, ao.Site((x0, y0, SIZE[2]), (0, 0, -1), radius=radius)).b
+    space = part.meshed()[1].space
+    x = space.tabulate_dof_coordinates()
+    load = b.reshape(-1, 3)[:, 2]
+    np.testing.assert_allclose(b.reshape(-1, 3)[:, :2], 0.0, atol=1e-12)
+    u, v = x[:, 0] - x0, x[:, 1] - y0
+    assert -load.sum() == pytest.approx(1.0, rel=1e-9)
+    assert load @ u == pytest.approx(0.0, abs=1e-9 * radius)
+    assert load @ v == pytest.approx(0.0, abs=1e-9 * radius)
+    assert load @ (u * v) == pytest.approx(0.0, abs=1e-3 * radius**2)
+    for square in (u * u, v * v):
+        assert -load @ square == pytest.approx(radius**2 / 5, rel=1e-3)
+
+
+def test_half_of_a_patch_on_an_edge_lies_on_the_face():
+    faces = Faces(parts.box((4, 4, 2), SIZE), False)
+    sites, down = np.array([TOP, (0.0, 0.02, 0.02)]), np.array([[0.0, 0.0, -1.0]] * 2)
+    radii, labels = np.array([0.01, 0.01]), np.zeros(len(faces.cells), dtype=int)
+    share = patches(faces, sites, radii, faces.contact(sites, down, radii, labels))[1]
+    assert share == pytest.approx([1.0, 0.5], rel=1e-12)
+
+
+@pytest.mark.parametrize("cell", ["hexahedron", "tetrahedron"])
+def test_derivatives_of_a_face_are_those_of_its_points(cell):
+    """Central differences of the positions, exact for faces of second order."""
+    mesh = parts.box((2, 2, 2), (1.0, 1.0, 1.0), cell)
+    mesh.dolfinx.geometry.x[:] = parts.bend(mesh.dolfinx.geometry.x)
+    faces = Faces(mesh, False)
+    every = np.arange(len(faces.facets))
+    xi, step = np.tile([0.3, 0.2], (len(every), 1)), 1e-4
+    _, derivatives = faces.at(every, xi)
+    for axis in (0, 1):
+        move = step * np.eye(2)[axis]
+        ahead, back = faces.at(every, xi + move)[0], faces.at(every, xi - move)[0]
+        np.testing.assert_allclose(derivatives[:, :, axis], (ahead - back) / (2 * step), atol=1e-8)

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import scipy.optimize
 from numpy.typing import NDArray
 
 from antiosc.fem import compat
@@ -147,6 +146,8 @@ def _closest_in(mesh: Mesh, cell: int, point: Array) -> ClosestPoint:
     if mesh.tdim == mesh.gdim or not excess(X, geometry.simplex)[0] <= INSIDE:
         X = clamped(X, geometry.simplex)
 
+        from scipy.optimize import minimize  # loaded where it is used: it takes long
+
         def objective(X: Array) -> tuple[float, Array]:
             x, J = at(X)
             gap = (x[0] - point) / scale
@@ -159,7 +160,7 @@ def _closest_in(mesh: Mesh, cell: int, point: Array) -> ClosestPoint:
             ]
         starts = [X[0]] if geometry.affine else [X[0], middle]
         results = [
-            scipy.optimize.minimize(
+            minimize(
                 objective,
                 start,
                 jac=True,

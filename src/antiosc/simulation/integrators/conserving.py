@@ -7,8 +7,6 @@ whatever the step; what damping and plasticity take is taken exactly as well.
 
 from __future__ import annotations
 
-from scipy.optimize import brentq
-
 from antiosc.contact import State
 from antiosc.errors import InputError
 from antiosc.simulation.integrators.onestep import Node, OneStep
@@ -57,6 +55,8 @@ class _Quotient:
         high = self.mean(free)
         if high <= 0.0:
             return 0.0
+
+        from scipy.optimize import brentq  # loaded where it is used: it takes long
 
         def excess(F: float) -> float:
             return F - self.mean(free - alpha * F)

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
 
 from antiosc.contact import State
 from antiosc.errors import InputError
@@ -44,6 +43,8 @@ class SolveIVP:
     def contact(
         self, problem: Problem, t: float, q: Array, v: Array, state: State, end: float
     ) -> Phase:
+        from scipy.integrate import solve_ivp  # loaded where it is used: it takes long
+
         law = problem.law
         if problem.r > 0 and law.rate_dependent:
             raise InputError(

@@ -7,7 +7,6 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from antiosc.contact import State
 from antiosc.simulation.integrators.problem import (
@@ -95,6 +94,8 @@ class OneStep(ABC):
     ) -> tuple[float, Node]:
         """The part of the step at whose end the indentation reaches the law's origin."""
         origin = problem.law.origin(state)
+
+        from scipy.optimize import brentq  # loaded where it is used: it takes long
 
         def above(part: float) -> float:
             return self.advance(problem, node, state, part).delta - origin
