@@ -600,11 +600,12 @@ def cube(session, path: Path, kernel: str) -> Path:
         "Point(1) = {0, 0, 0}; Point(2) = {1, 0, 0}; Point(3) = {1, 1, 0}; Point(4) = {0, 1, 0};"
         "Line(1) = {1, 2}; Line(2) = {2, 3}; Line(3) = {3, 4}; Line(4) = {4, 1};"
         "Curve Loop(1) = {1:4}; Plane Surface(1) = {1}; Extrude {0, 0, 1} { Surface{1}; }\n"
+        f"Mesh.ElementOrder = {2 if kernel == 'own, order 2' else 1};\n"
     )
     return path
 
 
-@pytest.mark.parametrize("kernel", ["occ", "own"])
+@pytest.mark.parametrize("kernel", ["occ", "own", "own, order 2"])
 def test_a_size_that_would_fill_the_machine_is_refused(tmp_path, session, kernel):
     path = cube(session, tmp_path / "cube", kernel)
     for size in (1e-30, 1e-12):
@@ -684,3 +685,19 @@ def test_damaged_files_are_refused_or_read(tmp_path, seed):
                 told.append(str(error))
     assert len(told) > 20
     assert not [t for t in told if "\n" in t or not t.endswith(".")]
+
+
+def test_the_reading_process_loads_neither_scipy_nor_dolfinx():
+    script = """
+import runpy, sys
+from pathlib import Path
+child = runpy.run_path(sys.argv[1])
+child["_hollow_packages"](Path(sys.argv[1]).parents[2])
+from antiosc.fem.readers.table import library_of, reader_of
+print(library_of("part.step"), reader_of("part.step").__name__)
+print(*{"scipy", "dolfinx", "petsc4py", "meshio"} & sys.modules.keys())
+"""
+    path = Path(isolation.__file__).with_name("child.py")
+    arguments = [sys.executable, "-c", script, str(path)]
+    done = subprocess.run(arguments, capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines() == ["gmsh generate", ""]

@@ -34,10 +34,10 @@ def main() -> None:
 
 
 def _hollow_packages(folder: Path) -> None:
-    """`antiosc` and `antiosc.fem` without what they import: dolfinx alone would take a second."""
-    for name, place in (("antiosc", folder), ("antiosc.fem", folder / "fem")):
+    """The packages that readers lie in, without what they import: dolfinx and SciPy take long."""
+    for name in ("antiosc", "antiosc.fem", "antiosc.fem.readers"):
         package = types.ModuleType(name)
-        package.__path__ = [str(place)]
+        package.__path__ = [str(folder.joinpath(*name.split(".")[1:]))]
         sys.modules[name] = package
 
 
