@@ -168,7 +168,7 @@ def test_remainder_is_the_error_itself_at_low_frequency(n, rng):
     static = static_mode(structure, where)
     run = Lanczos(structure, where, static)
     for _ in range(n + 1):  # what n steps leave out is known one step later
-        run.advance(structure.factorization.solve_block(run.load[:, None])[:, 0])
+        run.advance(structure.factorize().solve_block(run.load[:, None])[:, 0])
     share = 0.3
     x = 1j * np.array([share / run._ritz(run.steps)[0][0]])
     exact = 1 / (b @ np.linalg.solve(K - x[0] * M, b))
