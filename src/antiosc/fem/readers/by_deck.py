@@ -7,7 +7,12 @@ from pathlib import Path
 
 from antiosc.errors import MeshError
 from antiosc.fem.readers.conversion import as_mesh
-from antiosc.fem.readers.decks import abaqus_assembly, abaqus_model
+from antiosc.fem.readers.decks import (
+    abaqus_assembly,
+    abaqus_model,
+    nastran as nastran_deck,
+    nastran_model,
+)
 from antiosc.fem.readers.decks.deck import Deck, listed
 from antiosc.fem.readers.neutral import FileMesh
 from antiosc.fem.readers.request import Request
@@ -21,6 +26,15 @@ def abaqus(ask: Request) -> FileMesh:
         units = UnitSystem(*ask.unit)
         whole.deck.model = abaqus_model.model_of(whole, units, ask.model.get("density"))
     return _mesh(whole.deck)
+
+
+def nastran(ask: Request) -> FileMesh:
+    """Nastran bulk data (`.bdf`, `.nas`, `.fem`)."""
+    found = nastran_deck.read(Path(ask.path), ask.name, _patience(ask))
+    if ask.model is not None:
+        units = UnitSystem(*ask.unit)
+        found.deck.model = nastran_model.model_of(found, units, ask.model.get("density"))
+    return _mesh(found.deck)
 
 
 def _mesh(deck: Deck) -> FileMesh:

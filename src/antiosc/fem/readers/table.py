@@ -17,7 +17,10 @@ from antiosc.fem.readers.request import Request
 
 Reader = Callable[[Request], FileMesh]
 
-DECKS: dict[str, Reader] = {".inp": by_deck.abaqus}
+DECKS: dict[str, Reader] = {
+    ".inp": by_deck.abaqus,
+    **dict.fromkeys((".bdf", ".nas", ".fem"), by_deck.nastran),
+}
 READERS: dict[str, Reader] = {
     ".msh": by_gmsh.read,
     **DECKS,

@@ -43,7 +43,7 @@ def read_model(
     Parameters
     ----------
     path
-        A deck of Abaqus or CalculiX (`.inp`).
+        A deck of Abaqus or CalculiX (`.inp`), or of Nastran (`.bdf`, `.nas`, `.fem`).
     unit
         Units of the deck: "m" (SI), "mm" (mm, N, t, MPa), "cm" (cm, N), "in" (inch,
         pound-force, psi), or metres per unit of length (forces in N). Masses and densities

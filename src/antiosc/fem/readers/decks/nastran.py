@@ -1,0 +1,245 @@
+"""Nastran bulk data into nodes, elements and groups by property."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from antiosc.errors import MeshError
+from antiosc.fem.readers.decks.deck import Array, Block, Deck, IntArray, Numbering, Place
+from antiosc.fem.readers.decks.nastran_cards import Bulk, Entry, bulk_data, through
+from antiosc.fem.readers.decks.nastran_coordinates import Systems
+from antiosc.fem.readers.decks.sources import Sources
+from antiosc.fem.readers.shapes import CORNERS, EDGES
+
+#: Solids, whose nodes follow from field 2 on: shape, and the places of the middles of the edges.
+#: Nastran gives those of the upright edges before those of the top.
+SOLIDS = {
+    "CTETRA": ("tetra", (0, 1, 2, 3, 4, 5)),
+    "CPYRAM": ("pyramid", (0, 1, 2, 3, 4, 5, 6, 7)),
+    "CPYRA": ("pyramid", (0, 1, 2, 3, 4, 5, 6, 7)),
+    "CPENTA": ("wedge", (0, 1, 2, 6, 7, 8, 3, 4, 5)),
+    "CHEXA": ("hexahedron", (0, 1, 2, 3, 8, 9, 10, 11, 4, 5, 6, 7)),
+}
+#: Shells: shape, and whether they have middles of edges.
+SHELLS = {
+    "CTRIA3": ("triangle", False),
+    "CTRIAR": ("triangle", False),
+    "CTRIA6": ("triangle", True),
+    "CQUAD4": ("quad", False),
+    "CQUADR": ("quad", False),
+    "CQUAD8": ("quad", True),
+}
+BEAMS = ("CBAR", "CBEAM")
+RODS = ("CROD", "CTUBE", "CONROD")
+#: Entries that begin as elements do, and are none.
+NO_ELEMENTS = (
+    *("CORD", "CAERO", "CSUPER", "CSUPEXT", "CREEP", "CSSCHD", "CYAX", "CYJOIN", "CYSYM"),
+    *("CONV", "CHECK", "CLOAD", "CSET", "CFIELD", "CONTRLT", "CGEN", "CBARAO", "CTABLE"),
+)
+RIGID = ("RBE1", "RBE2", "RBE3", "RBAR", "RBAR1", "RROD", "RTRPLT", "RSPLINE", "RJOINT", "RSSCON")
+
+
+def is_other(name: str) -> bool:
+    """Whether an entry is an element that is no cell of a mesh."""
+    if name in SOLIDS or name in SHELLS or name in BEAMS or name in RODS:
+        return False
+    return name in RIGID or (name.startswith("C") and not name.startswith(NO_ELEMENTS))
+
+
+@dataclass
+class NastranDeck:
+    """A deck and where its elements and nodes come from."""
+
+    deck: Deck
+    bulk: Bulk
+    nodes: Numbering
+    #: entry of each element that is a cell, in the order of the deck's elements
+    elements: list[Entry] = field(default_factory=list)
+    #: system of the displacements at each node: row -> number, where it is not the basic one
+    systems_of: dict[int, int] = field(default_factory=dict)
+    systems: Systems | None = None
+
+    def named(self, *names: str) -> list[Entry]:
+        """All entries of these names."""
+        return [entry for entry in self.bulk.entries if entry.name in names]
+
+    def row(self, label: int, place: Place) -> int:
+        """Row of the node `label`."""
+        row = int(self.nodes.rows(np.array([label]))[0])
+        if row < 0:
+            raise MeshError(f"{place}: there is no GRID {label}.")
+        return row
+
+    def frame(self, row: int, place: Place) -> Array:
+        """Directions of the displacements at a node, as rows."""
+        number = self.systems_of.get(row, 0)
+        if number <= 0 or self.systems is None:
+            return np.eye(3)
+        return self.systems(number, place).frame(self.deck.points[row])
+
+
+def read(path: Path, name: str, on_size: Callable[[int], None] = lambda size: None) -> NastranDeck:
+    """The deck in a file; `on_size` is told how much is read."""
+    bulk = bulk_data(Sources(path, name, on_size))
+    found = _nodes(bulk, name)
+    _elements(found)
+    _groups(found)
+    return found
+
+
+# --- Nodes ----------------------------------------------------------------------------------------
+
+
+def _nodes(bulk: Bulk, name: str) -> NastranDeck:
+    grids = [entry for entry in bulk.entries if entry.name == "GRID"]
+    if not grids:
+        raise MeshError(f"{name} defines no nodes (GRID).")
+    default = next((entry for entry in bulk.entries if entry.name == "GRDSET"), None)
+    labels = np.array([grid.whole(0) for grid in grids], dtype=np.int64)
+    numbers, count = np.unique(labels, return_counts=True)
+    if (count > 1).any():
+        raise MeshError(f"{name} defines the GRID {numbers[count > 1][0]} more than once.")
+    nodes = Numbering(labels)
+    placed: dict[int, Array] = {}
+
+    def position(label: int, place: Place) -> Array:
+        row = int(nodes.rows(np.array([label]))[0])
+        if row < 0:
+            raise MeshError(f"{place}: there is no GRID {label}.")
+        if row not in placed:
+            grid = grids[row]
+            number = _given(grid, 1, default)
+            c = np.array([grid.real(k) for k in (2, 3, 4)])
+            placed[row] = systems(number, grid.place).point(c) if number else c
+        return placed[row]
+
+    systems = Systems(bulk.entries, position)
+    points = np.array([position(grid.whole(0), grid.place) for grid in grids])
+    found = NastranDeck(Deck(name, points), bulk, nodes, systems=systems)
+    for row, grid in enumerate(grids):
+        number = _given(grid, 5, default)
+        if number:
+            found.systems_of[row] = number
+    return found
+
+
+def _given(grid: Entry, k: int, default: Entry | None) -> int:
+    """A system's number in field k, or that of GRDSET."""
+    if grid.text(k) or default is None:
+        return grid.whole(k, 0)
+    return default.whole(k, 0)
+
+
+# --- Elements -------------------------------------------------------------------------------------
+
+
+def _elements(found: NastranDeck) -> None:
+    """Blocks by type and number of nodes; elements keep the order of their blocks."""
+    sorted_out: dict[tuple[str, bool], list[tuple[Entry, list[int]]]] = {}
+    seen: set[int] = set()
+    for entry in found.bulk.entries:
+        nodes = _nodes_of(entry)
+        if nodes is None:
+            if is_other(entry.name):
+                found.deck.leave(entry.name, 1)
+            continue
+        label = entry.whole(0)
+        if label in seen:
+            raise MeshError(f"{entry.place}: the element {label} is defined more than once.")
+        seen.add(label)
+        shape = shape_of(entry.name)
+        curved = any(nodes[CORNERS[shape] :])
+        sorted_out.setdefault((entry.name, curved), []).append((entry, nodes))
+    for (name, curved), some in sorted_out.items():
+        shape = shape_of(name)
+        corners, edges = CORNERS[shape], len(EDGES[shape])
+        table = np.zeros((len(some), corners + edges), dtype=np.int64)
+        for row, (_, nodes) in enumerate(some):
+            table[row, : len(nodes)] = nodes[: corners + edges]
+        rows = np.where(table > 0, found.nodes.rows(table), -1)
+        lost = ((rows < 0) & (table != 0)) | ((rows < 0) & (np.arange(corners + edges) < corners))
+        if lost.any():
+            row, k = np.argwhere(lost)[0]
+            entry = some[row][0]
+            raise MeshError(
+                f"{entry.place}: {name} {entry.whole(0)} has the node {table[row, k]}, for which "
+                "there is no GRID."
+            )
+        mids = rows[:, corners:]
+        if name in SOLIDS:
+            mids = mids[:, list(SOLIDS[name][1])]
+        kept = mids if curved else mids[:, :0]
+        found.deck.blocks.append(Block(shape, name, rows[:, :corners], kept, mids[:, :0]))
+        found.elements += [entry for entry, _ in some]
+
+
+def shape_of(name: str) -> str:
+    """Shape of an element that is a cell."""
+    if name in SOLIDS:
+        return SOLIDS[name][0]
+    return SHELLS[name][0] if name in SHELLS else "line"
+
+
+def _nodes_of(entry: Entry) -> list[int] | None:
+    """Numbers of the nodes, 0 for those left out; None if it is no cell."""
+    if entry.name in SOLIDS:
+        shape = SOLIDS[entry.name][0]
+        return [entry.whole(k, 0) for k in range(2, 2 + CORNERS[shape] + len(EDGES[shape]))]
+    if entry.name in SHELLS:
+        shape, curved = SHELLS[entry.name]
+        return [entry.whole(k, 0) for k in range(2, 2 + CORNERS[shape] * (2 if curved else 1))]
+    if entry.name in BEAMS:
+        return [entry.whole(2), entry.whole(3)]
+    if entry.name in RODS:
+        first = 1 if entry.name == "CONROD" else 2
+        return [entry.whole(first), entry.whole(first + 1)]
+    return None
+
+
+def property_of(entry: Entry) -> int:
+    """Number of an element's property; by default its own."""
+    return 0 if entry.name == "CONROD" else entry.whole(1, entry.whole(0))
+
+
+# --- Groups ---------------------------------------------------------------------------------------
+
+
+def _groups(found: NastranDeck) -> None:
+    """Elements by property (its number, and its name if a comment gives one), nodes by SPC."""
+    numbers = np.array([property_of(entry) for entry in found.elements], dtype=np.int64)
+    for number in np.unique(numbers[numbers > 0]):
+        elements = np.flatnonzero(numbers == number)
+        found.deck.element_sets[str(number)] = elements
+        if found.bulk.names.get(int(number)):
+            found.deck.element_sets[found.bulk.names[int(number)]] = elements
+    for number in spc_sets(found):
+        rows = [rows for rows, _, _ in held_by(found, number)]
+        if rows:
+            found.deck.node_sets[f"SPC {number}"] = np.unique(np.concatenate(rows))
+
+
+def spc_sets(found: NastranDeck) -> list[int]:
+    """Numbers of the sets of SPC and SPC1."""
+    entries = found.named("SPC", "SPC1")
+    return sorted({entry.whole(0) for entry in entries})
+
+
+def held_by(found: NastranDeck, number: int) -> list[tuple[IntArray, str, Entry]]:
+    """(rows of nodes, components such as "123", entry) of one set of single-point constraints."""
+    held = []
+    for entry in found.named("SPC", "SPC1"):
+        if entry.whole(0) != number:
+            continue
+        if entry.name == "SPC":
+            for start in (1, 4):
+                if entry.text(start):
+                    row = found.row(entry.whole(start), entry.place)
+                    held.append((np.array([row]), entry.text(start + 1), entry))
+            continue
+        for first, last in through(entry.fields[2:], entry.place):
+            held.append((found.nodes.between(first, last), entry.text(1), entry))
+    return held

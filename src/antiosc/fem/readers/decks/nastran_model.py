@@ -1,0 +1,195 @@
+"""Nastran decks as whole models: properties, supports, masses, springs.
+
+Taken are the model and the single-point constraints that the first subcase selects (all of them if
+there is no case control). What would change the answer and is not supported is refused with its
+line; loads are listed.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Any
+
+import numpy as np
+
+from antiosc.errors import MeshError
+from antiosc.fem.readers.decks.deck import Array, IntArray, Place
+from antiosc.fem.readers.decks.model import ModelBuilder
+from antiosc.fem.readers.decks.nastran import NastranDeck, held_by, is_other, spc_sets
+from antiosc.fem.readers.decks.nastran_cards import Entry
+from antiosc.fem.readers.decks.nastran_sections import Properties, materials_of
+from antiosc.fem.readers.unit_system import UnitSystem
+
+#: Entries that change the answer and are no elements.
+REFUSED = {
+    "MPC": "a multi-point constraint",
+    "BCTABLE": "contact",
+    "BCONTACT": "contact",
+    "BSURF": "contact",
+    "BSURFS": "contact",
+    "DMIG": "a matrix",
+    "CSUPER": "a superelement",
+    "SPOINT": "a scalar point",
+    "EPOINT": "an extra point",
+}
+#: Entries that are loads, which a strike does not have.
+LOADS = (
+    *("FORCE", "MOMENT", "PLOAD", "GRAV", "RFORCE", "TEMP", "SPCD", "LOAD", "TLOAD", "RLOAD"),
+    *("DLOAD", "DAREA", "ACCEL", "DEFORM", "SLOAD"),
+)
+#: The only elements, besides cells, that are taken.
+TAKEN = ("CONM2", "CELAS1", "CELAS2", "CBUSH")
+#: Cosine from which a direction is that of an axis.
+ALONG = 1 - 1e-9
+
+
+def model_of(found: NastranDeck, units: UnitSystem, density: float | None) -> dict[str, Any]:
+    """The deck's model in SI units; its groups and held nodes go into the deck."""
+    for entry in found.bulk.entries:
+        if entry.name in REFUSED or (is_other(entry.name) and entry.name not in TAKEN):
+            what = f" is {REFUSED[entry.name]}, which" if entry.name in REFUSED else ""
+            raise MeshError(
+                f"{entry.place}: {entry.name}{what} is not supported here and would change the "
+                "answer; take it out of the deck, or model the part without it."
+            )
+    materials, ignored = materials_of(found)
+    builder = ModelBuilder(found.deck, units, density)
+    factor = _mass_factor(found)
+    for material in materials.values():
+        material.density = material.density and material.density * factor
+    properties = Properties(found, builder, materials, factor)
+    properties.read()
+    _supports(found, builder)
+    for entry in found.named("CONM2"):
+        _mass(found, builder, entry, factor)
+    _springs(found, builder)
+    found.deck.left.clear()
+    counts = Counter(e.name for e in found.bulk.entries if e.name.startswith(LOADS))
+    loads = [f"{count} {name}" for name, count in sorted(counts.items())]
+    builder.ignored = [*ignored, *properties.ignored, *loads]
+    return builder.finished(properties.roles)
+
+
+def _mass_factor(found: NastranDeck) -> float:
+    """PARAM,WTMASS: what turns the deck's masses into those of its units."""
+    for entry in found.named("PARAM"):
+        if entry.text(0).upper() == "WTMASS":
+            return entry.real(1, None)
+    return 1.0
+
+
+# --- Supports -------------------------------------------------------------------------------------
+
+
+def _supports(found: NastranDeck, builder: ModelBuilder) -> None:
+    default = next(iter(found.named("GRDSET")), None)
+    for row, grid in enumerate(found.named("GRID")):
+        permanent = grid.text(6) or (default.text(6) if default else "")
+        if permanent:
+            _hold(found, builder, np.array([row]), permanent, grid.place)
+    for number in _selected(found):
+        for rows, components, entry in held_by(found, number):
+            _hold(found, builder, rows, components, entry.place)
+
+
+def _selected(found: NastranDeck) -> list[int]:
+    """Sets of SPC and SPC1 that hold: of the first subcase, through SPCADD."""
+    wanted = found.bulk.selected[:1]
+    if not wanted:
+        return spc_sets(found)
+    sums = {entry.whole(0): entry for entry in found.named("SPCADD")}
+    result: list[int] = []
+    for number in wanted:
+        if number in sums:
+            entry = sums[number]
+            result += [entry.whole(k) for k in range(1, len(entry.fields)) if entry.text(k)]
+        result.append(number)
+    return result
+
+
+def _hold(
+    found: NastranDeck, builder: ModelBuilder, rows: IntArray, components: str, place: Place
+) -> None:
+    if not components.isdigit() or not set(components) <= set("0123456"):
+        raise MeshError(f"{place}: {components!r} are no components of 1 to 6.")
+    motions = sorted({int(c) - 1 for c in components} - {-1})
+    plain = [row for row in rows if int(row) not in found.systems_of]
+    builder.hold(np.array(plain, dtype=np.int64), motions)
+    for row in rows:
+        if int(row) in found.systems_of:
+            frame = found.frame(int(row), place)
+            for first in (0, 3):
+                own = [k - first for k in motions if first <= k < first + 3]
+                turned = [first + k for k in _along(own, frame, place)]
+                builder.hold(np.array([row]), turned)
+
+
+def _along(motions: list[int], frame: Array, place: Place) -> list[int]:
+    """Motions along the basic axes that are held, of those along the rows of `frame`."""
+    if len(motions) in (0, 3):
+        return motions
+    held = np.abs(frame[motions])
+    if (held.max(axis=1) > ALONG).all():
+        return [int(k) for k in held.argmax(axis=1)]
+    free = np.abs(np.delete(frame, motions, axis=0))
+    if (free.max(axis=1) > ALONG).all():
+        return [k for k in range(3) if k not in free.argmax(axis=1)]
+    raise MeshError(
+        f"{place}: a node with a displacement system (CD) is held in directions that are not along "
+        "the basic axes, which supports here are; hold whole nodes, or turn the part."
+    )
+
+
+# --- Masses and springs ---------------------------------------------------------------------------
+
+
+def _mass(found: NastranDeck, builder: ModelBuilder, entry: Entry, factor: float) -> None:
+    if any(entry.real(k) for k in (4, 5, 6)):
+        raise MeshError(f"{entry.place}: CONM2 with an offset is not supported.")
+    if any(entry.real(k) for k in (9, 11, 12)):
+        raise MeshError(f"{entry.place}: products of inertia (CONM2) are not supported.")
+    row = found.row(entry.whole(1), entry.place)
+    inertia = [entry.real(k) * factor for k in (8, 10, 13)]
+    if any(inertia) and entry.whole(2, 0):
+        raise MeshError(f"{entry.place}: inertia of CONM2 is read in the basic system only.")
+    if entry.real(3) or any(inertia):
+        builder.mass(row, entry.real(3) * factor, inertia, entry.place)
+
+
+def _springs(found: NastranDeck, builder: ModelBuilder) -> None:
+    constants = {entry.whole(0): entry for entry in found.named("PELAS", "PBUSH")}
+    for entry in found.named("CELAS1", "CELAS2", "CBUSH"):
+        nodes = [entry.whole(2, 0), entry.whole(3 if entry.name == "CBUSH" else 4, 0)]
+        given = [node for node in nodes if node]
+        if len(given) != 1:
+            raise MeshError(
+                f"{entry.place}: {entry.name} between two points is not supported; springs go to "
+                "the ground."
+            )
+        row = found.row(given[0], entry.place)
+        for motion, stiffness in _stiffness(entry, nodes, constants):
+            frame = found.frame(row, entry.place)
+            first = 3 * (motion // 3)
+            along = _along([motion - first], frame, entry.place)
+            builder.spring(row, first + along[0], stiffness, entry.place)
+
+
+def _stiffness(
+    entry: Entry, nodes: list[int], constants: dict[int, Entry]
+) -> list[tuple[int, float]]:
+    """(motion 0 to 5, stiffness) of a spring."""
+    component = entry.whole(3 if nodes[0] else 5, 0) if entry.name != "CBUSH" else 1
+    if not 1 <= component <= 6:
+        raise MeshError(f"{entry.place}: {entry.name} acts on a component from 1 to 6.")
+    if entry.name == "CELAS2":
+        return [(component - 1, entry.real(1, None))]
+    own = constants.get(entry.whole(1, entry.whole(0)))
+    if own is None:
+        raise MeshError(f"{entry.place}: {entry.name} has no PELAS or PBUSH.")
+    if entry.name == "CELAS1":
+        return [(component - 1, own.real(1, None))]
+    if any(entry.text(k) for k in (4, 5, 6)) or entry.whole(7, 0):
+        raise MeshError(f"{entry.place}: a grounded CBUSH is read in the basic system only.")
+    if own.text(1).upper() != "K" or any(own.text(k) for k in range(8, len(own.fields))):
+        raise MeshError(f"{own.place}: PBUSH is read with stiffnesses (K) alone.")
+    return [(k, own.real(2 + k)) for k in range(6) if own.real(2 + k)]

@@ -1,0 +1,185 @@
+"""Nastran bulk data as meshes and as structures: small decks, one for each feature."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("dolfinx")
+
+import antiosc as ao
+from antiosc.fem import compat
+from antiosc.fem.elements.weak_form import measure
+from antiosc.fem.readers.decks import nastran
+from antiosc.fem.readers.decks.nastran_coordinates import System
+from paths import DECKS
+
+pytestmark = pytest.mark.fem
+
+
+def volume(mesh: ao.Mesh) -> float:
+    return compat.integrate(compat.constant(mesh.dolfinx, 1.0) * measure(mesh, 7), mesh.dolfinx)
+
+
+def test_a_curved_solid_in_a_cylindrical_system_is_that_of_abaqus():
+    ours, other = ao.read_mesh(DECKS / "tube.bdf"), ao.read_mesh(DECKS / "tube.inp")
+    assert (ours.cell, ours.order, ours.n_cells) == ("hexahedron", 2, 3)
+    assert volume(ours) == pytest.approx(volume(other), rel=1e-6)
+    # the axis is x: a point (r, θ, z) lies at (z, r cos θ, r sin θ)
+    x, y = ours.dolfinx.geometry.x, other.dolfinx.geometry.x[:, [2, 0, 1]]
+    distance = np.linalg.norm(x[:, None] - y[None], axis=2)
+    assert distance.min(axis=0).max() < 1e-6
+    assert len(ours.group("4")[3]) == 3
+    assert set(ours.group("SPC 1")) == {2}
+
+
+def test_a_solid_deck_is_a_structure():
+    tube = ao.read_model(DECKS / "tube.bdf")
+    by_hand = ao.Structure(
+        tube.mesh, ao.Solid(1e9, 0.3, 1000.0), [ao.Support(lambda x: np.isclose(x[2], 0))]
+    )
+    assert tube.dofs == by_hand.dofs
+    assert tube.mass == pytest.approx(1000 * volume(tube.mesh), rel=1e-9)
+
+
+def test_a_plate_of_quadrilaterals_and_triangles():
+    with pytest.warns(ao.AntioscWarning, match="5 elements; 3 of them .* 1 CELAS2, 1 CONM2"):
+        mesh = ao.read_mesh(DECKS / "plate.bdf", unit="mm")
+    assert (mesh.cell, mesh.n_cells) == ("triangle", 5)
+    assert volume(mesh) == pytest.approx(0.025, rel=1e-12)
+    assert len(mesh.group("skin")[2]) == len(mesh.group("2")[2]) == 5
+    with pytest.warns(ao.AntioscWarning, match="not taken: 1 FORCE"):
+        plate = ao.read_model(DECKS / "plate.bdf", unit="mm")
+    # kg in the deck: 7.85e-6 kg/mm³ × 2 mm + 1.57e-6 kg/mm² over 25000 mm², and 0.5 kg
+    assert plate.mass == pytest.approx(25000 * (7.85e-6 * 2 + 1.57e-6) + 0.5, rel=1e-12)
+    ((shell, _),) = plate.parts
+    assert (shell.E, shell.nu, shell.thickness) == pytest.approx((2.1e11, 0.3, 2e-3))
+    supports = [
+        ao.Support(lambda x: x[0] < 1e-9),
+        # 1 to 4 are held, which are two sides; z of 5 and 6, and so that of both quadrilaterals
+        ao.Support(lambda x: (x[1] < 1e-9) & (x[0] < 0.2 + 1e-9)),
+        ao.Support(lambda x: x[0] < 0.2 + 1e-9, "z"),
+    ]
+    by_hand = ao.Structure(
+        plate.mesh,
+        ao.Shell(2.1e11, 0.3, shell.rho, 2e-3),
+        supports,
+        attached=[
+            ao.PointMass((0.3, 0.05, 0), 0.5),
+            ao.Spring((0.3, 0.05, 0), {"z": 25e3}),
+        ],
+    )
+    site = ao.Site((0.25, 0.05, 0), (0, 0, 1))
+    assert plate.dofs == by_hand.dofs
+    assert ao.extract(plate, site, n=4).k0 == pytest.approx(
+        ao.extract(by_hand, site, n=4).k0, rel=1e-9
+    )
+
+
+def test_a_bar_in_a_turned_system_bends_in_its_planes():
+    beam = ao.read_model(DECKS / "bar.bdf")
+    E, G, L, b, h = 2.1e11, 2.1e11 / 2.6, 2.0, 0.1, 0.2
+    assert beam.mass == pytest.approx(7850 * L * b * h, rel=1e-12)
+    for direction, width, height in (((0, 0, 1), b, h), ((1, 0, 0), h, b)):
+        exact = L**3 / (3 * E * width * height**3 / 12) + L / (5 / 6 * G * b * h)
+        model = ao.extract(beam, ao.Site((0, L, 0), direction), n=6)
+        assert model.k0 == pytest.approx(1 / exact, rel=1e-8)
+
+
+@pytest.mark.parametrize("kind", "RCS")
+def test_systems_agree_with_their_derivatives(kind):
+    rng = np.random.default_rng(3)
+    axes = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    system = System(rng.normal(size=3), axes, kind)
+    c = np.array([1.3, 40.0, 25.0])
+    x, step = system.point(c), 1e-6
+    for k, row in enumerate(system.frame(x)):
+        moved = c.copy()
+        moved[k] += step
+        along = system.point(moved) - x
+        np.testing.assert_allclose(along / np.linalg.norm(along), row, atol=1e-6)
+
+
+GRIDS = "".join(
+    f"GRID,{k},,{x}.,{y}.,{z}.\n"
+    for k, (x, y, z) in enumerate(
+        [(x, y, z) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))], 1
+    )
+)
+CUBE = GRIDS + "CHEXA,1,1,1,2,3,4,5,6,\n,7,8\n"
+SOLID = "PSOLID,1,1\nMAT1,1,1.+9,,.3,1000.\n"
+BAD = {
+    "no nodes": ("CHEXA,1,1,1,2\n", "no nodes"),
+    "unknown node": (GRIDS + "CROD,1,1,1,99\n", "line 9 .*CROD 1 has the node 99"),
+    "twice": (CUBE + "CHEXA,1,1,1,2,3,4,5,6,\n,7,8\n", "element 1 is defined more than once"),
+    "grid twice": (CUBE + "GRID,1\n", "GRID 1 more than once"),
+    "cut": (GRIDS + "CHEXA,1,1,1,2,3,4,5,6\n", "line 9 .*CHEXA 1 has the node 0"),
+    "word": (CUBE.replace("1.,0.,0.", "one,0.,0."), "line 2 .*'one' is no number"),
+    "loop": (CUBE + "GRID,9,5\nCORD2R,5,5,0.,0.,0.,0.,0.,1.,\n,1.,0.,0.\n", "depends on itself"),
+    "line": (CUBE + "GRID,9,5\nCORD2R,5,,0.,0.,0.,0.,0.,1.,\n,0.,0.,2.\n", "lie on one line"),
+    "outside": ("INCLUDE '../x.bdf'\n" + CUBE, "outside the folder"),
+    "itself": ("INCLUDE 'part.bdf'\n" + CUBE, "includes itself"),
+    "text": ("12345 is no entry\n", "is no entry of Nastran"),
+    "binary": ("GRID\0", "zero bytes"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_decks_are_refused_in_one_sentence(tmp_path, case):
+    text, message = BAD[case]
+    path = tmp_path / "part.bdf"
+    path.write_text(text)
+    with pytest.raises(ao.MeshError, match=message) as caught:
+        ao.read_mesh(path)
+    assert "\n" not in str(caught.value)
+
+
+REFUSED = {
+    "no property": (CUBE, "line 9 .*CHEXA 1 has the property 1, which is none of"),
+    "no material": (CUBE + "PSOLID,1,1\n", "no MAT1 or MAT8 with the number 1"),
+    "no density": (CUBE + "PSOLID,1,1\nMAT1,1,1.+9,,.3\n", "'MAT1 1' has no density"),
+    "rigid": (CUBE + SOLID + "RBE2,9,1,123,2,3\n", "line 13 .*RBE2 is not supported"),
+    "mpc": (CUBE + SOLID + "MPC,1,1,1,1.,2,1,-1.\n", "line 13 .*MPC is a multi-point"),
+    "spring": (CUBE + SOLID + "CELAS2,9,1.,1,1,2,1\n", "between two points"),
+    "rod": (CUBE + SOLID + "CROD,9,9,1,2\n", "1 CROD elements"),
+    "offset": (GRIDS + "CQUAD4,1,1,1,2,3,4,,.5\nPSHELL,1,1,.1,1\n" + SOLID[11:], "an offset or"),
+    "pins": (GRIDS + "CBAR,1,1,1,2,0.,0.,1.\n,4\nPBARL,1,1,,ROD\n,.1\n" + SOLID[11:], "pin flags"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_would_change_the_answer_is_refused(tmp_path, case):
+    text, message = REFUSED[case]
+    path = tmp_path / "part.bdf"
+    path.write_text(text)
+    with pytest.raises(ao.MeshError, match=message):
+        ao.read_model(path)
+
+
+def test_a_layered_plate_is_the_laminate(tmp_path):
+    text = (
+        GRIDS
+        + "CQUAD4,1,1,1,2,3,4,30.\nPCOMP,1,,,,,,,SYM\n,8,.01,0.,,8,.02,90.\n"
+        + "MAT8,8,1.4+11,1.+10,.3,5.+9,5.+9,3.+9,1600.\nSPC1,1,123456,1,4\n"
+    )
+    path = Path(tmp_path / "part.bdf")
+    path.write_text(text)
+    plate = ao.read_model(path)
+    ply = ao.Layer(1.4e11, 1e10, 0.3, 5e9, 5e9, 3e9, 1600.0, 0.01)
+    inner = ao.Layer(1.4e11, 1e10, 0.3, 5e9, 5e9, 3e9, 1600.0, 0.02, 90)
+    axis = (np.cos(np.pi / 6), np.sin(np.pi / 6), 0)
+    stack = ao.Laminate([ply, inner, inner, ply], axis, (0, 0, 1))
+    by_hand = ao.Structure(plate.mesh, stack, [ao.Support(lambda x: np.isclose(x[0], 0))])
+    assert plate.mass == pytest.approx(1600 * 0.06, rel=1e-12)
+    site = ao.Site((0.6, 0.5, 0), (0, 0, 1))
+    assert ao.extract(plate, site, n=4).k0 == pytest.approx(
+        ao.extract(by_hand, site, n=4).k0, rel=1e-9
+    )
+
+
+def test_deck_of_small_large_and_free_fields_without_case_control():
+    found = nastran.read(DECKS / "tube.bdf", "tube.bdf")
+    assert len(found.deck.points) == 32 + 12
+    assert found.bulk.selected == []
