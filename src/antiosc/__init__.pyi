@@ -89,12 +89,14 @@ from antiosc.maps import (
 from antiosc.models.anti_oscillators import (
     AntiOscillators as AntiOscillators,
 )
+from antiosc.models.body import (
+    LinearBody as LinearBody,
+)
 from antiosc.models.free_modes import (
     from_free_modes as from_free_modes,
 )
 from antiosc.models.modal import (
     Damping as Damping,
-    LinearBody as LinearBody,
     ModalBody as ModalBody,
 )
 from antiosc.models.motion import (

@@ -39,8 +39,8 @@ from antiosc.fem.structure.meshed import on_mesh
 from antiosc.fem.structure.structure import Structure
 from antiosc.models import driving_point as bands, free_modes
 from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.body import LinearBody, checked_body
 from antiosc.models.free_modes import SiteModels
-from antiosc.models.modal import LinearBody, checked_body
 from antiosc.plotting import plot_map
 from antiosc.simulation.batch import simulate_many
 from antiosc.simulation.deflection import peak_deflections

@@ -25,6 +25,7 @@ from antiosc.closed_form import waves
 from antiosc.closed_form.uniform import UniformBeam
 from antiosc.errors import AccuracyError, InputError
 from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.body import Body
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Inertia
 
@@ -58,7 +59,7 @@ class _Response(NamedTuple):
 
 
 @dataclass(frozen=True)
-class BeamModes:
+class BeamModes(Body):
     """Natural modes of a struck beam: the mode-superposition model, accepted by `simulate`.
 
     Attributes

@@ -21,6 +21,7 @@ from scipy.linalg import block_diag
 from antiosc import checks
 from antiosc.errors import InputError
 from antiosc.models import model_file
+from antiosc.models.body import Body
 from antiosc.models.modal import Damping, ModalBody, arrow_modes
 from antiosc.models.motion import Inertia, unit_vector
 
@@ -58,7 +59,7 @@ _MEANING = {
 
 
 @dataclass(frozen=True, eq=False)
-class AntiOscillators:
+class AntiOscillators(Body):
     """Anti-oscillator model of a structure at one impact site along one direction.
 
     Parameters
@@ -264,6 +265,11 @@ class AntiOscillators:
         from antiosc.plotting import plot_model
 
         return plot_model(self, path)
+
+    @property
+    def patch_radius(self) -> float | None:
+        """Radius of the site's patch, m; None for a point."""
+        return self.radius
 
     def modal(self) -> ModalBody:
         """The same model in its free modes.

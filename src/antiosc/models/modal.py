@@ -6,14 +6,14 @@ and a gravity g in that direction,
     q_j'' + 2 d_j q_j' + omega_j^2 q_j = b_j F + w_j g,      u = sum_j b_j q_j + r F,
 
 so the receptance is H(omega) = sum_j b_j^2/(omega_j^2 - omega^2) + r when nothing is damped. Any
-object whose `modal()` returns a `ModalBody` can take part in an impact (`LinearBody`).
+object whose `modal()` returns a `ModalBody` can take part in an impact (`antiosc.models.body`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -245,19 +245,6 @@ class ModalBody:
         return start, abs(1 - float(start @ start) / whole) if whole > 0 else np.inf
 
 
-@runtime_checkable
-class LinearBody(Protocol):
-    """Protocol of all bodies in an impact: models, impactors and user-defined models.
-
-    The `basis` of its `ModalBody` makes the fields of a history. A body may also have
-    `local_compliance` and `radius` (see `AntiOscillators`).
-    """
-
-    def modal(self) -> ModalBody:
-        """The free modes of the body and their values at its contact point."""
-        ...
-
-
 def _checked_basis(basis: Any) -> tuple[Array, ...]:
     """Blocks of columns with equal numbers of rows; not copied, since they may be large."""
     blocks = tuple(basis) if isinstance(basis, tuple | list) else ()
@@ -266,16 +253,6 @@ def _checked_basis(basis: Any) -> tuple[Array, ...]:
     if len({len(b) for b in blocks}) > 1:
         raise InputError("basis must list arrays with one number of rows.")
     return blocks
-
-
-def checked_body(name: str, body: Any) -> LinearBody:
-    """`body` if it has a modal() method, or InputError."""
-    if not isinstance(body, type) and callable(getattr(body, "modal", None)):
-        return body  # type: ignore[no-any-return]
-    raise InputError(
-        f"{name} must have a modal() method, as AntiOscillators and RigidMass have;"
-        f" got {checks.shown(body)}."
-    )
 
 
 def arrow_modes(k0: float, m0: float, m: Array, poles: Array) -> tuple[Array, Array]:

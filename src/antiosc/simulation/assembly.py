@@ -311,8 +311,8 @@ def _laws(scene: Scene, bodies: dict[str, Placed]) -> tuple[list[ContactLaw], li
     laws, notes = [], []
     for contact in scene.contacts:
         law = contact.law
-        ends = (find(contact.a, bodies)[0].body, find(contact.b, bodies)[0].body)
-        local = sum(float(getattr(body, "local_compliance", 0.0)) for body in ends)
+        ends = find(contact.a, bodies)[0], find(contact.b, bodies)[0]
+        local = sum(body.local_compliance for body in ends)
         if local and isinstance(law, Hertz) and law.compliance == 0.0:
             law = law.without(local)
             notes.append(

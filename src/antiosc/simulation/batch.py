@@ -18,7 +18,7 @@ from antiosc import checks
 from antiosc.contact import ContactLaw
 from antiosc.contact.many import VECTORISED, Array, Index
 from antiosc.errors import AccuracyError, InputError
-from antiosc.models.modal import LinearBody
+from antiosc.models.body import LinearBody
 from antiosc.simulation.history import main_impact
 from antiosc.simulation.integrators import MAX_STEPS, Problem
 from antiosc.simulation.integrators.many import Result, Stack, run_many

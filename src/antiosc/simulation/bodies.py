@@ -16,7 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from antiosc import checks
 from antiosc.errors import InputError
-from antiosc.models.modal import LinearBody, ModalBody
+from antiosc.models.body import LinearBody, checked_body
+from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Inertia, Motion
 from antiosc.simulation.impactors import Impactor, Obstacle
 
@@ -192,6 +193,7 @@ class Placed:
     inertia : Inertia or None; weight : (J,) modal force of a unit gravity along `along`.
     start : (J,) modal velocities.
     gap : distance [m] that the body brings with it.
+    local_compliance : half-space compliance [m/N] of its patch, which its modes contain.
     """
 
     name: str
@@ -207,6 +209,7 @@ class Placed:
     weight: Array | None
     start: Array
     gap: float = 0.0
+    local_compliance: float = 0.0
 
     @property
     def supported(self) -> bool:
@@ -236,7 +239,8 @@ def place(name: str, body: Any, motion: Motion | float | None) -> Placed:
 
 def _single(name: str, body: LinearBody) -> Placed:
     modes: ModalBody = body.modal()
-    velocity = getattr(body, "velocity", 0.0)
+    asked = checked_body(f"body {name!r}", body)
+    velocity = asked.velocity
     own = isinstance(body, Impactor)
     if own and not isinstance(velocity, Motion):
         velocity = -float(velocity) if modes.direction is not None else float(velocity)
@@ -255,7 +259,8 @@ def _single(name: str, body: LinearBody) -> Placed:
         inertia=modes.inertia,
         weight=modes.weight,
         start=start,
-        gap=float(getattr(body, "gap", 0.0)),
+        gap=asked.gap,
+        local_compliance=asked.local_compliance,
     )
 
 

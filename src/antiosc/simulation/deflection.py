@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from antiosc import checks
-from antiosc.models.modal import LinearBody
+from antiosc.models.body import LinearBody
 from antiosc.simulation.integrators.propagator import Propagator
 
 Array = NDArray[np.float64]

@@ -7,7 +7,8 @@ import numpy as np
 from antiosc import checks
 from antiosc.contact import ContactLaw
 from antiosc.errors import InputError
-from antiosc.models.modal import LinearBody, ModalBody, checked_body
+from antiosc.models.body import Body, LinearBody, checked_body
+from antiosc.models.modal import ModalBody
 from antiosc.simulation.simulate import assemble, scaled
 
 #: the band of an impact over the circular frequency pi/T of its contact time: a half-sine of length
@@ -22,8 +23,8 @@ def impact_band(impactor: LinearBody, contact: ContactLaw) -> float:
     T is the contact time of `impactor` on a rigid wall, the shortest that a single contact with
     the structure can have. Raises InputError for an impactor at rest.
     """
-    checked_body("impactor", impactor)
-    if not checks.number("velocity", getattr(impactor, "velocity", 0.0), "m/s") > 0:
+    velocity = checked_body("impactor", impactor).velocity
+    if not checks.number("velocity", velocity, "m/s") > 0:
         raise InputError(
             "impact_band needs an impactor with a velocity > 0; with an Obstacle or a body at rest "
             "give the band as a number."
@@ -34,7 +35,7 @@ def impact_band(impactor: LinearBody, contact: ContactLaw) -> float:
     return BEYOND * np.pi / duration
 
 
-class _Wall:
+class _Wall(Body):
     """A body that does not move."""
 
     def modal(self) -> ModalBody:

@@ -10,12 +10,13 @@ import numpy as np
 from antiosc import checks
 from antiosc.contact import Hertz
 from antiosc.errors import InputError
-from antiosc.models.modal import LinearBody, ModalBody, checked_body
+from antiosc.models.body import Body, LinearBody, checked_body
+from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Motion
 
 
 @dataclass(frozen=True)
-class RigidMass:
+class RigidMass(Body):
     """A rigid mass [kg] that moves at `velocity` [m/s], > 0 toward the structure."""
 
     mass: float
@@ -33,7 +34,7 @@ class RigidMass:
 
 
 @dataclass(frozen=True)
-class Sphere:
+class Sphere(Body):
     """A solid elastic sphere whose own vibration is neglected.
 
     Parameters
@@ -78,7 +79,7 @@ class Sphere:
 
 
 @dataclass(frozen=True)
-class Obstacle:
+class Obstacle(Body):
     """A fixed rigid obstacle, `gap` [m] away from the structure; the structure moves."""
 
     gap: float = 0.0
@@ -98,7 +99,7 @@ class Obstacle:
 
 
 @dataclass(frozen=True)
-class Impactor:
+class Impactor(Body):
     """Any linear body as the striker, such as a second `AntiOscillators` (Article Fig. 1).
 
     Its contact point is the site of its model, the direction of that site the one in which the
@@ -110,15 +111,15 @@ class Impactor:
     velocity: float | Motion = 0.0
 
     def __post_init__(self) -> None:
-        body, velocity = checked_body("body", self.body), self.velocity
+        velocity, own = self.velocity, checked_body("body", self.body)
         if not isinstance(velocity, Motion):
             velocity = checks.number("velocity", velocity, "m/s")
-        checks.store(self, body=body, velocity=velocity)
+        checks.store(self, velocity=velocity, local_compliance=own.local_compliance)
 
     @property
-    def local_compliance(self) -> float:
-        """Patch compliance [m/N] that the body's model contains."""
-        return float(getattr(self.body, "local_compliance", 0.0))
+    def patch_radius(self) -> float | None:
+        """Radius [m] of the patch of the body's site; None: a point."""
+        return checked_body("body", self.body).patch_radius
 
     def modal(self) -> ModalBody:
         return self.body.modal()

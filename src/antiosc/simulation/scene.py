@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from antiosc import checks
 from antiosc.contact import ContactLaw
 from antiosc.errors import InputError
-from antiosc.models.modal import checked_body
+from antiosc.models.body import checked_body
 from antiosc.models.motion import Motion
 from antiosc.simulation.bodies import RigidBody, SiteModes
 

@@ -26,7 +26,8 @@ from antiosc import checks
 from antiosc.contact import ContactLaw, Hertz, State
 from antiosc.errors import AccuracyError, InputError
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.modal import LinearBody, ModalBody, checked_body
+from antiosc.models.body import LinearBody, checked_body
+from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Motion
 from antiosc.simulation.history import History, force_difference
 from antiosc.simulation.integrators import (
@@ -164,7 +165,9 @@ def check_range(history: History) -> None:
     """AccuracyError when the peak force lies outside the range in which its law holds."""
     law = history.problem.law
     if history.peak_force > law.valid_force:
-        reason = law.out_of_range(history.peak_force, getattr(history.model, "radius", None))
+        reason = law.out_of_range(
+            history.peak_force, checked_body("model", history.model).patch_radius
+        )
         raise AccuracyError(f"{reason}.")
 
 
@@ -306,12 +309,9 @@ def assemble(
     gap: float | None = None,
 ) -> tuple[Problem, tuple[ModalBody, ModalBody]]:
     """The problem an integrator sees, and the two bodies in the order (structure, impactor)."""
-    checked_body("model", model)
-    checked_body("impactor", impactor)
+    one, other = checked_body("model", model), checked_body("impactor", impactor)
     checks.instance("contact", law, ContactLaw, LAW)
-    structure, striker = model.modal(), impactor.modal()
-    speed = getattr(impactor, "velocity", 0.0)
-    own_gap = float(getattr(impactor, "gap", 0.0))
+    structure, striker = one.modal(), other.modal()
     decays = [np.zeros(b.omega.size) if b.decay is None else b.decay for b in (structure, striker)]
     size = structure.omega.size + striker.omega.size
     problem = Problem(
@@ -320,9 +320,9 @@ def assemble(
         beta=np.concatenate((-structure.b, striker.b)),
         r=structure.r + striker.r,
         load=np.concatenate(_loads(structure, striker, gravity)),
-        gap=own_gap if gap is None else checks.nonnegative("gap", gap, "m"),
+        gap=other.gap if gap is None else checks.nonnegative("gap", gap, "m"),
         q=np.zeros(size),
-        v=np.concatenate(_starts(structure, striker, initial_velocity, speed)),
+        v=np.concatenate(_starts(structure, striker, initial_velocity, other.velocity)),
         law=law,
         resolution=0.0,
     )
@@ -389,7 +389,8 @@ def without_patch(
     law: ContactLaw, model: LinearBody, impactor: LinearBody
 ) -> tuple[ContactLaw, str]:
     """The law minus the half-space compliance of the patches, and a note on it."""
-    local = sum(float(getattr(body, "local_compliance", 0.0)) for body in (model, impactor))
+    bodies = checked_body("model", model), checked_body("impactor", impactor)
+    local = sum(body.local_compliance for body in bodies)
     if local == 0.0:
         return law, ""
     if not isinstance(law, Hertz):

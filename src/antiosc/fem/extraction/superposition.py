@@ -24,6 +24,7 @@ from antiosc.fem.linalg.solvers import Array, dot, multiply
 from antiosc.fem.mpi import collective, on_root
 from antiosc.fem.site.site import Functional, Site, functional
 from antiosc.fem.structure.structure import Structure
+from antiosc.models.body import Body
 from antiosc.models.driving_point import UNOBSERVABLE, shares_of_receptance
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Inertia
@@ -34,7 +35,7 @@ ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class NaturalModes:
+class NaturalModes(Body):
     """A structure in natural modes as seen from one site, accepted by `simulate`.
 
     Attributes
@@ -70,6 +71,11 @@ class NaturalModes:
     def n(self) -> int:
         """Number of modes."""
         return len(self.omega)
+
+    @property
+    def patch_radius(self) -> float | None:
+        """Radius of the site's patch, m; None for a point."""
+        return self.radius
 
     def modal(self) -> ModalBody:
         """As a body of an impact.

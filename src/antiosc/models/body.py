@@ -1,0 +1,86 @@
+"""What a simulation asks of a body besides its free modes, and the door for bodies of others.
+
+`LinearBody` is all that a foreign body must have, `Body` is what is read: the bodies of this
+package are `Body`s and answer by themselves, a foreign one is given the defaults where it says
+nothing (`checked_body`).
+"""
+
+from __future__ import annotations
+
+from typing import Any, Protocol, runtime_checkable
+
+from antiosc import checks
+from antiosc.errors import InputError
+from antiosc.models.modal import ModalBody
+from antiosc.models.motion import Motion
+
+
+@runtime_checkable
+class LinearBody(Protocol):
+    """The one protocol of bodies in an impact: models, impactors and foreign models alike.
+
+    The `basis` of its `ModalBody` makes the fields of a history. A body may also have `velocity`,
+    `gap`, `local_compliance` and `radius` of its patch; they mean what they do in `Body`.
+    """
+
+    def modal(self) -> ModalBody:
+        """The body in free modes, seen from its contact point."""
+        ...
+
+
+class Body:
+    """A linear body as the simulations read it; the defaults are those of a structure at rest."""
+
+    #: of an impactor, m/s, > 0 toward the structure; or how it moves in space
+    velocity: float | Motion = 0.0
+    #: distance that the body keeps from the structure at the start, m
+    gap: float = 0.0
+    #: half-space compliance of its patch, m/N, which its model contains
+    local_compliance: float = 0.0
+
+    @property
+    def patch_radius(self) -> float | None:
+        """Radius (m) of the patch over which the contact point's displacement is averaged."""
+        return None
+
+    def modal(self) -> ModalBody:
+        """The body in free modes, seen from its contact point."""
+        raise NotImplementedError
+
+
+class _Foreign(Body):
+    """A foreign body: what it says of itself, checked, and the defaults for the rest."""
+
+    def __init__(self, name: str, body: Any) -> None:
+        self._body: LinearBody = body
+        self.velocity = getattr(body, "velocity", Body.velocity)
+        if not isinstance(self.velocity, Motion):
+            self.velocity = checks.number(f"the velocity of {name}", self.velocity, "m/s")
+        self.gap = checks.nonnegative(f"the gap of {name}", getattr(body, "gap", Body.gap), "m")
+        self.local_compliance = checks.nonnegative(
+            f"the local_compliance of {name}",
+            getattr(body, "local_compliance", Body.local_compliance),
+            "m/N",
+        )
+        self._radius: float | None = getattr(body, "radius", None)
+        if self._radius is not None:
+            self._radius = checks.positive(f"the radius of {name}", self._radius, "m")
+
+    @property
+    def patch_radius(self) -> float | None:
+        return self._radius
+
+    def modal(self) -> ModalBody:
+        return self._body.modal()
+
+
+def checked_body(name: str, body: Any) -> Body:
+    """`body` as a `Body`, a foreign one with the defaults; InputError without a modal() method."""
+    if isinstance(body, Body):
+        return body
+    if not isinstance(body, type) and callable(getattr(body, "modal", None)):
+        return _Foreign(name, body)
+    raise InputError(
+        f"{name} must have a modal() method, as AntiOscillators and RigidMass have;"
+        f" got {checks.shown(body)}."
+    )
