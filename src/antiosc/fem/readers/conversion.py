@@ -16,9 +16,10 @@ import numpy as np
 
 from antiosc.errors import MeshError
 from antiosc.fem.readers.decks.deck import Array, Block, Deck, IntArray, listed
+from antiosc.fem.readers.held import DIAGONALS, Between, spans
 from antiosc.fem.readers.neutral import FileMesh
 from antiosc.fem.readers.node_table import NodeTable
-from antiosc.fem.readers.shapes import CORNERS, DIMENSION, EDGES, FACES
+from antiosc.fem.readers.shapes import CORNERS, DIMENSION, EDGES, FACES, rectangles
 
 #: (shape, geometric order) -> name of the kind of cells
 LABELS = {
@@ -50,6 +51,7 @@ def as_mesh(deck: Deck, *, halve_lines: bool = False) -> FileMesh:
     cells: dict[str, IntArray] = {}
     owners: dict[str, IntArray] = {}
     starts = np.cumsum([0, *map(len, deck.blocks)])
+    shapes_of: list[tuple[str, str, list[Block]]] = []
     split = False
     for dim in (3, 2, 1):
         some = [
@@ -67,6 +69,7 @@ def as_mesh(deck: Deck, *, halve_lines: bool = False) -> FileMesh:
         shape = _SIMPLEX[dim] if split else next(iter(shapes))
         label = LABELS[shape, order]
         cells[label], owners[label] = _of_dimension(deck, some, split, order, nodes)
+        shapes_of.append((label, shape, [block for block, _ in some]))
     mesh = FileMesh(nodes.all_points(), cells, "vtk")
     for name, elements in deck.element_sets.items():
         inside = np.zeros(deck.n_elements, dtype=bool)
@@ -74,7 +77,9 @@ def as_mesh(deck: Deck, *, halve_lines: bool = False) -> FileMesh:
         rows = {label: np.flatnonzero(inside[owner]) for label, owner in owners.items()}
         mesh.groups[name] = {label: r for label, r in rows.items() if len(r)}
     mesh.node_sets = dict(deck.node_sets)
-    mesh.held = {name: nodes.grown(rows) for name, rows in deck.held.items()}
+    if deck.held and shapes_of:
+        label, shape, blocks = shapes_of[0]  # of the highest dimension
+        mesh.held = spans(Between(shape, cells[label], blocks, nodes), deck.held)
     mesh.model = deck.model
     mesh.told = list(deck.told)
     if deck.left:
@@ -162,11 +167,6 @@ def _all_nodes(block: Block, nodes: NodeTable) -> IntArray:
     return np.hstack([block.corners, nodes.between(block.corners[:, np.array(EDGES[block.shape])])])
 
 
-def _rectangles(shape: str) -> list[tuple[int, ...]]:
-    faces = FACES.get(shape, ((0, 1, 2, 3),) if shape == "quad" else ())
-    return [face for face in faces if len(face) == 4]
-
-
 def _inner(block: Block, nodes: NodeTable) -> IntArray:
     """Nodes within the faces and the volume of quadrilaterals and hexahedra, in VTK's order."""
     if block.shape not in ("quad", "hexahedron"):
@@ -174,7 +174,7 @@ def _inner(block: Block, nodes: NodeTable) -> IntArray:
     if block.inner.shape[1] and (block.inner >= 0).all():
         return block.inner
     columns = []
-    for face in _rectangles(block.shape):
+    for face in rectangles(block.shape):
         centres = _face_centres(block, nodes, face)
         around = _nodes_around(block, nodes, face)
         columns.append(nodes.of_face(block.corners[:, list(face)], centres, around))
@@ -185,14 +185,14 @@ def _inner(block: Block, nodes: NodeTable) -> IntArray:
 
 def _note_cuts(block: Block, nodes: NodeTable) -> None:
     """Tell the table where the middle of every diagonal lies that a cut may use."""
-    for face in _rectangles(block.shape):
+    for face in rectangles(block.shape):
         centres = _face_centres(block, nodes, face)
         for one, other in ((0, 2), (1, 3)):
             around = _nodes_around(block, nodes, face)
             nodes.place(block.corners[:, [face[one], face[other]]], centres, around)
     if block.shape == "hexahedron":
         centres = _cell_centres(block, nodes)
-        for one, other in ((0, 6), (1, 7), (2, 4), (3, 5)):
+        for one, other in DIAGONALS:
             nodes.place(block.corners[:, [one, other]], centres, _all_nodes(block, nodes))
 
 

@@ -85,8 +85,8 @@ class FileMesh:
     node_sets: dict[str, IntArray] = field(default_factory=dict)
     #: once a group holds cells of the highest dimension, cells in no group are construction aids
     aids: bool = False
-    #: nodes held at zero: name of a group to be made -> rows of `points`
-    held: dict[str, IntArray] = field(default_factory=dict)
+    #: what supports hold: name of a group to be made -> {dimension: entities by their vertices}
+    held: dict[str, dict[int, IntArray]] = field(default_factory=dict)
     #: what the caller must be told of the file, one sentence each
     told: list[str] = field(default_factory=list)
     #: materials, sections, supports and masses, as JSON holds them, where a model was asked for
@@ -129,18 +129,20 @@ def known(label: str, name: str) -> str:
 def packed(mesh: FileMesh) -> tuple[dict[str, Any], list[NDArray[Any]]]:
     """`mesh` as (what fits JSON, arrays); groups are put end to end, for there may be thousands."""
     rows = [rows for parts in mesh.groups.values() for rows in parts.values()]
-    nodes = list(mesh.node_sets.values()) + list(mesh.held.values())
+    nodes = list(mesh.node_sets.values())
+    spans = [(name, dim, e) for name, parts in mesh.held.items() for dim, e in parts.items()]
     head = {
         "cells": list(mesh.cells),
         "convention": mesh.convention,
         "groups": [[n, k, len(r)] for n, g in mesh.groups.items() for k, r in g.items()],
         "node_sets": [[name, len(r)] for name, r in mesh.node_sets.items()],
-        "held": [[name, len(r)] for name, r in mesh.held.items()],
+        "held": [[name, dim, *e.shape] for name, dim, e in spans],
         "aids": mesh.aids,
         "told": mesh.told,
         "model": mesh.model,
     }
     none = np.zeros(0, dtype=np.int64)
+    nodes += [e.ravel() for _, _, e in spans]
     arrays = [np.concatenate([none, *rows]), np.concatenate([none, *nodes]), mesh.points]
     return head, [*arrays, *mesh.cells.values()]
 
@@ -163,10 +165,13 @@ def unpacked(head: dict[str, Any], arrays: list[NDArray[Any]]) -> FileMesh:
         mesh.groups.setdefault(name, {})[label] = part
         start += count
     start = 0
-    for sets, counts in ((mesh.node_sets, head["node_sets"]), (mesh.held, head.get("held", []))):
-        for name, count in counts:
-            sets[name] = nodes[start : start + count]
-            start += count
+    for name, count in head["node_sets"]:
+        mesh.node_sets[name] = nodes[start : start + count]
+        start += count
+    for name, dim, count, width in head.get("held", []):
+        part = nodes[start : start + count * width].reshape(count, width)
+        mesh.held.setdefault(name, {})[dim] = part
+        start += count * width
     mesh.told = [str(sentence) for sentence in head.get("told", [])]
     mesh.model = head.get("model")
     _check_indices(nodes, len(points), "a node set names nodes")

@@ -22,11 +22,11 @@ class NodeTable:
     def __init__(self, points: Array) -> None:
         self.points = points
         self._more: list[Array] = []
-        self._count = len(points)
+        self.count = len(points)
         #: sorted keys of pairs, and the node between each
-        self._pairs = _Lookup(len(points))
+        self._pairs = PairTable(len(points))
         #: sorted keys of pairs, and the row in `_placed` of what lies between them
-        self._places = _Lookup(len(points))
+        self._places = PairTable(len(points))
         self._placed: list[Array] = []
         #: nodes that each place and each new node lies between, -1 where there are fewer
         self._around: list[IntArray] = []
@@ -42,8 +42,8 @@ class NodeTable:
         """New nodes at these points, between their `parents` (n, k)."""
         self._more.append(points)
         self._parents.append(parents)
-        self._count += len(points)
-        return np.arange(self._count - len(points), self._count)
+        self.count += len(points)
+        return np.arange(self.count - len(points), self.count)
 
     def give(self, ends: IntArray, nodes: IntArray) -> None:
         """`nodes` (n,) of the file lie between `ends` (n, 2)."""
@@ -98,7 +98,7 @@ class NodeTable:
 
     def grown(self, nodes: IntArray) -> IntArray:
         """`nodes` of the file, and the new ones that lie between these alone."""
-        inside = np.zeros(self._count + 1, dtype=bool)
+        inside = np.zeros(self.count + 1, dtype=bool)
         inside[nodes] = True
         inside[-1] = True  # what -1 stands for
         start = len(self.points)
@@ -115,7 +115,7 @@ def _padded(nodes: IntArray) -> IntArray:
     return result
 
 
-class _Lookup:
+class PairTable:
     """Numbers by pairs of nodes, whatever the order of the two; the first one given stays."""
 
     def __init__(self, n: int) -> None:
@@ -128,11 +128,13 @@ class _Lookup:
         return np.asarray(low * self._n + high)
 
     def add(self, ends: IntArray, values: IntArray) -> None:
+        """Give pairs (n, 2) their numbers."""
         keys = np.concatenate([self._keys, self._key(ends)])
         self._keys, first = np.unique(keys, return_index=True)
         self._values = np.concatenate([self._values, values])[first]
 
     def find(self, ends: IntArray) -> IntArray:
+        """Numbers of pairs (n, 2), -1 where there is none."""
         if not len(self._keys) or not len(ends):
             return np.full(len(ends), -1, dtype=np.int64)
         key = self._key(ends)

@@ -55,8 +55,7 @@ def selected(mesh: FileMesh, wanted: Wanted, order: int | None, name: str) -> Ra
     for group, nodes in mesh.node_sets.items():
         if outer is not None:
             _add_nodes(raw, group, nodes, outer)
-    for group, nodes in mesh.held.items():
-        _add_held(raw, group, nodes)
+    raw.groups.update(mesh.held)
     if order == 1 and raw.kind.order == 2:
         raw = _straightened(raw)
     elif raw.kind.shape == "interval" and raw.kind.order == 2:
@@ -194,38 +193,6 @@ def _add_nodes(raw: RawMesh, group: str, nodes: IntArray, outer: IntArray) -> No
     alone = left[np.isin(left, raw.cells[:, : raw.kind.vertices])]
     if len(alone):
         _add(raw, group, 0, alone[:, None])
-
-
-def _add_held(raw: RawMesh, group: str, nodes: IntArray) -> None:
-    """All points, edges, faces and cells whose every node is held, those inside included."""
-    marked = np.zeros(len(raw.points), dtype=bool)
-    marked[nodes] = True
-    shape, corners = raw.kind.shape, raw.kind.vertices
-    edges = [(0, 1)] if shape == "interval" else EDGES.get(shape, FACETS[shape])
-    faces = FACETS[shape] if raw.kind.dim == 3 else []
-    raw.groups.setdefault(group, {})
-    for sides, dim in (([(k,) for k in range(corners)], 0), (edges, 1), (faces, 2)):
-        for number, side in enumerate(sides if dim <= raw.kind.dim else []):
-            some = raw.cells[:, list(side)]
-            whole = marked[some].all(axis=1)
-            if raw.kind.order == 2 and dim == 1:
-                # the nodes between follow the corners in the order of the edges
-                whole &= marked[raw.cells[:, corners + number]]
-            elif raw.kind.order == 2 and dim == 2:
-                whole &= _between_held(raw, marked, side)
-            if whole.any():
-                _add(raw, group, dim, some[whole])
-    whole = marked[raw.cells].all(axis=1)
-    if raw.kind.dim > 1 and whole.any():
-        _add(raw, group, raw.kind.dim, raw.cells[whole][:, :corners])
-
-
-def _between_held(
-    raw: RawMesh, marked: NDArray[np.bool_], side: tuple[int, ...]
-) -> NDArray[np.bool_]:
-    """Whether the middles of all edges of a face are held."""
-    own = [k for k, edge in enumerate(EDGES[raw.kind.shape]) if set(edge) <= set(side)]
-    return np.asarray(marked[raw.cells[:, raw.kind.vertices + np.array(own)]].all(axis=1))
 
 
 # --- Nodes ----------------------------------------------------------------------------------------

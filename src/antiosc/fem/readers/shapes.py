@@ -50,3 +50,9 @@ FACES: dict[str, tuple[tuple[int, ...], ...]] = {
         *((3, 2, 6, 7), (0, 1, 2, 3), (4, 5, 6, 7)),
     ),
 }
+
+
+def rectangles(shape: str) -> list[tuple[int, ...]]:
+    """Corners of the faces with four of them; a quadrilateral is one itself."""
+    faces = FACES.get(shape, ((0, 1, 2, 3),) if shape == "quad" else ())
+    return [face for face in faces if len(face) == 4]

@@ -310,7 +310,7 @@ class Sections:
 def _profile(card: Card) -> profiles.Profile:
     kind = card.option("SECTION", "RECT").upper()
     d = _first(card)
-    needed = {"RECT": 2, "CIRC": 1, "PIPE": 2, "BOX": 6, "GENERAL": 5}
+    needed = {"RECT": 1, "CIRC": 1, "PIPE": 2, "BOX": 6, "GENERAL": 5}
     short = next((name for name in needed if kind.startswith(name)), "")
     if not short:
         raise MeshError(
@@ -322,7 +322,7 @@ def _profile(card: Card) -> profiles.Profile:
             f"{card.place}: SECTION={kind} needs {needed[short]} positive dimensions; got {d}."
         )
     if short == "RECT":
-        return profiles.rectangle(d[0], d[1])
+        return profiles.rectangle(d[0], d[1] if len(d) > 1 else d[0])
     if short == "CIRC":  # CalculiX gives two diameters, Abaqus one radius
         return profiles.ellipse(d[0], d[1]) if len(d) > 1 else profiles.ellipse(2 * d[0], 2 * d[0])
     if short == "PIPE":

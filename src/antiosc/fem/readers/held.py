@@ -1,0 +1,87 @@
+"""What is held between nodes that are held: edges, faces and cells.
+
+Displacements here are richer than those of a deck's elements, so that a support must also hold
+what lies between its nodes: an edge with both ends (and the node in its middle), a face with all
+its edges. A cut through a rectangle or a hexahedron is no edge of the deck: it is held where all
+nodes of the rectangle, or of the cell, are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from antiosc.fem.readers.decks.deck import Block
+from antiosc.fem.readers.neutral import IntArray
+from antiosc.fem.readers.node_table import NodeTable, PairTable
+from antiosc.fem.readers.shapes import CORNERS, DIMENSION, EDGES, FACES, rectangles
+
+#: Corners at the ends of the diagonals of a hexahedron.
+DIAGONALS = ((0, 6), (1, 7), (2, 4), (3, 5))
+
+
+class Between:
+    """The cells of a mesh, of one shape and of the highest dimension, seen from their nodes."""
+
+    def __init__(
+        self, shape: str, cells: IntArray, blocks: Sequence[Block], nodes: NodeTable
+    ) -> None:
+        self.shape = shape
+        self.corners = cells[:, : CORNERS[shape]]
+        self.nodes = nodes
+        count = len(EDGES[shape])
+        mids = cells[:, CORNERS[shape] : CORNERS[shape] + count]
+        self.mids = mids if mids.shape[1] == count else None
+        self.edges = self.corners[:, np.array(EDGES[shape])]
+        if self.mids is None:
+            self._around = _around_cuts(blocks, self.edges, len(nodes.points))
+
+    def held(self, rows: IntArray) -> dict[int, IntArray]:
+        """{dimension: entities by their vertices} of what the nodes `rows` hold."""
+        found = {0: np.intersect1d(rows, self.corners)[:, None]}
+        marked = np.zeros(self.nodes.count + 1, dtype=bool)
+        marked[self.nodes.grown(rows)] = True
+        edges = marked[self.edges].all(axis=2)
+        if self.mids is not None:
+            edges &= marked[self.mids]
+        else:
+            marked[-1] = True  # what -1 stands for
+            edges &= marked[self._around].all(axis=2)
+        dim = DIMENSION[self.shape]
+        found[1] = self.edges[edges]
+        if dim == 3:
+            found[2] = np.vstack([self._faces(face, edges) for face in FACES[self.shape]])
+        if dim > 1:
+            found[dim] = self.corners[edges.all(axis=1)]
+        return {d: entities for d, entities in found.items() if len(entities)}
+
+    def _faces(self, face: tuple[int, ...], edges: np.ndarray) -> IntArray:
+        own = [k for k, edge in enumerate(EDGES[self.shape]) if set(edge) <= set(face)]
+        return self.corners[edges[:, own].all(axis=1)][:, list(face)]
+
+
+def _around_cuts(blocks: Sequence[Block], edges: IntArray, n: int) -> IntArray:
+    """Nodes (cells, edges, 8) that a cut needs held; -1 for those of edges of the deck."""
+    real, cuts = PairTable(n), PairTable(n)
+    around = [np.full((1, 8), -1, dtype=np.int64)]
+    for block in blocks:
+        ends = block.corners[:, np.array(EDGES[block.shape])].reshape(-1, 2)
+        real.add(ends, np.ones(len(ends), dtype=np.int64))
+        needs = [((f[k], f[k + 2]), f) for f in rectangles(block.shape) for k in (0, 1)]
+        if block.shape == "hexahedron":
+            needs += [(pair, tuple(range(8))) for pair in DIAGONALS]
+        for pair, among in needs:
+            table = np.full((len(block), 8), -1, dtype=np.int64)
+            table[:, : len(among)] = block.corners[:, list(among)]
+            start = sum(map(len, around))
+            cuts.add(block.corners[:, list(pair)], np.arange(start, start + len(block)))
+            around.append(table)
+    flat = edges.reshape(-1, 2)
+    row = np.where(real.find(flat) >= 0, 0, np.maximum(cuts.find(flat), 0))
+    return np.vstack(around)[row].reshape(*edges.shape[:2], 8)
+
+
+def spans(between: Between, sets: Mapping[str, IntArray]) -> dict[str, dict[int, IntArray]]:
+    """What each of some sets of nodes holds."""
+    return {name: between.held(rows) for name, rows in sets.items()}
