@@ -18,6 +18,7 @@ from typing import Any, ParamSpec, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from antiosc._types import Array
 from antiosc.errors import AccuracyError, InputError
 
 P = ParamSpec("P")
@@ -117,7 +118,7 @@ def tolerance(value: Any, name: str = "tol") -> float:
 # -- arrays of numbers
 
 
-def array(name: str, value: Any, shape: tuple[int | None, ...] | None) -> NDArray[np.float64]:
+def array(name: str, value: Any, shape: tuple[int | None, ...] | None) -> Array:
     """`value` as a finite float array of `shape` (None: any length, or any shape), or InputError.
 
     An array of floats is returned without a copy; use `kept` to store it.
@@ -138,7 +139,7 @@ def array(name: str, value: Any, shape: tuple[int | None, ...] | None) -> NDArra
     return result
 
 
-def column(name: str, value: Any, size: int | None = None) -> NDArray[np.float64]:
+def column(name: str, value: Any, size: int | None = None) -> Array:
     """One number or a sequence of them as an array (n,), or InputError."""
     result = array(name, value, None)
     result = result.reshape(1) if result.ndim == 0 else result

@@ -20,17 +20,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from antiosc import files
+from antiosc._types import Array, IntArray
 from antiosc.checks import instance, path as checked_path, positive, whole, within_range
 from antiosc.contact import ContactLaw
 from antiosc.errors import AccuracyWarning, InputError, warn
-from antiosc.fem.compat import IntArray
 from antiosc.fem.extraction.block_lanczos import lowest_modes
 from antiosc.fem.extraction.eigenmodes import Modes
 from antiosc.fem.extraction.krylov import by_krylov
 from antiosc.fem.extraction.oscillators import error_bound, lumped, oscillators, wanted
 from antiosc.fem.extraction.static_mode import static_modes
 from antiosc.fem.linalg.compliance import deflections
-from antiosc.fem.linalg.solvers import Array
 from antiosc.fem.mpi import agree, collective, on_root
 from antiosc.fem.site.map_sites import sites_of
 from antiosc.fem.site.site import Functional

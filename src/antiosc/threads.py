@@ -20,7 +20,8 @@ from threading import Lock, get_ident
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from antiosc._types import Array
 
 #: Variables by which users choose a number of threads; the first one that is set counts.
 VARIABLES = (
@@ -84,7 +85,7 @@ def _text(path: str | Path) -> str:
         return ""
 
 
-def worth(fronts: NDArray[np.float64], free: int) -> int:
+def worth(fronts: Array, free: int) -> int:
     """Useful number of threads, at most `free`, for dense fronts of these operation counts."""
 
     def cost(threads: int) -> float:
@@ -158,7 +159,7 @@ def one_thread() -> Iterator[None]:
 
 
 @contextmanager
-def as_many_as_pay(fronts: NDArray[np.float64]) -> Iterator[int | None]:
+def as_many_as_pay(fronts: Array) -> Iterator[int | None]:
     """Use the useful number of threads for dense fronts with these numbers of operations.
 
     Never more than at the start of the process, and one if another calculation of this process is

@@ -19,12 +19,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from antiosc import checks
+from antiosc._types import Array
 from antiosc.errors import InputError
 
-Array = NDArray[np.float64]
 #: Share of a stiffness below which a coupling is rounding.
 NOTHING = 1e-9
 #: Most half waves along a side.

@@ -24,10 +24,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from antiosc import checks
+from antiosc._types import Array, Index
 from antiosc.errors import AccuracyError, InputError
 from antiosc.models.anti_oscillators import AntiOscillators
-
-Array = NDArray[np.float64]
 
 #: Terms of Lévy's series; what follows them is added as an integral.
 TERMS = 2000
@@ -51,7 +50,7 @@ class Observable(NamedTuple):
     #: Σ φ² of the mass-normalised modes of each frequency at the point (n,), 1/kg
     b2: Array
     #: modes that share each frequency and move the point (n,)
-    modes: NDArray[np.intp]
+    modes: Index
     #: frequencies below the last one that the point cannot see
     unobservable: int
 

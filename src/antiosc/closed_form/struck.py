@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import null_space
 
 from antiosc import checks
+from antiosc._types import Array
 from antiosc.closed_form import waves
 from antiosc.closed_form.uniform import UniformBeam
 from antiosc.errors import AccuracyError, InputError
@@ -28,8 +29,6 @@ from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import Body
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Inertia
-
-Floats = NDArray[np.float64]
 
 #: End supports: which of the state (w, θ, Q, M) they hold at zero.
 ENDS = {"free": (2, 3), "pinned": (0, 3), "clamped": (0, 1), "guided": (1, 2)}
@@ -46,7 +45,7 @@ class _Static(NamedTuple):
 
     stiffness: float  # k0 in N/m
     mass: float  # m_st or m_CR in kg
-    moved: Floats  # momentum of w as velocity, and about mid-span over the length: (2,) in kg
+    moved: Array  # momentum of w as velocity, and about mid-span over the length: (2,) in kg
 
 
 class _Response(NamedTuple):
@@ -54,8 +53,8 @@ class _Response(NamedTuple):
 
     value: float  # H under F = 1, Z under w = 1
     mass: float  # ∫ w² + alpha θ² dx
-    moved: Floats  # ∫ w dx and ∫ w (x - 1/2) + alpha θ dx
-    w: Floats  # at the points asked for
+    moved: Array  # ∫ w dx and ∫ w (x - 1/2) + alpha θ dx
+    w: Array  # at the points asked for
 
 
 @dataclass(frozen=True)
@@ -76,14 +75,14 @@ class BeamModes(Body):
         the impact along y; None without rigid-body motions.
     """
 
-    omega: Floats
-    b: Floats
-    weight: Floats
+    omega: Array
+    b: Array
+    weight: Array
     r: float
-    x: Floats
-    shapes: Floats
-    residual: Floats
-    hidden: Floats
+    x: Array
+    shapes: Array
+    residual: Array
+    hidden: Array
     inertia: Inertia | None = None
 
     def modal(self) -> ModalBody:
@@ -104,7 +103,7 @@ class BeamModes(Body):
             inertia=self.inertia,
         )
 
-    def field(self, coordinates: ArrayLike) -> Floats:
+    def field(self, coordinates: ArrayLike) -> Array:
         """The deflections at x (m): the coordinates themselves."""
         return checks.array("coordinates", coordinates, None)
 
@@ -166,7 +165,7 @@ class StruckBeam:
     # ---- harmonic response ---------------------------------------------------------------------
 
     @checks.within_range
-    def dynamic_stiffness(self, omega: ArrayLike) -> Floats:
+    def dynamic_stiffness(self, omega: ArrayLike) -> Array:
         """Driving-point dynamic stiffness Z in N/m at `omega` (rad/s, > 0), same shape."""
         omega = checks.array("omega", omega, None)
         if not np.all(omega > 0):
@@ -176,13 +175,13 @@ class StruckBeam:
         return np.array(Z).reshape(omega.shape) * self.beam.EI / self.beam.length**3
 
     @checks.within_range
-    def natural_frequencies(self, n: int) -> Floats:
+    def natural_frequencies(self, n: int) -> Array:
         """The first n natural frequencies > 0 in rad/s, those with a node at the site included."""
         n = checks.whole("n", n, most=MOST)
         return np.sqrt(self._eigenvalues(n, constrained=False)) * self.beam.omega_unit
 
     @checks.within_range
-    def antiresonances(self, n: int) -> Floats:
+    def antiresonances(self, n: int) -> Array:
         """The first n > 0 with the site constrained, in rad/s, the unobservable ones included."""
         n = checks.whole("n", n, most=MOST)
         return np.sqrt(self._eigenvalues(n, constrained=True)) * self.beam.omega_unit
@@ -251,7 +250,7 @@ class StruckBeam:
 
     # ---- how -----------------------------------------------------------------------------------
 
-    def _constraint_modes(self, n: int, x: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+    def _constraint_modes(self, n: int, x: Array) -> tuple[Array, Array, Array, Array]:
         """ω_i (rad/s), m_i (kg), ψ_i at x (m) as rows, what ψ_i moves (n, 2) (kg)."""
         omega, m, psi, moved = np.empty(n), np.empty(n), np.empty((n, len(x))), np.empty((n, 2))
         for i, pole in enumerate(self._spectra(n)[0]):
@@ -264,7 +263,7 @@ class StruckBeam:
             moved[i] = -response.moved / (pole * response.mass) * self.beam.mass
         return omega, m, psi, moved
 
-    def _compliance(self, x: Floats) -> tuple[float, Floats]:
+    def _compliance(self, x: Array) -> tuple[float, Array]:
         """Elastic deflection at the site and at x (m) under a unit force, rigid modes taken out.
 
         The constant term in ω² of H and of the field H·(φ_CR + Σ ω²/(ω_i² - ω²) ψ_i). The series
@@ -277,7 +276,7 @@ class StruckBeam:
         site = float(np.sum(m / omega**2)) / total**2
         return site, site * self._static_shape(x) - omega**-2.0 @ psi / total
 
-    def _points(self, x: ArrayLike) -> Floats:
+    def _points(self, x: ArrayLike) -> Array:
         points = checks.array("x", x, (None,))
         if points.size and not (points.min() >= 0 and points.max() <= self.beam.length):
             raise InputError(f"x must lie on the beam, 0 to {self.beam.length:g} m.")
@@ -290,7 +289,7 @@ class StruckBeam:
         return [(s, length) for s, length in ((0.0, a), (a, 1 - a)) if length > 0]
 
     @cached_property
-    def _rigid(self) -> Floats:
+    def _rigid(self) -> Array:
         """Rigid modes (p, q), w = p + qx and θ = q, as columns: shape (2, r)."""
         rows = [
             (1.0, end) if which == 0 else (0.0, 1.0)
@@ -313,11 +312,11 @@ class StruckBeam:
         unit = self.beam.EI / self.beam.length**3
         return _Static(stiffness * unit, mass * self.beam.mass, moved * self.beam.mass)
 
-    def _moved(self, x: Floats, w: Floats, theta: Floats) -> Floats:
+    def _moved(self, x: Array, w: Array, theta: Array) -> Array:
         """Momentum and angular momentum about mid-span at points x (in L): (n, 2)."""
         return np.column_stack((w, w * (x - 0.5) + self.beam.alpha * theta))
 
-    def _hidden(self, x: Floats) -> tuple[Floats, Floats]:
+    def _hidden(self, x: Array) -> tuple[Array, Array]:
         """Rigid motions of unit mass that leave the site at rest: (len(x), h) at x (m), (h, 2)."""
         at_site = np.array([[1, self.site / self.beam.length]]) @ self._rigid
         motions = self._rigid @ (null_space(at_site) if at_site.size else np.zeros((0, 0)))
@@ -326,7 +325,7 @@ class StruckBeam:
         moved = np.column_stack((p + q / 2, q * (1 / 12 + self.beam.alpha)))
         return p + np.multiply.outer(x / self.beam.length, q), self.beam.mass * moved
 
-    def _inertia(self, moved: Floats) -> Inertia | None:
+    def _inertia(self, moved: Array) -> Inertia | None:
         """Of a beam that can move as a whole, along y with the beam on x; `moved` (C, 2) in kg."""
         if not self.rigid_modes:
             return None
@@ -336,10 +335,10 @@ class StruckBeam:
         matrix[5, 5] = self.beam.mass * length**2 * (1 / 12 + self.beam.alpha)
         return Inertia(np.array([length / 2, 0, 0]), matrix, momentum)
 
-    def _static_shape(self, x: Floats) -> Floats:
+    def _static_shape(self, x: Array) -> Array:
         return self._static_state(x / self.beam.length)[0]
 
-    def _static_state(self, x: Floats) -> tuple[Floats, Floats]:
+    def _static_state(self, x: Array) -> tuple[Array, Array]:
         """w and θ of the static mode or of φ_CR at x (in L), with w = 1 at the site."""
         if not self.rigid_modes:
             return self._state(0.0, self._solve(0.0, force=False)[0], x)
@@ -349,22 +348,22 @@ class StruckBeam:
         at_site = p + q * self.site / self.beam.length
         return (p + q * x) / at_site, np.full_like(x, q / at_site)
 
-    def _states(self, Omega: float, length: float, x: Floats) -> Floats:
+    def _states(self, Omega: float, length: float, x: Array) -> Array:
         alpha, eta = self.beam.alpha, self.beam.eta
         if Omega == 0:
             return waves.static_states(eta, x)
         return waves.harmonic_states(Omega, alpha, eta, length, x)
 
-    def _solve(self, Omega: float, *, force: bool) -> tuple[list[Floats], float]:
+    def _solve(self, Omega: float, *, force: bool) -> tuple[list[Array], float]:
         """Coefficients of each segment's solutions under F = 1, or w = 1, at the site; and F."""
         segments = self._segments
         size = 4 * len(segments)
         ends = [
             self._states(Omega, length, np.array([0.0, length])) for _, length in segments
         ]  # each (state, end, solution)
-        rows: list[Floats] = []
+        rows: list[Array] = []
 
-        def row(*terms: tuple[int, Floats]) -> None:
+        def row(*terms: tuple[int, Array]) -> None:
             line = np.zeros(size)
             for segment, values in terms:
                 line[4 * segment : 4 * segment + 4] += values
@@ -404,7 +403,7 @@ class StruckBeam:
             ) from None
         return [c[4 * s : 4 * s + 4] for s in range(len(segments))], float(jump @ c)
 
-    def _state(self, Omega: float, c: list[Floats], x: Floats) -> tuple[Floats, Floats]:
+    def _state(self, Omega: float, c: list[Array], x: Array) -> tuple[Array, Array]:
         """w and θ at points x (in L) of the solution with coefficients c."""
         w, theta = np.empty_like(x), np.empty_like(x)
         for (start, length), coefficients in zip(self._segments, c, strict=True):
@@ -413,7 +412,7 @@ class StruckBeam:
             w[here], theta[here] = states[0] @ coefficients, states[1] @ coefficients
         return w, theta
 
-    def _respond(self, Omega: float, *, force: bool, x: Floats | None = None) -> _Response:
+    def _respond(self, Omega: float, *, force: bool, x: Array | None = None) -> _Response:
         """Harmonic response to F = 1, or to w = 1, at the site; its w at x (m)."""
         c, reaction = self._solve(Omega, force=force)
         (mu1, _), (mu2, _) = waves.wave_roots(Omega, self.beam.alpha, self.beam.eta)
@@ -432,7 +431,7 @@ class StruckBeam:
         shape = np.empty(0) if x is None else self._state(Omega, c, x / self.beam.length)[0]
         return _Response(at_site if force else reaction, mass, moved, shape)
 
-    def _count(self, Omega: Floats, *, constrained: bool) -> NDArray[np.int64]:
+    def _count(self, Omega: Array, *, constrained: bool) -> NDArray[np.int64]:
         """Number of eigenvalues below Ω, zero ones included (Wittrick-Williams)."""
         alpha, eta = self.beam.alpha, self.beam.eta
         segments = self._segments
@@ -455,7 +454,7 @@ class StruckBeam:
         d = 1 / np.sqrt(np.maximum(np.abs(K).max(axis=2), np.finfo(float).tiny))
         return count + np.sum(np.linalg.eigvalsh(K * d[:, :, None] * d[:, None, :]) < 0, axis=1)
 
-    def _eigenvalues(self, n: int, *, constrained: bool) -> Floats:
+    def _eigenvalues(self, n: int, *, constrained: bool) -> Array:
         """The first n eigenvalues Ω > 0 with the site free or constrained, by bisection."""
         rigid = self.rigid_modes
         if constrained and rigid:  # one rigid motion less: the site sees every straight beam's
@@ -478,7 +477,7 @@ class StruckBeam:
             lo, hi = np.where(enough, lo, middle), np.where(enough, middle, hi)
         return ((lo + hi) / 2) ** 4
 
-    def _spectra(self, n: int) -> tuple[Floats, Floats]:
+    def _spectra(self, n: int) -> tuple[Array, Array]:
         """The first n observable poles and zeros of Z, as Ω: the two spectra, common ones out."""
         asked = 2 * n + 4
         while True:
@@ -490,7 +489,7 @@ class StruckBeam:
             asked *= 2
 
 
-def _unmatched(a: Floats, b: Floats) -> tuple[Floats, Floats]:
+def _unmatched(a: Array, b: Array) -> tuple[Array, Array]:
     """Two ascending lists without the pairs they share (each entry pairs at most once)."""
     keep_a, keep_b = np.ones(len(a), dtype=bool), np.ones(len(b), dtype=bool)
     i = j = 0

@@ -20,12 +20,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from antiosc._types import Array
 
 
 def wave_roots(
-    Omega: Floats | float, alpha: float, eta: float
-) -> tuple[tuple[Floats, Floats], tuple[Floats, Floats]]:
+    Omega: Array | float, alpha: float, eta: float
+) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
     """Roots ((μ₁, β₁), (μ₂, β₂)) at Ω, where β = μ + Ωη couples the rotation: θ' = β w.
 
     Root 1 is the first spectrum's (always μ₁ < 0); root 2 changes sign at the cut-off.
@@ -44,7 +44,7 @@ def wave_roots(
     return (mu1, beta1), (mu2, beta2)
 
 
-def even_odd(mu: Floats, x: Floats | float, half: float) -> tuple[Floats, Floats]:
+def even_odd(mu: Array, x: Array | float, half: float) -> tuple[Array, Array]:
     """cosh(λx) and sinh(λx)/λ with λ² = μ, both over cosh(λ·half) where they would grow."""
     mu, x = np.broadcast_arrays(np.asarray(mu, dtype=float), np.asarray(x, dtype=float))
     lam = np.sqrt(np.abs(mu))
@@ -59,7 +59,7 @@ def even_odd(mu: Floats, x: Floats | float, half: float) -> tuple[Floats, Floats
     return np.where(wave, cos, cosh), np.where(wave, sin, sinh)
 
 
-def harmonic_states(Omega: float, alpha: float, eta: float, length: float, x: Floats) -> Floats:
+def harmonic_states(Omega: float, alpha: float, eta: float, length: float, x: Array) -> Array:
     """States (w, θ, Q, M) of four independent solutions at points x of a segment [0, length].
 
     Returns shape (4 states, len(x), 4 solutions).
@@ -77,7 +77,7 @@ def harmonic_states(Omega: float, alpha: float, eta: float, length: float, x: Fl
     return np.moveaxis(np.array(columns), 0, -1)
 
 
-def static_states(eta: float, x: Floats) -> Floats:
+def static_states(eta: float, x: Array) -> Array:
     """As `harmonic_states` at Ω = 0: the cubic with w, θ, M, Q at x = 0 as its coefficients."""
     x = np.asarray(x, dtype=float)
     o, i = np.zeros_like(x), np.ones_like(x)
@@ -88,9 +88,7 @@ def static_states(eta: float, x: Floats) -> Floats:
     return np.array([np.stack(rows, axis=-1) for rows in (w, theta, Q, M)])
 
 
-def _half_stiffness(
-    Omega: Floats, alpha: float, eta: float, length: float
-) -> tuple[Floats, Floats]:
+def _half_stiffness(Omega: Array, alpha: float, eta: float, length: float) -> tuple[Array, Array]:
     """(Q, M) from (w, θ) at the right end, for motions even and odd about the middle.
 
     Two symmetric matrices of shape (2, 2, len(Ω)).
@@ -115,12 +113,12 @@ def _half_stiffness(
     return even, odd
 
 
-def _nonzero(determinant: Floats) -> Floats:
+def _nonzero(determinant: Array) -> Array:
     # A bisection can land on an eigenvalue of the clamped segment: step off it.
     return np.where(determinant == 0, 1e-30, determinant)
 
 
-def member_stiffness(Omega: Floats, alpha: float, eta: float, length: float) -> Floats:
+def member_stiffness(Omega: Array, alpha: float, eta: float, length: float) -> Array:
     """Dynamic stiffness of a segment for (w, θ) at its two ends, shape (len(Ω), 4, 4)."""
     to_even = np.array([[0.5, 0, 0.5, 0], [0, -0.5, 0, 0.5]])
     to_odd = np.array([[-0.5, 0, 0.5, 0], [0, 0.5, 0, 0.5]])
@@ -131,7 +129,7 @@ def member_stiffness(Omega: Floats, alpha: float, eta: float, length: float) -> 
     )
 
 
-def clamped_count(Omega: Floats, alpha: float, eta: float, length: float) -> NDArray[np.int64]:
+def clamped_count(Omega: Array, alpha: float, eta: float, length: float) -> NDArray[np.int64]:
     """How many eigenvalues of the segment clamped at both ends lie below Ω.
 
     Those of the hinged segment are known (wave number nπ/length, in both spectra; n = 0 of the

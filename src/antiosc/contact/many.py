@@ -10,12 +10,9 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from antiosc._types import Array, Index
 from antiosc.contact.power import Hertz, Linear, Power
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 
 class Laws(ABC):

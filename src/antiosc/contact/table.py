@@ -5,9 +5,10 @@ from __future__ import annotations
 from bisect import bisect_right
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from antiosc import checks
+from antiosc._types import Array
 from antiosc.contact.base import State
 from antiosc.contact.plastic import Hysteretic
 from antiosc.errors import InputError
@@ -95,7 +96,7 @@ class Tabulated(Hysteretic):
     def reload_shape(self, x: float) -> tuple[float, float, float]:
         return self._unload.at(x)
 
-    def _check_loss(self, depths: NDArray[np.float64]) -> None:
+    def _check_loss(self, depths: Array) -> None:
         for d in depths[1:]:
             work = self.loading_work(float(d))
             back = self.energy(float(d), (float(d), float(d), 0.0))
@@ -109,7 +110,7 @@ class Tabulated(Hysteretic):
 class _Curve:
     """Monotone cubic through points, as plain floats: quick for one value at a time."""
 
-    def __init__(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> None:
+    def __init__(self, x: Array, y: Array) -> None:
         from scipy.interpolate import PchipInterpolator  # loaded where it is used
 
         cubic = PchipInterpolator(x, y)
@@ -134,9 +135,7 @@ class _Curve:
         )
 
 
-def _branch(
-    name: str, x: ArrayLike, y: ArrayLike
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _branch(name: str, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
     """Both arrays, checked to rise strictly together."""
     xs = checks.array(f"{name} indentation", x, (None,))
     ys = checks.array(f"{name} force", y, xs.shape)

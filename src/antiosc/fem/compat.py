@@ -13,21 +13,20 @@ import numpy as np
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
-from numpy.typing import NDArray
 from petsc4py import PETSc
 
+from antiosc._types import Array, IntArray
 from antiosc.fem.compiler import compiler
 
 import dolfinx.fem.petsc  # isort: skip  (0.9 and later do not import it by themselves)
 
 VERSION = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
-IntArray = NDArray[np.integer[Any]]
 
 # --- Meshes ---------------------------------------------------------------------------------
 
 
 def create_mesh(
-    comm: MPI.Comm, cells: IntArray, x: NDArray[np.float64], cell: str, degree: int
+    comm: MPI.Comm, cells: IntArray, x: Array, cell: str, degree: int
 ) -> dolfinx.mesh.Mesh:
     """A mesh from arrays that rank 0 holds (the other ranks give empty ones).
 
@@ -70,7 +69,7 @@ def node_order(cell: str, n_nodes: int, convention: str) -> IntArray:
     return np.asarray(dolfinx.cpp.io.perm_vtk(kind, n_nodes))
 
 
-def lattice_gradients(cell: str, degree: int, n: int) -> NDArray[np.float64]:
+def lattice_gradients(cell: str, degree: int, n: int) -> Array:
     """Slopes (dim, points, nodes) of the Lagrange functions of a cell on its lattice of n steps."""
     import basix
 
@@ -206,12 +205,12 @@ def _edge_element() -> Any:
     return basix.create_element(basix.ElementFamily.N2E, basix.CellType.triangle, 2, *legendre)
 
 
-def edge_points() -> NDArray[np.float64]:
+def edge_points() -> Array:
     """Points (n, 2) of the reference triangle at which `edge_interpolant` wants its values."""
     return np.asarray(_edge_element().points)
 
 
-def edge_interpolant(values: NDArray[np.float64], X: NDArray[np.float64]) -> NDArray[np.float64]:
+def edge_interpolant(values: Array, X: Array) -> Array:
     """The field of Nédélec's second triangle of degree 2 with the moments of `values`, at X."""
     element = _edge_element()
     moments = element.interpolation_matrix @ values.T.ravel()
@@ -225,7 +224,7 @@ def subspace(space: Any, path: Sequence[int]) -> Any:
     return space
 
 
-def dof_coordinates(space: Any, path: Sequence[int]) -> tuple[IntArray, NDArray[np.float64]]:
+def dof_coordinates(space: Any, path: Sequence[int]) -> tuple[IntArray, Array]:
     """(dofs of this rank, ghosts included; their coordinates (n, 3)) of one scalar component.
 
     Of a blocked space, whose components share their nodes. (dolfinx's own `collapse` fails on
@@ -237,7 +236,7 @@ def dof_coordinates(space: Any, path: Sequence[int]) -> tuple[IntArray, NDArray[
     return dofs.astype(np.int32), x
 
 
-def tabulate(space: Any, path: Sequence[int], X: NDArray[np.float64]) -> NDArray[np.float64]:
+def tabulate(space: Any, path: Sequence[int], X: Array) -> Array:
     """Basis functions of one scalar component at reference points X: (points, functions)."""
     element = subspace(space, path).element.basix_element
     return np.asarray(element.tabulate(0, X))[0].reshape(len(X), -1)
@@ -303,7 +302,7 @@ def strain_matrix(
     return S
 
 
-def assemble_functional(form: Any, space: Any) -> NDArray[np.float64]:
+def assemble_functional(form: Any, space: Any) -> Array:
     """A linear form as an array over this rank's dofs, ghost contributions sent to their owners."""
     vector = fem.petsc.assemble_vector(_compiled(form))
     vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
@@ -356,7 +355,7 @@ def cell_dofs(space: Any, path: Sequence[int], cells: IntArray) -> IntArray:
     return np.asarray(dofmap.index_map_bs * nodes + component, dtype=np.int32)
 
 
-def with_ghosts(space: Any, block: NDArray[np.float64]) -> NDArray[np.float64]:
+def with_ghosts(space: Any, block: Array) -> Array:
     """Columns given on the dofs that this rank owns, continued to its ghosts."""
     function = fem.Function(space)
     rows = len(block)

@@ -14,12 +14,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from antiosc._types import Array, IntArray
 from antiosc.checks import array, coordinates, instance
 from antiosc.errors import InputError
 from antiosc.fem import compat
-from antiosc.fem.compat import IntArray
 from antiosc.fem.elements.weak_form import WeakForm
-from antiosc.fem.linalg.solvers import Array
 from antiosc.fem.mesh import closest_point
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.mpi import collective, on_root

@@ -10,10 +10,10 @@ from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 from mpi4py import MPI
-from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from antiosc import errors
+from antiosc._types import Array
 from antiosc.checks import shown
 from antiosc.errors import AntioscWarning, InputError, OutOfMemoryError
 from antiosc.fem.fingerprint import fingerprint, named, number
@@ -203,9 +203,7 @@ def _raise_first(found: list[Exception | None], own: Exception | None) -> None:
     raise first
 
 
-def bounds(
-    comm: MPI.Comm, x: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def bounds(comm: MPI.Comm, x: Array) -> tuple[Array, Array]:
     """(lowest, highest) coordinates over all ranks of points x (n, dim)."""
     dim = x.shape[1]
     low = x.min(axis=0) if len(x) else np.full(dim, np.inf)

@@ -11,14 +11,10 @@ from collections.abc import Iterable
 from pathlib import Path
 from xml.sax.saxutils import quoteattr, unescape
 
-import numpy as np
-from numpy.typing import NDArray
-
 from antiosc import checks, files
+from antiosc._types import Array
 from antiosc.errors import InputError
 from antiosc.fem.vtu import Frames
-
-Array = NDArray[np.float64]
 
 
 def listing(path: str | os.PathLike[str]) -> Path:

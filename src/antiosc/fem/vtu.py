@@ -15,9 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from antiosc.fem.compat import IntArray
-
-Array = NDArray[np.float64]
+from antiosc._types import Array, IntArray
 
 #: Bytes of an array that are compressed at once.
 BLOCK = 1 << 15

@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import block_diag
 
 from antiosc import checks
+from antiosc._types import Array, Index
 from antiosc.errors import InputError
 from antiosc.models import model_file
 from antiosc.models.body import Body
@@ -103,15 +104,15 @@ class AntiOscillators(Body):
 
     m0: float
     k0: float
-    m: NDArray[np.float64]
-    omega: NDArray[np.float64]
+    m: Array
+    omega: Array
     local_compliance: float = 0.0
     radius: float | None = None
-    participation: NDArray[np.float64] | None = None
-    shapes: NDArray[np.float64] | None = None
-    direction: NDArray[np.float64] | None = None
+    participation: Array | None = None
+    shapes: Array | None = None
+    direction: Array | None = None
     inertia: Inertia | None = None
-    hidden: NDArray[np.float64] | None = None
+    hidden: Array | None = None
     damping: Damping | None = None
     info: dict[str, Any] = field(default_factory=dict)
 
@@ -162,7 +163,7 @@ class AntiOscillators(Body):
             checks.instance("damping", self.damping, Damping, "a Damping(ratio, alpha, beta)")
         checks.instance("info", self.info, dict, "a dict of facts")
 
-    def _place(self, columns: NDArray[np.intp]) -> None:
+    def _place(self, columns: Index) -> None:
         """Check the data in space (direction, inertia, shapes); `columns` sorts psi_0 ... psi_N."""
         if self.direction is not None:
             self._set("direction", unit_vector("direction", self.direction))
@@ -198,7 +199,7 @@ class AntiOscillators(Body):
         return 0 if self.inertia is None else len(self.inertia.momentum) - self.n - 1
 
     @property
-    def k(self) -> NDArray[np.float64]:
+    def k(self) -> Array:
         """Stiffnesses k_i = omega_i^2 m_i [N/m], shape (N,). Article eq. (23)."""
         return self.omega**2 * self.m
 
@@ -241,7 +242,7 @@ class AntiOscillators(Body):
             inertia=inertia,
         )
 
-    def field(self, coordinates: ArrayLike) -> NDArray[np.float64]:
+    def field(self, coordinates: ArrayLike) -> Array:
         """Nodal displacements (..., n_dofs) of Article eq. (8) for lambda (..., N + 1).
 
         Hidden motions follow lambda, (..., N + 1 + h); without them they are at rest.
@@ -389,11 +390,11 @@ class AntiOscillators(Body):
             ) from error
 
 
-def _column(name: str, value: ArrayLike) -> NDArray[np.float64]:
+def _column(name: str, value: ArrayLike) -> Array:
     return checks.column(name, value)
 
 
-def _relative(n: int) -> NDArray[np.float64]:
+def _relative(n: int) -> Array:
     """Amplitudes lambda_0 and lambda_i - lambda_0 of psi_0 and psi_i, Article eq. (8)."""
     turn = np.eye(n + 1)
     turn[1:, 0] = -1.0
@@ -408,7 +409,7 @@ def _inertia(arrays: dict[str, NDArray[Any]]) -> Inertia | None:
     return Inertia(*found)  # type: ignore[arg-type]
 
 
-def _frozen(array: NDArray[np.float64]) -> NDArray[np.float64]:
+def _frozen(array: Array) -> Array:
     array = np.array(array, dtype=float)
     array.setflags(write=False)
     return array

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from antiosc import checks
+from antiosc._types import Array, ComplexArray
 
 #: damping ratio at which Z is evaluated
 DAMPING = 0.01
@@ -26,7 +27,7 @@ UNOBSERVABLE = 1e-8
 Stiffness = Callable[[Any], NDArray[Any]]
 
 
-def samples(top: float, lowest: float, step: float = DAMPING) -> NDArray[np.complex128]:
+def samples(top: float, lowest: float, step: float = DAMPING) -> ComplexArray:
     """Damped circular frequencies up to `top` [rad/s], close enough to meet every peak of Z.
 
     `lowest`: the first frequency [rad/s] at which Z varies; below it Z is quasi-static. `step`:
@@ -52,7 +53,7 @@ def driving_point(
     return np.asarray(k0[..., None] - x * (m0[..., None] + hung))
 
 
-def shares(k0: ArrayLike, m0: ArrayLike, m: ArrayLike, poles: ArrayLike) -> NDArray[np.float64]:
+def shares(k0: ArrayLike, m0: ArrayLike, m: ArrayLike, poles: ArrayLike) -> Array:
     """|change of Z|/|Z| (..., N) at each damped pole if its mass is added to m0 instead.
 
     Arguments as of `driving_point`; poles with m = 0 have no share.
@@ -67,7 +68,7 @@ def shares(k0: ArrayLike, m0: ArrayLike, m: ArrayLike, poles: ArrayLike) -> NDAr
     return share
 
 
-def shares_of_receptance(b: ArrayLike, poles: ArrayLike) -> NDArray[np.float64]:
+def shares_of_receptance(b: ArrayLike, poles: ArrayLike) -> Array:
     """|change of H|/|H| (J,) at each damped pole without its mode: H = sum b^2/(poles - x)."""
     weight, poles = np.asarray(b, dtype=float) ** 2, np.asarray(poles, dtype=float)
     share = np.ones(poles.shape)  # of a rigid-body mode at its own frequency, 0

@@ -32,12 +32,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from antiosc import checks
+from antiosc._types import Array
 from antiosc.errors import InputError
 from antiosc.models import driving_point as bands
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.rigid_share import APART, HIDDEN, with_rigid
 
-Array = NDArray[np.float64]
 Method = Literal["krylov", "modes"]
 
 #: A residual compliance below this share of C is rounding error.

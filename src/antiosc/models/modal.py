@@ -16,13 +16,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from antiosc import checks
+from antiosc._types import Array, ComplexArray, Index
 from antiosc.errors import InputError, NotConvergedError
 from antiosc.models.motion import Inertia, Motion, unit_vector
-
-Array = NDArray[np.float64]
 
 #: Share of a rigid motion's kinetic energy outside the body's rigid-body modes that is rounding.
 RIGID = 1e-8
@@ -179,7 +178,7 @@ class ModalBody:
             rest = rest[..., size:]
         return total
 
-    def receptance(self, omega: ArrayLike) -> NDArray[np.complex128]:
+    def receptance(self, omega: ArrayLike) -> ComplexArray:
         """H(omega) = u/F [m/N], damping included."""
         w = checks.spectrum("omega", omega)[..., np.newaxis]
         loss = 0.0 if self.decay is None else 2j * self.decay * w
@@ -312,7 +311,7 @@ def arrow_modes(k0: float, m0: float, m: Array, poles: Array) -> tuple[Array, Ar
 
 def _zeros(
     k0: float, m0: float, m: Array, poles: Array, lower: Array, upper: Array
-) -> tuple[NDArray[np.intp], Array]:
+) -> tuple[Index, Array]:
     """Zeros of Z in each (lower, upper): index of the nearest pole (-1: zero) and shift from it."""
     n, size = poles.size, upper.size
     middle = 0.5 * (lower + upper)

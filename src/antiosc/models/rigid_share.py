@@ -14,11 +14,9 @@ elastic model with that mass added to m0. No step takes a difference of large nu
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from antiosc._types import Array
 from antiosc.models.modal import arrow_modes
-
-Array = NDArray[np.float64]
 
 #: Share of the rigid-body motions in the compliance b'(K + sM)^-1 b, s about a tenth of the first
 #: elastic omega^2, below which the elastic motions are modelled alone and the rigid one is added.

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from antiosc import checks
+from antiosc._types import Array, BoolArray
 from antiosc.errors import InputError
 from antiosc.plotting.figures import finished, new_figure
 from antiosc.simulation.history import Body, History
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from antiosc.fem.structure.structure import Structure
     from antiosc.maps import ImpactMap
 
-Array = NDArray[np.float64]
 
 #: Motions are drawn this share of the part's largest dimension.
 ENLARGED = 0.08
@@ -144,7 +143,7 @@ def _space(points: Array, shown: bool) -> tuple[Figure, Any, float, str]:
     return figure, axes, *((1e3, "mm") if np.ptp(points, axis=0).max() < 1.0 else (1.0, "m"))
 
 
-def _towards_viewer(found: ImpactMap, axes: Any) -> NDArray[np.bool_]:
+def _towards_viewer(found: ImpactMap, axes: Any) -> BoolArray:
     """Faces to draw (T,): where those of a solid are struck against the surface, its front faces.
 
     matplotlib sorts faces by their centres; back faces would show through openings.

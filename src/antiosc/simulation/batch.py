@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from antiosc import checks
+from antiosc._types import Array, Index
 from antiosc.contact import ContactLaw
-from antiosc.contact.many import VECTORISED, Array, Index
+from antiosc.contact.many import VECTORISED
 from antiosc.errors import AccuracyError, InputError
 from antiosc.models.body import LinearBody
 from antiosc.simulation.history import main_impact

@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from antiosc import checks
+from antiosc._types import Array
 from antiosc.models.body import LinearBody
 from antiosc.simulation.integrators.propagator import Propagator
-
-Array = NDArray[np.float64]
 
 #: Bodies that are worked on together, and times beside those of the force at which u is looked at.
 BATCH, SAMPLES = 200, 200

@@ -10,9 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from antiosc import checks
+from antiosc._types import Array, Index
 from antiosc.errors import InputError
 from antiosc.models.modal import ModalBody
 from antiosc.simulation.integrators import Problem, Trajectory
@@ -20,7 +21,6 @@ from antiosc.simulation.integrators import Problem, Trajectory
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 Body = Literal["structure", "impactor"]
 
 
@@ -298,7 +298,7 @@ class History:
         states = [s.states() for s in self.trajectory.segments]
         return self._joined([q for q, _ in states]), self._joined([v for _, v in states])
 
-    def _locate(self, t: ArrayLike) -> tuple[Array, NDArray[np.intp]]:
+    def _locate(self, t: ArrayLike) -> tuple[Array, Index]:
         times = checks.column("t", t)
         end = float(self.time[-1])
         outside = (times < 0) | (times > end * (1 + 1e-12))

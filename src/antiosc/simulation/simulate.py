@@ -20,9 +20,9 @@ from dataclasses import replace
 from math import log2
 
 import numpy as np
-from numpy.typing import NDArray
 
 from antiosc import checks
+from antiosc._types import Array
 from antiosc.contact import ContactLaw, Hertz, State
 from antiosc.errors import AccuracyError, InputError
 from antiosc.models.anti_oscillators import AntiOscillators
@@ -43,8 +43,6 @@ from antiosc.simulation.integrators import (
 from antiosc.simulation.step_control import Refinement
 from antiosc.simulation.truncation import Run, choose_n
 from antiosc.simulation.verdict import Verdict, judge
-
-Array = NDArray[np.float64]
 
 DEFAULT_TOL = 1e-3
 COARSEST = 24  # per estimated contact time, on the coarsest level

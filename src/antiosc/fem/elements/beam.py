@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 import ufl
 
+from antiosc._types import Array
 from antiosc.checks import array, flag, instance, number, poisson, positive, store, within_range
 from antiosc.errors import InputError
 from antiosc.fem import compat
@@ -23,7 +24,6 @@ from antiosc.fem.elements.weak_form import (
     coefficient,
     measure,
 )
-from antiosc.fem.linalg.solvers import Array
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.mpi import agree
 

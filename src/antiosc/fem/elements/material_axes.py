@@ -12,17 +12,15 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from antiosc._types import Array, BoolArray, IntArray
 from antiosc.checks import array, positive
 from antiosc.errors import InputError
 from antiosc.fem import compat
-from antiosc.fem.compat import IntArray
 from antiosc.fem.elements.weak_form import Parts
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.mpi import agree, on_root
 
-Array = NDArray[np.float64]
 #: A vector, or a function of points x (3, n) that gives one (3, n) in each
 Direction = Sequence[float] | Callable[[Array], Array]
 
@@ -118,7 +116,7 @@ def _at(name: str, direction: Direction, x: Array) -> Array:
     return np.asarray(vectors / lengths)
 
 
-def _refuse(bad: NDArray[np.bool_], x: Array, what: str, remedy: str) -> None:
+def _refuse(bad: BoolArray, x: Array, what: str, remedy: str) -> None:
     if bad.any():
         at_point = ", ".join(f"{c:.4g}" for c in x[np.argmax(bad)].mean(axis=0))
         raise InputError(f"{what} in {int(bad.sum())} cells, one at ({at_point}) m: {remedy}.")
@@ -133,8 +131,8 @@ def _check_neighbours(
     mesh: Mesh,
     x: Array,
     side: Array,
-    has_sides: NDArray[np.bool_],
-    stated: NDArray[np.bool_],
+    has_sides: BoolArray,
+    stated: BoolArray,
 ) -> None:
     """InputError where two cells on an edge have their normals on different sides of the sheet.
 

@@ -19,8 +19,8 @@ from typing import Any
 
 import numpy as np
 import ufl
-from numpy.typing import NDArray
 
+from antiosc._types import Array
 from antiosc.fem import compat
 from antiosc.fem.mesh.mesh import Mesh
 
@@ -52,19 +52,19 @@ def dropped(mesh: Mesh, X: Any, motion: Any, n: Any, along: Any) -> Any:
     return ufl.dot(ufl.dot(along, ufl.transpose(inverse)), ufl.as_vector(covariant))
 
 
-def _polynomial(factors: NDArray[np.float64], cubic: tuple[int, int], X: Any) -> Any:
+def _polynomial(factors: Array, cubic: tuple[int, int], X: Any) -> Any:
     powers = (*QUADRATIC, cubic)
     return sum(float(f) * X[0] ** r * X[1] ** s for f, (r, s) in zip(factors, powers, strict=True))
 
 
-def _dropped_of_cubics() -> NDArray[np.float64]:
+def _dropped_of_cubics() -> Array:
     """(1 − R) of the cubics ξᵖηᑫ along ξ and along η: (cubic, direction, component, factor).
 
     The factors are those of QUADRATIC and of the cubic itself.
     """
     lattice = np.array([[0, 0], [1, 0], [0, 1], [0.5, 0], [0.5, 0.5], [0, 0.5]])
 
-    def powers(X: NDArray[np.float64], p: int, q: int) -> NDArray[np.float64]:
+    def powers(X: Array, p: int, q: int) -> Array:
         return np.asarray(X[:, 0] ** p * X[:, 1] ** q)
 
     vandermonde = np.column_stack([powers(lattice, *power) for power in QUADRATIC])

@@ -21,12 +21,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from antiosc._types import Array
 from antiosc.checks import number, poisson, positive, shown, store, within_range
 from antiosc.errors import InputError
-
-Array = NDArray[np.float64]
 
 #: Share of a stiffness below which what should cancel is rounding.
 ROUNDING = 1e-12

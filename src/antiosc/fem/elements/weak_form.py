@@ -14,13 +14,11 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 import ufl
-from numpy.typing import NDArray
 
+from antiosc._types import Array, IntArray
 from antiosc.fem import compat
-from antiosc.fem.compat import IntArray
 from antiosc.fem.mesh.mesh import Mesh
 
-Array = NDArray[np.float64]
 #: Length, width and thickness of a part, m, in falling order.
 Box = tuple[float, float, float]
 

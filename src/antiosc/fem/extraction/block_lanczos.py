@@ -12,10 +12,11 @@ import logging
 
 import numpy as np
 
+from antiosc._types import Array
 from antiosc.errors import NotConvergedError
 from antiosc.fem.extraction.eigenmodes import DENSE, Modes, ModeSolver
 from antiosc.fem.linalg import solver_choice
-from antiosc.fem.linalg.solvers import Array, dot, multiply
+from antiosc.fem.linalg.solvers import dot, multiply
 from antiosc.fem.mpi import on_root
 from antiosc.fem.structure.structure import Structure
 

@@ -17,11 +17,11 @@ import scipy.linalg
 from petsc4py import PETSc
 from slepc4py import SLEPc
 
+from antiosc._types import Array, IntArray
 from antiosc.errors import NotConvergedError
-from antiosc.fem.compat import IntArray
 from antiosc.fem.extraction.static_mode import StaticMode
 from antiosc.fem.linalg.scaling import frequency
-from antiosc.fem.linalg.solvers import Array, Solver, by_strains, dot, gathered, multiply, norm
+from antiosc.fem.linalg.solvers import Solver, by_strains, dot, gathered, multiply, norm
 from antiosc.fem.mpi import on_root
 from antiosc.fem.site.site import Functional
 from antiosc.fem.structure.structure import Structure

@@ -12,6 +12,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from mpi4py import MPI
 
+from antiosc._types import Array
 from antiosc.checks import choice, flag, instance, positive, tolerance, whole, within_range
 from antiosc.errors import AccuracyError, AccuracyWarning, InputError, warn
 from antiosc.fem import mpi
@@ -28,7 +29,7 @@ from antiosc.fem.extraction.oscillators import (
 )
 from antiosc.fem.extraction.static_mode import StaticMode, static_modes
 from antiosc.fem.linalg import solver_choice
-from antiosc.fem.linalg.solvers import Array, dot, multiply
+from antiosc.fem.linalg.solvers import dot, multiply
 from antiosc.fem.site.site import Functional, Site, functionals
 from antiosc.fem.structure.structure import Structure
 from antiosc.models import driving_point as bands

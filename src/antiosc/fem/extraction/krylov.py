@@ -27,11 +27,11 @@ import logging
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from antiosc._types import Array, ComplexArray
 from antiosc.fem.extraction.eigenmodes import Modes, polish
 from antiosc.fem.extraction.static_mode import StaticMode
-from antiosc.fem.linalg.solvers import Array, dot, multiply
+from antiosc.fem.linalg.solvers import dot, multiply
 from antiosc.fem.site.site import Functional
 from antiosc.fem.structure.structure import Structure
 from antiosc.models import driving_point as bands
@@ -46,9 +46,8 @@ CHUNK = 16
 #: Steps beyond the number of anti-oscillators wanted, where some of them have no share in Z.
 MORE = 20
 
-Complex = NDArray[np.complex128]
 #: Bound on |Z - Z_N| [N/m] at complex x = ω² of shape (W,): (W,).
-Remainder = Callable[[Complex], Array]
+Remainder = Callable[[ComplexArray], Array]
 
 log = logging.getLogger(__name__)
 
@@ -170,7 +169,7 @@ class Lanczos:
         # the factors of det(I - zH) beside those of e_Nᵀ adj(I - zH) e_1: nothing cancels
         norm, shift = self._norm, self._shift
 
-        def bound(x: Complex) -> Array:
+        def bound(x: ComplexArray) -> Array:
             z = x + shift
             q = np.full(len(x), norm)
             for b, t in zip(beta, theta, strict=True):

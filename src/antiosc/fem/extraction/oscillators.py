@@ -13,10 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from antiosc._types import Array, ComplexArray
 from antiosc.fem.extraction.eigenmodes import Modes
-from antiosc.fem.extraction.krylov import Complex, Remainder
+from antiosc.fem.extraction.krylov import Remainder
 from antiosc.fem.extraction.static_mode import StaticMode
-from antiosc.fem.linalg.solvers import Array, by_strains, dot, multiply
+from antiosc.fem.linalg.solvers import by_strains, dot, multiply
 from antiosc.fem.structure.structure import Structure
 from antiosc.models import driving_point as bands
 from antiosc.models.rigid_share import with_rigid
@@ -61,7 +62,7 @@ class Found:
         """ω_i², rad²/s²."""
         return self.modes.omega**2
 
-    def stiffness(self, x: Complex) -> Complex:
+    def stiffness(self, x: ComplexArray) -> ComplexArray:
         """Z of all of them, nothing dropped."""
         real = self.poles > 0
         m, poles = self.c[real] ** 2, self.poles[real]
@@ -184,14 +185,14 @@ def left_out(known: Found) -> Remainder:
     top = float(known.poles.max(initial=0.0))
     mass = 0.0 if known.modes.complete else known.m0
 
-    def bound(x: Complex) -> Array:
+    def bound(x: ComplexArray) -> Array:
         nearest = np.where(x.real > top, x.imag, np.abs(top - x))
         return np.asarray(np.abs(x) ** 2 * mass / nearest)
 
     return bound
 
 
-def _rounding(structure: Structure, known: Found, x: Complex) -> Array:
+def _rounding(structure: Structure, known: Found, x: ComplexArray) -> Array:
     """What rounding makes of Z at complex x = ω²: (W,).
 
     That of the entries and of the solves, and what was measured of the modes' orthogonality.

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from antiosc._types import Array
 from antiosc.errors import NotConvergedError
-from antiosc.fem.linalg.solvers import Array, Solver, dot, multiply
+from antiosc.fem.linalg.solvers import Solver, dot, multiply
 from antiosc.fem.site.site import Functional
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.rigid_share import APART, HIDDEN

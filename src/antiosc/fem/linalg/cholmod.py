@@ -19,6 +19,7 @@ import numpy as np
 import scipy.sparse
 from numpy.typing import NDArray
 
+from antiosc._types import Array, IntArray
 from antiosc.errors import AntioscError, NotConvergedError
 from antiosc.fem.linalg.cholmod_library import (
     LONG,
@@ -34,9 +35,6 @@ from antiosc.fem.linalg.cholmod_library import (
     without_openmp,
 )
 from antiosc.threads import as_many_as_pay, one_thread
-
-Array = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 #: of `cholmod_l_solve2`: A x = b, L y = b and Lᵀx = y
 SOLVE, FORWARD, BACKWARD = 0, 4, 5

@@ -18,11 +18,10 @@ import numpy as np
 import scipy.linalg.blas
 import scipy.sparse
 
-from antiosc.fem.compat import IntArray
+from antiosc._types import Array, IntArray
 from antiosc.fem.linalg import solver_choice
 from antiosc.fem.linalg.cholmod import Cholesky
 from antiosc.fem.linalg.solvers import (
-    Array,
     Factorization,
     OnOneRank,
     csr,

@@ -8,10 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 from mpi4py import MPI
-from numpy.typing import NDArray
 from petsc4py import PETSc
 
-Array = NDArray[np.float64]
+from antiosc._types import Array
 
 
 def norms(comm: MPI.Comm, X: Array) -> Array:

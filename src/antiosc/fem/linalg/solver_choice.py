@@ -16,12 +16,12 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from antiosc import checks
+from antiosc._types import Array
 from antiosc.errors import InputError
 from antiosc.fem.linalg import cholmod
 from antiosc.fem.linalg.cholmod import Analysis
 from antiosc.fem.linalg.forecast import Forecast, forecasts
 from antiosc.fem.linalg.solvers import (
-    Array,
     ByPetsc,
     Distributed,
     Factorization,

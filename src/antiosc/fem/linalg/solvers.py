@@ -15,16 +15,14 @@ from typing import Any
 import numpy as np
 import scipy.sparse
 from mpi4py import MPI
-from numpy.typing import NDArray
 from petsc4py import PETSc
 
+from antiosc._types import Array
 from antiosc.errors import AccuracyError, NotConvergedError, OutOfMemoryError
 from antiosc.fem.linalg.cholmod import Analysis, Cholesky, NotPositiveDefiniteError
 from antiosc.fem.linalg.forecast import Forecast, best_ordering, count
 from antiosc.fem.linalg.scaling import norms, roots
 from antiosc.threads import one_thread
-
-Array = NDArray[np.float64]
 
 #: Largest ‖Ax - r‖ / (‖A‖‖x‖ + ‖r‖) that a direct solve may leave; sound ones leave about 1e-16.
 BACKWARD_ERROR = 1e-10

@@ -18,8 +18,9 @@ from collections.abc import Callable
 import numpy as np
 from petsc4py import PETSc
 
+from antiosc._types import Array
 from antiosc.errors import AccuracyError, NotConvergedError
-from antiosc.fem.linalg.solvers import PRODUCT, Array, Solver, multiply
+from antiosc.fem.linalg.solvers import PRODUCT, Solver, multiply
 
 #: Error of a solve in the energy norm at which it ends, relative; of a compliance it is the square.
 ENERGY = 1e-11

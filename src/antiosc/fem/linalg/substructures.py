@@ -20,10 +20,10 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from scipy.sparse.csgraph import breadth_first_order, maximum_bipartite_matching
 
+from antiosc._types import Array, IntArray
 from antiosc.errors import NotConvergedError
-from antiosc.fem.compat import IntArray
 from antiosc.fem.linalg.cholmod import Cholesky, NotPositiveDefiniteError
-from antiosc.fem.linalg.solvers import SINGULAR, Array, Factorization
+from antiosc.fem.linalg.solvers import SINGULAR, Factorization
 from antiosc.fem.mpi import agree, on_root
 
 

@@ -6,11 +6,9 @@ from collections.abc import Callable
 
 import basix
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-Array = NDArray[np.float64]
-IntArray = NDArray[np.integer]
+from antiosc._types import Array, IntArray
 
 #: Cells whose reference shape is a simplex; the others are products of intervals.
 SIMPLICES = ("interval", "triangle", "tetrahedron")

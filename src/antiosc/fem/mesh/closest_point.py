@@ -6,14 +6,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from antiosc._types import Array, IntArray
 from antiosc.fem import compat
-from antiosc.fem.compat import IntArray
 from antiosc.fem.mesh.cell_geometry import clamped, excess, near, projected
 from antiosc.fem.mesh.mesh import Mesh
-
-Array = NDArray[np.float64]
 
 #: Reference coordinates may lie this far outside a cell that still holds the point (rounding).
 INSIDE = 1e-9

@@ -9,13 +9,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from antiosc._types import Array
 from antiosc.fem.readers.neutral import FACETS, CellKind, IntArray
 from antiosc.fem.readers.selection import keys
-
-Array = NDArray[np.float64]
 
 #: A point this close to a face, over the size of the face, lies on it.
 ON = 1e-3

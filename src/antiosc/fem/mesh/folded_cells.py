@@ -7,13 +7,10 @@ a sign of it, and a point in it has two sets of reference coordinates.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from antiosc._types import Array, IntArray
 from antiosc.errors import MeshError
 from antiosc.fem import compat
-from antiosc.fem.compat import IntArray
-
-Array = NDArray[np.float64]
 
 #: Smallest Jacobian determinant over the largest in a cell that still counts as sound.
 SOUND = 0.02

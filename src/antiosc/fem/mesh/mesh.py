@@ -11,8 +11,8 @@ from typing import Any
 import dolfinx
 import numpy as np
 from mpi4py import MPI
-from numpy.typing import NDArray
 
+from antiosc._types import Array, IntArray
 from antiosc.checks import (
     array,
     choice,
@@ -26,14 +26,11 @@ from antiosc.checks import (
 )
 from antiosc.errors import InputError, MeshError
 from antiosc.fem import compat
-from antiosc.fem.compat import IntArray
 from antiosc.fem.mesh.cell_geometry import CellGeometry
 from antiosc.fem.mesh.soundness import sound
 from antiosc.fem.mpi import agree, bounds, collective, on_root, warn
 from antiosc.fem.readers import GEOMETRY, RawMesh, Refinement, UnitSystem, Wanted, read
 from antiosc.fem.readers.selection import keys
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

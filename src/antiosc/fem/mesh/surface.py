@@ -13,9 +13,8 @@ import basix
 import numpy as np
 from mpi4py import MPI
 
+from antiosc._types import Array, IntArray
 from antiosc.fem import compat
-from antiosc.fem.compat import IntArray
-from antiosc.fem.linalg.solvers import Array
 from antiosc.fem.mesh.cell_geometry import clamped, excess, near, projected
 from antiosc.fem.mesh.mesh import Mesh
 

@@ -7,12 +7,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from antiosc._types import Array, BoolArray, IntArray
 from antiosc.checks import array, coordinates, positive
 from antiosc.errors import InputError
-from antiosc.fem.compat import IntArray
-from antiosc.fem.linalg.solvers import Array
 from antiosc.fem.mesh.closest_point import closest_many
 from antiosc.fem.mesh.surface import Faces
 from antiosc.fem.site.site import ON_STRUCTURE
@@ -135,7 +133,7 @@ def _given(structure: MeshedStructure, points: Any, along: Array | None) -> Grou
     return Ground(nearest.x, np.zeros_like(at), np.zeros((0, 3), dtype=int))
 
 
-def _only(sites: Sites, elements: IntArray, keep: NDArray[np.bool_]) -> tuple[Sites, IntArray]:
+def _only(sites: Sites, elements: IntArray, keep: BoolArray) -> tuple[Sites, IntArray]:
     """Some of the sites, with the elements that lie between them."""
     number = np.cumsum(keep) - 1
     if len(elements):

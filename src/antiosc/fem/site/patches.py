@@ -13,9 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse
 
+from antiosc._types import Array, IntArray
 from antiosc.fem import compat
-from antiosc.fem.compat import IntArray
-from antiosc.fem.linalg.solvers import Array
 from antiosc.fem.mesh.surface import Contact, Faces
 from antiosc.fem.structure.meshed import MeshedStructure
 

@@ -14,10 +14,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from antiosc._types import Array
 from antiosc.checks import array, flag, kept, positive, store, whole
 from antiosc.errors import InputError
 from antiosc.fem.elements.weak_form import WeakForm
-from antiosc.fem.linalg.solvers import Array, norm
+from antiosc.fem.linalg.solvers import norm
 from antiosc.fem.mesh import closest_point
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.site.sites import Sites, located, tell

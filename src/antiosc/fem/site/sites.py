@@ -6,11 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse
-from numpy.typing import NDArray
 
+from antiosc._types import Array, BoolArray, IntArray
 from antiosc.errors import AccuracyWarning, InputError
-from antiosc.fem.compat import IntArray
-from antiosc.fem.linalg.solvers import Array
 from antiosc.fem.mesh.closest_point import ClosestPoints, closest, closest_many, size_at
 from antiosc.fem.mesh.surface import Faces
 from antiosc.fem.mpi import warn
@@ -166,7 +164,7 @@ def tell(structure: MeshedStructure, sites: Sites) -> None:
         )
 
 
-def _at(which: NDArray[np.bool_]) -> str:
+def _at(which: BoolArray) -> str:
     """ " at 3 of 10 sites" where there are several."""
     return "" if len(which) == 1 else f" at {int(which.sum())} of {len(which)} sites"
 

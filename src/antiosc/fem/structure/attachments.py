@@ -16,13 +16,13 @@ import numpy as np
 import scipy.spatial
 from petsc4py import PETSc
 
+from antiosc._types import Array, IntArray
 from antiosc.checks import array, coordinates, nonnegative, positive, shown, store
 from antiosc.errors import InputError
 from antiosc.fem import compat
-from antiosc.fem.compat import IntArray
 from antiosc.fem.elements.beam import Beam, on_lines
 from antiosc.fem.elements.weak_form import WeakForm
-from antiosc.fem.linalg.solvers import Array, multiply
+from antiosc.fem.linalg.solvers import multiply
 from antiosc.fem.mesh.closest_point import ClosestPoint, closest
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.mpi import agree

@@ -14,13 +14,12 @@ from typing import Any
 import numpy as np
 import scipy.sparse
 from mpi4py import MPI
-from numpy.typing import NDArray
 from petsc4py import PETSc
 
+from antiosc._types import Array, BoolArray, IntArray
 from antiosc.checks import LARGEST
 from antiosc.errors import InputError
-from antiosc.fem.compat import IntArray
-from antiosc.fem.linalg.solvers import PRODUCT, Array, dot, multiply, norm
+from antiosc.fem.linalg.solvers import PRODUCT, dot, multiply, norm
 from antiosc.fem.mpi import agree
 
 #: Difference of mirrored entries over √(a_ii a_jj) that is still rounding of the code they are of.
@@ -224,7 +223,7 @@ def _entries(matrix: PETSc.Mat, diagonal: Array, noise: float) -> _Entries:
     return _Entries(row, column, value, diagonal, roots[row] * roots[column], noise)
 
 
-def _forbid(comm: MPI.Comm, entries: _Entries, bad: NDArray[np.bool_], text: str) -> None:
+def _forbid(comm: MPI.Comm, entries: _Entries, bad: BoolArray, text: str) -> None:
     """InputError on all ranks where entries are `bad`; `text` takes row, column, value, scale."""
     error = None
     if bad.any():

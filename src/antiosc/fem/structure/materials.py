@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from antiosc._types import IntArray
 from antiosc.errors import InputError
 from antiosc.fem import compat
-from antiosc.fem.compat import IntArray
 from antiosc.fem.elements.beam import Beam
 from antiosc.fem.elements.weak_form import Family, Parts
 from antiosc.fem.mesh.mesh import Mesh

@@ -11,13 +11,13 @@ import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from antiosc._types import Array, IntArray
 from antiosc.checks import array, shown, whole
 from antiosc.errors import InputError
 from antiosc.fem import compat
-from antiosc.fem.compat import IntArray
 from antiosc.fem.elements.weak_form import Box, Family, Kind, Parts, WeakForm, measure
 from antiosc.fem.linalg.solver_choice import Choice, checked_choice
-from antiosc.fem.linalg.solvers import Array, dot, multiply
+from antiosc.fem.linalg.solvers import dot, multiply
 from antiosc.fem.linalg.strains import attach
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.mesh.units import tell_of_units

@@ -14,13 +14,13 @@ import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from antiosc._types import Array, IntArray
 from antiosc.errors import AccuracyError, AntioscError, InputError, NotConvergedError
 from antiosc.fem import compat
-from antiosc.fem.compat import IntArray
 from antiosc.fem.elements.weak_form import WeakForm
 from antiosc.fem.linalg.scaling import force_ratios, frequency, norms, roots, softness
 from antiosc.fem.linalg.solver_choice import solver_for
-from antiosc.fem.linalg.solvers import Array, Solver, by_strains, dot, multiply, norm, sum_of
+from antiosc.fem.linalg.solvers import Solver, by_strains, dot, multiply, norm, sum_of
 from antiosc.fem.mpi import bounds
 
 #: scaled coordinates (n, 3) -> (displacement (3, n), rotation (3, n))

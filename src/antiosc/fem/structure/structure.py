@@ -15,12 +15,12 @@ from mpi4py import MPI
 from numpy.typing import ArrayLike
 from petsc4py import PETSc
 
+from antiosc._types import Array, IntArray
 from antiosc.checks import array
 from antiosc.errors import InputError
-from antiosc.fem.compat import IntArray
 from antiosc.fem.elements.weak_form import Box, Family
 from antiosc.fem.linalg.solver_choice import Choice, solver_for
-from antiosc.fem.linalg.solvers import Array, Solver, sum_of
+from antiosc.fem.linalg.solvers import Solver, sum_of
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.mpi import collective
 from antiosc.fem.structure import rigid_body_modes

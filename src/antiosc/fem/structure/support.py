@@ -8,17 +8,16 @@ from typing import Any
 
 import dolfinx
 import numpy as np
-from numpy.typing import NDArray
 
+from antiosc._types import Array, BoolArray, IntArray
 from antiosc.checks import shown, store
 from antiosc.errors import InputError
 from antiosc.fem import compat
-from antiosc.fem.compat import IntArray
 from antiosc.fem.elements.weak_form import WeakForm
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.mpi import agree
 
-Where = str | Callable[[NDArray[np.float64]], NDArray[np.bool_]]
+Where = str | Callable[[Array], BoolArray]
 
 NO_DOFS = np.zeros(0, dtype=np.int32)
 

@@ -19,9 +19,9 @@ from functools import cached_property, lru_cache
 from math import sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import toeplitz
 
+from antiosc._types import Array, BoolArray
 from antiosc.contact import State
 from antiosc.simulation.integrators.problem import (
     MAX_STEPS,
@@ -32,8 +32,6 @@ from antiosc.simulation.integrators.problem import (
 )
 from antiosc.simulation.integrators.root import rising_root
 from antiosc.simulation.integrators.stability import clear_step, growth
-
-Array = NDArray[np.float64]
 
 CHUNK = 96
 SHORT = 8
@@ -141,7 +139,7 @@ class Exact:
                 return Phase(segments, end, q, v, state, count, False)
 
 
-def _growth(problem: Problem) -> Callable[[Array, Array], NDArray[np.bool_]]:
+def _growth(problem: Problem) -> Callable[[Array, Array], BoolArray]:
     p = problem
     return growth(p.propagator.square, p.load, p.q, p.v, GROWTH, p.beta)
 

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from antiosc._types import Array
 from antiosc.simulation.integrators.problem import Problem
 from antiosc.simulation.integrators.root import rising_root
-
-Array = NDArray[np.float64]
 
 _PIECES = 128
 _GRID = np.arange(_PIECES + 1) / _PIECES

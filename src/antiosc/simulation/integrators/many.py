@@ -12,9 +12,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from antiosc.contact.many import VECTORISED, Array, Index, Laws
+from antiosc._types import Array, BoolArray, Index
+from antiosc.contact.many import VECTORISED, Laws
 from antiosc.simulation.integrators.exact import DEPTH, GROWTH, LONGER, SHORT, Exact
 from antiosc.simulation.integrators.problem import Problem
 from antiosc.simulation.integrators.propagator import Propagator
@@ -92,7 +92,7 @@ class _Part:
     def take(self, keep: Index) -> _Part:
         return _Part(self.stack, self.rows[keep])
 
-    def grown(self, q: Array, v: Array) -> NDArray[np.bool_]:
+    def grown(self, q: Array, v: Array) -> BoolArray:
         """Where the bodies have gained energy since the start of the run."""
         s, rows = self.stack, self.rows
         square = self.propagator.square
@@ -230,7 +230,7 @@ def _contact(
     log: _Log,
     results: list[Result],
     max_steps: int,
-) -> NDArray[np.bool_]:
+) -> BoolArray:
     """One contact of each live scene; short ones again with smaller steps. True: parted."""
     q, v, t, end = motion
     parted = np.zeros(live.size, dtype=bool)
@@ -302,7 +302,7 @@ class _Outcome:
     impulse: Array
     count: Index
     force: Array
-    parted: NDArray[np.bool_]
+    parted: BoolArray
 
     @classmethod
     def like(cls, q: Array, v: Array, t: Array) -> _Outcome:

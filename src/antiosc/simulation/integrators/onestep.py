@@ -6,8 +6,8 @@ from abc import ABC, abstractmethod
 from typing import ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from antiosc._types import Array
 from antiosc.contact import State
 from antiosc.simulation.integrators.problem import (
     MAX_STEPS,
@@ -17,8 +17,6 @@ from antiosc.simulation.integrators.problem import (
     too_many_steps,
 )
 from antiosc.simulation.integrators.stability import growth
-
-Array = NDArray[np.float64]
 
 GROWTH = 2.0  # of the energy: less may be the error of a coarse step
 

@@ -15,12 +15,10 @@ from functools import cached_property
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from antiosc._types import Array
 from antiosc.contact import ContactLaw, State
 from antiosc.simulation.integrators.propagator import Propagator
-
-Array = NDArray[np.float64]
 
 MAX_STEPS = 1_000_000
 

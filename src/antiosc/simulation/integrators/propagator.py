@@ -11,9 +11,8 @@ from math import factorial
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from antiosc._types import Array
 
 # R/t^3 as a power series in (omega t)^2: (-1)^k/(2 k + 3)!
 _RAMP = tuple((-1) ** k / factorial(2 * k + 3) for k in range(6))

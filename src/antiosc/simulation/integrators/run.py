@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from antiosc._types import Array
 from antiosc.contact import State
 from antiosc.simulation.integrators.flight import next_touch
 from antiosc.simulation.integrators.problem import Integrator, Phase, Problem, Segment
-
-Array = NDArray[np.float64]
 
 _FLIGHT_NODES = 200
 

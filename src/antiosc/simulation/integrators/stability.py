@@ -28,11 +28,9 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from antiosc._types import Array, BoolArray, Index
 from antiosc.simulation.integrators.problem import Problem
-
-Array = NDArray[np.float64]
 
 SAFETY = 1.2  # on the contact stiffness, which is an estimate
 _SLOW = 1e-3  # modes that could grow by no more in a step are left out
@@ -85,7 +83,7 @@ def margin(omega: Array, beta: Array, r: Array, stiffness: Array, h: Array) -> A
     return np.where(excess > 0, soft / np.where(excess > 0, excess, 1.0), np.inf)
 
 
-def _lowest(a: Array, A: Array, left: NDArray[np.intp]) -> Array:
+def _lowest(a: Array, A: Array, left: Index) -> Array:
     """Minimum of f between the poles `left` and the next, from above; one row for each."""
     each, one = np.arange(left.size), np.ones(a.shape[1])
     below = np.where(np.arange(a.shape[1]) <= left[:, None], A, 0.0)
@@ -142,7 +140,7 @@ def clear_step(problem: Problem, h: float, least: float = 0.0) -> float:
 
 def growth(
     square: Array, load: Array, q0: Array, v0: Array, most: float, beta: Array | float = 1.0
-) -> Callable[[Array, Array], NDArray[np.bool_]]:
+) -> Callable[[Array, Array], BoolArray]:
     """Tells whether bodies at (q, v) hold more than `most` times the energy they were given.
 
     That is what they had at (q0, v0), out of contact, and what the loads have done since: no
@@ -160,7 +158,7 @@ def growth(
 
     start = mechanical(q0, v0)
 
-    def grown(q: Array, v: Array) -> NDArray[np.bool_]:
+    def grown(q: Array, v: Array) -> BoolArray:
         fall = abs(product(struck * load, q - q0))
         return np.logical_not(mechanical(q, v) <= most * (start + fall))
 
