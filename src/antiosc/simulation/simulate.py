@@ -47,8 +47,8 @@ from antiosc.simulation.verdict import Verdict, judge
 DEFAULT_TOL = 1e-3
 COARSEST = 24  # per estimated contact time, on the coarsest level
 MAX_LEVELS = 24
-#: Largest phase of a motion [rad]: rounding leaves 1e-4 of it.
-LONGEST = 1e12
+#: Largest phase of a motion [rad]: rounding leaves some 0.1 rad of it.
+LONGEST = 1e15
 LAW = "a ContactLaw such as Hertz(stiffness)"
 
 

@@ -43,8 +43,9 @@ WIDE = 1e-8
 #: Columns by which a basis grows.
 CHUNK = 16
 
-#: Steps beyond the number of anti-oscillators wanted, where some of them have no share in Z.
-MORE = 20
+#: Most steps: so many times the anti-oscillators wanted and so many more, where some pairs have no
+#: share in Z (at a site of symmetry rounding lets in as many again).
+MOST, MORE = 3, 20
 
 #: Bound on |Z - Z_N| [N/m] at complex x = ω² of shape (W,): (W,).
 Remainder = Callable[[ComplexArray], Array]
@@ -201,7 +202,7 @@ def by_krylov(
     """(Ritz pairs, with a band the bound of what they leave out) of each site, all in step.
 
     Without a band there are as many pairs as `counts` says with more than the share `tol` in Z,
-    if the structure has so many and `MORE` further steps find them. With one, there are as few as
+    if the structure has so many and `MOST` times as many steps find them. With one, there are as few as
     make the error of Z at most `accuracy`, and at most that number. One block of right-hand sides
     per step.
     """
@@ -231,6 +232,6 @@ def _finished(run: Lanczos, n: int, tol: float, band: float | None, accuracy: fl
         return run.steps
     if band is None:
         wanting = run.steps < n or np.sum(run.shares(run.steps) > tol) < n
-        return None if wanting and run.steps < n + n // 2 + MORE else run.steps
+        return None if wanting and run.steps < MOST * n + MORE else run.steps
     tried = run.steps - 1  # what this many leave out is known only now
     return tried if tried == n or (tried and run.error(tried, band) <= accuracy) else None
