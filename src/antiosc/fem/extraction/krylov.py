@@ -201,10 +201,10 @@ def by_krylov(
 ) -> list[tuple[Modes, Remainder | None]]:
     """(Ritz pairs, with a band the bound of what they leave out) of each site, all in step.
 
-    Without a band there are as many pairs as `counts` says with more than the share `tol` in Z,
-    if the structure has so many and `MOST` times as many steps find them. With one, there are as few as
-    make the error of Z at most `accuracy`, and at most that number. One block of right-hand sides
-    per step.
+    Without a band there are as many pairs as `counts` says with more than the share `tol` in Z, if
+    the structure has so many and `MOST` times as many steps find them. With one, there are as few
+    as make the error of Z at most `accuracy`, and at most that number. One block of right-hand
+    sides per step.
     """
     runs = [
         Lanczos(structure, site, static, n + 1 if band is None else CHUNK)
