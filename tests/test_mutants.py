@@ -1,0 +1,43 @@
+"""The breaks that `make mutants` draws are programs, and differ from the source in one place."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import mutants
+from paths import ROOT
+
+ZENER = Path("src/antiosc/closed_form/zener.py")
+
+
+def test_breaks_change_one_place():
+    source = (ROOT / ZENER).read_bytes()
+    found = [one for one in mutants.breaks(ZENER) if mutants.works(one)]
+    assert len(found) > 50
+    for one in found:
+        assert one.apply(source)[: one.start] == source[: one.start]
+        assert one.apply(source).endswith(source[one.end :])
+        assert source[one.start : one.end].decode() == one.before
+
+
+def test_every_kind_of_break_is_drawn():
+    """Constants, operators, comparisons, conditions, arguments and statements."""
+    pairs = {(one.before, one.text) for one in mutants.breaks(ZENER)}
+    assert ("8", "(9)") in pairs
+    assert ("1.5", "(0.0)") in pairs
+    assert ("lam > HIGHEST", "(lam <= HIGHEST)") in pairs
+    assert ("max(state[0], 0.0)", "(max(0.0, state[0]))") in pairs
+    assert any(before.startswith("mass / (") and " * " in text for before, text in pairs)
+    assert any(before.startswith("raise InputError") and text == "pass" for before, text in pairs)
+    # words are no mechanics
+    docstring = ast.get_docstring(ast.parse((ROOT / ZENER).read_text(encoding="utf-8")))
+    assert docstring is not None
+    assert not [before for before, _ in pairs if "Zener" in before]
+
+
+def test_the_tests_of_a_file_are_found():
+    own, near = mutants.mirrored(Path("src/antiosc/simulation/truncation.py"), ROOT)
+    assert own == ["tests/simulation/test_truncation.py"]
+    assert near == ["tests/simulation"]
+    assert mutants.mirrored(Path("src/antiosc/plotting/models.py"), ROOT)[1][0].startswith("tests/")
