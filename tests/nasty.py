@@ -22,14 +22,12 @@ import numpy as np
 
 import antiosc as ao
 from antiosc import closed_form, contact, plotting
-from antiosc.closed_form import laminates, plates, zener
+from antiosc.closed_form import zener
 
 MODULES = {
     "": (ao, ao.__all__),
     "closed_form.": (closed_form, closed_form.__all__),
     "contact.": (contact, contact.__all__),
-    "plates.": (plates, ["SupportedPlate"]),
-    "laminates.": (laminates, ["SupportedLaminate"]),
     "zener.": (zener, ["inelasticity", "time_unit", "restitution", "contact_time"]),
     "plotting.": (plotting, [name for name in plotting.__all__ if name[:4] in ("plot", "runn")]),
 }
@@ -331,14 +329,15 @@ OWN: dict[str, dict[str, Any]] = {
     "closed_form.StruckBeam.dynamic_stiffness": {"omega": 1e3},
     "ImpactMap.plot": {"quantity": "k0", "path": "map.png"}, "ImpactMap.write": {"path": "map.vtu"},
     "closed_form.BeamModes.field": {"coordinates": [0.1]}, "from_free_modes": {"compliance": 1e-6},
-    "laminates.SupportedLaminate": {
+    "closed_form.SupportedLaminate": {
         "A": DIAGONAL, "B": 0 * DIAGONAL, "D": 1e-5 * DIAGONAL, "S": 1e7 * np.eye(2),
         "inertia": (8.0, 0.0, 1e-5), "b": 0.2,
     },
-    "laminates.SupportedLaminate.frequencies": {"m": 1}, "plates.SupportedPlate": {"b": 0.2},
-    "plates.SupportedPlate.kirchhoff": {"m": 1}, "plates.SupportedPlate.mindlin": {"m": 1},
-    "plates.SupportedPlate.wave_number_squared": {"m": 1},
-    "plates.SupportedPlate.mindlin_compliance": {"terms": 50},
+    "closed_form.SupportedLaminate.frequencies": {"m": 1}, "closed_form.SupportedPlate": {"b": 0.2},
+    "closed_form.SupportedPlate.kirchhoff": {"m": 1},
+    "closed_form.SupportedPlate.mindlin": {"m": 1},
+    "closed_form.SupportedPlate.wave_number_squared": {"m": 1},
+    "closed_form.SupportedPlate.mindlin_compliance": {"terms": 50},
     "plotting.plot_dynamic_stiffness": {"models": model, "omega": [1e3, 2e3]},
     "plotting.running_mean": {"time": [0.0, 1.0, 2.0], "value": [0.0, 1.0, 0.0], "window": 0.5},
     "plotting.plot_errors": {"series": {"a": ([1.0, 2.0], [0.1, 0.01])}},
@@ -361,9 +360,9 @@ SELVES: dict[str, Callable[[], Any]] = {
     "ContactHistory": lambda: scene_history()["part:foot", "ball"],
     "Inertia": inertia, "Motion": lambda: ao.Motion((0, 0, 1.0)),
     "PointMass": lambda: ao.PointMass((0, 0, 0), 1.0),
-    "SupportedPlate": lambda: plates.SupportedPlate(70e9, 0.3, 2700.0, 2e-3, 0.3, 0.2),
-    "SupportedLaminate": lambda: laminates.SupportedLaminate(
-        **{k: v for k, v in OWN["laminates.SupportedLaminate"].items()}, a=0.3
+    "SupportedPlate": lambda: closed_form.SupportedPlate(70e9, 0.3, 2700.0, 2e-3, 0.3, 0.2),
+    "SupportedLaminate": lambda: closed_form.SupportedLaminate(
+        **{k: v for k, v in OWN["closed_form.SupportedLaminate"].items()}, a=0.3
     ),
 }  # fmt: skip
 

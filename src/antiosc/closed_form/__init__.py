@@ -1,5 +1,7 @@
-"""Beams whose anti-oscillators and modes are known without any mesh, to rounding.
+"""Structures known without any mesh: beams, supported plates and laminates, Zener's impact.
 
+`docs/closed_forms.md` lists them with their theory, sources and an example. Of a beam the
+anti-oscillators and modes are known to rounding.
 Timoshenko's beam, or Euler-Bernoulli's (`UniformBeam.euler_bernoulli`), on any supports of its two
 ends and struck at any point, is a `StruckBeam`; the functions below name the usual ones.
 
@@ -8,18 +10,24 @@ ends and struck at any point, is a `StruckBeam`; the functions below name the us
 """
 
 from antiosc import checks
+from antiosc.closed_form import zener
+from antiosc.closed_form.laminates import SupportedLaminate
+from antiosc.closed_form.plates import SupportedPlate
 from antiosc.closed_form.struck import BeamModes, StruckBeam
 from antiosc.closed_form.uniform import UniformBeam
 
 __all__ = [
     "BeamModes",
     "StruckBeam",
+    "SupportedLaminate",
+    "SupportedPlate",
     "UniformBeam",
     "cantilever",
     "clamped_clamped",
     "free_free",
     "pinned_free",
     "pinned_pinned",
+    "zener",
 ]
 
 
