@@ -269,6 +269,11 @@ class Sections:
         E, nu = self.builder.elastic(material, "beams")
         rows = list(card.rows())
         profile = _profile(card)
+        if card.option("SECTION").upper().startswith("CIRC") and len(_first(card)) == 1:
+            self.whole.deck.told.append(
+                f"{card.place}: the one number of SECTION=CIRC is taken for the radius, as Abaqus "
+                "does; CalculiX means the diameter: give it twice there."
+            )
         first = np.array([0.0, 0.0, -1.0])
         if len(rows) > 1 and rows[1][0]:
             values = [real_number(f, rows[1][1]) if f else 0.0 for f in (*rows[1][0], "0", "0")]

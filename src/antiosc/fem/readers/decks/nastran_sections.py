@@ -8,16 +8,14 @@ from typing import Any
 import numpy as np
 
 from antiosc.errors import MeshError
-from antiosc.fem.readers.decks import profiles
 from antiosc.fem.readers.decks.deck import Array, IntArray
 from antiosc.fem.readers.decks.geometry import common_direction, normals_of, tangents_of
 from antiosc.fem.readers.decks.model import Family, Material, ModelBuilder, isotropic
 from antiosc.fem.readers.decks.nastran import BEAMS, SHELLS, SOLIDS, NastranDeck, property_of
 from antiosc.fem.readers.decks.nastran_cards import Entry
+from antiosc.fem.readers.decks.nastran_profiles import profile_of
 
 PROPERTIES = ("PSOLID", "PSHELL", "PCOMP", "PBAR", "PBARL", "PBEAM", "PBEAML")
-#: Number of dimensions of the cross-sections that are read.
-DIMENSIONS = {"ROD": 1, "TUBE": 2, "BAR": 2, "BOX": 4}
 
 
 def materials_of(found: NastranDeck) -> tuple[dict[int, Material], list[str]]:
@@ -240,7 +238,7 @@ class Properties:
 
     def _beams(self, entry: Entry, name: str, elements: IntArray) -> None:
         """Elements of one property, apart by their orientation and offset."""
-        profile, extra, sheared = _profile(entry)
+        profile, extra, sheared = profile_of(entry)
         material = self._material(entry, 1)
         E, nu = self.builder.elastic(material, "beams")
         units = self.builder.units
@@ -310,56 +308,3 @@ def _role(name: str) -> str:
     if name in SOLIDS:
         return "solid"
     return "shell" if name in SHELLS else "beam" if name in BEAMS else "other"
-
-
-def _profile(entry: Entry) -> tuple[profiles.Profile, float, bool]:
-    """(cross-section, mass per length besides, whether it shears)."""
-    if entry.name in ("PBARL", "PBEAML"):
-        return _listed_profile(entry)
-    area, first, second = (entry.real(k, None) for k in (2, 3, 4))
-    if entry.name == "PBAR":
-        torsion, extra, mixed = entry.real(5), entry.real(6), entry.real(18)
-        k1, k2 = entry.real(16), entry.real(17)
-    else:
-        mixed, torsion, extra = entry.real(5), entry.real(6), entry.real(7)
-        start = 16
-        while entry.text(start).upper() in ("YES", "YESA", "NO"):
-            own = [entry.real(start + k) for k in (2, 3, 4)]
-            pairs = zip(own, (area, first, second), strict=True)
-            if any(value and not math.isclose(value, end, rel_tol=1e-6) for value, end in pairs):
-                raise MeshError(f"{entry.place}: tapered beams (PBEAM) are not supported.")
-            start += 16 if entry.text(start).upper() == "YES" else 8
-        k1, k2 = entry.real(start, 1.0), entry.real(start + 1, 1.0)
-    if mixed:
-        raise MeshError(f"{entry.place}: I12 must be 0: turn the section to its principal axes.")
-    if min(area, first, second) <= 0:
-        raise MeshError(f"{entry.place}: {entry.name} needs A, I1 and I2 above 0.")
-    shear = (k1 + k2) / 2 if k1 and k2 else 0.0
-    torsion = torsion or (first + second) / 2
-    profile = profiles.Profile(area, first, second, torsion, shear or profiles.RECTANGLE)
-    return profile, extra, shear > 0
-
-
-def _listed_profile(entry: Entry) -> tuple[profiles.Profile, float, bool]:
-    kind = entry.text(3).upper()
-    if kind not in DIMENSIONS:
-        raise MeshError(
-            f"{entry.place}: {entry.name} of the type {kind!r} is not supported; give its "
-            f"constants by PBAR, or take one of {', '.join(DIMENSIONS)}."
-        )
-    count = DIMENSIONS[kind]
-    d = [entry.real(8 + k, None) for k in range(count)]
-    if min(d) <= 0 and not (kind == "TUBE" and d[0] > 0 and d[1] == 0):
-        raise MeshError(f"{entry.place}: {entry.name} needs dimensions above 0.")
-    extra = entry.real(8 + count)
-    if entry.name == "PBEAML" and any(entry.text(k) for k in range(9 + count, len(entry.fields))):
-        raise MeshError(f"{entry.place}: tapered beams (PBEAML) are not supported.")
-    if kind == "ROD":
-        return profiles.ellipse(2 * d[0], 2 * d[0]), extra, True
-    if kind == "TUBE":
-        return profiles.tube(d[0], d[0] - d[1]), extra, True
-    if kind == "BAR":  # the width along plane 2, the height along plane 1
-        return profiles.rectangle(d[1], d[0]), extra, True
-    found = profiles.box(d[1], d[0], (d[2], d[3], d[2], d[3]))
-    assert found is not None
-    return found, extra, True
