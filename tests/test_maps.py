@@ -348,5 +348,5 @@ def test_shells_and_matrices_say_what_they_need(steel):
         ao.impact_map(matrices)
     plate = parts.plate()
     shell = ao.Structure(plate, ao.Shell(**parts.STEEL, thickness=0.01))
-    with pytest.raises(ao.InputError, match="shells and beams have no outside"):
+    with pytest.raises(ao.InputError, match="shells and beams have no outward normal"):
         ao.impact_map(shell)

@@ -207,7 +207,7 @@ def test_materials_and_meshes_that_do_not_fit():
     beam = ao.Beam(**parts.STEEL, section=CIRCLE)
     with refused(r"Beam needs a mesh of lines; .* has hexahedron cells"):
         ao.Structure(parts.box(), beam)
-    with refused(r"Solid needs cells that fill their space; .* has interval cells"):
+    with refused(r"Solid needs cells of the dimension of the space; .* has interval cells"):
         ao.Structure(parts.line(1.0, 2), SOLID)
     with refused(r"displacements of order 1 on cells of geometric order 2"):
         ao.Structure(
@@ -261,7 +261,7 @@ def test_supports():
     mesh = parts.box()
     with refused(r"has no group 'foot'; its groups are: 'left', 'right'"):
         ao.Structure(mesh, SOLID, [ao.Support("foot")])
-    with refused(r"the support by function .* holds nothing: no point of the mesh lies there"):
+    with refused(r"the support by function .* fixes nothing: no point of the mesh lies there"):
         ao.Structure(mesh, SOLID, [ao.Support(lambda x: x[0] > 1)])
     with refused(
         r"fix='rx' is not a component of this structure: it must be 'all' or of 'x', 'y', 'z'"
@@ -316,7 +316,7 @@ def test_a_site_outside_or_held(clamped):
         ao.extract(clamped, ao.Site((0.2, 0.02, 0.1), (0, 0, -1)))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", AntioscWarning)
-        with refused(r"\(0, 0.02, 0.01\) m is held by the supports .*it cannot move"):
+        with refused(r"\(0, 0.02, 0.01\) m is fixed by supports .*it cannot move"):
             ao.extract(clamped, ao.Site((0, 0.02, 0.01), (1, 0, 0)))
 
 

@@ -29,7 +29,7 @@ except ao.AntioscError as error:
 
 def test_a_place_that_cannot_be_written_is_named():
     compiler = pytest.importorskip("antiosc.fem.compiler").compiler
-    said = r"^compiled finite elements cannot be kept at /x \(denied\): set XDG_CACHE_HOME"
+    said = r"^compiled finite elements cannot be written to /x \(denied\): set XDG_CACHE_HOME"
     with pytest.raises(ao.InputError, match=said), compiler():
         raise PermissionError(13, "denied", "/x")
 

@@ -147,7 +147,7 @@ def test_bodies_without_shapes_say_so(tmp_path, hit):
         lambda: ao.write_series(structure, run, tmp_path / "none.pvd"),
         lambda: history.field(1e-4, "impactor"),
     ):
-        with pytest.raises(ao.InputError, match=r"carries no shapes \(model files do not store"):
+        with pytest.raises(ao.InputError, match=r"has no shapes \(model files do not store"):
             make()
     assert not (tmp_path / "none.pvd").exists()
     with pytest.raises(ao.InputError, match="'structure' or 'impactor'; got 'floor'"):
@@ -304,9 +304,9 @@ def test_fields_need_the_shapes_and_their_structure(tmp_path, hit):
     loaded = ao.AntiOscillators.load(tmp_path / "model.npz")
     striker = ao.RigidMass(0.1, 1.0)
     bare = ao.simulate(loaded, striker, ao.Hertz(1e9), duration=DURATION, step=1e-5)
-    with pytest.raises(ao.InputError, match="carries no shapes"):
+    with pytest.raises(ao.InputError, match="has no shapes"):
         ao.probe(structure, bare, (0.1, 0.03))
-    with pytest.raises(ao.InputError, match="carries no shapes"):
+    with pytest.raises(ao.InputError, match="has no shapes"):
         bare.field(0.0)
     other = ao.Structure(parts.plate((3, 3), (0.2, 0.06)), PLANE, [ao.Support("left")])
     with pytest.raises(ao.InputError, match="extracted from another structure"):

@@ -240,7 +240,7 @@ def test_rounding_below_zero_is_zero():
 
 
 def test_without_shapes_no_field():
-    with pytest.raises(ao.InputError, match="carries no shapes"):
+    with pytest.raises(ao.InputError, match="has no shapes"):
         ao.AntiOscillators(m0=1.0, k0=1.0, m=[], omega=[]).field([1.0])
 
 

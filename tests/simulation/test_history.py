@@ -73,7 +73,7 @@ def test_field_is_the_model_s(hit):
     run = ao.simulate(with_shapes, striker, ao.Hertz(HERTZ), 1e-3)
     assert run.field(5e-4) == pytest.approx(with_shapes.field(run.coordinates(5e-4)))
     assert run.field([1e-4, 5e-4]).shape == (2, 5)
-    with pytest.raises(ao.InputError, match="carries no shapes"):
+    with pytest.raises(ao.InputError, match="has no shapes"):
         hit.field(1e-3)
 
 

@@ -87,7 +87,7 @@ def test_rate_dependent_law_on_a_massless_point():
     newmark = strike(law, "newmark", m0=0.0)
     assert force_difference(exact.trajectory, newmark.trajectory)[0] < 2e-3
     for method in ("conserving", "DOP853"):
-        with pytest.raises(ao.InputError, match="rate-dependent law on a massless contact point"):
+        with pytest.raises(ao.InputError, match="rate-dependent law at a massless contact point"):
             strike(law, method, 1e-6, m0=0.0)
 
 

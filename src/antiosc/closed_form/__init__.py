@@ -45,7 +45,7 @@ def pinned_pinned(beam: UniformBeam, site: float | None = None) -> StruckBeam:
     """Pinned at both ends, struck at `site` (m), mid-span unless given.
 
     1/k0 = a²b²/(3EI L) + ab/(kGA L) with b = L - a. The second spectrum, which is there above the
-    cut-off, moves the site little but does move it: it carries mass and is kept.
+    cut-off, moves the site a little: it is observable and is kept.
     """
     return StruckBeam(beam, "pinned", "pinned", _place(beam, 0.5, site))
 

@@ -32,7 +32,7 @@ from antiosc.models.anti_oscillators import AntiOscillators
 TERMS = 2000
 #: Natural frequencies closer than this (relatively) are one repeated frequency.
 SAME = 1e-9
-#: Share of the largest b² below which the point cannot see a frequency.
+#: Share of the largest b² below which a frequency is unobservable at the point.
 UNOBSERVABLE = 1e-12
 #: What a plate is made of, beside Poisson's ratio.
 UNITS = {"E": "Pa", "rho": "kg/m³", "thickness": "m", "a": "m", "b": "m"}
@@ -43,7 +43,7 @@ SHEAR = 5 / 6
 
 
 class Observable(NamedTuple):
-    """Natural frequencies that a point sees, ascending, and how many modes share each."""
+    """Natural frequencies that are observable at a point, ascending, and their multiplicities."""
 
     #: circular frequencies (n,), rad/s
     omega: Array
@@ -51,7 +51,7 @@ class Observable(NamedTuple):
     b2: Array
     #: modes that share each frequency and move the point (n,)
     modes: Index
-    #: frequencies below the last one that the point cannot see
+    #: unobservable frequencies below the last one
     unobservable: int
 
 
@@ -136,7 +136,7 @@ class SupportedPlate:
 
     @checks.within_range
     def observable(self, x: float, y: float, n: int) -> Observable:
-        """The `n` lowest natural frequencies of the thin plate that the point (x, y) sees."""
+        """The `n` lowest natural frequencies of the thin plate that are observable at (x, y)."""
         x, y = self._inside(x, y)
         n = checks.whole("n", n, most=MOST_MODES)
         count = 4 * int(np.sqrt(n)) + 8

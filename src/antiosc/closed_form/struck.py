@@ -34,7 +34,7 @@ from antiosc.models.motion import Inertia
 ENDS = {"free": (2, 3), "pinned": (0, 3), "clamped": (0, 1), "guided": (1, 2)}
 #: Direction of the impact in the axes of `inertia`, the beam on x.
 ACROSS = np.array([0.0, 1.0, 0.0])
-#: Pole and zero of Z closer than this (relative, in ω) belong to a mode the site cannot see.
+#: A pole and a zero of Z closer than this (relative, in ω) belong to an unobservable mode.
 SAME = 1e-9
 #: Most frequencies that are sought at once.
 MOST = 10_000
@@ -216,8 +216,8 @@ class StruckBeam:
     def modes(self, n: int, x: ArrayLike = (), *, static_correction: bool = False) -> BeamModes:
         """The first n natural modes that move the site, the rigid-body one included.
 
-        Of several rigid-body modes the site sees one, φ_CR/√m_CR. With `static_correction` the
-        modes left out still deflect statically.
+        Of several rigid-body modes one moves the site, φ_CR/√m_CR. With `static_correction` the
+        static deflection of the truncated modes is included.
         """
         points = self._points(x)
         rigid = min(self.rigid_modes, 1)
@@ -264,7 +264,7 @@ class StruckBeam:
         return omega, m, psi, moved
 
     def _compliance(self, x: Array) -> tuple[float, Array]:
-        """Elastic deflection at the site and at x (m) under a unit force, rigid modes taken out.
+        """Elastic deflection at the site and at x (m) under a unit force, without rigid modes.
 
         The constant term in ω² of H and of the field H·(φ_CR + Σ ω²/(ω_i² - ω²) ψ_i). The series
         falls as 1/i⁶.

@@ -19,7 +19,7 @@ import numpy as np
 from antiosc import checks
 from antiosc.errors import InputError
 
-#: Inelasticity beyond which nothing is left of the velocity.
+#: Inelasticity beyond which the rebound velocity is zero.
 HIGHEST = 100.0
 
 

@@ -1,8 +1,8 @@
 """The contract of a contact law.
 
 `delta` [m] is the indentation, `rate` [m/s] its time derivative. A law is a frozen dataclass of
-parameters, so that one object serves any number of simulations at once; what a contact remembers
-(the deepest indentation, the speed of approach) travels in `state`, a tuple of floats.
+parameters, so that one object can be used in any number of simulations at once. The history of a
+contact (the deepest indentation, the speed of approach) is stored in `state`, a tuple of floats.
 
 1.  `touch(speed, state)` gives the state at first touch (`state` None) or when bodies that had
     parted meet again; `speed` >= 0 is the closing speed.
@@ -53,7 +53,7 @@ class ContactLaw(ABC):
 
     @abstractmethod
     def energy(self, delta: float, state: State) -> float:
-        """Recoverable energy [J] held by the contact at this indentation."""
+        """Recoverable energy [J] of the contact at this indentation."""
 
     def touch(self, speed: float, state: State | None = None) -> State:
         """State at first touch (`state` None) or at a further one, closing at `speed` [m/s]."""
@@ -100,8 +100,8 @@ class ContactLaw(ABC):
     ) -> float:
         """The force F [N] that satisfies F = force(delta - alpha F, rate - alpha_rate F).
 
-        `delta` and `rate` are what the motion would be with F = 0; `alpha` [m/N] and `alpha_rate`
-        [m/(N s)] >= 0 say how F holds it back. `guess` is a force to start from.
+        `delta` and `rate` are those with F = 0; `alpha` [m/N] and `alpha_rate` [m/(N s)] >= 0 are
+        their decrease per unit force. `guess` is the initial guess of the force.
         """
         high = self.force(delta, rate, state)
         if high <= 0.0 or (alpha == 0.0 and alpha_rate == 0.0):

@@ -94,15 +94,15 @@ class Linear(ContactLaw):
 
 @dataclass(frozen=True)
 class Hertz(ContactLaw):
-    """Hertz's law F = stiffness * delta^(3/2), or the same with a compliance taken out of it.
+    """Hertz's law F = stiffness * delta^(3/2), optionally minus the compliance of a patch.
 
     Parameters
     ----------
     stiffness : float
         k_H [N m^-3/2], > 0.
     compliance : float
-        c [m/N], >= 0: the indentation is (F/k_H)^(2/3) - c F. This is for a structure whose own
-        compliance already holds the half-space's part of a contact patch.
+        c [m/N], >= 0: the indentation is (F/k_H)^(2/3) - c F. This is for a structure whose
+        compliance already contains the half-space compliance of a contact patch.
 
     Notes
     -----
@@ -110,8 +110,8 @@ class Hertz(ContactLaw):
     there the contact radius is 0.83 of the patch's. With rho = (F/F_lim)^(1/3) the flexibility left
     is 1 - rho of Hertz's own, so a relative error e in c becomes e rho/(1 - rho) in the tangent.
     `valid_force` is where rho = 0.7: an error of 2 % in c still is below 5 % in the tangent (the
-    contact radius is then 0.58 of the patch radius). Beyond, the law goes on along its tangent, so
-    that a run can end and say how far it went; `simulate` then raises AccuracyError.
+    contact radius is then 0.58 of the patch radius). Beyond, the law continues along its tangent,
+    so that a run can complete and report the peak force; `simulate` then raises AccuracyError.
     """
 
     stiffness: float
@@ -163,7 +163,7 @@ class Hertz(ContactLaw):
         return cls(hertz_stiffness(effective_modulus(E1, nu1, E2, nu2), A, B))
 
     def without(self, compliance: float) -> Hertz:
-        """This law with `compliance` [m/N] taken out."""
+        """This law minus `compliance` [m/N]."""
         return replace(self, compliance=compliance)
 
     def out_of_range(self, peak: float, radius: float | None) -> str:

@@ -1,4 +1,5 @@
-"""The one door to gmsh, dolfinx, PETSc and SLEPc: from a mesh to anti-oscillators and fields."""
+"""Finite elements: from a mesh to anti-oscillators and fields, by gmsh, dolfinx, PETSc and
+SLEPc."""
 
 from antiosc.errors import MissingDependencyError
 from antiosc.isolation import restored, start_petsc

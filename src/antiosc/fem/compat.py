@@ -1,6 +1,6 @@
 """The only file that knows dolfinx versions (0.5 of Debian 12, 0.9 of Debian 13, 0.11 of sid).
 
-Everything here is a thin function with one meaning on every version; nothing here knows mechanics.
+Every function here is thin and has one meaning on every version; there is no mechanics here.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ def create_mesh(
 ) -> dolfinx.mesh.Mesh:
     """A mesh from arrays that rank 0 holds (the other ranks give empty ones).
 
-    `cells` (n, nodes) in dolfinx's node order, `x` (n, gdim). Where more than two lines or
-    facets may meet, 0.9 would silently tear the joint when it partitions the mesh, so there
-    such a mesh stays whole on rank 0.
+    `cells` (n, nodes) in dolfinx's node order, `x` (n, gdim). If more than two lines or facets may
+    meet, 0.9 would silently separate them when it partitions the mesh; there such a mesh stays
+    whole on rank 0.
     """
     gdim = x.shape[1]
     joints = {"interval": 1, "triangle": 2, "quadrilateral": 2}.get(cell, 3) < gdim
@@ -179,7 +179,7 @@ def _compiled(form: Any) -> Any:
 
 
 class _PulledBack(ufl.classes.ReferenceValue):  # type: ignore[misc]
-    """A function on the reference cell, left as it is where UFL pulls the others back."""
+    """A function on the reference cell, to which UFL does not apply the pull-back."""
 
     __slots__ = ()
 
@@ -190,7 +190,7 @@ class _PulledBack(ufl.classes.ReferenceValue):  # type: ignore[misc]
 def reference_derivatives(argument: Any, n: int) -> Any:
     """n-th derivatives of a Lagrange test or trial function along the reference directions.
 
-    UFL takes derivatives in space alone, whose change to the cell is a burden for compilers.
+    UFL differentiates in space only; the transformation to the cell is expensive to compile.
     """
     result = _PulledBack(argument)
     for _ in range(n):
@@ -338,7 +338,7 @@ def cells_of(mesh: dolfinx.mesh.Mesh, facets: IntArray) -> IntArray:
 
 
 def facet_numbers(mesh: dolfinx.mesh.Mesh, cells: IntArray, facets: IntArray) -> IntArray:
-    """Which facet of its cell each facet is: numbers in the reference cell, shape (n,)."""
+    """Local number of each facet in its cell, shape (n,)."""
     dim = mesh.topology.dim
     mesh.topology.create_connectivity(dim, dim - 1)
     to_facet = mesh.topology.connectivity(dim, dim - 1)

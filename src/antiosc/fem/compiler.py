@@ -1,4 +1,4 @@
-"""FFCx as it is needed while something is compiled, and as it was before afterwards."""
+"""Settings of FFCx while something is compiled, restored afterwards."""
 
 from __future__ import annotations
 
@@ -21,26 +21,26 @@ _lock = threading.RLock()
 
 @contextmanager
 def compiler() -> Iterator[None]:
-    """Compile in here: quietly, rightly on sheets in space, and without traces.
+    """Context in which forms are compiled: without log output, and correctly on shells in space.
 
-    InputError where the system does not let the compiler keep what it makes.
+    InputError if the system refuses to write the compiled files.
     """
     try:
         with _lock, restored(), quiet(*NOISY), _derivatives_in_the_cell():
             yield
     except OSError as error:
         raise InputError(
-            f"compiled finite elements cannot be kept at {error.filename or 'their cache folder'} "
-            f"({error.strerror or error}): set XDG_CACHE_HOME, or HOME, to a folder that can be "
-            "written."
+            "compiled finite elements cannot be written to "
+            f"{error.filename or 'their cache folder'} ({error.strerror or error}): set "
+            "XDG_CACHE_HOME, or HOME, to a folder that can be written."
         ) from error
 
 
 @contextmanager
 def _derivatives_in_the_cell() -> Iterator[None]:
-    """FFCx 0.5 counts derivatives on a sheet in space along x, y, z, Basix along the cell's two.
+    """Number derivatives by the directions of the cell, as Basix does; FFCx 0.5 uses x, y, z.
 
-    The first ones agree, higher ones would be mistaken for others.
+    On a shell in space the numbers of the first derivatives agree; those of higher ones do not.
     """
     if VERSION >= (0, 6):
         yield

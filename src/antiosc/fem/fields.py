@@ -1,6 +1,6 @@
-"""Fields of a whole body, recovered from its model after an impact.
+"""Displacement fields of a body, computed from its model after an impact.
 
-The body's modal form (`ModalBody`) says how its shapes add up, for anti-oscillators as in Article
+The modal form of the body (`ModalBody`) defines the sum of its shapes, for anti-oscillators Article
 (8), w(x, t) = λ0 ψ0(x) + Σ (λi − λ0) ψi(x): `probe` evaluates the sum at one point for all times,
 `write_series` at all nodes for some times, in files that ParaView opens.
 """
@@ -33,7 +33,7 @@ from antiosc.threads import one_thread
 
 
 def _what(history: History) -> tuple[Any, ...]:
-    """What must be the same of a history on all ranks; not the last digits of its numbers."""
+    """Data of a history that must be equal on all ranks, without the last digits of its numbers."""
     return history.model, history.status, f"{history.time[-1]:.6g}"
 
 

@@ -1,7 +1,7 @@
-"""A fingerprint of any argument: equal on all ranks that were given the same.
+"""A fingerprint of any argument: equal on all ranks for equal arguments.
 
-What differs by rank as it should is left out: the rows of shapes, the parts of distributed matrices
-and meshes. Numbers count to ten digits, so that machines of two kinds may compute them.
+Data that differ by rank legitimately are excluded: the rows of shapes, the parts of distributed
+matrices and meshes. Numbers count to ten digits, so that ranks on different processors agree.
 """
 
 from __future__ import annotations
@@ -34,21 +34,21 @@ _together: WeakKeyDictionary[Any, int] = WeakKeyDictionary()
 
 
 def number(made: Any, serial: int) -> None:
-    """Remember that all ranks made `made` together, as their `serial`-th object."""
+    """Register `made` as the `serial`-th object that all ranks made together."""
     for k, one in enumerate(made if isinstance(made, list) else [made]):
         if type(one).__hash__ is object.__hash__ and type(one).__module__.startswith("antiosc."):
             _together[one] = serial + k
 
 
 def named(value: Any) -> str | None:
-    """How to call an object that all ranks made together; None for any other."""
+    """Name of an object that all ranks made together; None for any other."""
     if type(value).__hash__ is not object.__hash__ or value not in _together:
         return None
     return f"{type(value).__name__} no. {_together[value]}"
 
 
 def fingerprint(value: Any) -> bytes:
-    """16 bytes that tell values apart; never raises."""
+    """16 bytes that distinguish values; never raises."""
     found = hashlib.blake2b(digest_size=16)
     try:
         for part in _parts(value, ()):

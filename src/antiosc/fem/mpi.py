@@ -1,4 +1,4 @@
-"""One answer on all MPI ranks: the same arguments, work done on rank 0, errors that all raise."""
+"""Consistency of the MPI ranks: equal arguments, work on rank 0, errors raised on all ranks."""
 
 from __future__ import annotations
 
@@ -30,10 +30,9 @@ def collective(
 ) -> Callable[[Callable[P, T]], Callable[P, T]]:
     """Guard a public function that all ranks must call with the same arguments.
 
-    The ranks compare fingerprints of their arguments before anything else, once, and raise
-    InputError together where they differ: otherwise they would wait for one another for ever, or
-    mix two problems. At the end an error that one rank has is raised by all, so that none goes on
-    alone. On one rank the function is called as it is.
+    First the ranks compare fingerprints of their arguments. If these differ, all ranks raise
+    InputError; otherwise they would deadlock, or mix two problems. At the end an error of one rank
+    is raised on all ranks. On one rank the function is called directly.
 
     Parameters
     ----------
@@ -74,8 +73,9 @@ def _with_memory(function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) ->
         raise
     except MemoryError as error:
         raise OutOfMemoryError(
-            f"{_public(function.__qualname__)} found no memory ({str(error) or 'Python itself'}): "
-            "take a coarser mesh or order=1, or free some."
+            f"{_public(function.__qualname__)} ran out of memory "
+            f"({str(error) or 'Python itself'}): use a coarser mesh or order=1, or free some "
+            "memory."
         ) from error
 
 
@@ -148,7 +148,7 @@ def _communicator(values: Iterable[Any], default: MPI.Comm) -> MPI.Comm:
 
 
 def _conclude(comm: MPI.Comm, error: Exception | None, made: Any) -> None:
-    """Raise what any rank has to raise; else number what all have made."""
+    """Raise the error of any rank; otherwise number the objects that all ranks made."""
     global _serial
     found = comm.allgather((_portable(error), _serial))
     _raise_first([one for one, _ in found], error)
@@ -179,12 +179,13 @@ def agree(comm: MPI.Comm, error: Exception | None) -> None:
 
 
 def warn(comm: MPI.Comm, message: str, category: type[Warning] = AntioscWarning) -> None:
-    """Warn once, on rank 0; where the caller's filters make an error of it, all ranks raise it."""
+    """Warn once, on rank 0; if the caller's filters turn the warning into an error, all ranks raise
+    it."""
     on_root(comm, lambda: errors.warn(message, category))
 
 
 def _portable(error: Exception | None) -> Exception | None:
-    """`error` as it can be sent: one that cannot be pickled would leave the other ranks waiting."""
+    """`error` in a form that can be pickled; otherwise the other ranks would block."""
     if error is None:
         return None
     try:

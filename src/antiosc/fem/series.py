@@ -1,4 +1,4 @@
-"""A series of displacement fields in files that ParaView opens: one `.pvd` that lists `.vtu`."""
+"""A series of displacement fields for ParaView: a `.pvd` file that lists `.vtu` files."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from antiosc.fem.vtu import Frames
 
 
 def listing(path: str | os.PathLike[str]) -> Path:
-    """The `.pvd` of a series: `path`, with that ending where it has another or none.
+    """The `.pvd` file of a series: `path` with the suffix `.pvd`.
 
-    What follows a point belongs to the name: `run_v=1.5` and `run_v=1.7` are two series.
+    The part after a point belongs to the name: `run_v=1.5` and `run_v=1.7` are two series.
     """
     path = checks.path("path", path)
     if not path.name:
@@ -40,12 +40,12 @@ def write_frames(
     times: Array,
     fields: Iterable[Array],
 ) -> None:
-    """Write one frame a time, and the list of them to `target` (from `listing`) as the last.
+    """Write one frame for each time, and at last their list to `target` (from `listing`).
 
     `fields`: displacements (points, 3) in m for each time.
 
-    All is written into a folder beside first: an interrupted run leaves nothing behind. Frames that
-    an earlier list of this name names are removed, and none else; its permissions are kept.
+    Everything is first written to a temporary folder, so that an interrupted run leaves no files.
+    Only the frames in the previous list of this name are removed; its permissions are kept.
 
     Raises
     ------

@@ -167,8 +167,8 @@ class ModalBody:
         """Displacements (..., n) of the whole body for own coordinates (..., C)."""
         if self.basis is None:
             raise InputError(
-                "this model has no displacement field: it carries no shapes (model files do not"
-                " store them); extract it again to recover fields."
+                "this model has no displacement field: it has no shapes (model files do not store "
+                "them); extract it again to recover fields."
             )
         rest = self.amplitudes(coordinates)
         total = np.zeros((*rest.shape[:-1], len(self.basis[0])))

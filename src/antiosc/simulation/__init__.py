@@ -1,5 +1,5 @@
-"""Impacts in time: bodies and contacts put together, integrated, and what came out of it.
+"""Simulation of impacts: assembly of bodies and contacts, time integration, results.
 
-`simulate` takes two bodies and one contact, `Scene` several; `integrators` are to compare with.
-Nothing here knows finite elements.
+`simulate` takes two bodies and one contact, `Scene` several; `integrators` has alternative methods
+for one contact. This package does not import the finite-element package.
 """

@@ -1,7 +1,7 @@
-"""Many impacts at once: `simulate_many` checks the scenes and refines their steps as `simulate`.
+"""Many impacts at once: `simulate_many` checks and refines every scene as `simulate` does.
 
-Scenes with laws of the power type (Linear, Hertz, Power) march together
-(`antiosc.simulation.integrators.many`), those with other laws run one by one.
+Scenes with power laws (Linear, Hertz, Power) are integrated together
+(`antiosc.simulation.integrators.many`), those with other laws one by one.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from antiosc.simulation.simulate import (
 from antiosc.simulation.step_control import Refinement
 from antiosc.simulation.verdict import judge, tell_all
 
-_BLOCK = 2048  # scenes that march together: many enough to hide the cost of a call
+_BLOCK = 2048  # scenes integrated together: enough to make the overhead of a call negligible
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +51,7 @@ class Batch:
     step, error : (S,) step used [s] and estimated relative error of the force (NaN: step given).
     status : (S,) as in `History`.
     force : list of S pairs (time, force): nodes of the contacts, force linear in between.
-    message : list of S sentences, the status in words.
+    message : list of S sentences that explain the status.
     """
 
     peak_force: Array
@@ -110,7 +110,7 @@ def simulate_many(
     Raises
     ------
     InputError
-        For sequences of different lengths and whatever `simulate` refuses.
+        For sequences of different lengths, and as `simulate`.
     AccuracyError
         When a scene's force leaves the range of its law; the message names the scene.
     """

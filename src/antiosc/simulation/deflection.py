@@ -1,4 +1,4 @@
-"""How far many sites move in their impacts, from the force histories alone."""
+"""Peak displacements of many sites in their impacts, from the force histories."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from antiosc._types import Array
 from antiosc.models.body import LinearBody
 from antiosc.simulation.integrators.propagator import Propagator
 
-#: Bodies that are worked on together, and times beside those of the force at which u is looked at.
+#: Bodies processed together, and times at which u is evaluated in addition to those of the force.
 BATCH, SAMPLES = 200, 200
 
 

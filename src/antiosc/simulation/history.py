@@ -1,4 +1,4 @@
-"""What a simulation returns: the force history, the motion and their balances."""
+"""The result of a simulation: force, motion, energy and momentum."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ class Energy:
     Attributes
     ----------
     kinetic, strain : of both bodies.
-    contact : what the contact law can give back.
-    dissipated : lost by the contact law and by the bodies' damping so far.
-    gravity : work done by gravity so far.
+    contact : recoverable energy of the contact.
+    dissipated : energy lost in the contact law and in the damping of the bodies up to this time.
+    gravity : work of gravity up to this time.
     drift : largest |kinetic + strain + contact + dissipated - gravity - start|, relative to the
         largest sum of kinetic, strain and contact energy.
     """
@@ -46,7 +46,7 @@ class Energy:
 
     @property
     def total(self) -> Array:
-        """What would be constant in exact arithmetic."""
+        """The energy balance, constant in exact arithmetic."""
         return self.kinetic + self.strain + self.contact + self.dissipated - self.gravity
 
     @property
@@ -63,8 +63,9 @@ class History:
     Attributes
     ----------
     status : 0: completed; 1: completed, tol not met; 2: stopped before the end; 3: completed, but
-        the bodies touch at the end: contact time, impulse and peak force are those so far.
-    message : the status in words, with what was done to the contact law.
+        the bodies are in contact at the end: contact time, impulse and peak force count up to the
+        end.
+    message : explanation of the status, and changes made to the contact law.
     step : the step used during contact [s].
     error : estimated relative errors reached: "force" (L2 norm) and "peak"; empty when the step
         was given. With n="auto" also "truncation peak_force", "... impulse", "... contact_time".
@@ -106,7 +107,7 @@ class History:
 
     @cached_property
     def velocity(self) -> Array:
-        """Velocity of the structure's site [m/s], (n,), of the part that has inertia."""
+        """Velocity of the structure's site [m/s], (n,), without the residual compliance."""
         return np.asarray(self._modal_states[1][:, : self._size] @ self.bodies[0].b)
 
     @cached_property
@@ -139,11 +140,11 @@ class History:
 
     @property
     def contact_time(self) -> float:
-        """First touch to last release [s] of the main impact; 0 if nothing touched.
+        """Time from the first touch to the last release of the main impact [s]; 0 without contact.
 
         A contact that goes on at the end of the run counts up to there (status 3).
-        Contacts belong to one impact while the flight between them is shorter than the impact has
-        lasted so far; the main impact is the one with the largest impulse.
+        Successive contacts belong to one impact if the flight between them is shorter than the
+        impact up to then. The main impact is the one with the largest impulse.
         """
         segments = self.trajectory.segments
         return main_impact(
@@ -155,13 +156,13 @@ class History:
 
     @property
     def restitution(self) -> float | None:
-        """Coefficient of restitution: Newton's, of the rigid-body motions.
+        """Newton's coefficient of restitution of the rigid-body motions.
 
-        The speed at which the bodies part at the contact point after the last release, over that
-        at which they closed at the first touch, both of their rigid-body motions: what vibrates is
-        left out. A supported structure has no rigid-body motion at its site, so against it this is
-        the rebound speed of the impactor over its speed of approach. None without a contact, while
-        one lasts at the end, or when the bodies did not close.
+        The speed of separation at the contact point after the last release, divided by the speed of
+        approach at the first touch. Both are speeds of the rigid-body motions, without vibration. A
+        supported structure has no rigid-body motion at its site; the coefficient is then the
+        rebound speed of the impactor over its speed of approach. None without a contact, if the
+        bodies are in contact at the end, or if they did not approach each other.
         """
         contacts = self.trajectory.contacts
         if not contacts or not contacts[-1].released:
@@ -200,9 +201,9 @@ class History:
     # -- at any time
 
     def states(self, t: ArrayLike) -> tuple[Array, Array]:
-        """Modal displacements and velocities (n, J) of both bodies at times (n,) within the run.
+        """Modal displacements and velocities (n, J) of both bodies at times (n,).
 
-        Between two nodes the motion is exact for the force that is linear there.
+        Between two nodes the motion is the exact response to a linear force.
         """
         times, index = self._locate(t)
         q, v = self._modal_states
@@ -217,10 +218,10 @@ class History:
         return ((self.model, self.bodies[0]), (self.impactor, self.bodies[1]))[body == "impactor"]
 
     def coordinates(self, t: ArrayLike, body: Body = "structure") -> Array:
-        """The own coordinates of a body: for `AntiOscillators` lambda_0 ... lambda_N.
+        """The coordinates of a body's model: lambda_0 ... lambda_N for `AntiOscillators`.
 
-        `t` of shape (n,) gives (n, N + 1), a single time (N + 1,). The rigid motions of a free body
-        that its site does not see follow lambda, one coordinate each.
+        `t` of shape (n,) gives (n, N + 1), a single time (N + 1,). One coordinate for each hidden
+        rigid-body motion of a free body follows lambda.
         """
         q, _ = self.states(t)
         force = np.interp(checks.column("t", t), self.time, self.force)
@@ -230,7 +231,7 @@ class History:
     def field(self, t: ArrayLike, body: Body = "structure") -> Array:
         """Nodal displacements (n_dofs,) at one time, (n, n_dofs) at several. Article eq. (8).
 
-        `body`: "structure", or "impactor" where that is a model with shapes.
+        `body`: "structure", or "impactor" if that is a model with shapes.
         """
         model, own = self.of(body)
         if own.basis is None:
@@ -274,7 +275,7 @@ class History:
     def _part(self, q: Array, body: Body) -> Array:
         """A body's own modal states among those of both.
 
-        The impactor's are measured along the impact, against the force that its own model knows.
+        Those of the impactor are along the impact, opposite to the direction of force in its model.
         """
         return q[:, : self._size] if body == "structure" else -q[:, self._size :]
 
@@ -283,8 +284,8 @@ class History:
         inertia = self.bodies[0].inertia
         if inertia is None:
             raise InputError(
-                f"the momentum of {type(self.model).__name__} is not known: a model knows it when"
-                f" it was extracted from a mesh whose supports leave a rigid-body motion."
+                f"the momentum of {type(self.model).__name__} is not known: extract the model from "
+                "a mesh whose supports permit a rigid-body motion."
             )
         v = self._part(self._modal_states[1], "structure")
         return inertia.moved(v @ inertia.momentum, inertia.centre)
@@ -324,7 +325,7 @@ class History:
                 delta = float(self.indentation[n])
                 if n > a:
                     state = law.advance(delta, 0.0, state)
-                if law.rate_dependent:  # the work of what the force has beyond its elastic part
+                if law.rate_dependent:  # the work of the rate-dependent part of the force
                     damping = float(self.force[n]) - law.force(delta, 0.0, state)
                     if n > a:
                         change = delta - float(self.indentation[n - 1])
@@ -340,8 +341,8 @@ def no_field(model: Any) -> str:
     """Why a model has no displacement field, and the remedy."""
     name = type(getattr(model, "body", model)).__name__
     return (
-        f"{name} has no displacement field: it carries no shapes (model files do not store them);"
-        f" extract the model again to recover fields."
+        f"{name} has no displacement field: it has no shapes (model files do not store them); "
+        "extract the model again to recover fields."
     )
 
 

@@ -1,4 +1,4 @@
-"""Up to which frequency an impact moves a structure, before any model of the structure is known."""
+"""Highest frequency that an impact excites, estimated without a model of the structure."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ BEYOND = 3.0
 
 @checks.within_range
 def impact_band(impactor: LinearBody, contact: ContactLaw) -> float:
-    """The highest circular frequency [rad/s] that an impact brings to a structure, about 3 pi/T.
+    """The highest circular frequency [rad/s] that an impact excites, about 3 pi/T.
 
     T is the contact time of `impactor` on a rigid wall, the shortest that a single contact with
     the structure can have. Raises InputError for an impactor at rest.

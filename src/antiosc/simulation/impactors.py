@@ -1,4 +1,4 @@
-"""What strikes: each impactor is a linear body with a velocity along the impact direction."""
+"""Impactors: linear bodies with a velocity along the direction of impact."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class RigidMass(Body):
 
 @dataclass(frozen=True)
 class Sphere(Body):
-    """A solid elastic sphere whose own vibration is neglected.
+    """A solid elastic sphere without vibrations.
 
     Parameters
     ----------
@@ -100,11 +100,11 @@ class Obstacle(Body):
 
 @dataclass(frozen=True)
 class Impactor(Body):
-    """Any linear body as the striker, such as a second `AntiOscillators` (Article Fig. 1).
+    """Any linear body as impactor, such as a second `AntiOscillators` (Article Fig. 1).
 
-    Its contact point is the site of its model, the direction of that site the one in which the
-    contact pushes it. `velocity` is a number [m/s], > 0 toward the structure, or a `Motion` in the
-    axes of its own mesh, as `initial_velocity` of `simulate`. A supported body keeps velocity 0.
+    Its contact point is the site of its model; the contact force acts in the direction of that
+    site. `velocity` is a number [m/s], > 0 toward the structure, or a `Motion` in the axes of its
+    own mesh, as `initial_velocity` of `simulate`. It must be 0 for a supported body.
     """
 
     body: LinearBody

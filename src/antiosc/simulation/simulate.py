@@ -1,16 +1,16 @@
-"""Simulate an impact: put two linear bodies and a contact law together and integrate.
+"""Simulate an impact of two linear bodies with one contact.
 
-Signs, once for all: d is the direction in which the contact force F >= 0 pushes the structure. The
-impactor moves along +d when it strikes, so the displacements u of the site and w of the impactor
-are both measured along d, and
+Sign convention: d is the direction in which the contact force F >= 0 acts on the structure. The
+impactor approaches along +d. The displacements u of the site and w of the impactor are both
+measured along d, and
 
     delta = w - u - gap.
 
-Every velocity given by the user is > 0 when it closes the gap: the impactor's is w', and the
-structure's `initial_velocity` is -u', so that a structure that moves on an `Obstacle` has u' < 0
+Every velocity given by the user is > 0 if it closes the gap: that of the impactor is w', and the
+`initial_velocity` of the structure is -u'. A structure that moves toward an `Obstacle` has u' < 0
 and is pushed back along +d. Gravity is the acceleration along +d: > 0 presses the impactor on the
-structure, < 0 lets a structure fall on an obstacle. A supported structure (k0 > 0) is measured from
-its own equilibrium under gravity; one with a rigid-body mode falls.
+structure, < 0 makes a structure fall on an obstacle. The displacement of a supported structure (k0
+> 0) is measured from its equilibrium under gravity; a structure with a rigid-body mode falls.
 """
 
 from __future__ import annotations
@@ -76,10 +76,10 @@ def simulate(
     model : AntiOscillators, or any `LinearBody`
         The structure.
     impactor : RigidMass, Sphere, Obstacle, Impactor, or any `LinearBody`
-        What strikes; a bare model is at rest.
+        The second body; a model without a velocity is at rest.
     contact : ContactLaw
-        A Hertz law is freed from the patch's own compliance when the model contains it
-        (`local_compliance`); the history's message says so.
+        If the model contains the half-space compliance of its patch (`local_compliance`), it is
+        subtracted from a Hertz law; the message of the history states this.
     duration : float
         Time to simulate [s].
     method : str
@@ -91,26 +91,26 @@ def simulate(
         `tol` (see `antiosc.simulation.truncation`).
     step : float, optional
         Fixed time step during contact [s] (solve_ivp: largest step). By default the step is
-        refined until the force history has converged, past those at which the method is unstable.
+        refined until the force history has converged; unstable steps are avoided.
     tol : float
         Relative error of the force history in the L2 norm, and of its peak; default 1e-3.
     initial_velocity : float or Motion
-        How a structure with rigid-body modes starts. A number is its velocity along the impact
-        direction [m/s], > 0 toward the impactor. A body that is free along that direction
-        translates. Where supports leave no such translation, as on a beam pinned at one end, and
-        for models that do not know their mass in space (made by hand or from matrices), it is the
-        velocity of the site in the rigid-body motion of least kinetic energy, the article's
-        phi_CR. A `Motion` gives velocity and spin in the axes of the mesh.
+        Initial motion of a structure with rigid-body modes. A number is the velocity along the
+        direction of impact [m/s], > 0 toward the impactor. A body that is free in this direction
+        translates. If supports prevent this translation (a beam pinned at one end), or if the
+        inertia of the model in space is unknown (made by hand or from matrices), the number is the
+        velocity of the site in the rigid-body motion of least kinetic energy, phi_CR of the
+        article. A `Motion` gives velocity and spin in the axes of the mesh.
     gravity : float or sequence of 3 floats
         Acceleration [m/s^2] along the impact direction, or as a vector in the axes of the mesh. It
-        acts on bodies that can fall; a body supported at its site is measured from its equilibrium.
+        acts on free bodies; the displacement of a body that is supported at its site is measured
+        from its equilibrium.
     gap : float, optional
         Distance at the start [m]; default 0, or the obstacle's own.
     max_contacts, max_steps : int
-        Bounds on the work; a run that meets one stops and says so in its status and message.
+        Limits of the computing effort; a run that reaches one stops, with a status and a message.
 
-    With n="auto" the runs that choose n are made in the same way, by the same method with the same
-    step and bounds.
+    With n="auto" the runs that choose n use the same method, step and limits.
 
     Returns
     -------
@@ -121,7 +121,7 @@ def simulate(
     InputError
         For input that breaks a rule.
     AccuracyError
-        When the peak force leaves the range in which the contact law holds.
+        If the peak force is outside the range of validity of the contact law.
     """
     duration = checks.positive("duration", duration, "s")
     accuracy = DEFAULT_TOL if tol is None else checks.tolerance(tol)
@@ -160,7 +160,7 @@ def simulate(
 
 
 def check_range(history: History) -> None:
-    """AccuracyError when the peak force lies outside the range in which its law holds."""
+    """AccuracyError if the peak force is outside the range of validity of its law."""
     law = history.problem.law
     if history.peak_force > law.valid_force:
         reason = law.out_of_range(
@@ -184,7 +184,7 @@ def integrated(
     max_contacts: int,
     max_steps: int,
 ) -> tuple[History, Verdict]:
-    """One run of `simulate` and what is to be said of it, unsaid as yet."""
+    """One run of `simulate`, and its verdict, of which the caller has not been warned yet."""
     law, note = without_patch(contact, model, impactor)
     problem, bodies = assemble(model, impactor, law, initial_velocity, gravity, gap)
     check_span(problem, duration)
@@ -225,7 +225,7 @@ def _integrate(
     max_contacts: int,
     max_steps: int,
 ) -> tuple[Trajectory, float, dict[str, float]]:
-    """The run by the named method, its step, and its estimated errors if the step was chosen.
+    """The run by the named method, its step, and its estimated errors if the step is automatic.
 
     `scale` is the estimated contact time [s], from which the choice of the step starts.
     """
@@ -276,7 +276,7 @@ def _integrate(
 def _truncated(
     model: LinearBody, n: int | str, run: Run, tol: float
 ) -> tuple[LinearBody, dict[str, float], str]:
-    """The model with `n` anti-oscillators, its estimated errors, and what it lacks, if anything."""
+    """The model with `n` anti-oscillators, its estimated errors, and a note if they are too few."""
     if not isinstance(model, AntiOscillators):
         raise InputError(f"only AntiOscillators can be truncated; got {type(model).__name__}.")
     if not isinstance(n, str):
@@ -378,7 +378,8 @@ def _pull(name: str, body: ModalBody, gravity: float) -> Array:
 
 
 def _falling(body: ModalBody, load: Array) -> Array:
-    """`load` on what falls: a body whose site is supported is measured from its equilibrium."""
+    """`load` on free bodies; none on a body with a supported site, measured from its
+    equilibrium."""
     rigid = body.omega == 0
     return load if np.any(rigid & (body.b != 0)) else np.where(rigid, load, 0.0)
 
@@ -405,7 +406,8 @@ def without_patch(
 
 
 def check_span(problem: Problem, duration: float) -> None:
-    """InputError where nothing can move, AccuracyError where no phase is left after `duration`."""
+    """InputError if nothing can move, AccuracyError if rounding destroys the phase in
+    `duration`."""
     if not problem.omega.size:
         raise InputError(
             "nothing can move: neither the model nor the impactor has a mass; give m0 or m > 0, or"
@@ -414,9 +416,9 @@ def check_span(problem: Problem, duration: float) -> None:
     fastest = float(problem.omega.max())
     if fastest * duration > LONGEST:
         raise AccuracyError(
-            f"double precision keeps no phase of the fastest motion, {fastest:.3g} rad/s, over a"
-            f" duration of {duration:g} s: shorten it to at most {LONGEST / fastest:.2g} s, or take"
-            f" fewer anti-oscillators."
+            f"rounding destroys the phase of the fastest motion, {fastest:.3g} rad/s, over a "
+            f"duration of {duration:g} s: shorten it to at most {LONGEST / fastest:.2g} s, or take "
+            "fewer anti-oscillators."
         )
 
 
@@ -425,8 +427,8 @@ def scaled(
 ) -> tuple[Problem, float]:
     """The problem with its resolution and stiffness, and an estimate of the contact time [s].
 
-    The estimate treats both bodies as the masses that their slowest motion puts behind the
-    contact point: it only starts the choice of the step.
+    The estimate uses the effective mass of the slowest motion of each body at the contact point. It
+    is only the start of the choice of the step.
     """
     mobility = sum(_mobility(body) for body in bodies)
     mass = 1 / mobility if mobility > 0 else 1.0
@@ -449,7 +451,7 @@ def scaled(
 def _deepest(
     law: ContactLaw, state: State, energy: float, push: float, high: float, soft: float = 0.0
 ) -> float:
-    """Indentation [m], to 10 % and at most `high`, that takes up an energy and a push's work.
+    """Indentation [m], to 10 % and at most `high`, that absorbs an energy and the work of a force.
 
     The contact has a spring of compliance `soft` [m/N] in series.
     """
@@ -471,7 +473,7 @@ def _deepest(
 
 
 def _pressed(problem: Problem, mass: float, speed: float, state: State, high: float) -> float:
-    """Indentation [m] of the whole striking mass at rest on the static compliance of both bodies.
+    """Indentation [m] of the whole impactor mass on the static compliance of both bodies.
 
     Under a light structure this comes after the first impact, on top of it.
     """
@@ -484,14 +486,14 @@ def _pressed(problem: Problem, mass: float, speed: float, state: State, high: fl
 
 
 def _stiffness(law: ContactLaw, delta: float, state: State) -> float:
-    """Of the contact [N/m] at its deepest: loading, or unloading where that is stiffer."""
+    """Contact stiffness [N/m] at the deepest indentation: the larger of loading and unloading."""
     unloading = law.advance(delta, 0.0, state)
     slopes = law.tangent(delta, 0.0, state)[0], law.tangent((1 - 1e-9) * delta, 0.0, unloading)[0]
     return float(np.nan_to_num(max(slopes), posinf=0.0))
 
 
 def _mobility(body: ModalBody) -> float:
-    """Inverse of the mass [1/kg] that the body's slowest motion puts behind its contact point."""
+    """Inverse [1/kg] of the effective mass of the body's slowest motion at its contact point."""
     rigid = body.omega == 0
     if np.any(body.b[rigid]):
         return float(np.sum(body.b[rigid] ** 2))
@@ -510,7 +512,7 @@ def _converge(
 ) -> tuple[Trajectory, float, dict[str, float]]:
     """Refine the step until the force has converged; the finest run and its estimated error.
 
-    A run that diverged tells nothing of the error of another.
+    A run that diverged is not used for the error of another.
     """
     coarse = go(step)
     control = Refinement(tol)

@@ -1,4 +1,4 @@
-"""Error control by refining the step: what two runs tell about the error left in the finer one."""
+"""Error control by step refinement: the error of the finer of two runs from their difference."""
 
 from __future__ import annotations
 
@@ -14,16 +14,17 @@ _AGREE = 0.1  # relative difference of two rates that confirm each other
 
 
 class Refinement:
-    """Estimated errors of a sequence of ever finer runs, and how much finer the next should be.
+    """Estimated errors of a sequence of successively finer runs, and the next refinement.
 
     If every halving of the step multiplies the error by rho, two runs k halvings apart differ by
     D = e (1 - rho^k)/rho^k, e being the error of the finer one. Two successive differences give
     rho; before that e = D is taken, while the next step is chosen as for second order.
 
-    One rate may be due to chance, at a yield point or a release that falls between two steps: an
-    extrapolated error is multiplied by 1.5 until two successive rates agree. The peak is one value
-    of the force, whose differences change sign from step to step: its error is never taken below
-    that of the force. tests/test_estimates.py has the share of true errors that they cover.
+    A single rate may be accidental, if a yield point or a release lies between two steps. An
+    extrapolated error is therefore multiplied by 1.5 until two successive rates agree. The peak is
+    one value of the force, and its differences change sign from step to step; its error is never
+    taken below that of the force. tests/simulation/test_estimates.py measures how often the
+    estimates cover the true errors.
     """
 
     def __init__(self, tol: float) -> None:
@@ -39,7 +40,7 @@ class Refinement:
         return max(self.error.values()) <= self.tol
 
     def update(self, force: float, peak: float) -> None:
-        """Take in the relative differences of the last two runs, `halvings` apart."""
+        """Add the relative differences of the last two runs, `halvings` apart."""
         k = self.halvings
         before = self._before if force > 0 else None
         rate = _BEST if before is None else _rate(force / before[0], before[1], k)

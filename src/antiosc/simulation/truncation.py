@@ -1,12 +1,13 @@
-"""How many anti-oscillators an impact needs: an estimate of the truncation error.
+"""Truncation error: how many anti-oscillators an impact needs.
 
-A truncated model puts all the mass it leaves out on the site, as m0: as if the modes left out were
-infinitely stiff. The other extreme hangs that mass on one spring at the first frequency left out,
-as if those modes were as soft as they can be. The truth lies between, so the difference of the two
-impacts measures what the truncation can do. Each of the three quantities (peak force, impulse,
-contact time) may cross from one sign of error to the other; therefore none is trusted below
-`FLOOR` of the worst of them. With the factor `SAFETY` nine true errors in ten and more lie under
-the estimate, at the price of a median over-estimation of 4 to 8 (tests/test_truncation.py).
+A truncated model adds the mass of the truncated modes to m0, at the site. This is exact if these
+modes are infinitely stiff. In the other extreme this mass is attached by one spring with the first
+truncated frequency, which is the softest that is possible. The truth lies between the two, and the
+difference of the two impacts measures the truncation error. The error of each of the three
+quantities (peak force, impulse, contact time) may change its sign; the estimate of each is
+therefore at least `FLOOR` times the largest of them. With the factor `SAFETY` at least nine of ten
+true errors are below the estimate; the median overestimation is 4 to 8
+(tests/simulation/test_truncation.py).
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from antiosc.errors import InputError
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.simulation.history import History
 
-#: strikes a model, always in the same way, with a given time integration error
+#: simulates the impact on a model with a given time integration error
 Run = Callable[[AntiOscillators, float], History]
 
 FLOOR = 0.5
@@ -50,10 +51,10 @@ class Choice:
 
     Attributes
     ----------
-    n : smallest number found that meets the tolerance, else all the model has.
+    n : smallest number found that meets the tolerance, otherwise all of the model.
     error : the estimate for that number.
     missing : how many more anti-oscillators are needed, 0 if none; extrapolated from the decay of
-        the estimate, so a guide and not a promise.
+        the estimate, without guarantee.
     """
 
     n: int
@@ -64,7 +65,7 @@ class Choice:
 def truncation_error(
     model: AntiOscillators, run: Run, *, next_omega: float | None = None, tol: float = 1e-4
 ) -> TruncationError:
-    """Estimate what the modes left out of `model` do to an impact.
+    """Estimate the effect of the truncated modes of `model` on an impact.
 
     Parameters
     ----------
@@ -73,10 +74,9 @@ def truncation_error(
         The impact: `run(model, tol)` returns its `History`, for instance
         `lambda m, tol: simulate(m, impactor, law, duration, tol=tol)`.
     next_omega : float, optional
-        First frequency left out [rad/s]; by default as far above the last as that is above the
-        one before.
+        First truncated frequency [rad/s]; by default extrapolated from the last two.
     tol : float
-        Time integration error of the two impacts that are compared.
+        Time integration error of the two impacts.
     """
     _check(model, run)
     tol = checks.tolerance(tol)
@@ -127,7 +127,7 @@ def choose_n(model: AntiOscillators, run: Run, tol: float = 1e-2) -> Choice:
 
 
 def _hung(model: AntiOscillators, next_omega: float | None) -> AntiOscillators:
-    """The model with its residual mass hung on a spring at the first frequency left out."""
+    """The model with its residual mass on a spring with the first truncated frequency."""
     if model.m0 == 0:  # nothing is left out but what the last anti-oscillator stands for
         return model.truncated(model.n - 1)
     if next_omega is None:

@@ -1,4 +1,4 @@
-"""How a run ended: its status, and the sentence that says what its figures are worth."""
+"""How a run ended: its status, and the message that explains it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from antiosc.simulation.integrators import Problem
 #: but the bodies still touch at the end
 COMPLETED, INEXACT, STOPPED, TOUCHING = 0, 1, 2, 3
 
-#: A closing speed below this share of what the modes make of it is rounding.
+#: A closing speed below this share of the modal contributions is rounding error.
 _ROUNDING = 1e-12
 #: Scenes of a batch that a warning names.
 _NAMED = 5
@@ -22,21 +22,21 @@ _NAMED = 5
 
 @dataclass(frozen=True)
 class Verdict:
-    """Status and message of a run; `odd`: worth a warning though the status is 0."""
+    """Status and message of a run; `odd`: causes a warning although the status is 0."""
 
     status: int
     message: str
     odd: bool = False
 
     def with_shortage(self, shortage: str) -> Verdict:
-        """The same for a model that has too few anti-oscillators, if `shortage` says so."""
+        """The same verdict for a model with too few anti-oscillators, if there is a `shortage`."""
         if not shortage:
             return self
         worse = self.status if self.status in (INEXACT, STOPPED) else INEXACT
         return Verdict(worse, f"{self.message} {shortage}", self.odd)
 
     def tell(self) -> None:
-        """Warn at the caller's line, unless all went as asked."""
+        """Warn at the caller's line unless the run completed as requested."""
         if self.status:
             warn(self.message, AccuracyWarning)
         elif self.odd:
@@ -57,7 +57,7 @@ def judge(
 
     Parameters
     ----------
-    problem, duration : what was integrated, and for how long [s].
+    problem, duration : the problem and the simulated time [s].
     touched, released : whether there was a contact, and whether the last one ended.
     failure : why the run stopped before its end, if it did.
     error, tol : estimated relative error of the force, and the one asked for.
@@ -80,7 +80,7 @@ def judge(
 
 
 def _never_touched(problem: Problem, duration: float) -> str:
-    """Why nothing touched, from the motion at the start."""
+    """Why the bodies did not touch, from the initial motion."""
     speed, push = float(problem.beta @ problem.v), float(problem.beta @ problem.load)
     if abs(speed) <= _ROUNDING * float(np.abs(problem.beta) @ np.abs(problem.v)):
         speed = 0.0
@@ -91,9 +91,9 @@ def _never_touched(problem: Problem, duration: float) -> str:
             f" {duration:g} s; lengthen the duration"
         )
     elif speed < 0:
-        why = f"the gap opens at {-speed:g} m/s; velocities close it when > 0"
+        why = f"the gap opens at {-speed:g} m/s; positive velocities close it"
     elif push < 0:
-        why = f"gravity opens the gap at {-push:g} m/s^2; turn its sign or give a velocity > 0"
+        why = f"gravity opens the gap at {-push:g} m/s^2; reverse its sign or give a velocity > 0"
     else:
         why = "nothing moves the bodies toward each other; give one a velocity > 0, or gravity"
     return f"Never touched: {why}."

@@ -266,7 +266,7 @@ def test_a_radius_on_a_beam_is_refused():
 def test_a_site_that_the_supports_hold():
     structure = ao.Structure(parts.box(), SOLID, [ao.Support("left", ("x", "z"))])
     with pytest.raises(
-        ao.InputError, match=r"the site at \(0, 0.02, 0.01\) m is held by the supports"
+        ao.InputError, match=r"the site at \(0, 0.02, 0.01\) m is fixed by supports"
     ):
         at(structure, (0.0, 0.02, 0.01), (0, 0, -1))
     assert np.linalg.norm(at(structure, (0.0, 0.02, 0.01), (0, 1, -1))) > 0
@@ -276,7 +276,7 @@ def test_dof_and_vector_sites():
     structure = ao.Structure(parts.box(), SOLID, [ao.Support("left")])
     free = int(np.setdiff1d(np.arange(675), structure.fixed)[0])
     assert functional(structure, ao.Site(dof=free)).b[free] == 1.0
-    with pytest.raises(ao.InputError, match="the site is held by the supports"):
+    with pytest.raises(ao.InputError, match="the site is fixed by supports"):
         functional(structure, ao.Site(dof=int(structure.fixed[0])))
     with pytest.raises(ao.InputError, match="dof must be a number from 0 to 674; got 675"):
         functional(structure, ao.Site(dof=675))

@@ -402,7 +402,7 @@ def test_a_model_file_keeps_what_moves_a_free_body(tmp_path):
     hits = [ao.simulate(m, ao.RigidMass(0.5, 3.0), ao.Hertz(1e9), **run) for m in (model, again)]
     for name in ("time", "force", "momentum", "angular_momentum"):
         np.testing.assert_array_equal(*(getattr(hit, name) for hit in hits))
-    with pytest.raises(ao.InputError, match="carries no shapes"):
+    with pytest.raises(ao.InputError, match="has no shapes"):
         hits[1].field(1e-4)
 
 

@@ -63,7 +63,7 @@ def test_a_penalty_is_a_support(penalty, n, method):
     model = ao.extract(structure, ao.Site(dof=n), method=method)
     check(model, inner, 10 * STIFF / penalty + 1e-9)
     if penalty >= 1e24:
-        with refused("held by the supports"):
+        with refused("fixed by supports"):
             ao.extract(structure, ao.Site(dof=0))
 
 
@@ -291,7 +291,7 @@ def test_matrices_over_ranks():
             except ao.InputError as error: print(str(error)[:40])
     """
     expected = [
-        "7 1428.571429", "K must be symmetric (to 1e-09 of √(a_ii ", "K and M must be spread over",
+        "7 1428.571429", "K must be symmetric (to 1e-09 of √(a_ii ", "K and M must have the same",
         "K is an empty PETSc matrix",
     ]  # fmt: skip
     for lines in run_ranks(2, script):

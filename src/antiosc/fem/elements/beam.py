@@ -27,8 +27,8 @@ from antiosc.fem.elements.weak_form import (
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.mpi import agree
 
-#: Shear stiffness of a beam that is rigid in shear, over EI/L² for the size L of the mesh: a member
-#: of length l shears by 3e-10 (L/l)² of its bending.
+#: Shear stiffness of an Euler–Bernoulli beam over EI/L², for the size L of the mesh: the shear
+#: deflection of a member of length l is 3e-10 (L/l)² of its bending deflection.
 RIGID_IN_SHEAR = 1e10
 
 
@@ -36,9 +36,10 @@ RIGID_IN_SHEAR = 1e10
 class Section:
     """A cross-section in its principal axes y (the "height") and z, SI units.
 
-    `I` bends in the plane of the height (a plane frame needs it alone), `I_side` across it
-    (default: as `I`), `J` is Saint-Venant's torsion constant (default: polar, `I + I_side`,
-    right for circular sections only), `shear` Timoshenko's shear coefficient κ.
+    `I` is the second moment of area for bending in the plane of the height (sufficient for a plane
+    frame), `I_side` for bending in the other plane (default: `I`), `J` Saint-Venant's torsion
+    constant (default: the polar moment `I + I_side`, correct for circular sections only), `shear`
+    Timoshenko's shear coefficient κ.
     """
 
     A: float
@@ -119,19 +120,20 @@ class Beam(Isotropic):
     section : Section
         The cross-section.
     orientation : sequence of 3 floats or function, optional
-        A vector whose part across the axis is the section's height direction (y). Needed in
-        space unless both second moments are equal; in a plane frame the height lies in the plane.
-        A function of points x (3, n) gives such vectors (3, n), as for rings.
+        A vector whose component normal to the axis is the direction of the section's height (y).
+        Required in space unless both second moments are equal; in a plane frame the height lies in
+        the plane. A function of points x (3, n) returns such vectors (3, n), for instance for
+        rings.
     offset : float
-        In space: the section's centroid lies this far, in m, from the line of the mesh along
-        `orientation`, as that of a stiffener on the edges of a sheet.
+        In space: distance in m of the centroid from the line of the mesh, along `orientation`, for
+        instance of a stiffener on the edges of a shell.
     shear : bool
         False: rigid in shear and without rotary inertia in bending (Euler–Bernoulli). Not for
-        stiffeners of a sheet.
+        stiffeners of a shell.
 
-    Motions in space: x, y, z (displacements) and rx, ry, rz (rotations); in a plane: x, y, rz.
-    Quadratic elements with two-point shear by default (`Structure(..., order=2)`); order=1 is
-    the classical element with one-point shear, as in the article.
+    Components in space: x, y, z (displacements) and rx, ry, rz (rotations); in a plane: x, y, rz.
+    Quadratic elements with two-point shear by default (`Structure(..., order=2)`); order=1 is the
+    classical element with one-point shear, as in the article.
     """
 
     kind: ClassVar[Kind] = Kind("beam", outside=False, point_load=True)
@@ -159,8 +161,8 @@ class Beam(Isotropic):
             store(self, orientation=checked("orientation", self.orientation))
         if self.offset and self.orientation is None:
             raise InputError(
-                f"offset = {self.offset:g} m lies along the orientation: give that as well, as in "
-                "Beam(..., orientation=(0, 0, 1))."
+                f"offset = {self.offset:g} m is measured along the orientation: give this as well, "
+                "as in Beam(..., orientation=(0, 0, 1))."
             )
 
     @property
@@ -169,13 +171,13 @@ class Beam(Isotropic):
         return self.E / (2 * (1 + self.nu))
 
     def shear_stiffness(self, I: float, size: float) -> float:  # noqa: E741
-        """Of the bending with second moment `I`, N: G κ A, or what is rigid on that `size` [m]."""
+        """Shear stiffness for bending with second moment `I`, N: G κ A, or a penalty."""
         if self.shear:
             return self.G * self.section.A * self.section.shear
         return RIGID_IN_SHEAR * self.E * I / size**2
 
     def rotary_inertia(self, I: float) -> float:  # noqa: E741
-        """Of the bending with second moment `I`, kg m."""
+        """Rotary inertia per length for bending with second moment `I`, kg m."""
         return self.rho * I if self.shear else 0.0
 
     def weak_form(self, mesh: Mesh, parts: Parts, order: int) -> WeakForm:
@@ -191,7 +193,7 @@ class Beam(Isotropic):
         return _plane(mesh, parts, order) if mesh.gdim == 2 else on_lines(mesh, parts, order)
 
     def half_space_compliance(self, cosine: float) -> float:
-        """0: a beam has no local field, so Hertz's law stands alone."""
+        """0: a beam has no local indentation; Hertz's law describes it alone."""
         return 0.0
 
     def dimensions(self, box: Box, materials: Sequence[Beam]) -> Box:
@@ -211,7 +213,7 @@ def _root(mesh: Mesh, parts: Parts, stiffness: Callable[[Beam], float]) -> Any:
 
 
 def _shear_degree(order: int) -> int:
-    """As many Gauss points as the order: none locks."""
+    """As many Gauss points as the order, which prevents shear locking."""
     return 2 * order - 1
 
 
@@ -276,8 +278,8 @@ def on_lines(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
     def strains(q: Any) -> Any:  # times √stiffness
         _, turn = parts_of(q)
         slope_u, slope_turn = parts_of(ufl.dot(ufl.grad(q), t))
-        # Bending stretches a centroid off the line. Twist also shifts it sideways, which a
-        # stiffener follows by warping: no shear comes of it.
+        # Bending stretches a centroid that is off the line. Twist also shifts it sideways; a
+        # stiffener follows by warping, without shear.
         stretch = -offset * ufl.dot(slope_turn, z) * t
         force = slope_u + stretch - ufl.cross(turn, t)
         pairs = (EA, t), (GAy, y), (GAz, z)
@@ -336,8 +338,8 @@ def _heights(beam: Beam, axis: Array, middle: Array) -> Array:
     if beam.orientation is None:
         if not beam.section.isotropic:
             raise InputError(
-                "a section whose two second moments differ needs an orientation in space: "
-                "Beam(..., orientation=(0, 0, 1)) puts its height along z."
+                "a section with two different second moments of area needs an orientation in "
+                "space: Beam(..., orientation=(0, 0, 1)) puts its height along z."
             )
         # Any direction across the axis will do: the unit vector least aligned with it.
         return np.eye(3)[np.argmin(np.abs(axis), axis=1)]
@@ -349,7 +351,7 @@ def _heights(beam: Beam, axis: Array, middle: Array) -> Array:
         shown = "" if beam.orientation is None else shown_direction(beam.orientation)
         raise InputError(
             f"the orientation{shown} is parallel to the axis of {int(parallel.sum())} beam "
-            "elements: choose one that is across all of them, or give these a material of their "
-            "own."
+            "elements: choose a direction that is not parallel to any of them, or give these "
+            "elements a separate material."
         )
     return np.asarray(height / length)

@@ -1,9 +1,9 @@
-"""Where 0° and the top of a layered sheet lie in every cell, and whether neighbours agree.
+"""Direction of 0° and side of the last layer of a layered shell in every cell.
 
-Layers are stacked along the normal of the cells, which the order of their nodes gives, or toward a
-stated `top`; on a plane mesh, whose cells' order says nothing, toward +z. Where a stack differs
-from itself seen from the other side, cells with a common edge must have their normals on one
-side: the energy alone does not show an error in this.
+Layers are stacked along the normals of the cells, which follow from the order of their nodes, or
+toward a given `top`; on a plane mesh, where the node order is arbitrary, toward +z. Where a stack
+differs from itself seen from the other side, cells with a common edge must have their normals on
+one side: the energy alone does not show an error in this.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ AROUND = {"triangle": [0, 1, 2], "quadrilateral": [0, 1, 3, 2]}
 
 
 def checked(name: str, direction: Any) -> Direction:
-    """`direction` if it is a vector that is not zero, or a function; else InputError."""
+    """`direction` if it is a non-zero vector or a function; otherwise InputError."""
     if callable(direction):
         return direction  # type: ignore[no-any-return]
     vector = array(name, direction, (3,))
@@ -45,7 +45,7 @@ def axes_and_sides(mesh: Mesh, parts: Parts) -> tuple[Any, Any]:
     Raises
     ------
     InputError
-        An axis along the normal, a top along the sheet, neighbours whose normals disagree.
+        An axis along the normal, a top along the surface, inconsistent normals of neighbours.
     """
     x = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)]
     normals = _normals(mesh, x)
@@ -87,8 +87,8 @@ def _axis(direction: Direction, x: Array, normals: Array) -> Array:
         along < LEAST,
         x,
         f"the axis{shown_direction(direction)} is normal to the sheet",
-        "choose a direction along the sheet, a function of x, or a laminate of their own for "
-        "these cells",
+        "choose a direction along the surface, a function of x, or a separate laminate for these "
+        "cells",
     )
     return axis
 
@@ -101,7 +101,8 @@ def _side(direction: Direction, x: Array, normals: Array) -> Array:
         (up * side[:, None]).min(axis=1) < LEAST,
         x,
         f"top{shown_direction(direction)} lies along the sheet",
-        "choose a direction off it, a function of x, or a laminate of their own for these cells",
+        "choose a direction off the surface, a function of x, or a separate laminate for these "
+        "cells",
     )
     return np.asarray(side)
 
@@ -136,8 +137,8 @@ def _check_neighbours(
 ) -> None:
     """InputError where two cells on an edge have their normals on different sides of the sheet.
 
-    Only where both stacks have sides, and at least one follows the mesh; at edges of three and
-    more cells no side goes on.
+    Only if both stacks are unsymmetric and at least one uses the normals of the mesh. Edges of
+    three or more cells are not checked.
     """
     owned = compat.cell_map(mesh.dolfinx).size_local
     around = AROUND[mesh.cell]

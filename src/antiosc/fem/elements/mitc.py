@@ -1,15 +1,16 @@
 """Shear strains of triangles that do not lock: the rotations in them are interpolated (MITC).
 
-Where a plate is thin its normals follow its surface, θ×n = −∇w. Of conforming cubics w that
-leaves the smooth ones, few on a general mesh: the plate locks. So the shear strain takes, of the
-cubic θ×n, the interpolant R in Nédélec's second edge element: quadratic, the same moments along
-every edge against quadratics, the same three means inside. With w cubic, ∇w lies in that space,
-and cubic vectors with linear pressures are stable for Stokes' problem: what F. Brezzi, M. Fortin &
-R. Stenberg (Math. Models Methods Appl. Sci. 1, 1991, 125–151) ask of an element whose error does
-not grow as the thickness vanishes. Along edges R takes the values at three Gauss points.
+In a thin plate the normals follow the surface, θ×n = −∇w. With conforming cubics w this leaves only
+smooth functions w, which are few on a general mesh: the plate locks. Therefore the shear strain
+uses, in place of the cubic θ×n, its interpolant R in Nédélec's second edge element: quadratic, with
+the same moments against quadratics along every edge and the same three means inside. With w cubic,
+∇w lies in that space, and cubic vectors with linear pressures are stable for Stokes' problem: what
+F. Brezzi, M. Fortin & R. Stenberg (Math. Models Methods Appl. Sci. 1, 1991, 125–151) ask of an
+element whose error does not grow as the thickness vanishes. Along edges R takes the values at three
+Gauss points.
 
-R keeps quadratics. What it drops of a cubic follows from the third derivatives, which are
-constants: it is a sum of fixed fields on the reference triangle.
+R reproduces quadratics. The difference of a cubic and its interpolant follows from the third
+derivatives, which are constants: it is a sum of fixed fields on the reference triangle.
 """
 
 from __future__ import annotations

@@ -1,18 +1,18 @@
-"""Sections of sheets: what a stack of orthotropic layers is as a plate, A, B, D, S and masses.
+"""Sections of shells: the stiffnesses A, B, D, S and the inertia of a stack of orthotropic layers.
 
 Classical lamination theory in the axes (0°, 90°, normal) with the strains (ε1, ε2, γ12) and, from
 the displacement u + z θ×n, the bending strains (κ1, κ2, 2κ12):
 
     N = A ε + B κ,   M = B ε + D κ,   (A, B, D) = Σ ∫ Q̄ (1, z, z²) dz,   Q = S γ.
 
-S makes the shear energy of the plate that of the shear stresses which equilibrium asks for when
-it bends to a cylinder along either axis, N and the other moments' slopes being zero:
+S gives the plate the shear energy of the shear stresses that are in equilibrium with cylindrical
+bending along either axis, with N and the slopes of the other moments equal to zero:
 
     τ(z) = f(z) Q,   f from −∫ Q̄ (b + z d) dz,   S⁻¹ = ∫ fᵀ G⁻¹ f dz,
 
-where ε = b M and κ = d M. A homogeneous section gets 5/6 of its shear stiffness, a sandwich about
-that of its core. J. M. Whitney, J. Appl. Mech. 39 (1972) 302-304; R. Rolfes, K. Rohwer, Int. J.
-Numer. Methods Eng. 40 (1997) 51-60.
+where ε = b M and κ = d M. For a homogeneous section S is 5/6 of G t, for a sandwich about the shear
+stiffness of its core. J. M. Whitney, J. Appl. Mech. 39 (1972) 302-304; R. Rolfes, K. Rohwer, Int.
+J. Numer. Methods Eng. 40 (1997) 51-60.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from antiosc._types import Array
 from antiosc.checks import number, poisson, positive, shown, store, within_range
 from antiosc.errors import InputError
 
-#: Share of a stiffness below which what should cancel is rounding.
+#: Share of a stiffness below which terms that should cancel are rounding error.
 ROUNDING = 1e-12
 
 
@@ -39,7 +39,7 @@ class Layer:
     E1, E2 : float
         Young's moduli along and across the fibres, Pa.
     nu12 : float
-        Poisson's ratio: the contraction along 2 under stress along 1.
+        Poisson's ratio: contraction along 2 under stress along 1.
     G12, G13, G23 : float
         Shear moduli, Pa; 3 is the normal of the sheet.
     rho : float
@@ -52,7 +52,8 @@ class Layer:
     Raises
     ------
     InputError
-        Constants that are not positive, or nu12 for which no energy is: nu12² ≥ E1/E2.
+        Constants that are not positive, or nu12 for which the energy is not positive: nu12² ≥
+        E1/E2.
     """
 
     E1: float
@@ -77,8 +78,8 @@ class Layer:
         )
         if self.nu12**2 * self.E2 >= self.E1:
             raise InputError(
-                f"nu12² must be < E1/E2 = {self.E1 / self.E2:g}, else the layer gains energy by "
-                f"straining; got nu12 = {self.nu12:g} (is it nu21?)."
+                f"nu12² must be < E1/E2 = {self.E1 / self.E2:g}, else the strain energy is not "
+                f"positive; got nu12 = {self.nu12:g} (is it nu21?)."
             )
 
     @classmethod
@@ -112,7 +113,7 @@ class Layer:
 
 
 def _cosine_sine(degrees: float) -> tuple[float, float]:
-    """Exact at right angles, so that a cross-ply couples nothing."""
+    """Exact at right angles, so that a cross-ply has no coupling terms."""
     exact = {0: (1.0, 0.0), 90: (0.0, 1.0), 180: (-1.0, 0.0), 270: (0.0, -1.0)}
     if degrees % 360 in exact:
         return exact[int(degrees % 360)]
@@ -121,7 +122,7 @@ def _cosine_sine(degrees: float) -> tuple[float, float]:
 
 @dataclass(frozen=True, eq=False)
 class PlateSection:
-    """Stiffness and mass of a sheet per area of its middle surface."""
+    """Stiffness and mass of a shell per area of its middle surface."""
 
     #: m
     thickness: float
@@ -140,17 +141,17 @@ class PlateSection:
 
     @property
     def bending(self) -> Array:
-        """D − B A⁻¹ B (3, 3), the bending stiffness where nothing holds the stretching, N m."""
+        """D − B A⁻¹ B (3, 3), the bending stiffness without in-plane forces, N m."""
         return np.asarray(self.D - self.B @ np.linalg.solve(self.A, self.B))
 
     @property
     def t2_of_shear(self) -> float:
-        """t² of the isotropic sheet whose bending is as stiff beside its shear, m²."""
+        """t² of the isotropic plate with the same ratio of bending to shear stiffness, m²."""
         return 20 * _over_angles(self.bending) / float(np.trace(self.S))
 
     @property
     def t2_of_stretch(self) -> float:
-        """t² of the isotropic sheet whose bending is as stiff beside its stretching, m²."""
+        """t² of the isotropic plate with the same ratio of bending to membrane stiffness, m²."""
         return 12 * _over_angles(self.bending) / _over_angles(self.A)
 
     @property
@@ -180,7 +181,7 @@ class PlateSection:
 
 
 def _over_angles(stiffness: Array) -> float:
-    """The mean of the entry 66 over all angles: G of an isotropic Q."""
+    """Mean of entry 66 over all angles: G of an isotropic Q."""
     m = stiffness
     return float(m[0, 0] + m[1, 1] - 2 * m[0, 1] + 4 * m[2, 2]) / 8
 

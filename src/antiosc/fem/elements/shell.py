@@ -1,15 +1,15 @@
 """`Shell`, `Laminate`: Reissner–Mindlin plates and shells on sheets of triangles or quadrilaterals.
 
-In every point of the sheet a frame (e1, e2, n) comes from the Jacobian, and where there are layers
-from their axis and top. With the displacement u and the rotation vector θ of the normal, and s_α
-the lengths along e_α,
+At every point of the surface a frame (e1, e2, n) follows from the Jacobian, and for layers from
+their axis and top. With the displacement u and the rotation vector θ of the normal, and s_α the
+lengths along e_α,
 
     membrane strain  sym(e_α·∂u/∂s_β)          shear strain  n·∂u/∂s_α + (θ×n)·e_α
     bending strain   sym(e_α·∂θ/∂s_β × n)      drilling      (e2·∂u/∂s1 − e1·∂u/∂s2)/2 − θ·n
 
-the last one held to zero with the shear modulus, so that θ·n is the rotation of the sheet in its
-own plane and folded sheets pass moments on. Nothing depends on the sign of n, unless the layers
-have a top and a bottom.
+The drilling strain is penalized with the shear modulus, so that θ·n is the in-plane rotation of the
+surface and moments are transmitted at folds. The result does not depend on the sign of n, unless
+the layers are unsymmetric.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ PATCH_RADIUS = 1.0
 
 
 class Sheet:
-    """What `Shell` and `Laminate` share: the element, on one mesh for both kinds of section."""
+    """Base of `Shell` and `Laminate`: the element, on one mesh for both kinds of section."""
 
     kind: ClassVar[Kind] = Kind("sheet", outside=False, point_load=False, sheet=True)
 
@@ -66,14 +66,14 @@ class Sheet:
         raise NotImplementedError
 
     def weak_form(self, mesh: Mesh, parts: Parts, order: int) -> WeakForm:
-        """Strain and kinetic energy of the sheet; cubic triangles, quadratic quadrilaterals."""
+        """Strain and kinetic energy of the shell; cubic triangles, quadratic quadrilaterals."""
         if mesh.tdim != 2:
             raise InputError(
                 f"{type(self).__name__} needs a mesh of triangles or quadrilaterals; {mesh.name} "
                 f"has {mesh.cell} cells (lines: Beam, volumes: Solid)."
             )
         if order != 2:
-            raise InputError("Shell elements are quadratic and more: leave Structure's order=2.")
+            raise InputError("Shell elements need order=2 of Structure, its default.")
         areas = _areas(mesh)
         triangles = mesh.cell == "triangle"
         space = compat.lagrange(mesh.dolfinx, 3 if triangles else 2, 6)
@@ -113,7 +113,8 @@ class Sheet:
         )
 
     def half_space_compliance(self, cosine: float) -> float:
-        """0: a sheet's thickness does not deform, so Hertz's law stands alone."""
+        """0: a shell does not deform through its thickness; Hertz's law describes the indentation
+        alone."""
         return 0.0
 
     @property
@@ -128,7 +129,7 @@ class Sheet:
 
 @dataclass(frozen=True)
 class Shell(Isotropic, Sheet):
-    """An isotropic plate or shell, shear deformation and rotary inertia included.
+    """An isotropic plate or shell with shear deformation and rotary inertia.
 
     Parameters
     ----------
@@ -137,14 +138,14 @@ class Shell(Isotropic, Sheet):
     thickness : float
         Thickness, m; the mesh is the middle surface.
 
-    Motions: x, y, z (displacements) and rx, ry, rz (rotations). Triangles, plane or curved: all
-    cubic, fully integrated; in the shear strain quadratics of the same moments along edges stand
-    for the rotations, so that thin plates do not lock (`antiosc.fem.elements.mitc`).
-    Quadrilaterals: all quadratic, the shear at 2×2 points with a share of full integration that
-    vanishes with the thickness, and so the membrane strains where a cell is curved: curved ones
-    are for smooth sheets, where sheets or stiffeners join triangles are right; flat ones stretch
-    fully integrated. Orientations of neighbouring cells need not agree: the energy does not depend
-    on the sign of the normal.
+    Components: x, y, z (displacements) and rx, ry, rz (rotations). Triangles, plane or curved, are
+    cubic and fully integrated; in the shear strain the rotations are replaced by quadratics with
+    the same moments along the edges, so that thin plates do not lock (`antiosc.fem.elements.mitc`).
+    Quadrilaterals are quadratic. Their shear strain is integrated at 2×2 points, with a share of
+    full integration that vanishes with the thickness. The same holds for the membrane strain of
+    curved quadrilaterals, which are for smooth surfaces only: use triangles where surfaces or
+    stiffeners join. Flat quadrilaterals have fully integrated membrane strains. Orientations of
+    neighbouring cells may differ: the energy does not depend on the sign of the normal.
     """
 
     E: float
@@ -179,24 +180,24 @@ class Laminate(Sheet):
     Parameters
     ----------
     layers : sequence of Layer
-        From the bottom to the top; the mesh is the surface in the middle of their thickness.
+        From the bottom to the top; the mesh is the middle surface of the stack.
     axis : sequence of 3 floats or function
-        0°: its part along the sheet, in every cell. A function of points x (3, n) gives such
-        vectors (3, n), as the hoop of a tank.
+        Direction of 0°, projected onto the surface in every cell. A function of points x (3, n)
+        returns such vectors (3, n), for instance the hoop direction of a tank.
     top : sequence of 3 floats or function, optional
-        On which side of the sheet the last layer lies. By default toward +z on a plane mesh, and
-        in space on that of the cells' normals, which must then agree from cell to cell if the
-        stack is not symmetric about its middle.
+        A direction that points to the side of the surface on which the last layer lies. Default: +z
+        on a plane mesh; in space the normals of the cells, which must then be consistent from cell
+        to cell if the stack is not symmetric about its middle.
 
-    Angles count from the axis toward normal × axis, the normal pointing to the top. The element,
-    its motions and its cells are `Shell`'s, and both may share a mesh, by group. `section` holds
-    the matrices A, B, D, S of the axis. Shear across the layers has the stiffness S of equal
-    energy, not 5/6 of the layers' (`antiosc.fem.elements.plate_section`).
+    Angles count from the axis toward normal × axis; the normal points to the top. The element, its
+    components and its cells are those of `Shell`; both may be used in one mesh, by group. `section`
+    holds the matrices A, B, D, S in the axes of the laminate. The transverse shear stiffness S
+    follows from the shear energy, not from a factor 5/6 (`antiosc.fem.elements.plate_section`).
 
     Raises
     ------
     InputError
-        No layers; with the mesh: an axis along a normal, a top along the sheet, opposite normals.
+        No layers; with the mesh: an axis along a normal, a top along the surface, opposite normals.
     """
 
     layers: Sequence[Layer]
@@ -345,8 +346,8 @@ def _engineering(e: Any) -> Any:
 def _energies(section: _Section, a: _Strains, b: _Strains) -> tuple[Any, Any, Any]:
     """(membrane and drilling, shear, bending) energy densities of two strain states.
 
-    The membrane's is that of the surface without stretch under moments, ε + A⁻¹Bκ: so each of
-    them is of one sign by itself, whatever points it is integrated with.
+    The membrane energy is that of ε + A⁻¹Bκ, the strain of the neutral surface. Each energy is
+    therefore non-negative by itself, for any integration points.
     """
 
     def stretch(e: _Strains) -> Any:
@@ -371,7 +372,7 @@ def _inertia(section: _Section, frame: _Frame, w: Any, v: Any) -> Any:
 
 
 def _areas(mesh: Mesh) -> Any:
-    """Area between the corners of every cell as a function; InputError where there is none."""
+    """Area of every cell from its corners, as a function; InputError if it is zero."""
     x = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)]
     first, second = x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]
     if mesh.cell == "quadrilateral":  # the diagonals
@@ -387,14 +388,14 @@ def _areas(mesh: Mesh) -> Any:
         at_point = ", ".join(f"{c:.6g}" for c in x[bad[0]].mean(axis=0))
         error = InputError(
             f"{total} of {mesh.n_cells} {mesh.cell} cells have no area, one at ({at_point}) m: "
-            "mesh the sheet again, or remove them."
+            "remesh the surface, or remove these cells."
         )
     agree(mesh.comm, error)
     return areas
 
 
 def _rise(mesh: Mesh) -> Any:
-    """How far the middle of each quadrilateral lies off its corners, along the normal, m."""
+    """Distance of the middle of each quadrilateral from its corners along the normal, m."""
     rise = compat.cellwise(mesh.dolfinx)
     if mesh.order > 1:
         x = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)]

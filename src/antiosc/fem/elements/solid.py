@@ -36,7 +36,7 @@ class Solid(Isotropic):
     rho : float
         Density, kg/m³.
     plane : None, "stress" or "strain"
-        Needed on 2-D meshes, and there only.
+        Required on 2-D meshes, and only there.
     thickness : float
         Thickness of a 2-D part, m.
     """
@@ -65,13 +65,13 @@ class Solid(Isotropic):
         """Displacements of degree `order`, which must not be below the geometric order."""
         if mesh.tdim != mesh.gdim:
             raise InputError(
-                f"Solid needs cells that fill their space; {mesh.name} has {mesh.cell} cells in "
-                f"{mesh.gdim}-D (a plane part: read it with gdim=2; lines: use Beam)."
+                f"Solid needs cells of the dimension of the space; {mesh.name} has {mesh.cell} "
+                f"cells in {mesh.gdim}-D (a plane part: read it with gdim=2; lines: use Beam)."
             )
         if order < mesh.order:
             raise InputError(
-                f"displacements of order {order} on cells of geometric order {mesh.order} would "
-                "strain rigid rotations: take order=2, or read the mesh with order=1."
+                f"displacements of order {order} on cells of geometric order {mesh.order} cannot "
+                "represent rigid rotations: use order=2, or read the mesh with order=1."
             )
         for material, _ in parts:
             _check_plane(material, mesh)
@@ -123,7 +123,7 @@ def _check_plane(solid: Any, mesh: Mesh) -> None:
 
 
 def _first_lame(solid: Any) -> float:
-    """λ, or in plane stress the λ* that keeps the stress across the plane zero."""
+    """λ, or λ* of plane stress, which makes the normal stress across the plane zero."""
     if solid.plane == "stress":
         return solid.E * solid.nu / (1 - solid.nu**2)
     return solid.E * solid.nu / ((1 + solid.nu) * (1 - 2 * solid.nu))
@@ -136,7 +136,7 @@ def _depth(solid: Any) -> float:
 def _degrees(mesh: Mesh, order: int) -> tuple[int, int]:
     """Quadrature degrees of K and M: exact on straight simplices, full Gauss rules elsewhere.
 
-    UFL's own estimate asks for thousands of points on curved cells.
+    UFL's estimate would need thousands of points on curved cells.
     """
     if mesh.cell in ("quadrilateral", "hexahedron"):
         return 2 * order + 1, 2 * order + 1

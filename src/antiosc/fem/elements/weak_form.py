@@ -1,4 +1,4 @@
-"""What an element family (Solid, Beam, …) gives to a Structure: its contract, and shared helpers.
+"""Interface of an element family (Solid, Beam, …) to `Structure`, and shared functions.
 
 A material is a frozen dataclass of its constants that answers as `Family` says. Its method
 `weak_form(mesh, parts, order)` gets `parts`, a list of (material, cells), where `cells` are the
@@ -25,7 +25,7 @@ Box = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class WeakForm:
-    """The space of a family on a mesh and its two quadratic forms."""
+    """The function space of an element family on a mesh and its bilinear forms."""
 
     #: the dolfinx function space
     space: Any

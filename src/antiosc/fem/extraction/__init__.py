@@ -1,1 +1,1 @@
-"""Extraction: from a structure and its sites to anti-oscillators, or to natural modes."""
+"""Extraction: anti-oscillators or natural modes of a structure at its sites."""

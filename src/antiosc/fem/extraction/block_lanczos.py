@@ -1,9 +1,9 @@
-"""The lowest natural modes by block Lanczos: a block of solves costs a fraction of single ones.
+"""The lowest natural modes by block Lanczos: a block of solves is cheaper than single solves.
 
 The recurrence for A⁻¹M, A = K + sM, in the inner product of M, with full orthogonalisation, begins
 at a random block (Golub and Underwood, in *Mathematical Software III*, 1977, 361). A block of
-right-hand sides goes through the factor's memory once: on large structures that is what a solve
-costs. Repeated frequencies are found like others, as long as a block holds them.
+right-hand sides reads the factor from memory once, and on large structures this determines the time
+of a solve. Repeated frequencies are found if their multiplicity does not exceed the block size.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from antiosc.fem.structure.structure import Structure
 #: time of SLEPc's Krylov–Schur method with 8, two thirds with 16; with 43 263 dofs (the bracket) 20
 #: and 60 modes took 0.47 and 0.37 of its time (one thread).
 BLOCK = 8
-#: Largest ‖A⁻¹Mφ - θφ‖ over θ of a mode that is taken; its ω² is off by about the square.
+#: Largest ‖A⁻¹Mφ - θφ‖ over θ of an accepted mode; the relative error of ω² is about its square.
 RESIDUAL = 1e-7
-#: Structures with less than so many dofs for each mode are left to `ModeSolver`.
+#: Structures with fewer dofs for each mode are solved by `ModeSolver`.
 FEW = 20
 #: A direction below this share of its block (squared, in M) is rounding.
 DEPENDENT = 1e-8
@@ -42,7 +42,7 @@ def lowest_modes(structure: Structure, count: int, reach: float = 0.0) -> Modes:
     Raises
     ------
     NotConvergedError
-        The steps did not suffice.
+        The largest number of steps was not sufficient.
     """
     if structure.K.getSize()[0] <= DENSE or structure.dofs < FEW * count:
         return _one_by_one(structure, count, reach)
@@ -60,8 +60,8 @@ def lowest_modes(structure: Structure, count: int, reach: float = 0.0) -> Modes:
             return Modes(omega[:kept], run.shapes(turn[:, :kept]), run.exhausted)
         log.debug("block Lanczos step %d: %d modes settled", step, settled)
     raise NotConvergedError(
-        f"block Lanczos settled {settled} of {count} modes in {steps} steps (at most {STEPS}, and "
-        "as many as fit in memory): ask for fewer modes or a lower band."
+        f"block Lanczos found {settled} of {count} modes in {steps} steps (at most {STEPS}, and as "
+        "many as fit in memory): ask for fewer modes or a lower band."
     )
 
 
@@ -93,7 +93,7 @@ class _Lanczos:
         self._next, self._m_next, _ = self._orthonormal(start)
 
     def advance(self) -> None:
-        """One more block into the basis, and the one after it made ready."""
+        """Add one block to the basis and compute the next one."""
         V, MV = self._next, self._m_next
         width, size = V.shape[1], len(self._T)
         self._blocks.append(V)

@@ -1,9 +1,9 @@
 """Constraint modes: Kφ = ω²Mφ in the space bᵀφ = 0, on the structure's one factorization.
 
 With A = K + sM and y = A⁻¹b, the solution of A x = r under bᵀx = 0 is A⁻¹r − y (bᵀA⁻¹r)/(bᵀy).
-SLEPc runs its Krylov–Schur method on that operator: the preconditioner inside its
-shift-and-invert is ours. No row is deleted, nothing is factored twice. Without the constraint the
-same solver gives the structure's natural modes.
+SLEPc's Krylov–Schur method uses this operator as the preconditioner of its shift-and-invert
+transformation. No row is deleted and there is only one factorization. Without the constraint the
+same solver computes the natural modes of the structure.
 """
 
 from __future__ import annotations
@@ -28,15 +28,16 @@ from antiosc.fem.structure.structure import Structure
 
 #: SLEPc's tolerance on the eigenvalues 1/(ω² + s); the residuals are measured again afterwards.
 TOLERANCE = 1e-11
-#: LAPACK solves structures of at most this many rows whole, on one rank for all …
+#: LAPACK computes all modes of structures with at most this many rows, on one rank for all …
 DENSE = 600
-#: … and of this many where more than a fifth of all modes is wanted: Krylov methods find the
-#: ends of a spectrum, not all of it.
+#: … and with at most this many rows if more than a fifth of all modes is wanted: Krylov methods are
+#: efficient only at the ends of a spectrum.
 DENSE_MANY = 5000
-#: Modes beyond those wanted that SLEPc is asked for, and that are dropped: of a repeated frequency
-#: it may have found one shape when the search ends, and not yet the other.
+#: Number of additional modes that SLEPc computes and that are dropped: of a repeated frequency the
+#: search may have found only one of the shapes.
 GUARD = 4
-#: Lowest ω² over the mean of all from which LAPACK, whose errors are 1e-16 of the highest, has it.
+#: Lowest ω² over the mean of all above which LAPACK, whose errors are 1e-16 of the highest,
+#: resolves it.
 EVEN = 1e-7
 #: Relative distance of ω² below which two modes are taken as they are: any basis of theirs serves.
 CLOSE = 1e-8
@@ -55,9 +56,9 @@ class Modes:
 
 
 class ModeSolver:
-    """Finds modes from below, in as many rounds as the caller wants, rigid-body modes left out.
+    """Finds the lowest elastic modes, in as many rounds as the caller wants.
 
-    Of a site and its static mode it finds the constraint modes, otherwise the natural ones.
+    With a site and its static mode it finds the constraint modes, otherwise the natural modes.
     """
 
     def __init__(
@@ -85,7 +86,8 @@ class ModeSolver:
         return self._found
 
     def _uneven(self) -> bool:
-        """Whether the lowest modes drown in the rounding of K's entries, which products avoid."""
+        """Whether the rounding of K's entries hides the lowest modes; products by strains avoid
+        it."""
         K, M = self._structure.K, self._structure.M
         if not by_strains(K):
             return False
@@ -147,10 +149,10 @@ class ModeSolver:
         return x
 
     def _by_lapack(self) -> Modes:
-        """All modes of a small structure, from (M, K + σM) on a basis of the space allowed.
+        """All modes of a small structure, from (M, K + σM) on a basis of the constrained space.
 
-        Rounding leaves an error ε/σ in 1/(ω² + σ): with σ between the lowest and the highest ω²
-        (geometrically) it spares both ends of the spectrum.
+        The rounding error of 1/(ω² + σ) is ε/σ. With σ equal to the geometric mean of the lowest
+        and the highest ω² it is small at both ends of the spectrum.
         """
         structure, comm = self._structure, self._structure.comm
         conditions = multiply(structure.M, self._rigid)
@@ -192,7 +194,7 @@ def _dense_modes(
     basis = scipy.linalg.qr(conditions)[0][:, conditions.shape[1] :]
     A = basis.T @ (stiffness + sigma * mass) @ basis
     theta, vectors = scipy.linalg.eigh(basis.T @ mass @ basis, (A + A.T) / 2)
-    keep = theta > 1e-14 * theta.max(initial=0.0)  # motions without mass have no frequency
+    keep = theta > 1e-14 * theta.max(initial=0.0)  # displacements without mass have no frequency
     omega = np.sqrt(np.maximum(1 / theta[keep] - sigma, 0.0))[::-1]
     phi = np.zeros((K.shape[0], int(keep.sum())))
     phi[free] = (basis @ vectors[:, keep])[:, ::-1]
@@ -222,7 +224,7 @@ class _Free:
 
 
 def _polished(structure: Structure, modes: Modes) -> Modes:
-    """The modes once more orthogonal through M and through K (`polish`)."""
+    """The modes with improved orthogonality in M and in K (`polish`)."""
 
     def gram(matrix: PETSc.Mat, phi: Array) -> Array:
         return np.asarray(dot(structure.comm, phi, multiply(matrix, phi)))
@@ -238,10 +240,10 @@ def polish(
 ) -> tuple[Array, Array]:
     """(ω², φ) of approximate eigenvectors φ of unit mass, by the step of Ogita and Aishima.
 
-    A dense eigensolver leaves an error of ε times the highest ω² in all of them, or of the lowest
-    in all 1/ω²: too much where the spectrum spans many decades. With φ(1 + T) the products φᵀKφ
-    and φᵀMφ, measured by `strains` and `masses`, become diagonal to the square of what they lack
-    (Japan J. Indust. Appl. Math. 35 (2018) 1007).
+    The error of a dense eigensolver is ε times the highest ω² in all ω², or ε over the lowest ω² in
+    all 1/ω²: too much if the spectrum spans many decades. For φ(1 + T) the products φᵀKφ and φᵀMφ,
+    measured by `strains` and `masses`, are diagonal up to the square of their previous error (Japan
+    J. Indust. Appl. Math. 35 (2018) 1007).
     """
     one = np.eye(phi.shape[1])
     poles = np.zeros(phi.shape[1])

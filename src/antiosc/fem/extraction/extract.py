@@ -1,4 +1,4 @@
-"""`extract`: a structure and a site into anti-oscillators."""
+"""`extract`: the anti-oscillators of a structure at a site."""
 
 from __future__ import annotations
 
@@ -39,26 +39,27 @@ from antiosc.threads import one_thread
 
 #: Limits of the self-check, relative: residual, M-orthogonality, constraint, mass balance.
 CHECK = 1e-6
-#: A result off by up to this many times a limit is usable, and warned of; beyond it is refused.
+#: Up to this many times a limit a result is usable, with a warning; beyond, it is refused.
 USABLE = 100
-#: That of the residual: rounding in K alone makes 1e-6 of Kφ where a mode on soft springs strains
-#: little; its ω² is off by the square of it.
+#: Limit of the residual: rounding in K alone is 1e-6 of Kφ for a mode on soft springs, with little
+#: strain; the error of ω² is the square of it.
 FORCES = 1e-5
 #: ω² over the shift below which a mode is a mechanism: the shift has the size of the first elastic.
 MECHANISM = 1e-9
 #: A Ritz pair with a smaller residual (of forces, relative) is an antiresonance: its frequency is
 #: then right to about the square of this.
 CONVERGED = 1e-3
-#: Of this many Krylov anti-oscillators the lowest is an antiresonance, or something is amiss.
+#: With this many Krylov anti-oscillators the lowest must have converged to an antiresonance.
 SETTLED = 10
-#: Anti-oscillators taken where the caller names no number, and the most that a band may take.
+#: Default number of anti-oscillators, and the largest number with a band.
 DEFAULT, MOST = 20, 400
-#: Modes searched for each one wanted, at most: a site that sees fewer of them gets fewer.
+#: Largest number of modes computed for each one wanted: a site with fewer observable ones gets
+#: fewer.
 SEARCHED = 10
-#: What the Krylov steps aim at, over the accuracy wanted: the bound of the finished model is
-#: sampled more finely and holds what was dropped.
+#: Goal of the Krylov steps over the accuracy wanted: the bound of the finished model is sampled
+#: more finely and includes the dropped modes.
 AIM = 0.6
-#: Bytes of basis vectors that the sites worked on at once may fill.
+#: Bytes of basis vectors of the sites that are processed at once.
 SLICE = 5e8
 
 Method = Literal["krylov", "modes"]
@@ -86,37 +87,40 @@ def extract(
     ----------
     structure : Structure
     site : Site or sequence of Site
-        All sites share one factorization and are solved for together.
+        All sites share one factorization and blocks of right-hand sides.
     n : int, optional
-        Anti-oscillators wanted, 20 by default; with `band` the most that may be taken. Fewer come
-        back where the structure has fewer that carry mass at the site.
+        Number of anti-oscillators, default 20; with `band` the largest number. The result has fewer
+        if the structure has fewer observable modes at the site.
     method : "krylov" or "modes"
-        "krylov": the best Z(ω) for n solves; the lower anti-oscillators (`info["converged"]` of
-        them) are antiresonances of the structure, the upper ones stand for all those above.
-        "modes": the n lowest antiresonances, by SLEPc, as in the article.
+        "krylov": the most accurate Z(ω) for n solves. The lower anti-oscillators
+        (`info["converged"]` of them) have converged to antiresonances of the structure; the upper
+        ones represent all higher antiresonances. "modes": the n lowest antiresonances, by SLEPc, as
+        in the article.
     tol : float
-        Share of |Z| at a mode's own frequency, at one per cent of damping, below which the site
-        does not see the mode; its mass stays in m0.
+        Share in |Z| at the frequency of a mode, at 1 % damping, below which the mode is
+        unobservable; its mass is added to m0.
     band : float, optional
-        Highest circular frequency of interest, rad/s (see `impact_band`): as many
-        anti-oscillators are taken as bring the error of Z(ω) below it to `accuracy`.
+        Highest circular frequency of interest, rad/s (see `impact_band`). The number of
+        anti-oscillators is chosen so that the error of Z(ω) up to this frequency is at most
+        `accuracy`.
     accuracy : float
-        Largest |ΔZ|/|Z| over the band, at one per cent of damping. `info["band"]["error_bound"]`
-        is what was reached: a bound on all that is left out, rounding included.
+        Largest |ΔZ|/|Z| over the band, at 1 % damping. `info["band"]["error_bound"]` is the bound
+        that was reached, including truncation and rounding.
     shapes : bool
-        Keep the shapes that recover displacement fields, n + 1 vectors a site.
+        Store the shapes, from which displacement fields are computed, n + 1 vectors for each site.
 
     Returns
     -------
     AntiOscillators, or a list of them for a sequence of sites
-        With `info` on what was found, dropped and checked. Where a rigid-body motion has next to
-        no share in the motion of the site ("rigid_share" of its compliance below 1e-4), it is an
-        anti-oscillator of nearly zero frequency; below 1e-16 it is left out and k0 > 0.
+        `info` holds the numbers of modes that were found and dropped, and the checks. If the share
+        of the rigid-body modes in the compliance of the site ("rigid_share") is below 1e-4, they
+        are represented by an anti-oscillator of nearly zero frequency; below 1e-16 they are left
+        out, and k0 > 0.
 
     Raises
     ------
     InputError
-        A site off the structure or held by its supports, n above the dofs.
+        A site off the structure or fixed by its supports; n not below the number of dofs.
     NotConvergedError, AccuracyError
         A solver that failed, or a result that fails its own check.
 
@@ -145,7 +149,7 @@ def extract(
 
 
 def _sites(structure: Any, site: Any) -> list[Site]:
-    """The sites as a list, once both arguments are what they should be."""
+    """The sites as a list, after a check of both arguments."""
     instance("structure", structure, Structure, "a Structure")
     sites = list(site) if isinstance(site, list | tuple) else [site]
     for one in sites:
@@ -178,8 +182,8 @@ def _wish(structure: Structure, n: Any, method: Any, tol: Any, band: Any, accura
     free = mpi.on_root(structure.comm, solver_choice.free_memory) / structure.comm.size
     if band is None and need > solver_choice.FILL * free:
         raise InputError(
-            f"n = {n} anti-oscillators of {structure.K.getSize()[0]} dofs take {need / 1e9:.3g} GB"
-            f" of basis vectors and {free / 1e9:.3g} GB are free: ask for fewer."
+            f"n = {n} anti-oscillators of {structure.K.getSize()[0]} dofs take {need / 1e9:.3g} GB "
+            f"of basis vectors and {free / 1e9:.3g} GB are free: reduce n."
         )
     if band is not None:
         band = positive("band", band, "rad/s")
@@ -187,7 +191,7 @@ def _wish(structure: Structure, n: Any, method: Any, tol: Any, band: Any, accura
 
 
 def _together(structure: Structure, wish: _Wish) -> int:
-    """Sites that are worked on at once: as many as share SLICE bytes of basis vectors."""
+    """Number of sites processed at once: as many as fit in SLICE bytes of basis vectors."""
     if wish.method == "modes":
         return 1
     columns = wish.n + 2 if wish.band is None else 2 * CHUNK
@@ -227,18 +231,19 @@ def _extracted(
 
 
 def _tell(model: AntiOscillators, wish: _Wish, complete: bool) -> None:
-    """Warn of too few, of frequencies that have not settled, of a band not reached or too low."""
+    """Warn of too few modes, of frequencies that have not converged, and of a band not reached or
+    too low."""
     if wish.band is None and model.n < wish.n and not complete:
         warn(
-            f"the site sees {model.n} of the first {model.info['modes_computed']} modes with a "
-            f"share in Z above {wish.tol:g}, fewer than the n = {wish.n} asked: the model holds "
-            "these; lower tol for more.",
+            f"only {model.n} of the first {model.info['modes_computed']} modes are observable at "
+            f"the site (share in Z above {wish.tol:g}), fewer than n = {wish.n}: the model "
+            "contains these; reduce tol for more.",
             AccuracyWarning,
         )
     if model.info["converged"] == 0 and model.n >= SETTLED:
         warn(
-            f"none of the {model.n} anti-oscillators has settled on an antiresonance: their "
-            "frequencies are not to be trusted; some part may be very slender.",
+            f"none of the {model.n} anti-oscillators has converged to an antiresonance: their "
+            "frequencies are unreliable; check whether some part is very slender.",
             AccuracyWarning,
         )
     if wish.band is None or "band" not in model.info:
@@ -246,15 +251,15 @@ def _tell(model: AntiOscillators, wish: _Wish, complete: bool) -> None:
     error = model.info["band"]["error_bound"]
     if not error <= wish.accuracy:
         warn(
-            f"{model.n} anti-oscillators know Z up to {wish.band:g} rad/s to {error:.1e}, not to "
-            f"the accuracy {wish.accuracy:g} asked: raise n or lower the band.",
+            f"with {model.n} anti-oscillators the error of Z up to {wish.band:g} rad/s is at most "
+            f"{error:.1e}, above accuracy = {wish.accuracy:g}: raise n or lower the band.",
             AccuracyWarning,
         )
     elif model.n and wish.band < model.omega[0]:
         warn(
             f"the band ends at {wish.band:g} rad/s, below the first antiresonance "
-            f"{model.omega[0]:g} rad/s: the model is little more than its static stiffness and "
-            "mass; raise the band if the impact is shorter than that.",
+            f"{model.omega[0]:g} rad/s: the model consists almost only of its static stiffness "
+            "and mass; raise the band if the impact is shorter.",
             AccuracyWarning,
         )
 
@@ -262,7 +267,8 @@ def _tell(model: AntiOscillators, wish: _Wish, complete: bool) -> None:
 def _observable(
     structure: Structure, target: Functional, static: StaticMode, wish: _Wish
 ) -> tuple[Modes, Remainder | None]:
-    """Constraint modes from below until n of them are seen (or Z is known over the band)."""
+    """The lowest constraint modes until n of them are observable (or the error of Z meets the
+    bound)."""
     solver = ModeSolver(structure, target, static)
     n = wanted(static, wish.n)
     most = min(solver.limit, SEARCHED * (n + DEFAULT))
@@ -287,17 +293,17 @@ def _observable(
 def _check(
     structure: Structure, target: Functional, known: Found, method: Method
 ) -> dict[str, Any]:
-    """Measure the modes against what they must satisfy; AccuracyError far beyond CHECK.
+    """Check the modes against their equations; AccuracyError far beyond CHECK.
 
-    Ritz pairs need no small residual, but are orthogonal through K as well as through M.
+    Ritz pairs may have large residuals, but must be orthogonal in K and in M.
     """
     static, modes = known.static, known.modes
     comm, phi, k_phi, m_phi = structure.comm, modes.phi, known.k_phi, known.m_phi
     if len(modes.omega) and modes.omega[0] ** 2 < MECHANISM * structure.shift:
         raise AccuracyError(
-            f"the structure moves without strain (ω = {modes.omega[0]:.1e} rad/s) though not as a "
-            "rigid body: some part hangs on a hinge, where pieces meet in one point or line; join "
-            "it."
+            f"the structure moves without strain (ω = {modes.omega[0]:.1e} rad/s) but not as a "
+            "rigid body: some part is attached by a hinge, a single common point or line; join it "
+            "along a face."
         )
     # The constraint's reaction μ b balances K φ - ω²M φ at the site: φ_stᵀb = 1 gives μ.
     residual = k_phi - m_phi * modes.omega**2
@@ -346,7 +352,7 @@ def _judge(name: str, value: float, limit: float, comm: MPI.Comm) -> None:
         )
     mpi.warn(
         comm,
-        f"the constraint modes meet their own check to {value:.1e} only ({name}, usually below "
+        f"the constraint modes satisfy their check only to {value:.1e} ({name}, usually below "
         f"{limit:.0e}): {why}",
         AccuracyWarning,
     )
@@ -406,5 +412,5 @@ def inertia_of(structure: Structure, *shapes: Array) -> Inertia | None:
 
 
 def uniform_inertia(structure: Structure, target: Functional) -> Array | None:
-    """Me on the rows of this rank; None for matrices, which do not tell where e points."""
+    """Me on the rows of this rank; None for matrices, which have no coordinates."""
     return None if target.direction is None else structure.uniform_inertia(target.direction)

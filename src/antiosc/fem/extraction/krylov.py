@@ -1,4 +1,4 @@
-"""Krylov anti-oscillators: one solve for each, and the best Z(ω) that N solves can give.
+"""Krylov anti-oscillators: N solves for N anti-oscillators, and the most accurate Z(ω) for them.
 
 The Lanczos recurrence for the constrained operator T = A⁻¹M - y yᵀM/(bᵀy), A = K + sM, y = A⁻¹b,
 starts at T φ_st and runs in the inner product of A, in which T is symmetric. Its Ritz pairs are
@@ -8,17 +8,17 @@ those of (K, M) on the space {T φ_st, …, Tᴺφ_st}: a Galerkin model, so eve
     Z = k0 - ω² m_st - ω⁴ g,    g = φ_stᵀM (I - zT)⁻¹T φ_st = Σ_j z^j φ_stᵀM T^(j+1) φ_st,
 
 and N steps match the first 2N of these moments (Gauss quadrature of g: Golub and Meurant,
-*Matrices, Moments and Quadrature*, 2010, ch. 6). A mode that the site cannot see is orthogonal to
-the start: rounding alone may let it in, without mass. The highest Ritz pairs stand for all the
-mass above.
+*Matrices, Moments and Quadrature*, 2010, ch. 6). An unobservable mode is orthogonal to the start
+vector: only rounding may introduce it, without mass. The highest Ritz pairs represent the mass of
+all higher modes.
 
-What N steps leave out is a quadratic form of the next basis vector v, g - g_N = q² vᵀA(I - zT)⁻¹v
-with q = z β_N e_Nᵀ(I - zH)⁻¹e_1 ‖Tφ_st‖. As vᵀAv = 1 and T has real positive eigenvalues only,
-|g - g_N| ≤ |q|²/|sin arg z|: a bound at every damped frequency, at no cost.
+The truncation error of N steps is a quadratic form of the next basis vector v, g - g_N = q² vᵀA(I -
+zT)⁻¹v with q = z β_N e_Nᵀ(I - zH)⁻¹e_1 ‖Tφ_st‖. As vᵀAv = 1 and T has real positive eigenvalues
+only, |g - g_N| ≤ |q|²/|sin arg z|: a bound at every damped frequency, at no cost.
 
-The shift s is 0 where K is regular. One inside the band (s < 0) would save a fifth of the steps at
-most (bracket of 21 300 dofs, 16 antiresonances in the band: 26 to 31 steps against 32 for 1e-3),
-but takes a second factorization, and an indefinite one, whose solves cost more.
+The shift s is 0 if K is regular. A shift inside the band (s < 0) would save at most a fifth of the
+steps (bracket of 21 300 dofs, 16 antiresonances in the band: 26 to 31 steps against 32 for 1e-3),
+but requires a second, indefinite factorization, whose solves are slower.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ from antiosc.models import driving_point as bands
 
 #: What orthogonalisation leaves of a new direction, relatively, when the space is exhausted.
 EXHAUSTED = 1e-10
-#: Share of the largest θ below which the rounding of an eigensolver shows in the smallest.
+#: Share of the largest θ below which the smallest θ of an eigensolver are inaccurate.
 WIDE = 1e-8
 #: Columns by which a basis grows.
 CHUNK = 16
 
-#: Most steps: so many times the anti-oscillators wanted and so many more, where some pairs have no
-#: share in Z (at a site of symmetry rounding lets in as many again).
+#: The largest number of steps is MOST times the number of anti-oscillators wanted, plus MORE: some
+#: pairs may have no share in Z (at a site of symmetry rounding introduces as many again).
 MOST, MORE = 3, 20
 
 #: Bound on |Z - Z_N| [N/m] at complex x = ω² of shape (W,): (W,).
@@ -54,7 +54,8 @@ log = logging.getLogger(__name__)
 
 
 class Lanczos:
-    """The recurrence of one site. `load` asks for a solve, `advance` takes its result."""
+    """The recurrence of one site. `load` is the next right-hand side, `advance` takes the
+    solution."""
 
     def __init__(
         self, structure: Structure, site: Functional, static: StaticMode, room: int = CHUNK
@@ -65,7 +66,7 @@ class Lanczos:
         self._most = structure.dofs - 1 - static.nodal.shape[1]
         #: basis vectors found
         self.steps = 0
-        #: β_N: how far T leads out of the space; known one solve after its last vector
+        #: β_N: norm of the next vector; known one solve after the last vector
         self.beta: float | None = None
         self.exhausted = False
         self._norm = 0.0  # ‖Tφ_st‖, the length of the first vector
@@ -82,13 +83,14 @@ class Lanczos:
         self.load = static.m_phi
 
     def advance(self, w: Array) -> None:
-        """Take w = A⁻¹ load as the next basis vector and make the next load of it."""
+        """Make the next basis vector and the next `load` from w = A⁻¹ load."""
         k = self._locked + self.steps
         V, F = self._V[:, :k], self._F[:, :k]
         w = self._constrained(w)
         before = float(dot(self._comm, w, self.load))
         w = self._constrained(w - V @ dot(self._comm, F, w))
-        # f = A w afresh: carried along, f and w would part by a constant factor each step.
+        # f = A w is computed anew: with an update f and w would diverge by a constant factor in
+        # each step.
         f = multiply(self._A, w)
         h = dot(self._comm, V, f)  # twice is enough (Kahan)
         # K has no part in it for a rigid-body mode: its rounding, over s, would be a large one
@@ -99,7 +101,7 @@ class Lanczos:
         self.exhausted = not left > EXHAUSTED**2 * before
         if self.exhausted:
             beta = EXHAUSTED * float(np.sqrt(max(before, 0.0)))  # at most: it may be all rounding
-        if self.steps == self._most:  # rounding may feign directions that the space has not
+        if self.steps == self._most:  # rounding may produce directions outside the space
             self.exhausted, beta = True, 0.0
         if self.steps:
             self.beta = beta
@@ -124,7 +126,7 @@ class Lanczos:
         self.steps += 1
 
     def release(self) -> None:
-        """Let go of the basis."""
+        """Release the memory of the basis."""
         self._V = self._F = np.zeros((0, 0))
 
     def _constrained(self, w: Array) -> Array:
@@ -163,7 +165,7 @@ class Lanczos:
     def remainder(self, n: int) -> Remainder:
         """Bound on |Z - Z_N| of the model of n steps, at complex x = ω².
 
-        n is `steps`, or one less: the step after must have been tried.
+        n is `steps` or one less: the next step must have been computed.
         """
         theta, _ = self._ritz(n)
         beta = np.append(self._H.diagonal(-1), self.beta or 0.0)[:n]
@@ -199,12 +201,13 @@ def by_krylov(
     band: float | None,
     accuracy: float,
 ) -> list[tuple[Modes, Remainder | None]]:
-    """(Ritz pairs, with a band the bound of what they leave out) of each site, all in step.
+    """(Ritz pairs, with a band the bound of their truncation error) of each site, all sites
+    together.
 
-    Without a band there are as many pairs as `counts` says with more than the share `tol` in Z, if
-    the structure has so many and `MOST` times as many steps find them. With one, there are as few
-    as make the error of Z at most `accuracy`, and at most that number. One block of right-hand
-    sides per step.
+    Without a band there are as many pairs as `counts` says with more than the share `tol` in Z,
+    if the structure has so many and the largest number of steps finds them. With a band, it is the
+    smallest number for which the error of Z is at most `accuracy`, and at most `counts`. Each step
+    solves one block of right-hand sides.
     """
     runs = [
         Lanczos(structure, site, static, n + 1 if band is None else CHUNK)
@@ -227,11 +230,11 @@ def by_krylov(
 
 
 def _finished(run: Lanczos, n: int, tol: float, band: float | None, accuracy: float) -> int | None:
-    """How many steps to keep, or None to go on."""
+    """How many steps to keep, or None to continue."""
     if run.exhausted:
         return run.steps
     if band is None:
         wanting = run.steps < n or np.sum(run.shares(run.steps) > tol) < n
         return None if wanting and run.steps < MOST * n + MORE else run.steps
-    tried = run.steps - 1  # what this many leave out is known only now
+    tried = run.steps - 1  # the truncation error of this number of steps is known only now
     return tried if tried == n or (tried and run.error(tried, band) <= accuracy) else None

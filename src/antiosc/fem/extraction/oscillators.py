@@ -1,10 +1,10 @@
-"""Constraint modes into anti-oscillators, and a bound on all that is lost on the way.
+"""Anti-oscillators from constraint modes, and a bound on the error of Z.
 
-What the parameters leave out of Z, at every damped frequency of a band, is the sum of: what the
-method left out (`Remainder`), the modes that the site does not see and those of one frequency that
-were merged, the number of anti-oscillators kept, and rounding. The last is what a change of every
-entry of K and M by its last digits makes of Z, |φ|ᵀ(|K| + |x||M|)|φ| ε with the shape φ(x) of the
-structure at that frequency; the diagonals of K and M stand for the whole matrices.
+The error of Z at every damped frequency of a band is the sum of the truncation error of the method
+(`Remainder`), of the unobservable modes that were dropped and the repeated ones that were merged,
+of the limited number of anti-oscillators, and of rounding. The latter is the effect of a relative
+change ε of every entry of K and M on Z, |φ|ᵀ(|K| + |x||M|)|φ| ε with the shape φ(x) of the
+structure at that frequency, estimated with the diagonals of K and M.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from antiosc.models.rigid_share import with_rigid
 
 #: Frequencies closer than this (relatively) are one repeated frequency: only Σm_i has a meaning.
 REPEATED = 1e-6
-#: √(m0/m_st) that rounding leaves where no mass remains at the site.
+#: √(m0/m_st) due to rounding if no mass remains at the site.
 MASSLESS = 1e-12
 #: Distance of the samples of a bound; between two of them it rises by less than the share `SAMPLED`
 STEP, SAMPLED = bands.DAMPING / 4, 0.05
@@ -34,11 +34,11 @@ ROUNDING = 64.0
 
 @dataclass(frozen=True)
 class Found:
-    """All modes of a site that were found, as parameters of its elastic motions.
+    """All modes found at a site, as parameters of its elastic motions.
 
     Attributes
     ----------
-    m0 : mass that they leave at the site, kg.
+    m0 : residual mass at the site, kg.
     c : φ_stᵀMφ_i of the modes, kg^½, (n,).
     residual : the shape that moves with m0, on the rows of this rank.
     k_phi, m_phi : Kφ_i and Mφ_i on the rows of this rank, (rows, n).
@@ -63,14 +63,14 @@ class Found:
         return self.modes.omega**2
 
     def stiffness(self, x: ComplexArray) -> ComplexArray:
-        """Z of all of them, nothing dropped."""
+        """Z with all modes found."""
         real = self.poles > 0
         m, poles = self.c[real] ** 2, self.poles[real]
         return bands.driving_point(x, self.static.k0, self.m0, m, poles)
 
 
 def lumped(structure: Structure, static: StaticMode, modes: Modes) -> Found:
-    """What M-orthonormal modes leave of φ_st, mass and shape: no difference of large numbers."""
+    """Residual mass and shape of φ_st without the M-orthonormal modes, free of cancellation."""
     comm, phi = structure.comm, modes.phi
     k_phi, m_phi = multiply(structure.K, phi), multiply(structure.M, phi)
     residual, c = static.phi, np.zeros(phi.shape[1])
@@ -94,7 +94,7 @@ def lumped(structure: Structure, static: StaticMode, modes: Modes) -> Found:
 
 @dataclass(frozen=True)
 class Oscillators:
-    """The parameters of a model, its shapes on the rows of this rank, and what was left out.
+    """The parameters of a model, its shapes on the rows of this rank, and the dropped modes.
 
     Attributes
     ----------
@@ -102,7 +102,7 @@ class Oscillators:
     residual, psi : (rows,) and (rows, N) the shapes that move with m0 and with the m_i.
     hidden : (rows, h) rigid-body modes that are not in the model.
     chain : (k0, m0, m, poles) of the elastic motions alone.
-    unobservable, merged : modes dropped and modes counted to others.
+    unobservable, merged : numbers of modes that were dropped and merged.
     """
 
     k0: float
@@ -118,7 +118,7 @@ class Oscillators:
 
 
 def wanted(static: StaticMode, n: int) -> int:
-    """Of n anti-oscillators those of the elastic motions: a rigid one set apart takes one."""
+    """Number of elastic anti-oscillators of n: a separate rigid-body motion takes one."""
     return n - 1 if static.apart is not None and n else n
 
 
@@ -126,7 +126,7 @@ def oscillators(known: Found, n: int, tol: float) -> Oscillators:
     """The n lowest anti-oscillators with more than the share `tol` in Z.
 
     m_i = (φ_stᵀMφ_i)² of M-orthonormal modes (Article (12)); repeated frequencies are merged; a
-    rigid-body motion that was set apart is added.
+    rigid-body motion that is modelled separately is added.
     """
     static, c = known.static, known.c
     # ω = 0 is left only by rounding: rigid modes that vanish at the site are deflated.
@@ -178,9 +178,9 @@ def error_bound(
 
 
 def left_out(known: Found) -> Remainder:
-    """Bound on what the modes above those found change of Z: their mass, on poles above the last.
+    """Bound on the effect of the truncated modes on Z: their mass, on poles above the last.
 
-    Without them that mass is all in m0.
+    Without them their mass is in m0.
     """
     top = float(known.poles.max(initial=0.0))
     mass = 0.0 if known.modes.complete else known.m0
@@ -193,9 +193,9 @@ def left_out(known: Found) -> Remainder:
 
 
 def _rounding(structure: Structure, known: Found, x: ComplexArray) -> Array:
-    """What rounding makes of Z at complex x = ω²: (W,).
+    """Rounding error of Z at complex x = ω²: (W,).
 
-    That of the entries and of the solves, and what was measured of the modes' orthogonality.
+    From the entries, the solves, and the measured orthogonality of the modes.
     """
     real = known.poles > 0
     poles, c = known.poles[real], known.c[real]

@@ -1,4 +1,4 @@
-"""The static mode of a site, or the rigid-body mode that takes its place."""
+"""The static mode of a site, or the rigid-body mode that replaces it."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ STEPS, IDLE = 200, 5
 class StaticMode:
     """The shape with unit displacement at the site on which the anti-oscillators are built.
 
-    φ_CR where a rigid-body motion has a share in the motion of the site, otherwise φ_st; with
+    φ_CR if rigid-body modes have a share in the compliance of the site, otherwise φ_st; with
     rigid-body modes φ_st is that of the elastic motions, M-orthogonal to the rigid ones.
     """
 
@@ -37,13 +37,12 @@ class StaticMode:
     k0: float
     #: m_st = φᵀMφ, or m_CR, kg
     mass: float
-    #: M-orthonormal rigid-body modes that no constraint mode may hold (rows, r)
+    #: M-orthonormal rigid-body modes from which the constraint modes are kept free (rows, r)
     nodal: Array
-    #: A⁻¹b and bᵀA⁻¹b with the structure's one factor of A = K + shift·M; without what the rigid
-    #: modes `nodal` add to them
+    #: A⁻¹b and bᵀA⁻¹b with A = K + shift·M, without the contribution of the rigid modes `nodal`
     y: Array
     bAb: float
-    #: b without its load on the rigid modes `nodal`: what holds a constraint mode at the site
+    #: b without its load on the rigid modes `nodal`: the reaction that constrains the site
     load: Array
     #: |Rᵀb|: displacement of the site in the one rigid-body mode that moves it, kg^-1/2; 0: none
     along: float
@@ -60,7 +59,7 @@ class StaticMode:
     def rigid(self) -> tuple[Array, float] | None:
         """(shape of unit mass, its displacement of the site) of the rigid-body mode that moves it.
 
-        None where there is none, or where it cannot be told from rounding.
+        None if there is none, or if it cannot be distinguished from rounding.
         """
         if self.k0 == 0:
             return self.phi * self.along, self.along
@@ -71,9 +70,10 @@ def static_mode(structure: Structure, site: Functional) -> StaticMode:
     """φ_st from one static solve, or φ_CR = R Rᵀb/|Rᵀb|² of the M-orthonormal rigid modes R.
 
     That choice of φ_CR is M-orthogonal to the rigid-body modes that vanish at the site, so
-    these carry no mass and drop out (Article, section 3.3). Where the rigid-body modes have next
-    to no share in the compliance of the site, the static mode of the elastic motions serves; the
-    rigid motion is added to its anti-oscillators (`antiosc.models.rigid_share`).
+    these have no effect at the site and drop out (Article, section 3.3). If the share of the
+    rigid-body modes in the compliance of the site is very small, the static mode of the elastic
+    motions is used, and the rigid-body motion is added to its anti-oscillators
+    (`antiosc.models.rigid_share`).
     """
     return static_modes(structure, [site])[0]
 
@@ -108,7 +108,7 @@ def _static_mode(structure: Structure, b: Array, y: Array) -> StaticMode:
             y = y - R @ (a / structure.shift)
             bAb = float(dot(comm, b, y))
             shape = beside_rigid(structure, factor, b)
-            # R that strains, by rounding, moves the site by yᵀKR besides
+            # the rounding error of R, which strains, adds yᵀKR to the displacement of the site
             doubt += float(np.linalg.norm(dot(comm, shape, multiply(structure.K, R))))
         compliance = float(dot(comm, b, shape))
         phi, k0 = shape / compliance, 1 / compliance
@@ -120,7 +120,7 @@ def _static_mode(structure: Structure, b: Array, y: Array) -> StaticMode:
 
 
 def beside_rigid(structure: Structure, factor: Solver, b: Array) -> Array:
-    """K y = b with y M-orthogonal to the rigid modes: conjugate gradients on the one factor.
+    """K y = b with y M-orthogonal to the rigid modes: conjugate gradients with the factor of A.
 
     A = K + shift·M is spectrally close to K on the elastic space, so a few steps reach rounding.
     """
@@ -151,7 +151,7 @@ def beside_rigid(structure: Structure, factor: Solver, b: Array) -> Array:
             return shape(y)
         p = z + rz / before * p
     raise NotConvergedError(
-        f"the static mode beside {R.shape[1]} rigid-body modes did not converge: relative error in "
-        f"energy {np.sqrt(best / first):.1e} after {STEPS} steps, goal {STATIC_TOL:.0e}: the "
-        "matrices are ill-conditioned (very uneven elements or materials)."
+        f"the static mode of a structure with {R.shape[1]} rigid-body modes did not converge: "
+        f"relative error in energy {np.sqrt(best / first):.1e} after {STEPS} steps, goal "
+        f"{STATIC_TOL:.0e}: the matrices are ill-conditioned (very uneven elements or materials)."
     )

@@ -1,8 +1,8 @@
-"""The structure in its own natural modes: the plain mode superposition, and the unreduced model.
+"""The structure in its natural modes: mode superposition, and the unreduced model.
 
-Both are what an anti-oscillator model is measured against, and `simulate` takes them like one:
-`superposition` keeps n modes (Goldsmith's and Stronge's way, Article section 1), `full` keeps all,
-which is the finite-element model itself in other coordinates.
+Both are references for an anti-oscillator model, and `simulate` accepts them as models:
+`superposition` keeps n modes (as Goldsmith and Stronge, Article section 1), `full` keeps all modes,
+which is the finite-element model in other coordinates.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ ROUNDING = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class NaturalModes(Body):
-    """A structure in natural modes as seen from one site, accepted by `simulate`.
+    """A structure in natural modes with their values at one site, accepted by `simulate`.
 
     Attributes
     ----------
@@ -48,8 +48,7 @@ class NaturalModes(Body):
     residual : shape that goes with r, m/N, shape (rows,).
     weight : modal force of a unit gravity along the impact, kg^1/2, shape (n,), or None.
     direction : unit vector of the impact, shape (3,), or None.
-    inertia : momentum (h + n, 6) of h rigid-body motions that the site does not see and of the
-        modes, or None.
+    inertia : momentum (h + n, 6) of h hidden rigid-body motions and of the modes, or None.
     hidden : mass-normalised shapes of those, shape (rows, h), or None.
     local_compliance, radius : of the site's patch, as in `AntiOscillators`.
     info : facts of the extraction.
@@ -128,10 +127,10 @@ def superposition(
     structure : Structure
     site : Site
     n : int
-        Modes wanted; fewer come back where the structure has fewer. Modes with a node at the site
-        are not counted, equal frequencies count once.
+        Number of modes; fewer if the structure has fewer. Modes with a node at the site are not
+        counted, equal frequencies count once.
     static_correction : bool
-        Give the modes left out their static compliance (a massless contact point).
+        Add the static compliance of the truncated modes (a massless contact point).
 
     Raises
     ------
@@ -155,8 +154,8 @@ def superposition(
         asked = min(most, len(modes.omega) + max(8, len(modes.omega) // 2))
     if len(seen.omega) < n and not modes.complete:
         few = (
-            f"the site sees {len(seen.omega)} of the first {len(modes.omega)} modes, fewer than "
-            f"the n = {n} asked: the model holds these."
+            f"only {len(seen.omega)} of the first {len(modes.omega)} modes are observable at the "
+            f"site, fewer than n = {n}: the model contains these."
         )
         on_root(structure.comm, partial(warn, few, AccuracyWarning))
     kept = Modes(seen.omega[:n], seen.phi[:, :n], len(seen.omega) <= n)
@@ -169,19 +168,19 @@ def superposition(
 @within_range
 @one_thread()
 def full(structure: Structure, site: Site) -> NaturalModes:
-    """The unreduced model: all natural modes, and what is massless as a residual compliance.
+    """The unreduced model: all natural modes; dofs without mass give a residual compliance.
 
     Raises
     ------
     InputError
-        For more dofs than a dense eigensolver carries, or on several ranks.
+        For more dofs than a dense eigensolver can treat, or on several ranks.
     """
     _check_arguments(structure, site)
     if structure.dofs > DENSE_MANY or structure.comm.size > 1:
         raise InputError(
-            f"full() takes every mode of the structure, by a dense eigensolver on one rank: at most"
-            f" {DENSE_MANY} dofs; got {structure.dofs} on {structure.comm.size} rank(s): use a"
-            f" coarser mesh, or superposition() or extract() with a growing n."
+            "full() computes all modes of the structure by a dense eigensolver on one rank: at "
+            f"most {DENSE_MANY} dofs; got {structure.dofs} on {structure.comm.size} rank(s): use a "
+            "coarser mesh, or superposition() or extract() with a growing n."
         )
     where = functional(structure, site)
     static = static_mode(structure, where)
@@ -267,7 +266,8 @@ def _model(
 def _left_out(
     structure: Structure, where: Functional, static: StaticMode, modes: Modes, b: Array
 ) -> tuple[float, Array]:
-    """Static deflection under a unit force, at the site and everywhere, less that of the modes."""
+    """Static deflection under a unit force without that of the modes: at the site, and the
+    shape."""
     elastic = static.y
     if structure.rigid_modes.shape[1]:
         elastic = beside_rigid(structure, structure.factorize(), where.b)

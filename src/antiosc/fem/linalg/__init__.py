@@ -1,1 +1,1 @@
-"""Linear algebra on K and M: factorizations, their choice, and what can be had of a factor."""
+"""Linear algebra on K and M: factorizations, choice of the solver, compliances from a factor."""

@@ -1,9 +1,9 @@
 """CHOLMOD's supernodal Cholesky factor, called directly.
 
-PETSc links CHOLMOD but keeps the factor to itself. Here it is in reach: sparse loads then cost what
-their own branches of the elimination tree cost (`antiosc.fem.linalg.compliance`), and the ordering
-is found on the graph of the nodes. Where the library is not one that can be called so (`refusal`),
-PETSc's own interface to it serves (`antiosc.fem.linalg.solvers.ByPetsc`).
+PETSc links CHOLMOD but does not give access to the factor. With direct access, the cost of a sparse
+load is that of its own branch of the elimination tree (`antiosc.fem.linalg.compliance`), and the
+ordering is computed on the graph of the nodes. If the library cannot be called directly
+(`refusal`), PETSc's interface to it is used (`antiosc.fem.linalg.solvers.ByPetsc`).
 
 Chen, Davis, Hager and Rajamanickam, *Algorithm 887: CHOLMOD*, ACM TOMS 35 (2008).
 """
@@ -62,7 +62,7 @@ class Supernodes(NamedTuple):
 
 
 class _Memory:
-    """What CHOLMOD holds for one factor. Arrays of it keep it alive; the last one frees it."""
+    """Memory of CHOLMOD for one factor, freed when the last array that refers to it is gone."""
 
     def __init__(self) -> None:
         self.factor: Any = None
@@ -82,7 +82,7 @@ class _Memory:
         self.lib.cholmod_l_finish(byref(self.common))
 
     def make_room(self, rows: int, columns: int) -> bool:
-        """Workspace for so many vectors; whether it is there.
+        """Allocate workspace for this many vectors; whether that succeeded.
 
         `cholmod_l_solve2` makes its own, but looks at the last of three alone and then writes to
         those that it has not.
@@ -109,7 +109,7 @@ class Analysis:
     Parameters
     ----------
     A : csr_matrix (n, n)
-        Its lower triangle at least.
+        At least its lower triangle.
     block : rows of a node, one after the other; A is ordered by its nodes.
     permutation : of another matrix with the same pattern, to order this one alike.
     last : first rows of A that are eliminated after all others.
@@ -163,7 +163,7 @@ class Analysis:
         return np.asarray(block * order[:, None] + np.arange(block)).ravel()
 
     def _analysed(self, matrix: Sparse, permutation: IntArray | None) -> Any:
-        """Symbolic factor; CHOLMOD tries AMD and METIS where no permutation is given."""
+        """Symbolic factor; CHOLMOD tries AMD and METIS if no permutation is given."""
         lib, common = self.memory.lib, self.memory.common
         common.nmethods = int(permutation is not None)
         given = None
@@ -258,7 +258,7 @@ class Cholesky:
 
     @cached_property
     def supernodes(self) -> Supernodes:
-        """L itself: arrays of CHOLMOD's memory, which last as long as one of them is used."""
+        """L as arrays in CHOLMOD's memory, which is kept as long as one of them is used."""
         array, found = self._memory.array, self._memory.factor.contents
         many = found.nsuper + 1
         return Supernodes(
@@ -306,10 +306,10 @@ def _sparse(A: scipy.sparse.csr_matrix) -> tuple[Sparse, tuple[Any, ...]]:
 
 @cache
 def refusal() -> str:
-    """Why CHOLMOD is not called directly here; empty where it is.
+    """Why CHOLMOD cannot be called directly here; empty if it can.
 
-    Its structures are proved on a small matrix: the factor that is read must give A again, and a
-    solve its inverse.
+    The declared structures are tested on a small matrix: the factor must reproduce A, and a solve
+    its inverse.
     """
     A = np.array([[4.0, 1.0, 0.5, 0.0], [1.0, 5.0, 0.0, 2.0], [0.5, 0.0, 3.0, 1.0], [0, 2, 1, 6]])
     try:

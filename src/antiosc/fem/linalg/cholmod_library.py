@@ -1,4 +1,4 @@
-"""CHOLMOD's library as PETSc has loaded it: its structures, its version, what its codes mean.
+"""CHOLMOD's library as loaded by PETSc: its structures, its version, its status codes.
 
 The structures are those of `cholmod.h`; they are the same from CHOLMOD 3.0 (SuiteSparse 5) to 5.3
 (SuiteSparse 7.10) as far as they are declared here. `library` compares the version, and every
@@ -131,12 +131,12 @@ class Factor(ctypes.Structure):
 
 @cache
 def library() -> Any:
-    """CHOLMOD's functions; MissingDependencyError where they are not those known here."""
+    """CHOLMOD's functions; MissingDependencyError if its version is not known here."""
     lib = ctypes.CDLL(PETSc.__file__)  # symbols are looked up in what it links, too
     if not hasattr(lib, "cholmod_l_analyze_p") or not hasattr(lib, "cholmod_l_version"):
         raise MissingDependencyError(
-            "this PETSc is built without CHOLMOD (SuiteSparse), which antiosc factors with: "
-            "install one with it, such as Debian's."
+            "this PETSc is built without CHOLMOD (SuiteSparse), which antiosc needs for "
+            "factorizations: install a PETSc with it, such as Debian's."
         )
     lib.cholmod_l_analyze_p.restype = POINTER(Factor)
     lib.cholmod_l_analyze_p.argtypes = [c_void_p, c_void_p, c_void_p, c_size_t, c_void_p]
@@ -166,7 +166,7 @@ def version(lib: Any) -> tuple[int, int, int]:
 
 
 def _unlike_defaults(lib: Any) -> str:
-    """The settings that do not start as they should, as text."""
+    """The settings that differ from the known defaults, as text."""
     common = Common()
     lib.cholmod_l_start(byref(common))
     found = {}
@@ -182,21 +182,21 @@ def failure(common: Common, what: str, size: float | None = None) -> AntioscErro
     if common.status == NO_MEMORY:
         need = "" if size is None else f" ({size / 1e9:.3g} GB)"
         return OutOfMemoryError(
-            f"there is no memory for {what}{need}: take solver='iterative', a coarser mesh or "
-            "order=1, or free some memory."
+            f"there is not enough memory for {what}{need}: use solver='iterative', a coarser mesh "
+            "or order=1, or free some memory."
         )
     reason = FAILURES.get(common.status, "it gives no reason")
-    return NotConvergedError(f"CHOLMOD failed at {what}: {reason} (status {common.status}).")
+    return NotConvergedError(f"CHOLMOD failed during {what}: {reason} (status {common.status}).")
 
 
 @contextmanager
 def without_openmp() -> Iterator[None]:
     """Keep CHOLMOD's own OpenMP loops on one thread.
 
-    Up to SuiteSparse 5 they take four threads whatever the environment says; they are short, and
-    threads that wait for the next one hinder those of BLAS and the other ranks: up to half of the
-    time of a factor on two cores was lost by it. BLAS keeps its threads, but for one built on
-    OpenMP.
+    Up to SuiteSparse 5 they use four threads, independent of the environment. The loops are short,
+    and threads that wait for the next loop slow down those of BLAS and of other ranks: up to half
+    of the time of a factorization on two cores was lost. BLAS keeps its threads, unless it is built
+    on OpenMP.
     """
     openmp, blas = _loaded("libgomp.so.1"), _loaded("libopenblas.so.0")
     if openmp is None or blas is None or blas.openblas_get_parallel() == ON_OPENMP:
@@ -212,7 +212,7 @@ def without_openmp() -> Iterator[None]:
 
 @cache
 def _loaded(name: str) -> Any:
-    """A library that this process has loaded already, or None."""
+    """A library that this process has already loaded, or None."""
     try:
         return ctypes.CDLL(name, mode=os.RTLD_NOW | getattr(os, "RTLD_NOLOAD", 0))
     except OSError:

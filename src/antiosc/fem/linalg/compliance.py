@@ -1,13 +1,13 @@
 """Static deflections y = A⁻¹b of many sparse loads b: the compliance bᵀy and the inertia yᵀMy.
 
-With P A Pᵀ = L Lᵀ bᵀy is the square of z = L⁻¹Pb, and z is zero outside the branch of the
-elimination tree that leads from b's own columns to the root (Gilbert and Peierls, SIAM J. Sci.
-Stat. Comput. 9 (1988) 862). Neighbouring sites share most of that branch and go through it as one
-block: an eighth of the operations of as many solves, on a bracket of 10⁵ dofs.
+With P A Pᵀ = L Lᵀ, bᵀy is the square of z = L⁻¹Pb, and z is zero outside the branch of the
+elimination tree from the columns of b to the root (Gilbert and Peierls, SIAM J. Sci. Stat. Comput.
+9 (1988) 862). Neighbouring sites share most of that branch and are solved as one block: an eighth
+of the operations of separate solves, on a bracket of 10⁵ dofs.
 
-The inertia is minus the derivative of the compliance by the shift s of A = K + sM. Where modes are
-known their part of it is, and only that of the modes left out comes from a second factor, of
-A + σM.
+The inertia is minus the derivative of the compliance with respect to the shift s of A = K + sM. The
+part of the known modes is known; only that of the truncated modes is computed, from a second
+factor, of A + σM.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def deflections(
     loads : csr_matrix (rows of this rank, P)
         The vectors b as columns.
     omega, b : (J,) and (P, J)
-        The lowest frequencies [rad/s] and what each load sees of their modes.
+        The lowest frequencies [rad/s] and the values bᵀφ of their modes for each load.
     """
     if not _room(structure):
         return _by_solves(structure, loads)
@@ -69,7 +69,7 @@ def deflections(
 
 
 def _room(structure: Structure) -> bool:
-    """Whether the factors that are made here fit in memory beside the structure's own."""
+    """Whether the additional factors fit in memory besides that of the structure."""
     solver, comm = structure.factorize(), structure.comm
     if not isinstance(solver, Factorization) or solver_choice.cholmod_refused(comm):
         return False
@@ -78,8 +78,9 @@ def _room(structure: Structure) -> bool:
     if more > solver_choice.FILL * free:
         warn(
             comm,
-            f"the map's further factors need about {more / 1e9:.3g} GB and {free / 1e9:.3g} GB "
-            "are free: every site is solved for instead, which takes some ten times as long.",
+            f"the additional factors of the map need about {more / 1e9:.3g} GB and "
+            f"{free / 1e9:.3g} GB are free: every site is solved separately, which takes about "
+            "ten times as long.",
         )
         return False
     return True
@@ -90,7 +91,7 @@ def _twice(
 ) -> tuple[Array, Array]:
     """bᵀ(K + sM)⁻¹b of every load for the structure's shift s, and for s + `step`.
 
-    On several ranks each has a rank of its own, with a factor of the whole matrix.
+    On several ranks each of the two is computed on its own rank, with a factor of the whole matrix.
     """
     comm, solver = structure.comm, structure.factorize()
     stiffer = structure.K, structure.shift + step, structure.M

@@ -1,7 +1,7 @@
-"""Sizes of motions and forces by the diagonal of their matrix, D = diag(A).
+"""Norms of displacements and forces scaled by the diagonal of the matrix, D = diag(A).
 
-An entry of a semidefinite matrix is at most √(a_ii a_jj): in ‖√D x‖ and ‖r/√D‖ every dof counts
-alike. In a norm of the whole one penalty, or one unit, would hide all others.
+An entry of a semidefinite matrix is at most √(a_ii a_jj); in ‖√D x‖ and ‖r/√D‖ all dofs have equal
+weight. In an unscaled norm one penalty, or one unit, would hide all others.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ def norms(comm: MPI.Comm, X: Array) -> Array:
 
 
 def roots(matrix: PETSc.Mat) -> Array:
-    """√a_ii on the rows of this rank; for an empty row that of a typical one."""
+    """√a_ii on the rows of this rank; for an empty row a typical value."""
     result = np.sqrt(np.maximum(matrix.getDiagonal().array_r, 0.0))
     comm = matrix.getComm().tompi4py()
     if comm.allreduce(not result.all(), MPI.LOR):
@@ -37,7 +37,7 @@ def force_ratios(matrix: PETSc.Mat, X: Array, product: Array) -> Array:
 def softness(matrix: PETSc.Mat, X: Array, product: Array) -> Array:
     """xᵀA x / xᵀD x of each column, `product` being A X: ±1e-16 for a null vector.
 
-    Unlike `force_ratios` it is insensitive, to first order, to what else is in x.
+    Unlike `force_ratios` it is insensitive, to first order, to errors in x.
     """
     comm, root = matrix.getComm().tompi4py(), roots(matrix)[:, None]
     energy = np.asarray(comm.allreduce(np.einsum("ij,ij->j", X, product)))

@@ -1,8 +1,8 @@
-"""Models too large for a direct solver: the memory a factor will need, and what is done without it.
+"""Choice of the solver: the memory that a factor needs, and an iterative solver for larger models.
 
-A Cholesky factor of a compact body grows as n^(4/3): where it will not fit in the memory that is
-free, conjugate gradients with an algebraic multigrid solve instead, at about a hundred times the
-time per solve.
+The size of a Cholesky factor of a compact body grows as n^(4/3). If it does not fit in the free
+memory, conjugate gradients with algebraic multigrid are used, which take about a hundred times as
+long for each solve.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ def checked_choice(choice: Choice) -> Choice:
 
 
 def solver_for(A: PETSc.Mat, choice: Choice, motions: Callable[[], Array]) -> Solver:
-    """The solver of A that `choice` names; "auto": direct where its factor fits in memory.
+    """The solver of A that `choice` names; "auto": direct if its factor fits in memory.
 
     `motions` gives rigid-body motions (rows of this rank, r) for the multigrid. Where A's product
     is by strains the solver of its entries is refined to that accuracy.
@@ -109,8 +109,8 @@ def _of_entries(A: PETSc.Mat, choice: Choice, motions: Callable[[], Array]) -> S
         raise InputError(f"{text}: take solver='iterative', a coarser mesh, or order=1.")
     warn(
         A.getComm().tompi4py(),
-        f"{text}: each solve is iterated instead (conjugate gradients with multigrid), which "
-        "takes about a hundred times as long; a coarser mesh or order=1 would fit.",
+        f"{text}: an iterative solver is used (conjugate gradients with multigrid), which takes "
+        "about a hundred times as long for each solve; a coarser mesh or order=1 may fit.",
     )
     return Multigrid(A, motions())
 
@@ -144,7 +144,7 @@ class Plan:
 def factorize(
     A: PETSc.Mat, analysis: Analysis | None = None, found: Sequence[Forecast] = ()
 ) -> Factorization:
-    """The Cholesky factor of A by what is fastest on its ranks.
+    """The Cholesky factor of A by the fastest method for the number of ranks.
 
     `analysis`, `found`: what is known of A from before, on one rank and on several.
     """
@@ -164,7 +164,7 @@ def cholmod_refused(comm: MPI.Comm) -> bool:
 
 
 def free_memory() -> float:
-    """Bytes that this machine, and the container if there is one, can still give."""
+    """Free memory of this machine, or of its container, in bytes."""
     free = np.inf
     for line in _lines("/proc/meminfo"):
         if line.startswith("MemAvailable:"):

@@ -1,7 +1,7 @@
 """PETSc matrices and direct solves on plain arrays.
 
 Vectors are NumPy arrays of the rows this rank owns, blocks of vectors are (rows, columns); inner
-products sum over the ranks. Every solve is checked: PETSc itself stays silent when one fails.
+products sum over the ranks. Every solve is checked, because PETSc reports no failure by itself.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ def _dense(matrix: PETSc.Mat, x: Array) -> PETSc.Mat:
 
 
 def csr(matrix: PETSc.Mat) -> scipy.sparse.csr_matrix:
-    """The matrix of a one-rank communicator as a SciPy one."""
+    """The matrix of a one-rank communicator as a SciPy matrix."""
     pointers, indices, values = matrix.getValuesCSR()
     return scipy.sparse.csr_matrix((values, indices, pointers), shape=matrix.getSize())
 
@@ -104,7 +104,7 @@ def lower(A: scipy.sparse.csr_matrix) -> scipy.sparse.csr_matrix:
 
 
 def gathered(matrix: PETSc.Mat, root: int) -> scipy.sparse.csr_matrix | None:
-    """The whole of a matrix that the ranks share, as a SciPy one on rank `root`; None elsewhere."""
+    """The whole of a distributed matrix as a SciPy matrix on rank `root`; None elsewhere."""
     comm = matrix.getComm().tompi4py()
     own = [np.ascontiguousarray(part) for part in matrix.getValuesCSR()]
     own[0] = np.diff(own[0])  # entries of each row
@@ -157,7 +157,7 @@ class Solver(ABC):
 
     @abstractmethod
     def solve_block(self, R: Array) -> Array:
-        """A⁻¹R for a block of vectors (rows, k), unchecked but for the solver's own verdict."""
+        """A⁻¹R for a block of vectors (rows, k), with the solver's own check only."""
 
     def solve(self, r: Array) -> Array:
         """A⁻¹r for one vector."""
@@ -168,7 +168,8 @@ class Solver(ABC):
         x.setArray(self.solve(r.array_r))
 
     def solve_checked(self, r: Array) -> Array:
-        """A⁻¹r (a vector or a block), its residual measured: a singular matrix is not unseen."""
+        """A⁻¹r (a vector or a block) with a check of the residual, which detects a singular
+        matrix."""
         R = r[:, None] if r.ndim == 1 else r
         X = self.solve_block(R)
         root = roots(self.A)[:, None]
@@ -247,7 +248,7 @@ class PetscSolver(Solver):
         except PETSc.Error as error:
             if error.ierr == PETSC_NO_MEMORY:
                 raise OutOfMemoryError(
-                    f"PETSc has no memory to solve for {self.A.getSize()[0]} rows: take "
+                    f"there is not enough memory for a solve with {self.A.getSize()[0]} rows: use "
                     "solver='iterative', a coarser mesh or order=1."
                 ) from error
             raise NotConvergedError(SINGULAR.format(f"PETSc error {error.ierr}")) from error
@@ -255,7 +256,7 @@ class PetscSolver(Solver):
 
     @abstractmethod
     def _choose(self) -> None:
-        """Tell PETSc which solver it shall be."""
+        """Set the type of the PETSc solver."""
 
     def solve_vector(self, r: PETSc.Vec, x: PETSc.Vec) -> None:
         """A⁻¹r on PETSc vectors, in place."""
@@ -328,9 +329,9 @@ class ByPetsc(PetscSolver, Factorization):
         return float(self._ksp.getPC().getFactorMatrix().getInfo()["nz_used"])
 
 
-#: What is said of a matrix that has no Cholesky factor.
+#: Message for a matrix without a Cholesky factor.
 SINGULAR = (
-    "the stiffness matrix cannot be factored ({}): some part can still move freely, as at a hinge "
-    "where pieces meet in one point or line (join or support it), or is too slender for sixteen "
-    "digits (take fewer elements)."
+    "the stiffness matrix cannot be factored ({}): some part can move freely, for instance at a "
+    "hinge, a single common point or line (join it along a face, or support it), or a part is too "
+    "slender for double precision (use fewer elements)."
 )

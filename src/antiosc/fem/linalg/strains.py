@@ -1,14 +1,14 @@
-"""K = SᵀS + rest, the square of its strains: products and solves that slender beams keep digits in.
+"""K = SᵀS + rest, from its strains: accurate products and solves for slender beams.
 
-An entry of a slender beam's K is that of shearing, and the energy of bending is what is left when
-such entries cancel. Their rounding ε makes a relative error of up to ε (L/r)² n² of the bending
-stiffness (r the radius of gyration, n nodes): 1e-6 at L/r = 900 and 800 nodes, all digits at 3e5
-and 2000. S, whose rows are the strains at the Gauss points times √(stiffness · weight), has the
-square root of K's condition number: Sᵀ(S x) loses ε L/r. It is what least squares gain by QR
-instead of the normal equations (Golub and Van Loan, *Matrix Computations*, §5.3).
+The entries of K of a slender beam are dominated by the shear stiffness; the bending energy is what
+remains when these entries cancel. Their rounding ε makes a relative error of up to ε (L/r)² n² of
+the bending stiffness (r the radius of gyration, n nodes): 1e-6 at L/r = 900 and 800 nodes, all
+digits at 3e5 and 2000. S, whose rows are the strains at the Gauss points times √(stiffness ·
+weight), has the square root of K's condition number: Sᵀ(S x) loses ε L/r. The gain is that of QR
+over the normal equations in least squares (Golub and Van Loan, *Matrix Computations*, §5.3).
 
 The factor of the rounded K is the preconditioner of conjugate gradients with that product: one or
-two steps up to L/r = 3e4, ten where the factor knows nothing of bending any more.
+two steps up to L/r = 3e4, ten if rounding has removed the bending stiffness from the factor.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from antiosc.fem.linalg.solvers import PRODUCT, Solver, multiply
 
 #: Error of a solve in the energy norm at which it ends, relative; of a compliance it is the square.
 ENERGY = 1e-11
-#: What may be left of it where rounding, or the most steps, end the solve.
+#: Largest error accepted if rounding, or the largest number of steps, ends the solve.
 STALLED, STEPS = 1e-6, 60
 #: Share of its own diagonal by which a matrix is made stiffer that rounding keeps from a factor.
 RIDGE = 1e-14
@@ -33,7 +33,7 @@ GROWTH = 1e24
 
 
 def attach(K: PETSc.Mat, S: PETSc.Mat, rest: PETSc.Mat) -> None:
-    """Let `multiply` take K = SᵀS + rest by its strains."""
+    """Make `multiply` compute products with K = SᵀS + rest from the strains."""
     back = PETSc.Mat()
     S.transpose(back)
 
@@ -96,13 +96,14 @@ class Refined(Solver):
         if not left <= STALLED:
             raise AccuracyError(
                 f"a solve stopped at a relative error of {left:.1e} in energy after {STEPS} steps "
-                f"(limit {STALLED:.0e}): beams this slender, in elements this short, leave sixteen "
-                "digits nothing of their bending; take fewer elements, or support what hangs loose."
+                f"(limit {STALLED:.0e}): for beams this slender with elements this short double "
+                "precision does not resolve the bending stiffness; use fewer elements, or support "
+                "loose parts."
             )
         return X
 
     def force_sizes(self, R: Array) -> Array:
-        """√(rᵀA⁻¹r): in Euclid's norm the rounding of x alone makes A x large."""
+        """√(rᵀA⁻¹r): in the Euclidean norm the rounding of x alone makes A x large."""
         return np.asarray(np.sqrt(np.maximum(self._inner_products(R, self.solve_block(R)), 0.0)))
 
     def _inner_products(self, x: Array, y: Array) -> Array:

@@ -1,14 +1,14 @@
-"""A Cholesky factor over the ranks: each condenses its own part of the body onto the interface.
+"""A distributed Cholesky factor: each rank condenses its part of the body onto the interface.
 
-Nodes are chosen that cut the body into the parts of the ranks, as few as can be (Γ). Each rank
+The interface Γ is the smallest set of nodes that separates the parts of the ranks. Each rank
 factors its interior and Γ by CHOLMOD, Γ last: with L_Γ the block of Γ in the factor of
 
     [A_II  A_IΓ]
     [A_ΓI  A_ΓΓ]    L_Γ L_Γᵀ = A_ΓΓ - A_ΓI A_II⁻¹ A_IΓ,
 
-so that the Schur complement of the whole is S = A_ΓΓ + Σ (L_Γ L_Γᵀ - A_ΓΓ) over the ranks: a small
-dense matrix that every rank holds. A solve is half a solve of each rank's own, one sum over the
-ranks, a dense solve, and the other half (Przemieniecki, AIAA J. 1 (1963) 138).
+and the Schur complement of the whole is S = A_ΓΓ + Σ (L_Γ L_Γᵀ - A_ΓΓ) over the ranks: a small
+dense matrix on every rank. A solve consists of a forward substitution on each rank, one sum over
+the ranks, a dense solve, and a backward substitution (Przemieniecki, AIAA J. 1 (1963) 138).
 """
 
 from __future__ import annotations
@@ -127,7 +127,7 @@ class Substructures(Factorization):
 
 
 def _square(L: Array) -> Array:
-    """L Lᵀ of a lower triangle, in a third of the operations of a product."""
+    """L Lᵀ of a lower triangle, with a third of the operations of a product."""
     if not L.size:  # this part meets no other
         return np.zeros(L.shape)
     reversed_L = np.array(L[::-1, ::-1], order="F")  # a copy: LAPACK writes over it
@@ -137,7 +137,7 @@ def _square(L: Array) -> Array:
 
 
 def interface(A: PETSc.Mat) -> IntArray:
-    """Global rows, whole nodes, without which no row of one rank meets one of another."""
+    """Global rows of whole nodes that separate the rows of different ranks."""
     comm = A.getComm().tompi4py()
     block = A.getBlockSize()
     first, last = A.getOwnershipRange()
@@ -157,7 +157,8 @@ def interface(A: PETSc.Mat) -> IntArray:
 
 
 def _cut(pairs: IntArray, starts: IntArray) -> IntArray:
-    """Nodes that meet every pair: of each two ranks the least number that does."""
+    """Nodes that cover every pair of coupled nodes of two ranks, the smallest number for each two
+    ranks."""
     owners = np.searchsorted(starts, pairs, side="right") - 1
     taken = np.zeros(0, dtype=int)
     for ranks in np.unique(owners, axis=0):

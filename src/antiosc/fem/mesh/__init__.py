@@ -1,1 +1,1 @@
-"""Meshes with named groups: cells, faces, closest points, and what must be true of them."""
+"""Meshes with named groups: cells, faces, closest points, and checks of meshes."""

@@ -61,7 +61,7 @@ def projected(
 ) -> Array:
     """Reference coordinates (n, t) at which x(ξ) is nearest to each point, in or out of its cell.
 
-    Gauss–Newton iteration; points whose foot lies far outside the cell are left where they are.
+    Gauss–Newton iteration; it stops for points whose projection lies far outside the cell.
 
     Parameters
     ----------
@@ -69,8 +69,7 @@ def projected(
     points : (n, 3)
     start : (n, t)
     affine : whether one step is exact
-    along : (n, 3) unit vectors, optional; distances along them do not count, so that the points
-        are projected along these directions.
+    along : (n, 3) unit vectors, optional; the points are projected along these directions.
     """
     xi = np.array(start)
     moving = np.arange(len(points))

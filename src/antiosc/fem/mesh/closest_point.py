@@ -1,4 +1,4 @@
-"""Where points lie in a mesh: the closest cell, its reference coordinates and the distance."""
+"""Closest points of a mesh: cell, reference coordinates and distance."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def closest(mesh: Mesh, point: Array) -> ClosestPoint:
 def closest_many(mesh: Mesh, points: Array) -> ClosestPoints:
     """The closest points of the mesh to points of shape (P, 3), the same answer on every rank.
 
-    Points inside a cell are found all at once; the others one by one, cell by cell.
+    Points inside cells are found together; the others one by one, cell by cell.
     """
     cell, X, distance = _inside(mesh, points)
     found = np.array(mesh.comm.allgather(np.isfinite(distance)))

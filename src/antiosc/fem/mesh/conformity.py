@@ -1,7 +1,7 @@
-"""Cells that meet as a mesh should: nowhere one on another, nowhere side by side but unjoined.
+"""Conformity of a mesh: no overlapping cells, and no adjacent cells without common nodes.
 
-Such a mesh runs, and gives the mechanics of another part: twice the mass where cells overlap, a
-crack where they touch without a common node. Vertices are looked at, not curved sides.
+A nonconforming mesh runs and represents another part: overlapping cells double the mass, and cells
+that touch without common nodes form a crack. Only vertices are checked, not curved sides.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def crowded(cells: IntArray, kind: CellKind) -> IntArray:
 
 
 def overlapping(points: Array, cells: IntArray, kind: CellKind) -> IntArray:
-    """Cells (n, vertices) that cover each other, at least one of each two.
+    """Cells (n, vertices) that overlap, at least one of each two.
 
     In their space: facets whose two cells lie on one side of it, and outer facets inside a cell.
     On a sheet or a line in space: cells on which another lies.
@@ -73,7 +73,7 @@ def overlapping(points: Array, cells: IntArray, kind: CellKind) -> IntArray:
 
 
 def unjoined(points: Array, cells: IntArray, kind: CellKind) -> IntArray:
-    """Nodes that lie on a side they are no vertex of: cracks, and nodes that hang on an edge.
+    """Nodes on a side of which they are not a vertex: cracks and hanging nodes.
 
     Of cells (n, vertices) that fill their space: outer nodes on outer facets; of sheets and lines:
     nodes at free edges and ends on cells.
@@ -123,7 +123,7 @@ def _beyond(points: Array, facets: IntArray, cells: IntArray) -> Array:
 
 
 def _askew(points: Array, rows: IntArray) -> Array:
-    """A point inside each cell or face that lies on no line of symmetry."""
+    """A point inside each cell or face that is not on a line of symmetry."""
     weights = np.array(_ASKEW[rows.shape[1]])
     return np.einsum("k,nki->ni", weights, points[rows])
 

@@ -1,7 +1,7 @@
-"""Cells that fold over or collapse: found by their Jacobian, undone where gmsh made them.
+"""Folded and collapsed cells: found by their Jacobian, straightened if gmsh made them.
 
-A curved cell at a tight fillet may turn inside out at a corner. Integrals over it are wrong without
-a sign of it, and a point in it has two sets of reference coordinates.
+A curved cell at a tight fillet may have a negative Jacobian at a corner. Integrals over it are
+wrong without any other symptom, and a point in it has two sets of reference coordinates.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def collapsed(points: Array, cells: IntArray, shape: str, order: int) -> IntArra
 
 
 def straightened(points: Array, cells: IntArray, shape: str) -> Array:
-    """`points` with the mid-side nodes of folded second-order simplices put halfway.
+    """`points` with the mid-side nodes of folded second-order simplices moved to the midpoints.
 
     `cells` are in gmsh's order. Neighbours share those nodes: repeated until no cell is folded.
     """

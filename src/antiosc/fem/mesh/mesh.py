@@ -1,4 +1,4 @@
-"""`read_mesh`: a file, or a dolfinx mesh, into a mesh with named groups of entities."""
+"""`Mesh`, a mesh with named groups of entities, and `read_mesh`."""
 
 from __future__ import annotations
 
@@ -126,8 +126,8 @@ def read_mesh(
 ) -> Mesh:
     """Read a mesh, or mesh a geometry.
 
-    A file is data, whoever it comes from: it is read in a process of its own with limits on time
-    and memory, and runs no commands.
+    A file is treated as untrusted data: a separate process with limits on time and memory reads it,
+    and no commands in it are executed.
 
     Parameters
     ----------

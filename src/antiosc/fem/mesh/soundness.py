@@ -1,4 +1,4 @@
-"""What must be true of the cells of a file before they become a mesh, and what is only told."""
+"""Checks of the cells of a file before they become a mesh: errors and warnings."""
 
 from __future__ import annotations
 
@@ -108,9 +108,9 @@ def _tell_unfit(raw: RawMesh, vertices: IntArray, name: str) -> None:
     if len(loose):
         at = ", ".join(f"{c:.4g}" for c in raw.points[loose[0]])
         warn(
-            f"{len(loose)} nodes of {name} lie on cells that they do not belong to, one at "
-            f"({at}) m: the mesh is cracked there, by nodes that coincide or hang on an edge; "
-            "merge them, or mesh the parts as one, unless they shall move apart."
+            f"{len(loose)} nodes of {name} lie on cells that they do not belong to, one at ({at}) "
+            "m: the mesh has a crack there, by coincident or hanging nodes; merge them, or mesh "
+            "the parts as one, unless the crack is intended."
         )
 
 

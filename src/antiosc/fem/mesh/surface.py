@@ -1,7 +1,8 @@
-"""The faces of a part that can be struck: the outer facets of a solid, the cells of a sheet.
+"""The faces of a part at which impacts are possible: the outer facets of a solid, the cells of a
+shell.
 
-Both are treated alike: a point of a face is a point ξ of its own reference shape, which lies at
-X = origin + axes ξ in the reference cell.
+Both are treated in the same way: a point of a face has coordinates ξ in the reference face and X =
+origin + axes ξ in the reference cell.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ OBLIQUE = np.array([0.43, 0.59, 0.68])
 
 @dataclass(frozen=True, eq=False)
 class Contact:
-    """Where P sites touch the surface, on every rank alike.
+    """Data of the surface at P sites, equal on all ranks.
 
     Attributes
     ----------
@@ -138,10 +139,10 @@ class Faces:
         return np.linalg.norm(side, axis=2).mean(axis=1), bulge * ball
 
     def contact(self, points: Array, directions: Array, radii: Array, labels: IntArray) -> Contact:
-        """How sites (P, 3) that are struck along unit directions (P, 3) meet the surface.
+        """Data of the surface at sites (P, 3) with unit directions of impact (P, 3).
 
-        On an edge the impactor meets the face that looks toward it. `labels` (F,) are numbers of
-        the faces of this rank, `radii` (P,) how far faces are looked for.
+        On an edge the face whose normal is most opposite to the direction is taken. `labels` (F,)
+        are numbers of the faces of this rank, `radii` (P,) the search radii.
         """
         comm, count = self.mesh.comm, len(points)
         mean, _ = self.sizes
@@ -184,7 +185,8 @@ class Faces:
         return face[inside], point[inside], normal[inside], gap[inside]
 
     def along(self, points: Array, normals: Array, rise: float) -> tuple[IntArray, Array, Array]:
-        """Points (n, 3) brought along unit normals (n, 3) onto the surface, at most by `rise` [m].
+        """Points (n, 3) projected along unit normals (n, 3) onto the surface, at most by `rise`
+        [m].
 
         Returns (face, ξ, distance), the distance inf where no face of this rank lies there.
         """
@@ -241,7 +243,8 @@ class Faces:
 
     @cached_property
     def bend(self) -> Array:
-        """How far each face leaves the plane that touches it in the middle, over its size (F,)."""
+        """Largest distance of each face from its tangent plane in the middle, over its size
+        (F,)."""
         every = np.arange(len(self.facets))
         bend = np.zeros(len(every))
         if self.affine:
@@ -266,7 +269,7 @@ def _dot(a: Array, b: Array) -> Array:
 
 
 def _nonzero(values: Array) -> Array:
-    """Values that divide: a face seen edge-on has no point of the patch."""
+    """Divisors without zeros: a face parallel to the normal has no point of the patch."""
     return np.asarray(np.where(values == 0, np.finfo(float).tiny, values))
 
 

@@ -1,4 +1,4 @@
-"""Numbers that look as if they were not in SI units: meshes and decks are often in mm and MPa."""
+"""Detection of numbers that are not in SI units: meshes and decks are often in mm and MPa."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Material(Protocol):
 
 
 def tell_of_units(extent: float, materials: Iterable[Material]) -> None:
-    """Warn where a part of this extent (m) or one of its materials cannot well be meant in SI.
+    """Warn if the extent (m) of a part or one of its materials is implausible in SI units.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ def tell_of_units(extent: float, materials: Iterable[Material]) -> None:
         speed = material.bar_speed()
         if not SLOWEST <= speed <= FASTEST:
             warn(
-                f"waves run through a {type(material).__name__} of this part at √(E/ρ) = "
+                f"the wave speed in a {type(material).__name__} of this part is √(E/ρ) = "
                 f"{speed:.3g} m/s, outside {SLOWEST:g} to {FASTEST:g}: units are SI, E in Pa and "
                 "rho in kg/m³ (steel: 210e9 and 7850)."
             )

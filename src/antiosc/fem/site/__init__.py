@@ -1,1 +1,1 @@
-"""Sites: where and along which direction a structure is struck, as load vectors b."""
+"""Sites, the points and directions of impact, as load vectors b."""

@@ -1,4 +1,4 @@
-"""The sites of a map: the vertices of a surface, or given points, and how they are struck."""
+"""The sites of a map: the vertices of a surface, or given points, and their directions."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from antiosc.fem.site.site import ON_STRUCTURE
 from antiosc.fem.site.sites import Sites, located, tell
 from antiosc.fem.structure.meshed import MeshedStructure
 
-#: A site with less than this share of its load on dofs that can move is held by the supports.
+#: A site with less than this share of its load on free dofs is fixed by the supports.
 CONSTRAINED = 0.05
 
 
 @dataclass(frozen=True, eq=False)
 class Ground:
-    """Points of a surface, on every rank alike.
+    """Points of a surface, equal on all ranks.
 
     Attributes
     ----------
@@ -40,9 +40,9 @@ class Ground:
 def sites_of(
     structure: MeshedStructure, where: Any, direction: Sequence[float] | None, radius: float | None
 ) -> tuple[Sites, IntArray, int]:
-    """The sites that a map is asked for, without those that the supports hold.
+    """The sites of a map, without those that are fixed by supports.
 
-    Returns (sites, elements between them, how many were asked for).
+    Returns (sites, elements between them, number of sites before that).
     """
     along = None if direction is None else _unit(direction)
     if radius is not None:
@@ -55,7 +55,8 @@ def sites_of(
     count = len(ground.points)
     if along is None and not structure.kind.outside:
         raise InputError(
-            "shells and beams have no outside: give the direction of impact, direction=(0, 0, -1)."
+            "shells and beams have no outward normal: give the direction of impact, for instance "
+            "direction=(0, 0, -1)."
         )
     directions = -ground.normals if along is None else np.tile(along, (count, 1))
     radii = np.full(count, np.nan if radius is None else radius)
@@ -64,8 +65,8 @@ def sites_of(
     keep = on_face & (found.moving > CONSTRAINED)
     if not keep.any():
         raise InputError(
-            "no site of the map can move: the supports hold the whole surface, or no face carries "
-            "the patch; name another group."
+            "no site of the map can move: supports fix the whole surface, or there is no surface "
+            "under the patches; give another group."
         )
     found, elements = _only(found, ground.elements, keep)
     tell(structure, found)

@@ -1,8 +1,8 @@
-"""Unit loads as vectors b, bᵀu being the displacement that the load works on.
+"""Unit loads as vectors b: bᵀu is the displacement of the site.
 
 A load is a set of weighted points: one point, or the points of a rule for Hertz's pressure
 √(1 − r²/a²) over a disc in the plane of the surface (over a segment, on the edge of a plane part),
-brought along the normal onto the surface. All sites are arrays; one site is P = 1.
+projected along the normal onto the surface. All functions take arrays of P sites.
 """
 
 from __future__ import annotations
@@ -52,8 +52,8 @@ class Points:
 def disc(rings: int) -> tuple[Array, Array]:
     """(points (n, 2) of the unit disc, weights of sum 1) of Hertz's pressure.
 
-    With s² = 1 − r² the pressure's weight s r dr is s² ds: a Gauss rule in s is exact for
-    polynomials in r², the equidistant angles for what turns with them.
+    With s² = 1 − r² the weight s r dr of the pressure is s² ds: a Gauss rule in s is exact for
+    polynomials in r², equidistant angles for the angular harmonics.
     """
     s, w = np.polynomial.legendre.leggauss(rings)
     s, w = (s + 1) / 2, w * ((s + 1) / 2) ** 2
@@ -71,10 +71,10 @@ def segment(count: int) -> tuple[Array, Array]:
 
 
 def patches(faces: Faces, points: Array, radii: Array, contact: Contact) -> tuple[Points, Array]:
-    """The weighted points of patches on this rank, and what share of each lies on its face (P,).
+    """The weighted points of patches on this rank, and the share of each patch on its face (P,).
 
-    The rules resolve the patch and the faces under it, whichever are smaller. The weights of a
-    patch that an edge cuts are scaled to a unit force.
+    The rules resolve the smaller of the patch and the faces under it. If an edge cuts a patch, its
+    weights are scaled to a unit force.
     """
     size = np.where(np.isfinite(contact.smallest), contact.smallest, radii)
     rings = np.minimum(RINGS + np.ceil(4 * radii / size - 1e-6), MOST).astype(int)

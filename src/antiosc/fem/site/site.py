@@ -1,8 +1,8 @@
-"""`Site`: where and along which direction a structure is struck, as the functional b.
+"""`Site`: point and direction of an impact, and its load vector b.
 
-bᵀu is the displacement of the structure at the site along the direction of impact, and b the
-load of a unit force there. `functionals` makes it, on or off the nodes, for points and for
-patches with Hertz's pressure.
+bᵀu is the displacement of the structure at the site along the direction of impact, and b contains
+the nodal forces of a unit force there. `functionals` computes it, on or off the nodes, for points
+and for patches with Hertz's pressure.
 """
 
 from __future__ import annotations
@@ -27,32 +27,32 @@ from antiosc.fem.structure.structure import Structure
 
 #: A point counts as on the structure up to this share of the structure's size.
 ON_STRUCTURE = 1e-6
-#: A site with less than this share of its load on dofs that can move is held by the supports.
+#: A site with less than this share of its load on free dofs is fixed by the supports.
 CONSTRAINED = 1e-9
 
 
 @dataclass(frozen=True)
 class Site:
-    """The place and direction of an impact.
+    """Point and direction of an impact on a structure.
 
     Parameters
     ----------
     point : sequence of 2 or 3 floats
         Coordinates in m; any point of the structure, on or off the nodes.
     direction : sequence of 2 or 3 floats
-        The direction in which the impactor pushes; any length.
+        The direction in which the impactor pushes; need not be a unit vector.
     radius : float, optional
         Radius in m of a patch with Hertz's pressure √(1 − r²/a²) on the surface around the
-        point; force and displacement are both weighted by it. None: on a beam a point; on a
-        solid too, though it has no compliance that converges with the mesh; on a shell, where
-        it has none either, a patch with the shell's thickness as radius, where it deforms as a
-        solid does without its half-space compliance.
+        point; force and displacement are both weighted by it. None: a point on a beam and on a
+        solid (on a solid the compliance of a point then diverges with mesh refinement), and on a
+        shell a patch with the thickness as radius. With this radius the shell has the compliance of
+        a solid without the half-space compliance of the patch.
     snap : bool
-        Move a point off the structure to the nearest point of it.
+        Move a point that is off the structure to the nearest point of the structure.
     dof : int
-        Instead of point and direction, for matrices: the number of the struck dof.
+        For matrices, instead of point and direction: the number of the dof at the site.
     vector : array_like (n,)
-        The same, as any vector b.
+        For matrices: any load vector b.
     """
 
     point: Sequence[float] | None = None
@@ -88,22 +88,23 @@ class Site:
             )
         if not direction.any():
             raise InputError(
-                "direction must not be the zero vector: it is where the impactor pushes."
+                "direction must not be the zero vector: it is the direction in which the impactor "
+                "pushes."
             )
         store(self, point=tuple(point.tolist()), direction=tuple(direction.tolist()))
 
 
 @dataclass(frozen=True)
 class Functional:
-    """A site as the solver sees it."""
+    """The load vector of a site, and the data of its patch."""
 
     #: b on the rows of this rank, zero on fixed dofs
     b: Array
     #: radius of the patch, m; None for a point
     radius: float | None = None
-    #: the half-space compliance that a patch brings along, m/N (0 for a point)
+    #: half-space compliance of the patch, m/N (0 for a point)
     local_compliance: float = 0.0
-    #: where the site really lies (3,), m, and along which unit vector it is struck
+    #: actual point (3,), m, and unit vector of the direction of impact
     point: Array | None = None
     direction: Array | None = None
 
@@ -119,8 +120,8 @@ def functionals(structure: Structure, sites: Sequence[Site]) -> list[Functional]
     Raises
     ------
     InputError
-        A point off the structure, a direction that the structure does not have, a patch that
-        finds no surface, a site that the supports hold.
+        A point off the structure, a direction out of the plane of a plane structure, a patch
+        without a surface, a site that is fixed by supports.
     """
     at_points = [site for site in sites if site.point is not None]
     found: Iterator[Functional] = iter(())
@@ -177,7 +178,7 @@ def _at_points(structure: MeshedStructure, sites: Sequence[Site]) -> list[Functi
 
 
 def _check(found: Sites) -> None:
-    """InputError for the first site that has no surface under its patch, or that cannot move."""
+    """InputError for the first site without a surface under its patch, or that cannot move."""
     for i, radius in enumerate(found.radii):
         if found.depth[i] > radius:
             raise InputError(
@@ -197,8 +198,8 @@ def _check(found: Sites) -> None:
 
 def _constrained(label: str) -> str:
     return (
-        f"{label} is held by the supports along the direction of impact: it cannot move; strike a "
-        "point that can."
+        f"{label} is fixed by supports along the direction of impact: it cannot move; choose "
+        "another point."
     )
 
 
@@ -220,7 +221,7 @@ def _check_distance(extent: float, site: Site, nearest: closest_point.ClosestPoi
     if nearest.distance > ON_STRUCTURE * extent and not site.snap:
         raise InputError(
             f"the point {_text(site.point)} is {nearest.distance:.3g} m off the structure; its "
-            f"nearest point is {_text(nearest.x)}: strike that, or use Site(..., snap=True)."
+            f"nearest point is {_text(nearest.x)}: use that, or Site(..., snap=True)."
         )
 
 

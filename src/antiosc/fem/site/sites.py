@@ -1,4 +1,4 @@
-"""Sites as arrays: what each means on the mesh, and its load b as a sparse column."""
+"""Sites as arrays: their patches on the mesh, and their loads b as sparse columns."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ WHOLE, RESOLVED, PARTLY = 0.9, 1.2, 0.1
 
 @dataclass(frozen=True, eq=False)
 class Sites:
-    """P sites; all but `loads` on every rank alike.
+    """P sites; all data except `loads` are equal on all ranks.
 
     Attributes
     ----------
@@ -34,7 +34,7 @@ class Sites:
     local : (P,) half-space compliances of the patches [m/N].
     share : (P,) of each patch that lies on its face; 1 for points.
     depth, size : (P,) distance of the site from the surface, and size of the faces there [m].
-    moving : (P,) share of the load on dofs that can move.
+    moving : (P,) share of the load on free dofs.
     """
 
     points: Array
@@ -58,7 +58,7 @@ def located(
     radii: Array,
     nearest: ClosestPoints | None = None,
 ) -> Sites:
-    """Sites at points (P, 3) of the structure, struck along unit directions (P, 3).
+    """Sites at points (P, 3) of the structure with unit directions of impact (P, 3).
 
     `radii` (P,) are those of the patches; NaN is what the material takes: a point, or on a sheet a
     patch of its thickness.
@@ -126,7 +126,7 @@ def _points(
 
 
 def tell(structure: MeshedStructure, sites: Sites) -> None:
-    """Warn, on rank 0, of what makes the sites' compliances doubtful."""
+    """Warn, on rank 0, of sites whose compliance is doubtful."""
     mesh, kind = structure.mesh, structure.kind
     if not kind.point_load and np.isnan(sites.radii).any():
         first = np.flatnonzero(np.isnan(sites.radii))[0]
@@ -158,9 +158,9 @@ def tell(structure: MeshedStructure, sites: Sites) -> None:
     if constrained.any():
         _warn(
             structure,
-            f"supports hold {1 - sites.moving[constrained].min():.0%} of the "
-            f"patch{_at(constrained)}: its "
-            "half-space compliance does not hold there; move the site or take a smaller radius.",
+            f"supports fix {1 - sites.moving[constrained].min():.0%} of the "
+            f"patch{_at(constrained)}: its half-space compliance does not hold there; move the "
+            "site or take a smaller radius.",
         )
 
 

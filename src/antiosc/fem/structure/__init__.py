@@ -1,1 +1,1 @@
-"""Structures: K and M with supports, attachments and rigid-body modes, of a mesh or given."""
+"""Structures: K and M with supports, attachments and rigid-body modes, from a mesh or given."""

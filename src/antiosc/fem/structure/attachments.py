@@ -1,4 +1,4 @@
-"""What is added to a structure's matrices on dofs that it already has.
+"""Masses, springs and beams on existing dofs of a structure.
 
 Beams on the edges of a sheet, point masses, grounded springs: none has dofs of its own. A beam is
 assembled on a mesh of those edges, whose dofs are dofs of the sheet, K + Tᵀ K_beam T; masses and
@@ -41,7 +41,7 @@ def _checked_where(where: Any) -> str | tuple[float, ...]:
 
 @dataclass(frozen=True)
 class PointMass:
-    """A rigid mass fixed at a point, as a motor on a panel.
+    """A rigid mass at a point, such as a motor on a panel.
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ class Spring:
 
 @dataclass(frozen=True)
 class Matrices:
-    """A structure's matrices and what attachments need to know to change them in place."""
+    """The matrices of a structure, and data with which attachments change them in place."""
 
     mesh: Mesh
     form: WeakForm
@@ -128,7 +128,7 @@ class Matrices:
 
 @dataclass(frozen=True)
 class Added:
-    """What attachments bring along besides their part of K and M, summed by the structure."""
+    """Contributions of attachments other than to K and M, summed by the structure."""
 
     #: kg
     mass: float
@@ -142,12 +142,13 @@ def add_beams(to: Matrices, name: str, beam: Beam, edges: IntArray) -> Added:
     """Add `beam` on the `edges` of a sheet, entities of this rank in the group `name`."""
     if to.mesh.cell == "quadrilateral" and to.mesh.order > 1:
         raise InputError(
-            f"beams on curved quadrilaterals (group {name!r}): these give way to the pull of a "
-            "stiffener where they are thinner than their rise; mesh the sheet with triangles."
+            f"beams on curved quadrilaterals (group {name!r}): these are too soft under the pull "
+            "of a stiffener if they are thinner than their rise; mesh the surface with triangles."
         )
     if not beam.shear:
         raise InputError(
-            f"stiffeners (group {name!r}) shear with their sheet: leave shear=False to beams alone."
+            f"stiffeners (group {name!r}) deform in shear with their shell: shear=False is for "
+            "beams without a shell only."
         )
     line = _edge_mesh(to.mesh, edges, f"the edges of group {name!r}")
     cells = compat.cell_map(line.dolfinx)
@@ -276,7 +277,7 @@ def _edge_mesh(mesh: Mesh, edges: IntArray, name: str) -> Mesh:
 
 
 def _shared_dofs(to: Matrices, edges: IntArray, form: WeakForm, line: Mesh) -> PETSc.Mat:
-    """T with beam dofs = T · sheet dofs; the rows of dofs that the supports hold are empty."""
+    """T with beam dofs = T · shell dofs; the rows of fixed dofs are empty."""
     size = line.extent()
     rows, first = compat.local_size(form.space), form.space.dofmap.index_map.local_range[0]
     first *= form.space.dofmap.index_map_bs

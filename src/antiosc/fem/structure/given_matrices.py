@@ -1,8 +1,8 @@
-"""K and M of another code: what they must be, entry by entry, and the penalties that support them.
+"""K and M of another code: checks of their entries, and penalties that act as supports.
 
 The scale of an entry K_ij is √(K_ii K_jj), which it cannot exceed in a positive semidefinite
-matrix. A norm of the whole is no scale: where supports are penalties, as FreeFEM's 1e30 on a
-diagonal, everything else is rounding beside it.
+matrix. A norm of the whole matrix is no scale: if supports are penalties, such as FreeFEM's 1e30 on
+the diagonal, all other entries are below its rounding.
 """
 
 from __future__ import annotations
@@ -63,8 +63,8 @@ def _of_petsc(name: str, matrix: PETSc.Mat) -> PETSc.Mat:
         copy = matrix.convert(PETSc.Mat.Type.AIJ, PETSc.Mat())
     except PETSc.Error as error:
         raise InputError(
-            f"{name} is a PETSc matrix of type {matrix.getType()} that tells no entries: give one "
-            "of type aij."
+            f"{name} is a PETSc matrix of type {matrix.getType()}, whose entries are not "
+            "accessible: give one of type aij."
         ) from error
     copy.setAttr(PRODUCT, matrix.getAttr(PRODUCT))
     return copy
@@ -106,8 +106,8 @@ def _real(name: str, entries: Any) -> Any:
         return entries.astype(float)
     if all(issubclass(k, Complex) and k is not bool for k in kinds):
         raise InputError(
-            f"{name} is complex: antiosc takes real matrices and brings damping in later (give "
-            f"{name}.real where its imaginary part is zero)."
+            f"{name} is complex: antiosc needs real matrices; damping is added later (give "
+            f"{name}.real if the imaginary part is zero)."
         )
     raise InputError(f"{name} must hold real numbers; got entries of type {values.dtype}.")
 
@@ -119,7 +119,7 @@ def _check_values(name: str, values: Array) -> None:
     if largest > LARGEST:
         raise InputError(
             f"{name} has an entry of {largest:g}; entries must not exceed {LARGEST:g} in magnitude "
-            "(a penalty of 1e30 does all that one can)."
+            "(a penalty of 1e30 is sufficient)."
         )
 
 
@@ -141,21 +141,22 @@ class _Entries:
 
 
 def supported(K: PETSc.Mat, M: PETSc.Mat) -> IntArray:
-    """Check K and M, and give penalties the form of supports: K's rows emptied but for 1, M's too.
+    """Check K and M, and turn penalties into supports: rows and columns zero, 1 on K's diagonal.
 
-    Returns the dofs of this rank that they hold.
+    Returns the dofs of this rank that are fixed by penalties.
 
     Raises
     ------
     InputError
-        Matrices that are no stiffness and mass, and penalties that drown what they couple.
+        Matrices that are not a stiffness and a mass matrix, and penalties that couple dofs and hide
+        their stiffness by rounding.
     """
     if K.getSize() != M.getSize():
         raise InputError(f"K and M must be of one size; got {K.getSize()} and {M.getSize()}.")
     comm: MPI.Comm = K.getComm().tompi4py()
     alike = MPI.Comm.Compare(comm, M.getComm().tompi4py()) in (MPI.IDENT, MPI.CONGRUENT)
     if not alike or not comm.allreduce(K.getOwnershipRange() == M.getOwnershipRange(), MPI.LAND):
-        raise InputError("K and M must be spread over the MPI ranks alike.")
+        raise InputError("K and M must have the same distribution over the MPI ranks.")
     of_K, of_M = (_checked(name, matrix) for name, matrix in (("K", K), ("M", M)))
     empty = np.flatnonzero((of_K.diagonal == 0) & (of_M.diagonal == 0))
     if len(empty):
@@ -183,7 +184,7 @@ def supported(K: PETSc.Mat, M: PETSc.Mat) -> IntArray:
 
 
 def _checked(name: str, matrix: PETSc.Mat) -> _Entries:
-    """The entries of a matrix that has the marks of a symmetric, semidefinite one."""
+    """The entries of a matrix, checked for signs of asymmetry and indefiniteness."""
     comm: MPI.Comm = matrix.getComm().tompi4py()
     diagonal = np.concatenate(comm.allgather(np.array(matrix.getDiagonal().array_r)))
     if not diagonal.any() and matrix.norm() == 0:
@@ -242,7 +243,7 @@ def _typical(comm: MPI.Comm, entries: _Entries) -> float:
 
 
 def _penalised(comm: MPI.Comm, entries: _Entries) -> IntArray:
-    """Dofs whose diagonal entry is a penalty that holds them, on every rank."""
+    """Dofs that are fixed by a penalty on the diagonal, on every rank."""
     typical = _typical(comm, entries)
     if not typical:
         return np.zeros(0, dtype=int)

@@ -1,4 +1,4 @@
-"""Which rigid-body motions the supports of a structure leave, in words."""
+"""Description of the rigid-body motions that the supports of a structure permit."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ NOTHING = 1e-6
 def described(mesh: Mesh, form: WeakForm, modes: Array) -> str:
     """The motions spanned by rigid-body modes (rows of this rank, r): "translation along x, …".
 
-    Collective: every rank gets the same words.
+    Collective: every rank gets the same text.
     """
     low, high = bounds(mesh.comm, mesh.dolfinx.geometry.x)
     centre, size = (low + high) / 2, float(np.linalg.norm(high - low)) / 2

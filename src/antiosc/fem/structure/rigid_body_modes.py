@@ -1,9 +1,9 @@
-"""Rigid-body modes that the supports leave, and the shift that makes a singular K factorable.
+"""Rigid-body modes that the supports permit, and the shift that makes a singular K factorable.
 
 On a mesh both come from polynomial displacement fields (with half their curl as the rotations
 of beams and shells): the rigid motions among them that vanish on the fixed dofs are exact null
-vectors of K, and the lowest Rayleigh–Ritz value of the quadratic ones has the size of the first
-elastic ω², which is where the shift belongs. Foreign matrices are searched by inverse iteration.
+vectors of K, and the lowest Rayleigh–Ritz value of the quadratic ones is of the order of the first
+elastic ω², from which the shift is taken. For given matrices inverse iteration is used.
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ SHIFT = 0.1
 ELASTIC = 1e-9
 #: Share of a vector outside the span of others, below which it adds nothing; rounding: 1e-16.
 SPANNED = 1e-12
-#: What is said of matrices that no structure has.
+#: Message for matrices that cannot belong to a structure.
 INDEFINITE = (
-    "K must be positive semidefinite, and no dof without mass may move freely: {}; check the "
-    "supports, the signs, that no penalty exceeds 1e8 times the usual entries, and that K is not "
-    "beyond a buckling load."
+    "K must be positive semidefinite, and no massless dof may move freely: {}; check the supports "
+    "and the signs, that no penalty exceeds 1e8 times the usual entries, and that the load in K "
+    "is below buckling."
 )
 #: Share of the largest of some eigenvalues below which rounding makes them up.
 DROWNED = 1e-14
@@ -65,9 +65,9 @@ def of_mesh(
     left = force_ratios(K, motions, multiply(K, motions)).max()
     if left > RIGID:
         raise AccuracyError(
-            f"a rigid motion strains the structure: ‖K r‖/(‖K‖‖r‖) = {left:.1e} "
-            "where rounding leaves 1e-16; the mesh or the element order cannot carry it, or a "
-            "spring is so stiff that a Support should take its place."
+            f"a rigid motion strains the structure: ‖K r‖/(‖K‖‖r‖) = {left:.1e} (expected from "
+            "rounding: 1e-16); the mesh or the element order cannot represent rigid motions, or a "
+            "spring is so stiff that it should be a Support."
         )
     fields = _vanishing(comm, fields, fixed, springs)
     return motions, SHIFT * _first_elastic(comm, K, M, fields, motions)
@@ -209,8 +209,8 @@ def _vanishing(comm: MPI.Comm, fields: Array, fixed: IntArray, springs: Array) -
 def closer_shift(factor: Solver, K: PETSc.Mat, M: PETSc.Mat, motions: Array) -> float:
     """The shift again, from block inverse iteration with a first one.
 
-    The polynomial fields that gave the first one know nothing of slender members, whose
-    frequencies may be ten times lower.
+    The polynomial fields of the first shift do not represent slender members, whose frequencies may
+    be ten times lower.
     """
     comm = factor.comm
     x = np.random.default_rng(comm.rank).standard_normal((len(motions), 3))

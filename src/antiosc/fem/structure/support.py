@@ -30,7 +30,7 @@ class Support:
     ----------
     where
         Name of a group of the mesh, or a function of coordinates x of shape (3, n) that tells
-        which of the n points are held.
+        which of the n points are fixed.
     fix
         "all", or the components held at zero: of "x", "y", "z" (displacements) and, for beams,
         "rx", "ry", "rz" (rotations); one name or several.
@@ -61,7 +61,7 @@ class Support:
 def held_dofs(
     mesh: Mesh, form: WeakForm, supports: Sequence[Support]
 ) -> dict[tuple[int, ...], IntArray]:
-    """Path of each component -> its dofs of this rank, ghosts included, that are held."""
+    """Path of each component -> its fixed dofs of this rank, ghosts included."""
     if isinstance(supports, Support):
         supports = [supports]
     if not isinstance(supports, Sequence):
@@ -81,7 +81,7 @@ def held_dofs(
             held[path] = np.union1d(held.get(path, NO_DOFS), dofs).astype(np.int32)
         if not count:
             raise InputError(
-                f"the support {_label(support.where)} holds nothing: no point of the mesh lies "
+                f"the support {_label(support.where)} fixes nothing: no point of the mesh lies "
                 "there; check the group or the coordinates (metres)."
             )
     return held

@@ -1,4 +1,4 @@
-"""How an impact is integrated: one integrator a file, and the course of events they share."""
+"""Time integrators of an impact, one in each file, and their common sequence of events."""
 
 from antiosc.simulation.integrators.conserving import Conserving
 from antiosc.simulation.integrators.exact import Exact

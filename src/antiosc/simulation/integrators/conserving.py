@@ -1,8 +1,8 @@
 """Energy-conserving midpoint rule with a discrete gradient of the contact potential. Order 2.
 
 O. Gonzalez, J. Nonlinear Sci. 6 (1996) 449-467. The force over a step is the difference quotient of
-the contact's potential, so that the sum of kinetic, strain and contact energy is kept to rounding,
-whatever the step; what damping and plasticity take is taken exactly as well.
+the contact potential. The sum of kinetic, strain and contact energy is therefore conserved to
+rounding for any step; the losses by damping and plasticity are exact as well.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from antiosc.simulation.integrators.problem import Problem
 
 
 class Conserving(OneStep):
-    """Midpoint rule; the potential holds the residual compliance in series with the contact."""
+    """Midpoint rule; the potential includes the residual compliance in series with the contact."""
 
     order = 2
     name = "conserving"
@@ -23,8 +23,8 @@ class Conserving(OneStep):
         p, x, d = problem, problem.propagator.square, problem.decay
         if p.r > 0 and p.law.rate_dependent:
             raise InputError(
-                "conserving cannot take a rate-dependent law on a massless contact point (m0 = 0),"
-                " where no potential holds both; use method='exact'."
+                "method='conserving' does not support a rate-dependent law at a massless contact "
+                "point (m0 = 0), which has no potential; use method='exact'."
             )
         q, v = start.q, start.v
         stiff = h * d + h * h * x / 4

@@ -4,12 +4,13 @@ Over a run of steps h the indentation at the nodes is a sum of known responses,
 
     delta_n = free_n + half_n F_0 + sum_{0<m<n} hat_{n-m} F_m - alpha F_n,
 
-where `half` and `hat` answer to the hat functions that interpolate F. So each step costs one short
-scalar product and one scalar equation, however many modes there are; the modal state is brought
-up to date once in `CHUNK` steps. Massless contact points (r > 0) are nothing special.
+where `half` and `hat` are the responses to the hat functions that interpolate F. A step therefore
+takes one short scalar product and one scalar equation, for any number of modes; the modal state is
+updated once in `CHUNK` steps. Massless contact points (r > 0) need no special treatment.
 
-There are narrow windows of steps in which the contact drives the modes (`integrators.stability`).
-The steps that are chosen here avoid them; a given step that lies in one is found by the energy.
+The method is unstable in narrow windows of the step, in which the contact excites the modes
+(`integrators.stability`). Steps that are chosen here avoid the windows; for a given step the growth
+of energy is detected.
 """
 
 from __future__ import annotations
@@ -43,9 +44,9 @@ GROWTH = 1.2  # of the energy: coarse steps of random scenes stay below 1.01
 class Exact:
     """Exact propagator with a fixed step [s] during contact; release is located within a step.
 
-    A contact that is over within `SHORT` steps is done again with a step 8 times smaller, and so
-    on, at most `DEPTH` times. With a rate-dependent law on a massless contact point the order is 1:
-    the force then starts with a jump of its derivative.
+    A contact shorter than `SHORT` steps is repeated with a step 8 times smaller, at most `DEPTH`
+    times. With a rate-dependent law at a massless contact point the order is 1, because the
+    derivative of the force jumps at the touch.
     """
 
     order = 2
@@ -71,7 +72,7 @@ class Exact:
         for _ in range(DEPTH):
             if not phase.released or phase.time - t > SHORT * step:
                 break
-            # at 1/8 of the step; should it not be over by now, go on as before
+            # with 1/8 of the step; if it is not over by then, continue with the given step
             until = min(end, t + LONGER * SHORT * step)
             coarse, step = step, self._clear(problem, step / 8)
             phase = self.resume(problem, t, q, v, state, until, step)
@@ -88,12 +89,12 @@ class Exact:
         return phase
 
     def _gained(self, problem: Problem, t: float) -> str:
-        """The failure of a run that made energy of nothing."""
+        """The failure message of a run whose energy has grown."""
         clear = clear_step(problem, self.step)
         remedy = f"step={clear:.6g}" if clear < self.step else "a smaller step"
         return (
-            f"exact gained energy by {t:g} s: at a step of {self.step:g} s the contact drives the"
-            f" modes; use {remedy} or leave the step to the program"
+            f"exact gained energy by {t:g} s: at a step of {self.step:g} s the contact excites the "
+            f"modes (unstable step); use {remedy} or no step, so that it is chosen automatically"
         )
 
     def resume(
@@ -107,7 +108,7 @@ class Exact:
         step: float,
         force: float = 0.0,
     ) -> Phase:
-        """Go on from any state of the contact, `force` included."""
+        """Continue from any state of the contact, including `force`."""
         segments: list[Segment] = []
         count = 0
         while True:
@@ -169,7 +170,7 @@ class _Kernel:
 
     @cached_property
     def rates(self) -> tuple[Array, list[Array], float]:
-        """What `half`, `tails` and `alpha` are to the indentation, to its rate."""
+        """The rates of `half`, `tails` and `alpha`."""
         hat_rate = self.hat_v @ self.problem.beta
         return self.half_v @ self.problem.beta, _tails(hat_rate), -float(hat_rate[0])
 
@@ -217,7 +218,7 @@ class _Kernel:
 
 
 def _tails(hat: Array) -> list[Array]:
-    """For every node n, hat_{n-1} ... hat_1: what F_1 ... F_{n-1} are weighted with there."""
+    """For every node n, hat_{n-1} ... hat_1: the weights of F_1 ... F_{n-1}."""
     reverse, last = hat[::-1].copy(), hat.size
     return [reverse[last - n : last - 1] for n in range(last)]
 
@@ -225,7 +226,7 @@ def _tails(hat: Array) -> list[Array]:
 def _march(
     kernel: _Kernel, q: Array, v: Array, force: float, state: State, size: int
 ) -> tuple[Array, Array, State, bool]:
-    """Forces and indentations at nodes 0 ... up to `size`; stops at the first node apart."""
+    """Forces and indentations at nodes 0 ... `size`, or up to the first node after the release."""
     law, r, h = kernel.problem.law, kernel.problem.r, kernel.h
     alpha = kernel.alpha
     free = (kernel.free(q, v) + force * kernel.half).tolist()
@@ -264,9 +265,9 @@ def _march(
 def _release(
     problem: Problem, q: Array, v: Array, force: float, origin: float, h: float, ahead: float
 ) -> float:
-    """Length of the last step, over which the force falls to 0 as delta falls to the origin.
+    """Length of the last step, in which the force and delta - origin fall to 0 together.
 
-    `ahead` is the indentation that a whole step h would end with.
+    `ahead` is the indentation after a whole step h.
     """
     prop, beta = problem.propagator, problem.beta
     from_q, from_v, pull, push = beta * q, beta * v, force * beta**2, beta * problem.load

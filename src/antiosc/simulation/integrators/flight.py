@@ -1,4 +1,4 @@
-"""Free flight: find the next touch, however far, without stepping over a graze."""
+"""Free flight: find the next touch without missing a grazing contact."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ def next_touch(
 ) -> float | None:
     """Time [s] until the indentation first rises above `origin`, or None within `span`.
 
-    On an interval of length L, delta lies below the larger of its end values plus the bound
-    sum_j |beta_j| A_j min(2, curvature_j L^2/8) of what a chord can miss (A_j: amplitude of the
-    free motion). Intervals that this bound clears hold no touch; those that it does not clear are
-    cut into pieces, in order of time, down to intervals where the bound lies under the resolution.
-    A sign change is accepted once the interval is shorter than `fine`.
+    On an interval of length L, delta is at most the larger of its end values plus the interpolation
+    error bound sum_j |beta_j| A_j min(2, curvature_j L^2/8) of the chord (A_j: amplitude of the
+    free motion). If this sum is negative, the interval contains no touch; otherwise it is divided,
+    in order of time, until the bound is below the resolution. A sign change is accepted if the
+    interval is shorter than `fine`.
     """
     search = _Search(problem, q, v, origin)
     now, speed = problem.approach(q) - origin, float(problem.beta @ v)
@@ -29,7 +29,7 @@ def next_touch(
         return 0.0
     start, wait = min(now, 0.0), 0.0  # parted a moment ago: no touch by rounding
     if speed < 0.0:
-        # receding from `start`: delta <= speed t + bound t^2/2 stays below it for a while
+        # receding from `start`: delta <= speed t + bound t^2/2 excludes a touch for some time
         bound = float(search.amplitude @ search.curvature) + search.bend
         wait = min(-speed / bound, span) if bound > 0.0 else span
     stack = [(wait, span)] if wait < span else []
@@ -58,7 +58,7 @@ def next_touch(
 
 
 class _Search:
-    """delta(t) - origin of the free motion from one state, and the bound on what a chord misses."""
+    """delta(t) - origin of the free motion from one state, and the error bound of its chord."""
 
     def __init__(self, problem: Problem, q: Array, v: Array, origin: float) -> None:
         self.problem, self.q, self.v, self.origin = problem, q, v, origin

@@ -1,7 +1,7 @@
 """Any method of scipy.integrate.solve_ivp, with events at release and at turning points.
 
-It integrates the modal equations with the force taken from the law at every evaluation. This is
-the independent check of the other integrators; it slows down as m0 -> 0.
+It integrates the modal equations and evaluates the contact law at every call of the right-hand
+side. It is an independent check of the other integrators; it becomes slow as m0 -> 0.
 """
 
 from __future__ import annotations
@@ -46,8 +46,8 @@ class SolveIVP:
         law = problem.law
         if problem.r > 0 and law.rate_dependent:
             raise InputError(
-                f"{self.name} cannot take a rate-dependent law on a massless contact point"
-                f" (m0 = 0), where the force depends on its own derivative; use method='exact'."
+                f"{self.name} does not support a rate-dependent law at a massless contact point "
+                "(m0 = 0), where the force depends on its own derivative; use method='exact'."
             )
         size = q.size
         struck = problem.beta != 0  # what a body carries beside the blow sets no tolerance
@@ -117,7 +117,7 @@ class SolveIVP:
 
 
 class _GaveUp(Exception):
-    """The bound on evaluations is met."""
+    """The limit of evaluations is reached."""
 
 
 class _Contact:

@@ -1,7 +1,7 @@
 """Leapfrog (central differences) in its velocity form. Order 2, stable for h omega_max < 2.
 
-The contact force follows from the new displacement, so that a step is explicit; only where the
-point of contact has no mass (r > 0) or the law depends on the rate is it one scalar equation.
+The contact force follows from the new displacement, so that a step is explicit. If the contact
+point is massless (r > 0) or the law depends on the rate, a step solves one scalar equation.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
-"""The exact integrator over many scenes at once: arrays (S, J) march together.
+"""The exact integrator for many scenes at once, with arrays (S, J).
 
-Every scene has its own step and goes through the same course of events as by itself (flight,
-touch, contact, release), so the results are those of `antiosc.simulation.integrators.exact` to
-rounding.
+Every scene has its own step and its own sequence of events (flight, touch, contact, release). The
+results equal those of `antiosc.simulation.integrators.exact` to rounding.
 """
 
 from __future__ import annotations
@@ -44,7 +43,7 @@ class Result:
 
 
 class Stack:
-    """Problems side by side: arrays (S, J), padded with modes that take no part."""
+    """Problems as arrays (S, J), padded with modes that have no effect."""
 
     def __init__(self, kind: type, problems: Sequence[Problem], durations: Sequence[float]) -> None:
         size = max(p.omega.size for p in problems)
@@ -196,7 +195,7 @@ def run_many(
 
 
 class _Log:
-    """Nodes of all scenes in the order in which they come; sorted by scene at the end."""
+    """Nodes of all scenes in the order of computation; sorted by scene at the end."""
 
     def __init__(self, size: int) -> None:
         self.size = size
@@ -231,7 +230,8 @@ def _contact(
     results: list[Result],
     max_steps: int,
 ) -> BoolArray:
-    """One contact of each live scene; short ones again with smaller steps. True: parted."""
+    """One contact of each active scene; short ones are repeated with smaller steps. True:
+    released."""
     q, v, t, end = motion
     parted = np.zeros(live.size, dtype=bool)
     h = step[live].copy()

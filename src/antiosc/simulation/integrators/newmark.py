@@ -1,8 +1,8 @@
 """Newmark's average acceleration with implicit contact. Order 2; stable when linear.
 
 N. M. Newmark, J. Eng. Mech. Div. ASCE 85 (1959) 67-94 with beta = 1/4, gamma = 1/2. Its energy is
-not conserved where the contact stiffens or opens within a step: a step as long as the contact
-can double it.
+not conserved if the contact stiffens or opens within a step: a step as long as the contact can
+double the energy.
 """
 
 from __future__ import annotations

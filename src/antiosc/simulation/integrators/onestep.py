@@ -1,4 +1,4 @@
-"""What the fixed-step one-step methods share: march through a contact and locate its release."""
+"""Base of the one-step methods with a fixed step: integrate a contact and locate its release."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ class OneStep(ABC):
     def _release(
         self, problem: Problem, node: Node, state: State, h: float, last: Node
     ) -> tuple[float, Node]:
-        """The part of the step at whose end the indentation reaches the law's origin."""
+        """The fraction of the step after which the indentation reaches the origin of the law."""
         origin = problem.law.origin(state)
 
         from scipy.optimize import brentq  # loaded where it is used: it takes long

@@ -1,6 +1,6 @@
-"""What every integrator solves: two linear bodies, one contact, in one set of modal coordinates.
+"""The problem of every integrator: two linear bodies and one contact in modal coordinates.
 
-The modes of structure and impactor stand side by side in q. With beta = (-b_structure, b_impactor),
+q contains the modes of the structure and of the impactor. With beta = (-b_structure, b_impactor),
 
     q'' + 2 decay q' + omega^2 q = load - beta F,      delta = beta.q - gap - r F,
 
@@ -30,14 +30,14 @@ class Problem:
     Attributes
     ----------
     omega, decay : circular frequencies [rad/s] and decay constants [1/s].
-    beta : what each mode adds to the indentation [kg^-1/2].
+    beta : contribution of each mode to the indentation [kg^-1/2].
     r : residual compliance of both bodies [m/N].
     load : constant modal forces (gravity).
     gap : distance of the surfaces at rest [m].
     q, v : initial state.
     law : contact law.
-    resolution : an indentation [m] below which contact is not told from no contact.
-    stiffness : largest contact stiffness that is expected [N/m]; 0: not known.
+    resolution : indentation [m] below which contact and no contact are not distinguished.
+    stiffness : largest expected contact stiffness [N/m]; 0: not known.
     """
 
     omega: Array
@@ -116,9 +116,9 @@ class Segment:
 
 @dataclass(eq=False)
 class Phase:
-    """What an integrator returns for one contact: its segments and the state at its end.
+    """Result of one contact: its segments and the state at its end.
 
-    `failure` says why it gave up, if it did; `diverged`: because the bodies gained energy.
+    `failure`: why the integration stopped early, if it did; `diverged`: because the energy grew.
     """
 
     segments: list[Segment]
@@ -133,7 +133,7 @@ class Phase:
 
 
 def too_many_steps(t: float, max_steps: int) -> str:
-    """The failure of a contact that does not end."""
+    """The failure message of a contact that does not end."""
     return (
         f"stopped at {t:g} s: more than {max_steps} steps in one contact; shorten the duration,"
         f" use a larger step or raise max_steps"

@@ -1,8 +1,8 @@
 """Exact motion of uncoupled damped oscillators, rigid-body modes included.
 
 For q'' + 2 d q' + omega^2 q = f the response is built from the impulse response S(t), with S(0) = 0
-and S'(0) = 1, its integral J (unit step) and the integral R of that (unit ramp). Nothing here
-cancels for small or large omega t or d t.
+and S'(0) = 1, its integral J (response to a unit step) and the integral R of J (unit ramp). The
+formulas are free of cancellation for small and large omega t and d t.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class Motion(NamedTuple):
 
 
 class Responses(NamedTuple):
-    """The motion and what forces add: J under a unit force, R under one that grows as t."""
+    """The free motion and the responses J to a unit force and R to a force that grows as t."""
 
     P: Array
     S: Array

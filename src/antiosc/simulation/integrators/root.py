@@ -1,4 +1,4 @@
-"""The root of a function that gives its slope along with its value."""
+"""The root of a function whose slope is known."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ def rising_root(
 ) -> float:
     """Root in [low, high] of f, value and slope, that is < 0 at `low` and > 0 at `high`.
 
-    Newton's method from `start`, and bisection where that leaves the bracket or slows down. If the
-    sign does not change, the answer is the end to which it points.
+    Newton's method from `start`, and bisection if that leaves the bracket or becomes slow. If the
+    sign does not change, the result is the end of the interval nearest to the root.
     """
     close = CLOSE * (high - low)
     t = start if low < start < high else 0.5 * (low + high)

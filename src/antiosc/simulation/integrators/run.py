@@ -1,4 +1,4 @@
-"""The course of events common to all integrators: flight, touch, contact, release, flight ..."""
+"""The sequence of events, common to all integrators: flight, touch, contact, release, flight ..."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ class Contact:
 
 @dataclass(eq=False)
 class Trajectory:
-    """The whole run: consecutive segments, contacts, and why it ended before its time, if so.
+    """The whole run: consecutive segments, contacts, and why it stopped early, if it did.
 
-    `diverged`: it ended because the bodies gained energy, so that its figures mean nothing.
+    `diverged`: it stopped because the energy grew; its results are meaningless.
     """
 
     segments: list[Segment] = field(default_factory=list)
@@ -42,7 +42,7 @@ class Trajectory:
 def run(
     problem: Problem, integrator: Integrator, duration: float, fine: float, max_contacts: int
 ) -> Trajectory:
-    """Integrate over [0, duration] [s]; touches closer than `fine` [s] are not told apart."""
+    """Integrate over [0, duration] [s]; touches closer than `fine` [s] count as one."""
     result = Trajectory()
     t, q, v = 0.0, problem.q, problem.v
     state: State | None = None

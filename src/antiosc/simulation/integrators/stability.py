@@ -1,9 +1,9 @@
-"""When a step makes energy of nothing: the exact integrator's windows, and growth as it happens.
+"""Windows of instability of the exact integrator, and detection of growing energy.
 
-The force of the exact integrator is linear over a step, so it holds the frequencies above the
-Nyquist frequency pi/h that come with its kinks, and with those a mode can feed itself or another.
-For a contact of constant stiffness k the motion goes as z^n, and with u = 1 - (z + 1/z)/2 every
-undamped mode answers to the force with the compliance
+The force of the exact integrator is linear over a step. Its kinks contain frequencies above the
+Nyquist frequency pi/h, which can excite the modes. For a contact of constant stiffness k the motion
+is proportional to z^n, and with u = 1 - (z + 1/z)/2 every undamped mode responds to the force with
+the compliance
 
     (b/omega)^2 [1 - sinc(y) u/(u - a)],    y = omega h,  a = 1 - cos y,  sinc y = sin(y)/y.
 
@@ -16,10 +16,10 @@ if A > 0 (y below pi, or every second interval above), downward if A < 0, and no
 So there are two ways out of the unit circle: the root above the last pole passes u = 2, which is
 z = -1 (a mode below pi/h that the contact lifts above: with one free mass it is k h^2/m = 12), or
 two roots between neighbouring poles with A > 0 and A < 0 meet (omega_i + omega_j = 2 pi/h nearly).
-Both happen once min f there exceeds 1/k + D, the sooner the stiffer the contact.
+Both occur if min f there exceeds 1/k + D, the sooner the stiffer the contact.
 
-Damping is left out. It slows the growth; only where one mode of a pair is damped much more than the
-other can it widen the window of the two, at a growth below the undamped one.
+Damping is neglected. It reduces the growth. It can widen a window only if one mode of a pair is
+damped much more than the other; the growth is then below that without damping.
 """
 
 from __future__ import annotations
@@ -40,9 +40,9 @@ _FIRST, _MOST, _CUTS = 0.015, 0.2, 30  # by what, at first and at most, a step i
 
 
 def margin(omega: Array, beta: Array, r: Array, stiffness: Array, h: Array) -> Array:
-    """How many times as stiff the contact may be, (S,), before the steps become unstable.
+    """Factor (S,) by which the contact may stiffen before the steps become unstable.
 
-    Below 1 they are so at some stiffness up to the given one.
+    Below 1 they are unstable at some stiffness up to the given one.
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ def clear_steps(
     ----------
     omega, beta, r, h : as for `margin`.
     stiffness : (S,) largest contact stiffness that is expected [N/m]; 0: not known.
-    least : (S,) steps [s] below which `h` itself is returned: there is nothing to be had.
+    least : (S,) steps [s] below which `h` itself is returned: no stable step was found.
     """
     clear = h.copy()
     rows, cut = np.flatnonzero(stiffness > _NONE), _FIRST
@@ -141,12 +141,11 @@ def clear_step(problem: Problem, h: float, least: float = 0.0) -> float:
 def growth(
     square: Array, load: Array, q0: Array, v0: Array, most: float, beta: Array | float = 1.0
 ) -> Callable[[Array, Array], BoolArray]:
-    """Tells whether bodies at (q, v) hold more than `most` times the energy they were given.
+    """Function that tells whether the energy at (q, v) exceeds `most` times the energy supplied.
 
-    That is what they had at (q0, v0), out of contact, and what the loads have done since: no
-    contact adds to it. Modes that the contact does not move (beta = 0) are left out: what a body
-    carries beside the blow would hide a gain. All arrays of shape (J,) or (S, J); `square` is
-    omega^2.
+    The energy supplied is that at (q0, v0), without contact, plus the work of the loads; a contact
+    cannot add to it. Modes that the contact does not excite (beta = 0) are left out, because their
+    energy would hide a growth. All arrays of shape (J,) or (S, J); `square` is omega^2.
     """
     struck = np.not_equal(beta, 0)
 
