@@ -1,5 +1,4 @@
-"""Finite elements: from a mesh to anti-oscillators and fields, by gmsh, dolfinx, PETSc and
-SLEPc."""
+"""Finite elements (gmsh, dolfinx, PETSc, SLEPc): from a mesh to anti-oscillators and fields."""
 
 from antiosc.errors import MissingDependencyError
 from antiosc.isolation import restored, start_petsc
