@@ -52,7 +52,7 @@ def probe(
     Parameters
     ----------
     structure : Structure
-        The one that the body's model was extracted from.
+        The structure from which the model of the body was extracted.
     history : History
     point : sequence of 2 or 3 floats
         Coordinates in m; the nearest point of the structure is taken.
@@ -95,7 +95,7 @@ def write_series(
     Parameters
     ----------
     structure : Structure
-        The one that the body's model was extracted from.
+        The structure from which the model of the body was extracted.
     history : History
     path : str or Path
         The `.pvd` file (the ending is added where it is missing); the frames go beside it as

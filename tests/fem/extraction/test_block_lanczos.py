@@ -79,7 +79,7 @@ def test_few_dofs_are_left_to_others(monkeypatch):
 
 def test_no_convergence_is_told(monkeypatch):
     monkeypatch.setattr(block_lanczos, "STEPS", 2)
-    with pytest.raises(ao.NotConvergedError, match=r"settled \d+ of 15 modes in 2 steps"):
+    with pytest.raises(ao.NotConvergedError, match=r"found \d+ of 15 modes in 2 steps"):
         lowest_modes(bar(), 15)
 
 

@@ -217,7 +217,7 @@ def test_more_vectors_than_memory_holds_are_refused(monkeypatch):
 
     structure = ao.Structure.from_matrices(_row(50), np.eye(50))
     monkeypatch.setattr(solver_choice, "free_memory", lambda: 1e4)
-    with pytest.raises(ao.InputError, match=r"n = 40 .* of basis vectors .* ask for fewer"):
+    with pytest.raises(ao.InputError, match=r"n = 40 .* of basis vectors .* reduce n"):
         ao.extract(structure, ao.Site(dof=7), 40)
 
 

@@ -177,7 +177,7 @@ def test_values_out_of_range():
         Spring((0, 0, 0), {"up": 1.0})
     with pytest.raises(InputError, match="stiffness along z must be > 0"):
         Spring((0, 0, 0), {"z": 0.0})
-    with pytest.raises(InputError, match="give that as well"):
+    with pytest.raises(InputError, match="give this as well"):
         ao.Beam(E, 0.3, RHO, ao.Section.circle(0.01), offset=0.02)
 
 

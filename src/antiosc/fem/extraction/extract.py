@@ -338,7 +338,7 @@ def _check(
 
 
 def _judge(name: str, value: float, limit: float, comm: MPI.Comm) -> None:
-    """Pass a measured error, warn of it, or refuse it."""
+    """Accept a measured error, warn of it, or refuse it."""
     if value <= limit:
         return
     why = (
