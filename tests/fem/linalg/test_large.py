@@ -84,7 +84,7 @@ def test_a_matrix_whose_factor_is_forecast_is_analysed_once(monkeypatch):
 
 def test_no_memory_for_the_factor(monkeypatch):
     monkeypatch.setattr(solver_choice, "free_memory", lambda: 1e6)
-    with pytest.warns(AntioscWarning, match="GB are free: each solve is iterated"):
+    with pytest.warns(AntioscWarning, match="GB are free: an iterative solver is used"):
         model = ao.extract(block(), SITE, n=3)
     assert model.k0 > 0
     with pytest.raises(ao.InputError, match=r"needs about 0\.0\d+ GB and 0\.001 GB are free"):

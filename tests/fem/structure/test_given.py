@@ -134,7 +134,7 @@ def test_indefinite_matrices():
 
 def test_complex_matrices():
     for matrix in (chain() + 1j * chain(), scipy.sparse.csr_matrix(chain() * (1 + 0j))):
-        with refused("K is complex: antiosc takes real matrices"):
+        with refused("K is complex: antiosc needs real matrices"):
             ao.Structure.from_matrices(matrix, np.eye(N))
         with refused("M is complex"):
             ao.Structure.from_matrices(chain(), matrix)

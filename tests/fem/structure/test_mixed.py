@@ -219,5 +219,5 @@ def test_solids_have_no_rotations():
 def test_curved_quadrilaterals_take_no_stiffeners():
     mesh = sheet(2, lambda s, t: (s, np.sin(t), np.cos(t)), "quadrilateral", 2)
     mesh = grouped(mesh, lambda x: np.isclose(x[0], 0.5))
-    with pytest.raises(InputError, match="mesh the sheet with triangles"):
+    with pytest.raises(InputError, match="mesh the surface with triangles"):
         ao.Structure(mesh, {"sheet": SHEET, "rib": RIB})
