@@ -314,3 +314,36 @@ def test_fields_need_the_shapes_and_their_structure(tmp_path, hit):
     with pytest.raises(ao.InputError, match="t must lie within the run"):
         ao.write_series(structure, history, tmp_path / "series.pvd", [0.0, 1.0])
     assert [p.name for p in tmp_path.iterdir()] == ["model.npz"]
+
+
+def test_the_skin_is_the_surface_and_moves_with_the_part():
+    """Its area is that of a block of 200 × 50 × 40 mm, and each of its points moves as probed."""
+    from antiosc.fem.fields import skin
+
+    block = ao.Structure(parts.box((8, 2, 2)), ao.Solid(**parts.STEEL), [ao.Support("left")])
+    model = ao.extract(block, ao.Site((0.1, 0.025, 0.04), (0, 0, -1), radius=0.025), n=4)
+    hit = ao.simulate(model, ao.RigidMass(0.1, 1.0), ao.Linear(1e7), 3e-4)
+    points, faces, moved = skin(block, hit, 2e-4)
+    assert faces.shape == (2 * (8 * 2 + 8 * 2 + 2 * 2), 4)
+    a, b, c, d = points[faces].transpose(1, 0, 2)
+    across = np.cross(c - a, d - b)
+    area = np.linalg.norm(across, axis=1).sum() / 2
+    assert area == pytest.approx(2 * (0.2 * 0.05 + 0.2 * 0.04 + 0.05 * 0.04), rel=1e-12)
+    for i in (int(faces.max()), int(faces[7, 2])):
+        probed = ao.probe(block, hit, points[i], [2e-4])[0]
+        np.testing.assert_allclose(moved[i], probed, atol=1e-9 * np.abs(moved).max())
+
+
+def test_the_picture_of_a_moved_sheet(hit, tmp_path):
+    pytest.importorskip("matplotlib")
+    from antiosc.plotting import plot_deformed
+
+    structure, history = hit
+    path = plot_deformed(
+        structure, history, tmp_path / "sheet.png", point=(0.13, 0.06, 0), direction=(0.2, -1, 0)
+    )
+    assert path.stat().st_size > 3000
+    with pytest.raises(ao.InputError, match="both point and direction"):
+        plot_deformed(structure, history, path, point=(0.13, 0.06, 0))
+    with pytest.raises(ao.InputError, match="within the run"):
+        plot_deformed(structure, history, path, time=1.0)
