@@ -151,7 +151,8 @@ def _generate(gmsh: Any, ask: Request) -> None:
         smallest = gmsh.model.mesh.field.add("Min")
         gmsh.model.mesh.field.setNumbers(smallest, "FieldsList", fields)
         gmsh.model.mesh.field.setAsBackgroundMesh(smallest)
-    # Its optimisation of curved cells, if the script asks for it, is run once then.
+    # Unless a script asks for another algorithm, volumes are meshed by gmsh's Delaunay: HXT is
+    # faster, but its meshes of one part differ from run to run.
     gmsh.option.setNumber("Mesh.ElementOrder", wanted)
     gmsh.model.mesh.generate(dim)
 
