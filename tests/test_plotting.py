@@ -79,6 +79,15 @@ def test_later_contacts_with_impulse_stay_in_view():
     assert plotting.plot_force(hit).get_xlim()[1] >= 1e3 * hit.contacts[-1][1]
 
 
+def test_each_contact_is_shaded():
+    hit = impact(8e-3)
+    (shades,) = plotting.plot_motion(hit).collections
+    found = [path.get_extents() for path in shades.get_paths()]
+    expected = [(1e3 * start, 1e3 * end) for start, end in hit.contacts]
+    assert len(expected) > 1
+    np.testing.assert_allclose([(box.xmin, box.xmax) for box in found], expected)
+
+
 def test_equal_curves_are_all_seen():
     hit = impact()
     twice = {"a": hit, "b": hit}

@@ -80,7 +80,7 @@ def plot_force(hits: History | Mapping[str, History], ax: Axes | None = None) ->
 
 
 def plot_motion(hits: History | Mapping[str, History], ax: Axes | None = None) -> Axes:
-    """Displacements of the site and, dashed, of the impactor over time; the contact is shaded.
+    """Displacements of the site and, dashed, of the impactor over time; contacts are shaded.
 
     The displacement axis fits the site's motion and the impactor's during contact.
     """
@@ -97,7 +97,9 @@ def plot_motion(hits: History | Mapping[str, History], ax: Axes | None = None) -
         during = (hit.time >= first) & (hit.time <= last)
         seen += [1e3 * hit.displacement, 1e3 * hit.impactor_displacement[during]]
         if len(named) == 1 and hit.contacts:
-            ax.axvspan(1e3 * first, 1e3 * last, color="0.9", lw=0, zorder=0, label="contact")
+            spans = [(1e3 * start, 1e3 * (end - start)) for start, end in hit.contacts]
+            whole = {"transform": ax.get_xaxis_transform(), "zorder": 0}
+            ax.broken_barh(spans, (0, 1), color="0.9", lw=0, label="contact", **whole)
     ax.set_ylim(*with_room(np.concatenate(seen), 0.08, 0.08))
     ends = [1e3 * hit.time[-1] for hit in named.values()]
     ax.set_xlim(*with_room([0.0, *ends], 0.02, 0.02))
