@@ -30,7 +30,7 @@ from antiosc.errors import InputError
 
 #: Highest relevant frequency times the contact time: above it the spectrum of a Hertz pulse is
 #: below a twentieth of its value at 0.
-REACH = 2.0
+BAND_TIMES_PULSE = 2.0
 #: A family is used up to this share of the frequency at which it fails.
 TRUST = 0.5
 #: Inelasticity up to which the motion of the part does not change the force (at 0.02 the impactor
@@ -127,7 +127,7 @@ def advise(
     time = HERTZ_TIME * depth / speed
     reduced = effective_modulus(E, nu, impactor.E, impactor.nu)
     contact = (0.75 * stiffness * depth**1.5 * impactor.radius / reduced) ** (1 / 3)
-    frequency = REACH / time
+    frequency = BAND_TIMES_PULSE / time
     bending = E * thickness**3 / (12 * (1 - nu**2))
     lam = zener.inelasticity(impactor.mass, speed, stiffness, bending, rho * thickness)
 

@@ -28,7 +28,7 @@ T = TypeVar("T")
 #: numbers stay within double precision (1e±308).
 SMALLEST, LARGEST = 1e-60, 1e60
 #: Largest whole number: every one up to it is a float too.
-MOST = 2**53
+LARGEST_WHOLE = 2**53
 
 _TRUTH = (bool, np.bool_)
 
@@ -76,7 +76,7 @@ def nonnegative(name: str, value: Any, unit: str = "") -> float:
     return result
 
 
-def whole(name: str, value: Any, least: int = 1, most: int = MOST) -> int:
+def whole(name: str, value: Any, least: int = 1, most: int = LARGEST_WHOLE) -> int:
     """`value` as an int from `least` to `most`, or InputError; 2.0 is taken as 2."""
     if isinstance(value, np.ndarray) and value.ndim == 0 and not _masked(value):
         value = value[()]

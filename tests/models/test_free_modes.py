@@ -113,7 +113,7 @@ def test_few_krylov_beat_few_modes():
 
 @pytest.mark.parametrize("method", ["modes", "krylov"])
 def test_many_sites_are_many_times_one(rng, method, monkeypatch):
-    monkeypatch.setattr("antiosc.models.free_modes.BATCH", 3)
+    monkeypatch.setattr("antiosc.models.free_modes.SITES_AT_ONCE", 3)
     omega, *_ = structure(rng, 15)
     b = rng.uniform(-1, 1, (8, 15))
     b[4, ::2] = 0.0  # a site that half the modes cannot move: it has fewer anti-oscillators

@@ -13,7 +13,7 @@ import antiosc as ao
 from antiosc.simulation import batch as batch_module, simulate
 from antiosc.simulation.integrators import FIXED_STEP, Problem
 from antiosc.simulation.integrators.onestep import Node
-from antiosc.simulation.integrators.stability import SAFETY, clear_step, growth, margin
+from antiosc.simulation.integrators.stability import STIFFNESS_SAFETY, clear_step, growth, margin
 from antiosc.simulation.simulate import assemble, scaled
 
 # a heavy mass on a soft structure whose light residual mass has its mode far above the others
@@ -136,7 +136,7 @@ class TestMargin:
         p = linear([1.0, 3.0, 0.0], [0.5, 1.0, 0.3], k=2.0)
         clear = clear_step(p, 1.0)
         assert 0.3 < clear < 1.0
-        assert room(p, clear) >= SAFETY
+        assert room(p, clear) >= STIFFNESS_SAFETY
         assert radius(p, clear) == pytest.approx(1.0, abs=1e-6)
         assert clear_step(p, 1.2) == 1.2  # above the window
         assert clear_step(p, 1.0, least=0.99) == 1.0  # nothing that large

@@ -26,7 +26,7 @@ from antiosc._types import Array
 from antiosc.errors import InputError
 
 #: Share of a stiffness below which a coupling is rounding.
-NOTHING = 1e-9
+COUPLING_ROUNDING = 1e-9
 #: Most half waves along a side.
 WAVES = 100_000
 
@@ -90,7 +90,7 @@ class SupportedLaminate:
         stretch = max(
             stretch, abs(np.asarray(self.inertia)[1]) / np.asarray(self.inertia)[0] / thickness
         )
-        if max(straight) > NOTHING or min(twist, stretch) > NOTHING:
+        if max(straight) > COUPLING_ROUNDING or min(twist, stretch) > COUPLING_ROUNDING:
             raise InputError(
                 "Navier's solution needs a cross-ply or an antisymmetric angle-ply: A, D and S "
                 "without the terms 16, 26 and 45, and B of these alone or without them."

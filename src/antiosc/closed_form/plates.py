@@ -31,9 +31,9 @@ from antiosc.models.anti_oscillators import AntiOscillators
 #: Terms of Lévy's series; what follows them is added as an integral.
 TERMS = 2000
 #: Natural frequencies closer than this (relatively) are one repeated frequency.
-SAME = 1e-9
+SAME_FREQUENCY = 1e-9
 #: Share of the largest b² below which a frequency is unobservable at the point.
-UNOBSERVABLE = 1e-12
+UNOBSERVABLE_SHARE = 1e-12
 #: What a plate is made of, beside Poisson's ratio.
 UNITS = {"E": "Pa", "rho": "kg/m³", "thickness": "m", "a": "m", "b": "m"}
 #: Most modes of one point, and most terms of a double series in each direction.
@@ -150,9 +150,9 @@ class SupportedPlate:
             keep = omega < limit
             order = np.argsort(omega[keep], kind="stable")
             omega, b2 = omega[keep][order], b2[keep][order]
-            start = np.flatnonzero(np.diff(omega, prepend=-np.inf) > SAME * omega)
+            start = np.flatnonzero(np.diff(omega, prepend=-np.inf) > SAME_FREQUENCY * omega)
             sums = np.add.reduceat(b2, start)
-            moving = b2 > UNOBSERVABLE * b2.max()
+            moving = b2 > UNOBSERVABLE_SHARE * b2.max()
             modes = np.add.reduceat(moving.astype(np.intp), start)
             seen = np.flatnonzero(modes > 0)
             if len(seen) >= n:

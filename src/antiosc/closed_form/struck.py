@@ -35,9 +35,9 @@ ENDS = {"free": (2, 3), "pinned": (0, 3), "clamped": (0, 1), "guided": (1, 2)}
 #: Direction of the impact in the axes of `inertia`, the beam on x.
 ACROSS = np.array([0.0, 1.0, 0.0])
 #: A pole and a zero of Z closer than this (relative, in ω) belong to an unobservable mode.
-SAME = 1e-9
+SAME_ROOT = 1e-9
 #: Most frequencies that are sought at once.
-MOST = 10_000
+MOST_FREQUENCIES = 10_000
 
 
 class _Static(NamedTuple):
@@ -177,13 +177,13 @@ class StruckBeam:
     @checks.within_range
     def natural_frequencies(self, n: int) -> Array:
         """The first n natural frequencies > 0 in rad/s, those with a node at the site included."""
-        n = checks.whole("n", n, most=MOST)
+        n = checks.whole("n", n, most=MOST_FREQUENCIES)
         return np.sqrt(self._eigenvalues(n, constrained=False)) * self.beam.omega_unit
 
     @checks.within_range
     def antiresonances(self, n: int) -> Array:
         """The first n > 0 with the site constrained, in rad/s, the unobservable ones included."""
-        n = checks.whole("n", n, most=MOST)
+        n = checks.whole("n", n, most=MOST_FREQUENCIES)
         return np.sqrt(self._eigenvalues(n, constrained=True)) * self.beam.omega_unit
 
     # ---- the models ----------------------------------------------------------------------------
@@ -196,7 +196,9 @@ class StruckBeam:
         deflections at the points `x` (m), Article (8).
         """
         points = self._points(x)
-        omega, m, psi, moved = self._constraint_modes(checks.whole("n", n, most=MOST), points)
+        omega, m, psi, moved = self._constraint_modes(
+            checks.whole("n", n, most=MOST_FREQUENCIES), points
+        )
         psi0, moved0 = self._static_shape(points), self._static.moved
         hidden, carried = self._hidden(points)
         inertia = self._inertia(np.vstack((moved0, moved, carried)))
@@ -221,7 +223,7 @@ class StruckBeam:
         """
         points = self._points(x)
         rigid = min(self.rigid_modes, 1)
-        n = checks.whole("n", n, most=MOST)
+        n = checks.whole("n", n, most=MOST_FREQUENCIES)
         checks.flag("static_correction", static_correction)
         omega, b, moved = np.zeros(n), np.empty(n), np.empty((n, 2))
         shapes = np.empty((n, len(points)))
@@ -482,7 +484,7 @@ class StruckBeam:
         asked = 2 * n + 4
         while True:
             poles, zeros = (self._eigenvalues(asked, constrained=p) for p in (True, False))
-            top = min(poles[-1], zeros[-1]) * (1 + SAME)
+            top = min(poles[-1], zeros[-1]) * (1 + SAME_ROOT)
             poles, zeros = _unmatched(poles[poles <= top], zeros[zeros <= top])
             if min(len(poles), len(zeros)) >= n:
                 return poles[:n], zeros[:n]
@@ -494,7 +496,7 @@ def _unmatched(a: Array, b: Array) -> tuple[Array, Array]:
     keep_a, keep_b = np.ones(len(a), dtype=bool), np.ones(len(b), dtype=bool)
     i = j = 0
     while i < len(a) and j < len(b):
-        if abs(a[i] - b[j]) <= 2 * SAME * b[j]:
+        if abs(a[i] - b[j]) <= 2 * SAME_ROOT * b[j]:
             keep_a[i] = keep_b[j] = False
             i, j = i + 1, j + 1
         elif a[i] < b[j]:

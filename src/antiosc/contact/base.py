@@ -30,7 +30,7 @@ from antiosc.errors import NotConvergedError
 State = tuple[float, ...]
 
 #: Share of a force within which rounding may keep its iteration from settling.
-ROUNDING = 1e-9
+FORCE_ROUNDING = 1e-9
 
 
 class ContactLaw(ABC):
@@ -123,7 +123,7 @@ class ContactLaw(ABC):
             if abs(new - trial) <= 2e-15 * abs(new) or new in (low, high):
                 return new
             step, trial = abs(new - trial), new
-        if step > ROUNDING * abs(trial):
+        if step > FORCE_ROUNDING * abs(trial):
             raise NotConvergedError(
                 f"the force at the indentation {delta:g} m has not converged after 200 steps:"
                 f" {low:g} to {high:g} N remain; check that the law rises with the indentation."

@@ -25,9 +25,9 @@ from petsc4py import PETSc
 #: Fields that hold the rows of one rank.
 LOCAL = frozenset({"phi", "residual", "shape", "shapes"})
 #: Objects inside objects are followed so deep.
-DEPTH = 12
+MOST_NESTED = 12
 #: Entries of an array that a function takes from around it: more may be a rank's own.
-FEW = 64
+FEW_ENTRIES = 64
 
 #: What all ranks made together, and the number they gave it: it is the same on all of them.
 _together: WeakKeyDictionary[Any, int] = WeakKeyDictionary()
@@ -60,7 +60,7 @@ def fingerprint(value: Any) -> bytes:
 
 
 def _parts(value: Any, above: tuple[int, ...]) -> Iterator[bytes]:
-    if id(value) in above or len(above) > DEPTH:
+    if id(value) in above or len(above) > MOST_NESTED:
         return
     inside = (*above, id(value))
     if value is None or isinstance(value, str | bytes | type):
@@ -153,7 +153,7 @@ def _counts(value: Any) -> bool:
     Counters, caches, open files and a rank's own part of something need not.
     """
     if isinstance(value, np.ndarray):
-        return value.size <= FEW
+        return value.size <= FEW_ENTRIES
     if isinstance(value, tuple | frozenset):
         return all(_counts(one) for one in value)
     plain = numbers.Number | np.generic | str | bytes | types.FunctionType | functools.partial

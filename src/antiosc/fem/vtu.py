@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from antiosc._types import Array, IntArray
 
 #: Bytes of an array that are compressed at once.
-BLOCK = 1 << 15
+BYTES_AT_ONCE = 1 << 15
 #: VTK's numbers of the kinds of cells, by meshio's names.
 TYPES = {
     **{"vertex": 1, "line": 3, "triangle": 5, "quad": 9, "tetra": 10, "hexahedron": 12},
@@ -59,11 +59,11 @@ def _element(name: str, values: NDArray[Any], level: int = -1) -> str:
     """An array of numbers or of vectors as a `DataArray`, at a level of zlib's."""
     content = values.tobytes()
     blocks = [
-        zlib.compress(content[start : start + BLOCK], level)
-        for start in range(0, len(content), BLOCK)
+        zlib.compress(content[start : start + BYTES_AT_ONCE], level)
+        for start in range(0, len(content), BYTES_AT_ONCE)
     ]
-    last = len(content) - BLOCK * (len(blocks) - 1)
-    head = np.array([len(blocks), BLOCK, last, *map(len, blocks)], dtype=np.uint32)
+    last = len(content) - BYTES_AT_ONCE * (len(blocks) - 1)
+    head = np.array([len(blocks), BYTES_AT_ONCE, last, *map(len, blocks)], dtype=np.uint32)
     text = base64.b64encode(head.tobytes()) + base64.b64encode(b"".join(blocks))
     components = f' NumberOfComponents="{values.shape[1]}"' if values.ndim > 1 else ""
     return (

@@ -41,7 +41,7 @@ from antiosc.models.rigid_share import APART, HIDDEN, with_rigid
 Method = Literal["krylov", "modes"]
 
 #: A residual compliance below this share of C is rounding error.
-ROUNDING = 1e-9
+RESIDUAL_ROUNDING = 1e-9
 #: Relative norm of a new direction after orthogonalisation, below which the space is exhausted.
 EXHAUSTED = 1e-10
 #: An eigenvalue of T below this share of the largest is rounding error.
@@ -49,9 +49,9 @@ NULL = 1e-13
 #: Sqrt of the share of m_st at the site that is rounding.
 MASSLESS = 1e-12
 #: Largest relative increase of a bound between two samples.
-SAMPLED = 0.25
+SAMPLE_RISE = 0.25
 #: Number of sites processed at a time: their arrays fit in the cache.
-BATCH = 500
+SITES_AT_ONCE = 500
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,7 +170,7 @@ def at_sites(
         (share <= HIDDEN, elastic, count),
     ):
         sites = np.flatnonzero(group)
-        for at in np.split(sites, range(BATCH, len(sites), BATCH)):
+        for at in np.split(sites, range(SITES_AT_ONCE, len(sites), SITES_AT_ONCE)):
             found: tuple[Array, ...] = _batch(omega, part[at], r[at], s[at], few, shift, method)
             if few < count:
                 found = _joined(found, along[at])
@@ -198,18 +198,18 @@ def residual(
     x = omega**2 + shift
     modal, heavy = b**2 @ (1 / x), b**2 @ (1 / x**2)
     r = C - modal
-    if np.any(r < -ROUNDING * C):
+    if np.any(r < -RESIDUAL_ROUNDING * C):
         worst = int(np.argmin(r / C))
         raise InputError(
             f"the free modes have a larger static compliance than the structure at site {worst}: "
             f"{modal[worst]:.6g} m/N against {C[worst]:.6g} m/N; give the static compliance of the "
             "same structure and site."
         )
-    r = np.where(r <= ROUNDING * C, 0.0, r)
+    r = np.where(r <= RESIDUAL_ROUNDING * C, 0.0, r)
     if G is None:
         return r, np.zeros_like(r)
     s = np.clip(G - heavy, 0.0, r / x[-1])  # what is left out lies above the last mode
-    return r, np.where(G - heavy > ROUNDING * G, s, 0.0)
+    return r, np.where(G - heavy > RESIDUAL_ROUNDING * G, s, 0.0)
 
 
 @checks.within_range
@@ -248,8 +248,8 @@ def error_bound(
     far = np.abs(1 - z / (omega[-1] ** 2 + shift))
     modal = 1 / (omega[:, None] ** 2 - x)
     left_out, reduction = np.zeros(len(b)), np.zeros(len(b))
-    for i in range(0, len(b), BATCH):
-        part = slice(i, i + BATCH)
+    for i in range(0, len(b), SITES_AT_ONCE):
+        part = slice(i, i + SITES_AT_ONCE)
         one = r[part] / (1 - z * theta[part])
         chord = r[part] * (1 - p[part] + p[part] / (1 - z / (omega[-1] ** 2 + shift)))
         H = b[part] ** 2 @ modal + one
@@ -257,7 +257,7 @@ def error_bound(
         change = np.abs(chord - one) + (lost[part] + slow[part] * np.abs(z)) / far
         left_out[part] = np.max(np.abs(Z) * change, axis=1)
         reduction[part] = np.max(np.abs(Z * H - 1), axis=1)
-    return (1 + SAMPLED) * left_out, (1 + SAMPLED) * reduction
+    return (1 + SAMPLE_RISE) * left_out, (1 + SAMPLE_RISE) * reduction
 
 
 def _batch(

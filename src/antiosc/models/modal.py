@@ -24,7 +24,7 @@ from antiosc.errors import InputError, NotConvergedError
 from antiosc.models.motion import Inertia, Motion, unit_vector
 
 #: Share of a rigid motion's kinetic energy outside the body's rigid-body modes that is rounding.
-RIGID = 1e-8
+MISSED_ENERGY = 1e-8
 
 
 @dataclass(frozen=True)
@@ -214,7 +214,7 @@ class ModalBody:
         if self.inertia is not None and self.direction is not None:
             translation = np.concatenate((velocity * self.direction, np.zeros(3)))
             start, left = self._projected(self.inertia, translation)
-            if left <= RIGID:
+            if left <= MISSED_ENERGY:
                 return start
         along = np.where(rigid, self.b, 0.0)
         return np.asarray(velocity * along / np.sum(along**2))
@@ -227,7 +227,7 @@ class ModalBody:
                 "the direction of impact."
             )
         start, left = self._projected(self.inertia, motion.at(self.inertia))
-        if left > RIGID:
+        if left > MISSED_ENERGY:
             raise InputError(
                 f"the supports restrain the body: the share {left:.2g} of the kinetic energy of "
                 f"{motion} lies outside the rigid-body motions that the supports permit; give a "

@@ -12,7 +12,7 @@ from antiosc.models.body import LinearBody
 from antiosc.simulation.integrators.propagator import Propagator
 
 #: Bodies processed together, and times at which u is evaluated in addition to those of the force.
-BATCH, SAMPLES = 200, 200
+BODIES_AT_ONCE, SAMPLES = 200, 200
 
 
 def peak_deflections(
@@ -36,8 +36,8 @@ def peak_deflections(
     """
     duration = checks.positive("duration", duration, "s")
     peaks = [
-        _peaks(bodies[i : i + BATCH], forces[i : i + BATCH], duration)
-        for i in range(0, len(bodies), BATCH)
+        _peaks(bodies[i : i + BODIES_AT_ONCE], forces[i : i + BODIES_AT_ONCE], duration)
+        for i in range(0, len(bodies), BODIES_AT_ONCE)
     ]
     return np.concatenate([np.zeros(0), *peaks])
 

@@ -13,7 +13,7 @@ from antiosc.simulation.simulate import assemble, scaled
 
 #: the band of an impact over the circular frequency pi/T of its contact time: a half-sine of length
 #: T has its first zero there
-BEYOND = 3.0
+BAND_OVER_PULSE = 3.0
 
 
 @checks.within_range
@@ -32,7 +32,7 @@ def impact_band(impactor: LinearBody, contact: ContactLaw) -> float:
     problem, bodies = assemble(_Wall(), impactor, contact)
     endless = 1e6  # s
     _, duration = scaled(problem, bodies, endless)
-    return BEYOND * np.pi / duration
+    return BAND_OVER_PULSE * np.pi / duration
 
 
 class _Wall(Body):

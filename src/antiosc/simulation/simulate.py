@@ -48,7 +48,7 @@ DEFAULT_TOL = 1e-3
 COARSEST = 24  # per estimated contact time, on the coarsest level
 MAX_LEVELS = 24
 #: Largest phase of a motion [rad]: rounding leaves some 0.1 rad of it.
-LONGEST = 1e15
+LARGEST_PHASE = 1e15
 LAW = "a ContactLaw such as Hertz(stiffness)"
 
 
@@ -414,11 +414,11 @@ def check_span(problem: Problem, duration: float) -> None:
             " an impactor with a mass."
         )
     fastest = float(problem.omega.max())
-    if fastest * duration > LONGEST:
+    if fastest * duration > LARGEST_PHASE:
         raise AccuracyError(
             f"rounding destroys the phase of the fastest motion, {fastest:.3g} rad/s, over a "
-            f"duration of {duration:g} s: shorten it to at most {LONGEST / fastest:.2g} s, or take "
-            "fewer anti-oscillators."
+            f"duration of {duration:g} s: shorten it to at most {LARGEST_PHASE / fastest:.2g} s, "
+            "or take fewer anti-oscillators."
         )
 
 

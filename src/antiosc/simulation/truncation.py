@@ -5,8 +5,9 @@ modes are infinitely stiff. In the other extreme this mass is attached by one sp
 truncated frequency, which is the softest that is possible. The truth lies between the two, and the
 difference of the two impacts measures the truncation error. The error of each of the three
 quantities (peak force, impulse, contact time) may change its sign; the estimate of each is
-therefore at least `FLOOR` times the largest of them. With the factor `SAFETY` at least nine of ten
-true errors are below the estimate; the median overestimation is 4 to 8
+therefore at least `FLOOR` times the largest of them. With the factor
+`TRUNCATION_SAFETY` at least nine of ten true errors are below the estimate; the median
+overestimation is 4 to 8
 (tests/simulation/test_truncation.py).
 """
 
@@ -27,7 +28,7 @@ from antiosc.simulation.history import History
 Run = Callable[[AntiOscillators, float], History]
 
 FLOOR = 0.5
-SAFETY = 2.0
+TRUNCATION_SAFETY = 2.0
 
 
 @dataclass(frozen=True)
@@ -86,7 +87,7 @@ def truncation_error(
         return TruncationError(0, inf, inf, inf)
     soft = _hung(model, next_omega)
     pairs = zip(_quantities(run(model, tol)), _quantities(run(soft, tol)), strict=True)
-    errors = [SAFETY * max(_relative(*pair) - tol, 0.0) for pair in pairs]
+    errors = [TRUNCATION_SAFETY * max(_relative(*pair) - tol, 0.0) for pair in pairs]
     worst = max(errors)
     return TruncationError(model.n, *(max(e, FLOOR * worst) for e in errors))
 

@@ -61,7 +61,7 @@ def test_a_space_that_is_used_up(monkeypatch):
     """With more wanted than there is every mode is found, once."""
     structure = bar(n=(5, 2, 2))
     omega = dense(structure)
-    monkeypatch.setattr(block_lanczos, "FEW", 0)
+    monkeypatch.setattr(block_lanczos, "DOFS_PER_MODE", 0)
     monkeypatch.setattr(block_lanczos, "DENSE", 0)
     found = lowest_modes(structure, 10**6)
     assert found.complete
@@ -78,7 +78,7 @@ def test_few_dofs_are_left_to_others(monkeypatch):
 
 
 def test_no_convergence_is_told(monkeypatch):
-    monkeypatch.setattr(block_lanczos, "STEPS", 2)
+    monkeypatch.setattr(block_lanczos, "MOST_STEPS", 2)
     with pytest.raises(ao.NotConvergedError, match=r"found \d+ of 15 modes in 2 steps"):
         lowest_modes(bar(), 15)
 

@@ -27,7 +27,7 @@ from antiosc.checks import number, poisson, positive, shown, store, within_range
 from antiosc.errors import InputError
 
 #: Share of a stiffness below which terms that should cancel are rounding error.
-ROUNDING = 1e-12
+STIFFNESS_ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
@@ -204,7 +204,7 @@ def stacked(layers: Sequence[Layer]) -> PlateSection:
     A, B, D = np.einsum("pl,lij->pij", powers, Q)
     rho = np.array([layer.rho for layer in layers])
     I0, I1, I2 = (float(value) for value in powers @ rho)
-    B = np.where(np.abs(B) > ROUNDING * h * np.abs(A).max(), B, 0.0)
+    B = np.where(np.abs(B) > STIFFNESS_ROUNDING * h * np.abs(A).max(), B, 0.0)
     return PlateSection(
         thickness=h,
         A=A,
@@ -213,7 +213,7 @@ def stacked(layers: Sequence[Layer]) -> PlateSection:
         S=_transverse_shear(layers, z, Q, A, B, D),
         drilling=float(sum(layer.G12 * layer.thickness for layer in layers)),
         I0=I0,
-        I1=I1 if abs(I1) > ROUNDING * h * I0 else 0.0,
+        I1=I1 if abs(I1) > STIFFNESS_ROUNDING * h * I0 else 0.0,
         I2=I2,
     )
 

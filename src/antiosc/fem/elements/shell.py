@@ -42,7 +42,7 @@ from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.mpi import agree
 
 #: Share of its size² below which a cell has no area.
-FLAT = 1e-10
+LEAST_AREA = 1e-10
 #: Quadrilaterals: the fully integrated shares are t²/(t² + 10 h²) of the shear energy and
 #: t²/(t² + 1000 s²) of the membrane energy, s being the rise of a curved cell over its chords.
 FOR_SHEAR, FOR_MEMBRANE = 10.0, 1000.0
@@ -381,7 +381,7 @@ def _areas(mesh: Mesh) -> Any:
     areas.x.array[:] = np.linalg.norm(np.cross(first, second), axis=1) / 2
     owned = compat.cell_map(mesh.dolfinx).size_local
     size = np.maximum(np.sum(first**2, axis=1), np.sum(second**2, axis=1))
-    bad = np.flatnonzero((areas.x.array <= FLAT * size)[:owned])
+    bad = np.flatnonzero((areas.x.array <= LEAST_AREA * size)[:owned])
     total = mesh.comm.allreduce(len(bad))
     error = None
     if len(bad):

@@ -23,15 +23,15 @@ from antiosc.fem.structure.structure import Structure
 #: Right-hand sides solved for together. On two structures of 10⁵ dofs 20 modes took half of the
 #: time of SLEPc's Krylov–Schur method with 8, two thirds with 16; with 43 263 dofs (the bracket) 20
 #: and 60 modes took 0.47 and 0.37 of its time (one thread).
-BLOCK = 8
+VECTORS_PER_BLOCK = 8
 #: Largest ‖A⁻¹Mφ - θφ‖ over θ of an accepted mode; the relative error of ω² is about its square.
-RESIDUAL = 1e-7
+MODE_RESIDUAL = 1e-7
 #: Structures with fewer dofs for each mode are solved by `ModeSolver`.
-FEW = 20
+DOFS_PER_MODE = 20
 #: A direction below this share of its block (squared, in M) is rounding.
 DEPENDENT = 1e-8
 #: Most steps; each gives about half a mode for every vector of the block.
-STEPS = 200
+MOST_STEPS = 200
 
 log = logging.getLogger(__name__)
 
@@ -44,24 +44,24 @@ def lowest_modes(structure: Structure, count: int, reach: float = 0.0) -> Modes:
     NotConvergedError
         The largest number of steps was not sufficient.
     """
-    if structure.K.getSize()[0] <= DENSE or structure.dofs < FEW * count:
+    if structure.K.getSize()[0] <= DENSE or structure.dofs < DOFS_PER_MODE * count:
         return _one_by_one(structure, count, reach)
     run = _Lanczos(structure)
     rows = structure.K.getSize()[0]
     memory = on_root(structure.comm, solver_choice.free_memory)
-    room = solver_choice.FILL * memory / (8 * BLOCK * rows)
-    steps = max(1, int(min(STEPS, room - 3)))  # a block of the basis each
+    room = solver_choice.FILL * memory / (8 * VECTORS_PER_BLOCK * rows)
+    steps = max(1, int(min(MOST_STEPS, room - 3)))  # a block of the basis each
     for step in range(steps):
         run.advance()
         omega, turn, residual = run.ritz()
-        settled = int(np.append(residual > RESIDUAL, True).argmax())
+        settled = int(np.append(residual > MODE_RESIDUAL, True).argmax())
         if run.exhausted or (settled >= count and omega[settled - 1] >= reach):
             kept = len(omega) if run.exhausted else settled
             return Modes(omega[:kept], run.shapes(turn[:, :kept]), run.exhausted)
         log.debug("block Lanczos step %d: %d modes settled", step, settled)
     raise NotConvergedError(
-        f"block Lanczos found {settled} of {count} modes in {steps} steps (at most {STEPS}, and as "
-        "many as fit in memory): ask for fewer modes or a lower band."
+        f"block Lanczos found {settled} of {count} modes in {steps} steps (at most {MOST_STEPS}, "
+        "and as many as fit in memory): ask for fewer modes or a lower band."
     )
 
 
@@ -88,7 +88,7 @@ class _Lanczos:
         self._coupling: Array = np.zeros((0, 0))
         self.exhausted = False
         rows = structure.K.getLocalSize()[0]
-        random = np.random.default_rng(self._comm.rank).standard_normal((rows, BLOCK))
+        random = np.random.default_rng(self._comm.rank).standard_normal((rows, VECTORS_PER_BLOCK))
         start = structure.factorize().solve_block(multiply(structure.M, random))
         self._next, self._m_next, _ = self._orthonormal(start)
 

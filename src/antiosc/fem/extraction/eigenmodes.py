@@ -40,7 +40,7 @@ GUARD = 4
 #: resolves it.
 EVEN = 1e-7
 #: Relative distance of ω² below which two modes are taken as they are: any basis of theirs serves.
-CLOSE = 1e-8
+CLOSE_MODES = 1e-8
 
 
 @dataclass(frozen=True)
@@ -251,7 +251,7 @@ def polish(
         own, strain = masses(phi) - one, strains(phi)
         poles = np.diag(strain) / (1 + np.diag(own))
         gap = poles[:, None] - poles
-        apart = np.abs(gap) > CLOSE * np.maximum(poles[:, None], poles)
+        apart = np.abs(gap) > CLOSE_MODES * np.maximum(poles[:, None], poles)
         step = np.where(apart, (poles * own - strain) / np.where(apart, gap, 1.0), -own / 2)
         phi = phi + phi @ step
     return poles, phi

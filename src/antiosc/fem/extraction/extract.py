@@ -17,7 +17,7 @@ from antiosc.checks import choice, flag, instance, positive, tolerance, whole, w
 from antiosc.errors import AccuracyError, AccuracyWarning, InputError, warn
 from antiosc.fem import mpi
 from antiosc.fem.extraction.eigenmodes import Modes, ModeSolver
-from antiosc.fem.extraction.krylov import CHUNK, Remainder, by_krylov
+from antiosc.fem.extraction.krylov import BASIS_STEP, Remainder, by_krylov
 from antiosc.fem.extraction.oscillators import (
     Found,
     Oscillators,
@@ -50,9 +50,9 @@ MECHANISM = 1e-9
 #: then right to about the square of this.
 CONVERGED = 1e-3
 #: With this many Krylov anti-oscillators the lowest must have converged to an antiresonance.
-SETTLED = 10
+SETTLED_FROM = 10
 #: Default number of anti-oscillators, and the largest number with a band.
-DEFAULT, MOST = 20, 400
+DEFAULT, MOST_FOR_BAND = 20, 400
 #: Largest number of modes computed for each one wanted: a site with fewer observable ones gets
 #: fewer.
 SEARCHED = 10
@@ -171,7 +171,7 @@ class _Wish:
 def _wish(structure: Structure, n: Any, method: Any, tol: Any, band: Any, accuracy: Any) -> _Wish:
     choice("method", method, get_args(Method))
     if n is None:
-        n = min(DEFAULT if band is None else MOST, structure.dofs - 1)
+        n = min(DEFAULT if band is None else MOST_FOR_BAND, structure.dofs - 1)
     n = whole("n", n, least=0 if band is None else 1)
     if n >= structure.dofs:
         raise InputError(
@@ -194,7 +194,7 @@ def _together(structure: Structure, wish: _Wish) -> int:
     """Number of sites processed at once: as many as fit in SLICE bytes of basis vectors."""
     if wish.method == "modes":
         return 1
-    columns = wish.n + 2 if wish.band is None else 2 * CHUNK
+    columns = wish.n + 2 if wish.band is None else 2 * BASIS_STEP
     return max(1, int(SLICE / (16 * columns * structure.K.getSize()[0])))
 
 
@@ -240,7 +240,7 @@ def _tell(model: AntiOscillators, wish: _Wish, complete: bool) -> None:
             "contains these; reduce tol for more.",
             AccuracyWarning,
         )
-    if model.info["converged"] == 0 and model.n >= SETTLED:
+    if model.info["converged"] == 0 and model.n >= SETTLED_FROM:
         warn(
             f"none of the {model.n} anti-oscillators has converged to an antiresonance: their "
             "frequencies are unreliable; check whether some part is very slender.",

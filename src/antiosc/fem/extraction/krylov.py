@@ -41,11 +41,12 @@ EXHAUSTED = 1e-10
 #: Share of the largest θ below which the smallest θ of an eigensolver are inaccurate.
 WIDE = 1e-8
 #: Columns by which a basis grows.
-CHUNK = 16
+BASIS_STEP = 16
 
-#: The largest number of steps is MOST times the number of anti-oscillators wanted, plus MORE: some
-#: pairs may have no share in Z (at a site of symmetry rounding introduces as many again).
-MOST, MORE = 3, 20
+#: The largest number of steps is STEPS_PER_ONE times the number of anti-oscillators wanted, plus
+#: MORE: some pairs may have no share in Z (at a site of symmetry rounding introduces as many
+#: again).
+STEPS_PER_ONE, MORE = 3, 20
 
 #: Bound on |Z - Z_N| [N/m] at complex x = ω² of shape (W,): (W,).
 Remainder = Callable[[ComplexArray], Array]
@@ -58,7 +59,7 @@ class Lanczos:
     solution."""
 
     def __init__(
-        self, structure: Structure, site: Functional, static: StaticMode, room: int = CHUNK
+        self, structure: Structure, site: Functional, static: StaticMode, room: int = BASIS_STEP
     ) -> None:
         self._comm, self._M, self._shift = structure.comm, structure.M, structure.shift
         self._A = structure.factorize().A
@@ -114,7 +115,7 @@ class Lanczos:
         k = self._locked + self.steps
         if k == self._V.shape[1]:
             self._V, self._F = (
-                np.concatenate([x.T, np.empty((CHUNK, len(x)))]).T for x in (self._V, self._F)
+                np.concatenate([x.T, np.empty((BASIS_STEP, len(x)))]).T for x in (self._V, self._F)
             )
         self._V[:, k], self._F[:, k] = v, f
         m_v = multiply(self._M, v)
@@ -210,7 +211,7 @@ def by_krylov(
     solves one block of right-hand sides.
     """
     runs = [
-        Lanczos(structure, site, static, n + 1 if band is None else CHUNK)
+        Lanczos(structure, site, static, n + 1 if band is None else BASIS_STEP)
         for site, static, n in zip(sites, statics, counts, strict=True)
     ]
     done: dict[int, tuple[Modes, Remainder | None]] = {}
@@ -235,6 +236,6 @@ def _finished(run: Lanczos, n: int, tol: float, band: float | None, accuracy: fl
         return run.steps
     if band is None:
         wanting = run.steps < n or np.sum(run.shares(run.steps) > tol) < n
-        return None if wanting and run.steps < MOST * n + MORE else run.steps
+        return None if wanting and run.steps < STEPS_PER_ONE * n + MORE else run.steps
     tried = run.steps - 1  # the truncation error of this number of steps is known only now
     return tried if tried == n or (tried and run.error(tried, band) <= accuracy) else None

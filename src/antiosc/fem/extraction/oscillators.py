@@ -26,10 +26,10 @@ from antiosc.models.rigid_share import with_rigid
 REPEATED = 1e-6
 #: √(m0/m_st) due to rounding if no mass remains at the site.
 MASSLESS = 1e-12
-#: Distance of the samples of a bound; between two of them it rises by less than the share `SAMPLED`
-STEP, SAMPLED = bands.DAMPING / 4, 0.05
+#: Distance of the samples of a bound, and the largest share by which it rises between two of them.
+SAMPLE_STEP, SAMPLE_RISE = bands.DAMPING / 4, 0.05
 #: Rounding of the solves, in units of ε for every entry of the matrices.
-ROUNDING = 64.0
+SOLVE_ROUNDING = 64.0
 
 
 @dataclass(frozen=True)
@@ -163,10 +163,10 @@ def error_bound(
     """Bound on |ΔZ|/|Z| of the parameters over the band up to `band` [rad/s]."""
     static = known.static
     lowest = bands.lowest_frequency(kept.k0, kept.m0 + float(kept.m.sum()), kept.omega)
-    x = bands.samples(band, lowest, STEP) ** 2
+    x = bands.samples(band, lowest, SAMPLE_STEP) ** 2
     elastic = bands.driving_point(x, *kept.chain)
     left = remainder(x) + np.abs(known.stiffness(x) - elastic) + _rounding(structure, known, x)
-    off = (1 + SAMPLED) * left / np.abs(elastic)
+    off = (1 + SAMPLE_RISE) * left / np.abs(elastic)
     # |1/Z - 1/Z_e| |Z_e| of the true elastic Z and this one
     off = np.where(off < 1, off / np.where(off < 1, 1 - off, 1.0), np.inf)
     Z = bands.driving_point(x, kept.k0, kept.m0, kept.m, kept.omega**2)
@@ -209,7 +209,7 @@ def _rounding(structure: Structure, known: Found, x: ComplexArray) -> Array:
     if by_strains(structure.K):  # a sum of squares of strains, each to ε of its own terms
         energy = known.static.k0 + np.abs(weight[:, 1:] * x[:, None] / poles) ** 2 @ poles
         parts[0] = np.sqrt(parts[0] * energy)
-    left = ROUNDING * np.finfo(float).eps * (parts[0] + np.abs(x) * parts[1])
+    left = SOLVE_ROUNDING * np.finfo(float).eps * (parts[0] + np.abs(x) * parts[1])
     off = [known.stiffnesses - np.diag(known.poles), known.masses - np.eye(len(known.c))]
     size = np.abs(weight[:, 1:])
     left += 2 * np.abs(x) * (size @ np.abs(known.coupling[real] / poles))

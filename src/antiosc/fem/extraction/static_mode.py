@@ -18,7 +18,7 @@ from antiosc.models.rigid_share import APART, HIDDEN
 #: rounding leaves no less (the error of the compliance is the square of it).
 STATIC_TOL, STATIC_SOUND = 1e-13, 1e-8
 #: Most steps of that solve, and how many without progress are rounding.
-STEPS, IDLE = 200, 5
+STATIC_STEPS, STATIC_IDLE = 200, 5
 
 
 @dataclass(frozen=True)
@@ -139,7 +139,7 @@ def beside_rigid(structure: Structure, factor: Solver, b: Array) -> Array:
     rz = first = best = float(dot(comm, r, z))
     idle = 0
     # rᵀz is the square of the error in energy, to the tenth that A differs from K.
-    for _ in range(STEPS):
+    for _ in range(STATIC_STEPS):
         Kp = multiply(K, p)
         step = rz / float(dot(comm, p, Kp))
         y, r = y + step * p, load(r - step * Kp)
@@ -147,11 +147,11 @@ def beside_rigid(structure: Structure, factor: Solver, b: Array) -> Array:
         rz, before = float(dot(comm, r, z)), rz
         idle = 0 if rz < best else idle + 1
         best = min(best, rz)
-        if rz <= STATIC_TOL**2 * first or (idle == IDLE and best <= STATIC_SOUND**2 * first):
+        if rz <= STATIC_TOL**2 * first or (idle == STATIC_IDLE and best <= STATIC_SOUND**2 * first):
             return shape(y)
         p = z + rz / before * p
     raise NotConvergedError(
         f"the static mode of a structure with {R.shape[1]} rigid-body modes did not converge: "
-        f"relative error in energy {np.sqrt(best / first):.1e} after {STEPS} steps, goal "
+        f"relative error in energy {np.sqrt(best / first):.1e} after {STATIC_STEPS} steps, goal "
         f"{STATIC_TOL:.0e}: the matrices are ill-conditioned (very uneven elements or materials)."
     )

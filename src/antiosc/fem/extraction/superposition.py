@@ -32,7 +32,7 @@ from antiosc.models.motion import Inertia
 from antiosc.threads import one_thread
 
 #: A residual compliance below this share of the compliance is rounding.
-ROUNDING = 1e-9
+RESIDUAL_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -276,6 +276,6 @@ def _left_out(
     moving = modes.omega > 0
     own[moving] = b[moving] / modes.omega[moving] ** 2
     r = compliance - float(own @ b)
-    if r <= ROUNDING * compliance:
+    if r <= RESIDUAL_ROUNDING * compliance:
         return 0.0, np.zeros_like(elastic)
     return r, elastic - modes.phi @ own

@@ -39,7 +39,7 @@ from antiosc.threads import as_many_as_pay, one_thread
 #: of `cholmod_l_solve2`: A x = b, L y = b and Lᵀx = y
 SOLVE, FORWARD, BACKWARD = 0, 4, 5
 #: Nodes of at least so many rows are ordered as nodes.
-BLOCK = 2
+NODE_ROWS = 2
 
 
 class NotPositiveDefiniteError(NotConvergedError):
@@ -135,7 +135,7 @@ class Analysis:
         common = self.memory.common
         common.supernodal, common.quick_return_if_not_posdef = SUPERNODAL, 1
         common.print_level = 0
-        if permutation is None and (block >= BLOCK or last):
+        if permutation is None and (block >= NODE_ROWS or last):
             inner = self._of_nodes(A[last:, last:] if last else A, block)
             permutation = np.concatenate([last + inner, np.arange(last)])
         self.matrix, self._kept = _sparse(A)

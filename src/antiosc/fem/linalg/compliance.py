@@ -34,13 +34,13 @@ from antiosc.fem.mpi import agree, on_root, warn
 from antiosc.fem.structure.structure import Structure
 
 #: Loads that go through the tree together: few enough that they share their branch.
-BLOCK = 64
+LOADS_PER_WALK = 64
 #: Columns of L that are solved for at a time; the triangle of so many is copied.
 PANEL = 128
 #: Right-hand sides of a block where all is solved for.
 SOLVED = 64
 #: σ over the last known ω² + s: the secant is off by about this share, rounding by 1e-12 over it.
-STEP = 1e-3
+SHIFT_STEP = 1e-3
 
 log = logging.getLogger(__name__)
 
@@ -60,7 +60,7 @@ def deflections(
     if not _room(structure):
         return _by_solves(structure, loads)
     x = omega**2 + structure.shift
-    step = STEP * x[-1]
+    step = SHIFT_STEP * x[-1]
     C, after = _twice(structure, loads, step)
     # what the known modes leave of both; as one mode of compliance `rest` and frequency² 1/slow
     rest, rest_after = C - b**2 @ (1 / x), after - b**2 @ (1 / (x + step))
@@ -140,9 +140,9 @@ def compliances(factor: Cholesky, loads: scipy.sparse.spmatrix) -> Array:
     first = np.array([position[B.indices[B.indptr[k] : B.indptr[k + 1]]].min() for k in used], int)
     order = used[np.argsort(first, kind="stable")]
     found = np.zeros(B.shape[1])
-    W = np.zeros((len(position), BLOCK))
-    for start in range(0, len(order), BLOCK):
-        sites = order[start : start + BLOCK]
+    W = np.zeros((len(position), LOADS_PER_WALK))
+    for start in range(0, len(order), LOADS_PER_WALK):
+        sites = order[start : start + LOADS_PER_WALK]
         part = B[:, sites].tocoo()
         rows = position[part.row]
         W[rows, part.col] = part.data

@@ -46,7 +46,7 @@ FILL = 0.9
 #: Most rows of an interface between ranks that are kept as a dense matrix, 0.3 GB on each rank.
 INTERFACE = 6_000
 #: Relative residual of an iterative solve, and the most iterations for it.
-RESIDUAL, ITERATIONS = 1e-12, 2000
+ITERATION_RESIDUAL, ITERATIONS = 1e-12, 2000
 
 
 class Multigrid(PetscSolver):
@@ -69,7 +69,7 @@ class Multigrid(PetscSolver):
     def _choose(self) -> None:
         self._ksp.setType(PETSc.KSP.Type.CG)
         self._ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
-        self._ksp.setTolerances(rtol=RESIDUAL, max_it=ITERATIONS)
+        self._ksp.setTolerances(rtol=ITERATION_RESIDUAL, max_it=ITERATIONS)
         self._ksp.getPC().setType(PETSc.PC.Type.GAMG)
 
 

@@ -27,10 +27,10 @@ from antiosc.threads import one_thread
 #: Largest ‖Ax - r‖ / (‖A‖‖x‖ + ‖r‖) that a direct solve may leave; sound ones leave about 1e-16.
 BACKWARD_ERROR = 1e-10
 #: Largest ‖A‖‖x‖/‖Ax‖: rounding makes a mechanism as stiff as 1e-16 of the stiffest motion.
-GROWTH = 1e14
+SOLUTION_GROWTH = 1e14
 
 #: Vectors from which a product of matrices is faster than one by one.
-BLOCK = 4
+BLOCK_PRODUCT_FROM = 4
 #: PETSC_ERR_MEM
 PETSC_NO_MEMORY = 55
 #: PETSc attribute of a matrix: a product that is more accurate than its entries give (callable).
@@ -54,7 +54,7 @@ def multiply(matrix: PETSc.Mat, x: Array) -> Array:
     accurate = matrix.getAttr(PRODUCT)
     if accurate is not None:
         return np.asarray(accurate(x))
-    if x.ndim == 2 and x.shape[1] >= BLOCK:
+    if x.ndim == 2 and x.shape[1] >= BLOCK_PRODUCT_FROM:
         block = _dense(matrix, x)
         product = matrix.matMult(block)
         result = np.array(product.getDenseArray())
@@ -138,7 +138,7 @@ class Solver(ABC):
     """A⁻¹ of a symmetric positive definite matrix, for many right-hand sides."""
 
     #: largest ‖A‖‖x‖/‖Ax‖ of a checked solve
-    growth: float = GROWTH
+    growth: float = SOLUTION_GROWTH
 
     def __init__(self, A: PETSc.Mat) -> None:
         started = time.perf_counter()

@@ -25,11 +25,11 @@ from antiosc.fem.linalg.solvers import PRODUCT, Solver, multiply
 #: Error of a solve in the energy norm at which it ends, relative; of a compliance it is the square.
 ENERGY = 1e-11
 #: Largest error accepted if rounding, or the largest number of steps, ends the solve.
-STALLED, STEPS = 1e-6, 60
+STALLED, MOST_CG_STEPS = 1e-6, 60
 #: Share of its own diagonal by which a matrix is made stiffer that rounding keeps from a factor.
 RIDGE = 1e-14
 #: Largest ‖A‖‖x‖/‖Ax‖: products by strains leave a mechanism about 1e-32 of the stiffest motion.
-GROWTH = 1e24
+SOLUTION_GROWTH_BY_STRAINS = 1e24
 
 
 def attach(K: PETSc.Mat, S: PETSc.Mat, rest: PETSc.Mat) -> None:
@@ -57,7 +57,7 @@ class Refined(Solver):
         A has no factor.
     """
 
-    growth = GROWTH
+    growth = SOLUTION_GROWTH_BY_STRAINS
 
     def __init__(self, A: PETSc.Mat, make: Callable[[PETSc.Mat], Solver]) -> None:
         self._make = make
@@ -81,7 +81,7 @@ class Refined(Solver):
         z = self._inner.solve_block(r)
         p, rz = z, self._inner_products(r, z)
         energy = np.zeros(R.shape[1])  # xᵀA x so far
-        for _ in range(STEPS):
+        for _ in range(MOST_CG_STEPS):
             Ap = multiply(self.A, p)
             step = _quotient(rz, self._inner_products(p, Ap))
             X += step * p
@@ -95,10 +95,10 @@ class Refined(Solver):
         left = float(np.max(np.sqrt(np.abs(_quotient(rz, energy)))))
         if not left <= STALLED:
             raise AccuracyError(
-                f"a solve stopped at a relative error of {left:.1e} in energy after {STEPS} steps "
-                f"(limit {STALLED:.0e}): for beams this slender with elements this short double "
-                "precision does not resolve the bending stiffness; use fewer elements, or support "
-                "loose parts."
+                f"a solve stopped at a relative error of {left:.1e} in energy after "
+                f"{MOST_CG_STEPS} steps (limit {STALLED:.0e}): for beams this slender with "
+                "elements this short double precision does not resolve the bending stiffness; use fewer "
+                "elements, or support loose parts."
             )
         return X
 

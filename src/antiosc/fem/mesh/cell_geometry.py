@@ -14,9 +14,9 @@ from antiosc._types import Array, IntArray
 SIMPLICES = ("interval", "triangle", "tetrahedron")
 #: Most Gauss–Newton steps onto a curved cell, and the step (reference lengths) that ends them: what
 #: is left is its square.
-STEPS, SETTLED = 12, 1e-8
+FOOT_STEPS, FOOT_SETTLED = 12, 1e-8
 #: A foot that leaves its cell by more than this is not sought any further (reference lengths).
-BEYOND = 1.0
+FOOT_BEYOND = 1.0
 
 
 class CellGeometry:
@@ -73,7 +73,7 @@ def projected(
     """
     xi = np.array(start)
     moving = np.arange(len(points))
-    for _ in range(1 if affine else STEPS):
+    for _ in range(1 if affine else FOOT_STEPS):
         x, J = at(moving, xi[moving])
         gap = points[moving] - x
         if along is not None:
@@ -88,8 +88,8 @@ def projected(
         step = np.linalg.solve(normal, right)[..., 0]
         xi[moving] += step
         here = xi[moving]
-        far = (here.min(axis=1) < -BEYOND) | (here.max(axis=1) > 1 + BEYOND)
-        moving = moving[(np.abs(step).max(axis=1) > SETTLED) & ~far]
+        far = (here.min(axis=1) < -FOOT_BEYOND) | (here.max(axis=1) > 1 + FOOT_BEYOND)
+        moving = moving[(np.abs(step).max(axis=1) > FOOT_SETTLED) & ~far]
         if not len(moving):
             break
     return xi

@@ -13,7 +13,7 @@ from antiosc.fem.mesh.cell_geometry import clamped, excess, near, projected
 from antiosc.fem.mesh.mesh import Mesh
 
 #: Reference coordinates may lie this far outside a cell that still holds the point (rounding).
-INSIDE = 1e-9
+OUTSIDE_CELL = 1e-9
 
 
 @dataclass(frozen=True)
@@ -94,9 +94,9 @@ def _inside(mesh: Mesh, points: Array) -> tuple[IntArray, Array, Array]:
     if not len(low):
         return cell, X, distance
     reach = 0.5 * np.linalg.norm(high - low, axis=1)
-    item, point = near((low + high) / 2, reach * (1 + INSIDE), points)
+    item, point = near((low + high) / 2, reach * (1 + OUTSIDE_CELL), points)
     geometry = mesh.geometry
-    margin = INSIDE * reach[item, None]
+    margin = OUTSIDE_CELL * reach[item, None]
     boxed = (points[point] >= low[item] - margin) & (points[point] <= high[item] + margin)
     item, point = item[boxed.all(axis=1)], point[boxed.all(axis=1)]
     start = np.tile(geometry.centre(), (len(item), 1))
@@ -104,7 +104,7 @@ def _inside(mesh: Mesh, points: Array) -> tuple[IntArray, Array, Array]:
         lambda k, X: geometry.at(item[k], X), points[point], start, affine=geometry.affine
     )
     off = np.linalg.norm(geometry.at(item, xi)[0] - points[point], axis=1)
-    holds = (excess(xi, geometry.simplex) <= INSIDE) & (off <= INSIDE * reach[item])
+    holds = (excess(xi, geometry.simplex) <= OUTSIDE_CELL) & (off <= OUTSIDE_CELL * reach[item])
     item, point, xi, off = item[holds], point[holds], xi[holds], off[holds]
     order = np.lexsort((-item, point))  # the first cell is written last
     cell[point[order]], X[point[order]] = item[order], xi[order]
@@ -140,7 +140,7 @@ def _closest_in(mesh: Mesh, cell: int, point: Array) -> ClosestPoint:
 
     middle = geometry.centre()
     X = projected(lambda _, X: at(X), point[None], middle[None], affine=geometry.affine)
-    if mesh.tdim == mesh.gdim or not excess(X, geometry.simplex)[0] <= INSIDE:
+    if mesh.tdim == mesh.gdim or not excess(X, geometry.simplex)[0] <= OUTSIDE_CELL:
         X = clamped(X, geometry.simplex)
 
         from scipy.optimize import minimize  # loaded where it is used: it takes long

@@ -18,7 +18,7 @@ from antiosc.fem.readers.selection import keys
 #: A point this close to a face, over the size of the face, lies on it.
 ON = 1e-3
 #: Barycentric coordinates above this are inside.
-INSIDE = 1e-3
+INSIDE_FACE = 1e-3
 #: Weights of the vertices of a cell or a face that give a point on no line of symmetry.
 _ASKEW = {2: (0.59, 0.41), 3: (0.46, 0.31, 0.23), 4: (0.37, 0.29, 0.21, 0.13)}
 #: Simplices that make up a cell or a face.
@@ -67,7 +67,7 @@ def overlapping(points: Array, cells: IntArray, kind: CellKind) -> IntArray:
         for at, cell in _near(askew, corners):
             other = owner[outer[at]] != cell
             at, cell = at[other], cell[other]
-            inside = _barycentric(corners[cell], askew[at])[0].min(axis=1) > INSIDE
+            inside = _barycentric(corners[cell], askew[at])[0].min(axis=1) > INSIDE_FACE
             found.append(owner[outer[at[inside]]])
     return np.unique(np.concatenate(found))
 

@@ -15,11 +15,11 @@ from antiosc.fem import compat
 #: Smallest Jacobian determinant over the largest in a cell that still counts as sound.
 SOUND = 0.02
 #: Measure of a cell over its size to the power of its dimension below which it has none.
-FLAT = 1e-7
+LEAST_MEASURE = 1e-7
 #: Size of a cell over that of the mesh below which it is a point.
 POINT = 1e-12
 #: Mid-side nodes of second-order simplices in gmsh's order, from the third vertex on.
-EDGES = {
+MID_SIDE_EDGES = {
     "triangle": [(0, 1), (1, 2), (2, 0)],
     "tetrahedron": [(0, 1), (1, 2), (2, 0), (3, 0), (3, 2), (3, 1)],
 }
@@ -47,7 +47,7 @@ def collapsed(points: Array, cells: IntArray, shape: str, order: int) -> IntArra
     measure = np.sqrt(np.abs(np.linalg.det(J @ J.swapaxes(2, 3)))).max(axis=1)
     size = np.abs(J).max(axis=(1, 2, 3))
     nothing = size <= POINT * np.ptp(points, axis=0).max()
-    return np.flatnonzero(nothing | (measure <= FLAT * size ** slopes.shape[0]))
+    return np.flatnonzero(nothing | (measure <= LEAST_MEASURE * size ** slopes.shape[0]))
 
 
 def straightened(points: Array, cells: IntArray, shape: str) -> Array:
@@ -56,7 +56,7 @@ def straightened(points: Array, cells: IntArray, shape: str) -> Array:
     `cells` are in gmsh's order. Neighbours share those nodes: repeated until no cell is folded.
     """
     points = points.copy()
-    edges = np.array(EDGES[shape])
+    edges = np.array(MID_SIDE_EDGES[shape])
     middles = slice(edges.max() + 1, edges.max() + 1 + len(edges))
     reordered = cells[:, compat.node_order(shape, cells.shape[1], "gmsh")]
     bad = folded(points, reordered, shape, 2, SOUND)

@@ -41,7 +41,7 @@ def sound(raw: RawMesh, name: str, made_here: bool) -> RawMesh:
         )
     _refuse_pieces(raw, name)
     if kind.dim == raw.points.shape[1]:
-        if made_here and kind.order == 2 and kind.shape in folded_cells.EDGES:
+        if made_here and kind.order == 2 and kind.shape in folded_cells.MID_SIDE_EDGES:
             return replace(raw, points=folded_cells.straightened(raw.points, raw.cells, kind.shape))
         bad = folded_cells.folded(raw.points, cells, kind.shape, kind.order)
         if len(bad):

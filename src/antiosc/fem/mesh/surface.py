@@ -26,7 +26,7 @@ AT_EDGE = 0.25
 #: Faces touch a point within this share of their size; normals that differ by less are equal.
 TOUCH, LEVEL = 1e-6, 1e-6
 #: Reference coordinates may lie this far outside a face that still holds the point (rounding).
-INSIDE = 1e-8
+OUTSIDE_FACE = 1e-8
 #: On the plane that touches a curved face, the foot of a point of the face may lie outside by this
 #: times the face's bend (reference lengths).
 NEARLY = 5.0
@@ -195,7 +195,7 @@ class Faces:
         item, point = near(self.centres, self.sizes[1] + rise, points)
         found = self._on_plane(item, points[point], normals[point])
         bend = self.bend[item]
-        close = excess(found, self.simplex) <= INSIDE + NEARLY * bend
+        close = excess(found, self.simplex) <= OUTSIDE_FACE + NEARLY * bend
         item, point, found = item[close], point[close], found[close]
         bent = np.flatnonzero(bend[close] > 0)
         found[bent] = projected(
@@ -205,7 +205,7 @@ class Faces:
             affine=False,
             along=normals[point[bent]],
         )
-        inside = excess(found, self.simplex) <= INSIDE
+        inside = excess(found, self.simplex) <= OUTSIDE_FACE
         item, point, found = item[inside], point[inside], found[inside]
         x, normal = self.across(item, found)
         off = np.abs(np.einsum("nd,nd->n", x - points[point], normals[point]))

@@ -10,7 +10,7 @@ from antiosc.errors import warn
 #: Speeds √(E/ρ) of waves in bars, m/s: rubber has some 50, diamond 18 000.
 SLOWEST, FASTEST = 50.0, 20_000.0
 #: Parts are shorter than this, m.
-LONGEST = 100.0
+LONGEST_PART = 100.0
 
 
 class Material(Protocol):
@@ -30,10 +30,10 @@ def tell_of_units(extent: float, materials: Iterable[Material]) -> None:
         Diagonal of the box around the part, m.
     materials : Solid, Beam, Shell or Laminate
     """
-    if extent > LONGEST:
+    if extent > LONGEST_PART:
         warn(
-            f"the part is {extent:.4g} m long, more than {LONGEST:g} m: units are SI; a mesh in "
-            "millimetres must be scaled by 1e-3."
+            f"the part is {extent:.4g} m long, more than {LONGEST_PART:g} m: units are SI; a mesh "
+            "in millimetres must be scaled by 1e-3."
         )
     for material in materials:
         speed = material.bar_speed()

@@ -18,7 +18,7 @@ from antiosc.fem.site.sites import Sites, located, tell
 from antiosc.fem.structure.meshed import MeshedStructure
 
 #: A site with less than this share of its load on free dofs is fixed by the supports.
-CONSTRAINED = 0.05
+LEAST_FREE_SHARE_ON_MAP = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +62,7 @@ def sites_of(
     radii = np.full(count, np.nan if radius is None else radius)
     found = located(structure, ground.points, directions, radii)
     on_face = np.isnan(found.radii) | ((found.share > 0) & (found.depth <= found.radii))
-    keep = on_face & (found.moving > CONSTRAINED)
+    keep = on_face & (found.moving > LEAST_FREE_SHARE_ON_MAP)
     if not keep.any():
         raise InputError(
             "no site of the map can move: supports fix the whole surface, or there is no surface "

@@ -19,11 +19,11 @@ from antiosc.fem.mesh.surface import Contact, Faces
 from antiosc.fem.structure.meshed import MeshedStructure
 
 #: Rings of a disc's rule beside those that its cells ask for, and the most there may be.
-RINGS, MOST = 4, 24
+RINGS, MOST_RINGS = 4, 24
 #: A surface that rises by less than this share of the radius is flat; it may rise by the second.
-FLAT, RISE = 1e-6, 0.5
+FLAT_RISE, MOST_RISE = 1e-6, 0.5
 #: Points of patches that are worked on at a time.
-BATCH = 200_000
+POINTS_AT_ONCE = 200_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,15 +77,15 @@ def patches(faces: Faces, points: Array, radii: Array, contact: Contact) -> tupl
     weights are scaled to a unit force.
     """
     size = np.where(np.isfinite(contact.smallest), contact.smallest, radii)
-    rings = np.minimum(RINGS + np.ceil(4 * radii / size - 1e-6), MOST).astype(int)
-    flat = contact.rise <= FLAT * radii  # then few faces come into question for a point
+    rings = np.minimum(RINGS + np.ceil(4 * radii / size - 1e-6), MOST_RINGS).astype(int)
+    flat = contact.rise <= FLAT_RISE * radii  # then few faces come into question for a point
     share = np.zeros(len(points))
     found = []
     for count, even in sorted({(int(n), bool(f)) for n, f in zip(rings, flat, strict=True)}):
         rule, weights = disc(count) if faces.dim == 2 else segment(4 * count)
         members = np.flatnonzero((rings == count) & (flat == even))
-        rise = FLAT if even else RISE
-        for part in np.array_split(members, 1 + len(members) * len(rule) // BATCH):
+        rise = FLAT_RISE if even else MOST_RISE
+        for part in np.array_split(members, 1 + len(members) * len(rule) // POINTS_AT_ONCE):
             own = _laid(faces, points, radii, contact.normals, part, rule, weights, rise)
             share[part] = own[1]
             found.append(own[0])

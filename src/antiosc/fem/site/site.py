@@ -28,7 +28,7 @@ from antiosc.fem.structure.structure import Structure
 #: A point counts as on the structure up to this share of the structure's size.
 ON_STRUCTURE = 1e-6
 #: A site with less than this share of its load on free dofs is fixed by the supports.
-CONSTRAINED = 1e-9
+LEAST_FREE_SHARE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -146,7 +146,7 @@ def _algebraic(structure: Structure, site: Site) -> Functional:
             b[site.dof - first] = 1.0
     whole = norm(structure.comm, b)
     b[structure.fixed[structure.fixed < len(b)]] = 0.0
-    if norm(structure.comm, b) <= CONSTRAINED * whole:
+    if norm(structure.comm, b) <= LEAST_FREE_SHARE * whole:
         raise InputError(_constrained("the site"))
     return Functional(b)
 
@@ -192,7 +192,7 @@ def _check(found: Sites) -> None:
                 f"the facets there measure {found.size[i]:.3g} m; refine around the site, "
                 f"refine=[(point, {radius:g})]."
             )
-        if found.moving[i] <= CONSTRAINED:
+        if found.moving[i] <= LEAST_FREE_SHARE:
             raise InputError(_constrained(f"the site at {_text(found.points[i])}"))
 
 

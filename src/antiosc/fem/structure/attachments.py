@@ -29,7 +29,7 @@ from antiosc.fem.mpi import agree
 
 COMPONENTS = ("x", "y", "z", "rx", "ry", "rz")
 #: Dofs of a beam and of the sheet are the same within this share of the beam's extent.
-SAME = 1e-7
+SAME_DOF = 1e-7
 #: A point this share of the size off the structure, as by a curved mesh, is moved onto it.
 NEAR = 1e-3
 
@@ -242,7 +242,7 @@ def _attachment_points(mesh: Mesh, where: str | Sequence[float]) -> list[Closest
 
 
 #: Corners of the edges of a cell, in dolfinx's order; mid-side nodes follow the corners.
-EDGES = {
+CELL_EDGES = {
     "triangle": ((1, 2), (0, 2), (0, 1)),
     "quadrilateral": ((0, 1), (0, 2), (1, 3), (2, 3)),
 }
@@ -256,7 +256,7 @@ def _edge_mesh(mesh: Mesh, edges: IntArray, name: str) -> Mesh:
     owned = edges[edges < topology.index_map(1).size_local]
     nodes = np.zeros((len(owned), mesh.order + 1), dtype=np.int64)
     of_cell = compat.geometry_nodes(mesh.dolfinx)
-    table = EDGES[mesh.cell]
+    table = CELL_EDGES[mesh.cell]
     for row, edge in enumerate(owned):
         cell = topology.connectivity(1, 2).links(edge)[0]
         local = int(np.flatnonzero(topology.connectivity(2, 1).links(cell) == edge)[0])
@@ -300,7 +300,7 @@ def _shared_dofs(to: Matrices, edges: IntArray, form: WeakForm, line: Mesh) -> P
         if not len(mine):
             continue
         distance, nearest = scipy.spatial.cKDTree(x).query(points)
-        if distance.max() > SAME * size:
+        if distance.max() > SAME_DOF * size:
             error = InputError(f"{line.name} do not carry the dofs of the sheet.")
             continue
         for dof, k in zip(mine, nearest, strict=True):

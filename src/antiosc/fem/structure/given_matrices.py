@@ -25,14 +25,14 @@ from antiosc.fem.mpi import agree
 #: Difference of mirrored entries over √(a_ii a_jj) that is still rounding of the code they are of.
 SYMMETRIC = 1e-9
 #: Share of the typical diagonal entry below which an entry is rounding.
-ROUNDING = 1e-15
+ENTRY_ROUNDING = 1e-15
 #: A diagonal entry that holds a dof: over the sum of the row's other entries, and over the typical
 #: one of all rows. The dof moves 1e-14 of what its neighbours do.
-HOLDS, HELD = 1e14, 1e12
+PENALTY_OVER_ROW, PENALTY_OVER_TYPICAL = 1e14, 1e12
 #: A coupling that leaves less than four digits of what is coupled.
 DROWNS = 1e12
 #: A negative eigenvalue over the largest, of M scaled to a unit diagonal, and the steps to find it.
-NEGATIVE, STEPS = 1e-8, 30
+NEGATIVE, NEGATIVE_STEPS = 1e-8, 30
 
 
 # -- one matrix
@@ -191,7 +191,7 @@ def _checked(name: str, matrix: PETSc.Mat) -> _Entries:
         raise InputError(f"{name} is zero: a structure needs stiffness and mass.")
     typical = np.median(np.abs(diagonal[diagonal != 0])) if diagonal.any() else 0.0
     least = int(np.argmin(diagonal))
-    if diagonal[least] < -ROUNDING * typical:
+    if diagonal[least] < -ENTRY_ROUNDING * typical:
         raise InputError(
             f"{name} must be positive semidefinite; its diagonal has {diagonal[least]:g} in row "
             f"{least}."
@@ -200,7 +200,7 @@ def _checked(name: str, matrix: PETSc.Mat) -> _Entries:
     skew = matrix.copy()
     skew.transpose()
     skew.axpy(-1.0, matrix, structure=PETSc.Mat.Structure.UNKNOWN_NONZERO_PATTERN)
-    apart, entries = (_entries(one, diagonal, ROUNDING * typical) for one in (skew, matrix))
+    apart, entries = (_entries(one, diagonal, ENTRY_ROUNDING * typical) for one in (skew, matrix))
     _forbid(
         comm, apart, np.abs(apart.value) > SYMMETRIC * apart.scale + apart.noise,
         f"{name} must be symmetric (to {SYMMETRIC:g} of √(a_ii a_jj)); its entries ({{0}}, {{1}}) "
@@ -238,7 +238,7 @@ def _typical(comm: MPI.Comm, entries: _Entries) -> float:
     """The usual size of an entry off the diagonal, where penalties are few; 0 if there is none."""
     size = np.abs(entries.value)
     least = np.minimum(entries.diagonal[entries.row], entries.diagonal[entries.column])
-    sizes = np.concatenate(comm.allgather(size[size > ROUNDING * least]))
+    sizes = np.concatenate(comm.allgather(size[size > ENTRY_ROUNDING * least]))
     return float(np.median(sizes)) if len(sizes) else 0.0
 
 
@@ -249,7 +249,10 @@ def _penalised(comm: MPI.Comm, entries: _Entries) -> IntArray:
         return np.zeros(0, dtype=int)
     others = np.bincount(entries.row, np.abs(entries.value), len(entries.diagonal))
     others = comm.allreduce(others)
-    return np.flatnonzero((entries.diagonal > HOLDS * others) & (entries.diagonal > HELD * typical))
+    return np.flatnonzero(
+        (entries.diagonal > PENALTY_OVER_ROW * others)
+        & (entries.diagonal > PENALTY_OVER_TYPICAL * typical)
+    )
 
 
 def _check_couplings(comm: MPI.Comm, entries: _Entries, constrained: IntArray) -> None:
@@ -278,13 +281,13 @@ def _check_definite(comm: MPI.Comm, M: PETSc.Mat, diagonal: Array) -> None:
     before, beta = np.zeros_like(v), 0.0
     v /= norm(comm, v)
     alphas, betas = [], []
-    for _ in range(min(STEPS, int(np.count_nonzero(diagonal > 0)))):
+    for _ in range(min(NEGATIVE_STEPS, int(np.count_nonzero(diagonal > 0)))):
         w = weights * multiply(M, weights * v) - beta * before
         alphas.append(float(dot(comm, v, w)))
         w -= alphas[-1] * v
         beta = norm(comm, w)
         betas.append(beta)
-        if beta <= ROUNDING:
+        if beta <= ENTRY_ROUNDING:
             break
         before, v = v, w / beta
     values = np.linalg.eigvalsh(np.diag(alphas) + np.diag(betas[:-1], 1) + np.diag(betas[:-1], -1))

@@ -12,7 +12,7 @@ from antiosc.fem.mpi import bounds
 from antiosc.fem.structure import rigid_body_modes
 
 #: Share of a motion below which a part of it is rounding.
-NOTHING = 1e-6
+MOTION_ROUNDING = 1e-6
 
 
 def described(mesh: Mesh, form: WeakForm, modes: Array) -> str:
@@ -37,7 +37,7 @@ def described(mesh: Mesh, form: WeakForm, modes: Array) -> str:
 def _divided(motions: Array) -> tuple[Array, list[tuple[Array, Array]]]:
     """Translations (t, 3), and motions that turn as (velocity of the centre, spin) pairs."""
     _, values, right = np.linalg.svd(motions[3:])
-    turning = int(np.sum(values > NOTHING))
+    turning = int(np.sum(values > MOTION_ROUNDING))
     moves = _reduced((motions @ right[turning:].T)[:3].T)
     turning_ones = (motions @ right[:turning].T).T
     # spins in echelon form, so that axes of the mesh show where they are among them
@@ -54,14 +54,14 @@ def _reduced(rows: Array, columns: int | None = None) -> Array:
         if row == len(rows):
             break
         pivot = row + int(np.argmax(np.abs(rows[row:, column])))
-        if abs(rows[pivot, column]) <= NOTHING * np.abs(rows[row:]).max():
+        if abs(rows[pivot, column]) <= MOTION_ROUNDING * np.abs(rows[row:]).max():
             continue
         rows[[row, pivot]] = rows[[pivot, row]]
         rows[row] /= rows[row, column]
         others = np.arange(len(rows)) != row
         rows[others] -= np.outer(rows[others, column], rows[row])
         row += 1
-    return np.where(np.abs(rows) > NOTHING, rows, 0.0)
+    return np.where(np.abs(rows) > MOTION_ROUNDING, rows, 0.0)
 
 
 def _turn(velocity: Array, spin: Array, moves: Array, centre: Array, size: float) -> str:
@@ -69,12 +69,12 @@ def _turn(velocity: Array, spin: Array, moves: Array, centre: Array, size: float
     axis = spin / np.linalg.norm(spin)
     along = float(velocity @ axis)
     words = f"rotation about {_name(axis)}"
-    if abs(along) > NOTHING * np.linalg.norm(velocity) and abs(along) > NOTHING:
+    if abs(along) > MOTION_ROUNDING * np.linalg.norm(velocity) and abs(along) > MOTION_ROUNDING:
         words = f"a screw motion along {_name(axis)}"
-    if len(moves) and np.linalg.matrix_rank(np.cross(moves, axis), NOTHING) == 2:
+    if len(moves) and np.linalg.matrix_rank(np.cross(moves, axis), MOTION_ROUNDING) == 2:
         return words  # with these translations the axis may lie anywhere
     through = centre + size * np.cross(spin, velocity) / float(spin @ spin)
-    through = np.where(np.abs(through) > NOTHING * size, through, 0.0)
+    through = np.where(np.abs(through) > MOTION_ROUNDING * size, through, 0.0)
     return f"{words} through ({', '.join(f'{c:.4g}' for c in through)}) m"
 
 
@@ -82,6 +82,6 @@ def _name(direction: Array) -> str:
     """x, y or z, or the direction in numbers."""
     unit = direction / np.linalg.norm(direction)
     largest = int(np.argmax(np.abs(unit)))
-    if abs(unit[largest]) > 1 - NOTHING:
+    if abs(unit[largest]) > 1 - MOTION_ROUNDING:
         return "xyz"[largest]
     return "(" + ", ".join(f"{c:.3g}" for c in np.round(unit, 6) + 0.0) + ")"

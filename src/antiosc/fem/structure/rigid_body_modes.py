@@ -28,7 +28,7 @@ _Field = Callable[[Array], tuple[Array, Array]]
 
 #: Force or energy of r over that of the entries (`antiosc.fem.linalg.scaling`) below which r counts
 #: as a rigid-body mode; rounding leaves about 1e-16.
-RIGID = 1e-11
+RIGID_FORCE = 1e-11
 #: Share of a field's square on the fixed dofs below which it vanishes there; rounding: 1e-16.
 VANISHING = 1e-13
 #: Shift over the estimate of the first elastic ω²: modes converge fast, A stays well conditioned.
@@ -63,7 +63,7 @@ def of_mesh(
     if not motions.shape[1]:
         return motions, 0.0
     left = force_ratios(K, motions, multiply(K, motions)).max()
-    if left > RIGID:
+    if left > RIGID_FORCE:
         raise AccuracyError(
             f"a rigid motion strains the structure: ‖K r‖/(‖K‖‖r‖) = {left:.1e} (expected from "
             "rounding: 1e-16); the mesh or the element order cannot represent rigid motions, or a "
@@ -159,7 +159,7 @@ def _singular(comm: MPI.Comm, K: PETSc.Mat) -> bool:
 
 def _rigid(K: PETSc.Mat) -> float:
     """Share of the entries' energy below which a motion is rigid; by strains it is a square."""
-    return RIGID**2 if by_strains(K) else RIGID
+    return RIGID_FORCE**2 if by_strains(K) else RIGID_FORCE
 
 
 def _positive(K: PETSc.Mat, shift: float, M: PETSc.Mat) -> Solver:

@@ -38,7 +38,7 @@ CHUNK = 96
 SHORT = 8
 DEPTH = 6
 LONGER = 2
-GROWTH = 1.2  # of the energy: coarse steps of random scenes stay below 1.01
+ENERGY_GROWTH = 1.2  # of the energy: coarse steps of random scenes stay below 1.01
 
 
 class Exact:
@@ -142,7 +142,7 @@ class Exact:
 
 def _growth(problem: Problem) -> Callable[[Array, Array], BoolArray]:
     p = problem
-    return growth(p.propagator.square, p.load, p.q, p.v, GROWTH, p.beta)
+    return growth(p.propagator.square, p.load, p.q, p.v, ENERGY_GROWTH, p.beta)
 
 
 class _Kernel:

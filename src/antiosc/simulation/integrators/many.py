@@ -14,10 +14,10 @@ import numpy as np
 
 from antiosc._types import Array, BoolArray, Index
 from antiosc.contact.many import VECTORISED, Laws
-from antiosc.simulation.integrators.exact import DEPTH, GROWTH, LONGER, SHORT, Exact
+from antiosc.simulation.integrators.exact import DEPTH, ENERGY_GROWTH, LONGER, SHORT, Exact
 from antiosc.simulation.integrators.problem import Problem
 from antiosc.simulation.integrators.propagator import Propagator
-from antiosc.simulation.integrators.root import CLOSE
+from antiosc.simulation.integrators.root import NEWTON_SETTLED
 from antiosc.simulation.integrators.stability import clear_steps, growth
 
 _FEW = 8  # scenes that are quicker one by one ...
@@ -95,7 +95,7 @@ class _Part:
         """Where the bodies have gained energy since the start of the run."""
         s, rows = self.stack, self.rows
         square = self.propagator.square
-        return growth(square, s.load[rows], s.q[rows], s.v[rows], GROWTH, self.beta)(q, v)
+        return growth(square, s.load[rows], s.q[rows], s.v[rows], ENERGY_GROWTH, self.beta)(q, v)
 
     def delta(self, q: Array) -> Array:
         return np.einsum("sj,sj->s", self.beta, q) - self.gap
@@ -507,7 +507,7 @@ def _rising_root(f: Callable[[Array], tuple[Array, Array]], low: Array, high: Ar
     inside = (at_low < 0) & (at_high > 0)
     t = np.where(at_low < 0, high, low)
     t[inside] = (low - at_low * (high - low) / (at_high - at_low))[inside]
-    close = CLOSE * (high - low)
+    close = NEWTON_SETTLED * (high - low)
     before = last = high - low
     done = ~inside
     while not done.all():

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from antiosc.errors import NotConvergedError
 
-CLOSE = 1e-8  # of the bracket: what Newton's step leaves is the square of it
+NEWTON_SETTLED = 1e-8  # of the bracket: what Newton's step leaves is the square of it
 
 
 def rising_root(
@@ -17,7 +17,7 @@ def rising_root(
     Newton's method from `start`, and bisection if that leaves the bracket or becomes slow. If the
     sign does not change, the result is the end of the interval nearest to the root.
     """
-    close = CLOSE * (high - low)
+    close = NEWTON_SETTLED * (high - low)
     t = start if low < start < high else 0.5 * (low + high)
     before = last = high - low
     for _ in range(400):

@@ -32,7 +32,7 @@ import numpy as np
 from antiosc._types import Array, BoolArray, Index
 from antiosc.simulation.integrators.problem import Problem
 
-SAFETY = 1.2  # on the contact stiffness, which is an estimate
+STIFFNESS_SAFETY = 1.2  # on the contact stiffness, which is an estimate
 _SLOW = 1e-3  # modes that could grow by no more in a step are left out
 _NONE = 1e-290  # contact stiffness [N/m] that counts as none
 _TRIES = 4  # to find the minimum of f between two poles
@@ -119,7 +119,7 @@ def clear_steps(
     rows, cut = np.flatnonzero(stiffness > _NONE), _FIRST
     for _ in range(_CUTS):
         room = margin(omega[rows], beta[rows], r[rows], stiffness[rows], clear[rows])
-        rows = rows[room < SAFETY]
+        rows = rows[room < STIFFNESS_SAFETY]
         if rows.size == 0:
             break
         clear[rows] *= 1 - cut
