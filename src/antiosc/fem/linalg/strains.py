@@ -97,8 +97,8 @@ class Refined(Solver):
             raise AccuracyError(
                 f"a solve stopped at a relative error of {left:.1e} in energy after "
                 f"{MOST_CG_STEPS} steps (limit {STALLED:.0e}): for beams this slender with "
-                "elements this short double precision does not resolve the bending stiffness; use fewer "
-                "elements, or support loose parts."
+                "elements this short double precision does not resolve the bending stiffness; "
+                "use fewer elements, or support loose parts."
             )
         return X
 
