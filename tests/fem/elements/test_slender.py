@@ -129,7 +129,7 @@ def test_two_beams_of_which_one_is_loose():
         groups={"foot": (0, lambda x: (x[0] < 1e-9) & (x[1] < 1e-9))},
     )  # fmt: skip
     beam = ao.Beam(**parts.STEEL, section=ao.Section.circle(0.01))
-    with pytest.raises((ao.AccuracyError, ao.NotConvergedError), match=r"move freely|hangs loose"):
+    with pytest.raises((ao.AccuracyError, ao.NotConvergedError), match=r"move freely|loose parts"):
         ao.extract(ao.Structure(mesh, beam, [ao.Support("foot")]), ao.Site((1, 1), (0, 1)), n=4)
 
 

@@ -92,7 +92,7 @@ def _refuse_pieces(raw: RawMesh, name: str) -> None:
         raise MeshError(
             f"{name} falls into {count} pieces that share no node ({shown} cells): join them "
             "(nodes that coincide: merge=1e-6; in gmsh: BooleanFragments or Coherence) or read the "
-            'one that is struck (cells="its group").'
+            'piece of interest (cells="its group").'
         )
 
 

@@ -62,7 +62,7 @@ def located(
 
     `radii` (P,) are those of the patches; NaN is what the material takes: a point, or on a sheet a
     patch of its thickness.
-    `nearest`, the cells that hold the points, are found where they are not given.
+    `nearest`, the cells of the points, are computed if they are not given.
     """
     mesh, kind = structure.mesh, structure.kind
     count, radii = len(points), np.array(radii, dtype=float)

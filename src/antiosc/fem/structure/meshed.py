@@ -131,7 +131,7 @@ class MeshedStructure(Structure):
 
 def on_mesh(
     structure: Structure,
-    otherwise: str = "matrices carry no mesh: build the Structure of one for this.",
+    otherwise: str = "matrices have no mesh: build the Structure from a mesh for this.",
 ) -> MeshedStructure:
     """`structure`, which must have a mesh; InputError that says `otherwise` for matrices."""
     if not isinstance(structure, MeshedStructure):

@@ -230,9 +230,10 @@ def closer_shift(factor: Solver, K: PETSc.Mat, M: PETSc.Mat, motions: Array) -> 
     rounding = np.finfo(float).eps * (cancelled + values[-1])
     if values[0] <= rounding:
         raise AccuracyError(
-            f"the softest deformation drowns in rounding, ω² = {values[0]:.1e} ± {rounding:.1e} "
-            "rad²/s²: some part hangs on a hinge, where pieces meet in one point or line (join it),"
-            " or is too slender for sixteen digits (take fewer elements)."
+            f"the lowest elastic frequency is hidden by rounding, ω² = {values[0]:.1e} ± "
+            f"{rounding:.1e} rad²/s²: some part is attached by a hinge, a single common point or "
+            "line (join it along a face), or is too slender for double precision (use fewer "
+            "elements)."
         )
     return SHIFT * float(values[0])
 

@@ -53,8 +53,8 @@ class Structure:
     attached : sequence of PointMass and Spring
         Masses and grounded springs at points of the structure.
     solver : "auto", "direct" or "iterative"
-        How K is solved with: by a Cholesky factor, or where its memory is not to be had by
-        conjugate gradients with multigrid (`antiosc.fem.linalg.solver_choice`).
+        Solver for K: a Cholesky factor, or, if the memory is not sufficient, conjugate gradients
+        with multigrid (`antiosc.fem.linalg.solver_choice`).
 
     Attributes
     ----------
@@ -181,7 +181,9 @@ class Structure:
     @property
     def mass(self) -> float:
         """Total mass in kg."""
-        raise InputError("matrices alone do not tell a total mass; build the Structure of a mesh.")
+        raise InputError(
+            "the total mass is not known from matrices alone; build the Structure from a mesh."
+        )
 
     @property
     def dimensions(self) -> Box:
