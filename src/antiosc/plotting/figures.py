@@ -80,6 +80,20 @@ def legend_beside(ax: Axes) -> Axes:
     return ax
 
 
+def few_log_ticks(ax: Axes) -> Axes:
+    """Labels 1, 2, 5, 10, … on logarithmic axes of less than 1.5 decades, decades alone on others.
+
+    matplotlib labels all of 2, 3, 4, … there, and they run into each other.
+    """
+    ticker = _matplotlib("ticker")
+    for axis, (low, high) in ((ax.xaxis, ax.get_xlim()), (ax.yaxis, ax.get_ylim())):
+        axis.set_minor_formatter(ticker.NullFormatter())
+        if low > 0 and high < 10**1.5 * low:
+            axis.set_major_locator(ticker.LogLocator(subs=(1.0, 2.0, 5.0)))
+            axis.set_major_formatter(ticker.FuncFormatter(lambda value, _: f"{value:g}"))
+    return ax
+
+
 def axes_or_new(ax: Axes | None) -> Axes:
     if ax is None:
         return new_figure((6.4, 4.8), shown=True).subplots()

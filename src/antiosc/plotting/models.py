@@ -13,7 +13,15 @@ from numpy.typing import ArrayLike
 from antiosc import checks
 from antiosc.errors import InputError
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.plotting.figures import axes_or_new, by_name, finished, legend, panels, widths
+from antiosc.plotting.figures import (
+    axes_or_new,
+    by_name,
+    few_log_ticks,
+    finished,
+    legend,
+    panels,
+    widths,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -110,4 +118,4 @@ def plot_errors(
         style = checks.text("a format", styles.get(name, "o-"))
         ax.loglog(cost[known], error[known], style, ms=size, mfc="none", lw=1.2, label=name)
     ax.grid(alpha=0.3)
-    return ax
+    return few_log_ticks(ax)
