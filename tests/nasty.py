@@ -23,6 +23,7 @@ import numpy as np
 import antiosc as ao
 from antiosc import closed_form, contact, plotting
 from antiosc.closed_form import zener
+from paths import DECKS
 
 MODULES = {
     "": (ao, ao.__all__),
@@ -320,6 +321,7 @@ OWN: dict[str, dict[str, Any]] = {
     "Section.tube": {"d": 0.02, "t": 1e-3}, "sweep": {"mass": [1.0, 2.0]},
     "Structure.uniform_inertia": {"direction": np.array([0.0, 0.0, 1.0])},
     "Mesh": {"dolfinx": lambda: mesh().dolfinx}, "Mesh.group": {"name": "none"},
+    "read_model": {"path": str(DECKS / "layers.inp")},
     "Structure.from_matrices": {}, "ModalBody": {"r": 1e-9},
     "ModalBody.coordinates": {"force": 1.0}, "ModalBody.rigid_motion": {"velocity": 0.0},
     "ModalBody.amplitudes": {"coordinates": [0.1, 0.2, 0.3]},

@@ -65,11 +65,12 @@ def read(
     options = {
         "unit": [unit.length, unit.force],
         "model": model,
-        "size": size,
+        "size": None if size is None else float(size),
         "order": order,
         "refine": [([float(c) for c in point], float(local)) for point, local in refine],
         "trust": trust,
     }
+    timeout = None if timeout is None else float(timeout)  # for JSON, as the size
     content = read_apart(path, geometry=geometry, options=options, timeout=timeout)
     content.points = content.points * unit.length
     if merge is not None:

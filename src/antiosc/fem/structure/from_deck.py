@@ -8,7 +8,7 @@ from typing import Any
 
 from mpi4py import MPI
 
-from antiosc.checks import instance, path as checked_path, positive
+from antiosc.checks import instance, path as checked_path, positive, shown
 from antiosc.errors import InputError, MeshError
 from antiosc.fem.elements.beam import Beam, Section
 from antiosc.fem.elements.plate_section import Layer
@@ -82,8 +82,8 @@ def read_model(
         positive("timeout", timeout, "s")
     instance("comm", comm, MPI.Comm, "an MPI communicator (mpi4py)")
     file = checked_path("path", path)
-    more = [supports] if isinstance(supports, Support) else list(supports)
-    added = [attached] if isinstance(attached, PointMass | Spring) else list(attached)
+    more = _listed("supports", supports, (Support,))
+    added = _listed("attached", attached, (PointMass, Spring))
 
     def work() -> RawMesh:
         options = {"density": density}
@@ -114,6 +114,15 @@ def read_model(
         attached=[*masses, *springs, *added],
         solver=solver,
     )
+
+
+def _listed(name: str, given: Any, kinds: tuple[type, ...]) -> list[Any]:
+    """A sequence of objects, or one alone, as a list."""
+    items = [given] if isinstance(given, kinds) else given
+    if not isinstance(items, Sequence) or not all(isinstance(one, kinds) for one in items):
+        names = " and ".join(kind.__name__ for kind in kinds)
+        raise InputError(f"{name} must be a list of {names} objects; got {shown(given)}.")
+    return list(items)
 
 
 def _family(kind: str, arguments: dict[str, Any], place: str) -> Family:
