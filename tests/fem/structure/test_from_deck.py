@@ -12,6 +12,7 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 from antiosc.fem.site.site import functional
+from mpi import run_ranks
 from paths import DECKS
 
 pytestmark = pytest.mark.fem
@@ -164,3 +165,23 @@ def test_what_would_change_the_answer_is_refused(tmp_path, case):
 def test_a_density_may_be_given_to_materials_without_one(tmp_path):
     cube = model_of(tmp_path, CUBE + SECTION + UNWEIGHED, density=500.0)
     assert cube.mass == pytest.approx(500, rel=1e-12)
+
+
+@pytest.mark.mpi
+def test_ranks_share_the_structure_of_a_deck():
+    script = """
+        import sys, warnings
+        import antiosc as ao
+        from mpi4py import MPI
+        warnings.simplefilter("ignore")
+        plate = ao.read_model(sys.argv[1] + "/plate.bdf", unit="mm")
+        model = ao.extract(plate, ao.Site((0.25, 0.05, 0), (0, 0, 1)), n=4)
+        print(plate.dofs, f"{plate.mass:.9g} {model.k0:.9g}")
+        try:
+            ao.read_model(sys.argv[1] + "/mixed.inp")
+        except ao.MeshError as error:
+            print(error)
+    """
+    one, two = run_ranks(1, script, str(DECKS)), run_ranks(2, script, str(DECKS))
+    assert two == [*one, *one]
+    assert "have no section" in one[0]
