@@ -12,7 +12,9 @@ import functools
 import importlib.util
 import inspect
 import math
+import os
 import signal
+import tempfile
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -233,9 +235,11 @@ def scene_history() -> Any:
     return scene().run(1e-3)
 
 
+@functools.cache
 def saved() -> str:
-    model().save("sound.npz")
-    return "sound.npz"
+    path = os.path.join(tempfile.mkdtemp(prefix="antiosc-nasty-"), "sound.npz")
+    model().save(path)
+    return path
 
 
 def place() -> Any:
