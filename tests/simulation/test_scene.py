@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import signal
 import warnings
 from collections.abc import Sequence
 
@@ -13,7 +14,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import antiosc as ao
-from antiosc.simulation import march
+from antiosc.simulation import march, refinement
 from antiosc.simulation.assembly import assemble
 from antiosc.simulation.engine import compiled_march, run
 from antiosc.simulation.refinement import parabolas, start
@@ -514,6 +515,37 @@ def test_bounds_on_the_work_are_told() -> None:
         assert scene.run(1e-2, max_steps=30).status == 1
 
 
+def test_a_finer_run_that_takes_far_more_steps_is_stopped(monkeypatch) -> None:
+    monkeypatch.setattr(refinement, "DEARER", 0)
+    monkeypatch.setattr(refinement, "CHEAP", 20)
+    with pytest.warns(ao.AccuracyWarning, match="Up to .* the two agree"):
+        hit = bounce().run(1e-2)
+    assert hit.status == 1
+    assert hit.time[-1] == 1e-2
+
+
+def test_steps_that_are_given_up_count_as_work() -> None:
+    made = assemble(stops()[0], 0.006)
+    found = run(made.system, 0.006, 1e-3, scale=1e-9, fine=made.lasting / 200, max_steps=200)
+    assert found.answer == march.TOO_MANY_STEPS
+    assert found.steps < found.attempts <= 200 + march.LEVELS + 14
+
+
+def test_what_touches_by_rounding_alone_is_no_contact() -> None:
+    """A load far from a stop without gap draws the body away from it."""
+    made = assemble(random_scene(1112), 5e-3)
+    found = run(made.system, 5e-3, 1e-3, fine=made.lasting / 200, max_steps=100)
+    assert found.answer == march.TOO_MANY_STEPS
+    assert found.touches == 0
+
+
+def test_energy_held_without_mass_counts_as_given() -> None:
+    """A load at the start presses a site without mass against its contact, and then releases it."""
+    hit = random_scene(98).run(2e-4, tol=1e-2)
+    assert hit.status == 0
+    assert hit.energy.drift < 1e-4
+
+
 def test_a_body_that_turns_far_is_told() -> None:
     box = ao.RigidBody(1.0, (1e-3,) * 3, {"c": ((0, 0, 0), UP)})
     contact = ao.Contact("box:c", "floor", ao.Linear(1e5), gap=1.0)
@@ -587,6 +619,35 @@ def test_random_scenes_end_with_finite_forces_and_their_energy() -> None:
             completed += 1
             assert hit.energy.drift < 1e-2, seed
     assert completed >= 59
+
+
+@pytest.mark.slow
+def test_no_random_scene_takes_ten_seconds_of_cpu() -> None:
+    if compiled_march() is None:
+        pytest.skip("the interpreted march is slower")
+
+    def late(number: int, frame: object) -> None:
+        raise TimeoutError
+
+    before = signal.signal(signal.SIGPROF, late)
+    completed, seeds = 0, [104, *range(900, 1200)]
+    try:
+        for seed in seeds:
+            signal.setitimer(signal.ITIMER_PROF, 10.0)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", ao.AccuracyWarning)
+                hit = random_scene(seed).run(5e-3)
+            energy = hit.energy
+            signal.setitimer(signal.ITIMER_PROF, 0.0)
+            assert np.isfinite(hit.run.force).all(), seed
+            if hit.status == 0:
+                completed += 1
+                highest = np.max(energy.kinetic + energy.strain + energy.contact)
+                assert np.max(energy.total - energy.total[0]) <= 1e-3 * highest, seed
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        signal.signal(signal.SIGPROF, before)
+    assert completed >= 0.98 * len(seeds)
 
 
 @pytest.mark.slow

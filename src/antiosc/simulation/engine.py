@@ -6,7 +6,7 @@ import importlib.util
 import os
 import sys
 import warnings
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import ceil, log2
 from pathlib import Path
 from types import ModuleType
@@ -127,6 +127,8 @@ class Run:
     states : (n + 1, 2, J) at the start and after each step; None if not kept.
     events : (., 4) time, contact, piece that begins, closing speed.
     answer : why the march stopped.
+    steps : taken; `attempts` those and the ones that were tried and given up for shorter ones.
+    gained : energy [J] of the bodies beyond what was given, at most; `highest` what there was.
     """
 
     time: Array
@@ -136,9 +138,11 @@ class Run:
     events: Array
     answer: int
     steps: int
+    attempts: int
     touches: int
     highest: float
-    work: float = field(default=0.0)
+    gained: float = 0.0
+    work: float = 0.0
 
 
 def run(
@@ -157,13 +161,13 @@ def run(
     p, (m, size) = system.kinds.size, system.beta.shape
     if np.any(system.kinds == march.USER):
         module = march  # only the interpreted march calls a law of one's own
-    clock = np.zeros(14)
+    clock = np.zeros(15)
     clock[march.DURATION], clock[march.SHARE] = duration, share
     clock[march.LONGEST] = 2.0 ** ceil(log2(duration))
     clock[march.FINE] = fine
     clock[march.CAP] = duration / 16
     clock[march.FORCE_SCALE], clock[march.KNOWN] = scale, float(scale > 0)
-    count = np.zeros(12, dtype=np.int64)
+    count = np.zeros(13, dtype=np.int64)
     count[march.MOST_TOUCHES], count[march.MOST_STEPS] = max_contacts, max_steps
     count[march.KEEP] = keep
     count[march.LEVEL] = 4
@@ -250,7 +254,9 @@ def run(
         events=np.concatenate(events),
         answer=int(answer),
         steps=int(count[march.STEPS]),
+        attempts=int(count[march.STEPS] + count[march.RETRIES]),
         touches=int(count[march.TOUCHES]),
         highest=float(clock[march.HIGHEST]),
+        gained=float(clock[march.SURPLUS]),
         work=float(clock[march.WORKED]),
     )

@@ -96,6 +96,7 @@ GROWTH = 1.2  # of the bodies' energy, beyond what was given and the loads' work
 INTERPOLATION = 0.0482  # max |s (s - 1/2)(s - 1)| on [0, 1]
 KINKED = 0.075  # error of the parabola through t^(3/2), over its second difference
 SHARP = 1e-9  # of the depth or the speed: a bound is met
+ROUNDING = 1e-13  # of the sum of the modes' parts: below it a speed of approach is rounding
 SWEEPS, NEWTON = 12, 40
 MOST_TRIES = 60  # to find the step that is small enough
 
@@ -677,10 +678,10 @@ def eliminate(A: Any, b: Any) -> bool:
 
 # clock
 TIME, BEFORE, FORCE_SCALE, WORKED, GIVEN, HIGHEST, CAP, FINE = range(8)
-DURATION, SHARE, LONGEST, KNOWN, STEP, LEFT = range(8, 14)
+DURATION, SHARE, LONGEST, KNOWN, STEP, LEFT, SURPLUS = range(8, 15)
 # count
 LEVEL, SEGMENT, STEPS, TOUCHES, NODES, EVENTS, STATES, KEEP = range(8)
-MOST_TOUCHES, MOST_STEPS, IDLE, LOADED = range(8, 12)
+MOST_TOUCHES, MOST_STEPS, IDLE, LOADED, RETRIES = range(8, 13)
 # rows of `row`
 FORCE, MIDDLE, SLOPE, BEND, DEPTH, RATE, FRESH = range(7)
 
@@ -1018,6 +1019,23 @@ def touch_time(
     return guess
 
 
+@compiled(f"boolean(int64, {MODES}, {STATE}, {WORK})")
+def approaches(c: int, modes: Any, state: Any, work: Any) -> bool:
+    """Whether the bodies approach each other at a contact, by more than the rounding of the modes.
+
+    A site that the motion has not reached yet moves to and fro by rounding alone.
+    """
+    beta = modes[2]
+    x, row, drift = state[2], state[3], work[7]
+    total = abs(drift[c])
+    if COMPILED:
+        for j in range(x.shape[1]):
+            total += abs(beta[c, j] * x[1, j])
+    else:
+        total += float(np.abs(beta[c]) @ np.abs(x[1]))
+    return bool(row[RATE, c] > ROUNDING * total)
+
+
 @compiled(f"int64({MODES}, {CONTACTS}, {STATE}, {TABLES}, {WORK})")
 def fly(modes: Any, contacts: Any, state: Any, tables: Any, work: Any) -> int:
     """The next step of free flight, up to a touch: its slot, -1 if one touches now, -2: stuck.
@@ -1031,7 +1049,8 @@ def fly(modes: Any, contacts: Any, state: Any, tables: Any, work: Any) -> int:
     p = kinds.size
     for c in range(p):
         origin = piece(kinds[c], APART, params[c], s[c])[1]
-        if row[DEPTH, c] >= origin - SHARP * scale[c, 0] and row[RATE, c] > 0.0:
+        close = row[DEPTH, c] >= origin - SHARP * scale[c, 0]
+        if close and approaches(c, modes, state, work):
             which[0], which[1] = c, HIGH
             return -1
     level, left = count[LEVEL], clock[LEFT]
@@ -1180,7 +1199,7 @@ def end_at_exit(
     first: float, modes: Any, contacts: Any, state: Any, tables: Any, work: Any
 ) -> bool:
     """Shorten the step to end where the contact `which` leaves its piece, at about `first`."""
-    clock, _, _, row, _, _, _, scale = state
+    clock, count, _, row, _, _, _, scale = state
     motion, which = work[2], work[8]
     c, bound = which[0], which[1]
     short, long = 0.0, clock[STEP]
@@ -1188,6 +1207,7 @@ def end_at_exit(
     g_long = beyond(contacts, state, which, motion[2, c], motion[3, c])
     length = first
     for tries in range(14):
+        count[RETRIES] += 1
         if not attempt(SCRATCH, length, modes, contacts, state, tables, work):
             return False
         d, v = motion[2, c], motion[3, c]
@@ -1261,6 +1281,7 @@ def press(modes: Any, contacts: Any, state: Any, tables: Any, work: Any) -> int:
             coarser = worst < limit / 16.0 and level > 0 and slot != SCRATCH
             count[LEVEL] = level - 1 if coarser else level
             return slot
+        count[RETRIES] += 1
         level += finer
         while slot == SCRATCH and clock[LONGEST] * 0.5**level >= 0.5 * left:
             level += 1
@@ -1301,7 +1322,7 @@ def take(
     kinds, params, _, tangents, _ = contacts
     clock, count, x, row, mode, s, anchor, scale = state
     table = tables[1]
-    F, base, motion, at, slope = work[0], work[1], work[2], work[4], work[5]
+    F, base, motion, at, slope, drift = work[0], work[1], work[2], work[4], work[5], work[7]
     time_out, force_out, depth_out, state_out, _ = out
     h = clock[STEP]
     m, size = F.shape[1], omega.size
@@ -1322,6 +1343,8 @@ def take(
             x[0, j] += at[j] * J0 + slope[j] * J1
             x[1, j] += at[j] * S + slope[j] * J0
         clock[WORKED] += loads_on(at, slope, h, x)
+    for i in range(m):  # the moving gaps: loads on sites without mass
+        clock[WORKED] -= drift[i] * h / 6.0 * (F[0, i] + 4.0 * F[1, i] + F[2, i])
     n = count[NODES]
     for k in range(2):
         time_out[n + k] = clock[TIME] + 0.5 * h * (1 + k)
@@ -1404,7 +1427,7 @@ def march(
         full = count[NODES] + 3 > out[0].size or count[EVENTS] + 2 > out[4].shape[0]
         if full or (count[KEEP] > 0 and count[STATES] + 1 > out[3].shape[0]):
             return FULL
-        if count[STEPS] >= count[MOST_STEPS]:
+        if count[STEPS] + count[RETRIES] >= count[MOST_STEPS]:
             return TOO_MANY_STEPS
         clock[LEFT] = acting_now(acting, state, work)
         active = not mode_is_free(mode)
@@ -1421,6 +1444,7 @@ def march(
             return STUCK
         if slot == -1:
             count[IDLE] += 1
+            count[RETRIES] += 1
         else:
             take(slot, modes, contacts, state, tables, work, out)
         if which[0] >= 0:
@@ -1430,5 +1454,6 @@ def march(
         if active and (which[0] >= 0 or count[STEPS] % 32 == 0):
             clock[HIGHEST] = max(clock[HIGHEST], clock[GIVEN] + clock[WORKED])
             surplus = mechanical(x, omega) - clock[GIVEN] - clock[WORKED]
+            clock[SURPLUS] = max(clock[SURPLUS], surplus)
             if not surplus <= (GROWTH - 1.0) * clock[HIGHEST]:
                 return GREW

@@ -25,11 +25,18 @@ FINER = 8.0  # of the share: steps half as long, force errors an eighth
 LEFT, LEFT_AT_ORDER_ONE = 0.25, 1.5
 MOST = 12  # runs
 PATIENCE = 3  # runs without gain after which a scene counts as not convergent
+# a finer run may take so many times the steps of the one before, twice being the rule, and so many
+# at least: one that takes more is stopped
+DEARER, CHEAP = 50, 50_000
+GAIN = 1e-3  # of the highest energy: bodies that gain more say so
 
 
 @dataclass(eq=False)
 class Converged:
-    """The finest run, its estimated relative errors, and until when [s] two runs agreed."""
+    """The finest run, its estimated relative errors, and until when [s] two runs agreed.
+
+    The errors are infinite where no finer run reached the end.
+    """
 
     run: Run
     share: float
@@ -55,14 +62,20 @@ def integrate(
     finally:
         for kind, parameters in zip(assembly.system.kinds, assembly.system.params, strict=True):
             forget(int(kind), parameters)
+    error = {"force": found.force, "peak": found.peak}
     status, message = verdict(found, tol, max_contacts, max_steps)
-    history = SceneHistory(
-        assembly=assembly,
-        run=found.run,
-        error={"force": found.force, "peak": found.peak},
-        status=status,
-        message=" ".join([message, *assembly.notes]),
-    )
+    if status == 0:
+        gain = gained(SceneHistory(assembly, found.run, error, 0, ""))
+        if gain > GAIN:
+            status, message = (
+                1,
+                (
+                    f"The scene gained energy, {gain:.2g} of the highest that it had; use a smaller"
+                    f" tol."
+                ),
+            )
+    notes = " ".join([message, *assembly.notes])
+    history = SceneHistory(assembly, found.run, error, status, notes)
     turned = history.largest_rotation()
     if turned[1] > 0.1:
         warn(
@@ -99,6 +112,7 @@ def start(assembly: Assembly) -> None:
         system.given = sum(
             law.potential(float(d), law.touch(0.0)) for law, d in zip(laws, delta, strict=True)
         )
+        system.given += 0.5 * float(system.pressed @ system.R[:p, :p] @ system.pressed)
 
 
 def converge(
@@ -118,6 +132,9 @@ def converge(
     before: Run | None = None
     worse, failed, used = 0, 0, 0
     for _ in range(MOST):
+        room = max_steps - used
+        if before is not None:
+            room = min(room, max(DEARER * before.attempts, CHEAP))
         now = run(
             assembly.system,
             duration,
@@ -125,13 +142,18 @@ def converge(
             scale=scale,
             fine=fine,
             max_contacts=max_contacts,
-            max_steps=max_steps - used,
+            max_steps=room,
         )
-        used += now.steps
+        used += now.attempts
         failed = failed + 1 if now.answer in (march.GREW, march.STUCK) else 0
-        scale = max(float(now.force[:, :p].max()), 1e-300) if now.force.size else 0.0
+        scale = max(float(np.abs(now.force[:, :p]).max()), 1e-300) if now.force.size else 0.0
         if not np.isfinite(scale):
             scale = 0.0
+        if before is not None and now.answer == march.TOO_MANY_STEPS:
+            if best is None:
+                certain = difference(before, now, m, tol / left)[2]
+                best = Converged(before, share * FINER, np.inf, np.inf, certain)
+            break
         if before is not None and now.answer not in (march.GREW, march.STUCK):
             force, peak, certain = difference(before, now, m, tol / left)
             found = Converged(now, share, left * force, left * peak, certain)
@@ -145,7 +167,7 @@ def converge(
             break
         before = now if now.answer == march.DONE else None
         share /= FINER
-        if 2 * now.steps > max_steps - used:
+        if 2 * now.attempts > max_steps - used:
             break
     if best is None:
         best = Converged(now, share, np.inf, np.inf, 0.0)
@@ -174,6 +196,11 @@ def verdict(found: Converged, tol: float, max_contacts: int, max_steps: int) -> 
         )
     worst = max(found.force, found.peak)
     if worst == np.inf:
+        if found.certain > 0:
+            return 1, (
+                f"The error is not known: a finer run takes too many steps. Up to"
+                f" {found.certain:.4g} s the two agree; shorten the duration to that."
+            )
         return 1, (
             f"The error is not known: max_steps = {max_steps} leaves no finer run to compare with;"
             f" raise it or shorten the duration."
@@ -187,9 +214,27 @@ def verdict(found: Converged, tol: float, max_contacts: int, max_steps: int) -> 
     return 0, "Completed."
 
 
+def gained(history: SceneHistory) -> float:
+    """Energy that came from nowhere, relative to the highest.
+
+    The balance is dear to find. Where the bodies never have more than was given and the loads' work
+    there is no doubt about it.
+    """
+    run = history.run
+    if not run.gained > 0.1 * GAIN * run.highest:
+        return 0.0
+    energy = history.energy
+    highest = float(np.max(energy.kinetic + energy.strain + energy.contact))
+    return float(np.max(energy.total - energy.total[0])) / highest if highest > 0 else 0.0
+
+
 def difference(coarse: Run, fine: Run, p: int, tol: float) -> tuple[float, float, float]:
-    """Relative difference of the forces in the L2 norm and of their peak; until when they agree."""
+    """Relative difference of the forces in the L2 norm and of their peak; until when they agree.
+
+    Up to the end of the shorter run.
+    """
     time = np.union1d(coarse.time, fine.time)
+    time = time[time <= min(coarse.time[-1], fine.time[-1])]
     a, b = parabolas(coarse, time, p), parabolas(fine, time, p)
     weight = np.zeros(time.size)
     step = np.diff(time)

@@ -367,11 +367,11 @@ def _replay(
             if law.rate_dependent:
                 damping[n] = float(force[n]) - law.force(delta, 0.0, state)
             stored[n] = law.energy(delta, state)
-            plastic[n:] += law.lost(state) - begin
+            plastic[n] += law.lost(state) - begin
             begin = law.lost(state)
         if b < time.size - 1:
             stored[b] = damping[b] = 0.0
-    return stored, plastic + _path(damping[:, None], depth[:, None])[:, 0]
+    return stored, np.cumsum(plastic) + _path(damping[:, None], depth[:, None])[:, 0]
 
 
 def _path(force: Array, way: Array) -> Array:
