@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import pickle
 import signal
+import sys
 import warnings
 from collections.abc import Sequence
+from importlib.machinery import ModuleSpec
 
 import numpy as np
 import pytest
@@ -14,7 +16,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import antiosc as ao
-from antiosc.simulation import march, refinement
+from antiosc.simulation import engine, march, refinement
 from antiosc.simulation.assembly import assemble
 from antiosc.simulation.engine import compiled_march, run
 from antiosc.simulation.refinement import parabolas, start
@@ -544,6 +546,27 @@ def test_energy_held_without_mass_counts_as_given() -> None:
     hit = random_scene(98).run(2e-4, tol=1e-2)
     assert hit.status == 0
     assert hit.energy.drift < 1e-4
+
+
+def test_an_interrupted_compilation_leaves_no_half_module(monkeypatch) -> None:
+    pytest.importorskip("numba")
+    monkeypatch.setattr(engine, "_COMPILED", "march_that_is_interrupted")
+
+    def interrupted(path: str) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(engine.importlib.util, "spec_from_file_location", lambda *a: Spec())
+
+    class Loader:
+        create_module = staticmethod(lambda spec: None)
+        exec_module = staticmethod(interrupted)
+
+    def Spec() -> ModuleSpec:
+        return ModuleSpec("march_that_is_interrupted", Loader())  # type: ignore[arg-type]
+
+    with pytest.raises(KeyboardInterrupt):
+        compiled_march()
+    assert "march_that_is_interrupted" not in sys.modules
 
 
 def test_a_body_that_turns_far_is_told() -> None:

@@ -41,9 +41,11 @@ def fitting_march(work: int) -> ModuleType:
 
 
 def _cached() -> bool:
-    """Whether an earlier process has compiled the march, as far as its usual folder tells."""
-    folder = Path(os.environ.get("NUMBA_CACHE_DIR", Path(march.__file__).parent / "__pycache__"))
-    return next(folder.rglob("march.march-*.nbi"), None) is not None
+    """Whether an earlier process has compiled this march, as far as its usual folder tells."""
+    source = Path(march.__file__)
+    folder = Path(os.environ.get("NUMBA_CACHE_DIR", source.parent / "__pycache__"))
+    written = source.stat().st_mtime
+    return any(f.stat().st_mtime >= written for f in folder.rglob("march.march-*.nbi"))
 
 
 def compiled_march() -> ModuleType | None:
@@ -71,6 +73,9 @@ def _load() -> ModuleType | None:
             return None
         except (RuntimeError, OSError):
             continue
+        except BaseException:  # interrupted: the next one begins anew
+            del sys.modules[_COMPILED]
+            raise
         # straight in: numba 0.56 at times mistakes the types of long tuples
         (compiled,) = module.march.overloads.values()
         module.march = compiled.entry_point  # type: ignore[attr-defined]
