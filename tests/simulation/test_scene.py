@@ -541,6 +541,13 @@ def test_what_touches_by_rounding_alone_is_no_contact() -> None:
     assert found.touches == 0
 
 
+def test_a_gain_of_energy_is_told() -> None:
+    with pytest.warns(ao.AccuracyWarning, match="gained energy"):
+        hit = random_scene(3483).run(5e-3)
+    assert hit.status == 1
+    assert hit.energy.drift > 1e-3
+
+
 def test_energy_held_without_mass_counts_as_given() -> None:
     """A load at the start presses a site without mass against its contact, and then releases it."""
     hit = random_scene(98).run(2e-4, tol=1e-2)
