@@ -106,7 +106,8 @@ def plot_errors(
     """
     ax = axes_or_new(ax)
     checks.instance("series", series, Mapping, "a mapping of names to (cost, error)")
-    styles = checks.instance("styles", styles or {}, Mapping, "a mapping of names to formats")
+    styles = {} if styles is None else styles
+    checks.instance("styles", styles, Mapping, "a mapping of names to formats")
     for k, (name, pair) in enumerate(series.items()):
         if not isinstance(pair, Sequence) or len(pair) != 2:
             raise InputError(f"series[{name!r}] must be (cost, error); got {checks.shown(pair)}.")

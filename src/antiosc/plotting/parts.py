@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 
@@ -109,6 +109,7 @@ def plot_deformed(
     from antiosc.fem.fields import skin
 
     checks.instance("history", history, History, "a History, which simulate returns")
+    checks.choice("body", body, get_args(Body))
     if (point is None) != (direction is None):
         raise InputError("the arrow of the impact needs both point and direction.")
     if time is None:
