@@ -28,8 +28,9 @@ REPEATED = 1e-6
 MASSLESS = 1e-12
 #: Distance of the samples of a bound, and the largest share by which it rises between two of them.
 SAMPLE_STEP, SAMPLE_RISE = bands.DAMPING / 4, 0.05
-#: Rounding of the solves, in units of ε for every entry of the matrices: 2500 was reached by one of
-#: 300 random pairs of matrices over eight decades, with one of two LAPACK builds.
+#: Rounding of the solves, in units of ε for every entry of the matrices. With 512, one of 300
+#: random pairs of matrices over eight decades had an error of 1.2e-5 above a bound of 5.5e-6
+#: (Debian 13).
 SOLVE_ROUNDING = 4096.0
 
 
