@@ -18,7 +18,7 @@ threadpoolctl = pytest.importorskip("threadpoolctl")
 if not threads.pools():
     pytest.skip("this BLAS has no threads", allow_module_level=True)
 
-LARGE = 100 * threads.SHARE
+LARGE = 100 * threads.WORK_PER_THREAD
 
 
 def now() -> set[int]:
@@ -38,7 +38,7 @@ def two_threads(monkeypatch):
 
 
 def test_small_fronts_stay_with_one_thread():
-    assert threads.worth(np.full(10_000, 0.9 * threads.SHARE), 64) == 1
+    assert threads.worth(np.full(10_000, 0.9 * threads.WORK_PER_THREAD), 64) == 1
     assert threads.worth(np.array([LARGE]), 1) == 1
     assert threads.worth(np.zeros(0), 4) == 1
 
@@ -46,8 +46,8 @@ def test_small_fronts_stay_with_one_thread():
 def test_large_fronts_take_what_is_free_and_mixed_ones_only_what_saves_a_fifth():
     assert threads.worth(np.array([LARGE]), 2) == 2
     assert threads.worth(np.array([LARGE]), 3) == 3
-    assert threads.worth(np.full(3, 2 * threads.SHARE), 64) == 2  # not enough for four
-    small = np.full(1000, threads.SHARE / 10)  # as much work as LARGE
+    assert threads.worth(np.full(3, 2 * threads.WORK_PER_THREAD), 64) == 2  # not enough for four
+    small = np.full(1000, threads.WORK_PER_THREAD / 10)  # as much work as LARGE
     assert threads.worth(np.append(small, LARGE), 2) == 2  # saves a quarter
     assert threads.worth(np.append(small, LARGE / 3), 2) == 1  # saves an eighth
 

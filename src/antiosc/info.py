@@ -16,7 +16,7 @@ from antiosc import threads
 from antiosc.isolation import restored, start_petsc
 
 #: Fast BLAS libraries, as threadpoolctl and as people call them.
-NAMES = {"openblas": "OpenBLAS", "blis": "BLIS", "mkl": "MKL"}
+BLAS_NAMES = {"openblas": "OpenBLAS", "blis": "BLIS", "mkl": "MKL"}
 
 
 @dataclass(frozen=True)
@@ -116,11 +116,11 @@ def blas() -> Blas:
     """
     importlib.import_module("numpy.linalg")
     path = _mapped("libblas.so")
-    if path and not any(name in path for name in NAMES):
+    if path and not any(name in path for name in BLAS_NAMES):
         return Blas("ATLAS", path, slow=False) if "atlas" in path else Blas("reference", path, True)
     for pool in threads.pools() or ():
         kind = pool["internal_api"]
-        return Blas(NAMES.get(kind, kind), str(Path(pool["filepath"]).resolve()), slow=False)
+        return Blas(BLAS_NAMES.get(kind, kind), str(Path(pool["filepath"]).resolve()), slow=False)
     return Blas("unknown", path, slow=False)
 
 

@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 #: Free modes where neither `modes` nor a band says how many.
-MODES = 20
+FREE_MODES = 20
 #: Frequency of the last free mode over the band.
 ABOVE = 1.5
 #: The band where none is given, over the last free mode.
@@ -283,7 +283,7 @@ def impact_map(
 
 def _free_modes(structure: Structure, count: int | None, band: float | None) -> Modes:
     """The lowest elastic modes: `count`, or as many as reach above the band."""
-    wanted = MODES if count is None else whole("modes", count)
+    wanted = FREE_MODES if count is None else whole("modes", count)
     reach = 0.0 if band is None or count is not None else ABOVE * band
     found = lowest_modes(structure, wanted, reach)
     kept = max(wanted, int(np.sum(found.omega < reach)) + 1)

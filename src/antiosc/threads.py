@@ -29,7 +29,7 @@ VARIABLES = (
     "OMP_NUM_THREADS",
 )
 #: Operations of a front for each thread: with fewer, threads spend their time on waiting.
-SHARE = 5e8
+WORK_PER_THREAD = 5e8
 #: Twice as many threads pay where they leave at most this share of the time.
 PAYS = 0.8
 #: Looks at what runs on this machine, of which the median counts, and seconds between them.
@@ -89,7 +89,7 @@ def worth(fronts: Array, free: int) -> int:
     """Useful number of threads, at most `free`, for dense fronts of these operation counts."""
 
     def cost(threads: int) -> float:
-        return float(np.sum(fronts / np.clip(fronts / SHARE, 1, threads)))
+        return float(np.sum(fronts / np.clip(fronts / WORK_PER_THREAD, 1, threads)))
 
     threads = 1
     while threads < free and cost(min(2 * threads, free)) < PAYS * cost(threads):

@@ -20,7 +20,7 @@ from antiosc.fem.compiler import compiler
 
 import dolfinx.fem.petsc  # isort: skip  (0.9 and later do not import it by themselves)
 
-VERSION = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
+DOLFINX = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])
 
 # --- Meshes ---------------------------------------------------------------------------------
 
@@ -37,7 +37,7 @@ def create_mesh(
     gdim = x.shape[1]
     joints = {"interval": 1, "triangle": 2, "quadrilateral": 2}.get(cell, 3) < gdim
     joints = joints or cell == "interval"
-    if VERSION < (0, 8):
+    if DOLFINX < (0, 8):
         element = ufl.VectorElement("Lagrange", ufl.Cell(cell, gdim), degree)
         return dolfinx.mesh.create_mesh(comm, cells, x, ufl.Mesh(element))
     import basix.ufl
@@ -45,7 +45,7 @@ def create_mesh(
     domain = ufl.Mesh(basix.ufl.element("Lagrange", cell, degree, shape=(gdim,)))
     options: dict[str, Any] = {}
     if joints and comm.size > 1:
-        if VERSION < (0, 10):
+        if DOLFINX < (0, 10):
             options["partitioner"] = _all_on_root
         else:
             options["max_facet_to_cell_links"] = 64
@@ -83,7 +83,7 @@ def lattice_gradients(cell: str, degree: int, n: int) -> Array:
 def geometry_nodes(mesh: dolfinx.mesh.Mesh) -> IntArray:
     """Nodes of every cell of this rank, ghosts included: (cells, nodes)."""
     geometry = mesh.geometry
-    dofmap = geometry.dofmap if VERSION < (0, 11) else geometry.dofmaps[0]
+    dofmap = geometry.dofmap if DOLFINX < (0, 11) else geometry.dofmaps[0]
     if isinstance(dofmap, np.ndarray):
         return dofmap
     n_cells = cell_map(mesh).size_local + cell_map(mesh).num_ghosts
@@ -108,7 +108,7 @@ def entity_vertices(mesh: dolfinx.mesh.Mesh, dim: int) -> IntArray:
     vertices = dolfinx.cpp.mesh.cell_num_vertices(kind)
     if not len(entities):  # 0.9 would divide by their number
         return np.zeros((0, vertices), dtype=np.int32)
-    cpp_mesh = mesh._mesh if VERSION < (0, 6) else mesh._cpp_object
+    cpp_mesh = mesh._mesh if DOLFINX < (0, 6) else mesh._cpp_object
     nodes = dolfinx.cpp.mesh.entities_to_geometry(cpp_mesh, dim, entities, False)
     # From 0.9 on the nodes inside edges and faces of curved cells follow those at the vertices.
     return np.asarray(nodes).reshape(len(entities), -1)[:, :vertices]
@@ -121,12 +121,12 @@ def cell_map(mesh: dolfinx.mesh.Mesh) -> Any:
 
 def cell_name(mesh: dolfinx.mesh.Mesh) -> str:
     """ "interval", "triangle", "quadrilateral", "tetrahedron", "hexahedron", …"""
-    return str(mesh.ufl_cell().cellname() if VERSION < (0, 10) else mesh.basix_cell().name)
+    return str(mesh.ufl_cell().cellname() if DOLFINX < (0, 10) else mesh.basix_cell().name)
 
 
 def coordinate_map(mesh: dolfinx.mesh.Mesh) -> Any:
     """The mesh's coordinate element: push_forward(X, nodes), pull_back(x, nodes), degree."""
-    return mesh.geometry.cmap if VERSION < (0, 11) else mesh.geometry.cmaps[0]
+    return mesh.geometry.cmap if DOLFINX < (0, 11) else mesh.geometry.cmaps[0]
 
 
 def exterior_facets(mesh: dolfinx.mesh.Mesh) -> IntArray:
@@ -161,7 +161,7 @@ def reference_coordinates(mesh: dolfinx.mesh.Mesh) -> Any:
 def _space(mesh: dolfinx.mesh.Mesh, family: str, degree: int, size: int) -> Any:
     """A space of `size` components, scalar where that is 0."""
     with compiler():
-        if VERSION < (0, 8):
+        if DOLFINX < (0, 8):
             cell = mesh.ufl_cell()
             if size:
                 return fem.FunctionSpace(mesh, ufl.VectorElement(family, cell, degree, dim=size))
@@ -280,7 +280,7 @@ def strain_matrix(
     `strains`: a UFL vector, linear in the trial function; one row for each at each Gauss point.
     """
     mesh, size = space.mesh, len(strains)
-    if VERSION < (0, 8):
+    if DOLFINX < (0, 8):
         element = ufl.VectorElement(
             "Quadrature", mesh.ufl_cell(), degree, dim=size, quad_scheme="default"
         )

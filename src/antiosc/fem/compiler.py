@@ -12,9 +12,9 @@ import ffcx
 from antiosc.errors import InputError
 from antiosc.isolation import quiet, restored
 
-VERSION = tuple(int(part) for part in ffcx.__version__.split(".")[:2])
+FFCX = tuple(int(part) for part in ffcx.__version__.split(".")[:2])
 #: Loggers that report every step; from 0.6 on FFCx itself keeps the root logger quiet.
-NOISY = ("UFL", "FFCx", "ffcx", *([""] if VERSION < (0, 6) else []))
+NOISY = ("UFL", "FFCx", "ffcx", *([""] if FFCX < (0, 6) else []))
 
 _lock = threading.RLock()
 
@@ -42,7 +42,7 @@ def _derivatives_in_the_cell() -> Iterator[None]:
 
     On a shell in space the numbers of the first derivatives agree; those of higher ones do not.
     """
-    if VERSION >= (0, 6):
+    if FFCX >= (0, 6):
         yield
         return
     import ffcx.ir.elementtables as tables

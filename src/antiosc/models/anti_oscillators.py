@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 # m0 = m_st - sum(m_i) is known only to the rounding of m_st: a relative m0 below this is noise.
-_ROUNDING = 1e-12
+_MASS_ROUNDING = 1e-12
 # m0 is negligible if its own free mode lies so far above the last pole (squared frequencies).
 _MASSLESS = 1e-15
 
@@ -134,7 +134,7 @@ class AntiOscillators(Body):
         order = np.argsort(omega, kind="stable")
         m0 = checks.number("m0", self.m0, "kg")
         total = float(m.sum()) + max(m0, 0.0)
-        if m0 < 0 and -m0 <= _ROUNDING * total:
+        if m0 < 0 and -m0 <= _MASS_ROUNDING * total:
             m0 = 0.0
         k0 = checks.nonnegative("k0", self.k0, "N/m")
         checks.nonnegative("m0", m0, "kg")

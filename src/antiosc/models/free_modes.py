@@ -49,7 +49,7 @@ NULL = 1e-13
 #: Sqrt of the share of m_st at the site that is rounding.
 MASSLESS = 1e-12
 #: Largest relative increase of a bound between two samples.
-SAMPLE_RISE = 0.25
+MAP_SAMPLE_RISE = 0.25
 #: Number of sites processed at a time: their arrays fit in the cache.
 SITES_AT_ONCE = 500
 
@@ -257,7 +257,7 @@ def error_bound(
         change = np.abs(chord - one) + (lost[part] + slow[part] * np.abs(z)) / far
         left_out[part] = np.max(np.abs(Z) * change, axis=1)
         reduction[part] = np.max(np.abs(Z * H - 1), axis=1)
-    return (1 + SAMPLE_RISE) * left_out, (1 + SAMPLE_RISE) * reduction
+    return (1 + MAP_SAMPLE_RISE) * left_out, (1 + MAP_SAMPLE_RISE) * reduction
 
 
 def _batch(

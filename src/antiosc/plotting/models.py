@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 #: Points of a dynamic stiffness between two neighbouring antiresonances, and in all.
-BETWEEN, MOST_POINTS = 160, 20_000
+POINTS_BETWEEN, MOST_POINTS = 160, 20_000
 
 
 def plot_dynamic_stiffness(
@@ -74,7 +74,7 @@ def plot_model(model: AntiOscillators, path: str | os.PathLike[str] | None = Non
     _with_anti_oscillators(model)
     figure, axes = panels(2, 1, size=(7.0, 5.0), shown=path is None)
     edges = np.unique(np.concatenate(([0.0], model.omega, [1.1 * model.omega[-1]])))
-    each = max(2, min(BETWEEN, MOST_POINTS // edges.size))
+    each = max(2, min(POINTS_BETWEEN, MOST_POINTS // edges.size))
     # closer towards the ends, where the poles are
     share = (1 - np.cos(np.pi * np.arange(1, each) / each)) / 2
     omega = (edges[:-1, None] + np.diff(edges)[:, None] * share).ravel()

@@ -27,7 +27,7 @@ ENLARGED = 0.08
 #: Direction of the light, and the darkest shade.
 LIGHT, DARK = np.array([0.5, -0.4, 0.77]), 0.62
 
-LABELS = {
+QUANTITY_LABELS = {
     "k0": "static stiffness (N/m)",
     "m_st": "static mass (kg)",
     "omega_1": "first antiresonance (rad/s)",
@@ -62,7 +62,7 @@ def plot_map(
         raise InputError(
             f"quantity must be one of {', '.join(known)}; got {checks.shown(quantity)}."
         )
-    value, label = known[quantity], LABELS.get(quantity, quantity)
+    value, label = known[quantity], QUANTITY_LABELS.get(quantity, quantity)
     triangles = len(found.elements) > 0 and found.elements.shape[1] == 3
     figure, axes, scale, unit = _space(found.points, shown=path is None)
     x = scale * found.points

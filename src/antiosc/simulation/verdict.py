@@ -15,7 +15,7 @@ from antiosc.simulation.integrators import Problem
 COMPLETED, INEXACT, STOPPED, TOUCHING = 0, 1, 2, 3
 
 #: A closing speed below this share of the modal contributions is rounding error.
-_ROUNDING = 1e-12
+_SPEED_ROUNDING = 1e-12
 #: Scenes of a batch that a warning names.
 _NAMED = 5
 
@@ -82,7 +82,7 @@ def judge(
 def _never_touched(problem: Problem, duration: float) -> str:
     """Why the bodies did not touch, from the initial motion."""
     speed, push = float(problem.beta @ problem.v), float(problem.beta @ problem.load)
-    if abs(speed) <= _ROUNDING * float(np.abs(problem.beta) @ np.abs(problem.v)):
+    if abs(speed) <= _SPEED_ROUNDING * float(np.abs(problem.beta) @ np.abs(problem.v)):
         speed = 0.0
     if speed > 0 or (speed == 0 and push > 0):
         pace = f"{speed:g} m/s" if speed > 0 else f"{push:g} m/s^2"

@@ -49,7 +49,7 @@ def lowest_modes(structure: Structure, count: int, reach: float = 0.0) -> Modes:
     run = _Lanczos(structure)
     rows = structure.K.getSize()[0]
     memory = on_root(structure.comm, solver_choice.free_memory)
-    room = solver_choice.FILL * memory / (8 * VECTORS_PER_BLOCK * rows)
+    room = solver_choice.MEMORY_SHARE * memory / (8 * VECTORS_PER_BLOCK * rows)
     steps = max(1, int(min(MOST_STEPS, room - 3)))  # a block of the basis each
     for step in range(steps):
         run.advance()

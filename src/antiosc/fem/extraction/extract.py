@@ -180,7 +180,7 @@ def _wish(structure: Structure, n: Any, method: Any, tol: Any, band: Any, accura
         )
     need = 16 * (n + 2) * structure.K.getLocalSize()[0]
     free = mpi.on_root(structure.comm, solver_choice.free_memory) / structure.comm.size
-    if band is None and need > solver_choice.FILL * free:
+    if band is None and need > solver_choice.MEMORY_SHARE * free:
         raise InputError(
             f"n = {n} anti-oscillators of {structure.K.getSize()[0]} dofs take {need / 1e9:.3g} GB "
             f"of basis vectors and {free / 1e9:.3g} GB are free: reduce n."

@@ -20,12 +20,11 @@ from antiosc.fem.extraction.static_mode import StaticMode
 from antiosc.fem.linalg.solvers import by_strains, dot, multiply
 from antiosc.fem.structure.structure import Structure
 from antiosc.models import driving_point as bands
+from antiosc.models.free_modes import MASSLESS
 from antiosc.models.rigid_share import with_rigid
 
 #: Frequencies closer than this (relatively) are one repeated frequency: only Σm_i has a meaning.
 REPEATED = 1e-6
-#: √(m0/m_st) due to rounding if no mass remains at the site.
-MASSLESS = 1e-12
 #: Distance of the samples of a bound, and the largest share by which it rises between two of them.
 SAMPLE_STEP, SAMPLE_RISE = bands.DAMPING / 4, 0.05
 #: Rounding of the solves, in units of ε for every entry of the matrices. With 512, one of 300

@@ -27,12 +27,10 @@ from antiosc.fem.site.site import Functional, Site, functional
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.body import Body
 from antiosc.models.driving_point import UNOBSERVABLE, shares_of_receptance
+from antiosc.models.free_modes import RESIDUAL_ROUNDING
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Inertia
 from antiosc.threads import one_thread
-
-#: A residual compliance below this share of the compliance is rounding.
-RESIDUAL_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)

@@ -75,7 +75,7 @@ def _room(structure: Structure) -> bool:
         return False
     more = min(comm.size, 2) * solver_choice.BYTES * solver.entries
     free = on_root(comm, solver_choice.free_memory)
-    if more > solver_choice.FILL * free:
+    if more > solver_choice.MEMORY_SHARE * free:
         warn(
             comm,
             f"the additional factors of the map need about {more / 1e9:.3g} GB and "

@@ -42,7 +42,7 @@ BYTES = 8 * 1.3
 #: Entries of a factor over rows^(4/3), for the most compact bodies: cubes of quadratic tetrahedra.
 COMPACT = 35.0
 #: Share of the free memory that a factor may fill.
-FILL = 0.9
+MEMORY_SHARE = 0.9
 #: Most rows of an interface between ranks that are kept as a dense matrix, 0.3 GB on each rank.
 INTERFACE = 6_000
 #: Relative residual of an iterative solve, and the most iterations for it.
@@ -95,11 +95,11 @@ def _of_entries(A: PETSc.Mat, choice: Choice, motions: Callable[[], Array]) -> S
         return Multigrid(A, motions())
     rows = A.getSize()[0]
     free = on_root(A.getComm().tompi4py(), free_memory)
-    if BYTES * COMPACT * rows ** (4 / 3) <= FILL * free:
+    if BYTES * COMPACT * rows ** (4 / 3) <= MEMORY_SHARE * free:
         return factorize(A)
     plan = Plan(A)
     need = BYTES * plan.entries
-    if need <= FILL * free:
+    if need <= MEMORY_SHARE * free:
         return plan.factorize()
     text = (
         f"the factor of {rows} dofs needs about {need / 1e9:.3g} GB and {free / 1e9:.3g} GB are "

@@ -8,7 +8,7 @@ from typing import Protocol
 from antiosc.errors import warn
 
 #: Speeds √(E/ρ) of waves in bars, m/s: rubber has some 50, diamond 18 000.
-SLOWEST, FASTEST = 50.0, 20_000.0
+SLOWEST_WAVE, FASTEST_WAVE = 50.0, 20_000.0
 #: Parts are shorter than this, m.
 LONGEST_PART = 100.0
 
@@ -37,9 +37,9 @@ def tell_of_units(extent: float, materials: Iterable[Material]) -> None:
         )
     for material in materials:
         speed = material.bar_speed()
-        if not SLOWEST <= speed <= FASTEST:
+        if not SLOWEST_WAVE <= speed <= FASTEST_WAVE:
             warn(
                 f"the wave speed in a {type(material).__name__} of this part is √(E/ρ) = "
-                f"{speed:.3g} m/s, outside {SLOWEST:g} to {FASTEST:g}: units are SI, E in Pa and "
-                "rho in kg/m³ (steel: 210e9 and 7850)."
+                f"{speed:.3g} m/s, outside {SLOWEST_WAVE:g} to {FASTEST_WAVE:g}: units are SI, E "
+                "in Pa and rho in kg/m³ (steel: 210e9 and 7850)."
             )

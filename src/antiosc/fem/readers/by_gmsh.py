@@ -27,7 +27,7 @@ GEOMETRY = (*SCRIPTS, ".step", ".stp", ".brep", ".iges", ".igs")
 #: With one of these gmsh's meshes begin; what begins otherwise would be run as a script.
 HEADERS = (b"$MeshFormat", b"$Comments", b"$NOD", b"$NOE", b"$PARA", b"$ELM", b"$PTS")
 #: Sizes grow away from a refined point by this much per unit of distance.
-GROWTH = 0.35
+SIZE_GROWTH = 0.35
 #: The refined size reaches this many sizes around the point before it grows.
 REACH = 2.0
 #: What gmsh is asked for instead of 1: the edges of its tetrahedra come out up to 1.9 times longer.
@@ -35,9 +35,9 @@ SHORTER = 0.5
 #: More cells than this are refused: gmsh would need some 20 GB.
 MOST_CELLS = 10_000_000
 #: Element sizes below this share of the part are below what its coordinates resolve.
-RESOLVED = 1e-9
+RESOLVED_SHARE = 1e-9
 #: Cells that fill a unit of measure with edges of length 1, by dimension: regular simplices.
-FILL = (0.0, 1.0, 4 / sqrt(3), 6 * sqrt(2))
+CELLS_PER_SIZE = (0.0, 1.0, 4 / sqrt(3), 6 * sqrt(2))
 
 GMSH_KINDS = {
     15: "vertex",
@@ -160,7 +160,7 @@ def _generate(gmsh: Any, ask: Request) -> None:
 def _check_sizes(gmsh: Any, ask: Request) -> None:
     extent = _extent(gmsh)
     for size in [ask.size, *(local for _, local in ask.refine)]:
-        if size is not None and size < RESOLVED * extent:
+        if size is not None and size < RESOLVED_SHARE * extent:
             raise MeshError(
                 f"{ask.name} is {extent:.3g} m long: elements of {size:g} m are below what its "
                 f"coordinates resolve, and there would be about {extent / size:.0e} along one "
@@ -178,7 +178,7 @@ def _expected(gmsh: Any, ask: Request, dim: int, size: float) -> float:
     for measure in measures:
         if measure is _measure:
             _mesh_coarsely(gmsh, dim - 1)
-        count = FILL[dim] * sum(measure(gmsh, d, tag) for d, tag in entities) / size**dim
+        count = CELLS_PER_SIZE[dim] * sum(measure(gmsh, d, tag) for d, tag in entities) / size**dim
         count += _refined(ask, dim)
         if measure is _measure:
             gmsh.model.mesh.clear()
@@ -208,8 +208,8 @@ def _refined(ask: Request, dim: int) -> float:
     far = ask.size or 1.0
     count = 0.0
     for _, local in ask.refine:
-        ball = FILL[dim] * (2 * REACH / SHORTER) ** dim
-        count += ball * (1 + log(1 + max(far / local, 0.0)) / GROWTH)
+        ball = CELLS_PER_SIZE[dim] * (2 * REACH / SHORTER) ** dim
+        count += ball * (1 + log(1 + max(far / local, 0.0)) / SIZE_GROWTH)
     return count
 
 
@@ -270,7 +270,7 @@ def _graded_field(gmsh: Any, point: Sequence[float], local: float, size: float |
     local = float(local)
     tag = gmsh.model.mesh.field.add("MathEval")
     distance = f"Sqrt((x-({x!r}))^2+(y-({y!r}))^2+(z-({z!r}))^2)"
-    grown = f"{SHORTER * local!r}+{GROWTH!r}*Max(0,{distance}-{REACH * local!r})"
+    grown = f"{SHORTER * local!r}+{SIZE_GROWTH!r}*Max(0,{distance}-{REACH * local!r})"
     gmsh.model.mesh.field.setString(tag, "F", f"Min({far!r},{grown})")
     return int(tag)
 

@@ -22,7 +22,7 @@ from antiosc.fem.readers.node_table import NodeTable
 from antiosc.fem.readers.shapes import CORNERS, DIMENSION, EDGES, FACES, rectangles
 
 #: (shape, geometric order) -> name of the kind of cells
-LABELS = {
+CELL_LABELS = {
     ("line", 1): "line",
     ("line", 2): "line3",
     ("triangle", 1): "triangle",
@@ -67,7 +67,7 @@ def as_mesh(deck: Deck, *, halve_lines: bool = False) -> FileMesh:
         split = dim > 1 and (split or shapes not in _WHOLE or any(_collapsed(b) for b, _ in some))
         order = 2 if any(block.mids.shape[1] for block, _ in some) else 1
         shape = _SIMPLEX[dim] if split else next(iter(shapes))
-        label = LABELS[shape, order]
+        label = CELL_LABELS[shape, order]
         cells[label], owners[label] = _of_dimension(deck, some, split, order, nodes)
         shapes_of.append((label, shape, [block for block, _ in some]))
     mesh = FileMesh(nodes.all_points(), cells, "vtk")

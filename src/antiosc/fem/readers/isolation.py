@@ -22,7 +22,7 @@ LEAST_MEMORY = 2 * 2**30
 #: What a reader of a mesh may take besides, over the size of the file.
 MEMORY_PER_BYTE = 100
 #: Share of the machine's memory that no reader exceeds.
-SHARE = 0.9
+READER_MEMORY_SHARE = 0.9
 
 
 def read_apart(
@@ -69,7 +69,7 @@ def _size(path: Path) -> int:
         raise MeshError(f"{str(path)!r} may not be read: its permissions forbid it.")
     if status.st_size == 0:
         raise MeshError(f"{path.name} is empty.")
-    if status.st_size > SHARE * _machine_memory():
+    if status.st_size > READER_MEMORY_SHARE * _machine_memory():
         raise MeshError(
             f"{path.name} has {status.st_size / 2**30:.3g} GiB, more than this machine's memory."
         )
@@ -84,7 +84,7 @@ def _machine_memory() -> int:
 
 
 def _memory(size: int | None) -> int:
-    most = int(SHARE * _machine_memory())
+    most = int(READER_MEMORY_SHARE * _machine_memory())
     if size is not None:
         most = min(most, LEAST_MEMORY + MEMORY_PER_BYTE * size)
     return max(most, LEAST_MEMORY)

@@ -57,7 +57,7 @@ FACETS: dict[str, list[tuple[int, ...]]] = {
         (3, 0, 4, 7),
     ],
 }
-EDGES: dict[str, list[tuple[int, int]]] = {
+EDGES_OF_KIND: dict[str, list[tuple[int, int]]] = {
     "tetrahedron": [(0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)],
     "hexahedron": [
         *((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4)),

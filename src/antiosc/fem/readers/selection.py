@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from antiosc.errors import InputError, MeshError
 from antiosc.fem.readers.neutral import (
-    EDGES,
+    EDGES_OF_KIND,
     FACETS,
     KINDS,
     SERENDIPITY,
@@ -118,7 +118,7 @@ def _check_lost(mesh: FileMesh, raw: RawMesh, aids: bool, name: str) -> None:
             continue
         if aids:
             block = block[_grouped(mesh, [label]).get(label, np.zeros(0, dtype=np.int64))]
-        sides = FACETS if kind.dim == raw.kind.dim - 1 else EDGES
+        sides = FACETS if kind.dim == raw.kind.dim - 1 else EDGES_OF_KIND
         own = np.vstack([raw.cells[:, list(s)] for s in sides[raw.kind.shape]])
         alone = ~_among(block[:, : kind.vertices], own)
         if alone.any():

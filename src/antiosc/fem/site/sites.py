@@ -19,7 +19,7 @@ from antiosc.fem.structure.meshed import MeshedStructure
 ON_SHEET = 1e-6
 #: A patch is whole with this share of its load on the face, resolved by faces up to this times its
 #: radius, and held by supports where these carry more than this share of its load.
-WHOLE, RESOLVED, PARTLY = 0.9, 1.2, 0.1
+WHOLE, RESOLVED_SIZE, PARTLY = 0.9, 1.2, 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +137,7 @@ def tell(structure: MeshedStructure, sites: Sites) -> None:
             f"refined: give the site a radius, here for instance radius={size:.1g} (the element "
             f"there measures {size:.2g} m; its radius should not be smaller).",
         )
-    coarse = sites.size > RESOLVED * sites.radii
+    coarse = sites.size > RESOLVED_SIZE * sites.radii
     if coarse.any() and kind.outside:
         i = int(np.argmax(np.where(coarse, sites.size / sites.radii, 0.0)))
         _warn(

@@ -34,7 +34,7 @@ VANISHING = 1e-13
 #: Shift over the estimate of the first elastic ω²: modes converge fast, A stays well conditioned.
 SHIFT = 0.1
 #: Share of a field that is left without its rigid part, above which it strains; rounding: 1e-15.
-ELASTIC = 1e-9
+STRAINING_SHARE = 1e-9
 #: Share of a vector outside the span of others, below which it adds nothing; rounding: 1e-16.
 SPANNED = 1e-12
 #: Message for matrices that cannot belong to a structure.
@@ -245,7 +245,7 @@ def _first_elastic(
     elastic = fields - motions @ dot(comm, motions, multiply(M, fields))
     before, after = (comm.allreduce(np.einsum("ij,ij->j", x, x)) for x in (fields, elastic))
     # A rigid field leaves rounding only, which must not be scaled up to a field of its own.
-    basis = orthonormal(comm, M, elastic[:, after > ELASTIC**2 * before])
+    basis = orthonormal(comm, M, elastic[:, after > STRAINING_SHARE**2 * before])
     values = np.linalg.eigvalsh(dot(comm, basis, multiply(K, basis)))
     if not len(values):
         return frequency(K, M)

@@ -13,7 +13,7 @@ from antiosc.fem.readers.decks.abaqus_cards import Card, cards
 from antiosc.fem.readers.decks.abaqus_elements import element_type, nodes_of_other
 from antiosc.fem.readers.decks.abaqus_generation import element_copies, filled, generated
 from antiosc.fem.readers.decks.deck import (
-    MOST,
+    LARGEST_NUMBER,
     Block,
     Deck,
     IntArray,
@@ -196,7 +196,7 @@ def _numbers(scope: Scope, card: Card, width: int, kind: str) -> list[tuple[list
             numbers = [int(word) for word in words if word and not word.isspace()]
         except ValueError:
             numbers = [whole_number(word, place) for word in words if word.strip()]
-        if max(map(abs, numbers), default=0) > MOST:
+        if max(map(abs, numbers), default=0) > LARGEST_NUMBER:
             raise MeshError(f"{place}: a number of a node or element is too large.")
         current += numbers
         if len(current) >= least:

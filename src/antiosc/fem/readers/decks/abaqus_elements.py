@@ -23,9 +23,9 @@ VOLUMES = {
     20: "hexahedron",
     27: "hexahedron",
 }
-FACES = {3: "triangle", 4: "quad", 6: "triangle", 8: "quad", 9: "quad"}
+SHEET_SHAPES = {3: "triangle", 4: "quad", 6: "triangle", 8: "quad", 9: "quad"}
 #: Places of the nodes of a type where they are not corners, then middles of edges in VTK's order.
-BETWEEN = (0, 2, 1)
+MIDDLE_SECOND = (0, 2, 1)
 #: Inner nodes of C3D27: Abaqus gives the centre, then bottom, top and the four sides.
 INNER_27 = (26, 24, 23, 25, 21, 22, 20)
 
@@ -65,10 +65,10 @@ def element_type(name: str) -> ElementType | None:
         return _plain(VOLUMES[nodes], role, nodes)
     if match := _SHELL.match(name):
         nodes = 6 if match[1] == "65" else int(match[1])
-        return _plain(FACES[nodes], "other" if name.startswith("DS") else "shell", nodes)
+        return _plain(SHEET_SHAPES[nodes], "other" if name.startswith("DS") else "shell", nodes)
     if match := _PLANE.match(name):
         roles: dict[str, Role] = {"CPS": "plane stress", "CPE": "plane strain"}
-        return _plain(FACES[int(match[2])], roles.get(match[1], "other"), int(match[2]))
+        return _plain(SHEET_SHAPES[int(match[2])], roles.get(match[1], "other"), int(match[2]))
     if match := _BEAM.match(name):
         return _line(3 if match[2] == "2" else 2, "beam")
     for pattern, kind in _OTHERS:
@@ -76,7 +76,7 @@ def element_type(name: str) -> ElementType | None:
             nodes = int(match[1])
             if kind == "line":
                 return _line(nodes, "other")
-            return _plain((FACES if kind == "face" else VOLUMES)[nodes], "other", nodes)
+            return _plain((SHEET_SHAPES if kind == "face" else VOLUMES)[nodes], "other", nodes)
     return None
 
 
@@ -94,7 +94,7 @@ def _plain(shape: str, role: Role, nodes: int) -> ElementType:
 def _line(nodes: int, role: Role) -> ElementType:
     if nodes == 2:
         return ElementType("line", role, 2, (0, 1), ())
-    return ElementType("line", role, 3, BETWEEN[:2], BETWEEN[2:])
+    return ElementType("line", role, 3, MIDDLE_SECOND[:2], MIDDLE_SECOND[2:])
 
 
 #: Nodes of the types that are no cells, so that their elements can be counted.

@@ -11,7 +11,7 @@ from antiosc.fem.readers.decks.abaqus_cards import Card
 from antiosc.fem.readers.decks.deck import Block, IntArray, Numbering, Place, whole_number
 
 #: More nodes or elements from one card are damage.
-MOST = 5_000_000
+MOST_GENERATED = 5_000_000
 
 Points = Mapping[int, list[float]]
 
@@ -28,7 +28,7 @@ def generated(
         ends = [known.get(first), known.get(last)]
         if ends[0] is None or ends[1] is None:
             raise MeshError(f"{place}: *NGEN from {first} to {last}: both nodes must exist.")
-        if step < 1 or (last - first) % step or not 0 < (last - first) // step <= MOST:
+        if step < 1 or (last - first) % step or not 0 < (last - first) // step <= MOST_GENERATED:
             raise MeshError(f"{place}: *NGEN from {first} to {last} by {step} does not fit.")
         a, b = np.array(ends[0]), np.array(ends[1])
         count = (last - first) // step
@@ -52,7 +52,7 @@ def filled(
                 f"{place}: *NFILL between {fields[0]!r} ({len(pair[0])} nodes) and {fields[1]!r} "
                 f"({len(pair[1])}): both sets must be made by *NODE or *NGEN and be equally long."
             )
-        if not 0 < lines * len(pair[0]) <= MOST:
+        if not 0 < lines * len(pair[0]) <= MOST_GENERATED:
             raise MeshError(f"{place}: *NFILL over {lines} lines does not fit.")
         for one, other in zip(*pair, strict=True):
             a, b = np.array(known[one]), np.array(known[other])
@@ -73,7 +73,7 @@ def element_copies(
         counts = np.array([*rest, *[1] * (9 - len(rest))][:9]).reshape(3, 3)
         counts[counts[:, 0] < 1, 0] = 1
         total = int(np.prod(counts[:, 0].astype(object)))
-        if not 0 < total <= MOST:
+        if not 0 < total <= MOST_GENERATED:
             raise MeshError(f"{place}: *ELGEN would make {total} elements.")
         block, row = _of_label(master, blocks, labels, place)
         steps = [np.arange(n) for n in counts[:, 0]]

@@ -17,11 +17,12 @@ from antiosc.fem.readers.decks.abaqus_assembly import Instance, Whole
 from antiosc.fem.readers.decks.abaqus_cards import Card
 from antiosc.fem.readers.decks.abaqus_sections import SECTIONS, Sections, materials_of
 from antiosc.fem.readers.decks.deck import Array, IntArray, Place, real_number, whole_number
+from antiosc.fem.readers.decks.geometry import AXIS_COSINE
 from antiosc.fem.readers.decks.model import ModelBuilder
 from antiosc.fem.readers.unit_system import UnitSystem
 
 #: Cards that change the answer and have no counterpart here.
-REFUSED = {
+REFUSED_CARDS = {
     "CONTACTPAIR": "a contact pair",
     "CONTACT": "general contact",
     "CLEARANCE": "a contact pair",
@@ -54,7 +55,7 @@ REFUSED = {
     "CHANGEMATERIAL": "a change of a material between steps",
 }
 #: Cards that are loads or states at the beginning, which a strike does not have.
-LOADS = (
+LOAD_CARDS = (
     *("CLOAD", "DLOAD", "DSLOAD", "TEMPERATURE", "FILM", "RADIATE", "DFLUX", "CFLUX", "FIELD"),
     *("INITIALCONDITIONS", "BASEMOTION", "DAMPING", "MODALDAMPING", "EXPANSION"),
 )
@@ -69,8 +70,6 @@ NAMED = {
     "YASYMM": (0, 2, 4),
     "ZASYMM": (0, 1, 5),
 }
-#: Cosine from which a direction is that of an axis.
-ALONG = 1 - 1e-9
 
 
 def model_of(whole: Whole, units: UnitSystem, density: float | None) -> dict[str, Any]:
@@ -98,11 +97,11 @@ def model_of(whole: Whole, units: UnitSystem, density: float | None) -> dict[str
 
 def _refuse(cards: Iterable[Card]) -> None:
     for card in cards:
-        if card.keyword in REFUSED:
+        if card.keyword in REFUSED_CARDS:
             raise MeshError(
-                f"{card.place}: *{card.keyword} is {REFUSED[card.keyword]}, which is not supported "
-                "here and would change the answer; take it out of the deck, or model the part "
-                "without it."
+                f"{card.place}: *{card.keyword} is {REFUSED_CARDS[card.keyword]}, which is not "
+                "supported here and would change the answer; take it out of the deck, or model "
+                "the part without it."
             )
         if card.keyword == "SPRING" and "NONLINEAR" in card.options:
             raise MeshError(f"{card.place}: nonlinear springs are not supported.")
@@ -113,7 +112,7 @@ def _refuse(cards: Iterable[Card]) -> None:
 def _ignored(whole: Whole) -> Iterator[str]:
     every = [card for card, _ in whole.cards]
     every += [card for step in whole.steps for card in step]
-    counts = Counter(card.keyword for card in every if card.keyword in LOADS)
+    counts = Counter(card.keyword for card in every if card.keyword in LOAD_CARDS)
     for keyword, count in sorted(counts.items()):
         yield f"{count} *{keyword}"
     if whole.steps:
@@ -200,10 +199,10 @@ def _turned(held: Any, frame: Array, place: Place) -> Any:
     result = np.zeros(3, dtype=bool)
     free = np.abs(frame[~held])
     along = np.abs(frame[held])
-    if (along.max(axis=1) > ALONG).all():
+    if (along.max(axis=1) > AXIS_COSINE).all():
         result[along.argmax(axis=1)] = True
         return result
-    if (free.max(axis=1) > ALONG).all():  # held in a plane along the axes
+    if (free.max(axis=1) > AXIS_COSINE).all():  # held in a plane along the axes
         result[:] = True
         result[free.argmax(axis=1)] = False
         return result
@@ -313,7 +312,7 @@ def _axial(builder: ModelBuilder, nodes: list[int], stiffness: float, place: Pla
     along = x[free[0]] - x[grounded[0]]
     length = float(np.linalg.norm(along))
     motion = int(np.argmax(np.abs(along)))
-    if length == 0 or abs(along[motion]) < ALONG * length:
+    if length == 0 or abs(along[motion]) < AXIS_COSINE * length:
         raise MeshError(f"{place}: a grounded spring must lie along x, y or z.")
     builder.spring(free[0], motion, stiffness, place)
 

@@ -17,7 +17,7 @@ from antiosc.fem.readers.decks.geometry import common_direction, normals_of, tan
 from antiosc.fem.readers.decks.model import Family, Material, ModelBuilder, isotropic, of_stiffness
 
 #: Kinds of *ELASTIC without their last letters, and how many constants each has.
-ELASTIC = {"ISO": 2, "ENGINEERINGCONSTANTS": 9, "LAMINA": 6, "ORTHO": 9}
+ELASTIC_CONSTANTS = {"ISO": 2, "ENGINEERINGCONSTANTS": 9, "LAMINA": 6, "ORTHO": 9}
 SECTIONS = (
     *("SOLIDSECTION", "SHELLSECTION", "BEAMSECTION", "BEAMGENERALSECTION"),
     "SHELLGENERALSECTION",
@@ -68,13 +68,13 @@ def _kind(card: Card) -> str:
 
 def _elastic(card: Card) -> Array:
     kind = _kind(card)
-    if kind not in ELASTIC:
+    if kind not in ELASTIC_CONSTANTS:
         raise MeshError(
             f"{card.place}: *ELASTIC, TYPE={card.option('TYPE')} is not supported; write it as "
             "isotropic, ENGINEERING CONSTANTS, LAMINA or ORTHO."
         )
     values = _every(card) if kind != "ISO" else _first(card)
-    count = ELASTIC[kind]
+    count = ELASTIC_CONSTANTS[kind]
     if len(values) < count:
         raise MeshError(f"{card.place}: *ELASTIC needs {count} constants; it has {len(values)}.")
     v = np.array(values[:count])

@@ -15,14 +15,14 @@ IntArray = NDArray[np.int64]
 Array = NDArray[np.float64]
 
 #: Numbers of nodes and elements beyond this are damage.
-MOST = 2**62
+LARGEST_NUMBER = 2**62
 
 
 @dataclass
 class Block:
     """Elements of one type, one after the other."""
 
-    #: a key of `antiosc.fem.readers.conversion.EDGES`
+    #: a key of `antiosc.fem.readers.shapes.EDGES`
     shape: str
     #: the deck's own name of the type
     type: str
@@ -120,7 +120,7 @@ def whole_number(text: str, place: Place) -> int:
         if not (abs(number) < 2**53 and number.is_integer()):
             raise MeshError(f"{place}: {text.strip()[:40]!r} is no whole number.") from None
         value = int(number)
-    if abs(value) > MOST:
+    if abs(value) > LARGEST_NUMBER:
         raise MeshError(f"{place}: the number {text.strip()[:40]} is too large.")
     return value
 

@@ -6,6 +6,9 @@ import numpy as np
 
 from antiosc.fem.readers.decks.deck import Array, Deck, IntArray
 
+#: Cosine from which a direction is that of an axis.
+AXIS_COSINE = 1 - 1e-9
+
 
 def tangents_of(deck: Deck, elements: IntArray) -> Array:
     """Unit vectors (n, 3) along lines, from their first node to their last."""

@@ -11,7 +11,7 @@ from antiosc.fem.readers.decks.deck import Place, real_number, whole_number
 from antiosc.fem.readers.decks.sources import Sources
 
 #: How pre-processors name properties in comments: HyperMesh, ANSA, Femap.
-NAMES = (
+PROPERTY_NAMES = (
     re.compile(r'\$HMNAME\s+PROP\s+(\d+)\s*"([^"]+)"'),
     re.compile(r"\$ANSA_NAME(?:_COMMENT)?;(\d+);P\w+;([^;]+);"),
     re.compile(r"\$ Femap(?: with NX Nastran)? Property (\d+) : (.+)"),
@@ -108,7 +108,7 @@ class _Collector:
                 self._bulk(line.expandtabs(8), place)
 
     def _note(self, comment: str) -> None:
-        for pattern in NAMES:
+        for pattern in PROPERTY_NAMES:
             if match := pattern.match(comment):
                 self.bulk.names[int(match[1][:18])] = match[2].strip()
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from antiosc.errors import MeshError
 from antiosc.fem.readers.decks.deck import Array, IntArray, Place
+from antiosc.fem.readers.decks.geometry import AXIS_COSINE
 from antiosc.fem.readers.decks.model import ModelBuilder
 from antiosc.fem.readers.decks.nastran import NastranDeck, held_by, is_other, spc_sets
 from antiosc.fem.readers.decks.nastran_cards import Entry
@@ -21,7 +22,7 @@ from antiosc.fem.readers.decks.nastran_sections import Properties, materials_of
 from antiosc.fem.readers.unit_system import UnitSystem
 
 #: Entries that change the answer and are no elements.
-REFUSED = {
+REFUSED_ENTRIES = {
     "MPC": "a multi-point constraint",
     "BCTABLE": "contact",
     "BCONTACT": "contact",
@@ -33,21 +34,20 @@ REFUSED = {
     "EPOINT": "an extra point",
 }
 #: Entries that are loads, which a strike does not have.
-LOADS = (
+LOAD_ENTRIES = (
     *("FORCE", "MOMENT", "PLOAD", "GRAV", "RFORCE", "TEMP", "SPCD", "LOAD", "TLOAD", "RLOAD"),
     *("DLOAD", "DAREA", "ACCEL", "DEFORM", "SLOAD"),
 )
 #: The only elements, besides cells, that are taken.
 TAKEN = ("CONM2", "CELAS1", "CELAS2", "CBUSH")
-#: Cosine from which a direction is that of an axis.
-ALONG = 1 - 1e-9
 
 
 def model_of(found: NastranDeck, units: UnitSystem, density: float | None) -> dict[str, Any]:
     """The deck's model in SI units; its groups and held nodes go into the deck."""
     for entry in found.bulk.entries:
-        if entry.name in REFUSED or (is_other(entry.name) and entry.name not in TAKEN):
-            what = f" is {REFUSED[entry.name]}, which" if entry.name in REFUSED else ""
+        if entry.name in REFUSED_ENTRIES or (is_other(entry.name) and entry.name not in TAKEN):
+            name = REFUSED_ENTRIES.get(entry.name)
+            what = f" is {name}, which" if name else ""
             raise MeshError(
                 f"{entry.place}: {entry.name}{what} is not supported here and would change the "
                 "answer; take it out of the deck, or model the part without it."
@@ -64,7 +64,7 @@ def model_of(found: NastranDeck, units: UnitSystem, density: float | None) -> di
         _mass(found, builder, entry, factor)
     _springs(found, builder)
     found.deck.left.clear()
-    counts = Counter(e.name for e in found.bulk.entries if e.name.startswith(LOADS))
+    counts = Counter(e.name for e in found.bulk.entries if e.name.startswith(LOAD_ENTRIES))
     loads = [f"{count} {name}" for name, count in sorted(counts.items())]
     builder.ignored = [*ignored, *properties.ignored, *loads]
     return builder.finished(properties.roles)
@@ -129,10 +129,10 @@ def _along(motions: list[int], frame: Array, place: Place) -> list[int]:
     if len(motions) in (0, 3):
         return motions
     held = np.abs(frame[motions])
-    if (held.max(axis=1) > ALONG).all():
+    if (held.max(axis=1) > AXIS_COSINE).all():
         return [int(k) for k in held.argmax(axis=1)]
     free = np.abs(np.delete(frame, motions, axis=0))
-    if (free.max(axis=1) > ALONG).all():
+    if (free.max(axis=1) > AXIS_COSINE).all():
         return [k for k in range(3) if k not in free.argmax(axis=1)]
     raise MeshError(
         f"{place}: a node with a displacement system (CD) is held in directions that are not along "

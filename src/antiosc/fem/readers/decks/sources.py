@@ -11,7 +11,7 @@ from antiosc.fem.readers.decks.deck import Place
 #: Files that include one another deeper than this are refused.
 DEEPEST = 16
 #: All files of a deck together, bytes.
-LARGEST = 4 * 2**30
+LARGEST_DECK = 4 * 2**30
 
 
 class Sources:
@@ -28,7 +28,7 @@ class Sources:
     def lines(self, path: Path, name: str) -> list[str]:
         """Lines of one file, without their ends."""
         self.size += path.stat().st_size
-        if self.size > LARGEST:
+        if self.size > LARGEST_DECK:
             raise MeshError(f"{self.name} and the files it includes have more than 4 GiB.")
         self._on_size(self.size)
         content = path.read_bytes()
