@@ -16,7 +16,7 @@ import numpy as np
 
 from antiosc.errors import MeshError
 from antiosc.fem.readers.decks.deck import Array, Block, Deck, IntArray, listed
-from antiosc.fem.readers.held import DIAGONALS, Between, spans
+from antiosc.fem.readers.fixed_entities import DIAGONALS, FixedEntities, fixed_with
 from antiosc.fem.readers.neutral import FileMesh
 from antiosc.fem.readers.node_table import NodeTable
 from antiosc.fem.readers.shapes import CORNERS, DIMENSION, EDGES, FACES, rectangles
@@ -77,9 +77,10 @@ def as_mesh(deck: Deck, *, halve_lines: bool = False) -> FileMesh:
         rows = {label: np.flatnonzero(inside[owner]) for label, owner in owners.items()}
         mesh.groups[name] = {label: r for label, r in rows.items() if len(r)}
     mesh.node_sets = dict(deck.node_sets)
-    if deck.held and shapes_of:
+    if deck.fixed and shapes_of:
         label, shape, blocks = shapes_of[0]  # of the highest dimension
-        mesh.held = spans(Between(shape, cells[label], blocks, nodes), deck.held)
+        entities = FixedEntities(shape, cells[label], blocks, nodes)
+        mesh.fixed = fixed_with(entities, deck.fixed)
     mesh.model = deck.model
     mesh.told = list(deck.told)
     if deck.left:

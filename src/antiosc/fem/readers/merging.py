@@ -28,5 +28,5 @@ def merged(mesh: FileMesh, distance: float) -> FileMesh:
         points=mesh.points[kept],
         cells={kind: row[block] for kind, block in mesh.cells.items()},
         node_sets={name: np.unique(row[nodes]) for name, nodes in mesh.node_sets.items()},
-        held={n: {d: row[e] for d, e in parts.items()} for n, parts in mesh.held.items()},
+        fixed={n: {d: row[e] for d, e in parts.items()} for n, parts in mesh.fixed.items()},
     )

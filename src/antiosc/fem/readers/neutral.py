@@ -85,8 +85,8 @@ class FileMesh:
     node_sets: dict[str, IntArray] = field(default_factory=dict)
     #: once a group holds cells of the highest dimension, cells in no group are construction aids
     aids: bool = False
-    #: what supports hold: name of a group to be made -> {dimension: entities by their vertices}
-    held: dict[str, dict[int, IntArray]] = field(default_factory=dict)
+    #: entities that supports fix: name of the group for them -> {dimension: their vertices}
+    fixed: dict[str, dict[int, IntArray]] = field(default_factory=dict)
     #: what the caller must be told of the file, one sentence each
     told: list[str] = field(default_factory=list)
     #: materials, sections, supports and masses, as JSON holds them, where a model was asked for
@@ -130,13 +130,13 @@ def packed(mesh: FileMesh) -> tuple[dict[str, Any], list[NDArray[Any]]]:
     """`mesh` as (what fits JSON, arrays); groups are put end to end, for there may be thousands."""
     rows = [rows for parts in mesh.groups.values() for rows in parts.values()]
     nodes = list(mesh.node_sets.values())
-    spans = [(name, dim, e) for name, parts in mesh.held.items() for dim, e in parts.items()]
+    spans = [(name, dim, e) for name, parts in mesh.fixed.items() for dim, e in parts.items()]
     head = {
         "cells": list(mesh.cells),
         "convention": mesh.convention,
         "groups": [[n, k, len(r)] for n, g in mesh.groups.items() for k, r in g.items()],
         "node_sets": [[name, len(r)] for name, r in mesh.node_sets.items()],
-        "held": [[name, dim, *e.shape] for name, dim, e in spans],
+        "fixed": [[name, dim, *e.shape] for name, dim, e in spans],
         "aids": mesh.aids,
         "told": mesh.told,
         "model": mesh.model,
@@ -168,9 +168,9 @@ def unpacked(head: dict[str, Any], arrays: list[NDArray[Any]]) -> FileMesh:
     for name, count in head["node_sets"]:
         mesh.node_sets[name] = nodes[start : start + count]
         start += count
-    for name, dim, count, width in head.get("held", []):
+    for name, dim, count, width in head.get("fixed", []):
         part = nodes[start : start + count * width].reshape(count, width)
-        mesh.held.setdefault(name, {})[dim] = part
+        mesh.fixed.setdefault(name, {})[dim] = part
         start += count * width
     mesh.told = [str(sentence) for sentence in head.get("told", [])]
     mesh.model = head.get("model")

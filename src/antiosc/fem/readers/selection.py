@@ -55,7 +55,7 @@ def selected(mesh: FileMesh, wanted: Wanted, order: int | None, name: str) -> Ra
     for group, nodes in mesh.node_sets.items():
         if outer is not None:
             _add_nodes(raw, group, nodes, outer)
-    raw.groups.update(mesh.held)
+    raw.groups.update(mesh.fixed)
     if order == 1 and raw.kind.order == 2:
         raw = _straightened(raw)
     elif raw.kind.shape == "interval" and raw.kind.order == 2:
@@ -185,10 +185,10 @@ def _add_nodes(raw: RawMesh, group: str, nodes: IntArray, outer: IntArray) -> No
     """
     marked = np.zeros(len(raw.points), dtype=bool)
     marked[nodes] = True
-    held = outer[marked[outer].all(axis=1)] if len(outer) else outer
-    if len(held):
-        _add(raw, group, raw.kind.dim - 1, held)
-        marked[held.ravel()] = False
+    spanned = outer[marked[outer].all(axis=1)] if len(outer) else outer
+    if len(spanned):
+        _add(raw, group, raw.kind.dim - 1, spanned)
+        marked[spanned.ravel()] = False
     left = np.unique(nodes[marked[nodes]])
     alone = left[np.isin(left, raw.cells[:, : raw.kind.vertices])]
     if len(alone):

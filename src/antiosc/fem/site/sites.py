@@ -18,7 +18,7 @@ from antiosc.fem.structure.meshed import MeshedStructure
 #: A point lies on a sheet up to this share of the structure's size.
 ON_SHEET = 1e-6
 #: A patch is whole with this share of its load on the face, resolved by faces up to this times its
-#: radius, and held by supports where these carry more than this share of its load.
+#: radius, and partly supported where these carry more than this share of its load.
 WHOLE, RESOLVED_SIZE, PARTLY = 0.9, 1.2, 0.1
 
 

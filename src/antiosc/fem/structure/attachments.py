@@ -134,7 +134,7 @@ class Added:
     mass: float
     #: M e for unit accelerations e along x, y, z, of the attachment alone (rows of this rank, 3)
     inertia: Array
-    #: b of every component that is held by a spring (rows of this rank, k)
+    #: b of every component on which a spring acts (rows of this rank, k)
     springs: Array
 
 

@@ -101,7 +101,7 @@ def read_model(
     for sentence in told:
         warn(comm, sentence)
     mesh = distributed(raw, file.name, comm)
-    held = [Support(name, fix) for name, fix in model["supports"] if raw.groups.get(name)]
+    supported = [Support(name, fix) for name, fix in model["supports"] if raw.groups.get(name)]
     masses = [PointMass(point, mass, inertia) for point, mass, inertia in model["masses"]]
     springs = [Spring(point, stiffness) for point, stiffness in model["springs"]]
     families = {
@@ -110,7 +110,7 @@ def read_model(
     return Structure(
         mesh,
         families,
-        [*held, *more],
+        [*supported, *more],
         attached=[*masses, *springs, *added],
         solver=solver,
     )

@@ -26,7 +26,7 @@ from antiosc.fem.structure import remaining_motions, rigid_body_modes
 from antiosc.fem.structure.attachments import Matrices, PointMass, Spring, add_at_points, add_beams
 from antiosc.fem.structure.materials import divided, parts_of
 from antiosc.fem.structure.structure import Structure
-from antiosc.fem.structure.support import NO_DOFS, Support, held_dofs
+from antiosc.fem.structure.support import NO_DOFS, Support, fixed_dofs
 from antiosc.models.motion import Inertia
 
 
@@ -102,7 +102,7 @@ class MeshedStructure(Structure):
         loads = multiply(self.M, motions)
         owned = self.fixed[self.fixed < len(motions)]
         if self.comm.allreduce(len(owned)):
-            # M has no entries on the held dofs, whose mass moves with a motion of the whole body
+            # M has no entries on the fixed dofs, whose mass moves with a motion of the whole body
             whole = compat.assemble(self.form.mass, self.form.space, {}, 0.0)
             free = motions.copy()
             free[owned] = 0.0
@@ -163,10 +163,10 @@ def assembled(
     stiffeners = [beam for _, beam, _ in beams]
     tell_of_units(mesh.extent(), [*(one for one, _ in self.parts), *stiffeners])
     self.form = form = self.parts[0][0].weak_form(mesh, self.parts, order)
-    held = held_dofs(mesh, form, supports)
-    self.K = compat.assemble(form.stiffness, form.space, held, 1.0)
-    self.M = compat.assemble(form.mass, form.space, held, 0.0)
-    self.fixed = np.unique(np.concatenate([NO_DOFS, *held.values()]))
+    fixed = fixed_dofs(mesh, form, supports)
+    self.K = compat.assemble(form.stiffness, form.space, fixed, 1.0)
+    self.M = compat.assemble(form.mass, form.space, fixed, 0.0)
+    self.fixed = np.unique(np.concatenate([NO_DOFS, *fixed.values()]))
     owned = self.fixed[self.fixed < compat.local_size(form.space)]
     self.dofs = self.K.getSize()[0] - self.comm.allreduce(len(owned))
     if self.dofs == 0:
@@ -179,7 +179,7 @@ def assembled(
     added += [add_at_points(to, one) for one in _checked(attached)]
     if form.strains is not None:
         strains, degree = form.strains
-        S = compat.strain_matrix(strains, degree, form.space, held)
+        S = compat.strain_matrix(strains, degree, form.space, fixed)
         _take_by_strains(self.K, S, rest, self.fixed)
     self._mass += sum(one.mass for one in added)
     self._attached_inertia = sum(
@@ -189,7 +189,7 @@ def assembled(
     self.rigid_modes, self._first_shift = rigid_body_modes.of_mesh(
         form, self.fixed, self.K, self.M, springs
     )
-    if held and self.rigid_modes.shape[1]:
+    if fixed and self.rigid_modes.shape[1]:
         motions = remaining_motions.described(mesh, form, self.rigid_modes)
         warn(
             mesh.comm,

@@ -1,4 +1,4 @@
-"""`Support`: displacement components that are held at zero, as dofs."""
+"""`Support`: displacement components that are fixed, as dofs."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ NO_DOFS = np.zeros(0, dtype=np.int32)
 
 @dataclass(frozen=True)
 class Support:
-    """Displacements and rotations held at zero on a part of the mesh.
+    """Displacements and rotations fixed (set to zero) on a part of the mesh.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ class Support:
         Name of a group of the mesh, or a function of coordinates x of shape (3, n) that tells
         which of the n points are fixed.
     fix
-        "all", or the components held at zero: of "x", "y", "z" (displacements) and, for beams,
+        "all", or the fixed components: of "x", "y", "z" (displacements) and, for beams,
         "rx", "ry", "rz" (rotations); one name or several.
     """
 
@@ -58,7 +58,7 @@ class Support:
         store(self, fix=names)
 
 
-def held_dofs(
+def fixed_dofs(
     mesh: Mesh, form: WeakForm, supports: Sequence[Support]
 ) -> dict[tuple[int, ...], IntArray]:
     """Path of each component -> its fixed dofs of this rank, ghosts included."""
@@ -66,7 +66,7 @@ def held_dofs(
         supports = [supports]
     if not isinstance(supports, Sequence):
         raise InputError(f"supports must be a list of Support(where, fix); got {shown(supports)}.")
-    held: dict[tuple[int, ...], IntArray] = {}
+    fixed: dict[tuple[int, ...], IntArray] = {}
     for support in supports:
         if not isinstance(support, Support):
             raise InputError(
@@ -78,13 +78,13 @@ def held_dofs(
             path = form.components[name]
             dofs = _there(mesh, form, support.where, path)
             count += mesh.comm.allreduce(len(dofs))
-            held[path] = np.union1d(held.get(path, NO_DOFS), dofs).astype(np.int32)
+            fixed[path] = np.union1d(fixed.get(path, NO_DOFS), dofs).astype(np.int32)
         if not count:
             raise InputError(
                 f"the support {_label(support.where)} fixes nothing: no point of the mesh lies "
                 "there; check the group or the coordinates (metres)."
             )
-    return held
+    return fixed
 
 
 def _components(fix: str | Iterable[str], form: WeakForm) -> list[str]:

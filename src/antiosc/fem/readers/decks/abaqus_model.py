@@ -17,7 +17,7 @@ from antiosc.fem.readers.decks.abaqus_assembly import Instance, Whole
 from antiosc.fem.readers.decks.abaqus_cards import Card
 from antiosc.fem.readers.decks.abaqus_sections import SECTIONS, Sections, materials_of
 from antiosc.fem.readers.decks.deck import Array, IntArray, Place, real_number, whole_number
-from antiosc.fem.readers.decks.geometry import AXIS_COSINE
+from antiosc.fem.readers.decks.geometry import AXIS_COSINE, fixed_along_axes
 from antiosc.fem.readers.decks.model import ModelBuilder
 from antiosc.fem.readers.unit_system import UnitSystem
 
@@ -73,7 +73,7 @@ NAMED = {
 
 
 def model_of(whole: Whole, units: UnitSystem, density: float | None) -> dict[str, Any]:
-    """The deck's model in SI units; its groups and held nodes go into the deck."""
+    """The deck's model in SI units; its groups and fixed nodes go into the deck."""
     first = whole.steps[0] if whole.steps else []
     _refuse(card for card, _ in whole.cards)
     _refuse(first)
@@ -157,7 +157,7 @@ class _Supports:
                 moved |= real_number(fields[3], place) != 0
             self._mark(nodes, range(max(first, 1) - 1, min(last, 6)))
         if moved:
-            self.ignored.append(f"the motion of *BOUNDARY ({card.place}), held at zero instead")
+            self.ignored.append(f"the motion of *BOUNDARY ({card.place}), fixed instead")
 
     def _mark(self, nodes: IntArray, motions: Sequence[int]) -> None:
         self.local[nodes[:, None], np.array(motions, dtype=np.int64)] = True
@@ -182,34 +182,17 @@ class _Supports:
             self.frames[int(node)] = (np.stack([x, np.cross(z, x), z]), card.place)
 
     def apply(self) -> None:
-        """Give the builder what is held, in the axes of the deck."""
-        held = self.local
+        """Give the builder the fixed motions, along the axes of the deck."""
         for node, (frame, place) in self.frames.items():
-            own = held[node].copy()
             for part in (slice(0, 3), slice(3, 6)):
-                own[part] = _turned(own[part], frame, place)
-            held[node] = own
-        self.builder.held |= held
-
-
-def _turned(held: Any, frame: Array, place: Place) -> Any:
-    """Which motions along the deck's axes are held, of those along the rows of `frame`."""
-    if held.all() or not held.any():
-        return held
-    result = np.zeros(3, dtype=bool)
-    free = np.abs(frame[~held])
-    along = np.abs(frame[held])
-    if (along.max(axis=1) > AXIS_COSINE).all():
-        result[along.argmax(axis=1)] = True
-        return result
-    if (free.max(axis=1) > AXIS_COSINE).all():  # held in a plane along the axes
-        result[:] = True
-        result[free.argmax(axis=1)] = False
-        return result
-    raise MeshError(
-        f"{place}: *TRANSFORM holds motions that are not along x, y or z, which supports here are; "
-        "hold whole nodes, or turn the part."
-    )
+                fixed = fixed_along_axes(self.local[node, part], frame)
+                if fixed is None:
+                    raise MeshError(
+                        f"{place}: *TRANSFORM fixes motions that are not along x, y or z, which is "
+                        "not supported here; fix all directions of the nodes, or rotate the part."
+                    )
+                self.local[node, part] = fixed
+        self.builder.fixed |= self.local
 
 
 # --- Masses and springs ---------------------------------------------------------------------------
@@ -281,7 +264,7 @@ def _springs(whole: Whole, builder: ModelBuilder) -> None:
                 _axial(builder, nodes, stiffness, card.place)
             else:
                 dofs = [whole_number(f, rows[0][1]) - 1 for f in rows[0][0][:2]]
-                grounded = [k for k, d in zip(nodes, dofs, strict=False) if builder.held[k, d]]
+                grounded = [k for k, d in zip(nodes, dofs, strict=False) if builder.fixed[k, d]]
                 free = [k for k in nodes if k not in grounded]
                 if len(free) != 1 or len(set(dofs)) != 1:
                     _refuse_between(card.place)
@@ -303,8 +286,8 @@ def _dof(row: tuple[list[str], Place]) -> int:
 
 
 def _axial(builder: ModelBuilder, nodes: list[int], stiffness: float, place: Place) -> None:
-    """A spring along the line between two nodes, one of which is held."""
-    grounded = [node for node in nodes if builder.held[node, :3].all()]
+    """A spring along the line between two nodes, one of which is fixed."""
+    grounded = [node for node in nodes if builder.fixed[node, :3].all()]
     free = [node for node in nodes if node not in grounded]
     if len(grounded) != 1 or len(free) != 1:
         _refuse_between(place)
@@ -320,5 +303,5 @@ def _axial(builder: ModelBuilder, nodes: list[int], stiffness: float, place: Pla
 def _refuse_between(place: Place) -> None:
     raise MeshError(
         f"{place}: a spring between two points that both move is not supported; springs go to "
-        "the ground, a node held in all directions."
+        "the ground, a node fixed in all directions."
     )

@@ -292,7 +292,7 @@ class Sections:
                     "direction a section of its own."
                 )
             offset = shares[1] * profile.width
-            first, profile = np.cross(tangent, first), profile.turned()
+            first, profile = np.cross(tangent, first), profile.rotated()
         length = self.builder.units.length
         section = {
             "A": profile.A * length**2,

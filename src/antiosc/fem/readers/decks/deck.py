@@ -62,8 +62,8 @@ class Deck:
     node_sets: dict[str, IntArray] = field(default_factory=dict)
     #: name -> numbers of elements
     element_sets: dict[str, IntArray] = field(default_factory=dict)
-    #: nodes held at zero: name of a group to be made -> rows of `points`
-    held: dict[str, IntArray] = field(default_factory=dict)
+    #: nodes fixed by supports: name of the group for them -> rows of `points`
+    fixed: dict[str, IntArray] = field(default_factory=dict)
     #: type of elements that are no cells of a mesh -> how many
     left: dict[str, int] = field(default_factory=dict)
     #: what the reader has to tell of the deck, one sentence each

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from antiosc._types import BoolArray
 from antiosc.fem.readers.decks.deck import Array, Deck, IntArray
 
 #: Cosine from which a direction is that of an axis.
@@ -39,3 +40,21 @@ def common_direction(vectors: Array, least: float = 0.3) -> Array | None:
     if length == 0 or (vectors @ (mean / length)).min() < least:
         return None
     return np.asarray(mean / length)
+
+
+def fixed_along_axes(fixed: BoolArray, frame: Array) -> BoolArray | None:
+    """The motions along x, y and z (3,) that are fixed with those along the rows of `frame`.
+
+    None where they are not a set of these: one or two directions askew to the axes.
+    """
+    if fixed.all() or not fixed.any():
+        return fixed
+    cosines = np.abs(frame)
+    result = np.zeros(3, dtype=bool)
+    if (cosines[fixed].max(axis=1) > AXIS_COSINE).all():
+        result[cosines[fixed].argmax(axis=1)] = True
+        return result
+    if (cosines[~fixed].max(axis=1) > AXIS_COSINE).all():  # a whole plane between two axes
+        result[cosines[~fixed].argmax(axis=1)] = True
+        return ~result
+    return None

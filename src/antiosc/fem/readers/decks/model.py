@@ -83,7 +83,7 @@ class ModelBuilder:
 
     def __post_init__(self) -> None:
         self.of_element = np.full(self.deck.n_elements, -1, dtype=np.int64)
-        self.held = np.zeros((len(self.deck.points), 6), dtype=bool)
+        self.fixed = np.zeros((len(self.deck.points), 6), dtype=bool)
         self.used = np.zeros(len(self.deck.points), dtype=bool)
         for block in self.deck.blocks:
             for table in (block.corners, block.mids, block.inner):
@@ -140,9 +140,9 @@ class ModelBuilder:
         self.families.append(family)
         self.names.append(name)
 
-    def hold(self, nodes: IntArray, motions: Sequence[int]) -> None:
-        """Hold motions (0 to 5) of nodes at zero."""
-        self.held[nodes[:, None], np.array(motions, dtype=np.int64)] = True
+    def fix(self, nodes: IntArray, motions: Sequence[int]) -> None:
+        """Fix motions (0 to 5) of nodes."""
+        self.fixed[nodes[:, None], np.array(motions, dtype=np.int64)] = True
 
     def mass(self, node: int, mass: float, inertia: list[float], place: Place) -> None:
         """A point mass in the deck's units."""
@@ -220,13 +220,13 @@ class ModelBuilder:
             start += len(block)
 
     def _supports(self, count: int) -> list[Any]:
-        """[[group, motions]], one for each motion: what lies between two nodes needs both."""
-        held = self.held[:, :count] & self.used[:, None]
+        """[[group, motions]], one for each motion: an entity between nodes needs all of them."""
+        fixed = self.fixed[:, :count] & self.used[:, None]
         supports = []
         for k in range(count):
-            nodes = np.flatnonzero(held[:, k])
+            nodes = np.flatnonzero(fixed[:, k])
             if len(nodes):
-                name = f"held {MOTIONS[k]}"
-                self.deck.held[name] = nodes
+                name = f"fixed {MOTIONS[k]}"
+                self.deck.fixed[name] = nodes
                 supports.append([name, [MOTIONS[k]]])
         return supports

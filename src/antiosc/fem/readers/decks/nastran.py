@@ -217,7 +217,7 @@ def _groups(found: NastranDeck) -> None:
         if found.bulk.names.get(int(number)):
             found.deck.element_sets[found.bulk.names[int(number)]] = elements
     for number in spc_sets(found):
-        rows = [rows for rows, _, _ in held_by(found, number)]
+        rows = [rows for rows, _, _ in constraints(found, number)]
         if rows:
             found.deck.node_sets[f"SPC {number}"] = np.unique(np.concatenate(rows))
 
@@ -228,9 +228,9 @@ def spc_sets(found: NastranDeck) -> list[int]:
     return sorted({entry.whole(0) for entry in entries})
 
 
-def held_by(found: NastranDeck, number: int) -> list[tuple[IntArray, str, Entry]]:
+def constraints(found: NastranDeck, number: int) -> list[tuple[IntArray, str, Entry]]:
     """(rows of nodes, components such as "123", entry) of one set of single-point constraints."""
-    held = []
+    result = []
     for entry in found.named("SPC", "SPC1"):
         if entry.whole(0) != number:
             continue
@@ -238,8 +238,8 @@ def held_by(found: NastranDeck, number: int) -> list[tuple[IntArray, str, Entry]
             for start in (1, 4):
                 if entry.text(start):
                     row = found.row(entry.whole(start), entry.place)
-                    held.append((np.array([row]), entry.text(start + 1), entry))
+                    result.append((np.array([row]), entry.text(start + 1), entry))
             continue
         for first, last in through(entry.fields[2:], entry.place):
-            held.append((found.nodes.between(first, last), entry.text(1), entry))
-    return held
+            result.append((found.nodes.between(first, last), entry.text(1), entry))
+    return result

@@ -12,11 +12,12 @@ from typing import Any
 
 import numpy as np
 
+from antiosc._types import BoolArray
 from antiosc.errors import MeshError
 from antiosc.fem.readers.decks.deck import Array, IntArray, Place
-from antiosc.fem.readers.decks.geometry import AXIS_COSINE
+from antiosc.fem.readers.decks.geometry import fixed_along_axes
 from antiosc.fem.readers.decks.model import ModelBuilder
-from antiosc.fem.readers.decks.nastran import NastranDeck, held_by, is_other, spc_sets
+from antiosc.fem.readers.decks.nastran import NastranDeck, constraints, is_other, spc_sets
 from antiosc.fem.readers.decks.nastran_cards import Entry
 from antiosc.fem.readers.decks.nastran_sections import Properties, materials_of
 from antiosc.fem.readers.unit_system import UnitSystem
@@ -43,7 +44,7 @@ TAKEN = ("CONM2", "CELAS1", "CELAS2", "CBUSH")
 
 
 def model_of(found: NastranDeck, units: UnitSystem, density: float | None) -> dict[str, Any]:
-    """The deck's model in SI units; its groups and held nodes go into the deck."""
+    """The deck's model in SI units; its groups and fixed nodes go into the deck."""
     for entry in found.bulk.entries:
         if entry.name in REFUSED_ENTRIES or (is_other(entry.name) and entry.name not in TAKEN):
             name = REFUSED_ENTRIES.get(entry.name)
@@ -86,10 +87,10 @@ def _supports(found: NastranDeck, builder: ModelBuilder) -> None:
     for row, grid in enumerate(found.named("GRID")):
         permanent = grid.text(6) or (default.text(6) if default else "")
         if permanent:
-            _hold(found, builder, np.array([row]), permanent, grid.place)
+            _fix(found, builder, np.array([row]), permanent, grid.place)
     for number in _selected(found):
-        for rows, components, entry in held_by(found, number):
-            _hold(found, builder, rows, components, entry.place)
+        for rows, components, entry in constraints(found, number):
+            _fix(found, builder, rows, components, entry.place)
 
 
 def _selected(found: NastranDeck) -> list[int]:
@@ -107,37 +108,31 @@ def _selected(found: NastranDeck) -> list[int]:
     return result
 
 
-def _hold(
+def _fix(
     found: NastranDeck, builder: ModelBuilder, rows: IntArray, components: str, place: Place
 ) -> None:
     if not components.isdigit() or not set(components) <= set("0123456"):
         raise MeshError(f"{place}: {components!r} are no components of 1 to 6.")
     motions = sorted({int(c) - 1 for c in components} - {-1})
     plain = [row for row in rows if int(row) not in found.systems_of]
-    builder.hold(np.array(plain, dtype=np.int64), motions)
+    builder.fix(np.array(plain, dtype=np.int64), motions)
     for row in rows:
         if int(row) in found.systems_of:
             frame = found.frame(int(row), place)
             for first in (0, 3):
-                own = [k - first for k in motions if first <= k < first + 3]
-                turned = [first + k for k in _along(own, frame, place)]
-                builder.hold(np.array([row]), turned)
+                own = np.isin(np.arange(first, first + 3), motions)
+                builder.fix(np.array([row]), [first + k for k in _along_axes(own, frame, place)])
 
 
-def _along(motions: list[int], frame: Array, place: Place) -> list[int]:
-    """Motions along the basic axes that are held, of those along the rows of `frame`."""
-    if len(motions) in (0, 3):
-        return motions
-    held = np.abs(frame[motions])
-    if (held.max(axis=1) > AXIS_COSINE).all():
-        return [int(k) for k in held.argmax(axis=1)]
-    free = np.abs(np.delete(frame, motions, axis=0))
-    if (free.max(axis=1) > AXIS_COSINE).all():
-        return [k for k in range(3) if k not in free.argmax(axis=1)]
-    raise MeshError(
-        f"{place}: a node with a displacement system (CD) is held in directions that are not along "
-        "the basic axes, which supports here are; hold whole nodes, or turn the part."
-    )
+def _along_axes(own: BoolArray, frame: Array, place: Place) -> list[int]:
+    """The motions along the basic axes that are those along rows of `frame`, in numbers 0 to 2."""
+    along = fixed_along_axes(own, frame)
+    if along is None:
+        raise MeshError(
+            f"{place}: a support or spring in a displacement system (CD) whose directions are not "
+            "along the basic axes is not supported; act on all directions, or rotate the part."
+        )
+    return [int(k) for k in np.flatnonzero(along)]
 
 
 # --- Masses and springs ---------------------------------------------------------------------------
@@ -170,7 +165,7 @@ def _springs(found: NastranDeck, builder: ModelBuilder) -> None:
         for motion, stiffness in _stiffness(entry, nodes, constants):
             frame = found.frame(row, entry.place)
             first = 3 * (motion // 3)
-            along = _along([motion - first], frame, entry.place)
+            along = _along_axes(np.arange(3) == motion - first, frame, entry.place)
             builder.spring(row, first + along[0], stiffness, entry.place)
 
 

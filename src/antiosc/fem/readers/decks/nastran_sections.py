@@ -227,8 +227,8 @@ class Properties:
         side = self.found.deck.points[nodes[1]] - self.found.deck.points[nodes[0]]
         side -= (side @ normal) * normal
         angle = math.radians(entry.real(where[entry.name]))
-        turned = math.cos(angle) * side + math.sin(angle) * np.cross(normal, side)
-        return np.asarray(turned / max(float(np.linalg.norm(turned)), 1e-300))
+        rotated = math.cos(angle) * side + math.sin(angle) * np.cross(normal, side)
+        return np.asarray(rotated / max(float(np.linalg.norm(rotated)), 1e-300))
 
     def _beside(self, extra: float, size: float) -> float:
         """Nonstructural mass of an area or length, as density over a thickness or section."""

@@ -25,7 +25,7 @@ class Profile:
     height: float = 0.0
     width: float = 0.0
 
-    def turned(self) -> Profile:
+    def rotated(self) -> Profile:
         """The same with the height across."""
         return Profile(self.A, self.I_side, self.I, self.J, self.shear, self.width, self.height)
 

@@ -1,9 +1,9 @@
-"""What is held between nodes that are held: edges, faces and cells.
+"""Edges, faces and cells that a support on some nodes of a deck also fixes.
 
-Displacements here are richer than those of a deck's elements, so that a support must also hold
-what lies between its nodes: an edge with both ends (and the node in its middle), a face with all
-its edges. A cut through a rectangle or a hexahedron is no edge of the deck: it is held where all
-nodes of the rectangle, or of the cell, are.
+The elements here can have more degrees of freedom than those of the deck. A support must therefore
+fix the entities between its nodes too: an edge if both ends (and its middle node) are fixed, a face
+if all its edges are. A diagonal along which a rectangle or a hexahedron is divided is not an edge
+of the deck: it is fixed if all nodes of the rectangle, or of the cell, are fixed.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from antiosc.fem.readers.shapes import CORNERS, DIMENSION, EDGES, FACES, rectang
 DIAGONALS = ((0, 6), (1, 7), (2, 4), (3, 5))
 
 
-class Between:
-    """The cells of a mesh, of one shape and of the highest dimension, seen from their nodes."""
+class FixedEntities:
+    """The cells of highest dimension, their faces and edges, as sets of nodes."""
 
     def __init__(
         self, shape: str, cells: IntArray, blocks: Sequence[Block], nodes: NodeTable
@@ -35,10 +35,10 @@ class Between:
         self.mids = mids if mids.shape[1] == count else None
         self.edges = self.corners[:, np.array(EDGES[shape])]
         if self.mids is None:
-            self._around = _around_cuts(blocks, self.edges, len(nodes.points))
+            self._around = _around_diagonals(blocks, self.edges, len(nodes.points))
 
-    def held(self, rows: IntArray) -> dict[int, IntArray]:
-        """{dimension: entities by their vertices} of what the nodes `rows` hold."""
+    def of(self, rows: IntArray) -> dict[int, IntArray]:
+        """{dimension: entities by their vertices} that are fixed if the nodes `rows` are."""
         found = {0: np.intersect1d(rows, self.corners)[:, None]}
         marked = np.zeros(self.nodes.count + 1, dtype=bool)
         marked[self.nodes.grown(rows)] = True
@@ -46,7 +46,7 @@ class Between:
         if self.mids is not None:
             edges &= marked[self.mids]
         else:
-            marked[-1] = True  # what -1 stands for
+            marked[-1] = True  # the entry of index -1, which stands for no node
             edges &= marked[self._around].all(axis=2)
         dim = DIMENSION[self.shape]
         found[1] = self.edges[edges]
@@ -61,9 +61,9 @@ class Between:
         return self.corners[edges[:, own].all(axis=1)][:, list(face)]
 
 
-def _around_cuts(blocks: Sequence[Block], edges: IntArray, n: int) -> IntArray:
-    """Nodes (cells, edges, 8) that a cut needs held; -1 for those of edges of the deck."""
-    real, cuts = PairTable(n), PairTable(n)
+def _around_diagonals(blocks: Sequence[Block], edges: IntArray, n: int) -> IntArray:
+    """Nodes (cells, edges, 8) that must be fixed for a diagonal; -1 for edges of the deck."""
+    real, diagonals = PairTable(n), PairTable(n)
     around = [np.full((1, 8), -1, dtype=np.int64)]
     for block in blocks:
         ends = block.corners[:, np.array(EDGES[block.shape])].reshape(-1, 2)
@@ -75,13 +75,15 @@ def _around_cuts(blocks: Sequence[Block], edges: IntArray, n: int) -> IntArray:
             table = np.full((len(block), 8), -1, dtype=np.int64)
             table[:, : len(among)] = block.corners[:, list(among)]
             start = sum(map(len, around))
-            cuts.add(block.corners[:, list(pair)], np.arange(start, start + len(block)))
+            diagonals.add(block.corners[:, list(pair)], np.arange(start, start + len(block)))
             around.append(table)
     flat = edges.reshape(-1, 2)
-    row = np.where(real.find(flat) >= 0, 0, np.maximum(cuts.find(flat), 0))
+    row = np.where(real.find(flat) >= 0, 0, np.maximum(diagonals.find(flat), 0))
     return np.vstack(around)[row].reshape(*edges.shape[:2], 8)
 
 
-def spans(between: Between, sets: Mapping[str, IntArray]) -> dict[str, dict[int, IntArray]]:
-    """What each of some sets of nodes holds."""
-    return {name: between.held(rows) for name, rows in sets.items()}
+def fixed_with(
+    entities: FixedEntities, sets: Mapping[str, IntArray]
+) -> dict[str, dict[int, IntArray]]:
+    """The entities that are fixed with each of some sets of nodes."""
+    return {name: entities.of(rows) for name, rows in sets.items()}
