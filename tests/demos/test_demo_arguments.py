@@ -16,6 +16,7 @@ BAD = {
     "composite_panel": {"--length": ("x", "-1", "nan", "0"), "--elements": ("1.5", "0")},
     "fidelity": {"--fine": ("x", "0", "-1", "inf"), "--cases": ("x", ""), "--n": ("0", "2.5")},
     "fuzz": {"--scenes": ("0", "x"), "--seed": ("-1", "x"), "--budget": ("0",)},
+    "fuzz_scenes": {"--scenes": ("0", "x"), "--first": ("-1",), "--budget": ("0",)},
     "impact_map": {"--size": ("0", "x"), "--radius": ("-1",), "--check": ("-1",)},
     "impact_on_bracket": {"--size": ("x", "0"), "--n": ("-1", "x"), "--velocity": ("nan",)},
     "plate_impact": {"--inelasticities": ("", "0.1,x", "0"), "--sizes": ("2,-3",), "--n": ("0",)},
@@ -25,7 +26,7 @@ BAD = {
     "stiffened_panel": {"--skin": ("0", "x"), "--n": ("0",), "--duration": ("1e99",)},
     "work_precision": {"--repeats": ("0",), "--scenes": ("x",)},
 }
-LIGHT = {"fuzz", "stability", "work_precision"}
+LIGHT = {"fuzz", "fuzz_scenes", "stability", "work_precision"}
 CASES = [
     pytest.param(name, option, value, marks=[] if name in LIGHT else [FEM])
     for name, options in BAD.items()

@@ -1208,6 +1208,7 @@ def end_at_exit(
     length = first
     for tries in range(14):
         count[RETRIES] += 1
+        clock[STEP] = length  # of the attempt that counts, should the tries end before it is close
         if not attempt(SCRATCH, length, modes, contacts, state, tables, work):
             return False
         d, v = motion[2, c], motion[3, c]
@@ -1226,7 +1227,6 @@ def end_at_exit(
         if not short < new < long:
             new = 0.5 * (short + long)
         length = new
-    clock[STEP] = length
     return True
 
 

@@ -155,7 +155,8 @@ class SceneHistory:
         first, count = self.assembly.system.tangents[c]
         return ContactHistory(
             time=self.run.time,
-            force=self.run.force[:, c],
+            # a release is located to a small share of the depth: a spring may pull by as little
+            force=np.maximum(self.run.force[:, c], 0.0),
             indentation=self.run.depth[:, c],
             friction=self.run.force[:, first : first + count],
             contacts=self._contacts(c),
