@@ -6,7 +6,6 @@ import pickle
 import signal
 import sys
 import warnings
-from collections.abc import Sequence
 from importlib.machinery import ModuleSpec
 
 import numpy as np
@@ -20,63 +19,11 @@ from antiosc.simulation import engine, march, refinement
 from antiosc.simulation.assembly import assemble
 from antiosc.simulation.engine import compiled_march, run
 from antiosc.simulation.refinement import parabolas, start
+from direct import chain, force_error, free_modes, physical
 from scenes import HERTZ, case_two, hertz_impact
 
 Array = NDArray[np.float64]
 UP = (0.0, 0.0, 1.0)
-
-
-def chain(n: int, k: float, masses: Array, held: bool) -> tuple[Array, Array]:
-    """Stiffness and mass of a row of masses on springs, on the ground at one end if `held`."""
-    K = np.zeros((n, n))
-    for i in range(n - 1):
-        K[i : i + 2, i : i + 2] += k * np.array([[1, -1], [-1, 1]])
-    if held:
-        K[0, 0] += k
-    return K, np.diag(masses)
-
-
-def free_modes(K: Array, M: Array, B: Array) -> tuple[Array, Array]:
-    """Frequencies, and displacements of the columns of B in the mass-normalised modes."""
-    root = 1 / np.sqrt(np.diag(M))
-    x, phi = np.linalg.eigh(K * root[:, None] * root)
-    x[x < 1e-10 * x[-1]] = 0.0
-    return np.sqrt(x), (root[:, None] * phi).T @ B
-
-
-def physical(
-    K: Array,
-    M: Array,
-    rows: Array,
-    gaps: Array,
-    k: float,
-    n: float,
-    v0: Array,
-    duration: float,
-    load: Sequence[float] | Array | float = 0.0,
-) -> tuple[Array, Array]:
-    """Times and contact forces (n, p) of M u'' + K u = load - rows^T F by DOP853, F = k delta^n."""
-    size, inverse = len(K), np.linalg.inv(M)
-
-    def force(u: Array) -> Array:
-        return k * np.maximum(rows @ u - gaps, 0.0) ** n
-
-    def slope(t: float, y: Array) -> Array:
-        u, v = y[:size], y[size:]
-        return np.concatenate((v, inverse @ (load - K @ u - rows.T @ force(u))))
-
-    t = np.linspace(0, duration, 3000)
-    y0 = np.concatenate((np.zeros(size), v0))
-    s = solve_ivp(
-        slope, (0, duration), y0, "DOP853", t, rtol=1e-9, atol=1e-12, max_step=duration / 400
-    )
-    return t, np.array([force(u) for u in s.y[:size].T])
-
-
-def force_error(hit: ao.SceneHistory, t: Array, force: Array) -> float:
-    """Relative error of all contact forces in the L2 norm."""
-    mine = parabolas(hit.run, t, force.shape[1])
-    return float(np.sqrt(np.sum((mine - force) ** 2) / np.sum(force**2)))
 
 
 CORNERS = {"a": (0.1, 0.06), "b": (0.1, -0.06), "c": (-0.1, 0.06), "d": (-0.1, -0.06)}
