@@ -103,6 +103,9 @@ from antiosc.models.motion import (
     Inertia as Inertia,
     Motion as Motion,
 )
+from antiosc.models.site_modes import (
+    SiteModes as SiteModes,
+)
 from antiosc.simulation.batch import (
     Batch as Batch,
     simulate_many as simulate_many,
@@ -110,7 +113,6 @@ from antiosc.simulation.batch import (
 )
 from antiosc.simulation.bodies import (
     RigidBody as RigidBody,
-    SiteModes as SiteModes,
 )
 from antiosc.simulation.history import (
     Energy as Energy,

@@ -7,7 +7,7 @@ space; bodies that know no directions (a `RigidMass`, a model made by hand) have
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,104 +19,13 @@ from antiosc.errors import InputError
 from antiosc.models.body import LinearBody, checked_body
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Inertia, Motion
+from antiosc.models.site_modes import SiteModes, unit_vectors
 from antiosc.simulation.impactors import Impactor, Obstacle
 
 Array = NDArray[np.float64]
 
 #: cosine of the angle beyond which two directions are not taken as one
 PARALLEL = 0.999
-
-
-@dataclass(frozen=True, eq=False)
-class SiteModes:
-    """A linear body in its free modes, seen from several sites.
-
-    With mass-normalised modes q_j and forces f on the columns,
-
-        q_j'' + 2 d_j q_j' + omega_j^2 q_j = sum_c b_jc f_c,      u_c = sum_j b_jc q_j + (r f)_c.
-
-    Parameters
-    ----------
-    omega : array_like, shape (J,)
-        Circular frequencies [rad/s]; exactly 0 for rigid-body modes.
-    b : array_like, shape (J, P)
-        Displacement of each column in each mode [kg^-1/2]; 0 for hidden rigid motions.
-    sites : mapping or sequence of names
-        Columns of each site, the one along which the contact pushes first, then up to two
-        tangential ones; names alone: one column each, in order.
-    r : array_like, shape (P, P), optional
-        Residual compliance [m/N], symmetric, positive semidefinite.
-    directions : array_like, shape (P, 3), optional
-        Unit vectors of the columns, in the axes of the scene.
-    decay : array_like, shape (J,), optional
-        Decay constants [1/s].
-    inertia : Inertia, optional
-        Momentum (J, 6) of each mode: for gravity, `Motion` and momentum.
-
-    Raises
-    ------
-    InputError
-        For shapes that do not fit and numbers outside their range.
-    """
-
-    omega: Array
-    b: Array
-    sites: Mapping[str, Sequence[int]] | Sequence[str]
-    r: Array | None = None
-    directions: Array | None = None
-    decay: Array | None = None
-    inertia: Inertia | None = None
-
-    def __post_init__(self) -> None:
-        omega = checks.array("omega", self.omega, (None,))
-        if np.any(omega < 0):
-            raise InputError(f"omega must be >= 0; its least entry is {omega.min():g} rad/s.")
-        b = checks.array("b", self.b, (omega.size, None))
-        count = b.shape[1]
-        r = np.zeros((count, count)) if self.r is None else self.r
-        r = checks.array("r", r, (count, count))
-        size = float(np.abs(r).max(initial=0.0))
-        if size and (
-            np.abs(r - r.T).max() > 1e-9 * size or np.linalg.eigvalsh(r).min() < -1e-9 * size
-        ):
-            raise InputError("r must be symmetric and positive semidefinite, as a compliance is.")
-        decay = np.zeros(omega.size) if self.decay is None else self.decay
-        decay = checks.array("decay", decay, (omega.size,))
-        if np.any(decay < 0):
-            raise InputError("decay must be >= 0: negative damping feeds energy in.")
-        sites = _columns_of_sites(self.sites, count)
-        for name, value in (("omega", omega), ("b", b), ("r", r), ("decay", decay)):
-            object.__setattr__(self, name, value)
-        object.__setattr__(self, "sites", sites)
-        if self.directions is not None:
-            directions = checks.array("directions", self.directions, (count, 3))
-            object.__setattr__(self, "directions", _unit("directions", directions))
-        if self.inertia is not None:
-            checks.instance("inertia", self.inertia, Inertia, "an Inertia")
-        if self.inertia is not None and len(self.inertia.momentum) != omega.size:
-            raise InputError(
-                f"inertia.momentum needs one row for each of the {omega.size} modes;"
-                f" got {len(self.inertia.momentum)}."
-            )
-
-
-def _columns_of_sites(sites: Any, count: int) -> dict[str, tuple[int, ...]]:
-    """Columns of each site; one column each where names alone are given."""
-    kinds = (Mapping, list, tuple)
-    checks.instance("sites", sites, kinds, "a list of names, or a dict {name: columns of b}")
-    named = sites.items() if isinstance(sites, Mapping) else zip(sites, range(count), strict=False)
-    found = {}
-    for name, columns in named:
-        found[checks.text("the name of a site", name)] = tuple(
-            checks.whole(f"a column of site {name!r}", i, least=0, most=count - 1)
-            for i in checks.column(f"columns of site {name!r}", columns).tolist()
-        )
-    if len(found) != len(sites) or any(not 1 <= len(c) <= 3 for c in found.values()):
-        raise InputError(
-            f"each site has one to three of the {count} columns of b, and a name of its own;"
-            f" got {checks.shown(sites)}."
-        )
-    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,15 +78,8 @@ class RigidBody:
                 )
             at = checks.array(f"point of site {name!r}", site[0], (3,))
             along = checks.array(f"direction of site {name!r}", site[1], (3,))
-            sites[str(name)] = (at, _unit(f"direction of site {name!r}", along[None])[0])
+            sites[str(name)] = (at, unit_vectors(f"direction of site {name!r}", along[None])[0])
         object.__setattr__(self, "sites", sites)
-
-
-def _unit(name: str, vectors: Array) -> Array:
-    length = np.linalg.norm(vectors, axis=1)
-    if np.any(length == 0):
-        raise InputError(f"{name} must not be a zero vector.")
-    return np.asarray(vectors / length[:, None])
 
 
 @dataclass(eq=False)

@@ -25,7 +25,8 @@ from antiosc.contact import ContactLaw
 from antiosc.errors import InputError
 from antiosc.models.body import checked_body
 from antiosc.models.motion import Motion
-from antiosc.simulation.bodies import RigidBody, SiteModes
+from antiosc.models.site_modes import SiteModes
+from antiosc.simulation.bodies import RigidBody
 
 Array = NDArray[np.float64]
 
