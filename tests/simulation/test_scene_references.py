@@ -1,0 +1,185 @@
+"""Scenes of beams against the same systems integrated unreduced, and their order."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import antiosc as ao
+from antiosc.simulation import march
+from antiosc.simulation.assembly import assemble
+from antiosc.simulation.engine import run
+from antiosc.simulation.refinement import parabolas
+from direct import beam, force_error, free_modes, physical
+
+Array = NDArray[np.float64]
+EI, RHO_A, LENGTH = 20.0, 0.8, 0.5  # a strip of aluminium, 30 mm x 6 mm and half as stiff
+
+Posed = tuple[ao.Scene, float, tuple[Array, Array]]
+
+
+def sampled(n: int, clamped: bool, nodes: list[int]) -> tuple[Array, Array, Array]:
+    """Stiffness, mass, and one column for the deflection of each of the nodes."""
+    K, M = beam(n, EI, RHO_A, LENGTH, clamped)
+    columns = np.zeros((len(K), len(nodes)))
+    for i, node in enumerate(nodes):
+        columns[2 * (node - clamped), i] = 1.0
+    return K, M, columns
+
+
+@cache
+def bar_on_two_springs() -> Posed:
+    """A free elastic beam falls on two springs, the one stiffer and lower."""
+    K, M, columns = sampled(4, False, [0, 3])
+    translation = np.zeros(len(K))
+    translation[::2] = 1.0
+    omega, b = free_modes(K, M, np.column_stack((columns, M @ translation)))
+    momentum = np.zeros((omega.size, 6))
+    momentum[:, 2] = b[:, 2]
+    mass = RHO_A * LENGTH
+    matrix = np.diag([mass, mass, mass, 1, 1, 1.0])
+    body = ao.SiteModes(
+        omega,
+        b[:, :2],
+        ("left", "right"),
+        directions=[(0, 0, 1.0)] * 2,
+        inertia=ao.Inertia(np.zeros(3), matrix, momentum),
+    )
+    law = ao.Linear(2e5)
+    contacts = [
+        ao.Contact("bar:left", "floor", law, gap=2e-4),
+        ao.Contact("bar:right", "floor", law),
+    ]
+    scene = ao.Scene(
+        {"bar": body, "floor": ao.Obstacle()},
+        contacts,
+        gravity=(0, 0, -9.81),
+        motion={"bar": ao.Motion(velocity=(0, 0, -0.6))},
+    )
+    direct = physical(
+        K,
+        M,
+        -columns.T,
+        np.array([2e-4, 0]),
+        2e5,
+        1.0,
+        -0.6 * translation,
+        6e-3,
+        -9.81 * M @ translation,
+    )
+    return scene, 6e-3, direct
+
+
+@cache
+def beam_between_two_stops() -> Posed:
+    """A cantilever whose tip a pulse throws against one stop and then the other."""
+    K, M, columns = sampled(4, True, [2, 4])
+    omega, b = free_modes(K, M, columns)
+    law = ao.Hertz(5e8)
+    pulse = [0, 2e-3, 4e-3], [0, 60.0, 0]
+    contacts = [
+        ao.Contact("above", "beam:tip", law, gap=4e-4),
+        ao.Contact("beam:tip", "below", law, gap=4e-4),
+    ]
+    body = ao.SiteModes(omega, b, ("middle", "tip"))
+    bodies = {"beam": body, "above": ao.Obstacle(), "below": ao.Obstacle()}
+    scene = ao.Scene(bodies, contacts, loads=[ao.Load("beam:middle", *pulse)])
+    rows = np.vstack((columns[:, 1], -columns[:, 1]))
+    direct = physical(
+        K,
+        M,
+        rows,
+        np.full(2, 4e-4),
+        5e8,
+        1.5,
+        np.zeros(len(K)),
+        0.012,
+        lambda t: columns[:, 0] * np.interp(t, *pulse),
+    )
+    return scene, 0.012, direct
+
+
+@cache
+def two_beams_at_three_points() -> Posed:
+    """A cantilever that a pulse bends down on another one, which it meets at three points."""
+    n, nodes = 4, [2, 3, 4]
+    K, M, columns = sampled(n, True, nodes)
+    omega, b = free_modes(K, M, columns)
+    gaps, names = np.array([1e-5, 0.0, 1e-5]), ("a", "b", "c")
+    pulse = [0, 1e-3, 2e-3], [0, 150.0, 0]
+    upper, lower = ao.SiteModes(omega, b, names), ao.SiteModes(1.3 * omega, b, names)
+    contacts = [
+        ao.Contact(f"lower:{s}", f"upper:{s}", ao.Power(3e7, 1.3), gap=float(g))
+        for s, g in zip(names, gaps, strict=True)
+    ]
+    scene = ao.Scene({"upper": upper, "lower": lower}, contacts, loads=[ao.Load("upper:a", *pulse)])
+    zero = np.zeros_like(K)
+    both_K, both_M = np.block([[K, zero], [zero, 1.69 * K]]), np.block([[M, zero], [zero, M]])
+    rows = np.hstack((columns.T, -columns.T))
+    struck = np.concatenate((columns[:, 0], 0 * columns[:, 0]))
+    direct = physical(
+        both_K,
+        both_M,
+        rows,
+        gaps,
+        3e7,
+        1.3,
+        np.zeros(2 * len(K)),
+        8e-3,
+        lambda t: struck * np.interp(t, *pulse),
+    )
+    return scene, 8e-3, direct
+
+
+SCENES = [bar_on_two_springs, beam_between_two_stops, two_beams_at_three_points]
+LONG = [
+    pytest.param(posed, marks=[pytest.mark.slow] if i else []) for i, posed in enumerate(SCENES)
+]
+
+
+@pytest.mark.parametrize("posed", SCENES)
+def test_forces_are_those_of_the_unreduced_system(posed: Callable[[], Posed]) -> None:
+    scene, duration, (t, force) = posed()
+    hit = scene.run(duration)
+    assert hit.status == 0
+    assert np.all(force.max(axis=0) > 1)  # every contact touches
+    assert force_error(hit, t, force) < 1e-3
+    assert hit.energy.drift < 1e-3
+
+
+@pytest.mark.parametrize("posed", LONG)
+def test_order_over_four_halvings_of_the_step(posed: Callable[[], Posed]) -> None:
+    """An eighth of the share of error halves the steps of a scheme of order three.
+
+    The steps that events end do not halve: the order is measured over the steps taken, too.
+    """
+    scene, duration, (t, force) = posed()
+    made = assemble(scene, duration)
+    runs = [
+        run(made.system, duration, 1e-3 / 8**i, scale=force.max(), fine=made.lasting / 200)
+        for i in range(5)
+    ]
+    errors = [np.linalg.norm(parabolas(r, t, force.shape[1]) - force) for r in runs]
+    gained = np.log2(errors[0] / errors[-1])
+    assert gained / 4 > 1.7
+    assert gained / np.log2(runs[-1].steps / runs[0].steps) > 1.7
+
+
+@pytest.mark.parametrize("posed", SCENES)
+def test_sweeps_and_newtons_method_agree(
+    posed: Callable[[], Posed], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene, duration, _ = posed()
+    made = assemble(scene, duration)
+    runs = []
+    for sweeps in (march.SWEEPS, 0):
+        monkeypatch.setattr(march, "SWEEPS", sweeps)
+        runs.append(run(made.system, duration / 2, 1e-3, module=march, fine=made.lasting / 200))
+    a, b = runs
+    assert a.touches > 0
+    assert a.time.size == b.time.size
+    np.testing.assert_allclose(a.force, b.force, atol=1e-10 * a.force.max())
