@@ -116,12 +116,12 @@ BAD = {
     "twice": (CUBE + "CHEXA,1,1,1,2,3,4,5,6,\n,7,8\n", "element 1 is defined more than once"),
     "grid twice": (CUBE + "GRID,1\n", "GRID 1 more than once"),
     "cut": (GRIDS + "CHEXA,1,1,1,2,3,4,5,6\n", "line 9 .*CHEXA 1 has the node 0"),
-    "word": (CUBE.replace("1.,0.,0.", "one,0.,0."), "line 2 .*'one' is no number"),
+    "word": (CUBE.replace("1.,0.,0.", "one,0.,0."), "line 2 .*'one' is not a number"),
     "loop": (CUBE + "GRID,9,5\nCORD2R,5,5,0.,0.,0.,0.,0.,1.,\n,1.,0.,0.\n", "depends on itself"),
     "line": (CUBE + "GRID,9,5\nCORD2R,5,,0.,0.,0.,0.,0.,1.,\n,0.,0.,2.\n", "lie on one line"),
     "outside": ("INCLUDE '../x.bdf'\n" + CUBE, "outside the folder"),
     "itself": ("INCLUDE 'part.bdf'\n" + CUBE, "includes itself"),
-    "text": ("12345 is no entry\n", "is no entry of Nastran"),
+    "text": ("12345 is no entry\n", "is not an entry of Nastran"),
     "binary": ("GRID\0", "zero bytes"),
 }
 

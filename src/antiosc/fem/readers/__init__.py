@@ -1,7 +1,7 @@
 """Files with meshes and geometries into plain arrays.
 
-`read` has one file read in a process of its own (`isolation`, `child`) by the reader for its ending
-(`table`), and selects the cells that make the mesh (`selection`).
+`read` lets the reader of the file type (`table`) read one file in a separate process (`isolation`,
+`child`), and selects the cells that form the mesh (`selection`).
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ def read(
     unit = unit or UnitSystem()
     if model is not None and not is_deck(path):
         raise MeshError(
-            f"{path.name} is no deck: read_model takes {', '.join(DECKS)}; for a mesh use "
+            f"{path.name} is not a deck: read_model takes {', '.join(DECKS)}; for a mesh use "
             "read_mesh and Structure."
         )
     options = {

@@ -45,5 +45,5 @@ def _mesh(deck: Deck) -> FileMesh:
 
 
 def _patience(ask: Request) -> Callable[[int], None]:
-    """Time for all that a deck includes."""
+    """Extend the time limit by the size of the files that a deck includes."""
     return lambda size: ask.allow(30 + 3e-5 * size)

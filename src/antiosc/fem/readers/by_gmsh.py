@@ -1,8 +1,8 @@
-"""Gmsh's own mesh files, and geometries that gmsh meshes.
+"""Gmsh's mesh files, and geometries that are meshed by gmsh.
 
-gmsh runs what a file says: it takes any file that does not begin as a mesh for a script, and looks
-for options beside each file. So it gets a copy under a fixed name in an empty folder, and the
-beginning of meshes and every word of scripts is looked at before (`geo_script`).
+gmsh executes a file as a script if it does not begin like a mesh, and it reads options from files
+in the same folder. Therefore gmsh gets a copy under a fixed name in an empty folder, after a check
+of the first line of a mesh, or of every token of a script (`geo_script`).
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ from antiosc.fem.readers.request import Request
 
 SCRIPTS = (".geo", ".geo_unrolled")
 GEOMETRY = (*SCRIPTS, ".step", ".stp", ".brep", ".iges", ".igs")
-#: With one of these gmsh's meshes begin; what begins otherwise would be run as a script.
+#: First words of gmsh's mesh files; gmsh executes any other file as a script.
 HEADERS = (b"$MeshFormat", b"$Comments", b"$NOD", b"$NOE", b"$PARA", b"$ELM", b"$PTS")
 #: Sizes grow away from a refined point by this much per unit of distance.
 SIZE_GROWTH = 0.35
 #: The refined size reaches this many sizes around the point before it grows.
 REACH = 2.0
-#: What gmsh is asked for instead of 1: the edges of its tetrahedra come out up to 1.9 times longer.
+#: Size requested from gmsh over the wanted one: its edges come out up to 1.9 times longer.
 SHORTER = 0.5
 #: More cells than this are refused: gmsh would need some 20 GB.
 MOST_CELLS = 10_000_000
-#: Element sizes below this share of the part are below what its coordinates resolve.
+#: Element sizes below this share of the part are below the resolution of its coordinates.
 RESOLVED_SHARE = 1e-9
 #: Cells that fill a unit of measure with edges of length 1, by dimension: regular simplices.
 CELLS_PER_SIZE = (0.0, 1.0, 4 / sqrt(3), 6 * sqrt(2))
@@ -76,7 +76,7 @@ def generate(ask: Request) -> FileMesh:
     """A geometry, meshed."""
     source = Path(ask.path)
     suffix = source.suffix.lower()
-    # a script may build and cut for long before there is anything to mesh
+    # a script may take long to build the geometry
     ask.allow((120 if suffix in SCRIPTS else 30) + 1e-5 * source.stat().st_size)
     if not ask.trust:
         own = Path(f"mesh{suffix}")
@@ -92,10 +92,10 @@ def generate(ask: Request) -> FileMesh:
 
 
 def _copy_beside(script: Path, name: str, shown: str) -> None:
-    """A geometry file that a script merges, into the folder where the script's copy runs."""
+    """Copy a geometry file that a script merges into the folder of the script's copy."""
     merged = script.with_name(name)
     if not merged.is_file():
-        raise MeshError(f"{shown} merges {name}, but there is no such file beside it.")
+        raise MeshError(f"{shown} merges {name}, but there is no such file in its folder.")
     shutil.copyfile(merged, name)
 
 
@@ -137,10 +137,10 @@ def _session() -> Any:
 def _generate(gmsh: Any, ask: Request) -> None:
     dim = gmsh.model.getDimension()
     if dim < 1:
-        raise MeshError(f"{ask.name} holds no geometry (curves, surfaces or volumes).")
+        raise MeshError(f"{ask.name} contains no geometry (curves, surfaces or volumes).")
     _check_sizes(gmsh, ask)
     wanted = ask.order if ask.order is not None else (1 if dim == 1 else 2)
-    gmsh.option.setNumber("Mesh.ElementOrder", 1)  # for coarse meshes to measure by
+    gmsh.option.setNumber("Mesh.ElementOrder", 1)  # for the coarse meshes of `_mesh_coarsely`
     ask.allow(600)
     if ask.size is not None:
         expected = max(_expected(gmsh, ask, d, ask.size) for d in range(1, dim + 1))
@@ -169,11 +169,11 @@ def _check_sizes(gmsh: Any, ask: Request) -> None:
 
 
 def _expected(gmsh: Any, ask: Request, dim: int, size: float) -> float:
-    """About how many cells of dimension `dim` there will be; MeshError if far too many."""
+    """Estimated number of cells of dimension `dim`; MeshError if it is far too large."""
     entities = gmsh.model.getEntities(dim)
     measures = [_bound]
     if dim > 1 and any(_mass(gmsh, d, tag) is None for d, tag in entities):
-        measures.append(_measure)  # which wants a mesh of what lies below
+        measures.append(_measure)  # which needs a mesh of the lower dimensions
     count = 0.0
     for measure in measures:
         if measure is _measure:
@@ -191,7 +191,7 @@ def _expected(gmsh: Any, ask: Request, dim: int, size: float) -> float:
 
 
 def _mesh_coarsely(gmsh: Any, dim: int) -> None:
-    """A mesh to measure by, of some thirty edges along the model."""
+    """Mesh the model with some thirty edges along it, for measurements."""
     gmsh.model.mesh.clear()
     gmsh.option.setNumber("Mesh.MeshSizeMax", _extent(gmsh) / 30)
     gmsh.model.mesh.generate(dim)
@@ -204,7 +204,7 @@ def _extent(gmsh: Any) -> float:
 
 
 def _refined(ask: Request, dim: int) -> float:
-    """About how many more cells the refined points take: the integral of their size field."""
+    """Estimated number of additional cells at refined points: the integral of their size field."""
     far = ask.size or 1.0
     count = 0.0
     for _, local in ask.refine:
@@ -214,7 +214,7 @@ def _refined(ask: Request, dim: int) -> float:
 
 
 def _bound(gmsh: Any, dim: int, tag: int) -> float:
-    """Length, area or volume of an entity; of gmsh's own kernel at most that of its box."""
+    """Length, area or volume of an entity; in gmsh's own kernel an upper bound, from its box."""
     mass = _mass(gmsh, dim, tag)
     if mass is not None or dim == 1:
         return _length(gmsh, tag) if mass is None else mass
@@ -238,7 +238,7 @@ def _length(gmsh: Any, tag: int) -> float:
 
 
 def _measure(gmsh: Any, dim: int, tag: int) -> float:
-    """Length, area or volume of an entity: of gmsh's own kernel by the mesh of its boundary."""
+    """Length, area or volume of an entity; in gmsh's own kernel from the mesh of its boundary."""
     mass = _mass(gmsh, dim, tag)
     if mass is not None or dim == 1:
         return _length(gmsh, tag) if mass is None else mass
@@ -313,7 +313,7 @@ def _groups(
 ) -> dict[str, dict[str, IntArray]]:
     found: dict[tuple[int, int], dict[str, list[IntArray]]] = {}
     for (dim, tag), blocks in rows.items():
-        # the other way round gmsh goes through all entities for each group
+        # the inverse query searches all entities for each group
         for group in gmsh.model.getPhysicalGroupsForEntity(dim, tag):
             for kind, members in blocks.items():
                 found.setdefault((dim, abs(int(group))), {}).setdefault(kind, []).append(members)

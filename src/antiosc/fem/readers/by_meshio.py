@@ -1,4 +1,4 @@
-"""All files that gmsh does not read here: through meshio."""
+"""All other mesh files, by meshio."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from antiosc.fem.readers.request import Request
 
 
 def read(ask: Request) -> FileMesh:
-    """The content of a file in any format that meshio knows by its ending."""
+    """The content of a file in any format that meshio recognizes by its extension."""
     name = ask.name
     mesh = _read(Path(ask.path), name)
     points = np.zeros((len(mesh.points), 3))
@@ -55,14 +55,14 @@ def _read(path: Path, name: str) -> Any:
         with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
             return meshio.read(path)
     except (Exception, SystemExit) as error:
-        # meshio prints what is wrong and leaves by sys.exit
+        # meshio prints its errors and calls sys.exit
         reason = _plain(said.getvalue()) or _plain(str(error)) or type(error).__name__
         reason = reason.replace(str(path), name)
         raise MeshError(f"meshio cannot read {name}: {reason[:200]}.") from error
 
 
 def _plain(text: str) -> str:
-    """A library's complaint as part of a sentence."""
+    """A library's error message as part of a sentence."""
     return " ".join(text.split()).rstrip(".")
 
 

@@ -1,8 +1,8 @@
 """The process that reads files: `python child.py`, requests on its standard input, line by line.
 
-It loads gmsh once and reads each file in a fork of itself, so that what a file makes its reader do,
-be it to crash, to hang or to take all memory, ends that fork alone. An answer is a line of JSON and
-the bytes of arrays, never a pickle. The process ends when the one that asks does.
+It loads gmsh once and reads each file in a fork of itself. If a file makes its reader crash, hang
+or use all memory, only that fork ends. An answer is a line of JSON and the bytes of arrays, never a
+pickle. The process ends with the one that sends the requests.
 """
 
 import contextlib
@@ -17,9 +17,9 @@ from pathlib import Path
 
 
 def main() -> None:
-    """Answer requests until there are no more."""
+    """Answer requests until the input ends."""
     requests = sys.stdin.buffer
-    answers = os.fdopen(os.dup(1), "wb")  # for nobody else: what gmsh prints is no answer
+    answers = os.fdopen(os.dup(1), "wb")  # protected from what gmsh prints
     nowhere = os.open(os.devnull, os.O_RDWR)
     for stream in (1, 2):
         os.dup2(nowhere, stream)
@@ -34,7 +34,7 @@ def main() -> None:
 
 
 def _hollow_packages(folder: Path) -> None:
-    """The packages that readers lie in, without what they import: dolfinx and SciPy take long."""
+    """Empty packages around the readers, because importing dolfinx and SciPy takes long."""
     for name in ("antiosc", "antiosc.fem", "antiosc.fem.readers"):
         package = types.ModuleType(name)
         package.__path__ = [str(folder.joinpath(*name.split(".")[1:]))]
@@ -45,7 +45,7 @@ def _in_a_fork(asked, nowhere):  # type: ignore[no-untyped-def]
     """(exit code, answer) of a fork of this process that reads one file."""
     from antiosc.fem.readers.table import library_of
 
-    with contextlib.suppress(ImportError):  # its absence is told by the reader
+    with contextlib.suppress(ImportError):  # the reader raises an error if it is missing
         importlib.import_module(library_of(asked["path"]))
     reading, writing = os.pipe()
     pid = os.fork()
@@ -58,17 +58,17 @@ def _in_a_fork(asked, nowhere):  # type: ignore[no-untyped-def]
                 _work(asked, answer)
             code = 0
         finally:
-            os._exit(code)  # no cleaning up, in which gmsh may die
+            os._exit(code)  # without the finalizers, in which gmsh may crash
     os.close(writing)
     answer = _answer_of(pid, reading)
     return os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]), answer
 
 
 def _answer_of(pid: int, reading: int) -> bytes:
-    """All that the fork writes; it is ended, and so is this process, if nobody waits any more."""
+    """The output of the fork; both processes end if the caller has closed its end."""
     poll = select.poll()
     poll.register(reading, select.POLLIN)
-    poll.register(0, 0)  # tells only that the other end is closed
+    poll.register(0, 0)  # readable only if the other end is closed
     parts: list[bytes] = []
     with os.fdopen(reading, "rb", buffering=0) as stream:
         while True:
@@ -83,7 +83,7 @@ def _answer_of(pid: int, reading: int) -> bytes:
 
 
 def _work(asked, answer):  # type: ignore[no-untyped-def]
-    """Read one file as asked, in a folder and with limits of its own, and write the answer."""
+    """Read one file, in a private folder and with limits, and write the answer."""
     from antiosc.fem.readers.request import Request
 
     folder = asked.pop("folder")

@@ -1,13 +1,13 @@
-"""Elements of a deck as cells that one mesh can carry.
+"""Elements of a deck as cells of one mesh.
 
-A mesh here has one kind of cells. Where a deck has volumes of several shapes, wedges, pyramids or
-collapsed hexahedra, all are cut into tetrahedra; triangles and quadrilaterals become triangles.
-The cut needs no agreement between neighbours: every cell is the union of the pyramids from its
-node of lowest number over the faces that do not hold it, every rectangle is cut from its node of
-lowest number, so that two cells cut the face between them in the same way (C. W. Lee,
-*Subdivisions and triangulations of polytopes*, 1997: the pulling triangulation). Nodes in the
-middle of faces, of cells and of the cuts lie where the serendipity functions of the element put
-them, so that no curved surface moves.
+A mesh here has cells of one kind. If a deck has volumes of several shapes, wedges, pyramids or
+collapsed hexahedra, all are divided into tetrahedra; triangles and quadrilaterals become triangles.
+Every cell is divided into the pyramids from its node of lowest number over the faces without this
+node, and every rectangle from its node of lowest number. Two cells therefore divide the face
+between them in the same way without knowing each other (the pulling triangulation: C. W. Lee,
+*Subdivisions and triangulations of polytopes*, 1997). New nodes in the middle of faces, cells and
+diagonals lie where the serendipity functions of the element place them, so that curved surfaces
+keep their shape.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def as_mesh(deck: Deck, *, halve_lines: bool = False) -> FileMesh:
     Raises
     ------
     MeshError
-        An element whose nodes coincide until nothing of it is left.
+        An element whose coincident nodes leave it without volume or area.
     """
     nodes = NodeTable(deck.points)
     cells: dict[str, IntArray] = {}
@@ -92,7 +92,7 @@ def as_mesh(deck: Deck, *, halve_lines: bool = False) -> FileMesh:
     return mesh
 
 
-#: Shapes that need no cutting if they are alone.
+#: Shapes that are not divided if all elements have one of them.
 _WHOLE = [{"line"}, {"triangle"}, {"quad"}, {"tetra"}, {"hexahedron"}]
 _SIMPLEX = {1: "line", 2: "triangle", 3: "tetra"}
 
@@ -100,7 +100,7 @@ _SIMPLEX = {1: "line", 2: "triangle", 3: "tetra"}
 def _of_dimension(
     deck: Deck, blocks: list[tuple[Block, IntArray]], split: bool, order: int, nodes: NodeTable
 ) -> tuple[IntArray, IntArray]:
-    """(cells with all their nodes, the element that each comes from)."""
+    """(cells with all their nodes, the element of each)."""
     if order == 2:
         for block, _ in blocks:
             _note_middles(block, nodes)
@@ -132,7 +132,7 @@ def _of_dimension(
 
 
 def _note_middles(block: Block, nodes: NodeTable) -> None:
-    """Tell the table which nodes the deck gives in the middle of edges."""
+    """Enter the middle nodes of the edges in the deck into the table."""
     if block.mids.shape[1]:
         ends = block.corners[:, np.array(EDGES[block.shape])]
         given = (block.mids >= 0) & (ends[..., 0] != ends[..., 1])
@@ -185,7 +185,7 @@ def _inner(block: Block, nodes: NodeTable) -> IntArray:
 
 
 def _note_cuts(block: Block, nodes: NodeTable) -> None:
-    """Tell the table where the middle of every diagonal lies that a cut may use."""
+    """Enter the middles of all diagonals of divided faces and cells into the table."""
     for face in rectangles(block.shape):
         centres = _face_centres(block, nodes, face)
         for one, other in ((0, 2), (1, 3)):
@@ -197,11 +197,11 @@ def _note_cuts(block: Block, nodes: NodeTable) -> None:
             nodes.place(block.corners[:, [one, other]], centres, _all_nodes(block, nodes))
 
 
-# --- Cuts -----------------------------------------------------------------------------------------
+# --- Division -------------------------------------------------------------------------------------
 
 
 def _collapsed(block: Block) -> bool:
-    """Whether an element of more than a simplex' corners uses a node twice."""
+    """Whether an element with more corners than a simplex uses a node twice."""
     if CORNERS[block.shape] <= DIMENSION[block.shape] + 1:
         return False
     ordered = np.sort(block.corners, axis=1)
@@ -209,7 +209,7 @@ def _collapsed(block: Block) -> bool:
 
 
 def _simplices(block: Block) -> tuple[IntArray, IntArray]:
-    """(corners of triangles or tetrahedra, row of the element that each is cut from)."""
+    """(corners of triangles or tetrahedra, row of the element of each)."""
     if DIMENSION[block.shape] == 2:
         return _triangles(block.corners)
     if block.shape == "tetra":
@@ -226,7 +226,7 @@ def _simplices(block: Block) -> tuple[IntArray, IntArray]:
 
 
 def _triangles(around: IntArray) -> tuple[IntArray, IntArray]:
-    """Triangles, cut from the lowest node of each face, and the row that each comes from."""
+    """Triangles from the lowest node of each face, and the row of the face of each."""
     rows = np.arange(len(around))
     if around.shape[1] == 4:
         turn = (np.argmin(around, axis=1)[:, None] + np.arange(4)) % 4
@@ -242,7 +242,7 @@ def _triangles(around: IntArray) -> tuple[IntArray, IntArray]:
 
 
 def _halved(block: Block, elements: IntArray) -> tuple[Block, IntArray]:
-    """Two straight lines for every one with a node in its middle."""
+    """Two straight lines for each line with a middle node."""
     if not block.mids.shape[1] or (block.mids < 0).any():
         return block, elements
     ends = np.column_stack([block.corners[:, 0], block.mids[:, 0], block.corners[:, 1]])

@@ -1,14 +1,14 @@
-"""gmsh's `.geo` language, of which only what draws and meshes is let through.
+"""Check of scripts in gmsh's `.geo` language: only geometry and meshing commands are permitted.
 
-A `.geo` file is a program. gmsh runs system commands for it, reads and writes files, and executes
-what its fields, options and plugins name. None of that is needed to describe a part. `harmless`
-divides a script into tokens as gmsh's own scanner (`Gmsh.l`) does, refuses the commands of the
-lists below, which are those of gmsh's grammar (`Gmsh.y`, `DefaultOptions.h`, `Field.cpp`; 4.8 to
-4.15), and gives the script back without comments and with a blank on both sides of every name and
-string, so that gmsh divides it the same way.
+A `.geo` file is a program. It can run system commands, read and write files, and execute programs
+named in fields, options and plugins. None of that is needed to describe a part. `harmless` divides
+a script into tokens as gmsh's scanner (`Gmsh.l`) does and refuses the commands of the lists below,
+which are taken from gmsh's grammar (`Gmsh.y`, `DefaultOptions.h`, `Field.cpp`; 4.8 to 4.15). It
+returns the script without comments and with a blank on both sides of every name and string, so that
+gmsh divides it into the same tokens.
 
-Names cannot be put together while gmsh runs except by `StringToName`, which is refused: what is no
-command here is none in gmsh.
+Names can be composed at run time only by `StringToName`, which is refused. A token that is not a
+command here is therefore not a command in gmsh.
 """
 
 from __future__ import annotations
@@ -19,31 +19,31 @@ from typing import NamedTuple
 
 from antiosc.errors import MeshError
 
-#: `Command expression;`: commands that run programs, or read or write files. They are plain names,
-#: which may also stand for variables; only with an argument behind them they are commands.
+#: `Command expression;`: commands that run programs, or read or write files. They may also be names
+#: of variables; they are commands only if an argument follows.
 COMMANDS = {
     *("System", "SystemCall", "NonBlockingSystemCall", "OnelabRun"),
     *("Include", "Merge", "MergeWithBoundingBox", "Print", "Save", "SendToServer", "CreateDir"),
 }
-#: Reserved words of that kind, and those that make a name of a string.
+#: Reserved words of that kind, and those that turn a string into a name.
 WORDS = {
     *("OnelabRun", "Plugin", "ShapeFromFile", "ListFromFile", "StringToName", "S2N"),
 }
 #: Fields that run a program or read a file.
 FIELDS = {"ExternalProcess", "Structured", "ExternalField"}
-#: Groups of options about other programs.
+#: Groups of options for other programs.
 OPTIONS = {"Solver"}
-#: Options, after a point: names of files and programs, and commands to be carried out later.
+#: Options, after a point: names of files and programs, and commands to be executed later.
 OPTION = re.compile(
     r"(\w*(FileName\w*|File\d*|Command\w*|Executable\w*|Interpreter|Editor|WatchFile\w*)"
     r"|RemoteLogin\d*|SocketName|SaveOptions|SaveSession)",
     re.ASCII,
 )
-#: Files of geometry, which are data: a script may merge those that lie beside it.
+#: Geometry files, which are data: a script may merge those in its own folder.
 CAD = (".step", ".stp", ".brep", ".iges", ".igs")
-#: gmsh's scanner breaks a string here, and reads on inside it.
+#: Characters at which gmsh's scanner ends a string and continues inside it.
 LONGEST_STRING = 1000
-#: Where a part that is not carried out ends. gmsh looks for these words with a second scanner.
+#: Ends of blocks that are not executed. gmsh searches these words with a second scanner.
 _END_OF_SKIPPED = re.compile(r"EndIf|ElseIf|Else|EndFor|Return")
 _NAMES = re.compile("|".join(sorted(COMMANDS | WORDS | FIELDS | OPTIONS, key=len, reverse=True)))
 _PRINTING = {"Printf", "Error", "Warning"}
@@ -77,7 +77,7 @@ def harmless(text: str, name: str) -> Script:
     Raises
     ------
     MeshError
-        It runs programs, reads or writes files, or is written so that gmsh may read it otherwise.
+        It runs programs, reads or writes files, or gmsh may divide it into other tokens.
     """
     tokens = list(_tokens(text, name))
     meant = [t for t in tokens if t.kind not in ("blank", "comment")]
@@ -86,7 +86,7 @@ def harmless(text: str, name: str) -> Script:
         for token in meant:
             if token.kind == "string" and (found := _NAMES.search(token.text)):
                 raise _refusal(name, token, f"{found[0]} in a string beside one that ends a block")
-    text = "".join(map(_written, tokens)) + "\n"  # gmsh 4.8 leaves out a last line without an end
+    text = "".join(map(_written, tokens)) + "\n"  # gmsh 4.8 ignores a last line without a line end
     return Script(text, [m for m in merged if m])
 
 
@@ -107,7 +107,7 @@ def _tokens(text: str, name: str) -> Iterator[Token]:
 
 
 def _check(tokens: list[Token], k: int, name: str) -> str | None:
-    """Refuse what token k begins; the name of the file if it merges one that may be merged."""
+    """Check the command at token k; returns the name of the file if it merges a permitted one."""
     token, (after, second, before) = tokens[k], (_at(tokens, j) for j in (k + 1, k + 2, k - 1))
     if token.kind != "name":
         return None
@@ -141,7 +141,7 @@ def _is_cad(token: Token) -> bool:
 
 
 def _behind(tokens: list[Token], k: int) -> str:
-    """The token behind the bracket that closes the one at k."""
+    """The token after the bracket that closes the one at k."""
     depth = 0
     for j in range(k, len(tokens)):
         depth += (tokens[j].text in ("(", "[")) - (tokens[j].text in (")", "]"))
@@ -151,7 +151,7 @@ def _behind(tokens: list[Token], k: int) -> str:
 
 
 def _written(token: Token) -> str:
-    """The token as gmsh gets it, on the line it had."""
+    """The token as passed to gmsh, on its original line."""
     if token.kind == "comment":
         return " " + "\n" * token.text.count("\n")
     return f" {token.text} " if token.kind in ("name", "string") else token.text

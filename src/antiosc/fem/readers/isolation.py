@@ -1,4 +1,4 @@
-"""A file is read in a process of its own: what it does to its reader, it does not to the caller."""
+"""Files are read in a separate process, so that a harmful file cannot affect the caller."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from antiosc.errors import AntioscError, MeshError, MissingDependencyError
 from antiosc.fem.readers import server
 from antiosc.fem.readers.neutral import FileMesh, unpacked
 
-#: Address space that a reader has at least, bytes; gmsh and its libraries take a tenth of it.
+#: Least address space of a reader, bytes; gmsh and its libraries need a tenth of it.
 LEAST_MEMORY = 2 * 2**30
-#: What a reader of a mesh may take besides, over the size of the file.
+#: Additional address space of a reader of a mesh, over the size of the file.
 MEMORY_PER_BYTE = 100
 #: Share of the machine's memory that no reader exceeds.
 READER_MEMORY_SHARE = 0.9
@@ -28,9 +28,9 @@ READER_MEMORY_SHARE = 0.9
 def read_apart(
     path: Path, *, geometry: bool, options: dict[str, Any], timeout: float | None
 ) -> FileMesh:
-    """The content of the file `path`, by the reader that `table` names for its ending.
+    """The content of the file `path`, by the reader of its file type (`table`).
 
-    `geometry`: it is meshed, and how large it becomes does not follow from the size of the file.
+    `geometry`: it is meshed; the size of the mesh does not follow from the size of the file.
 
     Raises
     ------
@@ -42,7 +42,7 @@ def read_apart(
     size = _size(path)
     memory = _memory(None if geometry else size)
     with tempfile.TemporaryDirectory(prefix="antiosc-") as folder:
-        if options["trust"]:  # what it runs may look for files where the caller stands
+        if options["trust"]:  # a trusted script may refer to files in the working folder
             folder = os.getcwd()
         place = {"path": str(path.absolute()), "name": path.name, "folder": folder}
         code, answer = server.ask({**options, **place, "timeout": timeout, "memory": memory})
@@ -52,7 +52,7 @@ def read_apart(
 
 
 def _size(path: Path) -> int:
-    """Of a regular file, bytes; opening anything else could wait for ever, or never end."""
+    """Size of a regular file, bytes; MeshError for anything else, which might never end."""
     try:
         status = path.stat()
     except FileNotFoundError:
@@ -108,7 +108,7 @@ def _answer(name: str, answer: bytes, memory: int) -> FileMesh:
     """The mesh in the reader's answer, or the error there."""
     line, _, rest = answer.partition(b"\n")
     if not line:
-        raise MeshError(f"the reader of {name} gave no mesh: the file makes it end (Exit).")
+        raise MeshError(f"the reader of {name} gave no mesh: a command of the file ends it (Exit).")
     try:
         head = json.loads(line)
         if "error" in head:

@@ -1,4 +1,4 @@
-"""Nodes that lie in one place made one, as decks of several parts and STL files need it."""
+"""Coincident nodes are merged, which decks of several parts and STL files need."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from antiosc.fem.readers.neutral import FileMesh
 
 
 def merged(mesh: FileMesh, distance: float) -> FileMesh:
-    """`mesh` with nodes that are not further apart than `distance` (m) made one."""
+    """`mesh` with its nodes merged that are at most `distance` (m) apart."""
     n = len(mesh.points)
     pairs = cKDTree(mesh.points).query_pairs(distance, output_type="ndarray")
     graph = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(n, n))

@@ -1,4 +1,4 @@
-"""What every reader of files delivers: points, cells by kind and groups by name, as arrays."""
+"""The result of every file reader: points, cells by kind and groups by name, as arrays."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ KINDS = {
     "hexahedron": CellKind("hexahedron", 3, 1, 8, 8),
     "hexahedron27": CellKind("hexahedron", 3, 2, 8, 27),
 }
-#: Kinds that are only read as the boundary of others, or whose mid-side nodes can be dropped.
+#: Kinds that are read only as the boundary of others, or without their mid-side nodes.
 SERENDIPITY = {
     "quad8": CellKind("quadrilateral", 2, 2, 4, 8),
     "hexahedron20": CellKind("hexahedron", 3, 2, 8, 20),
@@ -70,7 +70,7 @@ EDGES_OF_KIND: dict[str, list[tuple[int, int]]] = {
 class FileMesh:
     """The content of one mesh file.
 
-    A reader fills it; which cells make the mesh, and whether they are sound, is decided later.
+    A reader fills it; the cells of the mesh are selected and checked later.
     """
 
     #: (n, 3) node coordinates, m
@@ -87,9 +87,9 @@ class FileMesh:
     aids: bool = False
     #: entities that supports fix: name of the group for them -> {dimension: their vertices}
     fixed: dict[str, dict[int, IntArray]] = field(default_factory=dict)
-    #: what the caller must be told of the file, one sentence each
+    #: warnings about the file for the caller, one sentence each
     told: list[str] = field(default_factory=list)
-    #: materials, sections, supports and masses, as JSON holds them, where a model was asked for
+    #: materials, sections, supports and masses as values for JSON, if a model was requested
     model: dict[str, Any] | None = None
 
 
@@ -112,12 +112,12 @@ class RawMesh:
 
 
 def kind_of(label: str) -> CellKind:
-    """The kind named `label`; KeyError if no element here can carry it."""
+    """The kind named `label`; KeyError if no element here has such cells."""
     return KINDS[label] if label in KINDS else SERENDIPITY[label]
 
 
 def known(label: str, name: str) -> str:
-    """`label` itself; MeshError if no element here can carry such cells of the file `name`."""
+    """`label` itself; MeshError if no element here has such cells, of the file `name`."""
     if label not in KINDS and label not in SERENDIPITY:
         raise MeshError(
             f"{name} holds {label} cells, which no element here can carry; it must be of lines, "
@@ -127,7 +127,7 @@ def known(label: str, name: str) -> str:
 
 
 def packed(mesh: FileMesh) -> tuple[dict[str, Any], list[NDArray[Any]]]:
-    """`mesh` as (what fits JSON, arrays); groups are put end to end, for there may be thousands."""
+    """`mesh` as (values for JSON, arrays); groups, maybe thousands, are concatenated."""
     rows = [rows for parts in mesh.groups.values() for rows in parts.values()]
     nodes = list(mesh.node_sets.values())
     spans = [(name, dim, e) for name, parts in mesh.fixed.items() for dim, e in parts.items()]
@@ -148,7 +148,7 @@ def packed(mesh: FileMesh) -> tuple[dict[str, Any], list[NDArray[Any]]]:
 
 
 def unpacked(head: dict[str, Any], arrays: list[NDArray[Any]]) -> FileMesh:
-    """The mesh that `packed` took apart; ValueError where sizes, kinds and indices disagree."""
+    """The inverse of `packed`; ValueError if sizes, kinds and indices are inconsistent."""
     rows, nodes, points, *blocks = arrays
     cells = dict(zip(head["cells"], blocks, strict=True))
     mesh = FileMesh(points, cells, head["convention"], aids=bool(head["aids"]))

@@ -1,6 +1,6 @@
-"""Nodes in the middle of edges, cuts and faces: those that a file gives, and new ones where needed.
+"""Nodes in the middle of edges, diagonals and faces: those of the file, and new ones where needed.
 
-Cells that share an edge, a cut or a face share the node in its middle.
+Cells that share an edge, a diagonal or a face share the node in its middle.
 """
 
 from __future__ import annotations
@@ -12,12 +12,12 @@ from antiosc.fem.readers.neutral import IntArray
 
 Array = NDArray[np.float64]
 
-#: Nodes that one lies between: those of a hexahedron at most.
+#: Most nodes between which a new one lies: those of a hexahedron.
 MOST_AROUND = 20
 
 
 class NodeTable:
-    """The points of a mesh, and which of them lies between which two others."""
+    """The points of a mesh, and which of them are middle nodes of which pairs."""
 
     def __init__(self, points: Array) -> None:
         self.points = points
@@ -25,17 +25,17 @@ class NodeTable:
         self.count = len(points)
         #: sorted keys of pairs, and the node between each
         self._pairs = PairTable(len(points))
-        #: sorted keys of pairs, and the row in `_placed` of what lies between them
+        #: sorted keys of pairs, and the row in `_placed` of their middle nodes
         self._places = PairTable(len(points))
         self._placed: list[Array] = []
-        #: nodes that each place and each new node lies between, -1 where there are fewer
+        #: nodes between which each place and each new node lies, -1 where there are fewer
         self._around: list[IntArray] = []
         self._parents: list[IntArray] = []
         self._n_placed = 0
         self._faces: dict[bytes, int] = {}
 
     def all_points(self) -> Array:
-        """Coordinates of all nodes, the new ones behind those of the file."""
+        """Coordinates of all nodes, the new ones after those of the file."""
         return np.vstack([self.points, *self._more])
 
     def new(self, points: Array, parents: IntArray) -> IntArray:
@@ -50,27 +50,27 @@ class NodeTable:
         self._pairs.add(ends, nodes)
 
     def place(self, ends: IntArray, points: Array, around: IntArray) -> None:
-        """If a node is needed between `ends` (n, 2), it lies at `points`, among nodes `around`."""
+        """Nodes between `ends` (n, 2), if needed, lie at `points`, among the nodes `around`."""
         self._placed.append(points)
         self._around.append(_padded(around))
         self._places.add(ends, np.arange(self._n_placed, self._n_placed + len(points)))
         self._n_placed += len(points)
 
     def points_between(self, ends: IntArray) -> Array:
-        """Coordinates (…, 3) of what lies between `ends` (…, 2)."""
+        """Coordinates (…, 3) of the middle nodes of `ends` (…, 2)."""
         flat = ends.reshape(-1, 2)
         x = self.points[flat].mean(axis=1)
         row = self._places.find(flat)
         if (row >= 0).any():
             x[row >= 0] = np.vstack(self._placed)[row[row >= 0]]
         node = self._pairs.find(flat)
-        # a new node lies at its place or halfway, as found above
+        # a new node lies at its given place, otherwise halfway
         known = (node >= 0) & (node < len(self.points))
         x[known] = self.points[node[known]]
         return x.reshape(*ends.shape[:-1], 3)
 
     def between(self, ends: IntArray) -> IntArray:
-        """Nodes (…,) between `ends` (…, 2), made where there are none."""
+        """Nodes (…,) between `ends` (…, 2), which are created where they do not exist."""
         flat = ends.reshape(-1, 2)
         missing = flat[self._pairs.find(flat) < 0]
         if len(missing):
@@ -85,7 +85,7 @@ class NodeTable:
         return around
 
     def of_face(self, corners: IntArray, points: Array, around: IntArray) -> IntArray:
-        """Nodes (n,) within faces of these corners (n, 4), at `points` where they are new."""
+        """Nodes (n,) inside faces with these corners (n, 4), at `points` if they are new."""
         ordered = np.ascontiguousarray(np.sort(corners, axis=1))
         _, first, which = np.unique(ordered, axis=0, return_index=True, return_inverse=True)
         keys = [ordered[k].tobytes() for k in first]
@@ -97,10 +97,10 @@ class NodeTable:
         return nodes[np.ravel(which)]
 
     def grown(self, nodes: IntArray) -> IntArray:
-        """`nodes` of the file, and the new ones that lie between these alone."""
+        """`nodes` of the file, and the new nodes that lie only between these."""
         inside = np.zeros(self.count + 1, dtype=bool)
         inside[nodes] = True
-        inside[-1] = True  # what -1 stands for
+        inside[-1] = True  # the entry of index -1, which stands for no node
         start = len(self.points)
         for parents in self._parents:
             inside[start : start + len(parents)] = inside[parents].all(axis=1)
@@ -116,7 +116,7 @@ def _padded(nodes: IntArray) -> IntArray:
 
 
 class PairTable:
-    """Numbers by pairs of nodes, whatever the order of the two; the first one given stays."""
+    """Numbers by unordered pairs of nodes; a pair keeps the first number that it gets."""
 
     def __init__(self, n: int) -> None:
         self._n = max(n, 1)
@@ -128,7 +128,7 @@ class PairTable:
         return np.asarray(low * self._n + high)
 
     def add(self, ends: IntArray, values: IntArray) -> None:
-        """Give pairs (n, 2) their numbers."""
+        """Set the numbers of pairs (n, 2)."""
         keys = np.concatenate([self._keys, self._key(ends)])
         self._keys, first = np.unique(keys, return_index=True)
         self._values = np.concatenate([self._values, values])[first]

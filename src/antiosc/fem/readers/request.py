@@ -1,4 +1,4 @@
-"""What a reader is asked for, and the limits within which it works."""
+"""The request to a reader, and the limits under which it works."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 Refinement = tuple[Sequence[float], float]
-#: "density": of materials that state none, kg/m³
+#: "density": of materials without one, kg/m³
 ModelOptions = dict[str, float | None]
 
 
 @dataclass
 class Request:
-    """A file to be read, in a process of its own whose working folder is private to it."""
+    """A file to be read by a separate process in a private working folder."""
 
     #: of the file, absolute
     path: str
@@ -28,13 +28,13 @@ class Request:
     order: int | None = None
     #: points with their element sizes, m; geometry only
     refine: Sequence[Refinement] = ()
-    #: whether the file may do whatever gmsh lets it
+    #: whether all commands of gmsh are permitted
     trust: bool = False
-    #: seconds after which the reader is ended; None: by what it has to do
+    #: time limit, s; None: chosen for the kind of file
     timeout: float | None = None
     #: units of the file: m, N
     unit: Sequence[float] = (1.0, 1.0)
-    #: read a deck's materials, sections, supports and masses as well, with these options
+    #: options for reading a deck's materials, sections, supports and masses; None: do not
     model: ModelOptions | None = None
     #: address space in bytes
     memory: int = 2**33
@@ -42,16 +42,16 @@ class Request:
     started: float = field(default_factory=time.monotonic)
 
     def limit_memory(self) -> None:
-        """No more address space than `memory`, and no core file."""
+        """Limit the address space to `memory`, and write no core file."""
         for what, most in ((resource.RLIMIT_AS, self.memory), (resource.RLIMIT_CORE, 0)):
             hard = resource.getrlimit(what)[1]
             most = most if hard == resource.RLIM_INFINITY else min(most, hard)
             resource.setrlimit(what, (most, hard))
 
     def allow(self, seconds: float) -> None:
-        """End this process after `seconds` from now, or when the caller's own timeout is over.
+        """End this process after `seconds`, or at the caller's timeout.
 
-        The kernel does it, whatever code is running then.
+        The kernel does this, whatever code is running.
         """
         if self.timeout is not None:
             seconds = max(self.timeout - (time.monotonic() - self.started), 1e-3)
@@ -59,8 +59,8 @@ class Request:
         signal.setitimer(signal.ITIMER_REAL, seconds)
 
     def seal(self) -> None:
-        """Write no file of more than a megabyte from now on, unless the file read is trusted."""
+        """Limit the files written from now on to a megabyte, unless the file is trusted."""
         if not self.trust:
             signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-            with contextlib.suppress(ValueError):  # a lower limit stands already
+            with contextlib.suppress(ValueError):  # a lower limit is in force
                 resource.setrlimit(resource.RLIMIT_FSIZE, (2**20, 2**20))

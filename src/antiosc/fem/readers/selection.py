@@ -1,8 +1,8 @@
-"""Which cells of a file make the mesh, and what becomes of the others.
+"""Selection of the cells of a file that form the mesh, and use of the others.
 
-The mesh is of the cells of one kind and of the highest dimension. Cells of lower dimension are
-faces, edges and points of these, which carry groups; those that are not would vanish without a
-word, so they are refused unless the caller says which cells are wanted.
+The mesh consists of the cells of one kind and of the highest dimension. Cells of lower dimension
+are faces, edges and points of these, and define groups. Cells that are not would be lost silently;
+they raise an error unless the caller selects the cells.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def selected(mesh: FileMesh, wanted: Wanted, order: int | None, name: str) -> Ra
     dims = {label: kind_of(label).dim for label in mesh.cells}
     if max(dims.values(), default=0) == 0:
         found = ", ".join(sorted(mesh.cells)) or "none"
-        raise MeshError(f"{name} holds no cells: no lines, faces or volumes (found: {found}).")
+        raise MeshError(f"{name} contains no cells: no lines, faces or volumes (found: {found}).")
     rows = _every_row(mesh) if wanted is None else _wanted(mesh, wanted, name)
     top = max(dims[label] for label in rows)
     grouped = _grouped(mesh, [label for label in mesh.cells if dims[label] == top])
@@ -71,11 +71,11 @@ def _every_row(mesh: FileMesh) -> Rows:
 
 
 def _wanted(mesh: FileMesh, wanted: Wanted, name: str) -> Rows:
-    """The rows that a caller's cells= names."""
+    """The rows that the caller selects with cells=."""
     if isinstance(wanted, int):
         rows = {k: r for k, r in _every_row(mesh).items() if kind_of(k).dim == wanted}
         if not any(len(r) for r in rows.values()):
-            raise InputError(f"{name} holds no cells of dimension {wanted}, which cells= asks for.")
+            raise InputError(f"{name} contains no cells of dimension {wanted} for cells={wanted}.")
         return rows
     names = [wanted] if isinstance(wanted, str) else list(wanted or ())
     for group in names:
@@ -110,7 +110,7 @@ def _one_kind(rows: Rows, mesh: FileMesh, name: str) -> tuple[str, IntArray]:
 
 
 def _check_lost(mesh: FileMesh, raw: RawMesh, aids: bool, name: str) -> None:
-    """MeshError where cells of lower dimension are no faces or edges of the chosen ones."""
+    """MeshError if cells of lower dimension are not faces or edges of the selected ones."""
     lost, place = [], 0
     for label, block in mesh.cells.items():
         kind = kind_of(label)
@@ -135,7 +135,7 @@ def _check_lost(mesh: FileMesh, raw: RawMesh, aids: bool, name: str) -> None:
 
 
 def _among(rows: IntArray, others: IntArray) -> NDArray[np.bool_]:
-    """Which of `rows` have the same entries as one of `others`, in whatever order."""
+    """Which of `rows` have the same entries as one of `others`, in any order."""
     if rows.shape[1] != others.shape[1]:
         return np.zeros(len(rows), dtype=bool)
     return np.isin(keys(rows), keys(others))
@@ -144,7 +144,7 @@ def _among(rows: IntArray, others: IntArray) -> NDArray[np.bool_]:
 def keys(rows: IntArray) -> NDArray[np.uint64]:
     """A number for each row that does not depend on the order of its entries.
 
-    Different rows have different numbers but for one pair in 10^19.
+    Two different rows have the same number with a probability of 1e-19.
     """
     mixed = np.zeros(len(rows), dtype=np.uint64)
     with np.errstate(over="ignore"):
@@ -179,7 +179,7 @@ def _outer_facets(raw: RawMesh) -> IntArray:
 
 
 def _add_nodes(raw: RawMesh, group: str, nodes: IntArray, outer: IntArray) -> None:
-    """A node set as what it spans: the boundary facets it holds whole, and the vertices left.
+    """A node set as boundary facets with all vertices in it, and the remaining vertices.
 
     A support on a node set must also hold the mid-side motions between its nodes.
     """
@@ -199,7 +199,7 @@ def _add_nodes(raw: RawMesh, group: str, nodes: IntArray, outer: IntArray) -> No
 
 
 def _ends_first(raw: RawMesh, name: str) -> IntArray:
-    """Second-order lines with their middle node behind the ends: Abaqus' files give it between."""
+    """Second-order lines with the middle node last; in Abaqus' files it is second."""
     x = raw.points[raw.cells]
     off = np.stack(
         [np.linalg.norm(x[:, k] - (x[:, k - 2] + x[:, k - 1]) / 2, axis=1) for k in range(3)]
@@ -222,7 +222,7 @@ def _straightened(raw: RawMesh) -> RawMesh:
 
 
 def _compact(raw: RawMesh) -> RawMesh:
-    """Without nodes that no cell uses, nor groups left empty by that."""
+    """The mesh without unused nodes, and without groups that become empty."""
     if raw.kind in SERENDIPITY.values():
         raise MeshError(
             f"second-order {raw.kind.shape} cells of {raw.kind.nodes} nodes (serendipity) have no "

@@ -1,4 +1,4 @@
-"""The reading process as its user sees it: started at the first file, ended with this process."""
+"""Client of the reading process, which starts with the first file and ends with this process."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from typing import Any
 from antiosc.errors import MeshError
 from antiosc.fem.readers import child
 
-#: Of the environment the reading process sees these alone.
+#: The only environment variables that the reading process gets.
 ENVIRONMENT = ("PATH", "LD_LIBRARY_PATH", "OMP_NUM_THREADS")
 
 _lock = threading.Lock()
@@ -36,16 +36,16 @@ def ask(request: dict[str, Any]) -> tuple[int, bytes]:
             process.stdin.flush()
             head = json.loads(process.stdout.readline())
             return int(head["code"]), process.stdout.read(head["size"])
-        except (OSError, ValueError):  # it is gone
+        except (OSError, ValueError):  # it has ended
             _end()
             return process.returncode or -signal.SIGKILL, b""
-        except BaseException:  # as Ctrl-C: nobody waits for the answer any more
+        except BaseException:  # such as Ctrl-C: the answer is not needed any more
             _end()
             raise
 
 
 def _running() -> subprocess.Popen[bytes]:
-    """The reading process of this process, which may be a fork of the one that began another."""
+    """The reading process of this process; a fork starts its own."""
     global _process, _owner
     if _process is not None and _owner == os.getpid() and _process.poll() is not None:
         _end()
@@ -68,7 +68,7 @@ def _running() -> subprocess.Popen[bytes]:
 
 @atexit.register
 def _end() -> None:
-    """End the reading process and what it reads."""
+    """End the reading process and its forks."""
     global _process
     process, _process = _process, None
     if process is None or _owner != os.getpid():

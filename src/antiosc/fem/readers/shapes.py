@@ -1,7 +1,7 @@
-"""Cells as decks and files hold them, in VTK's order: corners, then the middles of edges.
+"""Shapes of cells in decks and files, in VTK's order: corners, then middle nodes of edges.
 
-Straight and serendipity cells of all shapes, also those (wedges, pyramids) that no mesh here
-carries as they are.
+Straight and serendipity cells of all shapes, including those (wedges, pyramids) that are divided
+into others.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ DIMENSION = {
     "wedge": 3,
     "hexahedron": 3,
 }
-#: Corners of the edges, in the order of the nodes in their middles.
+#: Corners of the edges, in the order of their middle nodes.
 EDGES: dict[str, tuple[tuple[int, int], ...]] = {
     "point": (),
     "line": ((0, 1),),
@@ -53,6 +53,6 @@ FACES: dict[str, tuple[tuple[int, ...], ...]] = {
 
 
 def rectangles(shape: str) -> list[tuple[int, ...]]:
-    """Corners of the faces with four of them; a quadrilateral is one itself."""
+    """Corners of the faces with four corners; a quadrilateral is its own face."""
     faces = FACES.get(shape, ((0, 1, 2, 3),) if shape == "quad" else ())
     return [face for face in faces if len(face) == 4]

@@ -1,9 +1,9 @@
-"""Which reader reads which files.
+"""The reader of each file type.
 
 A new format is one function here: it gets a `Request`, reads `ask.path` and returns a `FileMesh`,
-or raises MeshError in one sentence that calls the file `ask.name`. It runs in a process of its own
-with limits on time and memory (`child`), in which of antiosc only modules without dolfinx can be
-imported: `antiosc.errors`, `antiosc.checks` and this package. What no entry names goes to meshio.
+or raises MeshError with one sentence that names the file `ask.name`. It runs in a separate process
+with limits on time and memory (`child`), which can import only those modules of antiosc that do not
+need dolfinx: `antiosc.errors`, `antiosc.checks` and this package. All other types go to meshio.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ READERS: dict[str, Reader] = {
 
 
 def reader_of(path: str | Path) -> Reader:
-    """The reader of a file, by its ending."""
+    """The reader of a file, by its extension."""
     return READERS.get(Path(path).suffix.lower(), by_meshio.read)
 
 
 def library_of(path: str | Path) -> str:
-    """The module that the reader of a file needs; it is loaded once for all files."""
+    """The library that the reader of a file needs; it is imported once for all files."""
     reader = reader_of(path)
     if reader is by_meshio.read:
         return "meshio"
@@ -42,5 +42,5 @@ def library_of(path: str | Path) -> str:
 
 
 def is_deck(path: str | Path) -> bool:
-    """Whether a file by its ending may hold a whole model."""
+    """Whether a file, by its extension, may contain a whole model."""
     return Path(path).suffix.lower() in DECKS

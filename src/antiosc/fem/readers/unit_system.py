@@ -1,4 +1,4 @@
-"""Units in which decks and meshes are written: consistent systems of a length, a force, seconds."""
+"""Consistent unit systems of decks and meshes: a length, a force, and seconds."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class UnitSystem:
 
     @classmethod
     def of(cls, unit: Any) -> UnitSystem:
-        """By name, or by its metres per unit of length, forces being in N."""
+        """By name, or by the metres per unit of length, with forces in N."""
         if isinstance(unit, str):
             if unit not in SYSTEMS:
                 raise InputError(

@@ -65,7 +65,7 @@ def read_model(
     ------
     MeshError
         As `read_mesh`; elements without a section, materials without elasticity or density, and
-        what would change the answer and is not supported: contact pairs, ties, equations, rigid
+        what is not supported and would change the result: contact pairs, ties, equations, rigid
         bodies, couplings, element types that no family carries. The message names the line.
 
     Warns

@@ -25,20 +25,20 @@ from antiosc.fem.readers.decks.deck import (
 )
 from antiosc.fem.readers.decks.sources import Sources
 
-#: Cards that make nodes and elements in ways that are not read.
+#: Cards that generate nodes and elements and are not supported.
 UNREAD = ("NCOPY", "ELCOPY", "NMAP", "SYSTEM")
 
 
 @dataclass
 class Scope:
-    """Nodes, elements and sets that have their own numbers and names: a part, or a flat deck."""
+    """Nodes, elements and sets with their own numbers and names: a part, or a flat deck."""
 
     name: str
     cards: list[Card] = field(default_factory=list)
     deck: Deck = field(default_factory=lambda: Deck(""))
     nodes: Numbering = field(default_factory=lambda: Numbering(np.zeros(0, dtype=np.int64)))
     elements: Numbering = field(default_factory=lambda: Numbering(np.zeros(0, dtype=np.int64)))
-    #: elements that are no cells: (type, label, rows of nodes, set)
+    #: elements that are not cells: (type, label, rows of nodes, set)
     others: list[tuple[str, int, list[int]]] = field(default_factory=list)
     #: names in upper case -> as first written
     spelling: dict[str, str] = field(default_factory=dict)
@@ -46,12 +46,12 @@ class Scope:
     other_sets: dict[str, list[int]] = field(default_factory=dict)
 
     def spelled(self, name: str) -> str:
-        """A set's name as it was first written; names are the same in upper and lower case."""
+        """A set's name as first written; upper and lower case are not distinguished."""
         return self.spelling.setdefault(name.upper(), name)
 
 
 def read_cards(path: Path, name: str, on_size: Callable[[int], None]) -> list[Card]:
-    """The cards of a deck and of all that it includes."""
+    """The cards of a deck and of the files that it includes."""
     return cards(Sources(path, name, on_size))
 
 
@@ -143,7 +143,7 @@ def _read_elements(scope: Scope) -> None:
 
 
 def _cells(scope: Scope, card: Card, kind: str, labels: list[IntArray]) -> IntArray:
-    """Read one card's elements; the labels of those that became cells."""
+    """Read one card's elements; returns the labels of those that are cells."""
     none = np.zeros(0, dtype=np.int64)
     known = element_type(kind)
     if known is None:
@@ -183,7 +183,7 @@ def _cells(scope: Scope, card: Card, kind: str, labels: list[IntArray]) -> IntAr
 
 
 def _numbers(scope: Scope, card: Card, width: int, kind: str) -> list[tuple[list[int], Place]]:
-    """(label and nodes, place) of every element; one goes on over as many lines as it needs."""
+    """(label and nodes, place) of every element, which may take several lines."""
     least = 1 + width
     found: list[tuple[list[int], Place]] = []
     current: list[int] = []
@@ -252,7 +252,7 @@ def _read_set(scope: Scope, card: Card) -> None:
 
 
 def ranged(fields: list[str], place: Place, numbering: Numbering) -> IntArray:
-    """Rows between two numbers, of those that there are: a range may be as wide as it likes."""
+    """Rows of the existing numbers in a range, which may be wide."""
     if len(fields) < 2:
         raise MeshError(f"{place}: GENERATE needs a first and a last number.")
     first, last = (whole_number(field, place) for field in fields[:2])
@@ -260,12 +260,12 @@ def ranged(fields: list[str], place: Place, numbering: Numbering) -> IntArray:
     if step == 0 and first == last:
         step = 1
     if step < 1 or last < first:
-        raise MeshError(f"{place}: GENERATE from {first} to {last} by {step} holds nothing.")
+        raise MeshError(f"{place}: GENERATE from {first} to {last} by {step} selects nothing.")
     return numbering.between(first, last, step)
 
 
 def members(scope: Scope, keyword: str, word: str, place: Place) -> IntArray:
-    """Rows that a number or the name of a set stands for."""
+    """Rows of a number, or of the set with this name."""
     word = word.strip().strip('"')
     numbering, sets = (
         (scope.nodes, scope.deck.node_sets)
@@ -293,5 +293,5 @@ def nodes_of(deck: Deck, elements: IntArray) -> IntArray:
 
 
 def extend(sets: dict[str, IntArray], name: str, rows: IntArray) -> None:
-    """Add rows to a set, which may be there already; -1 stands for none."""
+    """Add rows to a new or existing set; -1 is ignored."""
     sets[name] = np.unique(np.concatenate([sets.get(name, rows[:0]), rows[rows >= 0]]))

@@ -1,4 +1,4 @@
-"""Parts and instances of an Abaqus deck put together; a flat deck is one part of its own."""
+"""Assembly of the parts and instances of an Abaqus deck; a flat deck is a single part."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Rows = IntArray
 
 @dataclass
 class Instance:
-    """A part, placed: its rows in the whole deck begin at these."""
+    """A placed part: the first rows of its nodes and elements in the whole deck."""
 
     name: str
     scope: Scope
@@ -28,7 +28,7 @@ class Instance:
 
 @dataclass
 class Whole:
-    """A deck put together, with the cards that are no mesh."""
+    """An assembled deck, with the cards that do not define the mesh."""
 
     deck: Deck
     #: by name in upper case; "" is the deck itself, or its assembly
@@ -61,7 +61,7 @@ class Whole:
 
 
 def read(path: Path, name: str, on_size: Callable[[int], None] = lambda size: None) -> Whole:
-    """The deck in a file; `on_size` is told how much is read."""
+    """The deck in a file; `on_size` is called with the number of bytes read."""
     top, parts, placed, steps = _divided(read_cards(path, name, on_size), name)
     assembled = bool(placed)
     meshed(top, with_sets=not assembled)
@@ -85,7 +85,7 @@ def read(path: Path, name: str, on_size: Callable[[int], None] = lambda size: No
 def _divided(
     cards: list[Card], name: str
 ) -> tuple[Scope, dict[str, Scope], list[tuple[Card, Scope]], list[list[Card]]]:
-    """(cards outside parts, parts, instances with cards of their own, steps)."""
+    """(cards outside parts, parts, instances with their cards, steps)."""
     top = Scope(name)
     parts: dict[str, Scope] = {}
     placed: list[tuple[Card, Scope]] = []
@@ -143,7 +143,7 @@ def _placed(deck: Deck, card: Card, own: Scope, parts: dict[str, Scope]) -> Inst
 
 
 def _rotation(axis: Array, degrees: float, place: Place) -> Array:
-    """Rodrigues' matrix of a turn about an axis."""
+    """Rodrigues' matrix of a rotation about an axis."""
     length = float(np.linalg.norm(axis))
     if length == 0:
         raise MeshError(f"{place}: the two points of a rotation coincide.")
@@ -154,7 +154,7 @@ def _rotation(axis: Array, degrees: float, place: Place) -> Array:
 
 
 def _add(deck: Deck, name: str, scope: Scope, turn: Array, shift: Array) -> Instance:
-    """Put a scope's nodes, elements and sets into the whole deck."""
+    """Add a scope's nodes, elements and sets to the whole deck."""
     own = scope.deck
     nodes, elements = len(deck.points), deck.n_elements
     deck.points = np.vstack([deck.points, own.points @ turn.T + shift])
@@ -176,7 +176,7 @@ def _add(deck: Deck, name: str, scope: Scope, turn: Array, shift: Array) -> Inst
 
 
 def _name_sets(whole: Whole, top: Scope) -> None:
-    """Sets of the assembly, whose members are of instances."""
+    """Add the sets of the assembly, whose members belong to instances."""
     for card in top.cards:
         if card.keyword not in ("NSET", "ELSET"):
             continue

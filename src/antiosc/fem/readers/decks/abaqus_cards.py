@@ -9,7 +9,7 @@ from antiosc.errors import MeshError
 from antiosc.fem.readers.decks.deck import Place
 from antiosc.fem.readers.decks.sources import Sources
 
-#: Cards whose data may stand in a file of their own (INPUT=).
+#: Cards whose data may be in a separate file (INPUT=).
 WITH_INPUT = ("NODE", "ELEMENT", "NSET", "ELSET", "BOUNDARY", "EQUATION")
 
 
@@ -40,7 +40,7 @@ class Card:
         return self.options.get(name, default).strip().strip('"').strip()
 
     def needed(self, name: str) -> str:
-        """Value of an option that must be there."""
+        """Value of a required option."""
         value = self.option(name)
         if not value:
             raise MeshError(f"{self.place}: *{self.keyword} needs {name}=.")
@@ -48,11 +48,11 @@ class Card:
 
 
 def cards(sources: Sources) -> list[Card]:
-    """All cards of a deck and of the files that it includes, in their order."""
+    """All cards of a deck and of the files that it includes, in order."""
     found: list[Card] = []
     _collect(sources, sources.main(), sources.name, found)
     if not found:
-        raise MeshError(f"{sources.name} holds no keyword (*NODE, …): it is no Abaqus deck.")
+        raise MeshError(f"{sources.name} contains no keyword (*NODE, …): it is not an Abaqus deck.")
     return found
 
 
@@ -66,7 +66,7 @@ def _collect(sources: Sources, lines: list[str], file: str, found: list[Card]) -
         place = Place(file, number)
         if not line.startswith("*"):
             if not found:
-                raise MeshError(f"{place}: data before the first keyword: it is no Abaqus deck.")
+                raise MeshError(f"{place}: data before the first keyword: not an Abaqus deck.")
             found[-1].lines.append(line)
             found[-1].places.append(place)
             continue
@@ -104,7 +104,7 @@ def _card(line: str, place: Place) -> Card:
 
 
 def _outside_quotes(text: str) -> list[str]:
-    """Fields between those commas that stand in no quotes."""
+    """Fields between the commas outside quotes."""
     if '"' not in text:
         return text.split(",")
     fields, quoted = [""], False

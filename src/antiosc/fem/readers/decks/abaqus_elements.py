@@ -1,4 +1,4 @@
-"""Element types of Abaqus and CalculiX: their shapes, what they stand for, their order of nodes."""
+"""Element types of Abaqus and CalculiX: shapes, families and order of nodes."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _SOLID = re.compile(r"(?:C|DC|AC|F)3D(\d+)[A-Z]*$")
 _SHELL = re.compile(r"(?:S|DS|STRI)(65|[34689])(?:R5|R?S?W?T?)$")
 _PLANE = re.compile(r"(CPS|CPE|CPEG|CAX|CGAX|DC2D|DCAX|AC2D|ACAX)([3468])[A-Z]*$")
 _BEAM = re.compile(r"(?:B|PIPE)([23])([123])[A-Z]*$")
-#: With the shape of a cell, but nothing that is struck: rigid, membranes, trusses, surfaces.
+#: Types with the shape of a cell but without a family here: rigid, membranes, trusses, surfaces.
 _OTHERS = (
     (re.compile(r"(?:R3D|M3D|SFM3D)(3|4|6|8)[A-Z]*$"), "face"),
     (re.compile(r"SC(6|8)[A-Z]*$"), "volume"),
@@ -56,7 +56,7 @@ class ElementType:
 
 
 def element_type(name: str) -> ElementType | None:
-    """The type named `name` (upper case); None if it is no cell of a mesh."""
+    """The type named `name` (upper case); None if it is not a cell of a mesh."""
     if match := _SOLID.match(name):
         nodes = int(match[1])
         if nodes not in VOLUMES:
@@ -97,13 +97,13 @@ def _line(nodes: int, role: Role) -> ElementType:
     return ElementType("line", role, 3, MIDDLE_SECOND[:2], MIDDLE_SECOND[2:])
 
 
-#: Nodes of the types that are no cells, so that their elements can be counted.
+#: Numbers of nodes of types that are not cells, to separate their elements.
 POINTS = re.compile(r"(?:MASS|ROTARYI|SPRING1|DASHPOT1|DCOUP3D|DCOUP2D|HEATCAP)$")
 PAIRS = re.compile(r"(?:SPRINGA|SPRING2|DASHPOTA|DASHPOT2|GAPUNI|GAPCYL|GAPSPHER|CONN[23]D2)$")
 
 
 def nodes_of_other(name: str) -> int | None:
-    """Nodes of an element that is no cell; None if they are not known."""
+    """Number of nodes of an element that is not a cell; None if it is not known."""
     if POINTS.match(name):
         return 1
     if PAIRS.match(name):

@@ -10,7 +10,7 @@ from antiosc.errors import MeshError
 from antiosc.fem.readers.decks.abaqus_cards import Card
 from antiosc.fem.readers.decks.deck import Block, IntArray, Numbering, Place, whole_number
 
-#: More nodes or elements from one card are damage.
+#: Most nodes or elements from one card; more indicate a damaged file.
 MOST_GENERATED = 5_000_000
 
 Points = Mapping[int, list[float]]

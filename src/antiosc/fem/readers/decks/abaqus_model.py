@@ -1,7 +1,8 @@
 """Abaqus and CalculiX decks as whole models: sections, supports, masses, springs.
 
-Taken are the model and the supports of the first step. What would change the answer and is not
-supported is refused with its line; loads, later steps and nonlinear materials are listed.
+The model and the supports of the first step are read. Unsupported cards that would change the
+result raise an error with their line; loads, later steps and nonlinear materials are ignored and
+listed.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from antiosc.fem.readers.decks.geometry import AXIS_COSINE, fixed_along_axes
 from antiosc.fem.readers.decks.model import ModelBuilder
 from antiosc.fem.readers.unit_system import UnitSystem
 
-#: Cards that change the answer and have no counterpart here.
+#: Unsupported cards that would change the result.
 REFUSED_CARDS = {
     "CONTACTPAIR": "a contact pair",
     "CONTACT": "general contact",
@@ -54,12 +55,12 @@ REFUSED_CARDS = {
     "CHANGESOLIDSECTION": "a change of the sections between steps",
     "CHANGEMATERIAL": "a change of a material between steps",
 }
-#: Cards that are loads or states at the beginning, which a strike does not have.
+#: Loads and initial states, which are ignored.
 LOAD_CARDS = (
     *("CLOAD", "DLOAD", "DSLOAD", "TEMPERATURE", "FILM", "RADIATE", "DFLUX", "CFLUX", "FIELD"),
     *("INITIALCONDITIONS", "BASEMOTION", "DAMPING", "MODALDAMPING", "EXPANSION"),
 )
-#: Names of supports -> the motions (0 to 5) that they hold.
+#: Names of supports -> the motions (0 to 5) that they fix.
 NAMED = {
     "ENCASTRE": (0, 1, 2, 3, 4, 5),
     "PINNED": (0, 1, 2),
@@ -100,7 +101,7 @@ def _refuse(cards: Iterable[Card]) -> None:
         if card.keyword in REFUSED_CARDS:
             raise MeshError(
                 f"{card.place}: *{card.keyword} is {REFUSED_CARDS[card.keyword]}, which is not "
-                "supported here and would change the answer; take it out of the deck, or model "
+                "supported here and would change the result; remove it from the deck, or model "
                 "the part without it."
             )
         if card.keyword == "SPRING" and "NONLINEAR" in card.options:
@@ -139,7 +140,7 @@ class _Supports:
                 self._transform(card, within)
 
     def read(self, card: Card, within: Instance) -> None:
-        """Mark what one card holds."""
+        """Mark the motions that one card fixes."""
         if "SUBMODEL" in card.options:
             raise MeshError(f"{card.place}: *BOUNDARY, SUBMODEL is not supported.")
         moved = False
@@ -199,7 +200,7 @@ class _Supports:
 
 
 def _others(whole: Whole, card: Card, within: Instance) -> Iterator[tuple[str, list[int]]]:
-    """(type, rows of nodes) of the elements that are no cells, in the set of a card."""
+    """(type, rows of nodes) of the elements in the set of a card that are not cells."""
     name = card.needed("ELSET").upper()
     labels = set(within.scope.other_sets.get(name, []))
     for instance in [within] if within.name else [within, *whole.instances.values()]:
@@ -274,7 +275,7 @@ def _springs(whole: Whole, builder: ModelBuilder) -> None:
         kind = next(iter(whole.deck.left))
         raise MeshError(
             f"{whole.deck.name} has {whole.deck.left[kind]} {kind} elements, which are not "
-            "supported here and would change the answer."
+            "supported here and would change the result."
         )
 
 

@@ -27,7 +27,7 @@ NONLINEAR = ("PLASTIC", "CREEP", "HYPERFOAM", "VISCO", "CYCLICHARDENING", "DEFOR
 
 
 def materials_of(cards: list[Card]) -> tuple[dict[str, Material], list[str]]:
-    """(materials by name in upper case, what of them is not taken)."""
+    """(materials by name in upper case, what is ignored of them)."""
     found: dict[str, Material] = {}
     ignored: list[str] = []
     current: Material | None = None
@@ -95,7 +95,7 @@ def _elastic(card: Card) -> Array:
 
 
 class Sections:
-    """The sections of a deck, given to a builder."""
+    """Adds the sections of a deck to a builder."""
 
     def __init__(self, whole: Whole, builder: ModelBuilder, materials: dict[str, Material]) -> None:
         self.whole = whole
@@ -257,7 +257,7 @@ class Sections:
             about, angle, *_ = [*rows[1][0], "0", "0"]
             degrees = real_number(angle or "0", rows[1][1])
             if degrees and about.strip() != "3":
-                raise MeshError(f"{rows[1][1]}: *ORIENTATION is read with a turn about 3 only.")
+                raise MeshError(f"{rows[1][1]}: *ORIENTATION is read with a rotation about 3 only.")
             across = np.cross(normal / np.linalg.norm(normal), a)
             a = math.cos(math.radians(degrees)) * a + math.sin(math.radians(degrees)) * across
         return np.asarray(a / np.linalg.norm(a))
@@ -339,5 +339,5 @@ def _profile(card: Card) -> profiles.Profile:
         return found
     area, about_1, mixed, about_2, torsion = d[:5]
     if mixed:
-        raise MeshError(f"{card.place}: I12 must be 0: turn the section to its principal axes.")
+        raise MeshError(f"{card.place}: I12 must be 0: rotate the section to its principal axes.")
     return profiles.Profile(area, about_2, about_1, torsion, profiles.RECTANGLE)

@@ -1,4 +1,4 @@
-"""What a deck holds, whatever program it is written for."""
+"""The content of a deck, independent of its program."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from antiosc.errors import MeshError
 IntArray = NDArray[np.int64]
 Array = NDArray[np.float64]
 
-#: Numbers of nodes and elements beyond this are damage.
+#: Largest number of a node or element; larger ones indicate a damaged file.
 LARGEST_NUMBER = 2**62
 
 
 @dataclass
 class Block:
-    """Elements of one type, one after the other."""
+    """Elements of one type."""
 
     #: a key of `antiosc.fem.readers.shapes.EDGES`
     shape: str
@@ -39,7 +39,7 @@ class Block:
 
 @dataclass(frozen=True)
 class Place:
-    """Where in which file something stands, for messages."""
+    """File and line of an entry, for messages."""
 
     file: str
     line: int
@@ -52,7 +52,7 @@ class Place:
 class Deck:
     """Nodes, elements and sets of a deck.
 
-    Elements are counted through all blocks: their number is their place there.
+    Elements are numbered consecutively through all blocks.
     """
 
     name: str
@@ -64,11 +64,11 @@ class Deck:
     element_sets: dict[str, IntArray] = field(default_factory=dict)
     #: nodes fixed by supports: name of the group for them -> rows of `points`
     fixed: dict[str, IntArray] = field(default_factory=dict)
-    #: type of elements that are no cells of a mesh -> how many
+    #: type of elements that are not cells of a mesh -> their number
     left: dict[str, int] = field(default_factory=dict)
-    #: what the reader has to tell of the deck, one sentence each
+    #: warnings about the deck for the caller, one sentence each
     told: list[str] = field(default_factory=list)
-    #: materials, sections, supports, masses in SI units, if they were asked for
+    #: materials, sections, supports, masses in SI units, if they were requested
     model: dict[str, Any] | None = None
 
     @property
@@ -77,39 +77,39 @@ class Deck:
         return sum(len(block) for block in self.blocks)
 
     def leave(self, kind: str, count: int) -> None:
-        """Count elements that are no cells."""
+        """Count elements that are not cells."""
         self.left[kind] = self.left.get(kind, 0) + count
 
 
 class Numbering:
-    """Rows of the numbers that a deck gives its nodes or elements."""
+    """Rows of the nodes or elements of a deck by their numbers."""
 
     def __init__(self, labels: IntArray) -> None:
         self.order = np.argsort(labels, kind="stable")
         self.labels = labels[self.order]
 
     def rows(self, labels: IntArray) -> IntArray:
-        """The row of each of `labels`, -1 where there is none."""
+        """The row of each of `labels`, -1 for unknown ones."""
         if not len(self.labels):
             return np.full(np.shape(labels), -1, dtype=np.int64)
         place = np.minimum(np.searchsorted(self.labels, labels), len(self.labels) - 1)
         return np.where(self.labels[place] == labels, self.order[place], -1)
 
     def between(self, first: int, last: int, step: int = 1) -> IntArray:
-        """Rows of the numbers first, first + step, … up to `last` that there are."""
+        """Rows of those numbers first, first + step, … up to `last` that exist."""
         low, high = np.searchsorted(self.labels, [first, last + 1])
         some = self.labels[low:high]
         return np.asarray(self.order[low:high][(some - first) % step == 0])
 
 
 def unique_last(labels: IntArray) -> IntArray:
-    """Places of the last of each label, ascending by place: what is defined again is replaced."""
+    """Index of the last entry of each label, ascending: later definitions replace earlier ones."""
     _, first = np.unique(labels[::-1], return_index=True)
     return np.sort(len(labels) - 1 - first)
 
 
 def whole_number(text: str, place: Place) -> int:
-    """An integer of a deck; MeshError if it is none."""
+    """An integer of a deck; MeshError if the text is not an integer."""
     try:
         value = int(text)
     except ValueError:
@@ -118,7 +118,7 @@ def whole_number(text: str, place: Place) -> int:
         except MeshError:
             number = 0.5
         if not (abs(number) < 2**53 and number.is_integer()):
-            raise MeshError(f"{place}: {text.strip()[:40]!r} is no whole number.") from None
+            raise MeshError(f"{place}: {text.strip()[:40]!r} is not an integer.") from None
         value = int(number)
     if abs(value) > LARGEST_NUMBER:
         raise MeshError(f"{place}: the number {text.strip()[:40]} is too large.")
@@ -126,7 +126,7 @@ def whole_number(text: str, place: Place) -> int:
 
 
 def real_number(text: str, place: Place) -> float:
-    """A finite number of a deck, also 1.5D+7 and Nastran's 1.5+7; MeshError if it is none."""
+    """A finite number of a deck, also 1.5D+7 and Nastran's 1.5+7; MeshError for other text."""
     word = text.strip().upper().replace("D", "E")
     try:
         value = float(word)
@@ -137,12 +137,12 @@ def real_number(text: str, place: Place) -> float:
         except ValueError:
             value = float("nan")
     if not np.isfinite(value) or "_" in word:
-        raise MeshError(f"{place}: {text.strip()[:40]!r} is no number.")
+        raise MeshError(f"{place}: {text.strip()[:40]!r} is not a number.")
     return value
 
 
 def listed(counts: dict[str, int]) -> str:
-    """Types of elements and how many of each, in a sentence."""
+    """Types of elements and their numbers as text."""
     shown = [f"{count} {kind}" for kind, count in sorted(counts.items())]
     return _shortened(shown)
 

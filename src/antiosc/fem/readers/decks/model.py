@@ -1,7 +1,7 @@
-"""What a deck says besides its mesh: materials, sections, supports, masses, springs; in SI units.
+"""Materials, sections, supports, masses and springs of a deck, in SI units.
 
-The result is plain (numbers, texts, lists), for it comes out of the reading process as JSON;
-`antiosc.fem.structure.from_deck` makes the structure of it.
+The result consists of numbers, texts and lists, because the reading process returns it as JSON;
+`antiosc.fem.structure.from_deck` builds the structure from it.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class Material:
 
     @property
     def isotropic(self) -> tuple[float, float] | None:
-        """(E, nu) if every direction is alike."""
+        """(E, nu) if the material is isotropic."""
         if self.constants is None:
             return None
         E1, E2, E3, n12, n13, n23, *G = self.constants
@@ -42,7 +42,7 @@ class Material:
 
 
 def isotropic(E: float, nu: float) -> Array:
-    """Constants of a material without directions."""
+    """Constants of an isotropic material."""
     G = E / (2 * (1 + nu))
     return np.array([E, E, E, nu, nu, nu, G, G, G])
 
@@ -56,7 +56,7 @@ def of_stiffness(D: Array) -> Array:
 
 @dataclass
 class Family:
-    """A section: what a group of elements is made of; the arguments of a class of antiosc."""
+    """The section of a group of elements, as a class of antiosc and its arguments."""
 
     kind: str
     arguments: dict[str, Any]
@@ -65,20 +65,20 @@ class Family:
 
 @dataclass
 class ModelBuilder:
-    """Collects a model; see `finished` for what becomes of it."""
+    """Collects a model; `finished` returns it."""
 
     deck: Deck
     units: UnitSystem
-    #: kg/m³ of materials that state none
+    #: kg/m³, of materials without one
     density: float | None = None
     families: list[Family] = field(default_factory=list)
-    #: number of the family of each element, -1 while it has none
+    #: number of the family of each element, -1 without one
     of_element: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     #: name of each family's group of elements
     names: list[str] = field(default_factory=list)
     masses: list[Any] = field(default_factory=list)
     springs: list[Any] = field(default_factory=list)
-    #: what is not taken, in the deck's terms
+    #: what is ignored, in the deck's terms
     ignored: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -109,8 +109,8 @@ class ModelBuilder:
         found = material.isotropic
         if found is None:
             raise MeshError(
-                f"{material.place}: the material {material.name!r} has directions; {what} here are "
-                "isotropic, layers of shells alone may be orthotropic."
+                f"{material.place}: the material {material.name!r} is not isotropic, but {what} "
+                "must be; only layers of shells may be orthotropic."
             )
         return found[0] * self.units.stress, found[1]
 
@@ -135,7 +135,7 @@ class ModelBuilder:
         }
 
     def add(self, name: str, elements: IntArray, family: Family) -> None:
-        """Give elements their section; a later one replaces an earlier one."""
+        """Set the section of elements; a later one replaces an earlier one."""
         self.of_element[elements] = len(self.families)
         self.families.append(family)
         self.names.append(name)
@@ -164,7 +164,9 @@ class ModelBuilder:
 
     def _point(self, node: int, what: str, place: Place) -> list[float]:
         if not self.used[node]:
-            raise MeshError(f"{place}: {what} hangs on a node of no element; give it a section.")
+            raise MeshError(
+                f"{place}: {what} acts on a node of no element with a section; add the section."
+            )
         return [float(c) * self.units.length for c in self.deck.points[node]]
 
     def finished(self, roles: Sequence[str]) -> dict[str, Any]:
@@ -173,7 +175,7 @@ class ModelBuilder:
         Raises
         ------
         MeshError
-            Elements without a section, families that no structure here has together.
+            Elements without a section, or families that cannot be combined in a structure.
         """
         self._refuse_uncovered(roles)
         present = {role for role, block in zip(roles, self.deck.blocks, strict=True) if len(block)}
@@ -215,7 +217,7 @@ class ModelBuilder:
             if bare:
                 raise MeshError(
                     f"{self.deck.name}: {bare} of {len(block)} {block.type} elements have no "
-                    "section, so that nobody knows what they are made of."
+                    "section, so their material is not known."
                 )
             start += len(block)
 

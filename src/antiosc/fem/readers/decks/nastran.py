@@ -15,8 +15,8 @@ from antiosc.fem.readers.decks.nastran_coordinates import Systems
 from antiosc.fem.readers.decks.sources import Sources
 from antiosc.fem.readers.shapes import CORNERS, EDGES
 
-#: Solids, whose nodes follow from field 2 on: shape, and the places of the middles of the edges.
-#: Nastran gives those of the upright edges before those of the top.
+#: Solids, whose nodes begin in field 2: shape, and the order of the middle nodes of the edges.
+#: Nastran lists those of the upright edges before those of the top.
 SOLIDS = {
     "CTETRA": ("tetra", (0, 1, 2, 3, 4, 5)),
     "CPYRAM": ("pyramid", (0, 1, 2, 3, 4, 5, 6, 7)),
@@ -24,7 +24,7 @@ SOLIDS = {
     "CPENTA": ("wedge", (0, 1, 2, 6, 7, 8, 3, 4, 5)),
     "CHEXA": ("hexahedron", (0, 1, 2, 3, 8, 9, 10, 11, 4, 5, 6, 7)),
 }
-#: Shells: shape, and whether they have middles of edges.
+#: Shells: shape, and whether they have middle nodes.
 SHELLS = {
     "CTRIA3": ("triangle", False),
     "CTRIAR": ("triangle", False),
@@ -35,7 +35,7 @@ SHELLS = {
 }
 BEAMS = ("CBAR", "CBEAM")
 RODS = ("CROD", "CTUBE", "CONROD")
-#: Entries that begin as elements do, and are none.
+#: Entries whose names begin like those of elements.
 NO_ELEMENTS = (
     *("CORD", "CAERO", "CSUPER", "CSUPEXT", "CREEP", "CSSCHD", "CYAX", "CYJOIN", "CYSYM"),
     *("CONV", "CHECK", "CLOAD", "CSET", "CFIELD", "CONTRLT", "CGEN", "CBARAO", "CTABLE"),
@@ -44,7 +44,7 @@ RIGID = ("RBE1", "RBE2", "RBE3", "RBAR", "RBAR1", "RROD", "RTRPLT", "RSPLINE", "
 
 
 def is_other(name: str) -> bool:
-    """Whether an entry is an element that is no cell of a mesh."""
+    """Whether an entry is an element, but not a cell of a mesh."""
     if name in SOLIDS or name in SHELLS or name in BEAMS or name in RODS:
         return False
     return name in RIGID or (name.startswith("C") and not name.startswith(NO_ELEMENTS))
@@ -52,7 +52,7 @@ def is_other(name: str) -> bool:
 
 @dataclass
 class NastranDeck:
-    """A deck and where its elements and nodes come from."""
+    """A deck, and the entries of its elements and nodes."""
 
     deck: Deck
     bulk: Bulk
@@ -83,7 +83,7 @@ class NastranDeck:
 
 
 def read(path: Path, name: str, on_size: Callable[[int], None] = lambda size: None) -> NastranDeck:
-    """The deck in a file; `on_size` is told how much is read."""
+    """The deck in a file; `on_size` is called with the number of bytes read."""
     bulk = bulk_data(Sources(path, name, on_size))
     found = _nodes(bulk, name)
     _elements(found)
@@ -128,7 +128,7 @@ def _nodes(bulk: Bulk, name: str) -> NastranDeck:
 
 
 def _given(grid: Entry, k: int, default: Entry | None) -> int:
-    """A system's number in field k, or that of GRDSET."""
+    """The number of a coordinate system in field k, by default that of GRDSET."""
     if grid.text(k) or default is None:
         return grid.whole(k, 0)
     return default.whole(k, 0)
@@ -178,14 +178,14 @@ def _elements(found: NastranDeck) -> None:
 
 
 def shape_of(name: str) -> str:
-    """Shape of an element that is a cell."""
+    """Shape of the cell that an element is."""
     if name in SOLIDS:
         return SOLIDS[name][0]
     return SHELLS[name][0] if name in SHELLS else "line"
 
 
 def _nodes_of(entry: Entry) -> list[int] | None:
-    """Numbers of the nodes, 0 for those left out; None if it is no cell."""
+    """Numbers of the nodes, 0 for omitted ones; None if the element is not a cell."""
     if entry.name in SOLIDS:
         shape = SOLIDS[entry.name][0]
         return [entry.whole(k, 0) for k in range(2, 2 + CORNERS[shape] + len(EDGES[shape]))]
@@ -201,7 +201,7 @@ def _nodes_of(entry: Entry) -> list[int] | None:
 
 
 def property_of(entry: Entry) -> int:
-    """Number of an element's property; by default its own."""
+    """Number of an element's property; by default that of the element."""
     return 0 if entry.name == "CONROD" else entry.whole(1, entry.whole(0))
 
 

@@ -10,7 +10,7 @@ from antiosc.errors import MeshError
 from antiosc.fem.readers.decks.deck import Place, real_number, whole_number
 from antiosc.fem.readers.decks.sources import Sources
 
-#: How pre-processors name properties in comments: HyperMesh, ANSA, Femap.
+#: Names of properties in comments of pre-processors: HyperMesh, ANSA, Femap.
 PROPERTY_NAMES = (
     re.compile(r'\$HMNAME\s+PROP\s+(\d+)\s*"([^"]+)"'),
     re.compile(r"\$ANSA_NAME(?:_COMMENT)?;(\d+);P\w+;([^;]+);"),
@@ -22,7 +22,7 @@ _INCLUDE = re.compile(r"\s*INCLUDE\b\s*(.*)", re.IGNORECASE)
 
 @dataclass
 class Entry:
-    """One entry: its name and its fields, eight to a line, without the name."""
+    """One entry: its name, and its fields without the name, eight per line."""
 
     name: str
     place: Place
@@ -51,7 +51,7 @@ class Entry:
 
 @dataclass
 class Bulk:
-    """What a deck's files hold."""
+    """The content of a deck's files."""
 
     entries: list[Entry] = field(default_factory=list)
     #: numbers of the SPC sets that the case control selects
@@ -65,11 +65,11 @@ def bulk_data(sources: Sources) -> Bulk:
     bulk = Bulk()
     lines = sources.main()
     begins = [line.split("$")[0].upper().split()[:2] == ["BEGIN", "BULK"] for line in lines]
-    # a file without executive and case control is bulk data alone
+    # a file without case control contains only bulk data
     started = not any(begins)
     _Collector(sources, bulk, started).read(lines, sources.name)
     if not bulk.entries:
-        raise MeshError(f"{sources.name} holds no bulk data (GRID, CHEXA, …).")
+        raise MeshError(f"{sources.name} contains no bulk data (GRID, CHEXA, …).")
     return bulk
 
 
@@ -95,7 +95,7 @@ class _Collector:
             if match := _INCLUDE.match(line):
                 named = match[1].strip()
                 while named[:1] in "'\"" and named and named.count(named[0]) < 2:
-                    if number >= len(lines):  # a name goes on over lines until its quote
+                    if number >= len(lines):  # the name ends at its quote
                         break
                     named += lines[number].strip()
                     number += 1
@@ -136,7 +136,7 @@ class _Collector:
             entry.fields += fields
             return
         if not name[0].isalpha():
-            raise MeshError(f"{place}: {name[:20]!r} is no entry of Nastran's bulk data.")
+            raise MeshError(f"{place}: {name[:20]!r} is not an entry of Nastran's bulk data.")
         self.bulk.entries.append(Entry(name.rstrip("*").strip().upper(), place, fields))
 
 
@@ -155,7 +155,7 @@ def _fields(line: str) -> tuple[str, list[str], bool]:
 
 
 def through(words: list[str], place: Place) -> Iterator[tuple[int, int]]:
-    """(first, last) of the numbers in a list with THRU; single ones are their own last."""
+    """(first, last) of the ranges in a list with THRU; a single number is a range of one."""
     words = [word for word in words if word]
     k = 0
     while k < len(words):

@@ -15,7 +15,7 @@ from antiosc.fem.readers.decks.nastran_cards import Entry
 
 @dataclass(frozen=True)
 class System:
-    """A placed system: its origin, its axes as rows, and how its coordinates count."""
+    """A coordinate system: its origin, its axes as rows, and its kind."""
 
     origin: Array
     axes: Array
@@ -23,7 +23,7 @@ class System:
     kind: str = "R"
 
     def point(self, c: Array) -> Array:
-        """The place of coordinates `c` in the basic system."""
+        """The point with coordinates `c`, in the basic system."""
         if self.kind == "C":
             angle = math.radians(c[1])
             c = np.array([c[0] * math.cos(angle), c[0] * math.sin(angle), c[2]])
@@ -60,7 +60,7 @@ BASIC = System(np.zeros(3), np.eye(3))
 
 
 class Systems:
-    """The coordinate systems of a deck, placed when they are first asked for."""
+    """The coordinate systems of a deck, each computed when it is first used."""
 
     def __init__(self, entries: list[Entry], node: Callable[[int, Place], Array]) -> None:
         self._node = node

@@ -1,8 +1,8 @@
 """Nastran decks as whole models: properties, supports, masses, springs.
 
-Taken are the model and the single-point constraints that the first subcase selects (all of them if
-there is no case control). What would change the answer and is not supported is refused with its
-line; loads are listed.
+The model and the single-point constraints of the first subcase are read (all constraints without
+case control). Unsupported entries that would change the result raise an error with their line;
+loads are ignored and listed.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from antiosc.fem.readers.decks.nastran_cards import Entry
 from antiosc.fem.readers.decks.nastran_sections import Properties, materials_of
 from antiosc.fem.readers.unit_system import UnitSystem
 
-#: Entries that change the answer and are no elements.
+#: Unsupported entries, other than elements, that would change the result.
 REFUSED_ENTRIES = {
     "MPC": "a multi-point constraint",
     "BCTABLE": "contact",
@@ -34,12 +34,12 @@ REFUSED_ENTRIES = {
     "SPOINT": "a scalar point",
     "EPOINT": "an extra point",
 }
-#: Entries that are loads, which a strike does not have.
+#: Loads, which are ignored.
 LOAD_ENTRIES = (
     *("FORCE", "MOMENT", "PLOAD", "GRAV", "RFORCE", "TEMP", "SPCD", "LOAD", "TLOAD", "RLOAD"),
     *("DLOAD", "DAREA", "ACCEL", "DEFORM", "SLOAD"),
 )
-#: The only elements, besides cells, that are taken.
+#: Elements that are read besides cells.
 TAKEN = ("CONM2", "CELAS1", "CELAS2", "CBUSH")
 
 
@@ -51,7 +51,7 @@ def model_of(found: NastranDeck, units: UnitSystem, density: float | None) -> di
             what = f" is {name}, which" if name else ""
             raise MeshError(
                 f"{entry.place}: {entry.name}{what} is not supported here and would change the "
-                "answer; take it out of the deck, or model the part without it."
+                "result; remove it from the deck, or model the part without it."
             )
     materials, ignored = materials_of(found)
     builder = ModelBuilder(found.deck, units, density)
@@ -72,7 +72,7 @@ def model_of(found: NastranDeck, units: UnitSystem, density: float | None) -> di
 
 
 def _mass_factor(found: NastranDeck) -> float:
-    """PARAM,WTMASS: what turns the deck's masses into those of its units."""
+    """PARAM,WTMASS: the factor of the deck's masses."""
     for entry in found.named("PARAM"):
         if entry.text(0).upper() == "WTMASS":
             return entry.real(1, None)
@@ -94,7 +94,7 @@ def _supports(found: NastranDeck, builder: ModelBuilder) -> None:
 
 
 def _selected(found: NastranDeck) -> list[int]:
-    """Sets of SPC and SPC1 that hold: of the first subcase, through SPCADD."""
+    """The SPC and SPC1 sets of the first subcase, with those of SPCADD."""
     wanted = found.bulk.selected[:1]
     if not wanted:
         return spc_sets(found)
@@ -112,7 +112,7 @@ def _fix(
     found: NastranDeck, builder: ModelBuilder, rows: IntArray, components: str, place: Place
 ) -> None:
     if not components.isdigit() or not set(components) <= set("0123456"):
-        raise MeshError(f"{place}: {components!r} are no components of 1 to 6.")
+        raise MeshError(f"{place}: {components!r} are not components from 1 to 6.")
     motions = sorted({int(c) - 1 for c in components} - {-1})
     plain = [row for row in rows if int(row) not in found.systems_of]
     builder.fix(np.array(plain, dtype=np.int64), motions)

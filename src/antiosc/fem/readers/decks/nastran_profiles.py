@@ -8,12 +8,12 @@ from antiosc.errors import MeshError
 from antiosc.fem.readers.decks import profiles
 from antiosc.fem.readers.decks.nastran_cards import Entry
 
-#: Number of dimensions of the cross-sections that are read.
+#: Supported cross-sections and the number of their dimensions.
 DIMENSIONS = {"ROD": 1, "TUBE": 2, "BAR": 2, "BOX": 4}
 
 
 def profile_of(entry: Entry) -> tuple[profiles.Profile, float, bool]:
-    """(cross-section, mass per length besides, whether it shears)."""
+    """(cross-section, additional mass per length, whether it deforms in shear)."""
     if entry.name in ("PBARL", "PBEAML"):
         return _listed_profile(entry)
     area, first, second = (entry.real(k, None) for k in (2, 3, 4))
@@ -31,7 +31,7 @@ def profile_of(entry: Entry) -> tuple[profiles.Profile, float, bool]:
             start += 16 if entry.text(start).upper() == "YES" else 8
         k1, k2 = entry.real(start, 1.0), entry.real(start + 1, 1.0)
     if mixed:
-        raise MeshError(f"{entry.place}: I12 must be 0: turn the section to its principal axes.")
+        raise MeshError(f"{entry.place}: I12 must be 0: rotate the section to its principal axes.")
     if min(area, first, second) <= 0:
         raise MeshError(f"{entry.place}: {entry.name} needs A, I1 and I2 above 0.")
     shear = (k1 + k2) / 2 if k1 and k2 else 0.0

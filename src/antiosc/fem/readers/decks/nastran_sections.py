@@ -19,7 +19,7 @@ PROPERTIES = ("PSOLID", "PSHELL", "PCOMP", "PBAR", "PBARL", "PBEAM", "PBEAML")
 
 
 def materials_of(found: NastranDeck) -> tuple[dict[int, Material], list[str]]:
-    """(materials by number, what of them is not taken)."""
+    """(materials by number, what is ignored of them)."""
     materials: dict[int, Material] = {}
     ignored: list[str] = []
     for entry in found.named("MAT1", "MAT8"):
@@ -47,7 +47,7 @@ def materials_of(found: NastranDeck) -> tuple[dict[int, Material], list[str]]:
 
 
 def _moduli(entry: Entry) -> tuple[float, float, float]:
-    """(E, G as given, nu); one of the three may be left out."""
+    """(E, G as given, nu); one of the three may be missing."""
     E, G = entry.real(1), entry.real(2)
     nu = entry.real(3) if entry.text(3) else None
     if not E and G and nu is not None:
@@ -60,7 +60,7 @@ def _moduli(entry: Entry) -> tuple[float, float, float]:
 
 
 class Properties:
-    """The properties of a deck, given to a builder."""
+    """Adds the properties of a deck to a builder."""
 
     def __init__(
         self,
@@ -78,7 +78,7 @@ class Properties:
         self._numbers = np.array([property_of(entry) for entry in found.elements], dtype=np.int64)
 
     def read(self) -> None:
-        """Give every element its section."""
+        """Set the section of every element."""
         known = {entry.whole(0): entry for entry in self.found.named(*PROPERTIES)}
         for number in np.unique(self._numbers):
             elements = np.flatnonzero(self._numbers == number)
@@ -96,7 +96,7 @@ class Properties:
             names = {self.found.elements[k].name for k in elements}
             wrong = sorted(name for name in names if name not in wanted)
             if wrong:
-                raise MeshError(f"{entry.place}: {entry.name} is no property of {wrong[0]}.")
+                raise MeshError(f"{entry.place}: {entry.name} is not a property of {wrong[0]}.")
             match entry.name:
                 case "PSOLID":
                     self._solid(entry, str(number), elements)
@@ -119,7 +119,7 @@ class Properties:
 
     def _solid(self, entry: Entry, name: str, elements: IntArray) -> None:
         if entry.text(6) not in ("", "SMECH"):
-            raise MeshError(f"{entry.place}: PSOLID with FCTN={entry.text(6)} is no solid.")
+            raise MeshError(f"{entry.place}: PSOLID with FCTN={entry.text(6)} is not a solid.")
         material = self._material(entry, 1)
         E, nu = self.builder.elastic(material, "solids")
         arguments = {"E": E, "nu": nu, "rho": self.builder.rho(material)}
@@ -217,7 +217,7 @@ class Properties:
         self.builder.add(name, elements, Family("Laminate", arguments, entry.place))
 
     def _axis(self, element: int, normal: Array) -> Array:
-        """0° of an element: its first side turned by THETA, or the x of the system MCID."""
+        """Direction of 0° in an element: its first side rotated by THETA, or x of MCID."""
         entry = self.found.elements[element]
         where = {"CTRIA3": 5, "CTRIAR": 5, "CQUAD4": 6, "CQUADR": 6, "CTRIA6": 8, "CQUAD8": 14}
         word = entry.text(where[entry.name])
@@ -231,13 +231,13 @@ class Properties:
         return np.asarray(rotated / max(float(np.linalg.norm(rotated)), 1e-300))
 
     def _beside(self, extra: float, size: float) -> float:
-        """Nonstructural mass of an area or length, as density over a thickness or section."""
+        """Nonstructural mass per area or length, as density of the thickness or cross-section."""
         return extra * self.mass_factor / size * self.builder.units.density if size else 0.0
 
     # --- Beams ------------------------------------------------------------------------------------
 
     def _beams(self, entry: Entry, name: str, elements: IntArray) -> None:
-        """Elements of one property, apart by their orientation and offset."""
+        """Add the elements of one property, grouped by orientation and offset."""
         profile, extra, sheared = profile_of(entry)
         material = self._material(entry, 1)
         E, nu = self.builder.elastic(material, "beams")
@@ -271,7 +271,7 @@ class Properties:
             self.builder.add(label, np.array(some), Family("Beam", arguments, entry.place))
 
     def _height(self, entry: Entry, tangent: Array) -> tuple[Array, float]:
-        """(direction of plane 1 across the axis, how far the centroid lies along it)."""
+        """(direction of plane 1 across the axis, offset of the centroid along it)."""
         if entry.text(8) or entry.text(9):
             raise MeshError(f"{entry.place}: pin flags of {entry.name} are not supported.")
         a = self.found.row(entry.whole(2), entry.place)

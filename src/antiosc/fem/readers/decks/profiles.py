@@ -1,4 +1,4 @@
-"""Cross-sections of beams from the dimensions that decks give: A, second moments, torsion."""
+"""Cross-sections of beams from their dimensions: area, second moments, torsion constant."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-#: Timoshenko's shear coefficients, as `antiosc.Section` has them.
+#: Timoshenko's shear coefficients, as in `antiosc.Section`.
 RECTANGLE, CIRCLE, TUBE, WALLS = 5 / 6, 0.9, 0.5, 0.5
 
 
@@ -26,12 +26,12 @@ class Profile:
     width: float = 0.0
 
     def rotated(self) -> Profile:
-        """The same with the height across."""
+        """The same cross-section rotated by 90°."""
         return Profile(self.A, self.I_side, self.I, self.J, self.shear, self.width, self.height)
 
 
 def rectangle(height: float, width: float) -> Profile:
-    """A full rectangle (Timoshenko & Goodier, *Theory of Elasticity*, §109)."""
+    """A solid rectangle (Timoshenko & Goodier, *Theory of Elasticity*, §109)."""
     a, b = max(height, width), min(height, width)
     n = np.arange(1, 40, 2)
     series = float(np.sum(np.tanh(n * np.pi * a / (2 * b)) / n**5))
@@ -47,7 +47,7 @@ def rectangle(height: float, width: float) -> Profile:
 
 
 def ellipse(height: float, width: float) -> Profile:
-    """A full ellipse with these axes."""
+    """A solid ellipse with these axes."""
     area = math.pi * height * width / 4
     return Profile(
         area,

@@ -1,4 +1,4 @@
-"""Lines of a deck and of what it includes, which must lie in the folder of the deck."""
+"""Lines of a deck and of the files that it includes, which must be in its folder."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from pathlib import Path
 from antiosc.errors import MeshError
 from antiosc.fem.readers.decks.deck import Place
 
-#: Files that include one another deeper than this are refused.
+#: Greatest depth of included files.
 DEEPEST = 16
-#: All files of a deck together, bytes.
+#: Largest size of all files of a deck together, bytes.
 LARGEST_DECK = 4 * 2**30
 
 
 class Sources:
-    """The files of a deck, each read once where it is named."""
+    """The files of a deck, each read where it is included."""
 
     def __init__(self, path: Path, name: str, on_size: Callable[[int], None]) -> None:
         self.path = path
@@ -26,15 +26,15 @@ class Sources:
         self._on_size = on_size
 
     def lines(self, path: Path, name: str) -> list[str]:
-        """Lines of one file, without their ends."""
+        """Lines of one file, without line ends."""
         self.size += path.stat().st_size
         if self.size > LARGEST_DECK:
             raise MeshError(f"{self.name} and the files it includes have more than 4 GiB.")
         self._on_size(self.size)
         content = path.read_bytes()
         if b"\0" in content:
-            raise MeshError(f"{name} holds zero bytes: it is no text, or it is damaged.")
-        # not splitlines(), which also ends lines at characters that text may hold
+            raise MeshError(f"{name} contains zero bytes: it is not a text file, or it is damaged.")
+        # splitlines() would also divide lines at other characters
         return content.decode("latin-1").replace("\r\n", "\n").replace("\r", "\n").split("\n")
 
     def main(self) -> list[str]:
@@ -74,5 +74,5 @@ class Sources:
         return self.lines(path, path.name)
 
     def leave(self) -> None:
-        """The end of the file last entered."""
+        """Leave the file that was entered last."""
         self._open.pop()
