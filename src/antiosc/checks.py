@@ -96,6 +96,11 @@ def endless(value: Any) -> bool:
     return isinstance(value, float | np.floating) and bool(np.isinf(value))
 
 
+def rigid(value: Any) -> bool:
+    """Whether `value` is +inf, which a modulus or a stiffness may be (rigid); -inf is not."""
+    return endless(value) and bool(value > 0)
+
+
 def poisson(nu: Any) -> float:
     """Poisson's ratio of a stable isotropic material, -1 < nu < 0.5, or InputError."""
     result = number("nu", nu)

@@ -375,6 +375,8 @@ def test_orders_of_what_truncation_leaves_out(beam, orders):
 def test_bad_input_is_named():
     with pytest.raises(InputError, match="kGA must be > 0"):
         UniformBeam(1, 1, 1, kGA=0)
+    with pytest.raises(InputError, match="kGA"):
+        UniformBeam(1, 1, 1, kGA=-np.inf)  # rigid in shear is +inf alone
     with pytest.raises(InputError, match="nu must lie in"):
         UniformBeam.timoshenko(**ARTICLE, nu=0.5)
     with pytest.raises(InputError, match="left must be 'free', 'pinned', 'clamped' or 'guided'"):

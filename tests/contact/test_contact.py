@@ -310,6 +310,7 @@ def test_force_beyond_the_table():
         (lambda: ao.Hertz.from_radii(1.0, 1.0, 0.3, -1.0), "must part in every direction"),
         (lambda: ao.Hertz.from_radii((1.0, 2.0, 3.0), 1.0, 0.3), "a pair of principal radii"),
         (lambda: ao.Hertz.from_radii(1.0, 1.0, 0.5), "nu must lie in"),
+        (lambda: ao.Hertz.from_radii(1.0, 1.0, 0.3, 1.0, -np.inf), "E2 must be"),
         (lambda: ao.Tabulated([0, 1, 1], [0, 1, 2]), "indentation of the loading curve must incr"),
         (lambda: ao.Tabulated([0, 1, 2], [0, 2, 1]), "force of the loading curve must increase"),
         (lambda: ao.Tabulated([1, 2], [0, 1]), r"must start at \(0, 0\)"),
