@@ -8,7 +8,7 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from antiosc.contact import ContactLaw, Hertz
+from antiosc.contact import ContactLaw, Hertz, State
 from antiosc.errors import InputError
 from antiosc.simulation.bodies import PARALLEL, Placed, place
 from antiosc.simulation.engine import System
@@ -372,9 +372,15 @@ def _scales(
         if contact.friction > 0:
             stiffness = contact.tangential_stiffness
             if stiffness is None:
-                stiffness = MINDLIN * _stiffness(law, float(depth[c]), state)
+                stiffness = MINDLIN * _mean_stiffness(law, float(depth[c]), state)
             slip[c] = contact.friction, stiffness
     return depth, speed, slip, lasting
+
+
+def _mean_stiffness(law: ContactLaw, deepest: float, state: State) -> float:
+    """Mean stiffness [N/m] over a contact whose indentation is half a sine in time."""
+    phases = (np.arange(16) + 0.5) / 16 * (np.pi / 2)
+    return float(np.mean([_stiffness(law, deepest * s, state) for s in np.sin(phases)]))
 
 
 def _felt(beta: Array, modal: Array) -> Array:

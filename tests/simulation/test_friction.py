@@ -1,0 +1,122 @@
+"""Oblique blows of spheres with friction: sliding, sticking, and partial slip as the reference.
+
+In the normalised speeds of Maw, Barber and Fawcett, Wear 38 (1976) 101-114 (recalled),
+
+    psi = kappa v_t / (mu v_n),      kappa = 2 (1 - nu)/(2 - nu),
+
+with v_t the tangential speed of the point that touches, a solid sphere slides all along where
+psi_1 > 4 chi - 1, chi = 3.5 kappa/2, and rebounds then with psi_2 = psi_1 - 4 chi.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.special import beta
+
+import antiosc as ao
+
+NU, MU = 0.3, 0.2
+KAPPA = 2 * (1 - NU) / (2 - NU)
+CHI = 3.5 * KAPPA / 2
+MASS, RADIUS = 0.3, 0.02
+
+
+def struck(psi: float, law: ao.ContactLaw, tol: float = 1e-3, **options: float) -> ao.SceneHistory:
+    """A solid sphere that falls on the floor at 1 m/s and psi."""
+    moment = 0.4 * MASS * RADIUS**2
+    body = ao.RigidBody(MASS, (moment,) * 3, {"foot": ((0, 0, -RADIUS), (0, 0, 1.0))})
+    contact = ao.Contact("ball:foot", "floor", law, friction=MU, **options)
+    start = ao.Motion(velocity=(psi * MU / KAPPA, 0, -1.0))
+    scene = ao.Scene({"ball": body, "floor": ao.Obstacle()}, [contact], motion={"ball": start})
+    return scene.run(1e-3, tol=tol)
+
+
+def rebound(hit: ao.SceneHistory) -> float:
+    """psi_2."""
+    return float(hit.bodies["ball"].velocity("foot", (1, 0, 0))[-1]) * KAPPA / MU
+
+
+@cache
+def partial_slip(psi: float, steps: int = 1500, springs: int = 200) -> float:
+    """psi_2 where the contact slips from its edge inward.
+
+    Independent springs under the profile x^2/R, each with friction, stand for Hertz's and Mindlin's
+    contact exactly: V. L. Popov, M. Hess, Method of dimensionality reduction (2015), recalled.
+    Mass, radius and speed of approach are 1; the force is indentation^(3/2).
+    """
+    deepest = 1.25**0.4
+    width = np.sqrt(deepest) / springs
+    x = (np.arange(springs) + 0.5) * width
+    d, v, speed, slide = 0.0, 1.0, psi * MU / KAPPA, np.zeros(springs)
+    normal = tangential = 0.0
+    h = 2 * deepest * 0.4 * float(beta(0.4, 0.5)) / steps
+    for _ in range(2 * steps):
+        v -= h / 2 * normal
+        speed -= 3.5 * h / 2 * tangential
+        d += h * v
+        pressed = np.maximum(d - x * x, 0.0)
+        most = MU / KAPPA * pressed
+        slide = np.clip(slide + h * speed, -most, most)
+        normal, tangential = 1.5 * width * pressed.sum(), 1.5 * KAPPA * width * slide.sum()
+        v -= h / 2 * normal
+        speed -= 3.5 * h / 2 * tangential
+        if d <= 0.0:
+            break
+    return float(speed * KAPPA / MU)
+
+
+def test_the_reference_slides_as_published() -> None:
+    for psi in (4 * CHI - 0.9, 6.0):
+        assert partial_slip(psi) == pytest.approx(psi - 4 * CHI, abs=2e-3)
+    assert partial_slip(4 * CHI - 1.3) > -1.3 + 5e-3  # it sticks at the end
+    assert partial_slip(0.5) == pytest.approx(partial_slip(0.5, 3000, 400), abs=1e-3)
+
+
+@pytest.mark.parametrize("psi", [6.0, 9.0])
+def test_gross_sliding(psi: float) -> None:
+    """In a hundred steps."""
+    hit = struck(psi, ao.Hertz(1e9))
+    assert hit.run.steps < 100
+    assert rebound(hit) == pytest.approx(psi - 4 * CHI, abs=1e-4 * KAPPA / MU)
+
+
+@pytest.mark.parametrize(
+    ("psi", "most"), [(0.25, 0.2), (0.6, 0.29), (1.0, 0.2), (1.5, 0.08), (2.5, 0.08), (4.5, 0.08)]
+)
+def test_difference_to_partial_slip(psi: float, most: float) -> None:
+    """A single spring of constant stiffness in series with a slider; the bounds are documented."""
+    assert rebound(struck(psi, ao.Hertz(1e9))) == pytest.approx(partial_slip(psi), abs=most)
+
+
+@pytest.mark.parametrize("psi", [0.3, 1.2, 3.0])
+def test_friction_makes_no_energy(psi: float) -> None:
+    energy = struck(psi, ao.Hertz(1e9)).energy
+    mechanical = energy.kinetic + energy.contact
+    assert mechanical.max() <= mechanical[0] * (1 + 1e-5)
+
+
+def test_stick_and_slip_in_a_hundred_steps() -> None:
+    """W. J. Stronge's linear compliances, which stick first, in closed form: see `test_scene`."""
+    k, kt, speed = 1e7, 1e7 * KAPPA, 0.05
+    W, w = np.sqrt(k / MASS), np.sqrt(kt * 3.5 / MASS)
+    t = np.linspace(0, np.pi / W, 400_001)[1:]
+    stuck = np.abs(kt * speed / w * np.sin(w * t)) <= MU * k / W * np.sin(W * t)
+    slip = t[np.argmin(stuck)]
+    left = MU * k / W**2 * (np.cos(W * slip) + 1)
+    end = speed * np.cos(w * slip) - np.sign(np.sin(w * slip)) * left * 3.5 / MASS
+    hit = struck(speed * KAPPA / MU, ao.Linear(k), tangential_stiffness=kt)
+    assert hit.run.steps < 130
+    assert rebound(hit) * MU / KAPPA == pytest.approx(end, abs=5e-4)
+
+
+def test_stiffness_that_is_not_given_is_the_mean_of_mindlins() -> None:
+    """Over Hertz's contact: B(3/5, 1/2)/B(2/5, 1/2) = 0.754 of that at the deepest point."""
+    deepest = (1.25 * MASS / 1e9) ** 0.4
+    mean = 1.5e9 * np.sqrt(deepest) * KAPPA * beta(0.6, 0.5) / beta(0.4, 0.5)
+    hit = struck(1.0, ao.Hertz(1e9))
+    assert hit.assembly.system.slip[0, 1] == pytest.approx(mean, rel=0.02)
+    linear = struck(1.0, ao.Linear(1e7))
+    assert linear.assembly.system.slip[0, 1] == pytest.approx(1e7 * KAPPA, rel=1e-12)
