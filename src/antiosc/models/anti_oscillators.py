@@ -20,6 +20,7 @@ from scipy.linalg import block_diag
 
 from antiosc import checks
 from antiosc._types import Array, Index
+from antiosc.charts.models import plot_model
 from antiosc.errors import InputError
 from antiosc.models import model_file
 from antiosc.models.body import Body
@@ -263,8 +264,6 @@ class AntiOscillators(Body):
 
         With `path` (PNG, PDF, SVG, …) the picture is written, and the path returned.
         """
-        from antiosc.plotting import plot_model
-
         return plot_model(self, path)
 
     @property

@@ -1,4 +1,6 @@
-"""Charts of histories, models, maps and fields; matplotlib is imported when one is drawn.
+"""Charts and pictures of histories, models, maps and fields, for use by name.
+
+matplotlib is imported when one is drawn.
 
 Functions that take `ax` draw one chart into matplotlib axes (new ones where `ax` is None) and
 return them. `plot_history`, `plot_model`, `plot_map` and `plot_deformed` draw a whole picture: with
@@ -6,9 +8,9 @@ return them. `plot_history`, `plot_model`, `plot_map` and `plot_deformed` draw a
 `AntiOscillators.plot` and `ImpactMap.plot` call them.
 """
 
-from antiosc.plotting.figures import legend_beside, panels, save_figure
-from antiosc.plotting.histories import plot_force, plot_history, plot_motion, running_mean
-from antiosc.plotting.models import plot_dynamic_stiffness, plot_errors, plot_masses, plot_model
+from antiosc.charts.figures import legend_beside, panels, save_figure
+from antiosc.charts.histories import plot_force, plot_history, plot_motion, running_mean
+from antiosc.charts.models import plot_dynamic_stiffness, plot_errors, plot_masses, plot_model
 from antiosc.plotting.parts import plot_deformed, plot_map
 
 __all__ = [

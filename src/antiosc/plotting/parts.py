@@ -5,21 +5,21 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any, Protocol, get_args
 
 import numpy as np
 
 from antiosc import checks
-from antiosc._types import Array, BoolArray
+from antiosc._types import Array, BoolArray, IntArray
+from antiosc.charts.figures import finished, new_figure
 from antiosc.errors import InputError
-from antiosc.plotting.figures import finished, new_figure
 from antiosc.simulation.history import Body, History
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from mpl_toolkits.mplot3d import Axes3D  # type: ignore[import-untyped]
 
     from antiosc.fem.structure.structure import Structure
-    from antiosc.maps import ImpactMap
 
 
 #: Motions are drawn this share of the part's largest dimension.
@@ -40,8 +40,24 @@ QUANTITY_LABELS = {
 }
 
 
+class SurfaceMap(Protocol):
+    """What `plot_map` reads of an `ImpactMap`."""
+
+    @property
+    def points(self) -> Array: ...
+    @property
+    def directions(self) -> Array: ...
+    @property
+    def elements(self) -> IntArray: ...
+    @property
+    def info(self) -> dict[str, Any]: ...
+
+    def quantities(self) -> dict[str, Array]:
+        """Scalars of the map by name, (P,) each."""
+
+
 def plot_map(
-    found: ImpactMap,
+    found: SurfaceMap,
     path: str | os.PathLike[str] | None = None,
     quantity: str = "peak_force",
 ) -> Figure | Path:
@@ -136,7 +152,7 @@ def plot_deformed(
     return finished(figure, path)
 
 
-def _space(points: Array, shown: bool) -> tuple[Figure, Any, float, str]:
+def _space(points: Array, shown: bool) -> tuple[Figure, Axes3D, float, str]:
     """A figure with axes in space, and the scale and name of the unit of its coordinates."""
     figure = new_figure((6.5, 5.0), shown)
     axes = figure.add_subplot(projection="3d", proj_type="ortho", computed_zorder=False)
@@ -144,7 +160,7 @@ def _space(points: Array, shown: bool) -> tuple[Figure, Any, float, str]:
     return figure, axes, *((1e3, "mm") if np.ptp(points, axis=0).max() < 1.0 else (1.0, "m"))
 
 
-def _towards_viewer(found: ImpactMap, axes: Any) -> BoolArray:
+def _towards_viewer(found: SurfaceMap, axes: Axes3D) -> BoolArray:
     """Faces to draw (T,): where those of a solid are struck against the surface, its front faces.
 
     matplotlib sorts faces by their centres; back faces would show through openings.
@@ -162,7 +178,7 @@ def _towards_viewer(found: ImpactMap, axes: Any) -> BoolArray:
 
 
 def _faces(
-    figure: Figure, axes: Any, corners: Array, value: Array, label: str, dark: float = DARK
+    figure: Figure, axes: Axes3D, corners: Array, value: Array, label: str, dark: float = DARK
 ) -> None:
     """Faces (F, 3 or 4, 3) coloured by `value` (F,) and shaded by a light, with a scale."""
     from matplotlib.cm import ScalarMappable
@@ -181,7 +197,7 @@ def _faces(
     figure.colorbar(scale, ax=axes, shrink=0.7, pad=0.12, label=label)
 
 
-def _frame(axes: Any, x: Array, zoom: float = 1.0) -> None:
+def _frame(axes: Axes3D, x: Array, zoom: float = 1.0) -> None:
     """Limits and equal scales around the points (P, 3); few ticks, fewer on short sides."""
     low, high = x.min(axis=0), x.max(axis=0)
     side = np.maximum(high - low, 0.05 * max(float(np.ptp(x, axis=0).max()), 1e-12))

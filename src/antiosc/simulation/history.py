@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from antiosc import checks
 from antiosc._types import Array, Index
+from antiosc.charts.histories import plot_history
 from antiosc.errors import InputError
 from antiosc.models.modal import ModalBody
 from antiosc.simulation.integrators import Problem, Trajectory
@@ -262,8 +263,6 @@ class History:
 
         With `path` (PNG, PDF, SVG, …) the picture is written, and the path returned.
         """
-        from antiosc.plotting import plot_history
-
         return plot_history(self, path)
 
     # -- inside

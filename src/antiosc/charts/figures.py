@@ -6,7 +6,7 @@ import importlib
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,6 +18,9 @@ from antiosc.errors import InputError, MissingDependencyError
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+#: Something that a chart draws.
+D = TypeVar("D")
 
 
 def panels(
@@ -102,15 +105,23 @@ def axes_or_new(ax: Axes | None) -> Axes:
     return ax
 
 
-def by_name(items: Any, kind: type) -> Mapping[str, Any]:
+def by_name(items: D | Mapping[str, D], kind: type, noun: str) -> Mapping[str, D]:
     """Name -> object; a single one has no name."""
     named = items if isinstance(items, Mapping) else {"": items}
     if not named:
-        raise InputError(f"nothing to draw: give at least one {kind.__name__}.")
+        raise InputError(f"nothing to draw: give at least one {noun}.")
     for name, one in named.items():
-        which = f"the {kind.__name__} named {checks.shown(name)}" if name else "what is drawn"
-        checks.instance(which, one, kind, f"a {kind.__name__}")
+        which = f"the {noun} named {checks.shown(name)}" if name else "what is drawn"
+        check_drawn(which, one, kind, f"a {noun}")
     return named
+
+
+def check_drawn(name: str, one: object, kind: type, noun: str) -> None:
+    """InputError unless `one` has every attribute of the protocol `kind`."""
+    needed = [attribute for attribute in vars(kind) if not attribute.startswith("_")]
+    if isinstance(one, type) or not all(hasattr(one, attribute) for attribute in needed):
+        given = "" if one is None else f"{type(one).__name__} "
+        raise InputError(f"{name} must be {noun}; got {given}{checks.shown(one)}.")
 
 
 def widths(named: Mapping[str, Any]) -> Array:

@@ -5,23 +5,24 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from antiosc import checks
-from antiosc.errors import InputError
-from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.plotting.figures import (
+from antiosc._types import Array
+from antiosc.charts.figures import (
     axes_or_new,
     by_name,
+    check_drawn,
     few_log_ticks,
     finished,
     legend,
     panels,
     widths,
 )
+from antiosc.errors import InputError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,8 +32,22 @@ if TYPE_CHECKING:
 POINTS_BETWEEN, MOST_POINTS = 160, 20_000
 
 
+class Reduced(Protocol):
+    """What the charts of a model read; an `AntiOscillators` has it."""
+
+    @property
+    def n(self) -> int: ...
+    @property
+    def m(self) -> Array: ...
+    @property
+    def m_st(self) -> float: ...
+    @property
+    def omega(self) -> Array: ...
+    def dynamic_stiffness(self, omega: ArrayLike) -> NDArray[Any]: ...
+
+
 def plot_dynamic_stiffness(
-    models: AntiOscillators | Mapping[str, AntiOscillators],
+    models: Reduced | Mapping[str, Reduced],
     omega: ArrayLike,
     ax: Axes | None = None,
 ) -> Axes:
@@ -40,7 +55,7 @@ def plot_dynamic_stiffness(
 
     `omega` [rad/s], (n,).
     """
-    named = by_name(models, AntiOscillators)
+    named = by_name(models, Reduced, "AntiOscillators")
     ax = axes_or_new(ax)
     w = checks.array("omega", omega, (None,))
     for (name, model), width in zip(named.items(), widths(named), strict=True):
@@ -51,7 +66,7 @@ def plot_dynamic_stiffness(
     return legend(ax)
 
 
-def plot_masses(model: AntiOscillators, ax: Axes | None = None) -> Axes:
+def plot_masses(model: Reduced, ax: Axes | None = None) -> Axes:
     """Share of the static mass held by the first anti-oscillators, as Article Figs. 7 and 8."""
     _with_anti_oscillators(model)
     ax = axes_or_new(ax)
@@ -66,7 +81,7 @@ def plot_masses(model: AntiOscillators, ax: Axes | None = None) -> Axes:
     return legend(ax)
 
 
-def plot_model(model: AntiOscillators, path: str | os.PathLike[str] | None = None) -> Figure | Path:
+def plot_model(model: Reduced, path: str | os.PathLike[str] | None = None) -> Figure | Path:
     """|Z| up to the last antiresonance, and below it the masses of the anti-oscillators.
 
     `path` and the result as for `plot_history`. InputError for a model without anti-oscillators.
@@ -85,7 +100,7 @@ def plot_model(model: AntiOscillators, path: str | os.PathLike[str] | None = Non
 
 
 def _with_anti_oscillators(model: Any) -> None:
-    checks.instance("model", model, AntiOscillators, "AntiOscillators")
+    check_drawn("model", model, Reduced, "AntiOscillators")
     if model.n == 0:
         raise InputError("this model has no anti-oscillator whose mass could be drawn.")
 

@@ -5,15 +5,14 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from antiosc import checks
 from antiosc._types import Array
-from antiosc.errors import InputError
-from antiosc.plotting.figures import (
+from antiosc.charts.figures import (
     axes_or_new,
     by_name,
     finished,
@@ -23,12 +22,11 @@ from antiosc.plotting.figures import (
     widths,
     with_room,
 )
-from antiosc.simulation.history import History
+from antiosc.errors import InputError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
 
 #: Share of the impulse that the time axis of a force may leave out: weak contacts long afterwards.
 LATE = 0.01
@@ -40,13 +38,37 @@ WINDOWS = 25
 VISIBLE = 0.005
 
 
-def plot_force(hits: History | Mapping[str, History], ax: Axes | None = None) -> Axes:
+class Recorded(Protocol):
+    """What the charts of a history read; a `History` has it."""
+
+    @property
+    def time(self) -> Array:
+        """Times, s, (T,); as long are the force (N) and the displacements (m)."""
+
+    @property
+    def force(self) -> Array: ...
+    @property
+    def displacement(self) -> Array: ...
+    @property
+    def impactor_displacement(self) -> Array: ...
+    @property
+    def peak_force(self) -> float: ...
+    @property
+    def contacts(self) -> list[tuple[float, float]]: ...
+    @property
+    def error(self) -> Mapping[str, float]: ...
+    @property
+    def trajectory(self) -> Any:
+        """The segments and contacts of the integration."""
+
+
+def plot_force(hits: Recorded | Mapping[str, Recorded], ax: Axes | None = None) -> Axes:
     """Contact force over time, of one history or of several by name; the largest is marked.
 
     The time axis shows the contacts that exchange all but 1 % of the impulse. An estimated error of
     the peak from 0.5 % on is drawn as a band; a history of many contacts has a running mean.
     """
-    named = by_name(hits, History)
+    named = by_name(hits, Recorded, "History")
     ax = axes_or_new(ax)
     spans = [_contact_span(hit) for hit in named.values()]
     start, end = min(s for s, _ in spans), max(e for _, e in spans)
@@ -79,12 +101,12 @@ def plot_force(hits: History | Mapping[str, History], ax: Axes | None = None) ->
     return legend(ax)
 
 
-def plot_motion(hits: History | Mapping[str, History], ax: Axes | None = None) -> Axes:
+def plot_motion(hits: Recorded | Mapping[str, Recorded], ax: Axes | None = None) -> Axes:
     """Displacements of the site and, dashed, of the impactor over time; contacts are shaded.
 
     The displacement axis fits the site's motion and the impactor's during contact.
     """
-    named = by_name(hits, History)
+    named = by_name(hits, Recorded, "History")
     ax = axes_or_new(ax)
     seen: list[Array] = []
     for (name, hit), width in zip(named.items(), widths(named), strict=True):
@@ -109,7 +131,7 @@ def plot_motion(hits: History | Mapping[str, History], ax: Axes | None = None) -
 
 
 def plot_history(
-    hits: History | Mapping[str, History], path: str | os.PathLike[str] | None = None
+    hits: Recorded | Mapping[str, Recorded], path: str | os.PathLike[str] | None = None
 ) -> Figure | Path:
     """The force during contact, and below it the motions over the whole run.
 
@@ -123,7 +145,7 @@ def plot_history(
     -------
     matplotlib Figure, or `path` where it was given.
     """
-    named = by_name(hits, History)
+    named = by_name(hits, Recorded, "History")
     figure, axes = panels(2, 1, size=(7.0, 5.0), shown=path is None)
     plot_force(named, axes[0, 0])
     plot_motion(named, axes[1, 0])
@@ -148,7 +170,7 @@ def running_mean(time: ArrayLike, value: ArrayLike, window: float) -> tuple[Arra
     return at, np.where(high > low, (until(high) - until(low)) / length, np.interp(at, t, y))
 
 
-def _contact_span(hit: History) -> tuple[float, float]:
+def _contact_span(hit: Recorded) -> tuple[float, float]:
     """First touch, and the release after which less than LATE of the impulse follows [s]."""
     segments = hit.trajectory.segments
     contacts = hit.trajectory.contacts
@@ -160,12 +182,12 @@ def _contact_span(hit: History) -> tuple[float, float]:
     return float(contacts[0].start), float(last.end)
 
 
-def _force_error(hit: History) -> float:
+def _force_error(hit: Recorded) -> float:
     """Estimated relative error of the peak force, of steps and truncation."""
     return sum(hit.error.get(key, 0.0) for key in ("peak", "truncation peak_force"))
 
 
-def _mark_peak(ax: Axes, hit: History, middle: float) -> None:
+def _mark_peak(ax: Axes, hit: Recorded, middle: float) -> None:
     """The largest force in numbers, beside its mark on the side with more room."""
     if hit.peak_force <= 0:
         return
