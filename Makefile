@@ -1,6 +1,6 @@
 # Every target sets up what it needs, once; `make help` lists them.
 .DEFAULT_GOAL := help
-.PHONY: help setup demo article bench test check check-cores mutants test-trixie test-sid memcheck lint fmt clean
+.PHONY: help setup demo article bench decks test check check-cores mutants test-trixie test-sid memcheck lint fmt clean
 
 PYTHON := .venv/bin/python
 READY  := .venv/ready
@@ -33,6 +33,9 @@ article: $(READY) ## every claim of the article rerun: demos/ARTICLE.md and its 
 
 bench: $(READY) ## speed against accuracy: tables, pictures and JSON in demos/speed (about 20 minutes)
 	$(PYTHON) demos/speed_accuracy.py
+
+decks: $(READY) ## the decks of Debian's calculix-ccx-test in one table: read, struck, refused; DECKS=folder
+	$(PYTHON) tests/decks/table.py $(DECKS)
 
 test: $(READY) ## all tests, those on several MPI ranks included
 	$(PYTHON) -m pytest
