@@ -26,7 +26,7 @@ from threadpoolctl import ThreadpoolController
 import antiosc as ao
 from antiosc import plotting, threads
 from antiosc.fem.linalg.cholmod import Cholesky
-from antiosc.fem.linalg.solvers import csr, lower
+from antiosc.fem.linalg.petsc_algebra import csr, lower
 
 ROOT = Path(__file__).resolve().parent.parent
 OUT = ROOT / "demos" / "speed"

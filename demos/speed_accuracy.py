@@ -42,11 +42,12 @@ from mpi4py import MPI
 
 import antiosc as ao
 from antiosc import files, plotting
+from antiosc.fem.linalg.algebra import dot, multiply, sum_of
 from antiosc.fem.linalg.compliance import compliances
+from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.linalg.solver_choice import factorize
-from antiosc.fem.linalg.solvers import csr, dot, multiply, sum_of
+from antiosc.fem.site.functionals import functional
 from antiosc.fem.site.map_sites import sites_of
-from antiosc.fem.site.site import functional
 from antiosc.models.driving_point import stiffness_error
 from antiosc.simulation.simulate import without_patch
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 import antiosc as ao
 from antiosc.fem import compat
-from antiosc.fem.linalg.solvers import csr
+from antiosc.fem.linalg.petsc_algebra import csr
 
 Array = NDArray[np.float64]
 Marker = Callable[[Array], NDArray[np.bool_]]

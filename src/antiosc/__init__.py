@@ -1,7 +1,8 @@
 """antiosc: impacts on structures by anti-oscillators, from a mesh to a force history.
 
 Everything public is importable from here. Models, contact laws and `simulate` need NumPy and SciPy
-alone; reading meshes and extracting models need the finite-element packages. Each module is loaded
+alone, and so does extracting models from given matrices; reading meshes and their structures need
+the finite-element packages. Each module is loaded
 when one of its names is first used; the stub `__init__.pyi` lists the names.
 """
 
@@ -27,7 +28,13 @@ __all__ = sorted(_MODULES)
 def __getattr__(name: str) -> Any:
     if name not in _MODULES:
         raise AttributeError(f"module 'antiosc' has no attribute {name!r}")
-    value = getattr(import_module(_MODULES[name]), name)
+    if _MODULES[name].startswith("antiosc.fem"):
+        from antiosc.fem import stack
+
+        with stack():
+            value = getattr(import_module(_MODULES[name]), name)
+    else:
+        value = getattr(import_module(_MODULES[name]), name)
     globals()[name] = value
     return value
 

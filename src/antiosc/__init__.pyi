@@ -80,6 +80,8 @@ from antiosc.fem.structure.from_deck import (
 )
 from antiosc.fem.structure.structure import (
     Structure as Structure,
+)
+from antiosc.fem.structure.support import (
     Support as Support,
 )
 from antiosc.maps import (

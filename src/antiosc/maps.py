@@ -34,8 +34,7 @@ from antiosc.fem.mpi import agree, collective, on_root
 from antiosc.fem.site.map_sites import sites_of
 from antiosc.fem.site.site import Functional
 from antiosc.fem.site.sites import Sites
-from antiosc.fem.structure.meshed import on_mesh
-from antiosc.fem.structure.structure import Structure
+from antiosc.fem.structure.structure import Structure, on_mesh
 from antiosc.models import driving_point as bands, free_modes
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import LinearBody, checked_body

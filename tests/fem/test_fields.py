@@ -15,8 +15,8 @@ import scipy.linalg
 import antiosc as ao
 import parts
 from antiosc.fem import compat, vtu
-from antiosc.fem.linalg.solvers import csr
-from antiosc.fem.site.site import functional
+from antiosc.fem.linalg.petsc_algebra import csr
+from antiosc.fem.site.functionals import functional
 
 pytestmark = pytest.mark.fem
 

@@ -25,8 +25,8 @@ from antiosc.fem.mpi import collective, on_root
 from antiosc.fem.readers import KINDS
 from antiosc.fem.readers.neutral import FACETS
 from antiosc.fem.series import listing, write_frames
-from antiosc.fem.structure.meshed import MeshedStructure, on_mesh
-from antiosc.fem.structure.structure import Structure
+from antiosc.fem.structure.meshed import MeshedStructure
+from antiosc.fem.structure.structure import Structure, on_mesh
 from antiosc.fem.vtu import Frames
 from antiosc.simulation.history import Body, History, no_field
 from antiosc.threads import one_thread
@@ -177,7 +177,7 @@ def _shapes(structure: Structure, history: History, body: Body) -> tuple[MeshedS
     model, own = history.of(body)
     if own.basis is None:
         raise InputError(no_field(model))
-    rows = structure.K.getLocalSize()[0]
+    rows = structure.rows
     fits = all(len(block) == rows for block in own.basis)
     if not all(structure.comm.allgather(fits)):  # on some rank they may fit by chance
         raise InputError(

@@ -20,7 +20,6 @@ from weakref import WeakKeyDictionary
 import numpy as np
 import scipy.sparse
 from numpy.typing import NDArray
-from petsc4py import PETSc
 
 #: Fields that hold the rows of one rank.
 LOCAL = frozenset({"phi", "residual", "shape", "shapes"})
@@ -45,6 +44,19 @@ def named(value: Any) -> str | None:
     if type(value).__hash__ is not object.__hash__ or value not in _together:
         return None
     return f"{type(value).__name__} no. {_together[value]}"
+
+
+def of_petsc(value: Any) -> bool:
+    """Whether `value` is an object of PETSc, which need not be installed."""
+    return any(kind.__module__ == "petsc4py.PETSc" for kind in type(value).__mro__)
+
+
+def is_void(value: Any) -> bool:
+    """Whether `value` is an object of PETSc that is empty or was destroyed.
+
+    Any question to such an object kills the process.
+    """
+    return of_petsc(value) and not value
 
 
 def fingerprint(value: Any) -> bytes:
@@ -181,8 +193,8 @@ def _of_code(code: types.CodeType, above: tuple[int, ...]) -> Iterator[bytes]:
 
 def _global_facts(value: Any) -> tuple[Any, ...]:
     """What a distributed object of PETSc, dolfinx or MPI is on all of its ranks."""
-    if isinstance(value, PETSc.Object) and not value:
-        return ("empty or destroyed",)  # to ask it for more kills the process
+    if is_void(value):
+        return ("empty or destroyed",)
     if hasattr(value, "topology"):
         cells = value.topology.index_map(value.topology.dim)
         return value.topology.dim, value.geometry.dim, cells.size_global

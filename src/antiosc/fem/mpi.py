@@ -1,4 +1,7 @@
-"""Consistency of the MPI ranks: equal arguments, work on rank 0, errors raised on all ranks."""
+"""Consistency of the MPI ranks: equal arguments, work on rank 0, errors raised on all ranks.
+
+Without mpi4py there is one process, whose communicator is `SERIAL`.
+"""
 
 from __future__ import annotations
 
@@ -9,24 +12,32 @@ from collections.abc import Callable, Iterable
 from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
-from mpi4py import MPI
-from petsc4py import PETSc
 
 from antiosc import errors
 from antiosc._types import Array
 from antiosc.checks import shown
 from antiosc.errors import AntioscWarning, InputError, OutOfMemoryError
-from antiosc.fem.fingerprint import fingerprint, named, number
+from antiosc.fem.communicator import SERIAL, Serial
+from antiosc.fem.fingerprint import fingerprint, is_void, named, number
+
+MPI: Any
+try:
+    from mpi4py import MPI
+except ImportError:  # given matrices need none
+    MPI = None
 
 P = ParamSpec("P")
 T = TypeVar("T")
+
+#: All processes, and this one alone.
+WORLD, ALONE = (SERIAL, SERIAL) if MPI is None else (MPI.COMM_WORLD, MPI.COMM_SELF)
 
 #: The number of the next object that all ranks make together.
 _serial = 0
 
 
 def collective(
-    default: MPI.Comm = MPI.COMM_WORLD, **counts: Callable[[Any], Any]
+    default: MPI.Comm = WORLD, **counts: Callable[[Any], Any]
 ) -> Callable[[Callable[P, T]], Callable[P, T]]:
     """Guard a public function that all ranks must call with the same arguments.
 
@@ -125,26 +136,38 @@ def _counted(count: Callable[[Any], Any], value: Any) -> Any:
         return value
 
 
-def _communicator(values: Iterable[Any], default: MPI.Comm) -> MPI.Comm:
+def _communicator(values: Iterable[Any], default: MPI.Comm) -> Any:
     """The communicator that the first of these values has.
 
     dolfinx and PETSc work on copies of the one they are given: all ranks then talk on the first,
     those too that were given something else.
     """
     for value in values:
-        if isinstance(value, PETSc.Object) and not value:
-            default = MPI.COMM_WORLD  # it may be a real one on other ranks
-            continue  # empty or destroyed: to ask for its communicator kills the process
+        if is_void(value):
+            default = WORLD  # it may be a real one on other ranks
+            continue  # to ask for its communicator kills the process
         try:
-            comm = value if isinstance(value, MPI.Comm) else getattr(value, "comm", None)
+            comm = getattr(value, "comm", None)
+            if isinstance(comm, Serial):
+                return comm
+            if MPI is None:
+                continue
+            if isinstance(value, MPI.Comm):
+                comm = value
             if comm is not None and not isinstance(comm, MPI.Comm):
                 comm = comm.tompi4py()  # one of PETSc's
         except Exception:
             continue
         if isinstance(comm, MPI.Comm) and comm != MPI.COMM_NULL:
-            alike = MPI.Comm.Compare(comm, MPI.COMM_WORLD) in (MPI.IDENT, MPI.CONGRUENT)
-            return MPI.COMM_WORLD if alike else comm
+            return WORLD if alike(comm, WORLD) else comm
     return default
+
+
+def alike(one: MPI.Comm, other: MPI.Comm) -> bool:
+    """Whether two communicators have the same ranks in the same order."""
+    if isinstance(one, Serial) or isinstance(other, Serial):
+        return one is other
+    return MPI.Comm.Compare(one, other) in (MPI.IDENT, MPI.CONGRUENT)
 
 
 def _conclude(comm: MPI.Comm, error: Exception | None, made: Any) -> None:

@@ -13,7 +13,7 @@ import scipy.sparse.linalg
 import antiosc as ao
 import parts
 from antiosc.fem import compat
-from antiosc.fem.linalg.solvers import csr
+from antiosc.fem.linalg.petsc_algebra import csr
 
 pytestmark = pytest.mark.fem
 

@@ -20,7 +20,8 @@ from antiosc.closed_form.plates import SupportedPlate
 from antiosc.errors import InputError
 from antiosc.fem import compat
 from antiosc.fem.elements.plate_section import stacked
-from antiosc.fem.linalg.solvers import csr, multiply
+from antiosc.fem.linalg.algebra import multiply
+from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.mesh.mesh import Mesh
 from mpi import run_ranks
 from paths import TESTS, demo

@@ -20,9 +20,10 @@ from antiosc.fem.elements.mitc import CUBIC, QUADRATIC, _dropped_of_cubics
 from antiosc.fem.elements.weak_form import measure
 from antiosc.fem.extraction.eigenmodes import ModeSolver
 from antiosc.fem.extraction.static_mode import static_mode
-from antiosc.fem.linalg.solvers import csr, multiply
+from antiosc.fem.linalg.algebra import multiply
+from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.mesh.mesh import Mesh
-from antiosc.fem.site.site import functional
+from antiosc.fem.site.functionals import functional
 from sheets import (
     CELLS,
     NU,

@@ -13,7 +13,8 @@ import antiosc as ao
 import parts
 from antiosc import closed_form
 from antiosc.fem.extraction.extract import _judge
-from antiosc.fem.linalg.solvers import csr, multiply
+from antiosc.fem.linalg.algebra import multiply
+from antiosc.fem.linalg.petsc_algebra import csr
 from marks import FREE_ON_PURPOSE
 
 pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]

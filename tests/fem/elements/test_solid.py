@@ -10,7 +10,7 @@ pytest.importorskip("dolfinx")
 import antiosc as ao
 import parts
 from antiosc.fem import compat
-from antiosc.fem.linalg.solvers import csr
+from antiosc.fem.linalg.petsc_algebra import csr
 from marks import FREE_ON_PURPOSE
 
 pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]

@@ -13,7 +13,8 @@ import parts
 from antiosc.fem.extraction import block_lanczos
 from antiosc.fem.extraction.block_lanczos import lowest_modes
 from antiosc.fem.extraction.eigenmodes import ModeSolver
-from antiosc.fem.linalg.solvers import csr, multiply
+from antiosc.fem.linalg.algebra import multiply
+from antiosc.fem.linalg.petsc_algebra import csr
 
 pytestmark = pytest.mark.fem
 

@@ -12,7 +12,7 @@ import pytest
 import scipy.linalg
 
 import antiosc as ao
-from antiosc.fem.linalg.solvers import csr
+from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.models import driving_point as bands
 from antiosc.models.free_modes import at_sites, error_bound
 from antiosc.models.rigid_share import with_rigid
@@ -213,10 +213,10 @@ def test_full_keeps_a_resonance_of_small_static_compliance():
 
 @pytest.mark.fem
 def test_more_vectors_than_memory_holds_are_refused(monkeypatch):
-    from antiosc.fem.linalg import solver_choice
+    from antiosc.fem.linalg import memory
 
     structure = ao.Structure.from_matrices(_row(50), np.eye(50))
-    monkeypatch.setattr(solver_choice, "free_memory", lambda: 1e4)
+    monkeypatch.setattr(memory, "free_memory", lambda: 1e4)
     with pytest.raises(ao.InputError, match=r"n = 40 .* of basis vectors .* reduce n"):
         ao.extract(structure, ao.Site(dof=7), 40)
 

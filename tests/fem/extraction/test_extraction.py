@@ -17,8 +17,8 @@ import parts
 from antiosc.errors import AntioscWarning
 from antiosc.fem.extraction.eigenmodes import ModeSolver
 from antiosc.fem.extraction.static_mode import static_mode
-from antiosc.fem.linalg.solvers import csr
-from antiosc.fem.site.site import functional
+from antiosc.fem.linalg.petsc_algebra import csr
+from antiosc.fem.site.functionals import functional
 from marks import FREE_ON_PURPOSE
 
 pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]

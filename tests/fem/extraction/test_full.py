@@ -11,8 +11,8 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 from antiosc.fem.extraction.superposition import DENSE_MANY
-from antiosc.fem.linalg.solvers import csr
-from antiosc.fem.site.site import functional
+from antiosc.fem.linalg.petsc_algebra import csr
+from antiosc.fem.site.functionals import functional
 from marks import FREE_ON_PURPOSE
 
 pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]

@@ -13,7 +13,7 @@ import scipy.sparse
 import antiosc as ao
 from antiosc.fem.extraction.krylov import Lanczos
 from antiosc.fem.extraction.static_mode import static_mode
-from antiosc.fem.site.site import functional
+from antiosc.fem.site.functionals import functional
 from antiosc.models.driving_point import samples, stiffness_error
 from marks import FREE_ON_PURPOSE
 from paths import MESHES
@@ -101,7 +101,7 @@ def test_a_body_that_slides_across_the_impact():
     model = ao.extract(structure, site, n=40)
     assert structure.rigid_modes.shape[1] == 1
     assert model.k0 > 0
-    from antiosc.fem.linalg.solvers import csr
+    from antiosc.fem.linalg.petsc_algebra import csr
 
     K, M = (csr(matrix).toarray() for matrix in (structure.K, structure.M))
     omega = samples(2 * model.omega[0], model.omega[0])[::20]
@@ -222,7 +222,7 @@ def test_masses_are_positive_and_fill_up(steel):
 
 
 def test_shapes_carry_the_masses(steel):
-    from antiosc.fem.linalg.solvers import multiply
+    from antiosc.fem.linalg.algebra import multiply
 
     model = ao.extract(steel, SITE, n=12)
     psi = model.shapes[:, 1:]

@@ -14,8 +14,9 @@ import parts
 from antiosc.errors import NotConvergedError
 from antiosc.fem.extraction.eigenmodes import ModeSolver
 from antiosc.fem.linalg import cholmod_library, compliance
+from antiosc.fem.linalg.algebra import sum_of
 from antiosc.fem.linalg.cholmod import Cholesky
-from antiosc.fem.linalg.solvers import csr, sum_of
+from antiosc.fem.linalg.petsc_algebra import csr
 
 pytestmark = pytest.mark.fem
 
@@ -104,7 +105,7 @@ def test_without_room_for_a_second_factor_all_is_solved_for(monkeypatch):
     expected = compliance.deflections(part, B, modes.omega, b)
     entries = part.factorize().entries
     assert entries == part.factorize().cholesky.supernodes.values.size
-    monkeypatch.setattr(compliance.solver_choice, "free_memory", lambda: 8 * entries)
+    monkeypatch.setattr(compliance.memory, "free_memory", lambda: 8 * entries)
     monkeypatch.setattr(compliance, "compliances", None)  # is not asked
     with pytest.warns(ao.AntioscWarning, match="every site is solved separately"):
         found = compliance.deflections(part, B, modes.omega, b)

@@ -14,7 +14,7 @@ pytest.importorskip("dolfinx")
 import antiosc as ao
 import parts
 from antiosc.errors import AntioscWarning
-from antiosc.fem.linalg import cholmod, forecast, solver_choice, solvers
+from antiosc.fem.linalg import cholmod, forecast, memory, solver, solver_choice
 from mpi import run_ranks
 from paths import TESTS
 
@@ -67,7 +67,7 @@ def test_a_matrix_whose_factor_is_forecast_is_analysed_once(monkeypatch):
     rows = part.K.getSize()[0]
     # less than the general bound asks for, and enough for the factor
     bound = solver_choice.BYTES * solver_choice.COMPACT * rows ** (4 / 3)
-    monkeypatch.setattr(solver_choice, "free_memory", lambda: bound)
+    monkeypatch.setattr(memory, "free_memory", lambda: bound)
     made, analyse = [], cholmod.Analysis._analysed
 
     def counted(self, matrix, permutation):
@@ -83,7 +83,7 @@ def test_a_matrix_whose_factor_is_forecast_is_analysed_once(monkeypatch):
 
 
 def test_no_memory_for_the_factor(monkeypatch):
-    monkeypatch.setattr(solver_choice, "free_memory", lambda: 1e6)
+    monkeypatch.setattr(memory, "free_memory", lambda: 1e6)
     with pytest.warns(AntioscWarning, match="GB are free: an iterative solver is used"):
         model = ao.extract(block(), SITE, n=3)
     assert model.k0 > 0
@@ -97,13 +97,13 @@ def test_a_thin_body_needs_less_than_a_compact_one(monkeypatch):
     need = solver_choice.BYTES * min(f.entries for f in forecast.forecasts(part.K))
     bound = solver_choice.BYTES * solver_choice.COMPACT * part.K.getSize()[0] ** (4 / 3)
     assert need < bound / 2
-    monkeypatch.setattr(solver_choice, "free_memory", lambda: 2 * need)
-    assert isinstance(part.factorize(), solvers.Factorization)
+    monkeypatch.setattr(memory, "free_memory", lambda: 2 * need)
+    assert isinstance(part.factorize(), solver.Factorization)
 
 
 @pytest.mark.skipif(not Path("/proc/meminfo").exists(), reason="no /proc: memory is unknown")
 def test_free_memory_is_a_number():
-    assert 1e8 < solver_choice.free_memory() < 1e15
+    assert 1e8 < memory.free_memory() < 1e15
 
 
 def test_unknown_solver():

@@ -18,8 +18,8 @@ import antiosc as ao
 import parts
 from antiosc.errors import AntioscWarning
 from antiosc.fem.mesh.surface import Faces
+from antiosc.fem.site.functionals import functional
 from antiosc.fem.site.patches import patches
-from antiosc.fem.site.site import functional
 
 pytestmark = pytest.mark.fem
 

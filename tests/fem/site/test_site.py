@@ -14,7 +14,7 @@ import parts
 from antiosc.errors import AntioscWarning
 from antiosc.fem import compat
 from antiosc.fem.mesh import closest_point
-from antiosc.fem.site.site import functional
+from antiosc.fem.site.functionals import functional
 from marks import FREE_ON_PURPOSE
 
 pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]

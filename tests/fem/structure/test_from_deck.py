@@ -11,7 +11,7 @@ import scipy.sparse as sp
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.fem.site.site import functional
+from antiosc.fem.site.functionals import functional
 from mpi import run_ranks
 from paths import DECKS
 

@@ -15,7 +15,7 @@ from petsc4py import PETSc
 
 import antiosc as ao
 import parts
-from antiosc.fem.site.site import functional
+from antiosc.fem.site.functionals import functional
 from mpi import run_ranks
 
 pytestmark = pytest.mark.fem

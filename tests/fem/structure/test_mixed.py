@@ -16,7 +16,8 @@ import antiosc as ao
 from antiosc import PointMass, Spring
 from antiosc.errors import InputError
 from antiosc.fem import compat
-from antiosc.fem.linalg.solvers import csr, multiply
+from antiosc.fem.linalg.algebra import multiply
+from antiosc.fem.linalg.petsc_algebra import csr
 from mpi import run_ranks
 from paths import TESTS
 from sheets import RIB, SHEET, at, dof, frequencies, grouped, interpolated, loaded, rectangle, sheet

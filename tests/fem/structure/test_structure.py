@@ -15,8 +15,8 @@ import antiosc as ao
 import parts
 from antiosc.fem import compat
 from antiosc.fem.elements.weak_form import Family
-from antiosc.fem.linalg.solvers import csr
-from antiosc.fem.site.site import functional
+from antiosc.fem.linalg.petsc_algebra import csr
+from antiosc.fem.site.functionals import functional
 from antiosc.fem.structure import rigid_body_modes
 from marks import FREE_ON_PURPOSE
 

@@ -10,13 +10,12 @@ from typing import Any, ClassVar
 import numpy as np
 import ufl
 
-from antiosc._types import Array
+from antiosc._types import Array, Box
 from antiosc.checks import array, flag, instance, number, poisson, positive, store, within_range
 from antiosc.errors import InputError
 from antiosc.fem import compat
 from antiosc.fem.elements.material_axes import checked, shown_direction
 from antiosc.fem.elements.weak_form import (
-    Box,
     Isotropic,
     Kind,
     Parts,

@@ -23,6 +23,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 import ufl
 
+from antiosc._types import Box
 from antiosc.checks import poisson, positive, store
 from antiosc.errors import InputError
 from antiosc.fem import compat
@@ -30,7 +31,6 @@ from antiosc.fem.elements.material_axes import Direction, axes_and_sides, checke
 from antiosc.fem.elements.mitc import dropped
 from antiosc.fem.elements.plate_section import Layer, PlateSection, stacked
 from antiosc.fem.elements.weak_form import (
-    Box,
     Isotropic,
     Kind,
     Parts,

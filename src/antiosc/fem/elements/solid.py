@@ -8,11 +8,11 @@ from typing import Any, ClassVar, Literal
 
 import ufl
 
+from antiosc._types import Box
 from antiosc.checks import choice, poisson, positive, store
 from antiosc.errors import InputError
 from antiosc.fem import compat
 from antiosc.fem.elements.weak_form import (
-    Box,
     Isotropic,
     Kind,
     Parts,

@@ -15,12 +15,9 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 import ufl
 
-from antiosc._types import Array, IntArray
+from antiosc._types import Array, Box, IntArray
 from antiosc.fem import compat
 from antiosc.fem.mesh.mesh import Mesh
-
-#: Length, width and thickness of a part, m, in falling order.
-Box = tuple[float, float, float]
 
 
 @dataclass(frozen=True)

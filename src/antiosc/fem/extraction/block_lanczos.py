@@ -15,8 +15,8 @@ import numpy as np
 from antiosc._types import Array
 from antiosc.errors import NotConvergedError
 from antiosc.fem.extraction.eigenmodes import DENSE, Modes, ModeSolver
-from antiosc.fem.linalg import solver_choice
-from antiosc.fem.linalg.solvers import dot, multiply
+from antiosc.fem.linalg import memory
+from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.mpi import on_root
 from antiosc.fem.structure.structure import Structure
 
@@ -44,12 +44,12 @@ def lowest_modes(structure: Structure, count: int, reach: float = 0.0) -> Modes:
     NotConvergedError
         The largest number of steps was not sufficient.
     """
-    if structure.K.getSize()[0] <= DENSE or structure.dofs < DOFS_PER_MODE * count:
+    if structure.size <= DENSE or structure.dofs < DOFS_PER_MODE * count:
         return _one_by_one(structure, count, reach)
     run = _Lanczos(structure)
-    rows = structure.K.getSize()[0]
-    memory = on_root(structure.comm, solver_choice.free_memory)
-    room = solver_choice.MEMORY_SHARE * memory / (8 * VECTORS_PER_BLOCK * rows)
+    rows = structure.size
+    free = on_root(structure.comm, memory.free_memory)
+    room = memory.MEMORY_SHARE * free / (8 * VECTORS_PER_BLOCK * rows)
     steps = max(1, int(min(MOST_STEPS, room - 3)))  # a block of the basis each
     for step in range(steps):
         run.advance()
@@ -87,7 +87,7 @@ class _Lanczos:
         #: of the block after the last with that one
         self._coupling: Array = np.zeros((0, 0))
         self.exhausted = False
-        rows = structure.K.getLocalSize()[0]
+        rows = structure.rows
         random = np.random.default_rng(self._comm.rank).standard_normal((rows, VECTORS_PER_BLOCK))
         start = structure.factorize().solve_block(multiply(structure.M, random))
         self._next, self._m_next, _ = self._orthonormal(start)
@@ -143,7 +143,7 @@ class _Lanczos:
 
     def shapes(self, turn: Array) -> Array:
         """M-orthonormal shapes (rows, k) of coefficients (basis, k)."""
-        phi = np.zeros((self._structure.K.getLocalSize()[0], turn.shape[1]))
+        phi = np.zeros((self._structure.rows, turn.shape[1]))
         first = 0
         for block in self._blocks[self._locked :]:
             phi += block @ turn[first : first + block.shape[1]]

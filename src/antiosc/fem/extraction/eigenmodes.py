@@ -1,7 +1,7 @@
 """Constraint modes: Kφ = ω²Mφ in the space bᵀφ = 0, on the structure's one factorization.
 
 With A = K + sM and y = A⁻¹b, the solution of A x = r under bᵀx = 0 is A⁻¹r − y (bᵀA⁻¹r)/(bᵀy).
-SLEPc's Krylov–Schur method uses this operator as the preconditioner of its shift-and-invert
+Krylov eigensolvers (SLEPc's, or SciPy's ARPACK) use this operator as their shift-and-invert
 transformation. No row is deleted and there is only one factorization. Without the constraint the
 same solver computes the natural modes of the structure.
 """
@@ -14,28 +14,29 @@ from typing import Any
 
 import numpy as np
 import scipy.linalg
-from petsc4py import PETSc
-from slepc4py import SLEPc
 
 from antiosc._types import Array, IntArray
-from antiosc.errors import NotConvergedError
+from antiosc.fem.extraction.mode_search import Search
 from antiosc.fem.extraction.static_mode import StaticMode
+from antiosc.fem.linalg.algebra import (
+    by_scipy,
+    by_strains,
+    dot,
+    gathered,
+    multiply,
+    norm,
+    row_range,
+)
 from antiosc.fem.linalg.scaling import frequency
-from antiosc.fem.linalg.solvers import Solver, by_strains, dot, gathered, multiply, norm
 from antiosc.fem.mpi import on_root
 from antiosc.fem.site.site import Functional
 from antiosc.fem.structure.structure import Structure
 
-#: SLEPc's tolerance on the eigenvalues 1/(ω² + s); the residuals are measured again afterwards.
-TOLERANCE = 1e-11
 #: LAPACK computes all modes of structures with at most this many rows, on one rank for all …
 DENSE = 600
 #: … and with at most this many rows if more than a fifth of all modes is wanted: Krylov methods are
 #: efficient only at the ends of a spectrum.
 DENSE_MANY = 5000
-#: Number of additional modes that SLEPc computes and that are dropped: of a repeated frequency the
-#: search may have found only one of the shapes.
-GUARD = 4
 #: Lowest ω² over the mean of all above which LAPACK, whose errors are 1e-16 of the highest,
 #: resolves it.
 EVEN = 1e-7
@@ -69,7 +70,7 @@ class ModeSolver:
         #: rigid-body modes that remain
         self._rigid = structure.rigid_modes if static is None else static.nodal
         self.limit = structure.dofs - (self._pin is not None) - self._rigid.shape[1]
-        self._rows = structure.K.getLocalSize()[0]
+        self._rows = structure.rows
         self._found = Modes(np.zeros(0), np.zeros((self._rows, 0)), False)
 
     def lowest(self, count: int) -> Modes:
@@ -77,13 +78,30 @@ class ModeSolver:
         count = min(count, self.limit)
         if self._found.complete or len(self._found.omega) >= count:
             return self._found
-        rows = self._structure.K.getSize()[0]
+        rows = self._structure.size
         dense = rows <= DENSE_MANY if count > rows / 5 else rows <= DENSE and not self._uneven()
         if dense:
             self._found = self._by_lapack()
         else:
-            self._found = self._by_slepc(count)
+            self._found = self._by_krylov(count)
         return self._found
+
+    def _by_krylov(self, count: int) -> Modes:
+        """One more round: modes found before are deflated, not computed again."""
+        structure, known = self._structure, self._found
+        if by_scipy(structure.K):
+            from antiosc.fem.extraction.arpack_modes import lowest
+        else:
+            from antiosc.fem.extraction.slepc_modes import lowest  # needs SLEPc
+        before = len(known.omega)
+        shapes = np.column_stack([self._rigid, known.phi])
+        search = Search(structure, self._pin, shapes, count - before, self.limit - before)
+        values, found = lowest(search)
+        omega = np.concatenate([known.omega, np.sqrt(np.maximum(values, 0.0))])
+        phi = _normalised(structure, np.column_stack([known.phi, found]))
+        order = np.argsort(omega, kind="stable")[:count]
+        omega, phi = omega[order], phi[:, order]
+        return Modes(omega, phi, len(omega) >= self.limit)
 
     def _uneven(self) -> bool:
         """Whether the rounding of K's entries hides the lowest modes; products by strains avoid
@@ -92,61 +110,6 @@ class ModeSolver:
         if not by_strains(K):
             return False
         return self._lowest() < EVEN * frequency(K, M)
-
-    def _by_slepc(self, count: int) -> Modes:
-        """One more round: modes found before are deflated, not computed again."""
-        known = self._found
-        structure = self._structure
-        eps = SLEPc.EPS().create(structure.K.getComm())
-        eps.setOperators(structure.K, structure.M)
-        eps.setProblemType(SLEPc.EPS.ProblemType.GHEP)
-        eps.setType(SLEPc.EPS.Type.KRYLOVSCHUR)
-        wanted = count - len(known.omega)
-        eps.setDimensions(min(wanted + GUARD, self.limit - len(known.omega)))
-        eps.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
-        eps.setTarget(-structure.shift)
-        eps.setTolerances(TOLERANCE, 200)
-        st = eps.getST()
-        st.setType(SLEPc.ST.Type.SINVERT)
-        st.setMatMode(SLEPc.ST.MatMode.SHELL)  # the factor is ours: SLEPc needs no K + sM
-        ksp = st.getKSP()
-        ksp.setType(PETSc.KSP.Type.PREONLY)
-        pc = ksp.getPC()
-        pc.setType(PETSc.PC.Type.PYTHON)
-        pc.setPythonContext(
-            _Free(structure.factorize())
-            if self._pin is None
-            else _Constrained(structure.factorize(), *self._pin)
-        )
-        rng = np.random.default_rng(structure.comm.rank)
-        start = multiply(structure.M, rng.standard_normal(self._rows))
-        eps.setInitialSpace([self._vector(structure.factorize().solve(start))])
-        known_shapes = [*self._rigid.T, *known.phi.T]
-        if known_shapes:
-            eps.setDeflationSpace([self._vector(shape) for shape in known_shapes])
-        eps.solve()
-        found = eps.getConverged()
-        if found < wanted:
-            raise NotConvergedError(
-                f"SLEPc found {found} of {wanted} modes within {eps.getIterationNumber()} "
-                f"restarts (reason {eps.getConvergedReason()}): ask for fewer modes."
-            )
-        x = structure.K.createVecRight()
-        values, shapes = np.zeros(found), np.zeros((self._rows, found))
-        for k in range(found):
-            values[k] = eps.getEigenpair(k, x).real
-            shapes[:, k] = x.array_r
-        eps.destroy()
-        omega = np.concatenate([known.omega, np.sqrt(np.maximum(values, 0.0))])
-        phi = _normalised(structure, np.column_stack([known.phi, shapes]))
-        order = np.argsort(omega, kind="stable")[:count]
-        omega, phi = omega[order], phi[:, order]
-        return Modes(omega, phi, len(omega) >= self.limit)
-
-    def _vector(self, values: Array) -> PETSc.Vec:
-        x = self._structure.K.createVecRight()
-        x.setArray(values)
-        return x
 
     def _by_lapack(self) -> Modes:
         """All modes of a small structure, from (M, K + σM) on a basis of the constrained space.
@@ -158,7 +121,7 @@ class ModeSolver:
         conditions = multiply(structure.M, self._rigid)
         if self._pin is not None:
             conditions = np.column_stack([self._pin[0], conditions])
-        first = structure.K.getOwnershipRange()[0]
+        first = row_range(structure.K)[0]
         own = np.setdiff1d(np.arange(self._rows), structure.fixed)
         parts: Any = comm.gather((first + own, conditions[own]))
         K, M = (gathered(matrix, 0) for matrix in (structure.K, structure.M))
@@ -201,32 +164,10 @@ def _dense_modes(
     return omega, phi
 
 
-class _Constrained:
-    """PETSc's Python preconditioner: r → A⁻¹r − y (bᵀA⁻¹r)/(bᵀy)."""
-
-    def __init__(self, factor: Solver, b: Array, static: StaticMode) -> None:
-        self._factor, self._b, self._static = factor, b, static
-
-    def apply(self, pc: Any, r: PETSc.Vec, x: PETSc.Vec) -> None:
-        self._factor.solve_vector(r, x)
-        free = dot(self._factor.comm, self._b, x.array_r)
-        x.array[:] -= free / self._static.bAb * self._static.y
-
-
-class _Free:
-    """PETSc's Python preconditioner: r → A⁻¹r."""
-
-    def __init__(self, factor: Solver) -> None:
-        self._factor = factor
-
-    def apply(self, pc: Any, r: PETSc.Vec, x: PETSc.Vec) -> None:
-        self._factor.solve_vector(r, x)
-
-
 def _polished(structure: Structure, modes: Modes) -> Modes:
     """The modes with improved orthogonality in M and in K (`polish`)."""
 
-    def gram(matrix: PETSc.Mat, phi: Array) -> Array:
+    def gram(matrix: Any, phi: Array) -> Array:
         return np.asarray(dot(structure.comm, phi, multiply(matrix, phi)))
 
     poles, phi = polish(modes.phi, lambda x: gram(structure.K, x), lambda x: gram(structure.M, x))

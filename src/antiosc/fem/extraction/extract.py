@@ -7,10 +7,9 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
-from mpi4py import MPI
 
 from antiosc._types import Array
 from antiosc.checks import choice, flag, instance, positive, tolerance, whole, within_range
@@ -28,14 +27,18 @@ from antiosc.fem.extraction.oscillators import (
     wanted,
 )
 from antiosc.fem.extraction.static_mode import StaticMode, static_modes
-from antiosc.fem.linalg import solver_choice
-from antiosc.fem.linalg.solvers import dot, multiply
-from antiosc.fem.site.site import Functional, Site, functionals
+from antiosc.fem.linalg import memory
+from antiosc.fem.linalg.algebra import dot, multiply
+from antiosc.fem.site.functionals import functionals
+from antiosc.fem.site.site import Functional, Site
 from antiosc.fem.structure.structure import Structure
 from antiosc.models import driving_point as bands
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.motion import Inertia
 from antiosc.threads import one_thread
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 #: Limits of the self-check, relative: residual, M-orthogonality, constraint, mass balance.
 CHECK = 1e-6
@@ -178,11 +181,11 @@ def _wish(structure: Structure, n: Any, method: Any, tol: Any, band: Any, accura
             f"n must be below the structure's {structure.dofs} dofs; got {n}: refine the mesh or "
             "ask for fewer anti-oscillators."
         )
-    need = 16 * (n + 2) * structure.K.getLocalSize()[0]
-    free = mpi.on_root(structure.comm, solver_choice.free_memory) / structure.comm.size
-    if band is None and need > solver_choice.MEMORY_SHARE * free:
+    need = 16 * (n + 2) * structure.rows
+    free = mpi.on_root(structure.comm, memory.free_memory) / structure.comm.size
+    if band is None and need > memory.MEMORY_SHARE * free:
         raise InputError(
-            f"n = {n} anti-oscillators of {structure.K.getSize()[0]} dofs take {need / 1e9:.3g} GB "
+            f"n = {n} anti-oscillators of {structure.size} dofs take {need / 1e9:.3g} GB "
             f"of basis vectors and {free / 1e9:.3g} GB are free: reduce n."
         )
     if band is not None:
@@ -195,7 +198,7 @@ def _together(structure: Structure, wish: _Wish) -> int:
     if wish.method == "modes":
         return 1
     columns = wish.n + 2 if wish.band is None else 2 * BASIS_STEP
-    return max(1, int(SLICE / (16 * columns * structure.K.getSize()[0])))
+    return max(1, int(SLICE / (16 * columns * structure.size)))
 
 
 def _extracted(

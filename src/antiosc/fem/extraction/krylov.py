@@ -31,7 +31,7 @@ import numpy as np
 from antiosc._types import Array, ComplexArray
 from antiosc.fem.extraction.eigenmodes import Modes, polish
 from antiosc.fem.extraction.static_mode import StaticMode
-from antiosc.fem.linalg.solvers import dot, multiply
+from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.site.site import Functional
 from antiosc.fem.structure.structure import Structure
 from antiosc.models import driving_point as bands

@@ -17,7 +17,7 @@ from antiosc._types import Array, ComplexArray
 from antiosc.fem.extraction.eigenmodes import Modes
 from antiosc.fem.extraction.krylov import Remainder
 from antiosc.fem.extraction.static_mode import StaticMode
-from antiosc.fem.linalg.solvers import by_strains, dot, multiply
+from antiosc.fem.linalg.algebra import by_strains, diagonal, dot, multiply
 from antiosc.fem.structure.structure import Structure
 from antiosc.models import driving_point as bands
 from antiosc.models.free_modes import MASSLESS
@@ -204,8 +204,7 @@ def _rounding(structure: Structure, known: Found, x: ComplexArray) -> Array:
     weight = np.column_stack([np.ones(len(x)), c * poles / (poles - x[:, None])])
     parts = []
     for matrix in (structure.K, structure.M):
-        diagonal = matrix.getDiagonal().array_r
-        gram = dot(structure.comm, shapes, diagonal[:, None] * shapes)
+        gram = dot(structure.comm, shapes, diagonal(matrix)[:, None] * shapes)
         parts.append(np.einsum("wi,wi->w", weight @ gram, weight.conj()).real)
     if by_strains(structure.K):  # a sum of squares of strains, each to ε of its own terms
         energy = known.static.k0 + np.abs(weight[:, 1:] * x[:, None] / poles) ** 2 @ poles

@@ -9,7 +9,8 @@ import numpy as np
 
 from antiosc._types import Array
 from antiosc.errors import NotConvergedError
-from antiosc.fem.linalg.solvers import Solver, dot, multiply
+from antiosc.fem.linalg.algebra import dot, multiply
+from antiosc.fem.linalg.solver import Solver
 from antiosc.fem.site.site import Functional
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.rigid_share import APART, HIDDEN

@@ -21,9 +21,10 @@ from antiosc.fem.extraction.eigenmodes import DENSE_MANY, Modes, ModeSolver
 from antiosc.fem.extraction.extract import CHECK, DEFAULT, SEARCHED, inertia_of, uniform_inertia
 from antiosc.fem.extraction.oscillators import REPEATED
 from antiosc.fem.extraction.static_mode import StaticMode, beside_rigid, static_mode
-from antiosc.fem.linalg.solvers import dot, multiply
+from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.mpi import collective, on_root
-from antiosc.fem.site.site import Functional, Site, functional
+from antiosc.fem.site.functionals import functional
+from antiosc.fem.site.site import Functional, Site
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.body import Body
 from antiosc.models.driving_point import UNOBSERVABLE, shares_of_receptance

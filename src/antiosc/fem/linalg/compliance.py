@@ -19,17 +19,12 @@ import scipy.linalg.blas
 import scipy.sparse
 
 from antiosc._types import Array, IntArray
-from antiosc.fem.linalg import solver_choice
+from antiosc.fem.linalg import memory, solver_choice
+from antiosc.fem.linalg.algebra import gathered, multiply, sum_of
 from antiosc.fem.linalg.cholmod import Cholesky
-from antiosc.fem.linalg.solvers import (
-    Factorization,
-    OnOneRank,
-    csr,
-    gathered,
-    lower,
-    multiply,
-    sum_of,
-)
+from antiosc.fem.linalg.petsc_algebra import csr, lower
+from antiosc.fem.linalg.solver import Factorization
+from antiosc.fem.linalg.solvers import OnOneRank
 from antiosc.fem.mpi import agree, on_root, warn
 from antiosc.fem.structure.structure import Structure
 
@@ -74,8 +69,8 @@ def _room(structure: Structure) -> bool:
     if not isinstance(solver, Factorization) or solver_choice.cholmod_refused(comm):
         return False
     more = min(comm.size, 2) * solver_choice.BYTES * solver.entries
-    free = on_root(comm, solver_choice.free_memory)
-    if more > solver_choice.MEMORY_SHARE * free:
+    free = on_root(comm, memory.free_memory)
+    if more > memory.MEMORY_SHARE * free:
         warn(
             comm,
             f"the additional factors of the map need about {more / 1e9:.3g} GB and "

@@ -6,11 +6,15 @@ weight. In an unscaled norm one penalty, or one unit, would hide all others.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
-from mpi4py import MPI
-from petsc4py import PETSc
 
 from antiosc._types import Array
+from antiosc.fem.linalg.algebra import communicator, diagonal
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 
 def norms(comm: MPI.Comm, X: Array) -> Array:
@@ -18,34 +22,34 @@ def norms(comm: MPI.Comm, X: Array) -> Array:
     return np.sqrt(np.asarray(comm.allreduce(np.einsum("ij,ij->j", X, X))))
 
 
-def roots(matrix: PETSc.Mat) -> Array:
+def roots(matrix: Any) -> Array:
     """√a_ii on the rows of this rank; for an empty row a typical value."""
-    result = np.sqrt(np.maximum(matrix.getDiagonal().array_r, 0.0))
-    comm = matrix.getComm().tompi4py()
-    if comm.allreduce(not result.all(), MPI.LOR):
+    result = np.sqrt(np.maximum(diagonal(matrix), 0.0))
+    comm = communicator(matrix)
+    if not all(comm.allgather(result.all())):
         everywhere = np.concatenate(comm.allgather(result))
         result[result == 0] = np.median(everywhere[everywhere > 0])
     return result
 
 
-def force_ratios(matrix: PETSc.Mat, X: Array, product: Array) -> Array:
+def force_ratios(matrix: Any, X: Array, product: Array) -> Array:
     """‖A x/√D‖ / ‖√D x‖ of each column, `product` being A X: 1e-16 for a null vector."""
-    comm, root = matrix.getComm().tompi4py(), roots(matrix)[:, None]
+    comm, root = communicator(matrix), roots(matrix)[:, None]
     return norms(comm, product / root) / norms(comm, root * X)
 
 
-def softness(matrix: PETSc.Mat, X: Array, product: Array) -> Array:
+def softness(matrix: Any, X: Array, product: Array) -> Array:
     """xᵀA x / xᵀD x of each column, `product` being A X: ±1e-16 for a null vector.
 
     Unlike `force_ratios` it is insensitive, to first order, to errors in x.
     """
-    comm, root = matrix.getComm().tompi4py(), roots(matrix)[:, None]
+    comm, root = communicator(matrix), roots(matrix)[:, None]
     energy = np.asarray(comm.allreduce(np.einsum("ij,ij->j", X, product)))
     return np.asarray(energy / norms(comm, root * X) ** 2)
 
 
-def frequency(K: PETSc.Mat, M: PETSc.Mat) -> float:
+def frequency(K: Any, M: Any) -> float:
     """Median of K_ii/M_ii over the dofs with mass, rad²/s²: below the top of the spectrum."""
-    k, m = (np.array(matrix.getDiagonal().array_r) for matrix in (K, M))
-    ratios = K.getComm().tompi4py().allgather(k[m > 0] / m[m > 0])
+    k, m = (diagonal(matrix) for matrix in (K, M))
+    ratios = communicator(K).allgather(k[m > 0] / m[m > 0])
     return float(np.median(np.concatenate(ratios)))

@@ -8,41 +8,32 @@ long for each solve.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from pathlib import Path
-from typing import Literal, get_args
 
-import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from antiosc import checks
 from antiosc._types import Array
 from antiosc.errors import InputError
-from antiosc.fem.linalg import cholmod
+from antiosc.fem.linalg import cholmod, memory
+from antiosc.fem.linalg.algebra import by_strains
 from antiosc.fem.linalg.cholmod import Analysis
 from antiosc.fem.linalg.forecast import Forecast, forecasts
+from antiosc.fem.linalg.solver import Choice, Factorization, Solver
 from antiosc.fem.linalg.solvers import (
     ByPetsc,
     Distributed,
-    Factorization,
     OnOneRank,
     PetscSolver,
-    Solver,
     analysed,
-    by_strains,
 )
 from antiosc.fem.linalg.strains import Refined
 from antiosc.fem.linalg.substructures import Substructures, interface
 from antiosc.fem.mpi import on_root, warn
 
-Choice = Literal["auto", "direct", "iterative"]
-
 #: Bytes per entry of the factor, and of the matrices and work arrays beside it.
 BYTES = 8 * 1.3
 #: Entries of a factor over rows^(4/3), for the most compact bodies: cubes of quadratic tetrahedra.
 COMPACT = 35.0
-#: Share of the free memory that a factor may fill.
-MEMORY_SHARE = 0.9
 #: Most rows of an interface between ranks that are kept as a dense matrix, 0.3 GB on each rank.
 INTERFACE = 6_000
 #: Relative residual of an iterative solve, and the most iterations for it.
@@ -73,12 +64,6 @@ class Multigrid(PetscSolver):
         self._ksp.getPC().setType(PETSc.PC.Type.GAMG)
 
 
-def checked_choice(choice: Choice) -> Choice:
-    """`choice`, or InputError."""
-    checks.choice("solver", choice, get_args(Choice))
-    return choice
-
-
 def solver_for(A: PETSc.Mat, choice: Choice, motions: Callable[[], Array]) -> Solver:
     """The solver of A that `choice` names; "auto": direct if its factor fits in memory.
 
@@ -94,12 +79,12 @@ def _of_entries(A: PETSc.Mat, choice: Choice, motions: Callable[[], Array]) -> S
     if choice == "iterative":
         return Multigrid(A, motions())
     rows = A.getSize()[0]
-    free = on_root(A.getComm().tompi4py(), free_memory)
-    if BYTES * COMPACT * rows ** (4 / 3) <= MEMORY_SHARE * free:
+    free = on_root(A.getComm().tompi4py(), memory.free_memory)
+    if BYTES * COMPACT * rows ** (4 / 3) <= memory.MEMORY_SHARE * free:
         return factorize(A)
     plan = Plan(A)
     need = BYTES * plan.entries
-    if need <= MEMORY_SHARE * free:
+    if need <= memory.MEMORY_SHARE * free:
         return plan.factorize()
     text = (
         f"the factor of {rows} dofs needs about {need / 1e9:.3g} GB and {free / 1e9:.3g} GB are "
@@ -161,23 +146,3 @@ def factorize(
 def cholmod_refused(comm: MPI.Comm) -> bool:
     """Whether CHOLMOD cannot be called directly on some rank."""
     return any(comm.allgather(bool(cholmod.refusal())))
-
-
-def free_memory() -> float:
-    """Free memory of this machine, or of its container, in bytes."""
-    free = np.inf
-    for line in _lines("/proc/meminfo"):
-        if line.startswith("MemAvailable:"):
-            free = 1024 * float(line.split()[1])
-    group = "/sys/fs/cgroup/memory."
-    most, used = (_lines(group + name) for name in ("max", "current"))
-    if most and used and most[0].isdigit():
-        free = min(free, float(most[0]) - float(used[0]))
-    return free
-
-
-def _lines(path: str) -> list[str]:
-    try:
-        return Path(path).read_text().splitlines()
-    except OSError:
-        return []

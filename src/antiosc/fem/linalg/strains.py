@@ -20,7 +20,8 @@ from petsc4py import PETSc
 
 from antiosc._types import Array
 from antiosc.errors import AccuracyError, NotConvergedError
-from antiosc.fem.linalg.solvers import PRODUCT, Solver, multiply
+from antiosc.fem.linalg.petsc_algebra import PRODUCT, multiply
+from antiosc.fem.linalg.solver import Solver
 
 #: Error of a solve in the energy norm at which it ends, relative; of a compliance it is the square.
 ENERGY = 1e-11

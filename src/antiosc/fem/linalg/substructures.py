@@ -23,7 +23,7 @@ from scipy.sparse.csgraph import breadth_first_order, maximum_bipartite_matching
 from antiosc._types import Array, IntArray
 from antiosc.errors import NotConvergedError
 from antiosc.fem.linalg.cholmod import Cholesky, NotPositiveDefiniteError
-from antiosc.fem.linalg.solvers import SINGULAR, Factorization
+from antiosc.fem.linalg.solver import SINGULAR, Factorization
 from antiosc.fem.mpi import agree, on_root
 
 

@@ -13,7 +13,7 @@ from antiosc.checks import array, coordinates, positive
 from antiosc.errors import InputError
 from antiosc.fem.mesh.closest_point import closest_many
 from antiosc.fem.mesh.surface import Faces
-from antiosc.fem.site.site import ON_STRUCTURE
+from antiosc.fem.site.at_points import ON_STRUCTURE
 from antiosc.fem.site.sites import Sites, located, tell
 from antiosc.fem.structure.meshed import MeshedStructure
 

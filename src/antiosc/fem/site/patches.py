@@ -15,6 +15,7 @@ import scipy.sparse
 
 from antiosc._types import Array, IntArray
 from antiosc.fem import compat
+from antiosc.fem.linalg import algebra
 from antiosc.fem.mesh.surface import Contact, Faces
 from antiosc.fem.structure.meshed import MeshedStructure
 
@@ -163,13 +164,13 @@ def _columns(
     count: int,
 ) -> scipy.sparse.csr_matrix:
     """The sparse matrix of entries at dofs of this rank, ghosts included, sent to their owners."""
-    size = structure.K.getLocalSize()[0]
+    size = algebra.rows(structure.K)
     row = np.concatenate([np.zeros(0, dtype=np.int32), *rows]).astype(np.int64)
     site = np.concatenate([np.zeros(0, dtype=int), *sites])
     value = np.concatenate([np.zeros(0), *values])
     ghost = row >= size
     sent = (compat.global_dofs(structure.form.space, row[ghost]), site[ghost], value[ghost])
-    first = structure.K.getOwnershipRange()[0]
+    first = algebra.row_range(structure.K)[0]
     entries = [(row[~ghost], site[~ghost], value[~ghost])]
     for number, at, what in structure.comm.allgather(sent):
         mine = (number >= first) & (number < first + size)

@@ -22,7 +22,7 @@ from antiosc.errors import InputError
 from antiosc.fem import compat
 from antiosc.fem.elements.beam import Beam, on_lines
 from antiosc.fem.elements.weak_form import WeakForm
-from antiosc.fem.linalg.solvers import multiply
+from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.mesh.closest_point import ClosestPoint, closest
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.mpi import agree

@@ -15,7 +15,7 @@ from antiosc.fem.elements.plate_section import Layer
 from antiosc.fem.elements.shell import Laminate, Shell
 from antiosc.fem.elements.solid import Solid
 from antiosc.fem.elements.weak_form import Family
-from antiosc.fem.linalg.solver_choice import Choice
+from antiosc.fem.linalg.solver import Choice
 from antiosc.fem.mesh.mesh import distributed, flattened
 from antiosc.fem.mesh.soundness import sound
 from antiosc.fem.mpi import collective, on_root, warn

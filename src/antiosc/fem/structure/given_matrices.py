@@ -9,18 +9,27 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from numbers import Complex, Real
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 import scipy.sparse
-from mpi4py import MPI
-from petsc4py import PETSc
 
+from antiosc import fem
 from antiosc._types import Array, BoolArray, IntArray
 from antiosc.checks import LARGEST
 from antiosc.errors import InputError
-from antiosc.fem.linalg.solvers import PRODUCT, dot, multiply, norm
-from antiosc.fem.mpi import agree
+from antiosc.fem.fingerprint import of_petsc
+from antiosc.fem.linalg import algebra
+from antiosc.fem.linalg.algebra import communicator, dot, multiply, norm
+from antiosc.fem.mpi import agree, alike
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+    from petsc4py import PETSc
+
+#: Of the algebra: "auto" is PETSc where it is installed.
+Backend = Literal["auto", "petsc", "scipy"]
+BACKENDS = get_args(Backend)
 
 #: Difference of mirrored entries over √(a_ii a_jj) that is still rounding of the code they are of.
 SYMMETRIC = 1e-9
@@ -38,39 +47,51 @@ NEGATIVE, NEGATIVE_STEPS = 1e-8, 30
 # -- one matrix
 
 
+def copied(name: str, matrix: Any, backend: Backend) -> Any:
+    """A square, finite matrix of the back-end from a SciPy sparse, dense or PETSc one, a copy."""
+    given = of_petsc(matrix)
+    if backend == "petsc" or (backend == "auto" and (given or fem.missing is None)):
+        copy = as_petsc(name, matrix)
+    else:
+        copy = _of_petsc(name, matrix) if given else _of_arrays(name, matrix)
+        _check_square(name, copy.shape)
+        _check_values(name, copy.data)
+    return copy
+
+
 def as_petsc(name: str, matrix: Any) -> PETSc.Mat:
     """A square, finite PETSc matrix of a SciPy sparse, dense or PETSc one, always a copy."""
-    copy = _of_petsc(name, matrix) if isinstance(matrix, PETSc.Mat) else _of_arrays(name, matrix)
-    rows, columns = copy.getSize()
-    if rows != columns or not rows:
-        raise InputError(f"{name} must be square; got {rows} rows and {columns} columns.")
-    comm: MPI.Comm = copy.getComm().tompi4py()
+    with fem.stack():
+        from antiosc.fem.linalg import petsc_algebra
+    if of_petsc(matrix):
+        copy = petsc_algebra.copied(name, matrix)
+    else:
+        copy = petsc_algebra.from_csr(name, _of_arrays(name, matrix))
+    _check_square(name, copy.getSize())
+    error = None
     try:
-        _check_values(name, copy.getValuesCSR()[2])
-        error = None
+        _check_values(name, algebra.entries(copy)[2])
     except InputError as caught:
         error = caught
-    agree(comm, error)
+    agree(communicator(copy), error)
     return copy
 
 
-def _of_petsc(name: str, matrix: PETSc.Mat) -> PETSc.Mat:
-    if not matrix:
-        raise InputError(f"{name} is an empty PETSc matrix, or one that was destroyed.")
-    if not matrix.assembled:
-        raise InputError(f"{name} is not assembled: call {name}.assemble() first.")
-    try:
-        copy = matrix.convert(PETSc.Mat.Type.AIJ, PETSc.Mat())
-    except PETSc.Error as error:
-        raise InputError(
-            f"{name} is a PETSc matrix of type {matrix.getType()}, whose entries are not "
-            "accessible: give one of type aij."
-        ) from error
-    copy.setAttr(PRODUCT, matrix.getAttr(PRODUCT))
-    return copy
+def _of_petsc(name: str, matrix: PETSc.Mat) -> scipy.sparse.csr_matrix:
+    from antiosc.fem.linalg import petsc_algebra
+
+    copy = petsc_algebra.copied(name, matrix)
+    if communicator(copy).size > 1:
+        raise InputError(f"{name} is spread over MPI ranks: SciPy's back-end works on one rank.")
+    return petsc_algebra.csr(copy)
 
 
-def _of_arrays(name: str, matrix: Any) -> PETSc.Mat:
+def _check_square(name: str, shape: tuple[int, int]) -> None:
+    if shape[0] != shape[1] or not shape[0]:
+        raise InputError(f"{name} must be square; got {shape[0]} rows and {shape[1]} columns.")
+
+
+def _of_arrays(name: str, matrix: Any) -> scipy.sparse.csr_matrix:
     sparse = scipy.sparse.issparse(matrix)
     try:
         entries: Any = matrix if sparse else np.asarray(matrix)
@@ -88,14 +109,9 @@ def _of_arrays(name: str, matrix: Any) -> PETSc.Mat:
         entries = _real(name, entries.tocsr() if sparse else entries)
     with np.errstate(over="ignore"):  # a long double above 1e308 becomes inf, refused later
         own = scipy.sparse.csr_matrix(entries, dtype=float, copy=True)  # it is sorted in place
-    if max(own.shape[0], own.nnz) > np.iinfo(PETSc.IntType).max:
-        raise InputError(f"{name} has {own.nnz} entries, more than this PETSc's integers count.")
     own.sum_duplicates()
     own.sort_indices()
-    arrays = (own.indptr.astype(PETSc.IntType), own.indices.astype(PETSc.IntType), own.data)
-    result = PETSc.Mat().createAIJ(own.shape, csr=arrays, comm=PETSc.COMM_SELF)
-    result.assemble()
-    return result
+    return own
 
 
 def _real(name: str, entries: Any) -> Any:
@@ -140,10 +156,10 @@ class _Entries:
     noise: float
 
 
-def supported(K: PETSc.Mat, M: PETSc.Mat) -> IntArray:
+def supported(K: Any, M: Any) -> tuple[Any, Any, IntArray]:
     """Check K and M, and turn penalties into supports: rows and columns zero, 1 on K's diagonal.
 
-    Returns the dofs of this rank that are fixed by penalties.
+    Returns both, and the dofs of this rank that are fixed by penalties.
 
     Raises
     ------
@@ -151,11 +167,12 @@ def supported(K: PETSc.Mat, M: PETSc.Mat) -> IntArray:
         Matrices that are not a stiffness and a mass matrix, and penalties that couple dofs and hide
         their stiffness by rounding.
     """
-    if K.getSize() != M.getSize():
-        raise InputError(f"K and M must be of one size; got {K.getSize()} and {M.getSize()}.")
-    comm: MPI.Comm = K.getComm().tompi4py()
-    alike = MPI.Comm.Compare(comm, M.getComm().tompi4py()) in (MPI.IDENT, MPI.CONGRUENT)
-    if not alike or not comm.allreduce(K.getOwnershipRange() == M.getOwnershipRange(), MPI.LAND):
+    sizes = [(algebra.size(matrix),) * 2 for matrix in (K, M)]
+    if sizes[0] != sizes[1]:
+        raise InputError(f"K and M must be of one size; got {sizes[0]} and {sizes[1]}.")
+    comm = communicator(K)
+    same = alike(comm, communicator(M))
+    if not same or not all(comm.allgather(algebra.row_range(K) == algebra.row_range(M))):
         raise InputError("K and M must have the same distribution over the MPI ranks.")
     of_K, of_M = (_checked(name, matrix) for name, matrix in (("K", K), ("M", M)))
     empty = np.flatnonzero((of_K.diagonal == 0) & (of_M.diagonal == 0))
@@ -173,21 +190,18 @@ def supported(K: PETSc.Mat, M: PETSc.Mat) -> IntArray:
             "K has none there: apply supports to K."
         )
     _check_couplings(comm, of_K, constrained)
-    if len(constrained):
-        K.setAttr(PRODUCT, None)
-    first, last = K.getOwnershipRange()
+    first, last = algebra.row_range(K)
     own = constrained[(constrained >= first) & (constrained < last)]
     if len(constrained):
-        K.zeroRowsColumns(own.astype(PETSc.IntType), diag=1.0)
-        M.zeroRowsColumns(own.astype(PETSc.IntType), diag=0.0)
-    return own - first
+        K, M = algebra.hold(K, own, 1.0), algebra.hold(M, own, 0.0)
+    return K, M, own - first
 
 
-def _checked(name: str, matrix: PETSc.Mat) -> _Entries:
+def _checked(name: str, matrix: Any) -> _Entries:
     """The entries of a matrix, checked for signs of asymmetry and indefiniteness."""
-    comm: MPI.Comm = matrix.getComm().tompi4py()
-    diagonal = np.concatenate(comm.allgather(np.array(matrix.getDiagonal().array_r)))
-    if not diagonal.any() and matrix.norm() == 0:
+    comm = communicator(matrix)
+    diagonal = np.concatenate(comm.allgather(algebra.diagonal(matrix)))
+    if not diagonal.any() and not any(comm.allgather(algebra.entries(matrix)[2].any())):
         raise InputError(f"{name} is zero: a structure needs stiffness and mass.")
     typical = np.median(np.abs(diagonal[diagonal != 0])) if diagonal.any() else 0.0
     least = int(np.argmin(diagonal))
@@ -196,28 +210,25 @@ def _checked(name: str, matrix: PETSc.Mat) -> _Entries:
             f"{name} must be positive semidefinite; its diagonal has {diagonal[least]:g} in row "
             f"{least}."
         )
-    # PETSc's own isSymmetric rejects a rounding error whose mirror entry is not stored.
-    skew = matrix.copy()
-    skew.transpose()
-    skew.axpy(-1.0, matrix, structure=PETSc.Mat.Structure.UNKNOWN_NONZERO_PATTERN)
-    apart, entries = (_entries(one, diagonal, ENTRY_ROUNDING * typical) for one in (skew, matrix))
+    noise = ENTRY_ROUNDING * typical
+    apart, found = (_entries(one, diagonal, noise) for one in (algebra.skew(matrix), matrix))
     _forbid(
         comm, apart, np.abs(apart.value) > SYMMETRIC * apart.scale + apart.noise,
         f"{name} must be symmetric (to {SYMMETRIC:g} of √(a_ii a_jj)); its entries ({{0}}, {{1}}) "
         "and ({1}, {0}) differ by {2:g}.",
     )  # fmt: skip
     _forbid(
-        comm, entries,
-        np.abs(entries.value) > (1 + SYMMETRIC) * entries.scale + entries.noise,
+        comm, found,
+        np.abs(found.value) > (1 + SYMMETRIC) * found.scale + found.noise,
         f"{name} must be positive semidefinite; its entry ({{0}}, {{1}}) = {{2:g}} exceeds "
         "√(a_ii a_jj) = {3:g}.",
     )  # fmt: skip
-    return entries
+    return found
 
 
-def _entries(matrix: PETSc.Mat, diagonal: Array, noise: float) -> _Entries:
-    pointers, column, value = matrix.getValuesCSR()
-    row = matrix.getOwnershipRange()[0] + np.repeat(np.arange(len(pointers) - 1), np.diff(pointers))
+def _entries(matrix: Any, diagonal: Array, noise: float) -> _Entries:
+    pointers, column, value = algebra.entries(matrix)
+    row = algebra.row_range(matrix)[0] + np.repeat(np.arange(len(pointers) - 1), np.diff(pointers))
     off = (row != column) & (value != 0)
     row, column, value = row[off], column[off], value[off]
     roots = np.sqrt(np.maximum(diagonal, 0.0))
@@ -262,7 +273,7 @@ def _check_couplings(comm: MPI.Comm, entries: _Entries, constrained: IntArray) -
     large &= ~np.isin(entries.row, constrained) & ~np.isin(entries.column, constrained)
     small = np.zeros(len(entries.diagonal))
     np.maximum.at(small, entries.row[~large], np.abs(entries.value[~large]))
-    comm.Allreduce(MPI.IN_PLACE, small, MPI.MAX)
+    small = np.max(comm.allgather(small), axis=0)
     beside = np.maximum(small[entries.row], small[entries.column])
     _forbid(
         comm, entries, large & (DROWNS * beside < np.abs(entries.value)),
@@ -271,9 +282,9 @@ def _check_couplings(comm: MPI.Comm, entries: _Entries, constrained: IntArray) -
     )  # fmt: skip
 
 
-def _check_definite(comm: MPI.Comm, M: PETSc.Mat, diagonal: Array) -> None:
+def _check_definite(comm: MPI.Comm, M: Any, diagonal: Array) -> None:
     """Refuse a mass matrix with negative eigenvalues that a few Lanczos steps find."""
-    first, last = M.getOwnershipRange()
+    first, last = algebra.row_range(M)
     weights = np.zeros(last - first)
     own = diagonal[first:last]
     weights[own > 0] = 1 / np.sqrt(own[own > 0])

@@ -1,23 +1,23 @@
-"""`MeshedStructure`: a structure with the mesh and the weak form that its matrices come from."""
+"""`MeshedStructure`: K and M of a structure with the mesh and the weak form that they come from."""
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from antiosc._types import Array, IntArray
+from antiosc._types import Array, Box, IntArray
 from antiosc.checks import array, shown, whole
 from antiosc.errors import InputError
 from antiosc.fem import compat
-from antiosc.fem.elements.weak_form import Box, Family, Kind, Parts, WeakForm, measure
-from antiosc.fem.linalg.solver_choice import Choice, checked_choice
-from antiosc.fem.linalg.solvers import dot, multiply
+from antiosc.fem.elements.weak_form import Family, Kind, Parts, WeakForm, measure
+from antiosc.fem.linalg.algebra import dot, multiply
+from antiosc.fem.linalg.solver import Choice, checked_choice
 from antiosc.fem.linalg.strains import attach
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.mesh.units import tell_of_units
@@ -25,13 +25,14 @@ from antiosc.fem.mpi import bounds, warn
 from antiosc.fem.structure import remaining_motions, rigid_body_modes
 from antiosc.fem.structure.attachments import Matrices, PointMass, Spring, add_at_points, add_beams
 from antiosc.fem.structure.materials import divided, parts_of
-from antiosc.fem.structure.structure import Structure
+from antiosc.fem.structure.matrices import StructureMatrices
 from antiosc.fem.structure.support import NO_DOFS, Support, fixed_dofs
 from antiosc.models.motion import Inertia
 
 
-class MeshedStructure(Structure):
-    """K and M of a mesh.
+@dataclass(eq=False)
+class MeshedStructure(StructureMatrices):
+    """K and M of a mesh, and the mesh.
 
     Attributes
     ----------
@@ -39,14 +40,18 @@ class MeshedStructure(Structure):
     form : WeakForm
         That was assembled on it.
     parts : sequence of (material, cells of this rank)
+    total_mass : kg
+    attached_inertia : M e for unit accelerations e along x, y, z, of the attachments alone (rows of
+        this rank, 3).
     """
 
-    mesh: Mesh
-    form: WeakForm
-    parts: Parts
-    _mass: float
-    #: M e for unit accelerations e along x, y, z, of the attachments alone (rows of this rank, 3)
-    _attached_inertia: Array
+    mesh: Mesh = field(kw_only=True)
+    form: WeakForm = field(kw_only=True)
+    parts: Parts = field(kw_only=True)
+    total_mass: float = field(kw_only=True)
+    attached_inertia: Array = field(kw_only=True)
+
+    meshed: ClassVar[bool] = True
 
     @property
     def comm(self) -> MPI.Comm:
@@ -63,13 +68,15 @@ class MeshedStructure(Structure):
         material: Family = self.parts[0][0]
         return material
 
-    def _rigid_motions(self) -> Array:
+    @property
+    def rigid_motions(self) -> Array:
+        """Rigid-body motions of the unsupported body (rows of this rank, r)."""
         return rigid_body_modes.motions(self.form, self.K)
 
     @property
     def mass(self) -> float:
         """Total mass in kg."""
-        return self._mass
+        return self.total_mass
 
     @property
     def dimensions(self) -> Box:
@@ -89,7 +96,7 @@ class MeshedStructure(Structure):
         along = compat.constant(self.mesh.dolfinx, direction)
         load = self.form.momentum(along) * measure(self.mesh, 5)
         own = compat.assemble_functional(load, self.form.space)
-        return np.asarray(own[: len(self._attached_inertia)] + self._attached_inertia @ direction)
+        return np.asarray(own[: len(self.attached_inertia)] + self.attached_inertia @ direction)
 
     @cached_property
     def rigid_inertia(self) -> tuple[Inertia, Array] | None:
@@ -120,23 +127,13 @@ class MeshedStructure(Structure):
             part[cells] = number
         return part
 
-    def describe(self) -> str:
+    def describe(self, dofs: int) -> str:
         """One line: what was modelled and with how many dofs."""
         family = " and ".join(sorted({type(material).__name__ for material, _ in self.parts}))
         return (
             f"{self.mesh.name}: {self.mesh.n_cells} {self.mesh.cell} cells, {family}, "
-            f"{self.dofs} dofs, {self.rigid_modes.shape[1]} rigid-body modes"
+            f"{dofs} dofs, {self.rigid_modes.shape[1]} rigid-body modes"
         )
-
-
-def on_mesh(
-    structure: Structure,
-    otherwise: str = "matrices have no mesh: build the Structure from a mesh for this.",
-) -> MeshedStructure:
-    """`structure`, which must have a mesh; InputError that says `otherwise` for matrices."""
-    if not isinstance(structure, MeshedStructure):
-        raise InputError(otherwise)
-    return structure
 
 
 def assembled(
@@ -154,50 +151,55 @@ def assembled(
     order = whole("order", order)
     if order not in (1, 2):
         raise InputError(f"order must be 1 or 2; got {order}.")
-    started = time.perf_counter()
-    self = object.__new__(MeshedStructure)
-    self._solver = checked_choice(solver)
-    self.mesh = mesh
+    checked_choice(solver)
     cells, beams = divided(mesh, material)
-    self.parts = parts_of(mesh, cells)
+    parts = parts_of(mesh, cells)
     stiffeners = [beam for _, beam, _ in beams]
-    tell_of_units(mesh.extent(), [*(one for one, _ in self.parts), *stiffeners])
-    self.form = form = self.parts[0][0].weak_form(mesh, self.parts, order)
-    fixed = fixed_dofs(mesh, form, supports)
-    self.K = compat.assemble(form.stiffness, form.space, fixed, 1.0)
-    self.M = compat.assemble(form.mass, form.space, fixed, 0.0)
-    self.fixed = np.unique(np.concatenate([NO_DOFS, *fixed.values()]))
-    owned = self.fixed[self.fixed < compat.local_size(form.space)]
-    self.dofs = self.K.getSize()[0] - self.comm.allreduce(len(owned))
-    if self.dofs == 0:
+    tell_of_units(mesh.extent(), [*(one for one, _ in parts), *stiffeners])
+    form = parts[0][0].weak_form(mesh, parts, order)
+    conditions = fixed_dofs(mesh, form, supports)
+    K = compat.assemble(form.stiffness, form.space, conditions, 1.0)
+    M = compat.assemble(form.mass, form.space, conditions, 0.0)
+    fixed = np.unique(np.concatenate([NO_DOFS, *conditions.values()]))
+    free = compat.local_size(form.space) - int((fixed < compat.local_size(form.space)).sum())
+    if mesh.comm.allreduce(free) == 0:
         raise InputError("the supports fix every dof of the structure: nothing can move.")
-    self._mass = compat.integrate(form.density * measure(mesh, 5), mesh.dolfinx)
+    mass = compat.integrate(form.density * measure(mesh, 5), mesh.dolfinx)
     # What is added to K, apart where K is taken by its strains.
-    rest = self.K if form.strains is None else _zeros_like(self.K)
-    to = Matrices(mesh, form, rest, self.M, self.fixed)
+    rest = K if form.strains is None else _zeros_like(K)
+    to = Matrices(mesh, form, rest, M, fixed)
     added = [add_beams(to, name, beam, edges) for name, beam, edges in beams]
     added += [add_at_points(to, one) for one in _checked(attached)]
     if form.strains is not None:
         strains, degree = form.strains
-        S = compat.strain_matrix(strains, degree, form.space, fixed)
-        _take_by_strains(self.K, S, rest, self.fixed)
-    self._mass += sum(one.mass for one in added)
-    self._attached_inertia = sum(
-        (one.inertia for one in added), np.zeros((self.K.getLocalSize()[0], 3))
+        S = compat.strain_matrix(strains, degree, form.space, conditions)
+        _take_by_strains(K, S, rest, fixed)
+    mass += sum(one.mass for one in added)
+    attached_inertia = sum(
+        (one.inertia for one in added), np.zeros((compat.local_size(form.space), 3))
     )
-    springs = np.column_stack([self._attached_inertia[:, :0], *(one.springs for one in added)])
-    self.rigid_modes, self._first_shift = rigid_body_modes.of_mesh(
-        form, self.fixed, self.K, self.M, springs
-    )
-    if fixed and self.rigid_modes.shape[1]:
-        motions = remaining_motions.described(mesh, form, self.rigid_modes)
+    springs = np.column_stack([attached_inertia[:, :0], *(one.springs for one in added)])
+    modes, shift = rigid_body_modes.of_mesh(form, fixed, K, M, springs)
+    if conditions and modes.shape[1]:
+        motions = remaining_motions.described(mesh, form, modes)
         warn(
             mesh.comm,
             f"the supports leave the structure free to move as a rigid body: {motions}; hold "
             "that too if it is not meant.",
         )
-    self.seconds = {"assembly": time.perf_counter() - started}
-    return self
+    return MeshedStructure(
+        K,
+        M,
+        fixed,
+        modes,
+        shift,
+        solver,
+        mesh=mesh,
+        form=form,
+        parts=parts,
+        total_mass=mass,
+        attached_inertia=attached_inertia,
+    )
 
 
 def _take_by_strains(K: PETSc.Mat, S: PETSc.Mat, rest: PETSc.Mat, fixed: IntArray) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 
 from antiosc._types import Array
 from antiosc.fem.elements.weak_form import WeakForm
-from antiosc.fem.linalg.solvers import dot
+from antiosc.fem.linalg.algebra import dot
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.mpi import bounds
 from antiosc.fem.structure import rigid_body_modes

@@ -1,36 +1,38 @@
 """`Structure`: K and M with supports, and the one factor of them that every site and mode uses.
 
-A structure of a mesh is a `MeshedStructure`, which has a mesh and a weak form besides; matrices of
-another code are a `Structure` and no more. Extraction reads what both have.
+Its `matrices` are those of a mesh (`antiosc.fem.structure.meshed`), which know their geometry, or
+given ones. Extraction reads what both have.
 """
 
 from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
-import numpy as np
-from mpi4py import MPI
 from numpy.typing import ArrayLike
-from petsc4py import PETSc
 
-from antiosc._types import Array, IntArray
-from antiosc.checks import array
+from antiosc import fem
+from antiosc._types import Array, Box
+from antiosc.checks import array, choice
 from antiosc.errors import InputError
-from antiosc.fem.elements.weak_form import Box, Family
-from antiosc.fem.linalg.solver_choice import Choice, solver_for
-from antiosc.fem.linalg.solvers import Solver, sum_of
-from antiosc.fem.mesh.mesh import Mesh
-from antiosc.fem.mpi import collective
-from antiosc.fem.structure import rigid_body_modes
-from antiosc.fem.structure.attachments import PointMass, Spring
-from antiosc.fem.structure.given_matrices import as_petsc, supported
-from antiosc.fem.structure.support import Support
+from antiosc.fem.linalg import algebra
+from antiosc.fem.linalg.factor import solver_for
+from antiosc.fem.linalg.solver import Choice, Solver
+from antiosc.fem.mpi import ALONE, collective
+from antiosc.fem.structure import null_space
+from antiosc.fem.structure.given_matrices import BACKENDS, Backend, copied, supported
+from antiosc.fem.structure.matrices import StructureMatrices
 from antiosc.models.motion import Inertia
 
 if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from antiosc.fem.elements.weak_form import Family
+    from antiosc.fem.mesh.mesh import Mesh
+    from antiosc.fem.structure.attachments import PointMass, Spring
     from antiosc.fem.structure.meshed import MeshedStructure
+    from antiosc.fem.structure.support import Support
 
 #: Most times that the shift of a free body is brought closer to its first elastic ω².
 CLOSER = 6
@@ -58,7 +60,7 @@ class Structure:
 
     Attributes
     ----------
-    K, M : PETSc.Mat
+    K, M : PETSc.Mat or scipy.sparse.csr_matrix
         Stiffness (N/m) and mass (kg). Fixed dofs keep their rows: 1 on K's diagonal, 0 in M.
     dofs : int
         Dofs that are not fixed, on all ranks.
@@ -70,6 +72,8 @@ class Structure:
         M-orthonormal rigid-body modes that the supports leave.
     shift : float
         s of K + sM, the matrix that `factorize` factors, rad²/s²; 0 without rigid-body modes.
+    matrices : StructureMatrices
+        K and M with what is known of their dofs.
     seconds : dict
         What assembly and factorization (its forecast of memory included) took.
 
@@ -80,21 +84,14 @@ class Structure:
         that do not fit.
     """
 
-    K: PETSc.Mat
-    M: PETSc.Mat
-    dofs: int
-    fixed: IntArray
-    rigid_modes: Array
+    matrices: StructureMatrices
     seconds: dict[str, float]
-    #: the first estimate of the shift, which `factorize` brings closer
-    _first_shift: float
-    _solver: Choice = "auto"
     #: (the solver of K + shift·M, shift) once it is made
     _factored: tuple[Solver, float] | None = None
 
     @collective()
-    def __new__(
-        cls,
+    def __init__(
+        self,
         mesh: Mesh,
         material: Family | Mapping[str, Family],
         supports: Sequence[Support] = (),
@@ -102,15 +99,24 @@ class Structure:
         order: int = 2,
         attached: Sequence[PointMass | Spring] = (),
         solver: Choice = "auto",
-    ) -> MeshedStructure:
+    ) -> None:
         """Assemble the structure of a mesh."""
-        from antiosc.fem.structure.meshed import assembled  # which builds on this class
-
-        return assembled(mesh, material, supports, order=order, attached=attached, solver=solver)
+        started = time.perf_counter()
+        with fem.stack():
+            from antiosc.fem.structure.meshed import assembled
+        options: dict[str, Any] = {"order": order, "attached": attached, "solver": solver}
+        self._hold(assembled(mesh, material, supports, **options), started)
 
     @classmethod
-    @collective(MPI.COMM_SELF, rigid_modes=lambda _: "rows of one rank")
-    def from_matrices(cls, K: Any, M: Any, *, rigid_modes: ArrayLike | None = None) -> Structure:
+    @collective(ALONE, rigid_modes=lambda _: "rows of one rank")
+    def from_matrices(
+        cls,
+        K: Any,
+        M: Any,
+        *,
+        rigid_modes: ArrayLike | None = None,
+        backend: Backend = "auto",
+    ) -> Structure:
         """A structure from the matrices of any finite-element code, supports already applied.
 
         Parameters
@@ -120,23 +126,46 @@ class Structure:
             times the rest of their rows or more, become supports.
         rigid_modes : array_like (n, r), optional
             A basis of K's null space; found by itself where K is singular.
+        backend : "auto", "petsc" or "scipy"
+            Library of the linear algebra. "auto" is PETSc where the finite-element packages are
+            installed; "scipy" needs NumPy and SciPy alone, on one rank: SuperLU, or CHOLMOD where
+            scikit-sparse is installed.
         """
         started = time.perf_counter()
-        self = object.__new__(Structure)
-        self.K, self.M = as_petsc("K", K), as_petsc("M", M)
-        self.fixed = supported(self.K, self.M)
-        self.dofs = self.K.getSize()[0] - self.comm.allreduce(len(self.fixed))
+        choice("backend", backend, BACKENDS)
+        stiffness, mass = (copied(name, one, backend) for name, one in (("K", K), ("M", M)))
+        stiffness, mass, fixed = supported(stiffness, mass)
         given = None
         if rigid_modes is not None:
-            given = array("rigid_modes", rigid_modes, (self.K.getLocalSize()[0], None))
-        self.rigid_modes, self._first_shift = rigid_body_modes.of_matrices(self.K, self.M, given)
-        self.seconds = {"assembly": time.perf_counter() - started}
+            given = array("rigid_modes", rigid_modes, (algebra.rows(stiffness), None))
+        modes, shift = null_space.of_matrices(stiffness, mass, given)
+        self = object.__new__(Structure)
+        self._hold(StructureMatrices(stiffness, mass, fixed, modes, shift), started)
         return self
+
+    def _hold(self, matrices: StructureMatrices, started: float) -> None:
+        """Set the attributes of a structure whose assembly began at `started`."""
+        self.matrices = matrices
+        self.K, self.M = matrices.K, matrices.M
+        self.fixed, self.rigid_modes = matrices.fixed, matrices.rigid_modes
+        owned = int((self.fixed < self.rows).sum())
+        self.dofs = self.size - self.comm.allreduce(owned)
+        self.seconds = {"assembly": time.perf_counter() - started}
 
     @property
     def comm(self) -> MPI.Comm:
-        """The MPI communicator that shares the matrices."""
-        return self.K.getComm().tompi4py()
+        """The MPI communicator that shares the matrices; a stand-in for SciPy's."""
+        return algebra.communicator(self.K)
+
+    @property
+    def rows(self) -> int:
+        """Rows of this rank, those of fixed dofs included."""
+        return algebra.rows(self.K)
+
+    @property
+    def size(self) -> int:
+        """Rows of all ranks, those of fixed dofs included."""
+        return algebra.size(self.K)
 
     def factorize(self) -> Solver:
         """The one solver of K + shift·M that every site and every mode of this structure uses.
@@ -145,11 +174,11 @@ class Structure:
         """
         if self._factored is None:
             started = time.perf_counter()
-            shift = self._first_shift
+            shift = self.matrices.first_shift
             factor = self._solver_of(shift)
             for _ in range(CLOSER if self.rigid_modes.shape[1] else 0):
-                better = rigid_body_modes.closer_shift(factor, self.K, self.M, self.rigid_modes)
-                if better >= rigid_body_modes.FAR * shift:
+                better = null_space.closer_shift(factor, self.K, self.M, self.rigid_modes)
+                if better >= null_space.FAR * shift:
                     break
                 shift = better
                 factor = self._solver_of(shift)
@@ -167,23 +196,15 @@ class Structure:
         return self._factored[1]
 
     def _solver_of(self, shift: float) -> Solver:
-        return solver_for(sum_of(self.K, shift, self.M), self._solver, self._rigid_motions)
+        A = algebra.sum_of(self.K, shift, self.M)
+        return solver_for(A, self.matrices.solver, lambda: self.matrices.rigid_motions)
 
-    def _rigid_motions(self) -> Array:
-        """Rigid-body motions of the unsupported body (rows of this rank, r), where they are known.
-
-        The multigrid starts from them.
-        """
-        return np.zeros((self.K.getLocalSize()[0], 0))
-
-    # -- what matrices alone do not tell
+    # -- what the matrices know of their dofs
 
     @property
     def mass(self) -> float:
         """Total mass in kg."""
-        raise InputError(
-            "the total mass is not known from matrices alone; build the Structure from a mesh."
-        )
+        return self.matrices.mass
 
     @property
     def dimensions(self) -> Box:
@@ -192,19 +213,18 @@ class Structure:
         Of the box along the axes around it; a shell's thickness is its least, a beam's width and
         thickness are those of the rectangle with its section's A and I.
         """
-        raise InputError("matrices have no dimensions: give length, width and thickness.")
+        return self.matrices.dimensions
 
     def constants(self) -> tuple[float, float, float]:
         """(E [Pa], nu, rho [kg/m³]) of the first material; InputError for one with directions."""
-        raise InputError("matrices have no material: give E, nu and rho.")
+        return self.matrices.constants()
 
     def uniform_inertia(self, direction: Array) -> Array | None:
         """Me on the rows of this rank for e, a unit uniform motion along `direction` (3,).
 
         None for matrices, which do not tell where e points.
         """
-        array("direction", direction, (3,))
-        return None
+        return self.matrices.uniform_inertia(direction)
 
     @property
     def rigid_inertia(self) -> tuple[Inertia, Array] | None:
@@ -213,8 +233,27 @@ class Structure:
         With them any shape's momentum is its product with M r. None for matrices, which have no
         coordinates, and where no rigid-body mode is left.
         """
-        return None
+        return self.matrices.rigid_inertia
 
     def describe(self) -> str:
         """One line: what was modelled and with how many dofs."""
-        return f"given matrices, {self.dofs} dofs"
+        return self.matrices.describe(self.dofs)
+
+    def __getattr__(self, name: str) -> Any:
+        """What the matrices know besides: those of a mesh have `mesh`, `form` and `parts`."""
+        if name == "matrices" or name.startswith("__"):
+            raise AttributeError(name)
+        try:
+            return getattr(self.matrices, name)
+        except AttributeError as error:
+            raise AttributeError(f"the structure has no {name!r}: {error}") from None
+
+
+def on_mesh(
+    structure: Structure,
+    otherwise: str = "matrices have no mesh: build the Structure from a mesh for this.",
+) -> MeshedStructure:
+    """The matrices of `structure` with their mesh; InputError that says `otherwise` without one."""
+    if not structure.matrices.meshed:
+        raise InputError(otherwise)
+    return cast("MeshedStructure", structure.matrices)

@@ -1,0 +1,114 @@
+"""What extraction needs of matrices and vectors, with two back-ends: PETSc, and SciPy alone.
+
+Vectors are NumPy arrays of the rows this rank owns, blocks of vectors are (rows, columns); inner
+products sum over the ranks. Matrices are PETSc's, whose rows are spread over the ranks, or SciPy's,
+which one process holds: each function here passes them on to `petsc_algebra` or `scipy_algebra`.
+"""
+
+from __future__ import annotations
+
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import scipy.sparse
+
+from antiosc._types import Array, IntArray
+from antiosc.fem.linalg import scipy_algebra
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+
+def dot(comm: MPI.Comm, x: Array, y: Array) -> Any:
+    """xᵀy over all ranks; x and y are vectors or blocks of vectors."""
+    return comm.allreduce(x.T @ y)
+
+
+def norm(comm: MPI.Comm, x: Array) -> float:
+    """Euclidean norm over all ranks."""
+    return float(np.sqrt(dot(comm, x, x)))
+
+
+def by_scipy(matrix: Any) -> bool:
+    """Whether the matrix is SciPy's."""
+    return bool(scipy.sparse.issparse(matrix))
+
+
+def _backend(matrix: Any) -> ModuleType:
+    if by_scipy(matrix):
+        return scipy_algebra
+    from antiosc.fem.linalg import petsc_algebra  # needs PETSc
+
+    return petsc_algebra
+
+
+def communicator(matrix: Any) -> MPI.Comm:
+    """The communicator that shares the matrix."""
+    return _backend(matrix).communicator(matrix)
+
+
+def size(matrix: Any) -> int:
+    """Number of rows on all ranks."""
+    return int(_backend(matrix).size(matrix))
+
+
+def row_range(matrix: Any) -> tuple[int, int]:
+    """First row of this rank, and the one after its last."""
+    first, last = _backend(matrix).row_range(matrix)
+    return first, last
+
+
+def rows(matrix: Any) -> int:
+    """Number of rows of this rank."""
+    first, last = row_range(matrix)
+    return last - first
+
+
+def diagonal(matrix: Any) -> Array:
+    """The diagonal on the rows of this rank."""
+    return np.asarray(_backend(matrix).diagonal(matrix))
+
+
+def entries(matrix: Any) -> tuple[IntArray, IntArray, Array]:
+    """The rows of this rank as CSR arrays: pointers, global columns, values."""
+    pointers, columns, values = _backend(matrix).entries(matrix)
+    return pointers, columns, values
+
+
+def multiply(matrix: Any, x: Array) -> Array:
+    """matrix · x for a vector or a block of vectors."""
+    return np.asarray(_backend(matrix).multiply(matrix, x))
+
+
+def by_strains(matrix: Any) -> bool:
+    """Whether products with the matrix are taken by its strains (`antiosc.fem.linalg.strains`)."""
+    return bool(_backend(matrix).by_strains(matrix))
+
+
+def sum_of(K: Any, shift: float, M: Any) -> Any:
+    """K + shift·M; K itself where the shift is zero."""
+    return _backend(K).sum_of(K, shift, M)
+
+
+def skew(matrix: Any) -> Any:
+    """matrixᵀ - matrix."""
+    return _backend(matrix).skew(matrix)
+
+
+def hold(matrix: Any, rows: IntArray, value: float) -> Any:
+    """The matrix with these rows and columns zero and `value` on the diagonal.
+
+    `rows` are global numbers of rows of this rank. A PETSc matrix is changed in place.
+    """
+    return _backend(matrix).hold(matrix, rows, value)
+
+
+def gathered(matrix: Any, root: int) -> scipy.sparse.csr_matrix | None:
+    """The whole matrix as a SciPy matrix on rank `root`; None elsewhere."""
+    return _backend(matrix).gathered(matrix, root)
+
+
+def declare_definite(matrix: Any) -> None:
+    """Tell the back-end that the matrix is symmetric and positive definite."""
+    _backend(matrix).declare_definite(matrix)

@@ -1,0 +1,182 @@
+"""The algebra of `antiosc.fem.linalg.algebra` on PETSc matrices, with rows spread over ranks."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import scipy.sparse
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from antiosc._types import Array, IntArray
+from antiosc.errors import InputError
+
+#: Vectors from which a product of matrices is faster than one by one.
+BLOCK_PRODUCT_FROM = 4
+#: PETSc attribute of a matrix: a product that is more accurate than its entries give (callable).
+PRODUCT = "antiosc_product"
+
+
+def from_csr(name: str, own: scipy.sparse.csr_matrix) -> PETSc.Mat:
+    """A PETSc matrix on one rank of a SciPy matrix with sorted entries."""
+    if max(own.shape[0], own.nnz) > np.iinfo(PETSc.IntType).max:
+        raise InputError(f"{name} has {own.nnz} entries, more than this PETSc's integers count.")
+    arrays = (own.indptr.astype(PETSc.IntType), own.indices.astype(PETSc.IntType), own.data)
+    result = PETSc.Mat().createAIJ(own.shape, csr=arrays, comm=PETSc.COMM_SELF)
+    result.assemble()
+    return result
+
+
+def copied(name: str, matrix: PETSc.Mat) -> PETSc.Mat:
+    """A copy of a PETSc matrix of any type whose entries are accessible."""
+    if not matrix:
+        raise InputError(f"{name} is an empty PETSc matrix, or one that was destroyed.")
+    if not matrix.assembled:
+        raise InputError(f"{name} is not assembled: call {name}.assemble() first.")
+    try:
+        copy = matrix.convert(PETSc.Mat.Type.AIJ, PETSc.Mat())
+    except PETSc.Error as error:
+        raise InputError(
+            f"{name} is a PETSc matrix of type {matrix.getType()}, whose entries are not "
+            "accessible: give one of type aij."
+        ) from error
+    copy.setAttr(PRODUCT, matrix.getAttr(PRODUCT))
+    return copy
+
+
+def communicator(matrix: PETSc.Mat) -> MPI.Comm:
+    """The communicator that shares the matrix."""
+    return matrix.getComm().tompi4py()
+
+
+def size(matrix: PETSc.Mat) -> int:
+    """Number of rows on all ranks."""
+    return int(matrix.getSize()[0])
+
+
+def row_range(matrix: PETSc.Mat) -> tuple[int, int]:
+    """First row of this rank, and the one after its last."""
+    first, last = matrix.getOwnershipRange()
+    return int(first), int(last)
+
+
+def diagonal(matrix: PETSc.Mat) -> Array:
+    """The diagonal on the rows of this rank."""
+    return np.array(matrix.getDiagonal().array_r)
+
+
+def entries(matrix: PETSc.Mat) -> tuple[IntArray, IntArray, Array]:
+    """The rows of this rank as CSR arrays: pointers, global columns, values."""
+    pointers, columns, values = matrix.getValuesCSR()
+    return pointers, columns, values
+
+
+def declare_definite(matrix: PETSc.Mat) -> None:
+    """Tell PETSc that the matrix is symmetric and positive definite."""
+    matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+    matrix.setOption(PETSc.Mat.Option.SPD, True)
+
+
+def skew(matrix: PETSc.Mat) -> PETSc.Mat:
+    """matrixᵀ - matrix."""
+    # PETSc's own isSymmetric rejects a rounding error whose mirror entry is not stored.
+    result = matrix.copy()
+    result.transpose()
+    result.axpy(-1.0, matrix, structure=PETSc.Mat.Structure.UNKNOWN_NONZERO_PATTERN)
+    return result
+
+
+def hold(matrix: PETSc.Mat, rows: IntArray, value: float) -> PETSc.Mat:
+    """The matrix (changed in place) with these rows and columns zero and `value` on the diagonal.
+
+    `rows` are global numbers of rows of this rank; products are then those of the entries.
+    """
+    matrix.setAttr(PRODUCT, None)
+    matrix.zeroRowsColumns(rows.astype(PETSc.IntType), diag=value)
+    return matrix
+
+
+def multiply(matrix: PETSc.Mat, x: Array) -> Array:
+    """matrix · x for a vector or a block of vectors."""
+    accurate = matrix.getAttr(PRODUCT)
+    if accurate is not None:
+        return np.asarray(accurate(x))
+    if x.ndim == 2 and x.shape[1] >= BLOCK_PRODUCT_FROM:
+        block = dense(matrix, x)
+        product = matrix.matMult(block)
+        result = np.array(product.getDenseArray())
+        product.destroy()
+        block.destroy()
+        return result
+    source, target = matrix.createVecs()
+    result = np.empty((target.getLocalSize(), *x.shape[1:]))
+    columns = x[:, None] if x.ndim == 1 else x
+    out = result[:, None] if x.ndim == 1 else result
+    for k in range(columns.shape[1]):
+        source.setArray(columns[:, k])
+        matrix.mult(source, target)
+        out[:, k] = target.array_r
+    source.destroy()
+    target.destroy()
+    return result
+
+
+def by_strains(matrix: PETSc.Mat) -> bool:
+    """Whether products with the matrix are taken by its strains (`antiosc.fem.linalg.strains`)."""
+    return matrix.getAttr(PRODUCT) is not None
+
+
+def dense(matrix: PETSc.Mat, x: Array) -> PETSc.Mat:
+    """A block of vectors (rows of this rank, k) as a PETSc matrix that `matrix` can meet."""
+    size = ((x.shape[0], matrix.getSize()[1]), (None, x.shape[1]))
+    block = PETSc.Mat().createDense(size, array=np.asfortranarray(x), comm=matrix.getComm())
+    block.setUp()
+    block.assemble()
+    return block
+
+
+def csr(matrix: PETSc.Mat) -> scipy.sparse.csr_matrix:
+    """The matrix of a one-rank communicator as a SciPy matrix."""
+    pointers, indices, values = matrix.getValuesCSR()
+    return scipy.sparse.csr_matrix((values, indices, pointers), shape=matrix.getSize())
+
+
+def lower(A: scipy.sparse.csr_matrix) -> scipy.sparse.csr_matrix:
+    """The lower triangle, the diagonal included; half the memory."""
+    rows = np.repeat(np.arange(A.shape[0], dtype=A.indices.dtype), np.diff(A.indptr))
+    within = A.indices <= rows
+    counts = np.bincount(rows[within], minlength=A.shape[0])
+    pointers = np.append(0, np.cumsum(counts)).astype(A.indptr.dtype)
+    return scipy.sparse.csr_matrix((A.data[within], A.indices[within], pointers), shape=A.shape)
+
+
+def gathered(matrix: PETSc.Mat, root: int) -> scipy.sparse.csr_matrix | None:
+    """The whole of a distributed matrix as a SciPy matrix on rank `root`; None elsewhere."""
+    comm = matrix.getComm().tompi4py()
+    own = [np.ascontiguousarray(part) for part in matrix.getValuesCSR()]
+    own[0] = np.diff(own[0])  # entries of each row
+    parts: list[Any] = []
+    for part in own:
+        counts = comm.gather(len(part), root=root)
+        whole = np.empty(sum(counts), part.dtype) if comm.rank == root else None
+        comm.Gatherv(part, (whole, counts), root=root)
+        parts.append(whole)
+    if comm.rank != root:
+        return None
+    sizes, columns, values = parts
+    return scipy.sparse.csr_matrix(
+        (values, columns, np.concatenate([[0], np.cumsum(sizes)])), shape=matrix.getSize()
+    )
+
+
+def sum_of(K: PETSc.Mat, shift: float, M: PETSc.Mat) -> PETSc.Mat:
+    """K + shift·M; K itself where the shift is zero."""
+    if shift == 0.0:
+        return K
+    A = K.copy()
+    A.axpy(shift, M, structure=PETSc.Mat.Structure.UNKNOWN_NONZERO_PATTERN)
+    accurate = K.getAttr(PRODUCT)
+    if accurate is not None:
+        A.setAttr(PRODUCT, lambda x: accurate(x) + shift * multiply(M, x))
+    return A

@@ -1,0 +1,91 @@
+"""Load vectors of sites that are points of a mesh."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from antiosc._types import Array
+from antiosc.errors import InputError
+from antiosc.fem.elements.weak_form import WeakForm
+from antiosc.fem.mesh import closest_point
+from antiosc.fem.mesh.mesh import Mesh
+from antiosc.fem.site.site import LEAST_FREE_SHARE, Functional, Site, constrained
+from antiosc.fem.site.sites import Sites, located, tell
+from antiosc.fem.structure.meshed import MeshedStructure
+
+#: A point counts as on the structure up to this share of the structure's size.
+ON_STRUCTURE = 1e-6
+
+
+def functionals_at(structure: MeshedStructure, sites: Sequence[Site]) -> list[Functional]:
+    """b of sites at points of a mesh, all at once; errors as in `functionals`."""
+    mesh = structure.mesh
+    given = [_in_space(mesh, structure.form, site) for site in sites]
+    points, directions = (np.array(each) for each in zip(*given, strict=True))
+    nearest = closest_point.closest_many(mesh, points)
+    extent = mesh.extent()
+    for i, site in enumerate(sites):
+        _check_distance(extent, site, nearest[i])
+    radii = np.array([np.nan if site.radius is None else site.radius for site in sites])
+    found = located(structure, nearest.x, directions, radii, nearest)
+    _check(found)
+    tell(structure, found)
+    columns = found.loads.toarray().T
+    return [
+        Functional(
+            np.ascontiguousarray(columns[i]),
+            None if np.isnan(found.radii[i]) else float(found.radii[i]),
+            float(found.local[i]),
+            found.points[i],
+            found.directions[i],
+        )
+        for i in range(len(sites))
+    ]
+
+
+def _check(found: Sites) -> None:
+    """InputError for the first site without a surface under its patch, or that cannot move."""
+    for i, radius in enumerate(found.radii):
+        if found.depth[i] > radius:
+            raise InputError(
+                f"the site at {_text(found.points[i])} lies about {found.depth[i]:.2g} m inside "
+                f"the part, deeper than its radius {radius:g} m: a patch needs a surface; give a "
+                "point on it."
+            )
+        if found.share[i] <= 0:
+            raise InputError(
+                f"the patch of radius {radius:g} m at {_text(found.points[i])} finds no surface: "
+                f"the facets there measure {found.size[i]:.3g} m; refine around the site, "
+                f"refine=[(point, {radius:g})]."
+            )
+        if found.moving[i] <= LEAST_FREE_SHARE:
+            raise InputError(constrained(f"the site at {_text(found.points[i])}"))
+
+
+def _in_space(mesh: Mesh, form: WeakForm, site: Site) -> tuple[Array, Array]:
+    """Point and unit direction with three coordinates."""
+    at, along = site.point, site.direction
+    assert at is not None
+    assert along is not None  # Site has seen to that
+    point, direction = np.zeros(3), np.zeros(3)
+    point[: len(at)] = at
+    direction[: len(along)] = along
+    direction /= np.linalg.norm(direction)
+    if "z" not in form.components and abs(direction[2]) > 1e-12:
+        raise InputError(f"direction {tuple(along)} leaves the plane of {mesh.name}, which is 2-D.")
+    return point, direction
+
+
+def _check_distance(extent: float, site: Site, nearest: closest_point.ClosestPoint) -> None:
+    if nearest.distance > ON_STRUCTURE * extent and not site.snap:
+        raise InputError(
+            f"the point {_text(site.point)} is {nearest.distance:.3g} m off the structure; its "
+            f"nearest point is {_text(nearest.x)}: use that, or Site(..., snap=True)."
+        )
+
+
+def _text(point: Any) -> str:
+    return "(" + ", ".join(f"{c:.6g}" for c in point) + ") m"

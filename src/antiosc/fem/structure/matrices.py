@@ -1,0 +1,78 @@
+"""`StructureMatrices`: K and M with their supports applied, and what is known of their dofs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from antiosc._types import Array, Box, IntArray
+from antiosc.checks import array
+from antiosc.errors import InputError
+from antiosc.fem.linalg import algebra
+from antiosc.fem.linalg.solver import Choice
+from antiosc.models.motion import Inertia
+
+
+@dataclass(eq=False)
+class StructureMatrices:
+    """K and M of a structure. Of matrices alone no more is known; a mesh adds the rest.
+
+    Attributes
+    ----------
+    K, M : PETSc.Mat or scipy.sparse.csr_matrix
+        Fixed dofs keep their rows: 1 on K's diagonal, 0 in M.
+    fixed : dofs of this rank that the supports hold; of a mesh, ghosts included.
+    rigid_modes : M-orthonormal rigid-body modes that the supports leave (rows of this rank, r).
+    first_shift : first estimate of the shift s of K + sM, rad²/s²; 0 without rigid-body modes.
+    solver : choice of the solver.
+    """
+
+    K: Any
+    M: Any
+    fixed: IntArray
+    rigid_modes: Array
+    first_shift: float
+    solver: Choice = "auto"
+
+    #: whether they are of a mesh
+    meshed: ClassVar[bool] = False
+
+    @property
+    def rigid_motions(self) -> Array:
+        """Rigid-body motions of the unsupported body (rows of this rank, r), where they are known.
+
+        The multigrid starts from them.
+        """
+        return np.zeros((algebra.rows(self.K), 0))
+
+    @property
+    def mass(self) -> float:
+        """Total mass in kg."""
+        raise InputError(
+            "the total mass is not known from matrices alone; build the Structure from a mesh."
+        )
+
+    @property
+    def dimensions(self) -> Box:
+        """Length, width and thickness of the part, m; see `Structure.dimensions`."""
+        raise InputError("matrices have no dimensions: give length, width and thickness.")
+
+    def constants(self) -> tuple[float, float, float]:
+        """(E [Pa], nu, rho [kg/m³]) of the first material; InputError for one with directions."""
+        raise InputError("matrices have no material: give E, nu and rho.")
+
+    def uniform_inertia(self, direction: Array) -> Array | None:
+        """Me on the rows of this rank for e, a unit uniform motion along `direction` (3,)."""
+        array("direction", direction, (3,))
+        return None
+
+    @property
+    def rigid_inertia(self) -> tuple[Inertia, Array] | None:
+        """The whole body's inertia and M r of its rigid motions r; see `Structure`."""
+        return None
+
+    def describe(self, dofs: int) -> str:
+        """One line: what was modelled and with how many dofs."""
+        return f"given matrices, {dofs} dofs"
