@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import InitVar, dataclass
 from typing import Any
 
 import dolfinx
@@ -15,7 +15,8 @@ from antiosc.errors import InputError
 from antiosc.fem import compat
 from antiosc.fem.elements.weak_form import WeakForm
 from antiosc.fem.mesh.mesh import Mesh
-from antiosc.fem.mpi import agree
+from antiosc.fem.mpi import agree, bounds
+from antiosc.fem.structure import regions
 
 Where = str | Callable[[Array], BoolArray]
 
@@ -30,20 +31,44 @@ class Support:
     ----------
     where
         Name of a group of the mesh, or a function of coordinates x of shape (3, n) that tells
-        which of the n points are fixed.
+        which of the n points are fixed. Instead of it one of `near`, `box`, `plane`, which select
+        nodes by their coordinates. Nodes that lie outside by a millionth of the mesh's size or less
+        are selected too.
     fix
         "all", or the fixed components: of "x", "y", "z" (displacements) and, for beams,
         "rx", "ry", "rz" (rotations); one name or several.
+    near
+        (point, radius): nodes in a ball, m.
+    box
+        (lower, upper): nodes between two corners, m.
+    plane
+        (point, normal): nodes on a plane, m.
+
+    Raises
+    ------
+    InputError
+        None or several of `where`, `near`, `box`, `plane`; with a mesh: a support that selects no
+        node.
     """
 
-    where: Where
+    where: Where = None  # type: ignore[assignment]  # where near, box or plane says it
     fix: str | Iterable[str] = "all"
+    near: InitVar[tuple[Sequence[float], float] | None] = None
+    box: InitVar[tuple[Sequence[float], Sequence[float]] | None] = None
+    plane: InitVar[tuple[Sequence[float], Sequence[float]] | None] = None
 
-    def __post_init__(self) -> None:
+    def __post_init__(self, near: Any, box: Any, plane: Any) -> None:
+        given = {"where": self.where, "near": near, "box": box, "plane": plane}
+        named = [name for name, value in given.items() if value is not None]
+        if len(named) > 1:
+            raise InputError(f"a Support takes one of where, near, box, plane; got {named}.")
+        make = {"near": regions.ball, "box": regions.box, "plane": regions.plane}
+        if named and named[0] in make:
+            store(self, where=make[named[0]](given[named[0]]))
         if not isinstance(self.where, str) and not callable(self.where):
             raise InputError(
-                "where must be the name of a group or a function of coordinates x (3, n); got "
-                f"{shown(self.where)}."
+                "where must be the name of a group or a function of coordinates x (3, n), or near, "
+                f"box or plane be given; got {shown(self.where)}."
             )
         names = self.fix
         if not isinstance(names, str):
@@ -80,9 +105,10 @@ def fixed_dofs(
             count += mesh.comm.allreduce(len(dofs))
             fixed[path] = np.union1d(fixed.get(path, NO_DOFS), dofs).astype(np.int32)
         if not count:
+            low, high = (_text(corner) for corner in bounds(mesh.comm, mesh.dolfinx.geometry.x))
             raise InputError(
-                f"the support {_label(support.where)} fixes nothing: no point of the mesh lies "
-                "there; check the group or the coordinates (metres)."
+                f"the support {label(support.where)} fixes nothing: no point of the mesh lies "
+                f"there; check the group or the coordinates (the mesh spans {low} to {high} m)."
             )
     return fixed
 
@@ -105,8 +131,9 @@ def _there(mesh: Mesh, form: WeakForm, where: Where, path: tuple[int, ...]) -> I
     if callable(where):
         dofs, x = compat.dof_coordinates(form.space, path)
         mask, error = None, None
+        size = {"size": mesh.extent()} if isinstance(where, regions.Region) else {}
         try:
-            mask = np.asarray(where(x.T), dtype=bool)
+            mask = np.asarray(where(x.T, **size), dtype=bool)
             if mask.shape != (len(x),):
                 raise InputError(
                     f"a support's function must return one bool per point: shape ({len(x)},); "
@@ -127,7 +154,14 @@ def _topological(mesh: Mesh, component: Any, dim: int, entities: IntArray) -> In
     return np.asarray(dolfinx.fem.locate_dofs_topological(component, dim, entities))
 
 
-def _label(where: Where) -> str:
+def _text(point: Array) -> str:
+    return "(" + ", ".join(f"{c:.4g}" for c in point) + ")"
+
+
+def label(where: Where) -> str:
+    """Where a support is, in a sentence."""
     if isinstance(where, str):
         return f"on group {where!r}"
+    if isinstance(where, regions.Region):
+        return str(where)
     return f"by function {getattr(where, '__name__', repr(where))!r}"
