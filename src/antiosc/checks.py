@@ -13,7 +13,7 @@ from collections.abc import Callable, Collection
 from functools import wraps
 from numbers import Integral, Real
 from pathlib import Path
-from typing import Any, ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeVar, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,8 @@ from antiosc.errors import AccuracyError, InputError
 
 P = ParamSpec("P")
 T = TypeVar("T")
+#: of the values that a check lets pass
+C = TypeVar("C")
 
 #: A quantity in SI units is 0 or lies between these in magnitude. Products and powers of a few such
 #: numbers stay within double precision (1e±308).
@@ -195,7 +197,7 @@ def flag(name: str, value: Any) -> bool:
     return bool(value)
 
 
-def choice(name: str, value: Any, options: Collection[Any]) -> Any:
+def choice(name: str, value: Any, options: Collection[C]) -> C:
     """`value` if it is one of `options`, or InputError."""
     known = value is None or (isinstance(value, str | int) and not isinstance(value, bool))
     if not known or value not in options:
@@ -229,7 +231,11 @@ def function(name: str, value: Any, what: str = "a function") -> Callable[..., A
     return value
 
 
-def instance(name: str, value: Any, kind: type | tuple[type, ...], what: str) -> Any:
+@overload
+def instance(name: str, value: object, kind: type[C], what: str) -> C: ...
+@overload
+def instance(name: str, value: object, kind: tuple[type, ...], what: str) -> Any: ...
+def instance(name: str, value: object, kind: type | tuple[type, ...], what: str) -> object:
     """`value` if it is of `kind`, or InputError; `what` names the kind and how to get one."""
     if not isinstance(value, kind):
         kind_given = "" if value is None else f"{type(value).__name__} "

@@ -17,11 +17,14 @@ from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from threading import Lock, get_ident
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from antiosc._types import Array
+
+if TYPE_CHECKING:
+    from threadpoolctl import ThreadpoolController
 
 #: Variables by which users choose a number of threads; the first one that is set counts.
 VARIABLES = (
@@ -100,7 +103,7 @@ def worth(fronts: Array, free: int) -> int:
 class _Blas:
     """The thread pools of the BLAS libraries that are loaded, kept at one thread while in use."""
 
-    def __init__(self, controller: Any) -> None:
+    def __init__(self, controller: ThreadpoolController) -> None:
         self.controller = controller
         self.lock = Lock()
         self.users: Counter[int] = Counter()  # calls under way, by the Python thread

@@ -6,10 +6,11 @@ import importlib
 import os
 from collections.abc import Mapping
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from antiosc import checks, files
 from antiosc._types import Array
@@ -25,7 +26,7 @@ D = TypeVar("D")
 
 def panels(
     rows: int, columns: int, size: tuple[float, float], *, shown: bool = False, **options: Any
-) -> tuple[Figure, Any]:
+) -> tuple[Figure, NDArray[np.object_]]:
     """A figure of `size` (inches) and its axes (rows, columns); `options` as for `subplots`.
 
     With `shown`, pyplot knows the figure, so that `pyplot.show()` and notebooks display it.
@@ -68,7 +69,7 @@ def new_figure(size: tuple[float, float], shown: bool) -> Figure:
     return _matplotlib("figure").Figure(figsize=size, layout="constrained")
 
 
-def _matplotlib(module: str) -> Any:
+def _matplotlib(module: str) -> ModuleType:
     try:
         return importlib.import_module(f"matplotlib.{module}")
     except ImportError:

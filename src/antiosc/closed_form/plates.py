@@ -21,7 +21,7 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from antiosc import checks
 from antiosc._types import Array, Index
@@ -90,7 +90,7 @@ class SupportedPlate:
         return self.rho * self.thickness
 
     @checks.within_range
-    def wave_number_squared(self, m: Any, n: Any) -> Any:
+    def wave_number_squared(self, m: ArrayLike, n: ArrayLike) -> Array | np.float64:
         """π²(m²/a² + n²/b²), 1/m²."""
         m, n = checks.array("m", m, None), checks.array("n", n, None)
         if m.ndim and n.ndim and not checks.broadcast(m, n):
@@ -100,12 +100,12 @@ class SupportedPlate:
         return np.pi**2 * (np.square(m) / self.a**2 + np.square(n) / self.b**2)
 
     @checks.within_range
-    def kirchhoff(self, m: Any, n: Any) -> Any:
+    def kirchhoff(self, m: ArrayLike, n: ArrayLike) -> Array | np.float64:
         """Natural circular frequency of the thin plate with m × n half waves, rad/s."""
         return self.wave_number_squared(m, n) * np.sqrt(self.D / self.surface_density)
 
     @checks.within_range
-    def mindlin(self, m: Any, n: Any) -> Any:
+    def mindlin(self, m: ArrayLike, n: ArrayLike) -> Array | np.float64:
         """The same with shear deformation and rotary inertia (the lowest, flexural branch)."""
         q = self.wave_number_squared(m, n)
         G = self.E / (2 * (1 + self.nu))
@@ -163,7 +163,7 @@ class SupportedPlate:
             count *= 2
 
     @checks.within_range
-    def receptance(self, x: float, y: float, omega2: complex) -> Any:
+    def receptance(self, x: float, y: float, omega2: complex) -> complex:
         """H = displacement/force of the thin plate at (x, y), m/N, at ω² = `omega2` ≠ 0."""
         x, y = self._inside(x, y)
         given = checks.spectrum("omega2", omega2)
@@ -236,7 +236,7 @@ class SupportedPlate:
         """Σ sin²(αx)/(4α³) beyond TERMS, with sin² at its mean."""
         return float((self.a / np.pi) ** 3 / 8 / (2 * (TERMS + 0.5) ** 2))
 
-    def _inside(self, x: Any, y: Any) -> tuple[float, float]:
+    def _inside(self, x: object, y: object) -> tuple[float, float]:
         x, y = checks.number("x", x, "m"), checks.number("y", y, "m")
         if not (0 < x < self.a and 0 < y < self.b):
             raise InputError(

@@ -6,7 +6,7 @@ Every function here is thin and has one meaning on every version; there is no me
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import dolfinx
 import numpy as np
@@ -17,6 +17,11 @@ from petsc4py import PETSc
 
 from antiosc._types import Array, IntArray
 from antiosc.fem.compiler import compiler
+
+if TYPE_CHECKING:
+    import basix
+    from numpy.typing import ArrayLike
+    from ufl.core.expr import Expr
 
 import dolfinx.fem.petsc  # isort: skip  (0.9 and later do not import it by themselves)
 
@@ -52,7 +57,9 @@ def create_mesh(
     return dolfinx.mesh.create_mesh(comm, cells=cells, x=x, e=domain, **options)
 
 
-def _all_on_root(comm: MPI.Comm, n_parts: int, kinds: Any, cells: Any) -> Any:
+def _all_on_root(
+    comm: MPI.Comm, n_parts: int, kinds: Any, cells: Any
+) -> dolfinx.graph.AdjacencyList:
     if isinstance(cells, list):  # of vertices, one flat array a kind of cell
         n_cells = len(cells[0]) // dolfinx.cpp.mesh.cell_num_vertices(kinds[0])
     else:
@@ -114,7 +121,7 @@ def entity_vertices(mesh: dolfinx.mesh.Mesh, dim: int) -> IntArray:
     return np.asarray(nodes).reshape(len(entities), -1)[:, :vertices]
 
 
-def cell_map(mesh: dolfinx.mesh.Mesh) -> Any:
+def cell_map(mesh: dolfinx.mesh.Mesh) -> dolfinx.common.IndexMap:
     """Index map of the cells."""
     return mesh.topology.index_map(mesh.topology.dim)
 
@@ -124,7 +131,7 @@ def cell_name(mesh: dolfinx.mesh.Mesh) -> str:
     return str(mesh.ufl_cell().cellname() if DOLFINX < (0, 10) else mesh.basix_cell().name)
 
 
-def coordinate_map(mesh: dolfinx.mesh.Mesh) -> Any:
+def coordinate_map(mesh: dolfinx.mesh.Mesh) -> dolfinx.fem.CoordinateElement:
     """The mesh's coordinate element: push_forward(X, nodes), pull_back(x, nodes), degree."""
     return mesh.geometry.cmap if DOLFINX < (0, 11) else mesh.geometry.cmaps[0]
 
@@ -140,17 +147,17 @@ def exterior_facets(mesh: dolfinx.mesh.Mesh) -> IntArray:
 # --- Function spaces and forms ----------------------------------------------------------------
 
 
-def lagrange(mesh: dolfinx.mesh.Mesh, degree: int, size: int) -> Any:
+def lagrange(mesh: dolfinx.mesh.Mesh, degree: int, size: int) -> fem.FunctionSpace:
     """A continuous Lagrange space of `size` components (blocked)."""
     return _space(mesh, "Lagrange", degree, size)
 
 
-def cellwise(mesh: dolfinx.mesh.Mesh, size: int = 0) -> Any:
+def cellwise(mesh: dolfinx.mesh.Mesh, size: int = 0) -> fem.Function:
     """A function with one value (`size` = 0) or vector (`size` components) per cell."""
     return fem.Function(_space(mesh, "DG", 0, size))
 
 
-def reference_coordinates(mesh: dolfinx.mesh.Mesh) -> Any:
+def reference_coordinates(mesh: dolfinx.mesh.Mesh) -> fem.Function:
     """ξ and η in triangles, as a function."""
     function = fem.Function(_space(mesh, "DG", 1, 2))
     corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
@@ -158,7 +165,7 @@ def reference_coordinates(mesh: dolfinx.mesh.Mesh) -> Any:
     return function
 
 
-def _space(mesh: dolfinx.mesh.Mesh, family: str, degree: int, size: int) -> Any:
+def _space(mesh: dolfinx.mesh.Mesh, family: str, degree: int, size: int) -> fem.FunctionSpace:
     """A space of `size` components, scalar where that is 0."""
     with compiler():
         if DOLFINX < (0, 8):
@@ -173,7 +180,7 @@ def _space(mesh: dolfinx.mesh.Mesh, family: str, degree: int, size: int) -> Any:
         return fem.functionspace(mesh, element)
 
 
-def _compiled(form: Any) -> Any:
+def _compiled(form: ufl.Form) -> fem.Form:
     with compiler():
         return fem.form(form)
 
@@ -183,11 +190,11 @@ class _PulledBack(ufl.classes.ReferenceValue):  # type: ignore[misc]
 
     __slots__ = ()
 
-    def _ufl_expr_reconstruct_(self, *operands: Any) -> Any:
+    def _ufl_expr_reconstruct_(self, *operands: Expr) -> _PulledBack:
         return self
 
 
-def reference_derivatives(argument: Any, n: int) -> Any:
+def reference_derivatives(argument: Expr, n: int) -> Expr:
     """n-th derivatives of a Lagrange test or trial function along the reference directions.
 
     UFL differentiates in space only; the transformation to the cell is expensive to compile.
@@ -198,7 +205,7 @@ def reference_derivatives(argument: Any, n: int) -> Any:
     return result
 
 
-def _edge_element() -> Any:
+def _edge_element() -> basix.finite_element.FiniteElement:
     import basix
 
     legendre = basix.LagrangeVariant.legendre, basix.DPCVariant.legendre
@@ -217,14 +224,14 @@ def edge_interpolant(values: Array, X: Array) -> Array:
     return np.einsum("pdc,d->pc", element.tabulate(0, X)[0], moments)
 
 
-def subspace(space: Any, path: Sequence[int]) -> Any:
+def subspace(space: fem.FunctionSpace, path: Sequence[int]) -> fem.FunctionSpace:
     """`space` itself or the component that `path` names."""
     for index in path:
         space = space.sub(index)
     return space
 
 
-def dof_coordinates(space: Any, path: Sequence[int]) -> tuple[IntArray, Array]:
+def dof_coordinates(space: fem.FunctionSpace, path: Sequence[int]) -> tuple[IntArray, Array]:
     """(dofs of this rank, ghosts included; their coordinates (n, 3)) of one scalar component.
 
     Of a blocked space, whose components share their nodes. (dolfinx's own `collapse` fails on
@@ -236,19 +243,22 @@ def dof_coordinates(space: Any, path: Sequence[int]) -> tuple[IntArray, Array]:
     return dofs.astype(np.int32), x
 
 
-def tabulate(space: Any, path: Sequence[int], X: Array) -> Array:
+def tabulate(space: fem.FunctionSpace, path: Sequence[int], X: Array) -> Array:
     """Basis functions of one scalar component at reference points X: (points, functions)."""
     element = subspace(space, path).element.basix_element
     return np.asarray(element.tabulate(0, X))[0].reshape(len(X), -1)
 
 
-def local_size(space: Any) -> int:
+def local_size(space: fem.FunctionSpace) -> int:
     """Dofs owned by this rank."""
     return int(space.dofmap.index_map.size_local * space.dofmap.index_map_bs)
 
 
 def assemble(
-    forms: Sequence[Any], space: Any, fixed: Mapping[tuple[int, ...], IntArray], diagonal: float
+    forms: Sequence[ufl.Form],
+    space: fem.FunctionSpace,
+    fixed: Mapping[tuple[int, ...], IntArray],
+    diagonal: float,
 ) -> PETSc.Mat:
     """Sum of the bilinear `forms`, rows and columns of fixed dofs emptied, `diagonal` put there.
 
@@ -273,7 +283,7 @@ def assemble(
 
 
 def strain_matrix(
-    strains: Any, degree: int, space: Any, fixed: Mapping[tuple[int, ...], IntArray]
+    strains: Expr, degree: int, space: fem.FunctionSpace, fixed: Mapping[tuple[int, ...], IntArray]
 ) -> PETSc.Mat:
     """S with SᵀS the integral of |strains|² by quadrature of `degree`; columns of `fixed` emptied.
 
@@ -302,7 +312,7 @@ def strain_matrix(
     return S
 
 
-def assemble_functional(form: Any, space: Any) -> Array:
+def assemble_functional(form: ufl.Form, space: fem.FunctionSpace) -> Array:
     """A linear form as an array over this rank's dofs, ghost contributions sent to their owners."""
     vector = fem.petsc.assemble_vector(_compiled(form))
     vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
@@ -311,17 +321,17 @@ def assemble_functional(form: Any, space: Any) -> Array:
     return values
 
 
-def integrate(form: Any, mesh: dolfinx.mesh.Mesh) -> float:
+def integrate(form: ufl.Form, mesh: dolfinx.mesh.Mesh) -> float:
     """A UFL form of rank 0, on all ranks."""
     return float(mesh.comm.allreduce(fem.assemble_scalar(_compiled(form))))
 
 
-def constant(mesh: dolfinx.mesh.Mesh, value: Any) -> Any:
+def constant(mesh: dolfinx.mesh.Mesh, value: ArrayLike) -> fem.Constant:
     """A UFL constant, scalar or vector: forms that differ in it alone are compiled once."""
     return fem.Constant(mesh, np.asarray(value, dtype=PETSc.ScalarType))
 
 
-def global_dofs(space: Any, local: IntArray) -> IntArray:
+def global_dofs(space: fem.FunctionSpace, local: IntArray) -> IntArray:
     """Global numbers of dofs of this rank (unrolled)."""
     bs = space.dofmap.index_map_bs
     local = np.asarray(local, dtype=np.int32)
@@ -346,7 +356,7 @@ def facet_numbers(mesh: dolfinx.mesh.Mesh, cells: IntArray, facets: IntArray) ->
     return np.array(here, dtype=int)
 
 
-def cell_dofs(space: Any, path: Sequence[int], cells: IntArray) -> IntArray:
+def cell_dofs(space: fem.FunctionSpace, path: Sequence[int], cells: IntArray) -> IntArray:
     """Dofs of this rank (unrolled) of one scalar component in cells: (cells, functions)."""
     (component,) = path  # of a blocked space, whose components share their nodes
     dofmap = space.dofmap
@@ -355,7 +365,7 @@ def cell_dofs(space: Any, path: Sequence[int], cells: IntArray) -> IntArray:
     return np.asarray(dofmap.index_map_bs * nodes + component, dtype=np.int32)
 
 
-def with_ghosts(space: Any, block: Array) -> Array:
+def with_ghosts(space: fem.FunctionSpace, block: Array) -> Array:
     """Columns given on the dofs that this rank owns, continued to its ghosts."""
     function = fem.Function(space)
     rows = len(block)

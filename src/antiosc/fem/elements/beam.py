@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 import ufl
@@ -25,6 +25,9 @@ from antiosc.fem.elements.weak_form import (
 )
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.mpi import agree
+
+if TYPE_CHECKING:
+    from ufl.core.expr import Expr
 
 #: Shear stiffness of an Euler–Bernoulli beam over EI/L², for the size L of the mesh: the shear
 #: deflection of a member of length l is 3e-10 (L/l)² of its bending deflection.
@@ -201,13 +204,13 @@ class Beam(Isotropic):
         return box[0], max(one.section.A for one in materials) / thickness, thickness
 
 
-def _tangent(mesh: Mesh) -> Any:
+def _tangent(mesh: Mesh) -> Expr:
     J = ufl.Jacobian(mesh.dolfinx)
     t = ufl.as_vector([J[i, 0] for i in range(mesh.gdim)])
     return t / ufl.sqrt(ufl.dot(t, t))
 
 
-def _root(mesh: Mesh, parts: Parts, stiffness: Callable[[Beam], float]) -> Any:
+def _root(mesh: Mesh, parts: Parts, stiffness: Callable[[Beam], float]) -> Expr:
     return coefficient(mesh, parts, lambda beam: math.sqrt(stiffness(beam)))
 
 
@@ -229,7 +232,7 @@ def _plane(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
     GA = _root(mesh, parts, lambda b: b.shear_stiffness(b.section.I, size))
     EI = _root(mesh, parts, lambda b: b.E * b.section.I)
 
-    def strains(q: Any) -> Any:  # times √stiffness
+    def strains(q: Expr) -> Expr:  # times √stiffness
         slope = ufl.dot(ufl.grad(q), t)
         along = ufl.as_vector([slope[0], slope[1]])
         shear = ufl.dot(along, normal) - q[2]
@@ -263,7 +266,7 @@ def on_lines(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
     z = ufl.cross(t, y)
     offset = coefficient(mesh, parts, lambda b: b.offset)
 
-    def parts_of(q: Any) -> tuple[Any, Any]:
+    def parts_of(q: Expr) -> tuple[Expr, Expr]:
         return ufl.as_vector([q[i] for i in range(3)]), ufl.as_vector([q[i] for i in range(3, 6)])
 
     EA = _root(mesh, parts, lambda b: b.E * b.section.A)
@@ -274,7 +277,7 @@ def on_lines(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
     EIy = _root(mesh, parts, lambda b: b.E * b.section.side)
     GJ = _root(mesh, parts, lambda b: b.G * b.section.torsion)
 
-    def strains(q: Any) -> Any:  # times √stiffness
+    def strains(q: Expr) -> Expr:  # times √stiffness
         _, turn = parts_of(q)
         slope_u, slope_turn = parts_of(ufl.dot(ufl.grad(q), t))
         # Bending stretches a centroid that is off the line. Twist also shifts it sideways; a
@@ -292,7 +295,7 @@ def on_lines(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
     rhoIy = coefficient(mesh, parts, lambda b: b.rotary_inertia(b.section.side))
     rhoIp = coefficient(mesh, parts, lambda b: b.rho * (b.section.I + b.section.side))
 
-    def along(axis: Any, stiffness: Any, a: Any, b: Any) -> Any:
+    def along(axis: Expr, stiffness: Expr, a: Expr, b: Expr) -> Expr:
         return stiffness * ufl.dot(a, axis) * ufl.dot(b, axis)
 
     (u, turn), (u_v, turn_v) = parts_of(w), parts_of(v)
@@ -313,7 +316,7 @@ def on_lines(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
     )
 
 
-def _orientations(mesh: Mesh, parts: Parts) -> Any:
+def _orientations(mesh: Mesh, parts: Parts) -> Expr:
     """The height direction of every cell, as a cell-wise vector."""
     nodes = compat.geometry_nodes(mesh.dolfinx)
     x = mesh.dolfinx.geometry.x

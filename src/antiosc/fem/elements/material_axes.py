@@ -9,7 +9,7 @@ one side: the energy alone does not show an error in this.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,6 +21,9 @@ from antiosc.fem.elements.weak_form import Parts
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.mpi import agree, on_root
 
+if TYPE_CHECKING:
+    from dolfinx import fem
+
 #: A vector, or a function of points x (3, n) that gives one (3, n) in each
 Direction = Sequence[float] | Callable[[Array], Array]
 
@@ -30,7 +33,7 @@ LEAST = 0.05
 AROUND = {"triangle": [0, 1, 2], "quadrilateral": [0, 1, 3, 2]}
 
 
-def checked(name: str, direction: Any) -> Direction:
+def checked(name: str, direction: object) -> Direction:
     """`direction` if it is a non-zero vector or a function; otherwise InputError."""
     if callable(direction):
         return direction  # type: ignore[no-any-return]
@@ -39,7 +42,7 @@ def checked(name: str, direction: Any) -> Direction:
     return tuple(vector.tolist())
 
 
-def axes_and_sides(mesh: Mesh, parts: Parts) -> tuple[Any, Any]:
+def axes_and_sides(mesh: Mesh, parts: Parts) -> tuple[fem.Function, fem.Function]:
     """(a vector near 0°, whose part along the sheet is meant; ±1 on the cell's normal), cell-wise.
 
     Raises
@@ -160,7 +163,9 @@ def _check_neighbours(
     on_root(mesh.comm, work)
 
 
-def _compare(edges: IntArray, way: Array, has_sides: Any, stated: Any, points: Array) -> None:
+def _compare(
+    edges: IntArray, way: Array, has_sides: BoolArray, stated: BoolArray, points: Array
+) -> None:
     order = np.lexsort((edges[:, 1], edges[:, 0]))
     edges = edges[order]
     first = np.flatnonzero(np.append(True, np.any(np.diff(edges, axis=0), axis=1)))

@@ -16,7 +16,7 @@ derivatives, which are constants: it is a sum of fixed fields on the reference t
 from __future__ import annotations
 
 from math import factorial
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import ufl
@@ -25,12 +25,15 @@ from antiosc._types import Array
 from antiosc.fem import compat
 from antiosc.fem.mesh.mesh import Mesh
 
+if TYPE_CHECKING:
+    from ufl.core.expr import Expr
+
 #: Exponents of ξ and η.
 CUBIC = ((3, 0), (2, 1), (1, 2), (0, 3))
 QUADRATIC = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))
 
 
-def dropped(mesh: Mesh, X: Any, motion: Any, n: Any, along: Any) -> Any:
+def dropped(mesh: Mesh, X: Expr, motion: Expr, n: Expr, along: Expr) -> Expr:
     """Components of (1 − R)(θ×n) along two tangents (UFL).
 
     `X`: the reference coordinates, `motion`: the trial or test function, its last three components
@@ -53,7 +56,7 @@ def dropped(mesh: Mesh, X: Any, motion: Any, n: Any, along: Any) -> Any:
     return ufl.dot(ufl.dot(along, ufl.transpose(inverse)), ufl.as_vector(covariant))
 
 
-def _polynomial(factors: Array, cubic: tuple[int, int], X: Any) -> Any:
+def _polynomial(factors: Array, cubic: tuple[int, int], X: Expr) -> Expr:
     powers = (*QUADRATIC, cubic)
     return sum(float(f) * X[0] ** r * X[1] ** s for f, (r, s) in zip(factors, powers, strict=True))
 

@@ -18,12 +18,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import sqrt
-from typing import Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 import ufl
 
-from antiosc._types import Box
+from antiosc._types import Array, Box
 from antiosc.checks import poisson, positive, store
 from antiosc.errors import InputError
 from antiosc.fem import compat
@@ -40,6 +40,9 @@ from antiosc.fem.elements.weak_form import (
 )
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.mpi import agree
+
+if TYPE_CHECKING:
+    from ufl.core.expr import Expr
 
 #: Share of its size² below which a cell has no area.
 LEAST_AREA = 1e-10
@@ -82,7 +85,7 @@ class Sheet:
         frame = _frame(mesh, parts)
         X = compat.reference_coordinates(mesh.dolfinx) if triangles else None
 
-        def strains(motion: Any) -> _Strains:
+        def strains(motion: Expr) -> _Strains:
             found = _strains(frame, motion)
             if X is None:
                 return found
@@ -238,24 +241,24 @@ class Laminate(Sheet):
 class _Section(NamedTuple):
     """Cell-wise constants of the sheets (UFL)."""
 
-    A: Any
+    A: Expr
     #: D − B A⁻¹ B
-    bending: Any
-    S: Any
-    drilling: Any
+    bending: Expr
+    S: Expr
+    drilling: Expr
     #: A⁻¹ B, None where no stack couples stretching with bending
-    coupling: Any
-    I0: Any
+    coupling: Expr
+    I0: Expr
     #: None where no stack has its mass off the middle
-    I1: Any
-    I2: Any
+    I1: Expr
+    I2: Expr
     #: t², and what stands for it in a stack
-    t2_of_shear: Any
-    t2_of_stretch: Any
+    t2_of_shear: Expr
+    t2_of_stretch: Expr
 
 
 def _section(mesh: Mesh, parts: Parts) -> _Section:
-    def constant(value: Callable[[PlateSection], Any]) -> Any:
+    def constant(value: Callable[[PlateSection], float | Array]) -> Expr:
         return coefficient(mesh, parts, lambda sheet: value(sheet.section))
 
     sections = [material.section for material, _ in parts]
@@ -277,21 +280,21 @@ def _section(mesh: Mesh, parts: Parts) -> _Section:
 class _Frame(NamedTuple):
     """Orthonormal e1, e2 (tangents) and n with three components, and derivatives along e1, e2."""
 
-    e1: Any
-    e2: Any
-    n: Any
+    e1: Expr
+    e2: Expr
+    n: Expr
     #: (2, gdim): the tangents in the coordinates of the mesh
-    along: Any
+    along: Expr
 
 
 class _Strains(NamedTuple):
     #: (ε1, ε2, γ12)
-    membrane: Any
+    membrane: Expr
     #: (κ1, κ2, 2κ12)
-    bending: Any
+    bending: Expr
     #: (γ13, γ23)
-    shear: Any
-    drilling: Any
+    shear: Expr
+    drilling: Expr
 
 
 def _frame(mesh: Mesh, parts: Parts) -> _Frame:
@@ -310,19 +313,19 @@ def _frame(mesh: Mesh, parts: Parts) -> _Frame:
     return _Frame(e1, e2, n, along)
 
 
-def _halves(w: Any) -> tuple[Any, Any]:
+def _halves(w: Expr) -> tuple[Expr, Expr]:
     """Displacement and rotation of a trial or test function."""
     return ufl.as_vector([w[i] for i in range(3)]), ufl.as_vector([w[i] for i in range(3, 6)])
 
 
-def _strains(frame: _Frame, w: Any) -> _Strains:
+def _strains(frame: _Frame, w: Expr) -> _Strains:
     e1, e2, n = frame.e1, frame.e2, frame.n
     u, turn = _halves(w)
     # columns: the derivatives along e1 and e2
     du = ufl.dot(ufl.grad(u), ufl.transpose(frame.along))
     dr = ufl.dot(ufl.grad(turn), ufl.transpose(frame.along))
 
-    def columns(of: Any) -> tuple[Any, Any]:
+    def columns(of: Expr) -> tuple[Expr, Expr]:
         return tuple(ufl.as_vector([of[i, j] for i in range(3)]) for j in (0, 1))  # type: ignore
 
     (u1, u2), (r1, r2) = columns(du), columns(dr)
@@ -338,19 +341,19 @@ def _strains(frame: _Frame, w: Any) -> _Strains:
     return _Strains(_engineering(gradient), _engineering(curvature), shear, drilling)
 
 
-def _engineering(e: Any) -> Any:
+def _engineering(e: Expr) -> Expr:
     """(e11, e22, e12 + e21)."""
     return ufl.as_vector([e[0, 0], e[1, 1], e[0, 1] + e[1, 0]])
 
 
-def _energies(section: _Section, a: _Strains, b: _Strains) -> tuple[Any, Any, Any]:
+def _energies(section: _Section, a: _Strains, b: _Strains) -> tuple[Expr, Expr, Expr]:
     """(membrane and drilling, shear, bending) energy densities of two strain states.
 
     The membrane energy is that of ε + A⁻¹Bκ, the strain of the neutral surface. Each energy is
     therefore non-negative by itself, for any integration points.
     """
 
-    def stretch(e: _Strains) -> Any:
+    def stretch(e: _Strains) -> Expr:
         if section.coupling is None:
             return e.membrane
         return e.membrane + section.coupling * e.bending
@@ -361,7 +364,7 @@ def _energies(section: _Section, a: _Strains, b: _Strains) -> tuple[Any, Any, An
     return membrane + drilling, shear, ufl.inner(section.bending * a.bending, b.bending)
 
 
-def _inertia(section: _Section, frame: _Frame, w: Any, v: Any) -> Any:
+def _inertia(section: _Section, frame: _Frame, w: Expr, v: Expr) -> Expr:
     """Kinetic energy density of the motions u + z θ×n, and of θ·n as of the other rotations."""
     (u, turn), (u_v, turn_v) = _halves(w), _halves(v)
     motion = section.I0 * ufl.dot(u, u_v) + section.I2 * ufl.dot(turn, turn_v)
@@ -371,7 +374,7 @@ def _inertia(section: _Section, frame: _Frame, w: Any, v: Any) -> Any:
     return motion
 
 
-def _areas(mesh: Mesh) -> Any:
+def _areas(mesh: Mesh) -> Expr:
     """Area of every cell from its corners, as a function; InputError if it is zero."""
     x = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)]
     first, second = x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]
@@ -394,7 +397,7 @@ def _areas(mesh: Mesh) -> Any:
     return areas
 
 
-def _rise(mesh: Mesh) -> Any:
+def _rise(mesh: Mesh) -> Expr:
     """Distance of the middle of each quadrilateral from its corners along the normal, m."""
     rise = compat.cellwise(mesh.dolfinx)
     if mesh.order > 1:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import ufl
 
@@ -115,21 +115,21 @@ class Solid(Isotropic):
         return length, self.thickness, width
 
 
-def _check_plane(solid: Any, mesh: Mesh) -> None:
+def _check_plane(solid: Solid, mesh: Mesh) -> None:
     if mesh.gdim == 2 and solid.plane is None:
         raise InputError("Solid on a 2-D mesh needs plane='stress' or plane='strain'.")
     if mesh.gdim == 3 and solid.plane is not None:
         raise InputError(f"plane={solid.plane!r} applies to 2-D meshes; {mesh.name} is 3-D.")
 
 
-def _first_lame(solid: Any) -> float:
+def _first_lame(solid: Solid) -> float:
     """λ, or λ* of plane stress, which makes the normal stress across the plane zero."""
     if solid.plane == "stress":
         return solid.E * solid.nu / (1 - solid.nu**2)
     return solid.E * solid.nu / ((1 + solid.nu) * (1 - 2 * solid.nu))
 
 
-def _depth(solid: Any) -> float:
+def _depth(solid: Solid) -> float:
     return 1.0 if solid.plane is None else solid.thickness
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import sqrt
-from typing import Any, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 import ufl
@@ -19,33 +19,37 @@ from antiosc._types import Array, Box, IntArray
 from antiosc.fem import compat
 from antiosc.fem.mesh.mesh import Mesh
 
+if TYPE_CHECKING:
+    from dolfinx import fem
+    from ufl.core.expr import Expr
+
 
 @dataclass(frozen=True)
 class WeakForm:
     """The function space of an element family on a mesh and its bilinear forms."""
 
     #: the dolfinx function space
-    space: Any
+    space: fem.FunctionSpace
     #: bilinear forms whose sum is K; one quadrature degree each
-    stiffness: Sequence[Any]
+    stiffness: Sequence[ufl.Form]
     #: bilinear forms whose sum is M
-    mass: Sequence[Any]
+    mass: Sequence[ufl.Form]
     #: component ("x", …, "rz") -> path of the scalar subspace in `space`, in UFL's flat order
     components: Mapping[str, tuple[int, ...]]
     #: mass per unit of cell measure, a UFL expression (total mass = its integral)
-    density: Any
+    density: Expr
     #: mass moment per unit of cell measure about the mesh, kg/m along the normal (UFL vector),
     #: where the mass of a sheet does not lie in its middle
-    moment: Any = None
+    moment: Expr | None = None
     #: strains times √stiffness of the trial function (UFL vector), and the quadrature degree with
     #: which their squares make K; None where K's entries alone are accurate enough
-    strains: tuple[Any, int] | None = None
+    strains: tuple[Expr, int] | None = None
 
-    def along(self, direction: Sequence[float]) -> Any:
+    def along(self, direction: Sequence[float] | Expr) -> Expr:
         """The test function's displacement along `direction` (UFL)."""
         return self._contracted("xyz", direction)
 
-    def momentum(self, direction: Any) -> Any:
+    def momentum(self, direction: Sequence[float] | Expr) -> Expr:
         """Density of momentum along `direction`, the test function being the velocity (UFL)."""
         linear = self.density * self.along(direction)
         if self.moment is None:
@@ -53,7 +57,7 @@ class WeakForm:
         # (θ × m)·d
         return linear + self._contracted(("rx", "ry", "rz"), ufl.cross(self.moment, direction))
 
-    def _contracted(self, names: Sequence[str], vector: Any) -> Any:
+    def _contracted(self, names: Sequence[str], vector: Sequence[float] | Expr) -> Expr:
         v = ufl.TestFunction(self.space)
         flat = list(self.components)
         return sum(vector[i] * v[flat.index(n)] for i, n in enumerate(names) if n in flat)
@@ -133,7 +137,7 @@ class Isotropic:
         return self.E, self.nu, self.rho
 
 
-def coefficient(mesh: Mesh, parts: Parts, value: Callable[[Any], float | Array]) -> Any:
+def coefficient(mesh: Mesh, parts: Parts, value: Callable[[Any], float | Array]) -> Expr:
     """`value(material)`, a number or a matrix, as a cell-wise constant (UFL)."""
     shape = np.shape(value(parts[0][0]))
     size = int(np.prod(shape, dtype=int))
@@ -147,7 +151,7 @@ def coefficient(mesh: Mesh, parts: Parts, value: Callable[[Any], float | Array])
     return ufl.as_matrix([[function[columns * i + j] for j in range(columns)] for i in range(rows)])
 
 
-def measure(mesh: Mesh, degree: int | None) -> Any:
+def measure(mesh: Mesh, degree: int | None) -> ufl.Measure:
     """Integration over the cells with a fixed quadrature degree (None: UFL's estimate)."""
     metadata = {} if degree is None else {"quadrature_degree": degree}
     return ufl.Measure("dx", domain=mesh.dolfinx, metadata=metadata)
