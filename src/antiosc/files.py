@@ -93,10 +93,10 @@ def _beside(target: Path, old: os.stat_result | None) -> Path:
     """An empty file in the folder of `target`, with the permissions of the file to be written."""
     suffix = target.suffix if len(target.suffix) <= _SUFFIX else ""
     part = target.with_name(f".antiosc-{secrets.token_hex(6)}{suffix}")
-    flags = os.O_CREAT | os.O_EXCL | os.O_WRONLY | os.O_CLOEXEC
+    flags = os.O_CREAT | os.O_EXCL | os.O_WRONLY | getattr(os, "O_CLOEXEC", 0)
     handle = os.open(part, flags, 0o666 if old is None else 0o600)
     try:
-        if old is not None:
+        if old is not None and hasattr(os, "fchown"):  # not on Windows
             with contextlib.suppress(PermissionError):  # root alone may give files away
                 os.fchown(handle, old.st_uid, old.st_gid)
             os.fchmod(handle, stat.S_IMODE(old.st_mode))
@@ -107,6 +107,8 @@ def _beside(target: Path, old: os.stat_result | None) -> Path:
 
 def _to_disk(path: Path) -> None:
     """Wait until the file, or the list of names in a folder, is on the disk."""
+    if os.name == "nt":  # Windows has no such call for folders, nor for files open to be read
+        return
     handle = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
     try:
         os.fsync(handle)

@@ -46,7 +46,8 @@ def chosen() -> tuple[str, str] | None:
 
 def cores() -> int:
     """Number of cores that this process may use (affinity and quota of the container)."""
-    allowed = len(os.sched_getaffinity(0))
+    affinity = getattr(os, "sched_getaffinity", None)  # of Linux
+    allowed = len(affinity(0)) if affinity else os.cpu_count() or 1
     quota = _text("/sys/fs/cgroup/cpu.max").split()
     if len(quota) == 2 and quota[0].isdigit():
         allowed = min(allowed, max(1, int(quota[0]) // int(quota[1])))

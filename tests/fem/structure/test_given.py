@@ -15,12 +15,20 @@ from petsc4py import PETSc
 
 import antiosc as ao
 import parts
+from antiosc import fem
 from antiosc.fem.site.functionals import functional
 from mpi import run_ranks
 
 pytestmark = pytest.mark.fem
 
 N, STIFF = 8, 1e4
+
+
+@pytest.fixture(params=["petsc", "scipy"], autouse=True)
+def backend(request, monkeypatch):
+    """Every test runs on both back-ends: without the packages "auto" is SciPy's."""
+    if request.param == "scipy":
+        monkeypatch.setattr(fem, "missing", "dolfinx")
 
 
 def chain(n: int = N, free: bool = False) -> np.ndarray:

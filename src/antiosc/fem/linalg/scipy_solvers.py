@@ -11,15 +11,16 @@ from antiosc._types import Array
 from antiosc.errors import NotConvergedError
 from antiosc.fem.linalg.solver import SINGULAR, Factorization
 
+cholmod: Any
 try:
-    from sksparse import cholmod as sksparse_cholmod
+    from sksparse import cholmod
 except ImportError:  # optional: SuperLU serves without it
-    sksparse_cholmod = None
+    cholmod = None
 
 
 def factorize(A: Any) -> Factorization:
     """The factor of A by CHOLMOD where scikit-sparse is installed, otherwise by SuperLU."""
-    return SuperLU(A) if sksparse_cholmod is None else Cholmod(A)
+    return SuperLU(A) if cholmod is None else Cholmod(A)
 
 
 class SuperLU(Factorization):
@@ -59,19 +60,26 @@ class SuperLU(Factorization):
 
 
 class Cholmod(Factorization):
-    """A Cholesky factor by CHOLMOD, called by scikit-sparse."""
+    """A Cholesky factor by CHOLMOD, called by scikit-sparse (0.4, or 0.5 with other names)."""
 
     def _set_up(self) -> None:
+        A = self.A.tocsc()
         try:
-            self._factor = sksparse_cholmod.cholesky(self.A.tocsc())
-        except sksparse_cholmod.CholmodNotPositiveDefiniteError as error:
+            if hasattr(cholmod, "cho_factor"):
+                self._factor = cholmod.cho_factor(A)
+                self._solve = self._factor.solve
+            else:  # a supernodal factor is L Lᵀ, which an indefinite matrix does not have
+                self._factor = cholmod.cholesky(A, mode="supernodal")
+                self._solve = self._factor.solve_A
+        except cholmod.CholmodNotPositiveDefiniteError as error:
             raise NotConvergedError(SINGULAR.format(error)) from error
 
     @property
     def entries(self) -> float:
         """Entries of the factor."""
-        return float(self._factor.L().nnz)
+        L = self._factor.L
+        return float((L() if callable(L) else L).nnz)
 
     def solve_block(self, R: Array) -> Array:
         """A⁻¹R for a block of vectors (rows, k)."""
-        return np.asarray(self._factor.solve_A(R))
+        return np.asarray(self._solve(np.asfortranarray(R)))

@@ -1,0 +1,249 @@
+"""Given matrices on NumPy and SciPy alone; these tests run without the finite-element packages."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import scipy.linalg
+import scipy.sparse
+
+import antiosc as ao
+from antiosc.fem.linalg import scipy_solvers
+from antiosc.fem.structure import structure as structures
+
+#: scikit-sparse is optional
+LIBRARIES = ["superlu"] if scipy_solvers.cholmod is None else ["superlu", "cholmod"]
+DIRECT = pytest.mark.parametrize("library", LIBRARIES)
+
+
+def chain(n: int, free: bool = False) -> tuple[scipy.sparse.csr_matrix, scipy.sparse.csr_matrix]:
+    """Uneven springs and masses in a row, from the ends to the ground unless it is free."""
+    rng = np.random.default_rng(n)
+    k, m = 1e4 * rng.uniform(0.5, 2.0, n + 1), rng.uniform(0.5, 2.0, n)
+    if free:
+        k[0] = k[-1] = 0.0
+    K = scipy.sparse.diags([-k[1:-1], k[:-1] + k[1:], -k[1:-1]], [-1, 0, 1]).tocsr()
+    return K, scipy.sparse.diags([m], [0]).tocsr()
+
+
+def scipy_structure(K, M, **more) -> ao.Structure:
+    return ao.Structure.from_matrices(K, M, backend="scipy", **more)
+
+
+@pytest.fixture
+def direct(library, monkeypatch):
+    if library == "superlu":
+        monkeypatch.setattr(scipy_solvers, "cholmod", None)
+
+
+def exact_stiffness(K, M, b, omega):
+    return np.array([1 / (b @ np.linalg.solve(K - w**2 * M, b)) for w in omega])
+
+
+@DIRECT
+@pytest.mark.parametrize("free", [False, True])
+@pytest.mark.parametrize("method", ["krylov", "modes"])
+def test_all_anti_oscillators_give_the_driving_point(free, method, direct):
+    """Z of all of them is 1/(bᵀ(K - ω²M)⁻¹b)."""
+    K, M = chain(24, free)
+    b = np.zeros(24)
+    b[7] = 1.0
+    structure = scipy_structure(K, M)
+    assert structure.rigid_modes.shape[1] == free
+    model = ao.extract(structure, ao.Site(dof=7), n=23, method=method, tol=1e-14)
+    omega = np.array([11.3, 47.1, 90.7, 133.9])
+    wanted = exact_stiffness(K.toarray(), M.toarray(), b, omega)
+    np.testing.assert_allclose(model.dynamic_stiffness(omega), wanted, rtol=1e-8)
+    whole = ao.full(structure, ao.Site(dof=7))
+    np.testing.assert_allclose(
+        (whole.b**2 @ (1 / (whole.omega[:, None] ** 2 - omega**2))) * wanted, 1.0, rtol=1e-8
+    )
+
+
+@DIRECT
+@pytest.mark.parametrize("free", [False, True])
+def test_sparse_modes_are_those_of_lapack(free, direct):
+    """Beyond the size that LAPACK takes, ARPACK's antiresonances of the pinned chain."""
+    n, at = 900, 333
+    K, M = chain(n, free)
+    structure = scipy_structure(K, M)
+    model = ao.extract(structure, ao.Site(dof=at), n=8, method="modes", tol=1e-12)
+    keep = np.delete(np.arange(n), at)
+    x = scipy.linalg.eigh(
+        K.toarray()[np.ix_(keep, keep)], M.toarray()[np.ix_(keep, keep)], eigvals_only=True
+    )
+    np.testing.assert_allclose(model.omega, np.sqrt(x[:8]), rtol=1e-8)
+    natural = ao.superposition(structure, ao.Site(dof=at), 6)
+    free_x = np.sqrt(np.maximum(scipy.linalg.eigh(K.toarray(), M.toarray(), eigvals_only=True), 0))
+    for omega in natural.omega[natural.omega > 0]:
+        assert np.abs(free_x / omega - 1).min() < 1e-8
+    pair = ao.extract(structure, [ao.Site(dof=at), ao.Site(dof=3)], n=8)
+    assert pair[0].k0 == pytest.approx(model.k0, rel=1e-10)
+
+
+def test_repeated_frequencies_are_all_found():
+    """Two equal chains beside the site's: each antiresonance twice, once in the model."""
+    n = 320
+    K, M = chain(n)
+    K, M = scipy.sparse.block_diag([K, K, K]).tolil(), scipy.sparse.block_diag([M, M, M])
+    for one in (n, 2 * n):  # coupled to the middle chain by one soft spring each
+        K[one, one] += 1e3
+        K[one - n, one - n] += 1e3
+        K[one, one - n] = K[one - n, one] = -1e3
+    structure = scipy_structure(K.tocsr(), M)
+    model = ao.extract(structure, ao.Site(dof=n), n=12, method="modes", tol=1e-14)
+    krylov = ao.extract(structure, ao.Site(dof=n), n=12, tol=1e-14)
+    np.testing.assert_allclose(model.omega[:4], krylov.omega[:4], rtol=1e-7)
+    np.testing.assert_allclose(model.m[:4], krylov.m[:4], rtol=1e-6)
+
+
+# -- what is no stiffness
+
+
+@DIRECT
+@pytest.mark.parametrize("size", [6, 700])
+def test_an_indefinite_stiffness_is_refused(size, direct):
+    """Its diagonal is positive and its entries are small: only the inertia tells."""
+    K, M = chain(size)
+    lowest = scipy.linalg.eigh(K.toarray(), M.toarray(), eigvals_only=True)
+    with pytest.raises(ao.InputError, match="K must be positive semidefinite"):
+        scipy_structure(K - (lowest[0] + lowest[1]) / 2 * M, M)
+
+
+@DIRECT
+def test_a_massless_free_dof_is_refused(direct):
+    K, M = chain(6, free=True)
+    M = M.tolil()
+    M[:, :] = 0.0
+    M[0, 0] = 1.0
+    loose = scipy.sparse.block_diag([K, K]).tocsr()
+    with pytest.raises(ao.AntioscError):
+        scipy_structure(loose, scipy.sparse.block_diag([M, 0 * M]).tocsr())
+
+
+@DIRECT
+def test_loose_bodies_are_counted(direct):
+    K, M = chain(6, free=True)
+    K, M = (scipy.sparse.block_diag(3 * [one]).tocsr() for one in (K, M))
+    assert scipy_structure(K, M).rigid_modes.shape[1] == 3
+
+
+@DIRECT
+def test_factors_of_matrices_that_are_not_positive_definite(direct):
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        A = rng.standard_normal((12, 12))
+        A = A + A.T + np.diag(rng.uniform(-2, 8, 12))
+        values = np.linalg.eigvalsh(A)
+        if values[0] > 1e-6:
+            X = scipy_solvers.factorize(scipy.sparse.csr_matrix(A)).solve_block(np.eye(12))
+            np.testing.assert_allclose(X @ A, np.eye(12), atol=1e-9)
+        else:
+            with pytest.raises(ao.NotConvergedError, match="cannot be factored"):
+                scipy_solvers.factorize(scipy.sparse.csr_matrix(A))
+
+
+@pytest.mark.parametrize("matrix", [[[0.0, 1.0], [1.0, 0.0]], [[1.0, 1.0], [1.0, 1.0]], [[0.0]]])
+def test_superlu_refuses_zero_pivots(matrix, monkeypatch):
+    monkeypatch.setattr(scipy_solvers, "cholmod", None)
+    with pytest.raises(ao.NotConvergedError, match="cannot be factored"):
+        scipy_solvers.factorize(scipy.sparse.csr_matrix(matrix))
+
+
+def test_the_back_end_is_one_of_three():
+    with pytest.raises(ao.InputError, match="backend must be 'auto', 'petsc' or 'scipy'"):
+        ao.Structure.from_matrices(*chain(3), backend="numpy")
+
+
+# -- without the packages, and on other systems
+
+
+ALONE = """
+import sys
+class Blocked:
+    def find_spec(self, name, path=None, target=None):
+        if name.split(".")[0] in {"dolfinx", "gmsh", "petsc4py", "slepc4py", "mpi4py", "ufl",
+                                  "basix", "ffcx", "matplotlib", "meshio", "threadpoolctl"}:
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+sys.meta_path.insert(0, Blocked())
+import os
+for name in ("sched_getaffinity", "fchown", "fchmod", "O_CLOEXEC"):  # as on Windows
+    delattr(os, name)
+import numpy as np
+import antiosc as ao
+n = 30
+K = 1e4 * (2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1))
+part = ao.Structure.from_matrices(K, np.eye(n))
+model = ao.extract(part, ao.Site(dof=20), n=6)
+hit = ao.simulate(model, ao.RigidMass(0.1, 1.0), ao.Hertz(1e8), 5e-3)
+assert hit.peak_force > 0
+for wanted in (lambda: ao.Structure(None, None), lambda: ao.read_mesh,
+               lambda: ao.Structure.from_matrices(K, np.eye(n), backend="petsc")):
+    try:
+        wanted()
+    except ao.MissingDependencyError as error:
+        assert "python3-dolfinx-real" in str(error), error
+    else:
+        raise SystemExit("no error")
+print(model.k0)
+"""
+
+
+def test_extraction_without_the_packages():
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", ALONE],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    K = 1e4 * (2 * np.eye(30) - np.eye(30, k=1) - np.eye(30, k=-1))
+    assert float(done.stdout) == pytest.approx(1 / np.linalg.inv(K)[20, 20], rel=1e-12)
+
+
+# -- the same results as with PETSc
+
+
+@pytest.mark.fem
+@pytest.mark.parametrize("supported", [True, False])
+def test_both_back_ends_agree(supported):
+    """Parameters of a plate by both, to 1e-10; the upper Ritz pairs are not settled by either."""
+    import parts
+
+    box = parts.box((6, 3, 2))
+    meshed = ao.Structure(box, ao.Solid(**parts.STEEL), [ao.Support("left")] if supported else [])
+    rng = np.random.default_rng(0)
+    b = rng.standard_normal(meshed.size)
+    b[meshed.fixed] = 0.0
+    found = []
+    for backend in ("petsc", "scipy"):
+        part = ao.Structure.from_matrices(meshed.K, meshed.M, backend=backend)
+        site = ao.Site(vector=b)
+        found.append(
+            [
+                ao.extract(part, site, n=12),
+                ao.extract(part, site, n=6, method="modes"),
+                ao.superposition(part, site, 6),
+            ]
+        )
+        assert scipy.sparse.issparse(part.K) == (backend == "scipy")
+    for one, other in zip(*found, strict=True):
+        np.testing.assert_allclose(one.omega[:4], other.omega[:4], rtol=1e-10)
+    for one, other in zip(found[0][:2], found[1][:2], strict=True):
+        assert one.k0 == pytest.approx(other.k0, rel=1e-10)
+        assert one.m_st == pytest.approx(other.m_st, rel=1e-10)
+        omega = np.linspace(0.1, 0.9, 5) * one.omega[0]
+        np.testing.assert_allclose(
+            one.dynamic_stiffness(omega), other.dynamic_stiffness(omega), rtol=1e-10
+        )
+
+
+@pytest.mark.fem
+def test_a_structure_of_scipy_matrices_is_one_of_one_rank():
+    part = scipy_structure(*chain(5))
+    assert isinstance(part, structures.Structure)
+    assert part.comm.size == 1
+    assert part.comm.allgather(part.rows) == [part.size]
