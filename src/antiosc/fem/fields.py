@@ -15,9 +15,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from antiosc._types import Array, IntArray
-from antiosc.checks import array, coordinates, instance
+from antiosc.checks import array, coordinates, instance, text
 from antiosc.errors import InputError
 from antiosc.fem import compat
+from antiosc.fem.assembly.assembled import AssembledMatrices
+from antiosc.fem.assembly.layout import Member
+from antiosc.fem.assembly.placement import Placement
 from antiosc.fem.elements.weak_form import WeakForm
 from antiosc.fem.mesh import closest_point
 from antiosc.fem.mesh.mesh import Mesh
@@ -25,7 +28,6 @@ from antiosc.fem.mpi import collective, on_root
 from antiosc.fem.readers import KINDS
 from antiosc.fem.readers.neutral import FACETS
 from antiosc.fem.series import listing, write_frames
-from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.fem.structure.structure import Structure, on_mesh
 from antiosc.fem.vtu import Frames
 from antiosc.simulation.history import Body, History, no_field
@@ -46,6 +48,7 @@ def probe(
     times: ArrayLike | None = None,
     *,
     body: Body = "structure",
+    part: str | None = None,
 ) -> Array:
     """Displacements (n, gdim) in m of one point of the structure at `times`.
 
@@ -60,24 +63,37 @@ def probe(
         Times in s; default: those of the history.
     body : "structure" or "impactor"
         Which of the two bodies `structure` is.
+    part : str, optional
+        Of an assembly: the part of which the nearest point is taken; default: of all parts.
     """
-    part, shapes = _shapes(structure, history, body)
-    mesh, form = part.mesh, part.form
-    shapes = compat.with_ghosts(form.space, shapes)
     x, given = np.zeros(3), coordinates("point", point)
     x[: len(given)] = given
-    nearest = closest_point.closest(mesh, x)
+    if part is not None:
+        text("part", part)
+    parts = _parts(structure, history, body, part)
+    found = [closest_point.closest(m.part.mesh, m.at.own(x[None])[0]) for m, _ in parts]
+    k = int(np.argmin([nearest.distance for nearest in found]))
+    member, shapes = parts[k]
+    values = _at_point(member, found[k], shapes)
+    gdim = 3 if structure.matrices.assembled else member.part.mesh.gdim
+    at = history.time if times is None else array("times", times, (None,))
+    return _amplitudes(history, at, body) @ values[:gdim].T
+
+
+def _at_point(member: Member, nearest: closest_point.ClosestPoint, shapes: Array) -> Array:
+    """Displacements (3, columns) of a point of a part for shapes (rows of this rank, columns)."""
+    mesh, form = member.part.mesh, member.part.form
+    shapes = compat.with_ghosts(form.space, shapes)
     values = None
     if mesh.comm.rank == nearest.rank:
-        values = np.zeros((mesh.gdim, shapes.shape[1]))
-        for axis, name in enumerate("xyz"[: mesh.gdim]):
-            path = form.components[name]
-            dofs = compat.subspace(form.space, path).dofmap.cell_dofs(nearest.cell)
-            weights = compat.tabulate(form.space, path, nearest.X.reshape(1, -1))[0]
-            values[axis] = weights @ shapes[dofs]
-    values = mesh.comm.bcast(values, root=nearest.rank)
-    at = history.time if times is None else array("times", times, (None,))
-    return _amplitudes(history, at, body) @ values.T
+        values = np.zeros((3, shapes.shape[1]))
+        for axis, name in enumerate("xyz"):
+            path = form.components.get(name)
+            if path is not None and axis < mesh.gdim:
+                dofs = compat.subspace(form.space, path).dofmap.cell_dofs(nearest.cell)
+                weights = compat.tabulate(form.space, path, nearest.X.reshape(1, -1))[0]
+                values[axis] = weights @ shapes[dofs]
+    return np.asarray(member.at.rotation @ mesh.comm.bcast(values, root=nearest.rank))
 
 
 @collective(history=_what)
@@ -111,23 +127,20 @@ def write_series(
         Of the `.pvd`, written last: until then it is absent, or lists no frame.
     """
     target = listing(path)
-    part, shapes = _shapes(structure, history, body)
-    mesh, form = part.mesh, part.form
+    parts = _parts(structure, history, body)
     if times is None:
         times = np.linspace(history.time[0], history.time[-1], 40)
     at = array("times", times, (None,))
-    shapes = _at_nodes(mesh, form, compat.with_ghosts(form.space, shapes))
-    points, cells, shapes = _gathered(mesh, shapes)
+    gathered = [_gathered(member, shapes) for member, shapes in parts]
     amplitudes = _amplitudes(history, at, body)
 
     def write() -> None:
-        kind = next(
-            n for n, k in KINDS.items() if (k.shape, k.nodes) == (mesh.cell, cells.shape[1])
-        )
-        frames = Frames(points, kind, cells)
+        points, cells, shapes = _side_by_side(gathered)
+        kinds = [_kind(m.part.mesh, c) for (m, _), c in zip(parts, cells, strict=True)]
+        frames = Frames(points, list(zip(kinds, cells, strict=True)))
         write_frames(target, frames, at, (shapes @ a for a in amplitudes))
 
-    on_root(mesh.comm, write)
+    on_root(structure.comm, write)
     return target
 
 
@@ -150,28 +163,59 @@ def skin(
     InputError
         A model without shapes, or extracted from another structure; a mesh of lines.
     """
-    part, shapes = _shapes(structure, history, body)
-    mesh, form = part.mesh, part.form
-    if mesh.tdim == 1:
+    parts = [pair for pair in _parts(structure, history, body) if pair[0].part.mesh.tdim > 1]
+    if not parts:
         raise InputError("a mesh of lines has no surface: write_series writes its motion.")
-    shapes = _at_nodes(mesh, form, compat.with_ghosts(form.space, shapes))
-    points, cells, shapes = _gathered(mesh, shapes)
+    gathered = [_gathered(member, shapes) for member, shapes in parts]
+    points, cells, shapes = _side_by_side(gathered)
     moved = shapes @ _amplitudes(history, array("time", [time], (1,)), body)[0]
-    faces = [cells[:, list(f)] for f in FACETS[mesh.cell]]
-    if mesh.tdim == 2:  # corners in order: the first of each edge around the cell
-        faces = [cells[:, [edge[0] for edge in FACETS[mesh.cell]]]]
-    listed = np.vstack(faces)
-    _, first, count = np.unique(
-        np.sort(listed, axis=1), axis=0, return_index=True, return_counts=True
-    )
-    outer: tuple[Array, IntArray, Array] = mesh.comm.bcast(
-        (points, listed[first[count == 1]], moved), root=0
+    faces = [_outer(m.part.mesh.cell, c) for (m, _), c in zip(parts, cells, strict=True)]
+    if len({f.shape[1] for f in faces}) > 1:  # of several parts: quadrilaterals as triangles
+        faces = [
+            np.vstack([f[:, [0, 1, 2]], f[:, [0, 2, 3]]]) if f.shape[1] == 4 else f for f in faces
+        ]
+    outer: tuple[Array, IntArray, Array] = structure.comm.bcast(
+        (points, np.vstack(faces), moved), root=0
     )
     return outer
 
 
-def _shapes(structure: Structure, history: History, body: Body) -> tuple[MeshedStructure, Array]:
-    """The structure, and shapes of the body on the rows of this rank, columns side by side."""
+def _kind(mesh: Mesh, cells: IntArray) -> str:
+    """meshio's name of the kind of cells."""
+    return next(n for n, k in KINDS.items() if (k.shape, k.nodes) == (mesh.cell, cells.shape[1]))
+
+
+def _outer(cell: str, cells: IntArray) -> IntArray:
+    """Corners of the outer faces of solid cells, or of plane cells, in order around each."""
+    faces = [cells[:, list(f)] for f in FACETS[cell]]
+    if cell in ("triangle", "quadrilateral"):  # the first corner of each edge around the cell
+        return cells[:, [edge[0] for edge in FACETS[cell]]]
+    listed = np.vstack(faces)
+    _, first, count = np.unique(
+        np.sort(listed, axis=1), axis=0, return_index=True, return_counts=True
+    )
+    return np.asarray(listed[first[count == 1]])
+
+
+def _parts(
+    structure: Structure, history: History, body: Body, name: str | None = None
+) -> list[tuple[Member, Array]]:
+    """The parts of the structure (or the one named) with the shapes of the body.
+
+    Shapes are on the rows of this rank, columns side by side.
+    """
+    shapes = _shapes(structure, history, body)
+    if isinstance(structure.matrices, AssembledMatrices):
+        joined = structure.matrices
+        return [(member, joined.own_fields(member, shapes)) for member in joined.members(name)]
+    meshed = on_mesh(structure)
+    if name is not None:
+        raise InputError(f"part={name!r} names a part of an assembly; {meshed.mesh.name} is one.")
+    return [(Member("", meshed, Placement(), 0), shapes)]
+
+
+def _shapes(structure: Structure, history: History, body: Body) -> Array:
+    """Shapes of the body on the rows of this rank, columns side by side."""
     instance("structure", structure, Structure, "a Structure")
     instance("history", history, History, "a History, which simulate returns")
     model, own = history.of(body)
@@ -184,7 +228,7 @@ def _shapes(structure: Structure, history: History, body: Body) -> tuple[MeshedS
             f"the model's shapes have {len(own.basis[0])} rows, the structure {rows}: the model "
             "was extracted from another structure."
         )
-    return on_mesh(structure), np.column_stack(own.basis)
+    return np.column_stack(own.basis)
 
 
 def _amplitudes(history: History, times: Array, body: Body) -> Array:
@@ -206,11 +250,16 @@ def _at_nodes(mesh: Mesh, form: WeakForm, shapes: Array) -> Array:
     return result
 
 
-def _gathered(mesh: Mesh, shapes: Array) -> tuple[Array, IntArray, Array]:
+def _gathered(member: Member, shapes: Array) -> tuple[Array, IntArray, Array]:
     """Points, cells (VTK's node order) and shapes of all ranks on rank 0."""
+    mesh, form = member.part.mesh, member.part.form
+    shapes = _at_nodes(mesh, form, compat.with_ghosts(form.space, shapes))
+    R = member.at.rotation
+    if (np.eye(3) != R).any():
+        shapes = np.einsum("cd,ndk->nck", R, shapes)
     own = compat.cell_map(mesh.dolfinx).size_local
     cells = compat.geometry_nodes(mesh.dolfinx)[:own]
-    points = mesh.dolfinx.geometry.x
+    points = member.at.placed(mesh.dolfinx.geometry.x)
     pieces = mesh.comm.gather((points, cells, shapes), root=0)
     if pieces is None:
         return points, cells, shapes
@@ -220,4 +269,16 @@ def _gathered(mesh: Mesh, shapes: Array) -> tuple[Array, IntArray, Array]:
         np.vstack([p for p, _, _ in pieces]),
         np.vstack([c + s for s, (_, c, _) in zip(starts, pieces, strict=True)])[:, order],
         np.concatenate([f for _, _, f in pieces]),
+    )
+
+
+def _side_by_side(
+    gathered: Sequence[tuple[Array, IntArray, Array]],
+) -> tuple[Array, list[IntArray], Array]:
+    """Points and shapes of all parts, and the cells of each part."""
+    starts = np.cumsum([0] + [len(points) for points, _, _ in gathered[:-1]])
+    return (
+        np.vstack([points for points, _, _ in gathered]),
+        [cells + start for (_, cells, _), start in zip(gathered, starts, strict=True)],
+        np.concatenate([shapes for _, _, shapes in gathered]),
     )

@@ -10,6 +10,7 @@ from __future__ import annotations
 import base64
 import sys
 import zlib
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -29,21 +30,26 @@ NUMBERS = {"float64": "Float64", "int64": "Int64", "uint8": "UInt8"}
 
 
 class Frames:
-    """Points (n, 3) in m and cells (m, nodes) of one kind, in VTK's node order, with fields."""
+    """Points (n, 3) in m and cells, in VTK's node order, with fields.
 
-    def __init__(self, points: Array, kind: str, cells: IntArray) -> None:
+    `cells`: (kind, (m, nodes)) of each kind.
+    """
+
+    def __init__(self, points: Array, cells: Sequence[tuple[str, IntArray]]) -> None:
         order = "LittleEndian" if sys.byteorder == "little" else "BigEndian"
-        many, nodes = cells.shape
+        nodes = np.concatenate([np.full(len(c), c.shape[1], dtype=np.int64) for _, c in cells])
+        types = [np.full(len(c), TYPES[kind], dtype=np.uint8) for kind, c in cells]
+        corners = np.concatenate([c.astype(np.int64).ravel() for _, c in cells])
         parts = [
             '<?xml version="1.0"?>\n'
             f'<VTKFile type="UnstructuredGrid" version="0.1" byte_order="{order}" '
             'compressor="vtkZLibDataCompressor">\n<UnstructuredGrid>\n'
-            f'<Piece NumberOfPoints="{len(points)}" NumberOfCells="{many}">\n<Points>\n',
+            f'<Piece NumberOfPoints="{len(points)}" NumberOfCells="{len(nodes)}">\n<Points>\n',
             _element("Points", np.asarray(points, dtype=float)),
             "</Points>\n<Cells>\n",
-            _element("connectivity", cells.astype(np.int64).ravel()),
-            _element("offsets", nodes * np.arange(1, many + 1, dtype=np.int64)),
-            _element("types", np.full(many, TYPES[kind], dtype=np.uint8)),
+            _element("connectivity", corners),
+            _element("offsets", np.cumsum(nodes)),
+            _element("types", np.concatenate(types)),
             "</Cells>\n<PointData>\n",
         ]
         self._before = "".join(parts).encode()

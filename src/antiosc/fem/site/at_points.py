@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from antiosc._types import Array
 from antiosc.errors import InputError
 from antiosc.fem.elements.weak_form import WeakForm
 from antiosc.fem.mesh import closest_point
+from antiosc.fem.mesh.entities import centre
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.site.site import LEAST_FREE_SHARE, Functional, Site, constrained
 from antiosc.fem.site.sites import Sites, located, tell
@@ -22,6 +24,7 @@ ON_STRUCTURE = 1e-6
 
 def functionals_at(structure: MeshedStructure, sites: Sequence[Site]) -> list[Functional]:
     """b of sites at points of a mesh, all at once; errors as in `functionals`."""
+    sites = [_placed(structure, site) for site in sites]
     mesh = structure.mesh
     given = [_in_space(mesh, structure.form, site) for site in sites]
     points, directions = (np.array(each) for each in zip(*given, strict=True))
@@ -46,28 +49,42 @@ def functionals_at(structure: MeshedStructure, sites: Sequence[Site]) -> list[Fu
     ]
 
 
+def _placed(structure: MeshedStructure, site: Site) -> Site:
+    """A site whose point is given by coordinates."""
+    if site.part is not None:
+        raise InputError(
+            f"part={site.part!r} names a part of an assembly; {structure.mesh.name} is one."
+        )
+    if not isinstance(site.point, str):
+        return site
+    assert site.direction is not None  # Site has seen to that
+    x = centre(structure.mesh, site.point)[: len(site.direction)]
+    return replace(site, point=tuple(x.tolist()), snap=True)
+
+
 def _check(found: Sites) -> None:
     """InputError for the first site without a surface under its patch, or that cannot move."""
     for i, radius in enumerate(found.radii):
         if found.depth[i] > radius:
             raise InputError(
-                f"the site at {_text(found.points[i])} lies about {found.depth[i]:.2g} m inside "
+                f"the site at {text(found.points[i])} lies about {found.depth[i]:.2g} m inside "
                 f"the part, deeper than its radius {radius:g} m: a patch needs a surface; give a "
                 "point on it."
             )
         if found.share[i] <= 0:
             raise InputError(
-                f"the patch of radius {radius:g} m at {_text(found.points[i])} finds no surface: "
+                f"the patch of radius {radius:g} m at {text(found.points[i])} finds no surface: "
                 f"the facets there measure {found.size[i]:.3g} m; refine around the site, "
                 f"refine=[(point, {radius:g})]."
             )
         if found.moving[i] <= LEAST_FREE_SHARE:
-            raise InputError(constrained(f"the site at {_text(found.points[i])}"))
+            raise InputError(constrained(f"the site at {text(found.points[i])}"))
 
 
 def _in_space(mesh: Mesh, form: WeakForm, site: Site) -> tuple[Array, Array]:
     """Point and unit direction with three coordinates."""
     at, along = site.point, site.direction
+    assert not isinstance(at, str)
     assert at is not None
     assert along is not None  # Site has seen to that
     point, direction = np.zeros(3), np.zeros(3)
@@ -82,10 +99,11 @@ def _in_space(mesh: Mesh, form: WeakForm, site: Site) -> tuple[Array, Array]:
 def _check_distance(extent: float, site: Site, nearest: closest_point.ClosestPoint) -> None:
     if nearest.distance > ON_STRUCTURE * extent and not site.snap:
         raise InputError(
-            f"the point {_text(site.point)} is {nearest.distance:.3g} m off the structure; its "
-            f"nearest point is {_text(nearest.x)}: use that, or Site(..., snap=True)."
+            f"the point {text(site.point)} is {nearest.distance:.3g} m off the structure; its "
+            f"nearest point is {text(nearest.x)}: use that, or Site(..., snap=True)."
         )
 
 
-def _text(point: Any) -> str:
+def text(point: Any) -> str:
+    """A point in words."""
     return "(" + ", ".join(f"{c:.6g}" for c in point) + ") m"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -12,6 +13,9 @@ from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.algebra import norm
 from antiosc.fem.site.site import LEAST_FREE_SHARE, Functional, Site, constrained
 from antiosc.fem.structure.structure import Structure, on_mesh
+
+if TYPE_CHECKING:
+    from antiosc.fem.assembly.assembled import AssembledMatrices
 
 
 def functional(structure: Structure, site: Site) -> Functional:
@@ -30,7 +34,11 @@ def functionals(structure: Structure, sites: Sequence[Site]) -> list[Functional]
     """
     at_points = [site for site in sites if site.point is not None]
     found: Iterator[Functional] = iter(())
-    if at_points:
+    if at_points and structure.matrices.assembled:
+        from antiosc.fem.site.on_assembly import functionals_on  # needs dolfinx
+
+        found = iter(functionals_on(cast("AssembledMatrices", structure.matrices), at_points))
+    elif at_points:
         meshed = on_mesh(structure, "matrices have no points: use Site(dof=i) or Site(vector=b).")
         from antiosc.fem.site.at_points import functionals_at  # needs dolfinx
 

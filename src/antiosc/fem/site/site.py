@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from numpy.typing import ArrayLike
 
 from antiosc._types import Array
-from antiosc.checks import array, flag, kept, positive, store, whole
+from antiosc.checks import array, flag, kept, positive, store, text, whole
 from antiosc.errors import InputError
 
 #: A site with less than this share of its load on free dofs is fixed by the supports.
@@ -25,8 +25,9 @@ class Site:
 
     Parameters
     ----------
-    point : sequence of 2 or 3 floats
-        Coordinates in m; any point of the structure, on or off the nodes.
+    point : sequence of 2 or 3 floats, or str
+        Coordinates in m; any point of the structure, on or off the nodes. A text names a group (of
+        an assembly "part:group"): its point, or the point next to the centroid of its entities.
     direction : sequence of 2 or 3 floats
         The direction in which the impactor pushes; need not be a unit vector.
     radius : float, optional
@@ -41,14 +42,18 @@ class Site:
         For matrices, instead of point and direction: the number of the dof at the site.
     vector : array_like (n,)
         For matrices: any load vector b.
+    part : str, optional
+        For assemblies: the part that is struck. By default the nearest one, and of parts that touch
+        the one whose surface faces the impactor.
     """
 
-    point: Sequence[float] | None = None
+    point: Sequence[float] | str | None = None
     direction: Sequence[float] | None = None
     radius: float | None = None
     snap: bool = False
     dof: int | None = None
     vector: ArrayLike | None = None
+    part: str | None = None
 
     def __post_init__(self) -> None:
         given = [self.point is not None, self.dof is not None, self.vector is not None]
@@ -61,14 +66,19 @@ class Site:
             store(self, dof=whole("dof", self.dof, least=0))
         if self.vector is not None:
             store(self, vector=kept(array("vector", self.vector, (None,))))
+        if self.part is not None:
+            store(self, part=text("part", self.part))
+            if self.point is None:
+                raise InputError("part= names the part of an assembly on which a point lies.")
         if self.point is None:
             return
         if self.direction is None:
             raise InputError(
                 "a Site at a point needs the direction of impact, as direction=(0, 0, -1)."
             )
-        point = array("point", self.point, (None,))
         direction = array("direction", self.direction, (None,))
+        named = isinstance(self.point, str)
+        point = direction if named else array("point", self.point, (None,))
         if len(point) not in (2, 3) or len(point) != len(direction):
             raise InputError(
                 f"point and direction must both have 2 or 3 coordinates; got {len(point)} and "
@@ -79,7 +89,8 @@ class Site:
                 "direction must not be the zero vector: it is the direction in which the impactor "
                 "pushes."
             )
-        store(self, point=tuple(point.tolist()), direction=tuple(direction.tolist()))
+        store(self, direction=tuple(direction.tolist()))
+        store(self, point=text("point", self.point) if named else tuple(point.tolist()))
 
 
 @dataclass(frozen=True)

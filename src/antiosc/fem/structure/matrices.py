@@ -36,8 +36,9 @@ class StructureMatrices:
     first_shift: float
     solver: Choice = "auto"
 
-    #: whether they are of a mesh
+    #: whether they are of a mesh, or of several that are joined
     meshed: ClassVar[bool] = False
+    assembled: ClassVar[bool] = False
 
     @property
     def rigid_motions(self) -> Array:

@@ -90,7 +90,7 @@ class MeshedStructure(StructureMatrices):
         """(E [Pa], nu, rho [kg/m³]) of the first material; InputError for one with directions."""
         return self._material.constants()
 
-    def uniform_inertia(self, direction: Array) -> Array | None:
+    def uniform_inertia(self, direction: Array) -> Array:
         """Me on the rows of this rank for e, a unit uniform motion along `direction` (3,)."""
         direction = array("direction", direction, (3,))
         along = compat.constant(self.mesh.dolfinx, direction)
@@ -106,18 +106,23 @@ class MeshedStructure(StructureMatrices):
         low, high = bounds(self.comm, self.mesh.dolfinx.geometry.x)
         point = (low + high) / 2
         motions = rigid_body_modes.about(self.form, point)
+        loads = self.inertial_loads(motions)
+        S = dot(self.comm, motions, loads)
+        return Inertia(point, (S + S.T) / 2, np.zeros((0, 6))), loads
+
+    def inertial_loads(self, motions: Array) -> Array:
+        """M times motions (rows of this rank, k) in which held dofs move with the body."""
         loads = multiply(self.M, motions)
         owned = self.fixed[self.fixed < len(motions)]
         if self.comm.allreduce(len(owned)):
-            # M has no entries on the fixed dofs, whose mass moves with a motion of the whole body
+            # M has no entries on the held dofs
             whole = compat.assemble(self.form.mass, self.form.space, {}, 0.0)
             free = motions.copy()
             free[owned] = 0.0
             kept = multiply(whole, free)
             kept[owned] = 0.0
             loads += multiply(whole, motions) - kept
-        S = dot(self.comm, motions, loads)
-        return Inertia(point, (S + S.T) / 2, np.zeros((0, 6))), loads
+        return loads
 
     def part_of_cells(self) -> IntArray:
         """Number in `parts` of the material of each cell of this rank, ghosts included."""

@@ -26,7 +26,15 @@ def described(mesh: Mesh, form: WeakForm, modes: Array) -> str:
     unit[:, 3:] /= size
     # the coefficients (6, r) of each mode: exact, the modes lie in the span of the unit motions
     motions = np.linalg.pinv(dot(mesh.comm, unit, unit)) @ dot(mesh.comm, unit, modes)
-    motions /= np.linalg.norm(motions, axis=0)
+    return of_body(motions / np.linalg.norm(motions, axis=0), centre, size)
+
+
+def of_body(motions: Array, centre: Array, size: float) -> str:
+    """The motions (6, m) of a body in words.
+
+    Their coefficients are of unit translations along x, y, z and of rotations about axes through
+    `centre` (3,), scaled by 1/`size` [m].
+    """
     moves, turns = _divided(motions)
     words = [f"translation along {_name(move)}" for move in moves]
     for velocity, spin in turns:

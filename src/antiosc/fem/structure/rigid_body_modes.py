@@ -24,7 +24,7 @@ from antiosc.fem.mpi import bounds
 from antiosc.fem.structure.null_space import RIGID_FORCE, SHIFT, orthonormal
 
 #: scaled coordinates (n, 3) -> (displacement (3, n), rotation (3, n))
-_Field = Callable[[Array], tuple[Array, Array]]
+Field = Callable[[Array], tuple[Array, Array]]
 
 #: Share of a field's square on the fixed dofs below which it vanishes there; rounding: 1e-16.
 VANISHING = 1e-13
@@ -55,7 +55,7 @@ def of_mesh(
             "spring is so stiff that it should be a Support."
         )
     fields = _vanishing(comm, fields, fixed, springs)
-    return motions, SHIFT * _first_elastic(comm, K, M, fields, motions)
+    return motions, SHIFT * first_elastic(comm, K, M, fields, motions)
 
 
 def motions(form: WeakForm, K: PETSc.Mat) -> Array:
@@ -102,7 +102,7 @@ def _vanishing(comm: MPI.Comm, fields: Array, fixed: IntArray, springs: Array) -
     return result
 
 
-def _first_elastic(
+def first_elastic(
     comm: MPI.Comm, K: PETSc.Mat, M: PETSc.Mat, fields: Array, motions: Array
 ) -> float:
     """A Rayleigh–Ritz value of the size of the lowest elastic ω²."""
@@ -125,7 +125,7 @@ def _fields(form: WeakForm, comm: MPI.Comm) -> tuple[Array, int]:
     rows = compat.local_size(form.space)
     columns = []
     rigid_count = 0
-    for rigid, field in _polynomials(dim):
+    for rigid, field in polynomials(dim):
         column = np.zeros(rows)
         for name, (dofs, x) in located.items():
             mine = dofs < rows
@@ -140,7 +140,7 @@ def _fields(form: WeakForm, comm: MPI.Comm) -> tuple[Array, int]:
     return np.column_stack(columns), rigid_count
 
 
-def _polynomials(dim: int) -> Iterator[tuple[bool, _Field]]:
+def polynomials(dim: int) -> Iterator[tuple[bool, Field]]:
     """(is rigid, s -> (displacement (3, n), rotation (3, n))): rigid motions, then the others."""
     axes = range(dim)
     for i in axes:
@@ -154,7 +154,7 @@ def _polynomials(dim: int) -> Iterator[tuple[bool, _Field]]:
                 yield False, _field(i, (j, k))
 
 
-def _field(component: int, powers: tuple[int, ...]) -> _Field:
+def _field(component: int, powers: tuple[int, ...]) -> Field:
     """u_component = Π s_j over `powers`, and half its curl."""
 
     def value(s: Array) -> tuple[Array, Array]:
@@ -175,7 +175,7 @@ def _field(component: int, powers: tuple[int, ...]) -> _Field:
     return value
 
 
-def _difference(a: _Field, b: _Field) -> _Field:
+def _difference(a: Field, b: Field) -> Field:
     def value(s: Array) -> tuple[Array, Array]:
         (u, r), (v, q) = a(s), b(s)
         return u - v, r - q

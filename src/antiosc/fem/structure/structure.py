@@ -254,6 +254,8 @@ def on_mesh(
     otherwise: str = "matrices have no mesh: build the Structure from a mesh for this.",
 ) -> MeshedStructure:
     """The matrices of `structure` with their mesh; InputError that says `otherwise` without one."""
+    if structure.matrices.assembled:
+        raise InputError("this takes a structure of one mesh; an assembly has one for each part.")
     if not structure.matrices.meshed:
         raise InputError(otherwise)
     return cast("MeshedStructure", structure.matrices)

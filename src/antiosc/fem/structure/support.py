@@ -143,8 +143,13 @@ def _there(mesh: Mesh, form: WeakForm, where: Where, path: tuple[int, ...]) -> I
             error = caught
         agree(mesh.comm, error)
         return dofs[mask]
+    return dofs_of_group(mesh, form, where, path)
+
+
+def dofs_of_group(mesh: Mesh, form: WeakForm, group: str, path: tuple[int, ...]) -> IntArray:
+    """Dofs of one component on the entities of a group, of this rank, ghosts included."""
     component = compat.subspace(form.space, path)
-    parts = mesh.group(where)
+    parts = mesh.group(group)
     found = [_topological(mesh, component, dim, parts[dim]) for dim in sorted(parts)]
     return np.unique(np.concatenate([NO_DOFS, *found]))
 

@@ -1,0 +1,193 @@
+"""`AssembledMatrices`: K and M of several parts whose dofs follow u = T q."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+import scipy.sparse
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from antiosc._types import Array, Box
+from antiosc.checks import array
+from antiosc.errors import InputError
+from antiosc.fem.assembly.elimination import Eliminated
+from antiosc.fem.assembly.layout import POINT_DOFS, Layout, Member, Sparse
+from antiosc.fem.assembly.motions import rigid_motions
+from antiosc.fem.linalg.algebra import by_strains, multiply
+from antiosc.fem.linalg.petsc_algebra import PRODUCT, csr, from_csr
+from antiosc.fem.structure.matrices import StructureMatrices
+from antiosc.models.motion import Inertia
+
+
+@dataclass(frozen=True, eq=False)
+class Added:
+    """What joints and attachments add to the matrices of the parts.
+
+    Attributes
+    ----------
+    K, M : (n, n) in u.
+    mass : total mass, kg.
+    inertia : (n, 3) M e of the added masses for unit accelerations e along x, y, z.
+    """
+
+    K: Sparse
+    M: Sparse
+    mass: float
+    inertia: Array
+
+
+@dataclass(eq=False)
+class AssembledMatrices(StructureMatrices):
+    """K = Tᵀ K_b T and M = Tᵀ M_b T of parts with the block-diagonal matrices K_b and M_b.
+
+    Dependent dofs keep their rows, as fixed ones do: 1 on K's diagonal, 0 in M.
+
+    Attributes
+    ----------
+    layout : the parts in their places.
+    T : (n, n), u = T q; the columns of dependent dofs are empty.
+    added : what joints and attachments add.
+    """
+
+    layout: Layout = field(kw_only=True)
+    T: Sparse = field(kw_only=True)
+    added: Added = field(kw_only=True)
+
+    assembled: ClassVar[bool] = True
+
+    @property
+    def comm(self) -> MPI.Comm:
+        """The MPI communicator of the parts."""
+        return next(iter(self.layout.members.values())).part.comm
+
+    @property
+    def mass(self) -> float:
+        """Total mass in kg."""
+        own = sum(member.part.mass for member in self.layout.members.values())
+        return float(own + self.added.mass)
+
+    @property
+    def dimensions(self) -> Box:
+        """Length, width and thickness of the box around the assembly, m."""
+        length, width, depth = sorted(self.layout.high - self.layout.low, reverse=True)
+        return float(length), float(width), float(depth)
+
+    def constants(self) -> tuple[float, float, float]:
+        """(E [Pa], nu, rho [kg/m³]) of the first part."""
+        return next(iter(self.layout.members.values())).part.constants()
+
+    def uniform_inertia(self, direction: Array) -> Array:
+        """Me on the rows of this rank for e, a unit uniform motion along `direction` (3,)."""
+        direction = array("direction", direction, (3,))
+        load = self.added.inertia @ direction
+        for member in self.layout.members.values():
+            own = member.part.uniform_inertia(member.at.rotation.T @ direction)
+            load[member.rows] += own
+        return np.asarray(self.T.T @ load)
+
+    @cached_property
+    def rigid_inertia(self) -> tuple[Inertia, Array] | None:
+        """The whole body's inertia and Mr of its rigid motions r; see `Structure`."""
+        if not self.rigid_modes.shape[1]:
+            return None
+        point = (self.layout.low + self.layout.high) / 2
+        motions = rigid_motions(self.layout, point)
+        loads = self.added.M @ motions
+        S = motions.T @ loads
+        for member in self.layout.members.values():
+            own = member.part.inertial_loads(motions[member.rows])
+            loads[member.rows] += own
+            S += motions[member.rows].T @ own
+        return Inertia(point, (S + S.T) / 2, np.zeros((0, 6))), np.asarray(self.T.T @ loads)
+
+    @property
+    def rigid_motions(self) -> Array:
+        """Rigid-body motions of the unsupported assembly (n, r)."""
+        point = (self.layout.low + self.layout.high) / 2
+        motions = rigid_motions(self.layout, point)
+        motions[self.fixed] = 0.0
+        return motions[:, np.abs(motions).max(axis=0) > 0]
+
+    def describe(self, dofs: int) -> str:
+        """One line: what was joined and with how many dofs."""
+        names = list(self.layout.members)
+        shown = ", ".join(names if len(names) < 7 else [*names[:5], f"{len(names) - 5} more"])
+        return (
+            f"assembly of {len(names)} parts ({shown}), {dofs} dofs, "
+            f"{self.rigid_modes.shape[1]} rigid-body modes"
+        )
+
+    # -- from u to the parts
+
+    def members(self, name: str | None = None) -> list[Member]:
+        """All parts in their places, or the one that is named."""
+        if name is None:
+            return list(self.layout.members.values())
+        if name not in self.layout.members:
+            raise InputError(
+                f"the assembly has no part {name!r}; its parts are "
+                f"{', '.join(map(repr, self.layout.members))}."
+            )
+        return [self.layout.members[name]]
+
+    def own_fields(self, member: Member, shapes: Array) -> Array:
+        """Dofs of a part (rows, k) for columns of q (n, k)."""
+        return np.asarray(self.T[member.rows] @ shapes)
+
+    def functional(self, member: Member, b: Array) -> Array:
+        """The functional of q that a functional b of the dofs of one part is."""
+        return np.asarray(self.T[member.rows].T @ b)
+
+
+def stacked(functionals: Sequence[Sparse], count: int) -> Sparse:
+    """Functionals one under the other."""
+    return scipy.sparse.vstack([Sparse((0, count)), *functionals]).tocsr()
+
+
+def reduced(layout: Layout, eliminated: Eliminated, added: Added) -> tuple[PETSc.Mat, PETSc.Mat]:
+    """(K, M) of joined parts."""
+    members = list(layout.members.values())
+    block = int(np.gcd.reduce([POINT_DOFS if layout.points else 0, *(m.block for m in members)]))
+    parts = [m.part for m in members]
+    K = _projected(layout, eliminated, [csr(p.K) for p in parts], added.K)
+    M = _projected(layout, eliminated, [csr(p.M) for p in parts], added.M)
+    K = (K + scipy.sparse.diags(eliminated.dependent.astype(float))).tocsr()
+    K, M = (from_csr(name, matrix) for name, matrix in (("K", K), ("M", M)))
+    for matrix in (K, M):
+        matrix.setBlockSizes(block, block)
+    if any(by_strains(p.K) for p in parts):
+        K.setAttr(PRODUCT, _product(layout, eliminated, added))
+    return K, M
+
+
+def _projected(
+    layout: Layout, eliminated: Eliminated, blocks: Sequence[Sparse], added: Sparse
+) -> Sparse:
+    """Tᵀ (blocks + added) T, symmetric to the last digit."""
+    T = eliminated.T
+    points = scipy.sparse.csr_matrix((POINT_DOFS * len(layout.points),) * 2)
+    whole = scipy.sparse.block_diag([*blocks, points], format="csr") + added
+    result = (T.T.tocsr() @ whole @ T).tocsr()
+    result = ((result + result.T) / 2).tocsr()
+    result.sort_indices()
+    return result
+
+
+def _product(layout: Layout, eliminated: Eliminated, added: Added) -> Callable[[Array], Array]:
+    """Products with K by the accurate products of the parts."""
+    T, back = eliminated.T, eliminated.T.T.tocsr()
+    kept = scipy.sparse.diags(eliminated.dependent.astype(float))
+
+    def product(x: Array) -> Array:
+        u = T @ x
+        force = added.K @ u
+        for member in layout.members.values():
+            force[member.rows] += multiply(member.part.K, u[member.rows])
+        return np.asarray(back @ force + kept @ x)
+
+    return product

@@ -1,0 +1,312 @@
+"""u = T q from linear constraints C u = 0: dependent dofs are eliminated.
+
+A row is solved for a dof that occurs in no other row, as long as there are such rows (a triangular
+elimination, which keeps T sparse). What is left, the rows that overlap or form circles, is solved
+in connected blocks by a QR factorization with pivots, which also finds rows that follow from
+others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+import scipy.sparse
+import scipy.sparse.csgraph
+
+from antiosc._types import Array, BoolArray, IntArray
+from antiosc.errors import AccuracyError, InputError
+from antiosc.fem.assembly.layout import Sparse
+
+#: A row of which less than this share is left beside earlier rows follows from them.
+DEPENDENT = 1e-9
+#: Coefficients below this share of the row's largest are rounding.
+NEGLIGIBLE = 1e-14
+#: A row that names no dof is solved for one with this share of its largest coefficient, or more.
+PIVOT = 0.1
+#: A larger coefficient of T loses too many digits.
+LARGEST_COEFFICIENT = 1e8
+#: Largest error of C T over the sizes of its terms; rounding leaves about 1e-15.
+SATISFIED = 1e-9
+#: Most rows of a block that overlap: it is solved as a dense matrix.
+LARGEST_BLOCK = 6000
+
+#: (joint, the joints from which some of its rows follow, number of these rows)
+Redundant = tuple[str, list[str], int]
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Homogeneous constraints of one joint.
+
+    Attributes
+    ----------
+    matrix : (m, n), each row a functional of u that is zero.
+    pivot : (m,) the dof for which each row is solved if possible; -1: any.
+    label : the joint's name for messages; empty for supports.
+    """
+
+    matrix: Sparse
+    pivot: IntArray
+    label: str
+
+    @classmethod
+    def free(cls, matrix: Sparse, label: str) -> Rows:
+        """Rows that may be solved for any of their dofs."""
+        return cls(matrix, np.full(matrix.shape[0], -1), label)
+
+
+@dataclass(frozen=True, eq=False)
+class Eliminated:
+    """The result of an elimination.
+
+    Attributes
+    ----------
+    T : (n, n), u = T q; the columns of dependent dofs are empty.
+    dependent : (n,) which dofs are not in q, those that are held included.
+    redundant : joints with rows that follow from those of other joints.
+    """
+
+    T: Sparse
+    dependent: BoolArray
+    redundant: list[Redundant]
+
+
+@dataclass(frozen=True, eq=False)
+class _System:
+    """The dofs and the rows of an elimination; `pivot` and `owner` are of each row."""
+
+    C: Sparse
+    pivot: IntArray
+    owner: IntArray
+    #: name of each owner; empty for supports
+    labels: Sequence[str]
+    #: typical size of each dof
+    scale: Array
+
+    def names(self, rows: IntArray) -> str:
+        """The joints of some rows, for messages."""
+        return ", ".join(dict.fromkeys(self.labels[k] or "the supports" for k in self.owner[rows]))
+
+
+def eliminate(rows: Sequence[Rows], held: BoolArray, scale: Array) -> Eliminated:
+    """Solve the constraints for dependent dofs.
+
+    Parameters
+    ----------
+    rows : constraints of all joints, the supports first.
+    held : (n,) dofs that are zero.
+    scale : (n,) typical size of each dof: 1 for displacements, 1/length for rotations.
+    """
+    n = len(held)
+    C = scipy.sparse.vstack([Sparse((0, n)), *(r.matrix for r in rows)]).tocsr()
+    C = _without(C, held, scale)
+    kept = np.flatnonzero(np.diff(C.indptr))
+    involved = np.unique(C.indices)
+    number = np.full(n + 1, -1)  # number[-1], of no dof, is -1
+    number[involved] = np.arange(len(involved))
+    pivot = np.concatenate([np.zeros(0, dtype=int), *(r.pivot for r in rows)])[kept]
+    owner = np.repeat(np.arange(len(rows)), [r.matrix.shape[0] for r in rows])[kept]
+    labels = [r.label for r in rows]
+    system = _System(C[kept][:, involved], number[pivot], owner, labels, scale[involved])
+    own, dependent, redundant = _solved(system)
+    _check(system, own)
+    free = ~held
+    free[involved] = False
+    own = own.tocoo()
+    diagonal = np.flatnonzero(free)
+    T = scipy.sparse.csr_matrix(
+        (
+            np.concatenate([own.data, np.ones(len(diagonal))]),
+            (
+                np.concatenate([involved[own.row], diagonal]),
+                np.concatenate([involved[own.col], diagonal]),
+            ),
+        ),
+        shape=(n, n),
+    )
+    marked = held.copy()
+    marked[involved[dependent]] = True
+    return Eliminated(T, marked, redundant)
+
+
+def _without(C: Sparse, held: BoolArray, scale: Array) -> Sparse:
+    """C without the columns of held dofs and without rounding."""
+    C.sum_duplicates()
+    size = np.where(held[C.indices], 0.0, np.abs(C.data) * scale[C.indices])
+    row = _row_numbers(C)
+    C.data = np.where(size > NEGLIGIBLE * _largest(size, row, C.shape[0])[row], C.data, 0.0)
+    C.eliminate_zeros()
+    return C
+
+
+def _solved(system: _System) -> tuple[Sparse, IntArray, list[Redundant]]:
+    """(T of the dofs involved, the dependent ones, redundant joints)."""
+    T = scipy.sparse.identity(len(system.scale), format="csr")
+    rounds, left = _peeled(system)
+    redundant: list[Redundant] = []
+    found = [np.zeros(0, dtype=int)]
+    if len(left):
+        solved, pivots, redundant = _blocks(system, left)
+        T = _substituted(T, solved, pivots)
+        found.append(pivots)
+    for which, pivots in reversed(rounds):
+        T = _substituted(T, _for_pivots(system.C[which], pivots), pivots)
+        found.append(pivots)
+    return T, np.concatenate(found), redundant
+
+
+def _peeled(system: _System) -> tuple[list[tuple[IntArray, IntArray]], IntArray]:
+    """(rounds of (rows, their dofs), rows that are left).
+
+    A dof for which a row of one round is solved occurs in no other row of this round or of later
+    ones.
+    """
+    rounds: list[tuple[IntArray, IntArray]] = []
+    left = np.arange(system.C.shape[0])
+    while len(left):
+        own = system.C[left]
+        row = _row_numbers(own)
+        size = np.abs(own.data) * system.scale[own.indices]
+        asked = system.pivot[left][row]
+        large = size >= PIVOT * _largest(size, row, len(left))[row]
+        alone = np.bincount(own.indices, minlength=own.shape[1])[own.indices] == 1
+        fits = np.flatnonzero(alone & np.where(asked < 0, large, asked == own.indices))
+        if not len(fits):
+            break
+        fits = fits[np.argsort(size[fits], kind="stable")]  # the largest is written last
+        pivot = np.full(len(left), -1)
+        pivot[row[fits]] = own.indices[fits]
+        here = pivot >= 0
+        rounds.append((left[here], pivot[here]))
+        left = left[~here]
+    return rounds, left
+
+
+def _for_pivots(C: Sparse, pivots: IntArray) -> Sparse:
+    """The functionals that the dofs `pivots` equal, one for each row."""
+    row = _row_numbers(C)
+    own = C.indices == pivots[row]
+    at = np.zeros(C.shape[0])
+    at[row[own]] = C.data[own]
+    data = np.where(own, 0.0, -C.data / at[row])
+    solved = scipy.sparse.csr_matrix((data, C.indices, C.indptr), shape=C.shape)
+    solved.eliminate_zeros()
+    return solved
+
+
+def _substituted(T: Sparse, solved: Sparse, pivots: IntArray) -> Sparse:
+    """T after the dofs `pivots` are replaced by the functionals `solved` of the others."""
+    own = (solved @ T).tocoo()
+    keep = np.ones(T.shape[0])
+    keep[pivots] = 0.0
+    rest = scipy.sparse.diags(keep) @ T @ scipy.sparse.diags(keep)
+    new = scipy.sparse.csr_matrix((own.data, (pivots[own.row], own.col)), shape=T.shape)
+    result = (rest + new).tocsr()
+    result.eliminate_zeros()
+    return result
+
+
+def _blocks(system: _System, left: IntArray) -> tuple[Sparse, IntArray, list[Redundant]]:
+    """(solved rows, their dofs, redundant joints) of rows that overlap, by connected blocks."""
+    pattern = abs(system.C[left])
+    count, block = scipy.sparse.csgraph.connected_components(pattern @ pattern.T, directed=False)
+    order = np.argsort(block, kind="stable")
+    ends = np.searchsorted(block[order], np.arange(count + 1))
+    parts, pivots = [], []
+    found: dict[int, tuple[set[int], int]] = {}
+    for k in range(count):
+        solved, chosen, follows = _block(system, left[order[ends[k] : ends[k + 1]]])
+        parts.append(solved)
+        pivots.append(chosen)
+        for joint, others in follows:
+            before, times = found.get(joint, (set(), 0))
+            found[joint] = before | others, times + 1
+    redundant = []
+    for joint, (others, times) in sorted(found.items()):
+        names = [system.labels[k] for k in sorted(others) if system.labels[k]]
+        if system.labels[joint]:
+            redundant.append((system.labels[joint], names, times))
+    return scipy.sparse.vstack(parts).tocsr(), np.concatenate(pivots), redundant
+
+
+def _block(system: _System, rows: IntArray) -> tuple[Sparse, IntArray, list[tuple[int, set[int]]]]:
+    """One connected block as solved rows, their dofs, and (joint, others) of redundant rows."""
+    C = system.C[rows]
+    if C.shape[0] > LARGEST_BLOCK:
+        raise InputError(
+            f"{C.shape[0]} constraints of {system.names(rows)} overlap, more than "
+            f"{LARGEST_BLOCK}: let the joints act on groups that do not share nodes."
+        )
+    columns = np.unique(C.indices)
+    scale = system.scale[columns]
+    A = C[:, columns].toarray() * scale
+    A /= np.linalg.norm(A, axis=1, keepdims=True)
+    keep, follows = _independent(A, system.owner[rows])
+    _, R, order = scipy.linalg.qr(A[keep], mode="economic", pivoting=True)
+    rank = len(keep)
+    solved = -scipy.linalg.solve_triangular(R[:, :rank], R[:, rank:])
+    solved[np.abs(solved) < NEGLIGIBLE] = 0.0
+    largest = np.abs(solved).max(initial=0.0)
+    if largest > LARGEST_COEFFICIENT:
+        raise AccuracyError(
+            f"the constraints of {system.names(rows)} are nearly dependent: a coefficient of "
+            f"their solution is {largest:.1e} (limit {LARGEST_COEFFICIENT:.0e}); move the joints "
+            "apart, or remove one of them."
+        )
+    chosen, others = order[:rank], order[rank:]
+    values = solved * scale[chosen][:, None] / scale[others]
+    where = np.repeat(np.arange(rank), len(others)), np.tile(columns[others], rank)
+    result = scipy.sparse.csr_matrix((values.ravel(), where), shape=(rank, C.shape[1]))
+    return result, columns[chosen], follows
+
+
+def _independent(A: Array, owner: IntArray) -> tuple[IntArray, list[tuple[int, set[int]]]]:
+    """(unit rows that no earlier ones span, (joint, joints that span it) of the others)."""
+    R = scipy.linalg.qr(A.T, mode="r")[0]
+    space = np.zeros((R.shape[0], len(A)), order="F")
+    keep: list[int] = []
+    follows = []
+    for k, column in enumerate(R.T):
+        basis = space[:, : len(keep)]
+        rest = column - basis @ (basis.T @ column)
+        rest -= basis @ (basis.T @ rest)  # twice is enough (Kahan)
+        left = np.linalg.norm(rest)
+        if left > DEPENDENT:
+            space[:, len(keep)] = rest / left
+            keep.append(k)
+            continue
+        weights = np.linalg.lstsq(R[:, keep], column, rcond=None)[0]
+        used = owner[np.array(keep)[np.abs(weights) > DEPENDENT]]
+        follows.append((int(owner[k]), {int(one) for one in used}))
+    return np.array(keep, dtype=int), follows
+
+
+def _check(system: _System, T: Sparse) -> None:
+    """AccuracyError where u = T q does not satisfy the constraints."""
+    if not system.C.shape[0]:
+        return
+    scale = scipy.sparse.diags(system.scale)
+    left = abs(system.C @ T @ scale).max(axis=1).toarray().ravel()
+    size = (abs(system.C) @ abs(T) @ scale).max(axis=1).toarray().ravel()
+    error = left / np.maximum(size, np.finfo(float).tiny)
+    worst = int(np.argmax(error))
+    if error[worst] > SATISFIED:
+        raise AccuracyError(
+            f"the constraints of {system.names(np.array([worst]))} are satisfied only to "
+            f"{error[worst]:.1e} (limit {SATISFIED:.0e}): they are nearly dependent on others."
+        )
+
+
+def _row_numbers(C: Sparse) -> IntArray:
+    """The row of each entry."""
+    return np.repeat(np.arange(C.shape[0]), np.diff(C.indptr))
+
+
+def _largest(size: Array, row: IntArray, count: int) -> Array:
+    """Largest of the entries of each row (count,)."""
+    result = np.zeros(count)
+    np.maximum.at(result, row, size)
+    return result

@@ -1,0 +1,184 @@
+"""What a joint holds on to: a group of a part, a point of a part, or a reference point.
+
+An end is "part:group", a pair ("part", point), or the name of a reference point. Its motion at a
+point is a set of linear functionals of u: of one node those of the node, of a group of several the
+mean displacement and the mean rotation, by which a force spreads over the group without stiffening
+it. The mean rotation is that of the rigid motion closest to the motion of the group.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.sparse
+
+from antiosc._types import Array, IntArray
+from antiosc.checks import array, shown
+from antiosc.errors import InputError
+from antiosc.fem.assembly.entities import nodes_of, points_of
+from antiosc.fem.assembly.layout import MOVES, TURNS, Layout, Member, Sparse
+from antiosc.fem.assembly.placement import skew
+from antiosc.fem.mesh.entities import Quadrature
+
+#: A point this share of the size off its part is moved onto it.
+NEAR = 1e-3
+#: Share of the largest second moment of a group below which it does not tell a rotation.
+SLENDER = 1e-12
+
+End = Any
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Displacement and rotation of an end at a point, in the axes of the assembly.
+
+    Attributes
+    ----------
+    moves : (3, n) functionals of the displacement.
+    turns : (3, n) functionals of the rotation.
+    turning : (3, 3) projection on the rotations that the end has; those of a solid's point are 0.
+    point : (3,) coordinates, m.
+    """
+
+    moves: Sparse
+    turns: Sparse
+    turning: Array
+    point: Array
+
+    def at(self, point: Array) -> Motion:
+        """The motion of a point that is rigidly connected to the end."""
+        arm = point - self.point
+        moved = self.moves - scipy.sparse.csr_matrix(skew(arm)) @ self.turns
+        return Motion(moved.tocsr(), self.turns, self.turning, point)
+
+
+def checked_end(name: str, end: Any) -> End:
+    """An end in the form that is stored, or InputError."""
+    if isinstance(end, str) and end:
+        return end
+    if isinstance(end, tuple | list) and len(end) == 2 and isinstance(end[0], str) and end[0]:
+        point = array(f"the point of {name}", end[1], None)
+        if point.shape in ((2,), (3,)):
+            return end[0], tuple(point.tolist())
+    raise InputError(
+        f'{name} must be "part:group", a pair ("part", point) or the name of a reference point; '
+        f"got {shown(end)}."
+    )
+
+
+def end_text(end: End) -> str:
+    """An end in words."""
+    if isinstance(end, str):
+        return repr(end)
+    return f"{end[0]!r} at ({', '.join(f'{c:.6g}' for c in end[1])}) m"
+
+
+def group_end(layout: Layout, name: str, end: End) -> tuple[Member, str]:
+    """(part, group) of an end that must be a group."""
+    if not isinstance(end, str) or ":" not in end:
+        raise InputError(f'{name} must be a group, "part:group"; got {end_text(end)}.')
+    return _member_and_group(layout, end)
+
+
+def _member_and_group(layout: Layout, end: str) -> tuple[Member, str]:
+    part, group = end.split(":", 1)
+    member = _member(layout, part, end)
+    if group not in member.part.mesh.groups:
+        known = ", ".join(repr(f"{part}:{n}") for n in sorted(member.part.mesh.groups)) or "none"
+        raise InputError(f"the part {part!r} has no group {group!r}; its groups are: {known}.")
+    return member, group
+
+
+def _member(layout: Layout, part: str, end: End) -> Member:
+    if part not in layout.members:
+        raise InputError(
+            f"{end_text(end)}: the assembly has no part {part!r}; its parts are "
+            f"{', '.join(map(repr, layout.members))}."
+        )
+    return layout.members[part]
+
+
+def motion(layout: Layout, end: End) -> Motion:
+    """The motion of an end at its own place."""
+    if not isinstance(end, str):
+        return _of_point(layout, *end)
+    if end in layout.points:
+        dofs = layout.of_point(end)
+        turning = np.diag([0.0, 0.0, 1.0]) if layout.plane else np.eye(3)
+        return Motion(layout.units(dofs[:3]), layout.units(dofs[3:]), turning, layout.points[end])
+    if ":" not in end:
+        known = ", ".join(map(repr, layout.points)) or "none"
+        hint = ' (of a part give a group, "part:group", or a pair ("part", point))'
+        raise InputError(
+            f"there is no reference point {end!r}; the reference points are: {known}"
+            f"{hint if end in layout.members else ''}."
+        )
+    member, group = _member_and_group(layout, end)
+    nodes = nodes_of(member, group)
+    if len(nodes) == 1:
+        return _of_nodes(layout, member, nodes)
+    return mean(layout, member, points_of(member, group))
+
+
+def _of_nodes(layout: Layout, member: Member, nodes: IntArray) -> Motion:
+    moves = layout.at_nodes(member, nodes, MOVES)
+    turns = layout.at_nodes(member, nodes, TURNS)
+    return Motion(moves, turns, _turning(layout, member), member.nodes[nodes[0]])
+
+
+def _of_point(layout: Layout, part: str, point: tuple[float, ...]) -> Motion:
+    """The motion of a part at a point."""
+    end = (part, point)
+    member = _member(layout, part, end)
+    x = np.zeros(3)
+    x[: len(point)] = point
+    nearest = member.closest(x[None])
+    if nearest.distance[0] > NEAR * member.part.mesh.extent():
+        found = ", ".join(f"{c:.6g}" for c in member.at.placed(nearest.x)[0])
+        raise InputError(
+            f"the point {end_text(end)} is {nearest.distance[0]:.3g} m off the part; its nearest "
+            f"point is ({found}) m."
+        )
+    moves = layout.at_points(member, nearest.cell, nearest.X, MOVES)
+    turns = layout.at_points(member, nearest.cell, nearest.X, TURNS)
+    return Motion(moves, turns, _turning(layout, member), member.at.placed(nearest.x)[0])
+
+
+def _turning(layout: Layout, member: Member) -> Array:
+    """The rotations that nodes of a part have."""
+    if not member.turns:
+        return np.zeros((3, 3))
+    return np.diag([0.0, 0.0, 1.0]) if layout.plane else np.eye(3)
+
+
+def mean(layout: Layout, member: Member, points: Quadrature) -> Motion:
+    """Weighted mean motion of points of a part at their centroid.
+
+    With r from the centroid the mean rotation θ satisfies J θ = Σ w r × u, J = Σ w (r² 1 − r rᵀ).
+    About an axis on which all points lie it is the mean of the rotations of the nodes, if there
+    are any.
+    """
+    w = points.weight / points.weight.sum()
+    x = points.x
+    centre = w @ x
+    r = x - centre
+    U = layout.at_points(member, points.cell, points.X, MOVES)
+    average = scipy.sparse.csr_matrix(np.kron(w, np.eye(3)))
+    moves = (average @ U).tocsr()
+    moment = np.einsum("p,pij->ipj", w, skew(r)).reshape(3, -1)
+    J = np.einsum("p,pij->ij", w, np.einsum("pi,pi->p", r, r)[:, None, None] * np.eye(3)
+                  - r[:, :, None] * r[:, None, :])  # fmt: skip
+    told = np.diag([0.0, 0.0, 1.0]) if layout.plane else np.eye(3)
+    values, axes = np.linalg.eigh(told @ J @ told)
+    good = values > SLENDER * max(values[-1], np.finfo(float).tiny)
+    inverse = axes[:, good] @ np.diag(1 / values[good]) @ axes[:, good].T
+    turns = (scipy.sparse.csr_matrix(inverse @ moment) @ U).tocsr()
+    turning = axes[:, good] @ axes[:, good].T
+    rest = _turning(layout, member) @ (np.eye(3) - turning)
+    if np.abs(rest).max() > 1e-9:
+        own = average @ layout.at_points(member, points.cell, points.X, TURNS)
+        turns = (turns + scipy.sparse.csr_matrix(rest) @ own).tocsr()
+        turning = turning + rest
+    return Motion(moves, turns, turning, centre)

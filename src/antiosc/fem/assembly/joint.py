@@ -1,0 +1,78 @@
+"""Base of all joints of an assembly."""
+
+from __future__ import annotations
+
+from abc import ABC
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from antiosc._types import Array, BoolArray
+from antiosc.checks import text
+from antiosc.fem.assembly.elimination import Rows
+from antiosc.fem.assembly.layout import Layout, Sparse
+
+
+@dataclass(frozen=True, eq=False)
+class Stiffness:
+    """Gᵀ k G and Gᵀ m G, which a joint or an attachment adds to K_b and M_b.
+
+    Attributes
+    ----------
+    G : (j, n) functionals of u.
+    k, m : (j, j) stiffness and mass of these.
+    mass : kg.
+    """
+
+    G: Sparse
+    k: Array
+    m: Array
+    mass: float = 0.0
+
+    @property
+    def strains(self) -> Array:
+        """Unit combinations of the functionals that a motion without strain leaves at zero."""
+        values, vectors = np.linalg.eigh(self.k)
+        return np.asarray(vectors[:, values > 1e-12 * max(values[-1], np.finfo(float).tiny)].T)
+
+
+class Joint(ABC):
+    """A joint between parts: linear constraints, springs and masses.
+
+    `name` is what messages call it.
+    """
+
+    name: str | None
+    #: whether its constraints are made after those of other joints
+    late: ClassVar[bool] = False
+
+    def prepare(self, layout: Layout, label: str) -> None:  # noqa: B027
+        """Add the reference points that the joint brings with it to the layout."""
+
+    def constraints(
+        self,
+        layout: Layout,
+        before: Sequence[Rows],
+        held: BoolArray,
+        label: str,
+    ) -> list[Rows]:
+        """Constraints of the joint.
+
+        `before` are those of the supports and of earlier joints, `held` the dofs that are zero.
+        """
+        return []
+
+    def elastic(self, layout: Layout, label: str) -> list[Stiffness]:
+        """Springs and masses of the joint."""
+        return []
+
+    def label(self, number: int) -> str:
+        """The joint's name, or its kind and number in the list of joints."""
+        return repr(self.name) if self.name else f"joint {number} ({type(self).__name__})"
+
+
+def checked_name(name: str | None) -> str | None:
+    """A name, or None."""
+    return None if name is None else text("name", name)

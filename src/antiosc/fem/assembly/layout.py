@@ -1,0 +1,234 @@
+"""The dofs of all parts of an assembly in one vector, before they are joined.
+
+The vector u holds the dofs of each part (in the axes of the part) one after the other, and then six
+dofs (in the axes of the assembly) for each reference point. A linear functional of u is a row of a
+sparse matrix with as many columns as u has dofs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TypeAlias
+
+import numpy as np
+import scipy.sparse
+import scipy.sparse.csgraph
+
+from antiosc._types import Array, IntArray
+from antiosc.errors import InputError
+from antiosc.fem import compat
+from antiosc.fem.assembly.placement import Placement
+from antiosc.fem.mesh.closest_point import ClosestPoints, closest_many
+from antiosc.fem.structure.meshed import MeshedStructure
+
+Sparse: TypeAlias = scipy.sparse.csr_matrix
+#: Dofs of a reference point.
+POINT_DOFS = 6
+MOVES, TURNS = ("x", "y", "z"), ("rx", "ry", "rz")
+
+
+@dataclass(frozen=True, eq=False)
+class Member:
+    """A part in its place.
+
+    Attributes
+    ----------
+    name : of the part in the assembly.
+    part : the structure.
+    at : where it stands.
+    first : number of its first dof in u.
+    """
+
+    name: str
+    part: MeshedStructure
+    at: Placement
+    first: int
+
+    @property
+    def size(self) -> int:
+        """Number of dofs."""
+        return int(self.part.K.getSize()[0])
+
+    @property
+    def rows(self) -> slice:
+        """Its dofs in u."""
+        return slice(self.first, self.first + self.size)
+
+    @property
+    def block(self) -> int:
+        """Dofs of a node."""
+        return int(self.part.form.space.dofmap.index_map_bs)
+
+    @property
+    def turns(self) -> bool:
+        """Whether nodes have rotations."""
+        return "rz" in self.part.form.components
+
+    @cached_property
+    def nodes(self) -> Array:
+        """Coordinates (nodes, 3) of the nodes of the displacements in the assembly [m]."""
+        return self.at.placed(self.part.form.space.tabulate_dof_coordinates())
+
+    @cached_property
+    def vertices(self) -> Array:
+        """Coordinates (n, 3) of the geometry nodes in the assembly [m]."""
+        return self.at.placed(self.part.mesh.dolfinx.geometry.x)
+
+    @cached_property
+    def pieces(self) -> IntArray:
+        """Number of the connected piece of the mesh to which each node belongs (nodes,)."""
+        space = self.part.form.space
+        own = compat.cell_map(self.part.mesh.dolfinx).size_local
+        (path, *_) = self.part.form.components.values()
+        nodes = compat.cell_dofs(space, path, np.arange(own)) // self.block
+        first = np.repeat(nodes[:, 0], nodes.shape[1] - 1)
+        count = len(self.nodes)
+        graph = scipy.sparse.coo_matrix(
+            (np.ones(len(first)), (first, nodes[:, 1:].ravel())), shape=(count, count)
+        )
+        return np.asarray(scipy.sparse.csgraph.connected_components(graph, directed=False)[1])
+
+    def closest(self, points: Array) -> ClosestPoints:
+        """The closest points of the part to points (n, 3) of the assembly."""
+        return closest_many(self.part.mesh, self.at.own(points))
+
+
+class Layout:
+    """All parts of an assembly and its reference points.
+
+    Attributes
+    ----------
+    members : name -> part in its place.
+    points : name -> coordinates (3,) of each reference point [m].
+    plane : whether the parts are plane: they move along x and y and turn about z alone.
+    """
+
+    def __init__(
+        self,
+        parts: Mapping[str, MeshedStructure],
+        at: Mapping[str, Placement],
+        points: Mapping[str, Array],
+    ) -> None:
+        self.members: dict[str, Member] = {}
+        first = 0
+        for name, part in parts.items():
+            self.members[name] = Member(name, part, at[name], first)
+            first += self.members[name].size
+        self.points = dict(points)
+        self._first_point = first
+        self.plane = _plane(self.members)
+        x = np.vstack([*(m.vertices for m in self.members.values()), *self.points.values()])
+        self.low, self.high = x.min(axis=0), x.max(axis=0)
+
+    @property
+    def count(self) -> int:
+        """Number of dofs of u."""
+        return self._first_point + POINT_DOFS * len(self.points)
+
+    def add_point(self, name: str, x: Array) -> None:
+        """A further reference point at x (3,)."""
+        self.points[name] = x
+
+    @property
+    def size(self) -> float:
+        """Diagonal of the box around everything, m."""
+        return float(np.linalg.norm(self.high - self.low))
+
+    def of_point(self, name: str) -> IntArray:
+        """Dofs (6,) in u of a reference point."""
+        start = self._first_point + POINT_DOFS * list(self.points).index(name)
+        return np.arange(start, start + POINT_DOFS)
+
+    def matrix(self, row: IntArray, column: IntArray, value: Array, count: int) -> Sparse:
+        """A matrix of `count` functionals of u from entries of any shape; repeated ones add up."""
+        entries = (np.ravel(value), (np.ravel(row), np.ravel(column)))
+        return scipy.sparse.csr_matrix(entries, shape=(count, self.count))
+
+    def nothing(self, count: int) -> Sparse:
+        """Functionals that are zero."""
+        return scipy.sparse.csr_matrix((count, self.count))
+
+    # -- motions as functionals: row 3 p + c is component c of point p, in the assembly's axes
+
+    def at_points(
+        self, member: Member, cell: IntArray, X: Array, names: tuple[str, ...] = MOVES
+    ) -> Sparse:
+        """Displacements (or rotations: `names` = TURNS) at X (P, tdim) in cells (P,)."""
+        space = member.part.form.space
+        rows, columns, values = [], [], []
+        place = 3 * np.arange(len(cell))[:, None]
+        for axis, name in enumerate(names):
+            path = member.part.form.components.get(name)
+            if path is None or not len(cell):
+                continue
+            weights = compat.tabulate(space, path, X)
+            weights = np.where(np.abs(weights) > 1e-13, weights, 0.0)
+            dofs = member.first + compat.cell_dofs(space, path, cell)
+            for c in range(3):
+                turned = member.at.rotation[c, axis]
+                if turned:
+                    rows.append(np.broadcast_to(place + c, dofs.shape).ravel())
+                    columns.append(dofs.ravel())
+                    values.append((turned * weights).ravel())
+        result = self._stacked(rows, columns, values, 3 * len(cell))
+        result.eliminate_zeros()
+        return result
+
+    def at_nodes(self, member: Member, nodes: IntArray, names: tuple[str, ...] = MOVES) -> Sparse:
+        """Displacements (or rotations: `names` = TURNS) of nodes (P,)."""
+        rows, columns, values = [], [], []
+        for axis, name in enumerate(names):
+            if name not in member.part.form.components:
+                continue
+            dofs = self.dofs(member, nodes, name)
+            for c in range(3):
+                turned = member.at.rotation[c, axis]
+                if turned:
+                    rows.append(3 * np.arange(len(nodes)) + c)
+                    columns.append(dofs)
+                    values.append(np.full(len(nodes), turned))
+        return self._stacked(rows, columns, values, 3 * len(nodes))
+
+    def dofs(self, member: Member, nodes: IntArray, name: str) -> IntArray:
+        """Dofs in u of one component (in the axes of the part) of nodes."""
+        (component,) = member.part.form.components[name]
+        return np.asarray(member.first + member.block * np.asarray(nodes) + component)
+
+    def units(self, columns: IntArray) -> Sparse:
+        """Functionals that are single dofs."""
+        return self.matrix(np.arange(len(columns)), columns, np.ones(len(columns)), len(columns))
+
+    def _stacked(
+        self,
+        rows: Sequence[IntArray],
+        columns: Sequence[IntArray],
+        values: Sequence[Array],
+        count: int,
+    ) -> Sparse:
+        if not rows:
+            return self.nothing(count)
+        return self.matrix(
+            np.concatenate(rows), np.concatenate(columns), np.concatenate(values), count
+        )
+
+
+def _plane(members: Mapping[str, Member]) -> bool:
+    """Whether the parts are plane; InputError where some are and others are not."""
+    plane = {name: "z" not in m.part.form.components for name, m in members.items()}
+    if len(set(plane.values())) > 1:
+        flat = next(name for name, one in plane.items() if one)
+        deep = next(name for name, one in plane.items() if not one)
+        raise InputError(
+            f"the part {flat!r} is plane (it moves along x and y) and the part {deep!r} moves in "
+            "space: an assembly has parts of one sort; read the mesh with gdim=3."
+        )
+    for name, m in members.items():
+        R = m.at.rotation
+        if plane[name] and (abs(R[2, 2] - 1) > 1e-12 or m.at.shift[2]):
+            raise InputError(
+                f"at[{name!r}] moves a plane part out of its plane: turn it about z and shift it "
+                "along x and y."
+            )
+    return any(plane.values())

@@ -1,0 +1,214 @@
+"""Motions of an assembly without strain: of the whole as a rigid body, and of parts by themselves.
+
+The rigid motions of all connected pieces of the parts span the motions without strain before the
+parts are joined. Those that satisfy all constraints and stretch no spring are the null vectors of
+K: the rigid motions of the whole, and the mechanisms that the joints leave.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+import scipy.sparse
+
+from antiosc._types import Array, BoolArray, IntArray
+from antiosc.fem.assembly.layout import TURNS, Layout, Member, Sparse
+from antiosc.fem.structure import remaining_motions
+from antiosc.fem.structure.rigid_body_modes import polynomials
+
+#: Residual of the constraints over the sizes of their terms below which a motion satisfies them.
+SATISFIES = 1e-9
+#: Entries of a dense matrix that are worked on at a time.
+ENTRIES_AT_ONCE = 10_000_000
+#: Share of a motion below which a part of it is rounding.
+STILL = 1e-7
+
+
+@dataclass(frozen=True, eq=False)
+class Loose:
+    """A piece of a part, or a reference point, that moves by itself before it is joined.
+
+    Attributes
+    ----------
+    name : for messages.
+    rows : its dofs in u.
+    centre : (3,) [m]; size: half of its extent [m].
+    motions : (rows, 6) unit translations and rotations (about the centre, by 1/size).
+    """
+
+    name: str
+    rows: IntArray
+    centre: Array
+    size: float
+    motions: Array
+
+
+def rigid_motions(layout: Layout, point: Array) -> Array:
+    """The six rigid motions (n, 6) of u: translations along x, y, z, rotations about `point`."""
+    result = np.zeros((layout.count, 6))
+    for member in layout.members.values():
+        result[member.rows] = _of_member(member, point)
+    for name, x in layout.points.items():
+        result[layout.of_point(name)] = _of_point(x - point)
+    if layout.plane:
+        result[:, [2, 3, 4]] = 0.0
+    return result
+
+
+def _of_member(member: Member, point: Array) -> Array:
+    """Six rigid motions on the dofs of a part, in its axes."""
+    result = np.zeros((member.size, 6))
+    arm = member.nodes - point
+    for name, (component,) in member.part.form.components.items():
+        rows = np.arange(component, member.size, member.block)
+        axis = member.at.rotation[:, "xyz".index(name[-1])]
+        if name in TURNS:
+            result[rows, 3:] = axis
+        else:
+            result[rows, :3] = axis
+            result[rows, 3:] = np.cross(arm, axis)  # axis·(θ × r) = θ·(r × axis)
+    return result
+
+
+def _of_point(arm: Array) -> Array:
+    """Six rigid motions on the dofs of a reference point."""
+    result = np.eye(6)
+    result[:3, 3:] = np.cross(np.eye(3), arm).T
+    return result
+
+
+def pieces(layout: Layout) -> Iterator[Loose]:
+    """What moves by itself before it is joined."""
+    for member in layout.members.values():
+        labels = member.pieces
+        for label in range(int(labels.max()) + 1):
+            nodes = np.flatnonzero(labels == label)
+            x = member.nodes[nodes]
+            centre = (x.min(axis=0) + x.max(axis=0)) / 2
+            size = max(float(np.linalg.norm(np.ptp(x, axis=0))) / 2, 1e-9 * layout.size)
+            rows = (member.block * nodes[:, None] + np.arange(member.block)).ravel()
+            yield _loose(layout, member.name, member.first + rows, centre, size,
+                         _of_member(member, centre)[rows])  # fmt: skip
+    for name, x in layout.points.items():
+        size = layout.size / 2
+        yield _loose(layout, name, layout.of_point(name), x, size, np.eye(6))
+
+
+def whole(layout: Layout, point: Array) -> Loose:
+    """The whole assembly as one piece that moves about `point`."""
+    rows = np.arange(layout.count)
+    return _loose(layout, "all", rows, point, layout.size / 2, rigid_motions(layout, point))
+
+
+def _loose(
+    layout: Layout, name: str, rows: IntArray, centre: Array, size: float, motions: Array
+) -> Loose:
+    motions = motions.copy()
+    motions[:, 3:] /= size
+    if layout.plane:
+        motions[:, [2, 3, 4]] = 0.0
+    return Loose(name, rows, centre, size, motions)
+
+
+def free_motions(
+    layout: Layout, constraints: Sparse, held: BoolArray, scale: Array
+) -> tuple[Array, Array, list[Loose]]:
+    """Motions without strain that satisfy the constraints and leave held dofs at zero.
+
+    Returns (rigid motions of the whole (n, r), mechanisms (n, m), the pieces that move in them).
+    """
+    point = (layout.low + layout.high) / 2
+    together = whole(layout, point).motions
+    together = together[:, np.abs(together).max(axis=0) > 0]
+    rows = _rows(constraints, held, scale)
+    rigid = together @ _null(rows @ together)
+    loose = list(pieces(layout))
+    if len(loose) == 1:
+        return rigid, np.zeros((layout.count, 0)), []
+    N = _side_by_side(layout, loose)
+    found = N @ _null(rows @ N)
+    mechanisms = _beside(found, rigid)
+    moving = [
+        one for one in loose if mechanisms.shape[1] and np.abs(mechanisms[one.rows]).max() > STILL
+    ]
+    return rigid, mechanisms, moving
+
+
+def _side_by_side(layout: Layout, loose: Sequence[Loose]) -> Sparse:
+    """The motions of all pieces as columns of u."""
+    rows, columns, values, count = [], [], [], 0
+    for one in loose:
+        own = one.motions[:, np.abs(one.motions).max(axis=0) > 0]
+        rows.append(np.repeat(one.rows, own.shape[1]))
+        columns.append(np.tile(count + np.arange(own.shape[1]), len(own)))
+        values.append(own.ravel())
+        count += own.shape[1]
+    where = np.concatenate(rows), np.concatenate(columns)
+    shape = layout.count, count
+    return scipy.sparse.csr_matrix((np.concatenate(values), where), shape=shape)
+
+
+def _rows(constraints: Sparse, held: BoolArray, scale: Array) -> Sparse:
+    """Constraints of unit size, and the held dofs."""
+    size = np.asarray(abs(constraints) @ scale).ravel()
+    keep = size > 0
+    units = scipy.sparse.identity(len(held), format="csr")[np.flatnonzero(held)]
+    units = scipy.sparse.diags(1 / scale[held]) @ units
+    return scipy.sparse.vstack(
+        [scipy.sparse.diags(1 / size[keep]) @ constraints[keep], units]
+    ).tocsr()
+
+
+def _null(E: Array | Sparse) -> Array:
+    """An orthonormal basis (k, r) of the columns' combinations that vanish in E (m, k)."""
+    k = E.shape[1]
+    R = np.zeros((0, k))
+    for some in np.array_split(np.arange(E.shape[0]), 1 + E.shape[0] * k // ENTRIES_AT_ONCE):
+        own = E[some].toarray() if scipy.sparse.issparse(E) else E[some]
+        R = scipy.linalg.qr(np.vstack([R, own]), mode="r")[0][:k]
+    _, values, right = np.linalg.svd(R)
+    values = np.concatenate([values, np.zeros(k - len(values))])
+    return np.asarray(right[values <= SATISFIES * max(1.0, values[0])].T)
+
+
+def _beside(found: Array, rigid: Array) -> Array:
+    """The motions among `found` that are orthogonal to `rigid`, orthonormal."""
+    if not found.shape[1]:
+        return found
+    basis = np.linalg.qr(rigid)[0] if rigid.shape[1] else rigid
+    left = found - basis @ (basis.T @ found)
+    left -= basis @ (basis.T @ left)
+    U, values, _ = np.linalg.svd(left, full_matrices=False)
+    count = found.shape[1] - rigid.shape[1]
+    return np.asarray(U[:, :count] * values[:count])
+
+
+def described(one: Loose, motions: Array) -> str:
+    """The motions (rows of u, m) of a piece in words."""
+    coefficients = np.linalg.lstsq(one.motions, motions[one.rows], rcond=1e-9)[0]
+    size = np.linalg.norm(coefficients, axis=0)
+    return remaining_motions.of_body(
+        coefficients[:, size > STILL] / size[size > STILL], one.centre, one.size
+    )
+
+
+def fields(layout: Layout) -> Array:
+    """Quadratic polynomial displacement fields (n, k) of the whole; the rigid ones come first."""
+    centre, size = (layout.low + layout.high) / 2, float((layout.high - layout.low).max())
+    columns = []
+    for _, field in polynomials(2 if layout.plane else 3):
+        column = np.zeros(layout.count)
+        for member in layout.members.values():
+            move, turn = field((member.nodes - centre) / size)
+            for name, (component,) in member.part.form.components.items():
+                rows = member.first + np.arange(component, member.size, member.block)
+                axis = member.at.rotation[:, "xyz".index(name[-1])]
+                column[rows] = axis @ turn / size if name in TURNS else axis @ move
+        for name, x in layout.points.items():
+            move, turn = field(((x - centre) / size)[None])
+            column[layout.of_point(name)] = np.concatenate([move[:, 0], turn[:, 0] / size])
+        columns.append(column)
+    return np.column_stack(columns)

@@ -1,0 +1,176 @@
+"""Joints of two ends at one point: `Weld`, `Ball`, `Hinge`, `Slider`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse
+
+from antiosc._types import Array, BoolArray
+from antiosc.checks import array, coordinates, store
+from antiosc.errors import InputError
+from antiosc.fem.assembly.elimination import Rows
+from antiosc.fem.assembly.ends import End, Motion, checked_end, end_text, motion
+from antiosc.fem.assembly.joint import Joint, checked_name
+from antiosc.fem.assembly.layout import Layout
+
+#: Points this share of the size of the assembly apart are one.
+COINCIDENT = 1e-9
+#: Share of a rotation that an end must have to be held by it.
+HAS_ROTATION = 1 - 1e-6
+
+
+@dataclass(frozen=True)
+class _Pin(Joint):
+    a: End
+    b: End
+    point: Sequence[float] | None = None
+    name: str | None = None
+
+    def __post_init__(self) -> None:
+        store(self, a=checked_end("a", self.a), b=checked_end("b", self.b))
+        store(self, name=checked_name(self.name))
+        if self.point is not None:
+            store(self, point=coordinates("point", self.point))
+        if self.a == self.b:
+            raise InputError(f"{type(self).__name__} joins {end_text(self.a)} to itself.")
+
+    def constraints(
+        self, layout: Layout, before: Sequence[Rows], held: BoolArray, label: str
+    ) -> list[Rows]:
+        """The displacements and rotations in which both ends move alike."""
+        a, b = ends_at(layout, label, self.a, self.b, self.point)
+        moves, turns = self._held()
+        if layout.plane:
+            moves, turns = moves[:, :2] @ np.eye(2, 3), turns * np.array([0.0, 0.0, 1.0])
+            moves, turns = (m[np.abs(m).max(axis=1) > 1e-9] for m in (moves, turns))
+        _check_rotations(label, self, turns, a, b)
+        apart = scipy.sparse.csr_matrix(moves) @ (b.moves - a.moves)
+        turned = scipy.sparse.csr_matrix(turns) @ (b.turns - a.turns)
+        rows = scipy.sparse.vstack([layout.nothing(0), apart, turned]).tocsr()
+        rows.eliminate_zeros()
+        if not rows.nnz:
+            raise InputError(f"{label} joins nothing: both of its ends are the same point.")
+        return [Rows.free(rows, label)]
+
+    def _held(self) -> tuple[Array, Array]:
+        """Directions (k, 3) in which displacements, and (l, 3) in which rotations are equal."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class Weld(_Pin):
+    """Two ends that have the same displacement and rotation at a point.
+
+    Parameters
+    ----------
+    a, b : ends
+        "part:group" (of several nodes: their mean motion), ("part", (x, y, z)), or the name of a
+        reference point.
+    point : sequence of floats, optional
+        Where they are joined, m; default: the point, or the centroid, of `a`. Ends that lie
+        elsewhere are connected to it rigidly.
+    name : str, optional
+        What messages call the joint.
+    """
+
+    def _held(self) -> tuple[Array, Array]:
+        return np.eye(3), np.eye(3)
+
+
+@dataclass(frozen=True)
+class Ball(_Pin):
+    """Two ends that have the same displacement at a point and turn freely.
+
+    Parameters as for `Weld`.
+    """
+
+    def _held(self) -> tuple[Array, Array]:
+        return np.eye(3), np.zeros((0, 3))
+
+
+@dataclass(frozen=True)
+class _Axis(_Pin):
+    axis: Sequence[float] = (0.0, 0.0, 1.0)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        axis = array("axis", self.axis, (3,))
+        if not axis.any():
+            raise InputError("axis must not be the zero vector.")
+        store(self, axis=tuple(axis.tolist()))
+
+    def _across(self) -> Array:
+        """Two unit vectors (2, 3) across the axis."""
+        unit = np.array(self.axis) / np.linalg.norm(self.axis)
+        first = np.cross(unit, np.eye(3)[np.argmin(np.abs(unit))])
+        first /= np.linalg.norm(first)
+        return np.vstack([first, np.cross(unit, first)])
+
+
+@dataclass(frozen=True)
+class Hinge(_Axis):
+    """Two ends that turn against each other about an axis through a point, and nothing else.
+
+    Parameters as for `Weld`, and
+
+    axis : sequence of 3 floats
+        Direction of the axis in the assembly, default z.
+    """
+
+    def _held(self) -> tuple[Array, Array]:
+        return np.eye(3), self._across()
+
+
+@dataclass(frozen=True)
+class Slider(_Axis):
+    """Two ends that slide against each other along an axis, and nothing else.
+
+    Parameters as for `Hinge`.
+    """
+
+    def _held(self) -> tuple[Array, Array]:
+        return self._across(), np.eye(3)
+
+
+def ends_at(
+    layout: Layout, label: str, a: End, b: End, point: Sequence[float] | None
+) -> tuple[Motion, Motion]:
+    """The motions of two ends at one point."""
+    first, second = motion(layout, a), motion(layout, b)
+    x = first.point if point is None else np.pad(np.array(point), (0, 3 - len(point)))
+    return carried(layout, label, a, first, x), carried(layout, label, b, second, x)
+
+
+def carried(layout: Layout, label: str, end: End, own: Motion, x: Array) -> Motion:
+    """The motion of an end at x, to which it is connected rigidly."""
+    arm = x - own.point
+    length = float(np.linalg.norm(arm))
+    if length <= COINCIDENT * layout.size:
+        return Motion(own.moves, own.turns, own.turning, x)
+    unit = arm / length
+    across = np.eye(3) - np.outer(unit, unit)
+    if layout.plane:
+        across = np.diag([0.0, 0.0, 1.0])
+    missing = across @ (np.eye(3) - own.turning) @ across
+    if np.abs(missing).max() > 1 - HAS_ROTATION:
+        raise InputError(
+            f"{label} lies {length:.3g} m away from {end_text(end)}, which has no rotation to "
+            "carry it there: points of solids do not turn; give a group of faces, or a point "
+            "where the joint is."
+        )
+    return own.at(x)
+
+
+def _check_rotations(label: str, joint: _Pin, turns: Array, a: Motion, b: Motion) -> None:
+    """InputError where an end does not have a rotation that the joint holds."""
+    for end, one in ((joint.a, a), (joint.b, b)):
+        for direction in turns:
+            if direction @ one.turning @ direction < HAS_ROTATION * (direction @ direction):
+                raise InputError(
+                    f"{label} holds a rotation that {end_text(end)} does not have: a point of a "
+                    "solid, or a straight row of them, does not turn; give a group of faces, or "
+                    "use a Ball."
+                )

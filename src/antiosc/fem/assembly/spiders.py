@@ -1,0 +1,193 @@
+"""`Rigid` and `Mean`: a group of nodes and one point."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse
+
+from antiosc._types import Array, BoolArray, IntArray
+from antiosc.checks import store
+from antiosc.errors import InputError
+from antiosc.fem.assembly.elimination import Rows
+from antiosc.fem.assembly.ends import End, Motion, checked_end, end_text, group_end, mean, motion
+from antiosc.fem.assembly.entities import nodes_of, points_of
+from antiosc.fem.assembly.joint import Joint, checked_name
+from antiosc.fem.assembly.layout import MOVES, TURNS, Layout, Member
+
+#: Rotations about axes with less than this share of the largest second moment are not told.
+COLLINEAR = 1e-12
+
+
+@dataclass(frozen=True)
+class Rigid(Joint):
+    """All nodes of a group follow the motion of a point as a rigid body (RBE2).
+
+    Parameters
+    ----------
+    group : str
+        "part:group".
+    point : end, optional
+        The point that is followed: the name of a reference point, ("part", (x, y, z)) of a beam
+        or shell, or a group of one point. None: the group is rigid and follows nothing else.
+    name : str, optional
+        What messages call the joint.
+    """
+
+    group: str
+    point: End | None = None
+    name: str | None = None
+
+    def __post_init__(self) -> None:
+        store(self, group=checked_end("group", self.group), name=checked_name(self.name))
+        if self.point is not None:
+            store(self, point=checked_end("point", self.point))
+
+    def prepare(self, layout: Layout, label: str) -> None:
+        """A group that follows no given point gets a reference point of its own."""
+        if self.point is None:
+            member, group = group_end(layout, "group", self.group)
+            nodes = nodes_of(member, group)
+            if len(nodes) < 2:
+                raise InputError(f"{label}: {self.group!r} is a single point, which is rigid.")
+            layout.add_point(label, member.nodes[nodes].mean(axis=0))
+
+    def constraints(
+        self, layout: Layout, before: Sequence[Rows], held: BoolArray, label: str
+    ) -> list[Rows]:
+        """Every dof of the group is that of the rigid motion of the point."""
+        member, group = group_end(layout, "group", self.group)
+        nodes = nodes_of(member, group)
+        if self.point is None:
+            leader = motion(layout, label)
+            rows = following(layout, member, nodes, leader, label)
+            return [rows, *_untold(layout, member, nodes, leader)]
+        leader = motion(layout, self.point)
+        own = leader.moves.indices, leader.turns.indices
+        columns = np.unique(np.concatenate(own))
+        block = (columns - member.first) // member.block
+        inside = (columns >= member.rows.start) & (columns < member.rows.stop)
+        nodes = nodes[~np.isin(nodes, block[inside])]  # the point itself may be in the group
+        full = np.diag([0.0, 0.0, 1.0]) if layout.plane else np.eye(3)
+        if np.abs(full - full @ leader.turning @ full).max() > 1e-6:
+            raise InputError(
+                f"{label}: the point {end_text(self.point)} does not turn, so that nothing can "
+                "follow its rotation: take a reference point (points={...}), or a point of a beam "
+                "or a shell."
+            )
+        if not len(nodes):
+            raise InputError(f"{label}: {self.group!r} holds nothing but the point it follows.")
+        return [following(layout, member, nodes, leader, label)]
+
+
+@dataclass(frozen=True)
+class Mean(Joint):
+    """A point follows the mean motion of a group (RBE3), and its loads spread over the group.
+
+    The group is not stiffened. Faces, edges and cells count with their areas and lengths, points
+    equally.
+
+    Parameters
+    ----------
+    group : str
+        "part:group".
+    point : end
+        What follows: the name of a reference point, ("part", (x, y, z)), or a group of one point,
+        for instance the end of a beam.
+    name : str, optional
+        What messages call the joint.
+    """
+
+    group: str
+    point: End
+    name: str | None = None
+
+    def __post_init__(self) -> None:
+        store(
+            self,
+            group=checked_end("group", self.group),
+            point=checked_end("point", self.point),
+            name=checked_name(self.name),
+        )
+
+    def constraints(
+        self, layout: Layout, before: Sequence[Rows], held: BoolArray, label: str
+    ) -> list[Rows]:
+        """Displacement and rotation of the point are the mean ones of the group."""
+        member, group = group_end(layout, "group", self.group)
+        nodes = nodes_of(member, group)
+        follower = motion(layout, self.point)
+        if len(nodes) == 1:
+            raise InputError(
+                f"{label}: {self.group!r} is a single point; a Mean needs several (use Weld)."
+            )
+        leader = mean(layout, member, points_of(member, group))
+        if set(leader.moves.indices) & set(follower.moves.indices):
+            raise InputError(
+                f"{label}: the point {end_text(self.point)} is one of the group {self.group!r} "
+                "whose mean it should follow; take a group without it."
+            )
+        led = leader.at(follower.point)
+        both = leader.turning @ follower.turning
+        turns = scipy.sparse.csr_matrix(_rows_of(both)) @ (follower.turns - led.turns)
+        rows = scipy.sparse.vstack([follower.moves - led.moves, turns]).tocsr()
+        rows.eliminate_zeros()
+        return [Rows(rows, _single(follower, rows.shape[0]), label)]
+
+
+def following(layout: Layout, member: Member, nodes: IntArray, leader: Motion, label: str) -> Rows:
+    """The nodes of a part follow the rigid motion of a point."""
+    arm = member.nodes[nodes] - leader.point
+    form, R = member.part.form, member.at.rotation
+    rows, pivots = [], []
+    for kind in (MOVES, TURNS):
+        for axis, name in enumerate(kind):
+            if name not in form.components:
+                continue
+            dofs = layout.dofs(member, nodes, name)
+            along = R[:, axis]
+            if kind is MOVES:
+                # along·(u + θ × r) = along·u + (r × along)·θ
+                once = scipy.sparse.csr_matrix(along) @ leader.moves
+                turned = scipy.sparse.csr_matrix(np.cross(arm, along)) @ leader.turns
+            else:
+                once = scipy.sparse.csr_matrix(along) @ leader.turns
+                turned = layout.nothing(len(nodes))
+            repeated = scipy.sparse.csr_matrix(np.ones((len(nodes), 1))) @ once
+            rows.append(layout.units(dofs) - repeated - turned)
+            pivots.append(dofs)
+    matrix = scipy.sparse.vstack(rows).tocsr()
+    matrix.eliminate_zeros()
+    return Rows(matrix, np.concatenate(pivots), label)
+
+
+def _untold(layout: Layout, member: Member, nodes: IntArray, leader: Motion) -> list[Rows]:
+    """Rotations of a point that no node shows: they are held."""
+    if member.turns:
+        return []
+    arm = member.nodes[nodes] - leader.point
+    J = np.einsum("pi,pi->", arm, arm) * np.eye(3) - arm.T @ arm
+    values, axes = np.linalg.eigh(J)
+    idle = axes[:, values <= COLLINEAR * values[-1]].T
+    return [Rows.free((scipy.sparse.csr_matrix(idle) @ leader.turns).tocsr(), "")]
+
+
+def _rows_of(projection: Array) -> Array:
+    """Unit vectors (k, 3) that span the directions of a projection."""
+    present = np.flatnonzero(np.abs(np.diag(projection) - 1) < 1e-9)
+    if len(present) == round(float(np.trace(projection))):
+        return np.eye(3)[present]
+    values, vectors = np.linalg.eigh(projection)
+    return np.asarray(vectors[:, values > 0.5].T)
+
+
+def _single(follower: Motion, count: int) -> IntArray:
+    """The dof of the follower for which each row is solved, where it is a single one."""
+    pivots = np.full(count, -1)
+    alone = np.flatnonzero(np.diff(follower.moves.indptr) == 1)
+    pivots[alone] = follower.moves.indices[follower.moves.indptr[alone]]
+    if count == 6 and (np.diff(follower.turns.indptr) == 1).all():
+        pivots[3:] = follower.turns.indices
+    return pivots

@@ -1,0 +1,83 @@
+"""Supports of an assembly, in its own axes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import scipy.sparse
+
+from antiosc._types import IntArray
+from antiosc.checks import shown
+from antiosc.errors import InputError
+from antiosc.fem.assembly.ends import group_end, motion
+from antiosc.fem.assembly.entities import nodes_of
+from antiosc.fem.assembly.layout import MOVES, TURNS, Layout, Member, Sparse
+from antiosc.fem.structure.support import Support
+
+
+def support_rows(layout: Layout, supports: Any) -> list[Sparse]:
+    """Functionals that the supports hold at zero."""
+    items = [supports] if isinstance(supports, Support) else supports
+    if not isinstance(items, Sequence) or not all(isinstance(s, Support) for s in items):
+        raise InputError(f"supports must be a list of Support(where, fix); got {shown(supports)}.")
+    return [_rows(layout, support) for support in items]
+
+
+def _rows(layout: Layout, support: Support) -> Sparse:
+    names = _components(layout, support)
+    if isinstance(support.where, str) and support.where in layout.points:
+        point = motion(layout, support.where)
+        all_six = scipy.sparse.vstack([point.moves, point.turns]).tocsr()
+        return all_six[[(MOVES + TURNS).index(name) for name in names]]
+    found = []
+    for member, nodes in _nodes(layout, support):
+        for kind in (MOVES, TURNS):
+            wanted = [kind.index(name) for name in names if name in kind]
+            own = layout.at_nodes(member, nodes, kind)
+            rows = (3 * np.arange(len(nodes))[:, None] + wanted).ravel().astype(int)
+            found.append(own[rows])
+    result = scipy.sparse.vstack([layout.nothing(0), *found]).tocsr()
+    if not result.nnz:
+        raise InputError(
+            f"the support on {_where(support)} fixes nothing: no node of the assembly that can "
+            f"move along {', '.join(names)} lies there."
+        )
+    return result
+
+
+def _where(support: Support) -> str:
+    if isinstance(support.where, str):
+        return repr(support.where)
+    return f"function {getattr(support.where, '__name__', repr(support.where))!r}"
+
+
+def _components(layout: Layout, support: Support) -> list[str]:
+    known = ["x", "y", "rz"] if layout.plane else [*MOVES, *TURNS]
+    if support.fix == "all":
+        return known
+    names = [support.fix] if isinstance(support.fix, str) else list(support.fix)
+    for name in names:
+        if name not in known:
+            raise InputError(
+                f"fix={support.fix!r} is not a component of this assembly: it must be 'all' or of "
+                f"{', '.join(map(repr, known))}."
+            )
+    return names
+
+
+def _nodes(layout: Layout, support: Support) -> Sequence[tuple[Member, IntArray]]:
+    if isinstance(support.where, str):
+        member, group = group_end(layout, "where", support.where)
+        return [(member, nodes_of(member, group))]
+    found: list[tuple[Member, IntArray]] = []
+    for member in layout.members.values():
+        mask = np.asarray(support.where(member.nodes.T), dtype=bool)
+        if mask.shape != (len(member.nodes),):
+            raise InputError(
+                "a support's function must return one bool per point: shape "
+                f"({len(member.nodes)},); got {mask.shape}."
+            )
+        found.append((member, np.flatnonzero(mask)))
+    return found

@@ -1,0 +1,112 @@
+"""Entities of a mesh as weighted points of its cells."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import basix
+import numpy as np
+from mpi4py import MPI
+
+from antiosc._types import Array, IntArray
+from antiosc.errors import InputError
+from antiosc.fem.mesh.mesh import Mesh
+
+#: Degree of the rules with which groups are integrated: products of two cubics on straight cells.
+DEGREE = 6
+
+
+@dataclass(frozen=True, eq=False)
+class Quadrature:
+    """Weighted points in cells of a mesh, n of them.
+
+    Attributes
+    ----------
+    entity : (n,) number of the entity of each.
+    cell, X : (n,) cell and (n, tdim) reference coordinates in it.
+    x : (n, 3) coordinates [m].
+    weight : (n,) [m, m² or m³; 1 for points].
+    """
+
+    entity: IntArray
+    cell: IntArray
+    X: Array
+    x: Array
+    weight: Array
+
+
+def largest(mesh: Mesh, group: str) -> tuple[int, IntArray]:
+    """(dimension, entities of this rank) of the largest dimension in a group, on all ranks."""
+    found = mesh.group(group)
+    dim = mesh.comm.allreduce(max((d for d in found if len(found[d])), default=-1), op=MPI.MAX)
+    if dim < 0:
+        raise InputError(f"the group {group!r} of {mesh.name} is empty.")
+    return dim, np.asarray(found.get(dim, np.zeros(0, dtype=np.int32)))
+
+
+def cells_at(mesh: Mesh, dim: int, entities: IntArray) -> tuple[IntArray, IntArray]:
+    """(a cell at each entity, the number of the entity in this cell)."""
+    topology = mesh.dolfinx.topology
+    if dim == mesh.tdim:
+        return np.asarray(entities), np.zeros(len(entities), dtype=int)
+    topology.create_entities(dim)
+    topology.create_connectivity(dim, mesh.tdim)
+    topology.create_connectivity(mesh.tdim, dim)
+    to_cell, of_cell = topology.connectivity(dim, mesh.tdim), topology.connectivity(mesh.tdim, dim)
+    cells = np.array([to_cell.links(e)[0] for e in entities], dtype=np.int32)
+    number = [int(np.argmax(of_cell.links(c) == e)) for c, e in zip(cells, entities, strict=True)]
+    return cells, np.array(number, dtype=int)
+
+
+def frames(mesh: Mesh, dim: int, number: IntArray) -> tuple[Array, Array]:
+    """Origin (n, tdim) and axes (n, tdim, dim) of entities of cells in the reference cell."""
+    kind = getattr(basix.CellType, mesh.cell)
+    corners, entities = np.asarray(basix.geometry(kind)), basix.topology(kind)[dim]
+    origin = np.array([corners[e[0]] for e in entities])
+    axes = np.array([(corners[e[1 : dim + 1]] - corners[e[0]]).T for e in entities])
+    return origin[number], axes.reshape(len(entities), mesh.tdim, dim)[number]
+
+
+def shape(mesh: Mesh, dim: int) -> str:
+    """Shape of the entities of a dimension: "point", "interval", "triangle", …"""
+    if dim == mesh.tdim:
+        return mesh.cell
+    if dim < 2:
+        return ("point", "interval")[dim]
+    return "triangle" if mesh.geometry.simplex else "quadrilateral"
+
+
+def quadrature(mesh: Mesh, dim: int, entities: IntArray, degree: int) -> Quadrature:
+    """A rule on entities of a mesh: exact for polynomials of `degree` on straight simplices."""
+    cells, number = cells_at(mesh, dim, entities)
+    origin, axes = frames(mesh, dim, number)
+    if dim == 0:
+        xi, weights = np.zeros((1, 0)), np.ones(1)
+    else:
+        xi, weights = basix.make_quadrature(getattr(basix.CellType, shape(mesh, dim)), degree)
+    many, count = len(entities), len(weights)
+    X = origin[:, None] + np.einsum("ntd,qd->nqt", axes, np.asarray(xi).reshape(count, dim))
+    cell = np.repeat(cells, count)
+    X = X.reshape(many * count, -1)
+    x, J = mesh.geometry.at(cell, X)
+    area = np.ones(many * count)
+    if dim:
+        J = np.einsum("nxt,ntd->nxd", J, np.repeat(axes, count, axis=0))
+        area = np.sqrt(np.linalg.det(np.einsum("nxd,nxe->nde", J, J)))
+    return Quadrature(
+        np.repeat(np.arange(many), count),
+        cell,
+        X,
+        x,
+        area * np.tile(weights, many),
+    )
+
+
+def centre(mesh: Mesh, group: str) -> Array:
+    """Centroid (3,) of the entities of the largest dimension in a group [m]; of all ranks."""
+    dim, entities = largest(mesh, group)
+    mesh.dolfinx.topology.create_entities(dim)
+    entities = entities[entities < mesh.dolfinx.topology.index_map(dim).size_local]
+    points = quadrature(mesh, dim, entities, DEGREE)
+    total = mesh.comm.allreduce(points.weight.sum())
+    return np.asarray(mesh.comm.allreduce(points.weight @ points.x) / total)

@@ -1,0 +1,89 @@
+"""Load vectors of sites on parts of an assembly."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from antiosc._types import Array
+from antiosc.errors import InputError
+from antiosc.fem.assembly.assembled import AssembledMatrices
+from antiosc.fem.assembly.layout import Member
+from antiosc.fem.linalg.algebra import norm
+from antiosc.fem.mesh.entities import centre
+from antiosc.fem.mesh.surface import Faces
+from antiosc.fem.site.at_points import functionals_at, text
+from antiosc.fem.site.site import LEAST_FREE_SHARE, Functional, Site, constrained
+
+#: Parts this share of the size of the assembly farther off than the nearest one are as near.
+AS_NEAR = 1e-9
+
+
+def functionals_on(structure: AssembledMatrices, sites: Sequence[Site]) -> list[Functional]:
+    """b of sites at points of an assembly; errors as in `functionals`."""
+    return [_functional(structure, site) for site in sites]
+
+
+def _functional(structure: AssembledMatrices, site: Site) -> Functional:
+    assert site.direction is not None  # Site has seen to that
+    assert site.point is not None
+    direction = np.pad(site.direction, (0, 3 - len(site.direction)))
+    if isinstance(site.point, str):
+        name, _, group = site.point.rpartition(":")
+        (member,) = structure.members(name)
+        own = centre(member.part.mesh, group)
+        site = replace(site, snap=True)
+    else:
+        point = np.pad(site.point, (0, 3 - len(site.point)))
+        member = struck(structure, point, direction, site.part)
+        own = member.at.own(point[None])[0]
+    along = direction @ member.at.rotation
+    there = replace(site, point=tuple(own.tolist()), direction=tuple(along.tolist()), part=None)
+    (found,) = functionals_at(member.part, [there])
+    assert found.point is not None
+    assert found.direction is not None
+    x = member.at.placed(found.point[None])[0]
+    b = structure.functional(member, found.b)
+    b[structure.fixed] = 0.0
+    if norm(structure.comm, b) <= LEAST_FREE_SHARE * norm(structure.comm, found.b):
+        raise InputError(constrained(f"the site at {text(x)}"))
+    return replace(found, b=b, point=x, direction=member.at.rotation @ found.direction)
+
+
+def struck(
+    structure: AssembledMatrices, point: Array, direction: Array, name: str | None
+) -> Member:
+    """The part that an impactor strikes at a point: the one named, or the nearest.
+
+    Where parts touch, it is the one whose surface faces the impactor most.
+    """
+    members = structure.members(name)
+    if len(members) == 1:
+        return members[0]
+    distance = np.array([m.closest(point[None]).distance[0] for m in members])
+    near = distance <= distance.min() + AS_NEAR * structure.layout.size
+    candidates = [m for m, one in zip(members, near, strict=True) if one]
+    if len(candidates) == 1:
+        return candidates[0]
+    return min(candidates, key=lambda m: _facing(m, point, direction))
+
+
+def _facing(member: Member, point: Array, direction: Array) -> float:
+    """Cosine between the direction of impact and the outward normal of the part at a point.
+
+    0 for parts without an outside.
+    """
+    part = member.part
+    if not part.kind.outside:
+        return 0.0
+    faces = Faces(part.mesh, sheet=False)
+    along = direction @ member.at.rotation
+    found = faces.contact(
+        member.at.own(point[None]),
+        along[None],
+        np.array([1e-6 * part.mesh.extent()]),
+        np.zeros(len(faces.facets), dtype=int),
+    )
+    return float(found.normals[0] @ along)
