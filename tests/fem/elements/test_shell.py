@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 import scipy.linalg
@@ -47,6 +49,7 @@ pytestmark = pytest.mark.fem
 # --- plates -----------------------------------------------------------------------------------
 
 
+@cache
 def plate_error(n, t, cell):
     """Largest relative error of the first three flexural frequencies against Mindlin's."""
     theory = SupportedPlate(E, NU, RHO, t, 1.0, 1.0)
@@ -59,6 +62,7 @@ def plate_error(n, t, cell):
 CLAMPED = {1e-1: (3.2954 * np.pi**2, 6.2858 * np.pi**2), 1e-4: (35.985, 73.394)}
 
 
+@cache
 def clamped_error(n, t, cell):
     """The same of a clamped plate, against published Ritz series of five digits."""
     unit = SupportedPlate(E, NU, RHO, t, 1.0, 1.0)

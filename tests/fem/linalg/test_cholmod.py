@@ -204,22 +204,29 @@ REASONS = {
 }
 
 
-@pytest.mark.parametrize("change", REASONS)
-def test_a_library_that_is_not_as_known_is_left_to_petsc(change, monkeypatch, forgotten):
-    """The same models as with the direct calls, and `antiosc info` says why."""
-    mesh = parts.box((8, 4, 3))
+def results():
+    """(class of the factor, numbers of a model and of a map) of a small block."""
     site = ao.Site((0.1, 0.017, 0.04), (0, 0, -1), radius=0.02)  # on no plane of symmetry
+    part = ao.Structure(parts.box((8, 4, 3)), ao.Solid(**parts.STEEL), [ao.Support("left")])
+    model = ao.extract(part, site, n=6)
+    grid = ao.impact_map(part, [site.point], direction=(0, 0, -1), radius=0.02, n=4, modes=5)
+    numbers = [model.k0, model.m_st, *model.omega[:3], *model.m[:3], *grid.models.k0]
+    return type(part.factorize()), [*numbers, *grid.models.omega[0, :1]]
 
-    def results():
-        part = ao.Structure(mesh, ao.Solid(**parts.STEEL), [ao.Support("left")])
-        model = ao.extract(part, site, n=6)
-        grid = ao.impact_map(part, [site.point], direction=(0, 0, -1), radius=0.02, n=4, modes=5)
-        numbers = [model.k0, model.m_st, *model.omega[:3], *model.m[:3], *grid.models.k0]
-        return type(part.factorize()), [*numbers, *grid.models.omega[0, :1]]
 
-    kind, direct = results()
-    assert kind is solvers.OnOneRank
+@pytest.fixture(scope="module")
+def called_directly():
     assert "called directly" in info.report()
+    return results()
+
+
+@pytest.mark.parametrize("change", REASONS)
+def test_a_library_that_is_not_as_known_is_left_to_petsc(
+    change, called_directly, monkeypatch, forgotten
+):
+    """The same models as with the direct calls, and `antiosc info` says why."""
+    kind, direct = called_directly
+    assert kind is solvers.OnOneRank
     cholmod_library.library.cache_clear()
     cholmod.refusal.cache_clear()
     change(monkeypatch)
