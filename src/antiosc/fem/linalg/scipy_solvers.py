@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -11,9 +12,8 @@ from antiosc._types import Array
 from antiosc.errors import NotConvergedError
 from antiosc.fem.linalg.solver import SINGULAR, Factorization
 
-cholmod: Any
 try:
-    from sksparse import cholmod
+    cholmod: Any = import_module("sksparse.cholmod")
 except ImportError:  # optional: SuperLU serves without it
     cholmod = None
 
