@@ -1,14 +1,20 @@
 """The anti-oscillator model of a structure: N one-degree-of-freedom systems on a residual one.
 
+At one site:
+
 F -> [m0] lambda_0 --k1-- [m1] lambda_1        Article Fig. 1: the contact force F acts on the
       |   \\---k2-- [m2] lambda_2               residual mass m0, whose displacement lambda_0 is
       k0    ...                                 that of the impact site; mass m_i hangs on m0 by
     ground  \\--kN-- [mN] lambda_N               k_i = omega_i^2 m_i.
+
+At p sites k0, m0 and m_i are matrices (p, p), m_i = P_i P_i' of rank one: P_i (p,) is the inertia
+of the constraint mode i of unit mass, with all sites held, against unit accelerations of the sites.
 """
 
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -22,10 +28,11 @@ from antiosc import checks
 from antiosc._types import Array, Index
 from antiosc.charts.models import plot_model
 from antiosc.errors import InputError
-from antiosc.models import model_file
-from antiosc.models.body import Body
+from antiosc.models import saved_models, several_sites
+from antiosc.models.body import Body, several_contact_points
 from antiosc.models.modal import Damping, ModalBody, arrow_modes
 from antiosc.models.motion import Inertia, unit_vector
+from antiosc.models.site_modes import SiteModes
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -35,57 +42,42 @@ _MASS_ROUNDING = 1e-12
 # m0 is negligible if its own free mode lies so far above the last pole (squared frequencies).
 _MASSLESS = 1e-15
 
-_ARRAYS = {
-    "m0": "kg",
-    "k0": "N/m",
-    "m": "kg",
-    "omega": "rad/s",
-    "participation": "kg",
-    "direction": "1",
-}
-_INERTIA = {"point": "m", "matrix": "kg, kg m, kg m^2", "momentum": "kg, kg m"}
-_SCALARS = {"local_compliance": "m/N", "radius": "m"}
-_MEANING = {
-    "m0": "residual mass, Article eq. (15)",
-    "k0": "static stiffness at the site, Article eq. (20); 0 with a rigid-body mode",
-    "m": "masses of the anti-oscillators, Article eq. (12)",
-    "omega": "antiresonant circular frequencies, ascending",
-    "participation": "generalised mass of a unit uniform acceleration along the impact direction",
-    "direction": "unit vector of the impact in the axes of the mesh",
-    "inertia.point": "reference point of all moments",
-    "inertia.matrix": "momentum and angular momentum of the whole body's six rigid motions",
-    "inertia.momentum": "those of phi_st, psi_i and the hidden rigid-body motions",
-    "local_compliance": "half-space compliance of the patch, contained in 1/k0",
-    "radius": "radius of the patch over which the site's displacement is averaged",
-}
-
 
 @dataclass(frozen=True, eq=False)
 class AntiOscillators(Body):
-    """Anti-oscillator model of a structure at one impact site along one direction.
+    """Anti-oscillator model of a structure at one impact site along one direction, or at several.
+
+    What differs with several sites stands behind "several:". Their displacements u (p,) are those
+    of `columns` that can move independently of each other, usually all: one for each site, and two
+    more for a site with tangential directions.
 
     Parameters
     ----------
     m0 : float
-        Residual mass [kg], >= 0; 0 is a massless contact point.
+        Residual mass [kg], >= 0; 0 is a massless contact point. Several: (p, p), positive
+        semidefinite.
     k0 : float
-        Static stiffness at the site [N/m]; 0 if a rigid-body mode moves the site.
+        Static stiffness at the site [N/m]; 0 if a rigid-body mode moves the site. Several: (p, p),
+        positive semidefinite.
     m, omega : array_like, shape (N,)
         Masses [kg], > 0, and circular frequencies [rad/s], > 0, of the anti-oscillators.
         They are sorted by frequency. N may be 0: the classical one-degree-of-freedom model.
+        Several: m follows from P, m_i = P_i P_i' (N, p, p).
     local_compliance : float
         Half-space compliance of the patch [m/N], contained in 1/k0. Hertz's law contains it as
-        well, so `simulate` subtracts it from the contact law.
+        well, so `simulate` subtracts it from the contact law. Several: one for each site.
     radius : float, optional
-        Radius of the patch [m]; None for a point.
+        Radius of the patch [m]; None for a point. Several: one for each site.
     participation : array_like, shape (N + 1,), optional
         Generalised masses [kg] of a unit uniform acceleration along the impact direction:
         phi_0^T M e for the residual mode, then psi_i^T M e. Needed for gravity on a structure
-        with a rigid-body mode.
+        with a rigid-body mode. Several: (p + N, 3), of the shapes along the three axes.
     shapes : array_like, shape (n_dofs, N + 1), optional
         Columns psi_0 = phi_st and psi_i = c_i phi_i of Article eq. (9); not saved to files.
+        Several: (n_dofs, p + N), the p shapes of unit displacements and the N of unit mass.
     direction : array_like, shape (3,), optional
-        Unit vector of the direction of impact, in the axes of the mesh.
+        Unit vector of the direction of impact, in the axes of the mesh. Several: (C, 3), of the
+        columns.
     inertia : Inertia, optional
         Of a structure with rigid-body modes: the momentum (N + 1 + h, 6) of unit amplitudes of
         psi_0 ... psi_N and of the h hidden rigid-body motions (mass-normalised), which do not move
@@ -96,6 +88,18 @@ class AntiOscillators(Body):
         Damping of the free modes.
     info : dict
         Data of the extraction, JSON values.
+    P : array_like, shape (p, N), optional
+        Several sites: inertias [kg^1/2] of the constraint modes, in place of `m`.
+    sites : sequence of str
+        Names of several sites; () for the one site without a name.
+    columns : mapping, optional
+        Name of a site -> its columns among C, the normal one first, then tangential ones; default:
+        one column each, in order.
+    dependence : array_like, shape (C, p), optional
+        Displacements of all columns for unit displacements u; default: the columns are u.
+    rigid : array_like, shape (p, q), optional
+        Displacements u of several sites in the rigid-body modes of unit mass that move them;
+        default: from the null vectors of k0.
 
     Raises
     ------
@@ -103,12 +107,12 @@ class AntiOscillators(Body):
         For masses, stiffnesses or frequencies outside their range, and mismatched shapes.
     """
 
-    m0: float
-    k0: float
-    m: Array
-    omega: Array
-    local_compliance: float = 0.0
-    radius: float | None = None
+    m0: Any
+    k0: Any
+    m: Any = None
+    omega: Array = ()  # type: ignore[assignment]
+    local_compliance: Any = 0.0
+    radius: Any = None
     participation: Array | None = None
     shapes: Array | None = None
     direction: Array | None = None
@@ -116,8 +120,23 @@ class AntiOscillators(Body):
     hidden: Array | None = None
     damping: Damping | None = None
     info: dict[str, Any] = field(default_factory=dict)
+    P: Any = None
+    sites: tuple[str, ...] = ()
+    columns: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
+    dependence: Array | None = None
+    rigid: Array | None = None
 
     def __post_init__(self) -> None:
+        if self.damping is not None:
+            checks.instance("damping", self.damping, Damping, "a Damping(ratio, alpha, beta)")
+        checks.instance("info", self.info, dict, "a dict of facts")
+        if self.P is not None or len(checks.instance("sites", self.sites, (list, tuple), "names")):
+            checks.store(self, **several_sites.checked(self))
+        else:
+            self._check_one()
+
+    def _check_one(self) -> None:
+        """Check and store the parameters of one site."""
         m = _column("m", self.m)
         omega = _column("omega", self.omega)
         if m.shape != omega.shape:
@@ -160,9 +179,6 @@ class AntiOscillators(Body):
             sorted_already = np.array_equal(order, np.arange(m.size))
             self._set("shapes", shapes if sorted_already else shapes[:, columns])
         self._place(columns)
-        if self.damping is not None:
-            checks.instance("damping", self.damping, Damping, "a Damping(ratio, alpha, beta)")
-        checks.instance("info", self.info, dict, "a dict of facts")
 
     def _place(self, columns: Index) -> None:
         """Check the data in space (direction, inertia, shapes); `columns` sorts psi_0 ... psi_N."""
@@ -192,63 +208,75 @@ class AntiOscillators(Body):
     @property
     def n(self) -> int:
         """Number of anti-oscillators N."""
-        return int(self.m.size)
+        return int(self.omega.size)
+
+    @property
+    def _lead(self) -> int:
+        """Number of shapes in front of those of the anti-oscillators: of unit displacements."""
+        return len(self.k0) if self.sites else 1
 
     @property
     def _hidden_count(self) -> int:
         """Number of hidden rigid-body motions, which do not move the site."""
-        return 0 if self.inertia is None else len(self.inertia.momentum) - self.n - 1
+        return 0 if self.inertia is None else len(self.inertia.momentum) - self.n - self._lead
 
     @property
     def k(self) -> Array:
-        """Stiffnesses k_i = omega_i^2 m_i [N/m], shape (N,). Article eq. (23)."""
-        return self.omega**2 * self.m
+        """Stiffnesses k_i = omega_i^2 m_i [N/m], of the shape of m. Article eq. (23)."""
+        return np.asarray((self.omega**2 * self.m.T).T)
 
     @property
-    def m_st(self) -> float:
+    def m_st(self) -> Any:
         """Static mass m0 + sum(m_i) [kg], or the rigid-body mass m_CR. Article eq. (15)."""
-        return self.m0 + float(self.m.sum())
+        return self.m0 + self.m.sum(axis=0)
 
     def dynamic_stiffness(self, omega: ArrayLike) -> NDArray[Any]:
         """Z(omega) = F/lambda_0 [N/m] of the undamped model under a harmonic force at the site.
 
         Z = k0 - omega^2 m0 - sum_i m_i omega^2 omega_i^2 / (omega_i^2 - omega^2). Its poles are
         the antiresonances, its zeros the free frequencies; at a pole the value is infinite.
-        `omega` [rad/s] may be an array of any shape, real or complex.
+        `omega` [rad/s] may be an array of any shape, real or complex. Several sites: the matrix of
+        forces per displacement u, (..., p, p).
         """
-        x = checks.spectrum("omega", omega)[..., np.newaxis] ** 2
+        x = checks.spectrum("omega", omega) ** 2
         poles = self.omega**2
-        with np.errstate(divide="ignore"):
-            hung = np.sum(self.m * poles * x / (poles - x), axis=-1)
-        return np.asarray(self.k0 - x[..., 0] * self.m0 - hung)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            hung = np.tensordot(poles / (poles - x[..., np.newaxis]), self.m, axes=1)
+        if self.sites:
+            x = x[..., np.newaxis, np.newaxis]
+        return np.asarray(self.k0 - x * (self.m0 + hung))
 
     def truncated(self, n: int) -> AntiOscillators:
         """The model with the `n` lowest anti-oscillators; the mass of the others returns to m0."""
         n = checks.whole("n", n, least=0)
         if n > self.n:
             raise InputError(f"n must be <= {self.n}, the number of anti-oscillators; got {n}.")
+        lead = self._lead
+        left_out = np.arange(lead + n, lead + self.n)
         p, shapes, inertia = self.participation, self.shapes, self.inertia
         if p is not None:
-            p = np.concatenate(([p[0] + p[n + 1 :].sum()], p[1 : n + 1]))
-        if inertia is not None:
-            left_out = np.arange(n + 1, self.n + 1)
-            inertia = inertia.along(np.delete(inertia.momentum, left_out, axis=0))
+            added = 0.0 if self.sites else p[left_out].sum()
+            p = np.delete(p, left_out, axis=0)
+            p[0] += added
         return replace(
             self,
-            m0=self.m0 + float(self.m[n:].sum()),
-            m=self.m[:n],
+            m0=self.m0 + self.m[n:].sum(axis=0),
+            m=None if self.sites else self.m[:n],
+            P=None if self.P is None else self.P[:, :n],
             omega=self.omega[:n],
             participation=p,
-            shapes=None if shapes is None else shapes[:, : n + 1],
-            inertia=inertia,
+            shapes=None if shapes is None else shapes[:, : lead + n],
+            inertia=inertia and inertia.along(np.delete(inertia.momentum, left_out, axis=0)),
         )
 
     def field(self, coordinates: ArrayLike) -> Array:
         """Nodal displacements (..., n_dofs) of Article eq. (8) for lambda (..., N + 1).
 
-        Hidden motions follow lambda, (..., N + 1 + h); without them they are at rest.
+        Hidden motions follow lambda, (..., N + 1 + h); without them they are at rest. Several
+        sites: for u and the amplitudes of the constraint modes of unit mass, (..., p + N).
         """
-        body, size = self.modal(), self.n + 1
+        size = self._lead + self.n
+        body = self.site_modes() if self.sites else self.modal()
         x = checks.array("coordinates", coordinates, None)
         hidden = self._hidden_count
         if x.ndim == 0 or x.shape[-1] not in (size, size + hidden):
@@ -268,15 +296,31 @@ class AntiOscillators(Body):
 
     @property
     def patch_radius(self) -> float | None:
-        """Radius of the site's patch, m; None for a point."""
-        return self.radius
+        """Radius of the site's patch, m; None for a point, and for several sites."""
+        return None if self.sites else self.radius
 
     def modal(self) -> ModalBody:
         """The same model in its free modes.
 
         Its coordinates are lambda_0 ... lambda_N, then the amplitudes of the hidden motions.
         """
+        if self.sites:
+            raise InputError(several_contact_points("this model", self.sites))
         return self._modal
+
+    def site_modes(self) -> SiteModes:
+        """A model of several sites in its free modes, as a scene takes it.
+
+        Its coordinates are u (p,), the amplitudes of the constraint modes (N,) and those of the
+        hidden motions.
+        """
+        if not self.sites:
+            raise InputError("this model has one site: modal() is its form in free modes.")
+        return self._site_modes
+
+    @cached_property
+    def _site_modes(self) -> SiteModes:
+        return several_sites.site_modes(self)
 
     @cached_property
     def _modal(self) -> ModalBody:
@@ -343,50 +387,16 @@ class AntiOscillators(Body):
         The file is complete or absent (`antiosc.files`). Shapes are not stored. InputError where
         it cannot be written.
         """
-        arrays = {
-            name: np.asarray(getattr(self, name))
-            for name in _ARRAYS
-            if getattr(self, name) is not None
-        }
-        units = {**_ARRAYS, **_SCALARS}
-        if self.inertia is not None:
-            for name, unit in _INERTIA.items():
-                arrays[f"inertia.{name}"] = getattr(self.inertia, name)
-                units[f"inertia.{name}"] = unit
-        header = {
-            "format": model_file.FORMAT,
-            "version": model_file.VERSION,
-            "units": units,
-            "meaning": _MEANING,
-            **{name: getattr(self, name) for name in _SCALARS},
-            "damping": None if self.damping is None else self.damping.as_dict(),
-            "info": self.info,
-        }
-        model_file.write(path, header, arrays)
+        saved_models.save(self, path)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> AntiOscillators:
         """Read a model written by `save`. InputError when the file is not one."""
-        header, arrays = model_file.read(path, {"m0", "k0", "m", "omega"})
+        arguments = saved_models.arguments(path)
         try:
-            damping = header.get("damping")
-            return cls(
-                m0=arrays["m0"],  # type: ignore[arg-type]
-                k0=arrays["k0"],  # type: ignore[arg-type]
-                m=arrays["m"],
-                omega=arrays["omega"],
-                participation=arrays.get("participation"),
-                direction=arrays.get("direction"),
-                inertia=_inertia(arrays),
-                damping=None if damping is None else Damping(**damping),
-                info=dict(header.get("info", {})),
-                **{name: header[name] for name in _SCALARS},
-            )
+            return cls(**arguments)
         except (InputError, KeyError, TypeError, ValueError) as error:
-            raise InputError(
-                f"{path} contains no valid model; its numbers are damaged or edited: "
-                f"{str(error).rstrip('.')}."
-            ) from error
+            raise saved_models.damaged(path, error) from error
 
 
 def _column(name: str, value: ArrayLike) -> Array:
@@ -398,14 +408,6 @@ def _relative(n: int) -> Array:
     turn = np.eye(n + 1)
     turn[1:, 0] = -1.0
     return turn
-
-
-def _inertia(arrays: dict[str, NDArray[Any]]) -> Inertia | None:
-    """The inertia in a model file, if it holds one."""
-    found = [arrays.get(f"inertia.{name}") for name in _INERTIA]
-    if any(value is None for value in found):
-        return None
-    return Inertia(*found)  # type: ignore[arg-type]
 
 
 def _frozen(array: Array) -> Array:

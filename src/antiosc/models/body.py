@@ -37,6 +37,8 @@ class Body:
     gap: float = 0.0
     #: half-space compliance of its patch, m/N, which its model contains
     local_compliance: float = 0.0
+    #: names of several contact points, which a scene takes alone; () for one
+    sites: tuple[str, ...] = ()
 
     @property
     def patch_radius(self) -> float | None:
@@ -75,12 +77,25 @@ class _Foreign(Body):
 
 
 def checked_body(name: str, body: Any) -> Body:
-    """`body` as a `Body`, a foreign one with the defaults; InputError without a modal() method."""
+    """`body` as a `Body` of one contact point, a foreign one with the defaults.
+
+    InputError for one without a modal() method, and for one with several contact points.
+    """
     if isinstance(body, Body):
+        if body.sites:
+            raise InputError(several_contact_points(name, body.sites))
         return body
     if not isinstance(body, type) and callable(getattr(body, "modal", None)):
         return _Foreign(name, body)
     raise InputError(
         f"{name} must have a modal() method, as AntiOscillators and RigidMass have;"
         f" got {checks.shown(body)}."
+    )
+
+
+def several_contact_points(name: str, sites: tuple[str, ...]) -> str:
+    """Message for a body of several sites where one is needed."""
+    return (
+        f"{name} has the sites {', '.join(sites)}: pose its impact as a Scene, with ends such as "
+        f'"part:{sites[0]}", or extract a model of one site.'
     )

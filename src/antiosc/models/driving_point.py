@@ -22,6 +22,8 @@ START = 0.25
 #: an anti-oscillator is unobservable if its share in |Z| at its own frequency, where it is largest,
 #: is below this
 UNOBSERVABLE = 1e-8
+#: share of the largest stiffness of several sites, on equal masses, below which one is rounding
+RIGID = 1e-10
 
 
 Stiffness = Callable[[Any], NDArray[Any]]
@@ -87,6 +89,66 @@ def lowest_frequency(k0: float, m_st: float, omega: ArrayLike) -> float:
     if k0 > 0:
         known.append(float(np.sqrt(k0 / m_st)))
     return min(known, default=float("inf"))
+
+
+# -- several sites: Z, K0, M0 are (p, p), and mode i has P_i (p,), its inertia at the sites
+
+
+def stiffness_at_sites(
+    x: NDArray[Any], k0: Array, m0: Array, P: Array, poles: Array
+) -> NDArray[Any]:
+    """Z = k0 - x m0 - sum_i P_i P_i' x poles_i/(poles_i - x) at x = omega^2.
+
+    Parameters
+    ----------
+    x : of any shape (...), real or complex [rad^2/s^2].
+    k0, m0 : (p, p) [N/m], [kg].
+    P : (N, p) [kg^1/2]; poles : (N,) omega_i^2 [rad^2/s^2].
+
+    Returns
+    -------
+    Z : (..., p, p) [N/m].
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        weight = poles / (poles - x[..., None])
+    outer = P[:, :, None] * P[:, None, :]
+    return np.asarray(k0 - x[..., None, None] * (m0 + np.tensordot(weight, outer, axes=1)))
+
+
+def shares_at_sites(k0: Array, m0: Array, P: Array, poles: Array) -> Array:
+    """Spectral radius of Z^-1 (change of Z) (N,) at each damped pole if its mass is added to m0.
+
+    Arguments as of `stiffness_at_sites`; a pole <= 0 has no share. The radius is the same whatever
+    units or combinations of the sites are taken.
+    """
+    share = np.zeros(len(poles))
+    real = poles > 0
+    p, P = poles[real], P[real]
+    x = p * (1 + 1j * DAMPING) ** 2
+    Z = stiffness_at_sites(x, k0, m0, P, p)
+    own = np.einsum("ip,ip->i", P, np.linalg.solve(Z, P[:, :, None])[:, :, 0])
+    share[real] = np.abs(x**2 / (p - x) * own)
+    return share
+
+
+def lowest_frequency_at_sites(k0: Array, m_st: Array, poles: Array) -> float:
+    """Frequency [rad/s] at which Z begins to vary: the lowest of k0 on m_st, or the first pole."""
+    found = [float(x) for x in poles[:1]]
+    scale = 1 / np.sqrt(np.maximum(m_st.diagonal(), np.finfo(float).tiny))
+    values = np.linalg.eigvalsh(k0 * scale[:, None] * scale)
+    found += [float(x) for x in values[values > RIGID * values.max(initial=0.0)][:1]]
+    return float(np.sqrt(min(found, default=np.inf)))
+
+
+def semidefinite(matrix: Array) -> Array:
+    """The symmetric matrix (p, p) without the negative eigenvalues that rounding makes."""
+    scale = np.sqrt(np.maximum(matrix.diagonal(), 0.0))
+    unit = matrix / np.where(scale > 0, scale, 1.0)[:, None] / np.where(scale > 0, scale, 1.0)
+    unit[scale == 0], unit[:, scale == 0] = 0.0, 0.0
+    values, vectors = np.linalg.eigh((unit + unit.T) / 2)
+    if values.size and values[0] < 0:
+        unit = (vectors * np.maximum(values, 0.0)) @ vectors.T
+    return np.asarray((unit + unit.T) / 2 * scale[:, None] * scale)
 
 
 def stiffness_error(Z: Stiffness, reference: Stiffness, band: float, lowest: float) -> float:

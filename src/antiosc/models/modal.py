@@ -25,6 +25,11 @@ from antiosc.models.motion import Inertia, Motion, unit_vector
 
 #: Share of a rigid motion's kinetic energy outside the body's rigid-body modes that is rounding.
 MISSED_ENERGY = 1e-8
+#: Message for a body without a displacement field.
+NO_SHAPES = (
+    "this model has no displacement field: it has no shapes (model files do not store them); "
+    "extract it again to recover fields."
+)
 
 
 @dataclass(frozen=True)
@@ -126,7 +131,7 @@ class ModalBody:
             checks.store(self, residual=checks.array("residual", self.residual, (rows,)))
         own = size if self.shape is None else len(self.shape)
         if self.basis is not None:
-            checks.store(self, basis=_checked_basis(self.basis))
+            checks.store(self, basis=checked_basis(self.basis))
         if self.amplitude is not None:
             checks.store(self, amplitude=checks.array("amplitude", self.amplitude, (None, own)))
         if self.direction is not None:
@@ -166,17 +171,8 @@ class ModalBody:
     def field(self, coordinates: ArrayLike) -> Array:
         """Displacements (..., n) of the whole body for own coordinates (..., C)."""
         if self.basis is None:
-            raise InputError(
-                "this model has no displacement field: it has no shapes (model files do not store "
-                "them); extract it again to recover fields."
-            )
-        rest = self.amplitudes(coordinates)
-        total = np.zeros((*rest.shape[:-1], len(self.basis[0])))
-        for block in self.basis:
-            size = block.shape[1]
-            total += rest[..., :size] @ block.T
-            rest = rest[..., size:]
-        return total
+            raise InputError(NO_SHAPES)
+        return combined(self.basis, self.amplitudes(coordinates))
 
     def receptance(self, omega: ArrayLike) -> ComplexArray:
         """H(omega) = u/F [m/N], damping included."""
@@ -244,7 +240,18 @@ class ModalBody:
         return start, abs(1 - float(start @ start) / whole) if whole > 0 else np.inf
 
 
-def _checked_basis(basis: Any) -> tuple[Array, ...]:
+def combined(basis: tuple[Array, ...], amplitudes: Array) -> Array:
+    """Displacements (..., n) of shapes in blocks (n, .) with amplitudes (..., B)."""
+    rest = amplitudes
+    total = np.zeros((*rest.shape[:-1], len(basis[0])))
+    for block in basis:
+        size = block.shape[1]
+        total += rest[..., :size] @ block.T
+        rest = rest[..., size:]
+    return total
+
+
+def checked_basis(basis: Any) -> tuple[Array, ...]:
     """Blocks of columns with equal numbers of rows; not copied, since they may be large."""
     blocks = tuple(basis) if isinstance(basis, tuple | list) else ()
     if not blocks or not all(isinstance(b, np.ndarray) and b.ndim == 2 for b in blocks):

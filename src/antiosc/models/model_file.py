@@ -23,7 +23,8 @@ from antiosc import checks, files
 from antiosc.errors import InputError
 
 FORMAT = "antiosc-model"
-VERSION = 1
+#: the newest version that is read
+VERSION = 2
 
 #: Largest member of an archive in bytes. A model of a million anti-oscillators takes 8 MB.
 _LARGEST = 2**26

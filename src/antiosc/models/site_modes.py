@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from antiosc import checks
-from antiosc._types import Array
+from antiosc._types import Array, ComplexArray
 from antiosc.errors import InputError
+from antiosc.models.modal import NO_SHAPES, checked_basis, combined
 from antiosc.models.motion import Inertia
 
 
@@ -39,6 +41,16 @@ class SiteModes:
         Decay constants [1/s].
     inertia : Inertia, optional
         Momentum (J, 6) of each mode: for gravity, `Motion` and momentum.
+    weight : array_like, shape (J, 3), optional
+        Modal forces of unit gravities along the axes [kg^1/2]; default: those of the inertia.
+    shape, residual : array_like, shapes (C, J) and (C, P), optional
+        The transformation to the body's own coordinates, x = shape q + residual f; None: the modes
+        are the coordinates.
+    basis : sequence of arrays (n, .), optional
+        Displacement shapes of the whole body on the rows of this rank, one column for each
+        coordinate.
+    local_compliance : mapping, optional
+        Half-space compliance [m/N] of the patch of each site, which the modes contain.
 
     Raises
     ------
@@ -53,6 +65,11 @@ class SiteModes:
     directions: Array | None = None
     decay: Array | None = None
     inertia: Inertia | None = None
+    weight: Array | None = None
+    shape: Array | None = None
+    residual: Array | None = None
+    basis: tuple[Array, ...] | None = None
+    local_compliance: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         omega = checks.array("omega", self.omega, (None,))
@@ -71,7 +88,7 @@ class SiteModes:
         decay = checks.array("decay", decay, (omega.size,))
         if np.any(decay < 0):
             raise InputError("decay must be >= 0: negative damping feeds energy in.")
-        sites = _columns_of_sites(self.sites, count)
+        sites = columns_of_sites(self.sites, count)
         for name, value in (("omega", omega), ("b", b), ("r", r), ("decay", decay)):
             object.__setattr__(self, name, value)
         object.__setattr__(self, "sites", sites)
@@ -85,9 +102,64 @@ class SiteModes:
                 f"inertia.momentum needs one row for each of the {omega.size} modes;"
                 f" got {len(self.inertia.momentum)}."
             )
+        self._check_shapes(omega.size, count)
+
+    def _check_shapes(self, modes: int, count: int) -> None:
+        """Check what belongs to fields, gravity and patches."""
+        if self.weight is not None:
+            checks.store(self, weight=checks.array("weight", self.weight, (modes, 3)))
+        elif self.inertia is not None:
+            checks.store(self, weight=self.inertia.momentum[:, :3])
+        if self.shape is not None:
+            checks.store(self, shape=checks.array("shape", self.shape, (None, modes)))
+        own = modes if self.shape is None else len(self.shape)
+        if self.residual is not None:
+            checks.store(self, residual=checks.array("residual", self.residual, (own, count)))
+        if self.basis is not None:
+            basis = checked_basis(self.basis)
+            if sum(block.shape[1] for block in basis) != own:
+                raise InputError(f"basis needs one column for each of the {own} coordinates.")
+            checks.store(self, basis=basis)
+        local = self.local_compliance
+        checks.instance("local_compliance", local, Mapping, "a dict {name of a site: m/N}")
+        unknown = set(local) - set(self.sites)
+        if unknown:
+            raise InputError(f"local_compliance names {checks.shown(unknown)}, no site.")
+        local = {name: checks.nonnegative("local_compliance", local[name], "m/N") for name in local}
+        checks.store(self, local_compliance=local)
+
+    def coordinates(self, q: ArrayLike, forces: ArrayLike) -> Array:
+        """Own coordinates (..., C) for modal ones (..., J) and forces on the columns (..., P)."""
+        q, forces = checks.array("q", q, None), checks.array("forces", forces, None)
+        sizes = self.b.shape
+        if q.ndim == 0 or q.shape[-1] != sizes[0] or forces.shape != (*q.shape[:-1], sizes[1]):
+            raise InputError(
+                f"q must have shape (..., {sizes[0]}) and forces (..., {sizes[1]}); got {q.shape} "
+                f"and {forces.shape}."
+            )
+        x = q if self.shape is None else q @ self.shape.T
+        return x if self.residual is None else np.asarray(x + forces @ self.residual.T)
+
+    def field(self, coordinates: ArrayLike) -> Array:
+        """Displacements (..., n) of the whole body for own coordinates (..., C)."""
+        if self.basis is None:
+            raise InputError(NO_SHAPES)
+        x = checks.array("coordinates", coordinates, None)
+        own = sum(block.shape[1] for block in self.basis)
+        if x.ndim == 0 or x.shape[-1] != own:
+            raise InputError(f"coordinates must have shape (..., {own}); got {x.shape}.")
+        return combined(self.basis, x)
+
+    def receptance(self, omega: ArrayLike) -> ComplexArray:
+        """H(omega) (..., P, P) [m/N]: displacements of the columns per force on them, damped."""
+        assert self.decay is not None
+        assert self.r is not None
+        w = checks.spectrum("omega", omega)[..., np.newaxis]
+        modal = 1 / (self.omega**2 - w**2 + 2j * self.decay * w)
+        return np.asarray((self.b.T * modal[..., np.newaxis, :]) @ self.b + self.r)
 
 
-def _columns_of_sites(sites: Any, count: int) -> dict[str, tuple[int, ...]]:
+def columns_of_sites(sites: Any, count: int) -> dict[str, tuple[int, ...]]:
     """Columns of each site; one column each where names alone are given."""
     kinds = (Mapping, list, tuple)
     checks.instance("sites", sites, kinds, "a list of names, or a dict {name: columns of b}")

@@ -230,9 +230,16 @@ def _weights(body: Placed, axis: Array | None, vector: bool) -> Array:
         return np.zeros((0, 3 if vector else 1))
     if vector and body.inertia is not None:
         return body.inertia.momentum[:, :3]
-    if not vector and body.weight is None and body.inertia is not None and len(body.pushes) == 1:
-        (push,) = body.pushes.values()
-        return np.asarray(body.inertia.momentum[:, :3] @ push)[:, None]
+    if body.weight is not None and body.weight.ndim == 2:
+        if vector:
+            return body.weight
+        pushes = np.unique(np.round(list(body.pushes.values()), 9), axis=0)
+        if len(pushes) == 1:
+            return np.asarray(body.weight @ pushes[0])[:, None]
+        raise InputError(
+            f"{body.name!r} is pushed along several directions: give gravity, or the motion of the "
+            "ground, as a vector."
+        )
     if body.weight is None:
         raise InputError(
             f"gravity or the ground's motion on {body.name!r} needs what its motion carries:"
@@ -311,8 +318,8 @@ def _laws(scene: Scene, bodies: dict[str, Placed]) -> tuple[list[ContactLaw], li
     laws, notes = [], []
     for contact in scene.contacts:
         law = contact.law
-        ends = find(contact.a, bodies)[0], find(contact.b, bodies)[0]
-        local = sum(body.local_compliance for body in ends)
+        ends = find(contact.a, bodies), find(contact.b, bodies)
+        local = sum(body.local_compliance.get(site, 0.0) for body, site in ends)
         if local and isinstance(law, Hertz) and law.compliance == 0.0:
             law = law.without(local)
             notes.append(

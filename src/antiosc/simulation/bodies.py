@@ -8,7 +8,7 @@ space; bodies that know no directions (a `RigidMass`, a model made by hand) have
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from antiosc import checks
 from antiosc.errors import InputError
+from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import LinearBody, checked_body
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Inertia, Motion
@@ -92,10 +93,12 @@ class Placed:
     B : (J, P) and r : (P, P) of all columns; `sites` has the columns of each name.
     directions : (P, 3) or None.
     pushes : direction (3,) in which the contact pushes each site, where known.
-    inertia : Inertia or None; weight : (J,) modal force of a unit gravity along `along`.
+    inertia : Inertia or None.
+    weight : modal forces of a unit gravity, (J,) along the one coordinate of a body without
+        directions, (J, 3) along the axes of the scene; or None.
     start : (J,) modal velocities.
     gap : distance [m] that the body brings with it.
-    local_compliance : half-space compliance [m/N] of its patch, which its modes contain.
+    local_compliance : half-space compliances [m/N] of the patches by site, which its modes contain.
     """
 
     name: str
@@ -111,7 +114,7 @@ class Placed:
     weight: Array | None
     start: Array
     gap: float = 0.0
-    local_compliance: float = 0.0
+    local_compliance: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def supported(self) -> bool:
@@ -124,7 +127,9 @@ def place(name: str, body: Any, motion: Motion | float | None) -> Placed:
     if isinstance(body, RigidBody):
         placed = _rigid(name, body)
     elif isinstance(body, SiteModes):
-        placed = _several(name, body)
+        placed = _several(name, body, body)
+    elif isinstance(body, AntiOscillators) and body.sites:
+        placed = _several(name, body, body.site_modes())
     elif isinstance(body, type) or not callable(getattr(body, "modal", None)):
         raise InputError(
             f"body {name!r} must be a model, an impactor, an Obstacle, a RigidBody or SiteModes;"
@@ -162,28 +167,29 @@ def _single(name: str, body: LinearBody) -> Placed:
         weight=modes.weight,
         start=start,
         gap=asked.gap,
-        local_compliance=asked.local_compliance,
+        local_compliance={"": asked.local_compliance},
     )
 
 
-def _several(name: str, body: SiteModes) -> Placed:
-    sites: dict[str, tuple[int, ...]] = dict(body.sites)  # type: ignore[arg-type]
-    assert body.r is not None
-    assert body.decay is not None
-    known = body.directions
+def _several(name: str, body: SiteModes | AntiOscillators, modes: SiteModes) -> Placed:
+    sites: dict[str, tuple[int, ...]] = dict(modes.sites)  # type: ignore[arg-type]
+    assert modes.r is not None
+    assert modes.decay is not None
+    known = modes.directions
     return Placed(
         name=name,
         body=body,
-        omega=body.omega,
-        decay=body.decay,
-        B=body.b,
-        r=body.r,
+        omega=modes.omega,
+        decay=modes.decay,
+        B=modes.b,
+        r=modes.r,
         sites=sites,
         directions=known,
         pushes={} if known is None else {site: known[c[0]] for site, c in sites.items()},
-        inertia=body.inertia,
-        weight=None,
-        start=np.zeros(body.omega.size),
+        inertia=modes.inertia,
+        weight=modes.weight,
+        start=np.zeros(modes.omega.size),
+        local_compliance=modes.local_compliance,
     )
 
 
@@ -215,7 +221,7 @@ def _rigid(name: str, body: RigidBody) -> Placed:
         directions=np.tile(np.eye(3), (len(sites), 1)) if sites else np.zeros((0, 3)),
         pushes=pushes,
         inertia=Inertia(body.centre, matrix, momentum),
-        weight=None,
+        weight=momentum[:, :3],
         start=np.zeros(6),
     )
 

@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from antiosc import checks
 from antiosc.contact import ContactLaw
 from antiosc.errors import InputError
+from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import checked_body
 from antiosc.models.motion import Motion
 from antiosc.models.site_modes import SiteModes
@@ -183,7 +184,8 @@ class Scene:
         for name, body in self.bodies.items():
             if ":" in checks.text("a body's name", name):
                 raise InputError(f"a body's name is a text without ':'; got {name!r}.")
-            if not isinstance(body, RigidBody | SiteModes):
+            several = isinstance(body, AntiOscillators) and len(body.sites) > 0
+            if not several and not isinstance(body, RigidBody | SiteModes):
                 checked_body(f"body {name!r}", body)
         for name, motion in self.motion.items():
             if not isinstance(motion, Motion):

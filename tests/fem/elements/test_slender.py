@@ -12,9 +12,14 @@ from mpi4py import MPI
 import antiosc as ao
 import parts
 from antiosc import closed_form
+<<<<<<< HEAD
 from antiosc.fem.extraction.extract import _judge
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.linalg.petsc_algebra import csr
+=======
+from antiosc.fem.extraction.self_check import judge
+from antiosc.fem.linalg.solvers import csr, multiply
+>>>>>>> 61e61f4 (extract(part, {name: Site}) makes one model of several sites, which a Scene takes)
 from marks import FREE_ON_PURPOSE
 
 pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]
@@ -135,12 +140,12 @@ def test_two_beams_of_which_one_is_loose():
 
 
 def test_a_small_error_is_warned_of_and_a_large_one_refused():
-    _judge("stiffness", 1e-7, 1e-6, MPI.COMM_SELF)
+    judge("stiffness", 1e-7, 1e-6, MPI.COMM_SELF)
     with pytest.warns(ao.AccuracyWarning, match=r"only to 1\.0e-05 \(stiffness.*fewer elements"):
-        _judge("stiffness", 1e-5, 1e-6, MPI.COMM_SELF)
+        judge("stiffness", 1e-5, 1e-6, MPI.COMM_SELF)
     for wrong in (1e-3, np.nan):
         with pytest.raises(ao.AccuracyError, match=r"stiffness .*, limit 1e-04; .*fewer elements"):
-            _judge("stiffness", wrong, 1e-6, MPI.COMM_SELF)
+            judge("stiffness", wrong, 1e-6, MPI.COMM_SELF)
 
 
 @pytest.mark.parametrize("held", [True, False], ids=["cantilever", "free"])

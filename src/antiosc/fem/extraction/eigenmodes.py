@@ -1,6 +1,7 @@
-"""Constraint modes: Kφ = ω²Mφ in the space bᵀφ = 0, on the structure's one factorization.
+"""Constraint modes: Kφ = ω²Mφ in the space Bᵀφ = 0, on the structure's one factorization.
 
-With A = K + sM and y = A⁻¹b, the solution of A x = r under bᵀx = 0 is A⁻¹r − y (bᵀA⁻¹r)/(bᵀy).
+With A = K + sM and Y = A⁻¹B, B the loads of one site or several, the solution of A x = r under
+Bᵀx = 0 is A⁻¹r − Y (BᵀY)⁻¹BᵀA⁻¹r.
 Krylov eigensolvers (SLEPc's, or SciPy's ARPACK) use this operator as their shift-and-invert
 transformation. No row is deleted and there is only one factorization. Without the constraint the
 same solver computes the natural modes of the structure.
@@ -16,8 +17,7 @@ import numpy as np
 import scipy.linalg
 
 from antiosc._types import Array, IntArray
-from antiosc.fem.extraction.mode_search import Search
-from antiosc.fem.extraction.static_mode import StaticMode
+from antiosc.fem.extraction.mode_search import Held, Pin, Search
 from antiosc.fem.linalg.algebra import (
     by_scipy,
     by_strains,
@@ -29,7 +29,6 @@ from antiosc.fem.linalg.algebra import (
 )
 from antiosc.fem.linalg.scaling import frequency
 from antiosc.fem.mpi import on_root
-from antiosc.fem.site.site import Functional
 from antiosc.fem.structure.structure import Structure
 
 #: LAPACK computes all modes of structures with at most this many rows, on one rank for all …
@@ -59,18 +58,18 @@ class Modes:
 class ModeSolver:
     """Finds the lowest elastic modes, in as many rounds as the caller wants.
 
-    With a site and its static mode it finds the constraint modes, otherwise the natural modes.
+    With the static mode of a site, or the shapes of several, it finds the constraint modes,
+    otherwise the natural modes.
     """
 
-    def __init__(
-        self, structure: Structure, site: Functional | None = None, static: StaticMode | None = None
-    ) -> None:
+    def __init__(self, structure: Structure, held: Held | None = None) -> None:
         self._structure = structure
-        self._pin = None if site is None or static is None else (site.b, static)
-        #: rigid-body modes that remain
-        self._rigid = structure.rigid_modes if static is None else static.nodal
-        self.limit = structure.dofs - (self._pin is not None) - self._rigid.shape[1]
         self._rows = structure.rows
+        self._pin = None if held is None else Pin(held)
+        #: rigid-body modes that remain
+        self._rigid = structure.rigid_modes if held is None else held.nodal
+        sites = 0 if self._pin is None else self._pin.load.shape[1]
+        self.limit = structure.dofs - sites - self._rigid.shape[1]
         self._found = Modes(np.zeros(0), np.zeros((self._rows, 0)), False)
 
     def lowest(self, count: int) -> Modes:
@@ -120,7 +119,7 @@ class ModeSolver:
         structure, comm = self._structure, self._structure.comm
         conditions = multiply(structure.M, self._rigid)
         if self._pin is not None:
-            conditions = np.column_stack([self._pin[0], conditions])
+            conditions = np.column_stack([self._pin.load, conditions])
         first = row_range(structure.K)[0]
         own = np.setdiff1d(np.arange(self._rows), structure.fixed)
         parts: Any = comm.gather((first + own, conditions[own]))

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import Any
 
 import numpy as np
 
-from antiosc._types import Array
-from antiosc.checks import choice, flag, instance, positive, tolerance, whole, within_range
-from antiosc.errors import AccuracyError, AccuracyWarning, InputError, warn
+from antiosc.checks import flag, instance, text, within_range
+from antiosc.errors import AccuracyError, InputError
 from antiosc.fem import mpi
+from antiosc.fem.extraction.body_inertia import inertia_of, uniform_inertia
 from antiosc.fem.extraction.eigenmodes import Modes, ModeSolver
 from antiosc.fem.extraction.krylov import BASIS_STEP, Remainder, by_krylov
 from antiosc.fem.extraction.oscillators import (
@@ -26,46 +26,20 @@ from antiosc.fem.extraction.oscillators import (
     oscillators,
     wanted,
 )
+from antiosc.fem.extraction.self_check import CHECK, CONVERGED, FORCES, MECHANISM, judge
+from antiosc.fem.extraction.several_sites import of_several_sites
 from antiosc.fem.extraction.static_mode import StaticMode, static_modes
-from antiosc.fem.linalg import memory
+from antiosc.fem.extraction.wish import AIM, DEFAULT, SEARCHED, Method, Wish, checked_wish, tell
 from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.site.functionals import functionals
 from antiosc.fem.site.site import Functional, Site
 from antiosc.fem.structure.structure import Structure
 from antiosc.models import driving_point as bands
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.motion import Inertia
 from antiosc.threads import one_thread
 
-if TYPE_CHECKING:
-    from mpi4py import MPI
-
-#: Limits of the self-check, relative: residual, M-orthogonality, constraint, mass balance.
-CHECK = 1e-6
-#: Up to this many times a limit a result is usable, with a warning; beyond, it is refused.
-USABLE = 100
-#: Limit of the residual: rounding in K alone is 1e-6 of Kφ for a mode on soft springs, with little
-#: strain; the error of ω² is the square of it.
-FORCES = 1e-5
-#: ω² over the shift below which a mode is a mechanism: the shift has the size of the first elastic.
-MECHANISM = 1e-9
-#: A Ritz pair with a smaller residual (of forces, relative) is an antiresonance: its frequency is
-#: then right to about the square of this.
-CONVERGED = 1e-3
-#: With this many Krylov anti-oscillators the lowest must have converged to an antiresonance.
-SETTLED_FROM = 10
-#: Default number of anti-oscillators, and the largest number with a band.
-DEFAULT, MOST_FOR_BAND = 20, 400
-#: Largest number of modes computed for each one wanted: a site with fewer observable ones gets
-#: fewer.
-SEARCHED = 10
-#: Goal of the Krylov steps over the accuracy wanted: the bound of the finished model is sampled
-#: more finely and includes the dropped modes.
-AIM = 0.6
 #: Bytes of basis vectors of the sites that are processed at once.
 SLICE = 5e8
-
-Method = Literal["krylov", "modes"]
 
 log = logging.getLogger(__name__)
 
@@ -75,7 +49,7 @@ log = logging.getLogger(__name__)
 @one_thread()
 def extract(
     structure: Structure,
-    site: Site | Sequence[Site],
+    site: Site | Sequence[Site] | Mapping[str, Site],
     n: int | None = None,
     method: Method = "krylov",
     tol: float = bands.UNOBSERVABLE,
@@ -84,13 +58,14 @@ def extract(
     accuracy: float = 1e-3,
     shapes: bool = True,
 ) -> Any:
-    """The anti-oscillator model of a structure at a site, or the models at several.
+    """The anti-oscillator model of a structure at a site, or at several.
 
     Parameters
     ----------
     structure : Structure
-    site : Site or sequence of Site
-        All sites share one factorization and blocks of right-hand sides.
+    site : Site, sequence of Site, or mapping of names to Site
+        Of a mapping one model with several sites is made, as a `Scene` takes it. Of a sequence one
+        model is made for each site; all share one factorization and blocks of right-hand sides.
     n : int, optional
         Number of anti-oscillators, default 20; with `band` the largest number. The result has fewer
         if the structure has fewer observable modes at the site.
@@ -115,6 +90,8 @@ def extract(
     Returns
     -------
     AntiOscillators, or a list of them for a sequence of sites
+        A site that cannot move independently of those before it (a second site on a rigid part,
+        say) follows them: `dependence` of the model.
         `info` holds the numbers of modes that were found and dropped, and the checks. If the share
         of the rigid-body modes in the compliance of the site ("rigid_share") is below 1e-4, they
         are represented by an anti-oscillator of nearly zero frequency; below 1e-16 they are left
@@ -133,8 +110,9 @@ def extract(
     `antiosc.fem.extraction.krylov`.
     """
     sites = _sites(structure, site)
+    names = list(site) if isinstance(site, Mapping) else []
     flag("shapes", shapes)
-    wish = _wish(structure, n, method, tol, band, accuracy)
+    wish = checked_wish(structure, n, method, tol, band, accuracy)
     started = time.perf_counter()
     targets = functionals(structure, sites)
     factored = "factorization" in structure.seconds
@@ -142,6 +120,9 @@ def extract(
     spent = time.perf_counter() - started
     if not factored:
         spent -= structure.seconds["factorization"]
+    if names:
+        named = {name: [one] for name, one in zip(names, targets, strict=True)}
+        return of_several_sites(structure, named, wish, shapes)
     models: list[AntiOscillators] = []
     width = _together(structure, wish)
     for first in range(0, len(targets), width):
@@ -154,46 +135,20 @@ def extract(
 def _sites(structure: Any, site: Any) -> list[Site]:
     """The sites as a list, after a check of both arguments."""
     instance("structure", structure, Structure, "a Structure")
+    if isinstance(site, Mapping):
+        if not site:
+            raise InputError("site names no site: give {name: Site(point, direction), ...}.")
+        for name in site:
+            if ":" in text("the name of a site", name):
+                raise InputError(f"the name of a site is a text without ':'; got {name!r}.")
+        site = list(site.values())
     sites = list(site) if isinstance(site, list | tuple) else [site]
     for one in sites:
         instance("site", one, Site, "a Site(point, direction)")
     return sites
 
 
-@dataclass(frozen=True)
-class _Wish:
-    """What the caller asked for, checked."""
-
-    n: int
-    method: Method
-    tol: float
-    band: float | None
-    accuracy: float
-
-
-def _wish(structure: Structure, n: Any, method: Any, tol: Any, band: Any, accuracy: Any) -> _Wish:
-    choice("method", method, get_args(Method))
-    if n is None:
-        n = min(DEFAULT if band is None else MOST_FOR_BAND, structure.dofs - 1)
-    n = whole("n", n, least=0 if band is None else 1)
-    if n >= structure.dofs:
-        raise InputError(
-            f"n must be below the structure's {structure.dofs} dofs; got {n}: refine the mesh or "
-            "ask for fewer anti-oscillators."
-        )
-    need = 16 * (n + 2) * structure.rows
-    free = mpi.on_root(structure.comm, memory.free_memory) / structure.comm.size
-    if band is None and need > memory.MEMORY_SHARE * free:
-        raise InputError(
-            f"n = {n} anti-oscillators of {structure.size} dofs take {need / 1e9:.3g} GB "
-            f"of basis vectors and {free / 1e9:.3g} GB are free: reduce n."
-        )
-    if band is not None:
-        band = positive("band", band, "rad/s")
-    return _Wish(n, method, tolerance(tol), band, positive("accuracy", accuracy))
-
-
-def _together(structure: Structure, wish: _Wish) -> int:
+def _together(structure: Structure, wish: Wish) -> int:
     """Number of sites processed at once: as many as fit in SLICE bytes of basis vectors."""
     if wish.method == "modes":
         return 1
@@ -202,7 +157,7 @@ def _together(structure: Structure, wish: _Wish) -> int:
 
 
 def _extracted(
-    structure: Structure, targets: list[Functional], wish: _Wish, shapes: bool, spent: float
+    structure: Structure, targets: list[Functional], wish: Wish, shapes: bool, spent: float
 ) -> list[AntiOscillators]:
     """The models of a few sites."""
     started = time.perf_counter()
@@ -228,51 +183,17 @@ def _extracted(
         if wish.band is not None and remainder is not None:
             error = error_bound(structure, known, remainder, kept, wish.band)
             model.info["band"] = {"top": wish.band, "error_bound": error}
-        mpi.on_root(structure.comm, partial(_tell, model, wish, modes.complete))
+        mpi.on_root(structure.comm, partial(tell, model, wish, modes.complete))
         models.append(model if shapes else replace(model, shapes=None, hidden=None))
     return models
 
 
-def _tell(model: AntiOscillators, wish: _Wish, complete: bool) -> None:
-    """Warn of too few modes, of frequencies that have not converged, and of a band not reached or
-    too low."""
-    if wish.band is None and model.n < wish.n and not complete:
-        warn(
-            f"only {model.n} of the first {model.info['modes_computed']} modes are observable at "
-            f"the site (share in Z above {wish.tol:g}), fewer than n = {wish.n}: the model "
-            "contains these; reduce tol for more.",
-            AccuracyWarning,
-        )
-    if model.info["converged"] == 0 and model.n >= SETTLED_FROM:
-        warn(
-            f"none of the {model.n} anti-oscillators has converged to an antiresonance: their "
-            "frequencies are unreliable; check whether some part is very slender.",
-            AccuracyWarning,
-        )
-    if wish.band is None or "band" not in model.info:
-        return
-    error = model.info["band"]["error_bound"]
-    if not error <= wish.accuracy:
-        warn(
-            f"with {model.n} anti-oscillators the error of Z up to {wish.band:g} rad/s is at most "
-            f"{error:.1e}, above accuracy = {wish.accuracy:g}: raise n or lower the band.",
-            AccuracyWarning,
-        )
-    elif model.n and wish.band < model.omega[0]:
-        warn(
-            f"the band ends at {wish.band:g} rad/s, below the first antiresonance "
-            f"{model.omega[0]:g} rad/s: the model consists almost only of its static stiffness "
-            "and mass; raise the band if the impact is shorter.",
-            AccuracyWarning,
-        )
-
-
 def _observable(
-    structure: Structure, target: Functional, static: StaticMode, wish: _Wish
+    structure: Structure, target: Functional, static: StaticMode, wish: Wish
 ) -> tuple[Modes, Remainder | None]:
     """The lowest constraint modes until n of them are observable (or the error of Z meets the
     bound)."""
-    solver = ModeSolver(structure, target, static)
+    solver = ModeSolver(structure, static)
     n = wanted(static, wish.n)
     most = min(solver.limit, SEARCHED * (n + DEFAULT))
     asked = n + 2 if n and wish.band is None else min(n, DEFAULT)
@@ -336,29 +257,8 @@ def _check(
         "stiffness": abs(strain / static.k0 - 1) if static.k0 else 0.0,
     }
     for name, value in measured.items():
-        _judge(name, value, FORCES if name == "residual" else CHECK, comm)
+        judge(name, value, FORCES if name == "residual" else CHECK, comm)
     return {**measured, "converged": int(np.sum(off < CONVERGED))}
-
-
-def _judge(name: str, value: float, limit: float, comm: MPI.Comm) -> None:
-    """Accept a measured error, warn of it, or refuse it."""
-    if value <= limit:
-        return
-    why = (
-        "the matrices are ill-conditioned by very slender or thin parts, penalties, very uneven "
-        "elements or materials: take fewer elements, more even ones, smaller penalties."
-    )
-    if not value <= USABLE * limit:
-        raise AccuracyError(
-            f"the constraint modes fail their own check: {name} {value:.1e}, limit "
-            f"{USABLE * limit:.0e}; {why}"
-        )
-    mpi.warn(
-        comm,
-        f"the constraint modes satisfy their check only to {value:.1e} ({name}, usually below "
-        f"{limit:.0e}): {why}",
-        AccuracyWarning,
-    )
 
 
 def _model(
@@ -367,7 +267,7 @@ def _model(
     known: Found,
     kept: Oscillators,
     checks: dict[str, Any],
-    wish: _Wish,
+    wish: Wish,
     seconds: dict[str, float],
 ) -> AntiOscillators:
     modes, added = known.modes, len(kept.m) - len(kept.chain[2])
@@ -404,16 +304,3 @@ def _model(
         hidden=kept.hidden if structure.rigid_inertia is not None else None,
         info=info,
     )
-
-
-def inertia_of(structure: Structure, *shapes: Array) -> Inertia | None:
-    """The inertia of a body that can move as a whole, with the momentum of these shapes."""
-    if structure.rigid_inertia is None:
-        return None
-    inertia, loads = structure.rigid_inertia
-    return inertia.along(np.vstack([dot(structure.comm, block, loads) for block in shapes]))
-
-
-def uniform_inertia(structure: Structure, target: Functional) -> Array | None:
-    """Me on the rows of this rank; None for matrices, which have no coordinates."""
-    return None if target.direction is None else structure.uniform_inertia(target.direction)

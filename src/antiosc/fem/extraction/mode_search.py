@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any, Protocol
 
 import numpy as np
 
 from antiosc._types import Array
-from antiosc.fem.extraction.static_mode import StaticMode
 from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.structure.structure import Structure
 
@@ -18,13 +18,41 @@ TOLERANCE = 1e-11
 GUARD = 4
 
 
+class Held(Protocol):
+    """The shapes that hold a site, or several: what `StaticMode` and `SiteShapes` have in common.
+
+    Attributes
+    ----------
+    load : reactions that hold the sites, (rows,) or (rows, p).
+    y, bAb : A⁻¹ load, and loadᵀA⁻¹ load.
+    nodal : (rows, h) M-orthonormal rigid-body modes from which the modes are kept free.
+    """
+
+    @property
+    def load(self) -> Array: ...
+    @property
+    def y(self) -> Array: ...
+    @property
+    def bAb(self) -> Any: ...
+    @property
+    def nodal(self) -> Array: ...
+
+
+class Pin:
+    """The constraint of one site or several as blocks of columns."""
+
+    def __init__(self, held: Held) -> None:
+        self.load, self.y = (x[:, None] if x.ndim == 1 else x for x in (held.load, held.y))
+        self.inverse = np.linalg.inv(np.atleast_2d(held.bAb))
+
+
 @dataclass(frozen=True)
 class Search:
     """The lowest modes of a structure beside those that are known."""
 
     structure: Structure
-    #: (b, static mode) of the site that is constrained; None for natural modes
-    pin: tuple[Array, StaticMode] | None
+    #: the sites that are constrained; None for natural modes
+    pin: Pin | None
     #: M-orthonormal shapes that are deflated (rows of this rank, k)
     known: Array
     #: number of modes to find, and the number that there is
@@ -37,12 +65,12 @@ class Search:
         return min(self.wanted + GUARD, self.limit)
 
     def inverse(self, r: Array) -> Array:
-        """A⁻¹r − y (bᵀA⁻¹r)/(bᵀy); A⁻¹r for natural modes."""
+        """A⁻¹r − Y (BᵀY)⁻¹BᵀA⁻¹r; A⁻¹r for natural modes."""
         x = self.structure.factorize().solve(r)
         if self.pin is None:
             return x
-        b, static = self.pin
-        return np.asarray(x - dot(self.structure.comm, b, x) / static.bAb * static.y)
+        held = self.pin.inverse @ dot(self.structure.comm, self.pin.load, x)
+        return np.asarray(x - self.pin.y @ held)
 
     def start(self) -> Array:
         """A random vector in the range of A⁻¹M."""

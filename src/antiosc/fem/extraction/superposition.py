@@ -17,10 +17,12 @@ from numpy.typing import ArrayLike
 from antiosc._types import Array
 from antiosc.checks import flag, instance, whole, within_range
 from antiosc.errors import AccuracyError, AccuracyWarning, InputError, warn
+from antiosc.fem.extraction.body_inertia import inertia_of, uniform_inertia
 from antiosc.fem.extraction.eigenmodes import DENSE_MANY, Modes, ModeSolver
-from antiosc.fem.extraction.extract import CHECK, DEFAULT, SEARCHED, inertia_of, uniform_inertia
 from antiosc.fem.extraction.oscillators import REPEATED
+from antiosc.fem.extraction.self_check import CHECK
 from antiosc.fem.extraction.static_mode import StaticMode, beside_rigid, static_mode
+from antiosc.fem.extraction.wish import DEFAULT, SEARCHED
 from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.mpi import collective, on_root
 from antiosc.fem.site.functionals import functional

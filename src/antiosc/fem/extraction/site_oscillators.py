@@ -1,0 +1,229 @@
+"""Anti-oscillators of several sites from their constraint modes, and a bound on the error of Z.
+
+All matrices are in the basis of loads of `SiteShapes`, in which the compliances of the sites are
+the identity; `Parameters` are those of the sites themselves.
+
+The error of Z at every damped frequency of a band is the sum of the truncation error of the method
+(`Remainder`), of the modes that were dropped and merged, of the limited number of anti-oscillators,
+and of rounding (`antiosc.fem.extraction.oscillators`). Its norm times ‖Z⁻¹‖ bounds the relative
+error of forces and of displacements, whatever combination of the sites moves.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from antiosc._types import Array, ComplexArray, IntArray
+from antiosc.fem.extraction.block_krylov import Remainder
+from antiosc.fem.extraction.eigenmodes import Modes
+from antiosc.fem.extraction.oscillators import REPEATED, SAMPLE_RISE, SAMPLE_STEP, SOLVE_ROUNDING
+from antiosc.fem.extraction.site_shapes import SiteShapes
+from antiosc.fem.linalg.algebra import by_strains, diagonal, dot, multiply
+from antiosc.fem.structure.structure import Structure
+from antiosc.models import driving_point as bands
+
+#: Singular value of the P of a repeated frequency, over the largest, below which it is rounding.
+UNMOVED = 1e-8
+
+
+@dataclass(frozen=True)
+class Found:
+    """All constraint modes found, M-orthonormal, as parameters of the sites.
+
+    Attributes
+    ----------
+    m0 : (p, p) residual mass.
+    P : (n, p) φ_iᵀMΦ.
+    residual : (rows, p) the shapes that move with m0.
+    k_phi, m_phi : Kφ_i and Mφ_i on the rows of this rank, (rows, n).
+    stiffnesses, masses : φ_iᵀKφ_j and φ_iᵀMφ_j as they are, (n, n).
+    coupling : φ_iᵀKΦ as it is, (n, p).
+    """
+
+    static: SiteShapes
+    modes: Modes
+    m0: Array
+    P: Array
+    residual: Array
+    k_phi: Array
+    m_phi: Array
+    stiffnesses: Array
+    masses: Array
+    coupling: Array
+
+    @property
+    def poles(self) -> Array:
+        """ω_i², rad²/s²."""
+        return self.modes.omega**2
+
+    def stiffness(self, x: ComplexArray) -> ComplexArray:
+        """Z (W, p, p) with all modes found."""
+        real = self.poles > 0
+        return bands.stiffness_at_sites(x, self.static.k0, self.m0, self.P[real], self.poles[real])
+
+
+def lumped(structure: Structure, static: SiteShapes, modes: Modes) -> Found:
+    """Residual masses and shapes: Φ without the M-orthonormal modes, free of cancellation."""
+    comm, phi = structure.comm, modes.phi
+    k_phi, m_phi = multiply(structure.K, phi), multiply(structure.M, phi)
+    residual, P = static.phi, np.zeros((phi.shape[1], static.phi.shape[1]))
+    for _ in range(2):  # twice is enough (Kahan)
+        part = dot(comm, m_phi, residual)
+        P, residual = P + part, residual - phi @ part
+    return Found(
+        static,
+        modes,
+        bands.semidefinite(dot(comm, residual, multiply(structure.M, residual))),
+        P,
+        residual,
+        k_phi,
+        m_phi,
+        dot(comm, phi, k_phi),
+        dot(comm, phi, m_phi),
+        dot(comm, k_phi, static.phi),
+    )
+
+
+@dataclass(frozen=True)
+class Kept:
+    """The anti-oscillators of a model.
+
+    Attributes
+    ----------
+    m0, P, omega : residual mass (p, p), P (N, p) and circular frequencies (N,).
+    phi : (rows, N) their shapes on the rows of this rank.
+    unobservable, merged : numbers of modes that were dropped and merged.
+    """
+
+    m0: Array
+    P: Array
+    omega: Array
+    phi: Array
+    unobservable: int
+    merged: int
+
+
+def oscillators(known: Found, n: int, tol: float) -> Kept:
+    """The n lowest anti-oscillators with more than the share `tol` in Z.
+
+    Of a repeated frequency as many are kept as the sites can tell apart, at most p. The masses of
+    all others are added to m0.
+    """
+    static = known.static
+    # ω = 0 is left only by rounding: rigid modes that do not move the sites are deflated.
+    shares = bands.shares_at_sites(static.k0, known.m0, known.P, known.poles)
+    seen = np.flatnonzero(shares > tol)
+    omega = known.modes.omega[seen]
+    start = np.flatnonzero(np.diff(omega, prepend=-np.inf) > REPEATED * omega)
+    turns = [_told_apart(known, group) for group in np.split(seen, start[1:])]
+    turn = np.column_stack([np.zeros((len(known.P), 0)), *turns])
+    P = turn.T @ known.P
+    poles = np.einsum("ij,i,ij->j", turn, known.poles, turn)
+    order = np.argsort(poles, kind="stable")[:n]
+    turn, P = turn[:, order], P[order]
+    lost = known.P - turn @ P  # what is not kept goes back to m0
+    return Kept(
+        m0=bands.semidefinite(known.m0 + lost.T @ lost),
+        P=P,
+        omega=np.sqrt(poles[order]),
+        phi=known.modes.phi @ turn,
+        unobservable=len(known.P) - len(seen),
+        merged=len(seen) - sum(each.shape[1] for each in turns),
+    )
+
+
+def _told_apart(known: Found, group: IntArray) -> Array:
+    """Combinations (n, k) of the modes `group` of one frequency that the sites can tell apart."""
+    turn = np.zeros((len(known.P), len(group)))
+    turn[group, np.arange(len(group))] = 1.0
+    if len(group) < 2:
+        return turn
+    scale = np.sqrt(known.static.mass.diagonal())
+    U, size, _ = np.linalg.svd(known.P[group] / scale)
+    count = int(np.sum(size > UNMOVED * size[0]))
+    if count == len(group):
+        return turn
+    U = U[:, :count]
+    # their own frequencies differ by rounding, and the stiffness between them is to vanish
+    _, own = np.linalg.eigh(U.T @ (known.poles[group][:, None] * U))
+    return np.asarray(turn @ (U @ own))
+
+
+def error_bound(
+    structure: Structure, known: Found, remainder: Remainder, kept: Kept, band: float
+) -> float:
+    """Bound on ‖ΔZ‖₂‖Z⁻¹‖₂ of the parameters over the band up to `band` [rad/s]."""
+    static = known.static
+    lowest = bands.lowest_frequency_at_sites(static.k0, static.mass, kept.omega**2)
+    x = bands.samples(band, lowest, SAMPLE_STEP) ** 2
+    Z = bands.stiffness_at_sites(x, static.k0, kept.m0, kept.P, kept.omega**2)
+    change = _norms(known.stiffness(x) - Z)
+    left = remainder(x) + change + _rounding(structure, known, x)
+    sizes = np.linalg.svd(Z, compute_uv=False)
+    # numbers of the sites themselves are rounded, of Z = W (this Z) Wᵀ
+    spread = np.linalg.norm(np.abs(np.linalg.inv(static.W)) @ np.abs(static.W), 2)
+    left = left + np.finfo(float).eps * len(static.W) * spread**2 * sizes[:, 0]
+    off = (1 + SAMPLE_RISE) * left / sizes[:, -1]
+    # of H too, and of the true Z
+    off = np.where(off < 1, off / np.where(off < 1, 1 - off, 1.0), np.inf)
+    # the displacements of the sites in the rigid-body motions: their rounding, and what is left out
+    moved, rounding = static.moved.max(initial=0.0), _norms(static.doubt[None])
+    hidden = _norms(static.missed[None]) + rounding
+    off = off + sizes[:, 0] / np.abs(x) * (hidden**2 + 2 * moved * rounding)
+    return float(np.max(off))
+
+
+def left_out(known: Found) -> Remainder:
+    """Bound on the effect of the truncated modes on Z: their mass, on poles above the last.
+
+    Without them their mass is in m0.
+    """
+    top = float(known.poles.max(initial=0.0))
+    mass = 0.0 if known.modes.complete else float(np.linalg.norm(known.m0, 2))
+
+    def bound(x: ComplexArray) -> Array:
+        nearest = np.where(x.real > top, x.imag, np.abs(top - x))
+        return np.asarray(np.abs(x) ** 2 * mass / nearest)
+
+    return bound
+
+
+def _rounding(structure: Structure, known: Found, x: ComplexArray) -> Array:
+    """Norm of the rounding error of Z at complex x = ω²: (W,).
+
+    From the entries, the solves, and the measured orthogonality of the modes.
+    """
+    real = known.poles > 0
+    poles, P = known.poles[real], known.P[real]
+    count = P.shape[1]
+    shapes = np.column_stack([known.residual, known.modes.phi[:, real]])
+    lever = poles / (poles - x[:, None])
+    sized = np.broadcast_to(np.eye(count), (len(x), count, count))
+    weight = np.concatenate([sized, lever[:, :, None] * P], axis=1)
+    parts = []
+    for matrix in (structure.K, structure.M):
+        gram = dot(structure.comm, shapes, diagonal(matrix)[:, None] * shapes)
+        parts.append(_norms(weight.conj().transpose(0, 2, 1) @ (gram @ weight)))
+    if by_strains(structure.K):  # a sum of squares of strains, each to ε of its own terms
+        bent = (x / np.sqrt(poles)[:, None]).T[:, :, None] * weight[:, count:]
+        energy = _norms(known.static.k0 + np.abs(bent).transpose(0, 2, 1) @ np.abs(bent))
+        parts[0] = np.sqrt(parts[0] * energy)
+    left = SOLVE_ROUNDING * np.finfo(float).eps * (parts[0] + np.abs(x) * parts[1])
+    size = np.abs(weight[:, count:])
+    across = size.transpose(0, 2, 1)
+    left += 2 * np.abs(x) * _norms(across @ np.abs(known.coupling[real] / poles[:, None]))
+    for matrix, times in (
+        (known.stiffnesses - np.diag(known.poles), np.ones(len(x))),
+        (known.masses - np.eye(len(known.P)), np.abs(x)),
+    ):
+        left += times * _norms(across @ (np.abs(matrix[np.ix_(real, real)]) @ size))
+    return left
+
+
+def _norms(matrices: Array) -> Array:
+    """Spectral norms of matrices (W, m, n); 0 of empty ones."""
+    if 0 in matrices.shape:
+        return np.zeros(len(matrices))
+    return np.asarray(np.linalg.norm(matrices, 2, axis=(1, 2)))

@@ -1,0 +1,161 @@
+"""The shapes with unit displacements at p sites: static ones, or rigid-body motions in their place.
+
+With B (n, p) the loads of the sites, A = K + sM and C = BᵀA⁻¹B, the limit s → 0 of A⁻¹B C⁻¹ is
+φ_st, φ_CR, or a mixture of both, whatever the supports. It is computed in the basis of loads
+B W = B L⁻ᵀU, with C = L Lᵀ and the singular value decomposition RᵀB L⁻ᵀ/√s = V Σ Uᵀ of the
+M-orthonormal rigid-body modes R. In this basis C is the identity, and every load moves at most one
+rigid-body mode of its own, with the share σ² of its compliance:
+
+    Φ_r = R V₁/(√s Σ₁)                        the q loads that move one, without a solve;
+    K Y₀ = B₀ - M R RᵀB₀,  C₀ = B₀ᵀY₀         the others, self-equilibrated, W₂ their loads;
+    Φ = [Φ_r, Y₀C₀⁻¹ - Φ_r(B₁ᵀY₀C₀⁻¹)],       K0 = diag(0, C₀⁻¹).
+
+Displacements u of the sites are Wᵀu in this basis, and a matrix Z of it is W Z Wᵀ of the sites.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+
+from antiosc._types import Array, IntArray
+from antiosc.fem.extraction.static_mode import beside_rigid
+from antiosc.fem.linalg.algebra import dot, multiply
+from antiosc.fem.structure.structure import Structure
+
+#: A site whose load has less than this share of its compliance outside the span of the others
+#: follows their motion: its own would make Z = H⁻¹ lose the square of it.
+DEPENDENT = 1e-10
+#: Share of a rigid-body motion in the compliance of a load, below which it is left out. The effect
+#: on H at ω² = x is this times s/x; with a rigid-body mode of a smaller share, rounding over this
+#: share would be lost.
+LEAST_SHARE = 1e-8
+
+
+@dataclass(frozen=True)
+class SiteShapes:
+    """Shapes Φ of unit displacements at p independent sites, in the basis of loads `B W`.
+
+    Attributes
+    ----------
+    kept : columns of B that are independent, (p,).
+    dependence : (c, p) displacements of all columns for unit displacements of those.
+    W : (p, p) as above.
+    load : (rows, p) reactions that hold the sites: BW without its load on the rigid modes `nodal`.
+    phi, m_phi : (rows, p) the shapes, and M times them.
+    k0 : (p, p) ΦᵀKΦ.
+    mass : (p, p) ΦᵀMΦ.
+    moved : (p,) displacement of each site in its rigid-body mode of unit mass [kg^-½ of the basis];
+        0: none.
+    nodal : (rows, h) M-orthonormal rigid-body modes from which the constraint modes are kept free.
+    missed : (h, p) displacements of the sites in those, which are left out.
+    doubt : (r, p) rounding of the displacements in all rigid-body modes.
+    y, bAb : (rows, p) A⁻¹ load, and (p, p) loadᵀ A⁻¹ load.
+    """
+
+    kept: IntArray
+    dependence: Array
+    W: Array
+    load: Array
+    phi: Array
+    m_phi: Array
+    k0: Array
+    mass: Array
+    moved: Array
+    nodal: Array
+    missed: Array
+    doubt: Array
+    y: Array
+    bAb: Array
+
+    @property
+    def rigid(self) -> Array:
+        """(p, q) displacements of the sites in the rigid-body modes that move them, kg^-½."""
+        own = np.flatnonzero(self.moved)
+        return np.asarray(np.linalg.solve(self.W.T, np.diag(self.moved)[:, own]))
+
+
+def site_shapes(structure: Structure, B: Array) -> SiteShapes:
+    """The shapes of the sites whose loads are the columns of B (rows of this rank, c)."""
+    comm, factor = structure.comm, structure.factorize()
+    kept, dependence, W, Y, V, sigma = _basis(structure, B)
+    given, B, R = B[:, kept], B[:, kept] @ W, structure.rigid_modes @ V
+    root = np.sqrt(structure.shift) or 1.0
+    q = int(np.sum(sigma**2 > LEAST_SHARE))
+    moved = np.where(np.arange(len(sigma)) < q, root * sigma, 0.0)
+    strong, nodal = R[:, :q], R[:, q:]
+    missed = dot(comm, nodal, B)
+    load = B - multiply(structure.M, nodal) @ missed if nodal.shape[1] else B
+    y = Y - nodal @ (missed / root**2)
+    phi, k0, strain = strong / moved[:q], np.zeros_like(W), np.zeros(len(kept))
+    if q < len(kept):
+        y0 = y[:, q:]
+        if R.shape[1]:
+            y0 = np.column_stack([beside_rigid(structure, factor, b) for b in B[:, q:].T])
+            # the rounding error of R, which strains, adds y0ᵀKR to the displacement of the sites
+            strain[q:] = np.linalg.norm(dot(comm, y0, multiply(structure.K, R)), axis=1)
+        C0 = dot(comm, B[:, q:], y0)
+        k0[q:, q:] = np.linalg.inv((C0 + C0.T) / 2)
+        elastic = y0 @ k0[q:, q:]
+        elastic = elastic - phi @ dot(comm, B[:, :q], elastic)
+        phi = np.hstack([phi, elastic])
+    m_phi = multiply(structure.M, phi)
+    eps = float(np.finfo(float).eps)
+    doubt = eps * dot(comm, np.abs(R), np.abs(given)) @ np.abs(W) + strain
+    return SiteShapes(
+        kept=kept,
+        dependence=dependence,
+        W=W,
+        load=load,
+        phi=phi,
+        m_phi=m_phi,
+        k0=(k0 + k0.T) / 2,
+        mass=dot(comm, phi, m_phi),
+        moved=moved,
+        nodal=nodal,
+        missed=missed,
+        doubt=doubt,
+        y=y,
+        bAb=dot(comm, load, y),
+    )
+
+
+def _basis(structure: Structure, B: Array) -> tuple[IntArray, Array, Array, Array, Array, Array]:
+    """(kept, dependence, W, A⁻¹BW, V, σ) of `SiteShapes`; σ (p,), descending."""
+    comm, factor, R = structure.comm, structure.factorize(), structure.rigid_modes
+    root = np.sqrt(structure.shift) or 1.0
+    Y = factor.solve_checked(B)
+    C = dot(comm, B, Y)
+    kept, dependence = independent((C + C.T) / 2)
+    B, Y = B[:, kept], Y[:, kept]
+    W = np.eye(len(kept))
+    for again in (False, True):
+        if again and len(kept) > 1:  # differences of nearly equal loads are solved for anew
+            Y = factor.solve_block(B @ W)
+        C = dot(comm, B @ W, Y)
+        L = np.linalg.cholesky((C + C.T) / 2)
+        along = scipy.linalg.solve_triangular(L, dot(comm, R, B @ W).T / root, lower=True).T
+        V, sigma, U = np.linalg.svd(along)
+        turn = scipy.linalg.solve_triangular(L, U.T, lower=True, trans="T")
+        W, Y = W @ turn, Y @ turn
+    sigma = np.append(sigma, np.zeros(len(kept) - len(sigma)))
+    return kept, dependence, W, Y, V, sigma
+
+
+def independent(C: Array) -> tuple[IntArray, Array]:
+    """(independent columns (p,), displacements of all c columns per unit ones of those (c, p)).
+
+    By a pivoted Cholesky factorization of the compliances C (c, c), scaled by their diagonal. A
+    column that cannot move has C = 0.
+    """
+    size = np.sqrt(np.maximum(C.diagonal(), 0.0))
+    scale = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
+    unit = C * scale[:, None] * scale
+    _, pivots, rank, _ = scipy.linalg.lapack.dpstrf(unit, tol=DEPENDENT)
+    kept = np.sort(pivots[:rank] - 1)
+    follow = np.linalg.solve(unit[np.ix_(kept, kept)], unit[kept]).T
+    follow = follow * size[:, None] * scale[kept]
+    follow[kept] = np.eye(rank)
+    return kept, follow

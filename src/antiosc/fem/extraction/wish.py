@@ -1,0 +1,97 @@
+"""What a caller asks of an extraction, checked, and what is told where a model is not that."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
+
+from antiosc.checks import choice, positive, tolerance, whole
+from antiosc.errors import AccuracyWarning, InputError, warn
+from antiosc.fem import mpi
+from antiosc.fem.linalg import memory
+from antiosc.fem.structure.structure import Structure
+from antiosc.models.anti_oscillators import AntiOscillators
+
+#: Default number of anti-oscillators, and the largest number with a band.
+DEFAULT, MOST_FOR_BAND = 20, 400
+
+#: Largest number of modes computed for each one wanted: a site with fewer observable ones gets
+#: fewer.
+SEARCHED = 10
+#: Goal of the Krylov steps over the accuracy wanted: the bound of the finished model is sampled
+#: more finely and includes the dropped modes.
+AIM = 0.6
+#: With this many Krylov anti-oscillators the lowest must have converged to an antiresonance.
+SETTLED_FROM = 10
+
+Method = Literal["krylov", "modes"]
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What the caller asked for, checked."""
+
+    n: int
+    method: Method
+    tol: float
+    band: float | None
+    accuracy: float
+
+
+def checked_wish(
+    structure: Structure, n: Any, method: Any, tol: Any, band: Any, accuracy: Any
+) -> Wish:
+    """The wish; InputError for numbers outside their range and vectors that memory cannot hold."""
+    choice("method", method, get_args(Method))
+    if n is None:
+        n = min(DEFAULT if band is None else MOST_FOR_BAND, structure.dofs - 1)
+    n = whole("n", n, least=0 if band is None else 1)
+    if n >= structure.dofs:
+        raise InputError(
+            f"n must be below the structure's {structure.dofs} dofs; got {n}: refine the mesh or "
+            "ask for fewer anti-oscillators."
+        )
+    need = 16 * (n + 2) * structure.rows
+    free = mpi.on_root(structure.comm, memory.free_memory) / structure.comm.size
+    if band is None and need > memory.MEMORY_SHARE * free:
+        raise InputError(
+            f"n = {n} anti-oscillators of {structure.size} dofs take {need / 1e9:.3g} GB "
+            f"of basis vectors and {free / 1e9:.3g} GB are free: reduce n."
+        )
+    if band is not None:
+        band = positive("band", band, "rad/s")
+    return Wish(n, method, tolerance(tol), band, positive("accuracy", accuracy))
+
+
+def tell(model: AntiOscillators, wish: Wish, complete: bool) -> None:
+    """Warn of too few modes, of frequencies that have not converged, and of a band not reached or
+    too low."""
+    if wish.band is None and model.n < wish.n and not complete:
+        warn(
+            f"only {model.n} of the first {model.info['modes_computed']} modes are observable at "
+            f"the site (share in Z above {wish.tol:g}), fewer than n = {wish.n}: the model "
+            "contains these; reduce tol for more.",
+            AccuracyWarning,
+        )
+    if model.info["converged"] == 0 and model.n >= SETTLED_FROM:
+        warn(
+            f"none of the {model.n} anti-oscillators has converged to an antiresonance: their "
+            "frequencies are unreliable; check whether some part is very slender.",
+            AccuracyWarning,
+        )
+    if wish.band is None or "band" not in model.info:
+        return
+    error = model.info["band"]["error_bound"]
+    if not error <= wish.accuracy:
+        warn(
+            f"with {model.n} anti-oscillators the error of Z up to {wish.band:g} rad/s is at most "
+            f"{error:.1e}, above accuracy = {wish.accuracy:g}: raise n or lower the band.",
+            AccuracyWarning,
+        )
+    elif model.n and wish.band < model.omega[0]:
+        warn(
+            f"the band ends at {wish.band:g} rad/s, below the first antiresonance "
+            f"{model.omega[0]:g} rad/s: the model consists almost only of its static stiffness "
+            "and mass; raise the band if the impact is shorter.",
+            AccuracyWarning,
+        )

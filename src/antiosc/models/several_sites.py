@@ -1,0 +1,170 @@
+"""The anti-oscillator model of several sites: its checks, and its form in free modes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from antiosc import checks
+from antiosc._types import Array
+from antiosc.errors import InputError
+from antiosc.models.motion import Inertia
+from antiosc.models.reduced_modes import reduced_modes, rigid_motions, stiffness_scale
+from antiosc.models.site_modes import SiteModes, columns_of_sites, unit_vectors
+
+if TYPE_CHECKING:
+    from antiosc.models.anti_oscillators import AntiOscillators
+
+#: Asymmetry of a matrix, and negative eigenvalue, over its size (scaled by its diagonal).
+ROUNDING = 1e-9
+
+
+def checked(model: AntiOscillators) -> dict[str, Any]:
+    """The parameters of several sites as they are stored; InputError for those outside their range.
+
+    They are sorted by frequency.
+    """
+    if model.m is not None:
+        raise InputError("with several sites the inertias are given as P, not as m.")
+    if model.P is None:
+        raise InputError("several sites need P (p, N), the inertias of the constraint modes.")
+    k0 = checks.array("k0", model.k0, (None, None))
+    p = len(k0)
+    if k0.shape != (p, p):
+        raise InputError(f"k0 must be square (p, p); got shape {k0.shape}.")
+    m0 = checks.array("m0", model.m0, (p, p))
+    omega = checks.column("omega", model.omega)
+    P = checks.array("P", model.P, (p, omega.size))
+    if np.any(omega <= 0):
+        raise InputError(f"every omega must be > 0; the least is {omega.min():g} rad/s.")
+    order = np.argsort(omega, kind="stable")
+    omega, P = omega[order], P[:, order]
+    m0 = _semidefinite("m0", m0, np.sqrt(np.abs(m0.diagonal()) + np.sum(P**2, axis=1)))
+    k0 = _semidefinite("k0", k0, 1 / stiffness_scale(k0, m0 + P @ P.T, omega))
+    if p == 0 or np.any((k0.diagonal() == 0) & (m0.diagonal() == 0) & ~P.any(axis=1)):
+        raise InputError("each of the sites needs stiffness or mass, in k0, m0 or P.")
+    dependence = np.eye(p) if model.dependence is None else model.dependence
+    dependence = checks.array("dependence", dependence, (None, p))
+    if not model.columns and len(model.sites) != len(dependence):
+        raise InputError(
+            f"sites must name the {len(dependence)} columns, or columns say which site has which; "
+            f"got {checks.shown(model.sites)}."
+        )
+    columns = columns_of_sites(model.columns or list(model.sites), len(dependence))
+    if tuple(columns) != tuple(model.sites):
+        raise InputError(
+            f"sites and columns must name the same sites; got {checks.shown(model.sites)} and "
+            f"{checks.shown(list(columns))}."
+        )
+    rows = np.concatenate((np.arange(p), p + order))
+    rigid = rigid_motions(k0, m0 + P @ P.T, omega) if model.rigid is None else model.rigid
+    rigid = checks.array("rigid", rigid, (p, None))
+    return {
+        "k0": checks.kept(k0),
+        "m0": checks.kept(m0),
+        "m": checks.kept(P.T[:, :, None] * P.T[:, None, :]),
+        "omega": checks.kept(omega),
+        "P": checks.kept(P),
+        "sites": tuple(columns),
+        "columns": columns,
+        "dependence": checks.kept(dependence),
+        "rigid": checks.kept(rigid),
+        **_of_sites(model, len(columns)),
+        **_in_space(model, rows, len(dependence)),
+    }
+
+
+def _semidefinite(name: str, matrix: Array, size: Array) -> Array:
+    """`matrix` made symmetric; InputError unless it is symmetric and positive semidefinite.
+
+    Rounding is judged against the square roots `size` (p,) of its usual diagonal.
+    """
+    unit = matrix / np.where(size > 0, size, 1.0)[:, None] / np.where(size > 0, size, 1.0)
+    lowest = np.linalg.eigvalsh((unit + unit.T) / 2).min(initial=0.0)
+    if lowest < -ROUNDING or np.any(np.abs(unit - unit.T) > ROUNDING):
+        raise InputError(f"{name} must be symmetric and positive semidefinite.")
+    free = matrix.diagonal() <= 0  # but for rounding
+    return np.asarray(np.where(free[:, None] | free, 0.0, (matrix + matrix.T) / 2))
+
+
+def _of_sites(model: AntiOscillators, count: int) -> dict[str, Any]:
+    """What each site has of its own: the compliance and the radius of its patch."""
+    local = checks.array("local_compliance", model.local_compliance, None)
+    if local.shape not in ((), (count,)) or np.any(local < 0):
+        raise InputError(f"local_compliance must be {count} numbers >= 0, one for each site.")
+    local = np.broadcast_to(local, (count,))
+    radii = model.radius if isinstance(model.radius, list | tuple) else [model.radius] * count
+    if len(radii) != count:
+        raise InputError(f"radius needs one entry for each of {count} sites; got {len(radii)}.")
+    radius = tuple(None if r is None else checks.positive("radius", r, "m") for r in radii)
+    return {"local_compliance": checks.kept(local), "radius": radius}
+
+
+def _in_space(model: AntiOscillators, rows: Any, columns: int) -> dict[str, Any]:
+    """Directions, weights, shapes and inertia; `rows` sorts the shapes."""
+    found: dict[str, Any] = {}
+    if model.direction is not None:
+        directions = checks.array("direction", model.direction, (columns, 3))
+        found["direction"] = checks.kept(unit_vectors("direction", directions))
+    in_order = np.array_equal(rows, np.arange(rows.size))
+    if model.participation is not None:
+        weight = checks.array("participation", model.participation, (rows.size, 3))
+        found["participation"] = checks.kept(weight[rows])
+    if model.shapes is not None:
+        shapes = checks.array("shapes", model.shapes, (None, rows.size))
+        found["shapes"] = shapes if in_order else shapes[:, rows]
+    if model.inertia is None:
+        if model.hidden is not None:
+            raise InputError("hidden motions need the inertia, which holds their momentum.")
+        return found
+    momentum = checks.instance("inertia", model.inertia, Inertia, "an Inertia").momentum
+    if len(momentum) < rows.size:
+        raise InputError(
+            f"inertia.momentum needs a row for each of the {rows.size} shapes and each hidden "
+            f"motion; got {len(momentum)}."
+        )
+    all_rows = np.concatenate((rows, np.arange(rows.size, len(momentum))))
+    found["inertia"] = model.inertia if in_order else model.inertia.along(momentum[all_rows])
+    if model.hidden is not None:
+        count = None if model.shapes is None else len(model.shapes)
+        shape = (count, len(momentum) - rows.size)
+        found["hidden"] = checks.array("hidden", model.hidden, shape)
+    return found
+
+
+def site_modes(model: AntiOscillators) -> SiteModes:
+    """The free modes of a model of several sites, its hidden rigid motions in front."""
+    assert model.dependence is not None
+    assert model.rigid is not None
+    p, size = model.dependence.shape[1], model.dependence.shape[1] + model.n
+    found = reduced_modes(model.k0, model.m0, model.P, model.omega, model.rigid)
+    hidden = 0 if model.inertia is None else len(model.inertia.momentum) - size
+    omega = np.concatenate((np.zeros(hidden), found.omega))
+    shape = np.roll(block_diag(found.shape, np.eye(hidden)), hidden, axis=1)
+    b = shape[:p].T @ model.dependence.T
+    residual = np.vstack((found.residual, np.zeros((hidden, p)))) @ model.dependence.T
+    r = model.dependence @ residual[:p]
+    inertia = weight = basis = None
+    if model.inertia is not None:
+        inertia = model.inertia.along(shape.T @ model.inertia.momentum)
+    elif model.participation is not None:
+        weight = shape.T @ model.participation
+    if model.shapes is not None and not (hidden and model.hidden is None):
+        basis = (model.shapes, model.hidden) if hidden else (model.shapes,)
+    local = dict(zip(model.sites, model.local_compliance.tolist(), strict=True))
+    return SiteModes(
+        omega=omega,
+        b=b,
+        sites=model.columns,
+        r=(r + r.T) / 2,
+        directions=model.direction,
+        decay=None if model.damping is None else model.damping.decay(omega),
+        inertia=inertia,
+        weight=weight,
+        shape=shape,
+        residual=residual,
+        basis=basis,  # type: ignore[arg-type]
+        local_compliance={name: value for name, value in local.items() if value},
+    )
