@@ -261,6 +261,14 @@ def surface_map() -> Any:
         return ao.impact_map(part(), at, direction=(0, 0, -1), radius=0.05, n=2, modes=4)
 
 
+def two_sites() -> Any:
+    """A model of two sites with one anti-oscillator, and its shapes."""
+    return ao.AntiOscillators(
+        m0=0.1 * np.eye(2), k0=1e6 * np.eye(2), P=[[0.2], [0.3]], omega=[1e3],
+        sites=["foot", "tip"], shapes=np.eye(3),
+    )  # fmt: skip
+
+
 def matrices() -> tuple[Any, Any]:
     K = np.diag([2e6, 2e6, 1e6]) - np.diag([1e6, 1e6], 1) - np.diag([1e6, 1e6], -1)
     return K, np.eye(3)
@@ -305,6 +313,8 @@ OWN: dict[str, dict[str, Any]] = {
     "Site": {"point": (0.1, 0.1, 0.02), "direction": (0, 0, -1), "radius": 0.05},
     "simulate": {"max_contacts": 50, "max_steps": 20_000},
     "simulate_many": {"max_contacts": 50, "max_steps": 20_000},
+    "AntiOscillators": {"m": [0.2, 0.3], "omega": [1e3, 5e3]},
+    "AntiOscillators.site_modes": {"self": two_sites},
     "AntiOscillators.field": {"coordinates": [0.1, 0.2, 0.3]}, "History.of": {"body": "impactor"},
     "Inertia": {"point": (0, 0, 0), "matrix": np.eye(6), "momentum": np.ones((2, 6))},
     "Inertia.along": {"momentum": np.ones((2, 6))}, "Inertia.moved": {"about": (0, 0, 1)},
@@ -319,6 +329,8 @@ OWN: dict[str, dict[str, Any]] = {
     "Scene.run": {"max_steps": 20_000},
     "RigidBody": {"inertia": np.eye(3), "sites": {"foot": ((0, 0, 0), (0, 0, 1))}},
     "SiteModes": {"b": [[0.5, 0.1], [0.4, 0.2]], "sites": ["foot", "tip"]},
+    "SiteModes.coordinates": {"q": [0.1, 0.2, 0.3], "forces": [1.0, 2.0]},
+    "SiteModes.field": {"coordinates": [0.1, 0.2, 0.3]}, "SiteModes.receptance": {"omega": 1e3},
     "BodyHistory.displacement": {"direction": (0, 0, 1)},
     "Spring": {"stiffness": {"z": 1e5}}, "Support": {"where": "clamp"},
     "Damping": {"ratio": 0.01, "alpha": 1.0, "beta": 1e-6}, "Section.circle": {"d": 0.02},
@@ -364,6 +376,7 @@ SELVES: dict[str, Callable[[], Any]] = {
     "Scene": scene, "SceneHistory": scene_history,
     "BodyHistory": lambda: scene_history().bodies["part"],
     "ContactHistory": lambda: scene_history()["part:foot", "ball"],
+    "SiteModes": lambda: two_sites().site_modes(),
     "Inertia": inertia, "Motion": lambda: ao.Motion((0, 0, 1.0)),
     "PointMass": lambda: ao.PointMass((0, 0, 0), 1.0),
     "SupportedPlate": lambda: closed_form.SupportedPlate(70e9, 0.3, 2700.0, 2e-3, 0.3, 0.2),

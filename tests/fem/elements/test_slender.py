@@ -12,14 +12,9 @@ from mpi4py import MPI
 import antiosc as ao
 import parts
 from antiosc import closed_form
-<<<<<<< HEAD
-from antiosc.fem.extraction.extract import _judge
+from antiosc.fem.extraction.self_check import judge
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.linalg.petsc_algebra import csr
-=======
-from antiosc.fem.extraction.self_check import judge
-from antiosc.fem.linalg.solvers import csr, multiply
->>>>>>> 61e61f4 (extract(part, {name: Site}) makes one model of several sites, which a Scene takes)
 from marks import FREE_ON_PURPOSE
 
 pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]
