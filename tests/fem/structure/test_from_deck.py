@@ -11,6 +11,7 @@ import scipy.sparse as sp
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
+from antiosc.fem.extraction.eigenmodes import ModeSolver
 from antiosc.fem.site.functionals import functional
 from mpi import run_ranks
 from paths import DECKS
@@ -39,6 +40,43 @@ def test_a_beam_deck_in_millimetres_is_the_beam_in_metres():
         assert stiffness(beam, tip) == pytest.approx(exact, rel=1e-9)
         model = ao.extract(beam, tip, n=8)
         assert model.k0 == pytest.approx(exact, rel=1e-8)
+
+
+#: A cantilever of 200 mm whose centroid lies 30 mm above its nodes.
+EXCENTRIC = """BEGIN BULK
+GRID,1,,0.,0.,0.,,123456
+GRID,2,,100.,0.,0.
+GRID,3,,200.,0.,0.
+CBAR,1,1,1,2,0.,0.,1.,GGG
+,,,0.,0.,30.,0.,0.,30.
+CBAR,2,1,2,3,0.,0.,1.,GGG
+,,,0.,0.,30.,0.,0.,30.
+PBAR,1,1,200.,6666.,1666.,4000.
+MAT1,1,210000.,,.3,7.85-9
+ENDDATA
+"""
+
+
+def test_a_bar_beside_its_nodes_bends_under_an_axial_force(tmp_path):
+    """u = F (L/EA + e² L/EI) at the node, of the axial force and its moment about the centroid."""
+    (tmp_path / "bar.bdf").write_text(EXCENTRIC)
+    bar = ao.read_model(tmp_path / "bar.bdf", unit="mm")
+    exact = 0.2 / 210e9 * (1 / 200e-6 + 0.03**2 / 6666e-12)
+    assert 1 / stiffness(bar, ao.Site((0.2, 0, 0), (1, 0, 0))) == pytest.approx(exact, rel=1e-9)
+
+
+@pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")  # a metre for a millimetre
+@pytest.mark.parametrize(
+    "deck", ["bar.bdf", "plate.bdf", "cantilever.inp", "block.inp", "layers.inp", "excentric"]
+)
+def test_frequencies_do_not_depend_on_the_unit_of_a_deck(tmp_path, deck):
+    """K and M both scale with force over length: in any unit K φ = ω²M φ is the same problem."""
+    path = DECKS / deck
+    if deck == "excentric":
+        path = tmp_path / "bar.bdf"
+        path.write_text(EXCENTRIC)
+    in_metres, in_inches = (ModeSolver(ao.read_model(path, unit=u)).lowest(4) for u in ("m", "in"))
+    np.testing.assert_allclose(in_inches.omega[:4], in_metres.omega[:4], rtol=1e-7)
 
 
 @pytest.mark.filterwarnings("ignore:the facets at the site")  # one cell is as wide as the block
