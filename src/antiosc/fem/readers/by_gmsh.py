@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 from antiosc.errors import MeshError, MissingDependencyError
 from antiosc.fem.readers import geo_script
-from antiosc.fem.readers.neutral import FileMesh, IntArray, kind_of, known
+from antiosc.fem.readers.mixed import CELLS, as_carried, known
+from antiosc.fem.readers.neutral import FileMesh, IntArray
 from antiosc.fem.readers.request import Request
 
 SCRIPTS = (".geo", ".geo_unrolled")
@@ -53,6 +54,12 @@ GMSH_KINDS = {
     5: "hexahedron",
     12: "hexahedron27",
     17: "hexahedron20",
+    6: "wedge",
+    18: "wedge15",
+    13: "wedge18",
+    7: "pyramid",
+    19: "pyramid13",
+    14: "pyramid14",
 }
 
 
@@ -299,13 +306,14 @@ def _arrays(gmsh: Any, name: str) -> FileMesh:
         kinds, _, nodes = gmsh.model.mesh.getElements(dim, tag)
         for kind, block in zip(kinds, nodes, strict=True):
             label = known(GMSH_KINDS.get(int(kind), f"gmsh type {kind}"), name)
-            part = indices(block, kind_of(label).nodes)
+            part = indices(block, CELLS[label][1])
             start = count.get(label, 0)
             count[label] = start + len(part)
             blocks.setdefault(label, []).append(part)
             rows.setdefault((dim, tag), {})[label] = np.arange(start, count[label])
     cells = {label: np.vstack(parts) for label, parts in blocks.items()}
-    return FileMesh(points, cells, "gmsh", _groups(gmsh, rows, name), aids=True)
+    found = FileMesh(points, cells, "gmsh", _groups(gmsh, rows, name), aids=True)
+    return as_carried(found, name)
 
 
 def _groups(

@@ -11,8 +11,10 @@ from typing import Any
 import numpy as np
 
 from antiosc.errors import MeshError, MissingDependencyError
-from antiosc.fem.readers.neutral import FileMesh, IntArray, kind_of, known
+from antiosc.fem.readers.mixed import CELLS, as_carried, known
+from antiosc.fem.readers.neutral import FileMesh, IntArray
 from antiosc.fem.readers.request import Request
+from antiosc.fem.readers.shapes import DIMENSION
 
 
 def read(ask: Request) -> FileMesh:
@@ -40,7 +42,7 @@ def read(ask: Request) -> FileMesh:
         for group, kinds in parts.items()
     }
     result.node_sets = dict(_node_sets(mesh))
-    return result
+    return as_carried(result, name)
 
 
 def _read(path: Path, name: str) -> Any:
@@ -75,7 +77,7 @@ def _cell_sets(mesh: Any) -> Iterator[tuple[str, int, IntArray]]:
             values = np.asarray(values)
             if values.ndim != 1 or not np.issubdtype(values.dtype, np.integer):
                 continue
-            dim = kind_of(mesh.cells[index].type).dim
+            dim = DIMENSION[CELLS[mesh.cells[index].type][0]]
             for value, rows in _by_value(values):
                 if key == "gmsh:physical":
                     yield physical.get((value, dim), str(value)), index, rows

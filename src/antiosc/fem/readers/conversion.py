@@ -23,6 +23,7 @@ from antiosc.fem.readers.shapes import CORNERS, DIMENSION, EDGES, FACES, rectang
 
 #: (shape, geometric order) -> name of the kind of cells
 CELL_LABELS = {
+    ("point", 1): "vertex",
     ("line", 1): "line",
     ("line", 2): "line3",
     ("triangle", 1): "triangle",
@@ -53,7 +54,7 @@ def as_mesh(deck: Deck, *, halve_lines: bool = False) -> FileMesh:
     starts = np.cumsum([0, *map(len, deck.blocks)])
     shapes_of: list[tuple[str, str, list[Block]]] = []
     split = False
-    for dim in (3, 2, 1):
+    for dim in (3, 2, 1, 0):
         some = [
             (block, np.arange(start, start + len(block)))
             for block, start in zip(deck.blocks, starts, strict=False)
@@ -93,8 +94,8 @@ def as_mesh(deck: Deck, *, halve_lines: bool = False) -> FileMesh:
 
 
 #: Shapes that are not divided if all elements have one of them.
-_WHOLE = [{"line"}, {"triangle"}, {"quad"}, {"tetra"}, {"hexahedron"}]
-_SIMPLEX = {1: "line", 2: "triangle", 3: "tetra"}
+_WHOLE = [{"point"}, {"line"}, {"triangle"}, {"quad"}, {"tetra"}, {"hexahedron"}]
+_SIMPLEX = {0: "point", 1: "line", 2: "triangle", 3: "tetra"}
 
 
 def _of_dimension(
@@ -186,6 +187,9 @@ def _inner(block: Block, nodes: NodeTable) -> IntArray:
 
 def _note_cuts(block: Block, nodes: NodeTable) -> None:
     """Enter the middles of all diagonals of divided faces and cells into the table."""
+    if block.inner.shape[1]:
+        _note_inner(block, nodes)
+        return
     for face in rectangles(block.shape):
         centres = _face_centres(block, nodes, face)
         for one, other in ((0, 2), (1, 3)):
@@ -195,6 +199,16 @@ def _note_cuts(block: Block, nodes: NodeTable) -> None:
         centres = _cell_centres(block, nodes)
         for one, other in DIAGONALS:
             nodes.place(block.corners[:, [one, other]], centres, _all_nodes(block, nodes))
+
+
+def _note_inner(block: Block, nodes: NodeTable) -> None:
+    """Enter the file's own nodes within faces and cells as the middles of all their diagonals."""
+    pairs = [[(face[k], face[k + 2]) for k in (0, 1)] for face in rectangles(block.shape)]
+    if block.shape == "hexahedron":
+        pairs.append(list(DIAGONALS))
+    for column, diagonals in zip(block.inner.T, pairs, strict=True):
+        for one, other in diagonals:
+            nodes.give(block.corners[:, [one, other]], column)
 
 
 # --- Division -------------------------------------------------------------------------------------

@@ -8,8 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from antiosc.errors import MeshError
-
 IntArray = NDArray[np.int64]
 
 
@@ -114,16 +112,6 @@ class RawMesh:
 def kind_of(label: str) -> CellKind:
     """The kind named `label`; KeyError if no element here has such cells."""
     return KINDS[label] if label in KINDS else SERENDIPITY[label]
-
-
-def known(label: str, name: str) -> str:
-    """`label` itself; MeshError if no element here has such cells, of the file `name`."""
-    if label not in KINDS and label not in SERENDIPITY:
-        raise MeshError(
-            f"{name} holds {label} cells, which no element here can carry; it must be of lines, "
-            "triangles, quadrilaterals, tetrahedra or hexahedra of geometric order 1 or 2."
-        )
-    return label
 
 
 def packed(mesh: FileMesh) -> tuple[dict[str, Any], list[NDArray[Any]]]:
