@@ -32,7 +32,7 @@ from typing import Any
 
 ROOT = Path(__file__).resolve().parent.parent
 #: What is not copied.
-IGNORED = (".git", ".venv", "out", "build", "__pycache__", ".*_cache", "*.egg-info", "speed")
+IGNORED = (".git", ".venv", "out", "build", "__pycache__", ".*_cache", "*.egg-info")
 QUICK = "not slow and not mpi"
 #: Seconds after which one test, or a whole run, counts as hanging: a break that is caught.
 TEST_PATIENCE = 150.0
