@@ -1,0 +1,149 @@
+"""Cross-sections of both kinds of decks against integrals over their areas."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from antiosc.errors import MeshError
+from antiosc.fem.readers.decks import abaqus_sections, nastran_profiles, profiles
+from antiosc.fem.readers.decks.abaqus_cards import Card
+from antiosc.fem.readers.decks.deck import Place
+from antiosc.fem.readers.decks.nastran_cards import Entry
+
+PLACE = Place(Path("a deck"), 1)
+
+
+def nastran(name: str, kind: str, *dimensions: float) -> profiles.Profile:
+    """A cross-section of PBARL or PBEAML; its height lies along the plane 1 of Nastran."""
+    fields = ["1", "1", "", kind, "", "", "", "", *map(str, dimensions)]
+    return nastran_profiles.profile_of(Entry(name, PLACE, fields))[0]
+
+
+def abaqus(section: str, *dimensions: float) -> profiles.Profile:
+    """A cross-section of *BEAM SECTION; its height lies along the direction 1 of Abaqus."""
+    data = ", ".join(map(str, dimensions))
+    return abaqus_sections._profile(
+        Card("BEAMSECTION", {"SECTION": section}, PLACE, [data], [PLACE])
+    )
+
+
+def rectangle(height, width, x, y):
+    return (abs(x) < height / 2) & (abs(y) < width / 2)
+
+
+def disc(a, b, x, y):
+    return (x / a) ** 2 + (y / b) ** 2 < 1
+
+
+#: (cross-section, whether a point at x along the height and y across belongs to it)
+SECTIONS = {
+    "BAR": (nastran("PBARL", "BAR", 2.0, 3.0), lambda x, y: rectangle(3, 2, x, y)),
+    "BEAM BAR": (nastran("PBEAML", "BAR", 2.0, 3.0), lambda x, y: rectangle(3, 2, x, y)),
+    "ROD": (nastran("PBARL", "ROD", 1.5), lambda x, y: disc(1.5, 1.5, x, y)),
+    "TUBE": (
+        nastran("PBARL", "TUBE", 1.5, 1.1),
+        lambda x, y: disc(1.5, 1.5, x, y) & ~disc(1.1, 1.1, x, y),
+    ),
+    # the third dimension is the wall above and below, the fourth that of the sides
+    "BOX of Nastran": (
+        nastran("PBARL", "BOX", 2.0, 3.0, 0.4, 0.2),
+        lambda x, y: rectangle(3, 2, x, y) & ~rectangle(2.2, 1.6, x, y),
+    ),
+    "RECT": (abaqus("RECT", 3.0, 2.0), lambda x, y: rectangle(3, 2, x, y)),
+    "RECT, one side": (abaqus("RECT", 2.0), lambda x, y: rectangle(2, 2, x, y)),
+    "CIRC": (abaqus("CIRC", 1.5), lambda x, y: disc(1.5, 1.5, x, y)),
+    "CIRC of CalculiX": (abaqus("CIRC", 3.0, 2.0), lambda x, y: disc(1.5, 1, x, y)),
+    "PIPE": (
+        abaqus("PIPE", 1.5, 0.4),
+        lambda x, y: disc(1.5, 1.5, x, y) & ~disc(1.1, 1.1, x, y),
+    ),
+    "BOX of Abaqus": (
+        abaqus("BOX", 3.0, 2.0, 0.4, 0.2, 0.4, 0.2),
+        lambda x, y: rectangle(3, 2, x, y) & ~rectangle(2.2, 1.6, x, y),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", SECTIONS)
+def test_area_and_second_moments_are_integrals(name):
+    profile, inside = SECTIONS[name]
+    n = 1600
+    at = (np.arange(n) + 0.5) / n * 4 - 2
+    within = inside(at[:, None], at) * (4 / n) ** 2
+    x, y = within.sum(axis=1), within.sum(axis=0)
+    assert pytest.approx(within.sum(), rel=2e-3) == profile.A
+    assert pytest.approx(at**2 @ x, rel=2e-3) == profile.I
+    assert profile.I_side == pytest.approx(at**2 @ y, rel=2e-3)
+    assert profile.height == pytest.approx(np.ptp(at[x > 0]), rel=3e-3)
+    assert profile.width == pytest.approx(np.ptp(at[y > 0]), rel=3e-3)
+    turned = profile.rotated()
+    assert (turned.I, turned.I_side) == (profile.I_side, profile.I)
+    assert (turned.height, turned.width) == (profile.width, profile.height)
+
+
+def prandtl(inside, n: int = 64) -> float:
+    """J = 2 ∫ ψ of a solid section, ∇²ψ = −2 with ψ = 0 on its rim, on a grid over 4 × 4."""
+    from scipy.sparse import diags, eye, kron
+    from scipy.sparse.linalg import spsolve
+
+    h = 4 / n
+    at = np.arange(1, n) * h - 2
+    D = diags([1.0, -2.0, 1.0], [-1, 0, 1], shape=(n - 1, n - 1)) / h**2
+    laplace = (kron(D, eye(n - 1)) + kron(eye(n - 1), D)).tocsr()
+    free = np.flatnonzero(inside(at[:, None], at).ravel())
+    return float(2 * h**2 * spsolve(-laplace[free][:, free], np.full(free.size, 2.0)).sum())
+
+
+@pytest.mark.parametrize("name", ["RECT", "RECT, one side"])
+def test_torsion_of_rectangles_is_prandtls(name):
+    profile, inside = SECTIONS[name]
+    assert pytest.approx(prandtl(inside), rel=5e-3) == profile.J
+
+
+@pytest.mark.parametrize("name", ["ROD", "CIRC", "CIRC of CalculiX"])
+def test_torsion_of_ellipses_is_saint_venants(name):
+    """4 I₁I₂/(I₁ + I₂); on a circle the polar moment."""
+    profile = SECTIONS[name][0]
+    first, second = profile.I, profile.I_side
+    assert pytest.approx(4 * first * second / (first + second)) == profile.J
+
+
+def test_torsion_of_hollow_sections():
+    """Bredt: 4 A²/∮ds/t with the area A within the middle line; round, it is the polar moment."""
+    for name in ("TUBE", "PIPE"):
+        tube = SECTIONS[name][0]
+        assert pytest.approx(np.pi / 2 * (1.5**4 - 1.1**4)) == tube.J
+    for name in ("BOX of Nastran", "BOX of Abaqus"):
+        around = 2 * 1.8 / 0.4 + 2 * 2.6 / 0.2  # two walls 0.4 thick, two 0.2
+        assert pytest.approx(4 * (2.6 * 1.8) ** 2 / around) == SECTIONS[name][0].J
+
+
+def test_constants_of_the_general_sections():
+    """PBAR: A, I1 (plane 1), I2, J; *BEAM GENERAL SECTION: A, I11, I12, I22, J about 1 and 2."""
+    bar, extra, sheared = nastran_profiles.profile_of(
+        Entry("PBAR", PLACE, ["1", "1", "6.", "4.5", "2.", "4.7", "0.3"])
+    )
+    assert (bar.A, bar.I, bar.I_side, bar.J, extra, sheared) == (6, 4.5, 2, 4.7, 0.3, False)
+    general = abaqus("GENERAL", 6.0, 2.0, 0.0, 4.5, 4.7)
+    assert (general.A, general.I, general.I_side, general.J) == (6, 4.5, 2, 4.7)
+    fields = ["1", "1", "6.", "4.5", "2.", "4.7", "0.3", *10 * [""]]
+    fields[16:] = [".8", ".6"]
+    bar, _, sheared = nastran_profiles.profile_of(Entry("PBAR", PLACE, fields))
+    assert sheared
+    assert bar.shear == pytest.approx(0.7)
+
+
+def test_nonstructural_mass_follows_the_dimensions():
+    for kind, count in nastran_profiles.DIMENSIONS.items():
+        own = [2.0, 1.9, 0.2, 0.1][:count] if kind != "TUBE" else [2.0, 1.5]
+        fields = ["1", "1", "", kind, "", "", "", "", *map(str, own), "0.7"]
+        assert nastran_profiles.profile_of(Entry("PBARL", PLACE, fields))[1] == 0.7
+
+
+def test_unequal_walls_are_refused():
+    for walls in ((0.4, 0.2, 0.3, 0.2), (0.4, 0.2, 0.4, 0.3)):
+        with pytest.raises(MeshError, match="unequal opposite walls"):
+            abaqus("BOX", 3.0, 2.0, *walls)
