@@ -208,3 +208,34 @@ def test_an_extraction_keeps_to_one_thread(two_threads, monkeypatch):
     ao.extract(part, ao.Site(dof=4), n=3)
     assert seen == [{1}]
     assert now() == {2}
+
+
+def test_pools_of_other_libraries_are_not_touched():
+    """OpenMP's own pools stay as they are: only those of a BLAS are limited and put back."""
+    calls = []
+
+    class Limit:
+        def restore_original_limits(self):
+            calls.append("restored")
+
+    class Controller:
+        def info(self):
+            return [
+                {"user_api": "openmp", "num_threads": 8},
+                {"user_api": "blas", "num_threads": 3},
+                {"user_api": "blas", "num_threads": 2},
+            ]
+
+        def limit(self, **limits):
+            calls.append(limits)
+            return Limit()
+
+    blas = threads._Blas(Controller())
+    assert [pool["num_threads"] for pool in blas.pools()] == [3, 2]
+    blas.enter()
+    blas.enter()
+    assert blas.before == 3
+    blas.leave()
+    assert calls == [{"limits": 1, "user_api": "blas"}]
+    blas.leave()
+    assert calls[1:] == ["restored"]
