@@ -29,9 +29,10 @@ def curved(shape: str) -> np.ndarray:
     return nodes
 
 
-@pytest.mark.parametrize(
-    ("shape", "edge"), [(shape, k) for shape, ends in MID_SIDE_EDGES.items() for k in range(len(ends))]
-)
+EVERY_EDGE = [(shape, k) for shape, ends in MID_SIDE_EDGES.items() for k in range(len(ends))]
+
+
+@pytest.mark.parametrize(("shape", "edge"), EVERY_EDGE)
 def test_one_of_two_cells_is_straightened(shape, edge):
     ends = MID_SIDE_EDGES[shape]
     n, corners = len(curved(shape)), len(VERTICES[shape])
