@@ -58,32 +58,63 @@ def elastic_frequencies(K: Array, M: Array, rigid: int) -> Array:
     return np.asarray(omega[omega > 1e-6 * omega[-1]])
 
 
+def more_loads(rng: np.random.Generator, K: Array, b: Array, p: int) -> Array:
+    """Loads of p sites (n, p), b the first; some follow the others, or nearly so."""
+    B = b[:, None]
+    while B.shape[1] < p:
+        new = rng.integers(-64, 64, len(b)).astype(float) * (rng.random(len(b)) < 0.6)
+        kind = rng.integers(5)
+        if kind == 0:  # a combination of the others
+            new = B @ rng.integers(-3, 4, B.shape[1])
+        elif kind == 1:  # nearly one
+            new = B @ rng.integers(-3, 4, B.shape[1]) + 2.0 ** -int(rng.integers(2, 20)) * new
+        elif kind == 2:  # forces in equilibrium
+            new = K @ rng.integers(-2, 3, len(b)).astype(float)
+        if new.any():
+            B = np.column_stack([B, new])
+    return B
+
+
 def exact_stiffness(
     K: Array, M: Array, b: Array, omega: NDArray[np.complex128]
 ) -> tuple[NDArray[np.clongdouble], Array]:
     """Z = 1/(b'(K - omega^2 M)^-1 b) (W,), and how far two ways to it are apart, relatively."""
-    Z = _eliminated(K, M, b, omega)
-    turned = np.arange(len(b))[::-1]
-    other = _eliminated(K[turned][:, turned], M[turned][:, turned], b[turned], omega)
-    return Z, np.abs(other / Z - 1).astype(float)
+    H, other = (each[:, 0, 0] for each in exact_receptances(K, M, b[:, None], omega))
+    return 1 / H, np.abs(H / other - 1).astype(float)
+
+
+def exact_receptances(
+    K: Array, M: Array, B: Array, omega: NDArray[np.complex128]
+) -> tuple[NDArray[np.clongdouble], NDArray[np.clongdouble]]:
+    """B'(K - omega^2 M)^-1 B (W, p, p) in two ways: the elimination in two orders."""
+    turned = np.arange(len(B))[::-1]
+    return (
+        _eliminated(K, M, B, omega),
+        _eliminated(K[turned][:, turned], M[turned][:, turned], B[turned], omega),
+    )
 
 
 def _eliminated(
-    K: Array, M: Array, b: Array, omega: NDArray[np.complex128]
+    K: Array, M: Array, B: Array, omega: NDArray[np.complex128]
 ) -> NDArray[np.clongdouble]:
-    n, W = len(b), np.arange(len(omega))
     x = omega.astype(np.clongdouble) ** 2
     scale = 1 / np.sqrt(np.diag(K) + np.abs(x)[:, None] * np.diag(M))
-    load = (b * scale).astype(np.clongdouble)
+    load = (scale[:, :, None] * B).astype(np.clongdouble)
     A = (K.astype(np.longdouble) - x[:, None, None] * M) * scale[:, :, None] * scale[:, None, :]
-    A = np.concatenate([A, load[:, :, None]], axis=2)
+    return np.asarray(load.transpose(0, 2, 1) @ solved(A, load))
+
+
+def solved(A: NDArray[np.clongdouble], load: NDArray[np.clongdouble]) -> NDArray[np.clongdouble]:
+    """A^-1 load for stacks of matrices (W, n, n) and (W, n, p), in extended precision."""
+    n, W = A.shape[1], np.arange(len(A))
+    A = np.concatenate([A, load], axis=2)
     for k in range(n):
         pivot = k + np.argmax(np.abs(A[:, k:, k]), axis=1)
         A[W, pivot], A[:, k] = A[:, k].copy(), A[W, pivot]
         factor = A[:, k + 1 :, k] / A[:, k, k][:, None]
         A[:, k + 1 :, k:] -= factor[:, :, None] * A[:, k, k:][:, None, :]
-    y = np.zeros((len(omega), n), np.clongdouble)
+    y = np.zeros(load.shape, np.clongdouble)
     for k in reversed(range(n)):
-        known = np.einsum("wj,wj->w", A[:, k, k + 1 : n], y[:, k + 1 :])
-        y[:, k] = (A[:, k, n] - known) / A[:, k, k]
-    return np.asarray(1 / np.einsum("wj,wj->w", load, y))
+        known = np.einsum("wj,wjp->wp", A[:, k, k + 1 : n], y[:, k + 1 :])
+        y[:, k] = (A[:, k, n:] - known) / A[:, k, k][:, None]
+    return y

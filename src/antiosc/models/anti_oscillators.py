@@ -100,6 +100,10 @@ class AntiOscillators(Body):
     rigid : array_like, shape (p, q), optional
         Displacements u of several sites in the rigid-body modes of unit mass that move them;
         default: from the null vectors of k0.
+    slide : array_like, shape (p, h), optional
+        Displacements u of several sites in the hidden rigid-body motions, default 0. A motion that
+        hardly moves the sites (share in their compliance below 1e-4) is hidden too; k0, m0, P and
+        omega are then those of all other motions.
 
     Raises
     ------
@@ -125,6 +129,7 @@ class AntiOscillators(Body):
     columns: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
     dependence: Array | None = None
     rigid: Array | None = None
+    slide: Array | None = None
 
     def __post_init__(self) -> None:
         if self.damping is not None:
@@ -242,8 +247,9 @@ class AntiOscillators(Body):
         poles = self.omega**2
         with np.errstate(divide="ignore", invalid="ignore"):
             hung = np.tensordot(poles / (poles - x[..., np.newaxis]), self.m, axes=1)
-        if self.sites:
+        if self.slide is not None:
             x = x[..., np.newaxis, np.newaxis]
+            return several_sites.with_slide(self.k0 - x * (self.m0 + hung), x, self.slide)
         return np.asarray(self.k0 - x * (self.m0 + hung))
 
     def truncated(self, n: int) -> AntiOscillators:

@@ -140,6 +140,13 @@ def lowest_frequency_at_sites(k0: Array, m_st: Array, poles: Array) -> float:
     return float(np.sqrt(min(found, default=np.inf)))
 
 
+def spectral_norms(matrices: NDArray[Any]) -> Array:
+    """2-norms (W,) of matrices (W, m, n); 0 of empty ones."""
+    if 0 in matrices.shape:
+        return np.zeros(len(matrices))
+    return np.asarray(np.linalg.norm(matrices, 2, axis=(1, 2)))
+
+
 def semidefinite(matrix: Array) -> Array:
     """The symmetric matrix (p, p) without the negative eigenvalues that rounding makes."""
     scale = np.sqrt(np.maximum(matrix.diagonal(), 0.0))

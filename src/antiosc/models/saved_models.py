@@ -26,6 +26,7 @@ _ARRAYS = {
     "P": "kg^1/2",
     "dependence": "1",
     "rigid": "kg^-1/2",
+    "slide": "kg^-1/2",
 }
 _INERTIA = {"point": "m", "matrix": "kg, kg m, kg m^2", "momentum": "kg, kg m"}
 _SCALARS = {"local_compliance": "m/N", "radius": "m"}
@@ -44,6 +45,7 @@ _MEANING = {
     "P": "inertias of the constraint modes of unit mass at several sites; m_i = P_i P_i'",
     "dependence": "displacements of all columns per unit ones of the independent columns",
     "rigid": "displacements of several sites in the rigid-body modes of unit mass",
+    "slide": "the same in the hidden rigid-body motions",
     "local_compliance": "half-space compliance of the patch, contained in 1/k0",
     "radius": "radius of the patch over which the site's displacement is averaged",
 }

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from antiosc import checks
@@ -61,6 +62,9 @@ def checked(model: AntiOscillators) -> dict[str, Any]:
     rows = np.concatenate((np.arange(p), p + order))
     rigid = rigid_motions(k0, m0 + P @ P.T, omega) if model.rigid is None else model.rigid
     rigid = checks.array("rigid", rigid, (p, None))
+    hidden = 0 if model.inertia is None else max(0, len(model.inertia.momentum) - rows.size)
+    slide = np.zeros((p, hidden)) if model.slide is None else model.slide
+    slide = checks.array("slide", slide, (p, None if model.inertia is None else hidden))
     return {
         "k0": checks.kept(k0),
         "m0": checks.kept(m0),
@@ -71,8 +75,9 @@ def checked(model: AntiOscillators) -> dict[str, Any]:
         "columns": columns,
         "dependence": checks.kept(dependence),
         "rigid": checks.kept(rigid),
+        "slide": checks.kept(slide),
         **_of_sites(model, len(columns)),
-        **_in_space(model, rows, len(dependence)),
+        **_in_space(model, rows, len(dependence), slide.shape[1]),
     }
 
 
@@ -102,7 +107,7 @@ def _of_sites(model: AntiOscillators, count: int) -> dict[str, Any]:
     return {"local_compliance": checks.kept(local), "radius": radius}
 
 
-def _in_space(model: AntiOscillators, rows: Any, columns: int) -> dict[str, Any]:
+def _in_space(model: AntiOscillators, rows: Any, columns: int, hidden: int) -> dict[str, Any]:
     """Directions, weights, shapes and inertia; `rows` sorts the shapes."""
     found: dict[str, Any] = {}
     if model.direction is not None:
@@ -115,9 +120,10 @@ def _in_space(model: AntiOscillators, rows: Any, columns: int) -> dict[str, Any]
     if model.shapes is not None:
         shapes = checks.array("shapes", model.shapes, (None, rows.size))
         found["shapes"] = shapes if in_order else shapes[:, rows]
+    if model.hidden is not None:
+        count = None if model.shapes is None else len(model.shapes)
+        found["hidden"] = checks.array("hidden", model.hidden, (count, hidden))
     if model.inertia is None:
-        if model.hidden is not None:
-            raise InputError("hidden motions need the inertia, which holds their momentum.")
         return found
     momentum = checks.instance("inertia", model.inertia, Inertia, "an Inertia").momentum
     if len(momentum) < rows.size:
@@ -127,10 +133,6 @@ def _in_space(model: AntiOscillators, rows: Any, columns: int) -> dict[str, Any]
         )
     all_rows = np.concatenate((rows, np.arange(rows.size, len(momentum))))
     found["inertia"] = model.inertia if in_order else model.inertia.along(momentum[all_rows])
-    if model.hidden is not None:
-        count = None if model.shapes is None else len(model.shapes)
-        shape = (count, len(momentum) - rows.size)
-        found["hidden"] = checks.array("hidden", model.hidden, shape)
     return found
 
 
@@ -138,19 +140,20 @@ def site_modes(model: AntiOscillators) -> SiteModes:
     """The free modes of a model of several sites, its hidden rigid motions in front."""
     assert model.dependence is not None
     assert model.rigid is not None
-    p, size = model.dependence.shape[1], model.dependence.shape[1] + model.n
+    assert model.slide is not None
+    p, hidden = model.slide.shape
     found = reduced_modes(model.k0, model.m0, model.P, model.omega, model.rigid)
-    hidden = 0 if model.inertia is None else len(model.inertia.momentum) - size
     omega = np.concatenate((np.zeros(hidden), found.omega))
     shape = np.roll(block_diag(found.shape, np.eye(hidden)), hidden, axis=1)
-    b = shape[:p].T @ model.dependence.T
+    seen = shape[:p] + np.hstack([model.slide, np.zeros((p, found.omega.size))])
+    b = seen.T @ model.dependence.T
     residual = np.vstack((found.residual, np.zeros((hidden, p)))) @ model.dependence.T
     r = model.dependence @ residual[:p]
     inertia = weight = basis = None
     if model.inertia is not None:
         inertia = model.inertia.along(shape.T @ model.inertia.momentum)
     elif model.participation is not None:
-        weight = shape.T @ model.participation
+        weight = shape[: len(model.participation)].T @ model.participation
     if model.shapes is not None and not (hidden and model.hidden is None):
         basis = (model.shapes, model.hidden) if hidden else (model.shapes,)
     local = dict(zip(model.sites, model.local_compliance.tolist(), strict=True))
@@ -168,3 +171,16 @@ def site_modes(model: AntiOscillators) -> SiteModes:
         basis=basis,  # type: ignore[arg-type]
         local_compliance={name: value for name, value in local.items() if value},
     )
+
+
+def with_slide(Z: NDArray[Any], x: NDArray[Any], slide: Array) -> NDArray[Any]:
+    """Z (..., p, p) at x = omega^2 with the rigid-body motions a = `slide` (p, h) beside.
+
+    That is the inverse of Z^-1 - a a'/x; x has the shape (..., 1, 1).
+    """
+    if not slide.any():
+        return Z
+    own = slide[:, slide.any(axis=0)]
+    pushed = Z @ own
+    turned = x * np.eye(own.shape[1]) - own.T @ pushed
+    return np.asarray(Z + pushed @ np.linalg.solve(turned, np.swapaxes(pushed, -1, -2)))

@@ -166,7 +166,7 @@ class BlockLanczos:
         def bound(x: ComplexArray) -> Array:
             z = x + shift
             X = start / (1 - z[:, None] * theta)[:, :, None]
-            Q = np.linalg.norm(rest + z[:, None, None] * (following @ X), 2, axis=(1, 2))
+            Q = bands.spectral_norms(rest + z[:, None, None] * (following @ X))
             Q += none + beside * np.abs(z) * np.linalg.norm(X, axis=(1, 2))
             return np.asarray(np.abs(x * Q) ** 2 * np.abs(z) / z.imag)
 
@@ -180,5 +180,5 @@ class BlockLanczos:
         lowest = bands.lowest_frequency_at_sites(k0, self._static.mass, poles)
         x = bands.samples(band, lowest) ** 2
         Z = bands.stiffness_at_sites(x, k0, m0, P, poles)
-        inverse = np.linalg.norm(np.linalg.inv(Z), 2, axis=(1, 2))
+        inverse = bands.spectral_norms(np.linalg.inv(Z))
         return float(np.max(self.remainder(n)(x) * inverse))

@@ -51,8 +51,8 @@ def of_several_sites(
     seconds = {**structure.seconds, "modes": time.perf_counter() - started}
     model = _model(structure, targets, known, kept, checks, wish, seconds, shapes)
     if wish.band is not None and remainder is not None:
-        error = error_bound(structure, known, remainder, kept, wish.band)
-        model.info["band"] = {"top": wish.band, "error_bound": error}
+        error, lowest = error_bound(structure, known, remainder, kept, wish.band)
+        model.info["band"] = {"bottom": lowest, "top": wish.band, "error_bound": error}
     mpi.on_root(structure.comm, partial(tell, model, wish, modes.complete))
     return model
 
@@ -105,7 +105,7 @@ def _by_modes(
         remainder = None if wish.band is None else left_out(known)
         enough = modes.complete or asked >= most or len(kept.omega) >= wish.n
         if not enough and remainder is not None and wish.band is not None:
-            error = error_bound(structure, known, remainder, kept, wish.band)
+            error, _ = error_bound(structure, known, remainder, kept, wish.band)
             enough = error <= wish.accuracy
         if enough:
             return modes, remainder
@@ -209,13 +209,14 @@ def _model(
         columns=columns,
         dependence=static.dependence,
         rigid=static.rigid,
+        slide=static.slide,
         local_compliance=np.array([one.local_compliance for one in firsts]),
         radius=tuple(one.radius for one in firsts),
         participation=weights_of(structure, shapes) if placed else None,
         shapes=shapes if with_shapes else None,
         direction=np.array(directions) if placed else None,
         inertia=inertia_of(structure, shapes, static.nodal),
-        hidden=static.nodal if with_shapes and structure.rigid_inertia is not None else None,
+        hidden=static.nodal if with_shapes else None,
         info=info,
     )
 

@@ -5,8 +5,8 @@ the identity; `Parameters` are those of the sites themselves.
 
 The error of Z at every damped frequency of a band is the sum of the truncation error of the method
 (`Remainder`), of the modes that were dropped and merged, of the limited number of anti-oscillators,
-and of rounding (`antiosc.fem.extraction.oscillators`). Its norm times ‖Z⁻¹‖ bounds the relative
-error of forces and of displacements, whatever combination of the sites moves.
+and of rounding (`antiosc.fem.extraction.oscillators`). ‖ΔZ‖₂‖Z⁻¹‖₂ bounds the relative error of the
+displacements of the sites under any forces on them, in the basis named.
 """
 
 from __future__ import annotations
@@ -153,26 +153,35 @@ def _told_apart(known: Found, group: IntArray) -> Array:
 
 def error_bound(
     structure: Structure, known: Found, remainder: Remainder, kept: Kept, band: float
-) -> float:
-    """Bound on ‖ΔZ‖₂‖Z⁻¹‖₂ of the parameters over the band up to `band` [rad/s]."""
+) -> tuple[float, float]:
+    """(bound on ‖HZ_true - 1‖₂ and its inverse, lowest frequency) of the band up to `band` [rad/s].
+
+    Below that frequency Z is quasi-static.
+    """
     static = known.static
     lowest = bands.lowest_frequency_at_sites(static.k0, static.mass, kept.omega**2)
     x = bands.samples(band, lowest, SAMPLE_STEP) ** 2
-    Z = bands.stiffness_at_sites(x, static.k0, kept.m0, kept.P, kept.omega**2)
-    change = _norms(known.stiffness(x) - Z)
-    left = remainder(x) + change + _rounding(structure, known, x)
-    sizes = np.linalg.svd(Z, compute_uv=False)
-    # numbers of the sites themselves are rounded, of Z = W (this Z) Wᵀ
+    elastic = bands.stiffness_at_sites(x, static.k0, kept.m0, kept.P, kept.omega**2)
+    change = bands.spectral_norms(known.stiffness(x) - elastic)
+    sizes = np.linalg.svd(elastic, compute_uv=False)
+    # the numbers of the sites themselves are rounded, of Z = W (this one) Wᵀ
     spread = np.linalg.norm(np.abs(np.linalg.inv(static.W)) @ np.abs(static.W), 2)
-    left = left + np.finfo(float).eps * len(static.W) * spread**2 * sizes[:, 0]
+    stored = np.finfo(float).eps * len(static.W) * spread**2 * sizes[:, 0]
+    left = remainder(x) + change + stored + _rounding(structure, known, x)
     off = (1 + SAMPLE_RISE) * left / sizes[:, -1]
-    # of H too, and of the true Z
     off = np.where(off < 1, off / np.where(off < 1, 1 - off, 1.0), np.inf)
-    # the displacements of the sites in the rigid-body motions: their rounding, and what is left out
-    moved, rounding = static.moved.max(initial=0.0), _norms(static.doubt[None])
-    hidden = _norms(static.missed[None]) + rounding
-    off = off + sizes[:, 0] / np.abs(x) * (hidden**2 + 2 * moved * rounding)
-    return float(np.max(off))
+    # the rigid-body motions beside: H = H_e - a aᵀ/x
+    moved = static.beside.T @ static.beside / x[:, None, None]
+    whole = np.linalg.inv(np.eye(len(static.W)) - moved @ elastic)  # H_e⁻¹ H, its inverse
+    off = off * bands.spectral_norms(whole)
+    # displacements of the sites in rigid-body motions: their rounding, and what is left out
+    rounding = bands.spectral_norms(static.doubt[None])
+    largest = static.moved.max(initial=0.0) + bands.spectral_norms(static.beside[None])
+    hidden = bands.spectral_norms(static.missed[None]) + rounding
+    off = off + bands.spectral_norms(elastic @ whole) / np.abs(x) * (
+        hidden**2 + 2 * largest * rounding
+    )
+    return float(np.max(off)), float(np.sqrt(x[0]).real)
 
 
 def left_out(known: Found) -> Remainder:
@@ -205,25 +214,20 @@ def _rounding(structure: Structure, known: Found, x: ComplexArray) -> Array:
     parts = []
     for matrix in (structure.K, structure.M):
         gram = dot(structure.comm, shapes, diagonal(matrix)[:, None] * shapes)
-        parts.append(_norms(weight.conj().transpose(0, 2, 1) @ (gram @ weight)))
+        parts.append(bands.spectral_norms(weight.conj().transpose(0, 2, 1) @ (gram @ weight)))
     if by_strains(structure.K):  # a sum of squares of strains, each to ε of its own terms
         bent = (x / np.sqrt(poles)[:, None]).T[:, :, None] * weight[:, count:]
-        energy = _norms(known.static.k0 + np.abs(bent).transpose(0, 2, 1) @ np.abs(bent))
+        bent = np.abs(bent).transpose(0, 2, 1) @ np.abs(bent)
+        energy = bands.spectral_norms(known.static.k0 + bent)
         parts[0] = np.sqrt(parts[0] * energy)
     left = SOLVE_ROUNDING * np.finfo(float).eps * (parts[0] + np.abs(x) * parts[1])
     size = np.abs(weight[:, count:])
     across = size.transpose(0, 2, 1)
-    left += 2 * np.abs(x) * _norms(across @ np.abs(known.coupling[real] / poles[:, None]))
+    coupled = across @ np.abs(known.coupling[real] / poles[:, None])
+    left += 2 * np.abs(x) * bands.spectral_norms(coupled)
     for matrix, times in (
         (known.stiffnesses - np.diag(known.poles), np.ones(len(x))),
         (known.masses - np.eye(len(known.P)), np.abs(x)),
     ):
-        left += times * _norms(across @ (np.abs(matrix[np.ix_(real, real)]) @ size))
+        left += times * bands.spectral_norms(across @ (np.abs(matrix[np.ix_(real, real)]) @ size))
     return left
-
-
-def _norms(matrices: Array) -> Array:
-    """Spectral norms of matrices (W, m, n); 0 of empty ones."""
-    if 0 in matrices.shape:
-        return np.zeros(len(matrices))
-    return np.asarray(np.linalg.norm(matrices, 2, axis=(1, 2)))

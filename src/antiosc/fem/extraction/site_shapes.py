@@ -7,9 +7,11 @@ M-orthonormal rigid-body modes R. In this basis C is the identity, and every loa
 rigid-body mode of its own, with the share σ² of its compliance:
 
     Φ_r = R V₁/(√s Σ₁)                        the q loads that move one, without a solve;
-    K Y₀ = B₀ - M R RᵀB₀,  C₀ = B₀ᵀY₀         the others, self-equilibrated, W₂ their loads;
+    K Y₀ = B₀ - M R RᵀB₀,  C₀ = B₀ᵀY₀         the others, self-equilibrated;
     Φ = [Φ_r, Y₀C₀⁻¹ - Φ_r(B₁ᵀY₀C₀⁻¹)],       K0 = diag(0, C₀⁻¹).
 
+A rigid-body mode with a share below `APART` is not one of Φ_r, whose masses 1/(sσ²) would hide all
+others: it is modelled beside, with its displacements of the sites (`antiosc.models.rigid_share`).
 Displacements u of the sites are Wᵀu in this basis, and a matrix Z of it is W Z Wᵀ of the sites.
 """
 
@@ -24,14 +26,11 @@ from antiosc._types import Array, IntArray
 from antiosc.fem.extraction.static_mode import beside_rigid
 from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.structure.structure import Structure
+from antiosc.models.rigid_share import APART, HIDDEN
 
 #: A site whose load has less than this share of its compliance outside the span of the others
 #: follows their motion: its own would make Z = H⁻¹ lose the square of it.
 DEPENDENT = 1e-10
-#: Share of a rigid-body motion in the compliance of a load, below which it is left out. The effect
-#: on H at ω² = x is this times s/x; with a rigid-body mode of a smaller share, rounding over this
-#: share would be lost.
-LEAST_SHARE = 1e-8
 
 
 @dataclass(frozen=True)
@@ -50,7 +49,8 @@ class SiteShapes:
     moved : (p,) displacement of each site in its rigid-body mode of unit mass [kg^-½ of the basis];
         0: none.
     nodal : (rows, h) M-orthonormal rigid-body modes from which the constraint modes are kept free.
-    missed : (h, p) displacements of the sites in those, which are left out.
+    beside : (h, p) displacements of the sites in those, which are modelled beside; usually 0.
+    missed : (h, p) what of them is left out.
     doubt : (r, p) rounding of the displacements in all rigid-body modes.
     y, bAb : (rows, p) A⁻¹ load, and (p, p) loadᵀ A⁻¹ load.
     """
@@ -65,6 +65,7 @@ class SiteShapes:
     mass: Array
     moved: Array
     nodal: Array
+    beside: Array
     missed: Array
     doubt: Array
     y: Array
@@ -76,6 +77,11 @@ class SiteShapes:
         own = np.flatnonzero(self.moved)
         return np.asarray(np.linalg.solve(self.W.T, np.diag(self.moved)[:, own]))
 
+    @property
+    def slide(self) -> Array:
+        """(p, h) the same in the rigid-body modes that are modelled beside."""
+        return np.asarray(np.linalg.solve(self.W.T, self.beside.T))
+
 
 def site_shapes(structure: Structure, B: Array) -> SiteShapes:
     """The shapes of the sites whose loads are the columns of B (rows of this rank, c)."""
@@ -83,12 +89,15 @@ def site_shapes(structure: Structure, B: Array) -> SiteShapes:
     kept, dependence, W, Y, V, sigma = _basis(structure, B)
     given, B, R = B[:, kept], B[:, kept] @ W, structure.rigid_modes @ V
     root = np.sqrt(structure.shift) or 1.0
-    q = int(np.sum(sigma**2 > LEAST_SHARE))
+    q = int(np.sum(sigma**2 > APART))
     moved = np.where(np.arange(len(sigma)) < q, root * sigma, 0.0)
     strong, nodal = R[:, :q], R[:, q:]
-    missed = dot(comm, nodal, B)
-    load = B - multiply(structure.M, nodal) @ missed if nodal.shape[1] else B
-    y = Y - nodal @ (missed / root**2)
+    slides = dot(comm, nodal, B)
+    beside = np.zeros_like(slides)
+    weak = np.flatnonzero(sigma[q : q + nodal.shape[1]] ** 2 > HIDDEN)
+    beside[weak, q + weak] = slides[weak, q + weak]
+    load = B - multiply(structure.M, nodal) @ slides if nodal.shape[1] else B
+    y = Y - nodal @ (slides / root**2)
     phi, k0, strain = strong / moved[:q], np.zeros_like(W), np.zeros(len(kept))
     if q < len(kept):
         y0 = y[:, q:]
@@ -115,7 +124,8 @@ def site_shapes(structure: Structure, B: Array) -> SiteShapes:
         mass=dot(comm, phi, m_phi),
         moved=moved,
         nodal=nodal,
-        missed=missed,
+        beside=beside,
+        missed=slides - beside,
         doubt=doubt,
         y=y,
         bAb=dot(comm, load, y),

@@ -1,0 +1,81 @@
+"""The claimed bounds of Z of several sites against eliminations in extended precision."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import antiosc as ao
+from antiosc.models import driving_point as bands
+from loose_bodies import (
+    elastic_frequencies,
+    exact_receptances,
+    loose_bodies,
+    more_loads,
+)
+
+pytestmark = pytest.mark.fem
+
+Array = NDArray[np.float64]
+METHODS = ("krylov", "modes")
+
+
+def _frequencies(model: ao.AntiOscillators) -> NDArray[np.complex128]:
+    """Damped frequencies over the band, others than those at which the bound was found."""
+    bottom, top = model.info["band"]["bottom"], model.info["band"]["top"]
+    own = model.omega[(model.omega < top) & (model.omega > bottom)]
+    return np.append(own, np.geomspace(bottom, top, 40)) * (1 + 1j * bands.DAMPING)
+
+
+def _error(model: ao.AntiOscillators, H: Array, L: Array, omega: Array) -> Array:
+    """‖HZ - 1‖ (W,) of sites in units in which their compliances are the identity."""
+    Z = np.asarray(L.T @ model.dynamic_stiffness(omega) @ L)
+    turned = np.linalg.solve(L, np.linalg.solve(L, H.astype(complex)).transpose(0, 2, 1))
+    error = turned.transpose(0, 2, 1) @ Z - np.eye(len(L))
+    return np.asarray(np.linalg.norm(error, 2, axis=(1, 2)))
+
+
+def _extracted(seed: int) -> tuple[float, float, str]:
+    """(largest error of Z over a band, claimed bound, what was extracted) of a random structure."""
+    rng = np.random.default_rng(seed)
+    rigid, method, p = seed % 8, METHODS[seed // 8 % 2], 1 + seed // 16 % 4
+    K, M, b = loose_bodies(rng, rigid)
+    B = more_loads(rng, K, b, p)
+    band = float(rng.choice(elastic_frequencies(K, M, rigid))) * rng.uniform(0.5, 2)
+    n = int(rng.integers(1, min(8, len(b)))) if rng.integers(2) else None
+    sites = {f"s{i}": ao.Site(vector=column) for i, column in enumerate(B.T)}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        structure = ao.Structure.from_matrices(K, M)
+        model = ao.extract(structure, sites, n, method, band=band)
+    kept = model.info["independent"]
+    omega = _frequencies(model)
+    H, other = exact_receptances(K, M, B[:, kept], omega)
+    C = B[:, kept].T @ structure.factorize().solve_block(B[:, kept])
+    L = np.linalg.cholesky((C + C.T) / 2)
+    error = _error(model, H, L, omega)
+    doubt = np.abs(error - _error(model, other, L, omega))
+    what = f"seed {seed}: {method}, n = {n}, {rigid} rigid-body modes, {len(kept)} of {p} sites"
+    return float(np.max(error - 10 * doubt)), model.info["band"]["error_bound"], what
+
+
+def test_bound_over_the_band_holds():
+    _check_bounds([17, 24, 34, 43, 51, 60])
+
+
+@pytest.mark.slow
+def test_bound_over_the_band_holds_for_three_hundred():
+    _check_bounds(range(300))
+
+
+def _check_bounds(seeds: Sequence[int]) -> None:
+    small = 0
+    for seed in seeds:
+        error, bound, what = _extracted(seed)
+        assert error <= bound, f"{what}: {error:.2e} above the bound {bound:.2e}"
+        small += bound <= 1e-3
+    assert small > len(seeds) / 4  # the bounds are of use
