@@ -64,7 +64,10 @@ COMPARISONS: dict[type[ast.cmpop], type[ast.cmpop]] = {
 }
 # Changes that change nothing are not drawn: -0.0 for 0.0, the order of the arguments of SYMMETRIC
 # functions, a tenth more of a threshold that only has to lie above rounding.
-SYMMETRIC = ("max", "min", "np.maximum", "np.minimum", "math.hypot", "np.hypot", "np.array_equal")
+SYMMETRIC = (
+    *("max", "min", "np.maximum", "np.minimum", "np.array_equal"),
+    *("math.hypot", "np.hypot", "math.isclose"),
+)
 ROUNDING_THRESHOLD = 1e-6
 
 
