@@ -120,3 +120,16 @@ def test_stiffness_that_is_not_given_is_the_mean_of_mindlins() -> None:
     assert hit.assembly.system.slip[0, 1] == pytest.approx(mean, rel=0.02)
     linear = struck(1.0, ao.Linear(1e7))
     assert linear.assembly.system.slip[0, 1] == pytest.approx(1e7 * KAPPA, rel=1e-12)
+
+
+@pytest.mark.parametrize("method", ["newmark", "conserving", "leapfrog", "DOP853"])
+@pytest.mark.parametrize("psi", [0.3, 1.2, 3.0])
+def test_other_methods_rub_alike(psi: float, method: str) -> None:
+    scene = struck(psi, ao.Hertz(1e9)).assembly.scene
+    hit = scene.run(1e-3, tol=5e-3, method=method)
+    exact = scene.run(1e-3, tol=1e-4)
+    assert rebound(hit) == pytest.approx(rebound(exact), abs=5e-3)
+    contact, other = hit["ball:foot", "floor"], exact["ball:foot", "floor"]
+    most = MU * contact.force + 1e-9 * contact.peak_force
+    assert np.all(np.abs(contact.friction[::2, 0]) <= most[::2])
+    assert np.abs(contact.friction).max() == pytest.approx(np.abs(other.friction).max(), rel=0.02)

@@ -47,7 +47,13 @@ class Converged:
 
 
 def integrate(
-    scene: Scene, duration: float, tol: float, max_contacts: int, max_steps: int
+    scene: Scene,
+    duration: float,
+    tol: float,
+    max_contacts: int,
+    max_steps: int,
+    method: str = "exact",
+    step: float | None = None,
 ) -> SceneHistory:
     """The history of a scene; see `Scene.run`."""
     duration = checks.positive("duration", duration, "s")
@@ -59,11 +65,18 @@ def integrate(
     assembly = assemble(scene, duration)
     start(assembly)
     try:
-        found = converge(assembly, duration, tol, max_contacts, max_steps)
+        if method == "exact":
+            if step is not None:
+                raise InputError("method='exact' finds its own steps; give tol instead of step.")
+            found = converge(assembly, duration, tol, max_contacts, max_steps)
+        else:
+            from antiosc.simulation.comparison import compared  # which is seldom needed
+
+            found = compared(assembly, duration, method, tol, step, max_contacts, max_steps)
     finally:
         for kind, parameters in zip(assembly.system.kinds, assembly.system.params, strict=True):
             forget(int(kind), parameters)
-    error = {"force": found.force, "peak": found.peak}
+    error = {} if step is not None else {"force": found.force, "peak": found.peak}
     status, message = verdict(found, tol, max_contacts, max_steps)
     if status == 0:
         gain = gained(SceneHistory(assembly, found.run, error, 0, ""))

@@ -221,6 +221,8 @@ class Scene:
         duration: float,
         *,
         tol: float = 1e-3,
+        method: str = "exact",
+        step: float | None = None,
         max_contacts: int = 10_000,
         max_steps: int = 1_000_000,
     ) -> Any:
@@ -232,6 +234,12 @@ class Scene:
             [s].
         tol : float
             Relative error of all contact forces together in the L2 norm, and of their peak.
+        method : str
+            "exact"; to compare with, "newmark", "conserving", "leapfrog", or a method of
+            `scipy.integrate.solve_ivp` such as "DOP853".
+        step : float, optional
+            Step [s] of one run of "newmark", "conserving" or "leapfrog", whose error is then not
+            known; otherwise they halve theirs until `tol` is met.
         max_contacts, max_steps : int
             Bounds on the work; a run that meets one stops and says so.
 
@@ -248,4 +256,4 @@ class Scene:
         """
         from antiosc.simulation.refinement import integrate
 
-        return integrate(self, duration, tol, max_contacts, max_steps)
+        return integrate(self, duration, tol, max_contacts, max_steps, method, step)

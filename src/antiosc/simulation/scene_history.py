@@ -130,7 +130,8 @@ class SceneHistory:
 
     Attributes
     ----------
-    error : estimated relative errors of the forces: "force" (L2 norm of all) and "peak".
+    error : estimated relative errors of the forces: "force" (L2 norm of all) and "peak"; empty for
+        a given step.
     status : 0: completed; 1: completed, tol not met; 2: stopped before the end.
     message : the status in words.
     """
@@ -241,7 +242,8 @@ class SceneHistory:
                 f"{contact.a + ' - ' + contact.b:<24} {h.peak_force:>11.5g} {h.impulse:>11.5g}"
                 f" {len(h.contacts):>7} {h.contact_time:>10.4g}"
             )
-        rows.append(f"energy drift {self.energy.drift:.1e}; force error {self.error['force']:.1e}")
+        known = f"{self.error['force']:.1e}" if self.error else "not known"
+        rows.append(f"energy drift {self.energy.drift:.1e}; force error {known}")
         rows.append(self.message)
         return "\n".join(rows)
 

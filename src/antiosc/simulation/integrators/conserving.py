@@ -7,7 +7,7 @@ rounding for any step; the losses by damping and plasticity are exact as well.
 
 from __future__ import annotations
 
-from antiosc.contact import State
+from antiosc.contact import ContactLaw, State
 from antiosc.errors import InputError
 from antiosc.simulation.integrators.onestep import Node, OneStep
 from antiosc.simulation.integrators.problem import Problem
@@ -34,7 +34,7 @@ class Conserving(OneStep):
         alpha = h / 2 * float(p.beta @ pull)
         before = float(p.beta @ q) - p.gap
         free = float(p.beta @ q1) - p.gap
-        step = _Quotient(p, state, before, h)
+        step = Quotient(p.law, p.r, state, before, h)
         F = step.solve(free, alpha)
         q1, v1 = q1 - h / 2 * pull * F, v1 - pull * F
         after = free - alpha * F
@@ -43,11 +43,14 @@ class Conserving(OneStep):
         return Node(q1, v1, force, after - p.r * force, rate, F)
 
 
-class _Quotient:
-    """Mean force over a step that takes the unloaded indentation from `before` to `after`."""
+class Quotient:
+    """Mean force over a step h that takes the unloaded indentation from `before` to `after`.
 
-    def __init__(self, problem: Problem, state: State, before: float, h: float) -> None:
-        self.problem, self.state, self.before, self.h = problem, state, before, h
+    The unloaded indentation includes that of the residual compliance r in series.
+    """
+
+    def __init__(self, law: ContactLaw, r: float, state: State, before: float, h: float) -> None:
+        self.law, self.r, self.state, self.before, self.h = law, r, state, before, h
         self.start = self._potential(before)
 
     def solve(self, free: float, alpha: float) -> float:
@@ -66,7 +69,7 @@ class _Quotient:
         return float(brentq(excess, 0.0, high, xtol=1e-300, rtol=1e-15, maxiter=2000))
 
     def mean(self, after: float) -> float:
-        law, change = self.problem.law, after - self.before
+        law, change = self.law, after - self.before
         energy, force = self._potential(after)
         energy0, force0 = self.start
         if abs(change) > 1e-5 * max(abs(after), abs(self.before)):
@@ -80,7 +83,6 @@ class _Quotient:
 
     def _potential(self, free: float) -> tuple[float, float]:
         """Energy of contact and residual compliance in series, and the force."""
-        p = self.problem
-        F = p.law.implicit(free, p.r, 0.0, 0.0, self.state)
-        delta = free - p.r * F
-        return p.law.potential(delta, self.state) + 0.5 * p.r * F * F, F
+        F = self.law.implicit(free, self.r, 0.0, 0.0, self.state)
+        delta = free - self.r * F
+        return self.law.potential(delta, self.state) + 0.5 * self.r * F * F, F

@@ -1,0 +1,147 @@
+"""Newmark's, the conserving and the leapfrog method and solve_ivp on scenes: the march's checks."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import antiosc as ao
+from scenes import hertz_impact
+
+STEPS = ["newmark", "conserving", "leapfrog"]
+X = np.linspace(0, 1e-3, 9)
+FORCE = 1e8 * X**1.3
+LAWS = [
+    ao.Linear(1e7),
+    ao.Hertz(1e10, 2e-9),
+    ao.Power(1e9, 2.0),
+    ao.HuntCrossley(1e10, 0.7),
+    ao.Gonthier(1e7, 0.5, exponent=1.0),
+    ao.Thornton(1e10, 1e-5),
+    ao.Stronge(1e10, 2e-6),
+    ao.TanSun(1e10, 1e-6, 0.4),
+    ao.Tabulated(X, FORCE, (np.linspace(3e-4, 1e-3, 9), FORCE[-1] * np.linspace(0, 1, 9) ** 1.6)),
+]
+
+
+def several(law: ao.ContactLaw) -> ao.Scene:
+    """A mass strikes a model that strikes a wall behind it."""
+    body = ao.SiteModes([0.0, 4e3], [[1.5, 1.5], [2.0, -2.0]], ("front", "back"))
+    contacts = [
+        ao.Contact("body:front", "mass", law),
+        ao.Contact("wall", "body:back", law, gap=2e-4),
+    ]
+    bodies = {"body": body, "mass": ao.RigidMass(0.3, 2.0), "wall": ao.Obstacle()}
+    return ao.Scene(bodies, contacts)
+
+
+@pytest.mark.parametrize(
+    ("law", "method"),
+    [
+        pytest.param(
+            law,
+            method,
+            id=f"{type(law).__name__}-{method}",
+            marks=[] if method == "newmark" and i % 3 == 0 else [pytest.mark.slow],
+        )
+        for i, law in enumerate(LAWS)
+        for method in (*STEPS, "DOP853")
+    ],
+)
+def test_every_law(law: ao.ContactLaw, method: str) -> None:
+    """The laws' own methods against the march's functions of them."""
+    scene = several(law)
+    exact, hit = scene.run(1e-3), scene.run(1e-3, method=method, tol=1e-2)
+    assert exact.run.touches == hit.run.touches >= 1
+    for pair in (("body:front", "mass"), ("wall", "body:back")):
+        one, other = exact[pair], hit[pair]
+        assert other.impulse == pytest.approx(one.impulse, rel=3e-3)
+        assert other.peak_force == pytest.approx(one.peak_force, rel=3e-3)
+        np.testing.assert_allclose(other.contacts, one.contacts, atol=2e-6)
+
+
+@pytest.mark.parametrize("method", [*STEPS, "DOP853"])
+def test_hertz_in_closed_form(method: str) -> None:
+    bodies = {"m": ao.RigidMass(0.5, 1.0), "w": ao.Obstacle()}
+    scene = ao.Scene(bodies, [ao.Contact("w", "m", ao.Hertz(1e9), gap=1e-4)])
+    hit = scene.run(3e-3, method=method)
+    peak, lasts = hertz_impact(0.5, 1.0, 1e9)
+    assert hit["w", "m"].peak_force == pytest.approx(peak, rel=1e-3)
+    assert hit["w", "m"].contact_time == pytest.approx(lasts, rel=1e-2)
+    assert hit["w", "m"].contacts[0][0] == pytest.approx(1e-4, rel=1e-3)
+    assert hit.bodies["m"].velocity()[-1] == pytest.approx(-1.0, abs=1e-3)
+
+
+def test_the_conserving_rule_conserves_energy_at_any_step() -> None:
+    """To rounding, with steps far too long for anything else."""
+    hit = several(ao.Hertz(1e10)).run(1e-3, method="conserving", step=2e-5)
+    contact = sum(ao.Hertz(1e10).potential(float(max(d, 0.0)), ()) for d in hit.run.depth[-1])
+    q, v = hit.run.states[-1]
+    total = 0.5 * float(v @ v + (hit.assembly.system.omega * q) @ (hit.assembly.system.omega * q))
+    start = hit.run.states[0, 1]
+    assert hit.run.touches >= 2
+    assert total + contact == pytest.approx(0.5 * float(start @ start), rel=1e-9)
+
+
+@pytest.mark.parametrize("method", ["newmark", "leapfrog", "DOP853"])
+def test_coupling_without_mass_and_a_preload(method: str) -> None:
+    """A site without inertia under a load that is released: the exact method's forces."""
+    r = 1e-7 * (np.eye(2) + 0.5)
+    body = ao.SiteModes([2e3, 5e3], [[1.0, 0.5], [0.2, 1.0]], ("a", "b"), r=r)
+    contacts = [
+        ao.Contact("body:a", "m", ao.Hertz(1e9)),
+        ao.Contact("wall", "body:b", ao.Power(3e8, 1.3)),
+    ]
+    bodies = {"body": body, "m": ao.RigidMass(0.2, 1.0), "wall": ao.Obstacle()}
+    load = ao.Load("body:b", [0, 1e-4, 2e-4], [50.0, 50.0, 0])
+    scene = ao.Scene(bodies, contacts, loads=[load], preload=True, motion={"m": 1.0})
+    exact, hit = scene.run(5e-4), scene.run(5e-4, method=method, tol=1e-2)
+    assert exact["wall", "body:b"].force[0] > 1
+    for pair in (("body:a", "m"), ("wall", "body:b")):
+        one, other = exact[pair], hit[pair]
+        assert other.force[0] == pytest.approx(one.force[0], rel=1e-9)
+        assert other.impulse == pytest.approx(one.impulse, rel=5e-3)
+        assert other.peak_force == pytest.approx(one.peak_force, rel=5e-3)
+
+
+def test_ground_that_shakes() -> None:
+    """The moving ground loads every mode, also in the other methods."""
+    inertia = ao.Inertia(np.zeros(3), np.eye(6), np.array([[0, 0, 1.0, 0, 0, 0]]))
+    body = ao.SiteModes([300.0], [[1.0]], ("tip",), directions=[(0, 0, 1.0)], inertia=inertia)
+    contact = ao.Contact("body:tip", "stop", ao.Linear(2e5), gap=2e-5)
+    base = ao.Base([0, 0.02, 0.04], [[0, 0, 0], [0, 0, 50.0], [0, 0, 0]])
+    scene = ao.Scene({"body": body, "stop": ao.Obstacle()}, [contact], base=base)
+    exact = scene.run(0.04)
+    for method in ("newmark", "DOP853"):
+        hit = scene.run(0.04, method=method, tol=1e-2)
+        assert hit["body:tip", "stop"].impulse == pytest.approx(
+            exact["body:tip", "stop"].impulse, rel=5e-3
+        )
+
+
+def test_what_a_method_cannot_do_is_refused() -> None:
+    scene = several(ao.Hertz(1e10))
+    with pytest.raises(ao.InputError, match="method must be 'exact', 'newmark'"):
+        scene.run(1e-3, method="euler")
+    with pytest.raises(ao.InputError, match="give tol instead of step"):
+        scene.run(1e-3, method="DOP853", step=1e-6)
+    with pytest.raises(ao.InputError, match="method='exact' finds its own steps"):
+        scene.run(1e-3, step=1e-6)
+    coupled = ao.SiteModes([2e3], [[1.0, 0.5]], ("a", "b"), r=1e-7 * (np.eye(2) + 0.5), decay=None)
+    contacts = [
+        ao.Contact("body:a", "m", ao.Hertz(1e9)),
+        ao.Contact("wall", "body:b", ao.HuntCrossley(3e8, 0.5)),
+    ]
+    bodies = {"body": coupled, "m": ao.RigidMass(0.2, 1.0), "wall": ao.Obstacle()}
+    with pytest.raises(ao.InputError, match="couples contacts"):
+        ao.Scene(bodies, contacts).run(1e-3, method="conserving")
+    with pytest.raises(ao.InputError, match="rate-dependent law at a massless"):
+        ao.Scene(bodies, contacts).run(1e-3, method="Radau")
+
+
+def test_a_step_beyond_the_limit_of_stability_is_told() -> None:
+    with pytest.warns(ao.AccuracyWarning, match="gained energy"):
+        hit = several(ao.Linear(1e7)).run(0.1, method="leapfrog", step=6e-4)
+    assert hit.status == 2
+    with pytest.warns(ao.AccuracyWarning, match="more than 100 steps"):
+        assert several(ao.Linear(1e7)).run(1e-3, method="newmark", step=1e-6, max_steps=100).status
