@@ -13,6 +13,7 @@ import article_case1
 import article_case2
 import article_parts
 import numpy as np
+import options
 from article_beam import (
     AREA,
     INERTIA,
@@ -43,7 +44,9 @@ def main(page: Path = PAGE, pictures: Path = PICTURES) -> None:
     article_case2.figures(case2, pictures)
     text = "\n".join(
         [
-            INTRODUCTION.format(area=AREA * 1e4, inertia=INERTIA * 1e8, mass=MASS),
+            INTRODUCTION.format(
+                code=options.code_state(), area=AREA * 1e4, inertia=INERTIA * 1e8, mass=MASS
+            ),
             claims(case1, case2),
             half_periods(half_period_variants()),
             first_case(case1),
@@ -57,8 +60,9 @@ def main(page: Path = PAGE, pictures: Path = PICTURES) -> None:
 
 INTRODUCTION = """# The article, claim by claim
 
-Made by `make article` (`demos/article.py`): every number below comes from that run. The article
-is "A modelling of an impacted structure based on constraint modes". Its beam: E = 67 GPa,
+Made by `make article` (`demos/article.py`): every number below comes from that run.
+{code} The article is
+"A modelling of an impacted structure based on constraint modes". Its beam: E = 67 GPa,
 rho = 2400 kg/m³, S = {area:g} cm², I = {inertia:g} cm⁴, L = 1 m, hence {mass:g} kg. Not given,
 and taken here: Poisson's ratio 0.3, shear coefficient 5/6; the Hertz stiffness of case 2 (below).
 

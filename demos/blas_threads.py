@@ -119,7 +119,8 @@ def table(found: Found, ways: dict[str, int | None]) -> str:
         "",
         f"Bracket, {threads.cores()} cores; idle: the machine as it was; busy: beside "
         f"{2 * threads.cores()} processes that compute without end. Medians over that of one "
-        "thread without load; in brackets the longest one. Made by `demos/blas_threads.py`.",
+        "thread without load; in brackets the longest one. Made by `demos/blas_threads.py`. "
+        f"{options.code_state()}",
         "",
         f"| dofs | | {' | '.join(f'{load}, {way}' for load in ('idle', 'busy') for way in ways)} |",
         "|---|---|" + "---|" * (2 * len(ways)),

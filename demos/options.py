@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import subprocess
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import antiosc as ao
@@ -41,6 +43,20 @@ def run(parser: argparse.ArgumentParser, main: Callable[..., Any], arguments: An
         return main(**vars(options))
     except ao.AntioscError as error:
         parser.exit(1, f"{parser.prog}: {error}\n")
+
+
+def code_state() -> str:
+    """The commit with which a page of figures is made, as a sentence; "" outside a repository."""
+
+    def git(*arguments: str) -> str:
+        command = ["git", "-C", str(Path(__file__).parent), *arguments]
+        return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+
+    try:
+        commit, changed = git("show", "-s", "--format=%h of %as"), git("status", "--porcelain")
+    except (OSError, subprocess.CalledProcessError):
+        return ""
+    return f"Made with commit {commit}{', changed since' if changed else ''}."
 
 
 def _checked(convert: Callable[[], Any], text: str, kind: str) -> Any:

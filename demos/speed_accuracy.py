@@ -681,7 +681,7 @@ def ratios(found: dict[str, Any]) -> dict[str, float]:
 
 def tables(result: dict[str, Any]) -> str:
     """All results as Markdown."""
-    lines = ["# Speed against accuracy", ""]
+    lines = ["# Speed against accuracy", "", options.code_state(), ""]
     for found in result["charts"]:
         lines += [
             f"## {found['case']}, {found['dofs']} dofs",
