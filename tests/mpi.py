@@ -37,7 +37,7 @@ import sys; from mpi4py import MPI; sys.stdout = open(f"{__file__}.{MPI.COMM_WOR
 """
 
 
-def run_ranks(n: int, script: str, *arguments: str, timeout: float = 120) -> list[str]:
+def run_ranks(n: int, script: str, *arguments: str, timeout: float = 600) -> list[str]:
     """Run the Python source `script` on `n` ranks and return what each of them prints.
 
     Raises AssertionError with the output of all ranks when one of them ends with an error (the

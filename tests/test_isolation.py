@@ -94,7 +94,7 @@ def child(*parts: str, folder: Path, **environment: str) -> subprocess.Completed
         env={**os.environ, "XDG_CACHE_HOME": str(folder), **environment},
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=600,
     )
     assert done.returncode == 0, done.stderr
     return done

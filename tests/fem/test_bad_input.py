@@ -492,7 +492,7 @@ def test_every_rank_raises_the_same_error(tmp_path):
     write(tmp_path / "pieces.vtu", [*SQUARE, *(SQUARE + 2)], quads)
     here = str(TESTS)
     one = run_ranks(1, RANKS, here, str(tmp_path))[0]
-    two = run_ranks(2, RANKS, here, str(tmp_path), timeout=60)
+    two = run_ranks(2, RANKS, here, str(tmp_path))
     assert "nothing was raised" not in one
     assert two == [one, one]
     assert len(one.splitlines()) == 18

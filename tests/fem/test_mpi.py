@@ -30,7 +30,7 @@ def test_one_rank_that_raises_fails_all():
         MPI.COMM_WORLD.barrier()
     """
     with pytest.raises(AssertionError, match=r"(?s)ended with code .*only here"):
-        run_ranks(2, script, timeout=30)
+        run_ranks(2, script)
 
 
 def test_a_hang_is_ended():
@@ -42,4 +42,4 @@ def test_a_hang_is_ended():
     start = time.monotonic()
     with pytest.raises(AssertionError, match="not done after 3 s"):
         run_ranks(2, script, timeout=3)
-    assert time.monotonic() - start < 30
+    assert time.monotonic() - start < 300

@@ -207,8 +207,8 @@ def test_ranks_without_cells(ranks, tmp_path, unit_meshes):
     """One cell on several ranks: the same numbers as on one."""
     names = ["line", "rectangle", "block", "shell"]
     arguments = [HERE, str(tmp_path / "series.pvd"), *unit_meshes, *names]
-    one = json.loads(run_ranks(1, TINY, *arguments, timeout=300)[0])
-    printed = run_ranks(ranks, TINY, *arguments, timeout=300)
+    one = json.loads(run_ranks(1, TINY, *arguments)[0])
+    printed = run_ranks(ranks, TINY, *arguments)
     assert len(set(printed)) == 1
     several = json.loads(printed[0])
     for name in names:
