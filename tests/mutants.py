@@ -28,7 +28,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeGuard
+
+from antiosc.fem.compat import DOLFINX
+from antiosc.fem.compiler import FFCX
 
 ROOT = Path(__file__).resolve().parent.parent
 #: What is not copied.
@@ -63,12 +66,14 @@ COMPARISONS: dict[type[ast.cmpop], type[ast.cmpop]] = {
     ast.NotIn: ast.In,
 }
 # Changes that change nothing are not drawn: -0.0 for 0.0, the order of the arguments of SYMMETRIC
-# functions, a tenth more of a threshold that only has to lie above rounding.
+# functions, a tenth more of a threshold that only has to lie above rounding, code for other
+# VERSIONS of the libraries than those installed here.
 SYMMETRIC = (
     *("max", "min", "np.maximum", "np.minimum", "np.array_equal"),
     *("math.hypot", "np.hypot", "math.isclose"),
 )
 ROUNDING_THRESHOLD = 1e-6
+VERSIONS: dict[str, tuple[int, ...]] = {"DOLFINX": DOLFINX, "FFCX": FFCX}
 
 
 @dataclass(frozen=True)
@@ -122,6 +127,9 @@ def works(one: Break) -> bool:
 def changes(node: ast.AST) -> Iterator[tuple[Any, str]]:
     """(node, text that takes its place) below and including `node`, in the order of the source."""
     if _is_text(node) or _is_typing(node):
+        return
+    if _is_of_versions(node):
+        yield from _for_this_version(node)
         return
     if isinstance(node, ast.expr):
         yield from ((node, f"({ast.unparse(new)})") for new in expressions(node))
@@ -181,6 +189,21 @@ def _is_text(node: ast.AST) -> bool:
 
 def _is_typing(node: ast.AST) -> bool:
     return isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
+
+
+def _is_of_versions(node: ast.AST) -> TypeGuard[ast.If | ast.IfExp]:
+    """Whether the version of a library decides what runs."""
+    if not isinstance(node, ast.If | ast.IfExp) or not isinstance(node.test, ast.Compare):
+        return False
+    return isinstance(node.test.left, ast.Name) and node.test.left.id in VERSIONS
+
+
+def _for_this_version(node: ast.If | ast.IfExp) -> Iterator[tuple[Any, str]]:
+    """The changes of what runs with the library that is installed here."""
+    runs = eval(ast.unparse(node.test), {}, VERSIONS)
+    part = node.body if runs else node.orelse
+    for child in part if isinstance(part, list) else [part]:
+        yield from changes(child)
 
 
 # -- the copy and its tests

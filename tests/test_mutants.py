@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+pytest.importorskip("dolfinx")
+
 import mutants
 from paths import ROOT
 
@@ -42,6 +44,14 @@ def test_every_kind_of_break_is_drawn():
 def test_changes_that_change_nothing_are_not_drawn(source):
     found = [text for _, text in mutants.changes(ast.parse(source).body[0])]
     assert not set(found) - {"pass", "(1.0)"}
+
+
+def test_code_for_other_versions_is_not_drawn():
+    source = "if DOLFINX < (0, 1):\n    x = 1\nelse:\n    y = 2\nz = 3 if FFCX >= (0, 1) else 4"
+    found = [
+        ast.unparse(node) for line in ast.parse(source).body for node, _ in mutants.changes(line)
+    ]
+    assert set(found) == {"2", "3"}
 
 
 def test_the_tests_of_a_file_are_found():

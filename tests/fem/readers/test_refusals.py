@@ -124,7 +124,10 @@ ABAQUS = {
     "shell section of a solid": (CUBE + SHELL + MATERIAL, r"elements \(C3D8\) that no element"),
     "beam section of a solid": (CUBE + BEAM + "RECT\n1\n" + MATERIAL, r"\(C3D8\) that no"),
     "two kinds": (
-        SHEET.replace("S4", "CPS4") + "*ELEMENT,TYPE=CPE4,ELSET=ALL\n3,1,2,3,4\n" + SOLID + MATERIAL,
+        SHEET.replace("S4", "CPS4")
+        + "*ELEMENT,TYPE=CPE4,ELSET=ALL\n3,1,2,3,4\n"
+        + SOLID
+        + MATERIAL,
         "one section for plane strain and plane stress elements",
     ),
     "dimensions": (BAR + BEAM + "PIPE\n1\n0,1,0\n" + MATERIAL, "PIPE needs 2 positive dim"),
