@@ -269,6 +269,12 @@ def two_sites() -> Any:
     )  # fmt: skip
 
 
+@functools.cache
+def struck_at_two_sites() -> Any:
+    contact = ao.Contact("part:foot", "ball", ao.Linear(1e6))
+    return ao.Scene({"part": two_sites(), "ball": sphere()}, [contact]).run(1e-4)
+
+
 def matrices() -> tuple[Any, Any]:
     K = np.diag([2e6, 2e6, 1e6]) - np.diag([1e6, 1e6], 1) - np.diag([1e6, 1e6], -1)
     return K, np.eye(3)
@@ -330,6 +336,9 @@ OWN: dict[str, dict[str, Any]] = {
     "RigidBody": {"inertia": np.eye(3), "sites": {"foot": ((0, 0, 0), (0, 0, 1))}},
     "SiteModes": {"b": [[0.5, 0.1], [0.4, 0.2]], "sites": ["foot", "tip"]},
     "SiteModes.coordinates": {"q": [0.1, 0.2, 0.3], "forces": [1.0, 2.0]},
+    "SiteModes.amplitudes": {"coordinates": [0.1, 0.2, 0.3]},
+    "SceneHistory.of": {"body": "ball"}, "SceneHistory.coordinates": {"body": "ball"},
+    "SceneHistory.field": {"self": struck_at_two_sites},
     "SiteModes.field": {"coordinates": [0.1, 0.2, 0.3]}, "SiteModes.receptance": {"omega": 1e3},
     "BodyHistory.displacement": {"direction": (0, 0, 1)},
     "Spring": {"stiffness": {"z": 1e5}}, "Support": {"where": "clamp"},

@@ -30,24 +30,26 @@ from antiosc.fem.readers.neutral import FACETS
 from antiosc.fem.series import listing, write_frames
 from antiosc.fem.structure.structure import Structure, on_mesh
 from antiosc.fem.vtu import Frames
-from antiosc.simulation.history import Body, History, no_field
+from antiosc.simulation.history import History, no_field
+from antiosc.simulation.scene_history import SceneHistory
 from antiosc.threads import one_thread
 
 
-def _what(history: History) -> tuple[Any, ...]:
+def _what(history: History | SceneHistory) -> tuple[Any, ...]:
     """Data of a history that must be equal on all ranks, without the last digits of its numbers."""
-    return history.model, history.status, f"{history.time[-1]:.6g}"
+    of = list(history.assembly.bodies) if isinstance(history, SceneHistory) else history.model
+    return of, history.status, f"{history.time[-1]:.6g}"
 
 
 @collective(history=_what)
 @one_thread()
 def probe(
     structure: Structure,
-    history: History,
+    history: History | SceneHistory,
     point: Sequence[float],
     times: ArrayLike | None = None,
     *,
-    body: Body = "structure",
+    body: str = "structure",
     part: str | None = None,
 ) -> Array:
     """Displacements (n, gdim) in m of one point of the structure at `times`.
@@ -56,13 +58,14 @@ def probe(
     ----------
     structure : Structure
         The structure from which the model of the body was extracted.
-    history : History
+    history : History or SceneHistory
     point : sequence of 2 or 3 floats
         Coordinates in m; the nearest point of the structure is taken.
     times : array_like (n,), optional
         Times in s; default: those of the history.
-    body : "structure" or "impactor"
-        Which of the two bodies `structure` is.
+    body : str
+        Which of the bodies `structure` is: "structure" or "impactor"; of a scene its name (default:
+        the only one that has shapes).
     part : str, optional
         Of an assembly: the part of which the nearest point is taken; default: of all parts.
     """
@@ -100,11 +103,11 @@ def _at_point(member: Member, nearest: closest_point.ClosestPoint, shapes: Array
 @one_thread()
 def write_series(
     structure: Structure,
-    history: History,
+    history: History | SceneHistory,
     path: str | Path,
     times: ArrayLike | None = None,
     *,
-    body: Body = "structure",
+    body: str = "structure",
 ) -> Path:
     """Write the displacement field as a series that ParaView opens (`.pvd` with `.vtu` files).
 
@@ -112,14 +115,15 @@ def write_series(
     ----------
     structure : Structure
         The structure from which the model of the body was extracted.
-    history : History
+    history : History or SceneHistory
     path : str or Path
         The `.pvd` file (the ending is added where it is missing); the frames go beside it as
         `<name>_0000.vtu` and on.
     times : array_like (n,), optional
         Times in s; default: 40 evenly over the history.
-    body : "structure" or "impactor"
-        Which of the two bodies `structure` is.
+    body : str
+        Which of the bodies `structure` is: "structure" or "impactor"; of a scene its name (default:
+        the only one that has shapes).
 
     Returns
     -------
@@ -147,7 +151,7 @@ def write_series(
 @collective(history=_what)
 @one_thread()
 def skin(
-    structure: Structure, history: History, time: float, *, body: Body = "structure"
+    structure: Structure, history: History | SceneHistory, time: float, *, body: str = "structure"
 ) -> tuple[Array, IntArray, Array]:
     """The surface of a part and its motion at one time, the same on all ranks.
 
@@ -198,7 +202,7 @@ def _outer(cell: str, cells: IntArray) -> IntArray:
 
 
 def _parts(
-    structure: Structure, history: History, body: Body, name: str | None = None
+    structure: Structure, history: History | SceneHistory, body: str, name: str | None = None
 ) -> list[tuple[Member, Array]]:
     """The parts of the structure (or the one named) with the shapes of the body.
 
@@ -214,11 +218,12 @@ def _parts(
     return [(Member("", meshed, Placement(), 0), shapes)]
 
 
-def _shapes(structure: Structure, history: History, body: Body) -> Array:
+def _shapes(structure: Structure, history: History | SceneHistory, body: str) -> Array:
     """Shapes of the body on the rows of this rank, columns side by side."""
     instance("structure", structure, Structure, "a Structure")
-    instance("history", history, History, "a History, which simulate returns")
-    model, own = history.of(body)
+    kinds = (History, SceneHistory)
+    instance("history", history, kinds, "a History, which simulate and Scene.run return")
+    model, own = history.of(body)  # type: ignore[arg-type]
     if own.basis is None:
         raise InputError(no_field(model))
     rows = structure.rows
@@ -231,9 +236,10 @@ def _shapes(structure: Structure, history: History, body: Body) -> Array:
     return np.column_stack(own.basis)
 
 
-def _amplitudes(history: History, times: Array, body: Body) -> Array:
+def _amplitudes(history: History | SceneHistory, times: Array, body: str) -> Array:
     """Factors (n, B) of those shapes at `times`."""
-    return history.of(body)[1].amplitudes(history.coordinates(times, body))
+    _, own = history.of(body)  # type: ignore[arg-type]
+    return own.amplitudes(history.coordinates(times, body))  # type: ignore[arg-type]
 
 
 def _at_nodes(mesh: Mesh, form: WeakForm, shapes: Array) -> Array:

@@ -140,6 +140,10 @@ class SiteModes:
         x = q if self.shape is None else q @ self.shape.T
         return x if self.residual is None else np.asarray(x + forces @ self.residual.T)
 
+    def amplitudes(self, coordinates: ArrayLike) -> Array:
+        """Amplitudes (..., C) of the columns of `basis`: the coordinates themselves."""
+        return checks.array("coordinates", coordinates, None)
+
     def field(self, coordinates: ArrayLike) -> Array:
         """Displacements (..., n) of the whole body for own coordinates (..., C)."""
         if self.basis is None:

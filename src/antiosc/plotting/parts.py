@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, get_args
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -13,7 +13,8 @@ from antiosc import checks
 from antiosc._types import Array, BoolArray, IntArray
 from antiosc.charts.figures import finished, new_figure
 from antiosc.errors import InputError
-from antiosc.simulation.history import Body, History
+from antiosc.simulation.history import History
+from antiosc.simulation.scene_history import SceneHistory
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -96,11 +97,11 @@ def plot_map(
 
 def plot_deformed(
     structure: Structure,
-    history: History,
+    history: History | SceneHistory,
     path: str | os.PathLike[str] | None = None,
     time: float | None = None,
     *,
-    body: Body = "structure",
+    body: str = "structure",
     point: Sequence[float] | None = None,
     direction: Sequence[float] | None = None,
 ) -> Figure | Path:
@@ -113,7 +114,8 @@ def plot_deformed(
     path : str or Path, optional
         As for `plot_history`.
     time : float, optional
-        In s; default: where the displacement of the site is largest.
+        In s; default: where the displacement of the site is largest, of a scene where the largest
+        contact force is.
     point, direction : sequence of 3 floats, optional
         An arrow that ends at `point` (m) shows the impact.
 
@@ -124,13 +126,13 @@ def plot_deformed(
     """
     from antiosc.fem.fields import skin
 
-    checks.instance("history", history, History, "a History, which simulate returns")
-    checks.choice("body", body, get_args(Body))
+    kinds = (History, SceneHistory)
+    checks.instance("history", history, kinds, "a History, which simulate and Scene.run return")
+    history.of(body)  # type: ignore[arg-type]
     if (point is None) != (direction is None):
         raise InputError("the arrow of the impact needs both point and direction.")
     if time is None:
-        site = history.displacement if body == "structure" else history.impactor_displacement
-        time = float(history.time[np.argmax(np.abs(site))])
+        time = float(history.time[np.argmax(_motion(history, body))])
     points, faces, moved = skin(structure, history, checks.number("time", time, "s"), body=body)
     size = np.linalg.norm(moved, axis=1)
     largest = float(size.max()) or 1.0
@@ -150,6 +152,14 @@ def plot_deformed(
     _frame(axes, np.vstack(framed), zoom=1.2)
     axes.set_axis_off()
     return finished(figure, path)
+
+
+def _motion(history: History | SceneHistory, body: str) -> Array:
+    """What is largest at the time of the picture: the motion of the site, or the contact forces."""
+    if isinstance(history, SceneHistory):
+        return np.asarray(np.abs(history.run.force).max(axis=1))
+    impactor = body == "impactor"
+    return np.abs(history.impactor_displacement if impactor else history.displacement)
 
 
 def _space(points: Array, shown: bool) -> tuple[Figure, Axes3D, float, str]:

@@ -99,6 +99,7 @@ class Placed:
     start : (J,) modal velocities.
     gap : distance [m] that the body brings with it.
     local_compliance : half-space compliances [m/N] of the patches by site, which its modes contain.
+    modes : its form in free modes, if it has another one than this; it has the fields.
     """
 
     name: str
@@ -115,6 +116,7 @@ class Placed:
     start: Array
     gap: float = 0.0
     local_compliance: Mapping[str, float] = field(default_factory=dict)
+    modes: ModalBody | SiteModes | None = None
 
     @property
     def supported(self) -> bool:
@@ -168,6 +170,7 @@ def _single(name: str, body: LinearBody) -> Placed:
         start=start,
         gap=asked.gap,
         local_compliance={"": asked.local_compliance},
+        modes=modes,
     )
 
 
@@ -190,6 +193,7 @@ def _several(name: str, body: SiteModes | AntiOscillators, modes: SiteModes) -> 
         weight=modes.weight,
         start=np.zeros(modes.omega.size),
         local_compliance=modes.local_compliance,
+        modes=modes,
     )
 
 

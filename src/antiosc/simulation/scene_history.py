@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,11 +12,14 @@ from numpy.typing import ArrayLike, NDArray
 from antiosc import checks
 from antiosc.contact import ContactLaw
 from antiosc.errors import InputError
+from antiosc.models.modal import ModalBody
+from antiosc.models.site_modes import SiteModes
 from antiosc.simulation import march
 from antiosc.simulation.assembly import Assembly, along, find
 from antiosc.simulation.bodies import Placed, RigidBody
 from antiosc.simulation.engine import Run
-from antiosc.simulation.history import Energy
+from antiosc.simulation.history import Energy, no_field
+from antiosc.simulation.scene_states import between, forces, located, states
 
 Array = NDArray[np.float64]
 
@@ -184,13 +187,13 @@ class SceneHistory:
         """Histories of the bodies by name."""
         q, v = self._states
         a = self.assembly
-        forces = -self.run.force @ a.G + self._loads_on_columns
-        columns = q @ a.B + forces @ a.r
+        acting = -self.run.force @ a.G + self._loads_on_columns
+        columns = q @ a.B + acting @ a.r
         kinetic, strain = 0.5 * v**2, 0.5 * (a.system.omega * q) ** 2
         found = {}
         for name, body in a.bodies.items():
             j, k = a.spans[name], a.columns[name]
-            residual = 0.5 * np.einsum("nk,kl,nl->n", forces[:, k], a.r[k, k], forces[:, k])
+            residual = 0.5 * np.einsum("nk,kl,nl->n", acting[:, k], a.r[k, k], acting[:, k])
             found[name] = BodyHistory(
                 placed=body,
                 time=self.run.time,
@@ -210,17 +213,66 @@ class SceneHistory:
         stored, lost = self._contact_energy
         kinetic, modal = 0.5 * np.sum(v**2, axis=1), 0.5 * np.sum((a.system.omega * q) ** 2, axis=1)
         acting = self._loads_on_columns
-        forces = acting - self.run.force @ a.G
+        felt = acting - self.run.force @ a.G
         work, braked = self._work_and_damping(kinetic + modal)
-        residual = forces @ a.r
+        residual = felt @ a.r
         work = work + _path(acting, residual).sum(axis=1)
         return Energy(
             kinetic=kinetic,
-            strain=modal + 0.5 * np.sum(forces * residual, axis=1),
+            strain=modal + 0.5 * np.sum(felt * residual, axis=1),
             contact=stored,
             dissipated=lost + braked,
             gravity=work,
         )
+
+    def of(self, body: str) -> tuple[Any, ModalBody | SiteModes]:
+        """The model of a body of the scene, and its form in free modes.
+
+        "structure", if no body has this name, is the one that has displacement shapes.
+        """
+        bodies = self.assembly.bodies
+        checks.instance("body", body, str, "the name of a body")
+        if body == "structure" and body not in bodies:
+            shaped = [n for n, b in bodies.items() if b.modes is not None and b.modes.basis]
+            if len(shaped) == 1:
+                body = shaped[0]
+        if body not in bodies:
+            raise InputError(
+                f"there is no body {body!r} in the scene: name one of {', '.join(bodies)}."
+            )
+        placed = bodies[body]
+        if placed.modes is None:
+            raise InputError(f"{body!r} is a {type(placed.body).__name__}, which has no field.")
+        return placed.body, placed.modes
+
+    def coordinates(self, t: ArrayLike, body: str = "structure") -> Array:
+        """The coordinates (n, C) of a body's model at times (n,) [s], (C,) at one time.
+
+        They are those of its form in free modes (`of`).
+        """
+        times = checks.column("t", t)
+        end = float(self.time[-1])
+        outside = (times < 0) | (times > end * (1 + 1e-12))
+        if np.any(outside):
+            raise InputError(
+                f"t must lie within the run, 0 <= t <= {end:g} s; got {times[outside][0]:g} s."
+            )
+        model, own = self.of(body)
+        a, (step, since) = self.assembly, located(self.run, times)
+        name = next(n for n, placed in a.bodies.items() if placed.body is model)
+        q, _ = states(self.run, a.system, self._load, step, since)
+        acting = self._pushes(times) - forces(self.run, step, since) @ a.G
+        acting = acting[:, a.columns[name]]
+        pushed = acting if isinstance(own, SiteModes) else acting[:, 0]
+        found = own.coordinates(q[:, a.spans[name]], pushed)
+        return found if np.ndim(t) else found[0]
+
+    def field(self, t: ArrayLike, body: str = "structure") -> Array:
+        """Nodal displacements (n_dofs,) of a body at one time, (n, n_dofs) at several [m]."""
+        model, own = self.of(body)
+        if own.basis is None:
+            raise InputError(no_field(model))
+        return own.field(self.coordinates(t, body))
 
     def largest_rotation(self) -> tuple[str, float]:
         """The rigid body that turned most, and by how much [rad]; ("", 0) without one."""
@@ -258,13 +310,14 @@ class SceneHistory:
         q, v = np.empty((2 * n + 1, system.omega.size)), np.empty((2 * n + 1, system.omega.size))
         q[::2], v[::2] = run.states[:, 0], run.states[:, 1]
         if n:
-            q[1::2], v[1::2] = _middles(run, system.omega, system.decay, system.beta, self._load)
+            since = run.time[1::2] - run.time[:-2:2]
+            q[1::2], v[1::2] = states(run, system, self._load, np.arange(n), since)
         return q, v
 
     def _load(self, t: Array) -> Array:
         """Modal loads (n, J) at times (n,)."""
         breaks, loads = self.assembly.system.breaks, self.assembly.system.loads
-        return _between(t, breaks, loads)
+        return between(t, breaks, loads)
 
     def _work_and_damping(self, mechanical: Array) -> tuple[Array, Array]:
         """Work (n,) of all modal loads since the start, and what the damping took.
@@ -310,14 +363,18 @@ class SceneHistory:
     @cached_property
     def _loads_on_columns(self) -> Array:
         """External forces (n, P) on all columns at the nodes."""
+        return self._pushes(self.run.time)
+
+    def _pushes(self, t: Array) -> Array:
+        """External forces (n, P) on all columns at times (n,)."""
         a = self.assembly
-        forces = np.zeros((self.run.time.size, a.B.shape[1]))
+        total = np.zeros((t.size, a.B.shape[1]))
         for load in a.scene.loads:
             body, site = find(load.end, a.bodies)
             row = along(body, site, body.pushes.get(site), load.end)
-            value = np.interp(self.run.time, load.times, load.forces)
-            forces[:, a.columns[body.name]] += value[:, None] * row
-        return forces
+            value = np.interp(t, load.times, load.forces)
+            total[:, a.columns[body.name]] += value[:, None] * row
+        return total
 
     @cached_property
     def _contact_energy(self) -> tuple[Array, Array]:
@@ -394,40 +451,6 @@ def _path(force: Array, way: Array) -> Array:
     total[2::2] = np.cumsum(whole, axis=0)
     total[1::2] = total[:-1:2] + until(0.5)
     return total
-
-
-def _between(t: Array, breaks: Array, values: Array) -> Array:
-    """Rows of `values` at times, linear between the breaks and constant after the last."""
-    if breaks.size == 1:
-        return np.broadcast_to(values[0], (t.size, values.shape[1]))
-    i = np.clip(np.searchsorted(breaks, t, side="right") - 1, 0, breaks.size - 2)
-    u = np.clip((t - breaks[i]) / (breaks[i + 1] - breaks[i]), 0.0, 1.0)[:, None]
-    return np.asarray(values[i] * (1 - u) + values[i + 1] * u)
-
-
-def _middles(
-    run: Run, omega: Array, decay: Array, beta: Array, load_at: Callable[[Array], Array]
-) -> tuple[Array, Array]:
-    """Modal states (n, J) at the middles of the steps, exact for the parabolas of force."""
-    assert run.states is not None
-    n, size = run.states.shape[0] - 1, omega.size
-    h = run.time[2::2] - run.time[:-2:2]
-    half = np.repeat(0.5 * h, size)
-    out = np.empty((6, n * size))
-    march.responses(np.tile(omega, n), np.tile(decay, n), half, out)
-    P, W, S, J0, J1, J2 = out.reshape(6, n, size)
-    q, v = run.states[:-1, 0], run.states[:-1, 1]
-    f0, f1, f2 = run.force[:-2:2], run.force[1:-1:2], run.force[2::2]
-    long = np.where(h > 0, h, 1.0)[:, None]
-    at = load_at(run.time[:-2:2])
-    slope = (load_at(run.time[1:-1:2]) - at) / (0.5 * long)
-    a = f0 @ beta - at
-    b = ((4 * f1 - 3 * f0 - f2) / long) @ beta - slope
-    c = (4 * (f0 - 2 * f1 + f2) / long**2) @ beta
-    return (
-        P * q + S * v - a * J0 - b * J1 - c * J2,
-        W * v - omega**2 * S * q - a * S - b * J0 - c * J1,
-    )
 
 
 def _simpson(time: Array, force: Array) -> Array:

@@ -142,3 +142,58 @@ def test_errors_are_raised_on_every_rank():
     printed = run_ranks(2, ERRORS, HERE)
     assert printed[0] == printed[1]
     assert len(printed[0].splitlines()) == 4
+
+
+SEVERAL = """
+import json, sys, warnings
+import numpy as np
+sys.path.insert(0, sys.argv[1])
+import antiosc as ao
+import parts
+
+warnings.simplefilter("ignore")
+mesh = parts.box((8, 4, 3))
+names = {"a": 0.07, "b": 0.12, "c": 0.16}
+sites = {n: ao.Site((x, 0.021, 0.04), (0.1, 0.2, -1), radius=0.016) for n, x in names.items()}
+sites["again"] = sites["b"]
+found = {}
+for name, supports in (
+    ("held", [ao.Support("left")]),
+    ("free", []),
+    ("sliding", [ao.Support("left", ("y", "z"))]),
+):
+    part = ao.Structure(mesh, ao.Solid(**parts.STEEL), supports)
+    for method in ("krylov", "modes"):
+        model = ao.extract(part, sites, n=18, method=method)
+        at = np.linspace(0.05, 1.2, 40) * model.omega[0] * (1 + 0.01j)
+        H = model.site_modes().receptance(at)
+        scene = ao.Scene(
+            {"part": model, "ball": ao.RigidMass(0.1, 1.0)},
+            [ao.Contact("part:c", "ball", ao.Hertz(1e9))],
+        )
+        hit = scene.run(1e-4)
+        force = hit["part:c", "ball"].force
+        near = ao.probe(part, hit, (0.12, 0.0, 0.04), [5e-5, 1e-4], body="part")
+        found[f"{name} {method}"] = {
+            "fixed": [model.k0.tolist(), model.m_st.tolist()],
+            "dependence": model.dependence.tolist(),
+            "H": (np.abs(H) / np.abs(H).max()).tolist(),
+            "omega": model.omega[:4].tolist(),
+            "force": float(force.max()),
+            "probe": (near / np.abs(near).max()).tolist(),
+        }
+print(json.dumps(found))
+"""
+
+
+@pytest.mark.slow
+def test_several_sites():
+    one = json.loads(run_ranks(1, SEVERAL, HERE)[0])
+    both = [json.loads(text) for text in run_ranks(2, SEVERAL, HERE)]
+    assert both[0] == both[1]
+    assert len(one) == 6
+    for name, serial in one.items():
+        for key, value in serial.items():
+            limit = 1e-6 if key in ("force", "probe") else 1e-8
+            mine, size = both[0][name][key], np.abs(np.array(value, dtype=float)).max()
+            np.testing.assert_allclose(mine, value, atol=limit * size, err_msg=f"{name} {key}")

@@ -1,0 +1,71 @@
+"""The state of a scene at any time of a run: exact for the parabolas of the contact forces."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from antiosc.simulation import march
+from antiosc.simulation.engine import Run, System
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+
+def between(t: Array, breaks: Array, values: Array) -> Array:
+    """Rows of `values` at times, linear between the breaks and constant after the last."""
+    if breaks.size == 1:
+        return np.broadcast_to(values[0], (t.size, values.shape[1]))
+    i = np.clip(np.searchsorted(breaks, t, side="right") - 1, 0, breaks.size - 2)
+    u = np.clip((t - breaks[i]) / (breaks[i + 1] - breaks[i]), 0.0, 1.0)[:, None]
+    return np.asarray(values[i] * (1 - u) + values[i + 1] * u)
+
+
+def located(run: Run, t: Array) -> tuple[Index, Array]:
+    """The step in which each time (n,) lies, and the time since its start."""
+    starts = run.time[:-2:2]
+    step = np.clip(np.searchsorted(starts, t, side="right") - 1, 0, max(starts.size - 1, 0))
+    return step, np.asarray(t - run.time[2 * step])
+
+
+def forces(run: Run, step: Index, since: Array) -> Array:
+    """Contact forces (n, m) of the parabolas of the steps, at times since their starts."""
+    if run.time.size < 3:
+        return np.repeat(run.force[:1], step.size, axis=0)
+    f0, f1, f2 = (run.force[2 * step + i] for i in range(3))
+    h = run.time[2 * step + 2] - run.time[2 * step]
+    u = np.divide(since, h, out=np.zeros_like(since), where=h > 0)[:, None]
+    return np.asarray(f0 + u * (4 * f1 - 3 * f0 - f2) + 2 * u * u * (f0 - 2 * f1 + f2))
+
+
+def states(
+    run: Run, system: System, load_at: Callable[[Array], Array], step: Index, since: Array
+) -> tuple[Array, Array]:
+    """Modal displacements and velocities (n, J) at times since the starts of steps.
+
+    `load_at`: times (n,) -> modal loads (n, J), linear over each step.
+    """
+    assert run.states is not None
+    q, v = run.states[step, 0], run.states[step, 1]
+    if run.time.size < 3:
+        return q, v
+    size = system.omega.size
+    out = np.empty((6, step.size * size))
+    omega, decay = np.tile(system.omega, step.size), np.tile(system.decay, step.size)
+    march.responses(omega, decay, np.repeat(since, size), out)
+    P, W, S, J0, J1, J2 = out.reshape(6, step.size, size)
+    f0, f1, f2 = (run.force[2 * step + i] for i in range(3))
+    start, middle = run.time[2 * step], run.time[2 * step + 1]
+    h = run.time[2 * step + 2] - start
+    long = np.where(h > 0, h, 1.0)[:, None]
+    at = load_at(start)
+    slope = (load_at(middle) - at) / (0.5 * long)
+    a = f0 @ system.beta - at
+    b = ((4 * f1 - 3 * f0 - f2) / long) @ system.beta - slope
+    c = (4 * (f0 - 2 * f1 + f2) / long**2) @ system.beta
+    return (
+        P * q + S * v - a * J0 - b * J1 - c * J2,
+        W * v - system.omega**2 * S * q - a * S - b * J0 - c * J1,
+    )
