@@ -31,6 +31,8 @@ from antiosc.models.rigid_share import APART, HIDDEN
 #: A site whose load has less than this share of its compliance outside the span of the others
 #: follows their motion: its own would make Z = H⁻¹ lose the square of it.
 DEPENDENT = 1e-10
+#: Share of the largest pivot from which a pivot is as good.
+NEARLY = 0.5
 
 
 @dataclass(frozen=True)
@@ -163,9 +165,16 @@ def independent(C: Array) -> tuple[IntArray, Array]:
     size = np.sqrt(np.maximum(C.diagonal(), 0.0))
     scale = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
     unit = C * scale[:, None] * scale
-    _, pivots, rank, _ = scipy.linalg.lapack.dpstrf(unit, tol=DEPENDENT)
-    kept = np.sort(pivots[:rank] - 1)
+    left, chosen = unit.copy(), []
+    while left.size and left.diagonal().max() > DEPENDENT:
+        pivots = left.diagonal()
+        # the first of nearly equal ones: rounding must not decide which of two equal sites is kept
+        k = int(np.argmax(pivots > NEARLY * pivots.max()))
+        chosen.append(k)
+        left = left - np.outer(left[k], left[k]) / pivots[k]
+        left[k], left[:, k] = 0.0, 0.0
+    kept = np.sort(np.array(chosen, dtype=int))
     follow = np.linalg.solve(unit[np.ix_(kept, kept)], unit[kept]).T
     follow = follow * size[:, None] * scale[kept]
-    follow[kept] = np.eye(rank)
+    follow[kept] = np.eye(len(kept))
     return kept, follow
