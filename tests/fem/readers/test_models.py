@@ -1,0 +1,363 @@
+"""What a deck says of its materials, sections, supports, masses and springs, in SI units.
+
+The parsers are called here directly; `tests/fem/structure/test_from_deck.py` builds the structures.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from antiosc.fem.readers.decks import abaqus_assembly, abaqus_model, nastran, nastran_model
+from antiosc.fem.readers.decks.geometry import fixed_along_axes
+from antiosc.fem.readers.decks.model import isotropic, of_stiffness
+from antiosc.fem.readers.unit_system import UnitSystem
+
+CORNERS = [(x, y, z) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
+MM = UnitSystem.of("mm")
+
+
+@pytest.fixture
+def abaqus(tmp_path):
+    def model(text: str, density=None):
+        path = tmp_path / "part.inp"
+        path.write_text(text)
+        whole = abaqus_assembly.read(path, path.name)
+        return abaqus_model.model_of(whole, MM, density), whole.deck
+
+    return model
+
+
+@pytest.fixture
+def bulk(tmp_path):
+    def model(text: str, density=None):
+        path = tmp_path / "part.bdf"
+        path.write_text(text)
+        found = nastran.read(path, path.name)
+        return nastran_model.model_of(found, MM, density), found.deck
+
+    return model
+
+
+def constants(E, nu, G) -> np.ndarray:
+    """Stiffness (6, 6) of three moduli, ν12, ν13, ν23 and three shear moduli."""
+    S = np.diag([*(1 / np.array(E)), *(1 / np.array(G))])
+    S[0, 1] = S[1, 0] = -nu[0] / E[0]
+    S[0, 2] = S[2, 0] = -nu[1] / E[0]
+    S[1, 2] = S[2, 1] = -nu[2] / E[1]
+    return np.linalg.inv(S)
+
+
+# --- Materials and sections -----------------------------------------------------------------------
+
+NODES = "*NODE,NSET=N\n" + "".join(f"{k},{x},{y},{z}\n" for k, (x, y, z) in enumerate(CORNERS, 1))
+CUBE = NODES + "*ELEMENT,TYPE=C3D8,ELSET=ALL\n1,1,2,3,4,5,6,7,8\n"
+SHEET = NODES + "*ELEMENT,TYPE=S4,ELSET=ALL\n1,1,2,3,4\n"
+BAR = NODES + "*ELEMENT,TYPE=B31,ELSET=ALL\n1,1,2\n"
+DENSITY = "*DENSITY\n2.E-9\n"
+STEEL = "*MATERIAL,NAME=M\n*ELASTIC\n2E5,.3\n" + DENSITY
+SOLID = "*SOLID SECTION,ELSET=ALL,MATERIAL=M\n"
+
+
+def test_stiffness_gives_back_the_constants():
+    E, nu, G = [9e4, 2e4, 1e4], [0.3, 0.25, 0.4], [5e3, 4e3, 3e3]
+    np.testing.assert_allclose(of_stiffness(constants(E, nu, G)), [*E, *nu, *G], rtol=1e-12)
+    steel = isotropic(2e5, 0.3)
+    np.testing.assert_allclose(of_stiffness(constants(steel[:3], steel[3:6], steel[6:])), steel)
+
+
+def ply(card: str) -> str:
+    section = "*SHELL SECTION,ELSET=ALL,MATERIAL=M\n.5\n"
+    return SHEET + section + "*MATERIAL,NAME=M\n" + card + DENSITY
+
+
+D = constants([9e4, 2e4, 1e4], [0.3, 0.25, 0.4], [5e3, 4e3, 3e3])
+ORTHO = ",".join(repr(float(D[i, j])) for i, j in ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2)))
+CARDS = {
+    "engineering": "*ELASTIC,TYPE=ENGINEERING CONSTANTS\n9E4,2E4,1E4,.3,.25,.4,5E3,4E3,\n3E3\n",
+    "lamina": "*ELASTIC,TYPE=LAMINA\n9E4,2E4,.3,5E3,4E3,3E3\n",
+    "ortho": f"*ELASTIC,TYPE=ORTHOTROPIC\n{ORTHO},5E3,4E3,\n3E3\n",
+}
+
+
+@pytest.mark.parametrize("kind", CARDS)
+def test_an_orthotropic_shell_is_a_laminate_of_one_layer(abaqus, kind):
+    """In N and mm: moduli × 10⁶ Pa, density × 10¹² kg/m³."""
+    model, _ = abaqus(ply(CARDS[kind]))
+    ((name, family, given, _),) = model["families"]
+    assert (name, family) == ("ALL", "Laminate")
+    (layer,) = given["layers"]
+    expected = {"E1": 9e10, "E2": 2e10, "nu12": 0.3, "G12": 5e9, "G13": 4e9, "G23": 3e9}
+    expected |= {"rho": 2e3, "thickness": 5e-4, "angle": 0.0}
+    assert layer == pytest.approx(expected)
+    assert given["axis"] == pytest.approx([1, 0, 0])
+    assert given["top"] == pytest.approx([0, 0, 1])
+
+
+def test_engineering_constants_may_be_isotropic(abaqus):
+    G = 2e5 / 2.6
+    card = f"*ELASTIC,TYPE=ENGINEERINGCONSTANTS\n2E5,2E5,2E5,.3,.3,.3,{G},{G},\n{G}\n"
+    model, _ = abaqus(CUBE + SOLID + "*MATERIAL,NAME=M\n" + card + DENSITY)
+    ((_, family, given, _),) = model["families"]
+    assert family == "Solid"
+    assert given == pytest.approx({"E": 2e11, "nu": 0.3, "rho": 2e3})
+
+
+@pytest.mark.parametrize(
+    ("layer", "angle"), [("", 0), (",30.", 30), (",TURNED", 40), (",SWAPPED", 90)]
+)
+def test_angles_of_layers_count_from_the_axis_of_the_stack(abaqus, layer, angle):
+    """By a number, or by an orientation of the layer's own; the stack's own lies 20° from x."""
+    axes = (
+        "*ORIENTATION,NAME=O\n1,0,0,0,1,0\n3,20.\n"
+        "*ORIENTATION,NAME=TURNED\n1,0,0,0,1,0\n3,60.\n"
+        "*ORIENTATION,NAME=SWAPPED\n-0.3420201,0.9396926,0,1,0,0\n"
+    )
+    section = f"*SHELL SECTION,ELSET=ALL,COMPOSITE,ORIENTATION=O\n.5,3,M{layer}\n"
+    model, _ = abaqus(SHEET + section + "*MATERIAL,NAME=M\n" + CARDS["lamina"] + DENSITY + axes)
+    ((_, _, given, _),) = model["families"]
+    cos, sin = np.cos(np.radians(20)), np.sin(np.radians(20))
+    assert given["axis"] == pytest.approx([cos, sin, 0])
+    assert given["layers"][0]["angle"] == pytest.approx(angle, abs=1e-5)
+
+
+@pytest.mark.parametrize(("kind", "plane"), [("CPS4", "stress"), ("CPE4R", "strain")])
+def test_plane_sections_have_their_thickness(abaqus, kind, plane):
+    model, _ = abaqus(SHEET.replace("S4", kind) + SOLID + "4.\n" + STEEL)
+    ((_, _, given, _),) = model["families"]
+    assert given["plane"] == plane
+    assert given["thickness"] == pytest.approx(4e-3)
+    assert (model["gdim"], model["halve"]) == (2, False)
+
+
+@pytest.mark.parametrize(
+    ("options", "offset", "orientation", "moments"),
+    [
+        ("", 0.0, (0, 1, 0), (2 * 27, 3 * 8)),
+        (",OFFSET1=.5", 1.5, (0, 1, 0), (2 * 27, 3 * 8)),
+        (",OFFSET2=-.25", -0.5, (0, 0, 1), (3 * 8, 2 * 27)),
+    ],
+)
+def test_a_beam_beside_its_nodes(abaqus, options, offset, orientation, moments):
+    """RECT of 3 along direction 1 (y) and 2 along t × y = z; offsets in shares of these."""
+    section = f"*BEAM SECTION,ELSET=ALL,MATERIAL=M,SECTION=RECT{options}\n3.,2.\n0,1,0\n"
+    model, _ = abaqus(BAR + section + STEEL)
+    ((_, family, given, _),) = model["families"]
+    assert family == "Beam"
+    assert given["offset"] == pytest.approx(offset * 1e-3)
+    assert given["orientation"] == pytest.approx(orientation)
+    own = given["section"]
+    assert own["A"] == pytest.approx(6e-6)
+    assert (own["I"], own["I_side"]) == pytest.approx([m / 12 * 1e-12 for m in moments])
+    assert model["halve"]
+
+
+def test_one_number_of_a_round_beam_is_its_radius(abaqus):
+    section = "*BEAM SECTION,ELSET=ALL,MATERIAL=M,SECTION=CIRC\n2.\n"
+    model, deck = abaqus(BAR + section + STEEL)
+    assert model["families"][0][2]["section"]["A"] == pytest.approx(4e-6 * np.pi)
+    assert model["families"][0][2]["orientation"] == [0, 0, -1]
+    assert "taken for the radius" in deck.told[0]
+
+
+def test_what_of_a_material_is_not_taken_is_listed(abaqus):
+    two = STEEL.replace("2E5,.3\n", "2E5,.3,20\n1E5,.3,500\n") + "*PLASTIC\n200.,0.\n"
+    model, _ = abaqus(CUBE + SOLID + two + "*STEP\n*STATIC\n*CLOAD\n1,1,5.\n*END STEP\n")
+    assert model["families"][0][2]["E"] == pytest.approx(2e11)
+    text = "; ".join(model["ignored"])
+    for words in ("*ELASTIC of other temperatures", "*PLASTIC", "CLOAD"):
+        assert words in text
+
+
+# --- Supports, masses, springs --------------------------------------------------------------------
+
+
+def fixed(deck) -> dict[str, list[int]]:
+    return {name.removeprefix("fixed "): (rows + 1).tolist() for name, rows in deck.fixed.items()}
+
+
+def test_supports_by_name_by_range_and_with_a_motion(abaqus):
+    text = "*BOUNDARY\n1,ENCASTRE\n2,PINNED\n3,XSYMM\n4,2,3\n5,3\n6,1,1,0.5\n"
+    model, deck = abaqus(
+        SHEET + "2,5,6,7,8\n" + "*SHELL SECTION,ELSET=ALL,MATERIAL=M\n.1\n" + STEEL + text
+    )
+    assert fixed(deck) == {
+        "x": [1, 2, 3, 6],
+        "y": [1, 2, 4],
+        "z": [1, 2, 4, 5],
+        "rx": [1],
+        "ry": [1, 3],
+        "rz": [1, 3],
+    }
+    assert any("the motion of *BOUNDARY" in text for text in model["ignored"])
+
+
+def test_supports_about_an_axis(abaqus):
+    """TYPE=C: 1 is radial, 2 along the circle, 3 axial; nodes on x and on y about the axis z."""
+    ring = "*TRANSFORM,NSET=N,TYPE=C\n0,0,0,0,0,2\n"
+    nodes = NODES.replace("1,0,0,0\n", "1,9,9,0\n").replace("5,0,0,1\n", "5,9,9,1\n")
+    cube = CUBE.replace(NODES, nodes)
+    _, deck = abaqus(cube + SOLID + STEEL + ring + "*BOUNDARY\n2,1\n4,1\n6,2\n8,3\n")
+    assert fixed(deck) == {"x": [2], "y": [4, 6], "z": [8]}
+
+
+def test_masses_and_inertias(abaqus):
+    text = (
+        "*ELEMENT,TYPE=MASS,ELSET=Q\n9,3\n*MASS,ELSET=Q\n5.E-3\n"
+        "*ELEMENT,TYPE=ROTARYI,ELSET=R\n10,4\n*ROTARY INERTIA,ELSET=R\n1.,2.,3.\n"
+    )
+    model, _ = abaqus(CUBE + SOLID + STEEL + text)
+    heavy, turning = model["masses"]
+    assert heavy[0] == pytest.approx([1e-3, 1e-3, 0])
+    assert heavy[1:] == [pytest.approx(5.0), [0, 0, 0]]
+    assert turning[0] == pytest.approx([0, 1e-3, 0])
+    assert turning[1] == 0
+    assert turning[2] == pytest.approx([1e-3, 2e-3, 3e-3])  # t mm² = 10³ kg × 10⁻⁶ m²
+
+
+GRIDS = "".join(f"GRID,{k},,{x}.,{y}.,{z}.\n" for k, (x, y, z) in enumerate(CORNERS, 1))
+MAT = "MAT1,1,2.+5,,.3,2.-9\n"
+QUAD = GRIDS + "CQUAD4,1,1,1,2,3,4\nCQUAD4,2,1,5,6,7,8\nPSHELL,1,1,.1,1\n" + MAT
+TURNED = "CORD2R,5,,0.,0.,0.,1.,0.,0.\n,0.,1.,0.\n"  # its z is x, its x is y, its y is z
+
+SPRINGS = {
+    "CELAS1": ("CELAS1,9,4,3,2\nPELAS,4,5.\n", {"y": 5e3}),
+    "CELAS1, second": ("CELAS1,9,4,,,3,6\nPELAS,4,5.\n", {"rz": 5e-3}),
+    "CELAS2": ("CELAS2,9,5.,3,4\n", {"rx": 5e-3}),
+    "CBUSH": ("CBUSH,9,4,3\nPBUSH,4,K,1.,,3.,,5.\n", {"x": 1e3, "z": 3e3, "ry": 5e-3}),
+}
+
+
+@pytest.mark.parametrize("kind", SPRINGS)
+def test_grounded_springs(bulk, kind):
+    """N/mm = 10³ N/m, N mm = 10⁻³ N m."""
+    text, expected = SPRINGS[kind]
+    model, _ = bulk(QUAD + text)
+    found = {}
+    for point, stiffness in model["springs"]:
+        assert point == pytest.approx([1e-3, 1e-3, 0])
+        found |= stiffness
+    assert found == pytest.approx(expected)
+
+
+def test_springs_and_supports_follow_the_system_of_their_node(bulk):
+    quad = QUAD.replace("GRID,3,,1.,1.,0.", "GRID,3,,1.,1.,0.,5") + TURNED
+    model, deck = bulk(quad + "CELAS2,9,5.,3,1\nCELAS2,10,7.,3,6\nSPC1,1,2,3\nSPC,1,3,5,,4,123\n")
+    assert model["springs"][0][1] == pytest.approx({"y": 5e3})
+    assert model["springs"][1][1] == pytest.approx({"rx": 7e-3})
+    assert fixed(deck) == {"x": [4], "y": [4], "z": [3, 4], "rz": [3]}
+
+
+def test_permanent_supports_and_those_of_the_first_subcase(bulk):
+    control = "SUBCASE 1\n  SPC = 7\nSUBCASE 2\n  SPC = 8\nBEGIN BULK\n"
+    quad = QUAD.replace("GRID,1,,0.,0.,0.", "GRID,1,,0.,0.,0.,,12")
+    sets = "SPCADD,7,1,2\nSPC1,1,3,2,THRU,4\nSPC1,2,4,5\nSPC1,8,5,6\nSPC1,7,6,6\n"
+    _, deck = bulk(control + quad + "GRDSET,,,,,,,,\n" + sets)
+    assert fixed(deck) == {"x": [1], "y": [1], "z": [2, 3, 4], "rx": [5], "rz": [6]}
+
+
+def test_masses_with_a_factor(bulk):
+    """WTMASS: densities, point and nonstructural masses are weights."""
+    quad = QUAD.replace("PSHELL,1,1,.1,1", "PSHELL,1,1,.1,1,,,,4.-9")
+    model, _ = bulk(quad + "PARAM,WTMASS,.5\nCONM2,9,2,,3.-3,,,,\n,1.,,2.,,,3.\n")
+    ((_, _, given, _),) = model["families"]
+    assert given["rho"] == pytest.approx(0.5 * (2e3 + 4e-9 / 0.1 * 1e12))
+    ((point, mass, inertia),) = model["masses"]
+    assert point == pytest.approx([1e-3, 0, 0])
+    assert mass == pytest.approx(1.5)
+    assert inertia == pytest.approx([5e-4, 1e-3, 1.5e-3])
+
+
+@pytest.mark.parametrize(
+    ("given", "E", "nu"),
+    [("2.+5,,.3", 2e11, 0.3), (",1.+5,.3", 2.6e11, 0.3), ("2.+5,8.+4,", 2e11, 0.25)],
+)
+def test_one_of_the_three_constants_may_be_missing(bulk, given, E, nu):
+    model, _ = bulk(QUAD.replace("2.+5,,.3", given))
+    assert model["families"][0][2]["E"] == pytest.approx(E)
+    assert model["families"][0][2]["nu"] == pytest.approx(nu)
+    assert not model["ignored"]
+
+
+def test_a_shear_modulus_that_contradicts_is_told(bulk):
+    model, _ = bulk(QUAD.replace("2.+5,,.3", "2.+5,5.+4,.3"))
+    assert "G of MAT1 1, which does not follow" in model["ignored"][0]
+
+
+PLY = "MAT8,2,9.+4,2.+4,.3,5.+3,4.+3,3.+3,2.-9\n"
+
+
+@pytest.mark.parametrize(
+    ("element", "axis"),
+    [
+        ("CQUAD4,1,1,1,2,3,4", (1, 0, 0)),
+        ("CQUAD4,1,1,2,3,4,1", (0, 1, 0)),
+        ("CQUAD4,1,1,1,2,3,4,30.", (np.sqrt(3) / 2, 0.5, 0)),
+        ("CQUAD4,1,1,1,2,3,4,5", (0, 1, 0)),
+        ("CTRIA3,1,1,1,2,3,30.", (np.sqrt(3) / 2, 0.5, 0)),
+    ],
+)
+def test_the_axis_of_a_layered_shell(bulk, element, axis):
+    """The first side turned by THETA, or x of the system MCID."""
+    stack = "PCOMP,1,,6.-9,,,,,SYM\n,2,.1,45.,,,.2,0.\n"
+    model, _ = bulk(GRIDS + element + "\n" + stack + PLY + TURNED)
+    ((_, family, given, _),) = model["families"]
+    assert family == "Laminate"
+    assert given["axis"] == pytest.approx(axis, abs=1e-12)
+    assert given["top"] == pytest.approx([0, 0, 1])
+    found = [(layer["angle"], layer["thickness"]) for layer in given["layers"]]
+    assert found == pytest.approx([(45, 1e-4), (0, 2e-4), (0, 2e-4), (45, 1e-4)])
+    for layer in given["layers"]:
+        assert layer["rho"] == pytest.approx(2e3 + 6e-9 / 0.6 * 1e12)
+        assert (layer["E1"], layer["G13"], layer["G23"]) == pytest.approx((9e10, 4e9, 3e9))
+
+
+def test_a_shell_of_one_ply(bulk):
+    quad = GRIDS + "CQUAD4,1,1,1,2,3,4\nPSHELL,1,2,.4,2\n"
+    model, _ = bulk(quad + PLY.replace("4.+3,3.+3", ","))
+    ((_, family, given, _),) = model["families"]
+    assert family == "Laminate"
+    (layer,) = given["layers"]
+    assert layer["thickness"] == pytest.approx(4e-4)
+    assert layer["G13"] == layer["G23"] == pytest.approx(5e9)
+    assert "rigid transverse shear of MAT8 2" in model["ignored"][0]
+
+
+def test_an_include_may_go_on_over_lines(tmp_path):
+    (tmp_path / "in a folder").mkdir()
+    (tmp_path / "in a folder" / "grids.bdf").write_text(GRIDS)
+    path = tmp_path / "part.bdf"
+    path.write_text("INCLUDE 'in a fol\n  der/grids.bdf'\n" + QUAD.removeprefix(GRIDS))
+    assert len(nastran.read(path, path.name).deck.points) == 8
+
+
+def test_names_in_quotes_may_hold_commas(abaqus):
+    solid = SOLID.replace("=ALL", '="A, B"').replace("=M", '="Steel, old"')
+    text = CUBE.replace("=ALL", '="A, B"') + solid + STEEL.replace("=M", '="Steel, old"')
+    model, _ = abaqus(text)
+    assert model["families"][0][0] == "A, B"
+
+
+def test_the_nodes_of_an_element_set(abaqus):
+    _, deck = abaqus(CUBE + "*NSET,NSET=B,ELSET=ALL\n" + SOLID + STEEL)
+    assert (deck.node_sets["B"] + 1).tolist() == list(range(1, 9))
+
+
+@pytest.mark.parametrize(
+    ("own", "expected"),
+    [
+        ([0, 0, 0], [0, 0, 0]),
+        ([1, 1, 1], [1, 1, 1]),
+        ([1, 0, 0], None),
+        ([0, 1, 0], None),
+        ([0, 0, 1], [0, 1, 0]),
+        ([1, 1, 0], [1, 0, 1]),
+        ([1, 0, 1], None),
+    ],
+)
+def test_directions_askew_in_a_plane(own, expected):
+    """Rows 1 and 2 lie askew in the plane of x and z, row 3 along −y."""
+    c = np.sqrt(0.5)
+    frame = np.array([[c, 0, c], [c, 0, -c], [0, -1, 0]])
+    found = fixed_along_axes(np.array(own, dtype=bool), frame)
+    assert (found if found is None else found.astype(int).tolist()) == expected
