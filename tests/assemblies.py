@@ -2,32 +2,114 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
+import dolfinx
 import numpy as np
 import scipy.linalg
 import scipy.sparse.linalg
+from mpi4py import MPI
 
 import antiosc as ao
+from antiosc.fem import compat
+from antiosc.fem.assembly.facets import Facets
 from antiosc.fem.linalg.petsc_algebra import csr
+from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.site.functionals import functional
+
+E, NU, RHO = 70e9, 0.3, 2700.0
+SOLID = ao.Solid(E, NU, RHO)
+BEAM = ao.Beam(E, NU, RHO, ao.Section.rectangle(0.01, 0.02), orientation=(0, 0, 1))
+
+Where = Callable[[np.ndarray], np.ndarray]
+
+
+def at(axis: int, value: float) -> Where:
+    """Points whose coordinate has a value."""
+    return lambda x: np.isclose(x[axis], value)
+
+
+def grouped(mesh: dolfinx.mesh.Mesh, **where: Where) -> Mesh:
+    """A mesh with groups of facets on its boundary."""
+    dim = mesh.topology.dim - 1
+    tags = {}
+    for name, marker in where.items():
+        facets = np.sort(dolfinx.mesh.locate_entities_boundary(mesh, dim, marker))
+        tags[name] = dolfinx.mesh.meshtags(mesh, dim, facets, np.ones(len(facets), np.int32)), 1
+    return ao.read_mesh(mesh, groups=tags)
+
+
+def box(low: tuple, high: tuple, n: tuple, cell: str = "hexahedron") -> Mesh:
+    """A block (or a rectangle) with groups "x0", "x1", … of its sides."""
+    kind = getattr(dolfinx.mesh.CellType, cell)
+    corners = [np.array(low, dtype=float), np.array(high, dtype=float)]
+    make = dolfinx.mesh.create_box if len(low) == 3 else dolfinx.mesh.create_rectangle
+    mesh = make(MPI.COMM_SELF, corners, n, cell_type=kind)
+    sides = {
+        f"{'xyz'[axis]}{side}": at(axis, ends[axis])
+        for axis in range(len(low))
+        for side, ends in enumerate((low, high))
+    }
+    return grouped(mesh, **sides)
+
+
+def line(start: tuple, end: tuple, n: int) -> Mesh:
+    """A line with groups "start" and "end" of one point each."""
+    x = np.linspace(start, end, n + 1).astype(float)
+    cells = np.column_stack([np.arange(n), np.arange(1, n + 1)]).astype(np.int64)
+    mesh = compat.create_mesh(MPI.COMM_SELF, cells, x, "interval", 1)
+
+    def near(point: tuple) -> Where:
+        return lambda x: np.linalg.norm(x[: len(point)].T - np.array(point), axis=1) < 1e-9
+
+    return grouped(mesh, start=near(start), end=near(end))
 
 
 def free_dofs(structure: ao.Structure) -> np.ndarray:
     """Dofs that are not held and do not depend on others."""
-    return np.setdiff1d(np.arange(structure.K.getSize()[0]), structure.fixed)
+    return np.setdiff1d(np.arange(structure.size), structure.fixed)
+
+
+def dense(structure: ao.Structure) -> tuple[np.ndarray, np.ndarray]:
+    """K and M of the free dofs."""
+    free = free_dofs(structure)
+    K, M = (csr(A)[free][:, free].toarray() for A in (structure.K, structure.M))
+    return K, M
 
 
 def eigenfrequencies(structure: ao.Structure, n: int) -> np.ndarray:
     """The lowest n circular frequencies, from dense matrices."""
+    K, M = dense(structure)
+    shift = 1e-6 * np.linalg.norm(K) / np.linalg.norm(M)  # M may be singular, K too
+    last = len(K) - 1
+    theta = scipy.linalg.eigh(
+        M, K + shift * M, eigvals_only=True, subset_by_index=[last - n + 1, last]
+    )
+    return np.sqrt(np.abs(1 / theta[::-1] - shift))
+
+
+def solved(structure: ao.Structure, b: np.ndarray) -> np.ndarray:
+    """q under the load b."""
     free = free_dofs(structure)
-    K, M = (csr(A)[free][:, free].toarray() for A in (structure.K, structure.M))
-    values = scipy.linalg.eigh(K, M, eigvals_only=True, subset_by_index=[0, n - 1])
-    return np.sqrt(np.abs(values))
+    q = np.zeros(structure.size)
+    q[free] = scipy.sparse.linalg.spsolve(csr(structure.K)[free][:, free].tocsc(), b[free])
+    return q
 
 
 def static(structure: ao.Structure, site: ao.Site) -> np.ndarray:
     """q under a unit force at a site."""
-    free = free_dofs(structure)
-    q = np.zeros(structure.K.getSize()[0])
-    b = functional(structure, site).b
-    q[free] = scipy.sparse.linalg.spsolve(csr(structure.K)[free][:, free].tocsc(), b[free])
-    return q
+    return solved(structure, functional(structure, site).b)
+
+
+def pulled(structure: ao.Structure, part: str, group: str, traction: np.ndarray) -> np.ndarray:
+    """u of all parts under a traction (Pa, or N/m) on a group of facets."""
+    member = structure.layout.members[part]
+    facets = Facets(member, group)
+    face, xi, weight = facets.rule()
+    load = np.zeros(structure.layout.count)
+    for axis, value in enumerate(traction):
+        nodes = np.arange(len(member.nodes))
+        load[structure.layout.dofs(member, nodes, "xyz"[axis])] = (
+            value * facets.basis(face, xi).T @ weight
+        )
+    return structure.T @ solved(structure, structure.T.T @ load)

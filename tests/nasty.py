@@ -42,6 +42,7 @@ INNER = {
     *("implicit", "out_of_range", "loading", "loading_slope", "loading_work", "permanent"),
     *("unload_shape", "reload_shape", "weak_form", "half_space_compliance", "shear_stiffness"),
     *("rotary_inertia", "dimensions", "bar_speed", "constants"),
+    *("prepare", "constraints", "elastic", "label", "placed", "own"),
 }
 #: What functions return: antiosc alone makes them.
 RESULTS = {
@@ -310,7 +311,15 @@ BY_MAKER: dict[str, Callable[[], Any]] = {
     "K": lambda: matrices()[0], "M": lambda: matrices()[1], "make": lambda: ao.RigidMass,
 }  # fmt: skip
 
+ENDS = {"a": ("part", (0.1, 0.1, 0.02)), "b": "hub"}
+
 OWN: dict[str, dict[str, Any]] = {
+    "assemble": {"parts": lambda: {"part": part()}}, "Placement": {},
+    "Tie": {"a": "part:top", "b": "other:low"}, "Rigid": {"group": "part:top"},
+    "Mean": {"group": "part:top", "point": "hub"},
+    "Weld": ENDS, "Ball": ENDS, "Hinge": ENDS, "Slider": ENDS,
+    "Bolt": {**ENDS, "beam": lambda: ao.Beam(70e9, 0.3, 2700.0, ao.Section.circle(0.01))},
+    "Bushing": {**ENDS, "stiffness": {"z": 1e5}}, "Equation": {"terms": [("hub", "z", 1.0)]},
     "advise": {"part": (0.3, 0.2, 0.01), "E": 70e9, "rho": 2700.0},
     "extract": {"site": place}, "full": {"site": place}, "superposition": {"site": place},
     "impact_map": {

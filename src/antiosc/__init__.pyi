@@ -39,6 +39,34 @@ from antiosc.errors import (
     NotConvergedError as NotConvergedError,
     OutOfMemoryError as OutOfMemoryError,
 )
+from antiosc.fem.assembly.assemble import (
+    assemble as assemble,
+)
+from antiosc.fem.assembly.bolt import (
+    Bolt as Bolt,
+)
+from antiosc.fem.assembly.bushing import (
+    Bushing as Bushing,
+)
+from antiosc.fem.assembly.equation import (
+    Equation as Equation,
+)
+from antiosc.fem.assembly.pins import (
+    Ball as Ball,
+    Hinge as Hinge,
+    Slider as Slider,
+    Weld as Weld,
+)
+from antiosc.fem.assembly.placement import (
+    Placement as Placement,
+)
+from antiosc.fem.assembly.spiders import (
+    Mean as Mean,
+    Rigid as Rigid,
+)
+from antiosc.fem.assembly.tie import (
+    Tie as Tie,
+)
 from antiosc.fem.elements.beam import (
     Beam as Beam,
     Section as Section,

@@ -249,6 +249,13 @@ def tabulate(space: fem.FunctionSpace, path: Sequence[int], X: Array) -> Array:
     return np.asarray(element.tabulate(0, X))[0].reshape(len(X), -1)
 
 
+def tabulate_slopes(space: Any, path: Sequence[int], X: Array) -> Array:
+    """Their derivatives along the reference directions: (points, functions, directions)."""
+    element = subspace(space, path).element.basix_element
+    tables = np.asarray(element.tabulate(1, X))[1:]
+    return np.moveaxis(tables.reshape(len(tables), len(X), -1), 0, 2)
+
+
 def local_size(space: fem.FunctionSpace) -> int:
     """Dofs owned by this rank."""
     return int(space.dofmap.index_map.size_local * space.dofmap.index_map_bs)

@@ -14,11 +14,17 @@ from antiosc._types import Array, BoolArray, IntArray
 from antiosc.checks import array, shown
 from antiosc.errors import AccuracyError, InputError
 from antiosc.fem.assembly import motions
-from antiosc.fem.assembly.assembled import Added, AssembledMatrices, reduced, stacked
+from antiosc.fem.assembly.assembled import (
+    Added,
+    AssembledMatrices,
+    reduced,
+    stacked,
+    without_stiffness,
+)
 from antiosc.fem.assembly.attached import attachment
-from antiosc.fem.assembly.elimination import Redundant, Rows, eliminate
+from antiosc.fem.assembly.elimination import Eliminated, Redundant, Rows, eliminate
 from antiosc.fem.assembly.joint import Joint, Stiffness
-from antiosc.fem.assembly.layout import TURNS, Layout
+from antiosc.fem.assembly.layout import TURNS, Layout, Member, Sparse
 from antiosc.fem.assembly.placement import Placement, placement
 from antiosc.fem.assembly.shared_nodes import SharedNodes
 from antiosc.fem.assembly.supports import support_rows
@@ -33,6 +39,10 @@ from antiosc.fem.structure.null_space import SHIFT, orthonormal
 from antiosc.fem.structure.structure import Structure, on_mesh
 from antiosc.fem.structure.support import Support
 
+#: Share of the largest motion below which a part is at rest, but for rounding.
+AT_REST = 1e-6
+#: Share of the largest mass of a motion below which it has none.
+MASSLESS = 1e-12
 #: Force of a motion without strain over that of the entries of K; rounding leaves about 1e-15.
 STRAINLESS = 1e-9
 
@@ -156,7 +166,9 @@ def put_together(
     C = stacked([*(r.matrix for r in rows), *stretches], layout.count)
     strainless = motions.free_motions(layout, C, held, scale)
     _tell_motions(layout, *strainless, supported=bool(held.any() or supports))
-    modes, shift = _modes(layout, K, M, fixed, *strainless)
+    modes, shift = _modes(layout, K, M, eliminated, *strainless)
+    if modes.shape[1] == layout.count - len(fixed):  # a rigid body: its K is rounding
+        K = without_stiffness(eliminated)
     self = object.__new__(Structure)
     matrices = AssembledMatrices(
         K, M, fixed, modes, shift, solver, layout=layout, T=eliminated.T, added=added
@@ -298,12 +310,13 @@ def _check_joined(layout: Layout, rows: Sequence[Rows], elastic: Sequence[Stiffn
     piece = np.zeros(layout.count, dtype=int)
     for k, one in enumerate(loose):
         piece[one.rows] = k
-    links = stacked([*(r.matrix for r in rows if r.label), *(e.G for e in elastic)], layout.count)
+    # all functionals of one spring belong together
+    springs = [Sparse(np.asarray(abs(e.G).sum(axis=0))) for e in elastic]
+    links = stacked([*(r.matrix for r in rows if r.label), *springs], layout.count)
     of_row = np.repeat(np.arange(links.shape[0]), np.diff(links.indptr))
     touched = scipy.sparse.csr_matrix(
         (np.ones(links.nnz), (piece[links.indices], of_row)), shape=(len(loose), links.shape[0])
     )
-    # all functionals of one spring belong together
     label = scipy.sparse.csgraph.connected_components(touched @ touched.T, directed=False)[1]
     largest = np.bincount(label, [len(one.rows) for one in loose]).argmax()
     for k in np.flatnonzero(label != largest):
@@ -325,33 +338,53 @@ def _modes(
     layout: Layout,
     K: Any,
     M: Any,
-    fixed: IntArray,
+    eliminated: Eliminated,
     rigid: Array,
     mechanisms: Array,
     moving: Sequence[motions.Loose],
 ) -> tuple[Array, float]:
     """(M-orthonormal motions without strain, first shift)."""
     found = np.hstack([rigid, mechanisms])
-    found[fixed] = 0.0
+    found[eliminated.dependent] = 0.0
     comm = communicator(K)
     modes = orthonormal(comm, M, found)
     if modes.shape[1] < found.shape[1]:
+        weight = found.T @ multiply(M, found)
+        values, turn = np.linalg.eigh(weight)
+        idle = eliminated.T @ found @ turn[:, values <= MASSLESS * values[-1]]
+        points = [one for one in moving if np.abs(idle[one.rows]).max() > motions.STILL]
         raise InputError(
             "a reference point moves without resistance and without mass: "
-            f"{_in_words(mechanisms, moving)}; join it, support it, or give it a mass."
+            f"{_in_words(idle, points)}; join it, support it, or give it a mass."
         )
     if not modes.shape[1]:
         return modes, 0.0
-    left = force_ratios(K, modes, multiply(K, modes)).max()
+    u = eliminated.T @ modes
+    least = AT_REST * np.abs(u).max()
+    left = max(_force_ratio(m, u[m.rows], least) for m in layout.members.values())
     if left > STRAINLESS:
         raise AccuracyError(
             f"a motion that no joint resists strains the assembly (‖K r‖/(‖K‖‖r‖) = {left:.1e}, "
             f"limit {STRAINLESS:.0e}): parts or their distances differ too much in size for double "
             "precision."
         )
+    if modes.shape[1] == np.count_nonzero(~eliminated.dependent):
+        return modes, 1.0  # any will do
     fields = motions.fields(layout)
-    fields[fixed] = 0.0
+    fields[eliminated.dependent] = 0.0
     return modes, SHIFT * rigid_body_modes.first_elastic(comm, K, M, fields, modes)
+
+
+def _force_ratio(member: Member, u: Array, least: float) -> float:
+    """Largest force of motions (rows, k) of a part over that of the entries of its K.
+
+    Motions below `least` are rounding.
+    """
+    moving = u[:, np.abs(u).max(axis=0) > least]
+    if not moving.size:
+        return 0.0
+    K = member.part.K
+    return float(force_ratios(K, moving, multiply(K, moving)).max())
 
 
 def _tell_motions(

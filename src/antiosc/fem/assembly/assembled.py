@@ -165,6 +165,11 @@ def reduced(layout: Layout, eliminated: Eliminated, added: Added) -> tuple[PETSc
     return K, M
 
 
+def without_stiffness(eliminated: Eliminated) -> PETSc.Mat:
+    """K of a rigid body: zero but for the diagonal of the dependent dofs."""
+    return from_csr("K", scipy.sparse.diags(eliminated.dependent.astype(float)).tocsr())
+
+
 def _projected(
     layout: Layout, eliminated: Eliminated, blocks: Sequence[Sparse], added: Sparse
 ) -> Sparse:

@@ -328,14 +328,14 @@ def _orientations(mesh: Mesh, parts: Parts) -> Expr:
     error = None
     for beam, cells in parts:
         try:
-            values[cells] = _heights(beam, axis[cells], middle[cells])
+            values[cells] = heights(beam, axis[cells], middle[cells])
         except InputError as caught:
             error = caught
     agree(mesh.comm, error)
     return function
 
 
-def _heights(beam: Beam, axis: Array, middle: Array) -> Array:
+def heights(beam: Beam, axis: Array, middle: Array) -> Array:
     """Unit height directions of elements with these axes and midpoints (n, 3)."""
     if beam.orientation is None:
         if not beam.section.isotropic:

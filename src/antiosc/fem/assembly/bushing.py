@@ -1,0 +1,99 @@
+"""`Bushing`: springs between two ends."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse
+
+from antiosc.checks import coordinates, positive, shown, store
+from antiosc.errors import InputError
+from antiosc.fem.assembly.ends import End, checked_end, end_text, motion
+from antiosc.fem.assembly.joint import Joint, Stiffness, checked_name
+from antiosc.fem.assembly.layout import MOVES, TURNS, Layout
+from antiosc.fem.assembly.pins import COINCIDENT, carried
+
+COMPONENTS = (*MOVES, *TURNS, "axial")
+
+
+@dataclass(frozen=True)
+class Bushing(Joint):
+    """Springs between two ends (CBUSH).
+
+    Parameters
+    ----------
+    a, b : ends
+        As for `Weld`.
+    stiffness : dict
+        Component -> stiffness: of "x", "y", "z" (N/m), "rx", "ry", "rz" (N m/rad) in the axes of
+        the assembly, and "axial" (N/m) along the line between the ends.
+    point : sequence of floats, optional
+        Where the springs of x … rz lie, m; default: at `a`. Ends that lie elsewhere are connected
+        to it rigidly.
+    name : str, optional
+        What messages call the joint.
+    """
+
+    a: End
+    b: End
+    stiffness: Mapping[str, float]
+    point: Sequence[float] | None = None
+    name: str | None = None
+
+    def __post_init__(self) -> None:
+        store(self, a=checked_end("a", self.a), b=checked_end("b", self.b))
+        if self.a == self.b:
+            raise InputError(f"a Bushing joins {end_text(self.a)} to itself.")
+        if not isinstance(self.stiffness, Mapping) or not self.stiffness:
+            raise InputError(
+                f"a Bushing needs a stiffness, as {{'z': 1e6}}; got {shown(self.stiffness)}."
+            )
+        for name in self.stiffness:
+            if not isinstance(name, str) or name not in COMPONENTS:
+                raise InputError(
+                    f"a Bushing acts on {', '.join(COMPONENTS)}; {shown(name)} is not one of them."
+                )
+        given = {
+            name: positive(f"the stiffness of {name}", value)
+            for name, value in self.stiffness.items()
+        }
+        store(self, stiffness=given, name=checked_name(self.name))
+        if self.point is not None:
+            store(self, point=coordinates("point", self.point))
+
+    def elastic(self, layout: Layout, label: str) -> list[Stiffness]:
+        """k (b − a)² of each component."""
+        a, b = motion(layout, self.a), motion(layout, self.b)
+        names = list(self.stiffness)
+        found = []
+        if "axial" in names:
+            line = b.point - a.point
+            length = float(np.linalg.norm(line))
+            if length <= COINCIDENT * layout.size:
+                raise InputError(f"{label} has no length: an axial spring needs two places.")
+            found.append(scipy.sparse.csr_matrix(line / length) @ (b.moves - a.moves))
+        others = [name for name in names if name != "axial"]
+        if others:
+            x = a.point if self.point is None else np.pad(self.point, (0, 3 - len(self.point)))
+            here = [carried(layout, label, e, m, x) for e, m in ((self.a, a), (self.b, b))]
+            apart = scipy.sparse.vstack(
+                [here[1].moves - here[0].moves, here[1].turns - here[0].turns]
+            ).tocsr()
+            for name in others:
+                axis = (MOVES + TURNS).index(name)
+                if axis > 2:
+                    for end, one in zip((self.a, self.b), here, strict=True):
+                        if one.turning[axis - 3, axis - 3] < 1 - 1e-6:
+                            raise InputError(
+                                f"{label} acts on {name}, a rotation that {end_text(end)} does "
+                                "not have."
+                            )
+                found.append(apart[axis])
+        G = scipy.sparse.vstack(found).tocsr()
+        if not G.nnz:
+            raise InputError(f"{label} joins nothing: none of its components can move.")
+        order = (["axial"] if "axial" in names else []) + others
+        k = np.diag([self.stiffness[name] for name in order])
+        return [Stiffness(G, k, np.zeros_like(k))]

@@ -1,0 +1,110 @@
+"""Faces or edges of a part that are tied, with their geometry in the assembly."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import basix
+import numpy as np
+import scipy.sparse
+
+from antiosc._types import Array, IntArray
+from antiosc.fem import compat
+from antiosc.fem.assembly.layout import Member, Sparse
+from antiosc.fem.mesh.entities import cells_at, frames, largest
+
+
+class Facets:
+    """Entities of the largest dimension in a group of a part, F of them.
+
+    Attributes
+    ----------
+    member : the part.
+    dim : 0 points, 1 edges, 2 faces.
+    cells : (F,) a cell at each.
+    """
+
+    def __init__(self, member: Member, group: str) -> None:
+        self.member, mesh = member, member.part.mesh
+        self.dim, entities = largest(mesh, group)
+        self.cells, number = cells_at(mesh, self.dim, entities)
+        self._origin, self._axes = frames(mesh, self.dim, number)
+        vertices = compat.entity_vertices(mesh.dolfinx, self.dim)[entities]
+        corners = member.vertices[vertices]
+        self.simplex = corners.shape[1] == self.dim + 1
+        self.affine = mesh.geometry.affine
+        # in order around the face
+        self.corners = corners if self.simplex else corners[:, [0, 1, 3, 2]]
+
+    def __len__(self) -> int:
+        return len(self.cells)
+
+    @cached_property
+    def centres(self) -> Array:
+        """Middles of the corners (F, 3) [m]."""
+        return np.asarray(self.corners.mean(axis=1))
+
+    @cached_property
+    def sizes(self) -> Array:
+        """Radius (F,) of a ball around the middle that holds the face [m]."""
+        ball = np.linalg.norm(self.corners - self.centres[:, None], axis=2).max(axis=1)
+        return np.asarray(ball * (1.0 if self.affine else 1.3))
+
+    @cached_property
+    def middle(self) -> Array:
+        """Coordinates (F, dim) of the middle in the reference face."""
+        middle = 1 / (self.dim + 1) if self.simplex else 0.5
+        return np.full((len(self), self.dim), middle)
+
+    @cached_property
+    def normals(self) -> Array:
+        """Unit normals (F, 3) of faces, unit tangents of edges, at the middle."""
+        _, J = self.at(np.arange(len(self)), self.middle)
+        across = np.cross(J[:, :, 0], J[:, :, 1]) if self.dim == 2 else J[:, :, 0]
+        return np.asarray(across / np.linalg.norm(across, axis=1, keepdims=True))
+
+    @property
+    def degree(self) -> int:
+        """Polynomial degree of the displacements on a face, in all directions together."""
+        space = self.member.part.form.space
+        path = self.member.part.form.components["x"]
+        own = int(compat.subspace(space, path).element.basix_element.degree)
+        return own if self.simplex else 2 * own
+
+    def rule(self) -> tuple[IntArray, Array, Array]:
+        """(face, ξ, weight [m or m²]) of a rule for products of functions on all faces."""
+        shape = ("interval", "triangle" if self.simplex else "quadrilateral")[self.dim - 1]
+        xi, w = basix.make_quadrature(getattr(basix.CellType, shape), 2 * self.degree)
+        face = np.repeat(np.arange(len(self)), len(w))
+        at = np.tile(np.asarray(xi).reshape(len(w), self.dim), (len(self), 1))
+        _, J = self.at(face, at)
+        size = np.sqrt(np.linalg.det(np.einsum("nxd,nxe->nde", J, J)))
+        return face, at, size * np.tile(w, len(self))
+
+    @cached_property
+    def measure(self) -> float:
+        """Area or length, m² or m."""
+        return float(self.rule()[2].sum())
+
+    def reference(self, face: IntArray, xi: Array) -> Array:
+        """Reference coordinates (n, tdim) in the cells of points ξ (n, dim) of faces (n,)."""
+        return np.asarray(self._origin[face] + np.einsum("ntd,nd->nt", self._axes[face], xi))
+
+    def at(self, face: IntArray, xi: Array) -> tuple[Array, Array]:
+        """(points (n, 3) [m], derivatives (n, 3, dim)) in the assembly at ξ in faces."""
+        x, J = self.member.part.mesh.geometry.at(self.cells[face], self.reference(face, xi))
+        J = np.einsum("nxt,ntd->nxd", J, self._axes[face])
+        return self.member.at.placed(x), np.einsum("cx,nxd->ncd", self.member.at.rotation, J)
+
+    def basis(self, face: IntArray, xi: Array) -> Sparse:
+        """Values (n, nodes of the part) of the nodes' functions at ξ in faces."""
+        form = self.member.part.form
+        path = form.components["x"]
+        weights = compat.tabulate(form.space, path, self.reference(face, xi))
+        weights[np.abs(weights) < 1e-13] = 0.0
+        nodes = compat.cell_dofs(form.space, path, self.cells[face]) // self.member.block
+        row = np.repeat(np.arange(len(face)), nodes.shape[1])
+        shape = len(face), len(self.member.nodes)
+        result = scipy.sparse.csr_matrix((weights.ravel(), (row, nodes.ravel())), shape=shape)
+        result.eliminate_zeros()
+        return result

@@ -1,0 +1,196 @@
+"""Common parts of two surfaces (or lines) with meshes that do not match.
+
+A face of one side is intersected with each near face of the other in the plane that touches the
+first; points of a Gauss rule on each common polygon have coordinates in both faces. On plane faces
+the rule is exact for products of their functions, so that integrals over both sides agree.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import basix
+import numpy as np
+
+from antiosc._types import Array, BoolArray, IntArray
+from antiosc.fem.assembly.facets import Facets
+from antiosc.fem.mesh.cell_geometry import clamped, excess, near, projected
+
+#: Faces whose normals have a smaller cosine do not lie on each other.
+PARALLEL = 0.5
+#: Share of a face's area below which a common polygon is rounding.
+LEAST_OVERLAP = 1e-10
+#: A point may lie this far outside of the reference face (curved faces do not cover each other).
+OUTSIDE = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Overlap:
+    """Points of a rule on what two surfaces have in common, n of them.
+
+    Attributes
+    ----------
+    face : (n,), (n,) face of the first and of the second side.
+    xi : (n, dim), (n, dim) coordinates in these.
+    x : (n, 3), (n, 3) points of both sides [m].
+    weight : (n,) [m or m²].
+    """
+
+    face: tuple[IntArray, IntArray]
+    xi: tuple[Array, Array]
+    x: tuple[Array, Array]
+    weight: Array
+
+    def turned(self) -> Overlap:
+        """The same with the sides exchanged."""
+        (f, g), (xi, eta), (x, y) = self.face, self.xi, self.x
+        return Overlap((g, f), (eta, xi), (y, x), self.weight)
+
+    def only(self, keep: BoolArray) -> Overlap:
+        """Some of the points."""
+        return Overlap(
+            (self.face[0][keep], self.face[1][keep]),
+            (self.xi[0][keep], self.xi[1][keep]),
+            (self.x[0][keep], self.x[1][keep]),
+            self.weight[keep],
+        )
+
+
+def overlap(first: Facets, second: Facets, gap: float) -> Overlap:
+    """What two sets of faces, or of edges, have in common, at most `gap` [m] apart."""
+    mine, theirs = near(second.centres, second.sizes + first.sizes.max() + gap, first.centres)[::-1]
+    reach = first.sizes[mine] + second.sizes[theirs] + gap
+    close = np.linalg.norm(first.centres[mine] - second.centres[theirs], axis=1) <= reach
+    facing = np.abs(np.einsum("nd,nd->n", first.normals[mine], second.normals[theirs])) > PARALLEL
+    mine, theirs = mine[close & facing], theirs[close & facing]
+    degree = first.degree + max(first.degree, second.degree)
+    if first.dim == 2:
+        pair, points, weight = _of_faces(first, second, mine, theirs, degree)
+        along = first.normals[mine[pair]]
+    else:
+        pair, points, weight = _of_edges(first, second, mine, theirs, degree)
+        along = None
+    face = mine[pair], theirs[pair]
+    sides = [
+        _coordinates(side, on, points, along)
+        for side, on in zip((first, second), face, strict=True)
+    ]
+    (xi_1, x_1, in_1), (xi_2, x_2, in_2) = sides
+    found = Overlap(face, (xi_1, xi_2), (x_1, x_2), weight)
+    apart = np.linalg.norm(x_1 - x_2, axis=1)
+    return found.only(in_1 & in_2 & (apart <= gap))
+
+
+def _coordinates(
+    side: Facets, face: IntArray, points: Array, along: Array | None
+) -> tuple[Array, Array, BoolArray]:
+    """(ξ, points of the face, whether they lie in it) of points brought onto faces."""
+    xi = projected(
+        lambda k, xi: side.at(face[k], xi), points, side.middle[face],
+        affine=side.affine, along=along,
+    )  # fmt: skip
+    inside = excess(xi, side.simplex) <= OUTSIDE
+    xi = np.where(excess(xi, side.simplex)[:, None] > 1e-9, clamped(xi, side.simplex), xi)
+    return xi, side.at(face, xi)[0], inside
+
+
+def _of_edges(
+    first: Facets, second: Facets, mine: IntArray, theirs: IntArray, degree: int
+) -> tuple[IntArray, Array, Array]:
+    """(pair, points, weights) on the common segments of edges."""
+    start, end = first.corners[mine, 0], first.corners[mine, 1]
+    length = np.linalg.norm(end - start, axis=1)
+    axis = (end - start) / length[:, None]
+    s = np.einsum("nvd,nd->nv", second.corners[theirs] - start[:, None], axis)
+    low = np.maximum(s.min(axis=1), 0.0)
+    high = np.minimum(s.max(axis=1), length)
+    common = np.flatnonzero(high - low > LEAST_OVERLAP * length)
+    t, w = np.polynomial.legendre.leggauss(degree // 2 + 1)
+    t, w = (t + 1) / 2, w / 2
+    size = (high - low)[common]
+    at = low[common, None] + size[:, None] * t
+    points = start[common, None] + at[..., None] * axis[common, None]
+    weight = size[:, None] * w
+    return np.repeat(common, len(w)), points.reshape(-1, 3), weight.ravel()
+
+
+def _of_faces(
+    first: Facets, second: Facets, mine: IntArray, theirs: IntArray, degree: int
+) -> tuple[IntArray, Array, Array]:
+    """(pair, points, weights) on the common polygons of faces, in the planes of the first ones."""
+    normal = first.normals[mine]
+    least = np.argmin(np.abs(normal), axis=1)
+    e1 = np.cross(normal, np.eye(3)[least])
+    e1 /= np.linalg.norm(e1, axis=1, keepdims=True)
+    axes = np.stack([e1, np.cross(normal, e1)], axis=1)
+    centre = first.centres[mine]
+    flat = [
+        np.einsum("nad,nvd->nva", axes, side.corners[on] - centre[:, None])
+        for side, on in ((first, mine), (second, theirs))
+    ]
+    polygon, count = clipped(_counterclockwise(flat[1]), _counterclockwise(flat[0]))
+    area = _area(flat[0])
+    xi, w = basix.make_quadrature(basix.CellType.triangle, max(degree, 1))
+    pairs, points, weights = [], [], []
+    for k in range(1, polygon.shape[1] - 1):
+        a, b, c = polygon[:, 0], polygon[:, k], polygon[:, k + 1]
+        twice = _cross(b - a, c - a)
+        there = np.flatnonzero((count > k + 1) & (twice > LEAST_OVERLAP * area))
+        u, v = xi[:, 0], xi[:, 1]
+        at = (
+            a[there, None]
+            + u[None, :, None] * (b - a)[there, None]
+            + v[None, :, None] * (c - a)[there, None]
+        )
+        x = centre[there, None] + np.einsum("nqa,nad->nqd", at, axes[there])
+        pairs.append(np.repeat(there, len(w)))
+        points.append(x.reshape(-1, 3))
+        weights.append((twice[there, None] * np.asarray(w)).ravel())
+    if not pairs:
+        return np.zeros(0, dtype=int), np.zeros((0, 3)), np.zeros(0)
+    return np.concatenate(pairs), np.vstack(points), np.concatenate(weights)
+
+
+def clipped(polygons: Array, windows: Array) -> tuple[Array, IntArray]:
+    """Convex polygons (n, v, 2) cut by convex windows (n, w, 2), both counterclockwise.
+
+    Returns (vertices (n, v + w, 2), number of vertices of each (n,)).
+    Sutherland and Hodgman, *Comm. ACM* 17 (1974).
+    """
+    n, v, _ = polygons.shape
+    most = v + windows.shape[1]
+    vertices = np.zeros((n, most, 2))
+    vertices[:, :v] = polygons
+    count = np.full(n, v)
+    for k in range(windows.shape[1]):
+        start, end = windows[:, k], windows[:, (k + 1) % windows.shape[1]]
+        index = np.arange(most)
+        real = index < count[:, None]
+        before = np.where(index == 0, np.maximum(count - 1, 0)[:, None], index - 1)
+        other = np.take_along_axis(vertices, before[..., None], axis=1)
+        edge = (end - start)[:, None]
+        here, there = _cross(edge, vertices - start[:, None]), _cross(edge, other - start[:, None])
+        crossing = real & ((here >= 0) != (there >= 0))
+        step = there - here
+        share = np.divide(there, step, out=np.zeros_like(step), where=step != 0)
+        cut = other + share[..., None] * (vertices - other)
+        both = np.stack([cut, vertices], axis=2).reshape(n, 2 * most, 2)
+        keep = np.stack([crossing, real & (here >= 0)], axis=2).reshape(n, 2 * most)
+        order = np.argsort(~keep, axis=1, kind="stable")[:, :most]
+        vertices = np.take_along_axis(both, order[..., None], axis=1)
+        count = np.minimum(keep.sum(axis=1), most)
+    return vertices, count
+
+
+def _counterclockwise(polygons: Array) -> Array:
+    """Convex polygons (n, v, 2) turned to one sense."""
+    return np.where((_area(polygons) < 0)[:, None, None], polygons[:, ::-1], polygons)
+
+
+def _area(polygons: Array) -> Array:
+    """Signed areas (n,)."""
+    return np.asarray(_cross(polygons, np.roll(polygons, -1, axis=1)).sum(axis=1) / 2)
+
+
+def _cross(a: Array, b: Array) -> Array:
+    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])

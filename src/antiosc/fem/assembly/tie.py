@@ -1,0 +1,242 @@
+"""`Tie`: two surfaces, or edges, with meshes that do not match.
+
+The displacement of one side, the follower, is the L2 projection of that of the other onto the
+functions of its own mesh (mortar method; Bernardi, Maday, Patera 1994): with the functions φ of the
+follower's nodes and ψ of the leader's, both integrated over what the surfaces have in common,
+
+    u_f = D⁻¹ M u_l,   D = ∫ φ φᵀ,   M = ∫ φ ψᵀ.
+
+A state of constant stress passes through the tie, and the order of convergence is that of the
+coarser side. Where nodes of the follower are held or follow another joint already, their test
+functions are added to those of the nodes beside them, so that the sum of all stays 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import scipy.sparse
+import scipy.spatial
+
+from antiosc._types import Array, BoolArray, IntArray
+from antiosc.checks import positive, store
+from antiosc.errors import InputError
+from antiosc.fem.assembly.elimination import Rows
+from antiosc.fem.assembly.ends import checked_end, group_end
+from antiosc.fem.assembly.facets import Facets
+from antiosc.fem.assembly.joint import Joint, checked_name
+from antiosc.fem.assembly.layout import MOVES, TURNS, Layout, Sparse
+from antiosc.fem.assembly.overlaps import Overlap, overlap
+from antiosc.fem.assembly.placement import skew
+from antiosc.fem.assembly.rotations import curl
+
+#: Surfaces lie on each other up to this share of the mean size of their faces.
+GAP = 0.3
+#: Share of a node's function that must lie on the other surface for the node to follow it.
+COVERED = 0.3
+#: Areas covered that differ by less than this share are equal: then the finer side follows.
+EQUAL = 0.02
+#: A surface that is covered more often than this has two layers.
+TWICE = 1.2
+#: Coefficients of a projection below this share of the largest are dropped: they decay fast.
+NEGLIGIBLE = 1e-13
+#: A gap this share of the size of the assembly is rounding.
+CLOSED = 1e-12
+
+
+@dataclass(frozen=True)
+class Tie(Joint):
+    """Two surfaces (or edges) that move together, with meshes that need not match.
+
+    Parameters
+    ----------
+    a, b : str
+        "part:group" of faces or of edges. The side that is covered more by the other follows it;
+        of equal ones that with the finer mesh.
+    gap : float, optional
+        Largest distance between them, m; default: 0.3 of the size of their faces. Across a gap the
+        follower moves with the rotation of the other side.
+    name : str, optional
+        What messages call the joint.
+    """
+
+    a: str
+    b: str
+    gap: float | None = None
+    name: str | None = None
+
+    late: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        store(self, a=checked_end("a", self.a), b=checked_end("b", self.b))
+        store(self, name=checked_name(self.name))
+        if self.gap is not None:
+            store(self, gap=positive("gap", self.gap, "m"))
+        if self.a == self.b:
+            raise InputError(f"a Tie joins {self.a!r} to itself.")
+
+    def constraints(
+        self, layout: Layout, before: Sequence[Rows], held: BoolArray, label: str
+    ) -> list[Rows]:
+        """Every dof of the follower that is free follows the leader."""
+        sides = [
+            Facets(*group_end(layout, name, end)) for name, end in (("a", self.a), ("b", self.b))
+        ]
+        common = self._common(layout, sides, label)
+        leads = _leader(sides, common)
+        follower, leader = sides[1 - leads], sides[leads]
+        if leads == 0:
+            common = common.turned()
+        taken = held.copy()
+        for rows in before:
+            taken[rows.pivot[rows.pivot >= 0]] = True
+        return [_projection(layout, follower, leader, common, taken, label)]
+
+    def _common(self, layout: Layout, sides: Sequence[Facets], label: str) -> Overlap:
+        dims = [side.dim for side in sides]
+        if dims[0] != dims[1] or dims[0] not in (1, 2):
+            kinds = {0: "points", 1: "edges", 2: "faces", 3: "cells"}
+            raise InputError(
+                f"{label} ties {kinds[dims[0]]} ({self.a!r}) to {kinds[dims[1]]} ({self.b!r}): "
+                "a Tie takes two groups of faces, or two groups of edges."
+            )
+        size = min(float(side.sizes.mean()) for side in sides)
+        gap = GAP * size if self.gap is None else self.gap
+        common = overlap(sides[0], sides[1], gap)
+        if not len(common.weight):
+            apart = _distance(sides)
+            raise InputError(
+                f"{label} touches nothing: {self.a!r} and {self.b!r} have no area in common within "
+                f"the gap of {gap:.3g} m; their faces are {apart:.3g} m apart at the nearest. "
+                "Move a part (at=...) or give a larger gap."
+            )
+        return common
+
+
+def _distance(sides: Sequence[Facets]) -> float:
+    """Least distance between the corners of two sets of faces, m."""
+    first, second = (side.corners.reshape(-1, 3) for side in sides)
+    return float(scipy.spatial.cKDTree(first).query(second)[0].min())
+
+
+def _leader(sides: Sequence[Facets], common: Overlap) -> int:
+    """Which side leads: the one that is covered less, of equal ones that with larger faces."""
+    covered = common.weight.sum() / np.array([side.measure for side in sides])
+    if covered.max() > TWICE:
+        thick = int(np.argmax(covered))
+        raise InputError(
+            f"the group on {sides[1 - thick].member.name!r} lies over the one on "
+            f"{sides[thick].member.name!r} twice: give one side of it, or a smaller gap."
+        )
+    if abs(covered[0] - covered[1]) > EQUAL:
+        return int(np.argmin(covered))
+    return int(np.argmax([side.sizes.mean() for side in sides]))
+
+
+def _projection(
+    layout: Layout,
+    follower: Facets,
+    leader: Facets,
+    common: Overlap,
+    taken: BoolArray,
+    label: str,
+) -> Rows:
+    """Rows u_f − D⁻¹ M u_l = 0 of all components that the follower has."""
+    phi = follower.basis(common.face[0], common.xi[0])
+    nodes = np.flatnonzero(np.diff(phi.tocsc().indptr))
+    phi = phi[:, nodes]
+    weight = scipy.sparse.diags(common.weight)
+    D = (phi.T @ weight @ phi).tocsr()
+    full = _whole(follower, nodes)
+    follows = D.diagonal() > COVERED * full
+    if not follows.any():
+        raise InputError(
+            f"{label}: too little of the surfaces lies on each other for a single node to follow "
+            f"({common.weight.sum():.3g} m² in common); give groups that cover each other."
+        )
+    load = phi.T @ weight
+    rows, pivots = [], []
+    for kind, motion in _led(layout, follower, leader, common):
+        for axis, name in enumerate(kind):
+            if name not in follower.member.part.form.components:
+                continue
+            along = follower.member.at.rotation[:, axis]
+            led = sum(along[c] * motion[c::3] for c in range(3) if along[c])
+            dofs = layout.dofs(follower.member, nodes, name)
+            free = follows & ~taken[dofs]
+            solved = _solved(D, load, free)
+            if solved is None:
+                continue
+            follow, inverse, others = solved
+            right = follow @ led
+            if others.nnz:
+                right = right - others @ layout.units(dofs[~free])
+            rows.append(layout.units(dofs[free]) - _dense_product(inverse, right.tocsr()))
+            pivots.append(dofs[free])
+    if not rows:
+        raise InputError(
+            f"{label} does nothing: all nodes of the surface on {follower.member.name!r} are held, "
+            "or follow other joints."
+        )
+    return Rows(scipy.sparse.vstack(rows).tocsr(), np.concatenate(pivots), label)
+
+
+def _solved(D: Sparse, load: Sparse, free: BoolArray) -> tuple[Sparse, Array, Sparse] | None:
+    """(test functions of the free nodes on the points, inverse of D, D to the other nodes)."""
+    if not free.any():
+        return None
+    spread = scipy.sparse.identity(len(free), format="csr")[free]
+    if not free.all():
+        # test functions of the others go to the free nodes beside them
+        beside = D[~free][:, free]
+        total = np.asarray(beside.sum(axis=1)).ravel()
+        share = np.divide(1.0, total, out=np.zeros_like(total), where=total > 0)
+        given = scipy.sparse.diags(share) @ beside
+        spread = spread + given.T @ scipy.sparse.identity(len(free), format="csr")[~free]
+    tested = (spread @ D).tocsc()
+    inverse = np.linalg.inv(tested[:, free].toarray())
+    return (spread @ load).tocsr(), inverse, tested[:, ~free].tocsr()
+
+
+def _led(
+    layout: Layout, follower: Facets, leader: Facets, common: Overlap
+) -> list[tuple[tuple[str, ...], Sparse]]:
+    """(components, their functionals) of the leader at the points of the follower."""
+    member = leader.member
+    cell, X = leader.cells[common.face[1]], leader.reference(common.face[1], common.xi[1])
+    moves = layout.at_points(member, cell, X, MOVES)
+    arm = common.x[0] - common.x[1]
+    both_turn = follower.member.turns and member.turns
+    turns = layout.nothing(3 * len(cell))
+    if np.abs(arm).max() > CLOSED * layout.size:
+        own = (layout, member, cell, X)
+        turns = layout.at_points(member, cell, X, TURNS) if member.turns else curl(*own)
+        moves = moves + _lever(arm) @ turns
+    elif both_turn:
+        turns = layout.at_points(member, cell, X, TURNS)
+    return [(MOVES, moves.tocsr()), *([(TURNS, turns)] if both_turn else [])]
+
+
+def _lever(arm: Array) -> Sparse:
+    """Matrix of θ → θ × r at each point (3n, 3n)."""
+    return scipy.sparse.block_diag(list(-skew(arm)), format="csr")
+
+
+def _whole(side: Facets, nodes: IntArray) -> Array:
+    """∫ φ² over all faces of a side, of the functions of some nodes."""
+    face, xi, weight = side.rule()
+    phi = side.basis(face, xi)[:, nodes]
+    return np.asarray(phi.multiply(phi).T @ weight).ravel()
+
+
+def _dense_product(inverse: Array, functionals: Sparse) -> Sparse:
+    """inverse · functionals, without coefficients that are rounding."""
+    used = np.unique(functionals.indices)
+    values = inverse @ functionals[:, used].toarray()
+    values[np.abs(values) < NEGLIGIBLE * np.abs(values).max(initial=0.0)] = 0.0
+    row, column = np.nonzero(values)
+    shape = functionals.shape
+    return scipy.sparse.csr_matrix((values[row, column], (row, used[column])), shape=shape)

@@ -1,0 +1,261 @@
+"""Joints between parts against closed forms, transfer matrices, one mesh and dense solutions."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.linalg
+
+pytest.importorskip("dolfinx")
+
+import antiosc as ao
+from antiosc.fem.assembly.bolt import element
+from antiosc.fem.site.functionals import functional
+from assemblies import BEAM, NU, SOLID, E, box, dense, eigenfrequencies, free_dofs, line
+from marks import FREE_ON_PURPOSE
+
+pytestmark = [
+    pytest.mark.fem,
+    FREE_ON_PURPOSE,
+    pytest.mark.filterwarnings("ignore:the joints leave:antiosc.errors.AntioscWarning"),
+]
+
+CLAMP = ao.Support("start")
+EI = E * BEAM.section.I
+GA = E / (2 * (1 + NU)) * BEAM.section.A * BEAM.section.shear
+
+
+def halves() -> dict[str, ao.Structure]:
+    """A cantilever along x cut in two; the outer half is made along z, elsewhere."""
+    along_z = ao.Beam(E, NU, 2700.0, BEAM.section, orientation=(-1, 0, 0))
+    return {
+        "inner": ao.Structure(line((0, 0, 0), (0.5, 0, 0), 10), BEAM, [CLAMP]),
+        "outer": ao.Structure(line((0, 0, 0), (0, 0, 0.5), 10), along_z),
+    }
+
+
+PLACES = {"outer": ao.Placement(shift=(0.5, 0, 0), axis=(0, 1, 0), angle=np.pi / 2)}
+TIP = ao.Site((1.0, 0, 0), (0, 0.3, -1))
+POINT = (("inner", (0.5, 0, 0)), ("outer", (0.5, 0, 0)))
+
+
+def whole() -> ao.Structure:
+    return ao.Structure(line((0, 0, 0), (1, 0, 0), 20), BEAM, [CLAMP])
+
+
+@pytest.mark.parametrize("ends", [POINT, ("inner:end", "outer:start")])
+def test_a_weld_of_two_halves_is_the_whole(ends):
+    joined = ao.assemble(halves(), [ao.Weld(*ends)], PLACES)
+    ours, theirs = ao.extract(joined, TIP, n=8), ao.extract(whole(), TIP, n=8)
+    assert joined.mass == pytest.approx(whole().mass, rel=1e-12)
+    assert ours.k0 == pytest.approx(theirs.k0, rel=1e-9)
+    assert ours.omega == pytest.approx(theirs.omega, rel=1e-8)
+    hit, same = (
+        ao.simulate(model, ao.RigidMass(0.1, 1.0), ao.Linear(1e5), 5e-3) for model in (ours, theirs)
+    )
+    assert hit.peak_force == pytest.approx(same.peak_force, rel=1e-6)
+    moved = [ao.probe(part, h, (0.8, 0, 0)) for part, h in ((joined, hit), (whole(), same))]
+    assert moved[0] == pytest.approx(moved[1], abs=1e-6 * np.abs(moved[1]).max())
+
+
+def test_a_weld_at_a_distance_is_a_rigid_arm():
+    """A weight on an arm: force and moment on the end of the beam."""
+    parts = {"beam": ao.Structure(line((0, 0, 0), (0.5, 0, 0), 10), BEAM, [CLAMP])}
+    arm = ao.assemble(
+        parts, [ao.Weld("beam:end", "hub")], points={"hub": (0.7, 0.0, 0.0)},
+        attached=[ao.PointMass("hub", 2.0, 0.01)],
+    )  # fmt: skip
+    six = arm.layout.of_point("hub")
+    q = np.zeros(arm.size)
+    free = free_dofs(arm)
+    K, _ = dense(arm)
+    q[free] = np.linalg.solve(K, (arm.T.T[:, six[2]].toarray().ravel())[free])
+    L, a = 0.5, 0.2
+    exact = L**3 / (3 * EI) + a * L**2 / EI + a**2 * L / EI + L / GA
+    assert (arm.T @ q)[six[2]] == pytest.approx(exact, rel=1e-9)
+    assert arm.mass == pytest.approx(0.5 * 2700.0 * BEAM.section.A + 2.0, rel=1e-12)
+
+
+def test_hinged_beams_by_the_transfer_matrix():
+    """A cantilever, a hinge at its end, and a beam to a pin: roots of a 4 × 4 determinant."""
+    slender = ao.Beam(E, NU, 2700.0, BEAM.section, orientation=(0, 0, 1), shear=False)
+    inner = ao.Structure(line((0, 0, 0), (0.6, 0, 0), 24), slender,
+                         [CLAMP, ao.Support("end", "y")])  # fmt: skip
+    outer = ao.Structure(line((0.6, 0, 0), (1, 0, 0), 16), slender,
+                         [ao.Support("end", ("x", "y", "z", "rx"))])  # fmt: skip
+    joint = ao.Hinge("inner:end", "outer:start", axis=(0, 1, 0))
+    row = ao.assemble(
+        {"inner": inner, "outer": outer}, [joint],
+        supports=[ao.Support(lambda x: np.full(x.shape[1], True), ("y", "rx", "rz", "x"))],
+    )  # fmt: skip
+    rho_A = 2700.0 * BEAM.section.A
+
+    def determinant(omega: float) -> float:
+        k = (omega**2 * rho_A / EI) ** 0.25
+        a, b = 0.6, 0.4
+        # inner: w = A (cosh − cos) + B (sinh − sin); outer from its pin: C sin + D sinh
+        ch, c, sh, s = np.cosh(k * a), np.cos(k * a), np.sinh(k * a), np.sin(k * a)
+        shb, sb, chb, cb = np.sinh(k * b), np.sin(k * b), np.cosh(k * b), np.cos(k * b)
+        rows = np.array([
+            [ch - c, sh - s, -sb, -shb],  # equal deflection
+            [ch + c, sh + s, 0, 0],  # no moment on the inner side
+            [0, 0, -sb, shb],  # nor on the outer one
+            [sh - s, ch + c, -cb, chb],  # equal shear force, the outer coordinate runs back
+        ])  # fmt: skip
+        return float(np.linalg.det(rows / np.abs(rows).max(axis=0)))
+
+    found = eigenfrequencies(row, 4)
+    for omega in found:
+        low, high = (determinant(omega * (1 + e)) for e in (-5e-4, 5e-4))
+        assert low * high < 0
+    grid = np.linspace(0.2 * found[0], 1.02 * found[-1], 4000)
+    signs = np.sign([determinant(w) for w in grid])
+    assert np.count_nonzero(np.diff(signs)) == 4
+
+
+def test_a_slider_and_a_ball_transmit_what_they_should():
+    """A portal: the ball carries no moment, the slider no force along its axis."""
+    for joint, free in (
+        (ao.Ball(*POINT), {"rx", "ry", "rz"}),
+        (ao.Slider(*POINT, axis=(1, 0, 0)), {"x"}),
+        (ao.Hinge(*POINT, axis=(0, 1, 0)), {"ry"}),
+    ):
+        joined = ao.assemble(halves(), [joint], PLACES)
+        assert joined.rigid_modes.shape[1] == len(free)
+        u = joined.T @ joined.rigid_modes
+        inner = joined.layout.members["inner"]
+        assert np.abs(u[inner.rows]).max() < 1e-9 * np.abs(u).max()
+
+
+def test_rigid_faces_and_means_of_faces():
+    """A post between two plates' faces: RBE2 is stiffer than RBE3, by the strain of the face."""
+    block = box((0, 0, 0), (0.1, 0.1, 0.05), (4, 4, 2))
+    post = ao.Structure(line((0.05, 0.05, 0.05), (0.05, 0.05, 0.25), 4),
+                        ao.Beam(E, NU, 2700.0, ao.Section.circle(0.03)))  # fmt: skip
+    parts = {"block": ao.Structure(block, SOLID, [ao.Support("z0")]), "post": post}
+    site = ao.Site((0.05, 0.05, 0.25), (1, 0, 0))
+    stiff = ao.extract(ao.assemble(parts, [ao.Rigid("block:z1", "post:start")]), site, n=0).k0
+    soft = ao.extract(ao.assemble(parts, [ao.Mean("block:z1", "post:start")]), site, n=0).k0
+    clamped = ao.extract(
+        ao.Structure(post.mesh, post.parts[0][0], [ao.Support("start")]), site, n=0
+    ).k0
+    assert soft < stiff < clamped
+    assert soft == pytest.approx(stiff, rel=0.05)
+
+
+def test_a_mean_spreads_a_force_evenly():
+    """A block pulled at a reference point that follows the mean of its face stretches evenly."""
+    rolls = [ao.Support(f"{axis}0", axis) for axis in "xyz"]
+    for cell in ("hexahedron", "tetrahedron"):
+        part = ao.Structure(box((0, 0, 0), (2, 1, 1), (3, 2, 2), cell), SOLID, rolls)
+        pulled = ao.assemble(
+            {"block": part}, [ao.Mean("block:x1", "hub")], points={"hub": (2.5, 0.5, 0.5)}
+        )
+        x = pulled.layout.of_point("hub")[0]
+        load = pulled.T.T[:, x].toarray().ravel()
+        free = free_dofs(pulled)
+        q = np.zeros(pulled.size)
+        q[free] = np.linalg.solve(dense(pulled)[0], load[free])
+        u = pulled.T @ q
+        assert u[x] == pytest.approx(2 / E, rel=1e-9)
+        nodes = pulled.layout.members["block"].nodes
+        exact = nodes * np.array([1, -NU, -NU]) / E
+        assert u[: nodes.size] == pytest.approx(exact.ravel(), abs=1e-9 * 2 / E)
+
+
+def test_a_rigid_group_is_a_rigid_body():
+    """All faces of a block rigid: the block keeps its mass and has six motions."""
+    part = ao.Structure(box((0, 0, 0), (1, 1, 1), (1, 1, 1)), SOLID, order=1)
+    sides = ["x0", "x1"]
+    rigid = ao.assemble({"block": part}, [ao.Rigid(f"block:{side}") for side in sides])
+    assert rigid.dofs == 12
+    assert rigid.rigid_modes.shape[1] == 6
+    everything = ao.assemble({"block": part}, [ao.Rigid("block:x0", "hub"), ao.Rigid("block:x1",
+                             "hub")], points={"hub": (0.2, 0.1, 5.0)})  # fmt: skip
+    assert everything.dofs == 6
+    with pytest.warns(ao.AccuracyWarning):  # a point load
+        model = ao.extract(everything, ao.Site((1, 0.4, 0.4), (-1, 0, 0)), n=0)
+    assert model.k0 == 0.0
+    inertia, _ = everything.rigid_inertia
+    assert inertia.matrix[:3, :3] == pytest.approx(2700.0 * np.eye(3), rel=1e-12, abs=1e-9)
+
+
+def test_a_bolt_is_a_beam():
+    """A cantilever of which a piece is a Bolt: static stiffness exact, mass and low modes near."""
+    inner = ao.Structure(line((0, 0, 0), (0.5, 0, 0), 10), BEAM, [CLAMP])
+    outer = ao.Structure(line((0.6, 0, 0), (1, 0, 0), 8), BEAM)
+    joined = ao.assemble(
+        {"inner": inner, "outer": outer}, [ao.Bolt("inner:end", "outer:start", BEAM)]
+    )
+    ours, theirs = ao.extract(joined, TIP, n=6), ao.extract(whole(), TIP, n=6)
+    assert joined.mass == pytest.approx(whole().mass, rel=1e-12)
+    assert ours.k0 == pytest.approx(theirs.k0, rel=1e-9)
+    assert ours.omega[:3] == pytest.approx(theirs.omega[:3], rel=1e-4)
+
+
+def test_the_matrices_of_a_bolt_know_rigid_motions():
+    k, m = element(BEAM, 0.3)
+    motions = np.zeros((12, 6))
+    for axis in range(3):
+        motions[[axis, 6 + axis], axis] = 1.0
+    arms = np.array([[0.0, 0, 0], [0.3, 0, 0]])
+    for axis, turn in enumerate(np.eye(3)):
+        for end in (0, 1):
+            motions[6 * end : 6 * end + 3, 3 + axis] = np.cross(turn, arms[end])
+            motions[6 * end + 3 + axis, 3 + axis] = 1.0
+    assert np.abs(k @ motions).max() < 1e-9 * np.abs(k).max()
+    mass = 2700.0 * BEAM.section.A * 0.3
+    total = motions.T @ m @ motions
+    assert total[:3, :3] == pytest.approx(mass * np.eye(3), rel=1e-12, abs=1e-14)
+    assert total[5, 5] == pytest.approx(mass * 0.09 / 3 + 2700 * BEAM.section.I * 0.3, rel=1e-9)
+
+
+def test_bushings_are_springs_in_series():
+    """Two halves joined by springs: compliances add up at the joint."""
+    stiffness = {"x": 1e5, "y": 2e4, "z": 3e4, "rx": 50.0, "ry": 80.0, "rz": 90.0}
+    soft = ao.assemble(halves(), [ao.Bushing(*POINT, stiffness)], PLACES)
+    down = ao.Site((1.0, 0, 0), (0, 0, -1))
+    compliance = 1 / ao.extract(soft, down, n=0).k0
+    rigid = 1 / ao.extract(whole(), down, n=0).k0
+    assert compliance == pytest.approx(rigid + 1 / 3e4 + 0.5**2 / 80.0, rel=1e-9)
+    struts = ao.assemble(
+        halves(),
+        [ao.Weld(*POINT), ao.Bushing("outer:end", "post", {"axial": 1e4})],
+        PLACES,
+        points={"post": (1.0, 0.0, 2.0)},
+        supports=[ao.Support("post")],
+    )
+    assert ao.extract(struts, down, n=0).k0 == pytest.approx(1 / rigid + 1e4, rel=1e-9)
+
+
+def test_an_equation_couples_what_it_says():
+    """A lever by hand: the tip of one beam moves by −2 times the tip of another."""
+    parts = {
+        name: ao.Structure(line((0, y, 0), (0.5, y, 0), 10), BEAM, [CLAMP])
+        for name, y in (("a", 0.0), ("b", 1.0))
+    }
+    lever = ao.assemble(parts, [ao.Equation([("a:end", "z", 2.0), ("b:end", "z", 1.0)])])
+    k = 1 / (0.5**3 / (3 * EI) + 0.5 / GA)
+    found = ao.extract(lever, ao.Site((0.5, 0, 0), (0, 0, 1), part="a"), n=0).k0
+    assert found == pytest.approx(k + 4 * k, rel=1e-9)
+
+
+def test_dynamic_stiffness_against_dense_solves():
+    """Z(ω) of a plate on two posts against the dense constrained matrices."""
+    plate = ao.Structure(box((0, 0), (0.3, 0.2), (4, 3), "triangle"), ao.Shell(E, NU, 2700.0, 5e-3))
+    post = ao.Structure(
+        line((0, 0, -0.1), (0, 0, 0), 3), ao.Beam(E, NU, 2700.0, ao.Section.circle(0.01)), [CLAMP]
+    )
+    at = {"left": (0.05, 0.1, 0), "right": (0.25, 0.1, 0)}
+    table = ao.assemble(
+        {"plate": plate, "left": post, "right": post},
+        [ao.Weld(("plate", at[name]), f"{name}:end") for name in at],
+        at,
+    )
+    site = ao.Site((0.21, 0.07, 0.0), (0, 0, -1), radius=0.02)
+    model = ao.extract(table, site, n=250, method="modes", tol=1e-14)
+    K, M = dense(table)
+    b = functional(table, site).b[free_dofs(table)]
+    for omega in np.array([0.3, 0.77, 1.4]) * model.omega[0]:
+        exact = 1 / (b @ scipy.linalg.solve(K - omega**2 * M, b))
+        assert model.dynamic_stiffness(omega).real == pytest.approx(exact, rel=1e-6)

@@ -1,0 +1,154 @@
+"""Surfaces and edges tied with meshes that do not match: patch tests, rigid motions, a cut part."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+pytest.importorskip("dolfinx")
+
+import antiosc as ao
+from antiosc.errors import InputError
+from antiosc.fem.assembly.overlaps import clipped
+from assemblies import NU, SOLID, E, box, eigenfrequencies, pulled
+from marks import FREE_ON_PURPOSE
+
+pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]
+
+HEX, TET, TRI, QUAD = "hexahedron", "tetrahedron", "triangle", "quadrilateral"
+STRAIN = 1e-3
+
+
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize(
+    ("first", "second", "n", "m"),
+    [
+        (HEX, TET, (2, 2, 2), (2, 3, 3)),
+        (TET, HEX, (1, 3, 2), (2, 2, 5)),
+        (TET, TET, (1, 3, 3), (1, 2, 2)),
+        (HEX, HEX, (1, 2, 3), (1, 3, 2)),
+        (TRI, QUAD, (3, 4), (2, 3)),
+        (QUAD, TRI, (2, 5), (3, 3)),
+    ],
+)
+def test_constant_stress_passes_through_a_tie(first, second, n, m, order):
+    """A bar of two blocks in tension: u = ε (x, −ν y, −ν z), to rounding, as in one mesh."""
+    dim = len(n)
+    material = SOLID if dim == 3 else ao.Solid(E, NU, 2700.0, plane="stress", thickness=0.1)
+    rolls = [ao.Support(f"{axis}0", axis) for axis in "yz"[: dim - 1]]
+    low, middle, high = (0, 0, 0)[:dim], (1, 0, 0)[:dim], (2, 1, 1)[:dim]
+    left = ao.Structure(
+        box(low, (1, 1, 1)[:dim], n, first), material, [*rolls, ao.Support("x0", "x")], order=order
+    )
+    right = ao.Structure(box(middle, high, m, second), material, rolls, order=order)
+    bar = ao.assemble({"left": left, "right": right}, [ao.Tie("left:x1", "right:x0")])
+    depth = 1.0 if dim == 3 else 0.1
+    u = pulled(bar, "right", "x1", np.array([E * STRAIN * depth, 0.0, 0.0])[:dim])
+    for member in bar.layout.members.values():
+        exact = STRAIN * member.nodes[:, :dim] * np.array([1.0, -NU, -NU])[:dim]
+        assert np.abs(u[member.rows].reshape(-1, dim) - exact).max() < 1e-11 * 2 * STRAIN
+
+
+def test_constant_shear_passes_through_a_tie_between_held_sides():
+    """u = (γ y, 0, 0) on both blocks: held on y = 0, pulled on y = 1 and on the ends."""
+    G = E / (2 * (1 + NU))
+    held = [ao.Support("y0"), ao.Support(lambda x: np.full(x.shape[1], True), ("y", "z"))]
+    left = ao.Structure(box((0, 0, 0), (1, 1, 1), (2, 3, 2), TET), SOLID, held)
+    right = ao.Structure(box((1, 0, 0), (2, 1, 1), (2, 2, 3), HEX), SOLID, held)
+    both = ao.assemble({"left": left, "right": right}, [ao.Tie("left:x1", "right:x0")])
+    shear = np.array([G * STRAIN, 0.0, 0.0])
+    u = sum(pulled(both, part, "y1", shear) for part in ("left", "right"))
+    for member in both.layout.members.values():
+        assert np.abs(u[member.rows][0::3] - STRAIN * member.nodes[:, 1]).max() < 1e-11 * STRAIN
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_tie_keeps_mass_and_rigid_motions(turned):
+    """A free bar of two parts, the second one made elsewhere and brought to its place."""
+    left = ao.Structure(box((0, 0, 0), (1, 1, 1), (2, 2, 2), HEX), SOLID, order=1)
+    right = ao.Structure(box((1, 0, 0), (2, 1, 1), (1, 3, 3), TET), SOLID, order=1)
+    place = None
+    if turned:
+        right = ao.Structure(box((0, 0, 1), (1, 1, 2), (3, 3, 1), TET), SOLID, order=1)
+        place = {"right": ao.Placement(axis=(0, 1, 0), angle=np.pi / 2, shift=(0, 0, 1))}
+    bar = ao.assemble({"left": left, "right": right}, [ao.Tie("left:x1", "right:z0" if turned
+                      else "right:x0")], place)  # fmt: skip
+    assert bar.mass == pytest.approx(2 * 2700.0, rel=1e-12)
+    assert bar.rigid_modes.shape[1] == 6
+    inertia, _ = bar.rigid_inertia
+    assert inertia.point == pytest.approx([1.0, 0.5, 0.5], abs=1e-12)
+    along, across = 5400.0 / 6, 5400.0 * 5 / 12
+    exact = np.diag([5400.0, 5400.0, 5400.0, along, across, across])
+    assert inertia.matrix == pytest.approx(exact, abs=1e-9)
+    low = eigenfrequencies(bar, 7)
+    assert (low[:6] < 1e-5 * low[6]).all()
+
+
+@pytest.mark.slow
+def test_a_bracket_cut_in_two_and_tied():
+    """k0 and ten antiresonances of a bent arm are those of one mesh, within the mesh's error."""
+    site = ao.Site((0.25, 0.03, 0.06), (0, -0.3, -1), radius=8e-3)
+
+    def arm(n):
+        clamp = ao.Support("x0")
+        whole = ao.Structure(box((0, 0, 0), (0.3, 0.05, 0.06), (6 * n, n, n)), SOLID, [clamp])
+        left = ao.Structure(box((0, 0, 0), (0.16, 0.05, 0.06), (3 * n, n, n)), SOLID, [clamp])
+        right = ao.Structure(box((0.16, 0, 0), (0.3, 0.05, 0.06), (3 * n, n + 1, n + 1)), SOLID)
+        return whole, ao.assemble({"left": left, "right": right}, [ao.Tie("left:x1", "right:x0")])
+
+    with pytest.warns(ao.AccuracyWarning, match="not resolved"):
+        found = [[ao.extract(part, site, n=16) for part in arm(n)] for n in (2, 3)]
+    (coarse, _), (fine, tied) = found
+    assert abs(tied.k0 / fine.k0 - 1) < abs(coarse.k0 / fine.k0 - 1)
+    for ours, theirs, worse in zip(tied.omega[:10], fine.omega, coarse.omega, strict=False):
+        assert abs(ours / theirs - 1) < max(abs(worse / theirs - 1), 2e-3)
+
+
+def test_a_gap_is_bridged_without_holding_rotations():
+    """Two blocks 1 mm apart: the free pair has six rigid motions, and its mass."""
+    left = ao.Structure(box((0, 0, 0), (0.1, 0.1, 0.1), (2, 2, 2)), SOLID)
+    right = ao.Structure(box((0.101, 0, 0), (0.2, 0.1, 0.1), (2, 3, 3)), SOLID)
+    pair = ao.assemble({"left": left, "right": right}, [ao.Tie("left:x1", "right:x0")])
+    low = eigenfrequencies(pair, 7)
+    assert (low[:6] < 1e-4 * low[6]).all()
+
+
+@pytest.mark.parametrize("second", [TRI, QUAD])
+def test_shell_edges_are_tied_with_their_rotations(second):
+    """A cantilever plate of two sheets with different meshes bends as one of a single mesh."""
+    sheet = ao.Shell(E, NU, 2700.0, 5e-3)
+    clamp = ao.Support("x0")
+    whole = ao.Structure(box((0, 0), (0.4, 0.2), (12, 6), TRI), sheet, [clamp])
+    left = ao.Structure(box((0, 0), (0.2, 0.2), (6, 6), TRI), sheet, [clamp])
+    right = ao.Structure(box((0.2, 0), (0.4, 0.2), (5, 5), second), sheet)
+    tied = ao.assemble({"left": left, "right": right}, [ao.Tie("left:x1", "right:x0")])
+    site = ao.Site((0.33, 0.06, 0.0), (0, 0, -1), radius=0.01)
+    ours, theirs = ao.extract(tied, site, n=14), ao.extract(whole, site, n=14)
+    assert ours.k0 == pytest.approx(theirs.k0, rel=2e-3)
+    assert ours.omega[:4] == pytest.approx(theirs.omega[:4], rel=3e-3)
+
+
+def test_polygons_are_clipped():
+    """Areas of a triangle cut by a square, of one inside it, and of one outside."""
+    square = np.array([[0, 0], [1, 0], [1, 1], [0, 1.0]])
+    triangles = np.array([
+        [[-1, -1], [3, -1], [-1, 3.0]],
+        [[0.2, 0.2], [0.6, 0.2], [0.2, 0.7]],
+        [[2, 2], [3, 2], [2, 3.0]],
+        [[0.5, -0.5], [1.5, 0.5], [0.5, 0.5]],
+    ])  # fmt: skip
+    polygon, count = clipped(triangles, np.tile(square, (4, 1, 1)))
+    areas = []
+    for vertices, n in zip(polygon, count, strict=True):
+        x, y = vertices[:n].T
+        areas.append(0.5 * abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
+    assert areas == pytest.approx([1.0, 0.1, 0.0, 0.25], abs=1e-14)
+
+
+def test_ties_that_touch_nothing_are_refused():
+    left = ao.Structure(box((0, 0, 0), (1, 1, 1), (1, 1, 1)), SOLID, order=1)
+    parts = {"left": left, "right": left}
+    with pytest.raises(InputError, match=r"touches nothing.*apart"):
+        ao.assemble(parts, [ao.Tie("left:x1", "right:x0")], {"right": (9, 0, 0)})
+    with pytest.raises(InputError, match="too little"):
+        ao.assemble(parts, [ao.Tie("left:x1", "right:x0")], {"right": (1, 0.95, 0)})

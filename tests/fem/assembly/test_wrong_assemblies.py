@@ -1,0 +1,138 @@
+"""Wrong assemblies are refused, or told, in one sentence with the name, the rule and the remedy."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+pytest.importorskip("dolfinx")
+
+import antiosc as ao
+from antiosc.errors import AntioscError, AntioscWarning, InputError
+from assemblies import BEAM, NU, SOLID, E, box, line
+
+pytestmark = pytest.mark.fem
+
+
+@cache
+def block() -> ao.Structure:
+    return ao.Structure(box((0, 0, 0), (1, 1, 1), (1, 1, 1)), SOLID, order=1)
+
+
+@cache
+def rod() -> ao.Structure:
+    return ao.Structure(line((0, 0, 0), (1, 0, 0), 2), BEAM)
+
+
+@cache
+def plane() -> ao.Structure:
+    material = ao.Solid(E, NU, 2700.0, plane="stress")
+    return ao.Structure(box((0, 0), (1, 1), (1, 1), "quadrilateral"), material)
+
+
+def two(*joints: ao.Weld, **options: object) -> ao.Structure:
+    """Two blocks side by side."""
+    return ao.assemble({"a": block(), "b": block()}, joints, {"b": (1, 0, 0)}, **options)
+
+
+TIE = ao.Tie("a:x1", "b:x0")
+
+WRONG = [
+    (lambda: ao.assemble({}), "parts must be a dict"),
+    (lambda: ao.assemble({"a:b": block()}), "without a colon"),
+    (lambda: ao.assemble({"a": "block"}), "must be a Structure"),
+    (
+        lambda: ao.assemble({"a": ao.Structure.from_matrices([[1.0]], [[1.0]])}),
+        "the part 'a' has no mesh",
+    ),
+    (lambda: ao.assemble({"a": two(TIE)}), "an assembly itself"),
+    (lambda: ao.assemble({"a": block(), "b": plane()}), "is plane"),
+    (lambda: ao.assemble({"a": plane()}, at={"a": (0, 0, 1.0)}), "out of its plane"),
+    (lambda: two(TIE, "glue"), "joints must hold joints"),
+    (lambda: ao.assemble({"a": block()}, at={"c": (0, 0, 0)}), "which is no part"),
+    (lambda: ao.assemble({"a": block()}, at={"a": "there"}), "must be a translation"),
+    (lambda: two(), "'b' is joined to nothing else|'a' is joined to nothing else"),
+    (lambda: two(TIE, points={"hub": (0, 0, 0)}), "the reference point 'hub' is joined to nothing"),
+    (lambda: two(TIE, points={"a": (0, 0, 0)}), "names both a part and a reference point"),
+    (lambda: two(ao.Tie("a:x1", "c:x0")), "no part 'c'; its parts are 'a', 'b'"),
+    (lambda: two(ao.Tie("a:x1", "b:top")), r"no group 'top'; its groups are: 'b:x0'"),
+    (lambda: two(ao.Tie("a:x0", "b:x1")), r"joint 1 \(Tie\) touches nothing.*apart"),
+    (
+        lambda: ao.assemble({"a": block(), "r": rod()}, [ao.Tie("a:x1", "r:start")]),
+        "ties faces .* to points",
+    ),
+    (lambda: ao.Tie("a:x1", "a:x1"), "to itself"),
+    (lambda: two(ao.Weld(("a", (1, 0, 0)), ("b", (1, 0, 0)))), "a rotation that 'a' at"),
+    (
+        lambda: two(ao.Ball(("a", (1, 0, 0)), ("b", (2, 0, 0)))),
+        "lies 1 m away from 'b' at .* no rotation to carry it",
+    ),
+    (lambda: two(ao.Ball(("a", (1, 0, 3)), ("b", (2, 0, 0)))), "2 m off the part"),
+    (lambda: two(ao.Ball("hub", "b:x0")), "there is no reference point 'hub'"),
+    (lambda: two(ao.Ball("a", "b:x0")), 'of a part give a group, "part:group"'),
+    (lambda: two(TIE, ao.Rigid("a:x0", ("b", (2, 0, 0)))), "does not turn"),
+    (
+        lambda: ao.assemble({"a": block(), "r": rod()}, [ao.Mean("r:start", "a:x0")]),
+        "is a single point; a Mean needs several",
+    ),
+    (lambda: ao.assemble({"r": rod()}, [ao.Rigid("r:start")]), "a single point, which is rigid"),
+    (lambda: two(TIE, ao.Bolt("a:x1", "b:x0", BEAM)), "has no length.*use a Weld"),
+    (lambda: two(ao.Equation([("a:x0", "w", 1.0)])), "a component must be one of x, y, z"),
+    (lambda: two(TIE, ao.Equation([(("a", (0, 0, 0)), "rx", 1.0)])), "no component 'rx'"),
+    (
+        lambda: two(TIE, ao.Equation([("a:x0", "x", 1.0), ("a:x0", "x", -1.0)], name="e")),
+        "'e' says 0 = 0",
+    ),
+    (lambda: two(TIE, supports=[ao.Support("a:x0", "rx")]), "the support on 'a:x0' fixes nothing"),
+    (lambda: two(TIE, supports=[ao.Support("x0")]), 'must be a group, "part:group"'),
+    (lambda: two(TIE, attached=[ao.PointMass("hub", 1.0)]), "no reference point 'hub'"),
+    (
+        lambda: two(TIE, attached=[ao.Spring((0, 0, 0), {"rx": 1.0})]),
+        "acts on rx, which this point does not have",
+    ),
+    (
+        lambda: two(TIE, ao.Bushing("a:x0", "hub", {"z": 1e5}), points={"hub": (0, 0.5, 0.5)}),
+        "moves without resistance and without mass",
+    ),
+    (lambda: ao.extract(two(TIE), ao.Site((0, 0, 0), (1, 0, 0), part="c"), n=1), "no part 'c'"),
+    (lambda: ao.impact_map(two(TIE), None, None), "takes a structure of one mesh"),
+]
+
+
+@pytest.mark.parametrize(("make", "words"), WRONG)
+@pytest.mark.filterwarnings("ignore::antiosc.errors.AntioscWarning")
+def test_it_is_refused_in_one_sentence(make, words):
+    with pytest.raises(AntioscError, match=words) as told:
+        make()
+    sentence = str(told.value)
+    assert sentence.endswith(".")
+    assert len(sentence) < 400
+    assert isinstance(told.value, InputError)
+
+
+def rods(*joints: ao.Weld) -> ao.Structure:
+    held = ao.Structure(rod().mesh, BEAM, [ao.Support("start")])
+    return ao.assemble({"a": held, "b": rod()}, joints, {"b": (1, 0, 0)})
+
+
+WELD = ao.Weld("a:end", "b:start")
+
+TOLD = [
+    (lambda: rods(WELD, ao.Ball("a:end", "b:start", name="pin")), "3 constraints of 'pin' follow"),
+    (lambda: rods(ao.Hinge("a:end", "b:start")), r"'b': rotation about z through \(1, 0, 0\) m"),
+    (lambda: rods(ao.Ball("a:end", "b:start")), "'b': rotation about x"),
+    (lambda: rods(ao.Slider("a:end", "b:start", axis=(0, 1, 0))), "'b': translation along y"),
+    (
+        lambda: two(TIE, supports=[ao.Support("a:x0", "x")]),
+        "the assembly free to move as a rigid body: translation along y",
+    ),
+]
+
+
+@pytest.mark.parametrize(("make", "words"), TOLD)
+def test_it_is_told_in_one_sentence(make, words):
+    with pytest.warns(AntioscWarning, match=words):
+        made = make()
+    assert np.isfinite(made.mass)
