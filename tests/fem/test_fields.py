@@ -9,12 +9,14 @@ import pytest
 
 pytest.importorskip("dolfinx")
 
+import dolfinx
 import meshio
 import scipy.linalg
+from mpi4py import MPI
 
 import antiosc as ao
 import parts
-from antiosc.fem import compat, vtu
+from antiosc.fem import compat, fields, vtu
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.site.functionals import functional
 
@@ -347,3 +349,17 @@ def test_the_picture_of_a_moved_sheet(hit, tmp_path):
         plot_deformed(structure, history, path, point=(0.13, 0.06, 0))
     with pytest.raises(ao.InputError, match="within the run"):
         plot_deformed(structure, history, path, time=1.0)
+
+
+def test_a_flat_sheet_read_as_plane_deflects_across_its_plane(tmp_path):
+    """A shell on a mesh with two coordinates moves along z: probe and series show it."""
+    flat = dolfinx.mesh.create_rectangle(MPI.COMM_SELF, [np.zeros(2), np.array([0.2, 0.1])], [4, 2])
+    clamp = ao.Support(lambda x: np.isclose(x[0], 0.0))
+    part = ao.Structure(ao.read_mesh(flat), ao.Shell(70e9, 0.3, 2700.0, 2e-3), [clamp])
+    model = ao.extract(part, ao.Site((0.15, 0.05, 0.0), (0, 0, -1)), n=4)
+    hit = ao.simulate(model, ao.RigidMass(0.01, 1.0), ao.Linear(1e5), 2e-3)
+    tip = ao.probe(part, hit, (0.15, 0.05))
+    assert tip.shape == (len(hit.time), 3)
+    assert -tip[:, 2] == pytest.approx(hit.displacement, abs=0.05 * hit.displacement.max())
+    _, _, moved = fields.skin(part, hit, float(hit.time[-1]))
+    assert np.abs(moved[:, 2]).max() > 0.5 * np.abs(tip[-1, 2])

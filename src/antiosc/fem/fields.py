@@ -52,7 +52,7 @@ def probe(
     body: str = "structure",
     part: str | None = None,
 ) -> Array:
-    """Displacements (n, gdim) in m of one point of the structure at `times`.
+    """Displacements in m of one point of the structure at `times`: (n, 3), of plane parts (n, 2).
 
     Parameters
     ----------
@@ -78,9 +78,9 @@ def probe(
     k = int(np.argmin([nearest.distance for nearest in found]))
     member, shapes = parts[k]
     values = _at_point(member, found[k], shapes)
-    gdim = 3 if structure.matrices.assembled else member.part.mesh.gdim
+    components = [name for name in "xyz" if name in member.part.form.components]
     at = history.time if times is None else array("times", times, (None,))
-    return _amplitudes(history, at, body) @ values[:gdim].T
+    return _amplitudes(history, at, body) @ values[: len(components)].T
 
 
 def _at_point(member: Member, nearest: closest_point.ClosestPoint, shapes: Array) -> Array:
@@ -92,7 +92,7 @@ def _at_point(member: Member, nearest: closest_point.ClosestPoint, shapes: Array
         values = np.zeros((3, shapes.shape[1]))
         for axis, name in enumerate("xyz"):
             path = form.components.get(name)
-            if path is not None and axis < mesh.gdim:
+            if path is not None:
                 dofs = compat.subspace(form.space, path).dofmap.cell_dofs(nearest.cell)
                 weights = compat.tabulate(form.space, path, nearest.X.reshape(1, -1))[0]
                 values[axis] = weights @ shapes[dofs]
@@ -250,9 +250,10 @@ def _at_nodes(mesh: Mesh, form: WeakForm, shapes: Array) -> Array:
     """
     nodes = compat.geometry_nodes(mesh.dolfinx)
     result = np.zeros((len(mesh.dolfinx.geometry.x), 3, shapes.shape[1]))
-    for axis, name in enumerate("xyz"[: mesh.gdim]):
-        dofs = compat.cell_dofs(form.space, form.components[name], np.arange(len(nodes)))
-        result[nodes, axis] = shapes[dofs[:, : nodes.shape[1]]]
+    for axis, name in enumerate("xyz"):
+        if name in form.components:
+            dofs = compat.cell_dofs(form.space, form.components[name], np.arange(len(nodes)))
+            result[nodes, axis] = shapes[dofs[:, : nodes.shape[1]]]
     return result
 
 
