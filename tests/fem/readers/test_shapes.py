@@ -1,0 +1,165 @@
+"""The tables of cells, supports and element types against the geometry that they stand for."""
+
+from __future__ import annotations
+
+from collections import Counter
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from antiosc.fem.readers import neutral, shapes
+from antiosc.fem.readers.decks.abaqus_elements import element_type, nodes_of_other
+from antiosc.fem.readers.decks.abaqus_model import NAMED
+
+#: by their dimension
+SIMPLICES = ["point", "interval", "triangle", "tetrahedron"]
+BASE = {"triangle": [(0, 0), (1, 0), (0, 1)], "quad": [(0, 0), (1, 0), (1, 1), (0, 1)]}
+POINTS = {
+    "triangle": BASE["triangle"],
+    "quad": BASE["quad"],
+    "tetra": [*((*p, 0) for p in BASE["triangle"]), (0, 0, 1)],
+    "pyramid": [*((*p, 0) for p in BASE["quad"]), (0, 0, 1)],
+    "wedge": [(*p, z) for z in (0, 1) for p in BASE["triangle"]],
+    "hexahedron": [(*p, z) for z in (0, 1) for p in BASE["quad"]],
+}
+
+
+def rings(face):
+    return {frozenset(pair) for pair in pairwise([*face, face[0]])}
+
+
+@pytest.mark.parametrize("shape", ["tetra", "pyramid", "wedge", "hexahedron"])
+def test_volumes_are_closed_by_their_faces(shape):
+    """Every edge lies in two faces, and V − E + F = 2; corners go around plane faces."""
+    x = np.array(POINTS[shape], dtype=float)
+    edges, faces = shapes.EDGES[shape], shapes.FACES[shape]
+    assert shapes.DIMENSION[shape] == 3
+    assert shapes.CORNERS[shape] == len(x)
+    assert len(x) - len(edges) + len(faces) == 2
+    count = Counter(edge for face in faces for edge in rings(face))
+    assert count == dict.fromkeys(map(frozenset, edges), 2)
+    for face in faces:
+        corners = x[list(face)]
+        assert np.linalg.matrix_rank(corners[1:] - corners[0]) == 2
+        sides = np.roll(corners, -1, axis=0) - corners
+        turns = np.cross(sides, np.roll(sides, -1, axis=0))
+        assert (turns @ turns[0] > 0).all()
+    assert all(len(face) == 4 for face in shapes.rectangles(shape))
+    assert len(shapes.rectangles(shape)) == sum(len(face) == 4 for face in faces)
+
+
+@pytest.mark.parametrize("shape", ["triangle", "quad"])
+def test_sheets_have_their_edges_in_order(shape):
+    n = len(POINTS[shape])
+    assert shapes.CORNERS[shape] == n
+    assert shapes.DIMENSION[shape] == 2
+    assert list(shapes.EDGES[shape]) == [(k, (k + 1) % n) for k in range(n)]
+    assert shapes.rectangles(shape) == ([(0, 1, 2, 3)] if n == 4 else [])
+
+
+def test_kinds_of_cells_have_the_nodes_of_their_order():
+    for kind in {**neutral.KINDS, **neutral.SERENDIPITY}.values():
+        simplex = kind.shape in SIMPLICES
+        d = SIMPLICES.index(kind.shape) if simplex else 2 + (kind.shape == "hexahedron")
+        assert kind.dim == d
+        assert kind.vertices == (d + 1 if simplex else 2**d)
+        whole = (d + 1) * (d + 2) // 2 if simplex else 3**d
+        inner = 1 if d == 2 else 7
+        expected = kind.vertices if kind.order == 1 else whole
+        if kind in neutral.SERENDIPITY.values():
+            expected = whole - inner
+        assert kind.nodes == expected
+
+
+@pytest.mark.parametrize("shape", ["triangle", "quadrilateral", "tetrahedron", "hexahedron"])
+def test_facets_of_kinds(shape):
+    x = np.array(POINTS[{"quadrilateral": "quad", "tetrahedron": "tetra"}.get(shape, shape)])
+    facets = neutral.FACETS[shape]
+    if x.shape[1] == 2:
+        n = len(x)
+        assert [set(f) for f in facets] == [{k, (k + 1) % n} for k in range(n)]
+        return
+    edges = neutral.EDGES_OF_KIND[shape]
+    assert len(x) - len(edges) + len(facets) == 2
+    for facet in facets:
+        corners = x[list(facet)]
+        assert np.linalg.matrix_rank(corners[1:] - corners[0]) == 2
+    count = Counter(frozenset(e) for facet in facets for e in edges if set(e) <= set(facet))
+    assert count == dict.fromkeys(map(frozenset, edges), 2)
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_supports_of_symmetry(axis):
+    """Symmetry fixes the motion across the plane and rotations along it, antisymmetry the rest."""
+    others = {0, 1, 2} - {axis}
+    symmetric = {axis, *(3 + k for k in others)}
+    assert set(NAMED[f"{'XYZ'[axis]}SYMM"]) == symmetric
+    assert set(NAMED[f"{'XYZ'[axis]}ASYMM"]) == set(range(6)) - symmetric
+    assert set(NAMED["PINNED"]) == {0, 1, 2}
+    assert set(NAMED["ENCASTRE"]) == set(range(6))
+
+
+def test_inner_nodes_of_the_hexahedron_of_27():
+    """Node 21 is the centre; 22 bottom, 23 top, then the sides y = 0, x = 1, y = 1, x = 0.
+
+    In VTK's order they stand as x = 0, x = 1, y = 0, y = 1, bottom, top, centre.
+    """
+    found = element_type("C3D27")
+    sides = {21: "centre", 22: "bottom", 23: "top", 24: "y0", 25: "x1", 26: "y1", 27: "x0"}
+    names = [sides[place + 1] for place in found.inner]
+    assert names == ["x0", "x1", "y0", "y1", "bottom", "top", "centre"]
+    assert list(found.corners) == list(range(8))
+    assert list(found.mids) == list(range(8, 20))
+
+
+@pytest.mark.parametrize(
+    ("name", "shape", "role", "nodes"),
+    [
+        ("C3D4", "tetra", "solid", 4),
+        ("C3D10HS", "tetra", "solid", 10),
+        ("C3D5", "pyramid", "solid", 5),
+        ("C3D13", "pyramid", "solid", 13),
+        ("C3D6", "wedge", "solid", 6),
+        ("C3D15", "wedge", "solid", 15),
+        ("C3D18", "wedge", "solid", 18),
+        ("C3D8I", "hexahedron", "solid", 8),
+        ("C3D20R", "hexahedron", "solid", 20),
+        ("C3D27", "hexahedron", "solid", 27),
+        ("S3", "triangle", "shell", 3),
+        ("S4R", "quad", "shell", 4),
+        ("STRI65", "triangle", "shell", 6),
+        ("S8R5", "quad", "shell", 8),
+        ("S9R5", "quad", "shell", 9),
+        ("CPS3", "triangle", "plane stress", 3),
+        ("CPS8R", "quad", "plane stress", 8),
+        ("CPE6", "triangle", "plane strain", 6),
+        ("CPE4R", "quad", "plane strain", 4),
+        ("CAX4", "quad", "other", 4),
+        ("B31", "line", "beam", 2),
+        ("B32R", "line", "beam", 3),
+        ("B33", "line", "beam", 2),
+        ("DC3D8", "hexahedron", "other", 8),
+        ("DS4", "quad", "other", 4),
+    ],
+)
+def test_element_types(name, shape, role, nodes):
+    found = element_type(name)
+    assert (found.shape, found.role, found.nodes) == (shape, role, nodes)
+
+
+@pytest.mark.parametrize(
+    ("name", "nodes"),
+    [
+        ("MASS", 1),
+        ("ROTARYI", 1),
+        ("SPRING1", 1),
+        ("SPRING2", 2),
+        ("SPRINGA", 2),
+        ("D", 3),
+        ("U1", None),
+    ],
+)
+def test_elements_that_are_no_cells(name, nodes):
+    assert element_type(name) is None
+    assert nodes_of_other(name) == nodes
