@@ -178,7 +178,7 @@ def _tangents(
     if direction is None or any(body.directions is None for body, _ in moving):
         raise InputError(
             f"friction between {contact.a!r} and {contact.b!r} needs ends that move along the"
-            f" surface too: a RigidBody, or SiteModes with tangential columns and directions."
+            f" surface too: a RigidBody, or a model with Site(..., tangential=True)."
         )
     across: list[Array] = []
     for body, site in moving:
@@ -199,7 +199,7 @@ def _tangents(
     if not rows:
         raise InputError(
             f"friction between {contact.a!r} and {contact.b!r} needs a site with tangential"
-            f" columns; the models know it along the contact alone."
+            f" directions: extract it with Site(..., tangential=True)."
         )
     return rows
 

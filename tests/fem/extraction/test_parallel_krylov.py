@@ -152,9 +152,10 @@ import antiosc as ao
 import parts
 
 warnings.simplefilter("ignore")
-mesh = parts.box((8, 4, 3))
-names = {"a": 0.07, "b": 0.12, "c": 0.16}
-sites = {n: ao.Site((x, 0.021, 0.04), (0.1, 0.2, -1), radius=0.016) for n, x in names.items()}
+mesh = parts.box((6, 3, 2))
+names = {"a": 0.07, "b": 0.12, "c": 0.15}
+sites = {n: ao.Site((x, 0.021, 0.04), (0.1, 0.2, -1), radius=0.03, tangential=n == "a")
+         for n, x in names.items()}
 sites["again"] = sites["b"]
 found = {}
 for name, supports in (
@@ -163,8 +164,8 @@ for name, supports in (
     ("sliding", [ao.Support("left", ("y", "z"))]),
 ):
     part = ao.Structure(mesh, ao.Solid(**parts.STEEL), supports)
-    for method in ("krylov", "modes"):
-        model = ao.extract(part, sites, n=18, method=method)
+    for method in ("krylov", "modes") if name == "sliding" else ("krylov",):
+        model = ao.extract(part, sites, n=12, method=method)
         at = np.linspace(0.05, 1.2, 40) * model.omega[0] * (1 + 0.01j)
         H = model.site_modes().receptance(at)
         scene = ao.Scene(
@@ -191,7 +192,7 @@ def test_several_sites():
     one = json.loads(run_ranks(1, SEVERAL, HERE)[0])
     both = [json.loads(text) for text in run_ranks(2, SEVERAL, HERE)]
     assert both[0] == both[1]
-    assert len(one) == 6
+    assert len(one) == 4
     for name, serial in one.items():
         for key, value in serial.items():
             limit = 1e-6 if key in ("force", "probe") else 1e-8

@@ -121,7 +121,7 @@ def extract(
     if not factored:
         spent -= structure.seconds["factorization"]
     if names:
-        named = {name: [one] for name, one in zip(names, targets, strict=True)}
+        named = {n: [one, *one.across] for n, one in zip(names, targets, strict=True)}
         return of_several_sites(structure, named, wish, shapes)
     models: list[AntiOscillators] = []
     width = _together(structure, wish)
@@ -135,16 +135,22 @@ def extract(
 def _sites(structure: Any, site: Any) -> list[Site]:
     """The sites as a list, after a check of both arguments."""
     instance("structure", structure, Structure, "a Structure")
+    names = list(site) if isinstance(site, Mapping) else []
     if isinstance(site, Mapping):
-        if not site:
+        if not names:
             raise InputError("site names no site: give {name: Site(point, direction), ...}.")
-        for name in site:
+        for name in names:
             if ":" in text("the name of a site", name):
                 raise InputError(f"the name of a site is a text without ':'; got {name!r}.")
         site = list(site.values())
     sites = list(site) if isinstance(site, list | tuple) else [site]
     for one in sites:
         instance("site", one, Site, "a Site(point, direction)")
+        if one.tangential and not names:
+            raise InputError(
+                "tangential directions belong to a model of named sites: "
+                "extract(part, {name: Site(..., tangential=True)})."
+            )
     return sites
 
 

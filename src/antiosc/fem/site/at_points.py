@@ -14,8 +14,9 @@ from antiosc.fem.elements.weak_form import WeakForm
 from antiosc.fem.mesh import closest_point
 from antiosc.fem.mesh.entities import centre
 from antiosc.fem.mesh.mesh import Mesh
+from antiosc.fem.site.patches import loads
 from antiosc.fem.site.site import LEAST_FREE_SHARE, Functional, Site, constrained
-from antiosc.fem.site.sites import Sites, located, tell
+from antiosc.fem.site.sites import Sites, located, on_free_dofs, sums, tell
 from antiosc.fem.structure.meshed import MeshedStructure
 
 #: A point counts as on the structure up to this share of the structure's size.
@@ -37,6 +38,7 @@ def functionals_at(structure: MeshedStructure, sites: Sequence[Site]) -> list[Fu
     _check(found)
     tell(structure, found)
     columns = found.loads.toarray().T
+    sides = _across(structure, sites, found)
     return [
         Functional(
             np.ascontiguousarray(columns[i]),
@@ -44,9 +46,40 @@ def functionals_at(structure: MeshedStructure, sites: Sequence[Site]) -> list[Fu
             float(found.local[i]),
             found.points[i],
             found.directions[i],
+            sides[i],
         )
         for i in range(len(sites))
     ]
+
+
+def _across(
+    structure: MeshedStructure, sites: Sequence[Site], found: Sites
+) -> list[tuple[Functional, ...]]:
+    """Of each site the loads across its direction, where they are asked for."""
+    sides: list[list[Functional]] = [[] for _ in sites]
+    asked = [i for i, site in enumerate(sites) if site.tangential]
+    if not asked or found.weighted is None:
+        return [()] * len(sites)
+    for turned in _tangents(found.directions, "z" not in structure.form.components):
+        whole = loads(structure, found.weighted, turned)
+        free = on_free_dofs(structure, whole)
+        moving = sums(structure, free) > LEAST_FREE_SHARE * sums(structure, whole)
+        columns = free.toarray().T * moving[:, None]
+        for i in asked:
+            b = np.ascontiguousarray(columns[i])
+            sides[i].append(Functional(b, point=found.points[i], direction=turned[i]))
+    return [tuple(each) for each in sides]
+
+
+def _tangents(directions: Array, plane: bool) -> list[Array]:
+    """Unit vectors (P, 3) across the directions (P, 3), in a plane structure one each."""
+    if plane:
+        return [np.cross([0.0, 0.0, 1.0], directions)]
+    # between axes that are equally oblique rounding must not decide
+    least = np.argmin(np.abs(directions).round(6), axis=1)
+    first = np.cross(np.eye(3)[least], directions)
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    return [first, np.cross(directions, first)]
 
 
 def _placed(structure: MeshedStructure, site: Site) -> Site:

@@ -49,7 +49,15 @@ def _functional(structure: AssembledMatrices, site: Site) -> Functional:
     b[structure.fixed] = 0.0
     if norm(structure.comm, b) <= LEAST_FREE_SHARE * norm(structure.comm, found.b):
         raise InputError(constrained(f"the site at {text(x)}"))
-    return replace(found, b=b, point=x, direction=member.at.rotation @ found.direction)
+    sides = []
+    for side in found.across:
+        assert side.direction is not None
+        load = structure.functional(member, side.b)
+        load[structure.fixed] = 0.0
+        turned = member.at.rotation @ side.direction
+        sides.append(replace(side, b=load, point=x, direction=turned))
+    direction = member.at.rotation @ found.direction
+    return replace(found, b=b, point=x, direction=direction, across=tuple(sides))
 
 
 def struck(

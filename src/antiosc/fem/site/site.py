@@ -45,6 +45,10 @@ class Site:
     part : str, optional
         For assemblies: the part that is struck. By default the nearest one, and of parts that touch
         the one whose surface faces the impactor.
+    tangential : bool
+        Of a named site (`extract(part, {name: Site})`): the model knows its displacements across
+        `direction` too, two of them (one in a plane structure), as a contact with friction needs.
+        They are weighted over the patch as the normal one; its compliance remains in them.
     """
 
     point: Sequence[float] | str | None = None
@@ -54,6 +58,7 @@ class Site:
     dof: int | None = None
     vector: ArrayLike | None = None
     part: str | None = None
+    tangential: bool = False
 
     def __post_init__(self) -> None:
         given = [self.point is not None, self.dof is not None, self.vector is not None]
@@ -62,6 +67,9 @@ class Site:
         if self.radius is not None:
             store(self, radius=positive("radius", self.radius, "m"))
         store(self, snap=flag("snap", self.snap))
+        store(self, tangential=flag("tangential", self.tangential))
+        if self.tangential and self.point is None:
+            raise InputError("tangential directions need a Site at a point, with a direction.")
         if self.dof is not None:
             store(self, dof=whole("dof", self.dof, least=0))
         if self.vector is not None:
@@ -106,6 +114,8 @@ class Functional:
     #: actual point (3,), m, and unit vector of the direction of impact
     point: Array | None = None
     direction: Array | None = None
+    #: the same along the directions across it, if asked for
+    across: tuple[Functional, ...] = ()
 
 
 def constrained(label: str) -> str:

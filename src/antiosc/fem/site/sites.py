@@ -35,6 +35,7 @@ class Sites:
     share : (P,) of each patch that lies on its face; 1 for points.
     depth, size : (P,) distance of the site from the surface, and size of the faces there [m].
     moving : (P,) share of the load on free dofs.
+    weighted : the points over which each load is spread; None for a selection of sites.
     """
 
     points: Array
@@ -46,6 +47,7 @@ class Sites:
     depth: Array
     size: Array
     moving: Array
+    weighted: Points | None = None
 
     def __len__(self) -> int:
         return len(self.points)
@@ -98,16 +100,22 @@ def located(
             depth[deep] = faces.contact(points[deep], directions[deep], far, labels).depth
     if not patch.all():
         found.append(_points(structure, points, np.flatnonzero(~patch), nearest))
-    B = loads(structure, Points.joined(found), directions)
-    weight = _sums(structure, B)
+    weighted = Points.joined(found)
+    B = loads(structure, weighted, directions)
+    weight = sums(structure, B)
+    B = on_free_dofs(structure, B)
+    moving = sums(structure, B) / np.where(weight > 0, weight, 1.0)
+    return Sites(points, directions, B, radii, local, share, depth, size, moving, weighted)
+
+
+def on_free_dofs(structure: MeshedStructure, B: scipy.sparse.csr_matrix) -> scipy.sparse.csr_matrix:
+    """Loads (rows of this rank, P) without their parts on fixed dofs."""
     free = np.ones(B.shape[0])
     free[structure.fixed[structure.fixed < len(free)]] = 0.0
-    B = (scipy.sparse.diags(free) @ B).tocsr()
-    moving = _sums(structure, B) / np.where(weight > 0, weight, 1.0)
-    return Sites(points, directions, B, radii, local, share, depth, size, moving)
+    return (scipy.sparse.diags(free) @ B).tocsr()
 
 
-def _sums(structure: MeshedStructure, B: scipy.sparse.csr_matrix) -> Array:
+def sums(structure: MeshedStructure, B: scipy.sparse.csr_matrix) -> Array:
     """Sum (P,) of each load's parts over all ranks, all taken as positive."""
     return np.asarray(structure.comm.allreduce(np.asarray(abs(B).sum(axis=0)).ravel()))
 
