@@ -139,5 +139,7 @@ def _only(sites: Sites, elements: IntArray, keep: BoolArray) -> tuple[Sites, Int
     number = np.cumsum(keep) - 1
     if len(elements):
         elements = number[elements[keep[elements].all(axis=1)]]
-    rows = {name: value[keep] for name, value in vars(sites).items() if name not in ("loads", "weighted")}
-    return replace(sites, loads=sites.loads[:, np.flatnonzero(keep)], **rows), elements
+    of_all = ("loads", "weighted")
+    rows = {name: value[keep] for name, value in vars(sites).items() if name not in of_all}
+    selected = sites.loads[:, np.flatnonzero(keep)]
+    return replace(sites, loads=selected, weighted=None, **rows), elements
