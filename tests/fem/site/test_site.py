@@ -148,7 +148,9 @@ def test_a_point_above_a_plane_part_is_off_it():
         at(structure, (0.1, 0.02, 0.0), (0, 1, 1))
 
 
-@pytest.mark.parametrize("part", ["lever", "arch", "frame", "bracket"])
+@pytest.mark.parametrize(
+    "part", ["lever", "arch", "frame", pytest.param("bracket", marks=pytest.mark.slow)]
+)
 def test_the_nearest_point_is_the_nearest(part):
     """Against brute force: no sample of any cell lies nearer, on curved and concave parts."""
     mesh = ao.read_mesh(
