@@ -370,3 +370,15 @@ def test_permanent_indentation_of_a_laminate_takes_energy(law, lasting, speed):
     hit = ao.simulate(rigid(1e9), ao.RigidMass(mass, speed), law, 2e-3, tol=1e-5)
     assert hit.indentation.max() == pytest.approx(deepest, rel=1e-4)
     assert hit.restitution == pytest.approx(np.sqrt(back), rel=1e-3)
+
+
+def test_restitution_and_damping_factor_are_inverse():
+    """(1 + d)/(1 − e d) = exp(d (1 + e)): Gonthier's factor of e gives e back."""
+    assert restitution_of(0.0) == 1
+    assert ao.Gonthier(1.0, 1.0).factor == 0
+    for e in (0.02, 0.2, 0.5, 0.9, 0.999):
+        d = ao.Gonthier(1.0, e).factor
+        if e >= 0.2:  # below, d is 1/e but for rounding
+            assert (1 + d) / (1 - e * d) == pytest.approx(np.exp(d * (1 + e)), rel=1e-9)
+        assert restitution_of(d) == pytest.approx(e, rel=1e-6)
+    assert restitution_of(1e6) == pytest.approx(1e-6, rel=1e-3)
