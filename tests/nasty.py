@@ -350,6 +350,7 @@ OWN: dict[str, dict[str, Any]] = {
     "SceneHistory.field": {"self": struck_at_two_sites},
     "SiteModes.field": {"coordinates": [0.1, 0.2, 0.3]}, "SiteModes.receptance": {"omega": 1e3},
     "BodyHistory.displacement": {"direction": (0, 0, 1)},
+    "SceneHistory.at": {"times": [0.0, 1e-5]},
     "Spring": {"stiffness": {"z": 1e5}}, "Support": {"where": "clamp"},
     "Damping": {"ratio": 0.01, "alpha": 1.0, "beta": 1e-6}, "Section.circle": {"d": 0.02},
     "Section.tube": {"d": 0.02, "t": 1e-3}, "sweep": {"mass": [1.0, 2.0]},

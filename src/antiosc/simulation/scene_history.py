@@ -72,7 +72,7 @@ class BodyHistory:
     Attributes
     ----------
     time : (n,) [s].
-    q, v : (n, J) modal displacements and velocities.
+    q, v, a : (n, J) modal displacements, velocities and accelerations.
     kinetic, strain : (n,) energies [J].
     """
 
@@ -80,6 +80,7 @@ class BodyHistory:
     time: Array
     q: Array
     v: Array
+    a: Array
     kinetic: Array
     strain: Array
     _columns: Array
@@ -91,6 +92,13 @@ class BodyHistory:
     def velocity(self, site: str = "", direction: ArrayLike | None = None) -> Array:
         """Velocity (n,) [m/s] of a site, of the part that has inertia."""
         return np.asarray(self.v @ (self.placed.B @ self._row(site, direction)))
+
+    def acceleration(self, site: str = "", direction: ArrayLike | None = None) -> Array:
+        """Acceleration (n,) [m/s^2] of a site relative to the ground, of the part with inertia.
+
+        It may jump where a contact touches or parts.
+        """
+        return np.asarray(self.a @ (self.placed.B @ self._row(site, direction)))
 
     @property
     def momentum(self) -> Array:
@@ -184,21 +192,47 @@ class SceneHistory:
 
     @cached_property
     def bodies(self) -> dict[str, BodyHistory]:
-        """Histories of the bodies by name."""
-        q, v = self._states
+        """Histories of the bodies by name, at the nodes."""
+        return self._bodies(self.run.time, *self._states, self.run.force)
+
+    def at(self, times: ArrayLike) -> dict[str, BodyHistory]:
+        """The bodies by name at any times (n,) [s] of the run, exact between the nodes too.
+
+        The nodes may lie far apart in flight: values are not to be interpolated between them.
+        """
+        t = self._within(times)
+        step, since = located(self.run, t)
+        q, v = states(self.run, self.assembly.system, self._load, step, since)
+        return self._bodies(t, q, v, forces(self.run, step, since))
+
+    def _within(self, t: ArrayLike) -> Array:
+        """Times (n,) of the run; InputError for others."""
+        times = checks.column("t", t)
+        end = float(self.time[-1])
+        outside = (times < 0) | (times > end * (1 + 1e-12))
+        if np.any(outside):
+            raise InputError(
+                f"t must lie within the run, 0 <= t <= {end:g} s; got {times[outside][0]:g} s."
+            )
+        return times
+
+    def _bodies(self, time: Array, q: Array, v: Array, force: Array) -> dict[str, BodyHistory]:
         a = self.assembly
-        acting = -self.run.force @ a.G + self._loads_on_columns
+        acting = self._pushes(time) - force @ a.G
         columns = q @ a.B + acting @ a.r
         kinetic, strain = 0.5 * v**2, 0.5 * (a.system.omega * q) ** 2
+        load = self._load(time) - force @ a.system.beta
+        accelerations = load - a.system.omega**2 * q - 2 * a.system.decay * v
         found = {}
         for name, body in a.bodies.items():
             j, k = a.spans[name], a.columns[name]
             residual = 0.5 * np.einsum("nk,kl,nl->n", acting[:, k], a.r[k, k], acting[:, k])
             found[name] = BodyHistory(
                 placed=body,
-                time=self.run.time,
+                time=time,
                 q=q[:, j],
                 v=v[:, j],
+                a=accelerations[:, j],
                 kinetic=kinetic[:, j].sum(axis=1),
                 strain=strain[:, j].sum(axis=1) + residual,
                 _columns=columns[:, k],
@@ -250,13 +284,7 @@ class SceneHistory:
 
         They are those of its form in free modes (`of`).
         """
-        times = checks.column("t", t)
-        end = float(self.time[-1])
-        outside = (times < 0) | (times > end * (1 + 1e-12))
-        if np.any(outside):
-            raise InputError(
-                f"t must lie within the run, 0 <= t <= {end:g} s; got {times[outside][0]:g} s."
-            )
+        times = self._within(t)
         model, own = self.of(body)
         a, (step, since) = self.assembly, located(self.run, times)
         name = next(n for n, placed in a.bodies.items() if placed.body is model)

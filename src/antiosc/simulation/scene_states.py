@@ -26,8 +26,10 @@ def between(t: Array, breaks: Array, values: Array) -> Array:
 def located(run: Run, t: Array) -> tuple[Index, Array]:
     """The step in which each time (n,) lies, and the time since its start."""
     starts = run.time[:-2:2]
-    step = np.clip(np.searchsorted(starts, t, side="right") - 1, 0, max(starts.size - 1, 0))
-    return step, np.asarray(t - run.time[2 * step])
+    close = 1e-13 * float(run.time[-1])  # what is meant as a node is one
+    step = np.searchsorted(starts, t + close, side="right") - 1
+    step = np.clip(step, 0, max(starts.size - 1, 0))
+    return step, np.asarray(np.maximum(t - run.time[2 * step], 0.0))
 
 
 def forces(run: Run, step: Index, since: Array) -> Array:
