@@ -52,6 +52,24 @@ def test_without_matplotlib(monkeypatch):
         plotting.plot_masses(case_two(1)[0])
 
 
+def test_model_of_several_sites():
+    model = ao.AntiOscillators(
+        m0=[[0.2, 0.05], [0.05, 0.1]], k0=[[3e6, 1e6], [1e6, 2e6]], P=[[0.3, 0.1], [0.2, -0.2]],
+        omega=[2e3, 6e3], sites=["tip", "heel"],
+    )  # fmt: skip
+    w = np.linspace(100, 5e3, 40)
+    ax = plotting.plot_dynamic_stiffness({"part": model}, w)
+    Z = np.abs(model.dynamic_stiffness(w))
+    for line, entry in zip(ax.lines, ((0, 0), (0, 1), (1, 1)), strict=True):
+        np.testing.assert_allclose(line.get_ydata(), Z[:, entry[0], entry[1]])
+    names = [text.get_text() for text in ax.get_legend().get_texts()]
+    assert names == ["part: tip", "part: tip, heel", "part: heel"]
+    shares = plotting.plot_masses(model).lines[0].get_ydata()
+    rest = np.trace(np.linalg.solve(model.m_st, model.m0)) / 2
+    assert shares[-1] == pytest.approx(1 - rest)
+    assert len(model.plot().axes) == 2
+
+
 def impact(duration: float = 3e-3, **options) -> ao.History:
     return ao.simulate(*case_two(3), ao.Hertz(HERTZ), duration, **options)
 

@@ -38,9 +38,9 @@ class Reduced(Protocol):
     @property
     def n(self) -> int: ...
     @property
-    def m(self) -> Array: ...
+    def labels(self) -> tuple[str, ...]: ...
     @property
-    def m_st(self) -> float: ...
+    def mass_shares(self) -> Array: ...
     @property
     def omega(self) -> Array: ...
     def dynamic_stiffness(self, omega: ArrayLike) -> NDArray[Any]: ...
@@ -53,26 +53,43 @@ def plot_dynamic_stiffness(
 ) -> Axes:
     """|Z| over frequency: poles at the antiresonances, zeros at the free frequencies.
 
-    `omega` [rad/s], (n,).
+    `omega` [rad/s], (n,). Of several sites one curve for each entry of the matrix on and above its
+    diagonal.
     """
     named = by_name(models, Reduced, "AntiOscillators")
     ax = axes_or_new(ax)
     w = checks.array("omega", omega, (None,))
     for (name, model), width in zip(named.items(), widths(named), strict=True):
-        stiffness = np.abs(model.dynamic_stiffness(w))
-        ax.semilogy(w / (2 * np.pi), stiffness, lw=width, label=name or None)
+        for entry, stiffness in _entries(model, w):
+            label = ": ".join(filter(None, (name, entry)))
+            ax.semilogy(w / (2 * np.pi), stiffness, lw=width, label=label or None)
     ax.set_xlabel("frequency (Hz)")
     ax.set_ylabel("|dynamic stiffness| (N/m)")
     return legend(ax)
 
 
+def _entries(model: Reduced, omega: Array) -> list[tuple[str, Array]]:
+    """Names and absolute values (n,) of the entries of Z on and above the diagonal."""
+    Z, names = np.abs(model.dynamic_stiffness(omega)), model.labels
+    if Z.ndim == 1:
+        return [("", Z)]
+    rows, columns = np.triu_indices(len(names))
+    return [
+        (names[i] if i == j else f"{names[i]}, {names[j]}", Z[:, i, j])
+        for i, j in zip(rows, columns, strict=True)
+    ]
+
+
 def plot_masses(model: Reduced, ax: Axes | None = None) -> Axes:
-    """Share of the static mass held by the first anti-oscillators, as Article Figs. 7 and 8."""
+    """Share of the static mass held by the first anti-oscillators, as Article Figs. 7 and 8.
+
+    Of several sites it is the mean share of all of them (`AntiOscillators.mass_shares`).
+    """
     _with_anti_oscillators(model)
     ax = axes_or_new(ax)
     number = np.arange(1, model.n + 1)
-    ax.bar(number, model.m / model.m_st, label="each")
-    ax.step(number, np.cumsum(model.m) / model.m_st, where="mid", color="k", label="together")
+    ax.bar(number, model.mass_shares, label="each")
+    ax.step(number, np.cumsum(model.mass_shares), where="mid", color="k", label="together")
     ax.set_ylim(0, 1.08)
     ax.set_xlim(0.4, model.n + 0.6)
     ax.xaxis.get_major_locator().set_params(integer=True)

@@ -235,6 +235,21 @@ class AntiOscillators(Body):
         """Static mass m0 + sum(m_i) [kg], or the rigid-body mass m_CR. Article eq. (15)."""
         return self.m0 + self.m.sum(axis=0)
 
+    @property
+    def mass_shares(self) -> Array:
+        """Shares (N,) of the anti-oscillators in the static mass, m_i/m_st.
+
+        Several sites: tr(m_st^-1 m_i)/p, whatever combinations of the sites are taken.
+        """
+        if self.sites:
+            return several_sites.mass_shares(self)
+        return np.asarray(self.m / self.m_st)
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Names of the displacements u of several sites, (p,); () for one."""
+        return several_sites.labels(self) if self.sites else ()
+
     def dynamic_stiffness(self, omega: ArrayLike) -> NDArray[Any]:
         """Z(omega) = F/lambda_0 [N/m] of the undamped model under a harmonic force at the site.
 

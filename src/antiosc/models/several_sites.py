@@ -184,3 +184,23 @@ def with_slide(Z: NDArray[Any], x: NDArray[Any], slide: Array) -> NDArray[Any]:
     pushed = Z @ own
     turned = x * np.eye(own.shape[1]) - own.T @ pushed
     return np.asarray(Z + pushed @ np.linalg.solve(turned, np.swapaxes(pushed, -1, -2)))
+
+
+def mass_shares(model: AntiOscillators) -> Array:
+    """tr(m_st^-1 m_i)/p (N,) of a model of several sites."""
+    scale = 1 / np.sqrt(np.maximum(model.m_st.diagonal(), np.finfo(float).tiny))
+    unit = model.m_st * scale[:, None] * scale
+    P = scale[:, None] * model.P
+    return np.asarray(np.sum(P * (np.linalg.pinv(unit, hermitian=True) @ P), axis=0) / len(P))
+
+
+def labels(model: AntiOscillators) -> tuple[str, ...]:
+    """Names of the displacements u: of their sites, and which of the directions across it."""
+    assert model.dependence is not None
+    found = [""] * model.dependence.shape[1]
+    for name, columns in model.columns.items():
+        for which, column in enumerate(columns):
+            own = np.flatnonzero(model.dependence[column])
+            if own.size == 1 and model.dependence[column, own[0]] == 1 and not found[own[0]]:
+                found[own[0]] = name if which == 0 else f"{name} across {which}"
+    return tuple(found)
