@@ -51,6 +51,9 @@ from antiosc.fem.assembly.bushing import (
 from antiosc.fem.assembly.equation import (
     Equation as Equation,
 )
+from antiosc.fem.assembly.from_deck import (
+    read_model as read_model,
+)
 from antiosc.fem.assembly.pins import (
     Ball as Ball,
     Hinge as Hinge,
@@ -102,9 +105,6 @@ from antiosc.fem.site.site import (
 from antiosc.fem.structure.attachments import (
     PointMass as PointMass,
     Spring as Spring,
-)
-from antiosc.fem.structure.from_deck import (
-    read_model as read_model,
 )
 from antiosc.fem.structure.structure import (
     Structure as Structure,

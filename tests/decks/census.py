@@ -19,8 +19,8 @@ MODELLED = re.compile(
     r"C3D(4|6|8|10|15|20|27)[A-Z]*$|(S|STRI)(65|[34689])(R5|R)?$|CP[SE][3468][A-Z]*$"
     r"|B[23][123][A-Z]*$"
 )
-#: Elements without a body of their own, which go with those: masses, springs.
-BESIDE = re.compile(r"(MASS|SPRING[A12])$")
+#: Elements without a body of their own, which go with those: masses, springs, couplings.
+BESIDE = re.compile(r"(MASS|SPRING[A12]|DCOUP3D)$")
 #: Cards that join nodes or surfaces linearly.
 JOINTS = {"EQUATION", "MPC", "TIE", "RIGIDBODY", "COUPLING", "DISTRIBUTINGCOUPLING"}
 #: Cards whose model is not that of a linear elastic body.

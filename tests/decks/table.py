@@ -83,7 +83,7 @@ def struck(part: Any, bare: bool) -> dict[str, Any]:
 
     point, direction = _site(part)
     try:
-        model = ao.extract(part, ao.Site(point, direction), n=8)
+        model = ao.extract(part, ao.Site(point, direction), n=min(8, part.dofs - 1))
     except ao.AntioscError as error:
         return {"refused": f"structure, but not struck: {error}"}
     found = {"mass": part.mass, "k0": model.k0, "dofs": part.dofs}
@@ -101,6 +101,8 @@ def _site(part: Any) -> tuple[Any, Any]:
     """A vertex that nothing holds, as far from what is held as any, and a skew direction."""
     from antiosc.fem import compat
 
+    if part.matrices.assembled:
+        return _free_vertex(part)
     gdim = part.mesh.gdim
     x = part.mesh.dolfinx.geometry.x[compat.entity_vertices(part.mesh.dolfinx, 0)[:, 0]]
     held = [np.zeros((0, 3))]
@@ -117,6 +119,27 @@ def _site(part: Any) -> tuple[Any, Any]:
     return x[int(np.argmax(far))][:gdim], direction / np.linalg.norm(direction)
 
 
+def _free_vertex(part: Any) -> tuple[Any, Any]:
+    """The same on an assembly: a vertex of which most dofs move, far from the others' middle."""
+    layout = part.matrices.layout
+    gdim = 2 if layout.plane else 3
+    places, fixed = [], []
+    for member in layout.members.values():
+        held = np.zeros((len(member.nodes), member.block), dtype=bool)
+        own = part.fixed[(part.fixed >= member.first) & (part.fixed < member.first + member.size)]
+        held.ravel()[own - member.first] = True
+        vertices = {tuple(np.round(x, 12)) for x in member.vertices}
+        for x, row in zip(member.nodes, held, strict=True):
+            if tuple(np.round(x, 12)) in vertices and not row[:gdim].all():
+                places.append(x[:gdim])
+                fixed.append(row[:gdim])
+    x, held = np.array(places), np.array(fixed)
+    far = np.linalg.norm(x - x.mean(axis=0), axis=1)
+    best = np.lexsort((-far, held.sum(axis=1)))[0]
+    direction = np.where(held[best], 0.0, np.array([0.36, 0.48, 0.8])[:gdim])
+    return x[best], direction / np.linalg.norm(direction)
+
+
 def reference_of(part: Any, point: Any, direction: Any, bare: bool) -> tuple[float, str]:
     """1/(bᵀK⁻¹b) by SciPy's sparse LU, 0 where the body is free to move; and whose K it is.
 
@@ -131,7 +154,8 @@ def reference_of(part: Any, point: Any, direction: Any, bare: bool) -> tuple[flo
     b = functional(part, Site(point, direction)).b
     if part.rigid_modes.size and np.abs(part.rigid_modes.T @ b).max() > 1e-9:
         return 0.0, "free"
-    if part.kind.name == "solid" and bare and not part.rigid_modes.size:
+    solid = not part.matrices.assembled and part.kind.name == "solid"
+    if solid and bare and not part.rigid_modes.size:
         return _by_numpy(part, point, direction), "NumPy's K"
     rows, columns, values = part.K.getValuesCSR()
     K = sp.csr_matrix((values, columns, rows)).tocsc()

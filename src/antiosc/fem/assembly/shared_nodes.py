@@ -39,6 +39,8 @@ class SharedNodes(Joint):
 
     numbers: Mapping[str, IntArray]
     name: str | None = "shared nodes"
+    #: whether a part may share no node with the others, for other joints join it
+    loose: bool = False
 
     def constraints(
         self, layout: Layout, before: Sequence[Rows], held: BoolArray, label: str
@@ -46,7 +48,7 @@ class SharedNodes(Joint):
         """The dofs of a part on what it shares with an earlier one follow the dofs of this one."""
         ordered = sorted(layout.members.values(), key=lambda m: (_degree(m), -m.part.mesh.tdim))
         cells = [_Cells(m, np.asarray(self.numbers[m.name])) for m in ordered]
-        _check_places(layout, cells)
+        _check_places(layout, cells, self.loose)
         return [
             rows
             for k, follower in enumerate(cells)
@@ -112,7 +114,7 @@ def _degree(member: Member) -> int:
     return int(compat.subspace(space, path).element.basix_element.degree)
 
 
-def _check_places(layout: Layout, cells: Sequence[_Cells]) -> None:
+def _check_places(layout: Layout, cells: Sequence[_Cells], loose: bool) -> None:
     """InputError where nodes with one number lie apart, or a part shares no node."""
     numbers = np.concatenate([c.numbers for c in cells])
     places = np.vstack([c.places for c in cells])
@@ -128,7 +130,7 @@ def _check_places(layout: Layout, cells: Sequence[_Cells]) -> None:
     owner = np.repeat(np.arange(len(cells)), [len(c.numbers) for c in cells])
     shared = np.unique(np.concatenate([owner[first], owner[second]]))
     alone = [c.member.name for k, c in enumerate(cells) if k not in shared]
-    if alone and len(cells) > 1:
+    if alone and len(cells) > 1 and not loose:
         raise InputError(f"the part {alone[0]!r} shares no node with the others.")
 
 

@@ -15,8 +15,10 @@ from antiosc.fem.readers import RawMesh
 from antiosc.fem.readers.neutral import IntArray
 
 
-def sound(raw: RawMesh, name: str, made_here: bool) -> RawMesh:
+def sound(raw: RawMesh, name: str, made_here: bool, pieces: bool = False) -> RawMesh:
     """`raw` itself, or without folded cells if gmsh made it here; `name` is that of the file.
+
+    `pieces`: it may fall into pieces, for constraints join them.
 
     Raises
     ------
@@ -39,7 +41,8 @@ def sound(raw: RawMesh, name: str, made_here: bool) -> RawMesh:
             f"{len(flat)} of {len(cells)} cells of {name} have no {measure}, one at "
             f"({_centre(raw, flat[0])}) m: merge the nodes that coincide, or mesh it anew."
         )
-    _refuse_pieces(raw, name)
+    if not pieces:
+        _refuse_pieces(raw, name)
     if kind.dim == raw.points.shape[1]:
         if made_here and kind.order == 2 and kind.shape in folded_cells.MID_SIDE_EDGES:
             return replace(raw, points=folded_cells.straightened(raw.points, raw.cells, kind.shape))
@@ -51,7 +54,7 @@ def sound(raw: RawMesh, name: str, made_here: bool) -> RawMesh:
                 "(in gmsh: Mesh.HighOrderOptimize = 2) or read it with order=1.",
             )
     if not made_here:
-        _tell_unfit(raw, vertices, name)
+        _tell_unfit(raw, vertices, name, pieces)
     return raw
 
 
@@ -96,7 +99,7 @@ def _refuse_pieces(raw: RawMesh, name: str) -> None:
         )
 
 
-def _tell_unfit(raw: RawMesh, vertices: IntArray, name: str) -> None:
+def _tell_unfit(raw: RawMesh, vertices: IntArray, name: str, pieces: bool) -> None:
     over = conformity.overlapping(raw.points, vertices, raw.kind)
     if len(over):
         warn(
@@ -104,6 +107,8 @@ def _tell_unfit(raw: RawMesh, vertices: IntArray, name: str) -> None:
             f"({_centre(raw, over[0])}) m: mass and stiffness count twice there; mesh the parts as "
             "one (in gmsh: BooleanUnion or BooleanFragments)."
         )
+    if pieces:
+        return
     loose = conformity.unjoined(raw.points, vertices, raw.kind)
     if len(loose):
         at = ", ".join(f"{c:.4g}" for c in raw.points[loose[0]])

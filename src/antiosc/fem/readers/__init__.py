@@ -7,19 +7,29 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from antiosc.errors import MeshError
 from antiosc.fem.readers.by_gmsh import GEOMETRY, SCRIPTS
 from antiosc.fem.readers.isolation import read_apart
 from antiosc.fem.readers.merging import merged
-from antiosc.fem.readers.neutral import KINDS, RawMesh
+from antiosc.fem.readers.neutral import KINDS, FileMesh, RawMesh, kind_of, of_dimension
 from antiosc.fem.readers.request import ModelOptions, Refinement
 from antiosc.fem.readers.selection import Wanted, selected
 from antiosc.fem.readers.table import DECKS, is_deck
 from antiosc.fem.readers.unit_system import UnitSystem
 
-__all__ = ["GEOMETRY", "KINDS", "RawMesh", "Refinement", "UnitSystem", "Wanted", "read"]
+__all__ = [
+    "GEOMETRY",
+    "KINDS",
+    "RawMesh",
+    "Refinement",
+    "UnitSystem",
+    "Wanted",
+    "read",
+    "read_parts",
+]
 
 
 def read(
@@ -33,12 +43,62 @@ def read(
     timeout: float | None = None,
     unit: UnitSystem | None = None,
     merge: float | None = None,
-    model: ModelOptions | None = None,
 ) -> RawMesh:
-    """Read or mesh the file `path`; see `antiosc.read_mesh`.
+    """Read or mesh the file `path`; see `antiosc.read_mesh`."""
+    content = _content(path, size, order, refine, trust, timeout, unit, merge, None)
+    return selected(content, cells, order, path.name)
 
-    `model`: read materials, sections, supports and masses of a deck as well.
-    """
+
+def read_parts(
+    path: Path,
+    *,
+    timeout: float | None,
+    unit: UnitSystem,
+    merge: float | None,
+    model: ModelOptions,
+) -> dict[int, RawMesh]:
+    """Cells of a deck by dimension, with its model: one entry unless they are joined at nodes."""
+    content = _content(path, None, None, (), False, timeout, unit, merge, model)
+    found = content.model
+    if found is None or not found["joined"]:
+        raw = selected(content, None, None, path.name)
+        return {raw.kind.dim: raw}
+    dims = sorted({kind_of(label).dim for label in content.cells}, reverse=True)
+    return {dim: selected(_alone(content, dim), dim, None, path.name) for dim in dims}
+
+
+def _alone(content: FileMesh, dim: int) -> FileMesh:
+    """The cells of one dimension, with their groups and what supports fix of them."""
+    own = {label for label in content.cells if kind_of(label).dim == dim}
+    mark = of_dimension("", dim)
+    return replace(
+        content,
+        cells={label: block for label, block in content.cells.items() if label in own},
+        groups={
+            name: kept
+            for name, parts in content.groups.items()
+            if (kept := {label: rows for label, rows in parts.items() if label in own})
+        },
+        fixed={
+            name.removesuffix(mark): entities
+            for name, entities in content.fixed.items()
+            if name.endswith(mark)
+        },
+    )
+
+
+def _content(
+    path: Path,
+    size: float | None,
+    order: int | None,
+    refine: Sequence[Refinement],
+    trust: bool,
+    timeout: float | None,
+    unit: UnitSystem | None,
+    merge: float | None,
+    model: ModelOptions | None,
+) -> FileMesh:
+    """All that the file holds; `model`: materials, sections, supports and joints of a deck too."""
     suffix = path.suffix.lower()
     geometry = suffix in GEOMETRY
     if geometry and size is None and suffix not in SCRIPTS:
@@ -75,4 +135,4 @@ def read(
     content.points = content.points * unit.length
     if merge is not None:
         content = merged(content, merge)
-    return selected(content, cells, order, path.name)
+    return content

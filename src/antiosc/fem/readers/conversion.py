@@ -17,7 +17,7 @@ import numpy as np
 from antiosc.errors import MeshError
 from antiosc.fem.readers.decks.deck import Array, Block, Deck, IntArray, listed
 from antiosc.fem.readers.fixed_entities import DIAGONALS, FixedEntities, fixed_with
-from antiosc.fem.readers.neutral import FileMesh
+from antiosc.fem.readers.neutral import FileMesh, of_dimension
 from antiosc.fem.readers.node_table import NodeTable
 from antiosc.fem.readers.shapes import CORNERS, DIMENSION, EDGES, FACES, rectangles
 
@@ -78,10 +78,12 @@ def as_mesh(deck: Deck, *, halve_lines: bool = False) -> FileMesh:
         rows = {label: np.flatnonzero(inside[owner]) for label, owner in owners.items()}
         mesh.groups[name] = {label: r for label, r in rows.items() if len(r)}
     mesh.node_sets = dict(deck.node_sets)
-    if deck.fixed and shapes_of:
-        label, shape, blocks = shapes_of[0]  # of the highest dimension
+    joined = bool(deck.model and deck.model["joined"])
+    # else those of lower dimension are sides of the first
+    for label, shape, blocks in shapes_of[: None if joined else 1] if deck.fixed else ():
         entities = FixedEntities(shape, cells[label], blocks, nodes)
-        mesh.fixed = fixed_with(entities, deck.fixed)
+        own = of_dimension("", DIMENSION[shape]) if joined else ""
+        mesh.fixed |= {name + own: e for name, e in fixed_with(entities, deck.fixed).items()}
     mesh.model = deck.model
     mesh.told = list(deck.told)
     if deck.left:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
@@ -25,8 +27,22 @@ def merged(mesh: FileMesh, distance: float) -> FileMesh:
     row = new[label]
     return replace(
         mesh,
+        model=mesh.model and _renumbered(mesh.model, row),
         points=mesh.points[kept],
         cells={kind: row[block] for kind, block in mesh.cells.items()},
         node_sets={name: np.unique(row[nodes]) for name, nodes in mesh.node_sets.items()},
         fixed={n: {d: row[e] for d, e in parts.items()} for n, parts in mesh.fixed.items()},
     )
+
+
+def _renumbered(model: dict[str, Any], row: NDArray[Any]) -> dict[str, Any]:
+    """The model with other numbers of its nodes; negative ones are points of no element."""
+    joints = dict(model.get("joints", {}))
+
+    def new(terms: list[list[Any]]) -> list[list[Any]]:
+        return [[int(row[n]) if n >= 0 else n, motion, c] for n, motion, c in terms]
+
+    if joints:
+        joints["equations"] = [new(terms) for terms in joints["equations"]]
+        joints["elastic"] = [[new(terms), k] for terms, k in joints["elastic"]]
+    return {**model, "joints": joints}

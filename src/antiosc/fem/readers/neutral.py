@@ -107,6 +107,13 @@ class RawMesh:
     #: as in `FileMesh`
     told: list[str] = field(default_factory=list)
     model: dict[str, Any] | None = None
+    #: number of each node in the file's mesh
+    numbers: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+
+
+def of_dimension(name: str, dim: int) -> str:
+    """Name of what a support fixes in the cells of one dimension, where there are several."""
+    return f"{name}@{dim}"
 
 
 def kind_of(label: str) -> CellKind:

@@ -243,4 +243,4 @@ def _compact(raw: RawMesh) -> RawMesh:
         }
         for name, parts in raw.groups.items()
     }
-    return replace(raw, points=points, cells=new[raw.cells], groups=groups)
+    return replace(raw, points=points, cells=new[raw.cells], groups=groups, numbers=used)

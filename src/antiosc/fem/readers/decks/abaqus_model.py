@@ -16,9 +16,11 @@ import numpy as np
 from antiosc.errors import MeshError
 from antiosc.fem.readers.decks.abaqus_assembly import Instance, Whole
 from antiosc.fem.readers.decks.abaqus_cards import Card
+from antiosc.fem.readers.decks.abaqus_joints import read_joints
 from antiosc.fem.readers.decks.abaqus_sections import SECTIONS, Sections, materials_of
+from antiosc.fem.readers.decks.constraints import Term
 from antiosc.fem.readers.decks.deck import Array, IntArray, Place, real_number, whole_number
-from antiosc.fem.readers.decks.geometry import AXIS_COSINE, fixed_along_axes
+from antiosc.fem.readers.decks.geometry import fixed_along_axes
 from antiosc.fem.readers.decks.model import ModelBuilder
 from antiosc.fem.readers.unit_system import UnitSystem
 
@@ -27,15 +29,6 @@ REFUSED_CARDS = {
     "CONTACTPAIR": "a contact pair",
     "CONTACT": "general contact",
     "CLEARANCE": "a contact pair",
-    "TIE": "a tie of two surfaces",
-    "EQUATION": "a linear equation between motions",
-    "MPC": "a multi-point constraint",
-    "RIGIDBODY": "a rigid body",
-    "COUPLING": "a coupling to a reference node",
-    "KINEMATIC": "a coupling to a reference node",
-    "KINEMATICCOUPLING": "a coupling to a reference node",
-    "DISTRIBUTING": "a coupling to a reference node",
-    "DISTRIBUTINGCOUPLING": "a coupling to a reference node",
     "PRE-TENSIONSECTION": "a pre-tensioned bolt",
     "CYCLICSYMMETRYMODEL": "cyclic symmetry",
     "SUBMODEL": "a submodel",
@@ -84,12 +77,16 @@ def model_of(whole: Whole, units: UnitSystem, density: float | None) -> dict[str
     for card, within in whole.cards:
         if card.keyword in SECTIONS:
             sections.read(card, within)
+    builder.with_roles(sections.roles)
     supports = _Supports(whole, builder)
     top = whole.instances[""]
-    for card, within in [*whole.cards, *((card, top) for card in first)]:
+    both = [*whole.cards, *((card, top) for card in first)]
+    for card, within in both:
         if card.keyword == "BOUNDARY":
             supports.read(card, within)
     supports.apply()
+    read_joints(whole, builder.joints, both)
+    _distributing(whole, builder)
     _masses(whole, builder)
     _springs(whole, builder)
     builder.ignored = [*ignored, *_ignored(whole), *supports.ignored]
@@ -133,7 +130,7 @@ class _Supports:
         self.whole = whole
         self.builder = builder
         self.local = np.zeros((len(whole.deck.points), 6), dtype=bool)
-        self.frames: dict[int, tuple[Array, Place]] = {}
+        self.frames: dict[int, Array] = {}
         self.ignored: list[str] = []
         for card, within in whole.cards:
             if card.keyword == "TRANSFORM":
@@ -180,19 +177,19 @@ class _Supports:
             if not (np.linalg.norm(x) and np.linalg.norm(z)):
                 raise MeshError(f"{card.place}: *TRANSFORM gives no axes.")
             x, z = x / np.linalg.norm(x), z / np.linalg.norm(z)
-            self.frames[int(node)] = (np.stack([x, np.cross(z, x), z]), card.place)
+            self.frames[int(node)] = np.stack([x, np.cross(z, x), z])
 
     def apply(self) -> None:
         """Give the builder the fixed motions, along the axes of the deck."""
-        for node, (frame, place) in self.frames.items():
+        for node, frame in self.frames.items():
             for part in (slice(0, 3), slice(3, 6)):
                 fixed = fixed_along_axes(self.local[node, part], frame)
                 if fixed is None:
-                    raise MeshError(
-                        f"{place}: *TRANSFORM fixes motions that are not along x, y or z, which is "
-                        "not supported here; fix all directions of the nodes, or rotate the part."
+                    fixed = self.builder.joints.fixed_rows(
+                        node, frame[self.local[node, part]], part.start
                     )
                 self.local[node, part] = fixed
+            self.builder.joints.frames[node] = frame
         self.builder.fixed |= self.local
 
 
@@ -259,17 +256,14 @@ def _springs(whole: Whole, builder: ModelBuilder) -> None:
         for kind, nodes in _others(whole, card, within):
             given += 1
             stiffness = real_number(rows[-1][0][0], rows[-1][1])
-            if kind == "SPRING1":
-                builder.spring(nodes[0], _dof(rows[0]), stiffness, card.place)
-            elif kind == "SPRINGA":
-                _axial(builder, nodes, stiffness, card.place)
+            if kind == "SPRINGA":
+                terms = _axial(builder, nodes, card.place)
             else:
                 dofs = [whole_number(f, rows[0][1]) - 1 for f in rows[0][0][:2]]
-                grounded = [k for k, d in zip(nodes, dofs, strict=False) if builder.fixed[k, d]]
-                free = [k for k in nodes if k not in grounded]
-                if len(free) != 1 or len(set(dofs)) != 1:
-                    _refuse_between(card.place)
-                builder.spring(free[0], dofs[0], stiffness, card.place)
+                if not all(0 <= dof < 6 for dof in dofs) or len(dofs) < len(nodes):
+                    raise MeshError(f"{rows[0][1]}: a spring acts on motions from 1 to 6.")
+                terms = [(n, d, s) for n, d, s in zip(nodes, dofs, (1.0, -1.0), strict=False)]
+            _spring(builder, terms, stiffness, card.place)
     _refuse_bare(whole, ("SPRINGA", "SPRING1", "SPRING2"), given, "*SPRING")
     if whole.deck.left:
         kind = next(iter(whole.deck.left))
@@ -279,30 +273,45 @@ def _springs(whole: Whole, builder: ModelBuilder) -> None:
         )
 
 
-def _dof(row: tuple[list[str], Place]) -> int:
-    dof = whole_number(row[0][0], row[1])
-    if not 1 <= dof <= 6:
-        raise MeshError(f"{row[1]}: a spring acts on a motion from 1 to 6; got {dof}.")
-    return dof - 1
-
-
-def _axial(builder: ModelBuilder, nodes: list[int], stiffness: float, place: Place) -> None:
-    """A spring along the line between two nodes, one of which is fixed."""
-    grounded = [node for node in nodes if builder.fixed[node, :3].all()]
-    free = [node for node in nodes if node not in grounded]
-    if len(grounded) != 1 or len(free) != 1:
-        _refuse_between(place)
+def _axial(builder: ModelBuilder, nodes: list[int], place: Place) -> list[Term]:
+    """How much longer a spring between two nodes becomes."""
     x = builder.deck.points
-    along = x[free[0]] - x[grounded[0]]
+    along = x[nodes[1]] - x[nodes[0]]
     length = float(np.linalg.norm(along))
-    motion = int(np.argmax(np.abs(along)))
-    if length == 0 or abs(along[motion]) < AXIS_COSINE * length:
-        raise MeshError(f"{place}: a grounded spring must lie along x, y or z.")
-    builder.spring(free[0], motion, stiffness, place)
+    if length == 0:
+        raise MeshError(f"{place}: the ends of a SPRINGA coincide, so that it has no direction.")
+    unit = (along / length).tolist()
+    return [(n, c, s * unit[c]) for n, s in ((nodes[0], -1.0), (nodes[1], 1.0)) for c in range(3)]
 
 
-def _refuse_between(place: Place) -> None:
-    raise MeshError(
-        f"{place}: a spring between two points that both move is not supported; springs go to "
-        "the ground, a node fixed in all directions."
-    )
+def _spring(builder: ModelBuilder, terms: list[Term], stiffness: float, place: Place) -> None:
+    """A spring against the sum of terms; fixed motions drop out."""
+    moving = [t for t in terms if abs(t[2]) > 1e-12 and not builder.fixed[t[0], t[1]]]
+    if len(moving) == 1:
+        ((node, motion, coefficient),) = moving
+        builder.spring(node, motion, stiffness * coefficient**2, place)
+    elif moving:
+        builder.joints.springs.append((moving, stiffness))
+
+
+def _distributing(whole: Whole, builder: ModelBuilder) -> None:
+    """*DISTRIBUTING COUPLING: the node of an element DCOUP3D follows the mean of others."""
+    for card, within in whole.cards:
+        if card.keyword != "DISTRIBUTINGCOUPLING":
+            continue
+        nodes, weights = [], []
+        for fields, place in card.rows():
+            if not fields:
+                continue
+            own = whole.nodes(fields[0], place, within)
+            weight = real_number(fields[1], place) if len(fields) > 1 and fields[1] else 1.0
+            nodes += [int(n) for n in own]
+            weights += [weight] * len(own)
+        if not nodes or sum(weights) <= 0:
+            raise MeshError(f"{card.place}: *DISTRIBUTING COUPLING names no nodes with weights.")
+        for kind, (reference, *_) in _others(whole, card, within):
+            follower = builder.joints.leader(reference)
+            some, own_weights = np.array(nodes), np.array(weights)
+            builder.joints.mean(follower, range(6), some, own_weights, card.place)
+            whole.deck.left[kind] = whole.deck.left.get(kind, 1) - 1
+        whole.deck.left = {kind: n for kind, n in whole.deck.left.items() if n}

@@ -1,7 +1,7 @@
 """Materials, sections, supports, masses and springs of a deck, in SI units.
 
 The result consists of numbers, texts and lists, because the reading process returns it as JSON;
-`antiosc.fem.structure.from_deck` builds the structure from it.
+`antiosc.fem.assembly.from_deck` builds the structure from it.
 """
 
 from __future__ import annotations
@@ -13,10 +13,14 @@ from typing import Any
 import numpy as np
 
 from antiosc.errors import MeshError
-from antiosc.fem.readers.decks.deck import Array, Deck, IntArray, Place
+from antiosc.fem.readers.decks.constraints import Constraints
+from antiosc.fem.readers.decks.deck import Array, Block, Deck, IntArray, Place
+from antiosc.fem.readers.shapes import EDGES
 from antiosc.fem.readers.unit_system import UnitSystem
 
 MOTIONS = ("x", "y", "z", "rx", "ry", "rz")
+#: What may be joined in one structure.
+JOINED = {"solid", "shell", "beam"}
 
 
 @dataclass
@@ -54,6 +58,13 @@ def of_stiffness(D: Array) -> Array:
     return np.array([*E, -S[0, 1] * E[0], -S[0, 2] * E[0], -S[1, 2] * E[1], *(1 / np.diag(S)[3:])])
 
 
+def _nodes(block: Block) -> IntArray:
+    """All nodes of a block's elements."""
+    every = [table.ravel() for table in (block.corners, block.mids, block.inner)]
+    nodes = np.unique(np.concatenate(every))
+    return nodes[nodes >= 0]
+
+
 @dataclass
 class Family:
     """The section of a group of elements, as a class of antiosc and its arguments."""
@@ -86,8 +97,15 @@ class ModelBuilder:
         self.fixed = np.zeros((len(self.deck.points), 6), dtype=bool)
         self.used = np.zeros(len(self.deck.points), dtype=bool)
         for block in self.deck.blocks:
-            for table in (block.corners, block.mids, block.inner):
-                self.used[table[table >= 0]] = True
+            self.used[_nodes(block)] = True
+        self.turning = np.zeros(len(self.deck.points), dtype=bool)
+        self.joints = Constraints(self.deck, self.used, self.turning)
+
+    def with_roles(self, roles: Sequence[str]) -> None:
+        """What the blocks of the deck are; nodes of shells and beams have rotations."""
+        for role, block in zip(roles, self.deck.blocks, strict=True):
+            if role in ("shell", "beam"):
+                self.turning[_nodes(block)] = True
 
     def rho(self, material: Material) -> float:
         """Density in kg/m³."""
@@ -162,7 +180,12 @@ class ModelBuilder:
         point = self._point(node, "a spring", place)
         self.springs.append([point, {MOTIONS[motion]: stiffness * unit}])
 
-    def _point(self, node: int, what: str, place: Place) -> list[float]:
+    def _point(self, node: int, what: str, place: Place) -> list[float] | int:
+        """Coordinates in m; of a point of no element that constraints act on its number."""
+        node = self.joints.alias.get((node, 0), (node, 0))[0]
+        loose = self.joints.loose()
+        if node in loose:
+            return -1 - loose.index(node)
         if not self.used[node]:
             raise MeshError(
                 f"{place}: {what} acts on a node of no element with a section; add the section."
@@ -179,11 +202,15 @@ class ModelBuilder:
         """
         self._refuse_uncovered(roles)
         present = {role for role, block in zip(roles, self.deck.blocks, strict=True) if len(block)}
-        if len(present) > 1 and present != {"shell", "beam"}:
+        if len(present) > 1 and not present <= JOINED:
             raise MeshError(
                 f"{self.deck.name} has {' and '.join(sorted(present))} elements in one structure; "
-                "here it is of one kind, or of shells with beams along their edges."
+                "plane elements are read alone: give each kind a deck of its own."
             )
+        joints = self.joints.finished(self.units)
+        stiffened = present == {"shell", "beam"} and not joints["equations"] and self._on_edges()
+        several = len(present) > 1 and not stiffened
+        joined = several or bool(joints["equations"] or joints["elastic"] or joints["points"])
         groups = []
         for number, (name, family) in enumerate(zip(self.names, self.families, strict=True)):
             elements = np.flatnonzero(self.of_element == number)
@@ -194,7 +221,7 @@ class ModelBuilder:
                 name = f"{name} ({family.place})"
                 self.deck.element_sets[name] = elements
             groups.append([name, family.kind, family.arguments, str(family.place)])
-        count = 2 if present & {"plane stress", "plane strain"} else 3 if "solid" in present else 6
+        count = 2 if not present <= JOINED else 3 if present == {"solid"} else 6
         return {
             "families": groups,
             "supports": self._supports(count),
@@ -202,8 +229,39 @@ class ModelBuilder:
             "springs": self.springs,
             "ignored": self.ignored,
             "gdim": 2 if count == 2 else 3,
-            "halve": present == {"beam"},
+            "halve": "beam" in present and not stiffened,
+            "joined": joined,
+            "joints": joints,
+            "held_points": self._held_points(count == 2),
         }
+
+    def _on_edges(self) -> bool:
+        """Whether all lines are edges of faces."""
+        edges: list[IntArray] = []
+        lines: list[IntArray] = []
+        for block in self.deck.blocks:
+            ends = block.corners[:, np.array(EDGES[block.shape])].reshape(-1, 2)
+            (lines if block.shape == "line" else edges).append(np.sort(ends, axis=1))
+        sides = {(int(a), int(b)) for a, b in np.vstack(edges)}
+        return all((int(a), int(b)) in sides for a, b in np.vstack(lines))
+
+    def _held_points(self, plane: bool) -> list[Any]:
+        """[[number of a point of no element, motions]] that are fixed, or that nothing acts on."""
+        loose = self.joints.loose()
+        acting = {(n, m) for terms in self.joints.every() for n, m, _ in terms}
+        for at, mass, inertia in self.masses:
+            if isinstance(at, int):
+                acting |= {(loose[-1 - at], m) for m in range(3) if mass}
+                acting |= {(loose[-1 - at], 3 + m) for m in range(3) if inertia[m]}
+        found: dict[int, set[str]] = {}
+        for k, node in enumerate(loose):
+            found[-1 - k] = {MOTIONS[m] for m in range(6) if (node, m) not in acting}
+        for node, motion in zip(*np.nonzero(self.fixed), strict=True):
+            own, turned = self.joints.alias.get((int(node), int(motion)), (int(node), int(motion)))
+            if own in loose:
+                found[-1 - loose.index(own)].add(MOTIONS[turned])
+        known = {"x", "y", "rz"} if plane else set(MOTIONS)
+        return [[n, sorted(held & known)] for n, held in found.items() if held & known]
 
     def _refuse_uncovered(self, roles: Sequence[str]) -> None:
         start = 0

@@ -10,6 +10,7 @@ from mpi4py import MPI
 
 from antiosc.checks import instance, path as checked_path, positive, shown
 from antiosc.errors import InputError, MeshError
+from antiosc.fem.assembly.deck_joints import attachments, joined
 from antiosc.fem.elements.beam import Beam, Section
 from antiosc.fem.elements.plate_section import Layer
 from antiosc.fem.elements.shell import Laminate, Shell
@@ -19,10 +20,13 @@ from antiosc.fem.linalg.solver import Choice
 from antiosc.fem.mesh.mesh import distributed, flattened
 from antiosc.fem.mesh.soundness import sound
 from antiosc.fem.mpi import collective, on_root, warn
-from antiosc.fem.readers import RawMesh, UnitSystem, read
+from antiosc.fem.readers import RawMesh, UnitSystem, read_parts
 from antiosc.fem.structure.attachments import PointMass, Spring
 from antiosc.fem.structure.structure import Structure
 from antiosc.fem.structure.support import Support
+
+#: Names of the parts of a deck whose cells are joined, by their dimension.
+PARTS = {3: "solids", 2: "faces", 1: "beams"}
 
 
 @collective()
@@ -85,35 +89,57 @@ def read_model(
     more = _listed("supports", supports, (Support,))
     added = _listed("attached", attached, (PointMass, Spring))
 
-    def work() -> RawMesh:
+    def work() -> dict[int, RawMesh]:
         options = {"density": density}
-        raw = read(file, unit=units, merge=merge, timeout=timeout, model=options)
-        gdim = None if raw.model is None else raw.model["gdim"]
-        return sound(flattened(raw, gdim, file.name), file.name, made_here=False)
+        parts = read_parts(file, unit=units, merge=merge, timeout=timeout, model=options)
+        for dim, raw in parts.items():
+            gdim = None if raw.model is None else raw.model["gdim"]
+            pieces = raw.model is not None and raw.model["joined"]
+            flat = flattened(raw, gdim, file.name)
+            parts[dim] = sound(flat, file.name, made_here=False, pieces=pieces)
+        return parts
 
-    raw = on_root(comm, work)
-    model = raw.model
+    parts = on_root(comm, work)
+    first = next(iter(parts.values()))
+    model = first.model
     if model is None:
         raise MeshError(f"{file.name} was read without its model.")
-    told = list(raw.told)
+    told = list(first.told)
     if model["ignored"]:
         told.append(f"of {file.name} are not taken: {', '.join(model['ignored'])}.")
     for sentence in told:
         warn(comm, sentence)
-    mesh = distributed(raw, file.name, comm)
-    supported = [Support(name, fix) for name, fix in model["supports"] if raw.groups.get(name)]
-    masses = [PointMass(point, mass, inertia) for point, mass, inertia in model["masses"]]
-    springs = [Spring(point, stiffness) for point, stiffness in model["springs"]]
-    families = {
-        name: _family(kind, arguments, place) for name, kind, arguments, place in model["families"]
+    made = {
+        PARTS[dim]: _part(raw, file.name, comm, solver, more, added) for dim, raw in parts.items()
     }
-    return Structure(
-        mesh,
-        families,
-        [*supported, *more],
-        attached=[*masses, *springs, *added],
-        solver=solver,
-    )
+    if not model["joined"]:
+        return next(iter(made.values()))
+    numbers = {PARTS[dim]: raw.numbers for dim, raw in parts.items()}
+    return joined(made, numbers, model, more, added, solver)
+
+
+def _part(
+    raw: RawMesh,
+    name: str,
+    comm: MPI.Comm,
+    solver: Choice,
+    more: Sequence[Support],
+    added: Sequence[PointMass | Spring],
+) -> Structure:
+    """The structure of the cells of one dimension; joined parts are supported together later."""
+    model = raw.model
+    assert model is not None
+    mesh = distributed(raw, name, comm)
+    families = {
+        group: _family(kind, arguments, place)
+        for group, kind, arguments, place in model["families"]
+        if not model["joined"] or raw.groups.get(group)
+    }
+    if model["joined"]:
+        return Structure(mesh, families, solver=solver)
+    supported = [Support(group, fix) for group, fix in model["supports"] if raw.groups.get(group)]
+    attached = [*attachments(model), *added]
+    return Structure(mesh, families, [*supported, *more], attached=attached, solver=solver)
 
 
 def _listed(name: str, given: Any, kinds: tuple[type, ...]) -> list[Any]:

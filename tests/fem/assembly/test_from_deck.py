@@ -200,9 +200,6 @@ REFUSED = {
     "no elasticity": (CUBE + SECTION + "*MATERIAL,NAME=M\n*DENSITY\n1.\n", "no linear elast"),
     "negative": (CUBE + SECTION + MATERIAL.replace("1E9", "-1E9"), "line 12 .*E must be > 0"),
     "contact": (CUBE + "*CONTACT PAIR,INTERACTION=I\nA,B\n", r"line 12 .*\*CONTACTPAIR is a con"),
-    "equation": (CUBE + "*EQUATION\n2\n1,1,1.,2,1,-1.\n", r"line 12 .*\*EQUATION is a linear"),
-    "tie": (CUBE + "*TIE,NAME=T\nA,B\n", r"line 12 .*\*TIE is a tie"),
-    "rigid": (CUBE + "*RIGID BODY,NSET=A,REF NODE=1\n", "line 12 .*a rigid body"),
     "membrane": (CUBE.replace("C3D8", "SC8R") + SECTION + MATERIAL, "SC8R"),
     "heat": (CUBE.replace("C3D8", "DC3D8") + SECTION + MATERIAL, "DC3D8"),
     "offset": (

@@ -1,0 +1,138 @@
+"""Dofs between constrained nodes.
+
+The displacements here are richer than those of a deck's elements. Where constraints determine all
+nodes of an edge or a face of a cell, the dofs between these nodes follow by the functions of the
+cell's map, by which the deck's own elements move there; where all nodes slide across one direction,
+so do the dofs between them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import basix
+import numpy as np
+import scipy.sparse
+
+from antiosc._types import Array
+from antiosc.fem import compat
+from antiosc.fem.assembly.layout import MOVES, TURNS, Sparse
+from antiosc.fem.assembly.numbered_nodes import Nodes, Term
+
+
+def between_nodes(nodes: Nodes, equations: Sequence[Sequence[Term]], own: Sparse) -> Sparse:
+    """Constraints of the dofs between nodes; `own` are the functionals of the equations."""
+    dependent: dict[int, dict[int, int]] = {}  # motion -> node -> its constraint
+    sliding: dict[int, dict[int, list[Array]]] = {}  # 0 or 3 -> node -> directions held
+    for row, terms in enumerate(equations):
+        number, motion, _ = terms[0]
+        if number < 0:
+            continue
+        if {n for n, _, _ in terms} == {number}:
+            direction = np.zeros(3)
+            for _, m, coefficient in terms:
+                direction[m % 3] = coefficient
+            sliding.setdefault(3 * (motion // 3), {}).setdefault(number, []).append(direction)
+        else:
+            dependent.setdefault(motion, {}).setdefault(number, row)
+    found = [nodes.layout.nothing(0)]
+    for k in range(len(nodes.members)):
+        for motion, rows in dependent.items():
+            found += _followers(nodes, k, motion, rows, equations, own)
+        for first, directions in sliding.items():
+            found += _sliders(nodes, k, first, directions)
+    return scipy.sparse.vstack(found).tocsr()
+
+
+def _dofs(
+    nodes: Nodes, k: int, motion: int, some: Mapping[int, object]
+) -> Iterator[tuple[int, list[int], Array]]:
+    """(dof, nodes of its entity, their weights) of the dofs of one motion near `some` nodes.
+
+    A dof in the place of a node is that node's own, and is left out.
+    """
+    member, table = nodes.members[k], nodes.tables[k]
+    name = (TURNS if motion >= 3 else MOVES)[motion % 3]
+    path = member.part.form.components.get(name)
+    touching = np.flatnonzero(np.isin(table, np.fromiter(some, dtype=int)).any(axis=1))
+    if path is None or not len(touching):
+        return
+    mesh, space = member.part.mesh, member.part.form.space
+    kind = getattr(basix.CellType, mesh.cell)
+    X = np.asarray(compat.subspace(space, path).element.basix_element.points)
+    cell_map = basix.create_element(basix.ElementFamily.P, kind, mesh.order)
+    weights = np.asarray(cell_map.tabulate(0, X))[0, :, :, 0]
+    needed = [np.flatnonzero(np.abs(row) > 1e-12) for row in weights]
+    between = [d for d, nodes_of in enumerate(needed) if len(nodes_of) > 1]
+    dofs = compat.cell_dofs(space, path, touching)
+    done: set[int] = set()
+    for at, cell in enumerate(touching):
+        for d in between:
+            column = member.first + int(dofs[at, d])
+            if column not in done:
+                done.add(column)
+                numbers = [int(n) for n in table[cell, needed[d]]]
+                if any(n in some for n in numbers):
+                    yield column, numbers, weights[d, needed[d]]
+
+
+def _followers(
+    nodes: Nodes,
+    k: int,
+    motion: int,
+    rows: Mapping[int, int],
+    equations: Sequence[Sequence[Term]],
+    own: Sparse,
+) -> Iterator[Sparse]:
+    """Dofs that are the weighted sum of what their nodes are by their constraints."""
+    leaders = {
+        node: {n for n, m, _ in equations[row][1:] if m == motion} for node, row in rows.items()
+    }
+    for column, numbers, weights in _dofs(nodes, k, motion, rows):
+        if not _determined(nodes, numbers, motion, rows, leaders):
+            continue
+        total = nodes.layout.units(np.array([column]))
+        for node, weight in zip(numbers, weights, strict=True):
+            follows = nodes.single(node, motion)
+            if node in rows:  # by its constraint without its own term
+                follows = follows - own[rows[node]] / equations[rows[node]][0][2]
+            total = total - weight * follows
+        yield total.tocsr()
+
+
+def _determined(
+    nodes: Nodes,
+    numbers: Sequence[int],
+    motion: int,
+    rows: Mapping[int, int],
+    leaders: Mapping[int, set[int]],
+) -> bool:
+    """Whether each node is dependent, held, or leads all that are dependent."""
+    dependent = [n for n in numbers if n in rows]
+    others = set(numbers) - set(dependent)
+    if all(others <= leaders[n] for n in dependent):
+        return True
+    return all(nodes.is_held(n, motion) for n in others)
+
+
+def _sliders(
+    nodes: Nodes, k: int, first: int, directions: Mapping[int, list[Array]]
+) -> Iterator[Sparse]:
+    """Dofs between nodes that slide across a direction, or are held."""
+    axes = range(2 if nodes.layout.plane else 3)
+    by_motion = [_dofs(nodes, k, first + c, directions) for c in axes]
+    for found in zip(*by_motion, strict=True):
+        columns = [column for column, _, _ in found]
+        _, numbers, weights = found[0]
+        sliding = [n for n in numbers if n in directions]
+        held = [n for n in numbers if n not in directions]
+        if not all(nodes.is_held(n, first + c) for n in held for c in axes):
+            continue
+        for i in range(min(len(directions[n]) for n in sliding)):
+            mean = sum(
+                w * directions[n][i]
+                for n, w in zip(numbers, weights, strict=True)
+                if n in directions
+            )
+            row = nodes.layout.units(np.array(columns))
+            yield (scipy.sparse.csr_matrix(np.reshape(mean, (1, 3))[:, axes]) @ row).tocsr()

@@ -1,0 +1,91 @@
+"""Constraints and springs between numbered nodes of meshes, as decks have them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse
+
+from antiosc._types import BoolArray, IntArray
+from antiosc.fem.assembly.between_nodes import between_nodes
+from antiosc.fem.assembly.elimination import Rows
+from antiosc.fem.assembly.joint import Joint, Stiffness
+from antiosc.fem.assembly.layout import MOVES, TURNS, Layout, Member, Sparse
+from antiosc.fem.assembly.numbered_nodes import Nodes, Term
+
+
+@dataclass(frozen=True, eq=False)
+class NodeConstraints(Joint):
+    """Σ coefficient × motion = 0 between nodes and reference points, and springs between them.
+
+    Attributes
+    ----------
+    equations : terms of each constraint; the first is the dependent motion.
+    springs : (terms of a relative motion, stiffness in N/m).
+    points : names of the reference points in the order of their numbers.
+    numbers : part -> number of each node of its mesh, in the order in which they were read.
+    """
+
+    equations: Sequence[Sequence[Term]]
+    springs: Sequence[tuple[Sequence[Term], float]]
+    points: Sequence[str]
+    numbers: Mapping[str, IntArray]
+    name: str | None = "constraints of the deck"
+
+    def constraints(
+        self, layout: Layout, before: Sequence[Rows], held: BoolArray, label: str
+    ) -> list[Rows]:
+        """One row for each constraint, those between its nodes, and of middle nodes."""
+        nodes = Nodes(layout, self.points, self.numbers)
+        own = nodes.functionals(self.equations)
+        dependent = np.array([nodes.dof(terms[0]) for terms in self.equations], dtype=int)
+        rows = [Rows(own, dependent, label)] if own.shape[0] else []
+        nodes.held = held.copy()
+        for one in before:
+            alone = np.diff(one.matrix.indptr) == 1
+            nodes.held[one.matrix[alone].indices] = True
+        between = between_nodes(nodes, self.equations, own)
+        if between.shape[0]:
+            rows.append(Rows.free(between, label))
+        middles = _on_middles(nodes)
+        if middles.shape[0]:
+            rows.append(Rows.free(middles, label))
+        return rows
+
+    def elastic(self, layout: Layout, label: str) -> list[Stiffness]:
+        """The springs."""
+        nodes = Nodes(layout, self.points, self.numbers)
+        return [
+            Stiffness(nodes.functionals([terms]), np.array([[stiffness]]), np.zeros((1, 1)))
+            for terms, stiffness in self.springs
+        ]
+
+
+def _on_middles(nodes: Nodes) -> Sparse:
+    """A vertex of one part that is a middle node of another follows it."""
+    layout = nodes.layout
+    rows = [layout.nothing(0)]
+    for k, member in enumerate(nodes.members):
+        corners = len(member.part.mesh.geometry.corners)
+        vertices = set(nodes.tables[k][:, :corners].ravel().tolist())
+        for j, other in enumerate(nodes.members):
+            count = len(other.part.mesh.geometry.corners)
+            if j == k or nodes.tables[j].shape[1] == count:
+                continue
+            middles = set(nodes.tables[j][:, count:].ravel().tolist())
+            for number in sorted(vertices & middles):
+                for names in (MOVES, TURNS) if member.turns and other.turns else (MOVES,):
+                    both = [_at(nodes, one, number, names) for one in (k, j)]
+                    rows.append(both[0] - both[1])
+    result = scipy.sparse.vstack(rows).tocsr()
+    result.eliminate_zeros()
+    return result[np.diff(result.indptr) > 0]
+
+
+def _at(nodes: Nodes, k: int, number: int, names: tuple[str, ...]) -> Sparse:
+    member: Member = nodes.members[k]
+    cell, local = nodes.at_cell[k][number]
+    X = nodes.places(k)[[local]]
+    return nodes.layout.at_points(member, np.array([cell]), X, names)

@@ -1,0 +1,185 @@
+"""Linear constraints and springs between nodes of a deck.
+
+A constraint is a list of terms (node, motion 0 to 5, coefficient) whose sum is zero; its first term
+is the dependent one. Nodes of no element, such as the reference node of a rigid body, become points
+with six motions of their own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from antiosc.errors import MeshError
+from antiosc.fem.readers.decks.deck import Array, Deck, IntArray, Place
+from antiosc.fem.readers.decks.geometry import AXIS_COSINE
+from antiosc.fem.readers.unit_system import UnitSystem
+
+Term = tuple[int, int, float]
+#: Coefficients below this share of the largest of a constraint are rounding.
+NEGLIGIBLE = 1e-14
+
+
+@dataclass
+class Constraints:
+    """Collects what joins the nodes of a deck, in its units."""
+
+    deck: Deck
+    #: nodes of elements, and those of elements with rotations
+    used: Any
+    turning: Any
+    equations: list[list[Term]] = field(default_factory=list)
+    #: (terms, stiffness): springs between motions
+    springs: list[tuple[list[Term], float]] = field(default_factory=list)
+    #: what a motion of a node stands for: those of a rotation node are rotations of another
+    alias: dict[tuple[int, int], tuple[int, int]] = field(default_factory=dict)
+    #: coordinates of points beyond the nodes of the deck
+    more: list[Array] = field(default_factory=list)
+    #: motions along directions of its own of a node: rows
+    frames: dict[int, Array] = field(default_factory=dict)
+
+    def place(self, node: int) -> Array:
+        """Coordinates of a node or a further point."""
+        count = len(self.deck.points)
+        return self.deck.points[node] if node < count else self.more[node - count]
+
+    def equation(self, terms: Iterable[Term], place: Place) -> None:
+        """Σ coefficient × motion = 0; motions of nodes with a frame are along its directions."""
+        found: dict[tuple[int, int], float] = {}
+        for node, motion, coefficient in terms:
+            for own, value in self._along_axes(node, motion):
+                found[own] = found.get(own, 0.0) + coefficient * value
+        largest = max(map(abs, found.values()), default=0.0)
+        kept = [(*own, c) for own, c in found.items() if abs(c) > NEGLIGIBLE * largest]
+        for node, motion, _ in kept:
+            if motion >= 3 and self._used(node) and not self.turning[node]:
+                raise MeshError(
+                    f"{place}: a constraint acts on a rotation of a node of solids, which have no "
+                    "rotations; constrain displacements of several nodes."
+                )
+        if kept:
+            self.equations.append(kept)
+
+    def fixed_rows(self, node: int, directions: Array, first: int) -> Any:
+        """Motions of a node (`first` = 0: displacements, 3: rotations) along directions are zero.
+
+        Which of those along the axes (3,) are: they become supports, the others constraints.
+        """
+        along = np.zeros(3, dtype=bool)
+        for direction in directions:
+            order = np.argsort(-np.abs(direction), kind="stable")
+            if abs(direction[order[0]]) > AXIS_COSINE:
+                along[order[0]] = True
+                continue
+            terms = [(node, first + int(k), float(direction[k])) for k in order]
+            self.equations.append([t for t in terms if abs(t[2]) > NEGLIGIBLE])
+        return along
+
+    def _along_axes(self, node: int, motion: int) -> list[tuple[tuple[int, int], float]]:
+        if (node, motion) in self.alias:
+            return [(self.alias[node, motion], 1.0)]
+        frame = self.frames.get(node)
+        if frame is None:
+            return [((node, motion), 1.0)]
+        first = 3 * (motion // 3)
+        row = frame[motion - first]
+        order = np.argsort(-np.abs(row), kind="stable")
+        return [((node, first + int(k)), float(row[k])) for k in order if row[k]]
+
+    def _used(self, node: int) -> bool:
+        return node < len(self.deck.points) and bool(self.used[node])
+
+    def point(self, x: Array) -> int:
+        """A further point with six motions."""
+        self.more.append(np.asarray(x, dtype=float))
+        return len(self.deck.points) + len(self.more) - 1
+
+    def leader(self, node: int, turns: int | None = None) -> int:
+        """A point with six motions at a node; its rotations are the displacements of `turns`."""
+        point = node
+        if self._used(node) and not self.turning[node]:
+            point = self.point(self.place(node))
+            for c in range(3):
+                self.equations.append([(node, c, 1.0), (point, c, -1.0)])
+        if turns is not None and turns != node:
+            for c in range(3):
+                self.alias[turns, c] = (point, 3 + c)
+        return point
+
+    def rigid(self, nodes: IntArray, leader: int, motions: Sequence[int], place: Place) -> None:
+        """Motions (of 0 to 5) of nodes follow those of a point as a rigid body."""
+        x = self.place(leader)
+        for node in nodes:
+            if int(node) == leader:
+                continue
+            r = self.place(int(node)) - x
+            arm = np.array([[0, r[2], -r[1]], [-r[2], 0, r[0]], [r[1], -r[0], 0]])  # θ × r
+            for c in motions:
+                if c >= 3:
+                    if not self._used(int(node)) or self.turning[node]:
+                        self.equations.append([(int(node), c, 1.0), (leader, c, -1.0)])
+                    continue
+                turned = [(leader, 3 + k, -float(arm[c, k])) for k in range(3) if arm[c, k]]
+                self.equations.append([(int(node), c, 1.0), (leader, c, -1.0), *turned])
+
+    def mean(
+        self, follower: int, motions: Sequence[int], nodes: IntArray, weights: Array, place: Place
+    ) -> None:
+        """Motions of a node follow the weighted mean ones of others (RBE3)."""
+        x = np.array([self.place(int(node)) for node in nodes])
+        w = weights / weights.sum()
+        centre = w @ x
+        r = x - centre
+        J = np.einsum("p,pi,pj->ij", w, r, r)
+        J = np.trace(J) * np.eye(3) - J
+        values, axes = np.linalg.eigh(J)
+        good = values > 1e-12 * max(values[-1], np.finfo(float).tiny)
+        inverse = axes[:, good] @ np.diag(1 / values[good]) @ axes[:, good].T
+        # θ = J⁻¹ Σ w r × u
+        skew = np.zeros((len(r), 3, 3))
+        skew[:, 0, 1], skew[:, 0, 2], skew[:, 1, 2] = -r[:, 2], r[:, 1], -r[:, 0]
+        skew -= np.swapaxes(skew, 1, 2)
+        turns = np.einsum("ij,p,pjk->ipk", inverse, w, skew)
+        arm = self.place(follower) - centre
+        cross = np.array([[0, arm[2], -arm[1]], [-arm[2], 0, arm[0]], [arm[1], -arm[0], 0]])
+        moves = w[None, :, None] * np.eye(3)[:, None, :] + np.einsum("ij,jpk->ipk", cross, turns)
+        if not good.all() and any(c >= 3 or np.abs(arm).max() > 1e-9 for c in motions):
+            raise MeshError(
+                f"{place}: the nodes whose mean motion is taken lie on one line, so that their "
+                "rotation is not known; take more nodes, or displacements alone at their centre."
+            )
+        for c in motions:
+            table = moves[c] if c < 3 else turns[c - 3]
+            pairs = [(p, k) for p in range(len(nodes)) for k in range(3)]
+            terms = [(int(nodes[p]), k, -float(table[p, k])) for p, k in pairs]
+            self.equation([(follower, c, 1.0), *terms], place)
+
+    def loose(self) -> list[int]:
+        """Nodes of no element, and further points, that constraints and springs act on."""
+        nodes = {node for terms in self.every() for node, _, _ in terms}
+        return sorted(node for node in nodes if not self._used(node))
+
+    def every(self) -> list[list[Term]]:
+        """The terms of all constraints and springs."""
+        return [*self.equations, *(terms for terms, _ in self.springs)]
+
+    def finished(self, units: UnitSystem) -> dict[str, Any]:
+        """In SI units, as JSON holds it; the k-th point has the number -1 - k."""
+        length = units.length
+        loose = self.loose()
+        number = {node: -1 - k for k, node in enumerate(loose)}
+
+        def scaled(terms: list[Term]) -> list[list[float]]:
+            return [[number.get(n, n), m, c * (length if m >= 3 else 1.0)] for n, m, c in terms]
+
+        return {
+            "equations": [scaled(terms) for terms in self.equations],
+            "elastic": [
+                [scaled(terms), stiffness * units.force / length]
+                for terms, stiffness in self.springs
+            ],
+            "points": [[float(c) * length for c in self.place(node)] for node in loose],
+        }

@@ -1,0 +1,184 @@
+"""Equations, rigid bodies, ties, springs and mixed elements of decks as one structure."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("dolfinx")
+
+import antiosc as ao
+
+pytestmark = [
+    pytest.mark.fem,
+    pytest.mark.filterwarnings("ignore:the compliance under a point"),
+    pytest.mark.filterwarnings("ignore:an edge cuts the patch"),
+]
+
+E, A, L = 1e9, 1.0, 2.0
+MATERIAL = "*MATERIAL, NAME=M\n*ELASTIC\n1E9, 0.\n*DENSITY\n1000.\n"
+SOLID = "*SOLID SECTION, ELSET=ALL, MATERIAL=M\n"
+
+
+def read(folder: Path, text: str, **options) -> ao.Structure:
+    path = folder / "part.inp"
+    path.write_text(text)
+    return ao.read_model(path, **options)
+
+
+def column(first: int = 1, at: float = 0.0, cells: int = 2) -> str:
+    """Bricks of 1 × 1 × 1 along z: nodes by layers of four, elements from the same number."""
+    rows = []
+    for k in range(cells + 1):
+        corners = [(0, 0), (1, 0), (1, 1), (0, 1)]
+        rows += [f"{first + 4 * k + n},{x},{y},{at + k}" for n, (x, y) in enumerate(corners)]
+    text = "*NODE\n" + "\n".join(rows) + "\n*ELEMENT, TYPE=C3D8, ELSET=ALL\n"
+    for k in range(cells):
+        nodes = [first + 4 * k + n for n in range(8)]
+        text += f"{first + k},{','.join(map(str, nodes))}\n"
+    return text
+
+
+FOOT = "*BOUNDARY\n1,1,3\n2,1,3\n3,1,3\n4,1,3\n"
+#: The top of a column of two bricks moves along z as one.
+FLAT = "*EQUATION\n" + "".join(f"2\n{n},3,1.,9,3,-1.\n" for n in (10, 11, 12))
+
+
+def k0(part: ao.Structure, point=(1, 0, L), direction=(0, 0, 1), of=None) -> float:
+    return ao.extract(part, ao.Site(point, direction, part=of), n=2).k0
+
+
+def test_equations_hold_what_lies_between_their_nodes(tmp_path):
+    """A bar without contraction whose end moves as one: EA/L, wherever it is struck."""
+    part = read(tmp_path, column() + SOLID + MATERIAL + FOOT + FLAT)
+    assert part.mass == pytest.approx(2000, rel=1e-12)
+    for point in ((1, 0, L), (0.3, 0.8, L)):
+        assert k0(part, point) == pytest.approx(E * A / L, rel=1e-9)
+
+
+def test_equations_between_a_set_and_a_node_are_one_for_each(tmp_path):
+    sets = "*NSET, NSET=OTHERS\n10, 11, 12\n*EQUATION\n2\nOTHERS, 3, 1., 9, 3, -1.\n"
+    part = read(tmp_path, column() + SOLID + MATERIAL + FOOT + sets)
+    assert k0(part) == pytest.approx(E * A / L, rel=1e-9)
+
+
+@pytest.mark.parametrize("turning", ["", ", ROT NODE=200"])
+def test_a_rigid_body_is_that_of_an_assembly(tmp_path, turning):
+    nodes = "*NODE\n100, .5, .5, 3.\n200, 0., 0., 0.\n"
+    rigid = f"*NSET, NSET=TOP\n9, 10, 11, 12\n*RIGID BODY, NSET=TOP, REF NODE=100{turning}\n"
+    part = read(tmp_path, column() + nodes + SOLID + MATERIAL + FOOT + rigid)
+    mesh = ao.read_mesh(tmp_path / "part.inp")
+    bare = ao.Structure(mesh, ao.Solid(E, 0.0, 1000.0), ao.Support(plane=((0, 0, 0), (0, 0, 1))))
+    joint = ao.Rigid("part:TOP", "reference")
+    by_hand = ao.assemble({"part": bare}, [joint], points={"reference": (0.5, 0.5, 3)})
+    for direction in ((1, 0, 0), (0, 0, 1), (1, 2, 3)):
+        site = (1, 0, L), direction
+        assert k0(part, *site) == pytest.approx(k0(by_hand, *site), rel=1e-9)
+
+
+def test_a_rotation_node_is_held_by_its_displacements(tmp_path):
+    """Held against turning, the end of a column without contraction shears as a guided beam."""
+    nodes = "*NODE\n100, .5, .5, 2.\n200, 0., 0., 0.\n"
+    rigid = "*NSET, NSET=TOP\n9, 10, 11, 12\n*RIGID BODY, NSET=TOP, REF NODE=100, ROT NODE=200\n"
+    text = column() + nodes + SOLID + MATERIAL + FOOT + rigid
+    turning = k0(read(tmp_path, text), (1, 0, L), (1, 0, 0))
+    guided = k0(read(tmp_path, text + "*BOUNDARY\n200,1,3\n"), (1, 0, L), (1, 0, 0))
+    assert guided > 1.5 * turning
+
+
+def test_tied_tetrahedra_are_those_with_common_nodes(tmp_path):
+    """Second order: all nodes of the face are tied, so that nothing differs."""
+    tied, merged = (read(tmp_path, _two_wedges(joined), merge=merge) for joined, merge in (
+        (True, None), (False, 1e-9)
+    ))  # fmt: skip
+    site = (0.2, 0.2, 1.0), (1, 2, 3)
+    assert tied.mass == pytest.approx(merged.mass, rel=1e-12)
+    assert k0(tied, *site) == pytest.approx(k0(merged, *site), rel=1e-9)
+
+
+def _two_wedges(tied: bool) -> str:
+    """Two straight wedges of 15 nodes on top of each other, each with nodes of its own."""
+    flat = [(0, 0), (1, 0), (0, 1), (0.5, 0), (0.5, 0.5), (0, 0.5)]
+    text = "*NODE\n"
+    for k in (0, 1):
+        z = [k, k, k, k + 1, k + 1, k + 1]
+        corners = [(*flat[n % 3], z[n]) for n in range(6)]
+        mids = [(*flat[3 + n], h) for h in (k, k + 1) for n in range(3)]
+        upright = [(*flat[n], k + 0.5) for n in range(3)]
+        for n, x in enumerate([*corners, *mids, *upright]):
+            text += f"{100 * k + n + 1},{x[0] * 0.4},{x[1] * 0.4},{x[2] * 0.5}\n"
+    text += "*ELEMENT, TYPE=C3D15, ELSET=ALL\n"
+    for k in (0, 1):
+        text += f"{k + 1}," + ",".join(str(100 * k + n + 1) for n in range(15)) + "\n"
+    text += "*NSET, NSET=FOOT\n1,2,3,7,8,9\n*BOUNDARY\nFOOT,1,3\n" + SOLID + MATERIAL
+    if tied:
+        text += "*SURFACE, NAME=LOW\n1, S2\n*SURFACE, NAME=HIGH\n2, S1\n*TIE, NAME=T\nHIGH, LOW\n"
+    return text
+
+
+def test_supports_along_directions_of_their_own(tmp_path):
+    """A column turned by 30° on rollers of a *TRANSFORM is the one that stands straight."""
+    c, s = np.cos(np.pi / 6), np.sin(np.pi / 6)
+    upright = [(n, 3) for n in range(1, 5)]
+    rollers = "".join(f"{n},{m}\n" for n, m in ((1, 1), (1, 2), (2, 2), *upright))
+    straight = read(tmp_path, column() + SOLID + MATERIAL + "*BOUNDARY\n" + rollers)
+    turned = column()
+    for n in range(1, 13):
+        x, y = [(0, 0), (1, 0), (1, 1), (0, 1)][(n - 1) % 4]
+        old = f"\n{n},{x},{y},"
+        turned = turned.replace(old, f"\n{n},{c * x - s * y},{s * x + c * y},", 1)
+    frame = f"*NSET, NSET=FOOT\n1,2,3,4\n*TRANSFORM, NSET=FOOT\n{c},{s},0.,{-s},{c},0.\n"
+    other = read(tmp_path, turned + frame + SOLID + MATERIAL + "*BOUNDARY\n" + rollers)
+    for d in ((1.0, 0, 0), (0.3, 0.5, 0.8)):
+        turned_d = (c * d[0] - s * d[1], s * d[0] + c * d[1], d[2])
+        first = k0(straight, (1, 1, L), d)
+        assert k0(other, (c - s, s + c, L), turned_d) == pytest.approx(first, rel=1e-8)
+
+
+def test_a_spring_between_two_columns_is_in_series(tmp_path):
+    second = column(101, 5.0) + "*EQUATION\n"
+    second += "".join(f"2\n{n},3,1.,101,3,-1.\n" for n in (102, 103, 104))
+    second += "".join(f"2\n{n},3,1.,109,3,-1.\n" for n in (110, 111, 112))
+    guided = "*BOUNDARY\n" + "".join(f"{n},1,2\n" for n in range(101, 113))
+    spring = "*ELEMENT, TYPE=SPRING2, ELSET=S\n500, 9, 101\n*SPRING, ELSET=S\n3, 3\n4E8\n"
+    part = read(tmp_path, column() + second + SOLID + MATERIAL + FOOT + FLAT + guided + spring)
+    exact = 1 / (2 * L / (E * A) + 1 / 4e8)
+    assert k0(part, (1, 0, 7), (0, 0, 1)) == pytest.approx(exact, rel=1e-9)
+
+
+def test_shells_beside_solids_and_beams_beside_shells_share_nodes(tmp_path):
+    """A sheet on the top of a column, and a post on a corner of the sheet: all of them carry."""
+    sheet = "*ELEMENT, TYPE=S4, ELSET=SHEET\n50,9,10,11,12\n"
+    sheet += "*SHELL SECTION, ELSET=SHEET, MATERIAL=M\n.1\n"
+    post = "*NODE\n30,1,1,3.\n*ELEMENT, TYPE=B31, ELSET=POST\n60,11,30\n"
+    post += "*BEAM SECTION, ELSET=POST, MATERIAL=M, SECTION=RECT\n.2,.2\n1.,0.,0.\n"
+    part = read(tmp_path, column() + sheet + post + SOLID + MATERIAL + FOOT)
+    assert part.mass == pytest.approx(1000 * (2 + 0.1 + 0.04), rel=1e-12)
+    assert not part.rigid_modes.size
+    column_alone = k0(read(tmp_path, column() + SOLID + MATERIAL + FOOT), (0, 0, L))
+    assert k0(part, (0, 0, L), of="solids") > column_alone
+    # the post in series with what it stands on
+    stiff = k0(part, (1, 1, 3), (0, 0, 1))
+    below = k0(part, (1, 1, L), of="solids")
+    assert 1 / stiff == pytest.approx(1 / below + 1 / (E * 0.04), rel=1e-8)
+
+
+REFUSED = {
+    "unknown node": ("*EQUATION\n2\n9,3,1.,99,3,-1.\n", "names '99', which the deck does not"),
+    "cut off": ("*EQUATION\n3\n9,3,1.,10,3,-1.\n", "ends after 2 of 3 terms"),
+    "no factor": ("*EQUATION\n2\n9,3,0.,10,3,-1.\n", "first term of .* has the coefficient 0"),
+    "rotation": ("*EQUATION\n2\n9,4,1.,10,4,-1.\n", "a rotation of a node of solids"),
+    "no surface": ("*TIE,NAME=T\nA,B\n", "there is no surface 'A'"),
+    "distance": ("*MPC\nDIST,9,10,11\n", "of type DIST .* is not supported"),
+    "no nodes": ("*RIGID BODY, REF NODE=9\n", "names no nodes"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_joints_that_cannot_be_taken_are_refused_in_words(tmp_path, case):
+    text, message = REFUSED[case]
+    with pytest.raises(ao.InputError, match=rf"line \d+ of part.inp: .*{message}") as caught:
+        read(tmp_path, column() + SOLID + MATERIAL + FOOT + text)
+    assert "\n" not in str(caught.value)
