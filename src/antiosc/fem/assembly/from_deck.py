@@ -65,12 +65,18 @@ def read_model(
     model and in its first step. B32 become two straight `Beam` elements each; a layered or
     orthotropic shell becomes a `Laminate`.
 
+    Solids, shells and beams with common nodes, and what equations, multi-point constraints, rigid
+    bodies, couplings, ties and springs join, become one assembly of up to three parts: "solids",
+    "faces" and "beams" (`Site(..., part=...)`; on one MPI rank). Constraints are linear, for small
+    motions. Where they determine all nodes of an edge or a face of an element, all of the edge or
+    face follows by the element's own functions.
+
     Raises
     ------
     MeshError
         As `read_mesh`; elements without a section, materials without elasticity or density, and
-        what is not supported and would change the result: contact pairs, ties, equations, rigid
-        bodies, couplings, element types that no family carries. The message names the line.
+        what is not supported and would change the result: contact pairs, cyclic symmetry, bolts
+        with pre-tension, element types that no family carries. The message names the line.
 
     Warns
     -----
