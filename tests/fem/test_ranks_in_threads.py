@@ -1,0 +1,238 @@
+"""What the ranks agree on, with two threads in place of two processes.
+
+`tests/fem/test_ranks.py` does the same on real ranks; these tests are quick.
+"""
+
+from __future__ import annotations
+
+import threading
+import warnings
+
+import numpy as np
+import pytest
+
+pytest.importorskip("dolfinx")
+
+import antiosc as ao
+from antiosc.errors import InputError, OutOfMemoryError
+from antiosc.fem import mpi
+
+pytestmark = pytest.mark.fem
+
+
+class Ranks:
+    """The common part of the communicators of `size` threads."""
+
+    def __init__(self, size: int = 2) -> None:
+        self.size = size
+        self.barrier = threading.Barrier(size, timeout=20)
+        self.slots = [None] * size
+
+
+class Comm:
+    """What antiosc calls of a communicator, for one thread."""
+
+    def __init__(self, ranks: Ranks, rank: int) -> None:
+        self.ranks, self.rank, self.size = ranks, rank, ranks.size
+
+    def allgather(self, value):
+        self.ranks.slots[self.rank] = value
+        self.ranks.barrier.wait()
+        found = list(self.ranks.slots)
+        self.ranks.barrier.wait()
+        return found
+
+    def bcast(self, value, root=0):
+        return self.allgather(value)[root]
+
+
+def on_ranks(call, size: int = 2) -> list:
+    """What `call(comm)` returns or raises on every rank."""
+    ranks, found = Ranks(size), [None] * size
+
+    def work(rank):
+        try:
+            found[rank] = call(Comm(ranks, rank))
+        except Exception as error:
+            found[rank] = error
+
+    threads = [threading.Thread(target=work, args=(rank,)) for rank in range(size)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    return found
+
+
+def texts(found) -> set[str]:
+    assert all(isinstance(one, InputError) for one in found), found
+    return {str(one) for one in found}
+
+
+class Thing:
+    def __init__(self, comm) -> None:
+        self.comm = comm
+
+
+@pytest.fixture
+def guarded(monkeypatch):
+    """A collective function whose communicator is the one of the thread."""
+    monkeypatch.setattr(
+        mpi,
+        "_communicator",
+        lambda values, default: next(one.comm for one in values if isinstance(one, Thing)),
+    )
+
+    @mpi.collective(count=lambda value: len(value))
+    def divide(thing, a, b=1.0, count=()):
+        if a < 0:
+            raise InputError(f"a must be >= 0; got {a}.")
+        if a == 13:
+            raise MemoryError
+        return a / b
+
+    return divide
+
+
+def test_equal_arguments_pass(guarded):
+    assert on_ranks(lambda comm: guarded(Thing(comm), 6.0, b=3.0)) == [2.0, 2.0]
+
+
+def test_different_arguments_are_named_on_every_rank(guarded):
+    found = on_ranks(lambda comm: guarded(Thing(comm), 6.0 + comm.rank))
+    (text,) = texts(found)
+    assert "a differs: 6.0 on rank 0, 7.0 on rank 1" in text
+    assert "needs the same arguments on every MPI rank" in text
+
+
+def test_an_argument_that_one_rank_leaves_out(guarded):
+    found = on_ranks(lambda comm: guarded(Thing(comm), 6.0, **({"b": 2.0} if comm.rank else {})))
+    (text,) = texts(found)
+    assert "b differs: nothing on rank 0, 2.0 on rank 1" in text
+
+
+def test_arguments_that_look_alike_but_differ(guarded):
+    """Of long arrays only the ends are shown."""
+    whole = np.zeros(5000)
+
+    def call(comm):
+        own = whole.copy()
+        own[2500] = comm.rank
+        return guarded(Thing(comm), own)
+
+    (text,) = texts(on_ranks(call))
+    assert "a differs: on rank 1 not what it is on rank 0" in text
+
+
+def test_only_what_counts_of_an_argument_is_compared(guarded):
+    assert on_ranks(lambda comm: guarded(Thing(comm), 6.0, count=[comm.rank])) == [6.0, 6.0]
+    found = on_ranks(lambda comm: guarded(Thing(comm), 6.0, count=[0] * (1 + comm.rank)))
+    assert "count differs: 1 on rank 0, 2 on rank 1" in texts(found).pop()
+    # what cannot be counted is left to the function
+    assert on_ranks(lambda comm: guarded(Thing(comm), 6.0, count=None)) == [6.0, 6.0]
+
+
+def test_other_calls_are_told(guarded):
+    @mpi.collective()
+    def other(thing, a):
+        return a
+
+    def call(comm):
+        return (other if comm.rank else guarded)(Thing(comm), 6.0)
+
+    (text,) = texts(on_ranks(call))
+    assert "rank 0 calls" in text
+    assert "divide where rank 1 calls" in text
+    assert text.endswith("other: all ranks must make the same calls.")
+
+
+def test_arguments_that_do_not_fit_are_compared_by_place(guarded):
+    found = on_ranks(lambda comm: guarded(Thing(comm), 1, 2, 3, 4 + comm.rank))
+    assert "argument 5 differs: 4 on rank 0, 5 on rank 1" in texts(found).pop()
+    found = on_ranks(lambda comm: guarded(Thing(comm), 1, 2, 3, 4))
+    assert all(isinstance(one, TypeError) for one in found)
+
+
+def test_an_error_of_all_ranks_is_each_one_s_own(guarded):
+    found = on_ranks(lambda comm: guarded(Thing(comm), -1.0))
+    assert texts(found) == {"a must be >= 0; got -1.0."}
+    assert found[0] is not found[1]
+
+
+def test_memory_that_is_short_is_told_on_all_ranks(guarded):
+    found = on_ranks(lambda comm: guarded(Thing(comm), 13))
+    assert all(isinstance(one, OutOfMemoryError) for one in found)
+    assert "divide ran out of memory (Python itself)" in str(found[0])
+
+
+def test_an_error_of_one_rank_is_raised_on_all():
+    def call(comm):
+        mpi.agree(comm, InputError("only here") if comm.rank == 1 else None)
+
+    assert texts(on_ranks(call, 3)) == {"only here"}
+    assert on_ranks(lambda comm: mpi.agree(comm, None), 3) == [None] * 3
+
+
+def test_the_first_of_several_errors_wins():
+    def call(comm):
+        mpi.agree(comm, InputError(f"of rank {comm.rank}") if comm.rank else None)
+
+    assert texts(on_ranks(call, 3)) == {"of rank 1"}
+
+
+class Unportable(Exception):
+    def __reduce__(self):
+        raise TypeError("cannot be pickled")
+
+
+def test_an_error_that_cannot_travel_goes_by_its_text():
+    def call(comm):
+        mpi.agree(comm, Unportable("the disc is full") if comm.rank == 0 else None)
+
+    first, second = on_ranks(call)
+    assert isinstance(first, Unportable)
+    assert isinstance(second, RuntimeError)
+    assert str(second) == "Unportable: the disc is full"
+
+
+def test_work_on_the_root():
+    done = []
+
+    def call(comm):
+        return mpi.on_root(comm, lambda: done.append(comm.rank) or 7)
+
+    assert on_ranks(call, 3) == [7] * 3
+    assert done == [0]
+
+    def fails(comm):
+        return mpi.on_root(comm, lambda: 1 / 0)
+
+    assert all(isinstance(one, ZeroDivisionError) for one in on_ranks(fails, 3))
+
+
+def test_a_warning_is_given_once():
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        on_ranks(lambda comm: mpi.warn(comm, "a coarse mesh"))
+    assert [str(one.message) for one in said] == ["a coarse mesh"]
+
+
+def test_what_all_ranks_made_has_one_number(guarded):
+    """Later calls compare such an object by its number, not by its content."""
+
+    class Made(ao.Linear):
+        __hash__ = object.__hash__
+
+    Made.__module__ = "antiosc.made"
+
+    @mpi.collective()
+    def make(thing):
+        return [Made(1.0), Made(2.0)]
+
+    (a, b), (c, d) = on_ranks(lambda comm: make(Thing(comm)))
+    from antiosc.fem.fingerprint import fingerprint, named
+
+    assert fingerprint(a) == fingerprint(c) != fingerprint(b)
+    assert fingerprint(b) == fingerprint(d)
+    assert named(a) == named(c)
+    assert named(a).startswith("Made no. ")
