@@ -237,6 +237,12 @@ def scene_history() -> Any:
 
 
 @functools.cache
+def matrix_file() -> str:
+    path = os.path.join(tempfile.mkdtemp(prefix="antiosc-nasty-"), "sound.op4")
+    return str(model().to_matrices().save(path)[0])
+
+
+@functools.cache
 def saved() -> str:
     path = os.path.join(tempfile.mkdtemp(prefix="antiosc-nasty-"), "sound.npz")
     model().save(path)
@@ -357,7 +363,9 @@ OWN: dict[str, dict[str, Any]] = {
     "Structure.uniform_inertia": {"direction": np.array([0.0, 0.0, 1.0])},
     "Mesh": {"dolfinx": lambda: mesh().dolfinx}, "Mesh.group": {"name": "none"},
     "read_model": {"path": str(DECKS / "layers.inp")},
-    "Structure.from_matrices": {}, "ModalBody": {"r": 1e-9},
+    "Structure.from_matrices": {}, "ReducedMatrices": {"labels": [[1, 0], [2, 0], [3, 0]]},
+    "Structure.from_files": {"K": matrix_file, "M": matrix_file},
+    "ReducedMatrices.save": {"path": "reduced.op4"}, "ModalBody": {"r": 1e-9},
     "ModalBody.coordinates": {"force": 1.0}, "ModalBody.rigid_motion": {"velocity": 0.0},
     "ModalBody.amplitudes": {"coordinates": [0.1, 0.2, 0.3]},
     "ModalBody.field": {"coordinates": [0.1, 0.2, 0.3]},
@@ -396,6 +404,7 @@ SELVES: dict[str, Callable[[], Any]] = {
     "BodyHistory": lambda: scene_history().bodies["part"],
     "ContactHistory": lambda: scene_history()["part:foot", "ball"],
     "SiteModes": lambda: two_sites().site_modes(),
+    "ReducedMatrices": lambda: model().to_matrices(),
     "Inertia": inertia, "Motion": lambda: ao.Motion((0, 0, 1.0)),
     "PointMass": lambda: ao.PointMass((0, 0, 0), 1.0),
     "SupportedPlate": lambda: closed_form.SupportedPlate(70e9, 0.3, 2700.0, 2e-3, 0.3, 0.2),

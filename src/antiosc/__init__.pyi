@@ -133,6 +133,9 @@ from antiosc.models.motion import (
     Inertia as Inertia,
     Motion as Motion,
 )
+from antiosc.models.reduced_matrices import (
+    ReducedMatrices as ReducedMatrices,
+)
 from antiosc.models.site_modes import (
     SiteModes as SiteModes,
 )

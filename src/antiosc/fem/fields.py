@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -17,16 +18,8 @@ from numpy.typing import ArrayLike
 from antiosc._types import Array, IntArray
 from antiosc.checks import array, coordinates, instance, text
 from antiosc.errors import InputError
-from antiosc.fem import compat
-from antiosc.fem.assembly.assembled import AssembledMatrices
-from antiosc.fem.assembly.layout import Member
-from antiosc.fem.assembly.placement import Placement
-from antiosc.fem.elements.weak_form import WeakForm
-from antiosc.fem.mesh import closest_point
-from antiosc.fem.mesh.mesh import Mesh
+from antiosc.fem import node_fields
 from antiosc.fem.mpi import collective, on_root
-from antiosc.fem.readers import KINDS
-from antiosc.fem.readers.neutral import FACETS
 from antiosc.fem.series import listing, write_frames
 from antiosc.fem.structure.structure import Structure, on_mesh
 from antiosc.fem.vtu import Frames
@@ -73,30 +66,10 @@ def probe(
     x[: len(given)] = given
     if part is not None:
         text("part", part)
-    parts = _parts(structure, history, body, part)
-    found = [closest_point.closest(m.part.mesh, m.at.own(x[None])[0]) for m, _ in parts]
-    k = int(np.argmin([nearest.distance for nearest in found]))
-    member, shapes = parts[k]
-    values = _at_point(member, found[k], shapes)
-    components = [name for name in "xyz" if name in member.part.form.components]
+    shapes = _shapes(structure, history, body)
+    values = _source(structure).at_point(structure, shapes, x, part)
     at = history.time if times is None else array("times", times, (None,))
-    return _amplitudes(history, at, body) @ values[: len(components)].T
-
-
-def _at_point(member: Member, nearest: closest_point.ClosestPoint, shapes: Array) -> Array:
-    """Displacements (3, columns) of a point of a part for shapes (rows of this rank, columns)."""
-    mesh, form = member.part.mesh, member.part.form
-    shapes = compat.with_ghosts(form.space, shapes)
-    values = None
-    if mesh.comm.rank == nearest.rank:
-        values = np.zeros((3, shapes.shape[1]))
-        for axis, name in enumerate("xyz"):
-            path = form.components.get(name)
-            if path is not None:
-                dofs = compat.subspace(form.space, path).dofmap.cell_dofs(nearest.cell)
-                weights = compat.tabulate(form.space, path, nearest.X.reshape(1, -1))[0]
-                values[axis] = weights @ shapes[dofs]
-    return np.asarray(member.at.rotation @ mesh.comm.bcast(values, root=nearest.rank))
+    return _amplitudes(history, at, body) @ values.T
 
 
 @collective(history=_what)
@@ -131,17 +104,15 @@ def write_series(
         Of the `.pvd`, written last: until then it is absent, or lists no frame.
     """
     target = listing(path)
-    parts = _parts(structure, history, body)
+    own = _shapes(structure, history, body)
     if times is None:
         times = np.linspace(history.time[0], history.time[-1], 40)
     at = array("times", times, (None,))
-    gathered = [_gathered(member, shapes) for member, shapes in parts]
+    points, cells, shapes = _source(structure).at_nodes(structure, own)
     amplitudes = _amplitudes(history, at, body)
 
     def write() -> None:
-        points, cells, shapes = _side_by_side(gathered)
-        kinds = [_kind(m.part.mesh, c) for (m, _), c in zip(parts, cells, strict=True)]
-        frames = Frames(points, list(zip(kinds, cells, strict=True)))
+        frames = Frames(points, cells)
         write_frames(target, frames, at, (shapes @ a for a in amplitudes))
 
     on_root(structure.comm, write)
@@ -167,55 +138,22 @@ def skin(
     InputError
         A model without shapes, or extracted from another structure; a mesh of lines.
     """
-    parts = [pair for pair in _parts(structure, history, body) if pair[0].part.mesh.tdim > 1]
-    if not parts:
-        raise InputError("a mesh of lines has no surface: write_series writes its motion.")
-    gathered = [_gathered(member, shapes) for member, shapes in parts]
-    points, cells, shapes = _side_by_side(gathered)
+    own = _shapes(structure, history, body)
+    points, faces, shapes = _source(structure).surface(structure, own)
     moved = shapes @ _amplitudes(history, array("time", [time], (1,)), body)[0]
-    faces = [_outer(m.part.mesh.cell, c) for (m, _), c in zip(parts, cells, strict=True)]
-    if len({f.shape[1] for f in faces}) > 1:  # of several parts: quadrilaterals as triangles
-        faces = [
-            np.vstack([f[:, [0, 1, 2]], f[:, [0, 2, 3]]]) if f.shape[1] == 4 else f for f in faces
-        ]
-    outer: tuple[Array, IntArray, Array] = structure.comm.bcast(
-        (points, np.vstack(faces), moved), root=0
-    )
+    outer: tuple[Array, IntArray, Array] = structure.comm.bcast((points, faces, moved), root=0)
     return outer
 
 
-def _kind(mesh: Mesh, cells: IntArray) -> str:
-    """meshio's name of the kind of cells."""
-    return next(n for n, k in KINDS.items() if (k.shape, k.nodes) == (mesh.cell, cells.shape[1]))
+def _source(structure: Structure) -> ModuleType:
+    """What gives the fields of the structure: its mesh, or the nodes of given matrices."""
+    if structure.matrices.located:
+        return node_fields
+    if not structure.matrices.assembled:
+        on_mesh(structure)
+    from antiosc.fem import mesh_fields  # needs dolfinx
 
-
-def _outer(cell: str, cells: IntArray) -> IntArray:
-    """Corners of the outer faces of solid cells, or of plane cells, in order around each."""
-    faces = [cells[:, list(f)] for f in FACETS[cell]]
-    if cell in ("triangle", "quadrilateral"):  # the first corner of each edge around the cell
-        return cells[:, [edge[0] for edge in FACETS[cell]]]
-    listed = np.vstack(faces)
-    _, first, count = np.unique(
-        np.sort(listed, axis=1), axis=0, return_index=True, return_counts=True
-    )
-    return np.asarray(listed[first[count == 1]])
-
-
-def _parts(
-    structure: Structure, history: History | SceneHistory, body: str, name: str | None = None
-) -> list[tuple[Member, Array]]:
-    """The parts of the structure (or the one named) with the shapes of the body.
-
-    Shapes are on the rows of this rank, columns side by side.
-    """
-    shapes = _shapes(structure, history, body)
-    if isinstance(structure.matrices, AssembledMatrices):
-        joined = structure.matrices
-        return [(member, joined.own_fields(member, shapes)) for member in joined.members(name)]
-    meshed = on_mesh(structure)
-    if name is not None:
-        raise InputError(f"part={name!r} names a part of an assembly; {meshed.mesh.name} is one.")
-    return [(Member("", meshed, Placement(), 0), shapes)]
+    return mesh_fields
 
 
 def _shapes(structure: Structure, history: History | SceneHistory, body: str) -> Array:
@@ -240,52 +178,3 @@ def _amplitudes(history: History | SceneHistory, times: Array, body: str) -> Arr
     """Factors (n, B) of those shapes at `times`."""
     _, own = history.of(body)  # type: ignore[arg-type]
     return own.amplitudes(history.coordinates(times, body))  # type: ignore[arg-type]
-
-
-def _at_nodes(mesh: Mesh, form: WeakForm, shapes: Array) -> Array:
-    """Displacement shapes at the geometry nodes of this rank: (nodes, 3, N + 1).
-
-    Lagrange nodes of a cell come in one order, vertices first: a geometry node is the dof of
-    the same local number.
-    """
-    nodes = compat.geometry_nodes(mesh.dolfinx)
-    result = np.zeros((len(mesh.dolfinx.geometry.x), 3, shapes.shape[1]))
-    for axis, name in enumerate("xyz"):
-        if name in form.components:
-            dofs = compat.cell_dofs(form.space, form.components[name], np.arange(len(nodes)))
-            result[nodes, axis] = shapes[dofs[:, : nodes.shape[1]]]
-    return result
-
-
-def _gathered(member: Member, shapes: Array) -> tuple[Array, IntArray, Array]:
-    """Points, cells (VTK's node order) and shapes of all ranks on rank 0."""
-    mesh, form = member.part.mesh, member.part.form
-    shapes = _at_nodes(mesh, form, compat.with_ghosts(form.space, shapes))
-    R = member.at.rotation
-    if (np.eye(3) != R).any():
-        shapes = np.einsum("cd,ndk->nck", R, shapes)
-    own = compat.cell_map(mesh.dolfinx).size_local
-    cells = compat.geometry_nodes(mesh.dolfinx)[:own]
-    points = member.at.placed(mesh.dolfinx.geometry.x)
-    pieces = mesh.comm.gather((points, cells, shapes), root=0)
-    if pieces is None:
-        return points, cells, shapes
-    order = np.argsort(compat.node_order(mesh.cell, cells.shape[1], "vtk"))
-    starts = np.cumsum([0] + [len(p) for p, _, _ in pieces[:-1]])
-    return (
-        np.vstack([p for p, _, _ in pieces]),
-        np.vstack([c + s for s, (_, c, _) in zip(starts, pieces, strict=True)])[:, order],
-        np.concatenate([f for _, _, f in pieces]),
-    )
-
-
-def _side_by_side(
-    gathered: Sequence[tuple[Array, IntArray, Array]],
-) -> tuple[Array, list[IntArray], Array]:
-    """Points and shapes of all parts, and the cells of each part."""
-    starts = np.cumsum([0] + [len(points) for points, _, _ in gathered[:-1]])
-    return (
-        np.vstack([points for points, _, _ in gathered]),
-        [cells + start for (_, cells, _), start in zip(gathered, starts, strict=True)],
-        np.concatenate([shapes for _, _, shapes in gathered]),
-    )

@@ -14,7 +14,7 @@ of the constraint mode i of unit mass, with all sites held, against unit acceler
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -32,6 +32,7 @@ from antiosc.models import saved_models, several_sites
 from antiosc.models.body import Body, several_contact_points
 from antiosc.models.modal import Damping, ModalBody, arrow_modes
 from antiosc.models.motion import Inertia, unit_vector
+from antiosc.models.reduced_matrices import ReducedMatrices, reduced_matrices
 from antiosc.models.site_modes import SiteModes
 
 if TYPE_CHECKING:
@@ -401,6 +402,39 @@ class AntiOscillators(Body):
             amplitude=amplitude,
             inertia=inertia.along(momentum),
         )
+
+    def to_matrices(
+        self,
+        nodes: int | Sequence[int] | None = None,
+        dofs: int | str | Sequence[int | str] = 0,
+        first: int | None = None,
+    ) -> ReducedMatrices:
+        """K and M of the undamped model, the dofs of the sites first: a superelement.
+
+        Hidden rigid-body motions, which do not move the sites, are left out.
+
+        Parameters
+        ----------
+        nodes : int or sequence of int, optional
+            Numbers of the nodes of the sites in the other program; default 1, 2, ….
+        dofs : int, str or sequence
+            Their dofs: "x" … "rz", 1 to 6, or 0 for scalar points.
+        first : int, optional
+            Number of the first anti-oscillator's scalar point; default: after the last node.
+
+        Raises
+        ------
+        InputError
+            Numbers that do not fit the sites, or sites that depend on each other.
+        """
+        if self.dependence is not None and len(self.dependence) != self._lead:
+            raise InputError(
+                "some sites follow from others: extract a model without them for its matrices."
+            )
+        P = np.sqrt(self.m)[None, :] if self.P is None else self.P
+        slide = None if self.slide is None else self.slide[:, self.slide.any(axis=0)]
+        k0, m_st = np.atleast_2d(self.k0), np.atleast_2d(self.m_st)
+        return reduced_matrices(k0, m_st, P, self.omega, slide, nodes, dofs, first)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the model to one NumPy .npz file with a self-describing JSON header.

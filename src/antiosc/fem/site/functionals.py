@@ -11,6 +11,7 @@ from antiosc.checks import array
 from antiosc.errors import InputError
 from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.algebra import norm
+from antiosc.fem.site.on_nodes import functional_on_nodes
 from antiosc.fem.site.site import LEAST_FREE_SHARE, Functional, Site, constrained
 from antiosc.fem.structure.structure import Structure, on_mesh
 
@@ -32,6 +33,10 @@ def functionals(structure: Structure, sites: Sequence[Site]) -> list[Functional]
         A point off the structure, a direction out of the plane of a plane structure, a patch
         without a surface, a site that is fixed by supports.
     """
+    if structure.matrices.nodal:
+        given = [functional_on_nodes(structure, site) for site in sites]
+        pairs = zip(given, sites, strict=True)
+        return [one or _algebraic(structure, site) for one, site in pairs]
     at_points = [site for site in sites if site.point is not None]
     found: Iterator[Functional] = iter(())
     if at_points and structure.matrices.assembled:
@@ -49,12 +54,17 @@ def functionals(structure: Structure, sites: Sequence[Site]) -> list[Functional]
 def _algebraic(structure: Structure, site: Site) -> Functional:
     first, last = algebra.row_range(structure.K)
     n = structure.size
+    if site.node is not None:
+        raise InputError(
+            "the nodes of this structure have no numbers: Site(node=…) needs matrices with a map, "
+            "Structure.from_files(K, M, map=…)."
+        )
     if site.radius is not None:
         raise InputError("radius needs a mesh; a site given by dof or vector has none.")
     if site.vector is not None:
         b = array("vector", site.vector, (n,))[first:last].copy()
     else:
-        if site.dof is None or not 0 <= site.dof < n:
+        if not isinstance(site.dof, int) or not 0 <= site.dof < n:
             raise InputError(f"dof must be a number from 0 to {n - 1}; got {site.dof!r}.")
         b = np.zeros(last - first)
         if first <= site.dof < last:

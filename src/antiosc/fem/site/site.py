@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from antiosc._types import Array
 from antiosc.checks import array, flag, kept, positive, store, text, whole
 from antiosc.errors import InputError
+from antiosc.matrix_files.dof_map import component_of
 
 #: A site with less than this share of its load on free dofs is fixed by the supports.
 LEAST_FREE_SHARE = 1e-9
@@ -38,8 +39,12 @@ class Site:
         a solid without the half-space compliance of the patch.
     snap : bool
         Move a point that is off the structure to the nearest point of the structure.
-    dof : int
-        For matrices, instead of point and direction: the number of the dof at the site.
+    dof : int or str
+        For matrices, instead of point and direction: the number of the dof at the site. With
+        `node`: "x", "y", "z", "rx", "ry", "rz" or the number of the dof at the node.
+    node : int
+        For matrices with a map of their nodes and dofs: the number of the node, with `dof` or
+        `direction`.
     vector : array_like (n,)
         For matrices: any load vector b.
     part : str, optional
@@ -55,22 +60,30 @@ class Site:
     direction: Sequence[float] | None = None
     radius: float | None = None
     snap: bool = False
-    dof: int | None = None
+    dof: int | str | None = None
     vector: ArrayLike | None = None
     part: str | None = None
     tangential: bool = False
+    node: int | None = None
 
     def __post_init__(self) -> None:
         given = [self.point is not None, self.dof is not None, self.vector is not None]
-        if sum(given) != 1:
-            raise InputError("a Site needs one of: point with direction, dof, or vector.")
+        at_node = self.node is not None
+        if (given[0] or given[2]) if at_node else sum(given) != 1:
+            raise InputError("a Site needs one of: point with direction, dof, vector, or node.")
+        if at_node:
+            store(self, node=whole("node", self.node))
+            if given[1] == (self.direction is not None):
+                raise InputError("a Site at a node needs one of: dof, as dof='z', or direction.")
         if self.radius is not None:
             store(self, radius=positive("radius", self.radius, "m"))
         store(self, snap=flag("snap", self.snap))
         store(self, tangential=flag("tangential", self.tangential))
         if self.tangential and self.point is None:
             raise InputError("tangential directions need a Site at a point, with a direction.")
-        if self.dof is not None:
+        if at_node and self.dof is not None:
+            store(self, dof=component_of(self.dof))
+        elif self.dof is not None:
             store(self, dof=whole("dof", self.dof, least=0))
         if self.vector is not None:
             store(self, vector=kept(array("vector", self.vector, (None,))))
@@ -78,14 +91,14 @@ class Site:
             store(self, part=text("part", self.part))
             if self.point is None:
                 raise InputError("part= names the part of an assembly on which a point lies.")
-        if self.point is None:
+        if self.point is None and not (at_node and self.direction is not None):
             return
         if self.direction is None:
             raise InputError(
                 "a Site at a point needs the direction of impact, as direction=(0, 0, -1)."
             )
         direction = array("direction", self.direction, (None,))
-        named = isinstance(self.point, str)
+        named = isinstance(self.point, str) or at_node
         point = direction if named else array("point", self.point, (None,))
         if len(point) not in (2, 3) or len(point) != len(direction):
             raise InputError(
@@ -98,7 +111,8 @@ class Site:
                 "pushes."
             )
         store(self, direction=tuple(direction.tolist()))
-        store(self, point=text("point", self.point) if named else tuple(point.tolist()))
+        if not at_node:
+            store(self, point=text("point", self.point) if named else tuple(point.tolist()))
 
 
 @dataclass(frozen=True)

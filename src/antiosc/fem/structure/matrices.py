@@ -39,6 +39,13 @@ class StructureMatrices:
     #: whether they are of a mesh, or of several that are joined
     meshed: ClassVar[bool] = False
     assembled: ClassVar[bool] = False
+    #: whether the node and direction of each row are known
+    nodal: ClassVar[bool] = False
+
+    @property
+    def located(self) -> bool:
+        """Whether they are given matrices with coordinates of their nodes."""
+        return False
 
     @property
     def rigid_motions(self) -> Array:

@@ -6,10 +6,12 @@ given ones. Extraction reads what both have.
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, cast
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from antiosc import fem
@@ -23,6 +25,9 @@ from antiosc.fem.mpi import ALONE, collective
 from antiosc.fem.structure import null_space
 from antiosc.fem.structure.given_matrices import BACKENDS, Backend, copied, supported
 from antiosc.fem.structure.matrices import StructureMatrices
+from antiosc.fem.structure.nodal import NodalMatrices
+from antiosc.matrix_files.dof_map import DofMap, dof_map, rows_of
+from antiosc.matrix_files.reading import read_pair
 from antiosc.models.motion import Inertia
 
 if TYPE_CHECKING:
@@ -115,6 +120,8 @@ class Structure:
         M: Any,
         *,
         rigid_modes: ArrayLike | None = None,
+        map: Any = None,
+        supports: Mapping[int, str | Sequence[str]] | None = None,
         backend: Backend = "auto",
     ) -> Structure:
         """A structure from the matrices of any finite-element code, supports already applied.
@@ -126,6 +133,12 @@ class Structure:
             times the rest of their rows or more, become supports.
         rigid_modes : array_like (n, r), optional
             A basis of K's null space; found by itself where K is singular.
+        map : array_like or path, optional
+            For each row of the matrices node, dof (1 to 6), or node, dof, x, y, z in m. With it
+            sites are nodes, and with coordinates points and patches; `probe` and `write_series`
+            give the motion of the nodes.
+        supports : {node: "all" or names of dofs}, optional
+            Dofs that are fixed besides: {12: "all", 7: ["x", "z"]}; needs a map.
         backend : "auto", "petsc" or "scipy"
             Library of the linear algebra. "auto" is PETSc where the finite-element packages are
             installed; "scipy" needs NumPy and SciPy alone, on one rank: SuperLU, or CHOLMOD where
@@ -133,14 +146,76 @@ class Structure:
         """
         started = time.perf_counter()
         choice("backend", backend, BACKENDS)
-        stiffness, mass = (copied(name, one, backend) for name, one in (("K", K), ("M", M)))
-        stiffness, mass, fixed = supported(stiffness, mass)
+        pair = tuple(copied(name, one, backend) for name, one in (("K", K), ("M", M)))
+        if map is not None and algebra.communicator(pair[0]).size > 1:
+            raise InputError("matrices with a map must be on one rank, not spread over several.")
+        rows = dof_map(map, None, algebra.size(pair[0]))
+        return cls._of_pair(pair, rows, supports, rigid_modes, started)
+
+    @classmethod
+    @collective(ALONE)
+    def from_files(
+        cls,
+        K: str | os.PathLike[str],
+        M: str | os.PathLike[str],
+        *,
+        map: Any = None,
+        names: tuple[str, str] | None = None,
+        supports: Mapping[int, str | Sequence[str]] | None = None,
+        backend: Backend = "auto",
+    ) -> Structure:
+        """A structure from files of matrices that other programs write, supports already applied.
+
+        Parameters
+        ----------
+        K, M : paths
+            Matrix Market, Abaqus `*MATRIX GENERATE` (matrix input, labels or coordinate),
+            Harwell–Boeing (Ansys HBMAT), Nastran OP4 (text or binary) or DMIG; recognised by their
+            content. Both may be one file. SI units.
+        map : array_like or path, optional
+            As in `from_matrices`; a file may also have rows of row, node, dof, and name the dofs
+            (UX), as Ansys's mapping files. Abaqus and DMIG files name nodes and dofs themselves:
+            then rows of node, x, y, z add coordinates.
+        names : (str, str), optional
+            Names of K and M in OP4 and DMIG files that hold several matrices; by default the ones
+            that begin with K and M.
+        supports, backend
+            As in `from_matrices`.
+
+        Raises
+        ------
+        InputError
+            A file that cannot be read, with its line or byte; matrices that do not fit together.
+        """
+        started = time.perf_counter()
+        choice("backend", backend, BACKENDS)
+        read = read_pair(K, M, names)
+        rows = dof_map(map, read.labels, read.K.shape[0])
+        pair = tuple(copied(name, one, backend) for name, one in (("K", read.K), ("M", read.M)))
+        return cls._of_pair(pair, rows, supports, None, started)
+
+    @classmethod
+    def _of_pair(
+        cls,
+        pair: tuple[Any, ...],
+        rows: DofMap | None,
+        supports: Mapping[int, str | Sequence[str]] | None,
+        rigid_modes: ArrayLike | None,
+        started: float,
+    ) -> Structure:
+        stiffness, mass, fixed = supported(*pair)
+        if supports is not None:
+            more = rows_of(supports, rows)
+            stiffness, mass = algebra.hold(stiffness, more, 1.0), algebra.hold(mass, more, 0.0)
+            fixed = np.union1d(fixed, more)
         given = None
         if rigid_modes is not None:
             given = array("rigid_modes", rigid_modes, (algebra.rows(stiffness), None))
         modes, shift = null_space.of_matrices(stiffness, mass, given)
         self = object.__new__(Structure)
-        self._hold(StructureMatrices(stiffness, mass, fixed, modes, shift), started)
+        parts = stiffness, mass, fixed, modes, shift
+        matrices = StructureMatrices(*parts) if rows is None else NodalMatrices(*parts, map=rows)
+        self._hold(matrices, started)
         return self
 
     def _hold(self, matrices: StructureMatrices, started: float) -> None:

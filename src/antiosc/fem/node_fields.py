@@ -1,0 +1,41 @@
+"""Fields of given matrices with the coordinates of their nodes; the interface of `mesh_fields`."""
+
+from __future__ import annotations
+
+from typing import cast
+
+import numpy as np
+
+from antiosc._types import Array, IntArray
+from antiosc.errors import InputError
+from antiosc.fem.structure.nodal import NodalMatrices
+from antiosc.fem.structure.structure import Structure
+
+
+def at_point(structure: Structure, shapes: Array, x: Array, part: str | None) -> Array:
+    """Displacements (3, columns) of the node next to x (3,) for shapes (rows, columns)."""
+    if part is not None:
+        raise InputError(f"part={part!r} names a part of an assembly; given matrices are one.")
+    nodal = cast(NodalMatrices, structure.matrices)
+    points, rows = nodal.nodes()
+    nearest = int(np.argmin(((points - x) ** 2).sum(axis=1)))
+    return _displacements(rows[nearest : nearest + 1], shapes)[0]
+
+
+def at_nodes(
+    structure: Structure, shapes: Array
+) -> tuple[Array, list[tuple[str, IntArray]], Array]:
+    """Points (P, 3), a vertex at each, shapes (P, 3, columns)."""
+    points, rows = cast(NodalMatrices, structure.matrices).nodes()
+    vertices = np.arange(len(points))[:, None]
+    return points, [("vertex", vertices)], _displacements(rows, shapes)
+
+
+def surface(structure: Structure, shapes: Array) -> tuple[Array, IntArray, Array]:
+    """InputError: matrices have nodes, but no faces."""
+    raise InputError("matrices have nodes but no faces: write_series writes their motion.")
+
+
+def _displacements(rows: IntArray, shapes: Array) -> Array:
+    """Shapes at nodes (P, 3, columns); `rows` (P, 3) is -1 where a displacement is not a dof."""
+    return np.where(rows[:, :, None] < 0, 0.0, shapes[rows])

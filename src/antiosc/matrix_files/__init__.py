@@ -1,0 +1,1 @@
+"""Files of stiffness and mass matrices that other programs write or read."""

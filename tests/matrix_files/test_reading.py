@@ -1,0 +1,424 @@
+"""Files of stiffness and mass matrices: every format, and files that are no such thing."""
+
+from __future__ import annotations
+
+import tracemalloc
+
+import numpy as np
+import pytest
+import scipy.sparse
+
+import antiosc as ao
+from antiosc.matrix_files.reading import read_pair
+from matrix_writers import (
+    abaqus_coordinates,
+    abaqus_labels,
+    dmig,
+    harwell_boeing,
+    matrix_market,
+    matrix_market_array,
+    op4_binary,
+    op4_text,
+    spring_frame,
+)
+
+K, M, LABELS = spring_frame()
+
+
+def same(pair, tol: float = 1e-14) -> None:
+    assert abs(pair.K.toarray() - K).max() <= tol * abs(K).max()
+    assert abs(pair.M.toarray() - M).max() <= tol * abs(M).max()
+
+
+@pytest.mark.parametrize("half", [True, False])
+@pytest.mark.parametrize("write", [matrix_market, matrix_market_array, abaqus_coordinates])
+def test_files_without_labels(write, half, tmp_path):
+    for name, A in (("K", K), ("M", M)):
+        write(tmp_path / f"{name}.mtx", A, half)
+    pair = read_pair(tmp_path / "K.mtx", tmp_path / "M.mtx")
+    same(pair)
+    assert pair.labels is None
+
+
+@pytest.mark.parametrize("half", [True, False])
+def test_abaqus_files_name_their_dofs(half, tmp_path):
+    mixed = np.random.default_rng(0).permutation(len(K))  # M's rows stand in another order
+    abaqus_labels(tmp_path / "K.mtx", K, LABELS, half)
+    abaqus_labels(tmp_path / "M.mtx", M[np.ix_(mixed, mixed)], LABELS[mixed], half)
+    pair = read_pair(tmp_path / "K.mtx", tmp_path / "M.mtx")
+    same(pair)
+    np.testing.assert_array_equal(pair.labels, LABELS)
+
+
+@pytest.mark.parametrize("right_hand_side", [True, False])
+def test_harwell_boeing(right_hand_side, tmp_path):
+    harwell_boeing(tmp_path / "K.full", K, right_hand_side)
+    harwell_boeing(tmp_path / "M.full", M)
+    same(read_pair(tmp_path / "K.full", tmp_path / "M.full"))
+
+
+@pytest.mark.parametrize("style", ["dense", "sparse", "bigmat"])
+def test_op4_text(style, tmp_path):
+    op4_text(tmp_path / "km.op4", {"KAA": K, "MAA": M}, style)
+    same(read_pair(tmp_path / "km.op4", tmp_path / "km.op4"))
+
+
+@pytest.mark.parametrize("wide", [False, True])
+@pytest.mark.parametrize("order", ["<", ">"])
+@pytest.mark.parametrize("style", ["dense", "sparse", "bigmat"])
+def test_op4_binary(style, order, wide, tmp_path):
+    op4_binary(tmp_path / "km.op4", {"KAA": K, "MAA": M}, style, order, wide)
+    same(read_pair(tmp_path / "km.op4", tmp_path / "km.op4"))
+
+
+@pytest.mark.parametrize(
+    ("style", "tol"), [("large", 1e-9), ("square", 1e-9), ("free", 1e-14), ("small", 1e-2)]
+)
+def test_dmig(style, tol, tmp_path):
+    dmig(tmp_path / "km.pch", {"KAAX": K, "MAAX": M}, LABELS, style)
+    pair = read_pair(tmp_path / "km.pch", tmp_path / "km.pch")
+    same(pair, tol)
+    np.testing.assert_array_equal(pair.labels, LABELS)
+
+
+def test_matrices_are_chosen_by_name(tmp_path):
+    both = {"A1": K, "KGG": 2 * K, "KAA": K, "MAA": M}
+    op4_binary(tmp_path / "km.op4", both, "bigmat")
+    with pytest.raises(ao.InputError, match=r"km\.op4 holds the matrices A1, KGG, KAA, MAA"):
+        read_pair(tmp_path / "km.op4", tmp_path / "km.op4")
+    same(read_pair(tmp_path / "km.op4", tmp_path / "km.op4", names=("a1", "maa")))
+
+
+def test_pyyeti_reads_and_writes_the_same(tmp_path):
+    op4 = pytest.importorskip("pyyeti.nastran.op4")
+    for binary in (True, False):
+        for style in ("dense", "bigmat", "nonbigmat"):
+            given = [scipy.sparse.coo_matrix(A) if style != "dense" else A for A in (K, M)]
+            op4.write(str(tmp_path / "a.op4"), ["KAA", "MAA"], given, binary=binary, sparse=style)
+            same(read_pair(tmp_path / "a.op4", tmp_path / "a.op4"))
+
+
+# -- structures of files
+
+
+def frame_files(tmp_path):
+    matrix_market(tmp_path / "K.mtx", K)
+    matrix_market(tmp_path / "M.mtx", M)
+    return tmp_path / "K.mtx", tmp_path / "M.mtx"
+
+
+def stiffness(b):
+    return 1 / (b @ np.linalg.solve(K, b))
+
+
+def unit(row):
+    return np.eye(len(K))[row]
+
+
+@pytest.mark.parametrize("form", ["array", "text", "ansys", "five"])
+def test_a_site_is_a_node_and_its_dof(form, tmp_path):
+    files = frame_files(tmp_path)
+    given = {
+        "array": LABELS,
+        "text": "# node, dof\n" + "".join(f"{a}, {b}\n" for a, b in LABELS),
+        "ansys": "      Matrix Eqn     Node      DOF\n"
+        + "".join(f"{k + 1:15d}{a:9d}     {['UX', 'UY', 'UZ'][b - 1]}\n"
+                  for k, (a, b) in enumerate(LABELS)),
+        "five": np.column_stack([LABELS, np.zeros((len(K), 3))]),
+    }[form]  # fmt: skip
+    if isinstance(given, str):
+        (tmp_path / "map.txt").write_text(given)
+        given = tmp_path / "map.txt"
+    part = ao.Structure.from_files(*files, map=given)
+    assert part.describe() == "given matrices, 5 nodes, 15 dofs"
+    for dof in ("z", "UZ", 3, "t3", "3"):
+        model = ao.extract(part, ao.Site(node=20, dof=dof), n=4)
+        assert model.k0 == pytest.approx(stiffness(unit(5)), rel=1e-11)
+    slanted = ao.extract(part, ao.Site(node=20, direction=(3, 0, -4)), n=4)
+    assert slanted.k0 == pytest.approx(stiffness(0.6 * unit(3) - 0.8 * unit(5)), rel=1e-11)
+    by_row = ao.extract(part, ao.Site(dof=5), n=4)
+    assert by_row.k0 == pytest.approx(stiffness(unit(5)), rel=1e-11)
+    with pytest.raises(ao.InputError, match=r"node 21 is not in the matrices' map"):
+        ao.extract(part, ao.Site(node=21, dof="z"))
+    with pytest.raises(ao.InputError, match=r"node 20 has no dof rx in the matrices: it has x, y"):
+        ao.extract(part, ao.Site(node=20, dof="rx"))
+
+
+def test_supports_by_nodes_are_rows_left_out(tmp_path):
+    part = ao.Structure.from_files(
+        *frame_files(tmp_path), map=LABELS, supports={10: "all", 30: ["x", "z"], 40: "y"}
+    )
+    left = np.setdiff1d(np.arange(15), [0, 1, 2, 6, 8, 10])
+    assert part.dofs == len(left)
+    k, b = K[np.ix_(left, left)], unit(5)[left]
+    model = ao.extract(part, ao.Site(node=20, dof="z"), n=4)
+    assert model.k0 == pytest.approx(1 / (b @ np.linalg.solve(k, b)), rel=1e-11)
+    with pytest.raises(ao.InputError, match="node 10 is fixed by supports"):
+        ao.extract(part, ao.Site(node=10, dof="x"))
+    for bad, says in (({11: "all"}, "node 11 is not"), ({10: "w"}, "dof must be one of")):
+        with pytest.raises(ao.InputError, match=says):
+            ao.Structure.from_files(*frame_files(tmp_path), map=LABELS, supports=bad)
+    with pytest.raises(ao.InputError, match="supports by nodes need a map"):
+        ao.Structure.from_files(*frame_files(tmp_path), supports={10: "all"})
+
+
+def test_coordinates_of_nodes_beside_labels(tmp_path):
+    """Files that name their dofs need coordinates by node alone."""
+    dmig(tmp_path / "km.pch", {"KAAX": K, "MAAX": M}, LABELS, "free")
+    nodes = np.array([[10 * k, 0.1 * k, 0.0, 0.0] for k in range(1, 8)])
+    one = tmp_path / "km.pch"
+    part = ao.Structure.from_files(one, one, map=nodes[::-1])
+    model = ao.extract(part, ao.Site((0.2, 0, 0), (0, 0, 1)), n=4)
+    assert model.k0 == pytest.approx(stiffness(unit(5)), rel=1e-9)
+    with pytest.raises(ao.InputError, match=r"the point is no node: the nearest is node 20, 0\.03"):
+        ao.extract(part, ao.Site((0.23, 0, 0), (0, 0, 1)))
+    assert ao.extract(part, ao.Site((0.23, 0, 0), (0, 0, 1), snap=True), n=4).k0 == model.k0
+    hit = ao.simulate(model, ao.RigidMass(0.1, 1.0), ao.Hertz(1e8), 5e-3)
+    moved = ao.probe(part, hit, (0.2, 0, 0))
+    assert moved.shape == (len(hit.time), 3)
+    np.testing.assert_allclose(moved[:, 2], hit.displacement, atol=1e-12)
+    path = ao.write_series(part, hit, tmp_path / "run", times=[0.0, 1e-3])
+    assert path.read_text().count("DataSet") == 2
+    with pytest.raises(ao.InputError, match="rows of node, x, y, z, but the files do not say"):
+        ao.Structure.from_files(*frame_files(tmp_path), map=nodes)
+    with pytest.raises(ao.InputError, match="coordinates of the nodes are not known"):
+        ao.extract(ao.Structure.from_files(one, one), ao.Site((0.2, 0, 0), (0, 0, 1)))
+
+
+def test_a_map_that_does_not_fit_is_refused(tmp_path):
+    files = frame_files(tmp_path)
+    for bad, says in (
+        (LABELS[:-1], "must have a row of node, dof"),
+        (np.vstack([LABELS[:-1], LABELS[:1]]), "names one dof of a node twice"),
+        (LABELS + 0.5, "must be whole numbers"),
+        (np.column_stack([np.zeros(15), LABELS]), "must number the rows from 1 to 15"),
+        (np.full((15, 2), np.nan), "map"),
+        ("nowhere.txt", "does not exist"),
+    ):
+        with pytest.raises(ao.InputError, match=says):
+            ao.Structure.from_files(*files, map=bad)
+    (tmp_path / "map.txt").write_text("1 UX\n2 WARP\n")
+    with pytest.raises(ao.InputError, match=r"map\.txt, line 2: 'WARP' is not the name of a dof"):
+        ao.Structure.from_files(*files, map=tmp_path / "map.txt")
+
+
+@pytest.mark.parametrize("bad", [{"node": 1}, {"node": 1, "dof": 1, "direction": (0, 0, 1)},
+                                 {"node": 1, "point": (0, 0, 0), "direction": (0, 0, 1)},
+                                 {"node": 1, "dof": "w"}, {"node": 1.5, "dof": 1},
+                                 {"dof": "z"}])  # fmt: skip
+def test_a_site_at_a_node_needs_one_direction(bad):
+    with pytest.raises(ao.InputError):
+        ao.Site(**bad)
+
+
+def test_nodes_need_a_map():
+    with pytest.raises(ao.InputError, match=r"the nodes of this structure have no numbers"):
+        ao.extract(ao.Structure.from_matrices(K, M), ao.Site(node=10, dof="x"))
+
+
+def plate(n: int = 12):
+    """A plate of masses on springs of its own: (K, M, map) with points on a square of 1 m."""
+    x, y = (c.ravel() for c in np.meshgrid(*2 * [np.linspace(0, 1, n)]))
+    K = 1e5 * scipy.sparse.identity(n * n) + 1e6 * scipy.sparse.diags(
+        [np.full(n * n - 1, -0.1)] * 2, [-1, 1]
+    )
+    K = K + 1e6 * 0.2 * scipy.sparse.identity(n * n)
+    table = np.column_stack([1 + np.arange(n * n), np.full(n * n, 3), x, y, 0 * x])
+    return K, scipy.sparse.identity(n * n), table
+
+
+def test_a_patch_has_the_moments_of_hertz_pressure():
+    """Weights sum to 1, are centred, and have the mean square radius 2a²/5 of Hertz's pressure."""
+    from antiosc.fem.site.functionals import functional
+
+    K, M, table = plate(81)
+    part = ao.Structure.from_matrices(K, M, map=table)
+    at, radius = np.array([0.5, 0.5]), 0.1
+    b = functional(part, ao.Site((*at, 0), (0, 0, -1), radius=radius)).b
+    assert b.sum() == pytest.approx(-1.0, rel=1e-12)
+    offset = table[:, 2:4] - at
+    np.testing.assert_allclose(-b @ offset, 0.0, atol=1e-12)
+    assert -b @ (offset**2).sum(axis=1) == pytest.approx(0.4 * radius**2, rel=0.02)
+    with pytest.raises(ao.InputError, match="has no node on the surface"):
+        ao.extract(part, ao.Site((0.5051, 0.507, 0.0), (0, 0, -1), radius=1e-3))
+
+
+def test_nodes_below_the_surface_take_no_load():
+    from antiosc.fem.site.functionals import functional
+
+    K, M, table = plate(9)
+    table = np.vstack([table, table])
+    table[81:, 0] += 81
+    table[81:, 4] = -0.05
+    K, M = (scipy.sparse.block_diag([A, A]) for A in (K, M))
+    part = ao.Structure.from_matrices(K, M, map=table)
+    top = functional(part, ao.Site((0.5, 0.5, 0), (0, 0, -1), radius=0.2)).b
+    bottom = functional(part, ao.Site((0.5, 0.5, -0.05), (0, 0, 1), radius=0.2)).b
+    assert top[81:].any() == bottom[:81].any() == False  # noqa: E712
+    np.testing.assert_allclose(-top[:81], bottom[81:])
+
+
+def test_a_free_body_with_coordinates_has_mass_and_inertia():
+    """Four masses at the corners of a square, joined by springs along the edges and diagonals."""
+    points = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
+    K = np.zeros((8, 8))
+    for i in range(4):
+        for j in range(i):
+            d = points[i] - points[j]
+            d = d[:2] / np.linalg.norm(d)
+            B = np.zeros(8)
+            B[2 * i : 2 * i + 2], B[2 * j : 2 * j + 2] = d, -d
+            K += 1e6 * np.outer(B, B)
+    m = np.array([1.0, 2.0, 3.0, 4.0])
+    rows = [(i + 1, c + 1, *points[i]) for i in range(4) for c in range(2)]
+    part = ao.Structure.from_matrices(K, np.diag(np.repeat(m, 2)), map=rows)
+    assert part.rigid_modes.shape[1] == 3
+    assert part.mass == pytest.approx(10.0)
+    model = ao.extract(part, ao.Site(node=3, direction=(1, 1, 0)), n=4)
+    np.testing.assert_allclose(model.inertia.centre[:2], (m @ points[:, :2]) / 10)
+    # φ_CRᵀM e of the unit translation e along the direction is m_CR
+    assert model.participation.sum() == pytest.approx(model.m_st, rel=1e-9)
+    held = ao.Structure.from_matrices(
+        K, np.diag(np.repeat(m, 2)), map=rows, supports={1: "all", 2: "y"}
+    )
+    with pytest.raises(ao.InputError, match="the total mass is known of free bodies"):
+        _ = held.mass
+
+
+# -- files that are no matrices
+
+MTX = "%%MatrixMarket matrix coordinate real symmetric\n"
+HB = f"{'t':72}k\n{5:14d}{1:14d}{1:14d}{1:14d}{0:14d}\n"
+BAD = {
+    "cut": (MTX + "2 2 3\n1 1 1.0\n2 2 1.0\n", r"bad, line 4: the header promises 3 entries"),
+    "1e12 entries": (MTX + "9 9 1000000000000\n1 1 1.0\n", r"promises 1e\+12 entries"),
+    "1e12 rows": (MTX + "1000000000000 1000000000000 1\n1 1 1.0\n", r"1e\+12 rows, but K and M"),
+    "dense 1e12": ("%%MatrixMarket matrix array real general\n1000000 1000000\n1.0\n", "promises"),
+    "nan": (MTX + "1 1 1\n1 1 nan\n", "holds nan at row 1, column 1"),
+    "out of range": (MTX + "2 2 1\n3 1 1.0\n", "bad, line 3: rows and columns are 1 to 2"),
+    "zero index": (MTX + "2 2 1\n0 1 1.0\n", "bad, line 3: rows and columns are 1 to 2"),
+    "words": (MTX + "1 1 1\n1 one 1.0\n", "bad, line 3: '1 one 1.0' is not 3 numbers"),
+    "columns": (MTX + "2 2 2\n1 1\n2 2 1.0 1.0\n", "bad, line 3: 3 numbers are expected"),
+    "complex": (MTX.replace("real", "complex") + "1 1 1\n1 1 1 0\n", "the matrix is complex"),
+    "pattern": (MTX.replace("real", "pattern") + "1 1 1\n1 1\n", "the matrix is pattern"),
+    "skew": (MTX.replace("symmetric", "skew-symmetric") + "1 1 0\n", "is skew-symmetric"),
+    "not square": (MTX + "1 2 1\n1 1 1.0\n", "bad, line 2: the matrix must be square"),
+    "negative": (MTX + "-1 -1 1\n", "bad, line 2: sizes must be positive"),
+    "header": ("%%MatrixMarket matrix\n", "bad, line 1: the header must be"),
+    "no size": (MTX, "the file ends before the size"),
+    "empty": ("", "bad is empty"),
+    "prose": ("stiffness of the part\n", "an Abaqus matrix has lines of node, dof"),
+    "one triangle in part": ("1 1 2.0\n2 2 2.0\n3 3 2.0\n1 2 -1.0\n2 1 -1.0\n2 3 -1.0\n",
+                             "holds both triangles of the matrix, but of entry"),
+    "fractions": ("1 1 2 1.5 2.0\n", "bad, line 1: rows, nodes and dofs must be whole"),
+    "abaqus row": ("1 1 1.0\n1000000000000 1 1.0\n", "bad, line 2: rows, nodes and dofs"),
+    "abaqus rows": ("1 1 1.0\n2000000000 1 1.0\n", r"2e\+09 rows, but K and M together"),
+    "hb complex": (HB + "CSA" + 11 * " " + f"{1:14d}{1:14d}{1:14d}\n(1I8)\n1\n",
+                   "bad, line 3: the matrix is complex"),
+    "hb huge": (HB + "RSA" + 11 * " " + f"{10**12:14d}{10**12:14d}{10**12:14d}\n(1I8)\n1\n",
+                "more than a file of"),
+    "hb format": (HB + "RSA" + 11 * " " + f"{1:14d}{1:14d}{1:14d}\n(A8)\n1\n",
+                  "the Fortran format '.*' is not one of numbers"),
+    "hb cut": (HB + "RSA" + 11 * " " + f"{1:14d}{1:14d}{1:14d}\n"
+               + f"{'(2I8)':16}{'(1I8)':16}{'(1E20.12)':20}\n{1:8d}{2:8d}\n{1:8d}\n",
+               "the file ends after 0 of 1 lines"),
+    "op4 complex": (f"{1:8d}{1:8d}{6:8d}{4:8d}KAA     1P,3E24.16\n", "KAA is complex"),
+    "op4 not square": (f"{1:8d}{2:8d}{6:8d}{2:8d}KAA     1P,3E24.16\n", "KAA must be square"),
+    "op4 cut": (f"{1:8d}{1:8d}{6:8d}{2:8d}KAA     1P,3E24.16\n{1:8d}{1:8d}{1:8d}\n",
+                "bad, line 2: the file ends within a matrix"),
+    "op4 huge": (f"{1:8d}{1:8d}{6:8d}{2:8d}KAA     1P,3E24.16\n{1:8d}{1:8d}{99999999:8d}\n1.0\n",
+                 "the file ends within a matrix"),
+    "op4 out of range": (f"{1:8d}{1:8d}{6:8d}{2:8d}KAA     1P,3E24.16\n{1:8d}{2:8d}{1:8d}\n"
+                         f"{1.0:24.16E}\n", "column 1 of KAA has 1 entries from row 2 of 1"),
+    "dmig complex": ("DMIG    KAA            0       6       4\n", "DMIG KAA is complex"),
+    "dmig header": ("DMIG*   KAA                            1               1\n", "no header card"),
+    "dmig form": ("DMIG    KAA            0       9       2\n", "has form 9"),
+    "dmig word": ("DMIG,KAA,0,6,2\nDMIG,KAA,1,1,,1,1,big\n", "bad, line 2: a number is expected"),
+    "dmig component": ("DMIG,KAA,0,6,2\nDMIG,KAA,1,7,,1,1,1.0\n", "component 7 does not exist"),
+    "dmig nothing": ("DMIG,KAA,0,6,2\n", "have no entries"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_one_sentence_for_a_bad_file(case, tmp_path):
+    text, says = BAD[case]
+    bad = tmp_path / "bad"
+    bad.write_text(text)
+    tracemalloc.start()
+    with pytest.raises(ao.InputError, match=says) as caught:
+        ao.Structure.from_files(bad, bad)
+    assert tracemalloc.get_traced_memory()[1] < 1e7
+    tracemalloc.stop()
+    assert "\n" not in str(caught.value)
+
+
+def outcome(path) -> str:
+    """What is said of a file, "" if it is read; other errors than ours are raised."""
+    try:
+        ao.Structure.from_files(path, path)
+    except ao.AntioscError as error:
+        return str(error)
+    return ""
+
+
+#: random changes of a file
+CHANGES = pytest.mark.parametrize("count", [15, pytest.param(300, marks=pytest.mark.slow)])
+
+
+@CHANGES
+def test_bad_binary_files_are_refused(count, tmp_path):
+    good = tmp_path / "good.op4"
+    op4_binary(good, {"KAA": K, "MAA": M}, "bigmat")
+    content = good.read_bytes()
+    bad = tmp_path / "bad.op4"
+    for size in range(1, len(content), len(content) // count):  # cut anywhere
+        bad.write_bytes(content[:size])
+        with pytest.raises(ao.AntioscError):
+            ao.Structure.from_files(bad, bad)
+    rng = np.random.default_rng(0)
+    for _ in range(count):  # any byte wrong: an error of ours, or matrices that are checked
+        wrong = bytearray(content)
+        wrong[rng.integers(len(content))] = int(rng.integers(256))
+        bad.write_bytes(bytes(wrong))
+        assert "\n" not in outcome(bad)
+
+
+@CHANGES
+def test_bad_text_files_are_refused(count, tmp_path):
+    rng = np.random.default_rng(1)
+    bad = tmp_path / "bad"
+    harwell_boeing(tmp_path / "a", K)
+    op4_text(tmp_path / "b", {"KAA": K, "MAA": M}, "sparse")
+    dmig(tmp_path / "c", {"KAA": K, "MAA": M}, LABELS, "large")
+    abaqus_labels(tmp_path / "d", K, LABELS)
+    for name in "abcd":
+        content = (tmp_path / name).read_bytes()
+        for _ in range(count // 3):
+            wrong = bytearray(content)
+            at = int(rng.integers(min(len(content), 1500)))
+            wrong[at : at + int(rng.integers(1, 4))] = rng.choice([b"9", b" ", b"-", b"\n", b"x"])
+            bad.write_bytes(bytes(wrong))
+            assert "\n" not in outcome(bad)
+
+
+def test_k_and_m_of_different_models(tmp_path):
+    matrix_market(tmp_path / "K.mtx", K)
+    matrix_market(tmp_path / "M.mtx", M[:-1, :-1])
+    with pytest.raises(ao.InputError, match=r"K\.mtx has 15 rows, M\.mtx 14"):
+        ao.Structure.from_files(tmp_path / "K.mtx", tmp_path / "M.mtx")
+    abaqus_labels(tmp_path / "K.mtx", K[:-1, :-1], LABELS[:-1])
+    abaqus_labels(tmp_path / "M.mtx", M, LABELS)
+    with pytest.raises(ao.InputError, match=r"M\.mtx has dof 3 of node 50, which K\.mtx has not"):
+        ao.Structure.from_files(tmp_path / "K.mtx", tmp_path / "M.mtx")
+    for bad, says in (("nowhere", "does not exist"), (tmp_path, "is a folder")):
+        with pytest.raises(ao.InputError, match=says):
+            ao.Structure.from_files(bad, bad)
+
+
+def test_an_unsymmetric_matrix_is_refused(tmp_path):
+    wrong = K.copy()
+    wrong[0, 3] *= 1.1
+    matrix_market(tmp_path / "K.mtx", wrong, half=False)
+    matrix_market(tmp_path / "M.mtx", M)
+    with pytest.raises(ao.InputError, match="K must be symmetric"):
+        ao.Structure.from_files(tmp_path / "K.mtx", tmp_path / "M.mtx")
