@@ -103,7 +103,7 @@ def test_a_cover_is_as_small_as_a_matching():
         edges = np.argwhere(adjacent)
         if not len(edges):
             continue
-        cover = set(_cover(edges + [0, 100]).tolist())
+        cover = set(_cover(edges + np.array([0, 100])).tolist())
         assert all(i in cover or j + 100 in cover for i, j in edges)
         matching = maximum_bipartite_matching(csr_matrix(adjacent), perm_type="column")
         assert len(cover) == (matching >= 0).sum()

@@ -101,8 +101,8 @@ class Layer:
         Q[2, 2] = self.G12
         c, s = _cosine_sine(self.angle)
         # strains in the axes of the fibres, of strains in the laminate's
-        T = np.array([[c * c, s * s, c * s], [s * s, c * c, -c * s], [-2 * c * s, 2 * c * s, 1.0]])
-        T[2, 2] = c * c - s * s
+        shear = [-2 * c * s, 2 * c * s, c * c - s * s]
+        T = np.array([[c * c, s * s, c * s], [s * s, c * c, -c * s], shear])
         return np.asarray(T.T @ Q @ T)
 
     def transverse_shear(self) -> Array:
