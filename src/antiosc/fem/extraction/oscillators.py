@@ -27,10 +27,8 @@ from antiosc.models.rigid_share import with_rigid
 REPEATED = 1e-6
 #: Distance of the samples of a bound, and the largest share by which it rises between two of them.
 SAMPLE_STEP, SAMPLE_RISE = bands.DAMPING / 4, 0.05
-#: Rounding of the solves, in units of ε for every entry of the matrices. With 512, one of 300
-#: random pairs of matrices over eight decades had an error of 1.2e-5 above a bound of 5.5e-6
-#: (Debian 13).
-SOLVE_ROUNDING = 4096.0
+#: Rounding of the solves, in units of ε for every entry of the matrices.
+SOLVE_ROUNDING = 64.0
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import numpy as np
 
 from antiosc._types import Array
 from antiosc.errors import NotConvergedError
-from antiosc.fem.linalg.algebra import dot, multiply
+from antiosc.fem.linalg.algebra import by_strains, diagonal, dot, multiply
 from antiosc.fem.linalg.solver import Solver
 from antiosc.fem.site.site import Functional
 from antiosc.fem.structure.structure import Structure
@@ -20,6 +20,8 @@ from antiosc.models.rigid_share import APART, HIDDEN
 STATIC_TOL, STATIC_SOUND = 1e-13, 1e-8
 #: Most steps of that solve, and how many without progress are rounding.
 STATIC_STEPS, STATIC_IDLE = 200, 5
+#: Rounding of the terms of Rᵀb: those of R, and their sum.
+SUM_ROUNDING = 4 * float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True)
@@ -95,7 +97,7 @@ def _static_mode(structure: Structure, b: Array, y: Array) -> StaticMode:
     a = dot(comm, R, b)
     along = float(np.linalg.norm(a))
     share = along**2 / structure.shift / bAb if R.shape[1] else 0.0
-    doubt = float(np.finfo(float).eps) * float(np.linalg.norm(dot(comm, np.abs(R), np.abs(b))))
+    doubt = SUM_ROUNDING * float(np.linalg.norm(dot(comm, np.abs(R), np.abs(b))))
     beside, apart = R, None
     if share > HIDDEN:
         beside = R @ np.linalg.svd(a[None, :])[2][1:].T
@@ -109,8 +111,7 @@ def _static_mode(structure: Structure, b: Array, y: Array) -> StaticMode:
             y = y - R @ (a / structure.shift)
             bAb = float(dot(comm, b, y))
             shape = beside_rigid(structure, factor, b)
-            # the rounding error of R, which strains, adds yᵀKR to the displacement of the site
-            doubt += float(np.linalg.norm(dot(comm, shape, multiply(structure.K, R))))
+            doubt += _strained(structure, R, shape)
         compliance = float(dot(comm, b, shape))
         phi, k0 = shape / compliance, 1 / compliance
         if share > HIDDEN:
@@ -118,6 +119,20 @@ def _static_mode(structure: Structure, b: Array, y: Array) -> StaticMode:
     m_phi = multiply(structure.M, phi)
     mass = float(dot(comm, phi, m_phi))
     return StaticMode(phi, m_phi, k0, mass, nodal, y, bAb, load, along, doubt, share, beside, apart)
+
+
+def _strained(structure: Structure, R: Array, y: Array) -> float:
+    """Bound on the displacement of the site, with the deflection y under b, by the error of R.
+
+    An error of R strains and moves the site by yᵀKR, which is known to the rounding of KR,
+    |y|ᵀ|K||R| ε; the diagonal of K bounds its entries, and strains have their own rounding.
+    """
+    comm, K = structure.comm, structure.K
+    entries = diagonal(K)
+    motions = float(np.sum(comm.allreduce(np.einsum("ij,i,ij->j", R, entries, R))))
+    y_size = multiply(K, y) if by_strains(K) else entries * y
+    rounding = np.sqrt(float(dot(comm, y, y_size)) * motions) * np.finfo(float).eps
+    return float(np.linalg.norm(dot(comm, y, multiply(K, R)))) + rounding
 
 
 def beside_rigid(structure: Structure, factor: Solver, b: Array) -> Array:
