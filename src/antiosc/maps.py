@@ -24,8 +24,7 @@ from antiosc._types import Array, IntArray
 from antiosc.checks import instance, path as checked_path, positive, whole, within_range
 from antiosc.contact import ContactLaw
 from antiosc.errors import AccuracyWarning, InputError, warn
-from antiosc.fem.extraction.block_lanczos import lowest_modes
-from antiosc.fem.extraction.eigenmodes import Modes
+from antiosc.fem.extraction.eigenmodes import Modes, ModeSolver
 from antiosc.fem.extraction.krylov import by_krylov
 from antiosc.fem.extraction.oscillators import error_bound, lumped, oscillators, wanted
 from antiosc.fem.extraction.static_mode import static_modes
@@ -284,7 +283,7 @@ def _free_modes(structure: Structure, count: int | None, band: float | None) -> 
     """The lowest elastic modes: `count`, or as many as reach above the band."""
     wanted = FREE_MODES if count is None else whole("modes", count)
     reach = 0.0 if band is None or count is not None else ABOVE * band
-    found = lowest_modes(structure, wanted, reach)
+    found = ModeSolver(structure).lowest(wanted, reach)
     kept = max(wanted, int(np.sum(found.omega < reach)) + 1)
     log.info("%d free modes up to %.4g rad/s", len(found.omega[:kept]), found.omega[:kept][-1])
     return Modes(found.omega[:kept], found.phi[:, :kept], found.complete)
@@ -313,7 +312,7 @@ def _refined(
     targets = [Functional(b) for b in sites.loads[:, worst].toarray().T]
     statics = static_modes(structure, targets)
     counts = [wanted(static, n) for static in statics]
-    found = by_krylov(structure, targets, statics, counts, bands.UNOBSERVABLE, band, 0.0)
+    found = by_krylov(structure, statics, counts, bands.UNOBSERVABLE, band, 0.0)
     for i, static, (modes, remainder) in zip(worst, statics, found, strict=True):
         known = lumped(structure, static, modes)
         kept = oscillators(known, n, bands.UNOBSERVABLE)

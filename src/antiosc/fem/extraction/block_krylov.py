@@ -18,26 +18,15 @@ are known one block later.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from antiosc._types import Array, ComplexArray
-from antiosc.fem.extraction.eigenmodes import Modes, polish
+from antiosc.fem.extraction.eigenmodes import Modes
+from antiosc.fem.extraction.ritz_basis import BASIS_STEP, Remainder, RitzBasis
 from antiosc.fem.extraction.site_shapes import SiteShapes
-from antiosc.fem.linalg.algebra import dot, multiply
+from antiosc.fem.linalg.algebra import dot
 from antiosc.fem.structure.structure import Structure
 from antiosc.models import driving_point as bands
-
-#: What orthogonalisation leaves of a new direction, relatively, when it adds nothing to the basis.
-EXHAUSTED = 1e-10
-#: Share of the largest θ below which the smallest θ of an eigensolver are inaccurate.
-WIDE = 1e-8
-#: Columns by which a basis grows.
-BASIS_STEP = 16
-
-#: Bound on ‖Z - Z_N‖₂ [N/m] at complex x = ω² of shape (W,): (W,).
-Remainder = Callable[[ComplexArray], Array]
 
 
 class BlockLanczos:
@@ -45,26 +34,19 @@ class BlockLanczos:
     takes their solutions."""
 
     def __init__(self, structure: Structure, static: SiteShapes, room: int = BASIS_STEP) -> None:
-        self._comm, self._M, self._shift = structure.comm, structure.M, structure.shift
-        self._A = structure.factorize().A
-        self._static = static
-        self._most = structure.dofs - len(static.kept) - static.nodal.shape[1]
-        #: basis vectors found, and how many of them T has been applied to
-        self.steps, self.applied = 0, -1
-        self._H = np.zeros((0, 0))  # VᵀMV, that is T in the basis
+        self._comm, self._shift, self._static = structure.comm, structure.shift, static
+        self._basis = RitzBasis(structure, static, room)
+        #: how many of the basis vectors T has been applied to
+        self.applied = -1
         self._c = np.zeros((0, len(static.kept)))  # VᵀMΦ
         #: lengths of what was dropped of TΦ and of TV
         self._dropped = np.zeros(2)
-        # V, and F = A V. In front stand the rigid-body modes that do not move the sites, which no
-        # step may pick up again.
-        rows, self._locked = static.nodal.shape
-        self._V = np.empty((rows, self._locked + room), order="F")
-        self._F = np.empty_like(self._V)
-        if self._locked:
-            scale = np.sqrt(self._shift)  # RᵀAR = s
-            self._V[:, : self._locked] = static.nodal / scale
-            self._F[:, : self._locked] = scale * multiply(self._M, static.nodal)
         self.load = static.m_phi
+
+    @property
+    def steps(self) -> int:
+        """Number of basis vectors."""
+        return self._basis.steps
 
     @property
     def exhausted(self) -> bool:
@@ -73,73 +55,19 @@ class BlockLanczos:
 
     def advance(self, solutions: Array) -> None:
         """Make the next basis vectors and the next `load` from A⁻¹ load."""
-        first, loads = self.steps, self.load
-        for w, load in zip(solutions.T, loads.T, strict=True):
-            self._add(w, load)
+        first = self.steps
+        for w, load in zip(solutions.T, self.load.T, strict=True):
+            added, length = self._basis.add(w, load)
+            if not added:
+                self._dropped[int(self.applied >= 0)] += length
         self.applied = first
-        new = self._V[:, self._locked + first : self._locked + self.steps]
-        self.load = multiply(self._M, new)
-        basis = self._V[:, self._locked : self._locked + self.steps]
-        column = dot(self._comm, basis, self.load)
-        H = np.zeros((self.steps, self.steps))
-        H[:first, :first] = self._H
-        H[:, first:], H[first:] = column, column.T
-        self._H = (H + H.T) / 2
+        self.load = self._basis.project()
+        new = self._basis.vectors[:, first:]
         self._c = np.vstack([self._c, dot(self._comm, new, self._static.m_phi)])
-
-    def _add(self, w: Array, load: Array) -> None:
-        """Orthogonalise w = A⁻¹ load and add it to the basis, or drop it."""
-        k = self._locked + self.steps
-        V, F = self._V[:, :k], self._F[:, :k]
-        w = self._constrained(w)
-        before = float(dot(self._comm, w, load))
-        w = self._constrained(w - V @ dot(self._comm, F, w))
-        # f = A w is computed anew: with an update f and w would diverge by a constant factor in
-        # each step.
-        f = multiply(self._A, w)
-        h = dot(self._comm, V, f)  # twice is enough (Kahan)
-        # K has no part in it for a rigid-body mode: its rounding, over s, would be a large one
-        h[: self._locked] = dot(self._comm, F[:, : self._locked], w)
-        w, f = self._constrained(w - V @ h), f - F @ h
-        left = float(dot(self._comm, w, f))
-        if self.steps < self._most and left > EXHAUSTED**2 * before:
-            self._append(w / np.sqrt(left), f / np.sqrt(left))
-        elif self.steps < self._most:  # else rounding produced a direction outside the space
-            # at most: it may be all rounding
-            self._dropped[int(self.applied >= 0)] += EXHAUSTED * np.sqrt(max(before, 0.0))
-
-    def _append(self, v: Array, f: Array) -> None:
-        k = self._locked + self.steps
-        if k == self._V.shape[1]:
-            self._V, self._F = (
-                np.concatenate([x.T, np.empty((BASIS_STEP, len(x)))]).T for x in (self._V, self._F)
-            )
-        self._V[:, k], self._F[:, k] = v, f
-        self.steps += 1
-
-    def release(self) -> None:
-        """Release the memory of the basis."""
-        self._V = self._F = np.zeros((0, 0))
-
-    def _constrained(self, w: Array) -> Array:
-        """w - Y(loadᵀY)⁻¹loadᵀw, which vanishes at the sites."""
-        static = self._static
-        held = np.linalg.solve(static.bAb, dot(self._comm, static.load, w))
-        return np.asarray(w - static.y @ held)
-
-    def _ritz(self, n: int) -> tuple[Array, Array]:
-        """Eigenvalues θ = 1/(ω² + s), ω ascending, and eigenvectors of the first n vectors."""
-        H = self._H[:n, :n]
-        theta, turn = np.linalg.eigh(H)
-        if n and 0 < theta[0] < WIDE * theta[-1]:
-            poles, x = polish(turn / np.sqrt(theta), lambda x: x.T @ x, lambda x: x.T @ H @ x)
-            order = np.argsort(-poles)
-            theta, turn = 1 / poles[order], (x / np.sqrt(poles))[:, order]
-        return theta[::-1], turn[:, ::-1]
 
     def parameters(self, n: int) -> tuple[Array, Array, Array]:
         """(M0 (p, p) without cancellation below rounding, P (n, p), ω² (n,)) of the first n."""
-        theta, turn = self._ritz(n)
+        theta, turn = self._basis.ritz(n)
         P = turn.T @ self._c[:n] / np.sqrt(theta)[:, None]
         poles = np.maximum(1 / theta - self._shift, 0.0)
         return bands.semidefinite(self._static.mass - P.T @ P), P, poles
@@ -151,16 +79,13 @@ class BlockLanczos:
 
     def modes(self, n: int) -> Modes:
         """The Ritz pairs of the first n vectors; M-orthonormal, and orthogonal through K too."""
-        theta, turn = self._ritz(n)
-        omega = np.sqrt(np.maximum(1 / theta - self._shift, 0.0))
-        basis = self._V[:, self._locked : self._locked + n]
-        return Modes(omega, basis @ (turn / np.sqrt(theta)), self.exhausted)
+        return self._basis.modes(n, self.exhausted)
 
     def remainder(self, n: int) -> Remainder:
         """Bound on ‖Z - Z_N‖₂ of the model of the first n <= `applied` vectors, at complex x."""
-        theta, turn = self._ritz(n)
+        theta, turn = self._basis.ritz(n)
         start, rest, shift = turn.T @ self._c[:n], self._c[n:], self._shift
-        following = self._H[n:, :n] @ turn
+        following = self._basis.H[n:, :n] @ turn
         none, beside = self._dropped
 
         def bound(x: ComplexArray) -> Array:

@@ -4,7 +4,9 @@ With A = K + sM and Y = A⁻¹B, B the loads of one site or several, the solutio
 Bᵀx = 0 is A⁻¹r − Y (BᵀY)⁻¹BᵀA⁻¹r.
 Krylov eigensolvers (SLEPc's, or SciPy's ARPACK) use this operator as their shift-and-invert
 transformation. No row is deleted and there is only one factorization. Without the constraint the
-same solver computes the natural modes of the structure.
+same solver computes the natural modes of the structure. For these, a block Lanczos method of our
+own made a whole map at most FIXME times as fast (`demos/free_modes.py`): not enough for one more
+algorithm.
 """
 
 from __future__ import annotations
@@ -39,6 +41,8 @@ DENSE_MANY = 5000
 #: Lowest ω² over the mean of all above which LAPACK, whose errors are 1e-16 of the highest,
 #: resolves it.
 EVEN = 1e-7
+#: The least number of modes by which a search goes on that has not reached its frequency.
+FEWEST_MORE = 8
 #: Relative distance of ω² below which two modes are taken as they are: any basis of theirs serves.
 CLOSE_MODES = 1e-8
 
@@ -72,8 +76,14 @@ class ModeSolver:
         self.limit = structure.dofs - sites - self._rigid.shape[1]
         self._found = Modes(np.zeros(0), np.zeros((self._rows, 0)), False)
 
-    def lowest(self, count: int) -> Modes:
-        """At least the `count` lowest modes, or all there are."""
+    def lowest(self, count: int, reach: float = 0.0) -> Modes:
+        """At least the `count` lowest modes and all up to `reach` rad/s, or all there are."""
+        found = self._at_least(count)
+        while not found.complete and found.omega.max(initial=0.0) < reach:
+            found = self._at_least(len(found.omega) + max(FEWEST_MORE, len(found.omega) // 2))
+        return found
+
+    def _at_least(self, count: int) -> Modes:
         count = min(count, self.limit)
         if self._found.complete or len(self._found.omega) >= count:
             return self._found

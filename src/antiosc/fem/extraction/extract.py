@@ -16,7 +16,7 @@ from antiosc.errors import AccuracyError, InputError
 from antiosc.fem import mpi
 from antiosc.fem.extraction.body_inertia import inertia_of, uniform_inertia
 from antiosc.fem.extraction.eigenmodes import Modes, ModeSolver
-from antiosc.fem.extraction.krylov import BASIS_STEP, Remainder, by_krylov
+from antiosc.fem.extraction.krylov import by_krylov
 from antiosc.fem.extraction.oscillators import (
     Found,
     Oscillators,
@@ -26,6 +26,7 @@ from antiosc.fem.extraction.oscillators import (
     oscillators,
     wanted,
 )
+from antiosc.fem.extraction.ritz_basis import BASIS_STEP, Remainder
 from antiosc.fem.extraction.self_check import CHECK, CONVERGED, FORCES, MECHANISM, judge
 from antiosc.fem.extraction.several_sites import of_several_sites
 from antiosc.fem.extraction.static_mode import StaticMode, static_modes
@@ -170,9 +171,7 @@ def _extracted(
     statics = static_modes(structure, targets)
     if wish.method == "krylov":
         counts = [wanted(static, wish.n) for static in statics]
-        found = by_krylov(
-            structure, targets, statics, counts, wish.tol, wish.band, AIM * wish.accuracy
-        )
+        found = by_krylov(structure, statics, counts, wish.tol, wish.band, AIM * wish.accuracy)
     else:
         found = [_observable(structure, targets[0], statics[0], wish)]
     models: list[AntiOscillators] = []

@@ -24,152 +24,82 @@ but requires a second, indefinite factorization, whose solves are slower.
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from antiosc._types import Array, ComplexArray
-from antiosc.fem.extraction.eigenmodes import Modes, polish
+from antiosc.fem.extraction.eigenmodes import Modes
+from antiosc.fem.extraction.ritz_basis import BASIS_STEP, Remainder, RitzBasis
 from antiosc.fem.extraction.static_mode import StaticMode
-from antiosc.fem.linalg.algebra import dot, multiply
-from antiosc.fem.site.site import Functional
 from antiosc.fem.structure.structure import Structure
 from antiosc.models import driving_point as bands
-
-#: What orthogonalisation leaves of a new direction, relatively, when the space is exhausted.
-EXHAUSTED = 1e-10
-#: Share of the largest θ below which the smallest θ of an eigensolver are inaccurate.
-WIDE = 1e-8
-#: Columns by which a basis grows.
-BASIS_STEP = 16
 
 #: The largest number of steps is STEPS_PER_ONE times the number of anti-oscillators wanted, plus
 #: MORE: some pairs may have no share in Z (at a site of symmetry rounding introduces as many
 #: again).
 STEPS_PER_ONE, MORE = 3, 20
 
-#: Bound on |Z - Z_N| [N/m] at complex x = ω² of shape (W,): (W,).
-Remainder = Callable[[ComplexArray], Array]
-
 log = logging.getLogger(__name__)
 
 
 class Lanczos:
-    """The recurrence of one site. `load` is the next right-hand side, `advance` takes the
-    solution."""
+    """The recurrence of one site, held by `static`. `load` is the next right-hand side, and
+    `advance` takes its solution."""
 
-    def __init__(
-        self, structure: Structure, site: Functional, static: StaticMode, room: int = BASIS_STEP
-    ) -> None:
-        self._comm, self._M, self._shift = structure.comm, structure.M, structure.shift
-        self._A = structure.factorize().A
-        self._b, self._static = site.b, static
-        self._most = structure.dofs - 1 - static.nodal.shape[1]
-        #: basis vectors found
-        self.steps = 0
+    def __init__(self, structure: Structure, static: StaticMode, room: int = BASIS_STEP) -> None:
+        self._shift, self._static = structure.shift, static
+        self._basis = RitzBasis(structure, static, room)
         #: β_N: norm of the next vector; known one solve after the last vector
         self.beta: float | None = None
         self.exhausted = False
         self._norm = 0.0  # ‖Tφ_st‖, the length of the first vector
-        self._H = np.zeros((0, 0))  # VᵀMV, that is T in the basis
-        # V, and F = A V. In front stand the rigid-body modes that vanish at the site, which no
-        # step may pick up again.
-        rows, self._locked = static.nodal.shape
-        self._V = np.empty((rows, self._locked + room), order="F")
-        self._F = np.empty_like(self._V)
-        if self._locked:
-            scale = np.sqrt(self._shift)  # RᵀAR = s
-            self._V[:, : self._locked] = static.nodal / scale
-            self._F[:, : self._locked] = scale * multiply(self._M, static.nodal)
         self.load = static.m_phi
+
+    @property
+    def steps(self) -> int:
+        """Number of basis vectors."""
+        return self._basis.steps
 
     def advance(self, w: Array) -> None:
         """Make the next basis vector and the next `load` from w = A⁻¹ load."""
-        k = self._locked + self.steps
-        V, F = self._V[:, :k], self._F[:, :k]
-        w = self._constrained(w)
-        before = float(dot(self._comm, w, self.load))
-        w = self._constrained(w - V @ dot(self._comm, F, w))
-        # f = A w is computed anew: with an update f and w would diverge by a constant factor in
-        # each step.
-        f = multiply(self._A, w)
-        h = dot(self._comm, V, f)  # twice is enough (Kahan)
-        # K has no part in it for a rigid-body mode: its rounding, over s, would be a large one
-        h[: self._locked] = dot(self._comm, F[:, : self._locked], w)
-        w, f = self._constrained(w - V @ h), f - F @ h
-        left = float(dot(self._comm, w, f))
-        beta = float(np.sqrt(max(left, 0.0)))
-        self.exhausted = not left > EXHAUSTED**2 * before
-        if self.exhausted:
-            beta = EXHAUSTED * float(np.sqrt(max(before, 0.0)))  # at most: it may be all rounding
-        if self.steps == self._most:  # rounding may produce directions outside the space
-            self.exhausted, beta = True, 0.0
-        if self.steps:
-            self.beta = beta
+        first = not self.steps
+        added, length = self._basis.add(w, self.load)
+        if first:
+            self._norm = length
         else:
-            self._norm = beta
-        if not self.exhausted:
-            self._append(w / beta, f / beta)
-
-    def _append(self, v: Array, f: Array) -> None:
-        k = self._locked + self.steps
-        if k == self._V.shape[1]:
-            self._V, self._F = (
-                np.concatenate([x.T, np.empty((BASIS_STEP, len(x)))]).T for x in (self._V, self._F)
-            )
-        self._V[:, k], self._F[:, k] = v, f
-        m_v = multiply(self._M, v)
-        column = dot(self._comm, self._V[:, self._locked : k + 1], m_v)
-        H = np.zeros((self.steps + 1, self.steps + 1))
-        H[:-1, :-1] = self._H
-        H[:, -1] = H[-1, :] = column
-        self._H, self.load = H, m_v
-        self.steps += 1
+            self.beta = length
+        self.exhausted = not added
+        if added:
+            self.load = self._basis.project()[:, 0]
 
     def release(self) -> None:
         """Release the memory of the basis."""
-        self._V = self._F = np.zeros((0, 0))
-
-    def _constrained(self, w: Array) -> Array:
-        """w - y (bᵀw)/(bᵀy), which vanishes at the site."""
-        return np.asarray(w - self._static.y * (dot(self._comm, self._b, w) / self._static.bAb))
-
-    def _ritz(self, n: int) -> tuple[Array, Array]:
-        """Eigenvalues θ = 1/(ω² + s), ω ascending, and eigenvectors of the first n steps."""
-        H = self._H[:n, :n]
-        theta, turn = np.linalg.eigh(H)
-        if n and 0 < theta[0] < WIDE * theta[-1]:
-            poles, x = polish(turn / np.sqrt(theta), lambda x: x.T @ x, lambda x: x.T @ H @ x)
-            order = np.argsort(-poles)
-            theta, turn = 1 / poles[order], (x / np.sqrt(poles))[:, order]
-        return theta[::-1], turn[:, ::-1]
+        self._basis.release()
 
     def shares(self, n: int) -> Array:
         """Shares in Z of the pairs of the first n steps."""
-        theta, _ = self._ritz(n)
+        theta, _ = self._basis.ritz(n)
         m = self.masses(n)
         left = max(self._static.mass - float(m.sum()), 0.0)
         return bands.shares(self._static.k0, left, m, np.maximum(1 / theta - self._shift, 0.0))
 
     def masses(self, n: int) -> Array:
         """m_i of the first n steps, kg."""
-        theta, turn = self._ritz(n)
+        theta, turn = self._basis.ritz(n)
         return np.asarray((self._norm * turn[0]) ** 2 / theta)
 
     def modes(self, n: int) -> Modes:
         """The Ritz pairs of the first n steps; M-orthonormal, and orthogonal through K too."""
-        theta, turn = self._ritz(n)
-        omega = np.sqrt(np.maximum(1 / theta - self._shift, 0.0))
-        basis = self._V[:, self._locked : self._locked + n]
-        return Modes(omega, basis @ (turn / np.sqrt(theta)), self.exhausted)
+        return self._basis.modes(n, self.exhausted)
 
     def remainder(self, n: int) -> Remainder:
         """Bound on |Z - Z_N| of the model of n steps, at complex x = ω².
 
         n is `steps` or one less: the next step must have been computed.
         """
-        theta, _ = self._ritz(n)
-        beta = np.append(self._H.diagonal(-1), self.beta or 0.0)[:n]
+        theta, _ = self._basis.ritz(n)
+        beta = np.append(self._basis.H.diagonal(-1), self.beta or 0.0)[:n]
         # the factors of det(I - zH) beside those of e_Nᵀ adj(I - zH) e_1: nothing cancels
         norm, shift = self._norm, self._shift
 
@@ -184,7 +114,7 @@ class Lanczos:
 
     def error(self, n: int, band: float) -> float:
         """Bound on |Z - Z_N|/|Z_N| of the model of n steps over the band up to `band` [rad/s]."""
-        theta, _ = self._ritz(n)
+        theta, _ = self._basis.ritz(n)
         poles, m = 1 / theta - self._shift, self.masses(n)
         k0, mass = self._static.k0, self._static.mass
         m, poles = m[poles > 0], poles[poles > 0]
@@ -195,7 +125,6 @@ class Lanczos:
 
 def by_krylov(
     structure: Structure,
-    sites: Sequence[Functional],
     statics: Sequence[StaticMode],
     counts: Sequence[int],
     tol: float,
@@ -211,8 +140,8 @@ def by_krylov(
     solves one block of right-hand sides.
     """
     runs = [
-        Lanczos(structure, site, static, n + 1 if band is None else BASIS_STEP)
-        for site, static, n in zip(sites, statics, counts, strict=True)
+        Lanczos(structure, static, n + 1 if band is None else BASIS_STEP)
+        for static, n in zip(statics, counts, strict=True)
     ]
     done: dict[int, tuple[Modes, Remainder | None]] = {}
     if band is None:

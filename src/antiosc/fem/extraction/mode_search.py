@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from antiosc._types import Array
 from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.structure.structure import Structure
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 #: Tolerance on the eigenvalues 1/(ω² + s); the residuals are measured again afterwards.
 TOLERANCE = 1e-11
@@ -43,7 +46,11 @@ class Pin:
 
     def __init__(self, held: Held) -> None:
         self.load, self.y = (x[:, None] if x.ndim == 1 else x for x in (held.load, held.y))
-        self.inverse = np.linalg.inv(np.atleast_2d(held.bAb))
+        self._inverse = np.linalg.inv(np.atleast_2d(held.bAb))
+
+    def constrained(self, comm: MPI.Comm, x: Array) -> Array:
+        """x − Y (BᵀY)⁻¹Bᵀx, which vanishes at the sites."""
+        return np.asarray(x - self.y @ (self._inverse @ dot(comm, self.load, x)))
 
 
 @dataclass(frozen=True)
@@ -69,8 +76,7 @@ class Search:
         x = self.structure.factorize().solve(r)
         if self.pin is None:
             return x
-        held = self.pin.inverse @ dot(self.structure.comm, self.pin.load, x)
-        return np.asarray(x - self.pin.y @ held)
+        return self.pin.constrained(self.structure.comm, x)
 
     def start(self) -> Array:
         """A random vector in the range of A⁻¹M."""

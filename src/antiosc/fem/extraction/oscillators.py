@@ -15,7 +15,7 @@ import numpy as np
 
 from antiosc._types import Array, ComplexArray
 from antiosc.fem.extraction.eigenmodes import Modes
-from antiosc.fem.extraction.krylov import Remainder
+from antiosc.fem.extraction.ritz_basis import Remainder
 from antiosc.fem.extraction.static_mode import StaticMode
 from antiosc.fem.linalg.algebra import by_strains, diagonal, dot, multiply
 from antiosc.fem.structure.structure import Structure

@@ -12,9 +12,10 @@ import numpy as np
 from antiosc._types import Array
 from antiosc.errors import AccuracyError
 from antiosc.fem import mpi
-from antiosc.fem.extraction.block_krylov import BASIS_STEP, BlockLanczos, Remainder
+from antiosc.fem.extraction.block_krylov import BlockLanczos
 from antiosc.fem.extraction.body_inertia import inertia_of, weights_of
 from antiosc.fem.extraction.eigenmodes import Modes, ModeSolver
+from antiosc.fem.extraction.ritz_basis import BASIS_STEP, Remainder
 from antiosc.fem.extraction.self_check import CHECK, CONVERGED, FORCES, MECHANISM, judge
 from antiosc.fem.extraction.site_oscillators import (
     Found,

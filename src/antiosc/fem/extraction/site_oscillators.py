@@ -16,9 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from antiosc._types import Array, ComplexArray, IntArray
-from antiosc.fem.extraction.block_krylov import Remainder
 from antiosc.fem.extraction.eigenmodes import Modes
 from antiosc.fem.extraction.oscillators import REPEATED, SAMPLE_RISE, SAMPLE_STEP, SOLVE_ROUNDING
+from antiosc.fem.extraction.ritz_basis import Remainder
 from antiosc.fem.extraction.site_shapes import SiteShapes
 from antiosc.fem.linalg.algebra import by_strains, diagonal, dot, multiply
 from antiosc.fem.structure.structure import Structure

@@ -23,7 +23,7 @@ import numpy as np
 import scipy.linalg
 
 from antiosc._types import Array, IntArray
-from antiosc.fem.extraction.static_mode import beside_rigid
+from antiosc.fem.extraction.static_mode import SUM_ROUNDING, beside_rigid, moved_by_strain
 from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.rigid_share import APART, HIDDEN
@@ -105,16 +105,14 @@ def site_shapes(structure: Structure, B: Array) -> SiteShapes:
         y0 = y[:, q:]
         if R.shape[1]:
             y0 = np.column_stack([beside_rigid(structure, factor, b) for b in B[:, q:].T])
-            # the rounding error of R, which strains, adds y0ᵀKR to the displacement of the sites
-            strain[q:] = np.linalg.norm(dot(comm, y0, multiply(structure.K, R)), axis=1)
+            strain[q:] = moved_by_strain(structure, R, y0)
         C0 = dot(comm, B[:, q:], y0)
         k0[q:, q:] = np.linalg.inv((C0 + C0.T) / 2)
         elastic = y0 @ k0[q:, q:]
         elastic = elastic - phi @ dot(comm, B[:, :q], elastic)
         phi = np.hstack([phi, elastic])
     m_phi = multiply(structure.M, phi)
-    eps = float(np.finfo(float).eps)
-    doubt = eps * dot(comm, np.abs(R), np.abs(given)) @ np.abs(W) + strain
+    doubt = SUM_ROUNDING * dot(comm, np.abs(R), np.abs(given)) @ np.abs(W) + strain
     return SiteShapes(
         kept=kept,
         dependence=dependence,

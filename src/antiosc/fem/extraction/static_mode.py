@@ -111,7 +111,7 @@ def _static_mode(structure: Structure, b: Array, y: Array) -> StaticMode:
             y = y - R @ (a / structure.shift)
             bAb = float(dot(comm, b, y))
             shape = beside_rigid(structure, factor, b)
-            doubt += _strained(structure, R, shape)
+            doubt += float(moved_by_strain(structure, R, shape[:, None])[0])
         compliance = float(dot(comm, b, shape))
         phi, k0 = shape / compliance, 1 / compliance
         if share > HIDDEN:
@@ -121,18 +121,20 @@ def _static_mode(structure: Structure, b: Array, y: Array) -> StaticMode:
     return StaticMode(phi, m_phi, k0, mass, nodal, y, bAb, load, along, doubt, share, beside, apart)
 
 
-def _strained(structure: Structure, R: Array, y: Array) -> float:
-    """Bound on the displacement of the site, with the deflection y under b, by the error of R.
+def moved_by_strain(structure: Structure, R: Array, Y: Array) -> Array:
+    """Bound on the displacement of sites by the error of rigid-body modes R (rows, r): (p,).
 
-    An error of R strains and moves the site by yᵀKR, which is known to the rounding of KR,
-    |y|ᵀ|K||R| ε; the diagonal of K bounds its entries, and strains have their own rounding.
+    Such an error strains, and moves a site whose deflection under its load is y, a column of
+    Y (rows, p), by yᵀKR. That is known to the rounding of KR, |y|ᵀ|K||R| ε; the diagonal of K
+    bounds its entries, and products by strains have a rounding of their own.
     """
     comm, K = structure.comm, structure.K
     entries = diagonal(K)
-    motions = float(np.sum(comm.allreduce(np.einsum("ij,i,ij->j", R, entries, R))))
-    y_size = multiply(K, y) if by_strains(K) else entries * y
-    rounding = np.sqrt(float(dot(comm, y, y_size)) * motions) * np.finfo(float).eps
-    return float(np.linalg.norm(dot(comm, y, multiply(K, R)))) + rounding
+    forces = multiply(K, Y) if by_strains(K) else entries[:, None] * Y
+    sizes = comm.allreduce(np.einsum("ij,ij->j", Y, forces))
+    sizes = sizes * comm.allreduce(np.einsum("ij,i,ij->", R, entries, R))
+    strained = np.linalg.norm(dot(comm, Y, multiply(K, R)), axis=1)
+    return np.asarray(strained + np.sqrt(sizes) * np.finfo(float).eps)
 
 
 def beside_rigid(structure: Structure, factor: Solver, b: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Natural modes by block Lanczos against dense eigenvalues and SLEPc, repeated ones included."""
+"""Natural modes against dense eigenvalues, repeated ones included."""
 
 from __future__ import annotations
 
@@ -12,9 +12,7 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 import parts
-from antiosc.fem.extraction import block_lanczos
-from antiosc.fem.extraction.block_lanczos import lowest_modes
-from antiosc.fem.extraction.eigenmodes import ModeSolver
+from antiosc.fem.extraction.eigenmodes import DENSE, ModeSolver
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.linalg.petsc_algebra import csr
 
@@ -40,9 +38,8 @@ def dense(structure: ao.Structure) -> np.ndarray:
 @pytest.mark.parametrize("supported", [True, False])
 def test_modes_are_those_of_the_matrices(supported):
     structure = bar(supported)
-    assert structure.size > block_lanczos.DENSE
-    assert structure.dofs > 15 * block_lanczos.DOFS_PER_MODE
-    found = lowest_modes(structure, 15)
+    assert structure.size > DENSE
+    found = ModeSolver(structure).lowest(15)
     omega = dense(structure)
     assert np.min(np.diff(omega[:10]) / omega[:9]) < 1e-6  # a pair
     np.testing.assert_allclose(found.omega, omega[: len(found.omega)], rtol=1e-8)
@@ -57,45 +54,17 @@ def test_all_modes_up_to_a_frequency():
     structure = bar()
     omega = dense(structure)
     reach = 0.5 * (omega[24] + omega[25])
-    found = lowest_modes(structure, 3, reach)
+    found = ModeSolver(structure).lowest(3, reach)
     assert found.omega[-1] >= reach
     np.testing.assert_allclose(found.omega, omega[: len(found.omega)], rtol=1e-8)
 
 
 @pytest.mark.slow
-def test_a_space_that_is_used_up(monkeypatch):
-    """With more wanted than there is every mode is found, once."""
-    structure = bar(n=(5, 2, 2))
-    omega = dense(structure)
-    monkeypatch.setattr(block_lanczos, "DOFS_PER_MODE", 0)
-    monkeypatch.setattr(block_lanczos, "DENSE", 0)
-    found = lowest_modes(structure, 10**6)
-    assert found.complete
-    np.testing.assert_allclose(found.omega[:50], omega[:50], rtol=1e-6)
-
-
-@pytest.mark.slow
-def test_few_dofs_are_left_to_others(monkeypatch):
-    structure = bar()
-    reach = ModeSolver(structure).lowest(60).omega[-1]
-    found = lowest_modes(structure, 45, 0.99 * reach)  # fewer than 20 dofs for each
-    np.testing.assert_allclose(found.omega, dense(structure)[: len(found.omega)], rtol=1e-8)
-    assert found.omega[-1] >= 0.99 * reach
-
-
-def test_no_convergence_is_told(monkeypatch):
-    monkeypatch.setattr(block_lanczos, "MOST_STEPS", 2)
-    with pytest.raises(ao.NotConvergedError, match=r"found \d+ of 15 modes in 2 steps"):
-        lowest_modes(bar(), 15)
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("n", [(5, 4, 4), (8, 3, 3), (10, 2, 2)])
-@pytest.mark.parametrize("lowest", [lowest_modes, lambda part, k: ModeSolver(part).lowest(k)])
-def test_no_mode_of_a_pair_is_missed(n, lowest):
+def test_no_mode_of_a_pair_is_missed(n):
     """What is found is the lowest part of the spectrum, wherever the search ends."""
     structure = bar(True, n)
     omega = dense(structure)
     for count in (10, 14, 15, 20, 25, 30):
-        found = lowest(structure, count).omega
+        found = ModeSolver(structure).lowest(count).omega
         np.testing.assert_allclose(found, omega[: len(found)], rtol=1e-8)
