@@ -285,7 +285,8 @@ def tables(found: dict[str, list[Row]], rounds: int) -> str:
         "slowest), one thread a rank, in brackets the ratio to the first way; the error is that of "
         "bᵀK⁻¹b against solves, or ‖KX - R‖/‖R‖. MUMPS has the better of its orderings, the choice "
         "included. `map` is that of all sites: factor and sites, twice where the inertia "
-        "needs a second factor. Made by `demos/cholmod_or_mumps.py`.",
+        "needs a second factor. Made by `demos/cholmod_or_mumps.py`. "
+        f"{options.code_state()}",
         "",
         "| dofs | compliances | factor, s | each site, ms | map, s | factor, GB | error |",
         "|---|---|---|---|---|---|---|",

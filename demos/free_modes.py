@@ -266,10 +266,12 @@ def table(rows: list[Row], rounds: int) -> str:
         "# Free modes of a map: SLEPc or block Lanczos",
         "",
         f"Clamped bracket, one thread, CPU seconds, medians of {rounds} interleaved rounds "
-        "(one, for what stands at the smaller size alone); in brackets over block Lanczos. `whole map`: mesh, assembly, factor, these modes, and all "
+        "(one, for what stands at the smaller size alone); in brackets over block Lanczos. `whole "
+        "map`: mesh, assembly, factor, these modes, and all "
         f"else of a map with patches of {1e3 * RADIUS:g} mm on the whole surface. All stop at a "
         f"residual of {RESIDUAL:g} of each mode but where another is named; the largest that is "
-        "left stands last. Made by `demos/free_modes.py`.",
+        "left stands last. Made by `demos/free_modes.py`. "
+        f"{options.code_state()}",
         "",
         "| dofs | modes | method | modes, s | whole map, s | residual |",
         "|---|---|---|---|---|---|",

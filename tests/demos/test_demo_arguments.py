@@ -13,8 +13,10 @@ from paths import demo
 FEM = pytest.mark.fem
 #: demo -> an option and values that it cannot take
 BAD = {
+    "cholmod_or_mumps": {"--sizes": ("x", "0"), "--sites": ("0",), "--rounds": ("0",)},
     "composite_panel": {"--length": ("x", "-1", "nan", "0"), "--elements": ("1.5", "0")},
     "fidelity": {"--fine": ("x", "0", "-1", "inf"), "--cases": ("x", ""), "--n": ("0", "2.5")},
+    "free_modes": {"--sizes": ("x", "0"), "--counts": ("0", "1.5"), "--rounds": ("0",)},
     "fuzz": {"--scenes": ("0", "x"), "--seed": ("-1", "x"), "--budget": ("0",)},
     "fuzz_scenes": {"--scenes": ("0", "x"), "--first": ("-1",), "--budget": ("0",)},
     "impact_map": {"--size": ("0", "x"), "--radius": ("-1",), "--check": ("-1",)},

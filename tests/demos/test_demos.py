@@ -66,3 +66,25 @@ def test_blas_threads(tmp_path, monkeypatch):
     assert all(seconds > 0 for (seconds,) in times.values())
     for name in ("blas_threads.md", "blas_threads.png"):
         assert (tmp_path / name).stat().st_size > 0
+
+
+@pytest.mark.fem
+@pytest.mark.slow
+@pytest.mark.mpi
+def test_cholmod_or_mumps(tmp_path):
+    found = demo("cholmod_or_mumps").main(sizes=(0.03,), sites=20, rounds=1, out=tmp_path)
+    assert len(found["compliances"]) == 3
+    assert len(found["ranks"]) == 2
+    assert max(row["error"] for rows in found.values() for row in rows) < 1e-9
+    assert (tmp_path / "cholmod_or_mumps.md").stat().st_size > 0
+
+
+@pytest.mark.fem
+@pytest.mark.slow
+def test_free_modes(tmp_path):
+    module = demo("free_modes")
+    rows = module.main(sizes=(0.03,), counts=(5,), rounds=1, out=tmp_path)
+    left = {row["way"]: row["residual"] for row in rows}
+    assert left[module.OURS] < 1e-6
+    assert left[module.LIBRARY] < 1e-8
+    assert (tmp_path / "free_modes.md").stat().st_size > 0
