@@ -182,3 +182,79 @@ def test_joints_that_cannot_be_taken_are_refused_in_words(tmp_path, case):
     with pytest.raises(ao.InputError, match=rf"line \d+ of part.inp: .*{message}") as caught:
         read(tmp_path, column() + SOLID + MATERIAL + FOOT + text)
     assert "\n" not in str(caught.value)
+
+
+# --- Nastran --------------------------------------------------------------------------------------
+
+
+def nastran(folder: Path, *more: str) -> ao.Structure:
+    """The column of two bricks as bulk data, with further entries."""
+    lines = []
+    for k in range(3):
+        for n, (x, y) in enumerate([(0, 0), (1, 0), (1, 1), (0, 1)]):
+            lines.append(f"GRID,{1 + 4 * k + n},,{x}.,{y}.,{k}.")
+    for k in range(2):
+        nodes = [1 + 4 * k + n for n in range(8)]
+        lines.append(f"CHEXA,{k + 1},1," + ",".join(map(str, nodes[:6])))
+        lines.append("," + ",".join(map(str, nodes[6:])))
+    lines += ["PSOLID,1,1", "MAT1,1,1.+9,,0.,1000.", "SPC1,1,123,1,THRU,4", *more]
+    path = folder / "part.bdf"
+    path.write_text("\n".join(lines) + "\n")
+    return ao.read_model(path)
+
+
+def test_mpcs_are_the_equations_of_abaqus(tmp_path):
+    rows = [f"MPC,7,{n},3,1.,9,3,-1." for n in (10, 11, 12)]
+    assert k0(nastran(tmp_path, *rows)) == pytest.approx(E * A / L, rel=1e-9)
+
+
+def test_an_rbe2_is_a_rigid_body(tmp_path):
+    reference = "*NODE\n100, .5, .5, 3.\n*NSET, NSET=TOP\n9,10,11,12\n"
+    rigid = reference + "*RIGID BODY, NSET=TOP, REF NODE=100\n"
+    other = read(tmp_path, column() + SOLID + MATERIAL + FOOT + rigid)
+    grid = "GRID,100,,.5,.5,3."
+    part = nastran(tmp_path, grid, "RBE2,50,100,123456,9,THRU,12")
+    bars = [f"RBAR,{50 + n},100,{n},123456,,,123" for n in (9, 10, 11, 12)]
+    for made in (part, nastran(tmp_path, grid, *bars)):
+        for direction in ((0, 0, 1), (1, 2, 3)):
+            site = (1, 0, L), direction
+            assert k0(made, *site) == pytest.approx(k0(other, *site), rel=1e-9)
+
+
+def test_an_rbe3_spreads_a_spring_over_its_nodes(tmp_path):
+    """A spring k on the mean of four nodes: by the compliances c of these, 1/k + c̄, at one node."""
+    k = 1e9
+    bare = nastran(tmp_path)
+    spread = ["RBE3,50,,100,123456,1.,123,9,10", ",11,12"]
+    part = nastran(tmp_path, "GRID,100,,.5,.5,2.", *spread, f"CELAS2,60,{k},100,3")
+    corners = [(x, y, L) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
+    b = [ao.Site(x, (0, 0, 1)) for x in corners]
+    C = _compliances(bare, b)
+    mean = np.full(4, 0.25)
+    c = C @ mean
+    expected = C - np.outer(c, c) / (1 / k + mean @ c)
+    assert 1 / k0(part, corners[0]) == pytest.approx(expected[0, 0], rel=1e-9)
+
+
+def _compliances(part: ao.Structure, sites: list[ao.Site]) -> np.ndarray:
+    """bᵢᵀ K⁻¹ bⱼ by SciPy."""
+    import scipy.sparse as sp
+    from scipy.sparse.linalg import spsolve
+
+    from antiosc.fem.site.functionals import functional
+
+    K = sp.csr_matrix(part.K.getValuesCSR()[::-1]).tocsc()
+    B = np.column_stack([functional(part, site).b for site in sites])
+    return np.asarray(B.T @ spsolve(K, B))
+
+
+@pytest.mark.parametrize("kind", ["CELAS2", "CBUSH"])
+def test_springs_between_nodes_are_in_series(tmp_path, kind):
+    """From the top of the column to a node that is held: both carry."""
+    k = 4e8
+    tops = [f"MPC,7,{n},3,1.,9,3,-1." for n in (10, 11, 12)]
+    spring = f"CELAS2,60,{k},9,3,100,3"
+    if kind == "CBUSH":
+        spring = f"CBUSH,60,60,9,100\nPBUSH,60,K,{k}"
+    held = nastran(tmp_path, "GRID,100,,0.,0.,3.", "SPC1,1,123456,100", *tops, spring)
+    assert k0(held) == pytest.approx(E * A / L + k, rel=1e-9)

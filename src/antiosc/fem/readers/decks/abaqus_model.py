@@ -263,7 +263,7 @@ def _springs(whole: Whole, builder: ModelBuilder) -> None:
                 if not all(0 <= dof < 6 for dof in dofs) or len(dofs) < len(nodes):
                     raise MeshError(f"{rows[0][1]}: a spring acts on motions from 1 to 6.")
                 terms = [(n, d, s) for n, d, s in zip(nodes, dofs, (1.0, -1.0), strict=False)]
-            _spring(builder, terms, stiffness, card.place)
+            builder.sprung(terms, stiffness, card.place)
     _refuse_bare(whole, ("SPRINGA", "SPRING1", "SPRING2"), given, "*SPRING")
     if whole.deck.left:
         kind = next(iter(whole.deck.left))
@@ -282,16 +282,6 @@ def _axial(builder: ModelBuilder, nodes: list[int], place: Place) -> list[Term]:
         raise MeshError(f"{place}: the ends of a SPRINGA coincide, so that it has no direction.")
     unit = (along / length).tolist()
     return [(n, c, s * unit[c]) for n, s in ((nodes[0], -1.0), (nodes[1], 1.0)) for c in range(3)]
-
-
-def _spring(builder: ModelBuilder, terms: list[Term], stiffness: float, place: Place) -> None:
-    """A spring against the sum of terms; fixed motions drop out."""
-    moving = [t for t in terms if abs(t[2]) > 1e-12 and not builder.fixed[t[0], t[1]]]
-    if len(moving) == 1:
-        ((node, motion, coefficient),) = moving
-        builder.spring(node, motion, stiffness * coefficient**2, place)
-    elif moving:
-        builder.joints.springs.append((moving, stiffness))
 
 
 def _distributing(whole: Whole, builder: ModelBuilder) -> None:

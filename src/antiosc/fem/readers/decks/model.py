@@ -13,12 +13,14 @@ from typing import Any
 import numpy as np
 
 from antiosc.errors import MeshError
-from antiosc.fem.readers.decks.constraints import Constraints
+from antiosc.fem.readers.decks.constraints import Constraints, Term
 from antiosc.fem.readers.decks.deck import Array, Block, Deck, IntArray, Place
 from antiosc.fem.readers.shapes import EDGES
 from antiosc.fem.readers.unit_system import UnitSystem
 
 MOTIONS = ("x", "y", "z", "rx", "ry", "rz")
+#: Direction cosines below this are rounding.
+ROUNDING = 1e-12
 #: What may be joined in one structure.
 JOINED = {"solid", "shell", "beam"}
 
@@ -179,6 +181,18 @@ class ModelBuilder:
             unit = self.units.force * self.units.length
         point = self._point(node, "a spring", place)
         self.springs.append([point, {MOTIONS[motion]: stiffness * unit}])
+
+    def sprung(self, terms: Sequence[Term], stiffness: float, place: Place) -> None:
+        """A spring against the sum of terms, in the deck's units; fixed motions drop out."""
+        points = len(self.fixed)
+        moving = [
+            t for t in terms if abs(t[2]) > ROUNDING and not (t[0] < points and self.fixed[t[:2]])
+        ]
+        if len(moving) == 1:
+            ((node, motion, coefficient),) = moving
+            self.spring(node, motion, stiffness * coefficient**2, place)
+        elif moving:
+            self.joints.springs.append((moving, stiffness))
 
     def _point(self, node: int, what: str, place: Place) -> list[float] | int:
         """Coordinates in m; of a point of no element that constraints act on its number."""

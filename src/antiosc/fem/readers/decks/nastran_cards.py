@@ -16,7 +16,7 @@ PROPERTY_NAMES = (
     re.compile(r"\$ANSA_NAME(?:_COMMENT)?;(\d+);P\w+;([^;]+);"),
     re.compile(r"\$ Femap(?: with NX Nastran)? Property (\d+) : (.+)"),
 )
-_SELECTED = re.compile(r"\s*SPC\s*=\s*(\d+)\s*$", re.IGNORECASE)
+_SELECTED = re.compile(r"\s*(SPC|MPC)\s*=\s*(\d+)\s*$", re.IGNORECASE)
 _INCLUDE = re.compile(r"\s*INCLUDE\b\s*(.*)", re.IGNORECASE)
 
 
@@ -56,6 +56,10 @@ class Bulk:
     entries: list[Entry] = field(default_factory=list)
     #: numbers of the SPC sets that the case control selects
     selected: list[int] = field(default_factory=list)
+    #: those of the MPC sets
+    selected_mpcs: list[int] = field(default_factory=list)
+    #: whether the deck has a case control
+    with_control: bool = False
     #: number of a property -> its name in a comment
     names: dict[int, str] = field(default_factory=dict)
 
@@ -67,6 +71,7 @@ def bulk_data(sources: Sources) -> Bulk:
     begins = [line.split("$")[0].upper().split()[:2] == ["BEGIN", "BULK"] for line in lines]
     # a file without case control contains only bulk data
     started = not any(begins)
+    bulk.with_control = any(begins)
     _Collector(sources, bulk, started).read(lines, sources.name)
     if not bulk.entries:
         raise MeshError(f"{sources.name} contains no bulk data (GRID, CHEXA, …).")
@@ -116,7 +121,8 @@ class _Collector:
         if line.upper().split()[:2] == ["BEGIN", "BULK"]:
             self.started = True
         elif match := _SELECTED.match(line):
-            self.bulk.selected.append(int(match[1][:18]))
+            sets = self.bulk.selected if match[1].upper() == "SPC" else self.bulk.selected_mpcs
+            sets.append(int(match[2][:18]))
 
     def _bulk(self, line: str, place: Place) -> None:
         words = line.upper().split()

@@ -12,19 +12,18 @@ from typing import Any
 
 import numpy as np
 
-from antiosc._types import BoolArray
 from antiosc.errors import MeshError
-from antiosc.fem.readers.decks.deck import Array, IntArray, Place
+from antiosc.fem.readers.decks.deck import IntArray, Place
 from antiosc.fem.readers.decks.geometry import fixed_along_axes
 from antiosc.fem.readers.decks.model import ModelBuilder
 from antiosc.fem.readers.decks.nastran import NastranDeck, constraints, is_other, spc_sets
 from antiosc.fem.readers.decks.nastran_cards import Entry
+from antiosc.fem.readers.decks.nastran_joints import read_joints
 from antiosc.fem.readers.decks.nastran_sections import Properties, materials_of
 from antiosc.fem.readers.unit_system import UnitSystem
 
 #: Unsupported entries, other than elements, that would change the result.
 REFUSED_ENTRIES = {
-    "MPC": "a multi-point constraint",
     "BCTABLE": "contact",
     "BCONTACT": "contact",
     "BSURF": "contact",
@@ -40,7 +39,7 @@ LOAD_ENTRIES = (
     *("DLOAD", "DAREA", "ACCEL", "DEFORM", "SLOAD"),
 )
 #: Elements that are read besides cells.
-TAKEN = ("CONM2", "CELAS1", "CELAS2", "CBUSH")
+TAKEN = ("CONM2", "CELAS1", "CELAS2", "CBUSH", "RBE2", "RBE3", "RBAR", "PLOTEL")
 
 
 def model_of(found: NastranDeck, units: UnitSystem, density: float | None) -> dict[str, Any]:
@@ -60,10 +59,11 @@ def model_of(found: NastranDeck, units: UnitSystem, density: float | None) -> di
         material.density = material.density and material.density * factor
     properties = Properties(found, builder, materials, factor)
     properties.read()
+    builder.with_roles(properties.roles)
     _supports(found, builder)
+    read_joints(found, builder)
     for entry in found.named("CONM2"):
         _mass(found, builder, entry, factor)
-    _springs(found, builder)
     found.deck.left.clear()
     counts = Counter(e.name for e in found.bulk.entries if e.name.startswith(LOAD_ENTRIES))
     loads = [f"{count} {name}" for name, count in sorted(counts.items())]
@@ -121,21 +121,13 @@ def _fix(
             frame = found.frame(int(row), place)
             for first in (0, 3):
                 own = np.isin(np.arange(first, first + 3), motions)
-                builder.fix(np.array([row]), [first + k for k in _along_axes(own, frame, place)])
+                along = fixed_along_axes(own, frame)
+                if along is None:
+                    along = builder.joints.fixed_rows(int(row), frame[own], first)
+                builder.fix(np.array([row]), [first + int(k) for k in np.flatnonzero(along)])
 
 
-def _along_axes(own: BoolArray, frame: Array, place: Place) -> list[int]:
-    """The motions along the basic axes that are those along rows of `frame`, in numbers 0 to 2."""
-    along = fixed_along_axes(own, frame)
-    if along is None:
-        raise MeshError(
-            f"{place}: a support or spring in a displacement system (CD) whose directions are not "
-            "along the basic axes is not supported; act on all directions, or rotate the part."
-        )
-    return [int(k) for k in np.flatnonzero(along)]
-
-
-# --- Masses and springs ---------------------------------------------------------------------------
+# --- Masses ---------------------------------------------------------------------------------------
 
 
 def _mass(found: NastranDeck, builder: ModelBuilder, entry: Entry, factor: float) -> None:
@@ -149,42 +141,3 @@ def _mass(found: NastranDeck, builder: ModelBuilder, entry: Entry, factor: float
         raise MeshError(f"{entry.place}: inertia of CONM2 is read in the basic system only.")
     if entry.real(3) or any(inertia):
         builder.mass(row, entry.real(3) * factor, inertia, entry.place)
-
-
-def _springs(found: NastranDeck, builder: ModelBuilder) -> None:
-    constants = {entry.whole(0): entry for entry in found.named("PELAS", "PBUSH")}
-    for entry in found.named("CELAS1", "CELAS2", "CBUSH"):
-        nodes = [entry.whole(2, 0), entry.whole(3 if entry.name == "CBUSH" else 4, 0)]
-        given = [node for node in nodes if node]
-        if len(given) != 1:
-            raise MeshError(
-                f"{entry.place}: {entry.name} between two points is not supported; springs go to "
-                "the ground."
-            )
-        row = found.row(given[0], entry.place)
-        for motion, stiffness in _stiffness(entry, nodes, constants):
-            frame = found.frame(row, entry.place)
-            first = 3 * (motion // 3)
-            along = _along_axes(np.arange(3) == motion - first, frame, entry.place)
-            builder.spring(row, first + along[0], stiffness, entry.place)
-
-
-def _stiffness(
-    entry: Entry, nodes: list[int], constants: dict[int, Entry]
-) -> list[tuple[int, float]]:
-    """(motion 0 to 5, stiffness) of a spring."""
-    component = entry.whole(3 if nodes[0] else 5, 0) if entry.name != "CBUSH" else 1
-    if not 1 <= component <= 6:
-        raise MeshError(f"{entry.place}: {entry.name} acts on a component from 1 to 6.")
-    if entry.name == "CELAS2":
-        return [(component - 1, entry.real(1, None))]
-    own = constants.get(entry.whole(1, entry.whole(0)))
-    if own is None:
-        raise MeshError(f"{entry.place}: {entry.name} has no PELAS or PBUSH.")
-    if entry.name == "CELAS1":
-        return [(component - 1, own.real(1, None))]
-    if any(entry.text(k) for k in (4, 5, 6)) or entry.whole(7, 0):
-        raise MeshError(f"{entry.place}: a grounded CBUSH is read in the basic system only.")
-    if own.text(1).upper() != "K" or any(own.text(k) for k in range(8, len(own.fields))):
-        raise MeshError(f"{own.place}: PBUSH is read with stiffnesses (K) alone.")
-    return [(k, own.real(2 + k)) for k in range(6) if own.real(2 + k)]

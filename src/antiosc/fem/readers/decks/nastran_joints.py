@@ -1,0 +1,233 @@
+"""Joints of Nastran decks: MPC, RBE2, RBE3, RBAR, and springs CELAS and CBUSH."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from antiosc.errors import MeshError
+from antiosc.fem.readers.decks.constraints import Term
+from antiosc.fem.readers.decks.deck import Array
+from antiosc.fem.readers.decks.model import ModelBuilder
+from antiosc.fem.readers.decks.nastran import NastranDeck
+from antiosc.fem.readers.decks.nastran_cards import Entry
+
+ALL = (0, 1, 2, 3, 4, 5)
+
+
+def read_joints(found: NastranDeck, builder: ModelBuilder) -> None:
+    """Give the builder what the entries join."""
+    for row in found.systems_of:
+        builder.joints.frames[row] = found.frame(row, found.bulk.entries[0].place)
+    for entry in found.named("RBE2"):
+        _rbe2(found, builder, entry)
+    for entry in found.named("RBAR"):
+        _rbar(found, builder, entry)
+    for entry in found.named("RBE3"):
+        _rbe3(found, builder, entry)
+    wanted = _selected(found)
+    for entry in found.named("MPC"):
+        if entry.whole(0) in wanted:
+            _mpc(found, builder, entry)
+    constants = {entry.whole(0): entry for entry in found.named("PELAS", "PBUSH")}
+    for entry in found.named("CELAS1", "CELAS2"):
+        _scalar(found, builder, entry, constants)
+    for entry in found.named("CBUSH"):
+        _bush(found, builder, entry, constants)
+
+
+def _selected(found: NastranDeck) -> set[int]:
+    """The MPC sets of the first subcase, with those of MPCADD; all without case control."""
+    if not found.bulk.selected_mpcs:
+        return set() if found.bulk.with_control else {e.whole(0) for e in found.named("MPC")}
+    first = found.bulk.selected_mpcs[0]
+    sums = {entry.whole(0): entry for entry in found.named("MPCADD")}
+    more = sums.get(first)
+    some = range(1, len(more.fields)) if more else range(0)
+    return {first} | {more.whole(k) for k in some if more and more.text(k)}
+
+
+def _motions(entry: Entry, text: str) -> list[int]:
+    if not text.isdigit() or not set(text) <= set("123456"):
+        raise MeshError(f"{entry.place}: {text!r} are not components from 1 to 6.")
+    return sorted(int(c) - 1 for c in set(text))
+
+
+def _nodes(found: NastranDeck, entry: Entry, words: list[str]) -> list[int]:
+    """Rows of a list of GRIDs, with THRU."""
+    rows: list[int] = []
+    k = 0
+    while k < len(words):
+        if words[k].upper() == "THRU" and rows and k + 1 < len(words):
+            one = Entry(entry.name, entry.place, [words[k - 1], words[k + 1]])
+            rows += [int(n) for n in found.nodes.between(one.whole(0), one.whole(1))][1:]
+            k += 2
+            continue
+        rows.append(found.row(Entry(entry.name, entry.place, [words[k]]).whole(0), entry.place))
+        k += 1
+    return rows
+
+
+def _refuse_turned(found: NastranDeck, entry: Entry, rows: list[int], motions: list[int]) -> None:
+    """MeshError for single components along directions of the nodes' own."""
+    whole = all(set(motions) >= set(some) or not set(motions) & set(some) for some in _HALVES)
+    if not whole and any(row in found.systems_of for row in rows):
+        raise MeshError(
+            f"{entry.place}: {entry.name} acts on single components of nodes with a displacement "
+            "system (CD), which is not supported; join all of 123 or 456."
+        )
+
+
+_HALVES = ((0, 1, 2), (3, 4, 5))
+
+
+def _rbe2(found: NastranDeck, builder: ModelBuilder, entry: Entry) -> None:
+    motions = _motions(entry, entry.text(2))
+    words = [entry.text(k) for k in range(3, len(entry.fields)) if entry.text(k)]
+    if words and "." in words[-1]:
+        words.pop()  # the coefficient of thermal expansion
+    rows = _nodes(found, entry, words)
+    _refuse_turned(found, entry, rows, motions)
+    leader = builder.joints.leader(found.row(entry.whole(1), entry.place))
+    builder.joints.rigid(np.array(rows, dtype=np.int64), leader, motions, entry.place)
+
+
+def _rbar(found: NastranDeck, builder: ModelBuilder, entry: Entry) -> None:
+    first, second = (found.row(entry.whole(k), entry.place) for k in (1, 2))
+    leads, follows = entry.text(3), entry.text(4)
+    dependent = entry.text(6)
+    if not leads and follows:
+        first, second, leads, follows = second, first, follows, leads
+        dependent = entry.text(5)
+    if set(leads) != set("123456") or follows:
+        raise MeshError(f"{entry.place}: RBAR is read with CNA or CNB = 123456 only.")
+    motions = _motions(entry, dependent) if dependent else list(ALL)
+    _refuse_turned(found, entry, [second], motions)
+    leader = builder.joints.leader(first)
+    builder.joints.rigid(np.array([second]), leader, motions, entry.place)
+
+
+def _rbe3(found: NastranDeck, builder: ModelBuilder, entry: Entry) -> None:
+    reference = found.row(entry.whole(2), entry.place)
+    motions = _motions(entry, entry.text(3))
+    rows: list[int] = []
+    weights: list[float] = []
+    words = [entry.text(k) for k in range(4, len(entry.fields)) if entry.text(k)]
+    k = 0
+    while k < len(words):
+        if words[k].upper() in ("UM", "ALPHA"):
+            break
+        weight = Entry(entry.name, entry.place, [words[k]]).real(0)
+        if k + 1 >= len(words) or set(words[k + 1]) - set("456") != set("123"):
+            raise MeshError(
+                f"{entry.place}: RBE3 is read where the independent nodes move by 123; got "
+                f"{words[k + 1] if k + 1 < len(words) else 'nothing'!r}."
+            )
+        end = k + 2
+        while end < len(words) and "." not in words[end] and words[end][:1].isdigit():
+            end += 1
+            if end < len(words) and words[end].upper() == "THRU":
+                end += 1
+        own = _nodes(found, entry, words[k + 2 : end])
+        rows += own
+        weights += [weight] * len(own)
+        k = end
+    if not rows or sum(weights) <= 0:
+        raise MeshError(f"{entry.place}: RBE3 names no nodes with weights.")
+    follower = builder.joints.leader(reference)
+    table = np.array(rows, dtype=np.int64)
+    builder.joints.mean(follower, motions, table, np.array(weights), entry.place)
+
+
+def _mpc(found: NastranDeck, builder: ModelBuilder, entry: Entry) -> None:
+    terms: list[Term] = []
+    for start in range(1, len(entry.fields), 8):
+        for k in (start, start + 3):
+            if entry.text(k):
+                motion = entry.whole(k + 1, 1) - 1
+                if not 0 <= motion < 6:
+                    raise MeshError(f"{entry.place}: MPC acts on components from 1 to 6.")
+                row = found.row(entry.whole(k), entry.place)
+                terms.append((row, motion, entry.real(k + 2)))
+    if not terms or not terms[0][2]:
+        raise MeshError(f"{entry.place}: the first term of MPC needs a coefficient.")
+    builder.joints.equation(terms, entry.place)
+
+
+# --- Springs --------------------------------------------------------------------------------------
+
+
+def _scalar(
+    found: NastranDeck, builder: ModelBuilder, entry: Entry, constants: dict[int, Entry]
+) -> None:
+    stiffness = entry.real(1, None) if entry.name == "CELAS2" else None
+    if stiffness is None:
+        own = constants.get(entry.whole(1, entry.whole(0)))
+        if own is None or own.name != "PELAS":
+            raise MeshError(f"{entry.place}: {entry.name} has no PELAS.")
+        stiffness = own.real(1, None)
+    terms: list[tuple[int, Array, int, float]] = []
+    for k, sign in ((2, 1.0), (4, -1.0)):
+        if not entry.text(k) or not entry.whole(k):
+            continue
+        motion = entry.whole(k + 1, 0) - 1
+        if not 0 <= motion < 6:
+            raise MeshError(f"{entry.place}: {entry.name} acts on a component from 1 to 6.")
+        row = found.row(entry.whole(k), entry.place)
+        frame = found.frame(row, entry.place)
+        terms.append((row, frame[motion % 3], 3 * (motion // 3), sign))
+    if not terms:
+        raise MeshError(f"{entry.place}: {entry.name} acts on no node.")
+    _spring(builder, entry, terms, stiffness)
+
+
+def _bush(
+    found: NastranDeck, builder: ModelBuilder, entry: Entry, constants: dict[int, Entry]
+) -> None:
+    own = constants.get(entry.whole(1, entry.whole(0)))
+    if own is None or own.name != "PBUSH":
+        raise MeshError(f"{entry.place}: CBUSH has no PBUSH.")
+    if own.text(1).upper() != "K" or any(own.text(k) for k in range(8, len(own.fields))):
+        raise MeshError(f"{own.place}: PBUSH is read with stiffnesses (K) alone.")
+    rows = [found.row(entry.whole(k), entry.place) for k in (2, 3) if entry.text(k)]
+    values = [own.real(2 + k) for k in range(6)]
+    axes = np.eye(3)
+    apart = len(rows) == 2 and np.linalg.norm(np.diff(found.deck.points[rows], axis=0)) > 0
+    if entry.text(7) and found.systems is not None:
+        system = found.systems(entry.whole(7), entry.place)
+        axes = system.frame(found.deck.points[rows[0]])
+        if apart and any(values[1:]):
+            raise MeshError(
+                f"{entry.place}: CBUSH between nodes apart is read with K1 along their line alone."
+            )
+    elif any(entry.text(k) for k in (4, 5, 6)) or (apart and any(values[1:])):
+        raise MeshError(
+            f"{entry.place}: CBUSH is read between coincident nodes or to the ground in the system "
+            "CID, or with K1 alone along the line of its nodes."
+        )
+    elif apart:
+        line = found.deck.points[rows[1]] - found.deck.points[rows[0]]
+        axes = (line / np.linalg.norm(line))[None]
+    for k, stiffness in enumerate(values):
+        if stiffness:
+            terms = [
+                (row, axes[k % 3], 3 * (k // 3), sign)
+                for row, sign in zip(rows, (1.0, -1.0), strict=False)
+            ]
+            _spring(builder, entry, terms, stiffness)
+
+
+def _spring(
+    builder: ModelBuilder,
+    entry: Entry,
+    ends: list[tuple[int, Array, int, float]],
+    stiffness: float,
+) -> None:
+    """A spring against the sum of motions along directions; fixed motions drop out."""
+    if stiffness < 0:
+        raise MeshError(f"{entry.place}: {entry.name} has a negative stiffness.")
+    terms = [
+        (row, first + c, sign * float(direction[c]))
+        for row, direction, first, sign in ends
+        for c in range(3)
+    ]
+    builder.sprung(terms, stiffness, entry.place)
