@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
 import scipy.linalg
@@ -9,8 +11,9 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 import antiosc as ao
+from antiosc.fem.site.functionals import functional
 from marks import FREE_ON_PURPOSE
-from parts import STEEL, box
+from parts import STEEL, box, frame, plate
 
 pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]
 
@@ -379,3 +382,85 @@ def test_tangential_directions_belong_to_named_sites(block):
     scene = ao.Scene({"part": model, "floor": ao.Obstacle()}, [contact])
     with pytest.raises(ao.InputError, match="tangential=True"):
         scene.run(1e-4)
+
+
+# --- Gravity, fields and families ----------------------------------------------------------------
+
+
+def test_gravity_and_base_act_on_every_shape(block):
+    """The modal forces of a uniform acceleration bend the block as a direct solve says."""
+    free = ao.extract(block, CORNERS, 60).site_modes()
+    for axis in np.eye(3):
+        load = block.uniform_inertia(axis)
+        sag = block.factorize().solve(load)
+        sites = [functional(block, site).b for site in CORNERS.values()]
+        found = free.b.T @ (free.weight @ axis / free.omega**2)
+        np.testing.assert_allclose(found, [b @ sag for b in sites], rtol=1e-5, atol=1e-15)
+
+
+def test_gravity_as_a_number_needs_one_direction(block):
+    model = ao.extract(block, CORNERS, 10)
+    contact = ao.Contact("part:far", "ball", ao.Hertz(1e9), gap=1e-3)
+    bodies = {"part": model, "ball": ao.RigidMass(0.1, 1.0)}
+    base = ao.Base([0.0, 1e-4], [100.0, 0.0])
+    alike = ao.Scene(bodies, [contact], base=base).run(1e-4)
+    way = np.array([0.1, 0.2, -1]) / np.linalg.norm([0.1, 0.2, -1])
+    vector = ao.Base([0.0, 1e-4], [100.0 * way, 0 * way])
+    turned = ao.Scene(bodies, [contact], base=vector).run(1e-4)
+    both = (each.bodies["part"].displacement("near")[-1] for each in (alike, turned))
+    np.testing.assert_allclose(*both, rtol=1e-6)
+    sites = {**CORNERS, "side": ao.Site((0.12, 0.0, 0.02), (0, 1, 0), radius=0.02)}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ao.AccuracyWarning)  # coarse for that patch
+        mixed = ao.extract(block, sites, 6)
+    scene = ao.Scene({**bodies, "part": mixed}, [contact], base=base)
+    with pytest.raises(ao.InputError, match="several directions: give gravity"):
+        scene.run(1e-4)
+
+
+def test_fields_of_a_scene(block, tmp_path):
+    model = ao.extract(block, CORNERS, 30)
+    scene = ao.Scene(
+        {"part": model, "ball": ao.RigidMass(0.1, 1.0)},
+        [ao.Contact("part:far", "ball", ao.Hertz(1e9))],
+    )
+    hit = scene.run(2e-4)
+    times = [5e-5, 1.5e-4]
+    field = hit.field(times, "part")
+    for name, site in CORNERS.items():
+        own = hit.bodies["part"].displacement(name)
+        at = np.interp(times, hit.time, own)
+        np.testing.assert_allclose(
+            field @ functional(block, site).b, at, atol=2e-3 * np.abs(own).max()
+        )
+    probed = ao.probe(block, hit, (0.2, 0.05, 0.04), times)
+    assert probed.shape == (2, 3)
+    assert np.abs(probed[1, 2]) > 1e-6
+    listed = ao.write_series(block, hit, tmp_path / "run", times, body="part")
+    assert listed.exists()
+    with pytest.raises(ao.InputError, match="no displacement field"):
+        ao.probe(block, hit, (0.2, 0.05, 0.04), times, body="ball")
+
+
+@pytest.mark.parametrize("family", ["beam", "shell"])
+def test_beams_and_shells(family):
+    if family == "beam":
+        mesh = frame([(0, 0, 0), (1.0, 0, 0)], [(0, 1)], 20)
+        section = ao.Section.rectangle(0.02, 0.03)
+        material = ao.Beam(**STEEL, section=section, orientation=(0, 0, 1))
+        sites = {n: ao.Site((x, 0, 0), (0, 0, -1)) for n, x in (("end", 1.0), ("middle", 0.4))}
+    else:
+        mesh = plate((6, 4), (0.2, 0.12))
+        material = ao.Shell(**STEEL, thickness=0.01)
+        sites = {
+            n: ao.Site((x, 0.06, 0.0), (0, 0, -1), radius=0.04)
+            for n, x in (("end", 0.16), ("middle", 0.08))
+        }
+    part = ao.Structure(mesh, material)
+    model = ao.extract(part, sites, 30)
+    assert np.sum(model.site_modes().omega == 0) == 6
+    omega = np.linspace(0.2, 1.5, 15) * model.omega[0] * (1 + 0.01j)
+    H = model.site_modes().receptance(omega)
+    for i, site in enumerate(sites.values()):
+        alone = ao.extract(part, site, 30)
+        np.testing.assert_allclose(H[:, i, i] * alone.dynamic_stiffness(omega), 1.0, atol=1e-6)
