@@ -68,6 +68,21 @@ def test_the_scene_of_the_readme_runs(tmp_path, monkeypatch, capsys):
         assert abs(contact.friction).max() <= 0.3 * contact.peak_force * (1 + 1e-9)
 
 
+@pytest.mark.fem
+@pytest.mark.slow
+def test_the_sites_of_the_readme_run(tmp_path, monkeypatch, capsys):
+    names = run(programs()[0] + programs()[3], tmp_path, monkeypatch)
+    both, stopped = names["both"], names["stopped"]
+    assert both.k0.shape == both.m0.shape == (2, 2)
+    assert both.P.shape == (2, 30)
+    assert "Completed" in capsys.readouterr().out
+    wall = stopped.bodies["bracket"].displacement("wall")
+    pressed = stopped["bracket:wall", "stop"].force > 0
+    assert pressed.any()
+    assert wall[pressed].max() < -1e-5 < wall[0]
+    assert names["top"].shape == (len(stopped.time), 3)
+
+
 def test_every_path_that_the_readme_names_exists():
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     paths = re.findall(r"\]\(([^)#]+)\)", text)
