@@ -43,7 +43,9 @@ def whole() -> ao.Structure:
     return ao.Structure(line((0, 0, 0), (1, 0, 0), 20), BEAM, [CLAMP])
 
 
-@pytest.mark.parametrize("ends", [POINT, ("inner:end", "outer:start")])
+@pytest.mark.parametrize(
+    "ends", [POINT, pytest.param(("inner:end", "outer:start"), marks=pytest.mark.slow)]
+)
 def test_a_weld_of_two_halves_is_the_whole(ends):
     joined = ao.assemble(halves(), [ao.Weld(*ends)], PLACES)
     ours, theirs = ao.extract(joined, TIP, n=8), ao.extract(whole(), TIP, n=8)
@@ -240,6 +242,7 @@ def test_an_equation_couples_what_it_says():
     assert found == pytest.approx(k + 4 * k, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_dynamic_stiffness_against_dense_solves():
     """Z(ω) of a plate on two posts against the dense constrained matrices."""
     plate = ao.Structure(box((0, 0), (0.3, 0.2), (4, 3), "triangle"), ao.Shell(E, NU, 2700.0, 5e-3))

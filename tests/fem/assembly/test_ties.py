@@ -113,7 +113,7 @@ def test_a_gap_is_bridged_without_holding_rotations():
     assert (low[:6] < 1e-4 * low[6]).all()
 
 
-@pytest.mark.parametrize("second", [TRI, QUAD])
+@pytest.mark.parametrize("second", [TRI, pytest.param(QUAD, marks=pytest.mark.slow)])
 def test_shell_edges_are_tied_with_their_rotations(second):
     """A cantilever plate of two sheets with different meshes bends as one of a single mesh."""
     sheet = ao.Shell(E, NU, 2700.0, 5e-3)

@@ -173,14 +173,41 @@ def without_stiffness(eliminated: Eliminated) -> PETSc.Mat:
 def _projected(
     layout: Layout, eliminated: Eliminated, blocks: Sequence[Sparse], added: Sparse
 ) -> Sparse:
-    """Tᵀ (blocks + added) T, symmetric to the last digit."""
-    T = eliminated.T
-    points = scipy.sparse.csr_matrix((POINT_DOFS * len(layout.points),) * 2)
-    whole = scipy.sparse.block_diag([*blocks, points], format="csr") + added
-    result = (T.T.tocsr() @ whole @ T).tocsr()
-    result = ((result + result.T) / 2).tocsr()
+    """Tᵀ (blocks + added) T.
+
+    With E, the identity on the dofs that stay, and D, the rows of T of those that do not, this is
+    E K E + E K D + Dᵀ K E + Dᵀ K D: but for the first the products are small.
+    """
+    K = _side_by_side(blocks, layout.count)
+    if added.nnz:
+        K = (K + added).tocsr()
+    stays = (~eliminated.dependent).astype(float)
+    which = np.flatnonzero(eliminated.dependent)
+    D = eliminated.T[which]
+    forces = (K[which].T @ D).tocsr()  # K symmetric
+    across = (scipy.sparse.diags(stays) @ forces).tocsr()
+    inside = (D.T @ forces[which]).tocsr()
+    small = (across + across.T + (inside + inside.T) / 2).tocsr()
+    K.data *= stays[K.indices] * np.repeat(stays, np.diff(K.indptr))
+    result = (K + small).tocsr()
+    result.eliminate_zeros()
     result.sort_indices()
     return result
+
+
+def _side_by_side(blocks: Sequence[Sparse], count: int) -> Sparse:
+    """A block-diagonal matrix; the dofs after the last block have empty rows."""
+    starts = np.cumsum([0, *(b.shape[0] for b in blocks)])
+    ends = np.cumsum([0, *(b.nnz for b in blocks)])
+    pointers = [b.indptr[:-1] + end for b, end in zip(blocks, ends[:-1], strict=True)]
+    rest = np.full(count - starts[-1] + 1, ends[-1])
+    indices = [b.indices + start for b, start in zip(blocks, starts[:-1], strict=True)]
+    parts = (
+        np.concatenate([b.data for b in blocks]),
+        np.concatenate(indices),
+        np.concatenate([*pointers, rest]),
+    )
+    return scipy.sparse.csr_matrix(parts, shape=(count, count))
 
 
 def _product(layout: Layout, eliminated: Eliminated, added: Added) -> Callable[[Array], Array]:
