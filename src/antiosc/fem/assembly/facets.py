@@ -64,6 +64,11 @@ class Facets:
         return np.asarray(across / np.linalg.norm(across, axis=1, keepdims=True))
 
     @property
+    def is_edge_of_sheet(self) -> bool:
+        """Whether these are edges of the cells of a shell."""
+        return self.dim == 1 and self.member.part.kind.sheet
+
+    @property
     def degree(self) -> int:
         """Polynomial degree of the displacements on a face, in all directions together."""
         space = self.member.part.form.space
@@ -71,10 +76,16 @@ class Facets:
         own = int(compat.subspace(space, path).element.basix_element.degree)
         return own if self.simplex else 2 * own
 
-    def rule(self) -> tuple[IntArray, Array, Array]:
-        """(face, ξ, weight [m or m²]) of a rule for products of functions on all faces."""
+    def rule(self, pieces: int = 1) -> tuple[IntArray, Array, Array]:
+        """(face, ξ, weight [m or m²]) of a rule for products of functions on all faces.
+
+        `pieces`: into which each edge is divided.
+        """
         shape = ("interval", "triangle" if self.simplex else "quadrilateral")[self.dim - 1]
         xi, w = basix.make_quadrature(getattr(basix.CellType, shape), 2 * self.degree)
+        if pieces > 1:
+            xi = ((np.arange(pieces)[:, None] + np.ravel(xi)) / pieces).reshape(-1, 1)
+            w = np.tile(w, pieces) / pieces
         face = np.repeat(np.arange(len(self)), len(w))
         at = np.tile(np.asarray(xi).reshape(len(w), self.dim), (len(self), 1))
         _, J = self.at(face, at)

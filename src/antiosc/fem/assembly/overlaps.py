@@ -20,6 +20,8 @@ from antiosc.fem.mesh.cell_geometry import clamped, excess, near, projected
 PARALLEL = 0.5
 #: Share of a face's area below which a common polygon is rounding.
 LEAST_OVERLAP = 1e-10
+#: Pieces of an edge with a rule each: functions of the faces have kinks along it.
+PIECES = 4
 #: A point may lie this far outside of the reference face (curved faces do not cover each other).
 OUTSIDE = 0.1
 
@@ -79,6 +81,31 @@ def overlap(first: Facets, second: Facets, gap: float) -> Overlap:
     found = Overlap(face, (xi_1, xi_2), (x_1, x_2), weight)
     apart = np.linalg.norm(x_1 - x_2, axis=1)
     return found.only(in_1 & in_2 & (apart <= gap))
+
+
+def on_faces(edges: Facets, faces: Facets, gap: float) -> Overlap:
+    """Points of edges with the nearest points of faces, at most `gap` [m] away."""
+    edge, xi, weight = edges.rule(PIECES)
+    x = edges.at(edge, xi)[0]
+    face, eta, y = closest(faces, x, gap)
+    found = Overlap((edge, face), (xi, eta), (x, y), weight)
+    return found.only(np.linalg.norm(x - y, axis=1) <= gap)
+
+
+def closest(faces: Facets, points: Array, reach: float) -> tuple[IntArray, Array, Array]:
+    """(face, ξ, point) of the nearest points of faces; the point is infinite beyond `reach`."""
+    item, point = near(faces.centres, faces.sizes + reach, points)
+    xi = projected(
+        lambda k, xi: faces.at(item[k], xi), points[point], faces.middle[item], affine=faces.affine
+    )
+    xi = np.where(excess(xi, faces.simplex)[:, None] > 0, clamped(xi, faces.simplex), xi)
+    x = faces.at(item, xi)[0]
+    order = np.argsort(-np.linalg.norm(x - points[point], axis=1), kind="stable")
+    face = np.zeros(len(points), dtype=int)
+    at, found = np.zeros((len(points), faces.dim)), np.full((len(points), 3), np.inf)
+    face[point[order]] = item[order]  # the nearest is written last
+    at[point[order]], found[point[order]] = xi[order], x[order]
+    return face, at, found
 
 
 def _coordinates(

@@ -29,9 +29,10 @@ from antiosc.fem.assembly.ends import checked_end, group_end
 from antiosc.fem.assembly.facets import Facets
 from antiosc.fem.assembly.joint import Joint, checked_name
 from antiosc.fem.assembly.layout import MOVES, TURNS, Layout, Sparse
-from antiosc.fem.assembly.overlaps import Overlap, overlap
+from antiosc.fem.assembly.overlaps import Overlap, on_faces, overlap
 from antiosc.fem.assembly.placement import skew
 from antiosc.fem.assembly.rotations import curl
+from antiosc.fem.assembly.shell_edges import led_by_solid, turning, with_free_turns
 
 #: Surfaces lie on each other up to this share of the mean size of their faces.
 GAP = 0.3
@@ -55,7 +56,9 @@ class Tie(Joint):
     ----------
     a, b : str
         "part:group" of faces or of edges. The side that is covered more by the other follows it;
-        of equal ones that with the finer mesh.
+        of equal ones that with the finer mesh; edges follow faces. The edge of a shell on faces of
+        a solid follows their displacement and rotation over its thickness; its rotation about its
+        normal stays free.
     gap : float, optional
         Largest distance between them, m; default: 0.3 of the size of their faces. Across a gap the
         follower moves with the rotation of the other side.
@@ -93,19 +96,24 @@ class Tie(Joint):
         taken = held.copy()
         for rows in before:
             taken[rows.pivot[rows.pivot >= 0]] = True
-        return [_projection(layout, follower, leader, common, taken, label)]
+        return _projection(layout, follower, leader, common, taken, label)
 
     def _common(self, layout: Layout, sides: Sequence[Facets], label: str) -> Overlap:
         dims = [side.dim for side in sides]
-        if dims[0] != dims[1] or dims[0] not in (1, 2):
+        if not set(dims) <= {1, 2}:
             kinds = {0: "points", 1: "edges", 2: "faces", 3: "cells"}
             raise InputError(
                 f"{label} ties {kinds[dims[0]]} ({self.a!r}) to {kinds[dims[1]]} ({self.b!r}): "
-                "a Tie takes two groups of faces, or two groups of edges."
+                "a Tie takes groups of faces and of edges."
             )
         size = min(float(side.sizes.mean()) for side in sides)
         gap = GAP * size if self.gap is None else self.gap
-        common = overlap(sides[0], sides[1], gap)
+        if dims[0] == dims[1]:
+            common = overlap(sides[0], sides[1], gap)
+        else:
+            edges, faces = sides if dims[0] == 1 else sides[::-1]
+            common = on_faces(edges, faces, gap)
+            common = common if dims[0] == 1 else common.turned()
         if not len(common.weight):
             apart = _distance(sides)
             raise InputError(
@@ -124,6 +132,8 @@ def _distance(sides: Sequence[Facets]) -> float:
 
 def _leader(sides: Sequence[Facets], common: Overlap) -> int:
     """Which side leads: the one that is covered less, of equal ones that with larger faces."""
+    if sides[0].dim != sides[1].dim:
+        return int(np.argmax([side.dim for side in sides]))
     covered = common.weight.sum() / np.array([side.measure for side in sides])
     if covered.max() > TWICE:
         thick = int(np.argmax(covered))
@@ -143,7 +153,7 @@ def _projection(
     common: Overlap,
     taken: BoolArray,
     label: str,
-) -> Rows:
+) -> list[Rows]:
     """Rows u_f − D⁻¹ M u_l = 0 of all components that the follower has."""
     phi = follower.basis(common.face[0], common.xi[0])
     nodes = np.flatnonzero(np.diff(phi.tocsc().indptr))
@@ -157,48 +167,82 @@ def _projection(
             f"{label}: too little of the surfaces lies on each other for a single node to follow "
             f"({common.weight.sum():.3g} m² in common); give groups that cover each other."
         )
-    load = phi.T @ weight
-    rows, pivots = [], []
-    for kind, motion in _led(layout, follower, leader, common):
+    projection = _Projection(D, phi.T @ weight)
+    on_solid = follower.is_edge_of_sheet and not leader.member.turns
+    found: list[Rows] = []
+    if on_solid:
+        moves, turned, normals = led_by_solid(layout, follower, leader, common, label)
+        led: list[tuple[tuple[str, ...], Sparse]] = [(MOVES, moves)]
+        free = follows & with_free_turns(layout, follower, nodes, taken)
+        if free.any():
+            own = projection.of(free, turned)
+            middle = projection.load[free] @ normals
+            found.append(turning(layout, follower, nodes[free], middle, own, label))
+    else:
+        led = _led(layout, follower, leader, common)
+    for kind, motion in led:
         for axis, name in enumerate(kind):
             if name not in follower.member.part.form.components:
                 continue
             along = follower.member.at.rotation[:, axis]
-            led = sum(along[c] * motion[c::3] for c in range(3) if along[c])
+            one = sum(along[c] * motion[c::3] for c in range(3) if along[c])
             dofs = layout.dofs(follower.member, nodes, name)
             free = follows & ~taken[dofs]
-            solved = _solved(D, load, free)
-            if solved is None:
-                continue
-            follow, inverse, others = solved
-            right = follow @ led
-            if others.nnz:
-                right = right - others @ layout.units(dofs[~free])
-            rows.append(layout.units(dofs[free]) - _dense_product(inverse, right.tocsr()))
-            pivots.append(dofs[free])
-    if not rows:
+            if free.any():
+                row = layout.units(dofs[free]) - projection.component(free, one, layout, dofs)
+                found.append(Rows(row.tocsr(), dofs[free], label))
+    if not found:
         raise InputError(
             f"{label} does nothing: all nodes of the surface on {follower.member.name!r} are held, "
             "or follow other joints."
         )
-    return Rows(scipy.sparse.vstack(rows).tocsr(), np.concatenate(pivots), label)
+    return found
 
 
-def _solved(D: Sparse, load: Sparse, free: BoolArray) -> tuple[Sparse, Array, Sparse] | None:
-    """(test functions of the free nodes on the points, inverse of D, D to the other nodes)."""
-    if not free.any():
-        return None
-    spread = scipy.sparse.identity(len(free), format="csr")[free]
-    if not free.all():
-        # test functions of the others go to the free nodes beside them
-        beside = D[~free][:, free]
-        total = np.asarray(beside.sum(axis=1)).ravel()
-        share = np.divide(1.0, total, out=np.zeros_like(total), where=total > 0)
-        given = scipy.sparse.diags(share) @ beside
-        spread = spread + given.T @ scipy.sparse.identity(len(free), format="csr")[~free]
-    tested = (spread @ D).tocsc()
-    inverse = np.linalg.inv(tested[:, free].toarray())
-    return (spread @ load).tocsr(), inverse, tested[:, ~free].tocsr()
+@dataclass(frozen=True, eq=False)
+class _Projection:
+    """The L2 projection onto the functions of the follower's nodes.
+
+    Attributes
+    ----------
+    D : (nodes, nodes) ∫ φ φᵀ.
+    load : (nodes, points) φ times the weights of the points.
+    """
+
+    D: Sparse
+    load: Sparse
+
+    def component(self, free: BoolArray, motion: Sparse, layout: Layout, dofs: IntArray) -> Sparse:
+        """What one component of the free nodes follows; `motion` (points, n) is that of the leader.
+
+        The other nodes keep the component `dofs` of their own.
+        """
+        spread, inverse = self._inverted(free)
+        right = spread @ self.load @ motion
+        others = (spread @ self.D).tocsc()[:, ~free]
+        if others.nnz:
+            right = right - others @ layout.units(dofs[~free])
+        return _dense_product(inverse, right.tocsr())
+
+    def of(self, free: BoolArray, motion: Sparse) -> Sparse:
+        """The projection (3 · free nodes, n) of vectors (3 · points, n) as if others followed."""
+        inverse = np.linalg.inv(self.D.toarray())[free]
+        parts = [_dense_product(inverse, (self.load @ motion[c::3]).tocsr()) for c in range(3)]
+        order = np.arange(3 * int(free.sum())).reshape(3, -1).T.ravel()
+        return scipy.sparse.vstack(parts).tocsr()[order]
+
+    def _inverted(self, free: BoolArray) -> tuple[Sparse, Array]:
+        """(test functions of the free nodes as sums of all, inverse of their D)."""
+        every = scipy.sparse.identity(len(free), format="csr")
+        spread = every[free]
+        if not free.all():
+            # test functions of the others go to the free nodes beside them
+            beside = self.D[~free][:, free]
+            total = np.asarray(beside.sum(axis=1)).ravel()
+            share = np.divide(1.0, total, out=np.zeros_like(total), where=total > 0)
+            spread = spread + (scipy.sparse.diags(share) @ beside).T @ every[~free]
+        tested = (spread @ self.D).tocsc()[:, free]
+        return spread.tocsr(), np.linalg.inv(tested.toarray())
 
 
 def _led(
