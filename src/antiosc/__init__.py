@@ -1,9 +1,9 @@
 """antiosc: impacts on structures by anti-oscillators, from a mesh to a force history.
 
-Everything public is importable from here. Models, contact laws and `simulate` need NumPy and SciPy
-alone, and so does extracting models from given matrices; reading meshes and their structures need
-the finite-element packages. Each module is loaded
-when one of its names is first used; the stub `__init__.pyi` lists the names.
+Everything public is importable from here. Models, contact laws, `simulate` and the extraction of
+models from given matrices need only NumPy and SciPy; meshes and their structures need the
+finite-element packages. Each module is loaded when one of its names is first used; the stub
+`__init__.pyi` lists the names.
 """
 
 import ast

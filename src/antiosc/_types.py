@@ -1,4 +1,4 @@
-"""The kinds of arrays that signatures name; shapes and units stand in the docstrings."""
+"""Types of arrays in signatures; the docstrings state shapes and units."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 BoolArray = NDArray[np.bool_]
-#: whole numbers of any width, as libraries count with
+#: integers of any width
 IntArray = NDArray[np.integer[Any]]
 #: length, width and thickness of a part, m, in falling order
 Box = tuple[float, float, float]
-#: what NumPy's own searches and sorts return
+#: the integers that NumPy's searches and sorts return
 Index = NDArray[np.intp]

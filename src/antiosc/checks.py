@@ -187,7 +187,7 @@ def kept(values: NDArray[Any]) -> NDArray[Any]:
     return own
 
 
-# -- what is no number
+# -- other arguments
 
 
 def flag(name: str, value: Any) -> bool:
@@ -287,7 +287,7 @@ def shown(value: Any) -> str:
     return line if len(line) <= 80 else f"an object of type {type(value).__name__}"
 
 
-# -- inside
+# -- helpers
 
 
 def _numbers(name: str, value: Any, kinds: str) -> NDArray[Any]:

@@ -150,7 +150,7 @@ def test_histories_and_models_plot_themselves(tmp_path):
         assert (tmp_path / name).stat().st_size > 3000
         assert len(one.plot().axes) == 2
     assert plt.get_fignums() == [1, 2]  # a figure that is only written is no pyplot figure
-    with pytest.raises(ao.InputError, match=r"a picture ends with one of .*\.png"):
+    with pytest.raises(ao.InputError, match=r"a picture's name ends with one of .*\.png"):
         hit.plot(tmp_path / "hit.txt")
     with pytest.raises(ao.InputError, match="no anti-oscillator"):
         model.truncated(0).plot()

@@ -1,4 +1,4 @@
-"""Figures, axes, legends and picture files; only here matplotlib makes a figure, when asked for."""
+"""Figures, axes, legends and picture files; matplotlib is imported only here."""
 
 from __future__ import annotations
 
@@ -44,12 +44,14 @@ def panels(
 def save_figure(figure: Any, path: str | os.PathLike[str], **options: Any) -> None:
     """Write a matplotlib figure to a file that is complete or absent; `options` as for `savefig`.
 
-    InputError where the ending of `path` is no picture's, or the file cannot be written.
+    InputError if `path` does not have the extension of a picture, or cannot be written.
     """
     known = figure.canvas.get_supported_filetypes()
     path = checks.path("path", path)
     if path.suffix.lower().removeprefix(".") not in known:
-        raise InputError(f"a picture ends with one of .{', .'.join(sorted(known))}; got {path!s}.")
+        raise InputError(
+            f"a picture's name ends with one of .{', .'.join(sorted(known))}; got {path!s}."
+        )
     with files.complete(path, "the picture") as part:
         figure.savefig(part, **options)
 
@@ -63,7 +65,7 @@ def finished(figure: Figure, path: str | os.PathLike[str] | None) -> Figure | Pa
 
 
 def new_figure(size: tuple[float, float], shown: bool) -> Figure:
-    """A new figure; one that is only written needs no pyplot, which keeps every figure alive."""
+    """A new figure, registered with pyplot only if it is shown: pyplot keeps every figure alive."""
     if shown:
         return _matplotlib("pyplot").figure(figsize=size, layout="constrained")
     return _matplotlib("figure").Figure(figsize=size, layout="constrained")
@@ -79,15 +81,15 @@ def _matplotlib(module: str) -> ModuleType:
 
 
 def legend_beside(ax: Axes) -> Axes:
-    """A legend to the right of the axes: many names hide no data there."""
+    """A legend to the right of the axes, where many names hide no data."""
     ax.legend(loc="upper left", bbox_to_anchor=(1.02, 1.0), fontsize=8)
     return ax
 
 
 def few_log_ticks(ax: Axes) -> Axes:
-    """Labels 1, 2, 5, 10, … on logarithmic axes of less than 1.5 decades, decades alone on others.
+    """Labels 1, 2, 5, 10, … on logarithmic axes of less than 1.5 decades, otherwise only decades.
 
-    matplotlib labels all of 2, 3, 4, … there, and they run into each other.
+    matplotlib would label 2, 3, 4, …, which overlap.
     """
     ticker = _matplotlib("ticker")
     for axis, (low, high) in ((ax.xaxis, ax.get_xlim()), (ax.yaxis, ax.get_ylim())):
@@ -138,12 +140,12 @@ def with_room(values: ArrayLike, below: float, above: float) -> tuple[float, flo
 
 
 def rounded(value: float) -> str:
-    """Three digits, without an exponent where that reads well."""
+    """Three digits."""
     return f"{value:.3g}"
 
 
 def legend(ax: Axes) -> Axes:
-    """A legend where it hides the least, if something has a name."""
+    """A legend at the best place, if a curve has a name."""
     if ax.get_legend_handles_labels()[1]:
         ax.legend(loc="best")
     return ax

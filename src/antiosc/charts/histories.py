@@ -28,13 +28,13 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: Share of the impulse that the time axis of a force may leave out: weak contacts long afterwards.
+#: Share of the impulse after the end of the time axis: weak contacts long afterwards.
 LATE = 0.01
-#: From so many contacts on, a running mean of the force is drawn over the single pulses.
+#: Number of contacts from which a running mean of the force is drawn over the pulses.
 MANY_CONTACTS = 7
 #: Windows of that mean over the time shown.
 WINDOWS = 25
-#: Estimated relative errors of a force from here on are drawn as a band.
+#: Estimated relative error of a force from which it is drawn as a band.
 VISIBLE = 0.005
 
 
@@ -43,7 +43,7 @@ class Recorded(Protocol):
 
     @property
     def time(self) -> Array:
-        """Times, s, (T,); as long are the force (N) and the displacements (m)."""
+        """Times (T,), s; force (N) and displacements (m) have the same shape."""
 
     @property
     def force(self) -> Array: ...
@@ -65,8 +65,8 @@ class Recorded(Protocol):
 def plot_force(hits: Recorded | Mapping[str, Recorded], ax: Axes | None = None) -> Axes:
     """Contact force over time, of one history or of several by name; the largest is marked.
 
-    The time axis shows the contacts that exchange all but 1 % of the impulse. An estimated error of
-    the peak from 0.5 % on is drawn as a band; a history of many contacts has a running mean.
+    The time axis ends where 99 % of the impulse has been transferred. An estimated error of the
+    peak of 0.5 % or more is drawn as a band; a history of many contacts has a running mean.
     """
     named = by_name(hits, Recorded, "History")
     ax = axes_or_new(ax)
@@ -104,7 +104,7 @@ def plot_force(hits: Recorded | Mapping[str, Recorded], ax: Axes | None = None) 
 def plot_motion(hits: Recorded | Mapping[str, Recorded], ax: Axes | None = None) -> Axes:
     """Displacements of the site and, dashed, of the impactor over time; contacts are shaded.
 
-    The displacement axis fits the site's motion and the impactor's during contact.
+    The displacement axis covers the motion of the site, and that of the impactor during contact.
     """
     named = by_name(hits, Recorded, "History")
     ax = axes_or_new(ax)
@@ -171,7 +171,7 @@ def running_mean(time: ArrayLike, value: ArrayLike, window: float) -> tuple[Arra
 
 
 def _contact_span(hit: Recorded) -> tuple[float, float]:
-    """First touch, and the release after which less than LATE of the impulse follows [s]."""
+    """First touch, and the release after which less than LATE of the impulse remains [s]."""
     segments = hit.trajectory.segments
     contacts = hit.trajectory.contacts
     impulses = [sum(s.impulse for s in segments[slice(*c.segments)]) for c in contacts]
@@ -188,7 +188,7 @@ def _force_error(hit: Recorded) -> float:
 
 
 def _mark_peak(ax: Axes, hit: Recorded, middle: float) -> None:
-    """The largest force in numbers, beside its mark on the side with more room."""
+    """Write the largest force beside its mark, on the side with more space."""
     if hit.peak_force <= 0:
         return
     at = float(hit.time[int(np.argmax(hit.force))])

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: Points of a dynamic stiffness between two neighbouring antiresonances, and in all.
+#: Points of a dynamic stiffness between two neighbouring antiresonances, and in total.
 POINTS_BETWEEN, MOST_POINTS = 160, 20_000
 
 
@@ -107,7 +107,7 @@ def plot_model(model: Reduced, path: str | os.PathLike[str] | None = None) -> Fi
     figure, axes = panels(2, 1, size=(7.0, 5.0), shown=path is None)
     edges = np.unique(np.concatenate(([0.0], model.omega, [1.1 * model.omega[-1]])))
     each = max(2, min(POINTS_BETWEEN, MOST_POINTS // edges.size))
-    # closer towards the ends, where the poles are
+    # denser near the ends, where the poles are
     share = (1 - np.cos(np.pi * np.arange(1, each) / each)) / 2
     omega = (edges[:-1, None] + np.diff(edges)[:, None] * share).ravel()
     plot_dynamic_stiffness(model, omega, axes[0, 0])
@@ -128,11 +128,11 @@ def plot_errors(
     *,
     styles: Mapping[str, str] | None = None,
 ) -> Axes:
-    """Relative errors over what they cost, on logarithmic axes, of several methods by name.
+    """Relative errors against costs of several methods, on logarithmic axes.
 
     Parameters
     ----------
-    series : mapping of name to (cost (n,), error (n,)); points that are not > 0 are left out.
+    series : mapping of name to (cost (n,), error (n,)); points that are not > 0 are omitted.
     ax : matplotlib axes, optional
     styles : mapping of name to a matplotlib format such as "C0o-", optional
     """
@@ -146,7 +146,7 @@ def plot_errors(
         cost = checks.array("cost", pair[0], (None,))
         error = checks.array("error", pair[1], cost.shape)
         known = (cost > 0) & (error > 0)
-        # large open markers below small ones: equal errors of two methods are both seen
+        # large open markers below small ones: equal errors of two methods remain visible
         size = 8 - 4 * k / max(len(series) - 1, 1)
         style = checks.text("a format", styles.get(name, "o-"))
         ax.loglog(cost[known], error[known], style, ms=size, mfc="none", lw=1.2, label=name)

@@ -1,4 +1,4 @@
-"""Structures known without any mesh: beams, supported plates and laminates, Zener's impact.
+"""Structures with exact solutions: beams, supported plates and laminates, Zener's impact.
 
 `docs/closed_forms.md` lists them with their theory, sources and an example. Of a beam the
 anti-oscillators and modes are known to rounding.

@@ -52,7 +52,7 @@ class UnitBeam:
 
     @property
     def segments(self) -> list[tuple[float, float]]:
-        """(start, length) of the one or two segments that the site leaves, in units of L."""
+        """(start, length) of the one or two segments beside the site, in units of L."""
         a = self.site
         return [(s, length) for s, length in ((0.0, a), (a, 1 - a)) if length > 0]
 

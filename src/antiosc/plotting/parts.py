@@ -1,4 +1,4 @@
-"""Pictures of a part in space: quantities of a map, and the moved part."""
+"""Pictures of a part in space: quantities of a map, and the deformed part."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def plot_deformed(
     point: Sequence[float] | None = None,
     direction: Sequence[float] | None = None,
 ) -> Figure | Path:
-    """The moved part at one time, its motions enlarged and coloured by their size.
+    """The deformed part at one time; displacements are magnified and coloured by their magnitude.
 
     Parameters
     ----------
