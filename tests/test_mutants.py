@@ -46,6 +46,12 @@ def test_changes_that_change_nothing_are_not_drawn(source):
     assert not set(found) - {"pass", "(1.0)"}
 
 
+def test_lengths_in_pictures_are_not_drawn_a_tenth_longer():
+    found = [one.text for one in mutants.breaks(Path("src/antiosc/charts/histories.py"))]
+    assert "(1.1)" not in found
+    assert "(0.0)" in found
+
+
 def test_code_for_other_versions_is_not_drawn():
     source = "if DOLFINX < (0, 1):\n    x = 1\nelse:\n    y = 2\nz = 3 if FFCX >= (0, 1) else 4"
     found = [

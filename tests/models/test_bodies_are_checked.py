@@ -69,7 +69,7 @@ CASES = {
     "no hits": (lambda: plotting.plot_force({}), "give at least one History"),
     "not a hit": (
         lambda: plotting.plot_force(3.0),
-        "what is drawn must be a History; got float",
+        "must be a History; got float",
     ),
     "not a named hit": (
         lambda: plotting.plot_force({"a": None}),
