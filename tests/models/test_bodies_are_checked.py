@@ -1,4 +1,4 @@
-"""What models, motions and charts refuse, each in one sentence; sites of a body in its own modes."""
+"""What models, motions and charts refuse, each in one sentence; fields of a body of several sites."""
 
 from __future__ import annotations
 
