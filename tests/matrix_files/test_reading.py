@@ -278,6 +278,19 @@ def test_a_free_body_with_coordinates_has_mass_and_inertia():
     np.testing.assert_allclose(model.inertia.centre[:2], (m @ points[:, :2]) / 10)
     # φ_CRᵀM e of the unit translation e along the direction is m_CR
     assert model.participation.sum() == pytest.approx(model.m_st, rel=1e-9)
+    both = ao.extract(
+        part,
+        {"low": ao.Site(node=1, direction=(0, 1, 0)),
+         "high": ao.Site(node=3, direction=(3, 4, 0), tangential=True)},
+        n=5,
+    )  # fmt: skip
+    assert both.columns == {"low": (0,), "high": (1, 2)}
+    B = np.zeros((8, 3))
+    B[1, 0], B[4:6, 1:] = 1.0, [[0.6, -0.8], [0.8, 0.6]]
+    np.testing.assert_allclose(both.direction[:, :2], [[0, 1], [0.6, 0.8], [-0.8, 0.6]])
+    exact = np.linalg.inv(B.T @ np.linalg.solve(K - 1e5 * np.diag(np.repeat(m, 2)), B))
+    np.testing.assert_allclose(both.dynamic_stiffness(np.sqrt(1e5)), exact, rtol=1e-9)
+    np.testing.assert_allclose(both.inertia.centre[:2], (m @ points[:, :2]) / 10)
     held = ao.Structure.from_matrices(
         K, np.diag(np.repeat(m, 2)), map=rows, supports={1: "all", 2: "y"}
     )

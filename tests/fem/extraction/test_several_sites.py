@@ -375,7 +375,7 @@ def test_an_oblique_blow_rubs(mu, slides):
 def test_tangential_directions_belong_to_named_sites(block):
     with pytest.raises(ao.InputError, match="belong to a model of named sites"):
         ao.extract(block, _slanted(tangential=True))
-    with pytest.raises(ao.InputError, match="need a Site at a point"):
+    with pytest.raises(ao.InputError, match="need a Site with a direction"):
         ao.Site(dof=3, tangential=True)
     model = ao.extract(block, {"near": _slanted()}, 4)
     contact = ao.Contact("part:near", "floor", ao.Hertz(1e9), friction=0.1)

@@ -195,10 +195,8 @@ def _model(
     directions = [one.direction for one in functionals]
     placed = all(direction is not None for direction in directions)
     if placed:
-        info["points"] = {
-            name: own[0].point.tolist()  # type: ignore[union-attr]
-            for name, own in targets.items()
-        }
+        points = {name: own[0].point for name, own in targets.items()}
+        info["points"] = {n: point.tolist() for n, point in points.items() if point is not None}
     phi = static.phi @ static.W.T
     shapes = np.hstack([phi, kept.phi])
     return AntiOscillators(

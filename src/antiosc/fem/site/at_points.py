@@ -15,7 +15,7 @@ from antiosc.fem.mesh import closest_point
 from antiosc.fem.mesh.entities import centre
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.site.patches import loads
-from antiosc.fem.site.site import LEAST_FREE_SHARE, Functional, Site, constrained
+from antiosc.fem.site.site import LEAST_FREE_SHARE, Functional, Site, constrained, tangents
 from antiosc.fem.site.sites import Sites, located, on_free_dofs, sums, tell
 from antiosc.fem.structure.meshed import MeshedStructure
 
@@ -60,7 +60,7 @@ def _across(
     asked = [i for i, site in enumerate(sites) if site.tangential]
     if not asked or found.weighted is None:
         return [()] * len(sites)
-    for turned in _tangents(found.directions, "z" not in structure.form.components):
+    for turned in tangents(found.directions, "z" not in structure.form.components):
         whole = loads(structure, found.weighted, turned)
         free = on_free_dofs(structure, whole)
         moving = sums(structure, free) > LEAST_FREE_SHARE * sums(structure, whole)
@@ -69,17 +69,6 @@ def _across(
             b = np.ascontiguousarray(columns[i])
             sides[i].append(Functional(b, point=found.points[i], direction=turned[i]))
     return [tuple(each) for each in sides]
-
-
-def _tangents(directions: Array, plane: bool) -> list[Array]:
-    """Unit vectors (P, 3) across the directions (P, 3), in a plane structure one each."""
-    if plane:
-        return [np.cross([0.0, 0.0, 1.0], directions)]
-    # between axes that are equally oblique rounding must not decide
-    least = np.argmin(np.abs(directions).round(6), axis=1)
-    first = np.cross(np.eye(3)[least], directions)
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
-    return [first, np.cross(directions, first)]
 
 
 def _placed(structure: MeshedStructure, site: Site) -> Site:

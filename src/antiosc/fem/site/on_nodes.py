@@ -7,6 +7,7 @@ count: those that another node covers against the direction of impact.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import cast
 
 import numpy as np
@@ -14,7 +15,7 @@ from scipy.spatial import cKDTree
 
 from antiosc._types import Array, BoolArray, IntArray
 from antiosc.errors import InputError
-from antiosc.fem.site.site import LEAST_FREE_SHARE, Functional, Site, constrained
+from antiosc.fem.site.site import LEAST_FREE_SHARE, Functional, Site, constrained, tangents
 from antiosc.fem.structure.nodal import NodalMatrices
 from antiosc.fem.structure.structure import Structure
 
@@ -59,14 +60,32 @@ def functional_on_nodes(structure: Structure, site: Site) -> Functional | None:
     else:
         nodes, weights, at = _at_point(matrices, site, direction)
         label = f"the site at ({', '.join(f'{c:.6g}' for c in at)}) m"
-    b = np.zeros(structure.size)
+    own = _checked(
+        structure, _load(matrices, nodes, weights, direction), label, at, direction, site.radius
+    )
+    if not site.tangential:
+        return own
+    sides = []
+    for (side,) in tangents(direction[None], not (matrices.map.component == 3).any()):
+        b = _load(matrices, nodes, weights, side)
+        whole = float(np.linalg.norm(b))
+        b[structure.fixed] = 0.0
+        if float(np.linalg.norm(b)) <= LEAST_FREE_SHARE * whole:
+            b[:] = 0.0  # the supports hold the site along it
+        sides.append(Functional(b, point=at, direction=side))
+    return replace(own, across=tuple(sides))
+
+
+def _load(matrices: NodalMatrices, nodes: IntArray, weights: Array, direction: Array) -> Array:
+    """b of weighted nodes along a direction, fixed dofs included."""
+    b = np.zeros(len(matrices.map.node))
     order = np.argsort(nodes)
     place = np.searchsorted(nodes[order], matrices.map.node).clip(max=len(nodes) - 1)
     found = nodes[order][place] == matrices.map.node
     axis = matrices.map.component - 1
     moving = found & (axis >= 0) & (axis < 3)
     b[moving] = weights[order][place[moving]] * direction[axis[moving]]
-    return _checked(structure, b, label, at, direction, site.radius)
+    return b
 
 
 def _checked(

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from antiosc._types import Array
@@ -79,8 +80,8 @@ class Site:
             store(self, radius=positive("radius", self.radius, "m"))
         store(self, snap=flag("snap", self.snap))
         store(self, tangential=flag("tangential", self.tangential))
-        if self.tangential and self.point is None:
-            raise InputError("tangential directions need a Site at a point, with a direction.")
+        if self.tangential and self.direction is None:
+            raise InputError("tangential directions need a Site with a direction.")
         if at_node and self.dof is not None:
             store(self, dof=component_of(self.dof))
         elif self.dof is not None:
@@ -130,6 +131,17 @@ class Functional:
     direction: Array | None = None
     #: the same along the directions across it, if asked for
     across: tuple[Functional, ...] = ()
+
+
+def tangents(directions: Array, plane: bool) -> list[Array]:
+    """Unit vectors (P, 3) across the directions (P, 3): two of each, in a plane structure one."""
+    if plane:
+        return [np.cross([0.0, 0.0, 1.0], directions)]
+    # between axes that are equally oblique rounding must not decide
+    least = np.argmin(np.abs(directions).round(6), axis=1)
+    first = np.cross(np.eye(3)[least], directions)
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    return [first, np.cross(directions, first)]
 
 
 def constrained(label: str) -> str:
