@@ -317,10 +317,12 @@ BY_MAKER: dict[str, Callable[[], Any]] = {
     "K": lambda: matrices()[0], "M": lambda: matrices()[1], "make": lambda: ao.RigidMass,
 }  # fmt: skip
 
+WOOD = {"E": (12e9, 9e8, 5e8), "nu": (0.4, 0.4, 0.4), "G": (8e8, 7e8, 7e7), "rho": 500.0}
 ENDS = {"a": ("part", (0.1, 0.1, 0.02)), "b": "hub"}
 
 OWN: dict[str, dict[str, Any]] = {
     "assemble": {"parts": lambda: {"part": part()}}, "Placement": {},
+    "AnisotropicSolid": {"stiffness": 1e9 * np.eye(6)}, "AnisotropicSolid.orthotropic": WOOD,
     "Tie": {"a": "part:top", "b": "other:low"}, "Rigid": {"group": "part:top"},
     "Mean": {"group": "part:top", "point": "hub"},
     "Weld": ENDS, "Ball": ENDS, "Hinge": ENDS, "Slider": ENDS,

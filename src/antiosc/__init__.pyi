@@ -70,6 +70,9 @@ from antiosc.fem.assembly.spiders import (
 from antiosc.fem.assembly.tie import (
     Tie as Tie,
 )
+from antiosc.fem.elements.anisotropic import (
+    AnisotropicSolid as AnisotropicSolid,
+)
 from antiosc.fem.elements.beam import (
     Beam as Beam,
     Section as Section,

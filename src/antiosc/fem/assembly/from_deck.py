@@ -11,6 +11,7 @@ from mpi4py import MPI
 from antiosc.checks import instance, path as checked_path, positive, shown
 from antiosc.errors import InputError, MeshError
 from antiosc.fem.assembly.deck_joints import attachments, joined
+from antiosc.fem.elements.anisotropic import AnisotropicSolid
 from antiosc.fem.elements.beam import Beam, Section
 from antiosc.fem.elements.plate_section import Layer
 from antiosc.fem.elements.shell import Laminate, Shell
@@ -162,6 +163,8 @@ def _family(kind: str, arguments: dict[str, Any], place: str) -> Family:
     try:
         if kind == "Solid":
             return Solid(**arguments)
+        if kind == "AnisotropicSolid":
+            return AnisotropicSolid(**arguments)
         if kind == "Shell":
             return Shell(**arguments)
         if kind == "Laminate":

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
+import numpy as np
 import ufl
 
-from antiosc._types import Box
+from antiosc._types import Array, Box
 from antiosc.checks import choice, poisson, positive, store
 from antiosc.errors import InputError
 from antiosc.fem import compat
@@ -61,18 +62,19 @@ class Solid(Isotropic):
             thickness=positive("thickness", self.thickness, "m"),
         )
 
+    @property
+    def voigt(self) -> Array:
+        """Stresses (σ11, σ22, σ33, σ23, σ13, σ12) of unit strains, (6, 6), Pa."""
+        shear = self.E / (2 * (1 + self.nu))
+        C = np.diag([2 * shear] * 3 + [shear] * 3)
+        C[:3, :3] += self.E * self.nu / ((1 + self.nu) * (1 - 2 * self.nu))
+        return C
+
     def weak_form(self, mesh: Mesh, parts: Parts, order: int) -> WeakForm:
         """Displacements of degree `order`, which must not be below the geometric order."""
-        if mesh.tdim != mesh.gdim:
-            raise InputError(
-                f"Solid needs cells of the dimension of the space; {mesh.name} has {mesh.cell} "
-                f"cells in {mesh.gdim}-D (a plane part: read it with gdim=2; lines: use Beam)."
-            )
-        if order < mesh.order:
-            raise InputError(
-                f"displacements of order {order} on cells of geometric order {mesh.order} cannot "
-                "represent rigid rotations: use order=2, or read the mesh with order=1."
-            )
+        _check_cells(mesh, order)
+        if not all(isinstance(material, Solid) for material, _ in parts):
+            return general_form(mesh, parts, order)
         for material, _ in parts:
             _check_plane(material, mesh)
         space = compat.lagrange(mesh.dolfinx, order, mesh.gdim)
@@ -113,6 +115,48 @@ class Solid(Isotropic):
             return box
         length, width, _ = box
         return length, self.thickness, width
+
+
+def _check_cells(mesh: Mesh, order: int) -> None:
+    if mesh.tdim != mesh.gdim:
+        raise InputError(
+            f"Solid needs cells of the dimension of the space; {mesh.name} has {mesh.cell} "
+            f"cells in {mesh.gdim}-D (a plane part: read it with gdim=2; lines: use Beam)."
+        )
+    if order < mesh.order:
+        raise InputError(
+            f"displacements of order {order} on cells of geometric order {mesh.order} cannot "
+            "represent rigid rotations: use order=2, or read the mesh with order=1."
+        )
+
+
+def general_form(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
+    """The form of solids of which some have directions, by their matrices `voigt` (6, 6)."""
+    _check_cells(mesh, order)
+    if mesh.gdim != 3:
+        raise InputError(f"AnisotropicSolid is for 3-D meshes; {mesh.name} is 2-D.")
+    for material, _ in parts:
+        if isinstance(material, Solid):
+            _check_plane(material, mesh)
+    space = compat.lagrange(mesh.dolfinx, order, 3)
+    u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
+    C = coefficient(mesh, parts, lambda s: s.voigt)
+    rho = coefficient(mesh, parts, lambda s: s.rho)
+    for_k, for_m = _degrees(mesh, order)
+    return WeakForm(
+        space=space,
+        stiffness=[ufl.inner(C * _voigt_strain(u), _voigt_strain(v)) * measure(mesh, for_k)],
+        mass=[rho * ufl.inner(u, v) * measure(mesh, for_m)],
+        components={name: (i,) for i, name in enumerate("xyz")},
+        density=rho,
+    )
+
+
+def _voigt_strain(u: Any) -> Any:
+    """(ε11, ε22, ε33, γ23, γ13, γ12)."""
+    e = ufl.sym(ufl.grad(u))
+    shear = [2 * e[1, 2], 2 * e[0, 2], 2 * e[0, 1]]
+    return ufl.as_vector([e[0, 0], e[1, 1], e[2, 2], *shear])
 
 
 def _check_plane(solid: Solid, mesh: Mesh) -> None:

@@ -38,7 +38,10 @@ def materials_of(cards: list[Card]) -> tuple[dict[str, Material], list[str]]:
         elif current is None:
             continue
         elif card.keyword == "ELASTIC":
-            current.constants = _elastic(card)
+            if _kind(card).startswith("ANISO"):
+                current.stiffness = _anisotropic(card)
+            else:
+                current.constants = _elastic(card)
             current.place = card.place
             if _kind(card) == "ISO" and len(card.lines) > 1:
                 ignored.append(f"*ELASTIC of other temperatures ({card.place})")
@@ -66,12 +69,25 @@ def _kind(card: Card) -> str:
     return "ISO" if kind.startswith("ISO") else "ORTHO" if kind.startswith("ORTHO") else kind
 
 
+def _anisotropic(card: Card) -> Array:
+    """21 constants: the upper triangle, column by column, in the order 11, 22, 33, 12, 13, 23."""
+    values = _every(card)
+    if len(values) < 21:
+        raise MeshError(f"{card.place}: *ELASTIC needs 21 constants; it has {len(values)}.")
+    C = np.zeros((6, 6))
+    places = [(row, column) for column in range(6) for row in range(column + 1)]
+    for (row, column), value in zip(places, values, strict=False):
+        C[row, column] = C[column, row] = value
+    order = [0, 1, 2, 5, 4, 3]
+    return C[np.ix_(order, order)]
+
+
 def _elastic(card: Card) -> Array:
     kind = _kind(card)
     if kind not in ELASTIC_CONSTANTS:
         raise MeshError(
             f"{card.place}: *ELASTIC, TYPE={card.option('TYPE')} is not supported; write it as "
-            "isotropic, ENGINEERING CONSTANTS, LAMINA or ORTHO."
+            "isotropic, ENGINEERING CONSTANTS, LAMINA, ORTHO or ANISOTROPIC."
         )
     values = _every(card) if kind != "ISO" else _first(card)
     count = ELASTIC_CONSTANTS[kind]
@@ -141,10 +157,19 @@ class Sections:
         return {self.roles[k] for k in np.searchsorted(starts, elements, side="right") - 1}
 
     def _solid(self, card: Card, name: str, elements: IntArray) -> None:
+        arguments: dict[str, Any]
         material = self._material(card.needed("MATERIAL"), card.place)
         roles = self._role(elements)
+        stiffness = self.builder.anisotropic(material)
+        if stiffness is not None and roles == {"solid"}:
+            arguments = {"stiffness": stiffness, "rho": self.builder.rho(material)}
+            if card.option("ORIENTATION"):
+                x, normal = self._frame(card.option("ORIENTATION"), card.place)
+                arguments["axes"] = [x.tolist(), np.cross(normal, x).tolist()]
+            self.builder.add(name, elements, Family("AnisotropicSolid", arguments, card.place))
+            return
         E, nu = self.builder.elastic(material, "solids")
-        arguments: dict[str, Any] = {"E": E, "nu": nu, "rho": self.builder.rho(material)}
+        arguments = {"E": E, "nu": nu, "rho": self.builder.rho(material)}
         if roles & {"plane stress", "plane strain"}:
             if len(roles) > 1:
                 raise MeshError(
@@ -239,6 +264,10 @@ class Sections:
 
     def _axis(self, name: str, place: Place) -> Array:
         """Direction 1 of an *ORIENTATION."""
+        return self._frame(name, place)[0]
+
+    def _frame(self, name: str, place: Place) -> tuple[Array, Array]:
+        """Directions 1 and 3 of an *ORIENTATION."""
         card = self.orientations.get(name.upper())
         if card is None:
             raise MeshError(f"{place}: there is no orientation {name!r} (*ORIENTATION, NAME=).")
@@ -260,7 +289,7 @@ class Sections:
                 raise MeshError(f"{rows[1][1]}: *ORIENTATION is read with a rotation about 3 only.")
             across = np.cross(normal / np.linalg.norm(normal), a)
             a = math.cos(math.radians(degrees)) * a + math.sin(math.radians(degrees)) * across
-        return np.asarray(a / np.linalg.norm(a))
+        return np.asarray(a / np.linalg.norm(a)), np.asarray(normal / np.linalg.norm(normal))
 
     def _beam(self, card: Card, name: str, elements: IntArray) -> None:
         if self._role(elements) != {"beam"}:

@@ -33,6 +33,8 @@ class Material:
     place: Place
     #: E1, E2, E3, nu12, nu13, nu23, G12, G13, G23; E3, nu13, nu23 may be nan (a lamina)
     constants: Array | None = None
+    #: stresses (11, 22, 33, 23, 13, 12) of strains (6, 6), where `constants` do not say it all
+    stiffness: Array | None = None
     density: float | None = None
 
     @property
@@ -133,6 +135,25 @@ class ModelBuilder:
                 "must be; only layers of shells may be orthotropic."
             )
         return found[0] * self.units.stress, found[1]
+
+    def anisotropic(self, material: Material) -> list[list[float]] | None:
+        """The stiffness of a solid with directions, Pa; None of an isotropic one."""
+        if material.stiffness is not None:
+            return (material.stiffness * self.units.stress).tolist()  # type: ignore[no-any-return]
+        if material.constants is None or material.isotropic is not None:
+            return None
+        if not np.isfinite(material.constants).all():
+            raise MeshError(
+                f"{material.place}: the material {material.name!r} is given for layers alone, in "
+                "plane stress, and cannot fill solids; give all nine constants."
+            )
+        E1, E2, E3, n12, n13, n23, G12, G13, G23 = material.constants
+        S = np.diag([1 / E1, 1 / E2, 1 / E3, 1 / G23, 1 / G13, 1 / G12])
+        S[0, 1] = S[1, 0] = -n12 / E1
+        S[0, 2] = S[2, 0] = -n13 / E1
+        S[1, 2] = S[2, 1] = -n23 / E2
+        C = np.linalg.inv(S)
+        return ((C + C.T) / 2 * self.units.stress).tolist()  # type: ignore[no-any-return]
 
     def layer(self, material: Material, thickness: float, angle: float) -> dict[str, float]:
         """Arguments of a `Layer`; the thickness is in the deck's units."""

@@ -1,0 +1,133 @@
+"""Solids with directions: an isotropic one in any axes, bars along and across, turned bodies."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+pytest.importorskip("dolfinx")
+
+import antiosc as ao
+import parts
+
+pytestmark = [pytest.mark.fem, pytest.mark.filterwarnings("ignore:the compliance under a point")]
+E, NU, RHO = 70e9, 0.33, 2700.0
+#: About a pine's, Pa.
+WOOD = {"E": (12e9, 0.9e9, 0.5e9), "nu": (0.4, 0.42, 0.45), "G": (0.8e9, 0.75e9, 0.07e9)}
+
+
+def turn(angle: float) -> np.ndarray:
+    """Rotation about (1, 2, 3)."""
+    n = np.array([1, 2, 3]) / np.sqrt(14)
+    K = np.array([[0, -n[2], n[1]], [n[2], 0, -n[0]], [-n[1], n[0], 0]])
+    return np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * (K @ K)
+
+
+def k0(part: ao.Structure, point, direction=(0.3, 0.5, 0.8)) -> float:
+    return ao.extract(part, ao.Site(point, direction), n=3).k0
+
+
+def test_an_isotropic_matrix_is_a_solid_in_any_axes():
+    mesh = parts.box()
+    plain = ao.Structure(mesh, ao.Solid(E, NU, RHO), ao.Support("left"))
+    tip = mesh.dolfinx.geometry.x.max(axis=0)
+    G = E / (2 * (1 + NU))
+    made = ao.AnisotropicSolid.orthotropic((E,) * 3, (NU,) * 3, (G,) * 3, RHO, turn(0.7)[:2])
+    np.testing.assert_allclose(made.voigt, ao.Solid(E, NU, RHO).voigt, atol=1e-4 * E * 1e-8)
+    other = ao.Structure(mesh, made, ao.Support("left"))
+    assert k0(other, tip) == pytest.approx(k0(plain, tip), rel=1e-9)
+    assert other.mass == pytest.approx(plain.mass, rel=1e-12)
+
+
+@pytest.mark.parametrize("along", [0, 1, 2])
+def test_a_bar_is_as_stiff_as_the_modulus_along_it(along):
+    """Its end moves as one and it may contract: E_i A / L."""
+    material = ao.AnisotropicSolid.orthotropic(**WOOD, rho=500.0, axes=np.roll(np.eye(3), along, 1))
+    # rows rolled: direction 1 + k of the material lies along x + along + k
+    own = np.linalg.inv(material.voigt)
+    modulus = WOOD["E"][-along % 3]
+    assert 1 / own[0, 0] == pytest.approx(modulus, rel=1e-12)
+
+
+def test_a_turned_body_of_a_turned_material_is_the_same(tmp_path):
+    R = turn(1.1)
+    deck = "*NODE\n"
+    grid = [(x, y, z) for z in (0, 1, 2) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
+    stiff = {}
+    for name, Q in {"straight": np.eye(3), "turned": R}.items():
+        rows = "".join(
+            f"{n + 1}," + ",".join(f"{c:.17g}" for c in Q @ p) + "\n" for n, p in enumerate(grid)
+        )
+        cells = "*ELEMENT,TYPE=C3D8,ELSET=ALL\n1,1,2,3,4,5,6,7,8\n2,5,6,7,8,9,10,11,12\n"
+        path = tmp_path / f"{name}.inp"
+        path.write_text(deck + rows + cells)
+        foot = ao.Support(near=((Q @ [0.5, 0.5, 0]).tolist(), 0.75))
+        material = ao.AnisotropicSolid.orthotropic(**WOOD, rho=500.0, axes=np.eye(3) @ Q.T)
+        part = ao.Structure(ao.read_mesh(path), material, foot)
+        stiff[name] = k0(part, Q @ [1, 1, 2], Q @ [0.3, 0.5, 0.8])
+    assert stiff["turned"] == pytest.approx(stiff["straight"], rel=1e-9)
+
+
+DECK = (
+    "*NODE\n1,0,0,0\n2,1,0,0\n3,1,1,0\n4,0,1,0\n5,0,0,2\n6,1,0,2\n7,1,1,2\n8,0,1,2\n"
+    "*ELEMENT,TYPE=C3D8,ELSET=ALL\n1,1,2,3,4,5,6,7,8\n"
+    "*BOUNDARY\n1,1,3\n2,2,3\n3,3\n4,3\n*EQUATION\n2\n6,3,1.,5,3,-1.\n2\n7,3,1.,5,3,-1.\n"
+    "2\n8,3,1.,5,3,-1.\n*DENSITY\n500.\n"
+)
+
+
+@pytest.mark.parametrize("oriented", [False, True])
+def test_a_deck_of_wood_is_as_stiff_as_the_modulus_along_it(tmp_path, oriented):
+    """Upright, direction 3 carries; with an *ORIENTATION direction 1."""
+    constants = "*ELASTIC,TYPE=ENGINEERING CONSTANTS\n12E9,.9E9,.5E9,.4,.42,.45,.8E9,.75E9\n.07E9\n"
+    section = "*SOLID SECTION,ELSET=ALL,MATERIAL=W" + (",ORIENTATION=UP" if oriented else "")
+    up = "*ORIENTATION,NAME=UP\n0,0,1,1,0,0\n"
+    text = DECK.replace("*DENSITY", f"{up}{section}\n*MATERIAL,NAME=W\n{constants}*DENSITY")
+    path = tmp_path / "wood.inp"
+    path.write_text(text)
+    part = ao.read_model(path)
+    assert part.mass == pytest.approx(1000, rel=1e-12)
+    stiff = k0(part, (0.2, 0.3, 2), (0, 0, 1))
+    assert stiff == pytest.approx((12e9 if oriented else 0.5e9) / 2, rel=1e-8)
+
+
+def test_twenty_one_constants_are_read_in_abaqus_order(tmp_path):
+    from antiosc.fem.readers.decks import abaqus_assembly
+    from antiosc.fem.readers.decks.abaqus_sections import materials_of
+
+    path = tmp_path / "a.inp"
+    rows = "1,2,3,4,5,6,7,8\n9,10,11,12,13,14,15,16\n17,18,19,20,21"
+    path.write_text(f"*NODE\n1,0,0,0\n*MATERIAL,NAME=A\n*ELASTIC,TYPE=ANISOTROPIC\n{rows}\n")
+    whole = abaqus_assembly.read(path, "a.inp")
+    found, _ = materials_of([card for card, _ in whole.cards])
+    C = found["A"].stiffness
+    # D1111, D1122, D3333, then D1112 and D1212, D2323
+    assert [C[0, 0], C[0, 1], C[2, 2], C[0, 5], C[5, 5], C[3, 3]] == [1, 2, 6, 7, 10, 21]
+    np.testing.assert_array_equal(C, C.T)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"E": (1e9, -1, 1)}, "each of E must be > 0"),
+        ({"nu": (4, 4, 4)}, "strain energy of these constants is not positive"),
+        ({"axes": [(1, 0, 0), (1, 1, 0)]}, "perpendicular"),
+        ({"axes": [(1, 0, 0), (0, 1, 0), (0, 0, -1)]}, "right-handed"),
+        ({"axes": [(0, 0, 0), (1, 1, 0)]}, "zero vector"),
+        ({"rho": 0}, "rho must be > 0"),
+    ],
+)
+def test_bad_constants_are_refused(change, message):
+    with pytest.raises(ao.InputError, match=message):
+        ao.AnisotropicSolid.orthotropic(**{**WOOD, "rho": 500.0, **change})
+    with pytest.raises(ao.InputError, match="must be symmetric"):
+        ao.AnisotropicSolid(np.triu(np.ones((6, 6))), 1.0)
+    with pytest.raises(ao.InputError, match="positive definite"):
+        ao.AnisotropicSolid(-np.eye(6), 1.0)
+
+
+def test_a_patch_on_it_is_refused():
+    part = ao.Structure(parts.box(), ao.AnisotropicSolid.orthotropic(**WOOD, rho=500.0))
+    tip = part.mesh.dolfinx.geometry.x.max(axis=0) * [1, 0.5, 0.5]
+    with pytest.raises(ao.InputError, match="leave radius=None"):
+        ao.extract(part, ao.Site(tip, (-1, 0, 0), radius=0.02), n=2)
