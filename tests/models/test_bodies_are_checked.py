@@ -1,4 +1,4 @@
-"""What models, motions and charts refuse, each in one sentence; fields of a body of several sites."""
+"""Refusals of models, motions and charts in one sentence; fields of a body of several sites."""
 
 from __future__ import annotations
 

@@ -1,0 +1,50 @@
+"""The bound on what the truncated modes do to Z: their mass on poles above the last known one."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("dolfinx")
+
+from antiosc.fem.extraction import oscillators, site_oscillators
+
+pytestmark = pytest.mark.fem
+
+TOP = 4e6
+X = (np.linspace(2e2, 3e3, 60) * (1 + 0.01j)) ** 2
+
+
+def found(m0, complete=False):
+    return SimpleNamespace(
+        poles=np.array([1e5, TOP]), modes=SimpleNamespace(complete=complete), m0=m0
+    )
+
+
+def effect(m, pole):
+    """Z with m on a pole less Z with m at the site: ω⁴ m/(p − ω²)."""
+    return np.abs(X**2 * m / (pole - X))
+
+
+@pytest.mark.parametrize("pole", [TOP, 1.3 * TOP, 5 * TOP, 1e12])
+def test_no_truncated_mode_does_more(pole):
+    bound = oscillators.left_out(found(0.3))(X)
+    assert (effect(0.3, pole) <= bound * (1 + 1e-12)).all()
+    if pole == TOP:  # below the last pole it is the least bound
+        below = X.real < TOP
+        np.testing.assert_allclose(effect(0.3, pole)[below], bound[below], rtol=1e-12)
+
+
+def test_several_sites_by_the_largest_mass():
+    root = np.array([[1.0, 0.3], [0.2, 0.6]])
+    bound = site_oscillators.left_out(found(root @ root.T))(X)
+    largest = np.linalg.eigvalsh(root @ root.T).max()
+    np.testing.assert_allclose(bound, oscillators.left_out(found(largest))(X), rtol=1e-12)
+
+
+@pytest.mark.parametrize("module", [oscillators, site_oscillators])
+def test_nothing_is_left_out_of_all_modes(module):
+    m0 = 0.3 if module is oscillators else 0.3 * np.eye(2)
+    assert not module.left_out(found(m0, complete=True))(X).any()
