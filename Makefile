@@ -1,6 +1,6 @@
 # Every target sets up what it needs, once; `make help` lists them.
 .DEFAULT_GOAL := help
-.PHONY: help setup demo article bench decks test check check-cores mutants test-trixie test-sid memcheck lint fmt clean
+.PHONY: help setup demo article bench decks test check check-cores mutants test-trixie test-sid test-newest memcheck lint fmt clean
 
 PYTHON := .venv/bin/python
 READY  := .venv/ready
@@ -51,6 +51,9 @@ test-trixie: ## all tests in a tree of Debian 13 (needs root or sudo; ANTIOSC_CH
 
 test-sid: ## all tests in a tree of Debian sid, likewise
 	.ci/debian sid
+
+test-newest: ## what needs NumPy and SciPy alone, on the newest Python, NumPy and SciPy to be had
+	.ci/newest
 
 mutants: $(READY) ## random breaks of the source, and which of them `make check` catches; COUNT=10 SEED=0
 	$(PYTHON) tests/mutants.py --count $(or $(COUNT),10) --seed $(or $(SEED),0)

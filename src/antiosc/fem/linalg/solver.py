@@ -53,8 +53,9 @@ class Solver(ABC):
         algebra.declare_definite(A)
         with one_thread():  # but for factors that are worth more
             self._set_up()
-        seconds = time.perf_counter() - started
-        log.info("%s of %d dofs: %.1f s", type(self).__name__, algebra.size(A), seconds)
+        #: what the set-up took
+        self.seconds = time.perf_counter() - started
+        log.info("%s of %d dofs: %.1f s", type(self).__name__, algebra.size(A), self.seconds)
 
     @abstractmethod
     def _set_up(self) -> None:

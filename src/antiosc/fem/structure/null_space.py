@@ -41,14 +41,15 @@ REFINEMENTS = 4
 FAR = 0.1
 
 
-def of_matrices(K: Any, M: Any, given: Array | None) -> tuple[Array, float]:
-    """(M-orthonormal null vectors of K (rows of this rank, r), shift in rad²/s²).
+def of_matrices(K: Any, M: Any, given: Array | None) -> tuple[Array, float, Solver | None]:
+    """(M-orthonormal null vectors of K (rows of this rank, r), shift in rad²/s², solver of K).
 
-    `given` is a basis of K's null space, if known.
+    The solver is None for a singular K. `given` is a basis of K's null space, if known.
     """
     comm, n = communicator(K), algebra.rows(K)
-    if given is None and not _singular(comm, K):
-        return np.zeros((n, 0)), 0.0
+    regular = _regular(comm, K) if given is None else None
+    if regular is not None:
+        return np.zeros((n, 0)), 0.0, regular
     # Block inverse iteration, first far below the top of the spectrum; then again from the
     # elastic value that it finds, so that the shift sits where the modes are.
     shift = 1e-7 * frequency(K, M)
@@ -83,11 +84,11 @@ def of_matrices(K: Any, M: Any, given: Array | None) -> tuple[Array, float]:
         )
     for _ in range(REFINEMENTS):
         found = found - factor.solve_block(multiply(K, found))
-    return orthonormal(comm, M, found), shift
+    return orthonormal(comm, M, found), shift, None
 
 
-def _singular(comm: MPI.Comm, K: Any) -> bool:
-    """Whether K has a null vector: then it does not factor, or a solve blows up along it."""
+def _regular(comm: MPI.Comm, K: Any) -> Solver | None:
+    """A solver of K; None for a null vector: K does not factor, or a solve blows up along it."""
     n = algebra.rows(K)
     try:
         factor = _solver(K)
@@ -95,9 +96,9 @@ def _singular(comm: MPI.Comm, K: Any) -> bool:
         for _ in range(3):
             x = factor.solve_checked(x / norm(comm, x))
     except AntioscError:
-        return True
+        return None
     X = x[:, None]
-    return bool(softness(K, X, multiply(K, X))[0] < _rigid(K) * 1e-3)
+    return None if softness(K, X, multiply(K, X))[0] < _rigid(K) * 1e-3 else factor
 
 
 def _rigid(K: Any) -> float:

@@ -211,11 +211,15 @@ class Structure:
         given = None
         if rigid_modes is not None:
             given = array("rigid_modes", rigid_modes, (algebra.rows(stiffness), None))
-        modes, shift = null_space.of_matrices(stiffness, mass, given)
+        modes, shift, factor = null_space.of_matrices(stiffness, mass, given)
         self = object.__new__(Structure)
         parts = stiffness, mass, fixed, modes, shift
         matrices = StructureMatrices(*parts) if rows is None else NodalMatrices(*parts, map=rows)
         self._hold(matrices, started)
+        if factor is not None:  # it has shown that K is regular
+            self._factored = factor, 0.0
+            self.seconds["assembly"] -= factor.seconds
+            self.seconds["factorization"] = factor.seconds
         return self
 
     def _hold(self, matrices: StructureMatrices, started: float) -> None:
