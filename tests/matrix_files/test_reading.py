@@ -144,6 +144,22 @@ def test_a_site_is_a_node_and_its_dof(form, tmp_path):
         ao.extract(part, ao.Site(node=20, dof="rx"))
 
 
+@pytest.mark.parametrize("coordinates", [False, True])
+def test_several_sites_at_nodes(coordinates):
+    """k0 and Z of two sites, a node's dof and a slanted direction, are those of the matrices."""
+    given = LABELS
+    if coordinates:
+        given = np.column_stack([LABELS, 0.01 * LABELS[:, :1], 0 * LABELS])
+    part = ao.Structure.from_matrices(K, M, map=given, backend="scipy")
+    sites = {"a": ao.Site(node=20, dof="z"), "b": ao.Site(node=40, direction=(1, 1, 0))}
+    model = ao.extract(part, sites, n=12, tol=1e-14)
+    B = np.column_stack([unit(5), (unit(9) + unit(10)) / np.sqrt(2)])
+    np.testing.assert_allclose(model.k0, np.linalg.inv(B.T @ np.linalg.solve(K, B)), rtol=1e-9)
+    Z = np.linalg.inv(B.T @ np.linalg.solve(K - 250.0**2 * M, B))
+    np.testing.assert_allclose(model.dynamic_stiffness(250.0), Z, rtol=1e-7)
+    assert bool(model.info["points"]) == coordinates
+
+
 def test_supports_by_nodes_are_rows_left_out(tmp_path):
     part = ao.Structure.from_files(
         *frame_files(tmp_path), map=LABELS, supports={10: "all", 30: ["x", "z"], 40: "y"}

@@ -42,18 +42,20 @@ def functional_on_nodes(structure: Structure, site: Site) -> Functional | None:
     if site.node is not None and site.direction is None:
         b = np.zeros(structure.size)
         component = cast(int, site.dof)
-        b[matrices.map.row(site.node, component)] = 1.0
+        row = matrices.map.row(site.node, component)
+        b[row] = 1.0
         direction = np.eye(3)[component - 1] if 1 <= component <= 3 else None
-        return _checked(structure, b, f"node {site.node}", None, direction)
+        return _checked(structure, b, f"node {site.node}", _place(matrices, row), direction)
     if site.direction is None:
         return None
     direction = np.zeros(3)
     direction[: len(site.direction)] = site.direction
     direction /= np.linalg.norm(direction)
     if site.node is not None:
-        nodes, weights, at = np.array([site.node]), np.ones(1), None
-        if not (matrices.map.node == site.node).any():
+        own = np.flatnonzero(matrices.map.node == site.node)
+        if not len(own):
             raise InputError(f"node {site.node} is not in the matrices' map of nodes and dofs.")
+        nodes, weights, at = np.array([site.node]), np.ones(1), _place(matrices, own[0])
         label = f"node {site.node}"
         if site.radius is not None:
             raise InputError("a patch needs a point: Site(point=…, direction=…, radius=…).")
@@ -101,6 +103,12 @@ def _checked(
     if float(np.linalg.norm(b)) <= LEAST_FREE_SHARE * whole or not whole:
         raise InputError(constrained(label))
     return Functional(b, radius, 0.0, at, direction)
+
+
+def _place(matrices: NodalMatrices, row: int) -> Array | None:
+    """The point of the node of a row, where it is known."""
+    point = matrices.map.points[row]
+    return point if np.isfinite(point).all() else None
 
 
 def _at_point(
