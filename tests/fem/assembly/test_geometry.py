@@ -99,7 +99,9 @@ def test_common_polygons_have_the_area_of_common_points(v, w):
 
 def test_a_square_in_a_larger_one_and_beside_it():
     square = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
-    cases = np.stack([square, square + [0.5, 0.25], square + [3, 0], 0.5 * square + 0.2])
+    cases = np.stack(
+        [square, square + np.array([0.5, 0.25]), square + np.array([3, 0]), 0.5 * square + 0.2]
+    )
     vertices, count = overlaps.clipped(cases, np.stack([square] * 4))
     found = [area(vertices[k, :c]) if c > 2 else 0.0 for k, c in enumerate(count)]
     assert found == pytest.approx([1, 0.5 * 0.75, 0, 0.25])
