@@ -40,6 +40,15 @@ def test_files_without_labels(write, half, tmp_path):
     assert pair.labels is None
 
 
+def test_the_last_dof_may_have_no_mass(tmp_path):
+    """Abaqus's coordinate format does not say how many rows there are."""
+    light = M.copy()
+    light[-1, -1] = 0.0
+    abaqus_coordinates(tmp_path / "K.mtx", K)
+    abaqus_coordinates(tmp_path / "M.mtx", light)
+    assert abs(read_pair(tmp_path / "K.mtx", tmp_path / "M.mtx").M.toarray() - light).max() == 0
+
+
 @pytest.mark.parametrize("half", [True, False])
 def test_abaqus_files_name_their_dofs(half, tmp_path):
     mixed = np.random.default_rng(0).permutation(len(K))  # M's rows stand in another order

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -64,6 +66,14 @@ def test_written_matrices_read_again(model, name, tol, tmp_path):
     if p == 1:
         assert again.k0 == pytest.approx(model.k0, rel=1e-9)
         np.testing.assert_allclose(again.omega, model.omega, rtol=1e-8)
+
+
+def test_rigid_motions_that_hardly_move_the_sites_are_dofs_of_their_own():
+    sliding = replace(TWO, slide=[[0.2, 0.0, 0.1], [-0.1, 0.0, 0.3]])
+    own = sliding.to_matrices()
+    Z = np.asarray(sliding.dynamic_stiffness(OMEGA))
+    assert len(own.K) == 7
+    np.testing.assert_allclose(condensed(own.K, own.M, 2), Z, rtol=1e-9, atol=1e-9 * abs(Z).max())
 
 
 def test_a_free_model_and_a_massless_site():

@@ -47,4 +47,4 @@ def read(source: Source) -> Entries:
     size = int(max(row.max(), column.max())) + 1
     if triangle is None:
         triangle = one_triangle(source.name, row, column, size)
-    return Entries(source.name, row, column, table[:, 2], size, triangle)
+    return Entries(source.name, row, column, table[:, 2], size, triangle, counted=False)

@@ -25,6 +25,7 @@ class Entries:
     size : number of rows
     triangle : whether the file holds one triangle of a symmetric matrix
     labels : (size, 2) node and component of each row, where the file names them
+    counted : whether the file says how many rows there are; otherwise `size` is the last row named
     """
 
     source: str
@@ -34,6 +35,7 @@ class Entries:
     size: int
     triangle: bool
     labels: Labels | None = None
+    counted: bool = True
 
     def matrix(self) -> scipy.sparse.csr_matrix:
         """The matrix; entries that stand twice are added."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse
@@ -50,7 +50,8 @@ def read_pair(
     if names is not None:
         pair = checks.text("names", pair[0]), checks.text("names", pair[1])
     K, M = _one(stiffness, "K", pair[0]), _one(mass, "M", pair[1])
-    labels = None
+    labels, most = None, max(K.size, M.size)
+    K, M = (one if one.counted else replace(one, size=most) for one in (K, M))
     if K.labels is not None and M.labels is not None:
         labels, M = K.labels, _on(K, M)
     elif K.size != M.size:
@@ -59,10 +60,10 @@ def read_pair(
         )
     else:
         labels = M.labels if K.labels is None else K.labels
-    most = len(K.value) + len(M.value)
-    if K.size > most:
+    count = len(K.value) + len(M.value)
+    if K.size > count:
         raise InputError(
-            f"{K.source} has {K.size:g} rows, but K and M together have {most} entries: "
+            f"{K.source} has {K.size:g} rows, but K and M together have {count} entries: "
             "most dofs have neither stiffness nor mass; is the file complete?"
         )
     return Pair(K.matrix(), M.matrix(), labels)

@@ -52,10 +52,10 @@ def functional_on_nodes(structure: Structure, site: Site) -> Functional | None:
     direction[: len(site.direction)] = site.direction
     direction /= np.linalg.norm(direction)
     if site.node is not None:
-        own = np.flatnonzero(matrices.map.node == site.node)
-        if not len(own):
+        rows = np.flatnonzero(matrices.map.node == site.node)
+        if not len(rows):
             raise InputError(f"node {site.node} is not in the matrices' map of nodes and dofs.")
-        nodes, weights, at = np.array([site.node]), np.ones(1), _place(matrices, own[0])
+        nodes, weights, at = np.array([site.node]), np.ones(1), _place(matrices, rows[0])
         label = f"node {site.node}"
         if site.radius is not None:
             raise InputError("a patch needs a point: Site(point=…, direction=…, radius=…).")
