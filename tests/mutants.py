@@ -275,7 +275,7 @@ def first_failure(
                 shutil.rmtree(folder, ignore_errors=True)
     if run.returncode in (0, 5):  # 5: no test there
         return ""
-    told = [line for line in output if line.startswith(("FAILED", "ERROR"))]
+    told = [line for line in output if line.startswith(("FAILED tests", "ERROR tests"))]
     if told:
         return told[0].split(" - ")[0]
     return "a test that hangs" if run.returncode < 0 else f"pytest ended with {run.returncode}"

@@ -108,8 +108,8 @@ ABAQUS = {
     ),
     "few constants": (CUBE + SOLID + PLY.replace(",1E9,1E9,1E9", ""), "needs 6 constants; it has"),
     "hyperelastic": (
-        CUBE + SOLID + MATERIAL.replace("*ELASTIC", "*ELASTIC,TYPE=ANISO"),
-        "TYPE=ANISO is not supported",
+        CUBE + SOLID + MATERIAL.replace("*ELASTIC", "*ELASTIC,TYPE=COUPLED TRACTION"),
+        "TYPE=COUPLED TRACTION is not supported",
     ),
     "singular stiffness": (
         CUBE + SOLID + "*MATERIAL,NAME=M\n*ELASTIC,TYPE=ORTHO\n1,1,1,1,1,1,1,1,\n1\n",
@@ -149,7 +149,7 @@ ABAQUS = {
     "axes without points": (composite(AXES), "as RECTANGULAR, by two points"),
     "no plane": (composite(AXES + "1,0,0,2,0,0\n"), "give no plane"),
     "turn about 1": (composite(AXES + "1,0,0,0,1,0\n1,30\n"), "rotation about 3 only"),
-    "layers in a solid": (CUBE + SOLID + PLY, "is not isotropic, but solids must be"),
+    "layers in a solid": (CUBE + SOLID + PLY, "is given for layers alone, in plane stress, and cannot"),
     "mass beside the part": (
         WHOLE.replace("*ELEMENT", "9,0,0,0\n*ELEMENT", 1)
         + "*ELEMENT,TYPE=MASS,ELSET=Q\n9,9\n*MASS,ELSET=Q\n1.\n",
