@@ -149,7 +149,7 @@ ABAQUS = {
     "axes without points": (composite(AXES), "as RECTANGULAR, by two points"),
     "no plane": (composite(AXES + "1,0,0,2,0,0\n"), "give no plane"),
     "turn about 1": (composite(AXES + "1,0,0,0,1,0\n1,30\n"), "rotation about 3 only"),
-    "layers in a solid": (CUBE + SOLID + PLY, "is given for layers alone, in plane stress, and cannot"),
+    "layers in a solid": (CUBE + SOLID + PLY, "is given for layers alone, in plane"),
     "mass beside the part": (
         WHOLE.replace("*ELEMENT", "9,0,0,0\n*ELEMENT", 1)
         + "*ELEMENT,TYPE=MASS,ELSET=Q\n9,9\n*MASS,ELSET=Q\n1.\n",
