@@ -28,6 +28,7 @@ from antiosc.fem.assembly.layout import TURNS, Layout, Member, Sparse
 from antiosc.fem.assembly.placement import Placement, placement
 from antiosc.fem.assembly.shared_nodes import SharedNodes
 from antiosc.fem.assembly.supports import support_rows
+from antiosc.fem.assembly.wide import nested_basis
 from antiosc.fem.linalg.algebra import communicator, multiply
 from antiosc.fem.linalg.scaling import force_ratios
 from antiosc.fem.linalg.solver import Choice, checked_choice
@@ -155,12 +156,14 @@ def put_together(
     for one in _attachments(attached):
         elastic += attachment(layout, one)
     _check_joined(layout, rows, elastic)
-    eliminated = eliminate(rows, held, scale)
+    everything = stacked([*(r.matrix for r in rows), *(e.G for e in elastic)], layout.count)
+    basis = nested_basis(everything, held, layout.places)
+    eliminated = eliminate(rows, held, scale, basis)
     _tell_redundant(layout, eliminated.redundant)
     fixed = np.flatnonzero(eliminated.dependent)
     if len(fixed) == layout.count:
         raise InputError("supports and joints hold every dof of the assembly: nothing moves.")
-    added = _added(layout, elastic)
+    added = Added(elastic, eliminated.T)
     K, M = reduced(layout, eliminated, added)
     stretches = [scipy.sparse.csr_matrix(one.strains) @ one.G for one in elastic]
     C = stacked([*(r.matrix for r in rows), *stretches], layout.count)
@@ -171,7 +174,7 @@ def put_together(
         K = without_stiffness(eliminated)
     self = object.__new__(Structure)
     matrices = AssembledMatrices(
-        K, M, fixed, modes, shift, solver, layout=layout, T=eliminated.T, added=added
+        K, M, fixed, modes, shift, solver, layout=layout, eliminated=eliminated, added=added
     )
     self._hold(matrices, started)
     return self
@@ -280,17 +283,6 @@ def _scale(layout: Layout) -> Array:
     return scale
 
 
-def _added(layout: Layout, elastic: Sequence[Stiffness]) -> Added:
-    """The sum of what joints and attachments add to K_b and M_b."""
-    K, M = (scipy.sparse.csr_matrix((layout.count,) * 2) for _ in range(2))
-    for one in elastic:
-        K = K + one.G.T @ scipy.sparse.csr_matrix(one.k) @ one.G
-        M = M + one.G.T @ scipy.sparse.csr_matrix(one.m) @ one.G
-    translations = motions.rigid_motions(layout, np.zeros(3))[:, :3]
-    inertia = M @ translations
-    return Added(K.tocsr(), M.tocsr(), sum(one.mass for one in elastic), np.asarray(inertia))
-
-
 def _tell_redundant(layout: Layout, redundant: Sequence[Redundant]) -> None:
     comm = _comm(layout)
     for label, others, count in redundant:
@@ -344,8 +336,7 @@ def _modes(
     moving: Sequence[motions.Loose],
 ) -> tuple[Array, float]:
     """(M-orthonormal motions without strain, first shift)."""
-    found = np.hstack([rigid, mechanisms])
-    found[eliminated.dependent] = 0.0
+    found = eliminated.coordinates(np.hstack([rigid, mechanisms]))
     comm = communicator(K)
     modes = orthonormal(comm, M, found)
     if modes.shape[1] < found.shape[1]:
@@ -370,8 +361,7 @@ def _modes(
         )
     if modes.shape[1] == np.count_nonzero(~eliminated.dependent):
         return modes, 1.0  # any will do
-    fields = motions.fields(layout)
-    fields[eliminated.dependent] = 0.0
+    fields = eliminated.coordinates(motions.fields(layout))
     return modes, SHIFT * rigid_body_modes.first_elastic(comm, K, M, fields, modes)
 
 

@@ -12,33 +12,47 @@ import scipy.sparse
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from antiosc._types import Array, Box
+from antiosc._types import Array, BoolArray, Box
 from antiosc.checks import array
 from antiosc.errors import InputError
 from antiosc.fem.assembly.elimination import Eliminated
+from antiosc.fem.assembly.joint import Stiffness
 from antiosc.fem.assembly.layout import POINT_DOFS, Layout, Member, Sparse
 from antiosc.fem.assembly.motions import rigid_motions
+from antiosc.fem.assembly.wide import rounded
 from antiosc.fem.linalg.algebra import by_strains, multiply
 from antiosc.fem.linalg.petsc_algebra import PRODUCT, csr, from_csr
 from antiosc.fem.structure.matrices import StructureMatrices
 from antiosc.models.motion import Inertia
 
 
-@dataclass(frozen=True, eq=False)
 class Added:
     """What joints and attachments add to the matrices of the parts.
 
     Attributes
     ----------
-    K, M : (n, n) in u.
+    K, M : (n, n) in q.
     mass : total mass, kg.
-    inertia : (n, 3) M e of the added masses for unit accelerations e along x, y, z.
     """
 
-    K: Sparse
-    M: Sparse
-    mass: float
-    inertia: Array
+    def __init__(self, elastic: Sequence[Stiffness], T: Sparse) -> None:
+        self._elastic = [(one, rounded(one.G @ T)) for one in elastic]
+        self.mass = float(sum(one.mass for one in elastic))
+        self.K = sum((_square(G, one.k) for one, G in self._elastic), Sparse(T.shape)).tocsr()
+        self.M = sum((_square(G, one.m) for one, G in self._elastic), Sparse(T.shape)).tocsr()
+
+    def inertial_loads(self, motions: Array) -> tuple[Array, Array]:
+        """(M r in q (n, j), rᵀ M r (j, j)) of the masses for motions r of u (n, j)."""
+        loads, energies = np.zeros(motions.shape), np.zeros((motions.shape[1],) * 2)
+        for one, G in self._elastic:
+            moved = one.G @ motions
+            loads += G.T @ (one.m @ moved)
+            energies += moved.T @ one.m @ moved
+        return loads, energies
+
+
+def _square(G: Sparse, k: Array) -> Sparse:
+    return G.T @ scipy.sparse.csr_matrix(k) @ G
 
 
 @dataclass(eq=False)
@@ -50,15 +64,20 @@ class AssembledMatrices(StructureMatrices):
     Attributes
     ----------
     layout : the parts in their places.
-    T : (n, n), u = T q; the columns of dependent dofs are empty.
+    eliminated : T and the dofs that depend on others.
     added : what joints and attachments add.
     """
 
     layout: Layout = field(kw_only=True)
-    T: Sparse = field(kw_only=True)
+    eliminated: Eliminated = field(kw_only=True)
     added: Added = field(kw_only=True)
 
     assembled: ClassVar[bool] = True
+
+    @property
+    def T(self) -> Sparse:
+        """(n, n), u = T q; the columns of dependent dofs are empty."""
+        return self.eliminated.T
 
     @property
     def comm(self) -> MPI.Comm:
@@ -84,11 +103,11 @@ class AssembledMatrices(StructureMatrices):
     def uniform_inertia(self, direction: Array) -> Array:
         """Me on the rows of this rank for e, a unit uniform motion along `direction` (3,)."""
         direction = array("direction", direction, (3,))
-        load = self.added.inertia @ direction
+        moving = rigid_motions(self.layout, np.zeros(3))[:, :3] @ direction
+        load = np.zeros(self.layout.count)
         for member in self.layout.members.values():
-            own = member.part.uniform_inertia(member.at.rotation.T @ direction)
-            load[member.rows] += own
-        return np.asarray(self.T.T @ load)
+            load[member.rows] = member.part.uniform_inertia(member.at.rotation.T @ direction)
+        return np.asarray(self.T.T @ load + self.added.inertial_loads(moving[:, None])[0][:, 0])
 
     @cached_property
     def rigid_inertia(self) -> tuple[Inertia, Array] | None:
@@ -97,20 +116,18 @@ class AssembledMatrices(StructureMatrices):
             return None
         point = (self.layout.low + self.layout.high) / 2
         motions = rigid_motions(self.layout, point)
-        loads = self.added.M @ motions
-        S = motions.T @ loads
+        added, S = self.added.inertial_loads(motions)
+        loads = np.zeros(motions.shape)
         for member in self.layout.members.values():
-            own = member.part.inertial_loads(motions[member.rows])
-            loads[member.rows] += own
-            S += motions[member.rows].T @ own
-        return Inertia(point, (S + S.T) / 2, np.zeros((0, 6))), np.asarray(self.T.T @ loads)
+            loads[member.rows] = member.part.inertial_loads(motions[member.rows])
+            S += motions[member.rows].T @ loads[member.rows]
+        return Inertia(point, (S + S.T) / 2, np.zeros((0, 6))), np.asarray(self.T.T @ loads + added)
 
     @property
     def rigid_motions(self) -> Array:
         """Rigid-body motions of the unsupported assembly (n, r)."""
         point = (self.layout.low + self.layout.high) / 2
-        motions = rigid_motions(self.layout, point)
-        motions[self.fixed] = 0.0
+        motions = self.eliminated.coordinates(rigid_motions(self.layout, point))
         return motions[:, np.abs(motions).max(axis=0) > 0]
 
     def describe(self, dofs: int) -> str:
@@ -154,9 +171,11 @@ def reduced(layout: Layout, eliminated: Eliminated, added: Added) -> tuple[PETSc
     members = list(layout.members.values())
     block = int(np.gcd.reduce([POINT_DOFS if layout.points else 0, *(m.block for m in members)]))
     parts = [m.part for m in members]
-    K = _projected(layout, eliminated, [csr(p.K) for p in parts], added.K)
-    M = _projected(layout, eliminated, [csr(p.M) for p in parts], added.M)
+    K = _projected(layout, eliminated, [csr(p.K) for p in parts]) + added.K
+    M = (_projected(layout, eliminated, [csr(p.M) for p in parts]) + added.M).tocsr()
     K = (K + scipy.sparse.diags(eliminated.dependent.astype(float))).tocsr()
+    K.sort_indices()
+    M.sort_indices()
     K, M = (from_csr(name, matrix) for name, matrix in (("K", K), ("M", M)))
     for matrix in (K, M):
         matrix.setBlockSizes(block, block)
@@ -170,19 +189,15 @@ def without_stiffness(eliminated: Eliminated) -> PETSc.Mat:
     return from_csr("K", scipy.sparse.diags(eliminated.dependent.astype(float)).tocsr())
 
 
-def _projected(
-    layout: Layout, eliminated: Eliminated, blocks: Sequence[Sparse], added: Sparse
-) -> Sparse:
-    """Tᵀ (blocks + added) T.
+def _projected(layout: Layout, eliminated: Eliminated, blocks: Sequence[Sparse]) -> Sparse:
+    """Tᵀ (blocks) T.
 
     With E, the identity on the dofs that stay, and D, the rows of T of those that do not, this is
     E K E + E K D + Dᵀ K E + Dᵀ K D: but for the first the products are small.
     """
     K = _side_by_side(blocks, layout.count)
-    if added.nnz:
-        K = (K + added).tocsr()
-    stays = (~eliminated.dependent).astype(float)
-    which = np.flatnonzero(eliminated.dependent)
+    same = _unchanged(eliminated.T)
+    stays, which = same.astype(float), np.flatnonzero(~same)
     D = eliminated.T[which]
     forces = (K[which].T @ D).tocsr()  # K symmetric
     across = (scipy.sparse.diags(stays) @ forces).tocsr()
@@ -193,6 +208,16 @@ def _projected(
     result.eliminate_zeros()
     result.sort_indices()
     return result
+
+
+def _unchanged(T: Sparse) -> BoolArray:
+    """Which dofs of u are dofs of q (n,)."""
+    count = T.shape[0]
+    row = np.repeat(np.arange(count), np.diff(T.indptr))
+    own = (np.diff(T.indptr)[row] == 1) & (T.indices == row) & (T.data == 1.0)
+    same = np.zeros(count, dtype=bool)
+    same[row[own]] = True
+    return same
 
 
 def _side_by_side(blocks: Sequence[Sparse], count: int) -> Sparse:
@@ -217,9 +242,9 @@ def _product(layout: Layout, eliminated: Eliminated, added: Added) -> Callable[[
 
     def product(x: Array) -> Array:
         u = T @ x
-        force = added.K @ u
+        force = np.zeros(u.shape)
         for member in layout.members.values():
             force[member.rows] += multiply(member.part.K, u[member.rows])
-        return np.asarray(back @ force + kept @ x)
+        return np.asarray(back @ force + added.K @ x + kept @ x)
 
     return product

@@ -19,6 +19,7 @@ import scipy.sparse.csgraph
 from antiosc._types import Array, BoolArray, IntArray
 from antiosc.errors import AccuracyError, InputError
 from antiosc.fem.assembly.layout import Sparse
+from antiosc.fem.assembly.wide import rounded
 
 #: A row of which less than this share is left beside earlier rows follows from them.
 DEPENDENT = 1e-9
@@ -67,11 +68,19 @@ class Eliminated:
     T : (n, n), u = T q; the columns of dependent dofs are empty.
     dependent : (n,) which dofs are not in q, those that are held included.
     redundant : joints with rows that follow from those of other joints.
+    basis : the orthogonal change of basis in T, if any.
     """
 
     T: Sparse
     dependent: BoolArray
     redundant: list[Redundant]
+    basis: Sparse | None = None
+
+    def coordinates(self, u: Array) -> Array:
+        """q of motions u (n, k) that satisfy the constraints."""
+        q = np.array(u if self.basis is None else self.basis.T @ u)
+        q[self.dependent] = 0.0
+        return q
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +100,9 @@ class _System:
         return ", ".join(dict.fromkeys(self.labels[k] or "the supports" for k in self.owner[rows]))
 
 
-def eliminate(rows: Sequence[Rows], held: BoolArray, scale: Array) -> Eliminated:
+def eliminate(
+    rows: Sequence[Rows], held: BoolArray, scale: Array, basis: Sparse | None = None
+) -> Eliminated:
     """Solve the constraints for dependent dofs.
 
     Parameters
@@ -99,18 +110,23 @@ def eliminate(rows: Sequence[Rows], held: BoolArray, scale: Array) -> Eliminated
     rows : constraints of all joints, the supports first.
     held : (n,) dofs that are zero.
     scale : (n,) typical size of each dof: 1 for displacements, 1/length for rotations.
+    basis : (n, n), orthogonal; then T = basis · T', and T' is what the constraints determine.
     """
     n = len(held)
     C = scipy.sparse.vstack([Sparse((0, n)), *(r.matrix for r in rows)]).tocsr()
+    pivot = np.concatenate([np.zeros(0, dtype=int), *(r.pivot for r in rows)])
+    if basis is not None:
+        C = rounded((C @ basis).tocsr())
+        alone = np.append(np.diff(basis.indptr) == 1, True)  # pivot[-1] stays
+        pivot = np.where(alone[pivot], pivot, -1)
     C = _without(C, held, scale)
     kept = np.flatnonzero(np.diff(C.indptr))
     involved = np.unique(C.indices)
     number = np.full(n + 1, -1)  # number[-1], of no dof, is -1
     number[involved] = np.arange(len(involved))
-    pivot = np.concatenate([np.zeros(0, dtype=int), *(r.pivot for r in rows)])[kept]
     owner = np.repeat(np.arange(len(rows)), [r.matrix.shape[0] for r in rows])[kept]
     labels = [r.label for r in rows]
-    system = _System(C[kept][:, involved], number[pivot], owner, labels, scale[involved])
+    system = _System(C[kept][:, involved], number[pivot[kept]], owner, labels, scale[involved])
     own, dependent, redundant = _solved(system)
     _check(system, own)
     free = ~held
@@ -129,7 +145,9 @@ def eliminate(rows: Sequence[Rows], held: BoolArray, scale: Array) -> Eliminated
     )
     marked = held.copy()
     marked[involved[dependent]] = True
-    return Eliminated(T, marked, redundant)
+    if basis is not None:
+        T = (basis @ T).tocsr()
+    return Eliminated(T, marked, redundant, basis)
 
 
 def _without(C: Sparse, held: BoolArray, scale: Array) -> Sparse:

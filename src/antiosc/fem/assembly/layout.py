@@ -150,6 +150,16 @@ class Layout:
         """Functionals that are zero."""
         return scipy.sparse.csr_matrix((count, self.count))
 
+    @property
+    def places(self) -> Array:
+        """Coordinates (n, 3) of the node of each dof of u [m]."""
+        x = np.zeros((self.count, 3))
+        for member in self.members.values():
+            x[member.rows] = np.repeat(member.nodes, member.block, axis=0)
+        for name, point in self.points.items():
+            x[self.of_point(name)] = point
+        return x
+
     # -- motions as functionals: row 3 p + c is component c of point p, in the assembly's axes
 
     def at_points(
