@@ -120,6 +120,8 @@ def read_mesh(
     cells: Wanted = None,
     unit: str | float | None = None,
     merge: float | None = None,
+    solid: bool = False,
+    fragments: bool = False,
     trust: bool = False,
     timeout: float | None = None,
     comm: MPI.Comm = MPI.COMM_WORLD,
@@ -162,6 +164,12 @@ def read_mesh(
         Of the coordinates in a finished mesh or deck: "m", "mm", "cm", "in", or metres per unit.
     merge
         Nodes of a finished mesh or deck that are no further apart than this, m, become one.
+    solid
+        Fill the closed surface of an STL file with tetrahedra (`size`, and `unit`, for STL has
+        none). Without it the triangles are a sheet; `merge` joins their corners.
+    fragments
+        Cut the solids of a STEP or BREP assembly at each other, so that they share nodes where they
+        touch. Solids are groups by their names.
     trust
         Let a `.geo` include other files, run programs and write files; read the options (`.opt`)
         beside a file. Only for files whose author you know.
@@ -185,6 +193,8 @@ def read_mesh(
     """
     _check(size, gdim, order, refine)
     _check_choice(cells, trust, timeout)
+    flag("solid", solid)
+    flag("fragments", fragments)
     units = None if unit is None else UnitSystem.of(unit)
     if merge is not None:
         positive("merge", merge, "m")
@@ -215,8 +225,10 @@ def read_mesh(
             timeout=timeout,
             unit=units,
             merge=merge,
+            solid=solid,
+            fragments=fragments,
         )
-        made_here = file.suffix.lower() in GEOMETRY
+        made_here = file.suffix.lower() in GEOMETRY or solid
         return sound(flattened(raw, gdim, file.name), file.name, made_here)
 
     raw = on_root(comm, work)

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from antiosc.errors import MeshError
 from antiosc.fem.readers.by_gmsh import GEOMETRY, SCRIPTS
+from antiosc.fem.readers.cad import CAD
 from antiosc.fem.readers.isolation import read_apart
 from antiosc.fem.readers.merging import merged
 from antiosc.fem.readers.neutral import KINDS, FileMesh, RawMesh, kind_of, of_dimension
@@ -43,9 +44,12 @@ def read(
     timeout: float | None = None,
     unit: UnitSystem | None = None,
     merge: float | None = None,
+    solid: bool = False,
+    fragments: bool = False,
 ) -> RawMesh:
     """Read or mesh the file `path`; see `antiosc.read_mesh`."""
-    content = _content(path, size, order, refine, trust, timeout, unit, merge, None)
+    cad = {"solid": solid, "fragments": fragments}
+    content = _content(path, size, order, refine, trust, timeout, unit, merge, None, **cad)
     return selected(content, cells, order, path.name)
 
 
@@ -97,10 +101,18 @@ def _content(
     unit: UnitSystem | None,
     merge: float | None,
     model: ModelOptions | None,
+    solid: bool = False,
+    fragments: bool = False,
 ) -> FileMesh:
     """All that the file holds; `model`: materials, sections, supports and joints of a deck too."""
     suffix = path.suffix.lower()
-    geometry = suffix in GEOMETRY
+    geometry = suffix in GEOMETRY or solid
+    if solid and suffix != ".stl":
+        raise MeshError(f"solid=True fills the closed surface of an .stl file; got {path.name}.")
+    if fragments and suffix not in CAD:
+        raise MeshError(
+            f"fragments=True joins the solids of CAD files ({', '.join(CAD)}); got {path.name}."
+        )
     if geometry and size is None and suffix not in SCRIPTS:
         raise MeshError(
             f"{path.name} is a geometry, not a mesh: give the element size in metres, "
@@ -111,7 +123,8 @@ def _content(
             f"{path.name} is a finished mesh: size= and refine= apply to geometry files only "
             f"({', '.join(GEOMETRY)})."
         )
-    if geometry and (unit is not None or merge is not None):
+    unfit = merge is not None and suffix not in CAD
+    if geometry and ((unit is not None and not solid) or unfit):
         raise MeshError(
             f"{path.name} is a geometry: unit= and merge= apply to finished meshes and decks "
             "(STEP files state their own unit)."
@@ -125,9 +138,15 @@ def _content(
     options = {
         "unit": [unit.length, unit.force],
         "model": model,
-        "size": None if size is None else float(size),
+        # an STL file has no unit: its sizes are in those of its coordinates
+        "size": None if size is None else float(size) / unit.length,
         "order": order,
-        "refine": [([float(c) for c in point], float(local)) for point, local in refine],
+        "refine": [
+            ([float(c) / unit.length for c in point], float(local) / unit.length)
+            for point, local in refine
+        ],
+        "solid": solid,
+        "fragments": fragments,
         "trust": trust,
     }
     timeout = None if timeout is None else float(timeout)  # for JSON, as the size

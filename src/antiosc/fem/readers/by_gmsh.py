@@ -10,6 +10,7 @@ from __future__ import annotations
 import inspect
 import shutil
 from collections.abc import Sequence
+from dataclasses import replace
 from math import log, sqrt
 from pathlib import Path
 from typing import Any
@@ -19,12 +20,13 @@ from numpy.typing import NDArray
 
 from antiosc.errors import MeshError, MissingDependencyError
 from antiosc.fem.readers import geo_script
+from antiosc.fem.readers.cad import CAD, Names, fill, groups_of, named_solids, opened
 from antiosc.fem.readers.mixed import CELLS, as_carried, known
 from antiosc.fem.readers.neutral import FileMesh, IntArray
 from antiosc.fem.readers.request import Request
 
 SCRIPTS = (".geo", ".geo_unrolled")
-GEOMETRY = (*SCRIPTS, ".step", ".stp", ".brep", ".iges", ".igs")
+GEOMETRY = (*SCRIPTS, *CAD)
 #: First words of gmsh's mesh files; gmsh executes any other file as a script.
 HEADERS = (b"$MeshFormat", b"$Comments", b"$NOD", b"$NOE", b"$PARA", b"$ELM", b"$PTS")
 #: Sizes grow away from a refined point by this much per unit of distance.
@@ -110,10 +112,21 @@ def _through_gmsh(ask: Request, path: Path) -> FileMesh:
     gmsh = _session()
     ask.seal()
     try:
-        gmsh.open(str(path))
-        if Path(ask.path).suffix.lower() != ".msh":
+        scale = opened(gmsh, str(path))
+        if scale != 1:
+            sizes = [([c / scale for c in point], local / scale) for point, local in ask.refine]
+            ask = replace(ask, size=ask.size and ask.size / scale, refine=sizes)
+        suffix = Path(ask.path).suffix.lower()
+        names = {}
+        if ask.solid:
+            fill(gmsh, ask)
+        elif suffix in CAD:
+            names = named_solids(gmsh, ask.fragments, ask.name)
+        if suffix != ".msh":
             _generate(gmsh, ask)
-        return _arrays(gmsh, ask.name)
+        found = _arrays(gmsh, ask.name, names)
+        found.points *= scale
+        return found
     except MeshError:
         raise
     except Exception as error:
@@ -134,7 +147,6 @@ def _session() -> Any:
     options = {"interruptible": False} if newer else {}
     gmsh.initialize(["antiosc"], readConfigFiles=False, **options)
     gmsh.option.setNumber("General.Terminal", 0)
-    gmsh.option.setString("Geometry.OCCTargetUnit", "M")
     return gmsh
 
 
@@ -146,7 +158,8 @@ def _generate(gmsh: Any, ask: Request) -> None:
     if dim < 1:
         raise MeshError(f"{ask.name} contains no geometry (curves, surfaces or volumes).")
     _check_sizes(gmsh, ask)
-    wanted = ask.order if ask.order is not None else (1 if dim == 1 else 2)
+    # facets are flat: middle nodes off them would bend the part
+    wanted = ask.order if ask.order is not None else (1 if dim == 1 or ask.solid else 2)
     gmsh.option.setNumber("Mesh.ElementOrder", 1)  # for the coarse meshes of `_mesh_coarsely`
     ask.allow(600)
     if ask.size is not None:
@@ -285,8 +298,11 @@ def _graded_field(gmsh: Any, point: Sequence[float], local: float, size: float |
 # --- Arrays ---------------------------------------------------------------------------------------
 
 
-def _arrays(gmsh: Any, name: str) -> FileMesh:
-    """All cells, entity after entity, and the physical groups of gmsh's current model."""
+def _arrays(gmsh: Any, name: str, names: Names) -> FileMesh:
+    """All cells, entity after entity, and the groups of gmsh's current model.
+
+    `names`: of solids that are groups besides the physical ones.
+    """
     tags, coordinates, _ = gmsh.model.mesh.getNodes()
     by_tag = np.argsort(tags).astype(np.int64)
     sorted_tags = np.asarray(tags)[by_tag]
@@ -312,7 +328,8 @@ def _arrays(gmsh: Any, name: str) -> FileMesh:
             blocks.setdefault(label, []).append(part)
             rows.setdefault((dim, tag), {})[label] = np.arange(start, count[label])
     cells = {label: np.vstack(parts) for label, parts in blocks.items()}
-    found = FileMesh(points, cells, "gmsh", _groups(gmsh, rows, name), aids=True)
+    groups = _groups(gmsh, rows, name)
+    found = FileMesh(points, cells, "gmsh", groups_of(names, rows) | groups, aids=bool(groups))
     return as_carried(found, name)
 
 

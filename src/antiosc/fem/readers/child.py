@@ -46,7 +46,7 @@ def _in_a_fork(asked, nowhere):  # type: ignore[no-untyped-def]
     from antiosc.fem.readers.table import library_of
 
     with contextlib.suppress(ImportError):  # the reader raises an error if it is missing
-        importlib.import_module(library_of(asked["path"]))
+        importlib.import_module(library_of(asked["path"], asked.get("solid", False)))
     reading, writing = os.pipe()
     pid = os.fork()
     if pid == 0:
@@ -106,7 +106,7 @@ def _read(ask):  # type: ignore[no-untyped-def]
     from antiosc.fem.readers.table import reader_of
 
     try:
-        return packed(reader_of(ask.path)(ask))
+        return packed(reader_of(ask.path, ask.solid)(ask))
     except AntioscError as error:
         return {"error": type(error).__name__, "message": str(error)}, []
     except MemoryError:

@@ -28,6 +28,10 @@ class Request:
     order: int | None = None
     #: points with their element sizes, m; geometry only
     refine: Sequence[Refinement] = ()
+    #: fill a closed surface
+    solid: bool = False
+    #: cut the solids of an assembly at each other, so that they share nodes
+    fragments: bool = False
     #: whether all commands of gmsh are permitted
     trust: bool = False
     #: time limit, s; None: chosen for the kind of file

@@ -28,14 +28,16 @@ READERS: dict[str, Reader] = {
 }
 
 
-def reader_of(path: str | Path) -> Reader:
-    """The reader of a file, by its extension."""
+def reader_of(path: str | Path, solid: bool = False) -> Reader:
+    """The reader of a file, by its extension; `solid`: a surface to be filled."""
+    if solid:
+        return by_gmsh.generate
     return READERS.get(Path(path).suffix.lower(), by_meshio.read)
 
 
-def library_of(path: str | Path) -> str:
+def library_of(path: str | Path, solid: bool = False) -> str:
     """The library that the reader of a file needs; it is imported once for all files."""
-    reader = reader_of(path)
+    reader = reader_of(path, solid)
     if reader is by_meshio.read:
         return "meshio"
     return "gmsh" if reader in (by_gmsh.read, by_gmsh.generate) else "numpy"
