@@ -84,7 +84,9 @@ def extract(
         `accuracy`.
     accuracy : float
         Largest |ΔZ|/|Z| over the band, at 1 % damping. `info["band"]["error_bound"]` is the bound
-        that was reached, including truncation and rounding.
+        that was reached, including truncation and rounding. Of several sites: the largest relative
+        error of their displacements under any forces, in units in which their compliances are the
+        identity, ‖H ΔZ‖₂, from `info["band"]["bottom"]` [rad/s] on.
     shapes : bool
         Store the shapes, from which displacement fields are computed, n + 1 vectors for each site.
 
