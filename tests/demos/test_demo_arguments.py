@@ -15,17 +15,20 @@ FEM = pytest.mark.fem
 BAD = {
     "cholmod_or_mumps": {"--sizes": ("x", "0"), "--sites": ("0",), "--rounds": ("0",)},
     "composite_panel": {"--length": ("x", "-1", "nan", "0"), "--elements": ("1.5", "0")},
+    "drop_on_corners": {"--height": ("0", "x"), "--n": ("0",), "--size": ("-1",)},
     "fidelity": {"--fine": ("x", "0", "-1", "inf"), "--cases": ("x", ""), "--n": ("0", "2.5")},
     "free_modes": {"--sizes": ("x", "0"), "--counts": ("0", "1.5"), "--rounds": ("0",)},
     "fuzz": {"--scenes": ("0", "x"), "--seed": ("-1", "x"), "--budget": ("0",)},
     "fuzz_scenes": {"--scenes": ("0", "x"), "--first": ("-1",), "--budget": ("0",)},
     "impact_map": {"--size": ("0", "x"), "--radius": ("-1",), "--check": ("-1",)},
     "impact_on_bracket": {"--size": ("x", "0"), "--n": ("-1", "x"), "--velocity": ("nan",)},
+    "oblique_blow": {"--angles": ("", "10,x", "-1"), "--friction": ("0",), "--n": ("1.5",)},
     "plate_impact": {"--inelasticities": ("", "0.1,x", "0"), "--sizes": ("2,-3",), "--n": ("0",)},
     "shell_size": {"--elements": ("", "3,x", "0"), "--n": ("x",)},
     "speed_accuracy": {"--sizes": ("x", "0")},
     "stability": {"--most": ("0",), "--counts": ("x",), "--decades": ("-1",), "--fine": ("1.5",)},
     "stiffened_panel": {"--skin": ("0", "x"), "--n": ("0",), "--duration": ("1e99",)},
+    "tube_between_stops": {"--gaps": ("", "1,-2"), "--duration": ("nan",)},
     "work_precision": {"--repeats": ("0",), "--scenes": ("x",)},
 }
 LIGHT = {"fuzz", "fuzz_scenes", "stability", "work_precision"}
