@@ -15,6 +15,7 @@ factor, of A + σM.
 from __future__ import annotations
 
 import logging
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 import scipy.linalg.blas
@@ -25,10 +26,12 @@ from antiosc.fem.linalg import memory, solver_choice
 from antiosc.fem.linalg.algebra import gathered, multiply, sum_of
 from antiosc.fem.linalg.cholmod import Cholesky
 from antiosc.fem.linalg.petsc_algebra import csr, lower
-from antiosc.fem.linalg.solver import Factorization
+from antiosc.fem.linalg.solver import Factorization, Solver
 from antiosc.fem.linalg.solvers import OnOneRank
 from antiosc.fem.mpi import agree, on_root, warn
-from antiosc.fem.structure.structure import Structure
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 #: Loads that go through the tree together: few enough that they share their branch.
 LOADS_PER_WALK = 64
@@ -42,8 +45,21 @@ SHIFT_STEP = 1e-3
 log = logging.getLogger(__name__)
 
 
+class Factored(Protocol):
+    """What is needed of a `Structure`: its matrices on a communicator, and the factor of K + sM."""
+
+    K: Any
+    M: Any
+
+    @property
+    def comm(self) -> MPI.Comm: ...
+    @property
+    def shift(self) -> float: ...
+    def factorize(self) -> Solver: ...
+
+
 def deflections(
-    structure: Structure, loads: scipy.sparse.csr_matrix, omega: Array, b: Array
+    structure: Factored, loads: scipy.sparse.csr_matrix, omega: Array, b: Array
 ) -> tuple[Array, Array]:
     """(bᵀy [m/N], yᵀMy [kg m²/N²]) of y = (K + shift M)⁻¹b for every load, on every rank.
 
@@ -65,7 +81,7 @@ def deflections(
     return C, b**2 @ (1 / x**2) + np.maximum(rest, 0.0) * np.clip(slow, 0.0, 1 / x[-1])
 
 
-def _room(structure: Structure) -> bool:
+def _room(structure: Factored) -> bool:
     """Whether the additional factors fit in memory besides that of the structure."""
     solver, comm = structure.factorize(), structure.comm
     if not isinstance(solver, Factorization) or solver_choice.cholmod_refused(comm):
@@ -83,9 +99,7 @@ def _room(structure: Structure) -> bool:
     return True
 
 
-def _twice(
-    structure: Structure, loads: scipy.sparse.csr_matrix, step: float
-) -> tuple[Array, Array]:
+def _twice(structure: Factored, loads: scipy.sparse.csr_matrix, step: float) -> tuple[Array, Array]:
     """bᵀ(K + sM)⁻¹b of every load for the structure's shift s, and for s + `step`.
 
     On several ranks each of the two is computed on its own rank, with a factor of the whole matrix.
@@ -109,7 +123,7 @@ def _twice(
     return comm.bcast(found, root=0), comm.bcast(found, root=1)
 
 
-def _by_solves(structure: Structure, loads: scipy.sparse.csr_matrix) -> tuple[Array, Array]:
+def _by_solves(structure: Factored, loads: scipy.sparse.csr_matrix) -> tuple[Array, Array]:
     """The same with one solve for each load."""
     count = loads.shape[1]
     C, G = np.zeros(count), np.zeros(count)
