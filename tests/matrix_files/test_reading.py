@@ -90,6 +90,16 @@ def test_dmig(style, tol, tmp_path):
     np.testing.assert_array_equal(pair.labels, LABELS)
 
 
+def test_dofs_without_mass_are_not_in_the_file_of_m(tmp_path):
+    massless = np.array([0, 4, 7])
+    light = M.copy()
+    light[massless], light[:, massless] = 0.0, 0.0
+    abaqus_labels(tmp_path / "K.mtx", K, LABELS)
+    abaqus_labels(tmp_path / "M.mtx", light, LABELS)
+    pair = read_pair(tmp_path / "K.mtx", tmp_path / "M.mtx")
+    assert abs(pair.M.toarray() - light).max() == 0
+
+
 def test_matrices_are_chosen_by_name(tmp_path):
     both = {"A1": K, "KGG": 2 * K, "KAA": K, "MAA": M}
     op4_binary(tmp_path / "km.op4", both, "bigmat")
@@ -178,6 +188,10 @@ def test_supports_by_nodes_are_rows_left_out(tmp_path):
     k, b = K[np.ix_(left, left)], unit(5)[left]
     model = ao.extract(part, ao.Site(node=20, dof="z"), n=4)
     assert model.k0 == pytest.approx(1 / (b @ np.linalg.solve(k, b)), rel=1e-11)
+    moving = k - 250.0**2 * M[np.ix_(left, left)]
+    model = ao.extract(part, ao.Site(node=20, dof="z"), n=8, tol=1e-14)
+    stiff = 1 / (b @ np.linalg.solve(moving, b))
+    assert model.dynamic_stiffness(250.0) == pytest.approx(stiff, rel=1e-9)
     with pytest.raises(ao.InputError, match="node 10 is fixed by supports"):
         ao.extract(part, ao.Site(node=10, dof="x"))
     for bad, says in (({11: "all"}, "node 11 is not"), ({10: "w"}, "dof must be one of")):
