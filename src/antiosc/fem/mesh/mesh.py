@@ -135,11 +135,11 @@ def read_mesh(
     ----------
     source
         A Gmsh mesh (`.msh`), a geometry that gmsh meshes (`.geo`, `.step`, `.brep`, `.iges`;
-        STEP's own length unit is converted to metres), a deck of Abaqus, CalculiX (`.inp`) or
-        Nastran (`.bdf`, `.nas`, `.fem`), any other file that meshio reads, or a dolfinx mesh.
-        Coordinates are metres (see `unit`). Wedges, pyramids and mixed volumes are cut
-        into tetrahedra, quadrilaterals beside triangles into triangles, and cells of 8 and 20
-        nodes get those that they lack.
+        CAD files' own length unit is converted to metres), a deck of Abaqus, CalculiX (`.inp`) or
+        Nastran (`.bdf`, `.nas`, `.fem`), a universal file (`.unv`), any other file that meshio
+        reads, or a dolfinx mesh. Coordinates are metres (see `unit`). Wedges, pyramids and mixed
+        volumes are cut into tetrahedra, quadrilaterals beside triangles into triangles, and cells
+        of 8 and 20 nodes get those that they lack.
     size
         Largest element size in m; geometry files only (needed unless a `.geo` sets its own).
     gdim

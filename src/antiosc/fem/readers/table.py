@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from antiosc.fem.readers import by_deck, by_gmsh, by_meshio
+from antiosc.fem.readers import by_deck, by_gmsh, by_meshio, by_unv
 from antiosc.fem.readers.neutral import FileMesh
 from antiosc.fem.readers.request import Request
 
@@ -24,6 +24,7 @@ DECKS: dict[str, Reader] = {
 READERS: dict[str, Reader] = {
     ".msh": by_gmsh.read,
     **DECKS,
+    ".unv": by_unv.read,
     **dict.fromkeys(by_gmsh.GEOMETRY, by_gmsh.generate),
 }
 
