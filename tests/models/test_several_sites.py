@@ -220,5 +220,8 @@ def test_a_model_of_several_sites_needs_a_scene():
     model = ao.AntiOscillators(**WHOLE)
     with pytest.raises(ao.InputError, match="has the sites a, b: pose its impact as a Scene"):
         ao.simulate(model, ao.RigidMass(1.0, 1.0), ao.Hertz(1e9), 1e-3)
+    for study in (ao.choose_n, ao.truncation_error):
+        with pytest.raises(ao.InputError, match="has the sites a, b"):
+            study(model, lambda model, tol: None)
     with pytest.raises(ao.InputError, match=r"one site: modal\(\)"):
         ao.AntiOscillators(m0=1.0, k0=1.0, m=[], omega=[]).site_modes()

@@ -22,6 +22,7 @@ import numpy as np
 from antiosc import checks
 from antiosc.errors import InputError
 from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.body import checked_body
 from antiosc.simulation.history import History
 
 #: simulates the impact on a model with a given time integration error
@@ -153,6 +154,7 @@ def _hung(model: AntiOscillators, next_omega: float | None) -> AntiOscillators:
 def _check(model: AntiOscillators, run: Run) -> None:
     if not isinstance(model, AntiOscillators):
         raise InputError(f"only AntiOscillators can be truncated; model is {checks.shown(model)}.")
+    checked_body("model", model)  # of one site
     checks.function("run", run, "a function run(model, tol) that returns a History")
 
 
