@@ -34,6 +34,7 @@ from antiosc.fem.extraction.ritz_basis import BASIS_STEP, Remainder, RitzBasis
 from antiosc.fem.extraction.static_mode import StaticMode
 from antiosc.fem.structure.structure import Structure
 from antiosc.models import driving_point as bands
+from antiosc.progress import doing
 
 #: The largest number of steps is STEPS_PER_ONE times the number of anti-oscillators wanted, plus
 #: MORE: some pairs may have no share in Z (at a site of symmetry rounding introduces as many
@@ -146,16 +147,21 @@ def by_krylov(
     done: dict[int, tuple[Modes, Remainder | None]] = {}
     if band is None:
         done = {i: (run.modes(0), None) for i, run in enumerate(runs) if counts[i] == 0}
-    while len(done) < len(runs):
-        active = [i for i in range(len(runs)) if i not in done]
-        shapes = structure.factorize().solve_block(np.column_stack([runs[i].load for i in active]))
-        for i, w in zip(active, shapes.T, strict=True):
-            runs[i].advance(w)
-            kept = _finished(runs[i], counts[i], tol, band, accuracy)
-            if kept is not None:
-                done[i] = runs[i].modes(kept), None if band is None else runs[i].remainder(kept)
-                runs[i].release()
-        log.debug("Krylov step: %d of %d sites done", len(done), len(runs))
+    with doing("extracting anti-oscillators", structure.comm.rank) as further:
+        step = 0
+        while len(done) < len(runs):
+            step += 1
+            further(f"step {step}, about {max(counts)}; {len(done)} of {len(runs)} sites done")
+            active = [i for i in range(len(runs)) if i not in done]
+            loads = np.column_stack([runs[i].load for i in active])
+            shapes = structure.factorize().solve_block(loads)
+            for i, w in zip(active, shapes.T, strict=True):
+                runs[i].advance(w)
+                kept = _finished(runs[i], counts[i], tol, band, accuracy)
+                if kept is not None:
+                    done[i] = runs[i].modes(kept), None if band is None else runs[i].remainder(kept)
+                    runs[i].release()
+            log.debug("Krylov step: %d of %d sites done", len(done), len(runs))
     return [done[i] for i in range(len(runs))]
 
 

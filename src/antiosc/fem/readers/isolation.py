@@ -16,6 +16,7 @@ import numpy as np
 from antiosc.errors import AntioscError, MeshError, MissingDependencyError
 from antiosc.fem.readers import server
 from antiosc.fem.readers.neutral import FileMesh, unpacked
+from antiosc.progress import doing
 
 #: Least address space of a reader, bytes; gmsh and its libraries need a tenth of it.
 LEAST_MEMORY = 2 * 2**30
@@ -45,7 +46,8 @@ def read_apart(
         if options["trust"]:  # a trusted script may refer to files in the working folder
             folder = os.getcwd()
         place = {"path": str(path.absolute()), "name": path.name, "folder": folder}
-        code, answer = server.ask({**options, **place, "timeout": timeout, "memory": memory})
+        with doing(f"{'meshing' if geometry else 'reading'} {path.name}"):
+            code, answer = server.ask({**options, **place, "timeout": timeout, "memory": memory})
     if code != 0:
         raise _broken_off(path.name, code, memory)
     return _answer(path.name, answer, memory)

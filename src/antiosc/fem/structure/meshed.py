@@ -28,6 +28,7 @@ from antiosc.fem.structure.materials import divided, parts_of
 from antiosc.fem.structure.matrices import StructureMatrices
 from antiosc.fem.structure.support import NO_DOFS, Support, fixed_dofs
 from antiosc.models.motion import Inertia
+from antiosc.progress import doing
 
 
 @dataclass(eq=False)
@@ -163,8 +164,9 @@ def assembled(
     tell_of_units(mesh.extent(), [*(one for one, _ in parts), *stiffeners])
     form = parts[0][0].weak_form(mesh, parts, order)
     conditions = fixed_dofs(mesh, form, supports)
-    K = compat.assemble(form.stiffness, form.space, conditions, 1.0)
-    M = compat.assemble(form.mass, form.space, conditions, 0.0)
+    with doing(f"assembly of {mesh.n_cells} cells", mesh.comm.rank):
+        K = compat.assemble(form.stiffness, form.space, conditions, 1.0)
+        M = compat.assemble(form.mass, form.space, conditions, 0.0)
     fixed = np.unique(np.concatenate([NO_DOFS, *conditions.values()]))
     free = compat.local_size(form.space) - int((fixed < compat.local_size(form.space)).sum())
     if mesh.comm.allreduce(free) == 0:

@@ -29,6 +29,7 @@ from antiosc.fem.structure.nodal import NodalMatrices
 from antiosc.matrix_files.dof_map import DofMap, dof_map, rows_of
 from antiosc.matrix_files.reading import read_pair
 from antiosc.models.motion import Inertia
+from antiosc.progress import doing
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -254,13 +255,14 @@ class Structure:
         if self._factored is None:
             started = time.perf_counter()
             shift = self.matrices.first_shift
-            factor = self._solver_of(shift)
-            for _ in range(CLOSER if self.rigid_modes.shape[1] else 0):
-                better = null_space.closer_shift(factor, self.K, self.M, self.rigid_modes)
-                if better >= null_space.FAR * shift:
-                    break
-                shift = better
+            with doing(f"factorization of {self.dofs} dofs", self.comm.rank):
                 factor = self._solver_of(shift)
+                for _ in range(CLOSER if self.rigid_modes.shape[1] else 0):
+                    better = null_space.closer_shift(factor, self.K, self.M, self.rigid_modes)
+                    if better >= null_space.FAR * shift:
+                        break
+                    shift = better
+                    factor = self._solver_of(shift)
             self.seconds["factorization"] = time.perf_counter() - started
             self._factored = factor, shift
         return self._factored[0]
