@@ -57,7 +57,9 @@ def test_every_law(law: ao.ContactLaw, method: str) -> None:
         one, other = exact[pair], hit[pair]
         assert other.impulse == pytest.approx(one.impulse, rel=3e-3)
         assert other.peak_force == pytest.approx(one.peak_force, rel=3e-3)
-        np.testing.assert_allclose(other.contacts, one.contacts, atol=2e-6)
+        # without events a contact's ends are known to a step
+        h = np.diff(hit.time).max() if method in STEPS else 0.0
+        np.testing.assert_allclose(other.contacts, one.contacts, rtol=0, atol=h + 2e-6)
 
 
 @pytest.mark.parametrize("method", [*STEPS, "DOP853"])

@@ -143,6 +143,13 @@ class AntiOscillators(Body):
 
     def _check_one(self) -> None:
         """Check and store the parameters of one site."""
+        for name in ("columns", "dependence", "rigid", "slide"):
+            given = getattr(self, name)
+            if not (given is None or (isinstance(given, dict) and not given)):
+                raise InputError(
+                    f"{name} belongs to a model of several sites: give its P and the names of its "
+                    "sites too."
+                )
         m = _column("m", self.m)
         omega = _column("omega", self.omega)
         if m.shape != omega.shape:

@@ -62,6 +62,7 @@ def integrate(
         raise InputError(f"tol is a relative error, 0 < tol < 1; got {tol:g}.")
     checks.whole("max_contacts", max_contacts)
     checks.whole("max_steps", max_steps)
+    checks.instance("method", method, str, "'exact' or the name of an integrator")
     assembly = assemble(scene, duration)
     start(assembly)
     try:

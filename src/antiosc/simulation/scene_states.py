@@ -29,7 +29,8 @@ def located(run: Run, t: Array) -> tuple[Index, Array]:
     close = 1e-13 * float(run.time[-1])  # what is meant as a node is one
     step = np.searchsorted(starts, t + close, side="right") - 1
     step = np.clip(step, 0, max(starts.size - 1, 0))
-    return step, np.asarray(np.maximum(t - run.time[2 * step], 0.0))
+    since = t - run.time[2 * step]
+    return step, np.where(since > close, since, 0.0)
 
 
 def forces(run: Run, step: Index, since: Array) -> Array:
