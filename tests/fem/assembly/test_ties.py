@@ -62,6 +62,63 @@ def test_constant_shear_passes_through_a_tie_between_held_sides():
         assert np.abs(u[member.rows][0::3] - STRAIN * member.nodes[:, 1]).max() < 1e-11 * STRAIN
 
 
+@pytest.mark.parametrize("order", [1, 2])
+def test_constant_stress_passes_where_four_parts_meet(order):
+    """Four squares with four meshes, tied along all four lines that they share."""
+    material = ao.Solid(E, NU, 2700.0, plane="stress")
+    cells, counts = [QUAD, TRI, QUAD, TRI], [(2, 2), (3, 3), (4, 3), (2, 5)]
+    parts = {}
+    for k, (i, j) in enumerate([(0, 0), (1, 0), (0, 1), (1, 1)]):
+        mesh = box((i, j), (i + 1, j + 1), counts[k], cells[k])
+        rolls = [ao.Support("x0", "x")] * (i == 0) + [ao.Support("y0", "y")] * (j == 0)
+        parts[f"p{i}{j}"] = ao.Structure(mesh, material, rolls, order=order)
+    plate = ao.assemble(parts, [
+        ao.Tie("p00:x1", "p10:x0"), ao.Tie("p01:x1", "p11:x0"),
+        ao.Tie("p00:y1", "p01:y0"), ao.Tie("p10:y1", "p11:y0"),
+    ])  # fmt: skip
+    traction = np.array([E * STRAIN, 0.0])
+    u = sum(pulled(plate, part, "x1", traction) for part in ("p10", "p11"))
+    for member in plate.layout.members.values():
+        exact = STRAIN * member.nodes[:, :2] * [1.0, -NU]
+        assert np.abs(u[member.rows].reshape(-1, 2) - exact).max() < 1e-11 * 2 * STRAIN
+
+
+@pytest.mark.filterwarnings("ignore:[0-9]+ constraints:antiosc.errors.AntioscWarning")
+def test_a_tie_of_faces_that_follow_other_joints():
+    """A face that is rigid leads; two rigid faces become one rigid body."""
+    block = ao.Structure(box((0, 0, 0), (1, 1, 1), (2, 2, 2)), SOLID, order=1)
+    parts, place = {"a": block, "b": block}, {"b": (1, 0, 0)}
+    tie = ao.Tie("a:x1", "b:x0")
+    once = ao.assemble(parts, [tie, ao.Rigid("b:x0")], place)
+    twice = ao.assemble(parts, [tie, ao.Rigid("a:x1"), ao.Rigid("b:x0")], place)
+    for pair in (once, twice):
+        assert pair.dofs == 2 * 3 * (27 - 9) + 6
+        assert pair.rigid_modes.shape[1] == 6
+    assert eigenfrequencies(once, 9)[6:] == pytest.approx(eigenfrequencies(twice, 9)[6:], rel=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("order", [1, 2])
+def test_a_tie_converges_as_the_coarser_of_its_sides(order):
+    """The first elastic frequency of a free plate of two parts, beside either mesh alone."""
+    material = ao.Solid(E, NU, 2700.0, plane="stress")
+
+    def squared(structure):
+        return eigenfrequencies(structure, 4)[3] ** 2
+
+    exact = squared(ao.Structure(box((0, 0), (2, 1), (20, 10), QUAD), material))
+    for n in (2, 4, 6):
+        left = ao.Structure(box((0, 0), (1, 1), (n, n), QUAD), material, order=order)
+        right = ao.Structure(box((1, 0), (2, 1), (n + 1, n + 1), TRI), material, order=order)
+        tied = ao.assemble({"left": left, "right": right}, [ao.Tie("left:x1", "right:x0")])
+        alone = [
+            ao.Structure(box((0, 0), (2, 1), counts, cell), material, order=order)
+            for counts, cell in (((2 * n, n), QUAD), ((2 * n + 2, n + 1), TRI))
+        ]
+        error, *others = (abs(squared(one) / exact - 1) for one in (tied, *alone))
+        assert error < 1.02 * max(others)
+
+
 @pytest.mark.parametrize("turned", [False, True])
 def test_a_tie_keeps_mass_and_rigid_motions(turned):
     """A free bar of two parts, the second one made elsewhere and brought to its place."""

@@ -285,8 +285,11 @@ def _scale(layout: Layout) -> Array:
 
 def _tell_redundant(layout: Layout, redundant: Sequence[Redundant]) -> None:
     comm = _comm(layout)
-    for label, others, count in redundant:
-        rest = [name for name in others if name != label]
+    for label in dict.fromkeys(label for label, _, _ in redundant):
+        own = [(others, count) for name, others, count in redundant if name == label]
+        count = sum(times for _, times in own)
+        rest = [name for name in dict.fromkeys(n for names, _ in own for n in names)
+                if name != label]  # fmt: skip
         if rest:
             warn(
                 comm,

@@ -171,11 +171,9 @@ def reduced(layout: Layout, eliminated: Eliminated, added: Added) -> tuple[PETSc
     members = list(layout.members.values())
     block = int(np.gcd.reduce([POINT_DOFS if layout.points else 0, *(m.block for m in members)]))
     parts = [m.part for m in members]
-    K = _projected(layout, eliminated, [csr(p.K) for p in parts]) + added.K
-    M = (_projected(layout, eliminated, [csr(p.M) for p in parts]) + added.M).tocsr()
-    K = (K + scipy.sparse.diags(eliminated.dependent.astype(float))).tocsr()
-    K.sort_indices()
-    M.sort_indices()
+    diagonal = scipy.sparse.diags(eliminated.dependent.astype(float)).tocsr()
+    K = _projected(layout, eliminated, [csr(p.K) for p in parts], added.K + diagonal)
+    M = _projected(layout, eliminated, [csr(p.M) for p in parts], added.M)
     K, M = (from_csr(name, matrix) for name, matrix in (("K", K), ("M", M)))
     for matrix in (K, M):
         matrix.setBlockSizes(block, block)
@@ -189,21 +187,26 @@ def without_stiffness(eliminated: Eliminated) -> PETSc.Mat:
     return from_csr("K", scipy.sparse.diags(eliminated.dependent.astype(float)).tocsr())
 
 
-def _projected(layout: Layout, eliminated: Eliminated, blocks: Sequence[Sparse]) -> Sparse:
-    """Tᵀ (blocks) T.
+def _projected(
+    layout: Layout, eliminated: Eliminated, blocks: Sequence[Sparse], added: Sparse
+) -> Sparse:
+    """Tᵀ (blocks) T + added.
 
-    With E, the identity on the dofs that stay, and D, the rows of T of those that do not, this is
-    E K E + E K D + Dᵀ K E + Dᵀ K D: but for the first the products are small.
+    With E, the identity on the dofs that stay, and D, the rows of T of those that do not, the first
+    is E K E + E K D + Dᵀ K E + Dᵀ K D: but for E K E the products are small.
     """
     K = _side_by_side(blocks, layout.count)
     same = _unchanged(eliminated.T)
-    stays, which = same.astype(float), np.flatnonzero(~same)
+    which = np.flatnonzero(~same)
     D = eliminated.T[which]
     forces = (K[which].T @ D).tocsr()  # K symmetric
-    across = (scipy.sparse.diags(stays) @ forces).tocsr()
+    across = (scipy.sparse.diags(same.astype(float)) @ forces).tocsr()
     inside = (D.T @ forces[which]).tocsr()
-    small = (across + across.T + (inside + inside.T) / 2).tocsr()
-    K.data *= stays[K.indices] * np.repeat(stays, np.diff(K.indptr))
+    small = (across + across.T + (inside + inside.T) / 2 + added).tocsr()
+    small.sum_duplicates()
+    for row in which:
+        K.data[K.indptr[row] : K.indptr[row + 1]] = 0.0
+    K.data[~same[K.indices]] = 0.0
     result = (K + small).tocsr()
     result.eliminate_zeros()
     result.sort_indices()
@@ -232,7 +235,9 @@ def _side_by_side(blocks: Sequence[Sparse], count: int) -> Sparse:
         np.concatenate(indices),
         np.concatenate([*pointers, rest]),
     )
-    return scipy.sparse.csr_matrix(parts, shape=(count, count))
+    result = scipy.sparse.csr_matrix(parts, shape=(count, count))
+    result.has_canonical_format = True  # as those of PETSc have: no search for duplicates
+    return result
 
 
 def _product(layout: Layout, eliminated: Eliminated, added: Added) -> Callable[[Array], Array]:

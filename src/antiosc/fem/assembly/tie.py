@@ -89,13 +89,18 @@ class Tie(Joint):
             Facets(*group_end(layout, name, end)) for name, end in (("a", self.a), ("b", self.b))
         ]
         common = self._common(layout, sides, label)
-        leads = _leader(sides, common)
-        follower, leader = sides[1 - leads], sides[leads]
-        if leads == 0:
-            common = common.turned()
         taken = held.copy()
         for rows in before:
             taken[rows.pivot[rows.pivot >= 0]] = True
+        leads = _leader(sides, common)
+        movable = [_movable(layout, side, common, k, taken) for k, side in enumerate(sides)]
+        if not any(movable):
+            taken = held  # both follow other joints: what is said twice is found later
+        elif not movable[1 - leads] and sides[0].dim == sides[1].dim:
+            leads = 1 - leads
+        follower, leader = sides[1 - leads], sides[leads]
+        if leads == 0:
+            common = common.turned()
         return _projection(layout, follower, leader, common, taken, label)
 
     def _common(self, layout: Layout, sides: Sequence[Facets], label: str) -> Overlap:
@@ -144,6 +149,18 @@ def _leader(sides: Sequence[Facets], common: Overlap) -> int:
     if abs(covered[0] - covered[1]) > EQUAL:
         return int(np.argmin(covered))
     return int(np.argmax([side.sizes.mean() for side in sides]))
+
+
+def _movable(layout: Layout, side: Facets, common: Overlap, number: int, taken: BoolArray) -> bool:
+    """Whether some displacement of a side (0 or 1 of `common`) is neither held nor led."""
+    phi = side.basis(common.face[number], common.xi[number])
+    nodes = np.flatnonzero(np.diff(phi.tocsc().indptr))
+    form = side.member.part.form
+    return any(
+        not taken[layout.dofs(side.member, nodes, name)].all()
+        for name in MOVES
+        if name in form.components
+    )
 
 
 def _projection(
