@@ -647,3 +647,17 @@ def test_the_compiled_march_gives_the_numbers_of_the_interpreted_one() -> None:
         assert a.answer == b.answer == march.DONE
         np.testing.assert_allclose(a.time, b.time, rtol=1e-7)
         np.testing.assert_allclose(a.force, b.force, atol=1e-6 * np.abs(a.force).max())
+
+
+def test_one_model_may_be_two_bodies():
+    """Each body has its own field, though both are one object."""
+    model = ao.AntiOscillators(m0=1.0, k0=1e6, m=[0.5], omega=[2000.0], shapes=np.ones((3, 2)))
+    hit = ao.Scene(
+        bodies={"struck": model, "far": model, "mass": ao.RigidMass(0.2, 1.0)},
+        contacts=[
+            ao.Contact("struck", "mass", ao.Linear(1e6)),
+            ao.Contact("far", "struck", ao.Linear(1e6), gap=1.0),
+        ],
+    ).run(1e-3)
+    assert np.all(hit.field(1e-3, "struck") > 1e-6)
+    np.testing.assert_array_equal(hit.field(1e-3, "far"), 0.0)

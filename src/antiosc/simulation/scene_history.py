@@ -264,30 +264,33 @@ class SceneHistory:
 
         "structure", if no body has this name, is the one that has displacement shapes.
         """
+        placed = self.assembly.bodies[self._name(body)]
+        if placed.modes is None:
+            raise InputError(f"{body!r} is a {type(placed.body).__name__}, which has no field.")
+        return placed.body, placed.modes
+
+    def _name(self, body: str) -> str:
+        """The name in the scene that `body` stands for, see `of`."""
         bodies = self.assembly.bodies
         checks.instance("body", body, str, "the name of a body")
         if body == "structure" and body not in bodies:
             shaped = [n for n, b in bodies.items() if b.modes is not None and b.modes.basis]
             if len(shaped) == 1:
-                body = shaped[0]
+                return shaped[0]
         if body not in bodies:
             raise InputError(
                 f"there is no body {body!r} in the scene: name one of {', '.join(bodies)}."
             )
-        placed = bodies[body]
-        if placed.modes is None:
-            raise InputError(f"{body!r} is a {type(placed.body).__name__}, which has no field.")
-        return placed.body, placed.modes
+        return body
 
     def coordinates(self, t: ArrayLike, body: str = "structure") -> Array:
         """The coordinates (n, C) of a body's model at times (n,) [s], (C,) at one time.
 
         They are those of its form in free modes (`of`).
         """
-        times = self._within(t)
-        model, own = self.of(body)
+        times, name = self._within(t), self._name(body)
+        _, own = self.of(name)
         a, (step, since) = self.assembly, located(self.run, times)
-        name = next(n for n, placed in a.bodies.items() if placed.body is model)
         q, _ = states(self.run, a.system, self._load, step, since)
         acting = self._pushes(times) - forces(self.run, step, since) @ a.G
         acting = acting[:, a.columns[name]]
