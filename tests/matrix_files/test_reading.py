@@ -134,7 +134,7 @@ def unit(row):
     return np.eye(len(K))[row]
 
 
-@pytest.mark.parametrize("form", ["array", "text", "ansys", "five"])
+@pytest.mark.parametrize("form", ["array", "text", "ansys", "five", "columns", "names"])
 def test_a_site_is_a_node_and_its_dof(form, tmp_path):
     files = frame_files(tmp_path)
     given = {
@@ -143,6 +143,8 @@ def test_a_site_is_a_node_and_its_dof(form, tmp_path):
         "ansys": "      Matrix Eqn     Node      DOF\n"
         + "".join(f"{k + 1:15d}{a:9d}     {['UX', 'UY', 'UZ'][b - 1]}\n"
                   for k, (a, b) in enumerate(LABELS)),
+        "columns": (LABELS[:, 0], LABELS[:, 1], np.zeros((len(K), 3))),
+        "names": (LABELS[:, 0].tolist(), np.array(["x", "uy", "T3"])[LABELS[:, 1] - 1]),
         "five": np.column_stack([LABELS, np.zeros((len(K), 3))]),
     }[form]  # fmt: skip
     if isinstance(given, str):
@@ -230,6 +232,9 @@ def test_a_map_that_does_not_fit_is_refused(tmp_path):
         (LABELS[:-1], "must have a row of node, dof"),
         (np.vstack([LABELS[:-1], LABELS[:1]]), "names one dof of a node twice"),
         (LABELS + 0.5, "must be whole numbers"),
+        ((LABELS[:, 0], LABELS[:-1, 1]), "map needs a dof for each of the 15 rows; got 14"),
+        ((LABELS[:, 0], "x"), "map needs a dof for each"),
+        ((LABELS[:-1, 0], LABELS[:, 1]), "the nodes of map"),
         (np.column_stack([np.zeros(15), LABELS]), "must number the rows from 1 to 15"),
         (np.full((15, 2), np.nan), "map"),
         ("nowhere.txt", "does not exist"),

@@ -107,7 +107,8 @@ def dof_map(given: Any, labels: Labels | None, size: int) -> DofMap | None:
     given : path, array_like or None
         A row for every row of the matrices: node, dof, or node, dof, x, y, z; in a file also
         row, node, dof, and the dof as a name (UX). Or a row for every node: node, x, y, z, for
-        matrices whose files name nodes and dofs.
+        matrices whose files name nodes and dofs. Or a tuple of columns, (nodes, dofs) or (nodes,
+        dofs, points (size, 3)), with dofs as numbers or names.
     labels : (size, 2) node and component that the files of the matrices name, or None
     size : rows of the matrices
     """
@@ -117,6 +118,8 @@ def dof_map(given: Any, labels: Labels | None, size: int) -> DofMap | None:
         return DofMap(labels[:, 0], labels[:, 1], np.full((size, 3), np.nan))
     if isinstance(given, str | os.PathLike):
         name, table = _table(Source(given))
+    elif isinstance(given, tuple) and 2 <= len(given) <= 3 and size > 3:
+        name, table = "map", _of_columns(given, size)
     else:
         name, table = "map", checks.array("map", given, (None, None))
     if table.shape[1] == 4:
@@ -140,6 +143,17 @@ def dof_map(given: Any, labels: Labels | None, size: int) -> DofMap | None:
         raise InputError(f"{name} names one dof of a node twice.")
     points = table[:, 2:] if table.shape[1] == 5 else np.full((size, 3), np.nan)
     return DofMap(own[:, 0], own[:, 1], points)
+
+
+def _of_columns(given: tuple[Any, ...], size: int) -> Array:
+    """Rows of node, dof and perhaps coordinates from columns."""
+    nodes = checks.array("the nodes of map", given[0], (size,))
+    dofs = given[1] if isinstance(given[1], list | tuple | np.ndarray) else [given[1]]
+    numbers = [component_of(dof.item() if isinstance(dof, np.generic) else dof) for dof in dofs]
+    if len(numbers) != size:
+        raise InputError(f"map needs a dof for each of the {size} rows; got {len(numbers)}.")
+    points = [checks.array("the points of map", one, (size, 3)) for one in given[2:]]
+    return np.column_stack([nodes, numbers, *points])
 
 
 def _with_nodes(name: str, table: Array, labels: Labels | None) -> DofMap:

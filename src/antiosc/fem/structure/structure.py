@@ -135,7 +135,8 @@ class Structure:
         rigid_modes : array_like (n, r), optional
             A basis of K's null space; found by itself where K is singular.
         map : array_like or path, optional
-            For each row of the matrices node, dof (1 to 6), or node, dof, x, y, z in m. With it
+            For each row of the matrices node, dof (1 to 6), or node, dof, x, y, z in m; or a tuple
+            of columns, (nodes, dofs) or (nodes, dofs, points), with dofs "x" … "rz" too. With it
             sites are nodes, and with coordinates points and patches; `probe` and `write_series`
             give the motion of the nodes.
         supports : {node: "all" or names of dofs}, optional
