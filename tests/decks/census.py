@@ -109,6 +109,8 @@ class Census:
     def mass(self, density: float | None) -> float | None:
         """Mass of solids, plane parts, shells, beams, points; None where sections overlap."""
         total, done = 0.0, set()
+        if "NODALTHICKNESS" in self.keywords:
+            return None
         for keyword, options, lines in self.cards:
             if keyword == "MASS":
                 total += _numbers(lines[0])[0] * len(self.sets[options["ELSET"].upper()])

@@ -221,6 +221,26 @@ def test_what_would_change_the_answer_is_refused(tmp_path, case):
     assert "\n" not in str(caught.value)
 
 
+SHEET = (
+    "*NODE\n1,0,0,0\n2,1,0,0\n3,1,1,0\n4,0,1,0\n5,2,0,0\n6,2,1,0\n"
+    "*ELEMENT,TYPE=S4,ELSET=ALL\n1,1,2,3,4\n2,2,5,6,3\n*SHELL SECTION,ELSET=ALL,MATERIAL=M\n.1\n"
+)
+
+
+def test_thicknesses_at_nodes_are_those_of_the_elements(tmp_path):
+    nodal = "*NSET,NSET=N,GENERATE\n1,4\n*NODAL THICKNESS\nN,.02\n5,.04\n6,.04\n"
+    match = "the variation of the thickness within 1 elements"
+    with pytest.warns(ao.AntioscWarning, match=match):
+        sheet = model_of(tmp_path, SHEET + MATERIAL + nodal + "*BOUNDARY\n1,1,6\n4,1,6\n")
+    assert sheet.mass == pytest.approx(1000 * (0.02 + 0.03), rel=1e-12)
+    supports = [ao.Support(lambda x: np.isclose(x[0], 0))]
+    thin, thick = (ao.Shell(1e9, 0.3, 1000.0, t) for t in (0.02, 0.03))
+    names = sorted(name for name in sheet.mesh.groups if "of thickness" in name)
+    by_hand = ao.Structure(sheet.mesh, dict(zip(names, (thin, thick), strict=True)), supports)
+    site = ao.Site((1.5, 0.5, 0), (0, 0, 1))
+    assert stiffness(sheet, site) == pytest.approx(stiffness(by_hand, site), rel=1e-9)
+
+
 def test_a_density_may_be_given_to_materials_without_one(tmp_path):
     cube = model_of(tmp_path, CUBE + SECTION + UNWEIGHED, density=500.0)
     assert cube.mass == pytest.approx(500, rel=1e-12)

@@ -38,7 +38,6 @@ REFUSED_CARDS = {
     "CONNECTORSECTION": "a connector",
     "EMBEDDEDELEMENT": "embedded elements",
     "SHELLTOSOLIDCOUPLING": "a coupling of shells and solids",
-    "NODALTHICKNESS": "shells of varying thickness",
     "FLUIDSECTION": "a fluid",
     "MEMBRANESECTION": "a membrane",
     "RIGIDSURFACE": "a rigid surface",
@@ -77,6 +76,7 @@ def model_of(whole: Whole, units: UnitSystem, density: float | None) -> dict[str
     for card, within in whole.cards:
         if card.keyword in SECTIONS:
             sections.read(card, within)
+    varied = sections.vary(whole.cards)
     builder.with_roles(sections.roles)
     supports = _Supports(whole, builder)
     top = whole.instances[""]
@@ -89,7 +89,7 @@ def model_of(whole: Whole, units: UnitSystem, density: float | None) -> dict[str
     _distributing(whole, builder)
     _masses(whole, builder)
     _springs(whole, builder)
-    builder.ignored = [*ignored, *_ignored(whole), *supports.ignored]
+    builder.ignored = [*ignored, *_ignored(whole), *supports.ignored, *filter(None, [varied])]
     return builder.finished(sections.roles)
 
 

@@ -203,8 +203,6 @@ class Sections:
                 f"{card.place}: a shell whose nodes lie off its middle (OFFSET={offset}) is not "
                 "supported; move its nodes to the middle surface."
             )
-        if "NODALTHICKNESS" in card.options:
-            raise MeshError(f"{card.place}: shells of varying thickness are not supported.")
         if "COMPOSITE" in card.options:
             layers = [(f, p) for f, p in card.rows() if f]
             self._laminate(card, name, elements, layers)
@@ -223,6 +221,69 @@ class Sections:
             "thickness": thickness * self.builder.units.length,
         }
         self.builder.add(name, elements, Family("Shell", arguments, card.place))
+
+    def vary(self, cards: list[tuple[Card, Instance]]) -> str:
+        """Thicknesses by *NODAL THICKNESS, the mean of each element; a sentence if they vary.
+
+        CalculiX takes them whether or not the section says so.
+        """
+        count = len(self.whole.deck.points)
+        at_node = np.full(count, np.nan)
+        first: Card | None = None
+        for card, within in cards:
+            if card.keyword != "NODALTHICKNESS":
+                continue
+            first = first or card
+            for fields, place in card.rows():
+                if len(fields) > 1:
+                    nodes = self.whole.nodes(fields[0], place, within)
+                    at_node[nodes] = real_number(fields[1], place)
+        if first is None:
+            return ""
+        varying, start = 0, 0
+        for block, role in zip(self.whole.deck.blocks, self.roles, strict=True):
+            own = np.arange(start, start + len(block))
+            start += len(block)
+            if role != "shell":
+                continue
+            values = at_node[np.hstack([block.corners, np.maximum(block.mids, 0)])]
+            values = np.where(
+                np.hstack([block.corners >= 0, block.mids >= 0]) & np.isfinite(values),
+                values,
+                self._own_thickness(own)[:, None],
+            )
+            varying += int((np.ptp(values, axis=1) > 1e-9 * values.max(axis=1)).sum())
+            self._thin(own, values[:, : block.corners.shape[1]].mean(axis=1), first.place)
+        if not varying:
+            return ""
+        return (
+            f"the variation of the thickness within {varying} elements (*NODAL THICKNESS, "
+            f"{first.place}), the mean of the corners is taken in each"
+        )
+
+    def _own_thickness(self, elements: IntArray) -> Array:
+        """That of the sections, in the deck's units."""
+        length = self.builder.units.length
+        families = [
+            one.arguments.get("thickness", np.nan) / length for one in self.builder.families
+        ]
+        number = self.builder.of_element[elements]
+        return np.where(number >= 0, np.array([*families, np.nan])[number], np.nan)
+
+    def _thin(self, elements: IntArray, thickness: Array, place: Place) -> None:
+        """Give elements thicknesses of their own."""
+        builder = self.builder
+        numbers = builder.of_element[elements]
+        for number in np.unique(numbers[numbers >= 0]):
+            family, name = builder.families[number], builder.names[number]
+            if family.kind != "Shell":
+                raise MeshError(f"{place}: *NODAL THICKNESS is read for isotropic shells only.")
+            mine = numbers == number
+            for value in np.unique(np.round(thickness[mine], 12)):
+                some = elements[mine & (np.round(thickness, 12) == value)]
+                own = {**family.arguments, "thickness": float(value) * builder.units.length}
+                label = f"{name} of thickness {value:g}"
+                builder.add(label, some, Family("Shell", own, family.place))
 
     def _laminate(
         self, card: Card, name: str, elements: IntArray, rows: list[tuple[list[str], Place]]

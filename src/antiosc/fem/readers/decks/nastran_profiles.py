@@ -12,10 +12,10 @@ from antiosc.fem.readers.decks.nastran_cards import Entry
 DIMENSIONS = {"ROD": 1, "TUBE": 2, "BAR": 2, "BOX": 4}
 
 
-def profile_of(entry: Entry) -> tuple[profiles.Profile, float, bool]:
-    """(cross-section, additional mass per length, whether it deforms in shear)."""
+def profile_of(entry: Entry) -> tuple[profiles.Profile, float, bool, list[str]]:
+    """(cross-section, more mass per length, whether it deforms in shear, what is not taken)."""
     if entry.name in ("PBARL", "PBEAML"):
-        return _listed_profile(entry)
+        return *_listed_profile(entry), []
     area, first, second = (entry.real(k, None) for k in (2, 3, 4))
     if entry.name == "PBAR":
         torsion, extra, mixed = entry.real(5), entry.real(6), entry.real(18)
@@ -35,9 +35,16 @@ def profile_of(entry: Entry) -> tuple[profiles.Profile, float, bool]:
     if min(area, first, second) <= 0:
         raise MeshError(f"{entry.place}: {entry.name} needs A, I1 and I2 above 0.")
     shear = (k1 + k2) / 2 if k1 and k2 else 0.0
+    told = []
+    label = f"{entry.name} {entry.text(0)}"
+    if bool(k1) != bool(k2) or (shear and not math.isclose(k1, k2, rel_tol=1e-3)):
+        what = "their mean is taken" if shear else "both planes are taken as rigid in shear"
+        told.append(f"K1 and K2 of {label}, which differ: {what}")
+    if not torsion:
+        told.append(f"the missing torsion constant J of {label}, (I1 + I2)/2 is taken")
     torsion = torsion or (first + second) / 2
     profile = profiles.Profile(area, first, second, torsion, shear or profiles.RECTANGLE)
-    return profile, extra, shear > 0
+    return profile, extra, shear > 0, told
 
 
 def _listed_profile(entry: Entry) -> tuple[profiles.Profile, float, bool]:

@@ -157,6 +157,7 @@ class Properties:
                 f"{entry.place}: PSHELL is read with one material, 12I/T³ = 1 and no MID4."
             )
         self._check_offsets(elements, thickness)
+        self._tell_shear(entry)
         material = self._material(entry, 1)
         if material.isotropic is None:
             layers = [self.builder.layer(material, thickness, 0.0)]
@@ -166,6 +167,7 @@ class Properties:
         rho = self.builder.rho(material)
         units = self.builder.units
         rho += self._beside(entry.real(7), thickness)
+        self._tell_beside(entry, entry.real(7))
         arguments = {"E": E, "nu": nu, "rho": rho, "thickness": thickness * units.length}
         self.builder.add(name, elements, Family("Shell", arguments, entry.place))
 
@@ -193,6 +195,7 @@ class Properties:
         self._check_offsets(elements, total)
         layers = [self.builder.layer(m, t, angle) for m, t, angle in plies]
         extra = self._beside(entry.real(2), total)
+        self._tell_beside(entry, extra)
         for layer in layers:
             layer["rho"] += extra
         self._stack(entry, name, elements, layers)
@@ -230,6 +233,25 @@ class Properties:
         rotated = math.cos(angle) * side + math.sin(angle) * np.cross(normal, side)
         return np.asarray(rotated / max(float(np.linalg.norm(rotated)), 1e-300))
 
+    def _tell_shear(self, entry: Entry) -> None:
+        """Transverse shear of PSHELL that differs from that of its material's plate."""
+        if not entry.text(5):
+            self.ignored.append(
+                f"the rigid transverse shear of PSHELL {entry.text(0)} (no MID3), its material's "
+                "is taken"
+            )
+        elif entry.whole(5) != entry.whole(1) or abs(entry.real(6, 5 / 6) - 5 / 6) > 1e-3:
+            self.ignored.append(
+                f"MID3 or TS/T of PSHELL {entry.text(0)}, the shear of MID1 with 5/6 is taken"
+            )
+
+    def _tell_beside(self, entry: Entry, extra: float) -> None:
+        if extra:
+            self.ignored.append(
+                f"where the nonstructural mass of {entry.name} {entry.text(0)} lies, it is spread "
+                "over the section"
+            )
+
     def _beside(self, extra: float, size: float) -> float:
         """Nonstructural mass per area or length, as density of the thickness or cross-section."""
         return extra * self.mass_factor / size * self.builder.units.density if size else 0.0
@@ -238,7 +260,9 @@ class Properties:
 
     def _beams(self, entry: Entry, name: str, elements: IntArray) -> None:
         """Add the elements of one property, grouped by orientation and offset."""
-        profile, extra, sheared = profile_of(entry)
+        profile, extra, sheared, told = profile_of(entry)
+        self.ignored += told
+        self._tell_beside(entry, extra)
         material = self._material(entry, 1)
         E, nu = self.builder.elastic(material, "beams")
         units = self.builder.units
