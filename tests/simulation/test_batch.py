@@ -96,10 +96,14 @@ def test_patch_compliance_and_its_limit():
     hard = ao.RigidMass(1.0, 30.0)
     with pytest.raises(ao.AccuracyError) as alone:
         ao.simulate(model, hard, ao.Hertz(1e9), 1e-2)
-    with pytest.raises(ao.AccuracyError) as batched:
-        ao.simulate_many(model, [ao.RigidMass(0.01, 0.1), hard], ao.Hertz(1e9), 1e-2)
+    with pytest.warns(ao.AccuracyWarning, match="1 of 2 scenes .1., as scene 1: the peak force"):
+        batch = ao.simulate_many(model, [ao.RigidMass(0.01, 0.1), hard], ao.Hertz(1e9), 1e-2)
     # the same peak force, though beyond the law's range
-    assert str(batched.value).startswith("scene 1: " + str(alone.value)[:40])
+    assert batch.message[1].startswith(str(alone.value)[:40])
+    assert batch.status.tolist() == [0, 2]
+    assert np.isnan(batch.peak_force).tolist() == [False, True]
+    with pytest.raises(ao.AccuracyError, match="scene 0: the peak force"):
+        ao.simulate_many(model, hard, ao.Hertz(1e9), 1e-2)
 
 
 def test_sweep_of_spheres_and_laws():

@@ -132,7 +132,8 @@ class Run:
     states : (n + 1, 2, J) at the start and after each step; None if not kept.
     events : (., 4) time, contact, piece that begins, closing speed.
     answer : why the march stopped.
-    steps : taken; `attempts` those and the ones that were tried and given up for shorter ones.
+    steps : taken; `attempts` those and the ones that were tried and given up for shorter ones,
+        `refused` because of their error.
     gained : energy [J] of the bodies beyond what was given, at most; `highest` what there was.
     """
 
@@ -146,6 +147,7 @@ class Run:
     attempts: int
     touches: int
     highest: float
+    refused: int = 0
     gained: float = 0.0
     work: float = 0.0
 
@@ -158,21 +160,28 @@ def run(
     module: ModuleType | None = None,
     scale: float = 0.0,
     fine: float,
+    step: float | None = None,
     keep: bool = True,
     max_contacts: int = 10_000,
     max_steps: int = 1_000_000,
 ) -> Run:
-    """March over [0, duration] with forces to `share` of their scale (0: found as it goes)."""
+    """March over [0, duration] with forces to `share` of their scale (0: found as it goes).
+
+    The steps under contact are halvings of the longest; with `step` [s] given they are that step,
+    or halvings of it where the forces need them.
+    """
     p, (m, size) = system.kinds.size, system.beta.shape
     if np.any(system.kinds == march.USER):
         module = march  # only the interpreted march calls a law of one's own
-    clock = np.zeros(15)
+    clock = np.zeros(16)
     clock[march.DURATION], clock[march.SHARE] = duration, share
-    clock[march.LONGEST] = 2.0 ** ceil(log2(duration))
+    clock[march.ROOF] = np.inf if step is None else step
+    unit = 1.0 if step is None else step
+    clock[march.LONGEST] = unit * 2.0 ** ceil(log2(duration / unit))
     clock[march.FINE] = fine
     clock[march.CAP] = duration / 16
     clock[march.FORCE_SCALE], clock[march.KNOWN] = scale, float(scale > 0)
-    count = np.zeros(13, dtype=np.int64)
+    count = np.zeros(15, dtype=np.int64)
     count[march.MOST_TOUCHES], count[march.MOST_STEPS] = max_contacts, max_steps
     count[march.KEEP] = keep
     count[march.LEVEL] = 4
@@ -262,6 +271,7 @@ def run(
         attempts=int(count[march.STEPS] + count[march.RETRIES]),
         touches=int(count[march.TOUCHES]),
         highest=float(clock[march.HIGHEST]),
+        refused=int(count[march.REFUSED]),
         gained=float(clock[march.SURPLUS]),
         work=float(clock[march.WORKED]),
     )
