@@ -155,7 +155,7 @@ def test_average_acceleration_and_midpoint_have_no_windows(method, r, monkeypatc
         integrator = FIXED_STEP[method](1.0)
         # what the midpoint rule's potential would be with a spring that pulls: its mean force
         monkeypatch.setattr(
-            "antiosc.simulation.integrators.conserving._Quotient.solve",
+            "antiosc.simulation.integrators.conserving.Quotient.solve",
             lambda self, free, alpha, s=1 / (1 / k + r): (
                 s * (self.before + free) / 2 / (1 + s * alpha / 2)
             ),

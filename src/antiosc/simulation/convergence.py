@@ -10,8 +10,10 @@ from antiosc._types import Array
 from antiosc.simulation import march
 from antiosc.simulation.engine import Run, System, run
 
-# the share of the first run over the tolerance, and from one run to the next: steps half as long
-START, FINER = 0.5, 8.0
+# the share of the first run over the tolerance: so that three runs tell the rate of convergence;
+# with chords, whose error asks for short steps anyway, so that the difference of two suffices
+START, START_WITH_CHORDS = 8.0, 0.5
+FINER = 8.0  # the share from one run to the next: steps half as long
 FINEST = 512.0  # the largest factor between two runs
 # error left in the finer of two runs, of their difference: at least an eighth, where the forces
 # converge as they should; by the rate of convergence that three runs show, with a margin; all of it
@@ -68,7 +70,8 @@ def converge(
     chords : the result is read as linear between the nodes, whose error counts too.
     """
     p, m = system.kinds.size, len(system.beta)
-    share, scale, factor = min(START * tol, COARSEST), 0.0, FINER
+    start = START_WITH_CHORDS if chords else START
+    share, scale, factor = min(start * tol, COARSEST), 0.0, FINER
     best: Converged | None = None
     before: Run | None = None
     apart = 0.0  # difference of the last two runs
