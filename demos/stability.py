@@ -6,7 +6,7 @@ central differences, h omega_max = 2, and the same with the contact's stiffness 
 mass. The second takes N = 10 through hard scenes: stiff contact, m0 -> 0, light and heavy
 impactors, grazing speed, rest under gravity, an anti-oscillator next to massless. The third draws
 the error of the force over the step, finely, for a heavy mass on a soft structure whose light
-residual mass has its mode far above the others: the exact integrator has windows of steps in which
+residual mass has its mode far above the others: the exact method has windows of steps in which
 the contact drives that mode, shaded where `antiosc.simulation.stability` predicts them.
 
 Each run is one of: good; energy (drift above 1 % of the energy there is); wrong (force off by more
@@ -233,7 +233,7 @@ def _first_contact(model: ao.AntiOscillators, striker: ao.RigidMass, law: ao.Con
 
 
 def windows(count: int, path: Path) -> list[dict[str, Any]]:
-    """The fixed-step methods over `count` steps about the exact integrator's windows."""
+    """The fixed-step methods over `count` steps about the exact method's windows."""
     model = ao.AntiOscillators(m0=2e-4, k0=7e6, m=[0.18, 0.01, 0.001], omega=[1.5e4, 6e4, 2.5e5])
     scene = Scene("windows", model, ao.RigidMass(10.0, 0.3), ao.Hertz(1.2e10), 1e-3, unit=1.0)
     problem, bodies = assemble(scene.model, scene.impactor, scene.law)

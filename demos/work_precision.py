@@ -2,11 +2,11 @@
 
 Scenes: the article's second case with 9 and with 60 anti-oscillators, the same with a contact a
 million times stiffer, and the bracket, if its model file is there (`make demo` writes it). The
-truth of each scene is DOP853 at its tightest tolerance; the exact propagator is judged by it, not
+truth of each scene is DOP853 at its tightest tolerance; the exact method is judged by it, not
 by itself. Also measured, with the error beside the time:
 
 - the default run at tol = 1e-3 with 9, 60 and 100 anti-oscillators: flat in N?
-- the exact propagator against solve_ivp's best method at equal error,
+- the exact method against solve_ivp's best method at equal error,
 - the rate of `simulate_many`.
 
 Seconds are those of the processor, so that other work on the machine counts little.

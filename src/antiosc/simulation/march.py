@@ -16,7 +16,9 @@ piece of a contact ends where it does: touch, release, turn, cut and the kinks o
 are located. While nothing touches the motion is free, and no touch is stepped over: what a chord
 can miss is bounded by the amplitudes of the modes.
 
-`antiosc.simulation.engine` loads this file a second time, compiled by numba, where that pays.
+`antiosc.simulation.engine` loads this file a second time, compiled by numba, where that pays. All
+compiled functions stand in this one long file: numba's cache compares the time of the file of a
+function only, so that it would miss a change of what is called from another file.
 """
 
 from __future__ import annotations
@@ -94,7 +96,7 @@ FULLY_PLASTIC, PRESSURE = 84.0, 3.3  # Stronge's law
 SLOWEST = 0.01  # share of the fastest approach that a damped law's speed of approach is held above
 GROWTH = 1.2  # of the bodies' energy, beyond what was given and the loads' work
 INTERPOLATION = 0.0482  # max |s (s - 1/2)(s - 1)| on [0, 1]
-RIPPLE = 2.0
+RIPPLE = 2.0  # force of unresolved vibrations, over the error of force that a step may have
 KINKED = 0.075  # error of the parabola through t^(3/2), over its second difference
 SHARP = 1e-9  # of the depth or the speed: a bound is met
 ROUNDING = 1e-13  # of the sum of the modes' parts: below it a speed of approach is rounding
