@@ -1,49 +1,23 @@
-"""One model with several sites: against direct solves, sites alone, and in a scene."""
+"""One model with several sites: against direct solves, and sites alone."""
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
 import pytest
-import scipy.linalg
 from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
 
 import antiosc as ao
-from antiosc.fem.site.functionals import functional
 from marks import FREE_ON_PURPOSE
-from parts import STEEL, box, frame, plate
+from parts import STEEL, frame, plate
+from several import CORNERS, OMEGA, block_with_corners, loose_chains, receptance, sites_of
 
 pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]
 
 Array = NDArray[np.float64]
+
+
 METHODS = ("krylov", "modes")
-OMEGA = np.geomspace(20, 2e3, 25) * (1 + 0.01j)
 
-
-def loose_chains(
-    sizes: tuple[int, ...], held: int, rng: np.random.Generator
-) -> tuple[Array, Array]:
-    """K and M of chains of uneven masses, a rigid-body mode each but the first `held`."""
-    blocks = []
-    for i, n in enumerate(sizes):
-        k = rng.uniform(1e5, 3e5, n + 1)
-        if i >= held:
-            k[[0, -1]] = 0.0
-        blocks.append(np.diag(k[:-1] + k[1:]) - np.diag(k[1:-1], 1) - np.diag(k[1:-1], -1))
-    K = scipy.linalg.block_diag(*blocks)
-    return K, np.diag(rng.uniform(0.5, 1.5, len(K)))
-
-
-def receptance(K: Array, M: Array, B: Array) -> NDArray[np.complex128]:
-    """B'(K - omega^2 M)^-1 B (W, p, p) by direct solves, which know nothing of modes."""
-    return np.array([B.T @ np.linalg.solve(K - w**2 * M, B) for w in OMEGA])
-
-
-def sites_of(B: Array) -> dict[str, ao.Site]:
-    """A named site for each column."""
-    return {f"s{i}": ao.Site(vector=b) for i, b in enumerate(B.T)}
 
 
 def _check_inverse(Z: Array, H: Array, limit: float) -> None:
@@ -175,14 +149,7 @@ def test_a_repeated_frequency_is_kept_as_often_as_the_sites_see_it():
 
 @pytest.fixture(scope="module")
 def block() -> ao.Structure:
-    return ao.Structure(box((6, 3, 2)), ao.Solid(**STEEL), [ao.Support("left")])
-
-
-def _corner(x: float, y: float) -> ao.Site:
-    return ao.Site((x, y, 0.04), (0.1, 0.2, -1), radius=0.03)
-
-
-CORNERS = {"near": _corner(0.1, 0.02), "far": _corner(0.17, 0.03)}
+    return block_with_corners()
 
 
 def test_lowest_krylov_ones_are_the_antiresonances(block):
@@ -203,41 +170,6 @@ def test_the_other_site_free_is_the_site_alone(block):
     omega = np.linspace(0.1, 1, 20) * 1.5 * alone.omega[0] * (1 + 0.01j)
     H = both.receptance(omega)[:, 1, 1]
     np.testing.assert_allclose(H * alone.dynamic_stiffness(omega), 1.0, atol=1e-7)
-
-
-def test_in_a_scene_one_site_struck_is_the_site_alone(block):
-    law, ball = ao.Hertz(1e9), ao.RigidMass(0.1, 1.0)
-    model = ao.extract(block, CORNERS, 60)
-    scene = ao.Scene({"part": model, "ball": ball}, [ao.Contact("part:far", "ball", law)])
-    hit = scene.run(3e-4)
-    alone = ao.simulate(ao.extract(block, CORNERS["far"], 40), ball, law, 3e-4)
-    assert hit["part:far", "ball"].peak_force == pytest.approx(alone.peak_force, rel=2e-3)
-    assert hit["part:far", "ball"].impulse == pytest.approx(alone.impulse, rel=1e-3)
-    assert np.abs(hit.bodies["part"].displacement("near")).max() > 0
-    assert hit.energy.drift < 1e-3
-
-
-def test_a_free_body_moves_as_a_whole():
-    """A free block, struck at two corners: its momentum is that of the balls."""
-    free = ao.Structure(box((8, 3, 2)), ao.Solid(**STEEL))
-    sites = {
-        name: ao.Site((x, 0.025, 0.04), (0, 0, -1), radius=0.02)
-        for name, x in (("left", 0.03), ("right", 0.17))
-    }
-    model = ao.extract(free, sites, 12)
-    assert model.rigid.shape == (2, 2)
-    assert np.sum(model.site_modes().omega == 0) == 6
-    law = ao.Hertz(1e9)
-    scene = ao.Scene(
-        {"part": model, "a": ao.RigidMass(0.2, 1.0), "b": ao.RigidMass(0.1, 1.0)},
-        [ao.Contact("part:left", "a", law), ao.Contact("part:right", "b", law)],
-        motion={"part": ao.Motion(velocity=(0.3, 0.0, 0.1), spin=(0.0, 0.0, 2.0))},
-    )
-    hit = scene.run(4e-4)
-    impulse = hit["part:left", "a"].impulse + hit["part:right", "b"].impulse
-    momentum = hit.bodies["part"].momentum
-    np.testing.assert_allclose(momentum[0], free.mass * np.array([0.3, 0.0, 0.1]), atol=1e-9)
-    np.testing.assert_allclose(momentum[-1] - momentum[0], [0, 0, -impulse], atol=1e-9)
 
 
 def test_saved_and_loaded(block, tmp_path):
@@ -264,213 +196,6 @@ def test_saved_and_loaded(block, tmp_path):
 def test_bad_names(block, sites, words):
     with pytest.raises(ao.InputError, match=words):
         ao.extract(block, sites)
-
-
-def test_motion_of_a_struck_structure_is_the_unreduced_one(rng):
-    """A free chain that two hammers strike, one of them on its load too: at any time, anywhere."""
-    K, M = loose_chains((10,), 0, rng)
-    B = np.eye(10)[:, [1, 7]]
-    model = ao.extract(ao.Structure.from_matrices(K, M), sites_of(B), 8)
-    k, masses, speeds = 2e6, np.array([0.6, 0.4]), np.array([2.0, 1.0])
-    load = ao.Load("chain:s1", [0.0, 2e-3, 4e-3], [0.0, -300.0, 0.0])
-    hammers = {f"h{i}": ao.RigidMass(masses[i], speeds[i]) for i in range(2)}
-    contacts = [ao.Contact(f"chain:s{i}", f"h{i}", ao.Linear(k)) for i in range(2)]
-    scene = ao.Scene({"chain": model, **hammers}, contacts, loads=[load])
-    hit = scene.run(8e-3, tol=1e-4)
-
-    def slope(t: float, y: Array) -> Array:
-        u, w = y[:10], y[10:12]
-        force = k * np.maximum(w - B.T @ u, 0.0)
-        push = np.interp(t, load.times, load.forces) * B[:, 1] + B @ force
-        return np.concatenate([y[12:], (push - K @ u) / M.diagonal(), -force / masses])
-
-    start = np.concatenate([np.zeros(22), speeds])
-    times = np.linspace(0, 8e-3, 40)
-    exact = solve_ivp(slope, (0, 8e-3), start, "DOP853", times, rtol=1e-10, atol=1e-13)
-    found = hit.field(times, "chain")
-    np.testing.assert_allclose(found, exact.y[:10].T, atol=2e-4 * np.abs(found).max())
-    np.testing.assert_allclose(hit.field(8e-3), found[-1], rtol=1e-12)
-    own = hit.bodies["chain"].displacement("s1")
-    np.testing.assert_allclose(
-        hit.field(hit.time, "chain") @ B[:, 1], own, atol=1e-9 * np.abs(own).max()
-    )
-    with pytest.raises(ao.InputError, match="no body 'rod' in the scene: name one of chain, h0"):
-        hit.field(0.0, "rod")
-    with pytest.raises(ao.InputError, match="t must lie within the run"):
-        hit.field(1.0)
-
-
-def test_two_structures_touch_at_three_points(rng):
-    """Their motion is that of the unreduced pair of chains on three springs."""
-    K, M, B, models = [], [], [], {}
-    for name, size, held, rows in (("a", 9, 1, [1, 4, 7]), ("b", 7, 0, [0, 3, 6])):
-        own = loose_chains((size,), held, rng)
-        B.append(np.eye(size)[:, rows])
-        K.append(own[0])
-        M.append(own[1].diagonal())
-        models[name] = ao.extract(ao.Structure.from_matrices(*own), sites_of(B[-1]), size - 3)
-    k, times = 5e5, [0.0, 1e-3, 2e-3]
-    scene = ao.Scene(
-        models,
-        [ao.Contact(f"a:s{i}", f"b:s{i}", ao.Linear(k)) for i in range(3)],
-        loads=[ao.Load("b:s0", times, [0, 500, 0]), ao.Load("b:s2", times, [0, 300, 0])],
-    )
-    hit = scene.run(6e-3, tol=1e-4)
-
-    def slope(t: float, y: Array) -> Array:
-        u, w = y[:9], y[9:16]
-        force = k * np.maximum(B[1].T @ w - B[0].T @ u, 0.0)
-        push = np.interp(t, times, [0, 1, 0]) * (B[1] @ [500, 0, 300]) - B[1] @ force
-        accelerations = (B[0] @ force - K[0] @ u) / M[0], (push - K[1] @ w) / M[1]
-        return np.concatenate([y[16:], *accelerations])
-
-    at = np.linspace(0, 6e-3, 30)
-    exact = solve_ivp(slope, (0, 6e-3), np.zeros(32), "DOP853", at, rtol=1e-10, atol=1e-13)
-    for name, part in (("a", slice(0, 9)), ("b", slice(9, 16))):
-        found = hit.field(at, name)
-        np.testing.assert_allclose(found, exact.y[part].T, atol=1e-5 * np.abs(found).max())
-
-
-# --- Tangential directions -----------------------------------------------------------------------
-
-
-def _slanted(**options: object) -> ao.Site:
-    return ao.Site((0.11, 0.02, 0.04), (0.1, 0.2, -1), radius=0.03, **options)
-
-
-def test_a_site_may_know_its_tangential_displacements(block):
-    model = ao.extract(block, {"near": _slanted(tangential=True), "far": CORNERS["far"]}, 10)
-    assert model.sites == ("near", "far")
-    assert model.columns == {"near": (0, 1, 2), "far": (3,)}
-    assert model.k0.shape == (4, 4)
-    three = model.direction[:3]
-    np.testing.assert_allclose(three @ three.T, np.eye(3), atol=1e-12)
-    alone = ao.extract(block, _slanted(), 10)
-    at_rest = model.site_modes().receptance(0.0).real
-    assert at_rest[0, 0] == pytest.approx(1 / alone.k0, rel=1e-9)
-    assert np.linalg.eigvalsh(at_rest)[0] > 0
-    # where the plane of the site is turned, the displacement in space is the same one
-    turned = ao.extract(block, {"near": ao.Site((0.11, 0.02, 0.04), (0, 0, -1), radius=0.03,
-                                                tangential=True)}, 10)  # fmt: skip
-    R = three @ turned.direction.T
-    other = R @ turned.site_modes().receptance(0.0).real @ R.T
-    np.testing.assert_allclose(other, at_rest[:3, :3], atol=1e-9 * at_rest.max())
-
-
-def test_tangential_directions_that_supports_hold():
-    rails = ao.Support(lambda x: np.isclose(x[2], 0), ["x", "y", "z"])
-    wall = ao.Support(lambda x: np.isclose(x[2], 0.04), ["y"])
-    block = ao.Structure(box((6, 3, 2)), ao.Solid(**STEEL), [rails, wall])
-    site = ao.Site((0.1, 0.025, 0.04), (0, 0, -1), radius=0.025, tangential=True)
-    model = ao.extract(block, {"top": site}, 6)
-    along_y = np.abs(model.direction[:, 1]) > 0.5
-    np.testing.assert_array_equal(model.dependence[along_y], 0.0)
-    assert model.k0.shape == (2, 2)
-    np.testing.assert_array_equal(model.site_modes().b[:, along_y], 0.0)
-
-
-def test_a_plane_part_has_one_tangential_direction():
-    plate = ao.Structure(
-        box((8, 3), (0.2, 0.05), "quadrilateral"),
-        ao.Solid(**STEEL, plane="stress", thickness=0.01),
-        [ao.Support("left")],
-    )
-    site = ao.Site((0.15, 0.05), (0, -1), radius=0.03, tangential=True)
-    model = ao.extract(plate, {"top": site}, 6)
-    np.testing.assert_allclose(model.direction, [[0, -1, 0], [1, 0, 0]], atol=1e-15)
-
-
-@pytest.mark.parametrize(("mu", "slides"), [(0.05, True), (5.0, False)])
-def test_an_oblique_blow_rubs(mu, slides):
-    """A free block thrown askew on the floor: its momentum is what the contact's forces give."""
-    free = ao.Structure(box((6, 3, 2)), ao.Solid(**STEEL))
-    foot = ao.Site((0.1, 0.025, 0.0), (0, 0, 1), radius=0.025, tangential=True)
-    model = ao.extract(free, {"foot": foot}, 12)
-    scene = ao.Scene(
-        {"block": model, "floor": ao.Obstacle()},
-        [ao.Contact("block:foot", "floor", ao.Hertz(1e9), gap=1e-5, friction=mu)],
-        motion={"block": ao.Motion(velocity=(1.0, 0.0, -0.5))},
-    )
-    hit = scene.run(2e-3)
-    contact, momentum = hit["block:foot", "floor"], hit.bodies["block"].momentum
-    change = momentum[-1] - momentum[0]
-    assert contact.impulse > 0.5 * free.mass
-    np.testing.assert_allclose(change[2], contact.impulse, rtol=1e-9)
-    if slides:
-        np.testing.assert_allclose(change[0], -mu * contact.impulse, rtol=0.02)
-    else:
-        assert abs(change[0]) < 0.5 * mu * contact.impulse
-    assert hit.energy.drift < 2e-3
-
-
-def test_tangential_directions_belong_to_named_sites(block):
-    with pytest.raises(ao.InputError, match="belong to a model of named sites"):
-        ao.extract(block, _slanted(tangential=True))
-    with pytest.raises(ao.InputError, match="need a Site with a direction"):
-        ao.Site(dof=3, tangential=True)
-    model = ao.extract(block, {"near": _slanted()}, 4)
-    contact = ao.Contact("part:near", "floor", ao.Hertz(1e9), friction=0.1)
-    scene = ao.Scene({"part": model, "floor": ao.Obstacle()}, [contact])
-    with pytest.raises(ao.InputError, match="tangential=True"):
-        scene.run(1e-4)
-
-
-# --- Gravity, fields and families ----------------------------------------------------------------
-
-
-def test_gravity_and_base_act_on_every_shape(block):
-    """The modal forces of a uniform acceleration bend the block as a direct solve says."""
-    free = ao.extract(block, CORNERS, 60).site_modes()
-    for axis in np.eye(3):
-        load = block.uniform_inertia(axis)
-        sag = block.factorize().solve(load)
-        sites = [functional(block, site).b for site in CORNERS.values()]
-        found = free.b.T @ (free.weight @ axis / free.omega**2)
-        np.testing.assert_allclose(found, [b @ sag for b in sites], rtol=1e-5, atol=1e-15)
-
-
-def test_gravity_as_a_number_needs_one_direction(block):
-    model = ao.extract(block, CORNERS, 10)
-    contact = ao.Contact("part:far", "ball", ao.Hertz(1e9), gap=1e-3)
-    bodies = {"part": model, "ball": ao.RigidMass(0.1, 1.0)}
-    base = ao.Base([0.0, 1e-4], [100.0, 0.0])
-    alike = ao.Scene(bodies, [contact], base=base).run(1e-4)
-    way = np.array([0.1, 0.2, -1]) / np.linalg.norm([0.1, 0.2, -1])
-    vector = ao.Base([0.0, 1e-4], [100.0 * way, 0 * way])
-    turned = ao.Scene(bodies, [contact], base=vector).run(1e-4)
-    both = (each.bodies["part"].displacement("near")[-1] for each in (alike, turned))
-    np.testing.assert_allclose(*both, rtol=1e-6)
-    sites = {**CORNERS, "side": ao.Site((0.12, 0.0, 0.02), (0, 1, 0), radius=0.02)}
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ao.AccuracyWarning)  # coarse for that patch
-        mixed = ao.extract(block, sites, 6)
-    scene = ao.Scene({**bodies, "part": mixed}, [contact], base=base)
-    with pytest.raises(ao.InputError, match="several directions: give gravity"):
-        scene.run(1e-4)
-
-
-def test_fields_of_a_scene(block, tmp_path):
-    model = ao.extract(block, CORNERS, 30)
-    scene = ao.Scene(
-        {"part": model, "ball": ao.RigidMass(0.1, 1.0)},
-        [ao.Contact("part:far", "ball", ao.Hertz(1e9))],
-    )
-    hit = scene.run(2e-4)
-    times = [5e-5, 1.5e-4]
-    field = hit.field(times, "part")
-    for name, site in CORNERS.items():
-        own = hit.bodies["part"].displacement(name)
-        at = np.interp(times, hit.time, own)
-        np.testing.assert_allclose(
-            field @ functional(block, site).b, at, atol=2e-3 * np.abs(own).max()
-        )
-    probed = ao.probe(block, hit, (0.2, 0.05, 0.04), times)
-    assert probed.shape == (2, 3)
-    assert np.abs(probed[1, 2]) > 1e-6
-    listed = ao.write_series(block, hit, tmp_path / "run", times, body="part")
-    assert listed.exists()
-    with pytest.raises(ao.InputError, match="no displacement field"):
-        ao.probe(block, hit, (0.2, 0.05, 0.04), times, body="ball")
 
 
 @pytest.mark.parametrize("family", ["beam", "shell"])
