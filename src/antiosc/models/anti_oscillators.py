@@ -22,15 +22,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import block_diag
 
 from antiosc import checks
 from antiosc._types import Array, Index
 from antiosc.charts.models import plot_model
 from antiosc.errors import InputError
-from antiosc.models import saved_models, several_sites
+from antiosc.models import one_site, saved_models, several_sites
 from antiosc.models.body import Body, several_contact_points
-from antiosc.models.modal import Damping, ModalBody, arrow_modes
+from antiosc.models.modal import Damping, ModalBody
 from antiosc.models.motion import Inertia, unit_vector
 from antiosc.models.reduced_matrices import ReducedMatrices, reduced_matrices
 from antiosc.models.site_modes import SiteModes
@@ -40,8 +39,6 @@ if TYPE_CHECKING:
 
 # m0 = m_st - sum(m_i) is known only to the rounding of m_st: a relative m0 below this is noise.
 _MASS_ROUNDING = 1e-12
-# m0 is negligible if its own free mode lies so far above the last pole (squared frequencies).
-_MASSLESS = 1e-15
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,7 +228,9 @@ class AntiOscillators(Body):
     @property
     def _hidden_count(self) -> int:
         """Number of hidden rigid-body motions, which do not move the site."""
-        return 0 if self.inertia is None else len(self.inertia.momentum) - self.n - self._lead
+        if self.slide is not None:
+            return int(self.slide.shape[1])
+        return 0 if self.inertia is None else len(self.inertia.momentum) - self.n - 1
 
     @property
     def k(self) -> Array:
@@ -353,62 +352,7 @@ class AntiOscillators(Body):
 
     @cached_property
     def _modal(self) -> ModalBody:
-        massless = self.m0 == 0
-        if self.n:
-            top = float(self.omega[-1]) ** 2
-            massless = self.m0 * top <= _MASSLESS * (self.k0 + float(self.k.sum()))
-        # equal frequencies act at the site as one mode
-        poles, group = np.unique(self.omega**2, return_inverse=True)
-        mass = np.zeros(poles.size)
-        np.add.at(mass, group.ravel(), self.m)
-        x, shape = arrow_modes(self.k0, 0.0 if massless else self.m0, mass, poles)
-        shape = shape[np.concatenate(([0], 1 + group.ravel()))]
-        residual = np.zeros(self.n + 1)
-        if massless:
-            residual[0] = 1.0 / (self.k0 + float(self.k.sum()))
-        omega = np.sqrt(x)
-        seen = ModalBody(
-            omega=omega,
-            b=shape[0],
-            r=float(residual[0]),
-            decay=None if self.damping is None else self.damping.decay(omega),
-            weight=None if self.participation is None else shape.T @ self.participation,
-            shape=shape,
-            residual=residual,
-            basis=None if self.shapes is None else (self.shapes,),
-            amplitude=_relative(self.n),
-            direction=self.direction,
-        )
-        return seen if self.inertia is None else self._with_hidden(seen, self.inertia)
-
-    def _with_hidden(self, seen: ModalBody, inertia: Inertia) -> ModalBody:
-        """The body with its hidden rigid-body motions as additional modes."""
-        count = self._hidden_count
-        none, own = np.zeros(count), np.eye(count)
-        # in front, so that the frequencies ascend; their coordinates follow lambda
-        shape = np.roll(block_diag(seen.shape, own), count, axis=1)
-        amplitude = block_diag(seen.amplitude, own)
-        momentum = (amplitude @ shape).T @ inertia.momentum
-        basis, decay, weight = seen.basis, seen.decay, seen.weight
-        if basis is not None and count:
-            basis = None if self.hidden is None else (*basis, self.hidden)
-        if decay is not None and self.damping is not None:
-            decay = np.concatenate((none + self.damping.alpha / 2, decay))
-        if self.direction is not None:
-            pull = momentum[:, :3] @ self.direction
-            weight = pull if weight is None else np.concatenate((pull[:count], weight))
-        return replace(
-            seen,
-            omega=np.concatenate((none, seen.omega)),
-            b=np.concatenate((none, seen.b)),
-            decay=decay,
-            weight=weight,
-            shape=shape,
-            residual=np.concatenate((seen.residual, none)),  # type: ignore[arg-type]
-            basis=basis,
-            amplitude=amplitude,
-            inertia=inertia.along(momentum),
-        )
+        return one_site.modal(self)
 
     def to_matrices(
         self,
@@ -463,13 +407,6 @@ class AntiOscillators(Body):
 
 def _column(name: str, value: ArrayLike) -> Array:
     return checks.column(name, value)
-
-
-def _relative(n: int) -> Array:
-    """Amplitudes lambda_0 and lambda_i - lambda_0 of psi_0 and psi_i, Article eq. (8)."""
-    turn = np.eye(n + 1)
-    turn[1:, 0] = -1.0
-    return turn
 
 
 def _frozen(array: Array) -> Array:

@@ -23,7 +23,7 @@ START = 0.25
 #: is below this
 UNOBSERVABLE = 1e-8
 #: share of the largest stiffness of several sites, on equal masses, below which one is rounding
-RIGID = 1e-10
+UNSTRAINED = 1e-10
 
 
 Stiffness = Callable[[Any], NDArray[Any]]
@@ -136,7 +136,7 @@ def lowest_frequency_at_sites(k0: Array, m_st: Array, poles: Array) -> float:
     found = [float(x) for x in poles[:1]]
     scale = 1 / np.sqrt(np.maximum(m_st.diagonal(), np.finfo(float).tiny))
     values = np.linalg.eigvalsh(k0 * scale[:, None] * scale)
-    found += [float(x) for x in values[values > RIGID * values.max(initial=0.0)][:1]]
+    found += [float(x) for x in values[values > UNSTRAINED * values.max(initial=0.0)][:1]]
     return float(np.sqrt(min(found, default=np.inf)))
 
 

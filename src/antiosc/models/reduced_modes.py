@@ -22,11 +22,11 @@ from antiosc._types import Array
 from antiosc.errors import InputError
 
 #: theta over the largest, below which a mode has no inertia.
-MASSLESS = 1e-13
+INERTIALESS = 1e-13
 #: Shift over the lowest elastic omega^2.
-SHIFT = 0.1
+MODEL_SHIFT = 0.1
 #: Share of k0 in k0 + s (m0 + P P'), s the lowest omega_i^2, below which a motion is rigid.
-RIGID = 1e-11
+UNRESISTED = 1e-11
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ def reduced_modes(k0: Array, m0: Array, P: Array, omega: Array, rigid: Array) ->
     turned = scipy.linalg.solve_triangular(L, basis, lower=True, trans="T")
     theta, vectors = np.linalg.eigh(turned.T @ M @ turned)
     theta, vectors = theta[::-1], vectors[:, ::-1]
-    heavy = theta > MASSLESS * theta.max(initial=0.0)
+    heavy = theta > INERTIALESS * theta.max(initial=0.0)
     shape = turned @ vectors
     own = np.sqrt(theta[heavy])
     residual = shape[:, ~heavy] @ shape[:p, ~heavy].T
@@ -85,7 +85,7 @@ def rigid_motions(k0: Array, m_st: Array, omega: Array) -> Array:
     scale = stiffness_scale(k0, m_st, omega)
     stiff = k0 * scale[:, None] * scale
     values, vectors = np.linalg.eigh((stiff + stiff.T) / 2)
-    free = scale[:, None] * vectors[:, np.abs(values) < RIGID]
+    free = scale[:, None] * vectors[:, np.abs(values) < UNRESISTED]
     mass = free.T @ m_st @ free
     root = np.linalg.cholesky(mass) if mass.size else mass
     return np.asarray(np.linalg.solve(root, free.T).T)
@@ -111,5 +111,5 @@ def _lowest(K: Array, M: Array, still: Array) -> float:
         theta = float(np.linalg.eigvalsh((elastic + elastic.T) / 2).max(initial=0.0))
         if theta <= 0:
             return shift
-        shift = SHIFT * max(1 / theta - shift, 1e-9 * shift)
+        shift = MODEL_SHIFT * max(1 / theta - shift, 1e-9 * shift)
     return shift

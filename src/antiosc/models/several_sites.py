@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from antiosc.models.anti_oscillators import AntiOscillators
 
 #: Asymmetry of a matrix, and negative eigenvalue, over its size (scaled by its diagonal).
-ROUNDING = 1e-9
+ASYMMETRY = 1e-9
 
 
 def checked(model: AntiOscillators) -> dict[str, Any]:
@@ -88,7 +88,7 @@ def _semidefinite(name: str, matrix: Array, size: Array) -> Array:
     """
     unit = matrix / np.where(size > 0, size, 1.0)[:, None] / np.where(size > 0, size, 1.0)
     lowest = np.linalg.eigvalsh((unit + unit.T) / 2).min(initial=0.0)
-    if lowest < -ROUNDING or np.any(np.abs(unit - unit.T) > ROUNDING):
+    if lowest < -ASYMMETRY or np.any(np.abs(unit - unit.T) > ASYMMETRY):
         raise InputError(f"{name} must be symmetric and positive semidefinite.")
     free = matrix.diagonal() <= 0  # but for rounding
     return np.asarray(np.where(free[:, None] | free, 0.0, (matrix + matrix.T) / 2))

@@ -19,7 +19,6 @@ Array = NDArray[np.float64]
 METHODS = ("krylov", "modes")
 
 
-
 def _check_inverse(Z: Array, H: Array, limit: float) -> None:
     """Z is H⁻¹, with the sites scaled by their compliances at each frequency."""
     size = np.sqrt(np.abs(np.einsum("wpp->wp", H)))

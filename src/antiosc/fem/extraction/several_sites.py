@@ -15,6 +15,7 @@ from antiosc.fem import mpi
 from antiosc.fem.extraction.block_krylov import BlockLanczos
 from antiosc.fem.extraction.body_inertia import inertia_of, weights_of
 from antiosc.fem.extraction.eigenmodes import Modes, ModeSolver
+from antiosc.fem.extraction.krylov import MORE, STEPS_PER_ONE
 from antiosc.fem.extraction.ritz_basis import BASIS_STEP, Remainder
 from antiosc.fem.extraction.self_check import CHECK, CONVERGED, FORCES, MECHANISM, judge
 from antiosc.fem.extraction.site_oscillators import (
@@ -31,10 +32,6 @@ from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.site.site import Functional
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.anti_oscillators import AntiOscillators
-
-#: The largest number of basis vectors is this times the number of anti-oscillators wanted, plus
-#: MORE: some pairs may have no share in Z.
-VECTORS_PER_ONE, MORE = 3, 20
 
 
 def of_several_sites(
@@ -87,7 +84,7 @@ def _finished(run: BlockLanczos, before: int, wish: Wish) -> int | None:
     for count in range(max(before, wish.n), run.steps + 1):
         if run.observable(count, wish.tol) >= wish.n:
             return count
-    most = VECTORS_PER_ONE * wish.n + MORE
+    most = STEPS_PER_ONE * wish.n + MORE
     return run.steps if run.exhausted or run.steps >= most else None
 
 

@@ -25,7 +25,7 @@ from antiosc.fem.structure.structure import Structure
 from antiosc.models import driving_point as bands
 
 #: Singular value of the P of a repeated frequency, over the largest, below which it is rounding.
-UNMOVED = 1e-8
+TOLD_APART = 1e-8
 
 
 @dataclass(frozen=True)
@@ -142,7 +142,7 @@ def _told_apart(known: Found, group: IntArray) -> Array:
         return turn
     scale = np.sqrt(known.static.mass.diagonal())
     U, size, _ = np.linalg.svd(known.P[group] / scale)
-    count = int(np.sum(size > UNMOVED * size[0]))
+    count = int(np.sum(size > TOLD_APART * size[0]))
     if count == len(group):
         return turn
     U = U[:, :count]

@@ -30,9 +30,9 @@ from antiosc.models.rigid_share import APART, HIDDEN
 
 #: A site whose load has less than this share of its compliance outside the span of the others
 #: follows their motion: its own would make Z = H⁻¹ lose the square of it.
-DEPENDENT = 1e-10
+FOLLOWS = 1e-10
 #: Share of the largest pivot from which a pivot is as good.
-NEARLY = 0.5
+AS_GOOD = 0.5
 
 
 @dataclass(frozen=True)
@@ -164,10 +164,10 @@ def independent(C: Array) -> tuple[IntArray, Array]:
     scale = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
     unit = C * scale[:, None] * scale
     left, chosen = unit.copy(), []
-    while left.size and left.diagonal().max() > DEPENDENT:
+    while left.size and left.diagonal().max() > FOLLOWS:
         pivots = left.diagonal()
         # the first of nearly equal ones: rounding must not decide which of two equal sites is kept
-        k = int(np.argmax(pivots > NEARLY * pivots.max()))
+        k = int(np.argmax(pivots > AS_GOOD * pivots.max()))
         chosen.append(k)
         left = left - np.outer(left[k], left[k]) / pivots[k]
         left[k], left[:, k] = 0.0, 0.0
