@@ -286,7 +286,7 @@ def _lines_before_a_hang(run: subprocess.Popen[str]) -> list[str]:
     assert run.stdout is not None
     output = []
     for line in run.stdout:
-        output.append(line)
+        output.append(line.rstrip("\n"))
         if line.startswith("Timeout ("):
             return output
     run.wait()
