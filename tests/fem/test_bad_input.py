@@ -273,7 +273,7 @@ def test_a_function_that_fails_says_its_own_error():
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
-        ({}, r"a Site needs one of: point with direction, dof, or vector"),
+        ({}, r"a Site needs one of: point with direction, dof, vector, or node"),
         ({"point": (0, 0, 0), "dof": 3}, r"a Site needs one of"),
         ({"point": (0, 0, 0)}, r"needs the direction of impact"),
         ({"point": (0, 0, 0), "direction": (0, 0, 0)}, r"direction must not be the zero vector"),
