@@ -171,9 +171,9 @@ def test_executors_keep_the_order_and_tell_a_scene_that_fails(pool):
 
 
 def test_bad_executor():
-    with pytest.raises(ao.InputError, match="executor must be a concurrent.futures.Executor"):
+    with pytest.raises(ao.InputError, match=r"executor must be a concurrent\.futures\.Executor"):
         ao.sweep(ao.RigidMass, mass=[1.0], velocity=1.0, executor=2)
-    with pytest.raises(ao.InputError, match="executor must be a concurrent.futures.Executor"):
+    with pytest.raises(ao.InputError, match=r"executor must be a concurrent\.futures\.Executor"):
         ao.simulate_many(
             case_two(2)[0], ao.RigidMass(1.0, 1.0), ao.Hertz(1e9), 1e-3, executor="processes"
         )
