@@ -19,7 +19,7 @@ CUBE = {"quadrilateral": 2, "hexahedron": 3}
 
 
 def matrices(cell, x, corners, order, moduli, rho):
-    """(K, M, nodes): of cells with geometric nodes.
+    """(K, M, nodes) of cells with geometric nodes; K in extended precision.
 
     `x` (cells, n, dim): in dolfinx's order; `corners` (cells, k): numbers of the vertices; `moduli`
     (cells, 2): λ and μ; `rho` (cells,). Dofs are node by node; `nodes` (n, dim) are their places.
@@ -41,10 +41,17 @@ def matrices(cell, x, corners, order, moduli, rho):
     dofs = (number[:, :, None] * dim + np.arange(dim)).reshape(len(x), -1)
     rows, columns = np.broadcast_arrays(dofs[:, :, None], dofs[:, None, :])
     shape = (len(every) * dim,) * 2
-    made = [
-        sp.csc_matrix((own.ravel(), (rows.ravel(), columns.ravel())), shape=shape) for own in (K, M)
-    ]
-    return made[0], made[1], places
+    return _summed(K, rows, columns, shape), _summed(M, rows, columns, shape), places
+
+
+def _summed(own, rows, columns, shape):
+    """The matrix of all cells, summed in the precision of theirs."""
+    place = (rows.astype(np.int64) * shape[1] + columns).ravel()
+    order = np.argsort(place, kind="stable")
+    place, values = place[order], own.ravel()[order]
+    first = np.flatnonzero(np.append(True, place[1:] != place[:-1]))
+    row, column = np.divmod(place[first], shape[1])
+    return sp.csc_matrix((np.add.reduceat(values, first), (row, column)), shape=shape)
 
 
 def _degrees(cell, order):
@@ -128,18 +135,33 @@ def _stiffness(cell, x, maps, moduli, degree):
     _, g = maps(points)
     _, slopes = _functions(cell, points)
     dim, n = x.shape[2], slopes.shape[1]
-    K = np.zeros((len(x), n, dim, n, dim))
-    lam, mu = moduli.T
+    # in extended precision: thin cells lose up to ten digits in the sums below
+    K = np.zeros((len(x), n, dim, n, dim), dtype=np.longdouble)
+    lam, mu = moduli.T.astype(np.longdouble)
     for q, w in enumerate(weights):
-        J = np.einsum("ad,cae->cde", g[q], x)
-        size = np.abs(np.linalg.det(J)) * w
-        G = np.einsum("cde,ne->cnd", np.linalg.inv(J), slopes[q])
+        J = np.einsum("ad,cae->cde", g[q].astype(np.longdouble), x.astype(np.longdouble))
+        inverse, determinant = _inverse(J)
+        size = np.abs(determinant) * w
+        G = np.einsum("cde,ne->cnd", inverse, slopes[q].astype(np.longdouble))
         K += np.einsum("c,cai,cbj->caibj", lam * size, G, G)
         K += np.einsum("c,caj,cbi->caibj", mu * size, G, G)
         same = np.einsum("c,cak,cbk->cab", mu * size, G, G)
         for i in range(dim):
             K[:, :, i, :, i] += same
     return K.reshape(len(x), n * dim, n * dim)
+
+
+def _inverse(J):
+    """(inverse, determinant) of matrices (cells, d, d), by cofactors: NumPy's is in double."""
+    if J.shape[1] == 2:
+        determinant = J[:, 0, 0] * J[:, 1, 1] - J[:, 0, 1] * J[:, 1, 0]
+        adjugate = np.stack(
+            [np.stack([J[:, 1, 1], -J[:, 0, 1]], 1), np.stack([-J[:, 1, 0], J[:, 0, 0]], 1)], 1
+        )
+        return adjugate / determinant[:, None, None], determinant
+    rows = [np.cross(J[:, (k + 1) % 3], J[:, (k + 2) % 3]) for k in range(3)]
+    determinant = np.einsum("ci,ci->c", J[:, 0], rows[0])
+    return np.stack(rows, axis=2) / determinant[:, None, None], determinant
 
 
 def _mass(cell, x, maps, rho, degree):

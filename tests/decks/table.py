@@ -170,7 +170,7 @@ def refined(K: Any, lu: Any, b: Any) -> Any:
     """K⁻¹b, with residuals in extended precision."""
     y = lu.solve(b).astype(np.longdouble)
     long = K.astype(np.longdouble).tocsr()
-    for _ in range(3):
+    for _ in range(6):
         y += lu.solve(np.asarray(b - long @ y, dtype=float))
     return np.asarray(y, dtype=float)
 
@@ -204,7 +204,8 @@ def _by_numpy(part: Any, point: Any, direction: Any) -> float:
     b[tree.query(point)[1]] = direction
     keep = np.flatnonzero(free.ravel())
     own = K[keep][:, keep].tocsc()
-    return float(1 / (b.ravel()[keep] @ refined(own, splu(own), b.ravel()[keep])))
+    lu = splu(own.astype(float))
+    return float(1 / (b.ravel()[keep] @ refined(own, lu, b.ravel()[keep])))
 
 
 # --- All decks ------------------------------------------------------------------------------------
