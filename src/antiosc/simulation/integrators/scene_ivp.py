@@ -21,6 +21,8 @@ from antiosc.simulation.integrators.joint_contacts import JointContacts
 
 #: of the right-hand side, for each step that is allowed
 EVALUATIONS = 12
+#: events one after the other without any time in between
+IDLE = 200
 #: nodes for each step of the solver, between which the forces are parabolas
 PARTS = 2
 
@@ -59,7 +61,7 @@ class SceneIVP:
 
         s, contacts = self.system, self.contacts
         y = np.concatenate((s.q, s.v, np.zeros(len(s.beta) - self.p)))
-        t, answer, steps = 0.0, march.DONE, 0
+        t, answer, steps, idle = 0.0, march.DONE, 0, 0
         self.most = EVALUATIONS * max_steps
         at = np.zeros(1)
         free, _, force = self._felt(0.0, y)
@@ -101,6 +103,9 @@ class SceneIVP:
                 answer = march.TOO_MANY_STEPS
             elif contacts.touches > max_contacts:
                 answer = march.TOO_MANY_CONTACTS
+            idle = 0 if moved - t > 1e-14 * duration else idle + 1
+            if idle > IDLE:
+                answer = march.STUCK
             t = end if solution.status == 0 else moved
             if answer != march.DONE:
                 break
