@@ -182,6 +182,17 @@ def test_a_rigid_group_is_a_rigid_body():
     assert inertia.matrix[:3, :3] == pytest.approx(2700.0 * np.eye(3), rel=1e-12, abs=1e-9)
 
 
+def test_an_assembly_of_one_part_is_the_part():
+    """Without joints and supports; turned, it has the same inertia about its own axes."""
+    block = ao.Structure(box((0, 0, 0), (1, 2, 3), (1, 1, 1)), SOLID)
+    turned = ao.assemble({"block": block}, at={"block": ao.Placement(axis=(0, 0, 1), angle=0.5)})
+    assert turned.rigid_modes.shape[1] == 6
+    ours, own = (np.linalg.eigvalsh(s.rigid_inertia[0].matrix) for s in (turned, block))
+    assert ours == pytest.approx(own, rel=1e-9)
+    low, same = (eigenfrequencies(s, 9)[6:] for s in (turned, block))
+    assert low == pytest.approx(same, rel=1e-7)
+
+
 def test_a_bolt_is_a_beam():
     """A cantilever of which a piece is a Bolt: static stiffness exact, mass and low modes near."""
     inner = ao.Structure(line((0, 0, 0), (0.5, 0, 0), 10), BEAM, [CLAMP])

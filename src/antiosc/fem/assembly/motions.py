@@ -165,6 +165,8 @@ def _rows(constraints: Sparse, held: BoolArray, scale: Array) -> Sparse:
 def _null(E: Array | Sparse) -> Array:
     """An orthonormal basis (k, r) of the columns' combinations that vanish in E (m, k)."""
     k = E.shape[1]
+    if not E.shape[0]:
+        return np.eye(k)
     R = np.zeros((0, k))
     for some in np.array_split(np.arange(E.shape[0]), 1 + E.shape[0] * k // ENTRIES_AT_ONCE):
         own = E[some].toarray() if scipy.sparse.issparse(E) else E[some]
