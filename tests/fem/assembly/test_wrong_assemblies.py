@@ -97,6 +97,13 @@ WRONG = [
         "moves without resistance and without mass",
     ),
     (lambda: ao.extract(two(TIE), ao.Site((0, 0, 0), (1, 0, 0), part="c"), n=1), "no part 'c'"),
+    (lambda: ao.extract(two(TIE), ao.Site("x1", (1, 0, 0)), n=1), "is \"part:group\"; got 'x1'"),
+    (
+        lambda: ao.assemble(
+            {"a": plane(), "b": plane()}, [ao.Slider("a:x1", "b:x0")], {"b": (1, 0, 0)}
+        ),
+        "plane parts turn about z and slide along x and y",
+    ),
     (lambda: ao.impact_map(two(TIE), None, None), "takes a structure of one mesh"),
 ]
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 import scipy.sparse
@@ -95,12 +96,28 @@ class Ball(_Pin):
 class _Axis(_Pin):
     axis: Sequence[float] = (0.0, 0.0, 1.0)
 
+    #: whether the axis is that of a rotation
+    _turns_about_axis: ClassVar[bool] = True
+
     def __post_init__(self) -> None:
         super().__post_init__()
         axis = array("axis", self.axis, (3,))
         if not axis.any():
             raise InputError("axis must not be the zero vector.")
         store(self, axis=tuple(axis.tolist()))
+
+    def constraints(
+        self, layout: Layout, before: Sequence[Rows], held: BoolArray, label: str
+    ) -> list[Rows]:
+        """As of every pin; in a plane the axis must be one about or along which parts move."""
+        turned = abs(self.axis[2]) / float(np.linalg.norm(self.axis))
+        across = self._turns_about_axis
+        if layout.plane and abs(turned - across) > COINCIDENT:
+            raise InputError(
+                f"{label}: plane parts turn about z and slide along x and y; the axis "
+                f"{tuple(self.axis)} allows neither."
+            )
+        return super().constraints(layout, before, held, label)
 
     def _across(self) -> Array:
         """Two unit vectors (2, 3) across the axis."""
@@ -130,6 +147,8 @@ class Slider(_Axis):
 
     Parameters as for `Hinge`.
     """
+
+    _turns_about_axis: ClassVar[bool] = False
 
     def _held(self) -> tuple[Array, Array]:
         return self._across(), np.eye(3)

@@ -31,7 +31,11 @@ def _functional(structure: AssembledMatrices, site: Site) -> Functional:
     assert site.point is not None
     direction = np.pad(site.direction, (0, 3 - len(site.direction)))
     if isinstance(site.point, str):
-        name, _, group = site.point.rpartition(":")
+        name, colon, group = site.point.partition(":")
+        if not colon:
+            raise InputError(
+                f'the group of a site on an assembly is "part:group"; got {site.point!r}.'
+            )
         (member,) = structure.members(name)
         own = centre(member.part.mesh, group)
         site = replace(site, snap=True)
