@@ -15,7 +15,7 @@ from antiosc.simulation.engine import System
 from antiosc.simulation.expected import deepest, stiffness_at
 from antiosc.simulation.impactors import Obstacle
 from antiosc.simulation.laws import packed
-from antiosc.simulation.scene import Contact, Scene
+from antiosc.simulation.scene_parts import Contact, SceneParts
 
 Array = NDArray[np.float64]
 
@@ -36,7 +36,7 @@ class Assembly:
     lasting : expected time of a contact [s], the shortest.
     """
 
-    scene: Scene
+    scene: SceneParts
     bodies: dict[str, Placed]
     spans: dict[str, slice]
     columns: dict[str, slice]
@@ -49,7 +49,7 @@ class Assembly:
     lasting: float
 
 
-def assemble(scene: Scene, duration: float) -> Assembly:
+def assemble(scene: SceneParts, duration: float) -> Assembly:
     """The scene ready to integrate; InputError for what does not fit together."""
     bodies = {n: place(n, body, scene.motion.get(n)) for n, body in scene.bodies.items()}
     spans, columns, j, k = {}, {}, 0, 0
@@ -205,7 +205,7 @@ def _tangents(
 
 
 def _axes(
-    scene: Scene, bodies: dict[str, Placed], lines: list[Array | None]
+    scene: SceneParts, bodies: dict[str, Placed], lines: list[Array | None]
 ) -> dict[str, Array | None]:
     """Direction in space of the one coordinate of each body that knows none itself."""
     axes: dict[str, Array | None] = {}
@@ -257,7 +257,7 @@ def _weights(body: Placed, axis: Array | None, vector: bool) -> Array:
 
 
 def _loads(
-    scene: Scene,
+    scene: SceneParts,
     bodies: dict[str, Placed],
     spans: dict[str, slice],
     columns: dict[str, slice],
@@ -313,7 +313,7 @@ def _loads(
     return breaks, loads, gaps - forces @ r @ G.T
 
 
-def _laws(scene: Scene, bodies: dict[str, Placed]) -> tuple[list[ContactLaw], list[str]]:
+def _laws(scene: SceneParts, bodies: dict[str, Placed]) -> tuple[list[ContactLaw], list[str]]:
     """The laws with the patches' own half-space compliance taken out, and notes on it."""
     laws, notes = [], []
     for contact in scene.contacts:
@@ -347,7 +347,7 @@ def _mass(beta: Array, omega: Array) -> float:
 
 
 def _scales(
-    scene: Scene,
+    scene: SceneParts,
     laws: list[ContactLaw],
     mass: Array,
     beta: Array,

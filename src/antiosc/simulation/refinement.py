@@ -12,8 +12,8 @@ from antiosc.simulation.assembly import Assembly, assemble
 from antiosc.simulation.convergence import FINE, Converged, converge, stopped
 from antiosc.simulation.equilibrium import closed, settle
 from antiosc.simulation.laws import forget
-from antiosc.simulation.scene import Scene
 from antiosc.simulation.scene_history import SceneHistory
+from antiosc.simulation.scene_parts import SceneParts
 
 Array = NDArray[np.float64]
 
@@ -22,7 +22,7 @@ BALANCED = 5000  # nodes up to which the balance of energy is always made
 
 
 def integrate(
-    scene: Scene,
+    scene: SceneParts,
     duration: float,
     tol: float,
     max_contacts: int,
