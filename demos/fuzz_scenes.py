@@ -126,7 +126,8 @@ def momentum_error(hit: ao.SceneHistory) -> float:
     assert run.states is not None
     f, step = run.force, np.diff(run.time[::2])[:, None]
     impulse = step / 6 * (f[:-2:2] + 4 * f[1:-1:2] + f[2::2])
-    impulse[f[1:-1:2] == 0.0] = 0.0  # flight; its first node is the contact's last
+    flight = (f[1:-1:2] == 0.0) & (f[2::2] == 0.0)
+    impulse[flight] = 0.0  # its first node is the contact's last
     beta = system.beta[:, rigid]
     t = np.union1d(run.time[::2], system.breaks[system.breaks <= run.time[-1]])
     load = np.array([np.interp(t, system.breaks, row) for row in system.loads[:, rigid].T])
