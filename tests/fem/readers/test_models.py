@@ -276,7 +276,7 @@ def test_one_of_the_three_constants_may_be_missing(bulk, given, E, nu):
     model, _ = bulk(QUAD.replace("2.+5,,.3", given))
     assert model["families"][0][2]["E"] == pytest.approx(E)
     assert model["families"][0][2]["nu"] == pytest.approx(nu)
-    assert not model["ignored"]
+    assert not any("MAT1" in text for text in model["ignored"])
 
 
 def test_a_shear_modulus_that_contradicts_is_told(bulk):

@@ -190,7 +190,8 @@ def test_scripts_that_describe_a_part_keep_their_meaning(tmp_path, session, text
 def test_scripts_of_this_repository_are_harmless():
     for path in MESHES.glob("*.geo"):
         script = geo_script.harmless(path.read_text(), path.name)
-        assert script.merged == [path.with_suffix(".step").name]
+        step = path.with_suffix(".step")  # some merge it, others draw the part themselves
+        assert script.merged == ([step.name] if step.exists() else [])
 
 
 def test_cad_beside_a_script_is_merged(tmp_path):

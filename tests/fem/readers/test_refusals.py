@@ -136,10 +136,6 @@ ABAQUS = {
         BAR + BEAM + "RECT,OFFSET1=.5,OFFSET2=.5\n1\n0,1,0\n" + MATERIAL,
         "off its nodes in both directions",
     ),
-    "varying thickness": (
-        SHEET + SHELL.replace("=M", "=M,NODAL THICKNESS") + MATERIAL,
-        "varying thickness",
-    ),
     "off the middle": (SHEET + SHELL.replace("=M", "=M,OFFSET=.5") + MATERIAL, "off its middle"),
     "no orientation": (composite(""), "there is no orientation 'O'"),
     "cylindrical axes": (
