@@ -89,8 +89,15 @@ def test_solids_of_an_assembly_share_nodes_and_have_their_names(assembly):
     both = {"base": STEEL, "post": ao.Solid(70e9, 0.3, 2700.0)}
     mass = 7850 * 8e-6 + 2700 * 4e-6
     assert ao.Structure(mesh, both).mass == pytest.approx(mass, rel=1e-9)
-    alone = ao.read_mesh(assembly, size=8e-3, cells="post")
+    alone = ao.read_mesh(assembly, size=8e-3, parts=["post"])
     assert ao.Structure(alone, STEEL).mass == pytest.approx(7850 * 4e-6, rel=1e-9)
+
+
+def test_parts_and_cells_are_one_choice(tmp_path):
+    path = stl(tmp_path / "box.stl")
+    for options in ({"parts": ["a"], "cells": 2}, {"parts": "a"}, {"parts": 3.5}, {"parts": []}):
+        with pytest.raises(ao.InputError, match=r"cells=? (or parts|must be)|parts must be|cells"):
+            ao.read_mesh(path, **options)
 
 
 @pytest.mark.parametrize(("unit", "length"), [("2,2HMM", 0.1), ("6,1HM", 100), ("1,2HIN", 2.54)])

@@ -118,6 +118,7 @@ def read_mesh(
     refine: Sequence[Refinement] = (),
     groups: Mapping[str, tuple[Any, int]] | None = None,
     cells: Wanted = None,
+    parts: Sequence[str] | None = None,
     unit: str | float | None = None,
     merge: float | None = None,
     solid: bool = False,
@@ -160,6 +161,8 @@ def read_mesh(
         Which cells of a file make the mesh: a dimension (1, 2 or 3), a group or a list of groups.
         By default those of the highest dimension; if others (shells, beams) are no faces or edges
         of these, the file is refused.
+    parts
+        Names of parts, instances, solids or groups, in place of `cells`: only they are read.
     unit
         Of the coordinates in a finished mesh or deck: "m", "mm", "cm", "in", or metres per unit.
     merge
@@ -192,6 +195,12 @@ def read_mesh(
         Folded or overlapping cells, cracks and hanging nodes; elements of a deck that are no cells.
     """
     _check(size, gdim, order, refine)
+    if parts is not None:
+        if cells is not None:
+            raise InputError("give cells= or parts=, which both select cells; got both.")
+        if isinstance(parts, str):
+            raise InputError(f"parts must be a list of names; got {shown(parts)}.")
+        cells = list(parts) if isinstance(parts, list | tuple) else parts
     _check_choice(cells, trust, timeout)
     flag("solid", solid)
     flag("fragments", fragments)
