@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
+from scipy.linalg import block_diag, solve_triangular
 
 import antiosc as ao
 from antiosc.models import driving_point as bands
@@ -80,3 +80,34 @@ def _check_bounds(seeds: Sequence[int]) -> None:
         assert error <= bound, f"{what}: {error:.2e} above the bound {bound:.2e}"
         small += bound <= 1e-3
     assert small > len(seeds) / 4  # the bounds are of use
+
+
+def _stack(angle: float) -> tuple[Array, Array, Array]:
+    """K, M and the loads of two sites of a stack of masses that slides along x, held in y.
+
+    The sites push across the slide, the first but for the angle.
+    """
+    m, k = np.array([0.5, 0.3, 0.4, 0.2, 0.1]), np.array([4e7, 2e7, 3e7, 1e7, 2e7])
+    across = np.diag(k) + np.diag(np.append(k[1:], 0.0))
+    across -= np.diag(k[1:], 1) + np.diag(k[1:], -1)
+    along = across - np.diag([k[0], 0, 0, 0, 0])
+    B = np.zeros((10, 2))
+    B[4, 0], B[9, 0], B[7, 1] = np.sin(angle), np.cos(angle), 1.0
+    return block_diag(along, across), np.diag(np.concatenate([m, m])), B
+
+
+@pytest.mark.parametrize("angle", [1e-1, 1e-3, 1e-5, 1e-7])
+def test_a_rigid_motion_that_hardly_moves_the_sites_is_beside(angle):
+    K, M, B = _stack(angle)
+    sites = {"top": ao.Site(vector=B[:, 0]), "middle": ao.Site(vector=B[:, 1])}
+    model = ao.extract(ao.Structure.from_matrices(K, M), sites, 8)
+    assert np.any(model.slide) == (angle < 1e-2)
+    assert model.rigid.shape[1] == (angle > 1e-2)
+    omega = np.geomspace(1.0, 2e4, 60) * (1 + 1j * bands.DAMPING)
+    H, _ = exact_receptances(K, M, B, omega)
+    found = model.site_modes().receptance(omega)
+    size = np.sqrt(np.abs(np.einsum("wpp->wp", H)).astype(float))
+    assert np.abs((found - H) / size[:, :, None] / size[:, None, :]).max() < 1e-6
+    product = H @ model.dynamic_stiffness(omega) * size[:, None, :] / size[:, :, None]
+    assert np.abs(product - np.eye(2)).max() < 1e-6
+    assert np.sum(model.site_modes().omega == 0) == 1
