@@ -18,6 +18,7 @@ from loose_bodies import (
     loose_bodies,
     more_loads,
 )
+from several import loose_chains, sites_of
 
 pytestmark = pytest.mark.fem
 
@@ -111,3 +112,26 @@ def test_a_rigid_motion_that_hardly_moves_the_sites_is_beside(angle):
     product = H @ model.dynamic_stiffness(omega) * size[:, None, :] / size[:, :, None]
     assert np.abs(product - np.eye(2)).max() < 1e-6
     assert np.sum(model.site_modes().omega == 0) == 1
+
+
+@pytest.mark.parametrize("held", [0, 1])
+def test_bound_of_what_krylov_steps_leave_out(held, rng):
+    K, M = loose_chains((80,), held, rng)
+    B = np.zeros((80, 2))
+    B[[40, 23], [0, 1]] = 1.0
+    structure, band = ao.Structure.from_matrices(K, M), 80.0
+    L = np.linalg.cholesky(B.T @ structure.factorize().solve_block(B))
+    ratios = []
+    for n in range(5, 26, 3):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ao.AccuracyWarning)  # fewer than the band needs
+            model = ao.extract(structure, sites_of(B), n, band=band, accuracy=1e-13)
+        omega = np.linspace(model.info["band"]["bottom"], band, 120) * (1 + 1j * bands.DAMPING)
+        H = np.array([B.T @ np.linalg.solve(K - w**2 * M, B) for w in omega])
+        error, bound = _error(model, H, L, omega).max(), model.info["band"]["error_bound"]
+        if 1e-9 < error < 1e-1:
+            ratios.append(bound / error)
+    assert len(ratios) >= 2
+    assert min(ratios) >= 1
+    # ‖H‖‖ΔZ‖ is far above ‖HΔZ‖ where one combination of the sites resonates and others do not
+    assert min(ratios) <= 1e4
