@@ -85,7 +85,7 @@ class Solid(Isotropic):
     def weak_form(self, mesh: Mesh, parts: Parts, order: int) -> WeakForm:
         """Displacements of degree `order`, which must not be below the geometric order."""
         _check_cells(mesh, order)
-        if not all(isinstance(material, Solid) for material, _ in parts):
+        if len({type(material) for material, _ in parts}) > 1:  # some have directions
             return general_form(mesh, parts, order)
         for material, _ in parts:
             _check_plane(material, mesh)
