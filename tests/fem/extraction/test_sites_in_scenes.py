@@ -163,13 +163,13 @@ def test_fields_of_a_scene(block, tmp_path):
         [ao.Contact("part:far", "ball", ao.Hertz(1e9))],
     )
     hit = scene.run(2e-4)
-    times = [5e-5, 1.5e-4]
+    times = hit.time[[len(hit.time) // 3, -2]]
     field = hit.field(times, "part")
     for name, site in CORNERS.items():
         own = hit.bodies["part"].displacement(name)
-        at = np.interp(times, hit.time, own)
+        at = own[[len(hit.time) // 3, -2]]
         np.testing.assert_allclose(
-            field @ functional(block, site).b, at, atol=2e-3 * np.abs(own).max()
+            field @ functional(block, site).b, at, atol=1e-9 * np.abs(own).max()
         )
     probed = ao.probe(block, hit, (0.2, 0.05, 0.04), times)
     assert probed.shape == (2, 3)
