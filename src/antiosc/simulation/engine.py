@@ -22,7 +22,7 @@ Index = NDArray[np.intp]
 
 # Interpreted steps, about 0.1 ms each, that it takes to load the compiled march (1 s) or to compile
 # it (20 s) for the rest.
-_WORTH_LOADING, _WORTH_COMPILING = 20_000, 400_000
+_WORTH_LOADING, _WORTH_COMPILING = 10_000, 200_000
 _interpreted = 0
 
 _COMPILED = march.__name__ + "_compiled"
