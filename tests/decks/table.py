@@ -155,6 +155,7 @@ def reference_of(part: Any, point: Any, direction: Any, bare: bool) -> tuple[flo
     if part.rigid_modes.size and np.abs(part.rigid_modes.T @ b).max() > 1e-9:
         return 0.0, "free"
     solid = not part.matrices.assembled and part.kind.name == "solid"
+    solid = solid and all(hasattr(material, "nu") for material, _ in part.parts)  # isotropic
     if solid and bare and not part.rigid_modes.size:
         return _by_numpy(part, point, direction), "NumPy's K"
     rows, columns, values = part.K.getValuesCSR()
