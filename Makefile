@@ -37,11 +37,14 @@ bench: $(READY) ## speed against accuracy: tables, pictures and JSON in demos/sp
 decks: $(READY) ## the decks of Debian's calculix-ccx-test in one table: read, struck, refused; DECKS=folder
 	$(PYTHON) tests/decks/table.py $(DECKS)
 
+# Two processes share the tests; `make test WORKERS=0` runs them in one.
+WORKERS ?= 2
+
 test: $(READY) ## all tests, those on several MPI ranks included
-	$(PYTHON) -m pytest
+	$(PYTHON) -m pytest -n $(WORKERS)
 
 check: $(READY) ## the quick tests on one rank (under 2 minutes); CORE=HASWELL: rounded as there
-	$(PYTHON) -m pytest -m "not slow and not mpi"
+	$(PYTHON) -m pytest -n $(WORKERS) -m "not slow and not mpi"
 
 check-cores: $(READY) ## the same under HASWELL, SKYLAKEX, ZEN and SANDYBRIDGE, those that run here
 	.ci/cores

@@ -49,7 +49,7 @@ from antiosc.fem.linalg.solver_choice import factorize
 from antiosc.fem.site.functionals import functional
 from antiosc.fem.site.map_sites import sites_of
 from antiosc.models.driving_point import stiffness_error
-from antiosc.simulation.two_bodies import without_patch
+from antiosc.simulation.simulate import without_patch
 
 ROOT = Path(__file__).resolve().parent.parent
 STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}

@@ -12,10 +12,10 @@ from antiosc.contact import ContactLaw, Hertz, State
 from antiosc.errors import InputError
 from antiosc.simulation.bodies import PARALLEL, Placed, place
 from antiosc.simulation.engine import System
-from antiosc.simulation.expected import deepest, stiffness_at
 from antiosc.simulation.impactors import Obstacle
 from antiosc.simulation.laws import packed
-from antiosc.simulation.scene_parts import Contact, SceneParts
+from antiosc.simulation.scene import Contact, Scene
+from antiosc.simulation.simulate import _deepest, _stiffness
 
 Array = NDArray[np.float64]
 
@@ -36,7 +36,7 @@ class Assembly:
     lasting : expected time of a contact [s], the shortest.
     """
 
-    scene: SceneParts
+    scene: Scene
     bodies: dict[str, Placed]
     spans: dict[str, slice]
     columns: dict[str, slice]
@@ -49,7 +49,7 @@ class Assembly:
     lasting: float
 
 
-def assemble(scene: SceneParts, duration: float) -> Assembly:
+def assemble(scene: Scene, duration: float) -> Assembly:
     """The scene ready to integrate; InputError for what does not fit together."""
     bodies = {n: place(n, body, scene.motion.get(n)) for n, body in scene.bodies.items()}
     spans, columns, j, k = {}, {}, 0, 0
@@ -205,7 +205,7 @@ def _tangents(
 
 
 def _axes(
-    scene: SceneParts, bodies: dict[str, Placed], lines: list[Array | None]
+    scene: Scene, bodies: dict[str, Placed], lines: list[Array | None]
 ) -> dict[str, Array | None]:
     """Direction in space of the one coordinate of each body that knows none itself."""
     axes: dict[str, Array | None] = {}
@@ -257,7 +257,7 @@ def _weights(body: Placed, axis: Array | None, vector: bool) -> Array:
 
 
 def _loads(
-    scene: SceneParts,
+    scene: Scene,
     bodies: dict[str, Placed],
     spans: dict[str, slice],
     columns: dict[str, slice],
@@ -313,7 +313,7 @@ def _loads(
     return breaks, loads, gaps - forces @ r @ G.T
 
 
-def _laws(scene: SceneParts, bodies: dict[str, Placed]) -> tuple[list[ContactLaw], list[str]]:
+def _laws(scene: Scene, bodies: dict[str, Placed]) -> tuple[list[ContactLaw], list[str]]:
     """The laws with the patches' own half-space compliance taken out, and notes on it."""
     laws, notes = [], []
     for contact in scene.contacts:
@@ -347,7 +347,7 @@ def _mass(beta: Array, omega: Array) -> float:
 
 
 def _scales(
-    scene: SceneParts,
+    scene: Scene,
     laws: list[ContactLaw],
     mass: Array,
     beta: Array,
@@ -372,7 +372,7 @@ def _scales(
         state = law.touch(float(speed[c]))
         energy = 0.5 * mass[c] * speed[c] ** 2
         far = float(speed[c] * duration + push[c] * duration**2)
-        depth[c] = deepest(law, state, float(energy), float(push[c] * mass[c]), far)
+        depth[c] = _deepest(law, state, float(energy), float(push[c] * mass[c]), far)
         pace = speed[c] + sqrt(2 * push[c] * depth[c])
         lasting = min(lasting, 3 * depth[c] / pace)
         contact = scene.contacts[c]
@@ -387,7 +387,7 @@ def _scales(
 def _mean_stiffness(law: ContactLaw, deepest: float, state: State) -> float:
     """Mean stiffness [N/m] over a contact whose indentation is half a sine in time."""
     phases = (np.arange(16) + 0.5) / 16 * (np.pi / 2)
-    return float(np.mean([stiffness_at(law, deepest * s, state) for s in np.sin(phases)]))
+    return float(np.mean([_stiffness(law, deepest * s, state) for s in np.sin(phases)]))
 
 
 def _felt(beta: Array, modal: Array) -> Array:

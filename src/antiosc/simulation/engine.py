@@ -22,7 +22,7 @@ Index = NDArray[np.intp]
 
 # Interpreted steps, about 0.1 ms each, that it takes to load the compiled march (1 s) or to compile
 # it (20 s) for the rest.
-_WORTH_LOADING, _WORTH_COMPILING = 10_000, 200_000
+_WORTH_LOADING, _WORTH_COMPILING = 20_000, 400_000
 _interpreted = 0
 
 _COMPILED = march.__name__ + "_compiled"
@@ -132,8 +132,7 @@ class Run:
     states : (n + 1, 2, J) at the start and after each step; None if not kept.
     events : (., 4) time, contact, piece that begins, closing speed.
     answer : why the march stopped.
-    steps : taken; `attempts` those and the ones that were tried and given up for shorter ones,
-        `refused` because of their error.
+    steps : taken; `attempts` those and the ones that were tried and given up for shorter ones.
     gained : energy [J] of the bodies beyond what was given, at most; `highest` what there was.
     """
 
@@ -147,7 +146,6 @@ class Run:
     attempts: int
     touches: int
     highest: float
-    refused: int = 0
     gained: float = 0.0
     work: float = 0.0
 
@@ -160,28 +158,21 @@ def run(
     module: ModuleType | None = None,
     scale: float = 0.0,
     fine: float,
-    step: float | None = None,
     keep: bool = True,
     max_contacts: int = 10_000,
     max_steps: int = 1_000_000,
 ) -> Run:
-    """March over [0, duration] with forces to `share` of their scale (0: found as it goes).
-
-    The steps under contact are halvings of the longest; with `step` [s] given they are that step,
-    or halvings of it where the forces need them.
-    """
+    """March over [0, duration] with forces to `share` of their scale (0: found as it goes)."""
     p, (m, size) = system.kinds.size, system.beta.shape
     if np.any(system.kinds == march.USER):
         module = march  # only the interpreted march calls a law of one's own
-    clock = np.zeros(16)
+    clock = np.zeros(15)
     clock[march.DURATION], clock[march.SHARE] = duration, share
-    clock[march.ROOF] = np.inf if step is None else step
-    unit = 1.0 if step is None else step
-    clock[march.LONGEST] = unit * 2.0 ** ceil(log2(duration / unit))
+    clock[march.LONGEST] = 2.0 ** ceil(log2(duration))
     clock[march.FINE] = fine
     clock[march.CAP] = duration / 16
     clock[march.FORCE_SCALE], clock[march.KNOWN] = scale, float(scale > 0)
-    count = np.zeros(15, dtype=np.int64)
+    count = np.zeros(13, dtype=np.int64)
     count[march.MOST_TOUCHES], count[march.MOST_STEPS] = max_contacts, max_steps
     count[march.KEEP] = keep
     count[march.LEVEL] = 4
@@ -271,7 +262,6 @@ def run(
         attempts=int(count[march.STEPS] + count[march.RETRIES]),
         touches=int(count[march.TOUCHES]),
         highest=float(clock[march.HIGHEST]),
-        refused=int(count[march.REFUSED]),
         gained=float(clock[march.SURPLUS]),
         work=float(clock[march.WORKED]),
     )

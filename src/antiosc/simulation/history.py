@@ -17,7 +17,6 @@ from antiosc._types import Array, Index
 from antiosc.charts.histories import plot_history
 from antiosc.errors import InputError
 from antiosc.models.modal import ModalBody
-from antiosc.simulation.contact_energy import replay
 from antiosc.simulation.integrators import Problem, Trajectory
 
 if TYPE_CHECKING:
@@ -128,12 +127,12 @@ class History:
     @property
     def peak_force(self) -> float:
         """Largest contact force [N]."""
-        return self.trajectory.peak_force
+        return float(self.force.max())
 
     @property
     def impulse(self) -> float:
         """Time integral of the contact force [N s]."""
-        return self.trajectory.impulse
+        return float(sum(s.impulse for s in self.trajectory.segments))
 
     @property
     def contacts(self) -> list[tuple[float, float]]:
@@ -148,7 +147,13 @@ class History:
         Successive contacts belong to one impact if the flight between them is shorter than the
         impact up to then. The main impact is the one with the largest impulse.
         """
-        return self.trajectory.contact_time
+        segments = self.trajectory.segments
+        return main_impact(
+            [
+                (c.start, c.end, sum(s.impulse for s in segments[slice(*c.segments)]))
+                for c in self.trajectory.contacts
+            ]
+        )
 
     @property
     def restitution(self) -> float | None:
@@ -160,7 +165,13 @@ class History:
         rebound speed of the impactor over its speed of approach. None without a contact, if the
         bodies are in contact at the end, or if they did not approach each other.
         """
-        return self.trajectory.restitution
+        contacts = self.trajectory.contacts
+        if not contacts or not contacts[-1].released:
+            return None
+        _, v = self.states([contacts[0].start, contacts[-1].end])
+        rigid = np.where(self.problem.omega == 0, self.problem.beta, 0.0)
+        closing, after = v @ rigid
+        return float(-after / closing) if closing > 0 else None
 
     @cached_property
     def momentum(self) -> Array:
@@ -300,17 +311,28 @@ class History:
 
     @cached_property
     def _contact_energy(self) -> tuple[Array, Array]:
-        """Recoverable and lost energy of the contact law, along the nodes."""
-        contacts = self.trajectory.contacts
+        """Recoverable and lost energy of the contact law, replayed along the nodes."""
+        law = self.problem.law
+        stored, lost = np.zeros(self.time.size), np.zeros(self.time.size)
         sizes = [s.time.size - 1 for s in self.trajectory.segments]
         first = np.concatenate(([0], np.cumsum(sizes)))
-        spans = [(int(first[c.segments[0]]), int(first[c.segments[1]])) for c in contacts]
-        stored, lost, damping = replay(
-            self.problem.law, self.force, self.indentation, spans, [c.speed for c in contacts]
-        )
-        if self.problem.law.rate_dependent:
-            work = 0.5 * (damping[1:] + damping[:-1]) * np.diff(self.indentation)
-            lost = lost + np.append(0.0, np.cumsum(work))
+        for contact in self.trajectory.contacts:
+            a, b = first[contact.segments[0]], first[contact.segments[1]]
+            state, braked, before = contact.state, float(lost[a]), 0.0
+            start = law.lost(state)
+            for n in range(a, b + 1):
+                delta = float(self.indentation[n])
+                if n > a:
+                    state = law.advance(delta, 0.0, state)
+                if law.rate_dependent:  # the work of the rate-dependent part of the force
+                    damping = float(self.force[n]) - law.force(delta, 0.0, state)
+                    if n > a:
+                        change = delta - float(self.indentation[n - 1])
+                        braked += 0.5 * (before + damping) * change
+                    before = damping
+                stored[n] = law.energy(delta, state)
+                lost[n] = braked + law.lost(state) - start
+            lost[b:] = lost[b]
         return stored, lost
 
 
@@ -321,6 +343,20 @@ def no_field(model: Any) -> str:
         f"{name} has no displacement field: it has no shapes (model files do not store them); "
         "extract the model again to recover fields."
     )
+
+
+def main_impact(contacts: Sequence[tuple[float, float, float]]) -> float:
+    """Length [s] of the main impact among contacts (start, end, impulse); see `contact_time`."""
+    groups: list[tuple[float, float, float]] = []
+    for start, end, impulse in contacts:
+        if groups and start - groups[-1][1] < groups[-1][1] - groups[-1][0]:
+            groups[-1] = (groups[-1][0], end, groups[-1][2] + impulse)
+        else:
+            groups.append((start, end, impulse))
+    if not groups:
+        return 0.0
+    main = max(groups, key=lambda g: g[2])
+    return main[1] - main[0]
 
 
 def force_difference(coarse: Trajectory, fine: Trajectory) -> tuple[float, float]:

@@ -1,6 +1,8 @@
-"""A scene run to its tolerance: start, error control, balance of energy, status and message."""
+"""Error control of a scene: the march is repeated with a finer share until its forces converge."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,20 +11,43 @@ from antiosc import checks
 from antiosc.errors import AccuracyError, AccuracyWarning, InputError, warn
 from antiosc.simulation import march
 from antiosc.simulation.assembly import Assembly, assemble
-from antiosc.simulation.convergence import FINE, Converged, converge, stopped
+from antiosc.simulation.engine import Run, run
 from antiosc.simulation.equilibrium import closed, settle
 from antiosc.simulation.laws import forget
+from antiosc.simulation.scene import Scene
 from antiosc.simulation.scene_history import SceneHistory
-from antiosc.simulation.scene_parts import SceneParts
 
 Array = NDArray[np.float64]
 
+FINER = 8.0  # of the share: steps half as long, force errors an eighth
+# error left in the finer run, of the difference of the two: an eighth, and a margin; where a law
+# depends on the rate of what has no mass, the order is 1
+LEFT, LEFT_AT_ORDER_ONE = 0.25, 1.5
+MOST = 12  # runs
+PATIENCE = 3  # runs without gain after which a scene counts as not convergent
+# a finer run may take so many times the steps of the one before, twice being the rule, and so many
+# at least: one that takes more is stopped
+DEARER, CHEAP = 50, 50_000
 GAIN = 1e-3  # of the highest energy: a scene that gains more says so
 BALANCED = 5000  # nodes up to which the balance of energy is always made
 
 
+@dataclass(eq=False)
+class Converged:
+    """The finest run, its estimated relative errors, and until when [s] two runs agreed.
+
+    The errors are infinite where no finer run reached the end.
+    """
+
+    run: Run
+    share: float
+    force: float
+    peak: float
+    certain: float
+
+
 def integrate(
-    scene: SceneParts,
+    scene: Scene,
     duration: float,
     tol: float,
     max_contacts: int,
@@ -44,14 +69,7 @@ def integrate(
         if method == "exact":
             if step is not None:
                 raise InputError("method='exact' finds its own steps; give tol instead of step.")
-            found = converge(
-                assembly.system,
-                duration,
-                tol,
-                max_contacts,
-                max_steps,
-                fine=assembly.lasting / FINE,
-            )
+            found = converge(assembly, duration, tol, max_contacts, max_steps)
         else:
             from antiosc.simulation.comparison import compared  # which is seldom needed
 
@@ -112,13 +130,86 @@ def start(assembly: Assembly) -> None:
         system.given += 0.5 * float(system.pressed @ system.R[:p, :p] @ system.pressed)
 
 
+def converge(
+    assembly: Assembly, duration: float, tol: float, max_contacts: int, max_steps: int
+) -> Converged:
+    """Finer runs until the forces of two agree to the tolerance."""
+    share, scale = tol, 0.0
+    fine = assembly.lasting / 200
+    m = len(assembly.G)
+    p = len(assembly.laws)
+    massless = assembly.system.R.diagonal()[:p] > 0
+    rated = any(
+        law.rate_dependent and bare for law, bare in zip(assembly.laws, massless, strict=True)
+    )
+    left = LEFT_AT_ORDER_ONE if rated else LEFT
+    best: Converged | None = None
+    before: Run | None = None
+    worse, failed, used = 0, 0, 0
+    for _ in range(MOST):
+        room = max_steps - used
+        if before is not None:
+            room = min(room, max(DEARER * before.attempts, CHEAP))
+        now = run(
+            assembly.system,
+            duration,
+            share,
+            scale=scale,
+            fine=fine,
+            max_contacts=max_contacts,
+            max_steps=room,
+        )
+        used += now.attempts
+        failed = failed + 1 if now.answer in (march.GREW, march.STUCK) else 0
+        scale = max(float(np.abs(now.force[:, :p]).max()), 1e-300) if now.force.size else 0.0
+        if not np.isfinite(scale):
+            scale = 0.0
+        if before is not None and now.answer == march.TOO_MANY_STEPS:
+            if best is None:
+                certain = difference(before, now, m, tol / left)[2]
+                best = Converged(before, share * FINER, np.inf, np.inf, certain)
+            break
+        if before is not None and now.answer not in (march.GREW, march.STUCK):
+            force, peak, certain = difference(before, now, m, tol / left)
+            found = Converged(now, share, left * force, left * peak, certain)
+            gained = best is None or found.force < 0.7 * best.force
+            worse = 0 if gained else worse + 1
+            if best is None or found.force <= best.force or found.force <= tol:
+                best = found
+            if max(found.force, found.peak) <= tol or worse >= PATIENCE:
+                return found if max(found.force, found.peak) <= tol else best
+        if now.answer in (march.TOO_MANY_CONTACTS, march.TOO_MANY_STEPS) or failed >= PATIENCE:
+            break
+        before = now if now.answer == march.DONE else None
+        share /= FINER
+        if 2 * now.attempts > max_steps - used:
+            break
+    if best is None:
+        best = Converged(now, share, np.inf, np.inf, 0.0)
+    return best
+
+
 def verdict(found: Converged, tol: float, max_contacts: int, max_steps: int) -> tuple[int, str]:
     """Status and message of a run: 0 completed, 1 tolerance not met, 2 stopped before the end."""
     answer, t = found.run.answer, float(found.run.time[-1])
-    failure = stopped(answer, t, max_contacts, max_steps)
-    if failure:
-        return 2, failure[0].upper() + failure[1:] + "."
-    worst = found.worst
+    if answer == march.TOO_MANY_CONTACTS:
+        return 2, (
+            f"Stopped at {t:g} s: more than {max_contacts} contacts (chatter); shorten the duration"
+            f" or raise max_contacts."
+        )
+    if answer == march.TOO_MANY_STEPS:
+        return 2, (
+            f"Stopped at {t:g} s: more than {max_steps} steps; shorten the duration, use a larger"
+            f" tol or raise max_steps."
+        )
+    if answer == march.GREW:
+        return 2, f"Stopped at {t:g} s: the bodies gained energy; use a smaller tol."
+    if answer == march.STUCK:
+        return 2, (
+            f"Stopped at {t:g} s: no step is small enough for the contact forces there; check the"
+            f" laws' stiffness against the bodies' masses."
+        )
+    worst = max(found.force, found.peak)
     if worst == np.inf:
         if found.certain > 0:
             return 1, (
@@ -152,3 +243,44 @@ def gained(history: SceneHistory) -> float:
     energy = history.energy
     highest = float(np.max(energy.kinetic + energy.strain + energy.contact))
     return float(np.max(energy.total - energy.total[0])) / highest if highest > 0 else 0.0
+
+
+def difference(coarse: Run, fine: Run, p: int, tol: float) -> tuple[float, float, float]:
+    """Relative difference of the forces in the L2 norm and of their peak; until when they agree.
+
+    Up to the end of the shorter run.
+    """
+    time = np.union1d(coarse.time, fine.time)
+    time = time[time <= min(coarse.time[-1], fine.time[-1])]
+    a, b = parabolas(coarse, time, p), parabolas(fine, time, p)
+    weight = np.zeros(time.size)
+    step = np.diff(time)
+    weight[:-1] += step / 2
+    weight[1:] += step / 2
+    gap = weight @ (a - b) ** 2
+    size = float((weight @ b**2).sum())
+    if size == 0.0:
+        same = not np.any(a)
+        return (0.0, 0.0, float(time[-1])) if same else (1.0, 1.0, 0.0)
+    top = float(np.abs(b).max())
+    # how much of the norm the difference has used up as time goes on
+    used = np.cumsum(weight * ((a - b) ** 2).sum(axis=1))
+    beyond = np.flatnonzero(np.sqrt(used / size) > tol)
+    certain = float(time[beyond[0]]) if beyond.size else float(time[-1])
+    return (
+        float(np.sqrt(gap.sum() / size)),
+        float(np.max(np.abs(np.abs(a).max(axis=0) - np.abs(b).max(axis=0)))) / top,
+        certain,
+    )
+
+
+def parabolas(run: Run, time: Array, p: int) -> Array:
+    """Forces (n, p) of a run at times (n,)."""
+    starts = run.time[::2]
+    if starts.size < 2:
+        return np.zeros((time.size, p))
+    i = np.clip(np.searchsorted(starts, time, side="right") - 1, 0, starts.size - 2)
+    span = starts[i + 1] - starts[i]
+    u = (np.clip((time - starts[i]) / np.where(span > 0, span, 1.0), 0.0, 1.0))[:, None]
+    f0, f1, f2 = (run.force[2 * i + k, :p] for k in range(3))
+    return np.asarray(f0 * (1 - u) * (1 - 2 * u) + 4 * f1 * u * (1 - u) + f2 * u * (2 * u - 1))

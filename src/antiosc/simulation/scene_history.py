@@ -10,16 +10,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from antiosc import checks
+from antiosc.contact import ContactLaw
 from antiosc.errors import InputError
 from antiosc.models.modal import ModalBody
 from antiosc.models.site_modes import SiteModes
 from antiosc.simulation import march
 from antiosc.simulation.assembly import Assembly, along, find
 from antiosc.simulation.bodies import Placed, RigidBody
-from antiosc.simulation.contact_energy import replay
 from antiosc.simulation.engine import Run
 from antiosc.simulation.history import Energy, no_field
-from antiosc.simulation.nodes import node_states, path_work, simpson
 from antiosc.simulation.scene_states import between, forces, located, states
 
 Array = NDArray[np.float64]
@@ -58,7 +57,7 @@ class ContactHistory:
     @property
     def impulse(self) -> float:
         """Time integral of the force [N s]."""
-        return float(np.sum(simpson(self.time, self.force)))
+        return float(np.sum(_simpson(self.time, self.force)))
 
     @property
     def contact_time(self) -> float:
@@ -251,7 +250,7 @@ class SceneHistory:
         felt = acting - self.run.force @ a.G
         work, braked = self._work_and_damping(kinetic + modal)
         residual = felt @ a.r
-        work = work + path_work(acting, residual).sum(axis=1)
+        work = work + _path(acting, residual).sum(axis=1)
         return Energy(
             kinetic=kinetic,
             strain=modal + 0.5 * np.sum(felt * residual, axis=1),
@@ -336,7 +335,15 @@ class SceneHistory:
     @cached_property
     def _states(self) -> tuple[Array, Array]:
         """Modal states (n, J) at all nodes; at the middles from the step's start."""
-        return node_states(self.run, self.assembly.system)
+        run, system = self.run, self.assembly.system
+        assert run.states is not None
+        n = run.states.shape[0] - 1
+        q, v = np.empty((2 * n + 1, system.omega.size)), np.empty((2 * n + 1, system.omega.size))
+        q[::2], v[::2] = run.states[:, 0], run.states[:, 1]
+        if n:
+            since = run.time[1::2] - run.time[:-2:2]
+            q[1::2], v[1::2] = states(run, system, self._load, np.arange(n), since)
+        return q, v
 
     def _load(self, t: Array) -> Array:
         """Modal loads (n, J) at times (n,)."""
@@ -382,7 +389,7 @@ class SceneHistory:
         area = (given - change) / np.where(elastic, system.omega, 1.0) ** 2
         slope = np.diff(load, axis=0) / np.where(span > 0, span, 1.0)
         work = np.diff(load * q, axis=0) - slope * area
-        return np.asarray(np.where(elastic, work, np.diff(path_work(load, q), axis=0)).sum(axis=1))
+        return np.asarray(np.where(elastic, work, np.diff(_path(load, q), axis=0)).sum(axis=1))
 
     @cached_property
     def _loads_on_columns(self) -> Array:
@@ -409,19 +416,75 @@ class SceneHistory:
             speeds = [e[3] for e in self.run.events if int(e[1]) == c and e[2] != march.APART]
             if system.pressed[c] > 0:
                 speeds.insert(0, 0.0)
-            time, force, depth = self.run.time, self.run.force[:, c], self.run.depth[:, c]
-            spans = [
-                (int(np.searchsorted(time, a)), int(np.searchsorted(time, b, side="right")) - 1)
-                for a, b in self._contacts(c)
-            ]
-            each, plastic, damping = replay(law, force, depth, spans, speeds)
-            stored += each
-            lost += plastic + path_work(damping[:, None], depth[:, None])[:, 0]
+            each = _replay(
+                law,
+                self.run.time,
+                self.run.force[:, c],
+                self.run.depth[:, c],
+                self._contacts(c),
+                speeds,
+            )
+            stored += each[0]
+            lost += each[1]
             first, count = system.tangents[c]
             for i in range(first, first + count):
                 T, way = self.run.force[:, i], self.run.depth[:, i]
                 spring = 0.5 * T**2 / system.slip[c, 1]
-                work = path_work(T[:, None], way[:, None])[:, 0]
+                work = _path(T[:, None], way[:, None])[:, 0]
                 stored += spring
                 lost += work - spring
         return stored, lost
+
+
+def _replay(
+    law: ContactLaw,
+    time: Array,
+    force: Array,
+    depth: Array,
+    contacts: list[tuple[float, float]],
+    speeds: list[float],
+) -> tuple[Array, Array]:
+    """Recoverable and lost energy (n,), (n,) of one contact, by its law along the nodes."""
+    stored, plastic, damping = (np.zeros(time.size) for _ in range(3))
+    state = None
+    for (start, end), speed in zip(contacts, speeds, strict=False):
+        a, b = np.searchsorted(time, start), np.searchsorted(time, end, side="right") - 1
+        state = law.touch(speed, state)
+        begin = law.lost(state)
+        for n in range(a, b + 1):
+            delta = float(depth[n])
+            if n > a:
+                state = law.advance(delta, 0.0, state)
+            if law.rate_dependent:
+                damping[n] = float(force[n]) - law.force(delta, 0.0, state)
+            stored[n] = law.energy(delta, state)
+            plastic[n] += law.lost(state) - begin
+            begin = law.lost(state)
+        if b < time.size - 1:
+            stored[b] = damping[b] = 0.0
+    return stored, np.cumsum(plastic) + _path(damping[:, None], depth[:, None])[:, 0]
+
+
+def _path(force: Array, way: Array) -> Array:
+    """Work (n, k) of forces along ways, both parabolas over every step, at its middle and end."""
+    f0, f1, f2 = force[:-2:2], force[1:-1:2], force[2::2]
+    w0, w1, w2 = way[:-2:2], way[1:-1:2], way[2::2]
+    b, c = 4 * f1 - 3 * f0 - f2, 2 * (f0 - 2 * f1 + f2)
+    d, e = 4 * w1 - 3 * w0 - w2, 4 * (w0 - 2 * w1 + w2)
+
+    def until(u: float) -> Array:
+        return np.asarray(
+            f0 * d * u + (f0 * e + b * d) * u**2 / 2 + (b * e + c * d) * u**3 / 3 + c * e * u**4 / 4
+        )
+
+    whole = until(1.0)
+    total = np.zeros_like(way)
+    total[2::2] = np.cumsum(whole, axis=0)
+    total[1::2] = total[:-1:2] + until(0.5)
+    return total
+
+
+def _simpson(time: Array, force: Array) -> Array:
+    """Integral of the force over each step, exact for its parabola."""
+    step = time[2::2] - time[:-2:2]
+    return np.asarray(step / 6 * (force[:-2:2] + 4 * force[1:-1:2] + force[2::2]))

@@ -63,9 +63,10 @@ def test_what_is_no_surface_is_not_filled(tmp_path):
 def assembly(tmp_path_factory) -> Path:
     """Two boxes that touch on half of a face, in a STEP file in mm."""
     path = tmp_path_factory.mktemp("cad") / "two.step"
-    gmsh.initialize()
+    gmsh.initialize(readConfigFiles=False)
     try:
         gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.option.setString("Geometry.OCCTargetUnit", "MM")  # OpenCASCADE keeps the last one
         gmsh.model.occ.addBox(0, 0, 0, 40, 20, 10)
         gmsh.model.occ.addBox(0, 0, 10, 20, 20, 10)
         gmsh.model.occ.synchronize()

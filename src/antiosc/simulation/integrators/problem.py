@@ -18,7 +18,7 @@ import numpy as np
 
 from antiosc._types import Array
 from antiosc.contact import ContactLaw, State
-from antiosc.simulation.modal_response import responses
+from antiosc.simulation.integrators.propagator import Propagator
 
 MAX_STEPS = 1_000_000
 
@@ -36,9 +36,8 @@ class Problem:
     gap : distance of the surfaces at rest [m].
     q, v : initial state.
     law : contact law.
-    depth, speed : expected indentation [m] and closing speed [m/s], roughly.
-    mass : inertia [kg] behind the contact, roughly.
-    farthest : indentation [m] that the bodies could reach without contact force.
+    resolution : indentation [m] below which contact and no contact are not distinguished.
+    stiffness : largest expected contact stiffness [N/m]; 0: not known.
     """
 
     omega: Array
@@ -50,20 +49,13 @@ class Problem:
     q: Array
     v: Array
     law: ContactLaw
-    depth: float = 1e-300
-    speed: float = 1e-300
-    mass: float = 1.0
-    farthest: float = 0.0
+    resolution: float
+    stiffness: float = 0.0
 
     @cached_property
-    def square(self) -> Array:
-        """omega^2 [rad^2/s^2]."""
-        return self.omega**2
-
-    @cached_property
-    def rigid(self) -> Array:
-        """beta of the rigid-body modes, 0 for the others."""
-        return np.where(self.omega == 0, self.beta, 0.0)
+    def propagator(self) -> Propagator:
+        """Exact free motion of the modes."""
+        return Propagator(self.omega, self.decay)
 
     @cached_property
     def loaded(self) -> bool:
@@ -76,20 +68,29 @@ class Problem:
 
     def free(self, q: Array, v: Array, t: Array | float) -> tuple[Array, Array]:
         """States (..., J) after free motion over times `t` from (q, v)."""
-        P, W, S, J0, _, _ = responses(self.omega, self.decay, t)
-        qt, vt = P * q + S * v, W * v - self.square * S * q
-        return (qt + J0 * self.load, vt + S * self.load) if self.loaded else (qt, vt)
+        P, S, W = self.propagator.motion(t)
+        qt, vt = P * q + S * v, W * v - self.propagator.square * S * q
+        if self.loaded:
+            qt, vt = qt + self.propagator.step(t) * self.load, vt + S * self.load
+        return qt, vt
+
+    def indentation(self, q: Array, v: Array, t: Array | float) -> Array:
+        """Indentation [m] after free motion over times `t` from (q, v), shape of `t`."""
+        delta = self.propagator.weighted(t, self.beta * q, self.beta * v) - self.gap
+        if self.loaded:
+            delta = delta + self.propagator.step(t) @ (self.beta * self.load)
+        return np.asarray(delta)
 
     def forced(
         self, q: Array, v: Array, t: Array | float, f0: Array | float, f1: Array | float
     ) -> tuple[Array, Array]:
         """States (..., J) after times `t` from (q, v) while F goes linearly from f0 to f1."""
-        P, W, S, J0, J1, _ = responses(self.omega, self.decay, t)
+        P, S, W, J, R = self.propagator.responses(t)
         slope = np.asarray((f1 - f0) / np.where(np.greater(t, 0), t, 1.0))[..., np.newaxis]
         f0 = np.asarray(f0)[..., np.newaxis]
-        q1 = P * q + S * v - self.beta * (f0 * J0 + slope * J1)
-        v1 = W * v - self.square * S * q - self.beta * (f0 * S + slope * J0)
-        return (q1 + J0 * self.load, v1 + S * self.load) if self.loaded else (q1, v1)
+        q1 = P * q + S * v - self.beta * (f0 * J + slope * R)
+        v1 = W * v - self.propagator.square * S * q - self.beta * (f0 * S + slope * J)
+        return (q1 + J * self.load, v1 + S * self.load) if self.loaded else (q1, v1)
 
 
 @dataclass(eq=False)
