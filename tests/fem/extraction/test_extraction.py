@@ -258,11 +258,12 @@ def test_slepc_finds_what_a_dense_solver_finds(supports):
         phi_st /= b @ phi_st
     m = (phi.T @ (basis.T @ (M @ phi_st))) ** 2
     m_st = phi_st @ M @ phi_st
+    omega, m = omega[omega > 1], m[omega > 1]  # without rigid motions, whose m is rounding
     # observable: a share of |Z| above 1e-8 at the mode's own frequency with one per cent of damping
     poles, at = omega**2, (omega * (1 + 0.01j)) ** 2
     parts_of_Z = m * at[:, None] * poles / (poles - at[:, None])
     Z = model.k0 - at * (m_st - m.sum()) - parts_of_Z.sum(axis=1)
-    seen = (np.abs(np.diag(parts_of_Z) / Z) > 1e-8) & (omega > 1)
+    seen = np.abs(np.diag(parts_of_Z) / Z) > 1e-8
     np.testing.assert_allclose(model.omega, omega[seen][:12], rtol=1e-8)
     np.testing.assert_allclose(model.m, m[seen][:12], rtol=1e-5, atol=1e-9 * m_st)
     assert model.m_st == pytest.approx(m_st, rel=1e-8)
