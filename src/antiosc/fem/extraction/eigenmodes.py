@@ -108,11 +108,15 @@ class ModeSolver:
         shapes = np.column_stack([self._rigid, known.phi])
         search = Search(structure, self._pin, shapes, count - before, self.limit - before)
         values, found = lowest(search)
+        # a displacement without mass has θ = 1/(ω² + s) = 0, in rounding of either sign, after all
+        # others
+        massive = values > -structure.shift
+        values, found = values[massive], found[:, massive]
         omega = np.concatenate([known.omega, np.sqrt(np.maximum(values, 0.0))])
         phi = _normalised(structure, np.column_stack([known.phi, found]))
         order = np.argsort(omega, kind="stable")[:count]
         omega, phi = omega[order], phi[:, order]
-        return Modes(omega, phi, len(omega) >= self.limit)
+        return Modes(omega, phi, len(omega) >= self.limit or not massive.all())
 
     def _uneven(self) -> bool:
         """Whether the rounding of K's entries hides the lowest modes; products by strains avoid
