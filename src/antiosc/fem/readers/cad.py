@@ -21,13 +21,13 @@ Names = dict[tuple[int, int], list[str]]
 def opened(gmsh: Any, path: str) -> float:
     """Open a file; metres per unit of its coordinates then.
 
-    gmsh 4.8 refuses a unit for IGES, and gives OpenCASCADE's millimetres there without one.
+    gmsh refuses a unit for IGES (4.8 of Debian 12 and 4.13 of Debian 13), and gives OpenCASCADE's
+    millimetres there without one.
     """
     iges = path.endswith((".iges", ".igs"))
-    old = [int(part) for part in gmsh.GMSH_API_VERSION.split(".")[:2]] < [4, 9]
-    gmsh.option.setString("Geometry.OCCTargetUnit", "" if iges and old else "M")
+    gmsh.option.setString("Geometry.OCCTargetUnit", "" if iges else "M")
     gmsh.open(path)
-    return 1e-3 if iges and old else 1.0
+    return 1e-3 if iges else 1.0
 
 
 def named_solids(gmsh: Any, fragments: bool, name: str) -> Names:
