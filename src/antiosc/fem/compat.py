@@ -121,6 +121,19 @@ def entity_vertices(mesh: dolfinx.mesh.Mesh, dim: int) -> IntArray:
     return np.asarray(nodes).reshape(len(entities), -1)[:, :vertices]
 
 
+def communicator(mesh: dolfinx.mesh.Mesh) -> MPI.Comm:
+    """The communicator for Python objects of a mesh.
+
+    A mesh frees its copy of a communicator when it goes, and with it what mpi4py attached for
+    Python objects. While an exception is raised, that callback waits for ever (0.9): where a mesh
+    is on all ranks or on one, their own communicators serve, which last.
+    """
+    for lasting in (MPI.COMM_WORLD, MPI.COMM_SELF):
+        if MPI.Comm.Compare(mesh.comm, lasting) in (MPI.IDENT, MPI.CONGRUENT):
+            return lasting
+    return mesh.comm
+
+
 def cell_map(mesh: dolfinx.mesh.Mesh) -> dolfinx.common.IndexMap:
     """Index map of the cells."""
     return mesh.topology.index_map(mesh.topology.dim)
@@ -330,7 +343,7 @@ def assemble_functional(form: ufl.Form, space: fem.FunctionSpace) -> Array:
 
 def integrate(form: ufl.Form, mesh: dolfinx.mesh.Mesh) -> float:
     """A UFL form of rank 0, on all ranks."""
-    return float(mesh.comm.allreduce(fem.assemble_scalar(_compiled(form))))
+    return float(communicator(mesh).allreduce(fem.assemble_scalar(_compiled(form))))
 
 
 def constant(mesh: dolfinx.mesh.Mesh, value: ArrayLike) -> fem.Constant:

@@ -15,8 +15,7 @@ SOLID = ao.Solid(70e9, 0.33, 2700.0)
 
 
 def fixed(**where) -> np.ndarray:
-    mesh = parts.box()  # a variable holds it: see the README on Debian 13
-    return ao.Structure(mesh, SOLID, [ao.Support(**where)]).fixed
+    return ao.Structure(parts.box(), SOLID, [ao.Support(**where)]).fixed
 
 
 def by_function(where) -> np.ndarray:

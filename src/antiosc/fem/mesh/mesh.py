@@ -52,7 +52,7 @@ class Mesh:
     @property
     def comm(self) -> MPI.Comm:
         """The MPI communicator that shares the mesh."""
-        return self.dolfinx.comm
+        return compat.communicator(self.dolfinx)
 
     @property
     def tdim(self) -> int:
@@ -345,12 +345,12 @@ def _adopted(mesh: dolfinx.mesh.Mesh, groups: Mapping[str, tuple[Any, int]]) -> 
             )
         tags, value = pair
         entities = np.asarray(tags.indices)[np.asarray(tags.values) == value]
-        found = mesh.comm.allreduce(len(entities))
+        found = compat.communicator(mesh).allreduce(len(entities))
         if not found:
             raise InputError(f"group {name!r}: no entity of the mesh tags has the value {value}.")
         named[name] = {int(tags.dim): entities.astype(np.int32)}
     error = None
     if compat.coordinate_map(mesh).degree > 2:
         error = MeshError("cells of geometric order above 2 are not supported: use order 1 or 2.")
-    agree(mesh.comm, error)
+    agree(compat.communicator(mesh), error)
     return Mesh(mesh, named, "the dolfinx mesh")
