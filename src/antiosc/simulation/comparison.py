@@ -22,7 +22,7 @@ METHODS = ("exact", *SCENE_STEPS, *IVP_METHODS)
 FIRST = 32  # steps in the shortest contact that is expected, at first
 HALVED = 1 / 3  # error left of order 2, of the difference to the run with twice the step
 TIGHTER = 100.0  # of solve_ivp's relative tolerance
-MOST = 14  # runs
+MOST_RUNS = 14  # runs
 
 
 def compared(
@@ -84,7 +84,7 @@ def _converged(
     size, used = first, 0
     before: Run | None = None
     best: Converged | None = None
-    for _ in range(MOST):
+    for _ in range(MOST_RUNS):
         now = one(size, max_steps - used)
         used += now.steps
         if now.answer == march.DONE and before is not None:

@@ -23,7 +23,7 @@ FINER = 8.0  # of the share: steps half as long, force errors an eighth
 # error left in the finer run, of the difference of the two: an eighth, and a margin; where a law
 # depends on the rate of what has no mass, the order is 1
 LEFT, LEFT_AT_ORDER_ONE = 0.25, 1.5
-MOST = 12  # runs
+REFINEMENTS = 12  # runs
 PATIENCE = 3  # runs without gain after which a scene counts as not convergent
 # a finer run may take so many times the steps of the one before, twice being the rule, and so many
 # at least: one that takes more is stopped
@@ -146,7 +146,7 @@ def converge(
     best: Converged | None = None
     before: Run | None = None
     worse, failed, used = 0, 0, 0
-    for _ in range(MOST):
+    for _ in range(REFINEMENTS):
         room = max_steps - used
         if before is not None:
             room = min(room, max(DEARER * before.attempts, CHEAP))

@@ -43,7 +43,7 @@ from antiosc.fem.structure.support import Support
 #: Share of the largest motion below which a part is at rest, but for rounding.
 AT_REST = 1e-6
 #: Share of the largest mass of a motion below which it has none.
-MASSLESS = 1e-12
+IDLE_MASS = 1e-12
 #: Force of a motion without strain over that of the entries of K; rounding leaves about 1e-15.
 STRAINLESS = 1e-9
 
@@ -345,7 +345,7 @@ def _modes(
     if modes.shape[1] < found.shape[1]:
         weight = found.T @ multiply(M, found)
         values, turn = np.linalg.eigh(weight)
-        idle = eliminated.T @ found @ turn[:, values <= MASSLESS * values[-1]]
+        idle = eliminated.T @ found @ turn[:, values <= IDLE_MASS * values[-1]]
         points = [one for one in moving if np.abs(idle[one.rows]).max() > motions.STILL]
         raise InputError(
             "a reference point moves without resistance and without mass: "

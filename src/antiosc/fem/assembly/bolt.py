@@ -16,7 +16,7 @@ from antiosc.fem.assembly.layout import Layout
 from antiosc.fem.elements.beam import Beam, heights
 
 #: Points of the rule for the mass matrix: products of two cubics.
-POINTS = 5
+GAUSS_POINTS = 5
 
 
 @dataclass(frozen=True)
@@ -125,7 +125,7 @@ def _bending(beam: Beam, I: float, L: float) -> tuple[Array, Array]:  # noqa: E7
         [-12, -6 * L, 12, -6 * L],
         [6 * L, (2 - phi) * L**2, -6 * L, (4 + phi) * L**2],
     ])  # fmt: skip
-    x, w = np.polynomial.legendre.leggauss(POINTS)
+    x, w = np.polynomial.legendre.leggauss(GAUSS_POINTS)
     s, w = (x + 1) / 2, w / 2 * L
     one = 1 / (1 + phi)
     v = one * np.stack([

@@ -15,7 +15,7 @@ from antiosc.fem.assembly.joint import Joint, Stiffness, checked_name
 from antiosc.fem.assembly.layout import MOVES, TURNS, Layout
 from antiosc.fem.assembly.pins import COINCIDENT, carried
 
-COMPONENTS = (*MOVES, *TURNS, "axial")
+AXES = (*MOVES, *TURNS, "axial")
 
 
 @dataclass(frozen=True)
@@ -51,9 +51,9 @@ class Bushing(Joint):
                 f"a Bushing needs a stiffness, as {{'z': 1e6}}; got {shown(self.stiffness)}."
             )
         for name in self.stiffness:
-            if not isinstance(name, str) or name not in COMPONENTS:
+            if not isinstance(name, str) or name not in AXES:
                 raise InputError(
-                    f"a Bushing acts on {', '.join(COMPONENTS)}; {shown(name)} is not one of them."
+                    f"a Bushing acts on {', '.join(AXES)}; {shown(name)} is not one of them."
                 )
         given = {
             name: positive(f"the stiffness of {name}", value)

@@ -24,7 +24,7 @@ from antiosc.fem.assembly.wide import rounded
 #: A row of which less than this share is left beside earlier rows follows from them.
 DEPENDENT = 1e-9
 #: Coefficients below this share of the row's largest are rounding.
-NEGLIGIBLE = 1e-14
+LEAST_COEFFICIENT = 1e-14
 #: A row that names no dof is solved for one with this share of its largest coefficient, or more.
 PIVOT = 0.1
 #: A larger coefficient of T loses too many digits.
@@ -155,7 +155,7 @@ def _without(C: Sparse, held: BoolArray, scale: Array) -> Sparse:
     C.sum_duplicates()
     size = np.where(held[C.indices], 0.0, np.abs(C.data) * scale[C.indices])
     row = _row_numbers(C)
-    C.data = np.where(size > NEGLIGIBLE * _largest(size, row, C.shape[0])[row], C.data, 0.0)
+    C.data = np.where(size > LEAST_COEFFICIENT * _largest(size, row, C.shape[0])[row], C.data, 0.0)
     C.eliminate_zeros()
     return C
 
@@ -266,7 +266,7 @@ def _block(system: _System, rows: IntArray) -> tuple[Sparse, IntArray, list[tupl
     _, R, order = scipy.linalg.qr(A[keep], mode="economic", pivoting=True)
     rank = len(keep)
     solved = -scipy.linalg.solve_triangular(R[:, :rank], R[:, rank:])
-    solved[np.abs(solved) < NEGLIGIBLE] = 0.0
+    solved[np.abs(solved) < LEAST_COEFFICIENT] = 0.0
     largest = np.abs(solved).max(initial=0.0)
     if largest > LARGEST_COEFFICIENT:
         raise AccuracyError(

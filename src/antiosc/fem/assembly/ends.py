@@ -21,11 +21,10 @@ from antiosc.fem.assembly.entities import nodes_of, points_of
 from antiosc.fem.assembly.layout import MOVES, TURNS, Layout, Member, Sparse
 from antiosc.fem.assembly.placement import skew
 from antiosc.fem.mesh.entities import Quadrature
+from antiosc.fem.structure.attachments import NEAR
 
-#: A point this share of the size off its part is moved onto it.
-NEAR = 1e-3
 #: Share of the largest second moment of a group below which it does not tell a rotation.
-SLENDER = 1e-12
+COLLINEAR = 1e-12
 
 End = Any
 
@@ -172,7 +171,7 @@ def mean(layout: Layout, member: Member, points: Quadrature) -> Motion:
                   - r[:, :, None] * r[:, None, :])  # fmt: skip
     told = np.diag([0.0, 0.0, 1.0]) if layout.plane else np.eye(3)
     values, axes = np.linalg.eigh(told @ J @ told)
-    good = values > SLENDER * max(values[-1], np.finfo(float).tiny)
+    good = values > COLLINEAR * max(values[-1], np.finfo(float).tiny)
     inverse = axes[:, good] @ np.diag(1 / values[good]) @ axes[:, good].T
     turns = (scipy.sparse.csr_matrix(inverse @ moment) @ U).tocsr()
     turning = axes[:, good] @ axes[:, good].T

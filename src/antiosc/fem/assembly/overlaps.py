@@ -17,7 +17,7 @@ from antiosc.fem.assembly.facets import Facets
 from antiosc.fem.mesh.cell_geometry import clamped, excess, near, projected
 
 #: Faces whose normals have a smaller cosine do not lie on each other.
-PARALLEL = 0.5
+FACING = 0.5
 #: Share of a face's area below which a common polygon is rounding.
 LEAST_OVERLAP = 1e-10
 #: Pieces of an edge with a rule each: functions of the faces have kinks along it.
@@ -63,7 +63,7 @@ def overlap(first: Facets, second: Facets, gap: float) -> Overlap:
     mine, theirs = near(second.centres, second.sizes + first.sizes.max() + gap, first.centres)[::-1]
     reach = first.sizes[mine] + second.sizes[theirs] + gap
     close = np.linalg.norm(first.centres[mine] - second.centres[theirs], axis=1) <= reach
-    facing = np.abs(np.einsum("nd,nd->n", first.normals[mine], second.normals[theirs])) > PARALLEL
+    facing = np.abs(np.einsum("nd,nd->n", first.normals[mine], second.normals[theirs])) > FACING
     mine, theirs = mine[close & facing], theirs[close & facing]
     degree = first.degree + max(first.degree, second.degree)
     if first.dim == 2:

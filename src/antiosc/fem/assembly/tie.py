@@ -43,7 +43,7 @@ EQUAL = 0.02
 #: A surface that is covered more often than this has two layers.
 TWICE = 1.2
 #: Coefficients of a projection below this share of the largest are dropped: they decay fast.
-NEGLIGIBLE = 1e-13
+ROUNDED_WEIGHT = 1e-13
 #: A gap this share of the size of the assembly is rounding.
 CLOSED = 1e-12
 
@@ -297,7 +297,7 @@ def _dense_product(inverse: Array, functionals: Sparse) -> Sparse:
     """inverse · functionals, without coefficients that are rounding."""
     used = np.unique(functionals.indices)
     values = inverse @ functionals[:, used].toarray()
-    values[np.abs(values) < NEGLIGIBLE * np.abs(values).max(initial=0.0)] = 0.0
+    values[np.abs(values) < ROUNDED_WEIGHT * np.abs(values).max(initial=0.0)] = 0.0
     row, column = np.nonzero(values)
     shape = functionals.shape
     return scipy.sparse.csr_matrix((values[row, column], (row, used[column])), shape=shape)

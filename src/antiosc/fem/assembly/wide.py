@@ -24,11 +24,11 @@ from antiosc.fem.assembly.layout import Sparse
 #: large.
 WIDE = 1500
 #: Most functionals that share their dofs, for instance six of each of two means of one group.
-MOST = 24
+MOST_SHARING = 24
 #: Dofs of a piece of a group that is not halved any more.
-SMALLEST = 48
+SMALLEST_PIECE = 48
 #: Share of the largest coefficient below which one is rounding.
-NEGLIGIBLE = 1e-13
+ROUNDED_COEFFICIENT = 1e-13
 
 
 def nested_basis(functionals: Sparse, held: BoolArray, places: Array) -> Sparse | None:
@@ -57,10 +57,10 @@ def nested_basis(functionals: Sparse, held: BoolArray, places: Array) -> Sparse 
     for k in np.unique(label):
         rows = own[wide[label == k]]
         columns = np.unique(rows.indices)
-        if rows.shape[0] > MOST or narrow[columns].any():
+        if rows.shape[0] > MOST_SHARING or narrow[columns].any():
             # those of its dofs that others act on keep their places; few of them do no harm
             columns = columns[~narrow[columns]]
-        if rows.shape[0] > MOST or len(columns) <= WIDE:
+        if rows.shape[0] > MOST_SHARING or len(columns) <= WIDE:
             continue
         changed[columns] = True
         entries.append(_basis(rows[:, columns].toarray(), columns, places[columns]))
@@ -79,7 +79,7 @@ def rounded(matrix: Sparse) -> Sparse:
     row = np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
     largest = np.zeros(matrix.shape[0])
     np.maximum.at(largest, row, np.abs(matrix.data))
-    matrix.data[np.abs(matrix.data) < NEGLIGIBLE * largest[row]] = 0.0
+    matrix.data[np.abs(matrix.data) < ROUNDED_COEFFICIENT * largest[row]] = 0.0
     matrix.eliminate_zeros()
     return matrix
 
@@ -107,7 +107,7 @@ def _halved(
 
     The vectors on which they vanish are added to `blocks`.
     """
-    if len(some) <= SMALLEST:
+    if len(some) <= SMALLEST_PIECE:
         vectors, values = np.eye(len(some)), A[:, some]
         order = some
     else:

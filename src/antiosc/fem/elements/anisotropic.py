@@ -18,7 +18,7 @@ from antiosc.fem.elements.weak_form import Kind, Parts, WeakForm
 from antiosc.fem.mesh.mesh import Mesh
 
 #: Axes of the entries of a stress or an engineering strain: 11, 22, 33, 23, 13, 12.
-PAIRS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
+VOIGT = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 #: Share of the largest entry up to which a stiffness matrix is symmetric.
 SYMMETRY = 1e-9
 
@@ -102,12 +102,12 @@ class AnisotropicSolid:
         """The stiffness matrix (6, 6) in the axes of the mesh, Pa."""
         C = np.asarray(self.stiffness)
         number = np.zeros((3, 3), dtype=int)
-        for k, (i, j) in enumerate(PAIRS):
+        for k, (i, j) in enumerate(VOIGT):
             number[i, j] = number[j, i] = k
         full = C[number[:, :, None, None], number[None, None]]
         R = np.asarray(self.axes)  # rows: the material's directions
         turned = np.einsum("ia,jb,kc,ld,ijkl->abcd", R, R, R, R, full, optimize=True)
-        i, j = np.array(PAIRS).T
+        i, j = np.array(VOIGT).T
         return np.asarray(turned[i[:, None], j[:, None], i[None], j[None]])
 
     def weak_form(self, mesh: Mesh, parts: Parts, order: int) -> WeakForm:

@@ -30,7 +30,7 @@ Direction = Sequence[float] | Callable[[Array], Array]
 #: Sine of the least angle between `axis` and the normal, and between `top` and the sheet.
 LEAST = 0.05
 #: Corners of a cell in the order around it, dolfinx's numbers.
-AROUND = {"triangle": [0, 1, 2], "quadrilateral": [0, 1, 3, 2]}
+CORNERS_IN_TURN = {"triangle": [0, 1, 2], "quadrilateral": [0, 1, 3, 2]}
 
 
 def checked(name: str, direction: object) -> Direction:
@@ -144,7 +144,7 @@ def _check_neighbours(
     three or more cells are not checked.
     """
     owned = compat.cell_map(mesh.dolfinx).size_local
-    around = AROUND[mesh.cell]
+    around = CORNERS_IN_TURN[mesh.cell]
     number = np.asarray(mesh.dolfinx.geometry.input_global_indices)
     corners = number[compat.geometry_nodes(mesh.dolfinx)[:owned][:, around]]
     ends = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2)

@@ -7,7 +7,7 @@ from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
 from antiosc._types import Array
 from antiosc.errors import NotConvergedError
-from antiosc.fem.extraction.mode_search import TOLERANCE, Search
+from antiosc.fem.extraction.mode_search import RESIDUAL, Search
 from antiosc.fem.linalg.algebra import multiply
 
 
@@ -29,7 +29,7 @@ def lowest(search: Search) -> tuple[Array, Array]:
             sigma=-structure.shift,
             OPinv=LinearOperator(shape, inverse, dtype=float),
             v0=search.start(),
-            tol=TOLERANCE,
+            tol=RESIDUAL,
         )
     except ArpackError as error:
         raise NotConvergedError(

@@ -44,7 +44,7 @@ EVEN = 1e-7
 #: The least number of modes by which a search goes on that has not reached its frequency.
 FEWEST_MORE = 8
 #: φᵀMφ over the sum of the absolute values of its terms below which a shape has no mass.
-MASSLESS = 1e-12
+NO_MASS = 1e-12
 #: Relative distance of ω² below which two modes are taken as they are: any basis of theirs serves.
 CLOSE_MODES = 1e-8
 
@@ -175,7 +175,7 @@ def _dense_modes(
     shapes = basis @ vectors
     # displacements without mass have no frequency: what they seem to have is rounding of M's terms
     terms = np.einsum("ij,ij->j", np.abs(shapes), np.abs(mass) @ np.abs(shapes))
-    keep = (theta > 1e-14 * theta.max(initial=0.0)) & (theta > MASSLESS * terms)
+    keep = (theta > 1e-14 * theta.max(initial=0.0)) & (theta > NO_MASS * terms)
     omega = np.sqrt(np.maximum(1 / theta[keep] - sigma, 0.0))[::-1]
     phi = np.zeros((K.shape[0], int(keep.sum())))
     phi[free] = shapes[:, keep][:, ::-1]

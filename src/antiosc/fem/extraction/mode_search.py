@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
 #: Tolerance on the eigenvalues 1/(ω² + s); the residuals are measured again afterwards.
-TOLERANCE = 1e-11
+RESIDUAL = 1e-11
 #: Number of additional modes that are computed and dropped: of a repeated frequency the search may
 #: have found only one of the shapes.
 GUARD = 4

@@ -32,22 +32,19 @@ SOLVE_ROUNDING = 64.0
 
 
 @dataclass(frozen=True)
-class Found:
-    """All modes found at a site, as parameters of its elastic motions.
+class Projected:
+    """Constraint modes φ_i, and the static shapes projected on them; one site: without the axis p.
 
     Attributes
     ----------
-    m0 : residual mass at the site, kg.
-    c : φ_stᵀMφ_i of the modes, kg^½, (n,).
-    residual : the shape that moves with m0, on the rows of this rank.
+    c : φ_iᵀMφ_st of the modes, kg^½, (n,) or (n, p).
+    residual : the shapes that move with m0, on the rows of this rank, (rows,) or (rows, p).
     k_phi, m_phi : Kφ_i and Mφ_i on the rows of this rank, (rows, n).
     stiffnesses, masses : φ_iᵀKφ_j and φ_iᵀMφ_j as they are, (n, n).
-    coupling : φ_iᵀKφ_st as it is, (n,).
+    coupling : φ_iᵀKφ_st as it is, (n,) or (n, p).
     """
 
-    static: StaticMode
     modes: Modes
-    m0: float
     c: Array
     residual: Array
     k_phi: Array
@@ -61,6 +58,26 @@ class Found:
         """ω_i², rad²/s²."""
         return self.modes.omega**2
 
+
+def project(structure: Structure, static: Array, modes: Modes) -> Projected:
+    """The static shapes (rows,) or (rows, p) without the M-orthonormal modes."""
+    comm, phi = structure.comm, modes.phi
+    k_phi, m_phi = multiply(structure.K, phi), multiply(structure.M, phi)
+    residual, c = static, np.zeros(phi.shape[1:] + static.shape[1:])
+    for _ in range(2):  # twice is enough (Kahan)
+        part = dot(comm, m_phi, residual)
+        c, residual = c + part, residual - phi @ part
+    products = dot(comm, phi, k_phi), dot(comm, phi, m_phi), dot(comm, k_phi, static)
+    return Projected(modes, c, residual, k_phi, m_phi, *products)
+
+
+@dataclass(frozen=True)
+class Found(Projected):
+    """All modes found at a site, as parameters of its elastic motions; m0 its residual mass, kg."""
+
+    static: StaticMode
+    m0: float
+
     def stiffness(self, x: ComplexArray) -> ComplexArray:
         """Z with all modes found."""
         real = self.poles > 0
@@ -70,25 +87,9 @@ class Found:
 
 def lumped(structure: Structure, static: StaticMode, modes: Modes) -> Found:
     """Residual mass and shape of φ_st without the M-orthonormal modes, free of cancellation."""
-    comm, phi = structure.comm, modes.phi
-    k_phi, m_phi = multiply(structure.K, phi), multiply(structure.M, phi)
-    residual, c = static.phi, np.zeros(phi.shape[1])
-    for _ in range(2):  # twice is enough (Kahan)
-        part = dot(comm, m_phi, residual)
-        c, residual = c + part, residual - phi @ part
-    m0 = float(dot(comm, residual, multiply(structure.M, residual)))
-    return Found(
-        static,
-        modes,
-        0.0 if m0 <= MASSLESS**2 * static.mass else m0,
-        c,
-        residual,
-        k_phi,
-        m_phi,
-        dot(comm, phi, k_phi),
-        dot(comm, phi, m_phi),
-        dot(comm, k_phi, static.phi),
-    )
+    found = project(structure, static.phi, modes)
+    m0 = float(dot(structure.comm, found.residual, multiply(structure.M, found.residual)))
+    return Found(**vars(found), static=static, m0=0.0 if m0 <= MASSLESS**2 * static.mass else m0)
 
 
 @dataclass(frozen=True)

@@ -17,11 +17,10 @@ from antiosc.fem.extraction.eigenmodes import Modes, polish
 from antiosc.fem.extraction.mode_search import Held, Pin
 from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.structure.structure import Structure
+from antiosc.models.free_modes import EXHAUSTED
 
-#: What orthogonalisation leaves of a new direction, relatively, when it adds nothing to the basis.
-EXHAUSTED = 1e-10
 #: Share of the largest θ below which the smallest θ of an eigensolver are inaccurate.
-WIDE = 1e-8
+WIDE_RANGE = 1e-8
 #: Columns by which a basis grows.
 BASIS_STEP = 16
 
@@ -113,7 +112,7 @@ class RitzBasis:
         """Eigenvalues θ = 1/(ω² + s), ω ascending, and eigenvectors of T on the first n vectors."""
         H = self.H[:n, :n]
         theta, turn = np.linalg.eigh(H)
-        if n and 0 < theta[0] < WIDE * theta[-1]:
+        if n and 0 < theta[0] < WIDE_RANGE * theta[-1]:
             poles, x = polish(turn / np.sqrt(theta), lambda x: x.T @ x, lambda x: x.T @ H @ x)
             order = np.argsort(-poles)
             theta, turn = 1 / poles[order], (x / np.sqrt(poles))[:, order]

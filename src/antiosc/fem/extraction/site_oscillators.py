@@ -17,7 +17,14 @@ import numpy as np
 
 from antiosc._types import Array, ComplexArray, IntArray
 from antiosc.fem.extraction.eigenmodes import Modes
-from antiosc.fem.extraction.oscillators import REPEATED, SAMPLE_RISE, SAMPLE_STEP, SOLVE_ROUNDING
+from antiosc.fem.extraction.oscillators import (
+    REPEATED,
+    SAMPLE_RISE,
+    SAMPLE_STEP,
+    SOLVE_ROUNDING,
+    Projected,
+    project,
+)
 from antiosc.fem.extraction.ritz_basis import Remainder
 from antiosc.fem.extraction.site_shapes import SiteShapes
 from antiosc.fem.linalg.algebra import by_strains, diagonal, dot, multiply
@@ -29,34 +36,16 @@ TOLD_APART = 1e-8
 
 
 @dataclass(frozen=True)
-class Found:
-    """All constraint modes found, M-orthonormal, as parameters of the sites.
-
-    Attributes
-    ----------
-    m0 : (p, p) residual mass.
-    P : (n, p) φ_iᵀMΦ.
-    residual : (rows, p) the shapes that move with m0.
-    k_phi, m_phi : Kφ_i and Mφ_i on the rows of this rank, (rows, n).
-    stiffnesses, masses : φ_iᵀKφ_j and φ_iᵀMφ_j as they are, (n, n).
-    coupling : φ_iᵀKΦ as it is, (n, p).
-    """
+class Found(Projected):
+    """All constraint modes found, as parameters of the sites; m0 (p, p) the residual mass."""
 
     static: SiteShapes
-    modes: Modes
     m0: Array
-    P: Array
-    residual: Array
-    k_phi: Array
-    m_phi: Array
-    stiffnesses: Array
-    masses: Array
-    coupling: Array
 
     @property
-    def poles(self) -> Array:
-        """ω_i², rad²/s²."""
-        return self.modes.omega**2
+    def P(self) -> Array:
+        """φ_iᵀMΦ, (n, p)."""
+        return self.c
 
     def stiffness(self, x: ComplexArray) -> ComplexArray:
         """Z (W, p, p) with all modes found."""
@@ -66,24 +55,9 @@ class Found:
 
 def lumped(structure: Structure, static: SiteShapes, modes: Modes) -> Found:
     """Residual masses and shapes: Φ without the M-orthonormal modes, free of cancellation."""
-    comm, phi = structure.comm, modes.phi
-    k_phi, m_phi = multiply(structure.K, phi), multiply(structure.M, phi)
-    residual, P = static.phi, np.zeros((phi.shape[1], static.phi.shape[1]))
-    for _ in range(2):  # twice is enough (Kahan)
-        part = dot(comm, m_phi, residual)
-        P, residual = P + part, residual - phi @ part
-    return Found(
-        static,
-        modes,
-        bands.semidefinite(dot(comm, residual, multiply(structure.M, residual))),
-        P,
-        residual,
-        k_phi,
-        m_phi,
-        dot(comm, phi, k_phi),
-        dot(comm, phi, m_phi),
-        dot(comm, k_phi, static.phi),
-    )
+    found = project(structure, static.phi, modes)
+    m0 = dot(structure.comm, found.residual, multiply(structure.M, found.residual))
+    return Found(**vars(found), static=static, m0=bands.semidefinite(m0))
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from slepc4py import SLEPc
 
 from antiosc._types import Array
 from antiosc.errors import NotConvergedError
-from antiosc.fem.extraction.mode_search import TOLERANCE, Search
+from antiosc.fem.extraction.mode_search import RESIDUAL, Search
 
 #: Most restarts.
 RESTARTS = 200
@@ -26,7 +26,7 @@ def lowest(search: Search) -> tuple[Array, Array]:
     eps.setDimensions(search.computed)
     eps.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
     eps.setTarget(-structure.shift)
-    eps.setTolerances(TOLERANCE, RESTARTS)
+    eps.setTolerances(RESIDUAL, RESTARTS)
     st = eps.getST()
     st.setType(SLEPc.ST.Type.SINVERT)
     st.setMatMode(SLEPc.ST.MatMode.SHELL)  # the factor is ours: SLEPc needs no K + sM

@@ -51,7 +51,7 @@ ORDER = {
         (1, 3, 5, 7, 13, 15, 17, 19, 8, 9, 10, 11),
     ),
 }
-UNITS, NODES, OLD_NODES, SINGLE_NODES, CELLS = 164, 2411, 781, 15, (2412, 780)
+UNITS, NODES, OLD_NODES, SINGLE_NODES, ELEMENT_SETS = 164, 2411, 781, 15, (2412, 780)
 #: Groups: with four numbers for each member, and with two.
 GROUPS = {
     **dict.fromkeys((2435, 2452, 2467, 2477), 4),
@@ -137,7 +137,7 @@ def _take(found: _Content, number: int, rows: Lines) -> None:
         for text, place in rows:
             words = text.split()
             _node(found, words[:1], place, words[4:7], place)
-    elif number in CELLS:
+    elif number in ELEMENT_SETS:
         _elements(found, rows)
     elif number in GROUPS:
         _groups(found, rows, GROUPS[number])

@@ -13,7 +13,7 @@ from antiosc.fem.readers.request import Request
 
 CAD = (".step", ".stp", ".brep", ".iges", ".igs")
 #: Angle between facets from which their common edge is an edge of the part, degrees.
-SHARP = 40.0
+SHARP_ANGLE = 40.0
 #: (dimension, tag) -> names
 Names = dict[tuple[int, int], list[str]]
 
@@ -92,7 +92,7 @@ def fill(gmsh: Any, ask: Request) -> None:
             "belong to two triangles; repair the surface (holes, facets twice), or read it as a "
             "sheet without solid=True."
         )
-    gmsh.model.mesh.classifySurfaces(math.radians(SHARP), True, True, math.pi)
+    gmsh.model.mesh.classifySurfaces(math.radians(SHARP_ANGLE), True, True, math.pi)
     gmsh.model.mesh.createGeometry()
     surfaces = [tag for _, tag in gmsh.model.getEntities(2)]
     gmsh.model.geo.addVolume([gmsh.model.geo.addSurfaceLoop(surfaces)])

@@ -18,6 +18,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from antiosc.errors import MeshError
+from antiosc.fem.readers.cad import CAD
 
 #: `Command expression;`: commands that run programs, or read or write files. They may also be names
 #: of variables; they are commands only if an argument follows.
@@ -39,8 +40,6 @@ OPTION = re.compile(
     r"|RemoteLogin\d*|SocketName|SaveOptions|SaveSession)",
     re.ASCII,
 )
-#: Geometry files, which are data: a script may merge those in its own folder.
-CAD = (".step", ".stp", ".brep", ".iges", ".igs")
 #: Characters at which gmsh's scanner ends a string and continues inside it.
 LONGEST_STRING = 1000
 #: Ends of blocks that are not executed. gmsh searches these words with a second scanner.

@@ -22,9 +22,9 @@ from antiosc.fem.structure.structure import Structure
 #: A point is a node up to this share of the part's size.
 AT_NODE = 1e-6
 #: Nodes around a patch that may take load of its edge, over its radius.
-AROUND = 2.0
+NEIGHBOURHOOD = 2.0
 #: Points of the circle of a patch: rings, and points on each.
-RINGS, SPOKES = 64, 128
+CIRCLE_RINGS, SPOKES = 64, 128
 #: Cosine of the angle to the direction from which a node covers those behind it.
 COVERS = 0.75
 
@@ -137,7 +137,7 @@ def _at_point(
                 "away; use that, Site(..., snap=True), or a patch with radius=."
             )
         return numbers[[nearest]], np.ones(1), points[nearest]
-    around = np.array(tree.query_ball_point(point, AROUND * site.radius), dtype=int)
+    around = np.array(tree.query_ball_point(point, NEIGHBOURHOOD * site.radius), dtype=int)
     if len(around):
         around = around[~_covered(points[around], direction, site.radius)]
     inside = np.zeros(0, dtype=bool)
@@ -172,7 +172,7 @@ def _hertz(radius: float, direction: Array) -> Array:
     """Points (n, 3) across `direction` on which equal forces make Hertz's pressure."""
     basis = np.linalg.svd(direction[None, :])[2][1:]
     # the load within r is 1 - (1 - r²/a²)^(3/2) of the whole
-    share = (np.arange(RINGS) + 0.5) / RINGS
+    share = (np.arange(CIRCLE_RINGS) + 0.5) / CIRCLE_RINGS
     r = radius * np.sqrt(1 - (1 - share) ** (2 / 3))
     angle = 2 * np.pi * (np.arange(SPOKES) + 0.5) / SPOKES
     circle = np.column_stack([np.cos(angle), np.sin(angle)])

@@ -26,8 +26,8 @@ from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.mesh.closest_point import ClosestPoint, closest
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.mpi import agree
+from antiosc.matrix_files.dof_map import COMPONENTS
 
-COMPONENTS = ("x", "y", "z", "rx", "ry", "rz")
 #: Dofs of a beam and of the sheet are the same within this share of the beam's extent.
 SAME_DOF = 1e-7
 #: A point this share of the size off the structure, as by a curved mesh, is moved onto it.

@@ -12,7 +12,7 @@ from antiosc.checks import array, coordinates, nonnegative, shown
 from antiosc.errors import InputError
 
 #: What lies outside a region by this share of the size of the mesh belongs to it.
-TOLERANCE = 1e-6
+AT_FACE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,7 @@ def _padded(name: str, given: Any) -> tuple[float, ...]:
 def _slack(x: Array, size: float | None) -> float:
     if size is None:
         size = float(np.linalg.norm(np.ptp(x, axis=1))) if x.shape[1] else 0.0
-    return TOLERANCE * size
+    return AT_FACE * size
 
 
 def _point(point: tuple[float, ...]) -> str:

@@ -14,7 +14,7 @@ from antiosc.contact import ContactLaw, State
 from antiosc.errors import NotConvergedError
 from antiosc.simulation.engine import System
 
-SWEEPS = 500
+MOST_SWEEPS = 500
 SETTLED = 1e-13  # change of a force in a sweep, relative to the largest
 
 
@@ -109,7 +109,7 @@ class JointContacts:
     def settled(self, sweep: Callable[[int], None], F: Array, share: float = SETTLED) -> Array:
         """F once sweeps over the closed contacts, which change it, change less than a share."""
         active = np.flatnonzero(self.closed)
-        for _ in range(SWEEPS):
+        for _ in range(MOST_SWEEPS):
             before = F.copy()
             for c in active:
                 sweep(int(c))
@@ -117,7 +117,7 @@ class JointContacts:
             if change <= share * float(np.abs(F).max()) or not np.isfinite(change):
                 return F
         raise NotConvergedError(
-            f"the forces of {active.size} contacts have not converged after {SWEEPS} sweeps;"
+            f"the forces of {active.size} contacts have not converged after {MOST_SWEEPS} sweeps;"
             f" use method='exact' or a smaller step."
         )
 

@@ -18,7 +18,7 @@ from antiosc.simulation.integrators.problem import (
 )
 from antiosc.simulation.integrators.stability import growth
 
-ENERGY_GROWTH = 2.0  # of the energy: less may be the error of a coarse step
+COARSE_GROWTH = 2.0  # of the energy: less may be the error of a coarse step
 
 
 class Node(NamedTuple):
@@ -56,7 +56,7 @@ class OneStep(ABC):
         p, law = problem, problem.law
         node = Node(q, v, 0.0, problem.approach(q), float(problem.beta @ v), 0.0)
         nodes, times = [node], [t]
-        grown = growth(p.propagator.square, p.load, p.q, p.v, ENERGY_GROWTH, p.beta)
+        grown = growth(p.propagator.square, p.load, p.q, p.v, COARSE_GROWTH, p.beta)
         released, failure, diverged = False, "", False
         with np.errstate(over="ignore", invalid="ignore"):
             while end - t > 1e-12 * end and not released:

@@ -24,7 +24,7 @@ EVALUATIONS = 12
 #: events one after the other without any time in between
 IDLE = 200
 #: nodes for each step of the solver, between which the forces are parabolas
-PARTS = 2
+NODES_A_STEP = 2
 
 
 class SceneIVP:
@@ -271,7 +271,7 @@ class SceneIVP:
 
     def _recorded(self, solution: Any) -> tuple[Array, Array, Array, Array]:
         """Times, forces and indentations at 0, h/2, h of parts of steps; states at their ends."""
-        part = np.arange(2 * PARTS) / (2 * PARTS)
+        part = np.arange(2 * NODES_A_STEP) / (2 * NODES_A_STEP)
         t = (solution.t[:-1, None] + np.diff(solution.t)[:, None] * part).ravel()
         t = np.append(t, solution.t[-1])
         y = solution.sol(t).T

@@ -21,7 +21,7 @@ from antiosc.simulation.integrators.conserving import Quotient
 from antiosc.simulation.integrators.joint_contacts import JointContacts
 
 #: times the energy that was there or given, beyond which a run counts as unstable
-GROWTH = 10.0
+BLOW_UP = 10.0
 #: rounding of a difference quotient of potentials, relative to the force
 QUOTIENT = 1e-9
 
@@ -99,7 +99,7 @@ class SceneStep(ABC):
                 energy = march.mechanical(np.stack((new.q, new.v)), system.omega)
             kick = 0.5 * float(np.sum((h * loads[i + 1]) ** 2))  # at rest, all that was given
             highest = max(highest, start + work + kick)
-            if not energy <= GROWTH * highest:
+            if not energy <= BLOW_UP * highest:
                 answer = march.GREW
                 break
             node = new

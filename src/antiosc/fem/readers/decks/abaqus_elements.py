@@ -98,14 +98,14 @@ def _line(nodes: int, role: Role) -> ElementType:
 
 
 #: Numbers of nodes of types that are not cells, to separate their elements.
-POINTS = re.compile(r"(?:MASS|ROTARYI|SPRING1|DASHPOT1|DCOUP3D|DCOUP2D|HEATCAP)$")
-PAIRS = re.compile(r"(?:SPRINGA|SPRING2|DASHPOTA|DASHPOT2|GAPUNI|GAPCYL|GAPSPHER|CONN[23]D2)$")
+ONE_NODE = re.compile(r"(?:MASS|ROTARYI|SPRING1|DASHPOT1|DCOUP3D|DCOUP2D|HEATCAP)$")
+TWO_NODES = re.compile(r"(?:SPRINGA|SPRING2|DASHPOTA|DASHPOT2|GAPUNI|GAPCYL|GAPSPHER|CONN[23]D2)$")
 
 
 def nodes_of_other(name: str) -> int | None:
     """Number of nodes of an element that is not a cell; None if it is not known."""
-    if POINTS.match(name):
+    if ONE_NODE.match(name):
         return 1
-    if PAIRS.match(name):
+    if TWO_NODES.match(name):
         return 2
     return 3 if name == "D" else None

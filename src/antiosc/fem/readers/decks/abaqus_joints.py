@@ -17,7 +17,7 @@ from antiosc.fem.readers.decks.deck import IntArray, Place, real_number, whole_n
 from antiosc.fem.readers.decks.ties import tie
 
 #: Most terms of an equation: more are damage.
-MOST_TERMS = 1_000_000
+LONGEST_EQUATION = 1_000_000
 Cards = Sequence[tuple[Card, Instance]]
 
 
@@ -81,7 +81,7 @@ def _equations(whole: Whole, card: Card, within: Instance) -> Iterator[tuple[lis
     rows = iter([(fields, place) for fields, place in card.rows() if fields])
     for fields, place in rows:
         count = whole_number(fields[0], place)
-        if not 0 < count <= MOST_TERMS:
+        if not 0 < count <= LONGEST_EQUATION:
             raise MeshError(f"{place}: an *EQUATION of {count} terms.")
         words: list[str] = []
         at = place

@@ -20,7 +20,7 @@ from antiosc.fem.readers.unit_system import UnitSystem
 
 Term = tuple[int, int, float]
 #: Coefficients below this share of the largest of a constraint are rounding.
-NEGLIGIBLE = 1e-14
+NEGLIGIBLE_TERM = 1e-14
 
 
 @dataclass
@@ -53,7 +53,7 @@ class Constraints:
             for own, value in self._along_axes(node, motion):
                 found[own] = found.get(own, 0.0) + coefficient * value
         largest = max(map(abs, found.values()), default=0.0)
-        kept = [(*own, c) for own, c in found.items() if abs(c) > NEGLIGIBLE * largest]
+        kept = [(*own, c) for own, c in found.items() if abs(c) > NEGLIGIBLE_TERM * largest]
         for node, motion, _ in kept:
             if motion >= 3 and self._used(node) and not self.turning[node]:
                 raise MeshError(
@@ -75,7 +75,7 @@ class Constraints:
                 along[order[0]] = True
                 continue
             terms = [(node, first + int(k), float(direction[k])) for k in order]
-            self.equations.append([t for t in terms if abs(t[2]) > NEGLIGIBLE])
+            self.equations.append([t for t in terms if abs(t[2]) > NEGLIGIBLE_TERM])
         return along
 
     def _along_axes(self, node: int, motion: int) -> list[tuple[tuple[int, int], float]]:

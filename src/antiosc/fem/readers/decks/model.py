@@ -20,7 +20,7 @@ from antiosc.fem.readers.unit_system import UnitSystem
 
 MOTIONS = ("x", "y", "z", "rx", "ry", "rz")
 #: Direction cosines below this are rounding.
-ROUNDING = 1e-12
+LEAST_TERM = 1e-12
 #: What may be joined in one structure.
 JOINED = {"solid", "shell", "beam"}
 
@@ -207,7 +207,7 @@ class ModelBuilder:
         """A spring against the sum of terms, in the deck's units; fixed motions drop out."""
         points = len(self.fixed)
         moving = [
-            t for t in terms if abs(t[2]) > ROUNDING and not (t[0] < points and self.fixed[t[:2]])
+            t for t in terms if abs(t[2]) > LEAST_TERM and not (t[0] < points and self.fixed[t[:2]])
         ]
         if len(moving) == 1:
             ((node, motion, coefficient),) = moving

@@ -10,7 +10,7 @@ from antiosc.fem.readers.decks.constraints import Constraints
 from antiosc.fem.readers.decks.deck import Array, IntArray, Place
 
 #: Share of the mean length of the master's edges within which nodes are tied by default (Abaqus).
-TOLERANCE = 0.05
+REACH = 0.05
 #: Faces that are tried for each node, the nearest first.
 TRIED = 12
 STEPS = 12
@@ -27,7 +27,7 @@ def tie(
         raise MeshError(f"{place}: the master surface of *TIE must be of faces of elements.")
     faces = _Faces(joints, master)
     if tolerance is None:
-        tolerance = TOLERANCE * faces.size
+        tolerance = REACH * faces.size
     own = set(master.nodes.tolist())
     far = 0
     nodes = slave.nodes
