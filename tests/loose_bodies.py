@@ -8,6 +8,8 @@ digits.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+
 import mpmath
 import numpy as np
 from numpy.typing import NDArray
@@ -143,3 +145,15 @@ def solved(A: NDArray[np.clongdouble], load: NDArray[np.clongdouble]) -> NDArray
         known = np.einsum("wj,wjp->wp", A[:, k, k + 1 : n], y[:, k + 1 :])
         y[:, k] = (A[:, k, n:] - known) / A[:, k, k][:, None]
     return y
+
+
+def check_bounds(
+    extracted: Callable[[int], tuple[float, float, str]], seeds: Sequence[int], useful: float
+) -> None:
+    """Each seed's (error, bound, what): every bound holds, a share of them is small."""
+    small = 0
+    for seed in seeds:
+        error, bound, what = extracted(seed)
+        assert error <= bound, f"{what}: {error:.2e} above the bound {bound:.2e}"
+        small += bound <= 1e-3
+    assert small > useful * len(seeds)

@@ -8,25 +8,9 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 import antiosc as ao
+from chains import loose_chains, receptance
 
 Array = NDArray[np.float64]
-
-
-def bodies(sizes: tuple[int, ...], held: int, rng: np.random.Generator) -> tuple[Array, Array]:
-    """K and M of loose chains of uneven masses; the first `held` of them are on the ground."""
-    blocks = []
-    for i, n in enumerate(sizes):
-        k = rng.uniform(1e5, 3e5, n + 1)
-        if i >= held:
-            k[[0, -1]] = 0.0
-        blocks.append(np.diag(k[:-1] + k[1:]) - np.diag(k[1:-1], 1) - np.diag(k[1:-1], -1))
-    K = scipy.linalg.block_diag(*blocks)
-    return K, np.diag(rng.uniform(0.5, 1.5, len(K)))
-
-
-def receptance(K: Array, M: Array, B: Array, omega: NDArray[np.complex128]) -> Array:
-    """H = B'(K - omega^2 M)^-1 B (W, p, p), which knows nothing of modes."""
-    return np.array([B.T @ np.linalg.solve(K - w**2 * M, B) for w in omega])
 
 
 def by_hand(
@@ -59,7 +43,7 @@ OMEGA = np.geomspace(20, 2e3, 25) * (1 + 0.01j)
 @pytest.mark.parametrize("p", [1, 2, 4])
 @pytest.mark.parametrize("held", [0, 1])
 def test_all_modes_are_the_structure(p, held, rng):
-    K, M = bodies((10,), held, rng)
+    K, M = loose_chains((10,), held, rng)
     B = rng.standard_normal((10, p))
     model = by_hand(K, M, B)
     H = receptance(K, M, B, OMEGA)
@@ -74,7 +58,7 @@ def test_all_modes_are_the_structure(p, held, rng):
 
 
 def test_free_modes_are_orthonormal_in_the_shapes(rng):
-    K, M = bodies((9,), 0, rng)
+    K, M = loose_chains((9,), 0, rng)
     B = rng.standard_normal((9, 2))
     model = by_hand(K, M, B)
     free = model.site_modes()
@@ -87,7 +71,7 @@ def test_free_modes_are_orthonormal_in_the_shapes(rng):
 
 @pytest.mark.parametrize("n", [0, 1, 3, 6])
 def test_truncated_models_are_passive_and_their_compliance_is_the_whole(n, rng):
-    K, M = bodies((10,), 1, rng)
+    K, M = loose_chains((10,), 1, rng)
     B = rng.standard_normal((10, 2))
     model = by_hand(K, M, B, n)
     assert model.n == n
@@ -101,7 +85,7 @@ def test_truncated_models_are_passive_and_their_compliance_is_the_whole(n, rng):
 
 
 def test_massless_sites_have_a_residual_compliance(rng):
-    K, M = bodies((8,), 1, rng)
+    K, M = loose_chains((8,), 1, rng)
     full = by_hand(K, M, rng.standard_normal((8, 2)))
     m0 = full.m0 - full.m0  # exactly nothing
     model = ao.AntiOscillators(m0=m0, k0=full.k0, P=full.P, omega=full.omega, sites=["a", "b"])
@@ -161,7 +145,7 @@ def test_sites_that_follow_others():
 
 
 def test_saved_and_loaded(tmp_path, rng):
-    K, M = bodies((8,), 0, rng)
+    K, M = loose_chains((8,), 0, rng)
     model = by_hand(
         K,
         M,

@@ -11,9 +11,10 @@ from scipy.integrate import solve_ivp
 
 import antiosc as ao
 from antiosc.fem.site.functionals import functional
+from chains import loose_chains
 from marks import FREE_ON_PURPOSE
 from parts import STEEL, box
-from several import CORNERS, block_with_corners, loose_chains, sites_of
+from several import CORNERS, block_with_corners, sites_of
 
 pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]
 
