@@ -125,6 +125,7 @@ def test_nearly_elastic_damped_laws_return_their_restitution():
     """d -> 3 (1 - e)/2 is the exact limit; Flores has 8/5 in the place of 3/2."""
     for law in (ao.HuntCrossley, ao.LankaraniNikravesh, ao.Gonthier):
         assert restitution_of(law(1.0, 0.999).factor) == pytest.approx(0.999, abs=1e-5)
+    assert restitution_of(0.0) == 1.0
     flores = restitution_of(ao.Flores(1.0, 0.999).factor)
     assert 1 - flores == pytest.approx(1e-3 * 16 / 15, abs=1e-5)
 

@@ -10,6 +10,7 @@ import scipy.sparse
 
 import antiosc as ao
 from antiosc.matrix_files.reading import read_pair
+from antiosc.matrix_files.source import is_text
 from matrix_writers import (
     abaqus_coordinates,
     abaqus_labels,
@@ -479,3 +480,9 @@ def test_an_unsymmetric_matrix_is_refused(tmp_path):
     matrix_market(tmp_path / "M.mtx", M)
     with pytest.raises(ao.InputError, match="K must be symmetric"):
         ao.Structure.from_files(tmp_path / "K.mtx", tmp_path / "M.mtx")
+
+
+def test_text_has_no_control_characters_but_white_space():
+    assert is_text(b"\t1.0 2.0\r\n3\x0c4\xb5")
+    for byte in (0, 8, 14, 31):
+        assert not is_text(b"1.0 " + bytes([byte]))

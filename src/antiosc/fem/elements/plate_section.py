@@ -113,10 +113,9 @@ class Layer:
 
 
 def _cosine_sine(degrees: float) -> tuple[float, float]:
-    """Exact at right angles, so that a cross-ply has no coupling terms."""
-    exact = {0: (1.0, 0.0), 90: (0.0, 1.0), 180: (-1.0, 0.0), 270: (0.0, -1.0)}
-    if degrees % 360 in exact:
-        return exact[int(degrees % 360)]
+    """Of an axis, exact at right angles, so that a cross-ply has no coupling terms."""
+    if degrees % 90 == 0:
+        return (1.0, 0.0) if degrees % 180 == 0 else (0.0, 1.0)
     return float(np.cos(np.deg2rad(degrees))), float(np.sin(np.deg2rad(degrees)))
 
 
