@@ -172,7 +172,7 @@ def parameters(call: Callable[..., Any]) -> dict[str, inspect.Parameter]:
 def model() -> ao.AntiOscillators:
     return ao.AntiOscillators(
         m0=0.1, k0=1e6, m=[0.3, 0.1], omega=[2e3, 9e3], participation=[0.2, 0.3, 0.1],
-        shapes=np.arange(12.0).reshape(4, 3),
+        shapes=np.arange(12.0).reshape(4, 3), strain_error=1e4 * np.eye(3),
     )  # fmt: skip
 
 

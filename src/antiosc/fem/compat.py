@@ -269,6 +269,14 @@ def tabulate_slopes(space: Any, path: Sequence[int], X: Array) -> Array:
     return np.moveaxis(tables.reshape(len(tables), len(X), -1), 0, 2)
 
 
+def quadrature(cell: str, degree: int) -> tuple[Array, Array]:
+    """Points (n, tdim) and weights (n,) on the reference cell."""
+    import basix
+
+    X, weights = basix.make_quadrature(getattr(basix.CellType, cell), degree)
+    return np.asarray(X), np.asarray(weights)
+
+
 def local_size(space: fem.FunctionSpace) -> int:
     """Dofs owned by this rank."""
     return int(space.dofmap.index_map.size_local * space.dofmap.index_map_bs)
@@ -387,11 +395,28 @@ def cell_dofs(space: fem.FunctionSpace, path: Sequence[int], cells: IntArray) ->
 
 def with_ghosts(space: fem.FunctionSpace, block: Array) -> Array:
     """Columns given on the dofs that this rank owns, continued to its ghosts."""
-    function = fem.Function(space)
     rows = len(block)
+    if communicator(space.mesh).size == 1:
+        return block
+    function = fem.Function(space)
     result = np.zeros((len(function.x.array), block.shape[1]))
     for k in range(block.shape[1]):
         function.x.array[:rows] = block[:, k]
         function.x.scatter_forward()
         result[:, k] = function.x.array
+    return result
+
+
+def ghosts_added(space: fem.FunctionSpace, block: Array) -> Array:
+    """Columns of contributions (dofs of this rank, ghosts included), summed up at their owners."""
+    rows = local_size(space)
+    if communicator(space.mesh).size == 1:
+        return block
+    function = fem.Function(space)
+    mode = (dolfinx.la.InsertMode if DOLFINX >= (0, 7) else dolfinx.la.ScatterMode).add
+    result = np.zeros((rows, block.shape[1]))
+    for k in range(block.shape[1]):
+        function.x.array[:] = block[:, k]
+        function.x.scatter_reverse(mode)
+        result[:, k] = function.x.array[:rows]
     return result

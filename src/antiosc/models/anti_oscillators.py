@@ -27,7 +27,7 @@ from antiosc import checks
 from antiosc._types import Array, Index
 from antiosc.charts.models import plot_model
 from antiosc.errors import InputError
-from antiosc.models import one_site, saved_models, several_sites
+from antiosc.models import one_site, saved_models, several_sites, softened
 from antiosc.models.body import Body, several_contact_points
 from antiosc.models.modal import Damping, ModalBody
 from antiosc.models.motion import Inertia, unit_vector
@@ -102,6 +102,9 @@ class AntiOscillators(Body):
         Displacements u of several sites in the hidden rigid-body motions, default 0. A motion that
         hardly moves the sites (share in their compliance below 1e-4) is hidden too; k0, m0, P and
         omega are then those of all other motions.
+    strain_error : array_like, shape (N + 1, N + 1), optional
+        One site: energies [N/m] of the errors of the strains of psi_0 ... psi_N that the mesh
+        leaves, by `extract(..., error="estimate")`; see `corrected`.
 
     Raises
     ------
@@ -128,12 +131,15 @@ class AntiOscillators(Body):
     dependence: Array | None = None
     rigid: Array | None = None
     slide: Array | None = None
+    strain_error: Array | None = None
 
     def __post_init__(self) -> None:
         if self.damping is not None:
             checks.instance("damping", self.damping, Damping, "a Damping(ratio, alpha, beta)")
         checks.instance("info", self.info, dict, "a dict of facts")
         if self.P is not None or len(checks.instance("sites", self.sites, (list, tuple), "names")):
+            if self.strain_error is not None:
+                raise InputError("strain_error belongs to a model of one site.")
             checks.store(self, **several_sites.checked(self))
         else:
             self._check_one()
@@ -188,6 +194,9 @@ class AntiOscillators(Body):
             shapes = checks.array("shapes", self.shapes, (None, m.size + 1))
             sorted_already = np.array_equal(order, np.arange(m.size))
             self._set("shapes", shapes if sorted_already else shapes[:, columns])
+        if self.strain_error is not None:
+            own = softened.checked_error("strain_error", self.strain_error, m.size + 1)
+            self._set("strain_error", _frozen(own[np.ix_(columns, columns)]))
         self._place(columns)
 
     def _place(self, columns: Index) -> None:
@@ -282,6 +291,7 @@ class AntiOscillators(Body):
         lead = self._lead
         left_out = np.arange(lead + n, lead + self.n)
         p, shapes, inertia = self.participation, self.shapes, self.inertia
+        E = self.strain_error
         if p is not None:
             added = 0.0 if self.sites else p[left_out].sum()
             p = np.delete(p, left_out, axis=0)
@@ -295,7 +305,21 @@ class AntiOscillators(Body):
             participation=p,
             shapes=None if shapes is None else shapes[:, : lead + n],
             inertia=inertia and inertia.along(np.delete(inertia.momentum, left_out, axis=0)),
+            strain_error=None if E is None else E[: n + 1, : n + 1],
         )
+
+    def corrected(self) -> AntiOscillators:
+        """The model softened by its `strain_error`: closer to the exact structure, without a bar.
+
+        The stiffness that the mesh has in excess is taken out, for all shapes together
+        (`antiosc.models.softened`); the masses of the shapes stay.
+
+        Raises
+        ------
+        InputError
+            For a model that was extracted without `error="estimate"`.
+        """
+        return softened.corrected(self)
 
     def field(self, coordinates: ArrayLike) -> Array:
         """Nodal displacements (..., n_dofs) of Article eq. (8) for lambda (..., N + 1).

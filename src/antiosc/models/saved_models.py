@@ -27,6 +27,7 @@ _ARRAYS = {
     "dependence": "1",
     "rigid": "kg^-1/2",
     "slide": "kg^-1/2",
+    "strain_error": "N/m",
 }
 _INERTIA = {"point": "m", "matrix": "kg, kg m, kg m^2", "momentum": "kg, kg m"}
 _SCALARS = {"local_compliance": "m/N", "radius": "m"}
@@ -46,6 +47,7 @@ _MEANING = {
     "dependence": "displacements of all columns per unit ones of the independent columns",
     "rigid": "displacements of several sites in the rigid-body modes of unit mass",
     "slide": "the same in the hidden rigid-body motions",
+    "strain_error": "energies of the errors of the strains of phi_st and psi_i: the mesh's error",
     "local_compliance": "half-space compliance of the patch, contained in 1/k0",
     "radius": "radius of the patch over which the site's displacement is averaged",
 }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -17,6 +17,7 @@ from antiosc._types import Array, Index
 from antiosc.charts.histories import plot_history
 from antiosc.errors import InputError
 from antiosc.models.modal import ModalBody
+from antiosc.simulation.error_bars import ErrorBudget
 from antiosc.simulation.integrators import Problem, Trajectory
 
 if TYPE_CHECKING:
@@ -70,6 +71,7 @@ class History:
     step : the step used during contact [s].
     error : estimated relative errors reached: "force" (L2 norm) and "peak"; empty when the step
         was given. With n="auto" also "truncation peak_force", "... impulse", "... contact_time".
+    budget : what makes the `error_budget` of a run of `simulate`.
     """
 
     problem: Problem
@@ -81,6 +83,7 @@ class History:
     error: dict[str, float]
     status: int
     message: str
+    budget: Callable[[History], ErrorBudget] | None = None
 
     # -- at the nodes
 
@@ -172,6 +175,18 @@ class History:
         rigid = np.where(self.problem.omega == 0, self.problem.beta, 0.0)
         closing, after = v @ rigid
         return float(-after / closing) if closing > 0 else None
+
+    @cached_property
+    def error_budget(self) -> ErrorBudget:
+        """Bars of peak force, impulse and contact time: mesh, truncation, time, patch, total.
+
+        Relative errors, as `hit.error_budget["peak_force"].total`; printed, they are a table. The
+        impact is simulated some more times when this is first asked for. InputError for a model
+        that was extracted without `error="estimate"`.
+        """
+        if self.budget is None:
+            raise InputError("only a History that simulate or strike returned has an error budget.")
+        return self.budget(self)
 
     @cached_property
     def momentum(self) -> Array:

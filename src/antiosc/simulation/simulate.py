@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from math import log2
 
 import numpy as np
@@ -29,6 +30,7 @@ from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import LinearBody, checked_body
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Motion
+from antiosc.simulation.error_budget import error_budget
 from antiosc.simulation.history import History, force_difference
 from antiosc.simulation.integrators import (
     FIXED_STEP,
@@ -142,6 +144,13 @@ def simulate(
         own = "exact" if each.m0 == 0 and contact.rate_dependent else method
         return run_of(each, tol, own)[0]
 
+    def exactly(each: LinearBody, tol: float) -> History:
+        return integrated(
+            each, impactor, contact, duration, step=None, tol=tol,
+            initial_velocity=initial_velocity, gravity=gravity, gap=gap,
+            max_contacts=max_contacts, max_steps=max_steps,
+        )[0]  # fmt: skip
+
     truncation: dict[str, float] = {}
     shortage = ""
     if n is not None:
@@ -153,6 +162,7 @@ def simulate(
         error={**history.error, **truncation},
         status=verdict.status,
         message=" ".join(filter(None, (history.message, shortage))),
+        budget=partial(error_budget, again=exactly),
     )
     verdict.tell()
     check_range(history)

@@ -148,6 +148,7 @@ def _hung(model: AntiOscillators, next_omega: float | None) -> AntiOscillators:
         shapes=None,
         inertia=inertia,
         hidden=None,
+        strain_error=None,
     )
 
 

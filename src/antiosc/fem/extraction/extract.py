@@ -14,6 +14,7 @@ import numpy as np
 from antiosc.checks import flag, instance, text, within_range
 from antiosc.errors import AccuracyError, InputError
 from antiosc.fem import mpi
+from antiosc.fem.error.model_errors import ModelErrors
 from antiosc.fem.extraction.body_inertia import inertia_of, uniform_inertia
 from antiosc.fem.extraction.eigenmodes import Modes, ModeSolver
 from antiosc.fem.extraction.krylov import by_krylov
@@ -30,7 +31,16 @@ from antiosc.fem.extraction.ritz_basis import BASIS_STEP, Remainder
 from antiosc.fem.extraction.self_check import CHECK, CONVERGED, FORCES, MECHANISM, judge
 from antiosc.fem.extraction.several_sites import of_several_sites
 from antiosc.fem.extraction.static_mode import StaticMode, static_modes
-from antiosc.fem.extraction.wish import AIM, DEFAULT, SEARCHED, Method, Wish, checked_wish, tell
+from antiosc.fem.extraction.wish import (
+    AIM,
+    DEFAULT,
+    SEARCHED,
+    ErrorWish,
+    Method,
+    Wish,
+    checked_wish,
+    tell,
+)
 from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.site.functionals import functionals
 from antiosc.fem.site.site import Functional, Site
@@ -58,6 +68,7 @@ def extract(
     band: float | None = None,
     accuracy: float = 1e-3,
     shapes: bool = True,
+    error: ErrorWish = None,
 ) -> Any:
     """The anti-oscillator model of a structure at a site, or at several.
 
@@ -89,6 +100,10 @@ def extract(
         identity, ‖H ΔZ‖₂, from `info["band"]["bottom"]` [rad/s] on.
     shapes : bool
         Store the shapes, from which displacement fields are computed, n + 1 vectors for each site.
+    error : "estimate", optional
+        Estimate what the mesh leaves out: the model gets its `strain_error`, so that `corrected()`
+        and the `error_budget` of a `simulate` are available. Solids, no named sites. It takes no
+        further solve.
 
     Returns
     -------
@@ -115,7 +130,8 @@ def extract(
     sites = _sites(structure, site)
     names = list(site) if isinstance(site, Mapping) else []
     flag("shapes", shapes)
-    wish = checked_wish(structure, n, method, tol, band, accuracy)
+    wish = checked_wish(structure, n, method, tol, band, accuracy, error)
+    errors = None if error is None else ModelErrors(structure, len(names))
     started = time.perf_counter()
     targets = functionals(structure, sites)
     factored = "factorization" in structure.seconds
@@ -129,7 +145,8 @@ def extract(
     models: list[AntiOscillators] = []
     width = _together(structure, wish)
     for first in range(0, len(targets), width):
-        models += _extracted(structure, targets[first : first + width], wish, shapes, spent)
+        some = targets[first : first + width]
+        models += _extracted(structure, some, wish, shapes, spent, errors)
         if len(targets) > width:
             log.info("extracted %d of %d sites", len(models), len(targets))
     return models[0] if isinstance(site, Site) else models
@@ -166,7 +183,12 @@ def _together(structure: Structure, wish: Wish) -> int:
 
 
 def _extracted(
-    structure: Structure, targets: list[Functional], wish: Wish, shapes: bool, spent: float
+    structure: Structure,
+    targets: list[Functional],
+    wish: Wish,
+    shapes: bool,
+    spent: float,
+    errors: ModelErrors | None,
 ) -> list[AntiOscillators]:
     """The models of a few sites."""
     started = time.perf_counter()
@@ -190,6 +212,8 @@ def _extracted(
         if wish.band is not None and remainder is not None:
             error = error_bound(structure, known, remainder, kept, wish.band)
             model.info["band"] = {"top": wish.band, "error_bound": error}
+        if errors is not None:
+            model = errors.added_to(model, target)
         mpi.on_root(structure.comm, partial(tell, model, wish, modes.complete))
         models.append(model if shapes else replace(model, shapes=None, hidden=None))
     return models

@@ -25,6 +25,7 @@ AIM = 0.6
 SETTLED_FROM = 10
 
 Method = Literal["krylov", "modes"]
+ErrorWish = Literal["estimate"] | None
 
 
 @dataclass(frozen=True)
@@ -36,13 +37,21 @@ class Wish:
     tol: float
     band: float | None
     accuracy: float
+    error: ErrorWish = None
 
 
 def checked_wish(
-    structure: Structure, n: Any, method: Any, tol: Any, band: Any, accuracy: Any
+    structure: Structure,
+    n: Any,
+    method: Any,
+    tol: Any,
+    band: Any,
+    accuracy: Any,
+    error: Any = None,
 ) -> Wish:
     """The wish; InputError for numbers outside their range and vectors that memory cannot hold."""
     choice("method", method, get_args(Method))
+    choice("error", error, (None, "estimate"))
     if n is None:
         n = min(DEFAULT if band is None else MOST_FOR_BAND, structure.dofs - 1)
     n = whole("n", n, least=0 if band is None else 1)
@@ -60,7 +69,7 @@ def checked_wish(
         )
     if band is not None:
         band = positive("band", band, "rad/s")
-    return Wish(n, method, tolerance(tol), band, positive("accuracy", accuracy))
+    return Wish(n, method, tolerance(tol), band, positive("accuracy", accuracy), error)
 
 
 def tell(model: AntiOscillators, wish: Wish, complete: bool) -> None:

@@ -46,6 +46,11 @@ class CellGeometry:
         both = np.swapaxes(tables, 0, 1) @ nodes  # (n, 1 + tdim, 3)
         return both[:, 0], np.swapaxes(both[:, 1:], 1, 2)
 
+    def slopes(self, X: Array) -> Array:
+        """Slopes (n, nodes, tdim) of the shape functions of the map at X (n, tdim)."""
+        tables = self._element.tabulate(1, X)[1:, :, :, 0]
+        return np.asarray(np.moveaxis(tables, 0, 2))
+
     def centre(self) -> Array:
         """Reference coordinates (tdim,) of the middle of a cell."""
         return np.asarray(self.corners.mean(axis=0))

@@ -1,0 +1,80 @@
+"""Strains of shapes at quadrature points of many cells at once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from antiosc._types import Array, IntArray
+from antiosc.fem import compat
+from antiosc.fem.elements.weak_form import WeakForm
+from antiosc.fem.mesh.mesh import Mesh
+
+#: Quadrature degree of all integrals of strains: on products of intervals its points are those at
+#: which the terms of degree two that the elements represent in one direction vanish.
+DEGREE = 2
+#: Numbers of a block of arrays that are held at once.
+BLOCK = 4_000_000
+#: Places of the strains (ε11, ε22, ε33, γ23, γ13, γ12), or in the plane (ε11, ε22, γ12).
+PAIRS = {2: [(0, 0), (1, 1), (0, 1)], 3: [(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)]}
+
+
+class Quadrature:
+    """Points and weights of a quadrature of the cells of a mesh, in slices of cells.
+
+    Attributes
+    ----------
+    X : (points, tdim) reference coordinates.
+    """
+
+    def __init__(self, mesh: Mesh, numbers_per_cell: int) -> None:
+        self.mesh = mesh
+        self.X, self._reference_weights = compat.quadrature(mesh.cell, DEGREE)
+        self._slopes = mesh.geometry.slopes(self.X)
+        self._width = max(1, BLOCK // (numbers_per_cell * len(self.X)))
+
+    def slices(self, cells: IntArray) -> Iterator[slice]:
+        """Slices of `cells` that are processed at once."""
+        return (slice(k, k + self._width) for k in range(0, len(cells), self._width))
+
+    def jacobians(self, cells: IntArray) -> Array:
+        """dx/dX (cells, points, gdim, tdim)."""
+        nodes = self.mesh.geometry.nodes[cells][:, :, : self.mesh.gdim]
+        return np.asarray(np.einsum("qnt,cni->cqit", self._slopes, nodes, optimize=True))
+
+    def weights(self, jacobians: Array) -> Array:
+        """Weights of the points (cells, points) for these dx/dX."""
+        return np.asarray(np.abs(np.linalg.det(jacobians)) * self._reference_weights)
+
+
+class CellStrains:
+    """Strains of blocks of shapes (rows of this rank, k) of a solid's displacements."""
+
+    def __init__(self, mesh: Mesh, form: WeakForm, shapes: Array) -> None:
+        self.mesh, self._space = mesh, form.space
+        self.count = shapes.shape[1]
+        self.components = len(PAIRS[mesh.gdim])
+        self._values = compat.with_ghosts(form.space, shapes)
+        self._paths = list(form.components.values())
+        self.quadrature = Quadrature(mesh, self.count * mesh.gdim**2)
+        self._slopes = compat.tabulate_slopes(form.space, self._paths[0], self.quadrature.X)
+
+    def at(self, cells: IntArray) -> tuple[Array, Array]:
+        """(strains (cells, points, components, k), weights (cells, points))."""
+        dim, quadrature = self.mesh.gdim, self.quadrature
+        J = quadrature.jacobians(cells)
+        # derivatives of the functions along x (cells, points · gdim, functions)
+        slopes = np.einsum("qft,cqtd->cqdf", self._slopes, np.linalg.inv(J), optimize=True)
+        count, points, _, functions = slopes.shape
+        slopes = slopes.reshape(count, points * dim, functions)
+        gradients = []
+        for path in self._paths:
+            values = self._values[compat.cell_dofs(self._space, path, cells)]
+            gradients.append((slopes @ values).reshape(count, points, dim, self.count))
+        strains = np.empty((count, points, self.components, self.count))
+        for k, (i, j) in enumerate(PAIRS[dim]):
+            strains[:, :, k] = gradients[i][:, :, j]
+            if i != j:
+                strains[:, :, k] += gradients[j][:, :, i]
+        return strains, quadrature.weights(J)

@@ -1,0 +1,38 @@
+"""`estimator`: what tells the error of the strains of a structure's shapes, by element family."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from antiosc._types import Array
+from antiosc.errors import InputError
+from antiosc.fem.structure.structure import Structure, on_mesh
+
+
+class StrainErrors(Protocol):
+    """Energies of the errors e_j of the strains of shapes u_j (rows of this rank, k)."""
+
+    def gram(self, shapes: Array) -> Array:
+        """E_ij = ∫ e_i:C:e_j over the structure, (k, k), the same on all ranks."""
+        ...
+
+    def of_cells(self, shapes: Array) -> Array:
+        """Σ_j ∫ e_j:C:e_j over each cell of this rank, ghosts excluded: (cells,)."""
+        ...
+
+
+def estimator(structure: Structure) -> StrainErrors:
+    """The estimator of the structure's element family; InputError where there is none."""
+    matrices = on_mesh(
+        structure,
+        "the error of a mesh needs the mesh: given matrices have none, so leave error=None.",
+    )
+    if matrices.kind.name != "solid":
+        raise InputError(
+            f"error='estimate' holds for solids; {matrices.mesh.name} is made of "
+            f"{matrices.kind.name} elements, whose estimate is not calibrated: leave error=None "
+            "and compare two element sizes."
+        )
+    from antiosc.fem.error.solid import SolidErrors  # needs dolfinx
+
+    return SolidErrors(matrices)

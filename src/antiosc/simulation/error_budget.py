@@ -1,0 +1,141 @@
+"""The error budget of an impact: what mesh, truncation, time steps and patch leave of its numbers.
+
+The mesh's share is the difference between the impacts on the model and on its corrected model
+(`antiosc.models.softened`), times a factor of safety; since the errors of the three quantities
+(peak force, impulse, contact time) may vanish by chance, each is at least `FLOOR` times the largest
+of them. The factor is larger where the errors of strains hold a large share of the energy.
+The share of the truncation: `antiosc.simulation.truncation`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from math import nan
+from typing import Any
+
+import numpy as np
+
+from antiosc.errors import InputError
+from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.softened import NO_ESTIMATE, energy_error
+from antiosc.simulation.error_bars import QUANTITIES, ErrorBar, ErrorBudget
+from antiosc.simulation.history import History
+from antiosc.simulation.truncation import Run, truncation_error
+
+#: Each error is at least this share of the largest of the three.
+FLOOR = 0.5
+#: Factor of safety of the mesh's share, and the same where the share of the errors of strains in
+#: the energy exceeds COARSE.
+SAFETY, SAFETY_COARSE, COARSE = 2.0, 3.0, 0.1
+#: Time integration error of the runs that are compared, over that of the history; at most and
+#: at least this.
+FINER, LEAST, MOST = 0.1, 1e-6, 1e-4
+#: Instants of the contact at which the amplitudes of the shapes are taken.
+INSTANTS = 200
+#: Note where a second radius says nothing.
+NO_PATCH = "Not included: the radius of the patch."
+
+
+def error_budget(hit: History, again: Run) -> ErrorBudget:
+    """The bars of a run; `again(model, tol)` is the same impact on another model, with the exact
+    method and a step that meets the tolerance."""
+    model = hit.model
+    if not isinstance(model, AntiOscillators) or model.strain_error is None:
+        raise InputError(NO_ESTIMATE)
+    if not hit.contacts:
+        bars = {name: ErrorBar(0.0, 0.0, 0.0, 0.0, 0.0) for name in QUANTITIES}
+        return ErrorBudget(bars, 0.0, ("The bodies did not touch: nothing has a bar.",))
+    tol = min(max(FINER * max(_time_errors(hit), default=MOST), LEAST), MOST)
+    raw, softer = again(model, tol), again(model.corrected(), tol)
+    share = energy_error(model, model.strain_error, amplitudes(hit))
+    safety = SAFETY if share <= COARSE else SAFETY_COARSE
+    mesh = _floored({name: safety * off for name, off in differences(raw, softer).items()})
+    truncated = truncation_error(model, again, tol=tol)
+    notes = []
+    if len(raw.contacts) != len(softer.contacts):
+        notes.append(
+            f"The mesh decides on the number of contacts ({len(raw.contacts)} here, "
+            f"{len(softer.contacts)} corrected): the contact times are not comparable."
+        )
+    if share > COARSE:
+        notes.append(
+            f"The errors of the strains hold {share:.0%} of the energy: the mesh is coarse, and "
+            "its bar is less certain."
+        )
+    patch, told = _patch(model, raw, again, tol)
+    time = _time(hit, raw, tol)
+    bars = {
+        name: ErrorBar(
+            value=getattr(hit, name),
+            mesh=mesh[name],
+            truncation=getattr(truncated, name),
+            time=time[name],
+            patch=patch[name],
+        )
+        for name in QUANTITIES
+    }
+    geometry = model.info.get("geometry")
+    return ErrorBudget(bars, share, (*notes, *told, *([geometry] if geometry else [])))
+
+
+def amplitudes(hit: History) -> Any:
+    """Sum of a aᵀ over the contact of the amplitudes a of psi_0 ... psi_N, (N + 1, N + 1)."""
+    size = hit.model.n + 1
+    total = np.zeros((size, size))
+    for start, end in hit.contacts:
+        times = start + (np.arange(INSTANTS) + 0.5) / INSTANTS * (end - start)
+        a = hit.coordinates(times)[:, :size]
+        a = np.column_stack([a[:, 0], a[:, 1:] - a[:, :1]])
+        total += a.T @ a * (end - start) / INSTANTS
+    return total
+
+
+def differences(one: History, other: History) -> dict[str, float]:
+    """Relative differences of the three quantities."""
+    return {name: _relative(getattr(one, name), getattr(other, name)) for name in QUANTITIES}
+
+
+def _relative(a: float, b: float) -> float:
+    return abs(a - b) / max(abs(a), abs(b)) if a != b else 0.0
+
+
+def _floored(errors: Mapping[str, float]) -> dict[str, float]:
+    worst = max(errors.values())
+    return {name: max(error, FLOOR * worst) for name, error in errors.items()}
+
+
+def _time_errors(hit: History) -> list[float]:
+    """Estimated errors of the time integration; none where the step was given."""
+    return [hit.error[name] for name in ("force", "peak") if name in hit.error]
+
+
+def _time(hit: History, finer: History, tol: float) -> dict[str, float]:
+    """The share of the time steps: the estimate of the run, or more if a finer run says so."""
+    known = max(_time_errors(hit), default=0.0)
+    own = {"peak_force": hit.error.get("peak", 0.0), "impulse": hit.error.get("force", 0.0)}
+    changed = differences(hit, finer)
+    return {name: max(changed[name] + tol, own.get(name, known)) for name in QUANTITIES}
+
+
+def _patch(
+    model: AntiOscillators, raw: History, again: Run, tol: float
+) -> tuple[dict[str, float], list[str]]:
+    """The share of the patch's radius, and what is to be said of it.
+
+    A second radius changed the compliance of the part by a little beyond that of the half-space:
+    the run with that change in the contact tells its effect.
+    """
+    none = dict.fromkeys(QUANTITIES, 0.0)
+    other = model.info.get("patch")
+    if model.radius is None:
+        return none, []
+    if not isinstance(other, dict) or model.local_compliance == 0:
+        return none, [NO_PATCH]
+    change = float(other.get("compliance", nan))
+    local = max(model.local_compliance - abs(change), 0.0)
+    softer = again(replace(model, local_compliance=local, strain_error=None), tol)
+    changed = differences(raw, softer)
+    if change and not any(changed.values()):  # the law does not contain the half-space
+        return none, [NO_PATCH]
+    return changed, []

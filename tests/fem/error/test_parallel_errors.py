@@ -1,0 +1,55 @@
+"""The estimate on two ranks is that of one."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("dolfinx")
+
+from mpi import run_ranks
+
+pytestmark = [pytest.mark.fem, pytest.mark.mpi]
+
+SCRIPT = """
+    import json, warnings, numpy as np
+    import antiosc as ao
+    from antiosc.fem.error.estimator import estimator
+    from mpi4py import MPI
+    from parts import STEEL, box, plate
+    warnings.simplefilter("ignore")
+    solid = ao.Solid(**STEEL)
+    plane = ao.Solid(**STEEL, plane="stress", thickness=0.01)
+    found = []
+    for order in (1, 2):
+        for mesh, material, site in (
+            (box((6, 3, 2), (0.12, 0.06, 0.04), "tetrahedron"), solid,
+             ao.Site((0.08, 0.03, 0.04), (0, 0, -1), radius=0.015)),
+            (box((6, 3, 2), (0.12, 0.06, 0.04)), solid,
+             ao.Site((0.08, 0.03, 0.04), (0, 0, -1), radius=0.015)),
+            (plate((8, 4)), plane, ao.Site((0.15, 0.06), (0, -1), radius=0.02)),
+        ):
+            part = ao.Structure(mesh, material, [ao.Support("left")], order=order)
+            model = ao.extract(part, site, n=4, error="estimate")
+            cells = estimator(part).of_cells(model.shapes).sum()
+            patch = model.info["patch"]
+            found.append([
+                *np.linalg.norm(model.strain_error, axis=0).tolist(),
+                part.comm.allreduce(float(cells)),
+                0.0 if patch is None else patch["compliance"],
+            ])
+    print(json.dumps(found))
+"""
+
+
+def test_two_ranks_find_what_one_finds(monkeypatch):
+    here = str(Path(__file__).parents[2])
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([here, os.environ.get("PYTHONPATH", "")]))
+    (one,) = run_ranks(1, SCRIPT)
+    both = run_ranks(2, SCRIPT)
+    assert both[0] == both[1]
+    np.testing.assert_allclose(json.loads(both[0]), json.loads(one), rtol=1e-6)

@@ -1,0 +1,108 @@
+"""The error budget of a run: its sums, its refusals, its notes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import antiosc as ao
+from antiosc.simulation.error_bars import CAUSES, QUANTITIES
+from antiosc.simulation.error_budget import FLOOR, SAFETY, SAFETY_COARSE, amplitudes, differences
+
+STRIKER, LAW = ao.RigidMass(0.5, 1.0), ao.Hertz(1e9)
+
+
+def model(share: float = 0.02, **more) -> ao.AntiOscillators:
+    """A model whose strains hold errors of this share of the energy of each shape."""
+    m, omega = np.array([0.5, 0.3, 0.2, 0.1]), np.array([4e3, 1.1e4, 2.2e4, 3.7e4])
+    E = share * np.diag(np.append(2e6, m * omega**2))
+    return ao.AntiOscillators(m0=0.05, k0=2e6, m=m, omega=omega, strain_error=E, **more)
+
+
+def struck(given: ao.AntiOscillators, **options) -> ao.History:
+    return ao.simulate(given, STRIKER, LAW, 3e-3, **options)
+
+
+def test_bars_hold_the_difference_to_the_corrected_model():
+    hit = struck(model())
+    budget = hit.error_budget
+    soft = struck(model().corrected(), tol=1e-4)
+    off = differences(struck(model(), tol=1e-4), soft)
+    assert set(budget) == set(QUANTITIES)
+    for name, bar in budget.items():
+        expected = SAFETY * max(off[name], FLOOR * max(off.values()))
+        assert bar.mesh == pytest.approx(expected, rel=0.05)
+        assert bar.total == pytest.approx(sum(getattr(bar, cause) for cause in CAUSES))
+        assert bar.value == getattr(hit, name)
+        assert bar.time > 0
+        assert bar.patch == 0
+    assert budget.worst == max(bar.total for bar in budget.values())
+    assert budget.energy_error == pytest.approx(0.02, rel=1e-9)
+
+
+def test_a_coarse_mesh_has_wider_bars_and_a_note():
+    fine, coarse = (struck(model(share)).error_budget for share in (0.09, 0.12))
+    assert coarse["peak_force"].mesh > 0.9 * SAFETY_COARSE / SAFETY * fine["peak_force"].mesh
+    assert any("the mesh is coarse" in note for note in coarse.notes)
+    assert not any("coarse" in note for note in fine.notes)
+
+
+def test_energy_of_the_amplitudes_is_the_strain_energy_of_the_contact():
+    hit = struck(model())
+    W = amplitudes(hit)
+    own = hit.model
+    energy = 0.5 * np.diag(W) @ np.append(own.k0, own.k)
+    mean = 0.0
+    for start, end in hit.contacts:
+        keep = (hit.time >= start) & (hit.time <= end)
+        strain = hit.energy.strain[keep]
+        mean += np.diff(hit.time[keep]) @ (strain[1:] + strain[:-1]) / 2
+    assert energy == pytest.approx(mean, rel=0.02)
+
+
+@pytest.mark.parametrize("options", [{"step": 2e-5}, {"step": 1e-6, "method": "newmark"}])
+def test_a_given_step_is_compared_with_an_exact_run(options):
+    hit = struck(model(), **options)
+    exact = struck(model(), tol=1e-6)
+    for name, bar in hit.error_budget.items():
+        off = abs(getattr(hit, name) / getattr(exact, name) - 1)
+        assert off <= bar.time <= 2 * off + 1e-3
+
+
+def test_the_patch_counts_by_its_second_radius():
+    law = ao.Hertz(1e9)
+    second = {"radius": 3e-3, "compliance": 4e-9}
+    given = model(local_compliance=2e-8, radius=2e-3, info={"patch": second})
+    budget = ao.simulate(given, STRIKER, law, 3e-3).error_budget
+    raw = ao.simulate(given, STRIKER, law, 3e-3, tol=1e-5)
+    less = model(local_compliance=1.6e-8, radius=2e-3)
+    changed = differences(raw, ao.simulate(less, STRIKER, law, 3e-3, tol=1e-5))
+    assert budget["peak_force"].patch == pytest.approx(changed["peak_force"], rel=0.1)
+    assert budget["peak_force"].patch > 1e-4
+    assert not budget.notes
+
+
+@pytest.mark.parametrize("law", [ao.Linear(1e7), ao.Hertz(1e9)])
+def test_a_radius_without_a_second_one_is_told(law):
+    given = model(local_compliance=2e-8 if isinstance(law, ao.Linear) else 0.0, radius=2e-3)
+    budget = ao.simulate(given, STRIKER, law, 3e-3).error_budget
+    assert "Not included: the radius of the patch." in budget.notes
+
+
+def test_no_contact_no_bar():
+    budget = ao.simulate(model(), STRIKER, LAW, 1e-4, gap=1.0).error_budget
+    assert budget.worst == 0
+    assert "did not touch" in str(budget)
+
+
+def test_it_reads_as_a_table():
+    lines = str(struck(model()).error_budget).splitlines()
+    assert [line.split()[0] for line in lines] == list(QUANTITIES)
+    assert "± " in lines[0]
+    assert all(cause in lines[0] for cause in CAUSES)
+
+
+def test_refused_without_an_estimate():
+    hand = ao.AntiOscillators(m0=0.05, k0=2e6, m=[0.5], omega=[4e3])
+    with pytest.raises(ao.InputError, match="error='estimate'"):
+        _ = struck(hand).error_budget
