@@ -304,6 +304,7 @@ COMMON: dict[str, Any] = {
     "area": 2e-4, "inertia": 3e-9, "site": 0.3, "left": "pinned", "right": "free", "x": 0.02,
     "momenta": np.ones((2, 6)),
     "y": 0.03, "tol": 1e-3, "lam": 0.5, "D": 100.0, "surface_density": 10.0, "omega2": 1e6,
+    "stress": 1e6 * np.eye(3), "tensor": 1e-3 * np.eye(3), "X": 1e9, "Y": 4e7, "S": 7e7,
     "where": (0.1, 0.1, 0.02), "a": 0.3, "path": "out.file", "i": 0, "q": [0.1, 0.2, 0.3],
 }  # fmt: skip
 
@@ -334,6 +335,7 @@ OWN: dict[str, dict[str, Any]] = {
         "where": [(0.1, 0.1, 0.02)], "direction": (0, 0, -1), "radius": 0.05, "n": 2, "modes": 4,
     },
     "Site": {"point": (0.1, 0.1, 0.02), "direction": (0, 0, -1), "radius": 0.05},
+    "strain_gauge": {"point": (0.05, 0.05, 0.02), "direction": (1, 0, 0), "length": 0.01},
     "simulate": {"max_contacts": 50, "max_steps": 20_000},
     "simulate_many": {"max_contacts": 50, "max_steps": 20_000},
     "AntiOscillators": {"m": [0.2, 0.3], "omega": [1e3, 5e3]},
@@ -354,7 +356,8 @@ OWN: dict[str, dict[str, Any]] = {
     "SiteModes": {"b": [[0.5, 0.1], [0.4, 0.2]], "sites": ["foot", "tip"]},
     "SiteModes.coordinates": {"q": [0.1, 0.2, 0.3], "forces": [1.0, 2.0]},
     "SiteModes.amplitudes": {"coordinates": [0.1, 0.2, 0.3]},
-    "SceneHistory.of": {"body": "ball"}, "SceneHistory.coordinates": {"body": "ball"},
+    "SceneHistory.of": {"body": "ball"}, "SceneHistory.name_of": {"body": "ball"},
+    "SceneHistory.coordinates": {"body": "ball"},
     "SceneHistory.field": {"self": struck_at_two_sites},
     "SiteModes.field": {"coordinates": [0.1, 0.2, 0.3]}, "SiteModes.receptance": {"omega": 1e3},
     "BodyHistory.displacement": {"direction": (0, 0, 1)},

@@ -95,12 +95,15 @@ from antiosc.fem.extraction.superposition import (
     superposition as superposition,
 )
 from antiosc.fem.fields import (
-    probe as probe,
     write_series as write_series,
 )
 from antiosc.fem.mesh.mesh import (
     Mesh as Mesh,
     read_mesh as read_mesh,
+)
+from antiosc.fem.probe import (
+    probe as probe,
+    strain_gauge as strain_gauge,
 )
 from antiosc.fem.site.site import (
     Site as Site,
@@ -180,6 +183,11 @@ from antiosc.simulation.simulate import (
 from antiosc.simulation.truncation import (
     choose_n as choose_n,
     truncation_error as truncation_error,
+)
+from antiosc.stresses import (
+    principal as principal,
+    tsai_hill as tsai_hill,
+    von_mises as von_mises,
 )
 
 __version__: str

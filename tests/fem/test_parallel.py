@@ -113,8 +113,11 @@ model = ao.extract(structure, site, n=8, method="modes")
 hit = ao.simulate(model, ao.RigidMass(0.1, 1.0), ao.Hertz(1e9), duration=1e-3, step=1e-5)
 times = np.linspace(0, 1e-3, 4)
 moved = ao.probe(structure, hit, (0.0731, 0.0312, 0.0207), times)
+felt = [ao.probe(structure, hit, (0.0731, 0.0312, 0.0207), q, times).tolist()
+        for q in ("acceleration", "stress", "rotation")]
+felt.append(ao.strain_gauge(structure, hit, (0.1, 0.02, 0.02), (1, 0, 0), 0.05, times).tolist())
 ao.write_series(structure, hit, sys.argv[2], times)
-print(json.dumps([moved.tolist(), hit.peak_force]))
+print(json.dumps([felt, moved.tolist(), hit.peak_force]))
 """
 
 
@@ -124,7 +127,7 @@ def test_two_ranks_give_the_fields_of_one(tmp_path):
         (tmp_path / str(n)).mkdir()
         printed = run_ranks(n, FIELDS, HERE, str(tmp_path / str(n) / "series.pvd"))
         assert len(set(printed)) == 1
-        moved, peak = json.loads(printed[0])
+        felt, moved, peak = json.loads(printed[0])
         frames = [meshio.read(p) for p in sorted((tmp_path / str(n)).glob("*.vtu"))]
         last = frames[-1]
         u = last.point_data["displacement"]
@@ -132,13 +135,15 @@ def test_two_ranks_give_the_fields_of_one(tmp_path):
         # points on the seam may come twice
         order = np.lexsort(last.points[cells].mean(axis=1).round(9).T)
         by_cell = u[cells].mean(axis=1)[order]
-        results[n] = np.array(moved), peak, len(frames), by_cell
+        results[n] = np.array(moved), peak, len(frames), by_cell, felt
     one, two = results[1], results[2]
     scale = np.abs(one[0]).max()
     np.testing.assert_allclose(two[0], one[0], atol=1e-8 * scale)
     assert two[1] == pytest.approx(one[1], rel=1e-8)
     assert two[2] == one[2] == 4
     np.testing.assert_allclose(two[3], one[3], atol=1e-8 * np.abs(one[3]).max())
+    for a, b in zip(one[4], two[4], strict=True):
+        np.testing.assert_allclose(b, a, atol=1e-6 * np.abs(a).max())
 
 
 FREE = """

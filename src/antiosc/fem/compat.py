@@ -226,15 +226,19 @@ def _edge_element() -> basix.finite_element.FiniteElement:
 
 
 def edge_points() -> Array:
-    """Points (n, 2) of the reference triangle at which `edge_interpolant` wants its values."""
+    """Points (n, 2) of the reference triangle at which `edge_interpolation` wants values."""
     return np.asarray(_edge_element().points)
 
 
-def edge_interpolant(values: Array, X: Array) -> Array:
-    """The field of Nédélec's second triangle of degree 2 with the moments of `values`, at X."""
+def edge_interpolation(X: Array) -> Array:
+    """(points, 2, 2, n): the field at X of Nédélec's second triangle of degree 2.
+
+    Its moments are those of a field with values (2, n) at `edge_points`.
+    """
     element = _edge_element()
-    moments = element.interpolation_matrix @ values.T.ravel()
-    return np.einsum("pdc,d->pc", element.tabulate(0, X)[0], moments)
+    to_moments = np.asarray(element.interpolation_matrix).reshape(element.dim, 2, -1)
+    tables = np.asarray(element.tabulate(0, X)[0])  # (points, dofs, 2)
+    return np.einsum("pdc,dbn->pcbn", tables, to_moments)
 
 
 def subspace(space: fem.FunctionSpace, path: Sequence[int]) -> fem.FunctionSpace:

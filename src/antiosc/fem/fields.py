@@ -1,13 +1,12 @@
 """Displacement fields of a body, computed from its model after an impact.
 
 The modal form of the body (`ModalBody`) defines the sum of its shapes, for anti-oscillators Article
-(8), w(x, t) = λ0 ψ0(x) + Σ (λi − λ0) ψi(x): `probe` evaluates the sum at one point for all times,
-`write_series` at all nodes for some times, in files that ParaView opens.
+(8), w(x, t) = λ0 ψ0(x) + Σ (λi − λ0) ψi(x): `write_series` evaluates the sum at all nodes for some
+times, in files that ParaView opens (`antiosc.fem.probe`: at one point for all times).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -16,63 +15,28 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from antiosc._types import Array, IntArray
-from antiosc.checks import array, coordinates, instance, text
+from antiosc.checks import array, instance
 from antiosc.errors import InputError
 from antiosc.fem import node_fields
 from antiosc.fem.mpi import collective, on_root
 from antiosc.fem.series import listing, write_frames
 from antiosc.fem.structure.structure import Structure, on_mesh
 from antiosc.fem.vtu import Frames
-from antiosc.simulation.history import History, no_field
-from antiosc.simulation.scene_history import SceneHistory
+from antiosc.simulation.body_motion import Motions, amplitudes, modes_of
+from antiosc.simulation.history import History
+from antiosc.simulation.scene_history import BodyHistory, SceneHistory
 from antiosc.threads import one_thread
 
 
-def _what(history: History | SceneHistory) -> tuple[Any, ...]:
+def counted(history: Motions) -> tuple[Any, ...]:
     """Data of a history that must be equal on all ranks, without the last digits of its numbers."""
+    if isinstance(history, BodyHistory):
+        return "body", history.placed.name, f"{history.time[-1]:.6g}"
     of = list(history.assembly.bodies) if isinstance(history, SceneHistory) else history.model
     return of, history.status, f"{history.time[-1]:.6g}"
 
 
-@collective(history=_what)
-@one_thread()
-def probe(
-    structure: Structure,
-    history: History | SceneHistory,
-    point: Sequence[float],
-    times: ArrayLike | None = None,
-    *,
-    body: str = "structure",
-    part: str | None = None,
-) -> Array:
-    """Displacements in m of one point of the structure at `times`: (n, 3), of plane parts (n, 2).
-
-    Parameters
-    ----------
-    structure : Structure
-        The structure from which the model of the body was extracted.
-    history : History or SceneHistory
-    point : sequence of 2 or 3 floats
-        Coordinates in m; the nearest point of the structure is taken.
-    times : array_like (n,), optional
-        Times in s; default: those of the history.
-    body : str
-        Which of the bodies `structure` is: "structure" or "impactor"; of a scene its name (default:
-        the only one that has shapes).
-    part : str, optional
-        Of an assembly: the part of which the nearest point is taken; default: of all parts.
-    """
-    x, given = np.zeros(3), coordinates("point", point)
-    x[: len(given)] = given
-    if part is not None:
-        text("part", part)
-    shapes = _shapes(structure, history, body)
-    values = _source(structure).at_point(structure, shapes, x, part)
-    at = history.time if times is None else array("times", times, (None,))
-    return _amplitudes(history, at, body) @ values.T
-
-
-@collective(history=_what)
+@collective(history=counted)
 @one_thread()
 def write_series(
     structure: Structure,
@@ -104,22 +68,22 @@ def write_series(
         Of the `.pvd`, written last: until then it is absent, or lists no frame.
     """
     target = listing(path)
-    own = _shapes(structure, history, body)
+    own = shapes_of(structure, history, body)
     if times is None:
         times = np.linspace(history.time[0], history.time[-1], 40)
     at = array("times", times, (None,))
-    points, cells, shapes = _source(structure).at_nodes(structure, own)
-    amplitudes = _amplitudes(history, at, body)
+    points, cells, shapes = source(structure).at_nodes(structure, own)
+    factors = amplitudes(history, at, body)
 
     def write() -> None:
         frames = Frames(points, cells)
-        write_frames(target, frames, at, (shapes @ a for a in amplitudes))
+        write_frames(target, frames, at, (shapes @ a for a in factors))
 
     on_root(structure.comm, write)
     return target
 
 
-@collective(history=_what)
+@collective(history=counted)
 @one_thread()
 def skin(
     structure: Structure, history: History | SceneHistory, time: float, *, body: str = "structure"
@@ -138,14 +102,14 @@ def skin(
     InputError
         A model without shapes, or extracted from another structure; a mesh of lines.
     """
-    own = _shapes(structure, history, body)
-    points, faces, shapes = _source(structure).surface(structure, own)
-    moved = shapes @ _amplitudes(history, array("time", [time], (1,)), body)[0]
+    own = shapes_of(structure, history, body)
+    points, faces, shapes = source(structure).surface(structure, own)
+    moved = shapes @ amplitudes(history, array("time", [time], (1,)), body)[0]
     outer: tuple[Array, IntArray, Array] = structure.comm.bcast((points, faces, moved), root=0)
     return outer
 
 
-def _source(structure: Structure) -> ModuleType:
+def source(structure: Structure) -> ModuleType:
     """What gives the fields of the structure: its mesh, or the nodes of given matrices."""
     if structure.matrices.located:
         return node_fields
@@ -156,14 +120,13 @@ def _source(structure: Structure) -> ModuleType:
     return mesh_fields
 
 
-def _shapes(structure: Structure, history: History | SceneHistory, body: str) -> Array:
+def shapes_of(structure: Structure, history: Motions, body: str) -> Array:
     """Shapes of the body on the rows of this rank, columns side by side."""
     instance("structure", structure, Structure, "a Structure")
-    kinds = (History, SceneHistory)
+    kinds = (History, SceneHistory, BodyHistory)
     instance("history", history, kinds, "a History, which simulate and Scene.run return")
-    model, own = history.of(body)  # type: ignore[arg-type]
-    if own.basis is None:
-        raise InputError(no_field(model))
+    own = modes_of(history, body)
+    assert own.basis is not None
     rows = structure.rows
     fits = all(len(block) == rows for block in own.basis)
     if not all(structure.comm.allgather(fits)):  # on some rank they may fit by chance
@@ -172,9 +135,3 @@ def _shapes(structure: Structure, history: History | SceneHistory, body: str) ->
             "was extracted from another structure."
         )
     return np.column_stack(own.basis)
-
-
-def _amplitudes(history: History | SceneHistory, times: Array, body: str) -> Array:
-    """Factors (n, B) of those shapes at `times`."""
-    _, own = history.of(body)  # type: ignore[arg-type]
-    return own.amplitudes(history.coordinates(times, body))  # type: ignore[arg-type]

@@ -15,8 +15,12 @@ from antiosc.fem.assembly.placement import Placement
 from antiosc.fem.elements.weak_form import WeakForm
 from antiosc.fem.mesh import closest_point
 from antiosc.fem.mesh.mesh import Mesh
+from antiosc.fem.mpi import agree
 from antiosc.fem.readers import KINDS
 from antiosc.fem.readers.neutral import FACETS
+from antiosc.fem.recovery.place import Place
+from antiosc.fem.recovery.quantities import evaluator
+from antiosc.fem.recovery.shape_slopes import PointsInCells
 from antiosc.fem.structure.structure import Structure, on_mesh
 
 
@@ -29,6 +33,56 @@ def at_point(structure: Structure, shapes: Array, x: Array, part: str | None) ->
     values = _at_point(member, found[k], own)
     components = [name for name in "xyz" if name in member.part.form.components]
     return values[: len(components)]
+
+
+def recovered(
+    structure: Structure,
+    shapes: Array,
+    points: Array,
+    part: str | None,
+    quantity: str,
+    place: Place,
+    most: float | None,
+) -> Array:
+    """A quantity (P, …, columns) of every shape at the points next to `points` (P, 3).
+
+    InputError for a point farther from the structure than `most` [m].
+    """
+    parts = [
+        (member, closest_point.closest_many(member.part.mesh, member.at.own(points)), own)
+        for member, own in _parts(structure, shapes, part)
+    ]
+    k = int(np.argmin([found.distance.sum() for _, found, _ in parts]))
+    member, found, own = parts[k]
+    if most is not None and found.distance.max() > most:
+        raise InputError(
+            f"a point that is asked lies {found.distance.max():.3g} m off the structure; at most "
+            f"{most:.3g} m is taken as lying on it: shorten the gauge, or move it."
+        )
+    mesh = member.part.mesh
+    evaluate = evaluator(member.part, quantity, place.within(member.at.rotation))
+    with_ghosts = compat.with_ghosts(member.part.form.space, own)
+    mine = found.rank == mesh.comm.rank
+    here, error = None, None
+    try:
+        here = evaluate(PointsInCells(member.part, with_ghosts, found.cell[mine], found.X[mine]))
+    except InputError as caught:
+        error = caught
+    agree(mesh.comm, error)
+    assert here is not None
+    values = np.zeros((len(points), *here.shape[1:]))
+    values[mine] = here
+    values = np.asarray(mesh.comm.allreduce(values))
+    return values if place.local else _turned(member.at.rotation, values, quantity)
+
+
+def _turned(R: Array, values: Array, quantity: str) -> Array:
+    """Vectors and tensors of a part in the axes of the assembly."""
+    if (np.eye(3) == R).all() or quantity == "section_forces":
+        return values
+    if quantity == "rotation":
+        return values if values.shape[1] == 1 else np.einsum("ij,pjk->pik", R, values)
+    return np.einsum("ia,pabk,jb->pijk", R, values, R, optimize=True)
 
 
 def at_nodes(

@@ -8,6 +8,7 @@ import numpy as np
 
 from antiosc._types import Array, IntArray
 from antiosc.errors import InputError
+from antiosc.fem.recovery.place import Place
 from antiosc.fem.structure.nodal import NodalMatrices
 from antiosc.fem.structure.structure import Structure
 
@@ -20,6 +21,22 @@ def at_point(structure: Structure, shapes: Array, x: Array, part: str | None) ->
     points, rows = nodal.nodes()
     nearest = int(np.argmin(((points - x) ** 2).sum(axis=1)))
     return _displacements(rows[nearest : nearest + 1], shapes)[0]
+
+
+def recovered(
+    structure: Structure,
+    shapes: Array,
+    points: Array,
+    part: str | None,
+    quantity: str,
+    place: Place,
+    most: float | None,
+) -> Array:
+    """InputError: matrices know neither materials nor elements."""
+    raise InputError(
+        f"given matrices have no {quantity}: they know neither elements nor materials; probe the "
+        "displacement, velocity or acceleration of a node."
+    )
 
 
 def at_nodes(

@@ -73,6 +73,7 @@ class BodyHistory:
     ----------
     time : (n,) [s].
     q, v, a : (n, J) modal displacements, velocities and accelerations.
+    forces : (n, P) on the columns of its sites, along their directions [N].
     kinetic, strain : (n,) energies [J].
     """
 
@@ -81,6 +82,7 @@ class BodyHistory:
     q: Array
     v: Array
     a: Array
+    forces: Array
     kinetic: Array
     strain: Array
     _columns: Array
@@ -233,6 +235,7 @@ class SceneHistory:
                 q=q[:, j],
                 v=v[:, j],
                 a=accelerations[:, j],
+                forces=acting[:, k],
                 kinetic=kinetic[:, j].sum(axis=1),
                 strain=strain[:, j].sum(axis=1) + residual,
                 _columns=columns[:, k],
@@ -264,12 +267,12 @@ class SceneHistory:
 
         "structure", if no body has this name, is the one that has displacement shapes.
         """
-        placed = self.assembly.bodies[self._name(body)]
+        placed = self.assembly.bodies[self.name_of(body)]
         if placed.modes is None:
             raise InputError(f"{body!r} is a {type(placed.body).__name__}, which has no field.")
         return placed.body, placed.modes
 
-    def _name(self, body: str) -> str:
+    def name_of(self, body: str) -> str:
         """The name in the scene that `body` stands for, see `of`."""
         bodies = self.assembly.bodies
         checks.instance("body", body, str, "the name of a body")
@@ -288,7 +291,7 @@ class SceneHistory:
 
         They are those of its form in free modes (`of`).
         """
-        times, name = self._within(t), self._name(body)
+        times, name = self._within(t), self.name_of(body)
         _, own = self.of(name)
         a, (step, since) = self.assembly, located(self.run, times)
         q, _ = states(self.run, a.system, self._load, step, since)

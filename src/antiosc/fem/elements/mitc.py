@@ -73,11 +73,11 @@ def _dropped_of_cubics() -> Array:
 
     vandermonde = np.column_stack([powers(lattice, *power) for power in QUADRATIC])
     result = np.zeros((4, 2, 2, 7))
-    points = compat.edge_points()
+    points, interpolation = compat.edge_points(), compat.edge_interpolation(lattice)
     for number, power in enumerate(CUBIC):
         for direction in (0, 1):
             values = powers(points, *power)[:, None] * np.eye(2)[direction]
-            near = compat.edge_interpolant(values, lattice)
+            near = np.einsum("pcbn,nb->pc", interpolation, values)
             result[number, direction, :, :6] = -np.linalg.solve(vandermonde, near).T
             result[number, direction, direction, 6] = 1
     # multiples of 1/120: without rounding, forms are compiled once

@@ -17,7 +17,7 @@ J. Numer. Methods Eng. 40 (1997) 51-60.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -104,6 +104,19 @@ class Layer:
         shear = [-2 * c * s, 2 * c * s, c * c - s * s]
         T = np.array([[c * c, s * s, c * s], [s * s, c * c, -c * s], shear])
         return np.asarray(T.T @ Q @ T)
+
+    def contraction(self) -> Array:
+        """Strain ε3 (1, 3) across the layer of unit strains (ε1, ε2, γ12) in plane stress.
+
+        Across the fibres the layer is taken as isotropic, of Poisson's ratio nu12 along them and
+        ν23 = E2/(2 G23) − 1, at most 0.5.
+        """
+        nu23 = min(self.E2 / (2 * self.G23) - 1, 0.5)
+        s3 = np.array([-self.nu12 / self.E1, -nu23 / self.E2, 0.0])
+        c, s = _cosine_sine(self.angle)
+        # stresses in the axes of the fibres, of those in the laminate's
+        T = np.array([[c * c, s * s, 2 * c * s], [s * s, c * c, -2 * c * s], [0, 0, 0]])
+        return np.asarray((s3 @ T @ self.plane_stress())[None])
 
     def transverse_shear(self) -> Array:
         """G (2, 2) in the laminate's axes: stresses (τ13, τ23) of strains (γ13, γ23), Pa."""
@@ -194,12 +207,8 @@ def stacked(layers: Sequence[Layer]) -> PlateSection:
             "layers lists the Layer objects of the stack, at least one, from the bottom to the "
             f"top; got {shown(layers)}."
         )
-    t = np.array([layer.thickness for layer in layers])
-    h = float(t.sum())
-    z = np.concatenate([[0.0], np.cumsum(t)]) - h / 2
-    # ∫ (1, z, z²) dz of every layer
-    powers = np.array([np.diff(z), np.diff(z**2) / 2, np.diff(z**3) / 3])
-    Q = np.array([layer.plane_stress() for layer in layers])
+    z, powers, Q = _levels(layers)
+    h = float(sum(layer.thickness for layer in layers))
     A, B, D = np.einsum("pl,lij->pij", powers, Q)
     rho = np.array([layer.rho for layer in layers])
     I0, I1, I2 = (float(value) for value in powers @ rho)
@@ -221,20 +230,45 @@ def _transverse_shear(
     layers: Sequence[Layer], z: Array, Q: Array, A: Array, B: Array, D: Array
 ) -> Array:
     """S (2, 2) by the energy of the shear stresses in equilibrium, N/m."""
+    at = _equilibrium(z, Q, A, B, D)
+    # f is quadratic in z within a layer, its energy of degree four: three Gauss points
+    points, weights = np.polynomial.legendre.leggauss(3)
+    compliance = np.zeros((2, 2))
+    for k, (layer, low, high) in enumerate(zip(layers, z[:-1], z[1:], strict=True)):
+        for x, w in zip(points, weights, strict=True):
+            f = at(k, (low + high) / 2 + x * (high - low) / 2)
+            energy = f.T @ np.linalg.solve(layer.transverse_shear(), f)
+            compliance += w * (high - low) / 2 * energy
+    return np.asarray(np.linalg.inv((compliance + compliance.T) / 2))
+
+
+def shear_stresses(layers: Sequence[Layer], which: int, z: float) -> Array:
+    """f (2, 2): stresses (τ13, τ23) at z in the layer `which` of unit forces (Q1, Q2), 1/m."""
+    levels, powers, Q = _levels(layers)
+    A, B, D = np.einsum("pl,lij->pij", powers, Q)
+    return _equilibrium(levels, Q, A, B, D)(which, z)
+
+
+def _levels(layers: Sequence[Layer]) -> tuple[Array, Array, Array]:
+    """Bounds of the layers (L + 1,), ∫ (1, z, z²) dz (3, L) and Q̄ (L, 3, 3) of each."""
+    z = np.concatenate([[0.0], np.cumsum([layer.thickness for layer in layers])])
+    z -= z[-1] / 2
+    powers = np.array([np.diff(z), np.diff(z**2) / 2, np.diff(z**3) / 3])
+    return z, powers, np.array([layer.plane_stress() for layer in layers])
+
+
+def _equilibrium(z: Array, Q: Array, A: Array, B: Array, D: Array) -> Callable[[int, float], Array]:
+    """f (2, 2) of a layer and a height: stresses in equilibrium with unit shear forces."""
     coupling = -np.linalg.solve(A, B)
     d = np.linalg.inv(D + B @ coupling)
     b = coupling @ d
-    # f is quadratic in z within a layer, its energy of degree four: three Gauss points
-    points, weights = np.polynomial.legendre.leggauss(3)
-    below = np.zeros((3, 3))  # −∫ Q̄ (b + z d) dz up to the layer
-    compliance = np.zeros((2, 2))
-    for layer, q, low, high in zip(layers, Q, z[:-1], z[1:], strict=True):
-        for x, w in zip(points, weights, strict=True):
-            at = (low + high) / 2 + x * (high - low) / 2
-            F = below - q @ (b * (at - low) + d * (at**2 - low**2) / 2)
-            # slopes M1,1 = Q1 and M2,2 = Q2 alone
-            f = np.array([[F[0, 0], F[2, 1]], [F[2, 0], F[1, 1]]])
-            energy = f.T @ np.linalg.solve(layer.transverse_shear(), f)
-            compliance += w * (high - low) / 2 * energy
-        below = below - q @ (b * (high - low) + d * (high**2 - low**2) / 2)
-    return np.asarray(np.linalg.inv((compliance + compliance.T) / 2))
+    below = [np.zeros((3, 3))]  # −∫ Q̄ (b + z d) dz up to the layer
+    for q, low, high in zip(Q, z[:-1], z[1:], strict=True):
+        below.append(below[-1] - q @ (b * (high - low) + d * (high**2 - low**2) / 2))
+
+    def at(k: int, height: float) -> Array:
+        F = below[k] - Q[k] @ (b * (height - z[k]) + d * (height**2 - z[k] ** 2) / 2)
+        # slopes M1,1 = Q1 and M2,2 = Q2 alone
+        return np.array([[F[0, 0], F[2, 1]], [F[2, 0], F[1, 1]]])
+
+    return at

@@ -1,0 +1,61 @@
+"""Where in a sheet's thickness or a beam's section a stress is taken, and in which axes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from antiosc import checks
+from antiosc._types import Array
+from antiosc.errors import InputError
+
+SURFACES = ("top", "bottom", "middle")
+
+
+@dataclass(frozen=True)
+class Place:
+    """A point within the thickness or the section; the arguments of `probe`.
+
+    Attributes
+    ----------
+    surface : "top", "bottom" or "middle" of a sheet or of its `layer`, or a direction (3,): the
+        outer surface on this side.
+    layer : number of a layer, from the bottom, 0 the first; None: the whole thickness.
+    fibre : (y, z) distances from the centroid of a beam's section along its axes, m.
+    local : whether tensors are in the local axes, not in those of the mesh.
+    """
+
+    surface: str | tuple[float, ...] = "top"
+    layer: int | None = None
+    fibre: tuple[float, float] = (0.0, 0.0)
+    local: bool = False
+
+    def within(self, R: Array) -> Place:
+        """The same place in the axes of a part that an assembly turns by R (3, 3)."""
+        if isinstance(self.surface, str):
+            return self
+        return replace(self, surface=tuple((np.asarray(self.surface) @ R).tolist()))
+
+
+def place(surface: Any, layer: Any, fibre: Any, axes: Any) -> Place:
+    """The arguments of `probe` after a check; InputError for others."""
+    if isinstance(surface, str):
+        checks.choice("surface", surface, SURFACES)
+    elif isinstance(surface, Sequence) or hasattr(surface, "shape"):
+        vector = checks.array("surface", surface, (3,))
+        if not vector.any():
+            raise InputError("surface must not be the zero vector: it is the side of the sheet.")
+        surface = tuple(vector.tolist())
+    else:
+        raise InputError(
+            f"surface must be 'top', 'bottom', 'middle' or a direction (x, y, z); got "
+            f"{checks.shown(surface)}."
+        )
+    if layer is not None:
+        layer = checks.whole("layer", layer, least=0)
+    y, z = checks.array("fibre", fibre, (2,)).tolist()
+    local = checks.choice("axes", axes, ("global", "local")) == "local"
+    return Place(surface, layer, (y, z), local)

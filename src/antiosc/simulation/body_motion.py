@@ -1,0 +1,80 @@
+"""Motion of one body of a history in the coordinates of its model, with its time derivatives.
+
+The equations of motion in modal coordinates give the accelerations from the displacements, the
+velocities and the forces; nothing is differentiated numerically.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from antiosc import checks
+from antiosc._types import Array
+from antiosc.errors import InputError
+from antiosc.models.modal import ModalBody
+from antiosc.models.site_modes import SiteModes
+from antiosc.simulation.history import History, no_field
+from antiosc.simulation.scene_history import BodyHistory, SceneHistory
+
+#: What knows the motion of a body.
+Motions = History | SceneHistory | BodyHistory
+
+
+def modes_of(history: Motions, body: str) -> ModalBody | SiteModes:
+    """The free modes of a body with its shapes; InputError for a body without shapes."""
+    if isinstance(history, BodyHistory):
+        model, own = history.placed.body, history.placed.modes
+        if own is None:
+            raise InputError(no_field(model))
+    else:
+        model, own = history.of(body)  # type: ignore[arg-type]
+    if own.basis is None:
+        raise InputError(no_field(model))
+    return own
+
+
+def times_of(history: Motions, times: Any) -> Array:
+    """The times (n,) that are asked; those of the history for None."""
+    if times is None:
+        return history.time
+    if isinstance(history, BodyHistory):
+        raise InputError(
+            "the motion of a body of a scene is known at its own times: probe "
+            "hit.at(times)[name], or the scene's history with body=name."
+        )
+    return checks.array("times", times, (None,))
+
+
+def amplitudes(history: Motions, times: Array, body: str, derivative: int = 0) -> Array:
+    """Factors (n, B) of the body's shapes at `times`, or their first or second derivatives.
+
+    Velocities and accelerations are those of the modes: what a residual compliance adds to the
+    displacement has no inertia, and follows the force.
+    """
+    own = modes_of(history, body)
+    if derivative == 0 and not isinstance(history, BodyHistory):
+        x = history.coordinates(times, body)  # type: ignore[arg-type]
+        return own.amplitudes(x)
+    q, forces = _modal(history, times, body, derivative)
+    if isinstance(own, SiteModes):
+        loads = np.zeros((len(q), own.b.shape[1])) if derivative else forces
+    else:
+        loads = np.zeros(len(q)) if derivative else forces[:, 0]
+    return own.amplitudes(own.coordinates(q, loads))
+
+
+def _modal(history: Motions, times: Array, body: str, derivative: int) -> tuple[Array, Array]:
+    """Modal displacements, velocities or accelerations (n, J), and the forces (n, P)."""
+    if isinstance(history, History):
+        q, v = history.states(times)
+        p = history.problem
+        force = np.interp(times, history.time, history.force)
+        a = p.load - force[:, None] * p.beta - p.omega**2 * q - 2 * p.decay * v
+        own = history.bodies[0].omega.size
+        # those of the impactor are along the impact, opposite to the force on its model
+        part = (q, v, a)[derivative]
+        return (part[:, :own] if body == "structure" else -part[:, own:]), force[:, None]
+    one = history if isinstance(history, BodyHistory) else history.at(times)[history.name_of(body)]
+    return (one.q, one.v, one.a)[derivative], one.forces

@@ -1,0 +1,240 @@
+"""Motion, strain and stress at points against transient solves of the unreduced model."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+pytest.importorskip("dolfinx")
+
+from scipy.integrate import solve_ivp
+
+import antiosc as ao
+import parts
+from antiosc.fem import mesh_fields
+from antiosc.fem.linalg.petsc_algebra import csr
+from antiosc.fem.recovery.place import Place
+from antiosc.fem.site.functionals import functional
+
+pytestmark = pytest.mark.fem
+
+PLANE = ao.Solid(**parts.STEEL, plane="stress", thickness=0.01)
+SITE = ao.Site((0.13, 0.06), (0.2, -1), radius=0.03)
+BALL, LAW = ao.RigidMass(mass=0.1, velocity=1.0), ao.Hertz(1e8)
+DURATION = 1e-3
+POINTS = [(0.2, 0.06), (0.07, 0.031), (0.1, 0.0), (0.01, 0.01), (0.15, 0.02), (0.0, 0.05)]
+
+
+def unreduced(part, site, times, decay=0.0):
+    """u, u', u'' (times, dofs) and F of the whole model and the mass, by DOP853."""
+    b = functional(part, site).b
+    free = np.setdiff1d(np.arange(len(b)), part.fixed)
+    K, M = (csr(A)[free][:, free].toarray() for A in (part.K, part.M))
+    inverse, own = np.linalg.inv(M), b[free]
+    A, push = inverse @ K, inverse @ own
+    n = len(free)
+
+    def force(y):
+        return LAW.stiffness * max(y[2 * n] - own @ y[:n], 0.0) ** 1.5
+
+    def slope(t, y):
+        F = force(y)
+        pulled = push * F - A @ y[:n] - 2 * decay * y[n : 2 * n]
+        return np.concatenate([y[n : 2 * n], pulled, [y[2 * n + 1], -F / BALL.mass]])
+
+    start = np.zeros(2 * n + 2)
+    start[-1] = BALL.velocity
+    y = solve_ivp(
+        slope, (0, times[-1]), start, "DOP853", times, rtol=1e-8, atol=1e-12, max_step=1e-5
+    ).y
+    F = np.array([force(row) for row in y.T])
+    u, v, a = (np.zeros((len(times), len(b))) for _ in range(3))
+    u[:, free], v[:, free] = y[:n].T, y[n : 2 * n].T
+    a[:, free] = np.outer(F, push) - u[:, free] @ A.T - 2 * decay * v[:, free]
+    return u, v, a, F
+
+
+@pytest.fixture(scope="module")
+def sheet():
+    part = ao.Structure(parts.plate((6, 3), (0.2, 0.06)), PLANE, [ao.Support("left")])
+    times = np.linspace(0, DURATION, 201)
+    return part, times, unreduced(part, SITE, times)
+
+
+def references(part, solved, point):
+    """What the whole model has at a point: quantity -> (times, …)."""
+    u, v, a, _ = solved
+    x = np.array([[*point, 0.0]])
+
+    def recovered(quantity):
+        found = mesh_fields.recovered(part, u.T, x, None, quantity, Place(), None)[0]
+        return np.moveaxis(found, -1, 0)
+
+    moved = [mesh_fields.at_point(part, w.T, x[0], None).T for w in (u, v, a)]
+    names = ("displacement", "velocity", "acceleration")
+    return {
+        **dict(zip(names, moved, strict=True)),
+        **{q: recovered(q) for q in ("strain", "stress", "rotation")},
+    }
+
+
+def errors(part, hit, times, solved, **options):
+    """Largest error at all points over the largest value at all points, for each quantity."""
+    found: dict[str, list[float]] = {}
+    for point in POINTS:
+        for quantity, exact in references(part, solved, point).items():
+            got = ao.probe(part, hit, point, quantity, times, **options)
+            assert got.shape == exact.shape
+            worst, size = found.setdefault(quantity, [0.0, 0.0])
+            found[quantity] = [
+                max(worst, float(np.abs(got - exact).max())),
+                max(size, float(np.abs(exact).max())),
+            ]
+    return {quantity: worst / size for quantity, (worst, size) in found.items()}
+
+
+def test_every_quantity_converges_to_the_unreduced_model(sheet):
+    part, times, solved = sheet
+    worst = {}
+    for n in (6, 12, 24):
+        hit = ao.simulate(ao.extract(part, SITE, n), BALL, LAW, DURATION, tol=1e-5)
+        worst[n] = errors(part, hit, times, solved)
+        force = np.interp(times, hit.time, hit.force)
+        worst[n]["force"] = np.abs(force - solved[3]).max() / solved[3].max()
+    for coarse, fine in ((6, 12), (12, 24)):
+        assert all(worst[fine][q] < worst[coarse][q] for q in worst[fine])
+    limits = {"displacement": 1e-5, "velocity": 3e-4, "acceleration": 1.5e-2, "force": 1e-5}
+    for quantity, value in worst[24].items():
+        assert value < limits.get(quantity, 2e-4), quantity
+
+
+def test_a_superposition_gives_them_too(sheet):
+    part, times, solved = sheet
+    hit = ao.simulate(ao.full(part, SITE), BALL, LAW, DURATION, tol=1e-5)
+    worst = errors(part, hit, times, solved)
+    assert max(worst.values()) < 1e-3
+
+
+def test_a_body_of_a_scene(sheet):
+    part, times, solved = sheet
+    scene = ao.Scene(
+        {"part": ao.extract(part, {"tip": SITE}, 24), "ball": BALL},
+        [ao.Contact("part:tip", "ball", LAW)],
+    )
+    hit = scene.run(DURATION, tol=1e-5)
+    worst = errors(part, hit, times, solved, body="part")
+    assert worst["stress"] < 2e-4
+    assert worst["acceleration"] < 1.5e-2
+    at = hit.at(times)["part"]
+    for quantity in ("displacement", "velocity", "acceleration", "stress"):
+        one = ao.probe(part, hit, POINTS[1], quantity, times)
+        other = ao.probe(part, at, POINTS[1], quantity)
+        np.testing.assert_allclose(one, other, atol=1e-9 * np.abs(one).max())
+    with pytest.raises(ao.InputError, match="its own times"):
+        ao.probe(part, hit.bodies["part"], POINTS[1], times=times)
+
+
+def test_a_residual_compliance_adds_its_stress():
+    """At rest under a force, a superposition of two modes with correction: σ of K⁻¹bF."""
+    part = ao.Structure(parts.plate((6, 3), (0.2, 0.06)), PLANE, [ao.Support("left")])
+    hit = quiet_load(ao.superposition(part, SITE, 2, static_correction=True), 5.0)
+    b = functional(part, SITE).b
+    free = np.setdiff1d(np.arange(len(b)), part.fixed)
+    u = np.zeros((len(b), 1))
+    u[free, 0] = np.linalg.solve(csr(part.K)[free][:, free].toarray(), 5 * b[free])
+    for point in POINTS:
+        x = np.array([[*point, 0.0]])
+        exact = mesh_fields.recovered(part, u, x, None, "stress", Place(), None)[0, ..., 0]
+        found = ao.probe(part, hit, point, "stress", body="part")[-1]
+        np.testing.assert_allclose(found, exact, atol=1e-6 * np.abs(exact).max())
+
+
+def test_a_strain_gauge_is_the_stretch_between_its_ends(sheet):
+    part, times, _ = sheet
+    hit = ao.simulate(ao.extract(part, SITE, 12), BALL, LAW, DURATION)
+    middle, d, length = np.array([0.115, 0.03]), np.array([0.6, 0.8]), 0.01
+    gauge = ao.strain_gauge(part, hit, middle, d, length, times)
+    a, b = (ao.probe(part, hit, middle + s * length / 2 * d, times=times) for s in (-1, 1))
+    stretch = (b - a) @ d / length
+    np.testing.assert_allclose(gauge, stretch, atol=1e-9 * np.abs(stretch).max())
+    tensor = ao.probe(part, hit, middle, "strain", times)[:, :2, :2] @ d @ d
+    assert np.abs(gauge - tensor).max() < 0.1 * np.abs(tensor).max()
+    with pytest.raises(ao.InputError, match="off the structure"):
+        ao.strain_gauge(part, hit, (0.195, 0.02), (1, 0), 0.03, times)
+
+
+def test_a_loaded_shell_bends():
+    """A clamped strip under a slow force: σ = 6M/(bt²) at both surfaces, N, V, M by statics."""
+    part = ao.Structure(
+        parts.plate((12, 2), (0.3, 0.02), "triangle"),
+        ao.Shell(E=70e9, nu=0.0, rho=2700.0, thickness=4e-3),
+        [ao.Support("left")],
+    )
+    site = ao.Site((0.27, 0.01, 0), (0, 0, 1), radius=0.01)
+    hit = quiet_load(ao.extract(part, site, 6), 5.0)
+    x = 0.1
+    M = 5.0 * (0.27 - x) / 0.02
+    top, bottom, middle = (
+        ao.probe(part, hit, (x, 0.01), "stress", surface=s)[-1] for s in ("top", "bottom", "middle")
+    )
+    size = 6 * M / 4e-3**2  # the free end rises: the top is pressed
+    np.testing.assert_allclose([top[0, 0], bottom[0, 0]], [-size, size], rtol=2e-2)
+    assert abs(middle[0, 0]) < 1e-6 * size
+    # shear 3/2 Q/t in the middle
+    np.testing.assert_allclose(abs(middle[0, 2]), 1.5 * 5.0 / 0.02 / 4e-3, rtol=5e-2)
+    forces = ao.probe(part, hit, (x, 0.01), "section_forces")[-1]
+    np.testing.assert_allclose(abs(forces[[3, 6]]), [M, 5.0 / 0.02], rtol=5e-2)
+    equal = ao.probe(part, hit, (x, 0.01), "von_mises")[-1]
+    assert equal == pytest.approx(size, rel=2e-2)
+
+
+def test_section_forces_of_a_plane_beam():
+    """A cantilever under a slow force at its end: V = F, M = F (l − x), to rounding."""
+    beam = ao.Beam(**parts.STEEL, section=ao.Section.rectangle(0.01, 0.02))
+    part = ao.Structure(parts.line(0.8, 4), beam, [ao.Support("left")])
+    hit = quiet_load(ao.extract(part, ao.Site((0.8, 0.0), (0, 1)), 6), 5.0)
+    N, V, M = ao.probe(part, hit, (0.3, 0.0), "section_forces")[-1]
+    np.testing.assert_allclose([V, M], [5.0, 5.0 * 0.5], rtol=1e-5)
+    assert abs(N) < 1e-6
+    fibre = ao.probe(part, hit, (0.3, 0.0), "stress", fibre=(0.01, 0.0))[-1]
+    np.testing.assert_allclose(fibre[0, 0], -M * 0.01 / beam.section.I, rtol=1e-9)
+
+
+def quiet_load(model, force):
+    """The model in static equilibrium under a force at its site."""
+    scene = ao.Scene(
+        {"part": model, "far": ao.Obstacle()},
+        [ao.Contact("part", "far", ao.Linear(1.0), gap=1.0)],
+        loads=[ao.Load("part", [0.0, 1.0], [force, force])],
+        preload=True,
+    )
+    return scene.run(1e-6)
+
+
+@pytest.mark.filterwarnings("ignore:an edge cuts the patch")
+def test_what_cannot_be_probed_is_refused(sheet):
+    part = sheet[0]
+    hit = ao.simulate(ao.extract(part, SITE, 4), BALL, LAW, 1e-4)
+    point = (0.1, 0.02)
+    for arguments, message in (
+        ({"quantity": "strayn"}, "strayn"),
+        ({"quantity": "section_forces"}, "a solid has no section forces"),
+        ({"quantity": "stress", "surface": "left"}, "surface"),
+        ({"quantity": "stress", "surface": (0, 0, 0)}, "zero vector"),
+        ({"quantity": "stress", "axes": "mine"}, "axes"),
+    ):
+        with pytest.raises(ao.InputError, match=message):
+            ao.probe(part, hit, point, **arguments)
+    np.testing.assert_array_equal(
+        ao.probe(part, hit, point, [1e-5, 2e-5]), ao.probe(part, hit, point, times=[1e-5, 2e-5])
+    )
+    plate = ao.Structure(
+        parts.plate((2, 2), (0.3, 0.2)), ao.Laminate([PLY, PLY.rotated(90)]), [ao.Support("left")]
+    )
+    model = ao.extract(plate, ao.Site((0.3, 0.1, 0), (0, 0, 1), radius=0.1), 4)
+    struck = ao.simulate(model, BALL, ao.Linear(1e6), 1e-4)
+    with pytest.raises(ao.InputError, match="layer must be below 2"):
+        ao.probe(plate, struck, (0.1, 0.1), "stress", layer=2)
+
+
+PLY = ao.Layer(E1=140e9, E2=9e9, nu12=0.3, G12=5e9, G13=5e9, G23=3.5e9, rho=1600.0, thickness=1e-3)

@@ -1,0 +1,55 @@
+"""Equivalent stress, principal values and the Tsai–Hill index of tensors known by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import antiosc as ao
+
+
+def turned(tensor: np.ndarray) -> np.ndarray:
+    """The tensor seen from other axes."""
+    Q, _ = np.linalg.qr(np.random.default_rng(0).standard_normal((3, 3)))
+    return Q @ tensor @ Q.T
+
+
+@pytest.mark.parametrize(
+    ("tensor", "equivalent"),
+    [
+        (np.diag([5.0, 0, 0]), 5.0),
+        (np.diag([7.0, 7.0, 7.0]), 0.0),
+        (np.array([[0, 2.0, 0], [2.0, 0, 0], [0, 0, 0]]), 2 * 3**0.5),
+        (np.diag([3.0, -1.0, 0]), (9 + 3 + 1) ** 0.5),
+    ],
+)
+def test_von_mises(tensor, equivalent):
+    for t in (tensor, turned(tensor)):
+        t = (t + t.T) / 2
+        found = ao.von_mises([t, 2 * t])
+        np.testing.assert_allclose(found, [equivalent, 2 * equivalent], atol=1e-8)
+    six = [tensor[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))]
+    assert ao.von_mises(six) == pytest.approx(equivalent, abs=1e-9)
+
+
+def test_principal_values_come_largest_first():
+    t = turned(np.diag([3.0, -1.0, 2.0]))
+    np.testing.assert_allclose(ao.principal((t + t.T) / 2), [3, 2, -1], atol=1e-12)
+
+
+def test_tsai_hill_of_single_stresses_is_the_square_of_the_share():
+    strengths = {"X": 1500.0, "Y": 40.0, "S": 70.0}
+    for entry, strength in (((0, 0), 1500.0), ((1, 1), 40.0), ((0, 1), 70.0)):
+        s = np.zeros((3, 3))
+        s[entry] = s[entry[::-1]] = strength / 2
+        assert ao.tsai_hill(s, **strengths) == pytest.approx(0.25)
+    s = np.diag([-500.0, -60.0, 0.0])
+    found = ao.tsai_hill(s, **strengths, X_compression=1000.0, Y_compression=200.0)
+    assert found == pytest.approx(0.25 - 500 * 60 / 1e6 + 0.09)
+
+
+@pytest.mark.parametrize("bad", [np.ones(5), np.ones((3, 2)), [[0, 1, 0], [0, 0, 0], [0, 0, 0]]])
+def test_what_is_no_tensor_is_refused(bad):
+    for function in (ao.von_mises, ao.principal):
+        with pytest.raises(ao.InputError, match=r"symmetric|\.\.\., 3, 3"):
+            function(bad)
