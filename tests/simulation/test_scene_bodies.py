@@ -142,6 +142,56 @@ def test_boxes_that_collide_at_two_points(friction: float) -> None:
     assert hit.energy.drift < 1e-4
 
 
+@pytest.mark.parametrize("up", [1.0, -1.0])
+def test_a_site_that_is_named_second_is_pushed_against_its_direction(up: float) -> None:
+    """A box falls through a floor that is named first, and is told so."""
+    box = ao.RigidBody(0.5, (1e-3,) * 3, {"foot": ((0, 0, 0), (0, 0, up))})
+    bodies = {"box": box, "floor": ao.Obstacle()}
+    motion = {"box": ao.Motion(velocity=(0, 0, -1.0))}
+    for ends, pushed in ((("box:foot", "floor"), up), (("floor", "box:foot"), -up)):
+        hit = ao.Scene(bodies, [ao.Contact(*ends, ao.Hertz(1e8))], motion=motion).run(3e-3)
+        told = "pushes 'box:foot' against the direction of its site" in hit.message
+        assert told == (ends[0] == "floor")
+        assert hit[ends].impulse == pytest.approx(1.0 if pushed > 0 else 0.0, rel=1e-3)
+        assert ("opens at 1 m/s at first" in hit.message) == (pushed < 0)
+
+
+def test_sites_of_one_direction_tell_that_their_order_counts() -> None:
+    sites = {"side": ((0, 0, 0), (0, 0, 1.0))}
+    bodies = {name: ao.RigidBody(1.0, (1e-3,) * 3, sites) for name in ("low", "high")}
+    contact = ao.Contact("low:side", "high:side", ao.Hertz(1e8))
+    message = ao.Scene(bodies, [contact]).run(1e-3).message
+    assert "pushes 'high:side' against the direction of its site" in message
+    assert "No contact touched within 0.001 s" in message
+
+
+def test_a_body_that_moves_away_is_told() -> None:
+    bodies = {"mass": ao.RigidMass(1.0, 2.0), "floor": ao.Obstacle()}
+    hit = ao.Scene(bodies, [ao.Contact("mass", "floor", ao.Hertz(1e8))]).run(1e-3)
+    assert "'mass', 'floor' opens at 2 m/s at first" in hit.message
+
+
+@pytest.mark.parametrize("method", ["newmark", "DOP853"])
+def test_a_damped_contact_that_begins_at_rest(method: str) -> None:
+    """Its damping is defined by the closing speed that is expected, for all integrators."""
+    K = 1e5 * np.array([[1, -1, 0], [-1, 2, -1], [0, -1, 1.0]])
+    x, phi = np.linalg.eigh(K / 0.1)
+    omega = np.sqrt(np.where(np.arange(3) == 0, 0.0, x))
+    chain = ao.SiteModes(omega, phi[[0, 2]].T / np.sqrt(0.1), ("near", "far"))
+    scene = ao.Scene(
+        {"chain": chain, "floor": ao.Obstacle()},
+        [ao.Contact("floor", "chain:near", ao.HuntCrossley(1e8, 0.5), gap=0.0)],
+        loads=[ao.Load("chain:far", [0.0, 1e-3, 2e-3], [0.0, 50.0, 0.0])],
+    )
+    hit = scene.run(5e-3)
+    other = scene.run(5e-3, method=method, tol=2e-3)
+    assert hit.status == 0
+    assert hit.run.attempts < 2000
+    one, two = hit["floor", "chain:near"], other["floor", "chain:near"]
+    assert one.peak_force == pytest.approx(two.peak_force, rel=5e-3)
+    assert one.impulse == pytest.approx(two.impulse, rel=5e-3)
+
+
 def test_motion_between_the_nodes_is_exact() -> None:
     """A mass on its spring under a ramp, in flight and pressed against a stop."""
     body = ao.SiteModes([300.0], [[2.0]], ("tip",))

@@ -76,6 +76,7 @@ def assemble(scene: Scene, duration: float) -> Assembly:
     axes = _axes(scene, bodies, lines)
     breaks, loads, offsets = _loads(scene, bodies, spans, columns, axes, B, r, G, duration)
     laws, notes = _laws(scene, bodies)
+    notes += _order_counts(scene, bodies)
     omega = np.concatenate([b.omega for b in bodies.values()])
     if not omega.size:
         raise InputError("nothing in the scene can move: every body is an obstacle.")
@@ -163,6 +164,21 @@ def _row(
     row[columns[b.name]] += along(b, bt, direction, contact.b)
     row[columns[a.name]] -= along(a, at, direction, contact.a)
     return row, direction
+
+
+def _order_counts(scene: Scene, bodies: dict[str, Placed]) -> list[str]:
+    """Notes on contacts that push the second end against its site's direction."""
+    notes = []
+    for contact in scene.contacts:
+        (a, at), (b, bt) = find(contact.a, bodies), find(contact.b, bodies)
+        push, other = a.pushes.get(at), b.pushes.get(bt)
+        if other is not None and (push is None or push @ other > 0):
+            notes.append(
+                f"The contact {contact.a!r}, {contact.b!r} pushes {contact.b!r} against the"
+                f" direction of its site, as it is named second; name it first if it should be"
+                f" pushed along it."
+            )
+    return notes
 
 
 def _tangents(

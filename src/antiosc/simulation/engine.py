@@ -25,6 +25,8 @@ Index = NDArray[np.intp]
 _WORTH_LOADING, _WORTH_COMPILING = 20_000, 400_000
 _interpreted = 0
 
+SLOWEST = 1e-4  # of the closing speed that is expected: what begins more slowly begins at rest
+
 _COMPILED = march.__name__ + "_compiled"
 _FIRST = 512  # nodes of the first buffer
 
@@ -121,6 +123,15 @@ class System:
     pressed: Array
     given: float = 0.0
 
+    @property
+    def slowest(self) -> Array:
+        """Closing speeds (p,) [m/s] below which a contact counts as begun at that speed.
+
+        The damping of a law that takes it from the closing speed has no limit for a start from
+        rest: this is the speed that it then has, the same for all integrators.
+        """
+        return SLOWEST * self.speed
+
 
 @dataclass(eq=False)
 class Run:
@@ -202,7 +213,8 @@ def run(
     ready = np.zeros((slots, 3), dtype=np.int64)
     modes = (system.omega, system.decay, system.beta, system.R)
     acting = (system.breaks, system.loads, system.offsets)
-    contacts = (system.kinds, system.params, system.slip, system.tangents, system.mass)
+    met = np.stack((system.mass, system.slowest), axis=1)
+    contacts = (system.kinds, system.params, system.slip, system.tangents, met)
     state = (clock, count, x, row, mode, s, anchor, scales)
     tables = (
         ready,

@@ -64,8 +64,9 @@ MODES = f"Tuple(({F1}, {F1}, {F2}, {F2}))"
 # breaks (K,), loads (K, J), offsets (K, m): modal loads and gaps, linear in between, then constant
 ACTING = f"Tuple(({F1}, {F2}, {F2}))"
 # kinds (p,), params (p, .), slip (p, 2): friction and tangential stiffness, tangents (p, 2): first
-# tangential row and their number, mass (p,): behind each contact, roughly
-CONTACTS = f"Tuple(({I1}, {F2}, {F2}, {I2}, {F1}))"
+# tangential row and their number, met (p, 2): mass behind each contact, roughly, and the least
+# closing speed
+CONTACTS = f"Tuple(({I1}, {F2}, {F2}, {I2}, {F2}))"
 # clock, count, x (2, J), row (7, m), mode (p,), s (p, .), anchor (3, p, 2): where the tangential
 # springs hang at 0, h/2, h, scale (p, 2): depths and speeds met so far
 STATE = f"Tuple(({F1}, {I1}, {F2}, {F2}, {I1}, {F2}, {F3}, {F2}))"
@@ -1377,12 +1378,12 @@ def take(
 @compiled(f"void({CONTACTS}, {STATE}, {WORK}, {OUT}, boolean)")
 def enter(contacts: Any, state: Any, work: Any, out: Any, active: bool) -> None:
     """The contact `which` goes over to its next piece; `active`: others touched before."""
-    kinds, params, _, tangents, mass = contacts
+    kinds, params, _, tangents, met = contacts
     clock, count, _, row, mode, s, anchor, scale = state
     which, event_out = work[8], out[4]
     c = which[0]
-    before, rate = mode[c], max(row[RATE, c], 0.0)
-    mode[c] = change(kinds[c], before, which[1], row[DEPTH, c], row[RATE, c], params[c], s[c])
+    before, rate = mode[c], max(row[RATE, c], met[c, 1])
+    mode[c] = change(kinds[c], before, which[1], row[DEPTH, c], rate, params[c], s[c])
     rest = mode[c] == APART or mode[c] == CUT
     for k in range(1 + tangents[c, 1]):
         i = c if k == 0 else tangents[c, 0] + k - 1
@@ -1399,7 +1400,7 @@ def enter(contacts: Any, state: Any, work: Any, out: Any, active: bool) -> None:
     if before == APART:
         count[TOUCHES] += 1
         speed = max(rate, 1e-2 * scale[c, 1])
-        depth, force = expected(kinds[c], mass[c], speed, params[c], s[c])
+        depth, force = expected(kinds[c], met[c, 0], speed, params[c], s[c])
         scale[c, 0] = max(scale[c, 0], depth)
         if clock[KNOWN] == 0.0:
             clock[FORCE_SCALE] = max(clock[FORCE_SCALE], force)

@@ -89,7 +89,7 @@ def integrate(
                     f" tol."
                 ),
             )
-    notes = " ".join([message, *assembly.notes])
+    notes = " ".join([message, *never_touched(assembly, found.run), *assembly.notes])
     history = SceneHistory(assembly, found.run, error, status, notes)
     turned = history.largest_rotation()
     if turned[1] > 0.1:
@@ -227,6 +227,22 @@ def verdict(found: Converged, tol: float, max_contacts: int, max_steps: int) -> 
             f" they agree; shorten the duration to that."
         )
     return 0, "Completed."
+
+
+def never_touched(assembly: Assembly, run: Run) -> list[str]:
+    """A note on a run without any contact, which may come from a wrong sign."""
+    system = assembly.system
+    if run.touches or np.any(system.pressed):
+        return []
+    p = len(assembly.laws)
+    speed = system.beta[:p] @ system.v
+    if np.all(speed <= 0) and np.any(speed < 0):
+        c = assembly.scene.contacts[int(np.argmin(speed))]
+        return [
+            f"No contact touched: {c.a!r}, {c.b!r} opens at {-speed.min():g} m/s at first; if it"
+            f" should close, reverse the velocity or, for bodies of one coordinate, the ends."
+        ]
+    return [f"No contact touched within {run.time[-1]:g} s."]
 
 
 def gained(history: SceneHistory) -> float:

@@ -39,7 +39,9 @@ class Contact:
     Parameters
     ----------
     a, b : str
-        The ends; the force pushes a along the direction of its site and b against it.
+        The ends; the force pushes a along the direction of its site and b against it. Where a has
+        no direction, as an obstacle, the force pushes b against its own: two stops on either side
+        of a tip are ("tip", "one") and ("other", "tip"). The history's message says so.
     law : ContactLaw
         Force along the direction of the contact.
     gap : float, optional

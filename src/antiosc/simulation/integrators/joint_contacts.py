@@ -56,7 +56,7 @@ class JointContacts:
 
     def touch(self, c: int, t: float, speed: float, way: Array) -> None:
         """The contact touches at the closing `speed`; `way` (m,) are the displacements there."""
-        speed = max(speed, 0.0)
+        speed = max(speed, float(self.system.slowest[c]))
         self.states[c] = self.laws[c].touch(speed, self.states[c])
         self.closed[c] = True
         self.anchor[self.tangents(c)] = way[self.tangents(c)]
