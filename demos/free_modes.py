@@ -173,8 +173,8 @@ def by_slepc(
     eps.setInitialSpace([start])
     try:
         eps.solve()
-    except PETSc.Error:  # LOBPCG's small eigenproblem is not always definite
-        return None
+    except (PETSc.Error, SystemError):  # LOBPCG's small eigenproblem is not always definite
+        return None  # (Python 3.14 makes a SystemError of PETSc's)
     found = min(eps.getConverged(), count)
     omega, phi = np.zeros(found), np.zeros((part.size, found))
     for k in range(found):
