@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from antiosc.fem.assembly.placement import Placement
 from antiosc.fem.elements.weak_form import WeakForm
 from antiosc.fem.mesh import closest_point
 from antiosc.fem.mesh.mesh import Mesh
-from antiosc.fem.mpi import agree
+from antiosc.fem.mpi import agree, on_root
 from antiosc.fem.readers import KINDS
 from antiosc.fem.readers.neutral import FACETS
 from antiosc.fem.recovery.place import Place
@@ -27,6 +27,19 @@ from antiosc.fem.structure.structure import Structure, on_mesh
 def at_point(structure: Structure, shapes: Array, x: Array, part: str | None) -> Array:
     """Displacements (gdim, columns) of the point next to x (3,) for shapes (rows, columns)."""
     parts = _parts(structure, shapes, part)
+    return _decided(structure, lambda: _displacements(parts, x))
+
+
+def _decided(structure: Structure, work: Callable[[], Array]) -> Array:
+    """The result of `work()`, which on an assembly is done by rank 0, for it has the parts whole.
+
+    Two ranks might otherwise take different ones of parts that are equally near.
+    """
+    return on_root(structure.comm, work) if structure.matrices.assembled else work()
+
+
+def _displacements(parts: Sequence[tuple[Member, Array]], x: Array) -> Array:
+    """Displacements (gdim, columns) of the point next to x (3,) of all parts."""
     found = [closest_point.closest(m.part.mesh, m.at.own(x[None])[0]) for m, _ in parts]
     k = int(np.argmin([nearest.distance for nearest in found]))
     member, own = parts[k]
@@ -48,9 +61,21 @@ def recovered(
 
     InputError for a point farther from the structure than `most` [m].
     """
+    parts = _parts(structure, shapes, part)
+    return _decided(structure, lambda: _recovered(parts, points, quantity, place, most))
+
+
+def _recovered(
+    candidates: Sequence[tuple[Member, Array]],
+    points: Array,
+    quantity: str,
+    place: Place,
+    most: float | None,
+) -> Array:
+    """`recovered` of the nearest of some parts."""
     parts = [
         (member, closest_point.closest_many(member.part.mesh, member.at.own(points)), own)
-        for member, own in _parts(structure, shapes, part)
+        for member, own in candidates
     ]
     k = int(np.argmin([found.distance.sum() for _, found, _ in parts]))
     member, found, own = parts[k]
@@ -112,8 +137,7 @@ def surface(structure: Structure, shapes: Array) -> tuple[Array, IntArray, Array
 def _parts(structure: Structure, shapes: Array, name: str | None) -> list[tuple[Member, Array]]:
     """The parts of the structure (or the one named) with the shapes on their rows."""
     if isinstance(structure.matrices, AssembledMatrices):
-        joined = structure.matrices
-        return [(member, joined.own_fields(member, shapes)) for member in joined.members(name)]
+        return structure.matrices.fields(shapes, name)
     meshed = on_mesh(structure)
     if name is not None:
         raise InputError(f"part={name!r} names a part of an assembly; {meshed.mesh.name} is one.")

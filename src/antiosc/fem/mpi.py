@@ -8,7 +8,7 @@ from __future__ import annotations
 import functools
 import inspect
 import pickle
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
@@ -56,7 +56,7 @@ def collective(
 
         @functools.wraps(function)
         def guarded(*args: P.args, **kwargs: P.kwargs) -> T:
-            comm = _communicator([*args, *kwargs.values()], default)
+            comm = _communicator(_flat([*args, *kwargs.values()]), default)
             if comm.size == 1:
                 return _with_memory(function, *args, **kwargs)
             given = _given(signature, args, kwargs)
@@ -134,6 +134,11 @@ def _counted(count: Callable[[Any], Any], value: Any) -> Any:
         return count(value)
     except Exception:  # the function called will say what is wrong with it
         return value
+
+
+def _flat(values: Iterable[Any]) -> list[Any]:
+    """Values, and those of mappings among them."""
+    return [one for v in values for one in (list(v.values()) if isinstance(v, Mapping) else [v])]
 
 
 def _communicator(values: Iterable[Any], default: MPI.Comm) -> Any:

@@ -1,41 +1,219 @@
-"""Assemblies on several ranks: refused in words on all of them, or made by each for itself."""
+"""Assemblies on several ranks are those of one; errors and warnings come on all of them."""
 
 from __future__ import annotations
 
 import json
 
+import numpy as np
 import pytest
 
 pytest.importorskip("dolfinx")
 
 from mpi import run_ranks
+from paths import TESTS
 
 pytestmark = [pytest.mark.fem, pytest.mark.mpi]
 
+HERE = str(TESTS)
+
 PROGRAM = """
-import dolfinx, json
+import dolfinx, json, sys, warnings
 import numpy as np
 from mpi4py import MPI
+sys.path.insert(0, sys.argv[1])
 import antiosc as ao
+from antiosc.errors import AntioscWarning
+from assemblies import at, grouped
 
-def block(comm):
-    box = dolfinx.mesh.create_box(comm, [np.zeros(3), np.ones(3)], [3, 2, 2])
-    return ao.Structure(ao.read_mesh(box), ao.Solid(70e9, 0.3, 2700.0), order=1)
+warnings.simplefilter("ignore", AntioscWarning)
+WORLD = MPI.COMM_WORLD
 
+def sheet(n, m):
+    corners = [np.zeros(2), np.array([0.1, 0.08])]
+    return grouped(dolfinx.mesh.create_rectangle(WORLD, corners, [n, m]), x0=at(0, 0.0))
+
+def block(size, n, comm=WORLD):
+    made = dolfinx.mesh.create_box(comm, [np.zeros(3), np.array(size)], n)
+    return grouped(made, bottom=at(2, 0.0), top=at(2, size[2]), x0=at(0, 0.0), x1=at(0, size[0]))
+
+def bar(comm=WORLD):
+    from antiosc.fem import compat
+    x = np.linspace([0, 0, 0], [0.05, 0, 0], 4)
+    cells = np.column_stack([np.arange(3), np.arange(1, 4)]).astype(np.int64)
+    cells, x = (cells, x) if comm.rank == 0 else (cells[:0], x[:0])
+    return grouped(compat.create_mesh(comm, cells, x, "interval", 1), start=at(0, 0.0))
+
+PLASTIC = ao.Solid(3e9, 0.35, 1150.0)
+BEAM = ao.Beam(70e9, 0.3, 2700.0, ao.Section.rectangle(1e-3, 2e-3), orientation=(0, 0, 1))
+
+def board():
+    # shells on solids with supports of their own, twice the same part, a beam (products by strains)
+    shell = ao.Structure(sheet(4, 3), ao.Shell(22e9, 0.15, 1900.0, 1.6e-3))
+    foot = ao.Support(lambda x: np.isclose(x[2], 0.0))
+    post = ao.Structure(block((6e-3, 6e-3, 10e-3), (1, 1, 2)), PLASTIC, [foot])
+    return ao.assemble(
+        {"board": shell, "sw": post, "ne": post, "fin": ao.Structure(bar(), BEAM)},
+        [
+            ao.Weld(("board", (0.01, 0.01, 0.0)), "sw:top"),
+            ao.Weld(("board", (0.09, 0.07, 0.0)), "ne:top"),
+            ao.Weld(("board", (0.1, 0.04, 0.0)), "fin:start"),
+        ],
+        at={
+            "sw": (0.007, 0.007, -0.01), "ne": (0.087, 0.067, -0.01),
+            "fin": ao.Placement((0.1, 0.04, 0.0), (0, 1, 0), 30.0),
+        },
+        attached=[ao.PointMass((0.06, 0.05, 0.0), 5e-3)],
+    ), ao.Site((0.04, 0.03, 0.0), (0, 0, -1), part="board"), ("fin", (0.14, 0.04, -0.03))
+
+def free():
+    # meshes that do not match, tied; nothing is held; a single cell: ranks without any of the part
+    left = ao.Structure(block((0.05, 0.02, 0.02), (3, 2, 2)), PLASTIC, order=1)
+    right = ao.Structure(block((0.05, 0.02, 0.02), (1, 1, 1)), ao.Solid(70e9, 0.3, 2700.0))
+    hub = ao.Structure(block((0.02, 0.02, 0.02), (1, 1, 1), MPI.COMM_SELF), PLASTIC)
+    return ao.assemble(
+        {"left": left, "right": right, "hub": hub},
+        [
+            ao.Tie("left:x1", "right:x0"),
+            ao.Mean("right:x1", "tip"),
+            ao.Bushing("tip", "hub:x0", {c: 1e5 for c in ("x", "y", "z", "rx", "ry", "rz")}),
+        ],
+        at={"right": (0.05, 0, 0), "hub": (0.12, 0, 0)},
+        points={"tip": (0.1, 0.01, 0.01)},
+        supports=[],
+    ), ao.Site("left:x0", (1, 0.2, 0)), ("hub", (0.14, 0.0, 0.0))
+
+def deck():
+    # bricks, shells and beams that share nodes, and equations
+    part = ao.read_model(sys.argv[3])
+    return part, ao.Site((0.0, 1.0, 2.0), (0, 0, -1), part="solids"), ("beams", (0.5, 0.5, 3.0))
+
+corners = {
+    "board": ao.Site((0.1, 0.08, 0.0), (0, 0, -1), part="board"),
+    "free": ao.Site((0.0, 0.0, 0.0), (0, 1, 0), part="left"),
+    "deck": ao.Site((2.0, 1.0, 2.0), (0, 0, -1), part="faces"),
+}
+found = {}
+for make in (board, free, deck):
+    part, site, (name, point) = make()
+    model = ao.extract(part, site, n=6)
+    hit = ao.simulate(model, ao.RigidMass(mass=2e-3, velocity=0.3), ao.Linear(1e5), duration=1e-3)
+    moved = ao.probe(part, hit, point, times=[0.5e-3, 1e-3], part=name)
+    several = ao.extract(part, {"a": site, "b": corners[make.__name__]}, n=8)
+    path = ao.write_series(part, hit, sys.argv[2], times=[1e-3])
+    omega = 3e3
+    found[make.__name__] = {
+        "dofs": part.dofs, "mass": part.mass, "rigid": part.rigid_modes.shape[1],
+        "k0": model.k0, "m_st": model.m_st, "omega": model.omega[:4].tolist(),
+        "Z": float(model.dynamic_stiffness(omega)),
+        "several": np.asarray(several.dynamic_stiffness(omega)).real.ravel().tolist(),
+        "peak": hit.peak_force, "moved": moved.ravel().tolist(),
+        "inertia": part.rigid_inertia[0].matrix.ravel().tolist() if part.rigid_inertia else [0.0],
+    }
 said = []
-for comm in (MPI.COMM_WORLD, MPI.COMM_SELF):
+wrong = [
+    lambda: ao.assemble({"a": board()[0]}),
+    lambda: ao.assemble({"a": ao.Structure(block((1, 1, 1), (1, 1, 1)), PLASTIC),
+                         "b": ao.Structure(block((1, 1, 1), (1, 1, 1)), PLASTIC)}),
+    lambda: ao.assemble({"a": ao.Structure(block((1, 1, 1), (1, 1, 1)), PLASTIC)},
+                        [ao.Rigid("a:nowhere", "hub")], points={"hub": (0, 0, 0)}),
+    lambda: ao.extract(free()[0], ao.Site((9, 9, 9), (1, 0, 0)), n=2),
+]
+for call in wrong:
     try:
-        part = ao.assemble({"a": block(comm)}, points={}, attached=[ao.PointMass((1, 1, 1), 2.0)])
-        said.append(part.mass)
-    except ao.InputError as error:
+        call()
+        said.append("passed")
+    except ao.AntioscError as error:
         said.append(str(error))
-print(json.dumps(said))
+print(json.dumps([found, said]))
 """
 
 
-def test_parts_of_several_ranks_are_refused_and_those_of_one_are_joined():
-    first, second = (json.loads(text) for text in run_ranks(2, PROGRAM))
-    assert first == second
-    refused, mass = first
-    assert "an assembly runs on one MPI rank" in refused
-    assert mass == pytest.approx(2702.0, rel=1e-12)
+#: A column of two bricks with a shell and a beam on top; two of its nodes move as one.
+DECK = """*NODE
+1,0,0,0
+2,1,0,0
+3,1,1,0
+4,0,1,0
+5,0,0,1
+6,1,0,1
+7,1,1,1
+8,0,1,1
+9,0,0,2
+10,1,0,2
+11,1,1,2
+12,0,1,2
+13,2,0,2
+14,2,1,2
+15,.5,.5,3.
+*ELEMENT, TYPE=C3D8, ELSET=BRICKS
+1,1,2,3,4,5,6,7,8
+2,5,6,7,8,9,10,11,12
+*ELEMENT, TYPE=S4, ELSET=SKIN
+3,10,13,14,11
+*ELEMENT, TYPE=S3, ELSET=SKIN
+4,9,10,11
+*ELEMENT, TYPE=B31, ELSET=POLE
+5,9,15
+*SOLID SECTION, ELSET=BRICKS, MATERIAL=M
+*SHELL SECTION, ELSET=SKIN, MATERIAL=M
+.1
+*BEAM SECTION, ELSET=POLE, MATERIAL=M, SECTION=RECT
+.1,.2
+0.,1.,0.
+*MATERIAL, NAME=M
+*ELASTIC
+1E9, .2
+*DENSITY
+1000.
+*BOUNDARY
+1,1,3
+2,1,3
+3,1,3
+4,1,3
+*EQUATION
+2
+13,3,1.,14,3,-1.
+"""
+
+
+@pytest.fixture(scope="module")
+def alone(tmp_path_factory):
+    return results(1, tmp_path_factory.mktemp("alone"))[0]
+
+
+def results(ranks: int, folder) -> list:
+    (folder / "deck.inp").write_text(DECK)
+    files = str(folder / "series.pvd"), str(folder / "deck.inp")
+    printed = run_ranks(ranks, PROGRAM, HERE, *files, timeout=300)
+    return [json.loads(text) for text in printed]
+
+
+@pytest.mark.parametrize("ranks", [2, 3])
+def test_several_ranks_give_the_assembly_of_one(ranks, alone, tmp_path):
+    every = results(ranks, tmp_path)
+    assert all(one == every[0] for one in every)
+    found, said = every[0]
+    assert said == alone[1]
+    assert not any("passed" in sentence for sentence in said)
+    for name, values in alone[0].items():
+        for key, value in values.items():
+            scale = np.abs(value).max()
+            np.testing.assert_allclose(
+                found[name][key], value, rtol=1e-6, atol=1e-8 * scale, err_msg=f"{name}: {key}"
+            )
+
+
+def test_parts_that_each_rank_has_for_itself_are_joined_by_each():
+    """Even by one rank alone, which must not wait for the others."""
+    script = """
+import numpy as np, dolfinx
+from mpi4py import MPI
+import antiosc as ao
+box = dolfinx.mesh.create_box(MPI.COMM_SELF, [np.zeros(3), np.ones(3)], [2, 1, 1])
+block = ao.Structure(ao.read_mesh(box), ao.Solid(70e9, 0.3, 2700.0), order=1)
+if MPI.COMM_WORLD.rank == 1:
+    made = ao.assemble({"a": block}, attached=[ao.PointMass((1, 1, 1), 2.0)])
+    print(made.mass)
+"""
+    printed = run_ranks(2, script, timeout=100)
+    assert float(printed[1]) == pytest.approx(2702.0, rel=1e-12)

@@ -4,48 +4,47 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import scipy.sparse
 import scipy.sparse.csgraph
+from petsc4py import PETSc
 
 from antiosc._types import Array, BoolArray, IntArray
-from antiosc.checks import array, shown
-from antiosc.errors import AccuracyError, InputError
+from antiosc.errors import InputError, warn
 from antiosc.fem.assembly import motions
+from antiosc.fem.assembly.arguments import (
+    checked_attachments,
+    checked_joints,
+    checked_parts,
+    checked_places,
+    checked_points,
+)
 from antiosc.fem.assembly.assembled import (
     Added,
     AssembledMatrices,
+    block_of,
     reduced,
     stacked,
+    take_by_strains,
     without_stiffness,
 )
 from antiosc.fem.assembly.attached import attachment
 from antiosc.fem.assembly.elimination import Eliminated, Redundant, Rows, eliminate
 from antiosc.fem.assembly.joint import Joint, Stiffness
-from antiosc.fem.assembly.layout import TURNS, Layout, Member, Sparse
-from antiosc.fem.assembly.placement import Placement, placement
+from antiosc.fem.assembly.layout import TURNS, Layout, Sparse
+from antiosc.fem.assembly.share import Share, communicator, on_every_rank
 from antiosc.fem.assembly.shared_nodes import SharedNodes
+from antiosc.fem.assembly.strainless import modes_of, tell_motions
 from antiosc.fem.assembly.supports import support_rows
 from antiosc.fem.assembly.wide import nested_basis
-from antiosc.fem.linalg.algebra import communicator, multiply
-from antiosc.fem.linalg.scaling import force_ratios
 from antiosc.fem.linalg.solver import Choice, checked_choice
-from antiosc.fem.mpi import collective, warn
-from antiosc.fem.structure import rigid_body_modes
+from antiosc.fem.mpi import collective, on_root
 from antiosc.fem.structure.attachments import PointMass, Spring
-from antiosc.fem.structure.meshed import MeshedStructure
-from antiosc.fem.structure.null_space import SHIFT, orthonormal
-from antiosc.fem.structure.structure import Structure, on_mesh
+from antiosc.fem.structure.structure import Structure
 from antiosc.fem.structure.support import Support
-
-#: Share of the largest motion below which a part is at rest, but for rounding.
-AT_REST = 1e-6
-#: Share of the largest mass of a motion below which it has none.
-IDLE_MASS = 1e-12
-#: Force of a motion without strain over that of the entries of K; rounding leaves about 1e-15.
-STRAINLESS = 1e-9
 
 
 @collective()
@@ -103,7 +102,7 @@ def assemble(
     """
     return put_together(
         parts,
-        _joints(joints),
+        checked_joints(joints),
         at,
         points=points,
         supports=supports,
@@ -140,9 +139,68 @@ def put_together(
     """`assemble` with checked joints."""
     started = time.perf_counter()
     solver = checked_choice(solver)
-    members = _parts(parts)
-    places = _places(members, at)
-    layout = Layout(members, places, _points(members, points))
+    given = checked_parts(parts)
+    comm = communicator(given)
+    members = on_every_rank(given, comm)
+    layout = Layout(members, checked_places(members, at), checked_points(members, points))
+    whole: list[PETSc.Mat] = []
+
+    def work() -> _Joined:
+        made, K, M = _joined(layout, joints, supports, checked_attachments(attached))
+        whole.extend((K, M))
+        return made
+
+    made = on_root(comm, work)
+    layout.points = made.points
+    block = block_of(layout)
+    share = Share.of(comm, layout.count, block)
+    K, M = (share.matrix(whole[k] if whole else None, block) for k in (0, 1))
+    if comm.size > 1 and not made.rigid:
+        take_by_strains(K, layout, made.eliminated, made.added, share)
+    self = object.__new__(Structure)
+    matrices = AssembledMatrices(
+        K,
+        M,
+        np.flatnonzero(share.own(made.eliminated.dependent)),
+        share.own(made.modes),
+        made.shift,
+        solver,
+        layout=layout,
+        eliminated=made.eliminated,
+        added=made.added,
+        share=share,
+    )
+    self._hold(matrices, started)
+    return self
+
+
+@dataclass(frozen=True, eq=False)
+class _Joined:
+    """What rank 0 finds of an assembly.
+
+    Attributes
+    ----------
+    points : all reference points, those that joints bring included.
+    modes : M-orthonormal motions without strain (n, r).
+    shift : first shift, rad²/s².
+    rigid : whether nothing but a rigid body is left.
+    """
+
+    points: dict[str, Array]
+    eliminated: Eliminated
+    added: Added
+    modes: Array
+    shift: float
+    rigid: bool
+
+
+def _joined(
+    layout: Layout,
+    joints: Sequence[Joint],
+    supports: Sequence[Support],
+    attached: Sequence[PointMass | Spring],
+) -> tuple[_Joined, PETSc.Mat, PETSc.Mat]:
+    """(what is found, K, M) of parts that this rank has whole."""
     labels = [joint.label(k + 1) for k, joint in enumerate(joints)]
     for joint, label in zip(joints, labels, strict=True):
         joint.prepare(layout, label)
@@ -153,105 +211,27 @@ def put_together(
     for joint, label in sorted(zip(joints, labels, strict=True), key=lambda pair: pair[0].late):
         rows += joint.constraints(layout, rows, held, label)
         elastic += joint.elastic(layout, label)
-    for one in _attachments(attached):
+    for one in attached:
         elastic += attachment(layout, one)
     _check_joined(layout, rows, elastic)
     everything = stacked([*(r.matrix for r in rows), *(e.G for e in elastic)], layout.count)
     basis = nested_basis(everything, held, layout.places)
     eliminated = eliminate(rows, held, scale, basis)
-    _tell_redundant(layout, eliminated.redundant)
-    fixed = np.flatnonzero(eliminated.dependent)
-    if len(fixed) == layout.count:
+    _tell_redundant(eliminated.redundant)
+    free = int(np.count_nonzero(~eliminated.dependent))
+    if not free:
         raise InputError("supports and joints hold every dof of the assembly: nothing moves.")
     added = Added(elastic, eliminated.T)
     K, M = reduced(layout, eliminated, added)
     stretches = [scipy.sparse.csr_matrix(one.strains) @ one.G for one in elastic]
     C = stacked([*(r.matrix for r in rows), *stretches], layout.count)
     strainless = motions.free_motions(layout, C, held, scale)
-    _tell_motions(layout, *strainless, supported=bool(held.any() or supports))
-    modes, shift = _modes(layout, K, M, eliminated, *strainless)
-    if modes.shape[1] == layout.count - len(fixed):  # a rigid body: its K is rounding
+    tell_motions(layout, *strainless, supported=bool(held.any() or supports))
+    modes, shift = modes_of(layout, K, M, eliminated, *strainless)
+    rigid = modes.shape[1] == free  # its K is rounding
+    if rigid:
         K = without_stiffness(eliminated)
-    self = object.__new__(Structure)
-    matrices = AssembledMatrices(
-        K, M, fixed, modes, shift, solver, layout=layout, eliminated=eliminated, added=added
-    )
-    self._hold(matrices, started)
-    return self
-
-
-# -- what was given, checked
-
-
-def _joints(joints: Any) -> Sequence[Joint]:
-    items = [joints] if isinstance(joints, Joint) else joints
-    if not isinstance(items, Sequence) or isinstance(items, str):
-        raise InputError(f"joints must be a list of joints, as Tie or Hinge; got {shown(joints)}.")
-    for one in items:
-        if not isinstance(one, Joint):
-            raise InputError(f"joints must hold joints, as Tie or Hinge; got {shown(one)}.")
-    return items
-
-
-def _parts(parts: Any) -> dict[str, MeshedStructure]:
-    if not isinstance(parts, Mapping) or not parts:
-        raise InputError(f"parts must be a dict: name -> Structure; got {shown(parts)}.")
-    for name, part in parts.items():
-        if not isinstance(name, str) or not name or ":" in name:
-            raise InputError(f"a part's name must be a text without a colon; got {shown(name)}.")
-        if not isinstance(part, Structure):
-            raise InputError(f"the part {name!r} must be a Structure; got {shown(part)}.")
-        if part.matrices.assembled:
-            raise InputError(
-                f"the part {name!r} is an assembly itself: give its parts and joints instead."
-            )
-        if part.comm.size > 1:
-            raise InputError(
-                f"an assembly runs on one MPI rank; the part {name!r} is shared by "
-                f"{part.comm.size}: read its mesh with comm=MPI.COMM_SELF, or start one process."
-            )
-    text = "the part {!r} has no mesh: an assembly needs Structures of meshes."
-    return {name: on_mesh(part, text.format(name)) for name, part in parts.items()}
-
-
-def _places(members: Mapping[str, Any], at: Any) -> dict[str, Placement]:
-    given = {} if at is None else at
-    if not isinstance(given, Mapping):
-        raise InputError(f"at must be a dict: name -> Placement or (x, y, z); got {shown(at)}.")
-    for name in given:
-        if not isinstance(name, str) or name not in members:
-            raise InputError(
-                f"at names {shown(name)}, which is no part; the parts are "
-                f"{', '.join(map(repr, members))}."
-            )
-    return {name: placement(name, given.get(name)) for name in members}
-
-
-def _points(members: Mapping[str, Any], points: Any) -> dict[str, Array]:
-    given = {} if points is None else points
-    if not isinstance(given, Mapping):
-        raise InputError(f"points must be a dict: name -> coordinates; got {shown(points)}.")
-    found = {}
-    for name, x in given.items():
-        if not isinstance(name, str) or not name or ":" in name:
-            raise InputError(f"a point's name must be a text without a colon; got {shown(name)}.")
-        if name in members:
-            raise InputError(f"{name!r} names both a part and a reference point.")
-        xs = array(f"points[{name!r}]", x, None)
-        if xs.shape not in ((2,), (3,)):
-            raise InputError(f"points[{name!r}] must be 2 or 3 numbers in m; got {shown(x)}.")
-        found[name] = np.pad(xs, (0, 3 - len(xs)))
-    return found
-
-
-def _attachments(attached: Any) -> Sequence[PointMass | Spring]:
-    items = [attached] if isinstance(attached, PointMass | Spring) else attached
-    good = isinstance(items, Sequence) and all(isinstance(one, PointMass | Spring) for one in items)
-    if not good:
-        raise InputError(
-            f"attached must be a list of PointMass and Spring objects; got {shown(attached)}."
-        )
-    return list(items)
+    return _Joined(layout.points, eliminated, added, modes, shift, rigid), K, M
 
 
 # -- the dofs
@@ -283,8 +263,7 @@ def _scale(layout: Layout) -> Array:
     return scale
 
 
-def _tell_redundant(layout: Layout, redundant: Sequence[Redundant]) -> None:
-    comm = _comm(layout)
+def _tell_redundant(redundant: Sequence[Redundant]) -> None:
     for label in dict.fromkeys(label for label, _, _ in redundant):
         own = [(others, count) for name, others, count in redundant if name == label]
         count = sum(times for _, times in own)
@@ -292,7 +271,6 @@ def _tell_redundant(layout: Layout, redundant: Sequence[Redundant]) -> None:
                 if name != label]  # fmt: skip
         if rest:
             warn(
-                comm,
                 f"{count} constraint{'s' if count > 1 else ''} of {label} follow"
                 f"{'' if count > 1 else 's'} from those of {' and '.join(rest)}: the joints "
                 "overlap; remove what is said twice.",
@@ -324,94 +302,3 @@ def _check_joined(layout: Layout, rows: Sequence[Rows], elastic: Sequence[Stiffn
         raise InputError(
             f"{which} {one.name!r} is joined to nothing else: add a joint, or leave it out."
         )
-
-
-# -- motions without strain
-
-
-def _modes(
-    layout: Layout,
-    K: Any,
-    M: Any,
-    eliminated: Eliminated,
-    rigid: Array,
-    mechanisms: Array,
-    moving: Sequence[motions.Loose],
-) -> tuple[Array, float]:
-    """(M-orthonormal motions without strain, first shift)."""
-    found = eliminated.coordinates(np.hstack([rigid, mechanisms]))
-    comm = communicator(K)
-    modes = orthonormal(comm, M, found)
-    if modes.shape[1] < found.shape[1]:
-        weight = found.T @ multiply(M, found)
-        values, turn = np.linalg.eigh(weight)
-        idle = eliminated.T @ found @ turn[:, values <= IDLE_MASS * values[-1]]
-        points = [one for one in moving if np.abs(idle[one.rows]).max() > motions.STILL]
-        raise InputError(
-            "a reference point moves without resistance and without mass: "
-            f"{_in_words(idle, points)}; join it, support it, or give it a mass."
-        )
-    if not modes.shape[1]:
-        return modes, 0.0
-    u = eliminated.T @ modes
-    least = AT_REST * np.abs(u).max()
-    left = max(_force_ratio(m, u[m.rows], least) for m in layout.members.values())
-    if left > STRAINLESS:
-        raise AccuracyError(
-            f"a motion that no joint resists strains the assembly (‖K r‖/(‖K‖‖r‖) = {left:.1e}, "
-            f"limit {STRAINLESS:.0e}): parts or their distances differ too much in size for double "
-            "precision."
-        )
-    if modes.shape[1] == np.count_nonzero(~eliminated.dependent):
-        return modes, 1.0  # any will do
-    fields = eliminated.coordinates(motions.fields(layout))
-    return modes, SHIFT * rigid_body_modes.first_elastic(comm, K, M, fields, modes)
-
-
-def _force_ratio(member: Member, u: Array, least: float) -> float:
-    """Largest force of motions (rows, k) of a part over that of the entries of its K.
-
-    Motions below `least` are rounding.
-    """
-    moving = u[:, np.abs(u).max(axis=0) > least]
-    if not moving.size:
-        return 0.0
-    K = member.part.K
-    return float(force_ratios(K, moving, multiply(K, moving)).max())
-
-
-def _tell_motions(
-    layout: Layout,
-    rigid: Array,
-    mechanisms: Array,
-    moving: Sequence[motions.Loose],
-    *,
-    supported: bool,
-) -> None:
-    """Warn of mechanisms, and of rigid motions that supports leave."""
-    comm = _comm(layout)
-    if mechanisms.shape[1]:
-        warn(
-            comm,
-            "the joints leave parts free to move without strain: "
-            f"{_in_words(mechanisms, moving)}; join or hold them if it is not meant.",
-        )
-    if supported and rigid.shape[1]:
-        whole = motions.whole(layout, (layout.low + layout.high) / 2)
-        warn(
-            comm,
-            "the supports leave the assembly free to move as a rigid body: "
-            f"{motions.described(whole, rigid)}; hold that too if it is not meant.",
-        )
-
-
-def _in_words(mechanisms: Array, moving: Sequence[motions.Loose]) -> str:
-    """The motion of each piece in mechanisms."""
-    names: dict[str, str] = {}
-    for one in moving:
-        names.setdefault(one.name, motions.described(one, mechanisms))
-    return "; ".join(f"{name!r}: {words}" for name, words in names.items())
-
-
-def _comm(layout: Layout) -> Any:
-    return next(iter(layout.members.values())).part.comm

@@ -19,9 +19,11 @@ from antiosc.fem.assembly.elimination import Eliminated
 from antiosc.fem.assembly.joint import Stiffness
 from antiosc.fem.assembly.layout import POINT_DOFS, Layout, Member, Sparse
 from antiosc.fem.assembly.motions import rigid_motions
+from antiosc.fem.assembly.share import Share
 from antiosc.fem.assembly.wide import rounded
 from antiosc.fem.linalg.algebra import by_strains, multiply
 from antiosc.fem.linalg.petsc_algebra import PRODUCT, csr, from_csr
+from antiosc.fem.mpi import on_root
 from antiosc.fem.structure.matrices import StructureMatrices
 from antiosc.models.motion import Inertia
 
@@ -66,11 +68,13 @@ class AssembledMatrices(StructureMatrices):
     layout : the parts in their places.
     eliminated : T and the dofs that depend on others.
     added : what joints and attachments add.
+    share : the rows of this rank. What is said of all dofs (layout, T) every rank has whole.
     """
 
     layout: Layout = field(kw_only=True)
     eliminated: Eliminated = field(kw_only=True)
     added: Added = field(kw_only=True)
+    share: Share = field(kw_only=True)
 
     assembled: ClassVar[bool] = True
 
@@ -81,8 +85,8 @@ class AssembledMatrices(StructureMatrices):
 
     @property
     def comm(self) -> MPI.Comm:
-        """The MPI communicator of the parts."""
-        return next(iter(self.layout.members.values())).part.comm
+        """The MPI communicator that shares the matrices."""
+        return self.share.comm
 
     @property
     def mass(self) -> float:
@@ -104,10 +108,16 @@ class AssembledMatrices(StructureMatrices):
         """Me on the rows of this rank for e, a unit uniform motion along `direction` (3,)."""
         direction = array("direction", direction, (3,))
         moving = rigid_motions(self.layout, np.zeros(3))[:, :3] @ direction
-        load = np.zeros(self.layout.count)
-        for member in self.layout.members.values():
-            load[member.rows] = member.part.uniform_inertia(member.at.rotation.T @ direction)
-        return np.asarray(self.T.T @ load + self.added.inertial_loads(moving[:, None])[0][:, 0])
+
+        def work() -> Array:  # by one rank: the form is compiled once
+            own = np.zeros(self.layout.count)
+            load = self.added.inertial_loads(moving[:, None])[0][:, 0]
+            for member in self.layout.members.values():
+                along = member.at.rotation.T @ direction
+                own[member.rows] = member.part.uniform_inertia(along)
+            return np.asarray(self.T.T @ own + load)
+
+        return self.share.own(on_root(self.comm, work))
 
     @cached_property
     def rigid_inertia(self) -> tuple[Inertia, Array] | None:
@@ -121,14 +131,15 @@ class AssembledMatrices(StructureMatrices):
         for member in self.layout.members.values():
             loads[member.rows] = member.part.inertial_loads(motions[member.rows])
             S += motions[member.rows].T @ loads[member.rows]
-        return Inertia(point, (S + S.T) / 2, np.zeros((0, 6))), np.asarray(self.T.T @ loads + added)
+        loads = self.share.own(np.asarray(self.T.T @ loads + added))
+        return Inertia(point, (S + S.T) / 2, np.zeros((0, 6))), loads
 
     @property
     def rigid_motions(self) -> Array:
-        """Rigid-body motions of the unsupported assembly (n, r)."""
+        """Rigid-body motions of the unsupported assembly (rows of this rank, r)."""
         point = (self.layout.low + self.layout.high) / 2
         motions = self.eliminated.coordinates(rigid_motions(self.layout, point))
-        return motions[:, np.abs(motions).max(axis=0) > 0]
+        return self.share.own(motions[:, np.abs(motions).max(axis=0) > 0])
 
     def describe(self, dofs: int) -> str:
         """One line: what was joined and with how many dofs."""
@@ -152,13 +163,20 @@ class AssembledMatrices(StructureMatrices):
             )
         return [self.layout.members[name]]
 
-    def own_fields(self, member: Member, shapes: Array) -> Array:
-        """Dofs of a part (rows, k) for columns of q (n, k)."""
-        return np.asarray(self.T[member.rows] @ shapes)
+    def fields(self, shapes: Array, name: str | None = None) -> list[tuple[Member, Array]]:
+        """(part, its dofs (rows, k)) of all parts, or of the one named, for columns of q.
+
+        `shapes` (rows of this rank, k); every rank has the parts whole. All ranks must call it.
+        """
+        members = self.members(name)
+        q = self.share.whole(shapes)
+        return [(member, np.asarray(self.T[member.rows] @ q)) for member in members]
 
     def functional(self, member: Member, b: Array) -> Array:
-        """The functional of q that a functional b of the dofs of one part is."""
-        return np.asarray(self.T[member.rows].T @ b)
+        """The functional of q (n,), whole, that a functional b of the dofs of one part is."""
+        q = np.asarray(self.T[member.rows].T @ b)
+        q[self.eliminated.dependent] = 0.0
+        return q
 
 
 def stacked(functionals: Sequence[Sparse], count: int) -> Sparse:
@@ -166,20 +184,33 @@ def stacked(functionals: Sequence[Sparse], count: int) -> Sparse:
     return scipy.sparse.vstack([Sparse((0, count)), *functionals]).tocsr()
 
 
+def block_of(layout: Layout) -> int:
+    """Dofs of a node, or what those of all parts have in common."""
+    blocks = [m.block for m in layout.members.values()]
+    return int(np.gcd.reduce([POINT_DOFS if layout.points else 0, *blocks]))
+
+
 def reduced(layout: Layout, eliminated: Eliminated, added: Added) -> tuple[PETSc.Mat, PETSc.Mat]:
-    """(K, M) of joined parts."""
-    members = list(layout.members.values())
-    block = int(np.gcd.reduce([POINT_DOFS if layout.points else 0, *(m.block for m in members)]))
-    parts = [m.part for m in members]
+    """(K, M) of joined parts, on this rank alone."""
+    block = block_of(layout)
+    parts = [m.part for m in layout.members.values()]
     diagonal = scipy.sparse.diags(eliminated.dependent.astype(float)).tocsr()
     K = _projected(layout, eliminated, [csr(p.K) for p in parts], added.K + diagonal)
     M = _projected(layout, eliminated, [csr(p.M) for p in parts], added.M)
     K, M = (from_csr(name, matrix) for name, matrix in (("K", K), ("M", M)))
     for matrix in (K, M):
         matrix.setBlockSizes(block, block)
-    if any(by_strains(p.K) for p in parts):
-        K.setAttr(PRODUCT, _product(layout, eliminated, added))
+    alone = Share(MPI.COMM_SELF, 0, layout.count)
+    take_by_strains(K, layout, eliminated, added, alone)
     return K, M
+
+
+def take_by_strains(
+    K: PETSc.Mat, layout: Layout, eliminated: Eliminated, added: Added, share: Share
+) -> None:
+    """Let products with K be taken by the strains of the parts, where some part has them."""
+    if any(by_strains(m.part.K) for m in layout.members.values()):
+        K.setAttr(PRODUCT, _product(layout, eliminated, added, share))
 
 
 def without_stiffness(eliminated: Eliminated) -> PETSc.Mat:
@@ -240,16 +271,19 @@ def _side_by_side(blocks: Sequence[Sparse], count: int) -> Sparse:
     return result
 
 
-def _product(layout: Layout, eliminated: Eliminated, added: Added) -> Callable[[Array], Array]:
+def _product(
+    layout: Layout, eliminated: Eliminated, added: Added, share: Share
+) -> Callable[[Array], Array]:
     """Products with K by the accurate products of the parts."""
     T, back = eliminated.T, eliminated.T.T.tocsr()
     kept = scipy.sparse.diags(eliminated.dependent.astype(float))
 
-    def product(x: Array) -> Array:
+    def product(own: Array) -> Array:
+        x = share.whole(own)
         u = T @ x
         force = np.zeros(u.shape)
         for member in layout.members.values():
             force[member.rows] += multiply(member.part.K, u[member.rows])
-        return np.asarray(back @ force + added.K @ x + kept @ x)
+        return share.own(np.asarray(back @ force + added.K @ x + kept @ x))
 
     return product

@@ -68,7 +68,7 @@ def read_model(
 
     Solids, shells and beams with common nodes, and what equations, multi-point constraints, rigid
     bodies, couplings, ties and springs join, become one assembly of up to three parts: "solids",
-    "faces" and "beams" (`Site(..., part=...)`; on one MPI rank). Constraints are linear, for small
+    "faces" and "beams" (`Site(..., part=...)`). Constraints are linear, for small
     motions. Where they determine all nodes of an edge or a face of an element, all of the edge or
     face follows by the element's own functions.
 

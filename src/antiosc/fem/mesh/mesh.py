@@ -306,10 +306,10 @@ def distributed(raw: RawMesh, name: str, comm: MPI.Comm) -> Mesh:
         cells, points = cells[:0], points[:0]
     cells = cells[:, compat.node_order(kind.shape, kind.nodes, raw.convention)]
     mesh = compat.create_mesh(comm, np.ascontiguousarray(cells), points, kind.shape, kind.order)
-    return Mesh(mesh, _local_groups(mesh, raw.groups), name)
+    return Mesh(mesh, local_groups(mesh, raw.groups), name)
 
 
-def _local_groups(
+def local_groups(
     mesh: dolfinx.mesh.Mesh, wanted: Mapping[str, Mapping[int, IntArray]]
 ) -> dict[str, dict[int, IntArray]]:
     """The entities of this rank in each group, given by the vertices of each (input numbers).

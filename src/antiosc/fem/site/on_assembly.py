@@ -11,9 +11,9 @@ from antiosc._types import Array
 from antiosc.errors import InputError
 from antiosc.fem.assembly.assembled import AssembledMatrices
 from antiosc.fem.assembly.layout import Member
-from antiosc.fem.linalg.algebra import norm
 from antiosc.fem.mesh.entities import centre
 from antiosc.fem.mesh.surface import Faces
+from antiosc.fem.mpi import on_root
 from antiosc.fem.site.at_points import functionals_at, text
 from antiosc.fem.site.site import LEAST_FREE_SHARE, Functional, Site, constrained
 
@@ -23,10 +23,21 @@ AS_NEAR = 1e-9
 
 def functionals_on(structure: AssembledMatrices, sites: Sequence[Site]) -> list[Functional]:
     """b of sites at points of an assembly; errors as in `functionals`."""
-    return [_functional(structure, site) for site in sites]
+
+    def work() -> list[Functional]:
+        return [_whole(structure, site) for site in sites]
+
+    return [_own(structure, found) for found in on_root(structure.comm, work)]
 
 
-def _functional(structure: AssembledMatrices, site: Site) -> Functional:
+def _own(structure: AssembledMatrices, found: Functional) -> Functional:
+    """The rows of this rank."""
+    across = tuple(_own(structure, side) for side in found.across)
+    return replace(found, b=structure.share.own(found.b), across=across)
+
+
+def _whole(structure: AssembledMatrices, site: Site) -> Functional:
+    """b of a site, whole, on this rank alone."""
     assert site.direction is not None  # Site has seen to that
     assert site.point is not None
     direction = np.pad(site.direction, (0, 3 - len(site.direction)))
@@ -50,15 +61,13 @@ def _functional(structure: AssembledMatrices, site: Site) -> Functional:
     assert found.direction is not None
     x = member.at.placed(found.point[None])[0]
     b = structure.functional(member, found.b)
-    b[structure.fixed] = 0.0
-    if norm(structure.comm, b) <= LEAST_FREE_SHARE * norm(structure.comm, found.b):
+    if np.linalg.norm(b) <= LEAST_FREE_SHARE * np.linalg.norm(found.b):
         raise InputError(constrained(f"the site at {text(x)}"))
     sides = []
     for side in found.across:
         assert side.direction is not None
-        load = structure.functional(member, side.b)
-        load[structure.fixed] = 0.0
         turned = member.at.rotation @ side.direction
+        load = structure.functional(member, side.b)
         sides.append(replace(side, b=load, point=x, direction=turned))
     direction = member.at.rotation @ found.direction
     return replace(found, b=b, point=x, direction=direction, across=tuple(sides))

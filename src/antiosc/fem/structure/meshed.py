@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar
@@ -44,6 +44,7 @@ class MeshedStructure(StructureMatrices):
     total_mass : kg
     attached_inertia : M e for unit accelerations e along x, y, z, of the attachments alone (rows of
         this rank, 3).
+    again : gives the same structure of a copy of its mesh, for instance on other ranks.
     """
 
     mesh: Mesh = field(kw_only=True)
@@ -51,6 +52,7 @@ class MeshedStructure(StructureMatrices):
     parts: Parts = field(kw_only=True)
     total_mass: float = field(kw_only=True)
     attached_inertia: Array = field(kw_only=True)
+    again: Callable[[Mesh], MeshedStructure] = field(kw_only=True)
 
     meshed: ClassVar[bool] = True
 
@@ -194,6 +196,12 @@ def assembled(
             f"the supports leave the structure free to move as a rigid body: {motions}; hold "
             "that too if it is not meant.",
         )
+    given = dict(material) if isinstance(material, Mapping) else material
+    held, carried = _items(supports), _items(attached)
+
+    def again(copy: Mesh) -> MeshedStructure:
+        return assembled(copy, given, held, order=order, attached=carried, solver=solver)
+
     return MeshedStructure(
         K,
         M,
@@ -206,7 +214,13 @@ def assembled(
         parts=parts,
         total_mass=mass,
         attached_inertia=attached_inertia,
+        again=again,
     )
+
+
+def _items(given: Any) -> list[Any]:
+    """A sequence, or one object alone, as a list of its own."""
+    return list(given) if isinstance(given, Sequence) else [given]
 
 
 def _take_by_strains(K: PETSc.Mat, S: PETSc.Mat, rest: PETSc.Mat, fixed: IntArray) -> None:

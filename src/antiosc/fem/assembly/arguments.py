@@ -1,0 +1,88 @@
+"""The arguments of `assemble`, checked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from antiosc._types import Array
+from antiosc.checks import array, shown
+from antiosc.errors import InputError
+from antiosc.fem.assembly.joint import Joint
+from antiosc.fem.assembly.placement import Placement, placement
+from antiosc.fem.structure.attachments import PointMass, Spring
+from antiosc.fem.structure.meshed import MeshedStructure
+from antiosc.fem.structure.structure import Structure, on_mesh
+
+
+def checked_joints(joints: Any) -> Sequence[Joint]:
+    """The joints as a sequence."""
+    items = [joints] if isinstance(joints, Joint) else joints
+    if not isinstance(items, Sequence) or isinstance(items, str):
+        raise InputError(f"joints must be a list of joints, as Tie or Hinge; got {shown(joints)}.")
+    for one in items:
+        if not isinstance(one, Joint):
+            raise InputError(f"joints must hold joints, as Tie or Hinge; got {shown(one)}.")
+    return items
+
+
+def checked_parts(parts: Any) -> dict[str, MeshedStructure]:
+    """Name -> the part."""
+    if not isinstance(parts, Mapping) or not parts:
+        raise InputError(f"parts must be a dict: name -> Structure; got {shown(parts)}.")
+    for name, part in parts.items():
+        if not isinstance(name, str) or not name or ":" in name:
+            raise InputError(f"a part's name must be a text without a colon; got {shown(name)}.")
+        if not isinstance(part, Structure):
+            raise InputError(f"the part {name!r} must be a Structure; got {shown(part)}.")
+        if part.matrices.assembled:
+            raise InputError(
+                f"the part {name!r} is an assembly itself: give its parts and joints instead."
+            )
+    text = "the part {!r} has no mesh: an assembly needs Structures of meshes."
+    return {name: on_mesh(part, text.format(name)) for name, part in parts.items()}
+
+
+def checked_places(members: Mapping[str, Any], at: Any) -> dict[str, Placement]:
+    """Name -> where the part stands."""
+    given = {} if at is None else at
+    if not isinstance(given, Mapping):
+        raise InputError(f"at must be a dict: name -> Placement or (x, y, z); got {shown(at)}.")
+    for name in given:
+        if not isinstance(name, str) or name not in members:
+            raise InputError(
+                f"at names {shown(name)}, which is no part; the parts are "
+                f"{', '.join(map(repr, members))}."
+            )
+    return {name: placement(name, given.get(name)) for name in members}
+
+
+def checked_points(members: Mapping[str, Any], points: Any) -> dict[str, Array]:
+    """Name -> coordinates (3,) of a reference point [m]."""
+    given = {} if points is None else points
+    if not isinstance(given, Mapping):
+        raise InputError(f"points must be a dict: name -> coordinates; got {shown(points)}.")
+    found = {}
+    for name, x in given.items():
+        if not isinstance(name, str) or not name or ":" in name:
+            raise InputError(f"a point's name must be a text without a colon; got {shown(name)}.")
+        if name in members:
+            raise InputError(f"{name!r} names both a part and a reference point.")
+        xs = array(f"points[{name!r}]", x, None)
+        if xs.shape not in ((2,), (3,)):
+            raise InputError(f"points[{name!r}] must be 2 or 3 numbers in m; got {shown(x)}.")
+        found[name] = np.pad(xs, (0, 3 - len(xs)))
+    return found
+
+
+def checked_attachments(attached: Any) -> Sequence[PointMass | Spring]:
+    """Masses and springs as a sequence."""
+    items = [attached] if isinstance(attached, PointMass | Spring) else attached
+    good = isinstance(items, Sequence) and all(isinstance(one, PointMass | Spring) for one in items)
+    if not good:
+        raise InputError(
+            f"attached must be a list of PointMass and Spring objects; got {shown(attached)}."
+        )
+    return list(items)
