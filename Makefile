@@ -1,6 +1,6 @@
 # Every target sets up what it needs, once; `make help` lists them.
 .DEFAULT_GOAL := help
-.PHONY: help setup demo article bench decks test check check-cores mutants test-trixie test-sid test-newest memcheck lint fmt clean
+.PHONY: help setup demo article bench decks validate test check check-cores mutants test-trixie test-sid test-newest memcheck lint fmt clean
 
 PYTHON := .venv/bin/python
 READY  := .venv/ready
@@ -33,6 +33,9 @@ article: $(READY) ## every claim of the article rerun: demos/ARTICLE.md and its 
 
 bench: $(READY) ## speed against accuracy: tables, pictures and JSON in demos/speed (about 20 minutes)
 	$(PYTHON) demos/speed_accuracy.py
+
+validate: $(READY) ## published tests in one table with pictures: docs/validation.md (about 2 minutes)
+	$(PYTHON) demos/validation/book.py
 
 decks: $(READY) ## the decks of Debian's calculix-ccx-test in one table: read, struck, refused; DECKS=folder
 	$(PYTHON) tests/decks/table.py $(DECKS)
