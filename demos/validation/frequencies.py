@@ -129,10 +129,10 @@ def compare(
 
 
 SHORT_SERIES = (
-    "the value of the book comes from a short Ritz series, which lies above the frequency of the "
-    "plate; converged series agree with ours within 0.4 % (`test_nafems_square_plates`)"
+    "The value of the book comes from a short Ritz series, which lies above the frequency of the "
+    "plate; converged series agree with ours within 0.4 % (`test_nafems_square_plates`)."
 )
-SHEAR = "the book neglects shear and rotary inertia of the arms, which lower this frequency"
+SHEAR = "The book neglects shear and rotary inertia of the arms, which lower this frequency."
 NAFEMS = "NAFEMS, The Standard NAFEMS Benchmarks, TNSB Rev. 3 (1990)"
 CASES = [
     Case(
