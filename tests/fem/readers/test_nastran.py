@@ -114,7 +114,7 @@ BAD = {
     "no nodes": ("CHEXA,1,1,1,2\n", "no nodes"),
     "unknown node": (GRIDS + "CROD,1,1,1,99\n", "line 9 .*CROD 1 has the node 99"),
     "twice": (CUBE + "CHEXA,1,1,1,2,3,4,5,6,\n,7,8\n", "element 1 is defined more than once"),
-    "grid twice": (CUBE + "GRID,1\n", "GRID 1 more than once"),
+    "grid twice": (CUBE + "GRID,2\n", "GRID 2 more than once"),
     "cut": (GRIDS + "CHEXA,1,1,1,2,3,4,5,6\n", "line 9 .*CHEXA 1 has the node 0"),
     "word": (CUBE.replace("1.,0.,0.", "one,0.,0."), "line 2 .*'one' is not a number"),
     "loop": (CUBE + "GRID,9,5\nCORD2R,5,5,0.,0.,0.,0.,0.,1.,\n,1.,0.,0.\n", "depends on itself"),
@@ -148,7 +148,6 @@ REFUSED = {
     "bush": (CUBE + SOLID + "CBUSH,9,9,1,2\nPBUSH,9,K,1.,2.\n", "between coincident nodes or"),
     "rod": (CUBE + SOLID + "CROD,9,9,1,2\n", "1 CROD elements"),
     "offset": (GRIDS + "CQUAD4,1,1,1,2,3,4,,.5\nPSHELL,1,1,.1,1\n" + SOLID[11:], "an offset or"),
-    "pins": (GRIDS + "CBAR,1,1,1,2,0.,0.,1.\n,4\nPBARL,1,1,,ROD\n,.1\n" + SOLID[11:], "pin flags"),
 }
 
 

@@ -19,7 +19,11 @@ PLACE = Place(Path("a deck"), 1)
 def nastran(name: str, kind: str, *dimensions: float) -> profiles.Profile:
     """A cross-section of PBARL or PBEAML; its height lies along the plane 1 of Nastran."""
     fields = ["1", "1", "", kind, "", "", "", "", *map(str, dimensions)]
-    return nastran_profiles.profile_of(Entry(name, PLACE, fields))[0]
+    return beam(name, fields).profile
+
+
+def beam(name: str, fields: list[str], s: float = 0.0) -> nastran_profiles.BeamProfile:
+    return nastran_profiles.BeamProfiles(Entry(name, PLACE, fields)).at(s)
 
 
 def abaqus(section: str, *dimensions: float) -> profiles.Profile:
@@ -65,6 +69,113 @@ SECTIONS = {
         lambda x, y: rectangle(3, 2, x, y) & ~rectangle(2.2, 1.6, x, y),
     ),
 }
+
+
+def slab(low, high, left, right):
+    return lambda x, y: (x > low) & (x < high) & (y > left) & (y < right)
+
+
+def union(*parts):
+    return lambda x, y: np.any([part(x, y) for part in parts], axis=0)
+
+
+#: type -> (a point at x upward and y sideward belongs to it, dimensions after the figures of the
+#: Nastran manuals)
+WALLS = {
+    "I": (
+        union(slab(-1.5, -1.2, -1, 1), slab(-1.2, 1.1, -0.1, 0.1), slab(1.1, 1.5, -0.6, 0.6)),
+        [3.0, 2.0, 1.2, 0.2, 0.3, 0.4],
+    ),
+    "I1": (
+        union(slab(-1.5, -1.2, -1, 1), slab(-1.2, 1.2, -0.1, 0.1), slab(1.2, 1.5, -1, 1)),
+        [1.8, 0.2, 2.4, 3.0],
+    ),
+    "T": (
+        union(slab(1.1, 1.5, -1, 1), slab(-1.5, 1.1, -0.15, 0.15)),
+        [2.0, 3.0, 0.4, 0.3],
+    ),
+    "T1": (
+        union(slab(-1.5, 1.5, -1, -0.6), slab(-0.15, 0.15, -0.6, 1.4)),
+        [3.0, 2.0, 0.4, 0.3],
+    ),
+    "T2": (
+        union(slab(-1.5, -1.1, -1, 1), slab(-1.1, 1.5, -0.15, 0.15)),
+        [2.0, 3.0, 0.4, 0.3],
+    ),
+    "CHAN": (
+        union(slab(-1.5, 1.5, -1, -0.8), slab(-1.5, -1.2, -1, 1), slab(1.2, 1.5, -1, 1)),
+        [2.0, 3.0, 0.2, 0.3],
+    ),
+    "CHAN1": (
+        union(slab(-1.5, 1.5, -1, -0.8), slab(-1.5, -1.2, -1, 1), slab(1.2, 1.5, -1, 1)),
+        [1.8, 0.2, 2.4, 3.0],
+    ),
+    "CHAN2": (
+        union(slab(-1, 1, -1.5, -1.2), slab(-1, 1, 1.2, 1.5), slab(-1, -0.8, -1.5, 1.5)),
+        [0.3, 0.2, 2.0, 3.0],
+    ),
+    "H": (
+        union(slab(-1, 1, -1.5, -1.2), slab(-1, 1, 1.2, 1.5), slab(-0.1, 0.1, -1.2, 1.2)),
+        [2.4, 0.6, 2.0, 0.2],
+    ),
+    "CROSS": (
+        union(slab(-1.5, 1.5, -0.1, 0.1), slab(-0.2, 0.2, -1, 1)),
+        [1.8, 0.2, 3.0, 0.4],
+    ),
+    "HAT": (
+        union(
+            slab(0.8, 1, -0.8, 0.8),
+            *(slab(-0.8, 0.8, a, a + 0.2) for a in (-0.8, 0.6)),
+            *(slab(-1, -0.8, a, a + 0.9) for a in (-1.5, 0.6)),
+        ),
+        [2.0, 0.2, 1.6, 0.7],
+    ),
+    "BOX1": (
+        lambda x, y: slab(-1.5, 1.5, -1, 1)(x, y) & ~slab(-1.3, 1.1, -0.9, 0.7)(x, y),
+        [2.0, 3.0, 0.4, 0.2, 0.1, 0.3],
+    ),
+    "HEXA": (
+        lambda x, y: (abs(x) < 0.75) & (abs(y) < 1.5 - abs(x) / 0.75 * 0.6),
+        [0.6, 3.0, 1.5],
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", WALLS)
+def test_sections_of_walls_are_those_of_the_figures(kind):
+    inside, dimensions = WALLS[kind]
+    profile = nastran("PBARL", kind, *dimensions)
+    n = 1600
+    at = (np.arange(n) + 0.5) / n * 4 - 2
+    within = inside(at[:, None], at) * (4 / n) ** 2
+    x, y = within.sum(axis=1), within.sum(axis=0)
+    A = within.sum()
+    assert pytest.approx(A, rel=3e-3) == profile.A
+    assert pytest.approx(at**2 @ x - (at @ x) ** 2 / A, rel=4e-3) == profile.I
+    assert profile.I_side == pytest.approx(at**2 @ y - (at @ y) ** 2 / A, rel=4e-3)
+    assert profile.height == pytest.approx(np.ptp(at[x > 0]), rel=3e-3)
+
+
+def test_a_section_is_turned_to_its_principal_axes():
+    """A rectangle turned by 30° about the beam's axis, from y to z."""
+    c, s = np.cos(np.pi / 6), np.sin(np.pi / 6)
+    first, second = 5.0, 2.0
+    I1, I2 = c * c * first + s * s * second, s * s * first + c * c * second
+    one = beam("PBAR", ["1", "1", "6.", f"{I1}", f"{I2}", "4.7", *12 * [""], f"{c * s * 3}"])
+    assert (one.profile.I, one.profile.I_side) == pytest.approx((first, second))
+    assert one.angle == pytest.approx(np.pi / 6)
+
+
+def test_sections_between_the_ends_are_linear():
+    """PBEAM with two stations; blank values at the end are those of the start."""
+    fields = ["1", "1", "6.", "4.", "2.", "", "1.", "", *8 * [""]]
+    fields += ["NO", "1.", "3.", "2.", "", "", "", "", "NO", ".5", "", "4.", "", "", "", "", ".8"]
+    at = [beam("PBEAM", fields, s).profile for s in (0.25, 0.75)]
+    assert [one.A for one in at] == pytest.approx([5.25, 3.75])
+    assert [one.I for one in at] == pytest.approx([4.0, 3.0])
+    assert [one.I_side for one in at] == pytest.approx([2.0, 2.0])
+    tapered = ["1", "1", "", "ROD", "", "", "", "", ".2", "", "YES", "1.", ".1"]
+    assert pytest.approx(np.pi * 0.01) == beam("PBEAML", tapered, 1.0).profile.A
 
 
 @pytest.mark.parametrize("name", SECTIONS)
@@ -123,24 +234,24 @@ def test_torsion_of_hollow_sections():
 
 def test_constants_of_the_general_sections():
     """PBAR: A, I1 (plane 1), I2, J; *BEAM GENERAL SECTION: A, I11, I12, I22, J about 1 and 2."""
-    bar, extra, sheared, *_ = nastran_profiles.profile_of(
-        Entry("PBAR", PLACE, ["1", "1", "6.", "4.5", "2.", "4.7", "0.3"])
-    )
-    assert (bar.A, bar.I, bar.I_side, bar.J, extra, sheared) == (6, 4.5, 2, 4.7, 0.3, False)
+    one = beam("PBAR", ["1", "1", "6.", "4.5", "2.", "4.7", "0.3"])
+    bar = one.profile
+    assert (bar.A, bar.I, bar.I_side, bar.J, one.extra, one.sheared) == (6, 4.5, 2, 4.7, 0.3, False)
     general = abaqus("GENERAL", 6.0, 2.0, 0.0, 4.5, 4.7)
     assert (general.A, general.I, general.I_side, general.J) == (6, 4.5, 2, 4.7)
     fields = ["1", "1", "6.", "4.5", "2.", "4.7", "0.3", *10 * [""]]
     fields[16:] = [".8", ".6"]
-    bar, _, sheared, *_ = nastran_profiles.profile_of(Entry("PBAR", PLACE, fields))
-    assert sheared
-    assert bar.shear == pytest.approx(0.7)
+    one = beam("PBAR", fields)
+    assert one.sheared
+    assert one.profile.shear == pytest.approx(0.7)
 
 
 def test_nonstructural_mass_follows_the_dimensions():
     for kind, count in nastran_profiles.DIMENSIONS.items():
-        own = [2.0, 1.9, 0.2, 0.1][:count] if kind != "TUBE" else [2.0, 1.5]
+        own = WALLS.get(kind, (None, [2.0, 1.9, 0.2, 0.1][:count]))[1]
+        own = {"TUBE": [2.0, 1.5], "HEXA": [0.4, 2.0, 1.0]}.get(kind, own)
         fields = ["1", "1", "", kind, "", "", "", "", *map(str, own), "0.7"]
-        assert nastran_profiles.profile_of(Entry("PBARL", PLACE, fields))[1] == 0.7
+        assert beam("PBARL", fields).extra == 0.7
 
 
 def test_unequal_walls_are_refused():

@@ -175,9 +175,16 @@ NASTRAN = {
     "continued": ("BEGIN BULK\n,1,2\n", "a continuation without an entry before it"),
     "components": (BLOCK + "SPC1,1,78,1\n", "'78' are not components from 1 to 6"),
     "letters": (BLOCK + "SPC1,1,xy,1\n", "'xy' are not components from 1 to 6"),
-    "offset mass": (BLOCK + "CONM2,9,1,0,1.,.1\n", "CONM2 with an offset"),
-    "products": (BLOCK + "CONM2,9,1,0,1.,,,,,\n,1.,.1,1.\n", r"products of inertia \(CONM2\)"),
-    "turned inertia": (BLOCK + SYSTEM + "CONM2,9,1,5,1.,,,,,\n,1.\n", "CONM2 is read in the basic"),
+    "negative mass": (BLOCK + "CONM2,9,1,0,-1.\n", "the mass or the inertia of CONM2 is negative"),
+    "negative inertia": (BLOCK + "CONM2,9,1,0,1.,,,,,\n,1.,5.,1.\n", "of CONM2 is negative"),
+    "cylindrical mass": (
+        BLOCK + SYSTEM.replace("CORD2R", "CORD2C") + "CONM2,9,1,5,1.,.1,,,,\n,1.\n",
+        "CONM2 is read in rectangular systems",
+    ),
+    "no PMASS": (BLOCK + "CMASS1,9,7,1,1\n", "CMASS1 has no PMASS 7"),
+    "no mass matrix": (BLOCK + "CONM1,9,1,,-1.\n", "CONM1 is not that of a mass"),
+    "a grid as a scalar point": (BLOCK + "SPOINT,3\n", "defines 3 as a GRID and as an SPOINT"),
+    "pins": (CBAR.replace("0.,0.,1.", "0.,0.,1.,,\n,17") + "PBARL,1,1,,ROD\n,.1\n", "flags '17'"),
     "no component": (BLOCK + "CELAS2,9,1.,1\n", "acts on a component from 1 to 6"),
     "no stiffness": (BLOCK + "CELAS2,9,,3,4\n", "line 13 .*field 3 of CELAS2 is empty"),
     "no node": (BLOCK + "CONM2,9,,,1.\n", "line 13 .*field 3 of CONM2 is empty"),
@@ -188,17 +195,25 @@ NASTRAN = {
         "CBUSH is read between coincident",
     ),
     "damped bushing": (BLOCK + "CBUSH,9,9,1\nPBUSH,9,B,1.\n", r"stiffnesses \(K\) alone"),
-    "mixed moment": (CBAR + "PBAR,1,1,1.,1.,1.,1.,,,\n,,,,,,,,,\n,,,.1\n", "I12 must be 0"),
+    "mixed moment": (
+        CBAR + "PBAR,1,1,1.,1.,1.,1.,,,\n,,,,,,,,,\n,,,1.5\n",
+        "above 0, and I12² below",
+    ),
     "no area": (CBAR + "PBAR,1,1,0.,1.,1.\n", "needs A, I1 and I2 above 0"),
     "no width": (CBAR + "PBARL,1,1,,BAR\n,0.,1.\n", "needs dimensions above 0"),
-    "a type": (CBAR + "PBARL,1,1,,I\n,1.,1.,1.,1.,.1,.1\n", "of the type 'I' is not supported"),
-    "tapered": (
-        CBAR.replace("CBAR", "CBEAM") + "PBEAM,1,1,1.,1.,1.,,1.,,\n,,,,,,,,,\n,YES,1.,2.,1.,1.\n",
-        "tapered beams .PBEAM. are",
+    "a type": (CBAR + "PBARL,1,1,,L\n,1.,1.,.1,.1\n", "of the type 'L' is not supported"),
+    "does not fit": (CBAR + "PBARL,1,1,,I\n,1.,1.,1.,1.,.6,.6\n", "do not fit into each other"),
+    "off the shear centre": (
+        CBAR.replace("CBAR", "CBEAM") + "PBEAML,1,1,,T\n,1.,1.,.1,.1\n",
+        "its neutral axis off the shear centre",
     ),
-    "tapered, listed": (
-        CBAR.replace("CBAR", "CBEAM") + "PBEAML,1,1,,ROD\n,.1,,YES,1.,.2\n",
-        "tapered beams .PBEAML.",
+    "neutral axis": (
+        CBAR.replace("CBAR", "CBEAM") + "PBEAM,1,1,1.,1.,1.,,1.,,\n,,,,,,,,,\n,,,,,,,,,\n,,,,,.1\n",
+        "neutral axis off the shear centre .N1, N2.",
+    ),
+    "half a taper": (
+        CBAR.replace("CBAR", "CBEAM") + "PBEAM,1,1,1.,1.,1.,,1.,,\n,,,,,,,,,\n,YES,.5,2.,1.,1.\n",
+        "PBEAM gives no section at X/XB = 1",
     ),
     "one constant": (BLOCK.replace("1.+9,,.3", ",,.3"), "MAT1 needs E, or G and NU"),
     "membrane": (QUAD + "PSHELL,1,1,.1\n", "without bending .MID2. is a membrane"),
@@ -218,9 +233,13 @@ NASTRAN = {
         CBAR.replace("0.,0.,1.", "1.,0.,0.") + "PBARL,1,1,,ROD\n,.1\n",
         "is missing, or along its axis",
     ),
-    "uneven offset": (
-        CBAR.replace("2,0.,0.,1.\n", "2,0.,0.,1.,GGG\n,,,0.,0.,.1\n") + "PBARL,1,1,,ROD\n,.1\n",
-        "the same at both ends",
+    "element's system": (
+        CBAR.replace("2,0.,0.,1.\n", "2,0.,0.,1.,GOO\n,,,0.,0.,.1\n") + "PBARL,1,1,,ROD\n,.1\n",
+        "offsets in the element's system",
+    ),
+    "no length": (
+        CBAR.replace("2,0.,0.,1.\n", "2,0.,0.,1.,,\n,,,1.,0.,0.\n") + "PBARL,1,1,,ROD\n,.1\n",
+        "has no length",
     ),
 }
 

@@ -3,7 +3,8 @@
 The displacements here are richer than those of a deck's elements. Where constraints determine all
 nodes of an edge or a face of a cell, the dofs between these nodes follow by the functions of the
 cell's map, by which the deck's own elements move there; where all nodes slide across one direction,
-so do the dofs between them.
+so do the dofs between them. Beams bend between their nodes: they follow where both nodes are of
+one rigid body.
 """
 
 from __future__ import annotations
@@ -37,8 +38,8 @@ def between_nodes(nodes: Nodes, equations: Sequence[Sequence[Term]], own: Sparse
             dependent.setdefault(motion, {}).setdefault(number, row)
     found = [nodes.layout.nothing(0)]
     for k in range(len(nodes.members)):
-        for motion, rows in dependent.items():
-            found += _followers(nodes, k, motion, rows, equations, own)
+        for motion in dependent:
+            found += _followers(nodes, k, motion, dependent, equations, own)
         for first, directions in sliding.items():
             found += _sliders(nodes, k, first, directions)
     return scipy.sparse.vstack(found).tocsr()
@@ -80,16 +81,17 @@ def _followers(
     nodes: Nodes,
     k: int,
     motion: int,
-    rows: Mapping[int, int],
+    dependent: Mapping[int, Mapping[int, int]],
     equations: Sequence[Sequence[Term]],
     own: Sparse,
 ) -> Iterator[Sparse]:
     """Dofs that are the weighted sum of what their nodes are by their constraints."""
-    leaders = {
-        node: {n for n, m, _ in equations[row][1:] if m == motion} for node, row in rows.items()
-    }
+    rows = dependent[motion]
+    beam = nodes.members[k].part.mesh.tdim == 1
     for column, numbers, weights in _dofs(nodes, k, motion, rows):
-        if not _determined(nodes, numbers, motion, rows, leaders):
+        if beam and not _in_one_body(numbers, dependent, equations, nodes.layout.plane):
+            continue
+        if not _determined(nodes, numbers, motion, rows, equations):
             continue
         total = nodes.layout.units(np.array([column]))
         for node, weight in zip(numbers, weights, strict=True):
@@ -100,17 +102,36 @@ def _followers(
         yield total.tocsr()
 
 
+def _in_one_body(
+    numbers: Sequence[int],
+    dependent: Mapping[int, Mapping[int, int]],
+    equations: Sequence[Sequence[Term]],
+    plane: bool,
+) -> bool:
+    """Whether all motions of nodes follow those of one point, which may be one of them."""
+    leaders: set[int] = set()
+    followers: list[set[int]] = []
+    for motion in (0, 1, 5) if plane else range(6):
+        own = dependent.get(motion, {})
+        followers.append({n for n in numbers if n in own})
+        leaders |= {term[0] for n in followers[-1] for term in equations[own[n]][1:]}
+    alike = all(one == followers[0] for one in followers)
+    return alike and len(leaders) == 1 and set(numbers) - followers[0] <= leaders
+
+
 def _determined(
     nodes: Nodes,
     numbers: Sequence[int],
     motion: int,
     rows: Mapping[int, int],
-    leaders: Mapping[int, set[int]],
+    equations: Sequence[Sequence[Term]],
 ) -> bool:
     """Whether each node is dependent, held, or leads all that are dependent."""
     dependent = [n for n in numbers if n in rows]
     others = set(numbers) - set(dependent)
-    if all(others <= leaders[n] for n in dependent):
+    if dependent and all(
+        others <= {n for n, m, _ in equations[rows[node]][1:] if m == motion} for node in dependent
+    ):
         return True
     return all(nodes.is_held(n, motion) for n in others)
 

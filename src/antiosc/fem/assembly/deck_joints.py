@@ -44,7 +44,9 @@ def joined(
     joints = model["joints"]
     points = {point_name(-1 - k): x for k, x in enumerate(joints["points"])}
     made: list[Joint] = [
-        NodeConstraints(joints["equations"], joints["elastic"], list(points), numbers)
+        NodeConstraints(
+            joints["equations"], joints["elastic"], list(points), numbers, joints["masses"]
+        )
     ]
     if len(parts) > 1:
         made.insert(0, SharedNodes(numbers, loose=True))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.sparse
@@ -24,6 +25,7 @@ class NodeConstraints(Joint):
     ----------
     equations : terms of each constraint; the first is the dependent motion.
     springs : (terms of a relative motion, stiffness in N/m).
+    masses : (terms of each of k motions, their mass matrix (k, k), kg).
     points : names of the reference points in the order of their numbers.
     numbers : part -> number of each node of its mesh, in the order in which they were read.
     """
@@ -32,6 +34,7 @@ class NodeConstraints(Joint):
     springs: Sequence[tuple[Sequence[Term], float]]
     points: Sequence[str]
     numbers: Mapping[str, IntArray]
+    masses: Sequence[tuple[Sequence[Sequence[Term]], Any, float]] = ()
     name: str | None = "constraints of the deck"
 
     def constraints(
@@ -55,11 +58,15 @@ class NodeConstraints(Joint):
         return rows
 
     def elastic(self, layout: Layout, label: str) -> list[Stiffness]:
-        """The springs."""
+        """The springs and the masses."""
         nodes = Nodes(layout, self.points, self.numbers)
-        return [
+        springs = [
             Stiffness(nodes.functionals([terms]), np.array([[stiffness]]), np.zeros((1, 1)))
             for terms, stiffness in self.springs
+        ]
+        return springs + [
+            Stiffness(nodes.functionals(rows), np.zeros((len(rows),) * 2), np.array(M), mass)
+            for rows, M, mass in self.masses
         ]
 
 

@@ -18,6 +18,8 @@ def merged(mesh: FileMesh, distance: float) -> FileMesh:
     """`mesh` with its nodes merged that are at most `distance` (m) apart."""
     n = len(mesh.points)
     pairs = cKDTree(mesh.points).query_pairs(distance, output_type="ndarray")
+    if mesh.model and mesh.model["apart"]:  # the released ends of beams
+        pairs = pairs[~np.isin(pairs, mesh.model["apart"]).any(axis=1)]
     graph = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(n, n))
     _, label = connected_components(graph, directed=False)
     _, first = np.unique(label, return_index=True)
@@ -45,4 +47,5 @@ def _renumbered(model: dict[str, Any], row: NDArray[Any]) -> dict[str, Any]:
     if joints:
         joints["equations"] = [new(terms) for terms in joints["equations"]]
         joints["elastic"] = [[new(terms), k] for terms, k in joints["elastic"]]
+        joints["masses"] = [[[*map(new, rows)], M, mass] for rows, M, mass in joints["masses"]]
     return {**model, "joints": joints}

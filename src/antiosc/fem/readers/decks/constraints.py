@@ -34,10 +34,14 @@ class Constraints:
     equations: list[list[Term]] = field(default_factory=list)
     #: (terms, stiffness): springs between motions
     springs: list[tuple[list[Term], float]] = field(default_factory=list)
+    #: (motions as lists of terms, mass matrix of these, mass): masses on motions
+    masses: list[tuple[list[list[Term]], Array, float]] = field(default_factory=list)
     #: what a motion of a node stands for: those of a rotation node are rotations of another
     alias: dict[tuple[int, int], tuple[int, int]] = field(default_factory=dict)
     #: coordinates of points beyond the nodes of the deck
     more: list[Array] = field(default_factory=list)
+    #: points with six motions at nodes of solids
+    leaders: dict[int, int] = field(default_factory=dict)
     #: motions along directions of its own of a node: rows
     frames: dict[int, Array] = field(default_factory=dict)
 
@@ -48,10 +52,21 @@ class Constraints:
 
     def equation(self, terms: Iterable[Term], place: Place) -> None:
         """Σ coefficient × motion = 0; motions of nodes with a frame are along its directions."""
+        self._sum_is_zero(
+            [
+                (*own, coefficient * value)
+                for node, motion, coefficient in terms
+                for own, value in self._along_axes(node, motion)
+            ],
+            place,
+        )
+
+    def _sum_is_zero(self, terms: Iterable[Term], place: Place) -> None:
+        """Σ coefficient × motion = 0 along the axes of the deck."""
         found: dict[tuple[int, int], float] = {}
         for node, motion, coefficient in terms:
-            for own, value in self._along_axes(node, motion):
-                found[own] = found.get(own, 0.0) + coefficient * value
+            own = self.alias.get((node, motion), (node, motion))
+            found[own] = found.get(own, 0.0) + coefficient
         largest = max(map(abs, found.values()), default=0.0)
         kept = [(*own, c) for own, c in found.items() if abs(c) > NEGLIGIBLE_TERM * largest]
         for node, motion, _ in kept:
@@ -99,9 +114,9 @@ class Constraints:
 
     def leader(self, node: int, turns: int | None = None) -> int:
         """A point with six motions at a node; its rotations are the displacements of `turns`."""
-        point = node
-        if self._used(node) and not self.turning[node]:
-            point = self.point(self.place(node))
+        point = self.leaders.get(node, node)
+        if point == node and self._used(node) and not self.turning[node]:
+            self.leaders[node] = point = self.point(self.place(node))
             for c in range(3):
                 self.equations.append([(node, c, 1.0), (point, c, -1.0)])
         if turns is not None and turns != node:
@@ -109,21 +124,59 @@ class Constraints:
                 self.alias[turns, c] = (point, 3 + c)
         return point
 
-    def rigid(self, nodes: IntArray, leader: int, motions: Sequence[int], place: Place) -> None:
-        """Motions (of 0 to 5) of nodes follow those of a point as a rigid body."""
+    def rigid(
+        self,
+        nodes: IntArray,
+        leader: int,
+        motions: Sequence[int],
+        place: Place,
+        own: bool = False,
+    ) -> None:
+        """Motions (of 0 to 5) of nodes follow those of a point as a rigid body.
+
+        `own`: motions along the directions of a node's own, where it has such.
+        """
         x = self.place(leader)
-        for node in nodes:
-            if int(node) == leader:
+        for node in map(int, nodes):
+            if node == leader:
                 continue
-            r = self.place(int(node)) - x
+            r = self.place(node) - x
             arm = np.array([[0, r[2], -r[1]], [-r[2], 0, r[0]], [r[1], -r[0], 0]])  # θ × r
-            for c in motions:
-                if c >= 3:
-                    if not self._used(int(node)) or self.turning[node]:
-                        self.equations.append([(int(node), c, 1.0), (leader, c, -1.0)])
+            for first in (0, 3):
+                if first and self._used(node) and not self.turning[node]:
                     continue
-                turned = [(leader, 3 + k, -float(arm[c, k])) for k in range(3) if arm[c, k]]
-                self.equations.append([(int(node), c, 1.0), (leader, c, -1.0), *turned])
+                for pivot, along in self._directions(node, motions, first, own):
+                    terms = [(node, first + pivot, float(along[pivot]))]
+                    rest = [k for k in range(3) if along[k]]
+                    terms += [(node, first + k, float(along[k])) for k in rest if k != pivot]
+                    terms += [(leader, first + k, -float(along[k])) for k in rest]
+                    if not first:
+                        turned = along @ arm
+                        terms += [(leader, 3 + k, -float(turned[k])) for k in range(3) if turned[k]]
+                    self.equations.append(terms)
+
+    def _directions(
+        self, node: int, motions: Sequence[int], first: int, own: bool
+    ) -> list[tuple[int, Array]]:
+        """(the dependent axis, direction) of each of some motions; the axes differ."""
+        some = [c - first for c in motions if first <= c < first + 3]
+        if not own or node not in self.frames or len(some) == 3:
+            return [(k, np.eye(3)[k]) for k in some]
+        rows = self.frames[node][some].copy()
+        pivots: list[int] = []
+        for i in range(len(rows)):
+            # the same plane of directions, each with an axis that the others lack
+            left = np.abs(rows[i:]).copy()
+            left[:, pivots] = 0.0
+            j, pivot = np.unravel_index(int(np.argmax(left)), left.shape)
+            rows[[i, i + int(j)]] = rows[[i + int(j), i]]
+            rows[i] /= rows[i, pivot]
+            for k in range(len(rows)):
+                if k != i:
+                    rows[k] -= rows[k, pivot] * rows[i]
+            pivots.append(int(pivot))
+        rows[np.abs(rows) < NEGLIGIBLE] = 0.0
+        return list(zip(pivots, rows, strict=True))
 
     def mean(
         self, follower: int, motions: Sequence[int], nodes: IntArray, weights: Array, place: Place
@@ -151,11 +204,14 @@ class Constraints:
                 f"{place}: the nodes whose mean motion is taken lie on one line, so that their "
                 "rotation is not known; take more nodes, or displacements alone at their centre."
             )
-        for c in motions:
-            table = moves[c] if c < 3 else turns[c - 3]
-            pairs = [(p, k) for p in range(len(nodes)) for k in range(3)]
-            terms = [(int(nodes[p]), k, -float(table[p, k])) for p, k in pairs]
-            self.equation([(follower, c, 1.0), *terms], place)
+        pairs = [(p, k) for p in range(len(nodes)) for k in range(3)]
+        for first, table in ((0, moves), (3, turns)):
+            for pivot, along in self._directions(follower, motions, first, own=True):
+                followed = sorted(np.flatnonzero(along), key=lambda k: k != pivot)
+                mean = np.einsum("i,ipk->pk", along, table)
+                terms = [(follower, first + int(k), float(along[k])) for k in followed]
+                terms += [(int(nodes[p]), k, -float(mean[p, k])) for p, k in pairs]
+                self._sum_is_zero(terms, place)
 
     def loose(self) -> list[int]:
         """Nodes of no element, and further points, that constraints and springs act on."""
@@ -163,8 +219,9 @@ class Constraints:
         return sorted(node for node in nodes if not self._used(node))
 
     def every(self) -> list[list[Term]]:
-        """The terms of all constraints and springs."""
-        return [*self.equations, *(terms for terms, _ in self.springs)]
+        """The terms of all constraints, springs and masses."""
+        masses = [terms for rows, _, _ in self.masses for terms in rows]
+        return [*self.equations, *(terms for terms, _ in self.springs), *masses]
 
     def finished(self, units: UnitSystem) -> dict[str, Any]:
         """In SI units, as JSON holds it; the k-th point has the number -1 - k."""
@@ -180,6 +237,10 @@ class Constraints:
             "elastic": [
                 [scaled(terms), stiffness * units.force / length]
                 for terms, stiffness in self.springs
+            ],
+            "masses": [
+                [[[[number.get(n, n), m, c] for n, m, c in terms] for terms in rows], M.tolist(), m]
+                for rows, M, m in self.masses
             ],
             "points": [[float(c) * length for c in self.place(node)] for node in loose],
         }

@@ -91,8 +91,12 @@ class ModelBuilder:
     of_element: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     #: name of each family's group of elements
     names: list[str] = field(default_factory=list)
-    masses: list[Any] = field(default_factory=list)
-    springs: list[Any] = field(default_factory=list)
+    #: (node, place, kg, [kg m²])
+    masses: list[tuple[int, Place, float, list[float]]] = field(default_factory=list)
+    #: (node, place, {motion: stiffness}), to the ground
+    springs: list[tuple[int, Place, dict[str, float]]] = field(default_factory=list)
+    #: nodes that stay apart from others in their place
+    apart: list[int] = field(default_factory=list)
     #: what is ignored, in the deck's terms
     ignored: list[str] = field(default_factory=list)
 
@@ -187,21 +191,41 @@ class ModelBuilder:
 
     def mass(self, node: int, mass: float, inertia: list[float], place: Place) -> None:
         """A point mass in the deck's units."""
-        self.masses.append(
-            [
-                self._point(node, "a mass", place),
-                mass * self.units.mass,
-                [value * self.units.mass * self.units.length**2 for value in inertia],
-            ]
-        )
+        scaled = [value * self.units.mass * self.units.length**2 for value in inertia]
+        self.masses.append((node, place, mass * self.units.mass, scaled))
+
+    def body(self, node: int, matrix: Array, mass: float, place: Place) -> None:
+        """A mass matrix (6, 6) of the motions of a node along the axes, in the deck's units.
+
+        A node of solids has no rotations: its rotary inertia stays at rest.
+        """
+        size = np.array([1.0] * 3 + [self.units.length] * 3)
+        M = matrix * np.outer(size, size) * self.units.mass
+        own = [self.joints.alias.get((node, c), (node, c)) for c in range(6)]
+        point = own[0][0]
+        if point < len(self.used) and self.used[point] and not self.turning[point]:
+            if M[3:, 3:].any():
+                self.ignored.append(f"inertia ({place}) on a node of solids, which does not turn")
+            M = np.where(np.add.outer(np.arange(6) >= 3, np.arange(6) >= 3), 0.0, M)
+        kept = np.flatnonzero(M.any(axis=1))
+        rows: list[list[Term]] = [[(*own[c], 1.0)] for c in kept]
+        if rows:
+            self.joints.masses.append((rows, M[np.ix_(kept, kept)], mass * self.units.mass))
+
+    def scalar_mass(self, terms: list[Term], value: float, mass: float) -> None:
+        """A mass on a sum of motions, of which `mass` counts, in the deck's units."""
+        unit = self.units.mass
+        alias = self.joints.alias
+        own = [(*alias.get((n, m), (n, m)), c) for n, m, c in terms]
+        if any(n >= len(self.used) or self.used[n] or not self.fixed[n, m] for n, m, _ in own):
+            self.joints.masses.append(([own], np.array([[value * unit]]), mass * unit))
 
     def spring(self, node: int, motion: int, stiffness: float, place: Place) -> None:
         """A grounded spring in the deck's units."""
         unit = self.units.force / self.units.length
         if motion >= 3:
             unit = self.units.force * self.units.length
-        point = self._point(node, "a spring", place)
-        self.springs.append([point, {MOTIONS[motion]: stiffness * unit}])
+        self.springs.append((node, place, {MOTIONS[motion]: stiffness * unit}))
 
     def sprung(self, terms: Sequence[Term], stiffness: float, place: Place) -> None:
         """A spring against the sum of terms, in the deck's units; fixed motions drop out."""
@@ -215,16 +239,37 @@ class ModelBuilder:
         elif moving:
             self.joints.springs.append((moving, stiffness))
 
-    def _point(self, node: int, what: str, place: Place) -> list[float] | int:
-        """Coordinates in m; of a point of no element that constraints act on its number."""
+    def _attach(self) -> None:
+        """Masses and grounded springs as those between numbered nodes."""
+        masses, self.masses = self.masses, []
+        springs, self.springs = self.springs, []
+        size = self.units.length
+        for node, place, mass, inertia in masses:
+            if not self.used[node] and self.fixed[node, :3].all():
+                self.ignored.append(f"a mass on a held node of no element ({place})")
+                continue
+            self._check(node, "a mass", place)
+            own = np.diag([mass] * 3 + [value / size**2 for value in inertia])
+            self.body(node, own / self.units.mass, mass / self.units.mass, place)
+        for node, place, stiffness in springs:
+            self._check(node, "a spring", place)
+            for name, value in stiffness.items():
+                motion = MOTIONS.index(name)
+                unit = self.units.force * (size if motion >= 3 else 1 / size)
+                end = self.joints.alias.get((node, motion), (node, motion))
+                self.joints.springs.append(([(*end, 1.0)], value / unit))
+
+    def _check(self, node: int, what: str, place: Place) -> None:
+        """MeshError for a node that nothing holds."""
         node = self.joints.alias.get((node, 0), (node, 0))[0]
-        loose = self.joints.loose()
-        if node in loose:
-            return -1 - loose.index(node)
-        if not self.used[node]:
+        if not (node < len(self.used) and self.used[node]) and node not in self.joints.loose():
             raise MeshError(
                 f"{place}: {what} acts on a node of no element with a section; add the section."
             )
+
+    def _point(self, node: int, what: str, place: Place) -> list[float]:
+        """Coordinates of a node in m."""
+        self._check(node, what, place)
         return [float(c) * self.units.length for c in self.deck.points[node]]
 
     def finished(self, roles: Sequence[str]) -> dict[str, Any]:
@@ -242,10 +287,12 @@ class ModelBuilder:
                 f"{self.deck.name} has {' and '.join(sorted(present))} elements in one structure; "
                 "plane elements are read alone: give each kind a deck of its own."
             )
-        joints = self.joints.finished(self.units)
-        stiffened = present == {"shell", "beam"} and not joints["equations"] and self._on_edges()
+        stiffened = present == {"shell", "beam"} and not self.joints.every() and self._on_edges()
         several = len(present) > 1 and not stiffened
-        joined = several or bool(joints["equations"] or joints["elastic"] or joints["points"])
+        joined = several or bool(self.joints.every())
+        if joined:
+            self._attach()
+        joints = self.joints.finished(self.units)
         groups = []
         for number, (name, family) in enumerate(zip(self.names, self.families, strict=True)):
             elements = np.flatnonzero(self.of_element == number)
@@ -254,19 +301,22 @@ class ModelBuilder:
             given = self.deck.element_sets.get(name)
             if given is None or not np.array_equal(given, elements):
                 name = f"{name} ({family.place})"
+                if name in self.deck.element_sets:
+                    name = f"{name} {number}"
                 self.deck.element_sets[name] = elements
             groups.append([name, family.kind, family.arguments, str(family.place)])
         count = 2 if not present <= JOINED else 3 if present == {"solid"} else 6
         return {
             "families": groups,
             "supports": self._supports(count),
-            "masses": self.masses,
-            "springs": self.springs,
+            "masses": [[self._point(n, "a mass", at), *own] for n, at, *own in self.masses],
+            "springs": [[self._point(n, "a spring", at), own] for n, at, own in self.springs],
             "ignored": self.ignored,
             "gdim": 2 if count == 2 else 3,
             "halve": "beam" in present and not stiffened,
             "joined": joined,
             "joints": joints,
+            "apart": self.apart,
             "held_points": self._held_points(count == 2),
         }
 
@@ -284,10 +334,6 @@ class ModelBuilder:
         """[[number of a point of no element, motions]] that are fixed, or that nothing acts on."""
         loose = self.joints.loose()
         acting = {(n, m) for terms in self.joints.every() for n, m, _ in terms}
-        for at, mass, inertia in self.masses:
-            if isinstance(at, int):
-                acting |= {(loose[-1 - at], m) for m in range(3) if mass}
-                acting |= {(loose[-1 - at], 3 + m) for m in range(3) if inertia[m]}
         found: dict[int, set[str]] = {}
         for k, node in enumerate(loose):
             found[-1 - k] = {MOTIONS[m] for m in range(6) if (node, m) not in acting}

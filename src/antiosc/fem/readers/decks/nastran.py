@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -62,6 +63,11 @@ class NastranDeck:
     #: system of the displacements at each node: row -> number, where it is not the basic one
     systems_of: dict[int, int] = field(default_factory=dict)
     systems: Systems | None = None
+    #: what is special about elements that are beams, by their number
+    beams: dict[int, Any] = field(default_factory=dict)
+    #: entries GRID in the order of the rows, and the rows of scalar points, which follow them
+    grids: list[Entry] = field(default_factory=list)
+    scalar: dict[int, int] = field(default_factory=dict)
 
     def named(self, *names: str) -> list[Entry]:
         """All entries of these names."""
@@ -73,6 +79,25 @@ class NastranDeck:
         if row < 0:
             raise MeshError(f"{place}: there is no GRID {label}.")
         return row
+
+    def scalar_ends(self, entry: Entry) -> list[tuple[int, int]]:
+        """(row, motion 0 to 5) of the ends of CELAS and CMASS; the ground is left out."""
+        pairs = [(2, 3), (4, 5)] if entry.name[-1] in "12" else [(2, None), (3, None)]
+        found = []
+        for k, component in pairs:
+            if not entry.whole(k, 0):
+                continue
+            row = self.row(entry.whole(k), entry.place)
+            motion = entry.whole(component, 0) - 1 if component is not None else -1
+            if row in self.scalar and motion in (-1, 0):
+                motion = 0
+            elif not 0 <= motion < 6 or row in self.scalar:
+                raise MeshError(
+                    f"{entry.place}: {entry.name} acts on a component from 1 to 6 of a GRID, or on "
+                    "a scalar point."
+                )
+            found.append((row, motion))
+        return found
 
     def frame(self, row: int, place: Place) -> Array:
         """Directions of the displacements at a node, as rows."""
@@ -86,8 +111,9 @@ def read(path: Path, name: str, on_size: Callable[[int], None] = lambda size: No
     """The deck in a file; `on_size` is called with the number of bytes read."""
     bulk = bulk_data(Sources(path, name, on_size))
     found = _nodes(bulk, name)
+    _defaults(found)
     _elements(found)
-    _groups(found)
+    set_groups(found)
     return found
 
 
@@ -99,16 +125,18 @@ def _nodes(bulk: Bulk, name: str) -> NastranDeck:
     if not grids:
         raise MeshError(f"{name} defines no nodes (GRID).")
     default = next((entry for entry in bulk.entries if entry.name == "GRDSET"), None)
+    grids = _once(grids, name)
     labels = np.array([grid.whole(0) for grid in grids], dtype=np.int64)
-    numbers, count = np.unique(labels, return_counts=True)
-    if (count > 1).any():
-        raise MeshError(f"{name} defines the GRID {numbers[count > 1][0]} more than once.")
-    nodes = Numbering(labels)
+    scalar = _scalar_points(bulk)
+    both = np.intersect1d(labels, scalar)
+    if len(both):
+        raise MeshError(f"{name} defines {both[0]} as a GRID and as an SPOINT.")
+    nodes = Numbering(np.concatenate([labels, scalar]))
     placed: dict[int, Array] = {}
 
     def position(label: int, place: Place) -> Array:
         row = int(nodes.rows(np.array([label]))[0])
-        if row < 0:
+        if not 0 <= row < len(grids):
             raise MeshError(f"{place}: there is no GRID {label}.")
         if row not in placed:
             grid = grids[row]
@@ -119,12 +147,39 @@ def _nodes(bulk: Bulk, name: str) -> NastranDeck:
 
     systems = Systems(bulk.entries, position)
     points = np.array([position(grid.whole(0), grid.place) for grid in grids])
-    found = NastranDeck(Deck(name, points), bulk, nodes, systems=systems)
+    points = np.vstack([points, np.zeros((len(scalar), 3))])
+    found = NastranDeck(Deck(name, points), bulk, nodes, systems=systems, grids=grids)
+    found.scalar = {len(grids) + k: int(label) for k, label in enumerate(scalar)}
     for row, grid in enumerate(grids):
         number = _given(grid, 5, default)
         if number:
             found.systems_of[row] = number
     return found
+
+
+def _once(grids: list[Entry], name: str) -> list[Entry]:
+    """Each GRID once; MeshError for two that differ."""
+    first: dict[int, Entry] = {}
+    for grid in grids:
+        known = first.setdefault(grid.whole(0), grid)
+        if any(known.text(k) != grid.text(k) for k in range(8)):
+            raise MeshError(
+                f"{grid.place}: {name} defines the GRID {grid.whole(0)} more than once, first "
+                f"otherwise in {known.place}."
+            )
+    return list(first.values())
+
+
+def _scalar_points(bulk: Bulk) -> IntArray:
+    """Numbers of the scalar points."""
+    numbers: set[int] = set()
+    for entry in bulk.entries:
+        if entry.name == "SPOINT":
+            for first, last in through(entry.fields, entry.place):
+                if last - first > 10_000_000:
+                    raise MeshError(f"{entry.place}: SPOINT from {first} to {last}.")
+                numbers.update(range(first, last + 1))
+    return np.array(sorted(numbers), dtype=np.int64)
 
 
 def _given(grid: Entry, k: int, default: Entry | None) -> int:
@@ -135,6 +190,21 @@ def _given(grid: Entry, k: int, default: Entry | None) -> int:
 
 
 # --- Elements -------------------------------------------------------------------------------------
+
+
+def _defaults(found: NastranDeck) -> None:
+    """Blank fields of CBAR and CBEAM are those of BAROR and BEAMOR."""
+    for name, given in (("CBAR", "BAROR"), ("CBEAM", "BEAMOR")):
+        default = next(iter(found.named(given)), None)
+        if default is None:
+            continue
+        for entry in found.named(name):
+            entry.fields += [""] * (8 - len(entry.fields))
+            if not entry.text(1):
+                entry.fields[1] = default.text(1)
+            if not any(entry.text(k) for k in (4, 5, 6)):
+                entry.fields[4:7] = [default.text(k) for k in (4, 5, 6)]
+            entry.fields[7] = entry.text(7) or default.text(7)
 
 
 def _elements(found: NastranDeck) -> None:
@@ -208,7 +278,7 @@ def property_of(entry: Entry) -> int:
 # --- Groups ---------------------------------------------------------------------------------------
 
 
-def _groups(found: NastranDeck) -> None:
+def set_groups(found: NastranDeck) -> None:
     """Elements by property (its number, and its name if a comment gives one), nodes by SPC."""
     numbers = np.array([property_of(entry) for entry in found.elements], dtype=np.int64)
     for number in np.unique(numbers[numbers > 0]):

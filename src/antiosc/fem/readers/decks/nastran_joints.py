@@ -29,7 +29,7 @@ def read_joints(found: NastranDeck, builder: ModelBuilder) -> None:
         if entry.whole(0) in wanted:
             _mpc(found, builder, entry)
     constants = {entry.whole(0): entry for entry in found.named("PELAS", "PBUSH")}
-    for entry in found.named("CELAS1", "CELAS2"):
+    for entry in found.named("CELAS1", "CELAS2", "CELAS3", "CELAS4"):
         _scalar(found, builder, entry, constants)
     for entry in found.named("CBUSH"):
         _bush(found, builder, entry, constants)
@@ -67,28 +67,15 @@ def _nodes(found: NastranDeck, entry: Entry, words: list[str]) -> list[int]:
     return rows
 
 
-def _refuse_turned(found: NastranDeck, entry: Entry, rows: list[int], motions: list[int]) -> None:
-    """MeshError for single components along directions of the nodes' own."""
-    whole = all(set(motions) >= set(some) or not set(motions) & set(some) for some in _HALVES)
-    if not whole and any(row in found.systems_of for row in rows):
-        raise MeshError(
-            f"{entry.place}: {entry.name} acts on single components of nodes with a displacement "
-            "system (CD), which is not supported; join all of 123 or 456."
-        )
-
-
-_HALVES = ((0, 1, 2), (3, 4, 5))
-
-
 def _rbe2(found: NastranDeck, builder: ModelBuilder, entry: Entry) -> None:
     motions = _motions(entry, entry.text(2))
     words = [entry.text(k) for k in range(3, len(entry.fields)) if entry.text(k)]
     if words and "." in words[-1]:
         words.pop()  # the coefficient of thermal expansion
     rows = _nodes(found, entry, words)
-    _refuse_turned(found, entry, rows, motions)
     leader = builder.joints.leader(found.row(entry.whole(1), entry.place))
-    builder.joints.rigid(np.array(rows, dtype=np.int64), leader, motions, entry.place)
+    followers = np.array(rows, dtype=np.int64)
+    builder.joints.rigid(followers, leader, motions, entry.place, own=True)
 
 
 def _rbar(found: NastranDeck, builder: ModelBuilder, entry: Entry) -> None:
@@ -101,9 +88,8 @@ def _rbar(found: NastranDeck, builder: ModelBuilder, entry: Entry) -> None:
     if set(leads) != set("123456") or follows:
         raise MeshError(f"{entry.place}: RBAR is read with CNA or CNB = 123456 only.")
     motions = _motions(entry, dependent) if dependent else list(ALL)
-    _refuse_turned(found, entry, [second], motions)
     leader = builder.joints.leader(first)
-    builder.joints.rigid(np.array([second]), leader, motions, entry.place)
+    builder.joints.rigid(np.array([second]), leader, motions, entry.place, own=True)
 
 
 def _rbe3(found: NastranDeck, builder: ModelBuilder, entry: Entry) -> None:
@@ -143,10 +129,10 @@ def _mpc(found: NastranDeck, builder: ModelBuilder, entry: Entry) -> None:
     for start in range(1, len(entry.fields), 8):
         for k in (start, start + 3):
             if entry.text(k):
-                motion = entry.whole(k + 1, 1) - 1
+                row = found.row(entry.whole(k), entry.place)
+                motion = 0 if row in found.scalar else entry.whole(k + 1, 1) - 1
                 if not 0 <= motion < 6:
                     raise MeshError(f"{entry.place}: MPC acts on components from 1 to 6.")
-                row = found.row(entry.whole(k), entry.place)
                 terms.append((row, motion, entry.real(k + 2)))
     if not terms or not terms[0][2]:
         raise MeshError(f"{entry.place}: the first term of MPC needs a coefficient.")
@@ -159,20 +145,14 @@ def _mpc(found: NastranDeck, builder: ModelBuilder, entry: Entry) -> None:
 def _scalar(
     found: NastranDeck, builder: ModelBuilder, entry: Entry, constants: dict[int, Entry]
 ) -> None:
-    stiffness = entry.real(1, None) if entry.name == "CELAS2" else None
+    stiffness = entry.real(1, None) if entry.name in ("CELAS2", "CELAS4") else None
     if stiffness is None:
         own = constants.get(entry.whole(1, entry.whole(0)))
         if own is None or own.name != "PELAS":
             raise MeshError(f"{entry.place}: {entry.name} has no PELAS.")
         stiffness = own.real(1, None)
     terms: list[tuple[int, Array, int, float]] = []
-    for k, sign in ((2, 1.0), (4, -1.0)):
-        if not entry.text(k) or not entry.whole(k):
-            continue
-        motion = entry.whole(k + 1, 0) - 1
-        if not 0 <= motion < 6:
-            raise MeshError(f"{entry.place}: {entry.name} acts on a component from 1 to 6.")
-        row = found.row(entry.whole(k), entry.place)
+    for (row, motion), sign in zip(found.scalar_ends(entry), (1.0, -1.0), strict=False):
         frame = found.frame(row, entry.place)
         terms.append((row, frame[motion % 3], 3 * (motion // 3), sign))
     if not terms:

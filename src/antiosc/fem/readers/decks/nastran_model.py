@@ -13,12 +13,19 @@ from typing import Any
 import numpy as np
 
 from antiosc.errors import MeshError
+from antiosc.fem.readers.decks import nastran_beams as beams
 from antiosc.fem.readers.decks.deck import IntArray, Place
 from antiosc.fem.readers.decks.geometry import fixed_along_axes
 from antiosc.fem.readers.decks.model import ModelBuilder
-from antiosc.fem.readers.decks.nastran import NastranDeck, constraints, is_other, spc_sets
-from antiosc.fem.readers.decks.nastran_cards import Entry
+from antiosc.fem.readers.decks.nastran import (
+    NastranDeck,
+    constraints,
+    is_other,
+    set_groups,
+    spc_sets,
+)
 from antiosc.fem.readers.decks.nastran_joints import read_joints
+from antiosc.fem.readers.decks.nastran_masses import read_masses
 from antiosc.fem.readers.decks.nastran_sections import Properties, materials_of
 from antiosc.fem.readers.unit_system import UnitSystem
 
@@ -30,7 +37,6 @@ REFUSED_ENTRIES = {
     "BSURFS": "contact",
     "DMIG": "a matrix",
     "CSUPER": "a superelement",
-    "SPOINT": "a scalar point",
     "EPOINT": "an extra point",
 }
 #: Loads, which are ignored.
@@ -39,7 +45,10 @@ LOAD_ENTRIES = (
     *("DLOAD", "DAREA", "ACCEL", "DEFORM", "SLOAD"),
 )
 #: Elements that are read besides cells.
-TAKEN = ("CONM2", "CELAS1", "CELAS2", "CBUSH", "RBE2", "RBE3", "RBAR", "PLOTEL")
+TAKEN = (
+    *("CONM1", "CONM2", "CMASS1", "CMASS2", "CMASS3", "CMASS4", "CELAS1", "CELAS2", "CELAS3"),
+    *("CELAS4", "CBUSH", "RBE2", "RBE3", "RBAR", "PLOTEL"),
+)
 
 
 def model_of(found: NastranDeck, units: UnitSystem, density: float | None) -> dict[str, Any]:
@@ -53,6 +62,8 @@ def model_of(found: NastranDeck, units: UnitSystem, density: float | None) -> di
                 "result; remove it from the deck, or model the part without it."
             )
     materials, ignored = materials_of(found)
+    ends = beams.divide(found)
+    set_groups(found)
     builder = ModelBuilder(found.deck, units, density)
     factor = _mass_factor(found)
     for material in materials.values():
@@ -62,8 +73,8 @@ def model_of(found: NastranDeck, units: UnitSystem, density: float | None) -> di
     builder.with_roles(properties.roles)
     _supports(found, builder)
     read_joints(found, builder)
-    for entry in found.named("CONM2"):
-        _mass(found, builder, entry, factor)
+    beams.join(builder, ends)
+    read_masses(found, builder, factor)
     found.deck.left.clear()
     counts = Counter(e.name for e in found.bulk.entries if e.name.startswith(LOAD_ENTRIES))
     loads = [f"{count} {name}" for name, count in sorted(counts.items())]
@@ -84,7 +95,7 @@ def _mass_factor(found: NastranDeck) -> float:
 
 def _supports(found: NastranDeck, builder: ModelBuilder) -> None:
     default = next(iter(found.named("GRDSET")), None)
-    for row, grid in enumerate(found.named("GRID")):
+    for row, grid in enumerate(found.grids):
         permanent = grid.text(6) or (default.text(6) if default else "")
         if permanent:
             _fix(found, builder, np.array([row]), permanent, grid.place)
@@ -111,10 +122,13 @@ def _selected(found: NastranDeck) -> list[int]:
 def _fix(
     found: NastranDeck, builder: ModelBuilder, rows: IntArray, components: str, place: Place
 ) -> None:
+    components = components or "0"
     if not components.isdigit() or not set(components) <= set("0123456"):
         raise MeshError(f"{place}: {components!r} are not components from 1 to 6.")
     motions = sorted({int(c) - 1 for c in components} - {-1})
-    plain = [row for row in rows if int(row) not in found.systems_of]
+    scalar = np.array([row for row in rows if int(row) in found.scalar], dtype=np.int64)
+    builder.fix(scalar, [0])
+    plain = [row for row in rows if int(row) not in (found.systems_of | found.scalar)]
     builder.fix(np.array(plain, dtype=np.int64), motions)
     for row in rows:
         if int(row) in found.systems_of:
@@ -125,19 +139,3 @@ def _fix(
                 if along is None:
                     along = builder.joints.fixed_rows(int(row), frame[own], first)
                 builder.fix(np.array([row]), [first + int(k) for k in np.flatnonzero(along)])
-
-
-# --- Masses ---------------------------------------------------------------------------------------
-
-
-def _mass(found: NastranDeck, builder: ModelBuilder, entry: Entry, factor: float) -> None:
-    if any(entry.real(k) for k in (4, 5, 6)):
-        raise MeshError(f"{entry.place}: CONM2 with an offset is not supported.")
-    if any(entry.real(k) for k in (9, 11, 12)):
-        raise MeshError(f"{entry.place}: products of inertia (CONM2) are not supported.")
-    row = found.row(entry.whole(1), entry.place)
-    inertia = [entry.real(k) * factor for k in (8, 10, 13)]
-    if any(inertia) and entry.whole(2, 0):
-        raise MeshError(f"{entry.place}: inertia of CONM2 is read in the basic system only.")
-    if entry.real(3) or any(inertia):
-        builder.mass(row, entry.real(3) * factor, inertia, entry.place)

@@ -12,8 +12,9 @@ from antiosc.fem.readers.decks.deck import Array, IntArray
 from antiosc.fem.readers.decks.geometry import common_direction, normals_of, tangents_of
 from antiosc.fem.readers.decks.model import Family, Material, ModelBuilder, isotropic
 from antiosc.fem.readers.decks.nastran import BEAMS, SHELLS, SOLIDS, NastranDeck, property_of
+from antiosc.fem.readers.decks.nastran_beams import PLAIN, offset_along, orientation
 from antiosc.fem.readers.decks.nastran_cards import Entry
-from antiosc.fem.readers.decks.nastran_profiles import profile_of
+from antiosc.fem.readers.decks.nastran_profiles import BeamProfiles
 
 PROPERTIES = ("PSOLID", "PSHELL", "PCOMP", "PBAR", "PBARL", "PBEAM", "PBEAML")
 
@@ -259,73 +260,54 @@ class Properties:
     # --- Beams ------------------------------------------------------------------------------------
 
     def _beams(self, entry: Entry, name: str, elements: IntArray) -> None:
-        """Add the elements of one property, grouped by orientation and offset."""
-        profile, extra, sheared, told = profile_of(entry)
-        self.ignored += told
-        self._tell_beside(entry, extra)
+        """Add the elements of one property, grouped by place, orientation and offset."""
+        along = BeamProfiles(entry)
+        self.ignored += along.told
         material = self._material(entry, 1)
         E, nu = self.builder.elastic(material, "beams")
         units = self.builder.units
-        rho = self.builder.rho(material) + self._beside(extra, profile.A)
+        density = self.builder.rho(material)
         length = units.length
-        section = {
-            "A": profile.A * length**2,
-            "I": profile.I * length**4,
-            "I_side": profile.I_side * length**4,
-            "J": profile.J * length**4,
-            "shear": profile.shear,
-        }
         tangents = tangents_of(self.found.deck, elements)
         apart: dict[tuple[float, ...], list[int]] = {}
+        beams = self.found.beams
         for element, tangent in zip(elements, tangents, strict=True):
-            height, offset = self._height(self.found.elements[element], tangent)
-            key = (*np.round(height, 9).tolist(), round(offset, 12))
+            beam = beams.get(int(element), PLAIN)
+            own = self.found.elements[element]
+            height = orientation(self.found, own, tangent)
+            offset = 0.0 if beam.moved else offset_along(self.found, own, height)
+            key = (*np.round(height, 9).tolist(), round(offset, 12), beam.middle)
             apart.setdefault(key, []).append(int(element))
         for key, some in apart.items():
+            one = along.at(key[4])
+            self._tell_beside(entry, one.extra)
+            profile = one.profile
+            height = np.array(key[:3])
+            if one.angle:
+                if key[3]:
+                    raise MeshError(
+                        f"{entry.place}: {entry.name} with I12 and with offsets of its elements is "
+                        "not supported; rotate the section to its principal axes."
+                    )
+                side = np.cross(tangents_of(self.found.deck, np.array(some[:1]))[0], height)
+                height = math.cos(one.angle) * height + math.sin(one.angle) * side
             arguments: dict[str, Any] = {
                 "E": E,
                 "nu": nu,
-                "rho": rho,
-                "section": section,
-                "orientation": list(key[:3]),
+                "rho": density + self._beside(one.extra, profile.A),
+                "section": {
+                    "A": profile.A * length**2,
+                    "I": profile.I * length**4,
+                    "I_side": profile.I_side * length**4,
+                    "J": profile.J * length**4,
+                    "shear": profile.shear,
+                },
+                "orientation": height.tolist(),
                 "offset": key[3] * length,
-                "shear": sheared,
+                "shear": one.sheared,
             }
             label = name if len(apart) == 1 else f"{name} along {key[:3]}"
             self.builder.add(label, np.array(some), Family("Beam", arguments, entry.place))
-
-    def _height(self, entry: Entry, tangent: Array) -> tuple[Array, float]:
-        """(direction of plane 1 across the axis, offset of the centroid along it)."""
-        if entry.text(8) or entry.text(9):
-            raise MeshError(f"{entry.place}: pin flags of {entry.name} are not supported.")
-        a = self.found.row(entry.whole(2), entry.place)
-        frame = self.found.frame(a, entry.place)
-        if entry.text(4) and not entry.text(5) and not entry.text(6) and "." not in entry.text(4):
-            other = self.found.row(entry.whole(4), entry.place)
-            v = self.found.deck.points[other] - self.found.deck.points[a]
-        else:
-            v = np.array([entry.real(k) for k in (4, 5, 6)])
-            if entry.text(7).upper()[:1] != "B":
-                v = v @ frame
-        v = v - (v @ tangent) * tangent
-        size = float(np.linalg.norm(v))
-        if size < 1e-9:
-            raise MeshError(
-                f"{entry.place}: the orientation of {entry.name} {entry.whole(0)} is missing, or "
-                "along its axis."
-            )
-        v = v / size
-        ends = np.array([entry.real(k) for k in range(10, 16)]).reshape(2, 3)
-        if not ends.any():
-            return v, 0.0
-        w = ends[0] @ frame
-        offset = float(w @ v)
-        if not np.allclose(ends[0], ends[1]) or np.linalg.norm(w - offset * v) > 1e-6 * abs(offset):
-            raise MeshError(
-                f"{entry.place}: offsets of {entry.name} are supported where they are the same at "
-                "both ends and along the orientation."
-            )
-        return v, offset
 
 
 def _role(name: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -89,3 +90,55 @@ def box(height: float, width: float, walls: tuple[float, float, float, float]) -
         height,
         width,
     )
+
+
+#: A rectangle: from and to along the height, from and to across it
+Wall = tuple[float, float, float, float]
+
+
+def walled(walls: Sequence[Wall], torsion: float | None = None) -> Profile:
+    """Rectangles that touch each other, symmetric about the height or the axis across it.
+
+    Torsion of thin open walls, Σ l t³/3, if it is not given. ValueError if a wall has no width.
+    """
+    low, high, left, right = np.array(walls, dtype=float).T
+    h, w = high - low, right - left
+    if min(h.min(), w.min()) <= 0:
+        raise ValueError("a wall without a width")
+    A = h * w
+    y, z = (low + high) / 2, (left + right) / 2
+    y, z = y - A @ y / A.sum(), z - A @ z / A.sum()
+    return Profile(
+        float(A.sum()),
+        float(np.sum(w * h**3 / 12 + A * y**2)),
+        float(np.sum(h * w**3 / 12 + A * z**2)),
+        torsion or float(np.sum(np.maximum(h, w) * np.minimum(h, w) ** 3) / 3),
+        WALLS,
+        float(high.max() - low.min()),
+        float(right.max() - left.min()),
+    )
+
+
+def box_torsion(
+    width: float, height: float, top: float, bottom: float, left: float, right: float
+) -> float:
+    """Bredt's torsion constant of a rectangular tube with four walls."""
+    w, h = width - (left + right) / 2, height - (top + bottom) / 2
+    return 4 * (w * h) ** 2 / (w / top + w / bottom + h / left + h / right)
+
+
+def hexagon(height: float, width: float, tip: float) -> Profile:
+    """A full hexagon: a rectangle between two triangles with tips of this length.
+
+    ValueError if the triangles fill it.
+    """
+    flat = width - 2 * tip
+    if flat < 0:
+        raise ValueError("the tips are wider than the hexagon")
+    area = height * (flat + tip)
+    upright = flat * height**3 / 12 + tip * height**3 / 24
+    # ∫ z² over the rectangle, and over two triangles of which the base lies at flat/2
+    away = flat / 2 + tip / 3
+    across = height * flat**3 / 12 + 2 * (height * tip**3 / 36 + height * tip / 2 * away**2)
+    polar = upright + across
+    return Profile(area, upright, across, area**4 / (40 * polar), RECTANGLE, height, width)

@@ -1,0 +1,191 @@
+"""Ends of beams, masses beside their nodes and scalar points of Nastran decks as structures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.linalg
+import scipy.sparse as sp
+
+pytest.importorskip("dolfinx")
+
+import antiosc as ao
+
+pytestmark = pytest.mark.fem
+
+E, NU, RHO, R, L = 2e11, 0.3, 7800.0, 0.05, 1.0
+A, I = np.pi * R**2, np.pi * R**4 / 4  # noqa: E741
+GA = 0.9 * E / 2.6 * A
+BAR = f"PBARL,1,1,,ROD\n,{R}\n"
+MATERIAL = f"MAT1,1,{E},,{NU},{RHO}\n"
+
+
+def read(folder: Path, text: str, **options) -> ao.Structure:
+    path = folder / "part.bdf"
+    path.write_text(text)
+    return ao.read_model(path, **options)
+
+
+def line(count: int, more: str = "", name: str = "CBAR") -> str:
+    """Beams along x over the length L each, plane 1 upright."""
+    grids = "".join(f"GRID,{k + 1},,{k * L},0.,0.\n" for k in range(count + 1))
+    bars = "".join(f"{name},{k + 1},1,{k + 1},{k + 2},0.,0.,1.{more}\n" for k in range(count))
+    return grids + bars + MATERIAL
+
+
+def k0(part: ao.Structure, point, direction) -> float:
+    return ao.extract(part, ao.Site(point, direction), n=2).k0
+
+
+def omegas(part: ao.Structure, count: int = 8) -> np.ndarray:
+    """Lowest ω² of a supported structure, dense; M has zeros at fixed dofs."""
+    K, M = (
+        sp.csr_matrix(m.getValuesCSR()[::-1], shape=m.getSize()).toarray() for m in (part.K, part.M)
+    )
+    values = scipy.linalg.eigvalsh((M + M.T) / 2, (K + K.T) / 2)
+    return 1 / values[::-1][:count]
+
+
+# --- Pins, offsets, taper -------------------------------------------------------------------------
+
+CLAMPED = "SPC1,1,123456,1,3\n"
+TIP = L**3 / (3 * E * I) + L / GA  # of a cantilever
+
+
+@pytest.mark.parametrize("pins", ["56,", ",56"])
+def test_a_hinge_between_two_bars(tmp_path, pins):
+    """Moments are released at one end in the middle: two cantilevers beside each other."""
+    own = line(2).replace("CBAR,2,1,2,3,0.,0.,1.", "CBAR,2,1,2,3,0.,0.,1.,,\n,56")
+    if pins == ",56":
+        own = line(2).replace("CBAR,1,1,1,2,0.,0.,1.", "CBAR,1,1,1,2,0.,0.,1.,,\n,,56")
+    part = read(tmp_path, own + BAR + CLAMPED)
+    assert part.mass == pytest.approx(RHO * A * 2 * L, rel=1e-12)
+    for direction in ((0, 0, 1), (0, 1, 0)):
+        assert k0(part, (L, 0, 0), direction) == pytest.approx(2 / TIP, rel=1e-8)
+    assert k0(part, (L, 0, 0), (1, 0, 0)) == pytest.approx(2 * E * A / L, rel=1e-8)
+
+
+def test_a_pin_releases_one_plane_alone(tmp_path):
+    """Flag 6 turns about z, the axis across plane 1 where that is x-y."""
+    text = line(2).replace("0.,0.,1.", "0.,1.,0.")
+    own = text.replace("CBAR,2,1,2,3,0.,1.,0.", "CBAR,2,1,2,3,0.,1.,0.,,\n,6")
+    part = read(tmp_path, own + BAR + CLAMPED)
+    assert k0(part, (L, 0, 0), (0, 1, 0)) == pytest.approx(2 / TIP, rel=1e-8)
+    stiff = 192 * E * I / (2 * L) ** 3
+    assert k0(part, (L, 0, 0), (0, 0, 1)) == pytest.approx(
+        1 / (1 / stiff + 2 * L / (4 * GA)), rel=1e-8
+    )
+
+
+@pytest.mark.parametrize("name", ["CBAR", "CBEAM"])
+def test_a_bar_off_its_nodes_bends_under_an_axial_force(tmp_path, name):
+    """Offsets askew to the orientation; a spring k at the node, e beside the end that is struck."""
+    e, k = 0.2, 1e8
+    spring = f"CELAS2,9,{k},2,1\nSPC1,1,123456,1\n"
+    own = line(1, f",,\n,,,0.,{e},0.,0.,{e},0.", name) + BAR + spring
+    part = read(tmp_path, own if name == "CBAR" else own.replace("PBARL", "PBEAML"))
+    along, turned = L / (E * A), L / (E * I)
+    compliance = along - along**2 / (1 / k + along + e**2 * turned)
+    assert k0(part, (L, e, 0), (1, 0, 0)) == pytest.approx(1 / compliance, rel=1e-8)
+
+
+def test_a_bar_longer_than_the_distance_of_its_nodes(tmp_path):
+    """An offset along the axis at one end; the spring acts through a rigid arm."""
+    k = 1e7
+    own = line(1, ",,\n,,,0.,0.,0.,1.,0.,0.") + BAR + f"CELAS2,9,{k},2,3\nSPC1,1,123456,1\n"
+    part = read(tmp_path, own)
+    assert part.mass == pytest.approx(RHO * A * 2 * L, rel=1e-12)
+    a, b = 2 * L, L
+    tip = a**3 / (3 * E * I) + a / GA
+    slope, turn = a**2 / (2 * E * I), a / (E * I)
+    both = tip - b * slope  # of the arm's end under a force at the tip
+    arm = tip - 2 * b * slope + b**2 * turn
+    compliance = tip - both**2 / (1 / k + arm)
+    assert k0(part, (2 * L, 0, 0), (0, 0, 1)) == pytest.approx(1 / compliance, rel=1e-8)
+
+
+def test_a_tapered_beam_is_integrated_along_its_axis(tmp_path):
+    """∫ (L − x)²/EI + 1/kGA dx of A, I linear from the root to the tip."""
+    own = f"PBEAM,1,1,{A},{I},{I},,{2 * I},,\n,,,,,,,,,\n,NO,1.,{A / 2},{I / 4},{I / 4},,{I / 2}\n"
+    part = read(tmp_path, line(1, name="CBEAM") + own + "SPC1,1,123456,1\n")
+    x, w = np.polynomial.legendre.leggauss(40)
+    x, w = (x + 1) / 2 * L, w / 2 * L
+    shear = E / 2.6 * A * (1 - x / 2)
+    bending = w @ ((L - x) ** 2 / (E * I * (1 - 0.75 * x / L)) + 1 / shear)
+    assert k0(part, (L, 0, 0), (0, 0, 1)) == pytest.approx(1 / bending, rel=2e-3)
+    assert part.mass == pytest.approx(RHO * A * 0.75 * L, rel=1e-9)
+
+
+# --- Masses ---------------------------------------------------------------------------------------
+
+INERTIA = "2.,.3,3.,-.2,.4,4."
+
+
+def test_a_mass_beside_its_node_is_one_on_a_rigid_arm(tmp_path):
+    """CONM2 with an offset and products of inertia, against RBE2 to a node there."""
+    root = line(2) + BAR + "SPC1,1,123456,1\n"
+    offset = root + f"CONM2,9,3,,50.,.1,.2,.3,,\n,{INERTIA}\n"
+    there = "GRID,9,,2.1,.2,.3\nRBE2,8,3,123456,9\n"
+    arm = root + there + f"CONM2,9,9,,50.,,,,,\n,{INERTIA}\n"
+    first, second = read(tmp_path, offset), read(tmp_path, arm)
+    assert first.mass == pytest.approx(RHO * A * 2 * L + 50, rel=1e-12)
+    assert omegas(first) == pytest.approx(omegas(second), rel=1e-8)
+    plain = read(tmp_path, root + "CONM2,9,3,,50.\n")
+    assert abs(omegas(plain)[0] / omegas(first)[0] - 1) > 1e-3
+
+
+@pytest.mark.parametrize("system", ["5", "-1"])
+def test_a_mass_in_a_system_of_its_own(tmp_path, system):
+    """Turned by 90° about z: x of the system is y, y is −x; −1 gives the place itself."""
+    root = line(2) + BAR + "SPC1,1,123456,1\n"
+    turned = "CORD2R,5,,0.,0.,0.,0.,0.,1.,\n,0.,1.,0.\n"
+    plain = root + f"CONM2,9,3,,50.,.1,.2,.3,,\n,{INERTIA}\n"
+    own = "CONM2,9,3,5,50.,.2,-.1,.3,,\n,3.,-.3,2.,.4,.2,4.\n"
+    if system == "-1":
+        own = f"CONM2,9,3,-1,50.,2.1,.2,.3,,\n,{INERTIA}\n"
+    first, second = read(tmp_path, plain), read(tmp_path, root + turned + own)
+    assert omegas(first) == pytest.approx(omegas(second), rel=1e-9)
+
+
+def test_scalar_masses_and_points(tmp_path):
+    """Three CMASS2 are one CONM2; a mass on a spring from a scalar point is an absorber."""
+    root = line(2) + BAR + "SPC1,1,123456,1\n"
+    masses = "".join(f"CMASS2,{20 + c},50.,3,{c}\n" for c in (1, 2, 3))
+    matrix = "CONM1,9,3,,50.,,50.,,,\n,50.\n"
+    expected = omegas(read(tmp_path, root + "CONM2,9,3,,50.\n"))
+    for own in (masses, matrix):
+        part = read(tmp_path, root + own)
+        assert part.mass == pytest.approx(RHO * A * 2 * L + 50, rel=1e-12)
+        assert omegas(part) == pytest.approx(expected, rel=1e-9)
+    k, m = 1e5, 2.0
+    absorber = f"SPOINT,100\nCELAS2,30,{k},3,3,100\nCMASS4,31,{m},100\n"
+    part = read(tmp_path, root + absorber)
+    held = read(tmp_path, root + absorber + "SPC1,1,,100\n")
+    assert k0(held, (2 * L, 0, 0), (0, 0, 1)) == pytest.approx(
+        k + k0(read(tmp_path, root), (2 * L, 0, 0), (0, 0, 1)), rel=1e-9
+    )
+    # far above the beam's first frequency the absorber hangs on a fixed point
+    low = omegas(part, 3)
+    assert abs(low - k / m).min() < 0.1 * k / m
+
+
+def test_an_rbe2_follows_the_directions_of_its_nodes(tmp_path):
+    """One direction of a node's own, askew to the axes: held there, the tip is a roller."""
+    system = "CORD2R,5,,0.,0.,0.,0.,0.,1.,\n,.8,.6,0.\n"
+    text = line(2).replace(f"GRID,3,,{2 * L},0.,0.", f"GRID,3,,{2 * L},0.,0.,5")
+    held = "GRID,9,,2.,0.,0.\nSPC1,1,123456,1,9\n"
+    both = [
+        read(tmp_path, system + text + BAR + held + f"RBE2,8,9,{own},3\n")
+        for own in ("2", "13", "456")
+    ]
+    spc = [
+        read(tmp_path, system + text + BAR + f"SPC1,1,123456,1\nSPC1,1,{own},3\n")
+        for own in ("2", "13", "456")
+    ]
+    for first, second in zip(both, spc, strict=True):
+        for direction in ((0.3, 1, 0.2), (0, 0, 1)):
+            assert k0(first, (L, 0, 0), direction) == pytest.approx(
+                k0(second, (L, 0, 0), direction), rel=1e-8
+            )
