@@ -47,7 +47,7 @@ INNER = {
 #: What functions return: antiosc alone makes them.
 RESULTS = {
     *("Advice", "Batch", "BeamModes", "Energy", "History", "ImpactMap"),
-    *("BodyHistory", "ContactHistory", "SceneHistory"),
+    *("BodyHistory", "ContactHistory", "SceneHistory", "StructureModes"),
 }
 #: Where NaN stands for "no such number", as the documentation says.
 NONE_IS_NAN = {"restitution", "error"}
@@ -378,6 +378,7 @@ OWN: dict[str, dict[str, Any]] = {
     "AntiOscillators.dynamic_stiffness": {"omega": 1e3}, "ModalBody.receptance": {"omega": 1e3},
     "closed_form.StruckBeam.dynamic_stiffness": {"omega": 1e3},
     "ImpactMap.plot": {"quantity": "k0", "path": "map.png"}, "ImpactMap.write": {"path": "map.vtu"},
+    "StructureModes.write": {"path": "modes.vtu"},
     "closed_form.BeamModes.field": {"coordinates": [0.1]}, "from_free_modes": {"compliance": 1e-6},
     "closed_form.SupportedLaminate": {
         "A": DIAGONAL, "B": 0 * DIAGONAL, "D": 1e-5 * DIAGONAL, "S": 1e7 * np.eye(2),
@@ -400,6 +401,7 @@ OWN: dict[str, dict[str, Any]] = {
 
 SELVES: dict[str, Callable[[], Any]] = {
     "AntiOscillators": model, "History": history, "ImpactMap": surface_map, "Structure": part,
+    "StructureModes": lambda: part().natural_modes(2),
     "Mesh": mesh, "StruckBeam": struck, "BeamModes": modes_of_beam,
     "UniformBeam": beam, "Sphere": sphere, "RigidMass": lambda: ao.RigidMass(0.1),
     "Obstacle": lambda: ao.Obstacle(), "Impactor": lambda: ao.Impactor(model()),

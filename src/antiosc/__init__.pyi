@@ -90,6 +90,10 @@ from antiosc.fem.elements.solid import (
 from antiosc.fem.extraction.extract import (
     extract as extract,
 )
+from antiosc.fem.extraction.natural_modes import (
+    StructureModes as StructureModes,
+    natural_modes as natural_modes,
+)
 from antiosc.fem.extraction.superposition import (
     full as full,
     superposition as superposition,

@@ -59,7 +59,7 @@ def write_frames(
             names = []
             for number, field in enumerate(fields):
                 names.append(f"{target.stem}_{number:04d}.vtu")
-                files.write_through(staging / names[-1], frames.content("displacement", field))
+                files.write_through(staging / names[-1], frames.content({"displacement": field}))
             if os.path.lexists(target):
                 old = _listed(target)
                 files.write_text(target, _collection(times[:0], []), "the series")

@@ -10,8 +10,9 @@ from __future__ import annotations
 import base64
 import sys
 import zlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
+from xml.sax.saxutils import escape
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,9 +55,12 @@ class Frames:
         ]
         self._before = "".join(parts).encode()
 
-    def content(self, name: str, field: Array) -> bytes:
-        """A file of the mesh with one field (n, 3) at its points."""
-        own = _element(name, np.asarray(field, dtype=float), level=0)
+    def content(self, fields: Mapping[str, Array]) -> bytes:
+        """A file of the mesh with fields, numbers (n,) or vectors (n, 3), at its points."""
+        own = "".join(
+            _element(escape(name, {'"': "&quot;"}), np.asarray(field, dtype=float), level=0)
+            for name, field in fields.items()
+        )
         end = "</PointData>\n</Piece>\n</UnstructuredGrid>\n</VTKFile>\n"
         return b"".join([self._before, own.encode(), end.encode()])
 

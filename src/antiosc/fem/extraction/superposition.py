@@ -199,7 +199,7 @@ def _check_arguments(structure: Structure, site: Site) -> None:
 
 def _seen(structure: Structure, where: Functional, static: StaticMode, modes: Modes) -> Modes:
     """The modes that move the site, equal frequencies merged, the rigid-body one in front."""
-    _check(structure, modes)
+    check_modes(structure, modes)
     b = dot(structure.comm, modes.phi, where.b)
     along = 0.0 if static.rigid is None else static.rigid[1]
     shares = shares_of_receptance(np.append(along, b), np.append(0.0, modes.omega**2))
@@ -216,7 +216,7 @@ def _seen(structure: Structure, where: Functional, static: StaticMode, modes: Mo
     return Modes(omega, phi, modes.complete)
 
 
-def _check(structure: Structure, modes: Modes) -> None:
+def check_modes(structure: Structure, modes: Modes) -> None:
     """M-orthogonality and residual, measured; AccuracyError beyond CHECK."""
     k_phi, m_phi = multiply(structure.K, modes.phi), multiply(structure.M, modes.phi)
     gram = dot(structure.comm, modes.phi, m_phi)

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
     from antiosc.fem.elements.weak_form import Family
+    from antiosc.fem.extraction.natural_modes import StructureModes
     from antiosc.fem.mesh.mesh import Mesh
     from antiosc.fem.structure.attachments import PointMass, Spring
     from antiosc.fem.structure.meshed import MeshedStructure
@@ -320,6 +321,12 @@ class Structure:
     def describe(self) -> str:
         """One line: what was modelled and with how many dofs."""
         return self.matrices.describe(self.dofs)
+
+    def natural_modes(self, n: int = 10) -> StructureModes:
+        """The n lowest natural modes on its supports; see `antiosc.natural_modes`."""
+        from antiosc.fem.extraction.natural_modes import natural_modes
+
+        return natural_modes(self, n)
 
     def __getattr__(self, name: str) -> Any:
         """What the matrices know besides: those of a mesh have `mesh`, `form` and `parts`."""
