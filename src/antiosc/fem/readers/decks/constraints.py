@@ -175,7 +175,7 @@ class Constraints:
                 if k != i:
                     rows[k] -= rows[k, pivot] * rows[i]
             pivots.append(int(pivot))
-        rows[np.abs(rows) < NEGLIGIBLE] = 0.0
+        rows[np.abs(rows) < NEGLIGIBLE_TERM] = 0.0
         return list(zip(pivots, rows, strict=True))
 
     def mean(
