@@ -3,35 +3,95 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections.abc import Sequence
 
 from antiosc import info
 from antiosc.errors import AntioscError
 
+#: What each command on a scene file does.
+COMMANDS = {
+    "new": "write a commented scene file to start from",
+    "check": "look for mistakes in a scene file, without meshing",
+    "run": "simulate the impact of a scene file",
+    "sweep": "simulate the impact for each value of the section [sweep]",
+    "map": "simulate the impact at every point of the section [map]",
+    "schema": "print the JSON schema of scene files, for editors",
+}
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one subcommand and return the exit code; antiosc's own errors become one line."""
-    options = _parser().parse_args(arguments)
+    parser = _parser()
+    options = parser.parse_args(arguments)
+    if not hasattr(options, "run"):
+        parser.print_help()
+        return 0
     try:
-        return options.run(options)
+        return int(options.run(options))
     except AntioscError as error:
-        print(f"antiosc: {error}", file=sys.stderr)
+        _tell(error)
         return 1
+    except BrokenPipeError:  # the reader of the output has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    except KeyboardInterrupt:
+        print("antiosc: interrupted", file=sys.stderr)
+        return 130
+
+
+def _tell(error: AntioscError) -> None:
+    """An error on the first rank; the sentences of a scene file begin with its name."""
+    from antiosc.scene_file.problems import SceneFileError
+    from antiosc.scene_file.run import rank
+
+    if rank() == 0:
+        head = "" if isinstance(error, SceneFileError) else "antiosc: "
+        print(f"{head}{error}", file=sys.stderr)
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="antiosc", description="Impacted structures as anti-oscillators."
+        prog="antiosc",
+        description="Impacts on structures by anti-oscillators, from scene files in TOML.",
+        epilog="To begin: antiosc new scene.toml. docs/scene_files.md describes scene files.",
     )
     parser.add_argument("--version", action="version", version=f"antiosc {info.version()}")
-    commands = parser.add_subparsers(title="commands", required=True, metavar="command")
-
-    about = commands.add_parser(
-        "info", help="versions, BLAS and solvers found here, and how to get what is missing"
-    )
-    about.set_defaults(run=_info)
+    commands = parser.add_subparsers(title="commands", metavar="command")
+    for name, about in COMMANDS.items():
+        command = commands.add_parser(name, help=about, description=f"{about.capitalize()}.")
+        command.set_defaults(run=_on_scene_file, command=name)
+        if name != "schema":
+            command.add_argument("file", metavar="FILE", help="the scene file, such as scene.toml")
+        if name == "new":
+            command.add_argument(
+                "part", metavar="PART", nargs="?", help="the mesh, CAD file or deck that is struck"
+            )
+        if name in ("run", "sweep", "map"):
+            _results(command)
+    found = "versions, BLAS and solvers found here, and how to get what is missing"
+    commands.add_parser("info", help=found).set_defaults(run=_info)
     return parser
+
+
+def _results(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--out", metavar="FOLDER", help="where the files of [output] go")
+    command.add_argument(
+        "--python", action="store_true", help="print the equivalent program instead of running"
+    )
+    command.add_argument(
+        "--dry-run",
+        action="store_true",
+        help="print what would be computed and what it costs, instead of running",
+    )
+
+
+def _on_scene_file(options: argparse.Namespace) -> int:
+    from antiosc.scene_file import commands
+
+    options.command = getattr(commands, options.command)
+    return commands.guarded(options)
 
 
 def _info(_options: argparse.Namespace) -> int:

@@ -1,0 +1,398 @@
+"""Tables of a scene file as calls; every mistake is noted, with what the key may hold."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+from antiosc import checks
+from antiosc.errors import AntioscError, InputError, MissingDependencyError
+from antiosc.scene_file.kinds import NUMBER, Kind, words
+from antiosc.scene_file.locations import Place
+from antiosc.scene_file.parameters import (
+    RULES,
+    WITHHELD,
+    Parameter,
+    parameters,
+    resolved,
+    takes,
+)
+from antiosc.scene_file.problems import label, listed, nearest, unknown
+from antiosc.scene_file.program import Call, Evaluation, Name
+from antiosc.scene_file.read import Document
+from antiosc.scene_file.sections import constructors_of
+
+#: The key that chooses one of several classes or constructors.
+KIND = "kind"
+#: Numbers that are written as texts with a unit, as "70 GPa" or "5 mm".
+_WITH_UNIT = re.compile(r"\s*[-+]?[\d.]+(e[-+]?\d+)?\s*[^\d\s.][\S]*\s*", re.IGNORECASE)
+#: Largest list of a scene file.
+LONGEST = 200_000
+#: A sound modulus, density, length and Poisson's ratio, in place of one that is not.
+STAND_IN = 0.3
+
+
+class Mistake(Exception):
+    """A value that cannot be taken; its sentence is noted already."""
+
+
+class Builder:
+    """Makes calls of the tables of one document, and notes the mistakes in them."""
+
+    def __init__(self, document: Document) -> None:
+        self.document = document
+        self.problems = document.problems
+
+    def call(
+        self,
+        makes: Sequence[str],
+        table: Any,
+        place: Place,
+        *,
+        given: Mapping[str, Any] | None = None,
+        withheld: Sequence[str] = (),
+        on: Mapping[str, tuple[str, Name]] | None = None,
+    ) -> Call | None:
+        """The call that a table describes, or None if it is wrong.
+
+        Parameters
+        ----------
+        makes : what `kind` chooses from.
+        given : arguments from other sections, as expressions.
+        withheld : parameters that other sections give, or nothing.
+        on : "ball.hertz" -> (class and method, the variable): methods that `kind` may name.
+        """
+        if not isinstance(table, dict):
+            self.problems.add(
+                place, f"{label(place)} must be a table of keys; got {checks.shown(table)}."
+            )
+            return None
+        try:
+            function, target = self._function(makes, table, place, on or {})
+            known = {n: p for n, p in parameters(function).items() if n not in withheld}
+        except MissingDependencyError as error:
+            self.problems.add(place, f"{label(place)} cannot be used here: {error}")
+            return None
+        except Mistake:
+            return None
+        arguments = dict(given or {})
+        sound = self._values(known, table, place, arguments, function)
+        lacking = self._lacking(known, table, place, arguments)
+        made = Call(f"ao.{function}", arguments, place)
+        if target is not None:
+            made = replace(made, function=function.split(".")[-1], on=target)
+        whole = sound and not lacking and all(v is not None for v in arguments.values())
+        if target is None and _light(function):
+            whole &= self._values_tried(made, known, table, whole)
+        return made if whole else None
+
+    def _lacking(
+        self,
+        known: Mapping[str, Parameter],
+        table: Mapping[str, Any],
+        place: Place,
+        arguments: Mapping[str, Any],
+    ) -> list[str]:
+        """Needed keys that are missing; noted, unless a key that does not exist means them."""
+        missing = [n for n, p in known.items() if p.needed and n not in arguments]
+        meant = {nearest(key, known) for key in table if key not in known}
+        for name in missing:
+            if name not in table and name not in meant:
+                one = known[name]
+                about = f" ({one.about})" if one.about else ""
+                self.problems.add(
+                    place, f"{label(place)} lacks {name!r}, {words(one.kinds)}{about}."
+                )
+        return missing
+
+    def _function(
+        self,
+        makes: Sequence[str],
+        table: Mapping[str, Any],
+        place: Place,
+        on: Mapping[str, tuple[str, Name]],
+    ) -> tuple[str, Name | None]:
+        """(the callable, the variable whose method it is)."""
+        kinds = [*makes, *on]
+        chosen = table.get(KIND, kinds[0] if len(kinds) == 1 else None)
+        if chosen is None and {name.split(".")[0] for name in kinds} == {kinds[0]}:
+            chosen = kinds[0]  # the class itself, where the others are its constructors
+        if chosen is None:
+            self.problems.add(place, f"{label(place)} lacks {KIND!r}, one of {listed(kinds)}.")
+            raise Mistake
+        if not isinstance(chosen, str) or chosen not in kinds:
+            close = nearest(str(chosen), kinds)
+            hint = f"; did you mean {close!r}?" if close else "."
+            self.problems.add(
+                (*place, KIND),
+                f"{label(place)} has no {KIND} {checks.shown(chosen)}{hint} It may be "
+                f"{listed(kinds)}.",
+            )
+            raise Mistake
+        return on.get(chosen, (chosen, None))
+
+    def _values(
+        self,
+        known: Mapping[str, Parameter],
+        table: Mapping[str, Any],
+        place: Place,
+        arguments: dict[str, Any],
+        function: str = "",
+    ) -> bool:
+        """Put the values of a table into `arguments`; whether all are sound."""
+        whole = True
+        for key, value in table.items():
+            if key == KIND and key not in known:
+                continue
+            if key not in known:
+                self.no_key(place, key, known, function)
+                whole = False
+                continue
+            try:
+                arguments[key] = self.value(known[key], value, (*place, key))
+            except Mistake:
+                whole = False
+        return whole
+
+    def no_key(
+        self, place: Place, key: str, known: Mapping[str, Parameter], function: str = ""
+    ) -> None:
+        """Note a key that does not exist, with the nearest that does and what that holds."""
+        if function and key in WITHHELD and takes(function, key):
+            self.problems.add(
+                (*place, key), f"{label((*place, key))} has no place in a file: {WITHHELD[key]}."
+            )
+            return
+        close = nearest(key, known)
+        hint = "."
+        if close:
+            one = known[close]
+            about = f": {one.about}" if one.about else ""
+            hint = f"; did you mean {close!r} ({words(one.kinds)}{about})?"
+        there = f"It takes {listed(known)}." if known else "It takes no keys."
+        where = f"{label(place)} has no key" if place else "a scene has no key or section"
+        self.problems.add((*place, key), f"{where} {checks.shown(key)}{hint} {there}")
+
+    def value(self, parameter: Parameter, value: Any, place: Place) -> Any:
+        """A value as an argument; raises Mistake after noting what is wrong."""
+        converted = self._converted(parameter.kinds, value, place, parameter.about)
+        name = parameter.name
+        chosen = any(kind.name == "choice" for kind in parameter.kinds)
+        if name in RULES and not chosen and isinstance(converted, int | float | str):
+            try:
+                RULES[name](converted)
+            except InputError as error:
+                self._wrong(place, f"{label(place)}: {error}")
+        return converted
+
+    def _converted(self, kinds: Sequence[Kind], value: Any, place: Place, about: str) -> Any:
+        for kind in kinds:
+            if kind.fits(value):
+                return self._of_kind(kind, value, place, about)
+        meaning = f" ({about})" if about else ""
+        hint = ""
+        if isinstance(value, str) and _WITH_UNIT.fullmatch(value) and _numeric(kinds):
+            hint = "; write the number alone: all numbers are in SI units, lengths in m"
+        sized = [kind for kind in kinds if kind.each]
+        if isinstance(value, list) and sized and len(value) != len(sized[0].each):
+            hint = f"; the list has {len(value)} entries"
+        choices = [option for kind in kinds if kind.name == "choice" for option in kind.options]
+        if isinstance(value, str) and choices and nearest(value, choices):
+            hint = f"; did you mean {nearest(value, choices)!r}?"
+        self._wrong(
+            place,
+            f"{label(place)} must be {words(kinds)}{meaning}; got {_shown(value)}{hint}"
+            + ("" if hint.endswith("?") else "."),
+        )
+
+    def _of_kind(self, kind: Kind, value: Any, place: Place, about: str) -> Any:
+        if kind.name == "path":
+            return self.path(value, place)
+        if kind.name == "list":
+            if len(value) > LONGEST:
+                self._wrong(place, f"{label(place)} has more than {LONGEST} entries.")
+            each = kind.each or (kind.items,) * len(value)
+            pairs = enumerate(zip(each, value, strict=True))
+            return tuple(self._converted(k, v, (*place, i), about) for i, (k, v) in pairs)
+        if kind.name == "table":
+            whole = kind.options == (int,)
+            return {
+                self._number(key, place) if whole else key: self._converted(
+                    kind.items, each, (*place, key), about
+                )
+                for key, each in value.items()
+            }
+        if kind.name == "object":
+            made = self.call(constructors_of(kind.options[0]), value, place)
+            if made is None:
+                raise Mistake
+            return made
+        if kind.name == "data":
+            return self._data(value, place)
+        return float(value) if kind.name == "number" else value
+
+    def _data(self, value: Any, place: Place) -> Any:
+        """Numbers, texts and lists of them, where the signature does not tell more."""
+        if isinstance(value, list):
+            if len(value) > LONGEST:
+                self._wrong(place, f"{label(place)} has more than {LONGEST} entries.")
+            return tuple(self._data(each, (*place, i)) for i, each in enumerate(value))
+        if isinstance(value, int | float | str) and not isinstance(value, bool):
+            return value
+        return self._wrong(
+            place, f"{label(place)} must hold numbers or texts; got {_shown(value)}."
+        )
+
+    def _number(self, key: str, place: Place) -> int:
+        if not re.fullmatch(r"\d{1,15}", key):
+            self._wrong((*place, key), f"{label(place)} has node numbers as keys; got {key!r}.")
+        return int(key)
+
+    def path(self, value: str, place: Place) -> str:
+        """A file that the scene names; it must be there."""
+        try:
+            checks.path(label(place), value)
+        except InputError as error:
+            self._wrong(place, str(error))
+        path = self.document.file(value)
+        try:
+            there = Path(path).is_file()
+        except (OSError, ValueError):
+            there = False
+        if not there:
+            folder = Path(path).parent
+            near = None
+            if folder.is_dir():
+                names = [each.name for each in islice(folder.iterdir(), 1000)]
+                near = nearest(Path(path).name, names, 0.7)
+            hint = f" (there is {near!r} in that folder)" if near else ""
+            self._wrong(
+                place,
+                f"{label(place)} names the file {checks.shown(value)}, which does not exist"
+                f"{hint}; paths begin at the folder of the scene file.",
+            )
+        return path
+
+    def names(self, what: str, name: str, known: Sequence[str], place: Place) -> bool:
+        """Note a name that refers to nothing; whether it does exist."""
+        if name in known:
+            return True
+        self.problems.add(place, unknown(f"{label(place)}: the {what}", name, known))
+        return False
+
+    def _wrong(self, place: Place, sentence: str) -> Any:
+        self.problems.add(place, sentence)
+        raise Mistake
+
+    # -- constructors check their own values
+
+    def _values_tried(
+        self, call: Call, known: Mapping[str, Parameter], table: Mapping[str, Any], whole: bool
+    ) -> bool:
+        """Whether a constructor takes its values; a number that it refuses is noted.
+
+        Then another stands in for it, so that the next mistake is found too; also for numbers that
+        are missing or wrong otherwise.
+        """
+        arguments, stand_ins = dict(call.arguments), set()
+        if not whole:
+            lost = [n for n, p in known.items() if n not in arguments and (p.needed or n in table)]
+            if None in arguments.values() or any(NUMBER not in known[n].kinds for n in lost):
+                return False
+            arguments |= dict.fromkeys(lost, STAND_IN)
+            stand_ins |= set(lost)
+        for _ in range(len(arguments) + 1):
+            refusal = _refusal(replace(call, arguments=arguments))
+            if refusal is None:
+                return not stand_ins
+            place, sentence = refused(refusal.call, refusal.error)
+            key = place[len(call.place)] if len(place) > len(call.place) else None
+            if (whole or key in arguments) and key not in stand_ins:
+                self.problems.add(place, sentence)
+            if not isinstance(arguments.get(str(key)), float) or key in stand_ins:
+                return False
+            arguments[str(key)] = STAND_IN
+            stand_ins.add(str(key))
+            whole = False
+        return False
+
+    def tried(self, call: Call) -> Call | None:
+        """The call if it can be evaluated, or if a later statement makes what it refers to."""
+        refusal = _refusal(call)
+        if refusal is None:
+            return call
+        self.problems.add(*refused(refusal.call, refusal.error))
+        return None
+
+
+def _refusal(call: Call) -> _Refused | None:
+    """What a call refuses; None if it can be evaluated as far as its variables are known."""
+    try:
+        Evaluation(_Refused).value(call)
+    except _Refused as refusal:
+        return refusal
+    except KeyError:  # a variable that another statement makes
+        return None
+    return None
+
+
+class _Refused(Exception):
+    """The exception of one call."""
+
+    def __init__(self, call: Call, error: Exception) -> None:
+        super().__init__(str(error))
+        self.call, self.error = call, error
+
+
+def refused(call: Call, error: Exception) -> tuple[Place, str]:
+    """Where and what is wrong, of an exception of a call."""
+    if not isinstance(error, AntioscError):
+        error = InputError(f"{type(error).__name__}: {error}")
+    text = str(error).rstrip(".")
+    return _place_of(call, text), f"{label(call.place)}: {text}."
+
+
+def _place_of(call: Call, text: str) -> Place:
+    """The key that a message speaks of: one whose name or whose text stands in it."""
+    best: tuple[int, Place] = (len(text) + 1, call.place)
+    for name, value in call.arguments.items():
+        for sought, place in _words(name, value, (*call.place, name)):
+            found = re.search(rf"(?<![\w]){re.escape(sought)}(?![\w])", text)
+            if found and found.start() < best[0]:
+                best = found.start(), place
+    return best[1]
+
+
+def _words(name: str, value: Any, place: Place) -> list[tuple[str, Place]]:
+    found = [(name, place)] if not name.startswith("*") else []
+    if isinstance(value, str):
+        found.append((repr(value), place))
+    elif isinstance(value, Call):
+        for key, inner in value.arguments.items():
+            found += [w for w in _words(key, inner, (*value.place, key)) if w[0][0] == "'"]
+    elif isinstance(value, list | tuple):
+        for number, inner in enumerate(value):
+            found += [w for w in _words("*", inner, (*place, number)) if w[0][0] == "'"]
+    return found
+
+
+def _light(function: str) -> bool:
+    """Whether a call only checks and stores values: a class of antiosc that holds data."""
+    made = resolved(function.split(".")[0])
+    heavy = function.startswith(("Structure", "Scene")) or function == "AntiOscillators.load"
+    return isinstance(made, type) and not heavy and function != "output"
+
+
+def _numeric(kinds: Sequence[Kind]) -> bool:
+    return any(kind.name in ("number", "whole") for kind in kinds)
+
+
+def _shown(value: Any) -> str:
+    """A TOML value in a message."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return "a table" if isinstance(value, dict) else checks.shown(value)

@@ -1,0 +1,123 @@
+"""The commands on scene files: what each prints, writes and returns."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import traceback
+from pathlib import Path
+from typing import Any
+
+from antiosc import info
+from antiosc.errors import AntioscError, InputError
+from antiosc.scene_file import output, result_tables as tables, run as runs, template
+from antiosc.scene_file.read import read
+from antiosc.scene_file.scene import Compiled, compiled
+
+
+def new(options: argparse.Namespace) -> int:
+    """`antiosc new FILE [PART]`."""
+    path = template.write(options.file, options.part)
+    say(f"wrote {path}; next: edit it, then antiosc check {path}")
+    return 0
+
+
+def check(options: argparse.Namespace) -> int:
+    """`antiosc check FILE`."""
+    found = compiled(read(options.file))
+    say(f"{options.file}: no mistakes found; for {', '.join(found.does()) or 'nothing to run'}.")
+    return 0
+
+
+def run(options: argparse.Namespace) -> int:
+    """`antiosc run FILE`."""
+    scene = compiled(read(options.file))
+    if scene.simulation is None:
+        raise InputError(
+            f"{options.file} has no simulation to run: give [simulate], or [run] for a scene of "
+            "several contacts."
+        )
+    return _study(options, scene, "run")
+
+
+def sweep(options: argparse.Namespace) -> int:
+    """`antiosc sweep FILE`."""
+    scene = compiled(read(options.file))
+    if not scene.sweep:
+        raise InputError(
+            f"{options.file} has no [sweep]; one is, for instance, [sweep] with the line "
+            "impactor.velocity = [0.5, 1.0, 2.0]."
+        )
+    return _study(options, scene, "sweep")
+
+
+def map(options: argparse.Namespace) -> int:
+    """`antiosc map FILE`."""
+    scene = compiled(read(options.file))
+    if scene.map is None:
+        raise InputError(
+            f"{options.file} has no [map]; with that line alone all of the surface is struck."
+        )
+    return _study(options, scene, "map")
+
+
+def _study(options: argparse.Namespace, scene: Compiled, command: str) -> int:
+    """Print, forecast or compute what a command does."""
+    program = scene.program(command)
+    if options.python:
+        heading = f"antiosc {command} {scene.document.path}, as a program; antiosc {info.version()}"
+        say(program.text(heading).rstrip())
+        return 0
+    if options.dry_run:
+        from antiosc.scene_file.forecast import text
+
+        say(text(scene))
+        return 0
+    folder = _folder(options, scene)
+    found = runs.results(scene, program.statements)
+    say(tables.text(found))
+    for sentence in found.warnings:
+        say(f"warning: {sentence}", sys.stderr)
+    written = [] if folder is None else output.write(found, folder)
+    if written:
+        say("wrote " + ", ".join(str(path) for path in written))
+    return 1 if getattr(found.history, "status", 0) == 2 else 0
+
+
+def _folder(options: argparse.Namespace, scene: Compiled) -> Path | None:
+    """Where files go: --out, or a folder named after a scene that has [output]."""
+    if options.out is not None:
+        return output.folder(options.out)
+    if scene.output is None:
+        return None
+    return output.folder(f"{Path(options.file).stem}_out")
+
+
+def say(text: str, stream: Any = None) -> None:
+    """Print on the first rank."""
+    if runs.rank() == 0:
+        print(text, file=stream or sys.stdout, flush=True)
+
+
+def guarded(options: argparse.Namespace) -> int:
+    """Run a command; an unforeseen error of one rank ends the others too."""
+    try:
+        return int(options.command(options))
+    except AntioscError:
+        raise
+    except BaseException:
+        comm = runs.communicator()
+        if comm is not None and comm.size > 1:
+            traceback.print_exc()
+            sys.stderr.flush()
+            comm.Abort(1)
+        raise
+
+
+def schema(_options: argparse.Namespace) -> int:
+    """`antiosc schema`."""
+    from antiosc.scene_file.json_schema import schema as made
+
+    say(json.dumps(made(), indent=1, ensure_ascii=False, default=str))
+    return 0

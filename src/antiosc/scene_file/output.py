@@ -1,0 +1,266 @@
+"""The files of a run: tables for a spreadsheet, numbers for a program, pictures, fields."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+import os
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from antiosc import checks, files, info
+from antiosc.errors import InputError, MissingDependencyError
+from antiosc.scene_file import result_tables
+from antiosc.scene_file.outputs import Output
+from antiosc.scene_file.run import Results, rank
+from antiosc.simulation.scene_history import SceneHistory
+
+
+def folder(path: str | os.PathLike[str]) -> Path:
+    """The folder of the results, made where it is missing."""
+    target = checks.path("--out", path)
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(
+            f"cannot make the folder {str(target)!r} for the results: {error.strerror}."
+        ) from None
+    return target
+
+
+# -- tables
+
+
+def write_table(path: Path, columns: Mapping[str, Sequence[Any]]) -> Path:
+    """A CSV file with one line of names, in which units stand; complete or absent."""
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows([_cell(entry) for entry in row] for row in zip(*columns.values(), strict=True))
+    files.write_text(path, stream.getvalue(), "the table")
+    return path
+
+
+def _cell(value: Any) -> Any:
+    """Floats with all their digits; nothing for NaN."""
+    if isinstance(value, float | np.floating):
+        return "" if math.isnan(value) else repr(float(value))
+    return value
+
+
+def ends(history: SceneHistory) -> list[tuple[str, str]]:
+    """The ends of the contacts of a scene, in its order."""
+    return [(contact.a, contact.b) for contact in history.assembly.scene.contacts]
+
+
+def history_columns(history: Any) -> dict[str, Any]:
+    """Name with unit -> values, of a `History` or a `SceneHistory`."""
+    if isinstance(history, SceneHistory):
+        return _scene_columns(history)
+    columns = {
+        "time (s)": history.time,
+        "force (N)": history.force,
+        "indentation (m)": history.indentation,
+        "displacement (m)": history.displacement,
+        "velocity (m/s)": history.velocity,
+        "impactor displacement (m)": history.impactor_displacement,
+        "impactor velocity (m/s)": history.impactor_velocity,
+    }
+    return columns | _energy_columns(history.energy)
+
+
+def _scene_columns(history: Any) -> dict[str, Any]:
+    columns = {"time (s)": history.time}
+    for a, b in ends(history):
+        contact = history[a, b]
+        columns[f"force {a} {b} (N)"] = contact.force
+        columns[f"indentation {a} {b} (m)"] = contact.indentation
+        for k in range(contact.friction.shape[1]):
+            columns[f"friction {k + 1} {a} {b} (N)"] = contact.friction[:, k]
+    return columns | _energy_columns(history.energy)
+
+
+def _energy_columns(energy: Any) -> dict[str, Any]:
+    return {
+        f"{name} energy (J)": getattr(energy, name)
+        for name in ("kinetic", "strain", "contact", "dissipated")
+    }
+
+
+def probe_columns(history: Any, probes: Mapping[str, Any], times: Mapping[str, Any]) -> list[Any]:
+    """Tables of probes with equal times: [(times, {name with component: values})]."""
+    groups: list[tuple[Any, dict[str, Any]]] = []
+    for name, values in probes.items():
+        at = np.asarray(times.get(name, history.time), dtype=float).reshape(-1)
+        own = _components(name, np.asarray(values))
+        for known, columns in groups:
+            if np.array_equal(known, at):
+                columns.update(own)
+                break
+        else:
+            groups.append((at, own))
+    return groups
+
+
+def _components(name: str, values: Any) -> dict[str, Any]:
+    if values.ndim == 1:
+        return {name: values}
+    flat = values.reshape(len(values), -1)
+    axes = "xyz" if flat.shape[1] <= 3 else [str(k + 1) for k in range(flat.shape[1])]
+    return {f"{name} {axis}": flat[:, k] for k, axis in enumerate(axes[: flat.shape[1]])}
+
+
+# -- numbers
+
+
+def numbers(history: Any) -> dict[str, Any]:
+    """The results of one run as JSON values; SI units."""
+    found: dict[str, Any] = {
+        "status": history.status,
+        "message": history.message,
+        "error": _plain(history.error),
+        "energy_drift": _plain(history.energy.drift),
+    }
+    for name in ("error_budget",):
+        if getattr(history, name, None) is not None:
+            found[name] = _plain(getattr(history, name))
+    if isinstance(history, SceneHistory):
+        found["contacts"] = {f"{a} {b}": _contact(history[a, b]) for a, b in ends(history)}
+    else:
+        found |= _contact(history) | {"restitution": history.restitution, "step": history.step}
+    return found
+
+
+def _contact(one: Any) -> dict[str, Any]:
+    return {
+        "peak_force": one.peak_force,
+        "impulse": one.impulse,
+        "contact_time": one.contact_time,
+        "contacts": [list(map(float, pair)) for pair in one.contacts],
+    }
+
+
+def model_numbers(model: Any) -> dict[str, Any]:
+    """The parameters of a reduced model as JSON values; SI units."""
+    names = ("k0", "m0", "m_st", "omega", "m", "P", "sites")
+    return {name: _plain(getattr(model, name, None)) for name in names}
+
+
+def write_numbers(path: Path, content: Mapping[str, Any]) -> Path:
+    """A JSON file; NaN and infinity become null."""
+    head = {"antiosc": info.version(), "units": "SI"}
+    text = json.dumps(_plain({**head, **content}), indent=1, allow_nan=False)
+    files.write_text(path, text + "\n", "the numbers")
+    return path
+
+
+def _plain(value: Any) -> Any:
+    """A value of JSON."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(each) for key, each in value.items()}
+    if isinstance(value, np.ndarray):
+        return _plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [_plain(each) for each in value]
+    if isinstance(value, np.generic):
+        return _plain(value.item())
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if value is None or isinstance(value, bool | int | str):
+        return value
+    return str(value)
+
+
+# -- all files of a run
+
+
+def write(found: Results, target: Path) -> list[Path]:
+    """The files that the scene asks for, on the first rank; their paths."""
+    asked = found.compiled.output
+    wanted = Output() if asked is None else Output(**asked.arguments)
+    written: list[Path] = []
+    if wanted.fields and found.history is not None and found.structure is not None:
+        import antiosc
+
+        path = antiosc.write_series(found.structure, found.history, target / "series.pvd")
+        written.append(Path(path))
+    if rank():
+        return []
+    if wanted.csv:
+        written += [write_table(target / name, table) for name, table in _tables(found)]
+    if wanted.json:
+        written.append(write_numbers(target / "result.json", _numbers_of(found)))
+    if wanted.model and found.model is not None:
+        found.model.save(target / "model.npz")
+        written.append(target / "model.npz")
+    if found.found is not None and wanted.fields:
+        written.append(found.found.write(target / "map.vtu"))
+    if wanted.plot is not None:
+        for name, draw in _pictures(found):
+            written += _drawn(draw, target / f"{name}.{wanted.plot}", found.warnings)
+    return written
+
+
+def _tables(found: Results) -> list[tuple[str, dict[str, Any]]]:
+    tables = []
+    if found.history is not None:
+        tables.append(("history.csv", history_columns(found.history)))
+    if found.probes:
+        times = {n: c.arguments["times"] for n, c in probes_with_times(found).items()}
+        for k, (at, columns) in enumerate(probe_columns(found.history, found.probes, times)):
+            name = "probes.csv" if k == 0 else f"probes_{k + 1}.csv"
+            tables.append((name, {"time (s)": at, **columns}))
+    if found.batch is not None:
+        tables.append(("sweep.csv", result_tables.sweep_columns(found)))
+    if found.found is not None:
+        points = {f"{axis} (m)": found.found.points[:, k] for k, axis in enumerate("xyz")}
+        named = {result_tables.named(n): v for n, v in found.found.quantities().items()}
+        tables.append(("map.csv", points | named))
+    return tables
+
+
+def probes_with_times(found: Results) -> dict[str, Any]:
+    """The probes that have times of their own."""
+    return {n: c for n, c in found.compiled.probes.items() if "times" in c.arguments}
+
+
+def _numbers_of(found: Results) -> dict[str, Any]:
+    content: dict[str, Any] = {"title": found.compiled.title, "warnings": found.warnings}
+    if found.structure is not None:
+        content["structure"] = found.structure.describe()
+    if found.model is not None:
+        content["model"] = model_numbers(found.model)
+    if found.history is not None:
+        content["result"] = numbers(found.history)
+        content["probes"] = {n: float(np.abs(v).max()) for n, v in (found.probes or {}).items()}
+    if found.batch is not None:
+        content["sweep"] = result_tables.sweep_columns(found)
+    if found.found is not None:
+        content["map"] = {"points": found.found.points, **found.found.quantities()}
+    return content
+
+
+def _pictures(found: Results) -> list[tuple[str, Callable[[Path], Any]]]:
+    pictures: list[tuple[str, Callable[[Path], Any]]] = []
+    if found.history is not None and hasattr(found.history, "plot"):
+        pictures.append(("force", found.history.plot))
+    if found.model is not None:
+        pictures.append(("model", found.model.plot))
+    if found.found is not None:
+        pictures.append(("map", found.found.plot))
+    return pictures
+
+
+def _drawn(draw: Callable[[Path], Any], path: Path, told: list[str]) -> list[Path]:
+    """Draw a picture; one that cannot be drawn is told, and no reason to lose the rest."""
+    try:
+        draw(path)
+    except (InputError, MissingDependencyError) as error:
+        told.append(f"{path.name} is not drawn: {error}")
+        return []
+    return [path]

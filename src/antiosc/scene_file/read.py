@@ -1,0 +1,103 @@
+"""A scene file as data, with the line of each key."""
+
+from __future__ import annotations
+
+import os
+import stat
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from antiosc import checks
+from antiosc.errors import InputError
+from antiosc.scene_file.locations import locations
+from antiosc.scene_file.problems import Problems, SceneFileError
+
+#: Largest scene file, bytes; time histories of loads are the longest part of one.
+LARGEST = 4_000_000
+#: Deepest brackets within each other.
+DEEPEST = 32
+
+
+@dataclass(frozen=True)
+class Document:
+    """What a scene file says.
+
+    Attributes
+    ----------
+    path : of the file, as given.
+    data : tables, as `tomllib` reads them.
+    problems : mistakes found in it; knows the lines.
+    """
+
+    path: Path
+    data: dict[str, Any]
+    problems: Problems
+
+    def file(self, name: str) -> str:
+        """A path of the scene, which is relative to the folder of the scene file."""
+        return os.path.normpath(self.path.parent / name)
+
+
+def read(path: str | os.PathLike[str]) -> Document:
+    """Read a scene file; SceneFileError for a text that is not TOML, InputError for no file."""
+    source = checks.path("the scene file", path)
+    text = _text(source)
+    try:
+        data = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise SceneFileError(_syntax(str(source), text, error)) from None
+    except (RecursionError, ValueError) as error:
+        raise SceneFileError(f"{source}:1: this is not a TOML file: {error}.") from None
+    if _depth(data) > DEEPEST:
+        raise SceneFileError(f"{source}:1: brackets are nested deeper than {DEEPEST} levels.")
+    return Document(source, data, Problems(str(source), locations(text)))
+
+
+def _text(source: Path) -> str:
+    try:
+        status = source.stat()
+    except OSError as error:
+        raise InputError(f"cannot read the scene file {str(source)!r}: {error.strerror}.") from None
+    if not stat.S_ISREG(status.st_mode):
+        raise InputError(f"cannot read the scene file {str(source)!r}: it is not a regular file.")
+    if status.st_size > LARGEST:
+        raise InputError(
+            f"the scene file {str(source)!r} has {status.st_size} bytes, more than {LARGEST}; is it"
+            " a scene? Meshes and matrices are named in it by their paths."
+        )
+    try:
+        return source.read_bytes().decode("utf-8").replace("\r\n", "\n")
+    except UnicodeDecodeError as error:
+        raise InputError(
+            f"the scene file {str(source)!r} is not a text in UTF-8 (byte {error.start})."
+        ) from None
+    except OSError as error:
+        raise InputError(f"cannot read the scene file {str(source)!r}: {error.strerror}.") from None
+
+
+def _syntax(name: str, text: str, error: tomllib.TOMLDecodeError) -> str:
+    """tomllib's message ends with "(at line 3, column 5)" or "(at end of document)"."""
+    message, _, where = str(error).rpartition(" (at ")
+    words = where.rstrip(")").replace(",", "").split()
+    line = words[1] if words[:1] == ["line"] else str(text.count("\n") + 1)
+    return (
+        f"{name}:{line}: this is not TOML: {message or error}; a line is `key = value`, where a"
+        ' text stands in "quotes", a list in [brackets] and a comment after #.'
+    )
+
+
+def _depth(value: Any) -> int:
+    """Levels of tables and lists within each other, found without recursion."""
+    level, deepest = [value], 0
+    while level and deepest <= DEEPEST:
+        deepest += 1
+        inner: list[Any] = []
+        for each in level:
+            if isinstance(each, dict):
+                inner += each.values()
+            elif isinstance(each, list):
+                inner += each
+        level = inner
+    return deepest

@@ -1,0 +1,143 @@
+"""The results of a scene as text, for the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from antiosc.scene_file.run import Results
+
+#: Rows of a table of a sweep that are printed; the files hold all.
+ROWS = 30
+
+
+def text(found: Results) -> str:
+    """Title, structure, model, and what the simulation, the sweep or the map found."""
+    pieces = [found.compiled.title]
+    if found.structure is not None:
+        pieces.append(found.structure.describe())
+    if found.model is not None:
+        pieces.append(lines(model_rows(found.model)))
+    if found.history is not None:
+        pieces += [found.history.summary(), lines(budget_rows(found.history))]
+        pieces.append(lines(probe_rows(found.probes or {}, found.probe_units)))
+    if found.batch is not None:
+        pieces.append(columns(sweep_columns(found)))
+    if found.found is not None:
+        pieces.append(lines(map_rows(found.found)))
+    return "\n\n".join(piece for piece in pieces if piece)
+
+
+def lines(rows: list[tuple[str, str]]) -> str:
+    """Names and values in two columns."""
+    width = max((len(name) for name, _ in rows), default=0)
+    return "\n".join(f"{name:<{width}}  {value}".rstrip() for name, value in rows)
+
+
+def columns(table: Mapping[str, Any]) -> str:
+    """A table with a line of names; of long ones the first rows."""
+    rows = list(zip(*table.values(), strict=True))
+    cells = [list(table), *([_short(v) for v in row] for row in rows[:ROWS])]
+    widths = [max(len(row[i]) for row in cells) for i in range(len(table))]
+    shown = [
+        "  ".join(f"{c:>{w}}" for c, w in zip(row, widths, strict=True)).rstrip() for row in cells
+    ]
+    if len(rows) > ROWS:
+        shown.append(f"… and {len(rows) - ROWS} more rows (see sweep.csv)")
+    return "\n".join(shown)
+
+
+def _short(value: Any) -> str:
+    return f"{value:.5g}" if isinstance(value, float | np.floating) else str(value)
+
+
+def model_rows(model: Any) -> list[tuple[str, str]]:
+    """The parameters of the reduced model."""
+    if np.ndim(model.k0):
+        several = [("sites", ", ".join(model.sites)), ("anti-oscillators", f"{model.n}")]
+        return [*several, ("antiresonances", _frequencies(model.omega))]
+    rows = [
+        ("static stiffness k0", f"{model.k0:.5g} N/m"),
+        ("static mass m_st", f"{model.m_st:.5g} kg"),
+        ("anti-oscillators", f"{model.n}"),
+        ("antiresonances", _frequencies(model.omega)),
+    ]
+    if model.m_st > 0:
+        rows.insert(3, ("captured mass", f"{1 - model.m0 / model.m_st:.2%} of m_st"))
+    return rows
+
+
+def _frequencies(omega: Any) -> str:
+    first = ", ".join(f"{w / (2 * np.pi):.5g}" for w in omega[:5])
+    return f"{first or 'none'}{', …' if len(omega) > 5 else ''} Hz"
+
+
+def budget_rows(history: Any) -> list[tuple[str, str]]:
+    """The error budget of a history, where it has one, in percent."""
+    budget = getattr(history, "error_budget", None)
+    if not isinstance(budget, Mapping):
+        return []
+    return [
+        (
+            f"error of {name.replace('_', ' ')}",
+            ", ".join(f"{part} {_percent(value)}" for part, value in parts.items()),
+        )
+        for name, parts in budget.items()
+        if isinstance(parts, Mapping)
+    ]
+
+
+def _percent(value: Any) -> str:
+    return f"{value:.2g}" if not isinstance(value, float) else f"{value:.2%}"
+
+
+def probe_rows(probes: Mapping[str, Any], units: Any = None) -> list[tuple[str, str]]:
+    """The largest value of each probe."""
+    units = units or {}
+    return [
+        (f"probe {name}", f"at most {np.abs(values).max():.5g} {units.get(name, 'm')}")
+        for name, values in probes.items()
+    ]
+
+
+def sweep_columns(found: Results) -> dict[str, Any]:
+    """What was varied, and the results of each impact."""
+    batch = found.batch
+    table = {name: list(values) for name, values in found.compiled.varied.items()}
+    return table | {
+        "peak force (N)": batch.peak_force,
+        "impulse (N s)": batch.impulse,
+        "contact time (s)": batch.contact_time,
+        "restitution": batch.restitution,
+        "contacts": batch.contacts,
+        "status": batch.status,
+    }
+
+
+#: Units of the quantities of a map.
+UNITS = {
+    "k0": "N/m",
+    "m_st": "kg",
+    "omega_1": "rad/s",
+    "peak_force": "N",
+    "contact_time": "s",
+    "impulse": "N s",
+    "peak_deflection": "m",
+}
+
+
+def named(quantity: str) -> str:
+    """A quantity of a map with its unit: "peak_force (N)"."""
+    return f"{quantity} ({UNITS[quantity]})" if quantity in UNITS else quantity
+
+
+def map_rows(found: Any) -> list[tuple[str, str]]:
+    """The range of each quantity of a map."""
+    rows = [("sites", f"{len(found)}" + (f", {found.skipped} left out" if found.skipped else ""))]
+    for name, values in found.quantities().items():
+        known = values[np.isfinite(values)]
+        if known.size:
+            rows.append((named(name), f"{known.min():.5g} to {known.max():.5g}"))
+    return rows

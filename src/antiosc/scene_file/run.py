@@ -1,0 +1,115 @@
+"""Running a scene: its statements one by one, on all ranks alike, with what is told of them."""
+
+from __future__ import annotations
+
+import os
+import sys
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+from antiosc import progress
+from antiosc.errors import AntioscError, AntioscWarning, InputError
+from antiosc.scene_file.build import refused
+from antiosc.scene_file.program import Call, Evaluation, Statement
+from antiosc.scene_file.read import Document
+from antiosc.scene_file.scene import Compiled
+
+#: Variables in which mpirun tells a process its rank: of Open MPI, and of MPICH and its kin.
+RANK = ("OMPI_COMM_WORLD_RANK", "PMI_RANK", "PMIX_RANK")
+#: Variable -> what a progress line says while it is made.
+DOING = {
+    "mesh": "reading the mesh",
+    "structure": "building the structure",
+    "model": "reducing the structure",
+    "history": "simulating the impact",
+    "batch": "simulating the sweep",
+    "found": "mapping the surface",
+    "probes": "motion of the probes",
+}
+
+
+@dataclass
+class Results:
+    """What a scene has made.
+
+    Attributes
+    ----------
+    compiled : the scene.
+    variables : name of the program -> object; "structure", "model", "history", "batch", …
+    warnings : sentences that were told on the way.
+    """
+
+    compiled: Compiled
+    variables: dict[str, Any]
+    warnings: list[str] = field(default_factory=list)
+
+    def __getattr__(self, name: str) -> Any:
+        """An object of the program, or None if the scene has none of this name."""
+        if name.startswith("_") or name == "variables":
+            raise AttributeError(name)
+        return self.variables.get(name)
+
+
+def results(compiled: Compiled, statements: list[Statement]) -> Results:
+    """Run statements of a scene; SceneFileError with the line where one of them fails."""
+    evaluation = Evaluation(_failure(compiled.document))
+    found = Results(compiled, evaluation.variables)
+    with _told(found.warnings):
+        for each in statements:
+            with progress.doing(DOING.get(each.variable, each.variable), rank()):
+                evaluation.run(each)
+    return found
+
+
+def _failure(document: Document) -> Callable[[Call, Exception], Exception]:
+    """What becomes of an exception of a call: antiosc's own gets its line."""
+
+    def failed(call: Call, error: Exception) -> Exception:
+        if not isinstance(error, AntioscError):
+            return error
+        if not call.place or not isinstance(error, InputError):
+            return error
+        place, sentence = refused(call, error)
+        return document.problems.error(place, sentence)
+
+    return failed
+
+
+@contextmanager
+def _told(sentences: list[str]) -> Iterator[None]:
+    """antiosc's warnings within the block are kept as sentences; others go their way."""
+    before = warnings.showwarning
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", AntioscWarning)
+
+        def show(message: Any, category: Any, *rest: Any, **more: Any) -> None:
+            if issubclass(category, AntioscWarning):
+                text = " ".join(str(message).split())
+                if text not in sentences:
+                    sentences.append(text)
+            else:
+                before(message, category, *rest, **more)
+
+        warnings.showwarning = show
+        yield
+
+
+# -- ranks
+
+
+def communicator() -> Any:
+    """MPI's ranks where mpi4py has been loaded; otherwise None: one process."""
+    MPI = sys.modules.get("mpi4py.MPI")
+    return None if MPI is None else MPI.COMM_WORLD  # type: ignore[attr-defined]
+
+
+def rank() -> int:
+    """The number of this rank; before MPI is loaded, as its launcher says."""
+    comm = communicator()
+    if comm is not None:
+        return int(comm.rank)
+    said = next((os.environ[name] for name in RANK if name in os.environ), "0")
+    return int(said) if said.isdigit() else 0

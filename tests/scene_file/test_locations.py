@@ -1,0 +1,82 @@
+"""The line of every key of a TOML text."""
+
+from __future__ import annotations
+
+import tomllib
+
+from antiosc.scene_file.locations import line_of, locations
+
+TEXT = '''\
+# a comment with [brackets] and = signs
+title = "a # in a text, an escaped \\" quote ]"   # comment
+
+[a.b]
+x = 1
+"quoted key" = [ 1,   # first
+  [2, 3],
+  { y = "}", z.w = \'\'\'
+several
+lines\'\'\'\' },
+]
+long = """
+[not.a.table]
+k = 1 \\"""
+"""
+after = 3
+[[t]]
+p = 1
+[[t]]
+p.q = 2
+[t.inner]
+r = 2020-01-01T10:00:00Z
+[a]
+c = {}
+'''
+
+LINES = {
+    ("title",): 2,
+    ("a", "b"): 4,
+    ("a", "b", "x"): 5,
+    ("a", "b", "quoted key"): 6,
+    ("a", "b", "quoted key", 0): 6,
+    ("a", "b", "quoted key", 1): 7,
+    ("a", "b", "quoted key", 1, 1): 7,
+    ("a", "b", "quoted key", 2): 8,
+    ("a", "b", "quoted key", 2, "y"): 8,
+    ("a", "b", "quoted key", 2, "z", "w"): 8,
+    ("a", "b", "long"): 12,
+    ("a", "b", "after"): 16,
+    ("t", 0): 17,
+    ("t", 0, "p"): 18,
+    ("t", 1): 19,
+    ("t", 1, "p", "q"): 20,
+    ("t", 1, "inner", "r"): 22,
+    ("a", "c"): 24,
+}
+
+
+def test_every_key_has_its_line():
+    found = locations(TEXT)
+    assert {place: found.get(place) for place in LINES} == LINES
+
+
+def test_every_place_of_the_data_is_found():
+    found = locations(TEXT)
+
+    def walk(value, place) -> None:
+        if place:
+            assert place in found, place
+        if isinstance(value, dict):
+            for key, each in value.items():
+                walk(each, (*place, key))
+        elif isinstance(value, list):
+            for number, each in enumerate(value):
+                walk(each, (*place, number))
+
+    walk(tomllib.loads(TEXT), ())
+
+
+def test_a_place_that_is_not_written_is_that_of_the_table_around_it():
+    found = locations(TEXT)
+    assert line_of(found, ("a", "b", "missing", 3)) == 4
+    assert line_of(found, ("nothing",)) == 1

@@ -1,0 +1,239 @@
+"""Mistakes in scene files: one sentence each, with file, line and the nearest key."""
+
+from __future__ import annotations
+
+import pytest
+
+from antiosc.scene_file.read import DEEPEST, LARGEST
+from scene_files import BEAM, antiosc, written
+
+#: line of BEAM that is replaced -> its replacement, and what the one sentence must hold.
+ONE = {
+    "a section that does not exist": (
+        "[extract]", "[extrakt]", ["no section 'extrakt'", "did you mean [extract]", "matrices"],
+    ),
+    "a key that does not exist": (
+        "stiffness = 5e8", "stifness = 5e8", ["'stifness'", "did you mean 'stiffness' (a number"],
+    ),
+    "a key of another kind": (
+        "velocity = 1.0", "radius = 1.0", ["no key 'radius'", "It takes mass, velocity"],
+    ),
+    "a kind that does not exist": (
+        'kind = "Hertz"', 'kind = "Herz"', ["no kind 'Herz'", "did you mean 'Hertz'", "Linear"],
+    ),
+    "a kind that is no text": ('kind = "Hertz"', "kind = 3", ["no kind 3", "Hertz"]),
+    "a text for a number": ("mass = 0.05", 'mass = "heavy"', ["must be a number", "'heavy'"]),
+    "a number with a unit": (
+        "mass = 0.05", 'mass = "50 g"', ["must be a number", "'50 g'", "SI units"],
+    ),
+    "a truth value for a number": ("mass = 0.05", "mass = true", ["must be a number", "true"]),
+    "a list for a number": ("mass = 0.05", "mass = [1]", ["must be a number", "[1]"]),
+    "a date for a number": ("mass = 0.05", "mass = 2020-01-01", ["must be a number", "2020"]),
+    "a value out of range": ("mass = 0.05", "mass = -0.05", ["mass must be > 0", "-0.05"]),
+    "a number that is not finite": ("mass = 0.05", "mass = nan", ["mass must be finite"]),
+    "a fraction for a whole number": ("n = 6", "n = 2.5", ["must be a whole number", "2.5"]),
+    "a whole number out of range": ("n = 6", "n = -1", ["n must be a whole number >= 1"]),
+    "a value of a function out of range": (
+        "duration = 2e-3", "duration = 0", ["duration must be > 0 (in s)"],
+    ),
+    "a method that does not exist": (
+        "duration = 2e-3", 'duration = 2e-3\nmethod = "exakt"', ["'exact'", "'exakt'"],
+    ),
+    "a choice that does not exist": (
+        "n = 6", 'n = 6\nmethod = "krilov"', ['"krylov" or "modes"', "did you mean 'krylov'"],
+    ),
+    "a file that does not exist": (
+        "beam_K.mtx", "baem_K.mtx", ["does not exist", "there is 'beam_K.mtx'"],
+    ),
+    "a file that is a folder": ("beam_K.mtx", "", ["does not exist"]),
+    "a component that does not exist": ('dof = "z"', 'dof = "w"', ["'w'"]),
+    "two ways to say one thing": ('dof = "z"', 'point = [0, 0, 0]', ["a Site needs one of"]),
+    "a section of the wrong form": ("[simulate]", "[[simulate]]", ["must be a table, [simulate]"]),
+    "Python's permission": (
+        "n = 6", "n = 6\nshapes = false", ["extract.shapes has no place in a file"],
+    ),
+    "no TOML": ("n = 6", "n = = 6", ["this is not TOML", "key = value"]),
+    "a text without end": ('dof = "z"', 'dof = "z', ["this is not TOML"]),
+    "a key twice": ("n = 6", "n = 6\nn = 7", ["this is not TOML", "Cannot overwrite"]),
+}  # fmt: skip
+
+
+def sentences(path, capsys) -> list[tuple[int, str]]:
+    """(line, sentence) of each mistake that `antiosc check` tells."""
+    assert antiosc("check", path) == 1
+    told = capsys.readouterr()
+    assert told.out == ""
+    found = []
+    for line in told.err.splitlines():
+        assert line.startswith(f"{path}:")
+        number, _, sentence = line[len(f"{path}:") :].partition(": ")
+        found.append((int(number), sentence))
+    return found
+
+
+@pytest.mark.parametrize("case", ONE)
+def test_one_mistake_is_one_sentence_with_its_line(tmp_path, capsys, case):
+    old, new, held = ONE[case]
+    assert BEAM.count(old) == 1
+    lines = BEAM.splitlines()
+    expected = next(i for i, line in enumerate(lines, 1) if old in line) + new.count("\n")
+    ((line, sentence),) = sentences(written(tmp_path, BEAM.replace(old, new)), capsys)
+    assert line == expected
+    for part in held:
+        assert part in sentence
+    assert sentence.endswith((".", "?"))
+
+
+@pytest.mark.parametrize(
+    ("lost", "held"),
+    [
+        ("mass = 0.05", "lacks 'mass', a number"),
+        ("duration = 2e-3", "lacks 'duration', a number"),
+        ('kind = "Hertz"', "lacks 'kind', one of"),
+        ('[contact]\nkind = "Hertz"\nstiffness = 5e8', "the scene has no [contact]"),
+        ('[sites.middle]\nnode = 9\ndof = "z"', "the scene has no site"),
+        ("M = ", None),
+    ],
+)
+def test_what_is_missing_is_named(tmp_path, capsys, lost, held):
+    if held is None:
+        lost = next(line for line in BEAM.splitlines() if line.startswith(lost))
+        held = "lacks 'M', a file name"
+    ((_, sentence),) = sentences(written(tmp_path, BEAM.replace(lost, "")), capsys)
+    assert held in sentence
+
+
+MANY = """\
+titel = "twenty mistakes"
+[matrices]
+K = "missing.mtx"
+M = 5
+supports = { twelve = "all" }
+[sites.tip]
+node = "nine"
+direktion = [0, 0, 1]
+[extract]
+n = 2.5
+tol = 3
+methode = "krylov"
+[bodies.ball]
+kind = "Sphere"
+radius = "1 cm"
+E = 210e9
+nu = 0.7
+rho = -7850
+[bodies.block]
+kind = "RigidMas"
+[bodies.plate]
+kind = "RigidMass"
+velocity = 1
+[[contacts]]
+a = "structure:top"
+b = "bal"
+law = { kind = "Hertz", stiffness = -1e9 }
+friction = "much"
+[[contacts]]
+a = "structure:tip"
+b = "plate"
+law = "Linear"
+[[loads]]
+end = "structure:tipp"
+times = [0, 1]
+forces = [1]
+[motion.bal]
+velocity = [1, 0]
+[run]
+durration = 1e-3
+tol = 0
+method = "eksact"
+[output]
+plot = "gif"
+csv = 1
+"""
+#: line of MANY -> what its sentence holds
+TWENTY = {
+    1: "did you mean [title]",
+    3: "'missing.mtx', which does not exist",
+    4: "must be a file name",
+    5: "'twelve'",
+    7: "must be a whole number",
+    8: "did you mean 'direction'",
+    10: "whole number",
+    11: "tol is a relative error",
+    12: "did you mean 'method'",
+    15: "SI units",
+    17: "-1 < nu < 0.5",
+    18: "rho must be > 0",
+    20: "did you mean 'RigidMass'",
+    21: "lacks 'mass'",
+    25: "did you mean 'tip'",
+    26: "did you mean 'ball'",
+    27: "stiffness must be > 0",
+    28: "must be a number",
+    32: "must be a table",
+    34: "did you mean 'tip'",
+    36: "forces must have shape (2)",
+    37: "did you mean 'ball'",
+    40: "did you mean 'duration'",
+    41: "tol must be > 0",
+    42: "'eksact'",
+    44: '"svg" or "png" or "pdf"',
+    45: "true or false",
+}
+
+
+def test_twenty_mistakes_are_all_told_at_once(tmp_path, capsys):
+    found = sentences(written(tmp_path, MANY), capsys)
+    assert [line for line, _ in found] == sorted(line for line, _ in found)
+    for line, held in TWENTY.items():
+        assert any(held in sentence for at, sentence in found if at == line), (line, held)
+    extra = [(line, sentence) for line, sentence in found if line not in TWENTY]
+    assert len(extra) == 1  # of [motion.bal], whose velocity lacks a component
+    assert len(found) == len(TWENTY) + 1
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "x = " + "[" * (DEEPEST + 1) + "]" * (DEEPEST + 1),
+        "x = " + "[" * 100_000,
+        "# " + "x" * LARGEST,
+        "\ufeff[matrices]",
+        "a" * 1000 + " = 1",
+        '"\\u0000" = 1',
+        "[sites.tip]\npoint = [1e400, 0, 0]",
+    ],
+)
+def test_hostile_files_are_refused_in_words(tmp_path, capsys, text):
+    path = written(tmp_path, text)
+    assert antiosc("check", path) == 1
+    told = capsys.readouterr().err
+    assert "Traceback" not in told
+    assert len(told) < 5000
+
+
+def test_files_that_are_no_scene_are_refused(tmp_path, capsys):
+    binary = tmp_path / "binary.toml"
+    binary.write_bytes(b"\xff\xfe\x00")
+    for path, held in {
+        tmp_path / "none.toml": "No such file",
+        tmp_path: "not a regular file",
+        "/dev/zero": "not a regular file",
+        binary: "not a text in UTF-8",
+    }.items():
+        assert antiosc("check", path) == 1
+        assert held in capsys.readouterr().err
+
+
+def test_a_scene_cannot_reach_beyond_data(tmp_path, capsys):
+    """Neither names of Python nor permissions nor other objects can be named."""
+    for kind in ("__import__", "Hertz.__init__", "impactor.__class__", "os.system", "simulate"):
+        path = written(tmp_path, BEAM.replace('"Hertz"', f'"{kind}"'))
+        ((_, sentence),) = sentences(path, capsys)
+        assert "has no kind" in sentence
+    script = written(tmp_path, 'SystemCall "touch pwned";', "part.geo")
+    text = f'[geometry]\nsource = "{script.name}"\ntrust = true\n[material]\nkind = "Solid"\n'
+    text += "E = 1e9\nnu = 0.3\nrho = 1e3\n[sites.a]\npoint = [0, 0, 0]\ndirection = [0, 0, 1]\n"
+    pytest.importorskip("dolfinx")
+    ((_, sentence),) = sentences(written(tmp_path, text), capsys)
+    assert "cannot permit itself to run commands" in sentence

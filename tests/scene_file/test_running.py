@@ -1,0 +1,275 @@
+"""Scenes that run: the same numbers as the program that is printed, files, sweeps, forecasts."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+
+import numpy as np
+import pytest
+
+import antiosc as ao
+from antiosc.scene_file.json_schema import schema
+from antiosc.scene_file.parameters import parameters
+from antiosc.scene_file.sections import SECTIONS
+from scene_files import BEAM, SCENES, antiosc, numbers, written
+
+PROBE = "[probes.quarter]\npoint = [0.2, 0.0, 0.0]\n"
+SWEEP = "[sweep]\nimpactor.velocity = [0.5, 1.0, 2.0]\nsimulate.duration = [3e-3, 2e-3, 2e-3]\n"
+FRAME = f"""\
+[matrices]
+K = "{SCENES}/beam_K.mtx"
+M = "{SCENES}/beam_M.mtx"
+map = "{SCENES}/beam_nodes.txt"
+[sites.middle]
+node = 9
+direction = [0, 0, -1]
+[sites.end]
+node = 14
+direction = [0, 0, 1]
+[bodies.ball]
+kind = "Sphere"
+radius = 0.01
+E = 210e9
+nu = 0.3
+rho = 7850
+velocity = 1
+[bodies.stop]
+kind = "Obstacle"
+[[contacts]]
+a = "structure:middle"
+b = "ball"
+law = {{ kind = "ball.hertz", E = 210e9, nu = 0.3 }}
+[[contacts]]
+a = "structure:end"
+b = "stop"
+law = {{ kind = "Linear", stiffness = 1e6 }}
+gap = 1e-5
+[run]
+duration = 1e-3
+[output]
+plot = "svg"
+"""
+
+
+def program(path, capsys, command: str = "run") -> dict:
+    """The variables of the program that --python prints, after it ran."""
+    capsys.readouterr()
+    assert antiosc(command, path, "--python") == 0
+    text = capsys.readouterr().out
+    found: dict = {}
+    exec(compile(text, str(path), "exec"), found)
+    capsys.readouterr()
+    return found
+
+
+def table(path) -> dict[str, np.ndarray]:
+    with path.open(newline="") as stream:
+        head, *rows = csv.reader(stream)
+    values = np.array([[float(cell or "nan") for cell in row] for row in rows])
+    return dict(zip(head, values.T, strict=True))
+
+
+def test_a_scene_runs_as_the_program_that_it_prints(tmp_path, capsys):
+    path = written(tmp_path, BEAM + PROBE)
+    assert antiosc("run", path, "--out", tmp_path / "out") == 0
+    told = capsys.readouterr().out
+    found = program(path, capsys)
+    hit = found["history"]
+    assert hit.summary() in told
+    assert found["structure"].describe() in told
+    result = numbers(tmp_path / "out")["result"]
+    assert result["peak_force"] == hit.peak_force
+    assert result["restitution"] == hit.restitution
+    columns = table(tmp_path / "out/history.csv")
+    assert np.array_equal(columns["time (s)"], hit.time)
+    assert np.array_equal(columns["force (N)"], hit.force)
+    probes = table(tmp_path / "out/probes.csv")
+    assert np.array_equal(probes["quarter z"], found["probes"]["quarter"][:, 2])
+    assert np.abs(probes["quarter z"]).max() > 0
+
+
+def test_the_program_is_the_api_as_users_write_it(tmp_path, capsys):
+    hit = program(written(tmp_path, BEAM), capsys)["history"]
+    part = ao.Structure.from_files(
+        f"{SCENES}/beam_K.mtx", f"{SCENES}/beam_M.mtx", map=f"{SCENES}/beam_nodes.txt"
+    )
+    model = ao.extract(part, ao.Site(node=9, dof="z"), n=6)
+    own = ao.simulate(model, ao.RigidMass(0.05, 1.0), ao.Hertz(5e8), 2e-3)
+    assert np.array_equal(hit.force, own.force)
+    # closed form: k0 = 48 E I / L³ of a simply supported beam at its middle
+    assert model.k0 == pytest.approx(48 * 210e9 * 0.03 * 0.01**3 / 12 / 0.8**3, rel=1e-3)
+
+
+def test_a_scene_of_several_contacts_runs_as_its_program(tmp_path, capsys):
+    path = written(tmp_path, FRAME)
+    assert antiosc("run", path, "--out", tmp_path / "out") == 0
+    told = capsys.readouterr().out
+    hit = program(path, capsys)["history"]
+    assert hit.summary() in told
+    first = hit["structure:middle", "ball"]
+    result = numbers(tmp_path / "out")["result"]
+    assert result["contacts"]["structure:middle ball"]["peak_force"] == first.peak_force > 0
+    columns = table(tmp_path / "out/history.csv")
+    second = hit["structure:end", "stop"]
+    assert np.array_equal(columns["force structure:end stop (N)"], second.force)
+
+
+def test_a_sweep_is_many_runs(tmp_path, capsys):
+    path = written(tmp_path, BEAM + SWEEP)
+    assert antiosc("sweep", path, "--out", tmp_path / "out") == 0
+    columns = table(tmp_path / "out/sweep.csv")
+    assert columns["impactor.velocity"].tolist() == [0.5, 1.0, 2.0]
+    batch = program(path, capsys, "sweep")["batch"]
+    assert np.array_equal(columns["peak force (N)"], batch.peak_force)
+    first, _, last = batch.peak_force
+    for velocity, duration, peak in ((0.5, 3e-3, first), (2.0, 2e-3, last)):
+        single = BEAM.replace("velocity = 1.0", f"velocity = {velocity}")
+        single = single.replace("duration = 2e-3", f"duration = {duration}")
+        assert antiosc("run", written(tmp_path, single), "--out", tmp_path / "one") == 0
+        assert numbers(tmp_path / "one")["result"]["peak_force"] == pytest.approx(peak, rel=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("sweep", "held"),
+    [
+        ("impactor.velocity = [1, 2]\ncontact.stiffness = [1e8]", "must be equally long"),
+        ("impactor.velocity = []", "must have 1 to"),
+        ("impactor.velocity = 2.0", "must be a list of numbers"),
+        ("impactor.velocity = [1.0, '2']", "must be a number"),
+        ("impactor.mass = [1.0, -2.0]", "mass must be > 0"),
+        ("impactor.speed = [1.0]", "no key 'speed'"),
+        ("material.E = [1e9]", "lists of impactor, contact, simulate"),
+        ("simulate.method = ['exact']", "no key 'method'"),
+        ("", "no list of values"),
+    ],
+)
+def test_mistakes_of_a_sweep(tmp_path, capsys, sweep, held):
+    assert antiosc("check", written(tmp_path, f"{BEAM}[sweep]\n{sweep}\n")) == 1
+    (told,) = capsys.readouterr().err.splitlines()
+    assert held in told
+
+
+def test_a_model_that_was_saved_is_struck_again(tmp_path, capsys):
+    first = written(tmp_path, BEAM + "[output]\nmodel = true\n")
+    assert antiosc("run", first, "--out", tmp_path / "out") == 0
+    start = BEAM.index("[impactor]")
+    again = written(tmp_path, '[model]\npath = "out/model.npz"\n' + BEAM[start:], "again.toml")
+    assert antiosc("run", again, "--out", tmp_path / "again") == 0
+    peaks = [numbers(tmp_path / name)["result"]["peak_force"] for name in ("out", "again")]
+    assert peaks[0] == pytest.approx(peaks[1], rel=1e-12)
+
+
+def test_a_mistake_that_shows_in_the_run_has_its_line(tmp_path, capsys):
+    path = written(tmp_path, BEAM.replace("node = 9", "node = 99"))
+    assert antiosc("check", path) == 0  # the files are not read for it
+    capsys.readouterr()
+    assert antiosc("run", path, "--out", tmp_path / "out") == 1
+    told = capsys.readouterr().err
+    line = next(i for i, text in enumerate(path.read_text().splitlines(), 1) if "99" in text)
+    assert told.startswith(f"{path}:")
+    assert "99" in told
+    assert abs(int(told[len(f"{path}:") :].split(":")[0]) - line) <= 4
+    assert not list((tmp_path / "out").iterdir())
+
+
+def test_files_go_only_where_they_are_asked_for(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    path = written(tmp_path, BEAM)
+    assert antiosc("run", path.name) == 0
+    assert sorted(tmp_path.iterdir()) == [path]
+    path.write_text(BEAM + "[output]\ncsv = false\n")
+    assert antiosc("run", path.name) == 0
+    assert [p.name for p in (tmp_path / "scene_out").iterdir()] == ["result.json"]
+    assert antiosc("run", path.name, "--out", path.name) == 1
+    assert "cannot make the folder" in capsys.readouterr().err
+
+
+def test_new_writes_a_scene_that_is_complete_or_absent(tmp_path, capsys):
+    target = tmp_path / "first.toml"
+    assert antiosc("new", target) == 0
+    text = target.read_text()
+    for name in SECTIONS:
+        assert re.search(rf"\[+{name}\b", text) or name == "title", name
+    assert antiosc("new", target) == 1
+    assert "exists already" in capsys.readouterr().err
+    assert target.read_text() == text
+    assert [p.name for p in tmp_path.iterdir()] == ["first.toml"]
+    assert antiosc("new", tmp_path / "none/first.toml") == 1
+    assert antiosc("check", target) == 1
+    (told,) = capsys.readouterr().err.splitlines()[1:]
+    assert "'part.step', which does not exist" in told
+
+
+@pytest.mark.fem
+def test_a_new_scene_of_a_part_has_no_mistakes(tmp_path, capsys):
+    pytest.importorskip("dolfinx")
+    for name, part in {"a": SCENES / "bar.inp", "b": SCENES.parents[1] / "meshes/beam.msh"}.items():
+        assert antiosc("new", tmp_path / f"{name}.toml", part) == 0
+        assert antiosc("check", tmp_path / f"{name}.toml") == 0
+
+
+def test_dry_run_tells_what_will_be_computed(tmp_path, capsys):
+    path = written(tmp_path, BEAM + SWEEP)
+    assert antiosc("run", path, "--dry-run") == 0
+    told = capsys.readouterr().out
+    for held in ("32 dofs", "6 of 1 site(s)", "contact time", "step", "3 impacts"):
+        assert held in told
+    assert "peak force" not in told
+
+
+def test_a_new_parameter_is_taken_by_itself(tmp_path, capsys, monkeypatch):
+    """Keys come from signatures: what a function takes, its section takes."""
+    given = {**parameters("extract")}
+    assert set(given) == set(ao_parameters(ao.extract)) - {"shapes"}
+
+    def extract(structure, site, n=None, *, purity: float = 1.0):
+        """Extract.
+
+        Parameters
+        ----------
+        purity : float
+            How pure the model is.
+        """
+        return ao.extract(structure, site, n)
+
+    parameters.cache_clear()
+    monkeypatch.setitem(vars(ao), "extract", extract)
+    try:
+        text = BEAM.replace("n = 6", 'n = 6\npurity = "high"')
+        assert antiosc("check", written(tmp_path, text)) == 1
+        told = capsys.readouterr().err
+        assert "extract.purity must be a number (How pure the model is); got 'high'" in told
+    finally:
+        parameters.cache_clear()
+
+
+def ao_parameters(call) -> list[str]:
+    import inspect
+
+    return list(inspect.signature(call).parameters)
+
+
+@pytest.mark.fem
+def test_the_schema_knows_every_section_and_key(capsys):
+    pytest.importorskip("dolfinx")
+    assert antiosc("schema") == 0
+    assert json.loads(capsys.readouterr().out) == json.loads(json.dumps(schema()))
+    found = schema()
+    assert list(found["properties"]) == list(SECTIONS)
+    assert found["additionalProperties"] is False
+    simulate = found["properties"]["simulate"]
+    assert simulate["required"] == ["duration"]
+    assert simulate["properties"]["tol"]["type"] == "number"
+    laws = found["properties"]["contact"]["anyOf"]
+    kinds = [one["properties"]["kind"].get("const") for one in laws]
+    assert {"Hertz", "Hertz.from_radii", "Linear", "Tabulated"} <= set(kinds)
+    assert "trust" not in json.dumps(found["properties"]["geometry"])
+
+
+def test_warnings_are_told_and_kept(tmp_path, capsys):
+    text = BEAM.replace("duration = 2e-3", "duration = 1e-5")
+    assert antiosc("run", written(tmp_path, text), "--out", tmp_path / "out") == 0
+    assert "The run ends during contact" in capsys.readouterr().err
+    assert "The run ends during contact" in numbers(tmp_path / "out")["warnings"][0]

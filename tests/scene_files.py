@@ -1,0 +1,53 @@
+"""Scene files for tests: a mass on a beam of given matrices, and a way to run the command."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from antiosc import cli
+from paths import DEMOS
+
+SCENES = DEMOS / "scenes"
+
+#: A complete scene of NumPy and SciPy alone, line by line.
+BEAM = f"""\
+title = "a mass on a beam"
+[matrices]
+K = "{SCENES}/beam_K.mtx"
+M = "{SCENES}/beam_M.mtx"
+map = "{SCENES}/beam_nodes.txt"
+[sites.middle]
+node = 9
+dof = "z"
+[extract]
+n = 6
+[impactor]
+kind = "RigidMass"
+mass = 0.05
+velocity = 1.0
+[contact]
+kind = "Hertz"
+stiffness = 5e8
+[simulate]
+duration = 2e-3
+"""
+
+
+def written(folder: Path, text: str, name: str = "scene.toml") -> Path:
+    """A scene file."""
+    path = folder / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def antiosc(*arguments: Any) -> int:
+    """The exit code of the command."""
+    return cli.main([str(argument) for argument in arguments])
+
+
+def numbers(folder: Path) -> dict[str, Any]:
+    """What result.json holds."""
+    found: dict[str, Any] = json.loads((folder / "result.json").read_text(encoding="utf-8"))
+    return found
