@@ -383,3 +383,10 @@ def test_restitution_and_damping_factor_are_inverse():
             assert (1 + d) / (1 - e * d) == pytest.approx(np.exp(d * (1 + e)), rel=1e-9)
         assert restitution_of(d) == pytest.approx(e, rel=1e-6)
     assert restitution_of(1e6) == pytest.approx(1e-6, rel=1e-3)
+
+
+@laws
+def test_energies_are_those_of_each_indentation(law: ao.ContactLaw) -> None:
+    delta, state = np.array([-1e-5, 0.0, 3e-6, 4e-5, 2e-4]), law.touch(1.0)
+    each = [law.energy(float(d), state) for d in delta]
+    np.testing.assert_allclose(law.energies(delta, state), each, rtol=1e-12)

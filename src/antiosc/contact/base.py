@@ -25,6 +25,9 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import ClassVar
 
+import numpy as np
+
+from antiosc._types import Array
 from antiosc.errors import NotConvergedError
 
 State = tuple[float, ...]
@@ -54,6 +57,10 @@ class ContactLaw(ABC):
     @abstractmethod
     def energy(self, delta: float, state: State) -> float:
         """Recoverable energy [J] of the contact at this indentation."""
+
+    def energies(self, delta: Array, state: State) -> Array:
+        """`energy` at many indentations (n,) of one state."""
+        return np.array([self.energy(d, state) for d in delta.tolist()])
 
     def touch(self, speed: float, state: State | None = None) -> State:
         """State at first touch (`state` None) or at a further one, closing at `speed` [m/s]."""

@@ -6,7 +6,10 @@ from dataclasses import dataclass, field, replace
 from math import inf, sqrt
 from typing import Any, ClassVar
 
+import numpy as np
+
 from antiosc import checks
+from antiosc._types import Array
 from antiosc.contact.base import ContactLaw, State
 from antiosc.contact.geometry import (
     Radii,
@@ -61,6 +64,10 @@ class Power(ContactLaw):
         n = self.exponent + 1
         return float(self.stiffness * delta**n / n)
 
+    def energies(self, delta: Array, state: State) -> Array:
+        n = self.exponent + 1
+        return np.asarray(self.stiffness * np.maximum(delta, 0.0) ** n / n)
+
 
 @dataclass(frozen=True)
 class Linear(ContactLaw):
@@ -79,6 +86,9 @@ class Linear(ContactLaw):
 
     def energy(self, delta: float, state: State) -> float:
         return 0.5 * self.stiffness * delta * delta if delta > 0 else 0.0
+
+    def energies(self, delta: Array, state: State) -> Array:
+        return np.asarray(0.5 * self.stiffness * np.maximum(delta, 0.0) ** 2)
 
     def implicit(
         self,
@@ -199,6 +209,11 @@ class Hertz(ContactLaw):
         top = min(F, self.valid_force)
         stored = 0.4 * self._a * top ** (5 / 3) - 0.5 * self.compliance * top**2
         return stored + 0.5 * self._end_slope * (F * F - top * top)
+
+    def energies(self, delta: Array, state: State) -> Array:
+        if self.compliance > 0.0:
+            return super().energies(delta, state)
+        return np.asarray(0.4 * self.stiffness * np.maximum(delta, 0.0) ** 2.5)
 
     def implicit(
         self,

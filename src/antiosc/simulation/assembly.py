@@ -15,6 +15,7 @@ from antiosc.simulation.engine import System
 from antiosc.simulation.impactors import Obstacle
 from antiosc.simulation.laws import packed
 from antiosc.simulation.scene import Contact, Scene
+from antiosc.simulation.scene_states import between
 from antiosc.simulation.simulate import _deepest, _stiffness
 
 Array = NDArray[np.float64]
@@ -47,6 +48,20 @@ class Assembly:
     notes: list[str]
     system: System
     lasting: float
+
+    def load(self, t: Array) -> Array:
+        """Modal loads (n, J) at times (n,)."""
+        return between(t, self.system.breaks, self.system.loads)
+
+    def pushes(self, t: Array) -> Array:
+        """External forces (n, P) on all columns at times (n,)."""
+        total = np.zeros((t.size, self.B.shape[1]))
+        for load in self.scene.loads:
+            body, site = find(load.end, self.bodies)
+            row = along(body, site, body.pushes.get(site), load.end)
+            value = np.interp(t, load.times, load.forces)
+            total[:, self.columns[body.name]] += value[:, None] * row
+        return total
 
 
 def assemble(scene: Scene, duration: float) -> Assembly:

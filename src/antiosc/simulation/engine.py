@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from math import ceil, log2
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +29,7 @@ _interpreted = 0
 SLOWEST = 1e-4  # of the closing speed that is expected: what begins more slowly begins at rest
 
 _COMPILED = march.__name__ + "_compiled"
-_FIRST = 512  # nodes of the first buffer
+_FIRST = 2048  # nodes of the first buffer
 
 
 def fitting_march(work: int) -> ModuleType:
@@ -161,6 +162,43 @@ class Run:
     work: float = 0.0
 
 
+# responses of the steps that earlier runs of the same bodies and rows used, by `_responses`
+_kept: dict[tuple[object, ...], tuple[NDArray[Any], ...]] = {}
+_MOST_KEPT, _LARGEST_KEPT = 8, 1 << 22  # of them; bytes of one
+
+
+def _responses(
+    system: System, longest: float, module: ModuleType
+) -> tuple[tuple[object, ...], tuple[NDArray[Any], ...]]:
+    """The tables of the march for halvings of the longest step [s], and their key for `_keep`.
+
+    They are taken out of the store, so that no other thread fills them meanwhile.
+    """
+    rated = bool(np.any((system.kinds == march.DAMPED) | (system.kinds == march.USER)))
+    arrays = (system.omega, system.decay, system.beta, system.R)
+    key = (module.__name__, longest, rated, *(a.tobytes() for a in arrays))
+    found = _kept.pop(key, None)
+    if found is None:
+        slots, (m, size) = march.LEVELS + 2, system.beta.shape
+        found = (
+            np.zeros((slots, 3), dtype=np.int64),
+            np.empty((slots, 6, size)),
+            np.empty((slots, 2, m, 2, size)),
+            np.empty((slots, 4, m, m)),
+            np.empty((slots, 4, 3, m, m)),
+        )
+    return key, found
+
+
+def _keep(key: tuple[object, ...], tables: tuple[NDArray[Any], ...]) -> None:
+    """Leave the tables to later runs."""
+    if sum(table.nbytes for table in tables) > _LARGEST_KEPT:
+        return
+    _kept[key] = tables
+    for oldest in list(_kept)[:-_MOST_KEPT]:
+        _kept.pop(oldest, None)
+
+
 def run(
     system: System,
     duration: float,
@@ -209,20 +247,13 @@ def run(
     clock[march.GIVEN] = system.given + march.mechanical(x, system.omega)
     clock[march.HIGHEST] = clock[march.GIVEN]
     scales = np.stack((system.depth, system.speed), axis=1)
-    slots = march.LEVELS + 2
-    ready = np.zeros((slots, 3), dtype=np.int64)
+    chosen, before = module or fitting_march(0), 0
+    key, tables = _responses(system, float(clock[march.LONGEST]), chosen)
     modes = (system.omega, system.decay, system.beta, system.R)
     acting = (system.breaks, system.loads, system.offsets)
     met = np.stack((system.mass, system.slowest), axis=1)
     contacts = (system.kinds, system.params, system.slip, system.tangents, met)
     state = (clock, count, x, row, mode, s, anchor, scales)
-    tables = (
-        ready,
-        np.empty((slots, 6, size)),
-        np.empty((slots, 2, m, 2, size)),
-        np.empty((slots, 4, m, m)),
-        np.empty((slots, 4, 3, m, m)),
-    )
     work = (
         np.zeros((3, m)),
         np.zeros((4, m)),
@@ -241,7 +272,7 @@ def run(
     begin = (np.zeros(1), row[march.FORCE].copy()[None], row[march.DEPTH].copy()[None])
     times, forces, depths, events = [begin[0]], [begin[1]], [begin[2]], []
     states = []
-    buffer, chosen, before = _FIRST, module or fitting_march(0), 0
+    buffer = _FIRST
     while True:
         time_out, force_out = np.empty(buffer), np.empty((buffer, m))
         depth_out, event_out = np.empty((buffer, m)), np.empty((buffer + p + 1, 4))
@@ -262,6 +293,7 @@ def run(
         if answer != march.FULL:
             break
         buffer = min(4 * buffer, 1 << 17)
+    _keep(key, tables)
     states.append(x[None].copy())
     return Run(
         time=np.concatenate(times),

@@ -15,6 +15,7 @@ from antiosc.simulation.engine import Run, run
 from antiosc.simulation.equilibrium import closed, settle
 from antiosc.simulation.laws import forget
 from antiosc.simulation.scene import Scene
+from antiosc.simulation.scene_energy import GAIN, gained
 from antiosc.simulation.scene_history import SceneHistory
 
 Array = NDArray[np.float64]
@@ -28,8 +29,6 @@ PATIENCE = 3  # runs without gain after which a scene counts as not convergent
 # a finer run may take so many times the steps of the one before, twice being the rule, and so many
 # at least: one that takes more is stopped
 DEARER, CHEAP = 50, 50_000
-GAIN = 1e-3  # of the highest energy: a scene that gains more says so
-BALANCED = 5000  # nodes up to which the balance of energy is always made
 
 
 @dataclass(eq=False)
@@ -80,7 +79,7 @@ def integrate(
     error = {} if step is not None else {"force": found.force, "peak": found.peak}
     status, message = verdict(found, tol, max_contacts, max_steps)
     if status == 0:
-        gain = gained(SceneHistory(assembly, found.run, error, 0, ""))
+        gain = gained(assembly, found.run)
         if gain > GAIN:
             status, message = (
                 1,
@@ -172,8 +171,8 @@ def converge(
         if before is not None and now.answer not in (march.GREW, march.STUCK):
             force, peak, certain = difference(before, now, m, tol / left)
             found = Converged(now, share, left * force, left * peak, certain)
-            gained = best is None or found.force < 0.7 * best.force
-            worse = 0 if gained else worse + 1
+            better = best is None or found.force < 0.7 * best.force
+            worse = 0 if better else worse + 1
             if best is None or found.force <= best.force or found.force <= tol:
                 best = found
             if max(found.force, found.peak) <= tol or worse >= PATIENCE:
@@ -243,22 +242,6 @@ def never_touched(assembly: Assembly, run: Run) -> list[str]:
             f" should close, reverse the velocity or, for bodies of one coordinate, the ends."
         ]
     return [f"No contact touched within {run.time[-1]:g} s."]
-
-
-def gained(history: SceneHistory) -> float:
-    """Energy that came from nowhere, relative to the highest.
-
-    The balance of a long run is dear to find: it is made only where the march had a doubt. A law
-    of one's own need not know its energy.
-    """
-    run = history.run
-    if np.any(history.assembly.system.kinds == march.USER):
-        return 0.0
-    if run.time.size > BALANCED and not run.gained > 0.1 * GAIN * run.highest:
-        return 0.0
-    energy = history.energy
-    highest = float(np.max(energy.kinetic + energy.strain + energy.contact))
-    return float(np.max(energy.total - energy.total[0])) / highest if highest > 0 else 0.0
 
 
 def difference(coarse: Run, fine: Run, p: int, tol: float) -> tuple[float, float, float]:

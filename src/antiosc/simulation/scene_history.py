@@ -10,16 +10,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from antiosc import checks
-from antiosc.contact import ContactLaw
 from antiosc.errors import InputError
 from antiosc.models.modal import ModalBody
 from antiosc.models.site_modes import SiteModes
-from antiosc.simulation import march
 from antiosc.simulation.assembly import Assembly, along, find
 from antiosc.simulation.bodies import Placed, RigidBody
 from antiosc.simulation.engine import Run
 from antiosc.simulation.history import Energy, no_field
-from antiosc.simulation.scene_states import between, forces, located, states
+from antiosc.simulation.scene_energy import balance
+from antiosc.simulation.scene_states import forces, located, node_states, spans, states
 
 Array = NDArray[np.float64]
 
@@ -173,24 +172,8 @@ class SceneHistory:
             force=np.maximum(self.run.force[:, c], 0.0),
             indentation=self.run.depth[:, c],
             friction=self.run.force[:, first : first + count],
-            contacts=self._contacts(c),
+            contacts=spans(self.run, self.assembly.system, c),
         )
-
-    def _contacts(self, c: int) -> list[tuple[float, float]]:
-        open_at = 0.0 if self.assembly.system.pressed[c] > 0 else None
-        found = []
-        for t, which, piece, _ in self.run.events:
-            if int(which) != c:
-                continue
-            if piece == march.APART:
-                if open_at is not None:
-                    found.append((open_at, float(t)))
-                open_at = None
-            elif open_at is None:
-                open_at = float(t)
-        if open_at is not None:
-            found.append((open_at, float(self.run.time[-1])))
-        return found
 
     @cached_property
     def bodies(self) -> dict[str, BodyHistory]:
@@ -204,7 +187,7 @@ class SceneHistory:
         """
         t = self._within(times)
         step, since = located(self.run, t)
-        q, v = states(self.run, self.assembly.system, self._load, step, since)
+        q, v = states(self.run, self.assembly.system, self.assembly.load, step, since)
         return self._bodies(t, q, v, forces(self.run, step, since))
 
     def _within(self, t: ArrayLike) -> Array:
@@ -220,10 +203,10 @@ class SceneHistory:
 
     def _bodies(self, time: Array, q: Array, v: Array, force: Array) -> dict[str, BodyHistory]:
         a = self.assembly
-        acting = self._pushes(time) - force @ a.G
+        acting = self.assembly.pushes(time) - force @ a.G
         columns = q @ a.B + acting @ a.r
         kinetic, strain = 0.5 * v**2, 0.5 * (a.system.omega * q) ** 2
-        load = self._load(time) - force @ a.system.beta
+        load = a.load(time) - force @ a.system.beta
         accelerations = load - a.system.omega**2 * q - 2 * a.system.decay * v
         found = {}
         for name, body in a.bodies.items():
@@ -245,22 +228,7 @@ class SceneHistory:
     @cached_property
     def energy(self) -> Energy:
         """Energies of the whole scene; `gravity` is the work of all loads."""
-        q, v = self._states
-        a = self.assembly
-        stored, lost = self._contact_energy
-        kinetic, modal = 0.5 * np.sum(v**2, axis=1), 0.5 * np.sum((a.system.omega * q) ** 2, axis=1)
-        acting = self._loads_on_columns
-        felt = acting - self.run.force @ a.G
-        work, braked = self._work_and_damping(kinetic + modal)
-        residual = felt @ a.r
-        work = work + _path(acting, residual).sum(axis=1)
-        return Energy(
-            kinetic=kinetic,
-            strain=modal + 0.5 * np.sum(felt * residual, axis=1),
-            contact=stored,
-            dissipated=lost + braked,
-            gravity=work,
-        )
+        return balance(self.assembly, self.run, *self._states)
 
     def of(self, body: str) -> tuple[Any, ModalBody | SiteModes]:
         """The model of a body of the scene, and its form in free modes.
@@ -294,8 +262,8 @@ class SceneHistory:
         times, name = self._within(t), self.name_of(body)
         _, own = self.of(name)
         a, (step, since) = self.assembly, located(self.run, times)
-        q, _ = states(self.run, a.system, self._load, step, since)
-        acting = self._pushes(times) - forces(self.run, step, since) @ a.G
+        q, _ = states(self.run, a.system, self.assembly.load, step, since)
+        acting = self.assembly.pushes(times) - forces(self.run, step, since) @ a.G
         acting = acting[:, a.columns[name]]
         pushed = acting if isinstance(own, SiteModes) else acting[:, 0]
         found = own.coordinates(q[:, a.spans[name]], pushed)
@@ -338,153 +306,7 @@ class SceneHistory:
     @cached_property
     def _states(self) -> tuple[Array, Array]:
         """Modal states (n, J) at all nodes; at the middles from the step's start."""
-        run, system = self.run, self.assembly.system
-        assert run.states is not None
-        n = run.states.shape[0] - 1
-        q, v = np.empty((2 * n + 1, system.omega.size)), np.empty((2 * n + 1, system.omega.size))
-        q[::2], v[::2] = run.states[:, 0], run.states[:, 1]
-        if n:
-            since = run.time[1::2] - run.time[:-2:2]
-            q[1::2], v[1::2] = states(run, system, self._load, np.arange(n), since)
-        return q, v
-
-    def _load(self, t: Array) -> Array:
-        """Modal loads (n, J) at times (n,)."""
-        breaks, loads = self.assembly.system.breaks, self.assembly.system.loads
-        return between(t, breaks, loads)
-
-    def _work_and_damping(self, mechanical: Array) -> tuple[Array, Array]:
-        """Work (n,) of all modal loads since the start, and what the damping took.
-
-        In flight the motion is exact and the steps are long: there both follow from the balance.
-        """
-        q, v = self._states
-        time, system = self.run.time, self.assembly.system
-        work = self._work_of_loads(q, v)
-        power = np.sum(2 * system.decay * v**2, axis=1)
-        lost = np.diff(time) * (power[:-1] + power[1:]) / 2
-        pressed = np.any(self.run.force != 0.0, axis=1)
-        still = ~(pressed[:-1:2] | pressed[1::2] | pressed[2::2])
-        flight = np.repeat(still, 2)
-        gained = np.diff(mechanical)
-        if np.any(system.decay):
-            lost = np.where(flight, work - gained, lost)
-        else:
-            work = np.where(flight, gained, work)
-        return np.append(0.0, np.cumsum(work)), np.append(0.0, np.cumsum(lost))
-
-    def _work_of_loads(self, q: Array, v: Array) -> Array:
-        """Work of the modal loads from node to node, (n - 1,), however long the steps.
-
-        By parts: a load that is linear in time needs the integral of q, which an elastic mode's
-        equation of motion gives.
-        """
-        time, force, system = self.run.time, self.run.force, self.assembly.system
-        span = np.diff(time)[:, None]
-        load = self._load(time)
-        f0, f1, f2 = force[:-2:2], force[1:-1:2], force[2::2]
-        impulse = np.empty((time.size - 1, force.shape[1]))
-        impulse[::2] = span[::2] * (5 * f0 + 8 * f1 - f2) / 12
-        impulse[1::2] = span[1::2] * (5 * f2 + 8 * f1 - f0) / 12
-        given = span * 0.5 * (load[1:] + load[:-1]) - impulse @ system.beta
-        change = np.diff(v, axis=0) + 2 * system.decay * np.diff(q, axis=0)
-        elastic = system.omega > 0
-        area = (given - change) / np.where(elastic, system.omega, 1.0) ** 2
-        slope = np.diff(load, axis=0) / np.where(span > 0, span, 1.0)
-        work = np.diff(load * q, axis=0) - slope * area
-        return np.asarray(np.where(elastic, work, np.diff(_path(load, q), axis=0)).sum(axis=1))
-
-    @cached_property
-    def _loads_on_columns(self) -> Array:
-        """External forces (n, P) on all columns at the nodes."""
-        return self._pushes(self.run.time)
-
-    def _pushes(self, t: Array) -> Array:
-        """External forces (n, P) on all columns at times (n,)."""
-        a = self.assembly
-        total = np.zeros((t.size, a.B.shape[1]))
-        for load in a.scene.loads:
-            body, site = find(load.end, a.bodies)
-            row = along(body, site, body.pushes.get(site), load.end)
-            value = np.interp(t, load.times, load.forces)
-            total[:, a.columns[body.name]] += value[:, None] * row
-        return total
-
-    @cached_property
-    def _contact_energy(self) -> tuple[Array, Array]:
-        """Energy that all contacts can give back, and what they lost, at the nodes."""
-        stored, lost = np.zeros(self.run.time.size), np.zeros(self.run.time.size)
-        system = self.assembly.system
-        for c, law in enumerate(self.assembly.laws):
-            speeds = [e[3] for e in self.run.events if int(e[1]) == c and e[2] != march.APART]
-            if system.pressed[c] > 0:
-                speeds.insert(0, 0.0)
-            each = _replay(
-                law,
-                self.run.time,
-                self.run.force[:, c],
-                self.run.depth[:, c],
-                self._contacts(c),
-                speeds,
-            )
-            stored += each[0]
-            lost += each[1]
-            first, count = system.tangents[c]
-            for i in range(first, first + count):
-                T, way = self.run.force[:, i], self.run.depth[:, i]
-                spring = 0.5 * T**2 / system.slip[c, 1]
-                work = _path(T[:, None], way[:, None])[:, 0]
-                stored += spring
-                lost += work - spring
-        return stored, lost
-
-
-def _replay(
-    law: ContactLaw,
-    time: Array,
-    force: Array,
-    depth: Array,
-    contacts: list[tuple[float, float]],
-    speeds: list[float],
-) -> tuple[Array, Array]:
-    """Recoverable and lost energy (n,), (n,) of one contact, by its law along the nodes."""
-    stored, plastic, damping = (np.zeros(time.size) for _ in range(3))
-    state = None
-    for (start, end), speed in zip(contacts, speeds, strict=False):
-        a, b = np.searchsorted(time, start), np.searchsorted(time, end, side="right") - 1
-        state = law.touch(speed, state)
-        begin = law.lost(state)
-        for n in range(a, b + 1):
-            delta = float(depth[n])
-            if n > a:
-                state = law.advance(delta, 0.0, state)
-            if law.rate_dependent:
-                damping[n] = float(force[n]) - law.force(delta, 0.0, state)
-            stored[n] = law.energy(delta, state)
-            plastic[n] += law.lost(state) - begin
-            begin = law.lost(state)
-        if b < time.size - 1:
-            stored[b] = damping[b] = 0.0
-    return stored, np.cumsum(plastic) + _path(damping[:, None], depth[:, None])[:, 0]
-
-
-def _path(force: Array, way: Array) -> Array:
-    """Work (n, k) of forces along ways, both parabolas over every step, at its middle and end."""
-    f0, f1, f2 = force[:-2:2], force[1:-1:2], force[2::2]
-    w0, w1, w2 = way[:-2:2], way[1:-1:2], way[2::2]
-    b, c = 4 * f1 - 3 * f0 - f2, 2 * (f0 - 2 * f1 + f2)
-    d, e = 4 * w1 - 3 * w0 - w2, 4 * (w0 - 2 * w1 + w2)
-
-    def until(u: float) -> Array:
-        return np.asarray(
-            f0 * d * u + (f0 * e + b * d) * u**2 / 2 + (b * e + c * d) * u**3 / 3 + c * e * u**4 / 4
-        )
-
-    whole = until(1.0)
-    total = np.zeros_like(way)
-    total[2::2] = np.cumsum(whole, axis=0)
-    total[1::2] = total[:-1:2] + until(0.5)
-    return total
+        return node_states(self.run, self.assembly.system, self.assembly.load)
 
 
 def _simpson(time: Array, force: Array) -> Array:

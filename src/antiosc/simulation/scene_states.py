@@ -14,6 +14,24 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 
+def spans(run: Run, system: System, c: int) -> list[tuple[float, float]]:
+    """Start and end [s] of each time that a contact touches."""
+    open_at = 0.0 if system.pressed[c] > 0 else None
+    found = []
+    for t, which, piece, _ in run.events:
+        if int(which) != c:
+            continue
+        if piece == march.APART:
+            if open_at is not None:
+                found.append((open_at, float(t)))
+            open_at = None
+        elif open_at is None:
+            open_at = float(t)
+    if open_at is not None:
+        found.append((open_at, float(run.time[-1])))
+    return found
+
+
 def between(t: Array, breaks: Array, values: Array) -> Array:
     """Rows of `values` at times, linear between the breaks and constant after the last."""
     if breaks.size == 1:
@@ -72,3 +90,15 @@ def states(
         P * q + S * v - a * J0 - b * J1 - c * J2,
         W * v - system.omega**2 * S * q - a * S - b * J0 - c * J1,
     )
+
+
+def node_states(run: Run, system: System, load_at: Callable[[Array], Array]) -> tuple[Array, Array]:
+    """Modal states (n, J) at all nodes; at the middles from the step's start."""
+    assert run.states is not None
+    n = run.states.shape[0] - 1
+    q, v = np.empty((2 * n + 1, system.omega.size)), np.empty((2 * n + 1, system.omega.size))
+    q[::2], v[::2] = run.states[:, 0], run.states[:, 1]
+    if n:
+        since = run.time[1::2] - run.time[:-2:2]
+        q[1::2], v[1::2] = states(run, system, load_at, np.arange(n), since)
+    return q, v

@@ -1,0 +1,188 @@
+"""The balance of energy of a scene: what its bodies and contacts hold, lose, and are given."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from antiosc._types import Array
+from antiosc.contact import ContactLaw
+from antiosc.simulation import march
+from antiosc.simulation.assembly import Assembly
+from antiosc.simulation.engine import Run
+from antiosc.simulation.history import Energy
+from antiosc.simulation.scene_states import node_states, spans
+
+GAIN = 1e-3  # of the highest energy: a scene that gains more says so
+BALANCED = 5000  # nodes up to which the balance is always made
+
+
+def balance(assembly: Assembly, run: Run, q: Array, v: Array) -> Energy:
+    """Energies at the nodes, from the modal states (n, J) there."""
+    a = assembly
+    stored, lost = contact_energies(a, run)
+    kinetic, modal = 0.5 * np.sum(v**2, axis=1), 0.5 * np.sum((a.system.omega * q) ** 2, axis=1)
+    acting = a.pushes(run.time)
+    felt = acting - run.force @ a.G
+    residual = felt @ a.r
+    work = _work(a, run, q, v) if np.any(a.system.loads) else np.zeros(run.time.size - 1)
+    work, braked = _in_flight(a, run, v, kinetic + modal, work)
+    if a.scene.loads:
+        work = work + _path(acting, residual).sum(axis=1)
+    return Energy(
+        kinetic=kinetic,
+        strain=modal + 0.5 * np.sum(felt * residual, axis=1),
+        contact=stored,
+        dissipated=lost + braked,
+        gravity=work,
+    )
+
+
+def gained(a: Assembly, run: Run) -> float:
+    """Energy that came from nowhere, relative to the highest.
+
+    The balance of a long run is dear to find: it is made only where the march had a doubt. A law
+    of one's own need not know its energy.
+    """
+    system = a.system
+    if np.any(system.kinds == march.USER):
+        return 0.0
+    if run.time.size > BALANCED and not run.gained > 0.1 * GAIN * run.highest:
+        return 0.0
+    if a.scene.loads or np.any(system.loads) or np.any(system.decay):
+        energy = balance(a, run, *node_states(run, system, a.load))
+        held, total = energy.kinetic + energy.strain + energy.contact, energy.total
+    else:  # nothing between the ends of the steps is needed
+        assert run.states is not None
+        force, x = run.force[::2], run.states
+        held = 0.5 * (np.sum((system.omega * x[:, 0]) ** 2, axis=1) + np.sum(x[:, 1] ** 2, axis=1))
+        held += 0.5 * np.sum((force @ system.R) * force, axis=1)
+        stored, lost = (each[::2] for each in contact_energies(a, run))
+        held += stored
+        total = held + lost
+    highest = float(np.max(held))
+    return float(np.max(total - total[0])) / highest if highest > 0 else 0.0
+
+
+def _in_flight(
+    a: Assembly, run: Run, v: Array, mechanical: Array, work: Array
+) -> tuple[Array, Array]:
+    """Work (n,) of all modal loads since the start, and what the damping took.
+
+    `work` (n - 1,) from node to node. In flight the motion is exact and the steps are long: there
+    both follow from the balance.
+    """
+    if not (np.any(work) or np.any(a.system.decay)):
+        return np.zeros(run.time.size), np.zeros(run.time.size)
+    power = np.sum(2 * a.system.decay * v**2, axis=1)
+    lost = np.diff(run.time) * (power[:-1] + power[1:]) / 2
+    pressed = np.any(run.force != 0.0, axis=1)
+    still = ~(pressed[:-1:2] | pressed[1::2] | pressed[2::2])
+    flight = np.repeat(still, 2)
+    change = np.diff(mechanical)
+    if np.any(a.system.decay):
+        lost = np.where(flight, work - change, lost)
+    else:
+        work = np.where(flight, change, work)
+    return np.append(0.0, np.cumsum(work)), np.append(0.0, np.cumsum(lost))
+
+
+def _work(a: Assembly, run: Run, q: Array, v: Array) -> Array:
+    """Work of the modal loads from node to node, (n - 1,), however long the steps.
+
+    By parts: a load that is linear in time needs the integral of q, which an elastic mode's
+    equation of motion gives.
+    """
+    time, force, system = run.time, run.force, a.system
+    span = np.diff(time)[:, None]
+    load = a.load(time)
+    f0, f1, f2 = force[:-2:2], force[1:-1:2], force[2::2]
+    impulse = np.empty((time.size - 1, force.shape[1]))
+    impulse[::2] = span[::2] * (5 * f0 + 8 * f1 - f2) / 12
+    impulse[1::2] = span[1::2] * (5 * f2 + 8 * f1 - f0) / 12
+    given = span * 0.5 * (load[1:] + load[:-1]) - impulse @ system.beta
+    change = np.diff(v, axis=0) + 2 * system.decay * np.diff(q, axis=0)
+    elastic = system.omega > 0
+    area = (given - change) / np.where(elastic, system.omega, 1.0) ** 2
+    slope = np.diff(load, axis=0) / np.where(span > 0, span, 1.0)
+    work = np.diff(load * q, axis=0) - slope * area
+    return np.asarray(np.where(elastic, work, np.diff(_path(load, q), axis=0)).sum(axis=1))
+
+
+def contact_energies(a: Assembly, run: Run) -> tuple[Array, Array]:
+    """Energy that all contacts can give back, and what they lost, at the nodes."""
+    stored, lost = np.zeros(run.time.size), np.zeros(run.time.size)
+    system = a.system
+    for c, law in enumerate(a.laws):
+        speeds = [e[3] for e in run.events if int(e[1]) == c and e[2] != march.APART]
+        if system.pressed[c] > 0:
+            speeds.insert(0, 0.0)
+        each = _replay(
+            law,
+            run.time,
+            run.force[:, c],
+            run.depth[:, c],
+            spans(run, system, c),
+            speeds,
+        )
+        stored += each[0]
+        lost += each[1]
+        first, count = system.tangents[c]
+        for i in range(first, first + count):
+            T, way = run.force[:, i], run.depth[:, i]
+            spring = 0.5 * T**2 / system.slip[c, 1]
+            work = _path(T[:, None], way[:, None])[:, 0]
+            stored += spring
+            lost += work - spring
+    return stored, lost
+
+
+def _replay(
+    law: ContactLaw,
+    time: Array,
+    force: Array,
+    depth: Array,
+    contacts: list[tuple[float, float]],
+    speeds: list[float],
+) -> tuple[Array, Array]:
+    """Recoverable and lost energy (n,), (n,) of one contact, by its law along the nodes."""
+    stored, plastic, damping = (np.zeros(time.size) for _ in range(3))
+    state = None
+    for (start, end), speed in zip(contacts, speeds, strict=False):
+        a, b = np.searchsorted(time, start), np.searchsorted(time, end, side="right") - 1
+        state = law.touch(speed, state)
+        if not (law.has_memory or law.rate_dependent):
+            stored[a : b + 1] = law.energies(depth[a : b + 1], state)
+            stored[b] = 0.0 if b < time.size - 1 else stored[b]
+            continue
+        begin = law.lost(state)
+        for n in range(a, b + 1):
+            delta = float(depth[n])
+            if n > a:
+                state = law.advance(delta, 0.0, state)
+            if law.rate_dependent:
+                damping[n] = float(force[n]) - law.force(delta, 0.0, state)
+            stored[n] = law.energy(delta, state)
+            plastic[n] += law.lost(state) - begin
+            begin = law.lost(state)
+        if b < time.size - 1:
+            stored[b] = damping[b] = 0.0
+    return stored, np.cumsum(plastic) + _path(damping[:, None], depth[:, None])[:, 0]
+
+
+def _path(force: Array, way: Array) -> Array:
+    """Work (n, k) of forces along ways, both parabolas over every step, at its middle and end."""
+    f0, f1, f2 = force[:-2:2], force[1:-1:2], force[2::2]
+    w0, w1, w2 = way[:-2:2], way[1:-1:2], way[2::2]
+    b, c = 4 * f1 - 3 * f0 - f2, 2 * (f0 - 2 * f1 + f2)
+    d, e = 4 * w1 - 3 * w0 - w2, 4 * (w0 - 2 * w1 + w2)
+
+    def until(u: float) -> Array:
+        return np.asarray(
+            f0 * d * u + (f0 * e + b * d) * u**2 / 2 + (b * e + c * d) * u**3 / 3 + c * e * u**4 / 4
+        )
+
+    whole = until(1.0)
+    total = np.zeros_like(way)
+    total[2::2] = np.cumsum(whole, axis=0)
+    total[1::2] = total[:-1:2] + until(0.5)
+    return total

@@ -1,0 +1,92 @@
+"""Runs of the march share what depends on the bodies alone, and nothing else."""
+
+from __future__ import annotations
+
+import sys
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+import antiosc as ao
+from antiosc.simulation import engine
+from antiosc.simulation.assembly import assemble
+from antiosc.simulation.scene_energy import gained
+from scenes import HERTZ, case_two
+
+LAW = ao.Hertz(HERTZ)
+MODEL = case_two(6)[0]
+
+
+def blow(speed: float, law: ao.ContactLaw = LAW, mass: float = 0.24) -> ao.Scene:
+    bodies = {"beam": MODEL, "mass": ao.RigidMass(mass, speed)}
+    return ao.Scene(bodies, [ao.Contact("beam", "mass", law)])
+
+
+SCENES = [
+    blow(0.01),
+    blow(0.5),
+    blow(0.5, ao.HuntCrossley(1e10, 0.5)),
+    blow(0.5, ao.Linear(1e7)),
+    blow(0.01, mass=0.5),
+]
+
+
+@pytest.fixture(autouse=True)
+def interpreted(monkeypatch) -> None:
+    """One march for all: the compiled one rounds otherwise."""
+    monkeypatch.setitem(sys.modules, engine._COMPILED, None)
+
+
+def forces(scene: ao.Scene, duration: float = 1e-3) -> np.ndarray:
+    return scene.run(duration, tol=1e-2)["beam", "mass"].force
+
+
+def test_runs_that_share_responses_give_the_numbers_of_runs_that_do_not(monkeypatch) -> None:
+    monkeypatch.setattr(engine, "_kept", {})
+    shared = [forces(scene) for _ in range(2) for scene in SCENES]
+    kept = len(engine._kept)
+    monkeypatch.setattr(engine, "_LARGEST_KEPT", 0)
+    engine._kept.clear()
+    alone = [forces(scene) for scene in SCENES] * 2
+    assert not engine._kept
+    assert kept == 3  # two masses; a law that depends on the rate has its own
+    for one, other in zip(shared, alone, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_another_duration_has_other_steps() -> None:
+    first = forces(SCENES[1], 1e-3)
+    longer = SCENES[1].run(2.5e-3, tol=1e-2)["beam", "mass"]
+    assert longer.peak_force == pytest.approx(float(first.max()), rel=0.02)
+
+
+def test_threads_do_not_share_responses_while_they_fill_them() -> None:
+    engine._kept.clear()
+    alone = [forces(scene) for scene in SCENES]
+    engine._kept.clear()
+    with ThreadPoolExecutor(4) as pool:
+        together = list(pool.map(forces, SCENES * 4))
+    for i, found in enumerate(together):
+        np.testing.assert_array_equal(found, alone[i % len(SCENES)])
+
+
+def test_few_responses_are_kept(monkeypatch) -> None:
+    monkeypatch.setattr(engine, "_kept", {})
+    for mass in np.linspace(0.1, 1, 2 * engine._MOST_KEPT):
+        forces(blow(0.1, mass=float(mass)), 1e-4)
+    assert len(engine._kept) == engine._MOST_KEPT
+
+
+@pytest.mark.parametrize("gravity", [0.0, 1e-9])
+def test_a_gain_is_that_of_the_whole_balance(gravity: float) -> None:
+    """With and without loads; energy is put into the bodies in the midst of the contact."""
+    bodies = {"beam": MODEL, "mass": ao.RigidMass(0.24, 0.5)}
+    contacts = [ao.Contact("beam", "mass", LAW)]
+    scene = ao.Scene(bodies, contacts, gravity=gravity)
+    hit = scene.run(1e-3, tol=1e-3)
+    made = assemble(scene, 1e-3)
+    assert hit.run.states is not None
+    assert gained(made, hit.run) < 1e-4
+    hit.run.states[len(hit.run.states) // 2 :, 1] *= 1.01
+    assert gained(made, hit.run) == pytest.approx(0.02, abs=0.015)
