@@ -188,6 +188,12 @@ from antiosc.simulation.truncation import (
     choose_n as choose_n,
     truncation_error as truncation_error,
 )
+from antiosc.spectra import (
+    ShockSpectrum as ShockSpectrum,
+    Spectrum as Spectrum,
+    spectrum as spectrum,
+    srs as srs,
+)
 from antiosc.stresses import (
     principal as principal,
     tsai_hill as tsai_hill,

@@ -1,0 +1,138 @@
+"""Shock response spectra against integrations and closed forms; Fourier ones against integrals."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import quad, solve_ivp
+
+import antiosc as ao
+
+WIDTH = 1e-3
+
+
+def half_sine(n: int = 101):
+    t = np.linspace(0, WIDTH, n)
+    return t, 500 * np.sin(np.pi * t / WIDTH)
+
+
+def integrated(t, a, f: float, Q: float) -> tuple[float, float]:
+    """Extreme absolute accelerations by DOP853, from sample to sample and one period beyond."""
+    w = 2 * np.pi * f
+
+    def slope(now, y):  # relative motion z of the mass, z'' = -a - w z'/Q - w² z
+        base = np.interp(now, t, a, left=0, right=0)
+        return [y[1], -base - w / Q * y[1] - w * w * y[0]]
+
+    found = []
+    y = np.zeros(2)
+    for start, end in zip(t, [*t[1:], t[-1] + 1 / f], strict=True):
+        inner = np.linspace(start, end, 400 if start == t[-1] else 20)
+        y = solve_ivp(slope, (start, end), y[:, -1] if y.ndim > 1 else y, "DOP853", inner,
+                      rtol=1e-10, atol=1e-12).y  # fmt: skip
+        found.append(-(w / Q * y[1] + w * w * y[0]))
+    every = np.concatenate(found)
+    return every.max(), -every.min()
+
+
+@pytest.mark.parametrize("Q", [3.0, 50.0])
+@pytest.mark.parametrize("even", [True, False])
+def test_srs_is_the_extreme_of_integrated_oscillators(Q, even):
+    rng = np.random.default_rng(0)
+    t = np.linspace(0, 2e-3, 21)
+    if not even:
+        t = np.sort(np.append(rng.uniform(0, 2e-3, 30), [0, 2e-3]))
+    a = rng.standard_normal(t.size)
+    a[0] = a[-1] = 0
+    frequencies = [200.0, 900.0, 3000.0]
+    found = ao.srs(t, a, frequencies, Q)
+    for i, f in enumerate(frequencies):
+        exact = integrated(t, a, f, Q)
+        tol = 2e-3 if even else 2e-2  # unequal samples are interpolated
+        assert found.positive[i] == pytest.approx(exact[0], rel=tol)
+        assert found.negative[i] == pytest.approx(exact[1], rel=tol)
+        assert found.maximax[i] == pytest.approx(max(exact), rel=tol)
+
+
+def test_srs_of_a_half_sine_has_its_limits():
+    """Slow oscillators feel the impulse, ωΔv; fast ones the signal itself; 1.77 times between."""
+    t, a = half_sine(401)
+    found = ao.srs(t, a, [1.0, 0.8 / WIDTH, 200 / WIDTH], Q=1e4)
+    impulse = 500 * 2 * WIDTH / np.pi
+    assert found.maximax[0] == pytest.approx(2 * np.pi * impulse, rel=1e-3)
+    assert found.maximax[1] == pytest.approx(1.768 * 500, rel=2e-3)
+    assert found.maximax[2] == pytest.approx(500, rel=1e-2)
+    parts = [ao.srs(t, a, [2 / WIDTH, 0.2 / WIDTH], 20, parts=p) for p in ("primary", "residual")]
+    whole = ao.srs(t, a, [2 / WIDTH, 0.2 / WIDTH], 20)
+    np.testing.assert_allclose(np.maximum(*(p.maximax for p in parts)), whole.maximax, rtol=1e-3)
+    assert parts[1].maximax[0] < parts[0].maximax[0]
+    assert parts[1].maximax[1] > parts[0].maximax[1]
+
+
+def test_srs_of_a_step_overshoots_by_its_damping():
+    """Absolute acceleration 1 + exp(−ζπ/√(1−ζ²)) cos … of a base that starts suddenly: Q large."""
+    t = np.linspace(0, 1, 1001)
+    found = ao.srs(t, np.ones_like(t), [5.0], Q=1e5)
+    assert found.positive[0] == pytest.approx(2.0, rel=1e-3)
+
+
+def test_srs_equals_pyyeti():
+    pyyeti = pytest.importorskip("pyyeti.srs")
+    t, a = half_sine(2001)
+    a = np.append(a, np.zeros(2000))
+    t = np.arange(a.size) * (t[1] - t[0])
+    frequencies = np.geomspace(50, 5000, 30)
+    exact = pyyeti.srs(a, 1 / (t[1] - t[0]), frequencies, 10, ic="zero", time="total")
+    np.testing.assert_allclose(ao.srs(t, a, frequencies).maximax, exact, rtol=1e-3)
+
+
+def test_frequencies_by_themselves():
+    t, a = half_sine()
+    found = ao.srs(t, a)
+    assert found.frequency[0] == pytest.approx(1 / WIDTH)
+    assert np.all(np.diff(found.frequency) > 0)
+    assert np.all(found.maximax > 0)
+    np.testing.assert_allclose(ao.srs(t + 5.0, a).maximax, found.maximax, rtol=1e-6)
+
+
+def test_spectrum_is_the_integral():
+    t, x = half_sine(2001)
+    found = ao.spectrum(t, x, pad=4)
+    for f in (0.0, 250.0, 1500.0):
+        i = int(np.argmin(np.abs(found.frequency - f)))
+        own = found.frequency[i]
+        for part, function in ((found.values.real[i], np.cos), (-found.values.imag[i], np.sin)):
+            exact = quad(
+                lambda s, g=function, w=2 * np.pi * own: 500 * np.sin(np.pi * s / WIDTH) * g(w * s),
+                0, WIDTH,
+            )[0]  # fmt: skip
+            assert part == pytest.approx(exact, abs=1e-6 * found.amplitude[0])
+    spacing = found.frequency[1]
+    assert found.energy.sum() * spacing == pytest.approx(500**2 * WIDTH / 2, rel=1e-3)
+    assert found.band(0.99) == pytest.approx(1180, rel=0.1)
+    moved = ao.spectrum(t + 3e-3, x, pad=4)
+    np.testing.assert_allclose(
+        moved.values, found.values * np.exp(-6e-3j * np.pi * found.frequency), atol=1e-9
+    )
+
+
+def test_the_force_of_an_impact_has_its_impulse_at_zero():
+    model = ao.AntiOscillators(m0=0.1, k0=1e6, m=[0.3], omega=[2e3])
+    hit = ao.simulate(model, ao.RigidMass(0.05, 1.0), ao.Hertz(1e9), 1e-3)
+    assert ao.spectrum(hit.time, hit.force).amplitude[0] == pytest.approx(hit.impulse, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"t": [0.0, 2.0, 1.0], "a": [0.0, 1.0, 0.0]}, "ascend"),
+        ({"t": [0.0], "a": [1.0]}, "two samples"),
+        ({"t": [0.0, 1.0], "a": [0.0, 1.0, 2.0]}, "signal"),
+        ({"t": [0.0, 1.0], "a": [0.0, 1.0], "frequencies": [0.0]}, "frequencies must be > 0"),
+        ({"t": [0.0, 1.0], "a": [0.0, 1.0], "Q": 0.5}, "above 0.5"),
+        ({"t": [0.0, 1.0], "a": [0.0, 1.0], "frequencies": [1e9]}, "samples at equal steps"),
+    ],
+)
+def test_what_is_no_signal_is_refused(arguments, message):
+    with pytest.raises(ao.InputError, match=message):
+        ao.srs(**arguments)
