@@ -126,9 +126,9 @@ def numbers(history: Any) -> dict[str, Any]:
         "error": _plain(history.error),
         "energy_drift": _plain(history.energy.drift),
     }
-    for name in ("error_budget",):
-        if getattr(history, name, None) is not None:
-            found[name] = _plain(getattr(history, name))
+    budget = result_tables.error_budget(history)
+    if budget:
+        found["error_budget"] = _plain(budget)
     if isinstance(history, SceneHistory):
         found["contacts"] = {f"{a} {b}": _contact(history[a, b]) for a, b in ends(history)}
     else:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from antiosc.errors import AntioscError
 from antiosc.scene_file.run import Results
 
 #: Rows of a table of a sweep that are printed; the files hold all.
@@ -74,17 +75,23 @@ def _frequencies(omega: Any) -> str:
     return f"{first or 'none'}{', …' if len(omega) > 5 else ''} Hz"
 
 
+def error_budget(history: Any) -> Mapping[str, Any]:
+    """The error budget of a history; empty where it has none."""
+    try:
+        budget = getattr(history, "error_budget", None)
+    except AntioscError:  # the model was not extracted for it
+        return {}
+    return budget if isinstance(budget, Mapping) else {}
+
+
 def budget_rows(history: Any) -> list[tuple[str, str]]:
     """The error budget of a history, where it has one, in percent."""
-    budget = getattr(history, "error_budget", None)
-    if not isinstance(budget, Mapping):
-        return []
     return [
         (
             f"error of {name.replace('_', ' ')}",
             ", ".join(f"{part} {_percent(value)}" for part, value in parts.items()),
         )
-        for name, parts in budget.items()
+        for name, parts in error_budget(history).items()
         if isinstance(parts, Mapping)
     ]
 
