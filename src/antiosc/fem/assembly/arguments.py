@@ -12,9 +12,12 @@ from antiosc.checks import array, shown
 from antiosc.errors import InputError
 from antiosc.fem.assembly.joint import Joint
 from antiosc.fem.assembly.placement import Placement, placement
+from antiosc.fem.assembly.superelement import Superelement, of_matrices, of_model
 from antiosc.fem.structure.attachments import PointMass, Spring
 from antiosc.fem.structure.meshed import MeshedStructure
+from antiosc.fem.structure.nodal import NodalMatrices
 from antiosc.fem.structure.structure import Structure, on_mesh
+from antiosc.models.anti_oscillators import AntiOscillators
 
 
 def checked_joints(joints: Any) -> Sequence[Joint]:
@@ -28,21 +31,36 @@ def checked_joints(joints: Any) -> Sequence[Joint]:
     return items
 
 
-def checked_parts(parts: Any) -> dict[str, MeshedStructure]:
+def checked_parts(parts: Any) -> dict[str, MeshedStructure | Superelement]:
     """Name -> the part."""
     if not isinstance(parts, Mapping) or not parts:
         raise InputError(f"parts must be a dict: name -> Structure; got {shown(parts)}.")
-    for name, part in parts.items():
+    for name in parts:
         if not isinstance(name, str) or not name or ":" in name:
             raise InputError(f"a part's name must be a text without a colon; got {shown(name)}.")
-        if not isinstance(part, Structure):
-            raise InputError(f"the part {name!r} must be a Structure; got {shown(part)}.")
-        if part.matrices.assembled:
-            raise InputError(
-                f"the part {name!r} is an assembly itself: give its parts and joints instead."
-            )
-    text = "the part {!r} has no mesh: an assembly needs Structures of meshes."
-    return {name: on_mesh(part, text.format(name)) for name, part in parts.items()}
+    found = {name: _part(name, part) for name, part in parts.items()}
+    if all(isinstance(part, Superelement) for part in found.values()):
+        raise InputError("an assembly needs a part with a mesh; all parts are superelements.")
+    return found
+
+
+def _part(name: str, part: Any) -> MeshedStructure | Superelement:
+    if isinstance(part, AntiOscillators):
+        return of_model(name, part)
+    if not isinstance(part, Structure):
+        raise InputError(
+            f"the part {name!r} must be a Structure, or a model of several sites; got "
+            f"{shown(part)}."
+        )
+    if part.matrices.assembled:
+        raise InputError(
+            f"the part {name!r} is an assembly itself: give its parts and joints instead, or a "
+            "model of its sites."
+        )
+    if isinstance(part.matrices, NodalMatrices):
+        return of_matrices(name, part.matrices)
+    text = "the part {!r} has no mesh, and its matrices no map= of nodes, dofs and coordinates."
+    return on_mesh(part, text.format(name))
 
 
 def checked_places(members: Mapping[str, Any], at: Any) -> dict[str, Placement]:

@@ -31,13 +31,14 @@ from antiosc.fem.assembly.assembled import (
     take_by_strains,
     without_stiffness,
 )
-from antiosc.fem.assembly.attached import attachment
+from antiosc.fem.assembly.attached import attachment, superelement
 from antiosc.fem.assembly.elimination import Eliminated, Redundant, Rows, eliminate
 from antiosc.fem.assembly.joint import Joint, Stiffness
 from antiosc.fem.assembly.layout import TURNS, Layout, Sparse
 from antiosc.fem.assembly.share import Share, communicator, on_every_rank
 from antiosc.fem.assembly.shared_nodes import SharedNodes
 from antiosc.fem.assembly.strainless import modes_of, tell_motions
+from antiosc.fem.assembly.superelement import TURN
 from antiosc.fem.assembly.supports import support_rows
 from antiosc.fem.assembly.wide import nested_basis
 from antiosc.fem.linalg.solver import Choice, checked_choice
@@ -45,11 +46,12 @@ from antiosc.fem.mpi import collective, on_root
 from antiosc.fem.structure.attachments import PointMass, Spring
 from antiosc.fem.structure.structure import Structure
 from antiosc.fem.structure.support import Support
+from antiosc.models.anti_oscillators import AntiOscillators
 
 
 @collective()
 def assemble(
-    parts: Mapping[str, Structure],
+    parts: Mapping[str, Structure | AntiOscillators],
     joints: Sequence[Joint] = (),
     at: Mapping[str, Any] | None = None,
     *,
@@ -64,7 +66,9 @@ def assemble(
     ----------
     parts : dict
         Name -> Structure of a mesh, of any family, order and material, with its own supports. One
-        Structure may stand under several names.
+        Structure may stand under several names. A part may also be a superelement: a model of
+        several sites (`extract(structure, {name: Site, ...})`), whose sites "part:name" joints act
+        on, or `Structure.from_matrices(K, M, map=...)` with coordinates, by "part:number" of nodes.
     joints : sequence of joints
         `Tie`, `Rigid`, `Mean`, `Weld`, `Hinge`, `Slider`, `Ball`, `Bolt`, `Bushing`, `Equation`.
     at : dict, optional
@@ -127,7 +131,7 @@ def joined_at_nodes(
 
 
 def put_together(
-    parts: Mapping[str, Structure],
+    parts: Mapping[str, Structure | AntiOscillators],
     joints: Sequence[Joint],
     at: Mapping[str, Any] | None = None,
     *,
@@ -213,6 +217,7 @@ def _joined(
         elastic += joint.elastic(layout, label)
     for one in attached:
         elastic += attachment(layout, one)
+    elastic += [superelement(layout, one) for one in layout.condensed.values()]
     _check_joined(layout, rows, elastic)
     everything = stacked([*(r.matrix for r in rows), *(e.G for e in elastic)], layout.count)
     basis = nested_basis(everything, held, layout.places)
@@ -226,7 +231,8 @@ def _joined(
     stretches = [scipy.sparse.csr_matrix(one.strains) @ one.G for one in elastic]
     C = stacked([*(r.matrix for r in rows), *stretches], layout.count)
     strainless = motions.free_motions(layout, C, held, scale)
-    tell_motions(layout, *strainless, supported=bool(held.any() or supports))
+    supported = bool(supports) or any(len(m.part.fixed) for m in layout.members.values())
+    tell_motions(layout, *strainless, supported=supported)
     modes, shift = modes_of(layout, K, M, eliminated, *strainless)
     rigid = modes.shape[1] == free  # its K is rounding
     if rigid:
@@ -242,6 +248,8 @@ def _held(layout: Layout) -> BoolArray:
     held = np.zeros(layout.count, dtype=bool)
     for member in layout.members.values():
         held[member.first + member.part.fixed] = True
+    for one in layout.condensed.values():
+        held[one.rows] = one.part.held
     for name in layout.points:
         if layout.plane:
             held[layout.of_point(name)[[2, 3, 4]]] = True
@@ -258,6 +266,8 @@ def _scale(layout: Layout) -> Array:
                 scale[member.first + np.arange(component, member.size, member.block)] = (
                     1 / layout.size
                 )
+    for one in layout.condensed.values():
+        scale[one.rows][one.part.kind == TURN] = 1 / layout.size
     for name in layout.points:
         scale[layout.of_point(name)[3:]] = 1 / layout.size
     return scale

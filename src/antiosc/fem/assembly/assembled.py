@@ -91,6 +91,8 @@ class AssembledMatrices(StructureMatrices):
     @property
     def mass(self) -> float:
         """Total mass in kg."""
+        for name in self.layout.condensed:
+            raise InputError(f"the mass of the part {name!r} is not known: it is a superelement.")
         own = sum(member.part.mass for member in self.layout.members.values())
         return float(own + self.added.mass)
 
@@ -104,9 +106,14 @@ class AssembledMatrices(StructureMatrices):
         """(E [Pa], nu, rho [kg/m³]) of the first part."""
         return next(iter(self.layout.members.values())).part.constants()
 
-    def uniform_inertia(self, direction: Array) -> Array:
-        """Me on the rows of this rank for e, a unit uniform motion along `direction` (3,)."""
+    def uniform_inertia(self, direction: Array) -> Array | None:
+        """Me on the rows of this rank for e, a unit uniform motion along `direction` (3,).
+
+        None with superelements, whose sites do not tell all of their mass.
+        """
         direction = array("direction", direction, (3,))
+        if self.layout.condensed:
+            return None
         moving = rigid_motions(self.layout, np.zeros(3))[:, :3] @ direction
 
         def work() -> Array:  # by one rank: the form is compiled once
@@ -122,7 +129,7 @@ class AssembledMatrices(StructureMatrices):
     @cached_property
     def rigid_inertia(self) -> tuple[Inertia, Array] | None:
         """The whole body's inertia and Mr of its rigid motions r; see `Structure`."""
-        if not self.rigid_modes.shape[1]:
+        if not self.rigid_modes.shape[1] or self.layout.condensed:
             return None
         point = (self.layout.low + self.layout.high) / 2
         motions = rigid_motions(self.layout, point)
@@ -143,7 +150,7 @@ class AssembledMatrices(StructureMatrices):
 
     def describe(self, dofs: int) -> str:
         """One line: what was joined and with how many dofs."""
-        names = list(self.layout.members)
+        names = self.layout.names
         shown = ", ".join(names if len(names) < 7 else [*names[:5], f"{len(names) - 5} more"])
         return (
             f"assembly of {len(names)} parts ({shown}), {dofs} dofs, "
@@ -156,10 +163,15 @@ class AssembledMatrices(StructureMatrices):
         """All parts in their places, or the one that is named."""
         if name is None:
             return list(self.layout.members.values())
+        if name in self.layout.condensed:
+            raise InputError(
+                f"the part {name!r} is a superelement without a mesh: its sites are struck by "
+                "name, and its fields are those of its own structure."
+            )
         if name not in self.layout.members:
             raise InputError(
                 f"the assembly has no part {name!r}; its parts are "
-                f"{', '.join(map(repr, self.layout.members))}."
+                f"{', '.join(map(repr, self.layout.names))}."
             )
         return [self.layout.members[name]]
 
@@ -187,7 +199,8 @@ def stacked(functionals: Sequence[Sparse], count: int) -> Sparse:
 def block_of(layout: Layout) -> int:
     """Dofs of a node, or what those of all parts have in common."""
     blocks = [m.block for m in layout.members.values()]
-    return int(np.gcd.reduce([POINT_DOFS if layout.points else 0, *blocks]))
+    others = layout.points or layout.condensed
+    return int(np.gcd.reduce([POINT_DOFS if others else 0, *blocks]))
 
 
 def reduced(layout: Layout, eliminated: Eliminated, added: Added) -> tuple[PETSc.Mat, PETSc.Mat]:

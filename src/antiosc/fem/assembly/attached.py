@@ -1,4 +1,4 @@
-"""Masses and grounded springs of an assembly."""
+"""Masses, grounded springs and superelements of an assembly, as stiffness and mass."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from antiosc.fem.assembly.ends import Motion, motion
 from antiosc.fem.assembly.entities import nodes_of
 from antiosc.fem.assembly.joint import Stiffness
 from antiosc.fem.assembly.layout import MOVES, TURNS, Layout
+from antiosc.fem.assembly.superelement import Condensed
 from antiosc.fem.mesh.entities import largest
 from antiosc.fem.structure.attachments import PointMass, Spring
 
@@ -27,7 +28,11 @@ def attachment(layout: Layout, one: PointMass | Spring) -> list[Stiffness]:
         names = list(given)
         six = scipy.sparse.vstack([end.moves, end.turns]).tocsr()
         G = six[[(MOVES + TURNS).index(name) for name in names]]
-        lost = [name for name, n in zip(names, np.diff(G.indptr), strict=True) if not n]
+        lost = [
+            name
+            for name, n in zip(names, np.diff(G.indptr), strict=True)
+            if not n or (name in MOVES and not end.has(name))
+        ]
         if lost:
             raise InputError(
                 f"{type(one).__name__} at {one.where!r} acts on {', '.join(lost)}, which this "
@@ -40,6 +45,13 @@ def attachment(layout: Layout, one: PointMass | Spring) -> list[Stiffness]:
         else:
             found.append(Stiffness(G, diagonal, zero))
     return found
+
+
+def superelement(layout: Layout, one: Condensed) -> Stiffness:
+    """K and M of a superelement on its own dofs."""
+    part = one.part
+    own = layout.units(np.arange(one.first, one.first + one.size))
+    return Stiffness(own, part.K, part.M, rigid=part.rigid)
 
 
 def _places(layout: Layout, where: str | Sequence[float]) -> list[Motion]:
@@ -59,4 +71,4 @@ def _places(layout: Layout, where: str | Sequence[float]) -> list[Motion]:
                 motion(layout, (member.name, tuple(member.nodes[node])))
                 for node in nodes_of(member, group)
             ]
-    return [motion(layout, where)]
+    return [motion(layout, where, partly=True)]

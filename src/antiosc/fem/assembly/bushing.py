@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse
 
+from antiosc._types import Array
 from antiosc.checks import coordinates, positive, shown, store
 from antiosc.errors import InputError
-from antiosc.fem.assembly.ends import End, checked_end, end_text, motion
+from antiosc.fem.assembly.ends import End, Motion, checked_end, end_text, motion
 from antiosc.fem.assembly.joint import Joint, Stiffness, checked_name
 from antiosc.fem.assembly.layout import MOVES, TURNS, Layout
 from antiosc.fem.assembly.pins import COINCIDENT, carried
@@ -65,7 +66,7 @@ class Bushing(Joint):
 
     def elastic(self, layout: Layout, label: str) -> list[Stiffness]:
         """k (b − a)² of each component."""
-        a, b = motion(layout, self.a), motion(layout, self.b)
+        a, b = (motion(layout, end, partly=True) for end in (self.a, self.b))
         names = list(self.stiffness)
         found = []
         if "axial" in names:
@@ -73,6 +74,7 @@ class Bushing(Joint):
             length = float(np.linalg.norm(line))
             if length <= COINCIDENT * layout.size:
                 raise InputError(f"{label} has no length: an axial spring needs two places.")
+            _check_moves(label, "axial", line / length, (self.a, a), (self.b, b))
             found.append(scipy.sparse.csr_matrix(line / length) @ (b.moves - a.moves))
         others = [name for name in names if name != "axial"]
         if others:
@@ -83,7 +85,9 @@ class Bushing(Joint):
             ).tocsr()
             for name in others:
                 axis = (MOVES + TURNS).index(name)
-                if axis > 2:
+                if axis < 3:
+                    _check_moves(label, name, np.eye(3)[axis], (self.a, here[0]), (self.b, here[1]))
+                else:
                     for end, one in zip((self.a, self.b), here, strict=True):
                         if one.turning[axis - 3, axis - 3] < 1 - 1e-6:
                             raise InputError(
@@ -97,3 +101,12 @@ class Bushing(Joint):
         order = (["axial"] if "axial" in names else []) + others
         k = np.diag([self.stiffness[name] for name in order])
         return [Stiffness(G, k, np.zeros_like(k))]
+
+
+def _check_moves(label: str, name: str, direction: Array, *ends: tuple[End, Motion]) -> None:
+    """InputError where an end does not move along the direction of a spring."""
+    for end, one in ends:
+        if one.moves.nnz and not one.along(one.moving, direction):
+            raise InputError(
+                f"{label} acts on {name}, a displacement that {end_text(end)} does not have."
+            )

@@ -8,7 +8,7 @@ it. The mean rotation is that of the rigid motion closest to the motion of the g
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -20,11 +20,15 @@ from antiosc.errors import InputError
 from antiosc.fem.assembly.entities import nodes_of, points_of
 from antiosc.fem.assembly.layout import MOVES, TURNS, Layout, Member, Sparse
 from antiosc.fem.assembly.placement import skew
+from antiosc.fem.assembly.superelement import Condensed, interface
 from antiosc.fem.mesh.entities import Quadrature
 from antiosc.fem.structure.attachments import NEAR
 
 #: Share of the largest second moment of a group below which it does not tell a rotation.
 COLLINEAR = 1e-12
+
+#: Share of a direction that may be missing in what an end has of it: rounding.
+PARTLY = 1e-6
 
 End = Any
 
@@ -39,18 +43,31 @@ class Motion:
     turns : (3, n) functionals of the rotation.
     turning : (3, 3) projection on the rotations that the end has; those of a solid's point are 0.
     point : (3,) coordinates, m.
+    moving : (3, 3) projection on the displacements that it has; a site of a superelement may have
+        one alone.
     """
 
     moves: Sparse
     turns: Sparse
     turning: Array
     point: Array
+    moving: Array = field(default_factory=lambda: np.eye(3))
+
+    def has(self, component: str) -> bool:
+        """Whether it has a displacement or rotation of this name, in the axes of the assembly."""
+        kind, told = (MOVES, self.moving) if component in MOVES else (TURNS, self.turning)
+        return self.along(told, np.eye(3)[kind.index(component)])
+
+    @staticmethod
+    def along(told: Array, direction: Array) -> bool:
+        """Whether a projection (`moving` or `turning`) keeps a unit direction."""
+        return bool(direction @ told @ direction > 1 - PARTLY)
 
     def at(self, point: Array) -> Motion:
         """The motion of a point that is rigidly connected to the end."""
         arm = point - self.point
         moved = self.moves - scipy.sparse.csr_matrix(skew(arm)) @ self.turns
-        return Motion(moved.tocsr(), self.turns, self.turning, point)
+        return Motion(moved.tocsr(), self.turns, self.turning, point, self.moving)
 
 
 def checked_end(name: str, end: Any) -> End:
@@ -91,16 +108,27 @@ def _member_and_group(layout: Layout, end: str) -> tuple[Member, str]:
 
 
 def _member(layout: Layout, part: str, end: End) -> Member:
+    if part in layout.condensed:
+        raise InputError(
+            f"{end_text(end)}: the part {part!r} has no mesh; its sites and nodes are joined by "
+            "Ball, Weld, Hinge, Slider, Bushing or Equation."
+        )
     if part not in layout.members:
         raise InputError(
             f"{end_text(end)}: the assembly has no part {part!r}; its parts are "
-            f"{', '.join(map(repr, layout.members))}."
+            f"{', '.join(map(repr, layout.names))}."
         )
     return layout.members[part]
 
 
-def motion(layout: Layout, end: End) -> Motion:
-    """The motion of an end at its own place."""
+def motion(layout: Layout, end: End, *, partly: bool = False) -> Motion:
+    """The motion of an end at its own place.
+
+    `partly`: the caller takes ends that do not have all displacements, as sites of superelements.
+    """
+    part = end.split(":", 1)[0] if isinstance(end, str) and ":" in end else end[0]
+    if part in layout.condensed:
+        return _of_condensed(layout, layout.condensed[part], end, partly)
     if not isinstance(end, str):
         return _of_point(layout, *end)
     if end in layout.points:
@@ -119,6 +147,35 @@ def motion(layout: Layout, end: End) -> Motion:
     if len(nodes) == 1:
         return _of_nodes(layout, member, nodes)
     return mean(layout, member, points_of(member, group))
+
+
+def _of_condensed(layout: Layout, one: Condensed, end: End, partly: bool) -> Motion:
+    """The motion of a site or a node of a superelement, by its name or its place."""
+    if isinstance(end, str):
+        name = end.split(":", 1)[1]
+    else:
+        x = np.pad(np.array(end[1]), (0, 3 - len(end[1])))
+        apart = np.linalg.norm(one.points - x, axis=1)
+        nearest = int(np.argmin(apart))
+        name = list(one.part.ends)[nearest] if apart[nearest] <= NEAR * layout.size else ""
+    if name not in one.part.ends:
+        some = [repr(f"{one.name}:{known}") for known in one.part.ends]
+        shown = ", ".join(some if len(some) < 12 else [*some[:10], f"and {len(some) - 10} more"])
+        raise InputError(
+            f"the part {one.name!r} has no site or node {end_text(end)}; it has {shown}."
+        )
+    found, R = one.part.ends[name], one.at.rotation
+    moving = R @ found.moving @ R.T
+    needed = np.diag([1.0, 1.0, 0.0]) if layout.plane else np.eye(3)
+    if not partly and np.abs(needed - needed @ moving @ needed).max() > PARTLY:
+        raise InputError(
+            f"{end_text(end)} does not have all displacements: extract its model with "
+            "Site(..., tangential=True), or join it along its direction by an Equation or a "
+            "Bushing."
+        )
+    moves, turns = interface(one, found, layout.count)
+    point = one.at.placed(found.point[None])[0]
+    return Motion(moves, turns, R @ found.turning @ R.T, point, moving)
 
 
 def _of_nodes(layout: Layout, member: Member, nodes: IntArray) -> Motion:

@@ -50,13 +50,14 @@ class Equation(Joint):
         """The one row of the equation."""
         total = layout.nothing(1)
         for end, component, coefficient in self.terms:
-            own = motion(layout, end)
+            own = motion(layout, end, partly=True)
             six = scipy.sparse.vstack([own.moves, own.turns]).tocsr()
             row = six[(MOVES + TURNS).index(component)]
-            if not row.nnz:
+            if not row.nnz or (component in MOVES and not own.has(component)):
                 raise InputError(
                     f"{label}: {end_text(end)} has no component {component!r}; points of solids "
-                    "have no rotations, plane parts move along x and y."
+                    "have no rotations, plane parts move along x and y, a site of a model along "
+                    "its direction."
                 )
             total = total + coefficient * row
         total = total.tocsr()

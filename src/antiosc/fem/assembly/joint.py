@@ -24,16 +24,22 @@ class Stiffness:
     G : (j, n) functionals of u.
     k, m : (j, j) stiffness and mass of these.
     mass : kg.
+    rigid : (j, r) orthonormal values of the functionals that are without strain, where they are
+        known.
     """
 
     G: Sparse
     k: Array
     m: Array
     mass: float = 0.0
+    rigid: Array | None = None
 
     @property
     def strains(self) -> Array:
         """Unit combinations of the functionals that a motion without strain leaves at zero."""
+        if self.rigid is not None:
+            whole, _ = np.linalg.qr(self.rigid, mode="complete")
+            return np.asarray(whole[:, self.rigid.shape[1] :].T)
         values, vectors = np.linalg.eigh(self.k)
         return np.asarray(vectors[:, values > 1e-12 * max(values[-1], np.finfo(float).tiny)].T)
 

@@ -1,7 +1,8 @@
 """The dofs of all parts of an assembly in one vector, before they are joined.
 
-The vector u holds the dofs of each part (in the axes of the part) one after the other, and then six
-dofs (in the axes of the assembly) for each reference point. A linear functional of u is a row of a
+The vector u holds the dofs of each part (in the axes of the part) one after the other, first of
+parts with meshes, then of superelements, and then six dofs (in the axes of the assembly) for each
+reference point. A linear functional of u is a row of a
 sparse matrix with as many columns as u has dofs.
 """
 
@@ -20,6 +21,7 @@ from antiosc._types import Array, IntArray
 from antiosc.errors import InputError
 from antiosc.fem import compat
 from antiosc.fem.assembly.placement import Placement
+from antiosc.fem.assembly.superelement import MOVE, Condensed, Superelement
 from antiosc.fem.mesh.closest_point import ClosestPoints, closest_many
 from antiosc.fem.structure.meshed import MeshedStructure
 
@@ -100,27 +102,41 @@ class Layout:
 
     Attributes
     ----------
-    members : name -> part in its place.
+    members : name -> part with a mesh in its place.
+    condensed : name -> superelement in its place.
     points : name -> coordinates (3,) of each reference point [m].
     plane : whether the parts are plane: they move along x and y and turn about z alone.
     """
 
     def __init__(
         self,
-        parts: Mapping[str, MeshedStructure],
+        parts: Mapping[str, MeshedStructure | Superelement],
         at: Mapping[str, Placement],
         points: Mapping[str, Array],
     ) -> None:
         self.members: dict[str, Member] = {}
+        self.condensed: dict[str, Condensed] = {}
         first = 0
         for name, part in parts.items():
-            self.members[name] = Member(name, part, at[name], first)
-            first += self.members[name].size
+            if not isinstance(part, Superelement):
+                self.members[name] = Member(name, part, at[name], first)
+                first += self.members[name].size
+        for name, part in parts.items():
+            if isinstance(part, Superelement):
+                self.condensed[name] = Condensed(name, part, at[name], first)
+                first += part.size
         self.points = dict(points)
         self._first_point = first
-        self.plane = _plane(self.members)
-        x = np.vstack([*(m.vertices for m in self.members.values()), *self.points.values()])
+        self.plane = _plane(self.members, self.condensed)
+        placed = [m.vertices for m in self.members.values()]
+        placed += [c.points for c in self.condensed.values()]
+        x = np.vstack([*placed, *self.points.values()])
         self.low, self.high = x.min(axis=0), x.max(axis=0)
+
+    @property
+    def names(self) -> list[str]:
+        """Names of all parts."""
+        return [*self.members, *self.condensed]
 
     @property
     def count(self) -> int:
@@ -156,6 +172,8 @@ class Layout:
         x = np.zeros((self.count, 3))
         for member in self.members.values():
             x[member.rows] = np.repeat(member.nodes, member.block, axis=0)
+        for one in self.condensed.values():
+            x[one.rows] = one.places
         for name, point in self.points.items():
             x[self.of_point(name)] = point
         return x
@@ -224,21 +242,29 @@ class Layout:
         )
 
 
-def _plane(members: Mapping[str, Member]) -> bool:
+def _plane(members: Mapping[str, Member], condensed: Mapping[str, Condensed]) -> bool:
     """Whether the parts are plane; InputError where some are and others are not."""
     plane = {name: "z" not in m.part.form.components for name, m in members.items()}
     if len(set(plane.values())) > 1:
-        flat = next(name for name, one in plane.items() if one)
+        sheet = next(name for name, one in plane.items() if one)
         deep = next(name for name, one in plane.items() if not one)
         raise InputError(
-            f"the part {flat!r} is plane (it moves along x and y) and the part {deep!r} moves in "
+            f"the part {sheet!r} is plane (it moves along x and y) and the part {deep!r} moves in "
             "space: an assembly has parts of one sort; read the mesh with gdim=3."
         )
-    for name, m in members.items():
+    flat = any(plane.values())
+    for name, one in condensed.items():
+        if flat and np.abs(one.axes[one.part.kind == MOVE, 2]).max(initial=0.0) > 1e-12:
+            raise InputError(
+                f"the part {name!r} moves in space and the others in their plane: an assembly has "
+                "parts of one sort."
+            )
+    both: dict[str, Member | Condensed] = {**members, **condensed}
+    for name, m in both.items():
         R = m.at.rotation
-        if plane[name] and (abs(R[2, 2] - 1) > 1e-12 or m.at.shift[2]):
+        if flat and (abs(R[2, 2] - 1) > 1e-12 or m.at.shift[2]):
             raise InputError(
                 f"at[{name!r}] moves a plane part out of its plane: turn it about z and shift it "
                 "along x and y."
             )
-    return any(plane.values())
+    return flat

@@ -16,6 +16,7 @@ import scipy.sparse
 
 from antiosc._types import Array, BoolArray, IntArray
 from antiosc.fem.assembly.layout import TURNS, Layout, Member, Sparse
+from antiosc.fem.assembly.superelement import MOVE, TURN
 from antiosc.fem.structure import remaining_motions
 from antiosc.fem.structure.rigid_body_modes import polynomials
 
@@ -51,6 +52,8 @@ def rigid_motions(layout: Layout, point: Array) -> Array:
     result = np.zeros((layout.count, 6))
     for member in layout.members.values():
         result[member.rows] = _of_member(member, point)
+    for one in layout.condensed.values():
+        result[one.rows] = one.motions(point)
     for name, x in layout.points.items():
         result[layout.of_point(name)] = _of_point(x - point)
     if layout.plane:
@@ -92,6 +95,12 @@ def pieces(layout: Layout) -> Iterator[Loose]:
             rows = (member.block * nodes[:, None] + np.arange(member.block)).ravel()
             yield _loose(layout, member.name, member.first + rows, centre, size,
                          _of_member(member, centre)[rows])  # fmt: skip
+    for one in layout.condensed.values():
+        x = one.points
+        centre = (x.min(axis=0) + x.max(axis=0)) / 2
+        size = max(float(np.linalg.norm(np.ptp(x, axis=0))) / 2, 1e-9 * layout.size)
+        rows = np.arange(one.first, one.first + one.size)
+        yield _loose(layout, one.name, rows, centre, size, one.motions(centre))
     for name, x in layout.points.items():
         size = layout.size / 2
         yield _loose(layout, name, layout.of_point(name), x, size, np.eye(6))
@@ -209,6 +218,12 @@ def fields(layout: Layout) -> Array:
                 rows = member.first + np.arange(component, member.size, member.block)
                 axis = member.at.rotation[:, "xyz".index(name[-1])]
                 column[rows] = axis @ turn / size if name in TURNS else axis @ move
+        for one in layout.condensed.values():
+            move, turn = field((one.places - centre) / size)
+            kind, axes = one.part.kind, one.axes.T
+            column[one.rows] = (kind == MOVE) * (axes * move).sum(axis=0) + (
+                (kind == TURN) * (axes * turn).sum(axis=0) / size
+            )
         for name, x in layout.points.items():
             move, turn = field(((x - centre) / size)[None])
             column[layout.of_point(name)] = np.concatenate([move[:, 0], turn[:, 0] / size])

@@ -168,7 +168,7 @@ def carried(layout: Layout, label: str, end: End, own: Motion, x: Array) -> Moti
     arm = x - own.point
     length = float(np.linalg.norm(arm))
     if length <= COINCIDENT * layout.size:
-        return Motion(own.moves, own.turns, own.turning, x)
+        return Motion(own.moves, own.turns, own.turning, x, own.moving)
     unit = arm / length
     across = np.eye(3) - np.outer(unit, unit)
     if layout.plane:

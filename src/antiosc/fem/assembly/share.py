@@ -21,6 +21,7 @@ from petsc4py import PETSc
 
 from antiosc._types import Array
 from antiosc.errors import InputError
+from antiosc.fem.assembly.superelement import Superelement
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.mesh.whole import whole
 from antiosc.fem.mpi import agree, alike
@@ -68,12 +69,13 @@ class Share:
         return result
 
 
-def communicator(parts: Mapping[str, MeshedStructure]) -> MPI.Comm:
+def communicator(parts: Mapping[str, MeshedStructure | Superelement]) -> MPI.Comm:
     """The communicator of the ranks that share an assembly; InputError where it is not one.
 
     Parts that every rank has for itself fit any.
     """
-    shared = {name: part.comm for name, part in parts.items() if part.comm.size > 1}
+    meshed = {n: part.comm for n, part in parts.items() if isinstance(part, MeshedStructure)}
+    shared = {name: comm for name, comm in meshed.items() if comm.size > 1}
     for name, comm in shared.items():
         first, other = next(iter(shared.items()))
         if not alike(comm, other):
@@ -81,19 +83,21 @@ def communicator(parts: Mapping[str, MeshedStructure]) -> MPI.Comm:
                 f"the parts {first!r} and {name!r} are shared by different MPI ranks: read their "
                 "meshes with the same comm."
             )
-    return next(iter(shared.values()), next(iter(parts.values())).comm)
+    return next(iter({**shared, **meshed}.values()))
 
 
 def on_every_rank(
-    parts: Mapping[str, MeshedStructure], comm: MPI.Comm
-) -> dict[str, MeshedStructure]:
+    parts: Mapping[str, MeshedStructure | Superelement], comm: MPI.Comm
+) -> dict[str, MeshedStructure | Superelement]:
     """The parts, whole on every rank; all ranks must call it."""
     if comm.size == 1:
         return dict(parts)
     made: dict[int, MeshedStructure] = {}  # one Structure may have several names
     error: Exception | None = None
     for part in parts.values():
-        if part.comm.size > 1 and id(part) not in made:
+        if isinstance(part, Superelement) or part.comm.size == 1:
+            continue
+        if id(part) not in made:
             mesh = whole(part.mesh)
             try:
                 with warnings.catch_warnings():  # they were told of the part

@@ -27,9 +27,19 @@ def support_rows(layout: Layout, supports: Any) -> list[Sparse]:
 
 def _rows(layout: Layout, support: Support) -> Sparse:
     names = _components(layout, support)
-    if isinstance(support.where, str) and support.where in layout.points:
-        point = motion(layout, support.where)
+    if isinstance(support.where, str) and (
+        support.where in layout.points or support.where.split(":", 1)[0] in layout.condensed
+    ):
+        point = motion(layout, support.where, partly=True)
         all_six = scipy.sparse.vstack([point.moves, point.turns]).tocsr()
+        if support.fix == "all":
+            return all_six[np.flatnonzero(np.diff(all_six.indptr))]
+        lost = [name for name in names if name in MOVES and not point.has(name)]
+        if lost:
+            raise InputError(
+                f"the support on {_where(support)} fixes {', '.join(lost)}, which this site does "
+                "not have."
+            )
         return all_six[[(MOVES + TURNS).index(name) for name in names]]
     found = []
     for member, nodes in _nodes(layout, support):

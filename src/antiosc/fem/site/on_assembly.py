@@ -10,6 +10,7 @@ import numpy as np
 from antiosc._types import Array
 from antiosc.errors import InputError
 from antiosc.fem.assembly.assembled import AssembledMatrices
+from antiosc.fem.assembly.ends import motion
 from antiosc.fem.assembly.layout import Member
 from antiosc.fem.mesh.entities import centre
 from antiosc.fem.mesh.surface import Faces
@@ -47,6 +48,8 @@ def _whole(structure: AssembledMatrices, site: Site) -> Functional:
             raise InputError(
                 f'the group of a site on an assembly is "part:group"; got {site.point!r}.'
             )
+        if name in structure.layout.condensed:
+            return _of_condensed(structure, site, direction / np.linalg.norm(direction))
         (member,) = structure.members(name)
         own = centre(member.part.mesh, group)
         site = replace(site, snap=True)
@@ -71,6 +74,29 @@ def _whole(structure: AssembledMatrices, site: Site) -> Functional:
         sides.append(replace(side, b=load, point=x, direction=turned))
     direction = member.at.rotation @ found.direction
     return replace(found, b=b, point=x, direction=direction, across=tuple(sides))
+
+
+def _of_condensed(structure: AssembledMatrices, site: Site, direction: Array) -> Functional:
+    """b of a site of a superelement."""
+    layout = structure.layout
+    if site.radius is not None or site.tangential:
+        raise InputError(
+            f"the site {site.point!r} of a superelement has the patch and the directions with "
+            "which it was extracted: leave radius and tangential out."
+        )
+    end = motion(layout, site.point, partly=True)
+    if not end.along(end.moving, direction):
+        raise InputError(
+            f"the site {site.point!r} of a superelement does not move along the direction of "
+            "impact: extract its model with Site(..., tangential=True)."
+        )
+    b = np.asarray(structure.T.T @ (end.moves.T @ direction))
+    b[structure.eliminated.dependent] = 0.0
+    if np.linalg.norm(b) <= LEAST_FREE_SHARE:
+        raise InputError(constrained(f"the site {site.point!r}"))
+    part, name = str(site.point).split(":", 1)
+    own = layout.condensed[part].part.ends[name]
+    return Functional(b, own.radius, own.local_compliance, end.point, direction)
 
 
 def struck(
