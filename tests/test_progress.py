@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import io
+import sys
 from types import SimpleNamespace
 
 import pytest
 
+import antiosc as ao
 from antiosc import progress
 
 
@@ -20,7 +22,7 @@ class Terminal(io.StringIO):
 @pytest.fixture
 def terminal(monkeypatch) -> Terminal:
     stream = Terminal()
-    monkeypatch.setattr(progress, "sys", SimpleNamespace(stderr=stream))
+    monkeypatch.setattr(progress, "sys", SimpleNamespace(stderr=stream, modules={}))
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setenv("COLUMNS", "60")
     return stream
@@ -64,10 +66,67 @@ def test_it_is_quiet_elsewhere(terminal, monkeypatch, case):
     assert terminal.getvalue() == ""
 
 
+def test_counted_work_tells_what_remains(terminal, monkeypatch):
+    monkeypatch.setattr(progress, "_tqdm", lambda: None)
+    clock = iter([0.0, 10.0, 10.01, 40.0, 41.0])
+    monkeypatch.setattr(progress.time, "monotonic", lambda: next(clock))
+    with progress.counting("sites", 400) as done:
+        done(100)
+        done(101)  # too soon after the one before
+        done(300)
+        done(400)
+    told = [line.removeprefix("antiosc: ").removesuffix(" …") for line in lines(terminal)]
+    assert told == [
+        "sites",
+        "sites: 100 of 400, about 30 s left",
+        "sites: 300 of 400, about 13 s left",
+        "sites: 400 of 400",
+        "",
+    ]
+
+
+@pytest.mark.parametrize(("left", "text"), [(99, "99 s"), (240, "4 min"), (7200, "2 h")])
+def test_times_are_told_in_words(monkeypatch, left, text):
+    monkeypatch.setattr(progress, "_tqdm", lambda: None)
+    assert progress.share(1, 2, left) == f"1 of 2, about {text} left"
+    assert progress.share(0, 2, left) == "0 of 2"
+
+
+def test_tqdm_draws_the_share_where_it_is_installed(monkeypatch):
+    class tqdm:
+        @staticmethod
+        def format_meter(n, total, elapsed, ncols):
+            return f"{n}/{total} [{elapsed:g}] {ncols}"
+
+    monkeypatch.setitem(sys.modules, "tqdm", SimpleNamespace(tqdm=tqdm))
+    assert progress.share(3, 9, 2.0) == f"3/9 [2] {progress.BAR}"
+    monkeypatch.setitem(sys.modules, "tqdm", None)  # cannot be imported
+    assert progress.share(3, 9, 2.0) == "3 of 9, about 4 s left"
+
+
+def test_only_the_first_rank_of_all_tells(terminal, monkeypatch):
+    monkeypatch.setenv("OMPI_COMM_WORLD_RANK", "1")
+    with progress.counting("sites", 3) as done:
+        done(3)
+    assert terminal.getvalue() == ""
+    mpi = SimpleNamespace(COMM_WORLD=SimpleNamespace(rank=0))
+    progress.sys.modules["mpi4py.MPI"] = mpi
+    with progress.doing("sites"):
+        pass
+    assert len(lines(terminal)) == 2
+
+
+def test_impacts_of_a_batch_are_counted(terminal):
+    impactors = ao.sweep(ao.RigidMass, mass=[0.1, 0.2, 0.3], velocity=1.0)
+    model = ao.AntiOscillators(m0=0.1, k0=1e6, m=[0.3], omega=[2e3])
+    ao.simulate_many(model, impactors, ao.Linear(1e6), 2e-2)
+    assert any("simulating impacts: 3 of 3" in line or "3/3" in line for line in lines(terminal))
+    assert lines(terminal)[-1] == ""
+
+
 @pytest.mark.fem
 def test_a_model_tells_what_it_waits_for(terminal):
     pytest.importorskip("dolfinx")
-    import antiosc as ao
     import parts
 
     part = ao.Structure(parts.box(), ao.Solid(70e9, 0.33, 2700.0), ao.Support("left"))

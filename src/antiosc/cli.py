@@ -9,6 +9,7 @@ from collections.abc import Sequence
 
 from antiosc import info
 from antiosc.errors import AntioscError
+from antiosc.progress import world_rank
 
 #: What each command on a scene file does.
 COMMANDS = {
@@ -44,9 +45,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _tell(error: AntioscError) -> None:
     """An error on the first rank; the sentences of a scene file begin with its name."""
     from antiosc.scene_file.problems import SceneFileError
-    from antiosc.scene_file.run import rank
 
-    if rank() == 0:
+    if world_rank() == 0:
         head = "" if isinstance(error, SceneFileError) else "antiosc: "
         print(f"{head}{error}", file=sys.stderr)
 

@@ -1,19 +1,32 @@
 """What long work does, on one line of the terminal, which is gone when the work ends.
 
+Where the amount of work is known, the line tells what remains of it (by tqdm, if installed).
+
 Nothing is written where there is no terminal (files, pipes, notebooks), and on MPI ranks other than
 the first.
 """
 
 from __future__ import annotations
 
+import importlib
 import os
 import shutil
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Any
 
 #: Carriage return, and the sequence that clears the line.
 CLEAR = "\r\x1b[2K"
+
+#: Seconds between two changes of a count.
+PAUSE = 0.1
+#: Columns of tqdm's bar, where tqdm is installed.
+BAR = 50
+
+#: Variables in which mpirun tells a process its rank: of Open MPI, and of MPICH and its kin.
+RANK = ("OMPI_COMM_WORLD_RANK", "PMI_RANK", "PMIX_RANK")
 
 #: what is being done, the outermost first
 _lines: list[str] = []
@@ -37,11 +50,56 @@ def doing(text: str, rank: int = 0) -> Iterator[Callable[[str], None]]:
         _write(rank)
 
 
+@contextmanager
+def counting(text: str, total: int, rank: int = 0) -> Iterator[Callable[[int], None]]:
+    """Show how many of `total` are done and what remains; call the function it gives with the
+    number that is done."""
+    started = shown = time.monotonic()
+    with doing(text, rank) as further:
+
+        def done(count: int) -> None:
+            nonlocal shown
+            now = time.monotonic()
+            if now - shown >= PAUSE or count >= total:
+                shown = now
+                further(share(count, total, now - started))
+
+        yield done
+
+
+def share(count: int, total: int, elapsed: float) -> str:
+    """How many of `total` are done after `elapsed` seconds, and how long the others will take."""
+    tqdm = _tqdm()
+    if tqdm is not None:
+        return str(tqdm.format_meter(count, total, elapsed, ncols=BAR))
+    text = f"{count} of {total}"
+    if 0 < count < total:
+        text += f", about {_seconds(elapsed * (total - count) / count)} left"
+    return text
+
+
+def _tqdm() -> Any:
+    """tqdm's class, or None where it is not installed."""
+    try:
+        return importlib.import_module("tqdm").tqdm
+    except Exception:  # an installed package may fail in any way: the plain text does as well
+        return None
+
+
+def _seconds(left: float) -> str:
+    """A time in words: 12 s, 3 min, 2 h."""
+    if left < 100:
+        return f"{left:.0f} s"
+    return f"{left / 60:.0f} min" if left < 6000 else f"{left / 3600:.0f} h"
+
+
 def _write(rank: int) -> None:
     """The innermost work on the line; nothing if there is none."""
     stream = sys.stderr
     try:
-        if rank or stream is None or not stream.isatty() or os.environ.get("TERM") == "dumb":
+        if rank or world_rank() or stream is None or not stream.isatty():
+            return
+        if os.environ.get("TERM") == "dumb":
             return
         width = shutil.get_terminal_size().columns - 1
         line = f"antiosc: {_lines[-1]} …"[:width] if _lines else ""
@@ -49,3 +107,12 @@ def _write(rank: int) -> None:
         stream.flush()
     except (OSError, ValueError):  # a terminal that was closed
         return
+
+
+def world_rank() -> int:
+    """The rank of this process among all; before mpi4py is loaded, as its launcher says."""
+    mpi = sys.modules.get("mpi4py.MPI")
+    if mpi is not None:
+        return int(mpi.COMM_WORLD.rank)
+    said = next((os.environ[name] for name in RANK if name in os.environ), "0")
+    return int(said) if said.isdigit() else 0

@@ -86,8 +86,8 @@ def test_a_scene_runs_as_the_program_that_it_prints(tmp_path, capsys):
     assert np.array_equal(columns["time (s)"], hit.time)
     assert np.array_equal(columns["force (N)"], hit.force)
     probes = table(tmp_path / "out/probes.csv")
-    assert np.array_equal(probes["quarter z"], found["probes"]["quarter"][:, 2])
-    assert np.abs(probes["quarter z"]).max() > 0
+    assert np.array_equal(probes["quarter z (m)"], found["probes"]["quarter"][:, 2])
+    assert np.abs(probes["quarter z (m)"]).max() > 0
 
 
 def test_the_program_is_the_api_as_users_write_it(tmp_path, capsys):

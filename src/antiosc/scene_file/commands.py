@@ -11,6 +11,7 @@ from typing import Any
 
 from antiosc import info
 from antiosc.errors import AntioscError, InputError
+from antiosc.progress import world_rank
 from antiosc.scene_file import output, result_tables as tables, run as runs, template
 from antiosc.scene_file.read import read
 from antiosc.scene_file.scene import Compiled, compiled
@@ -96,7 +97,7 @@ def _folder(options: argparse.Namespace, scene: Compiled) -> Path | None:
 
 def say(text: str, stream: Any = None) -> None:
     """Print on the first rank."""
-    if runs.rank() == 0:
+    if world_rank() == 0:
         print(text, file=stream or sys.stdout, flush=True)
 
 

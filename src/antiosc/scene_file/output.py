@@ -15,9 +15,11 @@ import numpy as np
 
 from antiosc import checks, files, info
 from antiosc.errors import InputError, MissingDependencyError
+from antiosc.progress import world_rank
 from antiosc.scene_file import result_tables
 from antiosc.scene_file.outputs import Output
-from antiosc.scene_file.run import Results, rank
+from antiosc.scene_file.run import Results
+from antiosc.simulation.error_bars import CAUSES
 from antiosc.simulation.scene_history import SceneHistory
 
 
@@ -92,12 +94,13 @@ def _energy_columns(energy: Any) -> dict[str, Any]:
     }
 
 
-def probe_columns(history: Any, probes: Mapping[str, Any], times: Mapping[str, Any]) -> list[Any]:
-    """Tables of probes with equal times: [(times, {name with component: values})]."""
+def probe_columns(found: Results) -> list[tuple[Any, dict[str, Any]]]:
+    """Tables of probes with equal times: [(times, {name with component and unit: values})]."""
     groups: list[tuple[Any, dict[str, Any]]] = []
-    for name, values in probes.items():
-        at = np.asarray(times.get(name, history.time), dtype=float).reshape(-1)
-        own = _components(name, np.asarray(values))
+    for name, values in found.probes.items():
+        asked = found.compiled.probes[name].arguments
+        at = np.asarray(asked.get("times", found.history.time), dtype=float).reshape(-1)
+        own = _components(name, np.asarray(values), result_tables.probe_unit(found, name))
         for known, columns in groups:
             if np.array_equal(known, at):
                 columns.update(own)
@@ -107,12 +110,20 @@ def probe_columns(history: Any, probes: Mapping[str, Any], times: Mapping[str, A
     return groups
 
 
-def _components(name: str, values: Any) -> dict[str, Any]:
+def _components(name: str, values: Any, unit: str) -> dict[str, Any]:
+    """A scalar, the components of a vector, or the six of a symmetric tensor, as columns."""
+    shown = f" ({unit})" if unit else ""
+    if values.ndim == 3:
+        rows, columns = np.triu_indices(values.shape[1])
+        return {
+            f"{name} {'xyz'[i]}{'xyz'[j]}{shown}": values[:, i, j]
+            for i, j in zip(rows, columns, strict=True)
+        }
     if values.ndim == 1:
-        return {name: values}
-    flat = values.reshape(len(values), -1)
-    axes = "xyz" if flat.shape[1] <= 3 else [str(k + 1) for k in range(flat.shape[1])]
-    return {f"{name} {axis}": flat[:, k] for k, axis in enumerate(axes[: flat.shape[1]])}
+        return {name + shown: values}
+    count = values.shape[1]
+    axes = "xyz" if count <= 3 else [str(k + 1) for k in range(count)]
+    return {f"{name} {axes[k]}{shown}": values[:, k] for k in range(count)}
 
 
 # -- numbers
@@ -128,7 +139,10 @@ def numbers(history: Any) -> dict[str, Any]:
     }
     budget = result_tables.error_budget(history)
     if budget:
-        found["error_budget"] = _plain(budget)
+        causes = (*CAUSES, "total")
+        found["error_budget"] = {
+            name: {cause: getattr(bar, cause) for cause in causes} for name, bar in budget.items()
+        }
     if isinstance(history, SceneHistory):
         found["contacts"] = {f"{a} {b}": _contact(history[a, b]) for a, b in ends(history)}
     else:
@@ -189,7 +203,7 @@ def write(found: Results, target: Path) -> list[Path]:
 
         path = antiosc.write_series(found.structure, found.history, target / "series.pvd")
         written.append(Path(path))
-    if rank():
+    if world_rank():
         return []
     if wanted.csv:
         written += [write_table(target / name, table) for name, table in _tables(found)]
@@ -211,8 +225,7 @@ def _tables(found: Results) -> list[tuple[str, dict[str, Any]]]:
     if found.history is not None:
         tables.append(("history.csv", history_columns(found.history)))
     if found.probes:
-        times = {n: c.arguments["times"] for n, c in probes_with_times(found).items()}
-        for k, (at, columns) in enumerate(probe_columns(found.history, found.probes, times)):
+        for k, (at, columns) in enumerate(probe_columns(found)):
             name = "probes.csv" if k == 0 else f"probes_{k + 1}.csv"
             tables.append((name, {"time (s)": at, **columns}))
     if found.batch is not None:
@@ -222,11 +235,6 @@ def _tables(found: Results) -> list[tuple[str, dict[str, Any]]]:
         named = {result_tables.named(n): v for n, v in found.found.quantities().items()}
         tables.append(("map.csv", points | named))
     return tables
-
-
-def probes_with_times(found: Results) -> dict[str, Any]:
-    """The probes that have times of their own."""
-    return {n: c for n, c in found.compiled.probes.items() if "times" in c.arguments}
 
 
 def _numbers_of(found: Results) -> dict[str, Any]:

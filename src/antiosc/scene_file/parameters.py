@@ -120,6 +120,12 @@ def _method(value: Any) -> Any:
     return checks.choice("method", value, METHODS)
 
 
+def _quantity(value: Any) -> Any:
+    from antiosc.fem.probe import QUANTITIES
+
+    return checks.choice("quantity", value, QUANTITIES)
+
+
 #: Name of a parameter of a function -> the check of its value. Constructors check their own;
 #: functions check when they run, which is too late for a file that is only looked at.
 RULES: dict[str, Callable[[Any], Any]] = {
@@ -145,4 +151,5 @@ RULES: dict[str, Callable[[Any], Any]] = {
     "merge": functools.partial(checks.positive, "merge", unit="m"),
     "unit": _unit,
     "method": _method,
+    "quantity": _quantity,
 }

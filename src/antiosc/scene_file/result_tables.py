@@ -22,8 +22,8 @@ def text(found: Results) -> str:
     if found.model is not None:
         pieces.append(lines(model_rows(found.model)))
     if found.history is not None:
-        pieces += [found.history.summary(), lines(budget_rows(found.history))]
-        pieces.append(lines(probe_rows(found.probes or {}, found.probe_units)))
+        pieces += [found.history.summary(), str(error_budget(found.history) or "")]
+        pieces.append(lines(probe_rows(found)))
     if found.batch is not None:
         pieces.append(columns(sweep_columns(found)))
     if found.found is not None:
@@ -84,28 +84,29 @@ def error_budget(history: Any) -> Mapping[str, Any]:
     return budget if isinstance(budget, Mapping) else {}
 
 
-def budget_rows(history: Any) -> list[tuple[str, str]]:
-    """The error budget of a history, where it has one, in percent."""
-    return [
-        (
-            f"error of {name.replace('_', ' ')}",
-            ", ".join(f"{part} {_percent(value)}" for part, value in parts.items()),
-        )
-        for name, parts in error_budget(history).items()
-        if isinstance(parts, Mapping)
-    ]
+#: Units of what a probe tells; of several in one, all of them.
+PROBE_UNITS = {
+    "displacement": "m",
+    "velocity": "m/s",
+    "acceleration": "m/s²",
+    "rotation": "rad",
+    "stress": "Pa",
+    "von_mises": "Pa",
+    "section_forces": "SI",
+}
 
 
-def _percent(value: Any) -> str:
-    return f"{value:.2g}" if not isinstance(value, float) else f"{value:.2%}"
+def probe_unit(found: Results, name: str) -> str:
+    """The unit of a probe; empty for a number without one."""
+    quantity = found.compiled.probes[name].arguments.get("quantity", "displacement")
+    return PROBE_UNITS.get(quantity, "")
 
 
-def probe_rows(probes: Mapping[str, Any], units: Any = None) -> list[tuple[str, str]]:
+def probe_rows(found: Results) -> list[tuple[str, str]]:
     """The largest value of each probe."""
-    units = units or {}
     return [
-        (f"probe {name}", f"at most {np.abs(values).max():.5g} {units.get(name, 'm')}")
-        for name, values in probes.items()
+        (f"probe {name}", f"at most {np.abs(v).max():.5g} {probe_unit(found, name)}".rstrip())
+        for name, v in (found.probes or {}).items()
     ]
 
 

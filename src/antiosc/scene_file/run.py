@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 import warnings
 from collections.abc import Callable, Iterator
@@ -17,8 +16,6 @@ from antiosc.scene_file.program import Call, Evaluation, Statement
 from antiosc.scene_file.read import Document
 from antiosc.scene_file.scene import Compiled
 
-#: Variables in which mpirun tells a process its rank: of Open MPI, and of MPICH and its kin.
-RANK = ("OMPI_COMM_WORLD_RANK", "PMI_RANK", "PMIX_RANK")
 #: Variable -> what a progress line says while it is made.
 DOING = {
     "mesh": "reading the mesh",
@@ -59,7 +56,7 @@ def results(compiled: Compiled, statements: list[Statement]) -> Results:
     found = Results(compiled, evaluation.variables)
     with _told(found.warnings):
         for each in statements:
-            with progress.doing(DOING.get(each.variable, each.variable), rank()):
+            with progress.doing(DOING.get(each.variable, each.variable)):
                 evaluation.run(each)
     return found
 
@@ -104,12 +101,3 @@ def communicator() -> Any:
     """MPI's ranks where mpi4py has been loaded; otherwise None: one process."""
     MPI = sys.modules.get("mpi4py.MPI")
     return None if MPI is None else MPI.COMM_WORLD  # type: ignore[attr-defined]
-
-
-def rank() -> int:
-    """The number of this rank; before MPI is loaded, as its launcher says."""
-    comm = communicator()
-    if comm is not None:
-        return int(comm.rank)
-    said = next((os.environ[name] for name in RANK if name in os.environ), "0")
-    return int(said) if said.isdigit() else 0

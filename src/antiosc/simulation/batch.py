@@ -20,6 +20,7 @@ from antiosc.contact import ContactLaw
 from antiosc.contact.many import VECTORISED
 from antiosc.errors import AccuracyError, InputError
 from antiosc.models.body import LinearBody
+from antiosc.progress import counting
 from antiosc.simulation.history import main_impact
 from antiosc.simulation.integrators import MAX_STEPS, Problem
 from antiosc.simulation.integrators.many import Result, Stack, run_many
@@ -133,17 +134,22 @@ def simulate_many(
     groups: dict[type, list[int]] = {}
     for i, scene in enumerate(scenes):
         groups.setdefault(type(scene["contacts"]), []).append(i)
-    for kind, members in groups.items():
-        if kind not in VECTORISED:
-            for i in members:
-                results[i] = _alone(scenes[i], i, accuracy, max_contacts, max_steps)
-            continue
-        for first in range(0, len(members), _BLOCK):
-            block = members[first : first + _BLOCK]
-            prepared = [_prepare(scenes[i], i) for i in block]
-            solved = _solve(kind, prepared, accuracy, max_contacts, max_steps)
-            for i, result in zip(block, solved, strict=True):
-                results[i] = result
+    ended = 0
+    with counting("simulating impacts", size) as ready:
+        for kind, members in groups.items():
+            width = _BLOCK if kind in VECTORISED else 1
+            for first in range(0, len(members), width):
+                block = members[first : first + width]
+                if kind in VECTORISED:
+                    prepared = [_prepare(scenes[i], i) for i in block]
+                    solved = _solve(kind, prepared, accuracy, max_contacts, max_steps)
+                else:
+                    i = block[0]
+                    solved = [_alone(scenes[i], i, accuracy, max_contacts, max_steps)]
+                for i, result in zip(block, solved, strict=True):
+                    results[i] = result
+                ended += len(block)
+                ready(ended)
     done = [r for r in results if r is not None]
     tell_all([r.verdict for r in done])
     return _gather(done)

@@ -29,6 +29,7 @@ from antiosc.fem.linalg.petsc_algebra import csr, lower
 from antiosc.fem.linalg.solver import Factorization, Solver
 from antiosc.fem.linalg.solvers import OnOneRank
 from antiosc.fem.mpi import agree, on_root, warn
+from antiosc.progress import counting
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -127,13 +128,15 @@ def _by_solves(structure: Factored, loads: scipy.sparse.csr_matrix) -> tuple[Arr
     """The same with one solve for each load."""
     count = loads.shape[1]
     C, G = np.zeros(count), np.zeros(count)
-    for first in range(0, count, SOLVED):
-        part = slice(first, first + SOLVED)
-        B = loads[:, part].toarray()
-        Y = structure.factorize().solve_block(B)
-        C[part] = structure.comm.allreduce(np.einsum("ij,ij->j", B, Y))
-        G[part] = structure.comm.allreduce(np.einsum("ij,ij->j", Y, multiply(structure.M, Y)))
-        log.info("%d of %d sites solved for", min(first + SOLVED, count), count)
+    with counting("sites of the map", count, structure.comm.rank) as ready:
+        for first in range(0, count, SOLVED):
+            part = slice(first, first + SOLVED)
+            B = loads[:, part].toarray()
+            Y = structure.factorize().solve_block(B)
+            C[part] = structure.comm.allreduce(np.einsum("ij,ij->j", B, Y))
+            G[part] = structure.comm.allreduce(np.einsum("ij,ij->j", Y, multiply(structure.M, Y)))
+            ready(min(first + SOLVED, count))
+            log.info("%d of %d sites solved for", min(first + SOLVED, count), count)
     return C, G
 
 
@@ -152,24 +155,26 @@ def compliances(factor: Cholesky, loads: scipy.sparse.spmatrix) -> Array:
     order = used[np.argsort(first, kind="stable")]
     found = np.zeros(B.shape[1])
     W = np.zeros((len(position), LOADS_PER_WALK))
-    for start in range(0, len(order), LOADS_PER_WALK):
-        sites = order[start : start + LOADS_PER_WALK]
-        part = B[:, sites].tocoo()
-        rows = position[part.row]
-        W[rows, part.col] = part.data
-        Z = W[:, : len(sites)]
-        for s in _branch(np.unique(supernode[rows]), parent):
-            among = L.rows[L.row[s] : L.row[s + 1]]
-            height, width = len(among), columns[s]
-            block = L.values[L.value[s] : L.value[s] + height * width].reshape(width, height).T
-            z = Z[among]
-            for c in range(0, width, PANEL):
-                d = min(c + PANEL, width)
-                z[c:d] = scipy.linalg.blas.dtrsm(1.0, block[c:d, c:d], z[c:d], lower=1)
-                z[d:] -= block[d:, c:d] @ z[c:d]
-            found[sites] += np.einsum("ij,ij->j", z[:width], z[:width])
-            Z[among[width:]] = z[width:]
-            Z[L.start[s] : L.start[s + 1]] = 0.0
+    with counting("sites of the map", len(order)) as ready:
+        for start in range(0, len(order), LOADS_PER_WALK):
+            sites = order[start : start + LOADS_PER_WALK]
+            part = B[:, sites].tocoo()
+            rows = position[part.row]
+            W[rows, part.col] = part.data
+            Z = W[:, : len(sites)]
+            for s in _branch(np.unique(supernode[rows]), parent):
+                among = L.rows[L.row[s] : L.row[s + 1]]
+                height, width = len(among), columns[s]
+                block = L.values[L.value[s] : L.value[s] + height * width].reshape(width, height).T
+                z = Z[among]
+                for c in range(0, width, PANEL):
+                    d = min(c + PANEL, width)
+                    z[c:d] = scipy.linalg.blas.dtrsm(1.0, block[c:d, c:d], z[c:d], lower=1)
+                    z[d:] -= block[d:, c:d] @ z[c:d]
+                found[sites] += np.einsum("ij,ij->j", z[:width], z[:width])
+                Z[among[width:]] = z[width:]
+                Z[L.start[s] : L.start[s + 1]] = 0.0
+            ready(min(start + LOADS_PER_WALK, len(order)))
     return found
 
 

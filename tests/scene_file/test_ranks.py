@@ -1,0 +1,85 @@
+"""A scene on two ranks: the serial answer, printed and written once."""
+
+from __future__ import annotations
+
+import pytest
+
+from mpi import run_ranks
+from paths import MESHES
+from scene_files import antiosc, numbers, written
+
+LEVER = f"""\
+[geometry]
+source = "{MESHES}/bracket.msh"
+order = 1
+[material]
+kind = "Solid"
+E = 70e9
+nu = 0.33
+rho = 2700
+[structure]
+order = 1
+[[supports]]
+where = "clamp"
+[sites.eye]
+point = [0.020, 0.040, 0.075]
+direction = [-0.2, -0.6, -0.8]
+radius = 4e-3
+snap = true
+[extract]
+n = 8
+[impactor]
+kind = "RigidMass"
+mass = 0.03
+velocity = 2.0
+[contact]
+kind = "Hertz"
+stiffness = 1e9
+[simulate]
+duration = 5e-4
+[probes.corner]
+point = [0.0, 0.030, 0.086]
+quantity = "velocity"
+[output]
+fields = true
+"""
+SCRIPT = """
+import sys
+from antiosc.cli import main
+print("ended with", main(sys.argv[1:]))
+"""
+
+
+@pytest.mark.mpi
+@pytest.mark.fem
+@pytest.mark.slow
+def test_two_ranks_give_the_serial_answer_once(tmp_path, capsys):
+    pytest.importorskip("dolfinx")
+    path = written(tmp_path, LEVER)
+    assert antiosc("run", path, "--out", tmp_path / "one") == 0
+    serial = capsys.readouterr().out
+    first, second = run_ranks(2, SCRIPT, "run", str(path), "--out", str(tmp_path / "two"))
+    told = [line.split("  ")[0] for line in first.replace("/two/", "/one/").splitlines()]
+    assert told == [*(line.split("  ")[0] for line in serial.splitlines()), "ended with 0"]
+    assert second == "ended with 0\n"
+    one, two = numbers(tmp_path / "one"), numbers(tmp_path / "two")
+    assert two["result"]["peak_force"] == pytest.approx(one["result"]["peak_force"], rel=1e-8)
+    assert two["model"]["k0"] == pytest.approx(one["model"]["k0"], rel=1e-8)
+    names = sorted(p.name for p in (tmp_path / "one").iterdir())
+    assert sorted(p.name for p in (tmp_path / "two").iterdir()) == names
+    assert {"history.csv", "probes.csv", "result.json", "series.pvd"} <= set(names)
+
+
+@pytest.mark.mpi
+@pytest.mark.fem
+@pytest.mark.slow
+def test_a_mistake_is_told_once_and_ends_both_ranks(tmp_path):
+    pytest.importorskip("dolfinx")
+    path = written(tmp_path, LEVER.replace('"clamp"', '"clampp"'))
+    script = "import sys, io, contextlib\nfrom antiosc.cli import main\n"
+    script += "told = io.StringIO()\nwith contextlib.redirect_stderr(told):\n"
+    script += "    code = main(sys.argv[1:])\nprint(code, told.getvalue())\n"
+    first, second = run_ranks(2, script, "run", str(path))
+    assert first.startswith("1 ")
+    assert "has no group 'clampp'" in first
+    assert second == "1 \n"
