@@ -38,7 +38,8 @@ MODULES = {
 #: Steps of the march and of the assembly: they are called with what antiosc itself has checked,
 #: a contact law's methods a million times a run.
 INNER = {
-    *("force", "tangent", "energy", "touch", "advance", "origin", "lost", "damping", "potential"),
+    *("force", "tangent", "energy", "energies", "touch", "advance", "origin", "lost", "damping"),
+    "potential",
     *("implicit", "out_of_range", "loading", "loading_slope", "loading_work", "permanent"),
     *("unload_shape", "reload_shape", "weak_form", "half_space_compliance", "shear_stiffness"),
     *("rotary_inertia", "dimensions", "bar_speed", "constants"),
@@ -48,7 +49,7 @@ INNER = {
 RESULTS = {
     *("Advice", "Batch", "BeamModes", "Energy", "History", "ImpactMap"),
     *("BodyHistory", "ContactHistory", "SceneHistory", "StructureModes"),
-    *("ShockSpectrum", "Spectrum"),
+    *("ShockSpectrum", "Spectrum", "PeakField"),
 }
 #: Where NaN stands for "no such number", as the documentation says.
 NONE_IS_NAN = {"restitution", "error"}
@@ -381,6 +382,7 @@ OWN: dict[str, dict[str, Any]] = {
     "AntiOscillators.dynamic_stiffness": {"omega": 1e3}, "ModalBody.receptance": {"omega": 1e3},
     "closed_form.StruckBeam.dynamic_stiffness": {"omega": 1e3},
     "ImpactMap.plot": {"quantity": "k0", "path": "map.png"}, "ImpactMap.write": {"path": "map.vtu"},
+    "PeakField.write": {"path": "peak.vtu"},
     "StructureModes.write": {"path": "modes.vtu"},
     "closed_form.BeamModes.field": {"coordinates": [0.1]}, "from_free_modes": {"compliance": 1e-6},
     "closed_form.SupportedLaminate": {
@@ -404,6 +406,7 @@ OWN: dict[str, dict[str, Any]] = {
 
 SELVES: dict[str, Callable[[], Any]] = {
     "AntiOscillators": model, "History": history, "ImpactMap": surface_map, "Structure": part,
+    "PeakField": lambda: ao.peak_field(part(), struck_part(), times=[0.0, 1e-4]),
     "Spectrum": lambda: ao.spectrum([0.0, 1e-3, 2e-3], [0.0, 1.0, 0.0]),
     "StructureModes": lambda: part().natural_modes(2),
     "Mesh": mesh, "StruckBeam": struck, "BeamModes": modes_of_beam,

@@ -105,6 +105,10 @@ from antiosc.fem.mesh.mesh import (
     Mesh as Mesh,
     read_mesh as read_mesh,
 )
+from antiosc.fem.peaks import (
+    PeakField as PeakField,
+    peak_field as peak_field,
+)
 from antiosc.fem.probe import (
     probe as probe,
     strain_gauge as strain_gauge,

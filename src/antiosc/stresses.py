@@ -31,9 +31,7 @@ def von_mises(stress: ArrayLike) -> Array:
         For anything but symmetric tensors.
     """
     s = tensors("stress", stress)
-    mean = np.trace(s, axis1=-2, axis2=-1)[..., None, None] / 3
-    deviator = s - mean * np.eye(3)
-    return np.asarray(np.sqrt(1.5 * np.sum(deviator**2, axis=(-2, -1))))
+    return equivalent(np.stack([s[..., i, j] for i, j in PAIRS], axis=-1))
 
 
 @checks.within_range
@@ -98,6 +96,33 @@ def tensors(name: str, value: Any) -> Array:
         f"{name} must hold tensors (..., 3, 3), as probe returns them, or six components "
         f"(..., 6) in the order 11, 22, 33, 23, 13, 12; got shape {given.shape}."
     )
+
+
+def equivalent(components: Array) -> Array:
+    """Von Mises's stress (...,) of components 11, 22, 33, 23, 13, 12 (..., 6)."""
+    normal, shear = components[..., :3], components[..., 3:]
+    mean = normal.mean(axis=-1, keepdims=True)
+    squares = np.sum((normal - mean) ** 2, axis=-1) + 2 * np.sum(shear**2, axis=-1)
+    return np.asarray(np.sqrt(1.5 * squares))
+
+
+def extreme_principal(components: Array) -> Array:
+    """Size (...,) of the principal value of largest size, of components (..., 6).
+
+    The trigonometric solution of the cubic (O. K. Smith, Commun. ACM 4 (1961) 168).
+    """
+    normal, (s23, s13, s12) = components[..., :3], np.moveaxis(components[..., 3:], -1, 0)
+    mean = normal.mean(axis=-1)
+    d1, d2, d3 = np.moveaxis(normal - mean[..., None], -1, 0)
+    size = np.sqrt((d1**2 + d2**2 + d3**2 + 2 * (s23**2 + s13**2 + s12**2)) / 6)
+    scale = np.where(size > 0, size, 1.0)
+    d1, d2, d3, s23, s13, s12 = (x / scale for x in (d1, d2, d3, s23, s13, s12))
+    determinant = d1 * (d2 * d3 - s23**2) - s12 * (s12 * d3 - s23 * s13)
+    determinant = determinant + s13 * (s12 * s23 - d2 * s13)
+    angle = np.arccos(np.clip(determinant / 2, -1, 1)) / 3
+    highest = mean + 2 * size * np.cos(angle)
+    lowest = mean + 2 * size * np.cos(angle + 2 * np.pi / 3)
+    return np.maximum(np.abs(highest), np.abs(lowest))
 
 
 def full(components: Array) -> Array:

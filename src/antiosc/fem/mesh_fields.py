@@ -18,6 +18,7 @@ from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.mpi import agree, on_root
 from antiosc.fem.readers import KINDS
 from antiosc.fem.readers.neutral import FACETS
+from antiosc.fem.recovery import at_nodes as nodal
 from antiosc.fem.recovery.place import Place
 from antiosc.fem.recovery.quantities import evaluator
 from antiosc.fem.recovery.shape_slopes import PointsInCells
@@ -118,6 +119,39 @@ def at_nodes(
     points, cells, found = _side_by_side([_gathered(member, own) for member, own in parts])
     kinds = [_kind(m.part.mesh, c) for (m, _), c in zip(parts, cells, strict=True)]
     return points, list(zip(kinds, cells, strict=True)), found
+
+
+def tensors_at_nodes(
+    structure: Structure, shapes: Array, quantity: str, places: list[Place]
+) -> tuple[Array, list[tuple[str, IntArray]], IntArray, Array]:
+    """Points and cells as `at_nodes`; nodes (S,), six components (S, 6, columns); on rank 0.
+
+    A point may have several tensors: of materials, of cells of a sheet, of the places given.
+    """
+    parts = _parts(structure, shapes, None)
+    points, cells, _ = at_nodes(structure, shapes[:, :0])
+    node, tensors, start = [], [], 0
+    for member, own in parts:
+        sheet = member.part.kind.sheet
+        if member.part.kind.name == "beam" and places[0].fibre is None:
+            raise InputError(
+                "the section of a beam has no outline: give fibre=(y, z), the distances of the "
+                "point from its centroid."
+            )
+        found = [
+            nodal.at_nodes(member.part, own, quantity, p.within(member.at.rotation))
+            for p in (places if sheet else places[:1])
+        ]
+        here = len(member.part.mesh.dolfinx.geometry.x)
+        pieces = member.part.mesh.comm.gather((here, found), root=0) or []
+        for size, several in pieces:
+            for numbers, columns in several:
+                node.append(numbers + start)
+                tensors.append(columns)
+            start += size
+    if not node:
+        return points, cells, np.zeros(0, dtype=int), np.zeros((0, 6, shapes.shape[1]))
+    return points, cells, np.concatenate(node), np.concatenate(tensors)
 
 
 def surface(structure: Structure, shapes: Array) -> tuple[Array, IntArray, Array]:

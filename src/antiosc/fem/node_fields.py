@@ -39,6 +39,16 @@ def recovered(
     )
 
 
+def tensors_at_nodes(
+    structure: Structure, shapes: Array, quantity: str, places: list[Place]
+) -> tuple[Array, list[tuple[str, IntArray]], IntArray, Array]:
+    """InputError: matrices know neither materials nor elements."""
+    raise InputError(
+        f"given matrices have no {quantity}: they know neither elements nor materials; ask for the "
+        "displacement, velocity or acceleration."
+    )
+
+
 def at_nodes(
     structure: Structure, shapes: Array
 ) -> tuple[Array, list[tuple[str, IntArray]], Array]:

@@ -37,6 +37,11 @@ class CellGeometry:
         self.corners = np.asarray(basix.geometry(kind))
         self._element = basix.create_element(basix.ElementFamily.P, kind, order)
 
+    @property
+    def reference_nodes(self) -> Array:
+        """Reference coordinates (k, tdim) of the nodes of a cell, in their order."""
+        return np.asarray(self._element.points)
+
     def at(self, cell: IntArray, X: Array) -> tuple[Array, Array]:
         """(points (n, 3) [m], their derivatives (n, 3, tdim)) at X (n, tdim) in cells (n,)."""
         if not len(X):  # Basix 0.5 aborts

@@ -53,7 +53,7 @@ def section_forces(at: PointsInCells, place: Place) -> Array:
 def strain(at: PointsInCells, place: Place) -> Array:
     """Tensors (P, 3, 3, columns) of a fibre: along it, and its contraction across."""
     strains, frame = section_strains(at)
-    y, z = place.fibre
+    y, z = place.fibre or (0.0, 0.0)
     along = strains[:, 0] - y * strains[:, 5] + z * strains[:, 4]
     nu = _each(at, lambda beam: [beam.nu])
     local = np.zeros((len(at.cells), 3, 3, along.shape[1]))

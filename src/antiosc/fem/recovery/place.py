@@ -24,13 +24,14 @@ class Place:
     surface : "top", "bottom" or "middle" of a sheet or of its `layer`, or a direction (3,): the
         outer surface on this side.
     layer : number of a layer, from the bottom, 0 the first; None: the whole thickness.
-    fibre : (y, z) distances from the centroid of a beam's section along its axes, m.
+    fibre : (y, z) distances from the centroid of a beam's section along its axes, m; None: not
+        given.
     local : whether tensors are in the local axes, not in those of the mesh.
     """
 
     surface: str | tuple[float, ...] = "top"
     layer: int | None = None
-    fibre: tuple[float, float] = (0.0, 0.0)
+    fibre: tuple[float, float] | None = (0.0, 0.0)
     local: bool = False
 
     def within(self, R: Array) -> Place:
@@ -56,6 +57,8 @@ def place(surface: Any, layer: Any, fibre: Any, axes: Any) -> Place:
         )
     if layer is not None:
         layer = checks.whole("layer", layer, least=0)
-    y, z = checks.array("fibre", fibre, (2,)).tolist()
+    if fibre is not None:
+        y, z = checks.array("fibre", fibre, (2,)).tolist()
+        fibre = (y, z)
     local = checks.choice("axes", axes, ("global", "local")) == "local"
-    return Place(surface, layer, (y, z), local)
+    return Place(surface, layer, fibre, local)

@@ -1,0 +1,219 @@
+"""Envelopes: the largest value of a quantity at every node over a whole run, and when it occurs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from antiosc import checks, files
+from antiosc._types import Array, IntArray
+from antiosc.errors import InputError
+from antiosc.fem.fields import counted, shapes_of, source
+from antiosc.fem.mpi import collective
+from antiosc.fem.recovery.place import Place, place
+from antiosc.fem.structure.structure import Structure
+from antiosc.fem.vtu import Frames
+from antiosc.simulation.body_motion import amplitudes, times_of
+from antiosc.simulation.history import History
+from antiosc.simulation.scene_history import BodyHistory, SceneHistory
+from antiosc.stresses import equivalent, extreme_principal
+from antiosc.threads import one_thread
+
+#: Quantity -> (what is recovered, time derivative, unit).
+QUANTITIES = {
+    "displacement": ("motion", 0, "m"),
+    "velocity": ("motion", 1, "m/s"),
+    "acceleration": ("motion", 2, "m/s²"),
+    "von_mises": ("stress", 0, "Pa"),
+    "stress": ("stress", 0, "Pa"),
+    "strain": ("strain", 0, ""),
+}
+#: Times that are looked at besides the nodes of the history.
+EVEN_TIMES = 500
+#: Bytes of the values of a block of nodes at all times.
+BLOCK = 2**26
+#: Distance between two places of `PeakField.largest`, over the size of the part.
+APART = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class PeakField:
+    """The largest value of one quantity at every node of a part.
+
+    Attributes
+    ----------
+    quantity, unit : what was sought.
+    points : (P, 3) nodes of the mesh, m.
+    values : (P,) largest value at each.
+    times : (P,) when it occurs, s.
+    """
+
+    quantity: str
+    unit: str
+    points: Array
+    values: Array
+    times: Array
+    _cells: list[tuple[str, IntArray]] = field(repr=False)
+
+    def largest(
+        self, count: int = 5, apart: float | None = None
+    ) -> list[tuple[float, Array, float]]:
+        """(value, place (3,) [m], time [s]) of the largest values, each `apart` from the others.
+
+        `apart` [m]: default 5 % of the size of the part.
+        """
+        count = checks.whole("count", count)
+        if apart is None:
+            apart = APART * float(np.ptp(self.points, axis=0).max())
+        apart = checks.nonnegative("apart", apart, "m")
+        open_to = np.ones(len(self.values), dtype=bool)
+        found: list[tuple[float, Array, float]] = []
+        while open_to.any() and len(found) < count:
+            k = int(np.argmax(np.where(open_to, self.values, -np.inf)))
+            found.append((float(self.values[k]), self.points[k], float(self.times[k])))
+            open_to &= np.linalg.norm(self.points - self.points[k], axis=1) > apart
+        return found
+
+    def summary(self, count: int = 5) -> str:
+        """The largest values with place and time, as a table."""
+        unit = f" [{self.unit}]" if self.unit else ""
+        rows = [f"largest {self.quantity}{unit} at (x, y, z) [m], time [s]"]
+        for value, x, t in self.largest(count):
+            rows.append(f"{value:>12.5g}  ({', '.join(f'{c:.5g}' for c in x)})  {t:.5g}")
+        return "\n".join(rows)
+
+    def write(self, path: str | Path) -> Path:
+        """Write the values and their times to a `.vtu` file, which ParaView opens.
+
+        Raises
+        ------
+        InputError
+            The file cannot be written.
+        """
+        target = checks.path("path", path)
+        if target.suffix.lower() != ".vtu":
+            target = target.with_name(f"{target.name}.vtu")
+        fields = {self.quantity: self.values, "time": self.times}
+        with files.complete(target, "the field") as part:
+            part.write_bytes(Frames(self.points, self._cells).content(fields))
+        return target
+
+
+@collective(history=counted)
+@one_thread()
+def peak_field(
+    structure: Structure,
+    history: History | SceneHistory | BodyHistory,
+    quantity: str = "von_mises",
+    times: ArrayLike | None = None,
+    *,
+    body: str = "structure",
+    surface: str | Sequence[float] | None = None,
+    layer: int | None = None,
+    fibre: Sequence[float] | None = None,
+) -> PeakField:
+    """The largest value of a quantity at every node over the run, and its time.
+
+    Parameters
+    ----------
+    structure : Structure
+        The structure from which the model of the body was extracted.
+    history : History, SceneHistory or BodyHistory
+    quantity : str
+        "von_mises": equivalent stress; "stress", "strain": the principal value of largest size;
+        "displacement", "velocity", "acceleration": the length of the vector.
+    times : array_like (n,), optional
+        Times in s at which it is looked at; default: the nodes of the history and 501 even ones.
+    body : str
+        As in `probe`.
+    surface, layer : optional
+        As in `probe`; default: the larger of the top and the bottom of a sheet.
+    fibre : (y, z), optional
+        As in `probe`; needed for the stress and strain of beams, whose sections have no outline.
+
+    Notes
+    -----
+    At the nodes of solids strains and stresses are means of the cells of one material; in sheets
+    and beams the largest of the cells is taken. Near a point load or a re-entrant corner the values
+    grow with every refinement of the mesh.
+
+    Raises
+    ------
+    InputError
+        As `probe`.
+    """
+    checks.choice("quantity", quantity, tuple(QUANTITIES))
+    checks.instance("structure", structure, Structure, "a Structure")
+    recovered, derivative, unit = QUANTITIES[quantity]
+    places = _places(surface, layer, fibre)
+    shapes = shapes_of(structure, history, body)
+    at = times_of(history, times)
+    if times is None and not isinstance(history, BodyHistory):
+        at = np.union1d(at, np.linspace(at[0], at[-1], EVEN_TIMES + 1))
+    if not len(at):
+        raise InputError("times must hold one time or more.")
+    factors = amplitudes(history, at, body, derivative)
+    if recovered == "motion":
+        points, cells, moved = source(structure).at_nodes(structure, shapes)
+        values, when = _largest(moved, factors, at, _length)
+    else:
+        points, cells, nodes, columns = source(structure).tensors_at_nodes(
+            structure, shapes, recovered, places
+        )
+        own = _largest(
+            columns, factors, at, equivalent if quantity == "von_mises" else extreme_principal
+        )
+        values, when = _at_points(nodes, *own, len(points))
+    found = structure.comm.bcast((points, cells, values, when), root=0)
+    return _used(quantity, unit, *found)
+
+
+def _used(
+    quantity: str,
+    unit: str,
+    points: Array,
+    cells: list[tuple[str, IntArray]],
+    values: Array,
+    when: Array,
+) -> PeakField:
+    """The field without nodes that no cell has: those of other ranks' cells."""
+    used = np.unique(np.concatenate([numbers.ravel() for _, numbers in cells]))
+    own: list[tuple[str, IntArray]] = [(kind, np.searchsorted(used, c)) for kind, c in cells]
+    return PeakField(quantity, unit, points[used], values[used], when[used], own)
+
+
+def _places(surface: Any, layer: Any, fibre: Any) -> list[Place]:
+    """Where in the thickness or section the quantity is recovered; both sides by default."""
+    surfaces = ["top", "bottom"] if surface is None else [surface]
+    return [place(each, layer, fibre, "global") for each in surfaces]
+
+
+def _largest(
+    columns: Array, factors: Array, times: Array, scalar: Callable[[Array], Array]
+) -> tuple[Array, Array]:
+    """Largest value (S,) of a scalar of components (S, c, columns) at all times, and its time."""
+    values, when = np.zeros(len(columns)), np.zeros(len(columns))
+    step = max(1, int(BLOCK / (8 * 3 * columns.shape[1] * len(times))))
+    for first in range(0, len(columns), step):
+        block = slice(first, first + step)
+        found = scalar(np.moveaxis(columns[block] @ factors.T, 1, -1))  # (block, times)
+        k = found.argmax(axis=1)
+        values[block], when[block] = found[np.arange(len(k)), k], times[k]
+    return values, when
+
+
+def _length(vectors: Array) -> Array:
+    return np.asarray(np.sqrt(np.sum(vectors**2, axis=-1)))
+
+
+def _at_points(nodes: IntArray, values: Array, when: Array, count: int) -> tuple[Array, Array]:
+    """The largest of the values of each node, and its time."""
+    order = np.argsort(values, kind="stable")  # the largest is written last
+    best, time = np.zeros(count), np.zeros(count)
+    best[nodes[order]], time[nodes[order]] = values[order], when[order]
+    return best, time

@@ -1,0 +1,83 @@
+"""Strains or stresses of shapes at the nodes of a mesh.
+
+In solids they are the means of the cells of one material around each node, so that a node between
+two materials has two. In sheets and beams each cell has its own: neighbours may meet at a fold.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from antiosc._types import Array, IntArray
+from antiosc.errors import InputError
+from antiosc.fem import compat
+from antiosc.fem.mpi import agree
+from antiosc.fem.recovery.place import Place
+from antiosc.fem.recovery.quantities import evaluator
+from antiosc.fem.recovery.shape_slopes import PointsInCells
+from antiosc.fem.structure.meshed import MeshedStructure
+from antiosc.stresses import PAIRS
+
+#: Points at which shapes are evaluated at once.
+AT_ONCE = 4096
+
+
+def at_nodes(
+    part: MeshedStructure, shapes: Array, quantity: str, place: Place
+) -> tuple[IntArray, Array]:
+    """Nodes (S,) of this rank, and six components (S, 6, columns) of "strain" or "stress" there.
+
+    `shapes` (rows of this rank, columns). To be called on all ranks.
+    """
+    mesh = part.mesh
+    shapes = compat.with_ghosts(part.form.space, shapes)
+    evaluate = evaluator(part, quantity, place)
+    own = compat.cell_map(mesh.dolfinx).size_local
+    nodes = compat.geometry_nodes(mesh.dolfinx)[:own]
+    X = mesh.geometry.reference_nodes
+    solid = part.kind.name == "solid"
+    material = part.part_of_cells()[:own]
+    if solid:  # a slot for each node and material
+        keys = nodes * len(part.parts) + material[:, None]
+    else:
+        keys = np.arange(nodes.size).reshape(nodes.shape)
+    slots, slot_of = np.unique(keys, return_inverse=True)
+    slot_of = slot_of.reshape(keys.shape)
+    node = slots // len(part.parts) if solid else nodes.ravel()
+    total, count = np.zeros((len(slots), 6, shapes.shape[1])), np.zeros(len(slots))
+    step = max(1, AT_ONCE // len(X))
+    error = None
+    for first in range(0, own, step):
+        cells = np.arange(first, min(own, first + step))
+        at = PointsInCells(part, shapes, np.repeat(cells, len(X)), np.tile(X, (len(cells), 1)))
+        try:
+            found = evaluate(at)
+        except InputError as caught:  # on this rank perhaps alone
+            error = caught
+            break
+        where = slot_of[cells].ravel()
+        np.add.at(total, where, np.stack([found[:, i, j] for i, j in PAIRS], axis=1))
+        np.add.at(count, where, 1.0)
+    agree(mesh.comm, error)
+    if solid and mesh.comm.size > 1:
+        _share(part, slots, total, count)
+    return node, total / count[:, None, None]
+
+
+def _share(part: MeshedStructure, slots: IntArray, total: Array, count: Array) -> None:
+    """Add what other ranks have in the slots of common nodes."""
+    comm, parts = part.mesh.comm, len(part.parts)
+    number = np.asarray(part.mesh.dolfinx.geometry.input_global_indices)
+    names = number[slots // parts] * parts + slots % parts
+    every = np.concatenate(comm.allgather(names))
+    common, times = np.unique(every, return_counts=True)
+    mine = np.flatnonzero(np.isin(names, common[times > 1]))
+    pieces = comm.allgather((names[mine], total[mine], count[mine]))
+    place = {name: i for i, name in zip(mine, names[mine], strict=True)}
+    for rank, (those, sums, numbers) in enumerate(pieces):
+        if rank == comm.rank:
+            continue
+        for name, value, cells in zip(those, sums, numbers, strict=True):
+            if name in place:
+                total[place[name]] += value
+                count[place[name]] += cells

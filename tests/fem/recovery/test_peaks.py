@@ -1,0 +1,156 @@
+"""Envelopes at the nodes: against probes, constant states, several materials, files."""
+
+from __future__ import annotations
+
+import meshio
+import numpy as np
+import pytest
+
+pytest.importorskip("dolfinx")
+
+import antiosc as ao
+import parts
+from antiosc.stresses import extreme_principal
+from mpi import run_ranks
+
+pytestmark = pytest.mark.fem
+
+BALL, LAW = ao.RigidMass(mass=0.1, velocity=1.0), ao.Hertz(1e8)
+SITE = ao.Site((0.13, 0.06), (0.2, -1), radius=0.03)
+
+
+@pytest.fixture(scope="module")
+def struck():
+    solid = ao.Solid(**parts.STEEL, plane="stress", thickness=0.01)
+    part = ao.Structure(parts.plate((6, 3), (0.2, 0.06)), solid, [ao.Support("left")])
+    return part, ao.simulate(ao.extract(part, SITE, 12), BALL, LAW, 5e-4)
+
+
+def test_envelopes_of_motion_are_those_of_probes(struck, tmp_path):
+    part, hit = struck
+    times = np.linspace(0, 5e-4, 81)
+    for quantity in ("displacement", "velocity", "acceleration"):
+        peak = ao.peak_field(part, hit, quantity, times)
+        assert peak.unit == {"d": "m", "v": "m/s", "a": "m/s²"}[quantity[0]]
+        for i in (0, len(peak.values) // 2, len(peak.values) - 1):
+            own = np.linalg.norm(ao.probe(part, hit, peak.points[i, :2], quantity, times), axis=1)
+            assert peak.values[i] == pytest.approx(own.max(), rel=1e-9, abs=1e-12)
+            if own.max() > 1e-9:
+                assert peak.times[i] == times[own.argmax()]
+    file = meshio.read(peak.write(tmp_path / "peak"))
+    np.testing.assert_array_equal(file.point_data["acceleration"].ravel(), peak.values)
+    np.testing.assert_array_equal(file.point_data["time"].ravel(), peak.times)
+    first, second = peak.largest(2, apart=0.05)
+    assert first[0] == peak.values.max()
+    assert np.linalg.norm(first[1] - second[1]) > 0.05
+    assert "acceleration [m/s²]" in peak.summary()
+
+
+def test_stress_in_a_corner_of_one_cell_is_the_probe_there(struck):
+    part, hit = struck
+    times = np.linspace(0, 5e-4, 41)
+    corner = (0.2, 0.0)  # of one cell alone
+    stress = ao.probe(part, hit, corner, "stress", times)
+    expected = {
+        "von_mises": ao.von_mises(stress),
+        "stress": np.abs(ao.principal(stress)).max(axis=1),
+        "strain": np.abs(ao.principal(ao.probe(part, hit, corner, "strain", times))).max(axis=1),
+    }
+    for quantity, own in expected.items():
+        peak = ao.peak_field(part, hit, quantity, times)
+        i = np.argmin(np.linalg.norm(peak.points[:, :2] - corner, axis=1))
+        assert peak.values[i] == pytest.approx(own.max(), rel=1e-6)
+    # by itself the times are dense enough
+    assert ao.peak_field(part, hit).values.max() == pytest.approx(
+        ao.peak_field(part, hit, times=np.linspace(0, 5e-4, 4001)).values.max(), rel=2e-3
+    )
+
+
+def test_at_an_interface_the_larger_of_both_materials_counts():
+    """A bar of two moduli in a row under tension: strains of each, means within each."""
+    mesh = parts.box(
+        (8, 1, 1), (0.8, 0.1, 0.1),
+        groups={"soft": (3, lambda x: x[0] < 0.4 + 1e-9), "hard": (3, lambda x: x[0] > 0.4 - 1e-9)},
+    )  # fmt: skip
+    soft, hard = (ao.Solid(E=E, nu=0.0, rho=1000.0) for E in (1e9, 4e9))
+    end = ao.Support(lambda x: np.isclose(x[0], 0))
+    part = ao.Structure(mesh, {"soft": soft, "hard": hard}, [end])
+    site = ao.Site((0.8, 0.05, 0.05), (1, 0, 0), radius=0.2)
+    with pytest.warns(ao.AntioscWarning):
+        model = ao.extract(part, site, 3)
+    scene = ao.Scene(
+        {"part": model, "far": ao.Obstacle()},
+        [ao.Contact("part", "far", ao.Linear(1.0), gap=1.0)],
+        loads=[ao.Load("part", [0.0, 1.0], [10.0, 10.0])],
+        preload=True,
+    )
+    peak = ao.peak_field(part, scene.run(1e-6), "strain", body="part")
+    x = peak.points[:, 0]
+    np.testing.assert_allclose(peak.values[x < 0.41], 10 / 1e9 / 0.01, rtol=0.02)
+    np.testing.assert_allclose(peak.values[(x > 0.41) & (x < 0.51)], 10 / 4e9 / 0.01, rtol=0.02)
+
+
+def test_both_sides_of_a_sheet_and_a_fibre_of_a_beam():
+    part = ao.Structure(
+        parts.plate((6, 2), (0.3, 0.02), "triangle"),
+        ao.Shell(E=70e9, nu=0.0, rho=2700.0, thickness=4e-3),
+        [ao.Support("left")],
+    )
+    hit = ao.simulate(
+        ao.extract(part, ao.Site((0.27, 0.01, 0), (0, 0, 1), radius=0.01), 6), BALL, LAW, 1e-3
+    )
+    sides = [ao.peak_field(part, hit, "stress", surface=s).values for s in ("top", "bottom")]
+    np.testing.assert_allclose(ao.peak_field(part, hit, "stress").values, np.maximum(*sides))
+    beam = ao.Beam(**parts.STEEL, section=ao.Section.rectangle(0.01, 0.02))
+    bar = ao.Structure(parts.line(0.8, 4), beam, [ao.Support("left")])
+    hit = ao.simulate(ao.extract(bar, ao.Site((0.8, 0.0), (0, 1)), 6), BALL, LAW, 1e-3)
+    with pytest.raises(ao.InputError, match="give fibre"):
+        ao.peak_field(bar, hit)
+    peak = ao.peak_field(bar, hit, fibre=(0.01, 0.0))
+    own = ao.probe(bar, hit, (0.8, 0.0), "von_mises", peak.times, fibre=(0.01, 0.0))
+    assert peak.values.min() >= 0
+    assert peak.values[np.argmax(peak.points[:, 0])] == pytest.approx(
+        own[np.argmax(peak.points[:, 0])], rel=1e-6
+    )
+
+
+def test_extreme_principal_values():
+    rng = np.random.default_rng(0)
+    six = rng.standard_normal((200, 6))
+    six[:3] = [[1, 1, 1, 0, 0, 0], [0] * 6, [2, 2, -1, 0, 0, 0]]
+    np.testing.assert_allclose(
+        extreme_principal(six), np.abs(ao.principal(six)).max(axis=1), rtol=1e-7, atol=1e-12
+    )
+
+
+PEAKS = """
+import json, sys
+import numpy as np
+sys.path.insert(0, sys.argv[1])
+import antiosc as ao
+import parts
+
+part = ao.Structure(parts.box((8, 4, 3), cell="tetrahedron"), ao.Solid(**parts.STEEL),
+                    [ao.Support("left")])
+site = ao.Site((0.15, 0.021, 0.04), (0.1, 0.2, -1), radius=0.02)
+hit = ao.simulate(ao.extract(part, site, n=8, method="modes"), ao.RigidMass(0.1, 1.0),
+                  ao.Hertz(1e9), duration=3e-4, step=1e-5)
+rows = []
+for quantity in ("von_mises", "acceleration"):
+    peak = ao.peak_field(part, hit, quantity, np.linspace(0, 3e-4, 31))
+    _, first = np.unique(peak.points.round(9), axis=0, return_index=True)
+    rows.append(peak.values[first].tolist())
+print(json.dumps(rows))
+"""
+
+
+@pytest.mark.mpi
+def test_two_ranks_give_the_envelopes_of_one():
+    import json
+    from pathlib import Path
+
+    here = str(Path(parts.__file__).parent)
+    one, two = (run_ranks(n, PEAKS, here) for n in (1, 2))
+    assert two[0] == two[1]
+    for a, b in zip(json.loads(one[0]), json.loads(two[0]), strict=True):
+        np.testing.assert_allclose(b, a, atol=1e-6 * np.max(a))
