@@ -331,6 +331,11 @@ OWN: dict[str, dict[str, Any]] = {
     "Weld": ENDS, "Ball": ENDS, "Hinge": ENDS, "Slider": ENDS,
     "Bolt": {**ENDS, "beam": lambda: ao.Beam(70e9, 0.3, 2700.0, ao.Section.circle(0.01))},
     "Bushing": {**ENDS, "stiffness": {"z": 1e5}}, "Equation": {"terms": [("hub", "z", 1.0)]},
+    "strike": {
+        "source": mesh, "site": place, "tol": 0.5, "limit": 0.1,
+        "material": lambda: ao.Solid(70e9, 0.3, 2700.0),
+        "supports": lambda: [ao.Support(lambda x: x[0] < 1e-9)],
+    },
     "advise": {"part": (0.3, 0.2, 0.01), "E": 70e9, "rho": 2700.0},
     "extract": {"site": place}, "full": {"site": place}, "superposition": {"site": place},
     "impact_map": {

@@ -203,5 +203,8 @@ from antiosc.stresses import (
     tsai_hill as tsai_hill,
     von_mises as von_mises,
 )
+from antiosc.striking import (
+    strike as strike,
+)
 
 __version__: str

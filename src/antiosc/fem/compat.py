@@ -157,6 +157,21 @@ def exterior_facets(mesh: dolfinx.mesh.Mesh) -> IntArray:
     return np.asarray(dolfinx.mesh.exterior_facet_indices(mesh.topology))
 
 
+def refined(mesh: dolfinx.mesh.Mesh, edges: IntArray) -> dolfinx.mesh.Mesh:
+    """A mesh of straight simplices with some edges halved, and more where it is to conform."""
+    found = dolfinx.mesh.refine(mesh, np.asarray(edges, dtype=np.int32))
+    return found[0] if isinstance(found, tuple) else found
+
+
+def cell_edges(mesh: dolfinx.mesh.Mesh) -> IntArray:
+    """Edges of every cell of this rank: (cells, edges of one)."""
+    topology = mesh.topology
+    topology.create_entities(1)
+    topology.create_connectivity(topology.dim, 1)
+    cells = cell_map(mesh).size_local + cell_map(mesh).num_ghosts
+    return np.asarray(topology.connectivity(topology.dim, 1).array).reshape(cells, -1)
+
+
 # --- Function spaces and forms ----------------------------------------------------------------
 
 

@@ -8,9 +8,9 @@ from antiosc._types import Array, IntArray
 from antiosc.fem import compat
 from antiosc.fem.mesh.mesh import Mesh
 
-#: Angles in degrees between neighbouring faces of a curved surface: above rounding, below an edge
-#: that is meant.
-LEAST, MOST = 0.2, 31.0
+#: Angles in degrees between neighbouring faces of a curved surface: above rounding, and up to those
+#: of seven faces around a hole, the fewest that gmsh makes.
+LEAST, MOST = 0.2, 52.0
 #: Sides of an exterior facet as positions of its corners.
 SIDES: dict[int, list[tuple[int, ...]]] = {
     2: [(0,), (1,)],

@@ -16,7 +16,7 @@ from antiosc.fem import compat
 from antiosc.fem.error.cell_strains import Quadrature
 
 #: Relative residual at which the solve ends (the energies lose the square of it), and most steps.
-RESIDUAL, MOST_STEPS = 1e-8, 200
+RESIDUAL, MOST_STEPS = 1e-6, 200
 
 
 class Projection:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from antiosc.errors import MeshError
 from antiosc.fem.readers.by_gmsh import GEOMETRY, SCRIPTS
@@ -18,6 +19,7 @@ from antiosc.fem.readers.merging import merged
 from antiosc.fem.readers.neutral import KINDS, FileMesh, RawMesh, kind_of, of_dimension
 from antiosc.fem.readers.request import ModelOptions, Refinement
 from antiosc.fem.readers.selection import Wanted, selected
+from antiosc.fem.readers.size_field import SizeField
 from antiosc.fem.readers.table import DECKS, is_deck
 from antiosc.fem.readers.unit_system import UnitSystem
 
@@ -26,6 +28,7 @@ __all__ = [
     "KINDS",
     "RawMesh",
     "Refinement",
+    "SizeField",
     "UnitSystem",
     "Wanted",
     "read",
@@ -46,9 +49,13 @@ def read(
     merge: float | None = None,
     solid: bool = False,
     fragments: bool = False,
+    sizes: SizeField | None = None,
 ) -> RawMesh:
-    """Read or mesh the file `path`; see `antiosc.read_mesh`."""
-    cad = {"solid": solid, "fragments": fragments}
+    """Read or mesh the file `path`; see `antiosc.read_mesh`.
+
+    `sizes`: element sizes all over a geometry.
+    """
+    cad: dict[str, Any] = {"solid": solid, "fragments": fragments, "sizes": sizes}
     content = _content(path, size, order, refine, trust, timeout, unit, merge, None, **cad)
     return selected(content, cells, order, path.name)
 
@@ -103,6 +110,7 @@ def _content(
     model: ModelOptions | None,
     solid: bool = False,
     fragments: bool = False,
+    sizes: SizeField | None = None,
 ) -> FileMesh:
     """All that the file holds; `model`: materials, sections, supports and joints of a deck too."""
     suffix = path.suffix.lower()
@@ -148,6 +156,7 @@ def _content(
         "solid": solid,
         "fragments": fragments,
         "trust": trust,
+        "sizes": None if sizes is None else vars(sizes),
     }
     timeout = None if timeout is None else float(timeout)  # for JSON, as the size
     content = read_apart(path, geometry=geometry, options=options, timeout=timeout)

@@ -24,6 +24,7 @@ from antiosc.fem.readers.cad import CAD, Names, fill, groups_of, named_solids, o
 from antiosc.fem.readers.mixed import CELLS, as_carried, known
 from antiosc.fem.readers.neutral import FileMesh, IntArray
 from antiosc.fem.readers.request import Request
+from antiosc.fem.readers.size_field import SizeField
 
 SCRIPTS = (".geo", ".geo_unrolled")
 GEOMETRY = (*SCRIPTS, *CAD)
@@ -123,7 +124,7 @@ def _through_gmsh(ask: Request, path: Path) -> FileMesh:
         elif suffix in CAD:
             names = named_solids(gmsh, ask.fragments, ask.name)
         if suffix != ".msh":
-            _generate(gmsh, ask)
+            _generate(gmsh, ask, scale)
         found = _arrays(gmsh, ask.name, names)
         found.points *= scale
         return found
@@ -153,7 +154,7 @@ def _session() -> Any:
 # --- Meshing --------------------------------------------------------------------------------------
 
 
-def _generate(gmsh: Any, ask: Request) -> None:
+def _generate(gmsh: Any, ask: Request, scale: float) -> None:
     dim = gmsh.model.getDimension()
     if dim < 1:
         raise MeshError(f"{ask.name} contains no geometry (curves, surfaces or volumes).")
@@ -166,8 +167,12 @@ def _generate(gmsh: Any, ask: Request) -> None:
         expected = max(_expected(gmsh, ask, d, ask.size) for d in range(1, dim + 1))
         gmsh.option.setNumber("Mesh.MeshSizeMax", ask.size)
         ask.allow(30 + 2e-3 * max(expected, 1e4))
-    if ask.refine:
-        fields = [_graded_field(gmsh, point, local, ask.size) for point, local in ask.refine]
+    fields = [_graded_field(gmsh, point, local, ask.size) for point, local in ask.refine]
+    if ask.sizes is not None:
+        wished = SizeField(**ask.sizes)
+        ask.allow(60 + 2e-3 * max(wished.expected(), 1e4))
+        fields.append(wished.lay(gmsh, scale, flat=wanted == 1))
+    if fields:
         smallest = gmsh.model.mesh.field.add("Min")
         gmsh.model.mesh.field.setNumbers(smallest, "FieldsList", fields)
         gmsh.model.mesh.field.setAsBackgroundMesh(smallest)

@@ -8,6 +8,7 @@ import signal
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 Refinement = tuple[Sequence[float], float]
 #: "density": of materials without one, kg/m³
@@ -28,6 +29,8 @@ class Request:
     order: int | None = None
     #: points with their element sizes, m; geometry only
     refine: Sequence[Refinement] = ()
+    #: element sizes all over the geometry, as arguments of a `SizeField`; geometry only
+    sizes: dict[str, Any] | None = None
     #: fill a closed surface
     solid: bool = False
     #: cut the solids of an assembly at each other, so that they share nodes

@@ -1,0 +1,171 @@
+"""Refinement of meshes of straight triangles or tetrahedra; their groups are kept."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+from scipy.spatial import cKDTree
+
+from antiosc._types import Array, IntArray
+from antiosc.fem import compat
+from antiosc.fem.mesh.mesh import Mesh, distributed
+from antiosc.fem.readers import KINDS, RawMesh
+from antiosc.fem.readers.selection import keys
+
+#: A cell is divided if its new size over its own is below this, in at most so many rounds.
+DIVIDED, ROUNDS = 0.75, 3
+#: Kinds of cells that can be divided, by dolfinx's names.
+KIND_OF = {"triangle": "triangle", "tetrahedron": "tetra"}
+
+
+@dataclass(frozen=True)
+class Pieces:
+    """A whole mesh on one rank, and a number for each cell.
+
+    Attributes
+    ----------
+    points : (n, gdim) m.
+    cells : (c, dim + 1) numbers of points.
+    groups : name -> {dimension: (entities, vertices of one) numbers of points}.
+    values : (c,)
+    """
+
+    points: Array
+    cells: IntArray
+    groups: dict[str, dict[int, IntArray]]
+    values: Array
+
+
+def divisible(mesh: Mesh) -> bool:
+    """Whether the cells of the mesh can be divided: straight triangles and tetrahedra."""
+    return mesh.cell in KIND_OF and mesh.order == 1
+
+
+def refined(mesh: Mesh, ratio: Array) -> Mesh:
+    """The mesh with cells divided until their sizes are about `ratio` times the present ones.
+
+    `ratio` (cells that this rank owns,). The refinement is made on one rank and distributed anew.
+    """
+    pieces = gathered(mesh, ratio)
+    if pieces is not None:
+        for _ in range(ROUNDS):
+            if not np.any(pieces.values < DIVIDED):
+                break
+            pieces = divided(pieces, mesh.cell)
+    pieces = mesh.comm.bcast(pieces)
+    kind = KINDS[KIND_OF[mesh.cell]]
+    raw = RawMesh(pieces.points, pieces.cells, kind, "gmsh", pieces.groups)
+    return distributed(raw, mesh.name, mesh.comm)
+
+
+def gathered(mesh: Mesh, values: Array) -> Pieces | None:
+    """The mesh and `values` of its cells on the first rank; None on the others."""
+    geometry = mesh.dolfinx.geometry
+    own = np.arange(len(geometry.x), dtype=np.int32)
+    number = np.asarray(geometry.index_map().local_to_global(own))
+    count = compat.cell_map(mesh.dolfinx).size_local
+    cells = number[compat.geometry_nodes(mesh.dolfinx)[:count]]
+    groups = {
+        name: {
+            dim: number[compat.entity_vertices(mesh.dolfinx, dim)[entities]]
+            for dim, entities in sorted(parts.items())
+        }
+        for name, parts in mesh.groups.items()
+    }
+    found = mesh.comm.gather((number, geometry.x[:, : mesh.gdim], cells, values, groups))
+    if found is None:
+        return None
+    points = np.zeros((int(geometry.index_map().size_global), mesh.gdim))
+    whole: dict[str, dict[int, list[IntArray]]] = {}
+    for numbers, x, _, _, own_groups in found:
+        points[numbers] = x
+        for name, parts in own_groups.items():
+            for dim, rows in parts.items():
+                whole.setdefault(name, {}).setdefault(dim, []).append(np.sort(rows, axis=1))
+    return Pieces(
+        points,
+        np.vstack([each[2] for each in found]).astype(np.int64),
+        {
+            name: {dim: np.unique(np.vstack(rows), axis=0) for dim, rows in parts.items()}
+            for name, parts in whole.items()
+        },
+        np.concatenate([each[3] for each in found]),
+    )
+
+
+def divided(pieces: Pieces, cell: str) -> Pieces:
+    """One round: all edges of the cells with small values are halved.
+
+    The new values are those of the parents times the old size over the new one.
+    """
+    arguments = np.ascontiguousarray(pieces.cells), pieces.points, cell, 1
+    old = compat.create_mesh(MPI.COMM_SELF, *arguments)
+    input_cells = np.asarray(old.topology.original_cell_index)
+    marked = pieces.values[input_cells] < DIVIDED
+    new = compat.refined(old, np.unique(compat.cell_edges(old)[marked]))
+    gdim = pieces.points.shape[1]
+    x = new.geometry.x[:, :gdim].copy()
+    support = _supports(pieces, x)
+    cells = compat.geometry_nodes(new).astype(np.int64)
+    fresh = replace(pieces, points=x, cells=cells, groups={})
+    parent = _positions(_carriers(support, cells), pieces.cells)
+    values = pieces.values[parent] * _sizes(pieces)[parent] / _sizes(fresh)
+    groups = {
+        name: {dim: _inside(new, dim, support, rows) for dim, rows in parts.items()}
+        for name, parts in pieces.groups.items()
+    }
+    return replace(fresh, groups=groups, values=values)
+
+
+def _sizes(pieces: Pieces) -> Array:
+    """Mean edge of each cell."""
+    corners = pieces.points[pieces.cells]
+    one, other = np.triu_indices(corners.shape[1], 1)
+    return np.asarray(np.linalg.norm(corners[:, one] - corners[:, other], axis=2).mean(axis=1))
+
+
+def _supports(pieces: Pieces, x: Array) -> IntArray:
+    """The old points (n, 2) in the middle of which each new point lies; twice the same: on it."""
+    one, other = np.triu_indices(pieces.cells.shape[1], 1)
+    edges = np.stack([pieces.cells[:, one].ravel(), pieces.cells[:, other].ravel()], axis=1)
+    edges = np.unique(np.sort(edges, axis=1), axis=0)
+    alone = np.repeat(np.arange(len(pieces.points))[:, None], 2, axis=1)
+    pairs = np.vstack([alone, edges])
+    _, found = cKDTree(pieces.points[pairs].mean(axis=1)).query(x)
+    return np.asarray(pairs[found])
+
+
+def _carriers(support: IntArray, entities: IntArray) -> IntArray:
+    """Old points on which each new entity (n, k) rests (n, k); -1 where they are more than k.
+
+    An entity lies in an old one of its own dimension exactly if it rests on as many points.
+    """
+    k = entities.shape[1]
+    rows = np.sort(support[entities].reshape(len(entities), -1), axis=1)
+    first = np.ones(rows.shape, dtype=bool)
+    first[:, 1:] = np.diff(rows, axis=1) > 0
+    fit = first.sum(axis=1) == k
+    found = np.full((len(entities), k), -1, dtype=np.int64)
+    found[fit] = rows[fit][first[fit]].reshape(-1, k)
+    return found
+
+
+def _positions(rows: IntArray, among: IntArray) -> IntArray:
+    """Position of each row among others, whatever the order of its entries; -1: none."""
+    code = keys(among.astype(np.int64))
+    order = np.argsort(code)
+    asked = keys(rows.astype(np.int64))
+    at = np.minimum(np.searchsorted(code[order], asked), max(len(code) - 1, 0))
+    if not len(code):
+        return np.full(len(rows), -1)
+    return np.where(code[order][at] == asked, order[at], -1)
+
+
+def _inside(mesh: Any, dim: int, support: IntArray, group: IntArray) -> IntArray:
+    """Vertices of the entities of the new dolfinx mesh that lie in the old entities `group`."""
+    entities = compat.entity_vertices(mesh, dim).astype(np.int64)
+    carriers = _carriers(support, entities)
+    return entities[(carriers[:, 0] >= 0) & (_positions(carriers, group) >= 0)]

@@ -1,0 +1,183 @@
+"""Meshes that follow wanted sizes of cells: of a geometry by gmsh, of others by halving."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from antiosc._types import Array
+from antiosc.fem import compat
+from antiosc.fem.error.bisection import DIVIDED, KIND_OF, divisible, gathered, refined
+from antiosc.fem.error.cell_sizes import edge_lengths
+from antiosc.fem.mesh.mesh import Mesh, distributed, flattened, read_mesh
+from antiosc.fem.mesh.soundness import sound
+from antiosc.fem.mpi import bounds, on_root
+from antiosc.fem.readers import GEOMETRY, RawMesh, Refinement, SizeField, read
+from antiosc.fem.readers.by_gmsh import REACH, SIZE_GROWTH
+
+#: About the largest number of cells of the first mesh of a geometry.
+MOST_FIRST = 6000
+#: Rounds of divisions around the site before the first mesh.
+MOST_DIVISIONS = 6
+#: A size [m] above that of any part: gmsh then takes the coarsest mesh that the geometry allows.
+ANY = 1e6
+
+
+class Source(Protocol):
+    """Where the meshes of one part come from."""
+
+    #: why there is only one mesh; "" if there are more
+    fixed: str
+
+    def thickness(self) -> float:
+        """Twice the volume over the surface of the part [m]: of a thin wall its thickness."""
+        ...
+
+    def first(self, size: float, refine: Sequence[Refinement]) -> Mesh:
+        """A coarse mesh with elements of at most `size` [m], and smaller ones at points."""
+        ...
+
+    def finer(self, mesh: Mesh, ratio: Array) -> Mesh:
+        """A mesh whose sizes are `ratio` (cells of this rank) times those of `mesh`."""
+        ...
+
+
+def source_of(given: str | Path | Mesh, order: int = 2) -> Source:
+    """The source for a file or a mesh; `order`: of the faces of a geometry's cells."""
+    if isinstance(given, Mesh):
+        return OfMesh(given)
+    path = Path(given)
+    if path.suffix.lower() in GEOMETRY:
+        return OfGeometry(path, order)
+    return OfMesh(read_mesh(path))
+
+
+class OfMesh:
+    """A mesh, whose cells are divided if they are straight simplices."""
+
+    def __init__(self, mesh: Mesh) -> None:
+        self._mesh = mesh
+        self.fixed = ""
+        if not divisible(mesh):
+            kind = f"{mesh.cell} cells" if mesh.order == 1 else f"curved {mesh.cell} cells"
+            self.fixed = (
+                f"{mesh.name} was used as it is: {kind} are not divided; give a geometry, or a "
+                "mesh of straight triangles or tetrahedra."
+            )
+
+    def thickness(self) -> float:
+        """Twice the volume over the surface [m]; of other cells than simplices the least extent."""
+        if self._mesh.cell in KIND_OF:
+            return thickness_of(self._mesh)
+        low, high = bounds(self._mesh.comm, self._mesh.dolfinx.geometry.x)
+        return float(np.min((high - low)[: self._mesh.gdim]))
+
+    def first(self, size: float, refine: Sequence[Refinement]) -> Mesh:
+        """The mesh itself, divided around the points."""
+        mesh = self._mesh
+        for _ in range(0 if self.fixed else MOST_DIVISIONS):
+            ratio = np.minimum(graded_sizes(mesh, refine) / edge_lengths(mesh), 1.0)
+            if mesh.comm.allreduce(float(np.sum(ratio < DIVIDED))) == 0:
+                break
+            mesh = refined(mesh, ratio)
+        return mesh
+
+    def finer(self, mesh: Mesh, ratio: Array) -> Mesh:
+        """The mesh with cells divided."""
+        return refined(mesh, ratio)
+
+
+class OfGeometry:
+    """A geometry that gmsh meshes."""
+
+    fixed = ""
+
+    def __init__(self, path: Path, order: int) -> None:
+        self._path, self._order = path, order
+        self._refine: Sequence[Refinement] = ()
+
+    @cached_property
+    def _coarsest(self) -> Mesh:
+        return read_mesh(self._path, size=ANY, order=1)
+
+    def thickness(self) -> float:
+        """Twice the volume over the surface of the coarsest mesh [m]."""
+        return thickness_of(self._coarsest)
+
+    def first(self, size: float, refine: Sequence[Refinement]) -> Mesh:
+        """A mesh of about `size`, of some thousand cells at most."""
+        coarse = self._coarsest
+        self._refine = refine
+        share = {2: 4 / 3**0.5, 3: 6 * 2**0.5}[coarse.tdim]
+        few = (share * measures(coarse)[0] / MOST_FIRST) ** (1 / coarse.tdim)
+        return read_mesh(self._path, size=max(size, few), refine=refine, order=self._order)
+
+    def finer(self, mesh: Mesh, ratio: Array) -> Mesh:
+        """The geometry meshed anew with a field of sizes."""
+        wished = wished_sizes(mesh, ratio)
+
+        def work() -> RawMesh:
+            raw = read(self._path, ANY, self._order, self._refine, sizes=wished)
+            return sound(flattened(raw, mesh.gdim, self._path.name), self._path.name, True)
+
+        return distributed(on_root(mesh.comm, work), self._path.name, mesh.comm)
+
+
+def graded_sizes(mesh: Mesh, refine: Sequence[Refinement]) -> Array:
+    """Sizes [m] of the cells of this rank around points, as gmsh gets them (`read_mesh`)."""
+    nodes = compat.geometry_nodes(mesh.dolfinx)[: compat.cell_map(mesh.dolfinx).size_local]
+    centres = mesh.dolfinx.geometry.x[nodes].mean(axis=1)
+    sizes = np.full(len(centres), np.inf)
+    for point, local in refine:
+        distance = np.linalg.norm(centres - np.resize([*point, 0.0], 3), axis=1)
+        grown = local + SIZE_GROWTH * np.maximum(distance - REACH * local, 0.0)
+        sizes = np.minimum(sizes, grown)
+    return sizes
+
+
+def wished_sizes(mesh: Mesh, ratio: Array) -> SizeField | None:
+    """The field of sizes on the first rank: at each corner the geometric mean of the cells'."""
+    pieces = gathered(mesh, np.log(ratio * edge_lengths(mesh)))
+    if pieces is None:
+        return None
+    corners = pieces.cells[:, : mesh.tdim + 1]
+    used, local = np.unique(corners, return_inverse=True)
+    local = local.reshape(corners.shape)
+    count = np.bincount(local.ravel(), minlength=len(used))
+    weight = np.repeat(pieces.values, corners.shape[1])
+    sizes = np.exp(np.bincount(local.ravel(), weight, minlength=len(used)) / count)
+    x = np.zeros((len(used), 3))
+    x[:, : mesh.gdim] = pieces.points[used]
+    return SizeField(x.tolist(), local.tolist(), sizes.tolist())
+
+
+def thickness_of(mesh: Mesh) -> float:
+    """Twice the volume over the surface of a mesh of simplices [m]."""
+    volume, surface = measures(mesh)
+    return 2 * volume / surface
+
+
+def measures(mesh: Mesh) -> tuple[float, float]:
+    """(volume, surface) of a mesh of simplices, by their corners; in the plane area, length."""
+    x = mesh.dolfinx.geometry.x
+    cells = compat.geometry_nodes(mesh.dolfinx)[: compat.cell_map(mesh.dolfinx).size_local]
+    cells = cells[:, : mesh.tdim + 1]
+    facets = compat.exterior_facets(mesh.dolfinx)
+    sides = compat.entity_vertices(mesh.dolfinx, mesh.tdim - 1)[facets]
+    both = np.array([_measure(x[cells]), _measure(x[sides])])
+    volume, surface = mesh.comm.allreduce(both)
+    return float(volume), float(surface)
+
+
+def _measure(corners: Array) -> float:
+    """Total measure of simplices (n, dim + 1, 3)."""
+    if not len(corners):
+        return 0.0
+    sides = corners[:, 1:] - corners[:, :1]
+    dim = sides.shape[1]
+    gram = np.abs(np.linalg.det(sides @ sides.transpose(0, 2, 1)))
+    return float(np.sqrt(gram).sum() / (1, 1, 2, 6)[dim])

@@ -1,0 +1,313 @@
+"""`strike`: an impact to a tolerance; mesh, number of anti-oscillators and step are chosen for it.
+
+The loop is: mesh, extract, simulate, budget. As long as the mesh's share of the budget is too large
+and can be made smaller, the next mesh has the sizes of cells that bring it down with the fewest
+cells (`antiosc.fem.error.cell_sizes`). The error of a cell counts as it does for this impact: by
+the mean over the contact of the amplitudes of all shapes, so that elements go where the contact
+force asks for them. Anti-oscillators and steps take a small share of the tolerance each, so that
+none of the three is finer than it must be.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import sqrt
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from antiosc import checks
+from antiosc.advice import advise
+from antiosc.contact import ContactLaw
+from antiosc.errors import InputError
+from antiosc.fem.elements.solid import Solid
+from antiosc.fem.error import cell_sizes
+from antiosc.fem.error.estimator import estimator
+from antiosc.fem.error.remeshing import Source, source_of
+from antiosc.fem.extraction.extract import extract
+from antiosc.fem.linalg.memory import MEMORY_SHARE, free_memory
+from antiosc.fem.mesh.mesh import Mesh
+from antiosc.fem.mpi import collective, on_root
+from antiosc.fem.site.site import Site
+from antiosc.fem.structure.structure import Structure
+from antiosc.fem.structure.support import Support
+from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.body import LinearBody
+from antiosc.models.motion import Motion
+from antiosc.simulation.error_bars import ErrorBudget
+from antiosc.simulation.error_budget import amplitudes
+from antiosc.simulation.history import History
+from antiosc.simulation.simulate import simulate
+from antiosc.simulation.truncation import choose_n
+
+#: Shares of the tolerance for the truncation and for the time steps.
+TRUNCATION_SHARE, TIME_SHARE = 0.2, 0.05
+#: Least truncation error that a number of anti-oscillators is chosen for.
+LEAST_TRUNCATION = 1e-7
+#: Bounds of the tolerance of the time integration.
+FINEST_TIME, COARSEST_TIME = 1e-6, 1e-3
+#: Part of the tolerance that the whole budget aims at, since estimates of the next mesh miss.
+AIM = 0.8
+#: Least share of the tolerance that must be left for the mesh, and the largest part of its present
+#: share that a further mesh aims at.
+LEAST_ROOM, LEAST_STEP = 0.05, 0.8
+#: First and largest number of anti-oscillators.
+FIRST_N, MOST_N = 12, 300
+#: Most meshes, and largest growth of the number of cells from one to the next.
+MOST_MESHES, GROWTH = 12, 8.0
+#: Power of the number of dofs by which seconds grow, by dimension.
+SECONDS_POWER = {2: 1.2, 3: 1.5}
+#: Bytes of a factor over dofs^(4/3) of volumes.
+FACTOR_BYTES = 240.0
+#: Least part of |weights| that a direction of amplitudes adds to the errors of cells.
+NEGLIGIBLE = 1e-8
+
+log = logging.getLogger(__name__)
+
+Run = Callable[[AntiOscillators, float], History]
+
+
+@dataclass(frozen=True)
+class Answer:
+    """One structure's answer: the run, its budget, and what they took."""
+
+    structure: Structure
+    hit: History
+    budget: ErrorBudget
+    n: int
+    seconds: float
+
+
+@collective()
+@checks.within_range
+def strike(
+    source: str | Path | Mesh | Structure,
+    site: Site,
+    impactor: LinearBody,
+    contact: ContactLaw,
+    duration: float,
+    *,
+    tol: float,
+    material: Any = None,
+    supports: Sequence[Support] = (),
+    order: int = 2,
+    limit: float | None = None,
+    initial_velocity: float | Motion = 0.0,
+    gravity: float | Sequence[float] = 0.0,
+    gap: float | None = None,
+) -> History:
+    """The impact on a solid part, with an error of peak force, impulse and contact time up to tol.
+
+    Parameters
+    ----------
+    source : path, Mesh or Structure
+        A geometry is meshed as finely as the impact needs. A mesh of straight triangles or
+        tetrahedra is divided where it is too coarse. Other meshes, and a `Structure`, are used as
+        they are: then the bar tells how good they are.
+    site : Site
+        Its radius, if it has none, is chosen between those of the contact and of half the thickness
+        of the part.
+    impactor, contact, duration, initial_velocity, gravity, gap : as of `simulate`.
+    tol : float
+        Largest relative error of the three quantities, as the error budget promises it.
+    material, supports : as of `Structure`, for a file or a mesh.
+    order : 1 or 2
+        Degree of the displacements, and of the faces of a geometry's cells.
+    limit : float, optional
+        Seconds that the whole may take. A further mesh is made only if it is expected to end
+        before; by default as many are made as the memory allows.
+
+    Returns
+    -------
+    History
+        Of the last mesh. `error_budget` is known, `model.info["strike"]` lists the meshes. Status 1
+        and a sentence in the message if the budget exceeds `tol`, and what meeting it would cost.
+
+    Raises
+    ------
+    InputError
+        No material, or one that is not a solid's; what `extract` and `simulate` refuse.
+    """
+    started = time.perf_counter()
+    tol = checks.tolerance(tol)
+    order = checks.whole("order", order, least=1, most=2)
+    if limit is not None:
+        limit = checks.positive("limit", limit, "s")
+    checks.instance("site", site, Site, "a Site(point, direction)")
+    _check_source(source, material, supports)
+
+    def run(model: AntiOscillators, error: float) -> History:
+        return simulate(
+            model, impactor, contact, duration, tol=error,
+            initial_velocity=initial_velocity, gravity=gravity, gap=gap,
+        )  # fmt: skip
+
+    if isinstance(source, Structure):
+        answer = _answer(source, site, run, tol, FIRST_N)
+        told = (
+            ""
+            if answer.budget.worst <= tol
+            else "The structure was used as it is: give its mesh, material and supports, and the "
+            "mesh is refined."
+        )
+        return _finished(answer, tol, [_record(answer)], told)
+    place = source_of(source if isinstance(source, Mesh) else checks.path("source", source), order)
+    site, mesh = _begin(place, site, impactor, material)
+    n, records = FIRST_N, []
+    while True:
+        structure = Structure(mesh, material, supports, order=order)
+        answer = _answer(structure, site, run, tol, n)
+        records.append(_record(answer))
+        log.info("strike: %s", records[-1])
+        told, ratio = "", np.ones(0)
+        if answer.budget.worst > tol:
+            told = place.fixed or (
+                f"{MOST_MESHES} meshes were made." if len(records) == MOST_MESHES else ""
+            )
+            if not told:
+                ratio, told = _next(answer, mesh, order, tol, limit, started)
+        if told or answer.budget.worst <= tol:
+            return _finished(answer, tol, records, told)
+        n = _fewer(answer, run, tol)
+        mesh = place.finer(mesh, ratio)
+
+
+def _check_source(source: Any, material: Any, supports: Any) -> None:
+    if isinstance(source, Structure):
+        if material is not None or len(supports):
+            raise InputError("a Structure has its own material and supports: leave them out.")
+        return
+    if not isinstance(source, str | Path | Mesh):
+        raise InputError(
+            "source must be a file with a geometry or a mesh, a Mesh or a Structure; got "
+            f"{checks.shown(source)}."
+        )
+    if material is None:
+        raise InputError("a file or a mesh needs a material: strike(..., material=Solid(...)).")
+
+
+def _begin(place: Source, site: Site, impactor: Any, material: Any) -> tuple[Site, Mesh]:
+    """The site with a radius, and the first mesh."""
+    thickness, contact = place.thickness(), 0.0
+    solids = list(material.values()) if isinstance(material, Mapping) else [material]
+    if hasattr(impactor, "hertz") and isinstance(solids[0], Solid):
+        E, nu, rho = solids[0].constants()
+        contact = advise((thickness,) * 3, impactor, E=E, nu=nu, rho=rho).contact_radius
+    if site.radius is None and site.point is not None and isinstance(solids[0], Solid):
+        half = thickness / 2
+        site = replace(site, radius=min(sqrt(contact * half), half) if contact else half / 1.5)
+    refine = []
+    if site.radius is not None and site.point is not None and not isinstance(site.point, str):
+        refine = [(site.point, site.radius)]
+    return site, place.first(thickness, refine)
+
+
+def _answer(structure: Structure, site: Site, run: Run, tol: float, n: int) -> Answer:
+    """Extract and simulate, with more anti-oscillators where the truncation asks for them."""
+    started = time.perf_counter()
+    accuracy = float(np.clip(TIME_SHARE * tol, FINEST_TIME, COARSEST_TIME))
+    most = min(MOST_N, structure.dofs - 1)
+    n = min(n, most)
+    while True:
+        model = extract(structure, site, n=n, error="estimate")
+        hit = run(model, accuracy)
+        budget = hit.error_budget
+        left = max(bar.truncation for bar in budget.values())
+        mesh = max(bar.mesh for bar in budget.values())
+        if left <= max(TRUNCATION_SHARE * tol, 0.1 * mesh) or n >= most or model.n < n:
+            break
+        missing = choose_n(model, run, max(TRUNCATION_SHARE * tol, LEAST_TRUNCATION)).missing
+        n = min(max(n + missing, n + n // 2), 3 * n, most)
+    return Answer(structure, hit, budget, n, time.perf_counter() - started)
+
+
+def _fewer(answer: Answer, run: Run, tol: float) -> int:
+    """Number of anti-oscillators for the next mesh."""
+    choice = choose_n(answer.hit.model, run, max(TRUNCATION_SHARE * tol, LEAST_TRUNCATION))
+    return int(np.clip(choice.n + choice.missing + 2, 4, MOST_N))
+
+
+def _next(
+    answer: Answer, mesh: Mesh, order: int, tol: float, limit: float | None, started: float
+) -> tuple[Any, str]:
+    """(ratio of new to old sizes of the cells, or why there is no further mesh)."""
+    room = _room(answer.budget, tol)
+    if min(room.values()) < LEAST_ROOM * tol:
+        return None, (
+            "A finer mesh does not help: the shares of time steps and patch take the tolerance "
+            "alone; change the radius of the site."
+        )
+    if answer.n >= MOST_N:
+        return None, f"{MOST_N} anti-oscillators do not bring the truncation below its share."
+    goal = min(room[name] / bar.mesh for name, bar in answer.budget.items() if bar.mesh)
+    structure, dim = answer.structure, mesh.tdim
+    values, vectors = np.linalg.eigh(amplitudes(answer.hit))
+    kept = values > NEGLIGIBLE * values[-1]
+    shapes = answer.hit.model.shapes @ (vectors[:, kept] * np.sqrt(values[kept]))
+    energies = estimator(structure).of_cells(shapes)
+    ratio = cell_sizes.ratios(mesh.comm, energies, min(goal, LEAST_STEP), order, dim)
+    growth = whole = cell_sizes.growth(mesh.comm, ratio, dim)
+    if growth > GROWTH:
+        goal = goal * (growth / GROWTH) ** (2 * order / dim)
+        ratio = cell_sizes.ratios(mesh.comm, energies, min(goal, LEAST_STEP), order, dim)
+        growth = cell_sizes.growth(mesh.comm, ratio, dim)
+    growth = max(growth, 1.0)
+    dofs = structure.dofs * max(whole, 1.0)
+    seconds = answer.seconds * max(whole, 1.0) ** SECONDS_POWER[dim]
+    spent = time.perf_counter() - started
+    expected = spent + answer.seconds * growth ** SECONDS_POWER[dim]
+    bytes_needed = FACTOR_BYTES * (structure.dofs * growth) ** (4 / 3)
+    free = free_memory()
+    told = ""
+    cost = f"a mesh of about {dofs:.2g} dofs would meet it, in some {seconds:.2g} s more"
+    if limit is not None and expected > limit:
+        told = f"Stopped before the limit of {limit:g} s: {cost}."
+    elif dim == 3 and bytes_needed > MEMORY_SHARE * free:
+        told = f"Stopped for the next mesh takes more than the {free / 1e9:.2g} GB free: {cost}."
+    return ratio, on_root(structure.comm, lambda: told)
+
+
+def _room(budget: ErrorBudget, tol: float) -> dict[str, float]:
+    """What the mesh may take of the tolerance, for each quantity.
+
+    On the next mesh more anti-oscillators are taken if the truncation asks for them.
+    """
+    room = {}
+    for name, bar in budget.items():
+        truncation = min(bar.truncation, TRUNCATION_SHARE * tol)
+        room[name] = AIM * (tol - bar.time - bar.patch) - truncation
+    return room
+
+
+def _record(answer: Answer) -> dict[str, Any]:
+    """What is kept of one mesh, JSON values."""
+    worst = max(bar.mesh for bar in answer.budget.values())
+    return {
+        "dofs": answer.structure.dofs,
+        "n": answer.n,
+        "seconds": answer.seconds,
+        "mesh": worst,
+        "total": answer.budget.worst,
+        "peak_force": answer.hit.peak_force,
+    }
+
+
+def _finished(answer: Answer, tol: float, records: list[dict[str, Any]], told: str) -> History:
+    """The history, with its budget and the story of its meshes."""
+    hit, budget = answer.hit, answer.budget
+    hit.model.info["strike"] = records
+    dofs = ", ".join(str(record["dofs"]) for record in records)
+    unmet = budget.worst > tol
+    story = f"Meshes of {dofs} dofs; bar {100 * budget.worst:.2g} % for tol = {100 * tol:g} %."
+    if told:
+        budget = replace(budget, notes=(*budget.notes, told))
+    return replace(
+        hit,
+        status=1 if unmet and hit.status == 0 else hit.status,
+        message=" ".join(filter(None, (hit.message, story, told))),
+        budget=lambda _: budget,
+    )

@@ -1,0 +1,122 @@
+"""`strike` meets its tolerance, and says what it cannot do."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+pytest.importorskip("dolfinx")
+
+import antiosc as ao
+from parts import STEEL, plate
+
+pytestmark = [
+    pytest.mark.fem,
+    pytest.mark.filterwarnings("ignore:the facets at the site:antiosc.errors.AccuracyWarning"),
+]
+
+SHEET = ao.Solid(**STEEL, plane="stress", thickness=0.01)
+HELD = [ao.Support("left")]
+SITE = ao.Site((0.25, 0.1), (0, -1), radius=0.012)
+IMPACT = (ao.RigidMass(0.5, 1.0), ao.Hertz(1e10), 1e-3)
+QUANTITIES = ("peak_force", "impulse", "contact_time")
+
+
+def reference() -> ao.History:
+    """On a fine mesh of another kind: squares of degree two."""
+    part = ao.Structure(plate((48, 16), (0.3, 0.1)), SHEET, HELD)
+    return ao.simulate(ao.extract(part, SITE, n=60), *IMPACT, tol=1e-6)
+
+
+def coarse(cell: str = "triangle") -> ao.Mesh:
+    return plate((6, 2), (0.3, 0.1), cell)
+
+
+@pytest.mark.parametrize(("order", "tol"), [(1, 0.01), (2, 0.001)])
+def test_the_tolerance_is_met(order, tol):
+    hit = ao.strike(coarse(), SITE, *IMPACT, tol=tol, material=SHEET, supports=HELD, order=order)
+    true = reference()
+    assert hit.status == 0
+    assert hit.error_budget.worst <= tol
+    for name in QUANTITIES:
+        assert abs(getattr(hit, name) / getattr(true, name) - 1) <= tol
+        assert abs(getattr(hit, name) / getattr(true, name) - 1) <= hit.error_budget[name].total
+    records = hit.model.info["strike"]
+    assert records[-1]["dofs"] == hit.model.info["dofs"]
+    assert [r["dofs"] for r in records] == sorted(r["dofs"] for r in records)
+    if order == 1:
+        assert len(records) > 1
+        assert records[-1]["mesh"] < 0.5 * records[0]["mesh"]
+
+
+def test_a_structure_gets_a_bar_only():
+    part = ao.Structure(coarse(), SHEET, HELD, order=1)
+    hit = ao.strike(part, SITE, *IMPACT, tol=1e-4)
+    assert hit.status == 1
+    assert hit.error_budget.worst > 1e-4
+    assert "as it is" in hit.message
+    assert "as it is" in str(hit.error_budget)
+    assert ao.strike(part, SITE, *IMPACT, tol=0.5).status == 0
+
+
+def test_squares_are_not_divided():
+    hit = ao.strike(
+        coarse("quadrilateral"), SITE, *IMPACT, tol=1e-4, material=SHEET, supports=HELD, order=1
+    )
+    assert hit.status == 1
+    assert "quadrilateral cells are not divided" in hit.message
+
+
+def test_the_limit_stops_with_the_best_answer():
+    hit = ao.strike(
+        coarse(), SITE, *IMPACT, tol=1e-5, material=SHEET, supports=HELD, order=1, limit=1e-3
+    )
+    assert hit.status == 1
+    assert len(hit.model.info["strike"]) == 1
+    assert "Stopped before the limit" in hit.message
+    assert "dofs would meet it" in hit.message
+
+
+def test_a_radius_is_chosen_and_resolved():
+    site = ao.Site((0.25, 0.1), (0, -1))
+    hit = ao.strike(coarse(), site, *IMPACT, tol=0.2, material=SHEET, supports=HELD)
+    assert 0 < hit.model.radius < 0.05
+    assert not any("resolved" in note for note in hit.error_budget.notes)
+
+
+def test_wrong_requests():
+    with pytest.raises(ao.InputError, match="needs a material"):
+        ao.strike(coarse(), SITE, *IMPACT, tol=0.1)
+    part = ao.Structure(coarse(), SHEET, HELD, order=1)
+    with pytest.raises(ao.InputError, match="own material"):
+        ao.strike(part, SITE, *IMPACT, tol=0.1, material=SHEET)
+    with pytest.raises(ao.InputError, match="tol must be"):
+        ao.strike(part, SITE, *IMPACT, tol=0.0)
+    with pytest.raises(ao.InputError, match="source must be"):
+        ao.strike(np.eye(3), SITE, *IMPACT, tol=0.1)
+    with pytest.raises(ao.InputError, match="limit"):
+        ao.strike(part, SITE, *IMPACT, tol=0.1, limit=-1.0)
+
+
+GEO = """
+SetFactory("OpenCASCADE");
+Rectangle(1) = {0, 0, 0, 0.3, 0.1};
+Disk(2) = {0.12, 0.05, 0, 0.02};
+BooleanDifference(3) = {Surface{1}; Delete;}{Surface{2}; Delete;};
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("order", "tols"), [(1, (0.05, 0.003)), (2, (0.01, 2e-5))])
+def test_a_geometry_is_meshed_for_the_impact(tmp_path, order, tols):
+    (tmp_path / "holed.geo").write_text(GEO)
+    held = [ao.Support(plane=((0, 0), (1, 0)))]
+    options = {"material": SHEET, "supports": held, "order": order}
+    source = tmp_path / "holed.geo"
+    rough, fine = (ao.strike(source, SITE, *IMPACT, tol=t, **options) for t in tols)
+    assert rough.status == fine.status == 0
+    assert fine.model.info["dofs"] > rough.model.info["dofs"]
+    assert any("curved" in note for note in fine.error_budget.notes) == (order == 1)
+    for name in QUANTITIES:
+        bar = rough.error_budget[name].total + fine.error_budget[name].total
+        assert abs(getattr(rough, name) / getattr(fine, name) - 1) <= bar
