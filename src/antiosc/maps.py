@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -30,6 +30,7 @@ from antiosc.fem.extraction.oscillators import error_bound, lumped, oscillators,
 from antiosc.fem.extraction.static_mode import static_modes
 from antiosc.fem.linalg.compliance import deflections
 from antiosc.fem.mpi import agree, collective, on_root
+from antiosc.fem.site.map_on_assembly import sites_on_part
 from antiosc.fem.site.map_sites import sites_of
 from antiosc.fem.site.site import Functional
 from antiosc.fem.site.sites import Sites
@@ -45,6 +46,8 @@ from antiosc.threads import one_thread
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from antiosc.fem.assembly.assembled import AssembledMatrices
 
 #: Free modes where neither `modes` nor a band says how many.
 FREE_MODES = 20
@@ -182,7 +185,7 @@ def impact_map(
         With a mesh.
     where : str or array_like (P, 2 or 3), optional
         A group of faces (cells of shells and beams) whose vertices are the sites, or points. None:
-        the whole surface.
+        the whole surface. Of an assembly "part:group", or "part" for its whole surface.
     impactor, contact, duration
         As for `simulate`. None: extraction only, no impacts.
     direction : sequence of float, optional
@@ -220,8 +223,7 @@ def impact_map(
         checked_body("impactor", impactor)
         instance("contact", contact, ContactLaw, "a ContactLaw such as Hertz(stiffness)")
         duration = positive("duration", duration, "s")
-    meshed = on_mesh(structure, "a map needs a mesh: matrices have no points.")
-    sites, elements, total = sites_of(meshed, where, direction, radius)
+    sites, elements, total, dimension = _sites(structure, where, direction, radius)
     structure.factorize()
     located = time.perf_counter()
     free = _free_modes(structure, modes, band)
@@ -254,7 +256,7 @@ def impact_map(
     info = {
         "structure": structure.describe(),
         "free_modes": len(omega),
-        "cell_dimension": meshed.mesh.tdim,
+        "cell_dimension": dimension,
         "seconds": {**structure.seconds, **seconds},
     }
     result = ImpactMap(
@@ -274,6 +276,17 @@ def impact_map(
     if impactor is None or contact is None or duration is None:
         return result
     return _struck(structure, result, impactor, contact, duration)
+
+
+def _sites(
+    structure: Structure, where: Any, direction: Sequence[float] | None, radius: float | None
+) -> tuple[Sites, IntArray, int, int]:
+    """(sites, elements, number of sites before some are left out, dimension of the cells)."""
+    if structure.matrices.assembled:
+        matrices = cast("AssembledMatrices", structure.matrices)
+        return sites_on_part(matrices, where, direction, radius)
+    meshed = on_mesh(structure, "a map needs a mesh: matrices have no points.")
+    return *sites_of(meshed, where, direction, radius), meshed.mesh.tdim
 
 
 # --- Free modes ---------------------------------------------------------------------------------

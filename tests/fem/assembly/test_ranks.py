@@ -101,11 +101,14 @@ for make in (board, free, deck):
     several = ao.extract(part, {"a": site, "b": corners[make.__name__]}, n=8)
     path = ao.write_series(part, hit, sys.argv[2], times=[1e-3])
     omega = 3e3
+    where = {"board": "sw:x0", "free": "left:x0"}.get(make.__name__)
+    struck = ao.impact_map(part, where, n=2, modes=8) if where else None
     found[make.__name__] = {
         "dofs": part.dofs, "mass": part.mass, "rigid": part.rigid_modes.shape[1],
         "k0": model.k0, "m_st": model.m_st, "omega": model.omega[:4].tolist(),
         "Z": float(model.dynamic_stiffness(omega)),
         "several": np.asarray(several.dynamic_stiffness(omega)).real.ravel().tolist(),
+        "map": sorted(struck.models.m_st.tolist()) if struck else [0.0],
         "peak": hit.peak_force, "moved": moved.ravel().tolist(),
         "inertia": part.rigid_inertia[0].matrix.ravel().tolist() if part.rigid_inertia else [0.0],
     }

@@ -104,7 +104,7 @@ WRONG = [
         ),
         "plane parts turn about z and slide along x and y",
     ),
-    (lambda: ao.impact_map(two(TIE), None, None), "takes a structure of one mesh"),
+    (lambda: ao.impact_map(two(TIE), None, None), "needs the part that is struck"),
 ]
 
 

@@ -68,7 +68,7 @@ def sites_of(
             "no site of the map can move: supports fix the whole surface, or there is no surface "
             "under the patches; give another group."
         )
-    found, elements = _only(found, ground.elements, keep)
+    found, elements = only(found, ground.elements, keep)
     tell(structure, found)
     return found, elements, count
 
@@ -134,7 +134,7 @@ def _given(structure: MeshedStructure, points: Any, along: Array | None) -> Grou
     return Ground(nearest.x, np.zeros_like(at), np.zeros((0, 3), dtype=int))
 
 
-def _only(sites: Sites, elements: IntArray, keep: BoolArray) -> tuple[Sites, IntArray]:
+def only(sites: Sites, elements: IntArray, keep: BoolArray) -> tuple[Sites, IntArray]:
     """Some of the sites, with the elements that lie between them."""
     number = np.cumsum(keep) - 1
     if len(elements):
