@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.simulation import engine
+from antiosc.simulation import engine, march
 from antiosc.simulation.assembly import assemble
 from antiosc.simulation.scene_energy import gained
 from scenes import HERTZ, case_two
@@ -90,3 +90,27 @@ def test_a_gain_is_that_of_the_whole_balance(gravity: float) -> None:
     assert gained(made, hit.run) < 1e-4
     hit.run.states[len(hit.run.states) // 2 :, 1] *= 1.01
     assert gained(made, hit.run) == pytest.approx(0.02, abs=0.015)
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        LAW,
+        ao.Linear(1e7),
+        ao.Power(1e9, 2.2),
+        ao.Gonthier(1e10, 0.4),
+        ao.Hertz(1e10, 1e-9),
+        ao.Thornton(1e10, 1e-6),
+    ],
+    ids=lambda law: type(law).__name__,
+)
+def test_one_contact_has_the_forces_that_sweeps_find(monkeypatch, law: ao.ContactLaw) -> None:
+    scene = blow(0.1, law)
+    made = assemble(scene, 5e-4)
+    one = engine.run(made.system, 5e-4, 1e-2, fine=made.lasting / 200)
+    monkeypatch.setattr(march, "alone", lambda *_: False)
+    other = engine.run(made.system, 5e-4, 1e-2, fine=made.lasting / 200)
+    assert one.steps == other.steps
+    atol = 1e-9 * float(other.force.max())
+    assert atol > 0
+    np.testing.assert_allclose(one.force, other.force, rtol=0, atol=atol)

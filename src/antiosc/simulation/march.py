@@ -599,18 +599,19 @@ def pair(slot: int, h: float, half: Any, whole: Any, R: Any, rated: bool, share:
                 share[slot, 3, 2, i, j] += 3.0 * r / h
 
 
-@compiled(f"void({F3}, {F2}, {F1})")
+@compiled(f"void({F4}, {F2}, {F2})")
 def project(rows: Any, x: Any, out: Any) -> None:
-    """out (m,) = rows (m, 2, J) x (2, J)."""
+    """out (2, m) = rows (2, m, 2, J) x (2, J)."""
     if COMPILED:
-        m, size = rows.shape[0], x.shape[1]
-        for i in range(m):
-            total = 0.0
-            for n in range(size):
-                total += rows[i, 0, n] * x[0, n] + rows[i, 1, n] * x[1, n]
-            out[i] = total
+        m, size = rows.shape[1], x.shape[1]
+        for k in range(2):
+            for i in range(m):
+                total = 0.0
+                for n in range(size):
+                    total += rows[k, i, 0, n] * x[0, n] + rows[k, i, 1, n] * x[1, n]
+                out[k, i] = total
     else:
-        np.dot(rows.reshape(rows.shape[0], -1), x.ravel(), out=out)
+        rows.reshape(out.size, x.size).dot(x.ravel(), out=out.reshape(out.size))
 
 
 @compiled(f"void({F2}, {F2}, {F1}, {F1}, {F2})")
@@ -776,6 +777,61 @@ def together(share: Any, base: Any, F: Any, contacts: Any, mode: Any, s: Any) ->
     return best <= 1e-20 * size  # what is left is rounding
 
 
+@compiled(f"boolean(int64, int64, {F1}, {F1}, {F4}, {F2}, {F2}, {F2}, float64)")
+def alone(
+    kind: Any,
+    mode: Any,
+    par: Any,
+    s: Any,
+    share: Any,
+    base: Any,
+    F: Any,
+    motion: Any,
+    scale: float,
+) -> bool:
+    """`solve` for one contact without friction: Newton's method for its two forces at once."""
+    if COMPILED:
+        a11, a12 = share[0, 1, 0, 0], share[0, 2, 0, 0]
+        b11, b12 = share[1, 1, 0, 0], share[1, 2, 0, 0]
+        a21, a22 = share[2, 1, 0, 0], share[2, 2, 0, 0]
+        b21, b22 = share[3, 1, 0, 0], share[3, 2, 0, 0]
+        d1, v1, d2, v2 = base[0, 0], base[1, 0], base[2, 0], base[3, 0]
+        f1, f2 = F[1, 0], F[2, 0]
+    else:  # numbers of Python are quicker than those of NumPy
+        _, a11, a12, _, b11, b12, _, a21, a22, _, b21, b22 = share.ravel().tolist()
+        d1, v1, d2, v2 = base.ravel().tolist()
+        _, f1, f2 = F.ravel().tolist()
+        kind, mode, par, s = int(kind), int(mode), par.tolist(), s.tolist()
+    pressed = mode in (FORWARD, BACK)
+    if not pressed:
+        f1, f2 = 0.0, 0.0
+    for _ in range(SWEEPS):
+        x1, y1 = d1 - a11 * f1 - a12 * f2, v1 - b11 * f1 - b12 * f2
+        x2, y2 = d2 - a21 * f1 - a22 * f2, v2 - b21 * f1 - b22 * f2
+        close = not pressed
+        if pressed:
+            g1, k1, c1 = curve(kind, mode, x1, y1, par, s)
+            g2, k2, c2 = curve(kind, mode, x2, y2, par, s)
+            j11, j12 = 1.0 + k1 * a11 + c1 * b11, k1 * a12 + c1 * b12
+            j21, j22 = k2 * a21 + c2 * b21, 1.0 + k2 * a22 + c2 * b22
+            det = j11 * j22 - j12 * j21
+            if not abs(det) > 1e-300:
+                return False
+            r1, r2 = f1 - g1, f2 - g2
+            e1, e2 = (r1 * j22 - r2 * j12) / det, (r2 * j11 - r1 * j21) / det
+            size = max(1e-3 * scale, abs(f1), abs(f2))
+            noise = 1e-15 * max(k1 * abs(d1) / max(j11, 1.0), k2 * abs(d2) / max(j22, 1.0))
+            close = max(abs(e1), abs(e2)) <= 1e-12 * size + noise
+        if close:
+            F[1, 0], F[2, 0] = f1, f2
+            motion[0, 0], motion[1, 0], motion[2, 0], motion[3, 0] = x1, y1, x2, y2
+            return True
+        f1, f2 = f1 - e1, f2 - e2
+        if not abs(f1) + abs(f2) < 1e300:
+            return False
+    return False
+
+
 @compiled(f"boolean({F4}, {F2}, {F2}, {F2}, {CONTACTS}, {I1}, {F2}, {F3}, float64)")
 def solve(
     share: Any,
@@ -796,6 +852,8 @@ def solve(
     """
     kinds, params, _, tangents, _ = contacts
     p = kinds.size
+    if F.shape[1] == 1 and alone(kinds[0], mode[0], params[0], s[0], share, base, F, motion, scale):
+        return True
     for sweep in range(SWEEPS + NEWTON):
         if sweep == SWEEPS:  # the sweeps may have led away
             for c in range(p):
@@ -910,8 +968,7 @@ def free_motion(
     count, x = state[1], state[2]
     table, rows = tables[1], tables[2]
     at, slope, offset, drift = work[4], work[5], work[6], work[7]
-    project(rows[slot, 0], x, out[0])
-    project(rows[slot, 1], x, out[1])
+    project(rows[slot], x, out)
     if count[LOADED] > 0:
         loaded_rows(table[slot], beta, at, slope, out)
     for i in range(offset.size):
@@ -1003,7 +1060,7 @@ def touch_time(
     low, high, guess = 0.0, h, h * before / (before - after)
     for _ in range(60):
         ready_rows(SCRATCH, guess, modes, tables)
-        free_motion(SCRATCH, guess, modes, state, tables, work, base)
+        free_motion(SCRATCH, guess, modes, state, tables, work, base[:2])
         g, v = base[0, c] - origin, base[1, c]
         if abs(g) <= 0.01 * SHARP * scale[c, 0]:
             break
@@ -1328,8 +1385,11 @@ def take(
     h = clock[STEP]
     m, size = F.shape[1], omega.size
     if count[KEEP] > 0:
-        for j in range(size):
-            state_out[count[STATES], 0, j], state_out[count[STATES], 1, j] = x[0, j], x[1, j]
+        if COMPILED:
+            for j in range(size):
+                state_out[count[STATES], 0, j], state_out[count[STATES], 1, j] = x[0, j], x[1, j]
+        else:
+            state_out[count[STATES]] = x
         count[STATES] += 1
     for i in range(m):
         base[0, i] = F[0, i]
@@ -1339,10 +1399,14 @@ def take(
         clock[WORKED] -= loads_on(at, slope, h, x)
     push(table[slot], omega, beta, base[:3], x)
     if count[LOADED] > 0:
-        for j in range(size):
-            S, J0, J1 = table[slot, 2, j], table[slot, 3, j], table[slot, 4, j]
-            x[0, j] += at[j] * J0 + slope[j] * J1
-            x[1, j] += at[j] * S + slope[j] * J0
+        if COMPILED:
+            for j in range(size):
+                S, J0, J1 = table[slot, 2, j], table[slot, 3, j], table[slot, 4, j]
+                x[0, j] += at[j] * J0 + slope[j] * J1
+                x[1, j] += at[j] * S + slope[j] * J0
+        else:
+            x[0] += at * table[slot, 3] + slope * table[slot, 4]
+            x[1] += at * table[slot, 2] + slope * table[slot, 3]
         clock[WORKED] += loads_on(at, slope, h, x)
     for i in range(m):  # the moving gaps: loads on sites without mass
         clock[WORKED] -= drift[i] * h / 6.0 * (F[0, i] + 4.0 * F[1, i] + F[2, i])
