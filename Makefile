@@ -1,6 +1,6 @@
 # Every target sets up what it needs, once; `make help` lists them.
 .DEFAULT_GOAL := help
-.PHONY: help setup demo article bench decks validate test check check-cores mutants test-trixie test-sid test-newest memcheck lint fmt clean
+.PHONY: help setup demo article bench decks validate docs test check check-cores mutants test-trixie test-sid test-newest memcheck lint fmt clean
 
 PYTHON := .venv/bin/python
 READY  := .venv/ready
@@ -36,6 +36,10 @@ bench: $(READY) ## speed against accuracy: tables, pictures and JSON in demos/sp
 
 validate: $(READY) ## published tests in one table with pictures: docs/validation.md (about 2 minutes)
 	$(PYTHON) demos/validation/book.py
+
+docs: $(READY) ## the pages, in out/docs/index.html; a warning is an error
+	.ci/install .ci/packages-docs
+	$(PYTHON) -m sphinx -W --keep-going -q -b html docs out/docs
 
 decks: $(READY) ## the decks of Debian's calculix-ccx-test in one table: read, struck, refused; DECKS=folder
 	$(PYTHON) tests/decks/table.py $(DECKS)
@@ -80,7 +84,7 @@ clean: ## remove .venv, caches and out/
 	rm -rf .venv out build src/*.egg-info .pytest_cache .mypy_cache .ruff_cache
 	find . -name __pycache__ -prune -exec rm -rf {} +
 
-$(READY): .ci/setup .ci/packages pyproject.toml
+$(READY): .ci/setup .ci/install .ci/packages pyproject.toml
 	.ci/setup
 	@touch $@
 

@@ -1,0 +1,156 @@
+"""What the pages take from the code: the lists of the API, the pages of the demos."""
+
+from __future__ import annotations
+
+import ast
+import re
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parent
+#: a line of an API page: the public names of these modules and packages stand in its place
+LISTED = re.compile(r"^%API(?P<modules>.*)$", re.MULTILINE)
+#: pictures of demos that the repository keeps, by the script that makes them
+PICTURES = {
+    "impact_on_bracket": ["bracket.png", "bracket_force.png"],
+    "impact_map": ["bracket_map.png"],
+    "stability": ["stability.png", "stability_scenes.png", "stability_windows.png"],
+    "work_precision": ["work_precision.png"],
+    "speed_accuracy": ["../speed/speed_accuracy_bracket_43935.png"],
+    "blas_threads": ["../speed/blas_threads.png"],
+}
+
+
+def public_names() -> dict[str, str]:
+    """Public name -> module, in the order of the stub of the package."""
+    stub = ast.parse((ROOT / "src/antiosc/__init__.pyi").read_text(encoding="utf-8"))
+    imports = [node for node in stub.body if isinstance(node, ast.ImportFrom)]
+    return {alias.name: str(node.module) for node in imports for alias in node.names}
+
+
+def api(modules: list[str]) -> list[str]:
+    """Public names of modules and packages, given without "antiosc."."""
+    wanted = [f"antiosc.{module}" for module in modules]
+    return [
+        name
+        for name, module in public_names().items()
+        if any(module == one or module.startswith(f"{one}.") for one in wanted)
+    ]
+
+
+def with_lists(text: str, elsewhere: list[str]) -> str:
+    """A page with its %API lines replaced; `%API rest` stands for the names of no other page."""
+
+    def listed(found: re.Match[str]) -> str:
+        modules = found["modules"].split()
+        names = api(modules)
+        if modules == ["rest"]:
+            taken = {name for page in elsewhere for name in api(listed_modules(page))}
+            names = [name for name in public_names() if name not in taken]
+        if not names:
+            return ""
+        lines = ["```{eval-rst}", ".. currentmodule:: antiosc", ""]
+        for name in names:
+            kind = "autofunction" if name[0].islower() else "autoclass"
+            lines += [f".. {kind}:: {name}"] + ["   :members:"] * (kind == "autoclass") + [""]
+        return "\n".join([*lines, "```"])
+
+    return LISTED.sub(listed, text)
+
+
+def listed_modules(text: str) -> list[str]:
+    """Modules that the %API lines of a page name."""
+    return [m for found in LISTED.finditer(text) for m in found["modules"].split() if m != "rest"]
+
+
+def api_pages() -> list[str]:
+    """Texts of all API pages."""
+    return [path.read_text(encoding="utf-8") for path in sorted((HERE / "api").glob("*.md"))]
+
+
+def with_other_pages(index: str) -> str:
+    """The index with %PAGES replaced by the pages of this folder that it does not list yet."""
+    listed = set(re.findall(r"^[\w/]+$", index, re.MULTILINE))
+    pages = [path.stem for path in sorted(HERE.glob("*.md"))]
+    others = [page for page in pages if page not in listed and page != "index"]
+    return index.replace("%PAGES", "\n".join(others))
+
+
+def plain(lines: list[str]) -> None:
+    """Docstrings are plain text: what reStructuredText would read as markup is escaped."""
+    for i, line in enumerate(lines):
+        parts = re.split(r"(`[^`]*`)", line)
+        parts[::2] = [
+            re.sub(r"(?<=\w)_(?=\W|$)", r"\_", part.replace("\\", "\\\\").replace("|", r"\|"))
+            for part in parts[::2]
+        ]
+        lines[i] = "".join(parts)
+
+
+def with_notes(lines: list[str]) -> None:
+    """A paragraph after the sections of a docstring gets the heading that numpydoc asks for."""
+    inside = noted = False
+    i = 0
+    while i < len(lines):
+        after = lines[i + 1] if i + 1 < len(lines) else ""
+        if re.fullmatch(r"-{3,}", after.strip()) and lines[i].strip():
+            inside, noted = lines[i] in ("Parameters", "Attributes", "Raises", "Returns"), False
+            i += 2
+            continue
+        starts = i > 0 and not lines[i - 1].strip() and re.match(r"\S", lines[i])
+        if inside and not noted and starts and not after.startswith(" "):
+            lines[i:i] = ["Notes", "-----"]
+            inside, noted = False, True
+        i += 1
+
+
+def demo_pages(folder: Path) -> None:
+    """A page for each demo: what it shows, its pictures, its script."""
+    folder.mkdir(exist_ok=True)
+    names = []
+    for script in sorted((ROOT / "demos").glob("*.py")):
+        text = ast.get_docstring(ast.parse(script.read_text(encoding="utf-8")))
+        if text is None or '__name__ == "__main__"' not in script.read_text(encoding="utf-8"):
+            continue  # a part of another demo
+        names.append(script.stem)
+        title, *body = text.split("\n")
+        pictures = [
+            f"![{script.stem}](../../demos/pictures/{name})"
+            for name in PICTURES.get(script.stem, [])
+        ]
+        page = [
+            f"# {title.rstrip('.')}",
+            "",
+            *fenced(body),
+            "",
+            *pictures,
+            "",
+            f"```{{literalinclude}} ../../demos/{script.name}",
+            ":language: python",
+            "```",
+        ]
+        write(folder / f"{script.stem}.md", "\n".join(page) + "\n")
+    index = ["# Demos", "", "Every demo is a script in `demos/`; `--help` lists its options.", ""]
+    index += ["```{toctree}", *names, "```"]
+    write(folder / "index.md", "\n".join(index) + "\n")
+
+
+def fenced(lines: list[str]) -> list[str]:
+    """Text whose indented lines, which are commands, are put into code blocks."""
+    out: list[str] = []
+    inside = False
+    for line in lines:
+        indented = line.startswith("    ")
+        if indented and not inside:
+            out.append("```sh")
+        if inside and not indented and line.strip():
+            out.append("```")
+        inside = indented or (inside and not line.strip())
+        out.append(line[4:] if indented else line)
+    return [*out, "```"] if inside else out
+
+
+def write(path: Path, text: str) -> None:
+    """Write a page unless it stands there already, so that nothing is built in vain."""
+    if not path.is_file() or path.read_text(encoding="utf-8") != text:
+        path.write_text(text, encoding="utf-8")

@@ -1,0 +1,131 @@
+"""The pages: their programs run, their links hold, they name all that is public, they are built."""
+
+from __future__ import annotations
+
+import importlib
+import re
+import runpy
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import antiosc as ao
+import html_pages
+from paths import DEMOS, ROOT
+
+DOCS = ROOT / "docs"
+#: pages whose programs need NumPy and SciPy alone
+LIGHT = {
+    *("errors", "howto/contacts", "howto/sweep", "howto/cluster"),
+    *("api/models", "api/contact", "api/simulation", "api/scenes", "api/errors"),
+}
+MESHED = {"howto/deck", "howto/units", "howto/map", "api/structures", "api/extraction"}
+SLOW = {"first_impact"}
+
+
+def programs(page: str) -> list[str]:
+    text = (DOCS / f"{page}.md").read_text(encoding="utf-8")
+    return re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+
+
+def marked(page: str):
+    marks = [pytest.mark.fem] * (page not in LIGHT) + [pytest.mark.slow] * (page in SLOW)
+    return pytest.param(page, marks=marks)
+
+
+@pytest.mark.parametrize("page", [marked(page) for page in sorted(LIGHT | MESHED | SLOW)])
+def test_the_program_of_a_page_runs(page, tmp_path, monkeypatch, capsys):
+    (program,) = programs(page)
+    shutil.copytree(ROOT / "meshes", tmp_path / "meshes")
+    (tmp_path / "program.py").write_text(program, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    runpy.run_path("program.py")
+    assert capsys.readouterr().out.strip()
+
+
+def test_no_page_with_a_program_is_left_out():
+    """Pages of other rooms have their own tests; all others stand in the lists above."""
+    elsewhere = {"assemblies", "closed_forms", "matrices", "results"}
+    with_programs = {
+        str(path.relative_to(DOCS).with_suffix(""))
+        for folder in (DOCS, DOCS / "howto", DOCS / "api")
+        for path in folder.glob("*.md")
+        if "```python" in path.read_text(encoding="utf-8")
+    }
+    assert with_programs - elsewhere <= LIGHT | MESHED | SLOW
+
+
+@pytest.fixture
+def generated(monkeypatch):
+    monkeypatch.syspath_prepend(str(DOCS))
+    return importlib.import_module("generated")
+
+
+def test_every_public_name_stands_on_one_page_of_the_api(generated):
+    texts = generated.api_pages()
+    listed = [
+        name
+        for text in texts
+        for name in re.findall(r"auto(?:class|function):: (\w+)", generated.with_lists(text, texts))
+    ]
+    assert sorted(listed) == sorted(ao.__all__)
+
+
+def test_every_demo_has_a_page_and_its_pictures_exist(generated, tmp_path):
+    generated.demo_pages(tmp_path / "demos")
+    pages = {path.stem for path in (tmp_path / "demos").glob("*.md")} - {"index"}
+    scripts = {p.stem for p in DEMOS.glob("*.py") if "__main__" in p.read_text(encoding="utf-8")}
+    assert pages == scripts
+    for pictures in generated.PICTURES.values():
+        assert [p for p in pictures if not (DEMOS / "pictures" / p).is_file()] == []
+
+
+def test_a_new_page_is_listed(generated, monkeypatch, tmp_path):
+    monkeypatch.setattr(generated, "HERE", tmp_path)
+    for name in ("index", "old", "new"):
+        (tmp_path / f"{name}.md").write_text("# Page\n", encoding="utf-8")
+    assert generated.with_other_pages("old\n%PAGES\n") == "old\nnew\n"
+
+
+def test_docstrings_become_sound_markup(generated):
+    lines = ["Parameters", "----------", "x : float", "    |Z| of `a|b_`.", "", "A paragraph.", ""]
+    generated.plain(lines)
+    generated.with_notes(lines)
+    assert lines[3] == r"    \|Z\| of `a|b_`."
+    assert lines[5:8] == ["Notes", "-----", "A paragraph."]
+
+
+@pytest.mark.parametrize(
+    "path", [*DOCS.glob("*.md"), *DOCS.glob("[ah]*/*.md"), ROOT / "CONTRIBUTING.md"], ids=str
+)
+def test_links_between_the_sources_hold(path):
+    text = re.sub(r"```.*?```", "", path.read_text(encoding="utf-8"), flags=re.DOTALL)
+    links = [link.split("#")[0] for link in re.findall(r"\]\(([^)\s]+)\)", text)]
+    local = [link for link in links if link and not re.match(r"[a-z]+:", link)]
+    assert [link for link in local if not (path.parent / link).exists()] == []
+
+
+@pytest.mark.fem
+@pytest.mark.slow
+def test_the_pages_are_built_without_a_warning_and_can_be_read(tmp_path: Path):
+    pytest.importorskip("sphinx")
+    pytest.importorskip("myst_parser")
+    built = tmp_path / "html"
+    command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-E", "-b", "html"]
+    run = subprocess.run(
+        [*command, "-d", str(tmp_path / "trees"), str(DOCS), str(built)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert run.returncode == 0, run.stderr
+    assert html_pages.faults(built) == []
+    seen = html_pages.loaded(built)
+    if seen is None:
+        pytest.skip("no browser here: links and pictures were checked without one")
+    assert [name for name, page in seen.items() if page["missing"]] == []
+    assert [name for name, page in seen.items() if page["text"] < 100] == []
+    assert [n for n, page in seen.items() if page["width"] > html_pages.TELEPHONE] == []

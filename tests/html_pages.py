@@ -1,0 +1,109 @@
+"""What a reader of the built pages meets: links, pictures, the width of a telephone."""
+
+from __future__ import annotations
+
+import functools
+import html
+import http.server
+import json
+import re
+import shutil
+import subprocess
+import threading
+from html.parser import HTMLParser
+from pathlib import Path
+from urllib.parse import unquote, urldefrag
+
+TELEPHONE = 390  # width in pixels
+
+
+class Page(HTMLParser):
+    """Anchors, links and pictures of a page."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self.anchors: set[str] = set()
+        self.links: list[str] = []
+        self.pictures: list[str] = []
+        self.feed(path.read_text(encoding="utf-8"))
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        given = {name: value for name, value in attrs if value is not None}
+        self.anchors |= {given[name] for name in ("id", "name") if name in given}
+        if tag in ("a", "link") and "href" in given:
+            self.links.append(given["href"])
+        if tag in ("img", "script") and "src" in given:
+            self.pictures.append(given["src"])
+
+
+def faults(folder: Path) -> list[str]:
+    """Dead links, missing pictures and anchors of all pages of a folder."""
+    pages = {path.resolve(): Page(path) for path in sorted(folder.rglob("*.html"))}
+    found = []
+    for path, page in pages.items():
+        for link in [*page.links, *page.pictures]:
+            if re.match(r"[a-z]+:", link) or link == "#":
+                continue
+            place, anchor = urldefrag(unquote(link))
+            target = (path.parent / place.split("?")[0]).resolve() if place else path
+            if not target.exists():
+                found.append(f"{path.name}: {link} does not exist")
+            elif anchor and target in pages and anchor not in pages[target].anchors:
+                found.append(f"{path.name}: {link} has no such place")
+    return found
+
+
+def loaded(folder: Path) -> dict[str, dict[str, int]] | None:
+    """Every page in a headless browser as wide as a telephone, or None where there is no browser.
+
+    Page -> its width ("width"), pictures that did not load ("missing"), letters ("text").
+    """
+    browser = shutil.which("chromium") or shutil.which("chromium-browser")
+    if browser is None:
+        return None
+    names = sorted(str(path.relative_to(folder)) for path in folder.rglob("*.html"))
+    (folder / "probe.html").write_text(PROBE.replace("NAMES", json.dumps(names)), encoding="utf-8")
+    handler = functools.partial(Quiet, directory=str(folder))
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        command = [
+            *(browser, "--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"),
+            *("--virtual-time-budget=600000", "--timeout=600000", "--window-size=1200,900"),
+            f"--user-data-dir={folder.parent / 'browser'}",
+            *("--dump-dom", f"http://127.0.0.1:{server.server_port}/probe.html"),
+        ]
+        said = subprocess.run(command, capture_output=True, text=True, timeout=600, check=False)
+        server.shutdown()
+    (folder / "probe.html").unlink()
+    result = re.search(r"<pre[^>]*>(.*?)</pre>", said.stdout, re.DOTALL)
+    assert result, said.stderr[-2000:]
+    found = json.loads(html.unescape(result[1]))
+    assert sorted(found) == names
+    return found
+
+
+class Quiet(http.server.SimpleHTTPRequestHandler):
+    """A server that does not print its requests."""
+
+    def log_message(self, *_: object) -> None:
+        pass
+
+
+PROBE = f"""<!doctype html><body><pre id="out">{{}}</pre><script>
+const names = NAMES, found = {{}};
+function next() {{
+  const name = names.shift();
+  if (!name) {{ document.getElementById("out").textContent = JSON.stringify(found); return; }}
+  const frame = document.createElement("iframe");
+  frame.style.width = "{TELEPHONE}px"; frame.style.height = "800px";
+  frame.onload = () => {{
+    const page = frame.contentDocument;
+    const missing = [...page.images].filter((one) => !one.complete || !one.naturalWidth).length;
+    found[name] = {{width: page.documentElement.scrollWidth, missing: missing,
+                    text: page.body.innerText.length}};
+    frame.remove(); next();
+  }};
+  frame.src = name; document.body.appendChild(frame);
+}}
+next();
+</script></body>"""
