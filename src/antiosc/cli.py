@@ -77,6 +77,7 @@ def _parser() -> argparse.ArgumentParser:
 
 def _results(command: argparse.ArgumentParser) -> None:
     command.add_argument("--out", metavar="FOLDER", help="where the files of [output] go")
+    command.add_argument("--report", metavar="OUT.html", help="write a report: one page, one file")
     command.add_argument(
         "--python", action="store_true", help="print the equivalent program instead of running"
     )

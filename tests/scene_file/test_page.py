@@ -56,7 +56,9 @@ def test_the_scene_of_the_page_runs(page, tmp_path, capsys):
     assert hit.peak_force == pytest.approx(peak, rel=1e-9)
 
 
-@pytest.mark.parametrize("name", ["matrices", "deck", pytest.param("step", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "name", ["matrices", *(pytest.param(n, marks=pytest.mark.slow) for n in ("deck", "step"))]
+)
 def test_the_example_scenes_run(name, tmp_path, capsys):
     pytest.importorskip("dolfinx")
     assert antiosc("check", SCENES / f"{name}.toml") == 0

@@ -13,44 +13,7 @@ import antiosc as ao
 from antiosc.scene_file.json_schema import schema
 from antiosc.scene_file.parameters import parameters
 from antiosc.scene_file.sections import SECTIONS
-from scene_files import BEAM, SCENES, antiosc, numbers, written
-
-PROBE = "[probes.quarter]\npoint = [0.2, 0.0, 0.0]\n"
-SWEEP = "[sweep]\nimpactor.velocity = [0.5, 1.0, 2.0]\nsimulate.duration = [3e-3, 2e-3, 2e-3]\n"
-FRAME = f"""\
-[matrices]
-K = "{SCENES}/beam_K.mtx"
-M = "{SCENES}/beam_M.mtx"
-map = "{SCENES}/beam_nodes.txt"
-[sites.middle]
-node = 9
-direction = [0, 0, -1]
-[sites.end]
-node = 14
-direction = [0, 0, 1]
-[bodies.ball]
-kind = "Sphere"
-radius = 0.01
-E = 210e9
-nu = 0.3
-rho = 7850
-velocity = 1
-[bodies.stop]
-kind = "Obstacle"
-[[contacts]]
-a = "structure:middle"
-b = "ball"
-law = {{ kind = "ball.hertz", E = 210e9, nu = 0.3 }}
-[[contacts]]
-a = "structure:end"
-b = "stop"
-law = {{ kind = "Linear", stiffness = 1e6 }}
-gap = 1e-5
-[run]
-duration = 1e-3
-[output]
-plot = "svg"
-"""
+from scene_files import BEAM, FRAME, PROBE, SCENES, SWEEP, antiosc, numbers, written
 
 
 def program(path, capsys, command: str = "run") -> dict:

@@ -12,7 +12,7 @@ from typing import Any
 from antiosc import info
 from antiosc.errors import AntioscError, InputError
 from antiosc.progress import world_rank
-from antiosc.scene_file import output, result_tables as tables, run as runs, template
+from antiosc.scene_file import output, report, result_tables as tables, run as runs, template
 from antiosc.scene_file.read import read
 from antiosc.scene_file.scene import Compiled, compiled
 
@@ -75,12 +75,15 @@ def _study(options: argparse.Namespace, scene: Compiled, command: str) -> int:
 
         say(text(scene))
         return 0
+    page = None if options.report is None else report.checked(options.report)
     folder = _folder(options, scene)
     found = runs.results(scene, program.statements)
     say(tables.text(found))
     for sentence in found.warnings:
         say(f"warning: {sentence}", sys.stderr)
     written = [] if folder is None else output.write(found, folder)
+    if page is not None:
+        written += report.write(found, page)
     if written:
         say("wrote " + ", ".join(str(path) for path in written))
     return 1 if getattr(found.history, "status", 0) == 2 else 0
