@@ -204,9 +204,9 @@ REFUSED = {
     "heat": (CUBE.replace("C3D8", "DC3D8") + SECTION + MATERIAL, "DC3D8"),
     "offset": (
         CUBE.replace("C3D8", "S8").replace("\n1,1,2", "\n1,1,2")
-        + "*SHELL SECTION,ELSET=ALL,MATERIAL=M,OFFSET=SPOS\n.1\n"
+        + "*SHELL SECTION,ELSET=ALL,MATERIAL=M,OFFSET=EDGE\n.1\n"
         + MATERIAL,
-        "off its middle",
+        "not a number",
     ),
     "dashpot": (CUBE + "*ELEMENT,TYPE=DASHPOTA\n2,1,2\n" + SECTION + MATERIAL, "1 DASHPOTA"),
     "no mass": (CUBE + "*ELEMENT,TYPE=MASS,ELSET=Q\n2,1\n" + SECTION + MATERIAL, "1 MASS"),

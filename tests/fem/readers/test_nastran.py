@@ -138,7 +138,7 @@ def test_bad_decks_are_refused_in_one_sentence(tmp_path, case):
 
 REFUSED = {
     "no property": (CUBE, "line 9 .*CHEXA 1 has the property 1, which is none of"),
-    "no material": (CUBE + "PSOLID,1,1\n", "no MAT1 or MAT8 with the number 1"),
+    "no material": (CUBE + "PSOLID,1,1\n", "no MAT1, MAT2, MAT8 or MAT9 with the number 1"),
     "no density": (CUBE + "PSOLID,1,1\nMAT1,1,1.+9,,.3\n", "'MAT1 1' has no density"),
     "rigid": (CUBE + SOLID + "RBE1,9,1,123,2,3\n", "line 13 .*RBE1 is not supported"),
     "mpc": (CUBE + SOLID + "MPC,1,1,1,0.,2,1,-1.\n", "line 13 .*first term of MPC"),
@@ -147,7 +147,6 @@ REFUSED = {
     "spring": (CUBE + SOLID + "CELAS2,9,-1.,1,1,2,1\n", "negative stiffness"),
     "bush": (CUBE + SOLID + "CBUSH,9,9,1,2\nPBUSH,9,K,1.,2.\n", "between coincident nodes or"),
     "rod": (CUBE + SOLID + "CROD,9,9,1,2\n", "1 CROD elements"),
-    "offset": (GRIDS + "CQUAD4,1,1,1,2,3,4,,.5\nPSHELL,1,1,.1,1\n" + SOLID[11:], "an offset or"),
 }
 
 

@@ -136,7 +136,7 @@ ABAQUS = {
         BAR + BEAM + "RECT,OFFSET1=.5,OFFSET2=.5\n1\n0,1,0\n" + MATERIAL,
         "off its nodes in both directions",
     ),
-    "off the middle": (SHEET + SHELL.replace("=M", "=M,OFFSET=.5") + MATERIAL, "off its middle"),
+    "off the middle": (SHEET + SHELL.replace("=M", "=M,OFFSET=UP") + MATERIAL, "not a number"),
     "no orientation": (composite(""), "there is no orientation 'O'"),
     "cylindrical axes": (
         composite(AXES.replace("=O", "=O,SYSTEM=CYLINDRICAL") + "1,0,0,0,1,0\n"),
@@ -169,6 +169,7 @@ QUAD = GRIDS + "CQUAD4,1,1,1,2,3,4\n" + MAT
 CBAR = GRIDS + "CBAR,1,1,1,2,0.,0.,1.\n" + MAT
 SYSTEM = "CORD2R,5,,0.,0.,0.,1.,1.,0.\n,1.,0.,0.\n"
 
+MAT9 = "MAT9,1,3.,1.,1.,0.,0.,0.,3.,\n,1.,0.,0.,0.,3.,0.,0.,0.,\n,1.,0.,0.,1.,0.,1.,1000."
 NASTRAN = {
     "no grids": ("BEGIN BULK\nMAT1,1,1.\nENDDATA\n", r"defines no nodes \(GRID\)"),
     "no bulk": ("BEGIN BULK\nENDDATA\n", "contains no bulk data"),
@@ -217,17 +218,19 @@ NASTRAN = {
     ),
     "one constant": (BLOCK.replace("1.+9,,.3", ",,.3"), "MAT1 needs E, or G and NU"),
     "membrane": (QUAD + "PSHELL,1,1,.1\n", "without bending .MID2. is a membrane"),
-    "two materials": (QUAD + "PSHELL,1,1,.1,2\n" + MAT.replace(",1,", ",2,", 1), "one material"),
-    "stiffer in bending": (QUAD + "PSHELL,1,1,.1,1,2.\n", "one material, 12I/T³ = 1"),
-    "coupled": (QUAD + "PSHELL,1,1,.1,1,,,,,\n,,,1\n", "no MID4"),
+    "coupled": (QUAD + "PSHELL,1,1,.1,1,,,,,\n,,,1\n", "with MID4, which couples"),
     "other property": (QUAD + "PSOLID,1,1\n", "PSOLID is not a property of CQUAD4"),
     "fluid": (BLOCK.replace("PSOLID,1,1", "PSOLID,1,1,,,,,PFLUID"), "FCTN=PFLUID is not a solid"),
     "symmetric half": (QUAD + "PCOMP,1,,,,,,,SMEAR\n,1,.1,0.\n", "LAM=SMEAR is not supported"),
-    "off the middle": (QUAD + "PCOMP,1,0.,\n,1,.1,0.\n", "lies off its nodes"),
-    "own thickness": (
-        QUAD.replace(",3,4\n", ",3,4,,,\n,,,.2,.2,.2,.2\n") + "PSHELL,1,1,.1,1\n",
-        "thicknesses of its own",
+    "no ply": (QUAD + "PCOMP,1,0.\n", "PCOMP with no plies"),
+    "own thickness of a stack": (
+        QUAD.replace(",3,4\n", ",3,4,,,\n,,,.2,.2,.2,.2\n") + "PCOMP,1,,,,,,,,\n,1,.1,0.\n",
+        "thicknesses of its own, which do not apply to the plies",
     ),
+    "no thickness": (QUAD + "PSHELL,1,1,,1\n", "CQUAD4 1 has no thickness"),
+    "ratio": (QUAD + "PSHELL,1,1,.1,1,-2.\n", "12I/T³ and TS/T of PSHELL must be above 0"),
+    "elements' axes": (BLOCK.replace("MAT1,1,1.+9,,.3,1000.", MAT9), "each element's own system"),
+    "a layered solid": (BLOCK.replace("PSOLID,1,1", "PCOMPS,1"), "a PCOMPS, which is not"),
     "no orientation": (CBAR.replace(",0.,0.,1.", "") + "PBARL,1,1,,ROD\n,.1\n", "is missing"),
     "along the axis": (
         CBAR.replace("0.,0.,1.", "1.,0.,0.") + "PBARL,1,1,,ROD\n,.1\n",

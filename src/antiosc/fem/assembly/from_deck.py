@@ -13,6 +13,7 @@ from antiosc.errors import InputError, MeshError
 from antiosc.fem.assembly.deck_joints import attachments, joined
 from antiosc.fem.elements.anisotropic import AnisotropicSolid
 from antiosc.fem.elements.beam import Beam, Section
+from antiosc.fem.elements.given_sheet import GivenSheet, Nearest
 from antiosc.fem.elements.plate_section import Layer
 from antiosc.fem.elements.shell import Laminate, Shell
 from antiosc.fem.elements.solid import Solid
@@ -167,9 +168,13 @@ def _family(kind: str, arguments: dict[str, Any], place: str) -> Family:
             return AnisotropicSolid(**arguments)
         if kind == "Shell":
             return Shell(**arguments)
+        if isinstance(arguments.get("axis"), dict):
+            arguments = {**arguments, "axis": Nearest(**arguments["axis"])}
+        if kind == "GivenSheet":
+            return GivenSheet(**arguments)
         if kind == "Laminate":
             layers = [Layer(**layer) for layer in arguments["layers"]]
-            return Laminate(layers, arguments["axis"], arguments["top"])
+            return Laminate(**{**arguments, "layers": layers})
         return Beam(**{**arguments, "section": Section(**arguments["section"])})
     except InputError as error:
         raise InputError(f"{place}: {error}") from error

@@ -177,7 +177,7 @@ def _compare(
         at_point = ", ".join(f"{c:.4g}" for c in points[pairs[0, np.argmax(bad)]])
         raise InputError(
             f"neighbouring cells have opposite normals at {int(bad.sum())} edges, one at "
-            f"({at_point}) m, so that the laminate's top would change sides: reverse the node "
-            "order of those cells, "
-            "or give Laminate(..., top=…), a direction on whose side the last layer lies."
+            f"({at_point}) m, so that the top of the sheet would change sides: reverse the node "
+            "order of those cells, or give Laminate(..., top=…), or Shell(..., top=…), a direction "
+            "on whose side the top lies."
         )

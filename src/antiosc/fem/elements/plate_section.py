@@ -150,6 +150,8 @@ class PlateSection:
     I0: float
     I1: float
     I2: float
+    #: z of the middle of the section, m
+    middle: float = 0.0
 
     @property
     def bending(self) -> Array:
@@ -178,7 +180,26 @@ class PlateSection:
             D=flip @ self.D @ flip,
             S=S,
             I1=-self.I1,
+            middle=-self.middle,
         )
+
+    def shifted(self, offset: float) -> PlateSection:
+        """The section with its middle at z = `offset` (m) instead of 0."""
+        if not offset:
+            return self
+        return replace(
+            self,
+            B=self.B + offset * self.A,
+            D=self.D + 2 * offset * self.B + offset**2 * self.A,
+            I1=self.I1 + offset * self.I0,
+            I2=self.I2 + 2 * offset * self.I1 + offset**2 * self.I0,
+            middle=self.middle + offset,
+        )
+
+    @property
+    def spin(self) -> float:
+        """∫ ρ (z − z_m)² dz about the middle z_m of the mass, kg."""
+        return self.I2 - self.I1**2 / self.I0
 
     @property
     def has_sides(self) -> bool:

@@ -24,7 +24,7 @@ import numpy as np
 import ufl
 
 from antiosc._types import Array, Box
-from antiosc.checks import poisson, positive, store
+from antiosc.checks import number, poisson, positive, store
 from antiosc.errors import InputError
 from antiosc.fem import compat
 from antiosc.fem.elements.material_axes import Direction, axes_and_sides, checked
@@ -62,10 +62,12 @@ class Sheet:
     #: directions of 0° and of the last layer; None: any, and the normal of the cells
     axis: Direction | None = None
     top: Direction | None = None
+    #: of the middle of the section from the mesh, toward the top, m
+    offset: float = 0.0
 
     @property
     def section(self) -> PlateSection:
-        """Stiffness and mass per area of the middle surface."""
+        """Stiffness and mass per area of the surface of the mesh."""
         raise NotImplementedError
 
     def weak_form(self, mesh: Mesh, parts: Parts, order: int) -> WeakForm:
@@ -86,7 +88,7 @@ class Sheet:
         X = compat.reference_coordinates(mesh.dolfinx) if triangles else None
 
         def strains(motion: Expr) -> _Strains:
-            found = _strains(frame, motion)
+            found = _strains(frame, motion, section.middle)
             if X is None:
                 return found
             lost = dropped(mesh, X, motion, frame.n, frame.along)
@@ -139,7 +141,12 @@ class Shell(Isotropic, Sheet):
     E, nu, rho : float
         Young's modulus (Pa), Poisson's ratio, density (kg/m³).
     thickness : float
-        Thickness, m; the mesh is the middle surface.
+        Thickness, m.
+    offset : float
+        Distance of the middle surface from the mesh toward the top, m; default 0: the mesh is the
+        middle surface. Areas, and the mass with them, are those of the mesh.
+    top : sequence of 3 floats or function, optional
+        As of `Laminate`; for an offset alone.
 
     Components: x, y, z (displacements) and rx, ry, rz (rotations). Triangles, plane or curved, are
     cubic and fully integrated; in the shear strain the rotations are replaced by quadratics with
@@ -155,6 +162,8 @@ class Shell(Isotropic, Sheet):
     nu: float
     rho: float
     thickness: float
+    offset: float = 0.0
+    top: Direction | None = None
 
     def __post_init__(self) -> None:
         store(
@@ -163,7 +172,10 @@ class Shell(Isotropic, Sheet):
             nu=poisson(self.nu),
             rho=positive("rho", self.rho, "kg/m³"),
             thickness=positive("thickness", self.thickness, "m"),
+            offset=number("offset", self.offset, "m"),
         )
+        if self.top is not None:
+            store(self, top=checked("top", self.top))
 
     @property
     def G(self) -> float:
@@ -172,8 +184,9 @@ class Shell(Isotropic, Sheet):
 
     @cached_property
     def section(self) -> PlateSection:
-        """Stiffness and mass per area of the middle surface."""
-        return stacked([Layer.isotropic(self.E, self.nu, self.rho, self.thickness)])
+        """Stiffness and mass per area of the surface of the mesh."""
+        layer = Layer.isotropic(self.E, self.nu, self.rho, self.thickness)
+        return stacked([layer]).shifted(self.offset)
 
 
 @dataclass(frozen=True)
@@ -183,7 +196,7 @@ class Laminate(Sheet):
     Parameters
     ----------
     layers : sequence of Layer
-        From the bottom to the top; the mesh is the middle surface of the stack.
+        From the bottom to the top.
     axis : sequence of 3 floats or function
         Direction of 0°, projected onto the surface in every cell. A function of points x (3, n)
         returns such vectors (3, n), for instance the hoop direction of a tank.
@@ -191,6 +204,8 @@ class Laminate(Sheet):
         A direction that points to the side of the surface on which the last layer lies. Default: +z
         on a plane mesh; in space the normals of the cells, which must then be consistent from cell
         to cell if the stack is not symmetric about its middle.
+    offset : float
+        Distance of the middle of the stack from the mesh toward the top, m; default 0.
 
     Angles count from the axis toward normal × axis; the normal points to the top. The element, its
     components and its cells are those of `Shell`; both may be used in one mesh, by group. `section`
@@ -206,19 +221,20 @@ class Laminate(Sheet):
     layers: Sequence[Layer]
     axis: Direction = (1.0, 0.0, 0.0)
     top: Direction | None = None
+    offset: float = 0.0
 
     def __post_init__(self) -> None:
         if isinstance(self.layers, Sequence):
             store(self, layers=tuple(self.layers))
-        store(self, axis=checked("axis", self.axis))
+        store(self, axis=checked("axis", self.axis), offset=number("offset", self.offset, "m"))
         if self.top is not None:
             store(self, top=checked("top", self.top))
         _ = self.section  # which checks the layers
 
     @cached_property
     def section(self) -> PlateSection:
-        """Stiffness and mass per area of the middle surface, in the axes (0°, 90°, normal)."""
-        return stacked(self.layers)
+        """Stiffness and mass per area of the surface of the mesh, in the axes (0°, 90°, normal)."""
+        return stacked(self.layers).shifted(self.offset)
 
     @property
     def thickness(self) -> float:
@@ -252,6 +268,9 @@ class _Section(NamedTuple):
     #: None where no stack has its mass off the middle
     I1: Expr
     I2: Expr
+    spin: Expr
+    #: z of the middle, None where it is 0 everywhere
+    middle: Expr
     #: t², and what stands for it in a stack
     t2_of_shear: Expr
     t2_of_stretch: Expr
@@ -272,6 +291,8 @@ def _section(mesh: Mesh, parts: Parts) -> _Section:
         I0=constant(lambda s: s.I0),
         I1=constant(lambda s: s.I1) if any(s.I1 for s in sections) else None,
         I2=constant(lambda s: s.I2),
+        spin=constant(lambda s: s.spin),
+        middle=constant(lambda s: s.middle) if any(s.middle for s in sections) else None,
         t2_of_shear=constant(lambda s: s.t2_of_shear),
         t2_of_stretch=constant(lambda s: s.t2_of_stretch),
     )
@@ -304,7 +325,7 @@ def _frame(mesh: Mesh, parts: Parts) -> _Frame:
     normal = ufl.cross(a, b)
     area = ufl.sqrt(ufl.dot(normal, normal))
     n = normal / area
-    if any(material.axis is not None for material, _ in parts):
+    if any(material.axis is not None or material.offset for material, _ in parts):
         axis, side = axes_and_sides(mesh, parts)
         n, a = side * n, axis - ufl.dot(axis, n) * n
     e1 = a / ufl.sqrt(ufl.dot(a, a))
@@ -318,7 +339,7 @@ def _halves(w: Expr) -> tuple[Expr, Expr]:
     return ufl.as_vector([w[i] for i in range(3)]), ufl.as_vector([w[i] for i in range(3, 6)])
 
 
-def _strains(frame: _Frame, w: Expr) -> _Strains:
+def _strains(frame: _Frame, w: Expr, middle: Expr | None) -> _Strains:
     e1, e2, n = frame.e1, frame.e2, frame.n
     u, turn = _halves(w)
     # columns: the derivatives along e1 and e2
@@ -338,6 +359,8 @@ def _strains(frame: _Frame, w: Expr) -> _Strains:
     )
     shear = ufl.as_vector([ufl.dot(n, u1) + ufl.dot(turn, e2), ufl.dot(n, u2) - ufl.dot(turn, e1)])
     drilling = (gradient[1, 0] - gradient[0, 1]) / 2 - ufl.dot(turn, n)
+    if middle is not None:  # the rotation of the middle surface
+        drilling += middle * (curvature[1, 0] - curvature[0, 1]) / 2
     return _Strains(_engineering(gradient), _engineering(curvature), shear, drilling)
 
 
@@ -365,12 +388,14 @@ def _energies(section: _Section, a: _Strains, b: _Strains) -> tuple[Expr, Expr, 
 
 
 def _inertia(section: _Section, frame: _Frame, w: Expr, v: Expr) -> Expr:
-    """Kinetic energy density of the motions u + z θ×n, and of θ·n as of the other rotations."""
+    """Kinetic energy density of the motions u + z θ×n, and of θ·n as of rotations of the middle."""
     (u, turn), (u_v, turn_v) = _halves(w), _halves(v)
     motion = section.I0 * ufl.dot(u, u_v) + section.I2 * ufl.dot(turn, turn_v)
     if section.I1 is not None:
         across = ufl.dot(u, ufl.cross(turn_v, frame.n)) + ufl.dot(ufl.cross(turn, frame.n), u_v)
         motion += section.I1 * across
+        about_n = ufl.dot(turn, frame.n) * ufl.dot(turn_v, frame.n)
+        motion += (section.spin - section.I2) * about_n
     return motion
 
 

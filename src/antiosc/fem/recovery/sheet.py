@@ -14,6 +14,7 @@ import numpy as np
 from antiosc._types import Array
 from antiosc.errors import InputError
 from antiosc.fem import compat
+from antiosc.fem.elements.given_sheet import GivenSheet
 from antiosc.fem.elements.material_axes import axes_and_sides
 from antiosc.fem.elements.plate_section import Layer, shear_stresses
 from antiosc.fem.elements.shell import Laminate, Sheet
@@ -128,7 +129,7 @@ def _tensors(at: PointsInCells, place: Place, axes: SheetAxes, *, of_stress: boo
             which, z = _height(sheet, place, up)
             layer = _layers(sheet)[which]
             angle[own] = np.deg2rad(layer.angle)
-            plane = strains.membrane[own] + z * strains.bending[own]
+            plane = strains.membrane[own] + (z + sheet.offset) * strains.bending[own]
             # stresses of the shear forces in equilibrium, and the strains that they cause
             f = shear_stresses(_layers(sheet), which, z)
             across = _times(f @ sheet.section.S, strains.shear[own])
@@ -173,6 +174,11 @@ def _toward(place: Place, frame: Frame) -> Array:
 def _layers(sheet: Sheet) -> list[Layer]:
     if isinstance(sheet, Laminate):
         return list(sheet.layers)
+    if isinstance(sheet, GivenSheet):
+        raise InputError(
+            "the stresses in a shell that is given by its stiffnesses are not known; probe section "
+            "forces instead."
+        )
     return [Layer.isotropic(sheet.E, sheet.nu, sheet.rho, sheet.thickness)]  # type: ignore[attr-defined]
 
 

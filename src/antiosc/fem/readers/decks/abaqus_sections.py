@@ -195,14 +195,6 @@ class Sections:
     def _shell(self, card: Card, name: str, elements: IntArray) -> None:
         if self._role(elements) != {"shell"}:
             self._refuse_roles(card, self._role(elements))
-        offset = card.option("OFFSET", "0").upper()
-        if offset not in ("MIDDLE", "") and (
-            offset in ("SPOS", "SNEG") or real_number(offset, card.place) != 0
-        ):
-            raise MeshError(
-                f"{card.place}: a shell whose nodes lie off its middle (OFFSET={offset}) is not "
-                "supported; move its nodes to the middle surface."
-            )
         if "COMPOSITE" in card.options:
             layers = [(f, p) for f, p in card.rows() if f]
             self._laminate(card, name, elements, layers)
@@ -219,8 +211,22 @@ class Sections:
             "nu": nu,
             "rho": self.builder.rho(material),
             "thickness": thickness * self.builder.units.length,
+            **self._offset(card, elements, thickness),
         }
         self.builder.add(name, elements, Family("Shell", arguments, card.place))
+
+    def _offset(self, card: Card, elements: IntArray, thickness: float) -> dict[str, float]:
+        """OFFSET=, the share of the thickness from the middle surface to the nodes."""
+        word = card.option("OFFSET", "0").upper() or "0"
+        known = {"MIDDLE": 0.0, "SPOS": 0.5, "SNEG": -0.5}
+        share = known[word] if word in known else real_number(word, card.place)
+        if not share:
+            return {}
+        if common_direction(normals_of(self.whole.deck, elements), least=1 - 1e-6) is None:
+            self.whole.deck.told.append(
+                f"{card.place}: the area of a curved shell with OFFSET={word} is that at its nodes."
+            )
+        return {"offset": -share * thickness * self.builder.units.length}
 
     def vary(self, cards: list[tuple[Card, Instance]]) -> str:
         """Thicknesses by *NODAL THICKNESS, the mean of each element; a sentence if they vary.
@@ -282,6 +288,8 @@ class Sections:
             for value in np.unique(np.round(thickness[mine], 12)):
                 some = elements[mine & (np.round(thickness, 12) == value)]
                 own = {**family.arguments, "thickness": float(value) * builder.units.length}
+                if "offset" in own:
+                    own["offset"] *= own["thickness"] / family.arguments["thickness"]
                 label = f"{name} of thickness {value:g}"
                 builder.add(label, some, Family("Shell", own, family.place))
 
@@ -290,12 +298,13 @@ class Sections:
     ) -> None:
         normals = normals_of(self.whole.deck, elements)
         top = common_direction(normals)
+        length = self.builder.units.length
         axis = np.array([1.0, 0.0, 0.0])
         if card.option("ORIENTATION"):
             axis = self._axis(card.option("ORIENTATION"), card.place)
         elif top is not None and abs(top[0]) > math.cos(math.radians(0.1)):
             axis = np.array([0.0, 0.0, 1.0])
-        layers = []
+        layers: list[dict[str, float]] = []
         for fields, place in rows:
             fields = [*fields, "", "", "", ""]
             material = self._material(fields[2] or card.option("MATERIAL"), place)
@@ -305,6 +314,7 @@ class Sections:
             "layers": layers,
             "axis": axis.tolist(),
             "top": None if top is None else top.tolist(),
+            **self._offset(card, elements, sum(one["thickness"] for one in layers) / length),
         }
         self.builder.add(name, elements, Family("Laminate", arguments, card.place))
 

@@ -21,6 +21,16 @@ def normals_of(deck: Deck, elements: IntArray) -> Array:
     return _each(deck, elements, lambda x: np.cross(x[:, 2] - x[:, 0], x[:, -1] - x[:, 1]))
 
 
+def corners_of(deck: Deck, elements: IntArray) -> list[Array]:
+    """Coordinates (k, 3) of the corners of each element."""
+    found, start = [], 0
+    for block in deck.blocks:
+        own = elements[(elements >= start) & (elements < start + len(block))] - start
+        found += list(deck.points[block.corners[own]])
+        start += len(block)
+    return found
+
+
 def _each(deck: Deck, elements: IntArray, vector) -> Array:  # type: ignore[no-untyped-def]
     found, start = [np.zeros((0, 3))], 0
     for block in deck.blocks:

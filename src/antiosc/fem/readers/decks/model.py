@@ -35,6 +35,8 @@ class Material:
     constants: Array | None = None
     #: stresses (11, 22, 33, 23, 13, 12) of strains (6, 6), where `constants` do not say it all
     stiffness: Array | None = None
+    #: stresses (11, 22, 12) of plane strains (3, 3), of a material of shells alone
+    plane: Array | None = None
     density: float | None = None
 
     @property

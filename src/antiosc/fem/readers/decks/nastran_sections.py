@@ -9,21 +9,22 @@ import numpy as np
 
 from antiosc.errors import MeshError
 from antiosc.fem.readers.decks.deck import Array, IntArray
-from antiosc.fem.readers.decks.geometry import common_direction, normals_of, tangents_of
+from antiosc.fem.readers.decks.geometry import tangents_of
 from antiosc.fem.readers.decks.model import Family, Material, ModelBuilder, isotropic
 from antiosc.fem.readers.decks.nastran import BEAMS, SHELLS, SOLIDS, NastranDeck, property_of
 from antiosc.fem.readers.decks.nastran_beams import PLAIN, offset_along, orientation
 from antiosc.fem.readers.decks.nastran_cards import Entry
 from antiosc.fem.readers.decks.nastran_profiles import BeamProfiles
+from antiosc.fem.readers.decks.nastran_shells import Shells
 
-PROPERTIES = ("PSOLID", "PSHELL", "PCOMP", "PBAR", "PBARL", "PBEAM", "PBEAML")
+PROPERTIES = ("PSOLID", "PSHELL", "PCOMP", "PCOMPG", "PBAR", "PBARL", "PBEAM", "PBEAML")
 
 
 def materials_of(found: NastranDeck) -> tuple[dict[int, Material], list[str]]:
     """(materials by number, what is ignored of them)."""
     materials: dict[int, Material] = {}
     ignored: list[str] = []
-    for entry in found.named("MAT1", "MAT8"):
+    for entry in found.named("MAT1", "MAT2", "MAT8", "MAT9"):
         number = entry.whole(0)
         material = Material(f"{entry.name} {number}", entry.place)
         if entry.name == "MAT1":
@@ -32,6 +33,16 @@ def materials_of(found: NastranDeck) -> tuple[dict[int, Material], list[str]]:
             material.density = entry.real(4) or None
             if G and not math.isclose(G, E / (2 * (1 + nu)), rel_tol=0.02):
                 ignored.append(f"G of MAT1 {number}, which does not follow from E and NU")
+        elif entry.name == "MAT2":
+            plane = _triangle([entry.real(k) for k in range(1, 7)])
+            material.plane = plane
+            material.density = entry.real(7) or None
+        elif entry.name == "MAT9":
+            # Nastran's order of the shear stresses is 12, 23, 31
+            order = [0, 1, 2, 4, 5, 3]
+            stiffness = _triangle([entry.real(k) for k in range(1, 22)])
+            material.stiffness = stiffness[np.ix_(order, order)]
+            material.density = entry.real(22) or None
         else:
             E1, E2, n12, G12 = (entry.real(k, None) for k in (1, 2, 3, 4))
             G13, G23 = (entry.real(k) or G12 for k in (5, 6))
@@ -45,6 +56,14 @@ def materials_of(found: NastranDeck) -> tuple[dict[int, Material], list[str]]:
         if entries := found.named(name):
             ignored.append(f"{len(entries)} {name}")
     return materials, ignored
+
+
+def _triangle(values: list[float]) -> Array:
+    """A symmetric matrix of its upper triangle by rows."""
+    n = int((2 * len(values)) ** 0.5)
+    m = np.zeros((n, n))
+    m[np.triu_indices(n)] = values
+    return np.asarray(m + np.triu(m, 1).T)
 
 
 def _moduli(entry: Entry) -> tuple[float, float, float]:
@@ -88,11 +107,9 @@ class Properties:
                 continue  # refused with its type later
             entry = known.get(int(number))
             if entry is None:
-                raise MeshError(
-                    f"{first.place}: {first.name} {first.whole(0)} has the property {number}, "
-                    f"which is none of {', '.join(PROPERTIES)} in the deck."
-                )
-            families = {"PSOLID": tuple(SOLIDS), "PSHELL": tuple(SHELLS), "PCOMP": tuple(SHELLS)}
+                raise MeshError(self._unknown(first, int(number)))
+            families = {"PSOLID": tuple(SOLIDS)}
+            families |= dict.fromkeys(("PSHELL", "PCOMP", "PCOMPG"), tuple(SHELLS))
             wanted = families.get(entry.name, BEAMS)
             names = {self.found.elements[k].name for k in elements}
             wrong = sorted(name for name in names if name not in wanted)
@@ -102,160 +119,77 @@ class Properties:
                 case "PSOLID":
                     self._solid(entry, str(number), elements)
                 case "PSHELL":
-                    self._shell(entry, str(number), elements)
-                case "PCOMP":
-                    self._laminate(entry, str(number), elements)
+                    Shells(self).shell(entry, str(number), elements)
+                case "PCOMP" | "PCOMPG":
+                    Shells(self).laminate(entry, str(number), elements)
                 case _:
                     self._beams(entry, str(number), elements)
+
+    def _unknown(self, element: Entry, number: int) -> str:
+        """Sentence on an element without a property that is read."""
+        label = f"{element.place}: {element.name} {element.whole(0)} has the property {number}, "
+        others = (
+            entry.name
+            for entry in self.found.bulk.entries
+            if entry.name.startswith("P") and entry.text(0) == str(number)
+        )
+        kind = next((name for name in others if name not in ("PARAM", "PLOTEL")), None)
+        if kind and kind not in PROPERTIES and not kind.startswith(("PLOAD", "PELAS", "PMASS")):
+            instead = " or ".join(_properties_for(element))
+            return f"{label}a {kind}, which is not supported; give it as {instead}."
+        return f"{label}which is none of {', '.join(PROPERTIES)} in the deck."
 
     def _block(self, element: int) -> int:
         ends = np.cumsum([len(block) for block in self.found.deck.blocks])
         return int(np.searchsorted(ends, element, side="right"))
 
-    def _material(self, entry: Entry, k: int) -> Material:
+    def material(self, entry: Entry, k: int) -> Material:
         number = entry.whole(k)
         if number not in self.materials:
-            raise MeshError(f"{entry.place}: there is no MAT1 or MAT8 with the number {number}.")
+            raise MeshError(
+                f"{entry.place}: there is no MAT1, MAT2, MAT8 or MAT9 with the number {number}."
+            )
         return self.materials[number]
 
-    def _solid(self, entry: Entry, name: str, elements: IntArray) -> None:
-        if entry.text(6) not in ("", "SMECH"):
-            raise MeshError(f"{entry.place}: PSOLID with FCTN={entry.text(6)} is not a solid.")
-        material = self._material(entry, 1)
-        E, nu = self.builder.elastic(material, "solids")
-        arguments = {"E": E, "nu": nu, "rho": self.builder.rho(material)}
-        self.builder.add(name, elements, Family("Solid", arguments, entry.place))
+    def beside(self, extra: float, size: float) -> float:
+        """Nonstructural mass per area or length, as density of the thickness or cross-section."""
+        return extra * self.mass_factor / size * self.builder.units.density if size else 0.0
 
-    # --- Shells -----------------------------------------------------------------------------------
-
-    def _check_offsets(self, elements: IntArray, thickness: float) -> None:
-        for element in elements:
-            entry = self.found.elements[element]
-            corners = 3 if "TRIA" in entry.name else 4
-            if entry.name == "CTRIA6":
-                offset, first = 9, 10
-            elif entry.name == "CQUAD8":
-                offset, first = 15, 10
-            else:
-                offset = 3 + corners if entry.name in ("CTRIA3", "CQUAD4") else 99
-                first = 10
-            own = [entry.real(first + k) for k in range(corners)]
-            if entry.real(offset) != 0 or any(t and abs(t - thickness) > 1e-6 * t for t in own):
-                raise MeshError(
-                    f"{entry.place}: {entry.name} {entry.whole(0)} has an offset or thicknesses "
-                    "of its own at its corners, which is not supported."
-                )
-
-    def _shell(self, entry: Entry, name: str, elements: IntArray) -> None:
-        thickness = entry.real(2, None)
-        if not entry.text(3) or entry.whole(3) == -1:
-            raise MeshError(
-                f"{entry.place}: PSHELL without bending (MID2) is a membrane, which is not "
-                "supported."
-            )
-        if entry.whole(3) != entry.whole(1) or entry.real(4, 1.0) != 1 or entry.text(10):
-            raise MeshError(
-                f"{entry.place}: PSHELL is read with one material, 12I/T³ = 1 and no MID4."
-            )
-        self._check_offsets(elements, thickness)
-        self._tell_shear(entry)
-        material = self._material(entry, 1)
-        if material.isotropic is None:
-            layers = [self.builder.layer(material, thickness, 0.0)]
-            self._stack(entry, name, elements, layers)
-            return
-        E, nu = self.builder.elastic(material, "shells")
-        rho = self.builder.rho(material)
-        units = self.builder.units
-        rho += self._beside(entry.real(7), thickness)
-        self._tell_beside(entry, entry.real(7))
-        arguments = {"E": E, "nu": nu, "rho": rho, "thickness": thickness * units.length}
-        self.builder.add(name, elements, Family("Shell", arguments, entry.place))
-
-    def _laminate(self, entry: Entry, name: str, elements: IntArray) -> None:
-        plies = []
-        material, thickness = "", ""
-        for start in range(8, len(entry.fields), 4):
-            if not any(entry.text(start + k) for k in range(4)):
-                continue
-            material = entry.text(start) or material
-            thickness = entry.text(start + 1) or thickness
-            ply = Entry(entry.name, entry.place, [material, thickness, entry.text(start + 2)])
-            plies.append((self._material(ply, 0), ply.real(1, None), ply.real(2)))
-        how = entry.text(7).upper()
-        if how not in ("", "SYM"):
-            raise MeshError(f"{entry.place}: PCOMP with LAM={how} is not supported.")
-        if how == "SYM":
-            plies += plies[::-1]
-        total = sum(thickness for _, thickness, _ in plies)
-        if entry.text(1) and abs(entry.real(1) + total / 2) > 1e-6 * total:
-            raise MeshError(
-                f"{entry.place}: PCOMP with Z0 = {entry.real(1):g} lies off its nodes "
-                f"(-T/2 = {-total / 2:g}), which is not supported."
-            )
-        self._check_offsets(elements, total)
-        layers = [self.builder.layer(m, t, angle) for m, t, angle in plies]
-        extra = self._beside(entry.real(2), total)
-        self._tell_beside(entry, extra)
-        for layer in layers:
-            layer["rho"] += extra
-        self._stack(entry, name, elements, layers)
-
-    def _stack(
-        self, entry: Entry, name: str, elements: IntArray, layers: list[dict[str, float]]
-    ) -> None:
-        normals = normals_of(self.found.deck, elements)
-        axes = np.array([self._axis(k, n) for k, n in zip(elements, normals, strict=True)])
-        axis = common_direction(axes, least=1 - 1e-6)
-        if axis is None:
-            raise MeshError(
-                f"{entry.place}: the elements of {entry.name} {name} have their 0° in different "
-                "directions; give each direction a property of its own, or use MCID."
-            )
-        top = common_direction(normals)
-        arguments = {
-            "layers": layers,
-            "axis": axis.tolist(),
-            "top": None if top is None else top.tolist(),
-        }
-        self.builder.add(name, elements, Family("Laminate", arguments, entry.place))
-
-    def _axis(self, element: int, normal: Array) -> Array:
-        """Direction of 0° in an element: its first side rotated by THETA, or x of MCID."""
-        entry = self.found.elements[element]
-        where = {"CTRIA3": 5, "CTRIAR": 5, "CQUAD4": 6, "CQUADR": 6, "CTRIA6": 8, "CQUAD8": 14}
-        word = entry.text(where[entry.name])
-        if word.lstrip("+-").isdigit() and self.found.systems is not None:
-            return np.asarray(self.found.systems(int(word), entry.place).axes[0])
-        nodes = [self.found.row(entry.whole(k), entry.place) for k in (2, 3)]
-        side = self.found.deck.points[nodes[1]] - self.found.deck.points[nodes[0]]
-        side -= (side @ normal) * normal
-        angle = math.radians(entry.real(where[entry.name]))
-        rotated = math.cos(angle) * side + math.sin(angle) * np.cross(normal, side)
-        return np.asarray(rotated / max(float(np.linalg.norm(rotated)), 1e-300))
-
-    def _tell_shear(self, entry: Entry) -> None:
-        """Transverse shear of PSHELL that differs from that of its material's plate."""
-        if not entry.text(5):
-            self.ignored.append(
-                f"the rigid transverse shear of PSHELL {entry.text(0)} (no MID3), its material's "
-                "is taken"
-            )
-        elif entry.whole(5) != entry.whole(1) or abs(entry.real(6, 5 / 6) - 5 / 6) > 1e-3:
-            self.ignored.append(
-                f"MID3 or TS/T of PSHELL {entry.text(0)}, the shear of MID1 with 5/6 is taken"
-            )
-
-    def _tell_beside(self, entry: Entry, extra: float) -> None:
+    def tell_beside(self, entry: Entry, extra: float) -> None:
+        """Where the nonstructural mass lies is not known."""
         if extra:
             self.ignored.append(
                 f"where the nonstructural mass of {entry.name} {entry.text(0)} lies, it is spread "
                 "over the section"
             )
 
-    def _beside(self, extra: float, size: float) -> float:
-        """Nonstructural mass per area or length, as density of the thickness or cross-section."""
-        return extra * self.mass_factor / size * self.builder.units.density if size else 0.0
+    def _solid(self, entry: Entry, name: str, elements: IntArray) -> None:
+        if entry.text(6) not in ("", "SMECH"):
+            raise MeshError(f"{entry.place}: PSOLID with FCTN={entry.text(6)} is not a solid.")
+        material = self.material(entry, 1)
+        number = entry.text(2)
+        stiffness = self.builder.anisotropic(material)
+        if stiffness is not None:
+            arguments: dict[str, Any] = {"stiffness": stiffness}
+            arguments["rho"] = self.builder.rho(material)
+            if not number or number == "-1":
+                raise MeshError(
+                    f"{entry.place}: PSOLID with {material.name} has its directions in each "
+                    "element's own system (CORDM); give CORDM = 0 or a rectangular system."
+                )
+            assert self.found.systems is not None
+            system = self.found.systems(entry.whole(2), entry.place)
+            if system.kind != "R":
+                raise MeshError(
+                    f"{entry.place}: the directions of {material.name} are read in rectangular "
+                    f"systems; the CORDM {entry.whole(2)} is none."
+                )
+            arguments["axes"] = system.axes[:2].tolist()
+            self.builder.add(name, elements, Family("AnisotropicSolid", arguments, entry.place))
+            return
+        E, nu = self.builder.elastic(material, "solids")
+        arguments = {"E": E, "nu": nu, "rho": self.builder.rho(material)}
+        self.builder.add(name, elements, Family("Solid", arguments, entry.place))
 
     # --- Beams ------------------------------------------------------------------------------------
 
@@ -263,7 +197,7 @@ class Properties:
         """Add the elements of one property, grouped by place, orientation and offset."""
         along = BeamProfiles(entry)
         self.ignored += along.told
-        material = self._material(entry, 1)
+        material = self.material(entry, 1)
         E, nu = self.builder.elastic(material, "beams")
         units = self.builder.units
         density = self.builder.rho(material)
@@ -280,7 +214,7 @@ class Properties:
             apart.setdefault(key, []).append(int(element))
         for key, some in apart.items():
             one = along.at(key[4])
-            self._tell_beside(entry, one.extra)
+            self.tell_beside(entry, one.extra)
             profile = one.profile
             height = np.array(key[:3])
             if one.angle:
@@ -294,7 +228,7 @@ class Properties:
             arguments: dict[str, Any] = {
                 "E": E,
                 "nu": nu,
-                "rho": density + self._beside(one.extra, profile.A),
+                "rho": density + self.beside(one.extra, profile.A),
                 "section": {
                     "A": profile.A * length**2,
                     "I": profile.I * length**4,
@@ -308,6 +242,12 @@ class Properties:
             }
             label = name if len(apart) == 1 else f"{name} along {key[:3]}"
             self.builder.add(label, np.array(some), Family("Beam", arguments, entry.place))
+
+
+def _properties_for(element: Entry) -> tuple[str, ...]:
+    if element.name in SOLIDS:
+        return ("PSOLID",)
+    return ("PSHELL", "PCOMP") if element.name in SHELLS else ("PBAR", "PBEAM")
 
 
 def _role(name: str) -> str:
