@@ -122,6 +122,45 @@ def test_stiffness_that_is_not_given_is_the_mean_of_mindlins() -> None:
     assert linear.assembly.system.slip[0, 1] == pytest.approx(1e7 * KAPPA, rel=1e-12)
 
 
+def on_a_patch(law: ao.ContactLaw, local: float, **options: float) -> ao.SceneHistory:
+    """The sphere's mass, without spin, on a floor; its site gives way as a patch does."""
+    b = np.zeros((6, 3))
+    b[:3] = np.eye(3) / np.sqrt(MASS)
+    momentum = np.zeros((6, 6))
+    momentum[:3, :3] = np.sqrt(MASS) * np.eye(3)
+    body = ao.SiteModes(
+        np.zeros(6),
+        b,
+        {"foot": (0, 1, 2)},
+        r=np.diag([local, local / KAPPA, local / KAPPA]),
+        directions=[(0, 0, 1.0), (1.0, 0, 0), (0, 1.0, 0)],
+        inertia=ao.Inertia(np.zeros(3), np.diag([MASS] * 3 + [1.0] * 3), momentum),
+        local_compliance={"foot": local},
+    )
+    contact = ao.Contact("ball:foot", "floor", law, friction=2.0, **options)
+    motion = {"ball": ao.Motion(velocity=(0.3, 0, -1.0))}
+    return ao.Scene({"ball": body, "floor": ao.Obstacle()}, [contact], motion=motion).run(1e-3)
+
+
+@pytest.mark.parametrize("given", [{}, {"tangential_stiffness": 3e6}])
+def test_a_patch_gives_way_sideways_once(given: dict[str, float]) -> None:
+    """Its compliance counts neither twice normally nor tangentially: the blow is that without."""
+    law = ao.Hertz(1e9)
+    with_patch, without = on_a_patch(law, 6e-8, **given), on_a_patch(law, 0.0, **given)
+    one, two = with_patch["ball:foot", "floor"], without["ball:foot", "floor"]
+    assert one.peak_force == pytest.approx(two.peak_force, rel=1e-3)
+    rubbed = [float(np.abs(c.friction).max()) for c in (one, two)]
+    assert rubbed[0] == pytest.approx(rubbed[1], rel=0.01)
+    whole = [1 / h.assembly.system.slip[0, 1] for h in (with_patch, without)]
+    assert whole[0] + 6e-8 / KAPPA == pytest.approx(whole[1], rel=1e-9)
+
+
+def test_a_patch_that_gives_way_more_than_was_asked_is_told() -> None:
+    hit = on_a_patch(ao.Hertz(1e9), 6e-8, tangential_stiffness=1e9)
+    assert hit.assembly.system.slip[0, 1] == pytest.approx(1e10)
+    assert "less than a tenth of the compliance of tangential_stiffness" in hit.message
+
+
 @pytest.mark.parametrize("method", ["newmark", "conserving", "leapfrog", "DOP853"])
 @pytest.mark.parametrize("psi", [0.3, 1.2, 3.0])
 def test_other_methods_rub_alike(psi: float, method: str) -> None:

@@ -21,6 +21,7 @@ from antiosc.simulation.simulate import _deepest, _stiffness
 Array = NDArray[np.float64]
 
 MINDLIN = 2 * (1 - 0.3) / (2 - 0.3)  # tangential over normal stiffness for nu = 0.3
+STIFFEST = 0.1  # share of a tangential compliance that is left to the slider's spring, at least
 
 
 @dataclass(eq=False)
@@ -90,7 +91,8 @@ def assemble(scene: Scene, duration: float) -> Assembly:
     G = np.array(normal + rubbing)
     axes = _axes(scene, bodies, lines)
     breaks, loads, offsets = _loads(scene, bodies, spans, columns, axes, B, r, G, duration)
-    laws, notes = _laws(scene, bodies)
+    local = _local(scene, bodies)
+    laws, notes = _laws(scene, bodies, local)
     notes += _order_counts(scene, bodies)
     omega = np.concatenate([b.omega for b in bodies.values()])
     if not omega.size:
@@ -100,7 +102,7 @@ def assemble(scene: Scene, duration: float) -> Assembly:
     v = np.concatenate([b.start for b in bodies.values()])
     R = G @ r @ G.T
     gaps = offsets[0, : len(laws)]
-    depth, speed, slip, lasting = _scales(scene, laws, mass, beta, v, loads, gaps, duration)
+    depth, speed, slip, lasting = _scales(scene, laws, mass, beta, v, loads, gaps, local, duration)
     rows = [packed(law) for law in laws]
     width = max(len(values) for _, values in rows)
     system = System(
@@ -344,13 +346,36 @@ def _loads(
     return breaks, loads, gaps - forces @ r @ G.T
 
 
-def _laws(scene: Scene, bodies: dict[str, Placed]) -> tuple[list[ContactLaw], list[str]]:
+def _local(scene: Scene, bodies: dict[str, Placed]) -> Array:
+    """Half-space compliances (p,) [m/N] of the patches at both ends of each contact."""
+    ends = [[find(end, bodies) for end in (c.a, c.b)] for c in scene.contacts]
+    return np.array([sum(b.local_compliance.get(s, 0.0) for b, s in pair) for pair in ends])
+
+
+def _beside_patches(stiffness: float, local: float) -> float:
+    """What is left of a contact's tangential stiffness beside the patches of the bodies.
+
+    By Cerruti's solution a patch whose pressure has the symmetry of a circle gives way sideways
+    1/MINDLIN times as much as normally, whatever the pressure.
+    """
+    patches = stiffness * local / MINDLIN  # their share of the contact's compliance
+    return stiffness / max(1.0 - patches, STIFFEST)
+
+
+def _laws(
+    scene: Scene, bodies: dict[str, Placed], local_compliances: Array
+) -> tuple[list[ContactLaw], list[str]]:
     """The laws with the patches' own half-space compliance taken out, and notes on it."""
     laws, notes = [], []
-    for contact in scene.contacts:
+    for contact, local in zip(scene.contacts, local_compliances.tolist(), strict=True):
         law = contact.law
-        ends = find(contact.a, bodies), find(contact.b, bodies)
-        local = sum(body.local_compliance.get(site, 0.0) for body, site in ends)
+        given = contact.tangential_stiffness
+        if contact.friction and given and given * local > (1 - STIFFEST) * MINDLIN:
+            notes.append(
+                f"The patches of {contact.a!r}, {contact.b!r} give way sideways by"
+                f" {local / MINDLIN:.4g} m/N, which leaves less than a tenth of the compliance of"
+                f" tangential_stiffness = {given:g} N/m: a tenth is taken."
+            )
         if local and isinstance(law, Hertz) and law.compliance == 0.0:
             law = law.without(local)
             notes.append(
@@ -385,6 +410,7 @@ def _scales(
     v: Array,
     loads: Array,
     gaps: Array,
+    local: Array,
     duration: float,
 ) -> tuple[Array, Array, Array, float]:
     """Depth and speed (p,) that are expected, friction's (p, 2), the shortest contact time [s]."""
@@ -408,10 +434,14 @@ def _scales(
         lasting = min(lasting, 3 * depth[c] / pace)
         contact = scene.contacts[c]
         if contact.friction > 0:
-            stiffness = contact.tangential_stiffness
+            stiffness, patches = contact.tangential_stiffness, local[c]
             if stiffness is None:
-                stiffness = MINDLIN * _mean_stiffness(law, float(depth[c]), state)
-            slip[c] = contact.friction, stiffness
+                whole = contact.law
+                deepest = _deepest(whole, state, float(energy), float(push[c] * mass[c]), far)
+                stiffness = MINDLIN * _mean_stiffness(whole, deepest, state)
+                if law is whole:  # the patches give way besides, normally and so sideways
+                    patches = 0.0
+            slip[c] = contact.friction, _beside_patches(stiffness, patches)
     return depth, speed, slip, lasting
 
 

@@ -51,7 +51,9 @@ class Contact:
     tangential_stiffness : float, optional
         k_t [N/m] of the spring in series with the slider that carries mu F at most; default
         2 (1 - nu)/(2 - nu) = 0.82 (nu = 0.3, R. D. Mindlin, J. Appl. Mech. 16 (1949) 259-268)
-        times the mean normal stiffness of a contact as deep as expected. A blow that slides all
+        times the mean normal stiffness of a contact as deep as expected. It is that of the contact
+        as a whole: what the patches of the sites give way is taken out, as from Hertz's law. A blow
+        that slides all
         along does not depend on it. Beside spheres whose contact slips from its edge inward (N.
         Maw, J. R. Barber, J. N. Fawcett, Wear 38 (1976) 101-114) the tangential speed of rebound
         differs by up to 0.35 mu times the speed of approach where the contact begins to stick, and
