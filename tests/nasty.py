@@ -49,7 +49,7 @@ INNER = {
 RESULTS = {
     *("Advice", "Batch", "BeamModes", "Energy", "History", "ImpactMap"),
     *("BodyHistory", "ContactHistory", "SceneHistory", "StructureModes"),
-    *("ShockSpectrum", "Spectrum", "PeakField"),
+    *("ShockSpectrum", "Spectrum", "PeakField", "Reactions", "BodyEnergy"),
 }
 #: Where NaN stands for "no such number", as the documentation says.
 NONE_IS_NAN = {"restitution", "error"}
@@ -342,6 +342,7 @@ OWN: dict[str, dict[str, Any]] = {
         "where": [(0.1, 0.1, 0.02)], "direction": (0, 0, -1), "radius": 0.05, "n": 2, "modes": 4,
     },
     "Site": {"point": (0.1, 0.1, 0.02), "direction": (0, 0, -1), "radius": 0.05},
+    "reactions": {"site": place}, "body_energy": {"body": "impactor"},
     "srs": {"t": [0.0, 1e-3, 2e-3], "a": [0.0, 1.0, 0.0], "frequencies": [1e2, 1e3]},
     "spectrum": {"t": [0.0, 1e-3, 2e-3], "x": [0.0, 1.0, 0.0]},
     "strain_gauge": {"point": (0.05, 0.05, 0.02), "direction": (1, 0, 0), "length": 0.01},

@@ -113,6 +113,10 @@ from antiosc.fem.probe import (
     probe as probe,
     strain_gauge as strain_gauge,
 )
+from antiosc.fem.reactions import (
+    Reactions as Reactions,
+    reactions as reactions,
+)
 from antiosc.fem.site.site import (
     Site as Site,
 )
@@ -160,6 +164,11 @@ from antiosc.simulation.batch import (
 )
 from antiosc.simulation.bodies import (
     RigidBody as RigidBody,
+)
+from antiosc.simulation.body_energy import (
+    BodyEnergy as BodyEnergy,
+    body_energy as body_energy,
+    vibration_share as vibration_share,
 )
 from antiosc.simulation.history import (
     Energy as Energy,

@@ -78,3 +78,9 @@ def _modal(history: Motions, times: Array, body: str, derivative: int) -> tuple[
         return (part[:, :own] if body == "structure" else -part[:, own:]), force[:, None]
     one = history if isinstance(history, BodyHistory) else history.at(times)[history.name_of(body)]
     return (one.q, one.v, one.a)[derivative], one.forces
+
+
+def forces_of(history: Motions, times: Array, body: str) -> Array:
+    """Forces (n, P) on the columns of the body's model: of contacts and of loads, N."""
+    modes_of(history, body)
+    return _modal(history, times, body, 0)[1]

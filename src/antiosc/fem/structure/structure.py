@@ -73,6 +73,7 @@ class Structure:
         Dofs that are not fixed, on all ranks.
     fixed : ndarray of int
         Dofs of this rank that the supports hold; of a mesh, ghosts included.
+    supports : tuple of Support
     mass : float
         Total mass, kg.
     rigid_modes : ndarray (rows of this rank, r)
@@ -93,6 +94,9 @@ class Structure:
 
     matrices: StructureMatrices
     seconds: dict[str, float]
+    supports: tuple[Support, ...] = ()
+    #: mesh, material and options of a structure of one mesh
+    made_of: tuple[Any, Any, dict[str, Any]] | None = None
     #: (the solver of K + shift·M, shift) once it is made
     _factored: tuple[Solver, float] | None = None
 
@@ -111,8 +115,11 @@ class Structure:
         started = time.perf_counter()
         with fem.stack():
             from antiosc.fem.structure.meshed import assembled
+            from antiosc.fem.structure.support import Support
         options: dict[str, Any] = {"order": order, "attached": attached, "solver": solver}
         self._hold(assembled(mesh, material, supports, **options), started)
+        self.supports = (supports,) if isinstance(supports, Support) else tuple(supports)
+        self.made_of = mesh, material, options
 
     @classmethod
     @collective(ALONE, rigid_modes=lambda _: "rows of one rank")
