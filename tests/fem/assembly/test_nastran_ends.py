@@ -189,3 +189,54 @@ def test_an_rbe2_follows_the_directions_of_its_nodes(tmp_path):
             assert k0(first, (L, 0, 0), direction) == pytest.approx(
                 k0(second, (L, 0, 0), direction), rel=1e-8
             )
+
+
+# --- Rods -----------------------------------------------------------------------------------------
+
+ROD = 2e-4
+
+
+@pytest.mark.parametrize("kind", ["CROD", "CONROD", "CTUBE"])
+@pytest.mark.filterwarnings("ignore:the 2 C.* are springs")
+@pytest.mark.filterwarnings("ignore:of part.bdf are not taken. a mass on a held node")
+def test_rods_are_springs_along_their_lines(tmp_path, kind):
+    """The tip of a beam hangs on two rods askew, one over a node of no other element."""
+    root = line(1) + BAR + "SPC1,1,123456,1,5\nGRID,4,,2.,0.,1.\nGRID,5,,3.,0.,2.\nSPC1,1,2,4\n"
+    d = 2 * np.sqrt(ROD / np.pi)
+    section = {"CROD": f"PROD,7,1,{ROD}\n", "CTUBE": f"PTUBE,7,1,{d}\n", "CONROD": ""}[kind]
+    rods = "".join(
+        f"CONROD,{k},{a},{b},1,{ROD}\n" if kind == "CONROD" else f"{kind},{k},7,{a},{b}\n"
+        for k, a, b in ((8, 2, 4), (9, 4, 5))
+    )
+    part = read(tmp_path, root + section + rods + "SPC1,1,3,4\nSPC1,1,1,4\n")
+    length = np.sqrt(2) * L
+    mass = RHO * (A * L + ROD * length)  # half of each rod hangs on held nodes
+    assert part.mass == pytest.approx(mass - RHO * ROD * length / 2, rel=1e-9)
+    k = E * ROD / length / 2
+    assert k0(part, (L, 0, 0), (0, 1, 0)) == pytest.approx(1 / TIP, rel=1e-8)
+    bending, axial = 1 / TIP + k, E * A / L + k
+    expected = bending - k**2 / axial
+    assert k0(part, (L, 0, 0), (0, 0, 1)) == pytest.approx(expected, rel=1e-8)
+
+
+@pytest.mark.parametrize("orientation", [",,,", "0.,1.,0.,", ",,,5"])
+def test_a_bushing_between_nodes_apart_has_rigid_arms(tmp_path, orientation):
+    """CBUSH at a third of its line, against one between coincident nodes on arms by RBE2."""
+    free = orientation == ",,,"  # along the line alone
+    constants = "4.+6,,,2.+5" if free else "4.+6,3.+6,2.+6,2.+5,3.+5,1.+5"
+    grids = "GRID,9,,1.,.6,.3\nSPC1,1,123456,1,9\n"
+    turned = "CORD2R,5,,0.,0.,0.,.1,-.9,.2,\n,0.,.6,.3\n"
+    root = line(1) + BAR + grids + turned
+    own = f"CBUSH,7,7,2,9,{orientation},\n,.3333333333333\nPBUSH,7,K,{constants}\n"
+    between = "GRID,21,,1.,.2,.1\nGRID,22,,1.,.2,.1\nRBE2,31,2,123456,21\nRBE2,32,9,123456,22\n"
+    system = "5"
+    if orientation != ",,,5":
+        x = np.array([0, 0.6, 0.3])
+        z = np.cross(x, (1, 0, 0) if free else (0, 1, 0))
+        between += f"CORD2R,6,,0.,0.,0.,{z[0]},{z[1]},{z[2]},\n,{x[0]},{x[1]},{x[2]}\n"
+        system = "6"
+    arms = between + f"CBUSH,7,7,21,22,,,,{system}\nPBUSH,7,K,{constants}\n"
+    first, second = read(tmp_path, root + own), read(tmp_path, root + arms)
+    for direction in ((1, 0, 0), (0, 1, 0), (0.2, 0.3, 1)):
+        site = (L, 0, 0), direction
+        assert k0(first, *site) == pytest.approx(k0(second, *site), rel=1e-8)

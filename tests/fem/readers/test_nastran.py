@@ -145,8 +145,8 @@ REFUSED = {
     "rbe3": (CUBE + SOLID + "RBE3,9,,1,123,1.,12,2,3\n", "line 13 .*independent nodes move by"),
     "rbar": (CUBE + SOLID + "RBAR,9,1,2,123\n", "line 13 .*RBAR is read with CNA or CNB"),
     "spring": (CUBE + SOLID + "CELAS2,9,-1.,1,1,2,1\n", "negative stiffness"),
-    "bush": (CUBE + SOLID + "CBUSH,9,9,1,2\nPBUSH,9,K,1.,2.\n", "between coincident nodes or"),
-    "rod": (CUBE + SOLID + "CROD,9,9,1,2\n", "1 CROD elements"),
+    "bush": (CUBE + SOLID + "CBUSH,9,9,1,2\nPBUSH,9,K,1.,2.\n", "CBUSH needs the system CID"),
+    "rod": (CUBE + SOLID + "CROD,9,9,1,2\n", "CROD 9 has the property 9"),
 }
 
 
@@ -184,3 +184,32 @@ def test_deck_of_small_large_and_free_fields_without_case_control():
     found = nastran.read(DECKS / "tube.bdf", "tube.bdf")
     assert len(found.deck.points) == 32 + 12
     assert found.bulk.selected == []
+
+
+def test_copies_of_entries(tmp_path):
+    """= keeps a field, == all that follow, *(x) adds; =(n) repeats the last copy."""
+    text = "GRID,1,,0.,1.,2.,,123\n=,*1,=,*.5,==\n=(2)\n=,*(10),=,=,7.,==\n"
+    text += "CROD,1,1,1,2\nGRID*,99,,1.,2.,\n*,3.\n"
+    path = tmp_path / "part.bdf"
+    path.write_text(text)
+    found = nastran.read(path, path.name)
+    assert sorted(found.nodes.labels) == [1, 2, 3, 4, 14, 99]
+    expected = [[0, 1, 2], [0.5, 1, 2], [1, 1, 2], [1.5, 1, 2], [1.5, 7, 2], [1, 2, 3]]
+    np.testing.assert_allclose(found.deck.points, expected)
+    assert [grid.text(6) for grid in found.grids[:5]] == ["123"] * 5
+
+
+def test_a_list_that_goes_on_after_a_comma(tmp_path):
+    path = tmp_path / "part.bdf"
+    path.write_text(CUBE + "BSURF,1,1,2,3,4,5,6,7,\n8,9,10\n")
+    (entry,) = nastran.read(path, path.name).named("BSURF")
+    assert [entry.text(k) for k in (7, 8, 9, 10)] == ["7", "8", "9", "10"]
+
+
+def test_an_include_beside_the_file_that_includes(tmp_path):
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts" / "grids.inc").write_text(GRIDS)
+    (tmp_path / "parts" / "all.inc").write_text("INCLUDE 'grids.inc'\n" + CUBE[len(GRIDS) :])
+    path = tmp_path / "part.bdf"
+    path.write_text("INCLUDE 'parts/all.inc'\n")
+    assert nastran.read(path, path.name).deck.n_elements == 1

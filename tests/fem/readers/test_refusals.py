@@ -186,6 +186,18 @@ NASTRAN = {
     "no mass matrix": (BLOCK + "CONM1,9,1,,-1.\n", "CONM1 is not that of a mass"),
     "a grid as a scalar point": (BLOCK + "SPOINT,3\n", "defines 3 as a GRID and as an SPOINT"),
     "pins": (CBAR.replace("0.,0.,1.", "0.,0.,1.,,\n,17") + "PBARL,1,1,,ROD\n,.1\n", "flags '17'"),
+    "a copy of nothing": ("BEGIN BULK\n=,*1\n", "a copy .=. without an entry before it"),
+    "copies of no copy": (BLOCK + "=(5)\n", "repeats no copy"),
+    "too many copies": (BLOCK + "=,=,=\n=(5000000)\n", "or one too often"),
+    "a rod without area": (BLOCK + "CROD,9,9,1,2\nPROD,9,1\n", "PROD needs an area above 0"),
+    "rods alone": (
+        BLOCK.replace("CHEXA,1,1,1,2,3,4,5,6,\n,7,8", "CONROD,1,1,2,1,.1"),
+        "has no elements but rods",
+    ),
+    "a bush elsewhere": (
+        BLOCK + "CBUSH,9,9,1,2,,,,0,\n,,0,1.\nPBUSH,9,K,1.\n",
+        "a place of its own .OCID.",
+    ),
     "no component": (BLOCK + "CELAS2,9,1.,1\n", "acts on a component from 1 to 6"),
     "no stiffness": (BLOCK + "CELAS2,9,,3,4\n", "line 13 .*field 3 of CELAS2 is empty"),
     "no node": (BLOCK + "CONM2,9,,,1.\n", "line 13 .*field 3 of CONM2 is empty"),
@@ -193,7 +205,7 @@ NASTRAN = {
     "no constant": (BLOCK + "CELAS1,9,9,1,1\n", "CELAS1 has no PELAS"),
     "bushing turned": (
         BLOCK + "CBUSH,9,9,1,,1.,0.,0.\nPBUSH,9,K,1.\n",
-        "CBUSH is read between coincident",
+        "CBUSH needs the system CID",
     ),
     "damped bushing": (BLOCK + "CBUSH,9,9,1\nPBUSH,9,B,1.\n", r"stiffnesses \(K\) alone"),
     "mixed moment": (

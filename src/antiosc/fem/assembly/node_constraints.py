@@ -60,14 +60,18 @@ class NodeConstraints(Joint):
     def elastic(self, layout: Layout, label: str) -> list[Stiffness]:
         """The springs and the masses."""
         nodes = Nodes(layout, self.points, self.numbers)
+        flat = [terms for terms, _ in self.springs]
+        every = nodes.functionals([*flat, *(terms for rows, _, _ in self.masses for terms in rows)])
         springs = [
-            Stiffness(nodes.functionals([terms]), np.array([[stiffness]]), np.zeros((1, 1)))
-            for terms, stiffness in self.springs
+            Stiffness(every[k], np.array([[stiffness]]), np.zeros((1, 1)))
+            for k, (_, stiffness) in enumerate(self.springs)
         ]
-        return springs + [
-            Stiffness(nodes.functionals(rows), np.zeros((len(rows),) * 2), np.array(M), mass)
-            for rows, M, mass in self.masses
-        ]
+        masses, start = [], len(flat)
+        for rows, M, mass in self.masses:
+            own = every[start : start + len(rows)]
+            masses.append(Stiffness(own, np.zeros((len(rows),) * 2), np.array(M), mass))
+            start += len(rows)
+        return springs + masses
 
 
 def _on_middles(nodes: Nodes) -> Sparse:

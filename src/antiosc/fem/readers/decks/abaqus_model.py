@@ -89,7 +89,7 @@ def model_of(whole: Whole, units: UnitSystem, density: float | None) -> dict[str
     _distributing(whole, builder)
     _masses(whole, builder)
     _springs(whole, builder)
-    builder.ignored = [*ignored, *_ignored(whole), *supports.ignored, *filter(None, [varied])]
+    builder.ignored += [*ignored, *_ignored(whole), *supports.ignored, *filter(None, [varied])]
     return builder.finished(sections.roles)
 
 

@@ -179,9 +179,20 @@ class Sections:
             thickness = (_first(card) or [1.0])[0] or 1.0
             arguments["plane"] = roles.pop().removeprefix("plane ")
             arguments["thickness"] = thickness * self.builder.units.length
+        elif roles == {"rod"}:
+            self._rods(card, elements, E, arguments["rho"])
+            return
         elif roles != {"solid"}:
             self._refuse_roles(card, roles)
         self.builder.add(name, elements, Family("Solid", arguments, card.place))
+
+    def _rods(self, card: Card, elements: IntArray, E: float, rho: float) -> None:
+        """T3D2, with their area in the first line."""
+        area = (_first(card) or [1.0])[0] or 1.0
+        units = self.builder.units
+        self.builder.rods.add(
+            elements, E / units.stress * area, 0.0, rho / units.density * area, card.place
+        )
 
     def _refuse_roles(self, card: Card, roles: set[str]) -> None:
         kinds = sorted(

@@ -15,6 +15,7 @@ import numpy as np
 from antiosc.errors import MeshError
 from antiosc.fem.readers.decks.constraints import Constraints, Term
 from antiosc.fem.readers.decks.deck import Array, Block, Deck, IntArray, Place
+from antiosc.fem.readers.decks.rods import Rods
 from antiosc.fem.readers.shapes import EDGES
 from antiosc.fem.readers.unit_system import UnitSystem
 
@@ -97,6 +98,8 @@ class ModelBuilder:
     masses: list[tuple[int, Place, float, list[float]]] = field(default_factory=list)
     #: (node, place, {motion: stiffness}), to the ground
     springs: list[tuple[int, Place, dict[str, float]]] = field(default_factory=list)
+    #: what is ignored of joints
+    joint_told: list[str] = field(default_factory=list)
     #: nodes that stay apart from others in their place
     apart: list[int] = field(default_factory=list)
     #: what is ignored, in the deck's terms
@@ -106,14 +109,16 @@ class ModelBuilder:
         self.of_element = np.full(self.deck.n_elements, -1, dtype=np.int64)
         self.fixed = np.zeros((len(self.deck.points), 6), dtype=bool)
         self.used = np.zeros(len(self.deck.points), dtype=bool)
-        for block in self.deck.blocks:
-            self.used[_nodes(block)] = True
         self.turning = np.zeros(len(self.deck.points), dtype=bool)
         self.joints = Constraints(self.deck, self.used, self.turning)
+        self.rods = Rods(self.deck)
 
     def with_roles(self, roles: Sequence[str]) -> None:
         """What the blocks of the deck are; nodes of shells and beams have rotations."""
+        self.used[:] = False
         for role, block in zip(roles, self.deck.blocks, strict=True):
+            if role != "rod":
+                self.used[_nodes(block)] = True
             if role in ("shell", "beam"):
                 self.turning[_nodes(block)] = True
 
@@ -282,6 +287,7 @@ class ModelBuilder:
         MeshError
             Elements without a section, or families that cannot be combined in a structure.
         """
+        roles = self.rods.join(self, list(roles))
         self._refuse_uncovered(roles)
         present = {role for role, block in zip(roles, self.deck.blocks, strict=True) if len(block)}
         if len(present) > 1 and not present <= JOINED:

@@ -16,6 +16,8 @@ PROPERTY_NAMES = (
     re.compile(r"\$ANSA_NAME(?:_COMMENT)?;(\d+);P\w+;([^;]+);"),
     re.compile(r"\$ Femap(?: with NX Nastran)? Property (\d+) : (.+)"),
 )
+#: Most copies of one entry.
+MOST_COPIES = 1_000_000
 _SELECTED = re.compile(r"\s*(SPC|MPC)\s*=\s*(\d+)\s*$", re.IGNORECASE)
 _INCLUDE = re.compile(r"\s*INCLUDE\b\s*(.*)", re.IGNORECASE)
 
@@ -84,6 +86,10 @@ class _Collector:
         self.bulk = bulk
         self.started = started
         self.ended = False
+        #: whether the next line continues a list of free fields
+        self.continued = False
+        #: changes of the fields of the last copied entry
+        self.changes: list[str] = []
 
     def read(self, lines: list[str], file: str) -> None:
         """One file."""
@@ -131,7 +137,13 @@ class _Collector:
             return
         if words[:2] == ["BEGIN", "BULK"]:
             return
+        continued, self.continued = self.continued, "," in line and line.rstrip().endswith(",")
+        if continued and words[0][0].isdigit() and "," in line:
+            line = "," + line
         name, fields, large = _fields(line)
+        if name and name[0] == "=":
+            self._copy(words[0].split(",")[0], fields, place)
+            return
         if not name or name[0] in "+*":
             if not self.bulk.entries:
                 raise MeshError(f"{place}: a continuation without an entry before it.")
@@ -144,6 +156,39 @@ class _Collector:
         if not name[0].isalpha():
             raise MeshError(f"{place}: {name[:20]!r} is not an entry of Nastran's bulk data.")
         self.bulk.entries.append(Entry(name.rstrip("*").strip().upper(), place, fields))
+
+    def _copy(self, name: str, fields: list[str], place: Place) -> None:
+        """Copies of the entry before: = the same field, == all of the rest, *(2) more by 2."""
+        if not self.bulk.entries:
+            raise MeshError(f"{place}: a copy (=) without an entry before it.")
+        times = 1
+        if name != "=":
+            times = whole_number(name[1:].strip("()"), place)
+            if not 0 < times <= MOST_COPIES or not self.changes:
+                raise MeshError(f"{place}: {name[:20]!r} repeats no copy, or one too often.")
+        else:
+            self.changes = fields
+        for _ in range(times):
+            last = self.bulk.entries[-1]
+            own = Entry(last.name, place, [])
+            rest = False
+            for k, old in enumerate(last.fields):
+                change = "=" if rest or k >= len(self.changes) else self.changes[k].strip()
+                rest = rest or change == "=="
+                own.fields.append(_changed(old, change, place))
+            self.bulk.entries.append(own)
+
+
+def _changed(old: str, change: str, place: Place) -> str:
+    """A field of a copy."""
+    if change in ("=", "=="):
+        return old
+    if not change.startswith("*"):
+        return change
+    step = change[1:].strip("() ")
+    if "." in step:
+        return repr(real_number(old or "0", place) + real_number(step, place))
+    return str(whole_number(old or "0", place) + whole_number(step, place))
 
 
 def _fields(line: str) -> tuple[str, list[str], bool]:

@@ -9,9 +9,12 @@ from antiosc.fem.readers.decks.constraints import Term
 from antiosc.fem.readers.decks.deck import Array
 from antiosc.fem.readers.decks.model import ModelBuilder
 from antiosc.fem.readers.decks.nastran import NastranDeck
+from antiosc.fem.readers.decks.nastran_beams import orientation
 from antiosc.fem.readers.decks.nastran_cards import Entry
 
 ALL = (0, 1, 2, 3, 4, 5)
+#: Share of an arm below which it lies along the spring.
+ROUNDING_ARM = 1e-9
 
 
 def read_joints(found: NastranDeck, builder: ModelBuilder) -> None:
@@ -103,6 +106,10 @@ def _rbe3(found: NastranDeck, builder: ModelBuilder, entry: Entry) -> None:
         if words[k].upper() in ("UM", "ALPHA"):
             break
         weight = Entry(entry.name, entry.place, [words[k]]).real(0)
+        if k + 1 < len(words) and set(words[k + 1]) & set("456"):
+            told = f"the weight of rotations (components 456) of RBE3 {entry.text(0)}"
+            if told not in builder.joint_told:
+                builder.joint_told.append(told)
         if k + 1 >= len(words) or set(words[k + 1]) - set("456") != set("123"):
             raise MeshError(
                 f"{entry.place}: RBE3 is read where the independent nodes move by 123; got "
@@ -166,34 +173,69 @@ def _bush(
     own = constants.get(entry.whole(1, entry.whole(0)))
     if own is None or own.name != "PBUSH":
         raise MeshError(f"{entry.place}: CBUSH has no PBUSH.")
-    if own.text(1).upper() != "K" or any(own.text(k) for k in range(8, len(own.fields))):
-        raise MeshError(f"{own.place}: PBUSH is read with stiffnesses (K) alone.")
+    values = _stiffnesses(builder, own)
     rows = [found.row(entry.whole(k), entry.place) for k in (2, 3) if entry.text(k)]
-    values = [own.real(2 + k) for k in range(6)]
-    axes = np.eye(3)
-    apart = len(rows) == 2 and np.linalg.norm(np.diff(found.deck.points[rows], axis=0)) > 0
-    if entry.text(7) and found.systems is not None:
-        system = found.systems(entry.whole(7), entry.place)
-        axes = system.frame(found.deck.points[rows[0]])
-        if apart and any(values[1:]):
-            raise MeshError(
-                f"{entry.place}: CBUSH between nodes apart is read with K1 along their line alone."
-            )
-    elif any(entry.text(k) for k in (4, 5, 6)) or (apart and any(values[1:])):
-        raise MeshError(
-            f"{entry.place}: CBUSH is read between coincident nodes or to the ground in the system "
-            "CID, or with K1 alone along the line of its nodes."
-        )
-    elif apart:
-        line = found.deck.points[rows[1]] - found.deck.points[rows[0]]
-        axes = (line / np.linalg.norm(line))[None]
+    x = found.deck.points[rows]
+    if entry.text(9) not in ("", "-1"):
+        raise MeshError(f"{entry.place}: CBUSH with a place of its own (OCID) is not supported.")
+    apart = len(rows) == 2 and np.linalg.norm(x[1] - x[0]) > 0
+    share = entry.real(8, 0.5)
+    place = x[0] + share * (x[1] - x[0]) if apart else x[0]
+    axes = _bush_axes(found, entry, values, x if apart else x[:1], place)
     for k, stiffness in enumerate(values):
-        if stiffness:
-            terms = [
-                (row, axes[k % 3], 3 * (k // 3), sign)
-                for row, sign in zip(rows, (1.0, -1.0), strict=False)
-            ]
-            _spring(builder, entry, terms, stiffness)
+        if not stiffness:
+            continue
+        axis, first = axes[k % 3], 3 * (k // 3)
+        terms: list[tuple[int, Array, int, float]] = []
+        for row, at, sign in zip(rows, x, (1.0, -1.0), strict=False):
+            arm = np.cross(place - at, axis) if not first else np.zeros(3)
+            if np.linalg.norm(arm) > ROUNDING_ARM * np.linalg.norm(place - at):
+                row = builder.joints.leader(row)
+                terms.append((row, arm, 3, sign))
+            terms.append((row, axis, first, sign))
+        _spring(builder, entry, terms, stiffness)
+
+
+def _stiffnesses(builder: ModelBuilder, own: Entry) -> list[float]:
+    """K1 to K6 of a PBUSH; its damping by GE is told."""
+    values = [0.0] * 6
+    for start in range(0, len(own.fields), 8):
+        kind = own.text(start + 1).upper()
+        given = [own.text(start + k) for k in range(2, 8)]
+        if kind == "K":
+            values = [own.real(start + k) for k in range(2, 8)]
+        elif kind == "GE":
+            builder.joint_told.append(f"GE of PBUSH {own.text(0)}")
+        elif kind not in ("", "RCV") or (not kind and any(given)):
+            raise MeshError(
+                f"{own.place}: PBUSH is read with stiffnesses (K) alone; its line {kind or '(?)'} "
+                "would change the result."
+            )
+    return values
+
+
+def _bush_axes(
+    found: NastranDeck, entry: Entry, values: list[float], x: Array, place: Array
+) -> Array:
+    """Axes of a CBUSH as rows: of its system, by its line and a vector, or of the deck."""
+    if entry.text(7) and found.systems is not None:
+        return found.systems(entry.whole(7), entry.place).frame(place)
+    across = any(values[k] for k in (1, 2, 4, 5))
+    given = any(entry.text(k) for k in (4, 5, 6))
+    if len(x) == 1 and not given:
+        return np.eye(3)
+    if len(x) == 1 or (across and not given):
+        raise MeshError(
+            f"{entry.place}: CBUSH needs the system CID at coincident nodes or to the ground, and "
+            "CID or an orientation between nodes apart, unless it acts along their line alone."
+        )
+    line = (x[1] - x[0]) / np.linalg.norm(x[1] - x[0])
+    v = np.eye(3)[int(np.argmin(np.abs(line)))]
+    if given:
+        v = orientation(found, entry, line)
+    y = v - (v @ line) * line
+    y /= np.linalg.norm(y)
+    return np.stack([line, y, np.cross(line, y)])
 
 
 def _spring(

@@ -37,12 +37,11 @@ REFUSED_ENTRIES = {
     "BSURFS": "contact",
     "DMIG": "a matrix",
     "CSUPER": "a superelement",
-    "EPOINT": "an extra point",
 }
 #: Loads, which are ignored.
 LOAD_ENTRIES = (
     *("FORCE", "MOMENT", "PLOAD", "GRAV", "RFORCE", "TEMP", "SPCD", "LOAD", "TLOAD", "RLOAD"),
-    *("DLOAD", "DAREA", "ACCEL", "DEFORM", "SLOAD"),
+    *("DLOAD", "DAREA", "ACCEL", "DEFORM", "SLOAD", "CHBDY", "EPOINT"),
 )
 #: Elements that are read besides cells.
 TAKEN = (
@@ -54,6 +53,8 @@ TAKEN = (
 def model_of(found: NastranDeck, units: UnitSystem, density: float | None) -> dict[str, Any]:
     """The deck's model in SI units; its groups and fixed nodes go into the deck."""
     for entry in found.bulk.entries:
+        if entry.name.startswith("CHBDY"):
+            continue  # a surface of heat
         if entry.name in REFUSED_ENTRIES or (is_other(entry.name) and entry.name not in TAKEN):
             name = REFUSED_ENTRIES.get(entry.name)
             what = f" is {name}, which" if name else ""
@@ -78,7 +79,7 @@ def model_of(found: NastranDeck, units: UnitSystem, density: float | None) -> di
     found.deck.left.clear()
     counts = Counter(e.name for e in found.bulk.entries if e.name.startswith(LOAD_ENTRIES))
     loads = [f"{count} {name}" for name, count in sorted(counts.items())]
-    builder.ignored = [*ignored, *properties.ignored, *loads]
+    builder.ignored += [*ignored, *properties.ignored, *builder.joint_told, *loads]
     return builder.finished(properties.roles)
 
 

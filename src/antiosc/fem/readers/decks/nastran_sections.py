@@ -11,13 +11,16 @@ from antiosc.errors import MeshError
 from antiosc.fem.readers.decks.deck import Array, IntArray
 from antiosc.fem.readers.decks.geometry import tangents_of
 from antiosc.fem.readers.decks.model import Family, Material, ModelBuilder, isotropic
-from antiosc.fem.readers.decks.nastran import BEAMS, SHELLS, SOLIDS, NastranDeck, property_of
+from antiosc.fem.readers.decks.nastran import BEAMS, RODS, SHELLS, SOLIDS, NastranDeck, property_of
 from antiosc.fem.readers.decks.nastran_beams import PLAIN, offset_along, orientation
 from antiosc.fem.readers.decks.nastran_cards import Entry
 from antiosc.fem.readers.decks.nastran_profiles import BeamProfiles
 from antiosc.fem.readers.decks.nastran_shells import Shells
 
-PROPERTIES = ("PSOLID", "PSHELL", "PCOMP", "PCOMPG", "PBAR", "PBARL", "PBEAM", "PBEAML")
+PROPERTIES = (
+    *("PSOLID", "PROD", "PTUBE", "PSHELL", "PCOMP", "PCOMPG"),
+    *("PBAR", "PBARL", "PBEAM", "PBEAML"),
+)
 
 
 def materials_of(found: NastranDeck) -> tuple[dict[int, Material], list[str]]:
@@ -103,12 +106,15 @@ class Properties:
         for number in np.unique(self._numbers):
             elements = np.flatnonzero(self._numbers == number)
             first = self.found.elements[elements[0]]
-            if self.roles[self._block(elements[0])] == "other":
-                continue  # refused with its type later
+            if number == 0 and first.name == "CONROD":
+                for element in elements:
+                    self._rods(self.found.elements[element], np.array([element]), 3)
+                continue
             entry = known.get(int(number))
             if entry is None:
                 raise MeshError(self._unknown(first, int(number)))
             families = {"PSOLID": tuple(SOLIDS)}
+            families |= {"PROD": ("CROD",), "PTUBE": ("CTUBE",)}
             families |= dict.fromkeys(("PSHELL", "PCOMP", "PCOMPG"), tuple(SHELLS))
             wanted = families.get(entry.name, BEAMS)
             names = {self.found.elements[k].name for k in elements}
@@ -122,6 +128,8 @@ class Properties:
                     Shells(self).shell(entry, str(number), elements)
                 case "PCOMP" | "PCOMPG":
                     Shells(self).laminate(entry, str(number), elements)
+                case "PROD" | "PTUBE":
+                    self._rods(entry, elements, 1)
                 case _:
                     self._beams(entry, str(number), elements)
 
@@ -191,6 +199,28 @@ class Properties:
         arguments = {"E": E, "nu": nu, "rho": self.builder.rho(material)}
         self.builder.add(name, elements, Family("Solid", arguments, entry.place))
 
+    def _rods(self, entry: Entry, elements: IntArray, k: int) -> None:
+        """PROD, PTUBE or CONROD, with the material in field k (from 0)."""
+        if entry.name == "PTUBE":
+            outer, t = entry.real(2, None), entry.real(3)
+            if entry.real(5, outer) != outer:
+                raise MeshError(f"{entry.place}: tapered tubes (PTUBE with OD2) are not supported.")
+            inner = outer - 2 * t if t else 0.0
+            area = math.pi * (outer**2 - inner**2) / 4
+            torsion, extra = math.pi * (outer**4 - inner**4) / 32, entry.real(4)
+        else:
+            area, torsion, extra = entry.real(k + 1), entry.real(k + 2), entry.real(k + 4)
+        if area <= 0:
+            raise MeshError(f"{entry.place}: {entry.name} needs an area above 0.")
+        units = self.builder.units
+        material = self.material(entry, k)
+        E, nu = (value / u for value, u in zip(self.builder.elastic(material, "rods"),
+                 (units.stress, 1.0), strict=True))  # fmt: skip
+        density = self.builder.rho(material) / units.density
+        per_length = density * area + extra * self.mass_factor
+        GJ = E / (2 * (1 + nu)) * torsion
+        self.builder.rods.add(elements, E * area, GJ, per_length, entry.place)
+
     # --- Beams ------------------------------------------------------------------------------------
 
     def _beams(self, entry: Entry, name: str, elements: IntArray) -> None:
@@ -247,10 +277,14 @@ class Properties:
 def _properties_for(element: Entry) -> tuple[str, ...]:
     if element.name in SOLIDS:
         return ("PSOLID",)
+    if element.name in RODS:
+        return ("PTUBE",) if element.name == "CTUBE" else ("PROD",)
     return ("PSHELL", "PCOMP") if element.name in SHELLS else ("PBAR", "PBEAM")
 
 
 def _role(name: str) -> str:
     if name in SOLIDS:
         return "solid"
+    if name in RODS:
+        return "rod"
     return "shell" if name in SHELLS else "beam" if name in BEAMS else "other"

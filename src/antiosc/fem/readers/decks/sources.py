@@ -54,7 +54,11 @@ class Sources:
         if not named:
             raise MeshError(f"{at}: an include without the name of a file.")
         try:
-            path = (self.folder / named.replace("\\", "/")).resolve()
+            name = named.replace("\\", "/")
+            path = (self.folder / name).resolve()
+            nested = (self._open[-1].parent / name).resolve() if self._open else path
+            if not path.is_file() and nested.is_file():  # beside the file that includes it
+                path = nested
             inside = path.is_relative_to(self.folder)
             found = inside and path.is_file()
         except (OSError, ValueError):
