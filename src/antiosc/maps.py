@@ -24,6 +24,7 @@ from antiosc._types import Array, IntArray
 from antiosc.checks import instance, path as checked_path, positive, whole, within_range
 from antiosc.contact import ContactLaw
 from antiosc.errors import AccuracyWarning, InputError, warn
+from antiosc.fem.extraction.dampers import refuse_dampers
 from antiosc.fem.extraction.eigenmodes import Modes, ModeSolver
 from antiosc.fem.extraction.krylov import by_krylov
 from antiosc.fem.extraction.oscillators import error_bound, lumped, oscillators, wanted
@@ -224,6 +225,7 @@ def impact_map(
         instance("contact", contact, ContactLaw, "a ContactLaw such as Hertz(stiffness)")
         duration = positive("duration", duration, "s")
     sites, elements, total, dimension = _sites(structure, where, direction, radius)
+    refuse_dampers(structure, "a map")
     structure.factorize()
     located = time.perf_counter()
     free = _free_modes(structure, modes, band)

@@ -43,6 +43,10 @@ class Added:
         self.K = sum((_square(G, one.k) for one, G in self._elastic), Sparse(T.shape)).tocsr()
         self.M = sum((_square(G, one.m) for one, G in self._elastic), Sparse(T.shape)).tocsr()
 
+    def dampers(self) -> list[tuple[Sparse, Array]]:
+        """(functionals of q, their damping (j, j)) of all dampers."""
+        return [(G, one.c) for one, G in self._elastic if one.c is not None]
+
     def inertial_loads(self, motions: Array) -> tuple[Array, Array]:
         """(M r in q (n, j), rᵀ M r (j, j)) of the masses for motions r of u (n, j)."""
         loads, energies = np.zeros(motions.shape), np.zeros((motions.shape[1],) * 2)
@@ -156,6 +160,10 @@ class AssembledMatrices(StructureMatrices):
             f"assembly of {len(names)} parts ({shown}), {dofs} dofs, "
             f"{self.rigid_modes.shape[1]} rigid-body modes"
         )
+
+    def dampers(self) -> list[tuple[Sparse, Array]]:
+        """(functionals of the rows of this rank, damping (j, j)) of all dampers."""
+        return [(G[:, self.share.rows], c) for G, c in self.added.dampers()]
 
     # -- from u to the parts
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import scipy.sparse
@@ -21,7 +22,7 @@ AXES = (*MOVES, *TURNS, "axial")
 
 @dataclass(frozen=True)
 class Bushing(Joint):
-    """Springs between two ends (CBUSH).
+    """Springs and dampers between two ends (CBUSH).
 
     Parameters
     ----------
@@ -29,45 +30,44 @@ class Bushing(Joint):
         As for `Weld`.
     stiffness : dict
         Component -> stiffness: of "x", "y", "z" (N/m), "rx", "ry", "rz" (N m/rad) in the axes of
-        the assembly, and "axial" (N/m) along the line between the ends.
+        the assembly, and "axial" (N/m) along the line between the ends. It may be empty beside
+        dampers.
     point : sequence of floats, optional
         Where the springs of x … rz lie, m; default: at `a`. Ends that lie elsewhere are connected
         to it rigidly.
     name : str, optional
         What messages call the joint.
+    damping : dict, optional
+        Component -> N s/m or N m s/rad of a damper. Models take dampers as damping ratios of their
+        free modes; `extract` refuses those that couple the modes.
     """
 
     a: End
     b: End
-    stiffness: Mapping[str, float]
+    stiffness: Mapping[str, float] = field(default_factory=dict)
     point: Sequence[float] | None = None
     name: str | None = None
+    damping: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         store(self, a=checked_end("a", self.a), b=checked_end("b", self.b))
         if self.a == self.b:
             raise InputError(f"a Bushing joins {end_text(self.a)} to itself.")
-        if not isinstance(self.stiffness, Mapping) or not self.stiffness:
+        springs = _checked("stiffness", self.stiffness)
+        dampers = _checked("damping", self.damping)
+        if not springs and not dampers:
             raise InputError(
-                f"a Bushing needs a stiffness, as {{'z': 1e6}}; got {shown(self.stiffness)}."
+                f"a Bushing needs a stiffness, as {{'z': 1e6}}, or a damping; got "
+                f"{shown(self.stiffness)}."
             )
-        for name in self.stiffness:
-            if not isinstance(name, str) or name not in AXES:
-                raise InputError(
-                    f"a Bushing acts on {', '.join(AXES)}; {shown(name)} is not one of them."
-                )
-        given = {
-            name: positive(f"the stiffness of {name}", value)
-            for name, value in self.stiffness.items()
-        }
-        store(self, stiffness=given, name=checked_name(self.name))
+        store(self, stiffness=springs, damping=dampers, name=checked_name(self.name))
         if self.point is not None:
             store(self, point=coordinates("point", self.point))
 
     def elastic(self, layout: Layout, label: str) -> list[Stiffness]:
         """k (b − a)² of each component."""
         a, b = (motion(layout, end, partly=True) for end in (self.a, self.b))
-        names = list(self.stiffness)
+        names = list(dict.fromkeys([*self.stiffness, *self.damping]))
         found = []
         if "axial" in names:
             line = b.point - a.point
@@ -99,8 +99,23 @@ class Bushing(Joint):
         if not G.nnz:
             raise InputError(f"{label} joins nothing: none of its components can move.")
         order = (["axial"] if "axial" in names else []) + others
-        k = np.diag([self.stiffness[name] for name in order])
-        return [Stiffness(G, k, np.zeros_like(k))]
+        k, c = (
+            np.diag([given.get(name, 0.0) for name in order])
+            for given in (self.stiffness, self.damping)
+        )
+        return [Stiffness(G, k, np.zeros_like(k), c=c if self.damping else None)]
+
+
+def _checked(what: str, given: Any) -> dict[str, float]:
+    """Stiffness or damping by components."""
+    if not isinstance(given, Mapping):
+        raise InputError(f"the {what} of a Bushing is a dict, as {{'z': 1e6}}; got {shown(given)}.")
+    for name in given:
+        if not isinstance(name, str) or name not in AXES:
+            raise InputError(
+                f"a Bushing acts on {', '.join(AXES)}; {shown(name)} is not one of them."
+            )
+    return {name: positive(f"the {what} of {name}", value) for name, value in given.items()}
 
 
 def _check_moves(label: str, name: str, direction: Array, *ends: tuple[End, Motion]) -> None:

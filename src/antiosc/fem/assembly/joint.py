@@ -26,6 +26,7 @@ class Stiffness:
     mass : kg.
     rigid : (j, r) orthonormal values of the functionals that are without strain, where they are
         known.
+    c : (j, j) damping of the functionals.
     """
 
     G: Sparse
@@ -33,6 +34,7 @@ class Stiffness:
     m: Array
     mass: float = 0.0
     rigid: Array | None = None
+    c: Array | None = None
 
     @property
     def strains(self) -> Array:

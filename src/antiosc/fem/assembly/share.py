@@ -42,6 +42,11 @@ class Share:
         ends = [block * (count // block * rank // comm.size) for rank in range(comm.size)]
         return cls(comm, ends[comm.rank], [*ends, count][comm.rank + 1])
 
+    @property
+    def rows(self) -> slice:
+        """The rows of this rank."""
+        return slice(self.first, self.last)
+
     def own(self, q: NDArray[Any]) -> NDArray[Any]:
         """The rows of this rank of vectors that every rank has whole."""
         return q if self.comm.size == 1 else q[self.first : self.last]

@@ -16,6 +16,7 @@ from antiosc.errors import AccuracyError, InputError
 from antiosc.fem import mpi
 from antiosc.fem.error.model_errors import ModelErrors
 from antiosc.fem.extraction.body_inertia import inertia_of, uniform_inertia
+from antiosc.fem.extraction.dampers import damped
 from antiosc.fem.extraction.eigenmodes import Modes, ModeSolver
 from antiosc.fem.extraction.krylov import by_krylov
 from antiosc.fem.extraction.oscillators import (
@@ -141,7 +142,7 @@ def extract(
         spent -= structure.seconds["factorization"]
     if names:
         named = {n: [one, *one.across] for n, one in zip(names, targets, strict=True)}
-        return of_several_sites(structure, named, wish, shapes)
+        return damped(structure, of_several_sites(structure, named, wish, shapes))
     models: list[AntiOscillators] = []
     width = _together(structure, wish)
     for first in range(0, len(targets), width):
@@ -149,6 +150,7 @@ def extract(
         models += _extracted(structure, some, wish, shapes, spent, errors)
         if len(targets) > width:
             log.info("extracted %d of %d sites", len(models), len(targets))
+    models = [damped(structure, model) for model in models]
     return models[0] if isinstance(site, Site) else models
 
 

@@ -18,6 +18,7 @@ from antiosc._types import Array
 from antiosc.checks import flag, instance, whole, within_range
 from antiosc.errors import AccuracyError, AccuracyWarning, InputError, warn
 from antiosc.fem.extraction.body_inertia import inertia_of, uniform_inertia
+from antiosc.fem.extraction.dampers import refuse_dampers
 from antiosc.fem.extraction.eigenmodes import DENSE_MANY, Modes, ModeSolver
 from antiosc.fem.extraction.oscillators import REPEATED
 from antiosc.fem.extraction.self_check import CHECK
@@ -195,6 +196,7 @@ def full(structure: Structure, site: Site) -> NaturalModes:
 def _check_arguments(structure: Structure, site: Site) -> None:
     instance("structure", structure, Structure, "a Structure")
     instance("site", site, Site, "a Site(point, direction)")
+    refuse_dampers(structure, "a model of natural modes")
 
 
 def _seen(structure: Structure, where: Functional, static: StaticMode, modes: Modes) -> Modes:

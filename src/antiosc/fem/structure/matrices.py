@@ -81,6 +81,10 @@ class StructureMatrices:
         """The whole body's inertia and M r of its rigid motions r; see `Structure`."""
         return None
 
+    def dampers(self) -> list[tuple[Any, Array]]:
+        """(functionals of the rows of this rank (j, rows), damping (j, j)) of all dampers."""
+        return []
+
     def describe(self, dofs: int) -> str:
         """One line: what was modelled and with how many dofs."""
         return f"given matrices, {dofs} dofs"
