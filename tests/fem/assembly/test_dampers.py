@@ -38,10 +38,7 @@ def receptance(part: ao.Structure, site: ao.Site, c: float, omega: np.ndarray) -
     """bᵀ(K + iωC − ω²M)⁻¹b by dense solves; the damper acts on the difference of both tips."""
     K, M = dense(part)
     free = free_dofs(part)
-    b, first, second = (
-        functional(part, one).b[free]
-        for one in (site, TIP, FAR)
-    )
+    b, first, second = (functional(part, one).b[free] for one in (site, TIP, FAR))
     apart = first - second
     C = c * np.outer(apart, apart)
     return np.array([b @ np.linalg.solve(K + 1j * w * C - w**2 * M, b) for w in omega])

@@ -1,7 +1,7 @@
 """Dampers of a structure in the free modes of its models.
 
 A damper is C = Gᵀ c G. In the mass-normalised free modes φ_j the matrix D = ΦᵀCΦ takes its place,
-and models have room for its diagonal: modes that decay each for itself, d_j = D_jj/2. At its resonance
+and models have room for its diagonal: modes that decay each for itself, d_j = D_jj/2. In resonance
 mode i carries a share |D_ij| ω_i/|ω_i² − ω_j²| of mode j, by perturbation, and its frequency shifts
 by D_ij² ω_i/|ω_i² − ω_j²| of the width D_ii of its peak. Both are summed over j,
 
