@@ -1,0 +1,258 @@
+"""How good error budgets are: random solid parts and impacts, against adapted meshes.
+
+Plates and blocks with holes and notches, held or free, struck fast or slowly, with elements of
+degree 1 and 2. Each is meshed coarsely, and its error budget is compared with the same impact on a
+mesh of degree 2 that is adapted until its own errors of strains are a fiftieth of the coarse one's.
+Printed are, by class, the effectivity (estimated over true error) of k0 and of the worst quantity
+of the force, how often all three bars hold, and the error of the corrected model over that of the
+raw one.
+
+    .venv/bin/python demos/error_budget.py --help
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import tempfile
+import warnings
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+import options
+
+import antiosc as ao
+from antiosc.fem.error import cell_sizes
+from antiosc.fem.error.estimator import estimator
+from antiosc.fem.error.remeshing import source_of
+from antiosc.simulation.error_bars import QUANTITIES
+from antiosc.simulation.error_budget import amplitudes, differences
+
+STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}
+#: Error of the reference over that of the mesh, most dofs of a reference, most of its meshes.
+REFERENCE, MOST_DOFS, ROUNDS = 0.02, {2: 60_000, 3: 60_000}, 4
+#: Bounds of good effectivities: of k0, by dimension, and of the force.
+GOOD_K0, GOOD_FORCE = {2: (0.5, 2.0), 3: (0.4, 2.5)}, (0.5, 3.0)
+ANTI_OSCILLATORS, TIME_TOL = 30, 1e-5
+
+
+@dataclass
+class Case:
+    """One random part and impact, and what was found."""
+
+    dim: int
+    order: int
+    holes: int
+    notch: bool
+    held: bool
+    resolved: bool
+    mass: float
+    size: float
+    radius: float
+    dofs: int = 0
+    energy_error: float = 0.0
+    k0: float = 0.0
+    force: float = 0.0
+    holds: bool = False
+    worst_ratio: float = 0.0
+    corrected: float = 0.0
+
+    @property
+    def kind(self) -> str:
+        """Class of the case."""
+        shape = "faceted" if self.order == 1 and self.holes else "smooth or sharp"
+        patch = "patch resolved" if self.resolved else "patch not resolved"
+        return f"{self.dim}-D, order {self.order}, {shape}, {patch}"
+
+
+def main(parts: int = 20, seed: int = 0, dim: int = 2, out: str = "") -> list[Case]:
+    """Try `parts` random parts; write the cases to `out` (JSON), if that is given."""
+    rng = np.random.default_rng(seed)
+    cases = []
+    with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
+        warnings.simplefilter("ignore", ao.AntioscWarning)
+        for number in range(parts):
+            case = drawn(rng, dim)
+            try:
+                tried(case, Path(folder) / "part.geo", rng)
+            except ao.AntioscError as error:
+                print(f"{number:4d} refused: {error}")
+                continue
+            cases.append(case)
+            print(
+                f"{number:4d} {case.kind:46s} {case.dofs:6d} dofs  k0 {case.k0:5.2f}  force "
+                f"{case.force:5.2f}  bar {'holds' if case.holds else 'FAILS'} "
+                f"({case.worst_ratio:.2f} of it)  corrected/raw {case.corrected:.2f}"
+                f"{'  notch' * case.notch}{'  held' * case.held}  E {case.energy_error:.1e}"
+            )
+    print(table(cases))
+    if out:
+        Path(out).write_text(json.dumps([asdict(case) for case in cases], indent=1) + "\n")
+    return cases
+
+
+def drawn(rng: np.random.Generator, dim: int) -> Case:
+    """A random case."""
+    order = int(rng.integers(1, 3))
+    size = 0.02 * rng.uniform(0.6, 1.5)
+    resolved = bool(rng.random() < 0.8)
+    return Case(
+        dim=dim,
+        order=order,
+        holes=int(rng.integers(0, 3)),
+        notch=bool(rng.random() < 0.3),
+        held=bool(rng.random() < 0.7),
+        resolved=resolved,
+        mass=float(10 ** rng.uniform(-2, 0.5)),
+        size=float(size),
+        radius=float(size * (rng.uniform(0.3, 0.8) if resolved else rng.uniform(0.2, 0.4))),
+    )
+
+
+def tried(case: Case, path: Path, rng: np.random.Generator) -> None:
+    """Fill in what is found."""
+    length, width, depth = 0.2 * rng.uniform(0.7, 1.3), 0.08, 0.03
+    path.write_text(geometry(case, rng, length, width, depth))
+    x = length * rng.uniform(0.55, 0.8)
+    if case.dim == 2:
+        material = ao.Solid(**STEEL, plane="stress", thickness=0.01)
+        site = ao.Site((x, width), (0, -1), radius=case.radius)
+    else:
+        material = ao.Solid(**STEEL)
+        point = (x, width * rng.uniform(0.4, 0.6), depth)
+        case.radius = min(case.radius, 0.4 * depth)
+        site = ao.Site(point, (0, 0, -1), radius=case.radius)
+    held = [ao.Support(plane=((0, 0, 0), (1, 0, 0)))] if case.held else []
+    refine = [(site.point, case.radius)] if case.resolved else []
+
+    def structure(mesh: ao.Mesh, order: int) -> ao.Structure:
+        return ao.Structure(mesh, material, held, order=order)
+
+    def struck(model: ao.AntiOscillators) -> ao.History:
+        law = ao.Hertz(2e9)
+        span = 8e-4 * case.mass**0.4 + (8 * np.sqrt(case.mass / model.k0) if case.held else 0.0)
+        return ao.simulate(model, ao.RigidMass(case.mass, 1.0), law, float(span), tol=TIME_TOL)
+
+    part = structure(ao.read_mesh(path, case.size, refine=refine, order=case.order), case.order)
+    model = ao.extract(part, site, n=ANTI_OSCILLATORS, error="estimate")
+    hit, soft = struck(model), struck(model.corrected())
+    budget = hit.error_budget
+    true_model = reference(case, path, site, structure, struck, share(model) * REFERENCE)
+    true = struck(true_model)
+    case.dofs, case.energy_error = part.dofs, budget.energy_error
+    case.k0 = effectivity_of_stiffness(model, true_model)
+    estimated, actual = differences(hit, soft), differences(hit, true)
+    worst = max(actual, key=lambda name: actual[name])
+    case.force = estimated[worst] / actual[worst]
+    bars = {name: bar.total - bar.patch for name, bar in budget.items()}
+    case.worst_ratio = max(actual[name] / bars[name] for name in QUANTITIES)
+    case.holds = case.worst_ratio <= 1
+    case.corrected = max(differences(soft, true).values()) / actual[worst]
+
+
+def share(model: ao.AntiOscillators) -> float:
+    """Error of the first shape with strains over its energy."""
+    first = 0 if model.k0 else 1
+    energy = model.k0 or model.k[0]
+    return float(model.strain_error[first, first] / energy)
+
+
+def effectivity_of_stiffness(model: ao.AntiOscillators, true: ao.AntiOscillators) -> float:
+    """Of k0, or of the first ω² of a free part."""
+    raw, soft, exact = (each.k0 or each.omega[0] ** 2 for each in (model, model.corrected(), true))
+    return float((raw - soft) / (raw - exact))
+
+
+def reference(case, path, site, structure, struck, goal):  # type: ignore[no-untyped-def]
+    """A model on an adapted mesh of degree 2 with at most this share of errors in its energy."""
+    source = source_of(path)
+    mesh = source.first(case.size, [(site.point, case.radius)])
+    for _ in range(ROUNDS):
+        part = structure(mesh, 2)
+        model = ao.extract(part, site, n=ANTI_OSCILLATORS, error="estimate")
+        if share(model) <= goal or part.dofs > MOST_DOFS[case.dim] / 2:
+            break
+        values, vectors = np.linalg.eigh(amplitudes(struck(model)))
+        shapes = model.shapes @ (vectors * np.sqrt(np.maximum(values, 0.0)))
+        energies = estimator(part).of_cells(shapes)
+        # also the first shape, whose stiffness is compared
+        first = estimator(part).of_cells(model.shapes[:, :2])
+        energies = energies / energies.sum() + first / first.sum()
+        wanted = max(0.5 * goal / share(model), 1e-3)
+        ratio = cell_sizes.ratios(mesh.comm, energies, wanted, 2, case.dim)
+        grown = cell_sizes.growth(mesh.comm, ratio, case.dim)
+        most = MOST_DOFS[case.dim] / part.dofs
+        if grown > most:
+            ratio = ratio * (grown / most) ** (1 / case.dim)
+        mesh = source.finer(mesh, np.minimum(ratio, 1.0))
+    return model
+
+
+def geometry(
+    case: Case, rng: np.random.Generator, length: float, width: float, depth: float
+) -> str:
+    """A gmsh script: a plate or a block with holes and a notch."""
+    plane = case.dim == 2
+    lines = ['SetFactory("OpenCASCADE");']
+    if plane:
+        lines.append(f"Rectangle(1) = {{0, 0, 0, {length}, {width}}};")
+    else:
+        lines.append(f"Box(1) = {{0, 0, 0, {length}, {width}, {depth}}};")
+    kind = "Surface" if plane else "Volume"
+    cuts = []
+    for k in range(case.holes):
+        r = width * rng.uniform(0.08, 0.15)
+        x, y = length * (0.25 + 0.22 * k), width * rng.uniform(0.3, 0.45)
+        cuts.append(10 + k)
+        if plane:
+            lines.append(f"Disk({10 + k}) = {{{x}, {y}, 0, {r}}};")
+        else:
+            lines.append(f"Cylinder({10 + k}) = {{{x}, {y}, -1, 0, 0, 3, {r}}};")
+    if case.notch:
+        x, w, h = length * 0.4, width * 0.08, width * rng.uniform(0.1, 0.2)
+        cuts.append(20)
+        if plane:
+            lines.append(f"Rectangle(20) = {{{x}, -1, 0, {w}, {1 + h}}};")
+        else:
+            lines.append(f"Box(20) = {{{x}, -1, -1, {w}, {1 + h}, 3}};")
+    if cuts:
+        tags = ", ".join(map(str, cuts))
+        lines.append(f"BooleanDifference{{{kind}{{1}}; Delete;}}{{{kind}{{{tags}}}; Delete;}}")
+    return "\n".join(lines) + "\n"
+
+
+def table(cases: Sequence[Case]) -> str:
+    """Figures by class, as a table in Markdown."""
+    rows = [
+        "| class | parts | k0 within | median | force within | median | bars hold | corrected |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    for kind in [*sorted({case.kind for case in cases}), "all"]:
+        own = [case for case in cases if kind in (case.kind, "all")]
+        if not own:
+            continue
+        k0, force = (np.array([getattr(c, name) for c in own]) for name in ("k0", "force"))
+        good = [GOOD_K0[c.dim][0] <= c.k0 <= GOOD_K0[c.dim][1] for c in own]
+        well = [GOOD_FORCE[0] <= c.force <= GOOD_FORCE[1] for c in own]
+        rows.append(
+            f"| {kind} | {len(own)} | {np.mean(good):.0%} | {np.median(k0):.2f} | "
+            f"{np.mean(well):.0%} | {np.median(force):.2f} | "
+            f"{np.mean([c.holds for c in own]):.0%} | "
+            f"{np.median([c.corrected for c in own]):.2f} |"
+        )
+    return "\n".join(rows)
+
+
+def command(arguments: Sequence[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--parts", type=options.count, default=20, help="random parts")
+    parser.add_argument("--seed", type=options.seed, default=0, help="of the random parts")
+    parser.add_argument("--dim", type=int, choices=(2, 3), default=2, help="plates or blocks")
+    parser.add_argument("--out", default="", help="file for the cases (JSON)")
+    options.run(parser, main, arguments)
+
+
+if __name__ == "__main__":
+    command()
