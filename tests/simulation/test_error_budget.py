@@ -47,6 +47,16 @@ def test_a_coarse_mesh_has_wider_bars_and_a_note():
     assert not any("coarse" in note for note in fine.notes)
 
 
+@pytest.mark.parametrize(
+    "facts", [{"patch": {"faces": 4e-3}}, {"geometry": "Not included: the geometry."}]
+)
+def test_what_the_mesh_does_not_resolve_widens_the_bars(facts):
+    usual, wide = (struck(model(radius=2e-3, info=f)).error_budget for f in ({}, facts))
+    ratio = wide["peak_force"].mesh / usual["peak_force"].mesh
+    assert ratio == pytest.approx(SAFETY_COARSE / SAFETY, rel=1e-6)
+    assert len(wide.notes) == len(usual.notes) + 1
+
+
 def test_energy_of_the_amplitudes_is_the_strain_energy_of_the_contact():
     hit = struck(model())
     W = amplitudes(hit)

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from math import nan
 from typing import Any
 
 import numpy as np
@@ -25,9 +24,10 @@ from antiosc.simulation.truncation import Run, truncation_error
 
 #: Each error is at least this share of the largest of the three.
 FLOOR = 0.5
-#: Factor of safety of the mesh's share, and the same where the share of the errors of strains in
-#: the energy exceeds COARSE.
-SAFETY, SAFETY_COARSE, COARSE = 2.0, 3.0, 0.1
+#: Factor of safety of the mesh's share, and the same where the mesh is not good enough for it: the
+#: share of the errors of strains in the energy exceeds COARSE, the faces under the patch exceed
+#: RESOLVED times its radius, or flat faces stand for a curved surface.
+SAFETY, SAFETY_COARSE, COARSE, RESOLVED = 2.0, 3.0, 0.1, 1.2
 #: Time integration error of the runs that are compared, over that of the history; at most and
 #: at least this.
 FINER, LEAST, MOST = 0.1, 1e-6, 1e-4
@@ -49,7 +49,8 @@ def error_budget(hit: History, again: Run) -> ErrorBudget:
     tol = min(max(FINER * max(_time_errors(hit), default=MOST), LEAST), MOST)
     raw, softer = again(model, tol), again(model.corrected(), tol)
     share = energy_error(model, model.strain_error, amplitudes(hit))
-    safety = SAFETY if share <= COARSE else SAFETY_COARSE
+    doubts = _doubts(model, share)
+    safety = SAFETY_COARSE if doubts else SAFETY
     mesh = _floored({name: safety * off for name, off in differences(raw, softer).items()})
     truncated = truncation_error(model, again, tol=tol)
     notes = []
@@ -57,11 +58,6 @@ def error_budget(hit: History, again: Run) -> ErrorBudget:
         notes.append(
             f"The mesh decides on the number of contacts ({len(raw.contacts)} here, "
             f"{len(softer.contacts)} corrected): the contact times are not comparable."
-        )
-    if share > COARSE:
-        notes.append(
-            f"The errors of the strains hold {share:.0%} of the energy: the mesh is coarse, and "
-            "its bar is less certain."
         )
     patch, told = _patch(model, raw, again, tol)
     time = _time(hit, raw, tol)
@@ -75,8 +71,26 @@ def error_budget(hit: History, again: Run) -> ErrorBudget:
         )
         for name in QUANTITIES
     }
+    return ErrorBudget(bars, share, (*notes, *told, *doubts))
+
+
+def _doubts(model: AntiOscillators, share: float) -> list[str]:
+    """Why the mesh is not good enough for the usual factor of safety; one sentence each."""
+    doubts = []
+    if share > COARSE:
+        doubts.append(
+            f"The errors of the strains hold {share:.0%} of the energy: the mesh is coarse, and "
+            "its bar is less certain."
+        )
+    patch = model.info.get("patch")
+    faces = float(patch.get("faces", 0.0)) if isinstance(patch, dict) else 0.0
+    if model.radius is not None and faces > RESOLVED * model.radius:
+        doubts.append(
+            f"The faces at the site measure {faces:.2g} m, more than its radius "
+            f"{model.radius:.2g} m: the patch is not resolved, and the mesh's bar is less certain."
+        )
     geometry = model.info.get("geometry")
-    return ErrorBudget(bars, share, (*notes, *told, *([geometry] if geometry else [])))
+    return [*doubts, geometry] if isinstance(geometry, str) else doubts
 
 
 def amplitudes(hit: History) -> Any:
@@ -130,9 +144,9 @@ def _patch(
     other = model.info.get("patch")
     if model.radius is None:
         return none, []
-    if not isinstance(other, dict) or model.local_compliance == 0:
+    if not isinstance(other, dict) or "compliance" not in other:
         return none, [NO_PATCH]
-    change = float(other.get("compliance", nan))
+    change = float(other["compliance"])
     local = max(model.local_compliance - abs(change), 0.0)
     softer = again(replace(model, local_compliance=local, strain_error=None), tol)
     changed = differences(raw, softer)

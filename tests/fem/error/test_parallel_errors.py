@@ -40,7 +40,7 @@ SCRIPT = """
             found.append([
                 *np.linalg.norm(model.strain_error, axis=0).tolist(),
                 part.comm.allreduce(float(cells)),
-                0.0 if patch is None else patch["compliance"],
+                patch["faces"], patch.get("compliance", 0.0),
             ])
     print(json.dumps(found))
 """

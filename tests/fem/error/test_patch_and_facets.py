@@ -67,4 +67,5 @@ def test_a_patch_near_an_edge_takes_a_smaller_second_radius():
 def test_plane_parts_have_no_half_space():
     part = ao.Structure(plate(), ao.Solid(**STEEL, plane="stress"), [ao.Support("left")])
     model = ao.extract(part, ao.Site((0.1, 0.06), (0, -1), radius=0.02), n=2, error="estimate")
-    assert model.info["patch"] is None
+    assert set(model.info["patch"]) == {"faces"}
+    assert model.info["patch"]["faces"] == pytest.approx(0.025)

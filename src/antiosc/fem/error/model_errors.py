@@ -8,7 +8,7 @@ from dataclasses import replace
 from antiosc.errors import InputError
 from antiosc.fem.error.estimator import estimator
 from antiosc.fem.error.facets import faceted
-from antiosc.fem.error.patch import second_radius
+from antiosc.fem.error.patch import patch_of
 from antiosc.fem.site.site import Functional
 from antiosc.fem.structure.structure import Structure, on_mesh
 from antiosc.models.anti_oscillators import AntiOscillators
@@ -31,7 +31,7 @@ class ModelErrors:
         started = time.perf_counter()
         assert model.shapes is not None
         model = replace(model, strain_error=self._errors.gram(model.shapes))
-        model.info["patch"] = second_radius(self._structure, site)
+        model.info["patch"] = patch_of(self._structure, site)
         if self._geometry:
             model.info["geometry"] = self._geometry
         model.info["seconds"]["error"] = time.perf_counter() - started

@@ -20,25 +20,29 @@ RADII = (np.sqrt(2.0), np.sqrt(0.5))
 WHOLE = 0.99
 
 
-def second_radius(structure: Structure, site: Functional) -> dict[str, float] | None:
-    """{"radius": of a second patch [m], "compliance": change of the compliance [m/N]}.
+def patch_of(structure: Structure, site: Functional) -> dict[str, float] | None:
+    """What a budget must know of a site's patch, JSON values; None for a point.
 
-    The change is that of the part beyond the half-space. None for a site without a half-space.
+    "faces" is the size of the faces under it [m]. Where the patch has a half-space, "radius" is
+    that of a second patch [m], and "compliance" the change of the part's compliance beyond the
+    half-space [m/N].
     """
-    if site.radius is None or not site.local_compliance:
+    if site.radius is None:
         return None
     assert site.point is not None
     assert site.direction is not None  # where there is a patch
-    count = len(RADII)
-    points, directions = (np.tile(v, (count, 1)) for v in (site.point, site.direction))
-    found = located(on_mesh(structure), points, directions, site.radius * np.array(RADII))
+    radii = site.radius * np.array([1.0, *RADII])
+    points, directions = (np.tile(v, (len(radii), 1)) for v in (site.point, site.direction))
+    found = located(on_mesh(structure), points, directions, radii)
+    facts = {"faces": float(found.size[0])}
     whole = np.flatnonzero((found.share >= WHOLE) & (found.local > 0))
-    if not len(whole):
-        return None
+    whole = whole[whole > 0]
+    if not site.local_compliance or not len(whole):
+        return facts
     at = int(whole[0])
     b = found.loads[:, at].toarray().ravel()
     # bᵀA⁻¹b of both is a difference of two squares: one solve, without cancellation
     apart = structure.factorize().solve_checked((b - site.b)[:, None])[:, 0]
     change = float(dot(structure.comm, apart, b + site.b))
     change -= float(found.local[at]) - site.local_compliance
-    return {"radius": float(found.radii[at]), "compliance": change}
+    return {**facts, "radius": float(found.radii[at]), "compliance": change}

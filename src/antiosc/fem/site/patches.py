@@ -19,8 +19,9 @@ from antiosc.fem.linalg import algebra
 from antiosc.fem.mesh.surface import Contact, Faces
 from antiosc.fem.structure.meshed import MeshedStructure
 
-#: Rings of a disc's rule beside those that its cells ask for, and the most there may be.
-RINGS, MOST_RINGS = 4, 24
+#: Rings of a disc's rule beside those that its cells ask for, and the most there may be by the
+#: dimension of the faces: with fewer the cells below would feel single forces.
+RINGS, MOST_RINGS = 4, {1: 500, 2: 60}
 #: A surface that rises by less than this share of the radius is flat; it may rise by the second.
 FLAT_RISE, MOST_RISE = 1e-6, 0.5
 #: Points of patches that are worked on at a time.
@@ -78,7 +79,8 @@ def patches(faces: Faces, points: Array, radii: Array, contact: Contact) -> tupl
     weights are scaled to a unit force.
     """
     size = np.where(np.isfinite(contact.smallest), contact.smallest, radii)
-    rings = np.minimum(RINGS + np.ceil(4 * radii / size - 1e-6), MOST_RINGS).astype(int)
+    rings = np.minimum(RINGS + np.ceil(4 * radii / size - 1e-6), MOST_RINGS[faces.dim])
+    rings = rings.astype(int)
     flat = contact.rise <= FLAT_RISE * radii  # then few faces come into question for a point
     share = np.zeros(len(points))
     found = []
