@@ -155,6 +155,9 @@ def along(body: Placed, site: str, direction: Array | None, end: str) -> Array:
         row[columns[0]] = 1.0
         return row
     known = body.directions[columns]
+    if len(columns) == 1 and (known[0] == direction).all():
+        row[columns[0]] = 1.0
+        return row
     parts, *_ = np.linalg.lstsq(known.T, direction, rcond=None)
     found = known.T @ parts
     if np.linalg.norm(found) < PARALLEL or found @ direction < PARALLEL * np.linalg.norm(found):

@@ -249,21 +249,23 @@ def difference(coarse: Run, fine: Run, p: int, tol: float) -> tuple[float, float
 
     Up to the end of the shorter run.
     """
-    time = np.union1d(coarse.time, fine.time)
+    time = np.concatenate((coarse.time, fine.time))
+    time.sort()
     time = time[time <= min(coarse.time[-1], fine.time[-1])]
     a, b = parabolas(coarse, time, p), parabolas(fine, time, p)
     weight = np.zeros(time.size)
     step = np.diff(time)
     weight[:-1] += step / 2
     weight[1:] += step / 2
-    gap = weight @ (a - b) ** 2
+    apart = (a - b) ** 2
+    gap = weight @ apart
     size = float((weight @ b**2).sum())
     if size == 0.0:
         same = not np.any(a)
         return (0.0, 0.0, float(time[-1])) if same else (1.0, 1.0, 0.0)
     top = float(np.abs(b).max())
     # how much of the norm the difference has used up as time goes on
-    used = np.cumsum(weight * ((a - b) ** 2).sum(axis=1))
+    used = np.cumsum(weight * apart.sum(axis=1))
     beyond = np.flatnonzero(np.sqrt(used / size) > tol)
     certain = float(time[beyond[0]]) if beyond.size else float(time[-1])
     return (
@@ -278,8 +280,9 @@ def parabolas(run: Run, time: Array, p: int) -> Array:
     starts = run.time[::2]
     if starts.size < 2:
         return np.zeros((time.size, p))
-    i = np.clip(np.searchsorted(starts, time, side="right") - 1, 0, starts.size - 2)
-    span = starts[i + 1] - starts[i]
-    u = (np.clip((time - starts[i]) / np.where(span > 0, span, 1.0), 0.0, 1.0))[:, None]
-    f0, f1, f2 = (run.force[2 * i + k, :p] for k in range(3))
-    return np.asarray(f0 * (1 - u) * (1 - 2 * u) + 4 * f1 * u * (1 - u) + f2 * u * (2 * u - 1))
+    i = np.searchsorted(starts[1:-1], time, side="right")
+    since, span = time - starts[i], np.diff(starts)[i]
+    u = np.divide(since, span, out=np.zeros(time.size), where=span > 0)[:, None]
+    u = np.minimum(np.maximum(u, 0.0), 1.0)
+    f0, f1, f2 = (run.force[k::2, :p][i] for k in range(3))
+    return np.asarray(f0 + u * ((4 * f1 - 3 * f0 - f2) + 2 * u * (f0 - 2 * f1 + f2)))
