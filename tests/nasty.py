@@ -49,7 +49,7 @@ INNER = {
 RESULTS = {
     *("Advice", "Batch", "BeamModes", "Energy", "History", "ImpactMap"),
     *("BodyHistory", "ContactHistory", "SceneHistory", "StructureModes"),
-    *("ShockSpectrum", "Spectrum", "PeakField", "Reactions", "BodyEnergy"),
+    *("ShockSpectrum", "Spectrum", "PeakField", "Reactions", "BodyEnergy", "NamedImpactor"),
 }
 #: Where NaN stands for "no such number", as the documentation says.
 NONE_IS_NAN = {"restitution", "error"}
@@ -342,6 +342,9 @@ OWN: dict[str, dict[str, Any]] = {
         "where": [(0.1, 0.1, 0.02)], "direction": (0, 0, -1), "radius": 0.05, "n": 2, "modes": 4,
     },
     "Site": {"point": (0.1, 0.1, 0.02), "direction": (0, 0, -1), "radius": 0.05},
+    "named_impactor": {"name": "steel ball", "velocity": 1.0, "diameter": 0.05},
+    "RigidMass.hertz": {"self": lambda: ao.RigidMass(0.1, tip_radius=0.01, E=1e9, nu=0.3)},
+    "Sphere": {"rho": 7850.0},
     "reactions": {"site": place}, "body_energy": {"body": "impactor"},
     "srs": {"t": [0.0, 1e-3, 2e-3], "a": [0.0, 1.0, 0.0], "frequencies": [1e2, 1e3]},
     "spectrum": {"t": [0.0, 1e-3, 2e-3], "x": [0.0, 1.0, 0.0]},

@@ -183,6 +183,11 @@ from antiosc.simulation.impactors import (
     RigidMass as RigidMass,
     Sphere as Sphere,
 )
+from antiosc.simulation.named_impactors import (
+    IMPACTORS as IMPACTORS,
+    NamedImpactor as NamedImpactor,
+    named_impactor as named_impactor,
+)
 from antiosc.simulation.scene import (
     Base as Base,
     Contact as Contact,

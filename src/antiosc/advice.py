@@ -116,7 +116,8 @@ def advise(
     """
     length, width, thickness, material = _measures(part, E, nu, rho)
     E, nu, rho = material
-    if not hasattr(impactor, "hertz"):
+    radius = getattr(impactor, "radius", None) or getattr(impactor, "tip_radius", None)
+    if not hasattr(impactor, "hertz") or radius is None:
         raise InputError(
             "advise needs an impactor with its own contact law, such as a Sphere; got "
             f"{checks.shown(impactor)}."
@@ -126,7 +127,7 @@ def advise(
     depth = (1.25 * impactor.mass * speed**2 / stiffness) ** 0.4
     time = HERTZ_TIME * depth / speed
     reduced = effective_modulus(E, nu, impactor.E, impactor.nu)
-    contact = (0.75 * stiffness * depth**1.5 * impactor.radius / reduced) ** (1 / 3)
+    contact = (0.75 * stiffness * depth**1.5 * radius / reduced) ** (1 / 3)
     frequency = BAND_TIMES_PULSE / time
     bending = E * thickness**3 / (12 * (1 - nu**2))
     lam = zener.inelasticity(impactor.mass, speed, stiffness, bending, rho * thickness)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import inf, pi, sqrt
 
 import numpy as np
@@ -17,10 +17,23 @@ from antiosc.models.motion import Motion
 
 @dataclass(frozen=True)
 class RigidMass(Body):
-    """A rigid mass [kg] that moves at `velocity` [m/s], > 0 toward the structure."""
+    """A rigid mass that moves along the direction of impact.
+
+    Parameters
+    ----------
+    mass : float
+        [kg].
+    velocity : float
+        [m/s], > 0 toward the structure.
+    tip_radius : float, optional
+        Radius [m] of its spherical tip, and E, nu the constants of the tip [Pa]: for `hertz`.
+    """
 
     mass: float
     velocity: float = 0.0
+    tip_radius: float | None = field(default=None, kw_only=True)
+    E: float | None = field(default=None, kw_only=True)
+    nu: float | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         checks.store(
@@ -28,12 +41,31 @@ class RigidMass(Body):
             mass=checks.positive("mass", self.mass, "kg"),
             velocity=checks.number("velocity", self.velocity, "m/s"),
         )
+        for name, unit in (("tip_radius", "m"), ("E", "Pa")):
+            if getattr(self, name) is not None:
+                checks.store(self, **{name: checks.positive(name, getattr(self, name), unit)})
+        if self.nu is not None:
+            checks.store(self, nu=checks.poisson(self.nu))
+
+    def hertz(
+        self, E: float, nu: float, radii: float | tuple[float, float] = inf, angle: float = 0.0
+    ) -> Hertz:
+        """Hertz's law of its tip against a surface of modulus E [Pa], ratio nu and these radii.
+
+        InputError for a mass without tip_radius, E and nu.
+        """
+        if self.tip_radius is None or self.E is None or self.nu is None:
+            raise InputError(
+                "Hertz's law of a rigid mass needs its tip: RigidMass(mass, tip_radius=…, E=…, "
+                "nu=…); or give the law itself."
+            )
+        return Hertz.from_radii(self.tip_radius, self.E, self.nu, radii, E, nu, angle)
 
     def modal(self) -> ModalBody:
         return _rigid(self.mass)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, init=False)
 class Sphere(Body):
     """A solid elastic sphere without vibrations.
 
@@ -45,22 +77,38 @@ class Sphere(Body):
         Young's modulus [Pa], Poisson's ratio, density [kg/m^3].
     velocity : float
         [m/s], > 0 toward the structure.
+    mass : float
+        [kg], in place of rho.
     """
 
     radius: float
     E: float
     nu: float
     rho: float
-    velocity: float = 0.0
+    velocity: float
 
-    def __post_init__(self) -> None:
+    def __init__(
+        self,
+        radius: float,
+        E: float,
+        nu: float,
+        rho: float | None = None,
+        velocity: float = 0.0,
+        *,
+        mass: float | None = None,
+    ) -> None:
+        if (rho is None) == (mass is None):
+            raise InputError("a Sphere needs rho or mass, one of them.")
+        radius = checks.positive("radius", radius, "m")
+        if mass is not None:
+            rho = checks.positive("mass", mass, "kg") / (4 / 3 * pi * radius**3)
         checks.store(
             self,
-            radius=checks.positive("radius", self.radius, "m"),
-            E=checks.positive("E", self.E, "Pa"),
-            nu=checks.poisson(self.nu),
-            rho=checks.positive("rho", self.rho, "kg/m^3"),
-            velocity=checks.number("velocity", self.velocity, "m/s"),
+            radius=radius,
+            E=checks.positive("E", E, "Pa"),
+            nu=checks.poisson(nu),
+            rho=checks.positive("rho", rho, "kg/m^3"),
+            velocity=checks.number("velocity", velocity, "m/s"),
         )
 
     @property
