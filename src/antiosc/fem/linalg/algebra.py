@@ -109,6 +109,11 @@ def gathered(matrix: Any, root: int) -> scipy.sparse.csr_matrix | None:
     return _backend(matrix).gathered(matrix, root)
 
 
+def free_when_dropped(*matrices: Any) -> None:
+    """Have the memory of the matrices freed when nobody uses them any more. Collective."""
+    _backend(matrices[0]).free_when_dropped(*matrices)
+
+
 def declare_definite(matrix: Any) -> None:
     """Tell the back-end that the matrix is symmetric and positive definite."""
     _backend(matrix).declare_definite(matrix)

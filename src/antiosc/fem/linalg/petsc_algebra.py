@@ -11,6 +11,7 @@ from petsc4py import PETSc
 
 from antiosc._types import Array, IntArray
 from antiosc.errors import InputError
+from antiosc.fem.linalg import dropped
 
 #: Vectors from which a product of matrices is faster than one by one.
 BLOCK_PRODUCT_FROM = 4
@@ -180,3 +181,10 @@ def sum_of(K: PETSc.Mat, shift: float, M: PETSc.Mat) -> PETSc.Mat:
     if accurate is not None:
         A.setAttr(PRODUCT, lambda x: accurate(x) + shift * multiply(M, x))
     return A
+
+
+def free_when_dropped(*matrices: PETSc.Mat) -> None:
+    """Have the memory of the matrices freed when nobody uses them any more. Collective."""
+    dropped.free(communicator(matrices[0]))
+    for matrix in matrices:
+        dropped.watch(matrix)

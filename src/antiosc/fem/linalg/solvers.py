@@ -14,6 +14,7 @@ from petsc4py import PETSc
 from antiosc._types import Array
 from antiosc.errors import NotConvergedError, OutOfMemoryError
 from antiosc.fem.linalg.cholmod import Analysis, Cholesky, NotPositiveDefiniteError
+from antiosc.fem.linalg.dropped import watch
 from antiosc.fem.linalg.forecast import Forecast, best_ordering, count
 from antiosc.fem.linalg.petsc_algebra import csr, dense, lower
 from antiosc.fem.linalg.solver import SINGULAR, Factorization, Solver
@@ -62,6 +63,7 @@ class PetscSolver(Solver):
 
     def _set_up(self) -> None:
         self._ksp = PETSc.KSP().create(self.A.getComm())
+        watch(self._ksp)
         self._ksp.setOperators(self.A)
         self._ksp.setOptionsPrefix(f"antiosc_{id(self)}_")
         try:

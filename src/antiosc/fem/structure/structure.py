@@ -236,6 +236,7 @@ class Structure:
         """Set the attributes of a structure whose assembly began at `started`."""
         self.matrices = matrices
         self.K, self.M = matrices.K, matrices.M
+        algebra.free_when_dropped(self.K, self.M)
         self.fixed, self.rigid_modes = matrices.fixed, matrices.rigid_modes
         owned = int((self.fixed < self.rows).sum())
         self.dofs = self.size - self.comm.allreduce(owned)
@@ -287,6 +288,7 @@ class Structure:
 
     def _solver_of(self, shift: float) -> Solver:
         A = algebra.sum_of(self.K, shift, self.M)
+        algebra.free_when_dropped(A)
         return solver_for(A, self.matrices.solver, lambda: self.matrices.rigid_motions)
 
     # -- what the matrices know of their dofs
