@@ -13,6 +13,7 @@ import antiosc as ao
 from antiosc.scene_file.json_schema import schema
 from antiosc.scene_file.parameters import parameters
 from antiosc.scene_file.sections import SECTIONS
+from paths import MESHES
 from scene_files import BEAM, FRAME, PROBE, SCENES, SWEEP, antiosc, numbers, written
 
 
@@ -236,3 +237,68 @@ def test_warnings_are_told_and_kept(tmp_path, capsys):
     assert antiosc("run", written(tmp_path, text), "--out", tmp_path / "out") == 0
     assert "The run ends during contact" in capsys.readouterr().err
     assert "The run ends during contact" in numbers(tmp_path / "out")["warnings"][0]
+
+
+STRIKE = f"""\
+[geometry]
+source = "{MESHES}/bracket.msh"
+order = 1
+[material]
+kind = "Solid"
+E = 70e9
+nu = 0.33
+rho = 2700
+[structure]
+order = 1
+[[supports]]
+where = "clamp"
+[sites.eye]
+point = [0.020, 0.040, 0.075]
+direction = [-0.2, -0.6, -0.8]
+radius = 4e-3
+snap = true
+[impactor]
+kind = "RigidMass"
+mass = 0.03
+velocity = 2.0
+[contact]
+kind = "Hertz"
+stiffness = 1e9
+[strike]
+duration = 3e-4
+tol = 0.5
+"""
+
+
+@pytest.mark.fem
+def test_a_strike_takes_what_the_scene_says(tmp_path, capsys):
+    """Its mesh is chosen where nothing but a mesh says what is struck; else the structure is."""
+    pytest.importorskip("dolfinx")
+    assert antiosc("run", written(tmp_path, STRIKE), "--python") == 0
+    assert "history = ao.strike(\n    structure,\n    ao.Site(" in capsys.readouterr().out
+    bare = STRIKE.replace("order = 1\n", "").replace("[structure]\n", "")
+    assert antiosc("run", written(tmp_path, bare), "--python") == 0
+    told = capsys.readouterr().out
+    assert f'history = ao.strike(\n    "{MESHES}/bracket.msh",' in told
+    assert "material=ao.Solid(" in told
+    assert 'supports=[ao.Support(where="clamp")]' in told
+    assert "structure" not in told
+    assert antiosc("check", written(tmp_path, f"{STRIKE}[simulate]\nduration = 1e-3\n")) == 1
+    assert "[strike] chooses what [simulate] says" in capsys.readouterr().err
+    assert antiosc("check", written(tmp_path, f"{bare}[probes.a]\npoint = [0, 0, 0]\n")) == 1
+    assert "whose mesh [strike] chooses" in capsys.readouterr().err
+
+
+@pytest.mark.fem
+@pytest.mark.slow
+def test_a_strike_has_its_error_budget(tmp_path, capsys):
+    pytest.importorskip("dolfinx")
+    text = STRIKE + "[output]\ncsv = false\n"
+    written_to = ("--out", tmp_path, "--report", tmp_path / "r.html")
+    assert antiosc("run", written(tmp_path, text), *written_to) == 0
+    budget = numbers(tmp_path)["result"]["error_budget"]["peak_force"]
+    assert 0 < budget["mesh"] <= budget["total"] < 1
+    assert "± " in capsys.readouterr().out
+    page = (tmp_path / "r.html").read_text()
+    assert "Error budget" in page
+    assert f"{100 * budget['total']:.2g} %" in page

@@ -11,7 +11,7 @@ from antiosc.scene_file.result_tables import lines
 from antiosc.scene_file.run import Results, results
 from antiosc.scene_file.scene import Compiled
 from antiosc.simulation.impact_band import BAND_OVER_PULSE, impact_band
-from antiosc.simulation.simulate import COARSEST
+from antiosc.simulation.simulate import COARSEST, DEFAULT_TOL
 
 #: Anti-oscillators where a scene does not say how many, as `extract` takes them.
 DEFAULT = 20
@@ -75,17 +75,22 @@ def _of_model(scene: Compiled, found: Results) -> list[tuple[str, str]]:
 def _of_impact(scene: Compiled, found: Results) -> list[tuple[str, str]]:
     asked = scene.document.data.get("simulate", {})
     rows = []
+    if "strike" in scene.document.data:
+        tol = scene.document.data["strike"].get("tol")
+        rows.append(("mesh, model, step", f"chosen while it runs, for an error of {tol:g}"))
     try:
         band = impact_band(found.impactor, found.contact)
     except AntioscError as error:
         rows.append(("contact time", f"not forecast: {error}"))
         return rows
     time = BAND_OVER_PULSE * pi / band
-    step = asked.get("step", time / COARSEST)
     rows.append(("contact time", f"at least {time:.3g} s, that on a rigid wall"))
     rows.append(("band of the impact", f"up to {band / (2 * pi):.3g} Hz"))
-    how = "given" if "step" in asked else f"halved until tol = {asked.get('tol', 1e-3):g} is met"
-    rows.append(("step", f"{step:.3g} s, {how}"))
+    if "strike" not in scene.document.data:
+        step = asked.get("step", time / COARSEST)
+        tol = asked.get("tol", DEFAULT_TOL)
+        how = "given" if "step" in asked else f"halved until tol = {tol:g} is met"
+        rows.append(("step", f"{step:.3g} s, {how}"))
     impacts = len(next(iter(scene.varied.values()), [0]))
     if impacts > 1:
         rows.append(("sweep", f"{impacts} impacts"))

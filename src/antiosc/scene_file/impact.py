@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+from antiosc.scene_file import struck
 from antiosc.scene_file.build import KIND
 from antiosc.scene_file.locations import Place
 from antiosc.scene_file.parameters import parameters, resolved
@@ -20,7 +21,7 @@ STRUCTURE = "structure"
 
 def simulation(tables: Tables, source: str) -> tuple[list[Statement], Statement | None]:
     """Statements that pose the impact, and the one that makes `history`."""
-    single = [n for n in ("impactor", "contact", "simulate") if n in tables.data]
+    single = [n for n in ("impactor", "contact", "simulate", "strike") if n in tables.data]
     many = [n for n in ("contacts", "bodies", "run") if n in tables.data]
     for name in ("scene", "loads", "base", "motion"):
         if name in tables.data and not many:
@@ -35,10 +36,10 @@ def simulation(tables: Tables, source: str) -> tuple[list[Statement], Statement 
         )
     if many:
         return _scene(tables, source)
-    return _impact(tables) if single else ([], None)
+    return _impact(tables, source) if single else ([], None)
 
 
-def _impact(tables: Tables) -> tuple[list[Statement], Statement | None]:
+def _impact(tables: Tables, source: str) -> tuple[list[Statement], Statement | None]:
     for name in ("impactor", "contact"):
         if name not in tables.data:
             tables.problems.add(
@@ -47,10 +48,30 @@ def _impact(tables: Tables) -> tuple[list[Statement], Statement | None]:
     impactor = tables.table("impactor")
     contact = tables.table("contact", on=own_laws("impactor", tables.data.get("impactor")))
     strike = [Statement("impactor", impactor), Statement("contact", contact)]
+    if "strike" in tables.data:
+        return strike, _strike(tables, source)
     names = {"*model": "model", "*impactor": "impactor", "*contact": "contact"}
     given = {key: Name(name) for key, name in names.items()}
     call = tables.table("simulate", given=given)
     return strike, None if call is None else Statement("history", call)
+
+
+def _strike(tables: Tables, source: str) -> Statement | None:
+    """The impact to a tolerance."""
+    for name in ("simulate", "extract"):
+        if name in tables.data:
+            tables.problems.add(
+                (name,), f"[strike] chooses what [{name}] says; keep one of the two."
+            )
+    sites = tables.named("sites")
+    if len(tables.part(tables.data, "sites", dict)) != 1 or source in ("", "model"):
+        tables.problems.add(("strike",), "[strike] needs a structure and one site, [sites.NAME].")
+        return None
+    given = {**struck.to_strike(tables, source), "*site": next(iter(sites.values()), None)}
+    given |= {"*impactor": Name("impactor"), "*contact": Name("contact")}
+    order = ["*source", "*site", "*impactor", "*contact", "material", "supports"]
+    call = tables.table("strike", given={key: given[key] for key in order if key in given})
+    return None if call is None else Statement("history", call)
 
 
 def own_laws(variable: str, table: Any) -> dict[str, tuple[str, Name]]:

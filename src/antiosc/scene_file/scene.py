@@ -16,6 +16,9 @@ from antiosc.scene_file.read import Document
 from antiosc.scene_file.sections import SECTIONS
 from antiosc.scene_file.tables import Tables
 
+#: Sections that make a history.
+SIMULATED = {"simulate", "run", "strike"}
+
 
 @dataclass(frozen=True)
 class Compiled:
@@ -72,6 +75,8 @@ class Compiled:
         statements = [*self.structure, *self.model, *self.strike]
         if self.simulation is not None:
             statements.append(self.simulation)
+            if self.simulation.expression.function == "ao.strike":
+                statements.append(Statement("model", Name("history.model")))
             told.append("history.summary()")
         if self.probes:
             statements.append(Statement("probes", dict(self.probes)))
@@ -101,7 +106,13 @@ def compiled(document: Document) -> Compiled:
 def _probes(tables: Tables, source: str) -> dict[str, Call]:
     given = {"*structure": Name("structure"), "*history": Name("history")}
     probes = tables.named("probes", given=given)
-    if probes and (source in ("", "model") or not {"simulate", "run"} & set(tables.data)):
+    if probes and struck.refined(tables, source):
+        tables.problems.add(
+            ("probes",),
+            "[probes] need the structure of the scene, whose mesh [strike] chooses:"
+            " give [simulate], or the mesh as [structure] takes it.",
+        )
+    elif probes and (source in ("", "model") or not SIMULATED & set(tables.data)):
         tables.problems.add(
             ("probes",), "[probes] need a structure of this scene and its simulation."
         )

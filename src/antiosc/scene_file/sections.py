@@ -182,6 +182,12 @@ SECTIONS: dict[str, Section] = {
         "the impact of the impactor",
         given=("model", "impactor", "contact"),
     ),
+    "strike": Section(
+        "table",
+        _only("strike"),
+        "the impact to a tolerance, for which mesh, model and step are chosen",
+        given=("source", "site", "impactor", "contact", "material", "supports"),
+    ),
     "bodies": Section("named", bodies, "bodies of a scene of several contacts"),
     "contacts": Section("list", _only("Contact"), "contacts between the sites of bodies"),
     "loads": Section("list", _only("Load"), "forces in time"),

@@ -67,7 +67,30 @@ def _single(tables: Tables, source: str) -> list[Statement]:
     if source == "deck":
         return [Statement("structure", _deck(tables, tables.data, ()))]
     mesh, structure = _meshed(tables, tables.data, (), Name("mesh"))
+    if refined(tables, source):
+        return [Statement("mesh", mesh)] if set(tables.data["geometry"]) != {"source"} else []
     return [Statement("mesh", mesh), Statement("structure", structure)]
+
+
+def refined(tables: Tables, source: str) -> bool:
+    """Whether the mesh is chosen by [strike]: not where the structure has more than a mesh."""
+    return (
+        source == "geometry"
+        and "strike" in tables.data
+        and not ({"attached", "structure"} & set(tables.data))
+    )
+
+
+def to_strike(tables: Tables, source: str) -> dict[str, Any]:
+    """What [strike] takes: a structure, or a file or mesh with material and supports."""
+    if not refined(tables, source):
+        return {"*source": Name("structure")}
+    read = tables.table("geometry")
+    alone = read is not None and set(read.arguments) == {"source"}
+    place: Any = read.arguments["source"] if alone and read is not None else Name("mesh")
+    given = {"*source": place, "material": material(tables, tables.data, ())}
+    supports = tables.listed("supports")
+    return {**given, "supports": supports} if supports else given
 
 
 def _deck(tables: Tables, data: Mapping[str, Any], place: Place) -> Call | None:
@@ -85,7 +108,7 @@ def _meshed(
 ) -> tuple[Call | None, Call | None]:
     """The mesh and the structure of a part; `mesh` stands for it in the structure."""
     read = tables.table("geometry", data, place)
-    given = {"*mesh": mesh or read, "*material": _material(tables, data, place)}
+    given = {"*mesh": mesh or read, "*material": material(tables, data, place)}
     given |= _supported(tables, data, place)
     section = SECTIONS["structure"]
     options = tables.part(data, "structure", dict)
@@ -95,7 +118,7 @@ def _meshed(
     return read, made
 
 
-def _material(tables: Tables, data: Mapping[str, Any], place: Place) -> Any:
+def material(tables: Tables, data: Mapping[str, Any], place: Place) -> Any:
     """One material, or a table of them by groups of cells."""
     table, section = data.get("material"), SECTIONS["material"]
     if not isinstance(table, dict):
@@ -183,7 +206,7 @@ def model(tables: Tables, source: str, sites: Mapping[str, Call]) -> list[Statem
     if source == "model":
         return [Statement("model", tables.table("model"))]
     needed = bool({"extract", "simulate", "contacts", "run", "sweep"} & set(tables.data))
-    if not source or not (needed or sites):
+    if not source or "strike" in tables.data or not (needed or sites):
         return []
     given_sites = tables.data.get("sites")
     if not given_sites:

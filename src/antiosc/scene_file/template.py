@@ -94,6 +94,11 @@ nu = 0.3
 duration = 1e-3     # s
 # tol = 1e-3        # relative error of the force
 
+# [strike] in place of [extract] and [simulate] chooses mesh, model and step for an error:
+# [strike]
+# duration = 1e-3
+# tol = 0.05        # largest relative error of peak force, impulse and contact time
+
 # A scene of several bodies has, in place of [impactor], [contact] and [simulate]:
 # [bodies.NAME], [[contacts]], [run], and [scene], [motion.NAME], [[loads]], [base] where needed.
 
