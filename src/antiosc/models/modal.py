@@ -78,6 +78,13 @@ class Damping:
         }
 
 
+def as_damping(value: Any) -> Damping | None:
+    """A Damping of itself, of one ratio or of the ratios of the modes; None for None."""
+    if value is None or isinstance(value, Damping):
+        return value
+    return Damping(ratio=value)
+
+
 @dataclass(frozen=True, eq=False)
 class ModalBody:
     """A linear body in free modes (see the module's equations).

@@ -46,8 +46,10 @@ def refuse_dampers(structure: Structure, what: str) -> None:
         )
 
 
-def damped(structure: Structure, model: AntiOscillators) -> AntiOscillators:
-    """The model with the damping that the structure's dampers give to its free modes.
+def damped(
+    structure: Structure, model: AntiOscillators, given: Damping | None = None
+) -> AntiOscillators:
+    """The model with the damping `given`, or that of the structure's dampers in its free modes.
 
     Raises
     ------
@@ -56,6 +58,9 @@ def damped(structure: Structure, model: AntiOscillators) -> AntiOscillators:
     InputError
         A damper brakes a rigid-body motion; a model without shapes.
     """
+    m = None if model.sites else model.m
+    if given is not None:
+        return replace(model, m=m, damping=given)
     dampers = structure.matrices.dampers()
     if not dampers:
         return model
@@ -86,7 +91,6 @@ def damped(structure: Structure, model: AntiOscillators) -> AntiOscillators:
         )
     ratio = D.diagonal() / (2 * omega)
     model.info["damper_coupling"] = coupling
-    m = None if model.sites else model.m
     return replace(model, m=m, damping=Damping(ratio=np.maximum(ratio, 0.0).tolist()))
 
 

@@ -16,7 +16,7 @@ from antiosc.errors import AccuracyError, InputError
 from antiosc.fem import mpi
 from antiosc.fem.error.model_errors import ModelErrors
 from antiosc.fem.extraction.body_inertia import inertia_of, uniform_inertia
-from antiosc.fem.extraction.dampers import damped
+from antiosc.fem.extraction.dampers import damped, refuse_dampers
 from antiosc.fem.extraction.eigenmodes import Modes, ModeSolver
 from antiosc.fem.extraction.krylov import by_krylov
 from antiosc.fem.extraction.oscillators import (
@@ -48,6 +48,7 @@ from antiosc.fem.site.site import Functional, Site
 from antiosc.fem.structure.structure import Structure
 from antiosc.models import driving_point as bands
 from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.modal import Damping, as_damping
 from antiosc.threads import one_thread
 
 #: Bytes of basis vectors of the sites that are processed at once.
@@ -70,6 +71,7 @@ def extract(
     accuracy: float = 1e-3,
     shapes: bool = True,
     error: ErrorWish = None,
+    damping: float | Sequence[float] | Damping | None = None,
 ) -> Any:
     """The anti-oscillator model of a structure at a site, or at several.
 
@@ -105,6 +107,9 @@ def extract(
         Estimate what the mesh leaves out: the model gets its `strain_error`, so that `corrected()`
         and the `error_budget` of a `simulate` are available. Solids, no named sites. It takes no
         further solve.
+    damping : float, sequence of float, or Damping, optional
+        Damping ratio of all elastic free modes of the model, ratios of the modes in ascending order
+        (the last one for all higher modes), or a `Damping`.
 
     Returns
     -------
@@ -132,6 +137,9 @@ def extract(
     names = list(site) if isinstance(site, Mapping) else []
     flag("shapes", shapes)
     wish = checked_wish(structure, n, method, tol, band, accuracy, error)
+    given = as_damping(damping)
+    if given is not None:
+        refuse_dampers(structure, "damping=")
     errors = None if error is None else ModelErrors(structure, len(names))
     started = time.perf_counter()
     targets = functionals(structure, sites)
@@ -142,7 +150,7 @@ def extract(
         spent -= structure.seconds["factorization"]
     if names:
         named = {n: [one, *one.across] for n, one in zip(names, targets, strict=True)}
-        return damped(structure, of_several_sites(structure, named, wish, shapes))
+        return damped(structure, of_several_sites(structure, named, wish, shapes), given)
     models: list[AntiOscillators] = []
     width = _together(structure, wish)
     for first in range(0, len(targets), width):
@@ -150,7 +158,7 @@ def extract(
         models += _extracted(structure, some, wish, shapes, spent, errors)
         if len(targets) > width:
             log.info("extracted %d of %d sites", len(models), len(targets))
-    models = [damped(structure, model) for model in models]
+    models = [damped(structure, model, given) for model in models]
     return models[0] if isinstance(site, Site) else models
 
 

@@ -7,7 +7,8 @@ which is the finite-element model in other coordinates.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any
 
@@ -32,7 +33,7 @@ from antiosc.fem.structure.structure import Structure
 from antiosc.models.body import Body
 from antiosc.models.driving_point import UNOBSERVABLE, shares_of_receptance
 from antiosc.models.free_modes import RESIDUAL_ROUNDING
-from antiosc.models.modal import ModalBody
+from antiosc.models.modal import Damping, ModalBody, as_damping
 from antiosc.models.motion import Inertia
 from antiosc.threads import one_thread
 
@@ -53,6 +54,7 @@ class NaturalModes(Body):
     inertia : momentum (h + n, 6) of h hidden rigid-body motions and of the modes, or None.
     hidden : mass-normalised shapes of those, shape (rows, h), or None.
     local_compliance, radius : of the site's patch, as in `AntiOscillators`.
+    damping : Damping of the modes, or None.
     info : facts of the extraction.
     """
 
@@ -67,6 +69,7 @@ class NaturalModes(Body):
     hidden: Array | None = None
     local_compliance: float = 0.0
     radius: float | None = None
+    damping: Damping | None = None
     info: dict[str, Any] = field(default_factory=dict)
 
     @property
@@ -99,10 +102,12 @@ class NaturalModes(Body):
         if self.r > 0:  # the massless deflection is one more shape, its amplitude the force
             basis = (*basis, self.residual[:, None])
             shape, residual = np.eye(size + 1, size), np.eye(size + 1)[size]
+        omega = np.append(none, self.omega)
         return ModalBody(
-            np.append(none, self.omega),
+            omega,
             np.append(none, self.b),
             self.r,
+            decay=None if self.damping is None else self.damping.decay(omega),
             weight=weight,
             shape=shape,
             residual=residual,
@@ -120,7 +125,12 @@ class NaturalModes(Body):
 @within_range
 @one_thread()
 def superposition(
-    structure: Structure, site: Site, n: int, *, static_correction: bool = False
+    structure: Structure,
+    site: Site,
+    n: int,
+    *,
+    static_correction: bool = False,
+    damping: float | Sequence[float] | Damping | None = None,
 ) -> NaturalModes:
     """The first n natural modes that move the site, the rigid-body mode included.
 
@@ -133,6 +143,8 @@ def superposition(
         counted, equal frequencies count once.
     static_correction : bool
         Add the static compliance of the truncated modes (a massless contact point).
+    damping : float, sequence of float, or Damping, optional
+        As in `extract`.
 
     Raises
     ------
@@ -142,6 +154,7 @@ def superposition(
     _check_arguments(structure, site)
     n = whole("n", n)
     flag("static_correction", static_correction)
+    given = as_damping(damping)
     if n > structure.dofs:
         raise InputError(f"n must be at most the structure's {structure.dofs} dofs; got {n}.")
     where = functional(structure, site)
@@ -163,14 +176,22 @@ def superposition(
     kept = Modes(seen.omega[:n], seen.phi[:, :n], len(seen.omega) <= n)
     all_kept = kept.complete and len(modes.omega) == solver.limit
     correction = static_correction and not all_kept
-    return _model(structure, site, where, static, kept, correction, "superposition")
+    model = _model(structure, site, where, static, kept, correction, "superposition")
+    return replace(model, damping=given)
 
 
 @collective()
 @within_range
 @one_thread()
-def full(structure: Structure, site: Site) -> NaturalModes:
+def full(
+    structure: Structure,
+    site: Site,
+    *,
+    damping: float | Sequence[float] | Damping | None = None,
+) -> NaturalModes:
     """The unreduced model: all natural modes; dofs without mass give a residual compliance.
+
+    `damping` as in `extract`.
 
     Raises
     ------
@@ -184,13 +205,15 @@ def full(structure: Structure, site: Site) -> NaturalModes:
             f"most {DENSE_MANY} dofs; got {structure.dofs} on {structure.comm.size} rank(s): use a "
             "coarser mesh, or superposition() or extract() with a growing n."
         )
+    given = as_damping(damping)
     where = functional(structure, site)
     static = static_mode(structure, where)
     solver = ModeSolver(structure)
     modes = solver.lowest(structure.dofs)
     seen = _seen(structure, where, static, modes)
     massless = len(modes.omega) < solver.limit  # such motions have no mode, but a compliance
-    return _model(structure, site, where, static, seen, massless, "full")
+    model = _model(structure, site, where, static, seen, massless, "full")
+    return replace(model, damping=given)
 
 
 def _check_arguments(structure: Structure, site: Site) -> None:
