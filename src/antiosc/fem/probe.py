@@ -33,8 +33,9 @@ QUANTITIES = (
 )
 #: Which time derivative of the coordinates a quantity is made of.
 DERIVATIVES = {"velocity": 1, "acceleration": 2}
-#: Points of a strain gauge along its length (Gauss–Legendre).
-GAUGE_POINTS = 5
+#: Points of a strain gauge along its length (Gauss–Legendre): an even number, since the middle of a
+#: gauge often lies between two cells, whose strains differ.
+GAUGE_POINTS = 6
 #: Distance of a gauge from the structure, over its length, that is taken as lying on it.
 OFF_GAUGE = 0.05
 
