@@ -218,3 +218,20 @@ def test_motion_between_the_nodes_is_exact() -> None:
     np.testing.assert_allclose(same.v, nodes.v, atol=1e-9)
     with pytest.raises(ao.InputError, match="must lie within the run"):
         hit.at([0.03])
+
+
+def test_what_damped_modes_lose_is_known_over_long_steps() -> None:
+    """A fast mode swings many times in a step while a soft contact rises slowly."""
+    body = ao.SiteModes([100.0, 2e4], [[1.0], [0.02]], ("tip",), decay=[1.0, 40.0])
+    law, load = ao.Power(1e3, 1.5), ao.Load("body:tip", [0, 0.02, 0.04], [0, 1.0, 0.2])
+    kick = ao.Load("body:tip", [0, 1e-4, 2e-4], [0, 1e3, 0])
+    scene = ao.Scene(
+        {"body": body, "stop": ao.Obstacle()},
+        [ao.Contact("stop", "body:tip", law)],
+        loads=[load, kick],
+    )
+    hit = scene.run(0.04, tol=1e-2)
+    assert hit["stop", "body:tip"].contact_time > 0.02
+    assert float(np.diff(hit.time).max()) * 2e4 > 2.0
+    assert hit.energy.dissipated[-1] > 0.05 * float(hit.energy.kinetic.max())
+    assert hit.energy.drift < 3e-5  # by the trapezoidal rule 1.3e-4

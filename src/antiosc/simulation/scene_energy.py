@@ -13,6 +13,7 @@ from antiosc.simulation.history import Energy
 from antiosc.simulation.scene_states import node_states, spans
 
 GAIN = 1e-3  # of the highest energy: a scene that gains more says so
+SHORT = 0.05  # phase of a mode over a step, below which the trapezoidal rule serves
 BALANCED = 5000  # nodes up to which the balance is always made
 
 
@@ -25,7 +26,7 @@ def balance(assembly: Assembly, run: Run, q: Array, v: Array) -> Energy:
     felt = acting - run.force @ a.G
     residual = felt @ a.r
     work = _work(a, run, q, v) if np.any(a.system.loads) else np.zeros(run.time.size - 1)
-    work, braked = _in_flight(a, run, v, kinetic + modal, work)
+    work, braked = _in_flight(a, run, q, v, kinetic + modal, work)
     if a.scene.loads:
         work = work + _path(acting, residual).sum(axis=1)
     return Energy(
@@ -64,7 +65,7 @@ def gained(a: Assembly, run: Run) -> float:
 
 
 def _in_flight(
-    a: Assembly, run: Run, v: Array, mechanical: Array, work: Array
+    a: Assembly, run: Run, q: Array, v: Array, mechanical: Array, work: Array
 ) -> tuple[Array, Array]:
     """Work (n,) of all modal loads since the start, and what the damping took.
 
@@ -73,17 +74,50 @@ def _in_flight(
     """
     if not (np.any(work) or np.any(a.system.decay)):
         return np.zeros(run.time.size), np.zeros(run.time.size)
-    power = np.sum(2 * a.system.decay * v**2, axis=1)
-    lost = np.diff(run.time) * (power[:-1] + power[1:]) / 2
+    damped = np.any(a.system.decay)
+    lost = _braked(a, run, q, v) if damped else np.zeros(run.time.size - 1)
     pressed = np.any(run.force != 0.0, axis=1)
     still = ~(pressed[:-1:2] | pressed[1::2] | pressed[2::2])
     flight = np.repeat(still, 2)
     change = np.diff(mechanical)
-    if np.any(a.system.decay):
+    if damped:
         lost = np.where(flight, work - change, lost)
     else:
         work = np.where(flight, change, work)
     return np.append(0.0, np.cumsum(work)), np.append(0.0, np.cumsum(lost))
+
+
+def _braked(a: Assembly, run: Run, q: Array, v: Array) -> Array:
+    """What the damping of the modes takes from node to node, (n - 1,), however long the steps.
+
+    The work of a modal force that is a parabola in time, less the gain of the mode: by parts it
+    needs the integrals of q and t q, which the equation of motion gives. They cancel for short
+    steps, for which the trapezoidal rule serves.
+    """
+    system, step = a.system, np.diff(run.time)[:, None]
+    f0, f1, f2 = run.force[:-2:2], run.force[1:-1:2], run.force[2::2]
+    h = step[::2] + step[1::2]
+    h = np.where(h > 0, h, 1.0)
+    slopes, bends = np.empty((2, step.size, run.force.shape[1]))
+    slopes[::2], slopes[1::2] = (4 * f1 - 3 * f0 - f2) / h, (f2 - f0) / h
+    bends[::2] = bends[1::2] = 4 * (f0 - 2 * f1 + f2) / h**2
+    load = a.load(run.time)
+    slope = np.diff(load, axis=0) / np.where(step > 0, step, 1.0) - slopes @ system.beta
+    bend = -bends @ system.beta
+    start = load[:-1] - run.force[:-1] @ system.beta
+    end = start + step * (slope + step * bend / 2)
+    x = np.where(system.omega > 0, system.omega, 1.0) ** 2
+    moved, sped = np.diff(q, axis=0), np.diff(v, axis=0)
+    given = step * (start + step * (slope / 2 + step * bend / 6))
+    area = (given - sped - 2 * system.decay * moved) / x
+    first = step**2 * (start / 2 + step * (slope / 3 + step * bend / 8))
+    first = (first - step * v[1:] + moved - 2 * system.decay * (step * q[1:] - area)) / x
+    energy = 0.5 * (v**2 + (system.omega * q) ** 2)
+    work = end * q[1:] - start * q[:-1] - slope * area - bend * first
+    power = 2 * system.decay * v**2
+    short = system.omega * step < SHORT
+    lost = np.where(short, step * (power[:-1] + power[1:]) / 2, work - np.diff(energy, axis=0))
+    return np.asarray(np.sum(np.where(system.decay > 0, lost, 0.0), axis=1))
 
 
 def _work(a: Assembly, run: Run, q: Array, v: Array) -> Array:
@@ -166,6 +200,8 @@ def _replay(
             begin = law.lost(state)
         if b < time.size - 1:
             stored[b] = damping[b] = 0.0
+    if not law.rate_dependent:
+        return stored, np.cumsum(plastic)
     return stored, np.cumsum(plastic) + _path(damping[:, None], depth[:, None])[:, 0]
 
 
