@@ -13,6 +13,7 @@ from paths import demo
 FEM = pytest.mark.fem
 #: demo -> an option and values that it cannot take
 BAD = {
+    "board_on_spacers": {"--size": ("0", "x"), "--height": ("-1",), "--n": ("0",)},
     "cholmod_or_mumps": {"--sizes": ("x", "0"), "--sites": ("0",), "--rounds": ("0",)},
     "composite_panel": {"--length": ("x", "-1", "nan", "0"), "--elements": ("1.5", "0")},
     "drop_on_corners": {"--height": ("0", "x"), "--n": ("0",), "--size": ("-1",)},
@@ -23,6 +24,7 @@ BAD = {
     "fuzz_scenes": {"--scenes": ("0", "x"), "--first": ("-1",), "--budget": ("0",)},
     "impact_map": {"--size": ("0", "x"), "--radius": ("-1",), "--check": ("-1",)},
     "impact_on_bracket": {"--size": ("x", "0"), "--n": ("-1", "x"), "--velocity": ("nan",)},
+    "machine_guard": {"--bolts": ("", "0", "1,x"), "--thickness": ("0",), "--mass": ("nan",)},
     "oblique_blow": {"--angles": ("", "10,x", "-1"), "--friction": ("0",), "--n": ("1.5",)},
     "plate_impact": {"--inelasticities": ("", "0.1,x", "0"), "--sizes": ("2,-3",), "--n": ("0",)},
     "shell_size": {"--elements": ("", "3,x", "0"), "--n": ("x",)},

@@ -1,0 +1,77 @@
+"""The demos of assemblies, small, on one rank and on two: what mechanics asks of their numbers."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mpi import run_ranks
+from paths import DEMOS, demo
+
+pytestmark = [pytest.mark.fem, pytest.mark.slow]
+
+SMALL = {
+    "board_on_spacers": {"size": 0.02, "n": 40, "duration": 2e-3},
+    "machine_guard": {"bolts": (1, 3), "size": 0.15, "n": 20},
+}
+
+
+def test_board_on_spacers(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    script = demo("board_on_spacers")
+    numbers = script.main(**SMALL["board_on_spacers"], out=tmp_path)
+    for row in numbers.values():
+        assert row["impulse"] == pytest.approx(row["momentum"], rel=1e-6)
+    solid, springs = numbers["solid spacers"], numbers["springs"]
+    spacers = 4 * script.NYLON["rho"] * script.WIDE**2 * script.HIGH
+    assert solid["mass"] - springs["mass"] == pytest.approx(spacers, rel=1e-9)
+    # the springs are those of the spacers as beams
+    for name, share in (("k0", 1e-3), ("first", 1e-3), ("peak_force", 0.03), ("chip", 0.2)):
+        assert springs[name] == pytest.approx(solid[name], rel=share)
+    assert (tmp_path / "board_on_spacers.png").stat().st_size > 0
+    assert "solid spacers" in capsys.readouterr().out
+
+
+def test_machine_guard(tmp_path: Path) -> None:
+    script = demo("machine_guard")
+    numbers = script.main(**SMALL["machine_guard"], out=tmp_path)
+    few, many = numbers["4 bolts"], numbers["12 bolts"]
+    tube = script.STEEL["rho"] * (2 * script.HIGH + 2 * script.WIDE)
+    tube *= script.TUBE**2 - (script.TUBE - 2 * script.WALL) ** 2
+    panel = script.GLASS["rho"] * 5e-3 * script.WIDE * (script.TOP - script.LOW)
+    bolt = script.STEEL["rho"] * np.pi / 4 * script.BOLT**2 * script.TUBE / 2
+    for row, count in ((few, 4), (many, 12)):
+        assert row["mass"] == pytest.approx(tube + panel + count * bolt, rel=1e-9)
+        assert row["impulse"] == pytest.approx(row["momentum"], rel=1e-6)
+        assert row["post"] < 0.1 * row["sag"]
+    assert many["k0"] > 2 * few["k0"]
+    assert many["first"] > 1.5 * few["first"]
+    for name in ("machine_guard.png", "machine_guard_4.pvd", "machine_guard_12.pvd"):
+        assert (tmp_path / name).stat().st_size > 0
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("name", SMALL)
+def test_two_ranks_find_the_same(name: str, tmp_path: Path) -> None:
+    script = f"""
+    import json, sys
+    sys.path.insert(0, sys.argv[1])
+    import {name}
+    from pathlib import Path
+    numbers = {name}.main(**json.loads(sys.argv[2]), out=Path(sys.argv[3]))
+    print("numbers", json.dumps(numbers))
+    """
+    options = json.dumps(SMALL[name])
+    serial, (first, second) = (
+        [
+            json.loads(text.split("numbers ")[1])
+            for text in run_ranks(ranks, script, str(DEMOS), options, str(tmp_path), timeout=300)
+        ]
+        for ranks in (1, 2)
+    )
+    for kind, row in serial[0].items():
+        for key in ("mass", "k0", "first", "peak_force", "impulse"):
+            assert first[kind][key] == second[kind][key]
+            assert first[kind][key] == pytest.approx(row[key], rel=1e-5)
