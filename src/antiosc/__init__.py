@@ -22,13 +22,15 @@ def _listed() -> dict[str, str]:
 
 
 _MODULES = _listed()
+#: Modules that need the finite-element packages, or whose functions do.
+_MESHED = ("antiosc.fem", "antiosc.maps", "antiosc.striking")
 __all__ = sorted(_MODULES)
 
 
 def __getattr__(name: str) -> Any:
     if name not in _MODULES:
         raise AttributeError(f"module 'antiosc' has no attribute {name!r}")
-    if _MODULES[name].startswith("antiosc.fem"):
+    if _MODULES[name].startswith(_MESHED):
         from antiosc.fem import stack
 
         with stack():

@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 import json
 import re
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -302,3 +304,26 @@ def test_a_strike_has_its_error_budget(tmp_path, capsys):
     page = (tmp_path / "r.html").read_text()
     assert "Error budget" in page
     assert f"{100 * budget['total']:.2g} %" in page
+
+
+@pytest.mark.slow
+def test_scenes_of_matrices_need_numpy_and_scipy_alone(tmp_path):
+    """Sections that need more say so, with their line."""
+    matrices = written(tmp_path, BEAM + PROBE + "[output]\nplot = 'svg'\n")
+    mesh = written(tmp_path, STRIKE, "mesh.toml")
+    script = f"""
+import sys
+for name in ("dolfinx", "petsc4py", "slepc4py", "mpi4py", "gmsh", "ufl", "basix", "matplotlib"):
+    sys.modules[name] = None
+from antiosc.cli import main
+assert main(["run", {str(matrices)!r}, "--out", {str(tmp_path)!r}]) == 0
+assert main(["check", {str(mesh)!r}]) == 1
+"""
+    python = [sys.executable, "-c", script]
+    done = subprocess.run(python, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    assert "warning: force.svg is not drawn: charts need matplotlib" in done.stderr
+    assert numbers(tmp_path)["result"]["peak_force"] > 100
+    told = [line for line in done.stderr.splitlines() if line.startswith(str(mesh))]
+    assert any(":4: material cannot be used here" in line for line in told)
+    assert len(told) == len(done.stderr.splitlines()) - 2

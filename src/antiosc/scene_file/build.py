@@ -66,6 +66,8 @@ class Builder:
         withheld : parameters that other sections give, or nothing.
         on : "ball.hertz" -> (class and method, the variable): methods that `kind` may name.
         """
+        if not makes:  # a package is missing, which is noted already
+            return None
         if not isinstance(table, dict):
             self.problems.add(
                 place, f"{label(place)} must be a table of keys; got {checks.shown(table)}."

@@ -79,11 +79,11 @@ def _study(options: argparse.Namespace, scene: Compiled, command: str) -> int:
     folder = _folder(options, scene)
     found = runs.results(scene, program.statements)
     say(tables.text(found))
-    for sentence in found.warnings:
-        say(f"warning: {sentence}", sys.stderr)
     written = [] if folder is None else output.write(found, folder)
     if page is not None:
         written += report.write(found, page)
+    for sentence in found.warnings:
+        say(f"warning: {sentence}", sys.stderr)
     if written:
         say("wrote " + ", ".join(str(path) for path in written))
     return 1 if getattr(found.history, "status", 0) == 2 else 0

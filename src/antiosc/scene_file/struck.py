@@ -120,7 +120,7 @@ def _meshed(
 
 def material(tables: Tables, data: Mapping[str, Any], place: Place) -> Any:
     """One material, or a table of them by groups of cells."""
-    table, section = data.get("material"), SECTIONS["material"]
+    table = data.get("material")
     if not isinstance(table, dict):
         where = label((*place, "material"))
         tables.problems.add(
@@ -129,12 +129,13 @@ def material(tables: Tables, data: Mapping[str, Any], place: Place) -> Any:
             ' `kind = "Solid"`.',
         )
         return None
+    makes = tables.makes("material", (*place, "material"))
     if table and all(isinstance(each, dict) for each in table.values()):
         return {
-            group: tables.build.call(section.makes(), each, (*place, "material", group))
+            group: tables.build.call(makes, each, (*place, "material", group))
             for group, each in table.items()
         }
-    return tables.build.call(section.makes(), table, (*place, "material"))
+    return tables.build.call(makes, table, (*place, "material"))
 
 
 def _assembly(tables: Tables) -> Call | None:

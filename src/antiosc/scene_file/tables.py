@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from antiosc.errors import MissingDependencyError
 from antiosc.scene_file.build import Builder
 from antiosc.scene_file.locations import Place
 from antiosc.scene_file.problems import label, listed, nearest
@@ -53,33 +54,38 @@ class Tables:
         value = data.get(name)
         return value if isinstance(value, form) else form()
 
+    def makes(self, name: str, place: Place) -> tuple[str, ...]:
+        """What a section makes; () after noting that a package for it is missing."""
+        try:
+            return SECTIONS[name].makes()
+        except MissingDependencyError as error:
+            self.problems.add(place, f"{label(place)} cannot be used here: {error}")
+            return ()
+
     def table(self, name: str, data: Any = None, place: Place = (), **options: Any) -> Call | None:
         """The call of a section [x]; None where it is missing."""
         data = self.data if data is None else data
         if not isinstance(data.get(name), dict):
             return None
-        section = SECTIONS[name]
+        section, at = SECTIONS[name], (*place, name)
         return self.build.call(
-            section.makes(), data[name], (*place, name), withheld=section.given, **options
+            self.makes(name, at), data[name], at, withheld=section.given, **options
         )
 
     def listed(self, name: str, data: Any = None, place: Place = ()) -> list[Call]:
         """The calls of a section [[x]]."""
         data = self.data if data is None else data
         tables = self.part(data, name, list)
-        made = [
-            self.build.call(SECTIONS[name].makes(), table, (*place, name, i))
-            for i, table in enumerate(tables)
-        ]
+        makes = self.makes(name, (*place, name)) if tables else ()
+        made = [self.build.call(makes, table, (*place, name, i)) for i, table in enumerate(tables)]
         return [call for call in made if call is not None]
 
     def named(self, name: str, **options: Any) -> dict[str, Call]:
         """The calls of a section [x.NAME]."""
-        section = SECTIONS[name]
+        section, tables = SECTIONS[name], self.part(self.data, name, dict)
+        makes = self.makes(name, (name,)) if tables else ()
         made = {
-            key: self.build.call(
-                section.makes(), table, (name, key), withheld=section.given, **options
-            )
-            for key, table in self.part(self.data, name, dict).items()
+            key: self.build.call(makes, table, (name, key), withheld=section.given, **options)
+            for key, table in tables.items()
         }
         return {key: call for key, call in made.items() if call is not None}

@@ -7,14 +7,13 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from antiosc.checks import flag, instance, text, within_range
 from antiosc.errors import AccuracyError, InputError
 from antiosc.fem import mpi
-from antiosc.fem.error.model_errors import ModelErrors
 from antiosc.fem.extraction.body_inertia import inertia_of, uniform_inertia
 from antiosc.fem.extraction.dampers import damped, refuse_dampers
 from antiosc.fem.extraction.eigenmodes import Modes, ModeSolver
@@ -50,6 +49,9 @@ from antiosc.models import driving_point as bands
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.modal import Damping, as_damping
 from antiosc.threads import one_thread
+
+if TYPE_CHECKING:
+    from antiosc.fem.error.model_errors import ModelErrors
 
 #: Bytes of basis vectors of the sites that are processed at once.
 SLICE = 5e8
@@ -140,7 +142,7 @@ def extract(
     given = as_damping(damping)
     if given is not None:
         refuse_dampers(structure, "damping=")
-    errors = None if error is None else ModelErrors(structure, len(names))
+    errors = None if error is None else _model_errors(structure, len(names))
     started = time.perf_counter()
     targets = functionals(structure, sites)
     factored = "factorization" in structure.seconds
@@ -160,6 +162,13 @@ def extract(
             log.info("extracted %d of %d sites", len(models), len(targets))
     models = [damped(structure, model, given) for model in models]
     return models[0] if isinstance(site, Site) else models
+
+
+def _model_errors(structure: Structure, named_sites: int) -> ModelErrors:
+    """The estimates of models; their modules need meshes, which given matrices do without."""
+    from antiosc.fem.error.model_errors import ModelErrors
+
+    return ModelErrors(structure, named_sites)
 
 
 def _sites(structure: Any, site: Any) -> list[Site]:
