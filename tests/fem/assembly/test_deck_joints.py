@@ -258,3 +258,25 @@ def test_springs_between_nodes_are_in_series(tmp_path, kind):
         spring = f"CBUSH,60,60,9,100\nPBUSH,60,K,{k}"
     held = nastran(tmp_path, "GRID,100,,0.,0.,3.", "SPC1,1,123456,100", *tops, spring)
     assert k0(held) == pytest.approx(E * A / L + k, rel=1e-9)
+
+
+def test_some_parts_of_a_deck(tmp_path):
+    """Two columns on a tie: one alone has no tie, and the mass on the other is left out."""
+    first = column().replace("ELSET=ALL", "ELSET=ONE")
+    second = column(101, at=2.0).replace("ELSET=ALL", "ELSET=TWO")
+    sections = "*SOLID SECTION, ELSET=ONE, MATERIAL=M\n*SOLID SECTION, ELSET=TWO, MATERIAL=M\n"
+    tie = "*SURFACE, NAME=LOW\n2, S2\n*SURFACE, NAME=HIGH\n101, S1\n*TIE, NAME=T\nHIGH, LOW\n"
+    mass = "*ELEMENT, TYPE=MASS, ELSET=W\n500, 112\n*MASS, ELSET=W\n5.\n"
+    text = first + second + sections + MATERIAL + FOOT + tie + mass
+    assert read(tmp_path, text).mass == pytest.approx(4005)
+    with pytest.warns(ao.AntioscWarning, match="constraints, springs or masses on parts that are"):
+        one = read(tmp_path, text, parts=["ONE"])
+    alone = read(tmp_path, column() + SOLID + MATERIAL + FOOT)
+    assert one.mass == pytest.approx(2000)
+    assert k0(one) == pytest.approx(k0(alone), rel=1e-9)
+    assert read(tmp_path, text, parts=["ONE", "TWO"]).mass == pytest.approx(4005)
+    with pytest.raises(ao.MeshError, match="has no elements of a part 'THREE'; it has: 'ONE', 'TW"):
+        read(tmp_path, text, parts=["THREE"])
+    for bad in ("ONE", [], [1]):
+        with pytest.raises(ao.InputError, match="parts must be a list of names"):
+            read(tmp_path, text, parts=bad)

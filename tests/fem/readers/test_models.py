@@ -10,7 +10,7 @@ import pytest
 
 from antiosc.fem.readers.decks import abaqus_assembly, abaqus_model, nastran, nastran_model
 from antiosc.fem.readers.decks.geometry import fixed_along_axes
-from antiosc.fem.readers.decks.model import isotropic, of_stiffness
+from antiosc.fem.readers.decks.material import isotropic, of_stiffness
 from antiosc.fem.readers.unit_system import UnitSystem
 
 CORNERS = [(x, y, z) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]

@@ -40,6 +40,7 @@ def read_model(
     attached: Sequence[PointMass | Spring] = (),
     density: float | None = None,
     merge: float | None = None,
+    parts: Sequence[str] | None = None,
     solver: Choice = "auto",
     timeout: float | None = None,
     comm: MPI.Comm = MPI.COMM_WORLD,
@@ -60,6 +61,9 @@ def read_model(
         Of materials that state none, kg/m³.
     merge, timeout, comm
         As for `read_mesh`.
+    parts
+        Names of parts, instances or sets of elements: only they are read. Constraints, springs and
+        masses on nodes of the others alone are left out, and a warning counts them.
     solver
         As for `Structure`.
 
@@ -94,21 +98,26 @@ def read_model(
         positive("timeout", timeout, "s")
     instance("comm", comm, MPI.Comm, "an MPI communicator (mpi4py)")
     file = checked_path("path", path)
+    if parts is not None:
+        named = isinstance(parts, list | tuple) and all(isinstance(one, str) for one in parts)
+        if not named or not parts:
+            raise InputError(f"parts must be a list of names; got {shown(parts)}.")
+        parts = list(parts)
     more = _listed("supports", supports, (Support,))
     added = _listed("attached", attached, (PointMass, Spring))
 
     def work() -> dict[int, RawMesh]:
-        options = {"density": density}
-        parts = read_parts(file, unit=units, merge=merge, timeout=timeout, model=options)
-        for dim, raw in parts.items():
+        options = {"density": density, "parts": parts}
+        found = read_parts(file, unit=units, merge=merge, timeout=timeout, model=options)
+        for dim, raw in found.items():
             gdim = None if raw.model is None else raw.model["gdim"]
             pieces = raw.model is not None and raw.model["joined"]
             flat = flattened(raw, gdim, file.name)
-            parts[dim] = sound(flat, file.name, made_here=False, pieces=pieces)
-        return parts
+            found[dim] = sound(flat, file.name, made_here=False, pieces=pieces)
+        return found
 
-    parts = on_root(comm, work)
-    first = next(iter(parts.values()))
+    by_dim = on_root(comm, work)
+    first = next(iter(by_dim.values()))
     model = first.model
     if model is None:
         raise MeshError(f"{file.name} was read without its model.")
@@ -118,11 +127,11 @@ def read_model(
     for sentence in told:
         warn(comm, sentence)
     made = {
-        PARTS[dim]: _part(raw, file.name, comm, solver, more, added) for dim, raw in parts.items()
+        PARTS[dim]: _part(raw, file.name, comm, solver, more, added) for dim, raw in by_dim.items()
     }
     if not model["joined"]:
         return next(iter(made.values()))
-    numbers = {PARTS[dim]: raw.numbers for dim, raw in parts.items()}
+    numbers = {PARTS[dim]: raw.numbers for dim, raw in by_dim.items()}
     return joined(made, numbers, model, more, added, solver)
 
 

@@ -24,6 +24,7 @@ def abaqus(ask: Request) -> FileMesh:
     whole = abaqus_assembly.read(Path(ask.path), ask.name, _patience(ask))
     if ask.model is not None:
         units = UnitSystem(*ask.unit)
+        whole.deck.wanted = ask.model.get("parts")
         whole.deck.model = abaqus_model.model_of(whole, units, ask.model.get("density"))
     return _mesh(whole.deck)
 
@@ -33,6 +34,7 @@ def nastran(ask: Request) -> FileMesh:
     found = nastran_deck.read(Path(ask.path), ask.name, _patience(ask))
     if ask.model is not None:
         units = UnitSystem(*ask.unit)
+        found.deck.wanted = ask.model.get("parts")
         found.deck.model = nastran_model.model_of(found, units, ask.model.get("density"))
     return _mesh(found.deck)
 

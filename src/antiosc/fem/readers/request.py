@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 Refinement = tuple[Sequence[float], float]
-#: "density": of materials without one, kg/m³
-ModelOptions = dict[str, float | None]
+#: "density": of materials without one, kg/m³; "parts": names of parts, None: all
+ModelOptions = dict[str, Any]
 
 
 @dataclass

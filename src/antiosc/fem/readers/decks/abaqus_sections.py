@@ -14,7 +14,8 @@ from antiosc.fem.readers.decks.abaqus_cards import Card
 from antiosc.fem.readers.decks.abaqus_elements import element_type
 from antiosc.fem.readers.decks.deck import Array, IntArray, Place, real_number
 from antiosc.fem.readers.decks.geometry import common_direction, normals_of, tangents_of
-from antiosc.fem.readers.decks.model import Family, Material, ModelBuilder, isotropic, of_stiffness
+from antiosc.fem.readers.decks.material import Material, isotropic, of_stiffness
+from antiosc.fem.readers.decks.model import Family, ModelBuilder
 
 #: Kinds of *ELASTIC without their last letters, and how many constants each has.
 ELASTIC_CONSTANTS = {"ISO": 2, "ENGINEERINGCONSTANTS": 9, "LAMINA": 6, "ORTHO": 9}

@@ -68,6 +68,8 @@ class Deck:
     left: dict[str, int] = field(default_factory=dict)
     #: warnings about the deck for the caller, one sentence each
     told: list[str] = field(default_factory=list)
+    #: names of the parts (sets of elements) that a model is made of; None: of all elements
+    wanted: list[str] | None = None
     #: materials, sections, supports, masses in SI units, if they were requested
     model: dict[str, Any] | None = None
 

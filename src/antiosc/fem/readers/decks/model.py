@@ -13,8 +13,10 @@ from typing import Any
 import numpy as np
 
 from antiosc.errors import MeshError
+from antiosc.fem.readers.decks.choice import chosen_elements, keep, nodes_of_block, some_rows
 from antiosc.fem.readers.decks.constraints import Constraints, Term
-from antiosc.fem.readers.decks.deck import Array, Block, Deck, IntArray, Place
+from antiosc.fem.readers.decks.deck import Array, Deck, IntArray, Place
+from antiosc.fem.readers.decks.material import Material
 from antiosc.fem.readers.decks.rods import Rods
 from antiosc.fem.readers.shapes import EDGES
 from antiosc.fem.readers.unit_system import UnitSystem
@@ -24,52 +26,6 @@ MOTIONS = ("x", "y", "z", "rx", "ry", "rz")
 LEAST_TERM = 1e-12
 #: What may be joined in one structure.
 JOINED = {"solid", "shell", "beam"}
-
-
-@dataclass
-class Material:
-    """Linear elasticity and density in the deck's units."""
-
-    name: str
-    place: Place
-    #: E1, E2, E3, nu12, nu13, nu23, G12, G13, G23; E3, nu13, nu23 may be nan (a lamina)
-    constants: Array | None = None
-    #: stresses (11, 22, 33, 23, 13, 12) of strains (6, 6), where `constants` do not say it all
-    stiffness: Array | None = None
-    #: stresses (11, 22, 12) of plane strains (3, 3), of a material of shells alone
-    plane: Array | None = None
-    density: float | None = None
-
-    @property
-    def isotropic(self) -> tuple[float, float] | None:
-        """(E, nu) if the material is isotropic."""
-        if self.constants is None:
-            return None
-        E1, E2, E3, n12, n13, n23, *G = self.constants
-        alike = np.allclose([E2, E3], E1, rtol=1e-4) and np.allclose([n13, n23], n12, atol=1e-4)
-        if alike and np.allclose(G, E1 / (2 * (1 + n12)), rtol=1e-4):
-            return float(E1), float(n12)
-        return None
-
-
-def isotropic(E: float, nu: float) -> Array:
-    """Constants of an isotropic material."""
-    G = E / (2 * (1 + nu))
-    return np.array([E, E, E, nu, nu, nu, G, G, G])
-
-
-def of_stiffness(D: Array) -> Array:
-    """Constants of an orthotropic stiffness matrix (6, 6); LinAlgError if it is singular."""
-    S = np.linalg.inv(D)
-    E = 1 / np.diag(S)[:3]
-    return np.array([*E, -S[0, 1] * E[0], -S[0, 2] * E[0], -S[1, 2] * E[1], *(1 / np.diag(S)[3:])])
-
-
-def _nodes(block: Block) -> IntArray:
-    """All nodes of a block's elements."""
-    every = [table.ravel() for table in (block.corners, block.mids, block.inner)]
-    nodes = np.unique(np.concatenate(every))
-    return nodes[nodes >= 0]
 
 
 @dataclass
@@ -112,15 +68,25 @@ class ModelBuilder:
         self.turning = np.zeros(len(self.deck.points), dtype=bool)
         self.joints = Constraints(self.deck, self.used, self.turning)
         self.rods = Rods(self.deck)
+        self.chosen = chosen_elements(self.deck)
+        self.gone = np.zeros(len(self.deck.points), dtype=bool)
 
     def with_roles(self, roles: Sequence[str]) -> None:
         """What the blocks of the deck are; nodes of shells and beams have rotations."""
-        self.used[:] = False
+        start = 0
+        every = np.zeros(len(self.used), dtype=bool)
         for role, block in zip(roles, self.deck.blocks, strict=True):
+            every[nodes_of_block(block)] = True
+            own = nodes_of_block(some_rows(block, self.chosen[start : start + len(block)]))
+            start += len(block)
             if role != "rod":
-                self.used[_nodes(block)] = True
+                self.used[own] = True
+            else:
+                every[own] = False
             if role in ("shell", "beam"):
-                self.turning[_nodes(block)] = True
+                self.turning[own] = True
+        #: nodes of elements that are not chosen alone
+        self.gone = every & ~self.used
 
     def rho(self, material: Material) -> float:
         """Density in kg/m³."""
@@ -287,7 +253,9 @@ class ModelBuilder:
         MeshError
             Elements without a section, or families that cannot be combined in a structure.
         """
-        roles = self.rods.join(self, list(roles))
+        roles = list(roles)
+        rods = self.rods.join(self, roles, self.chosen)
+        roles = keep(self, self.chosen & ~rods, roles)
         self._refuse_uncovered(roles)
         present = {role for role, block in zip(roles, self.deck.blocks, strict=True) if len(block)}
         if len(present) > 1 and not present <= JOINED:

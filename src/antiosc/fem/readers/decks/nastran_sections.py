@@ -10,7 +10,8 @@ import numpy as np
 from antiosc.errors import MeshError
 from antiosc.fem.readers.decks.deck import Array, IntArray
 from antiosc.fem.readers.decks.geometry import tangents_of
-from antiosc.fem.readers.decks.model import Family, Material, ModelBuilder, isotropic
+from antiosc.fem.readers.decks.material import Material, isotropic
+from antiosc.fem.readers.decks.model import Family, ModelBuilder
 from antiosc.fem.readers.decks.nastran import BEAMS, RODS, SHELLS, SOLIDS, NastranDeck, property_of
 from antiosc.fem.readers.decks.nastran_beams import PLAIN, offset_along, orientation
 from antiosc.fem.readers.decks.nastran_cards import Entry

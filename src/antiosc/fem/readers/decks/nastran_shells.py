@@ -10,7 +10,8 @@ import numpy as np
 from antiosc.errors import MeshError
 from antiosc.fem.readers.decks.deck import Array, IntArray
 from antiosc.fem.readers.decks.geometry import common_direction, corners_of, normals_of
-from antiosc.fem.readers.decks.model import Family, Material
+from antiosc.fem.readers.decks.material import Material
+from antiosc.fem.readers.decks.model import Family
 from antiosc.fem.readers.decks.nastran_cards import Entry
 
 if TYPE_CHECKING:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from antiosc._types import BoolArray
 from antiosc.errors import MeshError
 from antiosc.fem.readers.decks.constraints import Term
 from antiosc.fem.readers.decks.deck import Deck, IntArray, Place
@@ -29,32 +29,37 @@ class Rods:
         """Set the section of elements."""
         self.known.update(dict.fromkeys(map(int, elements), (EA, GJ, per_length, place)))
 
-    def join(self, builder: ModelBuilder, roles: list[str]) -> list[str]:
-        """Springs and masses in place of the rods; the roles of the blocks that remain."""
-        if "rod" not in roles:
-            return roles
-        start, kept = 0, np.ones(self.deck.n_elements, dtype=bool)
+    def join(self, builder: ModelBuilder, roles: list[str], kept: BoolArray) -> BoolArray:
+        """Springs and masses in place of the rods that are kept; which elements are rods."""
+        start, rods = 0, np.zeros(self.deck.n_elements, dtype=bool)
         masses: dict[int, float] = {}
         first: Place | None = None
         for role, block in zip(roles, self.deck.blocks, strict=True):
-            for k, (a, b) in enumerate(block.corners.tolist() if role == "rod" else []):
-                if start + k not in self.known:
+            some = np.arange(start, start + len(block))
+            start += len(block)
+            if role != "rod":
+                continue
+            rods[some] = True
+            for k in np.flatnonzero(kept[some]):
+                a, b = map(int, block.corners[k])
+                if some[k] not in self.known:
                     raise MeshError(
                         f"{self.deck.name} has {block.type} elements without a section, so that "
                         "their material is not known."
                     )
-                EA, GJ, per_length, place = self.known[start + k]
+                EA, GJ, per_length, place = self.known[int(some[k])]
                 first = first or place
                 length = self._spring(builder, a, b, EA, GJ, place)
                 for node in (a, b):
                     masses[node] = masses.get(node, 0.0) + per_length * length / 2
-                kept[start + k] = False
-            start += len(block)
+            self.deck.told.append(
+                f"the {int(kept[some].sum())} {block.type} of {self.deck.name} are springs, with "
+                "their mass at their ends."
+            )
         for node, mass in masses.items():
             if mass and first:
                 builder.mass(node, mass, [0.0] * 3, first)
-        self._leave(builder, roles, kept)
-        return [role for role in roles if role != "rod"]
+        return rods
 
     def _spring(
         self, builder: ModelBuilder, a: int, b: int, EA: float, GJ: float, place: Place
@@ -77,24 +82,3 @@ class Rods:
         if GJ and builder.turning[[a, b]].all():
             builder.sprung(apart(3), GJ / length, place)
         return length
-
-    def _leave(self, builder: ModelBuilder, roles: list[str], kept: np.ndarray) -> None:
-        deck = self.deck
-        for role, block in zip(roles, deck.blocks, strict=True):
-            if role == "rod":
-                deck.told.append(
-                    f"the {len(block)} {block.type} of {deck.name} are springs, with their mass "
-                    "at their ends."
-                )
-        number = np.cumsum(kept) - 1
-        deck.blocks = [
-            replace(block) for role, block in zip(roles, deck.blocks, strict=True) if role != "rod"
-        ]
-        if not deck.n_elements:
-            raise MeshError(
-                f"{deck.name} has no elements but rods; a structure needs solids, shells or beams."
-            )
-        deck.element_sets = {
-            name: number[own[kept[own]]] for name, own in deck.element_sets.items()
-        }
-        builder.of_element = builder.of_element[kept]
