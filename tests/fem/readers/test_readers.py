@@ -29,7 +29,7 @@ import parts
 from antiosc.fem import compat
 from antiosc.fem.readers import by_gmsh, geo_script, isolation, read
 from antiosc.fem.readers.request import Request
-from paths import MESHES
+from paths import DECKS, MESHES
 
 pytestmark = pytest.mark.fem
 
@@ -702,3 +702,51 @@ print(*{"scipy", "dolfinx", "petsc4py", "meshio"} & sys.modules.keys())
     arguments = [sys.executable, "-c", script, str(path)]
     done = subprocess.run(arguments, capture_output=True, text=True, check=True)
     assert done.stdout.splitlines() == ["gmsh generate", ""]
+
+
+def test_med_with_groups(tmp_path):
+    """Families of cells and of nodes by their names, as Salome and Code_Aster write them."""
+    meshio = pytest.importorskip("meshio")
+    pytest.importorskip("h5py")
+    points = [(x, y, 0.0) for y in (0, 1) for x in (0, 1, 2)]
+    cells = [("triangle", [(0, 1, 4), (0, 4, 3), (1, 2, 5), (1, 5, 4)]), ("line", [(0, 3), (2, 5)])]
+    tags = [np.array([-6, -6, -7, -7]), np.array([-8, -9])]
+    mesh = meshio.Mesh(points, cells, cell_data={"cell_tags": tags})
+    mesh.point_data["point_tags"] = np.array([1, 0, 2, 1, 0, 2])
+    mesh.cell_tags = {-6: ["left", "all"], -7: ["right", "all"], -8: ["root"], -9: ["tip"]}
+    mesh.point_tags = {1: ["held"], 2: ["free"]}
+    path = tmp_path / "part.med"
+    meshio.write(path, mesh)
+    found = ao.read_mesh(path)
+    assert {name: len(found.group(name)[2]) for name in ("left", "right", "all")} == {
+        "left": 2,
+        "right": 2,
+        "all": 4,
+    }
+    assert len(found.group("root")[1]) == len(found.group("tip")[1]) == 1
+    assert set(found.group("held"))
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("part.vtu", "<VTKFile>", "part.vtu is not read as VTU: it is damaged, or a variant"),
+        ("part.mesh", "MeshVersionFormatted 9\nx", "is not read as Medit"),
+        ("part.xyz", "1 2 3", "files of the type .xyz are not read; write the mesh as .msh"),
+        ("part.dat", "VARIABLES = nothing\n", "is not read as Tecplot"),
+    ],
+)
+def test_other_files_are_refused_in_our_own_words(tmp_path, name, content, message):
+    path = tmp_path / name
+    path.write_text(content)
+    with pytest.raises(ao.MeshError, match=message) as caught:
+        ao.read_mesh(path)
+    assert "\n" not in str(caught.value)
+    assert "meshio" not in str(caught.value)
+
+
+def test_bulk_data_by_its_content(tmp_path):
+    path = tmp_path / "part.dat"
+    path.write_text((DECKS / "bar.bdf").read_text())
+    assert ao.read_mesh(path).n_cells == ao.read_mesh(DECKS / "bar.bdf").n_cells
+    assert ao.read_model(path).mass == pytest.approx(ao.read_model(DECKS / "bar.bdf").mass)

@@ -16,6 +16,39 @@ from antiosc.fem.readers.neutral import FileMesh, IntArray
 from antiosc.fem.readers.request import Request
 from antiosc.fem.readers.shapes import DIMENSION
 
+#: Formats that meshio reads, by extension.
+FORMATS = {
+    ".avs": "AVS-UCD",
+    ".cgns": "CGNS",
+    ".dat": "Tecplot",
+    ".e": "Exodus",
+    ".ex2": "Exodus",
+    ".exo": "Exodus",
+    ".f3grid": "FLAC3D",
+    ".h5m": "H5M",
+    ".med": "MED",
+    ".mdpa": "MDPA",
+    ".mesh": "Medit",
+    ".meshb": "Medit",
+    ".node": "TetGen",
+    ".ele": "TetGen",
+    ".obj": "OBJ",
+    ".off": "OFF",
+    ".ply": "PLY",
+    ".post": "PERMAS",
+    ".stl": "STL",
+    ".su2": "SU2",
+    ".tec": "Tecplot",
+    ".ugrid": "UGRID",
+    ".vol": "Netgen",
+    ".vtk": "VTK",
+    ".vtu": "VTU",
+    ".wkt": "WKT",
+    ".xdmf": "XDMF",
+    ".xmf": "XDMF",
+    ".xml": "DOLFIN XML",
+}
+
 
 def read(ask: Request) -> FileMesh:
     """The content of a file in any format that meshio recognizes by its extension."""
@@ -58,14 +91,27 @@ def _read(path: Path, name: str) -> Any:
             return meshio.read(path)
     except (Exception, SystemExit) as error:
         # meshio prints its errors and calls sys.exit
-        reason = _plain(said.getvalue()) or _plain(str(error)) or type(error).__name__
-        reason = reason.replace(str(path), name)
-        raise MeshError(f"meshio cannot read {name}: {reason[:200]}.") from error
+        if isinstance(error, MemoryError):
+            raise
+        raise _failure(path, name, f"{said.getvalue()} {error}") from error
 
 
-def _plain(text: str) -> str:
-    """A library's error message as part of a sentence."""
-    return " ".join(text.split()).rstrip(".")
+def _failure(path: Path, name: str, text: str) -> MeshError | MissingDependencyError:
+    """A sentence on a file that meshio does not read."""
+    suffix = path.suffix.lower()
+    if "h5py" in text and suffix not in (".h5py",):
+        return MissingDependencyError(
+            f"{name} needs h5py, which is not installed: sudo apt install python3-h5py"
+        )
+    if suffix not in FORMATS:
+        return MeshError(
+            f"{name}: files of the type {suffix or '(none)'} are not read; write the mesh as .msh, "
+            ".inp, .bdf, .unv, .med, .vtu or .xdmf."
+        )
+    return MeshError(
+        f"{name} is not read as {FORMATS[suffix]}: it is damaged, or a variant of the format that "
+        "is not supported; write the mesh as .msh, .inp, .bdf, .unv or .vtu."
+    )
 
 
 def _cell_sets(mesh: Any) -> Iterator[tuple[str, int, IntArray]]:

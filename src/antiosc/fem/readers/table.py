@@ -8,6 +8,7 @@ need dolfinx: `antiosc.errors`, `antiosc.checks` and this package. All other typ
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -29,11 +30,31 @@ READERS: dict[str, Reader] = {
 }
 
 
+#: Extensions that Nastran decks share with other files, and by what they are known.
+PERHAPS_BULK = (".dat", ".blk", ".pch", ".nastran", ".asm")
+BULK = re.compile(rb"^\s*(BEGIN\s+BULK|GRID[*, ]|CEND\b)", re.IGNORECASE | re.MULTILINE)
+FIRST_BYTES = 2**20
+
+
 def reader_of(path: str | Path, solid: bool = False) -> Reader:
     """The reader of a file, by its extension; `solid`: a surface to be filled."""
     if solid:
         return by_gmsh.generate
+    if is_bulk(path):
+        return by_deck.nastran
     return READERS.get(Path(path).suffix.lower(), by_meshio.read)
+
+
+def is_bulk(path: str | Path) -> bool:
+    """Whether a file named like those of several programs (.dat, …) holds Nastran bulk data."""
+    if Path(path).suffix.lower() not in PERHAPS_BULK:
+        return False
+    try:
+        with Path(path).open("rb") as file:
+            start = file.read(FIRST_BYTES)
+    except OSError:
+        return False
+    return BULK.search(start) is not None
 
 
 def library_of(path: str | Path, solid: bool = False) -> str:
@@ -46,4 +67,4 @@ def library_of(path: str | Path, solid: bool = False) -> str:
 
 def is_deck(path: str | Path) -> bool:
     """Whether a file, by its extension, may contain a whole model."""
-    return Path(path).suffix.lower() in DECKS
+    return Path(path).suffix.lower() in DECKS or is_bulk(path)
