@@ -7,7 +7,8 @@ by itself. Also measured, with the error beside the time:
 
 - the default run at tol = 1e-3 with 9, 60 and 100 anti-oscillators: flat in N?
 - the exact propagator against solve_ivp's best method at equal error,
-- the rate of `simulate_many`.
+- the rate of `simulate_many`,
+- the time of a scene against its number of contacts: a beam that is thrown onto 1 to 6 stops.
 
 Seconds are those of the processor, so that other work on the machine counts little.
 
@@ -40,6 +41,7 @@ BEAM = UniformBeam.euler_bernoulli(E=67e9, rho=2400.0, area=2e-4, inertia=0.33e-
 STRIKER = ao.RigidMass(0.24, 0.01)
 HERTZ = 1.55e10
 SOLVE_IVP = ("RK45", "DOP853", "LSODA", "Radau")
+CONTACTS = (1, 2, 3, 4, 6)
 EQUAL = 1e-3  # error at which methods are compared
 
 
@@ -82,13 +84,16 @@ def main(
             table += survey(scene, repeats)
         default = [default_run(models[n], n, repeats) for n in numbers]
         batch = batch_rate(models[10], scenes, repeats)
+        contacts = [on_stops(p, n, repeats) for n in numbers for p in CONTACTS]
     chart(table, out / "work_precision.png")
+    chart_contacts(contacts, out / "work_precision_contacts.png")
     result = {
         "table": table,
         "default": default,
         "flatness": max(d["seconds"] for d in default) / min(d["seconds"] for d in default),
         "speedup": speedups(table),
         "batch": batch,
+        "contacts": contacts,
     }
     files.write_text(out / "work_precision.json", json.dumps(result, indent=1))
     return result
@@ -185,6 +190,28 @@ def batch_rate(model: ao.AntiOscillators, scenes: int, repeats: int) -> dict[str
     }
 
 
+def on_stops(p: int, n: int, repeats: int) -> dict[str, Any]:
+    """Time of a scene: n modes of the pinned beam, which a pulse throws onto p stops."""
+    j = np.arange(1, n + 1)
+    x = (np.arange(p) + 1) / (p + 1)
+    mass, omega = 2400.0 * 2e-4, (j * np.pi) ** 2 * np.sqrt(67e9 * 0.33e-8 / (2400.0 * 2e-4))
+    shapes = np.sqrt(2 / mass) * np.sin(np.pi * j[:, None] * np.append(x, 0.45))
+    sites = [f"s{i}" for i in range(p)]
+    beam = ao.SiteModes(omega, shapes, [*sites, "pushed"])
+    stops = [ao.Contact("stop", f"beam:{s}", ao.Linear(1e6), gap=1e-4) for s in sites]
+    pulse = ao.Load("beam:pushed", [0.0, 1e-4, 2e-4], [0.0, 1e3, 0.0])
+    scene = ao.Scene({"beam": beam, "stop": ao.Obstacle()}, stops, loads=[pulse])
+    hit, seconds = timed(lambda: scene.run(3e-3), repeats)
+    return {
+        "n": n,
+        "contacts": p,
+        "seconds": seconds,
+        "steps": hit.run.steps,
+        "touches": hit.run.touches,
+        "error": hit.error["force"],
+    }
+
+
 def speedups(table: list[dict[str, Any]]) -> dict[str, dict[str, float]]:
     """Per scene: seconds of each method at the error `EQUAL`; exact against solve_ivp."""
     result = {}
@@ -225,6 +252,18 @@ def chart(table: list[dict[str, Any]], path: Path) -> None:
     plotting.save_figure(fig, path, dpi=120)
 
 
+def chart_contacts(rows: list[dict[str, Any]], path: Path) -> None:
+    fig, axes = plotting.panels(1, 2, size=(9, 3.6))
+    for ax, key, name in zip(axes.flat, ("scene", "step"), ("a scene", "a step"), strict=True):
+        for n in dict.fromkeys(r["n"] for r in rows):
+            mine = [r for r in rows if r["n"] == n]
+            each = [1e3 * r["seconds"] / (r["steps"] if key == "step" else 1) for r in mine]
+            ax.plot([r["contacts"] for r in mine], each, "o-", label=f"{n} modes")
+        ax.set(xlabel="contacts", ylabel=f"time of {name} (ms)", ylim=(0, None))
+    axes.flat[0].legend()
+    plotting.save_figure(fig, path, dpi=120)
+
+
 def report(result: dict[str, Any]) -> None:
     print(f"time to reach an error of {EQUAL:g}, ms")
     for scene, at in result["speedup"].items():
@@ -243,6 +282,15 @@ def report(result: dict[str, Any]) -> None:
         f" largest estimated error {b['largest error']:.1e},"
         f" largest difference to one by one {b['largest difference']:.0e}"
     )
+    report_contacts(result["contacts"])
+
+
+def report_contacts(rows: list[dict[str, Any]]) -> None:
+    for r in rows:
+        print(
+            f"{r['n']:>3} modes on {r['contacts']} stops: {1e3 * r['seconds']:.2f} ms,"
+            f" {r['steps']} steps, {r['touches']} touches, estimated error {r['error']:.1e}"
+        )
 
 
 def command(arguments: Sequence[str] | None = None) -> None:

@@ -120,3 +120,7 @@ def test_work_precision_parts(tmp_path):
     assert rows[1]["error"] < 0.4 * rows[0]["error"]
     work.chart(rows, tmp_path / "chart.png")
     assert (tmp_path / "chart.png").stat().st_size > 0
+    stops = [work.on_stops(p, 6, 1) for p in (1, 3)]
+    assert all(row["touches"] >= row["contacts"] and row["error"] <= 1e-3 for row in stops)
+    work.chart_contacts(stops, tmp_path / "contacts.png")
+    assert (tmp_path / "contacts.png").stat().st_size > 0
