@@ -247,3 +247,39 @@ def test_a_structure_of_scipy_matrices_is_one_of_one_rank():
     assert isinstance(part, structures.Structure)
     assert part.comm.size == 1
     assert part.comm.allgather(part.rows) == [part.size]
+
+
+def lattice(n: int, dofs: int):
+    """A definite matrix on a cube of n³ nodes with some dofs each."""
+    line = scipy.sparse.diags([-1.0, 2.5, -1.0], [-1, 0, 1], shape=(n, n))
+    one = scipy.sparse.identity(n)
+    kron = scipy.sparse.kron
+    cube = kron(kron(line, one), one) + kron(kron(one, line), one) + kron(kron(one, one), line)
+    own = np.eye(dofs) + 0.1
+    return kron(cube, own).tocsr()
+
+
+@pytest.mark.parametrize("dofs", [2, 3])
+def test_the_entries_of_a_factor_are_forecast(dofs):
+    A = lattice(9, dofs)
+    found = scipy_solvers.entries_of_factor(A)
+    assert found == pytest.approx(scipy_solvers.SuperLU(A).entries / 2, rel=0.25)
+    assert scipy_solvers.entries_of_factor(lattice(4, 1)) == 0
+
+
+def test_a_factor_that_does_not_fit_is_refused_before_it_is_made(monkeypatch):
+    A = lattice(9, 3)
+    monkeypatch.setattr(scipy_solvers, "FORECAST_ROWS", 100)
+    monkeypatch.setattr(scipy_solvers, "free_memory", lambda: 1e6)
+    monkeypatch.setattr(scipy_solvers.SuperLU, "_set_up", lambda self: pytest.fail("factored"))
+    with pytest.raises(ao.InputError, match=r"the factor of 2187 dofs needs about .* GB are free"):
+        scipy_solvers.factorize(A)
+
+
+def test_a_factor_that_breaks_off_for_memory_is_one_sentence(monkeypatch):
+    def full(*args, **options):
+        raise MemoryError
+
+    monkeypatch.setattr(scipy.sparse.linalg, "splu", full)
+    with pytest.raises(ao.InputError, match="does not fit in the memory"):
+        scipy_solvers.SuperLU(lattice(3, 2))

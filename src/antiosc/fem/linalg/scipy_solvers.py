@@ -6,11 +6,20 @@ from importlib import import_module
 from typing import Any
 
 import numpy as np
+import scipy.sparse
 import scipy.sparse.linalg
 
 from antiosc._types import Array
-from antiosc.errors import NotConvergedError
+from antiosc.errors import InputError, NotConvergedError
+from antiosc.fem.linalg.memory import MEMORY_SHARE, free_memory
 from antiosc.fem.linalg.solver import SINGULAR, Factorization
+
+#: Rows from which the memory of a factor is forecast.
+FORECAST_ROWS = 30_000
+#: Bytes of an entry with its row number; SuperLU stores L and U.
+BYTES, L_AND_U = 12.0, 2
+#: Share of the rows that groups of rows alike may be for a forecast.
+LEAST_REDUCTION = 0.6
 
 try:
     cholmod: Any = import_module("sksparse.cholmod")
@@ -18,9 +27,65 @@ except ImportError:  # optional: SuperLU serves without it
     cholmod = None
 
 
+#: How SuperLU orders, for symmetric matrices with pivots on the diagonal.
+SYMMETRIC: dict[str, Any] = {
+    "permc_spec": "MMD_AT_PLUS_A",
+    "diag_pivot_thresh": 0.0,
+    "options": {"SymmetricMode": True, "Equil": False},
+}
+
+
 def factorize(A: Any) -> Factorization:
-    """The factor of A by CHOLMOD where scikit-sparse is installed, otherwise by SuperLU."""
+    """The factor of A by CHOLMOD where scikit-sparse is installed, otherwise by SuperLU.
+
+    Raises
+    ------
+    InputError
+        The forecast of the factor does not fit in the free memory.
+    """
+    _check_memory(A)
     return SuperLU(A) if cholmod is None else Cholmod(A)
+
+
+def _check_memory(A: Any) -> None:
+    rows = A.shape[0]
+    if rows < FORECAST_ROWS:
+        return
+    bytes_each = (L_AND_U if cholmod is None else 1) * BYTES
+    need, free = bytes_each * entries_of_factor(A), free_memory()
+    if need > MEMORY_SHARE * free:
+        raise InputError(
+            f"the factor of {rows} dofs needs about {need / 1e9:.3g} GB and {free / 1e9:.3g} GB "
+            "are free: reduce the matrices, take a coarser mesh, or a machine with more memory."
+        )
+
+
+def entries_of_factor(A: Any) -> float:
+    """Forecast of the entries of L, from the factor of a smaller matrix.
+
+    Rows with the same pattern, such as the dofs of one node, become one row: b rows in one make
+    the work b³ times smaller. 0 where no rows are alike, for which there is no forecast.
+    """
+    A = A.tocsr()
+    A.sort_indices()
+    rows = A.shape[0]
+    weight = np.random.default_rng(1).random(rows)
+    # rows of one pattern have the same sum of random numbers
+    ones = scipy.sparse.csr_matrix((np.ones(A.nnz), A.indices, A.indptr), A.shape)
+    _, first, group = np.unique(ones @ weight, return_index=True, return_inverse=True)
+    count = len(first)
+    if count > LEAST_REDUCTION * rows:
+        return 0.0
+    P = scipy.sparse.csr_matrix((np.ones(rows), (np.arange(rows), np.ravel(group))))
+    size = np.asarray(P.sum(axis=0)).ravel()
+    graph = (P.T @ ones @ P).tocsc()
+    graph.data[:] = -1.0
+    # a definite matrix with the pattern of the groups
+    graph = graph + scipy.sparse.diags(2.0 + np.diff(graph.indptr))
+    lu = scipy.sparse.linalg.splu(graph.tocsc(), **SYMMETRIC)
+    size = size[np.argsort(lu.perm_c)]
+    L = lu.L.tocoo()
+    return float(size[L.row] @ size[L.col])
 
 
 class SuperLU(Factorization):
@@ -32,14 +97,14 @@ class SuperLU(Factorization):
 
     def _set_up(self) -> None:
         try:
-            self._lu = scipy.sparse.linalg.splu(
-                self.A.tocsc(),
-                permc_spec="MMD_AT_PLUS_A",
-                diag_pivot_thresh=0.0,
-                options={"SymmetricMode": True, "Equil": False},
-            )
+            self._lu = scipy.sparse.linalg.splu(self.A.tocsc(), **SYMMETRIC)
         except RuntimeError as error:  # an empty column of what is left
             raise NotConvergedError(SINGULAR.format(f"SuperLU: {error}")) from error
+        except MemoryError as error:
+            raise InputError(
+                f"the factor of {self.A.shape[0]} dofs does not fit in the memory: reduce the "
+                "matrices, take a coarser mesh, or a machine with more memory."
+            ) from error
         if not np.array_equal(self._lu.perm_r, self._lu.perm_c):
             raise NotConvergedError(SINGULAR.format("a pivot is zero"))
         pivots = self._lu.U.diagonal()
