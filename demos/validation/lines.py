@@ -1,4 +1,4 @@
-"""Lines along x: meshes of beams, and matrices of beams without rotary inertia."""
+"""Lines along x: meshes of beams, and matrices of Hermite's elements."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ def line(length: float, elements: int) -> ao.Mesh:
 
 
 def hermite_beam(elements: int, EI: float, rhoA: float, length: float) -> tuple[Array, Array]:
-    """K and consistent M of Euler-Bernoulli's beam without rotary inertia, as code_aster's POU_D_E.
+    """K and consistent M of Euler-Bernoulli's beam in Hermite's elements, as code_aster's POU_D_E.
 
-    Deflection and rotation of each node in turn; `antiosc.Beam` has rotary inertia and cannot
-    stand for these cases.
+    Deflection and rotation of each node in turn. Published digits hold the error of their few
+    elements, which `antiosc.Beam` does not share.
     """
     h, size = length / elements, 2 * elements + 2
     K, M = np.zeros((2, size, size))

@@ -22,8 +22,8 @@ LIGHT = {
     *("errors", "howto/contacts", "howto/sweep", "howto/cluster"),
     *("api/models", "api/contact", "api/simulation", "api/scenes", "api/errors"),
 }
-MESHED = {"howto/deck", "howto/units", "howto/map", "api/structures", "api/extraction"}
-SLOW = {"first_impact"}
+MESHED = {"howto/deck", "howto/units", "howto/map", "api/structures"}
+SLOW = {"first_impact", "api/extraction"}
 
 
 def programs(page: str) -> list[str]:
