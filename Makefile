@@ -1,6 +1,6 @@
 # Every target sets up what it needs, once; `make help` lists them.
 .DEFAULT_GOAL := help
-.PHONY: help setup demo article bench decks validate docs test check check-cores mutants test-trixie test-sid test-newest memcheck lint fmt clean
+.PHONY: help setup demo article bench decks validate docs dist test check check-cores mutants test-trixie test-sid test-newest memcheck lint fmt clean
 
 PYTHON := .venv/bin/python
 READY  := .venv/ready
@@ -70,6 +70,11 @@ mutants: $(READY) ## random breaks of the source, and which of them `make check`
 
 memcheck: $(READY) ## every call to CHOLMOD under valgrind (apt install valgrind; some minutes)
 	.ci/memcheck $(PYTHON)
+
+dist: $(READY) ## wheel and source archive in out/dist, checked by twine
+	.ci/dist out/dist $(PYTHON)
+	.ci/install .ci/packages-dist
+	twine check --strict out/dist/*
 
 lint: $(READY) $(TOOLS)/ready ## style, format and types
 	$(TOOLS)/bin/ruff check .
