@@ -45,11 +45,14 @@ INNER = {
     *("rotary_inertia", "dimensions", "bar_speed", "constants"),
     *("prepare", "constraints", "elastic", "label", "placed", "own"),
 }
+if importlib.util.find_spec("pandas") is None:
+    INNER.add("to_dataframe")
 #: What functions return: antiosc alone makes them.
 RESULTS = {
     *("Advice", "Batch", "BeamModes", "Energy", "History", "ImpactMap"),
     *("BodyHistory", "ContactHistory", "SceneHistory", "StructureModes"),
-    *("ShockSpectrum", "Spectrum", "PeakField", "Reactions", "BodyEnergy", "NamedImpactor"),
+    *("ShockSpectrum", "Spectrum", "PeakField", "Reactions", "BodyEnergy"),
+    *("NamedImpactor", "SavedHistory"),
 }
 #: Where NaN stands for "no such number", as the documentation says.
 NONE_IS_NAN = {"restitution", "error"}
@@ -251,6 +254,12 @@ def saved() -> str:
     return path
 
 
+@functools.cache
+def saved_history() -> str:
+    path = os.path.join(tempfile.mkdtemp(prefix="antiosc-nasty-"), "sound.npz")
+    return str(history().save(path))
+
+
 def place() -> Any:
     return ao.Site((0.1, 0.1, 0.02), (0, 0, -1), radius=0.05)
 
@@ -387,7 +396,8 @@ OWN: dict[str, dict[str, Any]] = {
     "ModalBody.coordinates": {"force": 1.0}, "ModalBody.rigid_motion": {"velocity": 0.0},
     "ModalBody.amplitudes": {"coordinates": [0.1, 0.2, 0.3]},
     "ModalBody.field": {"coordinates": [0.1, 0.2, 0.3]},
-    "AntiOscillators.load": {"path": saved},
+    "AntiOscillators.load": {"path": saved}, "History.load": {"path": saved_history},
+    "SceneHistory.load": {"path": saved_history}, "SavedHistory.load": {"path": saved_history},
     "AntiOscillators.dynamic_stiffness": {"omega": 1e3}, "ModalBody.receptance": {"omega": 1e3},
     "closed_form.StruckBeam.dynamic_stiffness": {"omega": 1e3},
     "ImpactMap.plot": {"quantity": "k0", "path": "map.png"}, "ImpactMap.write": {"path": "map.vtu"},
@@ -415,6 +425,7 @@ OWN: dict[str, dict[str, Any]] = {
 
 SELVES: dict[str, Callable[[], Any]] = {
     "AntiOscillators": model, "History": history, "ImpactMap": surface_map, "Structure": part,
+    "SavedHistory": lambda: ao.History.load(saved_history()),
     "PeakField": lambda: ao.peak_field(part(), struck_part(), times=[0.0, 1e-4]),
     "Spectrum": lambda: ao.spectrum([0.0, 1e-3, 2e-3], [0.0, 1.0, 0.0]),
     "StructureModes": lambda: part().natural_modes(2),

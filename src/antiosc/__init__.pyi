@@ -188,6 +188,9 @@ from antiosc.simulation.named_impactors import (
     NamedImpactor as NamedImpactor,
     named_impactor as named_impactor,
 )
+from antiosc.simulation.results import (
+    SavedHistory as SavedHistory,
+)
 from antiosc.simulation.scene import (
     Base as Base,
     Contact as Contact,

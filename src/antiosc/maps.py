@@ -21,6 +21,7 @@ import numpy as np
 
 from antiosc import files
 from antiosc._types import Array, IntArray
+from antiosc.brief import Brief
 from antiosc.checks import instance, path as checked_path, positive, whole, within_range
 from antiosc.contact import ContactLaw
 from antiosc.errors import AccuracyWarning, InputError, warn
@@ -62,8 +63,8 @@ DIRECT = 32
 log = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True, eq=False)
-class ImpactMap:
+@dataclass(frozen=True, eq=False, repr=False)
+class ImpactMap(Brief):
     """Anti-oscillators and impacts over a surface, on every rank alike.
 
     Attributes

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from antiosc import checks
 from antiosc._types import Array, ComplexArray
+from antiosc.brief import Brief
 from antiosc.errors import InputError
 
 #: Oscillators a decade where no frequencies are given.
@@ -23,8 +24,8 @@ UNEVEN = 1e-6
 MOST_SAMPLES = 5_000_000
 
 
-@dataclass(frozen=True, eq=False)
-class ShockSpectrum:
+@dataclass(frozen=True, eq=False, repr=False)
+class ShockSpectrum(Brief):
     """Extreme responses of oscillators to one signal, in its unit.
 
     Attributes
@@ -45,8 +46,8 @@ class ShockSpectrum:
         return np.maximum(self.positive, self.negative)
 
 
-@dataclass(frozen=True, eq=False)
-class Spectrum:
+@dataclass(frozen=True, eq=False, repr=False)
+class Spectrum(Brief):
     """Fourier transform of a signal.
 
     Attributes

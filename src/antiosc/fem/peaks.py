@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from antiosc import checks, files
 from antiosc._types import Array, IntArray
+from antiosc.brief import Brief
 from antiosc.errors import InputError
 from antiosc.fem.fields import counted, shapes_of, source
 from antiosc.fem.mpi import collective
@@ -41,8 +42,8 @@ BLOCK = 2**26
 APART = 0.05
 
 
-@dataclass(frozen=True, eq=False)
-class PeakField:
+@dataclass(frozen=True, eq=False, repr=False)
+class PeakField(Brief):
     """The largest value of one quantity at every node of a part.
 
     Attributes

@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike
 
 from antiosc import checks
 from antiosc._types import Array, IntArray
+from antiosc.brief import Brief
 from antiosc.errors import AntioscWarning, InputError
 from antiosc.fem.extraction.static_mode import beside_rigid
 from antiosc.fem.fields import counted, shapes_of
@@ -37,8 +38,8 @@ from antiosc.simulation.scene_history import SceneHistory
 from antiosc.threads import one_thread
 
 
-@dataclass(frozen=True, eq=False)
-class Reactions:
+@dataclass(frozen=True, eq=False, repr=False)
+class Reactions(Brief):
     """Forces and moments of the supports on a part.
 
     Attributes

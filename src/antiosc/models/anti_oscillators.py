@@ -25,6 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from antiosc import checks
 from antiosc._types import Array, Index
+from antiosc.brief import Brief
 from antiosc.charts.models import plot_model
 from antiosc.errors import InputError
 from antiosc.models import one_site, saved_models, several_sites, softened
@@ -41,8 +42,8 @@ if TYPE_CHECKING:
 _MASS_ROUNDING = 1e-12
 
 
-@dataclass(frozen=True, eq=False)
-class AntiOscillators(Body):
+@dataclass(frozen=True, eq=False, repr=False)
+class AntiOscillators(Brief, Body):
     """Anti-oscillator model of a structure at one impact site along one direction, or at several.
 
     What differs with several sites stands behind "several:". Their displacements u (p,) are those
@@ -220,6 +221,24 @@ class AntiOscillators(Body):
             rows_of = None if self.shapes is None else len(self.shapes)
             shape = (rows_of, self._hidden_count)
             self._set("hidden", checks.array("hidden", self.hidden, shape))
+
+    def _facts(self) -> list[tuple[str, str]]:
+        lowest = ", ".join(f"{w / (2 * np.pi):.5g}" for w in self.omega[:3])
+        more = ", …" if self.n > 3 else ""
+        if self.sites:
+            sites = ", ".join(self.sites)
+            return [
+                ("sites", sites if len(sites) <= 60 else f"{len(self.sites)}"),
+                ("K0", f"{self.k0.shape}, {np.max(self.k0.diagonal()):.5g} N/m at most"),
+                ("anti-oscillators", f"{self.n}, {lowest}{more} Hz"),
+            ]
+        captured = 1 - self.m0 / self.m_st if self.m_st else 0.0
+        return [
+            ("k0", f"{self.k0:.6g} N/m"),
+            ("m_st", f"{self.m_st:.6g} kg, {captured:.2%} of it captured"),
+            ("anti-oscillators", f"{self.n}{', ' + lowest + more + ' Hz' if self.n else ''}"),
+            *([("from", self.info["structure"])] if "structure" in self.info else []),
+        ]
 
     def _set(self, name: str, value: Any) -> None:
         object.__setattr__(self, name, value)

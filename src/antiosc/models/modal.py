@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike
 
 from antiosc import checks
 from antiosc._types import Array, ComplexArray, Index
+from antiosc.brief import Brief
 from antiosc.errors import InputError, NotConvergedError
 from antiosc.models.motion import Inertia, Motion, unit_vector
 
@@ -85,8 +86,8 @@ def as_damping(value: Any) -> Damping | None:
     return Damping(ratio=value)
 
 
-@dataclass(frozen=True, eq=False)
-class ModalBody:
+@dataclass(frozen=True, eq=False, repr=False)
+class ModalBody(Brief):
     """A linear body in free modes (see the module's equations).
 
     Attributes

@@ -44,8 +44,16 @@ def write(path: str | os.PathLike[str], header: dict[str, Any], arrays: Arrays) 
         np.savez(stream, **{"header": np.array(text), **arrays})  # type: ignore[arg-type]
 
 
-def read(path: str | os.PathLike[str], needed: set[str]) -> tuple[dict[str, Any], Arrays]:
-    """(header, arrays) of a model file that holds the arrays `needed`; InputError for another."""
+def read(
+    path: str | os.PathLike[str],
+    needed: set[str],
+    expected: str = FORMAT,
+    largest: int = _LARGEST,
+) -> tuple[dict[str, Any], Arrays]:
+    """(header, arrays) of a file of a format that holds the arrays `needed`.
+
+    InputError for another file, or one with arrays of more than `largest` bytes.
+    """
     source = checks.path("path", path)
     _check_regular(source)
     try:
@@ -53,19 +61,21 @@ def read(path: str | os.PathLike[str], needed: set[str]) -> tuple[dict[str, Any]
             members = archive.infolist()
             if len(members) > _MEMBERS:
                 raise ValueError(f"{len(members)} members")
-            arrays = {m.filename.removesuffix(".npy"): _member(archive, m) for m in members}
+            arrays = {
+                m.filename.removesuffix(".npy"): _member(archive, m, largest) for m in members
+            }
         header = json.loads(str(arrays.pop("header")))
-        version = header["version"] if header.get("format") == FORMAT else VERSION
+        version = header["version"] if header.get("format") == expected else VERSION
         newer = bool(version > VERSION)
     except (
         *(OSError, ValueError, KeyError, TypeError, AttributeError, EOFError, MemoryError),
         *(NotImplementedError, RuntimeError, zipfile.BadZipFile, zipfile.LargeZipFile),
         *(SyntaxError, zlib.error),
     ):
-        raise InputError(f"{path} is not an antiosc model file, or it is damaged.") from None
-    if header.get("format") != FORMAT:
+        raise InputError(f"{path} is not an {expected} file, or it is damaged.") from None
+    if header.get("format") != expected:
         raise InputError(
-            f"{path} has format {checks.shown(header.get('format'))}, expected {FORMAT!r}."
+            f"{path} has format {checks.shown(header.get('format'))}, expected {expected!r}."
         )
     if newer:
         raise InputError(f"{path} has version {version}; this antiosc reads up to {VERSION}.")
@@ -86,9 +96,9 @@ def _check_regular(path: Path) -> None:
         raise InputError(f"there is no model file {path}: it is a folder or a device.")
 
 
-def _member(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> NDArray[Any]:
+def _member(archive: zipfile.ZipFile, member: zipfile.ZipInfo, largest: int) -> NDArray[Any]:
     """One array of numbers or text; ValueError if its header and its size disagree."""
-    if member.file_size > _LARGEST:
+    if member.file_size > largest:
         raise ValueError(f"{member.filename} has {member.file_size} bytes")
     with archive.open(member) as stream:
         content = stream.read(member.file_size + 1)  # no more than that, whatever is compressed

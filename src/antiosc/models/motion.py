@@ -19,11 +19,12 @@ import numpy as np
 
 from antiosc import checks
 from antiosc._types import Array
+from antiosc.brief import Brief
 from antiosc.errors import InputError
 
 
-@dataclass(frozen=True, eq=False)
-class Inertia:
+@dataclass(frozen=True, eq=False, repr=False)
+class Inertia(Brief):
     """Inertia of a body and momentum of its coordinates, in the axes of its mesh.
 
     Attributes

@@ -11,13 +11,14 @@ from numpy.typing import ArrayLike
 
 from antiosc import checks
 from antiosc._types import Array, ComplexArray
+from antiosc.brief import Brief
 from antiosc.errors import InputError
 from antiosc.models.modal import NO_SHAPES, checked_basis, combined
 from antiosc.models.motion import Inertia
 
 
-@dataclass(frozen=True, eq=False)
-class SiteModes:
+@dataclass(frozen=True, eq=False, repr=False)
+class SiteModes(Brief):
     """A linear body in its free modes, seen from several sites.
 
     With mass-normalised modes q_j and forces f on the columns,

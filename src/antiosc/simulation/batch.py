@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from antiosc import checks
 from antiosc._types import Array, Index
+from antiosc.brief import Brief
 from antiosc.contact import ContactLaw
 from antiosc.contact.many import VECTORISED
 from antiosc.errors import AccuracyError, InputError
@@ -40,8 +41,8 @@ from antiosc.simulation.verdict import judge, tell_all
 _BLOCK = 2048  # scenes integrated together: enough to make the overhead of a call negligible
 
 
-@dataclass(frozen=True, eq=False)
-class Batch:
+@dataclass(frozen=True, eq=False, repr=False)
+class Batch(Brief):
     """Results of many impacts, one entry per scene; see `History` for their meaning.
 
     Attributes

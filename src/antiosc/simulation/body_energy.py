@@ -8,13 +8,14 @@ import numpy as np
 
 from antiosc import checks
 from antiosc._types import Array
+from antiosc.brief import Brief
 from antiosc.errors import InputError
 from antiosc.simulation.history import History
 from antiosc.simulation.scene_history import SceneHistory
 
 
-@dataclass(frozen=True, eq=False)
-class BodyEnergy:
+@dataclass(frozen=True, eq=False, repr=False)
+class BodyEnergy(Brief):
     """Energies [J] of one body, at the times (n,) of the history.
 
     Attributes

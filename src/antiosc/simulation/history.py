@@ -14,11 +14,13 @@ from numpy.typing import ArrayLike
 
 from antiosc import checks
 from antiosc._types import Array, Index
+from antiosc.brief import Brief
 from antiosc.charts.histories import plot_history
 from antiosc.errors import InputError
 from antiosc.models.modal import ModalBody
 from antiosc.simulation.error_bars import ErrorBudget
 from antiosc.simulation.integrators import Problem, Trajectory
+from antiosc.simulation.results import HistoryResults
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -26,8 +28,8 @@ if TYPE_CHECKING:
 Body = Literal["structure", "impactor"]
 
 
-@dataclass(frozen=True, eq=False)
-class Energy:
+@dataclass(frozen=True, eq=False, repr=False)
+class Energy(Brief):
     """Energies [J] at the nodes of a history, each (n,), and how well they balance.
 
     Attributes
@@ -58,8 +60,8 @@ class Energy:
         return float(np.max(np.abs(total - total[0]))) / scale if scale > 0 else 0.0
 
 
-@dataclass(frozen=True, eq=False)
-class History:
+@dataclass(frozen=True, eq=False, repr=False)
+class History(HistoryResults):
     """History of an impact; times in s, forces in N, displacements in m along the direction d.
 
     Attributes

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from antiosc import checks
+from antiosc.brief import Brief
 from antiosc.errors import InputError
 from antiosc.models.modal import ModalBody
 from antiosc.models.site_modes import SiteModes
@@ -17,14 +18,15 @@ from antiosc.simulation.assembly import Assembly, along, find
 from antiosc.simulation.bodies import Placed, RigidBody
 from antiosc.simulation.engine import Run
 from antiosc.simulation.history import Energy, no_field
+from antiosc.simulation.results import SceneResults
 from antiosc.simulation.scene_energy import balance
 from antiosc.simulation.scene_states import forces, located, node_states, spans, states
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
-class ContactHistory:
+@dataclass(frozen=True, eq=False, repr=False)
+class ContactHistory(Brief):
     """One contact of a scene, at the times of the history.
 
     Attributes
@@ -64,8 +66,8 @@ class ContactHistory:
         return float(sum(end - start for start, end in self.contacts))
 
 
-@dataclass(frozen=True, eq=False)
-class BodyHistory:
+@dataclass(frozen=True, eq=False, repr=False)
+class BodyHistory(Brief):
     """One body of a scene, at the times of the history.
 
     Attributes
@@ -136,8 +138,8 @@ class BodyHistory:
         return along(self.placed, found, line, f"{name}:{found}")
 
 
-@dataclass(frozen=True, eq=False)
-class SceneHistory:
+@dataclass(frozen=True, eq=False, repr=False)
+class SceneHistory(SceneResults):
     """History of a scene: `hit[a, b]` a contact, `hit.bodies[name]` a body.
 
     Attributes

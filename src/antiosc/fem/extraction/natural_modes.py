@@ -9,6 +9,7 @@ import numpy as np
 
 from antiosc import checks, files
 from antiosc._types import Array, IntArray
+from antiosc.brief import Brief
 from antiosc.errors import InputError
 from antiosc.fem.extraction.body_inertia import weights_of
 from antiosc.fem.extraction.eigenmodes import ModeSolver
@@ -25,8 +26,8 @@ REPEATED = 1e-6
 BEYOND = 1
 
 
-@dataclass(frozen=True, eq=False)
-class StructureModes:
+@dataclass(frozen=True, eq=False, repr=False)
+class StructureModes(Brief):
     """The lowest natural modes of a structure, ascending; rigid-body modes first.
 
     Attributes

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from antiosc._types import Array
+from antiosc.brief import Brief
 from antiosc.checks import flag, instance, whole, within_range
 from antiosc.errors import AccuracyError, AccuracyWarning, InputError, warn
 from antiosc.fem.extraction.body_inertia import inertia_of, uniform_inertia
@@ -38,8 +39,8 @@ from antiosc.models.motion import Inertia
 from antiosc.threads import one_thread
 
 
-@dataclass(frozen=True, eq=False)
-class NaturalModes(Body):
+@dataclass(frozen=True, eq=False, repr=False)
+class NaturalModes(Brief, Body):
     """A structure in natural modes with their values at one site, accepted by `simulate`.
 
     Attributes

@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -16,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from antiosc import fem
 from antiosc._types import Array, Box
+from antiosc.brief import Brief
 from antiosc.checks import array, choice
 from antiosc.errors import InputError
 from antiosc.fem.linalg import algebra
@@ -45,7 +47,7 @@ if TYPE_CHECKING:
 CLOSER = 6
 
 
-class Structure:
+class Structure(Brief):
     """M and K of a part, with its supports applied.
 
     Parameters
@@ -330,6 +332,14 @@ class Structure:
     def describe(self) -> str:
         """One line: what was modelled and with how many dofs."""
         return self.matrices.describe(self.dofs)
+
+    def _facts(self) -> list[tuple[str, str]]:
+        facts = [("of", self.describe())]
+        if self.made_of is not None:
+            facts.append(("supports", f"{len(self.supports)}"))
+        with suppress(InputError):  # matrices do not know it
+            facts.append(("mass", f"{self.mass:.6g} kg"))
+        return facts
 
     def natural_modes(self, n: int = 10) -> StructureModes:
         """The n lowest natural modes on its supports; see `antiosc.natural_modes`."""

@@ -1,0 +1,136 @@
+"""Histories in files, tables and pickles; what objects say of themselves."""
+
+from __future__ import annotations
+
+import csv
+import json
+import pickle
+
+import numpy as np
+import pytest
+
+import antiosc as ao
+
+MODEL = ao.AntiOscillators(m0=0.1, k0=1e6, m=[0.3, 0.1], omega=[2e3, 9e3])
+BALL = ao.RigidMass(0.05, 1.0)
+
+
+@pytest.fixture(scope="module")
+def hit():
+    return ao.simulate(MODEL, BALL, ao.HuntCrossley(1e9, 0.8), 1e-3)
+
+
+@pytest.fixture(scope="module")
+def landed():
+    scene = ao.Scene({"a": MODEL, 'b,"c"': BALL}, [ao.Contact("a", 'b,"c"', ao.Hertz(1e9))])
+    return scene.run(1e-3)
+
+
+def test_a_pickled_history_is_the_same(hit):
+    again = pickle.loads(pickle.dumps(hit))
+    times = np.linspace(0, 1e-3, 50)
+    for name in ("force", "indentation", "displacement", "velocity", "impactor_velocity"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(hit, name))
+    np.testing.assert_array_equal(again.coordinates(times), hit.coordinates(times))
+    np.testing.assert_array_equal(again.energy.dissipated, hit.energy.dissipated)
+    assert again.restitution == hit.restitution
+    assert again.summary() == hit.summary()
+    assert pickle.loads(pickle.dumps(again)).peak_force == hit.peak_force
+
+
+def test_a_pickled_scene_is_the_same(landed):
+    again = pickle.loads(pickle.dumps(landed))
+    assert again.summary() == landed.summary()
+    np.testing.assert_array_equal(again.bodies["a"].a, landed.bodies["a"].a)
+
+
+@pytest.mark.parametrize("which", ["hit", "landed"])
+def test_a_saved_history_comes_back(which, request, tmp_path):
+    history = request.getfixturevalue(which)
+    saved = type(history).load(history.save(tmp_path / "run.npz"))
+    for name, values in history.columns().items():
+        np.testing.assert_array_equal(saved.columns()[name], values)
+    assert saved.numbers() == history.numbers()
+    assert saved.kind == type(history).__name__
+    np.testing.assert_array_equal(saved.time, history.time)
+    again = saved.load(saved.save(tmp_path / "again.npz"))
+    assert again.results == saved.results
+    with pytest.raises(AttributeError, match="has no 'nothing'"):
+        _ = saved.nothing
+
+
+def test_saved_results_have_their_names(hit, tmp_path):
+    saved = ao.History.load(hit.save(tmp_path / "run.npz"))
+    assert saved.peak_force == hit.peak_force
+    assert saved.contacts == [list(pair) for pair in hit.contacts]
+    np.testing.assert_array_equal(saved.impactor_velocity, hit.impactor_velocity)
+
+
+def test_csv_has_all_digits(landed, tmp_path):
+    path = landed.to_csv(tmp_path / "run.csv")
+    with path.open(encoding="utf-8", newline="") as stream:
+        head, *rows = list(csv.reader(stream))
+    assert head == list(landed.columns())
+    assert head[1] == 'a - b,"c" force [N]'
+    np.testing.assert_array_equal(
+        np.array(rows, dtype=float).T, np.array(list(landed.columns().values()))
+    )
+
+
+def test_json_is_read_by_others(hit, tmp_path):
+    text = hit.to_json(tmp_path / "run.json")
+    found = json.loads((tmp_path / "run.json").read_text(encoding="utf-8"))
+    assert found == json.loads(text)
+    assert found["peak_force"] == hit.peak_force
+    assert found["antiosc"] == ao.__version__
+    assert found["series"]["force [N]"] == hit.force.tolist()
+    assert "NaN" not in text
+    cut = ao.simulate(MODEL, BALL, ao.Hertz(1e9), 0.05e-3)
+    assert json.loads(cut.to_json())["restitution"] is None
+
+
+def test_dataframe_where_pandas_is(hit, monkeypatch):
+    import sys
+
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(ao.MissingDependencyError, match="needs pandas"):
+        hit.to_dataframe()
+    monkeypatch.undo()
+    pytest.importorskip("pandas")
+    frame = hit.to_dataframe()
+    assert frame.index.name == "time [s]"
+    np.testing.assert_array_equal(frame["force [N]"], hit.force)
+
+
+def test_files_that_are_no_history_are_refused(hit, tmp_path):
+    MODEL.save(tmp_path / "model.npz")
+    (tmp_path / "text.npz").write_text("nothing", encoding="utf-8")
+    np.savez(tmp_path / "other.npz", table=np.ones(3))
+    for name in ("model.npz", "text.npz", "other.npz", "absent.npz"):
+        with pytest.raises(ao.InputError):
+            ao.History.load(tmp_path / name)
+    hit.save(tmp_path / "run.npz")
+    with pytest.raises(ao.InputError, match="antiosc-history"):
+        ao.AntiOscillators.load(tmp_path / "run.npz")
+    with pytest.raises(ao.InputError, match="cannot write"):
+        hit.to_csv(tmp_path / "no folder" / "run.csv")
+
+
+def test_objects_say_in_five_lines_what_they_are(hit, landed, tmp_path):
+    shown = [
+        *(MODEL, MODEL.truncated(0), MODEL.modal(), hit, landed, landed.bodies["a"], hit.energy),
+        *(landed["a", 'b,"c"'], ao.srs([0, 1, 2.0], [0, 1, 0.0]), ao.body_energy(hit, "structure")),
+        *(ao.spectrum(hit.time, hit.force), ao.History.load(hit.save(tmp_path / "run.npz"))),
+        ao.simulate_many(MODEL, [BALL, BALL], ao.Hertz(1e9), 1e-3),
+        ao.AntiOscillators(m0=np.eye(2), k0=1e6 * np.eye(2), P=[[0.2], [0.3]], omega=[1e3],
+                           sites=["foot", "tip"]),
+        ao.Structure.from_matrices(np.diag([2.0, 3.0]), np.eye(2), backend="scipy"),
+    ]  # fmt: skip
+    for one in shown:
+        text = repr(one)
+        assert text.startswith(type(one).__name__)
+        assert text.count("\n") <= 4, text
+        assert all(len(line) < 120 for line in text.splitlines()), text
+        assert one._repr_html_().startswith(f"<b>{type(one).__name__}</b>")
+    assert "1e+06 N/m" in repr(MODEL)
+    assert f"{hit.peak_force:.6g} N" in repr(hit)
