@@ -306,6 +306,26 @@ def test_a_strike_has_its_error_budget(tmp_path, capsys):
     assert f"{100 * budget['total']:.2g} %" in page
 
 
+def test_an_impactor_by_name(tmp_path, capsys):
+    start, end = BEAM.index("[impactor]"), BEAM.index("[simulate]")
+    hammer = """[impactor]
+kind = "named_impactor"
+name = "IK07"
+[contact]
+kind = "impactor.hertz"
+E = 210e9
+nu = 0.3
+"""
+    path = written(tmp_path, BEAM[:start] + hammer + BEAM[end:])
+    assert antiosc("run", path, "--out", tmp_path) == 0
+    found = program(path, capsys)
+    assert found["impactor"].mass == 0.5
+    assert numbers(tmp_path)["result"]["peak_force"] == found["history"].peak_force
+    assert antiosc("check", written(tmp_path, path.read_text().replace("IK07", "IK77"))) == 1
+    (told,) = capsys.readouterr().err.splitlines()
+    assert ":13: impactor: name must be 'IK01'" in told
+
+
 @pytest.mark.slow
 def test_scenes_of_matrices_need_numpy_and_scipy_alone(tmp_path):
     """Sections that need more say so, with their line."""

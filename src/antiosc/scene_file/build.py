@@ -24,7 +24,7 @@ from antiosc.scene_file.parameters import (
 from antiosc.scene_file.problems import label, listed, nearest, unknown
 from antiosc.scene_file.program import Call, Evaluation, Name
 from antiosc.scene_file.read import Document
-from antiosc.scene_file.sections import constructors_of
+from antiosc.scene_file.sections import constructors_of, impactors
 
 #: The key that chooses one of several classes or constructors.
 KIND = "kind"
@@ -384,6 +384,8 @@ def _words(name: str, value: Any, place: Place) -> list[tuple[str, Place]]:
 
 def _light(function: str) -> bool:
     """Whether a call only checks and stores values: a class of antiosc that holds data."""
+    if function in impactors():
+        return True
     made = resolved(function.split(".")[0])
     heavy = function.startswith(("Structure", "Scene")) or function == "AntiOscillators.load"
     return isinstance(made, type) and not heavy and function != "output"

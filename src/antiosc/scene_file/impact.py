@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
@@ -77,13 +78,15 @@ def _strike(tables: Tables, source: str) -> Statement | None:
 def own_laws(variable: str, table: Any) -> dict[str, tuple[str, Name]]:
     """Contact laws that a body makes itself: "impactor.hertz" -> ("Sphere.hertz", the body).
 
-    Of a body whose kind is wrong, those of any body: its own mistake is enough.
+    Of a body whose kind is wrong, those of any body: its own mistake is enough. Of one that a
+    function makes, too: its class shows when it is made.
     """
-    kind = table.get(KIND) if isinstance(table, dict) else None
+    kind = str(table.get(KIND)) if isinstance(table, dict) else ""
+    known = kind in bodies() and inspect.isclass(resolved(kind))
     target = Name(variable) if variable == "impactor" else Name("bodies", variable)
     return {
         f"{variable}.{method}": (f"{each}.{method}", target)
-        for each in ([kind] if kind in bodies() else bodies())
+        for each in ([kind] if known else bodies())
         for method in dir(resolved(each))
         if not method.startswith("_") and _makes_law(getattr(resolved(each), method))
     }

@@ -62,8 +62,14 @@ def laws() -> tuple[str, ...]:
 
 @functools.cache
 def impactors() -> tuple[str, ...]:
-    """Impactors with their velocity."""
-    return with_constructors(_public("antiosc.simulation.impactors", _is_body))
+    """Impactors with their velocity; `named_impactor` makes one of those of standards."""
+    by_name = "antiosc.simulation.named_impactors"
+    functions = [
+        name
+        for name, module in public_names().items()
+        if module == by_name and inspect.isfunction(resolved(name))
+    ]
+    return (*with_constructors(_public("antiosc.simulation.impactors", _is_body)), *functions)
 
 
 @functools.cache
