@@ -75,3 +75,10 @@ def test_two_ranks_find_the_same(name: str, tmp_path: Path) -> None:
         for key in ("mass", "k0", "first", "peak_force", "impulse"):
             assert first[kind][key] == second[kind][key]
             assert first[kind][key] == pytest.approx(row[key], rel=1e-5)
+
+
+def test_assembly_speed(tmp_path: Path) -> None:
+    ratios = demo("assembly_speed").main(sizes=(2,), rounds=1, out=tmp_path)
+    assert set(ratios) == {2}
+    table = (tmp_path / "assembly_speed.md").read_text()
+    assert "two, tied" in table
