@@ -29,8 +29,11 @@ snap = true
 [extract]
 n = 8
 [impactor]
-kind = "RigidMass"
-mass = 0.03
+kind = "Sphere"
+radius = 0.01
+E = 210e9
+nu = 0.3
+rho = 7850
 velocity = 2.0
 [contact]
 kind = "Hertz"
@@ -56,15 +59,18 @@ print("ended with", main(sys.argv[1:]))
 def test_two_ranks_give_the_serial_answer_once(tmp_path, capsys):
     pytest.importorskip("dolfinx")
     path = written(tmp_path, LEVER)
-    assert antiosc("run", path, "--out", tmp_path / "one") == 0
+    assert antiosc("run", path, "--out", tmp_path / "one", "--report", tmp_path / "one.html") == 0
     serial = capsys.readouterr().out
-    first, second = run_ranks(2, SCRIPT, "run", str(path), "--out", str(tmp_path / "two"))
-    told = [line.split("  ")[0] for line in first.replace("/two/", "/one/").splitlines()]
+    files = ("--out", str(tmp_path / "two"), "--report", str(tmp_path / "two.html"))
+    first, second = run_ranks(2, SCRIPT, "run", str(path), *files, timeout=200)
+    told = [line.split("  ")[0] for line in first.replace("/two", "/one").splitlines()]
     assert told == [*(line.split("  ")[0] for line in serial.splitlines()), "ended with 0"]
     assert second == "ended with 0\n"
     one, two = numbers(tmp_path / "one"), numbers(tmp_path / "two")
     assert two["result"]["peak_force"] == pytest.approx(one["result"]["peak_force"], rel=1e-8)
     assert two["model"]["k0"] == pytest.approx(one["model"]["k0"], rel=1e-8)
+    pages = [(tmp_path / name).read_text(encoding="utf-8") for name in ("one.html", "two.html")]
+    assert [page.count("<img ") for page in pages] == [7, 7]
     names = sorted(p.name for p in (tmp_path / "one").iterdir())
     assert sorted(p.name for p in (tmp_path / "two").iterdir()) == names
     assert {"history.csv", "probes.csv", "result.json", "series.pvd"} <= set(names)
@@ -83,3 +89,18 @@ def test_a_mistake_is_told_once_and_ends_both_ranks(tmp_path):
     assert first.startswith("1 ")
     assert "has no group 'clampp'" in first
     assert second == "1 \n"
+
+
+@pytest.mark.mpi
+@pytest.mark.fem
+@pytest.mark.slow
+def test_a_file_that_cannot_be_written_ends_both_ranks(tmp_path):
+    """The report comes after it, and its field is shared among the ranks."""
+    pytest.importorskip("dolfinx")
+    (tmp_path / "out/result.json").mkdir(parents=True)
+    path = written(tmp_path, LEVER.replace("fields = true", "csv = false"))
+    files = ("--out", str(tmp_path / "out"), "--report", str(tmp_path / "r.html"))
+    first, second = run_ranks(2, SCRIPT, "run", str(path), *files, timeout=200)
+    assert first.endswith("ended with 1\n")
+    assert second == "ended with 1\n"
+    assert not (tmp_path / "r.html").exists()

@@ -10,21 +10,21 @@ from pathlib import Path
 from typing import Any
 
 from antiosc import checks
-from antiosc.errors import AntioscError, InputError, MissingDependencyError
-from antiosc.scene_file.kinds import NUMBER, Kind, words
+from antiosc.errors import InputError, MissingDependencyError
+from antiosc.scene_file.kinds import Kind, words
 from antiosc.scene_file.locations import Place
 from antiosc.scene_file.parameters import (
     RULES,
     WITHHELD,
     Parameter,
     parameters,
-    resolved,
     takes,
 )
 from antiosc.scene_file.problems import label, listed, nearest, unknown
-from antiosc.scene_file.program import Call, Evaluation, Name
+from antiosc.scene_file.program import Call, Name
 from antiosc.scene_file.read import Document
-from antiosc.scene_file.sections import constructors_of, impactors
+from antiosc.scene_file.sections import constructors_of
+from antiosc.scene_file.trial import light, values_tried
 
 #: The key that chooses one of several classes or constructors.
 KIND = "kind"
@@ -32,8 +32,6 @@ KIND = "kind"
 _WITH_UNIT = re.compile(r"\s*[-+]?[\d.]+(e[-+]?\d+)?\s*[^\d\s.][\S]*\s*", re.IGNORECASE)
 #: Largest list of a scene file.
 LONGEST = 200_000
-#: A sound modulus, density, length and Poisson's ratio, in place of one that is not.
-STAND_IN = 0.3
 
 
 class Mistake(Exception):
@@ -88,8 +86,8 @@ class Builder:
         if target is not None:
             made = replace(made, function=function.split(".")[-1], on=target)
         whole = sound and not lacking and all(v is not None for v in arguments.values())
-        if target is None and _light(function):
-            whole &= self._values_tried(made, known, table, whole)
+        if target is None and light(function):
+            whole &= values_tried(self.problems, made, known, table, whole)
         return made if whole else None
 
     def _lacking(
@@ -289,106 +287,6 @@ class Builder:
     def _wrong(self, place: Place, sentence: str) -> Any:
         self.problems.add(place, sentence)
         raise Mistake
-
-    # -- constructors check their own values
-
-    def _values_tried(
-        self, call: Call, known: Mapping[str, Parameter], table: Mapping[str, Any], whole: bool
-    ) -> bool:
-        """Whether a constructor takes its values; a number that it refuses is noted.
-
-        Then another stands in for it, so that the next mistake is found too; also for numbers that
-        are missing or wrong otherwise.
-        """
-        arguments, stand_ins = dict(call.arguments), set()
-        if not whole:
-            lost = [n for n, p in known.items() if n not in arguments and (p.needed or n in table)]
-            if None in arguments.values() or any(NUMBER not in known[n].kinds for n in lost):
-                return False
-            arguments |= dict.fromkeys(lost, STAND_IN)
-            stand_ins |= set(lost)
-        for _ in range(len(arguments) + 1):
-            refusal = _refusal(replace(call, arguments=arguments))
-            if refusal is None:
-                return not stand_ins
-            place, sentence = refused(refusal.call, refusal.error)
-            key = place[len(call.place)] if len(place) > len(call.place) else None
-            if (whole or key in arguments) and key not in stand_ins:
-                self.problems.add(place, sentence)
-            if not isinstance(arguments.get(str(key)), float) or key in stand_ins:
-                return False
-            arguments[str(key)] = STAND_IN
-            stand_ins.add(str(key))
-            whole = False
-        return False
-
-    def tried(self, call: Call) -> Call | None:
-        """The call if it can be evaluated, or if a later statement makes what it refers to."""
-        refusal = _refusal(call)
-        if refusal is None:
-            return call
-        self.problems.add(*refused(refusal.call, refusal.error))
-        return None
-
-
-def _refusal(call: Call) -> _Refused | None:
-    """What a call refuses; None if it can be evaluated as far as its variables are known."""
-    try:
-        Evaluation(_Refused).value(call)
-    except _Refused as refusal:
-        return refusal
-    except KeyError:  # a variable that another statement makes
-        return None
-    return None
-
-
-class _Refused(Exception):
-    """The exception of one call."""
-
-    def __init__(self, call: Call, error: Exception) -> None:
-        super().__init__(str(error))
-        self.call, self.error = call, error
-
-
-def refused(call: Call, error: Exception) -> tuple[Place, str]:
-    """Where and what is wrong, of an exception of a call."""
-    if not isinstance(error, AntioscError):
-        error = InputError(f"{type(error).__name__}: {error}")
-    text = str(error).rstrip(".")
-    return _place_of(call, text), f"{label(call.place)}: {text}."
-
-
-def _place_of(call: Call, text: str) -> Place:
-    """The key that a message speaks of: one whose name or whose text stands in it."""
-    best: tuple[int, Place] = (len(text) + 1, call.place)
-    for name, value in call.arguments.items():
-        for sought, place in _words(name, value, (*call.place, name)):
-            found = re.search(rf"(?<![\w]){re.escape(sought)}(?![\w])", text)
-            if found and found.start() < best[0]:
-                best = found.start(), place
-    return best[1]
-
-
-def _words(name: str, value: Any, place: Place) -> list[tuple[str, Place]]:
-    found = [(name, place)] if not name.startswith("*") else []
-    if isinstance(value, str):
-        found.append((repr(value), place))
-    elif isinstance(value, Call):
-        for key, inner in value.arguments.items():
-            found += [w for w in _words(key, inner, (*value.place, key)) if w[0][0] == "'"]
-    elif isinstance(value, list | tuple):
-        for number, inner in enumerate(value):
-            found += [w for w in _words("*", inner, (*place, number)) if w[0][0] == "'"]
-    return found
-
-
-def _light(function: str) -> bool:
-    """Whether a call only checks and stores values: a class of antiosc that holds data."""
-    if function in impactors():
-        return True
-    made = resolved(function.split(".")[0])
-    heavy = function.startswith(("Structure", "Scene")) or function == "AntiOscillators.load"
-    return isinstance(made, type) and not heavy and function != "output"
 
 
 def _numeric(kinds: Sequence[Kind]) -> bool:

@@ -15,10 +15,9 @@ import numpy as np
 
 from antiosc import checks, files, info
 from antiosc.errors import InputError, MissingDependencyError
-from antiosc.progress import world_rank
 from antiosc.scene_file import result_tables
 from antiosc.scene_file.outputs import Output
-from antiosc.scene_file.run import Results
+from antiosc.scene_file.run import Results, on_first
 from antiosc.simulation.error_bars import CAUSES
 from antiosc.simulation.scene_history import SceneHistory
 
@@ -194,7 +193,7 @@ def _plain(value: Any) -> Any:
 
 
 def write(found: Results, target: Path) -> list[Path]:
-    """The files that the scene asks for, on the first rank; their paths."""
+    """The files that the scene asks for, written on the first rank; their paths."""
     asked = found.compiled.output
     wanted = Output() if asked is None else Output(**asked.arguments)
     written: list[Path] = []
@@ -203,21 +202,28 @@ def write(found: Results, target: Path) -> list[Path]:
 
         path = antiosc.write_series(found.structure, found.history, target / "series.pvd")
         written.append(Path(path))
-    if world_rank():
-        return []
-    if wanted.csv:
-        written += [write_table(target / name, table) for name, table in _tables(found)]
-    if wanted.json:
-        written.append(write_numbers(target / "result.json", _numbers_of(found)))
-    if wanted.model and found.model is not None:
-        found.model.save(target / "model.npz")
-        written.append(target / "model.npz")
-    if found.found is not None and wanted.fields:
-        written.append(found.found.write(target / "map.vtu"))
-    if wanted.plot is not None:
-        for name, draw in _pictures(found):
-            written += _drawn(draw, target / f"{name}.{wanted.plot}", found.warnings)
-    return written
+    # what structures tell is asked on every rank, and written on the first
+    tables = _tables(found) if wanted.csv else []
+    content = _numbers_of(found) if wanted.json else {}
+
+    def files_of_first() -> tuple[list[Path], list[str]]:
+        told: list[str] = []
+        paths = [write_table(target / name, table) for name, table in tables]
+        if wanted.json:
+            paths.append(write_numbers(target / "result.json", content))
+        if wanted.model and found.model is not None:
+            found.model.save(target / "model.npz")
+            paths.append(target / "model.npz")
+        if found.found is not None and wanted.fields:
+            paths.append(found.found.write(target / "map.vtu"))
+        if wanted.plot is not None:
+            for name, draw in _pictures(found):
+                paths += _drawn(draw, target / f"{name}.{wanted.plot}", told)
+        return paths, told
+
+    paths, told = on_first(files_of_first)
+    found.warnings.extend(told)
+    return [*written, *paths]
 
 
 def _tables(found: Results) -> list[tuple[str, dict[str, Any]]]:

@@ -15,11 +15,10 @@ import numpy as np
 from antiosc import checks, files, info
 from antiosc.advice import advise
 from antiosc.errors import AntioscError, InputError
-from antiosc.progress import world_rank
 from antiosc.scene_file import result_tables
 from antiosc.scene_file.output import ends
 from antiosc.scene_file.report_pictures import Picture, pictures
-from antiosc.scene_file.run import Results
+from antiosc.scene_file.run import Results, on_first
 from antiosc.simulation.error_bars import CAUSES, QUANTITIES
 from antiosc.simulation.scene_history import SceneHistory
 
@@ -50,11 +49,12 @@ def checked(path: str) -> Path:
 
 
 def write(found: Results, path: Path) -> list[Path]:
-    """Write the report on the first rank, complete or absent; its path."""
-    drawn = list(pictures(found))  # on every rank: fields are shared
-    if world_rank():
-        return []
-    files.write_text(path, page(found, drawn), "the report")
+    """Write the report on the first rank, complete or absent; its path.
+
+    The page is made on every rank: fields and the dimensions of a structure are shared.
+    """
+    text = page(found, list(pictures(found)))
+    on_first(lambda: files.write_text(path, text, "the report"))
     return [path]
 
 

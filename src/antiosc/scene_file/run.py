@@ -7,14 +7,16 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeVar
 
 from antiosc import progress
 from antiosc.errors import AntioscError, AntioscWarning, InputError
-from antiosc.scene_file.build import refused
 from antiosc.scene_file.program import Call, Evaluation, Statement
 from antiosc.scene_file.read import Document
 from antiosc.scene_file.scene import Compiled
+from antiosc.scene_file.trial import refused
+
+T = TypeVar("T")
 
 #: Variable -> what a progress line says while it is made.
 DOING = {
@@ -101,3 +103,16 @@ def communicator() -> Any:
     """MPI's ranks where mpi4py has been loaded; otherwise None: one process."""
     MPI = sys.modules.get("mpi4py.MPI")
     return None if MPI is None else MPI.COMM_WORLD  # type: ignore[attr-defined]
+
+
+def on_first(work: Callable[[], T]) -> T:
+    """What `work` returns on the first rank, on every rank; its error is raised on all of them.
+
+    For files: a rank that goes on alone after an error of another would wait for it for ever.
+    """
+    comm = communicator()
+    if comm is None or comm.size == 1:
+        return work()
+    from antiosc.fem.mpi import on_root
+
+    return on_root(comm, work)  # type: ignore[no-any-return]

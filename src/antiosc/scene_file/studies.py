@@ -11,6 +11,7 @@ from antiosc.scene_file.problems import label, listed
 from antiosc.scene_file.program import Call, ForEach, Name, Statement
 from antiosc.scene_file.sections import SECTIONS
 from antiosc.scene_file.tables import Tables
+from antiosc.scene_file.trial import tried
 
 #: Sections whose values a sweep may vary.
 VARIED = ("impactor", "contact", "simulate")
@@ -121,7 +122,7 @@ def _varied(tables: Tables, call: Call, values: dict[str, Any], size: int) -> St
     }
     arguments = {"*make": Name(call.function), **fixed, **values}
     made = Call("ao.sweep", arguments, ("sweep", *call.place))
-    return Statement(f"{one}s", tables.build.tried(made))
+    return Statement(f"{one}s", tried(tables.problems, made))
 
 
 def _batch(tables: Tables, values: dict[str, Any], names: tuple[str, ...]) -> Call | None:
