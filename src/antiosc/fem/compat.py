@@ -163,13 +163,14 @@ def refined(mesh: dolfinx.mesh.Mesh, edges: IntArray) -> dolfinx.mesh.Mesh:
     return found[0] if isinstance(found, tuple) else found
 
 
-def cell_edges(mesh: dolfinx.mesh.Mesh) -> IntArray:
-    """Edges of every cell of this rank: (cells, edges of one)."""
+def cell_entities(mesh: dolfinx.mesh.Mesh, dim: int) -> IntArray:
+    """Entities of dimension `dim` of every cell of this rank: (cells, entities of one)."""
     topology = mesh.topology
-    topology.create_entities(1)
-    topology.create_connectivity(topology.dim, 1)
+    topology.create_entities(dim)
+    topology.create_connectivity(topology.dim, dim)
     cells = cell_map(mesh).size_local + cell_map(mesh).num_ghosts
-    return np.asarray(topology.connectivity(topology.dim, 1).array).reshape(cells, -1)
+    entities = np.asarray(topology.connectivity(topology.dim, dim).array)
+    return entities.reshape(cells, -1) if cells else np.zeros((0, 1), dtype=np.int32)
 
 
 # --- Function spaces and forms ----------------------------------------------------------------
@@ -396,11 +397,8 @@ def cells_of(mesh: dolfinx.mesh.Mesh, facets: IntArray) -> IntArray:
 
 def facet_numbers(mesh: dolfinx.mesh.Mesh, cells: IntArray, facets: IntArray) -> IntArray:
     """Local number of each facet in its cell, shape (n,)."""
-    dim = mesh.topology.dim
-    mesh.topology.create_connectivity(dim, dim - 1)
-    to_facet = mesh.topology.connectivity(dim, dim - 1)
-    here = [int(np.argmax(to_facet.links(c) == f)) for c, f in zip(cells, facets, strict=True)]
-    return np.array(here, dtype=int)
+    own = cell_entities(mesh, mesh.topology.dim - 1)[np.asarray(cells, dtype=np.intp)]
+    return np.asarray((own == np.asarray(facets)[:, None]).argmax(axis=1))
 
 
 def cell_dofs(space: fem.FunctionSpace, path: Sequence[int], cells: IntArray) -> IntArray:

@@ -105,7 +105,7 @@ def divided(pieces: Pieces, cell: str) -> Pieces:
     old = compat.create_mesh(MPI.COMM_SELF, *arguments)
     input_cells = np.asarray(old.topology.original_cell_index)
     marked = pieces.values[input_cells] < DIVIDED
-    new = compat.refined(old, np.unique(compat.cell_edges(old)[marked]))
+    new = compat.refined(old, np.unique(compat.cell_entities(old, 1)[marked]))
     gdim = pieces.points.shape[1]
     x = new.geometry.x[:, :gdim].copy()
     support = _supports(pieces, x)

@@ -38,14 +38,28 @@ class Quadrature:
         """Slices of `cells` that are processed at once."""
         return (slice(k, k + self._width) for k in range(0, len(cells), self._width))
 
-    def jacobians(self, cells: IntArray) -> Array:
-        """dx/dX (cells, points, gdim, tdim)."""
-        nodes = self.mesh.geometry.nodes[cells][:, :, : self.mesh.gdim]
-        return np.asarray(np.einsum("qnt,cni->cqit", self._slopes, nodes, optimize=True))
+    def maps(self, cells: IntArray) -> tuple[Array, Array]:
+        """(dX/dx (cells, points or 1, tdim, gdim), weights of the points (cells, points)).
 
-    def weights(self, jacobians: Array) -> Array:
-        """Weights of the points (cells, points) for these dx/dX."""
-        return np.asarray(np.abs(np.linalg.det(jacobians)) * self._reference_weights)
+        One inverse serves all points of a cell with a linear map.
+        """
+        nodes = self.mesh.geometry.nodes[cells][:, :, : self.mesh.gdim]
+        slopes = self._slopes[:1] if self.mesh.geometry.affine else self._slopes
+        inverse, volume = inverted(np.swapaxes(nodes, 1, 2)[:, None] @ slopes)
+        return inverse, np.abs(volume) * self._reference_weights
+
+
+def inverted(J: Array) -> tuple[Array, Array]:
+    """(inverses, determinants) of matrices (…, d, d) of d = 2 or 3, by their minors."""
+    if J.shape[-1] == 2:
+        a, b, c, d = J[..., 0, 0], J[..., 0, 1], J[..., 1, 0], J[..., 1, 1]
+        minors = np.stack([np.stack([d, -b], axis=-1), np.stack([-c, a], axis=-1)], axis=-2)
+        volume = a * d - b * c
+    else:
+        u, v, w = (J[..., k] for k in range(3))
+        minors = np.stack([np.cross(v, w), np.cross(w, u), np.cross(u, v)], axis=-2)
+        volume = np.einsum("...i,...i->...", u, minors[..., 0, :])
+    return minors / volume[..., None, None], volume
 
 
 class CellStrains:
@@ -63,9 +77,9 @@ class CellStrains:
     def at(self, cells: IntArray) -> tuple[Array, Array]:
         """(strains (cells, points, components, k), weights (cells, points))."""
         dim, quadrature = self.mesh.gdim, self.quadrature
-        J = quadrature.jacobians(cells)
+        inverse, weights = quadrature.maps(cells)
         # derivatives of the functions along x (cells, points · gdim, functions)
-        slopes = np.einsum("qft,cqtd->cqdf", self._slopes, np.linalg.inv(J), optimize=True)
+        slopes = np.swapaxes(inverse, -1, -2) @ np.swapaxes(self._slopes, -1, -2)
         count, points, _, functions = slopes.shape
         slopes = slopes.reshape(count, points * dim, functions)
         gradients = []
@@ -77,4 +91,4 @@ class CellStrains:
             strains[:, :, k] = gradients[i][:, :, j]
             if i != j:
                 strains[:, :, k] += gradients[j][:, :, i]
-        return strains, quadrature.weights(J)
+        return strains, weights

@@ -31,18 +31,17 @@ def patch_of(structure: Structure, site: Functional) -> dict[str, float] | None:
         return None
     assert site.point is not None
     assert site.direction is not None  # where there is a patch
-    radii = site.radius * np.array([1.0, *RADII])
-    points, directions = (np.tile(v, (len(radii), 1)) for v in (site.point, site.direction))
-    found = located(on_mesh(structure), points, directions, radii)
-    facts = {"faces": float(found.size[0])}
-    whole = np.flatnonzero((found.share >= WHOLE) & (found.local > 0))
-    whole = whole[whole > 0]
-    if not site.local_compliance or not len(whole):
+    for factor in RADII:
+        place = site.point[None, :], site.direction[None, :], np.array([factor * site.radius])
+        found = located(on_mesh(structure), *place)
+        facts = {"faces": float(found.size[0])}
+        if found.share[0] >= WHOLE:
+            break
+    if not site.local_compliance or found.share[0] < WHOLE or not found.local[0]:
         return facts
-    at = int(whole[0])
-    b = found.loads[:, at].toarray().ravel()
+    b = found.loads[:, 0].toarray().ravel()
     # bᵀA⁻¹b of both is a difference of two squares: one solve, without cancellation
     apart = structure.factorize().solve_checked((b - site.b)[:, None])[:, 0]
     change = float(dot(structure.comm, apart, b + site.b))
-    change -= float(found.local[at]) - site.local_compliance
-    return {**facts, "radius": float(found.radii[at]), "compliance": change}
+    change -= float(found.local[0]) - site.local_compliance
+    return {**facts, "radius": float(found.radii[0]), "compliance": change}
