@@ -192,11 +192,9 @@ def _check_source(source: Any, material: Any, supports: Any) -> None:
 
 def _begin(place: Source, site: Site, impactor: Any, material: Any) -> tuple[Site, Mesh]:
     """The site with a radius, and the first mesh."""
-    thickness, contact = place.thickness(), 0.0
+    thickness = place.thickness()
     solids = list(material.values()) if isinstance(material, Mapping) else [material]
-    if hasattr(impactor, "hertz") and isinstance(solids[0], Solid):
-        E, nu, rho = solids[0].constants()
-        contact = advise((thickness,) * 3, impactor, E=E, nu=nu, rho=rho).contact_radius
+    contact = _contact_radius(impactor, solids[0], thickness)
     if site.radius is None and site.point is not None and isinstance(solids[0], Solid):
         half = thickness / 2
         site = replace(site, radius=min(sqrt(contact * half), half) if contact else half / 1.5)
@@ -204,6 +202,17 @@ def _begin(place: Source, site: Site, impactor: Any, material: Any) -> tuple[Sit
     if site.radius is not None and site.point is not None and not isinstance(site.point, str):
         refine = [(site.point, site.radius)]
     return site, place.first(thickness, refine)
+
+
+def _contact_radius(impactor: Any, material: Any, thickness: float) -> float:
+    """Of Hertz's contact at its peak [m]; 0 where the impactor does not tell its shape."""
+    if not isinstance(material, Solid):
+        return 0.0
+    E, nu, rho = material.constants()
+    try:
+        return advise((thickness,) * 3, impactor, E=E, nu=nu, rho=rho).contact_radius
+    except InputError:
+        return 0.0
 
 
 def _answer(structure: Structure, site: Site, run: Run, tol: float, n: int) -> Answer:
