@@ -169,6 +169,26 @@ def test_new_writes_a_scene_that_is_complete_or_absent(tmp_path, capsys):
 
 
 @pytest.mark.fem
+def test_what_a_new_scene_has_in_comments_is_right(tmp_path, capsys):
+    """Its keys and values are taken when their # is removed."""
+    pytest.importorskip("dolfinx")
+    target = tmp_path / "new.toml"
+    assert antiosc("new", target, MESHES / "bracket.msh") == 0
+    sections_and_keys = r"^# (?=\[+[a-z.]+\]+( +#|$)|\w[\w.]* = )"
+    text = re.sub(sections_and_keys, "", target.read_text(), flags=re.M)
+    assert len(re.findall(r"^\w[\w.]* = ", text, re.M)) > 35
+    text = text.replace('where = "clamp"', "", 1)  # one of two ways to say it
+    head, _, tail = text.partition("\n[strike]\n")
+    strike, _, rest = tail.partition("\n# A scene of several")
+    simulated = written(tmp_path, head + rest)
+    assert antiosc("check", simulated) == 0, capsys.readouterr().err
+    start = head.index("[simulate]")
+    extract = slice(head.index("[extract]"), head.index("# -- the impact"))
+    struck = head[: extract.start] + head[extract.stop : start] + "[strike]\n" + strike
+    assert antiosc("check", written(tmp_path, struck)) == 0, capsys.readouterr().err
+
+
+@pytest.mark.fem
 def test_a_new_scene_of_a_part_has_no_mistakes(tmp_path, capsys):
     pytest.importorskip("dolfinx")
     for name, part in {"a": SCENES / "bar.inp", "b": SCENES.parents[1] / "meshes/beam.msh"}.items():

@@ -100,7 +100,7 @@ def descriptions(call: Any) -> dict[str, str]:
 
 def _tells(rest: str) -> bool:
     """Whether what stands after the colon is more than a type."""
-    return len(rest.split()) > 6
+    return len(rest.split()) > 6 and "optional" not in rest
 
 
 def _first_sentence(text: str) -> str:
