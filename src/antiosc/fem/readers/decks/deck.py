@@ -16,6 +16,9 @@ Array = NDArray[np.float64]
 
 #: Largest number of a node or element; larger ones indicate a damaged file.
 LARGEST_NUMBER = 2**62
+#: Largest quantity in a deck; its powers stay within double precision. Smaller ones than its
+#: inverse are zero.
+LARGEST_REAL = 1e60
 
 
 @dataclass
@@ -140,7 +143,9 @@ def real_number(text: str, place: Place) -> float:
             value = float("nan")
     if not np.isfinite(value) or "_" in word:
         raise MeshError(f"{place}: {text.strip()[:40]!r} is not a number.")
-    return value
+    if abs(value) > LARGEST_REAL:
+        raise MeshError(f"{place}: the number {text.strip()[:40]} is too large.")
+    return value if abs(value) > 1 / LARGEST_REAL else 0.0
 
 
 def listed(counts: dict[str, int]) -> str:

@@ -177,7 +177,7 @@ class Shells:
         self, material: Material, thickness: float, angle: float, entry: Entry
     ) -> dict[str, float]:
         if material.plane is not None:
-            Q = material.plane
+            Q = _plane(material)
             if np.abs(Q[:2, 2]).max() > 1e-9 * np.abs(Q).max():
                 raise MeshError(
                     f"{material.place}: {material.name} couples stretching with shear, which plies "
@@ -252,6 +252,10 @@ class Shells:
 def _plane(material: Material) -> Array:
     """Stresses (σ1, σ2, τ12) of plane strains (3, 3)."""
     if material.plane is not None:
+        if not np.linalg.eigvalsh(material.plane).min() > 0:
+            raise MeshError(
+                f"{material.place}: the stiffness of {material.name} is not positive definite."
+            )
         return material.plane
     if material.constants is None:
         raise MeshError(f"{material.place}: {material.name} is not a material of shells.")
