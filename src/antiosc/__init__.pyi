@@ -170,6 +170,10 @@ from antiosc.simulation.body_energy import (
     body_energy as body_energy,
     vibration_share as vibration_share,
 )
+from antiosc.simulation.contact_stress import (
+    ContactStress as ContactStress,
+    contact_stress as contact_stress,
+)
 from antiosc.simulation.history import (
     Energy as Energy,
     History as History,
