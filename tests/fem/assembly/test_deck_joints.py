@@ -280,3 +280,22 @@ def test_some_parts_of_a_deck(tmp_path):
     for bad in ("ONE", [], [1]):
         with pytest.raises(ao.InputError, match="parts must be a list of names"):
             read(tmp_path, text, parts=bad)
+
+
+@pytest.mark.filterwarnings("ignore:the 4 T3D2 of part.inp are springs")
+def test_trusses_between_a_column_and_the_ground(tmp_path):
+    """Four T3D2 of the length 2 above a column without contraction: EA/L of both."""
+    area = 0.1
+    high = "*NODE\n" + "".join(
+        f"{200 + n},{x},{y},4.\n" for n, (x, y) in enumerate([(0, 0), (1, 0), (1, 1), (0, 1)])
+    )
+    bars = "*ELEMENT, TYPE=T3D2, ELSET=BARS\n" + "".join(
+        f"{300 + n},{9 + n},{200 + n}\n" for n in range(4)
+    )
+    section = f"*SOLID SECTION, ELSET=BARS, MATERIAL=M\n{area}\n"
+    held = "".join(f"{200 + n},1,3\n" for n in range(4))
+    text = column() + high + bars + SOLID + section + MATERIAL + FOOT + held + FLAT
+    with pytest.warns(ao.AntioscWarning, match="a mass on a held node"):
+        part = read(tmp_path, text)
+    assert part.mass == pytest.approx(2000 + 1000 * 4 * area * 2 / 2, rel=1e-12)
+    assert k0(part) == pytest.approx(E * A / L + 4 * E * area / 2, rel=1e-9)

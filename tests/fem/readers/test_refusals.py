@@ -73,6 +73,19 @@ ABAQUS = {
         "*NODE,NSET=A\n1,0,0,0\n*NODE,NSET=B\n9,1,0,0\n*NFILL\nA,B,0,1\n",
         "over 0 lines does not fit",
     ),
+    "axisymmetric": (
+        SHEET.replace("S4", "CAX4R") + SOLID + MATERIAL,
+        "CAX4R are axisymmetric, which is not supported",
+    ),
+    "turned inertia": (
+        WHOLE + AXES + "1,0,0,0,1,0\n*ELEMENT,TYPE=ROTARYI,ELSET=W\n9,1\n"
+        "*ROTARY INERTIA,ELSET=W,ORIENTATION=O\n1.,2.,3.\n",
+        "ROTARY INERTIA in an orientation",
+    ),
+    "a truss without a section": (
+        NODES + "*ELEMENT,TYPE=T3D2,ELSET=ALL\n1,1,2\n" + MATERIAL,
+        "T3D2 elements without a section",
+    ),
     "leftover": (WHOLE + "*ELEMENT,TYPE=DASHPOTA\n2,1,2\n", "1 DASHPOTA elements, which are not"),
     "spring of length 0": (
         WHOLE.replace("*ELEMENT", "9,0,0,0\n*ELEMENT", 1)

@@ -225,6 +225,12 @@ def _masses(whole: Whole, builder: ModelBuilder) -> None:
             raise MeshError(f"{card.place}: *{card.keyword} without a value.")
         if card.keyword == "ROTARYINERTIA" and any(values[3:6]):
             raise MeshError(f"{card.place}: products of inertia are not supported.")
+        alike = len({*values[:3]}) == 1 and len(values) >= 3
+        if card.option("ORIENTATION") and not alike:
+            raise MeshError(
+                f"{card.place}: *ROTARY INERTIA in an orientation is not supported; give it in the "
+                "axes of the deck."
+            )
         for _, nodes in _others(whole, card, within):
             given += 1
             if card.keyword == "MASS":

@@ -199,6 +199,11 @@ class Sections:
         kinds = sorted(
             {b.type for b, r in zip(self.whole.deck.blocks, self.roles, strict=True) if r in roles}
         )
+        if any(kind.startswith(("CAX", "CGAX", "SAX")) for kind in kinds):
+            raise MeshError(
+                f"{card.place}: the elements {', '.join(kinds)} are axisymmetric, which is not "
+                "supported; model the part, or a sector between planes of symmetry, by solids."
+            )
         raise MeshError(
             f"{card.place}: *{card.keyword} for elements ({', '.join(kinds)}) that no element "
             "family here carries in this way."
