@@ -1,6 +1,6 @@
 # Every target sets up what it needs, once; `make help` lists them.
 .DEFAULT_GOAL := help
-.PHONY: help setup demo article bench decks validate docs dist test check check-cores mutants test-trixie test-sid test-newest memcheck lint fmt clean
+.PHONY: help setup demo article bench decks validate peers docs dist test check check-cores mutants test-trixie test-sid test-newest memcheck lint fmt clean
 
 PYTHON := .venv/bin/python
 READY  := .venv/ready
@@ -36,6 +36,10 @@ bench: $(READY) ## speed against accuracy: tables, pictures and JSON in demos/sp
 
 validate: $(READY) ## published tests in one table with pictures: docs/validation.md (about 2 minutes)
 	$(PYTHON) demos/validation/book.py
+
+peers: $(READY) ## a plate and a sphere in CalculiX with meshed contact beside antiosc (half an hour)
+	.ci/install .ci/packages-peers
+	$(PYTHON) demos/peers/calculix.py
 
 docs: $(READY) ## the pages, in out/docs/index.html; a warning is an error
 	.ci/install .ci/packages-docs
