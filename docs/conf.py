@@ -37,6 +37,8 @@ def _lists(app: Any, name: str, source: list[str]) -> None:
         source[0] = generated.with_lists(source[0], generated.api_pages())
     elif name == "index":
         source[0] = generated.with_other_pages(source[0])
+    elif "/" not in name:
+        source[0] = generated.of_this_folder(source[0])
 
 
 def _plain(app: Any, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:

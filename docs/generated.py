@@ -130,9 +130,35 @@ def demo_pages(folder: Path) -> None:
             "```",
         ]
         write(folder / f"{script.stem}.md", "\n".join(page) + "\n")
+    names += measured_pages(folder)
     index = ["# Demos", "", "Every demo is a script in `demos/`; `--help` lists its options.", ""]
     index += ["```{toctree}", *names, "```"]
     write(folder / "index.md", "\n".join(index) + "\n")
+
+
+def measured_pages(folder: Path) -> list[str]:
+    """Copies of the pages that demos have written, with links that hold from here."""
+    sources = sorted([*(ROOT / "demos").glob("*.md"), *(ROOT / "demos/speed").glob("*.md")])
+    stems = {source: f"{source.stem.lower()}_page" for source in sources}
+    for source, stem in stems.items():
+
+        def here(found: re.Match[str], folder: Path = source.parent) -> str:
+            target = (folder / found[1]).resolve()
+            if target in stems:
+                return f"]({stems[target]}.md)"
+            if not target.exists():
+                return found[0]
+            return f"](../../{target.relative_to(ROOT)})"
+
+        text = source.read_text(encoding="utf-8")
+        write(folder / f"{stem}.md", re.sub(r"\]\(([^)#:\s]+)\)", here, text))
+    return list(stems.values())
+
+
+def of_this_folder(text: str) -> str:
+    """A page whose links to pages of demos lead to their copies here."""
+    copies = re.compile(r"\]\(\.\./demos/(?:speed/)?(\w+)\.md\)")
+    return copies.sub(lambda found: f"](demos/{found[1].lower()}_page.md)", text)
 
 
 def fenced(lines: list[str]) -> list[str]:

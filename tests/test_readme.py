@@ -1,4 +1,4 @@
-"""The program in README is run as it stands there."""
+"""The program in README and those of the guide are run as they stand there."""
 
 from __future__ import annotations
 
@@ -15,8 +15,12 @@ from paths import ROOT
 
 
 def programs() -> list[str]:
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    return re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    """The program of README, then those of the guide that go on from it."""
+    pages = [ROOT / "README.md", ROOT / "docs" / "guide.md"]
+    texts = [page.read_text(encoding="utf-8") for page in pages]
+    found = [re.findall(r"```python\n(.*?)```", text, re.DOTALL) for text in texts]
+    assert found[1][0] == found[0][0]
+    return found[1]
 
 
 def run(program: str, folder: Path, monkeypatch) -> dict[str, Any]:
@@ -83,9 +87,17 @@ def test_the_sites_of_the_readme_run(tmp_path, monkeypatch, capsys):
     assert names["top"].shape == (len(stopped.time), 3)
 
 
-def test_every_path_that_the_readme_names_exists():
+@pytest.mark.parametrize("page", ["README.md", "docs/guide.md"])
+def test_every_path_that_a_page_names_exists(page):
+    text = (ROOT / page).read_text(encoding="utf-8")
+    links = re.findall(r"\]\(([^)#]+)\)", text)
+    named = re.findall(r"`((?:src|meshes|demos|tests)/[^`]*)`", text)
+    assert links
+    folder = (ROOT / page).parent
+    assert [p for p in links if not p.startswith("http") and not (folder / p).exists()] == []
+    assert [p for p in named if not (ROOT / p).exists()] == []
+
+
+def test_the_readme_is_one_screen():
     text = (ROOT / "README.md").read_text(encoding="utf-8")
-    paths = re.findall(r"\]\(([^)#]+)\)", text)
-    paths += re.findall(r"`((?:src|meshes|demos|tests)/[^`]*)`", text)
-    assert paths
-    assert [p for p in paths if not p.startswith("http") and not (ROOT / p).exists()] == []
+    assert len(text.splitlines()) < 100

@@ -48,12 +48,13 @@ def test_the_program_of_a_page_runs(page, tmp_path, monkeypatch, capsys):
 
 def test_no_page_with_a_program_is_left_out():
     """Pages of other rooms have their own tests; all others stand in the lists above."""
-    elsewhere = {"assemblies", "closed_forms", "matrices", "results"}
+    elsewhere = {"assemblies", "closed_forms", "guide", "matrices", "results"}
     with_programs = {
         str(path.relative_to(DOCS).with_suffix(""))
         for folder in (DOCS, DOCS / "howto", DOCS / "api")
         for path in folder.glob("*.md")
-        if "```python" in path.read_text(encoding="utf-8")
+        if "```python\nimport antiosc" in path.read_text(encoding="utf-8")
+        or "\nimport antiosc as ao\n" in path.read_text(encoding="utf-8")
     }
     assert with_programs - elsewhere <= LIGHT | MESHED | SLOW
 
@@ -77,6 +78,7 @@ def test_every_public_name_stands_on_one_page_of_the_api(generated):
 def test_every_demo_has_a_page_and_its_pictures_exist(generated, tmp_path):
     generated.demo_pages(tmp_path / "demos")
     pages = {path.stem for path in (tmp_path / "demos").glob("*.md")} - {"index"}
+    pages = {page for page in pages if not page.endswith("_page")}
     scripts = {p.stem for p in DEMOS.glob("*.py") if "__main__" in p.read_text(encoding="utf-8")}
     assert pages == scripts
     for pictures in generated.PICTURES.values():
@@ -88,6 +90,17 @@ def test_a_new_page_is_listed(generated, monkeypatch, tmp_path):
     for name in ("index", "old", "new"):
         (tmp_path / f"{name}.md").write_text("# Page\n", encoding="utf-8")
     assert generated.with_other_pages("old\n%PAGES\n") == "old\nnew\n"
+
+
+def test_pages_that_demos_wrote_keep_their_links(generated, tmp_path):
+    generated.measured_pages(tmp_path)
+    text = (tmp_path / "article_page.md").read_text(encoding="utf-8")
+    pictures = re.findall(r"\]\(\.\./\.\./(demos/[^)]+)\)", text)
+    assert pictures
+    assert [p for p in pictures if not (ROOT / p).is_file()] == []
+    link = "see [it](../demos/speed/free_modes.md) and [that](../demos/pictures/x.png)"
+    there = "see [it](demos/free_modes_page.md) and [that](../demos/pictures/x.png)"
+    assert generated.of_this_folder(link) == there
 
 
 def test_docstrings_become_sound_markup(generated):
