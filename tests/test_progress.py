@@ -116,6 +116,12 @@ def test_only_the_first_rank_of_all_tells(terminal, monkeypatch):
     assert len(lines(terminal)) == 2
 
 
+def test_a_terminal_without_unicode_gets_question_marks():
+    stream = io.TextIOWrapper(io.BytesIO(), encoding="latin-1", newline="")
+    progress.say("force × 2, …", stream)
+    assert stream.buffer.getvalue() == "force × 2, ?\n".encode("latin-1")
+
+
 def test_impacts_of_a_batch_are_counted(terminal):
     impactors = ao.sweep(ao.RigidMass, mass=[0.1, 0.2, 0.3], velocity=1.0)
     model = ao.AntiOscillators(m0=0.1, k0=1e6, m=[0.3], omega=[2e3])

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 from antiosc import info
 from antiosc.errors import AntioscError
-from antiosc.progress import world_rank
+from antiosc.progress import say
 
 #: What each command on a scene file does.
 COMMANDS = {
@@ -46,9 +46,8 @@ def _tell(error: AntioscError) -> None:
     """An error on the first rank; the sentences of a scene file begin with its name."""
     from antiosc.scene_file.problems import SceneFileError
 
-    if world_rank() == 0:
-        head = "" if isinstance(error, SceneFileError) else "antiosc: "
-        print(f"{head}{error}", file=sys.stderr)
+    head = "" if isinstance(error, SceneFileError) else "antiosc: "
+    say(f"{head}{error}", sys.stderr)
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -15,7 +15,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, TextIO
 
 #: Carriage return, and the sequence that clears the line.
 CLEAR = "\r\x1b[2K"
@@ -116,3 +116,15 @@ def world_rank() -> int:
         return int(mpi.COMM_WORLD.rank)
     said = next((os.environ[name] for name in RANK if name in os.environ), "0")
     return int(said) if said.isdigit() else 0
+
+
+def say(text: str, stream: TextIO | None = None) -> None:
+    """Print a text on the first rank; signs that the terminal's encoding lacks become "?"."""
+    if world_rank():
+        return
+    target = sys.stdout if stream is None else stream
+    try:
+        print(text, file=target, flush=True)
+    except UnicodeEncodeError:
+        known = getattr(target, "encoding", None) or "ascii"
+        print(text.encode(known, "replace").decode(known), file=target, flush=True)

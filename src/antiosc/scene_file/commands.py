@@ -7,11 +7,10 @@ import json
 import sys
 import traceback
 from pathlib import Path
-from typing import Any
 
 from antiosc import info
 from antiosc.errors import AntioscError, InputError
-from antiosc.progress import world_rank
+from antiosc.progress import say
 from antiosc.scene_file import output, report, result_tables as tables, run as runs, template
 from antiosc.scene_file.read import read
 from antiosc.scene_file.scene import Compiled, compiled
@@ -96,12 +95,6 @@ def _folder(options: argparse.Namespace, scene: Compiled) -> Path | None:
     if scene.output is None:
         return None
     return output.folder(f"{Path(options.file).stem}_out")
-
-
-def say(text: str, stream: Any = None) -> None:
-    """Print on the first rank."""
-    if world_rank() == 0:
-        print(text, file=stream or sys.stdout, flush=True)
 
 
 def guarded(options: argparse.Namespace) -> int:
