@@ -134,6 +134,31 @@ def test_a_body_of_a_scene(sheet):
         ao.probe(part, hit.bodies["part"], POINTS[1], times=times)
 
 
+@pytest.mark.parametrize("kind", ["history", "scene"])
+def test_rates_of_a_damped_body_are_derivatives(sheet, kind):
+    """Velocity and acceleration against differences of the displacement, in contact and after."""
+    part = sheet[0]
+    if kind == "history":
+        model = ao.extract(part, SITE, 6, damping=0.2)
+        hit = ao.simulate(model, BALL, LAW, DURATION, tol=1e-6)
+    else:
+        model = ao.extract(part, {"tip": SITE}, 6, damping=0.2)
+        contact = ao.Contact("part:tip", "ball", LAW)
+        hit = ao.Scene({"part": model, "ball": BALL}, [contact]).run(DURATION, tol=1e-6)
+    h = 1e-7
+    middles = np.linspace(0.05, 0.95, 19) * DURATION
+    u = [ao.probe(part, hit, (0.2, 0.06), times=middles + k * h, body="structure" if kind ==
+                  "history" else "part") for k in (-1, 0, 1)]  # fmt: skip
+    found = [
+        ao.probe(part, hit, (0.2, 0.06), q, middles, body="structure" if kind == "history" else
+                 "part") for q in ("velocity", "acceleration")
+    ]  # fmt: skip
+    for rate, difference in zip(
+        found, ((u[2] - u[0]) / (2 * h), (u[2] - 2 * u[1] + u[0]) / h**2), strict=True
+    ):
+        np.testing.assert_allclose(rate, difference, atol=5e-3 * np.abs(rate).max())
+
+
 def test_a_residual_compliance_adds_its_stress():
     """At rest under a force, a superposition of two modes with correction: σ of K⁻¹bF."""
     part = ao.Structure(parts.plate((6, 3), (0.2, 0.06)), PLANE, [ao.Support("left")])
