@@ -137,8 +137,22 @@ def _counted(count: Callable[[Any], Any], value: Any) -> Any:
 
 
 def _flat(values: Iterable[Any]) -> list[Any]:
-    """Values, and those of mappings among them."""
-    return [one for v in values for one in (list(v.values()) if isinstance(v, Mapping) else [v])]
+    """Values, and those of mappings among them, what most ranks share in front."""
+    found: list[Any] = []
+    for value in values:
+        among = value.values() if isinstance(value, Mapping) else [value]
+        found += sorted(among, key=_ranks, reverse=True)
+    return found
+
+
+def _ranks(value: Any) -> int:
+    """Number of ranks that share a value; 0 where it has no communicator."""
+    if is_void(value):
+        return 0  # to ask for its communicator kills the process
+    try:
+        return int(value.comm.size)
+    except Exception:
+        return 0
 
 
 def _communicator(values: Iterable[Any], default: MPI.Comm) -> Any:

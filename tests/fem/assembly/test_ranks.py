@@ -71,7 +71,7 @@ def free():
     right = ao.Structure(block((0.05, 0.02, 0.02), (1, 1, 1)), ao.Solid(70e9, 0.3, 2700.0))
     hub = ao.Structure(block((0.02, 0.02, 0.02), (1, 1, 1), MPI.COMM_SELF), PLASTIC)
     return ao.assemble(
-        {"left": left, "right": right, "hub": hub},
+        {"hub": hub, "left": left, "right": right},
         [
             ao.Tie("left:x1", "right:x0"),
             ao.Mean("right:x1", "tip"),

@@ -205,10 +205,16 @@ def stacked(functionals: Sequence[Sparse], count: int) -> Sparse:
 
 
 def block_of(layout: Layout) -> int:
-    """Dofs of a node, or what those of all parts have in common."""
-    blocks = [m.block for m in layout.members.values()]
+    """Dofs of a node; 1 where those of the parts differ.
+
+    The factor is ordered by the first dof of each node. In half a node of a flat sheet, a rotation,
+    that dof is coupled to none of the other half, and the order would be of no use.
+    """
+    blocks = {m.block for m in layout.members.values()}
+    if len(blocks) > 1:
+        return 1
     others = layout.points or layout.condensed
-    return int(np.gcd.reduce([POINT_DOFS if others else 0, *blocks]))
+    return int(np.gcd(blocks.pop(), POINT_DOFS if others else 0))
 
 
 def reduced(layout: Layout, eliminated: Eliminated, added: Added) -> tuple[PETSc.Mat, PETSc.Mat]:
