@@ -67,7 +67,7 @@ def test_two_ranks_find_the_same(name: str, tmp_path: Path) -> None:
     serial, (first, second) = (
         [
             json.loads(text.split("numbers ")[1])
-            for text in run_ranks(ranks, script, str(DEMOS), options, str(tmp_path), timeout=300)
+            for text in run_ranks(ranks, script, str(DEMOS), options, str(tmp_path))
         ]
         for ranks in (1, 2)
     )

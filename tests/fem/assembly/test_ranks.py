@@ -187,7 +187,7 @@ def alone(tmp_path_factory):
 def results(ranks: int, folder) -> list:
     (folder / "deck.inp").write_text(DECK)
     files = str(folder / "series.pvd"), str(folder / "deck.inp")
-    printed = run_ranks(ranks, PROGRAM, HERE, *files, timeout=300)
+    printed = run_ranks(ranks, PROGRAM, HERE, *files)
     return [json.loads(text) for text in printed]
 
 
