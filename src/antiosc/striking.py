@@ -55,6 +55,8 @@ AIM = 0.8
 #: Least share of the tolerance that must be left for the mesh, and the largest part of its present
 #: share that a further mesh aims at.
 LEAST_ROOM, LEAST_STEP = 0.05, 0.8
+#: Each further mesh aims lower by this factor: what missed before may miss again.
+EAGER = 0.6
 #: First and largest number of anti-oscillators.
 FIRST_N, MOST_N = 12, 300
 #: Most meshes, and largest growth of the number of cells from one to the next.
@@ -169,7 +171,7 @@ def strike(
                 f"{MOST_MESHES} meshes were made." if len(records) == MOST_MESHES else ""
             )
             if not told:
-                ratio, told = _next(answer, mesh, order, tol, limit, started)
+                ratio, told = _next(answer, mesh, order, tol, limit, started, len(records))
         if told or answer.budget.worst <= tol:
             return _finished(answer, tol, records, told)
         n = _fewer(answer, run, tol)
@@ -241,7 +243,13 @@ def _fewer(answer: Answer, run: Run, tol: float) -> int:
 
 
 def _next(
-    answer: Answer, mesh: Mesh, order: int, tol: float, limit: float | None, started: float
+    answer: Answer,
+    mesh: Mesh,
+    order: int,
+    tol: float,
+    limit: float | None,
+    started: float,
+    meshes: int,
 ) -> tuple[Any, str]:
     """(ratio of new to old sizes of the cells, or why there is no further mesh)."""
     room = _room(answer.budget, tol)
@@ -253,6 +261,7 @@ def _next(
     if answer.n >= MOST_N:
         return None, f"{MOST_N} anti-oscillators do not bring the truncation below its share."
     goal = min(room[name] / bar.mesh for name, bar in answer.budget.items() if bar.mesh)
+    goal *= EAGER ** (meshes - 1)
     structure, dim = answer.structure, mesh.tdim
     values, vectors = np.linalg.eigh(amplitudes(answer.hit))
     kept = values > NEGLIGIBLE * values[-1]
