@@ -236,6 +236,28 @@ def quiet_load(model, force):
     return scene.run(1e-6)
 
 
+@pytest.mark.filterwarnings("ignore:.*patch", "ignore:.*half-space")
+def test_a_part_that_an_assembly_turns_feels_the_same():
+    """Motion and tensors of the turned part are those of the part itself, turned."""
+    whole = ao.Structure(parts.box((4, 2, 2)), ao.Solid(**parts.STEEL), [ao.Support("left")])
+    turn = ao.Placement(axis=(1, 2, 3), angle=0.7, shift=(0.1, 0.0, 0.2))
+    joined = ao.assemble({"block": whole}, at={"block": turn})
+    R = turn.rotation
+    point, d = np.array([0.2, 0.02, 0.04]), np.array([0.0, 0.2, -1.0])
+    hits = [
+        ao.simulate(ao.extract(one, ao.Site(x, e, radius=0.03), 6), BALL, LAW, 3e-4)
+        for one, x, e in ((whole, point, d), (joined, turn.placed(point[None])[0], R @ d))
+    ]
+    assert hits[1].peak_force == pytest.approx(hits[0].peak_force, rel=1e-6)
+    at, times = np.array([0.07, 0.03, 0.01]), np.linspace(0, 3e-4, 21)
+    there = turn.placed(at[None])[0]
+    for quantity in ("acceleration", "rotation", "stress", "strain"):
+        own = ao.probe(whole, hits[0], at, quantity, times)
+        seen = ao.probe(joined, hits[1], there, quantity, times, part="block")
+        expected = own @ R.T if own.ndim == 2 else R @ own @ R.T
+        np.testing.assert_allclose(seen, expected, atol=1e-4 * np.abs(own).max())
+
+
 @pytest.mark.filterwarnings("ignore:an edge cuts the patch")
 def test_what_cannot_be_probed_is_refused(sheet):
     part = sheet[0]
