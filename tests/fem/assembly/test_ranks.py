@@ -220,3 +220,50 @@ if MPI.COMM_WORLD.rank == 1:
 """
     printed = run_ranks(2, script, timeout=100)
     assert float(printed[1]) == pytest.approx(2702.0, rel=1e-12)
+
+
+SUPERELEMENT = """
+import json, sys, warnings
+import dolfinx
+import numpy as np
+from mpi4py import MPI
+sys.path.insert(0, sys.argv[1])
+import antiosc as ao
+from antiosc.errors import AntioscWarning
+from assemblies import SOLID, at, grouped
+
+warnings.simplefilter("ignore", AntioscWarning)
+
+def block(size, n):
+    corners = [np.zeros(3), np.array(size)]
+    kind = dolfinx.mesh.CellType.hexahedron
+    made = dolfinx.mesh.create_box(MPI.COMM_WORLD, corners, n, kind)
+    return grouped(made, x0=at(0, 0.0), z1=at(2, size[2]))
+
+feet = {"a": (0, 0), "b": (0.06, 0), "c": (0.06, 0.04), "d": (0, 0.04)}
+ecu = ao.Structure(block((0.06, 0.04, 0.02), (2, 2, 1)), ao.Solid(3e9, 0.3, 1500.0))
+sites = {k: ao.Site((*xy, 0), (0, 0, -1), tangential=True) for k, xy in feet.items()}
+plate = ao.Structure(block((0.2, 0.12, 0.005), (5, 4, 1)), SOLID, [ao.Support("x0")])
+place = (0.05, 0.03, 0.005)
+joints = [
+    ao.Ball(("plate", tuple(np.array([x, y, 0.0]) + place)), f"ecu:{k}")
+    for k, (x, y) in feet.items()
+]
+part = ao.assemble(
+    {"plate": plate, "ecu": ao.extract(ecu, sites, n=12)},
+    [*joints, ao.Mean("plate:z1", "tip"), ao.Bushing("tip", "ground", damping={"z": 0.5})],
+    {"ecu": place},
+    points={"tip": (0.1, 0.06, 0.005), "ground": (0.1, 0.06, 0.005)},
+    supports=[ao.Support("ground")],
+)
+model = ao.extract(part, ao.Site((0.2, 0.12, 0.005), (0, 0, -1), part="plate"), n=30)
+print(json.dumps([model.k0, *model.omega[:3], model.damping.ratio[0], model.damping.ratio[2]]))
+"""
+
+
+def test_superelements_and_dampers_on_two_ranks():
+    (alone,), (first, second) = (
+        [json.loads(text) for text in run_ranks(ranks, SUPERELEMENT, HERE)] for ranks in (1, 2)
+    )
+    assert first == second
+    np.testing.assert_allclose(first, alone, rtol=1e-6)
