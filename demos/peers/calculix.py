@@ -40,7 +40,7 @@ RELEASED = 0.02
 
 
 def main(
-    near: tuple[float, ...] = (0.35, 0.2),
+    near: tuple[float, ...] = (0.35, 0.22),
     steps: tuple[float, ...] = (2e-6,),
     stiffnesses: tuple[float, ...] = (1e7,),
     duration: float = 8e-5,
@@ -168,7 +168,7 @@ def plot(curves: dict[str, tuple[Array, Array]], path: Path) -> None:
 def command(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     several = options.listed(options.positive)
-    parser.add_argument("--near", type=several, default=(0.35, 0.2), help="mm at the contact")
+    parser.add_argument("--near", type=several, default=(0.35, 0.22), help="mm at the contact")
     parser.add_argument("--steps", type=several, default=(2e-6,), help="of CalculiX, s")
     parser.add_argument("--stiffnesses", type=several, default=(1e7,), help="N/mm^3")
     parser.add_argument("--duration", type=options.positive, default=8e-5, help="s")
