@@ -140,16 +140,18 @@ def graded_sizes(mesh: Mesh, refine: Sequence[Refinement]) -> Array:
 
 
 def wished_sizes(mesh: Mesh, ratio: Array) -> SizeField | None:
-    """The field of sizes on the first rank: at each corner the geometric mean of the cells'."""
-    pieces = gathered(mesh, np.log(ratio * edge_lengths(mesh)))
+    """The field of sizes on the first rank: at each corner the least of its cells.
+
+    A mean would lose the small sizes of single cells, such as those under a patch.
+    """
+    pieces = gathered(mesh, ratio * edge_lengths(mesh))
     if pieces is None:
         return None
     corners = pieces.cells[:, : mesh.tdim + 1]
     used, local = np.unique(corners, return_inverse=True)
     local = local.reshape(corners.shape)
-    count = np.bincount(local.ravel(), minlength=len(used))
-    weight = np.repeat(pieces.values, corners.shape[1])
-    sizes = np.exp(np.bincount(local.ravel(), weight, minlength=len(used)) / count)
+    sizes = np.full(len(used), np.inf)
+    np.minimum.at(sizes, local.ravel(), np.repeat(pieces.values, corners.shape[1]))
     x = np.zeros((len(used), 3))
     x[:, : mesh.gdim] = pieces.points[used]
     return SizeField(x.tolist(), local.tolist(), sizes.tolist())
