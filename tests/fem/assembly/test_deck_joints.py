@@ -299,3 +299,29 @@ def test_trusses_between_a_column_and_the_ground(tmp_path):
         part = read(tmp_path, text)
     assert part.mass == pytest.approx(2000 + 1000 * 4 * area * 2 / 2, rel=1e-12)
     assert k0(part) == pytest.approx(E * A / L + 4 * E * area / 2, rel=1e-9)
+
+
+def test_middle_nodes_that_are_held_alone(tmp_path):
+    """A tetrahedron of ten nodes on one corner and three middles, against K without their rows."""
+    import scipy.linalg
+
+    corners = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1.0)])
+    pairs = [(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)]
+    points = np.vstack([corners, [(corners[a] + corners[b]) / 2 for a, b in pairs]])
+    nodes = "*NODE\n" + "".join(f"{k},{x},{y},{z}\n" for k, (x, y, z) in enumerate(points, 1))
+    body = nodes + "*ELEMENT, TYPE=C3D10, ELSET=ALL\n1,1,2,3,4,5,6,7,8,9,10\n" + SOLID
+    body += MATERIAL.replace("0.\n", ".3\n", 1)
+    held = [1, 5, 6, 8]
+    part = read(tmp_path, body + "*BOUNDARY\n" + "".join(f"{n},1,3\n" for n in held))
+    free = read(tmp_path, body)
+    import scipy.sparse as sp
+
+    from antiosc.fem.site.functionals import functional
+
+    K = sp.csr_matrix(free.K.getValuesCSR()[::-1]).toarray()
+    rows = [functional(free, ao.Site(tuple(points[n - 1]), d)).b for n in held for d in np.eye(3)]
+    null = scipy.linalg.null_space(np.array(rows))
+    site = ao.Site((0, 0, 1.0), (0.3, 0.4, 1))
+    b = null.T @ functional(free, site).b
+    exact = 1 / (b @ np.linalg.solve(null.T @ K @ null, b))
+    assert k0(part, (0, 0, 1.0), (0.3, 0.4, 1)) == pytest.approx(exact, rel=1e-9)

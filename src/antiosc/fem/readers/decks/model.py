@@ -17,6 +17,7 @@ from antiosc.fem.readers.decks.choice import chosen_elements, keep, nodes_of_blo
 from antiosc.fem.readers.decks.constraints import Constraints, Term
 from antiosc.fem.readers.decks.deck import Array, Deck, IntArray, Place
 from antiosc.fem.readers.decks.material import Material
+from antiosc.fem.readers.decks.middles import hold_middles
 from antiosc.fem.readers.decks.rods import Rods
 from antiosc.fem.readers.shapes import EDGES
 from antiosc.fem.readers.unit_system import UnitSystem
@@ -263,6 +264,7 @@ class ModelBuilder:
                 f"{self.deck.name} has {' and '.join(sorted(present))} elements in one structure; "
                 "plane elements are read alone: give each kind a deck of its own."
             )
+        hold_middles(self)
         stiffened = present == {"shell", "beam"} and not self.joints.every() and self._on_edges()
         several = len(present) > 1 and not stiffened
         joined = several or bool(self.joints.every())
