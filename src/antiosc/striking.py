@@ -188,7 +188,7 @@ def _check_source(source: Any, material: Any, supports: Any) -> None:
             "source must be a file with a geometry or a mesh, a Mesh or a Structure; got "
             f"{checks.shown(source)}."
         )
-    if material is None:
+    if material is None or (isinstance(material, Mapping) and not material):
         raise InputError("a file or a mesh needs a material: strike(..., material=Solid(...)).")
 
 
