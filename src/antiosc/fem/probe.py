@@ -1,8 +1,8 @@
 """What one point of a body feels after an impact: motion, strain, stress, section forces.
 
 The shapes of the model are evaluated once at the point (their strains, say), and combined with the
-coordinates of the model at all times. The static shape has the stress near the site; points far from
-it, and accelerations, need more anti-oscillators than the force (docs/results.md).
+coordinates of the model at all times. The static shape has the stress near the site; points far
+from it, and accelerations, need more anti-oscillators than the force (docs/results.md).
 """
 
 from __future__ import annotations
