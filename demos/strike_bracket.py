@@ -22,6 +22,7 @@ from typing import Any
 import options
 
 import antiosc as ao
+from antiosc import plotting
 from antiosc.simulation.error_budget import differences
 
 PART = Path(__file__).parent.parent / "meshes" / "bracket.geo"
@@ -96,9 +97,8 @@ def spent(hit: ao.History, started: float) -> dict[str, Any]:
 
 def chart(rows: Sequence[dict[str, Any]], path: Path) -> None:
     """Error against CPU seconds."""
-    import matplotlib.pyplot as plt
-
-    figure, axes = plt.subplots(figsize=(6, 4), layout="constrained")
+    figure, grid = plotting.panels(1, 1, (6, 4))
+    axes = grid[0, 0]
     marks = {"asked": "_", "promised": "^", "true": "o"}
     for mark, sign in marks.items():
         own = [r for r in rows if "asked" in r]
@@ -110,7 +110,7 @@ def chart(rows: Sequence[dict[str, Any]], path: Path) -> None:
     axes.set_xlabel("CPU seconds, geometry to force (gmsh not included)")
     axes.set_ylabel("relative error")
     axes.legend()
-    figure.savefig(path, dpi=120)
+    plotting.save_figure(figure, path, dpi=120)
 
 
 def command(arguments: Sequence[str] | None = None) -> None:

@@ -32,7 +32,9 @@ def meshed(text: str, **options: Any) -> ao.Mesh:
 
 def quadrilateral(corners: list[tuple[float, float]], cells: tuple[int, int]) -> str:
     """A .geo script of a plane quadrilateral in structured quadrilaterals; its edges are groups."""
-    points = "".join(f"Point({i}) = {{{x!r}, {y!r}, 0}};\n" for i, (x, y) in enumerate(corners, 1))
+    points = "".join(
+        f"Point({i}) = {{{x:.17g}, {y:.17g}, 0}};\n" for i, (x, y) in enumerate(corners, 1)
+    )
     lines = "".join(
         f'Line({i}) = {{{i}, {i % 4 + 1}}}; Physical Curve("edge{i}") = {{{i}}};\n'
         f"Transfinite Curve {{{i}}} = {cells[(i + 1) % 2] + 1};\n"
@@ -51,7 +53,7 @@ def double_cross() -> tuple[ao.Structure, ao.Site]:
     arms = [(5 * np.cos(a), 5 * np.sin(a)) for a in np.arange(8) * np.pi / 4]
     text = "Point(1) = {0, 0, 0};\n"
     for i, (x, y) in enumerate(arms, 2):
-        text += f"Point({i}) = {{{x!r}, {y!r}, 0}}; Line({i}) = {{1, {i}}};\n"
+        text += f"Point({i}) = {{{x:.17g}, {y:.17g}, 0}}; Line({i}) = {{1, {i}}};\n"
     ends = ", ".join(str(i) for i in range(2, 10))
     text += f"Transfinite Curve {{{ends}}} = 9;\n"
     text += f'Physical Curve("arms") = {{{ends}}}; Physical Point("ends") = {{{ends}}};\n'

@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 def line(length: float, elements: int) -> ao.Mesh:
     """[0, length] along x in a plane; groups "line", and "near" and "far" for its ends."""
     text = (
-        f"Point(1) = {{0, 0, 0}}; Point(2) = {{{length!r}, 0, 0}}; Line(1) = {{1, 2}};\n"
+        f"Point(1) = {{0, 0, 0}}; Point(2) = {{{length:.17g}, 0, 0}}; Line(1) = {{1, 2}};\n"
         f"Transfinite Curve {{1}} = {elements + 1};\n"
         'Physical Curve("line") = {1}; Physical Point("near") = {1}; Physical Point("far") = {2};\n'
     )
