@@ -3,7 +3,8 @@
 The displacements here are richer than those of a deck's elements. Where constraints determine all
 nodes of an edge or a face of a cell, the dofs between these nodes follow by the functions of the
 cell's map, by which the deck's own elements move there; where all nodes slide across one direction,
-so do the dofs between them. Beams bend between their nodes: they follow where both nodes are of
+so do the dofs between them; where all lie on one cell to which they are tied, the dofs between them
+follow that cell. Beams bend between their nodes: they follow where both nodes are of
 one rigid body.
 """
 
@@ -15,13 +16,19 @@ import basix
 import numpy as np
 import scipy.sparse
 
-from antiosc._types import Array
+from antiosc._types import Array, IntArray
 from antiosc.fem import compat
+from antiosc.fem.assembly.coincident_nodes import CoincidentNodes
 from antiosc.fem.assembly.layout import MOVES, TURNS, Sparse
 from antiosc.fem.assembly.numbered_nodes import Nodes, Term
 
+#: node that the deck does not have -> (node of the deck, weight) of those among which it lies
+Among = Mapping[int, Sequence[tuple[int, float]]]
 
-def between_nodes(nodes: Nodes, equations: Sequence[Sequence[Term]], own: Sparse) -> Sparse:
+
+def between_nodes(
+    nodes: Nodes, equations: Sequence[Sequence[Term]], own: Sparse, among: Among
+) -> Sparse:
     """Constraints of the dofs between nodes; `own` are the functionals of the equations."""
     dependent: dict[int, dict[int, int]] = {}  # motion -> node -> its constraint
     sliding: dict[int, dict[int, list[Array]]] = {}  # 0 or 3 -> node -> directions held
@@ -37,20 +44,21 @@ def between_nodes(nodes: Nodes, equations: Sequence[Sequence[Term]], own: Sparse
         else:
             dependent.setdefault(motion, {}).setdefault(number, row)
     found = [nodes.layout.nothing(0)]
+    tied = CoincidentNodes(nodes, equations)
     for k in range(len(nodes.members)):
         for motion in dependent:
-            found += _followers(nodes, k, motion, dependent, equations, own)
+            found += _followers(nodes, k, motion, dependent, equations, own, among, tied)
         for first, directions in sliding.items():
-            found += _sliders(nodes, k, first, directions)
+            found += _sliders(nodes, k, first, directions, among)
     return scipy.sparse.vstack(found).tocsr()
 
 
 def _dofs(
-    nodes: Nodes, k: int, motion: int, some: Mapping[int, object]
+    nodes: Nodes, k: int, motion: int, some: Mapping[int, object], among: Among
 ) -> Iterator[tuple[int, list[int], Array]]:
     """(dof, nodes of its entity, their weights) of the dofs of one motion near `some` nodes.
 
-    A dof in the place of a node is that node's own, and is left out.
+    A dof in the place of a node of the deck is that node's own, and is left out.
     """
     member, table = nodes.members[k], nodes.tables[k]
     name = (TURNS if motion >= 3 else MOVES)[motion % 3]
@@ -64,17 +72,25 @@ def _dofs(
     cell_map = basix.create_element(basix.ElementFamily.P, kind, mesh.order)
     weights = np.asarray(cell_map.tabulate(0, X))[0, :, :, 0]
     needed = [np.flatnonzero(np.abs(row) > 1e-12) for row in weights]
-    between = [d for d, nodes_of in enumerate(needed) if len(nodes_of) > 1]
     dofs = compat.cell_dofs(space, path, touching)
     done: set[int] = set()
     for at, cell in enumerate(touching):
-        for d in between:
+        for d, near in enumerate(needed):
             column = member.first + int(dofs[at, d])
             if column not in done:
                 done.add(column)
-                numbers = [int(n) for n in table[cell, needed[d]]]
-                if any(n in some for n in numbers):
-                    yield column, numbers, weights[d, needed[d]]
+                found = _of_the_deck(table[cell, near], weights[d, near], among)
+                if len(found) > 1 and any(n in some for n in found):
+                    yield column, list(found), np.array(list(found.values()))
+
+
+def _of_the_deck(numbers: IntArray, weights: Array, among: Among) -> dict[int, float]:
+    """Weights of the deck's own nodes."""
+    result: dict[int, float] = {}
+    for number, weight in zip(numbers.tolist(), weights.tolist(), strict=True):
+        for one, share in among.get(number, ((number, 1.0),)):
+            result[one] = result.get(one, 0.0) + weight * share
+    return result
 
 
 def _followers(
@@ -84,16 +100,22 @@ def _followers(
     dependent: Mapping[int, Mapping[int, int]],
     equations: Sequence[Sequence[Term]],
     own: Sparse,
+    among: Among,
+    tied: CoincidentNodes,
 ) -> Iterator[Sparse]:
     """Dofs that are the weighted sum of what their nodes are by their constraints."""
     rows = dependent[motion]
     beam = nodes.members[k].part.mesh.tdim == 1
-    for column, numbers, weights in _dofs(nodes, k, motion, rows):
+    for column, numbers, weights in _dofs(nodes, k, motion, rows, among):
         if beam and not _in_one_body(numbers, dependent, equations, nodes.layout.plane):
             continue
         if not _determined(nodes, numbers, motion, rows, equations):
             continue
         total = nodes.layout.units(np.array([column]))
+        there = None if beam else tied.displacement(numbers, weights, motion, rows)
+        if there is not None:
+            yield (total - there).tocsr()
+            continue
         for node, weight in zip(numbers, weights, strict=True):
             follows = nodes.single(node, motion)
             if node in rows:  # by its constraint without its own term
@@ -137,11 +159,11 @@ def _determined(
 
 
 def _sliders(
-    nodes: Nodes, k: int, first: int, directions: Mapping[int, list[Array]]
+    nodes: Nodes, k: int, first: int, directions: Mapping[int, list[Array]], among: Among
 ) -> Iterator[Sparse]:
     """Dofs between nodes that slide across a direction, or are held."""
     axes = range(2 if nodes.layout.plane else 3)
-    by_motion = [_dofs(nodes, k, first + c, directions) for c in axes]
+    by_motion = [_dofs(nodes, k, first + c, directions, among) for c in axes]
     for found in zip(*by_motion, strict=True):
         columns = [column for column, _, _ in found]
         _, numbers, weights = found[0]

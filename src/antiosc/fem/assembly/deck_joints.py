@@ -45,7 +45,12 @@ def joined(
     points = {point_name(-1 - k): x for k, x in enumerate(joints["points"])}
     made: list[Joint] = [
         NodeConstraints(
-            joints["equations"], joints["elastic"], list(points), numbers, joints["masses"]
+            joints["equations"],
+            joints["elastic"],
+            list(points),
+            numbers,
+            joints["masses"],
+            dict(joints["among"]),
         )
     ]
     if len(parts) > 1:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -28,6 +28,7 @@ class NodeConstraints(Joint):
     masses : (terms of each of k motions, their mass matrix (k, k), kg).
     points : names of the reference points in the order of their numbers.
     numbers : part -> number of each node of its mesh, in the order in which they were read.
+    among : node that the deck does not have, in the middle of a face -> (node, weight) of its own.
     """
 
     equations: Sequence[Sequence[Term]]
@@ -35,6 +36,7 @@ class NodeConstraints(Joint):
     points: Sequence[str]
     numbers: Mapping[str, IntArray]
     masses: Sequence[tuple[Sequence[Sequence[Term]], Any, float]] = ()
+    among: Mapping[int, Sequence[tuple[int, float]]] = field(default_factory=dict)
     name: str | None = "constraints of the deck"
 
     def constraints(
@@ -49,7 +51,7 @@ class NodeConstraints(Joint):
         for one in before:
             alone = np.diff(one.matrix.indptr) == 1
             nodes.held[one.matrix[alone].indices] = True
-        between = between_nodes(nodes, self.equations, own)
+        between = between_nodes(nodes, self.equations, own, self.among)
         if between.shape[0]:
             rows.append(Rows.free(between, label))
         middles = _on_middles(nodes)

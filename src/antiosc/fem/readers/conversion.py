@@ -85,6 +85,10 @@ def as_mesh(deck: Deck, *, halve_lines: bool = False) -> FileMesh:
         own = of_dimension("", DIMENSION[shape]) if joined else ""
         mesh.fixed |= {name + own: e for name, e in fixed_with(entities, deck.fixed).items()}
     mesh.model = deck.model
+    if joined and deck.model:
+        joints = deck.model["joints"]
+        dependent = {terms[0][0] for terms in joints["equations"] if terms[0][0] >= 0}
+        joints["among"] = nodes.near(np.array(sorted(dependent), dtype=np.int64))
     mesh.told = list(deck.told)
     if deck.left:
         gone = sum(deck.left.values())

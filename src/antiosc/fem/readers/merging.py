@@ -47,5 +47,9 @@ def _renumbered(model: dict[str, Any], row: NDArray[Any]) -> dict[str, Any]:
     if joints:
         joints["equations"] = [new(terms) for terms in joints["equations"]]
         joints["elastic"] = [[new(terms), k] for terms, k in joints["elastic"]]
+        joints["among"] = [
+            (int(row[n]), [(int(row[m]), w) for m, w in others])
+            for n, others in joints.get("among", [])
+        ]
         joints["masses"] = [[[*map(new, rows)], M, mass] for rows, M, mass in joints["masses"]]
     return {**model, "joints": joints}

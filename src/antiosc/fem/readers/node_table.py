@@ -14,6 +14,9 @@ Array = NDArray[np.float64]
 
 #: Most nodes between which a new one lies: those of a hexahedron.
 MOST_AROUND = 20
+#: Nodes around a middle -> (corners of them, weight of a corner, weight of the middle of an edge):
+#: those of an edge, of a face and of a hexahedron.
+WEIGHTS = {2: (2, 0.5, 0.0), 8: (4, -0.25, 0.5), 20: (8, -0.25, 0.25)}
 
 
 class NodeTable:
@@ -106,6 +109,38 @@ class NodeTable:
             inside[start : start + len(parents)] = inside[parents].all(axis=1)
             start += len(parents)
         return np.flatnonzero(inside[:-1])
+
+    def near(self, nodes: IntArray) -> list[tuple[int, list[tuple[int, float]]]]:
+        """New nodes among some of the file, each with the nodes of the file and their weights.
+
+        Weights are those of the serendipity functions in the middle of an edge, a face or a cell.
+        """
+        some = np.zeros(self.count + 1, dtype=bool)
+        some[nodes] = True
+        some[-1] = False  # the entry of index -1, which stands for no node
+        if not self._parents:
+            return []
+        parents = np.vstack([_padded(block) for block in self._parents])
+        start = len(self.points)
+        return [
+            (start + int(k), sorted(self._weights(parents, start + int(k)).items()))
+            for k in np.flatnonzero(some[parents].any(axis=1))
+        ]
+
+    def _weights(self, parents: IntArray, node: int) -> dict[int, float]:
+        """Weights of the nodes of the file; a new middle node among them stands for its ends."""
+        start = len(self.points)
+        if node < start:
+            return {node: 1.0}
+        row = parents[node - start]
+        row = row[row >= 0]
+        corners, of_corner, of_middle = WEIGHTS[len(row)]
+        result: dict[int, float] = {}
+        for k, parent in enumerate(row):
+            weight = of_corner if k < corners else of_middle
+            for one, share in self._weights(parents, int(parent)).items():
+                result[one] = result.get(one, 0.0) + weight * share
+        return {one: weight for one, weight in result.items() if weight}
 
 
 def _padded(nodes: IntArray) -> IntArray:

@@ -213,15 +213,23 @@ class ModelBuilder:
         elif moving:
             self.joints.springs.append((moving, stiffness))
 
+    def _drop_held_masses(self) -> None:
+        """Masses on nodes of no element that do not move, as at the far ends of rods."""
+        kept = []
+        for one in self.masses:
+            node, place = one[:2]
+            if not self.used[node] and self.fixed[node, :3].all():
+                self.ignored.append(f"a mass on a held node of no element ({place})")
+            else:
+                kept.append(one)
+        self.masses = kept
+
     def _attach(self) -> None:
         """Masses and grounded springs as those between numbered nodes."""
         masses, self.masses = self.masses, []
         springs, self.springs = self.springs, []
         size = self.units.length
         for node, place, mass, inertia in masses:
-            if not self.used[node] and self.fixed[node, :3].all():
-                self.ignored.append(f"a mass on a held node of no element ({place})")
-                continue
             self._check(node, "a mass", place)
             own = np.diag([mass] * 3 + [value / size**2 for value in inertia])
             self.body(node, own / self.units.mass, mass / self.units.mass, place)
@@ -268,6 +276,7 @@ class ModelBuilder:
         stiffened = present == {"shell", "beam"} and not self.joints.every() and self._on_edges()
         several = len(present) > 1 and not stiffened
         joined = several or bool(self.joints.every())
+        self._drop_held_masses()
         if joined:
             self._attach()
         joints = self.joints.finished(self.units)

@@ -73,7 +73,6 @@ def bulk_data(sources: Sources) -> Bulk:
     begins = [line.split("$")[0].upper().split()[:2] == ["BEGIN", "BULK"] for line in lines]
     # a file without case control contains only bulk data
     started = not any(begins)
-    bulk.with_control = any(begins)
     _Collector(sources, bulk, started).read(lines, sources.name)
     if not bulk.entries:
         raise MeshError(f"{sources.name} contains no bulk data (GRID, CHEXA, …).")
@@ -126,7 +125,9 @@ class _Collector:
     def _control(self, line: str) -> None:
         if line.upper().split()[:2] == ["BEGIN", "BULK"]:
             self.started = True
-        elif match := _SELECTED.match(line):
+            return
+        self.bulk.with_control = True
+        if match := _SELECTED.match(line):
             sets = self.bulk.selected if match[1].upper() == "SPC" else self.bulk.selected_mpcs
             sets.append(int(match[2][:18]))
 

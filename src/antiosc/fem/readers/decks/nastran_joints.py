@@ -28,9 +28,14 @@ def read_joints(found: NastranDeck, builder: ModelBuilder) -> None:
     for entry in found.named("RBE3"):
         _rbe3(found, builder, entry)
     wanted = _selected(found)
+    apart = 0
     for entry in found.named("MPC"):
         if entry.whole(0) in wanted:
             _mpc(found, builder, entry)
+        else:
+            apart += 1
+    if apart:
+        builder.ignored.append(f"{apart} MPC of sets that the case control does not select")
     constants = {entry.whole(0): entry for entry in found.named("PELAS", "PBUSH")}
     for entry in found.named("CELAS1", "CELAS2", "CELAS3", "CELAS4"):
         _scalar(found, builder, entry, constants)
