@@ -19,7 +19,6 @@ from paths import DECKS
 
 pytestmark = [
     pytest.mark.fem,
-    pytest.mark.slow,
     pytest.mark.filterwarnings("ignore:the compliance under a point"),
     pytest.mark.filterwarnings("ignore:an edge cuts the patch"),
     pytest.mark.filterwarnings("ignore:the 1 .* are springs"),
@@ -43,6 +42,15 @@ def check(name: str, mass: float, k0: float, point, direction) -> ao.Structure:
     return part
 
 
+#: Those of the quick tests, one for each that has a part of the code of its own.
+QUICK = ("c3d20.inp", "surface_tie.inp", "chexa.bdf", "crod.bdf")
+
+
+def table(names):
+    slow = pytest.mark.slow
+    return [name if name in QUICK else pytest.param(name, marks=slow) for name in names]
+
+
 # --- Bars of 1 × 1 × 2 ----------------------------------------------------------------------------
 
 BARS = [
@@ -56,20 +64,23 @@ BARS = [
 ]
 
 
-@pytest.mark.parametrize("name", BARS)
+@pytest.mark.parametrize("name", table(BARS))
 def test_a_bar_is_as_stiff_as_its_elements_are_filled(name):
     check(name, 2 * RHO, E / 2, (0.0, 0.0, 2.0), (0, 0, 1))
 
 
+@pytest.mark.slow
 def test_a_bar_below_a_rigid_plate_that_is_guided():
     check("coupling.inp", 2 * RHO, E / 2, (0.0, 0.0, 2.0), (0, 0, 1))
 
 
+@pytest.mark.slow
 def test_a_bar_below_a_rigid_plate_that_is_struck_at_its_corner():
     """L/EA + 2 e² L/EI with e = 1/2 along both sides: 2 + 12 in units of 1/E."""
     check("rigid_body.inp", 2 * RHO, E / 14, (0.0, 0.0, 2.0), (0, 0, 1))
 
 
+@pytest.mark.slow
 def test_an_orthotropic_bar_along_a_direction_of_its_own():
     """Direction 2 of the material lies along the bar."""
     check("orientation.inp", 2 * RHO, 10e9 / 2, (0.0, 0.0, 2.0), (0, 0, 1))
@@ -80,12 +91,12 @@ def test_an_orthotropic_bar_along_a_direction_of_its_own():
 PLANES = ("3", "4", "4r", "6", "8", "8r")
 
 
-@pytest.mark.parametrize("kind", PLANES)
+@pytest.mark.parametrize("kind", table(PLANES))
 def test_a_sheet_in_plane_stress(kind):
     check(f"cps{kind}.inp", 0.2 * RHO, E * 0.1 / 2, (0.0, 2.0), (0, 1))
 
 
-@pytest.mark.parametrize("kind", PLANES)
+@pytest.mark.parametrize("kind", table(PLANES))
 def test_a_sheet_in_plane_strain(kind):
     check(f"cpe{kind}.inp", 0.2 * RHO, E / (1 - NU**2) * 0.1 / 2, (0.0, 2.0), (0, 1))
 
@@ -94,7 +105,7 @@ SHELLS = [f"{kind}.inp" for kind in ("s3", "s3r", "s4", "s4r", "s6", "stri65", "
 SHELLS += [f"c{kind}.bdf" for kind in ("tria3", "tria6", "triar", "quad4", "quad8", "quadr")]
 
 
-@pytest.mark.parametrize("name", SHELLS)
+@pytest.mark.parametrize("name", table(SHELLS))
 def test_a_strip_is_pulled_and_bent(name):
     """Bent, it is our own shell, clamped across its foot."""
     strip = ao.read_model(DECKS / name)
@@ -124,7 +135,7 @@ BEAMS = [f"{kind}.inp" for kind in ("b31", "b31r", "b32", "b32r", "b33")]
 BEAMS += [f"{kind}.bdf" for kind in ("pbar", "pbarl", "pbeam", "pbeaml")]
 
 
-@pytest.mark.parametrize("name", BEAMS)
+@pytest.mark.parametrize("name", table(BEAMS))
 def test_a_cantilever(name):
     beam = check(name, 2 * AREA * RHO, UP, TIP, (0, 1, 0))
     assert stiffness(beam, ao.Site(TIP, (0, 0, 1))) == pytest.approx(ACROSS, rel=1e-7)
@@ -145,12 +156,13 @@ TIPS = {
 }
 
 
-@pytest.mark.parametrize("name", TIPS)
+@pytest.mark.parametrize("name", table(TIPS))
 def test_what_a_cantilever_carries_at_its_end(name):
     mass, k = TIPS[name]
     check(name, 2 * AREA * RHO + mass, UP + k, TIP, (0, 1, 0))
 
 
+@pytest.mark.slow
 def test_a_spring_at_the_end_of_a_rigid_arm():
     """The arm goes on by 1 beyond the cantilever; compliances of its two ends, and the spring."""
     own = 1 / UP

@@ -208,6 +208,19 @@ def test_mpcs_are_the_equations_of_abaqus(tmp_path):
     assert k0(nastran(tmp_path, *rows)) == pytest.approx(E * A / L, rel=1e-9)
 
 
+def test_mpcs_hold_unless_a_case_control_selects_others(tmp_path):
+    rows = [f"MPC,7,{n},3,1.,9,3,-1." for n in (10, 11, 12)]
+    nastran(tmp_path, *rows)
+    path = tmp_path / "part.bdf"
+    text = path.read_text()
+    path.write_text("BEGIN BULK\n" + text)
+    assert k0(ao.read_model(path)) == pytest.approx(E * A / L, rel=1e-9)
+    path.write_text("SOL 103\nCEND\nSPC = 1\nBEGIN BULK\n" + text)
+    with pytest.warns(ao.AntioscWarning, match="3 MPC of sets that the case control does not"):
+        free = ao.read_model(path)
+    assert k0(free) < 0.9 * E * A / L
+
+
 def test_an_rbe2_is_a_rigid_body(tmp_path):
     reference = "*NODE\n100, .5, .5, 3.\n*NSET, NSET=TOP\n9,10,11,12\n"
     rigid = reference + "*RIGID BODY, NSET=TOP, REF NODE=100\n"
