@@ -75,7 +75,8 @@ def read_model(
     bodies, couplings, ties and springs join, become one assembly of up to three parts: "solids",
     "faces" and "beams" (`Site(..., part=...)`). Constraints are linear, for small
     motions. Where they determine all nodes of an edge or a face of an element, all of the edge or
-    face follows by the element's own functions.
+    face follows by the element's own functions; where they tie these nodes to one element at the
+    same place, it follows that element's displacement.
 
     Raises
     ------
