@@ -60,6 +60,11 @@ def test_sets_are_read_in_any_case_and_spacing():
     assert nodes_of(mesh, "Far") == {(2, y, z) for y in (0, 1) for z in (0, 1)}
 
 
+def test_a_comment_before_the_first_keyword_may_be_quoted(tmp_path):
+    mesh = ao.read_mesh(write(tmp_path / "mail.inp", ">**\n> ** from a mail\n" + CUBE))
+    assert mesh.n_cells == 1
+
+
 def test_units_scale_the_mesh():
     assert volume(ao.read_mesh(DECKS / "sets.inp", unit="mm")) == pytest.approx(2e-9, rel=1e-12)
     assert volume(ao.read_mesh(DECKS / "sets.inp", unit=0.5)) == pytest.approx(0.25, rel=1e-12)

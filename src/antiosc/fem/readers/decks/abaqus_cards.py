@@ -65,6 +65,8 @@ def _collect(sources: Sources, lines: list[str], file: str, found: list[Card]) -
             continue
         place = Place(file, number)
         if not line.startswith("*"):
+            if not found and "**" in line:  # a comment behind what an editor or a mail put there
+                continue
             if not found:
                 raise MeshError(f"{place}: data before the first keyword: not an Abaqus deck.")
             found[-1].lines.append(line)
