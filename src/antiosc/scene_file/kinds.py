@@ -161,6 +161,8 @@ def _kinds(annotation: Any) -> list[Kind]:
         return [kind for part in annotation for kind in _kinds(part)]
     if isinstance(annotation, dataclasses.InitVar):
         return _kinds(annotation.type)
+    if hasattr(annotation, "__value__"):  # a name for a type, as ArrayLike is from NumPy 2.4
+        return _kinds(annotation.__value__)
     origin, arguments = typing.get_origin(annotation), typing.get_args(annotation)
     if origin in (typing.Union, types.UnionType):
         if complex in arguments:  # NumPy's ArrayLike
