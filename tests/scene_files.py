@@ -7,20 +7,43 @@ from pathlib import Path
 from typing import Any
 
 from antiosc import cli
-from paths import DEMOS
+from paths import DEMOS, MESHES
 
 SCENES = DEMOS / "scenes"
 
-#: A complete scene of NumPy and SciPy alone, line by line.
-BEAM = f"""\
-title = "a mass on a beam"
+#: The beam of given matrices, and the start of the table of its site.
+MATRICES = f"""\
 [matrices]
 K = "{SCENES}/beam_K.mtx"
 M = "{SCENES}/beam_M.mtx"
 map = "{SCENES}/beam_nodes.txt"
 [sites.middle]
 node = 9
-dof = "z"
+"""
+#: The bracket, held at its clamp, and the site in its eye.
+BRACKET = f"""\
+[geometry]
+source = "{MESHES}/bracket.msh"
+order = 1
+[material]
+kind = "Solid"
+E = 70e9
+nu = 0.33
+rho = 2700
+[structure]
+order = 1
+[[supports]]
+where = "clamp"
+[sites.eye]
+point = [0.020, 0.040, 0.075]
+direction = [-0.2, -0.6, -0.8]
+radius = 4e-3
+snap = true
+"""
+#: A complete scene of NumPy and SciPy alone, line by line.
+BEAM = f"""\
+title = "a mass on a beam"
+{MATRICES}dof = "z"
 [extract]
 n = 6
 [impactor]
@@ -36,13 +59,7 @@ duration = 2e-3
 PROBE = "[probes.quarter]\npoint = [0.2, 0.0, 0.0]\n"
 SWEEP = "[sweep]\nimpactor.velocity = [0.5, 1.0, 2.0]\nsimulate.duration = [3e-3, 2e-3, 2e-3]\n"
 FRAME = f"""\
-[matrices]
-K = "{SCENES}/beam_K.mtx"
-M = "{SCENES}/beam_M.mtx"
-map = "{SCENES}/beam_nodes.txt"
-[sites.middle]
-node = 9
-direction = [0, 0, -1]
+{MATRICES}direction = [0, 0, -1]
 [sites.end]
 node = 14
 direction = [0, 0, 1]

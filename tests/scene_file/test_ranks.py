@@ -5,28 +5,10 @@ from __future__ import annotations
 import pytest
 
 from mpi import run_ranks
-from paths import MESHES
-from scene_files import antiosc, numbers, written
+from scene_files import BRACKET, antiosc, numbers, written
 
 LEVER = f"""\
-[geometry]
-source = "{MESHES}/bracket.msh"
-order = 1
-[material]
-kind = "Solid"
-E = 70e9
-nu = 0.33
-rho = 2700
-[structure]
-order = 1
-[[supports]]
-where = "clamp"
-[sites.eye]
-point = [0.020, 0.040, 0.075]
-direction = [-0.2, -0.6, -0.8]
-radius = 4e-3
-snap = true
-[extract]
+{BRACKET}[extract]
 n = 8
 [impactor]
 kind = "Sphere"

@@ -16,7 +16,7 @@ from antiosc.scene_file.json_schema import schema
 from antiosc.scene_file.parameters import parameters
 from antiosc.scene_file.sections import SECTIONS
 from paths import MESHES
-from scene_files import BEAM, FRAME, PROBE, SCENES, SWEEP, antiosc, numbers, written
+from scene_files import BEAM, BRACKET, FRAME, PROBE, SCENES, SWEEP, antiosc, numbers, written
 
 
 def program(path, capsys, command: str = "run") -> dict:
@@ -262,24 +262,7 @@ def test_warnings_are_told_and_kept(tmp_path, capsys):
 
 
 STRIKE = f"""\
-[geometry]
-source = "{MESHES}/bracket.msh"
-order = 1
-[material]
-kind = "Solid"
-E = 70e9
-nu = 0.33
-rho = 2700
-[structure]
-order = 1
-[[supports]]
-where = "clamp"
-[sites.eye]
-point = [0.020, 0.040, 0.075]
-direction = [-0.2, -0.6, -0.8]
-radius = 4e-3
-snap = true
-[impactor]
+{BRACKET}[impactor]
 kind = "RigidMass"
 mass = 0.03
 velocity = 2.0
