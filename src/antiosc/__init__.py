@@ -31,9 +31,9 @@ def __getattr__(name: str) -> Any:
     if name not in _MODULES:
         raise AttributeError(f"module 'antiosc' has no attribute {name!r}")
     if _MODULES[name].startswith(_MESHED):
-        from antiosc.fem import stack
+        from antiosc.errors import finite_element_packages
 
-        with stack():
+        with finite_element_packages():
             value = getattr(import_module(_MODULES[name]), name)
     else:
         value = getattr(import_module(_MODULES[name]), name)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import sys
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 
 class AntioscError(Exception):
@@ -60,3 +62,19 @@ def _frames_to_caller() -> int:
             return count
         frame, count = frame.f_back, count + 1
     return count
+
+
+@contextmanager
+def finite_element_packages() -> Iterator[None]:
+    """Around imports that need these packages: MissingDependencyError says which is missing."""
+    try:
+        yield
+    except MissingDependencyError:
+        raise
+    except ImportError as error:
+        raise MissingDependencyError(
+            f"{error.name or error} is not installed: meshes and their structures need Debian's "
+            "python3-dolfinx-real, python3-petsc4py-real, python3-slepc4py-real and python3-gmsh "
+            "(sudo apt install …); Structure.from_matrices, extract, models, contact laws and "
+            "simulate work without them."
+        ) from error

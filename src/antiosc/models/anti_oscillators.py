@@ -14,8 +14,8 @@ of the constraint mode i of unit mass, with all sites held, against unit acceler
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -24,26 +24,23 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from antiosc import checks
-from antiosc._types import Array, Index
+from antiosc._types import Array
 from antiosc.brief import Brief
 from antiosc.charts.models import plot_model
 from antiosc.errors import InputError
 from antiosc.models import one_site, saved_models, several_sites, softened
-from antiosc.models.body import Body, several_contact_points
+from antiosc.models.body import several_contact_points
 from antiosc.models.modal import Damping, ModalBody
-from antiosc.models.motion import Inertia, unit_vector
+from antiosc.models.parameters import Parameters
 from antiosc.models.reduced_matrices import ReducedMatrices, reduced_matrices
 from antiosc.models.site_modes import SiteModes
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# m0 = m_st - sum(m_i) is known only to the rounding of m_st: a relative m0 below this is noise.
-_MASS_ROUNDING = 1e-12
-
 
 @dataclass(frozen=True, eq=False, repr=False)
-class AntiOscillators(Brief, Body):
+class AntiOscillators(Brief, Parameters):
     """Anti-oscillator model of a structure at one impact site along one direction, or at several.
 
     What differs with several sites stands behind "several:". Their displacements u (p,) are those
@@ -113,27 +110,6 @@ class AntiOscillators(Brief, Body):
         For masses, stiffnesses or frequencies outside their range, and mismatched shapes.
     """
 
-    m0: Any
-    k0: Any
-    m: Any = None
-    omega: Array = ()  # type: ignore[assignment]
-    local_compliance: Any = 0.0
-    radius: Any = None
-    participation: Array | None = None
-    shapes: Array | None = None
-    direction: Array | None = None
-    inertia: Inertia | None = None
-    hidden: Array | None = None
-    damping: Damping | None = None
-    info: dict[str, Any] = field(default_factory=dict)
-    P: Any = None
-    sites: tuple[str, ...] = ()
-    columns: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
-    dependence: Array | None = None
-    rigid: Array | None = None
-    slide: Array | None = None
-    strain_error: Array | None = None
-
     def __post_init__(self) -> None:
         if self.damping is not None:
             checks.instance("damping", self.damping, Damping, "a Damping(ratio, alpha, beta)")
@@ -143,84 +119,7 @@ class AntiOscillators(Brief, Body):
                 raise InputError("strain_error belongs to a model of one site.")
             checks.store(self, **several_sites.checked(self))
         else:
-            self._check_one()
-
-    def _check_one(self) -> None:
-        """Check and store the parameters of one site."""
-        for name in ("columns", "dependence", "rigid", "slide"):
-            given = getattr(self, name)
-            if not (given is None or (isinstance(given, dict) and not given)):
-                raise InputError(
-                    f"{name} belongs to a model of several sites: give its P and the names of its "
-                    "sites too."
-                )
-        m = _column("m", self.m)
-        omega = _column("omega", self.omega)
-        if m.shape != omega.shape:
-            raise InputError(
-                f"m and omega must have one entry per anti-oscillator;"
-                f" got {m.size} masses and {omega.size} frequencies."
-            )
-        for name, values in (("m", m), ("omega", omega)):
-            if np.any(values <= 0):
-                worst = int(np.argmin(values))
-                raise InputError(
-                    f"every {name} must be > 0; {name}[{worst}] = {values[worst]:g}"
-                    f" (drop massless anti-oscillators: they never move the site)."
-                )
-        order = np.argsort(omega, kind="stable")
-        m0 = checks.number("m0", self.m0, "kg")
-        total = float(m.sum()) + max(m0, 0.0)
-        if m0 < 0 and -m0 <= _MASS_ROUNDING * total:
-            m0 = 0.0
-        k0 = checks.nonnegative("k0", self.k0, "N/m")
-        checks.nonnegative("m0", m0, "kg")
-        if total == 0 and k0 == 0:
-            raise InputError(
-                "a model with m0 = 0, k0 = 0 and no anti-oscillator has neither mass nor "
-                "stiffness; give it one."
-            )
-        self._set("m0", m0)
-        self._set("k0", k0)
-        self._set("m", _frozen(m[order]))
-        self._set("omega", _frozen(omega[order]))
-        columns = np.concatenate(([0], 1 + order))
-        self._set("local_compliance", checks.nonnegative("local_compliance", self.local_compliance))
-        if self.radius is not None:
-            self._set("radius", checks.positive("radius", self.radius, "m"))
-        if self.participation is not None:
-            p = checks.array("participation", self.participation, (m.size + 1,))
-            self._set("participation", _frozen(p[columns]))
-        if self.shapes is not None:
-            shapes = checks.array("shapes", self.shapes, (None, m.size + 1))
-            sorted_already = np.array_equal(order, np.arange(m.size))
-            self._set("shapes", shapes if sorted_already else shapes[:, columns])
-        if self.strain_error is not None:
-            own = softened.checked_error("strain_error", self.strain_error, m.size + 1)
-            self._set("strain_error", _frozen(own[np.ix_(columns, columns)]))
-        self._place(columns)
-
-    def _place(self, columns: Index) -> None:
-        """Check the data in space (direction, inertia, shapes); `columns` sorts psi_0 ... psi_N."""
-        if self.direction is not None:
-            self._set("direction", unit_vector("direction", self.direction))
-        if self.inertia is None:
-            if self.hidden is not None:
-                raise InputError("hidden motions need the inertia, which holds their momentum.")
-            return
-        momentum = checks.instance("inertia", self.inertia, Inertia, "an Inertia").momentum
-        if len(momentum) < columns.size:
-            raise InputError(
-                f"inertia.momentum needs a row for each of psi_0 ... psi_{self.n}, {columns.size},"
-                f" and one for each hidden motion; got {len(momentum)}."
-            )
-        if not np.array_equal(columns, np.arange(columns.size)):
-            rows = np.concatenate((columns, np.arange(columns.size, len(momentum))))
-            self._set("inertia", self.inertia.along(momentum[rows]))
-        if self.hidden is not None:
-            rows_of = None if self.shapes is None else len(self.shapes)
-            shape = (rows_of, self._hidden_count)
-            self._set("hidden", checks.array("hidden", self.hidden, shape))
+            checks.store(self, **one_site.checked(self))
 
     def _facts(self) -> list[tuple[str, str]]:
         lowest = ", ".join(f"{w / (2 * np.pi):.5g}" for w in self.omega[:3])
@@ -239,36 +138,6 @@ class AntiOscillators(Brief, Body):
             ("anti-oscillators", f"{self.n}{', ' + lowest + more + ' Hz' if self.n else ''}"),
             *([("from", self.info["structure"])] if "structure" in self.info else []),
         ]
-
-    def _set(self, name: str, value: Any) -> None:
-        object.__setattr__(self, name, value)
-
-    @property
-    def n(self) -> int:
-        """Number of anti-oscillators N."""
-        return int(self.omega.size)
-
-    @property
-    def _lead(self) -> int:
-        """Number of shapes in front of those of the anti-oscillators: of unit displacements."""
-        return len(self.k0) if self.sites else 1
-
-    @property
-    def _hidden_count(self) -> int:
-        """Number of hidden rigid-body motions, which do not move the site."""
-        if self.slide is not None:
-            return int(self.slide.shape[1])
-        return 0 if self.inertia is None else len(self.inertia.momentum) - self.n - 1
-
-    @property
-    def k(self) -> Array:
-        """Stiffnesses k_i = omega_i^2 m_i [N/m], of the shape of m. Article eq. (23)."""
-        return np.asarray((self.omega**2 * self.m.T).T)
-
-    @property
-    def m_st(self) -> Any:
-        """Static mass m0 + sum(m_i) [kg], or the rigid-body mass m_CR. Article eq. (15)."""
-        return self.m0 + self.m.sum(axis=0)
 
     @property
     def mass_shares(self) -> Array:
@@ -307,7 +176,7 @@ class AntiOscillators(Brief, Body):
         n = checks.whole("n", n, least=0)
         if n > self.n:
             raise InputError(f"n must be <= {self.n}, the number of anti-oscillators; got {n}.")
-        lead = self._lead
+        lead = self.lead
         left_out = np.arange(lead + n, lead + self.n)
         p, shapes, inertia = self.participation, self.shapes, self.inertia
         E = self.strain_error
@@ -346,10 +215,10 @@ class AntiOscillators(Brief, Body):
         Hidden motions follow lambda, (..., N + 1 + h); without them they are at rest. Several
         sites: for u and the amplitudes of the constraint modes of unit mass, (..., p + N).
         """
-        size = self._lead + self.n
+        size = self.lead + self.n
         body = self.site_modes() if self.sites else self.modal()
         x = checks.array("coordinates", coordinates, None)
-        hidden = self._hidden_count
+        hidden = self.hidden_count
         if x.ndim == 0 or x.shape[-1] not in (size, size + hidden):
             raise InputError(
                 f"coordinates must have {size} entries along their last axis, or {size + hidden}"
@@ -421,7 +290,7 @@ class AntiOscillators(Brief, Body):
         InputError
             Numbers that do not fit the sites, or sites that depend on each other.
         """
-        if self.dependence is not None and len(self.dependence) != self._lead:
+        if self.dependence is not None and len(self.dependence) != self.lead:
             raise InputError(
                 "some sites follow from others: extract a model without them for its matrices."
             )
@@ -446,13 +315,3 @@ class AntiOscillators(Brief, Body):
             return cls(**arguments)
         except (InputError, KeyError, TypeError, ValueError) as error:
             raise saved_models.damaged(path, error) from error
-
-
-def _column(name: str, value: ArrayLike) -> Array:
-    return checks.column(name, value)
-
-
-def _frozen(array: Array) -> Array:
-    array = np.array(array, dtype=float)
-    array.setflags(write=False)
-    return array

@@ -1,25 +1,118 @@
-"""The anti-oscillator model of one site in free modes."""
+"""The anti-oscillator model of one site: its checks, and its form in free modes."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from scipy.linalg import block_diag
 
-from antiosc._types import Array
+from antiosc import checks
+from antiosc._types import Array, Index
+from antiosc.errors import InputError
 from antiosc.models.modal import ModalBody, arrow_modes
-from antiosc.models.motion import Inertia
-
-if TYPE_CHECKING:
-    from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.motion import Inertia, unit_vector
+from antiosc.models.parameters import Parameters
+from antiosc.models.softened import checked_error
 
 #: m0 is negligible if its own free mode lies so far above the last pole (squared frequencies).
 MASSLESS_SITE = 1e-15
+#: m0 = m_st - sum(m_i) is known only to the rounding of m_st: a relative m0 below this is noise.
+MASS_ROUNDING = 1e-12
+#: Parameters that only a model of several sites has.
+OF_SEVERAL = ("columns", "dependence", "rigid", "slide")
 
 
-def modal(model: AntiOscillators) -> ModalBody:
+def checked(model: Parameters) -> dict[str, Any]:
+    """The parameters of one site as they are stored; InputError for those outside their range.
+
+    They are sorted by frequency.
+    """
+    for name in OF_SEVERAL:
+        given = getattr(model, name)
+        if not (given is None or (isinstance(given, dict) and not given)):
+            raise InputError(
+                f"{name} belongs to a model of several sites: give its P and the names of its "
+                "sites too."
+            )
+    m, omega = checks.column("m", model.m), checks.column("omega", model.omega)
+    if m.shape != omega.shape:
+        raise InputError(
+            f"m and omega must have one entry per anti-oscillator;"
+            f" got {m.size} masses and {omega.size} frequencies."
+        )
+    for name, values in (("m", m), ("omega", omega)):
+        if np.any(values <= 0):
+            worst = int(np.argmin(values))
+            raise InputError(
+                f"every {name} must be > 0; {name}[{worst}] = {values[worst]:g}"
+                f" (drop massless anti-oscillators: they never move the site)."
+            )
+    order = np.argsort(omega, kind="stable")
+    m0 = checks.number("m0", model.m0, "kg")
+    total = float(m.sum()) + max(m0, 0.0)
+    if m0 < 0 and -m0 <= MASS_ROUNDING * total:
+        m0 = 0.0
+    k0 = checks.nonnegative("k0", model.k0, "N/m")
+    checks.nonnegative("m0", m0, "kg")
+    if total == 0 and k0 == 0:
+        raise InputError(
+            "a model with m0 = 0, k0 = 0 and no anti-oscillator has neither mass nor "
+            "stiffness; give it one."
+        )
+    columns = np.concatenate(([0], 1 + order))
+    found: dict[str, Any] = {
+        "m0": m0,
+        "k0": k0,
+        "m": checks.kept(m[order]),
+        "omega": checks.kept(omega[order]),
+        "local_compliance": checks.nonnegative("local_compliance", model.local_compliance),
+    }
+    if model.radius is not None:
+        found["radius"] = checks.positive("radius", model.radius, "m")
+    if model.participation is not None:
+        p = checks.array("participation", model.participation, columns.shape)
+        found["participation"] = checks.kept(p[columns])
+    if model.shapes is not None:
+        shapes = checks.array("shapes", model.shapes, (None, columns.size))
+        found["shapes"] = shapes if _ascend(columns) else shapes[:, columns]
+    if model.strain_error is not None:
+        own = checked_error("strain_error", model.strain_error, columns.size)
+        found["strain_error"] = checks.kept(own[np.ix_(columns, columns)])
+    return found | _in_space(model, columns)
+
+
+def _in_space(model: Parameters, columns: Index) -> dict[str, Any]:
+    """Direction, inertia and hidden shapes; `columns` sorts psi_0 ... psi_N."""
+    found: dict[str, Any] = {}
+    if model.direction is not None:
+        found["direction"] = unit_vector("direction", model.direction)
+    if model.inertia is None:
+        if model.hidden is not None:
+            raise InputError("hidden motions need the inertia, which holds their momentum.")
+        return found
+    momentum = checks.instance("inertia", model.inertia, Inertia, "an Inertia").momentum
+    if len(momentum) < columns.size:
+        raise InputError(
+            f"inertia.momentum needs a row for each of psi_0 ... psi_{columns.size - 1},"
+            f" {columns.size}, and one for each hidden motion; got {len(momentum)}."
+        )
+    if not _ascend(columns):
+        rows = np.concatenate((columns, np.arange(columns.size, len(momentum))))
+        found["inertia"] = model.inertia.along(momentum[rows])
+    if model.hidden is not None:
+        rows_of = None if model.shapes is None else len(model.shapes)
+        shape = (rows_of, len(momentum) - columns.size)
+        found["hidden"] = checks.array("hidden", model.hidden, shape)
+    return found
+
+
+def _ascend(columns: Index) -> bool:
+    return np.array_equal(columns, np.arange(columns.size))
+
+
+def modal(model: Parameters) -> ModalBody:
     """The free modes of a model of one site, its hidden rigid motions in front."""
     massless = model.m0 == 0
     if model.n:
@@ -50,7 +143,7 @@ def modal(model: AntiOscillators) -> ModalBody:
     return seen if model.inertia is None else _with_hidden(model, seen, model.inertia)
 
 
-def _with_hidden(model: AntiOscillators, seen: ModalBody, inertia: Inertia) -> ModalBody:
+def _with_hidden(model: Parameters, seen: ModalBody, inertia: Inertia) -> ModalBody:
     """The body with its hidden rigid-body motions as additional modes."""
     count = len(inertia.momentum) - model.n - 1
     none, own = np.zeros(count), np.eye(count)

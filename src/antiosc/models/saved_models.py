@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +12,7 @@ from antiosc.errors import InputError
 from antiosc.models import model_file
 from antiosc.models.modal import Damping
 from antiosc.models.motion import Inertia
-
-if TYPE_CHECKING:
-    from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.parameters import Parameters
 
 _ARRAYS = {
     "m0": "kg",
@@ -53,7 +51,7 @@ _MEANING = {
 }
 
 
-def save(model: AntiOscillators, path: str | os.PathLike[str]) -> None:
+def save(model: Parameters, path: str | os.PathLike[str]) -> None:
     """Write a model, completely or not at all; see `AntiOscillators.save`."""
     several = len(model.sites) > 0
     arrays = {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,17 +12,15 @@ from antiosc import checks
 from antiosc._types import Array
 from antiosc.errors import InputError
 from antiosc.models.motion import Inertia
+from antiosc.models.parameters import Parameters
 from antiosc.models.reduced_modes import reduced_modes, rigid_motions, stiffness_scale
 from antiosc.models.site_modes import SiteModes, columns_of_sites, unit_vectors
-
-if TYPE_CHECKING:
-    from antiosc.models.anti_oscillators import AntiOscillators
 
 #: Asymmetry of a matrix, and negative eigenvalue, over its size (scaled by its diagonal).
 ASYMMETRY = 1e-9
 
 
-def checked(model: AntiOscillators) -> dict[str, Any]:
+def checked(model: Parameters) -> dict[str, Any]:
     """The parameters of several sites as they are stored; InputError for those outside their range.
 
     They are sorted by frequency.
@@ -94,7 +92,7 @@ def _semidefinite(name: str, matrix: Array, size: Array) -> Array:
     return np.asarray(np.where(free[:, None] | free, 0.0, (matrix + matrix.T) / 2))
 
 
-def _of_sites(model: AntiOscillators, count: int) -> dict[str, Any]:
+def _of_sites(model: Parameters, count: int) -> dict[str, Any]:
     """What each site has of its own: the compliance and the radius of its patch."""
     local = checks.array("local_compliance", model.local_compliance, None)
     if local.shape not in ((), (count,)) or np.any(local < 0):
@@ -107,7 +105,7 @@ def _of_sites(model: AntiOscillators, count: int) -> dict[str, Any]:
     return {"local_compliance": checks.kept(local), "radius": radius}
 
 
-def _in_space(model: AntiOscillators, rows: Any, columns: int, hidden: int) -> dict[str, Any]:
+def _in_space(model: Parameters, rows: Any, columns: int, hidden: int) -> dict[str, Any]:
     """Directions, weights, shapes and inertia; `rows` sorts the shapes."""
     found: dict[str, Any] = {}
     if model.direction is not None:
@@ -136,7 +134,7 @@ def _in_space(model: AntiOscillators, rows: Any, columns: int, hidden: int) -> d
     return found
 
 
-def site_modes(model: AntiOscillators) -> SiteModes:
+def site_modes(model: Parameters) -> SiteModes:
     """The free modes of a model of several sites, its hidden rigid motions in front."""
     assert model.dependence is not None
     assert model.rigid is not None
@@ -186,7 +184,7 @@ def with_slide(Z: NDArray[Any], x: NDArray[Any], slide: Array) -> NDArray[Any]:
     return np.asarray(Z + pushed @ np.linalg.solve(turned, np.swapaxes(pushed, -1, -2)))
 
 
-def mass_shares(model: AntiOscillators) -> Array:
+def mass_shares(model: Parameters) -> Array:
     """tr(m_st^-1 m_i)/p (N,) of a model of several sites."""
     scale = 1 / np.sqrt(np.maximum(model.m_st.diagonal(), np.finfo(float).tiny))
     unit = model.m_st * scale[:, None] * scale
@@ -194,7 +192,7 @@ def mass_shares(model: AntiOscillators) -> Array:
     return np.asarray(np.sum(P * (np.linalg.pinv(unit, hermitian=True) @ P), axis=0) / len(P))
 
 
-def labels(model: AntiOscillators) -> tuple[str, ...]:
+def labels(model: Parameters) -> tuple[str, ...]:
     """Names of the displacements u: of their sites, and which of the directions across it."""
     assert model.dependence is not None
     found = [""] * model.dependence.shape[1]

@@ -15,16 +15,16 @@ constraint modes. With k0 = 0 the first shape is a rigid motion, and only the ot
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TypeVar
 
 import numpy as np
 
 from antiosc import checks
 from antiosc._types import Array
 from antiosc.errors import InputError
+from antiosc.models.parameters import Parameters
 
-if TYPE_CHECKING:
-    from antiosc.models.anti_oscillators import AntiOscillators
+M = TypeVar("M", bound=Parameters)
 
 #: Negative eigenvalue and asymmetry of unit energies that rounding may leave.
 ROUNDING = 1e-8
@@ -50,7 +50,7 @@ def checked_error(name: str, given: Array, size: int) -> Array:
     return checks.kept((E + E.T) / 2)
 
 
-def corrected(model: AntiOscillators) -> AntiOscillators:
+def corrected(model: M) -> M:
     """The softened model; see `AntiOscillators.corrected`."""
     E = model.strain_error
     if E is None:
@@ -105,7 +105,7 @@ def _softened(k0: float, m: Array, omega: Array, E: Array) -> tuple[float, Array
     return k0, 1 + static, theta[::-1] ** -0.5, Q[:, ::-1]
 
 
-def energy_error(model: AntiOscillators, E: Array, weights: Array) -> float:
+def energy_error(model: Parameters, E: Array, weights: Array) -> float:
     """Share of the errors of strains in the strain energy, of amplitudes with these weights.
 
     E (N + 1, N + 1): the errors of the model; `weights` (N + 1, N + 1): sum of a aᵀ of the

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from antiosc.errors import MeshError
-from antiosc.fem.readers.decks import abaqus_sections, nastran_profiles, profiles
+from antiosc.fem.readers.decks import abaqus_profiles, nastran_profiles, profiles
 from antiosc.fem.readers.decks.abaqus_cards import Card
 from antiosc.fem.readers.decks.deck import Place
 from antiosc.fem.readers.decks.nastran_cards import Entry
@@ -29,7 +29,7 @@ def beam(name: str, fields: list[str], s: float = 0.0) -> nastran_profiles.BeamP
 def abaqus(section: str, *dimensions: float) -> profiles.Profile:
     """A cross-section of *BEAM SECTION; its height lies along the direction 1 of Abaqus."""
     data = ", ".join(map(str, dimensions))
-    return abaqus_sections._profile(
+    return abaqus_profiles.profile_of(
         Card("BEAMSECTION", {"SECTION": section}, PLACE, [data], [PLACE])
     )
 

@@ -17,7 +17,7 @@ import scipy.sparse
 from antiosc import fem
 from antiosc._types import Array, BoolArray, IntArray
 from antiosc.checks import LARGEST
-from antiosc.errors import InputError
+from antiosc.errors import InputError, finite_element_packages
 from antiosc.fem.fingerprint import of_petsc
 from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.algebra import communicator, dot, multiply, norm
@@ -61,7 +61,7 @@ def copied(name: str, matrix: Any, backend: Backend) -> Any:
 
 def as_petsc(name: str, matrix: Any) -> PETSc.Mat:
     """A square, finite PETSc matrix of a SciPy sparse, dense or PETSc one, always a copy."""
-    with fem.stack():
+    with finite_element_packages():
         from antiosc.fem.linalg import petsc_algebra
     if of_petsc(matrix):
         copy = petsc_algebra.copied(name, matrix)

@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from antiosc import fem
+import antiosc
 from antiosc._types import Array, Box
 from antiosc.brief import Brief
 from antiosc.checks import array, choice
-from antiosc.errors import InputError
+from antiosc.errors import InputError, finite_element_packages
 from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.factor import solver_for
 from antiosc.fem.linalg.solver import Choice, Solver
@@ -37,7 +37,6 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
     from antiosc.fem.elements.weak_form import Family
-    from antiosc.fem.extraction.natural_modes import StructureModes
     from antiosc.fem.mesh.mesh import Mesh
     from antiosc.fem.structure.attachments import PointMass, Spring
     from antiosc.fem.structure.meshed import MeshedStructure
@@ -115,7 +114,7 @@ class Structure(Brief):
     ) -> None:
         """Assemble the structure of a mesh."""
         started = time.perf_counter()
-        with fem.stack():
+        with finite_element_packages():
             from antiosc.fem.structure.meshed import assembled
             from antiosc.fem.structure.support import Support
         options: dict[str, Any] = {"order": order, "attached": attached, "solver": solver}
@@ -341,11 +340,9 @@ class Structure(Brief):
             facts.append(("mass", f"{self.mass:.6g} kg"))
         return facts
 
-    def natural_modes(self, n: int = 10) -> StructureModes:
+    def natural_modes(self, n: int = 10) -> antiosc.StructureModes:
         """The n lowest natural modes on its supports; see `antiosc.natural_modes`."""
-        from antiosc.fem.extraction.natural_modes import natural_modes
-
-        return natural_modes(self, n)
+        return antiosc.natural_modes(self, n)  # the public function, which reads a structure
 
     def __getattr__(self, name: str) -> Any:
         """What the matrices know besides: those of a mesh have `mesh`, `form` and `parts`."""

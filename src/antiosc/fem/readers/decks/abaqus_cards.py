@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from antiosc.errors import MeshError
-from antiosc.fem.readers.decks.deck import Place
+from antiosc.fem.readers.decks.deck import Place, real_number
 from antiosc.fem.readers.decks.sources import Sources
 
 #: Cards whose data may be in a separate file (INPUT=).
@@ -35,6 +35,15 @@ class Card:
                 fields.pop()
             yield fields, place
 
+    def numbers(self) -> list[float]:
+        """Numbers of all data lines; an empty field is 0."""
+        return [_number(field, place) for fields, place in self.rows() for field in fields]
+
+    def first_numbers(self) -> list[float]:
+        """Numbers of the first data line; an empty field is 0."""
+        fields, place = next(self.rows(), ([], self.place))
+        return [_number(field, place) for field in fields]
+
     def option(self, name: str, default: str = "") -> str:
         """Value of an option, without quotes."""
         return self.options.get(name, default).strip().strip('"').strip()
@@ -45,6 +54,10 @@ class Card:
         if not value:
             raise MeshError(f"{self.place}: *{self.keyword} needs {name}=.")
         return value
+
+
+def _number(field: str, place: Place) -> float:
+    return real_number(field, place) if field else 0.0
 
 
 def cards(sources: Sources) -> list[Card]:

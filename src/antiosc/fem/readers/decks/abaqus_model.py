@@ -17,11 +17,14 @@ from antiosc.errors import MeshError
 from antiosc.fem.readers.decks.abaqus_assembly import Instance, Whole
 from antiosc.fem.readers.decks.abaqus_cards import Card
 from antiosc.fem.readers.decks.abaqus_joints import read_joints
-from antiosc.fem.readers.decks.abaqus_sections import SECTIONS, Sections, materials_of
+from antiosc.fem.readers.decks.abaqus_materials import materials_of
+from antiosc.fem.readers.decks.abaqus_sections import SECTIONS, Sections
+from antiosc.fem.readers.decks.abaqus_thickness import vary_thickness
+from antiosc.fem.readers.decks.builder import ModelBuilder
 from antiosc.fem.readers.decks.constraints import Term
 from antiosc.fem.readers.decks.deck import Array, IntArray, Place, real_number, whole_number
 from antiosc.fem.readers.decks.geometry import fixed_along_axes
-from antiosc.fem.readers.decks.model import ModelBuilder
+from antiosc.fem.readers.decks.model import finished
 from antiosc.fem.readers.unit_system import UnitSystem
 
 #: Unsupported cards that would change the result.
@@ -76,7 +79,7 @@ def model_of(whole: Whole, units: UnitSystem, density: float | None) -> dict[str
     for card, within in whole.cards:
         if card.keyword in SECTIONS:
             sections.read(card, within)
-    varied = sections.vary(whole.cards)
+    varied = vary_thickness(whole, builder, sections.roles)
     builder.with_roles(sections.roles)
     supports = _Supports(whole, builder)
     top = whole.instances[""]
@@ -90,7 +93,7 @@ def model_of(whole: Whole, units: UnitSystem, density: float | None) -> dict[str
     _masses(whole, builder)
     _springs(whole, builder)
     builder.ignored += [*ignored, *_ignored(whole), *supports.ignored, *filter(None, [varied])]
-    return builder.finished(sections.roles)
+    return finished(builder, sections.roles)
 
 
 def _refuse(cards: Iterable[Card]) -> None:

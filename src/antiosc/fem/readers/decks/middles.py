@@ -5,14 +5,10 @@ A support on an edge holds all of it; a middle node alone is held by a constrain
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from antiosc.fem.readers.decks.builder import ModelBuilder
 from antiosc.fem.readers.shapes import EDGES
-
-if TYPE_CHECKING:
-    from antiosc.fem.readers.decks.model import ModelBuilder
 
 
 def hold_middles(builder: ModelBuilder) -> None:

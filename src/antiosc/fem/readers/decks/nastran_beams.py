@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from antiosc.errors import MeshError
+from antiosc.fem.readers.decks.builder import ModelBuilder
 from antiosc.fem.readers.decks.deck import Array, Block, IntArray
-from antiosc.fem.readers.decks.model import ModelBuilder
 from antiosc.fem.readers.decks.nastran import BEAMS, NastranDeck, property_of
 from antiosc.fem.readers.decks.nastran_cards import Entry
 from antiosc.fem.readers.decks.nastran_profiles import BeamProfiles

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from antiosc.errors import MeshError
+from antiosc.fem.readers.decks.builder import ModelBuilder
 from antiosc.fem.readers.decks.constraints import Term
 from antiosc.fem.readers.decks.deck import Array
-from antiosc.fem.readers.decks.model import ModelBuilder
 from antiosc.fem.readers.decks.nastran import NastranDeck
 from antiosc.fem.readers.decks.nastran_beams import orientation
 from antiosc.fem.readers.decks.nastran_cards import Entry

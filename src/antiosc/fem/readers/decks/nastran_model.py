@@ -14,9 +14,10 @@ import numpy as np
 
 from antiosc.errors import MeshError
 from antiosc.fem.readers.decks import nastran_beams as beams
+from antiosc.fem.readers.decks.builder import ModelBuilder
 from antiosc.fem.readers.decks.deck import IntArray, Place
 from antiosc.fem.readers.decks.geometry import fixed_along_axes
-from antiosc.fem.readers.decks.model import ModelBuilder
+from antiosc.fem.readers.decks.model import finished
 from antiosc.fem.readers.decks.nastran import (
     NastranDeck,
     constraints,
@@ -26,7 +27,8 @@ from antiosc.fem.readers.decks.nastran import (
 )
 from antiosc.fem.readers.decks.nastran_joints import read_joints
 from antiosc.fem.readers.decks.nastran_masses import read_masses
-from antiosc.fem.readers.decks.nastran_sections import Properties, materials_of
+from antiosc.fem.readers.decks.nastran_materials import materials_of
+from antiosc.fem.readers.decks.nastran_sections import Properties
 from antiosc.fem.readers.unit_system import UnitSystem
 
 #: Unsupported entries, other than elements, that would change the result.
@@ -80,7 +82,7 @@ def model_of(found: NastranDeck, units: UnitSystem, density: float | None) -> di
     counts = Counter(e.name for e in found.bulk.entries if e.name.startswith(LOAD_ENTRIES))
     loads = [f"{count} {name}" for name, count in sorted(counts.items())]
     builder.ignored += [*ignored, *properties.ignored, *builder.joint_told, *loads]
-    return builder.finished(properties.roles)
+    return finished(builder, properties.roles)
 
 
 def _mass_factor(found: NastranDeck) -> float:

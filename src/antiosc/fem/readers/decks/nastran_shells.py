@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from antiosc.errors import MeshError
+from antiosc.fem.readers.decks.builder import Family
 from antiosc.fem.readers.decks.deck import Array, IntArray
 from antiosc.fem.readers.decks.geometry import common_direction, corners_of, normals_of
 from antiosc.fem.readers.decks.material import Material
-from antiosc.fem.readers.decks.model import Family
 from antiosc.fem.readers.decks.nastran_cards import Entry
-
-if TYPE_CHECKING:
-    from antiosc.fem.readers.decks.nastran_sections import Properties
+from antiosc.fem.readers.decks.nastran_materials import PropertyReader
 
 #: Fields of THETA or MCID, of ZOFFS, of TFLAG, and the number of corners.
 FIELDS = {
@@ -31,9 +29,9 @@ OWN_THICKNESS = 10
 
 
 class Shells:
-    """Adds shell properties to the builder of `Properties`."""
+    """Adds shell properties to the builder of a `PropertyReader`."""
 
-    def __init__(self, whole: Properties) -> None:
+    def __init__(self, whole: PropertyReader) -> None:
         self.whole = whole
         self.found = whole.found
         self.builder = whole.builder
