@@ -78,7 +78,7 @@ def bracket(size: float) -> ao.Structure:
 def measured_compliances(size: float, count: int, rounds: int) -> list[Row]:
     """Seconds of the factor and of a site, and the error, for each way."""
     part = bracket(size)
-    places, _, _ = sites_of(part, None, None, RADIUS)
+    places = sites_of(part, None, None, RADIUS).sites
     near = np.argsort(places.points @ [1.0, 0.1, 0.01])[:count]
     loads = scipy.sparse.csc_matrix(places.loads[:, near])
     ways: dict[str, Callable[[], Row]] = {

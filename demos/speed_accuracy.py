@@ -511,7 +511,7 @@ def mapped(name: str, size: float, group: str | None) -> dict[str, Any]:
     seconds = found.info["seconds"]
     some = 50 if case.part.dofs < LARGE else 20
     which = np.random.default_rng(0).choice(len(found), some, replace=False)
-    sites, _, _ = sites_of(case.part, group, options.get("direction"), options.get("radius"))
+    sites = sites_of(case.part, group, options.get("direction"), options.get("radius")).sites
     loads = sites.loads
     started = time.perf_counter()
     compliances(case.part.factorize().cholesky, loads)

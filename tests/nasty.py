@@ -144,7 +144,7 @@ def public() -> dict[str, Callable[..., Any]]:
 def is_fem(name: str) -> bool:
     """Whether the function, or the class of the method, needs the finite-element packages."""
     module = ao._MODULES.get(name.partition(".")[0], "")
-    return module.startswith(("antiosc.fem", "antiosc.maps"))
+    return module.startswith(("antiosc.fem", "antiosc.map"))
 
 
 def _of_class(kind: type) -> dict[str, Callable[..., Any]]:

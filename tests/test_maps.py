@@ -56,7 +56,7 @@ def at(structure: ao.Structure, where: str, i: int, **options) -> ao.Site:
     """The i-th site of a map, as the vector that the map used."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
-        sites, _, _ = sites_of(structure, where, None, options.get("radius"))
+        sites = sites_of(structure, where, None, options.get("radius")).sites
     return ao.Site(vector=sites.loads[:, i].toarray()[:, 0])
 
 

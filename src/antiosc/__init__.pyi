@@ -130,8 +130,10 @@ from antiosc.fem.structure.structure import (
 from antiosc.fem.structure.support import (
     Support as Support,
 )
-from antiosc.maps import (
+from antiosc.map_results import (
     ImpactMap as ImpactMap,
+)
+from antiosc.maps import (
     impact_map as impact_map,
 )
 from antiosc.models.anti_oscillators import (

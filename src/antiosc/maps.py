@@ -9,20 +9,16 @@ is too large, the site is extracted separately.
 from __future__ import annotations
 
 import logging
-import os
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from antiosc import files
-from antiosc._types import Array, IntArray
-from antiosc.brief import Brief
-from antiosc.checks import instance, path as checked_path, positive, whole, within_range
+from antiosc._types import Array
+from antiosc.checks import instance, positive, whole, within_range
 from antiosc.contact import ContactLaw
 from antiosc.errors import AccuracyWarning, InputError, warn
 from antiosc.fem.extraction.dampers import refuse_dampers
@@ -32,23 +28,20 @@ from antiosc.fem.extraction.oscillators import error_bound, lumped, oscillators,
 from antiosc.fem.extraction.static_mode import static_modes
 from antiosc.fem.linalg.compliance import deflections
 from antiosc.fem.mpi import agree, collective, on_root
-from antiosc.fem.site.map_on_assembly import sites_on_part
-from antiosc.fem.site.map_sites import sites_of
+from antiosc.fem.site.map_on_assembly import sites_on_assembly
+from antiosc.fem.site.map_sites import MapSites, sites_of
 from antiosc.fem.site.site import Functional
 from antiosc.fem.site.sites import Sites
 from antiosc.fem.structure.structure import Structure, on_mesh
+from antiosc.map_results import ImpactMap
 from antiosc.models import driving_point as bands, free_modes
-from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import LinearBody, checked_body
 from antiosc.models.free_modes import SiteModels
-from antiosc.plotting import plot_map
 from antiosc.simulation.batch import simulate_many
 from antiosc.simulation.deflection import peak_deflections
 from antiosc.threads import one_thread
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from antiosc.fem.assembly.assembled import AssembledMatrices
 
 #: Free modes where neither `modes` nor a band says how many.
@@ -63,111 +56,12 @@ DIRECT = 32
 log = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class ImpactMap(Brief):
-    """Anti-oscillators and impacts over a surface, on every rank alike.
-
-    Attributes
-    ----------
-    points, directions : (P, 3) sites [m] and unit vectors of the directions of impact.
-    elements : (T, 3) triangles between the points (or (T, 2) segments); empty for given points.
-    models : SiteModels
-        Parameters k0, m0, m_st, omega, m of all sites; `model(i)` is one of them.
-    local_compliance : (P,) half-space compliance of the patch [m/N], 0 for a point.
-    radius : (P,) radii of the patches [m], or None for points.
-    error : (P,) bound on |dZ|/|Z| up to `band` [rad/s].
-    direct : (P,) bool, sites that were extracted separately.
-    skipped : number of sites left out: fixed by supports, or without a surface under the patch.
-    peak_force [N], contact_time [s], restitution, impulse [N s], peak_deflection [m] : (P,) of the
-        impacts, or None; restitution as in `History`, NaN if the bodies still touch at the end or
-        never touched; the deflection is that of the site, including the indentation of the patch.
-    info : free modes, seconds, …; JSON values.
-    """
-
-    points: Array
-    directions: Array
-    elements: IntArray
-    models: SiteModels
-    local_compliance: Array
-    radius: Array | None
-    band: float
-    error: Array
-    direct: Array
-    skipped: int
-    peak_force: Array | None = None
-    contact_time: Array | None = None
-    restitution: Array | None = None
-    impulse: Array | None = None
-    peak_deflection: Array | None = None
-    info: dict[str, Any] = field(default_factory=dict)
-
-    def __len__(self) -> int:
-        return len(self.points)
-
-    def model(self, i: int) -> AntiOscillators:
-        """The model of site i, without shapes."""
-        i = whole("i", i, least=0, most=len(self) - 1)
-        return replace(
-            self.models.model(i),
-            local_compliance=float(self.local_compliance[i]),
-            radius=None if self.radius is None else float(self.radius[i]),
-            info={"point": self.points[i].tolist(), "direction": self.directions[i].tolist()},
-        )
-
-    def quantities(self) -> dict[str, Array]:
-        """Every scalar of the map by name, as written to files: (P,) each."""
-        first = np.where(self.models.m[:, 0] > 0, self.models.omega[:, 0], 0.0)
-        named = {
-            "k0": self.models.k0,
-            "m_st": self.models.m_st,
-            "omega_1": first,
-            "error": self.error,
-            "peak_force": self.peak_force,
-            "contact_time": self.contact_time,
-            "restitution": self.restitution,
-            "impulse": self.impulse,
-            "peak_deflection": self.peak_deflection,
-        }
-        return {name: value for name, value in named.items() if value is not None}
-
-    def write(self, path: str | os.PathLike[str]) -> Path:
-        """Write points, elements and all quantities to a VTU file (or whatever meshio writes).
-
-        InputError where the file cannot be written, or its ending tells meshio no format.
-        """
-        import meshio  # takes a while to load
-
-        target = checked_path("path", path)
-        kind = {3: "triangle", 2: "line"}.get(self.elements.shape[1], "vertex")
-        cells = self.elements if len(self.elements) else np.arange(len(self))[:, None]
-        kind = kind if len(self.elements) else "vertex"
-        data = {**self.quantities(), "direction": self.directions}
-        with files.complete(target, "the map") as part:
-            try:
-                meshio.Mesh(self.points, [(kind, cells)], point_data=data).write(part)
-            except (meshio.ReadError, meshio.WriteError, KeyError, SystemExit) as error:
-                raise InputError(
-                    f"meshio cannot write a map to {target.name!r}: give it a name that ends with "
-                    ".vtu."
-                ) from error
-        return target
-
-    def plot(
-        self, path: str | os.PathLike[str] | None = None, quantity: str = "peak_force"
-    ) -> Figure | Path:
-        """One of `quantities()` over the surface; see `antiosc.plotting.plot_map`.
-
-        With `path` (PNG, PDF, SVG, …) the picture is written, and the path returned.
-        """
-        return plot_map(self, path, quantity)
-
-
 @collective()
 @within_range
 @one_thread()
 def impact_map(
     structure: Structure,
-    where: str | Sequence[Sequence[float]] | None = None,
+    where: str | Sequence[str] | Sequence[Sequence[float]] | None = None,
     impactor: LinearBody | None = None,
     contact: ContactLaw | None = None,
     duration: float | None = None,
@@ -185,9 +79,11 @@ def impact_map(
     ----------
     structure : Structure
         With a mesh.
-    where : str or array_like (P, 2 or 3), optional
-        A group of faces (cells of shells and beams) whose vertices are the sites, or points. None:
-        the whole surface. Of an assembly "part:group", or "part" for its whole surface.
+    where : str, list of str, or array_like (P, 2 or 3), optional
+        A group of faces (cells of shells and beams) whose vertices are the sites, several groups,
+        or points. None: the whole surface. Of an assembly "part:group", or "part" for its whole
+        surface, or several of them; None: all parts, faces that are tied included. A vertex of
+        two groups is a site of each.
     impactor, contact, duration
         As for `simulate`. None: extraction only, no impacts.
     direction : sequence of float, optional
@@ -225,7 +121,8 @@ def impact_map(
         checked_body("impactor", impactor)
         instance("contact", contact, ContactLaw, "a ContactLaw such as Hertz(stiffness)")
         duration = positive("duration", duration, "s")
-    sites, elements, total, dimension = _sites(structure, where, direction, radius)
+    found = _sites(structure, where, direction, radius)
+    sites = found.sites
     refuse_dampers(structure, "a map")
     structure.factorize()
     located = time.perf_counter()
@@ -259,20 +156,21 @@ def impact_map(
     info = {
         "structure": structure.describe(),
         "free_modes": len(omega),
-        "cell_dimension": dimension,
+        "cell_dimension": found.dimension,
         "seconds": {**structure.seconds, **seconds},
     }
     result = ImpactMap(
         points=sites.points,
         directions=sites.directions,
-        elements=elements,
+        elements=found.elements,
         models=models,
         local_compliance=sites.local,
         radius=None if np.isnan(sites.radii).any() else sites.radii,
         band=band,
         error=error,
         direct=direct,
-        skipped=total - len(sites),
+        skipped=found.count - len(sites),
+        names=found.names,
         info=info,
     )
     on_root(structure.comm, partial(_tell, result, accuracy))
@@ -283,13 +181,13 @@ def impact_map(
 
 def _sites(
     structure: Structure, where: Any, direction: Sequence[float] | None, radius: float | None
-) -> tuple[Sites, IntArray, int, int]:
-    """(sites, elements, number of sites before some are left out, dimension of the cells)."""
+) -> MapSites:
+    """The sites of the map on a mesh, or on an assembly."""
     if structure.matrices.assembled:
         matrices = cast("AssembledMatrices", structure.matrices)
-        return sites_on_part(matrices, where, direction, radius)
+        return sites_on_assembly(matrices, where, direction, radius)
     meshed = on_mesh(structure, "a map needs a mesh: matrices have no points.")
-    return *sites_of(meshed, where, direction, radius), meshed.mesh.tdim
+    return sites_of(meshed, where, direction, radius)
 
 
 # --- Free modes ---------------------------------------------------------------------------------

@@ -112,24 +112,24 @@ def _turned(R: Array, values: Array, quantity: str) -> Array:
 
 
 def at_nodes(
-    structure: Structure, shapes: Array
+    structure: Structure, shapes: Array, part: str | None = None
 ) -> tuple[Array, list[tuple[str, IntArray]], Array]:
     """Points (P, 3), cells of each part by meshio's names, shapes (P, 3, columns), on rank 0."""
-    parts = _parts(structure, shapes, None)
+    parts = _parts(structure, shapes, part)
     points, cells, found = _side_by_side([_gathered(member, own) for member, own in parts])
     kinds = [_kind(m.part.mesh, c) for (m, _), c in zip(parts, cells, strict=True)]
     return points, list(zip(kinds, cells, strict=True)), found
 
 
 def tensors_at_nodes(
-    structure: Structure, shapes: Array, quantity: str, places: list[Place]
+    structure: Structure, shapes: Array, quantity: str, places: list[Place], part: str | None = None
 ) -> tuple[Array, list[tuple[str, IntArray]], IntArray, Array]:
     """Points and cells as `at_nodes`; nodes (S,), six components (S, 6, columns); on rank 0.
 
     A point may have several tensors: of materials, of cells of a sheet, of the places given.
     """
-    parts = _parts(structure, shapes, None)
-    points, cells, _ = at_nodes(structure, shapes[:, :0])
+    parts = _parts(structure, shapes, part)
+    points, cells, _ = at_nodes(structure, shapes[:, :0], part)
     node, tensors, start = [], [], 0
     for member, own in parts:
         sheet = member.part.kind.sheet

@@ -15,8 +15,7 @@ from antiosc.fem.structure.structure import Structure
 
 def at_point(structure: Structure, shapes: Array, x: Array, part: str | None) -> Array:
     """Displacements (3, columns) of the node next to x (3,) for shapes (rows, columns)."""
-    if part is not None:
-        raise InputError(f"part={part!r} names a part of an assembly; given matrices are one.")
+    _one_part(part)
     nodal = cast(NodalMatrices, structure.matrices)
     points, rows = nodal.nodes()
     nearest = int(np.argmin(((points - x) ** 2).sum(axis=1)))
@@ -40,7 +39,7 @@ def recovered(
 
 
 def tensors_at_nodes(
-    structure: Structure, shapes: Array, quantity: str, places: list[Place]
+    structure: Structure, shapes: Array, quantity: str, places: list[Place], part: str | None = None
 ) -> tuple[Array, list[tuple[str, IntArray]], IntArray, Array]:
     """InputError: matrices know neither materials nor elements."""
     raise InputError(
@@ -50,9 +49,10 @@ def tensors_at_nodes(
 
 
 def at_nodes(
-    structure: Structure, shapes: Array
+    structure: Structure, shapes: Array, part: str | None = None
 ) -> tuple[Array, list[tuple[str, IntArray]], Array]:
     """Points (P, 3), a vertex at each, shapes (P, 3, columns)."""
+    _one_part(part)
     points, rows = cast(NodalMatrices, structure.matrices).nodes()
     vertices = np.arange(len(points))[:, None]
     return points, [("vertex", vertices)], _displacements(rows, shapes)
@@ -61,6 +61,12 @@ def at_nodes(
 def surface(structure: Structure, shapes: Array) -> tuple[Array, IntArray, Array]:
     """InputError: matrices have nodes, but no faces."""
     raise InputError("matrices have nodes but no faces: write_series writes their motion.")
+
+
+def _one_part(part: str | None) -> None:
+    """InputError for the name of a part."""
+    if part is not None:
+        raise InputError(f"part={part!r} names a part of an assembly; given matrices are one.")
 
 
 def _displacements(rows: IntArray, shapes: Array) -> Array:

@@ -114,6 +114,7 @@ def peak_field(
     times: ArrayLike | None = None,
     *,
     body: str = "structure",
+    part: str | None = None,
     surface: str | Sequence[float] | None = None,
     layer: int | None = None,
     fibre: Sequence[float] | None = None,
@@ -132,6 +133,8 @@ def peak_field(
         Times in s at which it is looked at; default: the nodes of the history and 501 even ones.
     body : str
         As in `probe`.
+    part : str, optional
+        Of an assembly: the part that is looked at; default: all of them.
     surface, layer : optional
         As in `probe`; default: the larger of the top and the bottom of a sheet.
     fibre : (y, z), optional
@@ -152,6 +155,8 @@ def peak_field(
     checks.instance("structure", structure, Structure, "a Structure")
     recovered, derivative, unit = QUANTITIES[quantity]
     places = _places(surface, layer, fibre)
+    if part is not None:
+        checks.text("part", part)
     shapes = shapes_of(structure, history, body)
     at = times_of(history, times)
     if times is None and not isinstance(history, BodyHistory):
@@ -160,11 +165,11 @@ def peak_field(
         raise InputError("times must hold one time or more.")
     factors = amplitudes(history, at, body, derivative)
     if recovered == "motion":
-        points, cells, moved = source(structure).at_nodes(structure, shapes)
+        points, cells, moved = source(structure).at_nodes(structure, shapes, part)
         values, when = _largest(moved, factors, at, _length)
     else:
         points, cells, nodes, columns = source(structure).tensors_at_nodes(
-            structure, shapes, recovered, places
+            structure, shapes, recovered, places, part
         )
         own = _largest(
             columns, factors, at, equivalent if quantity == "von_mises" else extreme_principal

@@ -18,6 +18,7 @@ from antiosc._types import Array
 from antiosc.errors import InputError
 from antiosc.fem.fields import counted, shapes_of, source
 from antiosc.fem.mpi import collective
+from antiosc.fem.named_points import motions_without_mesh, point_of
 from antiosc.fem.recovery.place import Place, place
 from antiosc.fem.structure.structure import Structure
 from antiosc.simulation.body_motion import amplitudes, times_of
@@ -45,7 +46,7 @@ OFF_GAUGE = 0.05
 def probe(
     structure: Structure,
     history: History | SceneHistory | BodyHistory,
-    point: Sequence[float],
+    point: Sequence[float] | str,
     quantity: str = "displacement",
     times: ArrayLike | None = None,
     *,
@@ -64,8 +65,11 @@ def probe(
         The structure from which the model of the body was extracted.
     history : History, SceneHistory or BodyHistory
         A BodyHistory is `hit.bodies[name]` of a scene.
-    point : sequence of 2 or 3 floats
-        Coordinates in m; the nearest point of the structure is taken.
+    point : sequence of 2 or 3 floats, or str
+        Coordinates in m; the nearest point of the structure is taken. A text names a group, of an
+        assembly "part:group": the point next to the centroid of its entities is taken, where a
+        `Site` of the same name lies. Of an assembly it may also name a reference point, or a site
+        of a superelement, which have displacements and rotations alone.
     quantity : str
         "displacement" (n, 3) m, "velocity" (n, 3) m/s, "acceleration" (n, 3) m/s²: of plane parts
         (n, 2); relative to the supports where a `Base` moves them.
@@ -108,7 +112,7 @@ def probe(
     ------
     InputError
         A model without shapes, or extracted from another structure; a quantity that the element
-        family does not have; a layer that does not exist.
+        family does not have; a layer, a part or a group that does not exist.
     """
     if not isinstance(quantity, str):  # times as the fourth argument
         if times is not None and quantity is not None:
@@ -117,13 +121,13 @@ def probe(
     checks.choice("quantity", quantity, QUANTITIES)
     checks.instance("structure", structure, Structure, "a Structure")
     there = place(surface, layer, fibre, axes)
-    x, given = np.zeros(3), checks.coordinates("point", point)
-    x[: len(given)] = given
-    if part is not None:
-        checks.text("part", part)
+    x, part, end = point_of(structure, point, part)
     shapes = shapes_of(structure, history, body)
     at = times_of(history, times)
-    columns = _columns(structure, shapes, x[None], quantity, part, there)[0]
+    if end is None:
+        columns = _columns(structure, shapes, x[None], quantity, part, there)[0]
+    else:
+        columns = motions_without_mesh(structure, shapes, str(point), end, quantity)
     factors = amplitudes(history, at, body, DERIVATIVES.get(quantity, 0))
     found = np.asarray(np.moveaxis(columns @ factors.T, -1, 0))
     return von_mises(found) if quantity == "von_mises" else found
@@ -134,7 +138,7 @@ def probe(
 def strain_gauge(
     structure: Structure,
     history: History | SceneHistory | BodyHistory,
-    point: Sequence[float],
+    point: Sequence[float] | str,
     direction: Sequence[float],
     length: float,
     times: ArrayLike | None = None,
@@ -151,8 +155,8 @@ def strain_gauge(
     ----------
     structure, history, times, body, part, surface, layer, fibre
         As in `probe`.
-    point : sequence of 2 or 3 floats
-        The middle of the gauge, m.
+    point : sequence of 2 or 3 floats, or str
+        The middle of the gauge, m; a text names a group as in `probe`.
     direction : sequence of 2 or 3 floats
         Along which it measures.
     length : float
@@ -166,15 +170,14 @@ def strain_gauge(
     there = place(surface, layer, fibre, "global")
     checks.instance("structure", structure, Structure, "a Structure")
     length = checks.positive("length", length, "m")
-    x, d = np.zeros(3), np.zeros(3)
-    for vector, name, value in ((x, "point", point), (d, "direction", direction)):
-        given = checks.coordinates(name, value)
-        vector[: len(given)] = given
+    d, given = np.zeros(3), checks.coordinates("direction", direction)
+    d[: len(given)] = given
     if not d.any():
         raise InputError("direction must not be the zero vector: the gauge measures along it.")
     d /= np.linalg.norm(d)
-    if part is not None:
-        checks.text("part", part)
+    x, part, end = point_of(structure, point, part)
+    if end is not None:
+        raise InputError(f"{point!r} is a point without a mesh: a gauge needs the cells of a part.")
     nodes, weights = np.polynomial.legendre.leggauss(GAUGE_POINTS)
     points = x + np.outer(nodes, d) * length / 2
     shapes = shapes_of(structure, history, body)

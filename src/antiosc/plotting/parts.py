@@ -17,6 +17,7 @@ from antiosc.simulation.history import History
 from antiosc.simulation.scene_history import SceneHistory
 
 if TYPE_CHECKING:
+    from matplotlib.cm import ScalarMappable
     from matplotlib.figure import Figure
     from mpl_toolkits.mplot3d import Axes3D  # type: ignore[import-untyped]
 
@@ -50,6 +51,8 @@ class SurfaceMap(Protocol):
     def directions(self) -> Array: ...
     @property
     def elements(self) -> IntArray: ...
+    @property
+    def alone(self) -> IntArray: ...
     @property
     def info(self) -> dict[str, Any]: ...
 
@@ -86,7 +89,12 @@ def plot_map(
     if triangles:
         seen = _towards_viewer(found, axes)
         faces = found.elements[seen]
-        _faces(figure, axes, x[faces], value[faces].mean(axis=1), label, dark=0.85)
+        values = value[faces].mean(axis=1)
+        alone = found.alone
+        scale = _scale(np.concatenate([values, value[alone]]))
+        _faces(figure, axes, x[faces], values, label, scale, dark=0.85)
+        if len(alone):
+            axes.scatter(*x[alone].T, c=scale.to_rgba(value[alone]), s=30, depthshade=False)
     else:
         dots = axes.scatter(*x.T, c=value, s=30, depthshade=False)
         figure.colorbar(dots, ax=axes, shrink=0.7, pad=0.12, label=label)
@@ -141,7 +149,8 @@ def plot_deformed(
     corners = scale * (points + factor * moved)[faces]
     micro, unit = (1e6, "µm") if largest < 1e-3 else (1e3, "mm")
     label = f"displacement ({unit}), drawn × {factor:g}"
-    _faces(figure, axes, corners, micro * size[faces].mean(axis=1), label)
+    values = micro * size[faces].mean(axis=1)
+    _faces(figure, axes, corners, values, label, _scale(values))
     framed = [corners.reshape(-1, 3)]
     if point is not None and direction is not None:
         tip = scale * np.array(checks.coordinates("point", point))
@@ -188,14 +197,17 @@ def _towards_viewer(found: SurfaceMap, axes: Axes3D) -> BoolArray:
 
 
 def _faces(
-    figure: Figure, axes: Axes3D, corners: Array, value: Array, label: str, dark: float = DARK
+    figure: Figure,
+    axes: Axes3D,
+    corners: Array,
+    value: Array,
+    label: str,
+    scale: ScalarMappable,
+    dark: float = DARK,
 ) -> None:
-    """Faces (F, 3 or 4, 3) coloured by `value` (F,) and shaded by a light, with a scale."""
-    from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import Normalize
+    """Faces (F, 3 or 4, 3) coloured by `value` (F,) and shaded by a light, with the scale."""
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
 
-    scale = ScalarMappable(Normalize(np.nanmin(value), np.nanmax(value)), "viridis")
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.maximum(np.linalg.norm(normal, axis=1), np.finfo(float).tiny)
     colours = scale.to_rgba(value)
@@ -205,6 +217,14 @@ def _faces(
         Poly3DCollection(corners, facecolors=colours, edgecolors=colours, linewidths=0.2)
     )
     figure.colorbar(scale, ax=axes, shrink=0.7, pad=0.12, label=label)
+
+
+def _scale(value: Array) -> ScalarMappable:
+    """Colours from the least to the largest value."""
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+
+    return ScalarMappable(Normalize(np.nanmin(value), np.nanmax(value)), "viridis")
 
 
 def _frame(axes: Axes3D, x: Array, zoom: float = 1.0) -> None:

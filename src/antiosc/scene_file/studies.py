@@ -148,8 +148,8 @@ def surface(tables: Tables, source: str, strike: list[Statement]) -> Statement |
     """The statement that makes `found`, of [map]."""
     if not isinstance(tables.data.get("map"), dict):
         return None
-    if source not in ("geometry", "deck"):
-        tables.problems.add(("map",), "[map] needs a structure of [geometry] or [deck].")
+    if source not in ("geometry", "deck", "parts"):
+        tables.problems.add(("map",), "[map] needs a structure of [geometry], [deck] or [parts].")
     section = SECTIONS["map"]
     given: dict[str, Any] = {"*structure": Name("structure")}
     table = dict(tables.data["map"])

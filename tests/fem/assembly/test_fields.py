@@ -92,6 +92,115 @@ def test_a_map_of_a_part_is_that_of_the_uncut_bar():
     assert len(ao.impact_map(cut(), "right", direction=(0, 0, -1), n=2).points) > 9
 
 
+def test_a_map_over_several_parts_is_the_maps_of_each(tmp_path):
+    """Groups of both parts, all their surfaces, and points: the models of single extractions."""
+    options = {"n": 4, "modes": 12}
+    where = ["right:y1", "left:z1"]
+    alone = [ao.impact_map(cut(), one, **options) for one in where]
+    impact = {"impactor": ao.RigidMass(0.05, 1.0), "contact": ao.Linear(1e6), "duration": 2e-4}
+    found = ao.impact_map(cut(), where, **impact, **options)
+    assert list(found.names) == [n for n, one in zip(where, alone, strict=True) for _ in one.points]
+    for name in ("points", "directions"):
+        reference = np.concatenate([getattr(one, name) for one in alone])
+        np.testing.assert_allclose(getattr(found, name), reference, atol=1e-12)
+    reference = np.concatenate([one.models.k0 for one in alone])
+    np.testing.assert_allclose(found.models.k0, reference, rtol=1e-9)
+    assert len(found.elements) == sum(len(one.elements) for one in alone)
+    assert {str(found.names[t[0]]) for t in found.elements} == set(where)
+    assert (found.names[found.elements] == found.names[found.elements[:, :1]]).all()
+    rows = found.summary().splitlines()
+    assert [row.split()[:2] for row in rows[1:]] == [
+        [name, f"{len(one)}"] for name, one in zip(where, alone, strict=True)
+    ]
+    for row, name in zip(rows[1:], where, strict=True):
+        assert f"{found.peak_force[found.names == name].max():.5g}" in row
+    every = ao.impact_map(cut(), n=2, modes=6)
+    assert set(every.names) == {"left", "right"}
+    assert every.skipped == 9  # the clamped face, whose normals have no other part
+    read = meshio.read(every.write(tmp_path / "map.vtu"))
+    assert set(read.point_data["surface"]) == {0.0, 1.0}
+    assert every.plot(tmp_path / "map.png", "k0").stat().st_size > 5000
+
+
+def test_a_map_at_points_of_several_parts_keeps_their_order():
+    points = [(0.15, 0.01, 0.02), (0.05, 0.01, 0.02), (0.01, 0.02, 0.0), (0.19, 0.0, 0.02)]
+    options = {"direction": (0, 0.2, -1), "n": 4, "modes": 12}
+    own, found = (ao.impact_map(part, points, **options) for part in (uncut(), cut()))
+    np.testing.assert_allclose(found.points, own.points, atol=1e-12)
+    assert list(found.names) == ["right", "left", "left", "right"]
+    assert not len(found.elements)
+    assert len(found.alone) == 4
+    for name in ("k0", "m_st"):
+        values, reference = (getattr(m.models, name) for m in (found, own))
+        np.testing.assert_allclose(values, reference, rtol=1e-6)
+
+
+def test_a_group_names_the_point_of_a_probe():
+    """The middle of the group, on a part and in one mesh; a site of that name lies there too."""
+    one, two = hits()
+    times = np.linspace(0, 1e-3, 7)
+    for quantity in ("displacement", "acceleration"):
+        found = ao.probe(cut(), two, "right:y1", quantity, times)
+        own = ao.probe(cut(), two, (0.2, 0.01, 0.01), quantity, times, part="right")
+        np.testing.assert_allclose(found, own, rtol=1e-9, atol=1e-12 * np.abs(own).max())
+        reference = ao.probe(uncut(), one, "x1", quantity, times)
+        np.testing.assert_allclose(found, reference, rtol=0, atol=1e-4 * np.abs(reference).max())
+    site = ao.Site("right:y1", (0, 0, -1))
+    hit = ao.simulate(
+        ao.extract(cut(), site, n=4), ao.RigidMass(0.05, 1.0), ao.Linear(1e6), duration=1e-4
+    )
+    struck = -ao.probe(cut(), hit, "right:y1")[:, 2]
+    np.testing.assert_allclose(struck, hit.displacement, atol=1e-9 * np.abs(struck).max())
+    gauge = ao.strain_gauge(cut(), two, "right:x1", (1, 0, 0), 4e-3, times)
+    by_point = ao.strain_gauge(uncut(), one, (0.15, 0.0, 0.01), (1, 0, 0), 4e-3, times)
+    np.testing.assert_allclose(gauge, by_point, rtol=0, atol=1e-4 * np.abs(by_point).max())
+
+
+def test_a_reference_point_is_struck_and_probed():
+    """A point on an arm, fixed to the end of the left half: rigid, and as the model tells."""
+    left = ao.Structure(box((0, 0, 0), (0.1, 0.02, 0.02), (4, 1, 1)), STEEL, [ao.Support("x0")])
+    joints = [ao.Rigid("left:x1", "tip")]
+    part = ao.assemble({"left": left}, joints, points={"tip": (0.15, 0.01, 0.01)})
+    model = ao.extract(part, ao.Site("tip", (0, 0, -1)), n=4)
+    hit = ao.simulate(model, ao.RigidMass(0.05, 1.0), ao.Linear(1e6), duration=5e-4)
+    tip, turn = (ao.probe(part, hit, "tip", q) for q in ("displacement", "rotation"))
+    size = np.abs(tip).max()
+    np.testing.assert_allclose(-tip[:, 2], hit.displacement, atol=1e-9 * size)
+    end = ao.probe(part, hit, "left:x1")
+    np.testing.assert_allclose(tip[:, 2], end[:, 2] - 0.05 * turn[:, 1], atol=1e-9 * size)
+    with pytest.raises(InputError, match="'tip' is a point without a mesh and has no stress"):
+        ao.probe(part, hit, "tip", "stress")
+    with pytest.raises(InputError, match="'tip' is a point without a mesh: a gauge needs"):
+        ao.strain_gauge(part, hit, "tip", (1, 0, 0), 1e-3)
+    with pytest.raises(InputError, match="'tip' has no surface: leave radius"):
+        ao.extract(part, ao.Site("tip", (0, 0, -1), radius=1e-3))
+
+
+@pytest.mark.parametrize(
+    ("point", "options", "words"),
+    [
+        ("right:y9", {}, "the part 'right' has no group 'y9'; its groups are: 'right:x0'"),
+        ("middle:x", {}, "no part 'middle'; its parts are: 'left', 'right'"),
+        ("right", {}, "a name on an assembly is \"part:group\"; got 'right'"),
+        ("right:y1", {"part": "left"}, "leave part='left' out"),
+        ("", {}, "must be a name in quotes"),
+    ],
+)
+def test_a_wrong_name_of_a_probe(point, options, words):
+    with pytest.raises(InputError, match=words):
+        ao.probe(cut(), hits()[1], point, **options)
+
+
+def test_the_largest_stress_of_one_part():
+    whole, of_part = (ao.peak_field(cut(), hits()[1], part=name) for name in (None, "left"))
+    assert of_part.points[:, 0].max() == pytest.approx(0.1)
+    there = [np.argmin(np.linalg.norm(whole.points - x, axis=1)) for x in of_part.points[:5]]
+    np.testing.assert_allclose(whole.points[there], of_part.points[:5], atol=1e-12)
+    np.testing.assert_allclose(whole.values[there], of_part.values[:5], rtol=1e-9)
+    with pytest.raises(InputError, match="no part 'up'"):
+        ao.peak_field(cut(), hits()[1], part="up")
+
+
 def test_a_map_needs_a_surface_of_a_part():
     with pytest.raises(InputError, match="no part 'middle'"):
         ao.impact_map(cut(), "middle:x1")

@@ -84,6 +84,17 @@ def test_its_sites_are_struck_by_name_and_the_static_stiffness_is_exact():
     moved = ao.probe(part, hit, CORNER.point, part="plate")
     assert np.isfinite(moved).all()
     assert np.abs(moved).max() > 0
+    foot = ao.probe(part, hit, "ecu:a")  # a ball on the plate
+    below = ao.probe(part, hit, tuple(_above("a")), part="plate")
+    np.testing.assert_allclose(foot, below, atol=1e-9 * np.abs(below).max())
+    for name, quantity, words in (
+        ("ecu:a", "rotation", "has displacements alone"),
+        ("ecu:a", "stress", "a point without a mesh and has no stress"),
+        ("ecu:top", "displacement", "tangential=True"),
+        ("ecu:z", "displacement", "has no site or node 'ecu:z'; its sites and nodes are: 'ecu:a'"),
+    ):
+        with pytest.raises(InputError, match=words):
+            ao.probe(part, hit, name, quantity)
 
 
 def test_a_free_assembly_with_a_superelement_keeps_six_rigid_motions():

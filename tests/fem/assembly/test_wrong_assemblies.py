@@ -56,7 +56,7 @@ WRONG = [
     (lambda: two(), "'b' is joined to nothing else|'a' is joined to nothing else"),
     (lambda: two(TIE, points={"hub": (0, 0, 0)}), "the reference point 'hub' is joined to nothing"),
     (lambda: two(TIE, points={"a": (0, 0, 0)}), "names both a part and a reference point"),
-    (lambda: two(ao.Tie("a:x1", "c:x0")), "no part 'c'; its parts are 'a', 'b'"),
+    (lambda: two(ao.Tie("a:x1", "c:x0")), "no part 'c'; its parts are: 'a', 'b'"),
     (lambda: two(ao.Tie("a:x1", "b:top")), r"no group 'top'; its groups are: 'b:x0'"),
     (lambda: two(ao.Tie("a:x0", "b:x1")), r"joint 1 \(Tie\) touches nothing.*apart"),
     (
@@ -104,7 +104,11 @@ WRONG = [
         ),
         "plane parts turn about z and slide along x and y",
     ),
-    (lambda: ao.impact_map(two(TIE), None, None), "needs the part that is struck"),
+    (lambda: ao.impact_map(two(TIE), ["a:x1", "a:x1"]), "where lists 'a:x1' twice"),
+    (lambda: ao.impact_map(two(TIE), ["a:x1", (0, 0, 0)]), "where lists names and points"),
+    (lambda: ao.impact_map(two(TIE), "a:z"), "no group 'z'; its groups are: 'a:x0'"),
+    (lambda: ao.impact_map(two(TIE), [(9, 0, 0)], direction=(1, 0, 0)), "lie off the structure"),
+    (lambda: ao.impact_map(two(TIE), ["b", "c"]), "no part 'c'; its parts are: 'a', 'b'"),
 ]
 
 

@@ -18,6 +18,7 @@ from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.fem.structure.nodal import NodalMatrices
 from antiosc.fem.structure.structure import Structure, on_mesh
 from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.names import known
 
 
 def checked_joints(joints: Any) -> Sequence[Joint]:
@@ -70,10 +71,8 @@ def checked_places(members: Mapping[str, Any], at: Any) -> dict[str, Placement]:
         raise InputError(f"at must be a dict: name -> Placement or (x, y, z); got {shown(at)}.")
     for name in given:
         if not isinstance(name, str) or name not in members:
-            raise InputError(
-                f"at names {shown(name)}, which is no part; the parts are "
-                f"{', '.join(map(repr, members))}."
-            )
+            parts = known(name, members, "the parts")
+            raise InputError(f"at names {shown(name)}, which is no part; {parts}.")
     return {name: placement(name, given.get(name)) for name in members}
 
 

@@ -26,6 +26,7 @@ from antiosc.fem.linalg.petsc_algebra import PRODUCT, csr, from_csr
 from antiosc.fem.mpi import on_root
 from antiosc.fem.structure.matrices import StructureMatrices
 from antiosc.models.motion import Inertia
+from antiosc.names import known
 
 
 class Added:
@@ -177,10 +178,8 @@ class AssembledMatrices(StructureMatrices):
                 "name, and its fields are those of its own structure."
             )
         if name not in self.layout.members:
-            raise InputError(
-                f"the assembly has no part {name!r}; its parts are "
-                f"{', '.join(map(repr, self.layout.names))}."
-            )
+            parts = known(name, self.layout.names, "its parts")
+            raise InputError(f"the assembly has no part {name!r}; {parts}.")
         return [self.layout.members[name]]
 
     def fields(self, shapes: Array, name: str | None = None) -> list[tuple[Member, Array]]:

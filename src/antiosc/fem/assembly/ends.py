@@ -23,6 +23,7 @@ from antiosc.fem.assembly.placement import skew
 from antiosc.fem.assembly.superelement import Condensed, interface
 from antiosc.fem.mesh.entities import Quadrature
 from antiosc.fem.structure.attachments import NEAR
+from antiosc.names import known
 
 #: Share of the largest second moment of a group below which it does not tell a rotation.
 COLLINEAR = 1e-12
@@ -102,8 +103,9 @@ def _member_and_group(layout: Layout, end: str) -> tuple[Member, str]:
     part, group = end.split(":", 1)
     member = _member(layout, part, end)
     if group not in member.part.mesh.groups:
-        known = ", ".join(repr(f"{part}:{n}") for n in sorted(member.part.mesh.groups)) or "none"
-        raise InputError(f"the part {part!r} has no group {group!r}; its groups are: {known}.")
+        names = [f"{part}:{name}" for name in member.part.mesh.groups]
+        groups = known(end, names, "its groups")
+        raise InputError(f"the part {part!r} has no group {group!r}; {groups}.")
     return member, group
 
 
@@ -114,10 +116,8 @@ def _member(layout: Layout, part: str, end: End) -> Member:
             "Ball, Weld, Hinge, Slider, Bushing or Equation."
         )
     if part not in layout.members:
-        raise InputError(
-            f"{end_text(end)}: the assembly has no part {part!r}; its parts are "
-            f"{', '.join(map(repr, layout.names))}."
-        )
+        parts = known(part, layout.names, "its parts")
+        raise InputError(f"{end_text(end)}: the assembly has no part {part!r}; {parts}.")
     return layout.members[part]
 
 
@@ -136,11 +136,10 @@ def motion(layout: Layout, end: End, *, partly: bool = False) -> Motion:
         turning = np.diag([0.0, 0.0, 1.0]) if layout.plane else np.eye(3)
         return Motion(layout.units(dofs[:3]), layout.units(dofs[3:]), turning, layout.points[end])
     if ":" not in end:
-        known = ", ".join(map(repr, layout.points)) or "none"
+        points = known(end, layout.points, "the reference points")
         hint = ' (of a part give a group, "part:group", or a pair ("part", point))'
         raise InputError(
-            f"there is no reference point {end!r}; the reference points are: {known}"
-            f"{hint if end in layout.members else ''}."
+            f"there is no reference point {end!r}; {points}{hint if end in layout.members else ''}."
         )
     member, group = _member_and_group(layout, end)
     nodes = nodes_of(member, group)
@@ -159,11 +158,10 @@ def _of_condensed(layout: Layout, one: Condensed, end: End, partly: bool) -> Mot
         nearest = int(np.argmin(apart))
         name = list(one.part.ends)[nearest] if apart[nearest] <= NEAR * layout.size else ""
     if name not in one.part.ends:
-        some = [repr(f"{one.name}:{known}") for known in one.part.ends]
-        shown = ", ".join(some if len(some) < 12 else [*some[:10], f"and {len(some) - 10} more"])
-        raise InputError(
-            f"the part {one.name!r} has no site or node {end_text(end)}; it has {shown}."
+        sites = known(
+            end_text(end), [f"{one.name}:{each}" for each in one.part.ends], "its sites and nodes"
         )
+        raise InputError(f"the part {one.name!r} has no site or node {end_text(end)}; {sites}.")
     found, R = one.part.ends[name], one.at.rotation
     moving = R @ found.moving @ R.T
     needed = np.diag([1.0, 1.0, 0.0]) if layout.plane else np.eye(3)

@@ -31,6 +31,7 @@ from antiosc.fem.mesh.soundness import sound
 from antiosc.fem.mpi import agree, bounds, collective, on_root, warn
 from antiosc.fem.readers import GEOMETRY, RawMesh, Refinement, UnitSystem, Wanted, read
 from antiosc.fem.readers.selection import keys
+from antiosc.names import known
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,8 +104,8 @@ class Mesh:
     def group(self, name: str) -> Mapping[int, IntArray]:
         """{dimension: local entities} of the group `name`; InputError if there is none."""
         if not isinstance(name, str) or name not in self.groups:
-            known = ", ".join(repr(n) for n in sorted(self.groups)) or "none"
-            raise InputError(f"{self.name} has no group {shown(name)}; its groups are: {known}.")
+            groups = known(name, self.groups, "its groups")
+            raise InputError(f"{self.name} has no group {shown(name)}; {groups}.")
         return self.groups[name]
 
 

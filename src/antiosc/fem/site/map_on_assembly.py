@@ -1,4 +1,4 @@
-"""The sites of a map on one part of an assembly."""
+"""The sites of a map on the parts of an assembly."""
 
 from __future__ import annotations
 
@@ -9,54 +9,119 @@ from typing import Any
 import numpy as np
 import scipy.sparse.linalg
 
-from antiosc._types import IntArray
-from antiosc.checks import coordinates, shown
-from antiosc.errors import InputError
+from antiosc._types import Array
+from antiosc.checks import coordinates
 from antiosc.fem.assembly.assembled import AssembledMatrices
+from antiosc.fem.assembly.ends import group_end
+from antiosc.fem.assembly.layout import Member
 from antiosc.fem.mpi import on_root
-from antiosc.fem.site.map_sites import only, sites_of
+from antiosc.fem.site.map_sites import (
+    MapSites,
+    joined,
+    movable,
+    on_structure,
+    points_given,
+    sites_on,
+    targets,
+)
+from antiosc.fem.site.on_assembly import nearest_parts
 from antiosc.fem.site.site import LEAST_FREE_SHARE
-from antiosc.fem.site.sites import Sites
 
 
-def sites_on_part(
+def sites_on_assembly(
     structure: AssembledMatrices,
     where: Any,
     direction: Sequence[float] | None,
     radius: float | None,
-) -> tuple[Sites, IntArray, int, int]:
-    """The sites on the surface of a part ("part"), or on a group of it ("part:group").
+) -> MapSites:
+    """The sites on surfaces of parts ("part") and on groups ("part:group"), or at points.
 
-    Returns (sites, elements between them, number of sites before those that are fixed went,
-    dimension of the cells); `sites_of` has the rest.
+    None: the surfaces of all parts. InputError where none of a surface that is named can move.
     """
-    if not isinstance(where, str):
-        raise InputError(
-            "a map of an assembly needs the part that is struck: where='part:group', or "
-            f"where='part' for its whole surface; got {shown(where)}."
-        )
-    name, _, group = where.partition(":")
+
+    def work() -> MapSites:
+        names = targets(where)
+        if where is None:
+            members = structure.members()
+            found = [_on_part(structure, m, None, direction, radius, m.name) for m in members]
+            return movable(joined(found), None)
+        if names is None:
+            return _at_points(structure, where, direction, radius)
+        return joined([movable(_named(structure, n, direction, radius), n) for n in names])
+
+    found = on_root(structure.comm, work)
+    return replace(found, sites=replace(found.sites, loads=structure.share.own(found.sites.loads)))
+
+
+def _named(
+    structure: AssembledMatrices,
+    name: str,
+    direction: Sequence[float] | None,
+    radius: float | None,
+) -> MapSites:
+    """Sites on "part" or on "part:group"."""
+    if ":" in name:
+        member, group = group_end(structure.layout, "where", name)
+        return _on_part(structure, member, group, direction, radius, name)
     (member,) = structure.members(name)
+    return _on_part(structure, member, None, direction, radius, name)
+
+
+def _at_points(
+    structure: AssembledMatrices,
+    where: Any,
+    direction: Sequence[float] | None,
+    radius: float | None,
+) -> MapSites:
+    """Sites at points of the assembly, each on the part that a `Site` there would strike."""
+    points = points_given(where, direction)
+    assert direction is not None  # points_given has seen to that
+    along = _in_space(direction)
+    members = structure.members()
+    distance = np.min([m.closest(points).distance for m in members], axis=0)
+    on_structure(points, distance, structure.layout.size)
+    struck = nearest_parts(structure, points, along)
+    found, order = [], []
+    for member in members:
+        own = np.flatnonzero([one is member for one in struck])
+        if len(own):
+            there = member.at.own(points[own])
+            found.append(_on_part(structure, member, there, direction, radius, member.name))
+            order.append(own[found[-1].kept])
+    every = movable(joined(found), None)
+    return every.taken(np.argsort(np.concatenate(order)))
+
+
+def _on_part(
+    structure: AssembledMatrices,
+    member: Member,
+    where: str | Array | None,
+    direction: Sequence[float] | None,
+    radius: float | None,
+    name: str,
+) -> MapSites:
+    """Sites of a part, in its own axes chosen, in the axes of the assembly told; perhaps none."""
     R = member.at.rotation
-    if direction is not None:
-        given = coordinates("direction", direction, "")
-        direction = (np.pad(given, (0, 3 - len(given))) @ R).tolist()
+    own = None if direction is None else (_in_space(direction) @ R).tolist()
+    found = sites_on(member.part, where, own, radius)
+    if not len(found.sites):
+        return found
+    sites = found.sites
+    loads = (structure.T[member.rows].T @ sites.loads).tocsr()
+    size = scipy.sparse.linalg.norm(loads, axis=0)
+    moves = size > LEAST_FREE_SHARE * scipy.sparse.linalg.norm(sites.loads, axis=0)
+    placed = replace(
+        sites,
+        points=member.at.placed(sites.points),
+        directions=sites.directions @ R.T,
+        loads=loads,
+        weighted=None,
+    )
+    names = np.full(len(sites), name)
+    return replace(found, sites=placed, names=names).only(moves)
 
-    def work() -> tuple[Sites, IntArray, int]:
-        found, elements, count = sites_of(member.part, group or None, direction, radius)
-        loads = (structure.T[member.rows].T @ found.loads).tocsr()
-        size = scipy.sparse.linalg.norm(loads, axis=0)
-        moves = size > LEAST_FREE_SHARE * scipy.sparse.linalg.norm(found.loads, axis=0)
-        if not moves.any():
-            raise InputError(f"no site of the map on {where!r} can move: all of it is held.")
-        placed = replace(
-            found,
-            points=member.at.placed(found.points),
-            directions=found.directions @ R.T,
-            loads=loads,
-        )
-        return *only(placed, elements, moves), count
 
-    sites, elements, count = on_root(structure.comm, work)
-    own = replace(sites, loads=structure.share.own(sites.loads))
-    return own, elements, count, member.part.mesh.tdim
+def _in_space(direction: Sequence[float]) -> Array:
+    """A direction with three components."""
+    given = coordinates("direction", direction, "")
+    return np.pad(given, (0, 3 - len(given)))

@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import scipy.sparse
+from numpy.typing import NDArray
 
 from antiosc._types import Array, BoolArray, IntArray
 from antiosc.checks import array, coordinates, positive
@@ -19,6 +21,95 @@ from antiosc.fem.structure.meshed import MeshedStructure
 
 #: A site with less than this share of its load on free dofs is fixed by the supports.
 LEAST_FREE_SHARE_ON_MAP = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class MapSites:
+    """Sites of a map.
+
+    Attributes
+    ----------
+    sites : P of them, without those that supports fix and those without a surface.
+    elements : (T, 3) triangles between them, or (T, 2) segments of lines; none between points.
+    kept : (P,) number of each among all that were asked for, `count` of them.
+    names : (P,) name of the group or part to which each belongs; "" for none.
+    dimension : of the cells.
+    """
+
+    sites: Sites
+    elements: IntArray
+    kept: IntArray
+    count: int
+    names: NDArray[np.str_]
+    dimension: int
+
+    def only(self, keep: BoolArray) -> MapSites:
+        """Some of the sites, with the elements that lie between them."""
+        number = np.cumsum(keep) - 1
+        elements = self.elements
+        if len(elements):
+            elements = number[elements[keep[elements].all(axis=1)]]
+        return replace(self.taken(np.flatnonzero(keep)), elements=elements)
+
+    def taken(self, which: IntArray) -> MapSites:
+        """Sites by their numbers (n,), without elements."""
+        of_all = ("loads", "weighted")
+        rows = {k: value[which] for k, value in vars(self.sites).items() if k not in of_all}
+        sites = replace(self.sites, loads=self.sites.loads[:, which], weighted=None, **rows)
+        nothing = np.zeros((0, 3), dtype=int)
+        kept, names = self.kept[which], self.names[which]
+        return replace(self, sites=sites, elements=nothing, kept=kept, names=names)
+
+
+def targets(where: Any) -> Sequence[str] | None:
+    """Names of the surfaces of a map; None where `where` is None or lists points."""
+    if where is None or isinstance(where, str):
+        return None if where is None else [where]
+    listed = where.tolist() if isinstance(where, np.ndarray) and where.ndim == 1 else where
+    listed = listed if isinstance(listed, list | tuple) else []
+    names = [one for one in listed if isinstance(one, str)]
+    if not names:
+        return None
+    if len(names) < len(listed):
+        raise InputError(
+            "where lists names and points; give names of groups and parts alone, or points alone."
+        )
+    twice = [one for k, one in enumerate(names) if one in names[:k]]
+    if twice:
+        raise InputError(f"where lists {twice[0]!r} twice.")
+    return names
+
+
+def joined(found: Sequence[MapSites]) -> MapSites:
+    """The sites of several surfaces, one surface after the other.
+
+    Triangles have no segments of lines beside them: the sites of those stand alone.
+    """
+    if len(found) == 1:
+        return found[0]
+    faces = any(len(one.elements) and one.elements.shape[1] == 3 for one in found)
+    wanted = 3 if faces else 2
+    starts = np.cumsum([0, *(len(one.sites) for one in found)])
+    elements = [
+        one.elements + start
+        for one, start in zip(found, starts[:-1], strict=True)
+        if one.elements.shape[1] == wanted
+    ]
+    columns = {
+        name: np.concatenate([getattr(one.sites, name) for one in found])
+        for name in vars(found[0].sites)
+        if name not in ("loads", "weighted")
+    }
+    loads = scipy.sparse.hstack([one.sites.loads for one in found]).tocsr()
+    before = np.cumsum([0, *(one.count for one in found)])[:-1]
+    return MapSites(
+        Sites(loads=loads, weighted=None, **columns),
+        np.concatenate([np.zeros((0, wanted), dtype=int), *elements]),
+        np.concatenate([one.kept + start for one, start in zip(found, before, strict=True)]),
+        sum(one.count for one in found),
+        np.concatenate([one.names for one in found]),
+        min(one.dimension for one in found),
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,11 +130,31 @@ class Ground:
 
 def sites_of(
     structure: MeshedStructure, where: Any, direction: Sequence[float] | None, radius: float | None
-) -> tuple[Sites, IntArray, int]:
-    """The sites of a map, without those that are fixed by supports.
+) -> MapSites:
+    """The sites of a map of one mesh; InputError where none of a surface can move."""
+    names = targets(where)
+    found = [
+        movable(sites_on(structure, one, direction, radius), one)
+        for one in ([where] if names is None else names)
+    ]
+    return joined(found)
 
-    Returns (sites, elements between them, number of sites before that).
-    """
+
+def movable(found: MapSites, where: Any) -> MapSites:
+    """The sites, or InputError if there are none."""
+    if not len(found.sites):
+        on = f" on {where!r}" if isinstance(where, str) else ""
+        raise InputError(
+            f"no site of the map can move{on}: supports fix the whole surface, or there is no "
+            "surface under the patches; give another group."
+        )
+    return found
+
+
+def sites_on(
+    structure: MeshedStructure, where: Any, direction: Sequence[float] | None, radius: float | None
+) -> MapSites:
+    """The sites of one surface (a group, or None for all), or at points: perhaps none."""
     along = None if direction is None else _unit(direction)
     if radius is not None:
         positive("radius", radius, "m")
@@ -63,14 +174,13 @@ def sites_of(
     found = located(structure, ground.points, directions, radii)
     on_face = np.isnan(found.radii) | ((found.share > 0) & (found.depth <= found.radii))
     keep = on_face & (found.moving > LEAST_FREE_SHARE_ON_MAP)
-    if not keep.any():
-        raise InputError(
-            "no site of the map can move: supports fix the whole surface, or there is no surface "
-            "under the patches; give another group."
-        )
-    found, elements = only(found, ground.elements, keep)
-    tell(structure, found)
-    return found, elements, count
+    names = np.full(count, where if isinstance(where, str) else "")
+    dimension = structure.mesh.tdim
+    every = MapSites(found, ground.elements, np.arange(count), count, names, dimension)
+    result = every.only(keep)
+    if keep.any():
+        tell(structure, result.sites)
+    return result
 
 
 def surface(structure: MeshedStructure, group: str | None) -> Ground:
@@ -103,6 +213,18 @@ def surface(structure: MeshedStructure, group: str | None) -> Ground:
     return Ground(x.reshape(-1, 3)[first], mean, corner)
 
 
+def points_given(points: Any, direction: Any) -> Array:
+    """Points (P, 3) of a map, or InputError."""
+    if direction is None:
+        raise InputError("points need the direction of impact, as direction=(0, 0, -1).")
+    at = array("where, if no group's name, the points,", points, None)
+    if not at.size:
+        raise InputError("a map needs at least one point.")
+    if at.ndim != 2 or at.shape[1] not in (2, 3):
+        raise InputError(f"where must list points of 2 or 3 coordinates; got shape {at.shape}.")
+    return np.pad(at, ((0, 0), (0, 3 - at.shape[1])))
+
+
 def _unit(direction: Sequence[float]) -> Array:
     along = np.zeros(3)
     given = coordinates("direction", direction, "")
@@ -114,32 +236,19 @@ def _unit(direction: Sequence[float]) -> Array:
 
 def _given(structure: MeshedStructure, points: Any, along: Array | None) -> Ground:
     """Points of the structure that the caller gave."""
-    if along is None:
-        raise InputError("points need the direction of impact, as direction=(0, 0, -1).")
-    at = array("where, if no group's name, the points,", points, None)
-    if not at.size:
-        raise InputError("a map needs at least one point.")
-    if at.ndim != 2 or at.shape[1] not in (2, 3):
-        raise InputError(f"where must list points of 2 or 3 coordinates; got shape {at.shape}.")
-    at = np.pad(at, ((0, 0), (0, 3 - at.shape[1])))
+    at = points_given(points, along)
     mesh = structure.mesh
     nearest = closest_many(mesh, at)
-    off = np.flatnonzero(nearest.distance > ON_STRUCTURE * mesh.extent())
-    if len(off):
-        at_point = ", ".join(f"{c:.6g}" for c in at[off[0]])
-        raise InputError(
-            f"{len(off)} of {len(at)} points lie off the structure, one at ({at_point}) m by "
-            f"{nearest.distance[off[0]]:.3g} m: give points on it, or the name of a group."
-        )
+    on_structure(at, nearest.distance, mesh.extent())
     return Ground(nearest.x, np.zeros_like(at), np.zeros((0, 3), dtype=int))
 
 
-def only(sites: Sites, elements: IntArray, keep: BoolArray) -> tuple[Sites, IntArray]:
-    """Some of the sites, with the elements that lie between them."""
-    number = np.cumsum(keep) - 1
-    if len(elements):
-        elements = number[elements[keep[elements].all(axis=1)]]
-    of_all = ("loads", "weighted")
-    rows = {name: value[keep] for name, value in vars(sites).items() if name not in of_all}
-    selected = sites.loads[:, np.flatnonzero(keep)]
-    return replace(sites, loads=selected, weighted=None, **rows), elements
+def on_structure(points: Array, distance: Array, size: float) -> None:
+    """InputError where points (P, 3) of a map are not on a structure of this size [m]."""
+    off = np.flatnonzero(distance > ON_STRUCTURE * size)
+    if len(off):
+        at_point = ", ".join(f"{c:.6g}" for c in points[off[0]])
+        raise InputError(
+            f"{len(off)} of {len(points)} points lie off the structure, one at ({at_point}) m by "
+            f"{distance[off[0]]:.3g} m: give points on it, or the name of a group."
+        )

@@ -10,11 +10,11 @@ import numpy as np
 from antiosc._types import Array
 from antiosc.errors import InputError
 from antiosc.fem.assembly.assembled import AssembledMatrices
-from antiosc.fem.assembly.ends import motion
+from antiosc.fem.assembly.ends import Motion
 from antiosc.fem.assembly.layout import Member
-from antiosc.fem.mesh.entities import centre
 from antiosc.fem.mesh.surface import Faces
 from antiosc.fem.mpi import on_root
+from antiosc.fem.named_points import middle_of, motion_of
 from antiosc.fem.site.at_points import functionals_at, text
 from antiosc.fem.site.site import LEAST_FREE_SHARE, Functional, Site, constrained
 
@@ -43,15 +43,15 @@ def _whole(structure: AssembledMatrices, site: Site) -> Functional:
     assert site.point is not None
     direction = np.pad(site.direction, (0, 3 - len(site.direction)))
     if isinstance(site.point, str):
-        name, colon, group = site.point.partition(":")
-        if not colon:
+        if site.part is not None:
             raise InputError(
-                f'the group of a site on an assembly is "part:group"; got {site.point!r}.'
+                f'Site(point={site.point!r}) is a name and tells the part ("part:group"): leave '
+                f"part={site.part!r} out."
             )
-        if name in structure.layout.condensed:
-            return _of_condensed(structure, site, direction / np.linalg.norm(direction))
-        (member,) = structure.members(name)
-        own = centre(member.part.mesh, group)
+        end = motion_of(structure, site.point)
+        if end is not None:
+            return _without_mesh(structure, site, end, direction / np.linalg.norm(direction))
+        member, own = middle_of(structure, site.point)
         site = replace(site, snap=True)
     else:
         point = np.pad(site.point, (0, 3 - len(site.point)))
@@ -76,15 +76,20 @@ def _whole(structure: AssembledMatrices, site: Site) -> Functional:
     return replace(found, b=b, point=x, direction=direction, across=tuple(sides))
 
 
-def _of_condensed(structure: AssembledMatrices, site: Site, direction: Array) -> Functional:
-    """b of a site of a superelement."""
+def _without_mesh(
+    structure: AssembledMatrices, site: Site, end: Motion, direction: Array
+) -> Functional:
+    """b of a site of a superelement, or of a reference point."""
     layout = structure.layout
+    part, _, name = str(site.point).partition(":")
     if site.radius is not None or site.tangential:
         raise InputError(
             f"the site {site.point!r} of a superelement has the patch and the directions with "
             "which it was extracted: leave radius and tangential out."
+            if name
+            else f"the reference point {site.point!r} has no surface: leave radius and tangential "
+            "out, or give each direction a site of its own."
         )
-    end = motion(layout, site.point, partly=True)
     if not end.along(end.moving, direction):
         raise InputError(
             f"the site {site.point!r} of a superelement does not move along the direction of "
@@ -94,7 +99,8 @@ def _of_condensed(structure: AssembledMatrices, site: Site, direction: Array) ->
     b[structure.eliminated.dependent] = 0.0
     if np.linalg.norm(b) <= LEAST_FREE_SHARE:
         raise InputError(constrained(f"the site {site.point!r}"))
-    part, name = str(site.point).split(":", 1)
+    if not name:
+        return Functional(b, point=end.point, direction=direction)
     own = layout.condensed[part].part.ends[name]
     return Functional(b, own.radius, own.local_compliance, end.point, direction)
 
@@ -106,15 +112,24 @@ def struck(
 
     Where parts touch, it is the one whose surface faces the impactor most.
     """
-    members = structure.members(name)
-    if len(members) == 1:
-        return members[0]
-    distance = np.array([m.closest(point[None]).distance[0] for m in members])
-    near = distance <= distance.min() + AS_NEAR * structure.layout.size
-    candidates = [m for m, one in zip(members, near, strict=True) if one]
-    if len(candidates) == 1:
-        return candidates[0]
-    return min(candidates, key=lambda m: _facing(m, point, direction))
+    if name is not None:
+        return structure.members(name)[0]
+    return nearest_parts(structure, point[None], direction)[0]
+
+
+def nearest_parts(structure: AssembledMatrices, points: Array, direction: Array) -> list[Member]:
+    """The part that an impactor strikes at each of the points (P, 3); see `struck`."""
+    members = structure.members()
+    distance = np.array([m.closest(points).distance for m in members])
+    near = distance <= distance.min(axis=0) + AS_NEAR * structure.layout.size
+    found = []
+    for point, which in zip(points, near.T, strict=True):
+        candidates = [m for m, one in zip(members, which, strict=True) if one]
+        alone = len(candidates) == 1
+        found.append(
+            candidates[0] if alone else min(candidates, key=lambda m: _facing(m, point, direction))
+        )
+    return found
 
 
 def _facing(member: Member, point: Array, direction: Array) -> float:

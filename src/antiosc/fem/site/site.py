@@ -29,7 +29,8 @@ class Site:
     ----------
     point : sequence of 2 or 3 floats, or str
         Coordinates in m; any point of the structure, on or off the nodes. A text names a group (of
-        an assembly "part:group"): its point, or the point next to the centroid of its entities.
+        an assembly "part:group"): its point, or the point next to the centroid of its entities. Of
+        an assembly it may also be a reference point, or "part:site" of a superelement.
     direction : sequence of 2 or 3 floats
         The direction in which the impactor pushes; need not be a unit vector.
     radius : float, optional

@@ -1,0 +1,117 @@
+"""Points of a structure by their names: groups, reference points, sites of superelements.
+
+A group is the point next to the centroid of its entities, as for a `Site` of this name.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+
+from antiosc import checks
+from antiosc._types import Array
+from antiosc.errors import InputError
+from antiosc.fem.mpi import on_root
+from antiosc.fem.structure.structure import Structure, on_mesh
+from antiosc.names import known
+
+if TYPE_CHECKING:
+    from antiosc.fem.assembly.assembled import AssembledMatrices
+    from antiosc.fem.assembly.ends import Motion
+    from antiosc.fem.assembly.layout import Member
+
+#: What a point without a mesh has.
+MOTIONS = ("displacement", "velocity", "acceleration", "rotation")
+
+
+def point_of(
+    structure: Structure, point: object, part: str | None
+) -> tuple[Array, str | None, Motion | None]:
+    """(coordinates (3,) [m], the part on which it lies or None, its motion if it has no mesh).
+
+    `point`: coordinates; a text is a group ("part:group" of an assembly), a reference point of an
+    assembly, or "part:site" of a superelement.
+    """
+    if part is not None:
+        checks.text("part", part)
+    if not isinstance(point, str):
+        x, given = np.zeros(3), checks.coordinates("point", point)
+        x[: len(given)] = given
+        return x, part, None
+    checks.text("point", point)
+    if part is not None:
+        raise InputError(
+            f'point={point!r} is a name and tells the part ("part:group"): leave part={part!r} out.'
+        )
+    if structure.matrices.located:
+        raise InputError("matrices have no groups: give the point's coordinates.")
+    from antiosc.fem.mesh.entities import centre  # needs dolfinx
+
+    if not structure.matrices.assembled:
+        return centre(on_mesh(structure).mesh, point), None, None
+    matrices = cast("AssembledMatrices", structure.matrices)
+    without_mesh = motion_of(matrices, point)
+    if without_mesh is not None:
+        return without_mesh.point, None, without_mesh
+
+    def work() -> tuple[Array, str]:
+        member, own = middle_of(matrices, point)
+        return member.at.placed(own[None])[0], member.name
+
+    return *on_root(structure.comm, work), None
+
+
+def middle_of(matrices: AssembledMatrices, name: str) -> tuple[Member, Array]:
+    """(part, centroid (3,) of the group "part:group" in the axes of the part [m])."""
+    from antiosc.fem.assembly.ends import group_end
+    from antiosc.fem.mesh.entities import centre
+
+    member, group = group_end(matrices.layout, "point", name)
+    return member, centre(member.part.mesh, group)
+
+
+def motion_of(matrices: AssembledMatrices, name: str) -> Motion | None:
+    """The motion of a reference point or of a site of a superelement; None for "part:group".
+
+    InputError for a name without a colon that is no reference point.
+    """
+    from antiosc.fem.assembly.ends import motion
+
+    layout = matrices.layout
+    part, colon, _ = name.partition(":")
+    if not colon and name not in layout.points:
+        points = known(name, layout.points, "the reference points")
+        raise InputError(
+            f'a name on an assembly is "part:group"; got {name!r}, which is no reference point '
+            f"either; {points}."
+        )
+    return None if colon and part not in layout.condensed else motion(layout, name, partly=True)
+
+
+def motions_without_mesh(
+    structure: Structure, shapes: Array, name: str, end: Motion, quantity: str
+) -> Array:
+    """Displacement or rotation (gdim, columns) of a point that no cell has, for all shapes."""
+    if quantity not in MOTIONS:
+        raise InputError(
+            f"{name!r} is a point without a mesh and has no {quantity}: ask for its "
+            f"{', '.join(MOTIONS)}."
+        )
+    matrices = cast("AssembledMatrices", structure.matrices)
+    plane = matrices.layout.plane
+    turned = quantity == "rotation"
+    wanted = np.eye(3)[2 if turned else 0 :] if plane and turned else np.eye(3)[: 3 - plane]
+    told = end.turning if turned else end.moving
+    if not all(end.along(told, axis) for axis in wanted):
+        raise InputError(
+            f"the {quantity} of {name!r} is not known"
+            + (
+                ": a site of a superelement has displacements alone."
+                if turned
+                else " along all axes: extract its model with Site(..., tangential=True)."
+            )
+        )
+    q = matrices.share.whole(shapes)
+    functionals = end.turns if turned else end.moves
+    return np.asarray(wanted @ (functionals @ (matrices.T @ q)))
