@@ -108,6 +108,20 @@ def test_k0_of_nested_meshes(cell, order):
         assert abs(model.corrected().k0 - finest.k0) < 0.5 * (model.k0 - finest.k0)
 
 
+def test_products_of_small_errors_are_those_of_sums():
+    """Of strains that are nearly linear the errors are 1e-10 of the energy, their products too."""
+    structure = part("triangle", 2, 3)
+    one = nodal(structure, lambda x: x**2 + 1e-5 * np.sin(60 * x))
+    two = nodal(structure, lambda x: x[:, [1, 0, 2]] ** 2 + 1e-5 * np.cos(50 * x))
+    gram = estimator(structure).gram
+    E = gram(np.hstack([one, two, one + two, one - two]))
+    product = (E[2, 2] - E[3, 3]) / 4
+    size = np.sqrt(E[0, 0] * E[1, 1])
+    assert E[0, 1] == pytest.approx(product, abs=1e-2 * size)
+    assert E[2, 0] == pytest.approx(E[0, 0] + E[0, 1], abs=1e-2 * size)
+    assert E[0, 2] == E[2, 0]
+
+
 def test_refused_where_it_does_not_hold():
     sheet = plate((2, 2), (0.1, 0.1), "triangle")
     shell = ao.Structure(ao.Mesh(sheet.dolfinx, sheet.groups), ao.Solid(**STEEL, plane="stress"))

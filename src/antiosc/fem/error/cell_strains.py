@@ -15,8 +15,8 @@ from antiosc.fem.mesh.mesh import Mesh
 #: intervals: their strains hold terms of degree two in one direction, which are errors too and
 #: vanish at the points of the lower rule (effectivities of 0.2 to 0.5 in place of 0.6 to 1.2).
 DEGREE, PRODUCT_DEGREE = 2, 4
-#: Numbers of a block of arrays that are held at once.
-BLOCK = 4_000_000
+#: Numbers of a block of arrays that are held at once, which stay in a cache; most blocks.
+BLOCK, MOST_BLOCKS = 250_000, 32
 #: Places of the strains (ε11, ε22, ε33, γ23, γ13, γ12), or in the plane (ε11, ε22, γ12).
 PAIRS = {2: [(0, 0), (1, 1), (0, 1)], 3: [(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)]}
 
@@ -27,27 +27,27 @@ class Quadrature:
     Attributes
     ----------
     X : (points, tdim) reference coordinates.
+    inverse : dX/dx (cells, points or 1, tdim, gdim); one serves all points of a cell with a linear
+        map.
+    weights : (cells, points), volumes included.
     """
 
     def __init__(self, mesh: Mesh, numbers_per_cell: int, degree: int) -> None:
         self.mesh = mesh
-        self.X, self._reference_weights = compat.quadrature(mesh.cell, degree)
-        self._slopes = mesh.geometry.slopes(self.X)
+        self.X, weights = compat.quadrature(mesh.cell, degree)
+        slopes = mesh.geometry.slopes(self.X)
+        owned = compat.cell_map(mesh.dolfinx).size_local
+        nodes = mesh.geometry.nodes[:owned, :, : mesh.gdim]
+        if mesh.geometry.affine:
+            slopes = slopes[:1]
+        self.inverse, volume = inverted(np.swapaxes(nodes, 1, 2)[:, None] @ slopes)
+        self.weights = np.abs(volume) * weights
         self._width = max(1, BLOCK // (numbers_per_cell * len(self.X)))
 
     def slices(self, cells: IntArray) -> Iterator[slice]:
         """Slices of `cells` that are processed at once."""
-        return (slice(k, k + self._width) for k in range(0, len(cells), self._width))
-
-    def maps(self, cells: IntArray) -> tuple[Array, Array]:
-        """(dX/dx (cells, points or 1, tdim, gdim), weights of the points (cells, points)).
-
-        One inverse serves all points of a cell with a linear map.
-        """
-        nodes = self.mesh.geometry.nodes[cells][:, :, : self.mesh.gdim]
-        slopes = self._slopes[:1] if self.mesh.geometry.affine else self._slopes
-        inverse, volume = inverted(np.swapaxes(nodes, 1, 2)[:, None] @ slopes)
-        return inverse, np.abs(volume) * self._reference_weights
+        width = max(self._width, -(-len(cells) // MOST_BLOCKS))
+        return (slice(k, min(k + width, len(cells))) for k in range(0, len(cells), width))
 
 
 def inverted(J: Array) -> tuple[Array, Array]:
@@ -79,9 +79,9 @@ class CellStrains:
         self._slopes = compat.tabulate_slopes(form.space, self._paths[0], self.quadrature.X)
 
     def at(self, cells: IntArray) -> tuple[Array, Array]:
-        """(strains (cells, points, components, k), weights (cells, points))."""
-        dim, quadrature = self.mesh.gdim, self.quadrature
-        inverse, weights = quadrature.maps(cells)
+        """(strains (components, points, k), weights (points,)) at all points of the cells, which
+        are owned."""
+        dim, inverse = self.mesh.gdim, self.quadrature.inverse[cells]
         # derivatives of the functions along x (cells, points · gdim, functions)
         slopes = np.swapaxes(inverse, -1, -2) @ np.swapaxes(self._slopes, -1, -2)
         count, points, _, functions = slopes.shape
@@ -89,10 +89,10 @@ class CellStrains:
         gradients = []
         for path in self._paths:
             values = self._values[compat.cell_dofs(self._space, path, cells)]
-            gradients.append((slopes @ values).reshape(count, points, dim, self.count))
-        strains = np.empty((count, points, self.components, self.count))
+            gradients.append((slopes @ values).reshape(count * points, dim, self.count))
+        strains = np.empty((self.components, count * points, self.count))
         for k, (i, j) in enumerate(PAIRS[dim]):
-            strains[:, :, k] = gradients[i][:, :, j]
+            strains[k] = gradients[i][:, j]
             if i != j:
-                strains[:, :, k] += gradients[j][:, :, i]
-        return strains, weights
+                strains[k] += gradients[j][:, i]
+        return strains, self.quadrature.weights[cells].ravel()

@@ -16,7 +16,7 @@ from antiosc.fem import compat
 from antiosc.fem.error.cell_strains import Quadrature
 
 #: Relative residual at which the solve ends (the energies lose the square of it), and most steps.
-RESIDUAL, MOST_STEPS = 1e-6, 200
+RESIDUAL, MOST_STEPS = 1e-5, 200
 
 
 class Projection:
@@ -27,37 +27,39 @@ class Projection:
         self._comm = mesh.comm
         self._space = compat.lagrange(mesh.dolfinx, 1, 0)
         # values of the functions at the points (points, corners)
-        self._table = compat.tabulate(self._space, (), quadrature.X)
-        self._corners = compat.cell_dofs(self._space, (0,), cells)
-        weight = np.zeros((len(cells), len(quadrature.X)))
-        for some in quadrature.slices(cells):
-            weight[some] = quadrature.maps(cells[some])[1]
-        products = np.einsum("cq,qa,qb->cab", weight, self._table, self._table)
-        count = self._table.shape[1]
-        rows = np.repeat(self._corners, count, axis=1).ravel()
-        columns = np.tile(self._corners, (1, count)).ravel()
+        table = compat.tabulate(self._space, (), quadrature.X)
+        corners = compat.cell_dofs(self._space, (0,), cells)
+        self._points, self._count = len(quadrature.X), corners.shape[1]
+        weight = quadrature.weights[cells]
         index_map = self._space.dofmap.index_map
         #: corners of this rank, ghosts included
         self.size = int(index_map.size_local + index_map.num_ghosts)
-        self._mass = scipy.sparse.coo_matrix(
-            (products.ravel(), (rows, columns)), shape=(self.size, self.size)
-        ).tocsr()
+        # rows of matrices are points: the functions there, and those times the points' weights
+        self._columns = np.repeat(corners[:, None], self._points, axis=1).reshape(-1, self._count)
+        self._values = np.tile(table, (len(cells), 1))
+        self._weighted = self._values * weight.reshape(-1, 1)
+        every = slice(0, len(cells))
+        self._mass = self._at(self._weighted, every).T.tocsr() @ self._at(self._values, every)
         own = compat.ghosts_added(self._space, self._mass.diagonal()[:, None])[:, 0]
         # corners of other cells have no function here
         self._inverse = np.divide(1.0, own, out=np.zeros_like(own), where=own > 0)[:, None]
 
-    def loads(self, some: slice, weighted: Array) -> Array:
-        """∫ f φ of the cells `some` of the given ones, to be summed up: (corners, fields).
+    def _at(self, numbers: Array, some: slice) -> scipy.sparse.csr_matrix:
+        """The rows of `numbers` at the points of the cells `some`, as a matrix."""
+        rows = slice(some.start * self._points, some.stop * self._points)
+        data, columns = numbers[rows], self._columns[rows]
+        starts = np.arange(len(data) + 1) * self._count
+        whole = data.ravel(), columns.ravel(), starts
+        return scipy.sparse.csr_matrix(whole, shape=(len(data), self.size))
 
-        `weighted` (cells, points, fields): values of f times the weights of the quadrature.
+    def add_loads(self, loads: Array, some: slice, fields: Array) -> None:
+        """Add ∫ f φ over the cells `some` of the given ones to loads (corners, m, k).
+
+        `fields` (m, points, k): values of f at all points of the cells.
         """
-        parts = np.einsum("qa,cqf->caf", self._table, weighted, optimize=True)
-        corners = self._corners[some]
-        at = np.arange(corners.size)
-        gather = scipy.sparse.csr_matrix(
-            (np.ones(len(at)), (corners.ravel(), at)), shape=(self.size, len(at))
-        )
-        return np.asarray(gather @ parts.reshape(len(at), -1))
+        gather = self._at(self._weighted, some).T
+        for k, field in enumerate(fields):
+            loads[:, k] += gather @ field
 
     def owned(self, loads: Array) -> Array:
         """Loads on this rank's corners, what other ranks' cells add included: (rows, fields)."""
@@ -85,14 +87,16 @@ class Projection:
         )
 
     def at_points(self, some: slice, values: Array) -> Array:
-        """Values (cells, points, fields) in the cells `some`, of values with ghosts."""
-        return np.asarray(
-            np.einsum("qa,caf->cqf", self._table, values[self._corners[some]], optimize=True)
-        )
+        """Values (points, fields) in the cells `some`, of values with ghosts (corners, fields)."""
+        return np.asarray(self._at(self._values, some) @ values)
 
     def with_ghosts(self, values: Array) -> Array:
         """Values at the corners of this rank, continued to its ghosts."""
         return compat.with_ghosts(self._space, values)
+
+    def residual(self, loads: Array, x: Array) -> Array:
+        """What the mass matrix leaves of loads at values x, both (rows, fields)."""
+        return np.asarray(loads - self._product(x))
 
     def _product(self, x: Array) -> Array:
         return self.owned(self._mass @ self.with_ghosts(x))

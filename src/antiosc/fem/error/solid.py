@@ -31,24 +31,28 @@ class SolidErrors:
     def gram(self, shapes: Array) -> Array:
         """E_ij = ∫ e_i:C:e_j, (k, k).
 
-        What the projection ε* leaves of ε is orthogonal to ε*, so E = ∫ ε:C:ε - ∫ ε:C:ε*, and one
-        pass over the cells suffices.
+        With the projections ε* = Σ x φ, their loads l and mass matrix M, E = ∫ ε:C:ε - lᵀx - xᵀl +
+        xᵀMx: one pass over the cells suffices. The residual l - Mx of the solve matters to its
+        square only; lᵀx alone would not be symmetric by as much as the residual itself.
         """
         strains = self._strains(shapes)
         count = strains.count
         total = np.zeros((count, count))
         for root, cells in self._regions():
             projection = Projection(strains.quadrature, cells)
-            loads = np.zeros((projection.size, strains.components * count))
+            loads = np.zeros((projection.size, strains.components, count))
             for some, own, weights in _scaled(strains, root, cells):
-                flat = (own * np.sqrt(weights)[:, :, None]).reshape(-1, count)
+                projection.add_loads(loads, some, own)
+                own *= np.sqrt(weights)[:, None]
+                flat = own.reshape(-1, count)
                 total += flat.T @ flat
-                loads += projection.loads(some, own * weights[:, :, None])
-            loads = projection.owned(loads)
-            recovered = projection.solve(loads)
-            total -= loads.reshape(-1, count).T @ recovered.reshape(-1, count)
+            flat = projection.owned(loads.reshape(len(loads), -1))
+            recovered = projection.solve(flat)
+            rest = flat + projection.residual(flat, recovered)
+            half = rest.reshape(-1, count).T @ recovered.reshape(-1, count)
+            total -= (half + half.T) / 2
         total = self.structure.comm.allreduce(total)
-        return np.asarray((total + total.T) / 2)
+        return np.asarray(total)
 
     def of_cells(self, shapes: Array) -> Array:
         """Σ_j ∫ e_j:C:e_j over each cell that this rank owns, (cells,)."""
@@ -56,13 +60,16 @@ class SolidErrors:
         energies = np.zeros(compat.cell_map(self.structure.mesh.dolfinx).size_local)
         for root, cells in self._regions():
             projection = Projection(strains.quadrature, cells)
-            loads = np.zeros((projection.size, strains.components * strains.count))
+            loads = np.zeros((projection.size, strains.components, strains.count))
+            for some, own, _ in _scaled(strains, root, cells):
+                projection.add_loads(loads, some, own)
+            flat = projection.owned(loads.reshape(len(loads), -1))
+            recovered = projection.with_ghosts(projection.solve(flat))
             for some, own, weights in _scaled(strains, root, cells):
-                loads += projection.loads(some, own * weights[:, :, None])
-            recovered = projection.with_ghosts(projection.solve(projection.owned(loads)))
-            for some, own, weights in _scaled(strains, root, cells):
-                left = projection.at_points(some, recovered) - own
-                energies[cells[some]] = np.einsum("cqf,cqf,cq->c", left, left, weights)
+                found = projection.at_points(some, recovered)
+                left = found.reshape(-1, *loads.shape[1:]) - np.swapaxes(own, 0, 1)
+                at_points = np.einsum("pmk,pmk,p->p", left, left, weights)
+                energies[cells[some]] = at_points.reshape(len(cells[some]), -1).sum(axis=1)
         return energies
 
     def _strains(self, shapes: Array) -> CellStrains:
@@ -84,10 +91,10 @@ class SolidErrors:
 def _scaled(
     strains: CellStrains, root: Array, cells: IntArray
 ) -> Iterator[tuple[slice, Array, Array]]:
-    """(some of the cells, strains times √stiffness (cells, points, components · k), weights)."""
+    """(some of the cells, strains times √stiffness (components, points, k), weights (points,))."""
     for some in strains.quadrature.slices(cells):
         own, weights = strains.at(cells[some])
-        yield some, (root @ own).reshape(*weights.shape, -1), weights
+        yield some, (root @ own.reshape(len(own), -1)).reshape(own.shape), weights
 
 
 def stiffness(material: Any, dim: int) -> Array:

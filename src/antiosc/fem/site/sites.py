@@ -10,7 +10,6 @@ import scipy.sparse
 from antiosc._types import Array, BoolArray, IntArray
 from antiosc.errors import AccuracyWarning, InputError
 from antiosc.fem.mesh.closest_point import ClosestPoints, closest, closest_many, size_at
-from antiosc.fem.mesh.surface import Faces
 from antiosc.fem.mpi import warn
 from antiosc.fem.site.patches import Points, loads, patches
 from antiosc.fem.structure.meshed import MeshedStructure
@@ -80,7 +79,7 @@ def located(
     usual = np.array([np.nan if radius is None else radius for radius in own_radii])
     patch = np.isfinite(usual).all() | given
     if patch.any():
-        faces = Faces(mesh, not kind.outside)
+        faces = structure.faces
         labels = structure.part_of_cells()[faces.cells]
         if not given[patch].all():
             near = np.full(count, ON_SHEET * mesh.extent())

@@ -20,6 +20,7 @@ from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.linalg.solver import Choice, checked_choice
 from antiosc.fem.linalg.strains import attach
 from antiosc.fem.mesh.mesh import Mesh
+from antiosc.fem.mesh.surface import Faces
 from antiosc.fem.mesh.units import tell_of_units
 from antiosc.fem.mpi import bounds, warn
 from antiosc.fem.structure import remaining_motions, rigid_body_modes
@@ -70,6 +71,11 @@ class MeshedStructure(StructureMatrices):
     def _material(self) -> Family:
         material: Family = self.parts[0][0]
         return material
+
+    @cached_property
+    def faces(self) -> Faces:
+        """The faces of this rank at which impacts are possible."""
+        return Faces(self.mesh, not self.kind.outside)
 
     @property
     def rigid_motions(self) -> Array:
