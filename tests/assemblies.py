@@ -39,12 +39,14 @@ def grouped(mesh: dolfinx.mesh.Mesh, **where: Where) -> Mesh:
     return ao.read_mesh(mesh, groups=tags)
 
 
-def box(low: tuple, high: tuple, n: tuple, cell: str = "hexahedron") -> Mesh:
+def box(
+    low: tuple, high: tuple, n: tuple, cell: str = "hexahedron", comm: MPI.Comm = MPI.COMM_SELF
+) -> Mesh:
     """A block (or a rectangle) with groups "x0", "x1", … of its sides."""
     kind = getattr(dolfinx.mesh.CellType, cell)
     corners = [np.array(low, dtype=float), np.array(high, dtype=float)]
     make = dolfinx.mesh.create_box if len(low) == 3 else dolfinx.mesh.create_rectangle
-    mesh = make(MPI.COMM_SELF, corners, n, cell_type=kind)
+    mesh = make(comm, corners, n, cell_type=kind)
     sides = {
         f"{'xyz'[axis]}{side}": at(axis, ends[axis])
         for axis in range(len(low))
@@ -53,11 +55,13 @@ def box(low: tuple, high: tuple, n: tuple, cell: str = "hexahedron") -> Mesh:
     return grouped(mesh, **sides)
 
 
-def line(start: tuple, end: tuple, n: int) -> Mesh:
+def line(start: tuple, end: tuple, n: int, comm: MPI.Comm = MPI.COMM_SELF) -> Mesh:
     """A line with groups "start" and "end" of one point each."""
     x = np.linspace(start, end, n + 1).astype(float)
     cells = np.column_stack([np.arange(n), np.arange(1, n + 1)]).astype(np.int64)
-    mesh = compat.create_mesh(MPI.COMM_SELF, cells, x, "interval", 1)
+    if comm.rank:
+        x, cells = x[:0], cells[:0]
+    mesh = compat.create_mesh(comm, cells, x, "interval", 1)
 
     def near(point: tuple) -> Where:
         return lambda x: np.linalg.norm(x[: len(point)].T - np.array(point), axis=1) < 1e-9

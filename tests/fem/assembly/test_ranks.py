@@ -9,6 +9,7 @@ import pytest
 
 pytest.importorskip("dolfinx")
 
+import every_joint
 from mpi import run_ranks
 from paths import TESTS
 
@@ -23,6 +24,7 @@ from mpi4py import MPI
 sys.path.insert(0, sys.argv[1])
 import antiosc as ao
 from antiosc.errors import AntioscWarning
+import every_joint
 from assemblies import at, grouped
 
 warnings.simplefilter("ignore", AntioscWarning)
@@ -87,28 +89,36 @@ def deck():
     part = ao.read_model(sys.argv[3])
     return part, ao.Site((0.0, 1.0, 2.0), (0, 0, -1), part="solids"), ("beams", (0.5, 0.5, 3.0))
 
+def every():
+    # every joint, and a superelement; Z of all of its dofs
+    return every_joint.assembly(WORLD), every_joint.SITE, ("f", every_joint.FOOT)
+
 corners = {
+    "every": ao.Site(every_joint.CORNER, (0.3, 0, 1), part="g"),
     "board": ao.Site((0.1, 0.08, 0.0), (0, 0, -1), part="board"),
     "free": ao.Site((0.0, 0.0, 0.0), (0, 1, 0), part="left"),
     "deck": ao.Site((2.0, 1.0, 2.0), (0, 0, -1), part="faces"),
 }
+named = {"board": "ne:top", "free": "tip", "deck": (0.5, 0.5, 3.0), "every": "ecu:4"}
 found = {}
-for make in (board, free, deck):
+for make in (board, free, deck, every):
     part, site, (name, point) = make()
-    model = ao.extract(part, site, n=6)
+    model = ao.extract(part, site, n=40 if make is every else 6)
     hit = ao.simulate(model, ao.RigidMass(mass=2e-3, velocity=0.3), ao.Linear(1e5), duration=1e-3)
     moved = ao.probe(part, hit, point, times=[0.5e-3, 1e-3], part=name)
     several = ao.extract(part, {"a": site, "b": corners[make.__name__]}, n=8)
     path = ao.write_series(part, hit, sys.argv[2], times=[1e-3])
-    omega = 3e3
-    where = {"board": "sw:x0", "free": "left:x0"}.get(make.__name__)
+    omega = 180.0 if make is every else 3e3
+    where = {"board": ["sw:x0", "ne:x0"], "free": ["left:x0", "right:x1"]}.get(make.__name__)
     struck = ao.impact_map(part, where, n=2, modes=8) if where else None
     found[make.__name__] = {
-        "dofs": part.dofs, "mass": part.mass, "rigid": part.rigid_modes.shape[1],
+        "dofs": part.dofs, "rigid": part.rigid_modes.shape[1],
+        "mass": 0.0 if make is every else part.mass,
         "k0": model.k0, "m_st": model.m_st, "omega": model.omega[:4].tolist(),
         "Z": float(model.dynamic_stiffness(omega)),
         "several": np.asarray(several.dynamic_stiffness(omega)).real.ravel().tolist(),
-        "map": sorted(struck.models.m_st.tolist()) if struck else [0.0],
+        "map": struck.models.m_st.tolist() if struck else [0.0],
+        "named": ao.probe(part, hit, named[make.__name__], times=[1e-3]).ravel().tolist(),
         "peak": hit.peak_force, "moved": moved.ravel().tolist(),
         "inertia": part.rigid_inertia[0].matrix.ravel().tolist() if part.rigid_inertia else [0.0],
     }
@@ -205,6 +215,13 @@ def test_several_ranks_give_the_assembly_of_one(ranks, alone, tmp_path):
             np.testing.assert_allclose(
                 *(found[name][key], value), rtol=limit, atol=1e-8 * scale, err_msg=f"{name}: {key}"
             )
+
+
+def test_every_joint_on_one_rank_is_that_of_dense_matrices(alone):
+    """So that on several ranks, which give the same, it is too."""
+    K, M, b = every_joint.dense(every_joint.parts())
+    exact = 1 / (b @ np.linalg.solve(K - 180.0**2 * M, b))
+    assert alone[0]["every"]["Z"] == pytest.approx(exact, rel=1e-9)
 
 
 def test_parts_that_each_rank_has_for_itself_are_joined_by_each():
