@@ -23,7 +23,7 @@ STEEL = {"E": E, "nu": NU, "rho": 2700.0, "section": SECTION}
 BOLT = ao.Beam(E, NU, 1e-9, ao.Section.circle(0.02))
 TURNED = ao.Placement((0.2, 0.05, 0.05), (1, 0, 0), np.pi / 2)
 SET_DOWN = ao.Placement((0.5, 0.0, 0.0), (0, 0, 1), 0.4)
-HUB, FOOT, GROUND, AXIS = (0.35, 0.05, 0.05), (0.55, 0.05, 0.0), (0.5, 0.1, 0.3), (0.1, 1.0, 0.2)
+HUB, FOOT, GROUND, AXIS = (0.35, 0.05, 0.05), (0.55, 0.04, 0.02), (0.5, 0.1, 0.3), (0.1, 1.0, 0.2)
 POINTS = {"hub": HUB, "foot": FOOT, "ground": GROUND}
 SPRINGS = {"x": 2e5, "y": 3e5, "z": 4e5, "rx": 2e2, "ry": 3e2, "rz": 4e2}
 CORNER, FAR = (0.6, 0.1, -0.1), (0.2, 0.0, 0.0)
@@ -58,7 +58,7 @@ def parts(comm: MPI.Comm = MPI.COMM_SELF) -> dict[str, ao.Structure]:
     for name, start, end, beam in (
         ("c", HUB, (0.35, 0.05, 0.25), upright),
         ("d", (0.35, 0.05, 0.25), (0.55, 0.05, 0.25), level),
-        ("f", (0.55, 0.05, 0.25), (0.55, 0.05, 0.0), upright),
+        ("f", (0.55, 0.05, 0.25), FOOT, upright),
     ):
         made[name] = ao.Structure(line(start, end, 2, comm), beam, order=1)
     node, dof = np.repeat(np.arange(4) + 1, 3), np.tile([1, 2, 3], 4)
