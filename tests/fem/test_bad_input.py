@@ -90,6 +90,9 @@ def test_cells_that_no_element_carries(tmp_path):
     path = write(tmp_path / "points.vtu", points, ("vertex", [[0], [1]]))
     with refused(r"points\.vtu contains no cells", ao.MeshError):
         ao.read_mesh(path)
+    (tmp_path / "empty.off").write_text("OFF\n\n1 0 0\n\n0 0 0\n")
+    with refused(r"empty\.off contains no cells", ao.MeshError):
+        ao.read_mesh(tmp_path / "empty.off")
 
 
 def test_pieces_that_share_no_node(tmp_path):

@@ -34,13 +34,13 @@ _NOUNS = {1: "lines", 2: "faces", 3: "volumes"}
 
 def selected(mesh: FileMesh, wanted: Wanted, order: int | None, name: str) -> RawMesh:
     """The mesh of the `wanted` cells of the file `name`, by default those of highest dimension."""
-    dims = {label: kind_of(label).dim for label in mesh.cells}
+    dims = {label: kind_of(label).dim for label, block in mesh.cells.items() if len(block)}
     if max(dims.values(), default=0) == 0:
-        found = ", ".join(sorted(mesh.cells)) or "none"
+        found = ", ".join(sorted(dims)) or "none"
         raise MeshError(f"{name} contains no cells: no lines, faces or volumes (found: {found}).")
     rows = _every_row(mesh) if wanted is None else _wanted(mesh, wanted, name)
     top = max(dims[label] for label in rows)
-    grouped = _grouped(mesh, [label for label in mesh.cells if dims[label] == top])
+    grouped = _grouped(mesh, [label for label in dims if dims[label] == top])
     aids = wanted is None and mesh.aids and bool(grouped)
     if aids:  # as gmsh itself writes files
         rows = grouped
@@ -67,20 +67,20 @@ def selected(mesh: FileMesh, wanted: Wanted, order: int | None, name: str) -> Ra
 
 
 def _every_row(mesh: FileMesh) -> Rows:
-    return {label: np.arange(len(block)) for label, block in mesh.cells.items()}
+    return {label: np.arange(len(block)) for label, block in mesh.cells.items() if len(block)}
 
 
 def _wanted(mesh: FileMesh, wanted: Wanted, name: str) -> Rows:
     """The rows that the caller selects with cells=."""
     if isinstance(wanted, int):
         rows = {k: r for k, r in _every_row(mesh).items() if kind_of(k).dim == wanted}
-        if not any(len(r) for r in rows.values()):
+        if not rows:
             raise InputError(f"{name} contains no cells of dimension {wanted} for cells={wanted}.")
         return rows
     names = [wanted] if isinstance(wanted, str) else list(wanted or ())
     for group in names:
         kinds = mesh.groups.get(group, {})
-        if not any(kind_of(k).dim for k in kinds):
+        if not any(kind_of(k).dim for k, rows in kinds.items() if len(rows)):
             known = [n for n, parts in mesh.groups.items() if any(kind_of(k).dim for k in parts)]
             shown = ", ".join(map(repr, sorted(known)[:20])) or "none"
             raise InputError(f"{name} has no group of cells {group!r} (cells=); it has: {shown}.")
@@ -94,7 +94,7 @@ def _grouped(mesh: FileMesh, labels: Sequence[str]) -> Rows:
 
 
 def _joined(parts: Sequence[Rows]) -> Rows:
-    labels = dict.fromkeys(label for part in parts for label in part)
+    labels = dict.fromkeys(label for part in parts for label, rows in part.items() if len(rows))
     return {k: np.unique(np.concatenate([p[k] for p in parts if k in p])) for k in labels}
 
 
