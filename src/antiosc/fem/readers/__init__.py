@@ -13,7 +13,7 @@ from typing import Any
 
 from antiosc.errors import MeshError
 from antiosc.fem.readers.by_gmsh import GEOMETRY, SCRIPTS
-from antiosc.fem.readers.cad import CAD
+from antiosc.fem.readers.cad import CAD, STATES_UNIT
 from antiosc.fem.readers.isolation import read_apart
 from antiosc.fem.readers.merging import merged
 from antiosc.fem.readers.neutral import KINDS, FileMesh, RawMesh, kind_of, of_dimension
@@ -131,12 +131,10 @@ def _content(
             f"{path.name} is a finished mesh: size= and refine= apply to geometry files only "
             f"({', '.join(GEOMETRY)})."
         )
-    unfit = merge is not None and suffix not in CAD
-    if geometry and ((unit is not None and not solid) or unfit):
-        raise MeshError(
-            f"{path.name} is a geometry: unit= and merge= apply to finished meshes and decks "
-            "(STEP files state their own unit)."
-        )
+    if unit is not None and suffix in STATES_UNIT:
+        raise MeshError(f"{path.name} states its own unit of length: leave unit= out.")
+    if merge is not None and geometry and suffix not in CAD:
+        raise MeshError(f"{path.name} is a geometry: merge= applies to finished meshes and decks.")
     unit = unit or UnitSystem()
     if model is not None and not is_deck(path):
         raise MeshError(
@@ -146,13 +144,9 @@ def _content(
     options = {
         "unit": [unit.length, unit.force],
         "model": model,
-        # an STL file has no unit: its sizes are in those of its coordinates
-        "size": None if size is None else float(size) / unit.length,
+        "size": None if size is None else float(size),
         "order": order,
-        "refine": [
-            ([float(c) / unit.length for c in point], float(local) / unit.length)
-            for point, local in refine
-        ],
+        "refine": [([float(c) for c in point], float(local)) for point, local in refine],
         "solid": solid,
         "fragments": fragments,
         "trust": trust,

@@ -113,10 +113,7 @@ def _through_gmsh(ask: Request, path: Path) -> FileMesh:
     gmsh = _session()
     ask.seal()
     try:
-        scale = opened(gmsh, str(path))
-        if scale != 1:
-            sizes = [([c / scale for c in point], local / scale) for point, local in ask.refine]
-            ask = replace(ask, size=ask.size and ask.size / scale, refine=sizes)
+        stated = opened(gmsh, str(path))
         suffix = Path(ask.path).suffix.lower()
         names = {}
         if ask.solid:
@@ -124,9 +121,9 @@ def _through_gmsh(ask: Request, path: Path) -> FileMesh:
         elif suffix in CAD:
             names = named_solids(gmsh, ask.fragments, ask.name)
         if suffix != ".msh":
-            _generate(gmsh, ask, scale)
+            _generate(gmsh, ask, stated * ask.unit[0])
         found = _arrays(gmsh, ask.name, names)
-        found.points *= scale
+        found.points *= stated
         return found
     except MeshError:
         raise
@@ -155,16 +152,19 @@ def _session() -> Any:
 
 
 def _generate(gmsh: Any, ask: Request, scale: float) -> None:
+    """Mesh gmsh's current model, whose unit is `scale` metres."""
     dim = gmsh.model.getDimension()
     if dim < 1:
         raise MeshError(f"{ask.name} contains no geometry (curves, surfaces or volumes).")
-    _check_sizes(gmsh, ask)
+    refine = [([c / scale for c in point], local / scale) for point, local in ask.refine]
+    ask = replace(ask, size=ask.size and ask.size / scale, refine=refine)
+    _check_sizes(gmsh, ask, scale)
     # facets are flat: middle nodes off them would bend the part
     wanted = ask.order if ask.order is not None else (1 if dim == 1 or ask.solid else 2)
     gmsh.option.setNumber("Mesh.ElementOrder", 1)  # for the coarse meshes of `_mesh_coarsely`
     ask.allow(600)
     if ask.size is not None:
-        expected = max(_expected(gmsh, ask, d, ask.size) for d in range(1, dim + 1))
+        expected = max(_expected(gmsh, ask, d, ask.size, scale) for d in range(1, dim + 1))
         gmsh.option.setNumber("Mesh.MeshSizeMax", ask.size)
         ask.allow(30 + 2e-3 * max(expected, 1e4))
     fields = [_graded_field(gmsh, point, local, ask.size) for point, local in ask.refine]
@@ -182,18 +182,19 @@ def _generate(gmsh: Any, ask: Request, scale: float) -> None:
     gmsh.model.mesh.generate(dim)
 
 
-def _check_sizes(gmsh: Any, ask: Request) -> None:
+def _check_sizes(gmsh: Any, ask: Request, scale: float) -> None:
     extent = _extent(gmsh)
     for size in [ask.size, *(local for _, local in ask.refine)]:
         if size is not None and size < RESOLVED_SHARE * extent:
             raise MeshError(
-                f"{ask.name} is {extent:.3g} m long: elements of {size:g} m are below what its "
+                f"{ask.name} is {extent * scale:.3g} m long: elements of {size * scale:g} m are "
+                f"below what its "
                 f"coordinates resolve, and there would be about {extent / size:.0e} along one "
                 "edge; choose a larger size."
             )
 
 
-def _expected(gmsh: Any, ask: Request, dim: int, size: float) -> float:
+def _expected(gmsh: Any, ask: Request, dim: int, size: float, scale: float) -> float:
     """Estimated number of cells of dimension `dim`; MeshError if it is far too large."""
     entities = gmsh.model.getEntities(dim)
     measures = [_bound]
@@ -211,7 +212,7 @@ def _expected(gmsh: Any, ask: Request, dim: int, size: float) -> float:
             return count
     raise MeshError(
         f"{ask.name} would need about {count:.1e} {('', 'lines', 'faces', 'cells')[dim]} at "
-        f"size={size:g} m, more than {MOST_CELLS:.0e}: choose a larger size."
+        f"size={size * scale:g} m, more than {MOST_CELLS:.0e}: choose a larger size."
     )
 
 

@@ -12,6 +12,8 @@ from antiosc.fem.readers.neutral import IntArray
 from antiosc.fem.readers.request import Request
 
 CAD = (".step", ".stp", ".brep", ".iges", ".igs")
+#: Files that state the unit of their coordinates.
+STATES_UNIT = (".step", ".stp", ".iges", ".igs")
 #: Angle between facets from which their common edge is an edge of the part, degrees.
 SHARP_ANGLE = 40.0
 #: (dimension, tag) -> names

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from antiosc.errors import InputError, MeshError
+from antiosc.fem.readers.cad import CAD
 from antiosc.fem.readers.neutral import (
     EDGES_OF_KIND,
     FACETS,
@@ -110,8 +111,12 @@ def _one_kind(rows: Rows, mesh: FileMesh, name: str) -> tuple[str, IntArray]:
 
 
 def _check_lost(mesh: FileMesh, raw: RawMesh, aids: bool, name: str) -> None:
-    """MeshError if cells of lower dimension are not faces or edges of the selected ones."""
-    lost, place = [], 0
+    """MeshError if cells of lower dimension are not faces or edges of the selected ones.
+
+    Curves of a CAD file are no beams: sketches and axes stand there too. They are told.
+    """
+    drawing = name.lower().endswith(CAD)
+    lost, place, curves = [], 0, 0
     for label, block in mesh.cells.items():
         kind = kind_of(label)
         if not 0 < kind.dim < raw.kind.dim:
@@ -121,7 +126,9 @@ def _check_lost(mesh: FileMesh, raw: RawMesh, aids: bool, name: str) -> None:
         sides = FACETS if kind.dim == raw.kind.dim - 1 else EDGES_OF_KIND
         own = np.vstack([raw.cells[:, list(s)] for s in sides[raw.kind.shape]])
         alone = ~_among(block[:, : kind.vertices], own)
-        if alone.any():
+        if drawing and kind.dim == 1:
+            curves += int(alone.sum())
+        elif alone.any():
             lost.append(f"{alone.sum()} {_NOUNS[kind.dim]} ({label})")
             place = int(block[alone][0, 0])
     if lost:
@@ -132,6 +139,12 @@ def _check_lost(mesh: FileMesh, raw: RawMesh, aids: bool, name: str) -> None:
             f"kind of cells, so say which are meant, as in cells={raw.kind.dim} (dimension) or "
             'cells="group".'
         )
+    if curves:
+        raw.told = [
+            *raw.told,
+            f"{name} holds curves that are no edges of its {_NOUNS[raw.kind.dim]}; they are left "
+            "out.",
+        ]
 
 
 def _among(rows: IntArray, others: IntArray) -> NDArray[np.bool_]:
