@@ -112,9 +112,9 @@ def _copy_beside(script: Path, name: str, shown: str) -> None:
 def _through_gmsh(ask: Request, path: Path) -> FileMesh:
     gmsh = _session()
     ask.seal()
+    suffix = Path(ask.path).suffix.lower()
     try:
         stated = opened(gmsh, str(path))
-        suffix = Path(ask.path).suffix.lower()
         names = {}
         if ask.solid:
             fill(gmsh, ask)
@@ -130,6 +130,8 @@ def _through_gmsh(ask: Request, path: Path) -> FileMesh:
     except Exception as error:
         reason = " ".join(str(error).replace(str(path), ask.name).split()).rstrip(".")
         reason = reason[:200] or "it is damaged"
+        if gmsh.model.getDimension() > 0 and suffix in GEOMETRY:
+            reason += "; a smaller size, or a repaired geometry, may help"
         raise MeshError(f"gmsh cannot read or mesh {ask.name}: {reason}.") from error
 
 
