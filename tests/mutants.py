@@ -1,12 +1,13 @@
-"""Draw random breaks of the source and count how many of them the quick tests catch.
+"""Draw random breaks of the source (`breaks.py`) and count how many the quick tests catch.
 
-Each break changes one place of `src/`: an operator, a comparison, a constant (× 1.1, 0, negated; a
-whole number + 1), a condition, a statement that is left out, or the first two arguments of a call,
-swapped. The tests of the folder that mirrors the file run first, then the rest of `make check`.
-Everything happens on a copy of the tree: the sources here are never touched, whatever happens.
+A first run of the quick tests finds which of them run each of the places (`line_hits.py`). For each
+break these run first, then those of the file and of the folder that mirrors it, then the rest of
+`make check`. Everything happens on a copy of the tree: the sources here are never touched.
 
     make mutants                     10 breaks
     make mutants COUNT=100 SEED=3    100 others
+
+With `--log FILE` each verdict is kept there, and what it holds is not tried again.
 
 The exit status is 1 where fewer than 95 % are caught.
 """
@@ -14,7 +15,7 @@ The exit status is 1 where fewer than 95 % are caught.
 from __future__ import annotations
 
 import argparse
-import ast
+import json
 import os
 import random
 import shutil
@@ -24,196 +25,27 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from itertools import islice
 from pathlib import Path
-from typing import Any, TypeGuard
+from typing import Any
 
-from antiosc.fem.compat import DOLFINX
-from antiosc.fem.compiler import FFCX
+from breaks import Break, breaks, works
+from line_hits import tests_of
+from paths import ROOT
 
-ROOT = Path(__file__).resolve().parent.parent
 #: What is not copied.
 IGNORED = (".git", ".venv", "out", "build", "__pycache__", ".*_cache", "*.egg-info")
 QUICK = "not slow and not mpi"
-#: Seconds after which one test, or a whole run, counts as hanging: a break that is caught.
-TEST_PATIENCE = 150.0
-PATIENCE = 1800.0
+#: Seconds after which one test counts as hanging, a break that is caught; a whole run after as many
+#: times that.
+PATIENCE, RUN = 150.0, 12
+#: Most tests that are named in one command.
+NAMED = 2000
 #: Folders whose code numba compiles: only there does a break need a compilation of its own.
 COMPILED = ("simulation", "contact")
 #: Least share of breaks that must be caught.
 LEAST = 0.95
-
-OPERATORS: dict[type[ast.operator], type[ast.operator]] = {
-    ast.Add: ast.Sub,
-    ast.Sub: ast.Add,
-    ast.Mult: ast.Div,
-    ast.Div: ast.Mult,
-    ast.Pow: ast.Mult,
-    ast.MatMult: ast.Mult,
-}
-COMPARISONS: dict[type[ast.cmpop], type[ast.cmpop]] = {
-    ast.Lt: ast.GtE,
-    ast.GtE: ast.Lt,
-    ast.Gt: ast.LtE,
-    ast.LtE: ast.Gt,
-    ast.Eq: ast.NotEq,
-    ast.NotEq: ast.Eq,
-    ast.Is: ast.IsNot,
-    ast.IsNot: ast.Is,
-    ast.In: ast.NotIn,
-    ast.NotIn: ast.In,
-}
-# Changes that change nothing are not drawn: -0.0 for 0.0, the order of the arguments of SYMMETRIC
-# functions, a tenth more of a threshold that only has to lie above rounding or of a length in
-# PICTURES, code for other VERSIONS of the libraries than those installed here.
-SYMMETRIC = (
-    *("max", "min", "np.maximum", "np.minimum", "np.array_equal"),
-    *("math.hypot", "np.hypot", "math.isclose"),
-)
-ROUNDING_THRESHOLD = 1e-6
-PICTURES = ("charts", "plotting")
-VERSIONS: dict[str, tuple[int, ...]] = {"DOLFINX": DOLFINX, "FFCX": FFCX}
-
-
-@dataclass(frozen=True)
-class Break:
-    """One change of one file: bytes `start` to `end` become `text`."""
-
-    path: Path
-    line: int
-    start: int
-    end: int
-    before: str
-    text: str
-
-    def apply(self, source: bytes) -> bytes:
-        """The file with the change."""
-        return source[: self.start] + self.text.encode() + source[self.end :]
-
-    def __str__(self) -> str:
-        before, after = (" ".join(text.split()) for text in (self.before, self.text))
-        return f"{self.path}:{self.line}: {before[:60]}  ->  {after[:60]}"
-
-
-# -- what can be broken
-
-
-def breaks(path: Path) -> list[Break]:
-    """All breaks of one file, relative to the root of the repository."""
-    source = (ROOT / path).read_bytes()
-    starts = [0]
-    for row in source.splitlines(keepends=True):
-        starts.append(starts[-1] + len(row))
-    found = []
-    for node, text in changes(ast.parse(source)):
-        if path.parts[2] in PICTURES and _is_a_tenth_more(node, text):
-            continue
-        assert node.end_lineno is not None
-        assert node.end_col_offset is not None
-        start = starts[node.lineno - 1] + node.col_offset
-        end = starts[node.end_lineno - 1] + node.end_col_offset
-        found.append(Break(path, node.lineno, start, end, source[start:end].decode(), text))
-    return found
-
-
-def _is_a_tenth_more(node: ast.AST, text: str) -> bool:
-    if not isinstance(node, ast.Constant) or not isinstance(node.value, float):
-        return False
-    return text == f"({1.1 * node.value!r})"
-
-
-def works(one: Break) -> bool:
-    """Whether the break leaves a program, and another one."""
-    source = (ROOT / one.path).read_bytes()
-    try:
-        return ast.dump(ast.parse(one.apply(source))) != ast.dump(ast.parse(source))
-    except SyntaxError:
-        return False
-
-
-def changes(node: ast.AST) -> Iterator[tuple[Any, str]]:
-    """(node, text that takes its place) below and including `node`, in the order of the source."""
-    if _is_text(node) or _is_typing(node):
-        return
-    if _is_of_versions(node):
-        yield from _for_this_version(node)
-        return
-    if isinstance(node, ast.expr):
-        yield from ((node, f"({ast.unparse(new)})") for new in expressions(node))
-    elif left_out(node):
-        yield node, "pass"
-    for field, value in ast.iter_fields(node):
-        if field in ("annotation", "returns", "decorator_list", "exc"):
-            continue
-        for child in value if isinstance(value, list) else [value]:
-            if isinstance(child, ast.AST):
-                yield from changes(child)
-
-
-def expressions(node: ast.expr) -> Iterator[ast.expr]:
-    """What may stand for an expression."""
-    match node:
-        case ast.BinOp(left, operator, right) if type(operator) in OPERATORS:
-            yield ast.BinOp(left, OPERATORS[type(operator)](), right)
-        case ast.Compare(left, [operator], right):
-            yield ast.Compare(left, [COMPARISONS[type(operator)]()], right)
-        case ast.BoolOp(operator, values):
-            other = ast.And() if isinstance(operator, ast.Or) else ast.Or()
-            yield ast.BoolOp(other, values)
-        case ast.UnaryOp(ast.Not() | ast.USub(), operand):
-            yield operand
-        case ast.Constant(bool(value)):
-            yield ast.Constant(not value)
-        case ast.Constant(float(value)) if abs(value) < ROUNDING_THRESHOLD:
-            yield ast.Constant(1.0 if value == 0 else 0.0)
-            yield from [ast.Constant(-value)] if value else []
-        case ast.Constant(float(value)):
-            yield from (ast.Constant(new) for new in (1.1 * value, 0.0, -value))
-        case ast.Constant(int(value)):
-            yield from (ast.Constant(new) for new in (value + 1, -value))
-        case ast.Call(function, [first, second, *rest], keywords):
-            starred = isinstance(first, ast.Starred) or isinstance(second, ast.Starred)
-            same = ast.dump(first) == ast.dump(second) or ast.unparse(function) in SYMMETRIC
-            if not starred and not same:
-                yield ast.Call(function, [second, first, *rest], keywords)
-
-
-def left_out(node: ast.AST) -> bool:
-    """Whether the statement may be dropped: a call, x += y, raise; not what only tells."""
-    if isinstance(node, ast.Expr):
-        return isinstance(node.value, ast.Call) and not ast.unparse(node).startswith("log.")
-    return isinstance(node, ast.AugAssign | ast.Raise)
-
-
-def _is_text(node: ast.AST) -> bool:
-    """Docstrings, strings and what they are made of."""
-    if isinstance(node, ast.Expr):
-        node = node.value
-    return isinstance(node, ast.JoinedStr) or (
-        isinstance(node, ast.Constant) and isinstance(node.value, str | bytes)
-    )
-
-
-def _is_typing(node: ast.AST) -> bool:
-    return isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
-
-
-def _is_of_versions(node: ast.AST) -> TypeGuard[ast.If | ast.IfExp]:
-    """Whether the version of a library decides what runs."""
-    if not isinstance(node, ast.If | ast.IfExp) or not isinstance(node.test, ast.Compare):
-        return False
-    return isinstance(node.test.left, ast.Name) and node.test.left.id in VERSIONS
-
-
-def _for_this_version(node: ast.If | ast.IfExp) -> Iterator[tuple[Any, str]]:
-    """The changes of what runs with the library that is installed here."""
-    runs = eval(ast.unparse(node.test), {}, VERSIONS)
-    part = node.body if runs else node.orelse
-    for child in part if isinstance(part, list) else [part]:
-        yield from changes(child)
-
 
 # -- the copy and its tests
 
@@ -239,15 +71,33 @@ def mirrored(path: Path, tree: Path) -> tuple[list[str], list[str]]:
 
 
 def first_failure(
-    tree: Path, tests: Sequence[str], without: Sequence[str] = (), *, compiled: bool = True
+    tree: Path,
+    tests: Sequence[str],
+    without: Sequence[str] = (),
+    *,
+    compiled: bool = True,
+    patience: float = PATIENCE,
 ) -> str:
     """The first failure of the quick tests; "" where all pass.
 
     With `compiled`, what numba compiled for another break is not used.
     """
-    command = [sys.executable, "-m", "pytest", "-q", "-x", "-m", QUICK, "-p", "no:cacheprovider"]
-    command += ["-o", f"faulthandler_timeout={TEST_PATIENCE}", "--no-header", *tests]
-    command += [f"--ignore={path}" for path in without]
+    options = ["-x", *tests, *(f"--ignore={path}" for path in without)]
+    status, output = pytest_run(tree, options, compiled=compiled, patience=patience)
+    if status in (0, 5):  # 5: no test there
+        return ""
+    told = [line for line in output if line.startswith(("FAILED tests", "ERROR tests"))]
+    if told:
+        return told[0].split(" - ")[0]
+    return "a test that hangs" if status < 0 else f"pytest ended with {status}"
+
+
+def pytest_run(
+    tree: Path, options: Sequence[str], *, compiled: bool = False, patience: float = PATIENCE
+) -> tuple[int, list[str]]:
+    """(status, lines) of pytest with the quick tests of the copy; ended where a test hangs."""
+    command = [sys.executable, "-m", "pytest", "-q", "-m", QUICK, "-p", "no:cacheprovider"]
+    command += ["-o", f"faulthandler_timeout={patience}", "--no-header", *options]
     folder = Path(tempfile.mkdtemp(dir=tree.parent)) if compiled else tree.parent / "numba"
     environment = {
         **os.environ,
@@ -264,7 +114,7 @@ def first_failure(
         text=True,
         start_new_session=True,
     ) as run:
-        limit = threading.Timer(PATIENCE, _killed, (run,))
+        limit = threading.Timer(RUN * patience, _killed, (run,))
         limit.start()
         try:
             output = _lines_before_a_hang(run)
@@ -273,12 +123,7 @@ def first_failure(
             _killed(run)
             if compiled:
                 shutil.rmtree(folder, ignore_errors=True)
-    if run.returncode in (0, 5):  # 5: no test there
-        return ""
-    told = [line for line in output if line.startswith(("FAILED tests", "ERROR tests"))]
-    if told:
-        return told[0].split(" - ")[0]
-    return "a test that hangs" if run.returncode < 0 else f"pytest ended with {run.returncode}"
+    return run.returncode, output
 
 
 def _lines_before_a_hang(run: subprocess.Popen[str]) -> list[str]:
@@ -300,16 +145,26 @@ def _killed(run: subprocess.Popen[str]) -> None:
         run.wait()
 
 
-def catch(one: Break, tree: Path) -> str:
-    """The test that catches the break, "" if none does; the copy is whole afterwards."""
+def catch(one: Break, tree: Path, first: Sequence[str], patience: float) -> str:
+    """The test that catches the break, "" if none does; the copy is whole afterwards.
+
+    The tests `first` run before all others.
+    """
     target = tree / one.path
     source = target.read_bytes()
     own, near = mirrored(one.path, tree)
     compiled = one.path.parts[2] in COMPILED
     try:
         target.write_bytes(one.apply(source))
-        for tests, without in ((own, []), (near, own), (["tests"], [*own, *near])):
-            caught = tests and first_failure(tree, tests, without, compiled=compiled)
+        for tests, without in (
+            (first[:NAMED], []),
+            (own, []),
+            (near, own),
+            (["tests"], [*own, *near]),
+        ):
+            caught = tests and first_failure(
+                tree, tests, without, compiled=compiled, patience=patience
+            )
             if caught:
                 return caught
         return ""
@@ -317,32 +172,56 @@ def catch(one: Break, tree: Path) -> str:
         target.write_bytes(source)
 
 
-def main(count: int, seed: int, only: str) -> float:
-    """Try `count` breaks of the files whose path contains `only`; the share that was caught."""
+def drawn(count: int, seed: int, only: str) -> list[Break]:
+    """`count` random breaks of the files whose path contains `only`."""
     files = [p.relative_to(ROOT) for p in sorted((ROOT / "src").rglob("*.py")) if only in str(p)]
     every = [one for path in files for one in breaks(path)]
     random.Random(seed).shuffle(every)
-    drawn = list(islice(filter(works, every), count))
-    print(f"{len(every)} breaks in {len(files)} files; {len(drawn)} drawn with seed {seed}")
-    rows = []
+    found = list(islice(filter(works, every), count))
+    print(f"{len(every)} breaks in {len(files)} files; {len(found)} drawn with seed {seed}")
+    return found
+
+
+def main(chosen: Sequence[Break], log: Path | None, patience: float) -> float:
+    """Try the breaks; the share that was caught."""
+    verdicts = _logged(log)
     with tempfile.TemporaryDirectory(prefix="antiosc-mutants-") as folder:
         tree = copied(Path(folder))
         check_the_copy(tree)
+        left = [one for one in chosen if _name(one) not in verdicts]
+        options = ["--durations=0", "-vv", "tests"]
+        runs = tests_of(left, tree, lambda: pytest_run(tree, options, patience=patience)[1])
         sound: set[str] = set()
-        for one in drawn:
+        for one in left:
             started = time.perf_counter()
-            caught = catch(one, tree)
+            caught = catch(one, tree, runs[one], patience)
             test = caught.partition(" ")[2]
             if "::" in test and test not in sound:  # without the break it must pass
-                if first_failure(tree, [test]):
+                if first_failure(tree, [test], patience=patience):
                     raise SystemExit(f"{test} fails without any break: mend it first")
                 sound.add(test)
-            rows.append(caught)
-            verdict = f"caught by {caught}" if caught else "SURVIVED"
+            verdicts[_name(one)] = caught
+            if log is not None:
+                with log.open("a", encoding="utf-8") as file:
+                    file.write(json.dumps([_name(one), caught]) + "\n")
+            verdict = f"caught by {caught}" if caught else f"SURVIVED {len(runs[one])} tests of it"
             print(f"{time.perf_counter() - started:6.1f} s  {one}\n          {verdict}", flush=True)
-    share = sum(map(bool, rows)) / len(rows) if rows else 1.0
-    print(f"{sum(map(bool, rows))} of {len(rows)} breaks caught, {share:.0%}")
+    count = sum(bool(verdicts[_name(one)]) for one in chosen)
+    share = count / len(chosen) if chosen else 1.0
+    print(f"{count} of {len(chosen)} breaks caught, {share:.0%}")
     return share
+
+
+def _name(one: Break) -> str:
+    """The break in one line that no other has."""
+    return f"{one} at {one.start}"
+
+
+def _logged(log: Path | None) -> dict[str, str]:
+    """The verdicts of an earlier run, by the names of the breaks."""
+    if log is None or not log.exists():
+        return {}
+    return dict(json.loads(line) for line in log.read_text(encoding="utf-8").splitlines())
 
 
 def check_the_copy(tree: Path) -> None:
@@ -369,7 +248,11 @@ if __name__ == "__main__":
     parser.add_argument("--count", type=int, default=10, help="breaks to draw (default: 10)")
     parser.add_argument("--seed", type=int, default=0, help="of the draw (default: 0)")
     parser.add_argument("--only", default="", help="draw from files whose path contains this")
-    arguments = parser.parse_args()
+    parser.add_argument("--log", type=Path, help="file of verdicts, to go on with later")
+    parser.add_argument(
+        "--patience", type=float, default=PATIENCE, help="seconds after which a test hangs"
+    )
+    given = parser.parse_args()
     signal.signal(signal.SIGTERM, ended)
-    share = main(arguments.count, arguments.seed, arguments.only)
+    share = main(drawn(given.count, given.seed, given.only), given.log, given.patience)
     sys.exit(0 if share >= LEAST else 1)

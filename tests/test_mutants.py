@@ -9,6 +9,8 @@ import pytest
 
 pytest.importorskip("dolfinx")
 
+import breaks
+import line_hits
 import mutants
 from paths import ROOT
 
@@ -17,7 +19,7 @@ ZENER = Path("src/antiosc/closed_form/zener.py")
 
 def test_breaks_change_one_place():
     source = (ROOT / ZENER).read_bytes()
-    found = [one for one in mutants.breaks(ZENER) if mutants.works(one)]
+    found = [one for one in breaks.breaks(ZENER) if breaks.works(one)]
     assert len(found) > 50
     for one in found:
         assert one.apply(source)[: one.start] == source[: one.start]
@@ -27,7 +29,7 @@ def test_breaks_change_one_place():
 
 def test_every_kind_of_break_is_drawn():
     """Constants, operators, comparisons, conditions, arguments and statements."""
-    pairs = {(one.before, one.text) for one in mutants.breaks(ZENER)}
+    pairs = {(one.before, one.text) for one in breaks.breaks(ZENER)}
     assert ("8", "(9)") in pairs
     assert ("1.5", "(0.0)") in pairs
     assert ("lam > HIGHEST", "(lam <= HIGHEST)") in pairs
@@ -42,12 +44,12 @@ def test_every_kind_of_break_is_drawn():
 
 @pytest.mark.parametrize("source", ["x = 0.0", "max(a, b)", "np.hypot(a, b)", "f(a, a)"])
 def test_changes_that_change_nothing_are_not_drawn(source):
-    found = [text for _, text in mutants.changes(ast.parse(source).body[0])]
+    found = [text for _, text in breaks.changes(ast.parse(source).body[0])]
     assert not set(found) - {"pass", "(1.0)"}
 
 
 def test_lengths_in_pictures_are_not_drawn_a_tenth_longer():
-    found = [one.text for one in mutants.breaks(Path("src/antiosc/charts/histories.py"))]
+    found = [one.text for one in breaks.breaks(Path("src/antiosc/charts/histories.py"))]
     assert "(1.1)" not in found
     assert "(0.0)" in found
 
@@ -55,7 +57,7 @@ def test_lengths_in_pictures_are_not_drawn_a_tenth_longer():
 def test_code_for_other_versions_is_not_drawn():
     source = "if DOLFINX < (0, 1):\n    x = 1\nelse:\n    y = 2\nz = 3 if FFCX >= (0, 1) else 4"
     found = [
-        ast.unparse(node) for line in ast.parse(source).body for node, _ in mutants.changes(line)
+        ast.unparse(node) for line in ast.parse(source).body for node, _ in breaks.changes(line)
     ]
     assert set(found) == {"2", "3"}
 
@@ -65,3 +67,30 @@ def test_the_tests_of_a_file_are_found():
     assert own == ["tests/simulation/test_truncation.py"]
     assert near == ["tests/simulation"]
     assert mutants.mirrored(Path("src/antiosc/charts/models.py"), ROOT) == ([], ["tests/charts"])
+
+
+def test_probes_change_nothing_that_is_computed():
+    """Each kind of break leaves a program with a probe, whose value is the same."""
+    source = (ROOT / ZENER).read_bytes()
+    noted: list[int] = []
+    for number, one in enumerate(filter(breaks.works, breaks.breaks(ZENER))):
+        text = line_hits.probed(source, {number: one})
+        assert text.count(b"antiosc_probe") == 1
+        assert ast.parse(text)
+    source = b"def f(x):\n    x.append(1 + 2)\n    return x[0] * 4.0\n"
+    places = [
+        breaks.Break(ZENER, 2, 14, 29, "x.append(1 + 2)", "pass"),
+        breaks.Break(ZENER, 3, 41, 51, "x[0] * 4.0", "(x[0] / 4.0)"),
+    ]
+    assert [source[p.start : p.end].decode() for p in places] == [p.before for p in places]
+    text = line_hits.probed(source, dict(enumerate(places))).decode()
+    text = text.replace('__import__("antiosc_probe").hit', "hit")
+    scope: dict[str, object] = {"hit": noted.append}
+    exec(text, scope)
+    assert scope["f"]([]) == 12.0  # type: ignore[operator]
+    assert noted == [0, 1]
+
+
+def test_durations_of_a_run_are_read():
+    lines = ["0.50s call     tests/a.py::b[x y]", "0.25s setup    tests/a.py::b[x y]", "12 passed"]
+    assert line_hits.durations(lines) == {"tests/a.py::b[x y]": 0.75}
