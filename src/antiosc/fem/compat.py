@@ -1,6 +1,7 @@
 """The only file that knows dolfinx versions (0.5 of Debian 12, 0.9 of Debian 13, 0.11 of sid).
 
-Every function here is thin and has one meaning on every version; there is no mechanics here.
+Every function here is thin and has one meaning on every version; there is no mechanics here. The
+file is long because it alone may know versions: a new one is met by reading this file.
 """
 
 from __future__ import annotations

@@ -11,7 +11,8 @@ from scipy.linalg import block_diag
 from antiosc import checks
 from antiosc._types import Array, Index
 from antiosc.errors import InputError
-from antiosc.models.modal import ModalBody, arrow_modes
+from antiosc.models.arrow_modes import arrow_modes
+from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Inertia, unit_vector
 from antiosc.models.parameters import Parameters
 from antiosc.models.softened import checked_error

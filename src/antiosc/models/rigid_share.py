@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 
 from antiosc._types import Array
-from antiosc.models.modal import arrow_modes
+from antiosc.models.arrow_modes import arrow_modes
 
 #: Share of the rigid-body motions in the compliance b'(K + sM)^-1 b, s about a tenth of the first
 #: elastic omega^2, below which the elastic motions are modelled alone and the rigid one is added.

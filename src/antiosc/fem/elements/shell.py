@@ -1,51 +1,41 @@
 """`Shell`, `Laminate`: Reissner–Mindlin plates and shells on sheets of triangles or quadrilaterals.
 
-At every point of the surface a frame (e1, e2, n) follows from the Jacobian, and for layers from
-their axis and top. With the displacement u and the rotation vector θ of the normal, and s_α the
-lengths along e_α,
-
-    membrane strain  sym(e_α·∂u/∂s_β)          shear strain  n·∂u/∂s_α + (θ×n)·e_α
-    bending strain   sym(e_α·∂θ/∂s_β × n)      drilling      (e2·∂u/∂s1 − e1·∂u/∂s2)/2 − θ·n
-
-The drilling strain is penalized with the shear modulus, so that θ·n is the in-plane rotation of the
-surface and moments are transmitted at folds. The result does not depend on the sign of n, unless
-the layers are unsymmetric.
+Their strains stand in `antiosc.fem.elements.shell_strains`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import sqrt
-from typing import TYPE_CHECKING, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, ClassVar
 
-import numpy as np
 import ufl
 
-from antiosc._types import Array, Box
+from antiosc._types import Box
 from antiosc.checks import number, poisson, positive, store
 from antiosc.errors import InputError
 from antiosc.fem import compat
-from antiosc.fem.elements.material_axes import Direction, axes_and_sides, checked
+from antiosc.fem.elements.material_axes import Direction, checked
 from antiosc.fem.elements.mitc import dropped
 from antiosc.fem.elements.plate_section import Layer, PlateSection, stacked
-from antiosc.fem.elements.weak_form import (
-    Isotropic,
-    Kind,
-    Parts,
-    WeakForm,
-    coefficient,
-    measure,
+from antiosc.fem.elements.shell_strains import (
+    Strains,
+    areas_of,
+    energies,
+    frames,
+    inertia,
+    rise_of,
+    section_fields,
+    strains_of,
 )
+from antiosc.fem.elements.weak_form import Isotropic, Kind, Parts, WeakForm, measure
 from antiosc.fem.mesh.mesh import Mesh
-from antiosc.fem.mpi import agree
 
 if TYPE_CHECKING:
     from ufl.core.expr import Expr
 
-#: Share of its size² below which a cell has no area.
-LEAST_AREA = 1e-10
 #: Quadrilaterals: the fully integrated shares are t²/(t² + 10 h²) of the shear energy and
 #: t²/(t² + 1000 s²) of the membrane energy, s being the rise of a curved cell over its chords.
 FOR_SHEAR, FOR_MEMBRANE = 10.0, 1000.0
@@ -79,30 +69,30 @@ class Sheet:
             )
         if order != 2:
             raise InputError("Shell elements need order=2 of Structure, its default.")
-        areas = _areas(mesh)
+        areas = areas_of(mesh)
         triangles = mesh.cell == "triangle"
         space = compat.lagrange(mesh.dolfinx, 3 if triangles else 2, 6)
-        section = _section(mesh, parts)
+        section = section_fields(mesh, parts)
         w, v = ufl.TrialFunction(space), ufl.TestFunction(space)
-        frame = _frame(mesh, parts)
+        frame = frames(mesh, parts)
         X = compat.reference_coordinates(mesh.dolfinx) if triangles else None
 
-        def strains(motion: Expr) -> _Strains:
-            found = _strains(frame, motion, section.middle)
+        def strains(motion: Expr) -> Strains:
+            found = strains_of(frame, motion, section.middle)
             if X is None:
                 return found
             lost = dropped(mesh, X, motion, frame.n, frame.along)
             return found._replace(shear=found.shear - lost)
 
-        membrane, shear, bending = _energies(section, strains(w), strains(v))
-        motion = _inertia(section, frame, w, v)
+        membrane, shear, bending = energies(section, strains(w), strains(v))
+        motion = inertia(section, frame, w, v)
         if triangles:
             curved = 2 * (mesh.order - 1)
             stiffness = [(membrane + shear + bending) * measure(mesh, 6 + curved)]
             mass = [motion * measure(mesh, 6 + curved)]
         else:
             for_shear = section.t2_of_shear / (section.t2_of_shear + FOR_SHEAR * areas)
-            rise2 = _rise(mesh) ** 2
+            rise2 = rise_of(mesh) ** 2
             for_membrane = section.t2_of_stretch / (section.t2_of_stretch + FOR_MEMBRANE * rise2)
             full = for_membrane * membrane + for_shear * shear + bending
             reduced = (1 - for_membrane) * membrane + (1 - for_shear) * shear
@@ -252,183 +242,3 @@ class Laminate(Sheet):
             "advise needs an isotropic material; got a Laminate: give the dimensions, and "
             "equivalent E, nu, rho of the part."
         )
-
-
-class _Section(NamedTuple):
-    """Cell-wise constants of the sheets (UFL)."""
-
-    A: Expr
-    #: D − B A⁻¹ B
-    bending: Expr
-    S: Expr
-    drilling: Expr
-    #: A⁻¹ B, None where no stack couples stretching with bending
-    coupling: Expr
-    I0: Expr
-    #: None where no stack has its mass off the middle
-    I1: Expr
-    I2: Expr
-    spin: Expr
-    #: z of the middle, None where it is 0 everywhere
-    middle: Expr
-    #: t², and what stands for it in a stack
-    t2_of_shear: Expr
-    t2_of_stretch: Expr
-
-
-def _section(mesh: Mesh, parts: Parts) -> _Section:
-    def constant(value: Callable[[PlateSection], float | Array]) -> Expr:
-        return coefficient(mesh, parts, lambda sheet: value(sheet.section))
-
-    sections = [material.section for material, _ in parts]
-    coupled = any(s.B.any() for s in sections)
-    return _Section(
-        A=constant(lambda s: s.A),
-        bending=constant(lambda s: s.bending),
-        S=constant(lambda s: s.S),
-        drilling=constant(lambda s: s.drilling),
-        coupling=constant(lambda s: np.linalg.solve(s.A, s.B)) if coupled else None,
-        I0=constant(lambda s: s.I0),
-        I1=constant(lambda s: s.I1) if any(s.I1 for s in sections) else None,
-        I2=constant(lambda s: s.I2),
-        spin=constant(lambda s: s.spin),
-        middle=constant(lambda s: s.middle) if any(s.middle for s in sections) else None,
-        t2_of_shear=constant(lambda s: s.t2_of_shear),
-        t2_of_stretch=constant(lambda s: s.t2_of_stretch),
-    )
-
-
-class _Frame(NamedTuple):
-    """Orthonormal e1, e2 (tangents) and n with three components, and derivatives along e1, e2."""
-
-    e1: Expr
-    e2: Expr
-    n: Expr
-    #: (2, gdim): the tangents in the coordinates of the mesh
-    along: Expr
-
-
-class _Strains(NamedTuple):
-    #: (ε1, ε2, γ12)
-    membrane: Expr
-    #: (κ1, κ2, 2κ12)
-    bending: Expr
-    #: (γ13, γ23)
-    shear: Expr
-    drilling: Expr
-
-
-def _frame(mesh: Mesh, parts: Parts) -> _Frame:
-    J = ufl.Jacobian(mesh.dolfinx)
-    zeros = [0] * (3 - mesh.gdim)
-    a, b = (ufl.as_vector([*(J[i, j] for i in range(mesh.gdim)), *zeros]) for j in (0, 1))
-    normal = ufl.cross(a, b)
-    area = ufl.sqrt(ufl.dot(normal, normal))
-    n = normal / area
-    if any(material.axis is not None or material.offset for material, _ in parts):
-        axis, side = axes_and_sides(mesh, parts)
-        n, a = side * n, axis - ufl.dot(axis, n) * n
-    e1 = a / ufl.sqrt(ufl.dot(a, a))
-    e2 = ufl.cross(n, e1)
-    along = ufl.as_matrix([[e[i] for i in range(mesh.gdim)] for e in (e1, e2)])
-    return _Frame(e1, e2, n, along)
-
-
-def _halves(w: Expr) -> tuple[Expr, Expr]:
-    """Displacement and rotation of a trial or test function."""
-    return ufl.as_vector([w[i] for i in range(3)]), ufl.as_vector([w[i] for i in range(3, 6)])
-
-
-def _strains(frame: _Frame, w: Expr, middle: Expr | None) -> _Strains:
-    e1, e2, n = frame.e1, frame.e2, frame.n
-    u, turn = _halves(w)
-    # columns: the derivatives along e1 and e2
-    du = ufl.dot(ufl.grad(u), ufl.transpose(frame.along))
-    dr = ufl.dot(ufl.grad(turn), ufl.transpose(frame.along))
-
-    def columns(of: Expr) -> tuple[Expr, Expr]:
-        return tuple(ufl.as_vector([of[i, j] for i in range(3)]) for j in (0, 1))  # type: ignore
-
-    (u1, u2), (r1, r2) = columns(du), columns(dr)
-    gradient = ufl.as_matrix(
-        [[ufl.dot(e1, u1), ufl.dot(e1, u2)], [ufl.dot(e2, u1), ufl.dot(e2, u2)]]
-    )
-    # θ × n = (θ·e2) e1 − (θ·e1) e2
-    curvature = ufl.as_matrix(
-        [[ufl.dot(e2, r1), ufl.dot(e2, r2)], [-ufl.dot(e1, r1), -ufl.dot(e1, r2)]]
-    )
-    shear = ufl.as_vector([ufl.dot(n, u1) + ufl.dot(turn, e2), ufl.dot(n, u2) - ufl.dot(turn, e1)])
-    drilling = (gradient[1, 0] - gradient[0, 1]) / 2 - ufl.dot(turn, n)
-    if middle is not None:  # the rotation of the middle surface
-        drilling += middle * (curvature[1, 0] - curvature[0, 1]) / 2
-    return _Strains(_engineering(gradient), _engineering(curvature), shear, drilling)
-
-
-def _engineering(e: Expr) -> Expr:
-    """(e11, e22, e12 + e21)."""
-    return ufl.as_vector([e[0, 0], e[1, 1], e[0, 1] + e[1, 0]])
-
-
-def _energies(section: _Section, a: _Strains, b: _Strains) -> tuple[Expr, Expr, Expr]:
-    """(membrane and drilling, shear, bending) energy densities of two strain states.
-
-    The membrane energy is that of ε + A⁻¹Bκ, the strain of the neutral surface. Each energy is
-    therefore non-negative by itself, for any integration points.
-    """
-
-    def stretch(e: _Strains) -> Expr:
-        if section.coupling is None:
-            return e.membrane
-        return e.membrane + section.coupling * e.bending
-
-    membrane = ufl.inner(section.A * stretch(a), stretch(b))
-    drilling = section.drilling * a.drilling * b.drilling
-    shear = ufl.inner(section.S * a.shear, b.shear)
-    return membrane + drilling, shear, ufl.inner(section.bending * a.bending, b.bending)
-
-
-def _inertia(section: _Section, frame: _Frame, w: Expr, v: Expr) -> Expr:
-    """Kinetic energy density of the motions u + z θ×n, and of θ·n as of rotations of the middle."""
-    (u, turn), (u_v, turn_v) = _halves(w), _halves(v)
-    motion = section.I0 * ufl.dot(u, u_v) + section.I2 * ufl.dot(turn, turn_v)
-    if section.I1 is not None:
-        across = ufl.dot(u, ufl.cross(turn_v, frame.n)) + ufl.dot(ufl.cross(turn, frame.n), u_v)
-        motion += section.I1 * across
-        about_n = ufl.dot(turn, frame.n) * ufl.dot(turn_v, frame.n)
-        motion += (section.spin - section.I2) * about_n
-    return motion
-
-
-def _areas(mesh: Mesh) -> Expr:
-    """Area of every cell from its corners, as a function; InputError if it is zero."""
-    x = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)]
-    first, second = x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]
-    if mesh.cell == "quadrilateral":  # the diagonals
-        first, second = x[:, 3] - x[:, 0], x[:, 2] - x[:, 1]
-    areas = compat.cellwise(mesh.dolfinx)
-    areas.x.array[:] = np.linalg.norm(np.cross(first, second), axis=1) / 2
-    owned = compat.cell_map(mesh.dolfinx).size_local
-    size = np.maximum(np.sum(first**2, axis=1), np.sum(second**2, axis=1))
-    bad = np.flatnonzero((areas.x.array <= LEAST_AREA * size)[:owned])
-    total = mesh.comm.allreduce(len(bad))
-    error = None
-    if len(bad):
-        at_point = ", ".join(f"{c:.6g}" for c in x[bad[0]].mean(axis=0))
-        error = InputError(
-            f"{total} of {mesh.n_cells} {mesh.cell} cells have no area, one at ({at_point}) m: "
-            "remesh the surface, or remove these cells."
-        )
-    agree(mesh.comm, error)
-    return areas
-
-
-def _rise(mesh: Mesh) -> Expr:
-    """Distance of the middle of each quadrilateral from its corners along the normal, m."""
-    rise = compat.cellwise(mesh.dolfinx)
-    if mesh.order > 1:
-        x = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)]
-        normal = np.cross(x[:, 3] - x[:, 0], x[:, 2] - x[:, 1])
-        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-        offset = x[:, 8] - x[:, :4].mean(axis=1)
-        rise.x.array[:] = np.abs(np.einsum("ij,ij->i", offset, normal))
-    return rise
