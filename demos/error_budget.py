@@ -7,6 +7,10 @@ Printed are, by class, the effectivity (estimated over true error) of k0 and of 
 of the force, how often all three bars hold, and the error of the corrected model over that of the
 raw one.
 
+Each part has a number and random numbers of its own. With `--out` every part is written to a file
+as soon as it is done; parts that stand there are not done again, so that a long sample can be
+stopped and continued, and a histogram is drawn.
+
     .venv/bin/python demos/error_budget.py --help
 """
 
@@ -24,6 +28,7 @@ import numpy as np
 import options
 
 import antiosc as ao
+from antiosc import plotting
 from antiosc.fem.error import cell_sizes
 from antiosc.fem.error.estimator import estimator
 from antiosc.fem.error.remeshing import source_of
@@ -33,15 +38,24 @@ from antiosc.simulation.error_budget import amplitudes, differences
 STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}
 #: Error of the reference over that of the mesh, most dofs of a reference, most of its meshes.
 REFERENCE, MOST_DOFS, ROUNDS = 0.02, {2: 60_000, 3: 60_000}, 4
+#: Every so many parts one is a block.
+BLOCKS = 10
 #: Bounds of good effectivities: of k0, by dimension, and of the force.
 GOOD_K0, GOOD_FORCE = {2: (0.5, 2.0), 3: (0.4, 2.5)}, (0.5, 3.0)
 ANTI_OSCILLATORS, TIME_TOL = 30, 1e-5
+#: The same of the truth, whose own errors are no errors of the bars.
+TRUE_ANTI_OSCILLATORS, TRUE_TIME_TOL = 60, 1e-6
 
 
 @dataclass
 class Case:
-    """One random part and impact, and what was found."""
+    """One random part and impact, and what was found.
 
+    `speed` is the contact time over the longest period of the part with its site held, `reference`
+    the errors of strains of the reference over those of the part.
+    """
+
+    number: int
     dim: int
     order: int
     holes: int
@@ -58,47 +72,86 @@ class Case:
     holds: bool = False
     worst_ratio: float = 0.0
     corrected: float = 0.0
+    speed: float = 0.0
+    reference: float = 0.0
+    refused: str = ""
 
     @property
-    def kind(self) -> str:
-        """Class of the case."""
-        shape = "faceted" if self.order == 1 and self.holes else "smooth or sharp"
-        patch = "patch resolved" if self.resolved else "patch not resolved"
-        return f"{self.dim}-D, order {self.order}, {shape}, {patch}"
+    def kinds(self) -> list[str]:
+        """Classes of the case."""
+        return [
+            "all",
+            f"{self.dim}-D",
+            f"{self.dim}-D, order {self.order}",
+            "patch resolved" if self.resolved else "patch not resolved",
+            "holes" if self.holes else "no holes",
+            *(["holes, flat faces"] if self.holes and self.order == 1 else []),
+            *(["notch"] if self.notch else []),
+            "held" if self.held else "free",
+            "contact shorter than the period" if self.speed < 1 else "contact longer",
+            *(["energy error above 0.1"] if self.energy_error > 0.1 else []),
+        ]
 
 
-def main(parts: int = 20, seed: int = 0, dim: int = 2, out: str = "") -> list[Case]:
-    """Try `parts` random parts; write the cases to `out` (JSON), if that is given."""
-    rng = np.random.default_rng(seed)
-    cases = []
+def main(parts: int = 20, seed: int = 0, dim: int = 0, out: str = "") -> list[Case]:
+    """Try `parts` random parts, all of one dimension if that is given.
+
+    Cases are added to the file `out` (a JSON object a line), those that it holds are not tried
+    again.
+    """
+    path = Path(out) if out else None
+    known = read(path) if path else {}
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
         warnings.simplefilter("ignore", ao.AntioscWarning)
         for number in range(parts):
-            case = drawn(rng, dim)
+            if number in known:
+                continue
+            rng = np.random.default_rng([seed, number])
+            case = drawn(number, rng, dim or (2, 3)[number % BLOCKS == BLOCKS - 1])
             try:
                 tried(case, Path(folder) / "part.geo", rng)
             except ao.AntioscError as error:
-                print(f"{number:4d} refused: {error}")
-                continue
-            cases.append(case)
-            print(
-                f"{number:4d} {case.kind:46s} {case.dofs:6d} dofs  k0 {case.k0:5.2f}  force "
-                f"{case.force:5.2f}  bar {'holds' if case.holds else 'FAILS'} "
-                f"({case.worst_ratio:.2f} of it)  corrected/raw {case.corrected:.2f}"
-                f"{'  notch' * case.notch}{'  held' * case.held}  E {case.energy_error:.1e}"
-            )
-    print(table(cases))
-    if out:
-        Path(out).write_text(json.dumps([asdict(case) for case in cases], indent=1) + "\n")
+                case.refused = str(error)
+            known[number] = case
+            print(line(case), flush=True)
+            if path:
+                with path.open("a") as file:
+                    file.write(json.dumps(asdict(case)) + "\n")
+    cases = [known[number] for number in sorted(known) if number < parts]
+    done = [case for case in cases if not case.refused]
+    print(table(done))
+    if path:
+        histogram(done, path.with_suffix(".png"))
     return cases
 
 
-def drawn(rng: np.random.Generator, dim: int) -> Case:
+def read(path: Path) -> dict[int, Case]:
+    """The cases of a file by their numbers."""
+    if not path.exists():
+        return {}
+    found = [Case(**json.loads(row)) for row in path.read_text().splitlines()]
+    return {case.number: case for case in found}
+
+
+def line(case: Case) -> str:
+    """What was found, for the eye."""
+    if case.refused:
+        return f"{case.number:4d} refused: {case.refused}"
+    kind = ", ".join(name for name in case.kinds if name not in ("all", f"{case.dim}-D"))
+    return (
+        f"{case.number:4d} k0 {case.k0:5.2f}  force {case.force:5.2f}  bar "
+        f"{'holds' if case.holds else 'FAILS'} ({case.worst_ratio:.2f} of it)  corrected/raw "
+        f"{case.corrected:.2f}  {case.dofs} dofs, {kind}"
+    )
+
+
+def drawn(number: int, rng: np.random.Generator, dim: int) -> Case:
     """A random case."""
     order = int(rng.integers(1, 3))
     size = 0.02 * rng.uniform(0.6, 1.5)
     resolved = bool(rng.random() < 0.8)
     return Case(
+        number=number,
         dim=dim,
         order=order,
         holes=int(rng.integers(0, 3)),
@@ -130,17 +183,19 @@ def tried(case: Case, path: Path, rng: np.random.Generator) -> None:
     def structure(mesh: ao.Mesh, order: int) -> ao.Structure:
         return ao.Structure(mesh, material, held, order=order)
 
-    def struck(model: ao.AntiOscillators) -> ao.History:
+    def struck(model: ao.AntiOscillators, tol: float = TIME_TOL) -> ao.History:
         law = ao.Hertz(2e9)
         span = 8e-4 * case.mass**0.4 + (8 * np.sqrt(case.mass / model.k0) if case.held else 0.0)
-        return ao.simulate(model, ao.RigidMass(case.mass, 1.0), law, float(span), tol=TIME_TOL)
+        return ao.simulate(model, ao.RigidMass(case.mass, 1.0), law, float(span), tol=tol)
 
     part = structure(ao.read_mesh(path, case.size, refine=refine, order=case.order), case.order)
     model = ao.extract(part, site, n=ANTI_OSCILLATORS, error="estimate")
     hit, soft = struck(model), struck(model.corrected())
     budget = hit.error_budget
     true_model = reference(case, path, site, structure, struck, share(model) * REFERENCE)
-    true = struck(true_model)
+    true = struck(true_model, TRUE_TIME_TOL)
+    case.reference = share(true_model) / share(model)
+    case.speed = hit.contact_time * float(model.omega[0]) / (2 * np.pi)
     case.dofs, case.energy_error = part.dofs, budget.energy_error
     case.k0 = effectivity_of_stiffness(model, true_model)
     estimated, actual = differences(hit, soft), differences(hit, true)
@@ -171,7 +226,7 @@ def reference(case, path, site, structure, struck, goal):  # type: ignore[no-unt
     mesh = source.first(case.size, [(site.point, case.radius)])
     for _ in range(ROUNDS):
         part = structure(mesh, 2)
-        model = ao.extract(part, site, n=ANTI_OSCILLATORS, error="estimate")
+        model = ao.extract(part, site, n=TRUE_ANTI_OSCILLATORS, error="estimate")
         if share(model) <= goal or part.dofs > MOST_DOFS[case.dim] / 2:
             break
         values, vectors = np.linalg.eigh(amplitudes(struck(model)))
@@ -229,10 +284,8 @@ def table(cases: Sequence[Case]) -> str:
         "| class | parts | k0 within | median | force within | median | bars hold | corrected |",
         "|---|---|---|---|---|---|---|---|",
     ]
-    for kind in [*sorted({case.kind for case in cases}), "all"]:
-        own = [case for case in cases if kind in (case.kind, "all")]
-        if not own:
-            continue
+    for kind in sorted({kind for case in cases for kind in case.kinds}):
+        own = [case for case in cases if kind in case.kinds]
         k0, force = (np.array([getattr(c, name) for c in own]) for name in ("k0", "force"))
         good = [GOOD_K0[c.dim][0] <= c.k0 <= GOOD_K0[c.dim][1] for c in own]
         well = [GOOD_FORCE[0] <= c.force <= GOOD_FORCE[1] for c in own]
@@ -245,12 +298,32 @@ def table(cases: Sequence[Case]) -> str:
     return "\n".join(rows)
 
 
+def histogram(cases: Sequence[Case], path: Path) -> None:
+    """Effectivities of k0 and of the force, and true errors over their bars."""
+    figure, grid = plotting.panels(1, 2, (9, 3.5))
+    bins = np.geomspace(0.1, 10, 31)
+    for name, label in (("k0", "k0"), ("force", "worst quantity of the force")):
+        values = np.clip([getattr(case, name) for case in cases], bins[0], bins[-1])
+        grid[0, 0].hist(values, bins=bins, histtype="step", label=label)
+    grid[0, 0].set_xscale("log")
+    grid[0, 0].set_xlabel("effectivity: estimated over true error")
+    ratios = np.minimum([case.worst_ratio for case in cases], 2.0)
+    grid[0, 1].hist(ratios, bins=np.linspace(0, 2, 41), histtype="step", label="worst of the three")
+    grid[0, 1].axvline(1.0, color="black", linewidth=1)
+    grid[0, 1].set_xlabel("true error over its bar")
+    for axes in grid.flat:
+        axes.set_ylabel("parts")
+        axes.legend()
+    plotting.save_figure(figure, path, dpi=120)
+
+
 def command(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--parts", type=options.count, default=20, help="random parts")
     parser.add_argument("--seed", type=options.seed, default=0, help="of the random parts")
-    parser.add_argument("--dim", type=int, choices=(2, 3), default=2, help="plates or blocks")
-    parser.add_argument("--out", default="", help="file for the cases (JSON)")
+    dims = "2: plates, 3: blocks, 0: one block in ten"
+    parser.add_argument("--dim", type=int, choices=(0, 2, 3), default=0, help=dims)
+    parser.add_argument("--out", default="", help="file for the cases, one a line")
     options.run(parser, main, arguments)
 
 

@@ -7,7 +7,14 @@ import pytest
 
 import antiosc as ao
 from antiosc.simulation.error_bars import CAUSES, QUANTITIES
-from antiosc.simulation.error_budget import FLOOR, SAFETY, SAFETY_COARSE, amplitudes, differences
+from antiosc.simulation.error_budget import (
+    FLOOR,
+    RESOLVED,
+    SAFETY,
+    SAFETY_COARSE,
+    amplitudes,
+    differences,
+)
 
 STRIKER, LAW = ao.RigidMass(0.5, 1.0), ao.Hertz(1e9)
 
@@ -47,14 +54,30 @@ def test_a_coarse_mesh_has_wider_bars_and_a_note():
     assert not any("coarse" in note for note in fine.notes)
 
 
-@pytest.mark.parametrize(
-    "facts", [{"patch": {"faces": 4e-3}}, {"geometry": "Not included: the geometry."}]
-)
-def test_what_the_mesh_does_not_resolve_widens_the_bars(facts):
-    usual, wide = (struck(model(radius=2e-3, info=f)).error_budget for f in ({}, facts))
+@pytest.mark.parametrize("faces", [3e-3, 6e-3])
+def test_faces_above_the_patch_widen_the_bars_by_their_size(faces):
+    facts = ({}, {"patch": {"faces": faces}})
+    usual, wide = (struck(model(radius=2e-3, info=f)).error_budget for f in facts)
     ratio = wide["peak_force"].mesh / usual["peak_force"].mesh
-    assert ratio == pytest.approx(SAFETY_COARSE / SAFETY, rel=1e-6)
+    assert ratio == pytest.approx(SAFETY_COARSE / SAFETY * faces / (RESOLVED * 2e-3), rel=1e-6)
     assert len(wide.notes) == len(usual.notes) + 1
+
+
+def test_flat_faces_count_by_what_they_cut_off():
+    """A tenth of the stiffness of each shape, and a fiftieth of the mass, all at once."""
+    own = model()
+    facts = {"note": "Flat faces.", "mass": 0.02, "stiffness": (0.1 * np.append(own.k0, own.k))}
+    facts["stiffness"] = facts["stiffness"].tolist()
+    budget = struck(model(info={"geometry": facts})).error_budget
+    m, omega = 1.02 * own.m, own.omega * np.sqrt(1.1 / 1.02)
+    curved = ao.AntiOscillators(m0=1.02 * own.m0, k0=1.1 * own.k0, m=m, omega=omega)
+    off = differences(struck(own, tol=1e-5), struck(curved, tol=1e-5))
+    for name, bar in budget.items():
+        expected = SAFETY * max(off[name], FLOOR * max(off.values()))
+        assert bar.geometry == pytest.approx(expected, rel=0.02)
+        assert bar.total == pytest.approx(sum(getattr(bar, cause) for cause in CAUSES))
+    assert "Flat faces." in budget.notes
+    assert struck(own).error_budget["peak_force"].geometry == 0
 
 
 def test_energy_of_the_amplitudes_is_the_strain_energy_of_the_contact():

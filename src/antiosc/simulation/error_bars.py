@@ -8,7 +8,7 @@ from dataclasses import dataclass
 #: Quantities of an impact that have bars, and their units.
 QUANTITIES = {"peak_force": "N", "impulse": "N s", "contact_time": "s"}
 #: Causes of error, in the order in which they are told.
-CAUSES = ("mesh", "truncation", "time", "patch")
+CAUSES = ("mesh", "truncation", "time", "patch", "geometry")
 
 
 @dataclass(frozen=True)
@@ -22,6 +22,7 @@ class ErrorBar:
     truncation : of the anti-oscillators that the model leaves out.
     time : of the time integration.
     patch : of the radius of the site's patch.
+    geometry : of flat faces that stand for a curved surface.
     """
 
     value: float
@@ -29,11 +30,12 @@ class ErrorBar:
     truncation: float
     time: float
     patch: float
+    geometry: float = 0.0
 
     @property
     def total(self) -> float:
         """Sum of all causes."""
-        return self.mesh + self.truncation + self.time + self.patch
+        return self.mesh + self.truncation + self.time + self.patch + self.geometry
 
 
 @dataclass(frozen=True)

@@ -25,14 +25,16 @@ from antiosc.simulation.truncation import Run, truncation_error
 #: Each error is at least this share of the largest of the three.
 FLOOR = 0.5
 #: Factor of safety of the mesh's share, and the same where the mesh is not good enough for it: the
-#: share of the errors of strains in the energy exceeds COARSE, the faces under the patch exceed
-#: RESOLVED times its radius, or flat faces stand for a curved surface.
+#: share of the errors of strains in the energy exceeds COARSE, or the faces under the patch are
+#: RESOLVED times its radius (in proportion to them, above the first factor).
 SAFETY, SAFETY_COARSE, COARSE, RESOLVED = 2.0, 3.0, 0.1, 1.2
 #: Time integration error of the runs that are compared, over that of the history; at most and
 #: at least this.
 FINER, LEAST, MOST = 0.1, 1e-6, 1e-4
 #: Instants of the contact at which the amplitudes of the shapes are taken.
 INSTANTS = 200
+#: Largest change of stiffness or mass that the gaps between flat faces and their surface count for.
+MOST_GAP = 0.5
 #: Note where a second radius says nothing.
 NO_PATCH = "Not included: the radius of the patch."
 
@@ -49,8 +51,7 @@ def error_budget(hit: History, again: Run) -> ErrorBudget:
     tol = min(max(FINER * max(_time_errors(hit), default=MOST), LEAST), MOST)
     raw, softer = again(model, tol), again(model.corrected(), tol)
     share = energy_error(model, model.strain_error, amplitudes(hit))
-    doubts = _doubts(model, share)
-    safety = SAFETY_COARSE if doubts else SAFETY
+    safety, doubts = _safety(model, share)
     mesh = _floored({name: safety * off for name, off in differences(raw, softer).items()})
     truncated = truncation_error(model, again, tol=tol)
     notes = []
@@ -60,6 +61,7 @@ def error_budget(hit: History, again: Run) -> ErrorBudget:
             f"{len(softer.contacts)} corrected): the contact times are not comparable."
         )
     patch, told = _patch(model, raw, again, tol)
+    geometry, curved = _geometry(model, hit, raw, again, tol)
     time = _time(hit, raw, tol)
     bars = {
         name: ErrorBar(
@@ -68,29 +70,36 @@ def error_budget(hit: History, again: Run) -> ErrorBudget:
             truncation=getattr(truncated, name),
             time=time[name],
             patch=patch[name],
+            geometry=geometry[name],
         )
         for name in QUANTITIES
     }
-    return ErrorBudget(bars, share, (*notes, *told, *doubts))
+    return ErrorBudget(bars, share, (*notes, *told, *curved, *doubts))
 
 
-def _doubts(model: AntiOscillators, share: float) -> list[str]:
-    """Why the mesh is not good enough for the usual factor of safety; one sentence each."""
-    doubts = []
+def _safety(model: AntiOscillators, share: float) -> tuple[float, list[str]]:
+    """The factor of the mesh's share, and why it is not the usual one; one sentence each.
+
+    Faces as large as the patch spread its load: the strains that they miss grow as their size over
+    the radius (the compliance of a patch is inverse to its radius), and no recovery sees them.
+    """
+    safety, doubts = SAFETY, []
     if share > COARSE:
+        safety = SAFETY_COARSE
         doubts.append(
             f"The errors of the strains hold {share:.0%} of the energy: the mesh is coarse, and "
             "its bar is less certain."
         )
     patch = model.info.get("patch")
     faces = float(patch.get("faces", 0.0)) if isinstance(patch, dict) else 0.0
-    if model.radius is not None and faces > RESOLVED * model.radius:
+    coarse = faces / (RESOLVED * model.radius) if model.radius is not None else 0.0
+    safety = max(safety, SAFETY_COARSE * coarse)
+    if coarse > 1:
         doubts.append(
             f"The faces at the site measure {faces:.2g} m, more than its radius "
             f"{model.radius:.2g} m: the patch is not resolved, and the mesh's bar is less certain."
         )
-    geometry = model.info.get("geometry")
-    return [*doubts, geometry] if isinstance(geometry, str) else doubts
+    return safety, doubts
 
 
 def amplitudes(hit: History) -> Any:
@@ -153,3 +162,33 @@ def _patch(
     if change and not any(changed.values()):  # the law does not contain the half-space
         return none, [NO_PATCH]
     return changed, []
+
+
+def _geometry(
+    model: AntiOscillators, hit: History, raw: History, again: Run, tol: float
+) -> tuple[dict[str, float], list[str]]:
+    """The share of flat faces that stand for a curved surface, and what is to be said of it.
+
+    Between both lie layers that the mesh lacks or has in excess. Their strain energy over that of
+    the contact, and their mass over the structure's, change all stiffnesses and masses of the run.
+    """
+    facts = model.info.get("geometry")
+    if not isinstance(facts, dict):
+        return dict.fromkeys(QUANTITIES, 0.0), []
+    weights = np.diag(amplitudes(hit))
+    energy = weights @ np.append(model.k0, model.k)
+    layers = weights @ np.asarray(facts["stiffness"])[: len(weights)]
+    stiffer = 1 + float(np.clip(layers / energy if energy > 0 else 0.0, -MOST_GAP, MOST_GAP))
+    heavier = 1 + float(np.clip(facts["mass"], -MOST_GAP, MOST_GAP))
+    p = model.participation
+    curved = replace(
+        model,
+        m0=model.m0 * heavier,
+        k0=model.k0 * stiffer,
+        m=model.m * heavier,
+        omega=model.omega * np.sqrt(stiffer / heavier),
+        participation=None if p is None else p * heavier,
+        strain_error=None,
+    )
+    changed = differences(raw, again(curved, tol))
+    return _floored({name: SAFETY * off for name, off in changed.items()}), [facts["note"]]

@@ -8,7 +8,11 @@ import pytest
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
+from antiosc.fem import compat
+from antiosc.fem.error.estimator import estimator
 from antiosc.fem.error.facets import faceted
+from antiosc.fem.error.gaps import mean_gaps
+from antiosc.fem.error.model_errors import layers
 from parts import STEEL, box, plate
 from sheets import sheet
 
@@ -45,6 +49,50 @@ def test_facets_of_a_bent_block():
     x = mesh.dolfinx.geometry.x
     x[:, 2] += 0.3 * x[:, 0] ** 2
     assert "curved surface" in faceted(mesh)
+
+
+@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
+def test_gaps_of_a_ring(cell):
+    """What a polygon of n sides lacks of an arc; at each end half a side is not known as curved."""
+    n, R = 15, 2.0
+    part = ao.Structure(ring(n, cell), ao.Solid(**STEEL, plane="stress", thickness=0.02), order=1)
+    gap, length = mean_gaps(part.faces)
+    outer = np.linalg.norm(part.faces.centres, axis=1) > 1.9
+    inner = np.linalg.norm(part.faces.centres, axis=1) < 1.01
+    flat = ~(outer | inner)
+    cut = R**2 / 2 * (np.pi / 2 - n * np.sin(np.pi / 2 / n)) * (n - 1) / n
+    assert (gap * length)[outer].sum() == pytest.approx(cut, rel=5e-3)
+    assert (gap * length)[inner].sum() == pytest.approx(-cut / 4, rel=5e-3)
+    assert np.abs(gap[flat]).max() < 1e-15
+    _, mass = layers(part)
+    assert mass == pytest.approx(STEEL["rho"] * 0.02 * 0.75 * cut / part.mass, rel=5e-3)
+
+
+@pytest.mark.parametrize("cell", ["tetrahedron", "hexahedron"])
+def test_gaps_of_a_tube(cell):
+    n = 15
+    mesh = box((n, 1, 2), (np.pi / 2, 1.0, 1.0), cell)
+    x = mesh.dolfinx.geometry.x
+    angle, radius = x[:, 0].copy(), 1 + x[:, 2]
+    x[:, 0], x[:, 2] = radius * np.sin(angle), radius * np.cos(angle)
+    faces = ao.Structure(mesh, ao.Solid(**STEEL), order=1).faces
+    gap, area = mean_gaps(faces)
+    outer = np.linalg.norm(faces.centres[:, ::2], axis=1) > 1.9
+    cut = 2 * (np.pi / 2 - n * np.sin(np.pi / 2 / n)) * (n - 1) / n
+    assert (gap * area)[outer].sum() == pytest.approx(cut, rel=0.03)
+
+
+def test_energy_of_layers_of_equal_strain():
+    part = ao.Structure(box((2, 2, 2)), ao.Solid(**STEEL), order=1)
+    _, x = compat.dof_coordinates(part.form.space, part.form.components["x"])
+    u = np.zeros((part.rows, 1))
+    u[compat.dof_coordinates(part.form.space, part.form.components["x"])[0], 0] = x[:, 0]
+    volumes = np.random.default_rng(3).uniform(-1e-6, 2e-6, len(part.faces.facets))
+    E, nu = STEEL["E"], STEEL["nu"]
+    C = E * (1 - nu) / ((1 + nu) * (1 - 2 * nu))
+    error, energy = estimator(part).gram_and_layers(u, volumes)
+    assert energy[0] == pytest.approx(C * volumes.sum(), rel=1e-6)
+    assert error[0, 0] < 1e-9 * C
 
 
 def test_second_radius_is_a_second_extraction():

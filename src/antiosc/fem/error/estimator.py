@@ -8,12 +8,22 @@ from antiosc._types import Array
 from antiosc.errors import InputError
 from antiosc.fem.structure.structure import Structure, on_mesh
 
+#: Why the recovery of strains does not tell the errors of other families.
+WHY = {
+    "sheet": "whose interpolated strains can make a coarse mesh softer than the part",
+    "beam": "whose strains are most accurate at the very points where they are taken",
+}
+
 
 class StrainErrors(Protocol):
     """Energies of the errors e_j of the strains of shapes u_j (rows of this rank, k)."""
 
     def gram(self, shapes: Array) -> Array:
         """E_ij = ∫ e_i:C:e_j over the structure, (k, k), the same on all ranks."""
+        ...
+
+    def gram_and_layers(self, shapes: Array, layers: Array) -> tuple[Array, Array]:
+        """(E, energies (k,) of the strains in layers (F,) [m³] on the outer faces of this rank)."""
         ...
 
     def of_cells(self, shapes: Array) -> Array:
@@ -30,8 +40,8 @@ def estimator(structure: Structure) -> StrainErrors:
     if matrices.kind.name != "solid":
         raise InputError(
             f"error='estimate' holds for solids; {matrices.mesh.name} is made of "
-            f"{matrices.kind.name} elements, whose estimate is not calibrated: leave error=None "
-            "and compare two element sizes."
+            f"{matrices.kind.name} elements, {WHY[matrices.kind.name]}: leave error=None and "
+            "compare two element sizes."
         )
     from antiosc.fem.error.solid import SolidErrors  # needs dolfinx
 

@@ -31,9 +31,8 @@ def faceted(mesh: Mesh) -> str:
     if not len(small):
         return ""
     return (
-        f"Not included: the error of the geometry, if the flat faces of {mesh.name} that meet at "
-        f"angles of up to {small.max():.2g}° stand for a curved surface; read the geometry with "
-        "order=2."
+        f"The flat faces of {mesh.name} that meet at angles of up to {small.max():.2g}° are taken "
+        "for a curved surface; read the geometry with order=2 to have it curved."
     )
 
 

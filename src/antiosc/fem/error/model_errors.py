@@ -4,12 +4,18 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
+from typing import Any
 
+import numpy as np
+
+from antiosc._types import Array
 from antiosc.errors import InputError
 from antiosc.fem.error.estimator import estimator
 from antiosc.fem.error.facets import faceted
+from antiosc.fem.error.gaps import mean_gaps
 from antiosc.fem.error.patch import patch_of
 from antiosc.fem.site.site import Functional
+from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.fem.structure.structure import Structure, on_mesh
 from antiosc.models.anti_oscillators import AntiOscillators
 
@@ -24,15 +30,43 @@ class ModelErrors:
                 "error=None."
             )
         self._structure, self._errors = structure, estimator(structure)
-        self._geometry = faceted(on_mesh(structure).mesh)
+        part = on_mesh(structure)
+        self._geometry = faceted(part.mesh)
+        self._layers, self._mass = layers(part) if self._geometry else (np.zeros(0), 0.0)
 
     def added_to(self, model: AntiOscillators, site: Functional) -> AntiOscillators:
         """The model, with its shapes, and its `strain_error`; `info` holds patch and geometry."""
         started = time.perf_counter()
         assert model.shapes is not None
-        model = replace(model, strain_error=self._errors.gram(model.shapes))
+        E, outside = self._errors.gram_and_layers(model.shapes, self._layers)
+        model = replace(model, strain_error=E)
         model.info["patch"] = patch_of(self._structure, site)
         if self._geometry:
-            model.info["geometry"] = self._geometry
+            if model.k0 == 0:  # a rigid motion
+                outside[0] = 0.0
+            model.info["geometry"] = {
+                "note": self._geometry,
+                "stiffness": outside.tolist(),
+                "mass": self._mass,
+            }
         model.info["seconds"]["error"] = time.perf_counter() - started
         return model
+
+
+def layers(part: MeshedStructure) -> tuple[Array, float]:
+    """What lies between the faces of this rank and the surface that they stand for.
+
+    (volumes (F,) [m³], in the plane areas, negative where the mesh has too much; their mass over
+    that of the structure)
+    """
+    gap, area = mean_gaps(part.faces)
+    volumes = gap * area
+    heaviness = [material.rho * depth(material) for material, _ in part.parts]
+    number = part.part_of_cells()[part.faces.cells]
+    mass = part.comm.allreduce(float(volumes @ np.array(heaviness)[number]))
+    return volumes, mass / part.total_mass
+
+
+def depth(material: Any) -> float:
+    """Thickness of a plane part; 1 otherwise, for volumes hold it."""
+    return float(material.thickness) if getattr(material, "plane", None) else 1.0

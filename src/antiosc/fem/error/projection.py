@@ -28,12 +28,12 @@ class Projection:
         self._space = compat.lagrange(mesh.dolfinx, 1, 0)
         # values of the functions at the points (points, corners)
         table = compat.tabulate(self._space, (), quadrature.X)
-        corners = compat.cell_dofs(self._space, (0,), cells)
-        self._points, self._count = len(quadrature.X), corners.shape[1]
-        weight = quadrature.weights[cells]
         index_map = self._space.dofmap.index_map
         #: corners of this rank, ghosts included
         self.size = int(index_map.size_local + index_map.num_ghosts)
+        corners = compat.cell_dofs(self._space, (0,), cells)
+        self._points, self._count = len(quadrature.X), corners.shape[1]
+        weight = quadrature.weights[cells]
         # rows of matrices are points: the functions there, and those times the points' weights
         self._columns = np.repeat(corners[:, None], self._points, axis=1).reshape(-1, self._count)
         self._values = np.tile(table, (len(cells), 1))
@@ -89,6 +89,14 @@ class Projection:
     def at_points(self, some: slice, values: Array) -> Array:
         """Values (points, fields) in the cells `some`, of values with ghosts (corners, fields)."""
         return np.asarray(self._at(self._values, some) @ values)
+
+    def within(self, cells: IntArray, X: Array, values: Array) -> Array:
+        """Values (n, fields) at reference points X (n, tdim) of cells (n,); values: with ghosts."""
+        if not len(cells):
+            return np.zeros((0, values.shape[1]))
+        table = compat.tabulate(self._space, (), X)
+        at = compat.cell_dofs(self._space, (0,), cells)
+        return np.asarray(np.einsum("na,naf->nf", table, values[at]))
 
     def with_ghosts(self, values: Array) -> Array:
         """Values at the corners of this rank, continued to its ghosts."""

@@ -29,7 +29,13 @@ class SolidErrors:
     structure: MeshedStructure
 
     def gram(self, shapes: Array) -> Array:
-        """E_ij = ∫ e_i:C:e_j, (k, k).
+        """E_ij = ∫ e_i:C:e_j, (k, k)."""
+        return self.gram_and_layers(shapes, np.zeros(0))[0]
+
+    def gram_and_layers(self, shapes: Array, layers: Array) -> tuple[Array, Array]:
+        """E_ij = ∫ e_i:C:e_j (k, k), and energies ∫ ε*:C:ε* (k,) of layers on the outer faces.
+
+        `layers` (F,) are the volumes [m³] (areas in the plane) on the faces of this rank, or none.
 
         With the projections ε* = Σ x φ, their loads l and mass matrix M, E = ∫ ε:C:ε - lᵀx - xᵀl +
         xᵀMx: one pass over the cells suffices. The residual l - Mx of the solve matters to its
@@ -37,7 +43,7 @@ class SolidErrors:
         """
         strains = self._strains(shapes)
         count = strains.count
-        total = np.zeros((count, count))
+        total, outside = np.zeros((count, count)), np.zeros(count)
         for root, cells in self._regions():
             projection = Projection(strains.quadrature, cells)
             loads = np.zeros((projection.size, strains.components, count))
@@ -51,8 +57,20 @@ class SolidErrors:
             rest = flat + projection.residual(flat, recovered)
             half = rest.reshape(-1, count).T @ recovered.reshape(-1, count)
             total -= (half + half.T) / 2
-        total = self.structure.comm.allreduce(total)
-        return np.asarray(total)
+            if self.structure.comm.allreduce(len(layers)):
+                outside += self._outside(projection, cells, recovered, layers, count)
+        return self.structure.comm.allreduce(total), self.structure.comm.allreduce(outside)
+
+    def _outside(
+        self, projection: Projection, cells: IntArray, recovered: Array, layers: Array, count: int
+    ) -> Array:
+        """Energies (count,) of layers on those faces that belong to `cells`."""
+        faces = self.structure.faces
+        here = np.flatnonzero(np.isin(faces.cells, cells))
+        X = faces.reference(here, faces.middle[here])
+        values = projection.within(faces.cells[here], X, projection.with_ghosts(recovered))
+        values = values.reshape(len(here), -1, count)
+        return np.asarray(np.einsum("fmk,fmk,f->k", values, values, layers[here]))
 
     def of_cells(self, shapes: Array) -> Array:
         """Σ_j ∫ e_j:C:e_j over each cell that this rank owns, (cells,)."""

@@ -1,0 +1,74 @@
+"""The gaps between flat faces and the curved surface that they may stand for.
+
+The normals at the corners of a face are those of the surface, means over the faces around
+(weighted as Max, J. Graphics Tools 4 (1999) 2: exact on spheres, and on circles by the inverse
+lengths). Along a side of length l with the normals n, n' at its ends x, x' the curvature times l²
+is (n' - n)·(x' - x); a linear face is off the surface by a twelfth of that in the mean over a
+segment, and by a twenty-fourth of its sum over the sides of a triangle or a quadrilateral.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse
+
+from antiosc._types import Array, IntArray
+from antiosc.fem.error.facets import MOST
+from antiosc.fem.mesh.surface import Faces
+
+#: Corners around a face, in order; the ends of a segment.
+AROUND = {2: [0, 1], 3: [0, 1, 2], 4: [0, 1, 3, 2]}
+
+
+def mean_gaps(faces: Faces) -> tuple[Array, Array]:
+    """(mean gap [m], area [m²], in the plane length [m]) of the faces of this rank, (F,) each.
+
+    A gap is positive where the surface lies outside of the face (it is convex).
+    """
+    mesh = faces.mesh
+    numbers = np.asarray(mesh.dolfinx.geometry.input_global_indices)[faces.vertices]
+    every = mesh.comm.allgather((numbers, faces.corners, faces.normals))
+    first = sum(len(each[0]) for each in every[: mesh.comm.rank])
+    vertices, x, normals = (np.concatenate(each) for each in zip(*every, strict=True))
+    around = AROUND[vertices.shape[1]]
+    gap = _gaps(vertices[:, around], x[:, around], normals)
+    area = _areas(faces.corners[:, around])
+    return gap[first : first + len(area)], area
+
+
+def _gaps(vertices: IntArray, x: Array, normals: Array) -> Array:
+    """Mean gaps (F,) of faces with corners x (F, v, 3) around them, at `vertices` (F, v)."""
+    corners = vertices.shape[1]
+    ahead, back = np.roll(x, -1, axis=1) - x, np.roll(x, 1, axis=1) - x
+    size = np.linalg.norm(ahead, axis=2)
+    weight = 1 / size
+    if corners > 2:
+        other = np.linalg.norm(back, axis=2)
+        weight = np.linalg.norm(np.cross(ahead, back), axis=2) / (size * other) ** 2
+    n = _normals(vertices.ravel(), np.repeat(normals, corners, axis=0), weight.ravel())
+    n = n.reshape(x.shape)
+    bent = np.einsum("fvd,fvd->f", np.roll(n, -1, axis=1) - n, ahead)
+    return np.asarray(bent / 24)  # a segment is gone along twice
+
+
+def _normals(vertex: IntArray, normals: Array, weights: Array) -> Array:
+    """The normal at each corner (C, 3): mean over its vertex's ones on the same smooth surface."""
+    count = len(vertex)
+    _, number = np.unique(vertex, return_inverse=True)
+    at = scipy.sparse.csr_matrix((np.ones(count), (np.arange(count), number.ravel())))
+    pairs = (at @ at.T).tocoo()
+    cosine = np.einsum("nd,nd->n", normals[pairs.row], normals[pairs.col])
+    smooth = cosine > np.cos(np.radians(MOST))
+    share = weights[pairs.col] * smooth
+    mean = scipy.sparse.csr_matrix((share, (pairs.row, pairs.col)), shape=(count, count)) @ normals
+    return np.asarray(mean / np.linalg.norm(mean, axis=1, keepdims=True))
+
+
+def _areas(x: Array) -> Array:
+    """Areas of faces (F, v, 3), lengths of segments."""
+    if x.shape[1] == 2:
+        return np.asarray(np.linalg.norm(x[:, 1] - x[:, 0], axis=1))
+    one, other = x[:, 1] - x[:, 0], x[:, -1] - x[:, 0]
+    if x.shape[1] == 4:
+        one, other = x[:, 2] - x[:, 0], x[:, 3] - x[:, 1]
+    return np.asarray(np.linalg.norm(np.cross(one, other), axis=1) / 2)
