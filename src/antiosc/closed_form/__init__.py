@@ -1,4 +1,4 @@
-"""Structures with exact solutions: beams, supported plates and laminates, Zener's impact.
+"""Structures with exact solutions: beams, supported plates and laminates, Zener's impact, a layer.
 
 `docs/closed_forms.md` lists them with their theory, sources and an example. Of a beam the
 anti-oscillators and modes are known to rounding.
@@ -12,6 +12,7 @@ ends and struck at any point, is a `StruckBeam`; the functions below name the us
 from antiosc import checks
 from antiosc.closed_form import zener
 from antiosc.closed_form.laminates import SupportedLaminate
+from antiosc.closed_form.plate_patch import plate_patch
 from antiosc.closed_form.plates import SupportedPlate
 from antiosc.closed_form.struck import BeamModes, StruckBeam
 from antiosc.closed_form.uniform import UniformBeam
@@ -27,6 +28,7 @@ __all__ = [
     "free_free",
     "pinned_free",
     "pinned_pinned",
+    "plate_patch",
     "zener",
 ]
 
