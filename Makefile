@@ -37,9 +37,10 @@ bench: $(READY) ## speed against accuracy: tables, pictures and JSON in demos/sp
 validate: $(READY) ## published tests in one table with pictures: docs/validation.md (about 2 minutes)
 	$(PYTHON) demos/validation/book.py
 
-peers: $(READY) ## a plate and a sphere in CalculiX with meshed contact beside antiosc (half an hour)
+peers: $(READY) ## plate and bracket in CalculiX with meshed contact beside antiosc (an hour)
 	.ci/install .ci/packages-peers
-	$(PYTHON) demos/peers/calculix.py
+	$(PYTHON) demos/peers/calculix.py --part plate
+	$(PYTHON) demos/peers/calculix.py --part bracket --near 0.4 --stiffnesses 1e6 --explicit 2e-8 --duration 1e-4
 
 docs: $(READY) ## the pages, in out/docs/index.html; a warning is an error
 	.ci/install .ci/packages-docs

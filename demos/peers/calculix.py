@@ -1,10 +1,12 @@
-"""A plate struck by a sphere, in CalculiX with meshed contact and in antiosc on the same mesh.
+"""An impact in CalculiX with meshed contact and in antiosc, on the same mesh of the same part.
 
-A quarter of a clamped steel plate, 100 x 100 x 6 mm, and of a steel sphere of 10 mm radius at
-1 m/s, both of quadratic tetrahedra. CalculiX (Debian's calculix-ccx) integrates both bodies with
-contact between their surfaces; antiosc takes the same quarter of the plate, a rigid sphere and
-Hertz's law. The script prints the figures of both forces, CalculiX's with each step and contact
-stiffness that is asked for, and the CPU seconds of both, and draws the forces.
+A steel sphere of 10 mm radius strikes the centre of a clamped steel plate, 100 x 100 x 6 mm, at
+1 m/s (a quarter of both is meshed), or the eye of the aluminium bracket along its normal, at 2 m/s.
+All bodies are meshed with quadratic tetrahedra. CalculiX (Debian's calculix-ccx) integrates both
+bodies with contact between their surfaces, in implicit and, if asked, in explicit steps; antiosc
+reads the part from the same deck and takes a rigid sphere and Hertz's law. The script prints the
+figures of all forces, CalculiX's with each step and contact stiffness that is asked for, their
+distance from antiosc's force and the CPU seconds, and draws the forces.
 
     .venv/bin/python demos/peers/calculix.py --help
 """
@@ -25,99 +27,99 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
+import bodies
 import numpy as np
 import options
-from calculix_deck import Blow, Part, deck, forces, meshed
+from bodies import Blow
+from calculix_deck import deck, forces, part_deck
 from numpy.typing import NDArray
 
 import antiosc as ao
 from antiosc import plotting
 
 Array = NDArray[np.float64]
+Curve = tuple[Array, Array]
 ROOT = Path(__file__).resolve().parents[2]
+BLOWS = {"plate": bodies.plate, "bracket": bodies.bracket}
 #: share of the peak below which the sphere has left
 RELEASED = 0.02
 
 
 def main(
+    part: str = "plate",
     near: tuple[float, ...] = (0.35, 0.22),
     steps: tuple[float, ...] = (2e-6,),
+    explicit: tuple[float, ...] = (),
     stiffnesses: tuple[float, ...] = (1e7,),
     duration: float = 8e-5,
+    n: int = 60,
     out: Path = ROOT / "out" / "peers",
 ) -> dict[str, dict[str, float]]:
     """Run both programs; return the figures of each run.
 
     Parameters
     ----------
+    part : "plate" or "bracket"
     near : sizes of the elements at the contact, mm; one mesh for each
-    steps : of CalculiX, s
+    steps : of CalculiX's implicit dynamics, s
+    explicit : steps of its explicit dynamics, s
     stiffnesses : of its contact, N/mm^3
     duration : simulated time, s
+    n : anti-oscillators
     out : folder of the decks and of the picture
     """
     program = shutil.which("ccx")
     if program is None:
         raise ao.InputError("ccx was not found: install Debian's calculix-ccx.")
     out.mkdir(parents=True, exist_ok=True)
-    blow = Blow()
     numbers: dict[str, dict[str, float]] = {}
-    curves: dict[str, tuple[Array, Array]] = {}
+    curves: dict[str, Curve] = {}
     for size in near:
-        plate = meshed(blow, "plate", size, 6.0, 0.7)
-        ball = meshed(blow, "ball", size, 4.0, 0.7)
-        print(f"{size:g} mm at the contact: plate {len(plate.cells)}, ball {len(ball.cells)} cells")
-        name = f"antiosc, {size:g} mm"
+        blow = BLOWS[part](size)
+        cells = (len(blow.part.cells), len(blow.ball.cells))
+        print(f"{size:g} mm at the contact: {part} {cells[0]}, ball {cells[1]} cells")
         started = time.process_time()
-        curves[name] = ours(blow, plate, out, duration)
-        numbers[name] = figures(*curves[name])
-        numbers[name]["CPU s"] = time.process_time() - started
+        own = ours(blow, out, duration, n)
+        name = f"antiosc, {size:g} mm"
+        numbers[name] = {**figures(*own), "CPU s": time.process_time() - started}
+        curves[name] = own
         show(name, numbers[name])
-        for step in steps:
-            for k in stiffnesses:
-                name = f"ccx, {size:g} mm, {step * 1e6:g} us, {k:g} N/mm3"
-                job = out / f"ccx_{size:g}_{step:g}_{k:g}"
-                deck(blow, plate, ball, job.with_suffix(".inp"), step=step, duration=duration, k=k)
-                seconds = run(program, job)
-                t, quarter = forces(job.with_suffix(".dat"))
-                curves[name] = t, 4 * quarter
-                numbers[name] = figures(*curves[name])
-                numbers[name]["CPU s"] = seconds
-                show(name, numbers[name])
-    plot(curves, out / "calculix.png")
-    print(f"written to {out}: calculix.png")
+        runs = [(step, k, False) for k in stiffnesses for step in steps]
+        runs += [(step, k, True) for k in stiffnesses for step in explicit]
+        for step, k, forward in runs:
+            method = "explicit" if forward else "implicit"
+            name = f"ccx {method}, {size:g} mm, {step * 1e6:g} us, {k:g} N/mm3"
+            job = out / f"ccx_{part}_{method}_{size:g}_{step:g}_{k:g}"
+            deck(blow, job.with_suffix(".inp"), step=step, duration=duration, k=k, explicit=forward)
+            seconds = run(program, job)
+            t, piece = forces(job.with_suffix(".dat"), blow.direction)
+            curves[name] = t, blow.pieces * piece
+            numbers[name] = {**figures(*curves[name]), "CPU s": seconds}
+            numbers[name]["L2 %"] = 100 * distance(own, curves[name])
+            show(name, numbers[name])
+    plot(curves, out / f"calculix_{part}.png")
+    print(f"written to {out}: calculix_{part}.png")
     return numbers
 
 
-def ours(blow: Blow, plate: Part, out: Path, duration: float) -> tuple[Array, Array]:
-    """The force on the whole plate, by a quarter of the plate, of the mass and of the law."""
-    path = out / "plate.inp"
-    lines = ["*NODE"]
-    lines += [f"{i + 1}, {a:.9e}, {b:.9e}, {c:.9e}" for i, (a, b, c) in enumerate(plate.x)]
-    lines.append("*ELEMENT, TYPE=C3D10, ELSET=PLATE")
-    for i, cell in enumerate(plate.cells):
-        lines.append(", ".join(str(n) for n in (i + 1, *(cell + 1))))
-    path.write_text("\n".join(lines) + "\n", encoding="ascii")
-    half = blow.half * 1e-3
-    supports = [
-        ao.Support(plane=((half, 0, 0), (1, 0, 0))),
-        ao.Support(plane=((0, half, 0), (0, 1, 0))),
-        ao.Support(lambda x: np.isclose(x[0], 0, atol=1e-9), fix="x"),
-        ao.Support(lambda x: np.isclose(x[1], 0, atol=1e-9), fix="y"),
-    ]
-    E = blow.E * 1e6
-    solid = ao.Solid(E=E, nu=blow.nu, rho=blow.rho * 1e12)
-    part = ao.Structure(ao.read_mesh(path, unit="mm"), solid, supports)
+def ours(blow: Blow, out: Path, duration: float, n: int) -> Curve:
+    """The force on the whole part, by a piece of the part, of the mass and of the law."""
+    path = out / "part.inp"
+    part_deck(blow.part, path)
+    part = ao.read_model(path, unit="mm")
+    site = ao.Site(1e-3 * blow.point, blow.direction, radius=1e-3 * blow.patch, snap=True)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ao.AccuracyWarning)  # the planes of symmetry cut the patch
-        model = ao.extract(part, ao.Site((0, 0, 0), (0, 0, -1), radius=1e-3), n=60)
-    # a quarter of the force acts on a quarter of the patch
-    model = replace(model, local_compliance=4 * model.local_compliance)
-    ball = ao.Sphere(blow.radius * 1e-3, E=E, nu=blow.nu, rho=blow.rho * 1e12)
-    law = ao.Hertz(ball.hertz(E, blow.nu).stiffness / 4)
-    mass = ao.RigidMass(ball.mass / 4, velocity=blow.speed * 1e-3)
-    hit = ao.simulate(model, mass, law, duration=duration)
-    return hit.time, 4 * hit.force
+        warnings.simplefilter("ignore", ao.AccuracyWarning)  # planes of symmetry cut the patch
+        model = ao.extract(part, site, n=n)
+    # a piece of the force acts on a piece of the patch
+    model = replace(model, local_compliance=blow.pieces * model.local_compliance)
+    own, other = blow.ball.material, blow.part.material
+    ball = ao.Sphere(1e-3 * blow.radius, E=1e6 * own.E, nu=own.nu, rho=1e12 * own.rho)
+    radii = (1e-3 * blow.other_radii[0], 1e-3 * blow.other_radii[1])
+    law = ball.hertz(1e6 * other.E, other.nu, radii=radii)
+    mass = ao.RigidMass(ball.mass / blow.pieces, velocity=1e-3 * blow.speed)
+    hit = ao.simulate(model, mass, ao.Hertz(law.stiffness / blow.pieces), duration=duration)
+    return hit.time, blow.pieces * hit.force
 
 
 def run(program: str, job: Path) -> float:
@@ -149,11 +151,18 @@ def figures(t: Array, force: Array) -> dict[str, float]:
     }
 
 
+def distance(own: Curve, other: Curve) -> float:
+    """How far a force lies from ours, in the mean square over time, relative to ours."""
+    t = np.linspace(0.0, min(own[0][-1], other[0][-1]), 2000)
+    a, b = np.interp(t, *own), np.interp(t, *other)
+    return float(np.linalg.norm(b - a) / np.linalg.norm(a))
+
+
 def show(name: str, row: dict[str, float]) -> None:
-    print(f"{name:<34}" + "  ".join(f"{key} {value:.5g}" for key, value in row.items()), flush=True)
+    print(f"{name:<46}" + "  ".join(f"{key} {value:.5g}" for key, value in row.items()), flush=True)
 
 
-def plot(curves: dict[str, tuple[Array, Array]], path: Path) -> None:
+def plot(curves: dict[str, Curve], path: Path) -> None:
     """All forces over time."""
     figure, axes = plotting.panels(1, 1, size=(8, 4))
     (axis,) = axes.ravel()
@@ -168,10 +177,13 @@ def plot(curves: dict[str, tuple[Array, Array]], path: Path) -> None:
 def command(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     several = options.listed(options.positive)
+    parser.add_argument("--part", choices=BLOWS, default="plate", help="what is struck")
     parser.add_argument("--near", type=several, default=(0.35, 0.22), help="mm at the contact")
-    parser.add_argument("--steps", type=several, default=(2e-6,), help="of CalculiX, s")
+    parser.add_argument("--steps", type=several, default=(2e-6,), help="of implicit dynamics, s")
+    parser.add_argument("--explicit", type=several, default=(), help="steps of explicit ones, s")
     parser.add_argument("--stiffnesses", type=several, default=(1e7,), help="N/mm^3")
     parser.add_argument("--duration", type=options.positive, default=8e-5, help="s")
+    parser.add_argument("--n", type=options.count, default=60, help="anti-oscillators")
     parser.add_argument("--out", type=Path, default=ROOT / "out" / "peers")
     options.run(parser, main, arguments)
 

@@ -1,146 +1,97 @@
-"""A quarter of a plate and of a sphere as a deck of CalculiX with contact between them."""
+"""Decks of CalculiX: a part and a sphere with contact between their surfaces; what comes back."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
-import gmsh
 import numpy as np
+from bodies import Blow, Body
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
-#: nodes of a quadratic tetrahedron of gmsh in the order of C3D10
-C3D10 = [0, 1, 2, 3, 4, 5, 6, 7, 9, 8]
-#: corners of the faces S1 to S4 of C3D10
-FACES = ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0))
+#: time between two prints of the force, s, where the steps are shorter
+PRINTED = 2e-7
 
 
-@dataclass(frozen=True)
-class Blow:
-    """A steel sphere on a square plate, clamped along its edges. Lengths in mm, speed in mm/s."""
-
-    half: float = 50.0
-    thickness: float = 6.0
-    radius: float = 10.0
-    speed: float = 1000.0
-    E: float = 210e3  # MPa
-    nu: float = 0.3
-    rho: float = 7.85e-9  # t/mm^3
-
-
-@dataclass(frozen=True)
-class Part:
-    """Nodes (n, 3) in mm and quadratic tetrahedra (m, 10), in the order of C3D10."""
-
-    x: Array
-    cells: Index
-
-    def faces(self, chosen: NDArray[np.bool_]) -> list[list[int]]:
-        """Elements with a face whose corners are all chosen: one list for each of S1 to S4."""
-        found = []
-        for corners in FACES:
-            inside = chosen[self.cells[:, corners]].all(axis=1)
-            found.append(np.flatnonzero(inside).tolist())
-        return found
-
-
-def meshed(blow: Blow, kind: str, near: float, far: float, zone: float) -> Part:
-    """The quarter of the plate (below z = 0) or of the sphere (above), fine around the origin."""
-    gmsh.initialize()
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        occ = gmsh.model.occ
-        if kind == "plate":
-            occ.addBox(0, 0, -blow.thickness, blow.half, blow.half, blow.thickness)
-        else:
-            ball = occ.addSphere(0, 0, blow.radius, blow.radius)
-            box = occ.addBox(0, 0, 0, *(2 * blow.radius,) * 3)
-            occ.intersect([(3, ball)], [(3, box)])
-        occ.synchronize()
-        field = gmsh.model.mesh.field
-        growth = f"{near} + 0.28*Max(0, sqrt(x*x+y*y+z*z) - {zone})"
-        one = field.add("MathEval")
-        field.setString(one, "F", f"Min({far}, {growth})")
-        field.setAsBackgroundMesh(one)
-        for option in ("MeshSizeExtendFromBoundary", "MeshSizeFromPoints"):
-            gmsh.option.setNumber(f"Mesh.{option}", 0)
-        gmsh.option.setNumber("Mesh.ElementOrder", 2)
-        gmsh.model.mesh.generate(3)
-        tags, x, _ = gmsh.model.mesh.getNodes()
-        _, nodes = gmsh.model.mesh.getElementsByType(11)
-    finally:
-        gmsh.finalize()
-    number = np.zeros(int(tags.max()) + 1, dtype=np.int64)
-    number[tags] = np.arange(len(tags))
-    cells = number[nodes.reshape(-1, 10).astype(np.int64)][:, C3D10]
-    return Part(x.reshape(-1, 3), cells)
+def part_deck(body: Body, path: Path) -> None:
+    """Write one body with its material and supports, as antiosc's `read_model` takes it."""
+    path.write_text("\n".join([*_body("PART", body, 0, 0), *_held("PART", body, 0)]) + "\n")
 
 
 def deck(
-    blow: Blow, plate: Part, ball: Part, path: Path, *, step: float, duration: float, k: float
+    blow: Blow, path: Path, *, step: float, duration: float, k: float, explicit: bool = False
 ) -> None:
-    """Write the deck: implicit dynamics in equal steps, linear penalty contact of k N/mm^3."""
-    lines: list[str] = []
-    shift = len(plate.x)
-    for name, part, first in (("PLATE", plate, 0), ("BALL", ball, shift)):
-        lines.append(f"*NODE, NSET=N{name}")
-        lines += [
-            f"{first + i + 1}, {a:.9e}, {b:.9e}, {c:.9e}" for i, (a, b, c) in enumerate(part.x)
-        ]
-    start = {"PLATE": 0, "BALL": len(plate.cells)}
-    for name, part, first in (("PLATE", plate, 0), ("BALL", ball, shift)):
-        lines.append(f"*ELEMENT, TYPE=C3D10, ELSET=E{name}")
-        for i, cell in enumerate(part.cells):
-            lines.append(", ".join(str(n) for n in (start[name] + i + 1, *(cell + first + 1))))
-    size = 1e-6
-    zone = 0.15 * blow.radius
-    for name, part in (("PLATE", plate), ("BALL", ball)):
-        near = np.linalg.norm(part.x, axis=1) < zone
-        if name == "PLATE":
-            surface = near & (np.abs(part.x[:, 2]) < size)
-        else:
-            distance = np.linalg.norm(part.x - [0, 0, blow.radius], axis=1)
-            surface = near & (np.abs(distance - blow.radius) < 1e-6 * blow.radius)
+    """Write the deck of both bodies, with linear penalty contact of k N/mm^3 between their faces.
+
+    Implicit dynamics takes equal steps. Explicit dynamics takes the same step throughout too:
+    CalculiX scales the mass of every element whose own limit, as CalculiX estimates it, is shorter.
+    """
+    n, m = len(blow.part.x), len(blow.part.cells)
+    bodies = (("PART", blow.part, 0, 0), ("BALL", blow.ball, n, m))
+    lines = [line for name, body, x0, c0 in bodies for line in _body(name, body, x0, c0)]
+    for name, body, _, first in bodies:
         lines.append(f"*SURFACE, NAME=S{name}, TYPE=ELEMENT")
-        for face, elements in enumerate(part.faces(surface), 1):
-            lines += [f"{start[name] + i + 1}, S{face}" for i in elements]
-    both = np.vstack([plate.x, ball.x])
-    sets = {
-        "X0": np.abs(both[:, 0]) < size,
-        "Y0": np.abs(both[:, 1]) < size,
-        "RIM": (both[:, :2].max(axis=1) > blow.half - size) & (np.arange(len(both)) < shift),
-    }
-    for name, chosen in sets.items():
-        lines += [f"*NSET, NSET={name}", *(f"{i + 1}," for i in np.flatnonzero(chosen))]
+        for face, elements in enumerate(body.faces(), 1):
+            lines += [f"{first + i + 1}, S{face}" for i in elements]
+    lines += [line for name, body, x0, _ in bodies for line in _held(name, body, x0)]
+    method = "*DYNAMIC, DIRECT, ALPHA=-0.05"
+    times = f"{step:g}, {duration:g}"
+    if explicit:  # with DIRECT, CalculiX 2.20 takes steps of zero
+        method, times = "*DYNAMIC, EXPLICIT", f"{step:g}, {duration:g}, {step:g}"
+    every = max(1, round(PRINTED / step))
+    start = blow.speed * blow.direction
     lines += [
-        "*MATERIAL, NAME=STEEL",
-        f"*ELASTIC\n{blow.E}, {blow.nu}",
-        f"*DENSITY\n{blow.rho}",
-        "*SOLID SECTION, ELSET=EPLATE, MATERIAL=STEEL",
-        "*SOLID SECTION, ELSET=EBALL, MATERIAL=STEEL",
-        "*BOUNDARY\nX0, 1\nY0, 2\nRIM, 1, 3",
-        f"*INITIAL CONDITIONS, TYPE=VELOCITY\nNBALL, 3, {-blow.speed}",
+        "*INITIAL CONDITIONS, TYPE=VELOCITY",
+        *(f"NBALL, {i}, {v:.12g}" for i, v in enumerate(start, 1) if v),
         "*SURFACE INTERACTION, NAME=TOUCH",
         f"*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR\n{k:g}",
-        "*CONTACT PAIR, INTERACTION=TOUCH, TYPE=SURFACE TO SURFACE\nSBALL, SPLATE",
+        "*CONTACT PAIR, INTERACTION=TOUCH, TYPE=SURFACE TO SURFACE\nSBALL, SPART",
         f"*STEP, NLGEOM, INC={int(duration / step) + 10}",
-        f"*DYNAMIC, DIRECT, ALPHA=-0.05\n{step:g}, {duration:g}",
-        "*CONTACT PRINT, SLAVE=SBALL, MASTER=SPLATE\nCF",
+        f"{method}\n{times}",
+        f"*CONTACT PRINT, SLAVE=SBALL, MASTER=SPART, FREQUENCY={every}\nCF",
         "*END STEP",
     ]
     path.write_text("\n".join(lines) + "\n", encoding="ascii")
 
 
-def forces(path: Path) -> tuple[Array, Array]:
-    """Times (s) and forces (N) on the quarter that the `.dat` file of CalculiX prints."""
+def _body(name: str, body: Body, x0: int, c0: int) -> list[str]:
+    """Nodes, elements, material and section; numbers begin after x0 and c0."""
+    lines = [f"*NODE, NSET=N{name}"]
+    lines += [f"{x0 + i + 1}, {a:.9e}, {b:.9e}, {c:.9e}" for i, (a, b, c) in enumerate(body.x)]
+    lines.append(f"*ELEMENT, TYPE=C3D10, ELSET=E{name}")
+    for i, cell in enumerate(body.cells):
+        lines.append(", ".join(str(v) for v in (c0 + i + 1, *(cell + x0 + 1))))
+    one = body.material
+    return [
+        *lines,
+        f"*MATERIAL, NAME=M{name}",
+        f"*ELASTIC\n{one.E}, {one.nu}",
+        f"*DENSITY\n{one.rho}",
+        f"*SOLID SECTION, ELSET=E{name}, MATERIAL=M{name}",
+    ]
+
+
+def _held(name: str, body: Body, x0: int) -> list[str]:
+    """Node sets that are held, and what holds them."""
+    lines = []
+    for i, (nodes, first, last) in enumerate(body.held):
+        lines += [
+            f"*NSET, NSET=H{name}{i}",
+            *(f"{x0 + n + 1}," for n in np.flatnonzero(nodes)),
+            f"*BOUNDARY\nH{name}{i}, {first}, {last}",
+        ]
+    return lines
+
+
+def forces(path: Path, direction: Array) -> tuple[Array, Array]:
+    """Times (s) and the force (N) against a direction, that the `.dat` file of CalculiX prints."""
     times, values = [0.0], [0.0]
     lines = path.read_text(encoding="ascii").splitlines()
     for i, line in enumerate(lines):
         if line.strip().startswith("statistics for slave set"):
             times.append(float(line.split()[-1]))
         if line.strip().startswith("total surface force (fx,fy,fz)"):
-            values.append(abs(float(lines[i + 2].split()[2])))
+            force = np.array([float(v) for v in lines[i + 2].split()[:3]])
+            values.append(abs(float(force @ direction)))
     return np.array(times), np.array(values)

@@ -1,4 +1,4 @@
-"""The comparison with CalculiX: mesh, deck, what is read; the run is left to `make peers`."""
+"""The comparison with CalculiX: meshes, decks, what is read; the runs are left to `make peers`."""
 
 from __future__ import annotations
 
@@ -8,54 +8,88 @@ from math import pi
 import numpy as np
 import pytest
 
+import antiosc as ao
 from paths import DEMOS
 
 pytestmark = pytest.mark.fem
 PRINTED = """
 
- statistics for slave set SBALL, master set SPLATE and time  0.2000000E-05
+ statistics for slave set SBALL, master set SPART and time  0.2000000E-05
 
    total surface force (fx,fy,fz) and moment about the origin (mx,my,mz)
 
-    0.000000E+00  0.000000E+00 -8.810663E+00  5.032654E-01 -5.093917E-01  0.000000E+00
+    0.000000E+00  3.000000E+00 -8.810663E+00  5.032654E-01 -5.093917E-01  0.000000E+00
 """
 
 
 @pytest.fixture
-def module(monkeypatch):
+def bodies(monkeypatch):
     monkeypatch.syspath_prepend(str(DEMOS))
     monkeypatch.syspath_prepend(str(DEMOS / "peers"))
+    return importlib.import_module("bodies")
+
+
+@pytest.fixture
+def decks(bodies):
     return importlib.import_module("calculix_deck")
 
 
-def volume(part) -> float:
-    a, b, c, d = (part.x[part.cells[:, i]] for i in range(4))
+def volume(body) -> float:
+    a, b, c, d = (body.x[body.cells[:, i]] for i in range(4))
     return float(np.sum(np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a)) / 6)
 
 
-def test_the_quarters_are_whole_and_touch(module, tmp_path):
-    blow = module.Blow()
-    plate = module.meshed(blow, "plate", 1.0, 6.0, 0.7)
-    ball = module.meshed(blow, "ball", 1.0, 4.0, 0.7)
-    assert volume(plate) == pytest.approx(50 * 50 * 6, rel=1e-9)  # positive: C3D10's orientation
-    assert volume(ball) == pytest.approx(pi / 3 * 10**3, rel=0.05)  # straight edges cut the sphere
-    for part in (plate, ball):
-        ends = (part.cells[:, [0, 1, 2, 0, 1, 2]], part.cells[:, [1, 2, 0, 3, 3, 3]])
-        middle = (part.x[ends[0]] + part.x[ends[1]]) / 2
-        # each middle node lies on its own edge, but for the arrow of the edge on a sphere of 10 mm
-        length = np.linalg.norm(part.x[ends[0]] - part.x[ends[1]], axis=2)
-        off = np.linalg.norm(middle - part.x[part.cells[:, 4:]], axis=2)
-        assert np.all(off < 1.1 * (10 - np.sqrt(100 - length**2 / 4)) + 1e-9)
+def middles_lie_between_their_ends(body, radius: float) -> None:
+    """But for the arrow of the edge on a surface of this radius."""
+    ends = (body.cells[:, [0, 1, 2, 0, 1, 2]], body.cells[:, [1, 2, 0, 3, 3, 3]])
+    middle = (body.x[ends[0]] + body.x[ends[1]]) / 2
+    length = np.linalg.norm(body.x[ends[0]] - body.x[ends[1]], axis=2)
+    off = np.linalg.norm(middle - body.x[body.cells[:, 4:]], axis=2)
+    arrow = radius - np.sqrt(np.maximum(radius**2 - length**2 / 4, 0.0))
+    assert np.all(off < 1.1 * arrow + 1e-9)
+
+
+def test_the_quarters_are_whole_and_touch(bodies, decks, tmp_path):
+    blow = bodies.plate(0.6)
+    assert volume(blow.part) == pytest.approx(50 * 50 * 6, rel=1e-9)  # positive: as C3D10 has it
+    assert volume(blow.ball) == pytest.approx(pi / 3 * 10**3, rel=0.05)  # straight edges cut it
+    for body in (blow.part, blow.ball):
+        middles_lie_between_their_ends(body, 10.0)
+        assert sum(map(len, body.faces())) > 1
     path = tmp_path / "job.inp"
-    module.deck(blow, plate, ball, path, step=2e-6, duration=8e-5, k=1e6)
-    text = path.read_text(encoding="ascii")
-    for surface in ("SPLATE", "SBALL"):
-        after = text.split(f"*SURFACE, NAME={surface}")[1].split("*SURFACE")[0].splitlines()
-        assert len(after) > 2, surface
+    for explicit in (False, True):
+        decks.deck(blow, path, step=2e-6, duration=8e-5, k=1e6, explicit=explicit)
+        text = path.read_text(encoding="ascii")
+        for surface in ("SPART", "SBALL"):
+            after = text.split(f"*SURFACE, NAME={surface}")[1].split("*")[0].splitlines()
+            assert len(after) > 2, surface
+        assert ("EXPLICIT" in text) == explicit
+        assert ("DIRECT" in text) != explicit
 
 
-def test_the_printed_force_is_read(module, tmp_path):
+@pytest.mark.slow
+def test_the_bracket_is_struck_along_its_normal(bodies, decks, tmp_path):
+    blow = bodies.bracket(1.0)
+    sphere = blow.point - blow.radius * blow.direction
+    assert volume(blow.ball) == pytest.approx(4 / 3 * pi * 10**3, rel=0.08)
+    # no node of the part lies in the sphere, and the sphere's own nodes lie outside the part
+    assert np.linalg.norm(blow.part.x - sphere, axis=1).min() == pytest.approx(10, abs=1e-3)
+    eye = np.linalg.norm(blow.part.x[blow.part.touched][:, 1:] - [30, 60], axis=1)
+    assert eye == pytest.approx(18, rel=1e-4)
+    path = tmp_path / "part.inp"
+    decks.part_deck(blow.part, path)
+    part = ao.read_model(path, unit="mm")
+    assert part.mass == pytest.approx(volume(blow.part) * 2.7e-6, rel=0.02)
+    site = ao.Site(1e-3 * blow.point, blow.direction, radius=4e-3, snap=True)
+    own = ao.read_mesh(bodies.ROOT / "meshes" / "bracket.msh")
+    same = ao.Structure(own, ao.Solid(70e9, 0.33, 2700.0), [ao.Support("clamp")])
+    one, other = (ao.extract(p, site, n=2) for p in (part, same))
+    assert one.m_st == pytest.approx(other.m_st, rel=0.05)
+    assert one.k0 == pytest.approx(other.k0, rel=0.05)
+
+
+def test_the_printed_force_is_read(decks, tmp_path):
     (tmp_path / "job.dat").write_text(PRINTED, encoding="ascii")
-    t, force = module.forces(tmp_path / "job.dat")
+    t, force = decks.forces(tmp_path / "job.dat", np.array([0.0, 0.6, 0.8]))
     assert t.tolist() == [0.0, 2e-6]
-    assert force.tolist() == [0.0, 8.810663]
+    assert force == pytest.approx([0.0, 0.8 * 8.810663 - 1.8])
