@@ -7,12 +7,12 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
-from antiosc.checks import flag, instance, text, within_range
-from antiosc.errors import AccuracyError, InputError
+from antiosc.checks import flag, within_range
+from antiosc.errors import AccuracyError
 from antiosc.fem import mpi
 from antiosc.fem.extraction.body_inertia import inertia_of, uniform_inertia
 from antiosc.fem.extraction.dampers import damped, refuse_dampers
@@ -38,6 +38,7 @@ from antiosc.fem.extraction.wish import (
     ErrorWish,
     Method,
     Wish,
+    checked_sites,
     checked_wish,
     tell,
 )
@@ -59,6 +60,34 @@ SLICE = 5e8
 log = logging.getLogger(__name__)
 
 
+@overload
+def extract(
+    structure: Structure,
+    site: Site | Mapping[str, Site],
+    n: int | None = None,
+    method: Method = "krylov",
+    tol: float = bands.UNOBSERVABLE,
+    *,
+    band: float | None = None,
+    accuracy: float = 1e-3,
+    shapes: bool = True,
+    error: ErrorWish = None,
+    damping: float | Sequence[float] | Damping | None = None,
+) -> AntiOscillators: ...
+@overload
+def extract(
+    structure: Structure,
+    site: Sequence[Site],
+    n: int | None = None,
+    method: Method = "krylov",
+    tol: float = bands.UNOBSERVABLE,
+    *,
+    band: float | None = None,
+    accuracy: float = 1e-3,
+    shapes: bool = True,
+    error: ErrorWish = None,
+    damping: float | Sequence[float] | Damping | None = None,
+) -> list[AntiOscillators]: ...
 @mpi.collective()
 @within_range
 @one_thread()
@@ -74,7 +103,7 @@ def extract(
     shapes: bool = True,
     error: ErrorWish = None,
     damping: float | Sequence[float] | Damping | None = None,
-) -> Any:
+) -> AntiOscillators | list[AntiOscillators]:
     """The anti-oscillator model of a structure at a site, or at several.
 
     Parameters
@@ -135,7 +164,7 @@ def extract(
     Article (12), (15), (20), (23); with a rigid-body mode its section 3.3. The method "krylov":
     `antiosc.fem.extraction.krylov`.
     """
-    sites = _sites(structure, site)
+    sites = checked_sites(structure, site)
     names = list(site) if isinstance(site, Mapping) else []
     flag("shapes", shapes)
     wish = checked_wish(structure, n, method, tol, band, accuracy, error)
@@ -169,28 +198,6 @@ def _model_errors(structure: Structure, named_sites: int) -> ModelErrors:
     from antiosc.fem.error.model_errors import ModelErrors
 
     return ModelErrors(structure, named_sites)
-
-
-def _sites(structure: Any, site: Any) -> list[Site]:
-    """The sites as a list, after a check of both arguments."""
-    instance("structure", structure, Structure, "a Structure")
-    names = list(site) if isinstance(site, Mapping) else []
-    if isinstance(site, Mapping):
-        if not names:
-            raise InputError("site names no site: give {name: Site(point, direction), ...}.")
-        for name in names:
-            if ":" in text("the name of a site", name):
-                raise InputError(f"the name of a site is a text without ':'; got {name!r}.")
-        site = list(site.values())
-    sites = list(site) if isinstance(site, list | tuple) else [site]
-    for one in sites:
-        instance("site", one, Site, "a Site(point, direction)")
-        if one.tangential and not names:
-            raise InputError(
-                "tangential directions belong to a model of named sites: "
-                "extract(part, {name: Site(..., tangential=True)})."
-            )
-    return sites
 
 
 def _together(structure: Structure, wish: Wish) -> int:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
-from antiosc.checks import choice, positive, tolerance, whole
+from antiosc.checks import choice, instance, positive, text, tolerance, whole
 from antiosc.errors import AccuracyWarning, InputError, warn
 from antiosc.fem import mpi
 from antiosc.fem.linalg import memory
+from antiosc.fem.site.site import Site
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.anti_oscillators import AntiOscillators
 
@@ -70,6 +72,28 @@ def checked_wish(
     if band is not None:
         band = positive("band", band, "rad/s")
     return Wish(n, method, tolerance(tol), band, positive("accuracy", accuracy), error)
+
+
+def checked_sites(structure: Any, site: Any) -> list[Site]:
+    """The sites as a list, after a check of both arguments."""
+    instance("structure", structure, Structure, "a Structure")
+    names = list(site) if isinstance(site, Mapping) else []
+    if isinstance(site, Mapping):
+        if not names:
+            raise InputError("site names no site: give {name: Site(point, direction), ...}.")
+        for name in names:
+            if ":" in text("the name of a site", name):
+                raise InputError(f"the name of a site is a text without ':'; got {name!r}.")
+        site = list(site.values())
+    sites = list(site) if isinstance(site, list | tuple) else [site]
+    for one in sites:
+        instance("site", one, Site, "a Site(point, direction)")
+        if one.tangential and not names:
+            raise InputError(
+                "tangential directions belong to a model of named sites: "
+                "extract(part, {name: Site(..., tangential=True)})."
+            )
+    return sites
 
 
 def tell(model: AntiOscillators, wish: Wish, complete: bool) -> None:
