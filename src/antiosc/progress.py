@@ -21,7 +21,7 @@ from typing import Any, TextIO
 CLEAR = "\r\x1b[2K"
 
 #: Seconds between two changes of a count.
-PAUSE = 0.1
+REFRESH = 0.1
 #: Columns of tqdm's bar, where tqdm is installed.
 BAR = 50
 
@@ -60,7 +60,7 @@ def counting(text: str, total: int, rank: int = 0) -> Iterator[Callable[[int], N
         def done(count: int) -> None:
             nonlocal shown
             now = time.monotonic()
-            if now - shown >= PAUSE or count >= total:
+            if now - shown >= REFRESH or count >= total:
                 shown = now
                 further(share(count, total, now - started))
 

@@ -36,7 +36,7 @@ WORK_PER_THREAD = 5e8
 #: Twice as many threads pay where they leave at most this share of the time.
 PAYS = 0.8
 #: Looks at what runs on this machine, of which the median counts, and seconds between them.
-LOOKS, PAUSE = 5, 0.004
+LOOKS, LOOK_PAUSE = 5, 0.004
 
 
 def chosen() -> tuple[str, str] | None:
@@ -65,7 +65,7 @@ def free_cores() -> int:
         if others is None:
             return 1
         looks.append(others)
-        time.sleep(PAUSE)
+        time.sleep(LOOK_PAUSE)
     idle = (os.cpu_count() or 1) - int(np.median(looks))
     return max(1, min(allowed, idle))
 

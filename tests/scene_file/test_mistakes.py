@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from antiosc.scene_file.read import DEEPEST, LARGEST
+from antiosc.scene_file.read import DEEPEST, LARGEST_FILE
 from scene_files import BEAM, antiosc, written
 
 #: line of BEAM that is replaced -> its replacement, and what the one sentence must hold.
@@ -197,7 +197,7 @@ def test_twenty_mistakes_are_all_told_at_once(tmp_path, capsys):
     [
         "x = " + "[" * (DEEPEST + 1) + "]" * (DEEPEST + 1),
         "x = " + "[" * 100_000,
-        "# " + "x" * LARGEST,
+        "# " + "x" * LARGEST_FILE,
         "\ufeff[matrices]",
         "a" * 1000 + " = 1",
         '"\\u0000" = 1',

@@ -35,7 +35,7 @@ SAME_FREQUENCY = 1e-9
 #: Share of the largest b² below which a frequency is unobservable at the point.
 UNOBSERVABLE_SHARE = 1e-12
 #: What a plate is made of, beside Poisson's ratio.
-UNITS = {"E": "Pa", "rho": "kg/m³", "thickness": "m", "a": "m", "b": "m"}
+PLATE_UNITS = {"E": "Pa", "rho": "kg/m³", "thickness": "m", "a": "m", "b": "m"}
 #: Most modes of one point, and most terms of a double series in each direction.
 MOST_MODES, MOST_TERMS = 100_000, 5000
 #: Mindlin's shear coefficient for the static and dynamic plate alike (Reissner's).
@@ -76,7 +76,7 @@ class SupportedPlate:
 
     def __post_init__(self) -> None:
         checks.store(self, nu=checks.poisson(self.nu))
-        for name, unit in UNITS.items():
+        for name, unit in PLATE_UNITS.items():
             checks.store(self, **{name: checks.positive(name, getattr(self, name), unit)})
 
     @property

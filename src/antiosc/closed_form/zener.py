@@ -20,7 +20,7 @@ from antiosc import checks
 from antiosc.errors import InputError
 
 #: Inelasticity beyond which the rebound velocity is zero.
-HIGHEST = 100.0
+HIGHEST_LAMBDA = 100.0
 
 
 @checks.within_range
@@ -60,8 +60,10 @@ def contact_time(lam: float) -> float:
 def _solution(lam: float) -> tuple[float, float]:
     """(time of release, σ' there)."""
     lam = checks.nonnegative("lam", lam)
-    if lam > HIGHEST:
-        raise InputError(f"lam must be at most {HIGHEST:g}: the restitution is 0; got {lam:g}.")
+    if lam > HIGHEST_LAMBDA:
+        raise InputError(
+            f"lam must be at most {HIGHEST_LAMBDA:g}: the restitution is 0; got {lam:g}."
+        )
 
     from scipy.integrate import solve_ivp  # loaded where it is used: it takes long
 

@@ -26,7 +26,7 @@ from antiosc.stresses import equivalent, extreme_principal
 from antiosc.threads import one_thread
 
 #: Quantity -> (what is recovered, time derivative, unit).
-QUANTITIES = {
+PEAK_QUANTITIES = {
     "displacement": ("motion", 0, "m"),
     "velocity": ("motion", 1, "m/s"),
     "acceleration": ("motion", 2, "m/s²"),
@@ -37,9 +37,9 @@ QUANTITIES = {
 #: Times that are looked at besides the nodes of the history.
 EVEN_TIMES = 500
 #: Bytes of the values of a block of nodes at all times.
-BLOCK = 2**26
+BLOCK_BYTES = 2**26
 #: Distance between two places of `PeakField.largest`, over the size of the part.
-APART = 0.05
+PLACES_APART = 0.05
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -70,7 +70,7 @@ class PeakField(Brief):
         """
         count = checks.whole("count", count)
         if apart is None:
-            apart = APART * float(np.ptp(self.points, axis=0).max())
+            apart = PLACES_APART * float(np.ptp(self.points, axis=0).max())
         apart = checks.nonnegative("apart", apart, "m")
         open_to = np.ones(len(self.values), dtype=bool)
         found: list[tuple[float, Array, float]] = []
@@ -151,9 +151,9 @@ def peak_field(
     InputError
         As `probe`.
     """
-    checks.choice("quantity", quantity, tuple(QUANTITIES))
+    checks.choice("quantity", quantity, tuple(PEAK_QUANTITIES))
     checks.instance("structure", structure, Structure, "a Structure")
-    recovered, derivative, unit = QUANTITIES[quantity]
+    recovered, derivative, unit = PEAK_QUANTITIES[quantity]
     places = _places(surface, layer, fibre)
     if part is not None:
         checks.text("part", part)
@@ -204,7 +204,7 @@ def _largest(
 ) -> tuple[Array, Array]:
     """Largest value (S,) of a scalar of components (S, c, columns) at all times, and its time."""
     values, when = np.zeros(len(columns)), np.zeros(len(columns))
-    step = max(1, int(BLOCK / (8 * 3 * columns.shape[1] * len(times))))
+    step = max(1, int(BLOCK_BYTES / (8 * 3 * columns.shape[1] * len(times))))
     for first in range(0, len(columns), step):
         block = slice(first, first + step)
         found = scalar(np.moveaxis(columns[block] @ factors.T, 1, -1))  # (block, times)

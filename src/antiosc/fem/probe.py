@@ -28,7 +28,7 @@ from antiosc.stresses import von_mises
 from antiosc.threads import one_thread
 
 #: The quantities of `probe`.
-QUANTITIES = (
+PROBED_QUANTITIES = (
     *("displacement", "velocity", "acceleration", "rotation"),
     *("strain", "stress", "von_mises", "section_forces"),
 )
@@ -118,7 +118,7 @@ def probe(
         if times is not None and quantity is not None:
             raise InputError(f"quantity must be a text; got {checks.shown(quantity)}.")
         quantity, times = "displacement", times if quantity is None else quantity
-    checks.choice("quantity", quantity, QUANTITIES)
+    checks.choice("quantity", quantity, PROBED_QUANTITIES)
     checks.instance("structure", structure, Structure, "a Structure")
     there = place(surface, layer, fibre, axes)
     x, part, end = point_of(structure, point, part)

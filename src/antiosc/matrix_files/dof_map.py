@@ -18,7 +18,7 @@ from antiosc.matrix_files.source import Source
 #: Displacements and rotations of a node by their numbers 1 to 6.
 COMPONENTS = ("x", "y", "z", "rx", "ry", "rz")
 #: The same in Ansys's mapping files and in Nastran's tables.
-_NAMES = {
+_OTHER_NAMES = {
     **{name: k + 1 for k, name in enumerate(COMPONENTS)},
     **{name: k + 1 for k, name in enumerate(("ux", "uy", "uz", "rotx", "roty", "rotz"))},
     **{name: k + 1 for k, name in enumerate(("t1", "t2", "t3", "r1", "r2", "r3"))},
@@ -69,7 +69,7 @@ def name_of(component: int) -> str:
 def component_of(dof: Any) -> int:
     """The number of a dof's name (x, ux, t1, …) or number; InputError for others."""
     if isinstance(dof, str):
-        found = _NAMES.get(dof.strip().lower())
+        found = _OTHER_NAMES.get(dof.strip().lower())
         if found is not None:
             return found
         if dof.strip().isdigit():
@@ -198,7 +198,7 @@ def _numbered(source: Source, number: int, words: Sequence[bytes]) -> bytes:
     result = []
     for word in words:
         text = word.decode("ascii", "replace")
-        known = _NAMES.get(text.lower())
+        known = _OTHER_NAMES.get(text.lower())
         if known is None and text[:1].isalpha():
             raise source.error(number, f"{text!r} is not the name of a dof.")
         result.append(word if known is None else str(known).encode())

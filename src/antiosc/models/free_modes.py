@@ -36,7 +36,7 @@ from antiosc._types import Array
 from antiosc.errors import InputError
 from antiosc.models import driving_point as bands
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.rigid_share import APART, HIDDEN, with_rigid
+from antiosc.models.rigid_share import HIDDEN, SMALL_SHARE, with_rigid
 
 Method = Literal["krylov", "modes"]
 
@@ -45,7 +45,7 @@ RESIDUAL_ROUNDING = 1e-9
 #: Relative norm of a new direction after orthogonalisation, below which the space is exhausted.
 EXHAUSTED = 1e-10
 #: An eigenvalue of T below this share of the largest is rounding error.
-NULL = 1e-13
+NULL_SHARE = 1e-13
 #: Sqrt of the share of m_st at the site that is rounding.
 MASSLESS = 1e-12
 #: Largest relative increase of a bound between two samples.
@@ -165,8 +165,8 @@ def at_sites(
     result = SiteModels(*np.zeros((3, len(b))), *np.zeros((2, len(b), count)))
     result.omega[:] = np.inf
     for group, part, few in (
-        (share > APART, b, count),
-        ((share <= APART) & (share > HIDDEN), elastic, count - 1),
+        (share > SMALL_SHARE, b, count),
+        ((share <= SMALL_SHARE) & (share > HIDDEN), elastic, count - 1),
         (share <= HIDDEN, elastic, count),
     ):
         sites = np.flatnonzero(group)
@@ -306,7 +306,8 @@ def _eigenpairs(
     diagonal = np.arange(A.shape[1])
     T[:, diagonal, diagonal] += 1 / A
     theta, z = np.linalg.eigh(T)
-    theta = np.where(theta > NULL * theta[:, -1:], theta, 0.0)  # T b = 0 where nothing is massless
+    # T b = 0 where nothing is massless
+    theta = np.where(theta > NULL_SHARE * theta[:, -1:], theta, 0.0)
     return theta, np.einsum("sji,sj->si", z, phi), np.zeros(len(b))
 
 

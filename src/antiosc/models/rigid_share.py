@@ -20,7 +20,7 @@ from antiosc.models.arrow_modes import arrow_modes
 
 #: Share of the rigid-body motions in the compliance b'(K + sM)^-1 b, s about a tenth of the first
 #: elastic omega^2, below which the elastic motions are modelled alone and the rigid one is added.
-APART = 1e-4
+SMALL_SHARE = 1e-4
 #: Below this share it cannot be told from the rounding of the compliance: the site is one that no
 #: rigid-body motion moves. The share in |H| at a lower omega^2 = x is this times s/x.
 HIDDEN = 2.0**-52

@@ -27,9 +27,9 @@ from antiosc.models.parameters import Parameters
 M = TypeVar("M", bound=Parameters)
 
 #: Negative eigenvalue and asymmetry of unit energies that rounding may leave.
-ROUNDING = 1e-8
+ENERGY_ROUNDING = 1e-8
 #: Share of an anti-oscillator in the static mass below which its mass is rounding.
-MASSLESS = 1e-12
+MASSLESS_SHARE = 1e-12
 #: Message for a model without the errors of its strains.
 NO_ESTIMATE = (
     "the error of the mesh is not known: extract the model of a solid from its mesh with "
@@ -43,8 +43,8 @@ def checked_error(name: str, given: Array, size: int) -> Array:
     scale = np.sqrt(np.maximum(np.diag(E), 0.0))
     scale = np.where(scale > 0, scale, 1.0)
     unit = E / scale[:, None] / scale
-    if np.abs(unit - unit.T).max(initial=0.0) > ROUNDING or (
-        np.linalg.eigvalsh((unit + unit.T) / 2).min(initial=0.0) < -ROUNDING * size
+    if np.abs(unit - unit.T).max(initial=0.0) > ENERGY_ROUNDING or (
+        np.linalg.eigvalsh((unit + unit.T) / 2).min(initial=0.0) < -ENERGY_ROUNDING * size
     ):
         raise InputError(f"{name} must be symmetric and positive semidefinite: it holds energies.")
     return checks.kept((E + E.T) / 2)
@@ -62,7 +62,7 @@ def corrected(model: M) -> M:
     c = unit.T @ (model.m * static)
     turn = np.zeros((model.n + 1, model.n + 1))  # the new shapes in terms of the old ones
     turn[0, 0], turn[1:, 0], turn[1:, 1:] = 1.0, static - 1, unit * c
-    kept = c**2 > MASSLESS * (model.m0 + model.m.sum())
+    kept = c**2 > MASSLESS_SHARE * (model.m0 + model.m.sum())
     turn = turn[:, np.append(True, kept)]
     p, inertia = model.participation, model.inertia
     if p is not None:  # psi_0 is what moves with m0 and all psi_i

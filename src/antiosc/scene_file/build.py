@@ -31,7 +31,7 @@ KIND = "kind"
 #: Numbers that are written as texts with a unit, as "70 GPa" or "5 mm".
 _WITH_UNIT = re.compile(r"\s*[-+]?[\d.]+(e[-+]?\d+)?\s*[^\d\s.][\S]*\s*", re.IGNORECASE)
 #: Largest list of a scene file.
-LONGEST = 200_000
+LONGEST_LIST = 200_000
 
 
 class Mistake(Exception):
@@ -213,8 +213,8 @@ class Builder:
         if kind.name == "path":
             return self.path(value, place)
         if kind.name == "list":
-            if len(value) > LONGEST:
-                self._wrong(place, f"{label(place)} has more than {LONGEST} entries.")
+            if len(value) > LONGEST_LIST:
+                self._wrong(place, f"{label(place)} has more than {LONGEST_LIST} entries.")
             each = kind.each or (kind.items,) * len(value)
             pairs = enumerate(zip(each, value, strict=True))
             return tuple(self._converted(k, v, (*place, i), about) for i, (k, v) in pairs)
@@ -238,8 +238,8 @@ class Builder:
     def _data(self, value: Any, place: Place) -> Any:
         """Numbers, texts and lists of them, where the signature does not tell more."""
         if isinstance(value, list):
-            if len(value) > LONGEST:
-                self._wrong(place, f"{label(place)} has more than {LONGEST} entries.")
+            if len(value) > LONGEST_LIST:
+                self._wrong(place, f"{label(place)} has more than {LONGEST_LIST} entries.")
             return tuple(self._data(each, (*place, i)) for i, each in enumerate(value))
         if isinstance(value, int | float | str) and not isinstance(value, bool):
             return value

@@ -13,9 +13,6 @@ from antiosc.scene_file.scene import Compiled
 from antiosc.simulation.impact_band import BAND_OVER_PULSE, impact_band
 from antiosc.simulation.simulate import COARSEST, DEFAULT_TOL
 
-#: Anti-oscillators where a scene does not say how many, as `extract` takes them.
-DEFAULT = 20
-
 
 def text(scene: Compiled) -> str:
     """Family, dofs, n, step and cost; the structure is built for it, but not factored."""
@@ -68,7 +65,9 @@ def _of_model(scene: Compiled, found: Results) -> list[tuple[str, str]]:
     if "band" in asked:
         until = asked["band"] / (2 * pi)
         return [("anti-oscillators", f"as many as needed up to {until:.4g} Hz")]
-    n = asked.get("n", min(DEFAULT, found.structure.dofs - 1))
+    from antiosc.fem.extraction.wish import DEFAULT_COUNT
+
+    n = asked.get("n", min(DEFAULT_COUNT, found.structure.dofs - 1))
     return [("anti-oscillators", f"{n} of {sites} site(s): about {n + sites} solves")]
 
 

@@ -11,7 +11,7 @@ from antiosc.scene_file.parameters import Parameter, parameters
 from antiosc.scene_file.sections import SECTIONS, Section, constructors_of
 from antiosc.scene_file.studies import VARIED
 
-_TYPES: dict[str, dict[str, Any]] = {
+_SCHEMA_TYPES: dict[str, dict[str, Any]] = {
     "number": {"type": "number"},
     "whole": {"type": "integer"},
     "text": {"type": "string"},
@@ -110,7 +110,7 @@ def _kind(kind: Kind) -> dict[str, Any]:
         makes = constructors_of(kind.options[0])
         laws = any(name.startswith("Hertz") for name in makes)
         return _one_of(makes, methods=laws) if makes else {"type": "object"}  # type: ignore[no-any-return]
-    return dict(_TYPES[kind.name])
+    return dict(_SCHEMA_TYPES[kind.name])
 
 
 def _any(kinds: Sequence[Kind]) -> dict[str, Any]:

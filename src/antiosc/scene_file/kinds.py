@@ -107,7 +107,7 @@ def _plural(kinds: Sequence[Kind]) -> str:
 
 
 #: What is looked up where a module imports a name for type checkers only.
-_NAMES = {
+_TYPING_NAMES = {
     "Any": Any,
     "Literal": typing.Literal,
     "Path": Path,
@@ -127,7 +127,7 @@ def kinds_of(annotation: Any, function: Callable[..., Any]) -> tuple[Kind, ...]:
 def _evaluated(annotation: str, function: Callable[..., Any]) -> Any:
     """An annotation of antiosc's own source, evaluated in its module; Any where that fails."""
     inner = inspect.unwrap(function)
-    names = dict(_NAMES)
+    names = dict(_TYPING_NAMES)
     names |= vars(inspect.getmodule(inner) or object)
     alternatives = []
     for part in _alternatives(annotation):

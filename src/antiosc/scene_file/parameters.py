@@ -121,9 +121,9 @@ def _method(value: Any) -> Any:
 
 
 def _quantity(value: Any) -> Any:
-    from antiosc.fem.probe import QUANTITIES
+    from antiosc.fem.probe import PROBED_QUANTITIES
 
-    return checks.choice("quantity", value, QUANTITIES)
+    return checks.choice("quantity", value, PROBED_QUANTITIES)
 
 
 #: Name of a parameter of a function -> the check of its value. Constructors check their own;

@@ -11,7 +11,7 @@ from antiosc.errors import InputError
 from antiosc.scene_file.locations import Place, line_of
 
 #: Most sentences of one report.
-MOST = 100
+MOST_SHOWN = 100
 
 
 class SceneFileError(InputError):
@@ -40,9 +40,9 @@ class Problems:
         """SceneFileError with all of them, in the order of the file."""
         if not self.found:
             return
-        shown = [f"{self.name}:{line}: {text}" for line, text in sorted(self.found)[:MOST]]
-        if len(self.found) > MOST:
-            shown.append(f"{self.name}: and {len(self.found) - MOST} more.")
+        shown = [f"{self.name}:{line}: {text}" for line, text in sorted(self.found)[:MOST_SHOWN]]
+        if len(self.found) > MOST_SHOWN:
+            shown.append(f"{self.name}: and {len(self.found) - MOST_SHOWN} more.")
         raise SceneFileError("\n".join(shown))
 
 

@@ -13,7 +13,7 @@ from typing import Any
 from antiosc.scene_file.locations import Place
 
 #: Columns of a line of the program.
-WIDTH = 88
+LINE_WIDTH = 88
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ def calls_in(expression: Any) -> Iterator[Call]:
 def source(value: Any, column: int = 0, indent: int = 0) -> str:
     """Python source of a value or expression that begins at a column."""
     line = _line(value)
-    if column + indent + len(line) <= WIDTH:
+    if column + indent + len(line) <= LINE_WIDTH:
         return line
     inner = indent + 4
     pad, end = " " * inner, " " * indent
@@ -132,7 +132,7 @@ def _wrapped(words: list[str], pad: str) -> str:
     """Numbers in lines as long as fit."""
     lines = [pad.rstrip("\n")]
     for word in words:
-        if len(lines[-1]) + len(word) + 2 > WIDTH:
+        if len(lines[-1]) + len(word) + 2 > LINE_WIDTH:
             lines.append(pad)
         lines[-1] += ("" if lines[-1] == pad else " ") + word + ","
     return "\n" + "\n".join(lines)

@@ -15,7 +15,7 @@ from antiosc.scene_file.locations import locations
 from antiosc.scene_file.problems import Problems, SceneFileError
 
 #: Largest scene file, bytes; time histories of loads are the longest part of one.
-LARGEST = 4_000_000
+LARGEST_FILE = 4_000_000
 #: Deepest brackets within each other.
 DEEPEST = 32
 
@@ -62,10 +62,10 @@ def _text(source: Path) -> str:
         raise InputError(f"cannot read the scene file {str(source)!r}: {error.strerror}.") from None
     if not stat.S_ISREG(status.st_mode):
         raise InputError(f"cannot read the scene file {str(source)!r}: it is not a regular file.")
-    if status.st_size > LARGEST:
+    if status.st_size > LARGEST_FILE:
         raise InputError(
-            f"the scene file {str(source)!r} has {status.st_size} bytes, more than {LARGEST}; is it"
-            " a scene? Meshes and matrices are named in it by their paths."
+            f"the scene file {str(source)!r} has {status.st_size} bytes, more than {LARGEST_FILE}; "
+            "is it a scene? Meshes and matrices are named in it by their paths."
         )
     try:
         return source.read_bytes().decode("utf-8").replace("\r\n", "\n")

@@ -125,7 +125,7 @@ def sweep_columns(found: Results) -> dict[str, Any]:
 
 
 #: Units of the quantities of a map.
-UNITS = {
+MAP_UNITS = {
     "k0": "N/m",
     "m_st": "kg",
     "omega_1": "rad/s",
@@ -138,7 +138,7 @@ UNITS = {
 
 def named(quantity: str) -> str:
     """A quantity of a map with its unit: "peak_force (N)"."""
-    return f"{quantity} ({UNITS[quantity]})" if quantity in UNITS else quantity
+    return f"{quantity} ({MAP_UNITS[quantity]})" if quantity in MAP_UNITS else quantity
 
 
 def map_rows(found: Any) -> list[tuple[str, str]]:

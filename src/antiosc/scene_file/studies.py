@@ -16,7 +16,7 @@ from antiosc.scene_file.trial import tried
 #: Sections whose values a sweep may vary.
 VARIED = ("impactor", "contact", "simulate")
 #: Most impacts of a sweep.
-MOST = 100_000
+MOST_IMPACTS = 100_000
 
 
 def sweep(tables: Tables, model: list[Statement], strike: list[Statement]) -> list[Statement]:
@@ -88,9 +88,10 @@ def _values(tables: Tables, table: dict[str, Any]) -> dict[str, dict[str, Any]]:
                 ]
             except Mistake:
                 continue
-            if not 0 < len(entries) <= MOST:
+            if not 0 < len(entries) <= MOST_IMPACTS:
                 tables.problems.add(
-                    place, f"{label(place)} must have 1 to {MOST} values; got {len(entries)}."
+                    place,
+                    f"{label(place)} must have 1 to {MOST_IMPACTS} values; got {len(entries)}.",
                 )
                 continue
             found.setdefault(section, {})[key] = tuple(entries)

@@ -9,7 +9,7 @@ from antiosc import checks
 from antiosc.errors import InputError
 
 #: Endings of decks, which describe materials and supports themselves.
-DECKS = {".inp", ".bdf", ".nas", ".fem", ".dat"}
+DECK_ENDINGS = {".inp", ".bdf", ".nas", ".fem", ".dat"}
 
 HEAD = """\
 # A scene of antiosc: what strikes what, and how. All numbers are in SI units.
@@ -23,7 +23,7 @@ HEAD = """\
 title = "A first scene"
 """
 
-GEOMETRY = """
+GEOMETRY_SECTION = """
 # -- the structure: a mesh (.msh, .vtu, .unv, …) or a CAD file (.step, .iges, .brep, .geo) --------
 [geometry]
 source = {source}
@@ -127,9 +127,9 @@ def text(name: str, part: str | None) -> str:
     """The scene as a text; `part` is the file of the structure, as the scene names it."""
     source = part or "part.step"
     quoted = '"' + source.replace("\\", "\\\\").replace('"', '\\"') + '"'
-    deck = Path(source).suffix.lower() in DECKS
+    deck = Path(source).suffix.lower() in DECK_ENDINGS
     size = "size = 5e-3" if part is None or _cad(source) else "# size = 5e-3"
-    body = DECK if deck else GEOMETRY
+    body = DECK if deck else GEOMETRY_SECTION
     return HEAD.format(name=name) + body.format(source=quoted, size=size) + REST
 
 

@@ -17,7 +17,7 @@ from antiosc.fem.assembly.layout import MOVES, TURNS, Sparse
 from antiosc.fem.assembly.numbered_nodes import Nodes, Term
 
 #: Distance from the tied place, as a share of the distance between the tied nodes.
-NEAR = 1e-3
+TIED_NEAR = 1e-3
 LEAST_WEIGHT = 1e-9
 
 
@@ -46,14 +46,14 @@ class CoincidentNodes:
         if not all(number in rows for number in numbers):
             return None
         own = np.array([self._place(number) for number in numbers])
-        reach = NEAR * float(np.linalg.norm(own - own.mean(axis=0), axis=1).max())
+        reach = TIED_NEAR * float(np.linalg.norm(own - own.mean(axis=0), axis=1).max())
         total: dict[int, float] = {}
         for number, weight, x in zip(numbers, weights, own, strict=True):
             first, *others = self.equations[rows[number]]
             shares = {n: -c / first[2] for n, _, c in others if abs(c) > LEAST_WEIGHT}
             if any(m != motion or n < 0 for n, m, c in others if n in shares):
                 return None
-            if not shares or abs(sum(shares.values()) - 1) > NEAR:
+            if not shares or abs(sum(shares.values()) - 1) > TIED_NEAR:
                 return None
             there = sum(share * self._place(n) for n, share in shares.items())
             if not float(np.linalg.norm(there - x)) <= reach:

@@ -29,7 +29,7 @@ from antiosc.names import known
 COLLINEAR = 1e-12
 
 #: Share of a direction that may be missing in what an end has of it: rounding.
-PARTLY = 1e-6
+MISSING_SHARE = 1e-6
 
 End = Any
 
@@ -62,7 +62,7 @@ class Motion:
     @staticmethod
     def along(told: Array, direction: Array) -> bool:
         """Whether a projection (`moving` or `turning`) keeps a unit direction."""
-        return bool(direction @ told @ direction > 1 - PARTLY)
+        return bool(direction @ told @ direction > 1 - MISSING_SHARE)
 
     def at(self, point: Array) -> Motion:
         """The motion of a point that is rigidly connected to the end."""
@@ -165,7 +165,7 @@ def _of_condensed(layout: Layout, one: Condensed, end: End, partly: bool) -> Mot
     found, R = one.part.ends[name], one.at.rotation
     moving = R @ found.moving @ R.T
     needed = np.diag([1.0, 1.0, 0.0]) if layout.plane else np.eye(3)
-    if not partly and np.abs(needed - needed @ moving @ needed).max() > PARTLY:
+    if not partly and np.abs(needed - needed @ moving @ needed).max() > MISSING_SHARE:
         raise InputError(
             f"{end_text(end)} does not have all displacements: extract its model with "
             "Site(..., tangential=True), or join it along its direction by an Equation or a "

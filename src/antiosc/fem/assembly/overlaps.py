@@ -21,7 +21,7 @@ FACING = 0.5
 #: Share of a face's area below which a common polygon is rounding.
 LEAST_OVERLAP = 1e-10
 #: Pieces of an edge with a rule each: functions of the faces have kinks along it.
-PIECES = 4
+RULE_PIECES = 4
 #: A point may lie this far outside of the reference face (curved faces do not cover each other).
 OUTSIDE = 0.1
 
@@ -85,7 +85,7 @@ def overlap(first: Facets, second: Facets, gap: float) -> Overlap:
 
 def on_faces(edges: Facets, faces: Facets, gap: float) -> Overlap:
     """Points of edges with the nearest points of faces, at most `gap` [m] away."""
-    edge, xi, weight = edges.rule(PIECES)
+    edge, xi, weight = edges.rule(RULE_PIECES)
     x = edges.at(edge, xi)[0]
     face, eta, y = closest(faces, x, gap)
     found = Overlap((edge, face), (xi, eta), (x, y), weight)

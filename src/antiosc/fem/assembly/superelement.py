@@ -23,15 +23,15 @@ from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.reduced_matrices import reduced_matrices
 
 #: Most dofs: its matrices are dense.
-MOST = 2000
+MOST_SIZE = 2000
 #: Share of the largest stiffness below which rounding, or the digits of coordinates, made it.
-RIGID = 1e-7
+STIFFNESS_ROUNDING = 1e-7
 #: Share of the largest eigenvalue of K below which one is zero.
-NULL = 1e-9
+ZERO_STIFFNESS = 1e-9
 #: What a dof is: the amplitude of a mode, a displacement or a rotation.
 AMPLITUDE, MOVE, TURN = 0, 1, 2
 #: Dofs are added, and held, until their number is a multiple of those of a node.
-BLOCK = 6
+NODE_DOFS = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,11 +192,11 @@ def of_matrices(name: str, given: NodalMatrices) -> Superelement:
         )
     if algebra.communicator(given.K).size > 1:
         raise InputError(f"the matrices of the part {name!r} are spread over several MPI ranks.")
-    if size > MOST:
+    if size > MOST_SIZE:
         raise InputError(
-            f"the part {name!r} has no mesh and {size} dofs; matrices of a part have at most "
-            f"{MOST}: condense them to the dofs of their interface (Craig–Bampton), or extract a "
-            "model of named sites."
+            f"the part {name!r} has no mesh and {size} dofs; matrices of a part have at "
+            f"most {MOST_SIZE}: condense them to the dofs of their interface (Craig–Bampton), or "
+            "extract a model of named sites."
         )
     K, M = (_dense(matrix) for matrix in (given.K, given.M))
     component, node, points = given.map.component, given.map.node, given.map.points
@@ -237,16 +237,16 @@ def _without_rigid_strain(name: str, one: Superelement, why: str) -> Superelemen
     motions = own.motions(one.places.mean(axis=0))[free]
     motions /= np.maximum(np.linalg.norm(motions, axis=0), np.finfo(float).tiny)
     basis, values, _ = np.linalg.svd(motions, full_matrices=False)
-    basis = basis[:, values > RIGID]
+    basis = basis[:, values > STIFFNESS_ROUNDING]
     # in units in which the entries of K are alike: rotations, displacements and amplitudes are not
     scale = np.sqrt(np.maximum(K.diagonal(), np.finfo(float).tiny))
     forces = (K @ basis) / scale[:, None]
     sizes = np.linalg.norm(basis * scale[:, None], axis=0).max(initial=1.0)
     _, strain, turn = np.linalg.svd(forces, full_matrices=False)
     strain = np.concatenate([strain, np.zeros(len(turn) - len(strain))])
-    rigid = np.linalg.qr(basis @ turn[strain <= RIGID * sizes].T)[0]
+    rigid = np.linalg.qr(basis @ turn[strain <= STIFFNESS_ROUNDING * sizes].T)[0]
     stiffness = np.linalg.eigvalsh(K / np.outer(scale, scale))
-    null = int(np.sum(stiffness <= NULL * stiffness[-1]))
+    null = int(np.sum(stiffness <= ZERO_STIFFNESS * stiffness[-1]))
     if null != rigid.shape[1]:
         raise InputError(
             f"the stiffness of the part {name!r} has {null} null vectors, and {rigid.shape[1]} "
@@ -264,7 +264,7 @@ def _without_rigid_strain(name: str, one: Superelement, why: str) -> Superelemen
 
 def _padded(one: Superelement) -> Superelement:
     """The same with held dofs added, so that the nodes of the parts behind it stay blocks."""
-    more = -one.size % BLOCK
+    more = -one.size % NODE_DOFS
     right, below = ((0, 0), (0, more)), ((0, more), (0, 0))
     ends = {
         name: replace(end, moves=np.pad(end.moves, right), turns=np.pad(end.turns, right))

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 Direction = Sequence[float] | Callable[[Array], Array]
 
 #: Sine of the least angle between `axis` and the normal, and between `top` and the sheet.
-LEAST = 0.05
+LEAST_SINE = 0.05
 #: Corners of a cell in the order around it, dolfinx's numbers.
 CORNERS_IN_TURN = {"triangle": [0, 1, 2], "quadrilateral": [0, 1, 3, 2]}
 
@@ -87,7 +87,7 @@ def _axis(direction: Direction, x: Array, normals: Array) -> Array:
     axis = _at("axis", direction, x)
     along = np.linalg.norm(np.cross(axis[:, None], normals), axis=2).min(axis=1)
     _refuse(
-        along < LEAST,
+        along < LEAST_SINE,
         x,
         f"the axis{shown_direction(direction)} is normal to the sheet",
         "choose a direction along the surface, a function of x, or a separate laminate for these "
@@ -101,7 +101,7 @@ def _side(direction: Direction, x: Array, normals: Array) -> Array:
     up = np.einsum("ci,cqi->cq", _at("top", direction, x), normals)
     side = np.sign(up[:, 0])
     _refuse(
-        (up * side[:, None]).min(axis=1) < LEAST,
+        (up * side[:, None]).min(axis=1) < LEAST_SINE,
         x,
         f"top{shown_direction(direction)} lies along the sheet",
         "choose a direction off the surface, a function of x, or a separate laminate for these "

@@ -27,7 +27,7 @@ from antiosc.fem.mesh.mesh import Mesh
 #: strains; and the number of cells up to which the memory for these is small.
 THIN_CELL, THIN_PART, MOST_THIN_CELLS = 8.0, 100.0, 1000
 #: Corners of the edges of cells, dolfinx's numbers.
-CELL_EDGES = {
+SOLID_EDGES = {
     "tetrahedron": [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)],
     "hexahedron": [
         *((0, 1), (2, 3), (4, 5), (6, 7), (0, 2), (1, 3)),
@@ -174,7 +174,7 @@ def _is_thin(mesh: Mesh) -> bool:
         return False
     x = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)]
     corners = x[:, : len(mesh.geometry.corners)]
-    ends = corners[:, CELL_EDGES[mesh.cell]]
+    ends = corners[:, SOLID_EDGES[mesh.cell]]
     lengths = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2)
     least = np.min(mesh.comm.allgather(lengths.min(initial=np.inf)))
     aspect = np.max(mesh.comm.allgather((lengths.max(axis=1) / lengths.min(axis=1)).max(initial=1)))

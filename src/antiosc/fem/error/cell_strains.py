@@ -14,11 +14,11 @@ from antiosc.fem.mesh.mesh import Mesh
 #: Quadrature degree of all integrals of strains, and of elements of degree two on products of
 #: intervals: their strains hold terms of degree two in one direction, which are errors too and
 #: vanish at the points of the lower rule (effectivities of 0.2 to 0.5 in place of 0.6 to 1.2).
-DEGREE, PRODUCT_DEGREE = 2, 4
+RULE_DEGREE, PRODUCT_DEGREE = 2, 4
 #: Numbers of a block of arrays that are held at once, which stay in a cache; most blocks.
-BLOCK, MOST_BLOCKS = 250_000, 32
+BLOCK_NUMBERS, MOST_BLOCKS = 250_000, 32
 #: Places of the strains (ε11, ε22, ε33, γ23, γ13, γ12), or in the plane (ε11, ε22, γ12).
-PAIRS = {2: [(0, 0), (1, 1), (0, 1)], 3: [(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)]}
+STRAIN_PLACES = {2: [(0, 0), (1, 1), (0, 1)], 3: [(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)]}
 
 
 class Quadrature:
@@ -42,7 +42,7 @@ class Quadrature:
             slopes = slopes[:1]
         self.inverse, volume = inverted(np.swapaxes(nodes, 1, 2)[:, None] @ slopes)
         self.weights = np.abs(volume) * weights
-        self._width = max(1, BLOCK // (numbers_per_cell * len(self.X)))
+        self._width = max(1, BLOCK_NUMBERS // (numbers_per_cell * len(self.X)))
 
     def slices(self, cells: IntArray) -> Iterator[slice]:
         """Slices of `cells` that are processed at once."""
@@ -69,12 +69,12 @@ class CellStrains:
     def __init__(self, mesh: Mesh, form: WeakForm, shapes: Array) -> None:
         self.mesh, self._space = mesh, form.space
         self.count = shapes.shape[1]
-        self.components = len(PAIRS[mesh.gdim])
+        self.components = len(STRAIN_PLACES[mesh.gdim])
         self._values = compat.with_ghosts(form.space, shapes)
         self._paths = list(form.components.values())
         functions = compat.cell_dofs(form.space, self._paths[0], np.zeros(0, dtype=int)).shape[1]
         quadratic = functions > len(mesh.geometry.corners)
-        degree = PRODUCT_DEGREE if quadratic and not mesh.geometry.simplex else DEGREE
+        degree = PRODUCT_DEGREE if quadratic and not mesh.geometry.simplex else RULE_DEGREE
         self.quadrature = Quadrature(mesh, self.count * mesh.gdim**2, degree)
         self._slopes = compat.tabulate_slopes(form.space, self._paths[0], self.quadrature.X)
 
@@ -91,7 +91,7 @@ class CellStrains:
             values = self._values[compat.cell_dofs(self._space, path, cells)]
             gradients.append((slopes @ values).reshape(count * points, dim, self.count))
         strains = np.empty((self.components, count * points, self.count))
-        for k, (i, j) in enumerate(PAIRS[dim]):
+        for k, (i, j) in enumerate(STRAIN_PLACES[dim]):
             strains[k] = gradients[i][:, j]
             if i != j:
                 strains[k] += gradients[j][:, i]

@@ -10,9 +10,9 @@ from antiosc.fem.mesh.mesh import Mesh
 
 #: Angles in degrees between neighbouring faces of a curved surface: above rounding, and up to those
 #: of seven faces around a hole, the fewest that gmsh makes.
-LEAST, MOST = 0.2, 52.0
+LEAST_ANGLE, MOST_ANGLE = 0.2, 52.0
 #: Sides of an exterior facet as positions of its corners.
-SIDES: dict[int, list[tuple[int, ...]]] = {
+FACET_SIDES: dict[int, list[tuple[int, ...]]] = {
     2: [(0,), (1,)],
     3: [(0, 1), (0, 2), (1, 2)],
     4: [(0, 1), (0, 2), (1, 3), (2, 3)],
@@ -27,7 +27,7 @@ def faceted(mesh: Mesh) -> str:
     corners = compat.entity_vertices(mesh.dolfinx, mesh.tdim - 1)[facets]
     angles = mesh.comm.allgather(_angles(mesh.dolfinx.geometry.x, corners))
     angle = np.concatenate(angles)
-    small = angle[(angle > LEAST) & (angle < MOST)]
+    small = angle[(angle > LEAST_ANGLE) & (angle < MOST_ANGLE)]
     if not len(small):
         return ""
     return (
@@ -49,7 +49,7 @@ def _angles(x: Array, corners: IntArray) -> Array:
     else:
         normals = np.cross(points[:, 3] - points[:, 0], points[:, 2] - points[:, 1])
     normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
-    places = SIDES[corners.shape[1]]
+    places = FACET_SIDES[corners.shape[1]]
     sides = np.sort(np.concatenate([corners[:, list(place)] for place in places]), axis=1)
     facet = np.tile(np.arange(len(corners)), len(places))
     order = np.lexsort(sides.T)

@@ -17,7 +17,7 @@ from antiosc.fem.structure.structure import Structure, on_mesh
 #: The second radius over the first; the other one where the larger patch leaves the face.
 RADII = (np.sqrt(2.0), np.sqrt(0.5))
 #: Least share of the load of the second patch on its face.
-WHOLE = 0.99
+WHOLE_LOAD = 0.99
 
 
 def patch_of(structure: Structure, site: Functional) -> dict[str, float] | None:
@@ -35,9 +35,9 @@ def patch_of(structure: Structure, site: Functional) -> dict[str, float] | None:
         place = site.point[None, :], site.direction[None, :], np.array([factor * site.radius])
         found = located(on_mesh(structure), *place)
         facts = {"faces": float(found.size[0])}
-        if found.share[0] >= WHOLE:
+        if found.share[0] >= WHOLE_LOAD:
             break
-    if not site.local_compliance or found.share[0] < WHOLE or not found.local[0]:
+    if not site.local_compliance or found.share[0] < WHOLE_LOAD or not found.local[0]:
         return facts
     b = found.loads[:, 0].toarray().ravel()
     # bᵀA⁻¹b of both is a difference of two squares: one solve, without cancellation

@@ -16,7 +16,7 @@ from antiosc.fem import compat
 from antiosc.fem.error.cell_strains import Quadrature
 
 #: Relative residual at which the solve ends (the energies lose the square of it), and most steps.
-RESIDUAL, MOST_STEPS = 1e-5, 200
+CG_RESIDUAL, CG_STEPS = 1e-5, 200
 
 
 class Projection:
@@ -71,8 +71,8 @@ class Projection:
         r = np.array(loads)
         z = self._inverse * r
         p, rz = z, self._dot(r, z)
-        aim = RESIDUAL**2 * rz
-        for _ in range(MOST_STEPS):
+        aim = CG_RESIDUAL**2 * rz
+        for _ in range(CG_STEPS):
             if np.all(rz <= aim):
                 return x
             Ap = self._product(p)
@@ -82,7 +82,7 @@ class Projection:
             rz, before = self._dot(r, z), rz
             p = z + _quotient(rz, before) * p
         raise NotConvergedError(
-            f"the recovery of strains did not converge in {MOST_STEPS} steps: the mesh has cells "
+            f"the recovery of strains did not converge in {CG_STEPS} steps: the mesh has cells "
             "of nearly no volume; mesh the part anew, or leave error=None."
         )
 

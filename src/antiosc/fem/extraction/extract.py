@@ -32,9 +32,9 @@ from antiosc.fem.extraction.self_check import CHECK, CONVERGED, FORCES, MECHANIS
 from antiosc.fem.extraction.several_sites import of_several_sites
 from antiosc.fem.extraction.static_mode import StaticMode, static_modes
 from antiosc.fem.extraction.wish import (
-    AIM,
-    DEFAULT,
+    DEFAULT_COUNT,
     SEARCHED,
+    STEP_AIM,
     ErrorWish,
     Method,
     Wish,
@@ -221,7 +221,7 @@ def _extracted(
     statics = static_modes(structure, targets)
     if wish.method == "krylov":
         counts = [wanted(static, wish.n) for static in statics]
-        found = by_krylov(structure, statics, counts, wish.tol, wish.band, AIM * wish.accuracy)
+        found = by_krylov(structure, statics, counts, wish.tol, wish.band, STEP_AIM * wish.accuracy)
     else:
         found = [_observable(structure, targets[0], statics[0], wish)]
     models: list[AntiOscillators] = []
@@ -252,8 +252,8 @@ def _observable(
     bound)."""
     solver = ModeSolver(structure, static)
     n = wanted(static, wish.n)
-    most = min(solver.limit, SEARCHED * (n + DEFAULT))
-    asked = n + 2 if n and wish.band is None else min(n, DEFAULT)
+    most = min(solver.limit, SEARCHED * (n + DEFAULT_COUNT))
+    asked = n + 2 if n and wish.band is None else min(n, DEFAULT_COUNT)
     while True:
         modes = solver.lowest(asked)
         known = lumped(structure, static, modes)

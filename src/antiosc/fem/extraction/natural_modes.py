@@ -13,6 +13,7 @@ from antiosc.brief import Brief
 from antiosc.errors import InputError
 from antiosc.fem.extraction.body_inertia import weights_of
 from antiosc.fem.extraction.eigenmodes import ModeSolver
+from antiosc.fem.extraction.oscillators import REPEATED
 from antiosc.fem.extraction.superposition import check_modes
 from antiosc.fem.fields import source
 from antiosc.fem.mpi import collective, on_root
@@ -20,8 +21,6 @@ from antiosc.fem.structure.structure import Structure
 from antiosc.fem.vtu import Frames
 from antiosc.threads import one_thread
 
-#: Frequencies closer than this (relatively) are one repeated frequency.
-REPEATED = 1e-6
 #: Modes that are searched beyond those asked, until the last one is no more repeated.
 BEYOND = 1
 

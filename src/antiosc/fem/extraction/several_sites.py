@@ -27,7 +27,7 @@ from antiosc.fem.extraction.site_oscillators import (
     oscillators,
 )
 from antiosc.fem.extraction.site_shapes import SiteShapes, site_shapes
-from antiosc.fem.extraction.wish import AIM, DEFAULT, SEARCHED, Wish, tell
+from antiosc.fem.extraction.wish import DEFAULT_COUNT, SEARCHED, STEP_AIM, Wish, tell
 from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.site.site import Functional
 from antiosc.fem.structure.structure import Structure
@@ -79,7 +79,7 @@ def _finished(run: BlockLanczos, before: int, wish: Wish) -> int | None:
         tried = min(run.applied, wish.n)
         enough = tried == wish.n or run.exhausted
         if not enough and tried:
-            enough = run.error(tried, wish.band) <= AIM * wish.accuracy
+            enough = run.error(tried, wish.band) <= STEP_AIM * wish.accuracy
         return tried if enough else None
     for count in range(max(before, wish.n), run.steps + 1):
         if run.observable(count, wish.tol) >= wish.n:
@@ -94,8 +94,8 @@ def _by_modes(
     """The lowest constraint modes until n of them are observable (or the error of Z meets the
     bound)."""
     solver = ModeSolver(structure, static)
-    most = min(solver.limit, SEARCHED * (wish.n + DEFAULT))
-    asked = wish.n + 2 if wish.n and wish.band is None else min(wish.n, DEFAULT)
+    most = min(solver.limit, SEARCHED * (wish.n + DEFAULT_COUNT))
+    asked = wish.n + 2 if wish.n and wish.band is None else min(wish.n, DEFAULT_COUNT)
     while True:
         modes = solver.lowest(asked)
         known = lumped(structure, static, modes)

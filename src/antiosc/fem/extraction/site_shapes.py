@@ -10,8 +10,8 @@ rigid-body mode of its own, with the share σ² of its compliance:
     K Y₀ = B₀ - M R RᵀB₀,  C₀ = B₀ᵀY₀         the others, self-equilibrated;
     Φ = [Φ_r, Y₀C₀⁻¹ - Φ_r(B₁ᵀY₀C₀⁻¹)],       K0 = diag(0, C₀⁻¹).
 
-A rigid-body mode with a share below `APART` is not one of Φ_r, whose masses 1/(sσ²) would hide all
-others: it is modelled beside, with its displacements of the sites (`antiosc.models.rigid_share`).
+A rigid-body mode with a share below `SMALL_SHARE` is not one of Φ_r: its mass 1/(sσ²) would hide
+all others. It is modelled apart (`antiosc.models.rigid_share`).
 Displacements u of the sites are Wᵀu in this basis, and a matrix Z of it is W Z Wᵀ of the sites.
 """
 
@@ -26,7 +26,7 @@ from antiosc._types import Array, IntArray
 from antiosc.fem.extraction.static_mode import SUM_ROUNDING, beside_rigid, moved_by_strain
 from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.structure.structure import Structure
-from antiosc.models.rigid_share import APART, HIDDEN
+from antiosc.models.rigid_share import HIDDEN, SMALL_SHARE
 
 #: A site whose load has less than this share of its compliance outside the span of the others
 #: follows their motion: its own would make Z = H⁻¹ lose the square of it.
@@ -91,7 +91,7 @@ def site_shapes(structure: Structure, B: Array) -> SiteShapes:
     kept, dependence, W, Y, V, sigma = _basis(structure, B)
     given, B, R = B[:, kept], B[:, kept] @ W, structure.rigid_modes @ V
     root = np.sqrt(structure.shift) or 1.0
-    q = int(np.sum(sigma**2 > APART))
+    q = int(np.sum(sigma**2 > SMALL_SHARE))
     moved = np.where(np.arange(len(sigma)) < q, root * sigma, 0.0)
     strong, nodal = R[:, :q], R[:, q:]
     slides = dot(comm, nodal, B)

@@ -13,7 +13,7 @@ from antiosc.fem.linalg.algebra import by_strains, diagonal, dot, multiply
 from antiosc.fem.linalg.solver import Solver
 from antiosc.fem.site.site import Functional
 from antiosc.fem.structure.structure import Structure
-from antiosc.models.rigid_share import APART, HIDDEN
+from antiosc.models.rigid_share import HIDDEN, SMALL_SHARE
 
 #: Relative error in energy of the static solve beside rigid-body modes: wanted, and taken where
 #: rounding leaves no less (the error of the compliance is the square of it).
@@ -101,7 +101,7 @@ def _static_mode(structure: Structure, b: Array, y: Array) -> StaticMode:
     beside, apart = R, None
     if share > HIDDEN:
         beside = R @ np.linalg.svd(a[None, :])[2][1:].T
-    if share > APART:
+    if share > SMALL_SHARE:
         phi = R @ a / along**2
         nodal, load, k0 = beside, b, 0.0
     else:

@@ -25,7 +25,7 @@ from antiosc.fem.extraction.eigenmodes import DENSE_MANY, Modes, ModeSolver
 from antiosc.fem.extraction.oscillators import REPEATED
 from antiosc.fem.extraction.self_check import CHECK
 from antiosc.fem.extraction.static_mode import StaticMode, beside_rigid, static_mode
-from antiosc.fem.extraction.wish import DEFAULT, SEARCHED
+from antiosc.fem.extraction.wish import DEFAULT_COUNT, SEARCHED
 from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.mpi import collective, on_root
 from antiosc.fem.site.functionals import functional
@@ -161,7 +161,7 @@ def superposition(
     where = functional(structure, site)
     static = static_mode(structure, where)
     solver = ModeSolver(structure)
-    asked, most = n + 2, SEARCHED * (n + DEFAULT)
+    asked, most = n + 2, SEARCHED * (n + DEFAULT_COUNT)
     while True:
         modes = solver.lowest(asked)
         seen = _seen(structure, where, static, modes)

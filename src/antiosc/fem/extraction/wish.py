@@ -15,14 +15,14 @@ from antiosc.fem.structure.structure import Structure
 from antiosc.models.anti_oscillators import AntiOscillators
 
 #: Default number of anti-oscillators, and the largest number with a band.
-DEFAULT, MOST_FOR_BAND = 20, 400
+DEFAULT_COUNT, MOST_FOR_BAND = 20, 400
 
 #: Largest number of modes computed for each one wanted: a site with fewer observable ones gets
 #: fewer.
 SEARCHED = 10
 #: Goal of the Krylov steps over the accuracy wanted: the bound of the finished model is sampled
 #: more finely and includes the dropped modes.
-AIM = 0.6
+STEP_AIM = 0.6
 #: With this many Krylov anti-oscillators the lowest must have converged to an antiresonance.
 SETTLED_FROM = 10
 
@@ -55,7 +55,7 @@ def checked_wish(
     choice("method", method, get_args(Method))
     choice("error", error, (None, "estimate"))
     if n is None:
-        n = min(DEFAULT if band is None else MOST_FOR_BAND, structure.dofs - 1)
+        n = min(DEFAULT_COUNT if band is None else MOST_FOR_BAND, structure.dofs - 1)
     n = whole("n", n, least=0 if band is None else 1)
     if n >= structure.dofs:
         raise InputError(

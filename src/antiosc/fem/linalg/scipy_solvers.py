@@ -17,7 +17,7 @@ from antiosc.fem.linalg.solver import SINGULAR, Factorization
 #: Rows from which the memory of a factor is forecast.
 FORECAST_ROWS = 30_000
 #: Bytes of an entry with its row number; SuperLU stores L and U.
-BYTES, L_AND_U = 12.0, 2
+ENTRY_BYTES, L_AND_U = 12.0, 2
 #: Share of the rows that groups of rows alike may be for a forecast.
 LEAST_REDUCTION = 0.6
 
@@ -28,7 +28,7 @@ except ImportError:  # optional: SuperLU serves without it
 
 
 #: How SuperLU orders, for symmetric matrices with pivots on the diagonal.
-SYMMETRIC: dict[str, Any] = {
+SYMMETRIC_ORDER: dict[str, Any] = {
     "permc_spec": "MMD_AT_PLUS_A",
     "diag_pivot_thresh": 0.0,
     "options": {"SymmetricMode": True, "Equil": False},
@@ -51,7 +51,7 @@ def _check_memory(A: Any) -> None:
     rows = A.shape[0]
     if rows < FORECAST_ROWS:
         return
-    bytes_each = (L_AND_U if cholmod is None else 1) * BYTES
+    bytes_each = (L_AND_U if cholmod is None else 1) * ENTRY_BYTES
     need, free = bytes_each * entries_of_factor(A), free_memory()
     if need > MEMORY_SHARE * free:
         raise InputError(
@@ -82,7 +82,7 @@ def entries_of_factor(A: Any) -> float:
     graph.data[:] = -1.0
     # a definite matrix with the pattern of the groups
     graph = graph + scipy.sparse.diags(2.0 + np.diff(graph.indptr))
-    lu = scipy.sparse.linalg.splu(graph.tocsc(), **SYMMETRIC)
+    lu = scipy.sparse.linalg.splu(graph.tocsc(), **SYMMETRIC_ORDER)
     size = size[np.argsort(lu.perm_c)]
     L = lu.L.tocoo()
     return float(size[L.row] @ size[L.col])
@@ -97,7 +97,7 @@ class SuperLU(Factorization):
 
     def _set_up(self) -> None:
         try:
-            self._lu = scipy.sparse.linalg.splu(self.A.tocsc(), **SYMMETRIC)
+            self._lu = scipy.sparse.linalg.splu(self.A.tocsc(), **SYMMETRIC_ORDER)
         except RuntimeError as error:  # an empty column of what is left
             raise NotConvergedError(SINGULAR.format(f"SuperLU: {error}")) from error
         except MemoryError as error:

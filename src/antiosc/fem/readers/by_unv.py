@@ -51,7 +51,8 @@ ORDER = {
         (1, 3, 5, 7, 13, 15, 17, 19, 8, 9, 10, 11),
     ),
 }
-UNITS, NODES, OLD_NODES, SINGLE_NODES, ELEMENT_SETS = 164, 2411, 781, 15, (2412, 780)
+UNITS_SET, NODES_SET, OLD_NODES_SET, SINGLE_NODES_SET = 164, 2411, 781, 15
+ELEMENT_SETS = 2412, 780
 #: Groups: with four numbers for each member, and with two.
 GROUPS = {
     **dict.fromkeys((2435, 2452, 2467, 2477), 4),
@@ -124,16 +125,16 @@ def _sets(lines: list[str], name: str) -> Iterator[tuple[int, Lines]]:
 
 
 def _take(found: _Content, number: int, rows: Lines) -> None:
-    if number == UNITS and len(rows) > 1:
+    if number == UNITS_SET and len(rows) > 1:
         text, place = rows[1]
         found.per_metre = real_number(text.split()[0] if text.split() else "", place)
         if found.per_metre <= 0:
             raise MeshError(f"{place}: the factor of length in data set 164 must be positive.")
-    elif number in (NODES, OLD_NODES):
+    elif number in (NODES_SET, OLD_NODES_SET):
         for k in range(0, len(rows) - 1, 2):
             (head, at), (text, place) = rows[k], rows[k + 1]
             _node(found, head.split()[:1], at, text.split()[:3], place)
-    elif number == SINGLE_NODES:
+    elif number == SINGLE_NODES_SET:
         for text, place in rows:
             words = text.split()
             _node(found, words[:1], place, words[4:7], place)

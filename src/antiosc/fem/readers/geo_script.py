@@ -22,7 +22,7 @@ from antiosc.fem.readers.cad import CAD
 
 #: `Command expression;`: commands that run programs, or read or write files. They may also be names
 #: of variables; they are commands only if an argument follows.
-COMMANDS = {
+FILE_COMMANDS = {
     *("System", "SystemCall", "NonBlockingSystemCall", "OnelabRun"),
     *("Include", "Merge", "MergeWithBoundingBox", "Print", "Save", "SendToServer", "CreateDir"),
 }
@@ -31,7 +31,7 @@ WORDS = {
     *("OnelabRun", "Plugin", "ShapeFromFile", "ListFromFile", "StringToName", "S2N"),
 }
 #: Fields that run a program or read a file.
-FIELDS = {"ExternalProcess", "Structured", "ExternalField"}
+FILE_FIELDS = {"ExternalProcess", "Structured", "ExternalField"}
 #: Groups of options for other programs.
 OPTIONS = {"Solver"}
 #: Options, after a point: names of files and programs, and commands to be executed later.
@@ -44,7 +44,8 @@ OPTION = re.compile(
 LONGEST_STRING = 1000
 #: Ends of blocks that are not executed. gmsh searches these words with a second scanner.
 _END_OF_SKIPPED = re.compile(r"EndIf|ElseIf|Else|EndFor|Return")
-_NAMES = re.compile("|".join(sorted(COMMANDS | WORDS | FIELDS | OPTIONS, key=len, reverse=True)))
+_REFUSED = FILE_COMMANDS | WORDS | FILE_FIELDS | OPTIONS
+_REFUSED_NAMES = re.compile("|".join(sorted(_REFUSED, key=len, reverse=True)))
 _PRINTING = {"Printf", "Error", "Warning"}
 
 _TOKEN = re.compile(
@@ -83,7 +84,7 @@ def harmless(text: str, name: str) -> Script:
     merged = [_check(meant, k, name) for k in range(len(meant))]
     if any(_END_OF_SKIPPED.search(t.text) for t in meant if t.kind == "string"):
         for token in meant:
-            if token.kind == "string" and (found := _NAMES.search(token.text)):
+            if token.kind == "string" and (found := _REFUSED_NAMES.search(token.text)):
                 raise _refusal(name, token, f"{found[0]} in a string beside one that ends a block")
     text = "".join(map(_written, tokens)) + "\n"  # gmsh 4.8 ignores a last line without a line end
     return Script(text, [m for m in merged if m])
@@ -113,11 +114,11 @@ def _check(tokens: list[Token], k: int, name: str) -> str | None:
     word = token.text
     if word in WORDS:
         raise _refusal(name, token, word)
-    if word in COMMANDS and after.kind in ("string", "name"):
+    if word in FILE_COMMANDS and after.kind in ("string", "name"):
         if word == "Merge" and second.text == ";" and _is_cad(after):
             return after.text[1:-1]
         raise _refusal(name, token, f"{word} {after.text[:60]}")
-    if word in FIELDS and before.text == "=":
+    if word in FILE_FIELDS and before.text == "=":
         raise _refusal(name, token, f"a field of type {word}")
     if word in OPTIONS and after.text in (".", "["):
         raise _refusal(name, token, f"{word}{after.text}{second.text}")

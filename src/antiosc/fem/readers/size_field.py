@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 #: gmsh's edges come out longer than the size asked, in the mean by this factor.
-LONGER = 1.1
+EDGE_OVER_SIZE = 1.1
 #: Least number of flat faces around a full turn of a curved one.
 AROUND = 12
 #: Gmsh's names of scalars on triangles and on tetrahedra.
@@ -43,7 +43,7 @@ class SizeField:
         `flat`: the cells have flat faces, which need more than sizes where the part is curved.
         """
         x = np.array(self.points)[np.array(self.cells)] / scale
-        sizes = np.array(self.sizes)[np.array(self.cells)] / (scale * LONGER)
+        sizes = np.array(self.sizes)[np.array(self.cells)] / (scale * EDGE_OVER_SIZE)
         rows = np.concatenate([x.transpose(0, 2, 1).reshape(len(x), -1), sizes], axis=1)
         view = gmsh.view.add("sizes")
         gmsh.view.addListData(view, LISTS[sizes.shape[1]], len(rows), rows.ravel())

@@ -18,7 +18,7 @@ from antiosc.fem.structure.meshed import MeshedStructure
 ON_SHEET = 1e-6
 #: A patch is whole with this share of its load on the face, resolved by faces up to this times its
 #: radius, and partly supported where these carry more than this share of its load.
-WHOLE, RESOLVED_SIZE, PARTLY = 0.9, 1.2, 0.1
+WHOLE_PATCH, RESOLVED_SIZE, PARTLY = 0.9, 1.2, 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,7 +153,7 @@ def tell(structure: MeshedStructure, sites: Sites) -> None:
             f"the radius {sites.radii[i]:g} m: the patch is not resolved; read the geometry with "
             f"refine=[(point, {sites.radii[i]:g})] or take radius={sites.size[i]:.1g}.",
         )
-    cut = sites.share < WHOLE
+    cut = sites.share < WHOLE_PATCH
     if cut.any():
         _warn(
             structure,

@@ -242,7 +242,7 @@ def _attachment_points(mesh: Mesh, where: str | Sequence[float]) -> list[Closest
 
 
 #: Corners of the edges of a cell, in dolfinx's order; mid-side nodes follow the corners.
-CELL_EDGES = {
+SHEET_EDGES = {
     "triangle": ((1, 2), (0, 2), (0, 1)),
     "quadrilateral": ((0, 1), (0, 2), (1, 3), (2, 3)),
 }
@@ -256,7 +256,7 @@ def _edge_mesh(mesh: Mesh, edges: IntArray, name: str) -> Mesh:
     owned = edges[edges < topology.index_map(1).size_local]
     nodes = np.zeros((len(owned), mesh.order + 1), dtype=np.int64)
     of_cell = compat.geometry_nodes(mesh.dolfinx)
-    table = CELL_EDGES[mesh.cell]
+    table = SHEET_EDGES[mesh.cell]
     for row, edge in enumerate(owned):
         cell = topology.connectivity(1, 2).links(edge)[0]
         local = int(np.flatnonzero(topology.connectivity(2, 1).links(cell) == edge)[0])

@@ -32,7 +32,7 @@ Backend = Literal["auto", "petsc", "scipy"]
 BACKENDS = get_args(Backend)
 
 #: Difference of mirrored entries over √(a_ii a_jj) that is still rounding of the code they are of.
-SYMMETRIC = 1e-9
+MIRRORED = 1e-9
 #: Share of the typical diagonal entry below which an entry is rounding.
 ENTRY_ROUNDING = 1e-15
 #: A diagonal entry that holds a dof: over the sum of the row's other entries, and over the typical
@@ -213,13 +213,13 @@ def _checked(name: str, matrix: Any) -> _Entries:
     noise = ENTRY_ROUNDING * typical
     apart, found = (_entries(one, diagonal, noise) for one in (algebra.skew(matrix), matrix))
     _forbid(
-        comm, apart, np.abs(apart.value) > SYMMETRIC * apart.scale + apart.noise,
-        f"{name} must be symmetric (to {SYMMETRIC:g} of √(a_ii a_jj)); its entries ({{0}}, {{1}}) "
+        comm, apart, np.abs(apart.value) > MIRRORED * apart.scale + apart.noise,
+        f"{name} must be symmetric (to {MIRRORED:g} of √(a_ii a_jj)); its entries ({{0}}, {{1}}) "
         "and ({1}, {0}) differ by {2:g}.",
     )  # fmt: skip
     _forbid(
         comm, found,
-        np.abs(found.value) > (1 + SYMMETRIC) * found.scale + found.noise,
+        np.abs(found.value) > (1 + MIRRORED) * found.scale + found.noise,
         f"{name} must be positive semidefinite; its entry ({{0}}, {{1}}) = {{2:g}} exceeds "
         "√(a_ii a_jj) = {3:g}.",
     )  # fmt: skip

@@ -18,7 +18,7 @@ from antiosc.fem.readers.decks.abaqus_assembly import Instance, Whole
 from antiosc.fem.readers.decks.abaqus_cards import Card
 from antiosc.fem.readers.decks.abaqus_joints import read_joints
 from antiosc.fem.readers.decks.abaqus_materials import materials_of
-from antiosc.fem.readers.decks.abaqus_sections import SECTIONS, Sections
+from antiosc.fem.readers.decks.abaqus_sections import SECTION_CARDS, Sections
 from antiosc.fem.readers.decks.abaqus_thickness import vary_thickness
 from antiosc.fem.readers.decks.builder import ModelBuilder
 from antiosc.fem.readers.decks.constraints import Term
@@ -77,7 +77,7 @@ def model_of(whole: Whole, units: UnitSystem, density: float | None) -> dict[str
     builder = ModelBuilder(whole.deck, units, density)
     sections = Sections(whole, builder, materials)
     for card, within in whole.cards:
-        if card.keyword in SECTIONS:
+        if card.keyword in SECTION_CARDS:
             sections.read(card, within)
     varied = vary_thickness(whole, builder, sections.roles)
     builder.with_roles(sections.roles)

@@ -18,7 +18,7 @@ from antiosc.fem.readers.decks.deck import Array, IntArray, Place, real_number
 from antiosc.fem.readers.decks.geometry import common_direction, normals_of, tangents_of
 from antiosc.fem.readers.decks.material import Material
 
-SECTIONS = (
+SECTION_CARDS = (
     *("SOLIDSECTION", "SHELLSECTION", "BEAMSECTION", "BEAMGENERALSECTION"),
     "SHELLGENERALSECTION",
 )

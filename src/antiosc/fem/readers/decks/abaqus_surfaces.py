@@ -14,7 +14,7 @@ from antiosc.fem.readers.decks.deck import Block, IntArray, Place
 from antiosc.fem.readers.shapes import EDGES
 
 #: Corners of the faces S1, S2, … of solids.
-SIDES = {
+SOLID_FACES = {
     "hexahedron": (
         *((0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1)),
         *((1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0)),
@@ -86,7 +86,7 @@ def _faces(
 def _corners(shape: str, side: str, place: Place) -> tuple[int, ...]:
     if shape in ("triangle", "quad"):
         return tuple(range(3 if shape == "triangle" else 4))
-    sides = SIDES.get(shape, ())
+    sides = SOLID_FACES.get(shape, ())
     number = int(side[1:]) if side[:1] == "S" and side[1:].isdigit() else 0
     if not 1 <= number <= len(sides):
         raise MeshError(

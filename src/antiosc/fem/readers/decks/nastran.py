@@ -41,14 +41,17 @@ NO_ELEMENTS = (
     *("CORD", "CAERO", "CSUPER", "CSUPEXT", "CREEP", "CSSCHD", "CYAX", "CYJOIN", "CYSYM"),
     *("CONV", "CHECK", "CLOAD", "CSET", "CFIELD", "CONTRLT", "CGEN", "CBARAO", "CTABLE"),
 )
-RIGID = ("RBE1", "RBE2", "RBE3", "RBAR", "RBAR1", "RROD", "RTRPLT", "RSPLINE", "RJOINT", "RSSCON")
+RIGID_ELEMENTS = (
+    *("RBE1", "RBE2", "RBE3", "RBAR", "RBAR1"),
+    *("RROD", "RTRPLT", "RSPLINE", "RJOINT", "RSSCON"),
+)
 
 
 def is_other(name: str) -> bool:
     """Whether an entry is an element, but not a cell of a mesh."""
     if name in SOLIDS or name in SHELLS or name in BEAMS or name in RODS:
         return False
-    return name in RIGID or (name.startswith("C") and not name.startswith(NO_ELEMENTS))
+    return name in RIGID_ELEMENTS or (name.startswith("C") and not name.startswith(NO_ELEMENTS))
 
 
 @dataclass

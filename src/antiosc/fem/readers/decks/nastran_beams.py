@@ -18,7 +18,7 @@ from antiosc.fem.readers.decks.nastran_cards import Entry
 from antiosc.fem.readers.decks.nastran_profiles import BeamProfiles
 
 #: Uniform pieces of a tapered beam; the error of its stiffness falls with their number squared.
-PIECES = 16
+TAPER_PIECES = 16
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ def divide(found: NastranDeck) -> list[End]:
                 ends.append(End(nodes[end], (a, b)[end], held, axes, entry))
             places = [more[n - len(x0)] if n >= len(x0) else x0[n]
                       for x0 in (found.deck.points,) for n in nodes]  # fmt: skip
-            pieces = PIECES if property_of(entry) in tapered else 1
+            pieces = TAPER_PIECES if property_of(entry) in tapered else 1
             shares = np.linspace(0, 1, pieces + 1)[1:-1, None]
             inner = list((1 - shares) * places[0] + shares * places[1])
             first = len(found.deck.points) + len(more)

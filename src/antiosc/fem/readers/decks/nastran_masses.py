@@ -12,7 +12,7 @@ from antiosc.fem.readers.decks.nastran import NastranDeck
 from antiosc.fem.readers.decks.nastran_cards import Entry
 
 #: Share of the largest moment of inertia that a negative one may have by rounding.
-ROUNDING = 1e-6
+INERTIA_ROUNDING = 1e-6
 
 
 def read_masses(found: NastranDeck, builder: ModelBuilder, factor: float) -> None:
@@ -39,7 +39,7 @@ def _at_a_point(found: NastranDeck, builder: ModelBuilder, entry: Entry, factor:
     elif number:
         axes = _axes(found, entry, number)
         offset, J = offset @ axes, axes.T @ J @ axes
-    if mass < 0 or np.linalg.eigvalsh(J).min() < -ROUNDING * np.abs(J).max():
+    if mass < 0 or np.linalg.eigvalsh(J).min() < -INERTIA_ROUNDING * np.abs(J).max():
         raise MeshError(f"{entry.place}: the mass or the inertia of CONM2 is negative.")
     plain = not offset.any() and not (J - np.diag(np.diag(J))).any()
     if plain and (builder.turning[row] or not J.any()):
@@ -63,7 +63,7 @@ def _matrix(found: NastranDeck, builder: ModelBuilder, entry: Entry, factor: flo
     if entry.whole(2, 0):
         six = np.kron(np.eye(2), _axes(found, entry, entry.whole(2)))
         M = six.T @ M @ six
-    if np.linalg.eigvalsh(M).min() < -ROUNDING * np.abs(M).max():
+    if np.linalg.eigvalsh(M).min() < -INERTIA_ROUNDING * np.abs(M).max():
         raise MeshError(f"{entry.place}: the matrix of CONM1 is not that of a mass: it has a "
                         "negative eigenvalue.")  # fmt: skip
     builder.body(row, M, float(np.trace(M[:3, :3])) / 3, entry.place)

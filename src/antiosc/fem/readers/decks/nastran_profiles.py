@@ -182,7 +182,7 @@ class BeamProfiles:
         if kind not in ("ROD", "TUBE", "TUBE2", "BAR", "BOX"):
             self.told.append(
                 f"the shear coefficients and the torsion constant that Nastran gives {entry.name} "
-                f"{entry.text(0)} ({kind}), {profiles.WALLS:g} and that of thin walls are taken"
+                f"{entry.text(0)} ({kind}), {profiles.THIN:g} and that of thin walls are taken"
             )
         return stations
 

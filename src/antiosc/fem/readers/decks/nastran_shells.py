@@ -16,7 +16,7 @@ from antiosc.fem.readers.decks.nastran_cards import Entry
 from antiosc.fem.readers.decks.nastran_materials import PropertyReader
 
 #: Fields of THETA or MCID, of ZOFFS, of TFLAG, and the number of corners.
-FIELDS = {
+SHELL_FIELDS = {
     "CTRIA3": (5, 6, 9, 3),
     "CTRIAR": (5, 6, 9, 3),
     "CQUAD4": (6, 7, 9, 4),
@@ -88,7 +88,7 @@ class Shells:
         varying = 0
         for element in elements:
             own = self.found.elements[element]
-            _, where, flag, corners = FIELDS[own.name]
+            _, where, flag, corners = SHELL_FIELDS[own.name]
             given = [own.real(OWN_THICKNESS + k, 0.0) for k in range(corners)]
             factor = thickness if own.whole(flag, 0) == 1 else 1.0
             values = [t * factor if t else thickness for t in given]
@@ -235,7 +235,7 @@ class Shells:
     def _axis(self, element: int, normal: Array) -> Array:
         """Direction of 0° in an element: its first side rotated by THETA, or x of MCID."""
         entry = self.found.elements[element]
-        where = FIELDS[entry.name][0]
+        where = SHELL_FIELDS[entry.name][0]
         word = entry.text(where)
         if word.lstrip("+-").isdigit() and self.found.systems is not None:
             return np.asarray(self.found.systems(int(word), entry.place).axes[0])

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 #: Timoshenko's shear coefficients, as in `antiosc.Section`.
-RECTANGLE, CIRCLE, TUBE, WALLS = 5 / 6, 0.9, 0.5, 0.5
+RECTANGLE, CIRCLE, TUBE, THIN = 5 / 6, 0.9, 0.5, 0.5
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ def box(height: float, width: float, walls: tuple[float, float, float, float]) -
         (width * height**3 - w * h**3) / 12,
         (height * width**3 - h * w**3) / 12,
         4 * middle**2 / around,
-        WALLS,
+        THIN,
         height,
         width,
     )
@@ -113,7 +113,7 @@ def walled(walls: Sequence[Wall], torsion: float | None = None) -> Profile:
         float(np.sum(w * h**3 / 12 + A * y**2)),
         float(np.sum(h * w**3 / 12 + A * z**2)),
         torsion or float(np.sum(np.maximum(h, w) * np.minimum(h, w) ** 3) / 3),
-        WALLS,
+        THIN,
         float(high.max() - low.min()),
         float(right.max() - left.min()),
     )

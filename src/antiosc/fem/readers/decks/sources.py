@@ -9,7 +9,7 @@ from antiosc.errors import MeshError
 from antiosc.fem.readers.decks.deck import Place
 
 #: Greatest depth of included files.
-DEEPEST = 16
+DEEPEST_INCLUDE = 16
 #: Largest size of all files of a deck together, bytes.
 LARGEST_DECK = 4 * 2**30
 
@@ -72,8 +72,8 @@ class Sources:
             raise MeshError(f"{at}: there is no file {named[:80]!r} beside {self.name}.")
         if path in self._open:
             raise MeshError(f"{at}: {named[:80]!r} includes itself.")
-        if len(self._open) >= DEEPEST:
-            raise MeshError(f"{at}: files include one another more than {DEEPEST} deep.")
+        if len(self._open) >= DEEPEST_INCLUDE:
+            raise MeshError(f"{at}: files include one another more than {DEEPEST_INCLUDE} deep.")
         self._open.append(path)
         return self.lines(path, path.name)
 

@@ -10,10 +10,10 @@ from antiosc.fem.readers.decks.constraints import Constraints
 from antiosc.fem.readers.decks.deck import Array, IntArray, Place
 
 #: Share of the mean length of the master's edges within which nodes are tied by default (Abaqus).
-REACH = 0.05
+TIE_REACH = 0.05
 #: Faces that are tried for each node, the nearest first.
 TRIED = 12
-STEPS = 12
+NEWTON_STEPS = 12
 
 
 def tie(
@@ -27,7 +27,7 @@ def tie(
         raise MeshError(f"{place}: the master surface of *TIE must be of faces of elements.")
     faces = _Faces(joints, master)
     if tolerance is None:
-        tolerance = REACH * faces.size
+        tolerance = TIE_REACH * faces.size
     own = set(master.nodes.tolist())
     far = 0
     nodes = slave.nodes
@@ -90,7 +90,7 @@ def _projected(x: Array, point: Array) -> Array:
     """Shape functions of the face at its place nearest to the point."""
     triangle = len(x) in (3, 6)
     xi = np.full(2, 1 / 3) if triangle else np.zeros(2)
-    for _ in range(STEPS):
+    for _ in range(NEWTON_STEPS):
         values, slopes = _shapes(len(x), xi)
         J = slopes.T @ x
         step = np.linalg.lstsq(J.T, point - values @ x, rcond=None)[0]
