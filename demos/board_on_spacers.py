@@ -16,6 +16,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
+import compared
 import dolfinx
 import numpy as np
 import options
@@ -23,7 +24,6 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 
 import antiosc as ao
-from antiosc import plotting
 
 Array = NDArray[np.float64]
 ROOT = Path(__file__).resolve().parent.parent
@@ -38,6 +38,7 @@ WIDE, HIGH = 8e-3, 12e-3  # a spacer, m
 CHIP = (0.095, 0.06)  # on the board, m
 TRANSFORMER = ((0.05, 0.04), 0.03)  # where (m), how heavy (kg)
 STRUCK = (0.07, 0.05)  # on the lid, m
+G0 = 9.81  # m/s²
 
 
 def main(
@@ -60,7 +61,7 @@ def main(
     out : folder of the results
     """
     first = MPI.COMM_WORLD.rank == 0
-    ball = ao.Sphere(radius=radius, **STEEL, velocity=float(np.sqrt(2 * 9.81 * height)))
+    ball = ao.Sphere(radius=radius, **STEEL, velocity=float(np.sqrt(2 * G0 * height)))
     contact = ball.hertz(ABS["E"], ABS["nu"])
     site = ao.Site((*STRUCK, SIZE[2]), (0, 0, -1), part="box")
     times = np.linspace(0, duration, 1500)
@@ -71,22 +72,17 @@ def main(
         model = ao.extract(part, site, n=n)
         hit = ao.simulate(model, ball, contact, duration)
         chip = ao.probe(part, hit, (*CHIP, HIGH), "acceleration", times, part="board")
-        lines[name] = chip[:, 2]
+        lines[name] = chip[:, 2] / G0
         numbers[name] = {
-            "dofs": part.dofs,
-            "mass": part.mass,
-            "k0": model.k0,
-            "first": float(model.omega[0]) / (2 * np.pi),
-            "peak_force": hit.peak_force,
-            "impulse": hit.impulse,
-            "momentum": ball.mass * (ball.velocity - float(hit.impactor_velocity[-1])),
+            **compared.numbers(part, model, hit, ball.mass, ball.velocity),
             "chip": float(np.abs(chip).max()),
             "seconds": time.perf_counter() - started,
         }
     if first:
         out.mkdir(parents=True, exist_ok=True)
-        print_table(numbers)
-        plot(times, lines, out / "board_on_spacers.png")
+        compared.print_table("spacers", numbers, {"chip g": ("chip", 1 / G0, ".1f")})
+        label = "acceleration of the chip (g)"
+        compared.plot(times, lines, label, out / "board_on_spacers.png")
         print(f"written to {out}: board_on_spacers.png")
     return numbers
 
@@ -158,30 +154,6 @@ def ends(block: dolfinx.mesh.Mesh, z: float) -> tuple[dolfinx.mesh.MeshTags, int
     """The faces of a spacer at a height, as a group."""
     faces = dolfinx.mesh.locate_entities_boundary(block, 2, lambda x: np.isclose(x[2], z))
     return dolfinx.mesh.meshtags(block, 2, np.sort(faces), np.ones(len(faces), np.int32)), 1
-
-
-def print_table(numbers: dict[str, dict[str, float]]) -> None:
-    print(
-        f"{'spacers':<16}{'dofs':>8}{'k0 N/m':>12}{'first Hz':>10}{'peak force N':>14}"
-        f"{'chip g':>9}{'s':>7}"
-    )
-    for name, row in numbers.items():
-        print(
-            f"{name:<16}{row['dofs']:>8.0f}{row['k0']:>12.4g}{row['first']:>10.1f}"
-            f"{row['peak_force']:>14.1f}{row['chip'] / 9.81:>9.1f}{row['seconds']:>7.1f}"
-        )
-
-
-def plot(times: Array, lines: dict[str, Array], path: Path) -> None:
-    """Acceleration of the chip over time."""
-    figure, axes = plotting.panels(1, 1, size=(8, 4.5))
-    (axis,) = axes.ravel()
-    for name, values in lines.items():
-        axis.plot(times * 1e3, values / 9.81, label=name, linewidth=1)
-    axis.set_xlabel("time (ms)")
-    axis.set_ylabel("acceleration of the chip (g)")
-    axis.legend()
-    plotting.save_figure(figure, path, dpi=120)
 
 
 def command(arguments: Sequence[str] | None = None) -> None:

@@ -16,6 +16,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
+import compared
 import dolfinx
 import numpy as np
 import options
@@ -23,7 +24,6 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 
 import antiosc as ao
-from antiosc import plotting
 
 Array = NDArray[np.float64]
 ROOT = Path(__file__).resolve().parent.parent
@@ -71,23 +71,19 @@ def main(
         hit = ao.simulate(model, ao.RigidMass(mass, velocity), contact, duration)
         sag = ao.probe(part, hit, middle, times=times, part="panel")[:, 1]
         post = ao.probe(part, hit, (0.0, 0.0, HIGH), times=times, part="frame")[:, 1]
-        lines[f"{count} bolts"] = sag
+        lines[f"{count} bolts"] = -1e3 * sag
         numbers[f"{count} bolts"] = {
-            "dofs": part.dofs,
-            "mass": part.mass,
-            "k0": model.k0,
-            "first": float(model.omega[0]) / (2 * np.pi),
-            "peak_force": hit.peak_force,
-            "impulse": hit.impulse,
-            "momentum": mass * (velocity - float(hit.impactor_velocity[-1])),
+            **compared.numbers(part, model, hit, mass, velocity),
             "sag": float(np.abs(sag).max()),
             "post": float(np.abs(post).max()),
             "seconds": time.perf_counter() - started,
         }
         ao.write_series(part, hit, out / f"machine_guard_{count}.pvd", times[:: len(times) // 20])
     if first:
-        print_table(numbers)
-        plot(times, lines, out / "machine_guard.png")
+        own = {"panel mm": ("sag", 1e3, ".2f"), "post mm": ("post", 1e3, ".3f")}
+        compared.print_table("guard", numbers, own)
+        label = "deflection of the panel (mm)"
+        compared.plot(times, lines, label, out / "machine_guard.png")
         print(f"written to {out}: machine_guard.png, machine_guard_*.pvd")
     return numbers
 
@@ -126,31 +122,6 @@ def square_tube(width: float, wall: float) -> ao.Section:
     area, second = width**2 - inner**2, (width**4 - inner**4) / 12
     mean = width - wall  # Bredt: J = 4 A_m² t / perimeter
     return ao.Section(A=area, I=second, J=mean**3 * wall, shear=0.44)
-
-
-def print_table(numbers: dict[str, dict[str, float]]) -> None:
-    print(
-        f"{'guard':<12}{'dofs':>8}{'k0 N/m':>12}{'first Hz':>10}{'peak force N':>14}"
-        f"{'panel mm':>10}{'post mm':>9}{'s':>7}"
-    )
-    for name, row in numbers.items():
-        print(
-            f"{name:<12}{row['dofs']:>8.0f}{row['k0']:>12.4g}{row['first']:>10.1f}"
-            f"{row['peak_force']:>14.1f}{row['sag'] * 1e3:>10.2f}{row['post'] * 1e3:>9.3f}"
-            f"{row['seconds']:>7.1f}"
-        )
-
-
-def plot(times: Array, lines: dict[str, Array], path: Path) -> None:
-    """Deflection of the panel's middle over time."""
-    figure, axes = plotting.panels(1, 1, size=(8, 4.5))
-    (axis,) = axes.ravel()
-    for name, values in lines.items():
-        axis.plot(times * 1e3, -values * 1e3, label=name, linewidth=1)
-    axis.set_xlabel("time (ms)")
-    axis.set_ylabel("deflection of the panel (mm)")
-    axis.legend()
-    plotting.save_figure(figure, path, dpi=120)
 
 
 def command(arguments: Sequence[str] | None = None) -> None:

@@ -77,6 +77,19 @@ def test_two_ranks_find_the_same(name: str, tmp_path: Path) -> None:
             assert first[kind][key] == pytest.approx(row[key], rel=1e-5)
 
 
+def test_assembly_accuracy(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """With one element the joined halves err as the solid with this element does, Rigid more."""
+    bar, strip = demo("assembly_accuracy").main(most=2, out=tmp_path)
+    for found, joined in ((bar, "beam on Mean"), (strip, "shell on Tie")):
+        for ours, mesh in zip(found[joined], found["solid throughout"], strict=True):
+            assert np.abs(ours).max() < 1e-2
+            np.testing.assert_allclose(ours, mesh, atol=0.3 * mesh[0])
+            assert abs(ours[1]) < 0.4 * abs(ours[0])
+    assert (bar["beam on Rigid"][0] > bar["beam on Mean"][0]).all()
+    assert (tmp_path / "assembly_accuracy.png").stat().st_size > 0
+    assert "strip: shell on Tie" in capsys.readouterr().out
+
+
 def test_assembly_speed(tmp_path: Path) -> None:
     ratios = demo("assembly_speed").main(sizes=(2,), rounds=1, out=tmp_path)
     assert set(ratios) == {2}

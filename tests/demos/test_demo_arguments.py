@@ -13,6 +13,7 @@ from paths import demo
 FEM = pytest.mark.fem
 #: demo -> an option and values that it cannot take
 BAD = {
+    "assembly_accuracy": {"--most": ("0", "x")},
     "assembly_speed": {"--sizes": ("x", "0"), "--rounds": ("0",)},
     "board_on_spacers": {"--size": ("0", "x"), "--height": ("-1",), "--n": ("0",)},
     "cholmod_or_mumps": {"--sizes": ("x", "0"), "--sites": ("0",), "--rounds": ("0",)},

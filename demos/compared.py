@@ -1,0 +1,67 @@
+"""What demos that compare structures share: numbers of an impact, their table, curves in time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+import antiosc as ao
+from antiosc import plotting
+
+#: Heading of a column -> (key of the number, factor of its unit, digits after the point or "g").
+Columns = Mapping[str, tuple[str, float, str]]
+#: Columns of every table.
+COMMON: Columns = {
+    "dofs": ("dofs", 1.0, ".0f"),
+    "k0 N/m": ("k0", 1.0, ".4g"),
+    "first Hz": ("first", 1.0, ".1f"),
+    "peak force N": ("peak_force", 1.0, ".1f"),
+}
+SECONDS: Columns = {"s": ("seconds", 1.0, ".1f")}
+
+
+def numbers(
+    part: ao.Structure, model: ao.AntiOscillators, hit: ao.History, mass: float, velocity: float
+) -> dict[str, float]:
+    """Structure, model and impact of a body of `mass` (kg) at `velocity` (m/s), in SI units."""
+    return {
+        "dofs": part.dofs,
+        "mass": part.mass,
+        "k0": model.k0,
+        "first": float(model.omega[0]) / (2 * np.pi),
+        "peak_force": hit.peak_force,
+        "impulse": hit.impulse,
+        "momentum": mass * (velocity - float(hit.impactor_velocity[-1])),
+    }
+
+
+def print_table(title: str, rows: Mapping[str, Mapping[str, float]], own: Columns) -> None:
+    """A line for each structure: the common columns, its own ones and the seconds."""
+    columns = {**COMMON, **own, **SECONDS}
+    first = max(len(title), *(len(name) for name in rows)) + 2
+    widths = [max(10, len(heading) + 2) for heading in columns]
+    heads = (f"{h:>{w}}" for h, w in zip(columns, widths, strict=True))
+    print(f"{title:<{first}}" + "".join(heads))
+    for name, row in rows.items():
+        cells = (
+            f"{row[key] * factor:>{w}{digits}}"
+            for (key, factor, digits), w in zip(columns.values(), widths, strict=True)
+        )
+        print(f"{name:<{first}}" + "".join(cells))
+
+
+def plot(
+    times: NDArray[np.float64], lines: Mapping[str, NDArray[np.float64]], label: str, path: Path
+) -> None:
+    """A curve over time (s) for each structure; `label` tells the quantity and its unit."""
+    figure, axes = plotting.panels(1, 1, size=(8, 4.5))
+    (axis,) = axes.ravel()
+    for name, values in lines.items():
+        axis.plot(times * 1e3, values, label=name, linewidth=1)
+    axis.set_xlabel("time (ms)")
+    axis.set_ylabel(label)
+    axis.legend()
+    plotting.save_figure(figure, path, dpi=120)
