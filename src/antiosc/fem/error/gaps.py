@@ -13,7 +13,7 @@ import numpy as np
 import scipy.sparse
 
 from antiosc._types import Array, IntArray
-from antiosc.fem.error.facets import MOST
+from antiosc.fem.error.facets import MOST_ANGLE
 from antiosc.fem.mesh.surface import Faces
 
 #: Corners around a face, in order; the ends of a segment.
@@ -58,7 +58,7 @@ def _normals(vertex: IntArray, normals: Array, weights: Array) -> Array:
     at = scipy.sparse.csr_matrix((np.ones(count), (np.arange(count), number.ravel())))
     pairs = (at @ at.T).tocoo()
     cosine = np.einsum("nd,nd->n", normals[pairs.row], normals[pairs.col])
-    smooth = cosine > np.cos(np.radians(MOST))
+    smooth = cosine > np.cos(np.radians(MOST_ANGLE))
     share = weights[pairs.col] * smooth
     mean = scipy.sparse.csr_matrix((share, (pairs.row, pairs.col)), shape=(count, count)) @ normals
     return np.asarray(mean / np.linalg.norm(mean, axis=1, keepdims=True))
