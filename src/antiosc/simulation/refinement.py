@@ -20,10 +20,13 @@ from antiosc.simulation.scene_history import SceneHistory
 
 Array = NDArray[np.float64]
 
-FINER = 8.0  # of the share: steps half as long, force errors an eighth
-# error left in the finer run, of the difference of the two: an eighth, and a margin; where a law
-# depends on the rate of what has no mass, the order is 1
-LEFT, LEFT_AT_ORDER_ONE = 0.25, 1.5
+# Of the tolerance, the share of the first run; by what the second run divides it, and a third:
+# by MORE if the estimate was at most NEAR times the tolerance, else by MOST.
+FIRST, SECOND, MORE, MOST, NEAR = 0.5, 4.0, 4.0, 8.0, 1.5
+# Error left in the finer run, of the difference of two whose shares have the ratio f, is
+# 1/(f - 1) where errors follow the share, times this margin; where a law depends on the rate of
+# what has no mass the order is 1 in the step, f^(1/3).
+MARGIN = 1.5
 REFINEMENTS = 12  # runs
 PATIENCE = 3  # runs without gain after which a scene counts as not convergent
 # a finer run may take so many times the steps of the one before, twice being the rule, and so many
@@ -133,7 +136,7 @@ def converge(
     assembly: Assembly, duration: float, tol: float, max_contacts: int, max_steps: int
 ) -> Converged:
     """Finer runs until the forces of two agree to the tolerance."""
-    share, scale = tol, 0.0
+    share, scale = FIRST * tol, 0.0
     fine = assembly.lasting / 200
     m = len(assembly.G)
     p = len(assembly.laws)
@@ -141,7 +144,7 @@ def converge(
     rated = any(
         law.rate_dependent and bare for law, bare in zip(assembly.laws, massless, strict=True)
     )
-    left = LEFT_AT_ORDER_ONE if rated else LEFT
+    finer = MOST if rated else SECOND
     best: Converged | None = None
     before: Run | None = None
     worse, failed, used = 0, 0, 0
@@ -165,27 +168,38 @@ def converge(
             scale = 0.0
         if before is not None and now.answer == march.TOO_MANY_STEPS:
             if best is None:
-                certain = difference(before, now, m, tol / left)[2]
-                best = Converged(before, share * FINER, np.inf, np.inf, certain)
+                certain = difference(before, now, m, tol / left(finer, rated))[2]
+                best = Converged(before, share * finer, np.inf, np.inf, certain)
             break
-        if before is not None and now.answer not in (march.GREW, march.STUCK):
-            force, peak, certain = difference(before, now, m, tol / left)
-            found = Converged(now, share, left * force, left * peak, certain)
+        if now.answer in (march.GREW, march.STUCK):
+            finer = MOST
+        elif before is not None:
+            part = left(finer, rated)
+            force, peak, certain = difference(before, now, m, tol / part)
+            found = Converged(now, share, part * force, part * peak, certain)
             better = best is None or found.force < 0.7 * best.force
             worse = 0 if better else worse + 1
             if best is None or found.force <= best.force or found.force <= tol:
                 best = found
-            if max(found.force, found.peak) <= tol or worse >= PATIENCE:
-                return found if max(found.force, found.peak) <= tol else best
+            error = max(found.force, found.peak)
+            if error <= tol or worse >= PATIENCE:
+                return found if error <= tol else best
+            finer = MORE if error <= NEAR * tol and not rated else MOST
         if now.answer in (march.TOO_MANY_CONTACTS, march.TOO_MANY_STEPS) or failed >= PATIENCE:
             break
         before = now if now.answer == march.DONE else None
-        share /= FINER
+        share /= finer
         if 2 * now.attempts > max_steps - used:
             break
     if best is None:
         best = Converged(now, share, np.inf, np.inf, 0.0)
     return best
+
+
+def left(finer: float, rated: bool) -> float:
+    """Error left in the finer of two runs, of their difference; `finer`: ratio of their shares."""
+    ratio = finer ** (1 / 3) if rated else finer
+    return MARGIN / (ratio - 1)
 
 
 def verdict(found: Converged, tol: float, max_contacts: int, max_steps: int) -> tuple[int, str]:
