@@ -104,7 +104,9 @@ def assemble(scene: Scene, duration: float) -> Assembly:
     gaps = offsets[0, : len(laws)]
     depth, speed, slip, lasting = _scales(scene, laws, mass, beta, v, loads, gaps, local, duration)
     rows = [packed(law) for law in laws]
-    width = max(len(values) for _, values in rows)
+    params = np.zeros((len(rows), max(values.size for _, values in rows)))
+    for row, (_, values) in zip(params, rows, strict=True):
+        row[: values.size] = values
     system = System(
         omega=omega,
         decay=np.concatenate([b.decay for b in bodies.values()]),
@@ -114,7 +116,7 @@ def assemble(scene: Scene, duration: float) -> Assembly:
         loads=loads,
         offsets=offsets,
         kinds=np.array([kind for kind, _ in rows], dtype=np.int64),
-        params=np.array([np.pad(values, (0, width - values.size)) for _, values in rows]),
+        params=params,
         slip=slip,
         tangents=np.array(tangents, dtype=np.int64),
         q=np.zeros(omega.size),
@@ -304,6 +306,12 @@ def _loads(
     duration: float,
 ) -> tuple[Array, Array, Array]:
     """Times (K,), modal loads (K, J) and offsets (K, m) of all that acts on the scene."""
+    gaps = np.zeros(len(G))
+    for i, contact in enumerate(scene.contacts):
+        own = find(contact.a, bodies)[0].gap + find(contact.b, bodies)[0].gap
+        gaps[i] = own if contact.gap is None else contact.gap
+    if not scene.loads and scene.base is None and not np.any(scene.gravity):
+        return np.zeros(1), np.zeros((1, B.shape[0])), gaps[None]
     series = [load.times for load in scene.loads]
     if scene.base is not None:
         series.append(scene.base.times)
@@ -342,10 +350,6 @@ def _loads(
             weights = _weights(body, axes[name], vector and given.shape[1] == 3)
             if weights.size:
                 loads[:, spans[name]] -= moved @ weights.T
-    gaps = np.zeros(len(G))
-    for i, contact in enumerate(scene.contacts):
-        own = find(contact.a, bodies)[0].gap + find(contact.b, bodies)[0].gap
-        gaps[i] = own if contact.gap is None else contact.gap
     return breaks, loads, gaps - forces @ r @ G.T
 
 
@@ -397,11 +401,13 @@ def _laws(
 def _mass(beta: Array, omega: Array) -> float:
     """Inertia [kg] that the slowest motions put behind a contact, roughly."""
     rigid = omega == 0
-    mobility = float(np.sum(beta[rigid] ** 2))
-    x, b = omega[~rigid] ** 2, beta[~rigid]
-    inertia = float(np.sum((b / x) ** 2))
+    b = beta[rigid]
+    mobility = float(b @ b)
+    b = beta[~rigid]
+    way = b / omega[~rigid] ** 2
+    inertia = float(way @ way)
     if inertia > 0:
-        mobility = max(mobility, 0.0) + float(np.sum(b**2 / x)) ** 2 / inertia
+        mobility += float(b @ way) ** 2 / inertia
     return 1 / mobility if mobility > 0 else 1.0
 
 
@@ -418,11 +424,12 @@ def _scales(
 ) -> tuple[Array, Array, Array, float]:
     """Depth and speed (p,) that are expected, friction's (p, 2), the shortest contact time [s]."""
     p = len(laws)
-    push = _felt(beta[:p], loads)
-    speed = _felt(beta[:p], v[None])
-    # what is at rest is set in motion by the others, at their speed, or by the loads
-    falling = np.sqrt(2 * push * np.maximum(gaps, 1e-3 * duration**2 * push))
-    speed = np.maximum(speed, np.minimum(falling, push * duration))
+    push, speed = np.zeros(p), _felt(beta[:p], v[None])
+    if np.any(loads):
+        # what is at rest is set in motion by the others, at their speed, or by the loads
+        push = _felt(beta[:p], loads)
+        falling = np.sqrt(2 * push * np.maximum(gaps, 1e-3 * duration**2 * push))
+        speed = np.maximum(speed, np.minimum(falling, push * duration))
     most = float(speed.max())
     if most == 0.0:
         return np.full(p, 1e-300), np.full(p, 1e-300), np.zeros((p, 2)), duration / 16

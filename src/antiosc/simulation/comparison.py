@@ -41,7 +41,6 @@ def compared(
             raise InputError(f"{method} chooses its steps itself; give tol instead of step.")
         return _converged(
             lambda rtol, left: _ivp(assembly, method, rtol, duration, max_contacts, left),
-            len(assembly.G),
             tol / 10,
             TIGHTER,
             1.0,
@@ -59,7 +58,7 @@ def compared(
         found = one(step, max_steps)
         return Converged(found, step, 0.0, 0.0, duration)
     first = min(assembly.lasting / FIRST, duration / FIRST, longest)
-    return _converged(one, len(assembly.G), first, 2.0, HALVED, tol, max_steps)
+    return _converged(one, first, 2.0, HALVED, tol, max_steps)
 
 
 def _ivp(
@@ -73,7 +72,6 @@ def _ivp(
 
 def _converged(
     one: Callable[[float, int], Run],
-    m: int,
     first: float,
     finer: float,
     left: float,
@@ -88,7 +86,7 @@ def _converged(
         now = one(size, max_steps - used)
         used += now.steps
         if now.answer == march.DONE and before is not None:
-            force, peak, certain = difference(before, now, m, tol / left)
+            force, peak, certain = difference(before, now, tol / left)
             best = Converged(now, size, left * force, left * peak, certain)
             if max(best.force, best.peak) <= tol:
                 return best

@@ -162,41 +162,99 @@ class Run:
     work: float = 0.0
 
 
-# responses of the steps that earlier runs of the same bodies and rows used, by `_responses`
-_kept: dict[tuple[object, ...], tuple[NDArray[Any], ...]] = {}
-_MOST_KEPT, _LARGEST_KEPT = 8, 1 << 22  # of them; bytes of one
+@dataclass(eq=False)
+class Space:
+    """Arrays of the march for as many modes, rows and contacts; `march.py` tells their shapes.
 
-
-def _responses(
-    system: System, longest: float, module: ModuleType
-) -> tuple[tuple[object, ...], tuple[NDArray[Any], ...]]:
-    """The tables of the march for halvings of the longest step [s], and their key for `_keep`.
-
-    They are taken out of the store, so that no other thread fills them meanwhile.
+    `tables` hold the responses of the steps that earlier runs of the same bodies and rows used;
+    all else is filled anew by each run.
     """
-    rated = bool(np.any((system.kinds == march.DAMPED) | (system.kinds == march.USER)))
-    arrays = (system.omega, system.decay, system.beta, system.R)
-    key = (module.__name__, longest, rated, *(a.tobytes() for a in arrays))
-    found = _kept.pop(key, None)
-    if found is None:
-        slots, (m, size) = march.LEVELS + 2, system.beta.shape
-        found = (
+
+    tables: tuple[NDArray[Any], ...]
+    state: tuple[NDArray[Any], ...]
+    work: tuple[NDArray[Any], ...]
+    out: tuple[NDArray[Any], ...]
+
+    @classmethod
+    def of(cls, p: int, m: int, size: int) -> Space:
+        """For p contacts, m rows, `size` modes."""
+        slots = march.LEVELS + 2
+        tables = (
+            np.full(slots, np.nan),
             np.zeros((slots, 3), dtype=np.int64),
             np.empty((slots, 6, size)),
             np.empty((slots, 2, m, 2, size)),
             np.empty((slots, 4, m, m)),
             np.empty((slots, 4, 3, m, m)),
+            np.empty((slots, 2 + 3 * m, 2, size)),
         )
-    return key, found
+        state = (
+            np.zeros(15),
+            np.zeros(14, dtype=np.int64),
+            np.empty((2, size)),
+            np.empty((7, m)),
+            np.empty(p, dtype=np.int64),
+            np.empty((p, MEMORY)),
+            np.empty((3, p, 2)),
+            np.empty((p, 2)),
+        )
+        work = (
+            np.zeros((3, m)),
+            np.zeros((4, m)),
+            np.zeros((4, m)),
+            np.zeros((2, m)),
+            np.zeros(size),
+            np.zeros(size),
+            np.zeros(m),
+            np.zeros(m),
+            np.zeros(2, dtype=np.int64),
+            np.zeros((p, size)),
+            np.zeros(p),
+            np.zeros((march.LEVELS + 1, p)),
+            np.zeros(march.LEVELS + 1, dtype=np.int64),
+        )
+        return cls(tables, state, work, buffers(_FIRST, p, m, size))
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of the tables and buffers."""
+        return sum(each.nbytes for each in (*self.tables, *self.out))
 
 
-def _keep(key: tuple[object, ...], tables: tuple[NDArray[Any], ...]) -> None:
-    """Leave the tables to later runs."""
-    if sum(table.nbytes for table in tables) > _LARGEST_KEPT:
+def buffers(nodes: int, p: int, m: int, size: int) -> tuple[Array, ...]:
+    """What the march writes into: times, forces, depths, states, events."""
+    return (
+        np.empty(nodes),
+        np.empty((nodes, m)),
+        np.empty((nodes, m)),
+        np.empty((nodes // 2 + 2, 2, size)),
+        np.empty((nodes + p + 1, 4)),
+    )
+
+
+_kept: dict[tuple[object, ...], Space] = {}
+_MOST_KEPT, _LARGEST_KEPT = 8, 1 << 23  # of them; bytes of one
+
+
+def _space(system: System, longest: float, module: ModuleType) -> tuple[tuple[object, ...], Space]:
+    """Space with the responses for halvings of the longest step [s], and its key for `_keep`.
+
+    It is taken out of the store, so that no other thread fills it meanwhile.
+    """
+    rated = bool(((system.kinds == march.DAMPED) | (system.kinds == march.USER)).any())
+    p, (m, size) = system.kinds.size, system.beta.shape
+    arrays = (system.omega, system.decay, system.beta, system.R)
+    key = (module.__name__, longest, rated, p, *(a.tobytes() for a in arrays))
+    return key, _kept.pop(key, None) or Space.of(p, m, size)
+
+
+def _keep(key: tuple[object, ...], space: Space) -> None:
+    """Leave the space to later runs."""
+    if space.nbytes > _LARGEST_KEPT:
         return
-    _kept[key] = tables
-    for oldest in list(_kept)[:-_MOST_KEPT]:
-        _kept.pop(oldest, None)
+    _kept[key] = space
+    while len(_kept) > _MOST_KEPT:
+        _kept.pop(next(iter(_kept)), None)
 
 
 def run(
@@ -213,94 +271,61 @@ def run(
 ) -> Run:
     """March over [0, duration] with forces to `share` of their scale (0: found as it goes)."""
     p, (m, size) = system.kinds.size, system.beta.shape
-    if np.any(system.kinds == march.USER):
+    if (system.kinds == march.USER).any():
         module = march  # only the interpreted march calls a law of one's own
-    clock = np.zeros(15)
-    clock[march.DURATION], clock[march.SHARE] = duration, share
-    clock[march.LONGEST] = 2.0 ** ceil(log2(duration))
-    clock[march.FINE] = fine
-    clock[march.CAP] = duration / 16
-    clock[march.FORCE_SCALE], clock[march.KNOWN] = scale, float(scale > 0)
-    count = np.zeros(13, dtype=np.int64)
+    chosen, before = module or fitting_march(0), 0
+    longest = 2.0 ** ceil(log2(duration))
+    key, space = _space(system, longest, chosen)
+    _begin(system, space)
+    clock, count, x, row = space.state[:4]
+    clock[march.DURATION], clock[march.SHARE], clock[march.LONGEST] = duration, share, longest
+    clock[march.FINE], clock[march.CAP] = fine, duration / 16
+    clock[march.FORCE_SCALE] = max(clock[march.FORCE_SCALE], scale)
+    clock[march.KNOWN] = float(scale > 0)
     count[march.MOST_TOUCHES], count[march.MOST_STEPS] = max_contacts, max_steps
     count[march.KEEP] = keep
-    count[march.LEVEL] = 4
-    count[march.LOADED] = bool(np.any(system.loads))
-    x = np.stack((system.q, system.v))
-    mode, s = np.zeros(p, dtype=np.int64), np.zeros((p, MEMORY))
-    anchor = np.zeros((3, p, 2))
-    row = np.zeros((7, m))
-    row[march.FRESH] = 1.0
-    row[march.DEPTH] = system.beta @ system.q - system.offsets[0]
-    row[march.RATE] = system.beta @ system.v
-    for c in np.flatnonzero(system.pressed > 0):
-        mode[c] = march.change(
-            system.kinds[c], march.APART, march.HIGH, 0.0, 0.0, system.params[c], s[c]
-        )
-        row[march.FORCE, c] = system.pressed[c]
-        clock[march.FORCE_SCALE] = max(clock[march.FORCE_SCALE], system.pressed[c])
-        count[march.LEVEL] = 10
-    row[march.DEPTH] -= system.R @ row[march.FORCE]
-    for c in range(p):
-        first, n = system.tangents[c]
-        anchor[0, c, :n] = row[march.DEPTH, first : first + n]
-    clock[march.GIVEN] = system.given + march.mechanical(x, system.omega)
-    clock[march.HIGHEST] = clock[march.GIVEN]
-    scales = np.stack((system.depth, system.speed), axis=1)
-    chosen, before = module or fitting_march(0), 0
-    key, tables = _responses(system, float(clock[march.LONGEST]), chosen)
     modes = (system.omega, system.decay, system.beta, system.R)
     acting = (system.breaks, system.loads, system.offsets)
     met = np.stack((system.mass, system.slowest), axis=1)
     contacts = (system.kinds, system.params, system.slip, system.tangents, met)
-    state = (clock, count, x, row, mode, s, anchor, scales)
-    work = (
-        np.zeros((3, m)),
-        np.zeros((4, m)),
-        np.zeros((4, m)),
-        np.zeros((2, m)),
-        np.zeros(size),
-        np.zeros(size),
-        np.zeros(m),
-        np.zeros(m),
-        np.zeros(2, dtype=np.int64),
-        np.zeros((p, size)),
-        np.zeros(p),
-        np.zeros((march.LEVELS + 1, p)),
-        np.zeros(march.LEVELS + 1, dtype=np.int64),
-    )
-    begin = (np.zeros(1), row[march.FORCE].copy()[None], row[march.DEPTH].copy()[None])
-    times, forces, depths, events = [begin[0]], [begin[1]], [begin[2]], []
-    states = []
-    buffer = _FIRST
+    out, buffer = space.out, _FIRST
+    out[0][0], out[1][0], out[2][0] = 0.0, row[march.FORCE], row[march.DEPTH]
+    count[march.NODES] = 1
+    found: list[tuple[Array, ...]] = []
     while True:
-        time_out, force_out = np.empty(buffer), np.empty((buffer, m))
-        depth_out, event_out = np.empty((buffer, m)), np.empty((buffer + p + 1, 4))
-        state_out = np.empty((buffer // 2 + 1 if keep else 0, 2, size))
-        count[march.NODES] = count[march.EVENTS] = count[march.STATES] = 0
-        out = (time_out, force_out, depth_out, state_out, event_out)
-        with np.errstate(all="ignore"):  # forces that are not found overflow: the march sees to it
-            answer = chosen.march(modes, acting, contacts, state, tables, work, out)
-        n = count[march.NODES]
-        times.append(time_out[:n])
-        forces.append(force_out[:n])
-        depths.append(depth_out[:n])
-        events.append(event_out[: count[march.EVENTS]])
-        states.append(state_out[: count[march.STATES]])
+        if chosen is march:
+            with np.errstate(all="ignore"):  # forces that are not found overflow: the march sees it
+                answer = march.march(
+                    modes, acting, contacts, space.state, space.tables, space.work, out
+                )
+        else:
+            answer = chosen.march(
+                modes, acting, contacts, space.state, space.tables, space.work, out
+            )
+        nodes, states, events = (count[i] for i in (march.NODES, march.STATES, march.EVENTS))
+        if keep and answer != march.FULL:
+            out[3][states] = x
+            states += 1
+        ends = (nodes, nodes, nodes, states, events)
+        found.append(tuple(each[:end].copy() for each, end in zip(out, ends, strict=True)))
         if chosen is march and module is None:
             chosen = fitting_march(int(count[march.STEPS]) - before)
             before = int(count[march.STEPS])
         if answer != march.FULL:
             break
         buffer = min(4 * buffer, 1 << 17)
-    _keep(key, tables)
-    states.append(x[None].copy())
+        out = buffers(buffer, p, m, size if keep else 0)
+        count[march.NODES] = count[march.EVENTS] = count[march.STATES] = 0
+    _keep(key, space)
+    whole = found[0]
+    if len(found) > 1:
+        whole = tuple(np.concatenate(parts) for parts in zip(*found, strict=True))
     return Run(
-        time=np.concatenate(times),
-        force=np.concatenate(forces),
-        depth=np.concatenate(depths),
-        states=np.concatenate(states) if keep else None,
-        events=np.concatenate(events),
+        time=whole[0],
+        force=whole[1],
+        depth=whole[2],
+        states=whole[3] if keep else None,
+        events=whole[4],
         answer=int(answer),
         steps=int(count[march.STEPS]),
         attempts=int(count[march.STEPS] + count[march.RETRIES]),
@@ -309,3 +334,33 @@ def run(
         gained=float(clock[march.SURPLUS]),
         work=float(clock[march.WORKED]),
     )
+
+
+def _begin(system: System, space: Space) -> None:
+    """The state at the start."""
+    clock, count, x, row, mode, s, anchor, scales = space.state
+    at, slope, offset, drift = space.work[4:8]
+    for each in (clock, count, mode, s, anchor, row, at, slope, offset, drift):
+        each.fill(0)
+    x[0], x[1] = system.q, system.v
+    scales[:, 0], scales[:, 1] = system.depth, system.speed
+    count[march.LEVEL] = 4
+    count[march.LOADED] = system.loads.any()
+    count[march.SHIFTED] = system.offsets.any()
+    row[march.FRESH] = 1.0
+    row[march.DEPTH] = system.beta @ system.q - system.offsets[0]
+    row[march.RATE] = system.beta @ system.v
+    if system.pressed.any():
+        for c in np.flatnonzero(system.pressed > 0):
+            mode[c] = march.change(
+                system.kinds[c], march.APART, march.HIGH, 0.0, 0.0, system.params[c], s[c]
+            )
+            row[march.FORCE, c] = system.pressed[c]
+        clock[march.FORCE_SCALE] = system.pressed.max()
+        count[march.LEVEL] = 10
+        row[march.DEPTH] -= system.R @ row[march.FORCE]
+    for c in np.flatnonzero(system.tangents[:, 1]):
+        first, n = system.tangents[c]
+        anchor[0, c, :n] = row[march.DEPTH, first : first + n]
+    clock[march.GIVEN] = system.given + march.mechanical(x, system.omega)
+    clock[march.HIGHEST] = clock[march.GIVEN]

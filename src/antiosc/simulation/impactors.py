@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 from math import inf, pi, sqrt
 
 import numpy as np
@@ -173,6 +174,7 @@ class Impactor(Body):
         return self.body.modal()
 
 
+@lru_cache(maxsize=256)
 def _rigid(mass: float) -> ModalBody:
     root = sqrt(mass)
     return ModalBody(

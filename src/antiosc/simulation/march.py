@@ -33,23 +33,26 @@ if COMPILED:
 
     CACHE: bool = globals()["CACHE"]
 
-    def compiled(signature: str, allocates: bool = False) -> Any:
+    def compiled(signature: str, allocates: bool = False, inline: bool = False) -> Any:
         """Compile to the signature when first imported; afterwards the cache is read.
 
         What does not allocate needs no counting of references, which costs more than the work.
+        `inline` what each step calls: to hand over all the arrays of a scene costs more than a
+        step of twenty modes.
         """
         return njit(
             signature,
             cache=CACHE,
             nogil=True,
             _nrt=allocates,
+            forceinline=inline,
             error_model="numpy",
             fastmath={"reassoc", "contract", "arcp", "nsz"},
         )
 
 else:
 
-    def compiled(signature: str, allocates: bool = False) -> Any:
+    def compiled(signature: str, allocates: bool = False, inline: bool = False) -> Any:
         """Leave the function as it is."""
         return lambda function: function
 
@@ -70,9 +73,10 @@ CONTACTS = f"Tuple(({I1}, {F2}, {F2}, {I2}, {F2}))"
 # clock, count, x (2, J), row (7, m), mode (p,), s (p, .), anchor (3, p, 2): where the tangential
 # springs hang at 0, h/2, h, scale (p, 2): depths and speeds met so far
 STATE = f"Tuple(({F1}, {I1}, {F2}, {F2}, {I1}, {F2}, {F3}, {F2}))"
-# ready (slots, 3), table (slots, 6, J), rows (slots, 2, m, 2, J), coupling (slots, 4, m, m),
-# share (slots, 4, 3, m, m): responses of the steps used so far
-TABLES = f"Tuple(({I2}, {F3}, {F5}, {F4}, {F5}))"
+# span (slots,), ready (slots, 3), table (slots, 6, J), rows (slots, 2, m, 2, J),
+# coupling (slots, 4, m, m), share (slots, 4, 3, m, m), move (slots, 2 + 3 m, 2, J): responses of
+# the steps used so far; `ready`: whether coupling, share, move are those of the slot's time `span`
+TABLES = f"Tuple(({F1}, {I2}, {F3}, {F5}, {F4}, {F5}, {F4}))"
 # F (3, m), base, motion (4, m), free (2, m), at, slope (J,), offset, drift (m,), which (2,),
 # swing (p, J), bend (p,), missed (LEVELS + 1, p), known (LEVELS + 1,)
 WORK = f"Tuple(({F2}, {F2}, {F2}, {F2}, {F1}, {F1}, {F1}, {F1}, {I1}, {F2}, {F1}, {F2}, {I1}))"
@@ -89,6 +93,8 @@ LOW, HIGH, SLOW, FAST, NOTHING = range(5)
 # answers of `march`
 DONE, FULL, TOO_MANY_CONTACTS, TOO_MANY_STEPS, GREW, STUCK = range(6)
 
+# value, slope and curvature at 0 of the parabola through values at 0, 1/2, 1
+TO_PARABOLA = np.array([[1.0, 0.0, 0.0], [-3.0, 4.0, -1.0], [4.0, -8.0, 4.0]])
 LEVELS = 64  # steps H, H/2, H/4 ...
 SCRATCH = LEVELS  # two slots more for a step of any length and its half
 FULLY_PLASTIC, PRESSURE = 84.0, 3.3  # Stronge's law
@@ -99,6 +105,7 @@ KINKED = 0.075  # error of the parabola through t^(3/2), over its second differe
 SHARP = 1e-9  # of the depth or the speed: a bound is met
 ROUNDING = 1e-13  # of the sum of the modes' parts: below it a speed of approach is rounding
 SWEEPS, NEWTON = 12, 40
+SQUARED = 1e-7  # of the forces: Newton's correction after which none is needed
 MOST_TRIES = 60  # to find the step that is small enough
 
 # the user's own laws by their number: only the interpreted march calls them
@@ -409,6 +416,49 @@ def expected(kind: int, mass: float, speed: float, par: Any, s: Any) -> Any:
 
 # -- the modes over a step
 
+# What runs over the modes at each step, in the form that compilers turn into vector instructions.
+
+
+@compiled(f"float64({F1}, {F1})")
+def dot(a: Any, b: Any) -> float:
+    """a . b"""
+    total = 0.0
+    for n in range(a.size):
+        total += a[n] * b[n]
+    return total
+
+
+@compiled(f"float64({F1}, {F1}, {F1})")
+def dot3(a: Any, b: Any, c: Any) -> float:
+    """The sum of a b c."""
+    total = 0.0
+    for n in range(a.size):
+        total += a[n] * b[n] * c[n]
+    return total
+
+
+@compiled(f"void(float64, {F1}, {F1}, {F1})")
+def multiply(f: float, a: Any, b: Any, out: Any) -> None:
+    """out = f a b"""
+    for n in range(out.size):
+        out[n] = f * a[n] * b[n]
+
+
+@compiled(f"void({F1}, {F1}, {F1}, {F1}, {F1}, {F1})")
+def turn(qq: Any, qv: Any, vv: Any, vq: Any, q: Any, v: Any) -> None:
+    """q, v = qq q + qv v, vv v + vq q"""
+    for n in range(q.size):
+        a, b = q[n], v[n]
+        q[n] = qq[n] * a + qv[n] * b
+        v[n] = vv[n] * b + vq[n] * a
+
+
+@compiled(f"void(float64, {F1}, {F1})")
+def subtract(f: float, a: Any, out: Any) -> None:
+    """out -= f a"""
+    for n in range(out.size):
+        out[n] -= f * a[n]
+
 
 # Each of the next four is written once for a mode (compiled) and for all modes at once (NumPy).
 
@@ -448,6 +498,28 @@ def phi(z: Any) -> Any:
     return choose(near, s1, p1), choose(near, s2, p2), choose(near, s3, p3)
 
 
+@compiled("UniTuple(float64, 6)(float64, float64, float64, float64)")
+def undamped(z: Any, t: Any, half: Any, cosine: Any) -> Any:
+    """`response` without damping, from z = omega t, sin(z/2) and cos(z/2)."""
+    y = choose(z > 0.0, z, 1.0)
+    over = 1.0 / (y * y)
+    S = choose(z > 0.0, 2.0 * half * cosine / y, 1.0)
+    J0 = choose(z > 0.0, 2.0 * half * half * over, 0.5)
+    P = 1.0 - 2.0 * half * half
+    J1, J2 = (1.0 - S) * over, (0.5 - J0) * over
+    small = z < 1.0
+    if some(small):
+        near = choose(small, z * z, 0.0)
+        a, b = 1.0 - near / 156, 1.0 - near / 182
+        a, b = 1.0 - near / 110 * a, 1.0 - near / 132 * b
+        a, b = 1.0 - near / 72 * a, 1.0 - near / 90 * b
+        a, b = 1.0 - near / 42 * a, 1.0 - near / 56 * b
+        a, b = 1.0 - near / 20 * a, 1.0 - near / 30 * b
+        J1, J2 = choose(small, a / 6, J1), choose(small, b / 24, J2)
+    square = t * t
+    return P, P, S * t, J0 * square, J1 * square * t, J2 * square * square
+
+
 @compiled("UniTuple(float64, 6)(float64, float64, float64, boolean)")
 def response(omega: Any, decay: Any, t: Any, damped: bool) -> Any:
     """P, W, S, J0, J1, J2 after a time t.
@@ -458,23 +530,7 @@ def response(omega: Any, decay: Any, t: Any, damped: bool) -> Any:
     z = omega * t
     x = z * z
     if not damped:
-        y = choose(z > 0.0, z, 1.0)
-        half = np.sin(0.5 * z)
-        S = choose(z > 0.0, 2.0 * half * np.cos(0.5 * z) / y, 1.0)
-        P = 1.0 - 2.0 * half * half
-        W = P
-        J0 = choose(z > 0.0, 2.0 * half * half / (y * y), 0.5)
-        J1, J2 = (1.0 - S) / (y * y), (0.5 - J0) / (y * y)
-        small = z < 1.0
-        if some(small):
-            near = choose(small, x, 0.0)
-            a, b = 1.0 - near / 156, 1.0 - near / 182
-            a, b = 1.0 - near / 110 * a, 1.0 - near / 132 * b
-            a, b = 1.0 - near / 72 * a, 1.0 - near / 90 * b
-            a, b = 1.0 - near / 42 * a, 1.0 - near / 56 * b
-            a, b = 1.0 - near / 20 * a, 1.0 - near / 30 * b
-            J1, J2 = choose(small, a / 6, J1), choose(small, b / 24, J2)
-        return P, W, S * t, J0 * t**2, J1 * t**3, J2 * t**4
+        return undamped(z, t, np.sin(0.5 * z), np.cos(0.5 * z))
     e = decay * t
     gap = (e - z) * (e + z)
     g = np.sqrt(abs(gap))
@@ -528,37 +584,87 @@ def responses(omega: Any, decay: Any, t: Any, out: Any) -> None:
         out[:] = response(omega, decay, t, bool(np.any(decay)))
 
 
-@compiled(f"void(int64, float64, {F1}, {F1}, {F2}, {F3}, {F5})")
-def fill(slot: int, t: float, omega: Any, decay: Any, beta: Any, table: Any, rows: Any) -> None:
-    """Responses after a time t, and the rows that give indentation and rate from (q, v)."""
-    responses(omega, decay, t, table[slot])
-    for i in range(beta.shape[0]):
-        if COMPILED:
-            for j in range(omega.size):
-                S = beta[i, j] * table[slot, 2, j]
-                rows[slot, 0, i, 0, j] = beta[i, j] * table[slot, 0, j]
-                rows[slot, 0, i, 1, j] = S
-                rows[slot, 1, i, 0, j] = -omega[j] * omega[j] * S
-                rows[slot, 1, i, 1, j] = beta[i, j] * table[slot, 1, j]
+@compiled(f"void({F1}, {F1}, float64, {F2}, {F2})")
+def responses_twice(omega: Any, decay: Any, t: float, out: Any, half: Any) -> None:
+    """`responses` after a time t and after t/2, which share their sines."""
+    for j in range(omega.size):
+        z = omega[j] * t
+        if decay[j] > 0.0:
+            whole = response(omega[j], decay[j], t, True)
+            early = response(omega[j], decay[j], 0.5 * t, True)
         else:
-            P, W, S = table[slot, :3]
-            rows[slot, 0, i] = beta[i] * P, beta[i] * S
-            rows[slot, 1, i] = -beta[i] * omega * omega * S, beta[i] * W
+            sine, cosine = np.sin(0.25 * z), np.cos(0.25 * z)
+            whole = undamped(z, t, 2.0 * sine * cosine, 1.0 - 2.0 * sine * sine)
+            early = undamped(0.5 * z, 0.5 * t, sine, cosine)
+        out[0, j], out[1, j], out[2, j], out[3, j], out[4, j], out[5, j] = whole
+        half[0, j], half[1, j], half[2, j], half[3, j], half[4, j], half[5, j] = early
+
+
+@compiled(f"void(int64, int64, float64, {F1}, {F1}, {F2}, {F3}, {F5})")
+def fill(
+    slot: int, slots: int, t: float, omega: Any, decay: Any, beta: Any, table: Any, rows: Any
+) -> None:
+    """Responses after a time t, and the rows that give indentation and rate from (q, v).
+
+    Of one or two slots; the second is for half the time.
+    """
+    if COMPILED:
+        if slots == 1:
+            responses(omega, decay, t, table[slot])
+        else:
+            responses_twice(omega, decay, t, table[slot], table[slot + 1])
+        for each in range(slot, slot + slots):
+            P, W, S = table[each, 0], table[each, 1], table[each, 2]
+            for i in range(beta.shape[0]):
+                multiply(1.0, beta[i], P, rows[each, 0, i, 0])
+                multiply(1.0, beta[i], S, rows[each, 0, i, 1])
+                multiply(1.0, beta[i], W, rows[each, 1, i, 1])
+                multiply(-1.0, omega, omega, rows[each, 1, i, 0])
+                multiply(1.0, rows[each, 1, i, 0], rows[each, 0, i, 1], rows[each, 1, i, 0])
+    else:
+        times, damped = np.array([[t], [0.5 * t]])[:slots], bool(np.any(decay))
+        found = np.array(response(omega, decay, times, damped))  # (6, slots, J)
+        table[slot : slot + slots] = found.transpose(1, 0, 2)
+        P, W, S = found[:3, :, None, :]
+        to = rows[slot : slot + slots]
+        to[:, 0, :, 0], to[:, 0, :, 1], to[:, 1, :, 1] = beta * P, beta * S, beta * W
+        to[:, 1, :, 0] = -(omega * omega) * to[:, 0, :, 1]
+
+
+@compiled(f"void(int64, {F1}, {F2}, {F3}, {F4})")
+def moves(slot: int, omega: Any, beta: Any, table: Any, move: Any) -> None:
+    """What takes (q, v) over a step: (P, W), (S, -omega^2 S), and what forces of each row add.
+
+    The latter are for values, slopes and curvatures of the forces at the step's start.
+    """
+    m = beta.shape[0]
+    if COMPILED:
+        for n in range(omega.size):
+            move[slot, 0, 0, n], move[slot, 0, 1, n] = table[slot, 0, n], table[slot, 1, n]
+            move[slot, 1, 0, n] = table[slot, 2, n]
+            move[slot, 1, 1, n] = -omega[n] * omega[n] * table[slot, 2, n]
+        for k in range(3):
+            for i in range(m):
+                multiply(1.0, beta[i], table[slot, 3 + k], move[slot, 2 + k * m + i, 0])
+                multiply(1.0, beta[i], table[slot, 2 + k], move[slot, 2 + k * m + i, 1])
+    else:
+        to = move[slot]
+        to[0], to[1, 0] = table[slot, :2], table[slot, 2]
+        to[1, 1] = -(omega * omega) * table[slot, 2]
+        by_force = to[2:].reshape(3, m, 2, omega.size)
+        by_force[:, :, 0] = table[slot, 3:, None] * beta
+        by_force[:, :, 1] = table[slot, 2:5, None] * beta
 
 
 @compiled(f"void({F2}, {F2}, {F3})")
 def compliances(table: Any, beta: Any, out: Any) -> None:
     """beta S beta^T, beta J0 beta^T, beta J1 beta^T, beta J2 beta^T into out (4, m, m)."""
-    m, size = beta.shape
     for k in range(4):
         if COMPILED:
-            for i in range(m):
+            for i in range(beta.shape[0]):
                 for j in range(i + 1):
-                    total = 0.0
-                    for n in range(size):
-                        total += beta[i, n] * beta[j, n] * table[2 + k, n]
-                    out[k, i, j] = total
-                    out[k, j, i] = total
+                    out[k, i, j] = dot3(beta[i], beta[j], table[2 + k])
+                    out[k, j, i] = out[k, i, j]
         else:
             out[k] = (beta * table[2 + k]) @ beta.T
 
@@ -599,17 +705,13 @@ def pair(slot: int, h: float, half: Any, whole: Any, R: Any, rated: bool, share:
                 share[slot, 3, 2, i, j] += 3.0 * r / h
 
 
-@compiled(f"void({F4}, {F2}, {F2})")
+@compiled(f"void({F4}, {F2}, {F2})", inline=True)
 def project(rows: Any, x: Any, out: Any) -> None:
     """out (2, m) = rows (2, m, 2, J) x (2, J)."""
     if COMPILED:
-        m, size = rows.shape[1], x.shape[1]
         for k in range(2):
-            for i in range(m):
-                total = 0.0
-                for n in range(size):
-                    total += rows[k, i, 0, n] * x[0, n] + rows[k, i, 1, n] * x[1, n]
-                out[k, i] = total
+            for i in range(rows.shape[1]):
+                out[k, i] = dot(rows[k, i, 0], x[0]) + dot(rows[k, i, 1], x[1])
     else:
         rows.reshape(out.size, x.size).dot(x.ravel(), out=out.reshape(out.size))
 
@@ -627,27 +729,22 @@ def loaded_rows(table: Any, beta: Any, at: Any, slope: Any, out: Any) -> None:
         out[1] += beta @ (at * table[2] + slope * table[3])
 
 
-@compiled(f"void({F2}, {F1}, {F2}, {F2}, {F2})")
-def push(table: Any, omega: Any, beta: Any, parabola: Any, x: Any) -> None:
+@compiled(f"void({F3}, {F2}, {F2})", inline=True)
+def push(move: Any, parabola: Any, x: Any) -> None:
     """The state after a step: free motion, and forces with value, slope, curvature (3, m)."""
     if COMPILED:
-        m, size = beta.shape
-        for n in range(size):
-            a, b, c = 0.0, 0.0, 0.0
+        turn(move[0, 0], move[1, 0], move[0, 1], move[1, 1], x[0], x[1])
+        m = parabola.shape[1]
+        for k in range(3):
             for i in range(m):
-                a += beta[i, n] * parabola[0, i]
-                b += beta[i, n] * parabola[1, i]
-                c += beta[i, n] * parabola[2, i]
-            q, v = x[0, n], x[1, n]
-            S, J0, J1 = table[2, n], table[3, n], table[4, n]
-            x[0, n] = table[0, n] * q + S * v - a * J0 - b * J1 - c * table[5, n]
-            x[1, n] = table[1, n] * v - omega[n] * omega[n] * S * q - a * S - b * J0 - c * J1
+                if parabola[k, i] != 0.0:
+                    subtract(parabola[k, i], move[2 + k * m + i, 0], x[0])
+                    subtract(parabola[k, i], move[2 + k * m + i, 1], x[1])
     else:
-        a, b, c = parabola @ beta
-        P, W, S, J0, J1, J2 = table
-        q = P * x[0] + S * x[1] - a * J0 - b * J1 - c * J2
-        x[1] = W * x[1] - omega * omega * S * x[0] - a * S - b * J0 - c * J1
-        x[0] = q
+        new = move[0] * x
+        new += move[1] * x[::-1]
+        new -= parabola.ravel().dot(move[2:].reshape(parabola.size, x.size)).reshape(x.shape)
+        x[:] = new
 
 
 @compiled(f"boolean({F2}, {F1})")
@@ -683,7 +780,7 @@ TIME, BEFORE, FORCE_SCALE, WORKED, GIVEN, HIGHEST, CAP, FINE = range(8)
 DURATION, SHARE, LONGEST, KNOWN, STEP, LEFT, SURPLUS = range(8, 15)
 # count
 LEVEL, SEGMENT, STEPS, TOUCHES, NODES, EVENTS, STATES, KEEP = range(8)
-MOST_TOUCHES, MOST_STEPS, IDLE, LOADED, RETRIES = range(8, 13)
+MOST_TOUCHES, MOST_STEPS, IDLE, LOADED, RETRIES, SHIFTED = range(8, 14)
 # rows of `row`
 FORCE, MIDDLE, SLOPE, BEND, DEPTH, RATE, FRESH = range(7)
 
@@ -777,55 +874,54 @@ def together(share: Any, base: Any, F: Any, contacts: Any, mode: Any, s: Any) ->
     return best <= 1e-20 * size  # what is left is rounding
 
 
-@compiled(f"boolean(int64, int64, {F1}, {F1}, {F4}, {F2}, {F2}, {F2}, float64)")
-def alone(
-    kind: Any,
-    mode: Any,
-    par: Any,
-    s: Any,
-    share: Any,
-    base: Any,
-    F: Any,
-    motion: Any,
-    scale: float,
-) -> bool:
-    """`solve` for one contact without friction: Newton's method for its two forces at once."""
+@compiled(f"boolean(float64, {CONTACTS}, {STATE}, {F4}, {F2}, {WORK})", inline=True)
+def alone(h: float, contacts: Any, state: Any, share: Any, free: Any, work: Any) -> bool:
+    """`attempt` for one contact without friction: Newton's method for its two forces at once."""
+    kinds, params, _, _, _ = contacts
+    clock, row, mode, s = state[0], state[3], state[4][0], state[5][0]
+    F, motion = work[0], work[2]
+    kind, par, scale = kinds[0], params[0], clock[FORCE_SCALE]
     if COMPILED:
-        a11, a12 = share[0, 1, 0, 0], share[0, 2, 0, 0]
-        b11, b12 = share[1, 1, 0, 0], share[1, 2, 0, 0]
-        a21, a22 = share[2, 1, 0, 0], share[2, 2, 0, 0]
-        b21, b22 = share[3, 1, 0, 0], share[3, 2, 0, 0]
-        d1, v1, d2, v2 = base[0, 0], base[1, 0], base[2, 0], base[3, 0]
-        f1, f2 = F[1, 0], F[2, 0]
+        a10, a11, a12 = share[0, 0, 0, 0], share[0, 1, 0, 0], share[0, 2, 0, 0]
+        b10, b11, b12 = share[1, 0, 0, 0], share[1, 1, 0, 0], share[1, 2, 0, 0]
+        a20, a21, a22 = share[2, 0, 0, 0], share[2, 1, 0, 0], share[2, 2, 0, 0]
+        b20, b21, b22 = share[3, 0, 0, 0], share[3, 1, 0, 0], share[3, 2, 0, 0]
+        d1, v1, d2, v2 = free[0, 0], free[1, 0], free[2, 0], free[3, 0]
+        f0, slope, bend = row[FORCE, 0], row[SLOPE, 0], row[BEND, 0]
     else:  # numbers of Python are quicker than those of NumPy
-        _, a11, a12, _, b11, b12, _, a21, a22, _, b21, b22 = share.ravel().tolist()
-        d1, v1, d2, v2 = base.ravel().tolist()
-        _, f1, f2 = F.ravel().tolist()
-        kind, mode, par, s = int(kind), int(mode), par.tolist(), s.tolist()
+        a10, a11, a12, b10, b11, b12, a20, a21, a22, b20, b21, b22 = share.ravel().tolist()
+        d1, v1, d2, v2 = free.ravel().tolist()
+        f0, _, slope, bend = row[:4, 0].tolist()
+        h, kind, mode, scale = float(h), int(kind), int(mode), float(scale)
+        par, s = par.tolist(), s.tolist()
+    d1, v1, d2, v2 = d1 - a10 * f0, v1 - b10 * f0, d2 - a20 * f0, v2 - b20 * f0
+    f1, f2 = 0.0, 0.0
     pressed = mode in (FORWARD, BACK)
-    if not pressed:
-        f1, f2 = 0.0, 0.0
+    if pressed:  # a first guess on the last parabola
+        f1 = f0 + 0.5 * h * (slope + 0.25 * h * bend)
+        f2 = f0 + h * (slope + 0.5 * h * bend)
+    close = not pressed
+    x1, y1, x2, y2 = d1, v1, d2, v2
     for _ in range(SWEEPS):
         x1, y1 = d1 - a11 * f1 - a12 * f2, v1 - b11 * f1 - b12 * f2
         x2, y2 = d2 - a21 * f1 - a22 * f2, v2 - b21 * f1 - b22 * f2
-        close = not pressed
-        if pressed:
-            g1, k1, c1 = curve(kind, mode, x1, y1, par, s)
-            g2, k2, c2 = curve(kind, mode, x2, y2, par, s)
-            j11, j12 = 1.0 + k1 * a11 + c1 * b11, k1 * a12 + c1 * b12
-            j21, j22 = k2 * a21 + c2 * b21, 1.0 + k2 * a22 + c2 * b22
-            det = j11 * j22 - j12 * j21
-            if not abs(det) > 1e-300:
-                return False
-            r1, r2 = f1 - g1, f2 - g2
-            e1, e2 = (r1 * j22 - r2 * j12) / det, (r2 * j11 - r1 * j21) / det
-            size = max(1e-3 * scale, abs(f1), abs(f2))
-            noise = 1e-15 * max(k1 * abs(d1) / max(j11, 1.0), k2 * abs(d2) / max(j22, 1.0))
-            close = max(abs(e1), abs(e2)) <= 1e-12 * size + noise
         if close:
-            F[1, 0], F[2, 0] = f1, f2
+            F[0, 0], F[1, 0], F[2, 0] = f0, f1, f2
             motion[0, 0], motion[1, 0], motion[2, 0], motion[3, 0] = x1, y1, x2, y2
             return True
+        g1, k1, c1 = curve(kind, mode, x1, y1, par, s)
+        g2, k2, c2 = curve(kind, mode, x2, y2, par, s)
+        j11, j12 = 1.0 + k1 * a11 + c1 * b11, k1 * a12 + c1 * b12
+        j21, j22 = k2 * a21 + c2 * b21, 1.0 + k2 * a22 + c2 * b22
+        det = j11 * j22 - j12 * j21
+        if not abs(det) > 1e-300:
+            return False
+        r1, r2 = f1 - g1, f2 - g2
+        e1, e2 = (r1 * j22 - r2 * j12) / det, (r2 * j11 - r1 * j21) / det
+        size = max(1e-3 * scale, abs(f1), abs(f2))
+        noise = 1e-15 * max(k1 * abs(d1) / max(j11, 1.0), k2 * abs(d2) / max(j22, 1.0))
+        # what the correction leaves is its square
+        close = max(abs(e1), abs(e2)) <= SQUARED * size + noise
         f1, f2 = f1 - e1, f2 - e2
         if not abs(f1) + abs(f2) < 1e300:
             return False
@@ -852,8 +948,6 @@ def solve(
     """
     kinds, params, _, tangents, _ = contacts
     p = kinds.size
-    if F.shape[1] == 1 and alone(kinds[0], mode[0], params[0], s[0], share, base, F, motion, scale):
-        return True
     for sweep in range(SWEEPS + NEWTON):
         if sweep == SWEEPS:  # the sweeps may have led away
             for c in range(p):
@@ -896,7 +990,7 @@ def solve(
     return False
 
 
-@compiled("float64(float64, float64, float64, float64, float64, float64, float64)")
+@compiled("float64(float64, float64, float64, float64, float64, float64, float64)", inline=True)
 def misfit(
     before: float, f0: float, f1: float, f2: float, hp: float, h: float, fresh: float
 ) -> float:
@@ -920,18 +1014,24 @@ def crossing(y0: float, d0: float, y1: float, d1: float, h: float, bound: float)
         if sign * d0 >= 0.0:
             return 0.0
         y0 = bound  # it was on the bound, but for rounding, and goes inward first
+    a, b = h * d0, 3.0 * (y1 - y0) - h * (2.0 * d0 + d1)
+    c = 2.0 * (y0 - y1) + h * (d0 + d1)
     low, high = 0.0, 1.0
-    for _ in range(50):
-        u = 0.5 * (low + high)
-        w = 1.0 - u
-        y = w * w * (y0 * (1 + 2 * u) + h * d0 * u) + u * u * (y1 * (3 - 2 * u) - h * d1 * w)
-        if sign * (y - bound) > 0.0:
+    u = min(max((bound - y0) / (y1 - y0), 0.1), 0.9)
+    for _ in range(60):
+        y = y0 + u * (a + u * (b + u * c)) - bound
+        if sign * y > 0.0:
             high = u
         else:
             low = u
-        if high - low < 1e-12:
+        slope = a + u * (2.0 * b + 3.0 * c * u)
+        new = u - y / slope if slope * sign > 0.0 else -1.0
+        if not low < new < high:
+            new = 0.5 * (low + high)
+        if abs(new - u) < 1e-12:
             break
-    return high * h
+        u = new
+    return u * h
 
 
 @compiled(f"float64({F2}, {F1})")
@@ -942,31 +1042,48 @@ def mechanical(x: Any, omega: Any) -> float:
         for j in range(omega.size):
             total += (omega[j] * x[0, j]) ** 2 + x[1, j] ** 2
     else:
-        total = float(np.sum((omega * x[0]) ** 2) + np.sum(x[1] ** 2))
+        strained = omega * x[0]
+        total = float(strained.dot(strained) + x[1].dot(x[1]))
     return 0.5 * total
 
 
 # -- free flight
 
 
-@compiled(f"void(int64, float64, {MODES}, {TABLES})")
+@compiled(f"void(int64, float64, {MODES}, {TABLES})", inline=True)
 def ready_rows(slot: int, t: float, modes: Any, tables: Any) -> None:
-    """See to it that a slot holds the responses after t; those of `SCRATCH` are always new."""
+    """See to it that a slot holds the responses after t."""
     omega, decay, beta, _ = modes
-    ready, table, rows, _, _ = tables
-    if slot >= SCRATCH or ready[slot, 0] == 0:
-        fill(slot, t, omega, decay, beta, table, rows)
-        ready[slot, 0], ready[slot, 1], ready[slot, 2] = 1, 0, 0
+    span, ready, table, rows, _, _, _ = tables
+    if span[slot] != t:
+        fill(slot, 1, t, omega, decay, beta, table, rows)
+        span[slot] = t
+        ready[slot, 0], ready[slot, 1], ready[slot, 2] = 0, 0, 0
 
 
-@compiled(f"void(int64, float64, {MODES}, {STATE}, {TABLES}, {WORK}, {F2})")
+@compiled(f"void(int64, float64, {MODES}, {TABLES})", inline=True)
+def ready_step(slot: int, h: float, modes: Any, tables: Any) -> None:
+    """See to it that a slot holds the responses after h, and the next one those after h/2."""
+    omega, decay, beta, _ = modes
+    span, ready, table, rows, _, _, _ = tables
+    if span[slot] == h or span[slot + 1] == 0.5 * h:
+        ready_rows(slot, h, modes, tables)
+        ready_rows(slot + 1, 0.5 * h, modes, tables)
+        return
+    fill(slot, 2, h, omega, decay, beta, table, rows)
+    span[slot], span[slot + 1] = h, 0.5 * h
+    for each in range(slot, slot + 2):
+        ready[each, 0], ready[each, 1], ready[each, 2] = 0, 0, 0
+
+
+@compiled(f"void(int64, float64, {MODES}, {STATE}, {TABLES}, {WORK}, {F2})", inline=True)
 def free_motion(
     slot: int, t: float, modes: Any, state: Any, tables: Any, work: Any, out: Any
 ) -> None:
     """Indentations and rates (2, m) after a time t without contact forces, into out."""
     beta = modes[2]
     count, x = state[1], state[2]
-    table, rows = tables[1], tables[2]
+    table, rows = tables[2], tables[3]
     at, slope, offset, drift = work[4], work[5], work[6], work[7]
     project(rows[slot], x, out)
     if count[LOADED] > 0:
@@ -976,7 +1093,27 @@ def free_motion(
         out[1, i] -= drift[i]
 
 
-@compiled(f"float64({ACTING}, {STATE}, {WORK})")
+@compiled(f"void(int64, float64, {MODES}, {STATE}, {TABLES}, {WORK}, {F2})", inline=True)
+def free_step(
+    slot: int, h: float, modes: Any, state: Any, tables: Any, work: Any, out: Any
+) -> None:
+    """Indentations and rates at h/2, then at h, without contact forces, into out (4, m)."""
+    count, x = state[1], state[2]
+    rows, offset, drift = tables[3], work[6], work[7]
+    if COMPILED or count[LOADED] > 0:
+        free_motion(slot + 1, 0.5 * h, modes, state, tables, work, out[:2])
+        free_motion(slot, h, modes, state, tables, work, out[2:])
+    else:
+        both = rows[slot : slot + 2].reshape(out.size, x.size).dot(x.ravel())
+        out[:2], out[2:] = both.reshape(2, 2, -1)[::-1]
+        if count[SHIFTED] > 0:
+            out[0] -= offset + drift * (0.5 * h)
+            out[1] -= drift
+            out[2] -= offset + drift * h
+            out[3] -= drift
+
+
+@compiled(f"float64({ACTING}, {STATE}, {WORK})", inline=True)
 def acting_now(acting: Any, state: Any, work: Any) -> float:
     """Loads and gaps from the present time on, with their slopes; the time that they hold."""
     breaks, loads, offsets = acting
@@ -989,9 +1126,10 @@ def acting_now(acting: Any, state: Any, work: Any) -> float:
     count[SEGMENT] = k
     last = k + 1 == breaks.size
     span = inf if last else breaks[k + 1] - breaks[k]
-    for i in range(offset.size):
-        drift[i] = 0.0 if last else (offsets[k + 1, i] - offsets[k, i]) / span
-        offset[i] = offsets[k, i] + drift[i] * (t - breaks[k])
+    if count[SHIFTED] > 0:
+        for i in range(offset.size):
+            drift[i] = 0.0 if last else (offsets[k + 1, i] - offsets[k, i]) / span
+            offset[i] = offsets[k, i] + drift[i] * (t - breaks[k])
     if count[LOADED] > 0:
         for j in range(at.size):
             slope[j] = 0.0 if last else (loads[k + 1, j] - loads[k, j]) / span
@@ -1006,6 +1144,16 @@ def amplitudes(left: float, modes: Any, state: Any, work: Any) -> None:
     x = state[2]
     at, slope, swing, bend, missed, known = work[4], work[5], work[9], work[10], work[11], work[12]
     known[:] = 0
+    if not COMPILED:
+        elastic = omega > 0.0
+        w = np.where(elastic, omega, 1.0)
+        x_rest = (at - 2.0 * decay * slope / (w * w)) / (w * w)
+        wide = np.hypot(x[0] - x_rest, (x[1] - slope / (w * w)) / w)
+        falls = np.maximum(abs(at), abs(at + slope * left)) + 2.0 * decay * abs(x[1])
+        swing[:] = abs(beta[: bend.size]) * np.where(elastic, wide, falls)
+        bend[:] = swing @ (omega == 0.0)
+        missed[LEVELS] = bend + swing @ (omega * (omega + 2.0 * decay))
+        return
     for c in range(bend.size):
         bend[c], missed[LEVELS, c] = 0.0, 0.0
     for j in range(omega.size):
@@ -1047,17 +1195,33 @@ def chord(c: int, level: int, h: float, modes: Any, work: Any) -> float:
     return total
 
 
-@compiled(f"float64(int64, float64, float64, {MODES}, {CONTACTS}, {STATE}, {TABLES}, {WORK})")
+@compiled(
+    f"float64(int64, float64, float64, float64, {MODES}, {CONTACTS}, {STATE}, {TABLES}, {WORK})"
+)
 def touch_time(
-    c: int, after: float, h: float, modes: Any, contacts: Any, state: Any, tables: Any, work: Any
+    c: int,
+    after: float,
+    closing: float,
+    h: float,
+    modes: Any,
+    contacts: Any,
+    state: Any,
+    tables: Any,
+    work: Any,
 ) -> float:
-    """When the contact c touches within h, at whose end it lies `after` beyond; Newton's method."""
+    """When the contact c touches within h, by Newton's method on the exact motion.
+
+    At the end of h it lies `after` beyond and closes at a rate `closing`.
+    """
     kinds, params, _, _, _ = contacts
     row, s, scale = state[3], state[5], state[7]
     base = work[1]
     origin = piece(kinds[c], APART, params[c], s[c])[1]
     before = min(row[DEPTH, c] - origin, 0.0)
-    low, high, guess = 0.0, h, h * before / (before - after)
+    guess = crossing(before, row[RATE, c], after, closing, h, 0.0)
+    if not 0.0 < guess < h:
+        guess = h * before / (before - after)
+    low, high = 0.0, h
     for _ in range(60):
         ready_rows(SCRATCH, guess, modes, tables)
         free_motion(SCRATCH, guess, modes, state, tables, work, base[:2])
@@ -1090,11 +1254,11 @@ def approaches(c: int, modes: Any, state: Any, work: Any) -> bool:
         for j in range(x.shape[1]):
             total += abs(beta[c, j] * x[1, j])
     else:
-        total += float(np.abs(beta[c]) @ np.abs(x[1]))
+        total += float(abs(beta[c]).dot(abs(x[1])))
     return bool(row[RATE, c] > ROUNDING * total)
 
 
-@compiled(f"int64({MODES}, {CONTACTS}, {STATE}, {TABLES}, {WORK})")
+@compiled(f"int64({MODES}, {CONTACTS}, {STATE}, {TABLES}, {WORK})", inline=True)
 def fly(modes: Any, contacts: Any, state: Any, tables: Any, work: Any) -> int:
     """The next step of free flight, up to a touch: its slot, -1 if one touches now, -2: stuck.
 
@@ -1148,16 +1312,15 @@ def fly(modes: Any, contacts: Any, state: Any, tables: Any, work: Any) -> int:
         for c in range(p):
             after = free[0, c] - piece(kinds[c], APART, params[c], s[c])[1]
             if after > SHARP * scale[c, 0]:
-                found = touch_time(c, after, h, modes, contacts, state, tables, work)
+                closing = free[1, c]
+                found = touch_time(c, after, closing, h, modes, contacts, state, tables, work)
                 if found < first:
                     first, which[0], which[1] = found, c, HIGH
         slot, h = SCRATCH, first
         if h <= 1e-15 * clock[DURATION]:
             return -1
-        ready_rows(slot, h, modes, tables)
-    ready_rows(slot + 1, 0.5 * h, modes, tables)
-    free_motion(slot + 1, 0.5 * h, modes, state, tables, work, motion[:2])
-    free_motion(slot, h, modes, state, tables, work, motion[2:])
+    ready_step(slot, h, modes, tables)
+    free_step(slot, h, modes, state, tables, work, motion)
     work[0][:] = 0.0
     clock[STEP] = h
     return slot
@@ -1166,35 +1329,36 @@ def fly(modes: Any, contacts: Any, state: Any, tables: Any, work: Any) -> int:
 # -- contact
 
 
-@compiled(f"boolean(int64, float64, {MODES}, {CONTACTS}, {STATE}, {TABLES}, {WORK})")
+@compiled(f"boolean(int64, float64, {MODES}, {CONTACTS}, {STATE}, {TABLES}, {WORK})", inline=True)
 def attempt(
     slot: int, h: float, modes: Any, contacts: Any, state: Any, tables: Any, work: Any
 ) -> bool:
     """Forces and motion of a step h under contact, into `work`; False if they are not found."""
     _, _, beta, R = modes
     clock, _, _, row, mode, s, anchor, _ = state
-    ready, table, _, coupling, share = tables
-    F, base, motion, free = work[0], work[1], work[2], work[3]
+    _, ready, table, _, coupling, share, _ = tables
+    F, base, motion = work[0], work[1], work[2]
     m = beta.shape[0]
-    for stage in range(2):
-        each = slot + 1 - stage
-        ready_rows(each, 0.5 * h * (1 + stage), modes, tables)
-        if ready[each, 1] == 0:
-            compliances(table[each], beta, coupling[each])
-            ready[each, 1] = 1
-    if ready[slot, 2] == 0:
+    ready_step(slot, h, modes, tables)
+    if ready[slot, 1] == 0:
+        for each in range(slot, slot + 2):
+            if ready[each, 0] == 0:
+                compliances(table[each], beta, coupling[each])
+                ready[each, 0] = 1
         rated = False
         for c in range(mode.size):
             rated = rated or contacts[0][c] == DAMPED or contacts[0][c] == USER
         pair(slot, h, coupling[slot + 1], coupling[slot], R, rated, share)
-        ready[slot, 2] = 1
+        ready[slot, 1] = 1
+    free_step(slot, h, modes, state, tables, work, base)
+    if m == 1 and alone(h, contacts, state, share[slot], base, work):
+        return True
     for i in range(m):
         F[0, i] = row[FORCE, i]
     for stage in range(2):
         u = 0.5 * h * (1 + stage)
-        free_motion(slot + 1 - stage, u, modes, state, tables, work, free)
         for i in range(m):
-            d, v = free[0, i], free[1, i]
+            d, v = base[2 * stage, i], base[2 * stage + 1, i]
             for j in range(m):
                 d -= share[slot, 2 * stage, 0, i, j] * F[0, j]
                 v -= share[slot, 2 * stage + 1, 0, i, j] * F[0, j]
@@ -1204,7 +1368,43 @@ def attempt(
     return bool(solve(share[slot], base, F, motion, contacts, mode, s, anchor, clock[FORCE_SCALE]))
 
 
-@compiled(f"float64({CONTACTS}, {STATE}, {WORK})")
+@compiled(f"float64({', '.join(['float64'] * 9)})")
+def polished(
+    at: float,
+    y0: float,
+    d0: float,
+    y1: float,
+    d1: float,
+    y2: float,
+    d2: float,
+    h: float,
+    bound: float,
+) -> float:
+    """A crossing at about the time `at`, on the polynomial through values and slopes at 0, h/2, h.
+
+    Two steps of Newton's method; `at` itself where they lead away.
+    """
+    a1 = h * d0
+    first, second = 2.0 * (y1 - y0), 2.0 * (y2 - y1)
+    middle = h * d1
+    a2, b2 = 2.0 * (first - a1), 2.0 * (middle - first)
+    c2, e2 = 2.0 * (second - middle), 2.0 * (h * d2 - second)
+    a3, b3, c3 = 2.0 * (b2 - a2), c2 - b2, 2.0 * (e2 - c2)
+    a4 = b3 - a3
+    a5 = c3 - b3 - a4
+    u = at / h
+    for _ in range(2):
+        w, z = u - 0.5, u - 1.0
+        inner = a3 + w * (a4 + z * a5)
+        y = y0 + u * (a1 + u * (a2 + w * inner)) - bound
+        slope = a1 + u * (2.0 * a2 + 2.0 * w * inner + u * (inner + w * (a4 + (z + w) * a5)))
+        if slope == 0.0:
+            return at
+        u -= y / slope
+    return u * h if abs(u * h - at) < 0.1 * h and 0.0 < u < 1.0 else at
+
+
+@compiled(f"float64({CONTACTS}, {STATE}, {WORK})", inline=True)
 def first_exit(contacts: Any, state: Any, work: Any) -> float:
     """When the first contact leaves its piece in the step, inf if none does; sets `which`."""
     kinds, params, _, _, _ = contacts
@@ -1229,8 +1429,14 @@ def first_exit(contacts: Any, state: Any, work: Any) -> float:
                 if at < found:
                     found, bound = at, SLOW if vb < slow else FAST
             if bound != NOTHING:
-                if found + half * stage < first:
-                    first, which[0], which[1] = found + half * stage, c, bound
+                found += half * stage
+                if bound <= HIGH and found > 1e-3 * half:
+                    edge = low if bound == LOW else high
+                    y0, d0, y2, d2 = row[DEPTH, c], row[RATE, c], motion[2, c], motion[3, c]
+                    y1, d1 = motion[0, c], motion[1, c]
+                    found = polished(found, y0, d0, y1, d1, y2, d2, 2.0 * half, edge)
+                if found < first:
+                    first, which[0], which[1] = found, c, bound
                 break
             a, va = b, vb
     return first
@@ -1252,7 +1458,7 @@ def beyond(contacts: Any, state: Any, which: Any, d: float, v: float) -> float:
     return v - fast
 
 
-@compiled(f"boolean(float64, {MODES}, {CONTACTS}, {STATE}, {TABLES}, {WORK})")
+@compiled(f"boolean(float64, {MODES}, {CONTACTS}, {STATE}, {TABLES}, {WORK})", inline=True)
 def end_at_exit(
     first: float, modes: Any, contacts: Any, state: Any, tables: Any, work: Any
 ) -> bool:
@@ -1288,7 +1494,7 @@ def end_at_exit(
     return True
 
 
-@compiled(f"float64({STATE}, {WORK})")
+@compiled(f"float64({STATE}, {WORK})", inline=True)
 def worst_misfit(state: Any, work: Any) -> float:
     """Largest error of the parabolas of the step."""
     clock, row = state[0], state[3]
@@ -1302,7 +1508,7 @@ def worst_misfit(state: Any, work: Any) -> float:
     return worst
 
 
-@compiled(f"int64({MODES}, {CONTACTS}, {STATE}, {TABLES}, {WORK})")
+@compiled(f"int64({MODES}, {CONTACTS}, {STATE}, {TABLES}, {WORK})", inline=True)
 def press(modes: Any, contacts: Any, state: Any, tables: Any, work: Any) -> int:
     """The next step under contact, up to the first exit: its slot, -1: at once, -2: stuck."""
     kinds = contacts[0]
@@ -1349,7 +1555,7 @@ def press(modes: Any, contacts: Any, state: Any, tables: Any, work: Any) -> int:
 # -- the course of events
 
 
-@compiled(f"boolean({I1})")
+@compiled(f"boolean({I1})", inline=True)
 def mode_is_free(mode: Any) -> bool:
     """Whether nothing touches."""
     touching = 0
@@ -1371,7 +1577,7 @@ def loads_on(at: Any, slope: Any, h: float, x: Any) -> float:
     return total
 
 
-@compiled(f"void(int64, {MODES}, {CONTACTS}, {STATE}, {TABLES}, {WORK}, {OUT})")
+@compiled(f"void(int64, {MODES}, {CONTACTS}, {STATE}, {TABLES}, {WORK}, {OUT})", inline=True)
 def take(
     slot: int, modes: Any, contacts: Any, state: Any, tables: Any, work: Any, out: Any
 ) -> None:
@@ -1379,7 +1585,7 @@ def take(
     omega, _, beta, _ = modes
     kinds, params, _, tangents, _ = contacts
     clock, count, x, row, mode, s, anchor, scale = state
-    table = tables[1]
+    _, ready, table, _, _, _, move = tables
     F, base, motion, at, slope, drift = work[0], work[1], work[2], work[4], work[5], work[7]
     time_out, force_out, depth_out, state_out, _ = out
     h = clock[STEP]
@@ -1391,13 +1597,21 @@ def take(
         else:
             state_out[count[STATES]] = x
         count[STATES] += 1
-    for i in range(m):
-        base[0, i] = F[0, i]
-        base[1, i] = (4.0 * F[1, i] - 3.0 * F[0, i] - F[2, i]) / h
-        base[2, i] = 4.0 * (F[0, i] - 2.0 * F[1, i] + F[2, i]) / (h * h)
+    if COMPILED:
+        for i in range(m):
+            base[0, i] = F[0, i]
+            base[1, i] = (4.0 * F[1, i] - 3.0 * F[0, i] - F[2, i]) / h
+            base[2, i] = 4.0 * (F[0, i] - 2.0 * F[1, i] + F[2, i]) / (h * h)
+    else:
+        TO_PARABOLA.dot(F, out=base[:3])
+        base[1] /= h
+        base[2] /= h * h
     if count[LOADED] > 0:
         clock[WORKED] -= loads_on(at, slope, h, x)
-    push(table[slot], omega, beta, base[:3], x)
+    if ready[slot, 2] == 0:
+        moves(slot, omega, beta, table, move)
+        ready[slot, 2] = 1
+    push(move[slot], base[:3], x)
     if count[LOADED] > 0:
         if COMPILED:
             for j in range(size):
@@ -1408,13 +1622,11 @@ def take(
             x[0] += at * table[slot, 3] + slope * table[slot, 4]
             x[1] += at * table[slot, 2] + slope * table[slot, 3]
         clock[WORKED] += loads_on(at, slope, h, x)
-    for i in range(m):  # the moving gaps: loads on sites without mass
-        clock[WORKED] -= drift[i] * h / 6.0 * (F[0, i] + 4.0 * F[1, i] + F[2, i])
+    if count[SHIFTED] > 0:
+        for i in range(m):  # the moving gaps: loads on sites without mass
+            clock[WORKED] -= drift[i] * h / 6.0 * (F[0, i] + 4.0 * F[1, i] + F[2, i])
     n = count[NODES]
-    for k in range(2):
-        time_out[n + k] = clock[TIME] + 0.5 * h * (1 + k)
-        for i in range(m):
-            force_out[n + k, i], depth_out[n + k, i] = F[1 + k, i], motion[2 * k, i]
+    time_out[n], time_out[n + 1] = clock[TIME] + 0.5 * h, clock[TIME] + h
     if mode_is_free(mode):
         clock[WORKED] = mechanical(x, omega) - clock[GIVEN]  # flight is exact
     count[NODES] = n + 2
@@ -1422,11 +1634,19 @@ def take(
     count[IDLE] = 0
     clock[TIME] += h
     clock[BEFORE] = h
-    for i in range(m):
-        row[FORCE, i], row[MIDDLE, i] = F[2, i], F[1, i]
-        row[SLOPE, i], row[BEND, i] = base[1, i] + h * base[2, i], base[2, i]
-        row[DEPTH, i], row[RATE, i] = motion[2, i], motion[3, i]
-        row[FRESH, i] = 0.0
+    if COMPILED:
+        for i in range(m):
+            for k in range(2):
+                force_out[n + k, i], depth_out[n + k, i] = F[1 + k, i], motion[2 * k, i]
+            row[FORCE, i], row[MIDDLE, i] = F[2, i], F[1, i]
+            row[SLOPE, i], row[BEND, i] = base[1, i] + h * base[2, i], base[2, i]
+            row[DEPTH, i], row[RATE, i] = motion[2, i], motion[3, i]
+            row[FRESH, i] = 0.0
+    else:
+        force_out[n : n + 2], depth_out[n : n + 2] = F[1:], motion[::2]
+        row[FORCE], row[MIDDLE], row[BEND], row[FRESH] = F[2], F[1], base[2], 0.0
+        row[SLOPE] = base[1] + h * base[2]
+        row[DEPTH:FRESH] = motion[2:]
     for c in range(kinds.size):
         scale[c, 1] = max(scale[c, 1], abs(motion[3, c]))
         if mode[c] == APART:
@@ -1439,8 +1659,40 @@ def take(
             user_advance(motion[2, c], motion[3, c], params[c], s[c])
 
 
-@compiled(f"void({CONTACTS}, {STATE}, {WORK}, {OUT}, boolean)")
-def enter(contacts: Any, state: Any, work: Any, out: Any, active: bool) -> None:
+@compiled(f"float64(int64, float64, {MODES})")
+def mass_felt(c: int, t: float, modes: Any) -> float:
+    """Mass that a contact seems to push if a constant force acts for a time t."""
+    omega, _, beta, R = modes
+    give = R[c, c]
+    if COMPILED:
+        for j in range(omega.size):
+            z = 0.5 * omega[j] * t
+            part = beta[c, j] * (t * np.sin(z) / z if z > 1e-4 else t)
+            give += 0.5 * part * part
+    else:
+        part = beta[c] * np.sinc(omega * (t / (2.0 * np.pi)))
+        give += 0.5 * t * t * float(part.dot(part))
+    return 0.5 * t * t / give if give > 0.0 else inf
+
+
+@compiled(f"float64(int64, float64, float64, float64, {MODES}, {CONTACTS}, {STATE})")
+def force_expected(
+    c: int, depth: float, force: float, speed: float, modes: Any, contacts: Any, state: Any
+) -> float:
+    """Peak force of a contact with the mass that takes part while it lasts, roughly.
+
+    `depth` and `force` are those with all the mass behind it.
+    """
+    kinds, params, _, _, met = contacts
+    s = state[5]
+    for _ in range(3):
+        mass = min(mass_felt(c, 1.5 * depth / speed, modes), met[c, 0])
+        depth, force = expected(kinds[c], mass, speed, params[c], s[c])
+    return force
+
+
+@compiled(f"void({MODES}, {CONTACTS}, {STATE}, {WORK}, {OUT}, boolean)")
+def enter(modes: Any, contacts: Any, state: Any, work: Any, out: Any, active: bool) -> None:
     """The contact `which` goes over to its next piece; `active`: others touched before."""
     kinds, params, _, tangents, met = contacts
     clock, count, _, row, mode, s, anchor, scale = state
@@ -1467,6 +1719,7 @@ def enter(contacts: Any, state: Any, work: Any, out: Any, active: bool) -> None:
         depth, force = expected(kinds[c], met[c, 0], speed, params[c], s[c])
         scale[c, 0] = max(scale[c, 0], depth)
         if clock[KNOWN] == 0.0:
+            force = force_expected(c, depth, force, speed, modes, contacts, state)
             clock[FORCE_SCALE] = max(clock[FORCE_SCALE], force)
         lasts = 3.0 * depth / speed
         clock[CAP] = min(clock[CAP], lasts / 4.0) if active else lasts / 4.0
@@ -1515,10 +1768,73 @@ def march(
         if which[0] >= 0:
             if mode[which[0]] == APART and count[TOUCHES] >= count[MOST_TOUCHES]:
                 return TOO_MANY_CONTACTS
-            enter(contacts, state, work, out, active)
+            enter(modes, contacts, state, work, out, active)
         if active and (which[0] >= 0 or count[STEPS] % 32 == 0):
             clock[HIGHEST] = max(clock[HIGHEST], clock[GIVEN] + clock[WORKED])
             surplus = mechanical(x, omega) - clock[GIVEN] - clock[WORKED]
             clock[SURPLUS] = max(clock[SURPLUS], surplus)
             if not surplus <= (GROWTH - 1.0) * clock[HIGHEST]:
                 return GREW
+
+
+# -- what two runs differ by, and the energy along a run
+
+
+@compiled(f"float64({F1}, {F2}, int64, int64, float64)", inline=True)
+def force_at(time: Any, force: Any, start: int, i: int, t: float) -> float:
+    """Force of a row at a time t of the step that starts at a node."""
+    h = time[start + 2] - time[start]
+    u = min(max((t - time[start]) / h, 0.0), 1.0) if h > 0.0 else 0.0
+    f0, f1, f2 = force[start, i], force[start + 1, i], force[start + 2, i]
+    return f0 + u * ((4.0 * f1 - 3.0 * f0 - f2) + 2.0 * u * (f0 - 2.0 * f1 + f2))
+
+
+@compiled(f"UniTuple(float64, 3)({F1}, {F2}, {F1}, {F2}, float64, float64, {F2})")
+def compare(
+    time_a: Any, force_a: Any, time_b: Any, force_b: Any, end: float, limit: float, peaks: Any
+) -> Any:
+    """Integrals of |a - b|^2 and |b|^2 up to `end` over the nodes of both runs.
+
+    With them the time when the first has used up `limit`; the largest |a| and |b| of every row into
+    peaks (2, m). Compiled only; `refinement.difference` does it with NumPy.
+    """
+    gap, size, before, last, last_size = 0.0, 0.0, 0.0, 0.0, 0.0
+    na, nb, i, j, a, b = time_a.size, time_b.size, 0, 0, 0, 0
+    until = end
+    while i < na or j < nb:
+        if j >= nb or (i < na and time_a[i] <= time_b[j]):
+            t = time_a[i]
+            i += 1
+        else:
+            t = time_b[j]
+            j += 1
+        if t > end:
+            break
+        while a + 3 < na and time_a[a + 2] <= t:
+            a += 2
+        while b + 3 < nb and time_b[b + 2] <= t:
+            b += 2
+        apart, square = 0.0, 0.0
+        for r in range(force_a.shape[1]):
+            fa, fb = force_at(time_a, force_a, a, r, t), force_at(time_b, force_b, b, r, t)
+            apart += (fa - fb) ** 2
+            square += fb * fb
+            peaks[0, r], peaks[1, r] = max(peaks[0, r], abs(fa)), max(peaks[1, r], abs(fb))
+        gap += 0.5 * (t - before) * (apart + last)
+        size += 0.5 * (t - before) * (square + last_size)
+        before, last, last_size = t, apart, square
+        if gap > limit and until == end:
+            until = t
+    return gap, size, until
+
+
+@compiled(f"void({F3}, {F1}, {F1})")
+def energies(states: Any, omega: Any, out: Any) -> None:
+    """`mechanical` of states (n, 2, J) into out (n,)."""
+    if COMPILED:
+        for k in range(out.size):
+            out[k] = mechanical(states[k], omega)
+    else:
+        strained, moving = states[:, 0] * omega, states[:, 1]
+        out[:] = np.einsum("nj,nj->n", strained, strained) + np.einsum("nj,nj->n", moving, moving)
+        out *= 0.5

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,7 @@ from antiosc import checks
 from antiosc.errors import AccuracyError, AccuracyWarning, InputError, warn
 from antiosc.simulation import march
 from antiosc.simulation.assembly import Assembly, assemble
-from antiosc.simulation.engine import Run, run
+from antiosc.simulation.engine import Run, fitting_march, run
 from antiosc.simulation.equilibrium import closed, settle
 from antiosc.simulation.laws import forget
 from antiosc.simulation.scene import Scene
@@ -103,6 +104,8 @@ def integrate(
     if status:
         warn(message, AccuracyWarning)
     for contact, law in zip(scene.contacts, assembly.laws, strict=True):
+        if law.valid_force == np.inf:
+            continue
         peak = history[contact.a, contact.b].peak_force
         if peak > law.valid_force:
             raise AccuracyError(
@@ -138,7 +141,6 @@ def converge(
     """Finer runs until the forces of two agree to the tolerance."""
     share, scale = FIRST * tol, 0.0
     fine = assembly.lasting / 200
-    m = len(assembly.G)
     p = len(assembly.laws)
     massless = assembly.system.R.diagonal()[:p] > 0
     rated = any(
@@ -168,14 +170,14 @@ def converge(
             scale = 0.0
         if before is not None and now.answer == march.TOO_MANY_STEPS:
             if best is None:
-                certain = difference(before, now, m, tol / left(finer, rated))[2]
+                certain = difference(before, now, tol / left(finer, rated))[2]
                 best = Converged(before, share * finer, np.inf, np.inf, certain)
             break
         if now.answer in (march.GREW, march.STUCK):
             finer = MOST
         elif before is not None:
             part = left(finer, rated)
-            force, peak, certain = difference(before, now, m, tol / part)
+            force, peak, certain = difference(before, now, tol / part)
             found = Converged(now, share, part * force, part * peak, certain)
             better = best is None or found.force < 0.7 * best.force
             worse = 0 if better else worse + 1
@@ -258,35 +260,39 @@ def never_touched(assembly: Assembly, run: Run) -> list[str]:
     return [f"No contact touched within {run.time[-1]:g} s."]
 
 
-def difference(coarse: Run, fine: Run, p: int, tol: float) -> tuple[float, float, float]:
+def difference(coarse: Run, fine: Run, tol: float) -> tuple[float, float, float]:
     """Relative difference of the forces in the L2 norm and of their peak; until when they agree.
 
     Up to the end of the shorter run.
     """
-    time = np.concatenate((coarse.time, fine.time))
-    time.sort()
-    time = time[time <= min(coarse.time[-1], fine.time[-1])]
-    a, b = parabolas(coarse, time, p), parabolas(fine, time, p)
-    weight = np.zeros(time.size)
-    step = np.diff(time)
-    weight[:-1] += step / 2
-    weight[1:] += step / 2
-    apart = (a - b) ** 2
-    gap = weight @ apart
-    size = float((weight @ b**2).sum())
+    end = min(float(coarse.time[-1]), float(fine.time[-1]))
+    gap, size, until, peaks = _apart(coarse, fine, end, np.inf)
     if size == 0.0:
-        same = not np.any(a)
-        return (0.0, 0.0, float(time[-1])) if same else (1.0, 1.0, 0.0)
-    top = float(np.abs(b).max())
-    # how much of the norm the difference has used up as time goes on
-    used = np.cumsum(weight * apart.sum(axis=1))
-    beyond = np.flatnonzero(np.sqrt(used / size) > tol)
-    certain = float(time[beyond[0]]) if beyond.size else float(time[-1])
-    return (
-        float(np.sqrt(gap.sum() / size)),
-        float(np.max(np.abs(np.abs(a).max(axis=0) - np.abs(b).max(axis=0)))) / top,
-        certain,
-    )
+        return (0.0, 0.0, end) if gap == 0.0 else (1.0, 1.0, 0.0)
+    force, top = sqrt(gap / size), float(peaks[1].max())
+    if force > tol:
+        until = _apart(coarse, fine, end, tol**2 * size)[2]
+    return force, float(abs(peaks[0] - peaks[1]).max()) / top, until
+
+
+def _apart(a: Run, b: Run, end: float, limit: float) -> tuple[float, float, float, Array]:
+    """Integrals of |F_a - F_b|^2 and |F_b|^2, when the first reaches a limit, peaks (2, m)."""
+    m = a.force.shape[1]
+    module = fitting_march(0)
+    if module is not march and min(a.time.size, b.time.size) > 2:
+        peaks = np.zeros((2, m))
+        return (*module.compare(a.time, a.force, b.time, b.force, end, limit, peaks), peaks)
+    time = np.concatenate((a.time, b.time))
+    time.sort()
+    time = time[time <= end]
+    one, other = parabolas(a, time, m), parabolas(b, time, m)
+    half = 0.5 * np.diff(time)
+    apart, size = ((one - other) ** 2).sum(axis=1), (other**2).sum(axis=1)
+    used = np.cumsum(half * (apart[:-1] + apart[1:]))
+    beyond = np.flatnonzero(used > limit)
+    until = float(time[1 + beyond[0]]) if beyond.size else end
+    peaks = np.array([abs(one).max(axis=0), abs(other).max(axis=0)])
+    return float(used[-1]), float(half @ (size[:-1] + size[1:])), until, peaks
 
 
 def parabolas(run: Run, time: Array, p: int) -> Array:

@@ -8,7 +8,7 @@ from antiosc._types import Array
 from antiosc.contact import ContactLaw
 from antiosc.simulation import march
 from antiosc.simulation.assembly import Assembly
-from antiosc.simulation.engine import Run
+from antiosc.simulation.engine import Run, fitting_march
 from antiosc.simulation.history import Energy
 from antiosc.simulation.scene_states import node_states, spans
 
@@ -54,14 +54,15 @@ def gained(a: Assembly, run: Run) -> float:
         held, total = energy.kinetic + energy.strain + energy.contact, energy.total
     else:  # nothing between the ends of the steps is needed
         assert run.states is not None
-        force, x = run.force[::2], run.states
-        held = 0.5 * (np.sum((system.omega * x[:, 0]) ** 2, axis=1) + np.sum(x[:, 1] ** 2, axis=1))
-        held += 0.5 * np.sum((force @ system.R) * force, axis=1)
-        stored, lost = (each[::2] for each in contact_energies(a, run))
-        held += stored
-        total = held + lost
-    highest = float(np.max(held))
-    return float(np.max(total - total[0])) / highest if highest > 0 else 0.0
+        force, held = run.force[::2], np.empty(len(run.states))
+        fitting_march(0).energies(run.states, system.omega, held)
+        if system.R.any():
+            held += 0.5 * np.einsum("ni,ij,nj->n", force, system.R, force)
+        stored, lost = contact_energies(a, run)
+        held += stored[::2]
+        total = held + lost[::2]
+    highest = float(held.max())
+    return float(total.max() - total[0]) / highest if highest > 0 else 0.0
 
 
 def _in_flight(
@@ -150,6 +151,9 @@ def contact_energies(a: Assembly, run: Run) -> tuple[Array, Array]:
         speeds = [e[3] for e in run.events if int(e[1]) == c and e[2] != march.APART]
         if system.pressed[c] > 0:
             speeds.insert(0, 0.0)
+        if not (law.has_memory or law.rate_dependent):
+            stored += _stored(law, run, c)
+            continue
         each = _replay(
             law,
             run.time,
@@ -160,7 +164,7 @@ def contact_energies(a: Assembly, run: Run) -> tuple[Array, Array]:
         )
         stored += each[0]
         lost += each[1]
-        first, count = system.tangents[c]
+    for c, (first, count) in enumerate(system.tangents.tolist()):
         for i in range(first, first + count):
             T, way = run.force[:, i], run.depth[:, i]
             spring = 0.5 * T**2 / system.slip[c, 1]
@@ -168,6 +172,11 @@ def contact_energies(a: Assembly, run: Run) -> tuple[Array, Array]:
             stored += spring
             lost += work - spring
     return stored, lost
+
+
+def _stored(law: ContactLaw, run: Run, c: int) -> Array:
+    """Energy (n,) of a contact whose law knows its indentation alone."""
+    return np.where(run.force[:, c] != 0.0, law.energies(run.depth[:, c], law.touch(0.0)), 0.0)
 
 
 def _replay(
@@ -184,10 +193,6 @@ def _replay(
     for (start, end), speed in zip(contacts, speeds, strict=False):
         a, b = np.searchsorted(time, start), np.searchsorted(time, end, side="right") - 1
         state = law.touch(speed, state)
-        if not (law.has_memory or law.rate_dependent):
-            stored[a : b + 1] = law.energies(depth[a : b + 1], state)
-            stored[b] = 0.0 if b < time.size - 1 else stored[b]
-            continue
         begin = law.lost(state)
         for n in range(a, b + 1):
             delta = float(depth[n])
