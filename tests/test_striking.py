@@ -41,6 +41,7 @@ def test_the_tolerance_is_met(order, tol):
     for name in QUANTITIES:
         assert abs(getattr(hit, name) / getattr(true, name) - 1) <= tol
         assert abs(getattr(hit, name) / getattr(true, name) - 1) <= hit.error_budget[name].total
+    assert hit.model.strain_error is None  # the corrected model
     records = hit.model.info["strike"]
     assert records[-1]["dofs"] == hit.model.info["dofs"]
     assert [r["dofs"] for r in records] == sorted(r["dofs"] for r in records)

@@ -1,11 +1,11 @@
 """`strike`: an impact to a tolerance; mesh, number of anti-oscillators and step are chosen for it.
 
-The loop is: mesh, extract, simulate, budget. As long as the mesh's share of the budget is too large
-and can be made smaller, the next mesh has the sizes of cells that bring it down with the fewest
-cells (`antiosc.fem.error.cell_sizes`). The error of a cell counts as it does for this impact: by
-the mean over the contact of the amplitudes of all shapes, so that elements go where the contact
-force asks for them. Anti-oscillators and steps take a small share of the tolerance each, so that
-none of the three is finer than it must be.
+The loop is: mesh, extract, simulate, budget. The answer is that of the corrected model. As long as
+the mesh's share of the budget is too large and can be made smaller, the next mesh has the sizes of
+cells that bring it down with the fewest cells (`antiosc.fem.error.cell_sizes`). The error of a cell
+counts as it does for this impact: by the mean over the contact of the amplitudes of all shapes, so
+that elements go where the contact force asks for them. Anti-oscillators and steps take a small
+share of the tolerance each, so that none of the three is finer than it must be.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ LEAST_ROOM, LEAST_STEP = 0.05, 0.8
 #: Each further mesh aims lower by this factor: what missed before may miss again.
 EAGER = 0.6
 #: First and largest number of anti-oscillators.
-FIRST_N, MOST_N = 12, 300
+FIRST_N, MOST_N = 20, 300
 #: Most meshes, and largest growth of the number of cells from one to the next.
 MOST_MESHES, GROWTH = 12, 8.0
 #: Power of the number of dofs by which seconds grow, by dimension.
@@ -75,9 +75,11 @@ Run = Callable[[AntiOscillators, float], History]
 
 @dataclass(frozen=True)
 class Answer:
-    """One structure's answer: the run, its budget, and what they took."""
+    """One structure's answer: the runs of the raw and of the corrected model, the budget of the
+    corrected one, and what they took."""
 
     structure: Structure
+    raw: History
     hit: History
     budget: ErrorBudget
     n: int
@@ -126,8 +128,10 @@ def strike(
     Returns
     -------
     History
-        Of the last mesh. `error_budget` is known, `model.info["strike"]` lists the meshes. Status 1
-        and a sentence in the message if the budget exceeds `tol`, and what meeting it would cost.
+        Of the last mesh, on its corrected model, which is nearer to the truth: the mesh's bars are
+        those of `simulate` less the correction. `error_budget` is known, `model.info["strike"]`
+        lists the meshes. Status 1 and a sentence in the message if the budget exceeds `tol`, and
+        what meeting it would cost.
 
     Raises
     ------
@@ -158,7 +162,7 @@ def strike(
         )
         return _finished(answer, tol, [_record(answer)], told)
     place = source_of(source if isinstance(source, Mesh) else checks.path("source", source), order)
-    site, mesh = _begin(place, site, impactor, material)
+    site, mesh = _begin(place, site, impactor, material, order)
     n, records = FIRST_N, []
     while True:
         structure = Structure(mesh, material, supports, order=order)
@@ -192,8 +196,10 @@ def _check_source(source: Any, material: Any, supports: Any) -> None:
         raise InputError("a file or a mesh needs a material: strike(..., material=Solid(...)).")
 
 
-def _begin(place: Source, site: Site, impactor: Any, material: Any) -> tuple[Site, Mesh]:
-    """The site with a radius, and the first mesh."""
+def _begin(
+    place: Source, site: Site, impactor: Any, material: Any, order: int
+) -> tuple[Site, Mesh]:
+    """The site with a radius, and the first mesh: elements of degree 2 are two thicknesses long."""
     thickness = place.thickness()
     solids = list(material.values()) if isinstance(material, Mapping) else [material]
     contact = _contact_radius(impactor, solids[0], thickness)
@@ -203,7 +209,7 @@ def _begin(place: Source, site: Site, impactor: Any, material: Any) -> tuple[Sit
     refine = []
     if site.radius is not None and site.point is not None and not isinstance(site.point, str):
         refine = [(site.point, site.radius)]
-    return site, place.first(thickness, refine)
+    return site, place.first(order * thickness, refine)
 
 
 def _contact_radius(impactor: Any, material: Any, thickness: float) -> float:
@@ -233,12 +239,14 @@ def _answer(structure: Structure, site: Site, run: Run, tol: float, n: int) -> A
             break
         missing = choose_n(model, run, max(TRUNCATION_SHARE * tol, LEAST_TRUNCATION)).missing
         n = min(max(n + missing, n + n // 2), 3 * n, most)
-    return Answer(structure, hit, budget, n, time.perf_counter() - started)
+    soft = run(model.corrected(), accuracy)
+    seconds = time.perf_counter() - started
+    return Answer(structure, hit, soft, budget.of_corrected(soft), n, seconds)
 
 
 def _fewer(answer: Answer, run: Run, tol: float) -> int:
     """Number of anti-oscillators for the next mesh."""
-    choice = choose_n(answer.hit.model, run, max(TRUNCATION_SHARE * tol, LEAST_TRUNCATION))
+    choice = choose_n(answer.raw.model, run, max(TRUNCATION_SHARE * tol, LEAST_TRUNCATION))
     return int(np.clip(choice.n + choice.missing + 2, 4, MOST_N))
 
 
@@ -263,9 +271,9 @@ def _next(
     goal = min(room[name] / bar.mesh for name, bar in answer.budget.items() if bar.mesh)
     goal *= EAGER ** (meshes - 1)
     structure, dim = answer.structure, mesh.tdim
-    values, vectors = np.linalg.eigh(amplitudes(answer.hit))
+    values, vectors = np.linalg.eigh(amplitudes(answer.raw))
     kept = values > NEGLIGIBLE * values[-1]
-    shapes = answer.hit.model.shapes @ (vectors[:, kept] * np.sqrt(values[kept]))
+    shapes = answer.raw.model.shapes @ (vectors[:, kept] * np.sqrt(values[kept]))
     energies = estimator(structure).of_cells(shapes)
     ratio = cell_sizes.ratios(mesh.comm, energies, min(goal, LEAST_STEP), order, dim)
     growth = whole = cell_sizes.growth(mesh.comm, ratio, dim)

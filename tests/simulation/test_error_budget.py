@@ -63,6 +63,19 @@ def test_faces_above_the_patch_widen_the_bars_by_their_size(faces):
     assert len(wide.notes) == len(usual.notes) + 1
 
 
+@pytest.mark.parametrize("share", [0.02, 0.12])
+def test_bars_of_the_corrected_run_are_nearer_by_the_correction(share):
+    budget = struck(model(share)).error_budget
+    soft = struck(model(share).corrected())
+    assert budget.safety == (SAFETY if share < 0.1 else SAFETY_COARSE)
+    nearer = budget.of_corrected(soft)
+    for name, bar in nearer.items():
+        raw = budget[name]
+        assert bar.value == getattr(soft, name)
+        assert bar.mesh == pytest.approx(raw.mesh - raw.mesh / budget.safety)
+        assert (bar.truncation, bar.time) == (raw.truncation, raw.time)
+
+
 def test_flat_faces_count_by_what_they_cut_off():
     """A tenth of the stiffness of each shape, and a fiftieth of the mass, all at once."""
     own = model()

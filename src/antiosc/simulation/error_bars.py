@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 #: Quantities of an impact that have bars, and their units.
 QUANTITIES = {"peak_force": "N", "impulse": "N s", "contact_time": "s"}
@@ -47,11 +48,13 @@ class ErrorBudget(Mapping[str, ErrorBar]):
     bars : quantity -> ErrorBar.
     energy_error : share of the errors of strains in the strain energy, mean over the contact.
     notes : what the bars do not include, and what makes them doubtful.
+    safety : factor of the mesh's bars over the differences to the corrected model.
     """
 
     bars: Mapping[str, ErrorBar]
     energy_error: float
     notes: tuple[str, ...] = ()
+    safety: float = 2.0
 
     def __getitem__(self, name: str) -> ErrorBar:
         return self.bars[name]
@@ -61,6 +64,19 @@ class ErrorBudget(Mapping[str, ErrorBar]):
 
     def __len__(self) -> int:
         return len(self.bars)
+
+    def of_corrected(self, hit: Any) -> ErrorBudget:
+        """The bars of `hit`, the same impact on the corrected model, for a `safety` of 2 or more.
+
+        With the difference d of both, an error of the raw model of at most S d is one of at most
+        (S - 1) d of the corrected one: it is nearer by d, or beyond the truth by less than d.
+        """
+        nearer = 1 - 1 / self.safety
+        bars = {
+            name: replace(bar, value=getattr(hit, name), mesh=nearer * bar.mesh)
+            for name, bar in self.bars.items()
+        }
+        return replace(self, bars=bars)
 
     @property
     def worst(self) -> float:

@@ -74,7 +74,7 @@ def error_budget(hit: History, again: Run) -> ErrorBudget:
         )
         for name in QUANTITIES
     }
-    return ErrorBudget(bars, share, (*notes, *told, *curved, *doubts))
+    return ErrorBudget(bars, share, (*notes, *told, *curved, *doubts), safety)
 
 
 def _safety(model: AntiOscillators, share: float) -> tuple[float, list[str]]:
