@@ -54,28 +54,28 @@ def reduced_modes(k0: Array, m0: Array, P: Array, omega: Array, rigid: Array) ->
     size = p + omega.size
     K, M = np.diag(np.append(np.zeros(p), omega**2)), np.eye(size)
     K[:p, :p], M[:p, :p], M[:p, p:], M[p:, :p] = k0, m0 + P @ P.T, P, P.T
-    still = np.zeros((size, q))
-    still[:p] = rigid
+    rigid_shapes = np.zeros((size, q))
+    rigid_shapes[:p] = rigid
     try:
-        shift = _lowest(K, M, still) if q else 0.0
+        shift = _lowest(K, M, rigid_shapes) if q else 0.0
         L = np.linalg.cholesky(K + shift * M)
     except np.linalg.LinAlgError:
         raise InputError(
             "k0 and m0 + P P' leave a combination of the sites without mass and stiffness (or are "
             "not positive semidefinite)."
         ) from None
-    basis = scipy.linalg.null_space((L.T @ still).T) if q else np.eye(size)
-    turned = scipy.linalg.solve_triangular(L, basis, lower=True, trans="T")
-    theta, vectors = np.linalg.eigh(turned.T @ M @ turned)
+    basis = scipy.linalg.null_space((L.T @ rigid_shapes).T) if q else np.eye(size)
+    transformed = scipy.linalg.solve_triangular(L, basis, lower=True, trans="T")
+    theta, vectors = np.linalg.eigh(transformed.T @ M @ transformed)
     theta, vectors = theta[::-1], vectors[:, ::-1]
     heavy = theta > INERTIALESS * theta.max(initial=0.0)
-    shape = turned @ vectors
+    shape = transformed @ vectors
     own = np.sqrt(theta[heavy])
     residual = shape[:, ~heavy] @ shape[:p, ~heavy].T
     elastic = np.sqrt(np.maximum(1 / theta[heavy] - shift, 0.0))
     return ReducedModes(
         omega=np.append(np.zeros(q), elastic),
-        shape=np.hstack([still, shape[:, heavy] / own]),
+        shape=np.hstack([rigid_shapes, shape[:, heavy] / own]),
         residual=residual,
     )
 
@@ -100,9 +100,9 @@ def stiffness_scale(k0: Array, m_st: Array, omega: Array) -> Array:
     return np.asarray(1 / np.sqrt(np.maximum(stiffness + s * mass, np.finfo(float).tiny)))
 
 
-def _lowest(K: Array, M: Array, still: Array) -> float:
-    """A shift of the size of the lowest elastic omega^2 of (K, M) with the rigid modes `still`."""
-    weight = M @ still
+def _lowest(K: Array, M: Array, rigid_shapes: Array) -> float:
+    """A shift of the size of the lowest elastic omega^2 of (K, M) with rigid modes."""
+    weight = M @ rigid_shapes
     shift = float(np.trace(K) / np.trace(M)) or 1.0
     for _ in range(3):  # each knows the lowest to rounding over its own share in the shift
         L = np.linalg.cholesky(K + shift * M)

@@ -180,8 +180,8 @@ def with_slide(Z: NDArray[Any], x: NDArray[Any], slide: Array) -> NDArray[Any]:
         return Z
     own = slide[:, slide.any(axis=0)]
     pushed = Z @ own
-    turned = x * np.eye(own.shape[1]) - own.T @ pushed
-    return np.asarray(Z + pushed @ np.linalg.solve(turned, np.swapaxes(pushed, -1, -2)))
+    small = x * np.eye(own.shape[1]) - own.T @ pushed
+    return np.asarray(Z + pushed @ np.linalg.solve(small, np.swapaxes(pushed, -1, -2)))
 
 
 def mass_shares(model: Parameters) -> Array:

@@ -106,9 +106,9 @@ class AnisotropicSolid:
             number[i, j] = number[j, i] = k
         full = C[number[:, :, None, None], number[None, None]]
         R = np.asarray(self.axes)  # rows: the material's directions
-        turned = np.einsum("ia,jb,kc,ld,ijkl->abcd", R, R, R, R, full, optimize=True)
+        rotated = np.einsum("ia,jb,kc,ld,ijkl->abcd", R, R, R, R, full, optimize=True)
         i, j = np.array(VOIGT).T
-        return np.asarray(turned[i[:, None], j[:, None], i[None], j[None]])
+        return np.asarray(rotated[i[:, None], j[:, None], i[None], j[None]])
 
     def weak_form(self, mesh: Mesh, parts: Parts, order: int) -> WeakForm:
         """Displacements of degree `order`, as `Solid` has them."""

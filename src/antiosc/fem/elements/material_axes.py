@@ -97,7 +97,7 @@ def _axis(direction: Direction, x: Array, normals: Array) -> Array:
 
 
 def _side(direction: Direction, x: Array, normals: Array) -> Array:
-    """±1 (cells,): what turns the normal to the top."""
+    """±1 (cells,): the sign with which the normal points to the top."""
     up = np.einsum("ci,cqi->cq", _at("top", direction, x), normals)
     side = np.sign(up[:, 0])
     _refuse(

@@ -34,7 +34,7 @@ COUPLING = 0.1
 #: Share of the largest entry of D that rounding leaves of a motion that no damper brakes.
 UNBRAKED = 1e-9
 #: Share of the compliance at the ends of dampers that a model may leave out.
-UNSEEN = 0.1
+UNOBSERVED_SHARE = 0.1
 TINY = np.finfo(float).tiny
 
 
@@ -102,10 +102,10 @@ def _check_seen(structure: Structure, G: Any, c: Array, moved: Array, omega: Arr
     root = np.sqrt(c.diagonal())
     whole, seen = (root[:, None] * one * root for one in (whole, seen))
     share = 1 - np.trace(seen) / np.trace(whole)
-    if share > UNSEEN:
+    if share > UNOBSERVED_SHARE:
         raise AccuracyError(
             f"the model leaves out {share:.0%} of the compliance at the ends of the dampers (limit "
-            f"{UNSEEN:.0%}): raise n, or extract these ends as sites too, "
+            f"{UNOBSERVED_SHARE:.0%}): raise n, or extract these ends as sites too, "
             "extract(structure, {name: Site, ...})."
         )
 

@@ -12,7 +12,7 @@ from antiosc._types import Array, IntArray
 from antiosc.errors import MeshError
 from antiosc.fem import compat
 
-#: Smallest Jacobian determinant over the largest in a cell that still counts as sound.
+#: Smallest Jacobian determinant over the largest in a cell, from which on it counts as sound.
 SOUND = 0.02
 #: Measure of a cell over its size to the power of its dimension below which it has none.
 LEAST_MEASURE = 1e-7

@@ -32,7 +32,7 @@ OUTSIDE_FACE = 1e-8
 NEARLY = 5.0
 #: A face is flat that bends by less than this share of its size.
 STRAIGHT = 1e-9
-#: Turns an undecided choice between faces the same way on all ranks.
+#: The face whose normal points most along this is taken where faces are equal, on all ranks alike.
 OBLIQUE = np.array([0.43, 0.59, 0.68])
 
 

@@ -60,14 +60,14 @@ def _across(
     asked = [i for i, site in enumerate(sites) if site.tangential]
     if not asked or found.weighted is None:
         return [()] * len(sites)
-    for turned in tangents(found.directions, "z" not in structure.form.components):
-        whole = loads(structure, found.weighted, turned)
+    for across in tangents(found.directions, "z" not in structure.form.components):
+        whole = loads(structure, found.weighted, across)
         free = on_free_dofs(structure, whole)
         moving = sums(structure, free) > LEAST_FREE_SHARE * sums(structure, whole)
         columns = free.toarray().T * moving[:, None]
         for i in asked:
             b = np.ascontiguousarray(columns[i])
-            sides[i].append(Functional(b, point=found.points[i], direction=turned[i]))
+            sides[i].append(Functional(b, point=found.points[i], direction=across[i]))
     return [tuple(each) for each in sides]
 
 

@@ -69,9 +69,9 @@ def _whole(structure: AssembledMatrices, site: Site) -> Functional:
     sides = []
     for side in found.across:
         assert side.direction is not None
-        turned = member.at.rotation @ side.direction
+        rotated = member.at.rotation @ side.direction
         load = structure.functional(member, side.b)
-        sides.append(replace(side, b=load, point=x, direction=turned))
+        sides.append(replace(side, b=load, point=x, direction=rotated))
     direction = member.at.rotation @ found.direction
     return replace(found, b=b, point=x, direction=direction, across=tuple(sides))
 

@@ -108,7 +108,7 @@ def _laid(
     """One rule laid on some of the sites; see `patches`."""
     comm = faces.mesh.comm
     normal = normals[part]
-    # between axes that are equally oblique rounding must not decide how the rule is turned
+    # between axes that are equally oblique rounding must not decide how the rule is oriented
     least = np.argmin(np.abs(normal).round(6), axis=1)
     first = np.cross(normal, np.eye(3)[least])
     if rule.shape[1] == 1:

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 Backend = Literal["auto", "petsc", "scipy"]
 BACKENDS = get_args(Backend)
 
-#: Difference of mirrored entries over √(a_ii a_jj) that is still rounding of the code they are of.
+#: Difference of mirrored entries over √(a_ii a_jj) that the other program may leave by rounding.
 MIRRORED = 1e-9
 #: Share of the typical diagonal entry below which an entry is rounding.
 ENTRY_ROUNDING = 1e-15

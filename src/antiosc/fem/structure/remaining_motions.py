@@ -35,9 +35,9 @@ def of_body(motions: Array, centre: Array, size: float) -> str:
     Their coefficients are of unit translations along x, y, z and of rotations about axes through
     `centre` (3,), scaled by 1/`size` [m].
     """
-    moves, turns = _divided(motions)
+    moves, rotations = _divided(motions)
     words = [f"translation along {_name(move)}" for move in moves]
-    for velocity, spin in turns:
+    for velocity, spin in rotations:
         words.append(_turn(velocity, spin, moves, centre, size))
     return " and ".join(filter(None, (", ".join(words[:-1]), words[-1])))
 
@@ -73,7 +73,7 @@ def _reduced(rows: Array, columns: int | None = None) -> Array:
 
 
 def _turn(velocity: Array, spin: Array, moves: Array, centre: Array, size: float) -> str:
-    """One motion that turns; `spin` in units of 1/size."""
+    """One motion that rotates; `spin` in units of 1/size."""
     axis = spin / np.linalg.norm(spin)
     along = float(velocity @ axis)
     words = f"rotation about {_name(axis)}"
