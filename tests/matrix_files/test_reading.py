@@ -339,7 +339,7 @@ def test_a_free_body_with_coordinates_has_mass_and_inertia():
     held = ao.Structure.from_matrices(
         K, np.diag(np.repeat(m, 2)), map=rows, supports={1: "all", 2: "y"}
     )
-    with pytest.raises(ao.InputError, match="the total mass is known of free bodies"):
+    with pytest.raises(ao.InputError, match="the total mass is known only of free bodies"):
         _ = held.mass
 
 

@@ -122,7 +122,7 @@ class UnitBeam:
         except np.linalg.LinAlgError:
             raise AccuracyError(
                 f"the beam has no bounded response at Ω = {Omega:g}: that is one of its own"
-                " frequencies; move off it."
+                " frequencies; choose another one."
             ) from None
         return [c[4 * s : 4 * s + 4] for s in range(len(segments))], float(jump @ c)
 

@@ -246,7 +246,7 @@ BAD = {
     "missing": (CUBE + "*INCLUDE,INPUT=other.inp\n", "no file 'other.inp' beside"),
     "copies": (CUBE + "*NCOPY,CHANGE NUMBER=10,SHIFT\n1,0,0\n", r"\*NCOPY is not read"),
     "twice": (CUBE + "1,1,2,3,4,5,6,7,8\n", "defines 1 elements twice, one of them 1"),
-    "flat": (NODES + "*ELEMENT,TYPE=C3D6\n1,1,1,1,2,2,2\n", "until they have no volume"),
+    "flat": (NODES + "*ELEMENT,TYPE=C3D6\n1,1,1,1,2,2,2\n", "so that they have no volume"),
     "huge row": (CUBE + "*ELGEN\n1,2000000000,1,1,2000000000\n", r"ELGEN would make 4e|would make"),
     "no cells": (NODES + "*ELEMENT,TYPE=D\n1,1,2,3\n", "no elements that are cells .*1 D"),
 }

@@ -239,7 +239,7 @@ def test_what_is_no_file_is_told_at_once(tmp_path, kind, suffix):
     [
         (-signal.SIGSEGV, b"", "broke off (SIGSEGV; it had"),
         (-signal.SIGABRT, b"{}", "broke off (SIGABRT"),
-        (-signal.SIGALRM, b"", "give more by timeout="),
+        (-signal.SIGALRM, b"", "needs a longer timeout="),
         (3, b"", "ended with code 3"),
         (0, b"", "gave no mesh"),
         (0, b"no JSON", "is damaged"),
@@ -256,7 +256,7 @@ def test_a_reader_that_breaks_is_told(tmp_path, monkeypatch, code, answer, says)
 def test_a_reader_that_hangs_is_ended_and_the_next_one_reads(tmp_path):
     path = tmp_path / "part.geo"
     path.write_text("For i In {1:1e15}\n a = i;\nEndFor\n" + BAR)
-    assert "give more by timeout=" in refusal(path, timeout=0.5)
+    assert "needs a longer timeout=" in refusal(path, timeout=0.5)
     assert ao.read_mesh(MESHES / "lever.msh").n_cells
 
 
@@ -730,10 +730,10 @@ def test_med_with_groups(tmp_path):
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
-        ("part.vtu", "<VTKFile>", "part.vtu is not read as VTU: it is damaged, or a variant"),
-        ("part.mesh", "MeshVersionFormatted 9\nx", "is not read as Medit"),
+        ("part.vtu", "<VTKFile>", "part.vtu cannot be read as VTU: it is damaged, or a variant"),
+        ("part.mesh", "MeshVersionFormatted 9\nx", "cannot be read as Medit"),
         ("part.xyz", "1 2 3", "files of the type .xyz are not read; write the mesh as .msh"),
-        ("part.dat", "VARIABLES = nothing\n", "is not read as Tecplot"),
+        ("part.dat", "VARIABLES = nothing\n", "cannot be read as Tecplot"),
     ],
 )
 def test_other_files_are_refused_in_our_own_words(tmp_path, name, content, message):

@@ -25,10 +25,12 @@ def checked_joints(joints: Any) -> Sequence[Joint]:
     """The joints as a sequence."""
     items = [joints] if isinstance(joints, Joint) else joints
     if not isinstance(items, Sequence) or isinstance(items, str):
-        raise InputError(f"joints must be a list of joints, as Tie or Hinge; got {shown(joints)}.")
+        raise InputError(
+            f"joints must be a list of joints such as Tie and Hinge; got {shown(joints)}."
+        )
     for one in items:
         if not isinstance(one, Joint):
-            raise InputError(f"joints must hold joints, as Tie or Hinge; got {shown(one)}.")
+            raise InputError(f"joints must hold joints such as Tie and Hinge; got {shown(one)}.")
     return items
 
 

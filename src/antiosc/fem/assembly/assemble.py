@@ -283,7 +283,7 @@ def _tell_redundant(redundant: Sequence[Redundant]) -> None:
             warn(
                 f"{count} constraint{'s' if count > 1 else ''} of {label} follow"
                 f"{'' if count > 1 else 's'} from those of {' and '.join(rest)}: the joints "
-                "overlap; remove what is said twice.",
+                "overlap; remove the repeated ones.",
             )
 
 

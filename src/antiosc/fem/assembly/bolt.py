@@ -67,8 +67,8 @@ class Bolt(Joint):
         for end, one in zip((self.a, self.b), ends, strict=True):
             if np.abs(full - full @ one.turning @ full).max() > 1e-6:
                 raise InputError(
-                    f"{label}: {end_text(end)} does not turn, as the end of a beam must: give a "
-                    "group of faces."
+                    f"{label}: {end_text(end)} has no rotation, and the end of a beam needs "
+                    "one: give a group of faces."
                 )
         axis = line / length
         middle = (ends[0].point + ends[1].point) / 2

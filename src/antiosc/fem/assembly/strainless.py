@@ -89,13 +89,13 @@ def tell_motions(
     if mechanisms.shape[1]:
         warn(
             "the joints leave parts free to move without strain: "
-            f"{_in_words(mechanisms, moving)}; join or hold them if it is not meant.",
+            f"{_in_words(mechanisms, moving)}; join or hold them unless it is intended.",
         )
     if supported and rigid.shape[1]:
         whole = motions.whole(layout, (layout.low + layout.high) / 2)
         warn(
             "the supports leave the assembly free to move as a rigid body: "
-            f"{motions.described(whole, rigid)}; hold that too if it is not meant.",
+            f"{motions.described(whole, rigid)}; hold that too unless it is intended.",
         )
 
 

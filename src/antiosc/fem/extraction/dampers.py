@@ -85,9 +85,9 @@ def damped(
     coupling = _coupling(D[reliable][:, reliable], omega[reliable])
     if coupling > COUPLING:
         raise AccuracyError(
-            f"the dampers couple the free modes: {coupling:.2g} of a mode moves with another "
-            f"(limit {COUPLING:g}), so that they do not decay each for itself; take weaker "
-            "dampers, or damping ratios of the model, Damping(ratio=...)."
+            f"the dampers couple the free modes by {coupling:.2g} (limit {COUPLING:g}): a damping "
+            "ratio for each mode does not describe them; take weaker dampers, or damping ratios of "
+            "the model, Damping(ratio=...)."
         )
     ratio = D.diagonal() / (2 * omega)
     model.info["damper_coupling"] = coupling

@@ -77,7 +77,8 @@ def _refuse_repeated(raw: RawMesh, vertices: IntArray, name: str) -> None:
         if len(many):
             raise MeshError(
                 f"{len(many)} of {len(vertices)} cells of {name} share a side with more than one "
-                f"other, one at ({_centre(raw, many[0])}) m: they overlap; delete those too many."
+                f"other, one at ({_centre(raw, many[0])}) m: they overlap; delete "
+                "the superfluous ones."
             )
 
 

@@ -109,8 +109,8 @@ def _failure(path: Path, name: str, text: str) -> MeshError | MissingDependencyE
             ".inp, .bdf, .unv, .med, .vtu or .xdmf."
         )
     return MeshError(
-        f"{name} is not read as {FORMATS[suffix]}: it is damaged, or a variant of the format that "
-        "is not supported; write the mesh as .msh, .inp, .bdf, .unv or .vtu."
+        f"{name} cannot be read as {FORMATS[suffix]}: it is damaged, or a variant of the format "
+        "that is not supported; write the mesh as .msh, .inp, .bdf, .unv or .vtu."
     )
 
 

@@ -122,7 +122,7 @@ def _of_dimension(
         if len(lost):
             raise MeshError(
                 f"{len(lost)} {block.type} elements of {deck.name} use one node several times "
-                "until they have no volume or area; delete them."
+                "so that they have no volume or area; delete them."
             )
         shape = _SIMPLEX[DIMENSION[block.shape]] if split else block.shape
         if order == 2:

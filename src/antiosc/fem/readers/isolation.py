@@ -95,8 +95,8 @@ def _memory(size: int | None) -> int:
 def _broken_off(name: str, code: int, memory: int) -> MeshError:
     if code == -signal.SIGALRM:
         return MeshError(
-            f"{name} is not read after the time that a file of its kind and size may take: it is "
-            "damaged, or give more by timeout=."
+            f"reading {name} took longer than a file of its kind and size may take: it is damaged, "
+            "or needs a longer timeout=."
         )
     if code < 0:
         return MeshError(

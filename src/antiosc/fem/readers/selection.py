@@ -135,8 +135,8 @@ def _check_lost(mesh: FileMesh, raw: RawMesh, aids: bool, name: str) -> None:
         at = ", ".join(f"{c:.4g}" for c in mesh.points[place])
         raise MeshError(
             f"{name} holds {len(raw.cells)} {_NOUNS[raw.kind.dim]} and besides "
-            f"{' and '.join(lost)} that are no side of them, one at ({at}) m: one mesh carries one "
-            f"kind of cells, so say which are meant, as in cells={raw.kind.dim} (dimension) or "
+            f"{' and '.join(lost)} that are not sides of them, one at ({at}) m: one mesh carries "
+            f"one kind of cells, so say which are meant, as in cells={raw.kind.dim} (dimension) or "
             'cells="group".'
         )
     if curves:

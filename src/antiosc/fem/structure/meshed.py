@@ -200,7 +200,7 @@ def assembled(
         warn(
             mesh.comm,
             f"the supports leave the structure free to move as a rigid body: {motions}; hold "
-            "that too if it is not meant.",
+            "that too unless it is intended.",
         )
     given = dict(material) if isinstance(material, Mapping) else material
     held, carried = _items(supports), _items(attached)

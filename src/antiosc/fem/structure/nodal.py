@@ -87,8 +87,8 @@ class NodalMatrices(StructureMatrices):
         known = self.rigid_inertia
         if known is None:
             raise InputError(
-                "the total mass is known of free bodies with coordinates alone: matrices leave "
-                "fixed dofs out, and their mass with them."
+                "the total mass is known only of free bodies with coordinates: matrices lack "
+                "the mass of fixed dofs."
             )
         return known[0].mass
 
