@@ -355,6 +355,11 @@ OWN: dict[str, dict[str, Any]] = {
     "named_impactor": {"name": "steel ball", "velocity": 1.0, "diameter": 0.05},
     "RigidMass.hertz": {"self": lambda: ao.RigidMass(0.1, tip_radius=0.01, E=1e9, nu=0.3)},
     "Sphere": {"rho": 7850.0},
+    "resolved_frequency": {
+        "source": lambda: ao.AntiOscillators(
+            m0=0.1, k0=1e6, m=[0.3], omega=[2e3], info={"converged": 1}
+        )
+    },
     "reactions": {"site": place}, "body_energy": {"body": "impactor"},
     "srs": {"t": [0.0, 1e-3, 2e-3], "a": [0.0, 1.0, 0.0], "frequencies": [1e2, 1e3]},
     "spectrum": {"t": [0.0, 1e-3, 2e-3], "x": [0.0, 1.0, 0.0]},

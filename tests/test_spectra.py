@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.integrate import quad, solve_ivp
+from scipy.sparse import csr_array
 
 import antiosc as ao
 
@@ -52,6 +53,75 @@ def test_srs_is_the_extreme_of_integrated_oscillators(Q, even):
         assert found.positive[i] == pytest.approx(exact[0], rel=tol)
         assert found.negative[i] == pytest.approx(exact[1], rel=tol)
         assert found.maximax[i] == pytest.approx(max(exact), rel=tol)
+
+
+@pytest.mark.parametrize("even", [True, False])
+def test_srs_of_velocities_is_that_of_the_mean_accelerations(even):
+    """Against integrations with the acceleration that is constant in each step."""
+    rng = np.random.default_rng(3)
+    t = np.linspace(0, 2e-3, 41) if even else np.cumsum([0, *rng.choice([1e-5, 4e-5], 60)])
+    v = np.cumsum(rng.standard_normal(t.size))
+    v[-1] = v[0] = 3.0
+    steps = np.repeat(np.diff(v) / np.diff(t), 2)
+    edges = np.sort([*t[:-1], *(t[1:] - 1e-12)])
+    edges[0], edges = 0.0, np.append(edges, t[-1])
+    for f in (300.0, 2000.0):
+        exact = integrated(edges, np.append(steps, 0.0), f, 10.0)
+        found = ao.srs(t, v, [f], signal="velocity")
+        assert found.positive[0] == pytest.approx(exact[0], rel=3e-3)
+        assert found.negative[0] == pytest.approx(exact[1], rel=3e-3)
+
+
+def test_velocities_have_the_spectrum_that_samples_of_accelerations_miss():
+    """A slow vibration below a strong one that the samples turn into one of 600 Hz."""
+    fine, coarse = np.linspace(0, 5e-3, 100_001), np.linspace(0, 5e-3, 2001)
+    w = 2 * np.pi * (4e5 + 600)
+
+    def acceleration(t):
+        return np.sin(2 * np.pi * 300 * t) + 10 * np.cos(w * t)
+
+    def velocity(t):
+        return -np.cos(2 * np.pi * 300 * t) / (2 * np.pi * 300) + 10 * np.sin(w * t) / w
+
+    frequencies = [200.0, 300.0, 1000.0]
+    exact = ao.srs(fine, acceleration(fine), frequencies).maximax
+    found = ao.srs(coarse, velocity(coarse), frequencies, signal="velocity").maximax
+    np.testing.assert_allclose(found, exact, rtol=0.03)
+    assert np.abs(ao.srs(coarse, acceleration(coarse), frequencies).maximax / exact).max() > 3
+
+
+def test_accelerations_that_change_from_sample_to_sample_are_told():
+    t = np.linspace(0, 5e-3, 2001)
+    with pytest.warns(ao.AccuracyWarning, match="do not resolve them"):
+        ao.srs(t, np.cos(2 * np.pi * 1.9e5 * t), [300.0])
+    ao.srs(t, np.cos(2 * np.pi * 5e4 * t), [300.0])
+
+
+def test_frequencies_above_what_a_model_resolves_are_told():
+    t, a = half_sine()
+    with pytest.warns(ao.AccuracyWarning, match="resolves frequencies up to 500 Hz"):
+        ao.srs(t, a, [100.0, 600.0], resolved=500.0)
+    ao.srs(t, a, [100.0, 500.0], resolved=500.0)
+    assert ao.srs(t, a, resolved=2500.0).frequency[-1] == pytest.approx(2500.0)
+    assert ao.srs(t, a, resolved=float("inf")).frequency[-1] == ao.srs(t, a).frequency[-1]
+
+
+def test_the_resolved_frequency_is_that_of_converged_antiresonances():
+    """A chain of springs and masses: its antiresonances are those of the chain held at its end."""
+    size = 60
+    K = 1e8 * (2 * np.eye(size) - np.eye(size, k=1) - np.eye(size, k=-1))
+    K[-1, -1] = 1e8
+    part = ao.Structure.from_matrices(csr_array(K), csr_array(0.1 * np.eye(size)))
+    model = ao.extract(part, ao.Site(dof=size - 1), n=20)
+    held = np.sqrt(np.linalg.eigvalsh(K[:-1, :-1] / 0.1)) / (2 * np.pi)
+    top = ao.resolved_frequency(model)
+    assert top > 0
+    assert np.abs(held / top - 1).min() < 1e-4
+    hit = ao.simulate(model, ao.RigidMass(1.0, 1.0), ao.Hertz(1e9), 1e-3)
+    assert ao.resolved_frequency(hit) == top
+    assert ao.resolved_frequency(ao.full(part, ao.Site(dof=size - 1))) == float("inf")
+    with pytest.raises(ao.InputError, match="extract, superposition or full"):
+        ao.resolved_frequency(ao.AntiOscillators(m0=0.1, k0=1e6, m=[0.3], omega=[2e3]))
 
 
 def test_srs_of_a_half_sine_has_its_limits():

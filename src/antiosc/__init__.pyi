@@ -156,6 +156,9 @@ from antiosc.models.motion import (
 from antiosc.models.reduced_matrices import (
     ReducedMatrices as ReducedMatrices,
 )
+from antiosc.models.resolved import (
+    resolved_frequency as resolved_frequency,
+)
 from antiosc.models.site_modes import (
     SiteModes as SiteModes,
 )

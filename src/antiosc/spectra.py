@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from warnings import warn
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,7 +11,7 @@ from numpy.typing import ArrayLike
 from antiosc import checks
 from antiosc._types import Array, ComplexArray
 from antiosc.brief import Brief
-from antiosc.errors import InputError
+from antiosc.errors import AccuracyWarning, InputError
 
 #: Oscillators a decade where no frequencies are given.
 A_DECADE = 48
@@ -22,6 +23,9 @@ OF_DECILE = 0.5
 UNEVEN = 1e-6
 #: Most samples of a signal after interpolation.
 MOST_SAMPLES = 5_000_000
+#: Largest distance (rms) of samples from the mean of their neighbours, over the rms of the signal,
+#: at which they resolve it: that of a sine with 6 samples a period; and least number of samples.
+ROUGH, SAMPLED = 0.5, 50
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -87,6 +91,8 @@ def srs(
     Q: float = 10.0,
     *,
     parts: str = "all",
+    signal: str = "acceleration",
+    resolved: float | None = None,
 ) -> ShockSpectrum:
     """Shock response spectrum: extreme absolute accelerations of oscillators on a moving base.
 
@@ -96,19 +102,36 @@ def srs(
     279-288). The signal is interpolated so that the period of each oscillator has 20 samples or
     more; the extremes between them are those of parabolas (about 1e-4).
 
+    The accelerations of a struck structure contain its highest natural frequencies, which samples
+    at usual steps do not resolve: their spectrum is then wrong at low frequencies too. Give
+    velocities instead: between two samples the mean acceleration is exact.
+
     Parameters
     ----------
     t : array_like (n,)
         Ascending times, s. Unequal steps are replaced by equal ones of half their lower decile,
         with linear interpolation; at most 5 million samples.
     a : array_like (n,)
-        The signal, for instance m/s².
+        The signal, for instance m/s²; with `signal="velocity"` the velocity, for instance m/s.
     frequencies : array_like (m,), optional
-        Hz; default: 48 a decade from 1/duration to a twentieth of the rate of samples.
+        Hz; default: 48 a decade from 1/duration to a twentieth of the rate of samples, or to
+        `resolved` if that is lower.
     Q : float
         1/(2ζ), above 0.5.
     parts : "primary", "residual" or "all"
         During the signal, after its end (one period of each oscillator), or both.
+    signal : "acceleration" or "velocity"
+        What `a` is. Of a velocity, the acceleration is constant between samples, and zero after
+        the last one.
+    resolved : float, optional
+        Frequency in Hz up to which the signal is known (`resolved_frequency` of its model): an
+        AccuracyWarning tells of frequencies above it.
+
+    Warns
+    -----
+    AccuracyWarning
+        Accelerations that change from sample to sample as much as they are large; frequencies above
+        `resolved`.
 
     Raises
     ------
@@ -120,17 +143,56 @@ def srs(
     if Q <= 0.5:
         raise InputError(f"Q must be above 0.5 (Q = 1/(2 ζ), and ζ below 1); got {Q:g}.")
     checks.choice("parts", parts, ("primary", "residual", "all"))
-    span = float(t[-1] - t[0])
-    if frequencies is None:
-        top = max((t.size - 1) / span / SAMPLES_OF_A_PERIOD, 10 / span)
-        decades = np.log10(top * span)
-        f = np.geomspace(1 / span, top, max(2, int(np.ceil(A_DECADE * decades)) + 1))
-    else:
-        f = checks.column("frequencies", frequencies)
-        if not f.size or f.min() <= 0:
-            raise InputError("frequencies must be > 0 Hz, at least one.")
-    found = np.array([_extremes(t, a, float(each), Q, parts) for each in f])
+    checks.choice("signal", signal, ("acceleration", "velocity"))
+    f = _frequencies(t, frequencies, resolved)
+    if signal == "acceleration":
+        _tell_if_rough(t, a)
+    found = np.array([_extremes(t, a, float(each), Q, parts, signal) for each in f])
     return ShockSpectrum(f, found[:, 0], found[:, 1], Q)
+
+
+def _frequencies(t: Array, given: ArrayLike | None, resolved: float | None) -> Array:
+    """The frequencies of a spectrum, Hz; an AccuracyWarning above what the signal resolves."""
+    span = float(t[-1] - t[0])
+    known = np.inf
+    if resolved is not None and not (isinstance(resolved, float) and resolved == np.inf):
+        known = checks.nonnegative("resolved", resolved, "Hz")
+    if given is None:
+        top = max((t.size - 1) / span / SAMPLES_OF_A_PERIOD, 10 / span)
+        top = max(min(top, known), 2 / span)
+        decades = np.log10(top * span)
+        return np.geomspace(1 / span, top, max(2, int(np.ceil(A_DECADE * decades)) + 1))
+    f = checks.column("frequencies", given)
+    if not f.size or f.min() <= 0:
+        raise InputError("frequencies must be > 0 Hz, at least one.")
+    if f.max() > known:
+        warn(
+            f"the model of the signal resolves frequencies up to {known:.4g} Hz, and the spectrum "
+            f"is asked up to {f.max():.4g} Hz, where natural modes of the structure are missing: "
+            "extract with a larger n (more than the number of natural modes below that frequency).",
+            AccuracyWarning,
+            stacklevel=4,
+        )
+    return f
+
+
+def _tell_if_rough(t: Array, a: Array) -> None:
+    """An AccuracyWarning for accelerations that their samples do not resolve."""
+    if t.size < SAMPLED:
+        return
+    share = np.diff(t)[:-1] / (t[2:] - t[:-2])
+    off = a[1:-1] - (a[:-2] + share * (a[2:] - a[:-2]))
+    size = np.sqrt(np.mean((a - a.mean()) ** 2))
+    rough = np.sqrt(np.mean(off**2)) / size if size > 0 else 0.0
+    if rough > ROUGH:
+        warn(
+            "the accelerations change from one sample to the next as much as they are large "
+            f"(rms {rough:.2g} of the signal's): their samples do not resolve them, and the "
+            'spectrum may be wrong at all frequencies. Give velocities with signal="velocity", at '
+            "20 or more equal steps a period of the highest frequency.",
+            AccuracyWarning,
+            stacklevel=4,
+        )
 
 
 @checks.within_range
@@ -201,17 +263,23 @@ def _countable(samples: float) -> float:
     return samples
 
 
-def _extremes(t: Array, a: Array, f: float, Q: float, parts: str) -> tuple[float, float]:
+def _extremes(
+    t: Array, a: Array, f: float, Q: float, parts: str, signal: str
+) -> tuple[float, float]:
     """Largest positive and negative response of the oscillator of one frequency."""
     from scipy.signal import lfilter
 
     even, x = _even(t, a, 1 / (SAMPLES_OF_A_PERIOD * f))
     h = (even[-1] - even[0]) / (even.size - 1)
     after = round(_countable(np.ceil(1 / (f * h)) + 1 + x.size)) - x.size
-    numerator, denominator = ramp_invariant(f, Q, h)
-    # the base was at rest: a signal that begins with a jump does so at its first sample
-    y = lfilter(numerator, denominator, np.concatenate([x - x[0], np.full(after, -x[0])]))
-    y = y + x[0] * _step_response(f, Q, h, y.size)
+    if signal == "velocity":  # the mean acceleration of each step
+        means = np.concatenate([np.diff(x) / h, np.zeros(after + 1)])
+        y = lfilter(*step_invariant(f, Q, h), means)
+    else:
+        numerator, denominator = ramp_invariant(f, Q, h)
+        # the base was at rest: a signal that begins with a jump does so at its first sample
+        y = lfilter(numerator, denominator, np.concatenate([x - x[0], np.full(after, -x[0])]))
+        y = y + x[0] * _step_response(f, Q, h, y.size)
     if parts != "all":
         y = y[: x.size] if parts == "primary" else y[x.size :]
     return _largest(y), _largest(-y)
@@ -248,3 +316,13 @@ def ramp_invariant(f: float, Q: float, h: float) -> tuple[Array, Array]:
     c, s = decay * np.cos(angle), decay * np.sin(angle) / angle
     numerator = np.array([1 - s, 2 * (s - c), decay**2 - s])
     return numerator, np.array([1.0, -2 * c, decay**2])
+
+
+def step_invariant(f: float, Q: float, h: float) -> tuple[Array, Array]:
+    """Numerator and denominator (3,) of the filter of inputs that are constant over steps h [s].
+
+    Its output at the start of each step is the absolute acceleration of the oscillator.
+    """
+    denominator = ramp_invariant(f, Q, h)[1]
+    first = float(_step_response(f, Q, h, 2)[1])
+    return np.array([0.0, first, denominator.sum() - first]), denominator

@@ -15,10 +15,11 @@ structure, < 0 makes a structure fall on an obstacle. The displacement of a supp
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from math import log2
+from typing import Any
 
 import numpy as np
 
@@ -132,24 +133,22 @@ def simulate(
     max_steps = checks.whole("max_steps", max_steps)
     checks.instance("contact", contact, ContactLaw, LAW)
 
+    options: dict[str, Any] = {
+        "initial_velocity": initial_velocity, "gravity": gravity, "gap": gap,
+        "max_contacts": max_contacts, "max_steps": max_steps,
+    }  # fmt: skip
+
     def run_of(each: LinearBody, tol: float, method: str) -> tuple[History, Verdict]:
-        return integrated(
-            each, impactor, contact, duration, method, step=step, tol=tol,
-            initial_velocity=initial_velocity, gravity=gravity, gap=gap,
-            max_contacts=max_contacts, max_steps=max_steps,
-        )  # fmt: skip
+        return integrated(each, impactor, contact, duration, method, step=step, tol=tol, **options)
 
     def again(each: AntiOscillators, tol: float) -> History:
         # a model with all its mass in anti-oscillators leaves the others to the exact method
         own = "exact" if each.m0 == 0 and contact.rate_dependent else method
         return run_of(each, tol, own)[0]
 
-    def exactly(each: LinearBody, tol: float) -> History:
-        return integrated(
-            each, impactor, contact, duration, step=None, tol=tol,
-            initial_velocity=initial_velocity, gravity=gravity, gap=gap,
-            max_contacts=max_contacts, max_steps=max_steps,
-        )[0]  # fmt: skip
+    exactly = partial(
+        exact_run, impactor=impactor, contact=contact, duration=duration, options=options
+    )
 
     truncation: dict[str, float] = {}
     shortage = ""
@@ -167,6 +166,19 @@ def simulate(
     verdict.tell()
     check_range(history)
     return history
+
+
+def exact_run(
+    model: LinearBody,
+    tol: float,
+    *,
+    impactor: LinearBody,
+    contact: ContactLaw,
+    duration: float,
+    options: Mapping[str, Any],
+) -> History:
+    """The same impact on another model, by the exact method to a tolerance."""
+    return integrated(model, impactor, contact, duration, step=None, tol=tol, **options)[0]
 
 
 def check_range(history: History) -> None:

@@ -286,7 +286,12 @@ def _model(
         hidden=static.beside if structure.rigid_inertia is not None else None,
         local_compliance=where.local_compliance,
         radius=site.radius,
-        info={"structure": structure.describe(), "dofs": structure.dofs, "method": method},
+        info={
+            "structure": structure.describe(),
+            "dofs": structure.dofs,
+            "method": method,
+            "converged": len(modes.omega),
+        },
     )
 
 

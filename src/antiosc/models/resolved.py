@@ -1,0 +1,50 @@
+"""Up to which frequency a reduced model has the motion of the whole structure."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from antiosc import checks
+from antiosc.errors import InputError
+
+
+def resolved_frequency(source: Any) -> float:
+    """Frequency [Hz] up to which a model has the motion of points far from its site.
+
+    The contact force sees the structure from its site, where few anti-oscillators tell all. A point
+    elsewhere feels every natural mode. The model has those below its last anti-oscillator that has
+    converged to an antiresonance: that frequency is returned. It grows with the number of
+    anti-oscillators, which must exceed the number of natural modes below it.
+
+    Parameters
+    ----------
+    source : AntiOscillators, NaturalModes, History or BodyHistory
+        A model that `extract`, `superposition` or `full` made, or the result of an impact on it; of
+        a scene `hit.bodies[name]`.
+
+    Returns
+    -------
+    float
+        0.0 if none has converged; inf for a model with all modes of the structure.
+
+    Raises
+    ------
+    InputError
+        For a model that does not tell: built by hand, or read from a file without its facts.
+    """
+    model = getattr(source, "model", source)
+    placed = getattr(source, "placed", None)
+    model = model if placed is None else placed.body
+    info = getattr(model, "info", None)
+    if not isinstance(info, dict) or "converged" not in info:
+        raise InputError(
+            "which frequencies a model resolves is known of models that extract, superposition or "
+            f"full returned, and of histories of impacts on them; got {checks.shown(source)}."
+        )
+    if info.get("method") == "full":
+        return float("inf")
+    omega = np.sort(np.asarray(model.omega, dtype=float))
+    count = min(int(info["converged"]), omega.size)
+    return float(omega[count - 1]) / (2 * np.pi) if count else 0.0
