@@ -620,7 +620,7 @@ def test_a_size_that_would_fill_the_machine_is_refused(tmp_path, session, kernel
 def test_the_forecast_of_cells_is_right_by_half(tmp_path, session, kernel):
     gmsh.open(str(cube(session, tmp_path / "cube", kernel)))
     ask = Request("cube.brep", "cube.brep", size=0.12)
-    told = [by_gmsh._expected(gmsh, ask, dim, 0.12) for dim in (1, 2, 3)]
+    told = [by_gmsh._expected(gmsh, ask, dim, 0.12, 1.0) for dim in (1, 2, 3)]
     gmsh.option.setNumber("Mesh.MeshSizeMax", 0.12)
     gmsh.model.mesh.generate(3)
     for dim, kind in ((1, 1), (2, 2), (3, 4)):
