@@ -172,7 +172,7 @@ def strain_gauge(
     length = checks.positive("length", length, "m")
     d, given = np.zeros(3), checks.coordinates("direction", direction)
     d[: len(given)] = given
-    if not d.any():
+    if not np.linalg.norm(d):
         raise InputError("direction must not be the zero vector: the gauge measures along it.")
     d /= np.linalg.norm(d)
     x, part, end = point_of(structure, point, part)

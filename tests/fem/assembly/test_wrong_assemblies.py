@@ -39,9 +39,25 @@ def two(*joints: ao.Weld, **options: object) -> ao.Structure:
 
 TIE = ao.Tie("a:x1", "b:x0")
 
+
+def flat(*joints: ao.Rigid, **options: object) -> ao.Structure:
+    """Two plane squares side by side."""
+    return ao.assemble({"a": plane(), "b": plane()}, [TIE, *joints], {"b": (1, 0)}, **options)
+
+
+def rods(*joints: ao.Weld) -> ao.Structure:
+    """Two rods in line."""
+    held = ao.Structure(rod().mesh, BEAM, [ao.Support("start")])
+    return ao.assemble({"a": held, "b": rod()}, joints, {"b": (1, 0, 0)})
+
+
+WELD = ao.Weld("a:end", "b:start")
+
 WRONG = [
     (lambda: ao.assemble({}), "parts must be a dict"),
     (lambda: ao.assemble({"a:b": block()}), "without a colon"),
+    (lambda: ao.assemble({" ": block()}), "not empty; got ' '"),
+    (lambda: ao.assemble({"a\nb": block()}), "on one line"),
     (lambda: ao.assemble({"a": "block"}), "must be a Structure"),
     (
         lambda: ao.assemble({"a": ao.Structure.from_matrices([[1.0]], [[1.0]])}),
@@ -108,6 +124,21 @@ WRONG = [
     (lambda: ao.impact_map(two(TIE), ["a:x1", (0, 0, 0)]), "where lists names and points"),
     (lambda: ao.impact_map(two(TIE), "a:z"), "no group 'z'; its groups are: 'a:x0'"),
     (lambda: ao.impact_map(two(TIE), [(9, 0, 0)], direction=(1, 0, 0)), "lie off the structure"),
+    (lambda: ao.Hinge("a:x1", "b:x0", axis=(0, 0, 1e-200)), "must not be the zero vector"),
+    (lambda: ao.Placement(axis=(0, 0, 1e-200), angle=1.0), "must not be the zero vector"),
+    (lambda: ao.Site((0, 0, 0), (0, 0, 1e-200)), "must not be the zero vector"),
+    (lambda: flat(points={"tip": (1, 0.5, 2.0)}), r"points\['tip'\] lies 2 m out of the plane"),
+    (
+        lambda: ao.extract(
+            flat(ao.Rigid("b:x1", "tip"), points={"tip": (3, 0)}), ao.Site("tip", (0, 1, 1)), n=1
+        ),
+        "leaves the plane in which the assembly moves",
+    ),
+    (
+        lambda: ao.extract(two(TIE), ao.Site("a:x0", (1, 0, 0), part="b"), n=1),
+        "tells the part .* leave part='b' out",
+    ),
+    (lambda: ao.impact_map(rods(WELD)), "the part 'a' has no outward normal"),
     (lambda: ao.impact_map(two(TIE), ["b", "c"]), "no part 'c'; its parts are: 'a', 'b'"),
 ]
 
@@ -123,18 +154,19 @@ def test_it_is_refused_in_one_sentence(make, words):
     assert isinstance(told.value, InputError)
 
 
-def rods(*joints: ao.Weld) -> ao.Structure:
-    held = ao.Structure(rod().mesh, BEAM, [ao.Support("start")])
-    return ao.assemble({"a": held, "b": rod()}, joints, {"b": (1, 0, 0)})
-
-
-WELD = ao.Weld("a:end", "b:start")
-
 TOLD = [
     (lambda: rods(WELD, ao.Ball("a:end", "b:start", name="pin")), "3 constraints of 'pin' follow"),
     (lambda: rods(ao.Hinge("a:end", "b:start")), r"'b': rotation about z through \(1, 0, 0\) m"),
     (lambda: rods(ao.Ball("a:end", "b:start")), "'b': rotation about x"),
     (lambda: rods(ao.Slider("a:end", "b:start", axis=(0, 1, 0))), "'b': translation along y"),
+    (
+        lambda: ao.assemble({"a": block(), "b": block()}, [ao.Tie("a:x1", "b:x1")]),
+        "outward normals of 'a:x1' and 'b:x1' point the same way, so that the parts overlap",
+    ),
+    (
+        lambda: ao.assemble({"a": plane(), "b": plane()}, [ao.Tie("a:y1", "b:y1")]),
+        "outward normals of 'a:y1' and 'b:y1' point the same way",
+    ),
     (
         lambda: two(TIE, supports=[ao.Support("a:x0", "x")]),
         "the assembly free to move as a rigid body: translation along y",

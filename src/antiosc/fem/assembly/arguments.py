@@ -39,12 +39,20 @@ def checked_parts(parts: Any) -> dict[str, MeshedStructure | Superelement]:
     if not isinstance(parts, Mapping) or not parts:
         raise InputError(f"parts must be a dict: name -> Structure; got {shown(parts)}.")
     for name in parts:
-        if not isinstance(name, str) or not name or ":" in name:
-            raise InputError(f"a part's name must be a text without a colon; got {shown(name)}.")
+        _check_name("part", name)
     found = {name: _part(name, part) for name, part in parts.items()}
     if all(isinstance(part, Superelement) for part in found.values()):
         raise InputError("an assembly needs a part with a mesh; all parts are superelements.")
     return found
+
+
+def _check_name(what: str, name: Any) -> None:
+    """InputError for what no joint can name."""
+    if not isinstance(name, str) or not name.strip() or not name.isprintable() or ":" in name:
+        raise InputError(
+            f"a {what}'s name must be a text without a colon, on one line and not empty; got "
+            f"{shown(name)}."
+        )
 
 
 def _part(name: str, part: Any) -> MeshedStructure | Superelement:
@@ -85,8 +93,7 @@ def checked_points(members: Mapping[str, Any], points: Any) -> dict[str, Array]:
         raise InputError(f"points must be a dict: name -> coordinates; got {shown(points)}.")
     found = {}
     for name, x in given.items():
-        if not isinstance(name, str) or not name or ":" in name:
-            raise InputError(f"a point's name must be a text without a colon; got {shown(name)}.")
+        _check_name("point", name)
         if name in members:
             raise InputError(f"{name!r} names both a part and a reference point.")
         xs = array(f"points[{name!r}]", x, None)

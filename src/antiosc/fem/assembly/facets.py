@@ -63,6 +63,19 @@ class Facets:
         across = np.cross(J[:, :, 0], J[:, :, 1]) if self.dim == 2 else J[:, :, 0]
         return np.asarray(across / np.linalg.norm(across, axis=1, keepdims=True))
 
+    @cached_property
+    def outward(self) -> Array | None:
+        """Unit vectors (F, 3) across the facets, out of the part; None where it has no outside."""
+        part = self.member.part
+        if not part.kind.outside or self.dim != part.mesh.tdim - 1:
+            return None
+        nodes = compat.geometry_nodes(part.mesh.dolfinx)[self.cells]
+        away = self.centres - self.member.vertices[nodes].mean(axis=1)
+        n = self.normals  # of edges the tangents
+        along = np.einsum("fc,fc->f", away, n)[:, None] * n
+        across = along if self.dim == 2 else away - along
+        return np.asarray(across / np.linalg.norm(across, axis=1, keepdims=True))
+
     @property
     def is_edge_of_sheet(self) -> bool:
         """Whether these are edges of the cells of a shell."""

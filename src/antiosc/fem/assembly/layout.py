@@ -128,6 +128,11 @@ class Layout:
         self.points = dict(points)
         self._first_point = first
         self.plane = _plane(self.members, self.condensed)
+        for name, x in self.points.items() if self.plane else ():
+            if x[2]:
+                raise InputError(
+                    f"points[{name!r}] lies {x[2]:g} m out of the plane in which the parts move."
+                )
         placed = [m.vertices for m in self.members.values()]
         placed += [c.points for c in self.condensed.values()]
         x = np.vstack([*placed, *self.points.values()])

@@ -102,7 +102,7 @@ class _Axis(_Pin):
     def __post_init__(self) -> None:
         super().__post_init__()
         axis = array("axis", self.axis, (3,))
-        if not axis.any():
+        if not np.linalg.norm(axis):
             raise InputError("axis must not be the zero vector.")
         store(self, axis=tuple(axis.tolist()))
 

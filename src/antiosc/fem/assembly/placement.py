@@ -36,7 +36,7 @@ class Placement:
 
     def __post_init__(self) -> None:
         axis = array("axis", self.axis, (3,))
-        if not axis.any():
+        if not np.linalg.norm(axis):
             raise InputError("axis must not be the zero vector: it is the axis of rotation.")
         store(
             self,

@@ -23,13 +23,13 @@ import scipy.spatial
 
 from antiosc._types import Array, BoolArray, IntArray
 from antiosc.checks import positive, store
-from antiosc.errors import InputError
+from antiosc.errors import InputError, warn
 from antiosc.fem.assembly.elimination import Rows
 from antiosc.fem.assembly.ends import checked_end, group_end
 from antiosc.fem.assembly.facets import Facets
 from antiosc.fem.assembly.joint import Joint, checked_name
 from antiosc.fem.assembly.layout import MOVES, TURNS, Layout, Sparse
-from antiosc.fem.assembly.overlaps import Overlap, on_faces, overlap
+from antiosc.fem.assembly.overlaps import FACING, Overlap, on_faces, overlap
 from antiosc.fem.assembly.placement import skew
 from antiosc.fem.assembly.rotations import curl
 from antiosc.fem.assembly.shell_edges import led_by_solid, turning, with_free_turns
@@ -89,6 +89,7 @@ class Tie(Joint):
             Facets(*group_end(layout, name, end)) for name, end in (("a", self.a), ("b", self.b))
         ]
         common = self._common(layout, sides, label)
+        self._tell_overlap(sides, common, label)
         taken = held.copy()
         for rows in before:
             taken[rows.pivot[rows.pivot >= 0]] = True
@@ -127,6 +128,18 @@ class Tie(Joint):
                 "Move a part (at=...) or give a larger gap."
             )
         return common
+
+    def _tell_overlap(self, sides: Sequence[Facets], common: Overlap, label: str) -> None:
+        """Warn of faces with the same outward normals: behind both lies the same space."""
+        a, b = (side.outward for side in sides)
+        if a is None or b is None:
+            return
+        cosine = np.einsum("pc,pc->p", a[common.face[0]], b[common.face[1]])
+        if common.weight @ cosine > FACING * common.weight.sum():
+            warn(
+                f"{label}: the outward normals of {self.a!r} and {self.b!r} point the same way, so "
+                "that the parts overlap: move one of them (at=...), or name its opposite face."
+            )
 
 
 def _distance(sides: Sequence[Facets]) -> float:

@@ -60,6 +60,9 @@ def cells_at(mesh: Mesh, dim: int, entities: IntArray) -> tuple[IntArray, IntArr
 
 def frames(mesh: Mesh, dim: int, number: IntArray) -> tuple[Array, Array]:
     """Origin (n, tdim) and axes (n, tdim, dim) of entities of cells in the reference cell."""
+    if dim == mesh.tdim:
+        count = len(number)
+        return np.zeros((count, dim)), np.tile(np.eye(dim), (count, 1, 1))
     kind = getattr(basix.CellType, mesh.cell)
     corners, entities = np.asarray(basix.geometry(kind)), basix.topology(kind)[dim]
     origin = np.array([corners[e[0]] for e in entities])

@@ -47,7 +47,7 @@ def place(surface: Any, layer: Any, fibre: Any, axes: Any) -> Place:
         checks.choice("surface", surface, SURFACES)
     elif isinstance(surface, Sequence) or hasattr(surface, "shape"):
         vector = checks.array("surface", surface, (3,))
-        if not vector.any():
+        if not np.linalg.norm(vector):
             raise InputError("surface must not be the zero vector: it is the side of the sheet.")
         surface = tuple(vector.tolist())
     else:

@@ -11,6 +11,7 @@ import scipy.sparse.linalg
 
 from antiosc._types import Array
 from antiosc.checks import coordinates
+from antiosc.errors import InputError
 from antiosc.fem.assembly.assembled import AssembledMatrices
 from antiosc.fem.assembly.ends import group_end
 from antiosc.fem.assembly.layout import Member
@@ -102,6 +103,11 @@ def _on_part(
 ) -> MapSites:
     """Sites of a part, in its own axes chosen, in the axes of the assembly told; perhaps none."""
     R = member.at.rotation
+    if direction is None and not member.part.kind.outside:
+        raise InputError(
+            f"the part {member.name!r} has no outward normal, as no shell and no beam has: give "
+            "the direction of impact, for instance direction=(0, 0, -1), or name other parts."
+        )
     own = None if direction is None else (_in_space(direction) @ R).tolist()
     found = sites_on(member.part, where, own, radius)
     if not len(found.sites):

@@ -82,6 +82,10 @@ def _without_mesh(
     """b of a site of a superelement, or of a reference point."""
     layout = structure.layout
     part, _, name = str(site.point).partition(":")
+    if layout.plane and direction[2]:
+        raise InputError(
+            f"direction {site.direction} leaves the plane in which the assembly moves."
+        )
     if site.radius is not None or site.tangential:
         raise InputError(
             f"the site {site.point!r} of a superelement has the patch and the directions with "

@@ -107,7 +107,7 @@ class Site:
                 f"point and direction must both have 2 or 3 coordinates; got {len(point)} and "
                 f"{len(direction)}."
             )
-        if not direction.any():
+        if not np.linalg.norm(direction):
             raise InputError(
                 "direction must not be the zero vector: it is the direction in which the impactor "
                 "pushes."
