@@ -234,20 +234,28 @@ def reference(case, path, site, structure, struck, goal):  # type: ignore[no-unt
         model = ao.extract(part, site, n=TRUE_ANTI_OSCILLATORS, error="estimate")
         if share(model) <= goal or part.dofs > MOST_DOFS[case.dim] / 2:
             break
-        values, vectors = np.linalg.eigh(amplitudes(struck(model)))
-        shapes = model.shapes @ (vectors * np.sqrt(np.maximum(values, 0.0)))
-        energies = estimator(part).of_cells(shapes)
-        # also the first shape, whose stiffness is compared
-        first = estimator(part).of_cells(model.shapes[:, :2])
-        energies = energies / energies.sum() + first / first.sum()
         wanted = max(0.5 * goal / share(model), 1e-3)
-        ratio = cell_sizes.ratios(mesh.comm, energies, wanted, 2, case.dim)
-        grown = cell_sizes.growth(mesh.comm, ratio, case.dim)
         most = MOST_DOFS[case.dim] / part.dofs
-        if grown > most:
-            ratio = ratio * (grown / most) ** (1 / case.dim)
-        mesh = source.finer(mesh, np.minimum(ratio, 1.0))
+        ratio = np.minimum(finer(part, model, struck(model), wanted, 2, most), 1.0)
+        mesh = source.finer(mesh, ratio)
     return model
+
+
+def finer(part, model, hit, goal, order, most):  # type: ignore[no-untyped-def]
+    """New over old sizes of cells that bring the errors of force and stiffness down to `goal`.
+
+    `most`: largest growth of the number of dofs.
+    """
+    mesh = part.mesh
+    values, vectors = np.linalg.eigh(amplitudes(hit))
+    shapes = model.shapes @ (vectors * np.sqrt(np.maximum(values, 0.0)))
+    energies = estimator(part).of_cells(shapes)
+    # also the first shape, whose stiffness is compared
+    first = estimator(part).of_cells(model.shapes[:, :2])
+    energies = energies / energies.sum() + first / first.sum()
+    ratio = cell_sizes.ratios(mesh.comm, energies, goal, order, mesh.tdim)
+    grown = cell_sizes.growth(mesh.comm, ratio, mesh.tdim)
+    return ratio * max(1.0, grown / most) ** (1 / mesh.tdim)
 
 
 def geometry(

@@ -32,7 +32,7 @@ BAD = {
     "shell_size": {"--elements": ("", "3,x", "0"), "--n": ("x",)},
     "speed_accuracy": {"--sizes": ("x", "0")},
     "stability": {"--most": ("0",), "--counts": ("x",), "--decades": ("-1",), "--fine": ("1.5",)},
-    "strike_bracket": {"--tols": ("x", "0"), "--sizes": ("-1",), "--reference": ("0",)},
+    "strike_or_uniform": {"--tols": ("x", "0"), "--scenes": ("0", "99", "x"), "--dofs": ("0",)},
     "stiffened_panel": {"--skin": ("0", "x"), "--n": ("0",), "--duration": ("1e99",)},
     "tube_between_stops": {"--gaps": ("", "1,-2"), "--duration": ("nan",)},
     "work_precision": {"--repeats": ("0",), "--scenes": ("x",)},

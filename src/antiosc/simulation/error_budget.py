@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -53,7 +54,8 @@ def error_budget(hit: History, again: Run) -> ErrorBudget:
     share = energy_error(model, model.strain_error, amplitudes(hit))
     safety, doubts = _safety(model, share)
     mesh = _floored({name: safety * off for name, off in differences(raw, softer).items()})
-    truncated = truncation_error(model, again, tol=tol)
+    known = partial(_again, again, model, raw)
+    truncated = truncation_error(model, known, tol=tol)
     notes = []
     if len(raw.contacts) != len(softer.contacts):
         notes.append(
@@ -75,6 +77,13 @@ def error_budget(hit: History, again: Run) -> ErrorBudget:
         for name in QUANTITIES
     }
     return ErrorBudget(bars, share, (*notes, *told, *curved, *doubts), safety)
+
+
+def _again(
+    again: Run, model: AntiOscillators, raw: History, each: AntiOscillators, tol: float
+) -> History:
+    """The impact on a model, which is known for `model`."""
+    return raw if each is model else again(each, tol)
 
 
 def _safety(model: AntiOscillators, share: float) -> tuple[float, list[str]]:
