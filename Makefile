@@ -1,6 +1,6 @@
 # Every target sets up what it needs, once; `make help` lists them.
 .DEFAULT_GOAL := help
-.PHONY: help setup demo article bench decks validate peers docs dist test check check-cores mutants test-trixie test-sid test-newest memcheck lint fmt clean
+.PHONY: help setup demo article bench budget decks validate peers docs dist test check check-cores mutants test-trixie test-sid test-newest memcheck lint fmt clean
 
 PYTHON := .venv/bin/python
 READY  := .venv/ready
@@ -33,6 +33,14 @@ article: $(READY) ## every claim of the article rerun: demos/ARTICLE.md and its 
 
 bench: $(READY) ## speed against accuracy: tables, pictures and JSON in demos/speed (about 20 minutes)
 	$(PYTHON) demos/speed_accuracy.py
+
+# Parts of the sample: those that out/error_budget.jsonl holds are not tried again.
+COUNT ?= 300
+
+budget: $(READY) ## error budgets: COUNT random parts, strike beside fixed choices (about 20 minutes)
+	mkdir -p out
+	$(PYTHON) demos/error_budget.py --parts $(COUNT) --seed 2026 --out out/error_budget.jsonl
+	$(PYTHON) demos/strike_or_uniform.py --out out/strike_or_uniform.json
 
 validate: $(READY) ## published tests in one table with pictures: docs/validation.md (about 2 minutes)
 	$(PYTHON) demos/validation/book.py

@@ -25,3 +25,27 @@ def test_random_parts(tmp_path, capsys):
     assert [row["number"] for row in rows] == [0, 1, 2, 3]
     assert out.with_suffix(".png").exists()
     assert "| all | 4 |" in capsys.readouterr().out
+
+
+def test_strike_beside_fixed_choices(tmp_path, capsys):
+    out = tmp_path / "runs.json"
+    script = demo("strike_or_uniform")
+    found = script.main(scenes=("plane part",), tols=(0.01,), dofs=15_000, out=str(out))
+    rows = found["plane part"]
+    (own,) = (row for row in rows if row["run"] == "strike")
+    assert own["true"] <= own["promised"] <= own["asked"]
+    best = [min(r["true"] for r in rows if r["run"] == run) for run in ("fixed", "corrected")]
+    assert best[1] < 0.01
+    assert json.loads(out.read_text())["plane part"] == rows
+    assert out.with_suffix(".png").exists()
+    assert "over the cheapest fixed choice within 0.01" in capsys.readouterr().out
+
+
+def test_adapted_meshes_beside_uniform_ones(tmp_path, capsys):
+    script, scene = demo("strike_or_uniform"), demo("strike_scenes").SCENES["plane part"]
+    path = scene.path(tmp_path)
+    true = script.truth(scene, path, 15_000)
+    script.compared(scene, path, true, 1)
+    said = capsys.readouterr().out
+    assert "order 1, uniform" in said
+    assert "order 1, adapted" in said
