@@ -15,11 +15,10 @@ from __future__ import annotations
 import argparse
 import ctypes
 import json
-import os
-import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +36,9 @@ from antiosc.fem.linalg.solvers import Distributed
 from antiosc.fem.linalg.substructures import Substructures, interface
 from antiosc.fem.site.map_sites import sites_of
 from antiosc.threads import one_thread
+
+#: A measurement in a process of its own.
+_apart = partial(options.apart, __file__)
 
 ROOT = Path(__file__).resolve().parent.parent
 OUT = ROOT / "demos" / "speed"
@@ -245,26 +247,6 @@ TASKS: dict[str, Callable[..., list[Row]]] = {
     "compliances": measured_compliances,
     "ranks": measured_ranks,
 }
-
-
-def _apart(task: str, *arguments: Any, ranks: int = 1) -> list[Row]:
-    """One task in a process of its own on each rank, on one thread."""
-    line = [sys.executable, __file__, "--task", json.dumps([task, *arguments])]
-    if ranks > 1:
-        line = ["mpirun", "-n", str(ranks), *line]
-    environment = {
-        "OMPI_ALLOW_RUN_AS_ROOT": "1",
-        "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
-        "OMPI_MCA_btl_vader_single_copy_mechanism": "none",
-        "OMP_NUM_THREADS": "1",
-        **os.environ,
-    }
-    print(task, *arguments, flush=True)
-    run = subprocess.run(line, env=environment, capture_output=True, text=True, check=False)
-    if run.returncode:
-        raise SystemExit(run.stderr or run.stdout)
-    rows: list[Row] = json.loads(run.stdout.strip().splitlines()[-1])
-    return rows
 
 
 @one_thread()

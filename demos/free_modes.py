@@ -14,12 +14,11 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
-import subprocess
 import sys
 import time
 import warnings
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +32,9 @@ from antiosc import maps
 from antiosc.fem.extraction.eigenmodes import Modes, ModeSolver
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.threads import one_thread
+
+#: A measurement in a process of its own.
+_apart = partial(options.apart, __file__)
 
 ROOT = Path(__file__).resolve().parent.parent
 OUT = ROOT / "demos" / "speed"
@@ -247,18 +249,6 @@ def _random(part: ao.Structure, columns: int) -> np.ndarray:
 
 
 # --- The whole ------------------------------------------------------------------------------------
-
-
-def _apart(*arguments: Any) -> list[Row]:
-    """`measured` in a process of its own, on one thread."""
-    line = [sys.executable, __file__, "--task", json.dumps(arguments)]
-    environment = {"OMP_NUM_THREADS": "1", **os.environ}
-    print(*arguments, flush=True)
-    run = subprocess.run(line, env=environment, capture_output=True, text=True, check=False)
-    if run.returncode:
-        raise SystemExit(run.stderr or run.stdout)
-    rows: list[Row] = json.loads(run.stdout.strip().splitlines()[-1])
-    return rows
 
 
 def table(rows: list[Row], rounds: int) -> str:

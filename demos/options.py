@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import json
+import os
 import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -43,6 +46,28 @@ def run(parser: argparse.ArgumentParser, main: Callable[..., Any], arguments: An
         return main(**vars(options))
     except ao.AntioscError as error:
         parser.exit(1, f"{parser.prog}: {error}\n")
+
+
+def apart(script: str, *task: Any, ranks: int = 1) -> Any:
+    """What `script --task` prints as its last line, in JSON: a measurement in a new process.
+
+    Its peak memory is its own. It runs on one thread, or on several MPI ranks with one thread each.
+    """
+    command = [sys.executable, script, "--task", json.dumps(task)]
+    if ranks > 1:
+        command = ["mpirun", "-n", str(ranks), *command]
+    environment = {
+        "OMPI_ALLOW_RUN_AS_ROOT": "1",
+        "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+        "OMPI_MCA_btl_vader_single_copy_mechanism": "none",
+        "OMP_NUM_THREADS": "1",
+        **os.environ,
+    }
+    print(*task, *([f"{ranks} ranks"] if ranks > 1 else []), flush=True)
+    run = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    if run.returncode:
+        raise SystemExit(run.stderr or run.stdout)
+    return json.loads(run.stdout.strip().splitlines()[-1])
 
 
 def code_state() -> str:

@@ -19,15 +19,14 @@ import cProfile
 import importlib.util
 import json
 import logging
-import os
 import pstats
 import resource
-import subprocess
 import sys
 import tempfile
 import time
 import warnings
 from collections.abc import Callable, Sequence
+from functools import partial
 from math import cos, pi, radians, sin
 from pathlib import Path
 from typing import Any
@@ -50,6 +49,9 @@ from antiosc.fem.site.functionals import functional
 from antiosc.fem.site.map_sites import sites_of
 from antiosc.models.driving_point import stiffness_error
 from antiosc.simulation.simulate import without_patch
+
+#: A measurement in a process of its own.
+_apart = partial(options.apart, __file__)
 
 ROOT = Path(__file__).resolve().parent.parent
 STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}
@@ -605,25 +607,6 @@ def _report(result: dict[str, Any], out: Path) -> str:
     return text
 
 
-def _apart(task: str, *arguments: Any, ranks: int = 1) -> Any:
-    """One task in a new process (its peak memory is its own), on one thread a rank."""
-    command = [sys.executable, __file__, "--task", json.dumps([task, *arguments])]
-    if ranks > 1:
-        command = ["mpirun", "-n", str(ranks), *command]
-    environment = {
-        "OMPI_ALLOW_RUN_AS_ROOT": "1",
-        "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
-        "OMPI_MCA_btl_vader_single_copy_mechanism": "none",
-        "OMP_NUM_THREADS": "1",
-        **os.environ,
-    }
-    print(task, *arguments, *([f"{ranks} ranks"] if ranks > 1 else []), flush=True)
-    run = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
-    if run.returncode:
-        raise SystemExit(run.stderr or run.stdout)
-    return json.loads(run.stdout.strip().splitlines()[-1])
-
-
 STYLE = {
     "Krylov": ("C3", "o-"),
     "modes": ("C0", "s-"),
@@ -742,7 +725,7 @@ def _short(value: Any) -> str:
 
 
 def _task(text: str) -> None:
-    """A part of the benchmark, asked for by `_apart`: its result as the last line."""
+    """A part of the benchmark, asked for by `options.apart`: its result as the last line."""
     logging.disable(logging.INFO)
     warnings.simplefilter("ignore")
     name, *arguments = json.loads(text)
@@ -761,7 +744,7 @@ def command(arguments: Sequence[str] | None = None) -> None:
 
 
 if __name__ == "__main__":
-    if sys.argv[1:2] == ["--task"]:  # a process of its own for one measurement, see `_apart`
+    if sys.argv[1:2] == ["--task"]:  # a process of its own for one measurement, see `options.apart`
         _task(sys.argv[2])
     else:
         command()

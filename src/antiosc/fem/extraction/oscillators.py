@@ -15,7 +15,7 @@ import numpy as np
 
 from antiosc._types import Array, ComplexArray
 from antiosc.fem.extraction.eigenmodes import Modes
-from antiosc.fem.extraction.ritz_basis import Remainder
+from antiosc.fem.extraction.ritz_basis import Remainder, mass_above
 from antiosc.fem.extraction.static_mode import StaticMode
 from antiosc.fem.linalg.algebra import by_strains, diagonal, dot, multiply
 from antiosc.fem.structure.structure import Structure
@@ -182,14 +182,8 @@ def left_out(known: Found) -> Remainder:
 
     Without them their mass is in m0.
     """
-    top = float(known.poles.max(initial=0.0))
     mass = 0.0 if known.modes.complete else known.m0
-
-    def bound(x: ComplexArray) -> Array:
-        nearest = np.where(x.real > top, x.imag, np.abs(top - x))
-        return np.asarray(np.abs(x) ** 2 * mass / nearest)
-
-    return bound
+    return mass_above(float(known.poles.max(initial=0.0)), mass)
 
 
 def _rounding(structure: Structure, known: Found, x: ComplexArray) -> Array:

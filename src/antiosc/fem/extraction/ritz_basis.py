@@ -29,6 +29,16 @@ BASIS_STEP = 16
 Remainder = Callable[[ComplexArray], Array]
 
 
+def mass_above(top: float, mass: float) -> Remainder:
+    """The bound for a mass [kg] that is left out, on poles above `top` [rad²/s²]."""
+
+    def bound(x: ComplexArray) -> Array:
+        nearest = np.where(x.real > top, x.imag, np.abs(top - x))
+        return np.asarray(np.abs(x) ** 2 * mass / nearest)
+
+    return bound
+
+
 class RitzBasis:
     """Vectors V with VᵀAV = 1 that vanish at the sites; `room` of them at first.
 

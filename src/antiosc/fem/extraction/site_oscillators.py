@@ -25,7 +25,7 @@ from antiosc.fem.extraction.oscillators import (
     Projected,
     project,
 )
-from antiosc.fem.extraction.ritz_basis import Remainder
+from antiosc.fem.extraction.ritz_basis import Remainder, mass_above
 from antiosc.fem.extraction.site_shapes import SiteShapes
 from antiosc.fem.linalg.algebra import by_strains, diagonal, dot, multiply
 from antiosc.fem.structure.structure import Structure
@@ -163,14 +163,8 @@ def left_out(known: Found) -> Remainder:
 
     Without them their mass is in m0.
     """
-    top = float(known.poles.max(initial=0.0))
     mass = 0.0 if known.modes.complete else float(np.linalg.norm(known.m0, 2))
-
-    def bound(x: ComplexArray) -> Array:
-        nearest = np.where(x.real > top, x.imag, np.abs(top - x))
-        return np.asarray(np.abs(x) ** 2 * mass / nearest)
-
-    return bound
+    return mass_above(float(known.poles.max(initial=0.0)), mass)
 
 
 def _rounding(structure: Structure, known: Found, x: ComplexArray) -> Array:

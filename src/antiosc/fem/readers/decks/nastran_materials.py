@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -73,24 +74,17 @@ def _moduli(entry: Entry) -> tuple[float, float, float]:
     return E, G, nu or 0.0
 
 
+@dataclass
 class PropertyReader:
-    """A deck, the builder of its model and its materials by number.
+    """A deck, the builder of its model and its materials by number."""
 
-    `ignored` collects what is ignored of the properties.
-    """
-
-    def __init__(
-        self,
-        found: NastranDeck,
-        builder: ModelBuilder,
-        materials: dict[int, Material],
-        mass_factor: float,
-    ) -> None:
-        self.found = found
-        self.builder = builder
-        self.materials = materials
-        self.mass_factor = mass_factor
-        self.ignored: list[str] = []
+    found: NastranDeck
+    builder: ModelBuilder
+    materials: dict[int, Material]
+    #: PARAM,WTMASS: factor of the deck's masses
+    mass_factor: float
+    #: what is ignored of the properties
+    ignored: list[str] = field(default_factory=list)
 
     def material(self, entry: Entry, k: int) -> Material:
         """The material whose number stands in field k (from 0)."""

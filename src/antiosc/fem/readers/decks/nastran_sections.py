@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 
 from antiosc.errors import MeshError
-from antiosc.fem.readers.decks.builder import Family, ModelBuilder, Rod
+from antiosc.fem.readers.decks.builder import Family, Rod
 from antiosc.fem.readers.decks.deck import IntArray
 from antiosc.fem.readers.decks.geometry import tangents_of
-from antiosc.fem.readers.decks.material import Material
-from antiosc.fem.readers.decks.nastran import BEAMS, RODS, SHELLS, SOLIDS, NastranDeck, property_of
+from antiosc.fem.readers.decks.nastran import BEAMS, RODS, SHELLS, SOLIDS, property_of
 from antiosc.fem.readers.decks.nastran_beams import PLAIN, offset_along, orientation
 from antiosc.fem.readers.decks.nastran_cards import Entry
 from antiosc.fem.readers.decks.nastran_materials import PropertyReader
@@ -28,16 +27,10 @@ PROPERTIES = (
 class Properties(PropertyReader):
     """Adds the properties of a deck to its builder."""
 
-    def __init__(
-        self,
-        found: NastranDeck,
-        builder: ModelBuilder,
-        materials: dict[int, Material],
-        mass_factor: float,
-    ) -> None:
-        super().__init__(found, builder, materials, mass_factor)
-        self.roles = [_role(block.type) for block in found.deck.blocks]
-        self._numbers = np.array([property_of(entry) for entry in found.elements], dtype=np.int64)
+    def __post_init__(self) -> None:
+        self.roles = [_role(block.type) for block in self.found.deck.blocks]
+        numbers = [property_of(entry) for entry in self.found.elements]
+        self._numbers = np.array(numbers, dtype=np.int64)
 
     def read(self) -> None:
         """Set the section of every element."""
