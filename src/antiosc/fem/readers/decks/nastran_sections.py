@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,7 @@ PROPERTIES = (
 )
 
 
+@dataclass
 class Properties(PropertyReader):
     """Adds the properties of a deck to its builder."""
 
