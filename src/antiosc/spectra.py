@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from warnings import warn
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,7 +10,7 @@ from numpy.typing import ArrayLike
 from antiosc import checks
 from antiosc._types import Array, ComplexArray
 from antiosc.brief import Brief
-from antiosc.errors import AccuracyWarning, InputError
+from antiosc.errors import AccuracyWarning, InputError, warn
 
 #: Oscillators a decade where no frequencies are given.
 A_DECADE = 48
@@ -171,7 +170,6 @@ def _frequencies(t: Array, given: ArrayLike | None, resolved: float | None) -> A
             f"is asked up to {f.max():.4g} Hz, where natural modes of the structure are missing: "
             "extract with a larger n (more than the number of natural modes below that frequency).",
             AccuracyWarning,
-            stacklevel=4,
         )
     return f
 
@@ -191,7 +189,6 @@ def _tell_if_rough(t: Array, a: Array) -> None:
             'spectrum may be wrong at all frequencies. Give velocities with signal="velocity", at '
             "20 or more equal steps a period of the highest frequency.",
             AccuracyWarning,
-            stacklevel=4,
         )
 
 

@@ -178,6 +178,7 @@ def strike(
             if not told:
                 ratio, told = _next(answer, mesh, order, tol, limit, started, len(records))
         if told or answer.budget.worst <= tol:
+            structure.drop_factor()
             return _finished(answer, tol, records, told)
         n = _fewer(answer, run, tol)
         mesh = place.finer(mesh, ratio)
@@ -337,6 +338,7 @@ def _finished(answer: Answer, tol: float, records: list[dict[str, Any]], told: s
         status=1 if unmet and hit.status == 0 else hit.status,
         message=" ".join(filter(None, (hit.message, story, told))),
         budget=partial(_known, budget),
+        structure=answer.structure,
     )
 
 

@@ -77,6 +77,9 @@ class Compiled:
             statements.append(self.simulation)
             if self.simulation.expression.function == "ao.strike":
                 statements.append(Statement("model", Name("history.model")))
+                if not any(each.variable == "structure" for each in self.structure):
+                    statements.append(Statement("structure", Name("history.structure")))
+                    told = ["structure.describe()"]
             told.append("history.summary()")
         if self.probes:
             statements.append(Statement("probes", dict(self.probes)))
@@ -106,13 +109,7 @@ def compiled(document: Document) -> Compiled:
 def _probes(tables: Tables, source: str) -> dict[str, Call]:
     given = {"*structure": Name("structure"), "*history": Name("history")}
     probes = tables.named("probes", given=given)
-    if probes and struck.refined(tables, source):
-        tables.problems.add(
-            ("probes",),
-            "[probes] need the structure of the scene, whose mesh [strike] chooses:"
-            " give [simulate], or the mesh as [structure] takes it.",
-        )
-    elif probes and (source in ("", "model") or not SIMULATED & set(tables.data)):
+    if probes and (source in ("", "model") or not SIMULATED & set(tables.data)):
         tables.problems.add(
             ("probes",), "[probes] need a structure of this scene and its simulation."
         )

@@ -74,6 +74,7 @@ class History(HistoryResults):
     error : estimated relative errors reached: "force" (L2 norm) and "peak"; empty when the step
         was given. With n="auto" also "truncation peak_force", "... impulse", "... contact_time".
     budget : what makes the `error_budget` of a run of `simulate`.
+    structure : of `strike`, the structure of the last mesh, for `probe` and fields; not pickled.
     """
 
     problem: Problem
@@ -86,6 +87,7 @@ class History(HistoryResults):
     status: int
     message: str
     budget: Callable[[History], ErrorBudget] | None = None
+    structure: Any = None
 
     # -- at the nodes
 

@@ -216,7 +216,7 @@ class HistoryResults(Results):
         ]  # fmt: skip
 
     def __getstate__(self) -> dict[str, Any]:
-        """The fields with all values computed, for pickle."""
+        """The fields with all values computed, for pickle; a structure stays behind."""
         own: Any = self
         state = {f.name: getattr(self, f.name) for f in dataclasses.fields(own)}
         segments = [
@@ -226,7 +226,7 @@ class HistoryResults(Results):
             for one in own.trajectory.segments
         ]
         state["trajectory"] = dataclasses.replace(own.trajectory, segments=segments)
-        return state
+        return state | ({"structure": None} if "structure" in state else {})
 
 
 @dataclass(frozen=True, eq=False)

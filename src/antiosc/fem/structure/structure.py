@@ -278,6 +278,10 @@ class Structure(Brief):
             self._factored = factor, shift
         return self._factored[0]
 
+    def drop_factor(self) -> None:
+        """Free the memory of the factor; what needs it again makes it anew."""
+        self._factored = None
+
     @property
     def shift(self) -> float:
         """s of the factor of K + sM, rad²/s²: factorizes first where rigid-body modes are left."""
