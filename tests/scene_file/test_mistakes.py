@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from antiosc.scene_file.read import DEEPEST, LARGEST_FILE
-from scene_files import BEAM, antiosc, written
+from scene_files import BEAM, BRACKET, SCENES, antiosc, written
 
 #: line of BEAM that is replaced -> its replacement, and what the one sentence must hold.
 ONE = {
@@ -210,6 +210,37 @@ def test_hostile_files_are_refused_in_words(tmp_path, capsys, text):
     told = capsys.readouterr().err
     assert "Traceback" not in told
     assert len(told) < 5000
+
+
+STRUCK = f"""\
+{BRACKET}[impactor]
+kind = "RigidMass"
+mass = 0.1
+velocity = 1.0
+[contact]
+kind = "Hertz"
+stiffness = 1e9
+[simulate]
+duration = 1e-4
+"""
+
+
+@pytest.mark.fem
+def test_groups_that_a_mesh_does_not_have_are_told(tmp_path, capsys):
+    """Of a support, a material, a probe; the mesh is read, not those that must be made first."""
+    pytest.importorskip("dolfinx")
+    text = STRUCK.replace('where = "clamp"', 'where = "klamp"')
+    text = text.replace("[material]", "[material.boddy]")
+    text += '[probes.a]\npoint = "bor"\n[probes.b]\npoint = "bore"\n'
+    found = dict(sentences(written(tmp_path, text), capsys))
+    lines = text.splitlines()
+    for key, near in {'where = "klamp"': "clamp", "[material.boddy]": "body", 'point = "bor"': "bore"}.items():
+        assert f"did you mean '{near}'" in found.pop(lines.index(key) + 1)
+    assert not found
+    assert antiosc("check", written(tmp_path, STRUCK)) == 0
+    assert "not checked" not in capsys.readouterr().out
+    assert antiosc("check", SCENES / "step.toml") == 0
+    assert "groups of bracket.step were not checked: a geometry" in capsys.readouterr().out
 
 
 def test_files_that_are_no_scene_are_refused(tmp_path, capsys):

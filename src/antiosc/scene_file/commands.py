@@ -11,7 +11,14 @@ from pathlib import Path
 from antiosc import info
 from antiosc.errors import AntioscError, InputError
 from antiosc.progress import say
-from antiosc.scene_file import output, report, result_tables as tables, run as runs, template
+from antiosc.scene_file import (
+    group_names,
+    output,
+    report,
+    result_tables as tables,
+    run as runs,
+    template,
+)
 from antiosc.scene_file.read import read
 from antiosc.scene_file.scene import Compiled, compiled
 
@@ -26,7 +33,10 @@ def new(options: argparse.Namespace) -> int:
 def check(options: argparse.Namespace) -> int:
     """`antiosc check FILE`."""
     found = compiled(read(options.file))
+    told = group_names.check(found)
     say(f"{options.file}: no mistakes found; for {', '.join(found.does()) or 'nothing to run'}.")
+    for sentence in told:
+        say(f"{options.file}: {sentence}")
     return 0
 
 
