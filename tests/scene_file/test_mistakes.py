@@ -234,7 +234,8 @@ def test_groups_that_a_mesh_does_not_have_are_told(tmp_path, capsys):
     text += '[probes.a]\npoint = "bor"\n[probes.b]\npoint = "bore"\n'
     found = dict(sentences(written(tmp_path, text), capsys))
     lines = text.splitlines()
-    for key, near in {'where = "klamp"': "clamp", "[material.boddy]": "body", 'point = "bor"': "bore"}.items():
+    keys = {'where = "klamp"': "clamp", "[material.boddy]": "body", 'point = "bor"': "bore"}
+    for key, near in keys.items():
         assert f"did you mean '{near}'" in found.pop(lines.index(key) + 1)
     assert not found
     assert antiosc("check", written(tmp_path, STRUCK)) == 0

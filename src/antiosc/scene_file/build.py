@@ -190,9 +190,9 @@ class Builder:
         return converted
 
     def _converted(self, kinds: Sequence[Kind], value: Any, place: Place, about: str) -> Any:
-        for kind in kinds:
-            if kind.fits(value):
-                return self._of_kind(kind, value, place, about)
+        fitting = [kind for kind in kinds if kind.fits(value)]
+        for kind in [kind for kind in fitting if kind.holds(value)] or fitting:
+            return self._of_kind(kind, value, place, about)
         meaning = f" ({about})" if about else ""
         hint = ""
         if isinstance(value, str) and _WITH_UNIT.fullmatch(value) and _numeric(kinds):

@@ -46,6 +46,13 @@ class Kind:
             self.name == "data" and isinstance(value, bool)
         )
 
+    def holds(self, value: Any) -> bool:
+        """Whether a value of this kind is a list whose first entry is of its kinds, or no list."""
+        if self.name != "list" or not value:
+            return True
+        items = self.each[0] if self.each else self.items
+        return any(kind.fits(value[0]) for kind in items)
+
     @property
     def text(self) -> str:
         """In words."""
