@@ -18,16 +18,18 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 import frequencies
+import masses
 import options
 import rods
 import spheres
 import stops
 import tube
 from case import Case, Row, Waiting
-from waiting import WAITING
+from waiting import SEARCHED, WAITING
 
 ROOT = Path(__file__).resolve().parents[2]
 CASES: list[Case] = [
+    *masses.CASES,
     *rods.CASES,
     *stops.CASES,
     *tube.CASES,
@@ -143,6 +145,16 @@ def still_waiting(waiting: list[tuple[Waiting, dict[str, float]]]) -> list[str]:
             f"**{test.title}.** {test.source}. *Given:* {test.given}. *Missing:* {test.missing}. "
             f"*antiosc:* {shown}.",
         ]
+    parts += [
+        "",
+        "What was looked for in stored copies of public pages, documents, threads and "
+        "repositories, by title, authors, doi and content, and what was found of it (one measured "
+        "experiment of six could be read):",
+        "",
+        line(["experiment", "found"]),
+        line(["---"] * 2),
+        *(line(list(row)) for row in SEARCHED),
+    ]
     return parts
 
 

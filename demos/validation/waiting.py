@@ -179,3 +179,22 @@ WAITING = [
         laminate,
     ),
 ]
+
+#: experiments that were looked for in stored copies of public pages, documents, threads of issues
+#: and repositories, by title, authors, doi and content, and what was found of them
+SEARCHED = [
+    ("Goldsmith's spheres on beams (Impact, 1960; with Cunningham, 1956)", "titles only"),
+    ("doi 10.1177/1687814016668089 and 10.1177/1687814016683351", "abstracts, introductions"),
+    ("Appl. Sci. 16 (2026) 89, and its preprint preprints.org 202511.0633", "abstracts"),
+    ("J. Appl. Mech. 91 (2024) 011011", "abstract, introduction"),
+    ("Stoianovici and Hurmuzlu, J. Appl. Mech. 63 (1996) 307", "abstract"),
+    ("Seifried, Schiehlen and Eberhard, spheres on rods", "titles only"),
+    ("Monjaraz-Tec, Gehr, Krack and others, sphere on a beam, arXiv 2207.00795", "introduction"),
+    ("Karas 1939, Timoshenko 1913, Sun and Chen 1985, Schwieger 1970", "titles only"),
+    ("Raman 1920, Koller and Busenhart 1986, Sondergaard 1990: balls on plates", "titles only"),
+    ("Tsai's approximation, Olsson's plates", "titles only"),
+    ("Gugan, Am. J. Phys. 68 (2000) 920, balls on a plate: contact times", "abstract"),
+    ("K. Wong, Structures under Impact Loading, thesis, Cambridge 2005: perspex beams", "abstract"),
+    ("Wang and others, AIP Adv. 15 (2025) 025104, rubber sphere on a plate", "not linear elastic"),
+    ("Kharaz, Gorham and Salman 2001", "measured points, used above"),
+]

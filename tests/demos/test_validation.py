@@ -11,8 +11,9 @@ import pytest
 from paths import DEMOS, ROOT
 
 pytestmark = pytest.mark.fem
-QUICK = {"sdnl105", "hertz"}
+QUICK = {"sdnd101", "sdnd108", "vm65", "sdnl105", "hertz"}
 ALL = [
+    *("sdnd101", "sdnd108", "vm65"),
     *("sdnl111", "abaqus_truss", "vm265", "sdnv100", "sdnv100_confined"),
     *("sdnl104", "sdnl105", "sdnl301", "hertz", "zener", "kharaz"),
     *("fv2", "fv5", "fv12", "fv16", "fv32", "fv52"),
@@ -68,6 +69,8 @@ def test_the_page_holds_every_case(book):
         assert case.given in text
     for test in book.WAITING:
         assert test.title in text
+    for experiment, found in book.SEARCHED:
+        assert f"| {experiment} | {found} |" in text
     pictures = re.findall(r"\]\((pictures/[^)]+)\)", text)
     assert len(pictures) == len(ALL)
     assert [p for p in pictures if not (ROOT / "docs" / p).is_file()] == []
