@@ -22,12 +22,26 @@ import options
 import antiosc as ao
 from antiosc import plotting
 
+# ## The part and the blow
+#
+# All numbers are in SI units. The eye of the bracket is a cylinder along x; the sphere strikes it
+# at `ANGLE` from its top, and the blow is not along the normal: a quarter of it pushes along the
+# boss.
+
 ROOT = Path(__file__).resolve().parent.parent
 ALUMINIUM = {"E": 70e9, "nu": 0.33, "rho": 2700.0}
 STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}
 EYE_RADIUS = 18e-3  # the struck cylinder, along x through (0, 30, 60) mm
 ANGLE = radians(35)  # of the struck point around that cylinder, from its top
 STRIKE = (-0.25, -sin(ANGLE), -cos(ANGLE))  # oblique: a quarter along the boss
+
+# ## From the mesh to the force
+#
+# Four steps: a *structure* is a mesh with a material and supports; a *site* says where and along
+# which direction it is struck, with a patch wider than the real contact; a *model* is the
+# structure as seen from the site, as many anti-oscillators as the frequencies of the blow ask for;
+# `simulate` integrates the model, the sphere and Hertz's law. Only the mesh and the model take
+# time: another speed or another sphere costs milliseconds.
 
 
 def main(
@@ -94,6 +108,12 @@ def main(
         "momentum": striker.mass * (velocity - hit.impactor_velocity[-1]),
         "drift": hit.energy.drift,
     }
+
+
+# ## How far to trust it
+#
+# The table tells the share of the static mass that the oscillators hold, the bound of the error of
+# the dynamic stiffness in the band of the blow, and the change of the total energy.
 
 
 def print_table(

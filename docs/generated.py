@@ -6,6 +6,8 @@ import ast
 import re
 from pathlib import Path
 
+import light
+
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent
 #: a line of an API page: the public names of these modules and packages stand in its place
@@ -105,7 +107,7 @@ def with_notes(lines: list[str]) -> None:
 
 
 def demo_pages(folder: Path) -> None:
-    """A page for each demo: what it shows, its pictures, its script."""
+    """A page for each demo: what it shows, its pictures, its script in the light format."""
     folder.mkdir(exist_ok=True)
     names = []
     for script in sorted((ROOT / "demos").glob("*.py")):
@@ -125,10 +127,10 @@ def demo_pages(folder: Path) -> None:
             "",
             *pictures,
             "",
-            f"```{{literalinclude}} ../../demos/{script.name}",
-            ":language: python",
-            "```",
+            f"The script, [`demos/{script.name}`](../../demos/{script.name}):",
+            "",
         ]
+        page += ["\n\n".join(light.markdown(script.read_text(encoding="utf-8")))]
         write(folder / f"{script.stem}.md", "\n".join(page) + "\n")
     names += measured_pages(folder)
     index = ["# Demos", "", "Every demo is a script in `demos/`; `--help` lists its options.", ""]

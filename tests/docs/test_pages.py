@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import importlib
 import re
 import runpy
@@ -23,7 +24,7 @@ LIGHT = {
     *("api/models", "api/contact", "api/simulation", "api/scenes", "api/errors"),
 }
 MESHED = {"howto/deck", "howto/units", "howto/map", "api/structures"}
-SLOW = {"first_impact", "api/extraction"}
+SLOW = {"first_impact", "limits", "api/extraction", "api/assemblies", "api/results"}
 
 
 def programs(page: str) -> list[str]:
@@ -59,6 +60,13 @@ def test_no_page_with_a_program_is_left_out():
     assert with_programs - elsewhere <= LIGHT | MESHED | SLOW
 
 
+def test_every_public_name_stands_in_a_program_that_is_run():
+    pages = [*sorted(LIGHT | MESHED | SLOW), "guide", "assemblies", "matrices", "closed_forms"]
+    text = "\n".join(program for page in pages for program in programs(page))
+    text += (ROOT / "README.md").read_text(encoding="utf-8")
+    assert [name for name in ao.__all__ if not re.search(rf"\bao\.{name}\b", text)] == []
+
+
 @pytest.fixture
 def generated(monkeypatch):
     monkeypatch.syspath_prepend(str(DOCS))
@@ -83,6 +91,52 @@ def test_every_demo_has_a_page_and_its_pictures_exist(generated, tmp_path):
     assert pages == scripts
     for pictures in generated.PICTURES.values():
         assert [p for p in pictures if not (DEMOS / "pictures" / p).is_file()] == []
+
+
+@pytest.fixture
+def light(monkeypatch):
+    monkeypatch.syspath_prepend(str(DOCS))
+    return importlib.import_module("light")
+
+
+def test_a_page_has_the_whole_script(light):
+    for script in sorted(DEMOS.glob("*.py")):
+        source = script.read_text(encoding="utf-8")
+        found = light.cells(source)
+        code = "\n\n\n".join(body for kind, body in found if kind == "code")
+        whole = ast.parse(source)
+        if ast.get_docstring(whole):
+            whole.body = whole.body[1:]
+        assert ast.dump(ast.parse(code)) == ast.dump(whole), script.name
+        assert all("\n```" not in body for kind, body in found if kind == "code")
+    page = light.markdown((DEMOS / "impact_on_bracket.py").read_text(encoding="utf-8"))
+    headings = [part for part in page if part.startswith("## ")]
+    assert len(headings) == 3
+
+
+def test_paragraphs_of_comments_are_text(light):
+    script = '''"""Title."""
+
+import x
+
+# -- how it is drawn
+
+# Two lines
+# of *text*.
+
+# a comment of code
+y = """a
+
+# no comment"""
+#: what z is
+z = 2
+'''
+    assert light.cells(script) == [
+        ("code", "import x"),
+        ("text", "## How it is drawn"),
+        ("text", "Two lines\nof *text*."),
+        ("code", '# a comment of code\ny = """a\n\n# no comment"""\n#: what z is\nz = 2'),
+    ]
 
 
 def test_a_new_page_is_listed(generated, monkeypatch, tmp_path):

@@ -1,0 +1,90 @@
+"""Wheel, source archive, conda recipe and Dockerfile agree with the project."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+import tarfile
+import tomllib
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from paths import ROOT
+
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+PROGRAM = """
+import antiosc as ao
+
+assert "site-packages" in ao.__file__, ao.__file__
+model = ao.AntiOscillators(m0=0.02, k0=1e6, m=[0.1], omega=[2000.0])
+print(ao.simulate(model, ao.RigidMass(0.1, velocity=1.0), ao.Hertz(1e9), duration=3e-3).summary())
+"""
+
+
+def test_the_conda_recipe_agrees_with_the_project():
+    yaml = pytest.importorskip("yaml")
+    recipe = yaml.safe_load((ROOT / "packaging" / "meta.yaml").read_text(encoding="utf-8"))
+    assert set(recipe) >= {"package", "source", "build", "requirements", "test", "about"}
+    package = recipe["package"]
+    assert (package["name"], package["version"]) == (PROJECT["name"], PROJECT["version"])
+    assert recipe["build"]["noarch"] == "python"
+    scripts = [f"{name} = {target}" for name, target in PROJECT["scripts"].items()]
+    assert recipe["build"]["entry_points"] == scripts
+    run = [re.sub(r"\s", "", one) for one in recipe["requirements"]["run"]]
+    assert f"python{PROJECT['requires-python']}" in run
+    assert set(PROJECT["dependencies"]) <= set(run)
+    assert (ROOT / "packaging" / recipe["source"]["path"]).resolve() == ROOT
+    assert (ROOT / recipe["about"]["license_file"]).is_file()
+
+
+def test_the_dockerfile_names_what_is_there():
+    text = (ROOT / "packaging" / "Dockerfile").read_text(encoding="utf-8")
+    lines = [line for line in text.splitlines() if line and not line.startswith("#")]
+    steps = [line.split(maxsplit=1) for line in lines]
+    assert steps[0][0] == "FROM"
+    assert {name for name, _ in steps} <= {"FROM", "RUN", "COPY", "WORKDIR", "ENV", "CMD"}
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    for target in re.findall(r"\bmake (\w+)", text):
+        assert re.search(rf"^{target}:", makefile, re.MULTILINE), target
+    assert ".venv" in (ROOT / ".dockerignore").read_text(encoding="utf-8")
+
+
+@pytest.mark.slow
+def test_wheel_and_archive_are_whole_and_the_wheel_runs(tmp_path: Path):
+    own = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+
+    def run(*command: str) -> str:
+        done = subprocess.run(
+            command, cwd=tmp_path, capture_output=True, text=True, check=False, env=own
+        )
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    run("bash", str(ROOT / ".ci" / "dist"), str(tmp_path / "dist"), sys.executable)
+    (wheel,), (archive,) = (list((tmp_path / "dist").glob(kind)) for kind in ("*.whl", "*.tar.gz"))
+    sources = {
+        str(path.relative_to(ROOT / "src"))
+        for path in (ROOT / "src" / "antiosc").rglob("*")
+        if path.is_file() and path.suffix != ".pyc"
+    }
+    with zipfile.ZipFile(wheel) as file:
+        inside = {name for name in file.namelist() if ".dist-info/" not in name}
+        (points,) = (name for name in file.namelist() if name.endswith("entry_points.txt"))
+        assert "antiosc = antiosc.cli:main" in file.read(points).decode()
+    assert inside == sources
+    with tarfile.open(archive) as file:
+        names = {name.split("/", 1)[-1] for name in file.getnames()}
+    assert {f"src/{name}" for name in sources} | {"pyproject.toml", "LICENSE"} <= names
+
+    # an environment of its own with the NumPy and SciPy of this machine; nothing is fetched
+    run(sys.executable, "-m", "venv", "--system-site-packages", "fresh")
+    fresh = tmp_path / "fresh" / "bin"
+    install = ("-m", "pip", "install", "--quiet", "--no-deps", "--no-index")
+    run(str(fresh / "python"), *install, "--force-reinstall", str(wheel))
+    (tmp_path / "program.py").write_text(PROGRAM, encoding="utf-8")
+    assert "peak force" in run(str(fresh / "python"), "program.py")
+    assert "antiosc" in run(str(fresh / "antiosc"), "info")
