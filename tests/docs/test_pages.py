@@ -44,7 +44,22 @@ def test_the_program_of_a_page_runs(page, tmp_path, monkeypatch, capsys):
     (tmp_path / "program.py").write_text(program, encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     runpy.run_path("program.py")
-    assert capsys.readouterr().out.strip()
+    said = capsys.readouterr().out
+    assert said.strip()
+    if page == "first_impact":
+        same_numbers(said)
+
+
+def same_numbers(said: str) -> None:
+    """The page tells what its program prints."""
+    text = (DOCS / "first_impact.md").read_text(encoding="utf-8")
+    peak, contact, rest = re.search(  # type: ignore[union-attr]
+        r"about (\d+) N.*about (\d+) µs.*\((0\.\d+)\)", text, re.DOTALL
+    ).groups()
+    found = dict(re.findall(r"(peak force|contact time|restitution) +(\S+)", said))
+    assert float(found["peak force"]) == pytest.approx(float(peak), rel=0.01)
+    assert float(found["contact time"]) == pytest.approx(1e-6 * float(contact), rel=0.01)
+    assert float(found["restitution"]) == pytest.approx(float(rest), abs=0.01)
 
 
 def test_no_page_with_a_program_is_left_out():
