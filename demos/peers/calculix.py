@@ -89,10 +89,11 @@ def main(
         for step, k, forward in runs:
             method = "explicit" if forward else "implicit"
             name = f"ccx {method}, {size:g} mm, {step * 1e6:g} us, {k:g} N/mm3"
-            job = out / f"ccx_{part}_{method}_{size:g}_{step:g}_{k:g}"
-            deck(blow, job.with_suffix(".inp"), step=step, duration=duration, k=k, explicit=forward)
-            seconds = run(program, job)
-            t, piece = forces(job.with_suffix(".dat"), blow.direction)
+            job = f"ccx_{part}_{method}_{size:g}_{step:g}_{k:g}"
+            file = out / f"{job}.inp"
+            deck(blow, file, step=step, duration=duration, k=k, explicit=forward)
+            seconds = run(program, out, job)
+            t, piece = forces(out / f"{job}.dat", blow.direction)
             curves[name] = t, blow.pieces * piece
             numbers[name] = {**figures(*curves[name]), "CPU s": seconds}
             numbers[name]["L2 %"] = 100 * distance(own, curves[name])
@@ -122,13 +123,13 @@ def ours(blow: Blow, out: Path, duration: float, n: int) -> Curve:
     return hit.time, blow.pieces * hit.force
 
 
-def run(program: str, job: Path) -> float:
+def run(program: str, folder: Path, job: str) -> float:
     """CPU seconds of CalculiX on one thread."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    with job.with_suffix(".log").open("w", encoding="utf-8") as log:
+    with (folder / f"{job}.log").open("w", encoding="utf-8") as log:
         subprocess.run(
-            [program, "-i", job.name],
-            cwd=job.parent,
+            [program, "-i", job],
+            cwd=folder,
             stdout=log,
             stderr=subprocess.STDOUT,
             env={**os.environ, "OMP_NUM_THREADS": "1"},
