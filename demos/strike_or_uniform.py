@@ -38,6 +38,8 @@ SIZES, COUNTS, STEPS = (2.0, 1.0, 0.6), (6, 12, 20), (1e-2, 1e-3)
 UNIFORM = {1: (1.0, 0.7, 0.5), 2: (1.4, 1.0, 0.7)}
 #: Anti-oscillators of truths and of meshes that are compared by their dofs.
 MANY = 40
+#: Size of the elements [m] for the cost of the estimate, and runs of which the least counts.
+COST_SIZE, ROUNDS = 0.005, 4
 #: Errors that fixed choices are asked for: of `strike` itself, and the fine one.
 MET, FINE = 0.01, 0.001
 
@@ -62,6 +64,8 @@ def main(
             rows = [{**row, "true": max(differences(hit, true).values())} for row, hit in hits]
             found[name] = rows
             told(name, rows)
+            if name == "bracket, light sphere":
+                cost(scene, path)
             if name in ("block, short blow", "bracket, light sphere"):
                 for order in (1, 2) if name.startswith("block") else (2,):
                     compared(scene, path, true, order)
@@ -172,6 +176,24 @@ def told(name: str, rows: Sequence[Row]) -> None:
         if own:
             ratio = own["seconds"] / row["seconds"]
             print(f"\nstrike({MET:g}) over the cheapest {kind} choice within {goal:g}: {ratio:.2f}")
+
+
+def cost(scene: Scene, path: Path) -> None:
+    """CPU seconds of an extraction, assembly and factor included, and of its estimate of errors."""
+    mesh = ao.read_mesh(path, size=COST_SIZE, refine=[(scene.site.point, scene.site.radius)])
+    spent = []
+    for _ in range(ROUNDS):
+        part, assembled = timed(scene.structure, mesh)
+        _, factored = timed(part.factorize)
+        _, plain = timed(ao.extract, part, scene.site, n=COUNTS[-1])
+        _, more = timed(ao.extract, part, scene.site, n=COUNTS[-1], error="estimate")
+        spent.append((assembled + factored, plain, more))
+    before, plain, more = np.array(spent).min(axis=0)
+    whole, extra = before + plain, more - plain
+    print(
+        f"\ncost of the estimate at {part.dofs} dofs, n = {COUNTS[-1]}, least of {ROUNDS}: "
+        f"{extra:.3f} of {whole:.2f} CPU s = {extra / whole:.1%}"
+    )
 
 
 def compared(scene: Scene, path: Path, true: ao.History, order: int) -> None:
