@@ -29,6 +29,7 @@ BAD = {
     "machine_guard": {"--bolts": ("", "0", "1,x"), "--thickness": ("0",), "--mass": ("nan",)},
     "oblique_blow": {"--angles": ("", "10,x", "-1"), "--friction": ("0",), "--n": ("1.5",)},
     "plate_impact": {"--inelasticities": ("", "0.1,x", "0"), "--sizes": ("2,-3",), "--n": ("0",)},
+    "scene_errors": {"--scenes": ("0", "x"), "--first": ("-1",), "--tol": ("0", "nan")},
     "shell_size": {"--elements": ("", "3,x", "0"), "--n": ("x",)},
     "speed_accuracy": {"--sizes": ("x", "0")},
     "stability": {"--most": ("0",), "--counts": ("x",), "--decades": ("-1",), "--fine": ("1.5",)},
@@ -37,7 +38,7 @@ BAD = {
     "tube_between_stops": {"--gaps": ("", "1,-2"), "--duration": ("nan",)},
     "work_precision": {"--repeats": ("0",), "--scenes": ("x",)},
 }
-LIGHT = {"fuzz", "fuzz_scenes", "stability", "work_precision"}
+LIGHT = {"fuzz", "fuzz_scenes", "scene_errors", "stability", "work_precision"}
 CASES = [
     pytest.param(name, option, value, marks=[] if name in LIGHT else [FEM])
     for name, options in BAD.items()

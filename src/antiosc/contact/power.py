@@ -213,7 +213,8 @@ class Hertz(ContactLaw):
     def energies(self, delta: Array, state: State) -> Array:
         if self.compliance > 0.0:
             return super().energies(delta, state)
-        return np.asarray(0.4 * self.stiffness * np.maximum(delta, 0.0) ** 2.5)
+        depth = np.maximum(delta, 0.0)
+        return np.asarray(0.4 * self.stiffness * depth * depth * np.sqrt(depth))
 
     def implicit(
         self,

@@ -204,12 +204,12 @@ class ModalBody(Brief):
         InputError
             For a body without such a rigid-body motion.
         """
-        rigid = self.omega == 0
         if isinstance(velocity, Motion):
             return self._moving(velocity)
         velocity = checks.number("velocity", velocity, "m/s")
         if velocity == 0.0:
             return np.zeros(self.omega.size)
+        rigid = self.omega == 0
         if not np.any(self.b[rigid]):
             raise InputError(
                 f"a velocity of {velocity:g} m/s was asked of a supported body, which has no"

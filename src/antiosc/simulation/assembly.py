@@ -21,6 +21,7 @@ from antiosc.simulation.simulate import _deepest, _stiffness
 Array = NDArray[np.float64]
 
 MINDLIN = 2 * (1 - 0.3) / (2 - 0.3)  # tangential over normal stiffness for nu = 0.3
+End = tuple[Placed, str]  # a body and the name of its site
 STIFFEST = 0.1  # share of a tangential compliance that is left to the slider's spring, at least
 
 
@@ -80,8 +81,9 @@ def assemble(scene: Scene, duration: float) -> Assembly:
     rubbing: list[Array] = []
     tangents: list[tuple[int, int]] = []
     lines: list[Array | None] = []
-    for contact in scene.contacts:
-        row, direction = _row(contact, bodies, columns, k)
+    ends = [(find(c.a, bodies), find(c.b, bodies)) for c in scene.contacts]
+    for contact, pair in zip(scene.contacts, ends, strict=True):
+        row, direction = _row(contact, pair, columns, k)
         normal.append(row)
         lines.append(direction)
     for contact, line in zip(scene.contacts, lines, strict=True):
@@ -90,10 +92,13 @@ def assemble(scene: Scene, duration: float) -> Assembly:
         rubbing += sides
     G = np.array(normal + rubbing)
     axes = _axes(scene, bodies, lines)
-    breaks, loads, offsets = _loads(scene, bodies, spans, columns, axes, B, r, G, duration)
-    local = _local(scene, bodies)
-    laws, notes = _laws(scene, bodies, local)
-    notes += _order_counts(scene, bodies)
+    gaps = np.zeros(len(G))
+    for i, (contact, (a, b)) in enumerate(zip(scene.contacts, ends, strict=True)):
+        gaps[i] = a[0].gap + b[0].gap if contact.gap is None else contact.gap
+    breaks, loads, offsets = _loads(scene, bodies, spans, columns, axes, B, r, G, gaps, duration)
+    local = np.array([sum(b.local_compliance.get(s, 0.0) for b, s in pair) for pair in ends])
+    laws, notes = _laws(scene, local)
+    notes += _order_counts(scene, ends)
     omega = np.concatenate([b.omega for b in bodies.values()])
     if not omega.size:
         raise InputError("nothing in the scene can move: every body is an obstacle.")
@@ -173,10 +178,10 @@ def along(body: Placed, site: str, direction: Array | None, end: str) -> Array:
 
 
 def _row(
-    contact: Contact, bodies: dict[str, Placed], columns: dict[str, slice], size: int
+    contact: Contact, ends: tuple[End, End], columns: dict[str, slice], size: int
 ) -> tuple[Array, Array | None]:
     """Row (P,) of the indentation, and the contact's direction in space, where known."""
-    (a, at), (b, bt) = find(contact.a, bodies), find(contact.b, bodies)
+    (a, at), (b, bt) = ends
     if isinstance(a.body, Obstacle) and isinstance(b.body, Obstacle):
         raise InputError(f"both ends of the contact {contact.a!r}, {contact.b!r} are obstacles.")
     direction = a.pushes.get(at)
@@ -188,11 +193,10 @@ def _row(
     return row, direction
 
 
-def _order_counts(scene: Scene, bodies: dict[str, Placed]) -> list[str]:
+def _order_counts(scene: Scene, ends: list[tuple[End, End]]) -> list[str]:
     """Notes on contacts that push the second end against its site's direction."""
     notes = []
-    for contact in scene.contacts:
-        (a, at), (b, bt) = find(contact.a, bodies), find(contact.b, bodies)
+    for contact, ((a, at), (b, bt)) in zip(scene.contacts, ends, strict=True):
         push, other = a.pushes.get(at), b.pushes.get(bt)
         if other is not None and (push is None or push @ other > 0):
             notes.append(
@@ -303,13 +307,10 @@ def _loads(
     B: Array,
     r: Array,
     G: Array,
+    gaps: Array,
     duration: float,
 ) -> tuple[Array, Array, Array]:
     """Times (K,), modal loads (K, J) and offsets (K, m) of all that acts on the scene."""
-    gaps = np.zeros(len(G))
-    for i, contact in enumerate(scene.contacts):
-        own = find(contact.a, bodies)[0].gap + find(contact.b, bodies)[0].gap
-        gaps[i] = own if contact.gap is None else contact.gap
     if not scene.loads and scene.base is None and not np.any(scene.gravity):
         return np.zeros(1), np.zeros((1, B.shape[0])), gaps[None]
     series = [load.times for load in scene.loads]
@@ -353,12 +354,6 @@ def _loads(
     return breaks, loads, gaps - forces @ r @ G.T
 
 
-def _local(scene: Scene, bodies: dict[str, Placed]) -> Array:
-    """Half-space compliances (p,) [m/N] of the patches at both ends of each contact."""
-    ends = [[find(end, bodies) for end in (c.a, c.b)] for c in scene.contacts]
-    return np.array([sum(b.local_compliance.get(s, 0.0) for b, s in pair) for pair in ends])
-
-
 def _beside_patches(stiffness: float, local: float) -> float:
     """What is left of a contact's tangential stiffness beside the patches of the bodies.
 
@@ -369,9 +364,7 @@ def _beside_patches(stiffness: float, local: float) -> float:
     return stiffness / max(1.0 - patches, STIFFEST)
 
 
-def _laws(
-    scene: Scene, bodies: dict[str, Placed], local_compliances: Array
-) -> tuple[list[ContactLaw], list[str]]:
+def _laws(scene: Scene, local_compliances: Array) -> tuple[list[ContactLaw], list[str]]:
     """The laws with the patches' own half-space compliance taken out, and notes on it."""
     laws, notes = [], []
     for contact, local in zip(scene.contacts, local_compliances.tolist(), strict=True):

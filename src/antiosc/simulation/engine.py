@@ -7,6 +7,7 @@ import os
 import sys
 import warnings
 from dataclasses import dataclass
+from functools import cached_property
 from math import ceil, log2
 from pathlib import Path
 from types import ModuleType
@@ -133,6 +134,61 @@ class System:
         """
         return SLOWEST * self.speed
 
+    @cached_property
+    def start(self) -> Start:
+        """What every run begins with; the system is not to be changed once it has run."""
+        return Start.of(self)
+
+
+@dataclass(eq=False)
+class Start:
+    """A system as the march takes it, and its state at the start; `march.py` tells the shapes."""
+
+    modes: tuple[Array, ...]
+    acting: tuple[Array, ...]
+    contacts: tuple[NDArray[Any], ...]
+    state: tuple[NDArray[Any], ...]
+    key: tuple[object, ...]
+
+    @classmethod
+    def of(cls, system: System) -> Start:
+        """The start of a system."""
+        p, (m, size) = system.kinds.size, system.beta.shape
+        clock, count = np.zeros(15), np.zeros(14, dtype=np.int64)
+        mode, s, anchor = np.zeros(p, dtype=np.int64), np.zeros((p, MEMORY)), np.zeros((3, p, 2))
+        x, row, scales = np.empty((2, size)), np.zeros((7, m)), np.empty((p, 2))
+        met = np.empty((p, 2))
+        x[0], x[1] = system.q, system.v
+        scales[:, 0], scales[:, 1] = system.depth, system.speed
+        met[:, 0], met[:, 1] = system.mass, system.slowest
+        count[march.LEVEL] = 4
+        count[march.LOADED], count[march.SHIFTED] = system.loads.any(), system.offsets.any()
+        row[march.FRESH] = 1.0
+        row[march.DEPTH] = system.beta @ system.q - system.offsets[0]
+        row[march.RATE] = system.beta @ system.v
+        if system.pressed.any():
+            for c in np.flatnonzero(system.pressed > 0):
+                mode[c] = march.change(
+                    system.kinds[c], march.APART, march.HIGH, 0.0, 0.0, system.params[c], s[c]
+                )
+                row[march.FORCE, c] = system.pressed[c]
+            clock[march.FORCE_SCALE] = system.pressed.max()
+            count[march.LEVEL] = 10
+            row[march.DEPTH] -= system.R @ row[march.FORCE]
+        for c, (first, n) in enumerate(system.tangents.tolist()):
+            anchor[0, c, :n] = row[march.DEPTH, first : first + n]
+        clock[march.GIVEN] = system.given + march.mechanical(x, system.omega)
+        clock[march.HIGHEST] = clock[march.GIVEN]
+        modes = (system.omega, system.decay, system.beta, system.R)
+        rated = any(kind in (march.DAMPED, march.USER) for kind in system.kinds.tolist())
+        return cls(
+            modes,
+            (system.breaks, system.loads, system.offsets),
+            (system.kinds, system.params, system.slip, system.tangents, met),
+            (clock, count, x, row, mode, s, anchor, scales),
+            (rated, p, *(each.tobytes() for each in modes)),
+        )
+
 
 @dataclass(eq=False)
 class Run:
@@ -174,6 +230,7 @@ class Space:
     state: tuple[NDArray[Any], ...]
     work: tuple[NDArray[Any], ...]
     out: tuple[NDArray[Any], ...]
+    nbytes: int
 
     @classmethod
     def of(cls, p: int, m: int, size: int) -> Space:
@@ -213,12 +270,15 @@ class Space:
             np.zeros((march.LEVELS + 1, p)),
             np.zeros(march.LEVELS + 1, dtype=np.int64),
         )
-        return cls(tables, state, work, buffers(_FIRST, p, m, size))
+        out = buffers(_FIRST, p, m, size)
+        return cls(tables, state, work, out, sum(each.nbytes for each in (*tables, *out)))
 
-    @property
-    def nbytes(self) -> int:
-        """Bytes of the tables and buffers."""
-        return sum(each.nbytes for each in (*self.tables, *self.out))
+    def begin(self, start: Start) -> None:
+        """Put all that runs change to the start."""
+        for mine, given in zip(self.state, start.state, strict=True):
+            mine[...] = given
+        for each in self.work[4:8]:  # loads and gaps, which the march sets where there are any
+            each.fill(0.0)
 
 
 def buffers(nodes: int, p: int, m: int, size: int) -> tuple[Array, ...]:
@@ -236,16 +296,12 @@ _kept: dict[tuple[object, ...], Space] = {}
 _MOST_KEPT, _LARGEST_KEPT = 8, 1 << 23  # of them; bytes of one
 
 
-def _space(system: System, longest: float, module: ModuleType) -> tuple[tuple[object, ...], Space]:
-    """Space with the responses for halvings of the longest step [s], and its key for `_keep`.
+def _space(key: tuple[object, ...], system: System) -> Space:
+    """Space with the responses for halvings of the longest step [s].
 
     It is taken out of the store, so that no other thread fills it meanwhile.
     """
-    rated = bool(((system.kinds == march.DAMPED) | (system.kinds == march.USER)).any())
-    p, (m, size) = system.kinds.size, system.beta.shape
-    arrays = (system.omega, system.decay, system.beta, system.R)
-    key = (module.__name__, longest, rated, p, *(a.tobytes() for a in arrays))
-    return key, _kept.pop(key, None) or Space.of(p, m, size)
+    return _kept.pop(key, None) or Space.of(system.kinds.size, *system.beta.shape)
 
 
 def _keep(key: tuple[object, ...], space: Space) -> None:
@@ -271,12 +327,14 @@ def run(
 ) -> Run:
     """March over [0, duration] with forces to `share` of their scale (0: found as it goes)."""
     p, (m, size) = system.kinds.size, system.beta.shape
-    if (system.kinds == march.USER).any():
+    if march.USER in system.kinds.tolist():
         module = march  # only the interpreted march calls a law of one's own
     chosen, before = module or fitting_march(0), 0
     longest = 2.0 ** ceil(log2(duration))
-    key, space = _space(system, longest, chosen)
-    _begin(system, space)
+    start = system.start
+    key = (chosen.__name__, longest, *start.key)
+    space = _space(key, system)
+    space.begin(start)
     clock, count, x, row = space.state[:4]
     clock[march.DURATION], clock[march.SHARE], clock[march.LONGEST] = duration, share, longest
     clock[march.FINE], clock[march.CAP] = fine, duration / 16
@@ -284,10 +342,7 @@ def run(
     clock[march.KNOWN] = float(scale > 0)
     count[march.MOST_TOUCHES], count[march.MOST_STEPS] = max_contacts, max_steps
     count[march.KEEP] = keep
-    modes = (system.omega, system.decay, system.beta, system.R)
-    acting = (system.breaks, system.loads, system.offsets)
-    met = np.stack((system.mass, system.slowest), axis=1)
-    contacts = (system.kinds, system.params, system.slip, system.tangents, met)
+    given = start.modes, start.acting, start.contacts
     out, buffer = space.out, _FIRST
     out[0][0], out[1][0], out[2][0] = 0.0, row[march.FORCE], row[march.DEPTH]
     count[march.NODES] = 1
@@ -295,13 +350,9 @@ def run(
     while True:
         if chosen is march:
             with np.errstate(all="ignore"):  # forces that are not found overflow: the march sees it
-                answer = march.march(
-                    modes, acting, contacts, space.state, space.tables, space.work, out
-                )
+                answer = march.march(*given, space.state, space.tables, space.work, out)
         else:
-            answer = chosen.march(
-                modes, acting, contacts, space.state, space.tables, space.work, out
-            )
+            answer = chosen.march(*given, space.state, space.tables, space.work, out)
         nodes, states, events = (count[i] for i in (march.NODES, march.STATES, march.EVENTS))
         if keep and answer != march.FULL:
             out[3][states] = x
@@ -334,33 +385,3 @@ def run(
         gained=float(clock[march.SURPLUS]),
         work=float(clock[march.WORKED]),
     )
-
-
-def _begin(system: System, space: Space) -> None:
-    """The state at the start."""
-    clock, count, x, row, mode, s, anchor, scales = space.state
-    at, slope, offset, drift = space.work[4:8]
-    for each in (clock, count, mode, s, anchor, row, at, slope, offset, drift):
-        each.fill(0)
-    x[0], x[1] = system.q, system.v
-    scales[:, 0], scales[:, 1] = system.depth, system.speed
-    count[march.LEVEL] = 4
-    count[march.LOADED] = system.loads.any()
-    count[march.SHIFTED] = system.offsets.any()
-    row[march.FRESH] = 1.0
-    row[march.DEPTH] = system.beta @ system.q - system.offsets[0]
-    row[march.RATE] = system.beta @ system.v
-    if system.pressed.any():
-        for c in np.flatnonzero(system.pressed > 0):
-            mode[c] = march.change(
-                system.kinds[c], march.APART, march.HIGH, 0.0, 0.0, system.params[c], s[c]
-            )
-            row[march.FORCE, c] = system.pressed[c]
-        clock[march.FORCE_SCALE] = system.pressed.max()
-        count[march.LEVEL] = 10
-        row[march.DEPTH] -= system.R @ row[march.FORCE]
-    for c in np.flatnonzero(system.tangents[:, 1]):
-        first, n = system.tangents[c]
-        anchor[0, c, :n] = row[march.DEPTH, first : first + n]
-    clock[march.GIVEN] = system.given + march.mechanical(x, system.omega)
-    clock[march.HIGHEST] = clock[march.GIVEN]

@@ -453,11 +453,18 @@ def turn(qq: Any, qv: Any, vv: Any, vq: Any, q: Any, v: Any) -> None:
         v[n] = vv[n] * b + vq[n] * a
 
 
-@compiled(f"void(float64, {F1}, {F1})")
-def subtract(f: float, a: Any, out: Any) -> None:
-    """out -= f a"""
+@compiled(f"void(float64, {F1}, float64, {F1}, float64, {F1}, {F1})")
+def subtract(f: float, a: Any, g: float, b: Any, h: float, c: Any, out: Any) -> None:
+    """out -= f a + g b + h c"""
     for n in range(out.size):
-        out[n] -= f * a[n]
+        out[n] -= f * a[n] + g * b[n] + h * c[n]
+
+
+@compiled(f"void({F1}, {F1})")
+def copy(a: Any, out: Any) -> None:
+    """out = a"""
+    for n in range(out.size):
+        out[n] = a[n]
 
 
 # Each of the next four is written once for a mode (compiled) and for all modes at once (NumPy).
@@ -735,11 +742,12 @@ def push(move: Any, parabola: Any, x: Any) -> None:
     if COMPILED:
         turn(move[0, 0], move[1, 0], move[0, 1], move[1, 1], x[0], x[1])
         m = parabola.shape[1]
-        for k in range(3):
-            for i in range(m):
-                if parabola[k, i] != 0.0:
-                    subtract(parabola[k, i], move[2 + k * m + i, 0], x[0])
-                    subtract(parabola[k, i], move[2 + k * m + i, 1], x[1])
+        for i in range(m):
+            f, g, h = parabola[0, i], parabola[1, i], parabola[2, i]
+            a, b, c = move[2 + i], move[2 + m + i], move[2 + 2 * m + i]
+            if f != 0.0 or g != 0.0 or h != 0.0:
+                subtract(f, a[0], g, b[0], h, c[0], x[0])
+                subtract(f, a[1], g, b[1], h, c[1], x[1])
     else:
         new = move[0] * x
         new += move[1] * x[::-1]
@@ -902,7 +910,7 @@ def alone(h: float, contacts: Any, state: Any, share: Any, free: Any, work: Any)
         f2 = f0 + h * (slope + 0.5 * h * bend)
     close = not pressed
     x1, y1, x2, y2 = d1, v1, d2, v2
-    for _ in range(SWEEPS):
+    for tries in range(SWEEPS):
         x1, y1 = d1 - a11 * f1 - a12 * f2, v1 - b11 * f1 - b12 * f2
         x2, y2 = d2 - a21 * f1 - a22 * f2, v2 - b21 * f1 - b22 * f2
         if close:
@@ -918,10 +926,11 @@ def alone(h: float, contacts: Any, state: Any, share: Any, free: Any, work: Any)
             return False
         r1, r2 = f1 - g1, f2 - g2
         e1, e2 = (r1 * j22 - r2 * j12) / det, (r2 * j11 - r1 * j21) / det
-        size = max(1e-3 * scale, abs(f1), abs(f2))
-        noise = 1e-15 * max(k1 * abs(d1) / max(j11, 1.0), k2 * abs(d2) / max(j22, 1.0))
-        # what the correction leaves is its square
-        close = max(abs(e1), abs(e2)) <= SQUARED * size + noise
+        size, far = max(1e-3 * scale, abs(f1), abs(f2)), max(abs(e1), abs(e2))
+        close = far <= SQUARED * size  # what the correction leaves is its square
+        if tries > 2 and not close:
+            noise = max(k1 * abs(d1) / max(j11, 1.0), k2 * abs(d2) / max(j22, 1.0))
+            close = far <= 1e-15 * noise
         f1, f2 = f1 - e1, f2 - e2
         if not abs(f1) + abs(f2) < 1e300:
             return False
@@ -1066,6 +1075,8 @@ def ready_step(slot: int, h: float, modes: Any, tables: Any) -> None:
     """See to it that a slot holds the responses after h, and the next one those after h/2."""
     omega, decay, beta, _ = modes
     span, ready, table, rows, _, _, _ = tables
+    if span[slot] == h and span[slot + 1] == 0.5 * h:
+        return
     if span[slot] == h or span[slot + 1] == 0.5 * h:
         ready_rows(slot, h, modes, tables)
         ready_rows(slot + 1, 0.5 * h, modes, tables)
@@ -1589,11 +1600,11 @@ def take(
     F, base, motion, at, slope, drift = work[0], work[1], work[2], work[4], work[5], work[7]
     time_out, force_out, depth_out, state_out, _ = out
     h = clock[STEP]
-    m, size = F.shape[1], omega.size
+    m = F.shape[1]
     if count[KEEP] > 0:
         if COMPILED:
-            for j in range(size):
-                state_out[count[STATES], 0, j], state_out[count[STATES], 1, j] = x[0, j], x[1, j]
+            copy(x[0], state_out[count[STATES], 0])
+            copy(x[1], state_out[count[STATES], 1])
         else:
             state_out[count[STATES]] = x
         count[STATES] += 1
@@ -1614,7 +1625,7 @@ def take(
     push(move[slot], base[:3], x)
     if count[LOADED] > 0:
         if COMPILED:
-            for j in range(size):
+            for j in range(omega.size):
                 S, J0, J1 = table[slot, 2, j], table[slot, 3, j], table[slot, 4, j]
                 x[0, j] += at[j] * J0 + slope[j] * J1
                 x[1, j] += at[j] * S + slope[j] * J0

@@ -1,0 +1,25 @@
+"""Errors of random blows under all laws, by demos/scene_errors.py."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from paths import demo
+
+errors = demo("scene_errors")
+
+
+def test_a_few_blows() -> None:
+    result = errors.main(scenes=4, first=20, tol=1e-2)
+    assert result["counts"] == {"status 0": 4}
+    assert max(result["errors"]) <= 1
+    assert min(result["errors"]) > 1e-4  # the truth is another run
+
+
+@pytest.mark.slow
+def test_forces_are_within_the_tolerance_in_99_of_100_scenes() -> None:
+    result = errors.main(scenes=200)
+    assert len(result["laws"]) == 12
+    assert len(result["errors"]) >= 190
+    assert np.mean(np.array(result["errors"]) <= 1) >= 0.99
