@@ -56,13 +56,13 @@ def test_studies(tmp_path):
 
 
 def test_errors_against_seconds(tmp_path):
-    module = demo("speed_accuracy")
+    module = demo("speed_tables")
     rows = [
         {"method": m, "total": t * (k + 1), "n": int(10 * t), "error force": e, "error Z": e}
         for k, m in enumerate(module.STYLE)
         for t, e in ((1.0, 1e-1), (2.0, 1e-2), (4.0, 1e-3 * (k != 3)))
     ]
-    module._plot({"case": "a bar, small", "dofs": 12, "rows": rows}, tmp_path)
+    module.plot({"case": "a bar, small", "dofs": 12, "rows": rows}, tmp_path)
     assert drawn(tmp_path / "speed_accuracy_a_bar_small_12.png")
 
 

@@ -30,7 +30,7 @@ def test_chart_of_the_beam(tmp_path):
         assert ascending[-1][1] < 0.2 * ascending[0][1]
         assert ascending[-1][2] < 0.2 * ascending[0][2]
     assert errors["unreduced, all modes"][0][1] < 1e-4
-    speed_accuracy._plot(found, tmp_path)
+    speed_accuracy.plot(found, tmp_path)
     assert [p.suffix for p in tmp_path.iterdir()] == [".png"]
     grown = {
         "dofs": 1,

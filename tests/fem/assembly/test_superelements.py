@@ -185,7 +185,8 @@ def test_what_is_no_superelement_is_refused(make, words):
 
 def test_wrong_ends_are_refused():
     model = condensed(2)
-    with pytest.raises(InputError, match=r"no site or node 'ecu:foot'; its sites and nodes are: 'ecu:a'"):
+    known = r"no site or node 'ecu:foot'; its sites and nodes are: 'ecu:a'"
+    with pytest.raises(InputError, match=known):
         on_plate(model, {"a": "ecu:foot"})
     with pytest.raises(InputError, match=r"has no mesh; its sites and nodes are joined by"):
         ao.assemble({"plate": plate(), "ecu": model}, [ao.Tie("plate:z1", "ecu:a")])

@@ -1,0 +1,234 @@
+"""The methods that `speed_accuracy.py` compares: model, seconds and errors of each.
+
+Besides those of antiosc, other people's tools on the same matrices: SciPy, pyYeti, Exudyn.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import time
+from typing import Any
+
+import numpy as np
+import scipy.integrate
+import scipy.sparse
+import scipy.sparse.linalg
+from speed_cases import Case
+
+import antiosc as ao
+from antiosc.fem.linalg.algebra import dot, multiply, sum_of
+from antiosc.fem.linalg.petsc_algebra import csr
+from antiosc.fem.linalg.solver_choice import factorize
+from antiosc.fem.site.functionals import functional
+from antiosc.simulation.simulate import without_patch
+
+#: steps a contact of the integrators with a fixed step; the beam's contact has many sub-impacts
+STEPS = {
+    "beam": (1000, 4000),
+    "plate": (25, 100),
+    "bracket": (25, 100),
+    "bracket, heavy mass": (2000, 8000),
+}
+
+
+def reduced(case: Case, method: str, n: int, tol: float | None = None) -> dict[str, Any]:
+    """One model: its errors, the seconds to make it, and those to simulate with it."""
+    started = time.perf_counter()
+    if method in ("Krylov", "modes"):
+        model = ao.extract(case.part, case.site, n=n, method=method.lower())
+    else:
+        model = ao.superposition(case.part, case.site, n, static_correction="static" in method)
+    made = time.perf_counter() - started
+    started = time.perf_counter()
+    hit = ao.simulate(model, *case.impact, tol=tol)
+    simulated = time.perf_counter() - started
+    return {
+        "method": method,
+        "n": int(model.n),
+        "seconds": made,
+        "simulation": simulated,
+        "total": case.before + made + simulated,
+        "error Z": case.error_of_z(model),
+        "error force": case.error_of_force(hit.time, hit.force),
+    }
+
+
+def unreduced(case: Case, steps: int) -> dict[str, Any]:
+    """All dofs in time: Newmark's average acceleration, `steps` to one contact."""
+    structure, (striker, law, duration) = case.part, case.impact
+    h = case.hit.contact_time / steps
+    law, _ = without_patch(law, case.reference, striker)
+    mass = 1 / float(np.sum(striker.modal().b ** 2))
+    comm, b = structure.comm, functional(structure, case.site).b
+    started = time.perf_counter()
+    A = factorize(sum_of(structure.K, 4 / h**2, structure.M))
+    flexibility = A.solve(b)
+    factored = time.perf_counter() - started
+    alpha = float(dot(comm, b, flexibility)) + h**2 / (4 * mass)
+    u, v, a = (np.zeros_like(b) for _ in range(3))
+    w, speed, pull = 0.0, striker.velocity, 0.0
+    times, forces, state = [0.0], [0.0], law.touch(speed)
+    started = time.perf_counter()
+    for k in range(int(duration / h)):
+        rest = 4 / h**2 * u + 4 / h * v + a
+        new = A.solve(multiply(structure.M, rest))
+        trial = w + h * speed + h**2 / 4 * pull
+        F = law.implicit(trial - float(dot(comm, b, new)), alpha, 0.0, 0.0, state, forces[-1])
+        new += F * flexibility
+        after = 4 / h**2 * new - rest
+        v += h / 2 * (a + after)
+        u, a = new, after
+        w, speed, pull = trial - h**2 / 4 * F / mass, speed + h / 2 * (pull - F / mass), -F / mass
+        times.append((k + 1) * h)
+        forces.append(F)
+    stepped = time.perf_counter() - started
+    return {
+        "method": "unreduced, Newmark",
+        "n": structure.dofs,
+        "steps a contact": steps,
+        "seconds": factored,
+        "simulation": stepped,
+        "total": case.before + factored + stepped,
+        "error Z": None,
+        "error force": case.error_of_force(times, forces),
+    }
+
+
+def matrices(case: Case) -> tuple[Any, Any, Any, float]:
+    """K, M and b without the fixed dofs, and the impactor's mass."""
+    free = np.setdiff1d(np.arange(case.part.K.getSize()[0]), case.part.fixed)
+    K, M = (csr(matrix)[free][:, free] for matrix in (case.part.K, case.part.M))
+    b = functional(case.part, case.site).b[free]
+    return K, M, b, 1 / float(np.sum(case.impact[0].modal().b ** 2))
+
+
+def peer_scipy(case: Case, n: int) -> dict[str, Any]:
+    """What an engineer writes: eigsh for n free modes, solve_ivp for their superposition."""
+    K, M, b, mass = matrices(case)
+    law, _ = without_patch(case.impact[1], case.reference, case.impact[0])
+    started = time.perf_counter()
+    x, phi = scipy.sparse.linalg.eigsh(K.tocsc(), n, M.tocsc(), sigma=0.0)
+    made = time.perf_counter() - started
+    modal = phi.T @ b
+
+    def rate(_: float, y: Any) -> Any:
+        q, w = y[:n], y[n]
+        F = law.force(float(w - modal @ q), 0.0, ())
+        return np.concatenate([y[n + 1 :], modal * F - x * q, [-F / mass]])
+
+    start = np.zeros(2 * n + 2)
+    start[-1] = case.impact[0].velocity
+    started = time.perf_counter()
+    run = scipy.integrate.solve_ivp(
+        rate, (0, case.impact[2]), start, "DOP853", rtol=1e-6, atol=1e-12, dense_output=True
+    )
+    y = run.sol(case.time)
+    force = [law.force(float(d), 0.0, ()) for d in y[n] - modal @ y[:n]]
+    simulated = time.perf_counter() - started
+    return measured(case, "SciPy: eigsh, solve_ivp", n, made, simulated, case.time, force)
+
+
+def peer_pyyeti(case: Case, steps: int) -> dict[str, Any]:
+    """pyYeti's SolveNewmark (Nastran's scheme) on all dofs, contact explicit."""
+    from pyyeti import ode
+
+    K, M, b, mass = matrices(case)
+    law, _ = without_patch(case.impact[1], case.reference, case.impact[0])
+    size = len(b)
+    m = scipy.sparse.block_diag([M, [[mass]]]).toarray()
+    k = scipy.sparse.block_diag([K, [[0.0]]]).toarray()
+    push = np.append(b, -1.0)
+    h = case.hit.contact_time / steps
+    count = int(case.impact[2] / h)
+    forces = np.zeros(count)
+
+    def contact(d: Any, j: int, _: float) -> Any:
+        forces[j] = law.force(float(-push @ d[:, j]), 0.0, ())
+        return forces[j : j + 1]
+
+    started = time.perf_counter()
+    solver = ode.SolveNewmark(m, np.zeros_like(m), k, h)
+    solver.def_nonlin({"contact": (contact, push[:, None])})
+    start = np.zeros(size + 1)
+    start[-1] = case.impact[0].velocity
+    solver.tsolve(np.zeros((size + 1, count)), d0=np.zeros(size + 1), v0=start)
+    spent = time.perf_counter() - started
+    return measured(case, "pyYeti: SolveNewmark", size, 0.0, spent, h * np.arange(count), forces)
+
+
+def peer_exudyn(case: Case, steps: int) -> dict[str, Any]:
+    """Exudyn's GenericODE2 on all dofs, its trapezoidal rule."""
+    import exudyn as exu
+    from exudyn.utilities import NodeGenericODE2, ObjectGenericODE2, SensorNode
+
+    K, M, b, mass = matrices(case)
+    law, _ = without_patch(case.impact[1], case.reference, case.impact[0])
+    size = len(b) + 1
+    push = np.append(b, -1.0)
+    system = exu.SystemContainer().AddSystem()
+    start = np.zeros(size)
+    start[-1] = case.impact[0].velocity
+    node = system.AddNode(
+        NodeGenericODE2(
+            referenceCoordinates=[0.0] * size,
+            initialCoordinates=[0.0] * size,
+            initialCoordinates_t=list(start),
+            numberOfODE2Coordinates=size,
+        )
+    )
+
+    def contact(_mbs: Any, _t: float, _item: int, q: Any, _q_t: Any) -> Any:
+        return push * law.force(float(-push @ np.asarray(q)), 0.0, ())
+
+    system.AddObject(
+        ObjectGenericODE2(
+            nodeNumbers=[node],
+            massMatrix=scipy.sparse.block_diag([M, [[mass]]]).toarray(),
+            stiffnessMatrix=scipy.sparse.block_diag([K, [[0.0]]]).toarray(),
+            forceUserFunction=contact,
+        )
+    )
+    sensor = system.AddSensor(
+        SensorNode(
+            nodeNumber=node,
+            storeInternal=True,
+            outputVariableType=exu.OutputVariableType.Coordinates,
+        )
+    )
+    system.Assemble()
+    settings = exu.SimulationSettings()
+    settings.timeIntegration.endTime = case.impact[2]
+    settings.timeIntegration.numberOfSteps = int(case.impact[2] * steps / case.hit.contact_time)
+    settings.timeIntegration.verboseMode = 0
+    settings.solutionSettings.writeSolutionToFile = False
+    settings.solutionSettings.sensorsWritePeriod = case.hit.contact_time / steps
+    started = time.perf_counter()
+    system.SolveDynamic(settings, solverType=exu.DynamicSolverType.TrapezoidalIndex2)
+    spent = time.perf_counter() - started
+    data = system.GetSensorStoredData(sensor)
+    force = [law.force(float(-push @ row[1:]), 0.0, ()) for row in data]
+    return measured(case, "Exudyn: GenericODE2", size - 1, 0.0, spent, data[:, 0], force)
+
+
+def measured(
+    case: Case, name: str, n: int, made: float, simulated: float, times: Any, force: Any
+) -> dict[str, Any]:
+    return {
+        "method": name,
+        "n": n,
+        "seconds": made,
+        "simulation": simulated,
+        "total": case.seconds["assembly"] + made + simulated,
+        "error Z": None,
+        "error force": case.error_of_force(times, force),
+    }
+
+
+def peers(case: Case, small: bool) -> list[dict[str, Any]]:
+    """What is installed, on what it can carry."""
+    rows = [peer_scipy(case, n) for n in (15, 60) if n < case.part.dofs // 2]
+    if small:
+        for module, run in (("pyyeti", peer_pyyeti), ("exudyn", peer_exudyn)):
+            if importlib.util.find_spec(module) is not None:
+                rows += [run(case, steps) for steps in STEPS[case.name]]
+    return rows

@@ -1,0 +1,128 @@
+"""Tables and pictures of `speed_accuracy.py`."""
+
+from __future__ import annotations
+
+from math import pi
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import options
+
+from antiosc import plotting
+
+STYLE = {
+    "Krylov": ("C3", "o-"),
+    "modes": ("C0", "s-"),
+    "superposition": ("C7", "^-"),
+    "superposition, static correction": ("C2", "v-"),
+    "unreduced, Newmark": ("k", "D"),
+    "unreduced, all modes": ("k", "*"),
+    "SciPy: eigsh, solve_ivp": ("C1", "P"),
+    "pyYeti: SolveNewmark": ("C4", "X"),
+    "Exudyn: GenericODE2": ("C5", "p"),
+}
+
+
+def plot(found: dict[str, Any], out: Path) -> None:
+    """Errors of force and Z against total seconds and against N."""
+    figure, axes = plotting.panels(2, 2, size=(12, 7), sharey="row")
+    styles = {method: color + style for method, (color, style) in STYLE.items()}
+    for row, error in enumerate(("error force", "error Z")):
+        for column, key in enumerate(("total", "n")):
+            series = {}
+            for method in STYLE:
+                rows = [r for r in found["rows"] if r["method"] == method and r[error] and r[key]]
+                series[method] = [r[key] for r in rows], [r[error] for r in rows]
+            ax = plotting.plot_errors(series, axes[row, column], styles=styles)
+            ax.set_xlabel("seconds, all told" if key == "total" else "N")
+        axes[row, 0].set_ylabel("error of the force (L2)" if row == 0 else "error of Z, band")
+    plotting.legend_beside(axes[0, 1])
+    figure.suptitle(f"{found['case']}, {found['dofs']} dofs")
+    name = found["case"].replace(", ", "_").replace(" ", "_")
+    path = out / f"speed_accuracy_{name}_{found['dofs']}.png"
+    plotting.save_figure(figure, path, dpi=130)
+
+
+def ratios(found: dict[str, Any]) -> dict[str, float]:
+    """Krylov against modes at equal error of Z, reduced against unreduced at equal force error."""
+    rows = found["rows"]
+    krylov, modes = ([r for r in rows if r["method"] == m] for m in ("Krylov", "modes"))
+    answer = {}
+    best = min(modes, key=lambda r: r["error Z"], default=None)
+    equal = [r for r in krylov if best and r["error Z"] <= best["error Z"]]
+    if best and equal:
+        answer["modes over Krylov, seconds"] = best["seconds"] / min(r["seconds"] for r in equal)
+        answer["at an error of Z of"] = best["error Z"]
+    whole = [r for r in rows if r["method"] == "unreduced, Newmark"]
+    if whole:
+        fine = min(whole, key=lambda r: r["error force"])
+        good = [r for r in krylov if r["error force"] <= fine["error force"]]
+        if good:
+            quick = min(good, key=lambda r: r["total"])
+            answer["unreduced over Krylov, integration"] = fine["simulation"] / quick["simulation"]
+            answer["unreduced over Krylov, whole job"] = fine["total"] / quick["total"]
+            answer["at an error of the force of"] = fine["error force"]
+    return answer
+
+
+def tables(result: dict[str, Any]) -> str:
+    """All results as Markdown."""
+    lines = ["# Speed against accuracy", "", options.code_state(), ""]
+    for found in result["charts"]:
+        lines += [
+            f"## {found['case']}, {found['dofs']} dofs",
+            "",
+            f"Peak force {found['peak force']:.4g} N, contact {found['contact time'] * 1e6:.4g} us;"
+            f" band {found['band'] / 2e3 / pi:.3g} kHz with"
+            f" {found['antiresonances in the band']} antiresonances; assembly"
+            f" {found['seconds']['assembly']:.2g} s, factorization"
+            f" {found['seconds']['factorization']:.2g} s.",
+            "",
+            "| method | N | seconds after factorization | simulation | total |"
+            " error of force | error of Z |",
+            "|---|---|---|---|---|---|---|",
+        ]
+        for r in found["rows"]:
+            Z = "" if r["error Z"] is None else f"{r['error Z']:.1e}"
+            lines.append(
+                f"| {r['method']} | {r['n']} | {r['seconds']:.3g} | {r['simulation']:.2g} |"
+                f" {r['total']:.3g} | {r['error force']:.1e} | {Z} |"
+            )
+        lines += ["", *(f"- {k}: {v:.3g}" for k, v in ratios(found).items()), ""]
+    lines += ["## Growth with the size: bracket, 20 anti-oscillators", ""]
+    lines += [
+        "| dofs | ranks | assembly | factorization | 20 anti-oscillators | whole / floor |"
+        " peak GB | peak / factored |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    for g in [*result["growth"], *result["ranks"]]:
+        s = g["seconds"]
+        lines.append(
+            f"| {g['dofs']} | {g['ranks']} | {s['assembly']:.3g} | {s['factorization']:.3g} |"
+            f" {s['20 anti-oscillators']:.3g} | {g['over the floor']:.2f} | {g['memory']:.2f} |"
+            f" {g['memory'] / g['memory factored']:.2f} |"
+        )
+    if len(result["growth"]) > 1:
+        dofs = np.log([g["dofs"] for g in result["growth"]])
+        for key in ("whole", "memory"):
+            slope = np.polyfit(dofs, np.log([g[key] for g in result["growth"]]), 1)[0]
+            lines.append(f"\n{key} grows as dofs^{slope:.2f}")
+    for two in result["ranks"]:
+        faster = result["growth"][-1]["whole"] / two["whole"]
+        lines.append(f"\ntwo ranks against one: {faster:.2f} times as fast")
+    lines += ["", "## What the largest extraction spends its time on", ""]
+    lines += [f"- {k}: {v:.3g}" for k, v in result["profile"].items()]
+    for one in result["maps"]:
+        lines += ["", f"## Map of the {one['part']}", ""]
+        lines += [f"- {k}: {_short(v)}" for k, v in one.items()]
+    return "\n".join(lines) + "\n"
+
+
+def _short(value: Any) -> str:
+    """Numbers to three digits, in lists and dicts too."""
+    if isinstance(value, dict):
+        return ", ".join(f"{k} {_short(v)}" for k, v in value.items())
+    if isinstance(value, list):
+        return ", ".join(map(_short, value))
+    return f"{value:.3g}" if isinstance(value, float) else str(value)
