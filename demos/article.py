@@ -1,6 +1,8 @@
 """Run everything the article claims and write demos/ARTICLE.md with the figures beside it.
 
-make article
+The file is long because it is that page: a function for each section, mostly text.
+
+    make article
 """
 
 from __future__ import annotations

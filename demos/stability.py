@@ -23,65 +23,25 @@ import json
 import time
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import options
-from matplotlib.colors import ListedColormap
+from stability_charts import METHODS, chart_numbers, chart_scenes
+from stability_scenes import BEAM, HERTZ, STRIKER, Scene, hard_scenes
 
 import antiosc as ao
 from antiosc import files, plotting
-from antiosc.closed_form import UniformBeam, pinned_pinned
+from antiosc.closed_form import pinned_pinned
 from antiosc.simulation.history import force_difference
-from antiosc.simulation.integrators import FIXED_STEP
 from antiosc.simulation.integrators.stability import margin
 from antiosc.simulation.simulate import assemble, scaled
 
 ROOT = Path(__file__).resolve().parent.parent
-BEAM = UniformBeam.euler_bernoulli(E=67e9, rho=2400.0, area=2e-4, inertia=0.33e-8, length=1.0)
-STRIKER = ao.RigidMass(0.24, 0.01)
-HERTZ = 1.55e10
-METHODS = tuple(FIXED_STEP)
-CLASSES = ("good", "energy", "wrong", "diverged")
-COLOURS = ListedColormap(["#4c9f70", "#f2c14e", "#e07a3f", "#8c2f39"])
 #: Newmark's curve lies under the one of the conserving method, which is drawn after it.
 WIDTHS = {"newmark": 6.0, "conserving": 1.5}
 WINDOW = 3e-4  # s, about the first rise of the force
-
-
-@dataclass(frozen=True)
-class Scene:
-    """What is struck by what, for how long; `unit` is the time that steps are counted in."""
-
-    name: str
-    model: ao.AntiOscillators
-    impactor: ao.RigidMass
-    law: ao.ContactLaw
-    duration: float
-    unit: float
-    gravity: float = 0.0
-
-    def run(
-        self,
-        method: str,
-        step: float | None = None,
-        tol: float | None = None,
-        max_steps: int = 200_000,
-    ) -> ao.History:
-        return ao.simulate(
-            self.model,
-            self.impactor,
-            self.law,
-            self.duration,
-            method,
-            step=step,
-            tol=tol,
-            gravity=self.gravity,
-            max_contacts=300,
-            max_steps=max_steps,
-        )
 
 
 def main(
@@ -185,52 +145,6 @@ def adaptive(scene: Scene, method: str) -> dict[str, Any]:
     }
 
 
-def hard_scenes(model: ao.AntiOscillators) -> list[Scene]:
-    """The cases that are known to be hard."""
-    m = model.m.copy()
-    m[-1] += model.m0  # the residual mass moves to the last anti-oscillator
-    share = np.array(model.m)
-    share[0] *= 1e-12
-
-    def light(m0: float) -> ao.AntiOscillators:
-        return ao.AntiOscillators(m0, model.k0, m, model.omega)
-
-    base = ao.Hertz(HERTZ)
-    cases = [
-        ("as in the article", model, STRIKER, base),
-        ("k_H x 1e3", model, STRIKER, ao.Hertz(1e3 * HERTZ)),
-        ("k_H x 1e6", model, STRIKER, ao.Hertz(1e6 * HERTZ)),
-        ("m0 x 1e-3", light(1e-3 * model.m0), STRIKER, base),
-        ("m0 x 1e-6", light(1e-6 * model.m0), STRIKER, base),
-        ("m0 x 1e-9", light(1e-9 * model.m0), STRIKER, base),
-        ("m0 = 0", light(0.0), STRIKER, base),
-        *(
-            (f"mass ratio {ratio:.0e}", model, replace(STRIKER, mass=ratio * model.m_st), base)
-            for ratio in (1e-6, 1e-3, 1e3, 1e6)
-        ),
-        ("1e-9 m/s", model, replace(STRIKER, velocity=1e-9), base),
-        ("massless AO", ao.AntiOscillators(model.m0, model.k0, share, model.omega), STRIKER, base),
-    ]
-    scenes = []
-    for name, body, striker, law in cases:
-        first = _first_contact(body, striker, law)
-        scenes.append(Scene(name, body, striker, law, 3 * first, first))
-    rest = replace(STRIKER, velocity=0.0)
-    period = 2 * np.pi / model.modal().omega[0]
-    scenes.append(Scene("rest under gravity", model, rest, base, period, period / 30, 9.81))
-    return scenes
-
-
-def _first_contact(model: ao.AntiOscillators, striker: ao.RigidMass, law: ao.ContactLaw) -> float:
-    """Length of the first contact, or of what is looked at of a long one [s]."""
-    longest = 1e-3 if striker.velocity > 1e-6 else 1e-1
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ao.AccuracyWarning)
-        hit = ao.simulate(model, striker, law, longest, tol=0.03, max_contacts=2)
-    start, end = hit.contacts[0]
-    return end - start
-
-
 def windows(count: int, path: Path) -> list[dict[str, Any]]:
     """The fixed-step methods over `count` steps about the exact integrator's windows."""
     model = ao.AntiOscillators(m0=2e-4, k0=7e6, m=[0.18, 0.01, 0.001], omega=[1.5e4, 6e4, 2.5e5])
@@ -277,89 +191,6 @@ def measured_limits(table: list[dict[str, Any]]) -> dict[str, dict[str, float | 
             "last good": max(good, default=None),
         }
     return limits
-
-
-# -- charts
-
-
-def chart_numbers(
-    table: list[dict[str, Any]],
-    full: ao.AntiOscillators,
-    numbers: np.ndarray,
-    times: np.ndarray,
-    path: Path,
-) -> None:
-    fig, grid = plotting.panels(1, len(METHODS), size=(13, 4), sharey=True)
-    axes = grid[0]
-    edges_n, edges_h = _edges(numbers), _edges(times)
-    limits = np.array([_limits(full.truncated(int(n))) for n in numbers])
-    for ax, method in zip(axes, METHODS, strict=True):
-        kinds = np.full((times.size, numbers.size), np.nan)
-        for row in table:
-            if row["method"] == method:
-                i = int(np.argmin(np.abs(times - row["step"])))
-                kinds[i, int(np.flatnonzero(numbers == row["n"])[0])] = CLASSES.index(row["kind"])
-        image = ax.pcolormesh(edges_n, edges_h, kinds, cmap=COLOURS, vmin=-0.5, vmax=3.5)
-        ax.plot(numbers, limits[:, 0], "k-", label=r"$h\,\omega_{max} = 2$")
-        ax.plot(numbers, limits[:, 1], "k--", label="with the contact's stiffness")
-        ax.set(xscale="log", yscale="log", title=method, xlabel="anti-oscillators N")
-        ax.set_ylim(edges_h[0], edges_h[-1])
-    axes[0].set_ylabel("step h [s]")
-    axes[-1].legend(fontsize=8)
-    bar = fig.colorbar(image, ax=axes, ticks=range(4))
-    bar.ax.set_yticklabels(CLASSES)
-    plotting.save_figure(fig, path, dpi=120)
-
-
-def chart_scenes(
-    table: list[dict[str, Any]], scenes: list[Scene], ratios: np.ndarray, path: Path
-) -> None:
-    fig, grid = plotting.panels(1, len(METHODS), size=(13, 5), sharey=True)
-    axes = grid[0]
-    names = [s.name for s in scenes]
-    for ax, method in zip(axes, METHODS, strict=True):
-        kinds = np.full((len(names), ratios.size), np.nan)
-        for row in table:
-            if row["method"] == method:
-                j = names.index(row["scene"])
-                i = int(np.argmin(np.abs(np.log(ratios * scenes[j].unit / row["step"]))))
-                kinds[j, i] = CLASSES.index(row["kind"])
-        image = ax.pcolormesh(
-            _edges(ratios), np.arange(len(names) + 1), kinds, cmap=COLOURS, vmin=-0.5, vmax=3.5
-        )
-        for j, scene in enumerate(scenes):
-            limit = 2 / scene.model.modal().omega.max() / scene.unit
-            ax.plot([limit, limit], [j, j + 1], "k-", lw=2)
-        ax.set(xscale="log", title=method, xlabel="step / first contact")
-        ax.set_xlim(_edges(ratios)[0], _edges(ratios)[-1])
-    axes[0].set_yticks(np.arange(len(names)) + 0.5, names)
-    bar = fig.colorbar(image, ax=axes, ticks=range(4))
-    bar.ax.set_yticklabels(CLASSES)
-    plotting.save_figure(fig, path, dpi=120)
-
-
-def _limits(model: ao.AntiOscillators) -> tuple[float, float]:
-    """Largest stable steps of central differences, without and with the contact's stiffness.
-
-    The contact is linearised at the indentation of a mass m_st on a fixed plane.
-    """
-    body = model.modal()
-    mass = 1 / (1 / STRIKER.mass + 1 / model.m_st)
-    deepest = (1.25 * mass * STRIKER.velocity**2 / HERTZ) ** 0.4
-    k = 1.5 * HERTZ * np.sqrt(deepest)
-    b = np.append(body.b, 1 / np.sqrt(STRIKER.mass))
-    K = np.diag(np.append(body.omega**2, 0.0)) + k * np.outer(b, b)
-    return 2 / body.omega.max(), 2 / np.sqrt(np.linalg.eigvalsh(K)[-1])
-
-
-def _edges(values: np.ndarray) -> np.ndarray:
-    """Cell edges half-way between values on a logarithmic axis."""
-    logs = np.log(values)
-    if logs.size == 1:
-        return np.exp(np.array([logs[0] - 0.5, logs[0] + 0.5]))
-    inner = 0.5 * (logs[1:] + logs[:-1])
-    first, last = 2 * logs[0] - inner[0], 2 * logs[-1] - inner[-1]
-    return np.exp(np.concatenate(([first], inner, [last])))
 
 
 def report(result: dict[str, Any]) -> None:

@@ -87,7 +87,7 @@ def test_stability_demo_small(tmp_path):
     limits = result["limits"]
     # central differences diverge above the limit that the contact lowers; the others nowhere
     model = stability.pinned_pinned(stability.BEAM).anti_oscillators(4)
-    bound = 0.7 * stability._limits(model)[1]
+    bound = 0.7 * demo("stability_scenes").stable_steps(model)[1]
     failed = [r for r in result["runs"] if r["kind"] == "diverged" and "margin" not in r]
     assert {r["method"] for r in failed} == {"leapfrog"}
     assert all(r["step"] > bound for r in failed)

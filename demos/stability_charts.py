@@ -1,0 +1,84 @@
+"""The maps of `stability.py`: kinds of runs over the number of anti-oscillators and the step."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.colors import ListedColormap
+from stability_scenes import Scene, stable_steps
+
+import antiosc as ao
+from antiosc import plotting
+from antiosc.simulation.integrators import FIXED_STEP
+
+METHODS = tuple(FIXED_STEP)
+CLASSES = ("good", "energy", "wrong", "diverged")
+COLOURS = ListedColormap(["#4c9f70", "#f2c14e", "#e07a3f", "#8c2f39"])
+
+
+def chart_numbers(
+    table: list[dict[str, Any]],
+    full: ao.AntiOscillators,
+    numbers: np.ndarray,
+    times: np.ndarray,
+    path: Path,
+) -> None:
+    fig, grid = plotting.panels(1, len(METHODS), size=(13, 4), sharey=True)
+    axes = grid[0]
+    edges_n, edges_h = _edges(numbers), _edges(times)
+    limits = np.array([stable_steps(full.truncated(int(n))) for n in numbers])
+    for ax, method in zip(axes, METHODS, strict=True):
+        kinds = np.full((times.size, numbers.size), np.nan)
+        for row in table:
+            if row["method"] == method:
+                i = int(np.argmin(np.abs(times - row["step"])))
+                kinds[i, int(np.flatnonzero(numbers == row["n"])[0])] = CLASSES.index(row["kind"])
+        image = ax.pcolormesh(edges_n, edges_h, kinds, cmap=COLOURS, vmin=-0.5, vmax=3.5)
+        ax.plot(numbers, limits[:, 0], "k-", label=r"$h\,\omega_{max} = 2$")
+        ax.plot(numbers, limits[:, 1], "k--", label="with the contact's stiffness")
+        ax.set(xscale="log", yscale="log", title=method, xlabel="anti-oscillators N")
+        ax.set_ylim(edges_h[0], edges_h[-1])
+    axes[0].set_ylabel("step h [s]")
+    axes[-1].legend(fontsize=8)
+    bar = fig.colorbar(image, ax=axes, ticks=range(4))
+    bar.ax.set_yticklabels(CLASSES)
+    plotting.save_figure(fig, path, dpi=120)
+
+
+def chart_scenes(
+    table: list[dict[str, Any]], scenes: list[Scene], ratios: np.ndarray, path: Path
+) -> None:
+    fig, grid = plotting.panels(1, len(METHODS), size=(13, 5), sharey=True)
+    axes = grid[0]
+    names = [s.name for s in scenes]
+    for ax, method in zip(axes, METHODS, strict=True):
+        kinds = np.full((len(names), ratios.size), np.nan)
+        for row in table:
+            if row["method"] == method:
+                j = names.index(row["scene"])
+                i = int(np.argmin(np.abs(np.log(ratios * scenes[j].unit / row["step"]))))
+                kinds[j, i] = CLASSES.index(row["kind"])
+        image = ax.pcolormesh(
+            _edges(ratios), np.arange(len(names) + 1), kinds, cmap=COLOURS, vmin=-0.5, vmax=3.5
+        )
+        for j, scene in enumerate(scenes):
+            limit = 2 / scene.model.modal().omega.max() / scene.unit
+            ax.plot([limit, limit], [j, j + 1], "k-", lw=2)
+        ax.set(xscale="log", title=method, xlabel="step / first contact")
+        ax.set_xlim(_edges(ratios)[0], _edges(ratios)[-1])
+    axes[0].set_yticks(np.arange(len(names)) + 0.5, names)
+    bar = fig.colorbar(image, ax=axes, ticks=range(4))
+    bar.ax.set_yticklabels(CLASSES)
+    plotting.save_figure(fig, path, dpi=120)
+
+
+def _edges(values: np.ndarray) -> np.ndarray:
+    """Cell edges half-way between values on a logarithmic axis."""
+    logs = np.log(values)
+    if logs.size == 1:
+        return np.exp(np.array([logs[0] - 0.5, logs[0] + 0.5]))
+    inner = 0.5 * (logs[1:] + logs[:-1])
+    first, last = 2 * logs[0] - inner[0], 2 * logs[-1] - inner[-1]
+    return np.exp(np.concatenate(([first], inner, [last])))
