@@ -45,7 +45,14 @@ ONE = {
     "a file that does not exist": (
         "beam_K.mtx", "baem_K.mtx", ["does not exist", "there is 'beam_K.mtx'"],
     ),
-    "a file that is a folder": ("beam_K.mtx", "", ["does not exist"]),
+    "a file that is a folder": ("beam_K.mtx", "", ["is no regular file"]),
+    "a path that is too long": ("beam_K.mtx", "x/" * 5000, ["does not exist"]),
+    "a number of 400 digits": ("mass = 0.05", "mass = 1" + "0" * 400, ["larger than any number"]),
+    "an escape sequence of terminals": (
+        'title = "a mass', 'title = "\\u001b[31ma mass', ["control character"],
+    ),
+    "a line end in a name": ("[sites.middle]", '[sites."a\\nb"]', ["control character"]),
+    "text from right to left": ('title = "a', 'title = "\\u202ea', ["control character"]),
     "a component that does not exist": ('dof = "z"', 'dof = "w"', ["'w'"]),
     "two ways to say one thing": ('dof = "z"', 'point = [0, 0, 0]', ["a Site needs one of"]),
     "a section of the wrong form": ("[simulate]", "[[simulate]]", ["must be a table, [simulate]"]),
@@ -202,7 +209,9 @@ def test_twenty_mistakes_are_all_told_at_once(tmp_path, capsys):
         "a" * 1000 + " = 1",
         '"\\u0000" = 1',
         "[sites.tip]\npoint = [1e400, 0, 0]",
+        "x = " + "{a=" * 3000 + "1" + "}" * 3000,
     ],
+    ids=lambda text: text[:20],
 )
 def test_hostile_files_are_refused_in_words(tmp_path, capsys, text):
     path = written(tmp_path, text)
@@ -210,6 +219,15 @@ def test_hostile_files_are_refused_in_words(tmp_path, capsys, text):
     told = capsys.readouterr().err
     assert "Traceback" not in told
     assert len(told) < 5000
+
+
+@pytest.mark.parametrize("line", ["[x{}]", "k{} = 1"])
+def test_many_mistakes_are_not_all_told(tmp_path, capsys, line):
+    path = written(tmp_path, "\n".join(line.format(i) for i in range(20_000)))
+    assert antiosc("check", path) == 1
+    *told, last = capsys.readouterr().err.splitlines()
+    assert len(told) == 100
+    assert last.endswith("and 900 more, or still more.")
 
 
 STRUCK = f"""\

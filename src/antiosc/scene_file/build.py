@@ -233,7 +233,12 @@ class Builder:
             return made
         if kind.name == "data":
             return self._data(value, place)
-        return float(value) if kind.name == "number" else value
+        if kind.name == "number":
+            try:
+                return float(value)
+            except OverflowError:
+                self._wrong(place, f"{label(place)} is larger than any number that can be stored.")
+        return value
 
     def _data(self, value: Any, place: Place) -> Any:
         """Numbers, texts and lists of them, where the signature does not tell more."""
@@ -261,19 +266,17 @@ class Builder:
         path = self.document.file(value)
         try:
             there = Path(path).is_file()
+            other = Path(path).exists() and not there
+            near = None if there else _near(Path(path))
         except (OSError, ValueError):
-            there = False
+            there, other, near = False, False, None
         if not there:
-            folder = Path(path).parent
-            near = None
-            if folder.is_dir():
-                names = [each.name for each in islice(folder.iterdir(), 1000)]
-                near = nearest(Path(path).name, names, 0.7)
-            hint = f" (there is {near!r} in that folder)" if near else ""
+            what = "which is no regular file" if other else "which does not exist"
+            hint = f" (there is {near!r} in that folder)" if near and not other else ""
             self._wrong(
                 place,
-                f"{label(place)} names the file {checks.shown(value)}, which does not exist"
-                f"{hint}; paths begin at the folder of the scene file.",
+                f"{label(place)} names the file {checks.shown(value)}, {what}{hint}; paths begin at"
+                " the folder of the scene file.",
             )
         return path
 
@@ -287,6 +290,13 @@ class Builder:
     def _wrong(self, place: Place, sentence: str) -> Any:
         self.problems.add(place, sentence)
         raise Mistake
+
+
+def _near(path: Path) -> str | None:
+    """A file of the same folder that is named nearly so."""
+    if not path.parent.is_dir():
+        return None
+    return nearest(path.name, [each.name for each in islice(path.parent.iterdir(), 1000)], 0.7)
 
 
 def _numeric(kinds: Sequence[Kind]) -> bool:

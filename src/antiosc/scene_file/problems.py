@@ -10,8 +10,8 @@ from antiosc import checks
 from antiosc.errors import InputError
 from antiosc.scene_file.locations import Place, line_of
 
-#: Most sentences of one report.
-MOST_SHOWN = 100
+#: Most sentences of one report, and number of mistakes after which no further ones are looked for.
+MOST_SHOWN, MOST_FOUND = 100, 1000
 
 
 class SceneFileError(InputError):
@@ -27,10 +27,12 @@ class Problems:
     found: list[tuple[int, str]] = field(default_factory=list)
 
     def add(self, place: Place, sentence: str) -> None:
-        """Note a mistake at a place of the file."""
+        """Note a mistake at a place of the file; SceneFileError once there are MOST_FOUND."""
         entry = (line_of(self.lines, place), " ".join(sentence.split()))
         if entry not in self.found:
             self.found.append(entry)
+        if len(self.found) >= MOST_FOUND:
+            self.raise_if_any()
 
     def error(self, place: Place, sentence: str) -> SceneFileError:
         """An error of this one mistake, which was found while the scene runs."""
@@ -42,7 +44,8 @@ class Problems:
             return
         shown = [f"{self.name}:{line}: {text}" for line, text in sorted(self.found)[:MOST_SHOWN]]
         if len(self.found) > MOST_SHOWN:
-            shown.append(f"{self.name}: and {len(self.found) - MOST_SHOWN} more.")
+            or_more = ", or still more" if len(self.found) >= MOST_FOUND else ""
+            shown.append(f"{self.name}: and {len(self.found) - MOST_SHOWN} more{or_more}.")
         raise SceneFileError("\n".join(shown))
 
 

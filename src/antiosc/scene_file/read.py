@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import stat
 import tomllib
 from dataclasses import dataclass
@@ -11,13 +12,15 @@ from typing import Any
 
 from antiosc import checks
 from antiosc.errors import InputError
-from antiosc.scene_file.locations import locations
+from antiosc.scene_file.locations import Place, locations
 from antiosc.scene_file.problems import Problems, SceneFileError
 
 #: Largest scene file, bytes; time histories of loads are the longest part of one.
 LARGEST_FILE = 4_000_000
 #: Deepest brackets within each other.
 DEEPEST = 32
+#: Characters that are not printed, line ends among them, and those that turn the direction of text.
+_CONTROL = re.compile("[\x00-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069]")
 
 
 @dataclass(frozen=True)
@@ -48,11 +51,17 @@ def read(path: str | os.PathLike[str]) -> Document:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise SceneFileError(_syntax(str(source), text, error)) from None
-    except (RecursionError, ValueError) as error:
+    except RecursionError:
+        raise SceneFileError(
+            f"{source}:1: brackets are nested deeper than {DEEPEST} levels."
+        ) from None
+    except ValueError as error:
         raise SceneFileError(f"{source}:1: this is not a TOML file: {error}.") from None
     if _depth(data) > DEEPEST:
         raise SceneFileError(f"{source}:1: brackets are nested deeper than {DEEPEST} levels.")
-    return Document(source, data, Problems(str(source), locations(text)))
+    problems = Problems(str(source), locations(text))
+    _refuse_control_characters(data, problems)
+    return Document(source, data, problems)
 
 
 def _text(source: Path) -> str:
@@ -86,6 +95,23 @@ def _syntax(name: str, text: str, error: tomllib.TOMLDecodeError) -> str:
         f"{name}:{line}: this is not TOML: {message or error}; a line is `key = value`, where a"
         ' text stands in "quotes", a list in [brackets] and a comment after #.'
     )
+
+
+def _refuse_control_characters(data: dict[str, Any], problems: Problems) -> None:
+    """SceneFileError for names and texts that would change what a terminal or a page shows."""
+    left: list[tuple[Place, Any]] = [((), data)]
+    while left:
+        place, value = left.pop()
+        if isinstance(value, dict):
+            for key, inner in value.items():
+                if _CONTROL.search(key):
+                    problems.add(place, f"a name holds a control character: {checks.shown(key)}.")
+                left.append(((*place, key), inner))
+        elif isinstance(value, list):
+            left += [((*place, i), inner) for i, inner in enumerate(value)]
+        elif isinstance(value, str) and _CONTROL.search(value):
+            problems.add(place, f"the text holds a control character: {checks.shown(value)}.")
+    problems.raise_if_any()
 
 
 def _depth(value: Any) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from antiosc import checks
 from antiosc.errors import MissingDependencyError
 from antiosc.scene_file.build import Builder
 from antiosc.scene_file.locations import Place
@@ -46,7 +47,8 @@ class Tables:
         hint = f"; did you mean [{close}], {known[close].about}?" if close else "."
         where = f"[{label(place)}]" if place else "a scene"
         self.problems.add(
-            (*place, name), f"{where} has no section {name!r}{hint} There is {listed(known)}."
+            (*place, name),
+            f"{where} has no section {checks.shown(name)}{hint} There is {listed(known)}.",
         )
 
     def part(self, data: Mapping[str, Any], name: str, form: type) -> Any:
