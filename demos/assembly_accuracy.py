@@ -12,7 +12,6 @@ throughout:
 from __future__ import annotations
 
 import argparse
-import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
@@ -95,9 +94,11 @@ def solid_bar(n: int) -> ao.Structure:
 def bar_with_beam(n: int, joint: type[ao.Rigid] | type[ao.Mean]) -> ao.Structure:
     """The second half as a beam."""
     section = ao.Section.rectangle(SIDE, SIDE)
-    beam = ao.Structure(axis(), ao.Beam(E, NU, RHO, section, orientation=(0, 0, 1)))
+    points = [(x, SIDE / 2, SIDE / 2) for x in (BAR / 2, BAR)]
+    axis = options.line(points[0], points[1], count=8)
+    beam = ao.Structure(axis, ao.Beam(E, NU, RHO, section, orientation=(0, 0, 1)))
     root = solid((BAR / 2, SIDE, SIDE), (7 * n, n, n))
-    ends = [("beam", (x, SIDE / 2, SIDE / 2)) for x in (BAR / 2, BAR)]
+    ends = [("beam", point) for point in points]
     return pulled(
         {"root": root, "beam": beam}, [joint("root:x1", ends[0]), ao.Weld(ends[1], "hub")]
     )
@@ -148,16 +149,6 @@ def ends_named(mesh: dolfinx.mesh.Mesh, length: float) -> ao.Mesh:
         ones = np.ones(len(sides), dtype=np.int32)
         groups[name] = dolfinx.mesh.meshtags(mesh, dim, np.sort(sides), ones), 1
     return ao.read_mesh(mesh, groups=groups)
-
-
-def axis() -> ao.Mesh:
-    """The axis of the beam: eight elements."""
-    y = SIDE / 2
-    points = "".join(f"Point({k}) = {{{x}, {y}, {y}}};\n" for k, x in ((1, BAR / 2), (2, BAR)))
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "axis.geo"
-        path.write_text(points + 'Line(1) = {1, 2};\nPhysical Curve("axis") = {1};\n')
-        return ao.read_mesh(path, size=BAR / 16, gdim=3, comm=MPI.COMM_SELF)
 
 
 # -- table and picture

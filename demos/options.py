@@ -1,4 +1,4 @@
-"""What the demos' command lines share: kinds of arguments, and errors in one line."""
+"""What the demos share: arguments of command lines, errors in one line, the axis of a beam."""
 
 from __future__ import annotations
 
@@ -7,9 +7,12 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Callable
+import tempfile
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 import antiosc as ao
 from antiosc import checks
@@ -37,6 +40,18 @@ def listed(kind: Callable[[str], Any]) -> Callable[[str], tuple[Any, ...]]:
         return tuple(kind(part) for part in text.split(","))
 
     return several
+
+
+def line(start: Sequence[float], end: Sequence[float], count: int) -> ao.Mesh:
+    """A straight line in space of `count` elements, as the axis of a beam."""
+    points = "".join(
+        f"Point({k}) = {{{x}, {y}, {z}}};\n" for k, (x, y, z) in enumerate((start, end), 1)
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "line.geo"
+        path.write_text(points + 'Line(1) = {1, 2};\nPhysical Curve("line") = {1};\n')
+        size = float(np.linalg.norm(np.subtract(end, start))) / count
+        return ao.read_mesh(path, size=size, gdim=3)
 
 
 def run(parser: argparse.ArgumentParser, main: Callable[..., Any], arguments: Any = None) -> Any:

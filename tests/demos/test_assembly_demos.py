@@ -90,6 +90,21 @@ def test_assembly_accuracy(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     assert "strip: shell on Tie" in capsys.readouterr().out
 
 
+def test_spiders(tmp_path: Path) -> None:
+    """Elimination and multipliers give one compliance; the factor of Rigid is leaner eliminated."""
+    found = demo("spiders").main(sizes=(12,), out=tmp_path)  # a mean of more dofs than `wide.WIDE`
+    assert set(found) == {"Mean of 625 nodes", "Rigid of 625 nodes"}
+    for ways in found.values():
+        exact = ways["bordered"]["compliance"]
+        for way in set(ways) - {"block alone"}:
+            assert ways[way]["compliance"] == pytest.approx(exact, rel=1e-9)
+    mean, rigid = found.values()
+    entries = "of the factor, MUMPS"
+    assert mean["as assemble does"][entries] < mean["eliminated, no basis"][entries]
+    assert rigid["as assemble does"][entries] < rigid["bordered"][entries]
+    assert "| Mean, 625 |" in (tmp_path / "spiders.md").read_text()
+
+
 def test_assembly_speed(tmp_path: Path) -> None:
     ratios = demo("assembly_speed").main(sizes=(2,), rounds=1, out=tmp_path)
     assert set(ratios) == {2}

@@ -31,6 +31,7 @@ BAD = {
     "plate_impact": {"--inelasticities": ("", "0.1,x", "0"), "--sizes": ("2,-3",), "--n": ("0",)},
     "scene_errors": {"--scenes": ("0", "x"), "--first": ("-1",), "--tol": ("0", "nan")},
     "shell_size": {"--elements": ("", "3,x", "0"), "--n": ("x",)},
+    "spiders": {"--sizes": ("x", "0")},
     "speed_accuracy": {"--sizes": ("x", "0")},
     "stability": {"--most": ("0",), "--counts": ("x",), "--decades": ("-1",), "--fine": ("1.5",)},
     "strike_or_uniform": {"--tols": ("x", "0"), "--scenes": ("0", "99", "x"), "--dofs": ("0",)},

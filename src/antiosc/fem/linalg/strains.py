@@ -64,6 +64,11 @@ class Refined(Solver):
         self._make = make
         super().__init__(A)
 
+    @property
+    def entries(self) -> float:
+        """Entries of the factor; 0 of a solver without one."""
+        return float(getattr(self._inner, "entries", 0.0))
+
     def _set_up(self) -> None:
         try:
             self._inner = self._make(self.A)
