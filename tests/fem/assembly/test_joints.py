@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import scipy.linalg
+import scipy.optimize
 
 pytest.importorskip("dolfinx")
 
@@ -113,6 +114,58 @@ def test_hinged_beams_by_the_transfer_matrix():
     grid = np.linspace(0.2 * found[0], 1.02 * found[-1], 4000)
     signs = np.sign([determinant(w) for w in grid])
     assert np.count_nonzero(np.diff(signs)) == 4
+
+
+def test_welded_beams_of_two_sections_by_the_transfer_matrix():
+    """A cantilever that is stepped at a Weld: roots of the clamped-free 2 × 2 determinant."""
+    sections = ao.Section.rectangle(0.01, 0.02), ao.Section.rectangle(0.01, 0.012)
+    lengths, parts = (0.6, 0.4), {}
+    for name, section, start, length in zip("ab", sections, (0.0, 0.6), lengths, strict=True):
+        beam = ao.Beam(E, NU, 2700.0, section, orientation=(0, 0, 1), shear=False)
+        held = [CLAMP] if name == "a" else []
+        parts[name] = ao.Structure(line((start, 0, 0), (start + length, 0, 0), 20), beam, held)
+    stepped = ao.assemble(
+        parts, [ao.Weld("a:end", "b:start")],
+        supports=[ao.Support(lambda x: np.full(x.shape[1], True), ("y", "rx", "rz", "x"))],
+    )  # fmt: skip
+
+    def determinant(omega: float) -> float:
+        state = np.eye(4)  # (deflection, slope, moment, shear force) along the beam
+        for section, length in zip(sections, lengths, strict=True):
+            EI = E * section.I
+            k4 = omega**2 * 2700.0 * section.A / EI
+            A = np.zeros((4, 4))
+            A[0, 1], A[1, 2], A[2, 3], A[3, 0] = 1.0, 1 / EI, 1.0, k4 * EI
+            state = scipy.linalg.expm(A * length) @ state
+        return float(np.linalg.det(state[2:, 2:]))  # clamped: no deflection, no slope; then free
+
+    found = stepped.natural_modes(4).omega
+    for omega in found:
+        low, high = (determinant(omega * (1 + e)) for e in (-2e-5, 2e-5))
+        assert low * high < 0
+    signs = np.sign([determinant(w) for w in np.linspace(0.2 * found[0], 1.02 * found[-1], 1000)])
+    assert np.count_nonzero(np.diff(signs)) == 4
+
+
+@pytest.mark.parametrize("joint", [ao.Mean, ao.Rigid])
+def test_a_mass_on_a_spider_at_the_end_of_a_rod(joint):
+    """Longitudinal: κ tan κ = (mass of the rod) / (mass on it), with ν = 0 on solids of any kind."""
+    soft = ao.Solid(E, 0.0, 2700.0)
+    rolls = [ao.Support("x0")]
+    rod = ao.Structure(box((0, 0, 0), (0.3, 0.02, 0.02), (8, 2, 1)), soft, rolls)
+    mass = 2700.0 * 0.3 * 0.02**2
+    part = ao.assemble(
+        {"rod": rod}, [joint("rod:x1", "hub")], points={"hub": (0.32, 0.01, 0.01)},
+        attached=[ao.PointMass("hub", 2 * mass, 1e-9)],
+    )  # fmt: skip
+    kappa = scipy.optimize.brentq(lambda k: k * np.tan(k) - 0.5, 0.1, 1.5)
+    exact = kappa / 0.3 * np.sqrt(E / 2700.0)
+    site = ao.Site("hub", (1, 0, 0))  # sees the longitudinal modes alone
+    modes = ao.superposition(part, site, 12)
+    along = modes.omega[np.abs(modes.b) > 1e-6 * np.abs(modes.b).max()]
+    assert along[0] == pytest.approx(exact, rel=1e-6)
+    assert part.mass == pytest.approx(3 * mass, rel=1e-12)
+    assert ao.extract(part, site, n=0).k0 == pytest.approx(E * 0.02**2 / 0.3, rel=1e-9)
 
 
 def test_a_slider_and_a_ball_transmit_what_they_should():

@@ -9,7 +9,9 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 from antiosc.errors import InputError
+from antiosc.fem.assembly.motions import rigid_motions
 from antiosc.fem.assembly.overlaps import clipped
+from antiosc.fem.linalg.petsc_algebra import csr
 from assemblies import NU, SOLID, E, box, eigenfrequencies, pulled
 from marks import FREE_ON_PURPOSE
 
@@ -140,6 +142,11 @@ def test_a_tie_keeps_mass_and_rigid_motions(turned):
     assert inertia.matrix == pytest.approx(exact, abs=1e-9)
     low = eigenfrequencies(bar, 7)
     assert (low[:6] < 1e-5 * low[6]).all()
+    # rigid motions: no force beside the sizes of its terms, and the parts follow them exactly
+    K, exact = csr(bar.K), rigid_motions(bar.layout, inertia.point)
+    q = bar.eliminated.coordinates(exact)
+    assert (np.abs(K @ q) <= 1e-12 * (abs(K) @ np.abs(q)).max(axis=0)).all()
+    assert bar.T @ q == pytest.approx(exact, abs=1e-12)
 
 
 @pytest.mark.slow
