@@ -149,7 +149,7 @@ def test_welded_beams_of_two_sections_by_the_transfer_matrix():
 
 @pytest.mark.parametrize("joint", [ao.Mean, ao.Rigid])
 def test_a_mass_on_a_spider_at_the_end_of_a_rod(joint):
-    """Longitudinal: κ tan κ = (mass of the rod) / (mass on it), with ν = 0 on solids of any kind."""
+    """Longitudinal, ν = 0: κ tan κ = (mass of the rod) / (mass on it)."""
     soft = ao.Solid(E, 0.0, 2700.0)
     rolls = [ao.Support("x0")]
     rod = ao.Structure(box((0, 0, 0), (0.3, 0.02, 0.02), (8, 2, 1)), soft, rolls)
