@@ -52,11 +52,15 @@ def main(
     dofs: int = 90_000,
     out: str = "",
 ) -> dict[str, list[Row]]:
-    """Strike with these tolerances, and on the grid; `dofs`: most of a truth."""
-    found: dict[str, list[Row]] = {}
+    """Strike with these tolerances, and on the grid; `dofs`: most of a truth.
+
+    Scenes that the file `out` (JSON) holds are not run again.
+    """
+    kept = Path(out) if out else None
+    found: dict[str, list[Row]] = json.loads(kept.read_text()) if kept and kept.exists() else {}
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
         warnings.simplefilter("ignore", ao.AntioscWarning)
-        for name in scenes:
+        for name in (name for name in scenes if name not in found):
             scene = SCENES[name]
             path = scene.path(Path(folder))
             true = truth(scene, path, dofs)
@@ -69,9 +73,10 @@ def main(
             if name in ("block, short blow", "bracket, light sphere"):
                 for order in (1, 2) if name.startswith("block") else (2,):
                     compared(scene, path, true, order)
-    if out:
-        Path(out).write_text(json.dumps(found, indent=1) + "\n")
-        chart(found, Path(out).with_suffix(".png"))
+            if kept:
+                kept.write_text(json.dumps(found, indent=1) + "\n")
+    if kept:
+        chart(found, kept.with_suffix(".png"))
     return found
 
 

@@ -8,10 +8,12 @@ from antiosc._types import Array
 from antiosc.errors import InputError
 from antiosc.fem.structure.structure import Structure, on_mesh
 
+#: Message for matrices.
+NO_MESH = "the error of a mesh needs the mesh: given matrices have none, so leave error=None."
 #: Why the recovery of strains does not tell the errors of other families.
 WHY = {
     "sheet": "whose interpolated strains can make a coarse mesh softer than the part",
-    "beam": "whose strains are most accurate at the very points where they are taken",
+    "beam": "which are compared with a finer mesh (strike takes solids)",
 }
 
 
@@ -33,13 +35,10 @@ class StrainErrors(Protocol):
 
 def estimator(structure: Structure) -> StrainErrors:
     """The estimator of the structure's element family; InputError where there is none."""
-    matrices = on_mesh(
-        structure,
-        "the error of a mesh needs the mesh: given matrices have none, so leave error=None.",
-    )
+    matrices = on_mesh(structure, NO_MESH)
     if matrices.kind.name != "solid":
         raise InputError(
-            f"error='estimate' holds for solids; {matrices.mesh.name} is made of "
+            f"error='estimate' holds for solids and beams; {matrices.mesh.name} is made of "
             f"{matrices.kind.name} elements, {WHY[matrices.kind.name]}: leave error=None and "
             "compare two element sizes."
         )

@@ -10,9 +10,10 @@ import numpy as np
 
 from antiosc._types import Array
 from antiosc.errors import InputError
-from antiosc.fem.error.estimator import estimator
+from antiosc.fem.error.estimator import NO_MESH, estimator
 from antiosc.fem.error.facets import faceted
 from antiosc.fem.error.gaps import mean_gaps
+from antiosc.fem.error.halving import HalvedBeams
 from antiosc.fem.error.patch import patch_of
 from antiosc.fem.site.site import Functional
 from antiosc.fem.structure.meshed import MeshedStructure
@@ -29,8 +30,13 @@ class ModelErrors:
                 "error='estimate' is for models of one site: extract each site by itself, or leave "
                 "error=None."
             )
-        self._structure, self._errors = structure, estimator(structure)
-        part = on_mesh(structure)
+        part = on_mesh(structure, NO_MESH)
+        self._structure = structure
+        self._beams = HalvedBeams(part) if part.kind.name == "beam" else None
+        self._geometry = ""
+        if self._beams:
+            return
+        self._errors = estimator(structure)
         self._geometry = faceted(part.mesh)
         self._layers, self._mass = layers(part) if self._geometry else (np.zeros(0), 0.0)
 
@@ -38,6 +44,10 @@ class ModelErrors:
         """The model, with its shapes, and its `strain_error`; `info` holds patch and geometry."""
         started = time.perf_counter()
         assert model.shapes is not None
+        if self._beams:
+            model = replace(model, strain_error=self._beams.gram(model, site))
+            model.info["seconds"]["error"] = time.perf_counter() - started
+            return model
         E, outside = self._errors.gram_and_layers(model.shapes, self._layers)
         model = replace(model, strain_error=E)
         model.info["patch"] = patch_of(self._structure, site)

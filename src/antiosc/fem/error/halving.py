@@ -1,0 +1,144 @@
+"""The error of beams, by a mesh of half the size.
+
+The strains of beams are most accurate at the very points where the element takes them, so that
+their recovery says nothing. A second mesh with two elements in place of each costs next to nothing:
+the loads of the shapes (the site's load, and inertia forces ω² M ψ with their reaction at the site)
+are put on both meshes, and the difference of the flexibilities under them is that which the coarse
+mesh lacks, times 1/(1 - 4^-p) for all finer meshes (the flexibility of elements of degree p
+converges with the power 2p of the size).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse
+import scipy.sparse.linalg
+
+from antiosc._types import Array, IntArray
+from antiosc.errors import InputError
+from antiosc.fem import compat
+from antiosc.fem.error.bisection import gathered
+from antiosc.fem.linalg.petsc_algebra import csr
+from antiosc.fem.mesh.mesh import Mesh, distributed
+from antiosc.fem.readers import KINDS, RawMesh
+from antiosc.fem.readers.selection import keys
+from antiosc.fem.site.site import Functional
+from antiosc.fem.site.sites import located
+from antiosc.fem.structure.meshed import MeshedStructure
+from antiosc.models.anti_oscillators import AntiOscillators
+
+#: Least eigenvalue that is made positive, of a matrix with a diagonal of ones.
+ROUNDING = 1e-12
+
+
+class HalvedBeams:
+    """The errors of models of a structure of beams, on one rank."""
+
+    def __init__(self, part: MeshedStructure) -> None:
+        if part.comm.size > 1:
+            raise InputError("error='estimate' of beams runs on one rank; leave error=None here.")
+        self._coarse, self._fine = part, part.again(halved(part.mesh))
+        self._up = interpolation(part, self._fine)
+
+    def gram(self, model: AntiOscillators, site: Functional) -> Array:
+        """Energies [N/m] that the mesh has in excess, of psi_0 ... psi_N: (N + 1, N + 1)."""
+        if site.point is None or site.direction is None:
+            raise InputError("error='estimate' of beams needs a Site with a point and a direction.")
+        place = site.point[None, :], site.direction[None, :], np.array([np.nan])
+        b = located(self._fine, *place).loads[:, 0].toarray()
+        shapes = np.asarray(model.shapes)
+        masses = np.append(0.0, model.m)
+        squares = np.append(0.0, np.square(model.omega))
+        lacks = 0.0
+        for part, load, values, sign in (
+            (self._coarse, site.b[:, None], shapes, -1.0),
+            (self._fine, b, self._up @ shapes, 1.0),
+        ):
+            forces = squares * (csr(part.M) @ values - masses * load)
+            forces[:, :1] = model.k0 * load
+            lacks = lacks + sign * (forces.T @ answers(part, forces))
+        form = self._coarse.form
+        path = next(iter(form.components.values()))
+        order = compat.cell_dofs(form.space, path, np.zeros(0, dtype=int)).shape[1] - 1
+        return excess(model, np.asarray(lacks) / (1 - 4.0**-order))
+
+
+def excess(model: AntiOscillators, lacks: Array) -> Array:
+    """The energies E of flexibilities K⁻¹EK⁻¹ = `lacks` of the loads Kψ.
+
+    Elements that are integrated with few points can lack flexibility for no pattern of loads but a
+    negative one: the products of different shapes are then reduced, all by one factor.
+    """
+    scale = np.sqrt(np.append(model.k0, model.k))
+    inverse = np.divide(1.0, scale, out=np.zeros_like(scale), where=scale > 0)
+    size = inverse * np.sqrt(np.maximum(np.diag(lacks), 0.0))
+    over = np.divide(inverse, size, out=np.zeros_like(size), where=size > 0)
+    alike = np.clip(over[:, None] * (lacks + lacks.T) / 2 * over, -1.0, 1.0)
+    np.fill_diagonal(alike, 1.0)
+    negative = max(-float(np.linalg.eigvalsh(alike)[0]), 0.0) + ROUNDING
+    alike = (alike + negative * np.eye(len(alike))) / (1 + negative)
+    size = size * scale
+    return np.asarray(size[:, None] * alike * size)
+
+
+def answers(part: MeshedStructure, forces: Array) -> Array:
+    """Displacements of self-equilibrated forces (rows, k), orthogonal to the rigid motions."""
+    free = np.setdiff1d(np.arange(compat.local_size(part.form.space)), part.fixed)
+    K, R = csr(part.K)[free][:, free], (csr(part.M) @ part.rigid_modes)[free]
+    if R.shape[1]:
+        K = scipy.sparse.bmat([[K, R * (size := abs(K).max() / abs(R).max())], [R.T * size, None]])
+    padded = np.vstack([forces[free], np.zeros((R.shape[1], forces.shape[1]))])
+    found = np.zeros_like(forces)
+    found[free] = scipy.sparse.linalg.splu(K.tocsc()).solve(padded)[: len(free)]
+    return found
+
+
+def halved(mesh: Mesh) -> Mesh:
+    """The mesh of lines with two cells in place of each: of c the input cells 2c and 2c + 1."""
+    pieces = gathered(mesh, np.ones(compat.cell_map(mesh.dolfinx).size_local))
+    assert pieces is not None  # one rank
+    cells = pieces.cells
+    middle = len(pieces.points) + np.arange(len(cells))
+    known = keys(cells)
+    if len(np.unique(known)) < len(known):
+        raise InputError("error='estimate' takes no two beams between the same nodes.")
+    order = np.argsort(known)
+    groups: dict[str, dict[int, IntArray]] = {}
+    for name, parts in pieces.groups.items():
+        groups[name] = dict(parts)
+        if 1 in parts:
+            found = order[np.searchsorted(known[order], keys(parts[1].astype(np.int64)))]
+            groups[name][1] = _children(cells, middle, found)
+    points = np.vstack([pieces.points, pieces.points[cells].mean(axis=1)])
+    every = _children(cells, middle, np.arange(len(cells)))
+    raw = RawMesh(points, every, KINDS["line"], "gmsh", groups)
+    return distributed(raw, mesh.name, mesh.comm)
+
+
+def _children(cells: IntArray, middle: IntArray, which: IntArray) -> IntArray:
+    ends = cells[which]
+    pairs = np.stack([ends[:, :1], middle[which, None], middle[which, None], ends[:, 1:]], axis=1)
+    return np.asarray(pairs.reshape(-1, 2))
+
+
+def interpolation(part: MeshedStructure, fine: MeshedStructure) -> scipy.sparse.csr_matrix:
+    """The matrix (rows of the fine structure, of the coarse) of displacements on both meshes."""
+    parent = np.asarray(fine.mesh.dolfinx.topology.original_cell_index) // 2
+    ends = part.mesh.geometry.nodes[parent]
+    along = ends[:, 1] - ends[:, 0]
+    done: list[tuple[Array, IntArray, IntArray]] = []
+    for path in part.form.components.values():
+        dofs = compat.cell_dofs(fine.form.space, path, np.arange(len(parent)))
+        where, x = compat.dof_coordinates(fine.form.space, path)
+        place = np.zeros((compat.local_size(fine.form.space), 3))
+        place[where] = x
+        reach = np.einsum("cfd,cd->cf", place[dofs] - ends[:, :1], along)
+        X = reach / np.einsum("cd,cd->c", along, along)[:, None]
+        table = compat.tabulate(part.form.space, path, X.reshape(-1, 1))
+        own = np.repeat(compat.cell_dofs(part.form.space, path, parent), dofs.shape[1], axis=0)
+        rows, first = np.unique(dofs.ravel(), return_index=True)
+        done.append((table[first], np.repeat(rows[:, None], own.shape[1], axis=1), own[first]))
+    values, rows, columns = (np.concatenate([each[k] for each in done]) for k in range(3))
+    entries = values.ravel(), (rows.ravel(), columns.ravel())
+    shape = tuple(compat.local_size(each.form.space) for each in (fine, part))
+    return scipy.sparse.csr_matrix(entries, shape=shape)
