@@ -210,7 +210,9 @@ class ModalBody(Brief):
         if velocity == 0.0:
             return np.zeros(self.omega.size)
         rigid = self.omega == 0
-        if not np.any(self.b[rigid]):
+        along = np.where(rigid, self.b, 0.0)
+        mobility = float(along @ along)
+        if mobility == 0.0:
             raise InputError(
                 f"a velocity of {velocity:g} m/s was asked of a supported body, which has no"
                 f" rigid-body motion at its contact point; use 0 or free its supports."
@@ -220,8 +222,7 @@ class ModalBody(Brief):
             start, left = self._projected(self.inertia, translation)
             if left <= MISSED_ENERGY:
                 return start
-        along = np.where(rigid, self.b, 0.0)
-        return np.asarray(velocity * along / np.sum(along**2))
+        return np.asarray(velocity * along / mobility)
 
     def _moving(self, motion: Motion) -> Array:
         if self.inertia is None:

@@ -418,7 +418,7 @@ def _scales(
     """Depth and speed (p,) that are expected, friction's (p, 2), the shortest contact time [s]."""
     p = len(laws)
     push, speed = np.zeros(p), _felt(beta[:p], v[None])
-    if np.any(loads):
+    if loads.any():
         # what is at rest is set in motion by the others, at their speed, or by the loads
         push = _felt(beta[:p], loads)
         falling = np.sqrt(2 * push * np.maximum(gaps, 1e-3 * duration**2 * push))
@@ -459,6 +459,9 @@ def _felt(beta: Array, modal: Array) -> Array:
 
     A force or motion far from a contact reaches it later.
     """
-    direct = np.abs(modal @ beta.T).max(axis=0)
-    parts = (np.abs(modal) @ np.abs(beta).T).max(axis=0)
+    direct, parts = abs(modal @ beta.T), abs(modal) @ abs(beta).T
+    if len(modal) > 1:
+        direct, parts = direct.max(axis=0), parts.max(axis=0)
+    else:
+        direct, parts = direct[0], parts[0]
     return np.where(direct > 1e-9 * parts, direct, 0.1 * parts)

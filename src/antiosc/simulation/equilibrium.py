@@ -77,10 +77,10 @@ def settle(system: System, laws: list[ContactLaw]) -> tuple[Array, Array]:
 def closed(system: System, laws: list[ContactLaw]) -> Array:
     """Contact forces (p,) at the start, without any motion of what has mass."""
     p = len(laws)
-    states = [law.touch(0.0) for law in laws]
     free = system.beta[:p] @ system.q - system.offsets[0, :p]
-    if not np.any(free > 0):
+    if not (free > 0).any():
         return np.zeros(p)
+    states = [law.touch(0.0) for law in laws]
     return _pressed(laws, states, free, system.R[:p, :p], np.zeros(p))[1]
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import sqrt
+from math import isfinite, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -124,7 +124,7 @@ def start(assembly: Assembly) -> None:
         system.q, system.pressed = settle(system, laws)
     else:
         system.pressed = closed(system, laws)
-    if np.any(system.pressed):
+    if system.pressed.any():
         p = len(laws)
         delta = system.beta[:p] @ system.q - system.offsets[0, :p]
         delta = np.maximum(delta - system.R[:p, :p] @ system.pressed, 0.0)
@@ -142,7 +142,7 @@ def converge(
     share, scale = FIRST * tol, 0.0
     fine = assembly.lasting / 200
     p = len(assembly.laws)
-    massless = assembly.system.R.diagonal()[:p] > 0
+    massless = (assembly.system.R.diagonal()[:p] > 0).tolist()
     rated = any(
         law.rate_dependent and bare for law, bare in zip(assembly.laws, massless, strict=True)
     )
@@ -165,8 +165,8 @@ def converge(
         )
         used += now.attempts
         failed = failed + 1 if now.answer in (march.GREW, march.STUCK) else 0
-        scale = max(float(np.abs(now.force[:, :p]).max()), 1e-300) if now.force.size else 0.0
-        if not np.isfinite(scale):
+        scale = max(float(abs(now.force[:, :p]).max()), 1e-300) if now.force.size else 0.0
+        if not isfinite(scale):
             scale = 0.0
         if before is not None and now.answer == march.TOO_MANY_STEPS:
             if best is None:

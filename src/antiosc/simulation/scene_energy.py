@@ -45,11 +45,11 @@ def gained(a: Assembly, run: Run) -> float:
     of one's own need not know its energy.
     """
     system = a.system
-    if np.any(system.kinds == march.USER):
+    if march.USER in system.kinds.tolist():
         return 0.0
     if run.time.size > BALANCED and not run.gained > 0.1 * GAIN * run.highest:
         return 0.0
-    if a.scene.loads or np.any(system.loads) or np.any(system.decay):
+    if a.scene.loads or system.loads.any() or system.decay.any():
         energy = balance(a, run, *node_states(run, system, a.load))
         held, total = energy.kinetic + energy.strain + energy.contact, energy.total
     else:  # nothing between the ends of the steps is needed
@@ -148,12 +148,12 @@ def contact_energies(a: Assembly, run: Run) -> tuple[Array, Array]:
     stored, lost = np.zeros(run.time.size), np.zeros(run.time.size)
     system = a.system
     for c, law in enumerate(a.laws):
-        speeds = [e[3] for e in run.events if int(e[1]) == c and e[2] != march.APART]
-        if system.pressed[c] > 0:
-            speeds.insert(0, 0.0)
         if not (law.has_memory or law.rate_dependent):
             stored += _stored(law, run, c)
             continue
+        speeds = [e[3] for e in run.events if int(e[1]) == c and e[2] != march.APART]
+        if system.pressed[c] > 0:
+            speeds.insert(0, 0.0)
         each = _replay(
             law,
             run.time,

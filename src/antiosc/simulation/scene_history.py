@@ -50,9 +50,8 @@ class ContactHistory(Brief):
         f0, f1, f2 = self.force[:-2:2], self.force[1:-1:2], self.force[2::2]
         bend = f0 - 2 * f1 + f2
         slope = 4 * f1 - 3 * f0 - f2
-        with np.errstate(divide="ignore", invalid="ignore"):
-            u = np.where(bend < 0, -slope / (4 * bend), 0.0)
-        u = np.where((u > 0) & (u < 1), u, 0.0)
+        inside = (slope > 0) & (slope + 4 * bend < 0)  # the parabola's top lies within the step
+        u = np.divide(slope, -4 * bend, out=np.zeros(slope.size), where=inside)
         return float(max(self.force.max(), (f0 + u * slope + 2 * u * u * bend).max()))
 
     @property
