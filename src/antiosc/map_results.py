@@ -120,16 +120,19 @@ class ImpactMap(Brief):
         """Numbers of the sites that no element has."""
         return np.setdiff1d(np.arange(len(self)), self.elements)
 
+    def surfaces(self) -> dict[str, IntArray]:
+        """Name of each group or part -> numbers of its sites, in their order."""
+        return {name: np.flatnonzero(self.names == name) for name in dict.fromkeys(self.names)}
+
     def summary(self) -> str:
         """Of each group or part a line: its sites, their stiffness, and its hardest impact."""
-        first = dict.fromkeys(map(str, self.names))  # in the order of the sites
-        width = max(5, *(len(name) for name in first))
+        surfaces = self.surfaces()
+        width = max(5, *(len(name) for name in surfaces))
         title = f"{'where':<{width}}{'sites':>7}{'k0 [N/m]':>26}"
         if self.peak_force is not None:
             title += f"{'peak force [N]':>16}  at (x, y, z) [m]"
         rows = [title]
-        for name in first:
-            own = np.flatnonzero(self.names == name)
+        for name, own in surfaces.items():
             k0 = self.models.k0[own]
             span = f"{k0.min():.4g} to {k0.max():.4g}"
             row = f"{name or 'sites':<{width}}{len(own):>7}{span:>26}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import tomllib
 
+import numpy as np
 import pytest
 
 from antiosc.scene_file.json_schema import schema
@@ -65,6 +66,30 @@ def test_an_assembly_runs(tmp_path, capsys):
     assert numbers(tmp_path)["model"]["k0"] == pytest.approx(stiffness, rel=2e-3)
     assert (tmp_path / "probes.csv").read_text().startswith("time (s),middle x (rad),")
     assert re.search(r"probe middle +at most [\d.e-]+ rad", capsys.readouterr().out)
+
+
+def test_a_map_of_both_parts_and_a_probe_of_a_group(tmp_path, capsys):
+    """`antiosc map` tells the hardest blow on each part; `run` the motion of "second:right"."""
+    pytest.importorskip("dolfinx")
+    several = '[map]\nwhere = ["first", "second"]\ndirection = [0, 0, -1]\nn = 3\nmodes = 8\n'
+    end = '[probes.end]\npoint = "second:right"\n[probes.middle]'
+    path = written(tmp_path, BARS.replace("[probes.middle]", several + end))
+    assert antiosc("map", path, "--out", tmp_path, "--report", tmp_path / "map.html") == 0
+    told = capsys.readouterr().out
+    table = (tmp_path / "map.csv").read_text().splitlines()
+    names = [row.split(",")[0] for row in table[1:]]
+    assert table[0].startswith("surface,x (m),")
+    force = table[0].split(",").index("peak_force (N)")
+    for name in ("first", "second"):
+        forces = [float(row.split(",")[force]) for row in table[1:] if row.startswith(name)]
+        assert f"{names.count(name)} sites, at most {max(forces):.5g} N at (" in told
+    assert "at most" in (tmp_path / "map.html").read_text()
+    assert numbers(tmp_path)["map"]["surface"] == names
+    assert antiosc("run", path, "--out", tmp_path) == 0
+    end = np.loadtxt(tmp_path / "probes.csv", delimiter=",", skiprows=1)[:, :4]
+    struck = np.genfromtxt(tmp_path / "history.csv", delimiter=",", names=True)
+    own = struck[next(name for name in struck.dtype.names if name.startswith("displacement"))]
+    np.testing.assert_allclose(-end[:, 3], own, atol=1e-6 * np.abs(own).max())
 
 
 @pytest.mark.parametrize(

@@ -65,7 +65,7 @@ def probe(
         The structure from which the model of the body was extracted.
     history : History, SceneHistory or BodyHistory
         A BodyHistory is `hit.bodies[name]` of a scene.
-    point : sequence of 2 or 3 floats, or str
+    point : sequence of floats, or str
         Coordinates in m; the nearest point of the structure is taken. A text names a group, of an
         assembly "part:group": the point next to the centroid of its entities is taken, where a
         `Site` of the same name lies. Of an assembly it may also name a reference point, or a site
@@ -155,7 +155,7 @@ def strain_gauge(
     ----------
     structure, history, times, body, part, surface, layer, fibre
         As in `probe`.
-    point : sequence of 2 or 3 floats, or str
+    point : sequence of floats, or str
         The middle of the gauge, m; a text names a group as in `probe`.
     direction : sequence of 2 or 3 floats
         Along which it measures.

@@ -238,6 +238,8 @@ def _tables(found: Results) -> list[tuple[str, dict[str, Any]]]:
         tables.append(("sweep.csv", result_tables.sweep_columns(found)))
     if found.found is not None:
         points = {f"{axis} (m)": found.found.points[:, k] for k, axis in enumerate("xyz")}
+        if len(found.found.surfaces()) > 1:
+            points = {"surface": found.found.names.tolist(), **points}
         named = {result_tables.named(n): v for n, v in found.found.quantities().items()}
         tables.append(("map.csv", points | named))
     return tables
@@ -255,7 +257,10 @@ def _numbers_of(found: Results) -> dict[str, Any]:
     if found.batch is not None:
         content["sweep"] = result_tables.sweep_columns(found)
     if found.found is not None:
-        content["map"] = {"points": found.found.points, **found.found.quantities()}
+        names = found.found.names.tolist()
+        content["map"] = {
+            "points": found.found.points, "surface": names, **found.found.quantities()
+        }  # fmt: skip
     return content
 
 

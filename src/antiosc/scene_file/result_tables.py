@@ -142,10 +142,18 @@ def named(quantity: str) -> str:
 
 
 def map_rows(found: Any) -> list[tuple[str, str]]:
-    """The range of each quantity of a map."""
+    """The range of each quantity of a map, and the hardest impact of each of several surfaces."""
     rows = [("sites", f"{len(found)}" + (f", {found.skipped} left out" if found.skipped else ""))]
     for name, values in found.quantities().items():
         known = values[np.isfinite(values)]
         if known.size:
             rows.append((named(name), f"{known.min():.5g} to {known.max():.5g}"))
+    surfaces = found.surfaces()
+    for name, own in surfaces.items() if len(surfaces) > 1 else ():
+        text = f"{len(own)} sites"
+        if found.peak_force is not None:
+            i = own[np.argmax(found.peak_force[own])]
+            place = ", ".join(f"{c:.4g}" for c in found.points[i])
+            text += f", at most {found.peak_force[i]:.5g} N at ({place}) m"
+        rows.append((name, text))
     return rows
