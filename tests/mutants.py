@@ -1,8 +1,9 @@
 """Draw random breaks of the source (`breaks.py`) and count how many the quick tests catch.
 
-A first run of the quick tests finds which of them run each of the places (`line_hits.py`). For each
-break these run first, then those of the file and of the folder that mirrors it, then the rest of
-`make check`. Everything happens on a copy of the tree: the sources here are never touched.
+A first run of the quick tests finds which of them run each of the places (`line_hits.py`). Each
+break is tried by these; those that are not caught, by the tests of the file, of the folder that
+mirrors it and by the rest of `make check`. Everything happens on a copy of the tree: the sources
+here are never touched.
 
     make mutants                     10 breaks
     make mutants COUNT=100 SEED=3    100 others
@@ -145,23 +146,30 @@ def _killed(run: subprocess.Popen[str]) -> None:
         run.wait()
 
 
-def catch(one: Break, tree: Path, first: Sequence[str], patience: float) -> str:
-    """The test that catches the break, "" if none does; the copy is whole afterwards.
+#: What is run for a break: (paths or names of tests, paths that are left out) one after the other.
+Stages = list[tuple[list[str], list[str]]]
 
-    The tests `first` run before all others.
-    """
+
+def those_that_run_it(one: Break, tree: Path, runs: list[str]) -> Stages:
+    """The tests that run the place of the break; where none is known, those of its folder."""
+    own, near = mirrored(one.path, tree)
+    return [(runs[:NAMED], [])] if runs else [(own, []), (near, own)]
+
+
+def all_tests(one: Break, tree: Path, runs: list[str]) -> Stages:
+    """Those of the file, of its folder, and the rest: others may use what a first one has made."""
+    own, near = mirrored(one.path, tree)
+    return [(own, []), (near, own), (["tests"], [*own, *near])]
+
+
+def catch(one: Break, tree: Path, stages: Stages, patience: float) -> str:
+    """The test that catches the break, "" if none does; the copy is whole afterwards."""
     target = tree / one.path
     source = target.read_bytes()
-    own, near = mirrored(one.path, tree)
     compiled = one.path.parts[2] in COMPILED
     try:
         target.write_bytes(one.apply(source))
-        for tests, without in (
-            (first[:NAMED], []),
-            (own, []),
-            (near, own),
-            (["tests"], [*own, *near]),
-        ):
+        for tests, without in stages:
             caught = tests and first_failure(
                 tree, tests, without, compiled=compiled, patience=patience
             )
@@ -183,33 +191,63 @@ def drawn(count: int, seed: int, only: str) -> list[Break]:
 
 
 def main(chosen: Sequence[Break], log: Path | None, patience: float) -> float:
-    """Try the breaks; the share that was caught."""
+    """Try the breaks; the share that was caught.
+
+    All are tried by the tests that run them, then by all tests where those did not catch them.
+    """
     verdicts = _logged(log)
     with tempfile.TemporaryDirectory(prefix="antiosc-mutants-") as folder:
         tree = copied(Path(folder))
         check_the_copy(tree)
-        left = [one for one in chosen if _name(one) not in verdicts]
-        options = ["--durations=0", "-vv", "tests"]
-        runs = tests_of(left, tree, lambda: pytest_run(tree, options, patience=patience)[1])
+        runs = _runs(chosen, tree, log, patience)
         sound: set[str] = set()
-        for one in left:
-            started = time.perf_counter()
-            caught = catch(one, tree, runs[one], patience)
-            test = caught.partition(" ")[2]
-            if "::" in test and test not in sound:  # without the break it must pass
-                if first_failure(tree, [test], patience=patience):
-                    raise SystemExit(f"{test} fails without any break: mend it first")
-                sound.add(test)
-            verdicts[_name(one)] = caught
-            if log is not None:
-                with log.open("a", encoding="utf-8") as file:
-                    file.write(json.dumps([_name(one), caught]) + "\n")
-            verdict = f"caught by {caught}" if caught else f"SURVIVED {len(runs[one])} tests of it"
-            print(f"{time.perf_counter() - started:6.1f} s  {one}\n          {verdict}", flush=True)
-    count = sum(bool(verdicts[_name(one)]) for one in chosen)
+        for stages in (those_that_run_it, all_tests):
+            for one in chosen:
+                caught, after = verdicts.get(_name(one), ("", ""))
+                if caught or after in (stages.__name__, all_tests.__name__):
+                    continue
+                started = time.perf_counter()
+                caught = catch(one, tree, stages(one, tree, runs[one]), patience)
+                _check_the_test(caught, tree, sound, patience)
+                verdicts[_name(one)] = caught, stages.__name__
+                _tell(one, *verdicts[_name(one)], time.perf_counter() - started, log)
+    count = sum(bool(verdicts[_name(one)][0]) for one in chosen)
     share = count / len(chosen) if chosen else 1.0
     print(f"{count} of {len(chosen)} breaks caught, {share:.0%}")
     return share
+
+
+def _runs(
+    chosen: Sequence[Break], tree: Path, log: Path | None, patience: float
+) -> dict[Break, list[str]]:
+    """The tests that run each break, kept beside the log."""
+    kept = None if log is None else log.with_suffix(".runs.json")
+    if kept is not None and kept.exists():
+        known = json.loads(kept.read_text(encoding="utf-8"))
+        return {one: known[_name(one)] for one in chosen}
+    options = ["--durations=0", "-vv", "tests"]
+    found = tests_of(chosen, tree, lambda: pytest_run(tree, options, patience=patience)[1])
+    if kept is not None:
+        kept.write_text(json.dumps({_name(one): t for one, t in found.items()}), encoding="utf-8")
+    return found
+
+
+def _check_the_test(caught: str, tree: Path, sound: set[str], patience: float) -> None:
+    """The test that caught a break must pass without it."""
+    test = caught.partition(" ")[2]
+    if "::" in test and test not in sound:
+        if first_failure(tree, [test], patience=patience):
+            raise SystemExit(f"{test} fails without any break: mend it first")
+        sound.add(test)
+
+
+def _tell(one: Break, caught: str, after: str, seconds: float, log: Path | None) -> None:
+    if log is not None:
+        with log.open("a", encoding="utf-8") as file:
+            file.write(json.dumps([_name(one), [caught, after]]) + "\n")
+    last = after == all_tests.__name__
+    verdict = f"caught by {caught}" if caught else "SURVIVED" if last else "not caught yet"
+    print(f"{seconds:6.1f} s  {one}\n          {verdict}", flush=True)
 
 
 def _name(one: Break) -> str:
@@ -217,11 +255,12 @@ def _name(one: Break) -> str:
     return f"{one} at {one.start}"
 
 
-def _logged(log: Path | None) -> dict[str, str]:
-    """The verdicts of an earlier run, by the names of the breaks."""
+def _logged(log: Path | None) -> dict[str, tuple[str, str]]:
+    """(the test that caught it, the last stage) of breaks of an earlier run, by their names."""
     if log is None or not log.exists():
         return {}
-    return dict(json.loads(line) for line in log.read_text(encoding="utf-8").splitlines())
+    rows = [json.loads(line) for line in log.read_text(encoding="utf-8").splitlines()]
+    return {name: (caught, after) for name, (caught, after) in rows}
 
 
 def check_the_copy(tree: Path) -> None:
