@@ -32,7 +32,7 @@ def test_every_kind_of_break_is_drawn():
     pairs = {(one.before, one.text) for one in breaks.breaks(ZENER)}
     assert ("8", "(9)") in pairs
     assert ("1.5", "(0.0)") in pairs
-    assert ("lam > HIGHEST", "(lam <= HIGHEST)") in pairs
+    assert ("lam > HIGHEST_LAMBDA", "(lam <= HIGHEST_LAMBDA)") in pairs
     assert any(before.startswith("solve_ivp(") for before, _ in pairs)
     assert any(before.startswith("mass / (") and " * " in text for before, text in pairs)
     assert any(before.startswith("raise InputError") and text == "pass" for before, text in pairs)
