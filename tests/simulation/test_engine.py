@@ -11,7 +11,7 @@ import pytest
 import antiosc as ao
 from antiosc.simulation import engine, march
 from antiosc.simulation.assembly import assemble
-from antiosc.simulation.scene_energy import gained
+from antiosc.simulation.scene_energy import _work_by_step, gained
 from scenes import HERTZ, case_two
 
 LAW = ao.Hertz(HERTZ)
@@ -90,6 +90,22 @@ def test_a_gain_is_that_of_the_whole_balance(gravity: float) -> None:
     assert gained(made, hit.run) < 1e-4
     hit.run.states[len(hit.run.states) // 2 :, 1] *= 1.01
     assert gained(made, hit.run) == pytest.approx(0.02, abs=0.015)
+
+
+def test_the_work_of_loads_over_steps_is_that_of_the_whole_balance() -> None:
+    """A held beam and a mass that is pushed in time, in flight and in contact."""
+    bodies = {"beam": MODEL, "mass": ao.RigidMass(0.24, 0.5)}
+    pulse = ao.Load("mass", [0.0, 3e-4, 5e-4, 9e-4], [0.0, 400.0, -300.0, 0.0])
+    push = ao.Load("beam", [0.0, 4e-4, 8e-4], [50.0, 0.0, 80.0])
+    scene = ao.Scene(bodies, [ao.Contact("beam", "mass", LAW, gap=2e-5)], loads=[pulse, push])
+    hit = scene.run(1e-3, tol=1e-3)
+    mechanical = np.empty(len(hit.run.states))
+    march.energies(hit.run.states, hit.assembly.system.omega, mechanical)
+    work = np.cumsum(_work_by_step(hit.assembly, hit.run, mechanical))
+    known = hit.energy.gravity[2::2]
+    assert np.abs(known).max() > 0.02
+    np.testing.assert_allclose(work, known, rtol=0, atol=1e-7)
+    assert gained(hit.assembly, hit.run) < 1e-4
 
 
 @pytest.mark.parametrize(

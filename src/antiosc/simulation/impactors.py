@@ -144,7 +144,7 @@ class Obstacle(Body):
         checks.store(self, gap=checks.nonnegative("gap", self.gap, "m"), velocity=velocity)
 
     def modal(self) -> ModalBody:
-        return ModalBody(np.zeros(0), np.zeros(0), weight=np.zeros(0))
+        return _fixed()
 
 
 @dataclass(frozen=True)
@@ -172,6 +172,11 @@ class Impactor(Body):
 
     def modal(self) -> ModalBody:
         return self.body.modal()
+
+
+@lru_cache(maxsize=1)
+def _fixed() -> ModalBody:
+    return ModalBody(np.zeros(0), np.zeros(0), weight=np.zeros(0))
 
 
 @lru_cache(maxsize=256)
