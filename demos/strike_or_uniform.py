@@ -35,7 +35,7 @@ from antiosc.simulation.error_budget import differences
 #: The grid of fixed choices: sizes over the scene's, anti-oscillators, time tolerances.
 SIZES, COUNTS, STEPS = (2.0, 1.0, 0.6), (6, 12, 20), (1e-2, 1e-3)
 #: Sizes of the meshes that are uniform up to the site, over the scene's.
-UNIFORM = {1: (1.0, 0.7, 0.5), 2: (1.4, 1.0, 0.7)}
+UNIFORM = {1: (1.0, 0.7, 0.5), 2: (1.4, 0.8, 0.45)}
 #: Anti-oscillators of truths and of meshes that are compared by their dofs.
 MANY = 40
 #: Size of the elements [m] for the cost of the estimate, and runs of which the least counts.
@@ -210,17 +210,19 @@ def compared(scene: Scene, path: Path, true: ao.History, order: int) -> None:
             models = [ao.extract(part, scene.site, n=MANY) for part in parts]
             found = [(model, scene.struck(model)) for model in models]
         else:
-            found = adapted(scene, path, order, 25_000, 4)
+            found = adapted(scene, path, order, 40_000, 4)
         ways[way] = [(m.info["dofs"], max(differences(h, true).values())) for m, h in found]
         shown = ", ".join(f"{dofs} dofs {error:.1e}" for dofs, error in ways[way])
         print(f"\norder {order}, {way}: {shown}")
     dofs, error = np.log(np.array(ways["adapted"]).T)
     for own, miss in ways["uniform"]:
-        if error.min() <= np.log(miss) <= error.max():
-            order_of = np.argsort(error)
-            equal = np.exp(np.interp(np.log(miss), error[order_of], dofs[order_of]))
-            print(f"order {order}, error {miss:.1e}: {own} dofs uniform, {equal:.0f} adapted, "
-                  f"{own / equal:.1f} times fewer")  # fmt: skip
+        by_error = np.argsort(error)
+        equal = np.exp(np.interp(np.log(miss), error[by_error], dofs[by_error]))
+        sign = ">" if np.log(miss) > error.max() else "<" if np.log(miss) < error.min() else ""
+        print(
+            f"order {order}, error {miss:.1e}: {own} dofs uniform, {equal:.0f} adapted: "
+            f"{sign}{own / equal:.2g} times fewer"
+        )
 
 
 def chart(found: dict[str, list[Row]], path: Path) -> None:

@@ -147,5 +147,3 @@ def test_coarse_shells_can_be_softer_than_fine_ones():
     assert ao.extract(coarse, site, n=2).k0 < 0.998 * ao.extract(fine, site, n=2).k0
     with pytest.raises(ao.InputError, match=r"holds for solids and beams.*softer than the part"):
         ao.extract(coarse, site, n=2, error="estimate")
-
-
