@@ -351,7 +351,7 @@ OWN: dict[str, dict[str, Any]] = {
         "where": [(0.1, 0.1, 0.02)], "direction": (0, 0, -1), "radius": 0.05, "n": 2, "modes": 4,
     },
     "Site": {"point": (0.1, 0.1, 0.02), "direction": (0, 0, -1), "radius": 0.05},
-    "contact_stress": {"force": 10.0},
+    "contact_stress": {"force": 10.0}, "delamination_load": {"D": 10.0, "G": 800.0},
     "named_impactor": {"name": "steel ball", "velocity": 1.0, "diameter": 0.05},
     "RigidMass.hertz": {"self": lambda: ao.RigidMass(0.1, tip_radius=0.01, E=1e9, nu=0.3)},
     "Sphere": {"rho": 7850.0},

@@ -48,6 +48,22 @@ def test_tsai_hill_of_single_stresses_is_the_square_of_the_share():
     assert found == pytest.approx(0.25 - 500 * 60 / 1e6 + 0.09)
 
 
+def test_the_delamination_load_releases_the_critical_energy():
+    """By differences of the strain energies of clamped circular plates, sound and split."""
+    D, G = 12.0, 700.0
+    load = ao.delamination_load(D, G)
+
+    def energy(a, radius=0.3):
+        sound = radius**2 / (16 * np.pi * D)
+        split = a**2 / (16 * np.pi) * (1 / (2 * D / 8) - 1 / D)
+        return load**2 / 2 * (sound + split)
+
+    for a in (0.01, 0.05):
+        grown = a * (1 + 1e-6)
+        released = (energy(grown) - energy(a)) / (np.pi * (grown**2 - a**2))
+        assert released == pytest.approx(G, rel=1e-6)
+
+
 @pytest.mark.parametrize("bad", [np.ones(5), np.ones((3, 2)), [[0, 1, 0], [0, 0, 0], [0, 0, 0]]])
 def test_what_is_no_tensor_is_refused(bad):
     for function in (ao.von_mises, ao.principal):

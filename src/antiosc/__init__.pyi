@@ -225,6 +225,7 @@ from antiosc.spectra import (
     srs as srs,
 )
 from antiosc.stresses import (
+    delamination_load as delamination_load,
     principal as principal,
     tsai_hill as tsai_hill,
     von_mises as von_mises,

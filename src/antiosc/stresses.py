@@ -82,6 +82,28 @@ def tsai_hill(
     return np.asarray((one / x) ** 2 - one * two / x**2 + (two / y) ** 2 + (shear / S) ** 2)
 
 
+@checks.within_range
+def delamination_load(D: float, G: float) -> float:
+    """Static load [N] at which a delamination in the middle of a plate grows, π √(32 D G/3).
+
+    A circular delamination of radius a halves the thickness, so that two plates of stiffness D/8
+    deflect by F a²/(4 π D) at their centre, in place of F a²/(16 π D) before. The energy release
+    rate F²/2 dC/d(π a²) = 3 F²/(32 π² D) does not depend on a: growth begins at this load, and for
+    larger delaminations it does not rise. It holds for a quasi-isotropic laminate in small
+    deflection under a point load, without shear deformation. Compare it with `peak_force`; a factor
+    for short blows, in which the plate has not reached its static shape, is not included.
+
+    Parameters
+    ----------
+    D : float
+        Bending stiffness of the plate, N m: E h³/(12 (1 - nu²)), or about √(D11 D22) of a laminate.
+    G : float
+        Critical energy release rate in mode II, J/m².
+    """
+    D, G = checks.positive("D", D, "N m"), checks.positive("G", G, "J/m²")
+    return float(np.pi * np.sqrt(32 * D * G / 3))
+
+
 def tensors(name: str, value: Any) -> Array:
     """Symmetric tensors (..., 3, 3) of such, or of six components (..., 6)."""
     given = checks.array(name, value, None)

@@ -52,7 +52,6 @@ ONE = {
         'title = "a mass', 'title = "\\u001b[31ma mass', ["control character"],
     ),
     "a line end in a name": ("[sites.middle]", '[sites."a\\nb"]', ["control character"]),
-    "text from right to left": ('title = "a', 'title = "\\u202ea', ["control character"]),
     "a component that does not exist": ('dof = "z"', 'dof = "w"', ["'w'"]),
     "two ways to say one thing": ('dof = "z"', 'point = [0, 0, 0]', ["a Site needs one of"]),
     "a section of the wrong form": ("[simulate]", "[[simulate]]", ["must be a table, [simulate]"]),

@@ -112,6 +112,7 @@ def plot_deformed(
     body: str = "structure",
     point: Sequence[float] | None = None,
     direction: Sequence[float] | None = None,
+    view: Sequence[float] | None = None,
 ) -> Figure | Path:
     """The deformed part at one time; displacements are magnified and coloured by their magnitude.
 
@@ -126,6 +127,8 @@ def plot_deformed(
         contact force is.
     point, direction : sequence of 3 floats, optional
         An arrow that ends at `point` (m) shows the impact.
+    view : (elevation, azimuth), optional
+        From where it is seen, degrees: 90 is from above, azimuth 0 from +x and 90 from +y.
 
     Raises
     ------
@@ -134,6 +137,7 @@ def plot_deformed(
     """
     from antiosc.fem.fields import skin
 
+    seen_from = None if view is None else checks.array("view", view, (2,))
     kinds = (History, SceneHistory)
     checks.instance("history", history, kinds, "a History, which simulate and Scene.run return")
     history.of(body)  # type: ignore[arg-type]
@@ -158,6 +162,8 @@ def plot_deformed(
         tail = tip - 0.25 * np.ptp(scale * points, axis=0).max() * way / np.linalg.norm(way)
         axes.quiver(*tail, *(tip - tail), color="C3", linewidth=2.5, zorder=9)
         framed.append(tail[None])
+    if seen_from is not None:
+        axes.view_init(elev=seen_from[0], azim=seen_from[1])
     _frame(axes, np.vstack(framed), zoom=1.2)
     axes.set_axis_off()
     return finished(figure, path)

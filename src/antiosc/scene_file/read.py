@@ -19,8 +19,8 @@ from antiosc.scene_file.problems import Problems, SceneFileError
 LARGEST_FILE = 4_000_000
 #: Deepest brackets within each other.
 DEEPEST = 32
-#: Characters that are not printed, line ends among them, and those that turn the direction of text.
-_CONTROL = re.compile("[\x00-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069]")
+#: Control characters, line ends among them.
+_CONTROL = re.compile("[\x00-\x1f\x7f-\x9f\u2028\u2029]")
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from antiosc import progress
-from antiosc.charts.figures import legend, legend_beside, new_figure, save_figure
+from antiosc.charts.figures import legend_beside, new_figure, save_figure
 from antiosc.charts.histories import plot_force, plot_motion
 from antiosc.charts.models import plot_model
 from antiosc.errors import AntioscError
@@ -27,6 +27,8 @@ from antiosc.simulation.scene_history import SceneHistory
 SIZE = (7.0, 3.4)
 #: Most curves of one chart.
 CURVES = 12
+#: How a part in space is shown: name -> (elevation, azimuth) in degrees; None: the usual view.
+VIEWS = {"": None, ", from behind": (24.0, 128.0), ", from above": (75.0, -52.0)}
 
 
 @dataclass(frozen=True)
@@ -107,15 +109,22 @@ def _of_history(found: Results) -> Iterator[Picture]:
         )
     if found.structure is not None:
         point, direction = _struck(found)
-        yield _drawn(
-            "Deformed structure",
-            "The structure at the time of the largest displacement of its site, or of the largest"
-            " force; displacements are drawn larger by the factor stated.",
-            lambda path: plot_deformed(
-                found.structure, hit, path, point=point, direction=direction
-            ),
-            ".png",
-        )
+        arrow = {"point": point, "direction": direction}
+        for name, view in (VIEWS if point is not None else {"": None}).items():
+            picture = _drawn(
+                f"Deformed structure{name}",
+                "The structure at the time of the largest displacement of its site, or of the"
+                " largest force; displacements are drawn larger by the factor stated.",
+                partial(_deformed, found, view=view, **arrow),
+                ".png",
+            )
+            yield picture
+            if not picture.data:  # it cannot be drawn from another side either
+                break
+
+
+def _deformed(found: Results, path: Path, **options: Any) -> None:
+    plot_deformed(found.structure, found.history, path, **options)
 
 
 def _struck(found: Results) -> tuple[Any, Any]:
@@ -181,7 +190,7 @@ def _probes(found: Results, ax: Any) -> None:
         ax.plot(1e3 * np.asarray(times), column / (size or 1.0), lw=1.2, label=label)
     ax.set_xlabel("time (ms)")
     ax.set_ylabel("share of the largest value")
-    legend(ax)
+    legend_beside(ax)
 
 
 def _plain(name: str) -> str:
