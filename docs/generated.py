@@ -14,12 +14,23 @@ ROOT = HERE.parent
 LISTED = re.compile(r"^%API(?P<modules>.*)$", re.MULTILINE)
 #: pictures of demos that the repository keeps, by the script that makes them
 PICTURES = {
-    "impact_on_bracket": ["bracket.png", "bracket_force.png"],
-    "impact_map": ["bracket_map.png"],
-    "stability": ["stability.png", "stability_scenes.png", "stability_windows.png"],
-    "work_precision": ["work_precision.png"],
-    "speed_accuracy": ["../speed/speed_accuracy_bracket_43935.png"],
+    "assembly_accuracy": ["assembly_accuracy.png"],
     "blas_threads": ["../speed/blas_threads.png"],
+    "board_on_spacers": ["board_on_spacers.png"],
+    "composite_panel": ["composite_panel.png"],
+    "drop_on_corners": ["drop_on_corners.png"],
+    "error_budget": ["../speed/error_budget_bracket.png"],
+    "impact_map": ["bracket_map.png"],
+    "impact_on_bracket": ["bracket.png", "bracket_force.png"],
+    "local_quantities": ["../speed/local_quantities.png"],
+    "machine_guard": ["machine_guard.png"],
+    "oblique_blow": ["oblique_blow.png"],
+    "plate_impact": ["plate_impact.png"],
+    "speed_accuracy": ["../speed/speed_accuracy_bracket_43935.png"],
+    "stability": ["stability.png", "stability_scenes.png", "stability_windows.png"],
+    "stiffened_panel": ["stiffened_panel.png"],
+    "tube_between_stops": ["tube_between_stops.png"],
+    "work_precision": ["work_precision.png"],
 }
 
 

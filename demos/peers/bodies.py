@@ -141,7 +141,7 @@ def bracket(near: float, *, angle: float = 35.0) -> Blow:
         gmsh.open(str(ROOT / "meshes" / "bracket.geo"))  # in metres
 
     with meshing():
-        x, cells = meshed(whole, point, near, far=7.0, zone=1.0, unit=1e3)
+        x, cells = meshed(whole, point, near, far=18 * near, zone=1.0, unit=1e3)
         (clamp,) = (
             tag
             for d, tag in gmsh.model.getPhysicalGroups(2)
@@ -149,14 +149,14 @@ def bracket(near: float, *, angle: float = 35.0) -> Blow:
         )
         clamped = np.isin(tags_of_nodes(), gmsh.model.mesh.getNodesForPhysicalGroup(2, clamp)[0])
         outside = np.abs(np.linalg.norm(x[:, 1:] - axis, axis=1) - eye) < 1e-4 * eye
-        near_point = np.linalg.norm(x - point, axis=1) < 2.0
+        near_point = np.linalg.norm(x - point, axis=1) < 1.2
         part = Body(x, cells, ALUMINIUM, outside & near_point, [(clamped, 1, 3)])
 
         def sphere() -> None:
             gmsh.model.occ.addSphere(*centre, radius)
 
-        x, cells = meshed(sphere, point, near, far=5.0, zone=1.0)
-        ball = Body(x, cells, STEEL, on_sphere(x, point, centre, 2.0), [])
+        x, cells = meshed(sphere, point, near, far=18 * near, zone=1.0)
+        ball = Body(x, cells, STEEL, on_sphere(x, point, centre, 1.2), [])
     return Blow(part, ball, 1, point, -outward, radius, 2000.0, (eye, np.inf), 2.0)
 
 
