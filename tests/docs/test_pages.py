@@ -107,9 +107,9 @@ def test_every_demo_has_a_page_and_its_pictures_exist(generated, tmp_path):
     for pictures in generated.PICTURES.values():
         assert [p for p in pictures if not (DEMOS / "pictures" / p).is_file()] == []
     drawing = {p.stem for p in DEMOS.glob("*.py") if ".png" in p.read_text(encoding="utf-8")}
-    # pictures of the article stand on its own page; the last two take many minutes
-    others = {"article", "article_beam", "article_case1", "article_case2", "article_parts"}
-    assert (drawing & scripts) - others - set(generated.PICTURES) <= {"fidelity", "strike_bracket"}
+    # pictures of the article stand on its own page; those of the last ones take many minutes
+    others = {"article", "article_case1", "article_case2", "fidelity", "strike_or_uniform"}
+    assert (drawing & scripts) - others <= set(generated.PICTURES)
 
 
 @pytest.fixture
