@@ -1,7 +1,7 @@
 """Which tests run the places of some breaks, found by one run of the tests with probes there.
 
 A probe is a call beside the expression or the statement that a break changes. It notes its number
-with the test that runs, which pytest names in the environment, in child processes too.
+with the test that runs, which pytest names in the environment.
 """
 
 from __future__ import annotations
@@ -14,8 +14,9 @@ from pathlib import Path
 
 from breaks import Break
 
-#: Files with this in their path are compiled by numba, which knows no probes.
-COMPILED = "march"
+#: Files with these in their paths have no probes: numba, which compiles them, knows none, and the
+#: process that reads meshes serves several tests.
+WITHOUT = ("march", "fem/readers")
 NOTES = "probe_notes.txt"
 PROBE = f'''"""Notes which test runs a place."""
 
@@ -62,7 +63,7 @@ def tests_of(
     """
     by_file: dict[Path, dict[int, Break]] = defaultdict(dict)
     for number, one in enumerate(breaks):
-        if COMPILED not in str(one.path):
+        if not any(part in one.path.as_posix() for part in WITHOUT):
             by_file[one.path][number] = one
     whole = {path: (tree / path).read_bytes() for path in by_file}
     probe, notes = tree / "src/antiosc_probe.py", tree / "src" / NOTES

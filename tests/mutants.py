@@ -200,6 +200,7 @@ def main(chosen: Sequence[Break], log: Path | None, patience: float) -> float:
         tree = copied(Path(folder))
         check_the_copy(tree)
         runs = _runs(chosen, tree, log, patience)
+        chosen = sorted(chosen, key=lambda one: not runs[one])  # whole folders of tests come last
         sound: set[str] = set()
         for stages in (those_that_run_it, all_tests):
             for one in chosen:
