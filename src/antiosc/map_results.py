@@ -117,7 +117,7 @@ class ImpactMap(Brief):
 
     @property
     def alone(self) -> IntArray:
-        """Numbers of the sites that no element has."""
+        """Numbers of the sites that belong to no element."""
         return np.setdiff1d(np.arange(len(self)), self.elements)
 
     def surfaces(self) -> dict[str, IntArray]:

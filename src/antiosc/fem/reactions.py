@@ -95,8 +95,8 @@ def reactions(
     Notes
     -----
     They are the changes due to the impact: the weight that the supports carry at rest is not in
-    them. The damping forces are internal: what `Damping(alpha=…)` takes to the ground passes the
-    supports.
+    them. Damping forces are not part of them: those of `Damping(alpha=…)` act on the ground without
+    the supports.
 
     Raises
     ------

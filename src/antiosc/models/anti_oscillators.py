@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 class AntiOscillators(Brief, Parameters):
     """Anti-oscillator model of a structure at one impact site along one direction, or at several.
 
-    What differs with several sites stands behind "several:". Their displacements u (p,) are those
+    What follows "Several:" applies to models of several sites. Their displacements u (p,) are those
     of `columns` that can move independently of each other, usually all: one for each site, and two
     more for a site with tangential directions.
 
@@ -197,10 +197,11 @@ class AntiOscillators(Brief, Parameters):
         )
 
     def corrected(self) -> AntiOscillators:
-        """The model softened by its `strain_error`: closer to the exact structure, without a bar.
+        """The model softened by its `strain_error`: closer to the exact structure.
 
         The stiffness that the mesh has in excess is taken out, for all shapes together
-        (`antiosc.models.softened`); the masses of the shapes stay.
+        (`antiosc.models.softened`); the masses of the shapes stay. The error
+        that is left is unknown.
 
         Raises
         ------

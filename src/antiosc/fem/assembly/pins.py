@@ -83,7 +83,7 @@ class Weld(_Pin):
 
 @dataclass(frozen=True)
 class Ball(_Pin):
-    """Two ends that have the same displacement at a point and turn freely.
+    """Two ends that have the same displacement at a point and rotate freely.
 
     Parameters as for `Weld`.
     """
@@ -129,7 +129,7 @@ class _Axis(_Pin):
 
 @dataclass(frozen=True)
 class Hinge(_Axis):
-    """Two ends that turn against each other about an axis through a point, and nothing else.
+    """Two ends that can only rotate relative to each other about an axis through a point.
 
     Parameters as for `Weld`, and
 
@@ -143,7 +143,7 @@ class Hinge(_Axis):
 
 @dataclass(frozen=True)
 class Slider(_Axis):
-    """Two ends that slide against each other along an axis, and nothing else.
+    """Two ends that can only move relative to each other along an axis.
 
     Parameters as for `Hinge`.
     """

@@ -55,10 +55,10 @@ class Tie(Joint):
     Parameters
     ----------
     a, b : str
-        "part:group" of faces or of edges. The side that is covered more by the other follows it;
-        of equal ones that with the finer mesh; edges follow faces. The edge of a shell on faces of
-        a solid follows their displacement and rotation over its thickness; its rotation about its
-        normal stays free.
+        "part:group" of faces or of edges. The side of which the other covers the larger share is
+        the follower; if the shares are equal, the side with the finer mesh; edges follow faces. The
+        edge of a shell on faces of a solid follows their displacement and rotation over its
+        thickness; its rotation about its normal stays free.
     gap : float, optional
         Largest distance between them, m; default: 0.3 of the size of their faces. Across a gap the
         follower moves with the rotation of the other side.

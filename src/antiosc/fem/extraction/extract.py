@@ -110,8 +110,8 @@ def extract(
     ----------
     structure : Structure
     site : Site, sequence of Site, or mapping of names to Site
-        Of a mapping one model with several sites is made, as a `Scene` takes it. Of a sequence one
-        model is made for each site; all share one factorization and blocks of right-hand sides.
+        A mapping gives one model with several sites, which a `Scene` takes. A sequence gives one
+        model for each site; all share one factorization and blocks of right-hand sides.
     n : int, optional
         Number of anti-oscillators, default 20; with `band` the largest number. The result has fewer
         if the structure has fewer observable modes at the site.

@@ -141,7 +141,7 @@ def read_mesh(
         Nastran (`.bdf`, `.nas`, `.fem`), a universal file (`.unv`), any other file that meshio
         reads, or a dolfinx mesh. Coordinates are metres (see `unit`). Wedges, pyramids and mixed
         volumes are cut into tetrahedra, quadrilaterals beside triangles into triangles, and cells
-        of 8 and 20 nodes get those that they lack.
+        with 8 and 20 nodes get the missing nodes.
     size
         Largest element size in m; geometry files only (needed unless a `.geo` sets its own).
     gdim
@@ -179,8 +179,8 @@ def read_mesh(
         Let a `.geo` include other files, run programs and write files; read the options (`.opt`)
         beside a file. Only for files whose author you know.
     timeout
-        Seconds after which reading is given up. By default as the size of the file, or the number
-        of cells to be made, asks for, with a margin of 10 or more.
+        Seconds after which reading ends with an error. Default: ten times or more of what a file of
+        its size, or that number of cells, needs.
     comm
         The MPI communicator that shares the mesh.
 
