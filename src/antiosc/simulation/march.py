@@ -836,7 +836,7 @@ def rub(stage: int, c: int, share: Any, base: Any, F: Any, contacts: Any, anchor
 def together(share: Any, base: Any, F: Any, contacts: Any, mode: Any, s: Any) -> bool:
     """One step of Newton's method for all normal forces of both stages, shortened if need be."""
     kinds, params, _, _, _ = contacts
-    p = kinds.size
+    p = len(kinds)
     active = np.empty(p, dtype=np.int64)
     n = 0
     for c in range(p):
@@ -956,7 +956,7 @@ def solve(
     the whole system by Newton's method where they do not converge.
     """
     kinds, params, _, tangents, _ = contacts
-    p = kinds.size
+    p = len(kinds)
     for sweep in range(SWEEPS + NEWTON):
         if sweep == SWEEPS:  # the sweeps may have led away
             for c in range(p):
@@ -1279,7 +1279,7 @@ def fly(modes: Any, contacts: Any, state: Any, tables: Any, work: Any) -> int:
     kinds, params, _, _, _ = contacts
     clock, count, _, row, _, s, _, scale = state
     motion, free, which, missed, known = work[2], work[3], work[8], work[11], work[12]
-    p = kinds.size
+    p = len(kinds)
     for c in range(p):
         origin = piece(kinds[c], APART, params[c], s[c])[1]
         close = row[DEPTH, c] >= origin - SHARP * scale[c, 0]
@@ -1357,7 +1357,7 @@ def attempt(
                 compliances(table[each], beta, coupling[each])
                 ready[each, 0] = 1
         rated = False
-        for c in range(mode.size):
+        for c in range(len(mode)):
             rated = rated or contacts[0][c] == DAMPED or contacts[0][c] == USER
         pair(slot, h, coupling[slot + 1], coupling[slot], R, rated, share)
         ready[slot, 1] = 1
@@ -1423,7 +1423,7 @@ def first_exit(contacts: Any, state: Any, work: Any) -> float:
     motion, which = work[2], work[8]
     half = 0.5 * clock[STEP]
     first = inf
-    for c in range(kinds.size):
+    for c in range(len(kinds)):
         low, high, slow, fast = piece(kinds[c], mode[c], params[c], s[c])
         near, even = SHARP * scale[c, 0], 1e-6 * scale[c, 1]
         a, va = row[DEPTH, c], row[RATE, c]
@@ -1528,7 +1528,7 @@ def press(modes: Any, contacts: Any, state: Any, tables: Any, work: Any) -> int:
     level = count[LEVEL]
     while clock[LONGEST] * 0.5**level > clock[CAP] and level < LEVELS - 3:
         level += 1
-    blind = count[IDLE] > 4 * kinds.size + 8  # exits without end at one time: step over them
+    blind = count[IDLE] > 4 * len(kinds) + 8  # exits without end at one time: step over them
     if blind:
         level = min(level + 3, LEVELS - 3)
     while level < LEVELS - 2:
@@ -1570,7 +1570,7 @@ def press(modes: Any, contacts: Any, state: Any, tables: Any, work: Any) -> int:
 def mode_is_free(mode: Any) -> bool:
     """Whether nothing touches."""
     touching = 0
-    for c in range(mode.size):
+    for c in range(len(mode)):
         if mode[c] != APART:
             touching += 1
     return touching == 0
@@ -1658,14 +1658,14 @@ def take(
         row[FORCE], row[MIDDLE], row[BEND], row[FRESH] = F[2], F[1], base[2], 0.0
         row[SLOPE] = base[1] + h * base[2]
         row[DEPTH:FRESH] = motion[2:]
-    for c in range(kinds.size):
+    for c in range(len(kinds)):
         scale[c, 1] = max(scale[c, 1], abs(motion[3, c]))
         if mode[c] == APART:
             continue
         for r in range(tangents[c, 1]):
             anchor[0, c, r] = anchor[2, c, r]
         if clock[KNOWN] == 0.0:
-            clock[FORCE_SCALE] = max(clock[FORCE_SCALE], F[2, c])
+            clock[FORCE_SCALE] = max(clock[FORCE_SCALE], float(F[2, c]))
         if kinds[c] == USER and not COMPILED:
             user_advance(motion[2, c], motion[3, c], params[c], s[c])
 
