@@ -44,6 +44,15 @@ SAMPLE = 2e-6
 FROM_SITE, FROM_SUPPORTS = 0.15, 0.1
 #: Steps whose states are kept at a time.
 BLOCK = 250
+#: Lines of the chart.
+STYLES = {
+    "force": {"color": "C0", "lw": 2.5},
+    "displacement": {"color": "C2", "marker": "o", "ms": 4},
+    "strain": {"color": "C1", "marker": "o", "ms": 6, "mfc": "none", "ls": "--"},
+    "stress": {"color": "C1", "marker": "o", "ms": 3},
+    "section_forces": {"color": "C4", "marker": "o", "ms": 4},
+    "acceleration": {"color": "C3", "marker": "o", "ms": 4},
+}
 
 
 @dataclass(frozen=True)
@@ -339,9 +348,8 @@ def write(found: dict[str, dict[str, float]], told: dict[str, str], out: Path) -
             lines.append(f"| {n} | {' | '.join(cells)} |")
         upper, lower = axes[0, k], axes[1, k]
         for name, head in zip(shown, heads, strict=True):
-            style = {"lw": 2.5} if name == "force" else {"marker": "o", "ms": 4}
             values = [rows[str(n)][name] for n in counts]
-            upper.loglog(counts, values, label=head, **style)
+            upper.loglog(counts, values, label=head, **STYLES[name])
         lower.loglog(counts, [rows[str(n)]["srs"] for n in counts], "k-s", ms=4)
         lower.axhline(0.5, color="0.6", lw=1, ls="--")
         upper.set_title(case)
@@ -351,7 +359,10 @@ def write(found: dict[str, dict[str, float]], told: dict[str, str], out: Path) -
             ax.minorticks_off()
     axes[0, 0].set_ylabel("largest error")
     axes[1, 0].set_ylabel("shock spectra to 10 kHz: error (dB)")
-    plotting.legend_beside(axes[0, -1])
+    curves = {line.get_label(): line for ax in axes[0] for line in ax.lines}
+    axes[0, -1].legend(
+        curves.values(), curves, loc="upper left", bbox_to_anchor=(1.02, 1.0), fontsize="small"
+    )
     plotting.save_figure(figure, out / "local_quantities.png", dpi=110)
     (out / "local_quantities.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
 
