@@ -75,6 +75,14 @@ def test_the_element_resolves_the_plates_wave():
     assert half.kirchhoff(1, 0) / (2 * np.pi) == pytest.approx(advice.frequency, rel=1e-9)
 
 
+def test_the_element_resolves_the_shear_wave_of_a_thick_plate():
+    """Four to the wavelength √(G/ρ)/f, where that of bending alone is longer."""
+    advice = advise((0.6, 0.5, 0.04), sphere(8e-3, 3.0), **STEEL)
+    shear = np.sqrt(STEEL["E"] / (2 * (1 + STEEL["nu"])) / STEEL["rho"]) / advice.frequency
+    assert shear > 0.04
+    assert advice.element_size == pytest.approx(shear / 4, rel=1e-12)
+
+
 @pytest.mark.parametrize(
     ("size", "striker", "material", "words"),
     [

@@ -10,6 +10,7 @@ import pytest
 
 import antiosc as ao
 from antiosc import plotting
+from antiosc.plotting import parts
 from scenes import HERTZ, case_two
 
 plt = pytest.importorskip("matplotlib.pyplot")
@@ -33,6 +34,15 @@ def test_force_and_motion_are_those_of_the_history():
     assert np.array_equal(mass.get_ydata(), 1e3 * hit.impactor_displacement)
     ax = plotting.plot_force({"a": hit, "b": hit})
     assert [t.get_text() for t in ax.get_legend().get_texts()] == ["a", "b"]
+
+
+def test_the_picture_of_a_body_is_at_its_own_largest_motion():
+    model, striker = case_two(3)
+    hit = ao.simulate(model, striker, ao.Hertz(HERTZ), 1e-3)
+    largest = np.abs(hit.displacement), np.abs(hit.impactor_displacement)
+    assert np.argmax(largest[0]) != np.argmax(largest[1])
+    for body, expected in zip(("structure", "impactor"), largest, strict=True):
+        assert np.array_equal(parts._motion(hit, body), expected)
 
 
 def test_model_charts():
