@@ -13,6 +13,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse
 import scipy.sparse.linalg
+from numpy.typing import NDArray
 
 from antiosc._types import Array, IntArray
 from antiosc.errors import InputError
@@ -97,17 +98,17 @@ def halved(mesh: Mesh) -> Mesh:
     """The mesh of lines with two cells in place of each: of c the input cells 2c and 2c + 1."""
     pieces = gathered(mesh, np.ones(compat.cell_map(mesh.dolfinx).size_local))
     assert pieces is not None  # one rank
-    cells = pieces.cells
+    cells = pieces.cells.astype(np.int64)
     middle = len(pieces.points) + np.arange(len(cells))
     known = keys(cells)
     if len(np.unique(known)) < len(known):
         raise InputError("error='estimate' takes no two beams between the same nodes.")
     order = np.argsort(known)
-    groups: dict[str, dict[int, IntArray]] = {}
+    groups: dict[str, dict[int, NDArray[np.int64]]] = {}
     for name, parts in pieces.groups.items():
-        groups[name] = dict(parts)
+        groups[name] = {dim: rows.astype(np.int64) for dim, rows in parts.items()}
         if 1 in parts:
-            found = order[np.searchsorted(known[order], keys(parts[1].astype(np.int64)))]
+            found = order[np.searchsorted(known[order], keys(groups[name][1]))]
             groups[name][1] = _children(cells, middle, found)
     points = np.vstack([pieces.points, pieces.points[cells].mean(axis=1)])
     every = _children(cells, middle, np.arange(len(cells)))
@@ -115,10 +116,10 @@ def halved(mesh: Mesh) -> Mesh:
     return distributed(raw, mesh.name, mesh.comm)
 
 
-def _children(cells: IntArray, middle: IntArray, which: IntArray) -> IntArray:
+def _children(cells: IntArray, middle: IntArray, which: IntArray) -> NDArray[np.int64]:
     ends = cells[which]
     pairs = np.stack([ends[:, :1], middle[which, None], middle[which, None], ends[:, 1:]], axis=1)
-    return np.asarray(pairs.reshape(-1, 2))
+    return pairs.reshape(-1, 2).astype(np.int64)
 
 
 def interpolation(part: MeshedStructure, fine: MeshedStructure) -> scipy.sparse.csr_matrix:
