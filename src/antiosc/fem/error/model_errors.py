@@ -37,22 +37,24 @@ class ModelErrors:
         part = on_mesh(structure, NO_MESH)
         self._structure = structure
         self._beams = HalvedBeams(part) if part.kind.name == "beam" else None
-        self._geometry = ""
+        self._geometry, self._layers, self._mass = "", np.zeros(0), 0.0
         if self._beams:
             return
         self._errors = estimator(structure)
         self._geometry = faceted(part.mesh)
-        self._layers, self._mass = layers(part) if self._geometry else (np.zeros(0), 0.0)
+        if self._geometry:
+            self._layers, self._mass = layers(part)
 
     def added_to(self, model: AntiOscillators, site: Functional) -> AntiOscillators:
         """The model, with its shapes, and its `strain_error`; `info` holds patch and geometry."""
         started = time.perf_counter()
-        assert model.shapes is not None
+        shapes = model.shapes
+        assert shapes is not None
         if self._beams:
             model = replace(model, strain_error=self._beams.gram(model, site))
             model.info["seconds"]["error"] = time.perf_counter() - started
             return model
-        E, outside = self._errors.gram_and_layers(model.shapes, self._layers)
+        E, outside = self._errors.gram_and_layers(shapes, self._layers)
         model = replace(model, strain_error=E)
         model.info["safety"] = SAFETY[on_mesh(self._structure).mesh.tdim]
         model.info["patch"] = patch_of(self._structure, site)
