@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from antiosc._types import Array, IntArray
+from antiosc.checks import shown
 from antiosc.errors import InputError
 from antiosc.fem import compat
 from antiosc.fem.assembly.assembled import AssembledMatrices
@@ -22,7 +24,9 @@ from antiosc.fem.recovery import at_nodes as nodal
 from antiosc.fem.recovery.place import Place
 from antiosc.fem.recovery.quantities import evaluator
 from antiosc.fem.recovery.shape_slopes import PointsInCells
+from antiosc.fem.structure.meshed import alone
 from antiosc.fem.structure.structure import Structure, on_mesh
+from antiosc.names import known
 
 
 def at_point(structure: Structure, shapes: Array, x: Array, part: str | None) -> Array:
@@ -63,7 +67,26 @@ def recovered(
     InputError for a point farther from the structure than `most` [m].
     """
     parts = _parts(structure, shapes, part)
+    if place.stiffener is not None:
+        parts = _stiffeners(parts, place.stiffener)
     return _decided(structure, lambda: _recovered(parts, points, quantity, place, most))
+
+
+def _stiffeners(parts: list[tuple[Member, Array]], name: str) -> list[tuple[Member, Array]]:
+    """The beams of the group `name` on the sheets of some parts, with the shapes on their rows."""
+    found = [
+        (replace(member, part=alone(lines)), lines.rows_of(own))
+        for member, own in parts
+        for group, lines in member.part.stiffeners.items()
+        if group == name
+    ]
+    if not found:
+        groups = [group for member, _ in parts for group in member.part.stiffeners]
+        raise InputError(
+            f"no stiffener, a Beam on edges of a sheet, has the name {shown(name)}; "
+            f"{known(name, groups, 'its stiffeners')}."
+        )
+    return found
 
 
 def _recovered(

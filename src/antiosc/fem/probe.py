@@ -56,6 +56,7 @@ def probe(
     layer: int | None = None,
     fibre: Sequence[float] = (0.0, 0.0),
     axes: str = "global",
+    stiffener: str | None = None,
 ) -> Array:
     """One quantity at one point of the structure at `times`.
 
@@ -100,6 +101,9 @@ def probe(
     axes : "global" or "local"
         Axes of tensors: those of the mesh, or those of the material: the fibres of a layer (1, 2,
         normal), the axes of an anisotropic solid, tangent, height and side of a beam.
+    stiffener : str, optional
+        Group of a `Beam` on the edges of a shell: strain, stress and section forces of this beam,
+        at its point next to `point`.
 
     Notes
     -----
@@ -120,7 +124,7 @@ def probe(
         quantity, times = "displacement", times if quantity is None else quantity
     checks.choice("quantity", quantity, PROBED_QUANTITIES)
     checks.instance("structure", structure, Structure, "a Structure")
-    there = place(surface, layer, fibre, axes)
+    there = place(surface, layer, fibre, axes, stiffener)
     x, part, end = point_of(structure, point, part)
     shapes = shapes_of(structure, history, body)
     at = times_of(history, times)

@@ -15,6 +15,7 @@ from antiosc.fem import mesh_fields
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.recovery.place import Place
 from antiosc.fem.site.functionals import functional
+from sheets import RIB, SHEET, grouped, rectangle
 
 pytestmark = pytest.mark.fem
 
@@ -223,6 +224,36 @@ def test_section_forces_of_a_plane_beam():
     assert abs(N) < 1e-6
     fibre = ao.probe(part, hit, (0.3, 0.0), "stress", fibre=(0.01, 0.0))[-1]
     np.testing.assert_allclose(fibre[0, 0], -M * 0.01 / beam.section.I, rtol=1e-9)
+
+
+@pytest.mark.filterwarnings("ignore:.*patch")
+@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
+def test_a_stiffener_takes_its_share_of_the_moment(cell):
+    """A T section under a slow force: plane sections stay plane, N of the rib by statics."""
+    length, width, force, x = 1.0, 0.05, 5.0, 0.3
+    mesh = grouped(rectangle((24, 2), length, width, cell), lambda at: np.isclose(at[1], width / 2))
+    part = ao.Structure(
+        mesh, {"sheet": SHEET, "rib": RIB}, [ao.Support(lambda at: np.isclose(at[0], 0))]
+    )
+    end = length - 0.05
+    site = ao.Site((end, width / 2, 0), (0, 0, 1), radius=0.02)
+    hit = quiet_load(ao.extract(part, site, 8), force)
+    rib, E = RIB.section, RIB.E
+    areas, centres = np.array([width * 0.004, rib.A]), np.array([0.0, RIB.offset])
+    own = np.array([width * 0.004**3 / 12, rib.I])
+    middle = areas @ centres / areas.sum()
+    bend = force * (end - x) / (E * (own.sum() + areas @ (centres - middle) ** 2))
+
+    def probed(quantity, **options):
+        return ao.probe(part, hit, (x, width / 2, 0), quantity, stiffener="rib", **options)[-1]
+
+    forces = probed("section_forces")
+    N = E * rib.A * bend * (centres[1] - middle)
+    np.testing.assert_allclose(abs(forces[[0, 5]]), [N, E * rib.I * bend], rtol=2e-2)
+    above = probed("stress", fibre=(0.015, 0.0), axes="local")[0, 0]
+    assert abs(above) == pytest.approx(E * bend * (centres[1] + 0.015 - middle), rel=2e-2)
+    with pytest.raises(ao.InputError, match=r"no stiffener.*'rib'"):
+        ao.probe(part, hit, (x, 0, 0), "stress", stiffener="ribs")
 
 
 def quiet_load(model, force):

@@ -27,12 +27,15 @@ class Place:
     fibre : (y, z) distances from the centroid of a beam's section along its axes, m; None: not
         given.
     local : whether tensors are in the local axes, not in those of the mesh.
+    stiffener : group of beams on the edges of a sheet, of which the quantity is asked; None: of the
+        cells.
     """
 
     surface: str | tuple[float, ...] = "top"
     layer: int | None = None
     fibre: tuple[float, float] | None = (0.0, 0.0)
     local: bool = False
+    stiffener: str | None = None
 
     def within(self, R: Array) -> Place:
         """The same place in the axes of a part that an assembly turns by R (3, 3)."""
@@ -41,7 +44,7 @@ class Place:
         return replace(self, surface=tuple((np.asarray(self.surface) @ R).tolist()))
 
 
-def place(surface: Any, layer: Any, fibre: Any, axes: Any) -> Place:
+def place(surface: Any, layer: Any, fibre: Any, axes: Any, stiffener: Any = None) -> Place:
     """The arguments of `probe` after a check; InputError for others."""
     if isinstance(surface, str):
         checks.choice("surface", surface, SURFACES)
@@ -61,4 +64,6 @@ def place(surface: Any, layer: Any, fibre: Any, axes: Any) -> Place:
         y, z = checks.array("fibre", fibre, (2,)).tolist()
         fibre = (y, z)
     local = checks.choice("axes", axes, ("global", "local")) == "local"
-    return Place(surface, layer, fibre, local)
+    if stiffener is not None:
+        checks.text("stiffener", stiffener)
+    return Place(surface, layer, fibre, local, stiffener)

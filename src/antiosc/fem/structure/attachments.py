@@ -21,7 +21,7 @@ from antiosc.checks import array, coordinates, nonnegative, positive, shown, sto
 from antiosc.errors import InputError
 from antiosc.fem import compat
 from antiosc.fem.elements.beam import Beam, on_lines
-from antiosc.fem.elements.weak_form import WeakForm
+from antiosc.fem.elements.weak_form import Parts, WeakForm
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.mesh.closest_point import ClosestPoint, closest
 from antiosc.fem.mesh.mesh import Mesh
@@ -138,7 +138,31 @@ class Added:
     springs: Array
 
 
-def add_beams(to: Matrices, name: str, beam: Beam, edges: IntArray) -> Added:
+@dataclass(frozen=True)
+class Stiffener:
+    """Beams on edges of a sheet, as a part of their own."""
+
+    mesh: Mesh
+    form: WeakForm
+    #: the beam and its cells of this rank, ghosts included
+    parts: Parts
+    K: PETSc.Mat
+    M: PETSc.Mat
+    #: T of beam dofs = T · sheet dofs
+    shared: PETSc.Mat
+
+    def rows_of(self, columns: Array) -> Array:
+        """Beam dofs (rows of this rank, k) of dofs of the sheet (rows of this rank, k)."""
+        right, left = self.shared.createVecs()
+        result = np.zeros((left.getLocalSize(), columns.shape[1]))
+        for k, column in enumerate(columns.T):
+            right.setArray(column)
+            self.shared.mult(right, left)
+            result[:, k] = left.array_r
+        return result
+
+
+def add_beams(to: Matrices, name: str, beam: Beam, edges: IntArray) -> tuple[Added, Stiffener]:
     """Add `beam` on the `edges` of a sheet, entities of this rank in the group `name`."""
     if to.mesh.cell == "quadrilateral" and to.mesh.order > 1:
         raise InputError(
@@ -165,7 +189,8 @@ def add_beams(to: Matrices, name: str, beam: Beam, edges: IntArray) -> Added:
     inertia = multiply(own[1], moving)
     mass = line.comm.allreduce(float(moving[:, 0] @ inertia[:, 0]))
     rows = compat.local_size(to.form.space)
-    return Added(mass, _transposed(T, inertia), np.zeros((rows, 0)))
+    added = Added(mass, _transposed(T, inertia), np.zeros((rows, 0)))
+    return added, Stiffener(line, form, parts, own[0], own[1], T)
 
 
 def add_at_points(to: Matrices, one: PointMass | Spring) -> Added:

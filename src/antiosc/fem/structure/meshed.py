@@ -24,7 +24,14 @@ from antiosc.fem.mesh.surface import Faces
 from antiosc.fem.mesh.units import tell_of_units
 from antiosc.fem.mpi import bounds, warn
 from antiosc.fem.structure import remaining_motions, rigid_body_modes
-from antiosc.fem.structure.attachments import Matrices, PointMass, Spring, add_at_points, add_beams
+from antiosc.fem.structure.attachments import (
+    Matrices,
+    PointMass,
+    Spring,
+    Stiffener,
+    add_at_points,
+    add_beams,
+)
 from antiosc.fem.structure.materials import divided, parts_of
 from antiosc.fem.structure.matrices import StructureMatrices
 from antiosc.fem.structure.support import NO_DOFS, Support, fixed_dofs
@@ -46,6 +53,7 @@ class MeshedStructure(StructureMatrices):
     attached_inertia : M e for unit accelerations e along x, y, z, of the attachments alone (rows of
         this rank, 3).
     again : gives the same structure of a copy of its mesh, for instance on other ranks.
+    stiffeners : the beams on the edges of a sheet, by group.
     """
 
     mesh: Mesh = field(kw_only=True)
@@ -54,6 +62,7 @@ class MeshedStructure(StructureMatrices):
     total_mass: float = field(kw_only=True)
     attached_inertia: Array = field(kw_only=True)
     again: Callable[[Mesh], MeshedStructure] = field(kw_only=True)
+    stiffeners: Mapping[str, Stiffener] = field(default_factory=dict, kw_only=True)
 
     meshed: ClassVar[bool] = True
 
@@ -183,7 +192,8 @@ def assembled(
     # What is added to K, apart where K is taken by its strains.
     rest = K if form.strains is None else _zeros_like(K)
     to = Matrices(mesh, form, rest, M, fixed)
-    added = [add_beams(to, name, beam, edges) for name, beam, edges in beams]
+    on_edges = {name: add_beams(to, name, beam, edges) for name, beam, edges in beams}
+    added = [one for one, _ in on_edges.values()]
     added += [add_at_points(to, one) for one in _checked(attached)]
     if form.strains is not None:
         strains, degree = form.strains
@@ -221,6 +231,26 @@ def assembled(
         total_mass=mass,
         attached_inertia=attached_inertia,
         again=again,
+        stiffeners={name: lines for name, (_, lines) in on_edges.items()},
+    )
+
+
+def alone(stiffener: Stiffener) -> MeshedStructure:
+    """The beams of a stiffener as a structure, for what is asked of its cells."""
+    rows = compat.local_size(stiffener.form.space)
+    return MeshedStructure(
+        stiffener.K,
+        stiffener.M,
+        NO_DOFS,
+        np.zeros((rows, 0)),
+        0.0,
+        "auto",
+        mesh=stiffener.mesh,
+        form=stiffener.form,
+        parts=stiffener.parts,
+        total_mass=0.0,
+        attached_inertia=np.zeros((rows, 3)),
+        again=lambda _: alone(stiffener),
     )
 
 
