@@ -176,6 +176,31 @@ def test_a_reference_point_is_struck_and_probed():
         ao.extract(part, ao.Site("tip", (0, 0, -1), radius=1e-3))
 
 
+def test_a_free_assembly_flies_as_a_rigid_body():
+    """Thrown, spinning and under gravity: every part moves as the whole does, to rounding."""
+    block = ao.Structure(box((0, 0, 0), (0.1, 0.05, 0.05), (2, 1, 1)), STEEL, order=1)
+    turned = ao.Placement((0.1, 0, 0), (1, 0, 0), np.pi / 2, about=(0, 0.025, 0.025))
+    part = ao.assemble(
+        {"a": block, "b": block}, [ao.Tie("a:x1", "b:x0")], {"b": turned},
+        attached=[ao.PointMass("b:x1", 0.2)],
+    )  # fmt: skip
+    model = ao.extract(part, ao.Site("a:x0", (1, 0, 0)), n=3)
+    v, spin, about, g = np.array([[0.1, 0.2, 0.3], [0.5, 0.4, 0.3], [0.1, 0, 0], [0, 1, -9.81]])
+    thrown = ao.Motion(velocity=tuple(v), spin=tuple(spin), about=tuple(about))
+    never = ao.Contact("part", "ball", ao.Linear(1e5), gap=1.0)
+    flight = ao.Scene(
+        {"part": model, "ball": ao.RigidMass(1.0, -1.0)}, [never], motion={"part": thrown},
+        gravity=tuple(g),
+    ).run(2e-3)  # fmt: skip
+    t = flight.time[-1]
+    for name, x in (("a", (0, 0, 0)), ("b", (0.2, 0.05, 0))):
+        own = v + np.cross(spin, x - about)
+        moved = ao.probe(part, flight, x, times=[t], body="part", part=name)[0]
+        assert moved == pytest.approx(own * t + g * t**2 / 2, abs=1e-12 * np.abs(own * t).max())
+        speed = ao.probe(part, flight, x, "velocity", [t], body="part", part=name)[0]
+        assert speed == pytest.approx(own + g * t, abs=1e-12)
+
+
 @pytest.mark.parametrize(
     ("point", "options", "words"),
     [
