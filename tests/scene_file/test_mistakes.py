@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
-from antiosc.scene_file.read import DEEPEST, LARGEST_FILE
+import antiosc as ao
+from antiosc.scene_file.problems import Problems
+from antiosc.scene_file.program import Call
+from antiosc.scene_file.read import DEEPEST, LARGEST_FILE, Document
+from antiosc.scene_file.run import _failure
 from scene_files import BEAM, BRACKET, SCENES, antiosc, written
 
 #: line of BEAM that is replaced -> its replacement, and what the one sentence must hold.
@@ -286,3 +292,16 @@ def test_a_scene_cannot_reach_beyond_data(tmp_path, capsys):
     pytest.importorskip("dolfinx")
     ((_, sentence),) = sentences(written(tmp_path, text), capsys)
     assert "cannot permit itself to run commands" in sentence
+
+
+def test_only_wrong_input_gets_the_line_of_its_table():
+    """A solver that fails is no mistake of the scene; nor is a call that no table makes."""
+    failed = _failure(Document(Path("scene.toml"), {}, Problems("scene.toml", {("simulate",): 7})))
+    call = Call("ao.simulate", {}, ("simulate",))
+    for error in (ao.NotConvergedError("no"), ao.AccuracyError("no"), KeyError("no")):
+        assert failed(call, error) is error
+    wrong = ao.InputError("duration must be > 0.")
+    assert failed(Call("ao.simulate", {}), wrong) is wrong
+    told = failed(call, wrong)
+    assert told is not wrong
+    assert "scene.toml:7: simulate: duration must be > 0" in str(told)
