@@ -33,7 +33,8 @@ def plot(found: dict[str, Any], out: Path) -> None:
             series = {}
             for method in STYLE:
                 rows = [r for r in found["rows"] if r["method"] == method and r[error] and r[key]]
-                series[method] = [r[key] for r in rows], [r[error] for r in rows]
+                if rows:
+                    series[method] = [r[key] for r in rows], [r[error] for r in rows]
             ax = plotting.plot_errors(series, axes[row, column], styles=styles)
             ax.set_xlabel("seconds, all told" if key == "total" else "N")
         axes[row, 0].set_ylabel("error of the force (L2)" if row == 0 else "error of Z, band")
