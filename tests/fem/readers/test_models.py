@@ -121,6 +121,19 @@ def test_angles_of_layers_count_from_the_axis_of_the_stack(abaqus, layer, angle)
     assert given["layers"][0]["angle"] == pytest.approx(angle, abs=1e-5)
 
 
+@pytest.mark.parametrize(("askew", "axis"), [(0.0, [0, 0, 1]), (0.05, [0, 0, 1]), (0.2, [1, 0, 0])])
+def test_the_axis_of_a_stack_without_orientation(abaqus, askew, axis):
+    """x along the surface; z where the normal lies within 0.1° of x, as Abaqus defines it."""
+    deck = SHEET.replace("ELSET=ALL\n1,1,2,3,4", "ELSET=ALL\n1,11,12,13,14")
+    slope = np.tan(np.radians(askew))
+    corners = [(slope * z, y, z) for y, z in ((0, 0), (1, 0), (1, 1), (0, 1))]
+    deck += "*NODE\n" + "".join(f"{k},{x},{y},{z}\n" for k, (x, y, z) in enumerate(corners, 11))
+    section = "*SHELL SECTION,ELSET=ALL,COMPOSITE\n.5,3,M\n"
+    model, _ = abaqus(deck + section + "*MATERIAL,NAME=M\n" + CARDS["lamina"] + DENSITY)
+    ((_, _, given, _),) = model["families"]
+    assert given["axis"] == axis
+
+
 @pytest.mark.parametrize(("kind", "plane"), [("CPS4", "stress"), ("CPE4R", "strain")])
 def test_plane_sections_have_their_thickness(abaqus, kind, plane):
     model, _ = abaqus(SHEET.replace("S4", kind) + SOLID + "4.\n" + STEEL)

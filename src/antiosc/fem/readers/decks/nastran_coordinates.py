@@ -97,7 +97,7 @@ class Systems:
             a, b, c = (base.point(value) for value in values)
         z = b - a
         y = np.cross(z, c - a)
-        size = max(float(np.linalg.norm(z)), 1e-300)
+        size = np.linalg.norm(z)
         if not np.linalg.norm(y) > 1e-12 * size * np.linalg.norm(c - a):
             raise MeshError(f"{entry.place}: the three points of {entry.name} lie on one line.")
         z, y = z / np.linalg.norm(z), y / np.linalg.norm(y)
