@@ -144,19 +144,23 @@ def plot(hits: dict[str, ao.SceneHistory], path: Path) -> None:
     """Contact force and friction over time, on the bracket."""
     figure, axes = plotting.panels(2, 1, size=(9, 6))
     normal, side = axes.ravel()
-    for name, hit in hits.items():
-        if name.endswith("rigid"):
-            continue
+    last = 0.0
+    shown = {name: hit for name, hit in hits.items() if not name.endswith("rigid")}
+    widths = np.linspace(4.0, 1.0, len(shown))  # equal curves are seen beneath each other
+    for width, (name, hit) in zip(widths, shown.items(), strict=True):
         contact = hit["part:eye", "ball:foot"]
         friction = contact.friction
         way = friction[np.argmax(np.abs(friction).sum(axis=1))]
         way = way / max(float(np.linalg.norm(way)), 1e-300)
-        normal.plot(hit.time * 1e6, contact.force, label=f"{name.split()[0]} degrees")
-        side.plot(hit.time * 1e6, friction @ way)
+        normal.plot(hit.time * 1e6, contact.force, lw=width, label=f"{name.split()[0]} degrees")
+        side.plot(hit.time * 1e6, friction @ way, lw=width)
+        last = max([last, *(end for _, end in contact.contacts)])
     normal.set_ylabel("contact force (N)")
     normal.legend()
     side.set_ylabel("friction (N)")
-    side.set_xlabel("time (us)")
+    side.set_xlabel("time (µs)")
+    for ax in (normal, side):
+        ax.set_xlim(-0.02e6 * last, 1.05e6 * last)
     plotting.save_figure(figure, path, dpi=120)
 
 

@@ -124,17 +124,19 @@ def print_table(numbers: dict[str, dict[str, float]], hits: dict[str, ao.SceneHi
 
 
 def plot(hits: dict[str, ao.SceneHistory], duration: float, path: Path) -> None:
-    """Motion of the free end, and the force on its plate."""
-    figure, axes = plotting.panels(2, 1, size=(10, 6))
-    motion, force = axes.ravel()
+    """Motion of the free end, and the force on its plate: a row for each gap."""
+    figure, axes = plotting.panels(len(hits), 2, size=(11, 2.1 * len(hits)), sharex=True)
+    axes = np.reshape(axes, (len(hits), 2))
     t = np.linspace(0, duration, 5000)
-    for name, hit in hits.items():
-        motion.plot(t, hit.at(t)["tube"].displacement("end") * 1e3, label=f"gap {name}", lw=1)
+    for (name, hit), (motion, force) in zip(hits.items(), axes, strict=True):
+        motion.plot(t, hit.at(t)["tube"].displacement("end") * 1e3, lw=1)
         force.plot(t, plate_force(hit, "end", t), lw=1)
-    motion.set_ylabel("motion of the free end (mm)")
-    motion.legend()
-    force.set_ylabel("force on the last plate (N)")
-    force.set_xlabel("time (s)")
+        motion.set_ylabel("motion (mm)")
+        motion.set_title(f"free end, gap {name}", fontsize=10)
+        force.set_ylabel("force (N)")
+        force.set_title(f"last plate, gap {name}", fontsize=10)
+    for ax in axes[-1]:
+        ax.set_xlabel("time (s)")
     plotting.save_figure(figure, path, dpi=120)
 
 

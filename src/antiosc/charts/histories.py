@@ -34,6 +34,8 @@ LATE = 0.01
 MANY_CONTACTS = 7
 #: Windows of that mean over the time shown.
 WINDOWS = 25
+#: Height of a row of the legend over that of the axes.
+LEGEND_ROW = 0.08
 #: Estimated relative error of a force from which it is drawn as a band.
 VISIBLE = 0.005
 
@@ -93,7 +95,9 @@ def plot_force(hits: Recorded | Mapping[str, Recorded], ax: Axes | None = None) 
             ax.plot(1e3 * hit.time[top], hit.force[top], "o", ms=5, color=line.get_color())
     room = 0.06 * (end - start)
     ax.set_xlim(1e3 * (start - room), 1e3 * (end + room))
-    ax.set_ylim(*with_room([0.0, *(hit.peak_force for hit in named.values())], 0.05, 0.14))
+    means = sum(len(hit.contacts) >= MANY_CONTACTS for hit in named.values())
+    above = 0.14 + LEGEND_ROW * (means + 1 if means else 0)  # pulses all along the axis
+    ax.set_ylim(*with_room([0.0, *(hit.peak_force for hit in named.values())], 0.05, above))
     if len(named) == 1:
         _mark_peak(ax, next(iter(named.values())), 0.5 * (start + end))
     ax.set_xlabel("time (ms)")
