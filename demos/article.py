@@ -303,7 +303,7 @@ def first_case(a: dict[str, Any]) -> str:
     return f"""
 ## Case 1: the falling beam
 
-Force of each model, by the exact propagator and again by `solve_ivp`'s DOP853 (relative
+Force of each model, by the exact method and again by `solve_ivp`'s DOP853 (relative
 differences):
 
 {integrators}

@@ -86,14 +86,14 @@ def early(hit: ao.History, reference: ao.History, until: float) -> float:
     """Difference of two force histories in L2 up to a time in s, relative to the latter."""
     time = np.union1d(hit.time, reference.time)
     time = time[time <= until]
-    ours, theirs = (np.interp(time, h.time, h.force) for h in (hit, reference))
+    ours, theirs = (h.force_at(time) for h in (hit, reference))
     return float(np.sqrt(trapezoid((ours - theirs) ** 2, time) / trapezoid(theirs**2, time)))
 
 
 def compare(hit: ao.History, reference: ao.History) -> Errors:
     """How far a force history is from another."""
     time = np.union1d(hit.time, reference.time)
-    ours, theirs = (np.interp(time, h.time, h.force) for h in (hit, reference))
+    ours, theirs = (h.force_at(time) for h in (hit, reference))
     run = cumulative_trapezoid(ours - theirs, time)
     return Errors(
         early(hit, reference, float(time[-1])),

@@ -65,7 +65,7 @@ def main(
     stiffness : of Hertz's law, N m^-3/2
     elements : linear elements of the reference
     duration : simulated time, s
-    step : of the exact propagator, s; the other integrator shows whether it is short enough
+    step : of the exact method, s; the other integrator shows whether it is short enough
     reference_modes : natural modes, statically corrected, that stand for the exact beam
     counts : numbers of degrees of freedom of the convergence study
     refinements : (order, elements) of further meshes

@@ -110,8 +110,10 @@ def main(
     tables: dict[float, dict[str, list[Errors]]] = {}
     for velocity in velocities:
         reference = strike(models["FE"], velocity)
-        same = strike(models["FE, all AO"], velocity, step=reference.step)
-        untruncated[velocity] = compare(same, reference)
+        same, plain = (
+            strike(models[name], velocity, step=reference.step) for name in ("FE, all AO", "FE")
+        )
+        untruncated[velocity] = compare(same, plain)
         errors = {
             family.name: [
                 compare(strike(m, velocity), reference).force for m in reduced[family.name]

@@ -6,8 +6,8 @@ central differences, h omega_max = 2, and the same with the contact's stiffness 
 mass. The second takes N = 10 through hard scenes: stiff contact, m0 -> 0, light and heavy
 impactors, grazing speed, rest under gravity, an anti-oscillator next to massless. The third draws
 the error of the force over the step, finely, for a heavy mass on a soft structure whose light
-residual mass has its mode far above the others: the exact integrator has windows of steps in which
-the contact drives that mode, shaded where `antiosc.simulation.integrators.stability` predicts them.
+residual mass has its mode far above the others: the exact method has windows of steps in which
+the contact drives that mode, shaded where `antiosc.simulation.stability` predicts them.
 
 Each run is one of: good; energy (drift above 1 % of the energy there is); wrong (force off by more
 than 10 % in the L2 norm); diverged; and the seconds tell where a method only gets slow.
@@ -34,9 +34,10 @@ from stability_scenes import BEAM, HERTZ, STRIKER, Scene, hard_scenes
 import antiosc as ao
 from antiosc import files, plotting
 from antiosc.closed_form import pinned_pinned
+from antiosc.simulation.expected import scaled, stiffness_of
 from antiosc.simulation.history import force_difference
-from antiosc.simulation.integrators.stability import margin
-from antiosc.simulation.simulate import assemble, scaled
+from antiosc.simulation.stability import margin
+from antiosc.simulation.two_bodies import assemble
 
 ROOT = Path(__file__).resolve().parent.parent
 #: Newmark's curve lies under the one of the conserving method, which is drawn after it.
@@ -146,20 +147,16 @@ def adaptive(scene: Scene, method: str) -> dict[str, Any]:
 
 
 def windows(count: int, path: Path) -> list[dict[str, Any]]:
-    """The fixed-step methods over `count` steps about the exact integrator's windows."""
+    """The fixed-step methods over `count` steps about the exact method's windows."""
     model = ao.AntiOscillators(m0=2e-4, k0=7e6, m=[0.18, 0.01, 0.001], omega=[1.5e4, 6e4, 2.5e5])
     scene = Scene("windows", model, ao.RigidMass(10.0, 0.3), ao.Hertz(1.2e10), 1e-3, unit=1.0)
     problem, bodies = assemble(scene.model, scene.impactor, scene.law)
     problem, _ = scaled(problem, bodies, scene.duration)
-    y = np.linspace(1.0, 6.0, count)
+    y = np.linspace(1.0, 8.0, count)
     times = y / problem.omega.max()
-    size = (count, problem.omega.size)
-    rooms = margin(
-        np.broadcast_to(problem.omega, size),
-        np.broadcast_to(problem.beta, size),
-        np.full(count, problem.r),
-        np.full(count, problem.stiffness),
-        times,
+    stiffness, soft = np.array([stiffness_of(problem)]), np.array([[problem.r]])
+    rooms = np.array(
+        [margin(problem.omega, problem.beta[None], soft, stiffness, float(h)) for h in times]
     )
     rows = survey(scene, times)
     for row in rows:

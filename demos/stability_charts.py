@@ -13,7 +13,7 @@ import antiosc as ao
 from antiosc import plotting
 from antiosc.simulation.integrators import FIXED_STEP
 
-METHODS = tuple(FIXED_STEP)
+METHODS = ("exact", *FIXED_STEP)
 CLASSES = ("good", "energy", "wrong", "diverged")
 COLOURS = ListedColormap(["#4c9f70", "#f2c14e", "#e07a3f", "#8c2f39"])
 

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import eigh
 
 import antiosc as ao
-from antiosc.simulation.refinement import parabolas
+from antiosc.simulation.convergence import parabolas
 
 Array = NDArray[np.float64]
 

@@ -219,5 +219,5 @@ def test_a_warning_names_the_callers_line():
 def test_simulate_warns_at_the_line_that_called_it():
     model, ball = ao.AntiOscillators(m0=1.0, k0=1e4, m=[], omega=[]), ao.RigidMass(0.1, 1.0)
     with pytest.warns(ao.AccuracyWarning, match=r"force history|contacts") as caught:
-        ao.simulate(model, ball, ao.Linear(1e6), 0.1, gravity=9.81, max_contacts=1)
+        ao.simulate(model, ball, ao.Linear(1e6), 0.5, gravity=9.81, max_contacts=1)
     assert caught[0].filename == __file__

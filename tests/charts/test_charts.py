@@ -143,7 +143,7 @@ def test_many_contacts_have_a_mean_and_an_error_has_a_band():
     assert not plotting.plot_force(hit).collections
     hit.error["peak"] = 0.1
     (band,) = plotting.plot_force(hit).collections
-    assert band.get_paths()[0].get_extents().ymax == pytest.approx(1.1 * hit.peak_force)
+    assert band.get_paths()[0].get_extents().ymax == pytest.approx(1.1 * hit.force.max())
     floor = ao.AntiOscillators(m0=1.0, k0=1e9, m=[], omega=[])
     bouncing = ao.simulate(
         floor, ao.RigidMass(0.1), ao.HuntCrossley(1e9, 0.9), 0.3, gravity=9.81, gap=1e-3

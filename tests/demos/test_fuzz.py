@@ -114,7 +114,8 @@ def test_work_precision_parts(tmp_path):
     batch = work.batch_rate(model, scenes=24, repeats=1)
     assert batch["largest difference"] < 1e-9
     assert batch["largest error"] <= 1e-3
-    scene = work.Scene("small", model, work.STRIKER, ao.Hertz(HERTZ), 3e-4, np.array([4e-6, 2e-6]))
+    steps = np.array([1.6e-5, 8e-6])
+    scene = work.Scene("small", model, work.STRIKER, ao.Hertz(HERTZ), 3e-4, steps)
     truth = scene.run("DOP853", tol=1e-5)
     rows = [work.measure(scene, truth, "exact", {"step": float(h)}, 1) for h in scene.steps]
     assert rows[1]["error"] < 0.4 * rows[0]["error"]

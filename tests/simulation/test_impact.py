@@ -275,8 +275,8 @@ class TestGrazingAndFlight:
 
         The site starts inside the gap and swings freely: u = -a cos(w t) reaches the face at -a.
         """
-        from antiosc.simulation.integrators.flight import next_touch
         from antiosc.simulation.integrators.problem import Problem
+        from antiosc.simulation.integrators.touch import next_touch
 
         swing, w = 1e-3, 1e3
         for excess, touches in ((1e-9, True), (-1e-9, False)):
@@ -290,7 +290,8 @@ class TestGrazingAndFlight:
                 q=np.array([0.0, 0.0]),
                 v=np.array([swing * w, 0.0]),
                 law=ao.Hertz(1e9),
-                resolution=1e-15,
+                depth=1e-6,
+                speed=swing * w,
             )
             found = next_touch(problem, problem.q, problem.v, 0.0, 100 / w, 1e-6)
             if touches:

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.simulation import engine, march, refinement
+from antiosc.simulation import convergence, engine, march
 from antiosc.simulation.assembly import assemble
-from antiosc.simulation.refinement import converge, difference, left, start
+from antiosc.simulation.convergence import converge, difference, left
+from antiosc.simulation.refinement import start
 from scenes import HERTZ, case_two
 
 
@@ -78,18 +79,18 @@ def test_two_runs_serve_a_smooth_blow(monkeypatch) -> None:
         shares.append(share)
         return engine.run(system, duration, share, **how)
 
-    monkeypatch.setattr(refinement, "run", run)
+    monkeypatch.setattr(convergence, "run", run)
     tol = 1e-2
-    found = converge(made, 1e-3, tol, 100, 10**6)
-    assert shares == [tol * refinement.FIRST, tol * refinement.FIRST / refinement.SECOND]
+    found = converge(made.system, made.laws, made.lasting, 1e-3, tol, 100, 10**6)
+    assert shares == [tol * convergence.FIRST, tol * convergence.FIRST / convergence.SECOND]
     assert max(found.force, found.peak) <= tol
 
 
 @pytest.mark.parametrize("finer", [2.0, 4.0, 8.0])
 def test_what_is_left_of_a_difference(finer: float) -> None:
     """Errors e and e/f differ by e - e/f, of which the finer has 1/(f - 1)."""
-    assert left(finer, rated=False) == pytest.approx(refinement.MARGIN / (finer - 1))
-    assert left(finer**3, rated=True) == pytest.approx(refinement.MARGIN / (finer - 1))
+    assert left(finer, rated=False) == pytest.approx(convergence.MARGIN / (finer - 1))
+    assert left(finer**3, rated=True) == pytest.approx(convergence.MARGIN / (finer - 1))
 
 
 @pytest.mark.slow
@@ -104,7 +105,7 @@ def test_compiled_differences_and_energies_are_those_of_numpy(monkeypatch) -> No
     runs = [engine.run(made.system, 2e-3, share, fine=made.lasting / 200) for share in (0.1, 1e-2)]
     found = {}
     for module in (march, compiled):
-        monkeypatch.setattr(refinement, "fitting_march", lambda _, module=module: module)
+        monkeypatch.setattr(convergence, "fitting_march", lambda _, module=module: module)
         found[module] = [difference(*runs, tol) for tol in (1e-3, 1.0)]
     np.testing.assert_allclose(found[compiled], found[march], rtol=1e-10)
     assert found[march][0][2] < found[march][1][2] == 2e-3

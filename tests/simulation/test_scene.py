@@ -15,10 +15,11 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import antiosc as ao
-from antiosc.simulation import engine, march, refinement
+from antiosc.simulation import convergence, engine, march
 from antiosc.simulation.assembly import assemble
+from antiosc.simulation.convergence import parabolas
 from antiosc.simulation.engine import compiled_march, run
-from antiosc.simulation.refinement import parabolas, start
+from antiosc.simulation.refinement import start
 from direct import chain, force_error, free_modes, physical
 from scenes import HERTZ, case_two, hertz_impact
 
@@ -465,8 +466,8 @@ def test_bounds_on_the_work_are_told() -> None:
 
 
 def test_a_finer_run_that_takes_far_more_steps_is_stopped(monkeypatch) -> None:
-    monkeypatch.setattr(refinement, "DEARER", 0)
-    monkeypatch.setattr(refinement, "CHEAP", 20)
+    monkeypatch.setattr(convergence, "DEARER", 0)
+    monkeypatch.setattr(convergence, "CHEAP", 10)
     with pytest.warns(ao.AccuracyWarning, match="Up to .* the two agree"):
         hit = bounce().run(1e-2)
     assert hit.status == 1

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 import antiosc as ao
 from antiosc.simulation import march
 from antiosc.simulation.assembly import assemble
+from antiosc.simulation.convergence import parabolas
 from antiosc.simulation.engine import run
-from antiosc.simulation.refinement import parabolas
 from direct import beam, force_error, free_modes, physical
 
 Array = NDArray[np.float64]

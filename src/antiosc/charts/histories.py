@@ -92,7 +92,7 @@ def plot_force(hits: Recorded | Mapping[str, Recorded], ax: Axes | None = None) 
             ax.fill_between(1e3 * hit.time, *bounds, label=f"estimated error ±{error:.1%}", **shade)
         if hit.peak_force > 0:
             top = int(np.argmax(hit.force))
-            ax.plot(1e3 * hit.time[top], hit.force[top], "o", ms=5, color=line.get_color())
+            ax.plot(1e3 * hit.time[top], hit.peak_force, "o", ms=5, color=line.get_color())
     room = 0.06 * (end - start)
     ax.set_xlim(1e3 * (start - room), 1e3 * (end + room))
     means = sum(len(hit.contacts) >= MANY_CONTACTS for hit in named.values())

@@ -12,11 +12,11 @@ from antiosc.contact import ContactLaw, Hertz, State
 from antiosc.errors import InputError
 from antiosc.simulation.bodies import PARALLEL, Placed, place
 from antiosc.simulation.engine import System
+from antiosc.simulation.expected import deepest, stiffness_at
 from antiosc.simulation.impactors import Obstacle
 from antiosc.simulation.laws import packed
 from antiosc.simulation.scene import Contact, Scene
 from antiosc.simulation.scene_states import between
-from antiosc.simulation.simulate import _deepest, _stiffness
 
 Array = NDArray[np.float64]
 
@@ -432,7 +432,7 @@ def _scales(
         state = law.touch(float(speed[c]))
         energy = 0.5 * mass[c] * speed[c] ** 2
         far = float(speed[c] * duration + push[c] * duration**2)
-        depth[c] = _deepest(law, state, float(energy), float(push[c] * mass[c]), far)
+        depth[c] = deepest(law, state, float(energy), float(push[c] * mass[c]), far)
         pace = speed[c] + sqrt(2 * push[c] * depth[c])
         lasting = min(lasting, 3 * depth[c] / pace)
         contact = scene.contacts[c]
@@ -440,18 +440,18 @@ def _scales(
             stiffness, patches = contact.tangential_stiffness, local[c]
             if stiffness is None:
                 whole = contact.law
-                deepest = _deepest(whole, state, float(energy), float(push[c] * mass[c]), far)
-                stiffness = MINDLIN * _mean_stiffness(whole, deepest, state)
+                most = deepest(whole, state, float(energy), float(push[c] * mass[c]), far)
+                stiffness = MINDLIN * _mean_stiffness(whole, most, state)
                 if law is whole:  # the patches give way besides, normally and so sideways
                     patches = 0.0
             slip[c] = contact.friction, _beside_patches(stiffness, patches)
     return depth, speed, slip, lasting
 
 
-def _mean_stiffness(law: ContactLaw, deepest: float, state: State) -> float:
+def _mean_stiffness(law: ContactLaw, most: float, state: State) -> float:
     """Mean stiffness [N/m] over a contact whose indentation is half a sine in time."""
     phases = (np.arange(16) + 0.5) / 16 * (np.pi / 2)
-    return float(np.mean([_stiffness(law, deepest * s, state) for s in np.sin(phases)]))
+    return float(np.mean([stiffness_at(law, most * s, state) for s in np.sin(phases)]))
 
 
 def _felt(beta: Array, modal: Array) -> Array:

@@ -1,14 +1,10 @@
-"""Many impacts at once: `simulate_many` checks and refines every scene as `simulate` does.
-
-Scenes with power laws (Linear, Hertz, Power) are integrated together
-(`antiosc.simulation.integrators.many`), those with other laws one by one.
-"""
+"""Many impacts at once: every scene is integrated as `simulate` does, here or by an executor."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
-from math import log2
 from typing import Any
 
 import numpy as np
@@ -18,27 +14,15 @@ from antiosc import checks
 from antiosc._types import Array, Index
 from antiosc.brief import Brief
 from antiosc.contact import ContactLaw
-from antiosc.contact.many import VECTORISED
-from antiosc.errors import AccuracyError, InputError
+from antiosc.errors import AccuracyError, AccuracyWarning, AntioscError, InputError, warn
 from antiosc.models.body import LinearBody
 from antiosc.progress import counting
-from antiosc.simulation.history import main_impact
-from antiosc.simulation.integrators import MAX_STEPS, Problem
-from antiosc.simulation.integrators.many import Result, Stack, run_many
-from antiosc.simulation.simulate import (
-    COARSEST,
-    DEFAULT_TOL,
-    MAX_LEVELS,
-    assemble,
-    check_span,
-    integrated,
-    scaled,
-    without_patch,
-)
-from antiosc.simulation.step_control import Refinement
-from antiosc.simulation.verdict import judge, tell_all
+from antiosc.simulation.integrators import MAX_STEPS
+from antiosc.simulation.simulate import DEFAULT_TOL, Outcome, integrated
+from antiosc.simulation.verdict import STOPPED, Verdict, tell_all
 
-_BLOCK = 2048  # scenes integrated together: enough to make the overhead of a call negligible
+CHUNKS = 64  # that the scenes are divided into for an executor
+EXECUTOR = "a concurrent.futures.Executor, such as ProcessPoolExecutor()"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -51,9 +35,9 @@ class Batch(Brief):
         `History.restitution` is None.
     contacts : (S,) number of contacts.
     step, error : (S,) step used [s] and estimated relative error of the force (NaN: step given).
-    status : (S,) as in `History`.
+    status : (S,) as in `History`; 2 for a scene that failed, whose numbers are NaN.
     force : list of S pairs (time, force): nodes of the contacts, force linear in between.
-    message : list of S sentences that explain the status.
+    message : list of S sentences that explain the status, or the error of a scene that failed.
     """
 
     peak_force: Array
@@ -71,17 +55,53 @@ class Batch(Brief):
         return self.peak_force.size
 
 
-def sweep(make: Callable[..., Any], **values: Any) -> list[Any]:
+def sweep(
+    make: Callable[..., Any], *, executor: Executor | None = None, **values: Any
+) -> list[Any]:
     """Objects made from arrays: `sweep(RigidMass, mass=masses, velocity=2.0)`.
 
-    Every keyword is one value for all or a sequence; all sequences must have the same length.
+    Parameters
+    ----------
+    make : callable
+        A constructor, or any function of the keywords.
+    executor : concurrent.futures.Executor, optional
+        What calls `make`, for instance a pool of processes. A call that fails then leaves its
+        error in its place and costs no other; a warning names it. Without an executor the first
+        error is raised.
+    values
+        Every keyword is one value for all or a sequence; all sequences must have the same length.
+
+    Returns
+    -------
+    list
+        The results in the order of the values.
+
+    Raises
+    ------
+    InputError
+        For sequences of different lengths.
     """
     checks.function("make", make, "a constructor, such as RigidMass")
+    _check_executor(executor)
     lengths = {k: len(v) for k, v in values.items() if _is_many(v)}
     size = _common_length(lengths)
-    return [
-        make(**{k: v[i] if k in lengths else v for k, v in values.items()}) for i in range(size)
-    ]
+    each = [{k: v[i] if k in lengths else v for k, v in values.items()} for i in range(size)]
+    if executor is None:
+        return [make(**keywords) for keywords in each]
+    futures = [executor.submit(make, **keywords) for keywords in each]
+    results: list[Any] = []
+    for future in futures:
+        try:
+            results.append(future.result())
+        except AntioscError as error:
+            results.append(error)
+    failed = [i for i, result in enumerate(results) if isinstance(result, AntioscError)]
+    if failed:
+        warn(
+            f"{len(failed)} of {size} calls failed, as call {failed[0]}: {results[failed[0]]}",
+            AccuracyWarning,
+        )
+    return results
 
 
 @checks.within_range
@@ -97,8 +117,9 @@ def simulate_many(
     gravity: ArrayLike = 0.0,
     max_contacts: int = 10_000,
     max_steps: int = MAX_STEPS,
+    executor: Executor | None = None,
 ) -> Batch:
-    """`simulate` with the exact integrator for many scenes.
+    """`simulate` with the exact method for many scenes.
 
     Parameters
     ----------
@@ -108,13 +129,22 @@ def simulate_many(
         As for `simulate`, for all scenes or one per scene.
     tol, max_contacts, max_steps
         As for `simulate`.
+    executor : concurrent.futures.Executor, optional
+        What integrates the scenes, in chunks: processes, threads, `mpi4py.futures`, Dask's.
+
+    Returns
+    -------
+    Batch
+        In the order of the scenes. A scene whose integration fails, for instance because its force
+        leaves the range of its law, has status 2, NaN for numbers and the error as its message; a
+        warning names it.
 
     Raises
     ------
     InputError
-        For sequences of different lengths, and as `simulate`.
+        For sequences of different lengths, and as `simulate`; the message names the scene.
     AccuracyError
-        When a scene's force leaves the range of its law; the message names the scene.
+        When every scene fails.
     """
     given: dict[str, Any] = {
         "models": models,
@@ -125,122 +155,149 @@ def simulate_many(
         "initial_velocity": initial_velocity,
         "gravity": gravity,
     }
+    _check_executor(executor)
     size = _common_length({k: len(v) for k, v in given.items() if _is_many(v)})
     columns = {k: list(v) if _is_many(v) else [v] * size for k, v in given.items()}
     accuracy = DEFAULT_TOL if tol is None else checks.tolerance(tol)
-    max_contacts = checks.whole("max_contacts", max_contacts)
-    max_steps = checks.whole("max_steps", max_steps)
-    scenes = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
-    results: list[Result | None] = [None] * size
-    groups: dict[type, list[int]] = {}
-    for i, scene in enumerate(scenes):
-        groups.setdefault(type(scene["contacts"]), []).append(i)
-    ended = 0
+    limits = {
+        "tol": accuracy,
+        "max_contacts": checks.whole("max_contacts", max_contacts),
+        "max_steps": checks.whole("max_steps", max_steps),
+    }
+    scenes = list(zip(*columns.values(), strict=True))
+    chunk = 1 if executor is None else -(-size // CHUNKS)
+    parts = [scenes[i : i + chunk] for i in range(0, size, chunk)]
+    rows: list[_Row] = []
     with counting("simulating impacts", size) as ready:
-        for kind, members in groups.items():
-            width = _BLOCK if kind in VECTORISED else 1
-            for first in range(0, len(members), width):
-                block = members[first : first + width]
-                if kind in VECTORISED:
-                    prepared = [_prepare(scenes[i], i) for i in block]
-                    solved = _solve(kind, prepared, accuracy, max_contacts, max_steps)
-                else:
-                    i = block[0]
-                    solved = [_alone(scenes[i], i, accuracy, max_contacts, max_steps)]
-                for i, result in zip(block, solved, strict=True):
-                    results[i] = result
-                ended += len(block)
-                ready(ended)
-    done = [r for r in results if r is not None]
-    tell_all([r.verdict for r in done])
-    return _gather(done)
+        if executor is None:
+            found: Iterable[list[_Row]] = (_solved(part, limits) for part in parts)
+        else:
+            futures = [executor.submit(_solved, part, limits) for part in parts]
+            found = (future.result() for future in futures)
+        for each in found:
+            rows.extend(each)
+            ready(len(rows))
+    _raise(rows)
+    tell_all([r.verdict for r in rows])
+    return _gathered(rows)
 
 
-# -- one scene in, one result out
+# -- one scene in, one row out
 
 
 @dataclass(eq=False)
-class _Scene:
-    index: int
-    problem: Problem
-    duration: float
-    scale: float
-    step: float
-    fixed: bool
+class _Row:
+    """What a batch keeps of one scene; `error` that of a scene which failed."""
+
+    verdict: Verdict
+    peak_force: float = np.nan
+    impulse: float = np.nan
+    contact_time: float = np.nan
+    restitution: float = np.nan
+    contacts: int = 0
+    step: float = np.nan
+    accuracy: float = np.nan
+    force: tuple[Array, Array] = (np.zeros(0), np.zeros(0))
+    error: AntioscError | None = None
 
 
-def _prepare(scene: dict[str, Any], index: int) -> _Scene:
-    duration = checks.positive("duration", scene["duration"], "s")
-    law, _ = without_patch(scene["contacts"], scene["models"], scene["impactors"])
-    problem, bodies = assemble(
-        scene["models"], scene["impactors"], law, scene["initial_velocity"], scene["gravity"]
-    )
-    check_span(problem, duration)
-    problem, scale = scaled(problem, bodies, duration)
-    step = scene["step"]
-    if step is None:
-        return _Scene(index, problem, duration, scale, scale / COARSEST, False)
-    step = checks.positive("step", step, "s")
-    if step > duration:
-        raise InputError(f"step must be <= the duration {duration:g} s; got {step:g} s.")
-    return _Scene(index, problem, duration, scale, step, True)
+def _solved(scenes: Sequence[tuple[Any, ...]], limits: dict[str, Any]) -> list[_Row]:
+    """The rows of scenes (model, impactor, law, duration, step, velocity, gravity)."""
+    rows = []
+    for scene in scenes:
+        try:
+            rows.append(_row(impact(*scene, **limits)))
+        except AntioscError as error:
+            rows.append(_Row(Verdict(STOPPED, str(error)), error=error))
+    return rows
 
 
-def _alone(
-    scene: dict[str, Any], index: int, tol: float, max_contacts: int, max_steps: int
-) -> Result:
-    hit, verdict = integrated(
-        scene["models"],
-        scene["impactors"],
-        scene["contacts"],
-        checks.positive("duration", scene["duration"], "s"),
-        step=scene["step"],
+@checks.within_range
+def impact(
+    model: Any,
+    impactor: Any,
+    contact: Any,
+    duration: Any,
+    step: Any,
+    velocity: Any,
+    gravity: Any,
+    *,
+    tol: float,
+    max_contacts: int,
+    max_steps: int,
+) -> Outcome:
+    """One scene; AccuracyError if its force leaves the range of its law."""
+    outcome = integrated(
+        model,
+        impactor,
+        contact,
+        checks.positive("duration", duration, "s"),
+        step=step,
         tol=tol,
-        initial_velocity=scene["initial_velocity"],
-        gravity=scene["gravity"],
+        initial_velocity=velocity,
+        gravity=gravity,
         gap=None,
         max_contacts=max_contacts,
         max_steps=max_steps,
     )
-    _check_range(hit.problem.law, hit.peak_force, index)
-    e = hit.restitution
-    return Result(
-        contacts=[
-            (c.start, c.end, sum(s.impulse for s in hit.trajectory.segments[slice(*c.segments)]))
-            for c in hit.trajectory.contacts
-        ],
-        time=hit.time,
-        force=hit.force,
-        closing=1.0,
-        parting=np.nan if e is None else -e,
-        released=True,
-        step=hit.step,
-        error=hit.error.get("force", np.nan),
-        verdict=verdict,
+    law, peak = outcome.problem.law, outcome.trajectory.peak_force
+    if peak > law.valid_force:
+        raise AccuracyError(f"{law.out_of_range(peak, None)}.")
+    return outcome
+
+
+def _row(outcome: Outcome) -> _Row:
+    run = outcome.trajectory
+    e = run.restitution
+    pressed = [segment for segment in run.segments if segment.contact]
+    return _Row(
+        verdict=outcome.verdict,
+        peak_force=run.peak_force,
+        impulse=run.impulse,
+        contact_time=run.contact_time,
+        restitution=np.nan if e is None else e,
+        contacts=len(run.contacts),
+        step=outcome.step,
+        accuracy=outcome.error.get("force", np.nan),
+        force=(
+            np.concatenate([np.zeros(0), *(s.time for s in pressed)]),
+            np.concatenate([np.zeros(0), *(s.force for s in pressed)]),
+        ),
     )
 
 
-def _check_range(law: ContactLaw, peak_force: float, index: int) -> None:
-    if peak_force > law.valid_force:
-        raise AccuracyError(f"scene {index}: {law.out_of_range(peak_force, None)}.")
+def _raise(rows: list[_Row]) -> None:
+    """Raise the first InputError, and any error that all scenes share."""
+    for i, row in enumerate(rows):
+        if isinstance(row.error, InputError):
+            raise type(row.error)(f"scene {i}: {row.error}") from row.error
+    if all(row.error is not None for row in rows):
+        error = rows[0].error
+        assert error is not None
+        raise type(error)(f"scene 0: {error}") from error
 
 
-def _gather(results: list[Result]) -> Batch:
-    def restitution(r: Result) -> float:
-        return -r.parting / r.closing if r.released and r.closing > 0 else np.nan
+def _gathered(rows: list[_Row]) -> Batch:
+    def column(name: str, kind: type = float) -> Any:
+        return np.array([getattr(row, name) for row in rows], dtype=kind)
 
     return Batch(
-        peak_force=np.array([r.force.max(initial=0.0) for r in results]),
-        impulse=np.array([sum(c[2] for c in r.contacts) for r in results]),
-        contact_time=np.array([main_impact(r.contacts) for r in results]),
-        restitution=np.array([restitution(r) for r in results]),
-        contacts=np.array([len(r.contacts) for r in results], dtype=np.intp),
-        step=np.array([r.step for r in results]),
-        error=np.array([r.error for r in results]),
-        status=np.array([r.verdict.status for r in results], dtype=np.intp),
-        force=[(r.time, r.force) for r in results],
-        message=[r.verdict.message for r in results],
+        peak_force=column("peak_force"),
+        impulse=column("impulse"),
+        contact_time=column("contact_time"),
+        restitution=column("restitution"),
+        contacts=column("contacts", np.intp),
+        step=column("step"),
+        error=column("accuracy"),
+        status=np.array([row.verdict.status for row in rows], dtype=np.intp),
+        force=[row.force for row in rows],
+        message=[row.verdict.message for row in rows],
     )
+
+
+def _check_executor(executor: Any) -> None:
+    if executor is not None and not callable(getattr(executor, "submit", None)):
+        raise InputError(f"executor must be {EXECUTOR}; got {type(executor).__name__}.")
 
 
 def _is_many(value: Any) -> bool:
@@ -260,98 +317,3 @@ def _common_length(lengths: dict[str, int]) -> int:
     if size == 0:
         raise InputError("a batch needs at least one scene; got empty sequences.")
     return size
-
-
-# -- error control, as in `simulate`
-
-
-def _solve(
-    kind: type, scenes: list[_Scene], tol: float, max_contacts: int, max_steps: int
-) -> list[Result]:
-    stack = Stack(kind, [s.problem for s in scenes], [s.duration for s in scenes])
-    step = np.array([s.step for s in scenes])
-    fixed = np.array([s.fixed for s in scenes])
-    least = np.array([s.scale for s in scenes]) / max_steps
-    todo = np.flatnonzero(~fixed)
-    step[todo] = stack.clear(todo, step[todo], least[todo])
-    results = run_many(stack, np.arange(len(scenes)), step, max_contacts, max_steps)
-    control = [Refinement(tol) for _ in scenes]
-    for _ in range(MAX_LEVELS):
-        share = np.array([2**c.halvings for c in control])
-        work = np.array([r.work for r in results])
-        full = np.array([r.full for r in results])
-        todo = todo[(share * work <= max_steps)[todo] & ~full[todo]]
-        if todo.size == 0:
-            break
-        finer = stack.clear(todo, step[todo] / share[todo], least[todo])
-        fine = run_many(stack, todo, finer, max_contacts, max_steps)
-        l2, peak = _differences([results[i] for i in todo], fine, stack.duration[todo])
-        for j, i in enumerate(todo):
-            control[i].halvings = log2(step[i] / finer[j])
-            if fine[j].diverged and not results[i].diverged:
-                control[i].halvings += 1
-                continue
-            if not results[i].diverged:
-                control[i].update(float(l2[j]), float(peak[j]))
-            results[i], step[i] = fine[j], finer[j]
-        todo = np.array([i for i in todo if not control[i].reached], dtype=np.intp)
-    for i, (result, scene) in enumerate(zip(results, scenes, strict=True)):
-        result.step = float(step[i])
-        worst = 0.0
-        if not fixed[i]:
-            result.error = control[i].error["force"]
-            worst = max(control[i].error.values())
-        result.verdict = judge(
-            scene.problem,
-            scene.duration,
-            touched=bool(result.contacts),
-            released=result.released,
-            failure=_failure(result, max_contacts, max_steps),
-            error=worst,
-            tol=tol,
-        )
-        _check_range(scene.problem.law, float(result.force.max(initial=0.0)), scene.index)
-    return results
-
-
-def _failure(result: Result, max_contacts: int, max_steps: int) -> str:
-    """Why a scene stopped before its end, if it did."""
-    if result.diverged:
-        return "stopped: it gained energy at the step given; use a smaller one, or none"
-    if result.full:
-        return (
-            f"stopped before its end: more than {max_contacts} contacts, or {max_steps} steps in"
-            f" one; shorten the duration or raise max_contacts or max_steps"
-        )
-    return ""
-
-
-def _differences(coarse: list[Result], fine: list[Result], duration: Array) -> tuple[Array, Array]:
-    """`force_difference` of many pairs: their time axes are laid end to end."""
-    ends = np.concatenate(([0.0], np.cumsum(2 * duration)))
-
-    def flat(results: list[Result]) -> tuple[Array, Array]:
-        time = [a + np.concatenate(([0.0], r.time)) for a, r in zip(ends, results, strict=False)]
-        force = [np.concatenate(([0.0], r.force)) for r in results]
-        last = [np.array([a + d]) for a, d in zip(ends, duration, strict=False)]
-        hold = [np.array([f[-1]]) for f in force]
-        pairs = zip(time, last, strict=True), zip(force, hold, strict=True)
-        return tuple(np.concatenate([x for pair in p for x in pair]) for p in pairs)  # type: ignore
-
-    (ta, fa), (tb, fb) = flat(coarse), flat(fine)
-    time = np.union1d(ta, tb)
-    a, b = np.interp(time, ta, fa), np.interp(time, tb, fb)
-    starts = np.searchsorted(time, ends[:-1])
-    inside = np.ones(time.size - 1, dtype=bool)
-    inside[starts[1:] - 1] = False  # between two scenes
-
-    def norm(f: Array) -> Array:
-        piece = np.diff(time) * (f[:-1] ** 2 + f[:-1] * f[1:] + f[1:] ** 2) / 3
-        return np.sqrt(np.add.reduceat(np.where(inside, piece, 0.0), starts))
-
-    size, gap = norm(b), norm(a - b)
-    tops = np.maximum.reduceat(a, starts), np.maximum.reduceat(b, starts)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        l2 = np.where(size > 0, gap / size, np.where(gap > 0, 1.0, 0.0))
-        peak = np.where(size > 0, np.abs(tops[0] - tops[1]) / tops[1], l2)
-    return l2, peak

@@ -10,11 +10,11 @@ from antiosc import checks
 from antiosc.errors import InputError
 from antiosc.simulation import march
 from antiosc.simulation.assembly import Assembly
+from antiosc.simulation.convergence import Converged, difference
 from antiosc.simulation.engine import Run
 from antiosc.simulation.integrators.ivp import METHODS as IVP_METHODS
 from antiosc.simulation.integrators.scene_ivp import SceneIVP
 from antiosc.simulation.integrators.scene_steps import SCENE_STEPS
-from antiosc.simulation.refinement import Converged, difference
 
 #: what runs a scene, by name
 METHODS = ("exact", *SCENE_STEPS, *IVP_METHODS)

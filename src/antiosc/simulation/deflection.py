@@ -9,7 +9,7 @@ import numpy as np
 from antiosc import checks
 from antiosc._types import Array
 from antiosc.models.body import LinearBody
-from antiosc.simulation.integrators.propagator import Propagator
+from antiosc.simulation.modal_response import responses
 
 #: Bodies processed together, and times at which u is evaluated in addition to those of the force.
 BODIES_AT_ONCE, SAMPLES = 200, 200
@@ -60,18 +60,16 @@ def _peaks(
         for at, (t, F) in steps
     ]
     time, F = _padded(times, None), _padded(force, 0.0)
-    motion = Propagator(omega, decay)
     q, v = np.zeros_like(b), np.zeros_like(b)
     peak = np.zeros(len(modal))
     for k in range(time.shape[1] - 1):
         h = time[:, k + 1] - time[:, k]
-        P, S, W = motion.motion(h)
-        J, R = motion.step_and_ramp(h)
+        P, W, S, J0, J1, _ = responses(omega, decay, h)
         rise = (b.T * ((F[:, k + 1] - F[:, k]) / np.where(h > 0, h, 1.0))).T
         push = b * F[:, k, None]
         q, v = (
-            P * q + S * v + push * J + rise * R,
-            W * v - motion.square * S * q + push * S + rise * J,
+            P * q + S * v + push * J0 + rise * J1,
+            W * v - omega**2 * S * q + push * S + rise * J0,
         )
         peak = np.maximum(peak, np.sum(b * q, axis=1) + r * F[:, k + 1])
     return peak

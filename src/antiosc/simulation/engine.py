@@ -154,7 +154,7 @@ class Start:
     def of(cls, system: System) -> Start:
         """The start of a system."""
         p, (m, size) = system.kinds.size, system.beta.shape
-        clock, count = np.zeros(15), np.zeros(14, dtype=np.int64)
+        clock, count = np.zeros(16), np.zeros(15, dtype=np.int64)
         mode, s, anchor = np.zeros(p, dtype=np.int64), np.zeros((p, MEMORY)), np.zeros((3, p, 2))
         x, row, scales = np.empty((2, size)), np.zeros((7, m)), np.empty((p, 2))
         met = np.empty((p, 2))
@@ -200,7 +200,8 @@ class Run:
     states : (n + 1, 2, J) at the start and after each step; None if not kept.
     events : (., 4) time, contact, piece that begins, closing speed.
     answer : why the march stopped.
-    steps : taken; `attempts` those and the ones that were tried and given up for shorter ones.
+    steps : taken; `attempts` those and the ones that were tried and given up for shorter ones,
+        `refused` because of their error.
     gained : energy [J] of the bodies beyond what was given, at most; `highest` what there was.
     """
 
@@ -214,6 +215,7 @@ class Run:
     attempts: int
     touches: int
     highest: float
+    refused: int = 0
     gained: float = 0.0
     work: float = 0.0
 
@@ -246,8 +248,8 @@ class Space:
             np.empty((slots, 2 + 3 * m, 2, size)),
         )
         state = (
-            np.zeros(15),
-            np.zeros(14, dtype=np.int64),
+            np.zeros(16),
+            np.zeros(15, dtype=np.int64),
             np.empty((2, size)),
             np.empty((7, m)),
             np.empty(p, dtype=np.int64),
@@ -321,16 +323,22 @@ def run(
     module: ModuleType | None = None,
     scale: float = 0.0,
     fine: float,
+    step: float | None = None,
     keep: bool = True,
     max_contacts: int = 10_000,
     max_steps: int = 1_000_000,
 ) -> Run:
-    """March over [0, duration] with forces to `share` of their scale (0: found as it goes)."""
+    """March over [0, duration] with forces to `share` of their scale (0: found as it goes).
+
+    The steps under contact are halvings of the longest; with `step` [s] given they are that step,
+    or halvings of it where the forces need them.
+    """
     p, (m, size) = system.kinds.size, system.beta.shape
     if march.USER in system.kinds.tolist():
         module = march  # only the interpreted march calls a law of one's own
     chosen, before = module or fitting_march(0), 0
-    longest = 2.0 ** ceil(log2(duration))
+    unit = 1.0 if step is None else step
+    longest = unit * 2.0 ** ceil(log2(duration / unit))
     start = system.start
     key = (chosen.__name__, longest, *start.key)
     space = _space(key, system)
@@ -340,6 +348,7 @@ def run(
     clock[march.FINE], clock[march.CAP] = fine, duration / 16
     clock[march.FORCE_SCALE] = max(clock[march.FORCE_SCALE], scale)
     clock[march.KNOWN] = float(scale > 0)
+    clock[march.ROOF] = np.inf if step is None else step
     count[march.MOST_TOUCHES], count[march.MOST_STEPS] = max_contacts, max_steps
     count[march.KEEP] = keep
     given = start.modes, start.acting, start.contacts
@@ -381,6 +390,7 @@ def run(
         attempts=int(count[march.STEPS] + count[march.RETRIES]),
         touches=int(count[march.TOUCHES]),
         highest=float(clock[march.HIGHEST]),
+        refused=int(count[march.REFUSED]),
         gained=float(clock[march.SURPLUS]),
         work=float(clock[march.WORKED]),
     )

@@ -18,6 +18,7 @@ from antiosc.brief import Brief
 from antiosc.charts.histories import plot_history
 from antiosc.errors import InputError
 from antiosc.models.modal import ModalBody
+from antiosc.simulation.contact_energy import replay, simpson, stored_alone
 from antiosc.simulation.error_bars import ErrorBudget
 from antiosc.simulation.integrators import Problem, Trajectory
 from antiosc.simulation.results import HistoryResults
@@ -98,7 +99,11 @@ class History(HistoryResults):
 
     @cached_property
     def force(self) -> Array:
-        """Contact force [N], >= 0, (n,); linear between nodes."""
+        """Contact force [N], >= 0, (n,).
+
+        Under contact the exact method takes the parabola through the nodes at 0, h/2 and h of a
+        step, which `force_at`, impulse, peak, fields and states follow.
+        """
         return self._joined([s.force for s in self.trajectory.segments])
 
     @cached_property
@@ -133,13 +138,20 @@ class History(HistoryResults):
 
     @property
     def peak_force(self) -> float:
-        """Largest contact force [N]."""
-        return float(self.force.max())
+        """Largest contact force [N], also between the nodes."""
+        return self.trajectory.peak_force
 
     @property
     def impulse(self) -> float:
         """Time integral of the contact force [N s]."""
-        return float(sum(s.impulse for s in self.trajectory.segments))
+        return self.trajectory.impulse
+
+    @cached_property
+    def cumulative_impulse(self) -> Array:
+        """Time integral of the force from the start up to each node [N s], (n,)."""
+        step, force = np.diff(self.time), self.force
+        areas = step * (force[1:] + force[:-1]) / 2 - self._bend[:-1] * step**3 / 12
+        return np.append(0.0, np.cumsum(areas))
 
     @property
     def contacts(self) -> list[tuple[float, float]]:
@@ -154,13 +166,7 @@ class History(HistoryResults):
         Successive contacts belong to one impact if the flight between them is shorter than the
         impact up to then. The main impact is the one with the largest impulse.
         """
-        segments = self.trajectory.segments
-        return main_impact(
-            [
-                (c.start, c.end, sum(s.impulse for s in segments[slice(*c.segments)]))
-                for c in self.trajectory.contacts
-            ]
-        )
+        return self.trajectory.contact_time
 
     @property
     def restitution(self) -> float | None:
@@ -172,13 +178,7 @@ class History(HistoryResults):
         rebound speed of the impactor over its speed of approach. None without a contact, if the
         bodies are in contact at the end, or if they did not approach each other.
         """
-        contacts = self.trajectory.contacts
-        if not contacts or not contacts[-1].released:
-            return None
-        _, v = self.states([contacts[0].start, contacts[-1].end])
-        rigid = np.where(self.problem.omega == 0, self.problem.beta, 0.0)
-        closing, after = v @ rigid
-        return float(-after / closing) if closing > 0 else None
+        return self.trajectory.restitution
 
     @cached_property
     def error_budget(self) -> ErrorBudget:
@@ -223,14 +223,17 @@ class History(HistoryResults):
     def states(self, t: ArrayLike) -> tuple[Array, Array]:
         """Modal displacements and velocities (n, J) of both bodies at times (n,).
 
-        Between two nodes the motion is the exact response to a linear force.
+        Between two nodes the motion is the exact response to the force there.
         """
         times, index = self._locate(t)
         q, v = self._modal_states
-        time, force = self.time, self.force
-        return self.problem.forced(
-            q[index], v[index], times - time[index], force[index], np.interp(times, time, force)
-        )
+        since, before = times - self.time[index], self.force[index]
+        now, bend = self.force_at(times), self._bend[index]
+        return self.problem.forced(q[index], v[index], since, before, now, bend)
+
+    def force_at(self, t: ArrayLike) -> Array:
+        """Contact force [N] at times (n,), as the method takes it between the nodes."""
+        return self.trajectory.force_at(self._locate(t)[0])
 
     def of(self, body: Body) -> tuple[Any, ModalBody]:
         """The model of the "structure" or the "impactor", and its modal form."""
@@ -244,7 +247,7 @@ class History(HistoryResults):
         rigid-body motion of a free body follows lambda.
         """
         q, _ = self.states(t)
-        force = np.interp(checks.column("t", t), self.time, self.force)
+        force = self.force_at(t)
         own = self.of(body)[1].coordinates(self._part(q, body), force)
         return own if np.ndim(t) else own[0]
 
@@ -313,6 +316,12 @@ class History(HistoryResults):
         return np.concatenate([pieces[0], *(p[1:] for p in pieces[1:])])
 
     @cached_property
+    def _bend(self) -> Array:
+        """Second derivative of the force behind each node (n,)."""
+        segments = self.trajectory.segments
+        return np.append(self._joined([np.append(0.0, s.bends) for s in segments])[1:], 0.0)
+
+    @cached_property
     def _modal_states(self) -> tuple[Array, Array]:
         states = [s.states() for s in self.trajectory.segments]
         return self._joined([q for q, _ in states]), self._joined([v for _, v in states])
@@ -330,28 +339,19 @@ class History(HistoryResults):
 
     @cached_property
     def _contact_energy(self) -> tuple[Array, Array]:
-        """Recoverable and lost energy of the contact law, replayed along the nodes."""
-        law = self.problem.law
-        stored, lost = np.zeros(self.time.size), np.zeros(self.time.size)
+        """Recoverable and lost energy of the contact law, along the nodes."""
+        law, contacts = self.problem.law, self.trajectory.contacts
+        if not (law.has_memory or law.rate_dependent):
+            return stored_alone(law, self.force, self.indentation), np.zeros(self.time.size)
         sizes = [s.time.size - 1 for s in self.trajectory.segments]
         first = np.concatenate(([0], np.cumsum(sizes)))
-        for contact in self.trajectory.contacts:
-            a, b = first[contact.segments[0]], first[contact.segments[1]]
-            state, braked, before = contact.state, float(lost[a]), 0.0
-            start = law.lost(state)
-            for n in range(a, b + 1):
-                delta = float(self.indentation[n])
-                if n > a:
-                    state = law.advance(delta, 0.0, state)
-                if law.rate_dependent:  # the work of the rate-dependent part of the force
-                    damping = float(self.force[n]) - law.force(delta, 0.0, state)
-                    if n > a:
-                        change = delta - float(self.indentation[n - 1])
-                        braked += 0.5 * (before + damping) * change
-                    before = damping
-                stored[n] = law.energy(delta, state)
-                lost[n] = braked + law.lost(state) - start
-            lost[b:] = lost[b]
+        spans = [(int(first[c.segments[0]]), int(first[c.segments[1]])) for c in contacts]
+        stored, lost, damping = replay(
+            law, self.force, self.indentation, spans, [c.speed for c in contacts]
+        )
+        if law.rate_dependent:
+            work = 0.5 * (damping[1:] + damping[:-1]) * np.diff(self.indentation)
+            lost = lost + np.append(0.0, np.cumsum(work))
         return stored, lost
 
 
@@ -364,40 +364,19 @@ def no_field(model: Any) -> str:
     )
 
 
-def main_impact(contacts: Sequence[tuple[float, float, float]]) -> float:
-    """Length [s] of the main impact among contacts (start, end, impulse); see `contact_time`."""
-    groups: list[tuple[float, float, float]] = []
-    for start, end, impulse in contacts:
-        if groups and start - groups[-1][1] < groups[-1][1] - groups[-1][0]:
-            groups[-1] = (groups[-1][0], end, groups[-1][2] + impulse)
-        else:
-            groups.append((start, end, impulse))
-    if not groups:
-        return 0.0
-    main = max(groups, key=lambda g: g[2])
-    return main[1] - main[0]
-
-
 def force_difference(coarse: Trajectory, fine: Trajectory) -> tuple[float, float]:
     """Relative difference of two force histories: in the L2 norm and of the peak."""
-    a, b = _force(coarse), _force(fine)
-    time = np.union1d(a[0], b[0])
-    fa, fb = np.interp(time, *a), np.interp(time, *b)
+    nodes = np.union1d(coarse.nodes[0], fine.nodes[0])
+    time = np.empty(2 * nodes.size - 1)  # with the middles in between
+    time[::2], time[1::2] = nodes, 0.5 * (nodes[1:] + nodes[:-1])
+    fa, fb = coarse.force_at(time), fine.force_at(time)
     size = _l2(time, fb)
     if size == 0.0:
         return (0.0, 0.0) if _l2(time, fa) == 0.0 else (1.0, 1.0)
-    top = float(fb.max())
-    return _l2(time, fa - fb) / size, abs(float(fa.max()) - top) / top
-
-
-def _force(trajectory: Trajectory) -> tuple[Array, Array]:
-    return (
-        np.concatenate([s.time for s in trajectory.segments]),
-        np.concatenate([s.force for s in trajectory.segments]),
-    )
+    top = fine.peak_force
+    return _l2(time, fa - fb) / size, abs(coarse.peak_force - top) / top
 
 
 def _l2(time: Array, value: Array) -> float:
-    """L2 norm of a piecewise linear function, exactly."""
-    a, b = value[:-1], value[1:]
-    return float(np.sqrt(np.sum(np.diff(time) * (a * a + a * b + b * b) / 3)))
+    """L2 norm of values at nodes and middles by Simpson's rule, exact for piecewise linear ones."""
+    return float(np.sqrt(np.sum(simpson(time, value**2))))

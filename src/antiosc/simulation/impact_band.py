@@ -9,7 +9,8 @@ from antiosc.contact import ContactLaw
 from antiosc.errors import InputError
 from antiosc.models.body import Body, LinearBody, checked_body
 from antiosc.models.modal import ModalBody
-from antiosc.simulation.simulate import assemble, scaled
+from antiosc.simulation.expected import scaled
+from antiosc.simulation.two_bodies import assemble
 
 #: the band of an impact over the circular frequency pi/T of its contact time: a half-sine of length
 #: T has its first zero there

@@ -16,7 +16,9 @@ piece of a contact ends where it does: touch, release, turn, cut and the kinks o
 are located. While nothing touches the motion is free, and no touch is stepped over: what a chord
 can miss is bounded by the amplitudes of the modes.
 
-`antiosc.simulation.engine` loads this file a second time, compiled by numba, where that pays.
+`antiosc.simulation.engine` loads this file a second time, compiled by numba, where that pays. All
+compiled functions stand in this one long file: numba's cache compares the time of the file of a
+function only, so that it would miss a change of what is called from another file.
 """
 
 from __future__ import annotations
@@ -101,6 +103,7 @@ FULLY_PLASTIC, PRESSURE = 84.0, 3.3  # Stronge's law
 SLOWEST = 0.01  # share of the fastest approach that a damped law's speed of approach is held above
 GROWTH = 1.2  # of the bodies' energy, beyond what was given and the loads' work
 INTERPOLATION = 0.0482  # max |s (s - 1/2)(s - 1)| on [0, 1]
+RIPPLE = 2.0  # force of unresolved vibrations, over the error of force that a step may have
 KINKED = 0.075  # error of the parabola through t^(3/2), over its second difference
 SHARP = 1e-9  # of the depth or the speed: a bound is met
 ROUNDING = 1e-13  # of the sum of the modes' parts: below it a speed of approach is rounding
@@ -509,10 +512,11 @@ def phi(z: Any) -> Any:
 def undamped(z: Any, t: Any, half: Any, cosine: Any) -> Any:
     """`response` without damping, from z = omega t, sin(z/2) and cos(z/2)."""
     y = choose(z > 0.0, z, 1.0)
-    over = 1.0 / (y * y)
-    S = choose(z > 0.0, 2.0 * half * cosine / y, 1.0)
-    J0 = choose(z > 0.0, 2.0 * half * half * over, 0.5)
+    ratio = choose(z > 0.0, half / y, 0.5)
+    S, J0 = 2.0 * ratio * cosine, 2.0 * ratio * ratio
     P = 1.0 - 2.0 * half * half
+    y = choose(z > 1e-3, y, 1.0)  # whose square is not 0
+    over = 1.0 / (y * y)
     J1, J2 = (1.0 - S) * over, (0.5 - J0) * over
     small = z < 1.0
     if some(small):
@@ -785,10 +789,10 @@ def eliminate(A: Any, b: Any) -> bool:
 
 # clock
 TIME, BEFORE, FORCE_SCALE, WORKED, GIVEN, HIGHEST, CAP, FINE = range(8)
-DURATION, SHARE, LONGEST, KNOWN, STEP, LEFT, SURPLUS = range(8, 15)
+DURATION, SHARE, LONGEST, KNOWN, STEP, LEFT, SURPLUS, ROOF = range(8, 16)
 # count
 LEVEL, SEGMENT, STEPS, TOUCHES, NODES, EVENTS, STATES, KEEP = range(8)
-MOST_TOUCHES, MOST_STEPS, IDLE, LOADED, RETRIES, SHIFTED = range(8, 14)
+MOST_TOUCHES, MOST_STEPS, IDLE, LOADED, RETRIES, SHIFTED, REFUSED = range(8, 15)
 # rows of `row`
 FORCE, MIDDLE, SLOPE, BEND, DEPTH, RATE, FRESH = range(7)
 
@@ -1480,7 +1484,9 @@ def end_at_exit(
     short, long = 0.0, clock[STEP]
     g_short = beyond(contacts, state, which, row[DEPTH, c], row[RATE, c])
     g_long = beyond(contacts, state, which, motion[2, c], motion[3, c])
-    length = first
+    length, near = first, False
+    # a damped law's force is cut where it is 0: what is left of it there is lost
+    even = SHARP if contacts[0][c] == DAMPED else 1e-6
     for tries in range(14):
         count[RETRIES] += 1
         clock[STEP] = length  # of the attempt that counts, should the tries end before it is close
@@ -1488,9 +1494,11 @@ def end_at_exit(
             return False
         d, v = motion[2, c], motion[3, c]
         g = beyond(contacts, state, which, d, v)
-        close = SHARP * scale[c, 0] if bound <= HIGH else 1e-6 * scale[c, 1]
+        close = SHARP * scale[c, 0] if bound <= HIGH else even * scale[c, 1]
         if abs(g) <= close:
-            break
+            if near or bound != LOW or -v * length < 1e3 * close:
+                break
+            near = True  # a release is located to rounding: once more
         if g > 0.0:
             long, g_long = length, g
         else:
@@ -1519,6 +1527,54 @@ def worst_misfit(state: Any, work: Any) -> float:
     return worst
 
 
+@compiled(f"float64(float64, {MODES}, {CONTACTS}, {STATE}, {WORK})")
+def ripple(h: float, modes: Any, contacts: Any, state: Any, work: Any) -> float:
+    """Force that the vibrations which a step h does not resolve may cause, at most.
+
+    A mode with omega h > 2 vibrates about its deflection under the present forces. Unresolved
+    vibrations can be driven by the steps themselves (`antiosc.simulation.stability`), and at
+    omega h = 2 pi the nodes do not see them.
+    """
+    omega, _, beta, R = modes
+    kinds, params, _, _, _ = contacts
+    clock, _, x, row, mode, s, _, scale = state
+    at = work[4]
+    worst = 0.0
+    for c in range(len(kinds)):
+        if mode[c] == APART or mode[c] == CUT:
+            continue
+        d, rate = row[DEPTH, c], row[RATE, c]
+        stiffness = curve(kinds[c], mode[c], d, rate, params[c], s[c])[1]
+        begun = 0.0
+        if row[FRESH, c] > 0.0:
+            stiffness = max(stiffness, clock[FORCE_SCALE] / scale[c, 0])
+            after = curve(kinds[c], mode[c], d + h * rate, rate, params[c], s[c])[0]
+            begun = abs(after - row[FORCE, c])
+        swing, soft = 0.0, R[c, c]
+        if COMPILED:
+            for j in range(omega.size):
+                if omega[j] * h <= 2.0:
+                    continue
+                w2 = omega[j] * omega[j]
+                pull, change = -at[j], 0.0
+                for i in range(beta.shape[0]):
+                    pull += beta[i, j] * row[FORCE, i]
+                    change += beta[i, j] * row[SLOPE, i]
+                q, v = x[0, j] + pull / w2, x[1, j] + change / w2
+                swing += abs(beta[c, j]) * sqrt(q * q + v * v / w2)
+                soft += beta[c, j] * beta[c, j] / w2
+        else:
+            fast = omega * h > 2.0
+            w2 = omega[fast] ** 2
+            q = x[0, fast] + (row[FORCE] @ beta[:, fast] - at[fast]) / w2
+            v = x[1, fast] + (row[SLOPE] @ beta[:, fast]) / w2
+            swing = float(np.abs(beta[c, fast]) @ np.sqrt(q * q + v * v / w2))
+            soft += float(np.sum(beta[c, fast] ** 2 / w2))
+        swing += begun * (soft - R[c, c])
+        worst = max(worst, stiffness * swing / (1.0 + stiffness * soft))
+    return worst
+
+
 @compiled(f"int64({MODES}, {CONTACTS}, {STATE}, {TABLES}, {WORK})", inline=True)
 def press(modes: Any, contacts: Any, state: Any, tables: Any, work: Any) -> int:
     """The next step under contact, up to the first exit: its slot, -1: at once, -2: stuck."""
@@ -1531,6 +1587,11 @@ def press(modes: Any, contacts: Any, state: Any, tables: Any, work: Any) -> int:
     blind = count[IDLE] > 4 * len(kinds) + 8  # exits without end at one time: step over them
     if blind:
         level = min(level + 3, LEVELS - 3)
+    while clock[ROOF] < inf and level < LEVELS - 3 and not blind:
+        if ripple(clock[LONGEST] * 0.5**level, modes, contacts, state, work) <= RIPPLE * limit:
+            break
+        level += 1
+        count[REFUSED] += 1
     while level < LEVELS - 2:
         slot, h = level, clock[LONGEST] * 0.5**level
         if h >= left:
@@ -1541,6 +1602,7 @@ def press(modes: Any, contacts: Any, state: Any, tables: Any, work: Any) -> int:
         finer = 0
         jump = h <= 1e-9 * clock[CAP]  # no smaller step helps
         if worst > limit and not (found and (blind or jump)):
+            count[REFUSED] += 1
             finer = 1 if not found or worst < 16.0 * limit else 2 if worst < 128.0 * limit else 3
         elif not blind:
             first = first_exit(contacts, state, work)
@@ -1733,9 +1795,11 @@ def enter(modes: Any, contacts: Any, state: Any, work: Any, out: Any, active: bo
             force = force_expected(c, depth, force, speed, modes, contacts, state)
             clock[FORCE_SCALE] = max(clock[FORCE_SCALE], force)
         lasts = 3.0 * depth / speed
-        clock[CAP] = min(clock[CAP], lasts / 4.0) if active else lasts / 4.0
+        cap = min(clock[ROOF], lasts / 4.0)
+        clock[CAP] = min(clock[CAP], cap) if active else cap
         level = count[LEVEL] if active else 0
-        while clock[LONGEST] * 0.5**level > lasts / 64.0 and level < LEVELS - 8:
+        first = lasts / 64.0 if clock[ROOF] == inf else cap
+        while clock[LONGEST] * 0.5**level > first and level < LEVELS - 8:
             level += 1
         count[LEVEL] = level
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from antiosc._types import Array
-from antiosc.contact import ContactLaw
 from antiosc.simulation import march
 from antiosc.simulation.assembly import Assembly
+from antiosc.simulation.contact_energy import path_work, replay, stored_alone
 from antiosc.simulation.engine import Run, fitting_march
 from antiosc.simulation.history import Energy
 from antiosc.simulation.scene_states import node_states, spans
@@ -28,7 +28,7 @@ def balance(assembly: Assembly, run: Run, q: Array, v: Array) -> Energy:
     work = _work(a, run, q, v) if np.any(a.system.loads) else np.zeros(run.time.size - 1)
     work, braked = _in_flight(a, run, q, v, kinetic + modal, work)
     if a.scene.loads:
-        work = work + _path(acting, residual).sum(axis=1)
+        work = work + path_work(acting, residual).sum(axis=1)
     return Energy(
         kinetic=kinetic,
         strain=modal + 0.5 * np.sum(felt * residual, axis=1),
@@ -143,7 +143,7 @@ def _work(a: Assembly, run: Run, q: Array, v: Array) -> Array:
     area = (given - change) / np.where(elastic, system.omega, 1.0) ** 2
     slope = np.diff(load, axis=0) / np.where(span > 0, span, 1.0)
     work = np.diff(load * q, axis=0) - slope * area
-    return np.asarray(np.where(elastic, work, np.diff(_path(load, q), axis=0)).sum(axis=1))
+    return np.asarray(np.where(elastic, work, np.diff(path_work(load, q), axis=0)).sum(axis=1))
 
 
 def _work_by_step(a: Assembly, run: Run, mechanical: Array) -> Array:
@@ -179,81 +179,29 @@ def contact_energies(a: Assembly, run: Run) -> tuple[Array, Array]:
     system = a.system
     for c, law in enumerate(a.laws):
         if not (law.has_memory or law.rate_dependent):
-            stored += _stored(law, run, c)
+            stored += stored_alone(law, run.force[:, c], run.depth[:, c])
             continue
         speeds = [e[3] for e in run.events if int(e[1]) == c and e[2] != march.APART]
         if system.pressed[c] > 0:
             speeds.insert(0, 0.0)
-        each = _replay(
-            law,
-            run.time,
-            run.force[:, c],
-            run.depth[:, c],
-            spans(run, system, c),
-            speeds,
-        )
-        stored += each[0]
-        lost += each[1]
+        force, depth = run.force[:, c], run.depth[:, c]
+        nodes = [
+            (
+                int(np.searchsorted(run.time, start)),
+                int(np.searchsorted(run.time, end, side="right")) - 1,
+            )
+            for start, end in spans(run, system, c)
+        ]
+        each, plastic, damping = replay(law, force, depth, nodes, speeds)
+        stored += each
+        lost += plastic
+        if law.rate_dependent:
+            lost += path_work(damping[:, None], depth[:, None])[:, 0]
     for c, (first, count) in enumerate(system.tangents.tolist()):
         for i in range(first, first + count):
             T, way = run.force[:, i], run.depth[:, i]
             spring = 0.5 * T**2 / system.slip[c, 1]
-            work = _path(T[:, None], way[:, None])[:, 0]
+            work = path_work(T[:, None], way[:, None])[:, 0]
             stored += spring
             lost += work - spring
     return stored, lost
-
-
-def _stored(law: ContactLaw, run: Run, c: int) -> Array:
-    """Energy (n,) of a contact whose law knows its indentation alone."""
-    return np.where(run.force[:, c] != 0.0, law.energies(run.depth[:, c], law.touch(0.0)), 0.0)
-
-
-def _replay(
-    law: ContactLaw,
-    time: Array,
-    force: Array,
-    depth: Array,
-    contacts: list[tuple[float, float]],
-    speeds: list[float],
-) -> tuple[Array, Array]:
-    """Recoverable and lost energy (n,), (n,) of one contact, by its law along the nodes."""
-    stored, plastic, damping = (np.zeros(time.size) for _ in range(3))
-    state = None
-    for (start, end), speed in zip(contacts, speeds, strict=False):
-        a, b = np.searchsorted(time, start), np.searchsorted(time, end, side="right") - 1
-        state = law.touch(speed, state)
-        begin = law.lost(state)
-        for n in range(a, b + 1):
-            delta = float(depth[n])
-            if n > a:
-                state = law.advance(delta, 0.0, state)
-            if law.rate_dependent:
-                damping[n] = float(force[n]) - law.force(delta, 0.0, state)
-            stored[n] = law.energy(delta, state)
-            plastic[n] += law.lost(state) - begin
-            begin = law.lost(state)
-        if b < time.size - 1:
-            stored[b] = damping[b] = 0.0
-    if not law.rate_dependent:
-        return stored, np.cumsum(plastic)
-    return stored, np.cumsum(plastic) + _path(damping[:, None], depth[:, None])[:, 0]
-
-
-def _path(force: Array, way: Array) -> Array:
-    """Work (n, k) of forces along ways, both parabolas over every step, at its middle and end."""
-    f0, f1, f2 = force[:-2:2], force[1:-1:2], force[2::2]
-    w0, w1, w2 = way[:-2:2], way[1:-1:2], way[2::2]
-    b, c = 4 * f1 - 3 * f0 - f2, 2 * (f0 - 2 * f1 + f2)
-    d, e = 4 * w1 - 3 * w0 - w2, 4 * (w0 - 2 * w1 + w2)
-
-    def until(u: float) -> Array:
-        return np.asarray(
-            f0 * d * u + (f0 * e + b * d) * u**2 / 2 + (b * e + c * d) * u**3 / 3 + c * e * u**4 / 4
-        )
-
-    whole = until(1.0)
-    total = np.zeros_like(way)
-    total[2::2] = np.cumsum(whole, axis=0)
-    total[1::2] = total[:-1:2] + until(0.5)
-    return total

@@ -16,6 +16,7 @@ from antiosc.models.modal import ModalBody
 from antiosc.models.site_modes import SiteModes
 from antiosc.simulation.assembly import Assembly, along, find
 from antiosc.simulation.bodies import Placed, RigidBody
+from antiosc.simulation.contact_energy import simpson
 from antiosc.simulation.engine import Run
 from antiosc.simulation.history import Energy, no_field
 from antiosc.simulation.results import SceneResults
@@ -57,7 +58,7 @@ class ContactHistory(Brief):
     @property
     def impulse(self) -> float:
         """Time integral of the force [N s]."""
-        return float(np.sum(_simpson(self.time, self.force)))
+        return float(np.sum(simpson(self.time, self.force)))
 
     @property
     def contact_time(self) -> float:
@@ -308,9 +309,3 @@ class SceneHistory(SceneResults):
     def _states(self) -> tuple[Array, Array]:
         """Modal states (n, J) at all nodes; at the middles from the step's start."""
         return node_states(self.run, self.assembly.system, self.assembly.load)
-
-
-def _simpson(time: Array, force: Array) -> Array:
-    """Integral of the force over each step, exact for its parabola."""
-    step = time[2::2] - time[:-2:2]
-    return np.asarray(step / 6 * (force[:-2:2] + 4 * force[1:-1:2] + force[2::2]))

@@ -100,7 +100,7 @@ def test_every_quantity_converges_to_the_unreduced_model(sheet):
     for n in (6, 12, 24):
         hit = ao.simulate(ao.extract(part, SITE, n), BALL, LAW, DURATION, tol=1e-5)
         worst[n] = errors(part, hit, times, solved)
-        force = np.interp(times, hit.time, hit.force)
+        force = hit.force_at(times)
         worst[n]["force"] = np.abs(force - solved[3]).max() / solved[3].max()
     for coarse, fine in ((6, 12), (12, 24)):
         assert all(worst[fine][q] < worst[coarse][q] for q in worst[fine])

@@ -1,16 +1,15 @@
-"""Time integrators of an impact, one in each file, and their common sequence of events."""
+"""Integrators to compare the march with, one in each file, and their common sequence of events."""
 
 from antiosc.simulation.integrators.conserving import Conserving
-from antiosc.simulation.integrators.exact import Exact
 from antiosc.simulation.integrators.ivp import METHODS as IVP_METHODS, SolveIVP
 from antiosc.simulation.integrators.leapfrog import Leapfrog
 from antiosc.simulation.integrators.newmark import Newmark
 from antiosc.simulation.integrators.problem import MAX_STEPS, Integrator, Phase, Problem, Segment
-from antiosc.simulation.integrators.run import Contact, Trajectory, run
+from antiosc.simulation.integrators.run import Contact, Trajectory, flight, run
 
 #: fixed-step integrators by the name `simulate` takes
-FIXED_STEP: dict[str, type[Exact] | type[Newmark] | type[Conserving] | type[Leapfrog]] = {
-    method.name: method for method in (Exact, Newmark, Conserving, Leapfrog)
+FIXED_STEP: dict[str, type[Newmark] | type[Conserving] | type[Leapfrog]] = {
+    method.name: method for method in (Newmark, Conserving, Leapfrog)
 }
 
 __all__ = [
@@ -19,7 +18,6 @@ __all__ = [
     "MAX_STEPS",
     "Conserving",
     "Contact",
-    "Exact",
     "Integrator",
     "Leapfrog",
     "Newmark",
@@ -28,5 +26,6 @@ __all__ = [
     "Segment",
     "SolveIVP",
     "Trajectory",
+    "flight",
     "run",
 ]

@@ -20,7 +20,7 @@ class Conserving(OneStep):
     name = "conserving"
 
     def advance(self, problem: Problem, start: Node, state: State, h: float) -> Node:
-        p, x, d = problem, problem.propagator.square, problem.decay
+        p, x, d = problem, problem.square, problem.decay
         if p.r > 0 and p.law.rate_dependent:
             raise InputError(
                 "method='conserving' does not support a rate-dependent law at a massless contact "

@@ -18,7 +18,7 @@ from antiosc.simulation.integrators.problem import MAX_STEPS, Phase, Problem, Se
 
 METHODS = ("RK45", "RK23", "DOP853", "Radau", "BDF", "LSODA")
 _ORDERS = {"RK45": 5, "RK23": 3, "DOP853": 8, "Radau": 5, "BDF": 5, "LSODA": 5}
-_NODES = 8  # per solver step, from its dense output
+_NODES = 8  # per solver step, from its dense output; even: the force is a parabola over each two
 
 
 class SolveIVP:
@@ -171,4 +171,10 @@ def _segment(motion: _Contact, solution: Any) -> Segment:
     delta, _, force = np.array([motion.contact(column) for column in y.T]).T
     n = motion.size
     impulse = float(solution.y[-1, -1] - solution.y[-1, 0])
-    return Segment(time, force, lambda: delta, impulse, lambda: (y[:n].T, y[n:-1].T), True)
+    span = time[2::2] - time[:-2:2]
+    curved = 4 * (force[:-2:2] - 2 * force[1:-1:2] + force[2::2])
+    bend = np.divide(curved, span**2, out=np.zeros_like(span), where=span > 0)
+    states = y[:n].T, y[n:-1].T
+    return Segment(
+        time, force, lambda: delta, impulse, lambda: states, True, bend=np.repeat(bend, 2)
+    )

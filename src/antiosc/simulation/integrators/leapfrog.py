@@ -27,7 +27,7 @@ class Leapfrog(OneStep):
         return min(step, Leapfrog.SAFETY * 2 / top) if top > 0 else step
 
     def advance(self, problem: Problem, start: Node, state: State, h: float) -> Node:
-        p, x, d = problem, problem.propagator.square, problem.decay
+        p, x, d = problem, problem.square, problem.decay
         q, v, F = start.q, start.v, start.force
         half = v + h / 2 * (p.load - p.beta * F - x * q - 2 * d * v)
         q1 = q + h * half

@@ -19,7 +19,7 @@ class Newmark(OneStep):
     name = "newmark"
 
     def advance(self, problem: Problem, start: Node, state: State, h: float) -> Node:
-        p, x, d = problem, problem.propagator.square, problem.decay
+        p, x, d = problem, problem.square, problem.decay
         q, v, F = start.q, start.v, start.force
         scale = 1 + h * d + h * h * x / 4
         a = p.load - p.beta * F - x * q - 2 * d * v

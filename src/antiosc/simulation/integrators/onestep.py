@@ -9,6 +9,7 @@ import numpy as np
 
 from antiosc._types import Array
 from antiosc.contact import State
+from antiosc.simulation.integrators.growth import growth
 from antiosc.simulation.integrators.problem import (
     MAX_STEPS,
     Phase,
@@ -16,7 +17,6 @@ from antiosc.simulation.integrators.problem import (
     Segment,
     too_many_steps,
 )
-from antiosc.simulation.integrators.stability import growth
 
 COARSE_GROWTH = 2.0  # of the energy: less may be the error of a coarse step
 
@@ -56,7 +56,7 @@ class OneStep(ABC):
         p, law = problem, problem.law
         node = Node(q, v, 0.0, problem.approach(q), float(problem.beta @ v), 0.0)
         nodes, times = [node], [t]
-        grown = growth(p.propagator.square, p.load, p.q, p.v, COARSE_GROWTH, p.beta)
+        grown = growth(p.square, p.load, p.q, p.v, COARSE_GROWTH, p.beta)
         released, failure, diverged = False, "", False
         with np.errstate(over="ignore", invalid="ignore"):
             while end - t > 1e-12 * end and not released:

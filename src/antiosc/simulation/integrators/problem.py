@@ -18,7 +18,7 @@ import numpy as np
 
 from antiosc._types import Array
 from antiosc.contact import ContactLaw, State
-from antiosc.simulation.integrators.propagator import Propagator
+from antiosc.simulation.modal_response import responses
 
 MAX_STEPS = 1_000_000
 
@@ -36,8 +36,9 @@ class Problem:
     gap : distance of the surfaces at rest [m].
     q, v : initial state.
     law : contact law.
-    resolution : indentation [m] below which contact and no contact are not distinguished.
-    stiffness : largest expected contact stiffness [N/m]; 0: not known.
+    depth, speed : expected indentation [m] and closing speed [m/s], roughly.
+    mass : inertia [kg] behind the contact, roughly.
+    farthest : indentation [m] that the bodies could reach without contact force.
     """
 
     omega: Array
@@ -49,13 +50,20 @@ class Problem:
     q: Array
     v: Array
     law: ContactLaw
-    resolution: float
-    stiffness: float = 0.0
+    depth: float = 1e-300
+    speed: float = 1e-300
+    mass: float = 1.0
+    farthest: float = 0.0
 
     @cached_property
-    def propagator(self) -> Propagator:
-        """Exact free motion of the modes."""
-        return Propagator(self.omega, self.decay)
+    def square(self) -> Array:
+        """omega^2 [rad^2/s^2]."""
+        return self.omega**2
+
+    @cached_property
+    def rigid(self) -> Array:
+        """beta of the rigid-body modes, 0 for the others."""
+        return np.where(self.omega == 0, self.beta, 0.0)
 
     @cached_property
     def loaded(self) -> bool:
@@ -68,29 +76,29 @@ class Problem:
 
     def free(self, q: Array, v: Array, t: Array | float) -> tuple[Array, Array]:
         """States (..., J) after free motion over times `t` from (q, v)."""
-        P, S, W = self.propagator.motion(t)
-        qt, vt = P * q + S * v, W * v - self.propagator.square * S * q
-        if self.loaded:
-            qt, vt = qt + self.propagator.step(t) * self.load, vt + S * self.load
-        return qt, vt
-
-    def indentation(self, q: Array, v: Array, t: Array | float) -> Array:
-        """Indentation [m] after free motion over times `t` from (q, v), shape of `t`."""
-        delta = self.propagator.weighted(t, self.beta * q, self.beta * v) - self.gap
-        if self.loaded:
-            delta = delta + self.propagator.step(t) @ (self.beta * self.load)
-        return np.asarray(delta)
+        P, W, S, J0, _, _ = responses(self.omega, self.decay, t)
+        qt, vt = P * q + S * v, W * v - self.square * S * q
+        return (qt + J0 * self.load, vt + S * self.load) if self.loaded else (qt, vt)
 
     def forced(
-        self, q: Array, v: Array, t: Array | float, f0: Array | float, f1: Array | float
+        self,
+        q: Array,
+        v: Array,
+        t: Array | float,
+        f0: Array | float,
+        f1: Array | float,
+        bend: Array | float = 0.0,
     ) -> tuple[Array, Array]:
-        """States (..., J) after times `t` from (q, v) while F goes linearly from f0 to f1."""
-        P, S, W, J, R = self.propagator.responses(t)
-        slope = np.asarray((f1 - f0) / np.where(np.greater(t, 0), t, 1.0))[..., np.newaxis]
-        f0 = np.asarray(f0)[..., np.newaxis]
-        q1 = P * q + S * v - self.beta * (f0 * J + slope * R)
-        v1 = W * v - self.propagator.square * S * q - self.beta * (f0 * S + slope * J)
-        return (q1 + J * self.load, v1 + S * self.load) if self.loaded else (q1, v1)
+        """States (..., J) after times `t` from (q, v) while F goes from f0 to f1.
+
+        F is a parabola with the second derivative `bend` [N/s^2].
+        """
+        P, W, S, J0, J1, J2 = responses(self.omega, self.decay, t)
+        slope = (f1 - f0) / np.maximum(t, 1e-300) - 0.5 * np.multiply(bend, t)
+        a, b, c = (np.asarray(each)[..., np.newaxis] for each in (f0, slope, bend))
+        q1 = P * q + S * v - self.beta * (a * J0 + b * J1 + c * J2)
+        v1 = W * v - self.square * S * q - self.beta * (a * S + b * J0 + c * J1)
+        return (q1 + J0 * self.load, v1 + S * self.load) if self.loaded else (q1, v1)
 
 
 @dataclass(eq=False)
@@ -99,11 +107,13 @@ class Segment:
 
     Attributes
     ----------
-    time, force : (n,) at the nodes; between nodes F is linear.
+    time, force : (n,) at the nodes.
     indentation : gives the indentation at the nodes, (n,).
     impulse : time integral of the force as the integrator took it [N s].
     states : gives modal displacements and velocities at the nodes, (n, J) each.
     contact : whether the bodies touch.
+    bend : (n - 1,) second derivative of the force between the nodes [N/s^2]; None where it is
+        linear there.
     """
 
     time: Array
@@ -112,6 +122,26 @@ class Segment:
     impulse: float
     states: Callable[[], tuple[Array, Array]]
     contact: bool
+    bend: Array | None = None
+
+    @property
+    def bends(self) -> Array:
+        """`bend`, 0 where the force is linear."""
+        return np.zeros(self.time.size - 1) if self.bend is None else self.bend
+
+    @property
+    def peak(self) -> float:
+        """Largest force [N], also between the nodes."""
+        top = float(self.force.max())
+        if self.bend is None:
+            return top
+        half, rise = 0.5 * np.diff(self.time), np.diff(self.force)
+        drop = -self.bend * half**2  # of the chord below the parabola, twice
+        inside = np.abs(rise) < 2 * drop
+        if not np.any(inside):
+            return top
+        middle = 0.5 * (self.force[1:] + self.force[:-1])[inside] + 0.5 * drop[inside]
+        return max(top, float((middle + rise[inside] ** 2 / (8 * drop[inside])).max()))
 
 
 @dataclass(eq=False)

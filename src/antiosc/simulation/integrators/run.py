@@ -3,26 +3,38 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
 from antiosc._types import Array
 from antiosc.contact import State
-from antiosc.simulation.integrators.flight import next_touch
-from antiosc.simulation.integrators.problem import Integrator, Phase, Problem, Segment
+from antiosc.simulation.integrators.problem import Integrator, Problem, Segment
+from antiosc.simulation.integrators.touch import next_touch
 
 _FLIGHT_NODES = 200
 
 
 @dataclass(eq=False)
 class Contact:
-    """One contact: its interval of time [s], its segments' range and the law's state at touch."""
+    """One contact.
+
+    Attributes
+    ----------
+    start, end : [s].
+    segments : first of its segments, and the one behind its last.
+    speed : closing speed [m/s].
+    released : whether it ended.
+    closing, parting : speeds [m/s] at which the rigid-body motions close the gap at start and end.
+    """
 
     start: float
     end: float
     segments: tuple[int, int]
-    state: State
+    speed: float
     released: bool
+    closing: float
+    parting: float
 
 
 @dataclass(eq=False)
@@ -38,6 +50,55 @@ class Trajectory:
     failure: str = ""
     diverged: bool = False
 
+    @property
+    def peak_force(self) -> float:
+        """Largest contact force [N]."""
+        return max((s.peak for s in self.segments), default=0.0)
+
+    @cached_property
+    def nodes(self) -> tuple[Array, Array, Array]:
+        """Times [s], forces [N], and the second derivative of the force behind each node."""
+        return (
+            np.concatenate([s.time for s in self.segments]),
+            np.concatenate([s.force for s in self.segments]),
+            np.concatenate([np.append(s.bends, 0.0) for s in self.segments]),
+        )
+
+    def force_at(self, t: Array) -> Array:
+        """Contact force [N] at times (n,)."""
+        time, force, bend = self.nodes
+        i = np.clip(np.searchsorted(time, t, side="right") - 1, 0, time.size - 1)
+        end = time[np.minimum(i + 1, time.size - 1)]
+        return np.asarray(np.interp(t, time, force) - 0.5 * bend[i] * (t - time[i]) * (end - t))
+
+    @property
+    def impulse(self) -> float:
+        """Time integral of the contact force [N s]."""
+        return float(sum(s.impulse for s in self.segments))
+
+    @property
+    def contact_time(self) -> float:
+        """Length [s] of the main impact: see `History.contact_time`."""
+        groups: list[tuple[float, float, float]] = []
+        for contact in self.contacts:
+            impulse = sum(s.impulse for s in self.segments[slice(*contact.segments)])
+            start, end = contact.start, contact.end
+            if groups and start - groups[-1][1] < groups[-1][1] - groups[-1][0]:
+                groups[-1] = (groups[-1][0], end, groups[-1][2] + impulse)
+            else:
+                groups.append((start, end, impulse))
+        if not groups:
+            return 0.0
+        main = max(groups, key=lambda g: g[2])
+        return main[1] - main[0]
+
+    @property
+    def restitution(self) -> float | None:
+        """Newton's coefficient: see `History.restitution`."""
+        if not self.contacts or not self.contacts[-1].released or self.contacts[0].closing <= 0:
+            return None
+        return -self.contacts[-1].parting / self.contacts[0].closing
+
 
 def run(
     problem: Problem, integrator: Integrator, duration: float, fine: float, max_contacts: int
@@ -51,7 +112,7 @@ def run(
         wait = next_touch(problem, q, v, origin, duration - t, fine)
         span = duration - t if wait is None else wait
         if span > 0.0:
-            result.segments.append(_flight(problem, t, q, v, span, duration))
+            result.segments.append(flight(problem, t, q, v, span, duration))
             q, v = problem.free(q, v, span)
             t += span
         if wait is None or t >= duration:
@@ -62,11 +123,19 @@ def run(
                 f" shorten the duration or raise max_contacts"
             )
             break
-        state = problem.law.touch(max(float(problem.beta @ v), 0.0), state)
+        speed = max(float(problem.beta @ v), 0.0)
+        state = problem.law.touch(speed, state)
+        closing = float(problem.rigid @ v)
         phase = integrator.contact(problem, t, q, v, state, duration)
         if not phase.segments:  # gave up before its first step
             phase.segments.append(_moment(t, q, v))
-        _append(result, t, state, phase)
+        first = len(result.segments)
+        result.segments.extend(phase.segments)
+        pieces, parting = (first, len(result.segments)), float(problem.rigid @ phase.v)
+        result.contacts.append(
+            Contact(t, phase.time, pieces, speed, phase.released, closing, parting)
+        )
+        result.evaluations += phase.evaluations
         t, q, v, state = phase.time, phase.q, phase.v, phase.state
         origin = problem.law.origin(state)
         if phase.failure:
@@ -75,28 +144,19 @@ def run(
     return result
 
 
-def _append(result: Trajectory, t: float, state: State, phase: Phase) -> None:
-    first = len(result.segments)
-    result.segments.extend(phase.segments)
-    span = (first, len(result.segments))
-    result.contacts.append(Contact(t, phase.time, span, state, phase.released))
-    result.evaluations += phase.evaluations
-
-
 def _moment(t: float, q: Array, v: Array) -> Segment:
     """One node without force."""
     zero = np.zeros(1)
     return Segment(np.array([t]), zero, lambda: zero, 0.0, lambda: (q[None], v[None]), True)
 
 
-def _flight(
-    problem: Problem, t: float, q: Array, v: Array, span: float, duration: float
-) -> Segment:
+def flight(problem: Problem, t: float, q: Array, v: Array, span: float, duration: float) -> Segment:
+    """Free motion over `span` [s] from the state (q, v) at t, with nodes for a plot."""
     times = np.linspace(0.0, span, 2 + int(_FLIGHT_NODES * span / duration))
     zero = np.zeros(times.size)
 
     def indentation() -> Array:
-        return problem.indentation(q, v, times)
+        return states()[0] @ problem.beta - problem.gap
 
     def states() -> tuple[Array, Array]:
         return problem.free(q, v, times)
