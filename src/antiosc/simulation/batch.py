@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -240,8 +241,9 @@ def impact(
         max_contacts=max_contacts,
         max_steps=max_steps,
     )
-    law, peak = outcome.problem.law, outcome.trajectory.peak_force
-    if peak > law.valid_force:
+    law = outcome.problem.law
+    if law.valid_force < inf and outcome.trajectory.peak_force > law.valid_force:
+        peak = outcome.trajectory.peak_force
         raise AccuracyError(f"{law.out_of_range(peak, None)}.")
     return outcome
 

@@ -18,7 +18,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from math import log2
+from math import inf, log2
 from typing import Any
 
 from antiosc import checks
@@ -184,7 +184,7 @@ def exact_run(
 def check_range(history: History) -> None:
     """AccuracyError if the peak force is outside the range of validity of its law."""
     law = history.problem.law
-    if history.peak_force > law.valid_force:
+    if law.valid_force < inf and history.peak_force > law.valid_force:
         reason = law.out_of_range(
             history.peak_force, checked_body("model", history.model).patch_radius
         )

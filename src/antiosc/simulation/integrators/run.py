@@ -53,7 +53,7 @@ class Trajectory:
     @property
     def peak_force(self) -> float:
         """Largest contact force [N]."""
-        return max((s.peak for s in self.segments), default=0.0)
+        return max((s.peak for s in self.segments if s.contact), default=0.0)
 
     @cached_property
     def nodes(self) -> tuple[Array, Array, Array]:
