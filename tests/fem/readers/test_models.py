@@ -134,6 +134,16 @@ def test_the_axis_of_a_stack_without_orientation(abaqus, askew, axis):
     assert given["axis"] == axis
 
 
+def test_a_rigid_body_of_elements_is_that_of_their_nodes(abaqus):
+    shell = "*ELEMENT,TYPE=S4,ELSET=CAP\n2,5,6,7,8\n*SHELL SECTION,ELSET=CAP,MATERIAL=M\n1.\n"
+    deck = CUBE + shell + SOLID + "\n" + STEEL + "*NODE\n99,5,5,20\n*NSET,NSET=TOP\n5,6,7,8\n"
+    models = [
+        abaqus(deck + f"*RIGID BODY,REF NODE=99,{kind}\n")[0] for kind in ("ELSET=CAP", "NSET=TOP")
+    ]
+    assert models[0]["joints"] == models[1]["joints"]
+    assert len(models[0]["joints"]["equations"]) > 0
+
+
 @pytest.mark.parametrize(("kind", "plane"), [("CPS4", "stress"), ("CPE4R", "strain")])
 def test_plane_sections_have_their_thickness(abaqus, kind, plane):
     model, _ = abaqus(SHEET.replace("S4", kind) + SOLID + "4.\n" + STEEL)

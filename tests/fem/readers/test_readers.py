@@ -628,6 +628,15 @@ def test_the_forecast_of_cells_is_right_by_half(tmp_path, session, kernel):
         assert 0.5 < told[dim - 1] / made < 2
 
 
+def test_areas_and_volumes_follow_from_the_mesh_of_their_boundaries(tmp_path, session):
+    """In gmsh's own kernel, which does not know them: the unit cube has 6 faces of area 1."""
+    gmsh.open(str(cube(session, tmp_path / "cube", "own")))
+    gmsh.model.mesh.generate(2)
+    for dim, count in ((1, 12), (2, 6), (3, 1)):
+        measures = [by_gmsh._measure(gmsh, d, tag) for d, tag in gmsh.model.getEntities(dim)]
+        assert measures == pytest.approx([1.0] * count, rel=1e-9)
+
+
 # --- Damaged files --------------------------------------------------------------------------------
 
 
