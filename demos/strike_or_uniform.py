@@ -35,7 +35,7 @@ from antiosc.simulation.error_budget import differences
 #: The grid of fixed choices: sizes over the scene's, anti-oscillators, time tolerances.
 SIZES, COUNTS, STEPS = (2.0, 1.0, 0.6), (6, 12, 20), (1e-2, 1e-3)
 #: Sizes of the meshes that are uniform up to the site, over the scene's.
-UNIFORM = {1: (1.0, 0.7, 0.5), 2: (1.4, 0.8, 0.45)}
+UNIFORM = {1: (1.0, 0.5, 0.3), 2: (1.4, 0.8, 0.45)}
 #: Anti-oscillators of truths and of meshes that are compared by their dofs.
 MANY = 40
 #: Size of the elements [m] for the cost of the estimate, and runs of which the least counts.

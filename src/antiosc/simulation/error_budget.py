@@ -25,10 +25,9 @@ from antiosc.simulation.truncation import Run, truncation_error
 
 #: Each error is at least this share of the largest of the three.
 FLOOR = 0.5
-#: Factor of safety of the mesh's share unless the model's info tells it, and the same where the
-#: mesh is not good enough for it: the share of the errors of strains in the energy exceeds COARSE,
-#: or the faces under the patch are RESOLVED times its radius (in proportion to them, above the
-#: first factor).
+#: Factor of safety of the mesh's share, and the same where the mesh is not good enough for it: the
+#: share of the errors of strains in the energy exceeds COARSE, or the faces under the patch are
+#: RESOLVED times its radius (in proportion to them, above the first factor).
 SAFETY, SAFETY_COARSE, COARSE, RESOLVED = 2.0, 3.0, 0.1, 1.2
 #: Time integration error of the runs that are compared, over that of the history; at most and
 #: at least this.
@@ -93,10 +92,9 @@ def _safety(model: AntiOscillators, share: float) -> tuple[float, list[str]]:
     Faces as large as the patch spread its load: the strains that they miss grow as their size over
     the radius (the compliance of a patch is inverse to its radius), and no recovery sees them.
     """
-    known = model.info.get("safety")
-    safety, doubts = float(known) if isinstance(known, int | float) else SAFETY, []
+    safety, doubts = SAFETY, []
     if share > COARSE:
-        safety = max(safety, SAFETY_COARSE)
+        safety = SAFETY_COARSE
         doubts.append(
             f"The errors of the strains hold {share:.0%} of the energy: the mesh is coarse, and "
             "its bar is less certain."

@@ -109,17 +109,6 @@ def test_k0_of_nested_meshes(cell, order):
         assert abs(model.corrected().k0 - finest.k0) < 0.5 * (model.k0 - finest.k0)
 
 
-@pytest.mark.parametrize(("cell", "safety"), [("triangle", 2.0), ("tetrahedron", 2.5)])
-def test_bars_in_space_have_a_larger_factor(cell, safety):
-    point = (0.25, 0.05, 0.05) if cell == "tetrahedron" else (0.25, 0.1)
-    down = (0, 0, -1) if cell == "tetrahedron" else (0, -1)
-    site = ao.Site(point, down, radius=0.048)
-    model = ao.extract(part(cell, 2, 2), site, n=4, error="estimate")
-    hit = ao.simulate(model, ao.RigidMass(1.0, 1.0), ao.Hertz(1e8), 5e-3)
-    assert hit.error_budget.energy_error < 0.1
-    assert hit.error_budget.safety == safety
-
-
 def test_products_of_small_errors_are_those_of_sums():
     """Of strains that are nearly linear the errors are 1e-10 of the energy, their products too."""
     structure = part("triangle", 2, 3)

@@ -20,10 +20,6 @@ from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.fem.structure.structure import Structure, on_mesh
 from antiosc.models.anti_oscillators import AntiOscillators
 
-#: Factors of safety of the mesh's bars, by dimension: effectivities of stiffnesses are at least 0.5
-#: in the plane and 0.4 in space, where the ends of supports take a larger part of the errors.
-SAFETY = {2: 2.0, 3: 2.5}
-
 
 class ModelErrors:
     """The estimates of models of one structure; InputError where there are none."""
@@ -56,7 +52,6 @@ class ModelErrors:
             return model
         E, outside = self._errors.gram_and_layers(shapes, self._layers)
         model = replace(model, strain_error=E)
-        model.info["safety"] = SAFETY[on_mesh(self._structure).mesh.tdim]
         model.info["patch"] = patch_of(self._structure, site)
         if self._geometry:
             if model.k0 == 0:  # a rigid motion
