@@ -148,9 +148,10 @@ def trajectory(problem: Problem, system: System, found: Run, duration: float) ->
 def touches(found: Run) -> list[tuple[int, int, float, bool]]:
     """First and last step node, closing speed, and whether it ended, of each contact of a run."""
     starts = found.time[::2]
+    nodes, events = np.searchsorted(starts, found.events[:, 0]).tolist(), found.events.tolist()
     marks = [
-        (int(np.searchsorted(starts, t)), piece != march.APART, speed)
-        for t, _, piece, speed in found.events
+        (node, piece != march.APART, speed)
+        for node, (_, _, piece, speed) in zip(nodes, events, strict=True)
     ]
     if marks and marks[-1][1]:
         marks.append((starts.size - 1, False, -1.0))

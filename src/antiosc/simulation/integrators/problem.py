@@ -135,10 +135,11 @@ class Segment:
         top = float(self.force.max())
         if self.bend is None:
             return top
-        half, rise = 0.5 * np.diff(self.time), np.diff(self.force)
-        drop = -self.bend * half**2  # of the chord below the parabola, twice
-        inside = np.abs(rise) < 2 * drop
-        if not np.any(inside):
+        time, force = self.time, self.force
+        half, rise = 0.5 * (time[1:] - time[:-1]), force[1:] - force[:-1]
+        drop = -self.bend * half * half  # of the chord below the parabola, twice
+        inside = abs(rise) < 2 * drop
+        if not inside.any():
             return top
         middle = 0.5 * (self.force[1:] + self.force[:-1])[inside] + 0.5 * drop[inside]
         return max(top, float((middle + rise[inside] ** 2 / (8 * drop[inside])).max()))
