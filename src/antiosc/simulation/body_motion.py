@@ -70,7 +70,7 @@ def _modal(history: Motions, times: Array, body: str, derivative: int) -> tuple[
     if isinstance(history, History):
         q, v = history.states(times)
         p = history.problem
-        force = np.interp(times, history.time, history.force)
+        force = history.force_at(times)
         a = p.load - force[:, None] * p.beta - p.omega**2 * q - 2 * p.decay * v
         own = history.bodies[0].omega.size
         # those of the impactor are along the impact, opposite to the force on its model
