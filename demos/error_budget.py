@@ -243,7 +243,7 @@ def histogram(cases: Sequence[Case], path: Path) -> None:
     grid[0, 1].set_xlabel("true error over its bar")
     for axes in grid.flat:
         axes.set_ylabel("parts")
-        axes.legend()
+        axes.legend(loc="upper left")
     plotting.save_figure(figure, path, dpi=120)
 
 

@@ -19,7 +19,7 @@ PICTURES = {
     "board_on_spacers": ["board_on_spacers.png"],
     "composite_panel": ["composite_panel.png"],
     "drop_on_corners": ["drop_on_corners.png"],
-    "error_budget": ["../speed/error_budget_bracket.png"],
+    "error_budget": ["../speed/error_budget_effectivity.png"],
     "impact_map": ["bracket_map.png"],
     "impact_on_bracket": ["bracket.png", "bracket_force.png"],
     "local_quantities": ["../speed/local_quantities.png"],
@@ -29,6 +29,7 @@ PICTURES = {
     "speed_accuracy": ["../speed/speed_accuracy_bracket_43935.png"],
     "stability": ["stability.png", "stability_scenes.png", "stability_windows.png"],
     "stiffened_panel": ["stiffened_panel.png"],
+    "strike_or_uniform": ["../speed/strike_or_uniform.png"],
     "tube_between_stops": ["tube_between_stops.png"],
     "work_precision": ["work_precision.png"],
 }
