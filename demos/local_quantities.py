@@ -291,7 +291,7 @@ def probed(
     for x, axis in zip(where, whole.axes, strict=True):
         v = ao.probe(case.part, hit, x, "velocity", times)[:, axis]
         spectra.append(ao.srs(times, v, whole.frequencies, signal="velocity").maximax)
-    return Signals(times, np.interp(times, hit.time, hit.force), values, np.array(spectra))
+    return Signals(times, hit.force_at(times), values, np.array(spectra))
 
 
 def recovered(
