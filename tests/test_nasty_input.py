@@ -18,6 +18,7 @@ import matplotlib.pyplot as plt
 from hypothesis import HealthCheck, given, settings, strategies as st
 
 import antiosc as ao
+from antiosc.simulation.engine import compiled_march
 from nasty import EXTREMES, TYPES, is_fem, parameters, public, sound, unmade, verdict
 
 plt.switch_backend("Agg")
@@ -62,6 +63,12 @@ def attempt(name: str, change: dict[str, int]) -> str:
     if "plot" in name:
         plt.close("all")
     return wrong
+
+
+@pytest.fixture(scope="module", autouse=True)
+def compiled():
+    """Compiling, once for all processes, counts for no call."""
+    compiled_march()
 
 
 @st.composite

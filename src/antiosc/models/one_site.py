@@ -32,7 +32,8 @@ def checked(model: Parameters) -> dict[str, Any]:
     """
     for name in OF_SEVERAL:
         given = getattr(model, name)
-        if not (given is None or (isinstance(given, dict) and not given)):
+        empty = name == "columns" and isinstance(given, dict) and not given
+        if not (given is None or empty):
             raise InputError(
                 f"{name} belongs to a model of several sites: give its P and the names of its "
                 "sites too."
