@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -24,8 +23,6 @@ LOOSE = 0.05
 
 #: Change of a velocity, relative to it, below which it is rounding in part.
 ROUNDED = 1e-6
-
-States = Callable[[], tuple[Array, Array]]
 
 
 def exact(
@@ -116,17 +113,15 @@ def trajectory(problem: Problem, system: System, found: Run, duration: float) ->
     result = Trajectory(evaluations=found.attempts, diverged=found.answer == march.GREW)
     assert found.states is not None
 
-    @cache
-    def at_nodes() -> tuple[Array, Array]:
-        load = problem.load
-        return node_states(found, system, lambda t: np.broadcast_to(load, (t.size, load.size)))
+    def load_at(t: Array) -> Array:
+        return np.broadcast_to(problem.load, (t.size, problem.load.size))
 
     at = 0
     for first, last, speed, released in touches(found):
         if first > at:
             _fly(result, problem, found, at, first, duration)
         begin = len(result.segments)
-        result.segments.append(_pressed(problem, found, at_nodes, first, last))
+        result.segments.append(_pressed(problem, system, found, load_at, first, last))
         start, end = float(found.time[2 * first]), float(found.time[2 * last])
         result.contacts.append(
             Contact(
@@ -171,21 +166,24 @@ def _fly(
     result.segments.append(flight(problem, t, q, v, span, duration))
 
 
-def _pressed(problem: Problem, found: Run, at_nodes: States, first: int, last: int) -> Segment:
+def _pressed(
+    problem: Problem,
+    system: System,
+    found: Run,
+    load_at: Callable[[Array], Array],
+    first: int,
+    last: int,
+) -> Segment:
     nodes = slice(2 * first, 2 * last + 1)
     time, force = found.time[nodes], found.force[nodes, 0]
     bend = 4 * (force[:-2:2] - 2 * force[1:-1:2] + force[2::2]) / (time[2::2] - time[:-2:2]) ** 2
-
-    def states() -> tuple[Array, Array]:
-        q, v = at_nodes()
-        return q[nodes], v[nodes]
 
     return Segment(
         time=time,
         force=np.maximum(force, 0.0),
         indentation=lambda: found.depth[nodes, 0],
         impulse=_impulse(problem, found, first, last),
-        states=states,
+        states=lambda: node_states(found, system, load_at, first, last),
         contact=True,
         bend=np.repeat(bend, 2),
     )

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Body = Literal["structure", "impactor"]
+#: Modal states up to this size are kept; larger ones are computed anew at each use.
+KEPT_BYTES = 1 << 26
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -321,10 +323,17 @@ class History(HistoryResults):
         segments = self.trajectory.segments
         return np.append(self._joined([np.append(0.0, s.bends) for s in segments])[1:], 0.0)
 
-    @cached_property
+    @property
     def _modal_states(self) -> tuple[Array, Array]:
+        """Modal displacements and velocities (n, J) at the nodes, kept where they are not large."""
+        kept: tuple[Array, Array] | None = self.__dict__.get("_kept_states")
+        if kept is not None:
+            return kept
         states = [s.states() for s in self.trajectory.segments]
-        return self._joined([q for q, _ in states]), self._joined([v for _, v in states])
+        joined = self._joined([q for q, _ in states]), self._joined([v for _, v in states])
+        if joined[0].nbytes <= KEPT_BYTES:
+            self.__dict__["_kept_states"] = joined
+        return joined
 
     def _locate(self, t: ArrayLike) -> tuple[Array, Index]:
         times = checks.column("t", t)

@@ -13,6 +13,9 @@ from antiosc.simulation.engine import Run, System
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
+#: Modal responses that are computed at once.
+BLOCK = 1 << 18
+
 
 def spans(run: Run, system: System, c: int) -> list[tuple[float, float]]:
     """Start and end [s] of each time that a contact touches."""
@@ -92,13 +95,26 @@ def states(
     )
 
 
-def node_states(run: Run, system: System, load_at: Callable[[Array], Array]) -> tuple[Array, Array]:
-    """Modal states (n, J) at all nodes; at the middles from the step's start."""
+def node_states(
+    run: Run,
+    system: System,
+    load_at: Callable[[Array], Array],
+    first: int = 0,
+    last: int | None = None,
+) -> tuple[Array, Array]:
+    """Modal states (n, J) at the nodes of the steps `first` to `last`; middles from a step's start.
+
+    By blocks of steps, for the responses take several times the memory of the states.
+    """
     assert run.states is not None
-    n = run.states.shape[0] - 1
-    q, v = np.empty((2 * n + 1, system.omega.size)), np.empty((2 * n + 1, system.omega.size))
-    q[::2], v[::2] = run.states[:, 0], run.states[:, 1]
-    if n:
-        since = run.time[1::2] - run.time[:-2:2]
-        q[1::2], v[1::2] = states(run, system, load_at, np.arange(n), since)
+    last = run.states.shape[0] - 1 if last is None else last
+    size = system.omega.size
+    q, v = (np.empty((2 * (last - first) + 1, size)) for _ in range(2))
+    q[::2], v[::2] = run.states[first : last + 1, 0], run.states[first : last + 1, 1]
+    block = max(BLOCK // max(size, 1), 1)
+    for begin in range(first, last, block):
+        steps = np.arange(begin, min(begin + block, last))
+        since = run.time[2 * steps + 1] - run.time[2 * steps]
+        at = 2 * (steps - first) + 1
+        q[at], v[at] = states(run, system, load_at, steps, since)
     return q, v
