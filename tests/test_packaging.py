@@ -69,7 +69,7 @@ def test_wheel_and_archive_are_whole_and_the_wheel_runs(tmp_path: Path):
     sources = {
         str(path.relative_to(ROOT / "src"))
         for path in (ROOT / "src" / "antiosc").rglob("*")
-        if path.is_file() and path.suffix != ".pyc"
+        if path.is_file() and "__pycache__" not in path.parts
     }
     with zipfile.ZipFile(wheel) as file:
         inside = {name for name in file.namelist() if ".dist-info/" not in name}
