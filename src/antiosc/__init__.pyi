@@ -201,15 +201,17 @@ from antiosc.simulation.results import (
     SavedHistory as SavedHistory,
 )
 from antiosc.simulation.scene import (
-    Base as Base,
-    Contact as Contact,
-    Load as Load,
     Scene as Scene,
 )
 from antiosc.simulation.scene_history import (
     BodyHistory as BodyHistory,
     ContactHistory as ContactHistory,
     SceneHistory as SceneHistory,
+)
+from antiosc.simulation.scene_parts import (
+    Base as Base,
+    Contact as Contact,
+    Load as Load,
 )
 from antiosc.simulation.simulate import (
     simulate as simulate,

@@ -15,7 +15,7 @@ from antiosc.simulation.engine import System
 from antiosc.simulation.expected import deepest, stiffness_at
 from antiosc.simulation.impactors import Obstacle
 from antiosc.simulation.laws import packed
-from antiosc.simulation.scene import Contact, Scene
+from antiosc.simulation.scene_parts import Contact, SceneParts
 from antiosc.simulation.scene_states import between
 
 Array = NDArray[np.float64]
@@ -39,7 +39,7 @@ class Assembly:
     lasting : expected time of a contact [s], the shortest.
     """
 
-    scene: Scene
+    scene: SceneParts
     bodies: dict[str, Placed]
     spans: dict[str, slice]
     columns: dict[str, slice]
@@ -66,7 +66,7 @@ class Assembly:
         return total
 
 
-def assemble(scene: Scene, duration: float) -> Assembly:
+def assemble(scene: SceneParts, duration: float) -> Assembly:
     """The scene ready to integrate; InputError for what does not fit together."""
     bodies = {n: place(n, body, scene.motion.get(n)) for n, body in scene.bodies.items()}
     spans, columns, j, k = {}, {}, 0, 0
@@ -193,7 +193,7 @@ def _row(
     return row, direction
 
 
-def _order_counts(scene: Scene, ends: list[tuple[End, End]]) -> list[str]:
+def _order_counts(scene: SceneParts, ends: list[tuple[End, End]]) -> list[str]:
     """Notes on contacts that push the second end against its site's direction."""
     notes = []
     for contact, ((a, at), (b, bt)) in zip(scene.contacts, ends, strict=True):
@@ -247,7 +247,7 @@ def _tangents(
 
 
 def _axes(
-    scene: Scene, bodies: dict[str, Placed], lines: list[Array | None]
+    scene: SceneParts, bodies: dict[str, Placed], lines: list[Array | None]
 ) -> dict[str, Array | None]:
     """Direction in space of the one coordinate of each body that knows none itself."""
     axes: dict[str, Array | None] = {}
@@ -299,7 +299,7 @@ def _weights(body: Placed, axis: Array | None, vector: bool) -> Array:
 
 
 def _loads(
-    scene: Scene,
+    scene: SceneParts,
     bodies: dict[str, Placed],
     spans: dict[str, slice],
     columns: dict[str, slice],
@@ -364,7 +364,7 @@ def _beside_patches(stiffness: float, local: float) -> float:
     return stiffness / max(1.0 - patches, STIFFEST)
 
 
-def _laws(scene: Scene, local_compliances: Array) -> tuple[list[ContactLaw], list[str]]:
+def _laws(scene: SceneParts, local_compliances: Array) -> tuple[list[ContactLaw], list[str]]:
     """The laws with the patches' own half-space compliance taken out, and notes on it."""
     laws, notes = [], []
     for contact, local in zip(scene.contacts, local_compliances.tolist(), strict=True):
@@ -405,7 +405,7 @@ def _mass(beta: Array, omega: Array) -> float:
 
 
 def _scales(
-    scene: Scene,
+    scene: SceneParts,
     laws: list[ContactLaw],
     mass: Array,
     beta: Array,

@@ -12,15 +12,15 @@ from antiosc.simulation.convergence import Converged, converge, stopped
 from antiosc.simulation.engine import Run
 from antiosc.simulation.equilibrium import closed, settle
 from antiosc.simulation.laws import forget
-from antiosc.simulation.scene import Scene
 from antiosc.simulation.scene_energy import GAIN, gained
 from antiosc.simulation.scene_history import SceneHistory
+from antiosc.simulation.scene_parts import SceneParts
 
 Array = NDArray[np.float64]
 
 
 def integrate(
-    scene: Scene,
+    scene: SceneParts,
     duration: float,
     tol: float,
     max_contacts: int,
