@@ -162,7 +162,8 @@ def test_executors_keep_the_order_and_tell_a_scene_that_fails(pool):
         with pytest.warns(ao.AccuracyWarning, match="1 of 3 calls failed, as call 1: mass must be"):
             peaks = ao.sweep(peak_of, mass=[0.1, -0.1, 0.2], velocity=0.01, executor=executor)
     for name in ("peak_force", "impulse", "contact_time", "restitution", "error", "status"):
-        np.testing.assert_array_equal(getattr(here, name), getattr(there, name))
+        # a new process begins interpreted, whose rounding differs
+        np.testing.assert_allclose(getattr(here, name), getattr(there, name), rtol=1e-6)
     assert here.message == there.message
     assert np.isnan(here.peak_force).tolist() == [False, True, False, False]
     assert isinstance(peaks[1], ao.InputError)
