@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
+from antiosc.simulation import history, scene_states
 from scenes import HERTZ, case_two, random_model, rigid
 
 
@@ -46,6 +47,20 @@ def test_motion_between_nodes_obeys_the_equations(hit):
         acceleration = (before - 2 * now + after) / d**2
         pull = -(model.omega**2) * (now[1:] - now[0])
         assert acceleration[1:] == pytest.approx(pull, abs=2e-4 * np.abs(pull).max())
+
+
+def test_large_histories_are_computed_in_blocks_and_not_kept(hit, monkeypatch):
+    monkeypatch.setattr(scene_states, "BLOCK", 64)  # three steps of these modes
+    monkeypatch.setattr(history, "KEPT_BYTES", 0)
+    model, striker = case_two(9)
+    large = ao.simulate(model, striker, ao.Hertz(HERTZ), 8e-3)
+    for name in ("displacement", "velocity", "impactor_velocity"):
+        expected = getattr(hit, name)
+        top = np.abs(expected).max()
+        assert getattr(large, name) == pytest.approx(expected, abs=1e-12 * top)
+    assert large.energy.drift < 1e-3
+    assert "_kept_states" not in vars(large)
+    assert "_kept_states" in vars(hit)
 
 
 def test_coordinates_hold_the_site_first(hit):

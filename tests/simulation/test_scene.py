@@ -17,9 +17,9 @@ from scipy.optimize import brentq
 import antiosc as ao
 from antiosc.simulation import convergence, engine, march
 from antiosc.simulation.assembly import assemble
-from antiosc.simulation.convergence import parabolas
 from antiosc.simulation.engine import compiled_march, run
 from antiosc.simulation.refinement import start
+from antiosc.simulation.scene_states import forces, located
 from direct import chain, force_error, free_modes, physical
 from scenes import HERTZ, case_two, hertz_impact
 
@@ -422,8 +422,8 @@ def test_order_of_the_march() -> None:
     made = assemble(scene, 0.012)
     runs = [run(made.system, 0.012, 1e-2 / 8**i, scale=1e3, fine=1e-6) for i in range(6)]
     t = np.linspace(0, 0.012, 5000)
-    exact = parabolas(runs[-1], t, 4)
-    errors = [np.linalg.norm(parabolas(r, t, 4) - exact) for r in runs[:4]]
+    exact = forces(runs[-1], *located(runs[-1], t))[:, :4]
+    errors = [np.linalg.norm(forces(r, *located(r, t))[:, :4] - exact) for r in runs[:4]]
     steps = [r.steps for r in runs[:4]]
     order = np.log(errors[0] / errors[-1]) / np.log(steps[-1] / steps[0])
     assert order > 1.7

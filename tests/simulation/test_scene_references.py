@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 import antiosc as ao
 from antiosc.simulation import march
 from antiosc.simulation.assembly import assemble
-from antiosc.simulation.convergence import parabolas
 from antiosc.simulation.engine import run
+from antiosc.simulation.scene_states import forces, located
 from direct import beam, force_error, free_modes, physical
 
 Array = NDArray[np.float64]
@@ -189,7 +189,7 @@ def test_order_over_four_halvings_of_the_step(posed: Callable[[], Posed]) -> Non
         run(made.system, duration, 1e-3 / 8**i, scale=force.max(), fine=made.lasting / 200)
         for i in range(5)
     ]
-    errors = [np.linalg.norm(parabolas(r, t, force.shape[1]) - force) for r in runs]
+    errors = [np.linalg.norm(forces(r, *located(r, t))[:, : force.shape[1]] - force) for r in runs]
     gained = np.log2(errors[0] / errors[-1])
     assert gained / 4 > 1.7
     assert gained / np.log2(runs[-1].steps / runs[0].steps) > 1.7

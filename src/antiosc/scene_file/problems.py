@@ -75,12 +75,6 @@ def listed(names: Iterable[str]) -> str:
     return ", ".join(shown) if shown else "none"
 
 
-def one_of(names: Iterable[str]) -> str:
-    """'a', 'b' or 'c'."""
-    quoted = [repr(name) for name in names]
-    return quoted[0] if len(quoted) == 1 else f"{', '.join(quoted[:-1])} or {quoted[-1]}"
-
-
 def unknown(what: str, name: str, known: Iterable[str]) -> str:
     """A sentence on a name that does not exist."""
     names = list(known)

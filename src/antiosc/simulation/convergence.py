@@ -12,6 +12,7 @@ from antiosc._types import Array
 from antiosc.contact import ContactLaw
 from antiosc.simulation import march
 from antiosc.simulation.engine import Run, System, fitting_march, run
+from antiosc.simulation.scene_states import forces, located
 
 # Of the tolerance, the share of the first run; by what the second run divides it, and a third:
 # by MORE if the estimate was at most NEAR times the tolerance, else by MOST.
@@ -170,7 +171,7 @@ def _apart(a: Run, b: Run, end: float, limit: float) -> tuple[float, float, floa
     time = np.concatenate((a.time, b.time))
     time.sort()
     time = time[time <= end]
-    one, other = parabolas(a, time, m), parabolas(b, time, m)
+    one, other = (forces(each, *located(each, time)) for each in (a, b))
     half = 0.5 * np.diff(time)
     apart, size = ((one - other) ** 2).sum(axis=1), (other**2).sum(axis=1)
     used = np.cumsum(half * (apart[:-1] + apart[1:]))
@@ -178,16 +179,3 @@ def _apart(a: Run, b: Run, end: float, limit: float) -> tuple[float, float, floa
     until = float(time[1 + beyond[0]]) if beyond.size else end
     peaks = np.array([abs(one).max(axis=0), abs(other).max(axis=0)])
     return float(used[-1]), float(half @ (size[:-1] + size[1:])), until, peaks
-
-
-def parabolas(run: Run, time: Array, p: int) -> Array:
-    """Forces (n, p) of a run at times (n,)."""
-    starts = run.time[::2]
-    if starts.size < 2:
-        return np.zeros((time.size, p))
-    i = np.searchsorted(starts[1:-1], time, side="right")
-    since, span = time - starts[i], np.diff(starts)[i]
-    u = np.divide(since, span, out=np.zeros(time.size), where=span > 0)[:, None]
-    u = np.minimum(np.maximum(u, 0.0), 1.0)
-    f0, f1, f2 = (run.force[k::2, :p][i] for k in range(3))
-    return np.asarray(f0 + u * ((4 * f1 - 3 * f0 - f2) + 2 * u * (f0 - 2 * f1 + f2)))

@@ -109,7 +109,6 @@ SHARP = 1e-9  # of the depth or the speed: a bound is met
 ROUNDING = 1e-13  # of the sum of the modes' parts: below it a speed of approach is rounding
 SWEEPS, NEWTON = 12, 40
 SQUARED = 1e-7  # of the forces: Newton's correction after which none is needed
-MOST_TRIES = 60  # to find the step that is small enough
 
 # the user's own laws by their number: only the interpreted march calls them
 LAWS: dict[int, Any] = {}
@@ -1871,7 +1870,7 @@ def compare(
     """Integrals of |a - b|^2 and |b|^2 up to `end` over the nodes of both runs.
 
     With them the time when the first has used up `limit`; the largest |a| and |b| of every row into
-    peaks (2, m). Compiled only; `refinement.difference` does it with NumPy.
+    peaks (2, m). Compiled only; `convergence.difference` does it with NumPy.
     """
     gap, size, before, last, last_size = 0.0, 0.0, 0.0, 0.0, 0.0
     na, nb, i, j, a, b = time_a.size, time_b.size, 0, 0, 0, 0
