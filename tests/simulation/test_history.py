@@ -50,12 +50,12 @@ def test_motion_between_nodes_obeys_the_equations(hit):
 
 
 def test_large_histories_are_computed_in_blocks_and_not_kept(hit, monkeypatch):
+    whole = {n: getattr(hit, n) for n in ("displacement", "velocity", "impactor_velocity")}
     monkeypatch.setattr(scene_states, "BLOCK", 64)  # three steps of these modes
     monkeypatch.setattr(history, "KEPT_BYTES", 0)
     model, striker = case_two(9)
     large = ao.simulate(model, striker, ao.Hertz(HERTZ), 8e-3)
-    for name in ("displacement", "velocity", "impactor_velocity"):
-        expected = getattr(hit, name)
+    for name, expected in whole.items():
         top = np.abs(expected).max()
         assert getattr(large, name) == pytest.approx(expected, abs=1e-12 * top)
     assert large.energy.drift < 1e-3
