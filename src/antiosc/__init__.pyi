@@ -75,10 +75,12 @@ from antiosc.fem.elements.anisotropic import (
 )
 from antiosc.fem.elements.beam import (
     Beam as Beam,
-    Section as Section,
 )
 from antiosc.fem.elements.plate_section import (
     Layer as Layer,
+)
+from antiosc.fem.elements.section import (
+    Section as Section,
 )
 from antiosc.fem.elements.shell import (
     Laminate as Laminate,

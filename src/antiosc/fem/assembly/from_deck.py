@@ -12,9 +12,10 @@ from antiosc.checks import instance, path as checked_path, positive, shown
 from antiosc.errors import InputError, MeshError
 from antiosc.fem.assembly.deck_joints import attachments, joined
 from antiosc.fem.elements.anisotropic import AnisotropicSolid
-from antiosc.fem.elements.beam import Beam, Section
+from antiosc.fem.elements.beam import Beam
 from antiosc.fem.elements.given_sheet import GivenSheet, Nearest
 from antiosc.fem.elements.plate_section import Layer
+from antiosc.fem.elements.section import Section
 from antiosc.fem.elements.shell import Laminate, Shell
 from antiosc.fem.elements.solid import Solid
 from antiosc.fem.elements.weak_form import Family

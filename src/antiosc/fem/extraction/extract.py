@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 
 from antiosc.checks import flag, within_range
-from antiosc.errors import AccuracyError
 from antiosc.fem import mpi
 from antiosc.fem.extraction.body_inertia import inertia_of, uniform_inertia
 from antiosc.fem.extraction.dampers import damped, refuse_dampers
@@ -28,7 +27,7 @@ from antiosc.fem.extraction.oscillators import (
     wanted,
 )
 from antiosc.fem.extraction.ritz_basis import BASIS_STEP, Remainder
-from antiosc.fem.extraction.self_check import CHECK, CONVERGED, FORCES, MECHANISM, judge
+from antiosc.fem.extraction.self_check import checked_modes
 from antiosc.fem.extraction.several_sites import of_several_sites
 from antiosc.fem.extraction.static_mode import StaticMode, static_modes
 from antiosc.fem.extraction.wish import (
@@ -228,7 +227,7 @@ def _extracted(
     for target, static, (modes, remainder) in zip(targets, statics, found, strict=True):
         known = lumped(structure, static, modes)
         kept = oscillators(known, wish.n, wish.tol)
-        worst = _check(structure, target, known, wish.method)
+        worst = _checked(structure, target, known, wish.method)
         seconds = {
             **structure.seconds,
             "site": spent,
@@ -271,51 +270,22 @@ def _observable(
         asked = min(most, len(modes.omega) + max(8, len(modes.omega) // 2))
 
 
-def _check(
+def _checked(
     structure: Structure, target: Functional, known: Found, method: Method
-) -> dict[str, Any]:
-    """Check the modes against their equations; AccuracyError far beyond CHECK.
-
-    Ritz pairs may have large residuals, but must be orthogonal in K and in M.
-    """
-    static, modes = known.static, known.modes
-    comm, phi, k_phi, m_phi = structure.comm, modes.phi, known.k_phi, known.m_phi
-    if len(modes.omega) and modes.omega[0] ** 2 < MECHANISM * structure.shift:
-        raise AccuracyError(
-            f"the structure moves without strain (ω = {modes.omega[0]:.1e} rad/s) but not as a "
-            "rigid body: some part is attached by a hinge, a single common point or line; join it "
-            "along a face."
-        )
-    # The constraint's reaction μ b balances K φ - ω²M φ at the site: φ_stᵀb = 1 gives μ.
-    residual = k_phi - m_phi * modes.omega**2
-    reaction = dot(comm, static.phi, residual)
-    residual = residual - np.outer(static.load, reaction)
-    sizes = structure.factorize().force_sizes(np.hstack([residual, k_phi]))
-    left, size = np.split(sizes, 2)
-    off = left / np.maximum(size, np.finfo(float).tiny)
-    gram = known.masses
-    b_norm = np.sqrt(dot(comm, target.b, target.b))
-    amplitudes = np.sqrt(comm.allreduce(np.einsum("ij,ij->j", phi, phi)))
-    total = float(np.sum(known.c**2))
-    if method == "krylov":
-        stiffness = known.stiffnesses - np.diag(modes.omega**2)
-        scale = np.sqrt(modes.omega**2 + structure.shift)
-        own = {"projection": float(np.abs(stiffness / np.outer(scale, scale)).max(initial=0.0))}
-    else:
-        own = {"residual": float(off.max(initial=0.0))}
-    strain = float(dot(comm, static.phi, multiply(structure.K, static.phi)))
-    measured = {
-        **own,
-        "orthogonality": float(np.abs(gram - np.eye(len(gram))).max(initial=0.0)),
-        "constraint": float(
-            (np.abs(dot(comm, phi, target.b)) / (b_norm * amplitudes)).max(initial=0.0)
-        ),
-        "mass": max(0.0, total / static.mass - 1),
-        "stiffness": abs(strain / static.k0 - 1) if static.k0 else 0.0,
-    }
-    for name, value in measured.items():
-        judge(name, value, FORCES if name == "residual" else CHECK, comm)
-    return {**measured, "converged": int(np.sum(off < CONVERGED))}
+) -> dict[str, float]:
+    """The check of the modes of one site (`checked_modes`)."""
+    static = known.static
+    strain = float(dot(structure.comm, static.phi, multiply(structure.K, static.phi)))
+    return checked_modes(
+        structure,
+        known,
+        method,
+        b=target.b[:, None],
+        load=static.load[:, None],
+        phi=static.phi[:, None],
+        mass=np.array([[static.mass]]),
+        stiffness=abs(strain / static.k0 - 1) if static.k0 else 0.0,
+    )
 
 
 def _model(

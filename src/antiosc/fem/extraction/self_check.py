@@ -1,14 +1,22 @@
-"""The limits that an extraction has to meet in its own check."""
+"""The check that an extraction makes of its own modes, and its limits."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from antiosc.errors import AccuracyError, AccuracyWarning
 from antiosc.fem import mpi
+from antiosc.fem.linalg.algebra import dot
 
 if TYPE_CHECKING:
     from mpi4py import MPI
+
+    from antiosc._types import Array
+    from antiosc.fem.extraction.oscillators import Projected
+    from antiosc.fem.extraction.wish import Method
+    from antiosc.fem.structure.structure import Structure
 
 #: Limits of the self-check, relative: residual, M-orthogonality, constraint, mass balance.
 CHECK = 1e-6
@@ -43,3 +51,72 @@ def judge(name: str, value: float, limit: float, comm: MPI.Comm) -> None:
         f"{limit:.0e}): {why}",
         AccuracyWarning,
     )
+
+
+def checked_modes(
+    structure: Structure,
+    known: Projected,
+    method: Method,
+    *,
+    b: Array,
+    load: Array,
+    phi: Array,
+    mass: Array,
+    stiffness: float,
+) -> dict[str, float]:
+    """Check constraint modes against their equations; AccuracyError far beyond CHECK.
+
+    Ritz pairs may have large residuals, but must be orthogonal in K and in M.
+
+    Parameters
+    ----------
+    known : the modes, and the shapes of the p sites projected on them.
+    b, load : load vectors of the sites, and those that the reactions take; loadᵀphi = 1; (rows, p).
+    phi : static shapes of the sites, (rows, p).
+    mass : phiᵀM phi, (p, p).
+    stiffness : relative error of phiᵀK phi.
+
+    Returns
+    -------
+    What was measured, and the number of modes that have "converged".
+    """
+    modes, comm = known.modes, structure.comm
+    if len(modes.omega) and modes.omega[0] ** 2 < MECHANISM * structure.shift:
+        raise AccuracyError(
+            f"the structure moves without strain (ω = {modes.omega[0]:.1e} rad/s) but not as a "
+            "rigid body: some part is attached by a hinge, a single common point or line; join it "
+            "along a face."
+        )
+    # The reactions hold the sites: Kφ - ω²Mφ = load μ, and loadᵀphi = 1 gives μ.
+    residual = known.k_phi - known.m_phi * modes.omega**2
+    residual = residual - load @ dot(comm, phi, residual)
+    sizes = structure.factorize().force_sizes(np.hstack([residual, known.k_phi]))
+    left, size = np.split(sizes, 2)
+    off = left / np.maximum(size, np.finfo(float).tiny)
+    scale = np.sqrt(modes.omega**2 + structure.shift)
+    projection = (known.stiffnesses - np.diag(modes.omega**2)) / np.outer(scale, scale)
+    own = {"residual": off} if method == "modes" else {"projection": projection}
+    measured = {
+        **{name: float(np.abs(value).max(initial=0.0)) for name, value in own.items()},
+        "orthogonality": float(np.abs(known.masses - np.eye(len(off))).max(initial=0.0)),
+        "constraint": _displacement(comm, b, modes.phi),
+        "mass": _excess(mass, known.c.reshape(len(off), len(mass))),
+        "stiffness": stiffness,
+    }
+    for name, value in measured.items():
+        judge(name, value, FORCES if name == "residual" else CHECK, comm)
+    return {**measured, "converged": int(np.sum(off < CONVERGED))}
+
+
+def _displacement(comm: MPI.Comm, b: Array, phi: Array) -> float:
+    """Largest displacement of a site in a mode, over their sizes."""
+    squares = [comm.allreduce(np.einsum("ij,ij->j", x, x)) for x in (b, phi)]
+    sizes = np.sqrt(np.outer(*squares))
+    return float((np.abs(dot(comm, b, phi)) / sizes).max(initial=0.0))
+
+
+def _excess(mass: Array, P: Array) -> float:
+    """How much the masses of the modes exceed those of the shapes, relatively."""
+    scale = 1 / np.sqrt(np.maximum(mass.diagonal(), np.finfo(float).tiny))
+    left = (mass - P.T @ P) * scale[:, None] * scale
+    return max(0.0, -float(np.linalg.eigvalsh(left)[0]))

@@ -10,14 +10,13 @@ from typing import Any
 import numpy as np
 
 from antiosc._types import Array
-from antiosc.errors import AccuracyError
 from antiosc.fem import mpi
 from antiosc.fem.extraction.block_krylov import BlockLanczos
 from antiosc.fem.extraction.body_inertia import inertia_of, weights_of
 from antiosc.fem.extraction.eigenmodes import Modes, ModeSolver
 from antiosc.fem.extraction.krylov import MORE, STEPS_PER_ONE
 from antiosc.fem.extraction.ritz_basis import BASIS_STEP, Remainder
-from antiosc.fem.extraction.self_check import CHECK, CONVERGED, FORCES, MECHANISM, judge
+from antiosc.fem.extraction.self_check import checked_modes
 from antiosc.fem.extraction.site_oscillators import (
     Found,
     Kept,
@@ -45,7 +44,7 @@ def of_several_sites(
     modes, remainder = find(structure, static, wish)
     known = lumped(structure, static, modes)
     kept = oscillators(known, wish.n, wish.tol)
-    checks = _check(structure, known, wish)
+    checks = _checked(structure, known, wish)
     seconds = {**structure.seconds, "modes": time.perf_counter() - started}
     model = _model(structure, targets, known, kept, checks, wish, seconds, shapes)
     if wish.band is not None and remainder is not None:
@@ -110,54 +109,21 @@ def _by_modes(
         asked = min(most, len(modes.omega) + max(8, len(modes.omega) // 2))
 
 
-def _check(structure: Structure, known: Found, wish: Wish) -> dict[str, Any]:
-    """Check the modes against their equations; AccuracyError far beyond CHECK.
-
-    Ritz pairs may have large residuals, but must be orthogonal in K and in M.
-    """
-    static, modes, comm = known.static, known.modes, structure.comm
-    if len(modes.omega) and modes.omega[0] ** 2 < MECHANISM * structure.shift:
-        raise AccuracyError(
-            f"the structure moves without strain (ω = {modes.omega[0]:.1e} rad/s) but not as a "
-            "rigid body: some part is attached by a hinge, a single common point or line; join it "
-            "along a face."
-        )
-    # The reactions hold the sites: Kφ - ω²Mφ = load μ, and loadᵀΦ = 1 gives μ.
-    residual = known.k_phi - known.m_phi * modes.omega**2
-    residual = residual - static.load @ dot(comm, static.phi, residual)
-    sizes = structure.factorize().force_sizes(np.hstack([residual, known.k_phi]))
-    left, size = np.split(sizes, 2)
-    off = left / np.maximum(size, np.finfo(float).tiny)
-    scale = np.sqrt(modes.omega**2 + structure.shift)
-    stiffness = (known.stiffnesses - np.diag(modes.omega**2)) / np.outer(scale, scale)
-    own = {"residual": off} if wish.method == "modes" else {"projection": stiffness}
+def _checked(structure: Structure, known: Found, wish: Wish) -> dict[str, float]:
+    """The check of the modes of several sites (`checked_modes`)."""
+    static = known.static
     sites = np.sqrt((static.k0 + structure.shift * static.mass).diagonal())
-    strain = dot(comm, static.phi, multiply(structure.K, static.phi)) - static.k0
-    measured = {
-        **{name: float(np.abs(value).max(initial=0.0)) for name, value in own.items()},
-        "orthogonality": float(np.abs(known.masses - np.eye(len(known.P))).max(initial=0.0)),
-        "constraint": _constraint(structure, known),
-        "mass": _excess(static.mass, known.P),
-        "stiffness": float(np.abs(strain / np.outer(sites, sites)).max()),
-    }
-    for name, value in measured.items():
-        judge(name, value, FORCES if name == "residual" else CHECK, comm)
-    return {**measured, "converged": int(np.sum(off < CONVERGED))}
-
-
-def _constraint(structure: Structure, known: Found) -> float:
-    """Largest displacement of a site in a mode, over their sizes."""
-    load, phi, comm = known.static.load, known.modes.phi, structure.comm
-    squares = [comm.allreduce(np.einsum("ij,ij->j", x, x)) for x in (load, phi)]
-    sizes = np.sqrt(np.outer(*squares))
-    return float((np.abs(dot(comm, load, phi)) / sizes).max(initial=0.0))
-
-
-def _excess(mass: Array, P: Array) -> float:
-    """How much the masses of the modes exceed those of the shapes, relatively."""
-    scale = 1 / np.sqrt(np.maximum(mass.diagonal(), np.finfo(float).tiny))
-    left = (mass - P.T @ P) * scale[:, None] * scale
-    return max(0.0, -float(np.linalg.eigvalsh(left)[0]))
+    strain = dot(structure.comm, static.phi, multiply(structure.K, static.phi)) - static.k0
+    return checked_modes(
+        structure,
+        known,
+        wish.method,
+        b=static.load,
+        load=static.load,
+        phi=static.phi,
+        mass=static.mass,
+        stiffness=float(np.abs(strain / np.outer(sites, sites)).max()),
+    )
 
 
 def _model(

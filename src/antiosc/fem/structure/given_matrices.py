@@ -7,21 +7,28 @@ the diagonal, all other entries are below its rounding.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Complex, Real
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 import scipy.sparse
+from numpy.typing import ArrayLike
 
 from antiosc import fem
 from antiosc._types import Array, BoolArray, IntArray
-from antiosc.checks import LARGEST
+from antiosc.checks import LARGEST, array
 from antiosc.errors import InputError, finite_element_packages
 from antiosc.fem.fingerprint import of_petsc
 from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.algebra import communicator, dot, multiply, norm
+from antiosc.fem.linalg.solver import Solver
 from antiosc.fem.mpi import agree, alike
+from antiosc.fem.structure import null_space
+from antiosc.fem.structure.matrices import StructureMatrices
+from antiosc.fem.structure.nodal import NodalMatrices
+from antiosc.matrix_files.dof_map import DofMap, rows_of
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -140,6 +147,31 @@ def _check_values(name: str, values: Array) -> None:
 
 
 # -- K and M together
+
+
+def matrices_of_pair(
+    K: Any,
+    M: Any,
+    rows: DofMap | None,
+    supports: Mapping[int, str | Sequence[str]] | None,
+    rigid_modes: ArrayLike | None,
+) -> tuple[StructureMatrices, Solver | None]:
+    """Checked matrices with their supports and null vectors, and the solver of a regular K.
+
+    `rows`, `supports` and `rigid_modes` as `map` and the others of `Structure.from_matrices`.
+    """
+    K, M, fixed = supported(K, M)
+    if supports is not None:
+        more = rows_of(supports, rows)
+        K, M = algebra.hold(K, more, 1.0), algebra.hold(M, more, 0.0)
+        fixed = np.union1d(fixed, more)
+    given = None
+    if rigid_modes is not None:
+        given = array("rigid_modes", rigid_modes, (algebra.rows(K), None))
+    modes, shift, factor = null_space.of_matrices(K, M, given)
+    parts = K, M, fixed, modes, shift
+    matrices = StructureMatrices(*parts) if rows is None else NodalMatrices(*parts, map=rows)
+    return matrices, factor
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,13 @@ from antiosc._types import Array, Box, IntArray
 from antiosc.checks import array
 from antiosc.errors import InputError
 from antiosc.fem.linalg import algebra
-from antiosc.fem.linalg.solver import Choice
+from antiosc.fem.linalg.factor import solver_for
+from antiosc.fem.linalg.solver import Choice, Solver
+from antiosc.fem.structure import null_space
 from antiosc.models.motion import Inertia
+
+#: Most times that the shift of a free body is brought closer to its first elastic ω².
+CLOSER = 6
 
 
 @dataclass(eq=False)
@@ -54,6 +59,23 @@ class StructureMatrices:
         The multigrid starts from them.
         """
         return np.zeros((algebra.rows(self.K), 0))
+
+    def factored(self) -> tuple[Solver, float]:
+        """(solver of K + sM, s): from the first shift on, until s fits the first elastic ω²."""
+        shift = self.first_shift
+        factor = self._solver_of(shift)
+        for _ in range(CLOSER if self.rigid_modes.shape[1] else 0):
+            better = null_space.closer_shift(factor, self.K, self.M, self.rigid_modes)
+            if better >= null_space.FAR * shift:
+                break
+            shift = better
+            factor = self._solver_of(shift)
+        return factor, shift
+
+    def _solver_of(self, shift: float) -> Solver:
+        A = algebra.sum_of(self.K, shift, self.M)
+        algebra.free_when_dropped(A)
+        return solver_for(A, self.solver, lambda: self.rigid_motions)
 
     @property
     def mass(self) -> float:

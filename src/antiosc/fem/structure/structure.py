@@ -12,23 +12,19 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, cast
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 import antiosc
 from antiosc._types import Array, Box
 from antiosc.brief import Brief
-from antiosc.checks import array, choice
+from antiosc.checks import choice
 from antiosc.errors import InputError, finite_element_packages
 from antiosc.fem.linalg import algebra
-from antiosc.fem.linalg.factor import solver_for
 from antiosc.fem.linalg.solver import Choice, Solver
 from antiosc.fem.mpi import ALONE, collective
-from antiosc.fem.structure import null_space
-from antiosc.fem.structure.given_matrices import BACKENDS, Backend, copied, supported
+from antiosc.fem.structure.given_matrices import BACKENDS, Backend, copied, matrices_of_pair
 from antiosc.fem.structure.matrices import StructureMatrices
-from antiosc.fem.structure.nodal import NodalMatrices
-from antiosc.matrix_files.dof_map import DofMap, dof_map, rows_of
+from antiosc.matrix_files.dof_map import DofMap, dof_map
 from antiosc.matrix_files.reading import read_pair
 from antiosc.models.motion import Inertia
 from antiosc.progress import doing
@@ -41,9 +37,6 @@ if TYPE_CHECKING:
     from antiosc.fem.structure.attachments import PointMass, Spring
     from antiosc.fem.structure.meshed import MeshedStructure
     from antiosc.fem.structure.support import Support
-
-#: Most times that the shift of a free body is brought closer to its first elastic ω².
-CLOSER = 6
 
 
 class Structure(Brief):
@@ -157,7 +150,7 @@ class Structure(Brief):
         """
         started = time.perf_counter()
         choice("backend", backend, BACKENDS)
-        pair = tuple(copied(name, one, backend) for name, one in (("K", K), ("M", M)))
+        pair = copied("K", K, backend), copied("M", M, backend)
         if map is not None and algebra.communicator(pair[0]).size > 1:
             raise InputError("matrices with a map must be on one rank, not spread over several.")
         rows = dof_map(map, None, algebra.size(pair[0]))
@@ -202,30 +195,20 @@ class Structure(Brief):
         choice("backend", backend, BACKENDS)
         read = read_pair(K, M, names)
         rows = dof_map(map, read.labels, read.K.shape[0])
-        pair = tuple(copied(name, one, backend) for name, one in (("K", read.K), ("M", read.M)))
+        pair = copied("K", read.K, backend), copied("M", read.M, backend)
         return cls._of_pair(pair, rows, supports, None, started)
 
     @classmethod
     def _of_pair(
         cls,
-        pair: tuple[Any, ...],
+        pair: tuple[Any, Any],
         rows: DofMap | None,
         supports: Mapping[int, str | Sequence[str]] | None,
         rigid_modes: ArrayLike | None,
         started: float,
     ) -> Structure:
-        stiffness, mass, fixed = supported(*pair)
-        if supports is not None:
-            more = rows_of(supports, rows)
-            stiffness, mass = algebra.hold(stiffness, more, 1.0), algebra.hold(mass, more, 0.0)
-            fixed = np.union1d(fixed, more)
-        given = None
-        if rigid_modes is not None:
-            given = array("rigid_modes", rigid_modes, (algebra.rows(stiffness), None))
-        modes, shift, factor = null_space.of_matrices(stiffness, mass, given)
+        matrices, factor = matrices_of_pair(*pair, rows, supports, rigid_modes)
         self = object.__new__(Structure)
-        parts = stiffness, mass, fixed, modes, shift
-        matrices = StructureMatrices(*parts) if rows is None else NodalMatrices(*parts, map=rows)
         self._hold(matrices, started)
         if factor is not None:  # it has shown that K is regular
             self._factored = factor, 0.0
@@ -265,15 +248,8 @@ class Structure(Brief):
         """
         if self._factored is None:
             started = time.perf_counter()
-            shift = self.matrices.first_shift
             with doing(f"factorization of {self.dofs} dofs", self.comm.rank):
-                factor = self._solver_of(shift)
-                for _ in range(CLOSER if self.rigid_modes.shape[1] else 0):
-                    better = null_space.closer_shift(factor, self.K, self.M, self.rigid_modes)
-                    if better >= null_space.FAR * shift:
-                        break
-                    shift = better
-                    factor = self._solver_of(shift)
+                factor, shift = self.matrices.factored()
             self.seconds["factorization"] = time.perf_counter() - started
             self._factored = factor, shift
         return self._factored[0]
@@ -290,11 +266,6 @@ class Structure(Brief):
         self.factorize()
         assert self._factored is not None
         return self._factored[1]
-
-    def _solver_of(self, shift: float) -> Solver:
-        A = algebra.sum_of(self.K, shift, self.M)
-        algebra.free_when_dropped(A)
-        return solver_for(A, self.matrices.solver, lambda: self.matrices.rigid_motions)
 
     # -- what the matrices know of their dofs
 
