@@ -14,7 +14,8 @@ import antiosc as ao
 from antiosc.fem import compat
 from antiosc.fem.elements.weak_form import measure
 from antiosc.fem.linalg.petsc_algebra import csr
-from antiosc.fem.mesh.mesh import Mesh, read_mesh
+from antiosc.fem.mesh.mesh import Mesh
+from antiosc.fem.mesh.reading import read_mesh
 
 E, NU, RHO = 70e9, 0.3, 2700.0
 CELLS = ["triangle", "quadrilateral"]

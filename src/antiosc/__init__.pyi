@@ -105,6 +105,8 @@ from antiosc.fem.fields import (
 )
 from antiosc.fem.mesh.mesh import (
     Mesh as Mesh,
+)
+from antiosc.fem.mesh.reading import (
     read_mesh as read_mesh,
 )
 from antiosc.fem.peaks import (

@@ -14,7 +14,8 @@ from antiosc.errors import InputError
 from antiosc.fem import compat
 from antiosc.fem.assembly.assemble import joined_at_nodes
 from antiosc.fem.linalg.petsc_algebra import csr
-from antiosc.fem.mesh.mesh import Mesh, read_mesh
+from antiosc.fem.mesh.mesh import Mesh
+from antiosc.fem.mesh.reading import read_mesh
 from assemblies import eigenfrequencies, static
 
 pytestmark = [

@@ -20,7 +20,8 @@ from antiosc.fem.elements.shell import Laminate, Shell
 from antiosc.fem.elements.solid import Solid
 from antiosc.fem.elements.weak_form import Family
 from antiosc.fem.linalg.solver import Choice
-from antiosc.fem.mesh.mesh import distributed, flattened
+from antiosc.fem.mesh.mesh import distributed
+from antiosc.fem.mesh.reading import flattened
 from antiosc.fem.mesh.soundness import sound
 from antiosc.fem.mpi import collective, on_root, warn
 from antiosc.fem.readers import RawMesh, UnitSystem, read_parts

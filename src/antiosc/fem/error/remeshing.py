@@ -13,11 +13,12 @@ from antiosc._types import Array
 from antiosc.fem import compat
 from antiosc.fem.error.bisection import DIVIDED, KIND_OF, divisible, gathered, refined
 from antiosc.fem.error.cell_sizes import edge_lengths
-from antiosc.fem.mesh.mesh import Mesh, distributed, flattened, read_mesh
+from antiosc.fem.mesh.mesh import Mesh, distributed
+from antiosc.fem.mesh.reading import flattened, read_mesh
 from antiosc.fem.mesh.soundness import sound
 from antiosc.fem.mpi import bounds, on_root
 from antiosc.fem.readers import GEOMETRY, RawMesh, Refinement, SizeField, read
-from antiosc.fem.readers.by_gmsh import REACH, SIZE_GROWTH
+from antiosc.fem.readers.meshing import REACH, SIZE_GROWTH
 
 #: About the largest number of cells of the first mesh of a geometry.
 MOST_FIRST = 6000

@@ -20,7 +20,7 @@ from antiosc.fem.extraction.static_mode import StaticMode
 from antiosc.fem.linalg.algebra import by_strains, diagonal, dot, multiply
 from antiosc.fem.structure.structure import Structure
 from antiosc.models import driving_point as bands
-from antiosc.models.free_modes import MASSLESS
+from antiosc.models.batched_modes import MASSLESS
 from antiosc.models.rigid_share import with_rigid
 
 #: Frequencies closer than this (relatively) are one repeated frequency: only Σm_i has a meaning.

@@ -17,7 +17,7 @@ from antiosc.fem.extraction.eigenmodes import Modes, polish
 from antiosc.fem.extraction.mode_search import Held, Pin
 from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.structure.structure import Structure
-from antiosc.models.free_modes import EXHAUSTED
+from antiosc.models.batched_modes import EXHAUSTED
 
 #: Share of the largest θ below which the smallest θ of an eigensolver are inaccurate.
 WIDE_RANGE = 1e-8
