@@ -11,6 +11,7 @@ from scipy.linalg import eigh
 
 import antiosc as ao
 from antiosc.simulation.scene_states import forces, located
+from paths import demo
 
 Array = NDArray[np.float64]
 
@@ -26,18 +27,8 @@ def chain(n: int, k: float, masses: Array, held: bool) -> tuple[Array, Array]:
 
 
 def beam(n: int, EI: float, rhoA: float, length: float, clamped: bool) -> tuple[Array, Array]:
-    """Stiffness and consistent mass of Euler-Bernoulli's beam in n Hermite elements.
-
-    Deflection and rotation of each node in turn; the first node is left out if `clamped`.
-    """
-    h = length / n
-    K, M = np.zeros((2, 2 * n + 2, 2 * n + 2))
-    ke = np.array([[12, 6, -12, 6], [6, 4, -6, 2], [-12, -6, 12, -6], [6, 2, -6, 4.0]])
-    me = np.array([[156, 22, 54, -13], [22, 4, 13, -3], [54, 13, 156, -22], [-13, -3, -22, 4.0]])
-    scale = np.outer([1, h, 1, h], [1, h, 1, h])
-    for i in range(n):
-        K[2 * i : 2 * i + 4, 2 * i : 2 * i + 4] += EI / h**3 * ke * scale
-        M[2 * i : 2 * i + 4, 2 * i : 2 * i + 4] += rhoA * h / 420 * me * scale
+    """Stiffness and mass of Euler-Bernoulli's beam in n Hermite elements; one end `clamped`."""
+    K, M = demo("validation/hermite").hermite_beam(n, EI, rhoA, length)
     return (K[2:, 2:], M[2:, 2:]) if clamped else (K, M)
 
 

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 from case import Case, Row
-from lines import hermite_beam, line
+from hermite import hermite_beam
+from lines import line
 from scipy.sparse import csc_array
 
 import antiosc as ao

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 from case import Case, Row
-from lines import hermite_beam
+from hermite import hermite_beam
 from scipy.sparse import csc_array
 
 import antiosc as ao

@@ -9,9 +9,10 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from antiosc import checks
-from antiosc._types import Array, Index
+from antiosc._types import Array
 from antiosc.errors import InputError
 from antiosc.models.arrow_modes import arrow_modes
+from antiosc.models.in_space import in_space
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Inertia, unit_vector
 from antiosc.models.parameters import Parameters
@@ -76,42 +77,12 @@ def checked(model: Parameters) -> dict[str, Any]:
     if model.participation is not None:
         p = checks.array("participation", model.participation, columns.shape)
         found["participation"] = checks.kept(p[columns])
-    if model.shapes is not None:
-        shapes = checks.array("shapes", model.shapes, (None, columns.size))
-        found["shapes"] = shapes if _ascend(columns) else shapes[:, columns]
+    if model.direction is not None:
+        found["direction"] = unit_vector("direction", model.direction)
     if model.strain_error is not None:
         own = checked_error("strain_error", model.strain_error, columns.size)
         found["strain_error"] = checks.kept(own[np.ix_(columns, columns)])
-    return found | _in_space(model, columns)
-
-
-def _in_space(model: Parameters, columns: Index) -> dict[str, Any]:
-    """Direction, inertia and hidden shapes; `columns` sorts psi_0 ... psi_N."""
-    found: dict[str, Any] = {}
-    if model.direction is not None:
-        found["direction"] = unit_vector("direction", model.direction)
-    if model.inertia is None:
-        if model.hidden is not None:
-            raise InputError("hidden motions need the inertia, which holds their momentum.")
-        return found
-    momentum = checks.instance("inertia", model.inertia, Inertia, "an Inertia").momentum
-    if len(momentum) < columns.size:
-        raise InputError(
-            f"inertia.momentum needs a row for each of psi_0 ... psi_{columns.size - 1},"
-            f" {columns.size}, and one for each hidden motion; got {len(momentum)}."
-        )
-    if not _ascend(columns):
-        rows = np.concatenate((columns, np.arange(columns.size, len(momentum))))
-        found["inertia"] = model.inertia.along(momentum[rows])
-    if model.hidden is not None:
-        rows_of = None if model.shapes is None else len(model.shapes)
-        shape = (rows_of, len(momentum) - columns.size)
-        found["hidden"] = checks.array("hidden", model.hidden, shape)
-    return found
-
-
-def _ascend(columns: Index) -> bool:
-    return np.array_equal(columns, np.arange(columns.size))
+    return found | in_space(model, columns)
 
 
 def modal(model: Parameters) -> ModalBody:

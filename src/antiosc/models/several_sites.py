@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from antiosc import checks
-from antiosc._types import Array
+from antiosc._types import Array, Index
 from antiosc.errors import InputError
-from antiosc.models.motion import Inertia
+from antiosc.models.in_space import in_space
 from antiosc.models.parameters import Parameters
 from antiosc.models.reduced_modes import reduced_modes, rigid_motions, stiffness_scale
 from antiosc.models.site_modes import SiteModes, columns_of_sites, unit_vectors
@@ -75,7 +75,8 @@ def checked(model: Parameters) -> dict[str, Any]:
         "rigid": checks.kept(rigid),
         "slide": checks.kept(slide),
         **_of_sites(model, len(columns)),
-        **_in_space(model, rows, len(dependence), slide.shape[1]),
+        **_directed(model, rows, len(dependence)),
+        **in_space(model, rows, slide.shape[1]),
     }
 
 
@@ -105,32 +106,15 @@ def _of_sites(model: Parameters, count: int) -> dict[str, Any]:
     return {"local_compliance": checks.kept(local), "radius": radius}
 
 
-def _in_space(model: Parameters, rows: Any, columns: int, hidden: int) -> dict[str, Any]:
-    """Directions, weights, shapes and inertia; `rows` sorts the shapes."""
+def _directed(model: Parameters, rows: Index, columns: int) -> dict[str, Any]:
+    """The directions of the columns, and the weights of the shapes, sorted by `rows`."""
     found: dict[str, Any] = {}
     if model.direction is not None:
         directions = checks.array("direction", model.direction, (columns, 3))
         found["direction"] = checks.kept(unit_vectors("direction", directions))
-    in_order = np.array_equal(rows, np.arange(rows.size))
     if model.participation is not None:
         weight = checks.array("participation", model.participation, (rows.size, 3))
         found["participation"] = checks.kept(weight[rows])
-    if model.shapes is not None:
-        shapes = checks.array("shapes", model.shapes, (None, rows.size))
-        found["shapes"] = shapes if in_order else shapes[:, rows]
-    if model.hidden is not None:
-        count = None if model.shapes is None else len(model.shapes)
-        found["hidden"] = checks.array("hidden", model.hidden, (count, hidden))
-    if model.inertia is None:
-        return found
-    momentum = checks.instance("inertia", model.inertia, Inertia, "an Inertia").momentum
-    if len(momentum) < rows.size:
-        raise InputError(
-            f"inertia.momentum needs a row for each of the {rows.size} shapes and each hidden "
-            f"motion; got {len(momentum)}."
-        )
-    all_rows = np.concatenate((rows, np.arange(rows.size, len(momentum))))
-    found["inertia"] = model.inertia if in_order else model.inertia.along(momentum[all_rows])
     return found
 
 
