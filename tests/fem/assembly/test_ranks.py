@@ -119,6 +119,8 @@ for make in (board, free, deck, every):
         "several": np.asarray(several.dynamic_stiffness(omega)).real.ravel().tolist(),
         "map": struck.models.m_st.tolist() if struck else [0.0],
         "named": ao.probe(part, hit, named[make.__name__], times=[1e-3]).ravel().tolist(),
+        "held": ao.reactions(part, hit, site, [2e-4]).total.ravel().tolist()
+        if make in (board, deck) else [0.0],
         "peak": hit.peak_force, "moved": moved.ravel().tolist(),
         "inertia": part.rigid_inertia[0].matrix.ravel().tolist() if part.rigid_inertia else [0.0],
     }

@@ -32,7 +32,7 @@ from antiosc.fem.assembly.assembled import (
     without_stiffness,
 )
 from antiosc.fem.assembly.attached import attachment, superelement
-from antiosc.fem.assembly.elimination import Eliminated, Redundant, Rows, eliminate
+from antiosc.fem.assembly.elimination import Constraints, Eliminated, Redundant, Rows, eliminate
 from antiosc.fem.assembly.joint import Joint, Stiffness
 from antiosc.fem.assembly.layout import TURNS, Layout, Sparse
 from antiosc.fem.assembly.share import Share, communicator, on_every_rank
@@ -148,10 +148,12 @@ def put_together(
     members = on_every_rank(given, comm)
     layout = Layout(members, checked_places(members, at), checked_points(members, points))
     whole: list[PETSc.Mat] = []
+    of: list[Constraints] = []
 
     def work() -> _Joined:
-        made, K, M = _joined(layout, joints, supports, checked_attachments(attached))
+        made, constraints, K, M = _joined(layout, joints, supports, checked_attachments(attached))
         whole.extend((K, M))
+        of.append(constraints)
         return made
 
     made = on_root(comm, work)
@@ -173,8 +175,10 @@ def put_together(
         eliminated=made.eliminated,
         added=made.added,
         share=share,
+        constraints=of[0] if of else None,
     )
     self._hold(matrices, started)
+    self.supports = (supports,) if isinstance(supports, Support) else tuple(supports)
     return self
 
 
@@ -203,8 +207,8 @@ def _joined(
     joints: Sequence[Joint],
     supports: Sequence[Support],
     attached: Sequence[PointMass | Spring],
-) -> tuple[_Joined, PETSc.Mat, PETSc.Mat]:
-    """(what is found, K, M) of parts that this rank has whole."""
+) -> tuple[_Joined, Constraints, PETSc.Mat, PETSc.Mat]:
+    """(what is found, of which constraints, K, M) of parts that this rank has whole."""
     labels = [joint.label(k + 1) for k, joint in enumerate(joints)]
     for joint, label in zip(joints, labels, strict=True):
         joint.prepare(layout, label)
@@ -222,6 +226,7 @@ def _joined(
     everything = stacked([*(r.matrix for r in rows), *(e.G for e in elastic)], layout.count)
     basis = nested_basis(everything, held, layout.places)
     eliminated = eliminate(rows, held, scale, basis)
+    constraints = Constraints(rows, held, scale, basis)
     _tell_redundant(eliminated.redundant)
     free = int(np.count_nonzero(~eliminated.dependent))
     if not free:
@@ -237,7 +242,7 @@ def _joined(
     rigid = modes.shape[1] == free  # its K is rounding
     if rigid:
         K = without_stiffness(eliminated)
-    return _Joined(layout.points, eliminated, added, modes, shift, rigid), K, M
+    return _Joined(layout.points, eliminated, added, modes, shift, rigid), constraints, K, M
 
 
 # -- the dofs

@@ -15,7 +15,7 @@ from petsc4py import PETSc
 from antiosc._types import Array, BoolArray, Box
 from antiosc.checks import array
 from antiosc.errors import InputError
-from antiosc.fem.assembly.elimination import Eliminated
+from antiosc.fem.assembly.elimination import Constraints, Eliminated
 from antiosc.fem.assembly.joint import Stiffness
 from antiosc.fem.assembly.layout import POINT_DOFS, Layout, Member, Sparse
 from antiosc.fem.assembly.motions import rigid_motions
@@ -48,6 +48,13 @@ class Added:
         """(functionals of q, their damping (j, j)) of all dampers."""
         return [(G, one.c) for one, G in self._elastic if one.c is not None]
 
+    def forces(self, motions: Array) -> Array:
+        """Elastic forces in q (n, j) for motions of u (n, j)."""
+        forces = np.zeros(motions.shape)
+        for one, G in self._elastic:
+            forces += G.T @ (one.k @ (one.G @ motions))
+        return forces
+
     def inertial_loads(self, motions: Array) -> tuple[Array, Array]:
         """(M r in q (n, j), rᵀ M r (j, j)) of the masses for motions r of u (n, j)."""
         loads, energies = np.zeros(motions.shape), np.zeros((motions.shape[1],) * 2)
@@ -74,12 +81,14 @@ class AssembledMatrices(StructureMatrices):
     eliminated : T and the dofs that depend on others.
     added : what joints and attachments add.
     share : the rows of this rank. What is said of all dofs (layout, T) every rank has whole.
+    constraints : from which T was made, the supports of the assembly first; on rank 0 alone.
     """
 
     layout: Layout = field(kw_only=True)
     eliminated: Eliminated = field(kw_only=True)
     added: Added = field(kw_only=True)
     share: Share = field(kw_only=True)
+    constraints: Constraints | None = field(kw_only=True)
 
     assembled: ClassVar[bool] = True
 

@@ -60,6 +60,16 @@ class Rows:
 
 
 @dataclass(frozen=True, eq=False)
+class Constraints:
+    """All constraints of an assembly; the attributes are the arguments of `eliminate`."""
+
+    rows: Sequence[Rows]
+    held: BoolArray
+    scale: Array
+    basis: Sparse | None
+
+
+@dataclass(frozen=True, eq=False)
 class Eliminated:
     """The result of an elimination.
 
@@ -69,12 +79,14 @@ class Eliminated:
     dependent : (n,) which dofs are not in q, those that are held included.
     redundant : joints with rows that follow from those of other joints.
     basis : the orthogonal change of basis in T, if any.
+    particular : (n, k) motions that satisfy the constraints with prescribed values, if any.
     """
 
     T: Sparse
     dependent: BoolArray
     redundant: list[Redundant]
     basis: Sparse | None = None
+    particular: Array | None = None
 
     def coordinates(self, u: Array) -> Array:
         """q of motions u (n, k) that satisfy the constraints."""
@@ -92,7 +104,7 @@ class _System:
     owner: IntArray
     #: name of each owner; empty for supports
     labels: Sequence[str]
-    #: typical size of each dof
+    #: typical size of each dof; 0: prescribed values, for which no row is solved
     scale: Array
 
     def names(self, rows: IntArray) -> str:
@@ -101,7 +113,11 @@ class _System:
 
 
 def eliminate(
-    rows: Sequence[Rows], held: BoolArray, scale: Array, basis: Sparse | None = None
+    rows: Sequence[Rows],
+    held: BoolArray,
+    scale: Array,
+    basis: Sparse | None = None,
+    prescribed: Array | None = None,
 ) -> Eliminated:
     """Solve the constraints for dependent dofs.
 
@@ -111,6 +127,8 @@ def eliminate(
     held : (n,) dofs that are zero.
     scale : (n,) typical size of each dof: 1 for displacements, 1/length for rotations.
     basis : (n, n), orthogonal; then T = basis · T', and T' is what the constraints determine.
+    prescribed : (m, k) values of the rows for which `particular` is wanted. Those of rows that
+        follow from others are not looked at.
     """
     n = len(held)
     C = scipy.sparse.vstack([Sparse((0, n)), *(r.matrix for r in rows)]).tocsr()
@@ -126,12 +144,20 @@ def eliminate(
     number[involved] = np.arange(len(involved))
     owner = np.repeat(np.arange(len(rows)), [r.matrix.shape[0] for r in rows])[kept]
     labels = [r.label for r in rows]
-    system = _System(C[kept][:, involved], number[pivot[kept]], owner, labels, scale[involved])
-    own, dependent, redundant = _solved(system)
-    _check(system, own)
+    values = Sparse((len(kept), 0) if prescribed is None else -prescribed[kept])
+    system = _System(
+        scipy.sparse.hstack([C[kept][:, involved], values]).tocsr(),
+        number[pivot[kept]],
+        owner,
+        labels,
+        np.append(scale[involved], np.zeros(values.shape[1])),
+    )
+    whole, dependent, redundant = _solved(system)
+    _check(system, whole)
     free = ~held
     free[involved] = False
-    own = own.tocoo()
+    count = len(involved)
+    own = whole[:count, :count].tocoo()
     diagonal = np.flatnonzero(free)
     T = scipy.sparse.csr_matrix(
         (
@@ -145,9 +171,14 @@ def eliminate(
     )
     marked = held.copy()
     marked[involved[dependent]] = True
+    particular = None
+    if prescribed is not None:
+        particular = np.zeros((n, values.shape[1]))
+        particular[involved] = whole[:count, count:].toarray()
     if basis is not None:
         T = (basis @ T).tocsr()
-    return Eliminated(T, marked, redundant, basis)
+        particular = None if particular is None else basis @ particular
+    return Eliminated(T, marked, redundant, basis, particular)
 
 
 def _without(C: Sparse, held: BoolArray, scale: Array) -> Sparse:
@@ -229,7 +260,7 @@ def _substituted(T: Sparse, solved: Sparse, pivots: IntArray) -> Sparse:
 
 def _blocks(system: _System, left: IntArray) -> tuple[Sparse, IntArray, list[Redundant]]:
     """(solved rows, their dofs, redundant joints) of rows that overlap, by connected blocks."""
-    pattern = abs(system.C[left])
+    pattern = abs(system.C[left][:, system.scale > 0])
     count, block = scipy.sparse.csgraph.connected_components(pattern @ pattern.T, directed=False)
     order = np.argsort(block, kind="stable")
     ends = np.searchsorted(block[order], np.arange(count + 1))
@@ -259,11 +290,14 @@ def _block(system: _System, rows: IntArray) -> tuple[Sparse, IntArray, list[tupl
             f"{LARGEST_BLOCK}: let the joints act on groups that do not share nodes."
         )
     columns = np.unique(C.indices)
+    given = columns[system.scale[columns] == 0]  # the last ones
+    columns = columns[: len(columns) - len(given)]
     scale = system.scale[columns]
     A = C[:, columns].toarray() * scale
-    A /= np.linalg.norm(A, axis=1, keepdims=True)
+    size = np.linalg.norm(A, axis=1, keepdims=True)
+    A /= size
     keep, follows = _independent(A, system.owner[rows])
-    _, R, order = scipy.linalg.qr(A[keep], mode="economic", pivoting=True)
+    Q, R, order = scipy.linalg.qr(A[keep], mode="economic", pivoting=True)
     rank = len(keep)
     solved = -scipy.linalg.solve_triangular(R[:, :rank], R[:, rank:])
     solved[np.abs(solved) < LEAST_COEFFICIENT] = 0.0
@@ -275,8 +309,13 @@ def _block(system: _System, rows: IntArray) -> tuple[Sparse, IntArray, list[tupl
             "apart, or remove one of them."
         )
     chosen, others = order[:rank], order[rank:]
-    values = solved * scale[chosen][:, None] / scale[others]
-    where = np.repeat(np.arange(rank), len(others)), np.tile(columns[others], rank)
+    prescribed = Q.T @ (C[:, given].toarray() / size)[keep]
+    solved = np.hstack(
+        [solved / scale[others], -scipy.linalg.solve_triangular(R[:, :rank], prescribed)]
+    )
+    values = solved * scale[chosen][:, None]
+    used = np.append(columns[others], given)
+    where = np.repeat(np.arange(rank), len(used)), np.tile(used, rank)
     result = scipy.sparse.csr_matrix((values.ravel(), where), shape=(rank, C.shape[1]))
     return result, columns[chosen], follows
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -17,6 +17,7 @@ from antiosc.fem.mpi import on_root
 from antiosc.fem.named_points import middle_of, motion_of
 from antiosc.fem.site.at_points import functionals_at, text
 from antiosc.fem.site.site import LEAST_FREE_SHARE, Functional, Site, constrained
+from antiosc.fem.structure.meshed import MeshedStructure
 
 #: Parts this share of the size of the assembly farther off than the nearest one are as near.
 AS_NEAR = 1e-9
@@ -39,6 +40,30 @@ def _own(structure: AssembledMatrices, found: Functional) -> Functional:
 
 def _whole(structure: AssembledMatrices, site: Site) -> Functional:
     """b of a site, whole, on this rank alone."""
+    found = before_joining(structure, site, lambda member: member.part)
+    b = _joined(structure, found.b)
+    if np.linalg.norm(b) <= LEAST_FREE_SHARE * np.linalg.norm(found.b):
+        assert found.point is not None
+        named = repr(site.point) if isinstance(site.point, str) else f"at {text(found.point)}"
+        raise InputError(constrained(f"the site {named}"))
+    across = tuple(replace(side, b=_joined(structure, side.b)) for side in found.across)
+    return replace(found, b=b, across=across)
+
+
+def _joined(structure: AssembledMatrices, b: Array) -> Array:
+    """The functional of q that a functional b of u is."""
+    q = np.asarray(structure.T.T @ b)
+    q[structure.eliminated.dependent] = 0.0
+    return q
+
+
+def before_joining(
+    structure: AssembledMatrices, site: Site, part_of: Callable[[Member], MeshedStructure]
+) -> Functional:
+    """b of a site as functionals of u, the dofs of all parts before they are joined.
+
+    `part_of` gives the structure of a part: as it is, or without its supports.
+    """
     assert site.direction is not None  # Site has seen to that
     assert site.point is not None
     direction = np.pad(site.direction, (0, 3 - len(site.direction)))
@@ -59,27 +84,23 @@ def _whole(structure: AssembledMatrices, site: Site) -> Functional:
         own = member.at.own(point[None])[0]
     along = direction @ member.at.rotation
     there = replace(site, point=tuple(own.tolist()), direction=tuple(along.tolist()), part=None)
-    (found,) = functionals_at(member.part, [there])
+    (found,) = functionals_at(part_of(member), [there])
     assert found.point is not None
-    assert found.direction is not None
+
+    def placed(one: Functional) -> Functional:
+        assert one.direction is not None
+        b = np.zeros(structure.layout.count)
+        b[member.rows] = one.b
+        return replace(one, b=b, point=x, direction=member.at.rotation @ one.direction)
+
     x = member.at.placed(found.point[None])[0]
-    b = structure.functional(member, found.b)
-    if np.linalg.norm(b) <= LEAST_FREE_SHARE * np.linalg.norm(found.b):
-        raise InputError(constrained(f"the site at {text(x)}"))
-    sides = []
-    for side in found.across:
-        assert side.direction is not None
-        rotated = member.at.rotation @ side.direction
-        load = structure.functional(member, side.b)
-        sides.append(replace(side, b=load, point=x, direction=rotated))
-    direction = member.at.rotation @ found.direction
-    return replace(found, b=b, point=x, direction=direction, across=tuple(sides))
+    return replace(placed(found), across=tuple(placed(side) for side in found.across))
 
 
 def _without_mesh(
     structure: AssembledMatrices, site: Site, end: Motion, direction: Array
 ) -> Functional:
-    """b of a site of a superelement, or of a reference point."""
+    """b, of u, of a site of a superelement, or of a reference point."""
     layout = structure.layout
     part, _, name = str(site.point).partition(":")
     if layout.plane and direction[2]:
@@ -99,10 +120,7 @@ def _without_mesh(
             f"the site {site.point!r} of a superelement does not move along the direction of "
             "impact: extract its model with Site(..., tangential=True)."
         )
-    b = np.asarray(structure.T.T @ (end.moves.T @ direction))
-    b[structure.eliminated.dependent] = 0.0
-    if np.linalg.norm(b) <= LEAST_FREE_SHARE:
-        raise InputError(constrained(f"the site {site.point!r}"))
+    b = np.asarray(end.moves.T @ direction)
     if not name:
         return Functional(b, point=end.point, direction=direction)
     own = layout.condensed[part].part.ends[name]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -13,7 +14,7 @@ from petsc4py import PETSc
 
 from antiosc._types import Array, Box, IntArray
 from antiosc.checks import array, shown, whole
-from antiosc.errors import InputError
+from antiosc.errors import AntioscWarning, InputError
 from antiosc.fem import compat
 from antiosc.fem.elements.weak_form import Family, Kind, Parts, WeakForm, measure
 from antiosc.fem.linalg.algebra import dot, multiply
@@ -52,7 +53,9 @@ class MeshedStructure(StructureMatrices):
     total_mass : kg
     attached_inertia : M e for unit accelerations e along x, y, z, of the attachments alone (rows of
         this rank, 3).
-    again : gives the same structure of a copy of its mesh, for instance on other ranks.
+    again : gives the same structure of a copy of its mesh, for instance on other ranks, or with
+        other supports.
+    supports : what holds it.
     stiffeners : the beams on the edges of a sheet, by group.
     """
 
@@ -61,7 +64,8 @@ class MeshedStructure(StructureMatrices):
     parts: Parts = field(kw_only=True)
     total_mass: float = field(kw_only=True)
     attached_inertia: Array = field(kw_only=True)
-    again: Callable[[Mesh], MeshedStructure] = field(kw_only=True)
+    again: Callable[..., MeshedStructure] = field(kw_only=True)
+    supports: Sequence[Support] = field(default=(), kw_only=True)
     stiffeners: Mapping[str, Stiffener] = field(default_factory=dict, kw_only=True)
 
     meshed: ClassVar[bool] = True
@@ -142,6 +146,12 @@ class MeshedStructure(StructureMatrices):
             loads += multiply(whole, motions) - kept
         return loads
 
+    def unsupported(self) -> MeshedStructure:
+        """The same without its supports."""
+        with warnings.catch_warnings():  # it was warned of when the structure was made
+            warnings.simplefilter("ignore", AntioscWarning)
+            return self.again(self.mesh, ())
+
     def part_of_cells(self) -> IntArray:
         """Number in `parts` of the material of each cell of this rank, ghosts included."""
         imap = compat.cell_map(self.mesh.dolfinx)
@@ -215,8 +225,8 @@ def assembled(
     given = dict(material) if isinstance(material, Mapping) else material
     held, carried = _items(supports), _items(attached)
 
-    def again(copy: Mesh) -> MeshedStructure:
-        return assembled(copy, given, held, order=order, attached=carried, solver=solver)
+    def again(copy: Mesh, supports: Sequence[Support] = held) -> MeshedStructure:
+        return assembled(copy, given, supports, order=order, attached=carried, solver=solver)
 
     return MeshedStructure(
         K,
@@ -231,6 +241,7 @@ def assembled(
         total_mass=mass,
         attached_inertia=attached_inertia,
         again=again,
+        supports=held,
         stiffeners={name: lines for name, (_, lines) in on_edges.items()},
     )
 
