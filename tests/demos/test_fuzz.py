@@ -62,7 +62,7 @@ class TestItSeesFaults:
         assert "negative force" in fuzz.check(hit, {})[0]
 
     def test_momentum(self, hit):
-        hit.trajectory.segments[0].impulse *= 1 + 1e-6
+        hit.trajectory.contacts[0].impulse *= 1 + 1e-6
         assert "momentum error" in fuzz.check(hit, {})[0]
 
     def test_crash(self, monkeypatch):

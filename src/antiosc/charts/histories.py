@@ -176,9 +176,8 @@ def running_mean(time: ArrayLike, value: ArrayLike, window: float) -> tuple[Arra
 
 def _contact_span(hit: Recorded) -> tuple[float, float]:
     """First touch, and the release after which less than LATE of the impulse remains [s]."""
-    segments = hit.trajectory.segments
     contacts = hit.trajectory.contacts
-    impulses = [sum(s.impulse for s in segments[slice(*c.segments)]) for c in contacts]
+    impulses = [contact.impulse for contact in contacts]
     if not contacts or sum(impulses) <= 0:
         return float(hit.time[0]), float(hit.time[-1])
     so_far = np.cumsum(impulses) / sum(impulses)

@@ -251,7 +251,6 @@ def impact(
 def _row(outcome: Outcome) -> _Row:
     run = outcome.trajectory
     e = run.restitution
-    pressed = [segment for segment in run.segments if segment.contact]
     return _Row(
         verdict=outcome.verdict,
         peak_force=run.peak_force,
@@ -262,8 +261,8 @@ def _row(outcome: Outcome) -> _Row:
         step=outcome.step,
         accuracy=outcome.error.get("force", np.nan),
         force=(
-            np.concatenate([np.zeros(0), *(s.time for s in pressed)]),
-            np.concatenate([np.zeros(0), *(s.force for s in pressed)]),
+            np.concatenate([np.zeros(0), *(c.time for c in run.contacts)]),
+            np.concatenate([np.zeros(0), *(c.force for c in run.contacts)]),
         ),
     )
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
 
-from antiosc._types import Array
+from antiosc._types import Array, Index
 from antiosc.simulation import march
-from antiosc.simulation.contact_energy import simpson
+from antiosc.simulation.contact_energy import simpson, tops
 from antiosc.simulation.convergence import converge, stopped
 from antiosc.simulation.engine import Run, System, run
 from antiosc.simulation.expected import stiffness_of
@@ -62,9 +61,9 @@ def exact(
     if step is not None and (result.diverged or (found.refused and not result.failure)):
         _tell_unstable(problem, result, step, t)
     if step is None:
-        spans = [last - first for first, last, _, _ in touches(found)]
         pressed = sum(contact.end - contact.start for contact in result.contacts)
-        step = pressed / sum(spans) if spans else scale
+        steps = sum(contact.time.size // 2 for contact in result.contacts)
+        step = pressed / steps if steps else scale
     return result, step, error
 
 
@@ -109,39 +108,44 @@ def of_problem(problem: Problem) -> System:
 
 
 def trajectory(problem: Problem, system: System, found: Run, duration: float) -> Trajectory:
-    """The run as flights and contacts."""
-    result = Trajectory(evaluations=found.attempts, diverged=found.answer == march.GREW)
+    """The run as its contacts; flights and contacts as segments once they are asked for."""
     assert found.states is not None
-
-    def load_at(t: Array) -> Array:
-        return np.broadcast_to(problem.load, (t.size, problem.load.size))
-
-    at = 0
-    for first, last, speed, released in touches(found):
-        if first > at:
-            _fly(result, problem, found, at, first, duration)
-        begin = len(result.segments)
-        result.segments.append(_pressed(problem, system, found, load_at, first, last))
-        start, end = float(found.time[2 * first]), float(found.time[2 * last])
-        result.contacts.append(
+    spans, speeds, released = touches(found)
+    time, force = found.time, np.maximum(found.force[:, 0], 0.0)
+    top = tops(force)
+    closing = (found.states[spans, 1] @ problem.rigid).tolist()
+    impulses = _impulses(problem, found, spans)
+    contacts: list[Contact] = []
+    segments, at = 0, 0
+    for c, (first, last) in enumerate(spans.tolist()):
+        segments += first > at  # the flight before it
+        nodes = slice(2 * first, 2 * last + 1)
+        contacts.append(
             Contact(
-                start=start,
-                end=end,
-                segments=(begin, begin + 1),
-                speed=speed,
-                released=released,
-                closing=float(problem.rigid @ found.states[first, 1]),
-                parting=float(problem.rigid @ found.states[last, 1]),
+                start=float(time[2 * first]),
+                end=float(time[2 * last]),
+                segments=(segments, segments + 1),
+                speed=speeds[c],
+                released=released[c],
+                closing=closing[c][0],
+                parting=closing[c][1],
+                impulse=impulses[c],
+                peak=float(top[first:last].max()),
+                time=time[nodes],
+                force=force[nodes],
             )
         )
-        at = last
-    if len(found.states) - 1 > at or not result.segments:
-        _fly(result, problem, found, at, len(found.states) - 1, duration)
-    return result
+        segments, at = segments + 1, last
+    return Trajectory(
+        lambda: _segments(problem, system, found, spans, force, duration),
+        contacts,
+        evaluations=found.attempts,
+        diverged=found.answer == march.GREW,
+    )
 
 
-def touches(found: Run) -> list[tuple[int, int, float, bool]]:
-    """First and last step node, closing speed, and whether it ended, of each contact of a run."""
+def touches(found: Run) -> tuple[Index, list[float], list[bool]]:
+    """First and last step node (C, 2), closing speed, and whether it ended, of each contact."""
     starts = found.time[::2]
     nodes, events = np.searchsorted(starts, found.events[:, 0]).tolist(), found.events.tolist()
     marks = [
@@ -150,61 +154,68 @@ def touches(found: Run) -> list[tuple[int, int, float, bool]]:
     ]
     if marks and marks[-1][1]:
         marks.append((starts.size - 1, False, -1.0))
-    return [
-        (first, last, speed, released >= 0)
+    kept = [
+        ((first, last), speed, released >= 0)
         for (first, touch, speed), (last, _, released) in pairwise(marks)
         if touch and last > first  # what a touch that is over at once leaves is no contact
     ]
+    spans = np.array([span for span, _, _ in kept], dtype=np.intp).reshape(-1, 2)
+    return spans, [speed for _, speed, _ in kept], [released for _, _, released in kept]
 
 
-def _fly(
-    result: Trajectory, problem: Problem, found: Run, first: int, last: int, duration: float
-) -> None:
+def _segments(
+    problem: Problem, system: System, found: Run, spans: Index, force: Array, duration: float
+) -> list[Segment]:
+    """Flights and contacts in their order."""
     assert found.states is not None
-    t, span = float(found.time[2 * first]), float(found.time[2 * last] - found.time[2 * first])
-    q, v = found.states[first]
-    result.segments.append(flight(problem, t, q, v, span, duration))
+    at, end = 0, len(found.states) - 1
+    result: list[Segment] = []
+    for first, last in [*spans.tolist(), (end, end)]:
+        if first > at or (first == end and not result):
+            t, span = float(found.time[2 * at]), float(found.time[2 * first] - found.time[2 * at])
+            q, v = found.states[at]
+            result.append(flight(problem, t, q, v, span, duration))
+        if last > first:
+            result.append(_pressed(problem, system, found, force, first, last))
+        at = last
+    return result
 
 
 def _pressed(
-    problem: Problem,
-    system: System,
-    found: Run,
-    load_at: Callable[[Array], Array],
-    first: int,
-    last: int,
+    problem: Problem, system: System, found: Run, force: Array, first: int, last: int
 ) -> Segment:
+    """The contact from step `first` to `last`."""
     nodes = slice(2 * first, 2 * last + 1)
-    time, force = found.time[nodes], found.force[nodes, 0]
-    bend = 4 * (force[:-2:2] - 2 * force[1:-1:2] + force[2::2]) / (time[2::2] - time[:-2:2]) ** 2
+    time, raw = found.time[nodes], found.force[nodes, 0]
+    bend = 4 * (raw[:-2:2] - 2 * raw[1:-1:2] + raw[2::2]) / (time[2::2] - time[:-2:2]) ** 2
+
+    def load_at(t: Array) -> Array:
+        return np.broadcast_to(problem.load, (t.size, problem.load.size))
 
     return Segment(
         time=time,
-        force=np.maximum(force, 0.0),
+        force=force[nodes],
         indentation=lambda: found.depth[nodes, 0],
-        impulse=_impulse(problem, found, first, last),
         states=lambda: node_states(found, system, load_at, first, last),
-        contact=True,
         bend=np.repeat(bend, 2),
     )
 
 
-def _impulse(problem: Problem, found: Run, first: int, last: int) -> float:
-    """Impulse [N s] from step `first` to `last`: what a rigid mode has taken up, if there is one.
+def _impulses(problem: Problem, found: Run, spans: Index) -> list[float]:
+    """Impulses [N s] of contacts: what a rigid mode has taken up, if there is one.
 
     A force that jumps to 0, as a damped one may, has two values at a node; the integral of the
     parabolas knows one of them.
     """
     assert found.states is not None
-    nodes = slice(2 * first, 2 * last + 1)
-    time = found.time[nodes]
-    area = float(np.sum(simpson(time, found.force[nodes, 0])))
+    steps = np.append(simpson(found.time, found.force[:, 0]), 0.0)
+    areas = np.add.reduceat(steps, spans.ravel())[::2]
     beta = np.where(problem.decay == 0, problem.rigid, 0.0)
     if not beta.any():
-        return area
+        return list(areas.tolist())
     j = int(np.argmax(np.abs(beta)))
-    start, end = found.states[[first, last], 1, j].tolist()
-    given = float(problem.load[j]) * float(time[-1] - time[0])
-    taken = given - (end - start)
-    known = max(abs(start), abs(end), abs(given))
-    return taken / float(beta[j]) if abs(taken) > ROUNDED * known else area
+    speed, time = found.states[spans, 1, j], found.time[2 * spans]
+    given = problem.load[j] * (time[:, 1] - time[:, 0])
+    taken = given - (speed[:, 1] - speed[:, 0])
+    known = np.maximum(abs(speed).max(axis=1), abs(given))
+    return list(np.where(abs(taken) > ROUNDED * known, taken / beta[j], areas).tolist())

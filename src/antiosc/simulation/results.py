@@ -225,7 +225,7 @@ class HistoryResults(Results):
             )
             for one in own.trajectory.segments
         ]
-        state["trajectory"] = dataclasses.replace(own.trajectory, segments=segments)
+        state["trajectory"] = dataclasses.replace(own.trajectory, pieces=Given(segments))
         return state | ({"structure": None} if "structure" in state else {})
 
 

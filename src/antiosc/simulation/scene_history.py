@@ -16,7 +16,7 @@ from antiosc.models.modal import ModalBody
 from antiosc.models.site_modes import SiteModes
 from antiosc.simulation.assembly import Assembly, along, find
 from antiosc.simulation.bodies import Placed, RigidBody
-from antiosc.simulation.contact_energy import simpson
+from antiosc.simulation.contact_energy import simpson, tops
 from antiosc.simulation.engine import Run
 from antiosc.simulation.history import Energy, no_field
 from antiosc.simulation.results import SceneResults
@@ -48,12 +48,7 @@ class ContactHistory(Brief):
         """Largest force [N], of the parabolas between the nodes."""
         if self.force.size < 3:
             return float(self.force.max())
-        f0, f1, f2 = self.force[:-2:2], self.force[1:-1:2], self.force[2::2]
-        bend = f0 - 2 * f1 + f2
-        slope = 4 * f1 - 3 * f0 - f2
-        inside = (slope > 0) & (slope + 4 * bend < 0)  # the parabola's top lies within the step
-        u = np.divide(slope, -4 * bend, out=np.zeros(slope.size), where=inside)
-        return float(max(self.force.max(), (f0 + u * slope + 2 * u * u * bend).max()))
+        return float(tops(self.force).max())
 
     @property
     def impulse(self) -> float:

@@ -53,7 +53,14 @@ class SolveIVP:
         struck = problem.beta != 0  # what a body carries beside the blow sets no tolerance
         segments: list[Segment] = []
         count, turn = 0, -1.0
-        y = np.concatenate((q, v, [0.0]))
+        y = np.concatenate((q, v, [0.0]))  # the last: impulse
+
+        def ended(released: bool, failure: str = "") -> Phase:
+            impulse = float(y[-1])
+            return Phase(
+                segments, t, y[:size], y[size:-1], state, count, released, impulse, failure
+            )
+
         while True:
             motion = _Contact(problem, state, self.max_evaluations - count)
             # a hysteretic law changes branch where the indentation turns
@@ -93,27 +100,18 @@ class SolveIVP:
                 )
                 failure = f"{self.name} gave up after {t:g} s: {reason}; use method='exact'"
                 count += motion.evaluations
-                return Phase(segments, t, y[:size], y[size:-1], state, count, False, failure)
+                return ended(False, failure)
             count += motion.evaluations
             if solution.status < 0:
-                return Phase(
-                    segments,
-                    t,
-                    y[:size],
-                    y[size:-1],
-                    state,
-                    count,
-                    False,
-                    f"{self.name} gave up at {t:g} s: {solution.message}; use method='exact'",
-                )
+                reason = solution.message
+                return ended(False, f"{self.name} gave up at {t:g} s: {reason}; use method='exact'")
             segments.append(_segment(motion, solution))
             t, y = float(solution.t[-1]), solution.y[:, -1].copy()
-            y[-1] = 0.0
             delta, rate, _ = motion.contact(y)
             state = law.advance(delta, rate, state)
             released = solution.status == 1 and solution.t_events[0].size > 0
             if released or solution.status == 0:
-                return Phase(segments, t, y[:size], y[size:-1], state, count, released)
+                return ended(released)
 
 
 class _GaveUp(Exception):
@@ -170,11 +168,8 @@ def _segment(motion: _Contact, solution: Any) -> Segment:
     y = solution.sol(time)
     delta, _, force = np.array([motion.contact(column) for column in y.T]).T
     n = motion.size
-    impulse = float(solution.y[-1, -1] - solution.y[-1, 0])
     span = time[2::2] - time[:-2:2]
     curved = 4 * (force[:-2:2] - 2 * force[1:-1:2] + force[2::2])
     bend = np.divide(curved, span**2, out=np.zeros_like(span), where=span > 0)
     states = y[:n].T, y[n:-1].T
-    return Segment(
-        time, force, lambda: delta, impulse, lambda: states, True, bend=np.repeat(bend, 2)
-    )
+    return Segment(time, force, lambda: delta, lambda: states, bend=np.repeat(bend, 2))

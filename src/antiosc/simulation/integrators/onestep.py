@@ -81,11 +81,14 @@ class OneStep(ABC):
                 state = law.advance(node.delta, node.rate, state)
                 nodes.append(node)
                 times.append(t)
-        segment = _segment(np.array(times), nodes)
         count = len(nodes) - 1
+        impulse = float(np.diff(times) @ np.array([n.mean for n in nodes[1:]]))
         if not released and not failure:
             t = end
-        return Phase([segment], t, node.q, node.v, state, count, released, failure, diverged)
+        segments = [_segment(np.array(times), nodes)]
+        return Phase(
+            segments, t, node.q, node.v, state, count, released, impulse, failure, diverged
+        )
 
     def _release(
         self, problem: Problem, node: Node, state: State, h: float, last: Node
@@ -106,12 +109,9 @@ class OneStep(ABC):
 
 def _segment(times: Array, nodes: list[Node]) -> Segment:
     q, v = np.array([n.q for n in nodes]), np.array([n.v for n in nodes])
-    mean = np.array([n.mean for n in nodes[1:]])
     return Segment(
         times,
         np.array([n.force for n in nodes]),
         lambda: np.array([n.delta for n in nodes]),
-        float(np.diff(times) @ mean),
         lambda: (q, v),
-        True,
     )

@@ -109,9 +109,7 @@ class Segment:
     ----------
     time, force : (n,) at the nodes.
     indentation : gives the indentation at the nodes, (n,).
-    impulse : time integral of the force as the integrator took it [N s].
     states : gives modal displacements and velocities at the nodes, (n, J) each.
-    contact : whether the bodies touch.
     bend : (n - 1,) second derivative of the force between the nodes [N/s^2]; None where it is
         linear there.
     """
@@ -119,9 +117,7 @@ class Segment:
     time: Array
     force: Array
     indentation: Callable[[], Array]
-    impulse: float
     states: Callable[[], tuple[Array, Array]]
-    contact: bool
     bend: Array | None = None
 
     @property
@@ -147,7 +143,7 @@ class Segment:
 
 @dataclass(eq=False)
 class Phase:
-    """Result of one contact: its segments and the state at its end.
+    """Result of one contact: its segments, the state at its end, and its impulse [N s].
 
     `failure`: why the integration stopped early, if it did; `diverged`: because the energy grew.
     """
@@ -159,6 +155,7 @@ class Phase:
     state: State
     evaluations: int
     released: bool
+    impulse: float
     failure: str = ""
     diverged: bool = False
 

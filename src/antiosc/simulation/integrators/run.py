@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -26,6 +27,9 @@ class Contact:
     speed : closing speed [m/s].
     released : whether it ended.
     closing, parting : speeds [m/s] at which the rigid-body motions close the gap at start and end.
+    impulse, peak : time integral [N s] of the force as the integrator took it, and the largest
+        force [N], also between the nodes.
+    time, force : (n,) at the nodes [s], [N].
     """
 
     start: float
@@ -35,25 +39,35 @@ class Contact:
     released: bool
     closing: float
     parting: float
+    impulse: float
+    peak: float
+    time: Array
+    force: Array
 
 
 @dataclass(eq=False)
 class Trajectory:
-    """The whole run: consecutive segments, contacts, and why it stopped early, if it did.
+    """The whole run: contacts, consecutive segments, and why it stopped early, if it did.
 
-    `diverged`: it stopped because the energy grew; its results are meaningless.
+    `pieces` makes the segments when they are first asked for. `diverged`: it stopped because the
+    energy grew; its results are meaningless.
     """
 
-    segments: list[Segment] = field(default_factory=list)
+    pieces: Callable[[], list[Segment]]
     contacts: list[Contact] = field(default_factory=list)
     evaluations: int = 0
     failure: str = ""
     diverged: bool = False
 
+    @cached_property
+    def segments(self) -> list[Segment]:
+        """Flights and contacts in their order."""
+        return self.pieces()
+
     @property
     def peak_force(self) -> float:
         """Largest contact force [N]."""
-        return max((s.peak for s in self.segments if s.contact), default=0.0)
+        return max((contact.peak for contact in self.contacts), default=0.0)
 
     @cached_property
     def nodes(self) -> tuple[Array, Array, Array]:
@@ -74,15 +88,14 @@ class Trajectory:
     @property
     def impulse(self) -> float:
         """Time integral of the contact force [N s]."""
-        return float(sum(s.impulse for s in self.segments))
+        return float(sum(contact.impulse for contact in self.contacts))
 
     @property
     def contact_time(self) -> float:
         """Length [s] of the main impact: see `History.contact_time`."""
         groups: list[tuple[float, float, float]] = []
         for contact in self.contacts:
-            impulse = sum(s.impulse for s in self.segments[slice(*contact.segments)])
-            start, end = contact.start, contact.end
+            start, end, impulse = contact.start, contact.end, contact.impulse
             if groups and start - groups[-1][1] < groups[-1][1] - groups[-1][0]:
                 groups[-1] = (groups[-1][0], end, groups[-1][2] + impulse)
             else:
@@ -104,7 +117,8 @@ def run(
     problem: Problem, integrator: Integrator, duration: float, fine: float, max_contacts: int
 ) -> Trajectory:
     """Integrate over [0, duration] [s]; touches closer than `fine` [s] count as one."""
-    result = Trajectory()
+    segments: list[Segment] = []
+    result = Trajectory(lambda: segments)
     t, q, v = 0.0, problem.q, problem.v
     state: State | None = None
     origin = 0.0
@@ -112,7 +126,7 @@ def run(
         wait = next_touch(problem, q, v, origin, duration - t, fine)
         span = duration - t if wait is None else wait
         if span > 0.0:
-            result.segments.append(flight(problem, t, q, v, span, duration))
+            segments.append(flight(problem, t, q, v, span, duration))
             q, v = problem.free(q, v, span)
             t += span
         if wait is None or t >= duration:
@@ -129,11 +143,22 @@ def run(
         phase = integrator.contact(problem, t, q, v, state, duration)
         if not phase.segments:  # gave up before its first step
             phase.segments.append(_moment(t, q, v))
-        first = len(result.segments)
-        result.segments.extend(phase.segments)
-        pieces, parting = (first, len(result.segments)), float(problem.rigid @ phase.v)
+        first = len(segments)
+        segments.extend(phase.segments)
         result.contacts.append(
-            Contact(t, phase.time, pieces, speed, phase.released, closing, parting)
+            Contact(
+                start=t,
+                end=phase.time,
+                segments=(first, len(segments)),
+                speed=speed,
+                released=phase.released,
+                closing=closing,
+                parting=float(problem.rigid @ phase.v),
+                impulse=phase.impulse,
+                peak=max(s.peak for s in phase.segments),
+                time=np.concatenate([s.time for s in phase.segments]),
+                force=np.concatenate([s.force for s in phase.segments]),
+            )
         )
         result.evaluations += phase.evaluations
         t, q, v, state = phase.time, phase.q, phase.v, phase.state
@@ -147,7 +172,7 @@ def run(
 def _moment(t: float, q: Array, v: Array) -> Segment:
     """One node without force."""
     zero = np.zeros(1)
-    return Segment(np.array([t]), zero, lambda: zero, 0.0, lambda: (q[None], v[None]), True)
+    return Segment(np.array([t]), zero, lambda: zero, lambda: (q[None], v[None]))
 
 
 def flight(problem: Problem, t: float, q: Array, v: Array, span: float, duration: float) -> Segment:
@@ -161,4 +186,4 @@ def flight(problem: Problem, t: float, q: Array, v: Array, span: float, duration
     def states() -> tuple[Array, Array]:
         return problem.free(q, v, times)
 
-    return Segment(t + times, zero, indentation, 0.0, states, False)
+    return Segment(t + times, zero, indentation, states)
