@@ -11,6 +11,7 @@ import os
 import reprlib
 from collections.abc import Callable, Collection
 from functools import wraps
+from math import inf, isfinite
 from numbers import Integral, Real
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, overload
@@ -44,15 +45,8 @@ _repr.maxlist = _repr.maxtuple = _repr.maxarray = _repr.maxset = _repr.maxdict =
 
 def number(name: str, value: Any, unit: str = "") -> float:
     """`value` as a finite float, 0 or of a magnitude from 1e-60 to 1e60, or InputError."""
-    if isinstance(value, np.ndarray) and value.ndim == 0 and not _masked(value):
-        value = value[()]
-    if isinstance(value, _TRUTH) or not isinstance(value, Real):
-        raise InputError(f"{name} must be a number{_in(unit)}; got {shown(value)}.")
-    try:
-        result = float(value)
-    except (ValueError, OverflowError):
-        result = float("inf")
-    if not np.isfinite(result):
+    result = value if type(value) is float else _as_float(name, value, unit)
+    if not isfinite(result):
         raise InputError(f"{name} must be finite{_in(unit)}; got {shown(value)}.")
     if result and not SMALLEST <= abs(result) <= LARGEST:
         raise InputError(
@@ -60,6 +54,18 @@ def number(name: str, value: Any, unit: str = "") -> float:
             f"got {result:g}."
         )
     return result
+
+
+def _as_float(name: str, value: Any, unit: str) -> float:
+    """A real number of any type as a float; infinite beyond the range of one."""
+    if isinstance(value, np.ndarray) and value.ndim == 0 and not _masked(value):
+        value = value[()]
+    if isinstance(value, _TRUTH) or not isinstance(value, Real):
+        raise InputError(f"{name} must be a number{_in(unit)}; got {shown(value)}.")
+    try:
+        return float(value)
+    except (ValueError, OverflowError):
+        return inf
 
 
 def positive(name: str, value: Any, unit: str = "") -> float:

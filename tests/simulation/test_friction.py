@@ -91,6 +91,13 @@ def test_difference_to_partial_slip(psi: float, most: float) -> None:
     assert rebound(struck(psi, ao.Hertz(1e9))) == pytest.approx(partial_slip(psi), abs=most)
 
 
+def test_the_stiffness_of_the_law_does_not_change_the_rebound() -> None:
+    """Spheres under Hertz's law are similar: psi_2 depends on psi_1 alone."""
+    soft = rebound(struck(0.6, ao.Hertz(1e9)))
+    for stiffness in (1.7e9, 4e9, 2.3e10):
+        assert rebound(struck(0.6, ao.Hertz(stiffness))) == pytest.approx(soft, abs=1e-3)
+
+
 @pytest.mark.parametrize("psi", [0.3, 1.2, 3.0])
 def test_friction_makes_no_energy(psi: float) -> None:
     energy = struck(psi, ao.Hertz(1e9)).energy

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -151,6 +152,16 @@ class ModalBody(Brief):
                 f"inertia.momentum needs one row for each of {size} modes; got"
                 f" {len(self.inertia.momentum)}."
             )
+
+    @cached_property
+    def mobility(self) -> float:
+        """Inverse [1/kg] of the effective mass of the slowest motion at the contact point."""
+        rigid = self.omega == 0
+        if np.any(self.b[rigid]):
+            return float(np.sum(self.b[rigid] ** 2))
+        x, b = self.omega[~rigid] ** 2, self.b[~rigid]
+        inertia = float(np.sum((b / x) ** 2))
+        return (float(np.sum(b**2 / x)) + self.r) ** 2 / inertia if inertia > 0 else 0.0
 
     def coordinates(self, q: ArrayLike, force: ArrayLike) -> Array:
         """Own coordinates (..., C) for modal ones of shape (..., J) and contact forces (...,)."""

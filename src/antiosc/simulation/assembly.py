@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 
 MINDLIN = 2 * (1 - 0.3) / (2 - 0.3)  # tangential over normal stiffness for nu = 0.3
 End = tuple[Placed, str]  # a body and the name of its site
+DEPTH_ERROR = 1e-9  # relative, of the depth that friction's stiffness is taken at
 STIFFEST = 0.1  # share of a tangential compliance that is left to the slider's spring, at least
 
 
@@ -439,8 +440,8 @@ def _scales(
         if contact.friction > 0:
             stiffness, patches = contact.tangential_stiffness, local[c]
             if stiffness is None:
-                whole = contact.law
-                most = deepest(whole, state, float(energy), float(push[c] * mass[c]), far)
+                whole, pull = contact.law, float(push[c] * mass[c])
+                most = deepest(whole, state, float(energy), pull, far, close=DEPTH_ERROR)
                 stiffness = MINDLIN * _mean_stiffness(whole, most, state)
                 if law is whole:  # the patches give way besides, normally and so sideways
                     patches = 0.0

@@ -76,12 +76,3 @@ def simpson(time: Array, force: Array) -> Array:
     """Integral of the force over each step, exact for its parabola."""
     step = time[2::2] - time[:-2:2]
     return np.asarray(step / 6 * (force[:-2:2] + 4 * force[1:-1:2] + force[2::2]))
-
-
-def tops(force: Array) -> Array:
-    """Largest value of the force over each step, of its parabola."""
-    f0, f1, f2 = force[:-2:2], force[1:-1:2], force[2::2]
-    slope, bend = 4 * f1 - 3 * f0 - f2, 2 * (f0 - 2 * f1 + f2)
-    inside = (slope > 0) & (slope + 2 * bend < 0)  # the parabola's top lies within the step
-    rise = np.divide(slope * slope, -4 * bend, out=np.zeros(slope.size), where=inside)
-    return np.maximum(np.maximum(f0, f2), f0 + rise)

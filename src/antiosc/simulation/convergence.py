@@ -87,7 +87,7 @@ def converge(
         )
         used += now.attempts
         failed = failed + 1 if now.answer in (march.GREW, march.STUCK) else 0
-        scale = max(float(abs(now.force[:, :p]).max()), 1e-300) if now.force.size else 0.0
+        scale = max(float(now.force[:, :p].max()), 1e-300) if now.force.size else 0.0
         if not isfinite(scale):
             scale = 0.0
         if before is not None and now.answer == march.TOO_MANY_STEPS:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
 
 from antiosc._types import Array, Index
 from antiosc.simulation import march
-from antiosc.simulation.contact_energy import simpson, tops
 from antiosc.simulation.convergence import converge, stopped
-from antiosc.simulation.engine import Run, System, run
+from antiosc.simulation.engine import Run, System, fitting_march, run
 from antiosc.simulation.expected import stiffness_of
 from antiosc.simulation.integrators import Contact, Problem, Segment, Trajectory, flight
 from antiosc.simulation.laws import forget, packed
@@ -112,14 +112,14 @@ def trajectory(problem: Problem, system: System, found: Run, duration: float) ->
     assert found.states is not None
     spans, speeds, released = touches(found)
     time, force = found.time, np.maximum(found.force[:, 0], 0.0)
-    top = tops(force)
-    closing = (found.states[spans, 1] @ problem.rigid).tolist()
-    impulses = _impulses(problem, found, spans)
+    moving = (found.states[spans, 1] @ problem.rigid).tolist()
+    pulse, taken = fitting_march(0).pulse, _taken(problem, found)
     contacts: list[Contact] = []
     segments, at = 0, 0
     for c, (first, last) in enumerate(spans.tolist()):
         segments += first > at  # the flight before it
         nodes = slice(2 * first, 2 * last + 1)
+        area, peak = pulse(time, found.force, 0, first, last)
         contacts.append(
             Contact(
                 start=float(time[2 * first]),
@@ -127,10 +127,10 @@ def trajectory(problem: Problem, system: System, found: Run, duration: float) ->
                 segments=(segments, segments + 1),
                 speed=speeds[c],
                 released=released[c],
-                closing=closing[c][0],
-                parting=closing[c][1],
-                impulse=impulses[c],
-                peak=float(top[first:last].max()),
+                closing=moving[c][0],
+                parting=moving[c][1],
+                impulse=taken(first, last, area),
+                peak=peak,
                 time=time[nodes],
                 force=force[nodes],
             )
@@ -201,21 +201,24 @@ def _pressed(
     )
 
 
-def _impulses(problem: Problem, found: Run, spans: Index) -> list[float]:
-    """Impulses [N s] of contacts: what a rigid mode has taken up, if there is one.
+def _taken(problem: Problem, found: Run) -> Callable[[int, int, float], float]:
+    """What gives the impulse [N s] from one step to another, of the integral of the parabolas.
 
-    A force that jumps to 0, as a damped one may, has two values at a node; the integral of the
-    parabolas knows one of them.
+    It is what a rigid mode has taken up, if there is one: a force that jumps to 0, as a damped one
+    may, has two values at a node, and the integral knows one of them.
     """
     assert found.states is not None
-    steps = np.append(simpson(found.time, found.force[:, 0]), 0.0)
-    areas = np.add.reduceat(steps, spans.ravel())[::2]
     beta = np.where(problem.decay == 0, problem.rigid, 0.0)
-    if not beta.any():
-        return list(areas.tolist())
     j = int(np.argmax(np.abs(beta)))
-    speed, time = found.states[spans, 1, j], found.time[2 * spans]
-    given = problem.load[j] * (time[:, 1] - time[:, 0])
-    taken = given - (speed[:, 1] - speed[:, 0])
-    known = np.maximum(abs(speed).max(axis=1), abs(given))
-    return list(np.where(abs(taken) > ROUNDED * known, taken / beta[j], areas).tolist())
+    along, load, speed = float(beta[j]), float(problem.load[j]), found.states[:, 1, j]
+    if along == 0.0:
+        return lambda first, last, area: area
+
+    def taken(first: int, last: int, area: float) -> float:
+        before, after = float(speed[first]), float(speed[last])
+        given = load * float(found.time[2 * last] - found.time[2 * first])
+        change = given - (after - before)
+        known = max(abs(before), abs(after), abs(given))
+        return change / along if abs(change) > ROUNDED * known else area
+
+    return taken

@@ -1,10 +1,12 @@
 """What is expected of a contact, roughly: its depth, speed, duration and stiffness.
 
-These estimates start the choice of the step; no result depends on them.
+These estimates start the choice of the step; no result depends on them, but for the tangential
+stiffness of friction that is not given, for which the depth is found accurately.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -22,7 +24,7 @@ def scaled(
     The estimate uses the effective mass of the slowest motion of each body at the contact point. It
     is only the start of the choice of the step.
     """
-    mobility = sum(mobility_of(body) for body in bodies)
+    mobility = sum(body.mobility for body in bodies)
     mass = 1 / mobility if mobility > 0 else 1.0
     push = abs(float(problem.beta @ problem.load)) * mass
     speed = abs(float(problem.beta @ problem.v))
@@ -47,11 +49,17 @@ def stiffness_of(problem: Problem) -> float:
 
 
 def deepest(
-    law: ContactLaw, state: State, energy: float, push: float, high: float, soft: float = 0.0
+    law: ContactLaw,
+    state: State,
+    energy: float,
+    push: float,
+    high: float,
+    soft: float = 0.0,
+    close: float = 0.1,
 ) -> float:
-    """Indentation [m], to 10 % and at most `high`, that absorbs an energy and the work of a force.
+    """Indentation [m], at most `high`, that absorbs an energy and the work of a force.
 
-    The contact has a spring of compliance `soft` [m/N] in series.
+    The contact has a spring of compliance `soft` [m/N] in series. `close`: relative error.
     """
 
     def excess(delta: float) -> float:
@@ -59,15 +67,27 @@ def deepest(
         path = delta + soft * force
         return law.potential(delta, state) + 0.5 * soft * force**2 - energy - push * path
 
-    if excess(high) <= 0:  # the law is softer than the whole run can show
+    beyond = excess(high)
+    if beyond <= 0:  # the law is softer than the whole run can show
         return high
-    low = 0.0
+    wanted = energy + push * high
+    guess = high * (wanted / (beyond + wanted)) ** 0.4  # exact for Hertz's law without push
+    low, high = _narrowed(excess, 0.95 * guess, min(1.04 * guess, high), high)
     for _ in range(400):
+        if high <= (1.0 + close) * low:
+            break
         middle = 0.5 * (low + high) if low > 0 else 0.1 * high
         low, high = (low, middle) if excess(middle) > 0 else (middle, high)
-        if high <= 1.1 * low:
-            break
     return high
+
+
+def _narrowed(
+    excess: Callable[[float], float], first: float, last: float, high: float
+) -> tuple[float, float]:
+    """A part of (0, high), in which `excess` changes its sign: first to last if it does there."""
+    if excess(last) <= 0:
+        return last, high
+    return (first, last) if excess(first) <= 0 else (0.0, first)
 
 
 def pressed_depth(problem: Problem, mass: float, speed: float, state: State, high: float) -> float:
@@ -88,13 +108,3 @@ def stiffness_at(law: ContactLaw, delta: float, state: State) -> float:
     unloading = law.advance(delta, 0.0, state)
     slopes = law.tangent(delta, 0.0, state)[0], law.tangent((1 - 1e-9) * delta, 0.0, unloading)[0]
     return float(np.nan_to_num(max(slopes), posinf=0.0))
-
-
-def mobility_of(body: ModalBody) -> float:
-    """Inverse [1/kg] of the effective mass of the body's slowest motion at its contact point."""
-    rigid = body.omega == 0
-    if np.any(body.b[rigid]):
-        return float(np.sum(body.b[rigid] ** 2))
-    x, b = body.omega[~rigid] ** 2, body.b[~rigid]
-    inertia = float(np.sum((b / x) ** 2))
-    return (float(np.sum(b**2 / x)) + body.r) ** 2 / inertia if inertia > 0 else 0.0

@@ -1304,10 +1304,10 @@ def fly(modes: Any, contacts: Any, state: Any, tables: Any, work: Any) -> int:
             before, after = min(row[DEPTH, c] - origin, 0.0), free[0, c] - origin
             most, close = chord(c, slot, h, modes, work), SHARP * scale[c, 0]
             room = close if h <= clock[FINE] / 16.0 else min(close - most, 0.0)
-            recedes = row[RATE, c] < 0.0 and -row[RATE, c] >= h * missed[LEVELS, c]
-            if max(before, after) <= room or (recedes and after <= 0.0):
+            keeps = abs(row[RATE, c]) >= h * missed[LEVELS, c]  # the sign of its rate
+            if max(before, after) <= room or (keeps and row[RATE, c] < 0.0 and after <= 0.0):
                 continue
-            if after > close and (h <= clock[FINE] or most <= close):
+            if after > close and (keeps or h <= clock[FINE] or most <= close):
                 struck = True
             else:
                 clear = False
@@ -1900,6 +1900,21 @@ def compare(
         if gap > limit and until == end:
             until = t
     return gap, size, until
+
+
+@compiled(f"UniTuple(float64, 2)({F1}, {F2}, int64, int64, int64)")
+def pulse(time: Any, force: Any, i: int, first: int, last: int) -> Any:
+    """Time integral of the force of row i from step `first` to `last`, and its largest value."""
+    area, top = 0.0, 0.0
+    for n in range(2 * first, 2 * last, 2):
+        f0, f1, f2 = force[n, i], force[n + 1, i], force[n + 2, i]
+        area += (time[n + 2] - time[n]) * (f0 + 4.0 * f1 + f2) / 6.0
+        a, b = f1 - f0, f2 - f1
+        if 3.0 * a > b and 3.0 * b < a:  # it rises at first and falls at last
+            top = max(top, f0 + (3.0 * a - b) ** 2 / (8.0 * (a - b)))
+        else:
+            top = max(top, f0, f2)
+    return area, top
 
 
 @compiled(f"void({F3}, {F1}, {F1})")

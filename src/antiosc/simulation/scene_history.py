@@ -16,8 +16,7 @@ from antiosc.models.modal import ModalBody
 from antiosc.models.site_modes import SiteModes
 from antiosc.simulation.assembly import Assembly, along, find
 from antiosc.simulation.bodies import Placed, RigidBody
-from antiosc.simulation.contact_energy import simpson, tops
-from antiosc.simulation.engine import Run
+from antiosc.simulation.engine import Run, fitting_march
 from antiosc.simulation.history import Energy, no_field
 from antiosc.simulation.results import SceneResults
 from antiosc.simulation.scene_energy import balance
@@ -46,14 +45,19 @@ class ContactHistory(Brief):
     @property
     def peak_force(self) -> float:
         """Largest force [N], of the parabolas between the nodes."""
-        if self.force.size < 3:
-            return float(self.force.max())
-        return float(tops(self.force).max())
+        return self._pulse[1]
 
     @property
     def impulse(self) -> float:
         """Time integral of the force [N s]."""
-        return float(np.sum(simpson(self.time, self.force)))
+        return self._pulse[0]
+
+    @cached_property
+    def _pulse(self) -> tuple[float, float]:
+        """Impulse [N s] and largest force [N]."""
+        steps = self.time.size // 2
+        area, top = fitting_march(0).pulse(self.time, self.force[:, None], 0, 0, steps)
+        return float(area), float(top)
 
     @property
     def contact_time(self) -> float:

@@ -125,8 +125,7 @@ class SceneStep(ABC):
             if not contacts.closed[c] and new.delta[c] > contacts.origin(c)
         ]
         for c in touching:
-            before, after = node.delta[c] - contacts.origin(c), new.delta[c] - contacts.origin(c)
-            part = min(max(before / (before - after), 0.0), 1.0) if after > before else 0.0
+            part = _crossed(node.delta[c], new.delta[c], contacts.origin(c))
             speed = node.rate[c] + part * (new.rate[c] - node.rate[c])
             way = node.delta + part * (new.delta - node.delta)
             contacts.touch(c, t + part * h, float(speed), way)
@@ -136,8 +135,16 @@ class SceneStep(ABC):
         contacts.advance(new.delta, new.rate)
         for c in range(len(self.laws)):
             if contacts.closed[c] and new.force[c] == 0.0 and new.delta[c] <= contacts.origin(c):
-                contacts.part(c, t + h)
+                part = _crossed(node.delta[c], new.delta[c], contacts.origin(c))
+                contacts.part(c, t + part * h)
         return new
+
+
+def _crossed(before: float, after: float, origin: float) -> float:
+    """The part of a step after which a straight line from one value to the other is at `origin`."""
+    if before == after:
+        return 0.0
+    return min(max((before - origin) / (before - after), 0.0), 1.0)
 
 
 class NewmarkScene(SceneStep):
