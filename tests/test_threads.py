@@ -53,14 +53,17 @@ def test_large_fronts_take_what_is_free_and_mixed_ones_only_what_saves_a_fifth()
 
 
 @pytest.mark.parametrize(
-    ("load", "free"),
-    [("1/300", 4), ("2/300", 3), ("4/300", 1), ("40/300", 1)],
+    ("cores", "load", "free"),
+    [
+        *((4, "1/300", 4), (4, "2/300", 3), (4, "4/300", 1), (4, "40/300", 1)),
+        *((2, "1/300", 2), (2, "2/300", 1), (1, "1/300", 1)),
+    ],
 )
-def test_cores_in_use_are_not_free(monkeypatch, load, free):
+def test_cores_in_use_are_not_free(monkeypatch, cores, load, free):
     texts = {"/proc/loadavg": f"0.00 0.00 0.00 {load} 1234\n"}
     monkeypatch.setattr(threads, "_text", lambda path: texts.get(str(path), ""))
-    monkeypatch.setattr(threads, "cores", lambda: 4)
-    monkeypatch.setattr(threads.os, "cpu_count", lambda: 4)
+    monkeypatch.setattr(threads, "cores", lambda: cores)
+    monkeypatch.setattr(threads.os, "cpu_count", lambda: cores)
     assert threads.free_cores() == free
 
 

@@ -14,7 +14,7 @@ pytest.importorskip("dolfinx")
 import antiosc as ao
 import parts
 from antiosc.fem import mpi
-from antiosc.fem.fingerprint import fingerprint
+from antiosc.fem.fingerprint import fingerprint, named, number
 
 pytestmark = pytest.mark.fem
 
@@ -146,3 +146,12 @@ def test_memory_that_is_not_there_is_told():
         work(MemoryError("Unable to allocate 7.3 TiB"))
     with pytest.raises(ao.OutOfMemoryError, match=r"^as it was$"):
         work(ao.OutOfMemoryError("as it was"))
+
+
+def test_no_two_objects_have_one_number():
+    """A list takes as many numbers as it has objects: none of those before it and after it."""
+    body = parts.box((1, 1, 1)).dolfinx
+    meshes = [ao.Mesh(body) for _ in range(5)]
+    for made, serial in ((meshes[0], 10**6), (meshes[1:4], 10**6 + 1), (meshes[4], 10**6 + 4)):
+        number(made, serial)
+    assert {named(one) for one in meshes} == {f"Mesh no. {10**6 + k}" for k in range(5)}

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
+import scipy.sparse
 
 pytest.importorskip("dolfinx")
 
 from antiosc.errors import InputError
-from antiosc.fem.assembly import overlaps
+from antiosc.fem.assembly import ends, overlaps
 from antiosc.fem.assembly.placement import Placement, placement, skew
 
 pytestmark = pytest.mark.fem
@@ -105,3 +108,34 @@ def test_a_square_in_a_larger_one_and_beside_it():
     vertices, count = overlaps.clipped(cases, np.stack([square] * 4))
     found = [area(vertices[k, :c]) if c > 2 else 0.0 for k, c in enumerate(count)]
     assert found == pytest.approx([1, 0.5 * 0.75, 0, 0.25])
+
+
+@pytest.mark.parametrize("plane", [False, True])
+def test_the_mean_motion_of_points_that_move_as_a_rigid_body_is_that_motion(plane):
+    """Of any points and weights: the translation of their centroid, and the rotation."""
+    count = 7
+    x = RNG.normal(size=(count, 3)) * [1.0, 0.4, 0.0 if plane else 0.2]
+    weight = RNG.uniform(0.1, 1.0, count)
+    rigid = np.hstack([np.tile(np.eye(3), (count, 1)), -skew(x).reshape(-1, 3)])
+    if plane:  # x, y, rz alone
+        rigid[:, [2, 3, 4]] = 0.0
+
+    class Rigid:
+        """A part whose dofs are its six rigid motions about the origin."""
+
+        turns = False
+
+        def at_points(self, *_):
+            return scipy.sparse.csr_matrix(rigid)
+
+    layout = Rigid()
+    layout.plane = plane
+    points = SimpleNamespace(x=x, weight=weight, cell=None, X=None)
+    found = ends.mean(layout, layout, points)
+    centre = weight @ x / weight.sum()
+    at_centre = np.hstack([np.eye(3), -skew(centre)])
+    rotation = np.hstack([np.zeros((3, 3)), np.eye(3)])
+    if plane:
+        at_centre[:, [2, 3, 4]] = rotation[:, [2, 3, 4]] = 0.0
+    np.testing.assert_allclose(found.moves.toarray(), at_centre, atol=1e-14)
+    np.testing.assert_allclose(found.turns.toarray(), rotation, atol=1e-13)

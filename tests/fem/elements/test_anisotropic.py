@@ -9,6 +9,7 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 import parts
+from antiosc.fem.elements.given_sheet import GivenSheet
 
 pytestmark = [pytest.mark.fem, pytest.mark.filterwarnings("ignore:the compliance under a point")]
 E, NU, RHO = 70e9, 0.33, 2700.0
@@ -131,3 +132,18 @@ def test_a_patch_on_it_is_refused():
     tip = part.mesh.dolfinx.geometry.x.max(axis=0) * [1, 0.5, 0.5]
     with pytest.raises(ao.InputError, match="leave radius=None"):
         ao.extract(part, ao.Site(tip, (-1, 0, 0), radius=0.02), n=2)
+
+
+def test_waves_in_bars_run_at_the_speed_of_the_stiffest_direction():
+    """√(E/ρ): of the fibres, of layers at any angle, of an isotropic sheet."""
+    wood = ao.AnisotropicSolid.orthotropic(**WOOD, rho=500.0, axes=np.roll(np.eye(3), 1, 1))
+    assert wood.bar_speed() == pytest.approx(np.sqrt(12e9 / 500.0), rel=1e-12)
+    shear = {"G12": 5e9, "G13": 5e9, "G23": 3e9}
+    ply = ao.Layer(E1=140e9, E2=10e9, nu12=0.3, **shear, rho=1600.0, thickness=1e-3)
+    for layers in ([ply], [ply, ply.rotated(90)]):
+        speed = ao.Laminate(layers, axis=(1, 0, 0)).bar_speed()
+        assert speed == pytest.approx(np.sqrt(140e9 / 1600.0), rel=1e-12)
+    plane = np.array([[1, NU, 0], [NU, 1, 0], [0, 0, (1 - NU) / 2]]) * E / (1 - NU**2)
+    t = 2e-3
+    sheet = GivenSheet(t * plane, t**3 / 12 * plane, 1e7 * np.eye(2), RHO * t, RHO * t**3 / 12, t)
+    assert sheet.bar_speed() == pytest.approx(np.sqrt(E / RHO), rel=1e-12)

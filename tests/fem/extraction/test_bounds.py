@@ -211,7 +211,9 @@ def test_more_vectors_than_memory_holds_are_refused(monkeypatch):
 
     structure = ao.Structure.from_matrices(_row(50), np.eye(50))
     monkeypatch.setattr(memory, "free_memory", lambda: 1e4)
-    with pytest.raises(ao.InputError, match=r"n = 40 .* of basis vectors .* reduce n"):
+    # 42 vectors of 50 numbers, and M times each
+    says = r"n = 40 .* take 3.36e-05 GB of basis vectors .* reduce n"
+    with pytest.raises(ao.InputError, match=says):
         ao.extract(structure, ao.Site(dof=7), 40)
 
 

@@ -11,6 +11,8 @@ import pytest
 from antiosc.fem.readers import neutral, shapes
 from antiosc.fem.readers.decks.abaqus_elements import element_type, nodes_of_other
 from antiosc.fem.readers.decks.abaqus_model import NAMED
+from antiosc.fem.readers.decks.abaqus_surfaces import SOLID_FACES
+from antiosc.fem.readers.mixed import GMSH_EDGES, GMSH_FACES
 
 #: by their dimension
 SIMPLICES = ["point", "interval", "triangle", "tetrahedron"]
@@ -163,3 +165,23 @@ def test_element_types(name, shape, role, nodes):
 def test_elements_that_are_no_cells(name, nodes):
     assert element_type(name) is None
     assert nodes_of_other(name) == nodes
+
+
+@pytest.mark.parametrize(
+    ("faces", "shape"),
+    [(faces, shape) for shape, faces in SOLID_FACES.items()]
+    + [(faces, shape) for shape, faces in GMSH_FACES.items()],
+)
+def test_faces_of_other_programs_are_those_of_the_cell(faces, shape):
+    """Each is a face of the cell with its corners around it; gmsh's are those with four."""
+    own = shapes.FACES[shape]
+    if faces is GMSH_FACES.get(shape):
+        own = [face for face in own if len(face) == 4]
+    assert sorted(map(sorted, faces)) == sorted(map(sorted, own))
+    around = {frozenset(face): rings(face) for face in own}
+    assert all(rings(face) == around[frozenset(face)] for face in faces)
+
+
+@pytest.mark.parametrize(("shape", "edges"), GMSH_EDGES.items())
+def test_edges_of_gmsh_are_those_of_the_cell(shape, edges):
+    assert Counter(map(frozenset, edges)) == Counter(map(frozenset, shapes.EDGES[shape]))
