@@ -134,3 +134,19 @@ def test_errors_of_antiosc_become_one_line_and_exit_code_1(capsys, monkeypatch):
     monkeypatch.setattr(info, "report", fail)
     assert cli.main(["info"]) == 1
     assert capsys.readouterr().err == "antiosc: the number must be > 0; got -1.\n"
+
+
+@pytest.mark.parametrize("arguments", [[], ["info"], ["--help"]])
+def test_a_reader_that_has_seen_enough_ends_the_output_in_silence(arguments):
+    """Also where all of it is still in Python's buffer when the reader goes."""
+    code = f"import sys\nfrom antiosc.cli import main\nsys.exit(main({arguments}))"
+    with subprocess.Popen(
+        [sys.executable, "-c", code],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONUNBUFFERED": ""},
+    ) as run:
+        run.stdout.close()
+        assert run.stderr.read() == ""
+    assert run.returncode == 1

@@ -365,3 +365,27 @@ def test_a_flat_sheet_read_as_plane_deflects_across_its_plane(tmp_path):
     assert -tip[:, 2] == pytest.approx(hit.displacement, abs=0.05 * hit.displacement.max())
     _, _, moved = fields.skin(part, hit, float(hit.time[-1]))
     assert np.abs(moved[:, 2]).max() > 0.5 * np.abs(tip[-1, 2])
+
+
+@pytest.mark.parametrize("scale", [1.0, 10.0])
+def test_the_arrow_of_a_picture_ends_at_the_site_and_the_view_is_the_given_one(scale):
+    """It is a quarter as long as the part, along the direction, in mm or in m."""
+    art3d = pytest.importorskip("mpl_toolkits.mplot3d.art3d")
+    from antiosc.plotting import plot_deformed
+
+    sides = scale * np.array([0.2, 0.1])
+    flat = dolfinx.mesh.create_rectangle(MPI.COMM_SELF, [np.zeros(2), sides], [2, 2])
+    clamp = ao.Support(lambda x: np.isclose(x[0], 0.0))
+    part = ao.Structure(ao.read_mesh(flat), ao.Shell(70e9, 0.3, 2700.0, 2e-3), [clamp])
+    at, along = (*(0.5 * sides), 0.0), np.array([2.0, -1.0, -2.0]) / 3
+    model = ao.extract(part, ao.Site(at, (0, 0, -1)), n=2)
+    hit = ao.simulate(model, ao.RigidMass(0.01, 1.0), ao.Linear(1e5), 5e-4)
+    figure = plot_deformed(part, hit, point=at, direction=tuple(7 * along), view=(70.0, 10.0))
+    axes = figure.axes[0]
+    assert (axes.elev, axes.azim) == (70.0, 10.0)
+    lines = [c for c in axes.collections if isinstance(c, art3d.Line3DCollection)]
+    shaft = max((np.asarray(s) for c in lines for s in c._segments3d), key=np.ptp)
+    unit = 1e3 if sides.max() < 1 else 1.0
+    tip, length = unit * np.array(at), 0.25 * unit * sides[0]
+    ends = shaft[np.argsort(np.linalg.norm(shaft - tip, axis=1))]
+    np.testing.assert_allclose(ends, [tip, tip - length * along], atol=1e-9 * length)

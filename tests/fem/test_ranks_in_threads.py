@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import threading
 import warnings
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,7 +16,8 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 from antiosc.errors import InputError, OutOfMemoryError
-from antiosc.fem import mpi
+from antiosc.fem import compat, mpi
+from antiosc.fem.recovery import at_nodes
 
 pytestmark = pytest.mark.fem
 
@@ -236,3 +238,53 @@ def test_what_all_ranks_made_has_one_number(guarded):
     assert fingerprint(b) == fingerprint(d)
     assert named(a) == named(c)
     assert named(a).startswith("Made no. ")
+
+
+def test_parts_of_one_rank_stay_and_shared_ones_are_made_whole(monkeypatch):
+    """Also where one part has several names; superelements are whole on every rank already."""
+    from antiosc.fem.assembly import share
+
+    monkeypatch.setattr(share, "whole", lambda mesh: f"{mesh}, whole")
+
+    class Part(Thing):
+        mesh = "mesh"
+
+        def again(self, mesh):
+            return mesh
+
+    def call(comm):
+        shared, own = Part(comm), Part(SimpleNamespace(size=1))
+        made = share.on_every_rank({"a": shared, "b": own, "c": shared}, comm)
+        return made["a"], made["b"] is own, made["c"]
+
+    assert on_ranks(call) == [("mesh, whole", True, "mesh, whole")] * 2
+
+
+def test_nodes_of_cells_with_those_of_other_ranks(monkeypatch):
+    """Of a list of all nodes in turn, as older versions give it: two own cells and a ghost."""
+    nodes = np.arange(12, dtype=np.int32)
+    geometry = SimpleNamespace(dofmap=SimpleNamespace(array=nodes))
+    geometry.dofmaps = [geometry.dofmap]
+    cells = SimpleNamespace(size_local=2, num_ghosts=1)
+    monkeypatch.setattr(compat, "cell_map", lambda _: cells)
+    found = compat.geometry_nodes(SimpleNamespace(geometry=geometry))
+    assert found.tolist() == nodes.reshape(3, 4).tolist()
+
+
+def test_cells_of_several_ranks_share_their_nodes():
+    """Sums over the cells of a node: every rank gets those of the others, its own counted once."""
+    numbers = [np.array([10, 11, 12]), np.array([12, 13, 11])]
+    sums = [np.array([[1.0], [2.0], [3.0]]), np.array([[40.0], [50.0], [60.0]])]
+
+    def call(comm):
+        geometry = SimpleNamespace(input_global_indices=numbers[comm.rank])
+        mesh = SimpleNamespace(comm=comm, dolfinx=SimpleNamespace(geometry=geometry))
+        total, count = sums[comm.rank].copy(), np.ones(3)
+        part = SimpleNamespace(mesh=mesh, parts=["one"])
+        at_nodes._share(part, np.arange(3), total, count)
+        return total[:, 0].tolist(), count.tolist()
+
+    assert on_ranks(call) == [
+        ([1.0, 62.0, 43.0], [1.0, 2.0, 2.0]),
+        ([43.0, 50.0, 62.0], [2.0, 1.0, 2.0]),
+    ]

@@ -348,6 +348,21 @@ def test_preload_rests_until_something_moves() -> None:
     assert hit["plate:a", "floor"].contacts == [(0.0, 0.01)]
 
 
+def test_preload_of_a_site_without_mass() -> None:
+    """A load on a massless spring, which no mode feels: the contact takes its share of it."""
+    compliance, stiffness, load = 1e-4, 3e4, -50.0
+    body = ao.SiteModes(omega=[300.0], b=[[0.0]], sites=["tip"], r=[[compliance]])
+    scene = ao.Scene(
+        {"part": body, "stop": ao.Obstacle()},
+        [ao.Contact("part:tip", "stop", ao.Linear(stiffness))],
+        loads=[ao.Load("part:tip", [0.0, 1.0], [load, load])],
+        preload=True,
+    )
+    force = scene.run(0.01)["part:tip", "stop"].force
+    share = stiffness * compliance / (1 + stiffness * compliance)
+    np.testing.assert_allclose(force, -share * load, rtol=1e-8)
+
+
 def test_preload_without_equilibrium_is_refused() -> None:
     body = ao.RigidBody(1.0, (1, 1, 1), {"c": ((0, 0, 0), UP)})
     contact = ao.Contact("b:c", "floor", ao.Linear(1e5))

@@ -159,3 +159,17 @@ def test_estimate_is_twice_what_the_two_extremes_differ_by():
     if estimate.peak_force > estimate.worst / 2:  # not raised to the share of the worst
         assert estimate.peak_force == pytest.approx(2 * (apart - tol), rel=1e-6)
     assert apart > 100 * tol
+
+
+def test_without_a_residual_mass_the_last_anti_oscillator_is_what_may_be_missing():
+    whole, striker = case_two(4)
+    model = ao.AntiOscillators(m0=0.0, k0=whole.k0, m=whole.m, omega=whole.omega)
+    tol = 1e-4
+    run = struck(striker, ao.Hertz(HERTZ), 2e-3)
+    peaks = [run(one, tol).peak_force for one in (model, model.truncated(3))]
+    apart = abs(peaks[0] - peaks[1]) / max(peaks)
+    estimate = truncation_error(model, run, tol=tol)
+    assert apart > 100 * tol
+    assert estimate.worst >= estimate.peak_force >= 2 * (apart - tol) * (1 - 1e-9)
+    if estimate.peak_force > estimate.worst / 2:
+        assert estimate.peak_force == pytest.approx(2 * (apart - tol), rel=1e-6)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import scipy.sparse
 from numpy.typing import NDArray
 
 import antiosc as ao
@@ -220,3 +221,18 @@ def test_beams_and_shells(family):
     for i, site in enumerate(sites.values()):
         alone = ao.extract(part, site, 30)
         np.testing.assert_allclose(H[:, i, i] * alone.dynamic_stiffness(omega), 1.0, atol=1e-6)
+
+
+def test_as_many_modes_are_searched_as_the_bound_needs():
+    """A long row of masses: the tighter the bound, the more, and never all."""
+    n = 1200
+    K = scipy.sparse.diags([-np.ones(n - 1), 2 * np.ones(n), -np.ones(n - 1)], [-1, 0, 1])
+    structure = ao.Structure.from_matrices(K.tocsr(), scipy.sparse.identity(n, format="csr"))
+    sites = {"a": ao.Site(dof=300), "b": ao.Site(dof=700)}
+    top, computed = 2 * np.sin(7 * np.pi / (2 * (n + 1))), [20]
+    for accuracy in (0.3, 0.1, 0.03):
+        model = ao.extract(structure, sites, 200, "modes", band=top, accuracy=accuracy)
+        assert model.info["band"]["error_bound"] <= accuracy
+        computed.append(model.info["modes_computed"])
+    assert computed == sorted(set(computed))
+    assert computed[-1] < 100

@@ -258,3 +258,15 @@ def test_unequal_walls_are_refused():
     for walls in ((0.4, 0.2, 0.3, 0.2), (0.4, 0.2, 0.4, 0.3)):
         with pytest.raises(MeshError, match="unequal opposite walls"):
             abaqus("BOX", 3.0, 2.0, *walls)
+
+
+@pytest.mark.parametrize("name", ["PBAR", "PBEAM"])
+def test_a_torsion_constant_that_is_missing_is_told(name):
+    """(I1 + I2)/2 stands for it."""
+    for J in (0.0, 0.7):
+        where = {"PBAR": ["1", "1", "6.", "5.", "2.", f"{J}"],
+                 "PBEAM": ["1", "1", "6.", "5.", "2.", "", f"{J}", ""]}  # fmt: skip
+        profiles_ = nastran_profiles.BeamProfiles(Entry(name, PLACE, where[name]))
+        profile = profiles_.at(0.0).profile
+        assert pytest.approx(J or 3.5) == profile.J
+        assert any("missing torsion constant J" in one for one in profiles_.told) == (not J)
