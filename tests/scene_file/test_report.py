@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import html.parser
 import re
-import shutil
-import subprocess
 
 import numpy as np
 import pytest
 
 from antiosc import info
+from browser import BROWSER, browse
 from scene_files import BEAM, FRAME, PROBE, SWEEP, antiosc, numbers, written
 
 pytest.importorskip("matplotlib")
@@ -18,7 +17,6 @@ pytest.importorskip("matplotlib")
 HOSTILE = (
     "</pre><script>document.title='taken'</script><img src=x onerror=alert(1)> $\\\\foo{ & \\u202e"
 )
-BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "chrome"))), None)
 
 
 class Page(html.parser.HTMLParser):
@@ -139,15 +137,6 @@ def test_a_wrong_name_is_told_before_the_run(tmp_path, capsys, name, held):
     assert [p.name for p in tmp_path.iterdir()] == ["scene.toml"]
 
 
-def browse(*arguments: str) -> str:
-    """What a headless browser prints."""
-    options = ["--headless", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"]
-    done = subprocess.run(
-        [BROWSER, *options, *arguments], capture_output=True, text=True, timeout=300, check=True
-    )
-    return done.stdout
-
-
 @pytest.mark.slow
 @pytest.mark.skipif(BROWSER is None, reason="no browser")
 def test_a_browser_shows_the_page(tmp_path):
@@ -157,7 +146,7 @@ def test_a_browser_shows_the_page(tmp_path):
     source, _ = report(tmp_path, text)
     profile = f"--user-data-dir={tmp_path / 'profile'}"
     # the page as it is: its title has not been taken, and nothing of it was removed
-    seen = browse(profile, "--dump-dom", f"file://{tmp_path}/report.html")
+    seen = browse("--disable-gpu", profile, "--dump-dom", f"file://{tmp_path}/report.html")
     assert "<title>taken" not in seen
     assert seen.count("<figure>") == 6
     # a copy that may run one script, which measures what is shown
@@ -167,12 +156,12 @@ def test_a_browser_shows_the_page(tmp_path):
     policy = re.search(r"<meta http-equiv=[^>]*>", source)
     copy = source.replace(policy.group(), "").replace("</body>", probe)
     (tmp_path / "copy.html").write_text(copy, encoding="utf-8")
-    seen = browse(profile, "--dump-dom", f"file://{tmp_path}/copy.html")
+    seen = browse("--disable-gpu", profile, "--dump-dom", f"file://{tmp_path}/copy.html")
     assert "<title>measured true,true,true,true,true true</title>" in seen
     # and the picture of it: dark text on a white page, with the blue of the curves
     shot = tmp_path / "page.png"
     size = "--window-size=1000,3000"
-    browse(profile, size, f"--screenshot={shot}", f"file://{tmp_path}/report.html")
+    browse("--disable-gpu", profile, size, f"--screenshot={shot}", f"file://{tmp_path}/report.html")
     pixels = matplotlib.image.imread(shot)[..., :3]
     assert pixels.shape == (3000, 1000, 3)
     assert np.mean(pixels.min(axis=2) > 0.99) > 0.7

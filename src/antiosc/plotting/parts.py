@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -13,6 +14,7 @@ from antiosc import checks
 from antiosc._types import Array, BoolArray, IntArray
 from antiosc.charts.figures import finished, new_figure
 from antiosc.errors import InputError
+from antiosc.plotting.turning import turning_page
 from antiosc.simulation.history import History
 from antiosc.simulation.scene_history import SceneHistory
 
@@ -135,31 +137,16 @@ def plot_deformed(
     InputError
         A model without shapes, or extracted from another structure; a mesh of lines.
     """
-    from antiosc.fem.fields import skin
-
     seen_from = None if view is None else checks.array("view", view, (2,))
-    kinds = (History, SceneHistory)
-    checks.instance("history", history, kinds, "a History, which simulate and Scene.run return")
-    history.of(body)  # type: ignore[arg-type]
-    if (point is None) != (direction is None):
-        raise InputError("the arrow of the impact needs both point and direction.")
-    if time is None:
-        time = float(history.time[np.argmax(_motion(history, body))])
-    points, faces, moved = skin(structure, history, checks.number("time", time, "s"), body=body)
-    size = np.linalg.norm(moved, axis=1)
-    largest = float(size.max()) or 1.0
-    factor = float(f"{ENLARGED * np.ptp(points, axis=0).max() / largest:.1g}")
-    figure, axes, scale, _ = _space(points, shown=path is None)
-    corners = scale * (points + factor * moved)[faces]
-    micro, unit = (1e6, "µm") if largest < 1e-3 else (1e3, "mm")
-    label = f"displacement ({unit}), drawn × {factor:g}"
-    values = micro * size[faces].mean(axis=1)
-    _faces(figure, axes, corners, values, label, _scale(values))
+    arrow = _arrow(point, direction)
+    found = deformed(structure, history, time, body)
+    figure, axes, scale, _ = _space(found.points, shown=path is None)
+    corners = scale * found.moved[found.faces]
+    values = found.values[found.faces].mean(axis=1)
+    _faces(figure, axes, corners, values, found.label, _scale(values))
     framed = [corners.reshape(-1, 3)]
-    if point is not None and direction is not None:
-        tip = scale * np.array(checks.coordinates("point", point))
-        way = np.array(checks.coordinates("direction", direction))
-        tail = tip - 0.25 * np.ptp(scale * points, axis=0).max() * way / np.linalg.norm(way)
+    if arrow is not None:
+        tail, tip = scale * found.arrow(*arrow)
         axes.quiver(*tail, *(tip - tail), color="C3", linewidth=2.5, zorder=9)
         framed.append(tail[None])
     if seen_from is not None:
@@ -167,6 +154,81 @@ def plot_deformed(
     _frame(axes, np.vstack(framed), zoom=1.2)
     axes.set_axis_off()
     return finished(figure, path)
+
+
+def turning_deformed(
+    structure: Structure,
+    history: History | SceneHistory,
+    time: float | None = None,
+    *,
+    body: str = "structure",
+    point: Sequence[float] | None = None,
+    direction: Sequence[float] | None = None,
+) -> str:
+    """A page in HTML with the deformed part, which is turned by hand; needs PyVista with trame.
+
+    Arguments as of `plot_deformed`, errors too, and those of `antiosc.plotting.turning`.
+    """
+    arrow = _arrow(point, direction)
+    found = deformed(structure, history, time, body)
+    way = None if arrow is None else found.arrow(*arrow)
+    return turning_page(found.moved, found.faces, found.values, found.label, way)
+
+
+@dataclass(frozen=True, eq=False)
+class Deformed:
+    """A surface at one time.
+
+    Attributes
+    ----------
+    points, moved : (P, 3) [m], at rest and with displacements drawn larger.
+    faces : (F, 3 or 4) indices of corners.
+    values : (P,) magnitude of the displacements, in the unit that `label` states.
+    label : of the values, with the factor by which displacements are drawn larger.
+    """
+
+    points: Array
+    moved: Array
+    faces: IntArray
+    values: Array
+    label: str
+
+    def arrow(self, point: Array, direction: Array) -> Array:
+        """Tail and tip (2, 3) [m] of an arrow along `direction` that ends at `point`."""
+        length = 0.25 * np.ptp(self.points, axis=0).max()
+        return np.array([point - length * direction / np.linalg.norm(direction), point])
+
+
+def deformed(
+    structure: Structure, history: History | SceneHistory, time: float | None, body: str
+) -> Deformed:
+    """The surface of a part at one time; arguments as of `plot_deformed`."""
+    from antiosc.fem.fields import skin
+
+    kinds = (History, SceneHistory)
+    checks.instance("history", history, kinds, "a History, which simulate and Scene.run return")
+    history.of(body)  # type: ignore[arg-type]
+    if time is None:
+        time = float(history.time[np.argmax(_motion(history, body))])
+    points, faces, moved = skin(structure, history, checks.number("time", time, "s"), body=body)
+    size = np.linalg.norm(moved, axis=1)
+    largest = float(size.max()) or 1.0
+    factor = float(f"{ENLARGED * np.ptp(points, axis=0).max() / largest:.1g}")
+    micro, unit = (1e6, "µm") if largest < 1e-3 else (1e3, "mm")
+    label = f"displacement ({unit}), drawn × {factor:g}"
+    return Deformed(points, points + factor * moved, faces, micro * size, label)
+
+
+def _arrow(
+    point: Sequence[float] | None, direction: Sequence[float] | None
+) -> tuple[Array, Array] | None:
+    """Point and direction of the arrow of the impact, if they are given."""
+    if (point is None) != (direction is None):
+        raise InputError("the arrow of the impact needs both point and direction.")
+    if point is None or direction is None:
+        return None
+    tip = np.array(checks.coordinates("point", point))
+    return tip, np.array(checks.coordinates("direction", direction))
 
 
 def _motion(history: History | SceneHistory, body: str) -> Array:
