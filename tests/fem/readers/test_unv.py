@@ -103,6 +103,7 @@ BAD = {
     "no cells": (brick().replace(f"{115:10d}", f"{161:10d}", 1), "no elements that are cells"),
     "nodes": (brick().replace(f"{1:10d}{8:10d}\n", f"{1:10d}{7:10d}\n"), "its head tells 7; it"),
     "unknown": (brick().replace(f"{18:10d}\n    -1", f"{99:10d}\n    -1"), "has the node 99"),
+    "head": (brick().replace(f"{8:10d}\n", "\n", 1), "head of an element has six numbers; got 5"),
     "word": (brick().replace("D+00", "X+00", 1), r"line 4 of bad.unv: .* number"),
 }
 

@@ -1,0 +1,39 @@
+"""Overlaps of meshes: a small cell anywhere inside a large one is found, one beside it is not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+pytest.importorskip("dolfinx")
+
+from antiosc.fem.mesh import conformity
+from antiosc.fem.readers.neutral import KINDS
+
+pytestmark = pytest.mark.fem
+
+RNG = np.random.default_rng(3)
+SQUARE = np.array([(0, 0), (1, 0), (1, 1), (0, 1)], dtype=float)
+#: Corners of the cells.
+CELLS = {
+    "triangle": SQUARE[[0, 1, 3]],
+    "quad": SQUARE,
+    "tetra": np.vstack([np.zeros(3), np.eye(3)]),
+    "hexahedron": np.vstack([np.pad(SQUARE, ((0, 0), (0, 1)), constant_values=z) for z in (0, 1)]),
+}
+
+
+@pytest.mark.parametrize("name", CELLS)
+def test_a_cell_inside_another_overlaps_it_wherever_it_is(name):
+    x = CELLS[name]
+    cells = np.arange(2 * len(x)).reshape(2, -1)
+    shape = np.array([[0.9, 0.2, 0.1], [-0.1, 1.1, 0.3], [0.2, 0.1, 0.8]])[: x.shape[1]]
+    small = 0.03 * (x - x.mean(axis=0))
+    for _ in range(60):
+        inside = RNG.dirichlet(np.full(len(x), 0.7)) @ x
+        at = x.mean(axis=0) + 0.9 * (inside - x.mean(axis=0))
+        for place, count in ((at, 1), (at + 1.2, 0)):
+            points = np.vstack([x, small + place]) @ shape[:, : x.shape[1]]
+            found = conformity.overlapping(points, cells, KINDS[name])
+            assert len(found) >= count
+            assert count or not len(found)

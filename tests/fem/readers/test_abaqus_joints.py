@@ -1,0 +1,121 @@
+"""Constraints of Abaqus decks as equations: rigid bodies fulfil them, and what each forbids."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from antiosc.fem.readers.decks import abaqus_assembly
+from antiosc.fem.readers.decks.abaqus_joints import read_joints
+from antiosc.fem.readers.decks.constraints import Constraints
+
+RNG = np.random.default_rng(17)
+ANY = RNG.normal(size=(6, 3))
+#: Points of an oblique plane, and of a line in space, no two alike.
+IN_PLANE = ANY[0] + RNG.normal(size=(6, 2)) @ ANY[1:3]
+ON_LINE = ANY[0] + np.array([[0.0], [0.4], [2.0], [1.1], [-0.3], [0.9]]) * ANY[3]
+
+
+def equations(folder: Path, x: np.ndarray, text: str, turning: bool = True) -> np.ndarray:
+    """The coefficients (rows, nodes, 6) of what the cards ask of the nodes at `x`."""
+    path = folder / "a.inp"
+    nodes = "".join(f"{k + 1}, {', '.join(map(repr, map(float, p)))}\n" for k, p in enumerate(x))
+    path.write_text(f"*NODE\n{nodes}{text}")
+    whole = abaqus_assembly.read(path, "a.inp")
+    n = len(x)
+    joints = Constraints(whole.deck, np.ones(n, dtype=bool), np.full(n, turning))
+    read_joints(whole, joints, [pair for pair in whole.cards if pair[0].keyword != "NODE"])
+    C = np.zeros((len(joints.equations), n, 6))
+    for row, terms in zip(C, joints.equations, strict=True):
+        for node, motion, value in terms:
+            row[node, motion] += value
+    return C
+
+
+def rigid(x: np.ndarray) -> np.ndarray:
+    """Motions (nodes, 6, 6) of the nodes in the six of a rigid body."""
+    motions = np.zeros((len(x), 6, 6))
+    motions[:, :3, :3] = motions[:, 3:, 3:] = np.eye(3)
+    for k in range(3):
+        motions[:, :3, 3 + k] = np.cross(np.eye(3)[k], x)
+    return motions
+
+
+CASES = {
+    # card, points, number of equations, of nodes without rotations
+    "PLANE": ("*MPC\nPLANE,1,2,3,4,5,6\n", IN_PLANE, 3, 3),
+    "PLANE in two lines": ("*MPC\nPLANE,1,2,3,4\n0,5,6\n", IN_PLANE, 3, 3),
+    "STRAIGHT": ("*MPC\nSTRAIGHT,1,2,3,4,5,6\n", ON_LINE, 8, 8),
+    "LINK": ("*MPC\nLINK,2,5\n", ANY, 1, 1),
+    "BEAM": ("*MPC\nBEAM,2,5\n", ANY, 6, None),
+    "RIGID BODY": ("*NSET,NSET=N\n1,2,3\n*RIGID BODY,NSET=N,REF NODE=5\n", ANY, 18, None),
+}
+
+
+@pytest.mark.parametrize("turning", [True, False])
+@pytest.mark.parametrize("case", CASES)
+def test_a_rigid_body_fulfils_what_joins_its_nodes(tmp_path, case, turning):
+    text, x, *counts = CASES[case]
+    count = counts[0 if turning else 1]
+    if count is None:
+        return
+    C = equations(tmp_path, x, text, turning)
+    assert len(C) == count
+    flat = C.reshape(count, -1)
+    assert np.linalg.matrix_rank(flat) == count
+    size = np.abs(flat).sum(axis=1).max() * np.abs(x).max()
+    assert np.abs(flat @ rigid(x).reshape(6 * len(x), 6)).max() < 1e-12 * size
+
+
+@pytest.mark.parametrize(("kind", "motions"), [("TIE", 6), ("PIN", 3)])
+def test_two_nodes_at_one_place_move_alike(tmp_path, kind, motions):
+    x = np.vstack([ANY[:2], ANY[0]])
+    for turning, count in ((True, motions), (False, 3)):
+        C = equations(tmp_path, x, f"*MPC\n{kind},1,3\n", turning)
+        assert not C[:, 1].any()
+        np.testing.assert_array_equal(C[:, 0], np.eye(6)[:count])
+        np.testing.assert_array_equal(C[:, 2], -np.eye(6)[:count])
+
+
+def test_nodes_of_a_plane_move_freely_in_it_and_not_out_of_it(tmp_path):
+    C = equations(tmp_path, IN_PLANE, CASES["PLANE"][0])[:, :, :3]
+    normal = np.cross(ANY[1], ANY[2])
+    within = RNG.normal(size=(6, 2)) @ ANY[1:3]
+    assert np.abs(np.einsum("enc,nc->e", C, within)).max() < 1e-12
+    for node in range(6):
+        assert np.abs(C[:, node] @ normal).max() > 1e-3
+
+
+def test_nodes_of_a_line_move_freely_along_it_and_not_across(tmp_path):
+    C = equations(tmp_path, ON_LINE, CASES["STRAIGHT"][0])[:, :, :3]
+    along = RNG.normal(size=(6, 1)) * ANY[3]
+    assert np.abs(np.einsum("enc,nc->e", C, along)).max() < 1e-12
+    for node in range(6):
+        assert np.linalg.matrix_rank(C[:, node]) == 2
+
+
+def test_the_mean_rotation_of_a_rigid_body_is_its_own(tmp_path):
+    """Motion 1 of the last node, whose coordinates are the axis."""
+    axis = np.array([0.6, 0.0, 0.8])
+    x = np.vstack([ANY[:5], 2.5 * axis])
+    (row,) = equations(tmp_path, x, "*MPC\nMEANROT,1,2,3,4,5,6\n", turning=False)
+    motions = rigid(x)
+    motions[5] = 0.0
+    motions[5, 0, 3:] = axis
+    assert row[5].tolist() == [1.0, 0, 0, 0, 0, 0]
+    about = motions @ np.concatenate((np.zeros(3), axis))
+    assert np.einsum("nc,nc->", row, about) == pytest.approx(0.0, abs=1e-12)
+    for shift in motions[:, :, :3].transpose(2, 0, 1):
+        assert np.einsum("nc,nc->", row, shift) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_equations_are_the_sums_that_they_write(tmp_path):
+    """Terms over several lines, the last with fields left out at the end of a line."""
+    text = "*EQUATION\n3\n1,1,2.,2,2,-3.\n3,3,0.5\n2\n4,4,1.,5,5,-1.\n"
+    C = equations(tmp_path, ANY, text)
+    expected = np.zeros((2, 6, 6))
+    expected[0, [0, 1, 2], [0, 1, 2]] = 2.0, -3.0, 0.5
+    expected[1, [3, 4], [3, 4]] = 1.0, -1.0
+    np.testing.assert_array_equal(C, expected)
