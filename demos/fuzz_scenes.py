@@ -28,7 +28,7 @@ import options
 from numpy.typing import NDArray
 
 import antiosc as ao
-from antiosc.simulation.engine import compiled_march
+from antiosc.simulation.compilation import compiled_march
 
 Array = NDArray[np.float64]
 Rng = np.random.Generator

@@ -23,8 +23,8 @@ from fuzz_scenes import law
 
 import antiosc as ao
 from antiosc.closed_form import UniformBeam, cantilever, pinned_pinned
+from antiosc.simulation.compilation import compiled_march
 from antiosc.simulation.convergence import difference
-from antiosc.simulation.engine import compiled_march
 
 WORTH_COMPILING = 50  # scenes
 FINER = 100.0

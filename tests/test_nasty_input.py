@@ -18,7 +18,7 @@ import matplotlib.pyplot as plt
 from hypothesis import HealthCheck, given, settings, strategies as st
 
 import antiosc as ao
-from antiosc.simulation.engine import compiled_march
+from antiosc.simulation.compilation import compiled_march
 from nasty import EXTREMES, TYPES, is_fem, parameters, public, sound, unmade, verdict
 
 plt.switch_backend("Agg")

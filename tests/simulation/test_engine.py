@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.simulation import engine, march
+from antiosc.simulation import compilation, engine, march
 from antiosc.simulation.assembly import assemble
+from antiosc.simulation.march import pressing
 from antiosc.simulation.scene_energy import _work_by_step, gained
 from scenes import HERTZ, case_two
 
@@ -35,7 +36,7 @@ SCENES = [
 @pytest.fixture(autouse=True)
 def interpreted(monkeypatch) -> None:
     """One march for all: the compiled one rounds otherwise."""
-    monkeypatch.setitem(sys.modules, engine._COMPILED, None)
+    monkeypatch.setitem(sys.modules, compilation._COMPILED, None)
 
 
 def forces(scene: ao.Scene, duration: float = 1e-3) -> np.ndarray:
@@ -124,7 +125,7 @@ def test_one_contact_has_the_forces_that_sweeps_find(monkeypatch, law: ao.Contac
     scene = blow(0.1, law)
     made = assemble(scene, 5e-4)
     one = engine.run(made.system, 5e-4, 1e-2, fine=made.lasting / 200)
-    monkeypatch.setattr(march, "alone", lambda *_: False)
+    monkeypatch.setattr(pressing, "alone", lambda *_: False)
     other = engine.run(made.system, 5e-4, 1e-2, fine=made.lasting / 200)
     assert one.steps == other.steps
     atol = 1e-9 * float(other.force.max())

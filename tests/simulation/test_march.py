@@ -6,9 +6,13 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.simulation import convergence, engine, march
+from antiosc.simulation import compilation, convergence, engine, march
 from antiosc.simulation.assembly import assemble
 from antiosc.simulation.convergence import converge, difference, left
+from antiosc.simulation.march.course import mass_felt
+from antiosc.simulation.march.crossings import crossing, polished
+from antiosc.simulation.march.responses import responses, responses_twice
+from antiosc.simulation.march.tables import moves, push
 from antiosc.simulation.refinement import start
 from scenes import HERTZ, case_two
 
@@ -17,9 +21,9 @@ def test_a_step_and_its_half_share_their_sines() -> None:
     omega = np.array([0.0, 1e-3, 0.3, 2.0, 40.0, 7.0])
     decay = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.5])
     whole, half, one, other = (np.empty((6, omega.size)) for _ in range(4))
-    march.responses_twice(omega, decay, 1.3, whole, half)
-    march.responses(omega, decay, 1.3, one)
-    march.responses(omega, decay, 0.65, other)
+    responses_twice(omega, decay, 1.3, whole, half)
+    responses(omega, decay, 1.3, one)
+    responses(omega, decay, 0.65, other)
     np.testing.assert_allclose(whole, one, rtol=1e-13, atol=1e-15)
     np.testing.assert_allclose(half, other, rtol=1e-13, atol=1e-15)
 
@@ -29,10 +33,10 @@ def test_a_mode_over_a_step_under_a_parabola() -> None:
     w, h, (a, b, c), (q, v) = 3.0, 0.7, (2.0, -5.0, 11.0), (0.3, -0.8)
     omega, beta = np.array([w]), np.array([[1.0], [0.0]])
     table, move = np.empty((1, 6, 1)), np.empty((1, 8, 2, 1))
-    march.responses(omega, np.zeros(1), h, table[0])
-    march.moves(0, omega, beta, table, move)
+    responses(omega, np.zeros(1), h, table[0])
+    moves(0, omega, beta, table, move)
     x = np.array([[q], [v]])
-    march.push(move[0], np.array([[a, 9.0], [b, 9.0], [c, 9.0]]), x)
+    push(move[0], np.array([[a, 9.0], [b, 9.0], [c, 9.0]]), x)
 
     def rest(t: float) -> np.ndarray:  # a particular solution and its rate
         value = -(a + b * t + c * t * t / 2 - c / w**2) / w**2
@@ -48,12 +52,12 @@ def test_a_crossing_is_that_of_the_polynomial() -> None:
     p = np.polynomial.Polynomial([1.0, 2.0, -7.0, 3.0, -1.0, 0.5])
     d, h, at = p.deriv(), 0.3, 0.28
     bound = float(p(at))
-    cubic = march.crossing(p(h / 2), d(h / 2), p(h), d(h), h / 2, bound) + h / 2
+    cubic = crossing(p(h / 2), d(h / 2), p(h), d(h), h / 2, bound) + h / 2
     values = [f(t) for t in (0.0, h / 2, h) for f in (p, d)]
     assert cubic == pytest.approx(at, rel=1e-3)
     assert abs(cubic - at) > 1e-7
-    assert march.polished(cubic, *values, h, bound) == pytest.approx(at, rel=1e-10)
-    assert march.polished(0.05, *values, h, 5.0) == 0.05  # no crossing: left as it was
+    assert polished(cubic, *values, h, bound) == pytest.approx(at, rel=1e-10)
+    assert polished(0.05, *values, h, 5.0) == 0.05  # no crossing: left as it was
 
 
 @pytest.mark.parametrize("t", [1e-5, 1e-2])
@@ -61,11 +65,11 @@ def test_a_rigid_mass_and_a_spring_feel_a_force_as_they_do(t: float) -> None:
     """A mass alone is felt whole; on a spring the motion under a force is (1 - cos wt) F/k."""
     none = np.zeros((1, 1))
     modes = (np.zeros(1), np.zeros(1), np.array([[0.5]]), none)
-    assert march.mass_felt(0, t, modes) == pytest.approx(4.0)
+    assert mass_felt(0, t, modes) == pytest.approx(4.0)
     w = 300.0
     modes = (np.array([w]), np.zeros(1), np.array([[0.5]]), none)
     way = 0.25 * (1 - np.cos(w * t)) / w**2
-    assert march.mass_felt(0, t, modes) == pytest.approx(0.5 * t * t / way, rel=1e-9)
+    assert mass_felt(0, t, modes) == pytest.approx(0.5 * t * t / way, rel=1e-9)
 
 
 def test_two_runs_serve_a_smooth_blow(monkeypatch) -> None:
@@ -99,7 +103,7 @@ def test_compiled_differences_and_energies_are_those_of_numpy(monkeypatch) -> No
     model, mass = case_two(9)
     scene = ao.Scene({"a": model, "b": mass}, [ao.Contact("a", "b", ao.Hertz(HERTZ))])
     made = assemble(scene, 2e-3)
-    compiled = engine.compiled_march()
+    compiled = compilation.compiled_march()
     if compiled is None:
         pytest.skip("numba does not work here")
     runs = [engine.run(made.system, 2e-3, share, fine=made.lasting / 200) for share in (0.1, 1e-2)]

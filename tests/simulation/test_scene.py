@@ -15,9 +15,11 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import antiosc as ao
-from antiosc.simulation import convergence, engine, march
+from antiosc.simulation import compilation, convergence, march
 from antiosc.simulation.assembly import assemble
-from antiosc.simulation.engine import compiled_march, run
+from antiosc.simulation.compilation import compiled_march
+from antiosc.simulation.engine import run
+from antiosc.simulation.march import forces as solver
 from antiosc.simulation.refinement import start
 from antiosc.simulation.scene_states import forces, located
 from direct import chain, force_error, free_modes, physical
@@ -269,8 +271,8 @@ def test_sweeps_and_newtons_method_give_the_same_forces(monkeypatch) -> None:
     contacts = [ao.Contact(*pair, law) for pair, law in zip(ends, laws, strict=True)]
     made = assemble(ao.Scene({"b": body, **masses}, contacts), 5e-4)
     runs = []
-    for sweeps in (march.SWEEPS, 0):
-        monkeypatch.setattr(march, "SWEEPS", sweeps)
+    for sweeps in (solver.SWEEPS, 0):
+        monkeypatch.setattr(solver, "SWEEPS", sweeps)
         runs.append(run(made.system, 5e-4, 1e-3, module=march, fine=1e-8))
     a, b = runs
     assert a.time.size == b.time.size
@@ -520,12 +522,14 @@ def test_energy_held_without_mass_counts_as_given() -> None:
 
 def test_an_interrupted_compilation_leaves_no_half_module(monkeypatch) -> None:
     pytest.importorskip("numba")
-    monkeypatch.setattr(engine, "_COMPILED", "march_that_is_interrupted")
+    monkeypatch.setattr(compilation, "_COMPILED", "march_that_is_interrupted")
 
     def interrupted(path: str) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(engine.importlib.util, "spec_from_file_location", lambda *a: Spec())
+    monkeypatch.setattr(
+        compilation.importlib.util, "spec_from_file_location", lambda *a, **k: Spec()
+    )
 
     class Loader:
         create_module = staticmethod(lambda spec: None)

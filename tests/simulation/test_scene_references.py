@@ -13,6 +13,7 @@ import antiosc as ao
 from antiosc.simulation import march
 from antiosc.simulation.assembly import assemble
 from antiosc.simulation.engine import run
+from antiosc.simulation.march import forces as solver
 from antiosc.simulation.scene_states import forces, located
 from direct import beam, force_error, free_modes, physical
 
@@ -202,8 +203,8 @@ def test_sweeps_and_newtons_method_agree(
     scene, duration, _ = posed()
     made = assemble(scene, duration)
     runs = []
-    for sweeps in (march.SWEEPS, 0):
-        monkeypatch.setattr(march, "SWEEPS", sweeps)
+    for sweeps in (solver.SWEEPS, 0):
+        monkeypatch.setattr(solver, "SWEEPS", sweeps)
         runs.append(run(made.system, duration / 2, 1e-3, module=march, fine=made.lasting / 200))
     a, b = runs
     assert a.touches > 0

@@ -11,7 +11,8 @@ import numpy as np
 from antiosc._types import Array
 from antiosc.contact import ContactLaw
 from antiosc.simulation import march
-from antiosc.simulation.engine import Run, System, fitting_march, run
+from antiosc.simulation.compilation import fitting_march
+from antiosc.simulation.engine import Run, System, run
 from antiosc.simulation.scene_states import forces, located
 
 # Of the tolerance, the share of the first run; by what the second run divides it, and a third:

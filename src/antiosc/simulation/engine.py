@@ -1,15 +1,10 @@
-"""Runs of the march: compiled where numba is installed and the work is worth it."""
+"""One run of the march: its system, the space that it works in, and what it returns."""
 
 from __future__ import annotations
 
-import importlib.util
-import os
-import sys
-import warnings
 from dataclasses import dataclass
 from functools import cached_property
 from math import ceil, log2
-from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -17,74 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from antiosc.simulation import march
+from antiosc.simulation.compilation import fitting_march
 from antiosc.simulation.laws import MEMORY
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
-# Interpreted steps, about 0.1 ms each, that it takes to load the compiled march (1 s) or to compile
-# it (20 s) for the rest.
-_WORTH_LOADING, _WORTH_COMPILING = 20_000, 400_000
-_interpreted = 0
-
 SLOWEST = 1e-4  # of the closing speed that is expected: what begins more slowly begins at rest
 
-_COMPILED = march.__name__ + "_compiled"
 _FIRST = 2048  # nodes of the first buffer
-
-
-def fitting_march(work: int) -> ModuleType:
-    """The march to go on with after so many interpreted steps: compiled once that pays."""
-    global _interpreted
-    if _COMPILED in sys.modules:
-        return sys.modules[_COMPILED] or march
-    _interpreted += work
-    if _interpreted > (_WORTH_LOADING if _cached() else _WORTH_COMPILING):
-        return compiled_march() or march
-    return march
-
-
-def _cached() -> bool:
-    """Whether an earlier process has compiled this march, as far as its usual folder tells."""
-    source = Path(march.__file__)
-    folder = Path(os.environ.get("NUMBA_CACHE_DIR", source.parent / "__pycache__"))
-    written = source.stat().st_mtime
-    return any(f.stat().st_mtime >= written for f in folder.rglob("march.march-*.nbi"))
-
-
-def compiled_march() -> ModuleType | None:
-    """The march compiled by numba; None where numba is not installed or does not work here."""
-    if _COMPILED not in sys.modules:
-        sys.modules[_COMPILED] = _load()  # type: ignore[assignment]
-    return sys.modules[_COMPILED]
-
-
-def _load() -> ModuleType | None:
-    if importlib.util.find_spec("numba") is None:
-        return None
-    for cache in (True, False):  # where its folder cannot be written there is no cache
-        spec = importlib.util.spec_from_file_location(_COMPILED, Path(march.__file__))
-        assert spec is not None
-        assert spec.loader is not None
-        module = importlib.util.module_from_spec(spec)
-        module.CACHE = cache  # type: ignore[attr-defined]
-        sys.modules[_COMPILED] = module  # the cache looks for it there
-        try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # what an old numba says of a newer Python
-                spec.loader.exec_module(module)
-        except ImportError:  # this numba does not know this NumPy
-            return None
-        except (RuntimeError, OSError):
-            continue
-        except BaseException:  # interrupted: the next one begins anew
-            del sys.modules[_COMPILED]
-            raise
-        # straight in: numba 0.56 at times mistakes the types of long tuples
-        (compiled,) = module.march.overloads.values()
-        module.march = compiled.entry_point  # type: ignore[attr-defined]
-        return module
-    return None
 
 
 @dataclass(eq=False)
@@ -142,7 +78,7 @@ class System:
 
 @dataclass(eq=False)
 class Start:
-    """A system as the march takes it, and its state at the start; `march.py` tells the shapes."""
+    """A system as the march takes it, and its state at the start (shapes: `march/layout.py`)."""
 
     modes: tuple[Array, ...]
     acting: tuple[Array, ...]
@@ -222,7 +158,7 @@ class Run:
 
 @dataclass(eq=False)
 class Space:
-    """Arrays of the march for as many modes, rows and contacts; `march.py` tells their shapes.
+    """Arrays of the march for as many modes, rows and contacts (shapes: `march/layout.py`).
 
     `tables` hold the responses of the steps that earlier runs of the same bodies and rows used;
     all else is filled anew by each run.

@@ -9,8 +9,9 @@ import numpy as np
 
 from antiosc._types import Array, Index
 from antiosc.simulation import march
+from antiosc.simulation.compilation import fitting_march
 from antiosc.simulation.convergence import converge, stopped
-from antiosc.simulation.engine import Run, System, fitting_march, run
+from antiosc.simulation.engine import Run, System, run
 from antiosc.simulation.expected import stiffness_of
 from antiosc.simulation.integrators import Contact, Problem, Segment, Trajectory, flight
 from antiosc.simulation.laws import forget, packed

@@ -7,8 +7,9 @@ import numpy as np
 from antiosc._types import Array
 from antiosc.simulation import march
 from antiosc.simulation.assembly import Assembly
+from antiosc.simulation.compilation import fitting_march
 from antiosc.simulation.contact_energy import path_work, replay, stored_alone
-from antiosc.simulation.engine import Run, fitting_march
+from antiosc.simulation.engine import Run
 from antiosc.simulation.history import Energy
 from antiosc.simulation.scene_states import node_states, spans
 

@@ -16,7 +16,8 @@ from antiosc.models.modal import ModalBody
 from antiosc.models.site_modes import SiteModes
 from antiosc.simulation.assembly import Assembly, along, find
 from antiosc.simulation.bodies import Placed, RigidBody
-from antiosc.simulation.engine import Run, fitting_march
+from antiosc.simulation.compilation import fitting_march
+from antiosc.simulation.engine import Run
 from antiosc.simulation.history import Energy, no_field
 from antiosc.simulation.results import SceneResults
 from antiosc.simulation.scene_energy import balance

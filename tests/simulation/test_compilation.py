@@ -1,0 +1,61 @@
+"""Where the compiled march is kept: one folder for each state of its source, or none."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from antiosc.simulation import compilation
+
+
+@pytest.fixture
+def source(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A copy of the march, and nothing remembered of the folders."""
+    copy = tmp_path / "march"
+    shutil.copytree(compilation._SOURCE, copy, ignore=shutil.ignore_patterns("__pycache__"))
+    monkeypatch.setattr(compilation, "_SOURCE", copy)
+    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    compilation._folder.cache_clear()
+    yield copy
+    compilation._folder.cache_clear()
+
+
+def folder() -> Path | None:
+    compilation._folder.cache_clear()
+    return compilation._folder()
+
+
+def test_a_change_of_any_file_has_a_folder_of_its_own(source: Path) -> None:
+    before = folder()
+    assert before is not None
+    assert before.parent == source / "__pycache__"
+    assert folder() == before
+    with (source / "responses.py").open("a") as file:
+        file.write("# changed\n")
+    assert folder() != before
+    assert not before.exists()  # what no version of the source here can use
+
+
+def test_the_folder_is_where_numba_is_told(
+    source: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    other = tmp_path / "cache" / "march-0"
+    other.mkdir(parents=True)
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(other.parent))
+    found = folder()
+    assert found is not None
+    assert found.parent == other.parent
+    assert other.exists()  # other versions share this place
+
+
+def test_a_place_that_cannot_be_written_is_no_error(
+    source: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (source / "__pycache__").write_text("a file")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "users"))
+    assert folder() == next((tmp_path / "users" / "antiosc").iterdir())
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(source / "__pycache__" / "no"))
+    assert folder() is None
