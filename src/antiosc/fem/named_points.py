@@ -100,18 +100,18 @@ def motions_without_mesh(
         )
     matrices = cast("AssembledMatrices", structure.matrices)
     plane = matrices.layout.plane
-    turned = quantity == "rotation"
-    wanted = np.eye(3)[2 if turned else 0 :] if plane and turned else np.eye(3)[: 3 - plane]
-    told = end.turning if turned else end.moving
+    rotated = quantity == "rotation"
+    wanted = np.eye(3)[2 if rotated else 0 :] if plane and rotated else np.eye(3)[: 3 - plane]
+    told = end.rotation_space if rotated else end.displacement_space
     if not all(end.along(told, axis) for axis in wanted):
         raise InputError(
             f"the {quantity} of {name!r} is not known"
             + (
                 ": a site of a superelement has displacements alone."
-                if turned
+                if rotated
                 else " along all axes: extract its model with Site(..., tangential=True)."
             )
         )
     q = matrices.share.whole(shapes)
-    functionals = end.turns if turned else end.moves
+    functionals = end.rotations if rotated else end.displacements
     return np.asarray(wanted @ (functionals @ (matrices.T @ q)))

@@ -123,7 +123,7 @@ def test_the_mean_motion_of_points_that_move_as_a_rigid_body_is_that_motion(plan
     class Rigid:
         """A part whose dofs are its six rigid motions about the origin."""
 
-        turns = False
+        has_rotations = False
 
         def at_points(self, *_):
             return scipy.sparse.csr_matrix(rigid)
@@ -137,5 +137,5 @@ def test_the_mean_motion_of_points_that_move_as_a_rigid_body_is_that_motion(plan
     rotation = np.hstack([np.zeros((3, 3)), np.eye(3)])
     if plane:
         at_centre[:, [2, 3, 4]] = rotation[:, [2, 3, 4]] = 0.0
-    np.testing.assert_allclose(found.moves.toarray(), at_centre, atol=1e-14)
-    np.testing.assert_allclose(found.turns.toarray(), rotation, atol=1e-13)
+    np.testing.assert_allclose(found.displacements.toarray(), at_centre, atol=1e-14)
+    np.testing.assert_allclose(found.rotations.toarray(), rotation, atol=1e-13)

@@ -34,7 +34,7 @@ from antiosc.fem.assembly.assembled import (
 from antiosc.fem.assembly.attached import attachment, superelement
 from antiosc.fem.assembly.elimination import Constraints, Eliminated, Redundant, Rows, eliminate
 from antiosc.fem.assembly.joint import Joint, Stiffness
-from antiosc.fem.assembly.layout import TURNS, Layout, Sparse
+from antiosc.fem.assembly.layout import ROTATIONS, Layout, Sparse
 from antiosc.fem.assembly.share import Share, communicator, on_every_rank
 from antiosc.fem.assembly.shared_nodes import SharedNodes
 from antiosc.fem.assembly.strainless import modes_of, tell_motions
@@ -265,7 +265,7 @@ def _scale(layout: Layout) -> Array:
     """1 for displacements, 1/size for rotations."""
     scale = np.ones(layout.count)
     for member in layout.members.values():
-        for name in TURNS:
+        for name in ROTATIONS:
             if name in member.part.form.components:
                 (component,) = member.part.form.components[name]
                 scale[member.first + np.arange(component, member.size, member.block)] = (

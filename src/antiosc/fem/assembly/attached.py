@@ -11,7 +11,7 @@ from antiosc.errors import InputError
 from antiosc.fem.assembly.ends import Motion, motion
 from antiosc.fem.assembly.entities import nodes_of
 from antiosc.fem.assembly.joint import Stiffness
-from antiosc.fem.assembly.layout import MOVES, TURNS, Layout
+from antiosc.fem.assembly.layout import DISPLACEMENTS, ROTATIONS, Layout
 from antiosc.fem.assembly.superelement import Condensed
 from antiosc.fem.mesh.entities import largest
 from antiosc.fem.structure.attachments import PointMass, Spring
@@ -26,12 +26,12 @@ def attachment(layout: Layout, one: PointMass | Spring) -> list[Stiffness]:
         if layout.plane and isinstance(one, PointMass):
             given = {name: value for name, value in given.items() if name in ("x", "y", "rz")}
         names = list(given)
-        six = scipy.sparse.vstack([end.moves, end.turns]).tocsr()
-        G = six[[(MOVES + TURNS).index(name) for name in names]]
+        six = scipy.sparse.vstack([end.displacements, end.rotations]).tocsr()
+        G = six[[(DISPLACEMENTS + ROTATIONS).index(name) for name in names]]
         lost = [
             name
             for name, n in zip(names, np.diff(G.indptr), strict=True)
-            if not n or (name in MOVES and not end.has(name))
+            if not n or (name in DISPLACEMENTS and not end.has(name))
         ]
         if lost:
             raise InputError(

@@ -19,7 +19,7 @@ import scipy.sparse
 from antiosc._types import Array, IntArray
 from antiosc.fem import compat
 from antiosc.fem.assembly.coincident_nodes import CoincidentNodes
-from antiosc.fem.assembly.layout import MOVES, TURNS, Sparse
+from antiosc.fem.assembly.layout import DISPLACEMENTS, ROTATIONS, Sparse
 from antiosc.fem.assembly.numbered_nodes import Nodes, Term
 
 #: node that the deck does not have -> (node of the deck, weight) of those among which it lies
@@ -61,7 +61,7 @@ def _dofs(
     A dof in the place of a node of the deck is that node's own, and is left out.
     """
     member, table = nodes.members[k], nodes.tables[k]
-    name = (TURNS if motion >= 3 else MOVES)[motion % 3]
+    name = (ROTATIONS if motion >= 3 else DISPLACEMENTS)[motion % 3]
     path = member.part.form.components.get(name)
     touching = np.flatnonzero(np.isin(table, np.fromiter(some, dtype=int)).any(axis=1))
     if path is None or not len(touching):

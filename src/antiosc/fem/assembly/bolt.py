@@ -65,7 +65,7 @@ class Bolt(Joint):
             )
         full = np.diag([0.0, 0.0, 1.0]) if layout.plane else np.eye(3)
         for end, one in zip((self.a, self.b), ends, strict=True):
-            if np.abs(full - full @ one.turning @ full).max() > 1e-6:
+            if np.abs(full - full @ one.rotation_space @ full).max() > 1e-6:
                 raise InputError(
                     f"{label}: {end_text(end)} has no rotation, and the end of a beam needs "
                     "one: give a group of faces."
@@ -80,7 +80,7 @@ class Bolt(Joint):
         R = np.vstack([axis, y, np.cross(axis, y)])
         k, m = element(self.beam, length)
         turn = scipy.sparse.block_diag([R] * 4, format="csr")
-        rows = [rows for one in ends for rows in (one.moves, one.turns)]
+        rows = [rows for one in ends for rows in (one.displacements, one.rotations)]
         G = (turn @ scipy.sparse.vstack(rows)).tocsr()
         mass = self.beam.rho * self.beam.section.A * length
         return [Stiffness(G, k, m, mass)]

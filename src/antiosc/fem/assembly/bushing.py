@@ -14,10 +14,10 @@ from antiosc.checks import coordinates, positive, shown, store
 from antiosc.errors import InputError
 from antiosc.fem.assembly.ends import End, Motion, checked_end, end_text, motion
 from antiosc.fem.assembly.joint import Joint, Stiffness, checked_name
-from antiosc.fem.assembly.layout import MOVES, TURNS, Layout
+from antiosc.fem.assembly.layout import DISPLACEMENTS, ROTATIONS, Layout
 from antiosc.fem.assembly.pins import COINCIDENT, carried
 
-AXES = (*MOVES, *TURNS, "axial")
+AXES = (*DISPLACEMENTS, *ROTATIONS, "axial")
 
 
 @dataclass(frozen=True)
@@ -75,21 +75,26 @@ class Bushing(Joint):
             if length <= COINCIDENT * layout.size:
                 raise InputError(f"{label} has no length: an axial spring needs two places.")
             _check_moves(label, "axial", line / length, (self.a, a), (self.b, b))
-            found.append(scipy.sparse.csr_matrix(line / length) @ (b.moves - a.moves))
+            found.append(
+                scipy.sparse.csr_matrix(line / length) @ (b.displacements - a.displacements)
+            )
         others = [name for name in names if name != "axial"]
         if others:
             x = a.point if self.point is None else np.pad(self.point, (0, 3 - len(self.point)))
             here = [carried(layout, label, e, m, x) for e, m in ((self.a, a), (self.b, b))]
             apart = scipy.sparse.vstack(
-                [here[1].moves - here[0].moves, here[1].turns - here[0].turns]
+                [
+                    here[1].displacements - here[0].displacements,
+                    here[1].rotations - here[0].rotations,
+                ]
             ).tocsr()
             for name in others:
-                axis = (MOVES + TURNS).index(name)
+                axis = (DISPLACEMENTS + ROTATIONS).index(name)
                 if axis < 3:
                     _check_moves(label, name, np.eye(3)[axis], (self.a, here[0]), (self.b, here[1]))
                 else:
                     for end, one in zip((self.a, self.b), here, strict=True):
-                        if one.turning[axis - 3, axis - 3] < 1 - 1e-6:
+                        if one.rotation_space[axis - 3, axis - 3] < 1 - 1e-6:
                             raise InputError(
                                 f"{label} acts on {name}, a rotation that {end_text(end)} does "
                                 "not have."
@@ -121,7 +126,7 @@ def _checked(what: str, given: Any) -> dict[str, float]:
 def _check_moves(label: str, name: str, direction: Array, *ends: tuple[End, Motion]) -> None:
     """InputError where an end does not move along the direction of a spring."""
     for end, one in ends:
-        if one.moves.nnz and not one.along(one.moving, direction):
+        if one.displacements.nnz and not one.along(one.displacement_space, direction):
             raise InputError(
                 f"{label} acts on {name}, a displacement that {end_text(end)} does not have."
             )

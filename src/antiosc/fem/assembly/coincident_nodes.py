@@ -13,7 +13,7 @@ import numpy as np
 
 from antiosc._types import Array
 from antiosc.fem import compat
-from antiosc.fem.assembly.layout import MOVES, TURNS, Sparse
+from antiosc.fem.assembly.layout import DISPLACEMENTS, ROTATIONS, Sparse
 from antiosc.fem.assembly.numbered_nodes import Nodes, Term
 
 #: Distance from the tied place, as a share of the distance between the tied nodes.
@@ -62,7 +62,7 @@ class CoincidentNodes:
                 total[n] = total.get(n, 0.0) + weight * share
         around = [self.cells.get(n, set()) for n in total]
         common = set.intersection(*around)
-        names = TURNS if motion >= 3 else MOVES
+        names = ROTATIONS if motion >= 3 else DISPLACEMENTS
         for k, cell in sorted(common):
             member = self.nodes.members[k]
             if member.part.form.components.get(names[motion % 3]) is None:

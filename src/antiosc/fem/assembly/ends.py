@@ -18,7 +18,7 @@ from antiosc._types import Array, IntArray
 from antiosc.checks import array, shown
 from antiosc.errors import InputError
 from antiosc.fem.assembly.entities import nodes_of, points_of
-from antiosc.fem.assembly.layout import MOVES, TURNS, Layout, Member, Sparse
+from antiosc.fem.assembly.layout import DISPLACEMENTS, ROTATIONS, Layout, Member, Sparse
 from antiosc.fem.assembly.placement import skew
 from antiosc.fem.assembly.superelement import Condensed, interface
 from antiosc.fem.mesh.entities import Quadrature
@@ -40,35 +40,40 @@ class Motion:
 
     Attributes
     ----------
-    moves : (3, n) functionals of the displacement.
-    turns : (3, n) functionals of the rotation.
-    turning : (3, 3) projection on the rotations that the end has; those of a solid's point are 0.
+    displacements, rotations : (3, n) functionals of the displacement and of the rotation.
+    rotation_space : (3, 3) projection on the rotations that the end has; 0 at a point of a solid.
     point : (3,) coordinates, m.
-    moving : (3, 3) projection on the displacements that it has; a site of a superelement may have
-        one alone.
+    displacement_space : (3, 3) projection on the displacements that it has; a site of a
+        superelement may have one alone.
     """
 
-    moves: Sparse
-    turns: Sparse
-    turning: Array
+    displacements: Sparse
+    rotations: Sparse
+    rotation_space: Array
     point: Array
-    moving: Array = field(default_factory=lambda: np.eye(3))
+    displacement_space: Array = field(default_factory=lambda: np.eye(3))
 
     def has(self, component: str) -> bool:
         """Whether it has a displacement or rotation of this name, in the axes of the assembly."""
-        kind, told = (MOVES, self.moving) if component in MOVES else (TURNS, self.turning)
+        kind, told = (
+            (DISPLACEMENTS, self.displacement_space)
+            if component in DISPLACEMENTS
+            else (ROTATIONS, self.rotation_space)
+        )
         return self.along(told, np.eye(3)[kind.index(component)])
 
     @staticmethod
     def along(told: Array, direction: Array) -> bool:
-        """Whether a projection (`moving` or `turning`) keeps a unit direction."""
+        """Whether a projection (`displacement_space`, `rotation_space`) keeps a unit direction."""
         return bool(direction @ told @ direction > 1 - MISSING_SHARE)
 
     def at(self, point: Array) -> Motion:
         """The motion of a point that is rigidly connected to the end."""
         arm = point - self.point
-        moved = self.moves - scipy.sparse.csr_matrix(skew(arm)) @ self.turns
-        return Motion(moved.tocsr(), self.turns, self.turning, point, self.moving)
+        moved = self.displacements - scipy.sparse.csr_matrix(skew(arm)) @ self.rotations
+        return Motion(
+            moved.tocsr(), self.rotations, self.rotation_space, point, self.displacement_space
+        )
 
 
 def checked_end(name: str, end: Any) -> End:
@@ -133,8 +138,10 @@ def motion(layout: Layout, end: End, *, partly: bool = False) -> Motion:
         return _of_point(layout, *end)
     if end in layout.points:
         dofs = layout.of_point(end)
-        turning = np.diag([0.0, 0.0, 1.0]) if layout.plane else np.eye(3)
-        return Motion(layout.units(dofs[:3]), layout.units(dofs[3:]), turning, layout.points[end])
+        rotation_space = np.diag([0.0, 0.0, 1.0]) if layout.plane else np.eye(3)
+        return Motion(
+            layout.units(dofs[:3]), layout.units(dofs[3:]), rotation_space, layout.points[end]
+        )
     if ":" not in end:
         points = known(end, layout.points, "the reference points")
         hint = ' (of a part give a group, "part:group", or a pair ("part", point))'
@@ -163,23 +170,25 @@ def _of_condensed(layout: Layout, one: Condensed, end: End, partly: bool) -> Mot
         )
         raise InputError(f"the part {one.name!r} has no site or node {end_text(end)}; {sites}.")
     found, R = one.part.ends[name], one.at.rotation
-    moving = R @ found.moving @ R.T
+    displacement_space = R @ found.displacement_space @ R.T
     needed = np.diag([1.0, 1.0, 0.0]) if layout.plane else np.eye(3)
-    if not partly and np.abs(needed - needed @ moving @ needed).max() > MISSING_SHARE:
+    if not partly and np.abs(needed - needed @ displacement_space @ needed).max() > MISSING_SHARE:
         raise InputError(
             f"{end_text(end)} does not have all displacements: extract its model with "
             "Site(..., tangential=True), or join it along its direction by an Equation or a "
             "Bushing."
         )
-    moves, turns = interface(one, found, layout.count)
+    displacements, rotations = interface(one, found, layout.count)
     point = one.at.placed(found.point[None])[0]
-    return Motion(moves, turns, R @ found.turning @ R.T, point, moving)
+    return Motion(
+        displacements, rotations, R @ found.rotation_space @ R.T, point, displacement_space
+    )
 
 
 def _of_nodes(layout: Layout, member: Member, nodes: IntArray) -> Motion:
-    moves = layout.at_nodes(member, nodes, MOVES)
-    turns = layout.at_nodes(member, nodes, TURNS)
-    return Motion(moves, turns, _turning(layout, member), member.nodes[nodes[0]])
+    displacements = layout.at_nodes(member, nodes, DISPLACEMENTS)
+    rotations = layout.at_nodes(member, nodes, ROTATIONS)
+    return Motion(displacements, rotations, _rotation_space(layout, member), member.nodes[nodes[0]])
 
 
 def _of_point(layout: Layout, part: str, point: tuple[float, ...]) -> Motion:
@@ -195,14 +204,16 @@ def _of_point(layout: Layout, part: str, point: tuple[float, ...]) -> Motion:
             f"the point {end_text(end)} is {nearest.distance[0]:.3g} m off the part; its nearest "
             f"point is ({found}) m."
         )
-    moves = layout.at_points(member, nearest.cell, nearest.X, MOVES)
-    turns = layout.at_points(member, nearest.cell, nearest.X, TURNS)
-    return Motion(moves, turns, _turning(layout, member), member.at.placed(nearest.x)[0])
+    displacements = layout.at_points(member, nearest.cell, nearest.X, DISPLACEMENTS)
+    rotations = layout.at_points(member, nearest.cell, nearest.X, ROTATIONS)
+    return Motion(
+        displacements, rotations, _rotation_space(layout, member), member.at.placed(nearest.x)[0]
+    )
 
 
-def _turning(layout: Layout, member: Member) -> Array:
+def _rotation_space(layout: Layout, member: Member) -> Array:
     """The rotations that nodes of a part have."""
-    if not member.turns:
+    if not member.has_rotations:
         return np.zeros((3, 3))
     return np.diag([0.0, 0.0, 1.0]) if layout.plane else np.eye(3)
 
@@ -218,9 +229,9 @@ def mean(layout: Layout, member: Member, points: Quadrature) -> Motion:
     x = points.x
     centre = w @ x
     r = x - centre
-    U = layout.at_points(member, points.cell, points.X, MOVES)
+    U = layout.at_points(member, points.cell, points.X, DISPLACEMENTS)
     average = scipy.sparse.csr_matrix(np.kron(w, np.eye(3)))
-    moves = (average @ U).tocsr()
+    displacements = (average @ U).tocsr()
     moment = np.einsum("p,pij->ipj", w, skew(r)).reshape(3, -1)
     J = np.einsum("p,pij->ij", w, np.einsum("pi,pi->p", r, r)[:, None, None] * np.eye(3)
                   - r[:, :, None] * r[:, None, :])  # fmt: skip
@@ -228,11 +239,11 @@ def mean(layout: Layout, member: Member, points: Quadrature) -> Motion:
     values, axes = np.linalg.eigh(told @ J @ told)
     good = values > COLLINEAR * max(values[-1], np.finfo(float).tiny)
     inverse = axes[:, good] @ np.diag(1 / values[good]) @ axes[:, good].T
-    turns = (scipy.sparse.csr_matrix(inverse @ moment) @ U).tocsr()
-    turning = axes[:, good] @ axes[:, good].T
-    rest = _turning(layout, member) @ (np.eye(3) - turning)
+    rotations = (scipy.sparse.csr_matrix(inverse @ moment) @ U).tocsr()
+    rotation_space = axes[:, good] @ axes[:, good].T
+    rest = _rotation_space(layout, member) @ (np.eye(3) - rotation_space)
     if np.abs(rest).max() > 1e-9:
-        own = average @ layout.at_points(member, points.cell, points.X, TURNS)
-        turns = (turns + scipy.sparse.csr_matrix(rest) @ own).tocsr()
-        turning = turning + rest
-    return Motion(moves, turns, turning, centre)
+        own = average @ layout.at_points(member, points.cell, points.X, ROTATIONS)
+        rotations = (rotations + scipy.sparse.csr_matrix(rest) @ own).tocsr()
+        rotation_space = rotation_space + rest
+    return Motion(displacements, rotations, rotation_space, centre)

@@ -15,7 +15,7 @@ from antiosc.errors import InputError
 from antiosc.fem.assembly.elimination import Rows
 from antiosc.fem.assembly.ends import End, checked_end, end_text, motion
 from antiosc.fem.assembly.joint import Joint, checked_name
-from antiosc.fem.assembly.layout import MOVES, TURNS, Layout
+from antiosc.fem.assembly.layout import DISPLACEMENTS, ROTATIONS, Layout
 
 
 @dataclass(frozen=True)
@@ -51,9 +51,9 @@ class Equation(Joint):
         total = layout.nothing(1)
         for end, component, coefficient in self.terms:
             own = motion(layout, end, partly=True)
-            six = scipy.sparse.vstack([own.moves, own.turns]).tocsr()
-            row = six[(MOVES + TURNS).index(component)]
-            if not row.nnz or (component in MOVES and not own.has(component)):
+            six = scipy.sparse.vstack([own.displacements, own.rotations]).tocsr()
+            row = six[(DISPLACEMENTS + ROTATIONS).index(component)]
+            if not row.nnz or (component in DISPLACEMENTS and not own.has(component)):
                 raise InputError(
                     f"{label}: {end_text(end)} has no component {component!r}; points of solids "
                     "have no rotations, plane parts move along x and y, a site of a model along "
@@ -74,8 +74,9 @@ def _checked(term: Any) -> tuple[End, str, float]:
             f"got {shown(term)}."
         )
     end, component, coefficient = term
-    if not isinstance(component, str) or component not in MOVES + TURNS:
+    if not isinstance(component, str) or component not in DISPLACEMENTS + ROTATIONS:
         raise InputError(
-            f"a component must be one of {', '.join(MOVES + TURNS)}; got {shown(component)}."
+            f"a component must be one of {', '.join(DISPLACEMENTS + ROTATIONS)}; "
+            f"got {shown(component)}."
         )
     return checked_end("end", end), component, number("a coefficient", coefficient)

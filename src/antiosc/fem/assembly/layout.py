@@ -28,7 +28,7 @@ from antiosc.fem.structure.meshed import MeshedStructure
 Sparse: TypeAlias = scipy.sparse.csr_matrix
 #: Dofs of a reference point.
 POINT_DOFS = 6
-MOVES, TURNS = ("x", "y", "z"), ("rx", "ry", "rz")
+DISPLACEMENTS, ROTATIONS = ("x", "y", "z"), ("rx", "ry", "rz")
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +64,7 @@ class Member:
         return int(self.part.form.space.dofmap.index_map_bs)
 
     @property
-    def turns(self) -> bool:
+    def has_rotations(self) -> bool:
         """Whether nodes have rotations."""
         return "rz" in self.part.form.components
 
@@ -186,9 +186,9 @@ class Layout:
     # -- motions as functionals: row 3 p + c is component c of point p, in the assembly's axes
 
     def at_points(
-        self, member: Member, cell: IntArray, X: Array, names: tuple[str, ...] = MOVES
+        self, member: Member, cell: IntArray, X: Array, names: tuple[str, ...] = DISPLACEMENTS
     ) -> Sparse:
-        """Displacements (or rotations: `names` = TURNS) at X (P, tdim) in cells (P,)."""
+        """Displacements (or rotations: `names` = ROTATIONS) at X (P, tdim) in cells (P,)."""
         space = member.part.form.space
         rows, columns, values = [], [], []
         place = 3 * np.arange(len(cell))[:, None]
@@ -200,28 +200,30 @@ class Layout:
             weights = np.where(np.abs(weights) > 1e-13, weights, 0.0)
             dofs = member.first + compat.cell_dofs(space, path, cell)
             for c in range(3):
-                turned = member.at.rotation[c, axis]
-                if turned:
+                rotated = member.at.rotation[c, axis]
+                if rotated:
                     rows.append(np.broadcast_to(place + c, dofs.shape).ravel())
                     columns.append(dofs.ravel())
-                    values.append((turned * weights).ravel())
+                    values.append((rotated * weights).ravel())
         result = self._stacked(rows, columns, values, 3 * len(cell))
         result.eliminate_zeros()
         return result
 
-    def at_nodes(self, member: Member, nodes: IntArray, names: tuple[str, ...] = MOVES) -> Sparse:
-        """Displacements (or rotations: `names` = TURNS) of nodes (P,)."""
+    def at_nodes(
+        self, member: Member, nodes: IntArray, names: tuple[str, ...] = DISPLACEMENTS
+    ) -> Sparse:
+        """Displacements (or rotations: `names` = ROTATIONS) of nodes (P,)."""
         rows, columns, values = [], [], []
         for axis, name in enumerate(names):
             if name not in member.part.form.components:
                 continue
             dofs = self.dofs(member, nodes, name)
             for c in range(3):
-                turned = member.at.rotation[c, axis]
-                if turned:
+                rotated = member.at.rotation[c, axis]
+                if rotated:
                     rows.append(3 * np.arange(len(nodes)) + c)
                     columns.append(dofs)
-                    values.append(np.full(len(nodes), turned))
+                    values.append(np.full(len(nodes), rotated))
         return self._stacked(rows, columns, values, 3 * len(nodes))
 
     def dofs(self, member: Member, nodes: IntArray, name: str) -> IntArray:

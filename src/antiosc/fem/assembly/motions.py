@@ -15,7 +15,7 @@ import scipy.linalg
 import scipy.sparse
 
 from antiosc._types import Array, BoolArray, IntArray
-from antiosc.fem.assembly.layout import TURNS, Layout, Member, Sparse
+from antiosc.fem.assembly.layout import ROTATIONS, Layout, Member, Sparse
 from antiosc.fem.assembly.superelement import MOVE, TURN
 from antiosc.fem.structure import remaining_motions
 from antiosc.fem.structure.rigid_body_modes import polynomials
@@ -68,7 +68,7 @@ def _of_member(member: Member, point: Array) -> Array:
     for name, (component,) in member.part.form.components.items():
         rows = np.arange(component, member.size, member.block)
         axis = member.at.rotation[:, "xyz".index(name[-1])]
-        if name in TURNS:
+        if name in ROTATIONS:
             result[rows, 3:] = axis
         else:
             result[rows, :3] = axis
@@ -217,7 +217,7 @@ def fields(layout: Layout) -> Array:
             for name, (component,) in member.part.form.components.items():
                 rows = member.first + np.arange(component, member.size, member.block)
                 axis = member.at.rotation[:, "xyz".index(name[-1])]
-                column[rows] = axis @ turn / size if name in TURNS else axis @ move
+                column[rows] = axis @ turn / size if name in ROTATIONS else axis @ move
         for one in layout.condensed.values():
             move, turn = field((one.places - centre) / size)
             kind, axes = one.part.kind, one.axes.T

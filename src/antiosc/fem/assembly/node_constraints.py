@@ -13,7 +13,7 @@ from antiosc._types import BoolArray, IntArray
 from antiosc.fem.assembly.between_nodes import between_nodes
 from antiosc.fem.assembly.elimination import Rows
 from antiosc.fem.assembly.joint import Joint, Stiffness
-from antiosc.fem.assembly.layout import MOVES, TURNS, Layout, Member, Sparse
+from antiosc.fem.assembly.layout import DISPLACEMENTS, ROTATIONS, Layout, Member, Sparse
 from antiosc.fem.assembly.numbered_nodes import Nodes, Term
 
 
@@ -89,7 +89,11 @@ def _on_middles(nodes: Nodes) -> Sparse:
                 continue
             middles = set(nodes.tables[j][:, count:].ravel().tolist())
             for number in sorted(vertices & middles):
-                for names in (MOVES, TURNS) if member.turns and other.turns else (MOVES,):
+                for names in (
+                    (DISPLACEMENTS, ROTATIONS)
+                    if member.has_rotations and other.has_rotations
+                    else (DISPLACEMENTS,)
+                ):
                     both = [_at(nodes, one, number, names) for one in (k, j)]
                     rows.append(both[0] - both[1])
     result = scipy.sparse.vstack(rows).tocsr()

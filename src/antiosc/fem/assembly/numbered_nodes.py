@@ -11,7 +11,7 @@ import scipy.sparse
 from antiosc._types import Array, IntArray
 from antiosc.errors import InputError
 from antiosc.fem import compat
-from antiosc.fem.assembly.layout import MOVES, TURNS, Layout, Sparse
+from antiosc.fem.assembly.layout import DISPLACEMENTS, ROTATIONS, Layout, Sparse
 
 #: Number of a node, or -1 - k for the k-th reference point; motion 0 to 5; coefficient.
 Term = tuple[int, int, float]
@@ -49,12 +49,12 @@ class Nodes:
         element = basix.create_element(basix.ElementFamily.P, kind, mesh.order)
         return np.asarray(element.points)
 
-    def _owner(self, number: int, turns: bool) -> tuple[int, int, int]:
+    def _owner(self, number: int, rotations: bool) -> tuple[int, int, int]:
         """(part, cell, node of the cell) of a node; of rotations a part that has them."""
         for k, where in enumerate(self.at_cell):
-            if number in where and (self.members[k].turns or not turns):
+            if number in where and (self.members[k].has_rotations or not rotations):
                 return k, *where[number]
-        what = "rotation of the node" if turns else "node"
+        what = "rotation of the node" if rotations else "node"
         raise InputError(f"a constraint acts on the {what} {number}, which no part has.")
 
     def functionals(self, equations: Sequence[Sequence[Term]]) -> Sparse:
@@ -70,15 +70,17 @@ class Nodes:
                 columns.append(layout.of_point(self.points[-1 - number])[motion])
                 values.append(coefficient)
                 continue
-            turns = motion >= 3
-            k, cell, local = self._owner(int(number), turns)
-            groups.setdefault((k, turns), []).append((row, cell, local, motion % 3, coefficient))
+            rotations = motion >= 3
+            k, cell, local = self._owner(int(number), rotations)
+            groups.setdefault((k, rotations), []).append(
+                (row, cell, local, motion % 3, coefficient)
+            )
         if rows:
             result = layout.matrix(np.array(rows), np.array(columns), np.array(values), count)
-        for (k, turns), terms in groups.items():
+        for (k, rotations), terms in groups.items():
             whole = np.array([t[:4] for t in terms])
             X = self.places(k)[whole[:, 2]]
-            names = TURNS if turns else MOVES
+            names = ROTATIONS if rotations else DISPLACEMENTS
             three = layout.at_points(self.members[k], whole[:, 1], X, names)
             places = 3 * np.arange(len(terms)) + whole[:, 3]
             pick = scipy.sparse.csr_matrix(

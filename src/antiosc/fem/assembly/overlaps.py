@@ -43,7 +43,7 @@ class Overlap:
     x: tuple[Array, Array]
     weight: Array
 
-    def turned(self) -> Overlap:
+    def exchanged(self) -> Overlap:
         """The same with the sides exchanged."""
         (f, g), (xi, eta), (x, y) = self.face, self.xi, self.x
         return Overlap((g, f), (eta, xi), (y, x), self.weight)

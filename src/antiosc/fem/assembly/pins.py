@@ -43,14 +43,19 @@ class _Pin(Joint):
     ) -> list[Rows]:
         """The displacements and rotations in which both ends move alike."""
         a, b = ends_at(layout, label, self.a, self.b, self.point)
-        moves, turns = self._held()
+        displacements, rotations = self._held()
         if layout.plane:
-            moves, turns = moves[:, :2] @ np.eye(2, 3), turns * np.array([0.0, 0.0, 1.0])
-            moves, turns = (m[np.abs(m).max(axis=1) > 1e-9] for m in (moves, turns))
-        _check_rotations(label, self, turns, a, b)
-        apart = scipy.sparse.csr_matrix(moves) @ (b.moves - a.moves)
-        turned = scipy.sparse.csr_matrix(turns) @ (b.turns - a.turns)
-        rows = scipy.sparse.vstack([layout.nothing(0), apart, turned]).tocsr()
+            displacements, rotations = (
+                displacements[:, :2] @ np.eye(2, 3),
+                rotations * np.array([0.0, 0.0, 1.0]),
+            )
+            displacements, rotations = (
+                m[np.abs(m).max(axis=1) > 1e-9] for m in (displacements, rotations)
+            )
+        _check_rotations(label, self, rotations, a, b)
+        apart = scipy.sparse.csr_matrix(displacements) @ (b.displacements - a.displacements)
+        rotated = scipy.sparse.csr_matrix(rotations) @ (b.rotations - a.rotations)
+        rows = scipy.sparse.vstack([layout.nothing(0), apart, rotated]).tocsr()
         rows.eliminate_zeros()
         if not rows.nnz:
             raise InputError(f"{label} joins nothing: both of its ends are the same point.")
@@ -110,9 +115,9 @@ class _Axis(_Pin):
         self, layout: Layout, before: Sequence[Rows], held: BoolArray, label: str
     ) -> list[Rows]:
         """As of every pin; in a plane the axis must be one about or along which parts move."""
-        turned = abs(self.axis[2]) / float(np.linalg.norm(self.axis))
+        rotated = abs(self.axis[2]) / float(np.linalg.norm(self.axis))
         across = self._turns_about_axis
-        if layout.plane and abs(turned - across) > COINCIDENT:
+        if layout.plane and abs(rotated - across) > COINCIDENT:
             raise InputError(
                 f"{label}: plane parts turn about z and slide along x and y; the axis "
                 f"{tuple(self.axis)} allows neither."
@@ -168,12 +173,14 @@ def carried(layout: Layout, label: str, end: End, own: Motion, x: Array) -> Moti
     arm = x - own.point
     length = float(np.linalg.norm(arm))
     if length <= COINCIDENT * layout.size:
-        return Motion(own.moves, own.turns, own.turning, x, own.moving)
+        return Motion(
+            own.displacements, own.rotations, own.rotation_space, x, own.displacement_space
+        )
     unit = arm / length
     across = np.eye(3) - np.outer(unit, unit)
     if layout.plane:
         across = np.diag([0.0, 0.0, 1.0])
-    missing = across @ (np.eye(3) - own.turning) @ across
+    missing = across @ (np.eye(3) - own.rotation_space) @ across
     if np.abs(missing).max() > 1 - HAS_ROTATION:
         raise InputError(
             f"{label} lies {length:.3g} m away from {end_text(end)}, which has no rotation to "
@@ -183,11 +190,11 @@ def carried(layout: Layout, label: str, end: End, own: Motion, x: Array) -> Moti
     return own.at(x)
 
 
-def _check_rotations(label: str, joint: _Pin, turns: Array, a: Motion, b: Motion) -> None:
+def _check_rotations(label: str, joint: _Pin, rotations: Array, a: Motion, b: Motion) -> None:
     """InputError where an end does not have a rotation that the joint holds."""
     for end, one in ((joint.a, a), (joint.b, b)):
-        for direction in turns:
-            if direction @ one.turning @ direction < HAS_ROTATION * (direction @ direction):
+        for direction in rotations:
+            if direction @ one.rotation_space @ direction < HAS_ROTATION * (direction @ direction):
                 raise InputError(
                     f"{label} holds a rotation that {end_text(end)} does not have: a point of a "
                     "solid, or a straight row of them, does not turn; give a group of faces, or "

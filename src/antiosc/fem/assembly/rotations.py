@@ -6,7 +6,7 @@ import numpy as np
 
 from antiosc._types import Array, IntArray
 from antiosc.fem import compat
-from antiosc.fem.assembly.layout import MOVES, Layout, Member, Sparse
+from antiosc.fem.assembly.layout import DISPLACEMENTS, Layout, Member, Sparse
 
 
 def curl(layout: Layout, member: Member, cell: IntArray, X: Array) -> Sparse:
@@ -18,7 +18,7 @@ def curl(layout: Layout, member: Member, cell: IntArray, X: Array) -> Sparse:
     rows, columns, values = [], [], []
     place = 3 * np.arange(len(cell))[:, None]
     R = member.at.rotation
-    for axis, name in enumerate(MOVES):
+    for axis, name in enumerate(DISPLACEMENTS):
         path = form.components.get(name)
         if path is None:
             continue

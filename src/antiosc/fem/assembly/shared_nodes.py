@@ -21,7 +21,7 @@ from antiosc.errors import InputError
 from antiosc.fem import compat
 from antiosc.fem.assembly.elimination import Rows
 from antiosc.fem.assembly.joint import Joint
-from antiosc.fem.assembly.layout import MOVES, TURNS, Layout, Member
+from antiosc.fem.assembly.layout import DISPLACEMENTS, ROTATIONS, Layout, Member
 from antiosc.fem.mesh.cell_geometry import projected
 
 #: Nodes with one number lie in one place, up to this share of the size of the assembly.
@@ -137,7 +137,7 @@ def _check_places(layout: Layout, cells: Sequence[_Cells], loose: bool) -> None:
 def _following(layout: Layout, follower: _Cells, leaders: Sequence[_Cells]) -> list[Rows]:
     """Constraints of the dofs of one part on what it shares with earlier ones."""
     found: list[Rows] = []
-    for names in (MOVES, TURNS):
+    for names in (DISPLACEMENTS, ROTATIONS):
         done: set[int] = set()
         for leader in leaders:
             common = [

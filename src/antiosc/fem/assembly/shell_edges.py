@@ -15,7 +15,7 @@ from antiosc._types import Array, BoolArray, IntArray
 from antiosc.errors import InputError
 from antiosc.fem.assembly.elimination import Rows
 from antiosc.fem.assembly.facets import Facets
-from antiosc.fem.assembly.layout import MOVES, TURNS, Layout, Sparse
+from antiosc.fem.assembly.layout import DISPLACEMENTS, ROTATIONS, Layout, Sparse
 from antiosc.fem.assembly.overlaps import Overlap, closest
 from antiosc.fem.assembly.placement import skew
 
@@ -56,10 +56,10 @@ def led_by_solid(
         )
     slope = weight * (height - middle[:, None]) / second[:, None]
     mean = weight / total[:, None] - middle[:, None] * slope
-    moved = layout.at_points(face.member, face.cells[on], face.reference(on, xi), MOVES)
+    moved = layout.at_points(face.member, face.cells[on], face.reference(on, xi), DISPLACEMENTS)
     u0 = _combined(mean, None) @ moved
-    turned = _combined(slope, skew(normals)) @ moved
-    return u0.tocsr(), turned.tocsr(), normals
+    rotated = _combined(slope, skew(normals)) @ moved
+    return u0.tocsr(), rotated.tocsr(), normals
 
 
 def _sheet(edge: Facets, common: Overlap) -> tuple[Array, Array]:
@@ -89,7 +89,7 @@ def _combined(factors: Array, matrices: Array | None) -> Sparse:
     return scipy.sparse.csr_matrix(entries, shape=(3 * count, 3 * count * layers))
 
 
-def turning(
+def rotation_rows(
     layout: Layout,
     edge: Facets,
     nodes: IntArray,
@@ -99,7 +99,7 @@ def turning(
 ) -> Rows:
     """Two rotations of each node follow `led` (3 functionals of each node, n × g)."""
     member = edge.member
-    dofs = np.column_stack([layout.dofs(member, nodes, name) for name in TURNS])
+    dofs = np.column_stack([layout.dofs(member, nodes, name) for name in ROTATIONS])
     rows, pivots = [], []
     for i, normal in enumerate(normals):
         unit = normal / np.linalg.norm(normal)
@@ -120,9 +120,11 @@ def turning(
     return Rows(matrix, np.array(pivots), label)
 
 
-def with_free_turns(layout: Layout, edge: Facets, nodes: IntArray, taken: BoolArray) -> BoolArray:
+def with_free_rotations(
+    layout: Layout, edge: Facets, nodes: IntArray, taken: BoolArray
+) -> BoolArray:
     """Nodes (mask) of which no rotation is held or led by another joint."""
     free = np.ones(len(nodes), dtype=bool)
-    for name in TURNS:
+    for name in ROTATIONS:
         free &= ~taken[layout.dofs(edge.member, nodes, name)]
     return free

@@ -15,7 +15,7 @@ from antiosc.fem.assembly.elimination import Rows
 from antiosc.fem.assembly.ends import End, Motion, checked_end, end_text, group_end, mean, motion
 from antiosc.fem.assembly.entities import nodes_of, points_of
 from antiosc.fem.assembly.joint import Joint, checked_name
-from antiosc.fem.assembly.layout import MOVES, TURNS, Layout, Member
+from antiosc.fem.assembly.layout import DISPLACEMENTS, ROTATIONS, Layout, Member
 
 #: Rotations about axes with less than this share of the largest second moment are not told.
 COLLINEAR = 1e-12
@@ -65,13 +65,13 @@ class Rigid(Joint):
             rows = following(layout, member, nodes, leader, label)
             return [rows, *_untold(layout, member, nodes, leader)]
         leader = motion(layout, self.point)
-        own = leader.moves.indices, leader.turns.indices
+        own = leader.displacements.indices, leader.rotations.indices
         columns = np.unique(np.concatenate(own))
         block = (columns - member.first) // member.block
         inside = (columns >= member.rows.start) & (columns < member.rows.stop)
         nodes = nodes[~np.isin(nodes, block[inside])]  # the point itself may be in the group
         full = np.diag([0.0, 0.0, 1.0]) if layout.plane else np.eye(3)
-        if np.abs(full - full @ leader.turning @ full).max() > 1e-6:
+        if np.abs(full - full @ leader.rotation_space @ full).max() > 1e-6:
             raise InputError(
                 f"{label}: the point {end_text(self.point)} does not turn, so that nothing can "
                 "follow its rotation: take a reference point (points={...}), or a point of a beam "
@@ -124,15 +124,15 @@ class Mean(Joint):
                 f"{label}: {self.group!r} is a single point; a Mean needs several (use Weld)."
             )
         leader = mean(layout, member, points_of(member, group))
-        if set(leader.moves.indices) & set(follower.moves.indices):
+        if set(leader.displacements.indices) & set(follower.displacements.indices):
             raise InputError(
                 f"{label}: the point {end_text(self.point)} is one of the group {self.group!r} "
                 "whose mean it should follow; take a group without it."
             )
         led = leader.at(follower.point)
-        both = leader.turning @ follower.turning
-        turns = scipy.sparse.csr_matrix(_rows_of(both)) @ (follower.turns - led.turns)
-        rows = scipy.sparse.vstack([follower.moves - led.moves, turns]).tocsr()
+        both = leader.rotation_space @ follower.rotation_space
+        rotations = scipy.sparse.csr_matrix(_rows_of(both)) @ (follower.rotations - led.rotations)
+        rows = scipy.sparse.vstack([follower.displacements - led.displacements, rotations]).tocsr()
         rows.eliminate_zeros()
         return [Rows(rows, _single(follower, rows.shape[0]), label)]
 
@@ -142,21 +142,21 @@ def following(layout: Layout, member: Member, nodes: IntArray, leader: Motion, l
     arm = member.nodes[nodes] - leader.point
     form, R = member.part.form, member.at.rotation
     rows, pivots = [], []
-    for kind in (MOVES, TURNS):
+    for kind in (DISPLACEMENTS, ROTATIONS):
         for axis, name in enumerate(kind):
             if name not in form.components:
                 continue
             dofs = layout.dofs(member, nodes, name)
             along = R[:, axis]
-            if kind is MOVES:
+            if kind is DISPLACEMENTS:
                 # along·(u + θ × r) = along·u + (r × along)·θ
-                once = scipy.sparse.csr_matrix(along) @ leader.moves
-                turned = scipy.sparse.csr_matrix(np.cross(arm, along)) @ leader.turns
+                once = scipy.sparse.csr_matrix(along) @ leader.displacements
+                rotated = scipy.sparse.csr_matrix(np.cross(arm, along)) @ leader.rotations
             else:
-                once = scipy.sparse.csr_matrix(along) @ leader.turns
-                turned = layout.nothing(len(nodes))
+                once = scipy.sparse.csr_matrix(along) @ leader.rotations
+                rotated = layout.nothing(len(nodes))
             repeated = scipy.sparse.csr_matrix(np.ones((len(nodes), 1))) @ once
-            rows.append(layout.units(dofs) - repeated - turned)
+            rows.append(layout.units(dofs) - repeated - rotated)
             pivots.append(dofs)
     matrix = scipy.sparse.vstack(rows).tocsr()
     matrix.eliminate_zeros()
@@ -165,13 +165,13 @@ def following(layout: Layout, member: Member, nodes: IntArray, leader: Motion, l
 
 def _untold(layout: Layout, member: Member, nodes: IntArray, leader: Motion) -> list[Rows]:
     """Rotations of a point that no node shows: they are held."""
-    if member.turns:
+    if member.has_rotations:
         return []
     arm = member.nodes[nodes] - leader.point
     J = np.einsum("pi,pi->", arm, arm) * np.eye(3) - arm.T @ arm
     values, axes = np.linalg.eigh(J)
     idle = axes[:, values <= COLLINEAR * values[-1]].T
-    return [Rows.free((scipy.sparse.csr_matrix(idle) @ leader.turns).tocsr(), "")]
+    return [Rows.free((scipy.sparse.csr_matrix(idle) @ leader.rotations).tocsr(), "")]
 
 
 def _rows_of(projection: Array) -> Array:
@@ -186,8 +186,8 @@ def _rows_of(projection: Array) -> Array:
 def _single(follower: Motion, count: int) -> IntArray:
     """The dof of the follower for which each row is solved, where it is a single one."""
     pivots = np.full(count, -1)
-    alone = np.flatnonzero(np.diff(follower.moves.indptr) == 1)
-    pivots[alone] = follower.moves.indices[follower.moves.indptr[alone]]
-    if count == 6 and (np.diff(follower.turns.indptr) == 1).all():
-        pivots[3:] = follower.turns.indices
+    alone = np.flatnonzero(np.diff(follower.displacements.indptr) == 1)
+    pivots[alone] = follower.displacements.indices[follower.displacements.indptr[alone]]
+    if count == 6 and (np.diff(follower.rotations.indptr) == 1).all():
+        pivots[3:] = follower.rotations.indices
     return pivots

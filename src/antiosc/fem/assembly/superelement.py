@@ -41,17 +41,17 @@ class Interface:
     Attributes
     ----------
     point : (3,) [m].
-    moves, turns : (3, n) functionals of the displacement and the rotation.
-    moving, turning : (3, 3) projections on the displacements and rotations that it has.
+    displacements, rotations : (3, n) functionals of the displacement and the rotation.
+    displacement_space, rotation_space : (3, 3) projections on those that it has.
     radius : of the patch of a site [m]; None for a point.
     local_compliance : half-space compliance of the patch [m/N], which 1/K contains.
     """
 
     point: Array
-    moves: Array
-    turns: Array
-    moving: Array
-    turning: Array
+    displacements: Array
+    rotations: Array
+    displacement_space: Array
+    rotation_space: Array
     radius: float | None = None
     local_compliance: float = 0.0
 
@@ -166,11 +166,11 @@ def of_model(name: str, model: AntiOscillators) -> Superelement:
     ends = {}
     for k, (site, some) in enumerate(model.columns.items()):
         along = model.direction[list(some)]
-        moves = np.zeros((3, size))
-        moves[:, :count] = along.T @ follows[list(some)]
+        displacements = np.zeros((3, size))
+        displacements[:, :count] = along.T @ follows[list(some)]
         ends[site] = Interface(
             np.array(points[site]),
-            moves,
+            displacements,
             np.zeros((3, size)),
             along.T @ along,
             np.zeros((3, 3)),
@@ -210,9 +210,13 @@ def of_matrices(name: str, given: NodalMatrices) -> Superelement:
         motion = np.zeros((2, 3, size))
         for row in np.flatnonzero((node == number) & (kind > 0)):
             motion[int(kind[row] == TURN), (component[row] - 1) % 3, row] = 1.0
-        moving, turning = (np.diag(one.any(axis=1).astype(float)) for one in motion)
+        displacement_space, rotation_space = (
+            np.diag(one.any(axis=1).astype(float)) for one in motion
+        )
         place = points[node == number][0]
-        ends[str(number)] = Interface(place, motion[0], motion[1], moving, turning)
+        ends[str(number)] = Interface(
+            place, motion[0], motion[1], displacement_space, rotation_space
+        )
     held = np.zeros(size, dtype=bool)
     held[given.fixed] = True
     found = Superelement(K, M, kind, places, axes, ends, held, np.zeros((size, 0)))
@@ -267,7 +271,11 @@ def _padded(one: Superelement) -> Superelement:
     more = -one.size % NODE_DOFS
     right, below = ((0, 0), (0, more)), ((0, more), (0, 0))
     ends = {
-        name: replace(end, moves=np.pad(end.moves, right), turns=np.pad(end.turns, right))
+        name: replace(
+            end,
+            displacements=np.pad(end.displacements, right),
+            rotations=np.pad(end.rotations, right),
+        )
         for name, end in one.ends.items()
     }
     return Superelement(
@@ -285,8 +293,8 @@ def _padded(one: Superelement) -> Superelement:
 def interface(one: Condensed, end: Interface, count: int) -> tuple[scipy.sparse.csr_matrix, ...]:
     """(moves, turns) of an end as functionals (3, count) of u, in the axes of the assembly."""
     found = []
-    for own in (end.moves, end.turns):
-        turned = scipy.sparse.coo_matrix(one.at.rotation @ own)
-        where = turned.row, turned.col + one.first
-        found.append(scipy.sparse.csr_matrix((turned.data, where), shape=(3, count)))
+    for own in (end.displacements, end.rotations):
+        rotated = scipy.sparse.coo_matrix(one.at.rotation @ own)
+        where = rotated.row, rotated.col + one.first
+        found.append(scipy.sparse.csr_matrix((rotated.data, where), shape=(3, count)))
     return tuple(found)

@@ -13,7 +13,7 @@ from antiosc.checks import shown
 from antiosc.errors import InputError
 from antiosc.fem.assembly.ends import group_end, motion
 from antiosc.fem.assembly.entities import nodes_of
-from antiosc.fem.assembly.layout import MOVES, TURNS, Layout, Member, Sparse
+from antiosc.fem.assembly.layout import DISPLACEMENTS, ROTATIONS, Layout, Member, Sparse
 from antiosc.fem.structure.support import Support
 
 
@@ -31,19 +31,19 @@ def _rows(layout: Layout, support: Support) -> Sparse:
         support.where in layout.points or support.where.split(":", 1)[0] in layout.condensed
     ):
         point = motion(layout, support.where, partly=True)
-        all_six = scipy.sparse.vstack([point.moves, point.turns]).tocsr()
+        all_six = scipy.sparse.vstack([point.displacements, point.rotations]).tocsr()
         if support.fix == "all":
             return all_six[np.flatnonzero(np.diff(all_six.indptr))]
-        lost = [name for name in names if name in MOVES and not point.has(name)]
+        lost = [name for name in names if name in DISPLACEMENTS and not point.has(name)]
         if lost:
             raise InputError(
                 f"the support on {_where(support)} fixes {', '.join(lost)}, which this site does "
                 "not have."
             )
-        return all_six[[(MOVES + TURNS).index(name) for name in names]]
+        return all_six[[(DISPLACEMENTS + ROTATIONS).index(name) for name in names]]
     found = []
     for member, nodes in _nodes(layout, support):
-        for kind in (MOVES, TURNS):
+        for kind in (DISPLACEMENTS, ROTATIONS):
             wanted = [kind.index(name) for name in names if name in kind]
             own = layout.at_nodes(member, nodes, kind)
             rows = (3 * np.arange(len(nodes))[:, None] + wanted).ravel().astype(int)
@@ -64,7 +64,7 @@ def _where(support: Support) -> str:
 
 
 def _components(layout: Layout, support: Support) -> list[str]:
-    known = ["x", "y", "rz"] if layout.plane else [*MOVES, *TURNS]
+    known = ["x", "y", "rz"] if layout.plane else [*DISPLACEMENTS, *ROTATIONS]
     if support.fix == "all":
         return known
     names = [support.fix] if isinstance(support.fix, str) else list(support.fix)

@@ -28,11 +28,11 @@ from antiosc.fem.assembly.elimination import Rows
 from antiosc.fem.assembly.ends import checked_end, group_end
 from antiosc.fem.assembly.facets import Facets
 from antiosc.fem.assembly.joint import Joint, checked_name
-from antiosc.fem.assembly.layout import MOVES, TURNS, Layout, Sparse
+from antiosc.fem.assembly.layout import DISPLACEMENTS, ROTATIONS, Layout, Sparse
 from antiosc.fem.assembly.overlaps import FACING, Overlap, on_faces, overlap
 from antiosc.fem.assembly.placement import skew
 from antiosc.fem.assembly.rotations import curl
-from antiosc.fem.assembly.shell_edges import led_by_solid, turning, with_free_turns
+from antiosc.fem.assembly.shell_edges import led_by_solid, rotation_rows, with_free_rotations
 
 #: Surfaces lie on each other up to this share of the mean size of their faces.
 GAP = 0.3
@@ -101,7 +101,7 @@ class Tie(Joint):
             leads = 1 - leads
         follower, leader = sides[1 - leads], sides[leads]
         if leads == 0:
-            common = common.turned()
+            common = common.exchanged()
         return _projection(layout, follower, leader, common, taken, label)
 
     def _common(self, layout: Layout, sides: Sequence[Facets], label: str) -> Overlap:
@@ -119,7 +119,7 @@ class Tie(Joint):
         else:
             edges, faces = sides if dims[0] == 1 else sides[::-1]
             common = on_faces(edges, faces, gap)
-            common = common if dims[0] == 1 else common.turned()
+            common = common if dims[0] == 1 else common.exchanged()
         if not len(common.weight):
             apart = _distance(sides)
             raise InputError(
@@ -171,7 +171,7 @@ def _movable(layout: Layout, side: Facets, common: Overlap, number: int, taken: 
     form = side.member.part.form
     return any(
         not taken[layout.dofs(side.member, nodes, name)].all()
-        for name in MOVES
+        for name in DISPLACEMENTS
         if name in form.components
     )
 
@@ -198,16 +198,16 @@ def _projection(
             f"({common.weight.sum():.3g} m² in common); give groups that cover each other."
         )
     projection = _Projection(D, phi.T @ weight)
-    on_solid = follower.is_edge_of_sheet and not leader.member.turns
+    on_solid = follower.is_edge_of_sheet and not leader.member.has_rotations
     found: list[Rows] = []
     if on_solid:
-        moves, turned, normals = led_by_solid(layout, follower, leader, common, label)
-        led: list[tuple[tuple[str, ...], Sparse]] = [(MOVES, moves)]
-        free = follows & with_free_turns(layout, follower, nodes, taken)
+        displacements, rotated, normals = led_by_solid(layout, follower, leader, common, label)
+        led: list[tuple[tuple[str, ...], Sparse]] = [(DISPLACEMENTS, displacements)]
+        free = follows & with_free_rotations(layout, follower, nodes, taken)
         if free.any():
-            own = projection.of(free, turned)
+            own = projection.of(free, rotated)
             middle = projection.load[free] @ normals
-            found.append(turning(layout, follower, nodes[free], middle, own, label))
+            found.append(rotation_rows(layout, follower, nodes[free], middle, own, label))
     else:
         led = _led(layout, follower, leader, common)
     for kind, motion in led:
@@ -281,17 +281,21 @@ def _led(
     """(components, their functionals) of the leader at the points of the follower."""
     member = leader.member
     cell, X = leader.cells[common.face[1]], leader.reference(common.face[1], common.xi[1])
-    moves = layout.at_points(member, cell, X, MOVES)
+    displacements = layout.at_points(member, cell, X, DISPLACEMENTS)
     arm = common.x[0] - common.x[1]
-    both_turn = follower.member.turns and member.turns
-    turns = layout.nothing(3 * len(cell))
+    both_turn = follower.member.has_rotations and member.has_rotations
+    rotations = layout.nothing(3 * len(cell))
     if np.abs(arm).max() > CLOSED * layout.size:
         own = (layout, member, cell, X)
-        turns = layout.at_points(member, cell, X, TURNS) if member.turns else curl(*own)
-        moves = moves + _lever(arm) @ turns
+        nodal = member.has_rotations
+        rotations = layout.at_points(member, cell, X, ROTATIONS) if nodal else curl(*own)
+        displacements = displacements + _lever(arm) @ rotations
     elif both_turn:
-        turns = layout.at_points(member, cell, X, TURNS)
-    return [(MOVES, moves.tocsr()), *([(TURNS, turns)] if both_turn else [])]
+        rotations = layout.at_points(member, cell, X, ROTATIONS)
+    return [
+        (DISPLACEMENTS, displacements.tocsr()),
+        *([(ROTATIONS, rotations)] if both_turn else []),
+    ]
 
 
 def _lever(arm: Array) -> Sparse:

@@ -78,10 +78,10 @@ def rotation(at: PointsInCells, place: Place) -> Array:
 
 def _strains(at: PointsInCells, frame: Frame) -> Array:
     length = np.linalg.norm(at.J[:, :, 0], axis=1)[:, None, None]
-    moves, turns = at.dofs("xyz"), at.dofs(("rx", "ry", "rz"))
-    slope = at.slopes(moves)[:, :, 0] / length
-    bend = at.slopes(turns)[:, :, 0] / length
-    turn = at.values(turns)
+    displacements, rotations = at.dofs("xyz"), at.dofs(("rx", "ry", "rz"))
+    slope = at.slopes(displacements)[:, :, 0] / length
+    bend = at.slopes(rotations)[:, :, 0] / length
+    turn = at.values(rotations)
     offset = _each(at, lambda beam: [beam.offset])
 
     def along(vectors: Array, axis: Array) -> Array:

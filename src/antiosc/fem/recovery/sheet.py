@@ -209,9 +209,9 @@ def _raw(at: PointsInCells, axes: SheetAxes) -> Strains:
     # contravariant tangents: ds along e_α of the reference coordinates
     inverse = np.linalg.pinv(at.J)  # (P, 2, 3)
     along = np.einsum("pdc,pac->pda", inverse, np.stack([e1, e2], axis=1))
-    moves, turns = at.dofs("xyz"), at.dofs(("rx", "ry", "rz"))
-    du = np.einsum("pcdk,pda->pcak", at.slopes(moves), along, optimize=True)
-    dr = np.einsum("pcdk,pda->pcak", at.slopes(turns), along, optimize=True)
+    displacements, rotations = at.dofs("xyz"), at.dofs(("rx", "ry", "rz"))
+    du = np.einsum("pcdk,pda->pcak", at.slopes(displacements), along, optimize=True)
+    dr = np.einsum("pcdk,pda->pcak", at.slopes(rotations), along, optimize=True)
 
     def dotted(vectors: Array, axis: Array) -> Array:
         return np.einsum("pc...,pc->p...", vectors, axis)
@@ -220,24 +220,24 @@ def _raw(at: PointsInCells, axes: SheetAxes) -> Strains:
     membrane = np.stack([u1[:, 0], u2[:, 1], u1[:, 1] + u2[:, 0]], axis=1)
     # θ × n = (θ·e2) e1 − (θ·e1) e2
     bending = np.stack([r2[:, 0], -r1[:, 1], r2[:, 1] - r1[:, 0]], axis=1)
-    lean = _leaning(at, turns, frame)
+    lean = _leaning(at, rotations, frame)
     return Strains(membrane, bending, dotted(du, n) + lean)
 
 
-def _leaning(at: PointsInCells, turns: Array, frame: Frame) -> Array:
+def _leaning(at: PointsInCells, rotations: Array, frame: Frame) -> Array:
     """(θ×n) along e1 and e2 (P, 2, columns), on triangles as `antiosc.fem.elements.mitc` has it."""
     e1, e2, n = frame
     tangents = np.stack([e1, e2], axis=1)
     if at.part.mesh.cell != "triangle":
-        turned = np.cross(at.values(turns), n[:, :, None], axis=1)
-        return np.einsum("pck,pac->pak", turned, tangents)
+        rotated = np.cross(at.values(rotations), n[:, :, None], axis=1)
+        return np.einsum("pck,pac->pak", rotated, tangents)
     if not len(at.X):
-        return np.zeros((0, 2, turns.shape[-1]))
+        return np.zeros((0, 2, rotations.shape[-1]))
     space, path = at.part.form.space, at.part.form.components["rx"]
     table = compat.tabulate(space, path, compat.edge_points())
     # θ×n along the reference directions at the points of the edges: n × J is θ·(n × J_d)
     across = np.cross(n[:, None, :], np.swapaxes(at.J, 1, 2))  # (P, 2, 3)
-    covariant = np.einsum("qf,pfck,pdc->pdqk", table, turns, across, optimize=True)
+    covariant = np.einsum("qf,pfck,pdc->pdqk", table, rotations, across, optimize=True)
     near = np.einsum("pabq,pbqk->pak", compat.edge_interpolation(at.X), covariant, optimize=True)
     to_axes = np.einsum("pac,pdc->pad", tangents, np.linalg.pinv(at.J))
     return np.einsum("pad,pdk->pak", to_axes, near)

@@ -115,12 +115,12 @@ def _without_mesh(
             else f"the reference point {site.point!r} has no surface: leave radius and tangential "
             "out, or give each direction a site of its own."
         )
-    if not end.along(end.moving, direction):
+    if not end.along(end.displacement_space, direction):
         raise InputError(
             f"the site {site.point!r} of a superelement does not move along the direction of "
             "impact: extract its model with Site(..., tangential=True)."
         )
-    b = np.asarray(end.moves.T @ direction)
+    b = np.asarray(end.displacements.T @ direction)
     if not name:
         return Functional(b, point=end.point, direction=direction)
     own = layout.condensed[part].part.ends[name]
