@@ -212,21 +212,21 @@ def _joined(
     labels = [joint.label(k + 1) for k, joint in enumerate(joints)]
     for joint, label in zip(joints, labels, strict=True):
         joint.prepare(layout, label)
-    held = _held(layout)
+    fixed = _fixed(layout)
     scale = _scale(layout)
     rows = [Rows.free(one, "") for one in support_rows(layout, supports)]
     elastic: list[Stiffness] = []
     for joint, label in sorted(zip(joints, labels, strict=True), key=lambda pair: pair[0].late):
-        rows += joint.constraints(layout, rows, held, label)
+        rows += joint.constraints(layout, rows, fixed, label)
         elastic += joint.elastic(layout, label)
     for one in attached:
         elastic += attachment(layout, one)
     elastic += [superelement(layout, one) for one in layout.condensed.values()]
     _check_joined(layout, rows, elastic)
     everything = stacked([*(r.matrix for r in rows), *(e.G for e in elastic)], layout.count)
-    basis = nested_basis(everything, held, layout.places)
-    eliminated = eliminate(rows, held, scale, basis)
-    constraints = Constraints(rows, held, scale, basis)
+    basis = nested_basis(everything, fixed, layout.places)
+    eliminated = eliminate(rows, fixed, scale, basis)
+    constraints = Constraints(rows, fixed, scale, basis)
     _tell_redundant(eliminated.redundant)
     free = int(np.count_nonzero(~eliminated.dependent))
     if not free:
@@ -235,7 +235,7 @@ def _joined(
     K, M = reduced(layout, eliminated, added)
     stretches = [scipy.sparse.csr_matrix(one.strains) @ one.G for one in elastic]
     C = stacked([*(r.matrix for r in rows), *stretches], layout.count)
-    strainless = motions.free_motions(layout, C, held, scale)
+    strainless = motions.free_motions(layout, C, fixed, scale)
     supported = bool(supports) or any(len(m.part.fixed) for m in layout.members.values())
     tell_motions(layout, *strainless, supported=supported)
     modes, shift = modes_of(layout, K, M, eliminated, *strainless)
@@ -248,17 +248,17 @@ def _joined(
 # -- the dofs
 
 
-def _held(layout: Layout) -> BoolArray:
+def _fixed(layout: Layout) -> BoolArray:
     """Dofs that supports of the parts hold, and those that a plane's reference points lack."""
-    held = np.zeros(layout.count, dtype=bool)
+    fixed = np.zeros(layout.count, dtype=bool)
     for member in layout.members.values():
-        held[member.first + member.part.fixed] = True
+        fixed[member.first + member.part.fixed] = True
     for one in layout.condensed.values():
-        held[one.rows] = one.part.held
+        fixed[one.rows] = one.part.fixed
     for name in layout.points:
         if layout.plane:
-            held[layout.of_point(name)[[2, 3, 4]]] = True
-    return held
+            fixed[layout.of_point(name)[[2, 3, 4]]] = True
+    return fixed
 
 
 def _scale(layout: Layout) -> Array:

@@ -148,28 +148,28 @@ def _determined(
     rows: Mapping[int, int],
     equations: Sequence[Sequence[Term]],
 ) -> bool:
-    """Whether each node is dependent, held, or leads all that are dependent."""
+    """Whether each node is dependent, fixed, or leads all that are dependent."""
     dependent = [n for n in numbers if n in rows]
     others = set(numbers) - set(dependent)
     if dependent and all(
         others <= {n for n, m, _ in equations[rows[node]][1:] if m == motion} for node in dependent
     ):
         return True
-    return all(nodes.is_held(n, motion) for n in others)
+    return all(nodes.is_fixed(n, motion) for n in others)
 
 
 def _sliders(
     nodes: Nodes, k: int, first: int, directions: Mapping[int, list[Array]], among: Among
 ) -> Iterator[Sparse]:
-    """Dofs between nodes that slide across a direction, or are held."""
+    """Dofs between nodes that slide across a direction, or are fixed."""
     axes = range(2 if nodes.layout.plane else 3)
     by_motion = [_dofs(nodes, k, first + c, directions, among) for c in axes]
     for found in zip(*by_motion, strict=True):
         columns = [column for column, _, _ in found]
         _, numbers, weights = found[0]
         sliding = [n for n in numbers if n in directions]
-        held = [n for n in numbers if n not in directions]
-        if not all(nodes.is_held(n, first + c) for n in held for c in axes):
+        fixed = [n for n in numbers if n not in directions]
+        if not all(nodes.is_fixed(n, first + c) for n in fixed for c in axes):
             continue
         for i in range(min(len(directions[n]) for n in sliding)):
             mean = sum(

@@ -55,9 +55,9 @@ def joined(
     ]
     if len(parts) > 1:
         made.insert(0, SharedNodes(numbers, loose=True))
-    held = [Support(point_name(point), fix) for point, fix in model["held_points"]]
+    point_supports = [Support(point_name(point), fix) for point, fix in model["fixed_points"]]
     for name, part in parts.items():
-        held += [
+        point_supports += [
             Support(f"{name}:{group}", fix)
             for group, fix in model["supports"]
             if part.mesh.groups.get(group) and set(fix) <= set(part.form.components)
@@ -66,7 +66,7 @@ def joined(
         parts,
         made,
         points=points,
-        supports=[*held, *_of_parts(parts, supports)],
+        supports=[*point_supports, *_of_parts(parts, supports)],
         attached=[*attachments(model), *attached],
         solver=solver,
     )

@@ -64,7 +64,7 @@ class Constraints:
     """All constraints of an assembly; the attributes are the arguments of `eliminate`."""
 
     rows: Sequence[Rows]
-    held: BoolArray
+    fixed: BoolArray
     scale: Array
     basis: Sparse | None
 
@@ -76,7 +76,7 @@ class Eliminated:
     Attributes
     ----------
     T : (n, n), u = T q; the columns of dependent dofs are empty.
-    dependent : (n,) which dofs are not in q, those that are held included.
+    dependent : (n,) which dofs are not in q, those that are fixed included.
     redundant : joints with rows that follow from those of other joints.
     basis : the orthogonal change of basis in T, if any.
     particular : (n, k) motions that satisfy the constraints with prescribed values, if any.
@@ -114,7 +114,7 @@ class _System:
 
 def eliminate(
     rows: Sequence[Rows],
-    held: BoolArray,
+    fixed: BoolArray,
     scale: Array,
     basis: Sparse | None = None,
     prescribed: Array | None = None,
@@ -124,20 +124,20 @@ def eliminate(
     Parameters
     ----------
     rows : constraints of all joints, the supports first.
-    held : (n,) dofs that are zero.
+    fixed : (n,) dofs that are zero.
     scale : (n,) typical size of each dof: 1 for displacements, 1/length for rotations.
     basis : (n, n), orthogonal; then T = basis · T', and T' is what the constraints determine.
     prescribed : (m, k) values of the rows for which `particular` is wanted. Those of rows that
         follow from others are not looked at.
     """
-    n = len(held)
+    n = len(fixed)
     C = scipy.sparse.vstack([Sparse((0, n)), *(r.matrix for r in rows)]).tocsr()
     pivot = np.concatenate([np.zeros(0, dtype=int), *(r.pivot for r in rows)])
     if basis is not None:
         C = rounded((C @ basis).tocsr())
         alone = np.append(np.diff(basis.indptr) == 1, True)  # pivot[-1] stays
         pivot = np.where(alone[pivot], pivot, -1)
-    C = _without(C, held, scale)
+    C = _without(C, fixed, scale)
     kept = np.flatnonzero(np.diff(C.indptr))
     involved = np.unique(C.indices)
     number = np.full(n + 1, -1)  # number[-1], of no dof, is -1
@@ -154,7 +154,7 @@ def eliminate(
     )
     whole, dependent, redundant = _solved(system)
     _check(system, whole)
-    free = ~held
+    free = ~fixed
     free[involved] = False
     count = len(involved)
     own = whole[:count, :count].tocoo()
@@ -169,7 +169,7 @@ def eliminate(
         ),
         shape=(n, n),
     )
-    marked = held.copy()
+    marked = fixed.copy()
     marked[involved[dependent]] = True
     particular = None
     if prescribed is not None:
@@ -181,10 +181,10 @@ def eliminate(
     return Eliminated(T, marked, redundant, basis, particular)
 
 
-def _without(C: Sparse, held: BoolArray, scale: Array) -> Sparse:
-    """C without the columns of held dofs and without rounding."""
+def _without(C: Sparse, fixed: BoolArray, scale: Array) -> Sparse:
+    """C without the columns of fixed dofs and without rounding."""
     C.sum_duplicates()
-    size = np.where(held[C.indices], 0.0, np.abs(C.data) * scale[C.indices])
+    size = np.where(fixed[C.indices], 0.0, np.abs(C.data) * scale[C.indices])
     row = _row_numbers(C)
     C.data = np.where(size > LEAST_COEFFICIENT * _largest(size, row, C.shape[0])[row], C.data, 0.0)
     C.eliminate_zeros()

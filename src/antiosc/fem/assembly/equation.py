@@ -45,7 +45,7 @@ class Equation(Joint):
         store(self, terms=terms, name=checked_name(self.name))
 
     def constraints(
-        self, layout: Layout, before: Sequence[Rows], held: BoolArray, label: str
+        self, layout: Layout, before: Sequence[Rows], fixed: BoolArray, label: str
     ) -> list[Rows]:
         """The one row of the equation."""
         total = layout.nothing(1)

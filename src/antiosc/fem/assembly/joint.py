@@ -63,12 +63,12 @@ class Joint(ABC):
         self,
         layout: Layout,
         before: Sequence[Rows],
-        held: BoolArray,
+        fixed: BoolArray,
         label: str,
     ) -> list[Rows]:
         """Constraints of the joint.
 
-        `before` are those of the supports and of earlier joints, `held` the dofs that are zero.
+        `before` are those of the supports and of earlier joints, `fixed` the dofs that are zero.
         """
         return []
 

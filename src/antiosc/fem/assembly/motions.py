@@ -123,16 +123,16 @@ def _loose(
 
 
 def free_motions(
-    layout: Layout, constraints: Sparse, held: BoolArray, scale: Array
+    layout: Layout, constraints: Sparse, fixed: BoolArray, scale: Array
 ) -> tuple[Array, Array, list[Loose]]:
-    """Motions without strain that satisfy the constraints and leave held dofs at zero.
+    """Motions without strain that satisfy the constraints and leave fixed dofs at zero.
 
     Returns (rigid motions of the whole (n, r), mechanisms (n, m), the pieces that move in them).
     """
     point = (layout.low + layout.high) / 2
     together = whole(layout, point).motions
     together = together[:, np.abs(together).max(axis=0) > 0]
-    rows = _rows(constraints, held, scale)
+    rows = _rows(constraints, fixed, scale)
     rigid = together @ _null(rows @ together)
     loose = list(pieces(layout))
     if len(loose) == 1:
@@ -160,12 +160,12 @@ def _side_by_side(layout: Layout, loose: Sequence[Loose]) -> Sparse:
     return scipy.sparse.csr_matrix((np.concatenate(values), where), shape=shape)
 
 
-def _rows(constraints: Sparse, held: BoolArray, scale: Array) -> Sparse:
-    """Constraints of unit size, and the held dofs."""
+def _rows(constraints: Sparse, fixed: BoolArray, scale: Array) -> Sparse:
+    """Constraints of unit size, and the fixed dofs."""
     size = np.asarray(abs(constraints) @ scale).ravel()
     keep = size > 0
-    units = scipy.sparse.identity(len(held), format="csr")[np.flatnonzero(held)]
-    units = scipy.sparse.diags(1 / scale[held]) @ units
+    units = scipy.sparse.identity(len(fixed), format="csr")[np.flatnonzero(fixed)]
+    units = scipy.sparse.diags(1 / scale[fixed]) @ units
     return scipy.sparse.vstack(
         [scipy.sparse.diags(1 / size[keep]) @ constraints[keep], units]
     ).tocsr()

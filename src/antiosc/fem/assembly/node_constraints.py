@@ -40,17 +40,17 @@ class NodeConstraints(Joint):
     name: str | None = "constraints of the deck"
 
     def constraints(
-        self, layout: Layout, before: Sequence[Rows], held: BoolArray, label: str
+        self, layout: Layout, before: Sequence[Rows], fixed: BoolArray, label: str
     ) -> list[Rows]:
         """One row for each constraint, those between its nodes, and of middle nodes."""
         nodes = Nodes(layout, self.points, self.numbers)
         own = nodes.functionals(self.equations)
         dependent = np.array([nodes.dof(terms[0]) for terms in self.equations], dtype=int)
         rows = [Rows(own, dependent, label)] if own.shape[0] else []
-        nodes.held = held.copy()
+        nodes.fixed = fixed.copy()
         for one in before:
             alone = np.diff(one.matrix.indptr) == 1
-            nodes.held[one.matrix[alone].indices] = True
+            nodes.fixed[one.matrix[alone].indices] = True
         between = between_nodes(nodes, self.equations, own, self.among)
         if between.shape[0]:
             rows.append(Rows.free(between, label))

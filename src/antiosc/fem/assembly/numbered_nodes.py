@@ -30,7 +30,7 @@ class Nodes:
         self.tables: list[IntArray] = []
         self._single: dict[tuple[int, int], Sparse] = {}
         #: which dofs are zero
-        self.held = np.zeros(layout.count, dtype=bool)
+        self.fixed = np.zeros(layout.count, dtype=bool)
         for member in self.members:
             mesh = member.part.mesh
             read = np.asarray(mesh.dolfinx.geometry.input_global_indices)
@@ -95,9 +95,9 @@ class Nodes:
         own = self.single(term[0], term[1])
         return int(own.indices[0]) if own.nnz == 1 else -1
 
-    def is_held(self, number: int, motion: int) -> bool:
+    def is_fixed(self, number: int, motion: int) -> bool:
         """Whether a motion of a node is zero."""
-        return bool(self.held[self.single(number, motion).indices].all())
+        return bool(self.fixed[self.single(number, motion).indices].all())
 
     def single(self, number: int, motion: int) -> Sparse:
         """One motion of one node."""

@@ -39,11 +39,11 @@ class _Pin(Joint):
             raise InputError(f"{type(self).__name__} joins {end_text(self.a)} to itself.")
 
     def constraints(
-        self, layout: Layout, before: Sequence[Rows], held: BoolArray, label: str
+        self, layout: Layout, before: Sequence[Rows], fixed: BoolArray, label: str
     ) -> list[Rows]:
         """The displacements and rotations in which both ends move alike."""
         a, b = ends_at(layout, label, self.a, self.b, self.point)
-        displacements, rotations = self._held()
+        displacements, rotations = self._constrained()
         if layout.plane:
             displacements, rotations = (
                 displacements[:, :2] @ np.eye(2, 3),
@@ -61,7 +61,7 @@ class _Pin(Joint):
             raise InputError(f"{label} joins nothing: both of its ends are the same point.")
         return [Rows.free(rows, label)]
 
-    def _held(self) -> tuple[Array, Array]:
+    def _constrained(self) -> tuple[Array, Array]:
         """Directions (k, 3) in which displacements, and (l, 3) in which rotations are equal."""
         raise NotImplementedError
 
@@ -82,7 +82,7 @@ class Weld(_Pin):
         What messages call the joint.
     """
 
-    def _held(self) -> tuple[Array, Array]:
+    def _constrained(self) -> tuple[Array, Array]:
         return np.eye(3), np.eye(3)
 
 
@@ -93,7 +93,7 @@ class Ball(_Pin):
     Parameters as for `Weld`.
     """
 
-    def _held(self) -> tuple[Array, Array]:
+    def _constrained(self) -> tuple[Array, Array]:
         return np.eye(3), np.zeros((0, 3))
 
 
@@ -112,7 +112,7 @@ class _Axis(_Pin):
         store(self, axis=tuple(axis.tolist()))
 
     def constraints(
-        self, layout: Layout, before: Sequence[Rows], held: BoolArray, label: str
+        self, layout: Layout, before: Sequence[Rows], fixed: BoolArray, label: str
     ) -> list[Rows]:
         """As of every pin; in a plane the axis must be one about or along which parts move."""
         rotated = abs(self.axis[2]) / float(np.linalg.norm(self.axis))
@@ -122,7 +122,7 @@ class _Axis(_Pin):
                 f"{label}: plane parts turn about z and slide along x and y; the axis "
                 f"{tuple(self.axis)} allows neither."
             )
-        return super().constraints(layout, before, held, label)
+        return super().constraints(layout, before, fixed, label)
 
     def _across(self) -> Array:
         """Two unit vectors (2, 3) across the axis."""
@@ -142,7 +142,7 @@ class Hinge(_Axis):
         Direction of the axis in the assembly, default z.
     """
 
-    def _held(self) -> tuple[Array, Array]:
+    def _constrained(self) -> tuple[Array, Array]:
         return np.eye(3), self._across()
 
 
@@ -155,7 +155,7 @@ class Slider(_Axis):
 
     _turns_about_axis: ClassVar[bool] = False
 
-    def _held(self) -> tuple[Array, Array]:
+    def _constrained(self) -> tuple[Array, Array]:
         return self._across(), np.eye(3)
 
 

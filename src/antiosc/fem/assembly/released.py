@@ -112,7 +112,7 @@ class ReleasedAssembly:
             values[:, column[name]] += one.matrix @ rigid_motions(layout, centres[name])
         found = eliminate(
             constraints.rows,
-            constraints.held,
+            constraints.fixed,
             constraints.scale,
             constraints.basis,
             np.vstack([np.zeros((0, motions.shape[1])), *prescribed]),

@@ -43,7 +43,7 @@ class SharedNodes(Joint):
     loose: bool = False
 
     def constraints(
-        self, layout: Layout, before: Sequence[Rows], held: BoolArray, label: str
+        self, layout: Layout, before: Sequence[Rows], fixed: BoolArray, label: str
     ) -> list[Rows]:
         """The dofs of a part on what it shares with an earlier one follow the dofs of this one."""
         ordered = sorted(layout.members.values(), key=lambda m: (_degree(m), -m.part.mesh.tdim))

@@ -123,7 +123,7 @@ def rotation_rows(
 def with_free_rotations(
     layout: Layout, edge: Facets, nodes: IntArray, taken: BoolArray
 ) -> BoolArray:
-    """Nodes (mask) of which no rotation is held or led by another joint."""
+    """Nodes (mask) of which no rotation is fixed or led by another joint."""
     free = np.ones(len(nodes), dtype=bool)
     for name in ROTATIONS:
         free &= ~taken[layout.dofs(edge.member, nodes, name)]

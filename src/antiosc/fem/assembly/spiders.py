@@ -55,7 +55,7 @@ class Rigid(Joint):
             layout.add_point(label, member.nodes[nodes].mean(axis=0))
 
     def constraints(
-        self, layout: Layout, before: Sequence[Rows], held: BoolArray, label: str
+        self, layout: Layout, before: Sequence[Rows], fixed: BoolArray, label: str
     ) -> list[Rows]:
         """Every dof of the group is that of the rigid motion of the point."""
         member, group = group_end(layout, "group", self.group)
@@ -113,7 +113,7 @@ class Mean(Joint):
         )
 
     def constraints(
-        self, layout: Layout, before: Sequence[Rows], held: BoolArray, label: str
+        self, layout: Layout, before: Sequence[Rows], fixed: BoolArray, label: str
     ) -> list[Rows]:
         """Displacement and rotation of the point are the mean ones of the group."""
         member, group = group_end(layout, "group", self.group)
@@ -164,7 +164,7 @@ def following(layout: Layout, member: Member, nodes: IntArray, leader: Motion, l
 
 
 def _untold(layout: Layout, member: Member, nodes: IntArray, leader: Motion) -> list[Rows]:
-    """Rotations of a point that no node shows: they are held."""
+    """Rotations of a point that no node shows: they are fixed."""
     if member.has_rotations:
         return []
     arm = member.nodes[nodes] - leader.point

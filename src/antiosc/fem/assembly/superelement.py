@@ -66,7 +66,7 @@ class Superelement:
     kind : (n,) AMPLITUDE, MOVE or TURN.
     places, axes : (n, 3) where each displacement or rotation is [m], and its direction.
     ends : name of a site, or number of a node -> its motion.
-    held : (n,) dofs that are zero.
+    fixed : (n,) dofs that are zero.
     rigid : (n, r) orthonormal rigid motions, on which K is exactly zero.
     """
 
@@ -76,7 +76,7 @@ class Superelement:
     places: Array
     axes: Array
     ends: Mapping[str, Interface]
-    held: BoolArray
+    fixed: BoolArray
     rigid: Array
 
     @property
@@ -217,9 +217,9 @@ def of_matrices(name: str, given: NodalMatrices) -> Superelement:
         ends[str(number)] = Interface(
             place, motion[0], motion[1], displacement_space, rotation_space
         )
-    held = np.zeros(size, dtype=bool)
-    held[given.fixed] = True
-    found = Superelement(K, M, kind, places, axes, ends, held, np.zeros((size, 0)))
+    fixed = np.zeros(size, dtype=bool)
+    fixed[given.fixed] = True
+    found = Superelement(K, M, kind, places, axes, ends, fixed, np.zeros((size, 0)))
     return _padded(_without_rigid_strain(name, found, "its coordinates may have too few digits"))
 
 
@@ -234,7 +234,7 @@ def _without_rigid_strain(name: str, one: Superelement, why: str) -> Superelemen
 
     InputError where its null vectors are not such motions.
     """
-    free = ~one.held
+    free = ~one.fixed
     K = one.K[np.ix_(free, free)]
     K = (K + K.T) / 2
     own = Condensed(name, one, Placement(), 0)
@@ -267,7 +267,7 @@ def _without_rigid_strain(name: str, one: Superelement, why: str) -> Superelemen
 
 
 def _padded(one: Superelement) -> Superelement:
-    """The same with held dofs added, so that the nodes of the parts behind it stay blocks."""
+    """The same with fixed dofs added, so that the nodes of the parts behind it stay blocks."""
     more = -one.size % NODE_DOFS
     right, below = ((0, 0), (0, more)), ((0, more), (0, 0))
     ends = {
@@ -285,7 +285,7 @@ def _padded(one: Superelement) -> Superelement:
         np.pad(one.places, below, mode="edge"),
         np.pad(one.axes, below),
         ends,
-        np.pad(one.held, (0, more), constant_values=True),
+        np.pad(one.fixed, (0, more), constant_values=True),
         np.pad(one.rigid, below),
     )
 

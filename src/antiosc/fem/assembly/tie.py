@@ -82,7 +82,7 @@ class Tie(Joint):
             raise InputError(f"a Tie joins {self.a!r} to itself.")
 
     def constraints(
-        self, layout: Layout, before: Sequence[Rows], held: BoolArray, label: str
+        self, layout: Layout, before: Sequence[Rows], fixed: BoolArray, label: str
     ) -> list[Rows]:
         """Every dof of the follower that is free follows the leader."""
         sides = [
@@ -90,13 +90,13 @@ class Tie(Joint):
         ]
         common = self._common(layout, sides, label)
         self._tell_overlap(sides, common, label)
-        taken = held.copy()
+        taken = fixed.copy()
         for rows in before:
             taken[rows.pivot[rows.pivot >= 0]] = True
         leads = _leader(sides, common)
         movable = [_movable(layout, side, common, k, taken) for k, side in enumerate(sides)]
         if not any(movable):
-            taken = held  # both follow other joints: what is said twice is found later
+            taken = fixed  # both follow other joints: what is said twice is found later
         elif not movable[1 - leads] and sides[0].dim == sides[1].dim:
             leads = 1 - leads
         follower, leader = sides[1 - leads], sides[leads]
@@ -165,7 +165,7 @@ def _leader(sides: Sequence[Facets], common: Overlap) -> int:
 
 
 def _movable(layout: Layout, side: Facets, common: Overlap, number: int, taken: BoolArray) -> bool:
-    """Whether some displacement of a side (0 or 1 of `common`) is neither held nor led."""
+    """Whether some displacement of a side (0 or 1 of `common`) is neither fixed nor led."""
     phi = side.basis(common.face[number], common.xi[number])
     nodes = np.flatnonzero(np.diff(phi.tocsc().indptr))
     form = side.member.part.form
@@ -223,7 +223,7 @@ def _projection(
                 found.append(Rows(row.tocsr(), dofs[free], label))
     if not found:
         raise InputError(
-            f"{label} does nothing: all nodes of the surface on {follower.member.name!r} are held, "
+            f"{label} does nothing: all nodes of the surface on {follower.member.name!r} are fixed "
             "or follow other joints."
         )
     return found

@@ -31,16 +31,16 @@ SMALLEST_PIECE = 48
 ROUNDED_COEFFICIENT = 1e-13
 
 
-def nested_basis(functionals: Sparse, held: BoolArray, places: Array) -> Sparse | None:
+def nested_basis(functionals: Sparse, fixed: BoolArray, places: Array) -> Sparse | None:
     """W (n, n), orthogonal, with which wide functionals f W of u = W q act on few q; None: none.
 
     Parameters
     ----------
     functionals : (m, n) all constraints and functionals of springs and masses.
-    held : (n,) dofs that are zero.
+    fixed : (n,) dofs that are zero.
     places : (n, 3) where each dof is [m].
     """
-    free = scipy.sparse.diags((~held).astype(float))
+    free = scipy.sparse.diags((~fixed).astype(float))
     own = (functionals @ free).tocsr()
     own.eliminate_zeros()
     count = np.diff(own.indptr)

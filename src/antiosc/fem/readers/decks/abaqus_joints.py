@@ -147,9 +147,9 @@ def _mpc(whole: Whole, joints: Constraints, card: Card, within: Instance) -> Non
             for c in range(3):
                 joints.equation([(nodes[0], c, 1.0), (nodes[1], c, -1.0)], place)
             for c in range(3, 6 if kind == "TIE" else 3):
-                if all(not joints.used[n] or joints.turning[n] for n in nodes):
+                if all(not joints.used[n] or joints.has_rotations[n] for n in nodes):
                     joints.equation([(nodes[0], c, 1.0), (nodes[1], c, -1.0)], place)
-        elif kind == "BEAM" and len(nodes) == 2 and joints.turning[nodes[1]]:
+        elif kind == "BEAM" and len(nodes) == 2 and joints.has_rotations[nodes[1]]:
             joints.rigid(np.array(nodes[:1]), nodes[1], range(6), place)
         elif kind == "LINK" and len(nodes) == 2:
             along = joints.place(nodes[1]) - joints.place(nodes[0])
@@ -242,10 +242,10 @@ def _mean_rotation(joints: Constraints, nodes: list[int], place: Place) -> None:
 def _rigid(whole: Whole, joints: Constraints, card: Card, within: Instance) -> None:
     nodes = _nodes_of_sets(whole, card, within)
     reference = _one(whole, card.needed("REFNODE"), card.place, within)
-    turns = card.option("ROTNODE")
-    turning = _one(whole, turns, card.place, within) if turns else None
-    leader = joints.leader(reference, turning)
-    rest = nodes[(nodes != reference) & (nodes != (-1 if turning is None else turning))]
+    named = card.option("ROTNODE")
+    rotation_node = _one(whole, named, card.place, within) if named else None
+    leader = joints.leader(reference, rotation_node)
+    rest = nodes[~np.isin(nodes, [n for n in (reference, rotation_node) if n is not None])]
     joints.rigid(rest, leader, range(6), card.place)
 
 

@@ -69,8 +69,8 @@ class ModelBuilder:
         self.of_element = np.full(self.deck.n_elements, -1, dtype=np.int64)
         self.fixed = np.zeros((len(self.deck.points), 6), dtype=bool)
         self.used = np.zeros(len(self.deck.points), dtype=bool)
-        self.turning = np.zeros(len(self.deck.points), dtype=bool)
-        self.joints = Constraints(self.deck, self.used, self.turning)
+        self.has_rotations = np.zeros(len(self.deck.points), dtype=bool)
+        self.joints = Constraints(self.deck, self.used, self.has_rotations)
         self.chosen = chosen_elements(self.deck)
         self.gone = np.zeros(len(self.deck.points), dtype=bool)
 
@@ -87,7 +87,7 @@ class ModelBuilder:
             else:
                 every[own] = False
             if role in ("shell", "beam"):
-                self.turning[own] = True
+                self.has_rotations[own] = True
         #: nodes of elements that are not chosen alone
         self.gone = every & ~self.used
 
@@ -183,7 +183,7 @@ class ModelBuilder:
         M = matrix * np.outer(size, size) * self.units.mass
         own = [self.joints.alias.get((node, c), (node, c)) for c in range(6)]
         point = own[0][0]
-        if point < len(self.used) and self.used[point] and not self.turning[point]:
+        if point < len(self.used) and self.used[point] and not self.has_rotations[point]:
             if M[3:, 3:].any():
                 self.ignored.append(f"inertia ({place}) on a node of solids, which does not turn")
             M = np.where(np.add.outer(np.arange(6) >= 3, np.arange(6) >= 3), 0.0, M)

@@ -30,7 +30,7 @@ class Constraints:
     deck: Deck
     #: nodes of elements, and those of elements with rotations
     used: Any
-    turning: Any
+    has_rotations: Any
     equations: list[list[Term]] = field(default_factory=list)
     #: (terms, stiffness): springs between motions
     springs: list[tuple[list[Term], float]] = field(default_factory=list)
@@ -70,7 +70,7 @@ class Constraints:
         largest = max(map(abs, found.values()), default=0.0)
         kept = [(*own, c) for own, c in found.items() if abs(c) > NEGLIGIBLE_TERM * largest]
         for node, motion, _ in kept:
-            if motion >= 3 and self._used(node) and not self.turning[node]:
+            if motion >= 3 and self._used(node) and not self.has_rotations[node]:
                 raise MeshError(
                     f"{place}: a constraint acts on a rotation of a node of solids, which have no "
                     "rotations; constrain displacements of several nodes."
@@ -112,16 +112,19 @@ class Constraints:
         self.more.append(np.asarray(x, dtype=float))
         return len(self.deck.points) + len(self.more) - 1
 
-    def leader(self, node: int, turns: int | None = None) -> int:
-        """A point with six motions at a node; its rotations are the displacements of `turns`."""
+    def leader(self, node: int, rotation_node: int | None = None) -> int:
+        """A point with six motions at a node.
+
+        Its rotations are the displacements of `rotation_node`.
+        """
         point = self.leaders.get(node, node)
-        if point == node and self._used(node) and not self.turning[node]:
+        if point == node and self._used(node) and not self.has_rotations[node]:
             self.leaders[node] = point = self.point(self.place(node))
             for c in range(3):
                 self.equations.append([(node, c, 1.0), (point, c, -1.0)])
-        if turns is not None and turns != node:
+        if rotation_node is not None and rotation_node != node:
             for c in range(3):
-                self.alias[turns, c] = (point, 3 + c)
+                self.alias[rotation_node, c] = (point, 3 + c)
         return point
 
     def rigid(
@@ -143,7 +146,7 @@ class Constraints:
             r = self.place(node) - x
             arm = np.array([[0, r[2], -r[1]], [-r[2], 0, r[0]], [r[1], -r[0], 0]])  # θ × r
             for first in (0, 3):
-                if first and self._used(node) and not self.turning[node]:
+                if first and self._used(node) and not self.has_rotations[node]:
                     continue
                 for pivot, along in self._directions(node, motions, first, own):
                     terms = [(node, first + pivot, float(along[pivot]))]
@@ -151,8 +154,8 @@ class Constraints:
                     terms += [(node, first + k, float(along[k])) for k in rest if k != pivot]
                     terms += [(leader, first + k, -float(along[k])) for k in rest]
                     if not first:
-                        turned = along @ arm
-                        terms += [(leader, 3 + k, -float(turned[k])) for k in range(3) if turned[k]]
+                        lever = along @ arm
+                        terms += [(leader, 3 + k, -float(lever[k])) for k in range(3) if lever[k]]
                     self.equations.append(terms)
 
     def _directions(
@@ -195,17 +198,18 @@ class Constraints:
         skew = np.zeros((len(r), 3, 3))
         skew[:, 0, 1], skew[:, 0, 2], skew[:, 1, 2] = -r[:, 2], r[:, 1], -r[:, 0]
         skew -= np.swapaxes(skew, 1, 2)
-        turns = np.einsum("ij,p,pjk->ipk", inverse, w, skew)
+        rotations = np.einsum("ij,p,pjk->ipk", inverse, w, skew)
         arm = self.place(follower) - centre
         cross = np.array([[0, arm[2], -arm[1]], [-arm[2], 0, arm[0]], [arm[1], -arm[0], 0]])
-        moves = w[None, :, None] * np.eye(3)[:, None, :] + np.einsum("ij,jpk->ipk", cross, turns)
+        led = np.einsum("ij,jpk->ipk", cross, rotations)
+        displacements = w[None, :, None] * np.eye(3)[:, None, :] + led
         if not good.all() and any(c >= 3 or np.abs(arm).max() > 1e-9 for c in motions):
             raise MeshError(
                 f"{place}: the nodes whose mean motion is taken lie on one line, so that their "
                 "rotation is not known; take more nodes, or displacements alone at their centre."
             )
         pairs = [(p, k) for p in range(len(nodes)) for k in range(3)]
-        for first, table in ((0, moves), (3, turns)):
+        for first, table in ((0, displacements), (3, rotations)):
             for pivot, along in self._directions(follower, motions, first, own=True):
                 followed = sorted(np.flatnonzero(along), key=lambda k: k != pivot)
                 mean = np.einsum("i,ipk->pk", along, table)

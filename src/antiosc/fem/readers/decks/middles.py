@@ -24,5 +24,5 @@ def hold_middles(builder: ModelBuilder) -> None:
             alone &= ~fixed[ends, motion].all(axis=2)
             held.update((int(node), motion) for node in np.unique(block.mids[alone]))
     for node, motion in sorted(held):
-        if motion < 3 or builder.turning[node]:
+        if motion < 3 or builder.has_rotations[node]:
             builder.joints.equations.append([(node, motion, 1.0)])

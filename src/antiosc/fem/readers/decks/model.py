@@ -73,7 +73,7 @@ def finished(builder: ModelBuilder, roles: Sequence[str]) -> dict[str, Any]:
         "joined": joined,
         "joints": joints,
         "apart": builder.apart,
-        "held_points": _held_points(builder, count == 2),
+        "fixed_points": _fixed_points(builder, count == 2),
     }
 
 
@@ -133,7 +133,7 @@ def _on_edges(builder: ModelBuilder) -> bool:
     return all((int(a), int(b)) in sides for a, b in np.vstack(lines))
 
 
-def _held_points(builder: ModelBuilder, plane: bool) -> list[Any]:
+def _fixed_points(builder: ModelBuilder, plane: bool) -> list[Any]:
     """[[number of a point of no element, motions]] that are fixed, or that nothing acts on."""
     loose = builder.joints.loose()
     acting = {(n, m) for terms in builder.joints.every() for n, m, _ in terms}
@@ -141,11 +141,12 @@ def _held_points(builder: ModelBuilder, plane: bool) -> list[Any]:
     for k, node in enumerate(loose):
         found[-1 - k] = {MOTIONS[m] for m in range(6) if (node, m) not in acting}
     for node, motion in zip(*np.nonzero(builder.fixed), strict=True):
-        own, turned = builder.joints.alias.get((int(node), int(motion)), (int(node), int(motion)))
+        given = int(node), int(motion)
+        own, along = builder.joints.alias.get(given, given)
         if own in loose:
-            found[-1 - loose.index(own)].add(MOTIONS[turned])
+            found[-1 - loose.index(own)].add(MOTIONS[along])
     known = {"x", "y", "rz"} if plane else set(MOTIONS)
-    return [[n, sorted(held & known)] for n, held in found.items() if held & known]
+    return [[n, sorted(fixed & known)] for n, fixed in found.items() if fixed & known]
 
 
 def _refuse_uncovered(builder: ModelBuilder, roles: Sequence[str]) -> None:

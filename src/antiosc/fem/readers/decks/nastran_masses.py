@@ -42,7 +42,7 @@ def _at_a_point(found: NastranDeck, builder: ModelBuilder, entry: Entry, factor:
     if mass < 0 or np.linalg.eigvalsh(J).min() < -INERTIA_ROUNDING * np.abs(J).max():
         raise MeshError(f"{entry.place}: the mass or the inertia of CONM2 is negative.")
     plain = not offset.any() and not (J - np.diag(np.diag(J))).any()
-    if plain and (builder.turning[row] or not J.any()):
+    if plain and (builder.has_rotations[row] or not J.any()):
         if mass or J.any():
             builder.mass(row, mass, np.diag(J).tolist(), entry.place)
         return

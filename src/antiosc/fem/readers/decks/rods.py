@@ -60,6 +60,6 @@ def _spring(builder: ModelBuilder, a: int, b: int, rod: Rod) -> float:
         ]
 
     builder.sprung(apart(0), rod.EA / length, rod.place)
-    if rod.GJ and builder.turning[[a, b]].all():
+    if rod.GJ and builder.has_rotations[[a, b]].all():
         builder.sprung(apart(3), rod.GJ / length, rod.place)
     return length

@@ -39,7 +39,7 @@ def tie(
             far += 1
             continue
         _, leaders, weights = found
-        both = bool(joints.turning[node] and joints.turning[leaders].all())
+        both = bool(joints.has_rotations[node] and joints.has_rotations[leaders].all())
         motions = range(6 if both else 3)
         for c in motions:
             terms = [(int(k), c, -float(w)) for k, w in zip(leaders, weights, strict=True)]
