@@ -6,7 +6,8 @@ file is long because it alone may know versions: a new one is met by reading thi
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import dolfinx
@@ -438,3 +439,27 @@ def ghosts_added(space: fem.FunctionSpace, block: Array) -> Array:
         function.x.scatter_reverse(mode)
         result[:, k] = function.x.array[:rows]
     return result
+
+
+# --- Files ----------------------------------------------------------------------------------
+
+
+def writes_vtx() -> bool:
+    """Whether dolfinx was built with ADIOS2."""
+    return hasattr(dolfinx.io, "VTXWriter")
+
+
+def write_vtx(
+    mesh: dolfinx.mesh.Mesh, path: Path, name: str, times: Array, fields: Iterable[Array]
+) -> None:
+    """A series of vectors at the geometry nodes of this rank (nodes, 3) for each time, s."""
+    space = lagrange(mesh, coordinate_map(mesh).degree, 3)
+    function = fem.Function(space)
+    function.name = name
+    nodes = geometry_nodes(mesh)
+    dofs = np.array([space.dofmap.cell_dofs(cell) for cell in range(len(nodes))], dtype=int)
+    values = function.x.array.reshape(-1, 3)
+    with dolfinx.io.VTXWriter(mesh.comm, path, [function], engine="BP4") as writer:
+        for time, field in zip(times, fields, strict=True):
+            values[dofs.reshape(nodes.shape)] = field[nodes]
+            writer.write(time)

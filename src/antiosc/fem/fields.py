@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from antiosc._types import Array, IntArray
-from antiosc.checks import array, instance
-from antiosc.errors import InputError
+from antiosc.checks import array, instance, path as checked_path
+from antiosc.errors import InputError, MissingDependencyError
 from antiosc.fem import node_fields
 from antiosc.fem.mpi import collective, on_root
 from antiosc.fem.series import listing, write_frames
@@ -46,7 +46,9 @@ def write_series(
     *,
     body: str = "structure",
 ) -> Path:
-    """Write the displacement field as a series that ParaView opens (`.pvd` with `.vtu` files).
+    """Write the displacement field as a series that ParaView opens.
+
+    It is a `.pvd` with `.vtu` files, or one `.bp` folder (VTX) where dolfinx has ADIOS2.
 
     Parameters
     ----------
@@ -55,7 +57,8 @@ def write_series(
     history : History or SceneHistory
     path : str or Path
         The `.pvd` file (the ending is added where it is missing); the frames go beside it as
-        `<name>_0000.vtu` and on.
+        `<name>_0000.vtu` and on. With the ending `.bp` that folder, of a structure of one mesh;
+        each rank writes its own part there.
     times : array_like (n,), optional
         Times in s; default: 40 evenly over the history.
     body : str
@@ -67,11 +70,15 @@ def write_series(
     Path
         Of the `.pvd`, written last: until then it is absent, or lists no frame.
     """
-    target = listing(path)
+    one_folder = checked_path("path", path).suffix.lower() == ".bp"
+    target = checked_path("path", path) if one_folder else listing(path)
     own = shapes_of(structure, history, body)
     if times is None:
         times = np.linspace(history.time[0], history.time[-1], 40)
     at = array("times", times, (None,))
+    if one_folder:
+        _write_vtx(target, structure, own, at, amplitudes(history, at, body))
+        return target
     points, cells, shapes = source(structure).at_nodes(structure, own)
     factors = amplitudes(history, at, body)
 
@@ -81,6 +88,16 @@ def write_series(
 
     on_root(structure.comm, write)
     return target
+
+
+def _write_vtx(
+    target: Path, structure: Structure, shapes: Array, times: Array, factors: Array
+) -> None:
+    try:
+        from antiosc.fem import vtx
+    except ImportError:
+        raise MissingDependencyError("a .bp series needs dolfinx: write a .pvd.") from None
+    vtx.write(target, structure, shapes, times, factors)
 
 
 @collective(history=counted)

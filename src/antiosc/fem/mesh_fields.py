@@ -24,7 +24,7 @@ from antiosc.fem.recovery import at_nodes as nodal
 from antiosc.fem.recovery.place import Place
 from antiosc.fem.recovery.quantities import evaluator
 from antiosc.fem.recovery.shape_slopes import PointsInCells
-from antiosc.fem.structure.meshed import alone
+from antiosc.fem.structure.meshed import MeshedStructure, alone
 from antiosc.fem.structure.structure import Structure, on_mesh
 from antiosc.names import known
 
@@ -249,10 +249,15 @@ def _at_nodes(mesh: Mesh, form: WeakForm, shapes: Array) -> Array:
     return result
 
 
+def displacements_of_rank(part: MeshedStructure, shapes: Array) -> Array:
+    """Shapes (nodes, 3, columns) at the geometry nodes of this rank, ghosts included."""
+    return _at_nodes(part.mesh, part.form, compat.with_ghosts(part.form.space, shapes))
+
+
 def _gathered(member: Member, shapes: Array) -> tuple[Array, IntArray, Array]:
     """Points, cells (VTK's node order) and shapes of all ranks on rank 0."""
-    mesh, form = member.part.mesh, member.part.form
-    shapes = _at_nodes(mesh, form, compat.with_ghosts(form.space, shapes))
+    mesh = member.part.mesh
+    shapes = displacements_of_rank(member.part, shapes)
     R = member.at.rotation
     if (np.eye(3) != R).any():
         shapes = np.einsum("cd,ndk->nck", R, shapes)
