@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from contextlib import nullcontext
 from types import SimpleNamespace
 
@@ -15,6 +16,7 @@ from antiosc.simulation.integrators import FIXED_STEP, Problem
 from antiosc.simulation.integrators.growth import growth
 from antiosc.simulation.integrators.onestep import Node
 from antiosc.simulation.stability import clear_step, growth_rate, margin
+from scenes import HERTZ, case_two
 
 # a heavy mass on a soft structure whose light residual mass has its mode far above the others
 MODEL = ao.AntiOscillators(m0=2e-4, k0=7e6, m=[0.18, 0.01, 0.001], omega=[1.5e4, 6e4, 2.5e5])
@@ -295,3 +297,41 @@ def test_growth_is_that_of_the_modes_that_the_contact_moves():
     assert not grown(zero, v)
     assert grown(zero, v * [1.2, 1.0])
     assert not growth(zero, zero, zero, v, 1.2)(zero, v * [1.2, 1.0])
+
+
+def resting(p: int, stiffness: float) -> ao.Scene:
+    """1 kg that rests on p springs side by side, struck lightly."""
+    walls = {f"w{i}": ao.Obstacle() for i in range(p)}
+    contacts = [ao.Contact(wall, "m", ao.Linear(stiffness / p)) for wall in walls]
+    bodies = {"m": ao.RigidMass(1.0, 1e-4), **walls}
+    return ao.Scene(bodies, contacts, gravity=100.0, preload=True)
+
+
+@pytest.mark.parametrize("p", [1, 2, 4])
+def test_contacts_that_excite_the_modes_together_are_told(p: int) -> None:
+    """k h^2/m = 10.6 lies in the window from 9.6 to 12; each of two springs alone is stable.
+
+    The step in the message has 9.6 beyond the margin of 1.2 on the stiffness.
+    """
+    h, stiffness = 1e-3, 10.6e6
+    for stable in (9.4e6, 13e6):
+        assert resting(p, stable).run(0.2, step=h).status == 0
+    with pytest.warns(ao.AccuracyWarning, match="unstable step"):
+        hit = resting(p, stiffness).run(0.2, step=h)
+    assert hit.status == 2
+    found = re.search(r"use step=([0-9.e-]+) or no step", hit.message)
+    assert found is not None
+    clear = float(found[1])
+    assert 0.9 * 9.6 < 1.2 * stiffness * clear**2 < 9.6
+    assert resting(p, stiffness).run(0.2, step=clear).status == 0
+
+
+def test_a_scene_of_one_contact_with_a_step_is_the_impact_with_this_step() -> None:
+    model, mass = case_two(9)
+    law, step = ao.Hertz(HERTZ), 4e-6
+    hit = ao.simulate(model, mass, law, 1e-3, step=step)
+    scene = ao.Scene({"beam": model, "mass": mass}, [ao.Contact("beam", "mass", law)])
+    same = scene.run(1e-3, step=step)
+    assert same.error == {}
+    assert same["beam", "mass"].peak_force == pytest.approx(hit.peak_force, rel=1e-9)
+    assert same["beam", "mass"].impulse == pytest.approx(hit.impulse, rel=1e-9)

@@ -281,10 +281,10 @@ def run(
     space.begin(start)
     clock, count, x, row = space.state[:4]
     clock[march.DURATION], clock[march.SHARE], clock[march.LONGEST] = duration, share, longest
-    clock[march.FINE], clock[march.CAP] = fine, duration / 16
+    roof = np.inf if step is None else step
+    clock[march.FINE], clock[march.CAP], clock[march.ROOF] = fine, min(duration / 16, roof), roof
     clock[march.FORCE_SCALE] = max(clock[march.FORCE_SCALE], scale)
     clock[march.KNOWN] = float(scale > 0)
-    clock[march.ROOF] = np.inf if step is None else step
     count[march.MOST_TOUCHES], count[march.MOST_STEPS] = max_contacts, max_steps
     count[march.KEEP] = keep
     given = start.modes, start.acting, start.contacts

@@ -11,15 +11,12 @@ from antiosc._types import Array, Index
 from antiosc.simulation import march
 from antiosc.simulation.compilation import fitting_march
 from antiosc.simulation.convergence import converge, stopped
-from antiosc.simulation.engine import Run, System, run
+from antiosc.simulation.engine import Run, System
 from antiosc.simulation.expected import stiffness_of
+from antiosc.simulation.given_step import stepped
 from antiosc.simulation.integrators import Contact, Problem, Segment, Trajectory, flight
 from antiosc.simulation.laws import forget, packed
 from antiosc.simulation.scene_states import node_states
-from antiosc.simulation.stability import clear_step, margin
-
-#: the share of a run with a given step: what it does not resolve is integrated with halvings of it
-LOOSE = 0.05
 
 #: Change of a velocity, relative to it, below which it is rounding in part.
 ROUNDED = 1e-6
@@ -42,45 +39,27 @@ def exact(
     error: dict[str, float] = {}
     try:
         if step is not None:
-            found = run(
+            found, failure = stepped(
                 system,
+                lambda: np.array([stiffness_of(problem)]),
                 duration,
-                LOOSE,
-                step=step,
-                fine=step / 4,
-                max_contacts=max_contacts,
-                max_steps=max_steps,
+                step,
+                max_contacts,
+                max_steps,
             )
         else:
             best = converge(system, (problem.law,), scale, duration, tol, max_contacts, max_steps)
             found, error = best.run, {"force": best.force, "peak": best.peak}
+            failure = stopped(found.answer, float(found.time[-1]), max_contacts, max_steps)
     finally:
         forget(int(system.kinds[0]), system.params[0])
     result = trajectory(problem, system, found, duration)
-    t = float(found.time[-1])
-    result.failure = stopped(found.answer, t, max_contacts, max_steps)
-    if step is not None and (result.diverged or (found.refused and not result.failure)):
-        _tell_unstable(problem, result, step, t)
+    result.failure = failure
     if step is None:
         pressed = sum(contact.end - contact.start for contact in result.contacts)
         steps = sum(contact.time.size // 2 for contact in result.contacts)
         step = pressed / steps if steps else scale
     return result, step, error
-
-
-def _tell_unstable(problem: Problem, result: Trajectory, step: float, t: float) -> None:
-    """The failure of a run whose given step lies in a window of instability."""
-    modes = problem.omega, problem.beta[None], np.array([[problem.r]])
-    stiffness = np.array([stiffness_of(problem)])
-    if not result.diverged and margin(*modes, stiffness, step) == np.inf:
-        return  # the halvings resolve it
-    clear = clear_step(*modes, stiffness, step)
-    remedy = f"step={clear:.6g}" if clear < step else "a smaller step"
-    result.failure = (
-        f"exact gained energy by {t:g} s: at a step of {step:g} s the contact excites the modes"
-        f" (unstable step); use {remedy} or no step, so that it is chosen automatically"
-    )
-    result.diverged = True
 
 
 def of_problem(problem: Problem) -> System:

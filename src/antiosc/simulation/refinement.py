@@ -11,6 +11,8 @@ from antiosc.simulation.assembly import Assembly, assemble
 from antiosc.simulation.convergence import Converged, converge, stopped
 from antiosc.simulation.engine import Run
 from antiosc.simulation.equilibrium import closed, settle
+from antiosc.simulation.expected import stiffness_at
+from antiosc.simulation.given_step import stepped
 from antiosc.simulation.laws import forget
 from antiosc.simulation.scene_energy import GAIN, gained
 from antiosc.simulation.scene_history import SceneHistory
@@ -40,18 +42,9 @@ def integrate(
     start(assembly)
     try:
         if method == "exact":
-            if step is not None:
-                raise InputError("method='exact' finds its own steps; give tol instead of step.")
-            found = converge(
-                assembly.system,
-                assembly.laws,
-                assembly.lasting,
-                duration,
-                tol,
-                max_contacts,
-                max_steps,
-            )
+            found, failure = exactly(assembly, duration, tol, step, max_contacts, max_steps)
         else:
+            failure = ""
             from antiosc.simulation.comparison import compared  # which is seldom needed
 
             found = compared(assembly, duration, method, tol, step, max_contacts, max_steps)
@@ -59,7 +52,7 @@ def integrate(
         for kind, parameters in zip(assembly.system.kinds, assembly.system.params, strict=True):
             forget(int(kind), parameters)
     error = {} if step is not None else {"force": found.force, "peak": found.peak}
-    status, message = verdict(found, tol, max_contacts, max_steps)
+    status, message = verdict(found, tol, max_contacts, max_steps, failure)
     if status == 0:
         gain = gained(assembly, found.run)
         if gain > GAIN:
@@ -113,10 +106,44 @@ def start(assembly: Assembly) -> None:
         system.given += 0.5 * float(system.pressed @ system.R[:p, :p] @ system.pressed)
 
 
-def verdict(found: Converged, tol: float, max_contacts: int, max_steps: int) -> tuple[int, str]:
-    """Status and message of a run: 0 completed, 1 tolerance not met, 2 stopped before the end."""
+def exactly(
+    assembly: Assembly,
+    duration: float,
+    tol: float,
+    step: float | None,
+    max_contacts: int,
+    max_steps: int,
+) -> tuple[Converged, str]:
+    """The run by the exact method, and why a given step [s] failed."""
+    system, laws = assembly.system, assembly.laws
+    if step is None:
+        lasting = assembly.lasting
+        return converge(system, laws, lasting, duration, tol, max_contacts, max_steps), ""
+    step = checks.positive("step", step, "s")
+    if step > duration:
+        raise InputError(f"step must be <= the duration {duration:g} s; got {step:g} s.")
+
+    def stiffness() -> Array:
+        return np.array(
+            [
+                stiffness_at(law, float(depth), law.touch(float(speed)))
+                for law, depth, speed in zip(laws, system.depth, system.speed, strict=True)
+            ]
+        )
+
+    found, failure = stepped(system, stiffness, duration, step, max_contacts, max_steps)
+    return Converged(found, step, 0.0, 0.0, duration), failure
+
+
+def verdict(
+    found: Converged, tol: float, max_contacts: int, max_steps: int, failure: str = ""
+) -> tuple[int, str]:
+    """Status and message of a run: 0 completed, 1 tolerance not met, 2 stopped before the end.
+
+    `failure`: why it stopped, if that is known.
+    """
     answer, t = found.run.answer, float(found.run.time[-1])
-    failure = stopped(answer, t, max_contacts, max_steps)
+    failure = failure or stopped(answer, t, max_contacts, max_steps)
     if failure:
         return 2, failure[0].upper() + failure[1:] + "."
     worst = found.worst
