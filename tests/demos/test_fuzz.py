@@ -109,7 +109,7 @@ def test_stability_demo_small(tmp_path):
 def test_work_precision_parts(tmp_path):
     work = demo("work_precision")
     model, _ = case_two(4)
-    run = work.default_run(model, 4, repeats=1)
+    run = work.default_run(model, 4, 0.01, repeats=1)
     assert run["error"] < 1e-3
     batch = work.batch_rate(model, scenes=24, repeats=1)
     assert batch["largest difference"] < 1e-9
