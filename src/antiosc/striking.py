@@ -2,7 +2,8 @@
 
 The loop is: mesh, extract, simulate, budget. The answer is that of the corrected model. As long as
 the mesh's share of the budget is too large and can be made smaller, the next mesh has the sizes of
-cells that bring it down with the fewest cells (`antiosc.fem.error.cell_sizes`). The error of a cell
+cells that bring it down with few cells (`antiosc.fem.error.cell_sizes`). From the second mesh on
+the change from one mesh to the next makes its bar smaller where it allows it. The error of a cell
 counts as it does for this impact: by the mean over the contact of the amplitudes of all shapes, so
 that elements go where the contact force asks for them. Anti-oscillators and steps take a small
 share of the tolerance each, so that none of the three is finer than it must be.
@@ -12,8 +13,8 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from math import sqrt
 from pathlib import Path
@@ -29,7 +30,6 @@ from antiosc.fem.elements.solid import Solid
 from antiosc.fem.error import cell_sizes
 from antiosc.fem.error.estimator import estimator
 from antiosc.fem.error.remeshing import Source, source_of
-from antiosc.fem.extraction.extract import extract
 from antiosc.fem.linalg.memory import MEMORY_SHARE, free_memory
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.mpi import collective, on_root
@@ -43,14 +43,17 @@ from antiosc.simulation.error_bars import ErrorBudget
 from antiosc.simulation.error_budget import amplitudes
 from antiosc.simulation.history import History
 from antiosc.simulation.simulate import simulate
-from antiosc.simulation.truncation import choose_n
+from antiosc.strike_answers import (
+    FIRST_N,
+    MOST_N,
+    TRUNCATION_SHARE,
+    Answer,
+    answered,
+    compared,
+    next_n,
+    record,
+)
 
-#: Shares of the tolerance for the truncation and for the time steps.
-TRUNCATION_SHARE, TIME_SHARE = 0.2, 0.05
-#: Least truncation error that a number of anti-oscillators is chosen for.
-LEAST_TRUNCATION = 1e-7
-#: Bounds of the tolerance of the time integration.
-FINEST_TIME, COARSEST_TIME = 1e-6, 1e-3
 #: Part of the tolerance that the whole budget aims at, since estimates of the next mesh miss.
 AIM = 0.8
 #: Least share of the tolerance that must be left for the mesh, and the largest part of its present
@@ -58,8 +61,6 @@ AIM = 0.8
 LEAST_ROOM, LEAST_STEP = 0.05, 0.8
 #: Each further mesh aims lower by this factor: what missed before may miss again.
 EAGER = 0.6
-#: First and largest number of anti-oscillators.
-FIRST_N, MOST_N = 20, 300
 #: Most meshes, and largest growth of the number of cells from one to the next.
 MOST_MESHES, GROWTH = 12, 8.0
 #: Power of the number of dofs by which seconds grow, by dimension.
@@ -70,21 +71,6 @@ FACTOR_BYTES = 240.0
 NEGLIGIBLE = 1e-8
 
 log = logging.getLogger(__name__)
-
-Run = Callable[[AntiOscillators, float], History]
-
-
-@dataclass(frozen=True)
-class Answer:
-    """One structure's answer: the runs of the raw and of the corrected model, the budget of the
-    corrected one, and what they took."""
-
-    structure: Structure
-    raw: History
-    hit: History
-    budget: ErrorBudget
-    n: int
-    seconds: float
 
 
 @collective()
@@ -154,21 +140,23 @@ def strike(
         )  # fmt: skip
 
     if isinstance(source, Structure):
-        answer = _answer(source, site, run, tol, FIRST_N)
+        answer = answered(source, site, run, tol, FIRST_N)
         told = (
             ""
             if answer.budget.worst <= tol
             else "The structure was used as it is: give its mesh, material and supports, and the "
             "mesh is refined."
         )
-        return _finished(answer, tol, [_record(answer)], told)
+        return _finished(answer, tol, [record(answer)], told)
     place = source_of(source if isinstance(source, Mesh) else checks.path("source", source), order)
     site, mesh = _begin(place, site, impactor, material, order)
+    before: Answer | None = None
     n, records = FIRST_N, []
     while True:
         structure = Structure(mesh, material, supports, order=order)
-        answer = _answer(structure, site, run, tol, n)
-        records.append(_record(answer))
+        answer = compared(answered(structure, site, run, tol, n), before)
+        before = answer
+        records.append(record(answer))
         log.info("strike: %s", records[-1])
         told, ratio = "", np.ones(0)
         if answer.budget.worst > tol:
@@ -180,7 +168,7 @@ def strike(
         if told or answer.budget.worst <= tol:
             structure.drop_factor()
             return _finished(answer, tol, records, told)
-        n = _fewer(answer, run, tol)
+        n = next_n(answer, run, tol)
         mesh = place.finer(mesh, ratio)
 
 
@@ -223,33 +211,6 @@ def _contact_radius(impactor: Any, material: Any, thickness: float) -> float:
         return advise((thickness,) * 3, impactor, E=E, nu=nu, rho=rho).contact_radius
     except InputError:
         return 0.0
-
-
-def _answer(structure: Structure, site: Site, run: Run, tol: float, n: int) -> Answer:
-    """Extract and simulate, with more anti-oscillators where the truncation asks for them."""
-    started = time.perf_counter()
-    accuracy = float(np.clip(TIME_SHARE * tol, FINEST_TIME, COARSEST_TIME))
-    most = min(MOST_N, structure.dofs - 1)
-    n = min(n, most)
-    while True:
-        model = extract(structure, site, n=n, error="estimate")
-        hit = run(model, accuracy)
-        budget = hit.error_budget
-        left = max(bar.truncation for bar in budget.values())
-        mesh = max(bar.mesh for bar in budget.values())
-        if left <= max(TRUNCATION_SHARE * tol, 0.1 * mesh) or n >= most or model.n < n:
-            break
-        missing = choose_n(model, run, max(TRUNCATION_SHARE * tol, LEAST_TRUNCATION)).missing
-        n = min(max(n + missing, n + n // 2), 3 * n, most)
-    soft = run(model.corrected(), accuracy)
-    seconds = time.perf_counter() - started
-    return Answer(structure, hit, soft, budget.of_corrected(soft), n, seconds)
-
-
-def _fewer(answer: Answer, run: Run, tol: float) -> int:
-    """Number of anti-oscillators for the next mesh."""
-    choice = choose_n(answer.raw.model, run, max(TRUNCATION_SHARE * tol, LEAST_TRUNCATION))
-    return int(np.clip(choice.n + choice.missing + 2, 4, MOST_N))
 
 
 def _next(
@@ -309,19 +270,6 @@ def _room(budget: ErrorBudget, tol: float) -> dict[str, float]:
         truncation = min(bar.truncation, TRUNCATION_SHARE * tol)
         room[name] = AIM * (tol - bar.time - bar.patch) - truncation
     return room
-
-
-def _record(answer: Answer) -> dict[str, Any]:
-    """What is kept of one mesh, JSON values."""
-    worst = max(bar.mesh for bar in answer.budget.values())
-    return {
-        "dofs": answer.structure.dofs,
-        "n": answer.n,
-        "seconds": answer.seconds,
-        "mesh": worst,
-        "total": answer.budget.worst,
-        "peak_force": answer.hit.peak_force,
-    }
 
 
 def _finished(answer: Answer, tol: float, records: list[dict[str, Any]], told: str) -> History:

@@ -16,10 +16,10 @@ from mpi4py import MPI
 import antiosc as ao
 from antiosc.fem import compat
 from antiosc.fem.error.bisection import refined
-from antiosc.fem.error.cell_sizes import FINEST, edge_lengths, growth, ratios
+from antiosc.fem.error.cell_sizes import COARSEST, FINEST, POWER, edge_lengths, growth, ratios
 from antiosc.fem.error.remeshing import measures, source_of, wished_sizes
 from mpi import run_ranks
-from parts import box, plate
+from parts import STEEL, box, plate
 
 pytestmark = pytest.mark.fem
 
@@ -73,12 +73,13 @@ def test_a_whole_mesh_need_not_change():
 
 
 @pytest.mark.parametrize(("order", "dim"), [(1, 2), (2, 2), (1, 3), (2, 3)])
-def test_ratios_promise_the_goal_with_equal_errors(order, dim):
+def test_ratios_promise_the_goal_with_fewer_cells(order, dim):
     energies = np.random.default_rng(0).uniform(0.5, 2.0, 500)
     s = ratios(MPI.COMM_SELF, energies, 0.1, order, dim)
     new = energies * s ** (2 * order)
     assert new.sum() == pytest.approx(0.1 * energies.sum(), rel=1e-9)
-    each = new * s**dim  # error of each new cell
+    # equal errors of the new cells, if those fall with this power of the size
+    each = energies * s ** (POWER[dim] + dim)
     np.testing.assert_allclose(each, each[0], rtol=1e-9)
     uniform = 0.1 ** (1 / (2 * order))
     assert growth(MPI.COMM_SELF, s, dim) < uniform**-dim
@@ -87,7 +88,9 @@ def test_ratios_promise_the_goal_with_equal_errors(order, dim):
 def test_ratios_have_bounds():
     s = ratios(MPI.COMM_SELF, np.array([1.0, 1e-30, 0.0]), 1e-9, 1, 2)
     assert s.min() == FINEST
-    assert np.all(np.isfinite(s))
+    assert s.max() == COARSEST
+    few = ratios(MPI.COMM_SELF, np.array([1.0, 2.0]), 100.0, 2, 3)
+    assert np.all(few == COARSEST)
     assert np.all(ratios(MPI.COMM_SELF, np.zeros(3), 0.5, 2, 3) == 1.0)
 
 
@@ -113,6 +116,23 @@ def test_gmsh_follows_a_field_of_sizes(tmp_path):
     assert "left" in fine.groups
     near = np.linalg.norm(centres(fine) - [0.3, 0.1, 0], axis=1) < 0.01
     assert edge_lengths(fine)[near].max() < 0.012
+
+
+def test_a_field_of_sizes_makes_the_cells_that_were_asked(tmp_path):
+    (tmp_path / "sheet.geo").write_text(GEO)
+    source = source_of(tmp_path / "sheet.geo")
+    mesh = source.first(0.02, [((0.3, 0.1), 0.01)])
+    ratio = np.random.default_rng(1).uniform(0.2, 0.8, mesh.n_cells)
+    asked = np.sum(ratio**-2.0)
+    assert 0.75 < source.finer(mesh, ratio).n_cells / asked < 1.3
+
+
+def test_coarse_curved_cells_do_not_cut_cylinders_off():
+    bracket = Path(__file__).parents[3] / "meshes" / "bracket.geo"
+    source = source_of(bracket)
+    mesh = source.first(2 * source.thickness(), [((0.02, 0.04, 0.075), 0.002)])
+    masses = [ao.Structure(m, ao.Solid(**STEEL)).total_mass for m in (mesh, ao.read_mesh(bracket))]
+    assert masses[0] == pytest.approx(masses[1], rel=5e-4)
 
 
 SCRIPT = """

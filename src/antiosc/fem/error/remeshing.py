@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Protocol
@@ -18,7 +19,7 @@ from antiosc.fem.mesh.reading import flattened, read_mesh
 from antiosc.fem.mesh.soundness import sound
 from antiosc.fem.mpi import bounds, on_root
 from antiosc.fem.readers import GEOMETRY, RawMesh, Refinement, SizeField, read
-from antiosc.fem.readers.meshing import REACH, SIZE_GROWTH
+from antiosc.fem.readers.request import GRADING as USUAL
 
 #: About the largest number of cells of the first mesh of a geometry.
 MOST_FIRST = 6000
@@ -26,6 +27,9 @@ MOST_FIRST = 6000
 MOST_DIVISIONS = 6
 #: A size [m] above that of any part: gmsh then takes the coarsest mesh that the geometry allows.
 ANY = 1e6
+#: Growth and reach of the small sizes at the site in the first mesh of a geometry, and in all
+#: further ones, where they only keep the patch resolved.
+FIRST_GRADING, GRADING = (0.5, 1.5), (0.7, 1.5)
 
 
 class Source(Protocol):
@@ -115,17 +119,28 @@ class OfGeometry:
         self._refine = refine
         share = {2: 4 / 3**0.5, 3: 6 * 2**0.5}[coarse.tdim]
         few = (share * measures(coarse)[0] / MOST_FIRST) ** (1 / coarse.tdim)
-        return read_mesh(self._path, size=max(size, few), refine=refine, order=self._order)
+        wished = wished_sizes(coarse, max(size, few) / edge_lengths(coarse))
+        return self._meshed(coarse, wished, FIRST_GRADING)
 
     def finer(self, mesh: Mesh, ratio: Array) -> Mesh:
-        """The geometry meshed anew with a field of sizes."""
+        """The geometry meshed anew, with about Σ 1 / ratio^d cells.
+
+        The patch stays resolved.
+        """
+        asked = mesh.comm.allreduce(float(np.sum(ratio ** -float(mesh.tdim))))
         wished = wished_sizes(mesh, ratio)
+        if wished is not None:
+            sizes = np.array(wished.sizes) * (wished.expected() / asked) ** (1 / mesh.tdim)
+            wished = replace(wished, sizes=sizes.tolist())
+        return self._meshed(mesh, wished, GRADING)
 
+    def _meshed(self, like: Mesh, wished: SizeField | None, grading: Sequence[float]) -> Mesh:
         def work() -> RawMesh:
-            raw = read(self._path, ANY, self._order, self._refine, sizes=wished)
-            return sound(flattened(raw, mesh.gdim, self._path.name), self._path.name, True)
+            near = self._refine
+            raw = read(self._path, ANY, self._order, near, sizes=wished, grading=grading)
+            return sound(flattened(raw, like.gdim, self._path.name), self._path.name, True)
 
-        return distributed(on_root(mesh.comm, work), self._path.name, mesh.comm)
+        return distributed(on_root(like.comm, work), self._path.name, like.comm)
 
 
 def graded_sizes(mesh: Mesh, refine: Sequence[Refinement]) -> Array:
@@ -135,7 +150,7 @@ def graded_sizes(mesh: Mesh, refine: Sequence[Refinement]) -> Array:
     sizes = np.full(len(centres), np.inf)
     for point, local in refine:
         distance = np.linalg.norm(centres - np.resize([*point, 0.0], 3), axis=1)
-        grown = local + SIZE_GROWTH * np.maximum(distance - REACH * local, 0.0)
+        grown = local + USUAL[0] * np.maximum(distance - USUAL[1] * local, 0.0)
         sizes = np.minimum(sizes, grown)
     return sizes
 

@@ -17,7 +17,7 @@ from antiosc.fem.readers.cad import CAD, STATES_UNIT
 from antiosc.fem.readers.isolation import read_apart
 from antiosc.fem.readers.merging import merged
 from antiosc.fem.readers.neutral import KINDS, FileMesh, RawMesh, kind_of, of_dimension
-from antiosc.fem.readers.request import ModelOptions, Refinement
+from antiosc.fem.readers.request import GRADING, ModelOptions, Refinement
 from antiosc.fem.readers.selection import Wanted, selected
 from antiosc.fem.readers.size_field import SizeField
 from antiosc.fem.readers.table import DECKS, is_deck
@@ -50,12 +50,14 @@ def read(
     solid: bool = False,
     fragments: bool = False,
     sizes: SizeField | None = None,
+    grading: Sequence[float] = GRADING,
 ) -> RawMesh:
     """Read or mesh the file `path`; see `antiosc.read_mesh`.
 
-    `sizes`: element sizes all over a geometry.
+    `sizes`: element sizes all over a geometry; `grading`: of those around the points of `refine`.
     """
-    cad: dict[str, Any] = {"solid": solid, "fragments": fragments, "sizes": sizes}
+    cad: dict[str, Any] = {"solid": solid, "fragments": fragments}
+    cad |= {"sizes": sizes, "grading": grading}
     content = _content(path, size, order, refine, trust, timeout, unit, merge, None, **cad)
     return selected(content, cells, order, path.name)
 
@@ -111,6 +113,7 @@ def _content(
     solid: bool = False,
     fragments: bool = False,
     sizes: SizeField | None = None,
+    grading: Sequence[float] = GRADING,
 ) -> FileMesh:
     """All that the file holds; `model`: materials, sections, supports and joints of a deck too."""
     suffix = path.suffix.lower()
@@ -151,6 +154,7 @@ def _content(
         "fragments": fragments,
         "trust": trust,
         "sizes": None if sizes is None else vars(sizes),
+        "grading": list(grading),
     }
     timeout = None if timeout is None else float(timeout)  # for JSON, as the size
     content = read_apart(path, geometry=geometry, options=options, timeout=timeout)

@@ -14,10 +14,6 @@ from antiosc.errors import MeshError
 from antiosc.fem.readers.request import Request
 from antiosc.fem.readers.size_field import SizeField
 
-#: Sizes grow away from a refined point by this much per unit of distance.
-SIZE_GROWTH = 0.35
-#: The refined size reaches this many sizes around the point before it grows.
-REACH = 2.0
 #: Size requested from gmsh over the wanted one: its edges come out up to 1.9 times longer.
 SHORTER = 0.5
 #: More cells than this are refused: gmsh would need some 20 GB.
@@ -44,7 +40,7 @@ def generate(gmsh: Any, ask: Request, scale: float) -> None:
         expected = max(expected_cells(gmsh, ask, d, ask.size, scale) for d in range(1, dim + 1))
         gmsh.option.setNumber("Mesh.MeshSizeMax", ask.size)
         ask.allow(30 + 2e-3 * max(expected, 1e4))
-    fields = [_graded_field(gmsh, point, local, ask.size) for point, local in ask.refine]
+    fields = [_graded_field(gmsh, point, local, ask) for point, local in ask.refine]
     if ask.sizes is not None:
         wished = SizeField(**ask.sizes)
         ask.allow(60 + 2e-3 * max(wished.expected(), 1e4))
@@ -108,11 +104,11 @@ def _extent(gmsh: Any) -> float:
 
 def _refined(ask: Request, dim: int) -> float:
     """Estimated number of additional cells at refined points: the integral of their size field."""
-    far = ask.size or 1.0
+    far, (growth, reach) = ask.size or 1.0, ask.grading
     count = 0.0
     for _, local in ask.refine:
-        ball = CELLS_PER_SIZE[dim] * (2 * REACH / SHORTER) ** dim
-        count += ball * (1 + log(1 + max(far / local, 0.0)) / SIZE_GROWTH)
+        ball = CELLS_PER_SIZE[dim] * (2 * reach / SHORTER) ** dim
+        count += ball * (1 + log(1 + max(far / local, 0.0)) / growth)
     return count
 
 
@@ -166,13 +162,14 @@ def _corners(gmsh: Any, dim: int, tag: int) -> Array:
     return x[np.searchsorted(tags[order], nodes)].reshape(-1, width, 3)
 
 
-def _graded_field(gmsh: Any, point: Sequence[float], local: float, size: float | None) -> int:
-    """A size field: edges of at most `local` around the point, growing to `size` away from it."""
+def _graded_field(gmsh: Any, point: Sequence[float], local: float, ask: Request) -> int:
+    """A size field: edges of at most `local` around the point, growing to the size away from it."""
     x, y, z = (float(c) for c in (*point, 0.0)[:3])
-    far = 1e22 if size is None else float(size)
+    far = 1e22 if ask.size is None else float(ask.size)
+    growth, reach = (float(each) for each in ask.grading)
     local = float(local)
     tag = gmsh.model.mesh.field.add("MathEval")
     distance = f"Sqrt((x-({x!r}))^2+(y-({y!r}))^2+(z-({z!r}))^2)"
-    grown = f"{SHORTER * local!r}+{SIZE_GROWTH!r}*Max(0,{distance}-{REACH * local!r})"
+    grown = f"{SHORTER * local!r}+{growth!r}*Max(0,{distance}-{reach * local!r})"
     gmsh.model.mesh.field.setString(tag, "F", f"Min({far!r},{grown})")
     return int(tag)

@@ -11,6 +11,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 Refinement = tuple[Sequence[float], float]
+#: Growth of the sizes per unit of distance from a refined point, and how many of the smallest size
+#: are between the point and where it begins.
+GRADING = (0.35, 2.0)
 #: "density": of materials without one, kg/m³; "parts": names of parts, None: all
 ModelOptions = dict[str, Any]
 
@@ -29,6 +32,8 @@ class Request:
     order: int | None = None
     #: points with their element sizes, m; geometry only
     refine: Sequence[Refinement] = ()
+    #: of the sizes around these points
+    grading: Sequence[float] = GRADING
     #: element sizes all over the geometry, as arguments of a `SizeField`; geometry only
     sizes: dict[str, Any] | None = None
     #: fill a closed surface
