@@ -209,3 +209,19 @@ def moments(mesh: ao.Mesh) -> np.ndarray:
         weights.value[:] = row
         result.append(domain.comm.allreduce(dolfinx.fem.assemble_scalar(form)))
     return np.array([m for e, m in zip(EXPONENTS, result, strict=True) if not any(e[mesh.gdim :])])
+
+
+#: A unit square for gmsh: groups "sheet", "foot" and 17.
+SHEET_SCRIPT = """\
+Point(1) = {0, 0, 0, 0.25}; Point(2) = {1, 0, 0, 0.25};
+Point(3) = {1, 1, 0, 0.25}; Point(4) = {0, 1, 0, 0.25};
+Line(1) = {1, 2}; Line(2) = {2, 3}; Line(3) = {3, 4}; Line(4) = {4, 1};
+Curve Loop(1) = {1, 2, 3, 4}; Plane Surface(1) = {1};
+Physical Surface("sheet") = {1}; Physical Curve("foot") = {1}; Physical Curve(17) = {3};
+"""
+
+
+def group_points(mesh: ao.Mesh, name: str, dim: int) -> np.ndarray:
+    """Vertices (n, 3) of the entities of a group."""
+    entities = mesh.group(name)[dim]
+    return mesh.dolfinx.geometry.x[compat.entity_vertices(mesh.dolfinx, dim)[entities]]

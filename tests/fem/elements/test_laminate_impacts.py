@@ -1,0 +1,256 @@
+"""Laminates against beams and solids, struck, and bad input."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+pytest.importorskip("dolfinx")
+
+import dolfinx
+
+import antiosc as ao
+from antiosc.closed_form.plates import SupportedPlate
+from antiosc.errors import InputError
+from antiosc.fem import compat
+from antiosc.fem.elements.plate_section import stacked
+from antiosc.fem.linalg.algebra import multiply
+from antiosc.fem.linalg.petsc_algebra import csr
+from antiosc.fem.mesh.mesh import Mesh
+from laminates import navier
+from mpi import run_ranks
+from paths import TESTS, demo
+from sheets import (
+    CELLS,
+    PLY,
+    RHO,
+    E,
+    at,
+    dof,
+    frequencies,
+    interpolated,
+    loaded,
+    rectangle,
+    sheet,
+    stack,
+    unsymmetric,
+)
+
+pytestmark = pytest.mark.fem
+
+
+def two_layers(ratio=5.0):
+    """Soft below, stiff and heavy above; no contraction."""
+    return [
+        ao.Layer.isotropic(E, 0.0, RHO, 0.01),
+        ao.Layer.isotropic(ratio * E, 0.0, 2 * RHO, 0.01),
+    ]
+
+
+@pytest.mark.parametrize("cell", CELLS)
+def test_a_cantilever_strip_bends_and_stretches_as_a_beam(cell):
+    """Pushed up at the tip: w = F L³/3D* + F L/S, and the middle stretches, u = (B/A) F L²/2D*."""
+    close = {"triangle": 2e-5, "quadrilateral": 2e-4}[cell]
+    length, width = 1.0, 0.02  # narrow: what the corners' forces do beside them fades as width²
+    mesh = rectangle((10, 1), length, width, cell)
+    section = stacked(two_layers())
+    part = ao.Structure(mesh, ao.Laminate(two_layers()), [ao.Support(at(0, 0.0))])
+    y = loaded(part, {dof(part, (length, v, 0), "z"): 0.5 for v in (0, width)})
+    A, B, D = section.A[0, 0], section.B[0, 0], section.D[0, 0]
+    D -= B**2 / A
+    tip = length**3 / (3 * D * width) + length / (section.S[0, 0] * width)
+    assert y[dof(part, (length, 0, 0), "z")] == pytest.approx(tip, rel=close)
+    stretch = B / A * length**2 / (2 * D * width)
+    assert y[dof(part, (length, 0, 0), "x")] == pytest.approx(stretch, rel=close)
+
+
+def sandwich():
+    """Faces on a core a hundred times softer; with 5/6 its shear would be 20 times too stiff."""
+    face = ao.Layer.isotropic(E, 0.0, RHO, 2.5e-3)
+    return [face, ao.Layer.isotropic(E / 100, 0.0, 60.0, 15e-3), face]
+
+
+@pytest.mark.parametrize(("layers", "through", "count"), [(two_layers, 4, 4), (sandwich, 8, 2)])
+def test_a_layered_cantilever_as_shell_and_solid(layers, through, count):
+    """Frequencies up and down, sideways, in twist; where thick faces bend alone, the lowest two."""
+    length, width, h = 0.4, 0.04, 0.02
+    held = [ao.Support(at(0, 0.0))]
+    box = dolfinx.mesh.create_box(
+        MPI.COMM_WORLD,
+        [np.array([0, 0, -h / 2]), np.array([length, width, h / 2])],
+        [12, 1, through],
+        dolfinx.mesh.CellType.hexahedron,
+    )
+    middle = box.geometry.x[compat.geometry_nodes(box)].mean(axis=1)[:, 2]
+    number = np.searchsorted(np.cumsum([layer.thickness for layer in layers()]) - h / 2, middle)
+    groups, materials = {}, {}
+    for k, layer in enumerate(layers()):
+        groups[f"layer {k}"] = {3: np.flatnonzero(number == k).astype(np.int32)}
+        materials[f"layer {k}"] = ao.Solid(layer.E1, layer.nu12, layer.rho)
+    solid = ao.Structure(Mesh(box, groups, "the box"), materials, held)
+    shell = ao.Structure(rectangle((12, 1), length, width), ao.Laminate(layers()), held)
+    assert shell.mass == pytest.approx(solid.mass, rel=1e-12)
+    found, exact = frequencies(shell, count), frequencies(solid, count)
+    assert found == pytest.approx(exact, rel=1e-2)
+    assert found[:2] == pytest.approx(exact[:2], rel=2.5e-3)
+
+
+@pytest.mark.parametrize("cell", CELLS)
+def test_a_free_unsymmetric_laminate_is_struck(cell):
+    """Exact rigid motions, the mass ρtA, and what momentum the sphere loses the sheet has."""
+    layers = unsymmetric(4e-3)
+    slope = np.array([1.0, 0.0, 0.5]) / np.sqrt(1.25)
+    mesh = sheet(4, lambda s, t: (0.3 * slope[0] * s, 0.2 * t, 0.3 * slope[2] * s), cell)
+    part = ao.Structure(mesh, ao.Laminate(layers))
+    mass = 0.06 * sum(p.rho * p.thickness for p in layers)
+    assert part.mass == pytest.approx(mass, rel=1e-12)
+    R = part.rigid_modes
+    assert R.shape[1] == 6
+    K = csr(part.K)
+    assert np.abs(K @ R).max() < 1e-12 * abs(K).max() * np.abs(R).max()
+    # the momentum of a uniform motion counts what the middle's rotations carry
+    for axis in range(3):
+        e = np.eye(3)[axis]
+        push = interpolated(part, lambda x, axis=axis: {"xyz"[axis]: 1.0})
+        inertia = multiply(part.M, push)
+        assert part.uniform_inertia(e) == pytest.approx(inertia, rel=1e-9, abs=1e-12 * mass)
+        assert push @ inertia == pytest.approx(mass, rel=1e-12)
+    # a turn about y through the middle: the centroids lie off it, I1/I0 up
+    x = np.array([0.15 * slope[0], 0.1, 0.15 * slope[2]])
+
+    def turn(points):
+        d = points - x
+        return {"x": d[:, 2], "z": -d[:, 0], "ry": 1.0}
+
+    section = stacked(layers)
+    normal = np.cross(slope, [0, 1, 0])
+    moving = interpolated(part, turn)
+    shift = np.array([part.uniform_inertia(e) @ moving for e in np.eye(3)])
+    assert shift == pytest.approx(
+        0.06 * section.I1 * np.cross([0, 1, 0], normal), rel=1e-9, abs=1e-12
+    )
+    if cell == "quadrilateral":
+        return
+    sphere = ao.Sphere(0.01, 210e9, 0.3, 7850.0, velocity=1.0)
+    model = ao.extract(part, ao.Site((0.1 * slope[0], 0.1, 0.1 * slope[2]), tuple(-normal)), n=12)
+    hit = ao.simulate(model, sphere, sphere.hertz(PLY.E2, 0.3), duration=5e-4)
+    lost = sphere.mass * (sphere.velocity - hit.impactor_velocity[-1])
+    assert hit.impulse == pytest.approx(lost, rel=1e-6)
+    assert 0.2 < hit.restitution < 1
+    assert model.k0 == 0
+    # φ_CR = m_CR R Rᵀb, and e is rigid too: φ_CRᵀMe = m_CR bᵀe
+    assert model.participation.sum() == pytest.approx(model.m_st, rel=1e-9)
+
+
+SCRIPT = """
+import json, sys
+sys.path.insert(0, sys.argv[1])
+import numpy as np
+import antiosc as ao
+from sheets import flipped, sheet, unsymmetric
+
+mesh = sheet((8, 3), lambda s, t: (
+    np.minimum(2 * s, 1.0), 0.4 * t + 0.1 * s**2, np.maximum(2 * s - 1, 0.0)**2), "triangle")
+part = ao.Structure(mesh, ao.Laminate(unsymmetric(0.01), axis=lambda x: 1 + 0 * x),
+    [ao.Support(lambda x: np.isclose(x[0], 0))])
+site = ao.Site((0.52, 0.21, 0), (0, 0.3, 1), radius=0.06, snap=True)
+model = ao.extract(part, site, n=4)
+print(json.dumps([part.dofs, part.mass, model.k0, model.m_st, *model.omega, *model.m]))
+x, cells = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0.]]), np.array([[0, 1, 2], [1, 2, 3]])
+from mpi4py import MPI
+from antiosc.fem import compat
+few = slice(0 if MPI.COMM_WORLD.rank else 2)
+bad = ao.read_mesh(compat.create_mesh(MPI.COMM_WORLD, cells[few], x if not few.stop == 0 else x[:0],
+    "triangle", 1))
+try:
+    ao.Structure(bad, ao.Laminate(unsymmetric(0.01)))
+except ao.InputError as error:
+    print(json.dumps(str(error)))
+"""
+
+
+@pytest.mark.mpi
+def test_two_ranks_find_what_one_finds():
+    here = str(TESTS)
+    one = [json.loads(line) for line in run_ranks(1, SCRIPT, here)[0].splitlines()[-2:]]
+    for text in run_ranks(2, SCRIPT, here):
+        numbers, message = (json.loads(line) for line in text.splitlines()[-2:])
+        assert numbers == pytest.approx(one[0], rel=1e-6)
+        assert "opposite normals at 1 edges" in message == one[1]
+
+
+@pytest.mark.slow
+def test_the_demo(tmp_path):
+    """Panels of one mass; the plain one as Mindlin's series has it, the sandwich far stiffer."""
+    numbers = demo("composite_panel").main(elements=10, n=16, duration=3e-3, out=tmp_path)
+    for row in numbers.values():
+        assert row["mass"] == pytest.approx(numbers["aluminium"]["mass"], rel=1e-12)
+        assert row["impulse"] == pytest.approx(row["momentum"], rel=1e-6)
+    t = numbers["aluminium"]["thickness"]
+    plate = SupportedPlate(70e9, 0.33, 2700.0, t, 0.4, 0.3)
+    exact = plate.mindlin_compliance(0.2, 0.15, radius=t)
+    assert numbers["aluminium"]["k0"] == pytest.approx(1 / exact, rel=1e-2)
+    assert numbers["sandwich"]["k0"] > 20 * numbers["carbon"]["k0"]
+    assert numbers["carbon"]["k0"] > 2 * numbers["aluminium"]["k0"]
+    assert (tmp_path / "composite_panel.png").stat().st_size > 0
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"E1": -1.0}, "E1 must be > 0"),
+        ({"E2": 0.0}, "E2 must be > 0"),
+        ({"G12": -1e9}, "G12 must be > 0"),
+        ({"G13": float("nan")}, "G13 must be finite"),
+        ({"G23": 0.0}, "G23 must be > 0"),
+        ({"rho": 0.0}, "rho must be > 0"),
+        ({"thickness": -1e-3}, "thickness must be > 0"),
+        ({"angle": "ninety"}, "angle must be a number"),
+        ({"nu12": 6.4}, r"nu12² must be < E1/E2 = 40, .* got nu12 = 6.4 \(is it nu21\?\)"),
+    ],
+)
+def test_a_layer_needs_a_material(wrong, message):
+    with pytest.raises(InputError, match=message):
+        replace(PLY, **wrong)
+
+
+def test_isotropic_layers_are_checked_as_shells():
+    with pytest.raises(InputError, match="nu must lie in"):
+        ao.Layer.isotropic(E, 0.5, RHO, 1e-3)
+    with pytest.raises(InputError, match="E must be > 0"):
+        ao.Layer.isotropic(-E, 0.3, RHO, 1e-3)
+
+
+@pytest.mark.parametrize("layers", [[], [1.0, 2.0], "0/90", None])
+def test_a_laminate_needs_layers(layers):
+    with pytest.raises(InputError, match="layers lists the Layer objects of the stack"):
+        ao.Laminate(layers)
+
+
+def test_directions_that_do_not_say_where():
+    mesh = rectangle(2, 1.0, 1.0)
+    layers = stack([0, 90], 0.01)
+    for axis, message in (
+        ((0, 0, 0), "the length of axis must be > 0"),
+        ((1, 0), r"axis must have shape \(3\)"),
+    ):
+        with pytest.raises(InputError, match=message):
+            ao.Laminate(layers, axis=axis)
+    for laminate, message in (
+        ({"axis": (0.01, 0, 1)}, r"the axis \(0.01, 0, 1\) is normal to the sheet in 8 cells"),
+        ({"top": (1, 0, 0.01)}, r"top \(1, 0, 0.01\) lies along the sheet in 8 cells"),
+        ({"axis": lambda x: 0 * x}, "axis has no length in 8 cells"),
+        ({"axis": lambda x: x[:2]}, r"axis, as a function of x \(3, n\), must"),
+    ):
+        with pytest.raises(InputError, match=message):
+            ao.Structure(mesh, ao.Laminate(layers, **laminate))
+
+
+def test_navier_refuses_what_it_does_not_solve():
+    for angles in ([30], [30, -30, -30, 30], [0, 45]):
+        with pytest.raises(InputError, match="a cross-ply or an antisymmetric angle-ply"):
+            navier(stack(angles, 0.01))

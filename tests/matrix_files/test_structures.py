@@ -1,0 +1,238 @@
+"""Structures of matrix files: supports, sites of nodes, refusals."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.sparse
+
+import antiosc as ao
+from matrix_writers import (
+    dmig,
+    matrix_market,
+    spring_frame,
+)
+
+K, M, LABELS = spring_frame()
+
+
+def frame_files(tmp_path):
+    matrix_market(tmp_path / "K.mtx", K)
+    matrix_market(tmp_path / "M.mtx", M)
+    return tmp_path / "K.mtx", tmp_path / "M.mtx"
+
+
+def stiffness(b):
+    return 1 / (b @ np.linalg.solve(K, b))
+
+
+def unit(row):
+    return np.eye(len(K))[row]
+
+
+@pytest.mark.parametrize("form", ["array", "text", "ansys", "five", "columns", "names"])
+def test_a_site_is_a_node_and_its_dof(form, tmp_path):
+    files = frame_files(tmp_path)
+    given = {
+        "array": LABELS,
+        "text": "# node, dof\n" + "".join(f"{a}, {b}\n" for a, b in LABELS),
+        "ansys": "      Matrix Eqn     Node      DOF\n"
+        + "".join(f"{k + 1:15d}{a:9d}     {['UX', 'UY', 'UZ'][b - 1]}\n"
+                  for k, (a, b) in enumerate(LABELS)),
+        "columns": (LABELS[:, 0], LABELS[:, 1], np.zeros((len(K), 3))),
+        "names": (LABELS[:, 0].tolist(), np.array(["x", "uy", "T3"])[LABELS[:, 1] - 1]),
+        "five": np.column_stack([LABELS, np.zeros((len(K), 3))]),
+    }[form]  # fmt: skip
+    if isinstance(given, str):
+        (tmp_path / "map.txt").write_text(given)
+        given = tmp_path / "map.txt"
+    part = ao.Structure.from_files(*files, map=given)
+    assert part.describe() == "given matrices, 5 nodes, 15 dofs"
+    for dof in ("z", "UZ", 3, "t3", "3"):
+        model = ao.extract(part, ao.Site(node=20, dof=dof), n=4)
+        assert model.k0 == pytest.approx(stiffness(unit(5)), rel=1e-11)
+    slanted = ao.extract(part, ao.Site(node=20, direction=(3, 0, -4)), n=4)
+    assert slanted.k0 == pytest.approx(stiffness(0.6 * unit(3) - 0.8 * unit(5)), rel=1e-11)
+    by_row = ao.extract(part, ao.Site(dof=5), n=4)
+    assert by_row.k0 == pytest.approx(stiffness(unit(5)), rel=1e-11)
+    with pytest.raises(ao.InputError, match=r"node 21 is not in the matrices' map"):
+        ao.extract(part, ao.Site(node=21, dof="z"))
+    with pytest.raises(ao.InputError, match=r"node 20 has no dof rx in the matrices: it has x, y"):
+        ao.extract(part, ao.Site(node=20, dof="rx"))
+
+
+@pytest.mark.parametrize("coordinates", [False, True])
+def test_several_sites_at_nodes(coordinates):
+    """k0 and Z of two sites, a node's dof and a slanted direction, are those of the matrices."""
+    given = LABELS
+    if coordinates:
+        given = np.column_stack([LABELS, 0.01 * LABELS[:, :1], 0 * LABELS])
+    part = ao.Structure.from_matrices(K, M, map=given, backend="scipy")
+    sites = {"a": ao.Site(node=20, dof="z"), "b": ao.Site(node=40, direction=(1, 1, 0))}
+    model = ao.extract(part, sites, n=12, tol=1e-14)
+    B = np.column_stack([unit(5), (unit(9) + unit(10)) / np.sqrt(2)])
+    np.testing.assert_allclose(model.k0, np.linalg.inv(B.T @ np.linalg.solve(K, B)), rtol=1e-9)
+    Z = np.linalg.inv(B.T @ np.linalg.solve(K - 250.0**2 * M, B))
+    np.testing.assert_allclose(model.dynamic_stiffness(250.0), Z, rtol=1e-7)
+    assert bool(model.info["points"]) == coordinates
+
+
+def test_supports_by_nodes_are_rows_left_out(tmp_path):
+    part = ao.Structure.from_files(
+        *frame_files(tmp_path), map=LABELS, supports={10: "all", 30: ["x", "z"], 40: "y"}
+    )
+    left = np.setdiff1d(np.arange(15), [0, 1, 2, 6, 8, 10])
+    assert part.dofs == len(left)
+    k, b = K[np.ix_(left, left)], unit(5)[left]
+    model = ao.extract(part, ao.Site(node=20, dof="z"), n=4)
+    assert model.k0 == pytest.approx(1 / (b @ np.linalg.solve(k, b)), rel=1e-11)
+    moving = k - 250.0**2 * M[np.ix_(left, left)]
+    model = ao.extract(part, ao.Site(node=20, dof="z"), n=8, tol=1e-14)
+    stiff = 1 / (b @ np.linalg.solve(moving, b))
+    assert model.dynamic_stiffness(250.0) == pytest.approx(stiff, rel=1e-9)
+    with pytest.raises(ao.InputError, match="node 10 is fixed by supports"):
+        ao.extract(part, ao.Site(node=10, dof="x"))
+    for bad, says in (({11: "all"}, "node 11 is not"), ({10: "w"}, "dof must be one of")):
+        with pytest.raises(ao.InputError, match=says):
+            ao.Structure.from_files(*frame_files(tmp_path), map=LABELS, supports=bad)
+    with pytest.raises(ao.InputError, match="supports by nodes need a map"):
+        ao.Structure.from_files(*frame_files(tmp_path), supports={10: "all"})
+
+
+def test_coordinates_of_nodes_beside_labels(tmp_path):
+    """Files that name their dofs need coordinates by node alone."""
+    dmig(tmp_path / "km.pch", {"KAAX": K, "MAAX": M}, LABELS, "free")
+    nodes = np.array([[10 * k, 0.1 * k, 0.0, 0.0] for k in range(1, 8)])
+    one = tmp_path / "km.pch"
+    part = ao.Structure.from_files(one, one, map=nodes[::-1])
+    model = ao.extract(part, ao.Site((0.2, 0, 0), (0, 0, 1)), n=4)
+    assert model.k0 == pytest.approx(stiffness(unit(5)), rel=1e-9)
+    with pytest.raises(ao.InputError, match=r"the point is no node: the nearest is node 20, 0\.03"):
+        ao.extract(part, ao.Site((0.23, 0, 0), (0, 0, 1)))
+    assert ao.extract(part, ao.Site((0.23, 0, 0), (0, 0, 1), snap=True), n=4).k0 == model.k0
+    hit = ao.simulate(model, ao.RigidMass(0.1, 1.0), ao.Hertz(1e8), 5e-3)
+    moved = ao.probe(part, hit, (0.2, 0, 0))
+    assert moved.shape == (len(hit.time), 3)
+    np.testing.assert_allclose(moved[:, 2], hit.displacement, atol=1e-12)
+    path = ao.write_series(part, hit, tmp_path / "run", times=[0.0, 1e-3])
+    assert path.read_text().count("DataSet") == 2
+    with pytest.raises(ao.InputError, match="rows of node, x, y, z, but the files do not say"):
+        ao.Structure.from_files(*frame_files(tmp_path), map=nodes)
+    with pytest.raises(ao.InputError, match="coordinates of the nodes are not known"):
+        ao.extract(ao.Structure.from_files(one, one), ao.Site((0.2, 0, 0), (0, 0, 1)))
+
+
+def test_a_map_that_does_not_fit_is_refused(tmp_path):
+    files = frame_files(tmp_path)
+    for bad, says in (
+        (LABELS[:-1], "must have a row of node, dof"),
+        (np.vstack([LABELS[:-1], LABELS[:1]]), "names one dof of a node twice"),
+        (LABELS + 0.5, "must be whole numbers"),
+        ((LABELS[:, 0], LABELS[:-1, 1]), "map needs a dof for each of the 15 rows; got 14"),
+        ((LABELS[:, 0], "x"), "map needs a dof for each"),
+        ((LABELS[:-1, 0], LABELS[:, 1]), "the nodes of map"),
+        (np.column_stack([np.zeros(15), LABELS]), "must number the rows from 1 to 15"),
+        (np.full((15, 2), np.nan), "map"),
+        ("nowhere.txt", "does not exist"),
+    ):
+        with pytest.raises(ao.InputError, match=says):
+            ao.Structure.from_files(*files, map=bad)
+    (tmp_path / "map.txt").write_text("1 UX\n2 WARP\n")
+    with pytest.raises(ao.InputError, match=r"map\.txt, line 2: 'WARP' is not the name of a dof"):
+        ao.Structure.from_files(*files, map=tmp_path / "map.txt")
+
+
+@pytest.mark.parametrize("bad", [{"node": 1}, {"node": 1, "dof": 1, "direction": (0, 0, 1)},
+                                 {"node": 1, "point": (0, 0, 0), "direction": (0, 0, 1)},
+                                 {"node": 1, "dof": "w"}, {"node": 1.5, "dof": 1},
+                                 {"dof": "z"}])  # fmt: skip
+def test_a_site_at_a_node_needs_one_direction(bad):
+    with pytest.raises(ao.InputError):
+        ao.Site(**bad)
+
+
+def test_nodes_need_a_map():
+    with pytest.raises(ao.InputError, match=r"the nodes of this structure have no numbers"):
+        ao.extract(ao.Structure.from_matrices(K, M), ao.Site(node=10, dof="x"))
+
+
+def plate(n: int = 12):
+    """A plate of masses on springs of its own: (K, M, map) with points on a square of 1 m."""
+    x, y = (c.ravel() for c in np.meshgrid(*2 * [np.linspace(0, 1, n)]))
+    K = 1e5 * scipy.sparse.identity(n * n) + 1e6 * scipy.sparse.diags(
+        [np.full(n * n - 1, -0.1)] * 2, [-1, 1]
+    )
+    K = K + 1e6 * 0.2 * scipy.sparse.identity(n * n)
+    table = np.column_stack([1 + np.arange(n * n), np.full(n * n, 3), x, y, 0 * x])
+    return K, scipy.sparse.identity(n * n), table
+
+
+def test_a_patch_has_the_moments_of_hertz_pressure():
+    """Weights sum to 1, are centred, and have the mean square radius 2a²/5 of Hertz's pressure."""
+    from antiosc.fem.site.functionals import functional
+
+    K, M, table = plate(81)
+    part = ao.Structure.from_matrices(K, M, map=table)
+    at, radius = np.array([0.5, 0.5]), 0.1
+    b = functional(part, ao.Site((*at, 0), (0, 0, -1), radius=radius)).b
+    assert b.sum() == pytest.approx(-1.0, rel=1e-12)
+    offset = table[:, 2:4] - at
+    np.testing.assert_allclose(-b @ offset, 0.0, atol=1e-12)
+    assert -b @ (offset**2).sum(axis=1) == pytest.approx(0.4 * radius**2, rel=0.02)
+    with pytest.raises(ao.InputError, match="has no node on the surface"):
+        ao.extract(part, ao.Site((0.5051, 0.507, 0.0), (0, 0, -1), radius=1e-3))
+
+
+def test_nodes_below_the_surface_take_no_load():
+    from antiosc.fem.site.functionals import functional
+
+    K, M, table = plate(9)
+    table = np.vstack([table, table])
+    table[81:, 0] += 81
+    table[81:, 4] = -0.05
+    K, M = (scipy.sparse.block_diag([A, A]) for A in (K, M))
+    part = ao.Structure.from_matrices(K, M, map=table)
+    top = functional(part, ao.Site((0.5, 0.5, 0), (0, 0, -1), radius=0.2)).b
+    bottom = functional(part, ao.Site((0.5, 0.5, -0.05), (0, 0, 1), radius=0.2)).b
+    assert top[81:].any() == bottom[:81].any() == False  # noqa: E712
+    np.testing.assert_allclose(-top[:81], bottom[81:])
+
+
+def test_a_free_body_with_coordinates_has_mass_and_inertia():
+    """Four masses at the corners of a square, joined by springs along the edges and diagonals."""
+    points = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
+    K = np.zeros((8, 8))
+    for i in range(4):
+        for j in range(i):
+            d = points[i] - points[j]
+            d = d[:2] / np.linalg.norm(d)
+            B = np.zeros(8)
+            B[2 * i : 2 * i + 2], B[2 * j : 2 * j + 2] = d, -d
+            K += 1e6 * np.outer(B, B)
+    m = np.array([1.0, 2.0, 3.0, 4.0])
+    rows = [(i + 1, c + 1, *points[i]) for i in range(4) for c in range(2)]
+    part = ao.Structure.from_matrices(K, np.diag(np.repeat(m, 2)), map=rows)
+    assert part.rigid_modes.shape[1] == 3
+    assert part.mass == pytest.approx(10.0)
+    model = ao.extract(part, ao.Site(node=3, direction=(1, 1, 0)), n=4)
+    np.testing.assert_allclose(model.inertia.centre[:2], (m @ points[:, :2]) / 10)
+    # φ_CRᵀM e of the unit translation e along the direction is m_CR
+    assert model.participation.sum() == pytest.approx(model.m_st, rel=1e-9)
+    both = ao.extract(
+        part,
+        {"low": ao.Site(node=1, direction=(0, 1, 0)),
+         "high": ao.Site(node=3, direction=(3, 4, 0), tangential=True)},
+        n=5,
+    )  # fmt: skip
+    assert both.columns == {"low": (0,), "high": (1, 2)}
+    B = np.zeros((8, 3))
+    B[1, 0], B[4:6, 1:] = 1.0, [[0.6, -0.8], [0.8, 0.6]]
+    np.testing.assert_allclose(both.direction[:, :2], [[0, 1], [0.6, 0.8], [-0.8, 0.6]])
+    exact = np.linalg.inv(B.T @ np.linalg.solve(K - 1e5 * np.diag(np.repeat(m, 2)), B))
+    np.testing.assert_allclose(both.dynamic_stiffness(np.sqrt(1e5)), exact, rtol=1e-9)
+    np.testing.assert_allclose(both.inertia.centre[:2], (m @ points[:, :2]) / 10)
+    held = ao.Structure.from_matrices(
+        K, np.diag(np.repeat(m, 2)), map=rows, supports={1: "all", 2: "y"}
+    )
+    with pytest.raises(ao.InputError, match="the total mass is known only of free bodies"):
+        _ = held.mass

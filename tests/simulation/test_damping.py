@@ -1,0 +1,62 @@
+"""Damped bodies in impacts."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import antiosc as ao
+from scenes import random_model
+
+
+class TestDamping:
+    def test_modal_damping_of_a_single_oscillator(self):
+        """A rigid body on a damped spring, struck: its later motion decays as the closed form."""
+        m, k, zeta = 1.0, 1e4, 0.05
+        w = np.sqrt(k / m)
+        body = ao.AntiOscillators(m0=m, k0=k, m=[], omega=[], damping=ao.Damping(zeta))
+        hit = ao.simulate(body, ao.RigidMass(0.01, 1.0), ao.Hertz(1e9), 1.0)
+        after = hit.contacts[-1][1]
+        t = np.linspace(after, 1.0, 50)
+        (u0, v0), u = _site(hit, after), hit.coordinates(t)[:, 0]
+        s, wd = t - after, w * np.sqrt(1 - zeta**2)
+        decay = np.exp(-zeta * w * s)
+        exact = decay * (u0 * np.cos(wd * s) + (v0 + zeta * w * u0) / wd * np.sin(wd * s))
+        assert u == pytest.approx(exact, abs=1e-9 * np.abs(exact).max())
+
+    def test_rayleigh_puts_dashpots_beside_the_springs(self, rng):
+        """The modal decays are those of C = alpha M + beta K of the chain."""
+        alpha, beta = 3.0, 1e-6
+        model = random_model(rng, 3)
+        damped = ao.AntiOscillators(
+            model.m0, model.k0, model.m, model.omega, damping=ao.Damping(alpha=alpha, beta=beta)
+        )
+        K = np.diag(np.concatenate(([model.k0 + model.k.sum()], model.k)))
+        K[0, 1:] = K[1:, 0] = -model.k
+        M = np.diag(np.concatenate(([model.m0], model.m)))
+        w = 2e3
+        direct = np.linalg.inv(K - w**2 * M + 1j * w * (alpha * M + beta * K))[0, 0]
+        assert damped.modal().receptance(w) == pytest.approx(direct, rel=1e-9)
+
+    def test_energy_balance_with_damping(self, rng):
+        model = random_model(rng, 4)
+        damped = ao.AntiOscillators(
+            model.m0, model.k0, model.m, model.omega, damping=ao.Damping(0.02)
+        )
+        hit = ao.simulate(damped, ao.RigidMass(0.1, 1.0), ao.Hertz(1e8), 3e-3, step=5e-7)
+        assert hit.energy.dissipated[-1] > 0.01 * hit.energy.total[0]
+        assert hit.energy.drift < 1e-3
+
+    @pytest.mark.parametrize(
+        ("kwargs", "says"),
+        [({"ratio": -0.1}, "ratios"), ({"alpha": -1.0}, "alpha"), ({"beta": np.nan}, "beta")],
+    )
+    def test_bad_damping(self, kwargs, says):
+        with pytest.raises(ao.InputError, match=says):
+            ao.Damping(**kwargs)
+
+
+def _site(hit: ao.History, t: float) -> tuple[float, float]:
+    q, v = hit.states(t)
+    b, n = hit.bodies[0].b, hit.bodies[0].omega.size
+    return float(q[0, :n] @ b), float(v[0, :n] @ b)
