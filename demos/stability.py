@@ -34,8 +34,8 @@ from stability_scenes import BEAM, HERTZ, STRIKER, Scene, hard_scenes
 import antiosc as ao
 from antiosc import files, plotting
 from antiosc.closed_form import pinned_pinned
+from antiosc.simulation.compared_impact import force_difference
 from antiosc.simulation.expected import scaled, stiffness_of
-from antiosc.simulation.history import force_difference
 from antiosc.simulation.stability import margin
 from antiosc.simulation.two_bodies import assemble
 

@@ -34,8 +34,8 @@ import options
 import antiosc as ao
 from antiosc import files, plotting
 from antiosc.closed_form import UniformBeam, pinned_pinned
+from antiosc.simulation.compared_impact import force_difference
 from antiosc.simulation.compilation import compiled_march
-from antiosc.simulation.history import force_difference
 from antiosc.simulation.integrators import FIXED_STEP
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -183,8 +183,10 @@ from antiosc.simulation.contact_stress import (
     ContactStress as ContactStress,
     contact_stress as contact_stress,
 )
-from antiosc.simulation.history import (
+from antiosc.simulation.energy import (
     Energy as Energy,
+)
+from antiosc.simulation.history import (
     History as History,
 )
 from antiosc.simulation.impact_band import (

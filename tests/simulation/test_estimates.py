@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.simulation.history import force_difference
+from antiosc.simulation.compared_impact import force_difference
 from antiosc.simulation.step_control import Refinement
 
 

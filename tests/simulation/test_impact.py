@@ -109,7 +109,7 @@ def test_case_two_against_dop853():
         assert hit.impulse == pytest.approx(check.impulse, rel=1e-4)
         assert hit.contact_time == pytest.approx(check.contact_time, rel=1e-3)
         assert len(hit.contacts) == len(check.contacts)
-        from antiosc.simulation.history import force_difference
+        from antiosc.simulation.compared_impact import force_difference
 
         l2, peak = force_difference(hit.trajectory, check.trajectory)
         assert l2 < 1e-3
@@ -184,7 +184,7 @@ class TestErrorControl:
         law = ao.Hertz(HERTZ)
         truth = ao.simulate(model, striker, law, 4e-3, step=5e-8)
         hit = ao.simulate(model, striker, law, 4e-3, tol=tol)
-        from antiosc.simulation.history import force_difference
+        from antiosc.simulation.compared_impact import force_difference
 
         l2, peak = force_difference(hit.trajectory, truth.trajectory)
         assert max(l2, peak) <= tol

@@ -7,7 +7,7 @@ import pytest
 from scipy.linalg import expm
 
 import antiosc as ao
-from antiosc.simulation.history import force_difference
+from antiosc.simulation.compared_impact import force_difference
 from antiosc.simulation.integrators import FIXED_STEP
 from antiosc.simulation.integrators.problem import Problem
 from antiosc.simulation.modal_response import responses

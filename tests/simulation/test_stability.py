@@ -11,7 +11,7 @@ import pytest
 from scipy.linalg import expm
 
 import antiosc as ao
-from antiosc.simulation import simulate
+from antiosc.simulation import compared_impact
 from antiosc.simulation.integrators import FIXED_STEP, Problem
 from antiosc.simulation.integrators.growth import growth
 from antiosc.simulation.integrators.onestep import Node
@@ -259,8 +259,8 @@ class TestConvergence:
             pairs.append((a, b))
             return (a.h**2 - b.h**2, 0.0)
 
-        monkeypatch.setattr(simulate, "force_difference", difference)
-        run, step, error = simulate._converge(go, lambda h: h, 1.0, 1e-3, 10**6, 100)
+        monkeypatch.setattr(compared_impact, "force_difference", difference)
+        run, step, error = compared_impact._converge(go, lambda h: h, 1.0, 1e-3, 10**6, 100)
         assert not any(r.diverged for pair in pairs for r in pair)
         return run, step, error
 

@@ -10,8 +10,9 @@ from antiosc.errors import AntioscError
 from antiosc.scene_file.result_tables import lines
 from antiosc.scene_file.run import Results, results
 from antiosc.scene_file.scene import Compiled
+from antiosc.simulation.compared_impact import COARSEST
 from antiosc.simulation.impact_band import BAND_OVER_PULSE, impact_band
-from antiosc.simulation.simulate import COARSEST, DEFAULT_TOL
+from antiosc.simulation.simulate import DEFAULT_TOL
 
 
 def text(scene: Compiled) -> str:

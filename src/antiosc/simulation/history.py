@@ -14,11 +14,11 @@ from numpy.typing import ArrayLike
 
 from antiosc import checks
 from antiosc._types import Array, Index
-from antiosc.brief import Brief
 from antiosc.charts.histories import plot_history
 from antiosc.errors import InputError
 from antiosc.models.modal import ModalBody
-from antiosc.simulation.contact_energy import replay, simpson, stored_alone
+from antiosc.simulation.contact_energy import replay, stored_alone
+from antiosc.simulation.energy import Energy
 from antiosc.simulation.error_bars import ErrorBudget
 from antiosc.simulation.integrators import Problem, Trajectory
 from antiosc.simulation.results import HistoryResults
@@ -29,38 +29,6 @@ if TYPE_CHECKING:
 Body = Literal["structure", "impactor"]
 #: Modal states up to this size are kept; larger ones are computed anew at each use.
 KEPT_BYTES = 1 << 26
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Energy(Brief):
-    """Energies [J] at the nodes of a history, each (n,), and how well they balance.
-
-    Attributes
-    ----------
-    kinetic, strain : of both bodies.
-    contact : recoverable energy of the contact.
-    dissipated : energy lost in the contact law and in the damping of the bodies up to this time.
-    gravity : work of gravity up to this time.
-    drift : largest |kinetic + strain + contact + dissipated - gravity - start|, relative to the
-        largest sum of kinetic, strain and contact energy.
-    """
-
-    kinetic: Array
-    strain: Array
-    contact: Array
-    dissipated: Array
-    gravity: Array
-
-    @property
-    def total(self) -> Array:
-        """The energy balance, constant in exact arithmetic."""
-        return self.kinetic + self.strain + self.contact + self.dissipated - self.gravity
-
-    @property
-    def drift(self) -> float:
-        total = self.total
-        scale = float(np.max(self.kinetic + self.strain + self.contact))
-        return float(np.max(np.abs(total - total[0]))) / scale if scale > 0 else 0.0
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -371,21 +339,3 @@ def no_field(model: Any) -> str:
         f"{name} has no displacement field: it has no shapes (model files do not store them); "
         "extract the model again to recover fields."
     )
-
-
-def force_difference(coarse: Trajectory, fine: Trajectory) -> tuple[float, float]:
-    """Relative difference of two force histories: in the L2 norm and of the peak."""
-    nodes = np.union1d(coarse.nodes[0], fine.nodes[0])
-    time = np.empty(2 * nodes.size - 1)  # with the middles in between
-    time[::2], time[1::2] = nodes, 0.5 * (nodes[1:] + nodes[:-1])
-    fa, fb = coarse.force_at(time), fine.force_at(time)
-    size = _l2(time, fb)
-    if size == 0.0:
-        return (0.0, 0.0) if _l2(time, fa) == 0.0 else (1.0, 1.0)
-    top = fine.peak_force
-    return _l2(time, fa - fb) / size, abs(coarse.peak_force - top) / top
-
-
-def _l2(time: Array, value: Array) -> float:
-    """L2 norm of values at nodes and middles by Simpson's rule, exact for piecewise linear ones."""
-    return float(np.sqrt(np.sum(simpson(time, value**2))))

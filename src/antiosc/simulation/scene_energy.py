@@ -9,8 +9,8 @@ from antiosc.simulation import march
 from antiosc.simulation.assembly import Assembly
 from antiosc.simulation.compilation import fitting_march
 from antiosc.simulation.contact_energy import path_work, replay, stored_alone
+from antiosc.simulation.energy import Energy
 from antiosc.simulation.engine import Run
-from antiosc.simulation.history import Energy
 from antiosc.simulation.scene_states import node_states, spans
 
 GAIN = 1e-3  # of the highest energy: a scene that gains more says so

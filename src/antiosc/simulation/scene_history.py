@@ -14,11 +14,13 @@ from antiosc.brief import Brief
 from antiosc.errors import InputError
 from antiosc.models.modal import ModalBody
 from antiosc.models.site_modes import SiteModes
-from antiosc.simulation.assembly import Assembly, along, find
+from antiosc.simulation.assembly import Assembly
 from antiosc.simulation.bodies import Placed, RigidBody
 from antiosc.simulation.compilation import fitting_march
+from antiosc.simulation.contact_rows import along, find
+from antiosc.simulation.energy import Energy
 from antiosc.simulation.engine import Run
-from antiosc.simulation.history import Energy, no_field
+from antiosc.simulation.history import no_field
 from antiosc.simulation.results import SceneResults
 from antiosc.simulation.scene_energy import balance
 from antiosc.simulation.scene_states import forces, located, node_states, spans, states

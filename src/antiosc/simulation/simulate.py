@@ -15,10 +15,10 @@ structure, < 0 makes a structure fall on an obstacle. The displacement of a supp
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from math import inf, log2
+from math import inf
 from typing import Any
 
 from antiosc import checks
@@ -28,28 +28,23 @@ from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import LinearBody, checked_body
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Motion
+from antiosc.simulation.compared_impact import compared
 from antiosc.simulation.error_budget import error_budget
 from antiosc.simulation.exact import exact
 from antiosc.simulation.expected import scaled
-from antiosc.simulation.history import History, force_difference
+from antiosc.simulation.history import History
 from antiosc.simulation.integrators import (
     FIXED_STEP,
     IVP_METHODS,
     MAX_STEPS,
-    Integrator,
     Problem,
-    SolveIVP,
     Trajectory,
-    run,
 )
-from antiosc.simulation.step_control import Refinement
 from antiosc.simulation.truncation import Run, choose_n
 from antiosc.simulation.two_bodies import LAW, assemble, check_span, without_patch
 from antiosc.simulation.verdict import Verdict, judge
 
 DEFAULT_TOL = 1e-3
-COARSEST = 24  # per estimated contact time, on the coarsest level
-MAX_LEVELS = 24
 METHODS = ("exact", *FIXED_STEP, *IVP_METHODS)
 
 
@@ -272,42 +267,9 @@ def _integrate(
         if step > duration:
             raise InputError(f"step must be <= the duration {duration:g} s; got {step:g} s.")
 
-    def go(integrator: Integrator, fine: float) -> Trajectory:
-        return run(problem, integrator, duration, fine, max_contacts)
-
-    error: dict[str, float] = {}
     if method == "exact":
         return exact(problem, duration, scale, step, accuracy, max_contacts, max_steps)
-    if method in IVP_METHODS:
-        limit = scale / 10 if step is None else step
-        trajectory = go(
-            SolveIVP(method, max(1e-2 * accuracy, 3e-14), limit, 5 * max_steps), limit / 4
-        )
-        step = limit
-    else:
-        make = FIXED_STEP[method]
-        if step is None:
-
-            def stable(h: float) -> float:
-                return make.stable_step(problem, h, scale / max_steps)
-
-            first = stable(scale / COARSEST)
-            if scale / first > max_steps:
-                raise InputError(
-                    f"{method} needs steps of {first:.3g} s, {scale / first:.3g} of them in one"
-                    f" contact, more than max_steps = {max_steps}; use method='exact'."
-                )
-            trajectory, step, error = _converge(
-                lambda h: go(make(h, max_steps), h / 4),
-                stable,
-                first,
-                accuracy,
-                max_steps,
-                max_contacts,
-            )
-        else:
-            trajectory = go(make(step, max_steps), step / 4)
-    return trajectory, step, error
+    return compared(problem, method, duration, scale, step, accuracy, max_contacts, max_steps)
 
 
 def _truncated(
@@ -333,35 +295,3 @@ def _truncated(
             f" needed."
         )
     return model.truncated(choice.n), errors, shortage
-
-
-def _converge(
-    go: Callable[[float], Trajectory],
-    stable: Callable[[float], float],
-    step: float,
-    tol: float,
-    max_steps: int,
-    max_contacts: int,
-) -> tuple[Trajectory, float, dict[str, float]]:
-    """Refine the step until the force has converged; the finest run and its estimated error.
-
-    A run that diverged is not used for the error of another.
-    """
-    coarse = go(step)
-    control = Refinement(tol)
-    for _ in range(MAX_LEVELS):
-        share = 2**control.halvings
-        if share * coarse.evaluations > max_steps or len(coarse.contacts) >= max_contacts:
-            break
-        finer = stable(step / share)
-        fine = go(finer)
-        control.halvings = log2(step / finer)
-        if fine.diverged and not coarse.diverged:
-            control.halvings += 1
-            continue
-        if not coarse.diverged:
-            control.update(*force_difference(coarse, fine))
-        coarse, step = fine, finer
-        if control.reached and not fine.failure:
-            break
-    return coarse, step, control.error
