@@ -47,12 +47,14 @@ INNER = {
 }
 if importlib.util.find_spec("pandas") is None:
     INNER.add("to_dataframe")
+if importlib.util.find_spec("ipywidgets") is None:
+    INNER.add("show")
 #: What functions return: antiosc alone makes them.
 RESULTS = {
     *("Advice", "Batch", "BeamModes", "Energy", "History", "ImpactMap"),
     *("BodyHistory", "ContactHistory", "SceneHistory", "StructureModes"),
     *("ShockSpectrum", "Spectrum", "PeakField", "Reactions", "BodyEnergy"),
-    *("NamedImpactor", "SavedHistory", "ContactStress"),
+    *("NamedImpactor", "SavedHistory", "ContactStress", "SavedFields"),
 }
 #: Where NaN stands for "no such number", as the documentation says.
 NONE_IS_NAN = {"restitution", "error"}
@@ -260,6 +262,14 @@ def saved_history() -> str:
     return str(history().save(path))
 
 
+@functools.cache
+def saved_fields() -> str:
+    x = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
+    cells = [("triangle", np.array([[0, 1, 2]]))]
+    own = ao.SavedFields(x, cells, np.ones((3, 3, 1)), np.array([0.0, 1.0]), np.ones((2, 1)))
+    return str(own.save(os.path.join(tempfile.mkdtemp(prefix="antiosc-nasty-"), "fields.npz")))
+
+
 def place() -> Any:
     return ao.Site((0.1, 0.1, 0.02), (0, 0, -1), radius=0.05)
 
@@ -407,7 +417,9 @@ OWN: dict[str, dict[str, Any]] = {
     "AntiOscillators.dynamic_stiffness": {"omega": 1e3}, "ModalBody.receptance": {"omega": 1e3},
     "closed_form.StruckBeam.dynamic_stiffness": {"omega": 1e3},
     "ImpactMap.plot": {"quantity": "k0", "path": "map.png"}, "ImpactMap.write": {"path": "map.vtu"},
-    "PeakField.write": {"path": "peak.vtu"},
+    "PeakField.write": {"path": "peak.vtu"}, "SavedFields.load": {"path": saved_fields},
+    "SavedFields.plot": {"path": "fields.png", "time": 0.5}, "SavedFields.at": {"time": 0.5},
+    "save_fields": {"history": struck_part},
     "StructureModes.write": {"path": "modes.vtu"},
     "closed_form.BeamModes.field": {"coordinates": [0.1]}, "from_free_modes": {"compliance": 1e-6},
     "closed_form.SupportedLaminate": {
@@ -432,6 +444,7 @@ OWN: dict[str, dict[str, Any]] = {
 SELVES: dict[str, Callable[[], Any]] = {
     "AntiOscillators": model, "History": history, "ImpactMap": surface_map, "Structure": part,
     "SavedHistory": lambda: ao.History.load(saved_history()),
+    "SavedFields": lambda: ao.SavedFields.load(saved_fields()),
     "PeakField": lambda: ao.peak_field(part(), struck_part(), times=[0.0, 1e-4]),
     "Spectrum": lambda: ao.spectrum([0.0, 1e-3, 2e-3], [0.0, 1.0, 0.0]),
     "StructureModes": lambda: part().natural_modes(2),

@@ -101,6 +101,7 @@ from antiosc.fem.extraction.superposition import (
     superposition as superposition,
 )
 from antiosc.fem.fields import (
+    save_fields as save_fields,
     write_series as write_series,
 )
 from antiosc.fem.mesh.mesh import (
@@ -165,6 +166,9 @@ from antiosc.models.resolved import (
 )
 from antiosc.models.site_modes import (
     SiteModes as SiteModes,
+)
+from antiosc.saved_fields import (
+    SavedFields as SavedFields,
 )
 from antiosc.simulation.batch import (
     Batch as Batch,

@@ -22,6 +22,7 @@ from antiosc.fem.mpi import collective, on_root
 from antiosc.fem.series import listing, write_frames
 from antiosc.fem.structure.structure import Structure, on_mesh
 from antiosc.fem.vtu import Frames
+from antiosc.saved_fields import SavedFields
 from antiosc.simulation.body_motion import Motions, amplitudes, modes_of
 from antiosc.simulation.history import History
 from antiosc.simulation.scene_history import BodyHistory, SceneHistory
@@ -87,6 +88,45 @@ def write_series(
         write_frames(target, frames, at, (shapes @ a for a in factors))
 
     on_root(structure.comm, write)
+    return target
+
+
+@collective(history=counted)
+@one_thread()
+def save_fields(
+    structure: Structure,
+    history: History | SceneHistory,
+    path: str | Path,
+    times: ArrayLike | None = None,
+    *,
+    body: str = "structure",
+) -> Path:
+    """Write the displacements of all nodes at many times to one compact file.
+
+    It holds the shapes once and their factors at each time; `SavedFields.load(path)` reads it with
+    NumPy alone, and `show()` puts it under a slider in a notebook.
+
+    Parameters
+    ----------
+    structure, history, body
+        As for `write_series`.
+    path : str or Path
+        The `.npz` file.
+    times : array_like (n,), optional
+        Increasing times in s; default: those of the history.
+
+    Raises
+    ------
+    InputError
+        A model without shapes, or extracted from another structure; times that do not increase; a
+        file that cannot be written.
+    """
+    target = checked_path("path", path)
+    own = shapes_of(structure, history, body)
+    at = np.unique(history.time) if times is None else array("times", times, (None,))
+    points, cells, shapes = source(structure).at_nodes(structure, own)
+    factors = amplitudes(history, at, body)
+    on_root(structure.comm, lambda: SavedFields(points, cells, shapes, at, factors).save(target))
     return target
 
 

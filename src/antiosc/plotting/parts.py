@@ -140,20 +140,7 @@ def plot_deformed(
     seen_from = None if view is None else checks.array("view", view, (2,))
     arrow = _arrow(point, direction)
     found = deformed(structure, history, time, body)
-    figure, axes, scale, _ = _space(found.points, shown=path is None)
-    corners = scale * found.moved[found.faces]
-    values = found.values[found.faces].mean(axis=1)
-    _faces(figure, axes, corners, values, found.label, _scale(values))
-    framed = [corners.reshape(-1, 3)]
-    if arrow is not None:
-        tail, tip = scale * found.arrow(*arrow)
-        axes.quiver(*tail, *(tip - tail), color="C3", linewidth=2.5, zorder=9)
-        framed.append(tail[None])
-    if seen_from is not None:
-        axes.view_init(elev=seen_from[0], azim=seen_from[1])
-    _frame(axes, np.vstack(framed), zoom=1.2)
-    axes.set_axis_off()
-    return finished(figure, path)
+    return draw_deformed(found, path, arrow=arrow, view=seen_from)
 
 
 def turning_deformed(
@@ -182,9 +169,10 @@ class Deformed:
     Attributes
     ----------
     points, moved : (P, 3) [m], at rest and with displacements drawn larger.
-    faces : (F, 3 or 4) indices of corners.
+    faces : (F, 3 or 4) indices of corners; (F, 2) of lines, (F, 1) of points.
     values : (P,) magnitude of the displacements, in the unit that `label` states.
     label : of the values, with the factor by which displacements are drawn larger.
+    largest : value of all times.
     """
 
     points: Array
@@ -192,11 +180,72 @@ class Deformed:
     faces: IntArray
     values: Array
     label: str
+    largest: float
+
+    @classmethod
+    def of(cls, points: Array, faces: IntArray, moved: Array, largest: float) -> Deformed:
+        """Of displacements (P, 3) [m], drawn larger by what suits the largest one [m]."""
+        shown = largest or 1.0
+        factor = float(f"{ENLARGED * np.ptp(points, axis=0).max() / shown:.1g}")
+        micro, unit = (1e6, "µm") if shown < 1e-3 else (1e3, "mm")
+        size = np.linalg.norm(moved, axis=1)
+        label = f"displacement ({unit}), drawn × {factor:g}"
+        return cls(points, points + factor * moved, faces, micro * size, label, micro * largest)
 
     def arrow(self, point: Array, direction: Array) -> Array:
         """Tail and tip (2, 3) [m] of an arrow along `direction` that ends at `point`."""
         length = 0.25 * np.ptp(self.points, axis=0).max()
         return np.array([point - length * direction / np.linalg.norm(direction), point])
+
+
+def draw_deformed(
+    found: Deformed,
+    path: str | os.PathLike[str] | None,
+    *,
+    arrow: tuple[Array, Array] | None = None,
+    view: Array | None = None,
+    whole_scale: bool = False,
+) -> Figure | Path:
+    """A figure of a deformed surface, or its file; options as of `deformed_figure`."""
+    figure = deformed_figure(
+        found, arrow=arrow, view=view, whole_scale=whole_scale, shown=path is None
+    )
+    return finished(figure, path)
+
+
+def deformed_figure(
+    found: Deformed,
+    *,
+    arrow: tuple[Array, Array] | None = None,
+    view: Array | None = None,
+    whole_scale: bool = False,
+    shown: bool = False,
+) -> Figure:
+    """A figure of a deformed surface.
+
+    arrow : point and direction of the impact.
+    view : (elevation, azimuth), degrees.
+    whole_scale : colours from zero to the largest of all times, in the box of the part at rest.
+    """
+    figure, axes, scale, _ = _space(found.points, shown)
+    corners = scale * found.moved[found.faces]
+    values = found.values[found.faces].mean(axis=1)
+    colours = _scale(np.array([0.0, found.largest]) if whole_scale else values)
+    if found.faces.shape[1] > 2:
+        _faces(figure, axes, corners, values, found.label, colours)
+    else:
+        _lines(figure, axes, corners, values, found.label, colours)
+    rest = scale * found.points[np.unique(found.faces)]
+    framed = [rest if whole_scale else corners.reshape(-1, 3)]
+    if arrow is not None:
+        tail, tip = scale * found.arrow(*arrow)
+        axes.quiver(*tail, *(tip - tail), color="C3", linewidth=2.5, zorder=9)
+        framed.append(tail[None])
+    if view is not None:
+        axes.view_init(elev=view[0], azim=view[1])
+    _frame(axes, np.vstack(framed), zoom=1.1 if whole_scale else 1.2)
+    axes.set_axis_off()
+    return figure
 
 
 def deformed(
@@ -211,12 +260,8 @@ def deformed(
     if time is None:
         time = float(history.time[np.argmax(_motion(history, body))])
     points, faces, moved = skin(structure, history, checks.number("time", time, "s"), body=body)
-    size = np.linalg.norm(moved, axis=1)
-    largest = float(size.max()) or 1.0
-    factor = float(f"{ENLARGED * np.ptp(points, axis=0).max() / largest:.1g}")
-    micro, unit = (1e6, "µm") if largest < 1e-3 else (1e3, "mm")
-    label = f"displacement ({unit}), drawn × {factor:g}"
-    return Deformed(points, points + factor * moved, faces, micro * size, label)
+    largest = float(np.linalg.norm(moved, axis=1).max())
+    return Deformed.of(points, faces, moved, largest)
 
 
 def _arrow(
@@ -284,6 +329,20 @@ def _faces(
     axes.add_collection3d(
         Poly3DCollection(corners, facecolors=colours, edgecolors=colours, linewidths=0.2)
     )
+    figure.colorbar(scale, ax=axes, shrink=0.7, pad=0.12, label=label)
+
+
+def _lines(
+    figure: Figure, axes: Axes3D, corners: Array, value: Array, label: str, scale: ScalarMappable
+) -> None:
+    """Lines (F, 2, 3) or points (F, 1, 3) coloured by `value` (F,), with the scale."""
+    from mpl_toolkits.mplot3d.art3d import Line3DCollection  # type: ignore[import-untyped]
+
+    colours = scale.to_rgba(value)
+    if corners.shape[1] == 2:
+        axes.add_collection3d(Line3DCollection(corners, colors=colours, linewidths=3))
+    else:
+        axes.scatter(*corners[:, 0].T, c=colours, s=20, depthshade=False)
     figure.colorbar(scale, ax=axes, shrink=0.7, pad=0.12, label=label)
 
 

@@ -1,0 +1,175 @@
+"""One compact file of displacements: what it holds, without dolfinx, and what it refuses."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import antiosc as ao
+from antiosc.models import model_file
+from antiosc.saved_fields import FORMAT, SavedFields
+
+CORNERS = np.array([[x, y, z] for z in (0.0, 1) for y in (0.0, 1) for x in (0.0, 1, 2)])
+#: Two cubes side by side, VTK's order.
+CUBES = np.array([[0, 1, 4, 3, 6, 7, 10, 9], [1, 2, 5, 4, 7, 8, 11, 10]])
+
+
+def made(cells=(("hexahedron", CUBES),), **options) -> SavedFields:
+    shapes = np.zeros((12, 3, 2))
+    shapes[:, 0, 0], shapes[:, 2, 1] = CORNERS[:, 0], CORNERS[:, 1]
+    own = {"time": np.array([0.0, 1.0, 3.0]), "factors": np.array([[0, 0], [1, 2], [3, 0.0]])}
+    return SavedFields(CORNERS, list(cells), shapes, **{**own, **options})
+
+
+def test_a_field_is_the_sum_of_its_shapes():
+    fields = made()
+    np.testing.assert_allclose(fields.at(2.0)[:, 0], 2 * CORNERS[:, 0])
+    np.testing.assert_allclose(fields.at(2.0)[:, 2], CORNERS[:, 1])
+    np.testing.assert_allclose(fields.at(3.0)[:, 0], 3 * CORNERS[:, 0])
+    assert fields.largest == pytest.approx(6.0)
+    with pytest.raises(ao.InputError, match=r"from 0 s to 3 s; got time=3\.1"):
+        fields.at(3.1)
+    assert len(repr(fields).splitlines()) <= 5
+
+
+def test_faces_between_cells_are_not_drawn():
+    faces = made().faces
+    assert faces.shape == (10, 4)
+    area = sum(
+        np.linalg.norm(np.cross(*(CORNERS[f[[1, 2]]] - CORNERS[f[0]]))) for f in faces
+    )  # each corner lies in order: the cross product is that of two sides
+    assert area == pytest.approx(10.0)
+    sheet = ("quad", np.array([[0, 1, 4, 3]]))
+    triangle = ("triangle6", np.array([[1, 2, 5, 0, 0, 0]]))
+    assert made([sheet, triangle]).faces.shape == (3, 3)
+    bars = ("line3", np.array([[0, 1, 2]]))
+    assert made([bars, sheet]).faces.tolist() == [[0, 1, 4, 3]]
+    assert made([bars]).faces.tolist() == [[0, 1]]
+    assert made([("vertex", np.arange(12)[:, None])]).faces.shape == (12, 1)
+
+
+def test_a_file_is_read_by_numpy_alone(tmp_path):
+    made().save(tmp_path / "fields.npz")
+    script = f"""
+import sys
+for name in ("dolfinx", "petsc4py", "mpi4py", "scipy", "matplotlib"):
+    sys.modules[name] = None
+from antiosc.saved_fields import SavedFields
+fields = SavedFields.load({str(tmp_path / "fields.npz")!r})
+print(fields.at(2.0).sum(), fields.cells[0][0], fields.faces.shape)
+"""
+    command = [sys.executable, "-c", script]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stdout == f"{made().at(2.0).sum()} hexahedron (10, 4)\n"
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"points": np.zeros((12, 2))},
+        {"points": np.full((12, 3), np.nan)},
+        {"time": np.array([0.0, 2.0, 1.0])},
+        {"factors": np.zeros((3, 5))},
+        {"shapes": np.zeros((11, 3, 2))},
+        {"cells0": np.array([[0, 1, 2, 3, 4, 5, 6, 12]])},
+        {"cells0": np.array([[0, 1, 2, -3, 4, 5, 6, 7]])},
+        {"cells0": np.array([[0, 1, 2]])},
+        {"cells0": np.arange(8)},
+    ],
+)
+def test_a_damaged_file_is_told(change, tmp_path):
+    fields = made()
+    arrays = {"points": fields.points, "shapes": fields.shapes, "time": fields.time}
+    arrays |= {"factors": fields.factors, "cells0": CUBES}
+    header = {"format": FORMAT, "version": model_file.VERSION, "kinds": ["hexahedron"]}
+    model_file.write(tmp_path / "fields.npz", header, {**arrays, **change})
+    with pytest.raises(ao.InputError, match=r"fields\.npz is damaged .*write it again"):
+        SavedFields.load(tmp_path / "fields.npz")
+
+
+def test_pictures_of_surfaces_lines_and_nodes(tmp_path):
+    matplotlib = pytest.importorskip("matplotlib")
+    kinds = {"solid": CUBES, "bars": np.array([[0, 1], [1, 2]]), "nodes": np.arange(12)[:, None]}
+    names = {"solid": "hexahedron", "bars": "line", "nodes": "vertex"}
+    for name, cells in kinds.items():
+        path = made([(names[name], cells)]).plot(2.0, tmp_path / f"{name}.png", view=(20, 30))
+        picture = matplotlib.image.imread(path)[..., :3]
+        assert np.mean(np.ptp(picture, axis=2) > 0.2) > 0.01
+    colours = made().plot(1.0).axes[1].get_ylim()  # the scale is that of all times
+    assert colours == (0.0, pytest.approx(6e3))
+
+
+def test_a_slider_needs_ipywidgets(monkeypatch):
+    monkeypatch.setitem(sys.modules, "ipywidgets", None)
+    with pytest.raises(ao.MissingDependencyError, match=r"pip install ipywidgets; plot\(time\)"):
+        made().show()
+
+
+def test_the_slider_draws_the_time_that_it_shows():
+    pytest.importorskip("ipywidgets")
+    pytest.importorskip("matplotlib")
+    box = made().show(frames=4)
+    (slider, said), image = box.children[0].children, box.children[1]
+    first = bytes(image.value)
+    assert first.startswith(b"\x89PNG")
+    slider.value = 3
+    assert said.value == "3000 ms"
+    assert bytes(image.value) != first
+    slider.value = 0
+    assert bytes(image.value) == first
+
+
+NOTEBOOK = """
+import antiosc as ao
+fields = ao.SavedFields.load("fields.npz")
+fields
+---
+box = fields.show(frames=3)
+box
+---
+box.children[0].children[0].value = 2
+print(len(box.children[1].value) > 1000)
+"""
+
+
+@pytest.mark.slow
+def test_a_notebook_shows_table_and_slider(tmp_path):
+    client = pytest.importorskip("nbclient")
+    nbformat = pytest.importorskip("nbformat")
+    pytest.importorskip("ipywidgets")
+    made().save(tmp_path / "fields.npz")
+    cells = [nbformat.v4.new_code_cell(text) for text in NOTEBOOK.split("---")]
+    notebook = nbformat.v4.new_notebook(cells=cells)
+    where = {"metadata": {"path": str(tmp_path)}}
+    client.NotebookClient(notebook, timeout=120, resources=where).execute()
+    outputs = [cell.outputs[0] for cell in notebook.cells]
+    assert "<b>SavedFields</b><table>" in outputs[0].data["text/html"]
+    assert "application/vnd.jupyter.widget-view+json" in outputs[1].data
+    assert outputs[2].text == "True\n"
+
+
+@pytest.mark.fem
+def test_the_file_of_a_run_has_the_field_of_the_run(tmp_path):
+    pytest.importorskip("dolfinx")
+    import parts
+
+    part = ao.Structure(
+        parts.plate((6, 3), (0.2, 0.06)),
+        ao.Solid(**parts.STEEL, plane="stress", thickness=0.01),
+        [ao.Support("left")],
+    )
+    site = ao.Site((0.13, 0.06), (0.2, -1), radius=0.03)
+    hit = ao.simulate(ao.extract(part, site, 6), ao.RigidMass(0.1, 1.0), ao.Hertz(1e8), 3e-4)
+    fields = SavedFields.load(ao.save_fields(part, hit, tmp_path / "fields.npz"))
+    assert len(fields.time) == len(np.unique(hit.time))
+    t = float(hit.time[len(hit.time) // 2])
+    corner = int(np.argmax(fields.points[:, 0] + fields.points[:, 1]))
+    there = ao.probe(part, hit, fields.points[corner], times=[t])[0]
+    np.testing.assert_allclose(fields.at(t)[corner, :2], there, atol=1e-12)
+    assert fields.largest > 1e-6
+    with pytest.raises(ao.InputError, match="increasing times"):
+        ao.save_fields(part, hit, tmp_path / "other.npz", [1e-4, 0.0])
+    assert not (tmp_path / "other.npz").exists()
