@@ -136,15 +136,18 @@ def array(name: str, value: Any, shape: tuple[int | None, ...] | None) -> Array:
 
     An array of floats is returned without a copy; use `kept` to store it.
     """
-    result = _numbers(name, value, "iuf")
-    with np.errstate(over="ignore"):  # a long double above 1e308 becomes inf, refused below
-        result = np.asarray(result, dtype=float)
+    if type(value) is np.ndarray and value.dtype == np.float64:
+        result = value
+    else:
+        result = _numbers(name, value, "iuf")
+        with np.errstate(over="ignore"):  # a long double above 1e308 becomes inf, refused below
+            result = np.asarray(result, dtype=float)
     if shape is not None:
         _check_shape(name, result, shape)
-    bad = np.count_nonzero(~np.isfinite(result))
-    if bad:
-        raise InputError(f"{name} must be finite; {bad} of its {result.size} entries are not.")
-    if result.size and np.abs(result).max() > LARGEST:
+    if result.size and not float(np.abs(result).max()) <= LARGEST:  # NaN, too
+        bad = np.count_nonzero(~np.isfinite(result))
+        if bad:
+            raise InputError(f"{name} must be finite; {bad} of its {result.size} entries are not.")
         raise InputError(
             f"{name} must not exceed {LARGEST:g} in magnitude; its largest entry is "
             f"{np.abs(result).max():g}."

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections import OrderedDict
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -44,7 +45,7 @@ def forces(scene: ao.Scene, duration: float = 1e-3) -> np.ndarray:
 
 
 def test_runs_that_share_responses_give_the_numbers_of_runs_that_do_not(monkeypatch) -> None:
-    monkeypatch.setattr(engine, "_kept", {})
+    monkeypatch.setattr(engine, "_kept", OrderedDict())
     shared = [forces(scene) for _ in range(2) for scene in SCENES]
     kept = len(engine._kept)
     monkeypatch.setattr(engine, "_LARGEST_KEPT", 0)
@@ -73,7 +74,7 @@ def test_threads_do_not_share_responses_while_they_fill_them() -> None:
 
 
 def test_few_responses_are_kept(monkeypatch) -> None:
-    monkeypatch.setattr(engine, "_kept", {})
+    monkeypatch.setattr(engine, "_kept", OrderedDict())
     for mass in np.linspace(0.1, 1, 2 * engine._MOST_KEPT):
         forces(blow(0.1, mass=float(mass)), 1e-4)
     assert len(engine._kept) == engine._MOST_KEPT

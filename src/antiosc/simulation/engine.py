@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from dataclasses import dataclass
 from functools import cached_property
 from math import ceil, log2
@@ -168,6 +169,7 @@ class Space:
     state: tuple[NDArray[Any], ...]
     work: tuple[NDArray[Any], ...]
     out: tuple[NDArray[Any], ...]
+    shape: tuple[int, int, int]
     nbytes: int
 
     @classmethod
@@ -209,7 +211,8 @@ class Space:
             np.zeros(march.LEVELS + 1, dtype=np.int64),
         )
         out = buffers(_FIRST, p, m, size)
-        return cls(tables, state, work, out, sum(each.nbytes for each in (*tables, *out)))
+        nbytes = sum(each.nbytes for each in (*tables, *out))
+        return cls(tables, state, work, out, (p, m, size), nbytes)
 
     def begin(self, start: Start) -> None:
         """Put all that runs change to the start."""
@@ -230,7 +233,7 @@ def buffers(nodes: int, p: int, m: int, size: int) -> tuple[Array, ...]:
     )
 
 
-_kept: dict[tuple[object, ...], Space] = {}
+_kept: OrderedDict[tuple[object, ...], Space] = OrderedDict()
 _MOST_KEPT, _LARGEST_KEPT = 8, 1 << 23  # of them; bytes of one
 
 
@@ -239,7 +242,16 @@ def _space(key: tuple[object, ...], system: System) -> Space:
 
     It is taken out of the store, so that no other thread fills it meanwhile.
     """
-    return _kept.pop(key, None) or Space.of(system.kinds.size, *system.beta.shape)
+    found = _kept.pop(key, None)
+    if found is not None:
+        return found
+    shape = system.kinds.size, *system.beta.shape
+    if len(_kept) >= _MOST_KEPT:
+        _, oldest = _kept.popitem(last=False)
+        if oldest.shape == shape:  # new memory costs more than a run of few modes
+            oldest.tables[0].fill(np.nan)
+            return oldest
+    return Space.of(*shape)
 
 
 def _keep(key: tuple[object, ...], space: Space) -> None:
@@ -248,7 +260,7 @@ def _keep(key: tuple[object, ...], space: Space) -> None:
         return
     _kept[key] = space
     while len(_kept) > _MOST_KEPT:
-        _kept.pop(next(iter(_kept)), None)
+        _kept.popitem(last=False)
 
 
 def run(
