@@ -31,7 +31,7 @@ PICTURES = {
     "stiffened_panel": ["stiffened_panel.png"],
     "strike_or_uniform": ["../speed/strike_or_uniform.png"],
     "tube_between_stops": ["tube_between_stops.png"],
-    "work_precision": ["work_precision.png"],
+    "work_precision": ["work_precision.png", "work_precision_contacts.png"],
 }
 
 
