@@ -63,6 +63,16 @@ def test_large_histories_are_computed_in_blocks_and_not_kept(hit, monkeypatch):
     assert "_kept_states" in vars(hit)
 
 
+@pytest.mark.parametrize(("nodes", "kept"), [(1_000_000, True), (2_000_000, False)])
+def test_states_above_64_mib_are_not_kept(monkeypatch, nodes, kept):
+    """Of five modes: 40 MB are kept, 80 MB are not."""
+    model, striker = case_two(4)
+    run = ao.simulate(model, striker, ao.Hertz(HERTZ), 1e-4)
+    monkeypatch.setattr(ao.History, "_joined", lambda *_: np.broadcast_to(0.0, (nodes, 5)))
+    assert run._modal_states[0].shape == (nodes, 5)
+    assert ("_kept_states" in vars(run)) == kept
+
+
 def test_coordinates_hold_the_site_first(hit):
     lam = hit.coordinates(hit.time)
     assert lam.shape == (hit.time.size, 10)

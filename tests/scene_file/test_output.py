@@ -1,0 +1,31 @@
+"""Columns of the files of results: their names, units and order."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from antiosc.scene_file import output
+
+RNG = np.random.default_rng(5)
+
+
+@pytest.mark.parametrize(
+    ("shape", "names"),
+    [
+        ((), [""]),
+        ((2,), [" x", " y"]),
+        ((3,), [" x", " y", " z"]),
+        ((6,), [f" {k}" for k in range(1, 7)]),
+        ((3, 3), [" xx", " xy", " xz", " yy", " yz", " zz"]),
+    ],
+)
+@pytest.mark.parametrize("unit", ["", "Pa"])
+def test_every_component_of_a_probe_is_a_column(shape, names, unit):
+    values = RNG.normal(size=(7, *shape))
+    if len(shape) == 2:
+        values = values + values.swapaxes(1, 2)
+    found = output._components("eye", values, unit)
+    assert list(found) == [f"eye{name}{f' ({unit})' if unit else ''}" for name in names]
+    components = values[:, *np.triu_indices(3)] if len(shape) == 2 else values.reshape(7, -1)
+    np.testing.assert_array_equal(np.column_stack(list(found.values())), components)
