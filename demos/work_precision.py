@@ -273,7 +273,7 @@ def chart_contacts(rows: list[dict[str, Any]], path: Path) -> None:
             each = [1e3 * r["seconds"] / (r["steps"] if key == "step" else 1) for r in mine]
             ax.plot([r["contacts"] for r in mine], each, "o-", label=f"{n} modes")
         ax.set(xlabel="contacts", ylabel=f"time of {name} (ms)", ylim=(0, None))
-    axes.flat[0].legend()
+    plotting.legend_beside(axes.flat[1])
     plotting.save_figure(fig, path, dpi=120)
 
 

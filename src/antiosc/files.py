@@ -16,6 +16,8 @@ from pathlib import Path
 from antiosc import checks
 from antiosc.errors import InputError
 
+#: With what a formula of a spreadsheet begins; some programs take wide characters for them too.
+FORMULA = tuple("=+-@\uff1d\uff0b\uff0d\uff20")
 #: Longest suffix that the temporary file keeps: programs choose a format by it.
 _SUFFIX = 20
 
@@ -59,6 +61,14 @@ def write_text(path: str | os.PathLike[str], text: str, what: str = "the text") 
     """Write a text in UTF-8, completely or not at all; InputError as `complete`."""
     with complete(path, what) as part:
         part.write_text(text, encoding="utf-8")
+
+
+def table_text(text: str) -> str:
+    """A text for a cell of a CSV file that no spreadsheet takes for a formula.
+
+    Names are given by users; one that begins with =, +, - or @ gets an apostrophe in front.
+    """
+    return f"'{text}" if text.lstrip()[:1] in FORMULA else text
 
 
 def write_through(path: Path, content: bytes) -> None:

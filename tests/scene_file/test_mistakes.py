@@ -267,6 +267,42 @@ def test_groups_that_a_mesh_does_not_have_are_told(tmp_path, capsys):
     assert "groups of bracket.step were not checked: a geometry" in capsys.readouterr().out
 
 
+@pytest.mark.fem
+def test_a_deck_is_read_for_its_groups(tmp_path, capsys):
+    """Names of supports, sites and probes; and a deck that cannot be read."""
+    pytest.importorskip("dolfinx")
+    deck = written(tmp_path, (SCENES / "bar.inp").read_text(), "bar.inp")
+    right = (SCENES / "deck.toml").read_text()
+    assert antiosc("check", written(tmp_path, right)) == 0
+    assert "no mistakes" in capsys.readouterr().out
+    text = right.replace("point = [0.3, 0.0, 0.0]", 'point = "fixed xx"')
+    text += '[[supports]]\nwhere = "bar"\n[probes.b]\npoint = "fixed y"\n'
+    found = dict(sentences(written(tmp_path, text), capsys))
+    lines = text.splitlines()
+    for key, near in {'point = "fixed xx"': "fixed x", 'where = "bar"': "BAR"}.items():
+        assert f"did you mean '{near}'" in found.pop(lines.index(key) + 1)
+    assert not found
+    deck.write_text(deck.read_text().replace("TYPE=B31", "TYPE=B77"))
+    ((line, sentence),) = sentences(written(tmp_path, right), capsys)
+    assert line == right.splitlines().index("[deck]") + 1
+    assert "bar.inp cannot be read: bar.inp has 10 B77 elements" in sentence
+
+
+@pytest.mark.fem
+def test_groups_of_a_deck_of_several_parts(tmp_path):
+    pytest.importorskip("dolfinx")
+    from antiosc.fem.assembly.from_deck import groups_of_deck
+
+    text = "*NODE\n1,0,0,0\n2,1,0,0\n3,1,1,0\n4,0,1,0\n5,0,0,1\n*NSET,NSET=TIP\n5\n"
+    text += "*ELEMENT,TYPE=S4,ELSET=SKIN\n1,1,2,3,4\n*ELEMENT,TYPE=B31,ELSET=POLE\n2,1,5\n"
+    text += "*SHELL SECTION,ELSET=SKIN,MATERIAL=M\n.1\n"
+    text += "*BEAM SECTION,ELSET=POLE,MATERIAL=M,SECTION=RECT\n.1,.2\n0,1,0\n"
+    text += "*MATERIAL,NAME=M\n*ELASTIC\n1E9,.2\n*DENSITY\n1000\n"
+    found = groups_of_deck(written(tmp_path, text, "two.inp"))
+    assert {"SKIN", "POLE", "TIP", "faces:SKIN", "beams:POLE", "beams:TIP"} <= set(found)
+    assert "beams:SKIN" not in found
+
+
 def test_files_that_are_no_scene_are_refused(tmp_path, capsys):
     binary = tmp_path / "binary.toml"
     binary.write_bytes(b"\xff\xfe\x00")

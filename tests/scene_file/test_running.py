@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
+from antiosc.scene_file import output
 from antiosc.scene_file.json_schema import schema
 from antiosc.scene_file.parameters import parameters
 from antiosc.scene_file.sections import SECTIONS
@@ -409,3 +410,9 @@ assert main(["check", {str(mesh)!r}]) == 1
     told = [line for line in done.stderr.splitlines() if line.startswith(str(mesh))]
     assert any(":4: material cannot be used here" in line for line in told)
     assert len(told) == len(done.stderr.splitlines()) - 2
+
+
+def test_no_cell_of_a_table_is_a_formula_of_a_spreadsheet(tmp_path):
+    columns = {"=1+1 (N)": np.array([1.0, -2.0]), "@x": ["=HYPERLINK(1)", "-5"], "n": ["a", -3]}
+    text = output.write_table(tmp_path / "t.csv", columns).read_text()
+    assert text == "'=1+1 (N),'@x,n\n1.0,'=HYPERLINK(1),a\n-2.0,'-5,-3\n"

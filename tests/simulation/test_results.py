@@ -87,6 +87,17 @@ def test_csv_has_all_digits(landed, tmp_path):
     )
 
 
+@pytest.mark.parametrize("name", ["=cmd|'/C calc'!A0", "+1", "-a", "@SUM(1)", "\t=1", "＝1"])
+def test_no_name_is_a_formula_of_a_spreadsheet(name, tmp_path):
+    bodies = {name: ao.RigidMass(0.1, 1.0), "b": ao.Obstacle()}
+    run = ao.Scene(bodies, [ao.Contact(name, "b", ao.Linear(1e6))]).run(1e-5)
+    with run.to_csv(tmp_path / "run.csv").open(encoding="utf-8", newline="") as stream:
+        head = next(csv.reader(stream))
+    assert head[1] == f"'{name} - b force [N]"
+    assert not any(cell.strip()[:1] in ("=", "+", "-", "@", "＝") for cell in head)
+    assert head[0] == "time [s]"
+
+
 def test_json_is_read_by_others(hit, tmp_path):
     text = hit.to_json(tmp_path / "run.json")
     found = json.loads((tmp_path / "run.json").read_text(encoding="utf-8"))

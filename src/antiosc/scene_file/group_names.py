@@ -1,15 +1,23 @@
-"""Whether the groups that a scene names exist in the mesh files that it names.
+"""Whether the groups that a scene names exist in the mesh files and decks that it names.
 
-Finished meshes are read for it (by the reader that a run takes); nothing is meshed or assembled.
+Finished meshes and decks are read for it (by the reader that a run takes); nothing is meshed or
+assembled.
 """
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from antiosc.errors import AntioscError, InputError, MissingDependencyError
+from antiosc.errors import (
+    AntioscError,
+    AntioscWarning,
+    InputError,
+    MissingDependencyError,
+    finite_element_packages,
+)
 from antiosc.scene_file.locations import Place
 from antiosc.scene_file.problems import label, unknown
 from antiosc.scene_file.program import Call, Evaluation, calls_in
@@ -25,7 +33,7 @@ def check(found: Compiled) -> list[str]:
     """Note groups that do not exist, and raise; return sentences on files that were not read."""
     problems, told = found.document.problems, []
     for part, call in _meshes(found):
-        name = Path(str(call.arguments["source"])).name
+        name = _path(call).name
         try:
             known, why = _groups(call)
         except InputError as error:
@@ -44,10 +52,10 @@ def check(found: Compiled) -> list[str]:
 
 
 def _meshes(found: Compiled) -> Iterator[tuple[str, Call]]:
-    """("" or name of a part, the call of read_mesh)."""
+    """("" or name of a part, the call of read_mesh or read_model)."""
     for statement in found.structure:
         for call in calls_in(statement.expression):
-            if call.function == "ao.read_mesh":
+            if call.function in ("ao.read_mesh", "ao.read_model"):
                 inner = call.place[:1] == ("parts",)
                 yield (str(call.place[1]) if inner else "", call)
     run = found.simulation
@@ -57,9 +65,14 @@ def _meshes(found: Compiled) -> Iterator[tuple[str, Call]]:
             yield "", Call("ao.read_mesh", {"source": source}, ("geometry",))
 
 
+def _path(call: Call) -> Path:
+    """The file that a call of read_mesh or read_model reads."""
+    return Path(str(call.arguments["path" if call.function == "ao.read_model" else "source"]))
+
+
 def _groups(call: Call) -> tuple[list[str], str]:
     """(names of the groups of a mesh file, or why they are not known)."""
-    path = Path(str(call.arguments["source"]))
+    path = _path(call)
     if path.suffix.lower() in GEOMETRIES:
         return [], "a geometry has them once it is meshed, by antiosc run --dry-run."
     if path.stat().st_size > LARGEST:
@@ -69,6 +82,8 @@ def _groups(call: Call) -> tuple[list[str], str]:
         return error
 
     try:
+        if call.function == "ao.read_model":
+            return _groups_of_deck(call), ""
         mesh = Evaluation(failed).value(call)
     except MissingDependencyError as error:
         return [], f"{error}"
@@ -77,6 +92,15 @@ def _groups(call: Call) -> tuple[list[str], str]:
     except AntioscError as error:
         raise InputError(str(error)) from None
     return list(mesh.groups), ""
+
+
+def _groups_of_deck(call: Call) -> list[str]:
+    """Names of the groups of a deck."""
+    with finite_element_packages():
+        from antiosc.fem.assembly.from_deck import groups_of_deck
+    with warnings.catch_warnings():  # a run tells what of the deck it does not take
+        warnings.simplefilter("ignore", AntioscWarning)
+        return groups_of_deck(**call.arguments)
 
 
 def _named(data: Mapping[str, Any], part: str) -> Iterator[tuple[Place, str]]:

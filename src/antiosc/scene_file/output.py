@@ -41,17 +41,17 @@ def write_table(path: Path, columns: Mapping[str, Sequence[Any]]) -> Path:
     """A CSV file with one line of names, in which units stand; complete or absent."""
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(columns)
+    writer.writerow(map(files.table_text, columns))
     writer.writerows([_cell(entry) for entry in row] for row in zip(*columns.values(), strict=True))
     files.write_text(path, stream.getvalue(), "the table")
     return path
 
 
 def _cell(value: Any) -> Any:
-    """Floats with all their digits; nothing for NaN."""
+    """Floats with all their digits; nothing for NaN; texts that are no formulas."""
     if isinstance(value, float | np.floating):
         return "" if math.isnan(value) else repr(float(value))
-    return value
+    return files.table_text(value) if isinstance(value, str) else value
 
 
 def ends(history: SceneHistory) -> list[tuple[str, str]]:

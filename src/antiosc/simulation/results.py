@@ -292,4 +292,5 @@ class SceneResults(Results):
 
 def _quoted(name: str) -> str:
     """A name as CSV has it."""
-    return '"' + name.replace('"', '""') + '"' if any(c in name for c in ',"\n') else name
+    name = files.table_text(name)
+    return '"' + name.replace('"', '""') + '"' if any(c in name for c in ',"\n\r') else name

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -92,34 +92,12 @@ def read_model(
     AntioscWarning
         What of the deck is not taken: loads, steps, nonlinear materials.
     """
-    units = UnitSystem.of(unit)
-    if merge is not None:
-        positive("merge", merge, "m")
-    if density is not None:
-        density = positive("density", density, "kg/m³")
-    if timeout is not None:
-        positive("timeout", timeout, "s")
     instance("comm", comm, MPI.Comm, "an MPI communicator (mpi4py)")
     file = checked_path("path", path)
-    if parts is not None:
-        named = isinstance(parts, list | tuple) and all(isinstance(one, str) for one in parts)
-        if not named or not parts:
-            raise InputError(f"parts must be a list of names; got {shown(parts)}.")
-        parts = list(parts)
+    read = _reader(file, unit, density, merge, parts, timeout)
     more = _listed("supports", supports, (Support,))
     added = _listed("attached", attached, (PointMass, Spring))
-
-    def work() -> dict[int, RawMesh]:
-        options = {"density": density, "parts": parts}
-        found = read_parts(file, unit=units, merge=merge, timeout=timeout, model=options)
-        for dim, raw in found.items():
-            gdim = None if raw.model is None else raw.model["gdim"]
-            pieces = raw.model is not None and raw.model["joined"]
-            flat = flattened(raw, gdim, file.name)
-            found[dim] = sound(flat, file.name, made_here=False, pieces=pieces)
-        return found
-
-    by_dim = on_root(comm, work)
+    by_dim = on_root(comm, read)
     first = next(iter(by_dim.values()))
     model = first.model
     if model is None:
@@ -136,6 +114,52 @@ def read_model(
         return next(iter(made.values()))
     numbers = {PARTS[dim]: raw.numbers for dim, raw in by_dim.items()}
     return joined(made, numbers, model, more, added, solver)
+
+
+def groups_of_deck(path: str | Path, unit: str | float = "m", **options: Any) -> list[str]:
+    """Names of the groups of a deck, as supports and sites name them; nothing is assembled.
+
+    `options` are others of `read_model`; those that reading does not need are not looked at.
+    """
+    needed = ("density", "merge", "parts", "timeout")
+    file = checked_path("path", path)
+    by_dim = _reader(file, unit, *(options.get(name) for name in needed))()
+    names = dict.fromkeys(group for raw in by_dim.values() for group in raw.groups)
+    model = next(iter(by_dim.values())).model
+    if model is not None and model["joined"]:
+        inner = [f"{PARTS[dim]}:{group}" for dim, raw in by_dim.items() for group in raw.groups]
+        names |= dict.fromkeys(inner)
+    return list(names)
+
+
+def _reader(
+    file: Path, unit: Any, density: Any, merge: Any, parts: Any, timeout: Any
+) -> Callable[[], dict[int, RawMesh]]:
+    """A function that reads the deck: cells by their dimension; arguments are those of a user."""
+    units = UnitSystem.of(unit)
+    if merge is not None:
+        positive("merge", merge, "m")
+    if density is not None:
+        density = positive("density", density, "kg/m³")
+    if timeout is not None:
+        positive("timeout", timeout, "s")
+    if parts is not None:
+        named = isinstance(parts, list | tuple) and all(isinstance(one, str) for one in parts)
+        if not named or not parts:
+            raise InputError(f"parts must be a list of names; got {shown(parts)}.")
+        parts = list(parts)
+
+    def work() -> dict[int, RawMesh]:
+        options = {"density": density, "parts": parts}
+        found = read_parts(file, unit=units, merge=merge, timeout=timeout, model=options)
+        for dim, raw in found.items():
+            gdim = None if raw.model is None else raw.model["gdim"]
+            pieces = raw.model is not None and raw.model["joined"]
+            flat = flattened(raw, gdim, file.name)
+            found[dim] = sound(flat, file.name, made_here=False, pieces=pieces)
+        return found
+
+    return work
 
 
 def _part(
