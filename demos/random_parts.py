@@ -14,7 +14,9 @@ class Case:
     `worst_ratio` is the true error over its bar, `answer_ratio` the same of the corrected model, as
     `strike` answers; `speed` the contact time over the longest period of the part with its site
     held, `reference` the errors of strains of the reference over those of the part. `strike_true`
-    and `strike_promised` are the errors of `strike` from the geometry with a tolerance of 1 %.
+    and `strike_promised` are the errors of `strike` from the geometry with a tolerance of 1 %;
+    `strike_ratio` and `strike_meshes` the true error over its bar and the number of meshes with a
+    finer tolerance.
     """
 
     number: int
@@ -40,6 +42,8 @@ class Case:
     strike_true: float = 0.0
     strike_promised: float = 0.0
     strike_met: bool = False
+    strike_ratio: float = 0.0
+    strike_meshes: int = 0
     refused: str = ""
 
     @property

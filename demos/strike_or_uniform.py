@@ -5,8 +5,8 @@ For each tolerance three marks: what was asked, what the error budget promises, 
 degree, number of anti-oscillators and time step, with smaller elements around the site, and with
 and without correction. The truth is the corrected model of an adapted mesh of degree 2, whose own
 share of the budget is printed. All runs have one radius of the patch, whose share is therefore no
-part of the errors shown. Then meshes of equal error: how many dofs a uniform and an adapted one
-have.
+part of the errors shown. The compiled time integration is loaded before, for both sides. Then
+meshes of equal error: how many dofs and CPU seconds uniform and adapted ones take.
 
     .venv/bin/python demos/strike_or_uniform.py --help
 """
@@ -30,12 +30,17 @@ from strike_scenes import SCENES, Scene
 import antiosc as ao
 from antiosc import plotting
 from antiosc.fem.error.remeshing import source_of
+from antiosc.simulation.compilation import compiled_march
 from antiosc.simulation.error_budget import differences
 
 #: The grid of fixed choices: sizes over the scene's, anti-oscillators, time tolerances.
 SIZES, COUNTS, STEPS = (2.0, 1.0, 0.6), (6, 12, 20), (1e-2, 1e-3)
 #: Sizes of the meshes that are uniform up to the site, over the scene's.
-UNIFORM = {1: (1.0, 0.5, 0.3), 2: (1.4, 0.8, 0.45)}
+UNIFORM = {1: (1.0, 0.5, 0.3), 2: (1.4, 0.8, 0.45, 0.35)}
+#: Seconds that `strike` gets for one answer.
+LIMIT = 120.0
+#: Scenes whose uniform and adapted meshes are compared, and at which degrees.
+COMPARED = {"block, short blow": (1, 2), "bracket, light sphere": (2,)}
 #: Anti-oscillators of truths and of meshes that are compared by their dofs.
 MANY = 40
 #: Size of the elements [m] for the cost of the estimate, and runs of which the least counts.
@@ -44,35 +49,37 @@ COST_SIZE, ROUNDS = 0.005, 4
 MET, FINE = 0.01, 0.001
 
 Row = dict[str, Any]
+#: name -> what was found: "truth", "runs", and of some "cost" and "meshes"
+Found = dict[str, dict[str, Any]]
 
 
 def main(
     scenes: tuple[str, ...] = tuple(SCENES),
     tols: tuple[float, ...] = (0.1, 0.03, 0.01, 0.003, 0.001),
-    dofs: int = 90_000,
+    dofs: int = 150_000,
     out: str = "",
-) -> dict[str, list[Row]]:
+) -> Found:
     """Strike with these tolerances, and on the grid; `dofs`: most of a truth.
 
     Scenes that the file `out` (JSON) holds are not run again.
     """
     kept = Path(out) if out else None
-    found: dict[str, list[Row]] = json.loads(kept.read_text()) if kept and kept.exists() else {}
+    found: Found = json.loads(kept.read_text()) if kept and kept.exists() else {}
+    compiled_march()
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
         warnings.simplefilter("ignore", ao.AntioscWarning)
         for name in (name for name in scenes if name not in found):
             scene = SCENES[name]
             path = scene.path(Path(folder))
-            true = truth(scene, path, dofs)
+            known, true = truth(scene, path, dofs)
             hits = [*struck(scene, path, tols), *fixed(scene, path)]
             rows = [{**row, "true": max(differences(hit, true).values())} for row, hit in hits]
-            found[name] = rows
-            told(name, rows)
+            found[name] = {"truth": known, "runs": rows}
+            print(f"\n**{name}**\n\n{table(found[name])}", flush=True)
             if name == "bracket, light sphere":
-                cost(scene, path)
-            if name in ("block, short blow", "bracket, light sphere"):
-                for order in (1, 2) if name.startswith("block") else (2,):
-                    compared(scene, path, true, order)
+                found[name]["cost"] = cost(scene, path)
+            orders = COMPARED.get(name, ())
+            found[name]["meshes"] = {str(k): compared(scene, path, true, k) for k in orders}
             if kept:
                 kept.write_text(json.dumps(found, indent=1) + "\n")
     if kept:
@@ -80,12 +87,12 @@ def main(
     return found
 
 
-def truth(scene: Scene, path: Path, dofs: int) -> ao.History:
-    """The impact on the corrected model of an adapted mesh of degree 2."""
+def truth(scene: Scene, path: Path, dofs: int) -> tuple[Row, ao.History]:
+    """The impact on the corrected model of an adapted mesh of degree 2, its dofs and its bar."""
     *_, (model, hit) = adapted(scene, path, 2, dofs, 4)
     share = max(bar.mesh for bar in hit.error_budget.of_corrected(hit).values())
     print(f"truth: {model.info['dofs']} dofs, corrected; its own bar of the mesh {share:.1e}")
-    return scene.struck(model.corrected(), 1e-6)
+    return {"dofs": model.info["dofs"], "bar": share}, scene.struck(model.corrected(), 1e-6)
 
 
 def adapted(scene: Scene, path: Path, order: int, dofs: int, rounds: int) -> list[Any]:
@@ -113,7 +120,7 @@ def struck(scene: Scene, path: Path, tols: Sequence[float]) -> list[tuple[Row, a
         started = time.process_time()
         hit = ao.strike(
             path, scene.site, *scene.impact, scene.duration,
-            tol=tol, material=scene.material, supports=[scene.held],
+            tol=tol, material=scene.material, supports=[scene.held], limit=LIMIT,
         )  # fmt: skip
         promised = max(bar.total - bar.patch for bar in hit.error_budget.values())
         row = {"run": "strike", "asked": tol, "promised": promised, "met": hit.status == 0}
@@ -158,10 +165,10 @@ def spent(model: ao.AntiOscillators, started: float) -> Row:
     return {"dofs": model.info["dofs"], "seconds": time.process_time() - started}
 
 
-def told(name: str, rows: Sequence[Row]) -> None:
-    """The table of one scene, and what `strike` costs against the cheapest fixed choices."""
-    print(f"\n**{name}**\n")
-    print("| run | dofs | CPU s | asked | promised | true |\n|---|---|---|---|---|---|")
+def table(found: dict[str, Any]) -> str:
+    """The runs of one scene in Markdown, and what `strike` costs against cheapest fixed choices."""
+    rows = found["runs"]
+    lines = ["| run | dofs | CPU s | asked | promised | true |", "|---|---|---|---|---|---|"]
     strikes = [row for row in rows if row["run"] == "strike"]
     best = {}
     for kind, goal in (("fixed", MET), ("corrected", MET), ("fixed", FINE), ("corrected", FINE)):
@@ -171,19 +178,21 @@ def told(name: str, rows: Sequence[Row]) -> None:
     for row in [*strikes, *best.values()]:
         label = "strike" + ", not met" * (not row.get("met", True))
         if row["run"] != "strike":
-            label = f"{row['run']}, {1e3 * row['size']:.3g} mm, order {row['order']}, "
+            label = f"{row['run']}, {1e3 * row['size']:.3g} mm, degree {row['order']}, "
             label += f"n = {row['n']}, step {row['step']:g}"
         marks = [row.get(mark) for mark in ("asked", "promised", "true")]
         shown = " | ".join("" if mark is None else f"{mark:.1e}" for mark in marks)
-        print(f"| {label} | {row['dofs']} | {row['seconds']:.2f} | {shown} |")
+        lines.append(f"| {label} | {row['dofs']} | {row['seconds']:.2f} | {shown} |")
     own = next((row for row in strikes if row["asked"] == MET), None)
     for (kind, goal), row in best.items():
         if own:
-            ratio = own["seconds"] / row["seconds"]
-            print(f"\nstrike({MET:g}) over the cheapest {kind} choice within {goal:g}: {ratio:.2f}")
+            share = own["seconds"] / row["seconds"]
+            said = f"strike({MET:g}) over the cheapest {kind} choice within {goal:g}: {share:.2f}"
+            lines += ["", said]
+    return "\n".join(lines)
 
 
-def cost(scene: Scene, path: Path) -> None:
+def cost(scene: Scene, path: Path) -> Row:
     """CPU seconds of an extraction, assembly and factor included, and of its estimate of errors."""
     mesh = ao.read_mesh(path, size=COST_SIZE, refine=[(scene.site.point, scene.site.radius)])
     spent = []
@@ -194,41 +203,42 @@ def cost(scene: Scene, path: Path) -> None:
         _, more = timed(ao.extract, part, scene.site, n=COUNTS[-1], error="estimate")
         spent.append((assembled + factored, plain, more))
     before, plain, more = np.array(spent).min(axis=0)
-    whole, extra = before + plain, more - plain
-    print(
-        f"\ncost of the estimate at {part.dofs} dofs, n = {COUNTS[-1]}, least of {ROUNDS}: "
-        f"{extra:.3f} of {whole:.2f} CPU s = {extra / whole:.1%}"
-    )
+    found = {"dofs": part.dofs, "n": COUNTS[-1], "whole": before + plain, "estimate": more - plain}
+    print(f"\ncost of the estimate: {found}")
+    return found
 
 
-def compared(scene: Scene, path: Path, true: ao.History, order: int) -> None:
-    """Dofs of uniform and of adapted meshes over those of the other with the same error."""
-    ways: dict[str, list[tuple[int, float]]] = {}
-    for way in ("uniform", "adapted"):
-        if way == "uniform":
-            parts = [made(scene, path, f * scene.size, (), order) for f in UNIFORM[order]]
-            models = [ao.extract(part, scene.site, n=MANY) for part in parts]
-            found = [(model, scene.struck(model)) for model in models]
-        else:
-            found = adapted(scene, path, order, 40_000, 4)
-        ways[way] = [(m.info["dofs"], max(differences(h, true).values())) for m, h in found]
-        shown = ", ".join(f"{dofs} dofs {error:.1e}" for dofs, error in ways[way])
-        print(f"\norder {order}, {way}: {shown}")
-    dofs, error = np.log(np.array(ways["adapted"]).T)
-    for own, miss in ways["uniform"]:
-        by_error = np.argsort(error)
-        equal = np.exp(np.interp(np.log(miss), error[by_error], dofs[by_error]))
-        sign = ">" if np.log(miss) > error.max() else "<" if np.log(miss) < error.min() else ""
-        print(
-            f"order {order}, error {miss:.1e}: {own} dofs uniform, {equal:.0f} adapted: "
-            f"{sign}{own / equal:.2g} times fewer"
-        )
+def compared(scene: Scene, path: Path, true: ao.History, order: int) -> dict[str, list[Row]]:
+    """Uniform and adapted meshes: dofs, CPU seconds, and errors of raw and corrected models."""
+    found: dict[str, list[Row]] = {"uniform": []}
+    for factor in UNIFORM[order]:
+        part, meshed = timed(made, scene, path, factor * scene.size, (), order)
+        model, extracted = timed(ao.extract, part, scene.site, n=MANY, error="estimate")
+        hit, run = timed(scene.struck, model)
+        seconds = {"seconds": meshed + extracted + run}
+        found["uniform"].append({**errors(scene, model, hit, true), **seconds})
+    meshes = adapted(scene, path, order, 40_000, 4)
+    found["adapted"] = [errors(scene, model, hit, true) for model, hit in meshes]
+    for way, rows in found.items():
+        shown = ", ".join(f"{row['dofs']} dofs {row['raw']:.1e}" for row in rows)
+        print(f"\ndegree {order}, {way}: {shown}", flush=True)
+    return found
 
 
-def chart(found: dict[str, list[Row]], path: Path) -> None:
+def errors(scene: Scene, model: ao.AntiOscillators, hit: ao.History, true: ao.History) -> Row:
+    """Dofs of a model, and its errors without and with correction."""
+    soft = scene.struck(model.corrected())
+    miss = {"raw": hit, "corrected": soft}
+    return {"dofs": model.info["dofs"]} | {
+        name: max(differences(each, true).values()) for name, each in miss.items()
+    }
+
+
+def chart(found: Found, path: Path) -> None:
     """Error against CPU seconds, a panel for each scene."""
     figure, grid = plotting.panels(2, (len(found) + 1) // 2, (11, 7))
-    for axes, (name, rows) in zip(grid.flat, found.items(), strict=False):
+    for axes, (name, content) in zip(grid.flat, found.items(), strict=False):
+        rows = content["runs"]
         own = [row for row in rows if row["run"] == "strike"]
         for mark, sign in {"asked": "_", "promised": "^", "true": "o"}.items():
             values = [row[mark] for row in own]
@@ -260,7 +270,7 @@ def command(arguments: Sequence[str] | None = None) -> None:
     names = ", ".join(f"{k}: {name}" for k, name in enumerate(SCENES, 1))
     scenes = options.listed(numbered)
     parser.add_argument("--scenes", type=scenes, default=tuple(SCENES), help=f"numbers; {names}")
-    parser.add_argument("--dofs", type=options.count, default=90_000, help="most of a truth")
+    parser.add_argument("--dofs", type=options.count, default=150_000, help="most of a truth")
     parser.add_argument("--out", default="", help="file for the runs (JSON), and a chart beside it")
     options.run(parser, main, arguments)
 
