@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,3 +16,7 @@ IntArray = NDArray[np.integer[Any]]
 Box = tuple[float, float, float]
 #: the integers that NumPy's searches and sorts return
 Index = NDArray[np.intp]
+#: a PETSc.Mat or a scipy.sparse.csr_matrix: neither package tells its types
+Matrix: TypeAlias = Any
+#: real or complex numbers
+Numbers: TypeAlias = NDArray[np.float64] | NDArray[np.complex128]

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from antiosc._types import Array
 from antiosc.contact import ContactLaw, Hertz
 from antiosc.errors import InputError
 from antiosc.simulation.bodies import Placed, place
@@ -17,8 +17,6 @@ from antiosc.simulation.scene_loads import acting, axes_of
 from antiosc.simulation.scene_parts import SceneParts
 from antiosc.simulation.scene_scales import MINDLIN, STIFFEST, mass_behind, scales
 from antiosc.simulation.scene_states import between
-
-Array = NDArray[np.float64]
 
 
 @dataclass(eq=False)

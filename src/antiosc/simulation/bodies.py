@@ -12,9 +12,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from antiosc import checks
+from antiosc._types import Array
 from antiosc.errors import InputError
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import LinearBody, checked_body
@@ -22,8 +23,6 @@ from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Inertia, Motion
 from antiosc.models.site_modes import SiteModes, unit_vectors
 from antiosc.simulation.impactors import Impactor, Obstacle
-
-Array = NDArray[np.float64]
 
 #: cosine of the angle beyond which two directions are not taken as one
 PARALLEL = 0.999

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from antiosc._types import Array
 from antiosc.errors import InputError
 from antiosc.simulation.bodies import PARALLEL, Placed
 from antiosc.simulation.impactors import Obstacle
 from antiosc.simulation.scene_parts import Contact, SceneParts
 
-Array = NDArray[np.float64]
 End = tuple[Placed, str]  # a body and the name of its site
 
 

@@ -11,13 +11,11 @@ regularisation that vanishes (Levenberg) finds it, or moves off without end wher
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from antiosc._types import Array
 from antiosc.contact import ContactLaw, State
 from antiosc.errors import InputError
 from antiosc.simulation.engine import System
-
-Array = NDArray[np.float64]
 
 _ITERATIONS = 400
 

@@ -6,8 +6,8 @@ from itertools import count
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from antiosc._types import Array
 from antiosc.contact import (
     ContactLaw,
     Hertz,
@@ -23,8 +23,6 @@ from antiosc.contact.damped import _Damped
 from antiosc.contact.table import _Curve
 from antiosc.errors import InputError
 from antiosc.simulation import march
-
-Array = NDArray[np.float64]
 
 #: numbers that a contact may remember
 MEMORY = 8

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from antiosc import checks
+from antiosc._types import Array
 from antiosc.errors import AccuracyError, AccuracyWarning, InputError, warn
 from antiosc.simulation.assembly import Assembly, assemble
 from antiosc.simulation.convergence import Converged, converge, stopped
@@ -17,8 +17,6 @@ from antiosc.simulation.laws import forget
 from antiosc.simulation.scene_energy import GAIN, gained
 from antiosc.simulation.scene_history import SceneHistory
 from antiosc.simulation.scene_parts import SceneParts
-
-Array = NDArray[np.float64]
 
 
 def integrate(

@@ -7,9 +7,10 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from antiosc import checks
+from antiosc._types import Array
 from antiosc.brief import Brief
 from antiosc.errors import InputError
 from antiosc.models.modal import ModalBody
@@ -24,8 +25,6 @@ from antiosc.simulation.history import no_field
 from antiosc.simulation.results import SceneResults
 from antiosc.simulation.scene_energy import balance
 from antiosc.simulation.scene_states import forces, located, node_states, spans, states
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from antiosc._types import Array
 from antiosc.errors import InputError
 from antiosc.simulation.bodies import Placed
 from antiosc.simulation.contact_rows import along, find
 from antiosc.simulation.impactors import Obstacle
 from antiosc.simulation.scene_parts import SceneParts
-
-Array = NDArray[np.float64]
 
 
 def axes_of(

@@ -18,9 +18,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from antiosc import checks
+from antiosc._types import Array
 from antiosc.contact import ContactLaw
 from antiosc.errors import InputError
 from antiosc.models.anti_oscillators import AntiOscillators
@@ -28,8 +29,6 @@ from antiosc.models.body import checked_body
 from antiosc.models.motion import Motion
 from antiosc.models.site_modes import SiteModes
 from antiosc.simulation.bodies import RigidBody
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,13 +5,11 @@ from __future__ import annotations
 from math import sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
+from antiosc._types import Array
 from antiosc.contact import ContactLaw, State
 from antiosc.simulation.expected import deepest, stiffness_at
 from antiosc.simulation.scene_parts import SceneParts
-
-Array = NDArray[np.float64]
 
 MINDLIN = 2 * (1 - 0.3) / (2 - 0.3)  # tangential over normal stiffness for nu = 0.3
 DEPTH_ERROR = 1e-9  # relative, of the depth that friction's stiffness is taken at

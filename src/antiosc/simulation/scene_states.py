@@ -7,10 +7,10 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from antiosc._types import Array
 from antiosc.simulation import march
 from antiosc.simulation.engine import Run, System
 
-Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 #: Modal responses that are computed at once.

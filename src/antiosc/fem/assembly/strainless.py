@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 
-from antiosc._types import Array
+from antiosc._types import Array, Matrix
 from antiosc.errors import AccuracyError, InputError, warn
 from antiosc.fem.assembly import motions
 from antiosc.fem.assembly.elimination import Eliminated
@@ -28,8 +27,8 @@ STRAINLESS = 1e-9
 
 def modes_of(
     layout: Layout,
-    K: Any,
-    M: Any,
+    K: Matrix,
+    M: Matrix,
     eliminated: Eliminated,
     rigid: Array,
     mechanisms: Array,

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import scipy.linalg
 
-from antiosc._types import Array, IntArray
+from antiosc._types import Array, IntArray, Matrix
 from antiosc.fem.extraction.mode_search import Held, Pin, Search
 from antiosc.fem.linalg.algebra import (
     by_scipy,
@@ -164,7 +164,7 @@ class ModeSolver:
 
 
 def _dense_modes(
-    K: Any, M: Any, free: IntArray, conditions: Array, sigma: float
+    K: Matrix, M: Matrix, free: IntArray, conditions: Array, sigma: float
 ) -> tuple[Array, Array]:
     """(ω ascending, shapes) on the rows `free` of SciPy matrices, under `conditions` (free, c)."""
     stiffness, mass = (matrix[free][:, free].toarray() for matrix in (K, M))
@@ -185,7 +185,7 @@ def _dense_modes(
 def _polished(structure: Structure, modes: Modes) -> Modes:
     """The modes with improved orthogonality in M and in K (`polish`)."""
 
-    def gram(matrix: Any, phi: Array) -> Array:
+    def gram(matrix: Matrix, phi: Array) -> Array:
         return np.asarray(dot(structure.comm, phi, multiply(matrix, phi)))
 
     poles, phi = polish(modes.phi, lambda x: gram(structure.K, x), lambda x: gram(structure.M, x))

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import scipy.sparse
 
-from antiosc._types import Array, IntArray
+from antiosc._types import Array, IntArray, Matrix
 from antiosc.fem.linalg import scipy_algebra
 
 if TYPE_CHECKING:
@@ -30,12 +30,12 @@ def norm(comm: MPI.Comm, x: Array) -> float:
     return float(np.sqrt(dot(comm, x, x)))
 
 
-def by_scipy(matrix: Any) -> bool:
+def by_scipy(matrix: Matrix) -> bool:
     """Whether the matrix is SciPy's."""
     return bool(scipy.sparse.issparse(matrix))
 
 
-def _backend(matrix: Any) -> ModuleType:
+def _backend(matrix: Matrix) -> ModuleType:
     if by_scipy(matrix):
         return scipy_algebra
     from antiosc.fem.linalg import petsc_algebra  # needs PETSc
@@ -43,60 +43,60 @@ def _backend(matrix: Any) -> ModuleType:
     return petsc_algebra
 
 
-def communicator(matrix: Any) -> MPI.Comm:
+def communicator(matrix: Matrix) -> MPI.Comm:
     """The communicator that shares the matrix."""
     return _backend(matrix).communicator(matrix)
 
 
-def size(matrix: Any) -> int:
+def size(matrix: Matrix) -> int:
     """Number of rows on all ranks."""
     return int(_backend(matrix).size(matrix))
 
 
-def row_range(matrix: Any) -> tuple[int, int]:
+def row_range(matrix: Matrix) -> tuple[int, int]:
     """First row of this rank, and the one after its last."""
     first, last = _backend(matrix).row_range(matrix)
     return first, last
 
 
-def rows(matrix: Any) -> int:
+def rows(matrix: Matrix) -> int:
     """Number of rows of this rank."""
     first, last = row_range(matrix)
     return last - first
 
 
-def diagonal(matrix: Any) -> Array:
+def diagonal(matrix: Matrix) -> Array:
     """The diagonal on the rows of this rank."""
     return np.asarray(_backend(matrix).diagonal(matrix))
 
 
-def entries(matrix: Any) -> tuple[IntArray, IntArray, Array]:
+def entries(matrix: Matrix) -> tuple[IntArray, IntArray, Array]:
     """The rows of this rank as CSR arrays: pointers, global columns, values."""
     pointers, columns, values = _backend(matrix).entries(matrix)
     return pointers, columns, values
 
 
-def multiply(matrix: Any, x: Array) -> Array:
+def multiply(matrix: Matrix, x: Array) -> Array:
     """matrix · x for a vector or a block of vectors."""
     return np.asarray(_backend(matrix).multiply(matrix, x))
 
 
-def by_strains(matrix: Any) -> bool:
+def by_strains(matrix: Matrix) -> bool:
     """Whether products with the matrix are taken by its strains (`antiosc.fem.linalg.strains`)."""
     return bool(_backend(matrix).by_strains(matrix))
 
 
-def sum_of(K: Any, shift: float, M: Any) -> Any:
+def sum_of(K: Matrix, shift: float, M: Matrix) -> Matrix:
     """K + shift·M; K itself where the shift is zero."""
     return _backend(K).sum_of(K, shift, M)
 
 
-def skew(matrix: Any) -> Any:
+def skew(matrix: Matrix) -> Matrix:
     """matrixᵀ - matrix."""
     return _backend(matrix).skew(matrix)
 
 
-def hold(matrix: Any, rows: IntArray, value: float) -> Any:
+def hold(matrix: Matrix, rows: IntArray, value: float) -> Matrix:
     """The matrix with these rows and columns zero and `value` on the diagonal.
 
     `rows` are global numbers of rows of this rank. A PETSc matrix is changed in place.
@@ -104,7 +104,7 @@ def hold(matrix: Any, rows: IntArray, value: float) -> Any:
     return _backend(matrix).hold(matrix, rows, value)
 
 
-def gathered(matrix: Any, root: int) -> scipy.sparse.csr_matrix | None:
+def gathered(matrix: Matrix, root: int) -> scipy.sparse.csr_matrix | None:
     """The whole matrix as a SciPy matrix on rank `root`; None elsewhere."""
     return _backend(matrix).gathered(matrix, root)
 
@@ -114,6 +114,6 @@ def free_when_dropped(*matrices: Any) -> None:
     _backend(matrices[0]).free_when_dropped(*matrices)
 
 
-def declare_definite(matrix: Any) -> None:
+def declare_definite(matrix: Matrix) -> None:
     """Tell the back-end that the matrix is symmetric and positive definite."""
     _backend(matrix).declare_definite(matrix)

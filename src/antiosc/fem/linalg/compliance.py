@@ -15,13 +15,13 @@ factor, of A + σM.
 from __future__ import annotations
 
 import logging
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 import scipy.linalg.blas
 import scipy.sparse
 
-from antiosc._types import Array, IntArray
+from antiosc._types import Array, IntArray, Matrix
 from antiosc.fem.linalg import memory, solver_choice
 from antiosc.fem.linalg.algebra import gathered, multiply, sum_of
 from antiosc.fem.linalg.cholmod import Cholesky
@@ -49,8 +49,8 @@ log = logging.getLogger(__name__)
 class Factored(Protocol):
     """What is needed of a `Structure`: its matrices on a communicator, and the factor of K + sM."""
 
-    K: Any
-    M: Any
+    K: Matrix
+    M: Matrix
 
     @property
     def comm(self) -> MPI.Comm: ...

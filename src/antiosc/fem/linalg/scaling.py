@@ -6,11 +6,11 @@ weight. In an unscaled norm one penalty, or one unit, would hide all others.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from antiosc._types import Array
+from antiosc._types import Array, Matrix
 from antiosc.fem.linalg.algebra import communicator, diagonal
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ def norms(comm: MPI.Comm, X: Array) -> Array:
     return np.sqrt(np.asarray(comm.allreduce(np.einsum("ij,ij->j", X, X))))
 
 
-def roots(matrix: Any) -> Array:
+def roots(matrix: Matrix) -> Array:
     """√a_ii on the rows of this rank; for an empty row a typical value."""
     result = np.sqrt(np.maximum(diagonal(matrix), 0.0))
     comm = communicator(matrix)
@@ -32,13 +32,13 @@ def roots(matrix: Any) -> Array:
     return result
 
 
-def force_ratios(matrix: Any, X: Array, product: Array) -> Array:
+def force_ratios(matrix: Matrix, X: Array, product: Array) -> Array:
     """‖A x/√D‖ / ‖√D x‖ of each column, `product` being A X: 1e-16 for a null vector."""
     comm, root = communicator(matrix), roots(matrix)[:, None]
     return norms(comm, product / root) / norms(comm, root * X)
 
 
-def softness(matrix: Any, X: Array, product: Array) -> Array:
+def softness(matrix: Matrix, X: Array, product: Array) -> Array:
     """xᵀA x / xᵀD x of each column, `product` being A X: ±1e-16 for a null vector.
 
     Unlike `force_ratios` it is insensitive, to first order, to errors in x.
@@ -48,7 +48,7 @@ def softness(matrix: Any, X: Array, product: Array) -> Array:
     return np.asarray(energy / norms(comm, root * X) ** 2)
 
 
-def frequency(K: Any, M: Any) -> float:
+def frequency(K: Matrix, M: Matrix) -> float:
     """Median of K_ii/M_ii over the dofs with mass, rad²/s²: below the top of the spectrum."""
     k, m = (diagonal(matrix) for matrix in (K, M))
     ratios = communicator(K).allgather(k[m > 0] / m[m > 0])

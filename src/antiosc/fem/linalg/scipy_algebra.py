@@ -7,56 +7,56 @@ from typing import Any
 import numpy as np
 import scipy.sparse
 
-from antiosc._types import Array, IntArray
+from antiosc._types import Array, IntArray, Matrix
 from antiosc.fem.communicator import SERIAL, Serial
 
 
-def communicator(matrix: Any) -> Serial:
+def communicator(matrix: Matrix) -> Serial:
     """That of one process."""
     return SERIAL
 
 
-def size(matrix: Any) -> int:
+def size(matrix: Matrix) -> int:
     """Number of rows."""
     return int(matrix.shape[0])
 
 
-def row_range(matrix: Any) -> tuple[int, int]:
+def row_range(matrix: Matrix) -> tuple[int, int]:
     """All rows."""
     return 0, int(matrix.shape[0])
 
 
-def diagonal(matrix: Any) -> Array:
+def diagonal(matrix: Matrix) -> Array:
     """The diagonal."""
     return np.asarray(matrix.diagonal())
 
 
-def entries(matrix: Any) -> tuple[IntArray, IntArray, Array]:
+def entries(matrix: Matrix) -> tuple[IntArray, IntArray, Array]:
     """CSR arrays: pointers, columns, values."""
     return matrix.indptr, matrix.indices, matrix.data
 
 
-def multiply(matrix: Any, x: Array) -> Array:
+def multiply(matrix: Matrix, x: Array) -> Array:
     """matrix · x for a vector or a block of vectors."""
     return np.asarray(matrix @ x)
 
 
-def by_strains(matrix: Any) -> bool:
+def by_strains(matrix: Matrix) -> bool:
     """Products are those of the entries."""
     return False
 
 
-def sum_of(K: Any, shift: float, M: Any) -> Any:
+def sum_of(K: Matrix, shift: float, M: Matrix) -> Matrix:
     """K + shift·M; K itself where the shift is zero."""
     return K if shift == 0.0 else (K + shift * M).tocsr()
 
 
-def skew(matrix: Any) -> Any:
+def skew(matrix: Matrix) -> Matrix:
     """matrixᵀ - matrix."""
     return (matrix.T - matrix).tocsr()
 
 
-def hold(matrix: Any, rows: IntArray, value: float) -> Any:
+def hold(matrix: Matrix, rows: IntArray, value: float) -> Matrix:
     """The matrix with these rows and columns zero and `value` on the diagonal."""
     free, held = np.ones(matrix.shape[0]), np.zeros(matrix.shape[0])
     free[rows], held[rows] = 0.0, value
@@ -66,12 +66,12 @@ def hold(matrix: Any, rows: IntArray, value: float) -> Any:
     return result
 
 
-def gathered(matrix: Any, root: int) -> Any:
+def gathered(matrix: Matrix, root: int) -> Matrix:
     """The matrix itself."""
     return matrix
 
 
-def declare_definite(matrix: Any) -> None:
+def declare_definite(matrix: Matrix) -> None:
     """SciPy matrices have no such mark."""
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse
 import scipy.sparse.linalg
 
-from antiosc._types import Array
+from antiosc._types import Array, Matrix
 from antiosc.errors import InputError, NotConvergedError
 from antiosc.fem.linalg.memory import MEMORY_SHARE, free_memory
 from antiosc.fem.linalg.solver import SINGULAR, Factorization
@@ -35,7 +35,7 @@ SYMMETRIC_ORDER: dict[str, Any] = {
 }
 
 
-def factorize(A: Any) -> Factorization:
+def factorize(A: Matrix) -> Factorization:
     """The factor of A by CHOLMOD where scikit-sparse is installed, otherwise by SuperLU.
 
     Raises
@@ -47,7 +47,7 @@ def factorize(A: Any) -> Factorization:
     return SuperLU(A) if cholmod is None else Cholmod(A)
 
 
-def _check_memory(A: Any) -> None:
+def _check_memory(A: Matrix) -> None:
     rows = A.shape[0]
     if rows < FORECAST_ROWS:
         return
@@ -60,7 +60,7 @@ def _check_memory(A: Any) -> None:
         )
 
 
-def entries_of_factor(A: Any) -> float:
+def entries_of_factor(A: Matrix) -> float:
     """Forecast of the entries of L, from the factor of a smaller matrix.
 
     Rows with the same pattern, such as the dofs of one node, become one row: b rows in one make

@@ -5,12 +5,12 @@ from __future__ import annotations
 import logging
 import time
 from abc import ABC, abstractmethod
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
 
 from antiosc import checks
-from antiosc._types import Array
+from antiosc._types import Array, Matrix
 from antiosc.errors import AccuracyError
 from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.algebra import multiply
@@ -46,7 +46,7 @@ class Solver(ABC):
     #: largest ‖A‖‖x‖/‖Ax‖ of a checked solve
     growth: float = SOLUTION_GROWTH
 
-    def __init__(self, A: Any) -> None:
+    def __init__(self, A: Matrix) -> None:
         started = time.perf_counter()
         self.A = A
         self.comm = algebra.communicator(A)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import inspect
 import shutil
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -118,7 +119,7 @@ def _through_gmsh(ask: Request, path: Path) -> FileMesh:
         raise MeshError(f"gmsh cannot read or mesh {ask.name}: {reason}.") from error
 
 
-def _session() -> Any:
+def _session() -> ModuleType:
     try:
         import gmsh
     except ImportError as error:
@@ -136,7 +137,7 @@ def _session() -> Any:
 # --- Arrays ---------------------------------------------------------------------------------------
 
 
-def _arrays(gmsh: Any, name: str, names: Names) -> FileMesh:
+def _arrays(gmsh: ModuleType, name: str, names: Names) -> FileMesh:
     """All cells, entity after entity, and the groups of gmsh's current model.
 
     `names`: of solids that are groups besides the physical ones.
@@ -172,7 +173,7 @@ def _arrays(gmsh: Any, name: str, names: Names) -> FileMesh:
 
 
 def _groups(
-    gmsh: Any, rows: dict[tuple[int, int], dict[str, IntArray]], name: str
+    gmsh: ModuleType, rows: dict[tuple[int, int], dict[str, IntArray]], name: str
 ) -> dict[str, dict[str, IntArray]]:
     found: dict[tuple[int, int], dict[str, list[IntArray]]] = {}
     for (dim, tag), blocks in rows.items():

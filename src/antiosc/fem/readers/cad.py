@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from types import ModuleType
 
 import numpy as np
 
@@ -20,7 +20,7 @@ SHARP_ANGLE = 40.0
 Names = dict[tuple[int, int], list[str]]
 
 
-def opened(gmsh: Any, path: str) -> float:
+def opened(gmsh: ModuleType, path: str) -> float:
     """Open a file; metres per unit of its coordinates then.
 
     gmsh refuses a unit for IGES (4.8 of Debian 12 and 4.13 of Debian 13), and gives OpenCASCADE's
@@ -32,7 +32,7 @@ def opened(gmsh: Any, path: str) -> float:
     return 1e-3 if iges else 1.0
 
 
-def named_solids(gmsh: Any, fragments: bool, name: str) -> Names:
+def named_solids(gmsh: ModuleType, fragments: bool, name: str) -> Names:
     """The names of the solids of a CAD file, which are cut at each other if `fragments`."""
     solids = gmsh.model.getEntities(3)
     names: Names = {}
@@ -72,7 +72,7 @@ def groups_of(
     }
 
 
-def fill(gmsh: Any, ask: Request) -> None:
+def fill(gmsh: ModuleType, ask: Request) -> None:
     """Make a solid of the triangles of an open STL file.
 
     Raises

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from math import log, sqrt
-from typing import Any
+from types import ModuleType
 
 import numpy as np
 
@@ -24,7 +24,7 @@ RESOLVED_SHARE = 1e-9
 CELLS_PER_SIZE = (0.0, 1.0, 4 / sqrt(3), 6 * sqrt(2))
 
 
-def generate(gmsh: Any, ask: Request, scale: float) -> None:
+def generate(gmsh: ModuleType, ask: Request, scale: float) -> None:
     """Mesh gmsh's current model, whose unit is `scale` metres."""
     dim = gmsh.model.getDimension()
     if dim < 1:
@@ -55,7 +55,7 @@ def generate(gmsh: Any, ask: Request, scale: float) -> None:
     gmsh.model.mesh.generate(dim)
 
 
-def _check_sizes(gmsh: Any, ask: Request, scale: float) -> None:
+def _check_sizes(gmsh: ModuleType, ask: Request, scale: float) -> None:
     extent = _extent(gmsh)
     for size in [ask.size, *(local for _, local in ask.refine)]:
         if size is not None and size < RESOLVED_SHARE * extent:
@@ -67,7 +67,7 @@ def _check_sizes(gmsh: Any, ask: Request, scale: float) -> None:
             )
 
 
-def expected_cells(gmsh: Any, ask: Request, dim: int, size: float, scale: float) -> float:
+def expected_cells(gmsh: ModuleType, ask: Request, dim: int, size: float, scale: float) -> float:
     """Estimated number of cells of dimension `dim`; MeshError if it is far too large."""
     entities = gmsh.model.getEntities(dim)
     measures = [_bound]
@@ -89,14 +89,14 @@ def expected_cells(gmsh: Any, ask: Request, dim: int, size: float, scale: float)
     )
 
 
-def _mesh_coarsely(gmsh: Any, dim: int) -> None:
+def _mesh_coarsely(gmsh: ModuleType, dim: int) -> None:
     """Mesh the model with some thirty edges along it, for measurements."""
     gmsh.model.mesh.clear()
     gmsh.option.setNumber("Mesh.MeshSizeMax", _extent(gmsh) / 30)
     gmsh.model.mesh.generate(dim)
 
 
-def _extent(gmsh: Any) -> float:
+def _extent(gmsh: ModuleType) -> float:
     """Longest edge of the box around the model, m."""
     box = np.array(gmsh.model.getBoundingBox(-1, -1))
     return float(np.max(box[3:] - box[:3]))
@@ -112,7 +112,7 @@ def _refined(ask: Request, dim: int) -> float:
     return count
 
 
-def _bound(gmsh: Any, dim: int, tag: int) -> float:
+def _bound(gmsh: ModuleType, dim: int, tag: int) -> float:
     """Length, area or volume of an entity; in gmsh's own kernel an upper bound, from its box."""
     mass = _mass(gmsh, dim, tag)
     if mass is not None or dim == 1:
@@ -122,21 +122,21 @@ def _bound(gmsh: Any, dim: int, tag: int) -> float:
     return float(a * b * c if dim == 3 else a * b + b * c + c * a)
 
 
-def _mass(gmsh: Any, dim: int, tag: int) -> float | None:
+def _mass(gmsh: ModuleType, dim: int, tag: int) -> float | None:
     try:
         return float(gmsh.model.occ.getMass(dim, tag))
     except Exception:  # not of OpenCASCADE
         return None
 
 
-def _length(gmsh: Any, tag: int) -> float:
+def _length(gmsh: ModuleType, tag: int) -> float:
     low, high = gmsh.model.getParametrizationBounds(1, tag)
     t = np.linspace(float(low[0]), float(high[0]), 33)
     x = np.reshape(gmsh.model.getValue(1, tag, t), (-1, 3))
     return float(np.linalg.norm(np.diff(x, axis=0), axis=1).sum())
 
 
-def measure_of(gmsh: Any, dim: int, tag: int) -> float:
+def measure_of(gmsh: ModuleType, dim: int, tag: int) -> float:
     """Length, area or volume of an entity; in gmsh's own kernel from the mesh of its boundary."""
     mass = _mass(gmsh, dim, tag)
     if mass is not None or dim == 1:
@@ -151,7 +151,7 @@ def measure_of(gmsh: Any, dim: int, tag: int) -> float:
     return float(abs(np.einsum("ni,ni->", x[:, 0], np.cross(x[:, 1], x[:, 2])))) / 6
 
 
-def _corners(gmsh: Any, dim: int, tag: int) -> Array:
+def _corners(gmsh: ModuleType, dim: int, tag: int) -> Array:
     """Vertices (cells, dim + 1, 3) of the first-order simplices on a meshed entity."""
     kind, width = {1: (1, 2), 2: (2, 3)}[dim]
     _, nodes = gmsh.model.mesh.getElementsByType(kind, tag)
@@ -162,7 +162,7 @@ def _corners(gmsh: Any, dim: int, tag: int) -> Array:
     return x[np.searchsorted(tags[order], nodes)].reshape(-1, width, 3)
 
 
-def _graded_field(gmsh: Any, point: Sequence[float], local: float, ask: Request) -> int:
+def _graded_field(gmsh: ModuleType, point: Sequence[float], local: float, ask: Request) -> int:
     """A size field: edges of at most `local` around the point, growing to the size away from it."""
     x, y, z = (float(c) for c in (*point, 0.0)[:3])
     far = 1e22 if ask.size is None else float(ask.size)

@@ -6,11 +6,9 @@ Cells that share an edge, a diagonal or a face share the node in its middle.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from antiosc._types import Array
 from antiosc.fem.readers.neutral import IntArray
-
-Array = NDArray[np.float64]
 
 #: Most nodes between which a new one lies: those of a hexahedron.
 MOST_AROUND = 20

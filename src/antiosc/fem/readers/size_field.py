@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from types import ModuleType
 
 import numpy as np
 
@@ -40,7 +40,7 @@ class SizeField:
         share = {2: 0.5 / (3**0.5 / 4), 3: (1 / 6) / (2**0.5 / 12)}[dim]
         return float(CELLS_MADE[dim] * share * np.sum(measure / sizes[cells].mean(axis=1) ** dim))
 
-    def lay(self, gmsh: Any, scale: float, flat: bool) -> int:
+    def lay(self, gmsh: ModuleType, scale: float, flat: bool) -> int:
         """Make it a field of gmsh's current model, whose unit is `scale` metres: its tag.
 
         `flat`: the cells have flat faces, of which curved surfaces need more.

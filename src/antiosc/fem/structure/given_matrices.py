@@ -17,7 +17,7 @@ import scipy.sparse
 from numpy.typing import ArrayLike
 
 from antiosc import fem
-from antiosc._types import Array, BoolArray, IntArray
+from antiosc._types import Array, BoolArray, IntArray, Matrix
 from antiosc.checks import LARGEST, array
 from antiosc.errors import InputError, finite_element_packages
 from antiosc.fem.fingerprint import of_petsc
@@ -54,7 +54,7 @@ NEGATIVE, NEGATIVE_STEPS = 1e-8, 30
 # -- one matrix
 
 
-def copied(name: str, matrix: Any, backend: Backend) -> Any:
+def copied(name: str, matrix: Matrix, backend: Backend) -> Matrix:
     """A square, finite matrix of the back-end from a SciPy sparse, dense or PETSc one, a copy."""
     given = of_petsc(matrix)
     if backend == "petsc" or (backend == "auto" and (given or fem.missing is None)):
@@ -66,7 +66,7 @@ def copied(name: str, matrix: Any, backend: Backend) -> Any:
     return copy
 
 
-def as_petsc(name: str, matrix: Any) -> PETSc.Mat:
+def as_petsc(name: str, matrix: Matrix) -> PETSc.Mat:
     """A square, finite PETSc matrix of a SciPy sparse, dense or PETSc one, always a copy."""
     with finite_element_packages():
         from antiosc.fem.linalg import petsc_algebra
@@ -98,7 +98,7 @@ def _check_square(name: str, shape: tuple[int, int]) -> None:
         raise InputError(f"{name} must be square; got {shape[0]} rows and {shape[1]} columns.")
 
 
-def _of_arrays(name: str, matrix: Any) -> scipy.sparse.csr_matrix:
+def _of_arrays(name: str, matrix: Matrix) -> scipy.sparse.csr_matrix:
     sparse = scipy.sparse.issparse(matrix)
     try:
         entries: Any = matrix if sparse else np.asarray(matrix)
@@ -150,8 +150,8 @@ def _check_values(name: str, values: Array) -> None:
 
 
 def matrices_of_pair(
-    K: Any,
-    M: Any,
+    K: Matrix,
+    M: Matrix,
     rows: DofMap | None,
     supports: Mapping[int, str | Sequence[str]] | None,
     rigid_modes: ArrayLike | None,
@@ -188,7 +188,7 @@ class _Entries:
     noise: float
 
 
-def supported(K: Any, M: Any) -> tuple[Any, Any, IntArray]:
+def supported(K: Matrix, M: Matrix) -> tuple[Matrix, Matrix, IntArray]:
     """Check K and M, and turn penalties into supports: rows and columns zero, 1 on K's diagonal.
 
     Returns both, and the dofs of this rank that are fixed by penalties.
@@ -229,7 +229,7 @@ def supported(K: Any, M: Any) -> tuple[Any, Any, IntArray]:
     return K, M, own - first
 
 
-def _checked(name: str, matrix: Any) -> _Entries:
+def _checked(name: str, matrix: Matrix) -> _Entries:
     """The entries of a matrix, checked for signs of asymmetry and indefiniteness."""
     comm = communicator(matrix)
     diagonal = np.concatenate(comm.allgather(algebra.diagonal(matrix)))
@@ -258,7 +258,7 @@ def _checked(name: str, matrix: Any) -> _Entries:
     return found
 
 
-def _entries(matrix: Any, diagonal: Array, noise: float) -> _Entries:
+def _entries(matrix: Matrix, diagonal: Array, noise: float) -> _Entries:
     pointers, column, value = algebra.entries(matrix)
     row = algebra.row_range(matrix)[0] + np.repeat(np.arange(len(pointers) - 1), np.diff(pointers))
     off = (row != column) & (value != 0)
@@ -314,7 +314,7 @@ def _check_couplings(comm: MPI.Comm, entries: _Entries, constrained: IntArray) -
     )  # fmt: skip
 
 
-def _check_definite(comm: MPI.Comm, M: Any, diagonal: Array) -> None:
+def _check_definite(comm: MPI.Comm, M: Matrix, diagonal: Array) -> None:
     """Refuse a mass matrix with negative eigenvalues that a few Lanczos steps find."""
     first, last = algebra.row_range(M)
     weights = np.zeros(last - first)

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from antiosc._types import Array, Box, IntArray
+from antiosc._types import Array, Box, IntArray, Matrix
 from antiosc.checks import array
 from antiosc.errors import InputError
 from antiosc.fem.linalg import algebra
@@ -34,8 +34,8 @@ class StructureMatrices:
     solver : choice of the solver.
     """
 
-    K: Any
-    M: Any
+    K: Matrix
+    M: Matrix
     fixed: IntArray
     rigid_modes: Array
     first_shift: float

@@ -6,11 +6,11 @@ lowest elastic ω² beside them.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from antiosc._types import Array
+from antiosc._types import Array, Matrix
 from antiosc.errors import AccuracyError, AntioscError, InputError, NotConvergedError
 from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.algebra import by_strains, communicator, dot, multiply, norm, sum_of
@@ -41,7 +41,7 @@ REFINEMENTS = 4
 FAR = 0.1
 
 
-def of_matrices(K: Any, M: Any, given: Array | None) -> tuple[Array, float, Solver | None]:
+def of_matrices(K: Matrix, M: Matrix, given: Array | None) -> tuple[Array, float, Solver | None]:
     """(M-orthonormal null vectors of K (rows of this rank, r), shift in rad²/s², solver of K).
 
     The solver is None for a singular K. `given` is a basis of K's null space, if known.
@@ -87,7 +87,7 @@ def of_matrices(K: Any, M: Any, given: Array | None) -> tuple[Array, float, Solv
     return orthonormal(comm, M, found), shift, None
 
 
-def _regular(comm: MPI.Comm, K: Any) -> Solver | None:
+def _regular(comm: MPI.Comm, K: Matrix) -> Solver | None:
     """A solver of K; None for a null vector: K does not factor, or a solve blows up along it."""
     n = algebra.rows(K)
     try:
@@ -101,12 +101,12 @@ def _regular(comm: MPI.Comm, K: Any) -> Solver | None:
     return None if softness(K, X, multiply(K, X))[0] < _rigid(K) * 1e-3 else factor
 
 
-def _rigid(K: Any) -> float:
+def _rigid(K: Matrix) -> float:
     """Share of the entries' energy below which a motion is rigid; by strains it is a square."""
     return RIGID_FORCE**2 if by_strains(K) else RIGID_FORCE
 
 
-def _positive(K: Any, shift: float, M: Any) -> Solver:
+def _positive(K: Matrix, shift: float, M: Matrix) -> Solver:
     """A solver of K + shift M; InputError where that is not positive definite."""
     try:
         return _solver(sum_of(K, shift, M))
@@ -116,11 +116,11 @@ def _positive(K: Any, shift: float, M: Any) -> Solver:
         ) from error
 
 
-def _solver(A: Any) -> Solver:
+def _solver(A: Matrix) -> Solver:
     return solver_for(A, "auto", lambda: np.zeros((algebra.rows(A), 0)))
 
 
-def orthonormal(comm: MPI.Comm, M: Any, block: Array) -> Array:
+def orthonormal(comm: MPI.Comm, M: Matrix, block: Array) -> Array:
     """An M-orthonormal basis of the columns, those that others span dropped (Gram–Schmidt)."""
     basis, loads = np.zeros((len(block), 0)), np.zeros((len(block), 0))
     for column in block.T:
@@ -135,7 +135,7 @@ def orthonormal(comm: MPI.Comm, M: Any, block: Array) -> Array:
     return basis
 
 
-def closer_shift(factor: Solver, K: Any, M: Any, motions: Array) -> float:
+def closer_shift(factor: Solver, K: Matrix, M: Matrix, motions: Array) -> float:
     """The shift again, from block inverse iteration with a first one.
 
     The polynomial fields of the first shift do not represent slender members, whose frequencies may

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, cast
 from numpy.typing import ArrayLike
 
 import antiosc
-from antiosc._types import Array, Box
+from antiosc._types import Array, Box, Matrix
 from antiosc.brief import Brief
 from antiosc.checks import choice
 from antiosc.errors import InputError, finite_element_packages
@@ -119,8 +119,8 @@ class Structure(Brief):
     @collective(ALONE, rigid_modes=lambda _: "rows of one rank")
     def from_matrices(
         cls,
-        K: Any,
-        M: Any,
+        K: Matrix,
+        M: Matrix,
         *,
         rigid_modes: ArrayLike | None = None,
         map: Any = None,

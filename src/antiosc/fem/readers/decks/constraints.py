@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from antiosc._types import BoolArray
 from antiosc.errors import MeshError
 from antiosc.fem.readers.decks.deck import Array, Deck, IntArray, Place
 from antiosc.fem.readers.decks.geometry import AXIS_COSINE
@@ -29,8 +30,8 @@ class Constraints:
 
     deck: Deck
     #: nodes of elements, and those of elements with rotations
-    used: Any
-    has_rotations: Any
+    used: BoolArray
+    has_rotations: BoolArray
     equations: list[list[Term]] = field(default_factory=list)
     #: (terms, stiffness): springs between motions
     springs: list[tuple[list[Term], float]] = field(default_factory=list)
@@ -78,7 +79,7 @@ class Constraints:
         if kept:
             self.equations.append(kept)
 
-    def fixed_rows(self, node: int, directions: Array, first: int) -> Any:
+    def fixed_rows(self, node: int, directions: Array, first: int) -> BoolArray:
         """Motions of a node (`first` = 0: displacements, 3: rotations) along directions are zero.
 
         Which of those along the axes (3,) are: they become supports, the others constraints.
