@@ -444,6 +444,7 @@ OWN: dict[str, dict[str, Any]] = {
 SELVES: dict[str, Callable[[], Any]] = {
     "AntiOscillators": model, "History": history, "ImpactMap": surface_map, "Structure": part,
     "SavedHistory": lambda: ao.History.load(saved_history()),
+    "NamedImpactor": lambda: ao.IMPACTORS["tennis ball"],
     "SavedFields": lambda: ao.SavedFields.load(saved_fields()),
     "PeakField": lambda: ao.peak_field(part(), struck_part(), times=[0.0, 1e-4]),
     "Spectrum": lambda: ao.spectrum([0.0, 1e-3, 2e-3], [0.0, 1.0, 0.0]),

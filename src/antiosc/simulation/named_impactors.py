@@ -65,8 +65,8 @@ _POLYAMIDE = "tip of polyamide (Rockwell HRR 85 to 100): its modulus is not in t
 _PANES = "EN 12600: two tyres, 50 kg (spevetro.it, fti-europe.com), drop heights (userdeck.net)"
 _BALLS = (
     "ITF Rules of Tennis, appendix I, ball type 2 (as tenniscircle.us reprints it): 56.0 to "
-    "59.4 g, 6.54 to 6.86 cm, forward deformation 0.56 to 0.74 cm at 8.165 kg, rebound of 135 to 147 cm "
-    "from 254 cm; here the middles"
+    "59.4 g, 6.54 to 6.86 cm, forward deformation 0.56 to 0.74 cm at 8.165 kg, rebound of 135 to "
+    "147 cm from 254 cm; here the middles"
 )
 #: Force of the deformation test of a tennis ball, N, and the deformation between two plates, m.
 _TESTED = 8.165 * GRAVITY, 6.48e-3
