@@ -77,7 +77,8 @@ def _hammer(name: str, energy: float, mass: float, radius: float) -> NamedImpact
     """A hammer of IEC 60068-2-75 with its energy [J]; up to 1 J its tip is polyamide."""
     steel = energy > 1
     speed = sqrt(2 * energy / mass)
-    return NamedImpactor(name, _HAMMERS, mass, speed, radius, steel, "" if steel else _POLYAMIDE)
+    note = "" if steel else _POLYAMIDE
+    return NamedImpactor(name, _HAMMERS, mass, speed, radius, steel, note=note)
 
 
 def _pendulum(number: int, height: float) -> NamedImpactor:
