@@ -19,7 +19,7 @@ from typing import Any, ParamSpec, TypeVar, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from antiosc._types import Array
+from antiosc._types import Array, Numbers
 from antiosc.errors import AccuracyError, InputError
 
 P = ParamSpec("P")
@@ -163,7 +163,7 @@ def column(name: str, value: Any, size: int | None = None) -> Array:
     return result
 
 
-def spectrum(name: str, value: Any) -> NDArray[Any]:
+def spectrum(name: str, value: Any) -> Numbers:
     """Finite numbers, real or complex, as an array of any shape, or InputError."""
     result = _numbers(name, value, "iufc")
     result = result.astype(complex if result.dtype.kind == "c" else float)

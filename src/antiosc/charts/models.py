@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from antiosc import checks
-from antiosc._types import Array
+from antiosc._types import Array, Numbers
 from antiosc.charts.figures import (
     axes_or_new,
     by_name,
@@ -43,7 +43,7 @@ class Reduced(Protocol):
     def mass_shares(self) -> Array: ...
     @property
     def omega(self) -> Array: ...
-    def dynamic_stiffness(self, omega: ArrayLike) -> NDArray[Any]: ...
+    def dynamic_stiffness(self, omega: ArrayLike) -> Numbers: ...
 
 
 def plot_dynamic_stiffness(

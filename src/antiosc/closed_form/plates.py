@@ -18,13 +18,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from antiosc import checks
-from antiosc._types import Array, Index
+from antiosc._types import Array, Index, Numbers
 from antiosc.errors import AccuracyError, InputError
 from antiosc.models.anti_oscillators import AntiOscillators
 
@@ -225,7 +225,7 @@ class SupportedPlate:
             )
         return float(brentq(value, low, high, xtol=1e-13 * high, rtol=1e-13))
 
-    def _line(self, p2: NDArray[Any], y: float) -> NDArray[Any]:
+    def _line(self, p2: Numbers, y: float) -> Numbers:
         """g(p²), without overflow, for complex p² too."""
         p = np.sqrt(p2 + 0j)
         p = np.where(np.abs(p) * self.b < 1e-6, 1e-6 / self.b, p)  # g is even and smooth there

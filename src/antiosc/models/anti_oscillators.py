@@ -18,13 +18,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from antiosc import checks
-from antiosc._types import Array
+from antiosc._types import Array, Numbers
 from antiosc.brief import Brief
 from antiosc.charts.models import plot_model
 from antiosc.errors import InputError
@@ -154,7 +154,7 @@ class AntiOscillators(Brief, Parameters):
         """Names of the displacements u of several sites, (p,); () for one."""
         return several_sites.labels(self) if self.sites else ()
 
-    def dynamic_stiffness(self, omega: ArrayLike) -> NDArray[Any]:
+    def dynamic_stiffness(self, omega: ArrayLike) -> Numbers:
         """Z(omega) = F/lambda_0 [N/m] of the undamped model under a harmonic force at the site.
 
         Z = k0 - omega^2 m0 - sum_i m_i omega^2 omega_i^2 / (omega_i^2 - omega^2). Its poles are

@@ -10,10 +10,10 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from antiosc import checks
-from antiosc._types import Array, ComplexArray
+from antiosc._types import Array, ComplexArray, Numbers
 
 #: damping ratio at which Z is evaluated
 DAMPING = 0.01
@@ -26,7 +26,7 @@ UNOBSERVABLE = 1e-8
 UNSTRAINED = 1e-10
 
 
-Stiffness = Callable[[Any], NDArray[Any]]
+Stiffness = Callable[[Any], Numbers]
 
 
 def samples(top: float, lowest: float, step: float = DAMPING) -> ComplexArray:
@@ -41,8 +41,8 @@ def samples(top: float, lowest: float, step: float = DAMPING) -> ComplexArray:
 
 
 def driving_point(
-    x: NDArray[Any], k0: ArrayLike, m0: ArrayLike, m: ArrayLike, poles: ArrayLike
-) -> NDArray[Any]:
+    x: Numbers, k0: ArrayLike, m0: ArrayLike, m: ArrayLike, poles: ArrayLike
+) -> Numbers:
     """Z at x = omega^2 of shape (..., W) for k0, m0 (...,) and m, poles = omega_i^2 (..., N).
 
     The formula uses m0, not m_st = m0 + sum(m_i): if an m_i is large, -x m_st and the term of m_i
@@ -94,9 +94,7 @@ def lowest_frequency(k0: float, m_st: float, omega: ArrayLike) -> float:
 # -- several sites: Z, K0, M0 are (p, p), and mode i has P_i (p,), its inertia at the sites
 
 
-def stiffness_at_sites(
-    x: NDArray[Any], k0: Array, m0: Array, P: Array, poles: Array
-) -> NDArray[Any]:
+def stiffness_at_sites(x: Numbers, k0: Array, m0: Array, P: Array, poles: Array) -> Numbers:
     """Z = k0 - x m0 - sum_i P_i P_i' x poles_i/(poles_i - x) at x = omega^2.
 
     Parameters
@@ -140,7 +138,7 @@ def lowest_frequency_at_sites(k0: Array, m_st: Array, poles: Array) -> float:
     return float(np.sqrt(min(found, default=np.inf)))
 
 
-def spectral_norms(matrices: NDArray[Any]) -> Array:
+def spectral_norms(matrices: Numbers) -> Array:
     """2-norms (W,) of matrices (W, m, n); 0 of empty ones."""
     if 0 in matrices.shape:
         return np.zeros(len(matrices))

@@ -24,13 +24,13 @@ Rigid-body modes that hardly move a site are left out of this and added to its a
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from antiosc import checks
-from antiosc._types import Array
+from antiosc._types import Array, Numbers
 from antiosc.errors import InputError
 from antiosc.models import driving_point as bands
 from antiosc.models.anti_oscillators import AntiOscillators
@@ -64,7 +64,7 @@ class SiteModels:
     omega: Array
     m: Array
 
-    def dynamic_stiffness(self, omega: ArrayLike, part: slice = slice(None)) -> NDArray[Any]:
+    def dynamic_stiffness(self, omega: ArrayLike, part: slice = slice(None)) -> Numbers:
         """Z of the sites of `part` at circular frequencies of shape (W,): (S, W), as of a model."""
         x = checks.spectrum("omega", omega) ** 2
         Z = self.k0[part, None] - x * self.m0[part, None]

@@ -5,11 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from antiosc import checks
-from antiosc._types import Array, Index
+from antiosc._types import Array, Index, Numbers
 from antiosc.errors import InputError
 from antiosc.models.in_space import in_space
 from antiosc.models.parameters import Parameters
@@ -155,7 +154,7 @@ def site_modes(model: Parameters) -> SiteModes:
     )
 
 
-def with_slide(Z: NDArray[Any], x: NDArray[Any], slide: Array) -> NDArray[Any]:
+def with_slide(Z: Numbers, x: Numbers, slide: Array) -> Numbers:
     """Z (..., p, p) at x = omega^2 with the rigid-body motions a = `slide` (p, h) beside.
 
     That is the inverse of Z^-1 - a a'/x; x has the shape (..., 1, 1).

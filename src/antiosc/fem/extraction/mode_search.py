@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -36,7 +36,7 @@ class Held(Protocol):
     @property
     def y(self) -> Array: ...
     @property
-    def bAb(self) -> Any: ...
+    def bAb(self) -> float | Array: ...
     @property
     def nodal(self) -> Array: ...
 

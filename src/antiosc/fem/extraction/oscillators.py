@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from antiosc._types import Array, ComplexArray
+from antiosc._types import Array, ComplexArray, Numbers
 from antiosc.fem.extraction.eigenmodes import Modes
 from antiosc.fem.extraction.ritz_basis import Remainder, mass_above
 from antiosc.fem.extraction.static_mode import StaticMode
@@ -78,7 +78,7 @@ class Found(Projected):
     static: StaticMode
     m0: float
 
-    def stiffness(self, x: ComplexArray) -> ComplexArray:
+    def stiffness(self, x: ComplexArray) -> Numbers:
         """Z with all modes found."""
         real = self.poles > 0
         m, poles = self.c[real] ** 2, self.poles[real]

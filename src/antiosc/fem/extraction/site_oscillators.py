@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from antiosc._types import Array, ComplexArray, IntArray
+from antiosc._types import Array, ComplexArray, IntArray, Numbers
 from antiosc.fem.extraction.eigenmodes import Modes
 from antiosc.fem.extraction.oscillators import (
     REPEATED,
@@ -47,7 +47,7 @@ class Found(Projected):
         """φ_iᵀMΦ, (n, p)."""
         return self.c
 
-    def stiffness(self, x: ComplexArray) -> ComplexArray:
+    def stiffness(self, x: ComplexArray) -> Numbers:
         """Z (W, p, p) with all modes found."""
         real = self.poles > 0
         return bands.stiffness_at_sites(x, self.static.k0, self.m0, self.P[real], self.poles[real])

@@ -44,12 +44,12 @@ class Wish:
 
 def checked_wish(
     structure: Structure,
-    n: Any,
-    method: Any,
-    tol: Any,
-    band: Any,
-    accuracy: Any,
-    error: Any = None,
+    n: int | None,
+    method: Method,
+    tol: float,
+    band: float | None,
+    accuracy: float,
+    error: ErrorWish = None,
 ) -> Wish:
     """The wish; InputError for numbers outside their range and vectors that memory cannot hold."""
     choice("method", method, get_args(Method))

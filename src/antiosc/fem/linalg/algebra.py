@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
 
-def dot(comm: MPI.Comm, x: Array, y: Array) -> Any:
+def dot(comm: MPI.Comm, x: Array, y: Array) -> Array:
     """xᵀy over all ranks; x and y are vectors or blocks of vectors."""
     return comm.allreduce(x.T @ y)
 
