@@ -36,17 +36,17 @@ _lines: list[str] = []
 def doing(text: str, rank: int = 0) -> Iterator[Callable[[str], None]]:
     """Show `text` while the block runs; call the function it gives to add how far it is."""
     _lines.append(text)
-    place = len(_lines) - 1
+    index = len(_lines) - 1
 
     def further(more: str) -> None:
-        _lines[place] = f"{text}: {more}"
+        _lines[index] = f"{text}: {more}"
         _write(rank)
 
     _write(rank)
     try:
         yield further
     finally:
-        del _lines[place:]
+        del _lines[index:]
         _write(rank)
 
 

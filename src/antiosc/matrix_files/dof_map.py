@@ -164,8 +164,8 @@ def _with_nodes(name: str, table: Array, labels: Labels | None) -> DofMap:
             "matrices belong to a node: give rows of node, dof, x, y, z."
         )
     order = np.argsort(table[:, 0], kind="stable")
-    place = np.searchsorted(table[order, 0], labels[:, 0]).clip(max=len(table) - 1)
-    rows = order[place]
+    index = np.searchsorted(table[order, 0], labels[:, 0]).clip(max=len(table) - 1)
+    rows = order[index]
     known = table[rows, 0] == labels[:, 0]
     points = np.where(known[:, None], table[rows, 1:], np.nan)
     if not known.any():

@@ -64,8 +64,8 @@ def of_labels(source: str, table: Array, triangle: bool | None) -> Entries:
     `triangle` None: the file does not say whether it holds one triangle or both.
     """
     pairs = table[:, :4].reshape(-1, 2).astype(np.int64)
-    labels, place = np.unique(pairs, axis=0, return_inverse=True)
-    row, column = place.reshape(-1, 2).T
+    labels, index = np.unique(pairs, axis=0, return_inverse=True)
+    row, column = index.reshape(-1, 2).T
     value = table[:, 4]
     if triangle is None:
         triangle = one_triangle(source, row, column, len(labels))

@@ -73,15 +73,15 @@ def _on(K: Entries, M: Entries) -> Entries:
     """M on the rows of K, by node and component."""
     assert K.labels is not None
     assert M.labels is not None
-    both, place = np.unique(np.vstack([K.labels, M.labels]), axis=0, return_inverse=True)
-    place = place.ravel()
+    both, index = np.unique(np.vstack([K.labels, M.labels]), axis=0, return_inverse=True)
+    index = index.ravel()
     if len(both) > K.size:
-        stray = M.labels[int(np.argmax(~np.isin(place[K.size :], place[: K.size])))]
+        stray = M.labels[int(np.argmax(~np.isin(index[K.size :], index[: K.size])))]
         raise InputError(
             f"{M.source} has dof {stray[1]} of node {stray[0]}, which {K.source} has not: K and M "
             "must be of one model."
         )
-    return M.renumbered(place[K.size :], K.size)  # K's labels are sorted, as `both` is
+    return M.renumbered(index[K.size :], K.size)  # K's labels are sorted, as `both` is
 
 
 def _one(path: str | os.PathLike[str], letter: str, name: str | None) -> Entries:

@@ -224,7 +224,7 @@ def _joined(
     elastic += [superelement(layout, one) for one in layout.condensed.values()]
     _check_joined(layout, rows, elastic)
     everything = stacked([*(r.matrix for r in rows), *(e.G for e in elastic)], layout.count)
-    basis = nested_basis(everything, fixed, layout.places)
+    basis = nested_basis(everything, fixed, layout.positions)
     eliminated = eliminate(rows, fixed, scale, basis)
     constraints = Constraints(rows, fixed, scale, basis)
     _tell_redundant(eliminated.redundant)

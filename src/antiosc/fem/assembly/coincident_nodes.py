@@ -45,7 +45,7 @@ class CoincidentNodes:
         """
         if not all(number in rows for number in numbers):
             return None
-        own = np.array([self._place(number) for number in numbers])
+        own = np.array([self._position(number) for number in numbers])
         reach = TIED_NEAR * float(np.linalg.norm(own - own.mean(axis=0), axis=1).max())
         total: dict[int, float] = {}
         for number, weight, x in zip(numbers, weights, own, strict=True):
@@ -55,7 +55,7 @@ class CoincidentNodes:
                 return None
             if not shares or abs(sum(shares.values()) - 1) > TIED_NEAR:
                 return None
-            there = sum(share * self._place(n) for n, share in shares.items())
+            there = sum(share * self._position(n) for n, share in shares.items())
             if not float(np.linalg.norm(there - x)) <= reach:
                 return None
             for n, share in shares.items():
@@ -67,13 +67,13 @@ class CoincidentNodes:
             member = self.nodes.members[k]
             if member.part.form.components.get(names[motion % 3]) is None:
                 continue
-            table, places = self.nodes.tables[k][cell].tolist(), self.nodes.places(k)
-            X = sum(w * places[table.index(n)] for n, w in total.items())
+            table, X_of = self.nodes.tables[k][cell].tolist(), self.nodes.reference_points(k)
+            X = sum(w * X_of[table.index(n)] for n, w in total.items())
             three = self.nodes.layout.at_points(member, np.array([cell]), X[None], names)
             return three[[motion % 3]]
         return None
 
-    def _place(self, number: int) -> Array:
+    def _position(self, number: int) -> Array:
         """Coordinates of a node of the deck."""
         if number not in self._places:
             self._places[number] = np.full(3, np.nan)

@@ -172,13 +172,13 @@ class Layout:
         return scipy.sparse.csr_matrix((count, self.count))
 
     @property
-    def places(self) -> Array:
+    def positions(self) -> Array:
         """Coordinates (n, 3) of the node of each dof of u [m]."""
         x = np.zeros((self.count, 3))
         for member in self.members.values():
             x[member.rows] = np.repeat(member.nodes, member.block, axis=0)
         for one in self.condensed.values():
-            x[one.rows] = one.places
+            x[one.rows] = one.positions
         for name, point in self.points.items():
             x[self.of_point(name)] = point
         return x
@@ -191,7 +191,7 @@ class Layout:
         """Displacements (or rotations: `names` = ROTATIONS) at X (P, tdim) in cells (P,)."""
         space = member.part.form.space
         rows, columns, values = [], [], []
-        place = 3 * np.arange(len(cell))[:, None]
+        first_row = 3 * np.arange(len(cell))[:, None]
         for axis, name in enumerate(names):
             path = member.part.form.components.get(name)
             if path is None or not len(cell):
@@ -202,7 +202,7 @@ class Layout:
             for c in range(3):
                 rotated = member.at.rotation[c, axis]
                 if rotated:
-                    rows.append(np.broadcast_to(place + c, dofs.shape).ravel())
+                    rows.append(np.broadcast_to(first_row + c, dofs.shape).ravel())
                     columns.append(dofs.ravel())
                     values.append((rotated * weights).ravel())
         result = self._stacked(rows, columns, values, 3 * len(cell))

@@ -219,7 +219,7 @@ def fields(layout: Layout) -> Array:
                 axis = member.at.rotation[:, "xyz".index(name[-1])]
                 column[rows] = axis @ turn / size if name in ROTATIONS else axis @ move
         for one in layout.condensed.values():
-            move, turn = field((one.places - centre) / size)
+            move, turn = field((one.positions - centre) / size)
             kind, axes = one.part.kind, one.axes.T
             column[one.rows] = (kind == MOVE) * (axes * move).sum(axis=0) + (
                 (kind == TURN) * (axes * turn).sum(axis=0) / size

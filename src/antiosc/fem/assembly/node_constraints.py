@@ -104,5 +104,5 @@ def _on_middles(nodes: Nodes) -> Sparse:
 def _at(nodes: Nodes, k: int, number: int, names: tuple[str, ...]) -> Sparse:
     member: Member = nodes.members[k]
     cell, local = nodes.at_cell[k][number]
-    X = nodes.places(k)[[local]]
+    X = nodes.reference_points(k)[[local]]
     return nodes.layout.at_points(member, np.array([cell]), X, names)

@@ -42,7 +42,7 @@ class Nodes:
             flat = table.ravel()
             self.at_cell.append({int(flat[k]): divmod(int(k), width) for k in first})
 
-    def places(self, member: int) -> Array:
+    def reference_points(self, member: int) -> Array:
         """Reference coordinates of the nodes of a cell of a part."""
         mesh = self.members[member].part.mesh
         kind = getattr(basix.CellType, mesh.cell)
@@ -79,12 +79,12 @@ class Nodes:
             result = layout.matrix(np.array(rows), np.array(columns), np.array(values), count)
         for (k, rotations), terms in groups.items():
             whole = np.array([t[:4] for t in terms])
-            X = self.places(k)[whole[:, 2]]
+            X = self.reference_points(k)[whole[:, 2]]
             names = ROTATIONS if rotations else DISPLACEMENTS
             three = layout.at_points(self.members[k], whole[:, 1], X, names)
-            places = 3 * np.arange(len(terms)) + whole[:, 3]
+            rows_of_points = 3 * np.arange(len(terms)) + whole[:, 3]
             pick = scipy.sparse.csr_matrix(
-                (np.array([t[4] for t in terms]), (whole[:, 0], places)),
+                (np.array([t[4] for t in terms]), (whole[:, 0], rows_of_points)),
                 shape=(count, 3 * len(terms)),
             )
             result = result + pick @ three

@@ -96,11 +96,11 @@ class ReleasedAssembly:
             part = member.part
             for name, dofs in held_dofs(part, part.supports, len(part.attached_inertia)).items():
                 rows = member.first + np.unique(np.concatenate(list(dofs.values())))
-                centres[f"{member.name}:{name}"] = centre = layout.places[rows].mean(axis=0)
+                centres[f"{member.name}:{name}"] = centre = layout.positions[rows].mean(axis=0)
                 fixed.append((f"{member.name}:{name}", rows, rigid_motions(layout, centre)[rows]))
         names = names_of(structure.supports, centres)
         for name, one in zip(names, constraints.rows, strict=False):
-            centres[name] = layout.places[np.unique(one.matrix.indices)].mean(axis=0)
+            centres[name] = layout.positions[np.unique(one.matrix.indices)].mean(axis=0)
         if not centres:
             raise InputError("the structure has no supports: it has no reactions.")
         column = {name: slice(6 * k, 6 * k + 6) for k, name in enumerate(centres)}

@@ -16,7 +16,7 @@ def curl(layout: Layout, member: Member, cell: IntArray, X: Array) -> Sparse:
     slopes = compat.tabulate_slopes(form.space, form.components["x"], X)  # (P, functions, tdim)
     gradient = np.einsum("pft,ptx->pfx", slopes, np.linalg.pinv(J))
     rows, columns, values = [], [], []
-    place = 3 * np.arange(len(cell))[:, None]
+    first_row = 3 * np.arange(len(cell))[:, None]
     R = member.at.rotation
     for axis, name in enumerate(DISPLACEMENTS):
         path = form.components.get(name)
@@ -26,7 +26,7 @@ def curl(layout: Layout, member: Member, cell: IntArray, X: Array) -> Sparse:
         # ½ ∇φ × e, turned into the axes of the assembly
         own = 0.5 * np.cross(gradient, np.eye(3)[axis]) @ R.T
         for c in range(3):
-            rows.append(np.broadcast_to(place + c, dofs.shape).ravel())
+            rows.append(np.broadcast_to(first_row + c, dofs.shape).ravel())
             columns.append(dofs.ravel())
             values.append(own[:, :, c].ravel())
     where = np.concatenate(rows), np.concatenate(columns)

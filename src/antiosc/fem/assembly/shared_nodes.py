@@ -79,7 +79,7 @@ class _Cells:
         self.vertices = numbers[read[nodes]]
         flat, first = np.unique(self.vertices, return_index=True)
         self.numbers = flat
-        self.places = member.vertices[nodes.ravel()[first]]
+        self.positions = member.vertices[nodes.ravel()[first]]
 
     @cached_property
     def edges(self) -> set[tuple[int, int]]:
@@ -117,11 +117,11 @@ def _degree(member: Member) -> int:
 def _check_places(layout: Layout, cells: Sequence[_Cells], loose: bool) -> None:
     """InputError where nodes with one number lie apart, or a part shares no node."""
     numbers = np.concatenate([c.numbers for c in cells])
-    places = np.vstack([c.places for c in cells])
+    positions = np.vstack([c.positions for c in cells])
     order = np.argsort(numbers, kind="stable")
     same = np.flatnonzero(np.diff(numbers[order]) == 0)
     first, second = order[same], order[same + 1]
-    apart = np.linalg.norm(places[first] - places[second], axis=1)
+    apart = np.linalg.norm(positions[first] - positions[second], axis=1)
     if len(apart) and apart.max() > SAME_PLACE * layout.size:
         k = int(np.argmax(apart))
         raise InputError(

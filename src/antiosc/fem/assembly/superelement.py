@@ -64,7 +64,7 @@ class Superelement:
     ----------
     K, M : (n, n).
     kind : (n,) AMPLITUDE, MOVE or TURN.
-    places, axes : (n, 3) where each displacement or rotation is [m], and its direction.
+    positions, axes : (n, 3) where each displacement or rotation is [m], and its direction.
     ends : name of a site, or number of a node -> its motion.
     fixed : (n,) dofs that are zero.
     rigid : (n, r) orthonormal rigid motions, on which K is exactly zero.
@@ -73,7 +73,7 @@ class Superelement:
     K: Array
     M: Array
     kind: IntArray
-    places: Array
+    positions: Array
     axes: Array
     ends: Mapping[str, Interface]
     fixed: BoolArray
@@ -102,11 +102,11 @@ class Condensed:
     at: Placement
     first: int
     #: places and axes of its dofs in the assembly (n, 3)
-    places: Array = field(init=False)
+    positions: Array = field(init=False)
     axes: Array = field(init=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "places", self.at.placed(self.part.places))
+        object.__setattr__(self, "positions", self.at.placed(self.part.positions))
         object.__setattr__(self, "axes", self.part.axes @ self.at.rotation.T)
 
     @property
@@ -129,7 +129,7 @@ class Condensed:
         result = np.zeros((self.size, 6))
         move, turn = self.part.kind == MOVE, self.part.kind == TURN
         result[move, :3] = self.axes[move]
-        result[move, 3:] = np.cross(self.places[move] - point, self.axes[move])
+        result[move, 3:] = np.cross(self.positions[move] - point, self.axes[move])
         result[turn, 3:] = self.axes[turn]
         return result
 
@@ -160,9 +160,9 @@ def of_model(name: str, model: AntiOscillators) -> Superelement:
         where[list(own)] = points[site]
     # the columns that are dofs: those that equal one of them
     leads = [int(np.flatnonzero((follows == unit).all(axis=1))[0]) for unit in np.eye(count)]
-    kind, places, axes = np.full(size, AMPLITUDE), np.zeros((size, 3)), np.zeros((size, 3))
-    kind[:count], places[:count], axes[:count] = MOVE, where[leads], model.direction[leads]
-    places[count:] = where.mean(axis=0)
+    kind, positions, axes = np.full(size, AMPLITUDE), np.zeros((size, 3)), np.zeros((size, 3))
+    kind[:count], positions[:count], axes[:count] = MOVE, where[leads], model.direction[leads]
+    positions[count:] = where.mean(axis=0)
     ends = {}
     for k, (site, some) in enumerate(model.columns.items()):
         along = model.direction[list(some)]
@@ -178,7 +178,7 @@ def of_model(name: str, model: AntiOscillators) -> Superelement:
             float(model.local_compliance[k]),
         )
     none = np.zeros(size, dtype=bool), np.zeros((size, 0))
-    found = Superelement(both.K, both.M, kind, places, axes, ends, *none)
+    found = Superelement(both.K, both.M, kind, positions, axes, ends, *none)
     return _padded(_without_rigid_strain(name, found, "patches on curved faces turn otherwise"))
 
 
@@ -203,7 +203,7 @@ def of_matrices(name: str, given: NodalMatrices) -> Superelement:
     placed = np.isfinite(points).all(axis=1)
     kind = np.where(component > 3, TURN, MOVE)
     kind[~placed | (component < 1) | (component > 6)] = AMPLITUDE
-    places = np.where(placed[:, None], points, points[placed].mean(axis=0))
+    positions = np.where(placed[:, None], points, points[placed].mean(axis=0))
     axes = np.where(kind[:, None] > 0, np.eye(3)[(component - 1) % 3], 0.0)
     ends = {}
     for number in np.unique(node[kind > 0]):
@@ -219,7 +219,7 @@ def of_matrices(name: str, given: NodalMatrices) -> Superelement:
         )
     fixed = np.zeros(size, dtype=bool)
     fixed[given.fixed] = True
-    found = Superelement(K, M, kind, places, axes, ends, fixed, np.zeros((size, 0)))
+    found = Superelement(K, M, kind, positions, axes, ends, fixed, np.zeros((size, 0)))
     return _padded(_without_rigid_strain(name, found, "its coordinates may have too few digits"))
 
 
@@ -238,7 +238,7 @@ def _without_rigid_strain(name: str, one: Superelement, why: str) -> Superelemen
     K = one.K[np.ix_(free, free)]
     K = (K + K.T) / 2
     own = Condensed(name, one, Placement(), 0)
-    motions = own.motions(one.places.mean(axis=0))[free]
+    motions = own.motions(one.positions.mean(axis=0))[free]
     motions /= np.maximum(np.linalg.norm(motions, axis=0), np.finfo(float).tiny)
     basis, values, _ = np.linalg.svd(motions, full_matrices=False)
     basis = basis[:, values > STIFFNESS_ROUNDING]
@@ -282,7 +282,7 @@ def _padded(one: Superelement) -> Superelement:
         np.pad(one.K, (0, more)),
         np.pad(one.M, (0, more)),
         np.pad(one.kind, (0, more)),
-        np.pad(one.places, below, mode="edge"),
+        np.pad(one.positions, below, mode="edge"),
         np.pad(one.axes, below),
         ends,
         np.pad(one.fixed, (0, more), constant_values=True),

@@ -31,14 +31,14 @@ SMALLEST_PIECE = 48
 ROUNDED_COEFFICIENT = 1e-13
 
 
-def nested_basis(functionals: Sparse, fixed: BoolArray, places: Array) -> Sparse | None:
+def nested_basis(functionals: Sparse, fixed: BoolArray, positions: Array) -> Sparse | None:
     """W (n, n), orthogonal, with which wide functionals f W of u = W q act on few q; None: none.
 
     Parameters
     ----------
     functionals : (m, n) all constraints and functionals of springs and masses.
     fixed : (n,) dofs that are zero.
-    places : (n, 3) where each dof is [m].
+    positions : (n, 3) where each dof is [m].
     """
     free = scipy.sparse.diags((~fixed).astype(float))
     own = (functionals @ free).tocsr()
@@ -63,7 +63,7 @@ def nested_basis(functionals: Sparse, fixed: BoolArray, places: Array) -> Sparse
         if rows.shape[0] > MOST_SHARING or len(columns) <= WIDE:
             continue
         changed[columns] = True
-        entries.append(_basis(rows[:, columns].toarray(), columns, places[columns]))
+        entries.append(_basis(rows[:, columns].toarray(), columns, positions[columns]))
     if not entries:
         return None
     rest = np.flatnonzero(~changed)
@@ -84,11 +84,11 @@ def rounded(matrix: Sparse) -> Sparse:
     return matrix
 
 
-def _basis(A: Array, columns: IntArray, places: Array) -> tuple[IntArray, IntArray, Array]:
+def _basis(A: Array, columns: IntArray, positions: Array) -> tuple[IntArray, IntArray, Array]:
     """Entries (row, column, value) of the basis of the dofs `columns` for functionals A (k, c)."""
     A = A / np.linalg.norm(A, axis=1, keepdims=True)
     blocks: list[tuple[IntArray, Array]] = []
-    every, last, _ = _halved(A, places, np.arange(len(columns)), blocks)
+    every, last, _ = _halved(A, positions, np.arange(len(columns)), blocks)
     blocks.append((every, last))
     rows, cols, values, first = [], [], [], 0
     for some, vectors in blocks:
@@ -101,7 +101,7 @@ def _basis(A: Array, columns: IntArray, places: Array) -> tuple[IntArray, IntArr
 
 
 def _halved(
-    A: Array, places: Array, some: IntArray, blocks: list[tuple[IntArray, Array]]
+    A: Array, positions: Array, some: IntArray, blocks: list[tuple[IntArray, Array]]
 ) -> tuple[IntArray, Array, Array]:
     """(dofs, vectors on which the functionals act, their values there) of a part of the group.
 
@@ -111,12 +111,12 @@ def _halved(
         vectors, values = np.eye(len(some)), A[:, some]
         order = some
     else:
-        x = places[some]
+        x = positions[some]
         axis = int(np.argmax(np.ptp(x, axis=0)))
         sorted_ones = some[np.argsort(x[:, axis], kind="stable")]
         half = len(some) // 2
         parts: Sequence[IntArray] = (sorted_ones[:half], sorted_ones[half:])
-        found = [_halved(A, places, part, blocks) for part in parts]
+        found = [_halved(A, positions, part, blocks) for part in parts]
         order = np.concatenate([part for part, _, _ in found])
         vectors = scipy.linalg.block_diag(*(v for _, v, _ in found))
         values = np.hstack([value for _, _, value in found])

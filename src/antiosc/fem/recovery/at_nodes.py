@@ -73,11 +73,11 @@ def _share(part: MeshedStructure, slots: IntArray, total: Array, count: Array) -
     common, times = np.unique(every, return_counts=True)
     mine = np.flatnonzero(np.isin(names, common[times > 1]))
     pieces = comm.allgather((names[mine], total[mine], count[mine]))
-    place = {name: i for i, name in zip(mine, names[mine], strict=True)}
+    slot_of = {name: i for i, name in zip(mine, names[mine], strict=True)}
     for rank, (those, sums, numbers) in enumerate(pieces):
         if rank == comm.rank:
             continue
         for name, value, cells in zip(those, sums, numbers, strict=True):
-            if name in place:
-                total[place[name]] += value
-                count[place[name]] += cells
+            if name in slot_of:
+                total[slot_of[name]] += value
+                count[slot_of[name]] += cells

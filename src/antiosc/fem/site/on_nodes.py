@@ -45,7 +45,7 @@ def functional_on_nodes(structure: Structure, site: Site) -> Functional | None:
         row = matrices.map.row(site.node, component)
         b[row] = 1.0
         direction = np.eye(3)[component - 1] if 1 <= component <= 3 else None
-        return _checked(structure, b, f"node {site.node}", _place(matrices, row), direction)
+        return _checked(structure, b, f"node {site.node}", _position(matrices, row), direction)
     if site.direction is None:
         return None
     direction = np.zeros(3)
@@ -55,7 +55,7 @@ def functional_on_nodes(structure: Structure, site: Site) -> Functional | None:
         rows = np.flatnonzero(matrices.map.node == site.node)
         if not len(rows):
             raise InputError(f"node {site.node} is not in the matrices' map of nodes and dofs.")
-        nodes, weights, at = np.array([site.node]), np.ones(1), _place(matrices, rows[0])
+        nodes, weights, at = np.array([site.node]), np.ones(1), _position(matrices, rows[0])
         label = f"node {site.node}"
         if site.radius is not None:
             raise InputError("a patch needs a point: Site(point=…, direction=…, radius=…).")
@@ -82,11 +82,11 @@ def _load(matrices: NodalMatrices, nodes: IntArray, weights: Array, direction: A
     """b of weighted nodes along a direction, fixed dofs included."""
     b = np.zeros(len(matrices.map.node))
     order = np.argsort(nodes)
-    place = np.searchsorted(nodes[order], matrices.map.node).clip(max=len(nodes) - 1)
-    found = nodes[order][place] == matrices.map.node
+    index = np.searchsorted(nodes[order], matrices.map.node).clip(max=len(nodes) - 1)
+    found = nodes[order][index] == matrices.map.node
     axis = matrices.map.component - 1
     moving = found & (axis >= 0) & (axis < 3)
-    b[moving] = weights[order][place[moving]] * direction[axis[moving]]
+    b[moving] = weights[order][index[moving]] * direction[axis[moving]]
     return b
 
 
@@ -105,7 +105,7 @@ def _checked(
     return Functional(b, radius, 0.0, at, direction)
 
 
-def _place(matrices: NodalMatrices, row: int) -> Array | None:
+def _position(matrices: NodalMatrices, row: int) -> Array | None:
     """The point of the node of a row, where it is known."""
     point = matrices.map.points[row]
     return point if np.isfinite(point).all() else None

@@ -47,12 +47,12 @@ class NodalMatrices(StructureMatrices):
         A row is -1 where the displacement is not among the dofs.
         """
         known = np.isfinite(self.map.points).all(axis=1)
-        _, first, place = np.unique(self.map.node[known], return_index=True, return_inverse=True)
+        _, first, index = np.unique(self.map.node[known], return_index=True, return_inverse=True)
         own = np.flatnonzero(known)
         rows = np.full((len(first), 3), -1)
         for axis in range(3):
             along = self.map.component[own] == axis + 1
-            rows[place.ravel()[along], axis] = own[along]
+            rows[index.ravel()[along], axis] = own[along]
         return self.map.points[own[first]], rows
 
     @cached_property
