@@ -9,10 +9,13 @@ from antiosc.scene_file.build import Mistake
 from antiosc.scene_file.kinds import NUMBER, Kind
 from antiosc.scene_file.locations import Place
 from antiosc.scene_file.parameters import Parameter
-from antiosc.scene_file.problems import label
+from antiosc.scene_file.problems import label, unknown
 from antiosc.scene_file.program import Call, Name, Statement
 from antiosc.scene_file.sections import SECTIONS, SOURCES
 from antiosc.scene_file.tables import Tables
+
+#: What a support may fix.
+FIXED = ("all", "x", "y", "z", "rx", "ry", "rz")
 
 
 def source(tables: Tables) -> str:
@@ -99,6 +102,12 @@ def _deck(tables: Tables, data: Mapping[str, Any], place: Place) -> Call | None:
 
 def _supported(tables: Tables, data: Mapping[str, Any], place: Place) -> dict[str, Any]:
     """The arguments `supports` and `attached`, where there are any."""
+    for i, table in enumerate(tables.part(data, "supports", list)):
+        fix = table.get("fix", "all") if isinstance(table, dict) else "all"
+        for name in fix if isinstance(fix, list) else [fix]:
+            if isinstance(name, str) and name not in FIXED:
+                at = (*place, "supports", i, "fix")
+                tables.problems.add(at, unknown(f"{label(at)}: the component", name, FIXED))
     given = {name: tables.listed(name, data, place) for name in ("supports", "attached")}
     return {name: value for name, value in given.items() if value}
 
