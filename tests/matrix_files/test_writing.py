@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 import antiosc as ao
+from antiosc.matrix_files import dmig
 from antiosc.matrix_files.reading import read_pair
+from antiosc.matrix_files.source import fortran
 
 ONE = ao.AntiOscillators(m0=0.02, k0=3e5, m=[0.3, 0.05, 0.2], omega=[900.0, 2500.0, 7000.0])
 TWO = ao.AntiOscillators(
@@ -112,3 +114,11 @@ def test_pyyeti_reads_what_is_written(tmp_path):
     for name, A in (("kaa", own.K), ("maa", own.M)):
         other = found[name]
         np.testing.assert_array_equal(getattr(other, "toarray", lambda o=other: o)(), A)
+
+
+@pytest.mark.parametrize(("low", "high", "off"), [(-9, 0, 6e-12), (0, 9, 6e-14)])
+def test_numbers_in_sixteen_characters_keep_12_to_15_digits(rng, low, high, off):
+    for value in rng.choice([-1.0, 1.0], 400) * 10 ** rng.uniform(low, high, 400):
+        text = dmig._large(float(value))
+        assert len(text) <= 16
+        assert float(fortran(text.encode())) == pytest.approx(value, rel=off)

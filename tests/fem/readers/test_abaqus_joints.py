@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from antiosc.fem.readers.decks import abaqus_assembly
+from antiosc.fem.readers.decks import abaqus_assembly, ties
 from antiosc.fem.readers.decks.abaqus_joints import read_joints
 from antiosc.fem.readers.decks.constraints import Constraints
+from antiosc.fem.readers.decks.deck import Deck, Place
 
 RNG = np.random.default_rng(17)
 ANY = RNG.normal(size=(6, 3))
@@ -119,3 +120,36 @@ def test_equations_are_the_sums_that_they_write(tmp_path):
     expected[0, [0, 1, 2], [0, 1, 2]] = 2.0, -3.0, 0.5
     expected[1, [3, 4], [3, 4]] = 1.0, -1.0
     np.testing.assert_array_equal(C, expected)
+
+
+def test_the_weighted_mean_of_a_rigid_body_is_its_motion(tmp_path):
+    """The six motions of a point beside it, by the mean ones of five nodes of unequal weights."""
+    surface = "*NSET,NSET=N\n1,2,3,4,5\n*SURFACE,TYPE=NODE,NAME=S\nN,\n"
+    coupling = "*COUPLING,REF NODE=6,SURFACE=S,CONSTRAINT NAME=C\n*DISTRIBUTING\n"
+    C = equations(tmp_path, ANY, surface + coupling)
+    assert len(C) == 6
+    np.testing.assert_allclose(C[:, 5], np.eye(6), atol=1e-15)
+    assert np.abs(C.reshape(6, -1) @ rigid(ANY).reshape(36, 6)).max() < 1e-12
+    deck, nodes = Deck("a", points=ANY), np.arange(5)
+    joints = Constraints(deck, np.ones(6, dtype=bool), np.ones(6, dtype=bool))
+    joints.mean(5, range(6), nodes, RNG.uniform(0.2, 1.0, 5), Place(tmp_path, 1))
+    for terms in joints.equations:
+        moved = sum(value * rigid(ANY)[node, motion] for node, motion, value in terms)
+        assert np.abs(moved).max() < 1e-12
+
+
+@pytest.mark.parametrize("count", [3, 4, 6, 8])
+def test_shapes_of_faces_are_one_at_their_node_and_have_their_slopes(count):
+    corners = np.array([(0, 0), (1, 0), (0, 1)], dtype=float)
+    if count in (4, 8):
+        corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)], dtype=float)
+    nodes = corners
+    if count > 4:
+        nodes = np.vstack([corners, (corners + np.roll(corners, -1, axis=0)) / 2])
+    values = np.array([ties._shapes(count, xi)[0] for xi in nodes])
+    np.testing.assert_allclose(values, np.eye(count), atol=1e-15)
+    xi, h = np.array([0.21, 0.34]), 1e-6
+    slopes = ties._shapes(count, xi)[1]
+    for k, step in enumerate(h * np.eye(2)):
+        rise = ties._shapes(count, xi + step)[0] - ties._shapes(count, xi - step)[0]
+        np.testing.assert_allclose(slopes[:, k], rise / (2 * h), atol=1e-9)
