@@ -28,7 +28,7 @@ FINEST_TIME, COARSEST_TIME = 1e-6, 1e-3
 #: First and largest number of anti-oscillators.
 FIRST_N, MOST_N = 20, 300
 #: Least and largest power of that number by which the truncation error is taken to fall.
-RATES = (0.5, 2.0)
+RATES = (0.5, 3.0)
 #: Least share of the usual bar of a mesh that a comparison with another mesh leaves, and largest
 #: ratio of the bars of both for which they are compared.
 LEAST_SHARE, CLOSER = 0.6, 0.8

@@ -40,7 +40,7 @@ from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import LinearBody
 from antiosc.models.motion import Motion
 from antiosc.simulation.error_bars import ErrorBudget
-from antiosc.simulation.error_budget import amplitudes
+from antiosc.simulation.error_budget import SAFETY, amplitudes
 from antiosc.simulation.history import History
 from antiosc.simulation.simulate import simulate
 from antiosc.strike_answers import (
@@ -61,6 +61,8 @@ AIM = 0.8
 LEAST_ROOM, LEAST_STEP = 0.05, 0.8
 #: Each further mesh aims lower by this factor: what missed before may miss again.
 EAGER = 0.6
+#: Size of the cells of the first mesh over the thickness of the part and the degree.
+FIRST_SIZE = 1.5
 #: Most meshes, and largest growth of the number of cells from one to the next.
 MOST_MESHES, GROWTH = 12, 8.0
 #: Power of the number of dofs by which seconds grow, by dimension.
@@ -189,7 +191,7 @@ def _check_source(source: Any, material: Any, supports: Any) -> None:
 def _begin(
     place: Source, site: Site, impactor: Any, material: Any, order: int
 ) -> tuple[Site, Mesh]:
-    """The site with a radius, and the first mesh: elements of degree 2 are two thicknesses long."""
+    """The site with a radius, and the first mesh, as coarse as a budget can be trusted."""
     thickness = place.thickness()
     solids = list(material.values()) if isinstance(material, Mapping) else [material]
     contact = _contact_radius(impactor, solids[0], thickness)
@@ -199,7 +201,7 @@ def _begin(
     refine = []
     if site.radius is not None and site.point is not None and not isinstance(site.point, str):
         refine = [(site.point, site.radius)]
-    return site, place.first(order * thickness, refine)
+    return site, place.first(FIRST_SIZE * order * thickness, refine)
 
 
 def _contact_radius(impactor: Any, material: Any, thickness: float) -> float:
@@ -231,7 +233,9 @@ def _next(
         )
     if answer.n >= MOST_N:
         return None, f"{MOST_N} anti-oscillators do not bring the truncation below its share."
-    goal = min(room[name] / bar.mesh for name, bar in answer.budget.items() if bar.mesh)
+    safety = answer.budget.safety
+    usual = (SAFETY - 1) / (safety - 1)  # what is not resolved now will be
+    goal = min(room[name] / (usual * bar.mesh) for name, bar in answer.budget.items() if bar.mesh)
     goal *= EAGER ** (meshes - 1)
     structure, dim = answer.structure, mesh.tdim
     values, vectors = np.linalg.eigh(amplitudes(answer.raw))
