@@ -26,8 +26,8 @@ MAX_LEVELS = 24
 
 
 def compared(
-    problem: Problem,
     method: str,
+    problem: Problem,
     duration: float,
     scale: float,
     step: float | None,

@@ -6,7 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 
+from antiosc import checks
 from antiosc._types import Array
+from antiosc.errors import InputError
 from antiosc.simulation import march
 from antiosc.simulation.convergence import stopped
 from antiosc.simulation.engine import Run, System, run
@@ -14,6 +16,14 @@ from antiosc.simulation.stability import clear_step, margin
 
 #: the share of such a run: what the step does not resolve is integrated with halvings of it
 LOOSE = 0.05
+
+
+def checked_step(step: float, duration: float) -> float:
+    """A step [s] of at most the duration, or InputError."""
+    step = checks.positive("step", step, "s")
+    if step > duration:
+        raise InputError(f"step must be <= the duration {duration:g} s; got {step:g} s.")
+    return step
 
 
 def stepped(

@@ -12,7 +12,7 @@ from antiosc.simulation.convergence import Converged, converge, stopped
 from antiosc.simulation.engine import Run
 from antiosc.simulation.equilibrium import closed, settle
 from antiosc.simulation.expected import stiffness_at
-from antiosc.simulation.given_step import stepped
+from antiosc.simulation.given_step import checked_step, stepped
 from antiosc.simulation.laws import forget
 from antiosc.simulation.scene_energy import GAIN, gained
 from antiosc.simulation.scene_history import SceneHistory
@@ -117,9 +117,7 @@ def exactly(
     if step is None:
         lasting = assembly.lasting
         return converge(system, laws, lasting, duration, tol, max_contacts, max_steps), ""
-    step = checks.positive("step", step, "s")
-    if step > duration:
-        raise InputError(f"step must be <= the duration {duration:g} s; got {step:g} s.")
+    step = checked_step(step, duration)
 
     def stiffness() -> Array:
         return np.array(

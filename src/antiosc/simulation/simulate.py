@@ -32,6 +32,7 @@ from antiosc.simulation.compared_impact import compared
 from antiosc.simulation.error_budget import error_budget
 from antiosc.simulation.exact import exact
 from antiosc.simulation.expected import scaled
+from antiosc.simulation.given_step import checked_step
 from antiosc.simulation.history import History
 from antiosc.simulation.integrators import (
     FIXED_STEP,
@@ -233,9 +234,9 @@ def integrated(
     problem, bodies = assemble(model, impactor, law, initial_velocity, gravity, gap)
     check_span(problem, duration)
     problem, scale = scaled(problem, bodies, duration)
-    trajectory, step, error = _integrate(
-        problem, method, duration, scale, step, tol, max_contacts, max_steps
-    )
+    step = None if step is None else checked_step(step, duration)
+    wanted = problem, duration, scale, step, tol, max_contacts, max_steps
+    trajectory, step, error = exact(*wanted) if method == "exact" else compared(method, *wanted)
     verdict = judge(
         problem,
         duration,
@@ -246,30 +247,6 @@ def integrated(
         tol=tol,
     )
     return Outcome(problem, bodies, trajectory, step, error, verdict, note)
-
-
-def _integrate(
-    problem: Problem,
-    method: str,
-    duration: float,
-    scale: float,
-    step: float | None,
-    accuracy: float,
-    max_contacts: int,
-    max_steps: int,
-) -> tuple[Trajectory, float, dict[str, float]]:
-    """The run by the named method, its step, and its estimated errors if the step is automatic.
-
-    `scale` is the estimated contact time [s], from which the choice of the step starts.
-    """
-    if step is not None:
-        step = checks.positive("step", step, "s")
-        if step > duration:
-            raise InputError(f"step must be <= the duration {duration:g} s; got {step:g} s.")
-
-    if method == "exact":
-        return exact(problem, duration, scale, step, accuracy, max_contacts, max_steps)
-    return compared(problem, method, duration, scale, step, accuracy, max_contacts, max_steps)
 
 
 def _truncated(
