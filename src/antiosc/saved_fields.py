@@ -155,7 +155,7 @@ class SavedFields(Brief):
 
         `path` and `view` as for `plotting.plot_deformed`.
         """
-        from antiosc.plotting.parts import Deformed, draw_deformed
+        from antiosc.charts.deformed import Deformed, draw_deformed
 
         seen_from = None if view is None else checks.array("view", view, (2,))
         found = Deformed.of(self.points, self.faces, self.at(time), self.largest)
@@ -195,7 +195,7 @@ class SavedFields(Brief):
         return ipywidgets.VBox([ipywidgets.HBox([slider, said]), image])
 
     def _png(self, time: float) -> bytes:
-        from antiosc.plotting.parts import Deformed, deformed_figure
+        from antiosc.charts.deformed import Deformed, deformed_figure
 
         stream = io.BytesIO()
         found = Deformed.of(self.points, self.faces, self.at(time), self.largest)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -12,24 +11,20 @@ import numpy as np
 
 from antiosc import checks
 from antiosc._types import Array, BoolArray, IntArray
-from antiosc.charts.figures import finished, new_figure
+from antiosc.charts.deformed import Deformed, draw_deformed
+from antiosc.charts.figures import finished
+from antiosc.charts.surfaces import colour_scale, draw_faces, frame, space
 from antiosc.errors import InputError
 from antiosc.plotting.turning import turning_page
 from antiosc.simulation.history import History
 from antiosc.simulation.scene_history import SceneHistory
 
 if TYPE_CHECKING:
-    from matplotlib.cm import ScalarMappable
     from matplotlib.figure import Figure
     from mpl_toolkits.mplot3d import Axes3D  # type: ignore[import-untyped]
 
     from antiosc.fem.structure.structure import Structure
 
-
-#: Motions are drawn this share of the part's largest dimension.
-ENLARGED = 0.08
-#: Direction of the light, and the darkest shade.
-LIGHT, DARK = np.array([0.5, -0.4, 0.77]), 0.62
 
 QUANTITY_LABELS = {
     "k0": "static stiffness (N/m)",
@@ -86,21 +81,21 @@ def plot_map(
         )
     value, label = known[quantity], QUANTITY_LABELS.get(quantity, quantity)
     triangles = len(found.elements) > 0 and found.elements.shape[1] == 3
-    figure, axes, scale, unit = _space(found.points, shown=path is None)
+    figure, axes, scale, unit = space(found.points, shown=path is None)
     x = scale * found.points
     if triangles:
         seen = _towards_viewer(found, axes)
         faces = found.elements[seen]
         values = value[faces].mean(axis=1)
         alone = found.alone
-        scale = _scale(np.concatenate([values, value[alone]]))
-        _faces(figure, axes, x[faces], values, label, scale, dark=0.85)
+        scale = colour_scale(np.concatenate([values, value[alone]]))
+        draw_faces(figure, axes, x[faces], values, label, scale, dark=0.85)
         if len(alone):
             axes.scatter(*x[alone].T, c=scale.to_rgba(value[alone]), s=30, depthshade=False)
     else:
         dots = axes.scatter(*x.T, c=value, s=30, depthshade=False)
         figure.colorbar(dots, ax=axes, shrink=0.7, pad=0.12, label=label)
-    _frame(axes, x)
+    frame(axes, x)
     axes.set(xlabel=f"x ({unit})", ylabel=f"y ({unit})", zlabel=f"z ({unit})")
     return finished(figure, path)
 
@@ -162,92 +157,6 @@ def turning_deformed(
     return turning_page(found.moved, found.faces, found.values, found.label, way)
 
 
-@dataclass(frozen=True, eq=False)
-class Deformed:
-    """A surface at one time.
-
-    Attributes
-    ----------
-    points, moved : (P, 3) [m], at rest and with displacements drawn larger.
-    faces : (F, 3 or 4) indices of corners; (F, 2) of lines, (F, 1) of points.
-    values : (P,) magnitude of the displacements, in the unit that `label` states.
-    label : of the values, with the factor by which displacements are drawn larger.
-    largest : value of all times.
-    """
-
-    points: Array
-    moved: Array
-    faces: IntArray
-    values: Array
-    label: str
-    largest: float
-
-    @classmethod
-    def of(cls, points: Array, faces: IntArray, moved: Array, largest: float) -> Deformed:
-        """Of displacements (P, 3) [m], drawn larger by what suits the largest one [m]."""
-        shown = largest or 1.0
-        factor = float(f"{ENLARGED * np.ptp(points, axis=0).max() / shown:.1g}")
-        micro, unit = (1e6, "µm") if shown < 1e-3 else (1e3, "mm")
-        size = np.linalg.norm(moved, axis=1)
-        label = f"displacement ({unit}), drawn × {factor:g}"
-        return cls(points, points + factor * moved, faces, micro * size, label, micro * largest)
-
-    def arrow(self, point: Array, direction: Array) -> Array:
-        """Tail and tip (2, 3) [m] of an arrow along `direction` that ends at `point`."""
-        length = 0.25 * np.ptp(self.points, axis=0).max()
-        return np.array([point - length * direction / np.linalg.norm(direction), point])
-
-
-def draw_deformed(
-    found: Deformed,
-    path: str | os.PathLike[str] | None,
-    *,
-    arrow: tuple[Array, Array] | None = None,
-    view: Array | None = None,
-    whole_scale: bool = False,
-) -> Figure | Path:
-    """A figure of a deformed surface, or its file; options as of `deformed_figure`."""
-    figure = deformed_figure(
-        found, arrow=arrow, view=view, whole_scale=whole_scale, shown=path is None
-    )
-    return finished(figure, path)
-
-
-def deformed_figure(
-    found: Deformed,
-    *,
-    arrow: tuple[Array, Array] | None = None,
-    view: Array | None = None,
-    whole_scale: bool = False,
-    shown: bool = False,
-) -> Figure:
-    """A figure of a deformed surface.
-
-    arrow : point and direction of the impact.
-    view : (elevation, azimuth), degrees.
-    whole_scale : colours from zero to the largest of all times, in the box of the part at rest.
-    """
-    figure, axes, scale, _ = _space(found.points, shown)
-    corners = scale * found.moved[found.faces]
-    values = found.values[found.faces].mean(axis=1)
-    colours = _scale(np.array([0.0, found.largest]) if whole_scale else values)
-    if found.faces.shape[1] > 2:
-        _faces(figure, axes, corners, values, found.label, colours)
-    else:
-        _lines(figure, axes, corners, values, found.label, colours)
-    rest = scale * found.points[np.unique(found.faces)]
-    framed = [rest if whole_scale else corners.reshape(-1, 3)]
-    if arrow is not None:
-        tail, tip = scale * found.arrow(*arrow)
-        axes.quiver(*tail, *(tip - tail), color="C3", linewidth=2.5, zorder=9)
-        framed.append(tail[None])
-    if view is not None:
-        axes.view_init(elev=view[0], azim=view[1])
-    _frame(axes, np.vstack(framed), zoom=1.1 if whole_scale else 1.2)
-    axes.set_axis_off()
-    return figure
-
-
 def deformed(
     structure: Structure, history: History | SceneHistory, time: float | None, body: str
 ) -> Deformed:
@@ -284,14 +193,6 @@ def _motion(history: History | SceneHistory, body: str) -> Array:
     return np.abs(history.impactor_displacement if impactor else history.displacement)
 
 
-def _space(points: Array, shown: bool) -> tuple[Figure, Axes3D, float, str]:
-    """A figure with axes in space, and the scale and name of the unit of its coordinates."""
-    figure = new_figure((6.5, 5.0), shown)
-    axes = figure.add_subplot(projection="3d", proj_type="ortho", computed_zorder=False)
-    axes.view_init(elev=24, azim=-52)
-    return figure, axes, *((1e3, "mm") if np.ptp(points, axis=0).max() < 1.0 else (1.0, "m"))
-
-
 def _towards_viewer(found: SurfaceMap, axes: Axes3D) -> BoolArray:
     """Faces to draw (T,): where those of a solid are struck against the surface, its front faces.
 
@@ -307,59 +208,3 @@ def _towards_viewer(found: SurfaceMap, axes: Axes3D) -> BoolArray:
     up, around = np.radians(axes.elev), np.radians(axes.azim)
     view = np.array([np.cos(up) * np.cos(around), np.cos(up) * np.sin(around), np.sin(up)])
     return np.asarray((normal @ view) * -np.sign(across) > 0)
-
-
-def _faces(
-    figure: Figure,
-    axes: Axes3D,
-    corners: Array,
-    value: Array,
-    label: str,
-    scale: ScalarMappable,
-    dark: float = DARK,
-) -> None:
-    """Faces (F, 3 or 4, 3) coloured by `value` (F,) and shaded by a light, with the scale."""
-    from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
-
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    length = np.maximum(np.linalg.norm(normal, axis=1), np.finfo(float).tiny)
-    colours = scale.to_rgba(value)
-    colours[:, :3] *= (dark + (1 - dark) * np.abs(normal @ LIGHT) / length)[:, None]
-    # an edge of the face's own colour hides the background between two faces
-    axes.add_collection3d(
-        Poly3DCollection(corners, facecolors=colours, edgecolors=colours, linewidths=0.2)
-    )
-    figure.colorbar(scale, ax=axes, shrink=0.7, pad=0.12, label=label)
-
-
-def _lines(
-    figure: Figure, axes: Axes3D, corners: Array, value: Array, label: str, scale: ScalarMappable
-) -> None:
-    """Lines (F, 2, 3) or points (F, 1, 3) coloured by `value` (F,), with the scale."""
-    from mpl_toolkits.mplot3d.art3d import Line3DCollection  # type: ignore[import-untyped]
-
-    colours = scale.to_rgba(value)
-    if corners.shape[1] == 2:
-        axes.add_collection3d(Line3DCollection(corners, colors=colours, linewidths=3))
-    else:
-        axes.scatter(*corners[:, 0].T, c=colours, s=20, depthshade=False)
-    figure.colorbar(scale, ax=axes, shrink=0.7, pad=0.12, label=label)
-
-
-def _scale(value: Array) -> ScalarMappable:
-    """Colours from the least to the largest value."""
-    from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import Normalize
-
-    return ScalarMappable(Normalize(np.nanmin(value), np.nanmax(value)), "viridis")
-
-
-def _frame(axes: Axes3D, x: Array, zoom: float = 1.0) -> None:
-    """Limits and equal scales around the points (P, 3); few ticks, fewer on short sides."""
-    low, high = x.min(axis=0), x.max(axis=0)
-    side = np.maximum(high - low, 0.05 * max(float(np.ptp(x, axis=0).max()), 1e-12))
-    for name, middle, length in zip("xyz", (low + high) / 2, side, strict=True):
-        getattr(axes, f"set_{name}lim")(middle - length / 2, middle + length / 2)
-        ticks = max(1, round(4 * length / side.max()))
-        getattr(axes, f"{name}axis").get_major_locator().set_params(nbins=ticks)
-    axes.set_box_aspect(side, zoom=zoom)

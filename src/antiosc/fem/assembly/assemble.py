@@ -32,7 +32,8 @@ from antiosc.fem.assembly.assembled import (
     without_stiffness,
 )
 from antiosc.fem.assembly.attached import attachment, superelement
-from antiosc.fem.assembly.elimination import Constraints, Eliminated, Redundant, Rows, eliminate
+from antiosc.fem.assembly.constraint_rows import Constraints, Eliminated, Redundant, Rows
+from antiosc.fem.assembly.elimination import eliminate
 from antiosc.fem.assembly.joint import Joint, Stiffness
 from antiosc.fem.assembly.layout import ROTATIONS, Layout, Sparse
 from antiosc.fem.assembly.share import Share, communicator, on_every_rank

@@ -15,7 +15,7 @@ from petsc4py import PETSc
 from antiosc._types import Array, BoolArray, Box
 from antiosc.checks import array
 from antiosc.errors import InputError
-from antiosc.fem.assembly.elimination import Constraints, Eliminated
+from antiosc.fem.assembly.constraint_rows import Constraints, Eliminated
 from antiosc.fem.assembly.joint import Stiffness
 from antiosc.fem.assembly.layout import POINT_DOFS, Layout, Member, Sparse
 from antiosc.fem.assembly.motions import rigid_motions

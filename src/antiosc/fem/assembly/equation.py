@@ -12,7 +12,7 @@ import scipy.sparse
 from antiosc._types import BoolArray
 from antiosc.checks import number, shown, store
 from antiosc.errors import InputError
-from antiosc.fem.assembly.elimination import Rows
+from antiosc.fem.assembly.constraint_rows import Rows
 from antiosc.fem.assembly.ends import End, checked_end, end_text, motion
 from antiosc.fem.assembly.joint import Joint, checked_name
 from antiosc.fem.assembly.layout import DISPLACEMENTS, ROTATIONS, Layout

@@ -11,7 +11,7 @@ import numpy as np
 
 from antiosc._types import Array, BoolArray
 from antiosc.checks import text
-from antiosc.fem.assembly.elimination import Rows
+from antiosc.fem.assembly.constraint_rows import Rows
 from antiosc.fem.assembly.layout import Layout, Sparse
 
 

@@ -11,7 +11,7 @@ import scipy.sparse
 
 from antiosc._types import BoolArray, IntArray
 from antiosc.fem.assembly.between_nodes import between_nodes
-from antiosc.fem.assembly.elimination import Rows
+from antiosc.fem.assembly.constraint_rows import Rows
 from antiosc.fem.assembly.joint import Joint, Stiffness
 from antiosc.fem.assembly.layout import DISPLACEMENTS, ROTATIONS, Layout, Member, Sparse
 from antiosc.fem.assembly.numbered_nodes import Nodes, Term

@@ -19,7 +19,7 @@ import scipy.sparse
 from antiosc._types import BoolArray, IntArray
 from antiosc.errors import InputError
 from antiosc.fem import compat
-from antiosc.fem.assembly.elimination import Rows
+from antiosc.fem.assembly.constraint_rows import Rows
 from antiosc.fem.assembly.joint import Joint
 from antiosc.fem.assembly.layout import DISPLACEMENTS, ROTATIONS, Layout, Member
 from antiosc.fem.mesh.cell_geometry import projected

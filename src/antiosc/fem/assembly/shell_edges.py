@@ -13,7 +13,7 @@ import scipy.sparse
 
 from antiosc._types import Array, BoolArray, IntArray
 from antiosc.errors import InputError
-from antiosc.fem.assembly.elimination import Rows
+from antiosc.fem.assembly.constraint_rows import Rows
 from antiosc.fem.assembly.facets import Facets
 from antiosc.fem.assembly.layout import DISPLACEMENTS, ROTATIONS, Layout, Sparse
 from antiosc.fem.assembly.overlaps import Overlap, closest

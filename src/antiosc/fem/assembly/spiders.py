@@ -11,7 +11,7 @@ import scipy.sparse
 from antiosc._types import Array, BoolArray, IntArray
 from antiosc.checks import store
 from antiosc.errors import InputError
-from antiosc.fem.assembly.elimination import Rows
+from antiosc.fem.assembly.constraint_rows import Rows
 from antiosc.fem.assembly.ends import End, Motion, checked_end, end_text, group_end, mean, motion
 from antiosc.fem.assembly.entities import nodes_of, points_of
 from antiosc.fem.assembly.joint import Joint, checked_name

@@ -10,7 +10,7 @@ from mpi4py import MPI
 from antiosc._types import Array, Matrix
 from antiosc.errors import AccuracyError, InputError, warn
 from antiosc.fem.assembly import motions
-from antiosc.fem.assembly.elimination import Eliminated
+from antiosc.fem.assembly.constraint_rows import Eliminated
 from antiosc.fem.assembly.layout import Layout, Member
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.linalg.scaling import force_ratios

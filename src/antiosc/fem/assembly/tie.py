@@ -24,7 +24,7 @@ import scipy.spatial
 from antiosc._types import Array, BoolArray, IntArray
 from antiosc.checks import positive, store
 from antiosc.errors import InputError, warn
-from antiosc.fem.assembly.elimination import Rows
+from antiosc.fem.assembly.constraint_rows import Rows
 from antiosc.fem.assembly.ends import checked_end, group_end
 from antiosc.fem.assembly.facets import Facets
 from antiosc.fem.assembly.joint import Joint, checked_name
