@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -175,3 +177,15 @@ def test_a_massless_site_holds_the_energy_of_its_spring(method):
     # two springs in series: F = v √(k m)
     series = 1 / (1 / k0 + 1 / 3e6)
     assert hit.peak_force == pytest.approx(speed * np.sqrt(series * mass), rel=1e-4)
+
+
+@pytest.mark.parametrize("seconds", [1e3, 1.0, 1e-9])
+def test_times_are_found_in_their_steps_in_any_unit(seconds):
+    """A node begins its step, also where the time is off by rounding; steps have three nodes."""
+    nodes = seconds * np.array([0.0, 0.1, 0.2, 0.5, 0.8, 0.9, 1.0])
+    run = SimpleNamespace(time=nodes)
+    for time, step, since in ((0.0, 0, 0.0), (0.05, 0, 0.05), (0.2, 1, 0.0), (0.7, 1, 0.5)):
+        for off in (1.0, 1 - 1e-15, 1 + 1e-15):
+            found = scene_states.located(run, np.array([seconds * time * off]))
+            assert found[0] == [step]
+            assert found[1] == pytest.approx(since * seconds, abs=1e-14 * seconds)

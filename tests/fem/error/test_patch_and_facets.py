@@ -9,6 +9,7 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 from antiosc.fem import compat
+from antiosc.fem.error import facets
 from antiosc.fem.error.estimator import estimator
 from antiosc.fem.error.facets import faceted
 from antiosc.fem.error.gaps import mean_gaps
@@ -117,3 +118,27 @@ def test_plane_parts_have_no_half_space():
     model = ao.extract(part, ao.Site((0.1, 0.06), (0, -1), radius=0.02), n=2, error="estimate")
     assert set(model.info["patch"]) == {"faces"}
     assert model.info["patch"]["faces"] == pytest.approx(0.025)
+
+
+SQUARE = np.array([(0, 0), (1, 0), (1, 1), (0, 1)], dtype=float)
+TETRAHEDRON = np.array([(1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)], dtype=float)
+CUBE = np.array([(x, y, z) for z in (0, 1) for y in (0, 1) for x in (0, 1)], dtype=float)
+#: points, facets (quadrilaterals in tensor order), number of sides, angle between the facets
+SOLIDS = {
+    "square": (SQUARE, [(0, 1), (1, 2), (2, 3), (3, 0)], 4, 90.0),
+    "tetrahedron": (
+        *(TETRAHEDRON, [(0, 1, 2), (3, 0, 1), (2, 3, 0), (1, 2, 3)]),
+        *(6, np.degrees(np.arccos(1 / 3))),
+    ),
+    "cube": (
+        *(CUBE, [(0, 1, 2, 3), (4, 5, 6, 7), (0, 1, 4, 5), (2, 3, 6, 7), (0, 2, 4, 6)]),
+        *(8, 90.0),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", SOLIDS)
+def test_every_common_side_of_two_facets_has_its_angle(name):
+    x, corners, count, angle = SOLIDS[name]
+    found = facets._angles(x, np.array(corners))
+    assert found == pytest.approx(np.full(count, angle))

@@ -210,6 +210,13 @@ def test_a_script_that_ends_or_holds_its_reader(tmp_path, text):
     assert ao.read_mesh(MESHES / "lever.msh").n_cells
 
 
+@pytest.mark.parametrize("before", ["", "a = 1;\n\n", "/* of\nthree\nlines */\n", "b = 2; // one\n"])
+def test_a_refusal_names_the_line(before):
+    number = 1 + before.count("\n")
+    with pytest.raises(ao.MeshError, match=rf"part.geo is refused for line {number} \(Include"):
+        geo_script.harmless(before + 'Include "other.geo";\n', "part.geo")
+
+
 # --- What is no file, or breaks its reader --------------------------------------------------------
 
 
