@@ -210,7 +210,10 @@ def test_a_script_that_ends_or_holds_its_reader(tmp_path, text):
     assert ao.read_mesh(MESHES / "lever.msh").n_cells
 
 
-@pytest.mark.parametrize("before", ["", "a = 1;\n\n", "/* of\nthree\nlines */\n", "b = 2; // one\n"])
+BEFORE = ["", "a = 1;\n\n", "/* of\nthree\nlines */\n", "b = 2; // one\n"]
+
+
+@pytest.mark.parametrize("before", BEFORE)
 def test_a_refusal_names_the_line(before):
     number = 1 + before.count("\n")
     with pytest.raises(ao.MeshError, match=rf"part.geo is refused for line {number} \(Include"):
