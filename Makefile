@@ -41,7 +41,7 @@ budget: $(READY) ## error budgets: COUNT random parts, strike beside fixed choic
 	mkdir -p out
 	$(PYTHON) demos/error_budget.py --parts $(COUNT) --seed 2026 --out out/error_budget.jsonl
 	$(PYTHON) demos/strike_or_uniform.py --out out/strike_or_uniform.json
-	$(PYTHON) demos/error_budget_page.py --parts out/error_budget.jsonl --runs out/strike_or_uniform.json --page demos/speed/error_budget.md
+	$(PYTHON) demos/error_budget_tables.py --parts out/error_budget.jsonl --runs out/strike_or_uniform.json --page demos/speed/error_budget.md
 
 validate: $(READY) ## published tests in one table with pictures: docs/validation.md (about 2 minutes)
 	$(PYTHON) demos/validation/book.py

@@ -45,7 +45,7 @@ def test_the_page_is_written_from_both_files(tmp_path):
     parts, runs = tmp_path / "parts.jsonl", tmp_path / "runs.json"
     demo("error_budget").main(parts=2, seed=4, dim=2, out=str(parts))
     demo("strike_or_uniform").main(scenes=("plane part",), tols=(0.01,), dofs=9000, out=str(runs))
-    script = demo("error_budget_page")
+    script = demo("error_budget_tables")
     script.structured_blocks.table = lambda: "| blocks |"
     text = script.main(str(parts), str(runs), str(tmp_path / "page.md"))
     assert (tmp_path / "page.md").read_text() == text

@@ -1,6 +1,6 @@
 """The page `demos/speed/error_budget.md` and its pictures, from the files of `make budget`.
 
-    .venv/bin/python demos/error_budget_page.py --parts out/error_budget.jsonl \
+    .venv/bin/python demos/error_budget_tables.py --parts out/error_budget.jsonl \
         --runs out/strike_or_uniform.json --page demos/speed/error_budget.md
 """
 
