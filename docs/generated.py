@@ -20,6 +20,7 @@ PICTURES = {
     "composite_panel": ["composite_panel.png"],
     "drop_on_corners": ["drop_on_corners.png"],
     "error_budget": ["../speed/error_budget_effectivity.png"],
+    "error_budget_tables": ["../speed/strike_or_uniform.png"],
     "impact_map": ["bracket_map.png"],
     "impact_on_bracket": ["bracket.png", "bracket_force.png"],
     "local_quantities": ["../speed/local_quantities.png"],
