@@ -11,12 +11,12 @@ from antiosc.contact import ContactLaw, Hertz
 from antiosc.errors import InputError
 from antiosc.simulation.bodies import Placed, place
 from antiosc.simulation.contact_rows import along, find, order_notes, row_of, tangents_of
-from antiosc.simulation.engine import System
 from antiosc.simulation.laws import packed
 from antiosc.simulation.scene_loads import acting, axes_of
 from antiosc.simulation.scene_parts import SceneParts
 from antiosc.simulation.scene_scales import MINDLIN, STIFFEST, mass_behind, scales
 from antiosc.simulation.scene_states import between
+from antiosc.simulation.system import System
 
 
 @dataclass(eq=False)

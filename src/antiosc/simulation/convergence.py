@@ -12,8 +12,9 @@ from antiosc._types import Array
 from antiosc.contact import ContactLaw
 from antiosc.simulation import march
 from antiosc.simulation.compilation import fitting_march
-from antiosc.simulation.engine import Run, System, run
+from antiosc.simulation.engine import Run, run
 from antiosc.simulation.scene_states import forces, located
+from antiosc.simulation.system import System
 
 # Of the tolerance, the share of the first run; by what the second run divides it, and a third:
 # by MORE if the estimate was at most NEAR times the tolerance, else by MOST.

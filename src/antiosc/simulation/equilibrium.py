@@ -15,7 +15,7 @@ import numpy as np
 from antiosc._types import Array
 from antiosc.contact import ContactLaw, State
 from antiosc.errors import InputError
-from antiosc.simulation.engine import System
+from antiosc.simulation.system import System
 
 _ITERATIONS = 400
 

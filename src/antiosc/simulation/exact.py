@@ -11,12 +11,13 @@ from antiosc._types import Array, Index
 from antiosc.simulation import march
 from antiosc.simulation.compilation import fitting_march
 from antiosc.simulation.convergence import converge, stopped
-from antiosc.simulation.engine import Run, System
+from antiosc.simulation.engine import Run
 from antiosc.simulation.expected import stiffness_of
 from antiosc.simulation.given_step import stepped
 from antiosc.simulation.integrators import Contact, Problem, Segment, Trajectory, flight
 from antiosc.simulation.laws import forget, packed
 from antiosc.simulation.scene_states import node_states
+from antiosc.simulation.system import System
 
 #: Change of a velocity, relative to it, below which it is rounding in part.
 ROUNDED = 1e-6

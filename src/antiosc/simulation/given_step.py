@@ -11,8 +11,9 @@ from antiosc._types import Array
 from antiosc.errors import InputError
 from antiosc.simulation import march
 from antiosc.simulation.convergence import stopped
-from antiosc.simulation.engine import Run, System, run
+from antiosc.simulation.engine import Run, run
 from antiosc.simulation.stability import clear_step, margin
+from antiosc.simulation.system import System
 
 #: the share of such a run: what the step does not resolve is integrated with halvings of it
 LOOSE = 0.05

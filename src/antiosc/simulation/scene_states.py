@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from antiosc._types import Array
 from antiosc.simulation import march
-from antiosc.simulation.engine import Run, System
+from antiosc.simulation.engine import Run
+from antiosc.simulation.system import System
 
 Index = NDArray[np.intp]
 

@@ -12,7 +12,7 @@ import numpy as np
 from antiosc._types import Array
 from antiosc.contact import ContactLaw, State
 from antiosc.errors import NotConvergedError
-from antiosc.simulation.engine import System
+from antiosc.simulation.system import System
 
 MOST_SWEEPS = 500
 SETTLED = 1e-13  # change of a force in a sweep, relative to the largest

@@ -16,8 +16,9 @@ from antiosc._types import Array
 from antiosc.contact import ContactLaw
 from antiosc.errors import InputError
 from antiosc.simulation import march
-from antiosc.simulation.engine import Run, System
+from antiosc.simulation.engine import Run
 from antiosc.simulation.integrators.joint_contacts import JointContacts
+from antiosc.simulation.system import System
 
 #: of the right-hand side, for each step that is allowed
 EVALUATIONS = 12

@@ -16,9 +16,10 @@ from antiosc._types import Array
 from antiosc.contact import ContactLaw
 from antiosc.errors import InputError
 from antiosc.simulation import march
-from antiosc.simulation.engine import Run, System
+from antiosc.simulation.engine import Run
 from antiosc.simulation.integrators.conserving import Quotient
 from antiosc.simulation.integrators.joint_contacts import JointContacts
+from antiosc.simulation.system import System
 
 #: times the energy that was there or given, beyond which a run counts as unstable
 BLOW_UP = 10.0

@@ -6,8 +6,9 @@ import numpy as np
 
 from antiosc._types import Array
 from antiosc.simulation import march
-from antiosc.simulation.engine import System, run
+from antiosc.simulation.engine import run
 from antiosc.simulation.integrators.problem import Problem
+from antiosc.simulation.system import System
 
 
 def next_touch(
