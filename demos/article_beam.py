@@ -179,7 +179,7 @@ def norms(table: Mapping[str, Sequence[Errors]]) -> list[Panel]:
 
 def plot_convergence(counts: Sequence[int], panels: Sequence[Panel], path: Path) -> None:
     """Relative errors against the number of degrees of freedom, side by side."""
-    figure, axes = plotting.panels(1, len(panels), size=(12, 3.3), sharex=True, sharey=True)
+    figure, axes = plotting.panels(1, len(panels), size=(14, 3.3), sharex=True, sharey=True)
     styles = ("C0o-", "C1s--", "C2^:")
     for axis, panel in zip(axes[0], panels, strict=True):
         series = {
@@ -190,7 +190,7 @@ def plot_convergence(counts: Sequence[int], panels: Sequence[Panel], path: Path)
         axis.set_title(panel.title)
         axis.set_xlabel("anti-oscillators, or modes")
     axes[0, 0].set_ylabel("relative error")
-    axes[0, 0].legend(fontsize=7)
+    plotting.legend_beside(axes[0, -1])
     save(figure, path)
 
 

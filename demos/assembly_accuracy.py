@@ -175,7 +175,7 @@ def plot(bar: Errors, strip: Errors, path: Path) -> None:
                 ax.loglog(size, np.abs(pair[column]), marker="o", label=name, **style)
             ax.set_title(f"{what}: {title}", fontsize=10)
             ax.grid(visible=True, which="major", alpha=0.3)
-            ax.legend(fontsize=8)
+            ax.legend(fontsize=8, loc="upper left")
             if row:
                 ax.set_xlabel("size of elements / height of the section")
             if not column:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import html
+import importlib.util
 import re
 import subprocess
 import sys
@@ -13,7 +14,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.plotting import turning
+from antiosc.charts import turning
 from browser import BROWSER, browse
 
 CORNERS = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [5, 5, 5]])
@@ -48,7 +49,7 @@ def test_a_drawing_process_that_dies_is_told(monkeypatch, program, told):
     run = subprocess.run
 
     def dies(command, **options):
-        assert command[:3] == [sys.executable, "-m", "antiosc.plotting.turning_child"]
+        assert command[:3] == [sys.executable, "-m", "antiosc.charts.turning_child"]
         return run([sys.executable, "-c", program], **options)
 
     monkeypatch.setattr(turning.subprocess, "run", dies)
@@ -115,3 +116,46 @@ def seen(folder, text: str) -> np.ndarray:
     browse(*options, f"file://{folder}/page.html")
     pixels = matplotlib.image.imread(folder / "page.png")[100:600, 30:800, :3]
     return np.ptp(pixels, axis=2) > 0.2
+
+
+@pytest.mark.parametrize("there", [False, True])
+def test_without_pyvista_or_a_screen_matplotlib_draws(there, monkeypatch, tmp_path):
+    """PyVista is tried once: a process that dies leaves the picture to matplotlib."""
+    pytest.importorskip("matplotlib")
+    from antiosc.charts.deformed import Deformed, draw_deformed
+
+    calls = []
+
+    def dies(command, **_):
+        calls.append(command)
+        return subprocess.CompletedProcess(command, -11, "", "")
+
+    monkeypatch.setattr(turning, "_draws", there)
+    monkeypatch.setattr(turning.subprocess, "run", dies)
+    found = Deformed.of(CORNERS, FACES, 0.01 * CORNERS, 0.1)
+    for name in ("a.png", "b.png", "c.svg"):
+        assert draw_deformed(found, tmp_path / name).stat().st_size > 1000
+    assert len(calls) == int(there)
+    assert not turning._draws
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(importlib.util.find_spec("pyvista") is None, reason="PyVista is missing")
+def test_a_picture_by_pyvista(tmp_path):
+    pytest.importorskip("matplotlib")
+    import matplotlib.image
+
+    from antiosc.charts.deformed import Deformed, draw_deformed
+
+    found = Deformed.of(CORNERS, FACES, 0.01 * CORNERS, 0.1)
+    seen = []
+    for view in (None, np.array([75.0, 10.0])):
+        arrow = np.array([0, 0, 1.0]), np.array([0, 0, -1.0])
+        path = draw_deformed(found, tmp_path / "a.png", arrow=arrow, view=view)
+        seen.append(matplotlib.image.imread(path)[..., :3])
+    assert turning._draws
+    assert all(shot.shape == (600, 780, 3) for shot in seen)
+    assert all(np.mean(np.ptp(shot, axis=2) > 0.2) > 0.02 for shot in seen)
+    assert np.mean(np.abs(seen[0] - seen[1]).max(axis=2) > 0.1) > 0.02
+    red = [(shot[..., 0] > 0.3) & (shot[..., 1] < 0.2) & (shot[..., 2] < 0.2) for shot in seen]
+    assert all(each.sum() > 100 for each in red)

@@ -14,8 +14,8 @@ from antiosc._types import Array, BoolArray, IntArray
 from antiosc.charts.deformed import Deformed, draw_deformed
 from antiosc.charts.figures import finished
 from antiosc.charts.surfaces import colour_scale, draw_faces, frame, space
+from antiosc.charts.turning import turning_page
 from antiosc.errors import InputError
-from antiosc.plotting.turning import turning_page
 from antiosc.simulation.history import History
 from antiosc.simulation.scene_history import SceneHistory
 
@@ -149,7 +149,7 @@ def turning_deformed(
 ) -> str:
     """A page in HTML with the deformed part, which is turned by hand; needs PyVista with trame.
 
-    Arguments as of `plot_deformed`, errors too, and those of `antiosc.plotting.turning`.
+    Arguments as of `plot_deformed`, errors too, and those of `antiosc.charts.turning`.
     """
     arrow = _arrow(point, direction)
     found = deformed(structure, history, time, body)

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 
 from antiosc import progress
+from antiosc.charts import turning
 from antiosc.charts.figures import legend_beside, new_figure, save_figure
 from antiosc.charts.histories import plot_force, plot_motion
 from antiosc.charts.models import plot_model
 from antiosc.errors import AntioscError
-from antiosc.plotting import turning
 from antiosc.plotting.parts import plot_deformed, plot_map, turning_deformed
 from antiosc.scene_file import result_tables
 from antiosc.scene_file.output import ends

@@ -1,4 +1,4 @@
-"""A surface that is turned by hand in a browser: a page without a network, by PyVista."""
+"""Surfaces by PyVista: a page that is turned by hand without a network, and pictures."""
 
 from __future__ import annotations
 
@@ -19,6 +19,8 @@ REMEDY = "install PyVista with trame: pip install 'pyvista[jupyter]'"
 ICONS = "https://kitware.github.io/vtk-js/icon/"
 #: Longest time for one page, s.
 LIMIT = 120.0
+#: Whether PyVista draws pictures on this machine; None: not tried.
+_draws: bool | None = None
 
 
 def available() -> bool:
@@ -48,9 +50,51 @@ def turning_page(
     """
     if not available():
         raise MissingDependencyError(f"fields that are turned by hand are not here: {REMEDY}.")
+    content = _drawn("page.html", points, faces, values, label, arrow)
+    return content.decode().replace(ICONS, "data:,")
+
+
+def picture(
+    points: Array,
+    faces: IntArray,
+    values: Array,
+    label: str,
+    arrow: Array | None = None,
+    *,
+    view: tuple[float, float],
+    scale: tuple[float, float] | None = None,
+) -> bytes | None:
+    """A picture of the surface as PNG; None where PyVista is missing, or cannot draw here.
+
+    Arguments as of `turning_page`; `view`: (elevation, azimuth), degrees; `scale`: values of the
+    ends of the colours, by default the least and the largest.
+    """
+    global _draws
+    if _draws is None:
+        _draws = importlib.util.find_spec("pyvista") is not None
+    if not _draws:
+        return None
+    more = {"view": np.array(view), "scale": np.array(scale or ())}
+    try:
+        return _drawn("picture.png", points, faces, values, label, arrow, **more)
+    except AntioscError:  # no screen, and no drawing without one: matplotlib serves
+        _draws = False
+        return None
+
+
+def _drawn(
+    name: str,
+    points: Array,
+    faces: IntArray,
+    values: Array,
+    label: str,
+    arrow: Array | None,
+    **more: Array,
+) -> bytes:
+    """The file `name` that PyVista writes in a process of its own."""
     used, corners = np.unique(faces, return_inverse=True)
     with tempfile.TemporaryDirectory(prefix="antiosc-") as folder:
-        source, target = Path(folder) / "surface.npz", Path(folder) / "page.html"
+        source, target = Path(folder) / "surface.npz", Path(folder) / name
         np.savez(
             source,
             points=points[used],
@@ -58,8 +102,9 @@ def turning_page(
             values=values[used],
             label=label,
             arrow=np.zeros((0, 3)) if arrow is None else arrow,
+            **more,
         )
-        child = "antiosc.plotting.turning_child"
+        child = "antiosc.charts.turning_child"
         program = [sys.executable, "-m", child, str(source), str(target)]
         try:
             done = subprocess.run(
@@ -70,4 +115,4 @@ def turning_page(
         if done.returncode or not target.is_file():
             last = (done.stderr.strip().splitlines() or ["without a word"])[-1]
             raise AntioscError(f"PyVista ended with code {done.returncode}: {last}.")
-        return target.read_text(encoding="utf-8").replace(ICONS, "data:,")
+        return target.read_bytes()
