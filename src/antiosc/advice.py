@@ -80,7 +80,7 @@ class Advice:
 
 @runtime_checkable
 class Part(Protocol):
-    """What tells its own dimensions and material, as a Structure does."""
+    """Anything that has dimensions and material constants, such as a Structure."""
 
     @property
     def dimensions(self) -> tuple[float, float, float]:

@@ -112,7 +112,7 @@ class _Blas:
         self.before = 1
 
     def pools(self) -> list[dict[str, Any]]:
-        """What threadpoolctl knows of each BLAS."""
+        """The data of threadpoolctl on each BLAS."""
         return [pool for pool in self.controller.info() if pool["user_api"] == "blas"]
 
     def enter(self) -> None:
@@ -143,7 +143,7 @@ def _blas() -> _Blas | None:
 
 
 def pools() -> list[dict[str, Any]] | None:
-    """What threadpoolctl knows of each BLAS that is loaded; None where it is not installed."""
+    """The data of threadpoolctl on each loaded BLAS; None if it is not installed."""
     blas = _blas()
     return None if blas is None else blas.pools()
 

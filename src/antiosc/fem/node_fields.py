@@ -31,7 +31,7 @@ def recovered(
     place: Place,
     most: float | None,
 ) -> Array:
-    """InputError: matrices know neither materials nor elements."""
+    """InputError: matrices have neither materials nor elements."""
     raise InputError(
         f"given matrices have no {quantity}: they know neither elements nor materials; probe the "
         "displacement, velocity or acceleration of a node."
@@ -41,7 +41,7 @@ def recovered(
 def tensors_at_nodes(
     structure: Structure, shapes: Array, quantity: str, places: list[Place], part: str | None = None
 ) -> tuple[Array, list[tuple[str, IntArray]], IntArray, Array]:
-    """InputError: matrices know neither materials nor elements."""
+    """InputError: matrices have neither materials nor elements."""
     raise InputError(
         f"given matrices have no {quantity}: they know neither elements nor materials; ask for the "
         "displacement, velocity or acceleration."

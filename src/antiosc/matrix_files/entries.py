@@ -38,7 +38,7 @@ class Entries:
     counted: bool = True
 
     def matrix(self) -> scipy.sparse.csr_matrix:
-        """The matrix; entries that stand twice are added."""
+        """The matrix; repeated entries are added."""
         row, column, value = self.row, self.column, self.value
         if self.triangle:
             off = row != column

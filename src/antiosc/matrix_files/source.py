@@ -71,7 +71,7 @@ class Source:
 
 
 def _floats(text: bytes) -> Array | None:
-    """All numbers of a text; None where something else stands in it."""
+    """All numbers of a text; None if it contains anything else."""
     try:
         return np.array(text.split(), dtype=float)
     except ValueError:

@@ -1,4 +1,4 @@
-"""What a model knows of its body in space, checked: shapes, momenta and hidden motions."""
+"""The checked data of a model on its body in space: shapes, momenta and hidden motions."""
 
 from __future__ import annotations
 

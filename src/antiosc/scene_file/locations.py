@@ -1,4 +1,4 @@
-"""The line of every key and value of a TOML text, which `tomllib` does not tell."""
+"""The line of every key and value of a TOML text, which `tomllib` does not give."""
 
 from __future__ import annotations
 

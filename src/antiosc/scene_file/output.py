@@ -38,7 +38,7 @@ def folder(path: str | os.PathLike[str]) -> Path:
 
 
 def write_table(path: Path, columns: Mapping[str, Sequence[Any]]) -> Path:
-    """A CSV file with one line of names, in which units stand; complete or absent."""
+    """A CSV file whose first line has names and units; complete or absent."""
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(map(files.table_text, columns))
@@ -276,7 +276,7 @@ def _pictures(found: Results) -> list[tuple[str, Callable[[Path], Any]]]:
 
 
 def _drawn(draw: Callable[[Path], Any], path: Path, told: list[str]) -> list[Path]:
-    """Draw a picture; one that cannot be drawn is told, and no reason to lose the rest."""
+    """Draw a picture; if that fails, a warning says so and the other files are still written."""
     try:
         draw(path)
     except (InputError, MissingDependencyError) as error:

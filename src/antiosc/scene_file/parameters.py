@@ -42,7 +42,7 @@ def parameters(function: str) -> Mapping[str, Parameter]:
 
 
 def resolved(function: str) -> Callable[..., Any]:
-    """The public callable of a dotted name that stands in antiosc's own tables."""
+    """The public callable of a dotted name in antiosc's own tables."""
     if function == "output":
         return Output
     value: Any = antiosc
@@ -99,7 +99,7 @@ def descriptions(call: Any) -> dict[str, str]:
 
 
 def _tells(rest: str) -> bool:
-    """Whether what stands after the colon is more than a type."""
+    """Whether the text after the colon is more than a type."""
     return len(rest.split()) > 6 and "optional" not in rest
 
 

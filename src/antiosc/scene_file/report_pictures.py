@@ -1,4 +1,4 @@
-"""The pictures of a report, as data of a page; what cannot be drawn is told in a sentence."""
+"""The pictures of a report, as data of a page; a sentence replaces what cannot be drawn."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ def _of_history(found: Results) -> Iterator[Picture]:
     if found.probes:
         yield _chart(
             "Probes",
-            "What the probes tell, each divided by its largest value, which the legend states.",
+            "The signals of the probes, each divided by its largest value (in the legend).",
             lambda figure: _probes(found, figure.subplots()),
         )
     if found.structure is not None:

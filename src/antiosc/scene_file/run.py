@@ -1,4 +1,4 @@
-"""Running a scene: its statements one by one, on all ranks alike, with what is told of them."""
+"""Running a scene: its statements one by one, the same on all ranks, with their messages."""
 
 from __future__ import annotations
 

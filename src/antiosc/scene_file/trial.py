@@ -101,7 +101,7 @@ def _refusal(call: Call) -> _Refused | None:
 
 
 def _place_of(call: Call, text: str) -> Place:
-    """The key that a message speaks of: one whose name or whose text stands in it."""
+    """The key that a message is about: one whose name or text occurs in it."""
     best: tuple[int, Place] = (len(text) + 1, call.place)
     for name, value in call.arguments.items():
         for sought, place in _words(name, value, (*call.place, name)):

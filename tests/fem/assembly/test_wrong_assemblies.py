@@ -88,7 +88,7 @@ WRONG = [
     (lambda: two(ao.Ball(("a", (1, 0, 3)), ("b", (2, 0, 0)))), "2 m off the part"),
     (lambda: two(ao.Ball("hub", "b:x0")), "there is no reference point 'hub'"),
     (lambda: two(ao.Ball("a", "b:x0")), 'of a part give a group, "part:group"'),
-    (lambda: two(TIE, ao.Rigid("a:x0", ("b", (2, 0, 0)))), "does not turn"),
+    (lambda: two(TIE, ao.Rigid("a:x0", ("b", (2, 0, 0)))), "does not rotate"),
     (
         lambda: ao.assemble({"a": block(), "r": rod()}, [ao.Mean("r:start", "a:x0")]),
         "is a single point; a Mean needs several",
@@ -118,7 +118,7 @@ WRONG = [
         lambda: ao.assemble(
             {"a": plane(), "b": plane()}, [ao.Slider("a:x1", "b:x0")], {"b": (1, 0, 0)}
         ),
-        "plane parts turn about z and slide along x and y",
+        "plane parts rotate about z and slide along x and y",
     ),
     (lambda: ao.impact_map(two(TIE), ["a:x1", "a:x1"]), "where lists 'a:x1' twice"),
     (lambda: ao.impact_map(two(TIE), ["a:x1", (0, 0, 0)]), "where lists names and points"),

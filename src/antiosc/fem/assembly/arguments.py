@@ -75,7 +75,7 @@ def _part(name: str, part: Any) -> MeshedStructure | Superelement:
 
 
 def checked_places(members: Mapping[str, Any], at: Any) -> dict[str, Placement]:
-    """Name -> where the part stands."""
+    """Name -> placement of the part."""
     given = {} if at is None else at
     if not isinstance(given, Mapping):
         raise InputError(f"at must be a dict: name -> Placement or (x, y, z); got {shown(at)}.")

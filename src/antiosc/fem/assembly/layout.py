@@ -33,13 +33,13 @@ DISPLACEMENTS, ROTATIONS = ("x", "y", "z"), ("rx", "ry", "rz")
 
 @dataclass(frozen=True, eq=False)
 class Member:
-    """A part in its place.
+    """A part of an assembly in its position.
 
     Attributes
     ----------
     name : of the part in the assembly.
     part : the structure.
-    at : where it stands.
+    at : its placement.
     first : number of its first dof in u.
     """
 
@@ -102,10 +102,10 @@ class Layout:
 
     Attributes
     ----------
-    members : name -> part with a mesh in its place.
-    condensed : name -> superelement in its place.
+    members : name -> part with a mesh.
+    condensed : name -> superelement.
     points : name -> coordinates (3,) of each reference point [m].
-    plane : whether the parts are plane: they move along x and y and turn about z alone.
+    plane : whether the parts are plane: they move along x and y and rotate about z alone.
     """
 
     def __init__(
@@ -271,7 +271,7 @@ def _plane(members: Mapping[str, Member], condensed: Mapping[str, Condensed]) ->
         R = m.at.rotation
         if flat and (abs(R[2, 2] - 1) > 1e-12 or m.at.shift[2]):
             raise InputError(
-                f"at[{name!r}] moves a plane part out of its plane: turn it about z and shift it "
+                f"at[{name!r}] moves a plane part out of its plane: rotate it about z and shift it "
                 "along x and y."
             )
     return flat

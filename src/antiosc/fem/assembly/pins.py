@@ -119,7 +119,7 @@ class _Axis(_Pin):
         across = self._turns_about_axis
         if layout.plane and abs(rotated - across) > COINCIDENT:
             raise InputError(
-                f"{label}: plane parts turn about z and slide along x and y; the axis "
+                f"{label}: plane parts rotate about z and slide along x and y; the axis "
                 f"{tuple(self.axis)} allows neither."
             )
         return super().constraints(layout, before, fixed, label)
@@ -184,7 +184,7 @@ def carried(layout: Layout, label: str, end: End, own: Motion, x: Array) -> Moti
     if np.abs(missing).max() > 1 - HAS_ROTATION:
         raise InputError(
             f"{label} lies {length:.3g} m away from {end_text(end)}, which has no rotation to "
-            "carry it there: points of solids do not turn; give a group of faces, or a point "
+            "carry it there: points of solids do not rotate; give a group of faces, or a point "
             "where the joint is."
         )
     return own.at(x)
@@ -197,6 +197,6 @@ def _check_rotations(label: str, joint: _Pin, rotations: Array, a: Motion, b: Mo
             if direction @ one.rotation_space @ direction < HAS_ROTATION * (direction @ direction):
                 raise InputError(
                     f"{label} holds a rotation that {end_text(end)} does not have: a point of a "
-                    "solid, or a straight row of them, does not turn; give a group of faces, or "
+                    "solid, or a straight row of them, does not rotate; give a group of faces, or "
                     "use a Ball."
                 )

@@ -73,7 +73,7 @@ class Rigid(Joint):
         full = np.diag([0.0, 0.0, 1.0]) if layout.plane else np.eye(3)
         if np.abs(full - full @ leader.rotation_space @ full).max() > 1e-6:
             raise InputError(
-                f"{label}: the point {end_text(self.point)} does not turn, so that nothing can "
+                f"{label}: the point {end_text(self.point)} does not rotate, so that nothing can "
                 "follow its rotation: take a reference point (points={...}), or a point of a beam "
                 "or a shell."
             )

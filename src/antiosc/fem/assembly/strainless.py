@@ -1,4 +1,4 @@
-"""The motions of an assembly without strain, checked and told; see `motions`."""
+"""The motions of an assembly without strain, checked and reported; see `motions`."""
 
 from __future__ import annotations
 

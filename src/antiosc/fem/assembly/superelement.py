@@ -291,7 +291,7 @@ def _padded(one: Superelement) -> Superelement:
 
 
 def interface(one: Condensed, end: Interface, count: int) -> tuple[scipy.sparse.csr_matrix, ...]:
-    """(moves, turns) of an end as functionals (3, count) of u, in the axes of the assembly."""
+    """(displacements, rotations) of an end (3, count) of u, in the axes of the assembly."""
     found = []
     for own in (end.displacements, end.rotations):
         rotated = scipy.sparse.coo_matrix(one.at.rotation @ own)

@@ -130,7 +130,7 @@ class Tie(Joint):
         return common
 
     def _tell_overlap(self, sides: Sequence[Facets], common: Overlap, label: str) -> None:
-        """Warn of faces with the same outward normals: behind both lies the same space."""
+        """Warn of faces with the same outward normals: both bodies are on the same side of them."""
         a, b = (side.outward for side in sides)
         if a is None or b is None:
             return

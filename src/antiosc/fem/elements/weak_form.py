@@ -78,7 +78,7 @@ class Kind:
 
 @runtime_checkable
 class Family(Protocol):
-    """A material, and all that a structure must know of its element family."""
+    """A material with the properties of its element family that a structure needs."""
 
     @property
     def kind(self) -> Kind:

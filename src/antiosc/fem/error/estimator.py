@@ -1,4 +1,4 @@
-"""`estimator`: what tells the error of the strains of a structure's shapes, by element family."""
+"""`estimator`: the estimate of the error of the strains of a structure's shapes, by family."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether flat faces stand for a curved surface, whose own error no recovery of strains sees."""
+"""Whether flat faces approximate a curved surface, an error that no recovery of strains detects."""
 
 from __future__ import annotations
 

@@ -109,7 +109,7 @@ def oscillators(known: Found, n: int, tol: float) -> Kept:
 
 
 def _told_apart(known: Found, group: IntArray) -> Array:
-    """Combinations (n, k) of the modes `group` of one frequency that the sites can tell apart."""
+    """Combinations (n, k) of the modes `group` of one frequency that the sites can distinguish."""
     turn = np.zeros((len(known.P), len(group)))
     turn[group, np.arange(len(group))] = 1.0
     if len(group) < 2:

@@ -1,4 +1,4 @@
-"""What a caller asks of an extraction, checked, and what is told where a model is not that."""
+"""The arguments of an extraction, checked, and warnings where a model does not meet them."""
 
 from __future__ import annotations
 

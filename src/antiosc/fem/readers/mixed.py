@@ -124,6 +124,6 @@ def _block(label: str, cells: IntArray, convention: str) -> Block:
 
 
 def _places(ours: object, theirs: object) -> IntArray:
-    """Where each edge or face of ours stands among theirs."""
+    """The index of each of our edges or faces among theirs."""
     listed = [frozenset(one) for one in theirs]  # type: ignore[attr-defined]
     return np.array([listed.index(frozenset(one)) for one in ours])  # type: ignore[attr-defined]

@@ -126,7 +126,7 @@ class NodeTable:
         ]
 
     def _weights(self, parents: IntArray, node: int) -> dict[int, float]:
-        """Weights of the nodes of the file; a new middle node among them stands for its ends."""
+        """Weights of the nodes of the file; its ends replace a new middle node."""
         start = len(self.points)
         if node < start:
             return {node: 1.0}

@@ -101,7 +101,7 @@ def _on_part(
     radius: float | None,
     name: str,
 ) -> MapSites:
-    """Sites of a part, in its own axes chosen, in the axes of the assembly told; perhaps none."""
+    """Sites of a part, chosen in its own axes, returned in those of the assembly; perhaps none."""
     R = member.at.rotation
     if direction is None and not member.part.kind.outside:
         raise InputError(

@@ -133,7 +133,7 @@ class MeshedStructure(StructureMatrices):
         return Inertia(point, (S + S.T) / 2, np.zeros((0, 6))), loads
 
     def inertial_loads(self, motions: Array) -> Array:
-        """M times motions (rows of this rank, k) in which held dofs move with the body."""
+        """M times motions (rows of this rank, k) in which fixed dofs move with the body."""
         loads = multiply(self.M, motions)
         owned = self.fixed[self.fixed < len(motions)]
         if self.comm.allreduce(len(owned)):

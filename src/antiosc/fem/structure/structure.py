@@ -320,7 +320,7 @@ class Structure(Brief):
         return antiosc.natural_modes(self, n)  # the public function, which reads a structure
 
     def __getattr__(self, name: str) -> Any:
-        """What the matrices know besides: those of a mesh have `mesh`, `form` and `parts`."""
+        """Other attributes of the matrices: those of a mesh have `mesh`, `form` and `parts`."""
         if name == "matrices" or name.startswith("__"):
             raise AttributeError(name)
         try:

@@ -185,7 +185,7 @@ class ModelBuilder:
         point = own[0][0]
         if point < len(self.used) and self.used[point] and not self.has_rotations[point]:
             if M[3:, 3:].any():
-                self.ignored.append(f"inertia ({place}) on a node of solids, which does not turn")
+                self.ignored.append(f"inertia ({place}) on a node of solids, which does not rotate")
             M = np.where(np.add.outer(np.arange(6) >= 3, np.arange(6) >= 3), 0.0, M)
         kept = np.flatnonzero(M.any(axis=1))
         rows: list[list[Term]] = [[(*own[c], 1.0)] for c in kept]

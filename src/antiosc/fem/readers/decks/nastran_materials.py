@@ -87,7 +87,7 @@ class PropertyReader:
     ignored: list[str] = field(default_factory=list)
 
     def material(self, entry: Entry, k: int) -> Material:
-        """The material whose number stands in field k (from 0)."""
+        """The material whose number is in field k (from 0)."""
         number = entry.whole(k)
         if number not in self.materials:
             raise MeshError(
