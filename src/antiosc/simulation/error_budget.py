@@ -29,6 +29,8 @@ FLOOR = 0.5
 #: share of the errors of strains in the energy exceeds COARSE, or the faces under the patch are
 #: RESOLVED times its radius (in proportion to them, above the first factor).
 SAFETY, SAFETY_COARSE, COARSE, RESOLVED = 2.0, 3.0, 0.1, 1.2
+#: The same for a site inside an element of a beam, whose kink there is not resolved.
+SAFETY_INSIDE = 5.0
 #: Time integration error of the runs that are compared, over that of the history; at most and
 #: at least this.
 FINER, LEAST, MOST = 0.1, 1e-6, 1e-4
@@ -107,6 +109,11 @@ def _safety(model: AntiOscillators, share: float) -> tuple[float, list[str]]:
         doubts.append(
             f"The faces at the site measure {faces:.2g} m, more than its radius "
             f"{model.radius:.2g} m: the patch is not resolved, and the mesh's bar is less certain."
+        )
+    if model.info.get("inside_element") is True:
+        safety = max(safety, SAFETY_INSIDE)
+        doubts.append(
+            "The site lies inside an element of a beam: the mesh's bar is wider; put a node there."
         )
     return safety, doubts
 

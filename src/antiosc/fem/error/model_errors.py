@@ -13,7 +13,7 @@ from antiosc.errors import InputError
 from antiosc.fem.error.estimator import NO_MESH, estimator
 from antiosc.fem.error.facets import faceted
 from antiosc.fem.error.gaps import mean_gaps
-from antiosc.fem.error.halving import HalvedBeams
+from antiosc.fem.error.halving import HalvedBeams, inside
 from antiosc.fem.error.patch import patch_of
 from antiosc.fem.site.site import Functional
 from antiosc.fem.structure.meshed import MeshedStructure
@@ -48,6 +48,8 @@ class ModelErrors:
         assert shapes is not None
         if self._beams:
             model = replace(model, strain_error=self._beams.gram(model, site))
+            assert site.point is not None  # or `gram` refuses it
+            model.info["inside_element"] = inside(on_mesh(self._structure).mesh, site.point)
             model.info["seconds"]["error"] = time.perf_counter() - started
             return model
         E, outside = self._errors.gram_and_layers(shapes, self._layers)
