@@ -1,0 +1,199 @@
+"""Cells of files that cannot be carried, are not meant, or do not fit."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("dolfinx")
+pytest.importorskip("gmsh")
+
+import meshio
+from mpi4py import MPI
+
+import antiosc as ao
+import parts
+from antiosc.fem import compat
+from antiosc.fem.readers import read
+from mesh_files import grid, refusal
+from paths import MESHES
+
+pytestmark = pytest.mark.fem
+
+
+def write(path: Path, points, *cells, **data) -> Path:
+    meshio.Mesh(np.asarray(points, dtype=float), list(cells), **data).write(path)
+    return path
+
+
+def test_repeated_cells_are_refused(tmp_path):
+    told = refusal(grid(tmp_path / "grid.msh", 19, 1, "twice"))
+    assert "40 of 762 cells of grid.msh repeat another one" in told
+
+
+def test_cells_that_use_a_node_twice_or_share_a_side_too_often(tmp_path):
+    square = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+    path = write(tmp_path / "a.vtu", square, ("quad", [[0, 1, 2, 3], [0, 1, 2, 2]]))
+    assert "1 of 2 cells of a.vtu use a node twice" in refusal(path)
+    points = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, -1], [1, 1, 1]]
+    tetra = [[0, 1, 2, 3], [0, 1, 2, 4], [0, 1, 2, 5]]
+    path = write(tmp_path / "b.vtu", points, ("tetra", tetra))
+    assert "3 of 3 cells of b.vtu share a side with more than one other" in refusal(path)
+
+
+ABAQUS_BEAMS = """\
+*NODE
+1, 0, 0, 0
+2, 1, 0.1, 0
+3, 2, 0, 0
+4, 3, -0.1, 0
+5, 4, 0, 0
+*ELEMENT, TYPE=B32, ELSET=all
+1, 1, 2, 3
+2, 3, 4, 5
+"""
+
+
+def test_beams_of_three_nodes_in_abaqus_order(tmp_path):
+    path = tmp_path / "beam.inp"
+    path.write_text(ABAQUS_BEAMS)
+    raw = read(path)
+    assert raw.points[raw.cells][:, :, 0].tolist() == [[0, 2, 1], [2, 4, 3]]
+    assert ao.read_mesh(path).order == 2
+    straight = ao.read_mesh(path, order=1)
+    assert straight.order == 1
+    assert np.ptp(straight.dolfinx.geometry.x, axis=0).tolist() == [4, 0, 0]
+    path.write_text(ABAQUS_BEAMS.replace("2, 3, 4, 5", "2, 4, 3, 5"))
+    assert "in no known order" in refusal(path)
+
+
+def solid_with_shell(path: Path) -> Path:
+    """Two blocks, a skin on a side of them and a fin that stands off, one edge of it stiffened."""
+    points = [[x, y, z] for x in (0, 1, 2) for z in (0, 1) for y in (0, 1)] + [[3, 0, 0], [3, 1, 0]]
+    hexahedra = [[0, 4, 5, 1, 2, 6, 7, 3], [4, 8, 9, 5, 6, 10, 11, 7]]
+    quads, lines = [[0, 1, 3, 2], [8, 9, 13, 12]], [[0, 1], [12, 13]]
+    sets = {
+        "blocks": [np.array([0, 1]), None, None], "skin": [None, np.array([0]), None],
+        "fin": [None, np.array([1]), None], "both": [None, np.array([0, 1]), None],
+        "one": [np.array([1]), None, None],
+    }  # fmt: skip
+    lists = {
+        name: [np.zeros(0, dtype=int) if rows is None else rows for rows in blocks]
+        for name, blocks in sets.items()
+    }
+    cells = [("hexahedron", hexahedra), ("quad", quads), ("line", lines)]
+    return write(path, points, *cells, cell_sets=lists)
+
+
+def test_shells_and_beams_that_are_no_sides_of_solids_are_told(tmp_path):
+    path = solid_with_shell(tmp_path / "part.inp")
+    told = refusal(path)
+    assert "holds 2 volumes and besides 1 faces (quad) and 1 lines (line)" in told
+    assert "cells=3 (dimension)" in told
+    assert ao.read_mesh(path, cells=3).n_cells == 2
+    assert len(ao.read_mesh(path, cells=3).group("skin")[2]) == 1
+    assert not ao.read_mesh(path, cells=3).groups["fin"]
+    assert ao.read_mesh(path, cells="blocks").n_cells == 2
+    assert ao.read_mesh(path, cells="one").n_cells == 1
+    fin = ao.read_mesh(path, cells="fin")
+    assert (fin.n_cells, fin.tdim) == (1, 2)
+    assert "2 pieces" in refusal(path, cells=["both"])
+    with pytest.raises(ao.InputError, match=r"no group of cells 'foot' .*it has: .*'fin'"):
+        ao.read_mesh(path, cells="foot")
+    for wrong in (0, 4, True, [], [1], "", 2.5):
+        with pytest.raises(ao.InputError, match="cells must"):
+            ao.read_mesh(path, cells=wrong)
+
+
+def test_a_construction_line_in_no_group_is_none_of_the_part(tmp_path):
+    path = tmp_path / "part.geo"
+    square = """
+        Point(1) = {0, 0, 0, 1}; Point(2) = {1, 0, 0, 1}; Point(3) = {1, 1, 0, 1};
+        Point(4) = {0, 1, 0, 1}; Line(1) = {1, 2}; Line(2) = {2, 3}; Line(3) = {3, 4};
+        Line(4) = {4, 1}; Curve Loop(1) = {1, 2, 3, 4}; Plane Surface(1) = {1}; Line(5) = {1, 3};
+    """
+    path.write_text(square)
+    assert "besides 2 lines" in refusal(path)
+    path.write_text(square + 'Physical Surface("part") = {1};')
+    assert ao.read_mesh(path).tdim == 2
+    path.write_text(square + 'Physical Surface("part") = {1}; Physical Curve("rib") = {5};')
+    assert "besides 2 lines" in refusal(path)
+
+
+def told(path: Path) -> list[str]:
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        ao.read_mesh(path)
+    return [str(w.message) for w in caught if issubclass(w.category, ao.AntioscWarning)]
+
+
+def blocks(n: int, shift: float, shape: str) -> tuple[np.ndarray, np.ndarray, str]:
+    """Two unit squares or cubes of n cells a side, the second `shift` along x; not joined."""
+    dim = 2 if shape in ("triangle", "quad") else 3
+    make = {"quad": "quadrilateral", "tetra": "tetrahedron"}.get(shape, shape)
+    nodes = 2**dim if shape in ("quad", "hexahedron") else dim + 1
+    part = parts.box([n] * dim, [1.0] * dim, make, comm=MPI.COMM_SELF, groups={}).dolfinx
+    order = np.argsort(compat.node_order(make, nodes, "vtk"))
+    x, cells = part.geometry.x, compat.geometry_nodes(part)[:, order]
+    return np.vstack([x, x + np.array([shift, 0, 0])]), np.vstack([cells, cells + len(x)]), shape
+
+
+def bridged(points, cells, shape):
+    """The same with one node of both blocks made one, so that they are one piece."""
+    x = points.copy()
+    half = len(x) // 2
+    a = np.flatnonzero(np.isclose(x[:half], x[:half].max(axis=0)).all(axis=1))[0]
+    b = half + np.argmin(np.linalg.norm(x[half:] - x[a], axis=1))
+    x[b] = x[a]
+    cells = np.where(cells == b, a, cells)
+    return x, cells, shape
+
+
+@pytest.mark.parametrize("shape", ["triangle", "quad", "tetra", "hexahedron"])
+def test_cracks_and_overlaps_are_told(tmp_path, shape):
+    path = tmp_path / "part.vtu"
+    points, cells, _ = bridged(*blocks(2, 1.0, shape))  # coincident nodes but for one
+    write(path, points, (shape, cells))
+    (crack,) = told(path)
+    expected = 4 if shape in ("triangle", "quad") else 16
+    assert f"{expected} nodes of part.vtu lie on cells that they do not belong to" in crack
+    points, cells, _ = bridged(*blocks(2, 0.75, shape))
+    write(path, points, (shape, cells))
+    assert any("overlap others" in t for t in told(path))
+    single = len(cells) // 2
+    write(path, points, (shape, cells[:single]))
+    assert told(path) == []
+
+
+def test_a_node_that_hangs_on_an_edge_is_told(tmp_path):
+    points = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 0, 0], [2, 1, 0], [1, 0.5, 0]]
+    points += [[2, 0.5, 0]]
+    quads = [[0, 1, 2, 3], [1, 4, 7, 6], [6, 7, 5, 2]]
+    (hanging,) = told(write(tmp_path / "part.vtu", points, ("quad", quads)))
+    assert "1 nodes of part.vtu lie on cells" in hanging
+    assert "(1, 0.5) m" in hanging
+
+
+def test_sheets_and_lines_that_touch_unjoined_are_told(tmp_path):
+    skin = [[0, 0, 0], [2, 0, 0], [2, 2, 0], [0, 2, 0]]
+    blade = [[0, 1, 0], [2, 1, 0], [2, 1, 1], [0, 1, 1]]  # its foot lies on the skin
+    bridge = [[0, 2, 1]]
+    triangles = [[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7], [3, 7, 8]]
+    path = write(tmp_path / "t.vtu", skin + blade + bridge, ("triangle", triangles))
+    (crack,) = told(path)
+    assert "2 nodes of t.vtu lie on cells" in crack
+    frame = [[0, 0, 0], [2, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
+    lines = [[0, 1], [2, 3], [3, 4], [4, 0]]
+    (crack,) = told(write(tmp_path / "f.vtu", frame, ("line", lines)))
+    assert "1 nodes of f.vtu lie on cells" in crack
+    over = [[0, 0, 0], [1, 0, 0], [0.5, 0, 0], [2, 0, 0]]
+    path = write(tmp_path / "o.vtu", over, ("line", [[0, 1], [2, 3], [0, 3]]))
+    assert any("overlap others" in t for t in told(path))
+
+
+def test_sound_meshes_are_told_nothing_of():
+    for path in MESHES.glob("*.msh"):
+        assert told(path) == []
