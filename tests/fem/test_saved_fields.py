@@ -91,7 +91,9 @@ def test_a_damaged_file_is_told(change, tmp_path):
 
 
 def test_pictures_of_surfaces_lines_and_nodes(tmp_path):
-    matplotlib = pytest.importorskip("matplotlib")
+    pytest.importorskip("matplotlib")
+    import matplotlib.image
+
     kinds = {"solid": CUBES, "bars": np.array([[0, 1], [1, 2]]), "nodes": np.arange(12)[:, None]}
     names = {"solid": "hexahedron", "bars": "line", "nodes": "vertex"}
     for name, cells in kinds.items():
