@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import meshio
+import numpy as np
 import pytest
 
 import antiosc as ao
@@ -39,4 +41,18 @@ def grid(path: Path, n: int, groups: int, extra: str = "") -> Path:
     ]
     lines += ["$EndNodes\n$Elements", str(len(rows)), *rows, "$EndElements\n"]
     path.write_text("\n".join(lines))
+    return path
+
+
+def refused(text: str, error=ao.InputError):
+    """The block must raise `error` with a message of one line that matches `text`."""
+    return pytest.raises(error, match=text)
+
+
+def one_sentence(message: str) -> bool:
+    return "\n" not in message and message.rstrip().endswith(".") and len(message) < 400
+
+
+def write(path: Path, points, *cells) -> Path:
+    meshio.Mesh(np.asarray(points, dtype=float), list(cells)).write(path)
     return path

@@ -2,22 +2,15 @@
 
 from __future__ import annotations
 
-import warnings
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 pytest.importorskip("dolfinx")
 
-import dolfinx
-import meshio
-import scipy.sparse
-from mpi4py import MPI
 
 import antiosc as ao
 import parts
-from antiosc.errors import AntioscWarning
+from mesh_files import refused, write
 from mpi import run_ranks
 from paths import TESTS
 
@@ -26,124 +19,6 @@ pytestmark = pytest.mark.fem
 SOLID = ao.Solid(**parts.STEEL)
 CIRCLE = ao.Section.circle(0.02)
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], dtype=float)
-
-
-def refused(text: str, error=ao.InputError):
-    """The block must raise `error` with a message of one line that matches `text`."""
-    return pytest.raises(error, match=text)
-
-
-def one_sentence(message: str) -> bool:
-    return "\n" not in message and message.rstrip().endswith(".") and len(message) < 400
-
-
-@pytest.fixture(scope="module")
-def clamped():
-    return ao.Structure(parts.box(), SOLID, [ao.Support("left")])
-
-
-def write(path: Path, points, *cells) -> Path:
-    meshio.Mesh(np.asarray(points, dtype=float), list(cells)).write(path)
-    return path
-
-
-# --- Files ----------------------------------------------------------------------------------------
-
-
-def test_missing_file(tmp_path):
-    with refused(r"there is no mesh file '.*part\.msh'; check the path", ao.MeshError) as caught:
-        ao.read_mesh(tmp_path / "part.msh")
-    assert one_sentence(str(caught.value))
-
-
-@pytest.mark.parametrize(
-    "suffix", ["msh", "step", "brep", "geo", "vtu", "inp", "bdf", "med", "xyz", "stl"]
-)
-def test_a_file_of_something_else(tmp_path, suffix):
-    path = tmp_path / f"part.{suffix}"
-    path.write_text("Dear reader,\nthis is no mesh.\n")
-    with refused(rf"part\.{suffix}", ao.MeshError) as caught:
-        ao.read_mesh(path, size=0.1 if suffix in ("step", "brep", "geo") else None)
-    assert one_sentence(str(caught.value)), str(caught.value)
-
-
-def test_a_geometry_needs_a_size_and_a_mesh_takes_none(tmp_path):
-    with refused(r"bracket\.step is a geometry, not a mesh: give the element size"):
-        ao.read_mesh("meshes/bracket.step")
-    with refused(r"lever\.msh is a finished mesh: size= and refine= apply to geometry files only"):
-        ao.read_mesh("meshes/lever.msh", size=0.01)
-    with refused(r"size must be > 0 \(in m\); got -1"):
-        ao.read_mesh("meshes/bracket.step", size=-1)
-    with refused(r"gdim must be 2 or 3; got 4"):
-        ao.read_mesh("meshes/lever.msh", gdim=4)
-    with refused(r"order must be 1 or 2; got 3"):
-        ao.read_mesh("meshes/lever.msh", order=3)
-    with refused(r"a size of refine must be > 0"):
-        ao.read_mesh("meshes/bracket.step", size=0.1, refine=[((0, 0, 0), 0.0)])
-
-
-def test_cells_that_no_element_carries(tmp_path):
-    points = [*SQUARE, [0.5, 0.5, 0.0]]
-    path = write(tmp_path / "part.vtu", points, ("polygon", [range(5)]))
-    with refused(r"part\.vtu holds polygon cells", ao.MeshError):
-        ao.read_mesh(path)
-    path = write(tmp_path / "points.vtu", points, ("vertex", [[0], [1]]))
-    with refused(r"points\.vtu contains no cells", ao.MeshError):
-        ao.read_mesh(path)
-    (tmp_path / "empty.off").write_text("OFF\n\n1 0 0\n\n0 0 0\n")
-    with refused(r"empty\.off contains no cells", ao.MeshError):
-        ao.read_mesh(tmp_path / "empty.off")
-
-
-def test_pieces_that_share_no_node(tmp_path):
-    points = [*SQUARE, *(SQUARE + np.array([1.5, 0, 0])), *(SQUARE + np.array([2.5, 0, 0]))]
-    quads = [[0, 1, 2, 3], [4, 5, 6, 7], [8, 9, 10, 11]]
-    path = write(tmp_path / "part.vtu", points, ("quad", quads))
-    with refused(
-        r"part\.vtu falls into 3 pieces that share no node \(1, 1, 1 cells\)", ao.MeshError
-    ):
-        ao.read_mesh(path)
-
-
-def test_coordinates_that_are_not_numbers(tmp_path):
-    points = SQUARE.copy()
-    points[2, 1] = np.nan
-    path = write(tmp_path / "part.vtu", points, ("quad", [[0, 1, 2, 3]]))
-    with refused("coordinates of the mesh are not finite", ao.MeshError):
-        ao.read_mesh(path)
-
-
-def test_cells_without_measure(tmp_path):
-    line = [[0, 0, 0], [1, 0, 0], [1, 0, 0], [2, 0, 0]]
-    path = write(tmp_path / "line.vtu", line, ("line", [[0, 1], [1, 2], [2, 3]]))
-    with refused(
-        r"1 of 3 cells of line\.vtu have no length, one at \(1, 0, 0\) m: merge", ao.MeshError
-    ):
-        ao.read_mesh(path)
-    faces = [[0, 0, 0], [1, 0, 0], [2, 0, 0], [1, 1, 0]]
-    path = write(tmp_path / "face.vtu", faces, ("triangle", [[0, 1, 2], [0, 2, 3]]))
-    for gdim in (2, 3):
-        with refused(r"1 of 2 cells of face\.vtu have no area", ao.MeshError):
-            ao.read_mesh(path, gdim=gdim)
-
-
-def test_what_is_no_file(tmp_path):
-    with refused("read_mesh takes a file or a dolfinx mesh; got int 3"):
-        ao.read_mesh(3)
-    for wrong in (0.1, ((0.1, 0.2, 0.3), 0.1, 4), (0.1, 0.2)):
-        with refused(r"refine lists pairs \(point, size\)"):
-            ao.read_mesh("meshes/bracket.step", size=0.1, refine=[wrong])
-
-
-def test_tags_that_mark_nothing():
-    mesh = dolfinx.mesh.create_unit_square(MPI.COMM_SELF, 2, 2)
-    tags = dolfinx.mesh.meshtags(
-        mesh, 2, np.array([0], dtype=np.int32), np.array([3], dtype=np.int32)
-    )
-    with refused("group 'body': no entity of the mesh tags has the value 4"):
-        ao.read_mesh(mesh, groups={"body": (tags, 4)})
-    with refused("a file brings its own groups"):
-        ao.read_mesh("meshes/lever.msh", groups={"body": (tags, 3)})
 
 
 # --- Materials ------------------------------------------------------------------------------------
@@ -268,138 +143,6 @@ def test_supports():
 def test_a_function_that_fails_says_its_own_error():
     with pytest.raises(ZeroDivisionError):
         ao.Structure(parts.box(), SOLID, [ao.Support(lambda x: 1 / 0)])
-
-
-# --- Sites ----------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("arguments", "text"),
-    [
-        ({}, r"a Site needs one of: point with direction, dof, vector, or node"),
-        ({"point": (0, 0, 0), "dof": 3}, r"a Site needs one of"),
-        ({"point": (0, 0, 0)}, r"needs the direction of impact"),
-        ({"point": (0, 0, 0), "direction": (0, 0, 0)}, r"direction must not be the zero vector"),
-        (
-            {"point": (0, 0, 0), "direction": (0, 1)},
-            r"must both have 2 or 3 coordinates; got 3 and 2",
-        ),
-        ({"point": (0,), "direction": (1,)}, r"must both have 2 or 3 coordinates; got 1 and 1"),
-        ({"point": (0, np.nan, 0), "direction": (0, 0, 1)}, r"point must be finite"),
-        ({"point": (0, 0, 0), "direction": (0, np.inf, 1)}, r"direction must be finite"),
-        ({"point": (0, 0, 0), "direction": (0, 0, 1), "radius": 0.0}, r"radius must be > 0"),
-        ({"dof": 0, "radius": 0.1}, r"radius needs a mesh"),
-    ],
-)
-def test_sites(clamped, arguments, text):
-    with refused(text) as caught:
-        ao.extract(clamped, ao.Site(**arguments))
-    assert one_sentence(str(caught.value))
-
-
-def test_a_site_outside_or_held(clamped):
-    with refused(
-        r"is 0.06 m off the structure; its nearest point is \(0.2, 0.02, 0.04\) m.*snap=True"
-    ):
-        ao.extract(clamped, ao.Site((0.2, 0.02, 0.1), (0, 0, -1)))
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", AntioscWarning)
-        with refused(r"\(0, 0.02, 0.01\) m is fixed by supports .*it cannot move"):
-            ao.extract(clamped, ao.Site((0, 0.02, 0.01), (1, 0, 0)))
-
-
-# --- Extraction -----------------------------------------------------------------------------------
-
-
-def test_numbers_of_anti_oscillators(clamped):
-    site = ao.Site((0.2, 0.02, 0.04), (0, 0, -1))
-    with refused(rf"n must be below the structure's {clamped.dofs} dofs; got {clamped.dofs}"):
-        ao.extract(clamped, site, n=clamped.dofs)
-    with refused(r"n must be a whole number >= 0; got 2.5"):
-        ao.extract(clamped, site, n=2.5)
-    with refused(r"n must be a whole number >= 0; got -1"):
-        ao.extract(clamped, site, n=-1)
-    with refused(r"method must be .*; got 'magic'"):
-        ao.extract(clamped, site, n=3, method="magic")
-    with refused(r"tol must be > 0"):
-        ao.extract(clamped, site, n=3, tol=0)
-
-
-@pytest.mark.parametrize(
-    ("K", "M", "text"),
-    [
-        ([[2, np.nan], [np.nan, 1]], np.eye(2), r"K holds NaN or infinite entries"),
-        (np.eye(2), [[1, 0], [0, np.inf]], r"M holds NaN or infinite entries"),
-        ([[2, 1], [0, 1]], np.eye(2), r"K must be symmetric"),
-        (np.eye(2), [[1, 2], [0, 1]], r"M must be symmetric"),
-        (np.eye(3), np.eye(2), r"K and M must be of one size; got \(3, 3\) and \(2, 2\)"),
-        (np.ones((2, 3)), np.eye(2), r"K must be square; got 2 rows and 3 columns"),
-        ("stiffness", np.eye(2), r"K must be a SciPy sparse, dense or PETSc matrix; got str"),
-        (np.zeros((0, 0)), np.zeros((0, 0)), r"K must be square; got 0 rows"),
-    ],
-)
-@pytest.mark.parametrize("sparse", [False, True])
-def test_matrices(K, M, text, sparse):
-    if sparse and not isinstance(K, str):
-        K, M = (scipy.sparse.csr_matrix(np.asarray(A, dtype=float)) for A in (K, M))
-    with refused(text):
-        ao.Structure.from_matrices(K, M)
-
-
-def test_rounding_in_foreign_matrices_is_no_asymmetry():
-    """An entry of 1e-12 whose mirror was dropped."""
-    K = np.array([[2e4, -1e4, 1e-9], [-1e4, 2e4, -1e4], [0, -1e4, 2e4]])
-    assert ao.Structure.from_matrices(scipy.sparse.csr_matrix(K), np.eye(3)).dofs == 3
-
-
-def test_loose_bodies_in_matrices():
-    pairs = np.kron(np.eye(20), 1e4 * np.array([[1, -1], [-1, 1]]))
-    with refused(r"null vectors: the matrices hold several loose bodies"):
-        ao.Structure.from_matrices(pairs, np.eye(40))
-
-
-def test_matrices_of_no_structure():
-    with refused(r"K must be positive semidefinite; its diagonal has -2 in row 1"):
-        ao.Structure.from_matrices(np.diag([1.0, -2.0, 3.0]), np.eye(3))
-    with refused(r"M must be positive semidefinite; its diagonal has -1 in row 0"):
-        ao.Structure.from_matrices(np.eye(3), np.diag([-1.0, 1.0, 1.0]))
-    with refused(r"M is zero: a structure needs stiffness and mass"):
-        ao.Structure.from_matrices(np.eye(3), np.zeros((3, 3)))
-    with refused(r"K is zero"):
-        ao.Structure.from_matrices(np.zeros((3, 3)), np.eye(3))
-
-
-def hinge(tmp_path: Path) -> ao.Mesh:
-    """Two squares that touch in one corner: one turns about the other."""
-    points = [*SQUARE, [2, 1, 0], [2, 2, 0], [1, 2, 0]]
-    path = write(tmp_path / "hinge.vtu", points, ("quad", [[0, 1, 2, 3], [2, 4, 5, 6]]))
-    return ao.read_mesh(path)
-
-
-@pytest.mark.parametrize("method", ["modes", "krylov"])
-@pytest.mark.parametrize("supports", [[ao.Support(lambda x: np.isclose(x[0], 0))], []],
-                         ids=["supported", "free"])  # fmt: skip
-@pytest.mark.filterwarnings("ignore::antiosc.errors.AntioscWarning")
-def test_a_part_that_hangs_on_one_node(tmp_path, supports, method):
-    """A mechanism: the factor may pass, but no number made with it may."""
-    structure = ao.Structure(hinge(tmp_path), ao.Solid(**parts.STEEL, plane="stress"), supports)
-    with refused("hinge", (ao.AccuracyError, ao.NotConvergedError)):
-        ao.extract(structure, ao.Site((2.0, 2.0), (-1, 1)), n=3, method=method)
-
-
-# --- Impacts --------------------------------------------------------------------------------------
-
-
-def test_impacts():
-    model = ao.AntiOscillators(m0=1.0, k0=1e6, m=[1.0], omega=[1e3])
-    for duration in (0, -1e-3, np.nan):
-        with refused(r"duration must be (> 0|finite)"):
-            ao.simulate(model, ao.RigidMass(1.0, 1.0), ao.Hertz(1e9), duration)
-    for mass in (0.0, -1.0):
-        with refused(r"mass must be > 0 \(in kg\)"):
-            ao.RigidMass(mass, 1.0)
-    with refused(r"every m must be > 0; m\[0\] = 0"):
-        ao.AntiOscillators(m0=1.0, k0=1.0, m=[0.0], omega=[1.0])
 
 
 # --- No file stays behind -------------------------------------------------------------------------

@@ -1,0 +1,150 @@
+"""Sites, extractions and impacts that cannot be are refused in one sentence."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("dolfinx")
+
+import scipy.sparse
+
+import antiosc as ao
+import parts
+from antiosc.errors import AntioscWarning
+from mesh_files import one_sentence, refused, write
+
+pytestmark = pytest.mark.fem
+SOLID = ao.Solid(**parts.STEEL)
+SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], dtype=float)
+
+
+@pytest.fixture(scope="module")
+def clamped():
+    return ao.Structure(parts.box(), SOLID, [ao.Support("left")])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        ({}, r"a Site needs one of: point with direction, dof, vector, or node"),
+        ({"point": (0, 0, 0), "dof": 3}, r"a Site needs one of"),
+        ({"point": (0, 0, 0)}, r"needs the direction of impact"),
+        ({"point": (0, 0, 0), "direction": (0, 0, 0)}, r"direction must not be the zero vector"),
+        (
+            {"point": (0, 0, 0), "direction": (0, 1)},
+            r"must both have 2 or 3 coordinates; got 3 and 2",
+        ),
+        ({"point": (0,), "direction": (1,)}, r"must both have 2 or 3 coordinates; got 1 and 1"),
+        ({"point": (0, np.nan, 0), "direction": (0, 0, 1)}, r"point must be finite"),
+        ({"point": (0, 0, 0), "direction": (0, np.inf, 1)}, r"direction must be finite"),
+        ({"point": (0, 0, 0), "direction": (0, 0, 1), "radius": 0.0}, r"radius must be > 0"),
+        ({"dof": 0, "radius": 0.1}, r"radius needs a mesh"),
+    ],
+)
+def test_sites(clamped, arguments, text):
+    with refused(text) as caught:
+        ao.extract(clamped, ao.Site(**arguments))
+    assert one_sentence(str(caught.value))
+
+
+def test_a_site_outside_or_held(clamped):
+    with refused(
+        r"is 0.06 m off the structure; its nearest point is \(0.2, 0.02, 0.04\) m.*snap=True"
+    ):
+        ao.extract(clamped, ao.Site((0.2, 0.02, 0.1), (0, 0, -1)))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", AntioscWarning)
+        with refused(r"\(0, 0.02, 0.01\) m is fixed by supports .*it cannot move"):
+            ao.extract(clamped, ao.Site((0, 0.02, 0.01), (1, 0, 0)))
+
+
+def test_numbers_of_anti_oscillators(clamped):
+    site = ao.Site((0.2, 0.02, 0.04), (0, 0, -1))
+    with refused(rf"n must be below the structure's {clamped.dofs} dofs; got {clamped.dofs}"):
+        ao.extract(clamped, site, n=clamped.dofs)
+    with refused(r"n must be a whole number >= 0; got 2.5"):
+        ao.extract(clamped, site, n=2.5)
+    with refused(r"n must be a whole number >= 0; got -1"):
+        ao.extract(clamped, site, n=-1)
+    with refused(r"method must be .*; got 'magic'"):
+        ao.extract(clamped, site, n=3, method="magic")
+    with refused(r"tol must be > 0"):
+        ao.extract(clamped, site, n=3, tol=0)
+
+
+@pytest.mark.parametrize(
+    ("K", "M", "text"),
+    [
+        ([[2, np.nan], [np.nan, 1]], np.eye(2), r"K holds NaN or infinite entries"),
+        (np.eye(2), [[1, 0], [0, np.inf]], r"M holds NaN or infinite entries"),
+        ([[2, 1], [0, 1]], np.eye(2), r"K must be symmetric"),
+        (np.eye(2), [[1, 2], [0, 1]], r"M must be symmetric"),
+        (np.eye(3), np.eye(2), r"K and M must be of one size; got \(3, 3\) and \(2, 2\)"),
+        (np.ones((2, 3)), np.eye(2), r"K must be square; got 2 rows and 3 columns"),
+        ("stiffness", np.eye(2), r"K must be a SciPy sparse, dense or PETSc matrix; got str"),
+        (np.zeros((0, 0)), np.zeros((0, 0)), r"K must be square; got 0 rows"),
+    ],
+)
+@pytest.mark.parametrize("sparse", [False, True])
+def test_matrices(K, M, text, sparse):
+    if sparse and not isinstance(K, str):
+        K, M = (scipy.sparse.csr_matrix(np.asarray(A, dtype=float)) for A in (K, M))
+    with refused(text):
+        ao.Structure.from_matrices(K, M)
+
+
+def test_rounding_in_foreign_matrices_is_no_asymmetry():
+    """An entry of 1e-12 whose mirror was dropped."""
+    K = np.array([[2e4, -1e4, 1e-9], [-1e4, 2e4, -1e4], [0, -1e4, 2e4]])
+    assert ao.Structure.from_matrices(scipy.sparse.csr_matrix(K), np.eye(3)).dofs == 3
+
+
+def test_loose_bodies_in_matrices():
+    pairs = np.kron(np.eye(20), 1e4 * np.array([[1, -1], [-1, 1]]))
+    with refused(r"null vectors: the matrices hold several loose bodies"):
+        ao.Structure.from_matrices(pairs, np.eye(40))
+
+
+def test_matrices_of_no_structure():
+    with refused(r"K must be positive semidefinite; its diagonal has -2 in row 1"):
+        ao.Structure.from_matrices(np.diag([1.0, -2.0, 3.0]), np.eye(3))
+    with refused(r"M must be positive semidefinite; its diagonal has -1 in row 0"):
+        ao.Structure.from_matrices(np.eye(3), np.diag([-1.0, 1.0, 1.0]))
+    with refused(r"M is zero: a structure needs stiffness and mass"):
+        ao.Structure.from_matrices(np.eye(3), np.zeros((3, 3)))
+    with refused(r"K is zero"):
+        ao.Structure.from_matrices(np.zeros((3, 3)), np.eye(3))
+
+
+def hinge(tmp_path: Path) -> ao.Mesh:
+    """Two squares that touch in one corner: one turns about the other."""
+    points = [*SQUARE, [2, 1, 0], [2, 2, 0], [1, 2, 0]]
+    path = write(tmp_path / "hinge.vtu", points, ("quad", [[0, 1, 2, 3], [2, 4, 5, 6]]))
+    return ao.read_mesh(path)
+
+
+@pytest.mark.parametrize("method", ["modes", "krylov"])
+@pytest.mark.parametrize("supports", [[ao.Support(lambda x: np.isclose(x[0], 0))], []],
+                         ids=["supported", "free"])  # fmt: skip
+@pytest.mark.filterwarnings("ignore::antiosc.errors.AntioscWarning")
+def test_a_part_that_hangs_on_one_node(tmp_path, supports, method):
+    """A mechanism: the factor may pass, but no number made with it may."""
+    structure = ao.Structure(hinge(tmp_path), ao.Solid(**parts.STEEL, plane="stress"), supports)
+    with refused("hinge", (ao.AccuracyError, ao.NotConvergedError)):
+        ao.extract(structure, ao.Site((2.0, 2.0), (-1, 1)), n=3, method=method)
+
+
+def test_impacts():
+    model = ao.AntiOscillators(m0=1.0, k0=1e6, m=[1.0], omega=[1e3])
+    for duration in (0, -1e-3, np.nan):
+        with refused(r"duration must be (> 0|finite)"):
+            ao.simulate(model, ao.RigidMass(1.0, 1.0), ao.Hertz(1e9), duration)
+    for mass in (0.0, -1.0):
+        with refused(r"mass must be > 0 \(in kg\)"):
+            ao.RigidMass(mass, 1.0)
+    with refused(r"every m must be > 0; m\[0\] = 0"):
+        ao.AntiOscillators(m0=1.0, k0=1.0, m=[0.0], omega=[1.0])
