@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
-from scipy.optimize import brentq
 
 import antiosc as ao
 from antiosc.closed_form import (
@@ -21,141 +18,7 @@ from antiosc.closed_form import (
 from antiosc.errors import InputError
 from scenes import BEAM, finely
 from spectral_beam import SpectralBeam
-
-ARTICLE = {"E": 67e9, "rho": 2400.0, "area": 2e-4, "inertia": 0.33e-8, "length": 1.0}
-SLENDER = UniformBeam.timoshenko(**ARTICLE, nu=0.3)
-THICK = UniformBeam.timoshenko(E=70e9, nu=0.3, rho=2700, area=1e-2, inertia=8e-6, length=0.3)
-UNIT = UniformBeam(EI=1.0, rhoA=1.0, length=1.0)
-
-SUPPORTS = [
-    ("pinned", "free", 1.0),
-    ("pinned", "free", 0.37),
-    ("pinned", "pinned", 0.5),
-    ("pinned", "pinned", 0.31),
-    ("clamped", "free", 1.0),
-    ("clamped", "free", 0.6),
-    ("free", "free", 0.3),
-    ("free", "free", 0.0),
-    ("free", "free", 0.5),
-    ("clamped", "clamped", 0.5),
-    ("clamped", "pinned", 0.7),
-    ("guided", "pinned", 0.0),
-    ("guided", "guided", 0.45),
-]
-SOME = SUPPORTS[::2]  # for the slower tests
-
-
-def struck(beam: UniformBeam, supports: tuple[str, str, float]) -> StruckBeam:
-    left, right, place = supports
-    return StruckBeam(beam, left, right, place * beam.length)
-
-
-def hinged_roots(beam: UniformBeam, i: np.ndarray, alpha: float) -> np.ndarray:
-    """Both roots of the article's characteristic equation, as frequencies in rad/s."""
-    eta = beam.EI / (beam.kGA * beam.length**2)
-    half = ((eta + alpha) * (i * np.pi) ** 2 + 1) / 2
-    large = half + np.sqrt(half**2 - eta * alpha * (i * np.pi) ** 4)
-    Omega = np.array([(i * np.pi) ** 4 / large, large / (eta * alpha)])
-    return np.sqrt(Omega * beam.EI / (beam.rhoA * beam.length**4))
-
-
-# ---- frequencies ---------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("ends", "equation"),
-    [
-        (("clamped", "free"), lambda z: np.cos(z) + 1 / np.cosh(z)),
-        (("pinned", "free"), lambda z: np.sin(z) - np.cos(z) * np.tanh(z)),
-        (("free", "free"), lambda z: np.cos(z) - 1 / np.cosh(z)),
-        (("clamped", "clamped"), lambda z: np.cos(z) - 1 / np.cosh(z)),
-        (("clamped", "pinned"), lambda z: np.sin(z) - np.cos(z) * np.tanh(z)),
-        (("pinned", "pinned"), np.sin),
-    ],
-)
-def test_slender_beams_have_the_textbook_frequencies(ends, equation):
-    z = np.linspace(1.0, 100.0, 9901)
-    f = equation(z)
-    brackets = np.nonzero(f[1:] * f[:-1] < 0)[0]
-    betas = np.array([brentq(equation, z[i], z[i + 1], xtol=1e-13) for i in brackets])[:30]
-    place = 0.29 if ends[0] == ends[1] else 0.61
-    found = np.sqrt(struck(UNIT, (*ends, place)).natural_frequencies(30))
-    np.testing.assert_allclose(found, betas, rtol=1e-10)
-
-
-def test_tabulated_roots():
-    """R. D. Blevins, Formulas for Natural Frequency and Mode Shape (1979), table 8-1."""
-    table = {
-        ("clamped", "free"): [1.87510407, 4.69409113, 7.85475744],
-        ("free", "free"): [4.73004074, 7.85320462, 10.9956078],
-        ("pinned", "free"): [3.92660231, 7.06858275, 10.21017612],
-    }
-    for ends, betas in table.items():
-        found = np.sqrt(struck(UNIT, (*ends, 1.0)).natural_frequencies(3))
-        np.testing.assert_allclose(found, betas, rtol=1e-8)
-
-
-@pytest.mark.parametrize("beam", [SLENDER, THICK], ids=["slender", "thick"])
-def test_hinged_beam_fulfils_the_articles_equation_in_both_spectra(beam):
-    """None of 200 is missed, above the cut-off either (where the pure shear mode joins)."""
-    roots = hinged_roots(beam, np.arange(1, 400), beam.alpha)
-    expected = np.sort(np.append(roots, beam.cutoff))[:200]
-    assert expected[-1] > beam.cutoff
-    found = pinned_pinned(beam, 0.41 * beam.length).natural_frequencies(200)
-    np.testing.assert_allclose(found, expected, rtol=1e-9)
-
-
-def test_printed_alpha_is_wrong_and_its_correction_right():
-    """Short waves: E/rho and k'G/rho are speeds that cannot depend on the section's size."""
-    i = np.array([20000.0])
-    alpha = THICK.rhoI / (THICK.rhoA * THICK.length**2)
-    assert alpha == pytest.approx(8e-6 / 1e-2 / 0.3**2)
-    bar, shear = math.sqrt(70e9 / 2700), math.sqrt(5 / 6 * 70e9 / 2.6 / 2700)
-    speed = hinged_roots(THICK, i, alpha)[:, 0] * THICK.length / (i[0] * np.pi)
-    np.testing.assert_allclose(np.sort(speed), [shear, bar], rtol=1e-6)
-    printed = (8e-6 / 1e-2) ** 2 / 0.3**2
-    speed = hinged_roots(THICK, i, printed)[:, 0] * THICK.length / (i[0] * np.pi)
-    assert speed.max() > 10 * bar
-    # The library's own spectra have these asymptotes.
-    top = pinned_pinned(THICK, 0.41 * THICK.length).natural_frequencies(200)
-    within = top[-1] * THICK.length / np.pi
-    assert within / bar + within / shear == pytest.approx(200, rel=0.02)
-
-
-def test_shear_beam_limit():
-    """Without rotary inertia and rigid in bending, the hinged beam is a string: order 1/EI."""
-    errors = []
-    for EI in (1e2, 1e3, 1e4):
-        found = pinned_pinned(UniformBeam(EI, 1.0, 1.0, kGA=1.0), 0.3).natural_frequencies(3)
-        errors.append(np.abs(found / (np.pi * np.arange(1, 4)) - 1).max())
-    assert errors[-1] < 1e-5
-    np.testing.assert_allclose(np.log10(np.divide(errors[:-1], errors[1:])), 1, atol=0.02)
-
-
-def test_slender_limit_is_euler_bernoulli_with_order_two():
-    errors = []
-    exact = free_free(UNIT, 0.3).anti_oscillators(5)
-    for slenderness in (400.0, 800.0, 1600.0):
-        rhoI = slenderness**-2.0
-        found = free_free(UniformBeam(1.0, 1.0, 1.0, 1 / (3 * rhoI), rhoI), 0.3).anti_oscillators(5)
-        errors.append(
-            [np.abs(found.omega / exact.omega - 1).max(), np.abs(found.m / exact.m - 1).max()]
-        )
-    order = np.log2(np.divide(errors[:-1], errors[1:]))
-    np.testing.assert_allclose(order, 2, atol=0.1)
-
-
-@pytest.mark.parametrize("supports", SUPPORTS, ids=str)
-def test_frequencies_against_the_spectral_beam(supports):
-    exact = struck(THICK, supports)
-    spectral = SpectralBeam(THICK, supports[0], supports[1], supports[2] * THICK.length)
-    rigid = exact.rigid_modes
-    np.testing.assert_allclose(
-        exact.natural_frequencies(25),
-        spectral.natural_frequencies()[rigid : rigid + 25],
-        rtol=1e-8,
-    )
-
+from struck_beams import ARTICLE, SLENDER, SOME, SUPPORTS, THICK, UNIT, hinged_roots, struck
 
 # ---- masses and stiffness ------------------------------------------------------------------------
 

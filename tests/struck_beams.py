@@ -1,0 +1,43 @@
+"""Beams in closed form that several tests strike."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from antiosc.closed_form import StruckBeam, UniformBeam
+
+ARTICLE = {"E": 67e9, "rho": 2400.0, "area": 2e-4, "inertia": 0.33e-8, "length": 1.0}
+SLENDER = UniformBeam.timoshenko(**ARTICLE, nu=0.3)
+THICK = UniformBeam.timoshenko(E=70e9, nu=0.3, rho=2700, area=1e-2, inertia=8e-6, length=0.3)
+UNIT = UniformBeam(EI=1.0, rhoA=1.0, length=1.0)
+
+SUPPORTS = [
+    ("pinned", "free", 1.0),
+    ("pinned", "free", 0.37),
+    ("pinned", "pinned", 0.5),
+    ("pinned", "pinned", 0.31),
+    ("clamped", "free", 1.0),
+    ("clamped", "free", 0.6),
+    ("free", "free", 0.3),
+    ("free", "free", 0.0),
+    ("free", "free", 0.5),
+    ("clamped", "clamped", 0.5),
+    ("clamped", "pinned", 0.7),
+    ("guided", "pinned", 0.0),
+    ("guided", "guided", 0.45),
+]
+SOME = SUPPORTS[::2]  # for the slower tests
+
+
+def struck(beam: UniformBeam, supports: tuple[str, str, float]) -> StruckBeam:
+    left, right, place = supports
+    return StruckBeam(beam, left, right, place * beam.length)
+
+
+def hinged_roots(beam: UniformBeam, i: np.ndarray, alpha: float) -> np.ndarray:
+    """Both roots of the article's characteristic equation, as frequencies in rad/s."""
+    eta = beam.EI / (beam.kGA * beam.length**2)
+    half = ((eta + alpha) * (i * np.pi) ** 2 + 1) / 2
+    large = half + np.sqrt(half**2 - eta * alpha * (i * np.pi) ** 4)
+    Omega = np.array([(i * np.pi) ** 4 / large, large / (eta * alpha)])
+    return np.sqrt(Omega * beam.EI / (beam.rhoA * beam.length**4))
