@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 LATE = 0.01
 #: Number of contacts from which a running mean of the force is drawn over the pulses.
 MANY_CONTACTS = 7
+#: Number of contacts up to which the pulses below that mean can be told apart: drawn darker.
+DISTINCT_CONTACTS = 20
 #: Windows of that mean over the time shown.
 WINDOWS = 25
 #: Height of a row of the legend over that of the axes.
@@ -79,7 +81,8 @@ def plot_force(hits: Recorded | Mapping[str, Recorded], ax: Axes | None = None) 
         label = None if many else name or None
         (line,) = ax.plot(1e3 * hit.time, hit.force, label=label, lw=0.6 if many else width)
         if many:
-            line.set_alpha(0.35)
+            distinct = len(hit.contacts) <= DISTINCT_CONTACTS
+            line.set(alpha=0.8 if distinct else 0.35, lw=1.0 if distinct else 0.6)
             window = (end - start) / WINDOWS
             mean = f"mean over {rounded(1e3 * window)} ms"
             time, force = running_mean(hit.time, hit.force, window)
