@@ -55,21 +55,23 @@ def test_the_tolerance_is_met(order, tol):
 
 
 def test_two_meshes_show_how_much_of_its_bar_the_error_is():
-    def answer(mesh: float, change: float, safety: float = 2.0) -> Answer:
+    def answer(mesh: float, change: float, safety: float = 2.0, dofs: int = 2000) -> Answer:
         """With this bar of the mesh, and a peak force that is lower by this change."""
         values = dict.fromkeys(QUANTITIES, 1.0)
         hit = SimpleNamespace(**values | {"peak_force": 1 - change})
         bars = {name: ErrorBar(1.0, mesh, 0.0, 0.0, 0.0) for name in QUANTITIES}
-        return Answer(None, hit, hit, ErrorBudget(bars, 0.01, safety=safety), 20, 1.0)
+        part = SimpleNamespace(dofs=dofs)
+        return Answer(part, hit, hit, ErrorBudget(bars, 0.01, safety=safety), 20, 1.0)
 
     def left(*given: float) -> float:
-        return compared(answer(*given), answer(0.08, 0.0)).budget["impulse"].mesh
+        return compared(answer(*given), answer(0.08, 0.0, 2.0, 1000)).budget["impulse"].mesh
 
     assert left(0.02, 0.0) == pytest.approx(LEAST_SHARE * 0.02)
     assert left(0.02, 0.024) == pytest.approx(0.8 * 0.02, rel=1e-6)
     assert left(0.02, 0.1) == 0.02
     assert left(0.07, 0.0) == 0.07  # hardly finer than the one before
     assert left(0.02, 0.0, 3.0) == 0.02
+    assert left(0.02, 0.0, 2.0, 1100) == 0.02
 
 
 def test_a_structure_gets_a_bar_only():

@@ -29,9 +29,10 @@ FINEST_TIME, COARSEST_TIME = 1e-6, 1e-3
 FIRST_N, MOST_N = 20, 300
 #: Least and largest power of that number by which the truncation error is taken to fall.
 RATES = (0.5, 3.0)
-#: Least share of the usual bar of a mesh that a comparison with another mesh leaves, and largest
-#: ratio of the bars of both for which they are compared.
-LEAST_SHARE, CLOSER = 0.6, 0.8
+#: Least share of the usual bar of a mesh that a comparison with another mesh leaves; largest ratio
+#: of the bars of both, and least one of their dofs, for which they are compared: another mesh with
+#: as many dofs shows no convergence.
+LEAST_SHARE, CLOSER, FINER = 0.6, 0.8, 1.5
 
 Run = Callable[[AntiOscillators, float], History]
 
@@ -78,7 +79,7 @@ def compared(answer: Answer, before: Answer | None) -> Answer:
     if before is None or max(before.budget.safety, answer.budget.safety) > SAFETY:
         return answer
     old, new = (max(bar.mesh for bar in each.budget.values()) for each in (before, answer))
-    if new > CLOSER * old:
+    if new > CLOSER * old or answer.structure.dofs < FINER * before.structure.dofs:
         return answer
     changed = max(differences(before.hit, answer.hit).values())
     share = float(np.clip(2 * changed / (old - new), LEAST_SHARE, 1.0))
