@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import csv
 import json
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from antiosc import cli
 from paths import DEMOS, MESHES
@@ -86,6 +89,18 @@ duration = 1e-3
 [output]
 plot = "svg"
 """
+STRIKE = f"""\
+{BRACKET}[impactor]
+kind = "RigidMass"
+mass = 0.03
+velocity = 2.0
+[contact]
+kind = "Hertz"
+stiffness = 1e9
+[strike]
+duration = 3e-4
+tol = 0.5
+"""
 
 
 def written(folder: Path, text: str, name: str = "scene.toml") -> Path:
@@ -104,3 +119,21 @@ def numbers(folder: Path) -> dict[str, Any]:
     """What result.json holds."""
     found: dict[str, Any] = json.loads((folder / "result.json").read_text(encoding="utf-8"))
     return found
+
+
+def program(path, capsys, command: str = "run") -> dict:
+    """The variables of the program that --python prints, after it ran."""
+    capsys.readouterr()
+    assert antiosc(command, path, "--python") == 0
+    text = capsys.readouterr().out
+    found: dict = {}
+    exec(compile(text, str(path), "exec"), found)
+    capsys.readouterr()
+    return found
+
+
+def table(path) -> dict[str, np.ndarray]:
+    with path.open(newline="") as stream:
+        head, *rows = csv.reader(stream)
+    values = np.array([[float(cell or "nan") for cell in row] for row in rows])
+    return dict(zip(head, values.T, strict=True))
