@@ -8,31 +8,8 @@ from scipy.integrate import trapezoid
 
 import antiosc as ao
 from antiosc.contact import ContactLaw, restitution_of
+from laws import LAWS, LOADING, LOADING_DEPTHS, UNLOADING, UNLOADING_DEPTHS, laws
 from scenes import HERTZ, rigid, thornton_restitution
-
-_X = np.linspace(0.0, 1e-4, 12)
-_UP = 1e9 * _X**1.4
-_XU = np.linspace(3e-5, 1e-4, 9)
-_DOWN = _UP[-1] * ((_XU - _XU[0]) / (_XU[-1] - _XU[0])) ** 1.8
-
-LAWS = {
-    "linear": ao.Linear(1e7),
-    "power": ao.Power(1e9, 2.2),
-    "hertz": ao.Hertz(1e9),
-    "hertz without patch": ao.Hertz(1e9, compliance=2e-8),
-    "hunt-crossley": ao.HuntCrossley(1e9, 0.6),
-    "lankarani-nikravesh": ao.LankaraniNikravesh(1e9, 0.6),
-    "flores": ao.Flores(1e9, 0.6),
-    "gonthier": ao.Gonthier(1e9, 0.6),
-    "thornton": ao.Thornton(1e9, 1e-5),
-    "stronge": ao.Stronge(1e9, 5e-7),
-    "stronge near yield": ao.Stronge(1e9, 6e-5),
-    "yang-sun": ao.YangSun(1e9, 1e-5),
-    "tan-sun": ao.TanSun(1e9, 1e-5, slope=0.3),
-    "table": ao.Tabulated(_X, _UP, (_XU, _DOWN)),
-    "elastic table": ao.Tabulated(_X, _UP),
-}
-laws = pytest.mark.parametrize("law", LAWS.values(), ids=LAWS.keys())
 
 
 @laws
@@ -172,64 +149,9 @@ def test_laminate_reloads_with_the_power_three_halves():
 def test_table_passes_through_its_points():
     law = LAWS["table"]
     fresh = law.touch(1.0)
-    assert [law.force(x, 0, fresh) for x in _X] == pytest.approx(_UP)
-    state = law.advance(_X[-1], 0.0, fresh)
-    assert [law.force(x, 0, state) for x in _XU] == pytest.approx(_DOWN)
-
-
-# -- Hertz's geometry
-
-
-def test_sphere_on_plane_and_sphere_on_sphere():
-    E, nu, R = 2.1e11, 0.3, 0.01
-    E_star = E / (1 - nu**2)
-    law = ao.Hertz.from_radii(R, E, nu)
-    assert law.stiffness == pytest.approx(4 / 3 * E_star * np.sqrt(R))
-    pair = ao.Hertz.from_radii(R, E, nu, R, E, nu)
-    assert pair.stiffness == pytest.approx(4 / 3 * (E_star / 2) * np.sqrt(R / 2))
-    cup = ao.Hertz.from_radii(R, E, nu, -3 * R)
-    assert cup.stiffness == pytest.approx(4 / 3 * E_star * np.sqrt(1.5 * R))
-
-
-def test_equal_crossed_cylinders_are_a_sphere():
-    law = ao.Hertz.from_radii((0.01, np.inf), 2e11, 0.3, (0.01, np.inf), 2e11, 0.3, angle=90)
-    ball = ao.Hertz.from_radii(0.01, 2e11, 0.3, np.inf, 2e11, 0.3)
-    assert law.stiffness == pytest.approx(ball.stiffness)
-
-
-def test_ellipse_against_the_integral():
-    """delta and the curvatures from the potential of Hertz's pressure, by direct quadrature.
-
-    With semi-axes a, b and the peak pressure p0: A, B and delta are p0 a b/(2 E*) times integrals
-    of ds/sqrt((a^2 + s)(b^2 + s) s) with weights 1/(a^2 + s), 1/(b^2 + s), 1.
-    """
-    from scipy.integrate import quad
-
-    a, b, p0, E_star = 3e-4, 1e-4, 1e9, 1e11
-
-    def integral(weight):
-        # s = (u/(1-u))^2 takes the root singularity and the infinite range away
-        def f(u):
-            s = a * b * (u / (1 - u)) ** 2
-            ds = 2 * a * b * u / (1 - u) ** 3
-            return weight(s) * ds / np.sqrt((a * a + s) * (b * b + s) * s)
-
-        return p0 * a * b / (2 * E_star) * quad(f, 0, 1, epsrel=1e-11)[0]
-
-    A = integral(lambda s: 1 / (a * a + s))
-    B = integral(lambda s: 1 / (b * b + s))
-    delta = integral(lambda s: 1.0)
-    force = 2 / 3 * np.pi * p0 * a * b
-    law = ao.Hertz.from_radii((1 / (2 * A), 1 / (2 * B)), E_star, 0.0)
-    assert law.force(delta, 0.0, ()) == pytest.approx(force, rel=1e-8)
-
-
-def test_angle_between_the_principal_planes():
-    one = ao.Hertz.from_radii((0.01, 0.03), 2e11, 0.3, (0.02, np.inf), angle=0)
-    other = ao.Hertz.from_radii((0.01, 0.03), 2e11, 0.3, (np.inf, 0.02), angle=90)
-    assert one.stiffness == pytest.approx(other.stiffness)
-    between = ao.Hertz.from_radii((0.01, 0.03), 2e11, 0.3, (0.02, np.inf), angle=45)
-    assert between.stiffness != pytest.approx(one.stiffness, rel=1e-4)
+    assert [law.force(x, 0, fresh) for x in LOADING_DEPTHS] == pytest.approx(LOADING)
+    state = law.advance(LOADING_DEPTHS[-1], 0.0, fresh)
+    assert [law.force(x, 0, state) for x in UNLOADING_DEPTHS] == pytest.approx(UNLOADING)
 
 
 # -- the patch's compliance

@@ -1,0 +1,60 @@
+"""Hertz's contact of curved bodies against its closed forms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import antiosc as ao
+
+
+def test_sphere_on_plane_and_sphere_on_sphere():
+    E, nu, R = 2.1e11, 0.3, 0.01
+    E_star = E / (1 - nu**2)
+    law = ao.Hertz.from_radii(R, E, nu)
+    assert law.stiffness == pytest.approx(4 / 3 * E_star * np.sqrt(R))
+    pair = ao.Hertz.from_radii(R, E, nu, R, E, nu)
+    assert pair.stiffness == pytest.approx(4 / 3 * (E_star / 2) * np.sqrt(R / 2))
+    cup = ao.Hertz.from_radii(R, E, nu, -3 * R)
+    assert cup.stiffness == pytest.approx(4 / 3 * E_star * np.sqrt(1.5 * R))
+
+
+def test_equal_crossed_cylinders_are_a_sphere():
+    law = ao.Hertz.from_radii((0.01, np.inf), 2e11, 0.3, (0.01, np.inf), 2e11, 0.3, angle=90)
+    ball = ao.Hertz.from_radii(0.01, 2e11, 0.3, np.inf, 2e11, 0.3)
+    assert law.stiffness == pytest.approx(ball.stiffness)
+
+
+def test_ellipse_against_the_integral():
+    """delta and the curvatures from the potential of Hertz's pressure, by direct quadrature.
+
+    With semi-axes a, b and the peak pressure p0: A, B and delta are p0 a b/(2 E*) times integrals
+    of ds/sqrt((a^2 + s)(b^2 + s) s) with weights 1/(a^2 + s), 1/(b^2 + s), 1.
+    """
+    from scipy.integrate import quad
+
+    a, b, p0, E_star = 3e-4, 1e-4, 1e9, 1e11
+
+    def integral(weight):
+        # s = (u/(1-u))^2 takes the root singularity and the infinite range away
+        def f(u):
+            s = a * b * (u / (1 - u)) ** 2
+            ds = 2 * a * b * u / (1 - u) ** 3
+            return weight(s) * ds / np.sqrt((a * a + s) * (b * b + s) * s)
+
+        return p0 * a * b / (2 * E_star) * quad(f, 0, 1, epsrel=1e-11)[0]
+
+    A = integral(lambda s: 1 / (a * a + s))
+    B = integral(lambda s: 1 / (b * b + s))
+    delta = integral(lambda s: 1.0)
+    force = 2 / 3 * np.pi * p0 * a * b
+    law = ao.Hertz.from_radii((1 / (2 * A), 1 / (2 * B)), E_star, 0.0)
+    assert law.force(delta, 0.0, ()) == pytest.approx(force, rel=1e-8)
+
+
+def test_angle_between_the_principal_planes():
+    one = ao.Hertz.from_radii((0.01, 0.03), 2e11, 0.3, (0.02, np.inf), angle=0)
+    other = ao.Hertz.from_radii((0.01, 0.03), 2e11, 0.3, (np.inf, 0.02), angle=90)
+    assert one.stiffness == pytest.approx(other.stiffness)
+    between = ao.Hertz.from_radii((0.01, 0.03), 2e11, 0.3, (0.02, np.inf), angle=45)
+    assert between.stiffness != pytest.approx(one.stiffness, rel=1e-4)

@@ -1,0 +1,33 @@
+"""Contact laws and paths of indentation on which tests are made."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import antiosc as ao
+
+LOADING_DEPTHS = np.linspace(0.0, 1e-4, 12)
+LOADING = 1e9 * LOADING_DEPTHS**1.4
+UNLOADING_DEPTHS = np.linspace(3e-5, 1e-4, 9)
+_SHARE = (UNLOADING_DEPTHS - UNLOADING_DEPTHS[0]) / np.ptp(UNLOADING_DEPTHS)
+UNLOADING = LOADING[-1] * _SHARE**1.8
+
+LAWS = {
+    "linear": ao.Linear(1e7),
+    "power": ao.Power(1e9, 2.2),
+    "hertz": ao.Hertz(1e9),
+    "hertz without patch": ao.Hertz(1e9, compliance=2e-8),
+    "hunt-crossley": ao.HuntCrossley(1e9, 0.6),
+    "lankarani-nikravesh": ao.LankaraniNikravesh(1e9, 0.6),
+    "flores": ao.Flores(1e9, 0.6),
+    "gonthier": ao.Gonthier(1e9, 0.6),
+    "thornton": ao.Thornton(1e9, 1e-5),
+    "stronge": ao.Stronge(1e9, 5e-7),
+    "stronge near yield": ao.Stronge(1e9, 6e-5),
+    "yang-sun": ao.YangSun(1e9, 1e-5),
+    "tan-sun": ao.TanSun(1e9, 1e-5, slope=0.3),
+    "table": ao.Tabulated(LOADING_DEPTHS, LOADING, (UNLOADING_DEPTHS, UNLOADING)),
+    "elastic table": ao.Tabulated(LOADING_DEPTHS, LOADING),
+}
+laws = pytest.mark.parametrize("law", LAWS.values(), ids=LAWS.keys())
