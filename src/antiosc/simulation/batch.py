@@ -23,6 +23,7 @@ from antiosc.simulation.simulate import DEFAULT_TOL, Outcome, integrated
 from antiosc.simulation.verdict import STOPPED, Verdict, tell_all
 
 CHUNKS = 64  # that the scenes are divided into for an executor
+TOGETHER = 16  # scenes between two looks at the progress
 EXECUTOR = "a concurrent.futures.Executor, such as ProcessPoolExecutor()"
 
 
@@ -166,7 +167,7 @@ def simulate_many(
         "max_steps": checks.whole("max_steps", max_steps),
     }
     scenes = list(zip(*columns.values(), strict=True))
-    chunk = 1 if executor is None else -(-size // CHUNKS)
+    chunk = TOGETHER if executor is None else -(-size // CHUNKS)
     parts = [scenes[i : i + chunk] for i in range(0, size, chunk)]
     rows: list[_Row] = []
     with counting("simulating impacts", size) as ready:

@@ -157,10 +157,11 @@ def difference(coarse: Run, fine: Run, tol: float) -> tuple[float, float, float]
     gap, size, until, peaks = _apart(coarse, fine, end, np.inf)
     if size == 0.0:
         return (0.0, 0.0, end) if gap == 0.0 else (1.0, 1.0, 0.0)
-    force, top = sqrt(gap / size), float(peaks[1].max())
+    force, (one, other) = sqrt(gap / size), peaks.tolist()
     if force > tol:
         until = _apart(coarse, fine, end, tol**2 * size)[2]
-    return force, float(abs(peaks[0] - peaks[1]).max()) / top, until
+    apart = max(abs(a - b) for a, b in zip(one, other, strict=True))
+    return force, apart / max(other), until
 
 
 def _apart(a: Run, b: Run, end: float, limit: float) -> tuple[float, float, float, Array]:

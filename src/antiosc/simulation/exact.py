@@ -189,10 +189,9 @@ def _taken(problem: Problem, found: Run) -> Callable[[int, int, float], float]:
     may, has two values at a node, and the integral knows one of them.
     """
     assert found.states is not None
-    beta = np.where(problem.decay == 0, problem.rigid, 0.0)
-    j = int(np.argmax(np.abs(beta)))
-    along, load, speed = float(beta[j]), float(problem.load[j]), found.states[:, 1, j]
-    if along == 0.0:
+    j = problem.freest
+    along, load, speed = float(problem.rigid[j]), float(problem.load[j]), found.states[:, 1, j]
+    if along == 0.0 or problem.decay[j] != 0.0:
         return lambda first, last, area: area
 
     def taken(first: int, last: int, area: float) -> float:

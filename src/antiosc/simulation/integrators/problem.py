@@ -66,6 +66,11 @@ class Problem:
         return np.where(self.omega == 0, self.beta, 0.0)
 
     @cached_property
+    def freest(self) -> int:
+        """The undamped rigid-body mode that moves most at the contact, if there is one."""
+        return int(np.argmax(abs(self.rigid) * (self.decay == 0)))
+
+    @cached_property
     def loaded(self) -> bool:
         """Whether gravity acts."""
         return bool(np.any(self.load))
