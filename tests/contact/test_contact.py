@@ -8,6 +8,7 @@ from scipy.integrate import trapezoid
 
 import antiosc as ao
 from antiosc.contact import ContactLaw, restitution_of
+from antiosc.simulation.contact_energy import replay
 from laws import LAWS, LOADING, LOADING_DEPTHS, UNLOADING, UNLOADING_DEPTHS, laws
 from scenes import HERTZ, rigid, thornton_restitution
 
@@ -312,3 +313,26 @@ def test_energies_are_those_of_each_indentation(law: ao.ContactLaw) -> None:
     delta, state = np.array([-1e-5, 0.0, 3e-6, 4e-5, 2e-4]), law.touch(1.0)
     each = [law.energy(float(d), state) for d in delta]
     np.testing.assert_allclose(law.energies(delta, state), each, rtol=1e-12)
+
+
+@pytest.mark.parametrize("law", [ao.Thornton(1e9, 1e-5), ao.Stronge(1e9, 5e-7)])
+def test_what_several_contacts_lose_is_the_work_around_their_loops(law):
+    """Loaded twice, deeper the second time; plasticity keeps what unloading does not give back."""
+    state, depth, force, spans = law.touch(1.0), [], [], []
+    for deepest in (6e-5, 1e-4):
+        first = len(depth)
+        state = law.touch(1.0, state)
+        path = np.linspace(law.origin(state), deepest, 4001)
+        for delta in path:
+            state = law.advance(delta, 0.0, state)
+            depth.append(delta)
+            force.append(law.force(delta, 0.0, state))
+        for delta in np.linspace(deepest, law.origin(state), 4001)[1:]:
+            depth.append(delta)
+            force.append(law.force(delta, 0.0, state))
+        spans.append((first, len(depth) - 1))
+    depth, force = np.array(depth), np.array(force)
+    _, lost, _ = replay(law, force, depth, spans, [1.0, 1.0])
+    for _, end in spans:
+        mean = (force[1 : end + 1] + force[:end]) / 2
+        assert lost[end] == pytest.approx(mean @ np.diff(depth[: end + 1]), rel=1e-4)
