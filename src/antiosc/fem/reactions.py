@@ -183,6 +183,8 @@ def _released(structure: Structure) -> Released:
 
 def _named(site: Any) -> list[Site]:
     sites = list(site.values()) if isinstance(site, Mapping) else [site]
+    if not sites:
+        raise InputError("site must name at least one Site; got an empty dict.")
     for one in sites:
         checks.instance("site", one, Site, "a Site, or a dict {name: Site}")
     return sites

@@ -168,7 +168,9 @@ def _pressed(
     """The contact from step `first` to `last`."""
     nodes = slice(2 * first, 2 * last + 1)
     time, raw = found.time[nodes], found.force[nodes, 0]
-    bend = 4 * (raw[:-2:2] - 2 * raw[1:-1:2] + raw[2::2]) / (time[2::2] - time[:-2:2]) ** 2
+    step = time[2::2] - time[:-2:2]  # 0 where an event follows another within rounding
+    curved = 4 * (raw[:-2:2] - 2 * raw[1:-1:2] + raw[2::2])
+    bend = np.divide(curved, step**2, out=np.zeros_like(step), where=step > 0)
 
     def load_at(t: Array) -> Array:
         return np.broadcast_to(problem.load, (t.size, problem.load.size))
