@@ -204,12 +204,20 @@ def run(
             answer = _interpret(start, space, out)
         else:
             answer = chosen.march(*given, space.state, space.tables, space.work, out)
-        nodes, states, events = (count[i] for i in (march.NODES, march.STATES, march.EVENTS))
+        nodes, states, events = count[march.NODES], count[march.STATES], count[march.EVENTS]
+        time, force, depth, kept, met = out
         if keep and answer != march.FULL:
-            out[3][states] = x
+            kept[states] = x
             states += 1
-        ends = (nodes, nodes, nodes, states, events)
-        found.append(tuple(each[:end].copy() for each, end in zip(out, ends, strict=True)))
+        found.append(
+            (
+                time[:nodes].copy(),
+                force[:nodes].copy(),
+                depth[:nodes].copy(),
+                kept[:states].copy(),
+                met[:events].copy(),
+            )
+        )
         if chosen is march and module is None:
             chosen = fitting_march(int(count[march.STEPS]) - before)
             before = int(count[march.STEPS])
@@ -222,6 +230,7 @@ def run(
     whole = found[0]
     if len(found) > 1:
         whole = tuple(np.concatenate(parts) for parts in zip(*found, strict=True))
+    counts, clocks = count.tolist(), clock.tolist()
     return Run(
         time=whole[0],
         force=whole[1],
@@ -229,13 +238,13 @@ def run(
         states=whole[3] if keep else None,
         events=whole[4],
         answer=int(answer),
-        steps=int(count[march.STEPS]),
-        attempts=int(count[march.STEPS] + count[march.RETRIES]),
-        touches=int(count[march.TOUCHES]),
-        highest=float(clock[march.HIGHEST]),
-        refused=int(count[march.REFUSED]),
-        gained=float(clock[march.SURPLUS]),
-        work=float(clock[march.WORKED]),
+        steps=counts[march.STEPS],
+        attempts=counts[march.STEPS] + counts[march.RETRIES],
+        touches=counts[march.TOUCHES],
+        highest=clocks[march.HIGHEST],
+        refused=counts[march.REFUSED],
+        gained=clocks[march.SURPLUS],
+        work=clocks[march.WORKED],
     )
 
 

@@ -92,11 +92,12 @@ class Start:
         scales[:, 0], scales[:, 1] = system.depth, system.speed
         met[:, 0], met[:, 1] = system.mass, system.slowest
         count[march.LEVEL] = 4
-        count[march.LOADED], count[march.SHIFTED] = system.loads.any(), system.offsets.any()
+        count[march.LOADED] = np.count_nonzero(system.loads) > 0
+        count[march.SHIFTED] = np.count_nonzero(system.offsets) > 0
         row[march.FRESH] = 1.0
         row[march.DEPTH] = system.beta @ system.q - system.offsets[0]
         row[march.RATE] = system.beta @ system.v
-        if system.pressed.any():
+        if np.count_nonzero(system.pressed):
             for c in np.flatnonzero(system.pressed > 0):
                 mode[c] = march.change(
                     system.kinds[c], march.APART, march.HIGH, 0.0, 0.0, system.params[c], s[c]
