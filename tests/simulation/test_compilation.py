@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import shutil
+import sys
 from collections.abc import Iterator
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
-from antiosc.simulation import compilation
+from antiosc.simulation import compilation, march
 
 
 @pytest.fixture
@@ -59,3 +61,14 @@ def test_a_place_that_cannot_be_written_is_no_error(
     assert folder() == next((tmp_path / "users" / "antiosc").iterdir())
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(source / "__pycache__" / "no"))
     assert folder() is None
+
+
+def test_threads_go_on_while_another_loads(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is half loaded serves nobody, and nobody waits for it."""
+    half = ModuleType("antiosc.simulation.half_march")
+    monkeypatch.setattr(compilation, "_COMPILED", half.__name__)
+    monkeypatch.setitem(sys.modules, half.__name__, half)
+    assert compilation.fitting_march(10**9) is march
+    half.WHOLE = True  # type: ignore[attr-defined]
+    assert compilation.fitting_march(0) is half
+    assert compilation.compiled_march() is half

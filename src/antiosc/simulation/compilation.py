@@ -11,6 +11,7 @@ import tempfile
 import warnings
 from functools import cache
 from pathlib import Path
+from threading import Lock
 from types import ModuleType
 
 from antiosc.simulation import march
@@ -22,13 +23,14 @@ _interpreted = 0
 
 _COMPILED = march.__name__ + "_compiled"
 _SOURCE = Path(march.__file__).parent
+_loading = Lock()
 
 
 def fitting_march(work: int) -> ModuleType:
     """The march to go on with after so many interpreted steps: compiled once that pays."""
     global _interpreted
     if _COMPILED in sys.modules:
-        return sys.modules[_COMPILED] or march
+        return _whole(sys.modules[_COMPILED]) or march
     _interpreted += work
     if _interpreted <= _WORTH_LOADING or (_interpreted <= _WORTH_COMPILING and not _cached()):
         return march
@@ -37,9 +39,15 @@ def fitting_march(work: int) -> ModuleType:
 
 def compiled_march() -> ModuleType | None:
     """The march compiled by numba; None where numba is not installed or does not work here."""
-    if _COMPILED not in sys.modules:
-        sys.modules[_COMPILED] = _load()  # type: ignore[assignment]
-    return sys.modules[_COMPILED]
+    with _loading:
+        if _COMPILED not in sys.modules:
+            sys.modules[_COMPILED] = _load()  # type: ignore[assignment]
+        return _whole(sys.modules[_COMPILED])
+
+
+def _whole(found: ModuleType | None) -> ModuleType | None:
+    """The module, unless another thread is still loading it."""
+    return found if found is not None and vars(found).get("WHOLE") else None
 
 
 @cache
@@ -125,4 +133,5 @@ def _copy(kept: bool) -> ModuleType:
     # straight in: numba 0.56 at times mistakes the types of long tuples
     (compiled,) = package.march.overloads.values()
     package.march = compiled.entry_point  # type: ignore[attr-defined]
+    package.WHOLE = True  # type: ignore[attr-defined]
     return package
