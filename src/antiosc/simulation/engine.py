@@ -141,12 +141,19 @@ def _space(key: tuple[object, ...], system: System) -> Space:
     if found is not None:
         return found
     shape = system.kinds.size, *system.beta.shape
-    if len(_kept) >= _MOST_KEPT:
-        _, oldest = _kept.popitem(last=False)
-        if oldest.shape == shape:  # new memory costs more than a run of few modes
-            oldest.tables[0].fill(np.nan)
-            return oldest
-    return Space.of(*shape)
+    oldest = _oldest() if len(_kept) >= _MOST_KEPT else None
+    if oldest is None or oldest.shape != shape:
+        return Space.of(*shape)
+    oldest.tables[0].fill(np.nan)  # new memory costs more than a run of few modes
+    return oldest
+
+
+def _oldest() -> Space | None:
+    """The space that has been kept longest, taken out; other threads may have taken them all."""
+    try:
+        return _kept.popitem(last=False)[1]
+    except KeyError:
+        return None
 
 
 def _keep(key: tuple[object, ...], space: Space) -> None:
@@ -155,7 +162,7 @@ def _keep(key: tuple[object, ...], space: Space) -> None:
         return
     _kept[key] = space
     while len(_kept) > _MOST_KEPT:
-        _kept.popitem(last=False)
+        _oldest()
 
 
 def run(
