@@ -72,3 +72,29 @@ def test_threads_go_on_while_another_loads(monkeypatch: pytest.MonkeyPatch) -> N
     half.WHOLE = True  # type: ignore[attr-defined]
     assert compilation.fitting_march(0) is half
     assert compilation.compiled_march() is half
+
+
+def test_a_process_waits_for_another_that_compiles(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fcntl = pytest.importorskip("fcntl")
+    waits: list[float] = []
+    with (tmp_path / "lock").open("w") as other:
+        fcntl.flock(other, fcntl.LOCK_EX)
+
+        def sleep(seconds: float) -> None:
+            waits.append(seconds)
+            if len(waits) == 3:
+                fcntl.flock(other, fcntl.LOCK_UN)
+
+        monkeypatch.setattr(compilation.time, "sleep", sleep)
+        with compilation._alone(tmp_path):
+            assert len(waits) == 3
+            with pytest.raises(BlockingIOError):
+                fcntl.flock(other, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.flock(other, fcntl.LOCK_EX | fcntl.LOCK_NB)  # it is free again
+        monkeypatch.setattr(compilation, "_PATIENCE", 1)
+        with compilation._alone(tmp_path):
+            assert len(waits) == 13  # it goes on without it
+    with compilation._alone(None), compilation._alone(tmp_path / "none"):
+        pass

@@ -8,7 +8,10 @@ import os
 import shutil
 import sys
 import tempfile
+import time
 import warnings
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from threading import Lock
@@ -20,6 +23,7 @@ from antiosc.simulation import march
 # it (20 s) for the rest.
 _WORTH_LOADING, _WORTH_COMPILING = 20_000, 400_000
 _interpreted = 0
+_PATIENCE = 120  # s that a process waits for another one that compiles
 
 _COMPILED = march.__name__ + "_compiled"
 _SOURCE = Path(march.__file__).parent
@@ -104,12 +108,33 @@ def _load() -> ModuleType | None:
     for kept in (folder is not None, False):  # a folder may have become full meanwhile
         try:
             numba.config.CACHE_DIR = str(folder or "")
-            return _copy(kept)
+            with _alone(folder if kept else None):
+                return _copy(kept)
         except (RuntimeError, OSError):
             continue
         finally:
             numba.config.CACHE_DIR = usual
     return None
+
+
+@contextmanager
+def _alone(folder: Path | None) -> Iterator[None]:
+    """While one process compiles, others wait for what it leaves in the folder.
+
+    They go on without it where files cannot be locked, or after `_PATIENCE` seconds.
+    """
+    with ExitStack() as stack:
+        if folder is not None:
+            with suppress(ImportError, OSError):
+                import fcntl
+
+                lock = stack.enter_context((folder / "lock").open("w"))
+                for _ in range(10 * _PATIENCE):
+                    with suppress(BlockingIOError):
+                        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                        break
+                    time.sleep(0.1)
+        yield
 
 
 def _copy(kept: bool) -> ModuleType:
