@@ -20,6 +20,7 @@ def test_step_and_pulse_on_one_oscillator():
     np.testing.assert_allclose(peaks, [2 * 8.0 / 800.0, 4e-3 / 40.0, 0.0], rtol=1e-3)
 
 
+@pytest.mark.slow
 def test_bodies_of_different_size_are_histories(rng, monkeypatch):
     monkeypatch.setattr("antiosc.simulation.deflection.BODIES_AT_ONCE", 2)
     ball, law = ao.RigidMass(mass=0.3, velocity=1.0), ao.Hertz(1e8)

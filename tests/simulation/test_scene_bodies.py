@@ -171,6 +171,7 @@ def test_a_body_that_moves_away_is_told() -> None:
     assert "'mass', 'floor' opens at 2 m/s at first" in hit.message
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["newmark", "DOP853"])
 def test_a_damped_contact_that_begins_at_rest(method: str) -> None:
     """Its damping is defined by the closing speed that is expected, for all integrators."""

@@ -127,6 +127,7 @@ def test_a_field_of_sizes_makes_the_cells_that_were_asked(tmp_path):
     assert 0.75 < source.finer(mesh, ratio).n_cells / asked < 1.3
 
 
+@pytest.mark.slow
 def test_coarse_curved_cells_do_not_cut_cylinders_off():
     bracket = Path(__file__).parents[3] / "meshes" / "bracket.geo"
     source = source_of(bracket)

@@ -116,6 +116,7 @@ def test_an_oblique_patch_is_the_sum_of_its_components():
     assert local[1] / local[0] == pytest.approx((2 - 0.3) / 2 / (1 - 0.3), rel=1e-12)
 
 
+@pytest.mark.slow
 def test_the_impact_does_not_depend_on_the_patch(block):
     """A steel ball at 1 m/s: the indentation of the patch is counted once, whatever its radius."""
     ball = ao.Sphere(radius=0.01, E=210e9, nu=0.3, rho=7850.0, velocity=1.0)
