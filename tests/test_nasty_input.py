@@ -6,6 +6,7 @@ functions and the values.
 
 from __future__ import annotations
 
+import sys
 import warnings
 from typing import Any
 
@@ -18,7 +19,7 @@ import matplotlib.pyplot as plt
 from hypothesis import HealthCheck, given, settings, strategies as st
 
 import antiosc as ao
-from antiosc.simulation.compilation import compiled_march
+from antiosc.simulation import compilation
 from nasty import EXTREMES, TYPES, is_fem, parameters, public, sound, unmade, verdict
 
 plt.switch_backend("Agg")
@@ -65,10 +66,13 @@ def attempt(name: str, change: dict[str, int]) -> str:
     return wrong
 
 
-@pytest.fixture(scope="module", autouse=True)
-def compiled():
-    """Compiling, once for all processes, counts for no call."""
-    compiled_march()
+@pytest.fixture(autouse=True)
+def march(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Compiling counts for no call: it comes before the slow tests, the others do without it."""
+    if request.node.get_closest_marker("slow"):
+        compilation.compiled_march()
+    elif compilation._COMPILED not in sys.modules:
+        monkeypatch.setitem(sys.modules, compilation._COMPILED, None)
 
 
 @st.composite
