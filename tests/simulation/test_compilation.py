@@ -1,16 +1,24 @@
-"""Where the compiled march is kept: one folder for each state of its source, or none."""
+"""The compiled march: the interpreted one's numbers, and a folder for each state of its source."""
 
 from __future__ import annotations
 
 import shutil
 import sys
 from collections.abc import Iterator
+from importlib.machinery import ModuleSpec
 from pathlib import Path
 from types import ModuleType
 
+import numpy as np
 import pytest
 
+import antiosc as ao
 from antiosc.simulation import compilation, march
+from antiosc.simulation.assembly import assemble
+from antiosc.simulation.compilation import compiled_march
+from antiosc.simulation.engine import run
+from antiosc.simulation.refinement import start
+from scene_cases import LAWS, ball, plate, rod_between_walls, stops
 
 
 @pytest.fixture
@@ -98,3 +106,48 @@ def test_a_process_waits_for_another_that_compiles(
             assert len(waits) == 13  # it goes on without it
     with compilation._alone(None), compilation._alone(tmp_path / "none"):
         pass
+
+
+def test_an_interrupted_compilation_leaves_no_half_module(monkeypatch) -> None:
+    pytest.importorskip("numba")
+    monkeypatch.setattr(compilation, "_COMPILED", "march_that_is_interrupted")
+
+    def interrupted(path: str) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(
+        compilation.importlib.util, "spec_from_file_location", lambda *a, **k: Spec()
+    )
+
+    class Loader:
+        create_module = staticmethod(lambda spec: None)
+        exec_module = staticmethod(interrupted)
+
+    def Spec() -> ModuleSpec:
+        return ModuleSpec("march_that_is_interrupted", Loader())  # type: ignore[arg-type]
+
+    with pytest.raises(KeyboardInterrupt):
+        compiled_march()
+    assert "march_that_is_interrupted" not in sys.modules
+
+
+@pytest.mark.slow
+def test_the_compiled_march_gives_the_numbers_of_the_interpreted_one() -> None:
+    pytest.importorskip("numba")
+
+    compiled = compiled_march()
+    assert compiled is not None
+    mass, body = ao.RigidMass(0.3, 2.0), ao.SiteModes([2e3, 9e3], [[3.0], [4.0]], ["tip"])
+    scenes = [ao.Scene({"a": body, "b": mass}, [ao.Contact("a", "b", law)]) for law in LAWS]
+    scenes += [plate(ao.Hertz(1e8), 1e-3)[0], rod_between_walls(1.5)[0], stops()[0]]
+    scenes.append(ball(5.0, 0.2, ao.Hertz(1e9)))
+    for scene in scenes:
+        made = assemble(scene, 2e-3)
+        start(made)
+        a, b = (
+            run(made.system, 2e-3, 1e-3, module=m, fine=made.lasting / 200)
+            for m in (march, compiled)
+        )
+        assert a.answer == b.answer == march.DONE
+        np.testing.assert_allclose(a.time, b.time, rtol=1e-7)
+        np.testing.assert_allclose(a.force, b.force, atol=1e-6 * np.abs(a.force).max())

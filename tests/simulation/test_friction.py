@@ -14,9 +14,11 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 from scipy.special import beta
 
 import antiosc as ao
+from scene_cases import ball
 
 NU, MU = 0.3, 0.2
 KAPPA = 2 * (1 - NU) / (2 - NU)
@@ -106,7 +108,7 @@ def test_friction_makes_no_energy(psi: float) -> None:
 
 
 def test_stick_and_slip_in_a_hundred_steps() -> None:
-    """W. J. Stronge's linear compliances, which stick first, in closed form: see `test_scene`."""
+    """W. J. Stronge's linear compliances, which stick first, in closed form: see below."""
     k, kt, speed = 1e7, 1e7 * KAPPA, 0.05
     W, w = np.sqrt(k / MASS), np.sqrt(kt * 3.5 / MASS)
     t = np.linspace(0, np.pi / W, 400_001)[1:]
@@ -179,3 +181,41 @@ def test_other_methods_rub_alike(psi: float, method: str) -> None:
     most = MU * contact.force + 1e-9 * contact.peak_force
     assert np.all(np.abs(contact.friction[::2, 0]) <= most[::2])
     assert np.abs(contact.friction).max() == pytest.approx(np.abs(other.friction).max(), rel=0.02)
+
+
+def test_gross_sliding_with_spin() -> None:
+    """The tangential impulse is mu (1 + e) times the normal one, along the sliding."""
+    hit = ball(5.0, 0.2, ao.Hertz(1e9)).run(2e-3)
+    P = hit.bodies["ball"].momentum
+    change = (P[-1] - P[0]) / 0.3
+    slide = np.array([5.0, 0.0]) + np.cross((3.0, 0, 5.0), (0, 0, -0.02))[:2]
+    slide /= np.linalg.norm(slide)
+    np.testing.assert_allclose(change[:2], -0.2 * 2 * slide, atol=1e-4)
+    assert change[2] == pytest.approx(2.0, abs=1e-4)
+    assert hit.energy.drift < 1e-3
+
+
+@pytest.mark.parametrize("vx", [0.1, 0.3])
+def test_stick_then_slip_in_closed_form(vx: float) -> None:
+    """Linear compliances: T = kt vx/w sin wt sticks until |T| = mu N; then it slides to the end.
+
+    W. J. Stronge, Impact Mechanics, Cambridge 2000, ch. 5; sliding persists as N falls.
+    """
+    k, kt, mu = 1e7, 1e7 * 1.4 / 1.7, 0.5
+    mass_t = 0.3 * 2 / 7
+    W, w = np.sqrt(k / 0.3), np.sqrt(kt / mass_t)
+    end = np.pi / W
+    times = np.linspace(0, end, 20001)[1:]
+
+    def room(t: float) -> float:
+        return mu * k / W * np.sin(W * t) - abs(kt * vx / w * np.sin(w * t))
+
+    i = int(np.argmax([room(t) < 0 for t in times]))
+    slip = brentq(room, times[i - 1], times[i])
+    side = np.sign(np.sin(w * slip))
+    left = mu * k / W**2 * (np.cos(W * slip) - np.cos(W * end))  # impulse of friction
+    expected = vx * np.cos(w * slip) - side * left / mass_t
+    hit = ball(vx, mu, ao.Linear(k), kt).run(1e-3, tol=1e-4)
+    assert hit.bodies["ball"].velocity("foot", (1, 0, 0))[-1] == pytest.approx(expected, abs=5e-4)
+    total = hit.energy.kinetic + hit.energy.contact
+    assert total.max() <= total[0] * (1 + 1e-5)  # friction makes no energy

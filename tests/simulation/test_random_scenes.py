@@ -1,0 +1,57 @@
+"""Random scenes end: with finite forces, their energy, and in seconds."""
+
+from __future__ import annotations
+
+import signal
+import warnings
+
+import numpy as np
+import pytest
+
+import antiosc as ao
+from antiosc.simulation.compilation import compiled_march
+from scene_cases import random_scene
+
+
+@pytest.mark.slow
+def test_random_scenes_end_with_finite_forces_and_their_energy() -> None:
+    compiled_march()  # sooner, where there is one
+    completed = 0
+    for seed in range(60):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ao.AccuracyWarning)
+            hit = random_scene(seed).run(5e-3)
+        assert np.isfinite(hit.run.force).all(), seed
+        if hit.status == 0:
+            completed += 1
+            assert hit.energy.drift < 1e-2, seed
+    assert completed >= 59
+
+
+@pytest.mark.slow
+def test_no_random_scene_takes_ten_seconds_of_cpu() -> None:
+    if compiled_march() is None:
+        pytest.skip("the interpreted march is slower")
+
+    def late(number: int, frame: object) -> None:
+        raise TimeoutError
+
+    before = signal.signal(signal.SIGPROF, late)
+    completed, seeds = 0, [104, *range(900, 1200)]
+    try:
+        for seed in seeds:
+            signal.setitimer(signal.ITIMER_PROF, 10.0)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", ao.AccuracyWarning)
+                hit = random_scene(seed).run(5e-3)
+            energy = hit.energy
+            signal.setitimer(signal.ITIMER_PROF, 0.0)
+            assert np.isfinite(hit.run.force).all(), seed
+            if hit.status == 0:
+                completed += 1
+                highest = np.max(energy.kinetic + energy.strain + energy.contact)
+                assert np.max(energy.total - energy.total[0]) <= 1e-3 * highest, seed
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        signal.signal(signal.SIGPROF, before)
+    assert completed >= 0.98 * len(seeds)
