@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.metadata
+import importlib.util
 import os
 import re
 import subprocess
@@ -72,6 +73,14 @@ def test_a_broken_package_is_reported_and_the_rest_still_shown(tmp_path):
     assert row(text, "meshio") == "fails to load"
     assert "libfoo.so: wrong ELF class" in text
     assert "BLAS" in text
+
+
+def test_pyvista_is_optional(monkeypatch):
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    assert "pip install 'pyvista[jupyter]'" in info._pyvista()
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: "there")
+    monkeypatch.setattr(importlib.metadata, "version", lambda name: f"{name} 9.1")
+    assert info._pyvista() == "pyvista 9.1"
 
 
 @pytest.mark.skipif(
