@@ -10,9 +10,10 @@ import pytest
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
+from antiosc.closed_form import StruckBeam, UniformBeam
 from antiosc.simulation.error_bars import ErrorBar, ErrorBudget
 from antiosc.strike_answers import LEAST_SHARE, Answer, compared
-from parts import STEEL, plate
+from parts import STEEL, frame, line, plate
 
 pytestmark = [
     pytest.mark.fem,
@@ -145,3 +146,85 @@ def test_a_geometry_is_meshed_for_the_impact(tmp_path, order, tols):
     for name in QUANTITIES:
         bar = rough.error_budget[name].total + fine.error_budget[name].total
         assert abs(getattr(rough, name) / getattr(fine, name) - 1) <= bar
+
+
+SECTION = ao.Section.rectangle(0.02, 0.01)
+CLOSED = UniformBeam.timoshenko(
+    E=210e9, nu=0.3, rho=7850.0, area=SECTION.A, inertia=SECTION.I, length=0.5
+)
+PLANE_BEAM = ao.Beam(210e9, 0.3, 7850.0, SECTION)
+#: A blow that ends before waves return, and one that lasts for several periods.
+BLOWS = {
+    "short": (ao.RigidMass(0.02, 2.0), ao.Hertz(1e10), 4e-4),
+    "long": (ao.RigidMass(0.3, 1.0), ao.Hertz(1e9), 8e-3),
+}
+
+
+@pytest.mark.parametrize("blow", list(BLOWS))
+@pytest.mark.parametrize(
+    ("place", "lines", "order", "tol"), [(0.37, 4, 2, 0.003), (1.0, 1, 1, 0.1)]
+)
+def test_meshes_of_lines_meet_the_tolerance(place, lines, order, tol, blow):
+    """The site at 0.37 lies inside a line; one line of degree 1 is far from the truth."""
+    site = ao.Site((place * 0.5, 0), (0, -1))
+    options = {"material": PLANE_BEAM, "supports": HELD, "order": order}
+    hit = ao.strike(line(0.5, lines), site, *BLOWS[blow], tol=tol, **options)
+    struck = StruckBeam(CLOSED, "clamped", "free", place * 0.5).anti_oscillators(150)
+    true = ao.simulate(struck, *BLOWS[blow], tol=1e-6)
+    budget = hit.error_budget
+    assert hit.status == 0
+    assert budget.worst <= tol
+    assert not any("inside" in note for note in budget.notes)
+    for name in QUANTITIES:
+        assert abs(getattr(hit, name) / getattr(true, name) - 1) <= budget[name].total
+    dofs = [record["dofs"] for record in hit.model.info["strike"]]
+    assert len(dofs) > 1
+    assert dofs == sorted(set(dofs))
+
+
+def test_bars_of_lines_are_at_least_the_change_from_the_mesh_before():
+    site = ao.Site((0.25, 0), (0, -1))
+    options = {"material": PLANE_BEAM, "supports": HELD}
+    hit = ao.strike(line(0.5, 2), site, *BLOWS["short"], tol=0.5, **options)
+    first, last = hit.model.info["strike"]
+    forces = sorted([first["peak_force"], last["peak_force"]])
+    assert hit.error_budget["peak_force"].mesh >= (1 - 1e-9) * (1 - forces[0] / forces[1])
+    alone = ao.strike(line(0.5, 2), site, *BLOWS["short"], tol=0.5, limit=1e-9, **options)
+    assert alone.status == 1  # whatever its bars are
+    assert "Stopped before the limit" in alone.message
+
+
+FRAME = """
+Point(1) = {0, 0, 0}; Point(2) = {0, 0, 0.6}; Point(3) = {0.4, 0, 0.6};
+Line(1) = {1, 2}; Line(2) = {2, 3};
+Physical Curve("post") = {1};
+Physical Curve("arm") = {2};
+Physical Point("foot") = {1};
+"""
+
+
+def test_geometries_of_lines_are_meshed_more_finely(tmp_path):
+    (tmp_path / "frame.geo").write_text(FRAME)
+    thin = ao.Beam(210e9, 0.3, 7850.0, ao.Section.circle(0.012))
+    materials = {"post": ao.Beam(210e9, 0.3, 7850.0, ao.Section.circle(0.02)), "arm": thin}
+    site = ao.Site((0.31, 0, 0.6), (0, 0.6, -0.8))
+    options = {"material": materials, "supports": [ao.Support("foot")]}
+    rough, fine = (
+        ao.strike(tmp_path / "frame.geo", site, *BLOWS["long"], tol=tol, **options)
+        for tol in (0.02, 0.0005)
+    )
+    assert rough.status == fine.status == 0
+    assert fine.model.info["dofs"] > rough.model.info["dofs"]
+    for name in QUANTITIES:
+        bar = rough.error_budget[name].total + fine.error_budget[name].total
+        assert abs(getattr(rough, name) / getattr(fine, name) - 1) <= bar
+
+
+def test_an_arc_of_lines_is_told():
+    angle = np.linspace(0, np.pi / 2, 9)
+    points = [(float(np.cos(a)), float(np.sin(a))) for a in angle]
+    arc = frame(points, [(k, k + 1) for k in range(8)], 1)
+    held = [ao.Support(lambda x: np.isclose(x[1], 0))]
+    site = ao.Site((0, 1), (0, -1))
+    hit = ao.strike(arc, site, *BLOWS["long"], tol=0.05, material=PLANE_BEAM, supports=held)
+    assert any("angles of up to 11°" in note for note in hit.error_budget.notes)

@@ -1,4 +1,5 @@
-"""`answered`: one mesh's answer of `strike`, with its budget; `compared`: with the mesh before."""
+"""`answered`: one mesh's answer of `strike`, with its budget; `compared`, `changed_since`: with the
+mesh before."""
 
 from __future__ import annotations
 
@@ -15,7 +16,7 @@ from antiosc.fem.site.site import Site
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.simulation.error_bars import ErrorBudget
-from antiosc.simulation.error_budget import SAFETY, differences
+from antiosc.simulation.error_budget import SAFETY, differences, floored
 from antiosc.simulation.history import History
 from antiosc.simulation.truncation import truncation_error
 
@@ -27,6 +28,8 @@ LEAST_TRUNCATION = 1e-7
 FINEST_TIME, COARSEST_TIME = 1e-6, 1e-3
 #: First and largest number of anti-oscillators.
 FIRST_N, MOST_N = 20, 300
+#: Growth of that number from one mesh of lines to the next.
+MORE_ON_LINES = 1.5
 #: Least and largest power of that number by which the truncation error is taken to fall.
 RATES = (0.5, 3.0)
 #: Least share of the usual bar of a mesh that a comparison with another mesh leaves; largest ratio
@@ -87,6 +90,21 @@ def compared(answer: Answer, before: Answer | None) -> Answer:
     return replace(answer, budget=replace(answer.budget, bars=bars))
 
 
+def changed_since(answer: Answer, before: Answer | None) -> Answer:
+    """The answer of a mesh of lines, whose bars are at least the change from the mesh before.
+
+    That had lines twice as long and fewer anti-oscillators: the change is more than the error that
+    is left if this falls at all with the size, whatever the estimates of both meshes say.
+    """
+    if before is None:
+        return answer
+    changed = floored(differences(before.hit, answer.hit))
+    bars = {
+        name: replace(bar, mesh=max(bar.mesh, changed[name])) for name, bar in answer.budget.items()
+    }
+    return replace(answer, budget=replace(answer.budget, bars=bars))
+
+
 def _truncation_goal(budget: ErrorBudget, tol: float) -> float:
     """Largest error of the truncation for which no further anti-oscillators are extracted now.
 
@@ -99,11 +117,11 @@ def _truncation_goal(budget: ErrorBudget, tol: float) -> float:
     return share if meets else max(share, left * max(bar.mesh for bar in budget.values()))
 
 
-def next_n(answer: Answer, run: Run, tol: float) -> int:
-    """Number of anti-oscillators for the next mesh."""
+def next_n(answer: Answer, run: Run, tol: float, growth: float) -> int:
+    """Number of anti-oscillators for the next mesh, at least `growth` times the present one."""
     error = max(bar.truncation for bar in answer.budget.values())
     enough = _enough(answer.raw.model, run, error, tol)
-    return int(np.clip(enough, answer.n, min(3 * answer.n, MOST_N)))
+    return int(np.clip(enough, min(growth * answer.n, MOST_N), min(3 * answer.n, MOST_N)))
 
 
 def _enough(model: AntiOscillators, run: Run, error: float, tol: float) -> int:

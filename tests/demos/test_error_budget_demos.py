@@ -68,3 +68,13 @@ def test_adapted_meshes_beside_uniform_ones(tmp_path, capsys):
     found = script.compared(scene, path, true, 1)
     assert [len(found[way]) for way in ("uniform", "adapted")] == [3, 4]
     assert found["adapted"][-1]["corrected"] < found["adapted"][0]["raw"]
+
+
+def test_strike_over_lines(tmp_path):
+    page = tmp_path / "beams.md"
+    rows = demo("strike_beams").main(cases=3, seed=1, tols=(0.01,), page=str(page))
+    assert len(rows) == 3
+    for row in rows:
+        assert row["true"] <= row["promised"] <= row["asked"]
+        assert row["ratio"] <= 1
+    assert "| 1.0% | 3 | 100% | 100% | 100% |" in page.read_text()

@@ -55,7 +55,7 @@ def error_budget(hit: History, again: Run) -> ErrorBudget:
     raw, softer = again(model, tol), again(model.corrected(), tol)
     share = energy_error(model, model.strain_error, amplitudes(hit))
     safety, doubts = _safety(model, share)
-    mesh = _floored({name: safety * off for name, off in differences(raw, softer).items()})
+    mesh = floored({name: safety * off for name, off in differences(raw, softer).items()})
     known = partial(_again, again, model, raw)
     truncated = truncation_error(model, known, tol=tol)
     notes = []
@@ -115,6 +115,8 @@ def _safety(model: AntiOscillators, share: float) -> tuple[float, list[str]]:
         doubts.append(
             "The site lies inside an element of a beam: the mesh's bar is wider; put a node there."
         )
+    if isinstance(polygon := model.info.get("polygon"), str):
+        doubts.append(polygon)
     return safety, doubts
 
 
@@ -139,7 +141,8 @@ def _relative(a: float, b: float) -> float:
     return abs(a - b) / max(abs(a), abs(b)) if a != b else 0.0
 
 
-def _floored(errors: Mapping[str, float]) -> dict[str, float]:
+def floored(errors: Mapping[str, float]) -> dict[str, float]:
+    """Errors of the three quantities, each at least `FLOOR` times the largest."""
     worst = max(errors.values())
     return {name: max(error, FLOOR * worst) for name, error in errors.items()}
 
@@ -207,4 +210,4 @@ def _geometry(
         strain_error=None,
     )
     changed = differences(raw, again(curved, tol))
-    return _floored({name: SAFETY * off for name, off in changed.items()}), [facts["note"]]
+    return floored({name: SAFETY * off for name, off in changed.items()}), [facts["note"]]

@@ -8,7 +8,8 @@ import pytest
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.fem.error.halving import halved, interpolation
+from antiosc.fem.error.halving import interpolation
+from antiosc.fem.error.lines import halved, with_node
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.structure.structure import on_mesh
 from antiosc.simulation.error_bars import QUANTITIES
@@ -101,6 +102,15 @@ def test_halves_keep_groups_and_materials():
     assert fine.total_mass == pytest.approx(part.total_mass, rel=1e-12)
     assert {name: len(g[1]) for name, g in fine.mesh.groups.items()} == {"thin": 6, "thick": 6}
     assert fine.rigid_modes.shape[1] == 3
+
+
+def test_a_node_at_the_site_keeps_groups():
+    mesh = named(line(1.0, 6).dolfinx, {"thin": (1, lambda x: x[0] < 0.501)})
+    cut = with_node(mesh, np.array([0.4, 0.0, 0.0]))
+    assert cut.n_cells == 7
+    assert len(cut.groups["thin"][1]) == 4
+    assert np.min(np.abs(cut.dolfinx.geometry.x[:, 0] - 0.4)) < 1e-15
+    assert with_node(cut, np.array([0.4, 0.0, 0.0])).n_cells == 7
 
 
 @pytest.mark.parametrize("order", [1, 2])

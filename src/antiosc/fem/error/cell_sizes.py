@@ -25,7 +25,7 @@ from antiosc.fem.mesh.mesh import Mesh
 #: for its errors would grow by more than is expected.
 FINEST, COARSEST = 0.15, 1.3
 #: q by dimension: power of the size by which the energy of errors falls where it is largest.
-POWER = {2: 2.0, 3: 1.0}
+POWER = {1: 4.0, 2: 2.0, 3: 1.0}
 #: log λ is sought within this of that of cells with the mean error.
 WIDEST = 50.0
 

@@ -13,7 +13,7 @@ NO_MESH = "the error of a mesh needs the mesh: given matrices have none, so leav
 #: Why the recovery of strains does not tell the errors of other families.
 WHY = {
     "sheet": "whose interpolated strains can make a coarse mesh softer than the part",
-    "beam": "which are compared with a finer mesh (strike takes solids)",
+    "beam": "which are compared with a finer mesh",
 }
 
 

@@ -14,23 +14,17 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse
 import scipy.sparse.linalg
-from numpy.typing import NDArray
 
 from antiosc._types import Array, IntArray
 from antiosc.errors import InputError
 from antiosc.fem import compat
-from antiosc.fem.error.bisection import gathered
+from antiosc.fem.error.lines import halved
 from antiosc.fem.linalg.petsc_algebra import csr
-from antiosc.fem.mesh.mesh import Mesh, distributed
-from antiosc.fem.readers import KINDS, RawMesh
-from antiosc.fem.readers.selection import keys
 from antiosc.fem.site.site import Functional
 from antiosc.fem.site.sites import located
 from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.models.anti_oscillators import AntiOscillators
 
-#: Share of an element within which a site is taken to be at its node.
-AT_NODE = 1e-3
 #: Least eigenvalue that is made positive, of a matrix with a diagonal of ones.
 ROUNDING = 1e-12
 
@@ -96,59 +90,6 @@ def answers(part: MeshedStructure, forces: Array) -> Array:
     found = np.zeros_like(forces)
     found[free] = scipy.sparse.linalg.splu(K.tocsc()).solve(padded)[: len(free)]
     return found
-
-
-def halved(mesh: Mesh, point: Array) -> Mesh:
-    """The mesh of lines with two cells in place of each: of c the input cells 2c and 2c + 1.
-
-    They meet in the middle, those nearest to `point` there, unless it lies close to a node.
-    """
-    pieces = gathered(mesh, np.ones(compat.cell_map(mesh.dolfinx).size_local))
-    assert pieces is not None  # one rank
-    cells = pieces.cells.astype(np.int64)
-    middle = len(pieces.points) + np.arange(len(cells))
-    known = keys(cells)
-    if len(np.unique(known)) < len(known):
-        raise InputError("error='estimate' takes no two beams between the same nodes.")
-    order = np.argsort(known)
-    groups: dict[str, dict[int, NDArray[np.int64]]] = {}
-    for name, parts in pieces.groups.items():
-        groups[name] = {dim: rows.astype(np.int64) for dim, rows in parts.items()}
-        if 1 in parts:
-            found = order[np.searchsorted(known[order], keys(groups[name][1]))]
-            groups[name][1] = _children(cells, middle, found)
-    ends = pieces.points[cells]
-    points = np.vstack([pieces.points, ends[:, 0] + _cuts(ends, point) * (ends[:, 1] - ends[:, 0])])
-    every = _children(cells, middle, np.arange(len(cells)))
-    raw = RawMesh(points, every, KINDS["line"], "gmsh", groups)
-    return distributed(raw, mesh.name, mesh.comm)
-
-
-def _cuts(ends: Array, point: Array) -> Array:
-    """Where cells with these ends (c, 2, gdim) are cut, from 0 to 1: (c, 1)."""
-    along = ends[:, 1] - ends[:, 0]
-    start = ends[:, 0] - point[: ends.shape[2]]
-    nearest = np.clip(-np.einsum("cd,cd->c", start, along) / (along**2).sum(axis=1), 0.0, 1.0)
-    distance = np.linalg.norm(start + nearest[:, None] * along, axis=1)
-    cuts = np.full((len(ends), 1), 0.5)
-    closest = int(np.argmin(distance))
-    if AT_NODE < nearest[closest] < 1 - AT_NODE:
-        cuts[closest] = nearest[closest]
-    return cuts
-
-
-def inside(mesh: Mesh, point: Array) -> bool:
-    """Whether a point lies inside an element, not at one of its nodes."""
-    ends = mesh.geometry.nodes[:, :2, : mesh.gdim]
-    lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-    away = np.linalg.norm(ends - point[: mesh.gdim], axis=2) / lengths[:, None]
-    return bool(away.min() > AT_NODE)
-
-
-def _children(cells: IntArray, middle: IntArray, which: IntArray) -> NDArray[np.int64]:
-    ends = cells[which]
-    pairs = np.stack([ends[:, :1], middle[which, None], middle[which, None], ends[:, 1:]], axis=1)
-    return pairs.reshape(-1, 2).astype(np.int64)
 
 
 def interpolation(part: MeshedStructure, fine: MeshedStructure) -> scipy.sparse.csr_matrix:

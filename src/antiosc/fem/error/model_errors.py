@@ -13,7 +13,8 @@ from antiosc.errors import InputError
 from antiosc.fem.error.estimator import NO_MESH, estimator
 from antiosc.fem.error.facets import faceted
 from antiosc.fem.error.gaps import mean_gaps
-from antiosc.fem.error.halving import HalvedBeams, inside
+from antiosc.fem.error.halving import HalvedBeams
+from antiosc.fem.error.lines import inside, polygon
 from antiosc.fem.error.patch import patch_of
 from antiosc.fem.site.site import Functional
 from antiosc.fem.structure.meshed import MeshedStructure
@@ -35,6 +36,7 @@ class ModelErrors:
         self._beams = HalvedBeams(part) if part.kind.name == "beam" else None
         self._geometry, self._layers, self._mass = "", np.zeros(0), 0.0
         if self._beams:
+            self._geometry = polygon(part.mesh)
             return
         self._errors = estimator(structure)
         self._geometry = faceted(part.mesh)
@@ -50,6 +52,8 @@ class ModelErrors:
             model = replace(model, strain_error=self._beams.gram(model, site))
             assert site.point is not None  # or `gram` refuses it
             model.info["inside_element"] = inside(on_mesh(self._structure).mesh, site.point)
+            if self._geometry:
+                model.info["polygon"] = self._geometry
             model.info["seconds"]["error"] = time.perf_counter() - started
             return model
         E, outside = self._errors.gram_and_layers(shapes, self._layers)

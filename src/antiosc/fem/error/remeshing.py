@@ -1,4 +1,8 @@
-"""Meshes that follow wanted sizes of cells: of a geometry by gmsh, of others by halving."""
+"""Meshes that follow wanted sizes of cells: of a geometry by gmsh, of others by halving.
+
+Meshes of lines are made finer everywhere alike: they are so small that the second solve which would
+say where costs more than the cells that it would save.
+"""
 
 from __future__ import annotations
 
@@ -9,11 +13,13 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
+from mpi4py import MPI
 
 from antiosc._types import Array
 from antiosc.fem import compat
 from antiosc.fem.error.bisection import DIVIDED, KIND_OF, divisible, gathered, refined
 from antiosc.fem.error.cell_sizes import edge_lengths
+from antiosc.fem.error.lines import halved, with_node
 from antiosc.fem.mesh.mesh import Mesh, distributed
 from antiosc.fem.mesh.reading import flattened, read_mesh
 from antiosc.fem.mesh.soundness import sound
@@ -30,6 +36,8 @@ ANY = 1e6
 #: Growth and reach of the small sizes at the site in the first mesh of a geometry, and in all
 #: further ones, where they only keep the patch resolved.
 FIRST_GRADING, GRADING = (0.5, 1.5), (0.7, 1.5)
+#: Least number of lines on the longest diagonal of a part, as many as `advise` takes.
+LINES = 8
 
 
 class Source(Protocol):
@@ -54,11 +62,13 @@ class Source(Protocol):
 def source_of(given: str | Path | Mesh, order: int = 2) -> Source:
     """The source for a file or a mesh; `order`: of the faces of a geometry's cells."""
     if isinstance(given, Mesh):
-        return OfMesh(given)
+        return OfLines(given) if given.tdim == 1 else OfMesh(given)
     path = Path(given)
     if path.suffix.lower() in GEOMETRY:
-        return OfGeometry(path, order)
-    return OfMesh(read_mesh(path))
+        geometry = OfGeometry(path, order)
+        return OfLines(geometry.coarsest, path) if geometry.coarsest.tdim == 1 else geometry
+    mesh = read_mesh(path)
+    return OfLines(mesh) if mesh.tdim == 1 else OfMesh(mesh)
 
 
 class OfMesh:
@@ -106,16 +116,17 @@ class OfGeometry:
         self._refine: Sequence[Refinement] = ()
 
     @cached_property
-    def _coarsest(self) -> Mesh:
+    def coarsest(self) -> Mesh:
+        """The mesh of the largest cells that the geometry allows."""
         return read_mesh(self._path, size=ANY, order=1)
 
     def thickness(self) -> float:
         """Twice the volume over the surface of the coarsest mesh [m]."""
-        return thickness_of(self._coarsest)
+        return thickness_of(self.coarsest)
 
     def first(self, size: float, refine: Sequence[Refinement]) -> Mesh:
         """A mesh of about `size`, of some thousand cells at most."""
-        coarse = self._coarsest
+        coarse = self.coarsest
         self._refine = refine
         share = {2: 4 / 3**0.5, 3: 6 * 2**0.5}[coarse.tdim]
         few = (share * measures(coarse)[0] / MOST_FIRST) ** (1 / coarse.tdim)
@@ -141,6 +152,54 @@ class OfGeometry:
             return sound(flattened(raw, like.gdim, self._path.name), self._path.name, True)
 
         return distributed(on_root(like.comm, work), self._path.name, like.comm)
+
+
+class OfLines:
+    """A mesh of lines, which are halved, or a geometry of them, which is meshed more finely.
+
+    The site becomes a node.
+    """
+
+    fixed = ""
+
+    def __init__(self, mesh: Mesh, path: Path | None = None) -> None:
+        self._mesh, self._path, self._size = mesh, path, 0.0
+        self._site: Array | None = None
+
+    def thickness(self) -> float:
+        """Of a line 0."""
+        return 0.0
+
+    def first(self, size: float, refine: Sequence[Refinement]) -> Mesh:
+        """At least `LINES` cells on the diagonal, and a node at the first point of `refine`."""
+        if refine:
+            self._site = np.asarray(refine[0][0], dtype=float)
+        self._size = self._mesh.extent() / LINES
+        if self._path is not None:
+            return self._meshed(self._path)
+        mesh = self._struck(self._mesh)
+        while largest(mesh) > self._size:
+            mesh = halved(mesh)
+        return mesh
+
+    def finer(self, mesh: Mesh, ratio: Array) -> Mesh:
+        """All cells halved, as often as it brings them to `ratio`, and at least once."""
+        wanted = mesh.comm.allreduce(float(np.min(ratio, initial=1.0)), MPI.MIN)
+        for _ in range(max(1, round(-np.log2(wanted)))):
+            self._size /= 2
+            mesh = halved(mesh) if self._path is None else mesh
+        return mesh if self._path is None else self._meshed(self._path)
+
+    def _meshed(self, path: Path) -> Mesh:
+        return self._struck(read_mesh(path, size=self._size, order=1, comm=self._mesh.comm))
+
+    def _struck(self, mesh: Mesh) -> Mesh:
+        return mesh if self._site is None else with_node(mesh, self._site)
+
+
+def largest(mesh: Mesh) -> float:
+    """Length [m] of the longest line of a mesh."""
+    return float(mesh.comm.allreduce(float(np.max(edge_lengths(mesh), initial=0.0)), MPI.MAX))
 
 
 def graded_sizes(mesh: Mesh, refine: Sequence[Refinement]) -> Array:
