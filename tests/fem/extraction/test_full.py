@@ -10,6 +10,8 @@ import pytest
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
+import parts
+from antiosc.closed_form import StruckBeam, UniformBeam
 from antiosc.fem.extraction.superposition import DENSE_MANY
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.site.functionals import functional
@@ -167,3 +169,15 @@ def test_bad_input():
     big = ao.Structure.from_matrices(sp.identity(n), sp.identity(n))
     with pytest.raises(ao.InputError, match=f"at most {DENSE_MANY} dofs; got {n}"):
         ao.full(big, ao.Site(dof=0))
+
+
+def test_many_modes_of_a_free_slender_beam():
+    """ω² spans 1e7 from the first to the last: the first and the rigid-body modes must not show."""
+    L, side = 1.0, 0.014
+    material = ao.Beam(67e9, 0.3, 2400.0, ao.Section.rectangle(side, side))
+    part = ao.Structure(parts.line(L, 200), material, order=2)
+    model = ao.superposition(part, ao.Site(point=(0, 0), direction=(0, 1)), 100)
+    area, inertia = side**2, side**4 / 12
+    beam = UniformBeam.timoshenko(E=67e9, nu=0.3, rho=2400.0, area=area, inertia=inertia, length=L)
+    exact = StruckBeam(beam, "free", "free", 0.0).modes(13)
+    np.testing.assert_allclose(model.omega[1:13], exact.omega[1:], rtol=1e-5)

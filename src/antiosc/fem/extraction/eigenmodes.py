@@ -113,10 +113,14 @@ class ModeSolver:
         massive = values > -structure.shift
         values, found = values[massive], found[:, massive]
         omega = np.concatenate([known.omega, np.sqrt(np.maximum(values, 0.0))])
+        # the solve amplifies the rigid-body modes in their rounding
+        found = found - self._rigid @ dot(structure.comm, multiply(structure.M, self._rigid), found)
         phi = _normalised(structure, np.column_stack([known.phi, found]))
         order = np.argsort(omega, kind="stable")[:count]
-        omega, phi = omega[order], phi[:, order]
-        return Modes(omega, phi, len(omega) >= self.limit or not massive.all())
+        complete = len(omega) >= self.limit or not massive.all()
+        modes = Modes(omega[order], phi[:, order], complete)
+        # those of slender beams span so many decades of ω² that the first show in the last
+        return _polished(structure, modes) if by_strains(structure.K) else modes
 
     def _uneven(self) -> bool:
         """Whether the rounding of K's entries hides the lowest modes; products by strains avoid
