@@ -11,6 +11,7 @@ from __future__ import annotations
 import ast
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import accumulate
 from pathlib import Path
 from typing import Any, TypeGuard
 
@@ -73,10 +74,7 @@ class Break:
 def breaks(path: Path) -> list[Break]:
     """All breaks of one file, relative to the root of the repository."""
     source = (ROOT / path).read_bytes()
-    starts = [0]
-    for row in source.splitlines(keepends=True):
-        starts.append(starts[-1] + len(row))
-    found = []
+    starts, found = offsets(source), []
     for node, text in changes(ast.parse(source)):
         if path.parts[2] in PICTURES and _is_a_tenth_more(node, text):
             continue
@@ -86,6 +84,11 @@ def breaks(path: Path) -> list[Break]:
         end = starts[node.end_lineno - 1] + node.end_col_offset
         found.append(Break(path, node.lineno, start, end, source[start:end].decode(), text))
     return found
+
+
+def offsets(source: bytes) -> list[int]:
+    """Where each line of the source starts, bytes."""
+    return [0, *accumulate(len(row) for row in source.splitlines(keepends=True))]
 
 
 def _is_a_tenth_more(node: ast.AST, text: str) -> bool:

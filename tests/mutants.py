@@ -1,9 +1,9 @@
 """Draw random breaks of the source (`breaks.py`) and count how many the quick tests catch.
 
-A first run of the quick tests finds which of them run each of the places (`line_hits.py`). Each
-break is tried by these; those that are not caught, by the tests of the file, of the folder that
-mirrors it and by the rest of `make check`. Everything happens on a copy of the tree: the sources
-here are never touched.
+A first run of the quick tests finds which of them run each of the places (`line_hits.py`), those
+that share a value with the test that made it included. Each break is tried by these; one of a place
+that is run when its module is imported, by the rest of `make check` too. Everything happens on a
+copy of the tree: the sources here are never touched.
 
     make mutants                     10 breaks
     make mutants COUNT=100 SEED=3    100 others
@@ -16,6 +16,7 @@ The exit status is 1 where fewer than 95 % are caught.
 from __future__ import annotations
 
 import argparse
+import importlib
 import json
 import os
 import random
@@ -26,10 +27,13 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
+
+import pytest
 
 from breaks import Break, breaks, works
 from line_hits import tests_of
@@ -45,6 +49,14 @@ PATIENCE, RUN = 150.0, 12
 NAMED = 2000
 #: Folders whose code numba compiles: only there does a break need a compilation of its own.
 COMPILED = ("simulation", "contact")
+#: Modules that each run of the tests has anew, and those that are imported once.
+OWN = ("antiosc", "antiosc_probe", "place_notes", "breaks", "line_hits", "paths", "__main__")
+LONG = (
+    *("scipy.integrate", "scipy.interpolate", "scipy.linalg", "scipy.optimize", "scipy.signal"),
+    *("scipy.sparse.csgraph", "scipy.sparse.linalg", "scipy.spatial", "scipy.special"),
+    *("scipy.stats", "petsc4py.PETSc", "slepc4py.SLEPc", "dolfinx.fem.petsc", "dolfinx.io"),
+    *("ufl", "basix.ufl", "gmsh", "meshio", "hypothesis", "matplotlib.pyplot"),
+)
 #: Least share of breaks that must be caught.
 LEAST = 0.95
 
@@ -96,80 +108,92 @@ def first_failure(
 def pytest_run(
     tree: Path, options: Sequence[str], *, compiled: bool = False, patience: float = PATIENCE
 ) -> tuple[int, list[str]]:
-    """(status, lines) of pytest with the quick tests of the copy; ended where a test hangs."""
-    command = [sys.executable, "-m", "pytest", "-q", "-m", QUICK, "-p", "no:cacheprovider"]
-    command += ["-o", f"faulthandler_timeout={patience}", "--no-header", *options]
+    """(status, lines) of pytest with the quick tests of the copy; ended where a test hangs.
+
+    It runs in a fork of this process, which has imported what takes long, and imports antiosc.
+    """
+    command = ["-q", "-m", QUICK, "-p", "no:cacheprovider", "--no-header"]
+    command += ["-o", f"faulthandler_timeout={patience}", *options]
     folder = Path(tempfile.mkdtemp(dir=tree.parent)) if compiled else tree.parent / "numba"
-    environment = {
-        **os.environ,
-        "PYTHONPATH": str(tree / "src"),
-        "PYTHONDONTWRITEBYTECODE": "1",
-        "NUMBA_CACHE_DIR": str(folder),
-    }
-    with subprocess.Popen(
-        command,
-        cwd=tree,
-        env=environment,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        start_new_session=True,
-    ) as run:
-        limit = threading.Timer(RUN * patience, _killed, (run,))
-        limit.start()
-        try:
-            output = _lines_before_a_hang(run)
-        finally:
-            limit.cancel()
-            _killed(run)
-            if compiled:
-                shutil.rmtree(folder, ignore_errors=True)
-    return run.returncode, output
+    reading, writing = os.pipe()
+    pid = os.fork()
+    if pid == 0:
+        os.close(reading)
+        _test_and_exit(tree, command, folder, writing)
+    os.close(writing)
+    limit = threading.Timer(RUN * patience, _kill, (pid,))
+    limit.start()
+    try:
+        with os.fdopen(reading, encoding="utf-8", errors="replace") as lines:
+            output = _lines_before_a_hang(lines)
+    finally:
+        limit.cancel()
+        _kill(pid)
+        status = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
+        if compiled:
+            shutil.rmtree(folder, ignore_errors=True)
+    return status, output
 
 
-def _lines_before_a_hang(run: subprocess.Popen[str]) -> list[str]:
+def _test_and_exit(tree: Path, command: list[str], numba: Path, output: int) -> NoReturn:
+    """The tests of the copy in this fork, which ends with pytest's status."""
+    status = 70
+    try:
+        os.setsid()
+        os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+        for stream in (1, 2):
+            os.dup2(output, stream)
+        os.close(output)  # what a test leaves running does not hold it open
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        os.chdir(tree)
+        os.environ |= {"PYTHONPATH": str(tree / "src"), "NUMBA_CACHE_DIR": str(numba)}
+        for name in [name for name in sys.modules if name.partition(".")[0] in OWN]:
+            del sys.modules[name]
+        sys.path[:] = [str(tree / "src"), *(p for p in sys.path if p != str(ROOT / "tests"))]
+        sys.argv[:] = ["pytest"]
+        status = int(pytest.main(command))
+    finally:
+        sys.stdout.flush()
+        os._exit(status)
+
+
+def _lines_before_a_hang(lines: Iterable[str]) -> list[str]:
     """What pytest printed, until it ended or told that one test takes too long."""
-    assert run.stdout is not None
     output = []
-    for line in run.stdout:
+    for line in lines:
         output.append(line.rstrip("\n"))
         if line.startswith("Timeout ("):
-            return output
-    run.wait()
+            break
     return output
 
 
-def _killed(run: subprocess.Popen[str]) -> None:
-    """End the tests and what they started, if they still run."""
-    if run.poll() is None:
-        os.killpg(run.pid, signal.SIGKILL)
-        run.wait()
+def _kill(pid: int) -> None:
+    """End the tests and what they started, where they still run."""
+    with suppress(ProcessLookupError):
+        os.killpg(pid, signal.SIGKILL)
 
 
 #: What is run for a break: (paths or names of tests, paths that are left out) one after the other.
 Stages = list[tuple[list[str], list[str]]]
 
 
-def those_that_run_it(one: Break, tree: Path, runs: list[str]) -> Stages:
-    """The tests that run the place of the break; where none is known, those of its folder."""
+def stages(one: Break, tree: Path, runs: list[str], all_known: bool) -> Stages:
+    """The tests that run the place of the break and, where others may notice it, the rest."""
+    those: Stages = [(runs[:NAMED], [])]
+    if all_known and len(runs) <= NAMED:
+        return those
     own, near = mirrored(one.path, tree)
-    return [(runs[:NAMED], [])] if runs else [(own, []), (near, own)]
+    return [*those, (own, []), (near, own), (["tests"], [*own, *near])]
 
 
-def all_tests(one: Break, tree: Path, runs: list[str]) -> Stages:
-    """Those of the file, of its folder, and the rest: others may use what a first one has made."""
-    own, near = mirrored(one.path, tree)
-    return [(own, []), (near, own), (["tests"], [*own, *near])]
-
-
-def catch(one: Break, tree: Path, stages: Stages, patience: float) -> str:
+def catch(one: Break, tree: Path, tests_of_it: Stages, patience: float) -> str:
     """The test that catches the break, "" if none does; the copy is whole afterwards."""
     target = tree / one.path
     source = target.read_bytes()
     compiled = one.path.parts[2] in COMPILED
     try:
-        target.write_bytes(one.apply(source))
-        for tests, without in stages:
+        _write(target, one.apply(source))
+        for tests, without in tests_of_it:
             caught = tests and first_failure(
                 tree, tests, without, compiled=compiled, patience=patience
             )
@@ -177,7 +201,14 @@ def catch(one: Break, tree: Path, stages: Stages, patience: float) -> str:
                 return caught
         return ""
     finally:
-        target.write_bytes(source)
+        _write(target, source)
+
+
+def _write(target: Path, source: bytes) -> None:
+    """Write a source a second later than before: Python keeps what it compiled by that time."""
+    later = int(target.stat().st_mtime) + 1
+    target.write_bytes(source)
+    os.utime(target, (later, later))
 
 
 def drawn(count: int, seed: int, only: str) -> list[Break]:
@@ -191,42 +222,45 @@ def drawn(count: int, seed: int, only: str) -> list[Break]:
 
 
 def main(chosen: Sequence[Break], log: Path | None, patience: float) -> float:
-    """Try the breaks; the share that was caught.
-
-    All are tried by the tests that run them, then by all tests where those did not catch them.
-    """
+    """Try the breaks by the tests that run them; the share that was caught."""
     verdicts = _logged(log)
+    import_what_takes_long()
     with tempfile.TemporaryDirectory(prefix="antiosc-mutants-") as folder:
         tree = copied(Path(folder))
         check_the_copy(tree)
         runs = _runs(chosen, tree, log, patience)
-        chosen = sorted(chosen, key=lambda one: not runs[one])  # whole folders of tests come last
+        chosen = sorted(chosen, key=lambda one: not runs[one][1])  # those of all tests come last
         sound: set[str] = set()
-        for stages in (those_that_run_it, all_tests):
-            for one in chosen:
-                caught, after = verdicts.get(_name(one), ("", ""))
-                if caught or after in (stages.__name__, all_tests.__name__):
-                    continue
-                started = time.perf_counter()
-                caught = catch(one, tree, stages(one, tree, runs[one]), patience)
-                _check_the_test(caught, tree, sound, patience)
-                verdicts[_name(one)] = caught, stages.__name__
-                _tell(one, *verdicts[_name(one)], time.perf_counter() - started, log)
-    count = sum(bool(verdicts[_name(one)][0]) for one in chosen)
+        for one in chosen:
+            if _name(one) in verdicts:
+                continue
+            started = time.perf_counter()
+            caught = catch(one, tree, stages(one, tree, *runs[one]), patience)
+            _check_the_test(caught, tree, sound, patience)
+            verdicts[_name(one)] = caught
+            _tell(one, caught, time.perf_counter() - started, log)
+    count = sum(bool(verdicts[_name(one)]) for one in chosen)
     share = count / len(chosen) if chosen else 1.0
     print(f"{count} of {len(chosen)} breaks caught, {share:.0%}")
     return share
 
 
+def import_what_takes_long() -> None:
+    """Import what antiosc imports, for the forks of this process."""
+    for name in LONG:
+        with suppress(ImportError):
+            importlib.import_module(name)
+
+
 def _runs(
     chosen: Sequence[Break], tree: Path, log: Path | None, patience: float
-) -> dict[Break, list[str]]:
-    """The tests that run each break, kept beside the log."""
+) -> dict[Break, tuple[list[str], bool]]:
+    """The tests that run each break (`tests_of`), kept beside the log."""
     kept = None if log is None else log.with_suffix(".runs.json")
     if kept is not None and kept.exists():
         known = json.loads(kept.read_text(encoding="utf-8"))
         return {one: known[_name(one)] for one in chosen}
-    options = ["--durations=0", "-vv", "tests"]
+    options = ["--durations=0", "-vv", "-p", "antiosc_probe", "tests"]
     found = tests_of(chosen, tree, lambda: pytest_run(tree, options, patience=patience)[1])
     if kept is not None:
         kept.write_text(json.dumps({_name(one): t for one, t in found.items()}), encoding="utf-8")
@@ -242,12 +276,11 @@ def _check_the_test(caught: str, tree: Path, sound: set[str], patience: float) -
         sound.add(test)
 
 
-def _tell(one: Break, caught: str, after: str, seconds: float, log: Path | None) -> None:
+def _tell(one: Break, caught: str, seconds: float, log: Path | None) -> None:
     if log is not None:
         with log.open("a", encoding="utf-8") as file:
-            file.write(json.dumps([_name(one), [caught, after]]) + "\n")
-    last = after == all_tests.__name__
-    verdict = f"caught by {caught}" if caught else "SURVIVED" if last else "not caught yet"
+            file.write(json.dumps([_name(one), caught]) + "\n")
+    verdict = f"caught by {caught}" if caught else "SURVIVED"
     print(f"{seconds:6.1f} s  {one}\n          {verdict}", flush=True)
 
 
@@ -256,12 +289,11 @@ def _name(one: Break) -> str:
     return f"{one} at {one.start}"
 
 
-def _logged(log: Path | None) -> dict[str, tuple[str, str]]:
-    """(the test that caught it, the last stage) of breaks of an earlier run, by their names."""
+def _logged(log: Path | None) -> dict[str, str]:
+    """The tests that caught breaks in an earlier run, by their names."""
     if log is None or not log.exists():
         return {}
-    rows = [json.loads(line) for line in log.read_text(encoding="utf-8").splitlines()]
-    return {name: (caught, after) for name, (caught, after) in rows}
+    return dict(json.loads(line) for line in log.read_text(encoding="utf-8").splitlines())
 
 
 def check_the_copy(tree: Path) -> None:

@@ -12,6 +12,7 @@ pytest.importorskip("dolfinx")
 import breaks
 import line_hits
 import mutants
+import place_notes
 from paths import ROOT
 
 ZENER = Path("src/antiosc/closed_form/zener.py")
@@ -94,3 +95,46 @@ def test_probes_change_nothing_that_is_computed():
 def test_durations_of_a_run_are_read():
     lines = ["0.50s call     tests/a.py::b[x y]", "0.25s setup    tests/a.py::b[x y]", "12 passed"]
     assert line_hits.durations(lines) == {"tests/a.py::b[x y]": 0.75}
+
+
+def test_places_of_a_kept_value_count_for_each_test_that_uses_it(tmp_path, monkeypatch):
+    """functools.cache and cached_property; a place that another process runs is noted, too."""
+    for name in ("NOTES", "NOW"):
+        monkeypatch.setattr(place_notes, name, tmp_path / name)
+    place_notes.NOTES.touch()
+
+    class Kept:
+        @place_notes._NotingProperty
+        def value(self) -> int:
+            place_notes.hit(1)
+            return 7
+
+    @place_notes._noting_cache(None)
+    def of(x: float) -> float:
+        place_notes.hit(2)
+        with place_notes.NOTES.open("a", encoding="utf-8") as file:
+            file.write("3\tanother process\n")
+        return 2 * x
+
+    kept = Kept()
+    for test in ("first", "second"):
+        place_notes.begin(test)
+        assert kept.value == 7
+        assert of(4.0) == 8.0
+    noted = place_notes.NOTES.read_text(encoding="utf-8").splitlines()
+    assert {line for line in noted if "second" in line} == {"1\tsecond", "2\tsecond", "3\tsecond"}
+    place_notes.begin("")
+
+
+def test_heads_of_functions_have_probes():
+    source = b'def f():\n    """Words."""\n    return 1\n\n\nclass A:\n    def g(self): return 2\n'
+    text = line_hits.probed(source, {}, 5).decode()
+    assert text.count('__import__("antiosc_probe").hit(5)\n    return 1') == 1
+    assert ast.get_docstring(ast.parse(text).body[0]) == "Words."  # type: ignore[arg-type]
+
+
+def test_tests_of_a_place_that_is_run_at_import_are_not_all():
+    """The rest of the tests follows there; elsewhere those that run the place are all."""
+    one = next(iter(breaks.breaks(ZENER)))
+    assert mutants.stages(one, ROOT, ["tests/a.py::b"], True) == [(["tests/a.py::b"], [])]
+    assert mutants.stages(one, ROOT, [], False)[-1][0] == ["tests"]
