@@ -1,0 +1,219 @@
+"""Masses, springs, couplings and supports of Abaqus decks against what their cards say.
+
+A frame of beams in space, in mm, N and t: nodes have all six motions.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from antiosc.errors import MeshError
+from antiosc.fem.readers.decks import abaqus_assembly, abaqus_model
+from antiosc.fem.readers.unit_system import UnitSystem
+
+RNG = np.random.default_rng(29)
+X = np.round(RNG.uniform(-1, 1, (6, 3)), 3)
+COUNT = len(X)
+MOTIONS = ["x", "y", "z", "rx", "ry", "rz"]
+#: What a motion of a node is in SI units, from mm and radians.
+SIZE = np.array([1e-3, 1e-3, 1e-3, 1, 1, 1])
+
+
+def frame_of_beams() -> str:
+    text = "*NODE,NSET=N\n"
+    text += "".join(f"{k},{','.join(map(str, x))}\n" for k, x in enumerate(X, 1))
+    text += "*ELEMENT,TYPE=B31,ELSET=ALL\n"
+    text += "".join(f"{k},{k},{k + 1}\n" for k in range(1, COUNT))
+    text += "*MATERIAL,NAME=M\n*ELASTIC\n2E5,.3\n*DENSITY\n8.E-9\n"
+    return text + "*BEAM SECTION,ELSET=ALL,MATERIAL=M,SECTION=RECT\n.02,.03\n.1,.2,.9\n"
+
+
+@pytest.fixture
+def read(tmp_path):
+    def model(cards: str):
+        path = tmp_path / "part.inp"
+        path.write_text(frame_of_beams() + cards)
+        whole = abaqus_assembly.read(path, path.name)
+        return abaqus_model.model_of(whole, UnitSystem.of("mm"), None), whole.deck
+
+    return model
+
+
+def row_of(terms) -> np.ndarray:
+    row = np.zeros((COUNT, 6))
+    for node, motion, value in terms:
+        row[node, motion] += value
+    return row.ravel()
+
+
+def node_at(point) -> int:
+    distance = np.linalg.norm(1e-3 * X - point, axis=1)
+    assert distance.min() < 1e-12
+    return int(np.argmin(distance))
+
+
+def stiffness(model: dict) -> np.ndarray:
+    """N/m and Nm, of the springs."""
+    K = np.zeros((6 * COUNT, 6 * COUNT))
+    for terms, k in model["joints"]["elastic"]:
+        row = row_of(terms)
+        K += k * np.outer(row, row)
+    for point, given in model["springs"]:
+        for name, k in given.items():
+            one = 6 * node_at(point) + MOTIONS.index(name)
+            K[one, one] += k
+    return K
+
+
+def energy_of(K: np.ndarray, u: np.ndarray) -> float:
+    """u' K u for motions in mm and radians, N mm."""
+    q = (u * SIZE).ravel()
+    return 1e3 * float(q @ K @ q)
+
+
+SPRINGS = {
+    "SPRING1": ("SPRING1", "7,2\n", "3\n40.\n", lambda u: 40 * u[1, 2] ** 2),
+    "SPRING1, rotation": ("SPRING1", "7,2\n", "5\n40.\n", lambda u: 40 * u[1, 4] ** 2),
+    "SPRING2": ("SPRING2", "7,2,5\n", "3,1\n40.\n", lambda u: 40 * (u[1, 2] - u[4, 0]) ** 2),
+    "SPRINGA": ("SPRINGA", "7,2,5\n", "\n40.\n", lambda u: 40 * longer(u, 1, 4) ** 2),
+}
+
+
+def longer(u: np.ndarray, a: int, b: int) -> float:
+    along = X[b] - X[a]
+    return float((u[b, :3] - u[a, :3]) @ along / np.linalg.norm(along))
+
+
+@pytest.mark.parametrize("case", SPRINGS)
+def test_springs_have_the_energy_of_their_motions(read, case):
+    kind, ends, lines, energy = SPRINGS[case]
+    model, _ = read(f"*ELEMENT,TYPE={kind},ELSET=S\n{ends}*SPRING,ELSET=S\n{lines}")
+    u = RNG.normal(size=(COUNT, 6))
+    assert energy_of(stiffness(model), u) == pytest.approx(energy(u), rel=1e-9)
+
+
+def test_a_spring_to_a_fixed_node_is_one_to_the_ground(read):
+    cards = "*ELEMENT,TYPE=SPRING2,ELSET=S\n7,2,5\n*SPRING,ELSET=S\n3,1\n40.\n"
+    model, _ = read(cards + "*BOUNDARY\n5,ENCASTRE\n")
+    assert model["joints"]["elastic"] == []
+    ((point, given),) = model["springs"]
+    assert node_at(point) == 1
+    assert given == pytest.approx({"z": 40e3})
+
+
+def test_masses_and_moments_of_inertia(read):
+    cards = "*ELEMENT,TYPE=MASS,ELSET=P\n8,2\n9,3\n*MASS,ELSET=P\n2.E-3\n"
+    cards += "*ELEMENT,TYPE=ROTARYI,ELSET=R\n10,4\n*ROTARY INERTIA,ELSET=R\n1.,2.,3.\n"
+    model, _ = read(cards)
+    found = {node_at(point): (mass, inertia) for point, mass, inertia in model["masses"]}
+    assert sorted(found) == [1, 2, 3]
+    for node in (1, 2):
+        assert found[node][0] == pytest.approx(2.0)  # kg
+        assert not any(found[node][1])
+    assert found[3][0] == 0
+    assert found[3][1] == pytest.approx([1e-3, 2e-3, 3e-3])  # t mm² in kg m²
+
+
+def test_a_distributing_coupling_is_the_weighted_mean(read):
+    """θ = J⁻¹ Σ w r × u about the centre of the weights, which moves by Σ w u."""
+    cards = "*ELEMENT,TYPE=DCOUP3D,ELSET=D\n7,6\n*DISTRIBUTING COUPLING,ELSET=D\n"
+    cards += "1,2.\n2,\n3,.5\n4\n"
+    model, _ = read(cards)
+    rows = np.array([row_of(terms) for terms in model["joints"]["equations"]])
+    assert len(rows) == 6
+    w = np.array([2, 1, 0.5, 1]) / 4.5
+    r = X[:4] - w @ X[:4]
+    u = RNG.normal(size=(COUNT, 6))
+    J = np.einsum("p,pi,pi", w, r, r) * np.eye(3) - np.einsum("p,pi,pj->ij", w, r, r)
+    u[5, 3:] = np.linalg.solve(J, np.einsum("p,pi->i", w, np.cross(r, u[:4, :3])))
+    u[5, :3] = w @ u[:4, :3] + np.cross(u[5, 3:], X[5] - w @ X[:4])
+    assert np.abs(rows @ (u * SIZE).ravel()).max() < 1e-12
+
+
+def fixed_by_name(deck) -> dict[str, list[int]]:
+    return {key.removeprefix("fixed "): rows.tolist() for key, rows in deck.fixed.items()}
+
+
+NAMES = {
+    "ENCASTRE": "xyzXYZ", "PINNED": "xyz", "XSYMM": "xYZ", "YSYMM": "yXZ", "ZSYMM": "zXY",
+    "XASYMM": "yzX", "YASYMM": "xzY", "ZASYMM": "xyZ",
+    "2": "y", "2,4": "yzX", "5,9": "YZ", "0,1": "x",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_supports_fix_what_their_names_and_numbers_say(read, name):
+    _, deck = read(f"*BOUNDARY\n3,{name}\n")
+    fixed = fixed_by_name(deck)
+    expected = {key: [2] for key in (m if m in "xyz" else f"r{m.lower()}" for m in NAMES[name])}
+    assert fixed == expected
+
+
+@pytest.mark.parametrize("kind", ["R", "C"])
+def test_supports_in_axes_of_their_own(read, kind):
+    """*TRANSFORM: R by a point on x and one near y, C about an axis through two points."""
+    a, b = np.round(RNG.uniform(-1, 1, (2, 3)), 3)
+    x, z = (a, np.cross(a, b)) if kind == "R" else (X[2] - a, b - a)
+    z = z / np.linalg.norm(z)
+    x = x - (x @ z) * z
+    x /= np.linalg.norm(x)
+    axes = np.stack([x, np.cross(z, x), z])
+    values = ",".join(map(str, (*a, *b)))
+    cards = f"*NSET,NSET=T\n3\n*TRANSFORM,NSET=T,TYPE={kind}\n{values}\n"
+    model, deck = read(cards + "*BOUNDARY\n3,2\n3,6\n")
+    assert not deck.fixed
+    rows = np.array([row_of(terms) for terms in model["joints"]["equations"]])
+    expected = np.zeros((2, COUNT, 6))
+    expected[0, 2, :3], expected[1, 2, 3:] = axes[1], axes[2]
+    assert np.linalg.matrix_rank(rows) == len(rows) == 2
+    for row, one in zip(rows, expected.reshape(2, -1), strict=True):
+        np.testing.assert_allclose(np.abs(row @ one), np.linalg.norm(row), rtol=1e-9)
+
+
+WRONG = {
+    "*ELEMENT,TYPE=SPRING1,ELSET=S\n7,2\n*SPRING,ELSET=S\n7\n4.\n": (3, "motions from 1 to 6"),
+    "*ELEMENT,TYPE=SPRING2,ELSET=S\n7,2,3\n*SPRING,ELSET=S\n1\n4.\n": (3, "motions from 1 to 6"),
+    "*ELEMENT,TYPE=SPRINGA,ELSET=S\n7,2,2\n*SPRING,ELSET=S\n\n4.\n": (2, "coincide"),
+    "*ELEMENT,TYPE=SPRING1,ELSET=S\n7,2\n*SPRING,ELSET=S\n": (2, "without a stiffness"),
+    "*ELEMENT,TYPE=MASS,ELSET=P\n8,2\n*MASS,ELSET=P\n": (2, "MASS without a value"),
+    "*ELEMENT,TYPE=ROTARYI,ELSET=P\n8,2\n*ROTARYINERTIA,ELSET=P\n1,2,3,4\n": (2, "products"),
+    "*ELEMENT,TYPE=MASS,ELSET=P\n8,99\n*MASS,ELSET=P\n1.\n": (2, "does not define"),
+    "*NSET,NSET=T\n3\n*TRANSFORM,NSET=T\n1,0,0\n": (2, "six coordinates"),
+    "*NSET,NSET=T\n3\n*TRANSFORM,NSET=T,TYPE=S\n1,0,0,0,1,0\n": (2, "six coordinates"),
+    "*NSET,NSET=T\n3\n*TRANSFORM,NSET=T\n1,0,0,2,0,0\n": (2, "gives no axes"),
+    "*BOUNDARY,SUBMODEL\n3,1\n": (0, "SUBMODEL"),
+    "*SPRING,ELSET=S,NONLINEAR\n1\n": (0, "nonlinear springs"),
+    "*FOUNDATION\n1,P1,3.\n": (0, "use springs"),
+    "*DASHPOT,ELSET=S\n1\n": (0, "DASHPOT is a dashpot"),
+    "*ELEMENT,TYPE=DCOUP3D,ELSET=D\n7,6\n*DISTRIBUTING COUPLING,ELSET=D\n": (2, "no nodes with w"),
+}
+
+
+@pytest.mark.parametrize("cards", WRONG)
+def test_what_is_wrong_is_told_with_its_line(read, cards):
+    beyond, message = WRONG[cards]
+    line = frame_of_beams().count("\n") + 1 + beyond
+    with pytest.raises(MeshError, match=f"line {line} of .*{message}"):
+        read(cards)
+
+
+def test_elements_without_values_are_told_by_their_numbers(read):
+    with pytest.raises(MeshError, match=r"has 1 MASS and ROTARYI elements, but .* to 0 of them"):
+        read("*ELEMENT,TYPE=MASS,ELSET=P\n8,2\n")
+    with pytest.raises(MeshError, match=r"has 2 SPRINGA and .* give values to 1 of them"):
+        read("*ELEMENT,TYPE=SPRINGA,ELSET=S\n8,2,3\n*ELEMENT,TYPE=SPRINGA,ELSET=T\n9,2,4\n"
+             "*SPRING,ELSET=S\n\n4.\n")  # fmt: skip
+
+
+def test_what_of_a_deck_is_not_taken_is_counted(read):
+    step = "*STEP\n*BOUNDARY\n1,1\n*CLOAD\n2,1,3.\n*END STEP\n"
+    later = "*STEP\n*BOUNDARY\n2,1,1,.5\n*DLOAD\nALL,GRAV,9.,0,0,1\n*CLOAD\n2,1,3.\n*END STEP\n"
+    model, deck = read("*BOUNDARY\n4,1,1,.25\n" + step + later)
+    assert fixed_by_name(deck) == {"x": [0, 3]}
+    line = frame_of_beams().count("\n") + 1
+    assert set(model["ignored"]) >= {
+        "2 *CLOAD", "1 *DLOAD", "2 *STEP",
+        f"*BOUNDARY of later steps (line {line + 9} of part.inp)",
+        f"the motion of *BOUNDARY (line {line} of part.inp), fixed instead",
+    }  # fmt: skip
