@@ -14,6 +14,7 @@ from antiosc.simulation.march.crossings import crossing, polished
 from antiosc.simulation.march.responses import responses, responses_twice
 from antiosc.simulation.march.tables import moves, push
 from antiosc.simulation.refinement import start
+from marches import written_out
 from scenes import HERTZ, case_two
 
 
@@ -97,13 +98,14 @@ def test_what_is_left_of_a_difference(finer: float) -> None:
     assert left(finer**3, rated=True) == pytest.approx(convergence.MARGIN / (finer - 1))
 
 
-@pytest.mark.slow
-def test_compiled_differences_and_energies_are_those_of_numpy(monkeypatch) -> None:
-    pytest.importorskip("numba")
+@pytest.mark.parametrize("by_numba", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_compiled_differences_and_energies_are_those_of_numpy(monkeypatch, by_numba) -> None:
+    if by_numba:
+        pytest.importorskip("numba")
     model, mass = case_two(9)
     scene = ao.Scene({"a": model, "b": mass}, [ao.Contact("a", "b", ao.Hertz(HERTZ))])
     made = assemble(scene, 2e-3)
-    compiled = compilation.compiled_march()
+    compiled = compilation.compiled_march() if by_numba else written_out()
     if compiled is None:
         pytest.skip("numba does not work here")
     runs = [engine.run(made.system, 2e-3, share, fine=made.lasting / 200) for share in (0.1, 1e-2)]
