@@ -89,6 +89,9 @@ from antiosc.fem.elements.shell import (
 from antiosc.fem.elements.solid import (
     Solid as Solid,
 )
+from antiosc.fem.elements.truss import (
+    Truss as Truss,
+)
 from antiosc.fem.extraction.extract import (
     extract as extract,
 )

@@ -32,7 +32,7 @@ source = {source}
 # refine = [[[0.0, 0.0, 0.0], 1e-3]]    # small elements around a point: [point, size]
 
 [material]
-kind = "Solid"      # or Shell, Beam, Laminate, AnisotropicSolid
+kind = "Solid"      # or Shell, Beam, Truss, Laminate, AnisotropicSolid
 E = 210e9           # Young's modulus, Pa
 nu = 0.3            # Poisson's ratio
 rho = 7850.0        # density, kg/m³

@@ -84,7 +84,7 @@ ABAQUS = {
     ),
     "a truss without a section": (
         NODES + "*ELEMENT,TYPE=T3D2,ELSET=ALL\n1,1,2\n" + MATERIAL,
-        "T3D2 elements without a section",
+        "1 of 1 T3D2 elements have no section",
     ),
     "leftover": (WHOLE + "*ELEMENT,TYPE=DASHPOTA\n2,1,2\n", "1 DASHPOTA elements, which are not"),
     "spring of length 0": (
@@ -203,10 +203,6 @@ NASTRAN = {
     "copies of no copy": (BLOCK + "=(5)\n", "repeats no copy"),
     "too many copies": (BLOCK + "=,=,=\n=(5000000)\n", "or one too often"),
     "a rod without area": (BLOCK + "CROD,9,9,1,2\nPROD,9,1\n", "PROD needs an area above 0"),
-    "rods alone": (
-        BLOCK.replace("CHEXA,1,1,1,2,3,4,5,6,\n,7,8", "CONROD,1,1,2,1,.1"),
-        "has no elements but rods",
-    ),
     "a bush elsewhere": (
         BLOCK + "CBUSH,9,9,1,2,,,,0,\n,,0,1.\nPBUSH,9,K,1.\n",
         "a place of its own .OCID.",

@@ -18,6 +18,7 @@ from antiosc.fem.elements.plate_section import Layer
 from antiosc.fem.elements.section import Section
 from antiosc.fem.elements.shell import Laminate, Shell
 from antiosc.fem.elements.solid import Solid
+from antiosc.fem.elements.truss import Truss
 from antiosc.fem.elements.weak_form import Family
 from antiosc.fem.linalg.solver import Choice
 from antiosc.fem.mesh.mesh import distributed
@@ -204,6 +205,8 @@ def _family(kind: str, arguments: dict[str, Any], place: str) -> Family:
             return AnisotropicSolid(**arguments)
         if kind == "Shell":
             return Shell(**arguments)
+        if kind == "Truss":
+            return Truss(**arguments)
         if isinstance(arguments.get("axis"), dict):
             arguments = {**arguments, "axis": Nearest(**arguments["axis"])}
         if kind == "GivenSheet":

@@ -23,6 +23,7 @@ from antiosc.fem.elements.weak_form import (
     WeakForm,
     coefficient,
     measure,
+    tangent,
 )
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.mpi import agree
@@ -128,12 +129,6 @@ class Beam(Isotropic):
         return box[0], max(one.section.A for one in materials) / thickness, thickness
 
 
-def _tangent(mesh: Mesh) -> Expr:
-    J = ufl.Jacobian(mesh.dolfinx)
-    t = ufl.as_vector([J[i, 0] for i in range(mesh.gdim)])
-    return t / ufl.sqrt(ufl.dot(t, t))
-
-
 def _root(mesh: Mesh, parts: Parts, stiffness: Callable[[Beam], float]) -> Expr:
     return coefficient(mesh, parts, lambda beam: math.sqrt(stiffness(beam)))
 
@@ -148,7 +143,7 @@ def _plane(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
         raise InputError("offset applies to beams in space: read the mesh with gdim=3.")
     space = compat.lagrange(mesh.dolfinx, order, 3)
     w, v = ufl.TrialFunction(space), ufl.TestFunction(space)
-    t = _tangent(mesh)
+    t = tangent(mesh)
     normal = ufl.as_vector([-t[1], t[0]])
 
     EA = _root(mesh, parts, lambda b: b.E * b.section.A)
@@ -183,7 +178,7 @@ def on_lines(mesh: Mesh, parts: Parts, order: int) -> WeakForm:
     """
     space = compat.lagrange(mesh.dolfinx, order, 6)
     w, v = ufl.TrialFunction(space), ufl.TestFunction(space)
-    t = _tangent(mesh)
+    t = tangent(mesh)
     height = _orientations(mesh, parts)
     y = height - ufl.dot(height, t) * t
     y = y / ufl.sqrt(ufl.dot(y, y))

@@ -155,3 +155,10 @@ def measure(mesh: Mesh, degree: int | None) -> ufl.Measure:
     """Integration over the cells with a fixed quadrature degree (None: UFL's estimate)."""
     metadata = {} if degree is None else {"quadrature_degree": degree}
     return ufl.Measure("dx", domain=mesh.dolfinx, metadata=metadata)
+
+
+def tangent(mesh: Mesh) -> Expr:
+    """Unit vector along the cells of a mesh of lines (UFL)."""
+    J = ufl.Jacobian(mesh.dolfinx)
+    t = ufl.as_vector([J[i, 0] for i in range(mesh.gdim)])
+    return t / ufl.sqrt(ufl.dot(t, t))

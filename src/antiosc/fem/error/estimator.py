@@ -12,8 +12,14 @@ from antiosc.fem.structure.structure import Structure, on_mesh
 NO_MESH = "the error of a mesh needs the mesh: given matrices have none, so leave error=None."
 #: Why the recovery of strains does not tell the errors of other families.
 WHY = {
-    "sheet": "whose interpolated strains can make a coarse mesh softer than the part",
-    "beam": "which are compared with a finer mesh",
+    "sheet": (
+        "whose interpolated strains can make a coarse mesh softer than the part: leave error=None "
+        "and compare two element sizes"
+    ),
+    "beam": (
+        "which are compared with a finer mesh: leave error=None and compare two element sizes"
+    ),
+    "truss": "whose nodes are hinges, so that no mesh could be finer: leave error=None",
 }
 
 
@@ -39,8 +45,7 @@ def estimator(structure: Structure) -> StrainErrors:
     if matrices.kind.name != "solid":
         raise InputError(
             f"error='estimate' holds for solids and beams; {matrices.mesh.name} is made of "
-            f"{matrices.kind.name} elements, {WHY[matrices.kind.name]}: leave error=None and "
-            "compare two element sizes."
+            f"{matrices.kind.name} elements, {WHY[matrices.kind.name]}."
         )
     from antiosc.fem.error.solid import SolidErrors  # needs dolfinx
 

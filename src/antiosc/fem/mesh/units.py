@@ -28,7 +28,7 @@ def tell_of_units(extent: float, materials: Iterable[Material]) -> None:
     ----------
     extent : float
         Diagonal of the box around the part, m.
-    materials : Solid, Beam, Shell or Laminate
+    materials : Solid, Beam, Truss, Shell or Laminate
     """
     if extent > LONGEST_PART:
         warn(

@@ -6,7 +6,6 @@ accurate, and interpolated between them.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -46,7 +45,7 @@ def section_forces(at: PointsInCells, place: Place) -> Array:
         shear = [beam.shear_stiffness(s.I, size), beam.shear_stiffness(s.side, size)]
         return [beam.E * s.A, *shear, beam.G * s.torsion, beam.E * s.side, beam.E * s.I]
 
-    forces = strains * _each(at, stiffness)[:, :, None]
+    forces = strains * at.each(stiffness)[:, :, None]
     return forces if at.part.mesh.gdim == 3 else forces[:, [0, 1, 5]]
 
 
@@ -55,7 +54,7 @@ def strain(at: PointsInCells, place: Place) -> Array:
     strains, frame = section_strains(at)
     y, z = place.fibre or (0.0, 0.0)
     along = strains[:, 0] - y * strains[:, 5] + z * strains[:, 4]
-    nu = _each(at, lambda beam: [beam.nu])
+    nu = at.each(lambda beam: [beam.nu])
     local = np.zeros((len(at.cells), 3, 3, along.shape[1]))
     local[:, 0, 0] = along
     local[:, 1, 1] = local[:, 2, 2] = -nu * along
@@ -66,7 +65,7 @@ def stress(at: PointsInCells, place: Place) -> Array:
     """Tensors (P, 3, 3, columns) of a fibre, Pa: the normal stress of N, My and Mz alone."""
     strains = strain(at, Place(fibre=place.fibre, local=True))
     local = np.zeros_like(strains)
-    local[:, 0, 0] = _each(at, lambda beam: [beam.E]) * strains[:, 0, 0]
+    local[:, 0, 0] = at.each(lambda beam: [beam.E]) * strains[:, 0, 0]
     return local if place.local else in_frame(local, _frame(at))
 
 
@@ -82,7 +81,7 @@ def _strains(at: PointsInCells, frame: Frame) -> Array:
     slope = at.slopes(displacements)[:, :, 0] / length
     bend = at.slopes(rotations)[:, :, 0] / length
     turn = at.values(rotations)
-    offset = _each(at, lambda beam: [beam.offset])
+    offset = at.each(lambda beam: [beam.offset])
 
     def along(vectors: Array, axis: Array) -> Array:
         return np.einsum("pck,pc->pk", vectors, axis)
@@ -112,9 +111,3 @@ def _frame(at: PointsInCells) -> Frame:
     y = height - np.einsum("pc,pc->p", height, t)[:, None] * t
     y /= np.linalg.norm(y, axis=1)[:, None]
     return Frame(t, y, np.cross(t, y))
-
-
-def _each(at: PointsInCells, value: Callable[[Beam], list[float]]) -> Array:
-    """Numbers (P, m) of the beam at each point."""
-    table = np.array([value(beam) for beam, _ in at.part.parts])
-    return np.asarray(table[at.part.part_of_cells()[at.cells]])

@@ -6,13 +6,13 @@ from collections.abc import Callable
 from types import ModuleType
 
 from antiosc._types import Array
-from antiosc.fem.recovery import beam, sheet, solid
+from antiosc.fem.recovery import beam, sheet, solid, truss
 from antiosc.fem.recovery.place import Place
 from antiosc.fem.recovery.shape_slopes import PointsInCells
 from antiosc.fem.recovery.sheet import SheetAxes
 from antiosc.fem.structure.meshed import MeshedStructure
 
-FAMILIES: dict[str, ModuleType] = {"solid": solid, "beam": beam, "sheet": sheet}
+FAMILIES: dict[str, ModuleType] = {"solid": solid, "beam": beam, "sheet": sheet, "truss": truss}
 #: Gives a quantity (P, …, columns) at points.
 Evaluate = Callable[[PointsInCells], Array]
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 
 from antiosc._types import Array, IntArray
@@ -48,6 +51,11 @@ class PointsInCells:
     def functions(self) -> int:
         """Number of basis functions of a cell."""
         return int(compat.cell_dofs(self._space, self._first, self.cells[:0]).shape[1])
+
+    def each(self, value: Callable[[Any], list[float]]) -> Array:
+        """Numbers (P, m) of the material at each point."""
+        table = np.array([value(material) for material, _ in self.part.parts])
+        return np.asarray(table[self.part.part_of_cells()[self.cells]])
 
     def values(self, dofs: Array) -> Array:
         """Values (P, components, columns) at the points."""

@@ -59,8 +59,8 @@ def parts_of(mesh: Mesh, material: Any) -> Parts:
         parts.append((one, cells))
     if len({one.kind for one, _ in parts}) > 1:
         raise InputError(
-            "all materials of one structure must be of one family: Solid, Beam, or Shell and "
-            "Laminate."
+            "all materials of one structure must be of one family: Solid, Beam, Truss, or Shell "
+            "and Laminate."
         )
     none = mesh.comm.allreduce(int(np.sum(times[: imap.size_local] == 0)))
     twice = mesh.comm.allreduce(int(np.sum(times[: imap.size_local] > 1)))
@@ -76,7 +76,7 @@ def _family(material: Any) -> Family:
     """`material`, or InputError for anything else."""
     if isinstance(material, type) or not isinstance(material, Family):
         raise InputError(
-            "material must be a Solid, Shell, Laminate or Beam, or a dict of them; got "
+            "material must be a Solid, Shell, Laminate, Beam or Truss, or a dict of them; got "
             f"{type(material).__name__}."
         )
     return material

@@ -46,7 +46,7 @@ class Structure(Brief):
     ----------
     mesh : Mesh
         From `read_mesh`.
-    material : Solid, Shell, Laminate, Beam or dict
+    material : Solid, Shell, Laminate, Beam, Truss or dict
         One material, or {group name: material} that covers every cell once. On a shell's mesh
         groups of edges may carry a `Beam` besides: a stiffener that moves with the sheet.
     supports : sequence of Support

@@ -75,7 +75,7 @@ def element_type(name: str) -> ElementType | None:
         if match := pattern.match(name):
             nodes = int(match[1])
             if kind == "line":
-                return _line(nodes, "rod" if name.startswith("T3D2") else "other")
+                return _line(nodes, "rod" if name.startswith(("T2D2", "T3D2")) else "other")
             return _plain((SHEET_SHAPES if kind == "face" else VOLUMES)[nodes], "other", nodes)
     return None
 

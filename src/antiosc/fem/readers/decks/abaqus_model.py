@@ -81,6 +81,9 @@ def model_of(whole: Whole, units: UnitSystem, density: float | None) -> dict[str
             sections.read(card, within)
     varied = vary_thickness(whole, builder, sections.roles)
     builder.with_roles(sections.roles)
+    for block in whole.deck.blocks:
+        if block.type.startswith("T2D2"):  # bars of the plane
+            builder.fix(np.unique(block.corners), [2])
     supports = _Supports(whole, builder)
     top = whole.instances[""]
     both = [*whole.cards, *((card, top) for card in first)]

@@ -90,18 +90,18 @@ class Sections:
             arguments["plane"] = roles.pop().removeprefix("plane ")
             arguments["thickness"] = thickness * self.builder.units.length
         elif roles == {"rod"}:
-            self._rods(card, elements, E, arguments["rho"])
+            self._rods(card, elements, arguments)
             return
         elif roles != {"solid"}:
             self._refuse_roles(card, roles)
         self.builder.add(name, elements, Family("Solid", arguments, card.place))
 
-    def _rods(self, card: Card, elements: IntArray, E: float, rho: float) -> None:
-        """T3D2, with their area in the first line."""
+    def _rods(self, card: Card, elements: IntArray, material: dict[str, Any]) -> None:
+        """T2D2 and T3D2, with their area in the first line."""
         area = (card.first_numbers() or [1.0])[0] or 1.0
         units = self.builder.units
-        rod = Rod(E / units.stress * area, 0.0, rho / units.density * area, card.place)
-        self.builder.add_rods(elements, rod)
+        EA, mass = material["E"] / units.stress * area, material["rho"] / units.density * area
+        self.builder.add_rods(elements, Rod(EA, material["nu"], area, 0.0, mass, card.place))
 
     def _refuse_roles(self, card: Card, roles: set[str]) -> None:
         kinds = sorted(

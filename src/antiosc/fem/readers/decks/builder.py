@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -33,6 +34,8 @@ class Rod(NamedTuple):
     """The section of a rod, in the deck's units."""
 
     EA: float
+    nu: float
+    area: float
     GJ: float
     #: mass per length
     mass: float
@@ -58,6 +61,8 @@ class ModelBuilder:
     masses: list[tuple[int, Place, float, list[float]]] = field(default_factory=list)
     #: (node, place, {motion: stiffness}), to the ground
     springs: list[tuple[int, Place, dict[str, float]]] = field(default_factory=list)
+    #: whether the deck has no other elements: the rods are a truss
+    truss: bool = False
     #: what is ignored of joints
     joint_told: list[str] = field(default_factory=list)
     #: nodes that stay apart from others in their place
@@ -76,13 +81,19 @@ class ModelBuilder:
 
     def with_roles(self, roles: Sequence[str]) -> None:
         """What the blocks of the deck are; nodes of shells and beams have rotations."""
+        ends = np.cumsum([0, *map(len, self.deck.blocks)])
+        present = {
+            role for role, some in zip(roles, pairwise(ends), strict=True)
+            if self.chosen[slice(*some)].any()
+        }  # fmt: skip
+        self.truss = present == {"rod"}
         start = 0
         every = np.zeros(len(self.used), dtype=bool)
         for role, block in zip(roles, self.deck.blocks, strict=True):
             every[nodes_of_block(block)] = True
             own = nodes_of_block(some_rows(block, self.chosen[start : start + len(block)]))
             start += len(block)
-            if role != "rod":
+            if role != "rod" or self.truss:
                 self.used[own] = True
             else:
                 every[own] = False

@@ -8,7 +8,6 @@ from itertools import pairwise
 import numpy as np
 
 from antiosc._types import BoolArray
-from antiosc.errors import MeshError
 from antiosc.fem.readers.decks.builder import ModelBuilder
 from antiosc.fem.readers.decks.choice import some_rows
 from antiosc.fem.readers.decks.constraints import Term
@@ -25,11 +24,6 @@ def keep(builder: ModelBuilder, kept: BoolArray, roles: list[str]) -> list[str]:
         some_rows(block, some) for block, some in zip(builder.deck.blocks, own, strict=True)
         if some.any()
     ]  # fmt: skip
-    if not builder.deck.n_elements:
-        raise MeshError(
-            f"{builder.deck.name} has no elements but rods; a structure needs solids, shells or "
-            "beams."
-        )
     number = np.cumsum(kept) - 1
     sets = builder.deck.element_sets
     builder.deck.element_sets = {name: number[one[kept[one]]] for name, one in sets.items()}

@@ -16,7 +16,7 @@ from antiosc.fem.readers.decks.builder import MOTIONS, ModelBuilder
 from antiosc.fem.readers.decks.deck import IntArray, Place
 from antiosc.fem.readers.decks.left_out import keep
 from antiosc.fem.readers.decks.middles import hold_middles
-from antiosc.fem.readers.decks.rods import join_rods
+from antiosc.fem.readers.decks.rods import join_rods, make_truss
 from antiosc.fem.readers.shapes import EDGES
 
 #: What may be joined in one structure.
@@ -32,7 +32,7 @@ def finished(builder: ModelBuilder, roles: Sequence[str]) -> dict[str, Any]:
         Elements without a section, or families that cannot be combined in a structure.
     """
     roles = list(roles)
-    rods = join_rods(builder, roles, builder.chosen)
+    rods = make_truss(builder) if builder.truss else join_rods(builder, roles, builder.chosen)
     roles = keep(builder, builder.chosen & ~rods, roles)
     _refuse_uncovered(builder, roles)
     present = {role for role, block in zip(roles, builder.deck.blocks, strict=True) if len(block)}
@@ -61,7 +61,8 @@ def finished(builder: ModelBuilder, roles: Sequence[str]) -> dict[str, Any]:
                 name = f"{name} {number}"
             builder.deck.element_sets[name] = elements
         groups.append([name, family.kind, family.arguments, str(family.place)])
-    count = 2 if not present <= JOINED else 3 if present == {"solid"} else 6
+    plane = not builder.truss and not present <= JOINED
+    count = 2 if plane else 3 if builder.truss or present == {"solid"} else 6
     return {
         "families": groups,
         "supports": _supports(builder, count),

@@ -29,6 +29,7 @@ from antiosc.fem.readers.decks.nastran_joints import read_joints
 from antiosc.fem.readers.decks.nastran_masses import read_masses
 from antiosc.fem.readers.decks.nastran_materials import materials_of
 from antiosc.fem.readers.decks.nastran_sections import Properties
+from antiosc.fem.readers.decks.rods import hold_without_stiffness
 from antiosc.fem.readers.unit_system import UnitSystem
 
 #: Unsupported entries, other than elements, that would change the result.
@@ -78,6 +79,8 @@ def model_of(found: NastranDeck, units: UnitSystem, density: float | None) -> di
     read_joints(found, builder)
     beams.join(builder, ends)
     read_masses(found, builder, factor)
+    if builder.truss and not _without_autospc(found):
+        hold_without_stiffness(builder)
     found.deck.left.clear()
     counts = Counter(e.name for e in found.bulk.entries if e.name.startswith(LOAD_ENTRIES))
     loads = [f"{count} {name}" for name, count in sorted(counts.items())]
@@ -91,6 +94,12 @@ def _mass_factor(found: NastranDeck) -> float:
         if entry.text(0).upper() == "WTMASS":
             return entry.real(1, None)
     return 1.0
+
+
+def _without_autospc(found: NastranDeck) -> bool:
+    """PARAM,AUTOSPC,NO."""
+    entries = [e for e in found.named("PARAM") if e.text(0).upper() == "AUTOSPC"]
+    return any(entry.text(1).upper() == "NO" for entry in entries)
 
 
 # --- Supports -------------------------------------------------------------------------------------

@@ -133,7 +133,7 @@ class Properties(PropertyReader):
         density = self.builder.rho(material) / units.density
         per_length = density * area + extra * self.mass_factor
         GJ = E / (2 * (1 + nu)) * torsion
-        self.builder.add_rods(elements, Rod(E * area, GJ, per_length, entry.place))
+        self.builder.add_rods(elements, Rod(E * area, nu, area, GJ, per_length, entry.place))
 
     # --- Beams ------------------------------------------------------------------------------------
 

@@ -1,4 +1,8 @@
-"""Rods of decks (CROD, CONROD, CTUBE, T3D2): springs along their lines, masses at their ends."""
+"""Rods of decks (CROD, CONROD, CTUBE, T2D2, T3D2).
+
+Between other elements they are springs along their lines, with masses at their ends; rods alone
+make a truss.
+"""
 
 from __future__ import annotations
 
@@ -6,9 +10,12 @@ import numpy as np
 
 from antiosc._types import BoolArray
 from antiosc.errors import MeshError
-from antiosc.fem.readers.decks.builder import ModelBuilder, Rod
+from antiosc.fem.readers.decks.builder import MOTIONS, Family, ModelBuilder, Rod
 from antiosc.fem.readers.decks.constraints import Term
 from antiosc.fem.readers.decks.deck import Place
+
+#: Component of a rod's direction over the largest below which it is rounding.
+FLAT = 1e-8
 
 
 def join_rods(builder: ModelBuilder, roles: list[str], kept: BoolArray) -> BoolArray:
@@ -42,6 +49,52 @@ def join_rods(builder: ModelBuilder, roles: list[str], kept: BoolArray) -> BoolA
         if mass and first:
             builder.mass(node, mass, [0.0] * 3, first)
     return rods
+
+
+def make_truss(builder: ModelBuilder) -> BoolArray:
+    """Sections of the family `Truss` for all rods; no element that becomes a spring."""
+    units = builder.units
+    alike: dict[Rod, list[int]] = {}
+    for k in np.flatnonzero(builder.chosen):
+        if int(k) in builder.rods:
+            rod = builder.rods[int(k)]
+            alike.setdefault(rod, []).append(int(k))
+    for rod, elements in alike.items():
+        arguments = {
+            "E": rod.EA / rod.area * units.stress,
+            "nu": rod.nu,
+            "rho": rod.mass / rod.area * units.density,
+            "area": rod.area * units.length**2,
+        }
+        builder.add("rods", np.array(elements), Family("Truss", arguments, rod.place))
+    if any(rod.GJ for rod in alike):
+        builder.ignored.append("the torsion of rods, whose ends are hinges in a truss")
+    return np.zeros(builder.deck.n_elements, dtype=bool)
+
+
+def hold_without_stiffness(builder: ModelBuilder) -> None:
+    """Hold motions along the axes against which nothing is stiff, as AUTOSPC of Nastran does."""
+    stiff = np.zeros((len(builder.used), 3))
+    for block in builder.deck.blocks:
+        along = np.ptp(builder.deck.points[block.corners], axis=1)
+        along /= np.maximum(along.max(axis=1, keepdims=True), np.finfo(float).tiny)
+        np.add.at(stiff, block.corners, along[:, None])
+    joints = builder.joints
+    for terms in (*joints.equations, *(terms for terms, _ in joints.springs)):
+        for node, motion, _ in terms:
+            if node < len(stiff) and motion < 3:
+                stiff[node, motion] = 1.0
+    for node, _, stiffness in builder.springs:
+        stiff[node] += [name in stiffness for name in MOTIONS[:3]]
+    for node, _ in joints.alias:  # motions along axes of its own
+        stiff[node] = 1.0
+    loose = builder.used[:, None] & (stiff <= FLAT) & ~builder.fixed[:, :3]
+    if loose.any():
+        builder.fixed[:, :3] |= loose
+        builder.deck.told.append(
+            f"{int(loose.sum())} motions of nodes of {builder.deck.name} against which no rod is "
+            "stiff are held (AUTOSPC)."
+        )
 
 
 def _spring(builder: ModelBuilder, a: int, b: int, rod: Rod) -> float:
