@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
+from scipy.integrate import trapezoid
 
 import antiosc as ao
 from antiosc.simulation import compilation, convergence, engine, march
@@ -11,6 +14,7 @@ from antiosc.simulation.assembly import assemble
 from antiosc.simulation.convergence import converge, difference, left
 from antiosc.simulation.march.course import mass_felt
 from antiosc.simulation.march.crossings import crossing, polished
+from antiosc.simulation.march.curves import table_at
 from antiosc.simulation.march.responses import responses, responses_twice
 from antiosc.simulation.march.tables import moves, push
 from antiosc.simulation.refinement import start
@@ -120,3 +124,77 @@ def test_compiled_differences_and_energies_are_those_of_numpy(monkeypatch, by_nu
     march.energies(runs[0].states, made.system.omega, energies[0])
     compiled.energies(runs[0].states, made.system.omega, energies[1])
     np.testing.assert_allclose(energies[1], energies[0], rtol=1e-12)
+
+
+def free_flight(module, seed: int, damped: bool) -> list[float]:
+    """`chord` of arrays at random, by the loops or by NumPy."""
+    rng = np.random.default_rng(seed)
+    omega = np.array([0.0, 3.0, 40.0, 900.0])
+    decay = 0.4 * omega if damped else np.zeros(4)
+    work: list[object] = [None] * 13
+    levels = march.LEVELS
+    work[9], work[10] = rng.uniform(0.1, 1, (2, 4)), rng.uniform(0.1, 1, 2)
+    work[11], work[12] = np.zeros((levels + 1, 2)), np.zeros(levels + 1, dtype=np.int64)
+    modes = (omega, decay, None, None)
+    chord, spans = module.flight.chord, (1e-3, 0.05, 2.0)
+    return [chord(c, levels, h, modes, work) for c in (0, 1) for h in spans]
+
+
+@pytest.mark.parametrize("damped", [False, True])
+def test_a_chord_misses_no_more_than_its_curvature_and_twice_its_amplitude(damped) -> None:
+    """Σ swing min(2, ω (ω + 2 d) h²/8) and what has no frequency, by both branches."""
+    rng = np.random.default_rng(5)
+    swing, bend = rng.uniform(0.1, 1, (2, 4)), rng.uniform(0.1, 1, 2)
+    omega = np.array([0.0, 3.0, 40.0, 900.0])
+    growth = omega * (omega + 2 * (0.4 * omega if damped else 0.0))
+    expected = [
+        bend[c] * h**2 / 8 + sum(swing[c] * np.minimum(2.0, growth * h**2 / 8))
+        for c in (0, 1)
+        for h in (1e-3, 0.05, 2.0)
+    ]
+    for module in (march, written_out()):
+        np.testing.assert_allclose(free_flight(module, 5, damped), expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("module", ["numpy", "loops"])
+def test_the_difference_of_two_runs_is_the_integral_of_its_square(monkeypatch, module) -> None:
+    """Runs of parabolas on unlike nodes, forces from the first node on; by trapezoids between."""
+    other = march if module == "numpy" else written_out()
+    monkeypatch.setattr(convergence, "fitting_march", lambda _: other)
+    time = np.array([0.0, 0.1, 0.2, 0.45, 0.7, 0.85, 1.0]), np.array([0.0, 0.3, 0.6, 0.8, 1.0])
+    rng = np.random.default_rng(8)
+    force = [rng.uniform(1.0, 3.0, (t.size, 2)) for t in time]
+    a, b = (SimpleNamespace(time=t, force=f) for t, f in zip(time, force, strict=True))
+
+    def at(k: int, t: float) -> np.ndarray:
+        start = min(2 * int(np.searchsorted(time[k][2::2], t)), time[k].size - 3)
+        x, y = time[k][start : start + 3], force[k][start : start + 3]
+        u = (t - x[0]) / (x[2] - x[0])
+        return y[0] * (1 - u) * (1 - 2 * u) + 4 * y[1] * u * (1 - u) + y[2] * u * (2 * u - 1)
+
+    nodes = np.sort(np.concatenate(time))
+    apart = [((at(0, t) - at(1, t)) ** 2).sum() for t in nodes]
+    size = [(at(1, t) ** 2).sum() for t in nodes]
+    peaks = np.array([[abs(at(k, t)) for t in nodes] for k in (0, 1)]).max(axis=1)
+    expected = np.sqrt(trapezoid(apart, nodes) / trapezoid(size, nodes))
+    found = difference(a, b, 10.0)
+    assert found[0] == pytest.approx(expected, rel=1e-12)
+    assert found[1] == pytest.approx(abs(peaks[0] - peaks[1]).max() / peaks[1].max(), rel=1e-12)
+    assert found[2] == 1.0
+    until = difference(a, b, 0.5 * expected)[2]
+    used = np.concatenate([[0], np.cumsum(np.diff(nodes) * (np.array(apart)[1:] + apart[:-1]) / 2)])
+    limit = 0.25 * expected**2 * trapezoid(size, nodes)
+    assert until == nodes[np.flatnonzero(used > limit)[0]]
+
+
+@pytest.mark.parametrize("x", [-0.3, 0.0, 0.25, 0.5, 0.8, 1.5, 1.9, 2.0, 2.7])
+def test_a_table_is_its_cubic_and_a_straight_line_beyond(x) -> None:
+    """Packed from x³ on three knots, behind two other parameters."""
+    knots = np.array([0.0, 0.5, 2.0])
+    packed = [np.array([7.0, 7.0]), knots, np.ones(3), 3 * knots, 3 * knots**2, knots**3]
+    packed += [knots**4 / 4, np.array([8.0, 12.0])]
+    found = table_at(np.concatenate(packed), 2, 3, x)
+    inside, beyond = min(max(x, 0.0), 2.0), max(x - 2.0, 0.0)
+    expected = [inside**3 + 12 * beyond, 3 * inside**2]
+    expected.append(inside**4 / 4 + 8 * beyond + 6 * beyond**2)
+    np.testing.assert_allclose(found, expected, rtol=1e-12)
