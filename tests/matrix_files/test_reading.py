@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 import tracemalloc
 
 import numpy as np
@@ -218,6 +219,16 @@ def test_bad_binary_files_are_refused(count, tmp_path):
         wrong[rng.integers(len(content))] = int(rng.integers(256))
         bad.write_bytes(bytes(wrong))
         assert "\n" not in outcome(bad)
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_a_binary_matrix_that_is_not_square_is_refused_by_its_size(order, tmp_path):
+    path = tmp_path / "K.op4"
+    head = struct.pack(f"{order}4i", 3, 5, 2, 2) + b"KAA     "
+    mark = struct.pack(f"{order}i", len(head))
+    path.write_bytes(mark + head + mark)
+    with pytest.raises(ao.InputError, match="must be square; got 5 rows and 3 columns"):
+        ao.Structure.from_files(path, path)
 
 
 @CHANGES

@@ -9,8 +9,9 @@ from scipy.linalg import expm
 import antiosc as ao
 from antiosc.simulation.compared_impact import force_difference
 from antiosc.simulation.integrators import FIXED_STEP
-from antiosc.simulation.integrators.problem import Problem
+from antiosc.simulation.integrators.problem import Problem, Segment
 from antiosc.simulation.modal_response import responses
+from antiosc.simulation.scene_scales import mass_behind
 from rates import observed_order
 
 methods = pytest.mark.parametrize("method", ["exact", *FIXED_STEP])
@@ -213,3 +214,21 @@ def test_a_mode_under_its_weight_and_a_linear_force(omega):
     assert (found[0][0], found[1][0]) == pytest.approx((x, v), rel=1e-10)
     free, forced = problem.free(*start, end), problem.forced(*start, end, 0.0, 0.0)
     np.testing.assert_allclose(np.ravel(forced), np.ravel(free), rtol=1e-12)
+
+
+@pytest.mark.parametrize("rise", [2.0, -2.0, 20.0])
+def test_the_peak_of_a_parabola_lies_where_its_slope_is_zero(rise):
+    """f = 3 + rise t - 5 t² between two nodes, at the end where it still rises."""
+    t = np.array([0.0, 0.25, 0.6])
+    one = Segment(t, 3 + rise * t - 5 * t**2, lambda: t, lambda: (t, t), np.array([-10.0, -10.0]))
+    at = min(max(rise / 10, 0.0), 0.6)
+    assert one.peak == pytest.approx(3 + rise * at - 5 * at**2, rel=1e-12)
+
+
+def test_the_inertia_behind_a_contact_is_that_of_its_slowest_motions():
+    """A rigid mass; one mode; one of each, which add mobilities; nothing that moves: 1 kg."""
+    omega = np.array([0.0, 30.0])
+    assert mass_behind(np.array([0.5, 0.0]), omega) == pytest.approx(4.0)
+    assert mass_behind(np.array([0.0, 0.2]), omega) == pytest.approx(25.0)
+    assert mass_behind(np.array([0.5, 0.2]), omega) == pytest.approx(1 / (0.25 + 0.04))
+    assert mass_behind(np.zeros(2), omega) == 1.0

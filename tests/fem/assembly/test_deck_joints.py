@@ -166,6 +166,21 @@ def test_shells_beside_solids_and_beams_beside_shells_share_nodes(tmp_path):
     assert 1 / stiff == pytest.approx(1 / below + 1 / (E * 0.04), rel=1e-8)
 
 
+def test_supports_by_a_group_of_one_of_the_parts(tmp_path):
+    """Named besides those of the deck: the group is that of the part that has it."""
+    sheet = "*ELEMENT, TYPE=S4, ELSET=SHEET\n50,9,10,11,12\n*NSET, NSET=BASE\n1,2,3,4\n"
+    sheet += "*SHELL SECTION, ELSET=SHEET, MATERIAL=M\n.1\n*NSET, NSET=ROOF\n9,10,11,12\n"
+    text = column() + sheet + SOLID + MATERIAL
+    held = read(tmp_path, text + FOOT)
+    part = read(tmp_path, text, supports=[ao.Support("BASE")])
+    assert not part.rigid_modes.size
+    assert k0(part, (0, 0, L), of="solids") == pytest.approx(
+        k0(held, (0, 0, L), of="solids"), rel=1e-9
+    )
+    with pytest.raises(ao.InputError, match="NOWHERE"):
+        read(tmp_path, text, supports=[ao.Support("NOWHERE")])
+
+
 REFUSED = {
     "unknown node": ("*EQUATION\n2\n9,3,1.,99,3,-1.\n", "names '99', which the deck does not"),
     "cut off": ("*EQUATION\n3\n9,3,1.,10,3,-1.\n", "ends after 2 of 3 terms"),

@@ -194,6 +194,23 @@ def test_instances_are_moved_and_turned():
     assert nodes_of(mesh, "Tip") == nodes_of(mesh, "Bar-2.end")
 
 
+@pytest.mark.parametrize(
+    ("lines", "corner"),
+    [
+        ("3.,,\n", (3, 0, 0)), ("3.\n", (3, 0, 0)), (",2.\n", (0, 2, 0)), ("", (0, 0, 0)),
+        # a quarter turn about the line through (2, 0, 0) along z, after the shift
+        ("3.,0.,1.\n2.,,,2.,,1.,90.\n", (2, 1, 1)),
+    ],
+)  # fmt: skip
+def test_blank_shifts_of_instances_are_zero(tmp_path, lines, corner):
+    text = (DECKS / "instances.inp").read_text()
+    start, end = text.index(" 3., 0., 0."), text.index("*End Instance\n*Nset, nset=Tip")
+    path = tmp_path / "part.inp"
+    path.write_text(text[:start] + lines + text[end:])
+    deck = abaqus_assembly.read(path, path.name).deck
+    np.testing.assert_allclose(deck.points[8], corner, atol=1e-12)
+
+
 def test_nodes_that_coincide_are_merged(tmp_path):
     other = CUBE.replace("*NODE", "*NODE\n11,1,0,0\n12,2,0,0\n13,2,1,0\n14,1,1,0").replace(
         "*ELEMENT", "15,1,0,1\n16,2,0,1\n17,2,1,1\n18,1,1,1.0000001\n*ELEMENT"
