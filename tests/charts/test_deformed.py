@@ -61,7 +61,7 @@ class Screen:
 
 @pytest.mark.parametrize("page", [True, False])
 @pytest.mark.parametrize("given", [True, False])
-def test_pyvista_is_asked_for_the_surface_the_view_and_the_arrow(tmp_path, monkeypatch, page, given):
+def test_pyvista_is_asked_for_surface_view_and_arrow(tmp_path, monkeypatch, page, given):
     """From above at 30° and from the side at 90°; by default as matplotlib's pictures are seen."""
     screen, drawn = Screen(), {}
     pyvista = ModuleType("pyvista")
