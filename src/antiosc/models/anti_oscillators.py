@@ -103,6 +103,9 @@ class AntiOscillators(Brief, Parameters):
     strain_error : array_like, shape (N + 1, N + 1), optional
         One site: energies [N/m] of the errors of the strains of psi_0 ... psi_N that the mesh
         leaves, by `extract(..., error="estimate")`; see `corrected`.
+    strain_misfit : array_like, shape (N + 1, N + 1), optional
+        With `strain_error`, of shells: work [N/m] of the section forces of one shape on what the
+        elements' interpolation changes in the strains of the other, of either sign.
 
     Raises
     ------
@@ -115,8 +118,9 @@ class AntiOscillators(Brief, Parameters):
             checks.instance("damping", self.damping, Damping, "a Damping(ratio, alpha, beta)")
         checks.instance("info", self.info, dict, "a dict of facts")
         if self.P is not None or len(checks.instance("sites", self.sites, (list, tuple), "names")):
-            if self.strain_error is not None:
-                raise InputError("strain_error belongs to a model of one site.")
+            for name in ("strain_error", "strain_misfit"):
+                if getattr(self, name) is not None:
+                    raise InputError(f"{name} belongs to a model of one site.")
             checks.store(self, **several_sites.checked(self))
         else:
             checks.store(self, **one_site.checked(self))
@@ -179,7 +183,7 @@ class AntiOscillators(Brief, Parameters):
         lead = self.lead
         left_out = np.arange(lead + n, lead + self.n)
         p, shapes, inertia = self.participation, self.shapes, self.inertia
-        E = self.strain_error
+        E, misfit = self.strain_error, self.strain_misfit
         if p is not None:
             added = 0.0 if self.sites else p[left_out].sum()
             p = np.delete(p, left_out, axis=0)
@@ -194,14 +198,15 @@ class AntiOscillators(Brief, Parameters):
             shapes=None if shapes is None else shapes[:, : lead + n],
             inertia=inertia and inertia.along(np.delete(inertia.momentum, left_out, axis=0)),
             strain_error=None if E is None else E[: n + 1, : n + 1],
+            strain_misfit=None if misfit is None else misfit[: n + 1, : n + 1],
         )
 
     def corrected(self) -> AntiOscillators:
         """The model softened by its `strain_error`: closer to the exact structure.
 
         The stiffness that the mesh has in excess is taken out, for all shapes together
-        (`antiosc.models.softened`); the masses of the shapes stay. The error
-        that is left is unknown.
+        (`antiosc.models.softened`); the masses of the shapes stay. A shell that is softer than the
+        part for its `strain_misfit` is stiffened. The error that is left is unknown.
 
         Raises
         ------

@@ -16,7 +16,7 @@ from antiosc.models.in_space import in_space
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Inertia, unit_vector
 from antiosc.models.parameters import Parameters
-from antiosc.models.softened import checked_error
+from antiosc.models.softened import checked_error, checked_symmetric
 
 #: m0 is negligible if its own free mode lies so far above the last pole (squared frequencies).
 MASSLESS_SITE = 1e-15
@@ -82,6 +82,11 @@ def checked(model: Parameters) -> dict[str, Any]:
     if model.strain_error is not None:
         own = checked_error("strain_error", model.strain_error, columns.size)
         found["strain_error"] = checks.kept(own[np.ix_(columns, columns)])
+    if model.strain_misfit is not None:
+        if model.strain_error is None:
+            raise InputError("strain_misfit belongs to a strain_error, which is missing.")
+        work = checked_symmetric("strain_misfit", model.strain_misfit, columns.size)
+        found["strain_misfit"] = checks.kept(work[np.ix_(columns, columns)])
     return found | in_space(model, columns)
 
 

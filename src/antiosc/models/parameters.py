@@ -38,6 +38,7 @@ class Parameters(Body):
     rigid: Array | None = None
     slide: Array | None = None
     strain_error: Array | None = None
+    strain_misfit: Array | None = None
 
     @property
     def n(self) -> int:

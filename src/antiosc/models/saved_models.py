@@ -26,6 +26,7 @@ _ARRAYS = {
     "rigid": "kg^-1/2",
     "slide": "kg^-1/2",
     "strain_error": "N/m",
+    "strain_misfit": "N/m",
 }
 _INERTIA = {"point": "m", "matrix": "kg, kg m, kg m^2", "momentum": "kg, kg m"}
 _SCALARS = {"local_compliance": "m/N", "radius": "m"}
@@ -46,6 +47,7 @@ _MEANING = {
     "rigid": "displacements of several sites in the rigid-body modes of unit mass",
     "slide": "the same in the hidden rigid-body motions",
     "strain_error": "energies of the errors of the strains of phi_st and psi_i: the mesh's error",
+    "strain_misfit": "work of section forces on what interpolation changes in the strains",
     "local_compliance": "half-space compliance of the patch, contained in 1/k0",
     "radius": "radius of the patch over which the site's displacement is averaged",
 }

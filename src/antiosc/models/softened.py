@@ -10,6 +10,9 @@ lacks are added. The anti-oscillators of F and of the unchanged masses are the c
 off-diagonal terms of E matter: k0 and omega_i changed one by one have even the wrong sign. The
 first column of F is the static mode; what remains of F when the site is held belongs to the
 constraint modes. With k0 = 0 the first shape is a rigid motion, and only the others soften.
+
+Elements that interpolate strains (shells) are too soft by the work of the section forces on what
+the interpolation changes: this `strain_misfit`, of either sign, is added to E.
 """
 
 from __future__ import annotations
@@ -28,12 +31,13 @@ M = TypeVar("M", bound=Parameters)
 
 #: Negative eigenvalue and asymmetry of unit energies that rounding may leave.
 ENERGY_ROUNDING = 1e-8
+#: Least change of the flexibility of any combination of loads, a share of it.
+LEAST_CHANGE = -0.5
 #: Share of an anti-oscillator in the static mass below which its mass is rounding.
 MASSLESS_SHARE = 1e-12
 #: Message for a model without the errors of its strains.
 NO_ESTIMATE = (
-    "the error of the mesh is not known: extract the model of a solid from its mesh with "
-    "error='estimate'."
+    "the error of the mesh is not known: extract the model from its mesh with error='estimate'."
 )
 
 
@@ -50,11 +54,21 @@ def checked_error(name: str, given: Array, size: int) -> Array:
     return checks.kept((E + E.T) / 2)
 
 
+def checked_symmetric(name: str, given: Array, size: int) -> Array:
+    """`given` (size, size), symmetric; InputError otherwise."""
+    E = checks.array(name, given, (size, size))
+    if np.abs(E - E.T).max(initial=0.0) > ENERGY_ROUNDING * np.abs(E).max(initial=0.0):
+        raise InputError(f"{name} must be symmetric.")
+    return checks.kept((E + E.T) / 2)
+
+
 def corrected(model: M) -> M:
     """The softened model; see `AntiOscillators.corrected`."""
     E = model.strain_error
     if E is None:
         raise InputError(NO_ESTIMATE)
+    if model.strain_misfit is not None:
+        E = E + model.strain_misfit
     k0, static, omega, Q = _softened(model.k0, model.m, model.omega, E)
     # amplitudes of the modes of unit mass, and their inertia against the static mode; they span the
     # same shapes, and so the residual mass stays
@@ -81,6 +95,7 @@ def corrected(model: M) -> M:
         shapes=None if model.shapes is None else model.shapes @ turn,
         inertia=inertia,
         strain_error=None,
+        strain_misfit=None,
     )
 
 
@@ -93,7 +108,8 @@ def _softened(k0: float, m: Array, omega: Array, E: Array) -> tuple[float, Array
     if k0 > 0:
         scale[0] = k0**-0.5
     values, vectors = np.linalg.eigh(scale[:, None] * E * scale)
-    grown = (vectors * np.maximum(values, 0.0)) @ vectors.T  # the error relative to the energy
+    # the error relative to the energy
+    grown = (vectors * np.maximum(values, LEAST_CHANGE)) @ vectors.T
     F = scale[:, None] * (np.eye(len(scale)) + grown) * scale
     static, held = np.zeros(len(m)), F[1:, 1:]
     if k0 > 0:

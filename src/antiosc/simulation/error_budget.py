@@ -3,7 +3,9 @@
 The mesh's share is the difference between the impacts on the model and on its corrected model
 (`antiosc.models.softened`), times a factor of safety; since the errors of the three quantities
 (peak force, impulse, contact time) may vanish by chance, each is at least `FLOOR` times the largest
-of them. The factor is larger where the errors of strains hold a large share of the energy.
+of them. The factor is larger where the errors of strains hold a large share of the energy. Of a
+shell the impact on the model that is softened without its misfit counts too, and the larger
+difference is taken: error and misfit have opposite signs and may cancel.
 The share of the truncation: `antiosc.simulation.truncation`.
 """
 
@@ -29,6 +31,8 @@ FLOOR = 0.5
 #: share of the errors of strains in the energy exceeds COARSE, or the faces under the patch are
 #: RESOLVED times its radius (in proportion to them, above the first factor).
 SAFETY, SAFETY_COARSE, COARSE, RESOLVED = 2.0, 3.0, 0.1, 1.2
+#: The first factor of shells over the usual one (demos/shell_error_bars.py).
+SHELL = 1.5
 #: The same for a site inside an element of a beam, whose kink there is not resolved.
 SAFETY_INSIDE = 5.0
 #: Time integration error of the runs that are compared, over that of the history; at most and
@@ -55,7 +59,11 @@ def error_budget(hit: History, again: Run) -> ErrorBudget:
     raw, softer = again(model, tol), again(model.corrected(), tol)
     share = energy_error(model, model.strain_error, amplitudes(hit))
     safety, doubts = _safety(model, share)
-    mesh = floored({name: safety * off for name, off in differences(raw, softer).items()})
+    off = differences(raw, softer)
+    if model.strain_misfit is not None:
+        without = again(replace(model, strain_misfit=None).corrected(), tol)
+        off = {name: max(one, off[name]) for name, one in differences(raw, without).items()}
+    mesh = floored({name: safety * one for name, one in off.items()})
     known = partial(_again, again, model, raw)
     truncated = truncation_error(model, known, tol=tol)
     notes = []
@@ -110,13 +118,15 @@ def _safety(model: AntiOscillators, share: float) -> tuple[float, list[str]]:
             f"The faces at the site measure {faces:.2g} m, more than its radius "
             f"{model.radius:.2g} m: the patch is not resolved, and the mesh's bar is less certain."
         )
+    if model.strain_misfit is not None:
+        safety *= SHELL
     if model.info.get("inside_element") is True:
         safety = max(safety, SAFETY_INSIDE)
         doubts.append(
             "The site lies inside an element of a beam: the mesh's bar is wider; put a node there."
         )
-    if isinstance(polygon := model.info.get("polygon"), str):
-        doubts.append(polygon)
+    if isinstance(left_out := model.info.get("not_included"), str):
+        doubts.append(left_out)
     return safety, doubts
 
 
@@ -176,11 +186,16 @@ def _patch(
         return none, [NO_PATCH]
     change = float(other["compliance"])
     local = max(model.local_compliance - abs(change), 0.0)
-    softer = again(replace(model, local_compliance=local, strain_error=None), tol)
+    softer = again(_plain(model, local_compliance=local), tol)
     changed = differences(raw, softer)
     if change and not any(changed.values()):  # the law does not contain the half-space
         return none, [NO_PATCH]
     return changed, []
+
+
+def _plain(model: AntiOscillators, **changes: Any) -> AntiOscillators:
+    """The model with other parameters, without the errors of its strains."""
+    return replace(model, strain_error=None, strain_misfit=None, **changes)
 
 
 def _geometry(
@@ -200,14 +215,13 @@ def _geometry(
     stiffer = 1 + float(np.clip(layers / energy if energy > 0 else 0.0, -MOST_GAP, MOST_GAP))
     heavier = 1 + float(np.clip(facts["mass"], -MOST_GAP, MOST_GAP))
     p = model.participation
-    curved = replace(
+    curved = _plain(
         model,
         m0=model.m0 * heavier,
         k0=model.k0 * stiffer,
         m=model.m * heavier,
         omega=model.omega * np.sqrt(stiffer / heavier),
         participation=None if p is None else p * heavier,
-        strain_error=None,
     )
     changed = differences(raw, again(curved, tol))
     return floored({name: SAFETY * off for name, off in changed.items()}), [facts["note"]]

@@ -149,6 +149,7 @@ def _hung(model: AntiOscillators, next_omega: float | None) -> AntiOscillators:
         inertia=inertia,
         hidden=None,
         strain_error=None,
+        strain_misfit=None,
     )
 
 

@@ -12,7 +12,6 @@ import antiosc as ao
 from antiosc.fem import compat
 from antiosc.fem.error.estimator import estimator
 from parts import CELLS, STEEL, box, named, plate
-from sheets import edges, rectangle
 
 pytestmark = [
     pytest.mark.fem,
@@ -134,16 +133,3 @@ def test_refused_where_it_does_not_hold():
         ao.extract(matrices, ao.Site(dof=0), n=1, error="estimate")
     with pytest.raises(ao.InputError, match="error must be"):
         ao.extract(matrices, ao.Site(dof=0), n=1, error="guess")
-
-
-def test_coarse_shells_can_be_softer_than_fine_ones():
-    """Why shells are refused: the correction can only soften."""
-    held = [ao.Support(edges(0, 1), ("x", "y", "z", "rx", "ry", "rz"))]
-    site = ao.Site((0.5, 0.5, 0.0), (0, 0, -1), radius=0.1)
-    coarse, fine = (
-        ao.Structure(rectangle(n, 1.0, 1.0), ao.Shell(210e9, 0.3, 7850.0, 0.02), held)
-        for n in (4, 12)
-    )
-    assert ao.extract(coarse, site, n=2).k0 < 0.998 * ao.extract(fine, site, n=2).k0
-    with pytest.raises(ao.InputError, match=r"holds for solids and beams.*softer than the part"):
-        ao.extract(coarse, site, n=2, error="estimate")

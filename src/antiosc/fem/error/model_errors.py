@@ -16,6 +16,8 @@ from antiosc.fem.error.gaps import mean_gaps
 from antiosc.fem.error.halving import HalvedBeams
 from antiosc.fem.error.lines import inside, polygon
 from antiosc.fem.error.patch import patch_of
+from antiosc.fem.error.shell import ShellErrors
+from antiosc.fem.error.solid import SolidErrors
 from antiosc.fem.site.site import Functional
 from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.fem.structure.structure import Structure, on_mesh
@@ -33,30 +35,39 @@ class ModelErrors:
             )
         part = on_mesh(structure, NO_MESH)
         self._structure = structure
-        self._beams = HalvedBeams(part) if part.kind.name == "beam" else None
+        self._errors = HalvedBeams(part) if part.kind.name == "beam" else estimator(structure)
         self._geometry, self._layers, self._mass = "", np.zeros(0), 0.0
-        if self._beams:
-            self._geometry = polygon(part.mesh)
-            return
-        self._errors = estimator(structure)
-        self._geometry = faceted(part.mesh)
-        if self._geometry:
-            self._layers, self._mass = layers(part)
+        self._not_included = ""
+        if isinstance(self._errors, HalvedBeams):
+            self._not_included = polygon(part.mesh)
+        elif isinstance(self._errors, ShellErrors):
+            self._not_included = self._errors.faceted
+        else:
+            self._geometry = faceted(part.mesh)
+            if self._geometry:
+                self._layers, self._mass = layers(part)
 
     def added_to(self, model: AntiOscillators, site: Functional) -> AntiOscillators:
-        """The model, with its shapes, and its `strain_error`; `info` holds patch and geometry."""
+        """The model with its `strain_error`; `info` holds what the budget must know besides."""
         started = time.perf_counter()
-        shapes = model.shapes
-        assert shapes is not None
-        if self._beams:
-            model = replace(model, strain_error=self._beams.gram(model, site))
+        if isinstance(self._errors, HalvedBeams):
+            model = replace(model, strain_error=self._errors.gram(model, site))
             assert site.point is not None  # or `gram` refuses it
             model.info["inside_element"] = inside(on_mesh(self._structure).mesh, site.point)
-            if self._geometry:
-                model.info["polygon"] = self._geometry
-            model.info["seconds"]["error"] = time.perf_counter() - started
-            return model
-        E, outside = self._errors.gram_and_layers(shapes, self._layers)
+        elif isinstance(self._errors, ShellErrors):
+            E, misfit = self._errors.gram_and_misfit(_shapes(model))
+            model = replace(model, strain_error=E, strain_misfit=misfit)
+        else:
+            model = self._of_solid(self._errors, model, site)
+        if self._not_included:
+            model.info["not_included"] = self._not_included
+        model.info["seconds"]["error"] = time.perf_counter() - started
+        return model
+
+    def _of_solid(
+        self, errors: SolidErrors, model: AntiOscillators, site: Functional
+    ) -> AntiOscillators:
+        E, outside = errors.gram_and_layers(_shapes(model), self._layers)
         model = replace(model, strain_error=E)
         model.info["patch"] = patch_of(self._structure, site)
         if self._geometry:
@@ -67,8 +78,12 @@ class ModelErrors:
                 "stiffness": outside.tolist(),
                 "mass": self._mass,
             }
-        model.info["seconds"]["error"] = time.perf_counter() - started
         return model
+
+
+def _shapes(model: AntiOscillators) -> Array:
+    assert model.shapes is not None  # of an extraction
+    return model.shapes
 
 
 def layers(part: MeshedStructure) -> tuple[Array, float]:

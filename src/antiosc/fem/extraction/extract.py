@@ -135,8 +135,8 @@ def extract(
         Store the shapes, from which displacement fields are computed, n + 1 vectors for each site.
     error : "estimate", optional
         Estimate what the mesh leaves out: the model gets its `strain_error`, so that `corrected()`
-        and the `error_budget` of a `simulate` are available. Solids and beams, no named sites.
-        It takes at most one further solve (of beams one on a mesh of half the size).
+        and the `error_budget` of a `simulate` are available. Solids, beams, shells of triangles; no
+        named sites. It takes at most one further solve (of beams one on a mesh of half the size).
     damping : float, sequence of float, or Damping, optional
         Damping ratio of all elastic free modes of the model, ratios of the modes in ascending order
         (the last one for all higher modes), or a `Damping`.

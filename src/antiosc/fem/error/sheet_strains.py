@@ -1,0 +1,97 @@
+"""Strains of shapes of a shell of triangles at quadrature points of many cells at once.
+
+They are those that made the stiffness matrix (`antiosc.fem.elements.shell_strains`), with the
+interpolated shear strain (`antiosc.fem.elements.mitc`); beside it stands what the interpolation
+changed in the shear strain.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from antiosc._types import Array, IntArray
+from antiosc.fem import compat
+from antiosc.fem.error.smooth_pieces import SmoothPieces
+from antiosc.fem.recovery.shape_slopes import PointsInCells
+from antiosc.fem.structure.meshed import MeshedStructure
+
+#: Quadrature degree of the squares of strains, which are quadratic.
+RULE_DEGREE = 4
+#: Number of strains: (ε1, ε2, γ12), (κ1, κ2, 2κ12), (γ13, γ23), drilling.
+STRAINS = 9
+MEMBRANE, BENDING, SHEAR, DRILLING = slice(0, 3), slice(3, 6), slice(6, 8), 8
+
+
+class SheetStrains(NamedTuple):
+    """Of some cells, at all their points (P,), in the axes of the piece."""
+
+    #: (P, 9, k)
+    own: Array
+    #: interpolated shear strains minus those of the displacements and rotations (P, 2, k)
+    gap: Array
+    #: (P,) m²
+    weights: Array
+
+
+class StrainsOfSheets:
+    """Strains of blocks of shapes (rows of this rank, k), on one rank."""
+
+    def __init__(self, part: MeshedStructure, shapes: Array, pieces: SmoothPieces) -> None:
+        self._part, self._axes = part, pieces.axes
+        self._shapes = compat.with_ghosts(part.form.space, shapes)
+        self.X, self._weights = compat.quadrature(part.mesh.cell, RULE_DEGREE)
+        space, path = part.form.space, part.form.components["rx"]
+        self._values = compat.tabulate(space, path, self.X)
+        slopes = compat.tabulate_slopes(space, path, self.X)
+        self._slopes = np.swapaxes(slopes, 1, 2).reshape(2 * len(self.X), -1)
+        # the field whose components along two reference directions b are interpolated, as values of
+        # its interpolant along a: (points, a, b) from the functions
+        on_edges = compat.tabulate(space, path, compat.edge_points())
+        near = compat.edge_interpolation(self.X) @ on_edges
+        self._interpolation = near.reshape(4 * len(self.X), -1)
+        middles = [material.section.middle for material, _ in part.parts]
+        self._middle = np.array(middles)[part.part_of_cells()]
+
+    def at(self, cells: IntArray) -> SheetStrains:
+        """The strains at all points of `cells`."""
+        points, k = len(self.X), self._shapes.shape[1]
+        every = np.repeat(cells, points)
+        at = PointsInCells(self._part, self._shapes, every, np.tile(self.X, (len(cells), 1)))
+        frame = self._axes.frame(at)
+        axes = np.stack(frame, axis=1)
+        metric = np.linalg.inv(np.swapaxes(at.J, 1, 2) @ at.J)
+        along = metric @ np.swapaxes(at.J, 1, 2) @ np.swapaxes(axes[:, :2], 1, 2)  # (P, d, axis)
+        u, turn = self._dofs(cells, "xyz"), self._dofs(cells, ("rx", "ry", "rz"))
+
+        def slopes(dofs: Array, axes: Array) -> Array:
+            """Components along the axes of derivatives along e1, e2: (P, axes, 2, k)."""
+            found = (self._slopes @ dofs).reshape(len(every), 2, 3 * k)
+            found = (np.swapaxes(along, 1, 2) @ found).reshape(len(every), 2, 3, k)
+            found = axes @ np.swapaxes(found, 1, 2).reshape(len(every), 3, 2 * k)
+            return np.asarray(found.reshape(len(every), -1, 2, k))
+
+        du, dr = slopes(u, axes), slopes(turn, axes[:, :2])
+        theta = axes @ (self._values @ turn).reshape(len(every), 3, k)
+        # (θ×n) along e1 and e2, and interpolated: θ×n along a reference direction is θ·(n × J)
+        lean = np.stack([theta[:, 1], -theta[:, 0]], axis=1)
+        across = np.cross(frame.n[:, None], np.swapaxes(at.J, 1, 2))
+        near = (self._interpolation @ turn).reshape(len(every), 2, 6, k)
+        near = (across.reshape(-1, 1, 1, 6) @ near)[:, :, 0]
+        gap = np.swapaxes(along, 1, 2) @ near - lean
+        own = np.empty((len(every), STRAINS, k))
+        own[:, 0], own[:, 1], own[:, 2] = du[:, 0, 0], du[:, 1, 1], du[:, 0, 1] + du[:, 1, 0]
+        own[:, 3], own[:, 4], own[:, 5] = dr[:, 1, 0], -dr[:, 0, 1], dr[:, 1, 1] - dr[:, 0, 0]
+        own[:, SHEAR] = du[:, 2] + lean + gap
+        own[:, DRILLING] = (du[:, 1, 0] - du[:, 0, 1]) / 2 - theta[:, 2]
+        own[:, DRILLING] -= self._middle[every, None] * (dr[:, 0, 0] + dr[:, 1, 1]) / 2
+        area = np.linalg.norm(np.cross(at.J[:, :, 0], at.J[:, :, 1]), axis=1)
+        return SheetStrains(own, gap, area * np.tile(self._weights, len(cells)))
+
+    def _dofs(self, cells: IntArray, names: str | tuple[str, ...]) -> Array:
+        """(cells, functions, components · k)."""
+        form = self._part.form
+        numbers = [compat.cell_dofs(form.space, form.components[name], cells) for name in names]
+        found = np.stack([self._shapes[each] for each in numbers], axis=2)
+        return found.reshape(*found.shape[:2], -1)

@@ -1,0 +1,304 @@
+"""The errors of the strains of shells: energies, fields without errors, torsion, nested meshes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+pytest.importorskip("dolfinx")
+
+import antiosc as ao
+from antiosc.fem import compat
+from antiosc.fem.error.free_edges import layer_energies
+from antiosc.fem.error.sheet_recovery import SheetRecovery, section_forces
+from antiosc.fem.error.sheet_strains import StrainsOfSheets
+from antiosc.fem.error.shell import ShellErrors
+from antiosc.fem.error.smooth_pieces import smooth_pieces
+from antiosc.fem.linalg.petsc_algebra import csr
+from antiosc.fem.structure.structure import on_mesh
+from antiosc.simulation.error_bars import QUANTITIES
+from antiosc.simulation.error_budget import SAFETY, SHELL, differences
+from sheets import (
+    NU,
+    RHO,
+    RIB,
+    SHEET,
+    E,
+    at,
+    edges,
+    flipped,
+    grouped,
+    interpolated,
+    plate,
+    rectangle,
+    sheet,
+    stack,
+    unsymmetric,
+)
+
+pytestmark = [
+    pytest.mark.fem,
+    pytest.mark.filterwarnings("ignore:the supports leave:antiosc.errors.AntioscWarning"),
+]
+
+CLAMPED = [ao.Support(edges(0, 1))]
+NO_TURN = ao.Support(lambda x: x[0] < 1e9, ("rx", "ry", "rz"))
+TILT = np.linalg.qr(np.array([[2.0, 1, 0], [1, 3, 1], [-1, 0.5, 2]]))[0]
+
+
+def tilted(n: int):
+    """A unit square in a plane that no axis lies in."""
+    return sheet(n, lambda s, t: tuple(np.tensordot(TILT[:, :2], np.stack([s, t]), axes=1)))
+
+
+def two_thicknesses(n: int, mesh=None) -> ao.Structure:
+    """A plate whose half x > 0.5 is half as thick."""
+    mesh = mesh or rectangle(n, 1.0, 1.0)
+    middles = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)].mean(axis=1)
+    thin = middles[:, 0] > 0.5
+    groups = {
+        name: {2: np.flatnonzero(own).astype(np.int32)}
+        for name, own in (("thick", ~thin), ("thin", thin))
+    }
+    shells = {"thick": ao.Shell(E, NU, RHO, 0.06), "thin": ao.Shell(E, NU, RHO, 0.03)}
+    return ao.Structure(ao.Mesh(mesh.dolfinx, groups), shells, [])
+
+
+STRUCTURES = {
+    "plate": lambda: plate(3, 0.02),
+    "cells turned over": lambda: ao.Structure(flipped(rectangle(3, 1.0, 1.0), [1, 4, 9]), SHEET),
+    "layers": lambda: ao.Structure(
+        flipped(rectangle(3, 1.0, 1.0), [2, 3]),
+        ao.Laminate(unsymmetric(0.03), axis=(1, 2, 0), top=(0, 0, -1), offset=0.004),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", list(STRUCTURES))
+def test_the_strains_are_those_of_the_stiffness(name):
+    """Their energy is uᵀKu, for any u without in-plane rotations, whose squares are of degree 6."""
+    structure = STRUCTURES[name]()
+    part = on_mesh(structure)
+    u = np.random.default_rng(1).normal(size=(structure.rows, 3))
+    u[compat.dof_coordinates(part.form.space, part.form.components["rz"])[0]] = 0.0
+    u[part.fixed] = 0.0
+    strains = StrainsOfSheets(part, u, smooth_pieces(part)).at(np.arange(part.mesh.n_cells))
+    (D,) = section_forces(part)
+    energy = np.einsum("pik,ij,pjl,p->kl", strains.own, D, strains.own, strains.weights)
+    scale = np.sqrt(np.outer(np.diag(energy), np.diag(energy)))
+    assert np.all(np.abs(energy - u.T @ (csr(structure.K) @ u)) < 1e-9 * scale)
+
+
+@pytest.mark.parametrize("mesh", [rectangle(3, 1.0, 1.0), tilted(3), flipped(tilted(3), [0, 5, 7])])
+def test_strains_of_degree_two_have_no_error(mesh):
+    """Cubic displacements, quadratic rotations: whatever the axes and the normals of the cells."""
+    structure = ao.Structure(mesh, SHEET, [NO_TURN])
+    rng = np.random.default_rng(2)
+    A, B = rng.normal(size=(2, 3, 3))
+
+    def field(x):
+        u, turn = (x**3) @ A + x[:, :1] * x[:, 1:2] ** 2, (x**2) @ B - x[:, :1] * x[:, 1:2]
+        return dict(zip(("x", "y", "z", "rx", "ry", "rz"), np.hstack([u, turn]).T, strict=True))
+
+    def rough(x):
+        return {name: np.sin(9 * x[:, 0] + 7 * x[:, 1]) for name in ("x", "y", "z", "rx", "ry")}
+
+    shapes = np.stack([interpolated(structure, each) for each in (field, rough)], axis=1)
+    errors = ShellErrors(on_mesh(structure))
+    E, misfit = errors.gram_and_misfit(shapes)
+    assert abs(E[0, 0]) < 1e-10 * E[1, 1]
+    assert abs(misfit[0, 0]) < 1e-10 * abs(misfit[1, 1])
+    assert errors.of_cells(shapes[:, 1:]).sum() == pytest.approx(E[1, 1], rel=1e-9)
+
+
+def twisted(structure: ao.Structure) -> np.ndarray:
+    """w = x y without shear strain."""
+    x, y = (lambda x, k=k: x[:, k] for k in (0, 1))
+    return interpolated(structure, lambda p: {"z": x(p) * y(p), "rx": x(p), "ry": -y(p)})[:, None]
+
+
+def layers_of(structure: ao.Structure, u: np.ndarray) -> float:
+    part = on_mesh(structure)
+    pieces = smooth_pieces(part)
+    return float(layer_energies(part, pieces, SheetRecovery(part, u, pieces))[0, 0])
+
+
+def test_layers_along_free_edges_are_those_of_torsion():
+    """The torsion constant of a thin rectangle is b t³/3 (1 - 0.63 t/b) (Timoshenko, Goodier)."""
+    t, width, length = 0.04, 1.0, 4.0
+    mesh = rectangle((8, 2), length, width)
+    short = edges(0, size=length)
+    ends = [ao.Support(short, ("rx", "ry", "rz"))]
+    strip = ao.Structure(mesh, ao.Shell(E, NU, RHO, t), ends)
+    u = twisted(strip)
+    energy = float((E / (2 * (1 + NU))) * t**3 / 3 * width * length)
+    assert layers_of(strip, u) / energy == pytest.approx(0.63 * t / width, rel=0.01)
+    assert layers_of(ao.Structure(mesh, SHEET, [NO_TURN]), u) == 0
+
+
+def test_layers_where_the_thickness_changes():
+    """Both halves twist alike; the jump of the moments is shared so that both turn alike."""
+    structure = two_thicknesses(4)
+    u, G = twisted(structure), E / (2 * (1 + NU))
+    D, c = [], []
+    for t in (0.06, 0.03):
+        D.append(G * t**3 / 12)
+        c.append(t / np.sqrt(10) / D[-1])
+    free = sum(2 * (2 * d) ** 2 * own for d, own in zip(D, c, strict=True))
+    jump = (2 * (D[0] - D[1])) ** 2 * c[0] * c[1] / (c[0] + c[1])
+    assert layers_of(structure, u) == pytest.approx(free + jump, rel=1e-6)
+
+
+def fold(s, t):
+    """Two squares at a right angle."""
+    return np.minimum(2 * s, 1.0), t, np.maximum(2 * s - 1, 0.0)
+
+
+def tube(s, t):
+    return 0.3 * np.cos(2 * np.pi * s), 0.3 * np.sin(2 * np.pi * s), t
+
+
+@pytest.mark.slow
+def test_pieces_end_at_folds_ribs_and_changes_of_the_section():
+    def pieces(structure):
+        return smooth_pieces(on_mesh(structure))
+
+    def count(structure):
+        return len(np.unique(pieces(structure).number))
+
+    ribbed = grouped(rectangle(4, 1.0, 1.0), edges=at(0, 0.5))
+    assert count(plate(4, 0.02)) == 1
+    assert count(ao.Structure(sheet(4, fold), SHEET)) == 2
+    assert count(ao.Structure(ribbed, {"sheet": SHEET, "rib": RIB})) == 2
+    assert count(two_thicknesses(4)) == 2
+    round_ = ao.Structure(sheet((8, 3), tube, order=2), SHEET)
+    assert count(round_) == 1
+    assert pieces(round_).bent < 5
+    facets = ao.Structure(sheet((24, 4), tube), SHEET)
+    assert pieces(facets).bent == pytest.approx(15, rel=1e-6)
+    assert ShellErrors(on_mesh(facets)).faceted.startswith("Not included: the flat cells")
+    assert ShellErrors(on_mesh(round_)).faceted == ""
+
+
+def test_what_is_refused():
+    site = ao.Site((0.5, 0.5, 0), (0, 0, -1))
+    with pytest.raises(ao.InputError, match="takes triangles"):
+        ao.extract(plate(2, 0.02, "quadrilateral"), site, n=2, error="estimate")
+    n = 40
+    angle = 2 * np.pi * np.arange(n) / n
+    ring = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+    across = np.cos(angle / 2)[:, None] * ring + np.sin(angle / 2)[:, None] * np.array([0, 0, 1.0])
+    points = np.vstack([ring - 0.2 * across, ring + 0.2 * across])
+    low, high = np.arange(n), np.arange(n) + n
+    next_low, next_high = np.append(low[1:], high[0]), np.append(high[1:], low[0])
+    halves = [low, next_low, high], [next_low, next_high, high]
+    cells = np.vstack([np.stack(half, axis=1) for half in halves])
+    mesh = ao.read_mesh(compat.create_mesh(MPI.COMM_WORLD, cells, points, "triangle", 1))
+    with pytest.raises(ao.InputError, match="Moebius"):
+        ShellErrors(on_mesh(ao.Structure(mesh, SHEET)))
+
+
+def corner_held(n: int, t: float) -> ao.Structure:
+    """Held at three corners: it twists."""
+
+    def corner(x0, y0):
+        return lambda x: np.isclose(x[0], x0) & np.isclose(x[1], y0)
+
+    held = [
+        ao.Support(corner(0, 0), ("x", "y", "z")),
+        ao.Support(corner(1, 0), ("y", "z")),
+        ao.Support(corner(0, 1), ("z",)),
+    ]
+    return ao.Structure(rectangle(n, 1.0, 1.0), ao.Shell(E, NU, RHO, t), held)
+
+
+#: structure by its number of elements and the site; coarse and finest numbers
+NESTED = {
+    "clamped, softer than the part": (
+        lambda n: plate(n, 0.02, supports=CLAMPED),
+        ao.Site((0.5, 0.5, 0), (0, 0, -1), radius=0.1),
+        (4, 16),
+    ),
+    "twisted": (
+        lambda n: corner_held(n, 0.1),
+        ao.Site((0.9, 0.9, 0), (0, 0, -1), radius=0.1),
+        (3, 24),
+    ),
+    "folded": (
+        lambda n: ao.Structure(sheet(n, fold), SHEET, [ao.Support(at(0, 0.0))]),
+        ao.Site((0.5, 0.5, 0), (0, 0, -1), radius=0.1),
+        (4, 16),
+    ),
+    "layers": (
+        lambda n: ao.Structure(
+            rectangle(n, 1.0, 1.0), ao.Laminate(stack([0, 45, -45, 90], 0.05)), CLAMPED
+        ),
+        ao.Site((0.5, 0.5, 0), (0, 0, -1), radius=0.1),
+        (4, 16),
+    ),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", list(NESTED))
+def test_k0_and_bars_of_nested_meshes(name):
+    part, site, (coarse, fine) = NESTED[name]
+    model = ao.extract(part(coarse), site, n=12, error="estimate")
+    true = ao.extract(part(fine), site, n=12)
+    error = model.k0 - true.k0
+    if "softer" in name:
+        assert error < -1e-3 * true.k0
+    if name not in ("folded", "layers"):  # of which error and misfit cancel
+        assert abs(model.corrected().k0 - true.k0) < 0.75 * abs(error)
+    impact = ao.RigidMass(0.1 * part(coarse).mass, 1.0), ao.Hertz(3e7)
+    hit, exact = (ao.simulate(each, *impact, 2e-2, tol=1e-5) for each in (model, true))
+    off = differences(hit, exact)
+    for quantity in QUANTITIES:
+        assert off[quantity] < hit.error_budget[quantity].mesh + 1e-6
+        assert hit.error_budget[quantity].mesh < 30 * max(off.values())
+    assert hit.error_budget.safety == SAFETY * SHELL
+
+
+@pytest.fixture(scope="module")
+def model() -> ao.AntiOscillators:
+    site = ao.Site((0.4, 0.3, 0), (0, 0, -1), radius=0.1)
+    return ao.extract(plate(3, 0.03), site, n=6, error="estimate")
+
+
+def test_the_misfit_belongs_to_the_model(model, tmp_path):
+    misfit = model.strain_misfit
+    model.save(tmp_path / "model")
+    again = ao.AntiOscillators.load(tmp_path / "model")
+    assert np.array_equal(again.strain_misfit, misfit)
+    assert np.array_equal(model.truncated(3).strain_misfit, misfit[:4, :4])
+    assert again.corrected().k0 == model.corrected().k0
+    assert model.corrected().strain_misfit is None
+    order = np.roll(np.arange(6), 1)
+    turned = np.append(0, 1 + order)
+    shuffled = replace(
+        model,
+        m=model.m[order],
+        omega=model.omega[order],
+        strain_error=model.strain_error[np.ix_(turned, turned)],
+        strain_misfit=misfit[np.ix_(turned, turned)],
+        shapes=None,
+    )
+    assert np.array_equal(shuffled.strain_misfit, misfit)
+    with pytest.raises(ao.InputError, match="belongs to a strain_error"):
+        replace(model, strain_error=None)
+    with pytest.raises(ao.InputError, match="must be symmetric"):
+        replace(model, strain_misfit=np.triu(misfit))
+
+
+def test_the_larger_of_both_differences_counts(model):
+    """An error and a misfit that cancel leave a bar."""
+    cancelled = replace(model, strain_misfit=-model.strain_error)
+    assert cancelled.corrected().k0 == pytest.approx(model.k0, rel=1e-12)
+    impact = ao.RigidMass(3.0, 1.0), ao.Hertz(3e7), 1e-2
+    without = ao.simulate(replace(model, strain_misfit=None), *impact, tol=1e-5).error_budget
+    bars = ao.simulate(cancelled, *impact, tol=1e-5).error_budget
+    for name in QUANTITIES:
+        assert bars[name].mesh == pytest.approx(SHELL * without[name].mesh, rel=1e-3)
