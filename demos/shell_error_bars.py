@@ -364,9 +364,7 @@ def costs(sizes: dict[str, float]) -> str:
             whole = sum(seconds.values()) + own
             least = min(least, [whole, own], key=lambda pair: pair[0])
         share = least[1] / least[0]
-        rows.append(
-            f"| {shape} | {part.dofs} | {least[0]:.2f} | {least[1]:.2f} | {share:.1%} |"
-        )
+        rows.append(f"| {shape} | {part.dofs} | {least[0]:.2f} | {least[1]:.2f} | {share:.1%} |")
     return "\n".join(rows)
 
 
