@@ -56,11 +56,11 @@ PAGE = """# Error bars of shells
 Written by `demos/shell_error_bars.py --shells {shells} --seed {seed}`. {what}
 
 How often the bars hold with other factors of safety, for shells with an energy error below
-{coarse}; the factor was chosen with the even numbers:
+{coarse}. The factor {usual:g} was chosen with a margin over what the even numbers ask for:
 
 {factors}
 
-With the factor {usual:g} ({larger:g} for larger energy errors), by class. "Bar over error": of the
+With this factor ({larger:g} for larger energy errors), by class. "Bar over error": of the
 worst of the three quantities.
 
 {table}
@@ -105,7 +105,7 @@ class Case:
     width: float
     cut: float
     angle: float
-    place: tuple[float, float]
+    place: list[float]
     mass: float
     speed: float
     dofs: int = 0
@@ -161,7 +161,7 @@ def drawn(number: int, rng: np.random.Generator) -> Case:
         width=float(rng.uniform(0.6, 1.0)),
         cut=float(rng.uniform(0.4, 0.6)),
         angle=float(rng.uniform(25, 110)),
-        place=(float(rng.uniform(0.05, 0.95)), float(rng.uniform(0.05, 0.95))),
+        place=rng.uniform(0.05, 0.95, 2).tolist(),
         mass=spread(0.02, 1.0),
         speed=spread(0.1, 2.0),
     )

@@ -30,6 +30,7 @@ BAD = {
     "oblique_blow": {"--angles": ("", "10,x", "-1"), "--friction": ("0",), "--n": ("1.5",)},
     "plate_impact": {"--inelasticities": ("", "0.1,x", "0"), "--sizes": ("2,-3",), "--n": ("0",)},
     "scene_errors": {"--scenes": ("0", "x"), "--first": ("-1",), "--tol": ("0", "nan")},
+    "shell_error_bars": {"--shells": ("0", "x"), "--seed": ("-1",)},
     "shell_size": {"--elements": ("", "3,x", "0"), "--n": ("x",)},
     "spiders": {"--sizes": ("x", "0")},
     "speed_accuracy": {"--sizes": ("x", "0")},

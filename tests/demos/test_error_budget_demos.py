@@ -78,3 +78,18 @@ def test_strike_over_lines(tmp_path):
         assert row["true"] <= row["promised"] <= row["asked"]
         assert row["ratio"] <= 1
     assert "| 1.0% | 3 | 100% | 100% | 100% |" in page.read_text()
+
+
+def test_random_shells(tmp_path, capsys):
+    script = demo("shell_error_bars")
+    script.HALVINGS, script.COSTLY, script.ROUNDS = 1, {"plate": 0.3}, 1
+    out, page = tmp_path / "shells.jsonl", tmp_path / "page.md"
+    (first,) = script.main(shells=1, seed=3, out=str(out))
+    cases = script.main(shells=2, seed=3, out=str(out), page=str(page))
+    assert [case.number for case in cases] == [0, 1]
+    assert cases[0] == first
+    assert all(case.holds and not case.refused for case in cases)
+    told = capsys.readouterr().out
+    assert "| all | 2 | 100% |" in told
+    assert "| all | 2 | 100% |" in page.read_text()
+    assert "| plate |" in page.read_text()
