@@ -45,3 +45,10 @@ def test_a_structure_in_millimetres_is_told_of():
         ao.Structure(mesh, ao.Solid(**parts.STEEL), [ao.Support("left")])
     with pytest.warns(AntioscWarning, match=r"wave speed in a Solid of this part"):
         ao.Structure(parts.box(n=(2, 1, 1)), ao.Solid(210e3, 0.3, 7850.0), [ao.Support("left")])
+
+
+def test_alike_materials_are_told_of_once():
+    alike = [ao.Solid(210e3, 0.3, 7850.0), ao.Solid(210e3, 0.2, 7850.0)]
+    with pytest.warns(AntioscWarning) as told:
+        tell_of_units(1.0, [*alike, ao.Truss(210e3, 0.3, 7850.0, 1e-3)])
+    assert ["Solid" in str(one.message) for one in told] == [True, False]

@@ -35,11 +35,11 @@ def tell_of_units(extent: float, materials: Iterable[Material]) -> None:
             f"the part is {extent:.4g} m long, more than {LONGEST_PART:g} m: units are SI; a mesh "
             "in millimetres must be scaled by 1e-3."
         )
-    for material in materials:
-        speed = material.bar_speed()
-        if not SLOWEST_WAVE <= speed <= FASTEST_WAVE:
-            warn(
-                f"the wave speed in a {type(material).__name__} of this part is √(E/ρ) = "
-                f"{speed:.3g} m/s, outside {SLOWEST_WAVE:g} to {FASTEST_WAVE:g}: units are SI, E "
-                "in Pa and rho in kg/m³ (steel: 210e9 and 7850)."
-            )
+    speeds = [(type(one).__name__, one.bar_speed()) for one in materials]
+    implausible = [one for one in speeds if not SLOWEST_WAVE <= one[1] <= FASTEST_WAVE]
+    for name, speed in dict.fromkeys((name, f"{speed:.3g}") for name, speed in implausible):
+        warn(
+            f"the wave speed in a {name} of this part is √(E/ρ) = {speed} m/s, outside "
+            f"{SLOWEST_WAVE:g} to {FASTEST_WAVE:g}: units are SI, E in Pa and rho in kg/m³ (steel: "
+            "210e9 and 7850)."
+        )
