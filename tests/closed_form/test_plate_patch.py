@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import trapezoid
 from scipy.optimize import brentq
 
 import antiosc as ao
@@ -124,3 +125,43 @@ def test_a_sphere_rebounds_from_a_shell_as_from_a_solid(tmp_path):
     assert abs(mended[0] - true[0]) < 0.002
     assert abs(usual[0] - true[0]) > 0.004  # as it is without: 1.1 % too fast
     assert error[1] < 0.7 * error[0]
+
+
+def lifted(k: float, nu: float) -> float:
+    """Displacement under a pressure cos kx on one face of a layer (h = 1, G = 1), of a half-space.
+
+    Airy's function (A cosh + B sinh + kz (C cosh + D sinh)) cos kx; the other face is free. What
+    the half-space would move, (1 - nu)/k, is taken off.
+    """
+
+    def rows(z: float) -> np.ndarray:
+        c, s, t = np.cosh(k * z), np.sinh(k * z), k * z
+        value = [c, s, t * c, t * s]
+        slope = [k * s, k * c, k * (c + t * s), k * (s + t * c)]
+        area = [s / k, c / k, (t * s - c) / k, (t * c - s) / k]
+        return np.array([value, slope, area])
+
+    near, far = rows(0.0), rows(1.0)
+    pressed = np.array([1 / k**2, 0, 0, 0])  # the stress across is -k² times the function
+    a = np.linalg.solve(np.stack([near[0], near[1], far[0], far[1]]), pressed)
+    moved = -((1 - nu) * k**2 * near[2] + nu * near[1]) @ a / 2
+    return abs(moved) - (1 - nu) / k
+
+
+@pytest.mark.parametrize("nu", [0.02, 0.3, 0.45])
+def test_the_compliance_is_what_the_plate_moves_more_than_the_layer(nu):
+    """The integral of both over all wave numbers, by Airy's function for the layer."""
+    a = np.sqrt(nu / (1 - nu))
+    G, D = 1.0, 1 / (6 * (1 - nu))
+
+    def more(k: float) -> float:
+        z = k * a
+        P = 3 * (np.sin(z) - z * np.cos(z)) / z**3 if z > 0.05 else 1 - z**2 / 10
+        layer = lifted(k, nu) if k < 18 else 0.0
+        return k * (P**2 * (1 / (D * k**4) + 6 / (5 * G * k**2)) - layer)
+
+    t = np.linspace(np.log(0.2), np.log(400 / a), 8000)
+    above = trapezoid([np.exp(s) * more(np.exp(s)) for s in t], t)
+    below = 0.2 * more(0.1)  # nearly straight there
+    found = plate_patch(2 * (1 + nu), nu, 1.0).local_compliance
+    assert found == pytest.approx((above + below) / (2 * np.pi), rel=2e-3)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -130,3 +132,22 @@ def test_zeners_impedance_is_that_of_the_plate_without_reflections():
     lam = zener.inelasticity(mass, velocity, stiffness, plate.D, plate.surface_density)
     time = zener.time_unit(mass, velocity, stiffness)
     assert mass / (lam * time) == pytest.approx(impedance, rel=1e-4)
+
+
+@pytest.mark.parametrize("density", [1e-9, 1.0, 1e9])
+def test_what_moves_a_point_does_not_depend_on_the_plates_mass(density):
+    """A thin plate of another density has the same modes at other frequencies."""
+    other = replace(SQUARE, rho=density * SQUARE.rho)
+    one, two = (plate.observable(0.5, 0.5, 6) for plate in (SQUARE, other))
+    assert two.modes.tolist() == one.modes.tolist()
+    assert two.omega * np.sqrt(density) == pytest.approx(one.omega, rel=1e-12)
+
+
+@pytest.mark.parametrize("point", [(0.5, 0.4), (0.02, 0.03), (0.98, 0.4)])
+def test_the_receptance_tends_to_the_compliance_and_to_reciprocal_corners(point):
+    """At low frequencies; and by the symmetry of the plate about its middle lines."""
+    static = PLATE.compliance(*point)
+    assert PLATE.receptance(*point, 1e-6).real == pytest.approx(static, rel=1e-9)
+    x, y = point
+    assert PLATE.compliance(1.0 - x, y) == pytest.approx(static, rel=1e-9)
+    assert PLATE.compliance(x, 0.8 - y) == pytest.approx(static, rel=1e-9)

@@ -304,3 +304,17 @@ def test_no_cell_of_a_table_is_a_formula_of_a_spreadsheet(tmp_path):
     columns = {"=1+1 (N)": np.array([1.0, -2.0]), "@x": ["=HYPERLINK(1)", "-5"], "n": ["a", -3]}
     text = output.write_table(tmp_path / "t.csv", columns).read_text()
     assert text == "'=1+1 (N),'@x,n\n1.0,'=HYPERLINK(1),a\n-2.0,'-5,-3\n"
+
+
+def test_a_sweep_of_impactors_has_the_law_of_each(tmp_path, capsys):
+    """The law that the impactor makes itself: of its own radius in each run."""
+    start, end = BEAM.index("[impactor]"), BEAM.index("[simulate]")
+    ball = '[impactor]\nkind = "Sphere"\nradius = 0.01\nE = 210e9\nnu = 0.3\nrho = 7850\n'
+    law = 'velocity = 1.0\n[contact]\nkind = "impactor.hertz"\nE = 70e9\nnu = 0.33\n'
+    scene = BEAM[:start] + ball + law + BEAM[end:]
+    path = written(tmp_path, scene + "[sweep]\nimpactor.radius = [0.01, 0.02]\n")
+    batch = program(path, capsys, "sweep")["batch"]
+    for radius, peak in zip((0.01, 0.02), batch.peak_force, strict=True):
+        single = scene.replace("radius = 0.01", f"radius = {radius}")
+        own = program(written(tmp_path, single, f"{radius}.toml"), capsys)["history"]
+        assert own.peak_force == pytest.approx(peak, rel=2e-3)

@@ -82,3 +82,14 @@ def test_a_sphere_takes_mass_or_density_and_is_replaced():
     for arguments in ({}, {"rho": 7850.0, "mass": 0.1}):
         with pytest.raises(ao.InputError, match="rho or mass"):
             ao.Sphere(0.01, 210e9, 0.3, **arguments)
+
+
+def test_a_tennis_ball_is_in_the_middle_of_what_its_rules_allow():
+    """56.0 to 59.4 g, 6.54 to 6.86 cm, 0.220 to 0.290 inches at 18 lb, 135 to 147 cm of 254."""
+    known = ao.IMPACTORS["tennis ball"]
+    assert known.mass == pytest.approx(0.0577, rel=1e-9)
+    assert 2 * known.tip_radius == pytest.approx(0.067, rel=1e-9)
+    # between two plates: each contact takes half of the deformation
+    deformed = 2 * 8.165 * 9.80665 / known.law().stiffness
+    assert deformed == pytest.approx(0.255 * 0.0254, rel=1e-3)
+    assert known.restitution**2 == pytest.approx(141 / 254, rel=1e-9)

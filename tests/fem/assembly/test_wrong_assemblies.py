@@ -179,3 +179,18 @@ def test_it_is_told_in_one_sentence(make, words):
     with pytest.warns(AntioscWarning, match=words):
         made = make()
     assert np.isfinite(made.mass)
+
+
+@pytest.mark.filterwarnings("ignore:the compliance under a point")
+@pytest.mark.parametrize("across", [True, False])
+def test_a_plane_part_that_is_known_along_one_axis_is_no_end_of_a_ball(across):
+    """It needs both displacements of the plane, and the one out of it not."""
+    for direction in ((1, 0), (0, 1)):
+        model = ao.extract(plane(), {"end": ao.Site((1, 0.5), direction, tangential=across)}, n=2)
+        parts = {"a": plane(), "b": model}
+        joints = [ao.Ball(("a", (1, 0.5)), "b:end")]
+        if across:
+            assert ao.assemble(parts, joints, {"b": (0, 0)}).rigid_modes.size
+            continue
+        with pytest.raises(InputError, match="does not have all displacements"):
+            ao.assemble(parts, joints, {"b": (0, 0)})

@@ -251,3 +251,16 @@ def test_two_ranks_hold_the_same_mesh(tmp_path):
     )
     assert one[0].count("\n") == 3
     assert two == [one[0], one[0]]
+
+
+def test_pieces_are_told_with_the_largest_first(tmp_path):
+    """Two triangles that share a side, three that share another, and one alone."""
+    meshio = pytest.importorskip("meshio")
+    x = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [2, 0, 0.0]])
+    right, above = np.array([5.0, 0, 0]), np.array([0, 5.0, 0])
+    points = np.vstack([x, x + right, x[:3] + above])
+    cells = [[0, 1, 2], [1, 3, 2], [5, 6, 7], [6, 8, 7], [6, 9, 8], [10, 11, 12]]
+    path = tmp_path / "part.vtu"
+    meshio.write(path, meshio.Mesh(points, [("triangle", cells)]))
+    with pytest.raises(ao.MeshError, match=r"falls into 3 pieces .*\(3, 2, 1 cells\)"):
+        ao.read_mesh(path)

@@ -217,3 +217,20 @@ def test_what_of_a_deck_is_not_taken_is_counted(read):
         f"*BOUNDARY of later steps (line {line + 9} of part.inp)",
         f"the motion of *BOUNDARY (line {line} of part.inp), fixed instead",
     }  # fmt: skip
+
+
+def test_a_truss_is_a_spring_of_its_area(read):
+    """EA/L along its line, half of its mass at each end."""
+    truss = "*ELEMENT,TYPE=T3D2,ELSET=T\n7,2,5\n*SOLID SECTION,ELSET=T,MATERIAL=M\n.25\n"
+    model, _ = read(truss)
+    length = np.linalg.norm(X[4] - X[1])
+    u = RNG.normal(size=(COUNT, 6))
+    energy = 2e5 * 0.25 / length * longer(u, 1, 4) ** 2
+    assert energy_of(stiffness(model), u) == pytest.approx(energy, rel=1e-9)
+    half = 1e3 * 8e-9 * 0.25 * length / 2
+    for node, (rows, M, mass) in zip((1, 4), model["joints"]["masses"], strict=True):
+        assert [row_of(terms).nonzero()[0].tolist() for terms in rows] == [
+            [6 * node + c] for c in range(3)
+        ]
+        np.testing.assert_allclose(M, half * np.eye(3), rtol=1e-9)
+        assert mass == pytest.approx(half)

@@ -13,6 +13,7 @@ from antiosc.fem.readers.decks.abaqus_elements import element_type, nodes_of_oth
 from antiosc.fem.readers.decks.abaqus_model import NAMED
 from antiosc.fem.readers.decks.abaqus_surfaces import SOLID_FACES
 from antiosc.fem.readers.mixed import GMSH_EDGES, GMSH_FACES
+from antiosc.fem.readers.node_table import NodeTable
 
 #: by their dimension
 SIMPLICES = ["point", "interval", "triangle", "tetrahedron"]
@@ -185,3 +186,23 @@ def test_faces_of_other_programs_are_those_of_the_cell(faces, shape):
 @pytest.mark.parametrize(("shape", "edges"), GMSH_EDGES.items())
 def test_edges_of_gmsh_are_those_of_the_cell(shape, edges):
     assert Counter(map(frozenset, edges)) == Counter(map(frozenset, shapes.EDGES[shape]))
+
+
+def test_middles_that_are_placed_lie_there_among_their_nodes():
+    """The first, the second, and one that is not placed: that lies halfway."""
+    table = NodeTable(np.arange(30.0).reshape(10, 3))
+    around = np.arange(2, 10)[None]
+    table.place(np.array([[3, 1]]), np.full((1, 3), 7.5), around)
+    table.place(np.array([[4, 6]]), np.full((1, 3), 8.5), around[:, ::-1])
+    for ends, x, parents in (
+        ((1, 3), [7.5] * 3, range(2, 10)),
+        ((6, 4), [8.5] * 3, range(9, 1, -1)),
+        ((0, 2), [3, 4, 5], (0, 2)),
+    ):
+        node = int(table.between(np.array(ends)))
+        assert table.all_points()[node].tolist() == list(x)
+        assert int(table.between(np.array(ends[::-1]))) == node  # once
+        own = [*parents]
+        assert node in table.grown(np.array(own))
+        for missing in range(len(own)):
+            assert node not in table.grown(np.delete(own, missing))
