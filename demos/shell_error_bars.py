@@ -30,7 +30,7 @@ import antiosc as ao
 from antiosc.fem.error.bisection import refined
 from antiosc.simulation.error_bars import QUANTITIES
 from antiosc.simulation.error_budget import (
-    COARSE,
+    COARSE_SHELL,
     FLOOR,
     SAFETY,
     SAFETY_COARSE,
@@ -60,8 +60,8 @@ How often the bars hold with other factors of safety, for shells with an energy 
 
 {factors}
 
-With this factor ({larger:g} for larger energy errors), by class. "Bar over error": of the
-worst of the three quantities.
+With this factor ({larger:g}, and at least the energy error, for larger ones), by class. "Bar over
+error": of the worst of the three quantities.
 
 {table}
 
@@ -124,7 +124,7 @@ class Case:
         """Classes of the case."""
         return [
             "all",
-            "energy error < 0.1" if self.energy_error < COARSE else "energy error > 0.1",
+            "energy error < 5 %" if self.energy_error < COARSE_SHELL else "energy error > 5 %",
             f"shape: {self.shape}",
             f"ends: {self.ends}",
             "layers" if self.layered else "isotropic",
@@ -333,7 +333,7 @@ def main(shells: int = 16, seed: int = 0, out: str = "", page: str = "") -> list
             shells=shells,
             seed=seed,
             what=" ".join(__doc__.split("\n\n")[1].split()),
-            coarse=COARSE,
+            coarse=COARSE_SHELL,
             factors=factors(done),
             usual=SAFETY * SHELL,
             larger=SAFETY_COARSE * SHELL,
@@ -384,7 +384,7 @@ def line(case: Case) -> str:
 def factors(cases: Sequence[Case]) -> str:
     """How often the bars hold with each factor of safety, for even and odd numbers."""
     rows = ["| factor | even: bars hold | odd: bars hold |", "|---|---|---|"]
-    good = [case for case in cases if case.energy_error < COARSE]
+    good = [case for case in cases if case.energy_error < COARSE_SHELL]
     halves = [[case for case in good if case.number % 2 == k] for k in (0, 1)]
     for factor in FACTORS:
         shares = [

@@ -42,8 +42,8 @@ Run = Callable[[AntiOscillators, float], History]
 
 @dataclass(frozen=True)
 class Answer:
-    """One structure's answer: the runs of the raw and of the corrected model, the budget of the
-    corrected one, and what they took."""
+    """One structure's answer: the run of the raw model; the one that is answered, of the corrected
+    model (of shells the raw one), with its budget; and what they took."""
 
     structure: Structure
     raw: History
@@ -67,6 +67,9 @@ def answered(structure: Structure, site: Site, run: Run, tol: float, n: int) -> 
         if left <= _truncation_goal(budget, tol) or n >= most or model.n < n:
             break
         n = int(np.clip(_enough(model, run, left, tol), n + n // 2, min(3 * n, most)))
+    if model.strain_misfit is not None:  # a shell's corrected model is not always nearer
+        seconds = time.perf_counter() - started
+        return Answer(structure, hit, hit, budget, n, seconds)
     soft = run(model.corrected(), accuracy)
     seconds = time.perf_counter() - started
     return Answer(structure, hit, soft, budget.of_corrected(soft), n, seconds)

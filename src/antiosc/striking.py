@@ -44,7 +44,7 @@ from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import LinearBody
 from antiosc.models.motion import Motion
 from antiosc.simulation.error_bars import ErrorBudget
-from antiosc.simulation.error_budget import SAFETY, amplitudes
+from antiosc.simulation.error_budget import SAFETY, SHELL, amplitudes
 from antiosc.simulation.history import History
 from antiosc.simulation.simulate import simulate
 from antiosc.strike_answers import (
@@ -69,12 +69,15 @@ LEAST_ROOM, LEAST_STEP = 0.05, 0.8
 EAGER = 0.6
 #: Size of the cells of the first mesh over the thickness of the part and the degree.
 FIRST_SIZE = 1.5
+#: Sizes of the cells of a first mesh of a shell on the diagonal of the part.
+CELLS_OF_SHEET = 10
 #: Most meshes, and largest growth of the number of cells from one to the next.
 MOST_MESHES, GROWTH = 12, 8.0
 #: Power of the number of dofs by which seconds grow, by dimension.
 SECONDS_POWER = {1: 1.0, 2: 1.2, 3: 1.5}
-#: Bytes of a factor over dofs^(4/3) of volumes.
-FACTOR_BYTES = 240.0
+#: Bytes of a factor over a power of the number of dofs, which includes a logarithm in the plane,
+#: and this power; by dimension.
+FACTOR_BYTES, FACTOR_POWER = {1: 200.0, 2: 400.0, 3: 240.0}, {1: 1.0, 2: 1.1, 3: 4 / 3}
 #: Least part of |weights| that a direction of amplitudes adds to the errors of cells.
 NEGLIGIBLE = 1e-8
 
@@ -104,13 +107,13 @@ def strike(
     Parameters
     ----------
     source : path, Mesh or Structure
-        Of a solid, or lines with `material=Beam(...)`. A geometry is meshed as finely as the impact
-        needs. A mesh of straight triangles or tetrahedra is divided where it is too coarse, one of
-        lines everywhere, with a node at the site. Other meshes, and a `Structure`, are used as they
-        are: then the bar tells how good they are.
+        Of a solid, a shell of triangles, or lines with `material=Beam(...)`. A geometry is meshed
+        as finely as the impact needs. A mesh of straight triangles or tetrahedra is divided where
+        it is too coarse, one of lines everywhere, with a node at the site. Other meshes, and a
+        `Structure`, are used as they are: then the bar tells how good they are.
     site : Site
         Its radius, if it has none, is chosen between those of the contact and of half the thickness
-        of the part; beams are struck at a point.
+        of the part; beams are struck at a point, shells on a patch of their thickness.
     impactor, contact, duration, initial_velocity, gravity, gap : as of `simulate`.
     tol : float
         Largest relative error of the three quantities, as the error budget promises it.
@@ -125,14 +128,14 @@ def strike(
     -------
     History
         Of the last mesh, on its corrected model, which is nearer to the truth: the mesh's bars are
-        those of `simulate` less the correction. `error_budget` is known, `model.info["strike"]`
-        lists the meshes. Status 1 and a sentence in the message if the budget exceeds `tol`, and
-        what meeting it would cost.
+        those of `simulate` less the correction. Of shells it is the raw model. `error_budget` is
+        known, `model.info["strike"]` lists the meshes. Status 1 and a sentence in the message if
+        the budget exceeds `tol`, and what meeting it would cost.
 
     Raises
     ------
     InputError
-        No material, or one that is neither a solid's nor a beam's; what `extract` and `simulate`
+        No material, or one of a family without an error estimate; what `extract` and `simulate`
         refuse.
     """
     started = time.perf_counter()
@@ -202,8 +205,10 @@ def _begin(
     place: Source, site: Site, impactor: Any, material: Any, order: int
 ) -> tuple[Site, Mesh]:
     """The site with a radius, and the first mesh, as coarse as a budget can be trusted."""
-    thickness = place.thickness()
     solids = list(material.values()) if isinstance(material, Mapping) else [material]
+    if _sheets(solids):  # whose bars do not ask for a patch that is resolved
+        return site, place.first(place.extent() / CELLS_OF_SHEET, [])
+    thickness = place.thickness()
     contact = _contact_radius(impactor, solids[0], thickness)
     if site.radius is None and site.point is not None and isinstance(solids[0], Solid):
         half = thickness / 2
@@ -213,6 +218,11 @@ def _begin(
     if struck and site.point is not None and not isinstance(site.point, str):
         refine.append((site.point, site.radius or 0.0))
     return site, place.first(FIRST_SIZE * order * thickness, refine)
+
+
+def _sheets(materials: Sequence[Any]) -> bool:
+    """Whether a part of these materials is a shell; beams may stiffen it."""
+    return any(getattr(getattr(one, "kind", None), "sheet", False) for one in materials)
 
 
 def _contact_radius(impactor: Any, material: Any, thickness: float) -> float:
@@ -244,8 +254,7 @@ def _next(
         )
     if answer.n >= MOST_N:
         return None, f"{MOST_N} anti-oscillators do not bring the truncation below its share."
-    safety = answer.budget.safety
-    usual = (SAFETY - 1) / (safety - 1)  # what is not resolved now will be
+    usual = _usual(answer)
     goal = min(room[name] / (usual * bar.mesh) for name, bar in answer.budget.items() if bar.mesh)
     goal *= EAGER ** (meshes - 1)
     structure, dim = answer.structure, mesh.tdim
@@ -261,15 +270,23 @@ def _next(
     seconds = answer.seconds * max(whole, 1.0) ** SECONDS_POWER[dim]
     spent = time.perf_counter() - started
     expected = spent + answer.seconds * growth ** SECONDS_POWER[dim]
-    bytes_needed = FACTOR_BYTES * (structure.dofs * growth) ** (4 / 3)
+    needed = FACTOR_BYTES[dim] * (structure.dofs * growth) ** FACTOR_POWER[dim]
     free = free_memory()
     told = ""
     cost = f"a mesh of about {dofs:.2g} dofs would meet it, in some {seconds:.2g} s more"
     if limit is not None and expected > limit:
         told = f"Stopped before the limit of {limit:g} s: {cost}."
-    elif dim == 3 and bytes_needed > MEMORY_SHARE * free:
+    elif needed > MEMORY_SHARE * free:
         told = f"Stopped for the next mesh takes more than the {free / 1e9:.2g} GB free: {cost}."
     return ratio, on_root(structure.comm, lambda: told)
+
+
+def _usual(answer: Answer) -> float:
+    """The mesh's bar with the usual factor over that of now: what is not resolved now will be."""
+    safety = answer.budget.safety
+    if answer.raw.model.strain_misfit is not None:
+        return SAFETY * SHELL / safety
+    return (SAFETY - 1) / (safety - 1)
 
 
 def _errors_of_cells(answer: Answer, mesh: Mesh) -> Array:

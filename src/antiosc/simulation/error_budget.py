@@ -31,8 +31,10 @@ FLOOR = 0.5
 #: share of the errors of strains in the energy exceeds COARSE, or the faces under the patch are
 #: RESOLVED times its radius (in proportion to them, above the first factor).
 SAFETY, SAFETY_COARSE, COARSE, RESOLVED = 2.0, 3.0, 0.1, 1.2
-#: The first factor of shells over the usual one (demos/shell_error_bars.py).
-SHELL = 1.5
+#: Both factors of shells over the usual ones (demos/shell_error_bars.py). Blows that are too short
+#: for the cells of a shell make errors that no shape of the model shows, neither raw nor corrected:
+#: above COARSE_SHELL a bar is at least the share of the errors of strains in the energy.
+SHELL, COARSE_SHELL = 1.5, 0.05
 #: The same for a site inside an element of a beam, whose kink there is not resolved.
 SAFETY_INSIDE = 5.0
 #: Time integration error of the runs that are compared, over that of the history; at most and
@@ -64,6 +66,8 @@ def error_budget(hit: History, again: Run) -> ErrorBudget:
         without = again(replace(model, strain_misfit=None).corrected(), tol)
         off = {name: max(one, off[name]) for name, one in differences(raw, without).items()}
     mesh = floored({name: safety * one for name, one in off.items()})
+    if model.strain_misfit is not None and share > COARSE_SHELL:
+        mesh = {name: max(one, share) for name, one in mesh.items()}
     known = partial(_again, again, model, raw)
     truncated = truncation_error(model, known, tol=tol)
     notes = []
@@ -103,7 +107,7 @@ def _safety(model: AntiOscillators, share: float) -> tuple[float, list[str]]:
     the radius (the compliance of a patch is inverse to its radius), and no recovery sees them.
     """
     safety, doubts = SAFETY, []
-    if share > COARSE:
+    if share > (COARSE if model.strain_misfit is None else COARSE_SHELL):
         safety = SAFETY_COARSE
         doubts.append(
             f"The errors of the strains hold {share:.0%} of the energy: the mesh is coarse, and "

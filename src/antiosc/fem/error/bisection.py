@@ -112,6 +112,10 @@ def divided(pieces: Pieces, cell: str) -> Pieces:
     cells = compat.geometry_nodes(new).astype(np.int64)
     fresh = replace(pieces, points=x, cells=cells, groups={})
     parent = _positions(_carriers(support, cells), pieces.cells)
+    if cell == "triangle" and gdim == 3:  # the normals tell the side of layers
+        turned = np.einsum("ci,ci->c", _normals(x[cells]), _normals(_corners(pieces)[parent])) < 0
+        cells[turned] = cells[turned][:, [0, 2, 1]]
+        fresh = replace(fresh, cells=cells)
     values = pieces.values[parent] * _sizes(pieces)[parent] / _sizes(fresh)
     groups = {
         name: {dim: _inside(new, dim, support, rows) for dim, rows in parts.items()}
@@ -120,9 +124,19 @@ def divided(pieces: Pieces, cell: str) -> Pieces:
     return replace(fresh, groups=groups, values=values)
 
 
+def _corners(pieces: Pieces) -> Array:
+    """Corners (cells, corners, gdim) of the cells."""
+    return pieces.points[pieces.cells]
+
+
+def _normals(corners: Array) -> Array:
+    """Normals (cells, 3) of triangles in space."""
+    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+
+
 def _sizes(pieces: Pieces) -> Array:
     """Mean edge of each cell."""
-    corners = pieces.points[pieces.cells]
+    corners = _corners(pieces)
     one, other = np.triu_indices(corners.shape[1], 1)
     return np.asarray(np.linalg.norm(corners[:, one] - corners[:, other], axis=2).mean(axis=1))
 

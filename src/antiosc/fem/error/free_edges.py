@@ -54,21 +54,37 @@ class _Side(NamedTuple):
     weights: Array
 
 
-def layer_energies(part: MeshedStructure, pieces: SmoothPieces, found: SheetRecovery) -> Array:
-    """Energies (k, k) of the layers along all free edges, and where sections change."""
+class Layers(NamedTuple):
+    """Layers along edges, at Gauss's points of these."""
+
+    #: moments that vanish in the layers (P, k)
+    m: Array
+    #: their flexibility times length, 1/N
+    weights: Array
+    #: (P,) in which they lie
+    cells: IntArray
+
+    def energies(self) -> Array:
+        """∮ m_i m_j ℓ/D66 (k, k)."""
+        return np.asarray(self.m.T @ (self.weights[:, None] * self.m))
+
+
+def layers_of(part: MeshedStructure, pieces: SmoothPieces, found: SheetRecovery) -> Layers:
+    """The layers along all free edges, and where sections change."""
     exterior, changes = _edges(part, pieces)
-    total = np.zeros((found.count, found.count))
+    m, weights = [np.zeros((0, found.count))], [np.zeros(0)]
     if exterior.size:
         one = _side(part, pieces, found, exterior)
         free = np.repeat(_free(part, exterior, one.outward[:: len(POINTS)]), len(POINTS))
-        total = one.m.T @ ((free * one.weights * one.c)[:, None] * one.m)
+        m.append(one.m)
+        weights.append(free * one.weights * one.c)
     if changes.size:
         one, other = (_side(part, pieces, found, places) for places in changes)
         same = np.sign(np.einsum("pc,pc->p", one.n, other.n))
-        jump = one.m - same[:, None] * other.m
-        c = one.c * other.c / (one.c + other.c)
-        total = total + jump.T @ ((one.weights * c)[:, None] * jump)
-    return np.asarray(total)
+        m.append(one.m - same[:, None] * other.m)
+        weights.append(one.weights * one.c * other.c / (one.c + other.c))
+    cells = np.append(exterior, changes[:1]) // EDGES
+    return Layers(np.vstack(m), np.concatenate(weights), np.repeat(cells, len(POINTS)))
 
 
 def _edges(part: MeshedStructure, pieces: SmoothPieces) -> tuple[IntArray, IntArray]:

@@ -50,6 +50,10 @@ class Source(Protocol):
         """Twice the volume over the surface of the part [m]: of a thin wall its thickness."""
         ...
 
+    def extent(self) -> float:
+        """Diagonal of the box around the part [m]."""
+        ...
+
     def first(self, size: float, refine: Sequence[Refinement]) -> Mesh:
         """A coarse mesh with elements of at most `size` [m], and smaller ones at points."""
         ...
@@ -91,6 +95,10 @@ class OfMesh:
         low, high = bounds(self._mesh.comm, self._mesh.dolfinx.geometry.x)
         return float(np.min((high - low)[: self._mesh.gdim]))
 
+    def extent(self) -> float:
+        """Diagonal of the box around the mesh [m]."""
+        return self._mesh.extent()
+
     def first(self, size: float, refine: Sequence[Refinement]) -> Mesh:
         """The mesh itself, divided around the points."""
         mesh = self._mesh
@@ -123,6 +131,10 @@ class OfGeometry:
     def thickness(self) -> float:
         """Twice the volume over the surface of the coarsest mesh [m]."""
         return thickness_of(self.coarsest)
+
+    def extent(self) -> float:
+        """Diagonal of the box around the coarsest mesh [m]."""
+        return self.coarsest.extent()
 
     def first(self, size: float, refine: Sequence[Refinement]) -> Mesh:
         """A mesh of about `size`, of some thousand cells at most."""
@@ -169,6 +181,10 @@ class OfLines:
     def thickness(self) -> float:
         """Of a line 0."""
         return 0.0
+
+    def extent(self) -> float:
+        """Diagonal of the box around the lines [m]."""
+        return self._mesh.extent()
 
     def first(self, size: float, refine: Sequence[Refinement]) -> Mesh:
         """At least `LINES` cells on the diagonal, and a node at the first point of `refine`."""

@@ -24,7 +24,7 @@ import numpy as np
 from antiosc._types import Array
 from antiosc.errors import InputError
 from antiosc.fem import compat
-from antiosc.fem.error.free_edges import layer_energies
+from antiosc.fem.error.free_edges import layers_of
 from antiosc.fem.error.sheet_recovery import SheetRecovery
 from antiosc.fem.error.sheet_strains import SHEAR
 from antiosc.fem.error.smooth_pieces import FLAT, smooth_pieces
@@ -60,7 +60,7 @@ class ShellErrors:
     def gram_and_misfit(self, shapes: Array) -> tuple[Array, Array]:
         """(E_ij = ∫ e_i:C:e_j, ∫ Q_i·d_j + Q_j·d_i), (k, k) each."""
         found = SheetRecovery(self._part, shapes, self._pieces)
-        E = layer_energies(self._part, self._pieces, found)
+        E = layers_of(self._part, self._pieces, found).energies()
         work = np.zeros_like(E)
         for block in found.blocks():
             strains, recovered = block.strains, block.recovered
@@ -75,9 +75,13 @@ class ShellErrors:
         return self.gram_and_misfit(shapes)[0]
 
     def of_cells(self, shapes: Array) -> Array:
-        """Σ_j ∫ e_j:C:e_j over each cell, (cells,), without the layers along edges."""
-        energies = np.zeros(compat.cell_map(self._part.mesh.dolfinx).size_local)
-        for block in SheetRecovery(self._part, shapes, self._pieces).blocks():
+        """Σ_j ∫ e_j:C:e_j over each cell, (cells,)."""
+        found = SheetRecovery(self._part, shapes, self._pieces)
+        layers = layers_of(self._part, self._pieces, found)
+        along = layers.weights * (layers.m**2).sum(axis=1)
+        count = compat.cell_map(self._part.mesh.dolfinx).size_local
+        energies = np.asarray(np.bincount(layers.cells, along, minlength=count), dtype=float)
+        for block in found.blocks():
             left = block.recovered - block.strains.own
             at_points = np.einsum("pik,pik->p", left, block.D @ left) * block.strains.weights
             own = energies[block.cells]

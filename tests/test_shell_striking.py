@@ -1,0 +1,82 @@
+"""`strike` makes meshes of shells until the error budget meets the tolerance."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+pytest.importorskip("dolfinx")
+
+import antiosc as ao
+from antiosc.fem import compat
+from antiosc.fem.error.bisection import refined
+from antiosc.simulation.error_bars import QUANTITIES
+from sheets import NU, RHO, SIMPLE, E, edges, flipped, plate, rectangle, sheet, stack
+
+pytestmark = [pytest.mark.fem, pytest.mark.slow]
+
+SHELL = ao.Shell(E, NU, RHO, 0.04)
+SOFT = [ao.Support(edges(0, 1), ("x", "y", "z"))]
+IMPACT = (ao.RigidMass(5.0, 1.0), ao.Hertz(3e9), 4e-3)
+SQUARE = 'SetFactory("OpenCASCADE"); Rectangle(1) = {0, 0, 0, 1, 1};'
+
+
+SITE = ao.Site((0.41, 0.37, 0.0), (0, 0, -1), radius=0.05)
+HELD = {"hard": SIMPLE, "soft": SOFT}
+
+
+@cache
+def reference(ends: str) -> ao.History:
+    """On a fine mesh of another element: quadrilaterals."""
+    part = plate(32, 0.04, "quadrilateral", HELD[ends])
+    return ao.simulate(ao.extract(part, SITE, n=60), *IMPACT, tol=1e-6)
+
+
+@pytest.mark.parametrize(("given", "tol"), [("mesh", 0.01), ("mesh", 5e-4), ("geometry", 2e-3)])
+@pytest.mark.parametrize("ends", list(HELD))
+def test_the_tolerance_is_met(given, tol, ends, tmp_path):
+    source: object = rectangle(4, 1.0, 1.0)
+    if given == "geometry":
+        source = tmp_path / "plate.geo"
+        source.write_text(SQUARE)
+    hit = ao.strike(source, SITE, *IMPACT, tol=tol, material=SHELL, supports=HELD[ends])
+    true = reference(ends)
+    records = hit.model.info["strike"]
+    assert hit.status == 0
+    assert hit.error_budget.worst <= tol
+    for name in QUANTITIES:
+        error = abs(getattr(hit, name) / getattr(true, name) - 1)
+        assert error <= min(tol, hit.error_budget[name].total) + 1e-5
+    assert hit.model.strain_misfit is not None  # the raw model
+    if tol == 5e-4:
+        assert len(records) > 1
+        assert records[-1]["dofs"] > 2 * records[0]["dofs"]
+
+
+def test_divided_triangles_keep_their_side():
+    """Layers lie toward the normals of the cells, which follow from the order of their nodes."""
+
+    def normals(mesh: ao.Mesh) -> np.ndarray:
+        x = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)]
+        return np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
+
+    bent = sheet(3, lambda s, t: (s, t, 0.2 * s * (1 - s)))
+    up = normals(bent)[:, 2] > 0
+    turned = flipped(bent, np.flatnonzero(up))
+    assert np.all(normals(turned)[:, 2] < 0)
+    ratio = np.where(np.arange(turned.n_cells) < 7, 0.4, 1.0)
+    finer = refined(turned, ratio)
+    assert finer.n_cells > turned.n_cells
+    assert np.all(normals(finer)[:, 2] < 0)
+    site = ao.Site((0.5, 0.5, 0.05), (0, 0, -1), snap=True)
+    layers = ao.Laminate(stack([0, 30, 60], 0.03))
+    hit = ao.strike(turned, site, *IMPACT, tol=1e-3, material=layers, supports=SOFT)
+    assert len(hit.model.info["strike"]) > 1
+
+
+def test_quadrilaterals_are_refused():
+    site = ao.Site((0.5, 0.5, 0.0), (0, 0, -1))
+    with pytest.raises(ao.InputError, match="takes triangles"):
+        ao.strike(rectangle(2, 1.0, 1.0, "quadrilateral"), site, *IMPACT, tol=0.1, material=SHELL)
