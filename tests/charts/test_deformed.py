@@ -38,7 +38,7 @@ def test_a_deformed_surface_is_drawn_in_its_scale_without_axes(corners):
     assert tail.tolist() == [1, 1, 0.25]
     figure = deformed.deformed_figure(found, arrow=(tip, np.array([0, 0, -1.0])), view=(20, 30))
     axes = figure.axes[0]
-    assert not axes.axison
+    assert not axes._axis3don
     assert (axes.elev, axes.azim) == (20, 30)
 
 

@@ -336,3 +336,11 @@ def test_what_several_contacts_lose_is_the_work_around_their_loops(law):
     for _, end in spans:
         mean = (force[1 : end + 1] + force[:end]) / 2
         assert lost[end] == pytest.approx(mean @ np.diff(depth[: end + 1]), rel=1e-4)
+
+
+def test_an_unloading_curve_may_give_back_too_much_at_one_depth_alone():
+    """A force that grows late: little work at 0.5 m, more of it later; back along a line."""
+    loading = [0, 0.5, 2, 10], [0, 0.9, 10, 10.5]
+    with pytest.raises(ao.InputError, match=r"unloading from 0\.5 m would give back"):
+        ao.Tabulated(*loading, ([1.0, 10], [0, 10.5]))
+    ao.Tabulated(*loading, ([2.0, 10], [0, 10.5]))

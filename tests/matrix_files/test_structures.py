@@ -7,6 +7,7 @@ import pytest
 import scipy.sparse
 
 import antiosc as ao
+from antiosc.fem.structure import nodal
 from matrix_writers import (
     dmig,
     matrix_market,
@@ -236,3 +237,22 @@ def test_a_free_body_with_coordinates_has_mass_and_inertia():
     )
     with pytest.raises(ao.InputError, match="the total mass is known only of free bodies"):
         _ = held.mass
+
+
+@pytest.mark.parametrize(("ratio", "rigid"), [(0.9e-4, True), (1.05e-4, False)])
+def test_rotations_are_rigid_up_to_the_digits_of_coordinates(monkeypatch, ratio, rigid):
+    """Forces of the six motions over those of the stiffness: four digits of a file are enough."""
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
+    nodes, axes = np.repeat(np.arange(4), 3), np.tile([1, 2, 3], 4)
+    rows = np.column_stack([1 + nodes, axes, corners[nodes]])
+    K = np.zeros((12, 12))
+    for i in range(4):
+        for j in range(i):
+            along = corners[i] - corners[j]
+            row = np.zeros(12)
+            row[3 * i : 3 * i + 3], row[3 * j : 3 * j + 3] = along, -along
+            K += np.outer(row, row)
+    body = ao.Structure.from_matrices(K, np.eye(12), map=rows)
+    turning = np.arange(6) >= 3
+    monkeypatch.setattr(nodal, "force_ratios", lambda *_: np.where(turning, ratio, 0.0))
+    assert (body.rigid_inertia is not None) == rigid

@@ -9,6 +9,7 @@ import pytest
 
 import antiosc as ao
 from antiosc.closed_form import cantilever, free_free, pinned_free, pinned_pinned
+from antiosc.simulation import truncation
 from antiosc.simulation.truncation import choose_n, truncation_error
 from scenes import BEAM, HERTZ, case_two
 
@@ -173,3 +174,36 @@ def test_without_a_residual_mass_the_last_anti_oscillator_is_what_may_be_missing
     assert estimate.worst >= estimate.peak_force >= 2 * (apart - tol) * (1 - 1e-9)
     if estimate.peak_force > estimate.worst / 2:
         assert estimate.peak_force == pytest.approx(2 * (apart - tol), rel=1e-6)
+
+
+@pytest.mark.parametrize("apart", [(0.5, 0.01, 0.0), (0.0, 0.2, 0.19), (0.0, 0.0, 0.3)])
+def test_no_quantity_is_better_known_than_half_of_the_worst(monkeypatch, apart):
+    """Impacts of the two extremes that differ by given shares: twice that, at least."""
+    model = case_two(3)[0]
+
+    def run(one, tol):
+        share = np.zeros(3) if one is model else np.array(apart)
+        return 10.0 * (1 - share)
+
+    monkeypatch.setattr(truncation, "_quantities", lambda found: found)
+    found = truncation_error(model, run, tol=1e-6)
+    errors = 2 * (np.array(apart) - 1e-6).clip(0)
+    expected = np.maximum(errors, errors.max() / 2)
+    assert [getattr(found, name) for name in QUANTITIES] == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("needed", "tried"), [(1, [1]), (3, [1, 2, 4, 3]), (8, [1, 2, 4, 8, 6, 7])]
+)
+def test_models_are_tried_by_doubling_and_halving(monkeypatch, needed, tried):
+    """No impact is run that says nothing more about the smallest model that is enough."""
+    model, seen = case_two(12)[0], []
+
+    def error(short, run, **_):
+        seen.append(short.n)
+        return truncation.TruncationError(short.n, *(3 * [1e-3 if short.n >= needed else 1.0]))
+
+    monkeypatch.setattr(truncation, "truncation_error", error)
+    found = choose_n(model, lambda one, tol: None, tol=1e-2)
+    assert (found.n, found.missing) == (needed, 0)
+    assert seen == tried

@@ -7,9 +7,12 @@ import pytest
 
 pytest.importorskip("dolfinx")
 
+import basix
+
 import antiosc as ao
 import parts
 from antiosc.fem import compat
+from antiosc.fem.elements.solid import SOLID_EDGES
 from antiosc.fem.linalg.petsc_algebra import csr
 from marks import FREE_ON_PURPOSE
 
@@ -221,3 +224,9 @@ def test_normal_patch_compliance_is_that_of_hertz():
 
 def test_a_plane_part_has_no_half_space():
     assert ao.Solid(**parts.STEEL, plane="strain").half_space_compliance(1.0) == 0.0
+
+
+@pytest.mark.parametrize("cell", SOLID_EDGES)
+def test_edges_of_cells_are_those_of_basix(cell):
+    edges = basix.topology(getattr(basix.CellType, cell))[1]
+    assert sorted(map(sorted, SOLID_EDGES[cell])) == sorted(map(sorted, edges))

@@ -8,6 +8,7 @@ import itertools
 import re
 import weakref
 from contextlib import contextmanager
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -246,3 +247,25 @@ def test_petsc_s_own_interface_tells_a_mechanism(monkeypatch, forgotten):
         solver_choice.factorize(A)
     factor = solver_choice.factorize(part.K)
     assert factor.entries >= part.dofs
+
+
+@pytest.mark.parametrize("built_on", [0, 1, cholmod_library.ON_OPENMP])
+@pytest.mark.parametrize("loaded", [("gomp", "openblas"), ("gomp",), ("openblas",), ()])
+def test_loops_of_openmp_run_on_one_thread_where_blas_has_its_own(monkeypatch, loaded, built_on):
+    """The number of levels is that of before afterwards; without both libraries nothing is set."""
+    levels = [3]
+    openmp = SimpleNamespace(
+        omp_get_max_active_levels=lambda: levels[-1], omp_set_max_active_levels=levels.append
+    )
+    blas = SimpleNamespace(openblas_get_parallel=lambda: built_on)
+    there = {"gomp": openmp, "openblas": blas}
+    monkeypatch.setattr(
+        cholmod_library,
+        "_loaded",
+        lambda name: there[name[3:].split(".")[0]] if name[3:].split(".")[0] in loaded else None,
+    )
+    with cholmod_library.without_openmp():
+        inside = list(levels)
+    alone = len(loaded) == 2 and built_on != cholmod_library.ON_OPENMP
+    assert inside == ([3, 0] if alone else [3])
+    assert levels == ([3, 0, 3] if alone else [3])

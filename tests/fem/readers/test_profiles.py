@@ -270,3 +270,13 @@ def test_a_torsion_constant_that_is_missing_is_told(name):
         profile = profiles_.at(0.0).profile
         assert pytest.approx(J or 3.5) == profile.J
         assert any("missing torsion constant J" in one for one in profiles_.told) == (not J)
+
+
+def test_a_tube_with_a_wall_of_its_radius_is_a_bar():
+    """Nothing is hollow; a thicker wall is no more than that."""
+    full = profiles.ellipse(4.0, 4.0)
+    for wall in (2.0, 3.0):
+        found = profiles.tube(2.0, wall)
+        assert pytest.approx(4 * np.pi, rel=1e-12) == found.A
+        assert (found.I, found.I_side) == pytest.approx((4 * np.pi, 4 * np.pi), rel=1e-12)
+        assert pytest.approx(found.A) == full.A

@@ -122,3 +122,22 @@ def test_damaged_files_are_refused_in_words(tmp_path, case):
     with pytest.raises(ao.MeshError, match=message) as caught:
         ao.read_mesh(path)
     assert "\n" not in str(caught.value)
+
+
+#: Finite-element descriptors of the universal file (dataset 2412): nodes by the last digit, what
+#: they are by the rest: plane stress, plane strain, plate, membrane and thin shell.
+DESCRIPTORS = {11: ("line", 2), 21: ("line", 2), 22: ("line", 2), 23: ("line", 3), 24: ("line", 3)}
+DESCRIPTORS |= {111: ("tetra", 4), 112: ("wedge", 6), 113: ("wedge", 15), 115: ("hexahedron", 8)}
+DESCRIPTORS |= {116: ("hexahedron", 20), 118: ("tetra", 10)}
+for tens in (40, 50, 60, 70, 90):
+    DESCRIPTORS |= {tens + 1: ("triangle", 3), tens + 2: ("triangle", 6)}
+    DESCRIPTORS |= {tens + 4: ("quad", 4), tens + 5: ("quad", 8)}
+
+
+def test_descriptors_of_elements():
+    assert by_unv.ELEMENTS == DESCRIPTORS
+    assert by_unv.WITH_ORIENTATION == (21, 22, 23, 24)
+    for shape, (corners, mids) in by_unv.ORDER.items():
+        count = max(n for _, n in DESCRIPTORS.values() if (shape, n) in DESCRIPTORS.values())
+        assert sorted([*corners, *mids]) == list(range(count))
+        assert len(mids) == len(EDGES[shape])

@@ -75,11 +75,10 @@ class NodalMatrices(StructureMatrices):
             for spin in range(3):
                 turn = np.cross(np.eye(3)[spin], points - point)
                 motions[along, 3 + spin] = turn[along, axis]
-        size = np.abs(points - point).max() or 1.0
         there = motions.any(axis=0)
         forces = force_ratios(self.K, motions[:, there], multiply(self.K, motions[:, there]))
         limits = np.where(np.flatnonzero(there) < 3, RIGID_FORCE**0.5, FILE_DIGITS)
-        return (point, motions) if size > 0 and (forces < limits).all() else None
+        return (point, motions) if (forces < limits).all() else None
 
     @property
     def mass(self) -> float:
