@@ -43,6 +43,7 @@ budget: $(READY) ## error budgets: COUNT random parts, strike beside fixed choic
 	$(PYTHON) demos/strike_or_uniform.py --out out/strike_or_uniform.json
 	$(PYTHON) demos/error_budget_tables.py --parts out/error_budget.jsonl --runs out/strike_or_uniform.json --page demos/speed/error_budget.md
 	$(PYTHON) demos/strike_beams.py --cases 60 --seed 2026 --page demos/speed/strike_beams.md
+	$(PYTHON) demos/beam_model.py --page demos/speed/beam_model.md
 	$(PYTHON) demos/shell_error_bars.py --shells 64 --seed 2026 --out out/shell_error_bars.jsonl --page demos/speed/shell_error_bars.md
 
 validate: $(READY) ## published tests in one table with pictures: docs/validation.md (about 2 minutes)

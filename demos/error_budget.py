@@ -35,7 +35,8 @@ from antiosc.fem.error import cell_sizes
 from antiosc.fem.error.estimator import estimator
 from antiosc.fem.error.remeshing import source_of
 from antiosc.simulation.error_bars import QUANTITIES
-from antiosc.simulation.error_budget import amplitudes, differences
+from antiosc.simulation.error_budget import amplitudes
+from antiosc.simulation.quantities import differences
 
 STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}
 #: Error of a reference over that of the mesh, and its largest one (shares of the energy), by

@@ -31,12 +31,11 @@ from antiosc.fem.error.bisection import refined
 from antiosc.simulation.error_bars import QUANTITIES
 from antiosc.simulation.error_budget import (
     COARSE_SHELL,
-    FLOOR,
     SAFETY,
     SAFETY_COARSE,
     SHELL,
-    differences,
 )
+from antiosc.simulation.quantities import FLOOR, differences
 
 ALUMINIUM = {"E": 70e9, "nu": 0.33, "rho": 2700.0}
 PLY = ao.Layer(130e9, 9e9, 0.3, 5e9, 5e9, 3.5e9, 1600.0, 1e-3)

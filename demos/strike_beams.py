@@ -21,7 +21,7 @@ import options
 import antiosc as ao
 from antiosc.closed_form import StruckBeam, UniformBeam
 from antiosc.simulation.error_bars import QUANTITIES
-from antiosc.simulation.error_budget import differences
+from antiosc.simulation.quantities import differences
 
 STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}
 #: Anti-oscillators and error of the time steps of the truth.
@@ -35,7 +35,8 @@ PAGE = """# `strike` over meshes of lines
 
 Written by `demos/strike_beams.py --cases {cases} --seed {seed}`. Uniform Timoshenko beams of random
 slenderness (10 to 100), ends, sites, masses and contact stiffnesses, given as one to four lines of
-degree 1 or 2. The truth is the closed form with 200 anti-oscillators. "Met": the bars, or the true
+degree 1 or 2. The truth is the closed form with 200 anti-oscillators, so that the bars are taken
+without the share of the model ([what this is](beam_model.md)). "Met": the bars, or the true
 errors, of peak force, impulse and contact time are within the tolerance; "bars hold": all three
 true errors are below their bars; "promised", "true", dofs and CPU seconds are medians.
 
@@ -129,10 +130,10 @@ def main(
                     {
                         "number": number,
                         "asked": tol,
-                        "promised": budget.worst,
+                        "promised": budget.numerical,
                         "true": max(off.values()),
-                        "ratio": max(off[name] / budget[name].total for name in QUANTITIES),
-                        "met": budget.worst <= tol,
+                        "ratio": max(off[name] / budget[name].numerical for name in QUANTITIES),
+                        "met": budget.numerical <= tol,
                         "dofs": hit.model.info["strike"][-1]["dofs"],
                         "n": hit.model.n,
                         "seconds": seconds,

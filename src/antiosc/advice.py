@@ -25,6 +25,7 @@ import numpy as np
 
 from antiosc import checks
 from antiosc.closed_form import zener
+from antiosc.closed_form.family_limits import strip, thickness_shear
 from antiosc.contact.geometry import effective_modulus
 from antiosc.errors import InputError
 
@@ -133,8 +134,8 @@ def advise(
     lam = zener.inelasticity(impactor.mass, speed, stiffness, bending, rho * thickness)
 
     limits = {
-        "beam": TRUST * _strip(width, thickness, E, nu, rho),
-        "shell": TRUST * sqrt(E / (2 * (1 + nu)) / rho) / (2 * thickness),
+        "beam": TRUST * strip(width, thickness, E, nu, rho),
+        "shell": TRUST * thickness_shear(thickness, E, nu, rho),
         "solid": np.inf,
     }
     slender = {"beam": length / width, "shell": sqrt(length * width) / thickness, "solid": np.inf}
@@ -177,12 +178,6 @@ def _measures(
         raise InputError(f"length must be >= width; got {length:g} and {width:g} m.")
     material = (checks.positive("E", E, "Pa"), checks.poisson(nu), checks.positive("rho", rho))
     return length, width, thickness, material
-
-
-def _strip(width: float, thickness: float, E: float, nu: float, rho: float) -> float:
-    """Lowest bending frequency across a free strip of this width [Hz]."""
-    wave = sqrt(E * thickness**2 / (12 * rho * (1 - nu**2)))
-    return 22.373 / (2 * pi * width**2) * wave
 
 
 def _element(

@@ -16,8 +16,9 @@ from antiosc.fem.site.site import Site
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.simulation.error_bars import ErrorBudget
-from antiosc.simulation.error_budget import SAFETY, differences, floored
+from antiosc.simulation.error_budget import SAFETY
 from antiosc.simulation.history import History
+from antiosc.simulation.quantities import differences, floored
 from antiosc.simulation.truncation import truncation_error
 
 #: Shares of the tolerance for the truncation and for the time steps.

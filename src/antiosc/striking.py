@@ -130,7 +130,8 @@ def strike(
         Of the last mesh, on its corrected model, which is nearer to the truth: the mesh's bars are
         those of `simulate` less the correction. Of shells it is the raw model. `error_budget` is
         known, `model.info["strike"]` lists the meshes. Status 1 and a sentence in the message if
-        the budget exceeds `tol`, and what meeting it would cost.
+        the budget exceeds `tol`, and what meeting it would cost, or that the share of
+        the beam model exceeds it.
 
     Raises
     ------
@@ -156,7 +157,7 @@ def strike(
         answer = answered(source, site, run, tol, FIRST_N)
         told = (
             ""
-            if answer.budget.worst <= tol
+            if answer.budget.numerical <= tol
             else "The structure was used as it is: give its mesh, material and supports, and the "
             "mesh is refined."
         )
@@ -173,7 +174,7 @@ def strike(
         records.append(record(answer))
         log.info("strike: %s", records[-1])
         told, ratio = "", np.ones(0)
-        met = answer.budget.worst <= tol and (mesh.tdim > 1 or len(records) > 1)
+        met = answer.budget.numerical <= tol and (mesh.tdim > 1 or len(records) > 1)
         if not met:
             told = place.fixed or (
                 f"{MOST_MESHES} meshes were made." if len(records) == MOST_MESHES else ""
@@ -317,6 +318,12 @@ def _finished(answer: Answer, tol: float, records: list[dict[str, Any]], told: s
     hit.model.info["strike"] = records
     dofs = ", ".join(str(record["dofs"]) for record in records)
     story = f"Meshes of {dofs} dofs; bar {100 * budget.worst:.2g} % for tol = {100 * tol:g} %."
+    if budget.worst > tol and not told:
+        share = max(bar.model for bar in budget.values())
+        told = (
+            f"The share of the model, {100 * share:.2g} %, exceeds what the tolerance leaves: no "
+            "finer mesh helps, solid elements would."
+        )
     if told:
         budget = replace(budget, notes=(*budget.notes, told))
     return replace(

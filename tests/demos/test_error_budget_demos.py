@@ -93,3 +93,13 @@ def test_random_shells(tmp_path, capsys):
     assert "| all | 2 | 100% |" in told
     assert "| all | 2 | 100% |" in page.read_text()
     assert "| plate |" in page.read_text()
+
+
+def test_beams_beside_solid_bars(tmp_path):
+    page = tmp_path / "model.md"
+    (found,) = demo("beam_model").main(bars=1, fine=0.6, page=str(page))
+    pairs = [pair for blow in found["blows"] for pair in blow.values()]
+    assert max(true / share for true, share in pairs) <= 1
+    assert max(true for true, _ in pairs) > 0.03
+    assert found["compliance"] < -0.5
+    assert "30 of 30" in page.read_text()

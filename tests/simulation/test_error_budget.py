@@ -8,13 +8,12 @@ import pytest
 import antiosc as ao
 from antiosc.simulation.error_bars import CAUSES, QUANTITIES
 from antiosc.simulation.error_budget import (
-    FLOOR,
     RESOLVED,
     SAFETY,
     SAFETY_COARSE,
     amplitudes,
-    differences,
 )
+from antiosc.simulation.quantities import FLOOR, differences
 
 STRIKER, LAW = ao.RigidMass(0.5, 1.0), ao.Hertz(1e9)
 

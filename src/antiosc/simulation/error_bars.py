@@ -9,7 +9,7 @@ from typing import Any
 #: Quantities of an impact that have bars, and their units.
 QUANTITIES = {"peak_force": "N", "impulse": "N s", "contact_time": "s"}
 #: Causes of error, in the order in which they are told.
-CAUSES = ("mesh", "truncation", "time", "patch", "geometry")
+CAUSES = ("mesh", "truncation", "time", "patch", "geometry", "model")
 
 
 @dataclass(frozen=True)
@@ -24,6 +24,7 @@ class ErrorBar:
     time : of the time integration.
     patch : of the radius of the site's patch.
     geometry : of flat faces that stand for a curved surface.
+    model : of the element family, such as a beam in place of a solid bar.
     """
 
     value: float
@@ -32,11 +33,17 @@ class ErrorBar:
     time: float
     patch: float
     geometry: float = 0.0
+    model: float = 0.0
+
+    @property
+    def numerical(self) -> float:
+        """Sum of all causes but the model, which no finer mesh changes."""
+        return self.mesh + self.truncation + self.time + self.patch + self.geometry
 
     @property
     def total(self) -> float:
         """Sum of all causes."""
-        return self.mesh + self.truncation + self.time + self.patch + self.geometry
+        return self.numerical + self.model
 
 
 @dataclass(frozen=True)
@@ -82,6 +89,11 @@ class ErrorBudget(Mapping[str, ErrorBar]):
     def worst(self) -> float:
         """Largest total of the three quantities."""
         return max(bar.total for bar in self.bars.values())
+
+    @property
+    def numerical(self) -> float:
+        """Largest of the three without the shares of the model."""
+        return max(bar.numerical for bar in self.bars.values())
 
     def __str__(self) -> str:
         lines = []

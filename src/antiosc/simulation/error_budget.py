@@ -2,16 +2,16 @@
 
 The mesh's share is the difference between the impacts on the model and on its corrected model
 (`antiosc.models.softened`), times a factor of safety; since the errors of the three quantities
-(peak force, impulse, contact time) may vanish by chance, each is at least `FLOOR` times the largest
-of them. The factor is larger where the errors of strains hold a large share of the energy. Of a
-shell the impact on the model that is softened without its misfit counts too, and the larger
-difference is taken: error and misfit have opposite signs and may cancel.
-The share of the truncation: `antiosc.simulation.truncation`.
+(peak force, impulse, contact time) may vanish by chance, each is at least half the largest of them.
+The factor is larger where the errors of strains hold a large share of the energy. Of a shell the
+impact on the model that is softened without its misfit counts too, and the larger difference is
+taken: error and misfit have opposite signs and may cancel.
+The share of the truncation: `antiosc.simulation.truncation`; of the element family:
+`antiosc.simulation.model_errors`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -23,10 +23,10 @@ from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.softened import NO_ESTIMATE, energy_error
 from antiosc.simulation.error_bars import QUANTITIES, ErrorBar, ErrorBudget
 from antiosc.simulation.history import History
+from antiosc.simulation.model_errors import model_errors
+from antiosc.simulation.quantities import differences, floored
 from antiosc.simulation.truncation import Run, truncation_error
 
-#: Each error is at least this share of the largest of the three.
-FLOOR = 0.5
 #: Factor of safety of the mesh's share, and the same where the mesh is not good enough for it: the
 #: share of the errors of strains in the energy exceeds COARSE, or the faces under the patch are
 #: RESOLVED times its radius (in proportion to them, above the first factor).
@@ -78,6 +78,7 @@ def error_budget(hit: History, again: Run) -> ErrorBudget:
         )
     patch, told = _patch(model, raw, again, tol)
     geometry, curved = _geometry(model, hit, raw, again, tol)
+    family, idealized = model_errors(model, raw, again, tol)
     time = _time(hit, raw, tol)
     bars = {
         name: ErrorBar(
@@ -87,10 +88,11 @@ def error_budget(hit: History, again: Run) -> ErrorBudget:
             time=time[name],
             patch=patch[name],
             geometry=geometry[name],
+            model=family[name],
         )
         for name in QUANTITIES
     }
-    return ErrorBudget(bars, share, (*notes, *told, *curved, *doubts), safety)
+    return ErrorBudget(bars, share, (*notes, *told, *curved, *idealized, *doubts), safety)
 
 
 def _again(
@@ -144,21 +146,6 @@ def amplitudes(hit: History) -> Any:
         a = np.column_stack([a[:, 0], a[:, 1:] - a[:, :1]])
         total += a.T @ a * (end - start) / INSTANTS
     return total
-
-
-def differences(one: History, other: History) -> dict[str, float]:
-    """Relative differences of the three quantities."""
-    return {name: _relative(getattr(one, name), getattr(other, name)) for name in QUANTITIES}
-
-
-def _relative(a: float, b: float) -> float:
-    return abs(a - b) / max(abs(a), abs(b)) if a != b else 0.0
-
-
-def floored(errors: Mapping[str, float]) -> dict[str, float]:
-    """Errors of the three quantities, each at least `FLOOR` times the largest."""
-    worst = max(errors.values())
-    return {name: max(error, FLOOR * worst) for name, error in errors.items()}
 
 
 def _time_errors(hit: History) -> list[float]:

@@ -25,8 +25,8 @@ from antiosc.simulation.error_budget import (
     SAFETY,
     SAFETY_COARSE,
     SHELL,
-    differences,
 )
+from antiosc.simulation.quantities import differences
 from sheets import (
     NU,
     RHO,

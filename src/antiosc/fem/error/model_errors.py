@@ -10,6 +10,7 @@ import numpy as np
 
 from antiosc._types import Array
 from antiosc.errors import InputError
+from antiosc.fem.error.beam_model import beam_facts
 from antiosc.fem.error.estimator import NO_MESH, estimator
 from antiosc.fem.error.facets import faceted
 from antiosc.fem.error.gaps import mean_gaps
@@ -54,6 +55,7 @@ class ModelErrors:
             model = replace(model, strain_error=self._errors.gram(model, site))
             assert site.point is not None  # or `gram` refuses it
             model.info["inside_element"] = inside(on_mesh(self._structure).mesh, site.point)
+            model.info["model"] = beam_facts(on_mesh(self._structure), site)
         elif isinstance(self._errors, ShellErrors):
             E, misfit = self._errors.gram_and_misfit(_shapes(model))
             model = replace(model, strain_error=E, strain_misfit=misfit)
