@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import pytest
 
@@ -32,6 +33,22 @@ def test_a_place_that_cannot_be_written_is_named():
     said = r"^compiled finite elements cannot be written to /x \(denied\): set XDG_CACHE_HOME"
     with pytest.raises(ao.InputError, match=said), compiler():
         raise PermissionError(13, "denied", "/x")
+
+
+def test_derivatives_are_counted_by_the_directions_of_the_cell(monkeypatch):
+    """FFCx up to 0.5 would count x, y and z of a shell in space; newer ones stay as they are."""
+    compiler = pytest.importorskip("antiosc.fem.compiler")
+    tables = pytest.importorskip("ffcx.ir.elementtables")
+    asked = []
+    monkeypatch.setattr(tables, "get_ffcx_table_values", lambda *a: asked.append(a), raising=False)
+    own = tables.get_ffcx_table_values
+    shell = SimpleNamespace(topological_dimension=lambda: 2)
+    given = ("points", shell, "type", "element", "average", "entity", (1, 2, 3), "component")
+    with compiler.compiler():
+        tables.get_ffcx_table_values(*given)
+    counts = (1, 2) if compiler.FFCX < (0, 6) else (1, 2, 3)
+    assert asked == [(*given[:6], counts, "component")]
+    assert tables.get_ffcx_table_values is own
 
 
 @pytest.mark.slow
