@@ -195,6 +195,11 @@ NASTRAN = {
         BLOCK + SYSTEM.replace("CORD2R", "CORD2C") + "CONM2,9,1,5,1.,.1,,,,\n,1.\n",
         "CONM2 is read in rectangular systems",
     ),
+    "too many fields": (
+        BLOCK + "SPC1,1,123,1,2,3,4,5,6,7,8\n",
+        "line 13 .*up to 8 after its name.* got 10",
+    ),
+    "a number as the mark": (BLOCK + "SPC1,1,123,1,2,3,4,5,6,7\n", "up to 8 .* got 9"),
     "no PMASS": (BLOCK + "CMASS1,9,7,1,1\n", "CMASS1 has no PMASS 7"),
     "no mass matrix": (BLOCK + "CONM1,9,1,,-1.\n", "CONM1 is not that of a mass"),
     "a grid as a scalar point": (BLOCK + "SPOINT,3\n", "defines 3 as a GRID and as an SPOINT"),

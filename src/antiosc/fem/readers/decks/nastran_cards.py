@@ -18,6 +18,8 @@ PROPERTY_NAMES = (
 )
 #: Most copies of one entry.
 MOST_COPIES = 1_000_000
+#: A number; "+1" may mark a continuation.
+_NUMBER = re.compile(r"-?\.?\d")
 _SELECTED = re.compile(r"\s*(SPC|MPC)\s*=\s*(\d+)\s*$", re.IGNORECASE)
 _INCLUDE = re.compile(r"\s*INCLUDE\b\s*(.*)", re.IGNORECASE)
 
@@ -141,7 +143,7 @@ class _Collector:
         continued, self.continued = self.continued, "," in line and line.rstrip().endswith(",")
         if continued and words[0][0].isdigit() and "," in line:
             line = "," + line
-        name, fields, large = _fields(line)
+        name, fields, large = _fields(line, place)
         if name and name[0] == "=":
             self._copy(words[0].split(",")[0], fields, place)
             return
@@ -192,12 +194,18 @@ def _changed(old: str, change: str, place: Place) -> str:
     return str(whole_number(old or "0", place) + whole_number(step, place))
 
 
-def _fields(line: str) -> tuple[str, list[str], bool]:
+def _fields(line: str, place: Place) -> tuple[str, list[str], bool]:
     """(name, four or eight fields, whether they are large)."""
     if "," in line:
         first, *rest = (part.strip() for part in line.split(","))
         large = first.endswith("*") or first.startswith("*")
         count = 4 if large else 8
+        # the one after them names the continuation
+        if any(rest[count + 1 :]) or _NUMBER.match("".join(rest[count : count + 1])):
+            raise MeshError(
+                f"{place}: a line of free fields has up to {count} after its name, and the mark of "
+                f"the next line; got {len(rest)}: write the further ones in a line of their own."
+            )
         return first, (rest + [""] * count)[:count], large
     name = line[:8].strip()
     large = "*" in name
