@@ -11,8 +11,10 @@ import scipy.linalg
 import scipy.sparse
 
 import antiosc as ao
+import parts
 from antiosc.fem.extraction.krylov import Lanczos
 from antiosc.fem.extraction.static_mode import static_mode
+from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.site.functionals import functional
 from antiosc.models.driving_point import samples, stiffness_error
 from marks import FREE_ON_PURPOSE
@@ -298,3 +300,36 @@ def test_a_band_that_n_cannot_reach_is_said(steel):
 def test_bad_wishes(steel, options, words):
     with pytest.raises(ao.InputError, match=words):
         ao.extract(steel, SITE, **options)
+
+
+def test_pairs_that_double_precision_does_not_resolve_are_left_out():
+    """One element, thousands of times as thick as long: θ of some pairs is rounding."""
+    section = ao.Section(A=1.5e4, I=2500.0, I_side=250.0, J=2.5e4)
+    beam = ao.Structure(
+        parts.line(1.0, 1, (1, 0, 0)),
+        ao.Beam(1.44e9, 0.33, 5.37, section, orientation=(0, 1, 0), shear=False),
+    )
+    site = ao.Site((0, 0, 0), (0.36, 0.48, 0.8))
+    model = ao.extract(beam, site, n=8)
+    assert 3 <= model.n < 8
+    omega = np.array([3e3, 2e4, 5e4])
+    K, M = (csr(matrix).toarray() for matrix in (beam.K, beam.M))
+    exact = direct(K, M, functional(beam, site).b, omega)
+    np.testing.assert_allclose(model.dynamic_stiffness(omega), exact, rtol=1e-4)
+
+
+def test_all_pairs_of_a_beam_that_is_rigid_in_shear():
+    """The penalty of the shear stiffness makes θ of some pairs rounding: 39 are left of 40."""
+    section = ao.Section.rectangle(0.02, 0.01)
+    beam = ao.Structure(
+        parts.line(1.0, 20),
+        ao.Beam(**parts.STEEL, section=section, shear=False),
+        [ao.Support("left")],
+    )
+    model = ao.extract(beam, ao.Site((0.7, 0.0), (0, 1)), n=40)
+    fewer = ao.extract(beam, ao.Site((0.7, 0.0), (0, 1)), n=30)
+    omega = np.array([2e3, 1e4, 3e4])
+    assert 35 < model.n <= 40
+    np.testing.assert_allclose(
+        model.dynamic_stiffness(omega), fewer.dynamic_stiffness(omega), rtol=1e-6
+    )

@@ -67,7 +67,7 @@ class BlockLanczos:
 
     def parameters(self, n: int) -> tuple[Array, Array, Array]:
         """(M0 (p, p) without cancellation below rounding, P (n, p), ω² (n,)) of the first n."""
-        theta, turn = self._basis.ritz(n)
+        theta, turn = self._basis.resolved(n)
         P = turn.T @ self._c[:n] / np.sqrt(theta)[:, None]
         poles = np.maximum(1 / theta - self._shift, 0.0)
         return bands.semidefinite(self._static.mass - P.T @ P), P, poles

@@ -80,14 +80,14 @@ class Lanczos:
 
     def shares(self, n: int) -> Array:
         """Shares in Z of the pairs of the first n steps."""
-        theta, _ = self._basis.ritz(n)
+        theta, _ = self._basis.resolved(n)
         m = self.masses(n)
         left = max(self._static.mass - float(m.sum()), 0.0)
         return bands.shares(self._static.k0, left, m, np.maximum(1 / theta - self._shift, 0.0))
 
     def masses(self, n: int) -> Array:
         """m_i of the first n steps, kg."""
-        theta, turn = self._basis.ritz(n)
+        theta, turn = self._basis.resolved(n)
         return np.asarray((self._norm * turn[0]) ** 2 / theta)
 
     def modes(self, n: int) -> Modes:
@@ -115,7 +115,7 @@ class Lanczos:
 
     def error(self, n: int, band: float) -> float:
         """Bound on |Z - Z_N|/|Z_N| of the model of n steps over the band up to `band` [rad/s]."""
-        theta, _ = self._basis.ritz(n)
+        theta, _ = self._basis.resolved(n)
         poles, m = 1 / theta - self._shift, self.masses(n)
         k0, mass = self._static.k0, self._static.mass
         m, poles = m[poles > 0], poles[poles > 0]

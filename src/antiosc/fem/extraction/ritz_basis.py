@@ -21,6 +21,8 @@ from antiosc.models.batched_modes import EXHAUSTED
 
 #: Share of the largest θ below which the smallest θ of an eigensolver are inaccurate.
 WIDE_RANGE = 1e-8
+#: θ over the largest below which it is rounding.
+NOISE = 1e-18
 #: Columns by which a basis grows.
 BASIS_STEP = 16
 
@@ -119,18 +121,29 @@ class RitzBasis:
         return loads
 
     def ritz(self, n: int) -> tuple[Array, Array]:
-        """Eigenvalues θ = 1/(ω² + s), ω ascending, and eigenvectors of T on the first n vectors."""
+        """Eigenvalues θ = 1/(ω² + s), ω ascending, and eigenvectors of T on the first n vectors.
+
+        Of far higher frequencies double precision leaves no θ: it is 0.
+        """
         H = self.H[:n, :n]
         theta, turn = np.linalg.eigh(H)
-        if n and 0 < theta[0] < WIDE_RANGE * theta[-1]:
-            poles, x = polish(turn / np.sqrt(theta), lambda x: x.T @ x, lambda x: x.T @ H @ x)
+        noise = int(np.sum(theta <= NOISE * theta[-1])) if n else 0
+        own, vectors = theta[noise:], turn[:, noise:]
+        if len(own) and own[0] < WIDE_RANGE * own[-1]:
+            poles, x = polish(vectors / np.sqrt(own), lambda x: x.T @ x, lambda x: x.T @ H @ x)
             order = np.argsort(-poles)
-            theta, turn = 1 / poles[order], (x / np.sqrt(poles))[:, order]
-        return theta[::-1], turn[:, ::-1]
+            own, vectors = 1 / poles[order], (x / np.sqrt(poles))[:, order]
+        theta = np.concatenate([np.zeros(noise), own])
+        return theta[::-1], np.column_stack([turn[:, :noise], vectors])[:, ::-1]
+
+    def resolved(self, n: int) -> tuple[Array, Array]:
+        """Those of `ritz` with θ > 0."""
+        theta, turn = self.ritz(n)
+        return theta[theta > 0], turn[:, theta > 0]
 
     def modes(self, n: int, complete: bool) -> Modes:
         """The Ritz pairs of the first n vectors; M-orthonormal, and orthogonal through K too."""
-        theta, turn = self.ritz(n)
+        theta, turn = self.resolved(n)
         omega = np.sqrt(np.maximum(1 / theta - self._shift, 0.0))
         return Modes(omega, self.vectors[:, :n] @ (turn / np.sqrt(theta)), complete)
 
