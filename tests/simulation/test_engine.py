@@ -143,3 +143,16 @@ def test_one_contact_has_the_forces_that_sweeps_find(monkeypatch, law: ao.Contac
     atol = 1e-9 * float(other.force.max())
     assert atol > 0
     np.testing.assert_allclose(one.force, other.force, rtol=0, atol=atol)
+
+
+def test_a_run_without_states_goes_through_several_buffers(monkeypatch: pytest.MonkeyPatch) -> None:
+    made = assemble(blow(0.5), 4e-3)
+
+    def forces(first: int, keep: bool) -> np.ndarray:
+        monkeypatch.setattr(engine, "_FIRST", first)
+        engine._kept.clear()
+        found = engine.run(made.system, 4e-3, 1e-3, fine=made.lasting / 200, keep=keep)
+        assert (found.states is not None) == keep
+        return found.force
+
+    np.testing.assert_array_equal(forces(16, keep=False), forces(4096, keep=True))

@@ -184,6 +184,7 @@ def run(
     or halvings of it where the forces need them.
     """
     p, (m, size) = system.kinds.size, system.beta.shape
+    width = size if keep else 0
     if march.USER in system.kinds.tolist():
         module = march  # only the interpreted march calls a law of one's own
     chosen, before = module or fitting_march(0), 0
@@ -221,7 +222,7 @@ def run(
                 time[:nodes].copy(),
                 force[:nodes].copy(),
                 depth[:nodes].copy(),
-                kept[:states].copy(),
+                kept[:states, :, :width].copy(),
                 met[:events].copy(),
             )
         )
@@ -231,7 +232,7 @@ def run(
         if answer != march.FULL:
             break
         buffer = min(4 * buffer, 1 << 17)
-        out = buffers(buffer, p, m, size if keep else 0)
+        out = buffers(buffer, p, m, width)
         count[march.NODES] = count[march.EVENTS] = count[march.STATES] = 0
     _keep(key, space)
     whole = found[0]
