@@ -162,7 +162,8 @@ BLOWS = {
 
 @pytest.mark.parametrize("blow", list(BLOWS))
 @pytest.mark.parametrize(
-    ("place", "lines", "order", "tol"), [(0.37, 4, 2, 0.003), (1.0, 1, 1, 0.1)]
+    ("place", "lines", "order", "tol"),
+    [pytest.param(0.37, 4, 2, 0.003, marks=pytest.mark.slow), (1.0, 1, 1, 0.1)],
 )
 def test_meshes_of_lines_meet_the_tolerance(place, lines, order, tol, blow):
     """The site at 0.37 lies inside a line; one line of degree 1 is far from the truth."""
@@ -202,6 +203,7 @@ Physical Point("foot") = {1};
 """
 
 
+@pytest.mark.slow
 def test_geometries_of_lines_are_meshed_more_finely(tmp_path):
     (tmp_path / "frame.geo").write_text(FRAME)
     thin = ao.Beam(210e9, 0.3, 7850.0, ao.Section.circle(0.012))

@@ -272,7 +272,7 @@ def test_laminate_and_shell_by_group():
     assert mixed.dimensions == pytest.approx((2, 1, 0.01))
     site = ao.Site((1.5, 0.5, 0), (0, 0, 1))
     assert ao.extract(mixed, site, n=2).radius == pytest.approx(0.01)
-    with pytest.raises(InputError, match="of one family: Solid, Beam, Truss, or Shell and Laminate"):
+    with pytest.raises(InputError, match="of one family: Solid, Beam, Truss, or Shell"):
         ao.Structure(mesh, {"left": metal, "right": ao.Solid(E, NU, RHO)})
     sphere = ao.Sphere(0.01, E, NU, RHO, velocity=1.0)
     with pytest.raises(InputError, match="got a Laminate: give the dimensions"):

@@ -311,6 +311,7 @@ def test_the_larger_of_both_differences_counts(model):
         assert bars[name].mesh == pytest.approx(SHELL * without[name].mesh, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_blow_too_short_for_the_cells_has_a_wide_bar():
     """The bodies part before a wave crosses a cell: the corrected model sees nothing of it."""
     site = ao.Site((0.4, 0.3, 0), (0, 0, -1))
