@@ -93,7 +93,9 @@ def code_state() -> str:
         return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
 
     try:
-        commit, changed = git("show", "-s", "--format=%h of %as"), git("status", "--porcelain")
+        # programs alone: the pages and pictures of this run change too
+        changed = git("status", "--porcelain", "--", ":/src", "*.py")
+        commit = git("show", "-s", "--format=%h of %as")
     except (OSError, subprocess.CalledProcessError):
         return ""
     return f"Made with commit {commit}{', changed since' if changed else ''}."
