@@ -88,6 +88,7 @@ def test_the_reading_process_may_be_lost(tmp_path):
     assert ao.read_mesh(MESHES / "lever.msh").n_cells
 
 
+@pytest.mark.slow
 def test_a_reader_ends_with_the_one_that_asked(tmp_path):
     path = tmp_path / "part.geo"
     path.write_text("For i In {1:1e15}\n a = i;\nEndFor\n" + BAR)

@@ -94,6 +94,7 @@ def errors(part, hit, times, solved, **options):
     return {quantity: worst / size for quantity, (worst, size) in found.items()}
 
 
+@pytest.mark.slow
 def test_every_quantity_converges_to_the_unreduced_model(sheet):
     part, times, solved = sheet
     worst = {}
