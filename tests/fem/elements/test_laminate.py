@@ -174,6 +174,7 @@ def test_angles_count_from_the_axis_about_the_normal(cell):
     assert differ(other, here)[0] > 1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cell", CELLS)
 def test_a_laminate_rotated_in_space_keeps_its_frequencies(cell):
     """Mesh and axis rotated together; and the top of a stack listed from the other side."""

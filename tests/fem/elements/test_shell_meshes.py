@@ -176,6 +176,7 @@ def test_a_fold_carries_bending_across():
     assert y[dof(structure, (1, 0, 1), "x")] == pytest.approx(bending, rel=2e-3)
 
 
+@pytest.mark.slow
 def test_one_strut_as_beam_shell_and_solid():
     """ν = 0, so that the clamp restrains no contraction: what is left is warping, (h/L)²."""
     length, width, height = 0.3, 0.02, 0.01

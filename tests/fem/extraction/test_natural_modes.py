@@ -50,6 +50,7 @@ def test_modes_are_those_of_the_matrices(supported):
     assert np.max(np.abs(residual)) < 1e-5 * np.max(np.abs(M_phi * found.omega**2))
 
 
+@pytest.mark.slow
 def test_all_modes_up_to_a_frequency():
     structure = bar()
     omega = dense(structure)

@@ -48,6 +48,7 @@ def test_reactions_and_inertia_balance_the_force(struck):
     np.testing.assert_allclose(found.centre["left"], [0, 0.03, 0], atol=1e-12)
 
 
+@pytest.mark.slow
 def test_reactions_are_those_of_the_unreduced_model(struck):
     """Rows of the supports, K_sf u + M_sf u'', under an independent integration with contact."""
     part, hit = struck

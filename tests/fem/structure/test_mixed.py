@@ -49,6 +49,7 @@ def test_a_stiffened_strip_is_a_composite_beam(cell):
     assert loaded(part, pull)[z] == pytest.approx(middle * length**2 / (2 * EI), rel=2e-2)
 
 
+@pytest.mark.slow
 def test_a_blade_as_beam_and_as_shell():
     """A plate with one rib, free: the lowest frequencies agree, the rib's own modes apart."""
     n, length, width = 12, 0.6, 0.3
