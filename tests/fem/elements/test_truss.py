@@ -165,6 +165,13 @@ def test_bars_of_the_plane(tmp_path):
     assert part.mass == pytest.approx(7800 * 1e-3 * 8, rel=1e-12)
 
 
+def test_rods_without_an_area_above_zero_are_refused(tmp_path):
+    path = tmp_path / "two.inp"
+    path.write_text(TRIANGLE.replace("\n1e-3\n", "\n-1e-3\n"))
+    with pytest.raises(ao.MeshError, match="area of rods must be above 0; it is -0.001"):
+        ao.read_model(path)
+
+
 def test_a_mass_and_a_rigid_link_on_a_truss(tmp_path):
     """They make an assembly; the linked node moves as its fellow."""
     path = tmp_path / "two.inp"

@@ -32,6 +32,13 @@ from antiosc.fem.structure.support import Support
 
 #: Names of the parts of a deck whose cells are joined, by their dimension.
 PARTS = {3: "solids", 2: "faces", 1: "beams"}
+#: Families whose arguments a deck gives as they are.
+PLAIN: dict[str, Callable[..., Family]] = {
+    "Solid": Solid,
+    "AnisotropicSolid": AnisotropicSolid,
+    "Shell": Shell,
+    "Truss": Truss,
+}
 
 
 @collective()
@@ -199,14 +206,8 @@ def _listed(name: str, given: Any, kinds: tuple[type, ...]) -> list[Any]:
 def _family(kind: str, arguments: dict[str, Any], place: str) -> Family:
     """A section's class with its arguments; InputError that names the deck's line."""
     try:
-        if kind == "Solid":
-            return Solid(**arguments)
-        if kind == "AnisotropicSolid":
-            return AnisotropicSolid(**arguments)
-        if kind == "Shell":
-            return Shell(**arguments)
-        if kind == "Truss":
-            return Truss(**arguments)
+        if kind in PLAIN:
+            return PLAIN[kind](**arguments)
         if isinstance(arguments.get("axis"), dict):
             arguments = {**arguments, "axis": Nearest(**arguments["axis"])}
         if kind == "GivenSheet":

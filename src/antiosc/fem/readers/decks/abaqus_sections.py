@@ -99,9 +99,11 @@ class Sections:
     def _rods(self, card: Card, elements: IntArray, material: dict[str, Any]) -> None:
         """T2D2 and T3D2, with their area in the first line."""
         area = (card.first_numbers() or [1.0])[0] or 1.0
+        if area < 0:
+            raise MeshError(f"{card.place}: the area of rods must be above 0; it is {area:g}.")
         units = self.builder.units
-        EA, mass = material["E"] / units.stress * area, material["rho"] / units.density * area
-        self.builder.add_rods(elements, Rod(EA, material["nu"], area, 0.0, mass, card.place))
+        E, mass = material["E"] / units.stress, material["rho"] / units.density * area
+        self.builder.add_rods(elements, Rod(E, material["nu"], area, 0.0, mass, card.place))
 
     def _refuse_roles(self, card: Card, roles: set[str]) -> None:
         kinds = sorted(

@@ -33,13 +33,23 @@ class Family:
 class Rod(NamedTuple):
     """The section of a rod, in the deck's units."""
 
-    EA: float
+    E: float
     nu: float
     area: float
-    GJ: float
+    torsion: float
     #: mass per length
     mass: float
     place: Place
+
+    @property
+    def EA(self) -> float:
+        """Stiffness against tension, times the length."""
+        return self.E * self.area
+
+    @property
+    def GJ(self) -> float:
+        """Stiffness against torsion, times the length."""
+        return self.E / (2 * (1 + self.nu)) * self.torsion
 
 
 @dataclass
@@ -82,17 +92,13 @@ class ModelBuilder:
     def with_roles(self, roles: Sequence[str]) -> None:
         """What the blocks of the deck are; nodes of shells and beams have rotations."""
         ends = np.cumsum([0, *map(len, self.deck.blocks)])
-        present = {
-            role for role, some in zip(roles, pairwise(ends), strict=True)
-            if self.chosen[slice(*some)].any()
-        }  # fmt: skip
+        chosen = [self.chosen[slice(*some)] for some in pairwise(ends)]
+        present = {role for role, some in zip(roles, chosen, strict=True) if some.any()}
         self.truss = present == {"rod"}
-        start = 0
         every = np.zeros(len(self.used), dtype=bool)
-        for role, block in zip(roles, self.deck.blocks, strict=True):
+        for role, block, some in zip(roles, self.deck.blocks, chosen, strict=True):
             every[nodes_of_block(block)] = True
-            own = nodes_of_block(some_rows(block, self.chosen[start : start + len(block)]))
-            start += len(block)
+            own = nodes_of_block(some_rows(block, some))
             if role != "rod" or self.truss:
                 self.used[own] = True
             else:

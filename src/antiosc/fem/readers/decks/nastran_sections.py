@@ -132,8 +132,7 @@ class Properties(PropertyReader):
                  (units.stress, 1.0), strict=True))  # fmt: skip
         density = self.builder.rho(material) / units.density
         per_length = density * area + extra * self.mass_factor
-        GJ = E / (2 * (1 + nu)) * torsion
-        self.builder.add_rods(elements, Rod(E * area, nu, area, GJ, per_length, entry.place))
+        self.builder.add_rods(elements, Rod(E, nu, area, torsion, per_length, entry.place))
 
     # --- Beams ------------------------------------------------------------------------------------
 

@@ -61,13 +61,13 @@ def make_truss(builder: ModelBuilder) -> BoolArray:
             alike.setdefault(rod, []).append(int(k))
     for rod, elements in alike.items():
         arguments = {
-            "E": rod.EA / rod.area * units.stress,
+            "E": rod.E * units.stress,
             "nu": rod.nu,
             "rho": rod.mass / rod.area * units.density,
             "area": rod.area * units.length**2,
         }
         builder.add("rods", np.array(elements), Family("Truss", arguments, rod.place))
-    if any(rod.GJ for rod in alike):
+    if any(rod.torsion for rod in alike):
         builder.ignored.append("the torsion of rods, whose ends are hinges in a truss")
     return np.zeros(builder.deck.n_elements, dtype=bool)
 
@@ -85,9 +85,11 @@ def hold_without_stiffness(builder: ModelBuilder) -> None:
             if node < len(stiff) and motion < 3:
                 stiff[node, motion] = 1.0
     for node, _, stiffness in builder.springs:
-        stiff[node] += [name in stiffness for name in MOTIONS[:3]]
+        if node < len(stiff):
+            stiff[node] += [name in stiffness for name in MOTIONS[:3]]
     for node, _ in joints.alias:  # motions along axes of its own
-        stiff[node] = 1.0
+        if node < len(stiff):
+            stiff[node] = 1.0
     loose = builder.used[:, None] & (stiff <= FLAT) & ~builder.fixed[:, :3]
     if loose.any():
         builder.fixed[:, :3] |= loose
@@ -113,6 +115,6 @@ def _spring(builder: ModelBuilder, a: int, b: int, rod: Rod) -> float:
         ]
 
     builder.sprung(apart(0), rod.EA / length, rod.place)
-    if rod.GJ and builder.has_rotations[[a, b]].all():
+    if rod.torsion and builder.has_rotations[[a, b]].all():
         builder.sprung(apart(3), rod.GJ / length, rod.place)
     return length
