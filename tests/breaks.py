@@ -2,8 +2,8 @@
 
 An operator, a comparison, a constant (× 1.1, 0, negated; a whole number + 1), a condition, a
 statement that is left out, or the first two arguments of a call, swapped. Left out are changes that
-change nothing that is computed: of words (docstrings, messages, what is logged), of type hints, and
-those named below.
+change nothing that is computed: of words (docstrings, messages, what is logged), of type hints, the
+last of a pair or the last axis by -1 in place of 1, and those named below.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ COMPARISONS: dict[type[ast.cmpop], type[ast.cmpop]] = {
 # functions, a tenth more of a threshold that only has to lie above rounding or of a length in
 # PICTURES, code for other VERSIONS of the libraries than those installed here.
 SYMMETRIC = (
-    *("max", "min", "np.maximum", "np.minimum", "np.array_equal"),
+    *("max", "min", "np.maximum", "np.minimum", "np.clip", "np.array_equal"),
     *("math.hypot", "np.hypot", "math.isclose"),
 )
 ROUNDING_THRESHOLD = 1e-6
@@ -106,23 +106,29 @@ def works(one: Break) -> bool:
         return False
 
 
-def changes(node: ast.AST) -> Iterator[tuple[Any, str]]:
-    """(node, text that takes its place) below and including `node`, in the order of the source."""
+def changes(node: ast.AST, index: bool = False) -> Iterator[tuple[Any, str]]:
+    """(node, text that takes its place) below and including `node`, in the order of the source.
+
+    `index`: the node is an index, or a part of one.
+    """
     if _is_text(node) or _is_typing(node):
         return
     if _is_of_versions(node):
         yield from _for_this_version(node)
         return
-    if isinstance(node, ast.expr):
+    if isinstance(node, ast.Constant) and node.value == 1 and index:
+        yield node, "(2)"
+    elif isinstance(node, ast.expr):
         yield from ((node, f"({ast.unparse(new)})") for new in expressions(node))
     elif left_out(node):
         yield node, "pass"
     for field, value in ast.iter_fields(node):
         if field in ("annotation", "returns", "decorator_list", "exc"):
             continue
+        within = _is_index(node, field) or (index and isinstance(node, ast.Tuple))
         for child in value if isinstance(value, list) else [value]:
             if isinstance(child, ast.AST):
-                yield from changes(child)
+                yield from changes(child, within)
 
 
 def expressions(node: ast.expr) -> Iterator[ast.expr]:
@@ -158,6 +164,13 @@ def left_out(node: ast.AST) -> bool:
     if isinstance(node, ast.Expr):
         return isinstance(node.value, ast.Call) and not ast.unparse(node).startswith("log.")
     return isinstance(node, ast.AugAssign | ast.Raise)
+
+
+def _is_index(node: ast.AST, field: str) -> bool:
+    """Whether a field holds the index of an array, or the number of an axis."""
+    if isinstance(node, ast.keyword):
+        return node.arg == "axis"
+    return isinstance(node, ast.Subscript) and field == "slice"
 
 
 def _is_text(node: ast.AST) -> bool:

@@ -43,10 +43,16 @@ def test_every_kind_of_break_is_drawn():
     assert not [before for before, _ in pairs if "Zener" in before]
 
 
-@pytest.mark.parametrize("source", ["x = 0.0", "max(a, b)", "np.hypot(a, b)", "f(a, a)"])
+@pytest.mark.parametrize("source", ["x = 0.0", "max(a, b)", "np.clip(a, b, c)", "f(a, a)"])
 def test_changes_that_change_nothing_are_not_drawn(source):
     found = [text for _, text in breaks.changes(ast.parse(source).body[0])]
     assert not set(found) - {"pass", "(1.0)"}
+
+
+@pytest.mark.parametrize("source", ["x[1]", "x[:, 1]", "f(x, axis=1)"])
+def test_the_second_of_two_is_not_drawn_as_the_last(source):
+    assert "(2)" in {text for _, text in breaks.changes(ast.parse(source).body[0])}
+    assert "(-1)" not in {text for _, text in breaks.changes(ast.parse(source).body[0])}
 
 
 def test_lengths_in_pictures_are_not_drawn_a_tenth_longer():
