@@ -38,12 +38,19 @@ class Stiffness:
 
     @property
     def strains(self) -> Array:
-        """Unit combinations of the functionals that a motion without strain leaves at zero."""
+        """Unit combinations of the functionals that a motion without strain leaves at zero.
+
+        Functionals that are zero, as motions out of a plane, are in none of them.
+        """
         if self.rigid is not None:
             whole, _ = np.linalg.qr(self.rigid, mode="complete")
             return np.asarray(whole[:, self.rigid.shape[1] :].T)
-        values, vectors = np.linalg.eigh(self.k)
-        return np.asarray(vectors[:, values > 1e-12 * max(values[-1], np.finfo(float).tiny)].T)
+        some = np.flatnonzero(np.diff(self.G.indptr))
+        values, vectors = np.linalg.eigh(self.k[np.ix_(some, some)])
+        vectors = vectors[:, values > 1e-12 * max(values[-1], np.finfo(float).tiny)]
+        found = np.zeros((vectors.shape[1], len(self.k)))
+        found[:, some] = vectors.T
+        return found
 
 
 class Joint(ABC):

@@ -1,0 +1,170 @@
+"""Plane assemblies beside the same ones in space, whose motion out of the plane is held."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pytest
+
+pytest.importorskip("dolfinx")
+
+import antiosc as ao
+from antiosc.errors import AntioscWarning
+from assemblies import NU, RHO, E, box, line
+
+pytestmark = [
+    pytest.mark.fem,
+    pytest.mark.filterwarnings("ignore:[0-9]+ constraint:antiosc.errors.AntioscWarning"),
+]
+
+DEPTH = 0.03
+BEAM = {"E": E, "nu": NU, "rho": RHO, "section": ao.Section.rectangle(width=0.01, height=0.02)}
+SPRINGS = {"x": 2e5, "y": 3e5, "rz": 40.0}
+PLACES = {
+    "b": ao.Placement((0.2, 0.0), (0, 0, 1), np.pi / 2),
+    "d": ao.Placement((0.35, 0.25), (0, 0, 1), 0.2),
+    "frame": ao.Placement((0.62, 0.0), (0, 0, 1), 0.4, about=(0.01, 0.02)),
+}
+POINTS = {"hub": (0.35, 0.05), "foot": (0.6, 0.04), "ground": (0.5, 0.3), "arm": (0.58, 0.33)}
+CORNER = (0.6, -0.15)
+#: Three bars between three nodes: stiffness of a bar, mass of a node.
+TRIANGLE, BAR, NODE = np.array([[0.0, 0, 0], [0.06, 0, 0], [0.02, 0.05, 0]]), 3e6, 0.02
+
+
+def block(low: tuple, high: tuple, n: tuple, held: bool, space: bool) -> ao.Structure:
+    """A rectangle of plane strain, or a slab one cell deep around the plane."""
+    supports = [ao.Support("x0")] if held else []
+    if not space:
+        solid = ao.Solid(E, NU, RHO, plane="strain", thickness=DEPTH)
+        return ao.Structure(box(low, high, n, "quadrilateral"), solid, supports, order=1)
+    mesh = box((*low, -DEPTH / 2), (*high, DEPTH / 2), (*n, 1))
+    return ao.Structure(mesh, ao.Solid(E, NU, RHO), supports, order=1)
+
+
+def beam(start: tuple, end: tuple, space: bool) -> ao.Structure:
+    """A beam whose height lies in the plane."""
+    if not space:
+        return ao.Structure(line(start, end, 2), ao.Beam(**BEAM), order=1)
+    x, y = np.subtract(end, start)
+    mesh = line((*start, 0.0), (*end, 0.0), 2)
+    return ao.Structure(mesh, ao.Beam(**BEAM, orientation=(-y, x, 0.0)), order=1)
+
+
+def frame(space: bool) -> ao.Structure:
+    """Three bars as given matrices; in space a spring across the plane at each node besides."""
+    K = np.zeros((9, 9))
+    for i, j in ((0, 1), (0, 2), (1, 2)):
+        n = np.zeros((3, 3))
+        n[i] = (TRIANGLE[i] - TRIANGLE[j]) / np.linalg.norm(TRIANGLE[i] - TRIANGLE[j])
+        n[j] = -n[i]
+        K += BAR * np.outer(n.ravel(), n.ravel())
+    K[2::3, 2::3] += BAR * np.eye(3)
+    node, dof = np.repeat(np.arange(3) + 1, 3), np.tile([1, 2, 3], 3)
+    kept = np.flatnonzero(dof < 3 + space)
+    x = np.repeat(TRIANGLE, 3, axis=0)[kept]
+    K, M = K[np.ix_(kept, kept)], NODE * np.eye(len(kept))
+    return ao.Structure.from_matrices(K, M, map=(node[kept], dof[kept], x))
+
+
+def assembly(
+    space: bool, *, held: bool = True, braced: bool = True, framed: bool = True
+) -> ao.Structure:
+    """Every joint that plane parts can have; held to the ground, braced, with the frame, or not."""
+    parts = {
+        "a": block((0.0, 0.0), (0.2, 0.1), (2, 2), held, space),
+        "b": block((0.0, -0.15), (0.1, 0.0), (3, 1), False, space),
+        "c": beam((0.35, 0.05), (0.35, 0.25), space),
+        "d": beam((0.0, 0.0), (0.2, 0.05), space),
+        "f": beam((0.6, 0.3), (0.6, 0.04), space),
+        "g": block((0.5, -0.15), (0.6, -0.05), (2, 2), False, space),
+    }
+    joints = [
+        ao.Tie("a:x1", "b:y1"),
+        ao.Rigid("b:y0", "hub"),
+        ao.Weld("hub", "c:start"),
+        ao.Hinge("c:end", "d:start"),
+        ao.Ball("d:end", "arm"),
+        ao.Weld("arm", "f:start", point=(0.5, 0.31)),
+        ao.Slider("f:end", "foot", axis=(0.6, 0.8, 0.0)),
+        ao.Mean("g:y1", "foot"),
+    ]
+    if framed:
+        parts["frame"] = frame(space)
+        joints += [ao.Ball("frame:1", "foot"), ao.Ball("frame:3", ("f", (0.6, 0.17)))]
+    if braced:
+        joints += [
+            ao.Bolt("a:y0", "g:x0", ao.Beam(**BEAM, orientation=(0.1, 1.0, 0.0))),
+            ao.Bushing(("b", (0.35, 0.1)), ("g", (0.5, -0.05)), {"axial": 7e5}),
+            ao.Equation([(("g", CORNER), "y", 2.0), ("c:end", "x", 1.0), ("hub", "rz", -0.5)]),
+        ]
+    points = dict(POINTS)
+    supports = [ao.Support("ground")]
+    if held:
+        joints.append(ao.Bushing("f:start", "ground", SPRINGS, point=(0.55, 0.28)))
+    else:
+        supports = []
+        del points["ground"]
+    if space:
+        still = ("z", "rx", "ry")
+        supports.append(ao.Support(lambda x: np.full(x.shape[1], True), still))
+        supports += [ao.Support(name, still) for name in points if name != "ground"]
+    attached = [
+        ao.PointMass("hub", 0.3, (1e-3, 2e-3, 3e-3)),
+        ao.PointMass(CORNER, 0.1),
+        *([ao.PointMass("frame:2", 0.05)] if framed else []),
+        *([ao.Spring("c:end", {"y": 5e4})] if held else []),
+    ]
+    at = {name: place for name, place in PLACES.items() if name in parts}
+    return ao.assemble(parts, joints, at, points=points, supports=supports, attached=attached)
+
+
+SITE = ao.Site((0.6, 0.23), (0.6, -0.8), part="f")
+
+
+def check_alike(flat: ao.AntiOscillators, deep: ao.AntiOscillators) -> None:
+    """Z(ω) of both is one."""
+    omega = np.array([0.3, 0.77, 1.4, 2.5, 6.0]) * flat.omega[0]
+    Z = [each.dynamic_stiffness(omega).real for each in (flat, deep)]
+    assert flat.k0 == pytest.approx(deep.k0, rel=1e-8)
+    assert Z[0] == pytest.approx(Z[1], rel=1e-7)
+
+
+def test_every_joint_in_the_plane_is_the_one_in_space():
+    """Z(ω), and in a run the motions of parts and points, and the reactions."""
+    found: list = []
+    for space in (False, True):
+        part = assembly(space, framed=False)
+        model = ao.extract(part, SITE, n=30)
+        hit = ao.simulate(model, ao.RigidMass(0.05, 1.0), ao.Linear(1e6), 1e-3)
+        times = np.linspace(0.0, 1e-3, 5)
+        places = ("hub", "foot", "arm", "g:y0", "b:x1")
+        moved = [ao.probe(part, hit, name, times=times) for name in places]
+        turned = [ao.probe(part, hit, name, "rotation", times) for name in ("hub", "arm", "d:end")]
+        held = ao.reactions(part, hit, SITE)
+        found.append((model, np.array(moved)[..., :2], np.array(turned)[..., -1], held, part.mass))
+    (flat, moved, turned, held, mass), (deep, same, alike, reference, other) = found
+    check_alike(flat, deep)
+    np.testing.assert_allclose(moved, same, rtol=0, atol=1e-6 * np.abs(same).max())
+    np.testing.assert_allclose(turned, alike, rtol=0, atol=1e-6 * np.abs(alike).max())
+    assert mass == pytest.approx(other, rel=1e-12)
+    check_alike(*(ao.extract(assembly(space), SITE, n=30) for space in (False, True)))
+    for name in ("a:x0", "ground"):
+        for kind in ("force", "moment"):
+            own, there = (getattr(each, kind)[name] for each in (held, reference))
+            np.testing.assert_allclose(own, there, rtol=0, atol=1e-5 * np.abs(there).max())
+
+
+@pytest.mark.filterwarnings("ignore:the supports leave:antiosc.errors.AntioscWarning")
+def test_free_plane_assemblies_are_those_in_space():
+    """Two motions that the equation allows; five where the hinge and the ball turn besides."""
+    for braced, count in ((True, 2), (False, 5)):
+        parts = []
+        for space in (False, True):
+            with warnings.catch_warnings(record=True) as told:
+                warnings.simplefilter("always", AntioscWarning)
+                parts.append(assembly(space, held=False, braced=braced))
+            leave = [each for each in told if "the joints leave" in str(each.message)]
+            assert len(leave) == (not braced)
+        assert [part.rigid_modes.shape[1] for part in parts] == [count, count]
+        check_alike(*(ao.extract(part, SITE, n=30) for part in parts))
