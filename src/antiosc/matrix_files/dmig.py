@@ -25,7 +25,7 @@ MOST_GRID = 2**31
 
 def matches(content: bytes) -> bool:
     """Whether a line begins with DMIG."""
-    return re.search(rb"(?im)^DMIG[ *,]", content) is not None
+    return re.search(rb"(?im)^DMIG[ \t*,]", content) is not None
 
 
 def read(source: Source) -> dict[str, Entries]:

@@ -50,23 +50,19 @@ class Source:
         """Lines of `columns` numbers each: (lines, columns); `numbers` are those of the lines."""
         if not lines:
             return np.zeros((0, columns))
-        text = b"\n".join(lines).replace(b",", b" ")
-        found = _floats(text)
-        if found is None or found.size != columns * len(lines):
-            for line, number in zip(lines, numbers, strict=True):
-                self._check(line, number, columns)
-            raise InputError(f"{self.name} is not a table of {columns} numbers a line.")
-        if any(len(line.replace(b",", b" ").split()) != columns for line in (lines[0], lines[-1])):
-            self._check(lines[0], numbers[0], columns)
-            self._check(lines[-1], numbers[-1], columns)
+        rows = [line.replace(b",", b" ") for line in lines]
+        found = _floats(b"\n".join(rows))
+        if found is None or any(len(row.split()) != columns for row in rows):
+            for row, line, number in zip(rows, lines, numbers, strict=True):
+                self._check(row, line, number, columns)
+        assert found is not None
         return found.reshape(-1, columns)
 
-    def _check(self, line: bytes, number: int, columns: int) -> None:
-        fields = line.replace(b",", b" ").split()
+    def _check(self, row: bytes, line: bytes, number: int, columns: int) -> None:
         shown = line.decode("ascii", "replace").strip()[:60]
-        if len(fields) != columns:
+        if len(row.split()) != columns:
             raise self.error(number, f"{columns} numbers are expected; got {shown!r}.")
-        if _floats(line.replace(b",", b" ")) is None:
+        if _floats(row) is None:
             raise self.error(number, f"{shown!r} is not {columns} numbers.")
 
 

@@ -1,0 +1,72 @@
+"""Maps of the rows of matrices: their forms in files, and whole messages."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import antiosc as ao
+from antiosc.matrix_files.dof_map import dof_map, name_of, rows_of
+
+TABLE = [[1, 10, 1], [2, 10, 2], [3, 20, 1]]
+MAPS = {
+    "rows": "Row Node DOF\n1 10 UX\n2 10 UY\n3 20 UX\n",
+    "mixed rows": "3 20 x\n! a comment\n1 10 T1\n2, 10, uy # second\n",
+    "comments": "*\n10 1\n* * \n10 2\n$\n+20 1\n%\n",
+    "points": "10,1,.5,0,0\n10,2,.5,0,0\n20,1,1.,2.,3.\n",
+}
+
+
+@pytest.mark.parametrize("case", MAPS)
+def test_the_rows_of_a_map(case, tmp_path):
+    path = tmp_path / "map.txt"
+    path.write_text(MAPS[case])
+    found = dof_map(path, None, 3)
+    assert found.node.tolist() == [10, 10, 20]
+    assert found.component.tolist() == [1, 2, 1]
+    assert found.points.shape == (3, 3)
+    assert found.located == (case == "points")
+    expected = [[0.5, 0, 0], [0.5, 0, 0], [1, 2, 3]] if found.located else np.full((3, 3), np.nan)
+    np.testing.assert_array_equal(found.points, expected)
+    assert found.row(10, 2) == 1
+    assert rows_of({20: "all", 10: ["uy"]}, found).tolist() == [1, 2]
+
+
+def test_labels_without_a_map_have_no_coordinates():
+    found = dof_map(None, np.array([[10, 1], [10, 2], [20, 8]]), 3)
+    assert (found.node.tolist(), found.component.tolist()) == ([10, 10, 20], [1, 2, 8])
+    assert found.points.shape == (3, 3)
+    assert not found.located
+    assert [name_of(k) for k in (0, 1, 6, 7)] == ["0", "x", "rz", "7"]
+    assert dof_map(None, None, 3) is None
+
+
+WRONG_MAPS = {
+    "word": ("10 1\n\nnode\n", "map.txt, line 3: a row of numbers is expected; got 'node'."),
+    "dof": ("# a\n10 1\n10 2 a\n", "map.txt, line 3: 'a' is not the name of a dof."),
+    "long": ("10 1\n" + 70 * "n",
+             f"map.txt, line 2: a row of numbers is expected; got '{60 * 'n'}'."),
+    "empty": ("# a\n", "map.txt, line 1: the map has no row of numbers."),
+    "fields": ("\n10 1\n10 2 3\n20 1\n", "map.txt, line 3: 2 numbers are expected; got '10 2 3'."),
+    "nan": ("10 1\n10 2\n20 1e999\n", "map.txt must hold finite numbers."),
+    "rows": ("10 1\n10 2\n",
+             "map.txt must have a row of node, dof or of node, dof, x, y, z for each of the 3 "
+             "rows of the matrices, or rows of node, x, y, z; got 2 rows of 2 numbers."),
+    "no nodes": ("5 0 0 0\n", "map.txt has none of the nodes of the matrices."),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", WRONG_MAPS)
+def test_what_is_wrong_with_a_map_is_told(case, tmp_path):
+    text, message = WRONG_MAPS[case]
+    path = tmp_path / "map.txt"
+    path.write_text(text)
+    with pytest.raises(ao.InputError) as caught:
+        dof_map(path, np.array([[10, 1], [10, 2], [20, 1]]), 3)
+    assert str(caught.value) == message
+
+
+def test_supports_are_a_dict_of_nodes():
+    rows = dof_map(np.array(TABLE)[:, 1:], None, 3)
+    with pytest.raises(ao.InputError, match="supports must be a dict of node"):
+        rows_of([10], rows)
