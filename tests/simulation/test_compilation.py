@@ -18,7 +18,6 @@ from antiosc.simulation.assembly import assemble
 from antiosc.simulation.compilation import compiled_march
 from antiosc.simulation.engine import run
 from antiosc.simulation.refinement import start
-from marches import written_out
 from scene_cases import LAWS, ball, plate, rod_between_walls, stops
 
 
@@ -132,19 +131,12 @@ def test_an_interrupted_compilation_leaves_no_half_module(monkeypatch) -> None:
     assert "march_that_is_interrupted" not in sys.modules
 
 
-def two_marches(compiled: bool) -> ModuleType:
-    if not compiled:
-        return written_out()
+@pytest.mark.slow
+def test_the_compiled_march_gives_the_numbers_of_the_interpreted_one() -> None:
+    """Those of the loops without compilation: test_march_audit.py."""
     pytest.importorskip("numba")
-    found = compiled_march()
-    assert found is not None
-    return found
-
-
-@pytest.mark.parametrize("compiled", [False, pytest.param(True, marks=pytest.mark.slow)])
-def test_the_compiled_march_gives_the_numbers_of_the_interpreted_one(compiled: bool) -> None:
-    """Compiled, and as numba is given it."""
-    other = two_marches(compiled)
+    other = compiled_march()
+    assert other is not None
     mass, body = ao.RigidMass(0.3, 2.0), ao.SiteModes([2e3, 9e3], [[3.0], [4.0]], ["tip"])
     scenes = [ao.Scene({"a": body, "b": mass}, [ao.Contact("a", "b", law)]) for law in LAWS]
     scenes += [plate(ao.Hertz(1e8), 1e-3)[0], rod_between_walls(1.5)[0], stops()[0]]
