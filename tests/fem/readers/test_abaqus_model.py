@@ -53,12 +53,15 @@ def node_at(point) -> int:
     return int(np.argmin(distance))
 
 
+def matrix(terms_and_values) -> np.ndarray:
+    """Σ value (Σ coefficient × motion)²."""
+    rows = [np.sqrt(value) * row_of(terms) for terms, value in terms_and_values]
+    return sum((np.outer(row, row) for row in rows), np.zeros((6 * COUNT, 6 * COUNT)))
+
+
 def stiffness(model: dict) -> np.ndarray:
     """N/m and Nm, of the springs."""
-    K = np.zeros((6 * COUNT, 6 * COUNT))
-    for terms, k in model["joints"]["elastic"]:
-        row = row_of(terms)
-        K += k * np.outer(row, row)
+    K = matrix(model["joints"]["springs"])
     for point, given in model["springs"]:
         for name, k in given.items():
             one = 6 * node_at(point) + MOTIONS.index(name)
@@ -91,12 +94,23 @@ def test_springs_have_the_energy_of_their_motions(read, case):
     model, _ = read(f"*ELEMENT,TYPE={kind},ELSET=S\n{ends}*SPRING,ELSET=S\n{lines}")
     u = RNG.normal(size=(COUNT, 6))
     assert energy_of(stiffness(model), u) == pytest.approx(energy(u), rel=1e-9)
+    assert model["joints"]["dampers"] == []
+
+
+@pytest.mark.parametrize("case", SPRINGS)
+def test_dashpots_have_the_power_of_their_motions(read, case):
+    kind, ends, lines, power = SPRINGS[case]
+    kind = kind.replace("SPRING", "DASHPOT")
+    model, _ = read(f"*ELEMENT,TYPE={kind},ELSET=S\n{ends}*DASHPOT,ELSET=S\n{lines}")
+    v = RNG.normal(size=(COUNT, 6))
+    assert energy_of(matrix(model["joints"]["dampers"]), v) == pytest.approx(power(v), rel=1e-9)
+    assert not stiffness(model).any()
 
 
 def test_a_spring_to_a_fixed_node_is_one_to_the_ground(read):
     cards = "*ELEMENT,TYPE=SPRING2,ELSET=S\n7,2,5\n*SPRING,ELSET=S\n3,1\n40.\n"
     model, _ = read(cards + "*BOUNDARY\n5,ENCASTRE\n")
-    assert model["joints"]["elastic"] == []
+    assert model["joints"]["springs"] == []
     ((point, given),) = model["springs"]
     assert node_at(point) == 1
     assert given == pytest.approx({"z": 40e3})
@@ -185,7 +199,10 @@ WRONG = {
     "*BOUNDARY,SUBMODEL\n3,1\n": (0, "SUBMODEL"),
     "*SPRING,ELSET=S,NONLINEAR\n1\n": (0, "nonlinear springs"),
     "*FOUNDATION\n1,P1,3.\n": (0, "use springs"),
-    "*DASHPOT,ELSET=S\n1\n": (0, "DASHPOT is a dashpot"),
+    "*DASHPOT,ELSET=S,NONLINEAR\n1\n": (0, "nonlinear springs and dashpots"),
+    "*ELEMENT,TYPE=DASHPOT1,ELSET=S\n7,2\n*DASHPOT,ELSET=S\n3\n": (2, "one damping coefficient"),
+    "*ELEMENT,TYPE=SPRINGA,ELSET=S\n7,2,3\n*SPRING,ELSET=S\n\n1.\n2.\n": (2, "it has 2"),
+    "*ELEMENT,TYPE=DASHPOTA,ELSET=S\n7,2,3\n*DASHPOT,ELSET=S\n\n-4.\n": (4, "-4 is negative"),
     "*ELEMENT,TYPE=DCOUP3D,ELSET=D\n7,6\n*DISTRIBUTING COUPLING,ELSET=D\n": (2, "no nodes with w"),
 }
 
@@ -199,9 +216,9 @@ def test_what_is_wrong_is_told_with_its_line(read, cards):
 
 
 def test_elements_without_values_are_told_by_their_numbers(read):
-    with pytest.raises(MeshError, match=r"has 1 MASS and ROTARYI elements, but .* to 0 of them"):
+    with pytest.raises(MeshError, match=r"has 1 MASS elements, but .* to 0 of them"):
         read("*ELEMENT,TYPE=MASS,ELSET=P\n8,2\n")
-    with pytest.raises(MeshError, match=r"has 2 SPRINGA and .* give values to 1 of them"):
+    with pytest.raises(MeshError, match=r"has 2 SPRINGA elements, but .* give values to 1 of them"):
         read("*ELEMENT,TYPE=SPRINGA,ELSET=S\n8,2,3\n*ELEMENT,TYPE=SPRINGA,ELSET=T\n9,2,4\n"
              "*SPRING,ELSET=S\n\n4.\n")  # fmt: skip
 

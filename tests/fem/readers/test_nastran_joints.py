@@ -128,12 +128,15 @@ def test_the_sums_of_mpc_that_the_case_control_selects(joints, selected):
     assert [int(text.split()[0]) for text in told] == ([3 - len(taken)] if selected else [])
 
 
+def matrix(terms_and_values) -> np.ndarray:
+    """Σ value (Σ coefficient × motion)²."""
+    rows = [np.sqrt(value) * row_of(terms) for terms, value in terms_and_values]
+    return sum((np.outer(row, row) for row in rows), np.zeros((6 * COUNT, 6 * COUNT)))
+
+
 def stiffness(model: dict) -> np.ndarray:
     """Of the springs, those to the ground included."""
-    K = np.zeros((6 * COUNT, 6 * COUNT))
-    for terms, k in model["joints"]["elastic"]:
-        row = row_of(terms)
-        K += k * np.outer(row, row)
+    K = matrix(model["joints"]["springs"])
     for point, given in model["springs"]:
         node = int(np.argmin(np.linalg.norm(X - point, axis=1)))
         for name, k in given.items():
@@ -153,7 +156,11 @@ def along(node: int, motion: int, direction=None) -> np.ndarray:
 SCALAR = {
     "CELAS1": "PELAS,3,40.\nCELAS1,9,3,1,2,4,6\n",
     "CELAS1 of its number": "PELAS,9,40.\nCELAS1,9,,1,2,4,6\n",
+    "CELAS1, second of its PELAS": "PELAS,2,7.,,,3,40.\nCELAS1,9,3,1,2,4,6\n",
     "CELAS2": "CELAS2,9,40.,1,2,4,6\n",
+    "CDAMP1": "PDAMP,3,40.\nCDAMP1,9,3,1,2,4,6\n",
+    "CDAMP1, third of its PDAMP": "PDAMP,1,1.,2,2.,3,40.,4,4.\nCDAMP1,9,3,1,2,4,6\n",
+    "CDAMP2": "CDAMP2,9,40.,1,2,4,6\n",
 }
 
 
@@ -163,9 +170,11 @@ def test_springs_between_two_motions(joints, case, turned):
     rows = [along(node, motion, axes()[motion % 3] if turned == node + 1 else None)
             for node, motion in ((0, 1), (3, 5))]  # fmt: skip
     row = rows[0] - rows[1]
-    np.testing.assert_allclose(
-        stiffness(joints(SCALAR[case], turned)), 40 * np.outer(row, row), atol=1e-12
-    )
+    model = joints(SCALAR[case], turned)
+    both = stiffness(model), matrix(model["joints"]["dampers"])
+    expected = 40 * np.outer(row, row), np.zeros((6 * COUNT, 6 * COUNT))
+    for found, known in zip(both, expected[:: -1 if "DAMP" in case else 1], strict=True):
+        np.testing.assert_allclose(found, known, atol=1e-12)
 
 
 @pytest.mark.parametrize("share", [None, 0.25, 1.0])
@@ -175,7 +184,8 @@ def test_a_bush_deforms_at_its_place(joints, share, oriented):
     k = [10.0, 20.0, 30.0, 4.0, 5.0, 6.0]
     given = {"vector": "0.3,-.2,.8,", "node": "6,,,", "system": ",,,5"}[oriented]
     place = f"\n,{share}" if share is not None else ""
-    cards = "PBUSH,3,K,10.,20.,30.,4.,5.,6.\n" + f"CBUSH,9,3,2,5,{given}{place}\n"
+    cards = "PBUSH,3,K,10.,20.,30.,4.,5.,6.\n,,B,1.,2.,3.,.4,.5,.6\n"
+    cards += f"CBUSH,9,3,2,5,{given}{place}\n"
     p = X[1] + (0.5 if share is None else share) * (X[4] - X[1])
     line = (X[4] - X[1]) / np.linalg.norm(X[4] - X[1])
     v = X[5] - X[1] if oriented == "node" else np.array([0.3, -0.2, 0.8])
@@ -185,9 +195,11 @@ def test_a_bush_deforms_at_its_place(joints, share, oriented):
     u = RNG.normal(size=(COUNT, 6))
     d = [u[n, :3] + np.cross(u[n, 3:], p - X[n]) for n in (1, 4)]
     stretch, turn = T @ (d[0] - d[1]), T @ (u[1, 3:] - u[4, 3:])
-    K = stiffness(joints(cards))
+    model = joints(cards)
+    K, C = stiffness(model), matrix(model["joints"]["dampers"])
     energy = np.array(k) @ np.concatenate([stretch, turn]) ** 2
     assert u.ravel() @ K @ u.ravel() == pytest.approx(energy, rel=1e-9)
+    assert u.ravel() @ C @ u.ravel() == pytest.approx(0.1 * energy, rel=1e-9)
 
 
 def test_a_bush_to_the_ground_is_along_the_axes(joints):
@@ -203,6 +215,15 @@ def test_a_bush_along_its_line_needs_no_orientation(joints):
     twist = along(1, 3, line) - along(4, 3, line)
     expected = 10 * np.outer(push, push) + 4 * np.outer(twist, twist)
     np.testing.assert_allclose(K, expected, atol=1e-12)
+
+
+def test_viscous_dampers_act_along_their_line_and_about_it(joints):
+    C = matrix(joints("PVISC,1,1.,1.,,3,10.,4.\nCVISC,9,3,2,5\n")["joints"]["dampers"])
+    line = (X[4] - X[1]) / np.linalg.norm(X[4] - X[1])
+    push = along(1, 0, line) - along(4, 0, line)
+    twist = along(1, 3, line) - along(4, 3, line)
+    expected = 10 * np.outer(push, push) + 4 * np.outer(twist, twist)
+    np.testing.assert_allclose(C, expected, atol=1e-12)
 
 
 # --- Masses ---------------------------------------------------------------------------------------
@@ -282,7 +303,11 @@ WRONG = {
     "CONM2,9,3,,-7.\n": "the mass or the inertia of CONM2 is negative",
     "CONM2,9,3,,7.,,,,\n,1.,2.,1.\n": "the mass or the inertia of CONM2 is negative",
     "CONM2,9,3,6,7.,1.\nCORD2C,6,,0.,0.,0.,0.,0.,1.\n,1.,0.,0.\n": "coordinate system 6 as CORD2R",
-    "CELAS1,9,4,2,3\n": "CELAS1 has no PELAS",
+    "CELAS1,9,4,2,3\n": "CELAS1 has no PELAS 4",
+    "CDAMP1,9,4,2,3\n": "CDAMP1 has no PDAMP 4",
+    "CDAMP2,9,-4.,2,3\n": "CDAMP2 has a negative damping",
+    "CVISC,9,4,2,3\n": "CVISC has no PVISC 4",
+    "PVISC,4,1.\nCVISC,9,4,2,2\n": "the ends of a CVISC coincide",
     "CELAS2,9,4.,2,7\n": "a component from 1 to 6",
     "CELAS2,9,4.\n": "CELAS2 acts on no node",
     "CBUSH,9,4,2,3\n": "CBUSH has no PBUSH",
@@ -298,6 +323,6 @@ WRONG = {
 
 @pytest.mark.parametrize("card", WRONG)
 def test_what_is_wrong_is_told_with_its_line(joints, card):
-    line = frame_of_bars().count("\n") + 1 + card.startswith(("PBUSH,3,K", "PMASS"))
+    line = frame_of_bars().count("\n") + 1 + card.startswith(("PBUSH,3,K", "PVISC"))
     with pytest.raises(MeshError, match=f"line {line} of .*{WRONG[card]}"):
         joints(card)

@@ -86,17 +86,20 @@ ABAQUS = {
         NODES + "*ELEMENT,TYPE=T3D2,ELSET=ALL\n1,1,2\n" + MATERIAL,
         "1 of 1 T3D2 elements have no section",
     ),
-    "leftover": (WHOLE + "*ELEMENT,TYPE=DASHPOTA\n2,1,2\n", "1 DASHPOTA elements, which are not"),
+    "leftover": (
+        WHOLE + "*ELEMENT,TYPE=DASHPOTA\n2,1,2\n",
+        r"1 DASHPOTA elements, but \*DASHPOT cards give values to 0",
+    ),
     "spring of length 0": (
         WHOLE.replace("*ELEMENT", "9,0,0,0\n*ELEMENT", 1)
         + SPRING
         + "9,1,9\n*SPRING,ELSET=K\n\n5.\n*BOUNDARY\n1,PINNED\n",
-        "the ends of a SPRINGA coincide",
+        "the ends of a spring or a dashpot coincide",
     ),
     "spring without k": (WHOLE + SPRING + "9,1,2\n*SPRING,ELSET=K\n", "without a stiffness"),
     "spring of dof 7": (
         WHOLE + "*ELEMENT,TYPE=SPRING1,ELSET=K\n9,1\n*SPRING,ELSET=K\n7\n5.\n",
-        "a spring acts on motions from 1 to 6",
+        "a spring or a dashpot acts on motions from 1 to 6",
     ),
     "nonlinear spring": (WHOLE + "*SPRING,ELSET=K,NONLINEAR\n1\n", "nonlinear springs"),
     "foundation": (WHOLE + "*FOUNDATION\nALL,F1,1.\n", r"\*FOUNDATION is not supported"),
@@ -221,7 +224,7 @@ NASTRAN = {
         BLOCK + "CBUSH,9,9,1,,1.,0.,0.\nPBUSH,9,K,1.\n",
         "CBUSH needs the system CID",
     ),
-    "damped bushing": (BLOCK + "CBUSH,9,9,1\nPBUSH,9,B,1.\n", r"stiffnesses \(K\) alone"),
+    "mass of a bushing": (BLOCK + "CBUSH,9,9,1\nPBUSH,9,M,1.\n", r"dampers \(B\) alone"),
     "mixed moment": (
         CBAR + "PBAR,1,1,1.,1.,1.,1.,,,\n,,,,,,,,,\n,,,1.5\n",
         "above 0, and I12² below",

@@ -1,4 +1,4 @@
-"""The parts of a deck joined at their nodes, by its constraints and its springs."""
+"""The parts of a deck joined at their nodes, by its constraints, springs and dampers."""
 
 from __future__ import annotations
 
@@ -46,11 +46,12 @@ def joined(
     made: list[Joint] = [
         NodeConstraints(
             joints["equations"],
-            joints["elastic"],
+            joints["springs"],
             list(points),
             numbers,
             joints["masses"],
             dict(joints["among"]),
+            joints["dampers"],
         )
     ]
     if len(parts) > 1:

@@ -55,7 +55,7 @@ def read_model(
     timeout: float | None = None,
     comm: MPI.Comm = MPI.COMM_WORLD,
 ) -> Structure:
-    """The structure that a deck describes: mesh, materials, sections, supports, masses, springs.
+    """The structure that a deck describes, with its supports, masses, springs and dampers.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Constraints and springs between numbered nodes of meshes, as decks have them."""
+"""Constraints, springs and dampers between numbered nodes of meshes, as decks have them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from antiosc.fem.assembly.numbered_nodes import Nodes, Term
 
 @dataclass(frozen=True, eq=False)
 class NodeConstraints(Joint):
-    """Σ coefficient × motion = 0 between nodes and reference points, and springs between them.
+    """Σ coefficient × motion = 0 between nodes and reference points; springs, dampers.
 
     Attributes
     ----------
@@ -28,6 +28,7 @@ class NodeConstraints(Joint):
     masses : (terms of each of k motions, their mass matrix (k, k), kg).
     points : names of the reference points in the order of their numbers.
     numbers : part -> number of each node of its mesh, in the order in which they were read.
+    dampers : (terms of a relative motion, damping in N s/m).
     among : node that the deck does not have, in the middle of a face -> (node, weight) of its own.
     """
 
@@ -37,6 +38,7 @@ class NodeConstraints(Joint):
     numbers: Mapping[str, IntArray]
     masses: Sequence[tuple[Sequence[Sequence[Term]], Any, float]] = ()
     among: Mapping[int, Sequence[tuple[int, float]]] = field(default_factory=dict)
+    dampers: Sequence[tuple[Sequence[Term], float]] = ()
     name: str | None = "constraints of the deck"
 
     def constraints(
@@ -60,20 +62,25 @@ class NodeConstraints(Joint):
         return rows
 
     def elastic(self, layout: Layout, label: str) -> list[Stiffness]:
-        """The springs and the masses."""
+        """The springs, the dampers and the masses."""
         nodes = Nodes(layout, self.points, self.numbers)
-        flat = [terms for terms, _ in self.springs]
+        flat = [terms for terms, _ in (*self.springs, *self.dampers)]
         every = nodes.functionals([*flat, *(terms for rows, _, _ in self.masses for terms in rows)])
+        none = np.zeros((1, 1))
         springs = [
-            Stiffness(every[k], np.array([[stiffness]]), np.zeros((1, 1)))
+            Stiffness(every[k], np.array([[stiffness]]), none)
             for k, (_, stiffness) in enumerate(self.springs)
+        ]
+        dampers = [
+            Stiffness(every[len(springs) + k], none, none, c=np.array([[damping]]))
+            for k, (_, damping) in enumerate(self.dampers)
         ]
         masses, start = [], len(flat)
         for rows, M, mass in self.masses:
             own = every[start : start + len(rows)]
             masses.append(Stiffness(own, np.zeros((len(rows),) * 2), np.array(M), mass))
             start += len(rows)
-        return springs + masses
+        return springs + dampers + masses
 
 
 def _on_middles(nodes: Nodes) -> Sparse:

@@ -46,7 +46,8 @@ def _renumbered(model: dict[str, Any], row: NDArray[Any]) -> dict[str, Any]:
 
     if joints:
         joints["equations"] = [new(terms) for terms in joints["equations"]]
-        joints["elastic"] = [[new(terms), k] for terms, k in joints["elastic"]]
+        for kind in ("springs", "dampers"):
+            joints[kind] = [[new(terms), value] for terms, value in joints[kind]]
         joints["among"] = [
             (int(row[n]), [(int(row[m]), w) for m, w in others])
             for n, others in joints.get("among", [])

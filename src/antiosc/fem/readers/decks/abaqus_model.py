@@ -1,4 +1,4 @@
-"""Abaqus and CalculiX decks as whole models: sections, supports, masses, springs.
+"""Abaqus and CalculiX decks as whole models: sections, supports, masses, springs, dashpots.
 
 The model and the supports of the first step are read. Unsupported cards that would change the
 result raise an error with their line; loads, later steps and nonlinear materials are ignored and
@@ -37,7 +37,6 @@ REFUSED_CARDS = {
     "SUBMODEL": "a submodel",
     "MODELCHANGE": "a change of the model between steps",
     "GAP": "a gap element",
-    "DASHPOT": "a dashpot",
     "CONNECTORSECTION": "a connector",
     "EMBEDDEDELEMENT": "embedded elements",
     "SHELLTOSOLIDCOUPLING": "a coupling of shells and solids",
@@ -50,6 +49,8 @@ REFUSED_CARDS = {
     "CHANGESOLIDSECTION": "a change of the sections between steps",
     "CHANGEMATERIAL": "a change of a material between steps",
 }
+#: Cards of springs and dampers, and what they give.
+LINKS = {"SPRING": "stiffness", "DASHPOT": "damping coefficient"}
 #: Loads and initial states, which are ignored.
 LOAD_CARDS = (
     *("CLOAD", "DLOAD", "DSLOAD", "TEMPERATURE", "FILM", "RADIATE", "DFLUX", "CFLUX", "FIELD"),
@@ -107,8 +108,8 @@ def _refuse(cards: Iterable[Card]) -> None:
                 "supported here and would change the result; remove it from the deck, or model "
                 "the part without it."
             )
-        if card.keyword == "SPRING" and "NONLINEAR" in card.options:
-            raise MeshError(f"{card.place}: nonlinear springs are not supported.")
+        if card.keyword in LINKS and "NONLINEAR" in card.options:
+            raise MeshError(f"{card.place}: nonlinear springs and dashpots are not supported.")
         if card.keyword == "FOUNDATION":
             raise MeshError(f"{card.place}: *FOUNDATION is not supported; use springs.")
 
@@ -247,36 +248,42 @@ def _masses(whole: Whole, builder: ModelBuilder) -> None:
 
 
 def _refuse_bare(whole: Whole, kinds: tuple[str, ...], given: int, card: str) -> None:
-    there = sum(whole.deck.left.get(kind, 0) for kind in kinds)
-    for kind in kinds:
-        whole.deck.left.pop(kind, None)
-    if there != given:
+    there = {kind: whole.deck.left.pop(kind) for kind in kinds if kind in whole.deck.left}
+    count = sum(there.values())
+    if count != given:
         raise MeshError(
-            f"{whole.deck.name} has {there} {' and '.join(kinds)} elements, but {card} cards give "
-            f"values to {given} of them."
+            f"{whole.deck.name} has {count} {' and '.join(there or kinds)} elements, but {card} "
+            f"cards give values to {given} of them."
         )
 
 
 def _springs(whole: Whole, builder: ModelBuilder) -> None:
-    given = 0
+    """Springs and dashpots."""
+    given = dict.fromkeys(LINKS, 0)
     for card, within in whole.cards:
-        if card.keyword != "SPRING":
+        if card.keyword not in LINKS:
             continue
+        add = builder.sprung if card.keyword == "SPRING" else builder.damped
         rows = [(f, p) for f, p in card.rows() if f]
         if not rows:
-            raise MeshError(f"{card.place}: *SPRING without a stiffness.")
+            raise MeshError(f"{card.place}: *{card.keyword} without a {LINKS[card.keyword]}.")
         for kind, nodes in _others(whole, card, within):
-            given += 1
-            stiffness = real_number(rows[-1][0][0], rows[-1][1])
-            if kind == "SPRINGA":
-                terms = _axial(builder, nodes, card.place)
+            given[card.keyword] += 1
+            if kind.endswith("A"):
+                terms, values = _axial(builder, nodes, card.place), rows
             else:
-                dofs = [whole_number(f, rows[0][1]) - 1 for f in rows[0][0][:2]]
-                if not all(0 <= dof < 6 for dof in dofs) or len(dofs) < len(nodes):
-                    raise MeshError(f"{rows[0][1]}: a spring acts on motions from 1 to 6.")
-                terms = [(n, d, s) for n, d, s in zip(nodes, dofs, (1.0, -1.0), strict=False)]
-            builder.sprung(terms, stiffness, card.place)
-    _refuse_bare(whole, ("SPRINGA", "SPRING1", "SPRING2"), given, "*SPRING")
+                terms, values = _along_motions(nodes, *rows[0]), rows[1:]
+            if len(values) != 1:
+                raise MeshError(
+                    f"{card.place}: *{card.keyword} needs one {LINKS[card.keyword]}, that does not "
+                    f"depend on frequency or temperature; it has {len(values)}."
+                )
+            value = real_number(values[0][0][0], values[0][1])
+            if value < 0:
+                raise MeshError(f"{values[0][1]}: the {LINKS[card.keyword]} {value:g} is negative.")
+            add(terms, value, card.place)
+    for keyword, number in given.items():
+        _refuse_bare(whole, tuple(f"{keyword}{end}" for end in "A12"), number, f"*{keyword}")
     if whole.deck.left:
         kind = next(iter(whole.deck.left))
         raise MeshError(
@@ -285,13 +292,21 @@ def _springs(whole: Whole, builder: ModelBuilder) -> None:
         )
 
 
+def _along_motions(nodes: list[int], fields: list[str], place: Place) -> list[Term]:
+    """The motion of a node, or the difference of two."""
+    dofs = [whole_number(f, place) - 1 for f in fields[:2]]
+    if not all(0 <= dof < 6 for dof in dofs) or len(dofs) < len(nodes):
+        raise MeshError(f"{place}: a spring or a dashpot acts on motions from 1 to 6.")
+    return [(n, d, s) for n, d, s in zip(nodes, dofs, (1.0, -1.0), strict=False)]
+
+
 def _axial(builder: ModelBuilder, nodes: list[int], place: Place) -> list[Term]:
-    """How much longer a spring between two nodes becomes."""
+    """How much longer a spring or a dashpot between two nodes becomes."""
     x = builder.deck.points
     along = x[nodes[1]] - x[nodes[0]]
     length = float(np.linalg.norm(along))
     if length == 0:
-        raise MeshError(f"{place}: the ends of a SPRINGA coincide, so that it has no direction.")
+        raise MeshError(f"{place}: the ends of a spring or a dashpot coincide: no direction.")
     unit = (along / length).tolist()
     return [(n, c, s * unit[c]) for n, s in ((nodes[0], -1.0), (nodes[1], 1.0)) for c in range(3)]
 

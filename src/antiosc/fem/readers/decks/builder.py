@@ -1,4 +1,4 @@
-"""`ModelBuilder`: collects materials, sections, supports, masses and springs of a deck."""
+"""`ModelBuilder`: collects materials, sections, supports, masses, springs and dampers of a deck."""
 
 from __future__ import annotations
 
@@ -226,12 +226,21 @@ class ModelBuilder:
 
     def sprung(self, terms: Sequence[Term], stiffness: float, place: Place) -> None:
         """A spring against the sum of terms, in the deck's units; fixed motions drop out."""
-        points = len(self.fixed)
-        moving = [
-            t for t in terms if abs(t[2]) > LEAST_TERM and not (t[0] < points and self.fixed[t[:2]])
-        ]
+        moving = self._moving(terms)
         if len(moving) == 1:
             ((node, motion, coefficient),) = moving
             self.spring(node, motion, stiffness * coefficient**2, place)
         elif moving:
             self.joints.springs.append((moving, stiffness))
+
+    def damped(self, terms: Sequence[Term], damping: float, place: Place) -> None:
+        """A damper against the sum of terms, in the deck's units; fixed motions drop out."""
+        moving = self._moving(terms)
+        if moving and damping:
+            self.joints.dampers.append((moving, damping))
+
+    def _moving(self, terms: Sequence[Term]) -> list[Term]:
+        points = len(self.fixed)
+        return [
+            t for t in terms if abs(t[2]) > LEAST_TERM and not (t[0] < points and self.fixed[t[:2]])
+        ]

@@ -1,4 +1,4 @@
-"""Linear constraints and springs between nodes of a deck.
+"""Linear constraints, springs and dampers between nodes of a deck.
 
 A constraint is a list of terms (node, motion 0 to 5, coefficient) whose sum is zero; its first term
 is the dependent one. Nodes of no element, such as the reference node of a rigid body, become points
@@ -35,6 +35,8 @@ class Constraints:
     equations: list[list[Term]] = field(default_factory=list)
     #: (terms, stiffness): springs between motions
     springs: list[tuple[list[Term], float]] = field(default_factory=list)
+    #: (terms, damping): dampers between motions
+    dampers: list[tuple[list[Term], float]] = field(default_factory=list)
     #: (motions as lists of terms, mass matrix of these, mass): masses on motions
     masses: list[tuple[list[list[Term]], Array, float]] = field(default_factory=list)
     #: what a motion of a node stands for: those of a rotation node are rotations of another
@@ -219,14 +221,15 @@ class Constraints:
                 self._sum_is_zero(terms, place)
 
     def loose(self) -> list[int]:
-        """Nodes of no element, and further points, that constraints and springs act on."""
+        """Nodes of no element, and further points, that constraints, springs and dampers act on."""
         nodes = {node for terms in self.every() for node, _, _ in terms}
         return sorted(node for node in nodes if not self._used(node))
 
     def every(self) -> list[list[Term]]:
-        """The terms of all constraints, springs and masses."""
+        """The terms of all constraints, springs, dampers and masses."""
         masses = [terms for rows, _, _ in self.masses for terms in rows]
-        return [*self.equations, *(terms for terms, _ in self.springs), *masses]
+        both = [terms for terms, _ in (*self.springs, *self.dampers)]
+        return [*self.equations, *both, *masses]
 
     def finished(self, units: UnitSystem) -> dict[str, Any]:
         """In SI units, as JSON holds it; the k-th point has the number -1 - k."""
@@ -239,10 +242,8 @@ class Constraints:
 
         return {
             "equations": [scaled(terms) for terms in self.equations],
-            "elastic": [
-                [scaled(terms), stiffness * units.force / length]
-                for terms, stiffness in self.springs
-            ],
+            "springs": [[scaled(terms), k * units.force / length] for terms, k in self.springs],
+            "dampers": [[scaled(terms), c * units.force / length] for terms, c in self.dampers],
             "masses": [
                 [[[[number.get(n, n), m, c] for n, m, c in terms] for terms in rows], M.tolist(), m]
                 for rows, M, m in self.masses

@@ -43,9 +43,12 @@ def _leave(builder: ModelBuilder) -> None:
     before = len(joints.every()) + len(builder.masses) + len(builder.springs)
     joints.equations = [terms for terms in joints.equations if stays(terms)]
     joints.springs = [one for one in joints.springs if stays(one[0])]
+    joints.dampers = [one for one in joints.dampers if stays(one[0])]
     joints.masses = [one for one in joints.masses if all(map(stays, one[0]))]
     builder.masses = [one for one in builder.masses if not builder.gone[one[0]]]
     builder.springs = [one for one in builder.springs if not builder.gone[one[0]]]
     left = before - len(joints.every()) - len(builder.masses) - len(builder.springs)
     if left:
-        builder.ignored.append(f"{left} constraints, springs or masses on parts that are left out")
+        builder.ignored.append(
+            f"{left} constraints, springs, dampers or masses on parts that are left out"
+        )

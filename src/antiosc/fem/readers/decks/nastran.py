@@ -83,8 +83,17 @@ class NastranDeck:
             raise MeshError(f"{place}: there is no GRID {label}.")
         return row
 
+    def properties(self, name: str, width: int = 8) -> dict[int, tuple[Entry, int]]:
+        """Number of a property -> (its entry, its first field); `width` fields make one of them."""
+        return {
+            entry.whole(k): (entry, k)
+            for entry in self.named(name)
+            for k in range(0, min(len(entry.fields), 8), width)
+            if entry.text(k)
+        }
+
     def scalar_ends(self, entry: Entry) -> list[tuple[int, int]]:
-        """(row, motion 0 to 5) of the ends of CELAS and CMASS; the ground is left out."""
+        """(row, motion 0 to 5) of the ends of CELAS, CDAMP and CMASS; the ground is left out."""
         pairs = [(2, 3), (4, 5)] if entry.name[-1] in "12" else [(2, None), (3, None)]
         found = []
         for k, component in pairs:

@@ -1,4 +1,4 @@
-"""Joints of Nastran decks: MPC, RBE2, RBE3, RBAR, and springs CELAS and CBUSH."""
+"""Constraints of Nastran decks: MPC, RBE2, RBE3, RBAR."""
 
 from __future__ import annotations
 
@@ -7,14 +7,10 @@ import numpy as np
 from antiosc.errors import MeshError
 from antiosc.fem.readers.decks.builder import ModelBuilder
 from antiosc.fem.readers.decks.constraints import Term
-from antiosc.fem.readers.decks.deck import Array
 from antiosc.fem.readers.decks.nastran import NastranDeck
-from antiosc.fem.readers.decks.nastran_beams import orientation
 from antiosc.fem.readers.decks.nastran_cards import Entry
 
 ALL = (0, 1, 2, 3, 4, 5)
-#: Share of an arm below which it lies along the spring.
-ROUNDING_ARM = 1e-9
 
 
 def read_joints(found: NastranDeck, builder: ModelBuilder) -> None:
@@ -36,11 +32,6 @@ def read_joints(found: NastranDeck, builder: ModelBuilder) -> None:
             apart += 1
     if apart:
         builder.ignored.append(f"{apart} MPC of sets that the case control does not select")
-    constants = {entry.whole(0): entry for entry in found.named("PELAS", "PBUSH")}
-    for entry in found.named("CELAS1", "CELAS2", "CELAS3", "CELAS4"):
-        _scalar(found, builder, entry, constants)
-    for entry in found.named("CBUSH"):
-        _bush(found, builder, entry, constants)
 
 
 def _selected(found: NastranDeck) -> set[int]:
@@ -149,112 +140,3 @@ def _mpc(found: NastranDeck, builder: ModelBuilder, entry: Entry) -> None:
     if not terms or not terms[0][2]:
         raise MeshError(f"{entry.place}: the first term of MPC needs a coefficient.")
     builder.joints.equation(terms, entry.place)
-
-
-# --- Springs --------------------------------------------------------------------------------------
-
-
-def _scalar(
-    found: NastranDeck, builder: ModelBuilder, entry: Entry, constants: dict[int, Entry]
-) -> None:
-    stiffness = entry.real(1, None) if entry.name in ("CELAS2", "CELAS4") else None
-    if stiffness is None:
-        own = constants.get(entry.whole(1, entry.whole(0)))
-        if own is None or own.name != "PELAS":
-            raise MeshError(f"{entry.place}: {entry.name} has no PELAS.")
-        stiffness = own.real(1, None)
-    terms: list[tuple[int, Array, int, float]] = []
-    for (row, motion), sign in zip(found.scalar_ends(entry), (1.0, -1.0), strict=False):
-        frame = found.frame(row, entry.place)
-        terms.append((row, frame[motion % 3], 3 * (motion // 3), sign))
-    if not terms:
-        raise MeshError(f"{entry.place}: {entry.name} acts on no node.")
-    _spring(builder, entry, terms, stiffness)
-
-
-def _bush(
-    found: NastranDeck, builder: ModelBuilder, entry: Entry, constants: dict[int, Entry]
-) -> None:
-    own = constants.get(entry.whole(1, entry.whole(0)))
-    if own is None or own.name != "PBUSH":
-        raise MeshError(f"{entry.place}: CBUSH has no PBUSH.")
-    values = _stiffnesses(builder, own)
-    rows = [found.row(entry.whole(k), entry.place) for k in (2, 3) if entry.text(k)]
-    x = found.deck.points[rows]
-    if entry.text(9) not in ("", "-1"):
-        raise MeshError(f"{entry.place}: CBUSH with a place of its own (OCID) is not supported.")
-    apart = len(rows) == 2 and np.linalg.norm(x[1] - x[0]) > 0
-    share = entry.real(8, 0.5)
-    place = x[0] + share * (x[1] - x[0]) if apart else x[0]
-    axes = _bush_axes(found, entry, values, x if apart else x[:1], place)
-    for k, stiffness in enumerate(values):
-        if not stiffness:
-            continue
-        axis, first = axes[k % 3], 3 * (k // 3)
-        terms: list[tuple[int, Array, int, float]] = []
-        for row, at, sign in zip(rows, x, (1.0, -1.0), strict=False):
-            arm = np.cross(place - at, axis) if not first else np.zeros(3)
-            if np.linalg.norm(arm) > ROUNDING_ARM * np.linalg.norm(place - at):
-                row = builder.joints.leader(row)
-                terms.append((row, arm, 3, sign))
-            terms.append((row, axis, first, sign))
-        _spring(builder, entry, terms, stiffness)
-
-
-def _stiffnesses(builder: ModelBuilder, own: Entry) -> list[float]:
-    """K1 to K6 of a PBUSH; its damping by GE is told."""
-    values = [0.0] * 6
-    for start in range(0, len(own.fields), 8):
-        kind = own.text(start + 1).upper()
-        given = [own.text(start + k) for k in range(2, 8)]
-        if kind == "K":
-            values = [own.real(start + k) for k in range(2, 8)]
-        elif kind == "GE":
-            builder.joint_told.append(f"GE of PBUSH {own.text(0)}")
-        elif kind not in ("", "RCV") or (not kind and any(given)):
-            raise MeshError(
-                f"{own.place}: PBUSH is read with stiffnesses (K) alone; its line {kind or '(?)'} "
-                "would change the result."
-            )
-    return values
-
-
-def _bush_axes(
-    found: NastranDeck, entry: Entry, values: list[float], x: Array, place: Array
-) -> Array:
-    """Axes of a CBUSH as rows: of its system, by its line and a vector, or of the deck."""
-    if entry.text(7) and found.systems is not None:
-        return found.systems(entry.whole(7), entry.place).frame(place)
-    across = any(values[k] for k in (1, 2, 4, 5))
-    given = any(entry.text(k) for k in (4, 5, 6))
-    if len(x) == 1 and not given:
-        return np.eye(3)
-    if len(x) == 1 or (across and not given):
-        raise MeshError(
-            f"{entry.place}: CBUSH needs the system CID at coincident nodes or to the ground, and "
-            "CID or an orientation between nodes apart, unless it acts along their line alone."
-        )
-    line = (x[1] - x[0]) / np.linalg.norm(x[1] - x[0])
-    v = np.eye(3)[int(np.argmin(np.abs(line)))]
-    if given:
-        v = orientation(found, entry, line)
-    y = v - (v @ line) * line
-    y /= np.linalg.norm(y)
-    return np.stack([line, y, np.cross(line, y)])
-
-
-def _spring(
-    builder: ModelBuilder,
-    entry: Entry,
-    ends: list[tuple[int, Array, int, float]],
-    stiffness: float,
-) -> None:
-    """A spring against the sum of motions along directions; fixed motions drop out."""
-    if stiffness < 0:
-        raise MeshError(f"{entry.place}: {entry.name} has a negative stiffness.")
-    terms = [
-        (row, first + c, sign * float(direction[c]))
-        for row, direction, first, sign in ends
-        for c in range(3)
-    ]
-    builder.sprung(terms, stiffness, entry.place)

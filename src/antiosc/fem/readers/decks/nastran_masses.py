@@ -21,7 +21,7 @@ def read_masses(found: NastranDeck, builder: ModelBuilder, factor: float) -> Non
         _at_a_point(found, builder, entry, factor)
     for entry in found.named("CONM1"):
         _matrix(found, builder, entry, factor)
-    own = {entry.whole(k): (entry, k) for entry in found.named("PMASS") for k in _given(entry)}
+    own = found.properties("PMASS", 2)
     for entry in found.named("CMASS1", "CMASS2", "CMASS3", "CMASS4"):
         _scalar(found, builder, entry, own, factor)
 
@@ -79,11 +79,6 @@ def _axes(found: NastranDeck, entry: Entry, number: int) -> Array:
             f"system {number} as CORD2R."
         )
     return system.axes
-
-
-def _given(entry: Entry) -> range:
-    """Fields of the numbers of PMASS, which defines up to four."""
-    return range(0, sum(bool(entry.text(k)) for k in (0, 2, 4, 6)) * 2, 2)
 
 
 def _scalar(

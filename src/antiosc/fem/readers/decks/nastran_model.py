@@ -1,4 +1,4 @@
-"""Nastran decks as whole models: properties, supports, masses, springs.
+"""Nastran decks as whole models: properties, supports, masses, springs, dampers.
 
 The model and the single-point constraints of the first subcase are read (all constraints without
 case control). Unsupported entries that would change the result raise an error with their line;
@@ -29,6 +29,7 @@ from antiosc.fem.readers.decks.nastran_joints import read_joints
 from antiosc.fem.readers.decks.nastran_masses import read_masses
 from antiosc.fem.readers.decks.nastran_materials import materials_of
 from antiosc.fem.readers.decks.nastran_sections import Properties
+from antiosc.fem.readers.decks.nastran_springs import read_springs
 from antiosc.fem.readers.decks.rods import hold_without_stiffness
 from antiosc.fem.readers.unit_system import UnitSystem
 
@@ -49,7 +50,8 @@ LOAD_ENTRIES = (
 #: Elements that are read besides cells.
 TAKEN = (
     *("CONM1", "CONM2", "CMASS1", "CMASS2", "CMASS3", "CMASS4", "CELAS1", "CELAS2", "CELAS3"),
-    *("CELAS4", "CBUSH", "RBE2", "RBE3", "RBAR", "PLOTEL"),
+    *("CELAS4", "CDAMP1", "CDAMP2", "CDAMP3", "CDAMP4", "CVISC", "CBUSH", "RBE2", "RBE3", "RBAR"),
+    "PLOTEL",
 )
 
 
@@ -77,6 +79,7 @@ def model_of(found: NastranDeck, units: UnitSystem, density: float | None) -> di
     builder.with_roles(properties.roles)
     _supports(found, builder)
     read_joints(found, builder)
+    read_springs(found, builder)
     beams.join(builder, ends)
     read_masses(found, builder, factor)
     if builder.truss and not _without_autospc(found):

@@ -23,6 +23,8 @@ PROPERTIES = (
     *("PSOLID", "PROD", "PTUBE", "PSHELL", "PCOMP", "PCOMPG"),
     *("PBAR", "PBARL", "PBEAM", "PBEAML"),
 )
+#: Beginnings of properties of springs, dampers and masses, and of loads, which share numbers.
+NO_SECTIONS = ("PLOAD", "PELAS", "PDAMP", "PVISC", "PBUSH", "PMASS")
 
 
 @dataclass
@@ -76,7 +78,7 @@ class Properties(PropertyReader):
             if entry.name.startswith("P") and entry.text(0) == str(number)
         )
         kind = next((name for name in others if name not in ("PARAM", "PLOTEL")), None)
-        if kind and kind not in PROPERTIES and not kind.startswith(("PLOAD", "PELAS", "PMASS")):
+        if kind and kind not in PROPERTIES and not kind.startswith(NO_SECTIONS):
             instead = " or ".join(_properties_for(element))
             return f"{label}a {kind}, which is not supported; give it as {instead}."
         return f"{label}which is none of {', '.join(PROPERTIES)} in the deck."

@@ -1,0 +1,182 @@
+"""Springs and dampers of Nastran decks: CELAS1 to 4, CDAMP1 to 4, CVISC and CBUSH."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from antiosc.errors import MeshError
+from antiosc.fem.readers.decks.builder import ModelBuilder
+from antiosc.fem.readers.decks.constraints import Term
+from antiosc.fem.readers.decks.deck import Array, Place
+from antiosc.fem.readers.decks.nastran import NastranDeck
+from antiosc.fem.readers.decks.nastran_beams import orientation
+from antiosc.fem.readers.decks.nastran_cards import Entry
+
+#: Share of an arm below which it lies along the spring.
+ROUNDING_ARM = 1e-9
+#: Element -> (its property, number of fields of one of these).
+SCALAR = {"CELAS": ("PELAS", 4), "CDAMP": ("PDAMP", 2)}
+
+#: Motion of one end: row of the node, direction, first motion (0 or 3), sign.
+End = tuple[int, Array, int, float]
+#: `ModelBuilder.sprung` or `ModelBuilder.damped`.
+Add = Callable[[Sequence[Term], float, Place], None]
+
+
+def read_springs(found: NastranDeck, builder: ModelBuilder) -> None:
+    """Give the builder the springs and the dampers."""
+    for kind, (name, width) in SCALAR.items():
+        constants = found.properties(name, width)
+        add = builder.sprung if kind == "CELAS" else builder.damped
+        for entry in found.named(*(f"{kind}{k}" for k in (1, 2, 3, 4))):
+            _scalar(found, add, entry, name, constants)
+    for entry, k in found.properties("PELAS", 4).values():
+        if entry.real(k + 2):
+            builder.joint_told.append(f"GE of PELAS {entry.text(k)}")
+    viscous = found.properties("PVISC", 4)
+    for entry in found.named("CVISC"):
+        _viscous(found, builder, entry, viscous)
+    bushes = found.properties("PBUSH")
+    values = {number: _constants(builder, own) for number, (own, _) in bushes.items()}
+    for entry in found.named("CBUSH"):
+        _bush(found, builder, entry, values)
+
+
+def _scalar(
+    found: NastranDeck,
+    add: Add,
+    entry: Entry,
+    name: str,
+    constants: dict[int, tuple[Entry, int]],
+) -> None:
+    if entry.name[-1] in "24":
+        value = entry.real(1, None)
+    else:
+        number = entry.whole(1, entry.whole(0))
+        if number not in constants:
+            raise MeshError(f"{entry.place}: {entry.name} has no {name} {number}.")
+        own, k = constants[number]
+        value = own.real(k + 1, None)
+    ends: list[End] = []
+    for (row, motion), sign in zip(found.scalar_ends(entry), (1.0, -1.0), strict=False):
+        frame = found.frame(row, entry.place)
+        ends.append((row, frame[motion % 3], 3 * (motion // 3), sign))
+    if not ends:
+        raise MeshError(f"{entry.place}: {entry.name} acts on no node.")
+    _add(add, entry, ends, value)
+
+
+def _viscous(
+    found: NastranDeck,
+    builder: ModelBuilder,
+    entry: Entry,
+    constants: dict[int, tuple[Entry, int]],
+) -> None:
+    """CVISC: a damper along the line between two nodes, and one against the twist about it."""
+    number = entry.whole(1, entry.whole(0))
+    if number not in constants:
+        raise MeshError(f"{entry.place}: CVISC has no PVISC {number}.")
+    rows = [found.row(entry.whole(k), entry.place) for k in (2, 3)]
+    along = found.deck.points[rows[1]] - found.deck.points[rows[0]]
+    length = np.linalg.norm(along)
+    if length == 0:
+        raise MeshError(f"{entry.place}: the ends of a CVISC coincide: it has no direction.")
+    own, k = constants[number]
+    for first, value in ((0, own.real(k + 1)), (3, own.real(k + 2))):
+        if value:
+            unit = along / length
+            ends = [(rows[0], unit, first, 1.0), (rows[1], unit, first, -1.0)]
+            _add(builder.damped, entry, ends, value)
+
+
+def _bush(
+    found: NastranDeck,
+    builder: ModelBuilder,
+    entry: Entry,
+    constants: dict[int, tuple[list[float], list[float]]],
+) -> None:
+    number = entry.whole(1, entry.whole(0))
+    if number not in constants:
+        raise MeshError(f"{entry.place}: CBUSH has no PBUSH {number}.")
+    stiffness, damping = constants[number]
+    acts = [bool(k or c) for k, c in zip(stiffness, damping, strict=True)]
+    rows = [found.row(entry.whole(k), entry.place) for k in (2, 3) if entry.text(k)]
+    x = found.deck.points[rows]
+    if entry.text(9) not in ("", "-1"):
+        raise MeshError(f"{entry.place}: CBUSH with a place of its own (OCID) is not supported.")
+    apart = len(rows) == 2 and np.linalg.norm(x[1] - x[0]) > 0
+    share = entry.real(8, 0.5)
+    place = x[0] + share * (x[1] - x[0]) if apart else x[0]
+    axes = _bush_axes(found, entry, acts, x if apart else x[:1], place)
+    for k in np.flatnonzero(acts):
+        axis, first = axes[k % 3], 3 * (int(k) // 3)
+        ends: list[End] = []
+        for row, at, sign in zip(rows, x, (1.0, -1.0), strict=False):
+            arm = np.cross(place - at, axis) if not first else np.zeros(3)
+            if np.linalg.norm(arm) > ROUNDING_ARM * np.linalg.norm(place - at):
+                row = builder.joints.leader(row)
+                ends.append((row, arm, 3, sign))
+            ends.append((row, axis, first, sign))
+        for add, value in ((builder.sprung, stiffness[k]), (builder.damped, damping[k])):
+            if value:
+                _add(add, entry, ends, value)
+
+
+def _constants(builder: ModelBuilder, own: Entry) -> tuple[list[float], list[float]]:
+    """(K1 to K6, B1 to B6) of a PBUSH; its damping by GE is told."""
+    values = {"K": [0.0] * 6, "B": [0.0] * 6}
+    for start in range(0, len(own.fields), 8):
+        kind = own.text(start + 1).upper()
+        given = [own.text(start + k) for k in range(2, 8)]
+        if kind in values:
+            values[kind] = [own.real(start + k) for k in range(2, 8)]
+        elif kind == "GE":
+            builder.joint_told.append(f"GE of PBUSH {own.text(0)}")
+        elif kind not in ("", "RCV") or (not kind and any(given)):
+            raise MeshError(
+                f"{own.place}: PBUSH is read with stiffnesses (K) and dampers (B) alone; its line "
+                f"{kind or '(?)'} would change the result."
+            )
+    return values["K"], values["B"]
+
+
+def _bush_axes(
+    found: NastranDeck, entry: Entry, acts: Sequence[bool], x: Array, place: Array
+) -> Array:
+    """Axes of a CBUSH as rows: of its system, by its line and a vector, or of the deck.
+
+    `acts`: which of the six motions have a constant.
+    """
+    if entry.text(7) and found.systems is not None:
+        return found.systems(entry.whole(7), entry.place).frame(place)
+    across = any(acts[k] for k in (1, 2, 4, 5))
+    given = any(entry.text(k) for k in (4, 5, 6))
+    if len(x) == 1 and not given:
+        return np.eye(3)
+    if len(x) == 1 or (across and not given):
+        raise MeshError(
+            f"{entry.place}: CBUSH needs the system CID at coincident nodes or to the ground, and "
+            "CID or an orientation between nodes apart, unless it acts along their line alone."
+        )
+    line = (x[1] - x[0]) / np.linalg.norm(x[1] - x[0])
+    v = np.eye(3)[int(np.argmin(np.abs(line)))]
+    if given:
+        v = orientation(found, entry, line)
+    y = v - (v @ line) * line
+    y /= np.linalg.norm(y)
+    return np.stack([line, y, np.cross(line, y)])
+
+
+def _add(add: Add, entry: Entry, ends: Sequence[End], value: float) -> None:
+    """A spring or a damper against the sum of motions along directions."""
+    if value < 0:
+        what = "damping" if entry.name.startswith(("CVISC", "CDAMP")) else "stiffness"
+        raise MeshError(f"{entry.place}: {entry.name} has a negative {what}.")
+    terms = [
+        (row, first + c, sign * float(direction[c]))
+        for row, direction, first, sign in ends
+        for c in range(3)
+    ]
+    add(terms, value, entry.place)
