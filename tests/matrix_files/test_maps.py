@@ -11,7 +11,7 @@ from antiosc.matrix_files.dof_map import dof_map, name_of, rows_of
 TABLE = [[1, 10, 1], [2, 10, 2], [3, 20, 1]]
 MAPS = {
     "rows": "Row Node DOF\n1 10 UX\n2 10 UY\n3 20 UX\n",
-    "mixed rows": "3 20 x\n! a comment\n1 10 T1\n2, 10, uy # second\n",
+    "mixed rows": "2, 10, uy # second\n! a comment\n3 20 x\n1 10 T1\n",
     "comments": "*\n10 1\n* * \n10 2\n$\n+20 1\n%\n",
     "points": "10,1,.5,0,0\n10,2,.5,0,0\n20,1,1.,2.,3.\n",
 }
@@ -30,6 +30,11 @@ def test_the_rows_of_a_map(case, tmp_path):
     np.testing.assert_array_equal(found.points, expected)
     assert found.row(10, 2) == 1
     assert rows_of({20: "all", 10: ["uy"]}, found).tolist() == [1, 2]
+
+
+def test_two_rows_in_a_tuple_are_no_columns():
+    found = dof_map(((10, 1), (20, 2)), None, 2)
+    assert (found.node.tolist(), found.component.tolist()) == ([10, 20], [1, 2])
 
 
 def test_labels_without_a_map_have_no_coordinates():

@@ -47,6 +47,9 @@ GOOD = {
     "mtx, zeros": ("%%MatrixMarket matrix array real general\n2 2\n2\n-1\n-1\n3.5\n", None),
     "hb": ("\n".join(HB) + "\n", None),
     "hb, a line fewer": ("\n".join(HB).replace("(3I4)", "(8I4)"), None),
+    "hb, no counts": ("\n".join([*HB[:3], HB[3].replace("(3I4)", "(I8) "), *"135", *HB[5:]]), None),
+    "dmig, scalar points": (HEAD + "DMIG,KAA,4,,,4,,2.\n+,7,0,-1.\nDMIG,KAA,7,0,,7,,3.5\n",
+                            [[4, 0], [7, 0]]),
     "dmig, free": (HEAD + "DMIG,KAA,4,1,,4,1,2.\n+,7,3,-1.\nDMIG,KAA,7,3,,7,3,3.5\n", LABELS),
     "dmig, two in a line": (HEAD + "DMIG,KAA,4,1,,4,1,2.,,+A\n+A,7,3,-1.\n"
                             "GRID,4\n,7,3,9.\nDMIG,KAA,7,3,,7,3,3.5\n", LABELS),
@@ -105,6 +108,13 @@ def test_a_layout_that_is_not_given_has_five_numbers_of_16_characters(tmp_path):
     np.testing.assert_array_equal(read_pair(path, path).K.toarray(), full)
 
 
+def test_a_column_without_entries(tmp_path):
+    lines = [HB[0], HB[1], HB[2].replace(" 4", " 1"), HB[3], "   1   2   2", "   1", "   2.0"]
+    path = tmp_path / "a"
+    path.write_text("\n".join(lines))
+    np.testing.assert_array_equal(read_pair(path, path).K.toarray(), [[2, 0], [0, 0]])
+
+
 def wrong_hb(**lines: str) -> str:
     own = dict(enumerate(HB, 1)) | {int(k[1:]): text for k, text in lines.items()}
     return "\n".join(own.values()) + "\n"
@@ -124,6 +134,8 @@ WRONG = {
                   "bad, line 2: 3 numbers are expected; got '1 1 2. 3'."),
     "first line": ("1 1 1\n2 1 1. 1.\n2 2\n2 1 1\n",
                    "bad, line 2: 3 numbers are expected; got '2 1 1. 1.'."),
+    "commas": ("1,1,2.\n1,1,,1\n1,1\n", "bad, line 3: 3 numbers are expected; got '1,1'."),
+    "a word": ("1,1,2.\n1,1,x\n", "bad, line 2: '1,1,x' is not 3 numbers."),
     "long line": (MTX + "2 2 1\n" + 70 * "1" + "\n",
                   f"bad, line 3: 3 numbers are expected; got '{60 * '1'}'."),
     "mtx fraction": (MTX + "2 2 2\n1 1 1\n% \n1.5 1 1\n",

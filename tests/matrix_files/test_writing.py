@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from dataclasses import replace
 
 import numpy as np
@@ -98,6 +99,12 @@ def test_a_free_model_and_a_massless_site():
 def test_numbers_that_do_not_fit(arguments, says):
     with pytest.raises(ao.InputError, match=says):
         ONE.to_matrices(**arguments)
+
+
+def test_a_binary_matrix_ends_with_a_column_beyond_the_last(tmp_path):
+    ONE.to_matrices().save(tmp_path / "x.op4")
+    content = (tmp_path / "x.op4").read_bytes()
+    assert struct.unpack("<4idi", content[-28:]) == (20, 5, 1, 2, 1.0, 20)
 
 
 def test_unknown_endings_are_refused(tmp_path):

@@ -134,7 +134,6 @@ def write(out: TextIO, matrices: dict[str, Any], labels: Labels) -> None:
         size = matrix.shape[0]
         out.write(f"{'DMIG':<8}{name:<8}{0:>8}{SYMMETRIC_FORM:>8}{2:>8}{0:>8}{'':>16}{size:>8}\n")
         lower = scipy.sparse.tril(scipy.sparse.csc_matrix(matrix)).tocsc()
-        lower.sort_indices()
         for column, (grid, component) in enumerate(labels):
             part = slice(lower.indptr[column], lower.indptr[column + 1])
             if part.start == part.stop:

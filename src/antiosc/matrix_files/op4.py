@@ -84,8 +84,6 @@ def read(source: Source) -> dict[str, Entries]:
             header.rows,
             triangle=False,
         )
-    if not found:
-        raise InputError(f"{source.name} holds no matrix.")
     return found
 
 
@@ -284,7 +282,6 @@ def write(out: BinaryIO, matrices: dict[str, Any]) -> None:
     """Write symmetric matrices by name: binary, double precision, little-endian, BIGMAT."""
     for name, matrix in matrices.items():
         columns = scipy.sparse.csc_matrix(matrix)
-        columns.sort_indices()
         size = columns.shape[0]
         label = name.upper()[:8].ljust(8).encode("ascii")
         out.write(struct.pack("<5i8si", 24, size, -size, SYMMETRIC_FORM, DOUBLE, label, 24))

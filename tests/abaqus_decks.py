@@ -1,0 +1,69 @@
+"""Small Abaqus decks in mm, N and t, their models, and what these must be in SI units.
+
+Stresses are 10⁶ Pa there, densities 10¹² kg/m³.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from antiosc.fem.readers.decks import abaqus_assembly, abaqus_model
+from antiosc.fem.readers.decks.deck import Deck
+from antiosc.fem.readers.unit_system import UnitSystem
+
+NODES = """\
+*NODE,NSET=N
+1,0,0,0
+2,20,0,0
+3,20,10,0
+4,0,10,0
+5,0,0,10
+6,20,0,10
+7,20,10,10
+8,0,10,10
+9,40,0,8
+10,40,10,8
+"""
+STEEL = "*MATERIAL,NAME=M\n*ELASTIC\n2E5,.3\n*DENSITY\n8.E-9\n"
+SHEET = NODES + "*ELEMENT,TYPE=S4,ELSET=All\n1,1,2,3,4\n"
+BENT = SHEET + "2,2,9,10,3\n"
+CUBE = NODES + "*ELEMENT,TYPE=C3D8,ELSET=ALL\n1,1,2,3,4,5,6,7,8\n"
+SOLID = "*SOLID SECTION,ELSET=ALL,MATERIAL=M\n"
+BARS = NODES + "*ELEMENT,TYPE=B31,ELSET=ALL\n1,1,2\n2,4,3\n"
+E, NU, RHO = 2e11, 0.3, 8e3
+
+
+def read(
+    folder: Path, text: str, density: float | None = None, parts: list[str] | None = None
+) -> tuple[dict[str, Any], Deck]:
+    """(the model of a deck, its nodes and sets)."""
+    path = folder / "part.inp"
+    path.write_text(text)
+    whole = abaqus_assembly.read(path, path.name)
+    whole.deck.wanted = parts
+    return abaqus_model.model_of(whole, UnitSystem.of("mm"), density), whole.deck
+
+
+def alike(found: Any, expected: Any, rel: float = 1e-9) -> None:
+    """Equal texts, keys and lengths; numbers to `rel`, zeros to 1e-15."""
+    if isinstance(expected, dict):
+        assert set(found) == set(expected)
+        for key, value in expected.items():
+            alike(found[key], value, rel)
+    elif isinstance(expected, list | tuple):
+        assert len(found) == len(expected)
+        for one, value in zip(found, expected, strict=True):
+            alike(one, value, rel)
+    elif isinstance(expected, float):
+        assert found == pytest.approx(expected, rel=rel, abs=0 if expected else 1e-15)
+    else:
+        assert found == expected
+
+
+def line(text: str, card: str) -> str:
+    """The place of the first line that begins with the card."""
+    number = next(k for k, row in enumerate(text.splitlines(), 1) if row.startswith(card))
+    return f"line {number} of part.inp"

@@ -1,0 +1,198 @@
+"""Rods, parts and element types of Abaqus decks, and sections that are refused."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from abaqus_decks import BARS, BENT, CUBE, NODES, NU, RHO, SHEET, SOLID, STEEL, E, alike, line, read
+from antiosc.errors import MeshError
+from antiosc.fem.readers.decks.abaqus_elements import element_type, nodes_of_other
+from antiosc.fem.readers.shapes import CORNERS, EDGES
+
+SHELL = "*SHELL SECTION,ELSET=ALL,MATERIAL=M{}\n.5\n"
+PLY = "*MATERIAL,NAME=P\n*ELASTIC,TYPE=LAMINA\n9E4,2E4,.25,5E3,4E3,3E3\n*DENSITY\n2.E-9\n"
+
+# --- Rods -----------------------------------------------------------------------------------------
+
+RODS = NODES + "*ELEMENT,TYPE=T3D2,ELSET=ALL\n1,1,2\n2,2,7\n*ELEMENT,TYPE=T3D2,ELSET=B\n3,1,7\n"
+RODS += SOLID + "3.\n*SOLID SECTION,ELSET=B,MATERIAL=M\n" + STEEL
+
+
+def test_rods_alone_are_a_truss(tmp_path):
+    model, deck = read(tmp_path, RODS + "*BOUNDARY\n1,1,2\n")
+    given = {"E": E, "nu": NU, "rho": RHO}
+    expected = [["rods", "Truss", {**given, "area": area}, place] for area, place in (
+        (3e-6, line(RODS, "*SOLID")), (1e-6, line(RODS, "*SOLID SECTION,ELSET=B")))]  # fmt: skip
+    found = [[name.partition(" (")[0], *rest] for name, *rest in model["families"]]
+    alike(found, expected)
+    assert [deck.element_sets[name].tolist() for name, *_ in model["families"]] == [[0, 1], [2]]
+    assert (model["gdim"], model["joined"], model["halve"]) == (3, False, False)
+    assert model["supports"] == [["fixed x", ["x"]], ["fixed y", ["y"]]]
+    assert model["ignored"] == model["masses"] == model["springs"] == []
+    with pytest.raises(MeshError, match="the area of rods must be above 0; it is -3"):
+        read(tmp_path, RODS.replace("3.\n*SOLID", "-3.\n*SOLID"))
+
+
+def test_bars_of_the_plane_do_not_leave_it(tmp_path):
+    text = RODS.replace("T3D2", "T2D2").replace(",7", ",4")
+    _, deck = read(tmp_path, text)
+    assert {name: nodes.tolist() for name, nodes in deck.fixed.items()} == {"fixed z": [0, 1, 3]}
+
+
+def test_rods_beside_other_elements_are_springs(tmp_path):
+    text = RODS + "*ELEMENT,TYPE=C3D8,ELSET=C\n9,1,2,3,4,5,6,7,8\n"
+    text += "*SOLID SECTION,ELSET=C,MATERIAL=M\n*BOUNDARY\n1,1,3\n"
+    model, deck = read(tmp_path, text)
+    assert deck.told == [f"the {n} T3D2 of part.inp are springs, with their mass at their ends."
+                         for n in (2, 1)] or deck.told == [
+        "the 3 T3D2 of part.inp are springs, with their mass at their ends."]  # fmt: skip
+    x = np.array([(0, 0, 0), (20, 0, 0), (20, 10, 10)])
+    # rod 1 ends at the fixed node 1, as rod 3 does
+    expected = []
+    for a, b, area in ((0, 1, 3.0), (1, 2, 3.0), (0, 2, 1.0)):
+        along = x[b] - x[a]
+        length = np.linalg.norm(along)
+        row = np.zeros((3, 3))
+        row[a], row[b] = -along / length, along / length
+        row[0] = 0.0
+        expected.append(2e8 * area / length * np.outer(row, row))
+    K = np.zeros((9, 9))
+    number = {0: 0, 1: 1, 6: 2}
+    for terms, stiffness in model["joints"]["elastic"]:
+        row = np.zeros((3, 3))
+        for node, motion, value in terms:
+            row[number[node], motion] += value
+        K += stiffness * np.outer(row, row)
+    np.testing.assert_allclose(K, sum(expected), rtol=1e-9, atol=1e-6)
+    masses = {rows[0][0][0]: mass for rows, _, mass in model["joints"]["masses"]}
+    lengths = {(0, 1): 20.0, (1, 6): math.sqrt(200), (0, 6): math.sqrt(600)}
+    half = {ends: 4e-6 * (1 if ends == (0, 6) else 3) * L for ends, L in lengths.items()}
+    assert masses == pytest.approx(
+        {node: sum(m for ends, m in half.items() if node in ends) for node in (0, 1, 6)}
+    )
+
+
+def test_a_rod_without_a_length_or_a_section(tmp_path):
+    cube = "*ELEMENT,TYPE=C3D8,ELSET=C\n9,1,2,3,4,5,6,7,8\n*SOLID SECTION,ELSET=C,MATERIAL=M\n"
+    text = RODS.replace("1,1,2\n", "1,2,11\n") + "*NODE\n11,20,0,0\n" + cube
+    with pytest.raises(MeshError) as caught:
+        read(tmp_path, text)
+    assert str(caught.value) == (
+        f"{line(text, '*SOLID')}: the ends of a rod coincide, so that it has no direction."
+    )
+    with pytest.raises(MeshError) as caught:
+        read(tmp_path, RODS.replace("*SOLID SECTION,ELSET=B,MATERIAL=M\n", "") + cube)
+    assert str(caught.value) == (
+        "part.inp has T3D2 elements without a section, so that their material is not known."
+    )
+
+
+# --- Parts, and what is refused -------------------------------------------------------------------
+
+PARTS = CUBE + "*ELEMENT,TYPE=S4,ELSET=LID\n2,5,6,7,8\n*ELEMENT,TYPE=S4,ELSET=WING\n3,2,9,10,3\n"
+PARTS += "*ELSET,ELSET=NONE\n*SHELL SECTION,ELSET=LID,MATERIAL=M\n.5\n"
+PARTS += "*SHELL SECTION,ELSET=WING,MATERIAL=M\n.5\n*SHELL SECTION,ELSET=NONE,MATERIAL=M\n.5\n"
+PARTS += SOLID + STEEL
+ON = "*ELEMENT,TYPE=MASS,ELSET=Q\n9,9\n10,6\n*MASS,ELSET=Q\n1.\n*ELEMENT,TYPE=SPRING1,ELSET=K\n"
+ON += "11,10\n12,1\n*SPRING,ELSET=K\n3\n4.\n*EQUATION\n2\n9,1,1.,6,1,-1.\n"
+ON += "*EQUATION\n2\n6,1,1.,7,1,1.\n"
+
+
+def test_some_parts_of_a_deck(tmp_path):
+    """What acts on nodes of the others alone is left out, and counted."""
+    model, deck = read(tmp_path, PARTS + ON, parts=["ALL", "LID"])
+    assert [name for name, *_ in model["families"]] == ["LID", "ALL"]
+    assert {name: some.tolist() for name, some in deck.element_sets.items() if len(some)} == {
+        "ALL": [0], "LID": [1],
+    }  # fmt: skip
+    assert model["ignored"] == ["3 constraints, springs or masses on parts that are left out"]
+    assert len(model["joints"]["equations"]) == 1
+    assert [mass for _, _, mass in model["joints"]["masses"]] == [pytest.approx(1e3)]
+    assert [k for _, k in model["joints"]["elastic"]] == [pytest.approx(4e3)]
+    everything, _ = read(tmp_path, PARTS + ON)
+    assert everything["ignored"] == []
+    assert len(everything["joints"]["equations"]) == 2
+    with pytest.raises(MeshError) as caught:
+        read(tmp_path, PARTS, parts=["LID", "NONE"])
+    assert str(caught.value) == (
+        "part.inp has no elements of a part 'NONE'; it has: 'ALL', 'LID', 'WING'."
+    )
+
+
+REFUSED = {
+    "general": (SHEET + "*SHELL GENERAL SECTION,ELSET=ALL,MATERIAL=M\n.5\n",
+                "*SHELLGENERALSECTION is not supported."),
+    "material": (SHEET + SHELL.format("ATTER"),
+                 "there is no material 'MATTER' (*MATERIAL, NAME=)."),
+    "no elasticity": (CUBE + SOLID + "*MATERIAL,NAME=M\n*DENSITY\n1.\n",
+                      "the material 'M' has no linear elasticity."),
+    "a layer without": (SHEET + "*SHELL SECTION,ELSET=ALL,COMPOSITE\n.5,3,M\n*MATERIAL,NAME=M\n",
+                        "the material 'M' has no linear elasticity."),
+    "beams askew": (BARS + "*BEAM SECTION,ELSET=ALL,MATERIAL=P\n1,1\n" + PLY,
+                    "the material 'P' is not isotropic, but beams must be; only layers of shells "
+                    "may be orthotropic."),
+    "two families": (SHEET.replace("S4", "CPS4") + "*ELEMENT,TYPE=C3D8,ELSET=C\n2,1,2,3,4,5,6,7,8\n"
+                     + SOLID + "*SOLID SECTION,ELSET=C,MATERIAL=M\n" + STEEL,
+                     "part.inp has plane stress and solid elements in one structure; plane "
+                     "elements are read alone: give each kind a deck of its own."),
+    "other": (SHEET.replace("S4", "M3D4") + STEEL,
+              "part.inp has 1 M3D4 elements, which no element family here carries (solids, plane "
+              "stress and strain, shells, beams)."),
+    "bare": (BENT.replace("2,2,9", "*ELEMENT,TYPE=S4\n2,2,9") + SHELL.format("") + STEEL,
+             "have no section, so their material is not known."),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_is_refused(tmp_path, case):
+    text, message = REFUSED[case]
+    with pytest.raises(MeshError) as caught:
+        read(tmp_path, text)
+    assert str(caught.value).endswith(message)
+
+
+#: shape, role, nodes, and those inside of a list of element types
+TYPES = {
+    "C3D4 C3D4T": ("tetra", "solid", 4), "C3D10 C3D10M C3D10MHT": ("tetra", "solid", 10),
+    "C3D5": ("pyramid", "solid", 5), "C3D13": ("pyramid", "solid", 13),
+    "C3D6 C3D6H": ("wedge", "solid", 6), "C3D15": ("wedge", "solid", 15),
+    "C3D18": ("wedge", "solid", 18), "C3D8 C3D8R C3D8I": ("hexahedron", "solid", 8),
+    "C3D20 C3D20RT": ("hexahedron", "solid", 20), "C3D27": ("hexahedron", "solid", 27),
+    "DC3D8 AC3D8 F3D8 SC8R": ("hexahedron", "other", 8), "SC6R": ("wedge", "other", 6),
+    "S3 S3R STRI3": ("triangle", "shell", 3), "S4 S4R S4RSW S4R5": ("quad", "shell", 4),
+    "S6 STRI65": ("triangle", "shell", 6), "S8R S8R5 S8RT": ("quad", "shell", 8),
+    "S9R5": ("quad", "shell", 9), "DS3": ("triangle", "other", 3), "DS8": ("quad", "other", 8),
+    "CPS3": ("triangle", "plane stress", 3), "CPS8R": ("quad", "plane stress", 8),
+    "CPE4H": ("quad", "plane strain", 4), "CPE6": ("triangle", "plane strain", 6),
+    "CAX4R CPEG4 CGAX4 DC2D4": ("quad", "other", 4), "B21 B31 B33 B31H PIPE31": ("line", "beam", 2),
+    "B22 B32R PIPE32": ("line", "beam", 3), "T2D2 T3D2 T3D2H": ("line", "rod", 2),
+    "T3D3": ("line", "other", 3), "R3D3": ("triangle", "other", 3),
+    "R3D4 M3D4R SFM3D4": ("quad", "other", 4), "M3D8": ("quad", "other", 8),
+    "M3D6": ("triangle", "other", 6),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("names", TYPES)
+def test_element_types(names):
+    shape, role, nodes = TYPES[names]
+    for name in names.split():
+        found = element_type(name)
+        assert (found.shape, found.role, found.nodes) == (shape, role, nodes), name
+        if shape == "line":
+            assert (found.corners, found.mids) == (((0, 1), ()) if nodes == 2 else ((0, 2), (1,)))
+            continue
+        corners, edges = CORNERS[shape], len(EDGES[shape])
+        assert found.corners == tuple(range(corners))
+        assert found.mids == (tuple(range(corners, corners + edges)) if nodes > corners else ())
+        assert len(found.inner) == {9: 1, 27: 7}.get(nodes, 0)
+
+
+def test_types_that_are_no_cells():
+    for name in ("C3D7", "S5", "B41", "MASS", "CPS5", "GAPUNI", "C3D", "XC3D8"):
+        assert element_type(name) is None
+    known = {"MASS": 1, "ROTARYI": 1, "SPRING1": 1, "DCOUP3D": 1, "SPRINGA": 2, "SPRING2": 2,
+             "DASHPOTA": 2, "CONN3D2": 2, "GAPUNI": 2, "D": 3, "X": None}  # fmt: skip
+    assert {name: nodes_of_other(name) for name in known} == known

@@ -1,0 +1,232 @@
+"""Materials and sections of Abaqus decks as arguments of the families, and all that is told."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from abaqus_decks import BARS, BENT, CUBE, NODES, NU, RHO, SHEET, SOLID, STEEL, E, alike, line, read
+from antiosc.errors import MeshError
+
+# --- Materials ------------------------------------------------------------------------------------
+
+#: Stiffness by rows 11, 22, 33, 12, 13, 23, as Abaqus counts them; 10 · row + column of its half.
+FULL = np.array([[10.0 * min(i, j) + max(i, j) for j in range(1, 7)] for i in range(1, 7)])
+FULL += 100 * np.eye(6)
+HALF = [FULL[i, j] for j in range(6) for i in range(j + 1)]
+
+
+def rows(values, count: int = 8) -> str:
+    words = [f"{v:.12g}" for v in values]
+    return "".join(",".join(words[k : k + count]) + "\n" for k in range(0, len(words), count))
+
+
+AXES = "*ORIENTATION,NAME=O\n0,2,0,-3,0,0\n"
+
+
+def solid(elastic: str, option: str = "") -> str:
+    section = SOLID.replace("=M", f"=M{option}")
+    return f"{CUBE}{section}*MATERIAL,NAME=m\n{elastic}*DENSITY\n8.E-9\n{AXES}"
+
+
+@pytest.mark.parametrize("option", ["", ",ORIENTATION=O"])
+def test_a_solid_of_21_constants(tmp_path, option):
+    """The rows of the result are 11, 22, 33, 23, 13, 12."""
+    text = solid("*ELASTIC,TYPE=ANISOTROPIC\n" + rows(HALF), option)
+    model, _ = read(tmp_path, text)
+    order = [0, 1, 2, 5, 4, 3]
+    expected = {"stiffness": (1e6 * FULL[np.ix_(order, order)]).tolist(), "rho": RHO}
+    if option:
+        expected["axes"] = [[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]
+    alike(model["families"], [["ALL", "AnisotropicSolid", expected, line(text, "*SOLID")]])
+    with pytest.raises(MeshError) as caught:
+        read(tmp_path, solid("*ELASTIC,TYPE=ANISO\n" + rows(HALF[:20])))
+    assert str(caught.value) == f"{line(text, '*ELASTIC')}: *ELASTIC needs 21 constants; it has 20."
+
+
+@pytest.mark.parametrize("kind", ["ENGINEERING CONSTANTS", "ORTHO"])
+def test_a_solid_of_nine_constants(tmp_path, kind):
+    """Strains of unit stresses: 1/E on the diagonal, -ν12/E1, -ν13/E1, -ν23/E2 beside it."""
+    moduli, ratios, shears = [9e4, 4e4, 2e4], [0.3, 0.2, 0.4], [7e3, 6e3, 5e3]
+    S = np.diag([*(1 / np.array(moduli)), *(1 / np.array(shears[::-1]))])
+    for (i, j), nu in zip(((0, 1), (0, 2), (1, 2)), ratios, strict=True):
+        S[i, j] = S[j, i] = -nu / moduli[i]
+    C = np.linalg.inv(S)
+    given = [*moduli, *ratios, *shears]
+    if kind == "ORTHO":
+        given = [C[i, j] for i, j in ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))] + shears
+    text = solid(f"*ELASTIC,TYPE={kind}\n" + rows(given))
+    model, _ = read(tmp_path, text)
+    (((_, family, found, _)),) = model["families"]
+    assert family == "AnisotropicSolid"
+    np.testing.assert_allclose(found["stiffness"], 1e6 * C, rtol=1e-9, atol=1e-3)
+    for count in range(9):
+        with pytest.raises(MeshError) as caught:
+            read(tmp_path, solid(f"*ELASTIC,TYPE={kind}\n" + rows(given[:count])))
+        message = f"{line(text, '*ELASTIC')}: *ELASTIC needs 9 constants; it has {count}."
+        assert str(caught.value) == message
+
+
+def test_the_first_of_several_densities_and_temperatures(tmp_path):
+    text = CUBE + SOLID + "*MATERIAL,NAME=M\n*ELASTIC,TYPE=isotropic\n2E5,.3,20\n1E5,.2,90\n"
+    text += "*DENSITY\n8.E-9,20\n7.E-9,90\n*CREEP\n1\n*PLASTIC\n2\n"
+    model, _ = read(tmp_path, text)
+    alike(model["families"][0][2], {"E": E, "nu": NU, "rho": RHO})
+    assert model["ignored"] == [
+        f"*ELASTIC of other temperatures ({line(text, '*ELASTIC')})",
+        f"*CREEP ({line(text, '*CREEP')})",
+        f"*PLASTIC ({line(text, '*PLASTIC')})",
+    ]
+
+
+def test_a_density_for_materials_without_one(tmp_path):
+    text = CUBE + SOLID + STEEL.replace("*DENSITY\n8.E-9\n", "*DENSITY\n")
+    model, _ = read(tmp_path, text, density=5.0)
+    alike(model["families"][0][2], {"E": E, "nu": NU, "rho": 5.0})
+    with pytest.raises(MeshError, match=rf"^{line(text, '*ELASTIC')}: the material 'M' has no den"):
+        read(tmp_path, text)
+
+
+# --- Shells ---------------------------------------------------------------------------------------
+
+SHELL = "*SHELL SECTION,ELSET=ALL,MATERIAL=M{}\n.5\n"
+PLY = "*MATERIAL,NAME=P\n*ELASTIC,TYPE=LAMINA\n9E4,2E4,.25,5E3,4E3,3E3\n*DENSITY\n2.E-9\n"
+
+
+def layer(thickness: float, angle: float) -> dict[str, float]:
+    constants = {"E1": 9e10, "E2": 2e10, "nu12": 0.25, "G12": 5e9, "G13": 4e9, "G23": 3e9}
+    return {**constants, "rho": 2e3, "thickness": thickness, "angle": angle}
+
+
+OFFSETS = {"": None, ",OFFSET=SPOS": -2.5e-4, ",OFFSET=sneg": 2.5e-4, ",OFFSET=.2": -1e-4,
+           ",OFFSET=MIDDLE": None, ",OFFSET=": None}  # fmt: skip
+
+
+@pytest.mark.parametrize("option", OFFSETS)
+def test_shells_beside_their_nodes(tmp_path, option):
+    """OFFSET is the share of the thickness from the middle surface to the nodes."""
+    for text in (SHEET, BENT):
+        text += SHELL.format(option) + STEEL
+        model, deck = read(tmp_path, text)
+        expected = {"E": E, "nu": NU, "rho": RHO, "thickness": 5e-4}
+        told = []
+        if OFFSETS[option] is not None:
+            expected["offset"] = OFFSETS[option]
+            told = [f"{line(text, '*SHELL')}: the area of a curved shell with {option[1:].upper()} "
+                    "is that at its nodes."] if "2,2,9" in text else []  # fmt: skip
+        alike(model["families"], [["All", "Shell", expected, line(text, "*SHELL")]])
+        assert deck.told == told
+        assert (model["gdim"], model["halve"], model["joined"]) == (3, False, False)
+
+
+@pytest.mark.parametrize("option", ["", ",OFFSET=SPOS"])
+def test_layers_in_order(tmp_path, option):
+    """Thickness, points of integration, material, angle; the section's material is the default."""
+    section = f"*SHELL SECTION,ELSET=ALL,COMPOSITE,MATERIAL=P{option}\n.5,3,,30.\n.25,,P\n"
+    text = SHEET + section + PLY
+    model, _ = read(tmp_path, text)
+    expected = {"layers": [layer(5e-4, 30.0), layer(2.5e-4, 0.0)], "axis": [1.0, 0.0, 0.0],
+                "top": [0.0, 0.0, 1.0]}  # fmt: skip
+    if option:
+        expected["offset"] = -3.75e-4
+    alike(model["families"], [["All", "Laminate", expected, line(text, "*SHELL")]])
+
+
+def test_layers_of_a_closed_shell_have_no_top(tmp_path):
+    text = NODES + "*ELEMENT,TYPE=S4,ELSET=ALL\n1,1,2,3,4\n2,5,8,7,6\n"
+    section = "*SHELL SECTION,ELSET=ALL,COMPOSITE\n.5,3,P,10.\n"
+    model, _ = read(tmp_path, text + section + PLY)
+    expected = {"layers": [layer(5e-4, 10.0)], "axis": [1.0, 0.0, 0.0], "top": None}
+    alike(model["families"][0][2], expected)
+    with pytest.raises(MeshError, match=r"with an .ORIENTATION of their own need a flat shell"):
+        read(tmp_path, text + section.replace("10.", "O") + PLY + AXES)
+
+
+def test_thicknesses_at_nodes(tmp_path):
+    """The mean of the corners in each element, which keeps the share of its offset."""
+    text = BENT + SHELL.format(",OFFSET=SPOS") + STEEL
+    text += "*ELEMENT,TYPE=S8R,ELSET=CAP\n3,5,6,7,8,11,12,13,14\n*NODE\n11,10,0,10\n12,20,5,10\n"
+    text += "13,10,10,10\n14,0,5,10\n*SHELL SECTION,ELSET=CAP,MATERIAL=M\n.75\n"
+    text += "*NODAL THICKNESS\nN,.25\n2,\n9,.35\n10,.45\n3,.25\n11,.4\n"
+    model, _ = read(tmp_path, text)
+    found = {name: (one["thickness"], one.get("offset")) for name, _, one, _ in model["families"]}
+    place = line(text, "*SHELL")
+    last = line(text, "*SHELL SECTION,ELSET=CAP")
+    assert found == {
+        f"All of thickness 0.25 ({place})": pytest.approx((2.5e-4, -1.25e-4)),
+        f"All of thickness 0.325 ({place})": pytest.approx((3.25e-4, -1.625e-4)),
+        f"CAP of thickness 0.25 ({last})": (pytest.approx(2.5e-4), None),
+    }
+    assert model["ignored"] == [
+        "the variation of the thickness within 2 elements (*NODAL THICKNESS, "
+        f"{line(text, '*NODAL')}), the mean of the corners is taken in each"
+    ]
+    text = BENT + SHELL.format("") + STEEL + "*NODAL THICKNESS\n9,.25\n10,.25\n"
+    model, deck = read(tmp_path, text)
+    thin = {name.partition(" (")[0]: one["thickness"] for name, _, one, _ in model["families"]}
+    assert thin == pytest.approx({"All of thickness 0.5": 5e-4, "All of thickness 0.375": 3.75e-4})
+    own = {name: some.tolist() for name, some in deck.element_sets.items() if "of" in name}
+    assert sorted(own.values()) == [[0], [1]]
+    model, _ = read(tmp_path, SHEET + SHELL.format("") + STEEL + "*NODAL THICKNESS\nN,.25\n")
+    assert model["ignored"] == []
+    composite = SHEET + "*SHELL SECTION,ELSET=ALL,COMPOSITE\n.5,3,P,10.\n" + PLY
+    with pytest.raises(MeshError) as caught:
+        read(tmp_path, composite + "*NODAL THICKNESS\nN,.25\n")
+    assert str(caught.value) == (
+        f"line {composite.count(chr(10)) + 1} of part.inp: *NODAL THICKNESS is read for isotropic "
+        "shells only."
+    )
+
+
+# --- Beams and plane sections ---------------------------------------------------------------------
+
+PIPE = math.pi / 4 * (3.0**4 - 2.5**4)
+BOX = [(5 * 4**3 - 3 * 3**3) / 12, (4 * 5**3 - 3 * 3**3) / 12]
+PROFILES = {
+    # dimensions: area, about the axis across direction 1, about direction 1, torsion, shear
+    "CIRC\n4.,2.": (2 * math.pi, 2 * math.pi, math.pi / 2, 8 * math.pi * 4 / 20, 0.9),
+    "PIPE\n3.,.5": (math.pi * 2.75, PIPE, PIPE, 2 * PIPE, 0.5),
+    "GENERAL\n6.,3.,0.,5.,7.": (6.0, 5.0, 3.0, 7.0, 5 / 6),
+    # height 4, width 5; walls of 0.5 across the height and of 1 along the width
+    "BOX\n4.,5.,.5,1.,.5,1.": (20 - 9.0, *BOX, 4 * (3.5 * 4) ** 2 / (2 * 4 / 0.5 + 2 * 3.5), 0.5),
+}
+
+
+@pytest.mark.parametrize("case", PROFILES)
+def test_profiles_of_beams(tmp_path, case):
+    A, first, second, J, shear = PROFILES[case]
+    text = BARS + f"*BEAM SECTION,ELSET=ALL,MATERIAL=M,SECTION={case}\n0,0,-2\n" + STEEL
+    model, deck = read(tmp_path, text)
+    own = {"A": 1e-6 * A, "I": 1e-12 * first, "I_side": 1e-12 * second, "J": 1e-12 * J}
+    expected = {"E": E, "nu": NU, "rho": RHO, "section": {**own, "shear": shear},
+                "orientation": [0.0, 0.0, -2.0], "offset": 0.0}  # fmt: skip
+    alike(model["families"], [["ALL", "Beam", expected, line(text, "*BEAM")]])
+    assert deck.told == []
+    assert model["halve"]
+
+
+def test_offsets_of_beams_are_shares_of_their_height_and_width(tmp_path):
+    section = "*BEAM SECTION,ELSET=ALL,MATERIAL=M,SECTION=BOX{}\n4.,5.,.5,1.,.5,1.\n0,1\n" + STEEL
+    model, _ = read(tmp_path, BARS + section.format(",OFFSET1=-.5"))
+    assert model["families"][0][2]["offset"] == pytest.approx(-2e-3)
+    model, _ = read(tmp_path, BARS + section.format(",OFFSET2=.5"))
+    found = model["families"][0][2]
+    assert found["offset"] == pytest.approx(2.5e-3)
+    assert found["orientation"] == [0, 0, 1]
+    assert 1e12 * found["section"]["I"] == pytest.approx(BOX[1])
+    assert 1e12 * found["section"]["I_side"] == pytest.approx(BOX[0])
+    apart = BARS.replace("2,4,3", "2,4,5") + section.format(",OFFSET2=.5")
+    with pytest.raises(MeshError, match=rf"^{line(apart, '*BEAM')}: OFFSET2 is read for beams in"):
+        read(tmp_path, apart)
+
+
+@pytest.mark.parametrize(
+    ("data", "thickness"), [("", 1e-3), ("\n", 1e-3), ("0.\n", 1e-3), ("2.\n", 2e-3)]
+)
+def test_the_thickness_of_plane_sections_is_1_where_it_is_not_given(tmp_path, data, thickness):
+    text = SHEET.replace("S4", "CPS4") + SOLID + data + STEEL
+    model, _ = read(tmp_path, text)
+    expected = {"E": E, "nu": NU, "rho": RHO, "plane": "stress", "thickness": thickness}
+    alike(model["families"], [["All", "Solid", expected, line(text, "*SOLID")]])

@@ -1,0 +1,355 @@
+"""*TIE, *SURFACE and *COUPLING of Abaqus decks: the equations of nodes, written by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from antiosc.errors import MeshError
+from antiosc.fem.readers.decks import abaqus_assembly
+from antiosc.fem.readers.decks.abaqus_joints import read_joints
+from antiosc.fem.readers.decks.abaqus_surfaces import surfaces_of
+from antiosc.fem.readers.decks.constraints import Constraints
+
+RNG = np.random.default_rng(37)
+
+
+def deck_of(folder, x: np.ndarray, text: str):
+    path = folder / "a.inp"
+    nodes = "".join(f"{k},{','.join(map(repr, map(float, p)))}\n" for k, p in enumerate(x, 1))
+    path.write_text(f"*NODE\n{nodes}{text}")
+    whole = abaqus_assembly.read(path, "a.inp")
+    return whole, [pair for pair in whole.cards if pair[0].keyword != "NODE"]
+
+
+def joints_of(folder, x: np.ndarray, text: str, turning: bool = False):
+    """(the constraints that the cards make, what is told)."""
+    whole, cards = deck_of(folder, x, text)
+    joints = Constraints(whole.deck, np.ones(len(x), dtype=bool), np.full(len(x), turning))
+    read_joints(whole, joints, cards)
+    return joints, whole.deck.told
+
+
+def row_of(terms, count: int) -> np.ndarray:
+    row = np.zeros((count, 6))
+    for node, motion, value in terms:
+        row[node, motion] += value
+    return row
+
+
+# --- Ties -----------------------------------------------------------------------------------------
+
+#: Places of the nodes of a face in its own coordinates.
+TRIANGLE = np.array([(0, 0), (1, 0), (0, 1), (0.5, 0), (0.5, 0.5), (0, 0.5)])
+SQUARE = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1), (0, -1), (1, 0), (0, 1), (-1, 0.0)])
+
+
+def functions(count: int, r: float, s: float) -> np.ndarray:
+    """Shape functions of a face: polynomials that are 1 at one node and 0 at the others."""
+    nodes = (TRIANGLE if count in (3, 6) else SQUARE)[:count]
+    powers = {
+        3: [(0, 0), (1, 0), (0, 1)],
+        4: [(0, 0), (1, 0), (0, 1), (1, 1)],
+        6: [(0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)],
+        8: [(0, 0), (1, 0), (0, 1), (1, 1), (2, 0), (0, 2), (2, 1), (1, 2)],
+    }[count]
+    table = np.array([[a**i * b**j for i, j in powers] for a, b in nodes])
+    return np.linalg.solve(table.T, np.array([r**i * s**j for i, j in powers]))
+
+
+def faces(count: int) -> tuple[np.ndarray, list[list[int]]]:
+    """Nodes of two curved faces apart, and which are those of each."""
+    own = TRIANGLE if count in (3, 6) else (SQUARE + 1) / 2
+    flat = np.array([[*p, 0.0] for p in own[:count]])
+    x = np.vstack([flat, flat + np.array([2.0, 0.3, 0.0])]) + 0.04 * RNG.normal(size=(2 * count, 3))
+    return x, [list(range(count)), list(range(count, 2 * count))]
+
+
+KINDS = {"S3": 3, "S4": 4, "STRI65": 6, "S8R": 8}
+
+
+@pytest.mark.parametrize("turning", [False, True])
+@pytest.mark.parametrize("kind", KINDS)
+def test_tied_nodes_follow_the_shape_functions_of_their_face(tmp_path, kind, turning):
+    count = KINDS[kind]
+    x, cells = faces(count)
+    places = [(0.2, 0.3), (0.6, 0.1), (1 / 3, 1 / 3)]
+    if count in (4, 8):
+        places = [(-0.7, 0.4), (0.9, -0.2), (0.0, 0.0)]
+    weights = [functions(count, *p) for p in places]
+    slaves = np.array([w @ x[cell] for cell in cells for w in weights])
+    every = np.vstack([x, slaves])
+    first = len(x) + 1
+    text = f"*ELEMENT,TYPE={kind},ELSET=E\n"
+    for k, cell in enumerate(cells, 1):
+        text += f"{k},{','.join(str(n + 1) for n in cell)}\n"
+    text += f"*NSET,NSET=N,GENERATE\n{first},{len(every)}\n*NSET,NSET=N\n1\n"
+    text += "*SURFACE,NAME=M\nE,SPOS\n*SURFACE,NAME=S,TYPE=NODE\nN,\n*TIE,NAME=T\nS,M\n"
+    joints, told = joints_of(tmp_path, every, text, turning)
+    assert told == []
+    motions = 6 if turning else 3
+    rows = np.array([row_of(terms, len(every)) for terms in joints.equations])
+    expected = np.zeros((len(slaves) * motions, len(every), 6))
+    for k in range(len(slaves)):
+        for c in range(motions):
+            row = expected[k * motions + c]
+            row[len(x) + k, c] = 1.0
+            row[cells[k // 3], c] = -weights[k % 3]
+    np.testing.assert_allclose(rows, expected, atol=1e-9)
+
+
+UNIT = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0.0)])
+PLATE = "*ELEMENT,TYPE=S4,ELSET=E\n1,1,2,3,4\n*SURFACE,NAME=M\nE,SPOS\n"
+
+
+def tie_at(folder, heights, option: str = "", at=(0.4, 0.7)):
+    """The nodes that are tied of some at heights above a square, and what is told."""
+    x = np.vstack([UNIT, [(*at, h) for h in heights]])
+    text = PLATE + f"*NSET,NSET=N,GENERATE\n5,{len(x)}\n*SURFACE,NAME=S,TYPE=NODE\nN,\n"
+    joints, told = joints_of(folder, x, f"{text}*TIE{option}\nS,M\n")
+    return sorted({terms[0][0] - 4 for terms in joints.equations}), told, text.count("\n") + len(x)
+
+
+@pytest.mark.parametrize(("option", "reach"), [("", 0.05), (",POSITION TOLERANCE=0.2", 0.2)])
+def test_nodes_within_reach_of_a_face_are_tied(tmp_path, option, reach):
+    """By default 0.05 of the mean edge of the master, as Abaqus has it."""
+    tied, told, lines = tie_at(tmp_path, [0.99 * reach, 1.01 * reach, -0.99 * reach], option)
+    assert tied == [0, 2]
+    assert told == [
+        f"line {lines + 3} of a.inp: 1 of 3 slave nodes of *TIE lie further than {reach} from the "
+        "master surface and are not tied (POSITION TOLERANCE=)."
+    ]
+    with pytest.raises(MeshError) as caught:
+        tie_at(tmp_path, [1.01 * reach, 2.0], option)
+    assert str(caught.value) == (
+        f"line {lines + 2} of a.inp: *TIE joins nothing: no node of the slave surface lies within "
+        f"{reach} of the master surface (POSITION TOLERANCE=)."
+    )
+
+
+@pytest.mark.parametrize(
+    ("at", "corner"), [((1.03, 0.5), (0, 0.5, 0.5, 0)), ((-0.03, -0.03), (1, 0, 0, 0))]
+)
+def test_a_node_beside_a_face_follows_its_nearest_point(tmp_path, at, corner):
+    x = np.vstack([UNIT, [(*at, 0.0)]])
+    text = PLATE + "*NSET,NSET=N\n5\n*SURFACE,NAME=S,TYPE=NODE\nN,\n*TIE\nS,M\n"
+    joints, _ = joints_of(tmp_path, x, text)
+    rows = np.array([row_of(terms, 5) for terms in joints.equations])
+    for c in range(3):
+        np.testing.assert_allclose(rows[c, :4, c], -np.array(corner), atol=1e-12)
+
+
+def test_the_nearest_of_many_faces_is_taken(tmp_path):
+    """A strip of 30 squares: each node follows the corners of the square below it."""
+    count = 30
+    x = np.array([(k, y, 0.0) for y in (0, 1) for k in range(count + 1)])
+    over = np.column_stack([np.arange(count) + 0.25, np.full((count, 1), 0.5), np.zeros(count)])
+    every = np.vstack([x, over])
+    text = "*ELEMENT,TYPE=S4,ELSET=E\n"
+    text += "".join(
+        f"{k + 1},{k + 1},{k + 2},{k + count + 3},{k + count + 2}\n" for k in range(count)
+    )
+    text += f"*NSET,NSET=N,GENERATE\n{len(x) + 1},{len(every)}\n"
+    text += "*SURFACE,NAME=M\nE,SNEG\n*SURFACE,NAME=S,TYPE=NODE\nN,\n*TIE\nS,M\n"
+    joints, _ = joints_of(tmp_path, every, text)
+    assert len(joints.equations) == 3 * count
+    for k, terms in enumerate(joints.equations[::3]):
+        found = {n: v for n, _, v in terms if abs(v) > 1e-12}
+        right = {len(x) + k: 1.0, k: -0.375, k + 1: -0.125}
+        right |= {count + 1 + k: -0.375, count + 2 + k: -0.125}
+        assert found == pytest.approx(right)
+
+
+# --- Surfaces -------------------------------------------------------------------------------------
+
+#: Nodes of the sides S1, S2, … of elements, by Abaqus' manual.
+SIDES = {
+    "C3D8": "1234 5876 1562 2673 3784 4851",
+    "C3D6": "123 465 1452 2563 3641",
+    "C3D4": "123 142 243 341",
+    "C3D5": "1234 152 253 354 451",
+}
+
+
+@pytest.mark.parametrize("kind", SIDES)
+def test_sides_of_solids(tmp_path, kind):
+    count = int(kind[3:])
+    text = f"*ELEMENT,TYPE={kind},ELSET=E\n7,{','.join(map(str, range(1, count + 1)))}\n"
+    sides = SIDES[kind].split()
+    for k in range(1, len(sides) + 1):
+        text += f"*SURFACE,NAME=s{k},TYPE=ELEMENT\n\nE,s{k}\n*SURFACE,NAME=BOTH\n7,S{k}\n"
+    whole, cards = deck_of(tmp_path, RNG.normal(size=(count, 3)), text)
+    found = surfaces_of(whole, cards)
+    for k, side in enumerate(sides, 1):
+        ((corners, mids),) = found[f"S{k}"].faces
+        assert "".join(str(n + 1) for n in corners) == side
+        assert len(mids) == 0
+        assert (found[f"S{k}"].nodes + 1).tolist() == sorted(map(int, side))
+    assert len(found["BOTH"].faces) == len(sides)
+    for wrong in ("", ",S0", f",S{len(sides) + 1}", ",SPOS", ",X1"):
+        at = text.count("\n") + count + 3
+        with pytest.raises(MeshError, match=f"line {at} of a.inp: .* must be S1 to S{len(sides)}"):
+            surfaces_of(*deck_of(tmp_path, RNG.normal(size=(count, 3)),
+                                 f"{text}*SURFACE,NAME=W\nE{wrong}\n"))  # fmt: skip
+
+
+def test_surfaces_of_several_kinds_and_of_nodes(tmp_path):
+    """A curved tetrahedron beside a shell: middle nodes of the side between its corners."""
+    text = "*ELEMENT,TYPE=S3,ELSET=E\n1,1,2,3\n*ELEMENT,TYPE=C3D10,ELSET=E\n"
+    text += "2,4,5,6,7,8,9,10,11,12,13\n*SURFACE,NAME=A\nE,S2\n*SURFACE,NAME=B,TYPE=NODE\n3,\n2\n"
+    whole, cards = deck_of(tmp_path, RNG.normal(size=(13, 3)), text)
+    found = surfaces_of(whole, cards)
+    (shell, none), (corners, mids) = found["A"].faces
+    assert (shell + 1).tolist() == [1, 2, 3]
+    assert len(none) == 0
+    # side 2 is 1-4-2: nodes 4, 7, 5 with 11 (1-4), 12 (2-4) and 8 (1-2) between them
+    assert (corners + 1).tolist() == [4, 7, 5]
+    assert (mids + 1).tolist() == [11, 12, 8]
+    assert (found["A"].nodes + 1).tolist() == [1, 2, 3, 4, 5, 7, 8, 11, 12]
+    assert (found["B"].nodes + 1).tolist() == [2, 3]
+
+
+# --- Couplings ------------------------------------------------------------------------------------
+
+ANY = np.round(RNG.normal(size=(6, 3)), 3)
+SET = "*NSET,NSET=N\n1,2,3\n*SURFACE,NAME=S,TYPE=NODE\nN,\n*SURFACE,NAME=L,TYPE=NODE\nN,\n6,\n"
+COUPLING = "*COUPLING,REF NODE=6,SURFACE=S,CONSTRAINT NAME=C\n"
+COUPLINGS = {
+    # cards, the motions (1 to 6) of nodes 1 to 3 that follow node 6
+    "all": (COUPLING + "*KINEMATIC\n", "123456"),
+    "some": (COUPLING + "*KINEMATIC\n1,2\n5\n", "125"),
+    "a range": (COUPLING + "*KINEMATIC\n2,4\n", "234"),
+    "older": ("*KINEMATIC COUPLING,REF NODE=6\nN\n", "123456"),
+    "older, some": ("*KINEMATIC COUPLING,REF NODE=6\nN,3,\n", "3"),
+    "older, a range": ("*KINEMATIC COUPLING,REF NODE=6\nN,1,3\n", "123"),
+    "older, each": ("*KINEMATIC COUPLING,REF NODE=6\n1,2,2\n2,2,2\n3,2,2\n", "2"),
+}
+
+
+@pytest.mark.parametrize("case", COUPLINGS)
+def test_coupled_motions_are_those_of_the_rigid_body(tmp_path, case):
+    """u = U + Θ × r, θ = Θ, of the motions that are named."""
+    cards, motions = COUPLINGS[case]
+    joints, _ = joints_of(tmp_path, ANY, SET + cards, turning=True)
+    rows = [row_of(terms, 6) for terms in joints.equations]
+    assert len(rows) == 3 * len(motions)
+    U, turn = RNG.normal(size=(2, 3))
+    u = np.zeros((6, 6))
+    u[:, :3], u[:, 3:] = U + np.cross(turn, ANY - ANY[5]), turn
+    seen = set()
+    for row in rows:
+        assert np.abs((row * u).sum()) < 1e-12
+        (node,), (motion,) = np.nonzero(row[:5])
+        seen.add((int(node), int(motion) + 1))
+        assert row[node, motion] == 1
+    assert seen == {(n, int(m)) for n in range(3) for m in motions}
+
+
+@pytest.mark.parametrize("kind", ["KINEMATIC\n1,3\n", "DISTRIBUTING\n"])
+def test_the_reference_node_does_not_follow_itself(tmp_path, kind):
+    found = []
+    for surface in ("S", "L"):
+        cards = SET + COUPLING.replace("SURFACE=S", f"SURFACE={surface}")
+        joints, _ = joints_of(tmp_path, ANY, f"{cards}*{kind}", turning=True)
+        found.append(joints.equations)
+    assert found[0] == found[1] != []
+
+
+PAIR = "*NSET,NSET=P\n1,2\n*NSET,NSET=Q\n3,4\n"
+WRONG = {
+    "*EQUATION,REMOVE\n": (0, "equations that a step removes are not supported."),
+    "*EQUATION\n0\n": (1, "an *EQUATION of 0 terms."),
+    "*EQUATION\n2\n1,1,1.\n": (2, "the *EQUATION ends after 1 of 2 terms."),
+    "*EQUATION\n2\n": (1, "the *EQUATION ends after 0 of 2 terms."),
+    "*EQUATION\n2\n1,1,1.,X,1,1.\n": (2, "*EQUATION names 'X', which the deck does not define."),
+    f"{PAIR}*EQUATION\n2\nP,1,1.,Q,1,1.\n": (
+        6, "*EQUATION between several sets of nodes pairs them by their order, which is not kept "
+        "here; write one equation for each pair.",
+    ),
+    "*EQUATION\n2\n1,1,1.,2,7,1.\n": (2, "*EQUATION acts on motions from 1 to 6; got 7."),
+    "*EQUATION\n2\n1,0,1.,2,1,1.\n": (2, "*EQUATION acts on motions from 1 to 6; got 0."),
+    "*EQUATION\n2\n1,1,0.,2,1,1.\n": (2, "the first term of *EQUATION has the coefficient 0."),
+    "*EQUATION\n2\n1,1,1.,2,1,x\n": (2, "'x' is not a number."),
+    "*MPC\nPLANE,1,2,3\n": (1, "the *MPC of type PLANE needs four nodes or more."),
+    "*MPC\nSTRAIGHT,1,2\n": (1, "the *MPC of type STRAIGHT needs three nodes or more."),
+    "*MPC\nMEANROT,1,2\n": (
+        1, "the *MPC of type MEANROT needs an axis and two nodes or more.",
+    ),
+    "*MPC\nTIE,1,2,3\n": (
+        1, "the *MPC of type TIE with 3 nodes is not supported here and would change the result; "
+        "write it as *EQUATION, or remove it.",
+    ),
+    "*MPC\nBEAM,1,2\n": (
+        1, "the *MPC of type BEAM with 2 nodes is not supported here and would change the result; "
+        "write it as *EQUATION, or remove it.",
+    ),
+    "*MPC\nUSER,1,2\n": (
+        1, "the *MPC of type USER with 2 nodes is not supported here and would change the result; "
+        "write it as *EQUATION, or remove it.",
+    ),
+    "*RIGID BODY,REF NODE=1\n": (0, "*RIGIDBODY names no nodes (NSET= or ELSET=)."),
+    f"{PAIR}*RIGID BODY,REF NODE=P,NSET=P\n": (4, "'P' must be one node; it is 2."),
+    f"{PAIR}*RIGID BODY,NSET=P\n": (4, "*RIGIDBODY needs REFNODE=."),
+    "*TIE\nA,B\n": (1, "there is no surface 'A' (*SURFACE, NAME=)."),
+    "*TIE,CYCLIC SYMMETRY\nA,B\n": (
+        0, "*TIE makes a sector of a whole ring, which is not supported here; model the whole "
+        "part.",
+    ),
+    f"{SET}*TIE\nS,S\n": (8, "the master surface of *TIE must be of faces of elements."),
+    "*COUPLING,REF NODE=1,SURFACE=A\n": (0, "there is no surface 'A' (*SURFACE, NAME=)."),
+    f"{SET}*COUPLING,REF NODE=1,SURFACE=S,ORIENTATION=O\n": (
+        7, "*COUPLING in an orientation is not supported.",
+    ),
+    "*KINEMATIC\n": (0, "*KINEMATIC without *COUPLING before it."),
+    f"{SET}{COUPLING}*KINEMATIC\n0,2\n": (9, "motions from 0 to 2; they are counted from 1 to 6."),
+    f"{SET}{COUPLING}*KINEMATIC\n3,2\n": (9, "motions from 3 to 2; they are counted from 1 to 6."),
+    f"{SET}{COUPLING}*KINEMATIC\n6,7\n": (9, "motions from 6 to 7; they are counted from 1 to 6."),
+    "*EQUATION\n2\n1,4,1.,2,4,-1.\n": (
+        2, "a constraint acts on a rotation of a node of solids, which have no rotations; "
+        "constrain displacements of several nodes.",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("cards", WRONG)
+def test_what_is_wrong_is_told_with_its_line(tmp_path, cards):
+    beyond, message = WRONG[cards]
+    with pytest.raises(MeshError) as caught:
+        joints_of(tmp_path, ANY, cards)
+    assert str(caught.value) == f"line {8 + beyond} of a.inp: {message}"
+
+
+LINES = {
+    "PLANE,1,2,3,4": (np.outer(np.arange(6), [1.0, 2.0, 3.0]), "PLANE lie on one line."),
+    "STRAIGHT,1,2,3": (np.zeros((6, 3)), "STRAIGHT coincide."),
+    "MEANROT,1,2,3": (np.zeros((6, 3)), "MEANROT needs an axis and two nodes or more."),
+    "MEANROT,1,2,3,4": (np.array([(0, 1, 0), (0, -1, 0), (0, 0, 5), (0, 0, 1.0)]),
+                        "MEANROT lies on its axis."),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("card", LINES)
+def test_nodes_that_give_no_plane_line_or_axis(tmp_path, card):
+    x, message = LINES[card]
+    with pytest.raises(MeshError) as caught:
+        joints_of(tmp_path, x, f"*MPC\n{card}\n")
+    assert str(caught.value).startswith(f"line {len(x) + 3} of a.inp: ")
+    assert str(caught.value).endswith(message)
+
+
+def test_an_equation_of_a_set_is_one_for_each_of_its_nodes(tmp_path):
+    """A node that stands last belongs to each; a set whose nodes stand second is summed singly."""
+    cards = f"{PAIR}*EQUATION\n2\nP,1,2.,\n6,3,-1.\n3,\n5,2,1.,6,2,1.\n4,1,.5\n"
+    joints, _ = joints_of(tmp_path, ANY, cards)
+    rows = np.array([row_of(terms, 6) for terms in joints.equations])
+    expected = np.zeros((3, 6, 6))
+    expected[:2, 5, 2] = -1.0
+    expected[0, 0, 0] = expected[1, 1, 0] = 2.0
+    expected[2, 4, 1], expected[2, 5, 1], expected[2, 3, 0] = 1.0, 1.0, 0.5
+    np.testing.assert_array_equal(rows, expected)
+    cards = f"{PAIR}*EQUATION\n3\nP,1,1.,Q,1,1.,6,1,1.\n"
+    with pytest.raises(MeshError, match="pairs them by their order"):
+        joints_of(tmp_path, ANY, cards)
+    cards = f"{PAIR}*EQUATION\n1000001\n"
+    with pytest.raises(MeshError, match=r"an .EQUATION of 1000001 terms"):
+        joints_of(tmp_path, ANY, cards)
