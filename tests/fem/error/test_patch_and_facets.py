@@ -142,3 +142,30 @@ def test_every_common_side_of_two_facets_has_its_angle(name):
     x, corners, count, angle = SOLIDS[name]
     found = facets._angles(x, np.array(corners))
     assert found == pytest.approx(np.full(count, angle))
+
+
+@pytest.mark.parametrize("held", [True, False])
+def test_a_budget_is_told_of_the_layers_outside_of_facets(held):
+    """The energies of the shapes in them, and their mass; of a rigid motion there is none."""
+    supports = [ao.Support(lambda x: np.isclose(x[1], 0))] if held else []
+    solid = ao.Solid(**STEEL, plane="stress", thickness=0.02)
+    part = ao.Structure(ring(6, "triangle"), solid, supports, order=1)
+    site = ao.Site((2 * np.sin(np.pi / 12), 2 * np.cos(np.pi / 12)), (0, -1), radius=0.4)
+    model = ao.extract(part, site, n=2, error="estimate")
+    volumes, mass = layers(part)
+    facts = model.info["geometry"]
+    assert "angles of up to 15°" in facts["note"]
+    assert facts["mass"] == mass
+    energies = estimator(part).gram_and_layers(model.shapes, volumes)[1]
+    if not held:
+        assert abs(energies[0]) > 0  # rounding
+        energies[0] = 0.0
+    assert facts["stiffness"] == pytest.approx(energies.tolist(), rel=1e-9)
+    assert "geometry" not in ao.extract(part, site, n=2).info
+
+
+def test_a_point_has_no_patch():
+    part = ao.Structure(plate(), ao.Solid(**STEEL, plane="stress"), [ao.Support("left")], order=1)
+    with pytest.warns(ao.AccuracyWarning, match="point"):
+        model = ao.extract(part, ao.Site((0.2, 0.06), (0, -1)), n=2, error="estimate")
+    assert model.info["patch"] is None

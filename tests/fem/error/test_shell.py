@@ -167,6 +167,39 @@ def tube(s, t):
     return 0.3 * np.cos(2 * np.pi * s), 0.3 * np.sin(2 * np.pi * s), t
 
 
+def test_ribs_hold_the_edges_that_they_lie_on_and_part_the_surface():
+    """Of the four equal layers of a twisted square one is gone with a rib along that side."""
+    square = rectangle(2, 1.0, 1.0)
+    alone = ao.Structure(square, SHEET)
+    ribbed = ao.Structure(grouped(square, edges=at(0, 0.0)), {"sheet": SHEET, "rib": RIB})
+    energy = layer_energy(alone, twisted(alone))
+    assert layer_energy(ribbed, twisted(ribbed)) == pytest.approx(0.75 * energy, rel=1e-9)
+    middle = ao.Structure(grouped(square, edges=at(0, 0.5)), {"sheet": SHEET, "rib": RIB})
+    folded = ao.Structure(sheet(2, fold), SHEET)
+    for part, count in ((alone, 1), (ribbed, 1), (middle, 2), (folded, 2), (two_thicknesses(2), 2)):
+        found = smooth_pieces(on_mesh(part))
+        assert len(np.unique(found.number)) == count
+        x = part.mesh.dolfinx.geometry.x[compat.geometry_nodes(part.mesh.dolfinx)].mean(axis=1)
+        side = x[:, 0] + x[:, 2] > (1.0 if part is folded else 0.5)
+        if count == 2:  # one on either side
+            assert len(np.unique(found.number[side])) == len(np.unique(found.number[~side])) == 1
+        assert found.bent < 1e-9
+        assert ShellErrors(on_mesh(part)).faceted == ""
+
+
+def test_flat_cells_of_a_curved_surface_are_told():
+    """An arc of eight strips of 5° each; with curved cells there is nothing to tell."""
+
+    def arc(s, t):
+        angle = np.radians(40) * s
+        return 0.3 * np.cos(angle), 0.3 * np.sin(angle), t
+
+    facets = ShellErrors(on_mesh(ao.Structure(sheet((8, 1), arc), SHEET)))
+    assert "angles of up to 5°, for a curved surface" in facets.faceted
+    curved = ShellErrors(on_mesh(ao.Structure(sheet((4, 1), arc, order=2), SHEET)))
+    assert curved.faceted == ""
+
+
 @pytest.mark.slow
 def test_pieces_end_at_folds_ribs_and_changes_of_the_section():
     def pieces(structure):

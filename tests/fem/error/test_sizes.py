@@ -25,7 +25,7 @@ from antiosc.fem.error.remeshing import (
     wished_sizes,
 )
 from antiosc.fem.readers.request import GRADING
-from parts import box, frame, line, plate
+from parts import box, frame, gmsh_cube, line, plate
 from sheets import rectangle
 
 pytestmark = pytest.mark.fem
@@ -172,6 +172,35 @@ def test_lines_are_halved_until_they_are_short():
         own[1] = ratio
         assert source.finer(first, own).n_cells == 2**times * first.n_cells
     assert source_of(mesh).first(0.5, []).n_cells == 12
+
+
+GEOMETRY = """
+Point(1) = {0, 0, 0}; Point(2) = {1, 0, 0}; Point(3) = {1, 0.5, 0};
+Line(1) = {1, 2}; Line(2) = {2, 3}; Physical Curve("rods") = {1, 2};
+"""
+
+
+def test_geometries_of_lines_are_meshed_more_finely(tmp_path):
+    path = tmp_path / "rods.geo"
+    path.write_text(GEOMETRY)
+    source = source_of(path)
+    diagonal = np.hypot(1.0, 0.5)
+    assert source.extent() == pytest.approx(diagonal)
+    first = source.first(1.0, [((0.41, 0.0), 0.01)])
+    assert 0.5 * diagonal / LINES < largest(first) <= 1.001 * diagonal / LINES
+    assert not inside(first, np.array([0.41, 0.0, 0.0]))
+    finer = source.finer(first, np.full(first.n_cells, 0.3))
+    assert largest(finer) <= 1.001 * diagonal / LINES / 4
+    assert not inside(finer, np.array([0.41, 0.0, 0.0]))
+    assert edge_lengths(finer).sum() == pytest.approx(1.5)
+
+
+@pytest.mark.parametrize(("cell", "divided"), [("triangle", True), ("quadrilateral", False)])
+def test_a_mesh_file_is_a_source(cell, divided, tmp_path):
+    source = source_of(gmsh_cube(tmp_path / "cube.msh", cell))
+    assert (source.fixed == "") == divided
+    assert source.extent() == pytest.approx(np.sqrt(2))
+    assert source.thickness() == pytest.approx(2 / 4 if divided else 1.0)
 
 
 def test_corners_of_lines_that_may_stand_for_a_curve():

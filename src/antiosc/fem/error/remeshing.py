@@ -189,7 +189,7 @@ class OfLines:
     def first(self, size: float, refine: Sequence[Refinement]) -> Mesh:
         """At least `LINES` cells on the diagonal, and a node at the first point of `refine`."""
         if refine:
-            self._site = np.asarray(refine[0][0], dtype=float)
+            self._site = _in_space(refine[0][0])
         self._size = self._mesh.extent() / LINES
         if self._path is not None:
             return self._meshed(self._path)
@@ -224,10 +224,15 @@ def graded_sizes(mesh: Mesh, refine: Sequence[Refinement]) -> Array:
     centres = mesh.dolfinx.geometry.x[nodes].mean(axis=1)
     sizes = np.full(len(centres), np.inf)
     for point, local in refine:
-        distance = np.linalg.norm(centres - np.resize([*point, 0.0], 3), axis=1)
+        distance = np.linalg.norm(centres - _in_space(point), axis=1)
         grown = local + USUAL[0] * np.maximum(distance - USUAL[1] * local, 0.0)
         sizes = np.minimum(sizes, grown)
     return sizes
+
+
+def _in_space(point: Sequence[float]) -> Array:
+    """The coordinates (3,) of a point given by two or three."""
+    return np.resize([*point, 0.0], 3).astype(float)
 
 
 def wished_sizes(mesh: Mesh, ratio: Array) -> SizeField | None:
