@@ -16,6 +16,7 @@ from antiosc.simulation import engine, march
 from antiosc.simulation.laws import packed
 from antiosc.simulation.march import layout
 from antiosc.simulation.system import System
+from laws import laws
 from marches import written_out
 
 Array = NDArray[np.float64]
@@ -407,3 +408,64 @@ def test_what_is_expected_of_a_blow_turns_the_mass(
     depth, force = module.curves.expected(kind, 0.7, speed, values, np.zeros(8))
     assert 0.9 < force * depth / (0.7 * speed**2) < 1.12
     assert force == pytest.approx(law.force(depth, 0.0, law.touch(speed)), rel=1e-9)
+
+
+@laws
+@pytest.mark.parametrize("deepest", [0.0, 8e-6, 9e-5, 1.3e-3])
+def test_curves_are_those_of_the_laws(
+    module: ModuleType, law: ao.ContactLaw, deepest: float
+) -> None:
+    """Force and slopes where the law loads, has turned at some depth, and reloads."""
+    kind, values = packed(law)
+    state = law.touch(0.8)
+    if deepest:
+        state = law.touch(0.5, law.advance(deepest, 0.0, state))
+    turns = (0.0, 0.5 * deepest, 0.9 * deepest, deepest) if law.has_memory else (0.0,)
+    for turn in turns:
+        own = law.advance(turn, 0.0, state) if turn > law.origin(state) else state
+        s = np.zeros(8)
+        s[: len(own)] = own
+        if law.has_memory:
+            assert module.curves.permanent(kind, own[0], values) == pytest.approx(
+                law.origin(own), rel=1e-9, abs=1e-16
+            )
+        for delta in (-1e-6, 1e-9, 3e-6, 2e-5, 7e-5, 2e-4, 2e-3):
+            back = law.has_memory and delta < own[1]
+            mode = layout.BACK if back else layout.FORWARD
+            found = module.curves.curve(kind, mode, delta, 0.3, values, s)
+            if kind == march.LINEAR:  # it goes on below 0, where the contact ends
+                assert found == pytest.approx((values[0] * delta, values[0], 0.0))
+                continue
+            force, slopes = law.force(delta, 0.3, own), law.tangent(delta, 0.3, own)
+            assert found[0] == pytest.approx(force, rel=1e-8, abs=1e-9)
+            assert found[1:] == pytest.approx(slopes, rel=1e-6, abs=1e-6)
+        assert module.curves.curve(kind, layout.APART, 1e-4, 0.3, values, s) == (0.0, 0.0, 0.0)
+
+
+@laws
+def test_a_touch_leaves_what_the_law_remembers(module: ModuleType, law: ao.ContactLaw) -> None:
+    """At first, after a deep contact, and after a slow one."""
+    kind, values = packed(law)
+    s, state = np.zeros(8), None
+    for speed, depth in ((0.8, 9e-5), (1e-4, 2e-5), (0.3, 0.0)):
+        state = law.touch(speed, state)
+        mode = module.curves.change(kind, layout.APART, layout.HIGH, 0.0, speed, values, s)
+        remembered = state[:2]  # not what is lost
+        np.testing.assert_allclose(s[: len(remembered)], remembered, rtol=1e-12, atol=1e-18)
+        turned = law.has_memory and state[1] > law.origin(state)
+        assert mode == (layout.BACK if turned else layout.FORWARD)
+        if not law.has_memory:
+            continue
+        # on to the turning point, beyond it, and back down from the deepest point
+        if mode == layout.BACK:
+            mode = module.curves.change(kind, mode, layout.HIGH, s[1], 0.1, values, s)
+        assert mode == layout.FORWARD
+        state = law.advance(max(depth, state[1]), 0.0, state)
+        mode = module.curves.change(kind, mode, layout.SLOW, state[1], 0.0, values, s)
+        assert mode == layout.BACK
+        np.testing.assert_allclose(s[:2], state[:2], rtol=1e-12)
+        assert module.curves.change(kind, mode, layout.LOW, 0.0, 0.0, values, s) == layout.APART
+    if law.rate_dependent:
+        change = module.curves.change
+        assert change(kind, layout.FORWARD, layout.SLOW, 1e-5, 0.0, values, s) == layout.CUT
+        assert change(kind, layout.CUT, layout.FAST, 1e-5, 0.0, values, s) == layout.FORWARD

@@ -79,13 +79,11 @@ def forget(kind: int, parameters: Array) -> None:
 def _table(law: Tabulated) -> list[float]:
     loading, unloading = _knots(law._loading), _knots(law._unload)
     n, m = len(law._loading.x), len(law._unload.x)
-    first = 6 + len(loading)
-    head = [float(law.elastic), law._remains, float(n), float(m), float(first), 0.0]
+    head = [float(law.elastic), law._remains, float(n), float(m), float(5 + len(loading))]
     return [*head, *loading, *unloading]
 
 
 def _knots(curve: _Curve) -> list[float]:
-    """Knots, four rows of coefficients (a spare 0 each), areas, value and slope at the end."""
+    """Knots, four rows of coefficients (a spare 0 each), value and slope at the end."""
     rows: list[Any] = [curve.x, *([*column, 0.0] for column in zip(*curve.c, strict=True))]
-    rows += [curve.area, curve.end]
-    return [float(value) for row in rows for value in row]
+    return [float(value) for row in [*rows, curve.end] for value in row]

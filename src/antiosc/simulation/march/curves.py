@@ -39,25 +39,19 @@ SLOWEST = 0.01  # share of the fastest approach that a damped law's speed of app
 LAWS: dict[int, Any] = {}
 
 
-@compiled(f"UniTuple(float64, 3)({F1}, int64, int64, float64)")
+@compiled(f"UniTuple(float64, 2)({F1}, int64, int64, float64)")
 def table_at(par: Any, first: int, count: int, x: float) -> Any:
-    """Value, slope, integral of the packed monotone cubic: knots x, four coefficients, area, end.
+    """Value and slope of the packed monotone cubic, a straight line beyond its last knot.
 
     Rows of `count` knots from par[first]: x, then a, b, c, e of each interval, then value and slope
     at the end.
     """
     last = first + count - 1
     if x <= par[first]:
-        return 0.0, 0.0, 0.0
+        return 0.0, 0.0
     if x >= par[last]:
-        end = first + 6 * count
-        d = x - par[last]
-        area = par[first + 6 * count - 1]
-        return (
-            par[end] + par[end + 1] * d,
-            par[end + 1],
-            area + d * (par[end] + 0.5 * par[end + 1] * d),
-        )
+        end = first + 5 * count
+        return par[end] + par[end + 1] * (x - par[last]), par[end + 1]
     low, high = first, last
     while high - low > 1:
         middle = (low + high) // 2
@@ -65,18 +59,10 @@ def table_at(par: Any, first: int, count: int, x: float) -> Any:
             low = middle
         else:
             high = middle
-    i = low - first
     d = x - par[low]
-    a = par[first + count + i]
-    b = par[first + 2 * count + i]
-    c = par[first + 3 * count + i]
-    e = par[first + 4 * count + i]
-    area = par[first + 5 * count + i]
-    return (
-        ((a * d + b) * d + c) * d + e,
-        (3 * a * d + 2 * b) * d + c,
-        area + (((a * d / 4 + b / 3) * d + c / 2) * d + e) * d,
-    )
+    a, b = par[low + count], par[low + 2 * count]
+    c, e = par[low + 3 * count], par[low + 4 * count]
+    return ((a * d + b) * d + c) * d + e, (3 * a * d + 2 * b) * d + c
 
 
 @compiled(f"UniTuple(float64, 2)(int64, float64, {F1})")
@@ -103,8 +89,7 @@ def loading(kind: int, delta: float, par: Any) -> Any:
             growth += 1.0 / PRESSURE
         return force, 2.0 * top / y * growth
     if kind == TABLE:
-        value, slope, _ = table_at(par, 6, int(par[2]), delta)
-        return value, slope
+        return table_at(par, 5, int(par[2]), delta)
     return k * delta * sqrt(delta), 1.5 * k * sqrt(delta)
 
 
@@ -147,8 +132,7 @@ def shape(kind: int, x: float, back: bool, par: Any) -> Any:
     if x <= 0.0:
         return 0.0, 0.0
     if kind == TABLE:
-        value, slope, _ = table_at(par, int(par[4]), int(par[3]), x)
-        return value, slope
+        return table_at(par, int(par[4]), int(par[3]), x)
     root = sqrt(x)
     if back and (kind in (YANG_SUN, TAN_SUN)):
         return x * x * root, 2.5 * x * root
