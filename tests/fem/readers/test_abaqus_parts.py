@@ -61,7 +61,7 @@ def test_rods_beside_other_elements_are_springs(tmp_path):
         expected.append(2e8 * area / length * np.outer(row, row))
     K = np.zeros((9, 9))
     number = {0: 0, 1: 1, 6: 2}
-    for terms, stiffness in model["joints"]["elastic"]:
+    for terms, stiffness in model["joints"]["springs"]:
         row = np.zeros((3, 3))
         for node, motion, value in terms:
             row[number[node], motion] += value
@@ -108,10 +108,10 @@ def test_some_parts_of_a_deck(tmp_path):
     assert {name: some.tolist() for name, some in deck.element_sets.items() if len(some)} == {
         "ALL": [0], "LID": [1],
     }  # fmt: skip
-    assert model["ignored"] == ["3 constraints, springs or masses on parts that are left out"]
+    assert model["ignored"] == ["3 constraints, springs, dampers or masses on parts that are left out"]
     assert len(model["joints"]["equations"]) == 1
     assert [mass for _, _, mass in model["joints"]["masses"]] == [pytest.approx(1e3)]
-    assert [k for _, k in model["joints"]["elastic"]] == [pytest.approx(4e3)]
+    assert [k for _, k in model["joints"]["springs"]] == [pytest.approx(4e3)]
     everything, _ = read(tmp_path, PARTS + ON)
     assert everything["ignored"] == []
     assert len(everything["joints"]["equations"]) == 2
