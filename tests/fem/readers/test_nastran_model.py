@@ -1,0 +1,252 @@
+"""Properties of Nastran decks as arguments of the families in SI units, by hand."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from abaqus_decks import alike
+from antiosc.errors import MeshError
+from nastran_decks import CORNERS, CYCLIC, GRIDS, HEXA, MAT1, NU, RHO, E, groups, line, read
+
+# --- Solids ---------------------------------------------------------------------------------------
+
+
+def test_a_solid_of_one_material(tmp_path):
+    text = GRIDS + HEXA + "PSOLID,7,1\n" + MAT1
+    model, _ = read(tmp_path, text)
+    alike(model["families"], [["7", "Solid", {"E": E, "nu": NU, "rho": RHO}, line(text, "PSOLID")]])
+    for function in ("SMECH", "PFLUID"):
+        other = text.replace("PSOLID,7,1", f"PSOLID,7,1,,,,,{function}")
+        if function == "SMECH":
+            assert read(tmp_path, other)[0]["families"] == model["families"]
+        else:
+            with pytest.raises(MeshError, match=rf"^{line(text, 'PSOLID')}: PSOLID with FCTN="):
+                read(tmp_path, other)
+
+
+@pytest.mark.parametrize(("system", "axes"), [("0", np.eye(3)), ("5", np.eye(3)[[1, 2, 0]])])
+def test_a_solid_of_21_constants(tmp_path, system, axes):
+    """MAT9 counts 11, 22, 33, 12, 23, 31; the result 11, 22, 33, 23, 13, 12."""
+    C = np.array([[10.0 * min(i, j) + max(i, j) for j in range(1, 7)] for i in range(1, 7)])
+    C += 100 * np.eye(6)
+    words = [f"{C[i, j]:g}." for i in range(6) for j in range(i, 6)] + ["9.-9"]
+    mat9 = "MAT9,2," + ",".join(words[:7]) + ",\n"
+    for k in range(7, len(words), 8):
+        mat9 += "," + ",".join(words[k : k + 8]) + "\n"
+    text = GRIDS + HEXA + f"PSOLID,7,2,{system}\n" + mat9 + CYCLIC
+    model, _ = read(tmp_path, text)
+    order = [0, 1, 2, 4, 5, 3]
+    expected = {"stiffness": (1e6 * C[np.ix_(order, order)]).tolist(), "rho": 9e3,
+                "axes": axes[:2].tolist()}  # fmt: skip
+    alike(model["families"], [["7", "AnisotropicSolid", expected, line(text, "PSOLID")]])
+    for number, message in (("", "own system"), ("-1", "own system"), ("6", "the CORDM 6 is none")):
+        wrong = text.replace(f"PSOLID,7,2,{system}", f"PSOLID,7,2,{number}")
+        with pytest.raises(MeshError, match=rf"^{line(text, 'PSOLID')}: .*{message}"):
+            read(tmp_path, wrong + CYCLIC.replace("CORD2R,5", "CORD2C,6"))
+
+
+# --- Rods -----------------------------------------------------------------------------------------
+
+TUBE = math.pi / 4 * (4.0**2 - 3.0**2)
+RODS = {
+    # cards after the nodes 1, 2 and 7: name of the section's card, area, torsion, mass beside it
+    "CROD,1,7,1,2\nCROD,2,7,2,7\nPROD,7,1,3.,2.,,4.-9\n": ("PROD", 3.0, 2.0, 4e-9),
+    "CTUBE,1,7,1,2\nCTUBE,2,7,2,7\nPTUBE,7,1,4.,.5,4.-9\n": (
+        "PTUBE", TUBE, math.pi / 32 * (4**4 - 3**4), 4e-9,
+    ),
+    "CTUBE,1,7,1,2\nCTUBE,2,7,2,7\nPTUBE,7,1,4.,,,4.\n": (
+        "PTUBE", 4 * math.pi, math.pi / 32 * 4**4, 0.0,
+    ),
+    "CONROD,1,1,2,1,3.,2.,,4.-9\nCONROD,2,2,7,1,3.,2.,,4.-9\n": ("CONROD", 3.0, 2.0, 4e-9),
+}  # fmt: skip
+THREE = "".join(row for row in GRIDS.splitlines(True) if row[5] in "127")
+
+
+@pytest.mark.parametrize("cards", RODS)
+@pytest.mark.parametrize("factor", ["", "PARAM,WTMASS,.5\n"])
+def test_rods_alone_are_a_truss(tmp_path, cards, factor):
+    """A·E of the card; the mass per length is that of the material and NSM."""
+    name, A, _, beside = RODS[cards]
+    text = THREE + cards + MAT1 + "PARAM,AUTOSPC,NO\n" + factor
+    model, _ = read(tmp_path, text)
+    scale = 0.5 if factor else 1.0
+    given = {"E": E, "nu": NU, "rho": scale * (8e-9 + beside / A) * 1e12, "area": A * 1e-6}
+    found = groups(model)
+    cards = ("CONROD,1", "CONROD,2") if name == "CONROD" else (name,)
+    places = [line(text, card) for card in cards]
+    alike(found, [["rods", "Truss", given, place] for place in places], rel=1e-7)
+    assert "the torsion of rods, whose ends are hinges in a truss" in model["ignored"]
+    assert not model["supports"]
+
+
+@pytest.mark.parametrize("cards", RODS)
+def test_rods_between_beams_are_springs(tmp_path, cards):
+    """EA/L along the line and GJ/L about it; half of the mass at each end."""
+    _, A, J, beside = RODS[cards]
+    bars = "CBAR,11,9,1,7,1.,2.,0.\nCBAR,12,9,1,2,0.,0.,1.\nPBAR,9,1,1.,1.,1.,1.\n"
+    model, _ = read(tmp_path, THREE + cards + bars + MAT1)
+    x = np.array([(0, 0, 0), (20, 0, 0), (20, 10, 10)])
+    rng = np.random.default_rng(0)
+    u = rng.normal(size=(3, 6))
+    expected = 0.0
+    masses = np.zeros(3)
+    for a, b in ((0, 1), (1, 2)):
+        along = x[b] - x[a]
+        L = np.linalg.norm(along)
+        stretch, twist = (u[b, k : k + 3] - u[a, k : k + 3] for k in (0, 3))
+        expected += 2e5 * A / L * (stretch @ along / L) ** 2
+        expected += 2e5 / 2.6 * J / L * (twist @ along / L) ** 2
+        masses[[a, b]] += (8e-9 * A + beside) * L / 2
+    found = 0.0
+    size = np.array([1e-3] * 3 + [1.0] * 3)
+    for terms, k in model["joints"]["springs"]:
+        found += k * sum(v * (u * size)[node, motion] for node, motion, v in terms) ** 2
+    assert found == pytest.approx(1e-3 * expected, rel=1e-7)
+    heavy = {rows[0][0][0]: mass for rows, _, mass in model["joints"]["masses"]}
+    assert heavy == pytest.approx({k: 1e3 * m for k, m in enumerate(masses)}, rel=1e-7)
+
+
+def test_motions_against_which_no_rod_is_stiff_are_held(tmp_path):
+    """Rods along x and along the diagonal of x and y: y of the end of the first, z of all."""
+    cards = "CROD,1,7,1,2\nCROD,2,7,1,3\nPROD,7,1,3.\n" + MAT1
+    model, deck = read(tmp_path, GRIDS + cards + "SPC1,1,3,1\n")
+    assert {name: nodes.tolist() for name, nodes in deck.fixed.items()} == {
+        "fixed y": [1], "fixed z": [0, 1, 2],
+    }  # fmt: skip
+    assert deck.told == [
+        "3 motions of nodes of part.bdf against which no rod is stiff are held (AUTOSPC)."
+    ]
+    assert model["supports"] == [["fixed y", ["y"]], ["fixed z", ["z"]]]
+    for param in ("PARAM,AUTOSPC,NO\n", "PARAM,AUTOSPC,no\n"):
+        _, deck = read(tmp_path, GRIDS + cards + "SPC1,1,3,1\n" + param)
+        assert {name: nodes.tolist() for name, nodes in deck.fixed.items()} == {"fixed z": [0]}
+        assert deck.told == []
+    _, deck = read(tmp_path, GRIDS + cards + "CELAS2,9,1.,2,2\nMPC,1,2,3,1.,3,3,-1.\n")
+    assert {name: nodes.tolist() for name, nodes in deck.fixed.items()} == {"fixed z": [0]}
+    assert deck.told[0].startswith("1 motions")
+
+
+# --- Beams ----------------------------------------------------------------------------------------
+
+BAR = "PBAR,7,1,6.,5.,3.,4.,2.-9\n"
+SECTION = {"A": 6e-6, "I": 5e-12, "I_side": 3e-12, "J": 4e-12, "shear": 5 / 6}
+HALF = math.sqrt(0.5)
+ORIENTED = {
+    "CBAR,1,7,1,2,0.,3.,3.": (0.0, HALF, HALF),
+    "CBAR,1,7,1,2,5.,3.,0.": (0.0, 1.0, 0.0),
+    "CBAR,1,7,1,2,8": (0.0, HALF, HALF),
+    "CBAR,1,7,1,2,5.,,3.": (0.0, 0.0, 1.0),
+    # node 4 moves along y, z and x of the deck
+    "CBAR,1,7,4,3,0.,1.,0.": (0.0, 0.0, 1.0),
+    "CBAR,1,7,4,3,0.,1.,0.,BGG": (0.0, 1.0, 0.0),
+    "CBAR,1,7,4,3,0.,1.,0.,GGG": (0.0, 0.0, 1.0),
+}
+
+
+@pytest.mark.parametrize("card", ORIENTED)
+@pytest.mark.parametrize("default", [False, True])
+def test_orientations_of_bars(tmp_path, card, default):
+    """By a vector, in the system of the first node or the basic one, or by a node; by BAROR."""
+    text = GRIDS.replace("0.,10.,0.\n", "0.,10.,0.,5\n") + CYCLIC + BAR + MAT1
+    if default:
+        words = card.split(",")
+        text += ",".join([words[0], "1", "", *words[3:5]]) + "\n"
+        text += ",".join(["BAROR", "", "7", "", "", *words[5:]])
+    model, _ = read(tmp_path, text + ("" if default else card) + "\n")
+    expected = {"E": E, "nu": NU, "rho": RHO + 2e-9 / 6 * 1e12, "section": SECTION,
+                "orientation": list(ORIENTED[card]), "offset": 0.0, "shear": False}  # fmt: skip
+    alike(model["families"], [["7", "Beam", expected, line(text, "PBAR")]], rel=1e-8)
+    assert model["ignored"] == [
+        "where the nonstructural mass of PBAR 7 lies, it is spread over the section"
+    ]
+
+
+def test_a_section_is_turned_to_its_principal_axes(tmp_path):
+    """The largest second moment 7 lies 30° from plane 1 toward the direction across."""
+    I1, I2, I12 = 7 * 0.75 + 3 * 0.25, 7 * 0.25 + 3 * 0.75, 4 * HALF**2 * math.sqrt(3) / 2
+    pbar = f"PBAR,7,1,6.,{I1},{I2},4.\n,,,,,,,,,\n,,,{I12:.15f}\n"
+    bar = "CBAR,1,7,1,2,0.,1.,0.\n"
+    model, _ = read(tmp_path, GRIDS + bar + pbar + MAT1)
+    found = model["families"][0][2]
+    alike(found["section"], {**SECTION, "I": 7e-12, "I_side": 3e-12})
+    np.testing.assert_allclose(found["orientation"], [0, math.sqrt(0.75), 0.5], atol=1e-9)
+    off = bar.replace("1.,0.\n", "1.,0.,,\n,,,0.,.1,0.,0.,.1,0.\n")
+    with pytest.raises(MeshError, match="with I12 and with offsets of its elements is not supp"):
+        read(tmp_path, GRIDS + off + pbar + MAT1)
+
+
+def test_bars_of_unlike_orientation_and_offset_are_apart(tmp_path):
+    bars = "CBAR,1,7,1,2,0.,1.,0.\nCBAR,2,7,4,3,0.,1.,0.,,\n,,,0.,.5,0.,0.,.5,0.\n"
+    bars += "CBAR,3,7,5,6,0.,0.,2.\nCBAR,4,7,8,7,0.,5.,0.\n"
+    model, deck = read(tmp_path, GRIDS + bars + BAR + MAT1)
+    found = [(one["orientation"], one["offset"]) for _, _, one, _ in model["families"]]
+    assert found == [([0, 1, 0], 0), ([0, 1, 0], pytest.approx(5e-4)), ([0, 0, 1], 0)]
+    names = [name for name, *_ in model["families"]]
+    assert [deck.element_sets[name].tolist() for name in names] == [[0, 3], [1], [2]]
+    assert all(name.startswith("7 along (") for name in names)
+
+
+WALL = "PBARL,7,1,,BAR\n,3.,2.,4.-9\n"
+
+
+def test_a_profile_with_a_mass_beside_it(tmp_path):
+    """The width 3 along plane 2, the height 2 along plane 1."""
+    model, _ = read(tmp_path, GRIDS + "CBAR,1,7,1,2,0.,1.,0.\n" + WALL + MAT1)
+    found = model["families"][0][2]
+    assert found["rho"] == pytest.approx(8e3 + 4e-9 / 6 * 1e12)
+    assert 1e12 * found["section"]["I"] == pytest.approx(3 * 2**3 / 12)
+    assert 1e12 * found["section"]["I_side"] == pytest.approx(2 * 3**3 / 12)
+    assert found["shear"]
+
+
+def test_what_of_a_beam_is_not_taken_is_told(tmp_path):
+    beam = "CBEAM,1,7,1,2,0.,1.,0.\n"
+    pbeam = "PBEAM,7,1,6.,5.,3.,,4.,,\n,,,,,,,,,\n,.8,.6,1.,2.,3.,4.,5.,6.\n,1.,2.,3.,4.\n"
+    model, _ = read(tmp_path, GRIDS + beam + pbeam + MAT1)
+    assert sorted(model["ignored"]) == [
+        "K1 and K2 of PBEAM 7, which differ: their mean is taken",
+        "S1, S2, NSI(A), NSI(B), CW(A), CW(B), M1(A), M2(A), M1(B), M2(B) of PBEAM 7",
+    ]
+    assert model["families"][0][2]["section"]["shear"] == pytest.approx(0.7)
+    pbar = "PBAR,7,1,6.,5.,3.,4.,,,\n,,,,,,,,,\n,.8\n"
+    model, _ = read(tmp_path, GRIDS + beam.replace("CBEAM", "CBAR") + pbar + MAT1)
+    assert model["ignored"] == [
+        "K1 and K2 of PBAR 7, which differ: both planes are taken as rigid in shear"
+    ]
+    assert not model["families"][0][2]["shear"]
+
+
+# --- Shells ---------------------------------------------------------------------------------------
+
+
+def test_directions_that_turn_are_given_at_the_middles_of_elements(tmp_path):
+    """Those of the first sides, at the middle of each quadrilateral and of its four triangles."""
+    quads = "CQUAD4,1,7,1,2,3,4\nCTRIA3,2,7,7,8,5\n"
+    stack = "PCOMP,7\n,2,.5,10.\nMAT8,2,9.+4,2.+4,.25,5.+3,4.+3,3.+3,2.-9\n"
+    model, _ = read(tmp_path, GRIDS + quads + stack)
+    ((_, kind, given, _),) = model["families"]
+    assert kind == "Laminate"
+    assert given["top"] == [0, 0, 1]
+    x = 1e-3 * np.array(CORNERS, dtype=float)
+    middles = [x[:4].mean(axis=0), *(np.delete(x[:4], k, axis=0).mean(axis=0) for k in range(4))]
+    np.testing.assert_allclose(given["axis"]["places"], [*middles, x[[6, 7, 4]].mean(axis=0)])
+    expected = [[1, 0, 0]] * 5 + [[-1, 0, 0]]
+    np.testing.assert_allclose(given["axis"]["directions"], expected, atol=1e-12)
+
+
+def test_the_offset_of_a_curved_shell_is_told(tmp_path):
+    quads = "CQUAD4,1,7,1,2,3,4\nCQUAD4,2,7,2,6,7,3\nPSHELL,7,1,.4,1,,1\n"
+    off = quads.replace("3,4\n", "3,4,,.1\n").replace("7,3\n", "7,3,,.1\n")
+    model, _ = read(tmp_path, GRIDS + off + MAT1)
+    assert model["ignored"] == [
+        "the area of the offset surface of PSHELL 7, that at the nodes is taken"
+    ]
+    for _, _, given, _ in model["families"]:
+        alike(given, {"E": E, "nu": NU, "rho": RHO, "thickness": 4e-4, "offset": 1e-4})
+    model, _ = read(tmp_path, GRIDS + quads.replace("1,.4,1,,1", "1,.4,1") + MAT1)
+    assert model["ignored"] == [
+        "the rigid transverse shear of PSHELL 7 (no MID3), its material's is taken"
+    ]
