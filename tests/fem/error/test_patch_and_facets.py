@@ -76,11 +76,14 @@ def test_gaps_of_a_tube(cell):
     x = mesh.dolfinx.geometry.x
     angle, radius = x[:, 0].copy(), 1 + x[:, 2]
     x[:, 0], x[:, 2] = radius * np.sin(angle), radius * np.cos(angle)
-    faces = ao.Structure(mesh, ao.Solid(**STEEL), order=1).faces
+    part = ao.Structure(mesh, ao.Solid(**STEEL), order=1)
+    faces = part.faces
     gap, area = mean_gaps(faces)
     outer = np.linalg.norm(faces.centres[:, ::2], axis=1) > 1.9
     cut = 2 * (np.pi / 2 - n * np.sin(np.pi / 2 / n)) * (n - 1) / n
     assert (gap * area)[outer].sum() == pytest.approx(cut, rel=0.03)
+    assert layers(part)[1] == pytest.approx(STEEL["rho"] * (gap @ area) / part.mass, rel=1e-9)
+    assert (gap * area).sum() == pytest.approx(0.75 * cut, rel=0.05)
 
 
 def test_energy_of_layers_of_equal_strain():

@@ -52,6 +52,7 @@ pytestmark = [
 
 CLAMPED = [ao.Support(edges(0, 1))]
 NO_TURN = ao.Support(lambda x: x[0] < 1e9, ("rx", "ry", "rz"))
+CONTRACTING = ao.Shell(E, NU, RHO, 0.004)
 TILT = np.linalg.qr(np.array([[2.0, 1, 0], [1, 3, 1], [-1, 0.5, 2]]))[0]
 
 
@@ -99,9 +100,29 @@ def test_the_strains_are_those_of_the_stiffness(name):
 
 
 @pytest.mark.parametrize("mesh", [rectangle(3, 1.0, 1.0), tilted(3), flipped(tilted(3), [0, 5, 7])])
+def test_rigid_motions_have_no_strain_and_one_side(mesh):
+    """Rotations in the plane of the sheet too; the normals of a piece point to one side."""
+    part = on_mesh(ao.Structure(mesh, ao.Laminate(unsymmetric(0.03), axis=(1, 2, 0.5), top=TILT[:, 2])))
+    pieces = smooth_pieces(part)
+    cells = np.arange(mesh.n_cells)
+    own = StrainsOfSheets(part, part.rigid_modes, pieces).at(cells).own
+    assert own.shape[2] == 6
+    assert np.abs(own).max() < 1e-9 * np.abs(part.rigid_modes).max()
+    structure = on_mesh(ao.Structure(mesh, SHEET))
+    sides = smooth_pieces(structure).axes.side[:, None] * _normals(mesh)
+    np.testing.assert_allclose(sides, np.broadcast_to(sides[0], sides.shape), atol=1e-12)
+
+
+def _normals(mesh) -> np.ndarray:
+    x = mesh.dolfinx.geometry.x[compat.geometry_nodes(mesh.dolfinx)]
+    n = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
+    return n / np.linalg.norm(n, axis=1, keepdims=True)
+
+
+@pytest.mark.parametrize("mesh", [rectangle(3, 1.0, 1.0), tilted(3), flipped(tilted(3), [0, 5, 7])])
 def test_strains_of_degree_two_have_no_error(mesh):
     """Cubic displacements, quadratic rotations: whatever the axes and the normals of the cells."""
-    structure = ao.Structure(mesh, SHEET, [NO_TURN])
+    structure = ao.Structure(mesh, CONTRACTING, [NO_TURN])
     rng = np.random.default_rng(2)
     A, B = rng.normal(size=(2, 3, 3))
 
@@ -173,6 +194,18 @@ def test_ribs_hold_the_edges_that_they_lie_on_and_part_the_surface():
     alone = ao.Structure(square, SHEET)
     ribbed = ao.Structure(grouped(square, edges=at(0, 0.0)), {"sheet": SHEET, "rib": RIB})
     energy = layer_energy(alone, twisted(alone))
+    c, d = np.cos(0.5), np.sin(0.5)
+    askew = ao.Structure(sheet(2, lambda s, t: (c * s - d * t, d * s + c * t, 0 * s)), SHEET)
+    along, across = (lambda p: c * p[:, 0] + d * p[:, 1]), (lambda p: c * p[:, 1] - d * p[:, 0])
+    bent = interpolated(
+        askew,
+        lambda p: {
+            "z": along(p) * across(p),
+            "rx": c * along(p) + d * across(p),
+            "ry": d * along(p) - c * across(p),
+        },
+    )
+    assert layer_energy(askew, bent[:, None]) == pytest.approx(energy, rel=1e-9)
     assert layer_energy(ribbed, twisted(ribbed)) == pytest.approx(0.75 * energy, rel=1e-9)
     middle = ao.Structure(grouped(square, edges=at(0, 0.5)), {"sheet": SHEET, "rib": RIB})
     folded = ao.Structure(sheet(2, fold), SHEET)

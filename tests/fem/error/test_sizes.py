@@ -12,7 +12,7 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 from antiosc.fem import compat
-from antiosc.fem.error.bisection import DIVIDED, gathered, refined
+from antiosc.fem.error.bisection import DIVIDED, divided, gathered, refined
 from antiosc.fem.error.cell_sizes import edge_lengths, growth
 from antiosc.fem.error.lines import inside, polygon
 from antiosc.fem.error.remeshing import (
@@ -132,6 +132,35 @@ def test_cells_around_points_have_the_sizes_of_the_points():
         np.sort(whole.points[whole.cells].mean(axis=1), axis=0),
         np.sort(corners(fine).mean(axis=1)[:, :2], axis=0),
     )
+
+
+@pytest.mark.parametrize("cell", ["triangle", "tetrahedron"])
+def test_children_have_the_wishes_of_their_parents(cell):
+    """Wish times size is the parent's; cells without one are whole, groups keep their entities."""
+    mesh = sheared(cell)
+    whole = gathered(mesh, np.where(np.arange(mesh.n_cells) % 3, 1.0, 0.4))
+    halves = divided(whole, cell)
+
+    def sizes(pieces) -> np.ndarray:
+        x, pairs = pieces.points[pieces.cells], list(combinations(range(mesh.tdim + 1), 2))
+        return np.mean([np.linalg.norm(x[:, a] - x[:, b], axis=1) for a, b in pairs], axis=0)
+
+    x, y = (one.points[one.cells] for one in (whole, halves))
+    middle = y.mean(axis=1)
+    square = np.swapaxes(x[:, 1:] - x[:, :1], 1, 2)
+    local = np.linalg.solve(square, np.swapaxes(middle - x[:, :1], 1, 2))
+    inside = (local.min(axis=1) > -1e-9) & (local.sum(axis=1) < 1 + 1e-9)
+    assert (inside.sum(axis=0) == 1).all()
+    parent = inside.argmax(axis=0)
+    wished = whole.values * sizes(whole)
+    assert halves.values * sizes(halves) == pytest.approx(wished[parent], rel=1e-9)
+    for k, value in enumerate(whole.values):
+        assert (parent == k).sum() > 1 or value == 1.0
+    for name in mesh.groups:
+        (rows,) = halves.groups[name].values()
+        assert len(np.unique(np.sort(rows, axis=1), axis=0)) == len(rows)
+        old = whole.points[np.unique(*whole.groups[name].values())]
+        assert np.ptp(halves.points[np.unique(rows)], axis=0) == pytest.approx(np.ptp(old, axis=0))
 
 
 def test_divided_triangles_in_space_keep_their_sides():
