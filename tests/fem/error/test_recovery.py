@@ -113,7 +113,7 @@ def test_k0_of_nested_meshes(cell, order):
 
 @pytest.mark.parametrize("plane", ["stress", "strain", None])
 def test_stiffness_of_plane_parts_and_solids(plane):
-    """Energies of affine displacements are those of K; of isotropic parts the textbook's figures."""
+    """Energies of affine displacements are those of K, isotropic figures those of textbooks."""
     nu, depth = 0.3, 0.02 if plane else 1.0
     E, dim = STEEL["E"], 2 if plane else 3
     material = ao.Solid(**STEEL, plane=plane, thickness=depth) if plane else ao.Solid(**STEEL)

@@ -59,24 +59,22 @@ class HalvedBeams:
         form = self._coarse.form
         path = next(iter(form.components.values()))
         order = compat.cell_dofs(form.space, path, np.zeros(0, dtype=int)).shape[1] - 1
-        return excess(model, np.asarray(lacks) / (1 - 4.0**-order))
+        return excess(np.asarray(lacks) / (1 - 4.0**-order))
 
 
-def excess(model: AntiOscillators, lacks: Array) -> Array:
-    """The energies E of flexibilities K⁻¹EK⁻¹ = `lacks` of the loads Kψ.
+def excess(lacks: Array) -> Array:
+    """The energies E in excess of shapes ψ whose loads Kψ have the flexibilities `lacks` too few.
 
-    Elements that are integrated with few points can lack flexibility for no pattern of loads but a
-    negative one: the products of different shapes are then reduced, all by one factor.
+    These are E itself where a mesh lacks flexibility for every pattern of loads. Elements that are
+    integrated with few points can have too much for some: the products of different shapes are then
+    reduced, all by one factor.
     """
-    scale = np.sqrt(np.append(model.k0, model.k))
-    inverse = np.divide(1.0, scale, out=np.zeros_like(scale), where=scale > 0)
-    size = inverse * np.sqrt(np.maximum(np.diag(lacks), 0.0))
-    over = np.divide(inverse, size, out=np.zeros_like(size), where=size > 0)
+    size = np.sqrt(np.maximum(np.diag(lacks), 0.0))
+    over = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0)
     alike = np.clip(over[:, None] * (lacks + lacks.T) / 2 * over, -1.0, 1.0)
     np.fill_diagonal(alike, 1.0)
     negative = max(-float(np.linalg.eigvalsh(alike)[0]), 0.0) + ROUNDING
     alike = (alike + negative * np.eye(len(alike))) / (1 + negative)
-    size = size * scale
     return np.asarray(size[:, None] * alike * size)
 
 
