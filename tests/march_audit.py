@@ -105,7 +105,8 @@ class Steps:
         system, t = self.system, u * self.h
         (f0, slope, bend), (load, rise) = self.force, self.load
         push = [load - f0 @ system.beta, rise - slope @ system.beta, -bend @ system.beta]
-        q, v = _motion(system, t, self.states[:-1], np.stack(push))
+        x, y = self.states[:-1].transpose(1, 0, 2)
+        q, v = motion(system.omega, system.decay, t, x, y, np.stack(push))
         force, changes = f0 + t * (slope + t * bend / 2), slope + t * bend
         return Motion(
             time=self.start + t[:, 0],
@@ -134,13 +135,11 @@ def _linear(t: Array, times: Array, values: Array) -> Array:
     return np.stack([np.interp(t, times, column) for column in values.T], axis=1)
 
 
-def _motion(system: System, t: Array, states: Array, f: Array) -> tuple[Array, Array]:
-    """(q, v) of q'' + 2 d q' + w^2 q = f0 + f1 t + f2 t^2/2 after times t (n, 1).
+def motion(w: Array, d: Array, t: Array, x: Array, y: Array, f: Array) -> tuple[Array, Array]:
+    """(q, v) of q'' + 2 d q' + w^2 q = f0 + f1 t + f2 t^2/2 after times t (n, 1), from (x, y).
 
     By its power series where the phase is small, else by the roots of its characteristic equation.
     """
-    x, y = states[:, 0], states[:, 1]
-    w, d = system.omega, system.decay
     fast = np.maximum(w, 2 * d) * t > 1
     short = np.where(fast, 0.0, t)
     one, other, power = x, y, np.ones_like(short)
