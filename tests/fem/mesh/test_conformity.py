@@ -44,3 +44,25 @@ def test_points_of_faces_are_inside_them_and_on_no_line_of_symmetry():
         assert len(weights) == count == len(set(weights))
         assert min(weights) > 0
         assert sum(weights) == pytest.approx(1.0, abs=1e-15)
+
+
+@pytest.mark.parametrize("name", ["quad", "hexahedron"])
+def test_two_cells_with_two_sides_in_common_are_found(name):
+    """A node of two cells alone: the side between the ends of both has a bend."""
+    lower = np.array([[0, 1, 4, 3], [1, 2, 5, 4], [3, 4, 7, 6], [4, 5, 8, 7]])
+    lower = np.vstack([lower[:3], [[4, 5, 9, 7], [5, 8, 7, 9]]])
+    cells = lower if name == "quad" else np.hstack([lower, lower + 10])
+    assert conformity.doublets(cells[:3], KINDS[name]).tolist() == []
+    assert conformity.doublets(cells, KINDS[name]).tolist() == [3, 4]
+
+
+@pytest.mark.parametrize("name", ["quad", "hexahedron"])
+def test_points_lie_on_the_half_of_a_cell_that_is_not_flat(name):
+    """Three corners on a line: one half of each quadrilateral is no triangle."""
+    flat = np.array([(0, 0), (0.5, 0), (1, 0), (0, 1)], dtype=float)
+    layers = [0.0] if name == "quad" else [0.0, 1.0]
+    x = np.vstack([np.column_stack([flat, np.full(4, z)]) for z in layers])
+    small = np.array([0.2, 0.2, 0.3 if len(layers) == 2 else 0.0]) + 0.1 * x
+    cells = np.arange(2 * len(x)).reshape(2, -1)
+    assert len(conformity.overlapping(np.vstack([x, small]), cells, KINDS[name]))
+    assert not len(conformity.overlapping(np.vstack([x, small + 2.0]), cells, KINDS[name]))

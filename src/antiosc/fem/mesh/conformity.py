@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from scipy.sparse import csr_matrix
 from scipy.spatial import cKDTree
 
 from antiosc._types import Array
@@ -19,6 +20,8 @@ from antiosc.fem.readers.selection import keys
 ON = 1e-3
 #: Barycentric coordinates above this are inside.
 INSIDE_FACE = 1e-3
+#: Gram determinant of a simplex over that of its edges at right angles, below which it is flat.
+FLAT = 1e-12
 #: Weights of the vertices of a cell or a face that give a point on no line of symmetry.
 _ASKEW = {2: (0.59, 0.41), 3: (0.46, 0.31, 0.23), 4: (0.37, 0.29, 0.21, 0.13)}
 #: Simplices that make up a cell or a face.
@@ -44,6 +47,16 @@ def crowded(cells: IntArray, kind: CellKind) -> IntArray:
     facets, owner = _facets(cells, kind)
     _, label, count = np.unique(keys(facets), return_inverse=True, return_counts=True)
     return np.unique(owner[count[label.reshape(-1)] > 2])
+
+
+def doublets(cells: IntArray, kind: CellKind) -> IntArray:
+    """Cells (n, vertices) that have more than one facet in common with another cell."""
+    facets, owner = _facets(cells, kind)
+    _, label = np.unique(keys(facets), return_inverse=True)
+    shape = len(cells), int(label.max(initial=-1)) + 1
+    has = csr_matrix((np.ones(len(owner), dtype=np.int32), (owner, label.reshape(-1))), shape=shape)
+    common = (has @ has.T).tocoo()
+    return np.unique(common.row[(common.data > 1) & (common.row != common.col)])
 
 
 def overlapping(points: Array, cells: IntArray, kind: CellKind) -> IntArray:
@@ -167,10 +180,18 @@ def _near(x: Array, corners: Array) -> Iterator[tuple[IntArray, IntArray]]:
 
 
 def _barycentric(corners: Array, x: Array) -> tuple[Array, Array]:
-    """Barycentric coordinates (n, d + 1) of the points' feet on simplices, and distances off."""
+    """Barycentric coordinates (n, d + 1) of the points' feet on simplices, and distances off.
+
+    Simplices without measure, as halves of quadrilaterals with an angle of 180°, hold no point.
+    """
     edges = corners[:, 1:] - corners[:, :1]
     gram = edges @ edges.swapaxes(1, 2)
+    sides = np.prod(np.einsum("ndd->nd", gram), axis=1)
+    flat = np.linalg.det(gram) <= FLAT * sides
+    gram[flat] = np.eye(gram.shape[1])
     to = x - corners[:, 0]
     rest = np.linalg.solve(gram, np.einsum("ndi,ni->nd", edges, to)[:, :, None])[:, :, 0]
     off = np.linalg.norm(to - np.einsum("nd,ndi->ni", rest, edges), axis=1)
+    off[flat] = np.inf
+    rest[flat] = -1.0
     return np.column_stack([1 - rest.sum(axis=1), rest]), off

@@ -28,16 +28,25 @@ MID_SIDE_EDGES = {
 def folded(points: Array, cells: IntArray, shape: str, order: int, least: float = 0.0) -> IntArray:
     """Cells whose smallest Jacobian is at most `least` of the largest.
 
-    They fill their space; their nodes are in dolfinx's order.
+    Solids, or faces in the plane or in space; their nodes are in dolfinx's order.
     """
     slopes = compat.lattice_gradients(shape, order, 3 if order > 1 else 1)
     found = []
     for start in range(0, len(cells), 20_000):
         x = points[cells[start : start + 20_000]]
-        det = np.linalg.det(np.einsum("dqn,cni->cqid", slopes, x, optimize=True))
+        J = np.einsum("dqn,cni->cqdi", slopes, x, optimize=True)
+        det = np.linalg.det(J) if J.shape[2] == J.shape[3] else _along_mean_normal(J)
         det = det * np.sign(det.sum(axis=1))[:, None]
         found.append(start + np.flatnonzero(det.min(axis=1) <= least * det.max(axis=1)))
     return np.concatenate([np.zeros(0, dtype=np.int64), *found])
+
+
+def _along_mean_normal(J: Array) -> Array:
+    """Areas (cells, q) of faces in space, as seen along the mean normal of each."""
+    normals = np.cross(J[:, :, 0], J[:, :, 1])
+    mean = normals.sum(axis=1)
+    size = np.linalg.norm(mean, axis=1, keepdims=True)
+    return np.einsum("cqi,ci->cq", normals, mean / np.where(size > 0, size, 1.0))
 
 
 def collapsed(points: Array, cells: IntArray, shape: str, order: int) -> IntArray:

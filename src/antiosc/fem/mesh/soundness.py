@@ -14,6 +14,9 @@ from antiosc.fem.mesh import conformity, folded_cells
 from antiosc.fem.readers import RawMesh
 from antiosc.fem.readers.neutral import IntArray
 
+#: Cells of which two can have two sides in common and differ; dolfinx 0.5 dies of such a pair.
+TWO_SIDES = ("quadrilateral", "hexahedron")
+
 
 def sound(raw: RawMesh, name: str, made_here: bool, pieces: bool = False) -> RawMesh:
     """`raw` itself, or without folded cells if gmsh made it here; `name` is that of the file.
@@ -23,7 +26,8 @@ def sound(raw: RawMesh, name: str, made_here: bool, pieces: bool = False) -> Raw
     Raises
     ------
     MeshError
-        Repeated cells, cells without length, area or volume, pieces that share no node.
+        Repeated cells, two with two sides in common, cells without length, area or volume, pieces
+        that share no node.
 
     Warns
     -----
@@ -43,9 +47,10 @@ def sound(raw: RawMesh, name: str, made_here: bool, pieces: bool = False) -> Raw
         )
     if not pieces:
         _refuse_pieces(raw, name)
-    if kind.dim == raw.points.shape[1]:
-        if made_here and kind.order == 2 and kind.shape in folded_cells.MID_SIDE_EDGES:
-            return replace(raw, points=folded_cells.straightened(raw.points, raw.cells, kind.shape))
+    fills = kind.dim == raw.points.shape[1]
+    if fills and made_here and kind.order == 2 and kind.shape in folded_cells.MID_SIDE_EDGES:
+        return replace(raw, points=folded_cells.straightened(raw.points, raw.cells, kind.shape))
+    if kind.dim > 1:
         bad = folded_cells.folded(raw.points, cells, kind.shape, kind.order)
         if len(bad):
             warn(
@@ -72,6 +77,13 @@ def _refuse_repeated(raw: RawMesh, vertices: IntArray, name: str) -> None:
             f"{len(again)} of {len(vertices)} cells of {name} repeat another one, node by node, "
             f"one at ({_centre(raw, again[0])}) m: delete the copies."
         )
+    if raw.kind.shape in TWO_SIDES:
+        pairs = conformity.doublets(vertices, raw.kind)
+        if len(pairs):
+            raise MeshError(
+                f"{len(pairs)} of {len(vertices)} cells of {name} share two sides with another "
+                f"one, one at ({_centre(raw, pairs[0])}) m: make one cell of both, or divide them."
+            )
     if raw.kind.dim == raw.points.shape[1]:
         many = conformity.crowded(vertices, raw.kind)
         if len(many):
