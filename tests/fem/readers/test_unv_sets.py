@@ -1,0 +1,215 @@
+"""Data sets of universal files as a deck, element by element, and whole messages."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from antiosc.errors import MeshError
+from antiosc.fem.readers import by_unv
+from antiosc.fem.readers.request import Request
+from antiosc.fem.readers.shapes import CORNERS, EDGES
+
+RNG = np.random.default_rng(41)
+
+
+@pytest.fixture
+def read(tmp_path, monkeypatch):
+    """The deck that a file holds, before it becomes a mesh."""
+    monkeypatch.setattr(by_unv, "as_mesh", lambda deck: deck)
+    monkeypatch.setattr(Request, "allow", lambda *_: None)
+
+    def of(text: str, unit=(1.0, 1.0)):
+        path = tmp_path / "part.unv"
+        path.write_text(text, encoding="latin-1")
+        return by_unv.read(Request(str(path), path.name, unit=unit))
+
+    return of
+
+
+def data_set(number: int | str, *lines: str) -> str:
+    return "\n".join(["    -1", f"{number:>6}", *lines, "    -1", ""])
+
+
+def nodes(x, first: int = 101) -> str:
+    lines = []
+    for k, p in enumerate(x):
+        lines += [f"{first + k:10d}{1:10d}{1:10d}{11:10d}", "".join(f"{c:25.16E}" for c in p)]
+    return data_set(2411, *lines)
+
+
+def element(label: int, kind: int, numbers) -> list[str]:
+    """An element in lines of eight nodes; beams have a line on their orientation before."""
+    lines = [f"{label:10d}{kind:10d}" + 3 * f"{1:10d}" + f"{len(numbers):10d}"]
+    if kind in (21, 22, 23, 24):
+        lines.append(f"{0:10d}{1:10d}{1:10d}")
+    rows = [numbers[k : k + 8] for k in range(0, len(numbers), 8)]
+    return lines + ["".join(f"{n:10d}" for n in row) for row in rows]
+
+
+#: The nodes of a second-order element in the order of the file: corners by their number, middles by
+#: the two corners between which they lie. They go round the bottom, then up, then round the top.
+SECOND = {
+    "line": "0 01 1",
+    "triangle": "0 01 1 12 2 20",
+    "quad": "0 01 1 12 2 23 3 30",
+    "tetra": "0 01 1 12 2 20 03 13 23 3",
+    "wedge": "0 01 1 12 2 20 03 14 25 3 34 4 45 5 53",
+    "hexahedron": "0 01 1 12 2 23 3 30 04 15 26 37 4 45 5 56 6 67 7 74",
+}
+KINDS = {
+    **dict.fromkeys((11, 21, 22), ("line", 1)), **dict.fromkeys((23, 24), ("line", 2)),
+    **dict.fromkeys((41, 91), ("triangle", 1)), **dict.fromkeys((42, 92), ("triangle", 2)),
+    **dict.fromkeys((44, 94), ("quad", 1)), **dict.fromkeys((45, 95), ("quad", 2)),
+    111: ("tetra", 1), 118: ("tetra", 2), 112: ("wedge", 1), 113: ("wedge", 2),
+    115: ("hexahedron", 1), 116: ("hexahedron", 2),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_elements_have_their_corners_and_middles(read, kind):
+    """Two elements of a kind, between others that are no cells."""
+    shape, order = KINDS[kind]
+    count = CORNERS[shape]
+    words = SECOND[shape].split() if order == 2 else list("01234567"[:count])
+    cells = [RNG.normal(size=(count, 3)) for _ in range(2)]
+    x = [np.mean([cell[int(c)] for c in word], axis=0) for cell in cells for word in words]
+    size = len(words)
+    mixed = RNG.permutation(2 * size)  # the file's own order of the nodes
+    numbers = 101 + np.argsort(mixed)
+    lines = element(5, 161, [101]) + element(8, kind, numbers[:size].tolist())
+    lines += element(6, 136, [101, 102]) + element(7, kind, numbers[size:].tolist())
+    deck = read(nodes(np.array(x)[mixed]) + data_set(2412, *lines, *element(9, 161, [102])))
+    (block,) = deck.blocks
+    assert (block.shape, block.type) == (shape, f"element type {kind}")
+    assert deck.left == {"element type 161": 2, "element type 136": 1}
+    np.testing.assert_allclose(deck.points[block.corners], cells, rtol=1e-12)
+    if order == 1:
+        assert block.mids.shape == (2, 0)
+    else:
+        ends = deck.points[block.corners][:, np.array(EDGES[shape])]
+        np.testing.assert_allclose(deck.points[block.mids], ends.mean(axis=2), rtol=1e-12)
+    assert block.inner.shape == (2, 0)
+    assert deck.element_sets == deck.node_sets == {}
+
+
+SQUARE = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0.0)]
+CELLS = data_set(780, *element(7, 91, [101, 102, 103]), *element(3, 91, [101, 103, 104]))
+
+
+@pytest.mark.parametrize("number", [15, 781, 2411, "781b"])
+def test_nodes_of_three_data_sets(read, number):
+    lines = []
+    for k, p in enumerate(SQUARE, 101):
+        if number == 15:
+            lines.append(f"{k:10d}{0:10d}{0:10d}{11:10d}" + "".join(f"{c:13.5E}" for c in p))
+        else:
+            lines += [f"{k:10d}{0:10d}{0:10d}{11:10d}", "".join(f"{c:25.16E}" for c in p)]
+    deck = read(data_set(number, *lines) + CELLS + data_set(151, "a header"))
+    np.testing.assert_allclose(deck.points, SQUARE)
+    (block,) = deck.blocks
+    assert block.corners.tolist() == [[0, 1, 2], [0, 2, 3]]
+
+
+def members(width: int, *pairs) -> list[str]:
+    words = [[kind, label, *[0] * (width - 2)] for kind, label in pairs]
+    per_line = 8 // width
+    return ["".join(f"{n:10d}" for word in words[k : k + per_line] for n in word)
+            for k in range(0, len(words), per_line)]  # fmt: skip
+
+
+def group(width: int, name: str, *pairs) -> list[str]:
+    head = f"{4:10d}" + 6 * f"{0:10d}" + f"{len(pairs):10d}"
+    return [head, name, *members(width, *pairs)]
+
+
+@pytest.mark.parametrize(
+    ("number", "width"),
+    [*((k, 4) for k in (2435, 2452, 2467, 2477)), *((k, 2) for k in (2429, 2430, 2432))],
+)
+def test_groups_of_nodes_and_elements(read, number, width):
+    lines = [
+        *group(width, " a group ", (8, 3), (7, 104), (7, 101), (8, 999), (7, 101)),
+        *group(width, "", (8, 7)),
+        *group(width, "of others", (9, 3), (8, 998), (7, 999)),
+        *group(width, "a group", (8, 7), (7, 102)),
+        *group(width, "empty"),
+    ]
+    deck = read(nodes(SQUARE) + CELLS + data_set(number, *lines))
+    sets = {name: rows.tolist() for name, rows in deck.element_sets.items()}
+    assert sets == {"a group": [0, 1], "4": [0]}
+    assert {name: rows.tolist() for name, rows in deck.node_sets.items()} == {"a group": [0, 1, 3]}
+
+
+@pytest.mark.parametrize(("factor", "unit"), [("1.0D+03", 1.0), ("1.0", 1.0), ("1.0E3", 0.01)])
+def test_units_of_length(read, factor, unit):
+    """Units of length in a metre; they count where no others are given."""
+    text = data_set(164, "         5  mm", f" {factor} 1.0 1.0") + nodes(SQUARE) + CELLS
+    deck = read(text, (unit, 1.0))
+    converted = "+03" in factor
+    np.testing.assert_allclose(deck.points, np.array(SQUARE) / (1000 if converted else 1))
+    told = ["part.unv says that it has 1000 units of length in a metre (data set 164); its "
+            "coordinates are converted."]  # fmt: skip
+    assert deck.told == (told if converted else [])
+
+
+GOOD = nodes(SQUARE) + CELLS
+HEAD = data_set(2412, *element(7, 91, [101, 102, 103]))
+#: What is written, and what is said.
+WRONG = {
+    GOOD + "\0": "part.unv holds zero bytes: it is binary, or it is damaged.",
+    GOOD + "    -1\n  151\n": "part.unv ends within a data set: it is cut off.",
+    "    -1\n    -1\n    -1\nwords\n    -1\n": (
+        "part.unv holds no data sets between lines of -1: it is no universal file."
+    ),
+    data_set(164, "5 mm", "0.0 1.0") + GOOD: (
+        "line 4 of part.unv: the factor of length in data set 164 must be positive."
+    ),
+    data_set(164, "5 mm", "  ") + GOOD: "line 4 of part.unv: '' is not a number.",
+    data_set(2411, "  101 1 1 11", "0. 0.") + CELLS: (
+        "line 4 of part.unv: a node needs a number and three coordinates."
+    ),
+    data_set(2411, "  ", "0. 0. 0.") + CELLS: (
+        "line 4 of part.unv: a node needs a number and three coordinates."
+    ),
+    data_set(2411, "x 1 1 11", "0. 0. 0.") + CELLS: "line 3 of part.unv: 'x' is not an integer.",
+    data_set(15, "101 0 0 11 0. 0.") + CELLS: (
+        "line 3 of part.unv: a node needs a number and three coordinates."
+    ),
+    nodes(SQUARE) + data_set(2412, "7 91 1 1 3", "101 102 103"): (
+        "line 14 of part.unv: the head of an element has six numbers; got 5."
+    ),
+    nodes(SQUARE) + data_set(2412, "7 91 1 1 1 4", "101 102 103"): (
+        "line 14 of part.unv: element 7 ends before its 4 nodes."
+    ),
+    nodes(SQUARE) + data_set(2412, "7 91 1 1 1 4", "101 102 103 104"): (
+        "line 14 of part.unv: element 7 of type 91 has 4 nodes, of which its head tells 4; it must "
+        "have 3."
+    ),
+    nodes(SQUARE) + data_set(2412, "7 91 1 1 1 2", "101 102 103"): (
+        "line 14 of part.unv: element 7 of type 91 has 3 nodes, of which its head tells 2; it must "
+        "have 3."
+    ),
+    nodes(SQUARE) + data_set(2412, *element(7, 91, [101, 102, 9])): (
+        "element 7 of part.unv has the node 9, which the file does not define."
+    ),
+    nodes(SQUARE) + data_set(2412, *element(7, 91, [101, 102, 103])) + HEAD: (
+        "part.unv gives two elements one number."
+    ),
+    nodes(SQUARE) + nodes(SQUARE[:1]) + CELLS: "part.unv gives two nodes one number.",
+    CELLS: "part.unv has no nodes (data sets 2411, 781 or 15).",
+    nodes(SQUARE): "part.unv has no elements that are cells of a mesh.",
+    GOOD + data_set(2467, "4 0 0 0 0 0 0 3", "a", "7 101 0 0"): (
+        "line 21 of part.unv: the group 'a' ends before its 3 members."
+    ),
+    GOOD + data_set(2467, "4 0 0 0 0 0 0 1", "a", "7 101 0 x"): (
+        "line 23 of part.unv: 'x' is not an integer."
+    ),
+}
+
+
+@pytest.mark.parametrize("text", WRONG, ids=lambda text: WRONG[text])
+def test_what_is_wrong_is_told_with_its_line(read, text):
+    with pytest.raises(MeshError) as caught:
+        read(text)
+    assert str(caught.value) == WRONG[text]
