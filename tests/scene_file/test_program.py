@@ -38,6 +38,34 @@ def test_values_are_the_same_again(value):
     assert eval(source(value, 60, 20)) == value
 
 
+@pytest.mark.parametrize("count", [1, 2, 9])
+@pytest.mark.parametrize("column", [0, 20])
+def test_lines_have_88_columns_at_most(count, column):
+    """What fits stands in one line, what is longer by one character in several."""
+    room = 88 - column - 2 - 2 * (count - 1) - 2 * count
+    for short in (0, 1):
+        lengths = [room // count] * (count - 1)
+        value = ["a" * k for k in (*lengths, room - sum(lengths) + short)]
+        text = source(value, column)
+        assert ("\n" in text) == bool(short)
+        assert eval(text) == value
+        rows = text.split("\n")
+        assert rows[:1] + rows[-1:] == (["[", "]"] if short else [text, text])
+        assert all(row[:5] == '    "' and row[-1] == "," for row in rows[1:-1])
+
+
+def test_numbers_fill_their_lines(rng):
+    value = [int(10**k) for k in rng.integers(1, 12, 200)]
+    first, *rows, last = source(value, 3, 4).split("\n")
+    assert (first, last) == ("[", "    ]")
+    for row, after in zip(rows, [*rows[1:], None], strict=True):
+        assert row[:8] == " " * 8 != row[:9]
+        assert row.endswith(",")
+        assert len(row) <= 88
+        assert after is None or len(row) + 1 + len(after.split()[0]) > 88
+    assert eval(source(value, 3, 4)) == value
+
+
 def test_the_text_and_the_evaluation_of_a_program_agree():
     """Calls, methods of variables, entries, attributes, and a list made of another."""
     sphere = {"radius": 0.01, "E": 2.1e11, "nu": 0.3, "rho": 7850.0, "velocity": (1.0, 2.0)}

@@ -31,7 +31,7 @@ def sweep(tables: Tables, model: list[Statement], strike: list[Statement]) -> li
         )
         return []
     values = _values(tables, table)
-    sizes = {name: len(v) for each in values.values() for name, v in each.items()}
+    sizes = {f"{one}.{name}": len(v) for one, each in values.items() for name, v in each.items()}
     if len(set(sizes.values())) > 1:
         text = ", ".join(f"{name}: {size}" for name, size in sizes.items())
         tables.problems.add(("sweep",), f"the lists of [sweep] must be equally long; got {text}.")
@@ -128,7 +128,8 @@ def _varied(tables: Tables, call: Call, values: dict[str, Any], size: int) -> St
 
 def _batch(tables: Tables, values: dict[str, Any], names: tuple[str, ...]) -> Call | None:
     """`ao.simulate_many` with what [simulate] says and the lists of [sweep]."""
-    known = parameters("simulate_many")
+    withheld = ("models", "impactors", "contacts")
+    known = [name for name in parameters("simulate_many") if name not in withheld]
     table = dict(tables.data["simulate"])
     lost = [name for name in table if name not in known]
     if lost:
@@ -137,7 +138,6 @@ def _batch(tables: Tables, values: dict[str, Any], names: tuple[str, ...]) -> Ca
             f"[simulate] has {lost[0]!r}, which a sweep does not take; it takes {listed(known)}.",
         )
         return None
-    withheld = ("models", "impactors", "contacts")
     given: dict[str, Any] = {f"*{k}": Name(n) for k, n in zip(withheld, names, strict=True)}
     rest = {k: v for k, v in table.items() if k not in values}
     return tables.build.call(
