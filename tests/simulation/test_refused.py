@@ -1,0 +1,135 @@
+"""What is refused of scenes, impacts and their results, each with its reason."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pytest
+
+import antiosc as ao
+from antiosc.simulation.body_motion import amplitudes, forces_of, times_of
+
+UP = (0.0, 0.0, 1.0)
+LAW = ao.Linear(1e6)
+MASS, WALL = ao.RigidMass(1.0, 1.0), ao.Obstacle()
+BODIES = {"m": MASS, "w": WALL}
+TOUCH = ao.Contact("w", "m", LAW)
+CUBE = ao.RigidBody(1.0, (1.0, 1.0, 1.0), {"foot": ((0, 0, -1), UP)})
+#: known along z alone, without what gravity needs; across z too
+FLAT = ao.SiteModes([0.0], [[1.0]], ["tip"], directions=[UP])
+WIDE = ao.SiteModes([0.0, 9.0], [[1.0, 0.2], [0.1, 1.0]], {"tip": (0, 1)},
+                    directions=[UP, (1.0, 0, 0)])  # fmt: skip
+MODEL = ao.AntiOscillators(m0=0.1, k0=1e5, m=[0.2], omega=[900.0])
+
+
+@dataclass(frozen=True)
+class Brittle(ao.Linear):
+    """A spring whose theory ends at 1 N."""
+
+    valid_force: float = 1.0
+
+
+class Forgetful(ao.Linear):
+    """A law that remembers too many numbers."""
+
+    def touch(self, speed: float, state: Any = None) -> Any:
+        return (0.0,) * 7
+
+
+def scene(bodies: dict[str, Any] | None = None, contacts: Any = None, **more: Any) -> ao.Scene:
+    return ao.Scene({**BODIES, **(bodies or {})}, contacts or [TOUCH], **more)
+
+
+def ran(*given: Any, **more: Any) -> ao.SceneHistory:
+    return scene(*given, **more).run(1e-4)
+
+
+def rubbing(body: Any, law: ao.ContactLaw = LAW) -> ao.Scene:
+    return scene({"b": body}, [ao.Contact("b:tip", "w", law, friction=0.3)])
+
+
+def on_its_side() -> ao.SceneHistory:
+    side = ao.SiteModes([0.0], [[1.0]], ["tip"], directions=[(1.0, 0, 0)])
+    return ran({"a": FLAT, "b": side}, [ao.Contact("a:tip", "b:tip", LAW)])
+
+
+REFUSED: list[tuple[Callable[[], Any], str]] = [
+    (lambda: ran({"b": 3.0}), "body 'b' must have a modal"),
+    (lambda: scene({"a:b": MASS}), "without ':'; got 'a:b'"),
+    (lambda: ao.Scene({"w": WALL, "v": CUBE}, [ao.Contact("w", "v:nose", LAW)]).run(1e-4),
+     "'v:nose' names no site of the body 'v'; it has v:foot"),
+    (lambda: scene(contacts=[TOUCH, "w"]), "contacts must be Contact objects; got str"),
+    (lambda: scene(loads=[TOUCH]), "loads must be Load objects; got Contact"),
+    (lambda: scene(base=3.0), "base must be a Base; got float"),
+    (lambda: scene(motion={"x": 1.0}), r"motion names the bodies \['x'\]"),
+    (lambda: ran(motion={"w": 1.0}), "body 'w' is an obstacle, which does not move"),
+    (lambda: ran({"c": CUBE}, motion={"c": 1.0}), "'c' moves in space: give its start as a Motion"),
+    (lambda: ran(loads=[ao.Load("w", [0.0], [1.0])]), "the load on 'w' acts on an obstacle"),
+    (lambda: scene().run(1e-4, tol=1.0), "0 < tol < 1; got 1"),
+    (lambda: scene().run(1e-4, tol=0.0), "tol must be > 0"),
+    (on_its_side, "the contact at 'b:tip' is along"),
+    (lambda: rubbing(FLAT).run(1e-4), "needs a site with tangential directions"),
+    (lambda: rubbing(WIDE, ao.HuntCrossley(1e6, 0.5)).run(1e-4, method="DOP853"),
+     "does not support friction beside a rate-dependent law"),
+    (lambda: ao.Scene({"b": FLAT, "w": WALL}, [ao.Contact("b:tip", "w", LAW)], UP).run(1e-4),
+     "gravity or the ground's motion on 'b' needs what its motion carries"),
+    (lambda: ran(gravity=UP), "gravity as a vector needs the direction of 'm'"),
+    (lambda: ran({"b": WIDE, "c": CUBE}, [ao.Contact("c:foot", "w", LAW)],
+                 base=ao.Base([0.0], [1.0])), "on 'b' needs what its motion carries"),
+    (lambda: ran(contacts=[ao.Contact("w", "m", Forgetful(1e6))]), "up to 6 numbers; Forgetful"),
+    (lambda: ao.RigidBody(1.0, (1.0, -1.0, 1.0), {}), "symmetric and positive definite"),
+    (lambda: ao.RigidBody(1.0, np.eye(3) + 0.1 * np.eye(3, k=1), {}), "symmetric and positive"),
+    (lambda: ao.RigidBody(1.0, (1, 1, 1), {"a": 3.0}), r"site 'a' must be \(point, direction\)"),
+    (lambda: ao.RigidBody(1.0, (1, 1, 1), {"a": (UP, (0, 0, 0))}), "must not be a zero vector"),
+    (lambda: ran().bodies["m"].rotation, "'m' is no RigidBody"),
+    (lambda: ran().bodies["m"].angular_momentum(), "'m' does not know how it turns"),
+    (lambda: ran({"b": FLAT}).bodies["b"].momentum, "'b' does not know what it carries"),
+    (lambda: ran().coordinates(0.0, "b"), "there is no body 'b' in the scene: name one of m, w"),
+    (lambda: ran({"c": CUBE}).of("c"), "'c' is a RigidBody, which has no field"),
+    (lambda: ran().field(0.0, "m"), "has no displacement field"),
+    (lambda: ran().at(-1e-9), "t must lie within the run"),
+    (lambda: amplitudes(ran(), np.zeros(1), "m"), "has no displacement field"),
+    (lambda: forces_of(ran({"c": CUBE}).bodies["c"], np.zeros(1), ""), "no displacement field"),
+    (lambda: times_of(ran().bodies["m"], [0.0]), "known at its own times: probe"),
+    (lambda: ao.Scene({"v": WALL, "w": WALL, "m": ao.SiteModes([], np.zeros((0, 1)), ["a"])},
+                      [ao.Contact("m", "w", LAW)]).run(1e-4), "nothing in the scene can move"),
+    (lambda: ao.simulate(MODEL, MASS, LAW, 1e-4, gravity=UP), "knows the direction of impact"),
+    (lambda: ao.simulate(MODEL, MASS, LAW, 1e-4).momentum, "momentum of AntiOscillators is not"),
+    (lambda: ao.simulate(WALL, MASS, LAW, 1e-4, n=3), "only AntiOscillators can be truncated"),
+    (lambda: ao.simulate(MODEL, MASS, LAW, 1e-4, n="all"), "a number of anti-oscillators or"),
+    (lambda: ao.truncation_error(MASS, lambda m, tol: None), "only AntiOscillators can be trunc"),
+    (lambda: ao.truncation_error(MODEL, 3.0), "a function run"),
+    (lambda: ao.truncation_error(MODEL, lambda m, tol: 3.0), "what run returns must be a History"),
+    (lambda: ao.contact_stress(ao.Sphere(0.01, 2e11, 0.3, 7800.0), 10.0, 2e11, 0.3, radius=0.0),
+     "radius must not be 0; inf is a flat surface"),
+    (lambda: ao.contact_stress(ao.Sphere(0.01, 2e11, 0.3, 7800.0), 10.0, 2e11, 0.3, radius=-9e-3),
+     "the hollow of radius -0.009 m"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("call", "words"), REFUSED, ids=[words for _, words in REFUSED])
+def test_what_cannot_be_is_refused(call: Callable[[], Any], words: str) -> None:
+    with pytest.raises(ao.InputError, match=words):
+        call()
+
+
+def test_a_force_beyond_its_law_is_told_with_the_contact() -> None:
+    brittle = scene(contacts=[ao.Contact("w", "m", Brittle(1e6))])
+    with pytest.raises(ao.AccuracyError, match=r"contact 'w', 'm': the peak force .* exceeds 1 N"):
+        brittle.run(4e-3)
+    with pytest.raises(ao.AccuracyError, match=r"the peak force .* exceeds 1 N"):
+        ao.simulate(MODEL, MASS, Brittle(1e6), 4e-3)
+
+
+def test_nearly_what_is_refused_is_taken() -> None:
+    """The smallest hollow, tilted ends, inertias with a tensor: just inside the rules."""
+    steel = ao.Sphere(0.01, 2e11, 0.3, 7800.0)
+    assert ao.contact_stress(steel, 10.0, 2e11, 0.3, radius=-0.0101).radius > 0
+    tensor = np.array([[2.0, 0.5, 0], [0.5, 2.0, 0], [0, 0, 1.0]])
+    assert np.array_equal(ao.RigidBody(1.0, tensor, {}).inertia, tensor)
+    assert ran(motion={"m": 2.0}).bodies["m"].velocity()[0] == 2.0
+    hit = ran({"b": WIDE}, [ao.Contact("b:tip", "w", LAW, friction=0.3), TOUCH])
+    assert hit["b:tip", "w"].friction.shape[1] == 1
