@@ -248,7 +248,8 @@ WRONG = {
         ],
     ),
     "sweep law": (
-        MODEL + HIT + '[sweep]\ncontact.stiffness = [1e8, 2e8]\nimpactor.velocity = [1.0, 2.0, 3.0]\n',
+        MODEL + HIT + '[sweep]\ncontact.stiffness = [1e8, 2e8]\n'
+        'impactor.velocity = [1.0, 2.0, 3.0]\n',
         [
             (12, "the lists of [sweep] must be equally long; got contact.stiffness: 2, "
                 "impactor.velocity: 3."),
