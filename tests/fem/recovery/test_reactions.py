@@ -155,3 +155,22 @@ def test_what_has_no_reactions_is_refused(struck):
     ):
         with pytest.raises(ao.InputError, match=message):
             ao.reactions(structure, history, site)
+
+
+def test_what_moves_the_whole_part_is_refused(struck):
+    """A moving ground, and gravity on a part that may slide; the weight of a held part is none."""
+    part, _ = struck
+    ends = {"part": ao.extract(part, SITE, 4), "far": ao.Obstacle()}
+    apart = [ao.Contact("part", "far", ao.Linear(1.0), gap=1.0)]
+    shaken = ao.Scene(ends, apart, base=ao.Base([0.0, 1.0], [(0, 1, 0), (0, 1, 0)]))
+    with pytest.raises(ao.InputError, match="under a moving ground"):
+        ao.reactions(part, shaken.run(1e-5), SITE, body="part")
+    hanging = ao.Scene(ends, apart, gravity=(0, -9.81, 0), preload=True)
+    found = ao.reactions(part, hanging.run(1e-6), SITE, body="part")
+    assert np.abs(found.total).max() < 1e-6 * 9.81 * part.mass
+    with pytest.warns(ao.AntioscWarning, match="free to move"):
+        slides = sheet([ao.Support("left", "y"), ao.Support("right", "y")])
+    ends = {"part": ao.extract(slides, SITE, 4), "far": ao.Obstacle()}
+    falling = ao.Scene(ends, apart, gravity=(0, -9.81, 0))
+    with pytest.raises(ao.InputError, match="under gravity of a part that its supports let slide"):
+        ao.reactions(slides, falling.run(1e-5), SITE, body="part")
