@@ -11,8 +11,13 @@ from types import ModuleType
 import numpy as np
 import pytest
 
+import antiosc as ao
 from antiosc.simulation import march
+from antiosc.simulation.assembly import assemble
 from antiosc.simulation.engine import run
+from antiosc.simulation.integrators.scene_ivp import SceneIVP
+from antiosc.simulation.refinement import start
+from antiosc.simulation.scene_states import forces, located
 from audited_scenes import GIVEN, SCENES, SHARE, checked
 from marches import written_out
 
@@ -43,3 +48,35 @@ def test_loops_give_the_numbers_of_numpy(name: str) -> None:
     np.testing.assert_allclose(other.time, found.run.time, rtol=1e-7)
     atol = 1e-6 * np.abs(found.run.force).max()
     np.testing.assert_allclose(other.force, found.run.force, rtol=0, atol=atol)
+
+
+SOLVED = ["Hertz2", "HuntCrossley4", "Stronge8", "YangSun9", "damped plate", "plastic plate",
+          "sticks", "loaded", "preloaded"]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SOLVED)
+def test_forces_and_motion_are_those_of_solve_ivp(name: str) -> None:
+    """Which shares the bodies with the march, and neither its laws nor its events."""
+    (scene, duration), found = SCENES[name], checked(name)
+    made = assemble(scene(), duration)
+    start(made)
+    longest = min(made.lasting, duration) / 4
+    other = SceneIVP("DOP853", 1e-7, made.system, made.laws, longest).run(duration, 1000, 10_000)
+    assert other.answer == march.DONE
+    assert (other.touches, len(other.events)) == (found.run.touches, len(found.run.events))
+    at = 1e-3 * duration
+    np.testing.assert_allclose(other.events[:, 0], found.run.events[:, 0], rtol=0, atol=at)
+    np.testing.assert_array_equal(other.events[:, 1], found.run.events[:, 1])
+    times = np.linspace(0, duration, 301)
+    mine, exact = (forces(each, *located(each, times)) for each in (found.run, other))
+    assert np.linalg.norm(mine - exact) < 3e-3 * np.linalg.norm(exact)
+    assert found.run.states is not None
+    assert other.states is not None
+    for ours, theirs in zip(found.run.states[-1], other.states[-1], strict=True):
+        np.testing.assert_allclose(ours, theirs, rtol=0, atol=3e-3 * np.abs(theirs).max())
+    hit = ao.SceneHistory(made, other, {}, 0, "Completed.")
+    assert hit.energy.drift < 2e-3
+    s, size = made.system, np.abs(other.depth).max()
+    gap = np.array([np.interp(other.time[::2], s.breaks, each) for each in s.offsets.T]).T
+    depth = other.states[:, 0] @ s.beta.T - gap - other.force[::2] @ s.R
+    np.testing.assert_allclose(other.depth[::2], depth, rtol=0, atol=1e-9 * size)
