@@ -1,0 +1,309 @@
+"""Cards, sets, generated meshes and assemblies of Abaqus decks: every node and element by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from antiosc.errors import MeshError
+from antiosc.fem.readers.decks import abaqus_assembly
+
+
+@pytest.fixture
+def read(tmp_path):
+    def of(text: str, **others: str):
+        for name, content in others.items():
+            (tmp_path / f"{name}.inp").write_text(content)
+        path = tmp_path / "part.inp"
+        path.write_text(text)
+        return abaqus_assembly.read(path, path.name)
+
+    return of
+
+
+def lists(sets) -> dict[str, list[int]]:
+    return {name: rows.tolist() for name, rows in sets.items()}
+
+
+#: Nodes 1, 3, 5, … in two rows of five, and four quadrilaterals between them.
+ROWS = "".join(f"{2 * k + 1},{k % 5},{k // 5}\n" for k in range(10))
+QUADS = "".join(
+    f"{10 * (k + 1)},{2 * k + 1},{2 * k + 3},{2 * k + 13},{2 * k + 11}\n" for k in range(4)
+)
+SHEET = f"*NODE\n{ROWS}*ELEMENT,TYPE=S4\n{QUADS}"
+
+NODE_SETS = {
+    "3,1,\n19\n": [0, 1, 9],
+    "1,2,99\n": [0],
+    "\n 5 \n": [2],
+    ",GENERATE\n1,7\n": [0, 1, 2, 3],
+    ",GENERATE\n3,19,4\n": [1, 3, 5, 7, 9],
+    ",GENERATE\n1,3,1\n17,50,1\n": [0, 1, 8, 9],
+    ",GENERATE\n5,5,0\n": [2],
+    ",GENERATE\n2,2\n": [],
+    ",ELSET=PAIR\n": [1, 2, 3, 6, 7, 8],
+    ",ELSET=pair\n1\n": [0, 1, 2, 3, 6, 7, 8],
+    ",ELSET=NONE\n": [],
+    ",UNSORTED\nONE,5,ONE\n": [0, 2],
+    "one,Two\n": [0, 8, 9],
+}
+
+
+@pytest.mark.parametrize("lines", NODE_SETS)
+def test_sets_of_nodes(read, lines):
+    """By numbers, ranges, other sets and the elements of a set; case does not count."""
+    text = SHEET + "*ELSET,ELSET=PAIR\n20,30\n*NSET,NSET=One\n1\n*NSET,NSET=TWO\n17,19\n"
+    option, _, rest = lines.partition("\n")
+    line = lines if not option.startswith(",") or option[1:2].isdigit() else f"{option}\n{rest}"
+    text += "*NSET,NSET=A" + (line if line.startswith(",") else f"\n{line}")
+    deck = read(text).deck
+    assert lists(deck.node_sets) == {"One": [0], "TWO": [8, 9], "A": NODE_SETS[lines]}
+    assert lists(deck.element_sets) == {"PAIR": [1, 2]}
+
+
+def test_sets_of_elements_and_of_those_that_are_no_cells(read):
+    text = SHEET + "*ELEMENT,TYPE=SPRINGA,ELSET=K\n7,1,3\n8,3,5\n*ELEMENT,TYPE=MASS\n9,1\n"
+    text += "*ELSET,ELSET=A\n10,7,9,99\n*ELSET,ELSET=A\n40,K\n*ELSET,ELSET=B,GENERATE\n15,40,10\n"
+    whole = read(text + "*ELSET,ELSET=B,GENERATE\n10,40,10\n*NODE,NSET=N\n1,9,9,9\n21,1,1,1\n")
+    assert lists(whole.deck.element_sets) == {"A": [0, 3], "B": [0, 1, 2, 3]}
+    assert whole.deck.points[whole.deck.node_sets["N"]].tolist() == [[9, 9, 9], [1, 1, 1]]
+    assert whole.deck.left == {"SPRINGA": 2, "MASS": 1}
+    scope = whole.instances[""].scope
+    assert scope.others == [("SPRINGA", 7, [1, 3]), ("SPRINGA", 8, [3, 5]), ("MASS", 9, [1])]
+    assert scope.other_sets == {"K": [7, 8], "A": [7, 9]}
+
+
+def test_generated_nodes_lie_at_equal_distances(read):
+    """*NGEN and *NFILL, and the sets of both."""
+    text = "*NODE,NSET=E\n1,0,0,0\n5,8,0,4\n*NGEN,NSET=low\n1,5\n*NODE\n21,0,6,0\n29,8,6,4\n"
+    text += "*NGEN,NSET=HIGH\n21,29,2\n*NFILL,NSET=F,BIAS=1.0\nLOW,HIGH,3,100\n"
+    whole = read(text)
+    x = whole.deck.points
+    numbers = whole.instances[""].scope.nodes
+    low = [(2.0 * k, 0, k) for k in range(5)]
+    high = [(2.0 * k, 6, k) for k in range(5)]
+    assert x[numbers.rows(np.arange(1, 6))].tolist() == [list(p) for p in low]
+    assert x[numbers.rows(np.arange(21, 30, 2))].tolist() == [list(p) for p in high]
+    for k in (1, 2):
+        between = np.array(low) + np.array([0, 2.0 * k, 0])
+        np.testing.assert_allclose(x[numbers.rows(np.arange(1, 6) + 100 * k)], between)
+    assert len(x) == 20
+    named = {name: sorted(numbers.labels[np.argsort(numbers.order)][rows].tolist())
+             for name, rows in whole.deck.node_sets.items()}  # fmt: skip
+    assert named["E"] == [1, 5]
+    assert named["low"] == [1, 2, 3, 4, 5]
+    assert named["HIGH"] == [21, 23, 25, 27, 29]
+    assert named["F"] == sorted(k + 100 * j for k in range(1, 6) for j in (1, 2))
+
+
+def test_copies_of_elements_in_rows_layers_and_blocks(read):
+    """Two in each row, three rows, two layers: numbers and nodes by the steps of each."""
+    grid = [(i, j, k) for k in range(3) for j in range(4) for i in range(3)]
+    nodes = "".join(f"{1 + i + 10 * j + 100 * k},{i},{j},{k}\n" for i, j, k in grid)
+    text = f"*NODE\n{nodes}*ELEMENT,TYPE=C3D8,ELSET=ONE\n5,1,2,12,11,101,102,112,111\n"
+    whole = read(text + "*ELGEN,ELSET=ALL\n5,2,1,1,3,10,20,2,100,300\n")
+    x, blocks = whole.deck.points, whole.deck.blocks
+    assert [len(block) for block in blocks] == [1, 11]
+    corners = np.vstack([block.corners for block in blocks])
+    labels = whole.instances[""].scope.elements
+    for i in range(2):
+        for j in range(3):
+            for k in range(2):
+                row = int(labels.rows(np.array([5 + i + 20 * j + 300 * k]))[0])
+                low = x[corners[row]] - [i, j, k]
+                cube = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]
+                assert low.tolist() == [[*p, z] for z in (0, 1) for p, z in
+                                        ((q[:2], z) for q in cube)]  # fmt: skip
+    assert lists(whole.deck.element_sets) == {"ONE": [0], "ALL": list(range(12))}
+    alone = read(text + "*ELGEN,ELSET=ALL\n5,1\n")
+    assert lists(alone.deck.element_sets) == {"ONE": [0], "ALL": [0]}
+    row = read(text + "*ELGEN\n5,2,1,7\n")
+    assert row.instances[""].scope.elements.labels.tolist() == [5, 12]
+    assert row.deck.blocks[1].corners.tolist() == [[c + 1 for c in row.deck.blocks[0].corners[0]]]
+
+
+PART = f"*PART,NAME=P\n{SHEET}*ELSET,ELSET=All,GENERATE\n10,40,10\n*NSET,NSET=end\n9,19\n"
+PART += "*END PART\n"
+TOP = """\
+*ASSEMBLY,NAME=A
+*INSTANCE,NAME=I-1,PART=p
+*END INSTANCE
+*INSTANCE,NAME=I-2,PART=P
+0,0,5
+0,0,5,0,0,6,90
+*END INSTANCE
+*NODE
+1,7,7,7
+*NSET,NSET=Ref
+1
+*NSET,NSET=tips
+I-1.end,i-2.END
+*NSET,NSET=some,INSTANCE=I-2
+1,END
+*NSET,NSET=range,INSTANCE=i-1,GENERATE
+1,5,2
+*ELSET,ELSET=some,INSTANCE=I-2
+20
+*ELSET,ELSET=both
+I-1.10,I-2.all
+*ELSET,ELSET=range,INSTANCE=I-2,GENERATE
+20,40,10
+*NSET,NSET=again
+tips
+*END ASSEMBLY
+"""
+
+
+def test_sets_of_an_assembly(read):
+    """The node of the assembly has row 0, those of the instances follow."""
+    whole = read(PART + TOP)
+    deck = whole.deck
+    assert deck.points[0].tolist() == [7, 7, 7]
+    own = np.array([(k % 5, k // 5, 0.0) for k in range(10)])
+    np.testing.assert_allclose(deck.points[1:11], own)
+    # a quarter turn about z, after the shift along it
+    turned = np.stack([-own[:, 1], own[:, 0], own[:, 2] + 5], axis=1)
+    np.testing.assert_allclose(deck.points[11:], turned, atol=1e-12)
+    assert [len(block) for block in deck.blocks] == [4, 4]
+    assert (deck.blocks[1].corners - deck.blocks[0].corners == 10).all()
+    assert lists(deck.node_sets) == {
+        "Ref": [0], "tips": [5, 10, 15, 20], "some": [11, 15, 20], "range": [1, 2, 3],
+        "again": [5, 10, 15, 20], "I-1.end": [5, 10], "I-2.end": [15, 20],
+    }  # fmt: skip
+    assert lists(deck.element_sets) == {
+        "I-1.All": [0, 1, 2, 3], "I-1": [0, 1, 2, 3], "I-2.All": [4, 5, 6, 7], "I-2": [4, 5, 6, 7],
+        "some": [5], "both": [0, 4, 5, 6, 7], "range": [5, 6, 7],
+    }  # fmt: skip
+    assert list(whole.instances) == ["", "I-1", "I-2"]
+    second = whole.instances["I-2"]
+    assert (second.first_node, second.first_element) == (11, 4)
+
+
+def test_what_an_instance_tells_is_told_once(read):
+    """A part whose elements list too many nodes, and with springs, placed twice."""
+    more = "*ELEMENT,TYPE=S3\n50,1,3,5,7\n*ELEMENT,TYPE=MASS\n60,1\n*END PART"
+    part = PART.replace("*END PART", more)
+    deck = read(part + TOP).deck
+    line = PART.count("\n")
+    assert deck.told == [
+        f"line {line} of part.inp: 1 S3 elements list more than their 3 nodes; the first 3 are "
+        "taken, as CalculiX does."
+    ]
+    assert deck.left == {"MASS": 2}
+    assert deck.blocks[1].corners.tolist() == [[1, 2, 3]]
+
+
+def test_cards_in_files_and_over_lines(read):
+    """Includes, INPUT=, a card that goes on after a comma, quotes, comments and empty fields."""
+    text = '** a comment\n*Heading\nwords, of any kind\n*NODE, NSET = "A, B" ,\n  INPUT=nodes.inp\n'
+    text += "\n*ELEMENT,\n**\nTYPE=S4,ELSET=E\n*INCLUDE,INPUT=more.inp\n*NSET,NSET=C,\n1,3\n"
+    more = "10,1,3,13,\n11\n*ELEMENT,TYPE=S3\n** not this\n11,1,3,5\n"
+    with pytest.raises(MeshError):
+        read(text, nodes=ROWS, more=more)
+    text = text.replace("*ELEMENT,\n**\nTYPE", "*ELEMENT, TYPE")
+    deck = read(text.replace("NSET=C,\n", "NSET=C\n"), nodes=ROWS, more=more).deck
+    assert lists(deck.node_sets) == {"A, B": list(range(10)), "C": [0, 1]}
+    assert lists(deck.element_sets) == {"E": [0]}
+    assert [block.type for block in deck.blocks] == ["S4", "S3"]
+    assert deck.blocks[0].corners.tolist() == [[0, 1, 6, 5]]
+
+
+def nested(depth: int) -> dict[str, str]:
+    files = {f"f{k}": f"*INCLUDE,INPUT=f{k + 1}.inp\n" for k in range(depth)}
+    return {**files, f"f{depth}": SHEET}
+
+
+def test_files_include_one_another_fifteen_deep(read):
+    assert read("*INCLUDE,INPUT=f0.inp\n", **nested(14)).deck.n_elements == 4
+    with pytest.raises(MeshError) as caught:
+        read("*INCLUDE,INPUT=f0.inp\n", **nested(15))
+    assert str(caught.value) == ("line 1 of f14.inp: files include one another more than 16 deep.")
+
+
+ASSEMBLED = PART + TOP
+WRONG = {
+    "words\n": "line 1 of part.inp: data before the first keyword: not an Abaqus deck.",
+    "** words\n": "part.inp contains no keyword (*NODE, …): it is not an Abaqus deck.",
+    "*INCLUDE\n": "line 1 of part.inp: *INCLUDE needs INPUT=.",
+    "*NODE\n*INCLUDE,INPUT=\" '' \"\n": (
+        "line 2 of part.inp: an include without the name of a file."
+    ),
+    "*NODE\n*INCLUDE,INPUT=" + 300 * "x" + "\n": (
+        f"line 2 of part.inp: there is no file {80 * 'x'!r} beside part.inp."
+    ),
+    "*NODE,SYSTEM=C\n1,2,3\n": (
+        "line 1 of part.inp: *NODE, SYSTEM=C is not read here; give rectangular coordinates."
+    ),
+    SHEET + "*ELGEN\n10,2,2,10\n": (
+        "part.inp defines 1 elements twice, one of them 20; every element needs a number of its "
+        "own."
+    ),
+    SHEET + "*ELGEN\n10\n": "line 18 of part.inp: 2 numbers are needed at least.",
+    SHEET + "*ELGEN\n10,2,2,1,2,500,7\n": (
+        "line 18 of part.inp: *ELGEN needs the node 501, which the deck does not define."
+    ),
+    SHEET + "*ELGEN\n10,2000,1,1,5000\n": (
+        "line 18 of part.inp: *ELGEN would make 10000000 elements."
+    ),
+    SHEET + "*NFILL\nA,B,2\n": (
+        "line 18 of part.inp: *NFILL needs two sets, a number of lines and a step."
+    ),
+    SHEET + "*NGEN\n1,19,4\n": "line 18 of part.inp: *NGEN from 1 to 19 by 4 does not fit.",
+    SHEET + "*ELEMENT,TYPE=S3\n50,1,3,6\n51,1,3,8\n": (
+        "line 18 of part.inp: element 50 (S3) has the node 6, which the deck does not define (2 "
+        "such elements)."
+    ),
+    SHEET + "*ELEMENT,TYPE=S3\n50,1,3,0\n": (
+        "line 18 of part.inp: element 50 (S3) has the node 0, which the deck does not define (1 "
+        "such elements)."
+    ),
+    SHEET + "*ELEMENT,TYPE=S3\n50,1,3,5\n51,1\n": (
+        "line 19 of part.inp: element 51 of type S3 has 1 nodes; it must have 3: the deck is cut "
+        "off, or of another program."
+    ),
+    SHEET + "*ELEMENT,TYPE=S3\n50,1,3,\n": (
+        "line 18 of part.inp: element 50 of type S3 has 2 nodes; it must have 3: the deck is cut "
+        "off, or of another program."
+    ),
+    SHEET + f"*ELEMENT,TYPE=S3\n{2**63},1,3,5\n": (
+        "line 18 of part.inp: a number of a node or element is too large."
+    ),
+    SHEET + f"*NSET,NSET=A\n1\n*NODE\n{2**63},1\n": (
+        f"line 20 of part.inp: the number {2**63} is too large."
+    ),
+    SHEET + "*NODE\n1,1e61\n": "line 18 of part.inp: the number 1e61 is too large.",
+    SHEET + "*NODE\n1.5,1\n": "line 18 of part.inp: '1.5' is not an integer.",
+    SHEET + "*NSET,NSET=A,GENERATE\n1\n": (
+        "line 18 of part.inp: GENERATE needs a first and a last number."
+    ),
+    SHEET + "*NSET,NSET=A,GENERATE\n1,9,0\n": (
+        "line 18 of part.inp: GENERATE from 1 to 9 by 0 selects nothing."
+    ),
+    ASSEMBLED.replace("PART=p", "PART=q"): (
+        "line 24 of part.inp: the instance 'I-1' is of the part 'q', which the deck does not "
+        "define."
+    ),
+    ASSEMBLED.replace("INSTANCE=I-2\n1", "INSTANCE=I-3\n1"): (
+        "line 36 of part.inp: there is no instance 'I-3'."
+    ),
+    ASSEMBLED.replace("0,0,5,0,0,6,90", "0,0,5,0,0,6"): (
+        "line 28 of part.inp: the rotation of an instance is two points and an angle."
+    ),
+    ASSEMBLED.replace("0,0,5,0,0,6,90", "0,0,5,0,0,5,90"): (
+        "line 28 of part.inp: the two points of a rotation coincide."
+    ),
+}
+
+
+@pytest.mark.parametrize("text", WRONG, ids=lambda text: WRONG[text][:60])
+def test_what_is_wrong_is_told_with_its_line(read, text):
+    with pytest.raises(MeshError) as caught:
+        read(text)
+    assert str(caught.value) == WRONG[text]
+
+
+def test_large_numbers_that_are_whole_are_read(read):
+    """7.0 and 1.D3 are whole, as some programs write them; numbers below 1e-60 are zero."""
+    deck = read(f"*NODE,NSET=A\n7.0,1.D1,1e-61\n1.D3,-1e60,1.5+2\n{2**62},1\n").deck
+    np.testing.assert_array_equal(deck.points[:2], [[10, 0, 0], [-1e60, 150, 0]])
+    assert lists(deck.node_sets) == {"A": [0, 1, 2]}

@@ -1,0 +1,240 @@
+"""Fields, continuations, copies, cells and groups of Nastran decks, each written by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from antiosc.errors import MeshError
+from antiosc.fem.readers.decks import nastran
+from antiosc.fem.readers.decks.nastran_cards import bulk_data
+from antiosc.fem.readers.decks.sources import Sources
+from antiosc.fem.readers.shapes import CORNERS, EDGES
+
+#: Names and fields of entries of one to four lines.
+ENTRIES = [
+    ("GRID", ["1", "", "1.5", "-2.", "3.+1", "", "123"]),
+    ("SPC1", ["7", "123456", "1", "2", "3", "4", "5", "6", "7", "8", "9"]),
+    ("PBEAM", ["7", "1", "6.", *[""] * 7, "2.", *[""] * 5, ".8", ".9"]),
+    ("MAT9", [*"1234567", "8.", *(f"{k}." for k in range(9, 24))]),
+    ("CHEXA", ["1", "7", *map(str, range(1, 21))]),
+    ("PARAM", ["POST", "-1"]),
+]
+
+
+def small(name: str, fields: list[str], mark: str = "", tab: bool = False) -> str:
+    """Fields of eight characters; `mark` names the continuations in the field after them."""
+    lines = []
+    for k in range(0, len(fields), 8):
+        head = name if k == 0 else mark
+        own = [*fields[k : k + 8], *[""] * 8][:8]
+        tail = mark if mark and k + 8 < len(fields) else ""
+        row = [head, *own, tail]
+        lines.append("\t".join(row) if tab else "".join(f"{word:<8}" for word in row))
+    return "\n".join(line.rstrip() for line in lines) + "\n"
+
+
+def large(name: str, fields: list[str], mark: str = "*") -> str:
+    """Fields of sixteen characters, four in a line."""
+    lines = []
+    for k in range(0, len(fields), 4):
+        head = f"{name}*" if k == 0 else mark
+        lines.append(f"{head:<8}" + "".join(f"{word:>16}" for word in fields[k : k + 4]))
+    return "\n".join(lines) + "\n"
+
+
+def free(name: str, fields: list[str], mark: str = "", wide: bool = False) -> str:
+    count = 4 if wide else 8
+    lines = []
+    for k in range(0, len(fields), count):
+        head = f"{name}{'*' if wide else ''}" if k == 0 else ("*" if wide else mark)
+        row = [head, *fields[k : k + count]]
+        if mark and k + count < len(fields):
+            row += [""] * (count + 1 - len(row)) + [mark]
+        lines.append(" , ".join(row))
+    return "\n".join(lines) + "\n"
+
+
+FORMS = {
+    "small": small,
+    "small, marked": lambda n, f: small(n, f, "+A1"),
+    "tabs": lambda n, f: small(n, f, tab=True),
+    "large": large,
+    "large, marked": lambda n, f: large(n, f, "*A1"),
+    "free": free,
+    "free, marked": lambda n, f: free(n, f, "+"),
+    "free, wide": lambda n, f: free(n, f, wide=True),
+    "lower case": lambda n, f: small(n.lower(), f),
+    "comments": lambda n, f: "$ a comment\n\n" + small(n, f).replace("\n", "  $ of a line\n"),
+}
+
+
+def bulk(folder, text: str):
+    path = folder / "part.bdf"
+    path.write_text(text)
+    return bulk_data(Sources(path, path.name, lambda size: None))
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("control", ["", "SOL 103\nCEND\nTITLE = a, b\nbegin  bulk\n"])
+def test_every_form_has_the_same_fields(tmp_path, form, control):
+    text = "".join(FORMS[form](name, fields) for name, fields in ENTRIES)
+    found = bulk(tmp_path, control + text + ("ENDDATA\nno more\n" if control else ""))
+    assert found.with_control == bool(control)
+    assert [entry.name for entry in found.entries] == [name for name, _ in ENTRIES]
+    for entry, (_, fields) in zip(found.entries, ENTRIES, strict=True):
+        assert [entry.text(k) for k in range(len(fields) + 9)] == [*fields, *[""] * 9]
+    start = (control + text).splitlines()
+    first = next(k for k, line in enumerate(start, 1) if line.upper().startswith("GRID"))
+    assert str(found.entries[0].place) == f"line {first} of part.bdf"
+
+
+def test_a_line_in_large_fields_after_one_in_small_fields(tmp_path):
+    """Each line of large fields is half a line of small ones."""
+    text = large("MAT9", list("abcd")) + small("", list("ABCDEFGH"))
+    (entry,) = bulk(tmp_path, text).entries
+    assert [entry.text(k) for k in range(16)] == [*"abcd", *[""] * 4, *"ABCDEFGH"]
+    text = small("MAT9", list("ABCDEFGH")) + large("", list("abcdefgh")).replace("*   ", "*A  ", 1)
+    (entry,) = bulk(tmp_path, text).entries
+    assert [entry.text(k) for k in range(16)] == [*"ABCDEFGH", *"abcdefgh"]
+
+
+def test_case_control_and_names_in_comments(tmp_path):
+    text = "SPC = 3\n  mpc=4\nSUBCASE 2\nSPC=5\nMPC = 6\nSPC(PLOT) = ALL\nBEGIN BULK\n"
+    text += '$HMNAME PROP           7"skin"\n$ANSA_NAME;8;PSHELL;a rib;\n'
+    text += "$ANSA_NAME_COMMENT;9;PSOLID;block;no\n$ Femap Property 10 : web \n"
+    text += "$ Femap with NX Nastran Property 11 : flange\nGRID,1\nBEGIN BULK\nGRID,2\n"
+    found = bulk(tmp_path, text)
+    assert (found.selected, found.selected_mpcs) == ([3, 5], [4, 6])
+    assert found.names == {7: "skin", 8: "a rib", 9: "block", 10: "web", 11: "flange"}
+    assert [entry.whole(0) for entry in found.entries] == [1, 2]
+
+
+def test_copies_step_by_whole_and_real_numbers(tmp_path):
+    """= keeps a field, == the rest, *n adds; (n) after = repeats the last copy."""
+    text = "SPC1,1,123,4,5,6,7,8,9\n=,*2,=,*(3),,==\n=(2)\n"
+    text += "GRID,1,,1.5,2.\n=,*10,=,*-.25,*1.,==\n=1\n"
+    found = bulk(tmp_path, text)
+    rows = [[entry.text(k) for k in range(8)] for entry in found.entries]
+    assert rows[:4] == [
+        [str(1 + 2 * k), "123", str(4 + 3 * k), "" if k else "5", *"6789"] for k in range(4)
+    ]
+    assert [(int(row[0]), row[1], float(row[2]), float(row[3])) for row in rows[4:]] == [
+        (1, "", 1.5, 2.0), (11, "", 1.25, 3.0), (21, "", 1.0, 4.0),
+    ]  # fmt: skip
+    places = [str(entry.place) for entry in found.entries]
+    assert places == [f"line {k} of part.bdf" for k in (1, 2, 3, 3, 4, 5, 6)]
+
+
+#: Names of cells -> (shape, ends of the edges whose middles follow the corners).
+RING3, RING4 = ["01", "12", "20"], ["01", "12", "23", "30"]
+CELLS = {
+    "CTETRA": ("tetra", [*RING3, "03", "13", "23"]),
+    "CPYRAM": ("pyramid", [*RING4, "04", "14", "24", "34"]),
+    "CPYRA": ("pyramid", [*RING4, "04", "14", "24", "34"]),
+    "CPENTA": ("wedge", [*RING3, "03", "14", "25", "34", "45", "53"]),
+    "CHEXA": ("hexahedron", [*RING4, "04", "15", "26", "37", "45", "56", "67", "74"]),
+    "CTRIA6": ("triangle", RING3),
+    "CQUAD8": ("quad", RING4),
+}
+
+
+@pytest.mark.parametrize("name", CELLS)
+def test_middle_nodes_lie_between_their_corners(tmp_path, name):
+    """All of them, all but the last, and none."""
+    shape, edges = CELLS[name]
+    rng = np.random.default_rng(3)
+    count = CORNERS[shape]
+    corners = np.round(rng.uniform(-1, 1, (count, 3)), 2)
+    x = np.vstack([corners, [corners[[int(c) for c in edge]].mean(axis=0) for edge in edges]])
+    text = "".join(f"GRID,{10 + k},,{a:.3f},{b:.3f},{c:.3f}\n" for k, (a, b, c) in enumerate(x))
+    nodes = [str(10 + k) for k in range(len(x))]
+    text += free(name, ["1", "7", *nodes]) + free(name, ["2", "", *nodes[:-1]])
+    text += free(name, ["3", "7", *nodes[:count]])
+    path = tmp_path / "part.bdf"
+    path.write_text(text)
+    found = nastran.read(path, path.name)
+    whole, straight = found.deck.blocks
+    assert (whole.shape, whole.type, straight.shape) == (shape, name, shape)
+    assert straight.mids.shape == (1, 0)
+    assert whole.inner.shape == (2, 0)
+    ends = found.deck.points[whole.corners[0]][np.array(EDGES[shape])].mean(axis=1)
+    np.testing.assert_allclose(found.deck.points[whole.mids[0]], ends, atol=1e-3)
+    lost = np.flatnonzero(whole.mids[1] != whole.mids[0])
+    last = {frozenset(map(int, edges[-1]))}
+    assert {frozenset(EDGES[shape][k]) for k in lost} == last
+    assert whole.mids[1][lost].tolist() == [-1]
+    assert {n: r.tolist() for n, r in found.deck.element_sets.items()} == {"2": [1], "7": [0, 2]}
+
+
+GRIDS = "".join(f"GRID,{k},,{k}.,0.,0.\n" for k in range(1, 9))
+
+
+def test_groups_by_property_and_by_support(tmp_path):
+    text = '$HMNAME PROP           7"skin"\n' + GRIDS + "CQUAD4,1,7,1,2,3,4\nCBAR,2,,1,2\n"
+    text += "CONROD,3,1,2,9,.1\nCTRIA3,4,7,5,6,7\nSPOINT,20,THRU,22\nSPOINT,30,40\n"
+    text += "SPC,5,1,123,,3,4\nSPC1,5,12,4,THRU,6\nSPC1,6,1,8,7,99\n"
+    text += "CELAS2,70,1.,1,1\nRBE2,71,1,1,2\n"
+    path = tmp_path / "part.bdf"
+    path.write_text(text)
+    found = nastran.read(path, path.name)
+    assert {name: rows.tolist() for name, rows in found.deck.element_sets.items()} == {
+        "2": [1], "7": [0, 3], "skin": [0, 3],
+    }  # fmt: skip
+    assert {name: rows.tolist() for name, rows in found.deck.node_sets.items()} == {
+        "SPC 5": [0, 2, 3, 4, 5], "SPC 6": [6, 7],
+    }  # fmt: skip
+    assert found.scalar == {8: 20, 9: 21, 10: 22, 11: 30, 12: 40}
+    assert found.deck.left == {"CELAS2": 1, "RBE2": 1}
+    assert found.deck.points.shape == (13, 3)
+    assert not found.deck.points[8:].any()
+
+
+WRONG = {
+    GRIDS + "GRID,2,,9.\n": (
+        "line 9 of part.bdf: part.bdf defines the GRID 2 more than once, first otherwise in line "
+        "2 of part.bdf."
+    ),
+    GRIDS + "SPOINT,99,3\n": "part.bdf defines 3 as a GRID and as an SPOINT.",
+    GRIDS + "CQUAD4,1,7,1,2,3,99\n": (
+        "line 9 of part.bdf: CQUAD4 1 has the node 99, for which there is no GRID."
+    ),
+    GRIDS + "CTRIA6,1,7,1,2,3,4,5,-6\n": (
+        "line 9 of part.bdf: CTRIA6 1 has the node -6, for which there is no GRID."
+    ),
+    GRIDS + "CBAR,1,7,1\n": "line 9 of part.bdf: field 5 of CBAR is empty.",
+    GRIDS + "CBAR,,7,1,2\n": "line 9 of part.bdf: field 2 of CBAR is empty.",
+    GRIDS + "CBAR,1,7,1,2\n\n+,1\nCBAR,1,7,3,4\n": (
+        "line 12 of part.bdf: the element 1 is defined more than once."
+    ),
+    GRIDS + "CBAR,1,7,x,2\n": "line 9 of part.bdf: 'x' is not an integer.",
+    GRIDS + "=(2)\n": "line 9 of part.bdf: '=(2)' repeats no copy, or one too often.",
+    GRIDS + "=,*1,==\n=(1000001)\n": (
+        "line 10 of part.bdf: '=(1000001)' repeats no copy, or one too often."
+    ),
+    GRIDS + "=,*1,==\n=(0)\n": "line 10 of part.bdf: '=(0)' repeats no copy, or one too often.",
+    GRIDS + "=,*1,==\n=(X)\n": "line 10 of part.bdf: 'X' is not an integer.",
+    "1GRID,2\n": "line 1 of part.bdf: '1GRID' is not an entry of Nastran's bulk data.",
+    "+,2\n": "line 1 of part.bdf: a continuation without an entry before it.",
+    "GRID*,1,,2.,3.,*A,4.\n": (
+        "line 1 of part.bdf: a line of free fields has up to 4 after its name, and the mark of the "
+        "next line; got 6: write the further ones in a line of their own."
+    ),
+    "GRID,1,,2.,3.,,,,,-5\n": (
+        "line 1 of part.bdf: a line of free fields has up to 8 after its name, and the mark of the "
+        "next line; got 9: write the further ones in a line of their own."
+    ),
+    "INCLUDE 'part.bdf'\n": "line 1 of part.bdf: 'part.bdf' includes itself.",
+    "$\nINCLUDE 'no\n": "line 2 of part.bdf: there is no file 'no' beside part.bdf.",
+    "INCLUDE\n": "line 1 of part.bdf: an include without the name of a file.",
+    "GRID,1,3\n": "line 1 of part.bdf: there is no coordinate system 3.",
+}
+
+
+@pytest.mark.parametrize("text", WRONG, ids=lambda text: WRONG[text][:60])
+def test_what_is_wrong_is_told_with_its_line(tmp_path, text):
+    path = tmp_path / "part.bdf"
+    path.write_text(text)
+    with pytest.raises(MeshError) as caught:
+        nastran.read(path, path.name)
+    assert str(caught.value) == WRONG[text]
