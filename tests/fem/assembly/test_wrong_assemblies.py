@@ -53,6 +53,11 @@ def rods(*joints: ao.Weld) -> ao.Structure:
 
 WELD = ao.Weld("a:end", "b:start")
 
+
+def nowhere(x: np.ndarray) -> np.ndarray:
+    return x[0] > 99
+
+
 WRONG = [
     (lambda: ao.assemble({}), "parts must be a dict"),
     (lambda: ao.assemble({"a:b": block()}), "without a colon"),
@@ -138,6 +143,69 @@ WRONG = [
         lambda: ao.extract(two(TIE), ao.Site("a:x0", (1, 0, 0), part="b"), n=1),
         "tells the part .* leave part='b' out",
     ),
+    (lambda: ao.assemble({"a": block()}, "glue"), "joints must be a list of joints"),
+    (lambda: ao.assemble({"a": block()}, at=[(0, 0, 0)]), "at must be a dict"),
+    (lambda: two(TIE, points=[(0, 0, 0)]), "points must be a dict"),
+    (lambda: two(TIE, points={"hub": (0, 0, 0, 0)}), r"points\['hub'\] must be 2 or 3 numbers"),
+    (lambda: two(TIE, points={"": (0, 0, 0)}), "a point's name must be a text"),
+    (lambda: two(TIE, attached=["mass"]), "attached must be a list of PointMass and Spring"),
+    (lambda: two(TIE, attached="mass"), "attached must be a list of PointMass and Spring"),
+    (lambda: two(TIE, supports=["a:x0"]), "supports must be a list of Support"),
+    (lambda: two(TIE, supports=ao.Support("a:x0", "w")), "'w' is not a component of this assembly"),
+    (lambda: flat(supports=[ao.Support("a:x0", "z")]), "'z' is not a component of this assembly"),
+    (
+        lambda: two(TIE, supports=[ao.Support(lambda x: np.zeros(3, bool))]),
+        "must return one bool per point",
+    ),
+    (
+        lambda: two(TIE, supports=[ao.Support(nowhere)]),
+        "the support on function 'nowhere' fixes nothing: .* along x, y, z, rx, ry, rz lies there",
+    ),
+    (
+        lambda: two(TIE, supports=[ao.Support("a:x0"), ao.Support("a:x1"), ao.Support("b:x1")]),
+        "hold every dof of the assembly: nothing moves",
+    ),
+    (lambda: two(ao.Bolt(("a", (1, 0, 0)), "b:x1", BEAM)), "has no rotation, and the end of"),
+    (lambda: two(TIE, ao.Bushing("a:x1", "b:x0", {"axial": 1.0})), "an axial spring needs two"),
+    (
+        lambda: two(TIE, ao.Bushing(("a", (1, 0, 0)), ("b", (1, 0, 0)), {"rx": 1.0})),
+        "acts on rx, a rotation that 'a' at .* does not have",
+    ),
+    (lambda: flat(ao.Bushing("a:x0", "b:x1", {"rx": 1.0})), "acts on rx, a rotation"),
+    (lambda: flat(ao.Bushing("a:x1", "b:x0", {"z": 1.0})), "joins nothing: none of its components"),
+    (
+        lambda: two(TIE, ao.Weld("a:x1", ("a", (1, 0.5, 0.5)), point=(1, 0.5, 0.5))),
+        "holds a rotation that 'a' at",
+    ),
+    (
+        lambda: rods(WELD, ao.Ball("a:end", ("a", (1, 0, 0)))),
+        "joins nothing: both of its ends are the same point",
+    ),
+    (
+        lambda: rods(WELD, ao.Weld(("b", (1.25, 0, 0)), ("b", (1.25, 0, 1e-12)))),
+        "joins nothing: both of its ends are the same point",
+    ),
+    (
+        lambda: rods(WELD, ao.Rigid("a:end", ("a", (1, 0, 0)))),
+        "'a:end' holds nothing but the point it follows",
+    ),
+    (
+        lambda: two(TIE, ao.Mean("a:x0", ("a", (0, 0, 0)))),
+        "is one of the group 'a:x0' whose mean it should follow",
+    ),
+    (
+        lambda: ao.assemble(
+            {
+                "a": plane(),
+                "b": ao.Structure.from_matrices(
+                    np.eye(3), np.eye(3), map=[[1, 1, 1, 0, 0], [1, 2, 1, 0, 0], [1, 3, 1, 0, 0]]
+                ),
+            },
+            [ao.Ball("a:x1", "b:1")],
+        ),
+        "the part 'b' moves in space and the others in their plane",
+    ),
+    (lambda: ao.extract(two(TIE), ao.Site((0, 0, 0), (0, 0, 1), radius=0.1, part="q"), n=1), "'q'"),
     (lambda: ao.impact_map(rods(WELD)), "the part 'a' has no outward normal"),
     (lambda: ao.impact_map(two(TIE), ["b", "c"]), "no part 'c'; its parts are: 'a', 'b'"),
 ]

@@ -15,9 +15,9 @@ from antiosc.errors import InputError
 from antiosc.fem.assembly.constraint_rows import Rows
 from antiosc.fem.assembly.ends import End, Motion, checked_end, end_text, motion
 from antiosc.fem.assembly.joint import Joint, checked_name
-from antiosc.fem.assembly.layout import Layout
+from antiosc.fem.assembly.layout import Layout, Sparse
 
-#: Points this share of the size of the assembly apart are one.
+#: Points this share of the size of the assembly apart are one; coefficients this share apart too.
 COINCIDENT = 1e-9
 #: Share of a rotation that an end must have to be held by it.
 HAS_ROTATION = 1 - 1e-6
@@ -53,8 +53,8 @@ class _Pin(Joint):
                 m[np.abs(m).max(axis=1) > 1e-9] for m in (displacements, rotations)
             )
         _check_rotations(label, self, rotations, a, b)
-        apart = scipy.sparse.csr_matrix(displacements) @ (b.displacements - a.displacements)
-        rotated = scipy.sparse.csr_matrix(rotations) @ (b.rotations - a.rotations)
+        apart = _apart(displacements, a.displacements, b.displacements)
+        rotated = _apart(rotations, a.rotations, b.rotations)
         rows = scipy.sparse.vstack([layout.nothing(0), apart, rotated]).tocsr()
         rows.eliminate_zeros()
         if not rows.nnz:
@@ -188,6 +188,14 @@ def carried(layout: Layout, label: str, end: End, own: Motion, x: Array) -> Moti
             "where the joint is."
         )
     return own.at(x)
+
+
+def _apart(directions: Array, a: Sparse, b: Sparse) -> Sparse:
+    """b − a along directions (k, 3), without entries that are the rounding of equal ones."""
+    along = scipy.sparse.csr_matrix(directions)
+    found = (along @ (b - a)).tocsr()
+    told = abs(found) > COINCIDENT * (abs(along) @ (abs(a) + abs(b)))
+    return found.multiply(told).tocsr()
 
 
 def _check_rotations(label: str, joint: _Pin, rotations: Array, a: Motion, b: Motion) -> None:

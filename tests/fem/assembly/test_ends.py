@@ -1,0 +1,133 @@
+"""Ends of joints: what moves as a rigid body is seen by each of them as that motion."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+pytest.importorskip("dolfinx")
+
+import antiosc as ao
+import every_joint
+from antiosc.fem import compat
+from antiosc.fem.assembly.arguments import checked_parts, checked_places, checked_points
+from antiosc.fem.assembly.ends import motion
+from antiosc.fem.assembly.layout import Layout
+from antiosc.fem.assembly.motions import rigid_motions
+from antiosc.fem.assembly.placement import Placement, skew
+from antiosc.fem.mesh.mesh import Mesh
+from assemblies import BEAM, NU, RHO, SOLID, E, box, line
+from sheets import sheet
+
+pytestmark = pytest.mark.fem
+
+TURNED = Placement((0.3, -0.2, 0.4), (1, 2, -1), 1.1, about=(0.1, 0.0, 0.2))
+FRAME = every_joint.FRAME
+
+
+def whole(mesh: Mesh) -> Mesh:
+    """The mesh with a group of all cells, and of two points."""
+    count = compat.cell_map(mesh.dolfinx).size_local
+    cells = {mesh.tdim: np.arange(count, dtype=np.int32)}
+    groups = {**mesh.groups, "all": cells, "two": {0: np.array([0, 1], dtype=np.int32)}}
+    return Mesh(mesh.dolfinx, groups, mesh.name)
+
+
+@pytest.fixture(scope="module")
+def layout() -> Layout:
+    arc = sheet((2, 1), lambda s, t: (np.cos(s), np.sin(s), 0.5 * t), order=2)
+    parts = {
+        "block": ao.Structure(whole(box((0, 0, 0), (1, 2, 3), (1, 2, 1))), SOLID, order=2),
+        "cut": ao.Structure(whole(box((0, 0, 0), (1, 2, 3), (1, 1, 1), "tetrahedron")), SOLID),
+        "rod": ao.Structure(whole(line((0, 0, 0), (1, 0, 0), 3)), BEAM),
+        "arc": ao.Structure(whole(arc), ao.Shell(E, NU, RHO, 0.01)),
+        "ecu": every_joint.parts()["ecu"],
+    }
+    checked = checked_parts(parts)
+    places = checked_places(checked, {name: TURNED for name in parts if name != "cut"})
+    return Layout(checked, places, checked_points(checked, {"hub": (3.0, 1.0, -2.0)}))
+
+
+def placed(*x: float) -> tuple[float, ...]:
+    return tuple(TURNED.placed(np.array([x]))[0])
+
+
+#: Ends, their places, and which rotations they have: all, none, or all but those about an axis.
+ENDS = {
+    "point": ("hub", (3.0, 1.0, -2.0), "all"),
+    "face": ("block:x1", placed(1.0, 1.0, 1.5), "all"),
+    "volume": ("cut:all", (0.5, 1.0, 1.5), "all"),
+    "inside": (("block", placed(0.3, 0.7, 2.2)), placed(0.3, 0.7, 2.2), "none"),
+    "inside a tetrahedron": (("cut", (0.3, 0.7, 2.2)), (0.3, 0.7, 2.2), "none"),
+    "end of a rod": ("rod:end", placed(1.0, 0.0, 0.0), "all"),
+    "a whole rod": ("rod:all", placed(0.5, 0.0, 0.0), "all"),
+    "on a rod": (("rod", placed(0.4, 0.0, 0.0)), placed(0.4, 0.0, 0.0), "all"),
+    "a shell": ("arc:all", None, "all"),
+    "two points of a shell": ("arc:two", None, "all"),
+    "two points of a block": ("block:two", None, "about a line"),
+    "node": ("ecu:2", placed(*FRAME[1]), "none"),
+    "node by its place": (("ecu", placed(*FRAME[2])), placed(*FRAME[2]), "none"),
+}
+
+
+@pytest.mark.parametrize("name", list(ENDS))
+def test_an_end_sees_rigid_motions(layout, name):
+    end, place, has = ENDS[name]
+    found = motion(layout, end)
+    if place is not None:
+        np.testing.assert_allclose(found.point, place, atol=1e-12)
+    about = np.array([0.2, -0.7, 0.3])
+    rigid = rigid_motions(layout, about)
+    P = {"all": np.eye(3), "none": np.zeros((3, 3))}.get(has, found.rotation_space)
+    np.testing.assert_allclose(found.rotation_space, P, atol=1e-12)
+    if has == "about a line":
+        assert np.linalg.matrix_rank(P, 1e-6) == 2
+        np.testing.assert_allclose(P @ P, P, atol=1e-12)
+    for moved in (found, found.at(np.array([1.0, 5.0, 2.0]))):
+        arm = moved.point - about
+        if has == "all" or moved is found:
+            exact = np.hstack([np.eye(3), -skew(arm)])
+            np.testing.assert_allclose(moved.displacements @ rigid, exact, atol=1e-11)
+        turned = np.hstack([np.zeros((3, 3)), P])
+        np.testing.assert_allclose(moved.rotations @ rigid, turned, atol=1e-11)
+    assert [found.has(c) for c in ("x", "ry")] == [True, has == "all"]
+
+
+def test_ends_that_are_not_there(layout):
+    for end, words in (
+        (("block", placed(0.3, 0.7, 9.0)), "6 m off the part"),
+        (("ecu", placed(0.5, 0.5, 0.5)), "has no site or node 'ecu' at"),
+        ("ecu:9", "has no site or node 'ecu:9'"),
+        ("block:up", "has no group 'up'"),
+        ("nut:up", "no part 'nut'"),
+        ("nut", "no reference point 'nut'"),
+        ("rod", 'give a group, "part:group"'),
+    ):
+        with pytest.raises(ao.InputError, match=words):
+            motion(layout, end)
+
+
+def test_a_rigid_line_of_a_beam_is_a_rigid_body():
+    """Nodes with rotations follow with them: six dofs, the beam's own mass and inertia."""
+    rod = ao.Structure(whole(line((0, 0, 0), (0.6, 0, 0), 3)), BEAM)
+    at = {"rod": TURNED}
+    joint, points = ao.Rigid("rod:all", "hub"), {"hub": placed(0.3, 0, 0)}
+    rigid = ao.assemble({"rod": rod}, [joint], at, points=points)
+    loose = ao.assemble({"rod": rod}, [], at)
+    assert rigid.dofs == 6
+    one, two = (np.linalg.eigvalsh(part.rigid_inertia[0].matrix) for part in (rigid, loose))
+    assert one[-3:] == pytest.approx(two[-3:], rel=1e-9)
+    alone = ao.assemble({"rod": rod}, [ao.Rigid("rod:all")], at)
+    assert alone.dofs == 6
+
+
+def test_a_spin_about_a_row_of_nodes_is_fixed_where_no_node_shows_it():
+    """Two points of a solid that are rigid by themselves: five motions of the reference point."""
+    mesh = box((0, 0, 0), (1, 1, 1), (1, 1, 1))
+    x = mesh.dolfinx.geometry.x[compat.entity_vertices(mesh.dolfinx, 0)[:, 0]]
+    row = np.flatnonzero((x[:, 0] < 0.5) & (x[:, 2] < 0.5)).astype(np.int32)
+    mesh = Mesh(mesh.dolfinx, {**mesh.groups, "row": {0: row}}, mesh.name)
+    block = ao.Structure(mesh, SOLID, [ao.Support("z1")], order=1)
+    part = ao.assemble({"block": block}, [ao.Rigid("block:row")], {"block": TURNED})
+    assert part.dofs == 24 - 12 - 6 + 5
+    assert part.rigid_modes.shape[1] == 0
