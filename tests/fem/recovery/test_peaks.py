@@ -10,6 +10,7 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 import parts
+from antiosc.fem import peaks
 from antiosc.stresses import extreme_principal
 from mpi import run_ranks
 
@@ -64,6 +65,41 @@ def test_stress_in_a_corner_of_one_cell_is_the_probe_there(struck):
     assert ao.peak_field(part, hit).values.max() == pytest.approx(
         ao.peak_field(part, hit, times=np.linspace(0, 5e-4, 4001)).values.max(), rel=2e-3
     )
+
+
+def test_times_and_nodes_of_an_envelope(struck, monkeypatch):
+    """Those of the history and 501 even ones; the nodes in any number of blocks."""
+    part, hit = struck
+    peak = ao.peak_field(part, hit, "velocity")
+    times = np.union1d(hit.time, np.linspace(hit.time[0], hit.time[-1], 501))
+    assert np.isin(peak.times, times).all()
+    again = ao.peak_field(part, hit, "velocity", times)
+    np.testing.assert_array_equal(again.values, peak.values)
+    monkeypatch.setattr(peaks, "BLOCK_BYTES", 8 * 3 * 12 * len(times) * 5)
+    blocks = ao.peak_field(part, hit, "velocity", times)
+    np.testing.assert_allclose(blocks.values, peak.values, rtol=1e-12)
+    np.testing.assert_array_equal(blocks.times, peak.times)
+    with pytest.raises(ao.InputError, match="one time or more"):
+        ao.peak_field(part, hit, "velocity", [])
+    with pytest.raises(ao.InputError, match="quantity must be"):
+        ao.peak_field(part, hit, "pressure")
+
+
+def test_the_largest_values_keep_apart():
+    """Each outside of the balls around those before; by default of a twentieth of the part."""
+    x = np.array([[0.0, 0, 0], [0.04, 0, 0], [0.06, 0, 0], [0.5, 0.3, 0], [1.0, 0, 0]])
+    values, times = np.array([5.0, 4.5, 4.0, 1.0, 3.0]), np.arange(5.0)
+    peak = peaks.PeakField("speed", "m/s", x, values, times, [("vertex", np.arange(5)[:, None])])
+    assert [(v, t) for v, _, t in peak.largest()] == [(5, 0), (4, 2), (3, 4), (1, 3)]
+    assert [v for v, _, _ in peak.largest(3, apart=0.02)] == [5, 4.5, 3]
+    assert [v for v, _, _ in peak.largest(9, apart=0.0)] == [5, 4.5, 4, 3, 1]
+    assert [v for v, _, _ in peak.largest(2, apart=9.0)] == [5]
+    rows = peak.summary(2).splitlines()
+    assert rows[0].startswith("largest speed [m/s] at")
+    assert rows[2].split() == ["4", "(0.06,", "0,", "0)", "2"]
+    for wrong in ({"count": 0}, {"apart": -1.0}):
+        with pytest.raises(ao.InputError, match=next(iter(wrong))):
+            peak.largest(**wrong)
 
 
 def test_at_an_interface_the_larger_of_both_materials_counts():
