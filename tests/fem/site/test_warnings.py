@@ -1,0 +1,54 @@
+"""What is told of patches: which site of several, its numbers, and from where on."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("dolfinx")
+
+import antiosc as ao
+from antiosc.fem.site.sites import located, tell
+from antiosc.fem.structure.structure import on_mesh
+from parts import STEEL, box
+
+pytestmark = pytest.mark.fem
+
+
+@pytest.fixture(scope="module")
+def part():
+    return on_mesh(ao.Structure(box((2, 1, 1), (0.2, 0.1, 0.1)), ao.Solid(**STEEL), order=1))
+
+
+def told(part, **facts) -> list[str]:
+    """The warnings of three sites with patches that are sound but for these facts."""
+    points = np.tile([0.1, 0.05, 0.1], (3, 1))
+    places = located(part, points, np.tile([0.0, 0.0, -1.0], (3, 1)), np.full(3, 0.04))
+    sound = {"size": 0.01, "share": 1.0, "moving": 1.0, "local": 1e-9, "radii": 0.04}
+    arrays = {name: np.full(3, value) for name, value in sound.items()}
+    arrays |= {name: np.array(values) for name, values in facts.items()}
+    with warnings.catch_warnings(record=True) as found:
+        warnings.simplefilter("always")
+        tell(part, replace(places, **arrays))
+    return [str(one.message) for one in found]
+
+
+def test_sound_patches_are_not_told(part):
+    near = {"size": [0.0479] * 3, "share": [0.901] * 3, "moving": [0.901] * 3}
+    assert told(part) == []
+    assert told(part, **near) == []
+    assert told(part, moving=[0.5] * 3, local=[0.0] * 3) == []
+
+
+def test_the_worst_of_the_doubtful_patches_is_told(part):
+    (text,) = told(part, size=[0.0481, 0.01, 0.06], radii=[0.04, 0.04, 0.045])
+    assert "the site at 2 of 3 sites measure 0.06 m, more than the radius 0.045" in text
+    (text,) = told(part, share=[0.89, 1.0, 0.5])
+    assert "cuts the patch at 2 of 3 sites: only 50% of its load area" in text
+    (text,) = told(part, moving=[1.0, 0.89, 0.25])
+    assert "supports fix 75% of the patch at 2 of 3 sites" in text
+    (text,) = told(part, radii=[np.nan, 0.04, 0.04])
+    assert "the element there measures 0.17 m" in text
