@@ -7,6 +7,7 @@ import pytest
 
 import antiosc as ao
 from antiosc.closed_form import UniformBeam, free_free, pinned_pinned
+from antiosc.models import free_modes
 from antiosc.models.driving_point import stiffness_error
 from antiosc.models.free_modes import at_sites, error_bound, from_free_modes
 
@@ -168,3 +169,31 @@ def test_band_of_an_impact(speed):
 def test_no_band_without_a_velocity():
     with pytest.raises(ao.InputError, match="velocity > 0"):
         ao.impact_band(ao.Obstacle(), ao.Hertz(1e9))
+
+
+@pytest.mark.parametrize("method", ["modes", "krylov"])
+def test_more_than_there_are_is_all_of_them(rng, method):
+    omega, b, C, G, _ = structure(rng, 6)
+    for inertia in (None, G):
+        whole = from_free_modes(omega, b, 1.3 * C, inertia, method=method)
+        asked = from_free_modes(omega, b, 1.3 * C, inertia, n=50, method=method)
+        assert asked.n == whole.n == 6
+        np.testing.assert_allclose(asked.omega, whole.omega, rtol=1e-12)
+
+
+def test_what_counts_as_rounding_is_in_the_bound(rng):
+    """A mode just above the others holds less compliance than `residual` tells from rounding."""
+    omega, b, C, G, _ = structure(rng, 12)
+    faint = 0.4 * free_modes.RESIDUAL_ROUNDING * C  # m/N at rest
+    top = omega[-1] ** 2
+    arguments = omega, b[None], [C + faint], [G + faint / top]
+    models = at_sites(*arguments)
+    band = 0.95 * omega[-1]
+    left_out, _ = error_bound(models, *arguments, band)
+    error = stiffness_error(
+        models.model(0).dynamic_stiffness,
+        lambda at: 1 / (receptance(omega, b, at) + faint / (1 - at**2 / top)),
+        band,
+        omega[0],
+    )
+    assert error < left_out[0] < 3 * error

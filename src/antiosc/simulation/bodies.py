@@ -124,18 +124,13 @@ class Placed:
 
 
 def place(name: str, body: Any, motion: Motion | float | None) -> Placed:
-    """The body of that name with its start; InputError when it is no body of a scene."""
+    """The body of that name with its start; InputError for a motion that it cannot have."""
     if isinstance(body, RigidBody):
         placed = _rigid(name, body)
     elif isinstance(body, SiteModes):
         placed = _several(name, body, body)
     elif isinstance(body, AntiOscillators) and body.sites:
         placed = _several(name, body, body.site_modes())
-    elif isinstance(body, type) or not callable(getattr(body, "modal", None)):
-        raise InputError(
-            f"body {name!r} must be a model, an impactor, an Obstacle, a RigidBody or SiteModes;"
-            f" got {type(body).__name__}."
-        )
     else:
         placed = _single(name, body)
     if motion is not None:
@@ -146,8 +141,7 @@ def place(name: str, body: Any, motion: Motion | float | None) -> Placed:
 
 
 def _single(name: str, body: LinearBody) -> Placed:
-    modes: ModalBody = body.modal()
-    asked = checked_body(f"body {name!r}", body)
+    asked, modes = checked_body(f"body {name!r}", body), body.modal()
     velocity = asked.velocity
     own = isinstance(body, Impactor)
     if own and not isinstance(velocity, Motion):
