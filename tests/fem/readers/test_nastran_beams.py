@@ -1,0 +1,236 @@
+"""Ends of Nastran's beams beside their nodes, released or tapered, as points and equations."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from antiosc.errors import MeshError
+from antiosc.fem.readers.decks import nastran, nastran_model
+from antiosc.fem.readers.decks.deck import Place
+from antiosc.fem.readers.decks.nastran_cards import Entry
+from antiosc.fem.readers.decks.nastran_profiles import BeamProfiles
+from antiosc.fem.readers.unit_system import UnitSystem
+
+RNG = np.random.default_rng(43)
+X = np.round(RNG.uniform(-1, 1, (4, 3)), 3)
+W = np.round(0.2 * RNG.uniform(-1, 1, (2, 3)), 3)
+#: The system of node 2: its axes x, y, z are y, z and x of the deck.
+CYCLIC = "CORD2R,5,,0.,0.,0.,1.,0.,0.,\n,0.,1.,0.\n"
+MAT = "MAT1,1,2.+11,,.3,7800.\nPBAR,7,1,1.-4,3.-9,2.-9,2.-9\nPBAR,8,1,1.-4,3.-9,2.-9,2.-9\n"
+V = (0.1, 0.2, 0.9)
+
+
+def read(folder, cards: str):
+    text = CYCLIC + MAT
+    for k, x in enumerate(X, 1):
+        text += f"GRID,{k},,{','.join(map(str, x))}{',5' if k == 2 else ''}\n"
+    path = folder / "part.bdf"
+    path.write_text(text + "CBAR,9,8,2,3,.1,.2,.9\nCBAR,10,8,3,4,.1,.2,.9\n" + cards)
+    found = nastran.read(path, path.name)
+    return nastran_model.model_of(found, UnitSystem.of("m"), None), found.deck
+
+
+def words(values) -> str:
+    return ",".join(map(str, values))
+
+
+def rows(model, count: int) -> np.ndarray:
+    """Equations (n, nodes, 6); nodes of no element have negative numbers and places."""
+    loose = [int(np.argmin(np.linalg.norm(X - x, axis=1))) for x in model["joints"]["points"]]
+    found = np.zeros((len(model["joints"]["equations"]), count, 6))
+    for row, terms in zip(found, model["joints"]["equations"], strict=True):
+        for node, motion, value in terms:
+            row[node if node >= 0 else loose[-1 - node], motion] += value
+    return found
+
+
+PINS = {"": [], "45": [3, 4], "456": [3, 4, 5], "1": [0], "5": [4]}
+
+
+@pytest.mark.parametrize("first", PINS)
+@pytest.mark.parametrize("second", ["", "5"])
+def test_ends_follow_their_nodes_but_for_what_is_released(tmp_path, first, second):
+    """Offsets along the axes of each node's own motions; pins along the axes of the beam."""
+    card = f"CBAR,1,7,1,2,{words(V)}\n,{first},{second},{words(W[0])},{words(W[1])}\n"
+    model, deck = read(tmp_path, card)
+    ends = np.array([X[0] + W[0], X[1] + W[1] @ np.eye(3)[[1, 2, 0]]])
+    np.testing.assert_allclose(deck.points[4:], ends, atol=1e-12)
+    (beam,) = (block for block in deck.blocks if len(block) == 3)
+    assert beam.corners[2].tolist() == [4, 5]
+    assert model["apart"] == [4, 5]
+    found = rows(model, 6)
+    held = [[c for c in range(6) if c not in PINS[pins]] for pins in (first, second)]
+    assert len(found) == sum(map(len, held))
+    line = (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
+    v = np.array(V) - (np.array(V) @ line) * line
+    v /= np.linalg.norm(v)
+    axes = np.stack([line, v, np.cross(line, v)])
+    for k in (0, 1):
+        own = found[np.abs(found[:, 4 + k]).max(axis=1) > 0]
+        # a motion of the end against its node is held if a part of it is along a held axis
+        released = [c for c in range(6) if c not in held[k]]
+        for c in range(6):
+            moved = np.zeros(6)
+            moved[3 * (c // 3) : 3 * (c // 3) + 3] = axes[c % 3]
+            assert (np.abs(own[:, 4 + k] @ moved).max() < 1e-12) == (c in released)
+        U, turn = RNG.normal(size=(2, 3))
+        u = np.zeros((6, 6))
+        u[k], u[4 + k] = (*U, *turn), (*(U + np.cross(turn, ends[k] - X[k])), *turn)
+        assert np.abs(np.einsum("enc,nc->e", own, u)).max() < 1e-12
+    assert np.linalg.matrix_rank(found.reshape(len(found), -1)) == len(found)
+
+
+def test_one_end_beside_its_node(tmp_path):
+    model, deck = read(tmp_path, f"CBAR,1,7,1,3,{words(V)}\n,,,0.,0.,0.,{words(W[1])}\n")
+    np.testing.assert_allclose(deck.points[4:], [X[2] + W[1]], atol=1e-12)
+    assert deck.blocks[0].corners.tolist() == [[1, 2], [2, 3], [0, 4]]
+    assert len(model["joints"]["equations"]) == 6
+    for flags in ("0", "00"):
+        plain, _ = read(tmp_path, f"CBAR,1,7,1,3,{words(V)}\n,{flags},\n")
+        assert plain["joints"]["equations"] == []
+
+
+WRONG = {
+    ",a1\n": "line {} of part.bdf: the pin flags 'a1' are not components from 1 to 6.",
+    ",,7\n": "line {} of part.bdf: the pin flags '7' are not components from 1 to 6.",
+    ",,," + words(X[1] - X[0]) + "\n": "line {} of part.bdf: CBAR 1 has no length.",
+    ",,," + words([0.5, 0, 0]) + "\nGOO": (
+        "line {} of part.bdf: CBAR with offsets in the element's system (OFFT = GOO) is not "
+        "supported; give them in the displacement system (GGG)."
+    ),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_ends_that_are_refused(tmp_path, case):
+    more, _, kind = case.partition("\n")
+    end = "4" if "no length" in WRONG[case] else "3"
+    text = f"CBAR,1,7,1,{end},{words(V)}{',' + kind if kind else ''}\n{more}\n"
+    if "no length" in WRONG[case]:
+        text = text.replace(words(X[1] - X[0]), words((X[3] - X[0]).round(3)))
+    line = 2 + 3 + len(X) + 2 + 1
+    with pytest.raises(MeshError) as caught:
+        read(tmp_path, text)
+    assert str(caught.value) == WRONG[case].format(line)
+
+
+def test_a_tapered_beam_is_sixteen_pieces_of_the_sections_at_their_middles(tmp_path):
+    pbeam = "PBEAM,6,1,4.-4,8.-9,6.-9,,2.-9,,\n,,,,,,,,,\n,NO,1.,2.-4,4.-9,2.-9,,1.-9,\n"
+    model, deck = read(tmp_path, pbeam + f"CBEAM,1,6,1,3,{words(V)}\n")
+    s = (np.arange(16) + 0.5) / 16
+    families = {tuple(deck.element_sets[name]): one for name, _, one, _ in model["families"]}
+    found = {elements: one for elements, one in families.items() if len(elements) == 1}
+    (block,) = (block for block in deck.blocks if block.type == "CBEAM")
+    start = sum(len(b) for b in deck.blocks[: deck.blocks.index(block)])
+    chain = [0, *range(4, 19), 2]
+    assert block.corners.tolist() == [list(pair) for pair in pairwise(chain)]
+    places = X[0] + (np.arange(1, 16) / 16)[:, None] * (X[2] - X[0])
+    np.testing.assert_allclose(deck.points[4:], places, atol=1e-12)
+    for k in range(16):
+        section = found[start + k,]["section"]
+        assert 1e4 * section["A"] == pytest.approx(4 - 2 * s[k])
+        assert 1e9 * section["I"] == pytest.approx(8 - 4 * s[k])
+        assert 1e9 * section["I_side"] == pytest.approx(6 - 4 * s[k])
+        assert 1e9 * section["J"] == pytest.approx(2 - s[k])
+    assert model["joints"]["equations"] == []
+
+
+# --- Profiles -------------------------------------------------------------------------------------
+
+
+def profile(kind: str, *dimensions: float):
+    fields = ["1", "1", "", kind, *[""] * 4, *map(str, dimensions)]
+    return BeamProfiles(Entry("PBARL", Place("a deck", 1), fields)).at(0.0).profile
+
+
+#: Lengths and thicknesses of the walls after the figures of the manuals.
+OPEN = {
+    ("I", 3.0, 2.0, 1.2, 0.2, 0.3, 0.4): [(2.0, 0.3), (1.2, 0.4), (2.3, 0.2)],
+    ("I1", 1.8, 0.2, 2.4, 3.0): [(2.0, 0.3), (2.0, 0.3), (2.4, 0.2)],
+    ("T", 2.0, 3.0, 0.4, 0.3): [(2.0, 0.4), (2.6, 0.3)],
+    ("T1", 3.0, 2.0, 0.4, 0.3): [(3.0, 0.4), (2.0, 0.3)],
+    ("T2", 2.0, 3.0, 0.4, 0.3): [(2.0, 0.4), (2.6, 0.3)],
+    ("CHAN", 2.0, 3.0, 0.2, 0.3): [(2.0, 0.3), (2.0, 0.3), (2.4, 0.2)],
+    ("CHAN1", 1.8, 0.2, 2.4, 3.0): [(2.0, 0.3), (2.0, 0.3), (2.4, 0.2)],
+    ("CHAN2", 0.3, 0.2, 2.0, 3.0): [(3.0, 0.2), (1.8, 0.3), (1.8, 0.3)],
+    ("H", 2.4, 0.6, 2.0, 0.2): [(2.0, 0.3), (2.0, 0.3), (2.4, 0.2)],
+    ("CROSS", 1.8, 0.2, 3.0, 0.4): [(3.0, 0.2), (0.9, 0.4), (0.9, 0.4)],
+    ("HAT", 2.0, 0.2, 1.6, 0.7): [(1.6, 0.2), (1.6, 0.2), (1.6, 0.2), (0.9, 0.2), (0.9, 0.2)],
+}
+
+
+@pytest.mark.parametrize("case", OPEN)
+def test_thin_open_sections_have_the_torsion_of_their_walls(case):
+    """Σ l t³/3; the shear coefficient is that of thin walls."""
+    found = profile(*case)
+    assert pytest.approx(sum(length * t**3 for length, t in OPEN[case]) / 3) == found.J
+    assert pytest.approx(sum(length * t for length, t in OPEN[case])) == found.A
+    assert found.shear == 0.5
+
+
+def test_torsion_of_boxes_and_hexagons():
+    """Bredt's 4 A²/∮ds/t with four walls; Saint-Venant's A⁴/(40 Ip) of a full section."""
+    w, h = 2.0 - (0.1 + 0.3) / 2, 3.0 - (0.4 + 0.2) / 2
+    around = w / 0.4 + w / 0.2 + h / 0.1 + h / 0.3
+    box1 = profile("BOX1", 2.0, 3.0, 0.4, 0.2, 0.1, 0.3)
+    assert pytest.approx(4 * (w * h) ** 2 / around) == box1.J
+    hexa = profile("HEXA", 0.6, 3.0, 1.5)
+    polar = hexa.I + hexa.I_side
+    assert pytest.approx(1.5 * (3.0 - 0.6)) == hexa.A
+    assert pytest.approx(hexa.A**4 / (40 * polar)) == hexa.J
+    assert hexa.shear == 5 / 6
+    for kind, shear in (("ROD", 0.9), ("TUBE", 0.5), ("TUBE2", 0.5), ("BAR", 5 / 6), ("BOX", 0.5)):
+        own = {"ROD": [1.0], "BAR": [1.0, 2.0], "BOX": [3.0, 2.0, 0.2, 0.1]}.get(kind, [1.0, 0.4])
+        assert profile(kind, *own).shear == shear
+    tube, other = profile("TUBE", 1.0, 0.4), profile("TUBE2", 1.0, 0.6)
+    assert (tube.A, tube.I, tube.J) == (other.A, other.I, other.J)
+    assert pytest.approx(np.pi) == profile("TUBE", 1.0, 0.0).A
+
+
+@pytest.mark.parametrize(
+    ("kind", "dimensions"),
+    [("TUBE", (0.0, 0.0)), ("TUBE2", (1.0, 0.0)), ("ROD", (0.0,)), ("BAR", (1.0, 0.0))],
+)
+def test_dimensions_that_are_not_above_zero(kind, dimensions):
+    with pytest.raises(MeshError) as caught:
+        profile(kind, *dimensions)
+    assert str(caught.value) == "line 1 of a deck: PBARL needs dimensions above 0."
+
+
+def stations(name: str, fields: str) -> BeamProfiles:
+    return BeamProfiles(Entry(name, Place("a deck", 1), fields.split(",")))
+
+
+def test_stations_of_constants():
+    """Blank values are linear between the ends; SO = YES has a line of places of stresses."""
+    text = "1,1,6.,4.,2.,.5,1.,3.,,,,,,,,,YES,1.,3.,2.,,,,1.,,,,,,,,,NO,.25,,,1.5,,.5,,.8,.6"
+    found = stations("PBEAM", text)
+    one, two = found.at(0.25), found.at(1.0)
+    assert [place for place, _ in found.stations] == [0.0, 0.25, 1.0]
+    assert found.tapered
+    assert (one.profile.A, one.extra) == pytest.approx((5.25, 2.5))
+    assert pytest.approx(0.5) == one.profile.J
+    # I1 = 3.5, I2 = 1.5, I12 = 0.5 in principal axes
+    half = np.hypot(1.0, 0.5)
+    assert (one.profile.I, one.profile.I_side) == pytest.approx((2.5 + half, 2.5 - half))
+    assert one.angle == pytest.approx(np.arctan2(0.5, 1.0) / 2)
+    assert pytest.approx(3.0) == two.profile.A
+    assert one.profile.shear == pytest.approx(0.7)
+    assert found.told == ["K1 and K2 of PBEAM 1, which differ: their mean is taken"]
+    plain = stations("PBEAM", "1,1,6.,4.,2.,,1.")
+    assert not plain.tapered
+    assert plain.at(0.5).profile.shear == 1.0
+    assert plain.told == []
+    alike = stations("PBEAM", "1,1,6.,4.,2.,,1.,,,,,,,,,,NO,1.,6.,4.,2.,,1.")
+    assert not alike.tapered
+
+
+def test_stations_of_profiles():
+    """The mass beside each and the place of the last are by default those before and the end."""
+    found = stations("PBEAML", "1,1,,BAR,,,,,3.,2.,5.,YES,.5,2.,,4.,NO,,1.,1.,")
+    assert [place for place, _ in found.stations] == [0.0, 0.5, 1.0]
+    sizes = [(one.profile.width, one.profile.height, one.extra) for _, one in found.stations]
+    assert sizes == [(3, 2, 5), (2, 2, 4), (1, 1, 5)]
