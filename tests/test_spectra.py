@@ -206,3 +206,19 @@ def test_the_force_of_an_impact_has_its_impulse_at_zero():
 def test_what_is_no_signal_is_refused(arguments, message):
     with pytest.raises(ao.InputError, match=message):
         ao.srs(**arguments)
+
+
+def test_the_transform_of_a_signal_that_begins_and_ends_with_jumps():
+    """Of a straight line from 2 to 5 over 0.3 s from 0.1 s on, by hand, at low frequencies."""
+    t = np.linspace(0.1, 0.4, 3001)
+    found = ao.spectrum(t, 2 + 10 * (t - 0.1), pad=4.0)
+    low = found.frequency < 20
+    for f, value in zip(found.frequency[low], found.values[low], strict=True):
+        s = 2j * np.pi * f
+        if f == 0:
+            exact = 3.5 * 0.3
+        else:
+            ends = [(x / s + 10 / s**2) * np.exp(-s * at) for x, at in ((2, 0.1), (5, 0.4))]
+            exact = ends[0] - ends[1]
+        assert value == pytest.approx(exact, rel=1e-4)
+    assert found.amplitude[0] == pytest.approx(1.05, rel=1e-9)

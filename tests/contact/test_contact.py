@@ -344,3 +344,15 @@ def test_an_unloading_curve_may_give_back_too_much_at_one_depth_alone():
     with pytest.raises(ao.InputError, match=r"unloading from 0\.5 m would give back"):
         ao.Tabulated(*loading, ([1.0, 10], [0, 10.5]))
     ao.Tabulated(*loading, ([2.0, 10], [0, 10.5]))
+
+
+def test_the_work_of_loading_is_the_integral_of_the_force():
+    """Of all plastic laws, deep beyond yield: Stronge's has three parts."""
+    for law in LAWS.values():
+        if not law.has_memory:
+            continue
+        depths = np.concatenate([np.linspace(0, 1.4e-4, 6001), np.linspace(1.4e-4, 2e-3, 6001)])
+        forces = [law.loading(d) if d else 0.0 for d in depths]
+        work = np.append(0.0, np.cumsum(np.diff(depths) * (np.add(forces[1:], forces[:-1])) / 2))
+        for i in (60, 900, 6000, 8000, 12001):
+            assert law.loading_work(depths[i]) == pytest.approx(work[i], rel=2e-3)

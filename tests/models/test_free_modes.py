@@ -10,6 +10,7 @@ from antiosc.closed_form import UniformBeam, free_free, pinned_pinned
 from antiosc.models import free_modes
 from antiosc.models.driving_point import stiffness_error
 from antiosc.models.free_modes import at_sites, error_bound, from_free_modes
+from antiosc.models.rigid_share import with_rigid
 
 BEAM = UniformBeam.euler_bernoulli(E=67e9, rho=2400, area=2e-4, inertia=0.33e-8, length=1.0)
 
@@ -181,19 +182,49 @@ def test_more_than_there_are_is_all_of_them(rng, method):
         np.testing.assert_allclose(asked.omega, whole.omega, rtol=1e-12)
 
 
-def test_what_counts_as_rounding_is_in_the_bound(rng):
+@pytest.mark.parametrize("rigid", [0, 1])
+def test_what_counts_as_rounding_is_in_the_bound(rng, rigid):
     """A mode just above the others holds less compliance than `residual` tells from rounding."""
-    omega, b, C, G, _ = structure(rng, 12)
-    faint = 0.4 * free_modes.RESIDUAL_ROUNDING * C  # m/N at rest
+    omega, b, C, G, shift = structure(rng, 12, rigid)
+    faint = 0.4 * free_modes.RESIDUAL_ROUNDING * C  # m/N at the shift
     top = omega[-1] ** 2
-    arguments = omega, b[None], [C + faint], [G + faint / top]
-    models = at_sites(*arguments)
+    arguments = omega, b[None], [C + faint], [G + faint / (top + shift)]
+    models = at_sites(*arguments, shift=shift)
     band = 0.95 * omega[-1]
-    left_out, _ = error_bound(models, *arguments, band)
+    left_out, _ = error_bound(models, *arguments, band, shift)
     error = stiffness_error(
         models.model(0).dynamic_stiffness,
-        lambda at: 1 / (receptance(omega, b, at) + faint / (1 - at**2 / top)),
+        lambda at: 1 / (receptance(omega, b, at) + faint * (top + shift) / (top - at**2)),
         band,
-        omega[0],
+        omega[rigid],
     )
     assert error < left_out[0] < 3 * error
+
+
+def test_modes_left_out_lie_above_the_last(rng):
+    """Compliance r and inertia s of them: s is at most r over the last frequency squared."""
+    omega, b, C, G, _ = structure(rng, 8)
+    for more, heavier, expected in ((0.3, 0.1, 0.1), (0.3, 5.0, 0.3), (0.3, -0.1, 0.0)):
+        least = C / omega[-1] ** 2
+        given = np.array([C * (1 + more)]), np.array([G + heavier * least])
+        r, s = free_modes.residual(omega, b[None], *given, 0.0)
+        assert r[0] == pytest.approx(more * C)
+        assert s[0] == pytest.approx(expected * least, rel=1e-6)
+
+
+def test_a_rigid_motion_beside_the_elastic_ones(rng):
+    """H = H_elastic - a²/ω²; the shapes are those of the static mode and the motion together."""
+    elastic = ao.AntiOscillators(m0=0.05, k0=2e5, m=[0.3, 0.1], omega=[700.0, 2500.0])
+    a = 1.3
+    m0, m, omega, residual, psi = with_rigid(2e5, 0.05, elastic.m, elastic.omega, a)
+    whole = ao.AntiOscillators(m0=m0, k0=0.0, m=m, omega=omega)
+    at = np.linspace(20, 4e3, 30) * (1 + 0.01j)
+    H = 1 / elastic.dynamic_stiffness(at) - a**2 / at**2
+    np.testing.assert_allclose(whole.dynamic_stiffness(at) * H, 1, rtol=1e-9)
+    # r moves the site by a, phi_st by 1, the psi_i not at all
+    site = np.array([a, 1.0, 0, 0])
+    np.testing.assert_allclose(site @ np.column_stack((residual, psi)), [1, 0, 0, 0], atol=1e-12)
+    mass = np.diag([1.0, elastic.m_st, *elastic.m])
+    mass[1, 2:] = mass[2:, 1] = elastic.m
+    shapes = np.column_stack((residual, psi))
+    np.testing.assert_allclose(shapes.T @ mass @ shapes, np.diag([m0, *m]), rtol=0, atol=1e-12)

@@ -77,6 +77,7 @@ REFUSED: list[tuple[Callable[[], Any], str]] = [
     (lambda: BOTH.to_matrices(nodes=[5, 5], dofs=3), "nodes and dofs name one dof twice"),
     (lambda: ReducedMatrices(np.eye(1), np.eye(1), np.array([[1.5, 0]])), "labels must be numbers"),
     (lambda: ReducedMatrices(np.eye(1), np.eye(1), np.array([[-1, 0]])), "labels must be numbers"),
+    (lambda: ReducedMatrices(np.eye(1), np.eye(1), np.array([[2**31, 0]])), "labels must be numb"),
     (lambda: ReducedMatrices(np.eye(2, k=1), np.eye(2), np.ones((2, 2))), "K must be symmetric"),
     (lambda: ReducedMatrices(np.eye(2), np.eye(2, k=1), np.ones((2, 2))), "M must be symmetric"),
     (lambda: MODEL.to_matrices().save("model.txt"), "matrices are written to .mtx, .op4"),
