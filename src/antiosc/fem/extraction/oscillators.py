@@ -203,9 +203,13 @@ def _rounding(structure: Structure, known: Found, x: ComplexArray) -> Array:
         energy = known.static.k0 + np.abs(weight[:, 1:] * x[:, None] / poles) ** 2 @ poles
         parts[0] = np.sqrt(parts[0] * energy)
     left = SOLVE_ROUNDING * np.finfo(float).eps * (parts[0] + np.abs(x) * parts[1])
-    off = [known.stiffnesses - np.diag(known.poles), known.masses - np.eye(len(known.c))]
+    # amplitudes of the modes beside the residual shape, and beside the static one
     size = np.abs(weight[:, 1:])
-    left += 2 * np.abs(x) * (size @ np.abs(known.coupling[real] / poles))
-    for matrix, times in zip(off, (np.ones(len(x)), np.abs(x)), strict=True):
-        left += times * np.einsum("wi,wi->w", size @ np.abs(matrix[real][:, real]), size)
+    bent = size * np.abs(x)[:, None] / poles
+    left += 2 * bent @ np.abs(known.coupling[real])
+    for matrix, own, times in (
+        (known.stiffnesses - np.diag(known.poles), bent, np.ones(len(x))),
+        (known.masses - np.eye(len(known.c)), size, np.abs(x)),
+    ):
+        left += times * np.einsum("wi,wi->w", own @ np.abs(matrix[real][:, real]), own)
     return left

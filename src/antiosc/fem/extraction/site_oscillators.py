@@ -189,13 +189,14 @@ def _rounding(structure: Structure, known: Found, x: ComplexArray) -> Array:
         energy = bands.spectral_norms(known.static.k0 + bent)
         parts[0] = np.sqrt(parts[0] * energy)
     left = SOLVE_ROUNDING * np.finfo(float).eps * (parts[0] + np.abs(x) * parts[1])
+    # amplitudes of the modes beside the residual shapes, and beside the static ones
     size = np.abs(weight[:, count:])
-    across = size.transpose(0, 2, 1)
-    coupled = across @ np.abs(known.coupling[real] / poles[:, None])
-    left += 2 * np.abs(x) * bands.spectral_norms(coupled)
-    for matrix, times in (
-        (known.stiffnesses - np.diag(known.poles), np.ones(len(x))),
-        (known.masses - np.eye(len(known.P)), np.abs(x)),
+    bent = size * (np.abs(x)[:, None] / poles)[:, :, None]
+    left += 2 * bands.spectral_norms(bent.transpose(0, 2, 1) @ np.abs(known.coupling[real]))
+    for matrix, own, times in (
+        (known.stiffnesses - np.diag(known.poles), bent, np.ones(len(x))),
+        (known.masses - np.eye(len(known.P)), size, np.abs(x)),
     ):
-        left += times * bands.spectral_norms(across @ (np.abs(matrix[np.ix_(real, real)]) @ size))
+        off = np.abs(matrix[np.ix_(real, real)]) @ own
+        left += times * bands.spectral_norms(own.transpose(0, 2, 1) @ off)
     return left
