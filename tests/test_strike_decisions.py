@@ -1,0 +1,214 @@
+"""What `strike` decides between two meshes: sizes, anti-oscillators, bars, when it stops."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import antiosc as ao
+from antiosc.simulation.error_bars import QUANTITIES, ErrorBar, ErrorBudget
+
+pytestmark = pytest.mark.fem
+pytest.importorskip("dolfinx")
+
+from mpi4py import MPI  # noqa: E402
+
+from antiosc import strike_answers, striking  # noqa: E402
+
+TOL = 0.01
+
+
+def budget(mesh: float = 0.05, safety: float = 2.0, **bars: float) -> ErrorBudget:
+    """The same bars for all quantities, but for that of the mesh: 1, 0.8 and 0.6 of it."""
+    own = {"truncation": 0.0, "time": 0.0, "patch": 0.0, **bars}
+    shares = zip(QUANTITIES, (1.0, 0.8, 0.6), strict=True)
+    found = {name: ErrorBar(value=1.0, mesh=s * mesh, **own) for name, s in shares}
+    return ErrorBudget(found, 0.01, (), safety)
+
+
+def answer(given: ErrorBudget | None = None, **more: Any) -> Any:
+    own = {
+        "structure": SimpleNamespace(dofs=1000, comm=MPI.COMM_SELF),
+        "raw": SimpleNamespace(model=SimpleNamespace(strain_misfit=None)),
+        "hit": SimpleNamespace(peak_force=10.0, impulse=1.0, contact_time=2.0),
+        "budget": given or budget(), "n": 20, "seconds": 3.0,
+    }  # fmt: skip
+    return strike_answers.Answer(**{**own, **more})
+
+
+@pytest.fixture
+def step(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """`_next` of a mesh in the plane of 50 cells with equal errors, in which the limit is told."""
+    monkeypatch.setattr(striking, "_errors_of_cells", lambda *_: np.ones(50))
+    monkeypatch.setattr(striking.time, "perf_counter", lambda: 107.0)
+    mesh = SimpleNamespace(comm=MPI.COMM_SELF, tdim=2)
+
+    def called(given: Any, limit: float | None = None, meshes: int = 1, free: float = 1e12) -> Any:
+        monkeypatch.setattr(striking, "free_memory", lambda: free)
+        return striking._next(given, mesh, 1, TOL, limit, 100.0, meshes)
+
+    return called
+
+
+@pytest.mark.parametrize(
+    ("given", "goal"),
+    [
+        (budget(0.05), 0.8 * 0.01 / 0.05),
+        (budget(0.04, time=0.002, patch=0.001), 0.8 * 0.007 / 0.04),
+        # the truncation counts up to a fifth of the tolerance
+        (budget(0.04, truncation=0.001), (0.008 - 0.001) / 0.04),
+        (budget(0.04, truncation=0.5), (0.008 - 0.002) / 0.04),
+        # bars of a mesh that is not resolved fall by their factor too: (2 - 1)/(3 - 1)
+        (budget(0.05, safety=3.0), 0.8 * 0.01 / (0.05 / 2)),
+        # a mesh that is nearly good enough gets finer by a fifth at least
+        (budget(0.009), 0.8),
+    ],
+)
+def test_the_next_mesh_has_the_error_that_is_left(step: Any, given: Any, goal: float) -> None:
+    """Of order 1 the error falls as the size squared, and so do sizes for the goal."""
+    ratio, told = step(answer(given))
+    np.testing.assert_allclose(ratio, np.sqrt(goal), rtol=1e-6)
+    assert told == ""
+
+
+def test_later_meshes_aim_lower_and_none_grows_more_than_eightfold(step: Any) -> None:
+    for meshes, goal in ((1, 0.4), (2, 0.24), (3, 0.144), (4, 1 / 8)):
+        ratio, _ = step(answer(budget(0.02)), meshes=meshes)
+        np.testing.assert_allclose(ratio**2, goal, rtol=1e-6)
+
+
+def test_a_mesh_that_takes_too_long_or_too_much_memory_is_not_made(step: Any) -> None:
+    """Goal 0.2: five times the cells; 3 s now, so many more, 7 s spent."""
+    given = answer(budget(0.04))
+    seconds = 3.0 * 5**1.2
+    assert step(given, limit=7.0 + seconds * 1.001)[1] == ""
+    told = step(given, limit=7.0 + seconds * 0.999)[1]
+    assert told.startswith("Stopped before the limit of")
+    assert f"about 5e+03 dofs would meet it, in some {seconds:.2g} s more" in told
+    needed = 400.0 * 5000**1.1 / striking.MEMORY_SHARE
+    assert step(given, free=needed * 1.001)[1] == ""
+    assert "GB free: a mesh of about 5e+03 dofs" in step(given, free=needed * 0.999)[1]
+    # of what is reached in several meshes the whole is told; sizes fall to 0.15 at most
+    told = step(answer(budget(0.4)), limit=8.0)[1]
+    whole = 0.15**-2
+    assert f"about {1e3 * whole:.2g} dofs would meet it" in told
+    assert f"in some {3.0 * whole**1.2:.2g} s more" in told
+
+
+def test_when_no_mesh_helps_it_is_said(step: Any) -> None:
+    assert "take the tolerance alone" in step(answer(budget(0.05, time=0.0094)))[1]
+    assert step(answer(budget(0.05, time=0.0093)))[1] == ""
+    assert "300 anti-oscillators do not bring" in step(answer(n=300))[1]
+    assert step(answer(n=299))[1] == ""
+
+
+def test_a_shell_aims_by_its_own_factor(step: Any) -> None:
+    """2 x 1.5 over the factor of now."""
+    shell = SimpleNamespace(model=SimpleNamespace(strain_misfit=np.eye(2)))
+    ratio, _ = step(answer(budget(0.05, safety=4.5), raw=shell))
+    np.testing.assert_allclose(ratio**2, 0.008 / (0.05 * 3.0 / 4.5), rtol=1e-6)
+
+
+# -- bars by the mesh before
+
+
+def changed(share: float) -> Any:
+    """A run whose peak force differs by a share from that of `answer`, the others by half."""
+    return SimpleNamespace(
+        peak_force=10.0 * (1 - share), impulse=1.0, contact_time=2.0 * (1 - share / 4)
+    )
+
+
+@pytest.mark.parametrize(
+    ("new", "dofs", "share", "factor"),
+    [
+        (0.02, 2000, 0.012, 0.8),  # 2 x 0.012 / (0.05 - 0.02)
+        (0.02, 2000, 0.003, 0.6),
+        (0.02, 2000, 0.03, 1.0),
+        (0.039, 2000, 0.003, 0.6),
+        (0.041, 2000, 0.003, 1.0),  # no nearer
+        (0.02, 1499, 0.003, 1.0),  # no finer
+        (0.02, 1500, 0.003, 0.6),
+    ],
+)
+def test_two_meshes_make_a_bar_smaller(new: float, dofs: int, share: float, factor: float) -> None:
+    before = answer(budget(0.05), hit=changed(share))
+    after = answer(budget(new), structure=SimpleNamespace(dofs=dofs))
+    found = strike_answers.compared(after, before).budget
+    for name, bar in found.items():
+        assert bar.mesh == pytest.approx(factor * after.budget[name].mesh, rel=1e-9)
+    assert strike_answers.compared(after, None) is after
+    coarse = answer(budget(0.05, safety=2.1), hit=changed(share))
+    assert strike_answers.compared(after, coarse) is after
+
+
+def test_bars_of_lines_are_at_least_the_change() -> None:
+    before = answer(hit=changed(0.03))
+    after = strike_answers.changed_since(answer(budget(0.02)), before)
+    # of the three at least half the largest change
+    expected = [max(0.02, 0.03), max(0.016, 0.015), max(0.012, 0.015)]
+    assert [bar.mesh for bar in after.budget.values()] == pytest.approx(expected)
+    assert strike_answers.changed_since(before, None) is before
+
+
+# -- anti-oscillators
+
+
+@pytest.mark.parametrize(
+    ("given", "goal"),
+    [
+        (budget(0.01), 0.002),  # half of it is left on the corrected model: it meets
+        (budget(0.016), 0.002),
+        (budget(0.0161), 0.00805),
+        (budget(0.05), 0.025),
+        (budget(0.01, time=0.0031), 0.005),
+        (budget(0.01, patch=0.0031), 0.005),
+        (budget(0.05, safety=5.0), 0.04),
+        (budget(0.001, time=0.009), 0.002),
+    ],
+)
+def test_the_truncation_is_left_at_the_share_of_the_mesh(given: Any, goal: float) -> None:
+    assert strike_answers._truncation_goal(given, TOL) == pytest.approx(goal)
+
+
+@pytest.mark.parametrize(
+    ("error", "coarser", "expected"),
+    [
+        (0.02, 0.08, 120),  # falls as n^-2 to 0.002: 40 sqrt(10) = 127, thrice at most
+        (0.004, 0.016, 57),
+        (0.004, 0.0041, 120),  # hardly falls: as n^-1/2, thrice at most
+        (0.004, 1.0, 51),  # n^-3 at most
+        (0.001, 0.1, 40),  # enough already
+    ],
+)
+def test_the_next_number_follows_from_the_fall_of_the_error(
+    monkeypatch: pytest.MonkeyPatch, error: float, coarser: float, expected: int
+) -> None:
+    model = ao.AntiOscillators(m0=0.1, k0=1e5, m=np.ones(40), omega=np.arange(1.0, 41.0))
+    asked: list[Any] = []
+
+    def known(one: Any, run: Any, *, next_omega: float, tol: float) -> Any:
+        asked.append((one.n, next_omega, tol))
+        return SimpleNamespace(worst=coarser)
+
+    monkeypatch.setattr(strike_answers, "truncation_error", known)
+    given = answer(budget(truncation=error), n=40, raw=SimpleNamespace(model=model))
+    assert strike_answers.next_n(given, lambda *_: None, TOL, 1.0) == expected
+    assert asked == [(20, 21.0, pytest.approx(0.0002))]
+    assert strike_answers.next_n(given, lambda *_: None, TOL, 1.5) == max(expected, 60)
+    many = answer(budget(truncation=error), n=290, raw=SimpleNamespace(model=model))
+    assert strike_answers.next_n(many, lambda *_: None, TOL, 1.5) == 300
+    few = ao.AntiOscillators(m0=0.1, k0=1e5, m=[1.0], omega=[1.0])
+    none = answer(budget(truncation=error), n=1, raw=SimpleNamespace(model=few))
+    assert strike_answers.next_n(none, lambda *_: None, TOL, 1.0) == 3
+
+
+def test_the_record_of_a_mesh_has_its_numbers() -> None:
+    given = answer(budget(0.05, time=0.001))
+    expected = {"dofs": 1000, "n": 20, "seconds": 3.0, "mesh": 0.05, "total": 0.051,
+                "peak_force": 10.0}  # fmt: skip
+    found = strike_answers.record(given)
+    assert found == {name: pytest.approx(value) for name, value in expected.items()}
