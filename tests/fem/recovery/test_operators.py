@@ -18,6 +18,7 @@ from antiosc.fem.recovery.place import Place
 from antiosc.fem.recovery.quantities import evaluator
 from antiosc.fem.recovery.shape_slopes import PointsInCells
 from antiosc.fem.structure.structure import on_mesh
+from sheets import sheet as mapped
 
 pytestmark = pytest.mark.fem
 
@@ -160,6 +161,34 @@ def test_section_forces_of_triangles_carry_the_energy_of_K(stack):
     strains = np.hstack([s[..., 0] for s in sheet.middle_strains(at, axes)])
     energy = weight @ (forces * strains).sum(axis=1)
     assert energy == pytest.approx(float((shapes.T @ csr(part.K) @ shapes)[0, 0]), rel=1e-9)
+
+
+@pytest.mark.filterwarnings("ignore:the supports leave:antiosc.errors.AntioscWarning")
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
+def test_rigid_motions_of_any_sheet_have_no_strain(cell, order):
+    """On flat and curved cells that lie askew; and a constant shear strain beside no rotation."""
+    turn = np.linalg.qr(np.array([[2.0, 1, 0], [1, 3, 1], [-1, 0.5, 2]]))[0]
+
+    def bowl(s, t):
+        return tuple(np.tensordot(turn, np.stack([s, t, 0.3 * (s**2 - s * t)]), axes=1))
+
+    part = ao.Structure(mapped(2, bowl, cell, order), sheets("shell"))
+    modes = on_mesh(part).rigid_modes
+    at, weight = at_gauss(part, np.asarray(modes), 3)
+    axes = sheet.SheetAxes(on_mesh(part))
+    size = np.abs(modes).max()
+    for strain in sheet.middle_strains(at, axes):
+        assert np.abs(strain).max() < 1e-9 * size
+    # a deflection alone: γ = (∂w/∂1, ∂w/∂2), whatever is interpolated
+    plane = ao.Structure(mapped(2, lambda s, t: (s, t, 0 * s), cell), sheets("shell"))
+    at, _ = at_gauss(plane, field(plane, z=lambda x, y, z: 3 * x - 2 * y), 2)
+    own = sheet.SheetAxes(on_mesh(plane))
+    frame, found = own.frame(at), sheet.middle_strains(at, own).shear[..., 0]
+    sign = frame.n[:, 2]
+    for k, axis in enumerate((frame.e1, frame.e2)):
+        np.testing.assert_allclose(found[:, k], sign * (axis @ [3.0, -2.0, 0.0]), atol=1e-10)
+    assert (weight > 0).all()
 
 
 @pytest.mark.parametrize("stack", ["shell", "laminate"])
