@@ -290,7 +290,7 @@ def test_a_frame_has_equal_scales_and_few_ticks() -> None:
 
 def test_faces_are_shaded_by_the_angle_to_the_light() -> None:
     """Faces across the axes: the colour of the value times what a light from LIGHT leaves."""
-    flat = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]) + [2.0, 5.0, 3.0]
+    flat = np.add([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], [2.0, 5.0, 3.0])
     corners = np.stack([flat, flat[:, [2, 0, 1]], flat[:, [1, 2, 0]]])
     value = np.array([1.0, 2.0, 4.0])
     figure, axes, _, _ = surfaces.space(flat, shown=False)
