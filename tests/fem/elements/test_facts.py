@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import basix
 import numpy as np
 import pytest
 
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
+from antiosc.fem.elements import solid
 from parts import STEEL, box, frame, line, named, plate
 from sheets import PLY
 
@@ -27,8 +29,8 @@ def halves(mesh: ao.Mesh, at: float) -> ao.Mesh:
 
 
 def test_boxes_and_thicknesses():
-    solid = ao.Structure(box((2, 1, 1), (0.3, 0.1, 0.2)), ao.Solid(**STEEL), order=1)
-    assert solid.dimensions == pytest.approx((0.3, 0.2, 0.1))
+    block = ao.Structure(box((2, 1, 1), (0.3, 0.1, 0.2)), ao.Solid(**STEEL), order=1)
+    assert block.dimensions == pytest.approx((0.3, 0.2, 0.1))
     for thickness in (0.5, 0.01):
         flat = ao.Solid(**STEEL, plane="stress", thickness=thickness)
         part = ao.Structure(plate((2, 1), (0.1, 0.3)), flat, order=1)
@@ -74,10 +76,10 @@ def test_local_indentation_is_that_of_a_half_space_or_none():
     """Johnson's (3.41a) and (3.91a), weighted by the pressure; families without depth have none."""
     E, nu = STEEL["E"], STEEL["nu"]
     along, across = 0.6 * (1 - nu**2) / E, 0.3 * (2 - nu) * (1 + nu) / E
-    solid = ao.Solid(**STEEL)
+    steel = ao.Solid(**STEEL)
     for cosine in (0.0, 0.6, 1.0):
         exact = cosine**2 * along + (1 - cosine**2) * across
-        assert solid.half_space_compliance(cosine) == pytest.approx(exact, rel=1e-12)
+        assert steel.half_space_compliance(cosine) == pytest.approx(exact, rel=1e-12)
     section = ao.Section.circle(0.01)
     for other in (
         ao.Solid(**STEEL, plane="strain"),
@@ -113,6 +115,54 @@ def test_local_indentation_is_that_of_a_half_space_or_none():
 def test_meshes_of_other_families_are_refused(mesh, material, words):
     with pytest.raises(ao.InputError, match=words):
         ao.Structure(mesh(), material)
+
+
+def test_sections_that_are_none():
+    good = {"A": 1e-4, "I": 1e-9, "I_side": 2e-9, "J": 3e-9, "shear": 0.8}
+    made = ao.Section(**good)
+    assert (made.side, made.torsion, made.isotropic) == (2e-9, 3e-9, False)
+    assert ao.Section(1, 2).torsion == 4.0
+    for name in good:
+        for wrong in (0.0, -1.0, "thick"):
+            with pytest.raises(ao.InputError, match=f"{name} must"):
+                ao.Section(**{**good, name: wrong})
+    for make, name in (
+        (lambda v: ao.Section.rectangle(v, 0.1), "width"),
+        (lambda v: ao.Section.rectangle(0.1, v), "height"),
+        (lambda v: ao.Section.circle(v), "d"),
+        (lambda v: ao.Section.tube(v, 0.01), "d"),
+        (lambda v: ao.Section.tube(0.1, v), "t"),
+    ):
+        with pytest.raises(ao.InputError, match=f"{name} must be > 0"):
+            make(-1.0)
+    for d, t, inner in ((0.1, 0.0499, 2e-4), (0.1, 0.02, 0.06)):
+        tube, whole, hole = ao.Section.tube(d, t), ao.Section.circle(d), ao.Section.circle(inner)
+        assert pytest.approx(whole.A - hole.A) == tube.A
+        assert pytest.approx(whole.I - hole.I) == tube.I
+    with pytest.raises(ao.InputError, match="thinner than d/2"):
+        ao.Section.tube(0.1, 0.05)
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize("cell", ["hexahedron", "tetrahedron"])
+def test_thin_cells_of_thin_parts(cell, axis):
+    """Edges of more than 8 to 1, parts of more than 100 shortest ones; up to 1000 cells."""
+
+    def thin(count: int, length: float, across: tuple[int, int] = (1, 1)) -> bool:
+        n, size = list(across), [float(k) for k in across]
+        n.insert(axis, count)
+        size.insert(axis, count * length)
+        return solid._is_thin(box(n, size, cell))
+
+    longest = 8.0 if cell == "hexahedron" else np.sqrt(62.0)  # of tetrahedra the diagonals
+    assert thin(14, 1.01 * longest)
+    assert not thin(14, 0.99 * longest)
+    assert not thin(12, 1.01 * longest)
+    if cell == "hexahedron" and not axis:
+        assert thin(20, 8.1, (10, 5))
+        assert not thin(13, 8.1, (11, 7))
+    found = {tuple(int(k) for k in e) for e in basix.topology(getattr(basix.CellType, cell))[1]}
+    assert found == set(solid.SOLID_EDGES[cell])
 
 
 def test_orders_that_no_family_has():

@@ -112,10 +112,10 @@ class Layer:
         ν23 = E2/(2 G23) − 1, at most 0.5.
         """
         nu23 = min(self.E2 / (2 * self.G23) - 1, 0.5)
-        s3 = np.array([-self.nu12 / self.E1, -nu23 / self.E2, 0.0])
+        s3 = np.array([-self.nu12 / self.E1, -nu23 / self.E2])
         c, s = _cosine_sine(self.angle)
-        # stresses in the axes of the fibres, of those in the laminate's
-        T = np.array([[c * c, s * s, 2 * c * s], [s * s, c * c, -2 * c * s], [0, 0, 0]])
+        # normal stresses in the axes of the fibres, of those in the laminate's
+        T = np.array([[c * c, s * s, 2 * c * s], [s * s, c * c, -2 * c * s]])
         return np.asarray((s3 @ T @ self.plane_stress())[None])
 
     def transverse_shear(self) -> Array:
