@@ -93,3 +93,30 @@ def test_a_tennis_ball_is_in_the_middle_of_what_its_rules_allow():
     deformed = 2 * 8.165 * 9.80665 / known.law().stiffness
     assert deformed == pytest.approx(0.255 * 0.0254, rel=1e-3)
     assert known.restitution**2 == pytest.approx(141 / 254, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("name", "energy", "mass", "radius"),
+    [*((f"IK0{k}", e, 0.25, 10) for k, e in enumerate((0.14, 0.2, 0.35, 0.5, 0.7, 1.0), 1)),
+     ("IK07", 2.0, 0.5, 25), ("IK08", 5.0, 1.7, 25), ("IK09", 10.0, 5.0, 50),
+     ("IK10", 20.0, 5.0, 50), ("IK11", 50.0, 10.0, 50)],
+)  # fmt: skip
+def test_hammers_are_those_of_the_standard(name, energy, mass, radius):
+    """IEC 60068-2-75: energy [J], mass [kg], radius of the tip [mm]; polyamide up to 1 J."""
+    known, hammer = ao.IMPACTORS[name], ao.named_impactor(name)
+    assert (known.mass, hammer.mass) == (mass, mass)
+    assert 0.5 * mass * known.speed**2 == pytest.approx(energy, rel=1e-12)
+    assert known.tip_radius == hammer.tip_radius == pytest.approx(radius / 1e3)
+    assert known.steel == (energy > 1)
+    assert (hammer.E, hammer.nu) == ((210e9, 0.3) if energy > 1 else (None, None))
+    assert bool(known.note) == (energy <= 1)
+
+
+def test_what_has_no_tip_of_steel_has_no_constants():
+    for name, mass in (("EN 12600 class 2", 50.0), ("golf ball", 0.04593)):
+        one = ao.named_impactor(name, 3.0)
+        assert (one.mass, one.velocity, one.E, one.nu) == (mass, 3.0, None, None)
+    assert 2 * ao.named_impactor("golf ball", 1.0).tip_radius == pytest.approx(0.04267)
+    ball = ao.named_impactor("steel ball", 1.0, diameter=0.03)
+    assert (ball.radius, ball.E, ball.nu) == (0.015, 210e9, 0.3)
+    assert ao.named_impactor("ice ball", 1.0, diameter=0.03).tip_radius == 0.015
