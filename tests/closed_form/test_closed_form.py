@@ -309,3 +309,24 @@ def test_a_pinned_beam_turns_even_struck_at_its_centre_of_percussion(site):
     assert hit.field(1e-3) == pytest.approx(1e-3 * spin)
     tensor = BEAM.mass * (1 / 3 + BEAM.alpha)
     assert hit.energy.kinetic[0] == pytest.approx(tensor * spin**2 / 2, rel=1e-9)
+
+
+@pytest.mark.parametrize("kind", [cantilever, free_free, pinned_free])
+def test_what_a_mode_carries_is_the_integral_of_its_shape(kind):
+    """Weight and momenta by Simpson's rule over a beam of 0.8 m without rotary inertia."""
+    beam = UniformBeam.euler_bernoulli(**{**ARTICLE, "length": 0.8})
+    x = np.linspace(0, 0.8, 401)
+    simpson = np.full(401, 2.0)
+    simpson[1::2], simpson[[0, -1]] = 4.0, 1.0
+    simpson *= beam.rhoA * 0.002 / 3
+    modes = kind(beam, 0.3).modes(3, x)
+    np.testing.assert_allclose(modes.weight, modes.shapes @ simpson, rtol=1e-7, atol=1e-9)
+    mass = modes.shapes @ (simpson * modes.shapes).T
+    np.testing.assert_allclose(mass, np.eye(len(mass)), rtol=0, atol=1e-6)
+    if modes.inertia is None:
+        return
+    about = modes.inertia.point[0]
+    both = np.vstack((modes.hidden, modes.shapes)) * simpson
+    np.testing.assert_allclose(modes.inertia.momentum[:, 1], both.sum(axis=1), atol=1e-8)
+    turning = both @ (x - about)
+    np.testing.assert_allclose(np.abs(modes.inertia.momentum[:, 5]), np.abs(turning), atol=1e-8)
