@@ -168,6 +168,8 @@ def test_a_reference_point_is_struck_and_probed():
     np.testing.assert_allclose(-tip[:, 2], hit.displacement, atol=1e-9 * size)
     end = ao.probe(part, hit, "left:x1")
     np.testing.assert_allclose(tip[:, 2], end[:, 2] - 0.05 * turn[:, 1], atol=1e-9 * size)
+    longer = ao.extract(part, ao.Site("tip", (0, 0, -2)), n=4)
+    assert (longer.k0, longer.m_st) == pytest.approx((model.k0, model.m_st), rel=1e-9)
     with pytest.raises(InputError, match="'tip' is a point without a mesh and has no stress"):
         ao.probe(part, hit, "tip", "stress")
     with pytest.raises(InputError, match="'tip' is a point without a mesh: a gauge needs"):

@@ -189,3 +189,24 @@ def test_nodes_that_do_not_fit_are_refused():
         joined_at_nodes(parts, {"q": of_left, "t": of_right[::-1]})
     with pytest.raises(InputError, match="numbers are given"):
         joined_at_nodes(parts, {"q": of_left[:3], "t": of_right})
+
+
+@pytest.mark.parametrize(("ends", "follows"), [((0, 1), True), ((0, 3), False), ((1, 2), False)])
+def test_a_beam_on_an_edge_follows_it_and_one_across_a_cell_its_ends_alone(ends, follows):
+    """Both are of degree two: the node inside the beam is one of the sheet on its edges alone."""
+    x = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]])
+    sheet, of_sheet = made(x, np.array([[0, 1, 2, 3]]), "quadrilateral")
+    rib, of_rib = made(x, np.array([ends]), "interval")
+    beam = ao.Beam(70e9, 0.3, 2700.0, ao.Section.circle(0.02))
+    parts = {"sheet": ao.Structure(sheet, SHELL), "rib": ao.Structure(rib, beam)}
+    both = joined_at_nodes(parts, {"sheet": of_sheet, "rib": of_rib})
+    assert both.dofs == parts["sheet"].dofs + (0 if follows else 6)
+    assert both.rigid_modes.shape[1] == 6
+    u = both.T @ np.random.default_rng(1).normal(size=both.size)
+    rib_u, sheet_u = (u[both.layout.members[name].rows].reshape(-1, 6) for name in ("rib", "sheet"))
+    at_rib, at_sheet = (both.layout.members[name].nodes for name in ("rib", "sheet"))
+    for k, place in enumerate(at_rib):
+        near = np.linalg.norm(at_sheet - place, axis=1)
+        alike = np.allclose(rib_u[k], sheet_u[int(np.argmin(near))], atol=1e-9)
+        inside = not np.isclose(np.abs(place[:2] - 0.5).max(), 0.5)
+        assert alike == (near.min() < 1e-9 and not inside)

@@ -152,7 +152,16 @@ def test_shapes_are_written_with_their_names(tmp_path):
     assert sorted(found.point_data) == ["mode 1", "mode 2", "mode 3"]
     for field in found.point_data.values():
         assert np.linalg.norm(field, axis=1).max() == pytest.approx(1)
-    assert modes.summary().count("\n") == 4
+    rows = [row.split() for row in modes.summary().splitlines()]
+    assert len(rows) == 5
+    shares = 100 * modes.effective_mass / modes.mass
+    for i, row in enumerate(rows[1:4]):
+        assert [int(row[0]), float(row[1]), int(row[2])] == pytest.approx(
+            [i + 1, modes.frequency[i], modes.multiplicity[i]], rel=1e-5
+        )
+        assert [float(v.strip("%")) for v in row[3:]] == pytest.approx(shares[i], abs=0.006)
+    total = [float(v.strip("%")) for v in rows[4][1:]]
+    assert total == pytest.approx(shares.sum(axis=0), abs=0.006)
     with pytest.raises(ao.InputError, match="at most"):
         part.natural_modes(part.dofs + 1)
 
