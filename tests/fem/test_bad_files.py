@@ -111,3 +111,17 @@ def test_tags_that_mark_nothing():
         ao.read_mesh(mesh, groups={"body": (tags, 4)})
     with refused("a file brings its own groups"):
         ao.read_mesh("meshes/lever.msh", groups={"body": (tags, 3)})
+
+
+def test_cells_that_dolfinx_would_die_of(tmp_path):
+    """Two cells with two sides in common; an inner node that is a corner, or a copy."""
+    points = [*SQUARE, [0.5, 0.6, 0.0], [0.6, 0.4, 0.0], [0.6, 0.4, 0.0]]
+    path = write(tmp_path / "pair.vtu", points, ("quad", [[0, 1, 2, 4], [0, 4, 2, 3]]))
+    with refused(r"2 of 2 cells of pair\.vtu share two sides with another one", ao.MeshError):
+        ao.read_mesh(path)
+    points += [[0.5, 0, 0], [1, 0.5, 0], [0.5, 1, 0], [0, 0.5, 0]]
+    for node, says in ((1, r"[12] of 2"), (6, r"1 of 2")):
+        cells = [[0, 1, 2, 7, 8, 5], [0, 2, 3, node, 9, 10]]
+        path = write(tmp_path / "part.vtu", points, ("triangle6", cells))
+        with refused(rf"{says} cells of part\.vtu have a node inside a side", ao.MeshError):
+            ao.read_mesh(path)

@@ -89,6 +89,20 @@ def lattice_gradients(cell: str, degree: int, n: int) -> Array:
     return np.asarray(element.tabulate(1, X))[1:, :, :, 0]
 
 
+def nodes_between(cell: str, degree: int) -> list[tuple[list[int], int]]:
+    """(vertices of an edge, face or cell, node inside it) in dolfinx's order, of degree 2."""
+    import basix
+
+    kind = getattr(basix.CellType, cell)
+    dofs = basix.create_element(basix.ElementFamily.P, kind, degree).entity_dofs
+    return [
+        (list(vertices), inside[0])
+        for entities, nodes in zip(basix.topology(kind)[1:], dofs[1:], strict=True)
+        for vertices, inside in zip(entities, nodes, strict=True)
+        if inside
+    ]
+
+
 def geometry_nodes(mesh: dolfinx.mesh.Mesh) -> IntArray:
     """Nodes of every cell of this rank, ghosts included: (cells, nodes)."""
     geometry = mesh.geometry

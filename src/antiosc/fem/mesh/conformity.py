@@ -6,7 +6,7 @@ that touch without common nodes form a crack. Only vertices are checked, not cur
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from scipy.sparse import csr_matrix
@@ -57,6 +57,25 @@ def doublets(cells: IntArray, kind: CellKind) -> IntArray:
     has = csr_matrix((np.ones(len(owner), dtype=np.int32), (owner, label.reshape(-1))), shape=shape)
     common = (has @ has.T).tocoo()
     return np.unique(common.row[(common.data > 1) & (common.row != common.col)])
+
+
+def unlike_middles(cells: IntArray, between: Sequence[tuple[list[int], int]]) -> IntArray:
+    """Cells (n, nodes) with a node inside a side that is not the one that other cells have there.
+
+    It may be a corner of another cell, lie in another side too, or have a copy in its place.
+    `between`: (vertices of an edge, face or cell, node inside it).
+    """
+    if not len(cells):
+        return np.zeros(0, dtype=np.int64)
+    side = np.concatenate([keys(cells[:, vertices]) for vertices, _ in between])
+    node = np.concatenate([cells[:, inside] for _, inside in between])
+    corners = np.unique(cells[:, sorted({v for vertices, _ in between for v in vertices})])
+    wrong = np.isin(node, corners)
+    for one, other in ((side, node), (node, side)):
+        order = np.lexsort((other, one))
+        apart = (one[order][1:] == one[order][:-1]) & (other[order][1:] != other[order][:-1])
+        wrong[order[1:][apart]] = True
+    return np.unique(np.flatnonzero(wrong) % len(cells))
 
 
 def overlapping(points: Array, cells: IntArray, kind: CellKind) -> IntArray:

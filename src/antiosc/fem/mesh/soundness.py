@@ -27,7 +27,7 @@ def sound(raw: RawMesh, name: str, made_here: bool, pieces: bool = False) -> Raw
     ------
     MeshError
         Repeated cells, two with two sides in common, cells without length, area or volume, pieces
-        that share no node.
+        that share no node, nodes inside sides that neighbours do not share.
 
     Warns
     -----
@@ -45,6 +45,15 @@ def sound(raw: RawMesh, name: str, made_here: bool, pieces: bool = False) -> Raw
             f"{len(flat)} of {len(cells)} cells of {name} have no {measure}, one at "
             f"({_centre(raw, flat[0])}) m: merge the nodes that coincide, or mesh it anew."
         )
+    if kind.order > 1 and not made_here:
+        between = compat.nodes_between(kind.shape, kind.order)
+        unlike = conformity.unlike_middles(cells, between)
+        if len(unlike):
+            raise MeshError(
+                f"{len(unlike)} of {len(cells)} cells of {name} have a node inside a side that is "
+                "a corner of another cell, or not the node that another cell has there, one at "
+                f"({_centre(raw, unlike[0])}) m: merge the nodes that coincide, or mesh it anew."
+            )
     if not pieces:
         _refuse_pieces(raw, name)
     fills = kind.dim == raw.points.shape[1]
