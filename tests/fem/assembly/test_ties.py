@@ -178,6 +178,19 @@ def test_a_gap_is_bridged_without_holding_rotations():
     assert (low[:6] < 1e-4 * low[6]).all()
 
 
+def test_a_gap_between_shells_is_bridged_by_their_rotations():
+    """Two sheets 1 mm apart, of which one is brought to its place: six rigid motions, exactly."""
+    sheet = ao.Shell(E, NU, 2700.0, 5e-3)
+    left = ao.Structure(box((0, 0), (0.1, 0.1), (1, 1), TRI), sheet)
+    right = ao.Structure(box((0, 0), (0.1, 0.1), (1, 2), TRI), sheet)
+    place = ao.Placement((0.201, 0.1, 2e-3), (0, 0, 1), np.pi)
+    joint = ao.Tie("left:x1", "right:x1", gap=0.01)
+    pair = ao.assemble({"left": left, "right": right}, [joint], {"right": place})
+    assert pair.rigid_modes.shape[1] == 6
+    exact = rigid_motions(pair.layout, np.zeros(3))
+    assert pair.T @ pair.eliminated.coordinates(exact) == pytest.approx(exact, abs=1e-10)
+
+
 @pytest.mark.parametrize("second", [TRI, pytest.param(QUAD, marks=pytest.mark.slow)])
 def test_shell_edges_are_tied_with_their_rotations(second):
     """A cantilever plate of two sheets with different meshes bends as one of a single mesh."""

@@ -5,10 +5,12 @@ from __future__ import annotations
 import basix
 import numpy as np
 import pytest
+from mpi4py import MPI
 
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
+from antiosc.fem import compat
 from antiosc.fem.elements import solid
 from parts import STEEL, box, frame, line, named, plate
 from sheets import PLY
@@ -26,6 +28,13 @@ def halves(mesh: ao.Mesh, at: float) -> ao.Mesh:
         "two": (mesh.tdim, lambda x: x[0] > at - 1e-9),
     }
     return named(mesh.dolfinx, sides)
+
+
+def arc() -> ao.Mesh:
+    """One line of order 2."""
+    x = np.array([[0.0, 0, 0], [1, 0, 0], [0.5, 0.1, 0]])
+    mesh = compat.create_mesh(MPI.COMM_SELF, np.array([[0, 1, 2]]), x, "interval", 2)
+    return ao.read_mesh(mesh)
 
 
 def test_boxes_and_thicknesses():
@@ -97,6 +106,8 @@ def test_local_indentation_is_that_of_a_half_space_or_none():
         (lambda: line(1.0, 2), ao.Solid(**STEEL), "has interval cells in 2-D"),
         (lambda: plate((1, 1)), ao.Truss(**STEEL, area=1e-4), "Truss needs a mesh of lines"),
         (lambda: plate((1, 1)), ao.Beam(**STEEL, section=ROUND), "Beam needs a mesh of lines"),
+        (lambda: arc(), ao.Beam(**STEEL, section=ROUND), "Beam elements are straight"),
+        (lambda: arc(), ao.Truss(**STEEL, area=1e-4), "bars of a Truss are straight"),
         (lambda: line(1.0, 2), ao.Shell(**STEEL, thickness=0.1), "Shell needs a mesh of triangles"),
         (lambda: box((1, 1, 1)), ao.Laminate([PLY]), "Laminate needs a mesh of triangles"),
         (lambda: plate((1, 1)), ao.AnisotropicSolid(np.eye(6) * 1e9, 1e3), "is for 3-D meshes"),
