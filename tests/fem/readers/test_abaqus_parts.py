@@ -123,6 +123,29 @@ def test_some_parts_of_a_deck(tmp_path):
     )
 
 
+def test_points_of_no_element_are_fixed_by_their_motions(tmp_path):
+    """Reference nodes of rigid bodies, and the node whose displacements are rotations."""
+    text = PARTS + "*NODE\n11,1,1,1\n12,2,2,2\n13,3,3,3\n*NSET,NSET=A\n1,4\n*NSET,NSET=B\n5,6\n"
+    text += "*RIGID BODY,NSET=A,REF NODE=11,ROT NODE=13\n*RIGID BODY,NSET=B,REF NODE=12\n"
+    model, deck = read(tmp_path, text + "*BOUNDARY\n11,2,3\n12,4\n13,1\n2,1\n")
+    points = [[1e-3] * 3, [2e-3] * 3]
+    np.testing.assert_allclose(model["joints"]["points"], points)
+    # node 13 has the rotations of node 11
+    assert model["fixed_points"] == [[-1, ["rx", "y", "z"]], [-2, ["rx"]]]
+    assert {name: rows.tolist() for name, rows in deck.fixed.items()} == {"fixed x": [1]}
+
+
+@pytest.mark.parametrize(("value", "moved"), [("", False), ("0.", False), ("1.", True), ("-2", True)])  # fmt: skip
+def test_supports_that_move_are_told(tmp_path, value, moved):
+    text = CUBE + SOLID + STEEL + f"*BOUNDARY\n1,1,2,{value}\n2,3\n"
+    model, deck = read(tmp_path, text)
+    told = [f"the motion of *BOUNDARY ({line(text, '*BOUNDARY')}), fixed instead"]
+    assert model["ignored"] == (told if moved else [])
+    assert {name: rows.tolist() for name, rows in deck.fixed.items()} == {
+        "fixed x": [0], "fixed y": [0], "fixed z": [1],
+    }  # fmt: skip
+
+
 REFUSED = {
     "general": (SHEET + "*SHELL GENERAL SECTION,ELSET=ALL,MATERIAL=M\n.5\n",
                 "*SHELLGENERALSECTION is not supported."),

@@ -46,6 +46,22 @@ def test_a_solid_of_21_constants(tmp_path, option):
     assert str(caught.value) == f"{line(text, '*ELASTIC')}: *ELASTIC needs 21 constants; it has 20."
 
 
+@pytest.mark.parametrize(
+    ("rows_of", "x", "y"),
+    [
+        ("0,2,0,-3", (0, 1, 0), (-1, 0, 0)),
+        ("1,0,0,5,1\n3,90.", (0, 1, 0), (-1, 0, 0)),
+        ("1,0,0,0,1,0\n2,0.", (1, 0, 0), (0, 1, 0)),
+        ("0,0,2,1,0,0\n3,-30.", (-0.5, 0, np.sqrt(0.75)), (np.sqrt(0.75), 0, 0.5)),
+    ],
+)
+def test_orientations_of_solids(tmp_path, rows_of, x, y):
+    """Points on axis 1 and in the plane of 1 and 2, then a rotation about axis 3."""
+    text = solid("*ELASTIC,TYPE=ANISO\n" + rows(HALF), ",ORIENTATION=O")
+    model, _ = read(tmp_path, text.replace("0,2,0,-3,0,0", rows_of))
+    np.testing.assert_allclose(model["families"][0][2]["axes"], [x, y], atol=1e-12)
+
+
 @pytest.mark.parametrize("kind", ["ENGINEERING CONSTANTS", "ORTHO"])
 def test_a_solid_of_nine_constants(tmp_path, kind):
     """Strains of unit stresses: 1/E on the diagonal, -ν12/E1, -ν13/E1, -ν23/E2 beside it."""

@@ -211,6 +211,12 @@ def test_what_of_a_beam_is_not_taken_is_told(tmp_path):
         "S1, S2, NSI(A), NSI(B), CW(A), CW(B), M1(A), M2(A), M1(B), M2(B) of PBEAM 7",
     ]
     assert model["families"][0][2]["section"]["shear"] == pytest.approx(0.7)
+    walls = "PBARL,7,1,,T\n,3.,2.,.2,.1\n"
+    model, _ = read(tmp_path, GRIDS + beam.replace("CBEAM", "CBAR") + walls + MAT1)
+    assert model["ignored"] == [
+        "the shear coefficients and the torsion constant that Nastran gives PBARL 7 (T), 0.5 and "
+        "that of thin walls are taken"
+    ]
     pbar = "PBAR,7,1,6.,5.,3.,4.,,,\n,,,,,,,,,\n,.8\n"
     model, _ = read(tmp_path, GRIDS + beam.replace("CBEAM", "CBAR") + pbar + MAT1)
     assert model["ignored"] == [
@@ -243,6 +249,11 @@ def test_the_offset_of_a_curved_shell_is_told(tmp_path):
     model, _ = read(tmp_path, GRIDS + off + MAT1)
     assert model["ignored"] == [
         "the area of the offset surface of PSHELL 7, that at the nodes is taken"
+    ]
+    stack = "PCOMP,7,-.1\n,2,.5,10.\nMAT8,2,9.+4,2.+4,.25,5.+3,4.+3,3.+3,2.-9\n"
+    layered, _ = read(tmp_path, GRIDS + quads.partition("PSHELL")[0] + stack)
+    assert layered["ignored"] == [
+        "the area of the offset surface of PCOMP 7, that at the nodes is taken"
     ]
     for _, _, given, _ in model["families"]:
         alike(given, {"E": E, "nu": NU, "rho": RHO, "thickness": 4e-4, "offset": 1e-4})

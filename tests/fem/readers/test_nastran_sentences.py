@@ -77,6 +77,11 @@ REFUSED = {
                            "line 10 of part.bdf: X/XB of PBEAML lies between 0 and 1."),
     "no end": (GRIDS + "CBEAM,1,7,1,2,0.,1.,0.\nPBEAML,7,1,,ROD\n,.2,,NO,.5,.1\n" + MAT1,
                "line 10 of part.bdf: PBEAML gives no section at X/XB = 1."),
+    **{f"a bush along {k}": (
+        GRIDS + HEXA + f"PSOLID,7,1\nCBUSH,9,9,1,2\nPBUSH,9,K{k * ','}1.\n" + MAT1,
+        "line 12 of part.bdf: CBUSH needs the system CID at coincident nodes or to the ground, and "
+        "CID or an orientation between nodes apart, unless it acts along their line alone.")
+       for k in (2, 3, 5, 6)},
     "contact": (GRIDS + HEXA + "BCONTACT,1\n", "line 11 of part.bdf: BCONTACT is contact, which is "
                 "not supported here and would change the result; remove it from the deck, or model "
                 "the part without it."),
