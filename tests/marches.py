@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import sys
+from functools import cache
 from types import ModuleType
 from typing import Any
 from unittest import mock
@@ -11,6 +12,7 @@ from unittest import mock
 from antiosc.simulation import compilation
 
 
+@cache
 def written_out() -> ModuleType:
     """The package of the march with the branches of the compiled one, without compilation."""
     name = "antiosc.simulation.march_not_compiled"  # `COMPILED` goes by the end of the name

@@ -5,9 +5,6 @@ And so do the loops that numba compiles: they give the numbers of NumPy's operat
 
 from __future__ import annotations
 
-from functools import cache
-from types import ModuleType
-
 import numpy as np
 import pytest
 
@@ -20,11 +17,6 @@ from antiosc.simulation.refinement import start
 from antiosc.simulation.scene_states import forces, located
 from audited_scenes import GIVEN, SCENES, SHARE, checked
 from marches import written_out
-
-
-@cache
-def loops() -> ModuleType:
-    return written_out()
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -43,7 +35,7 @@ def test_loops_give_the_numbers_of_numpy(name: str) -> None:
     found, step = checked(name), GIVEN.get(name)
     system, duration = found.made.system, SCENES[name][1]
     fine, share = found.made.lasting / 200, 0.05 if step else SHARE
-    other = run(system, duration, share, module=loops(), fine=fine, step=step)
+    other = run(system, duration, share, module=written_out(), fine=fine, step=step)
     assert other.answer == march.DONE
     np.testing.assert_allclose(other.time, found.run.time, rtol=1e-7)
     atol = 1e-6 * np.abs(found.run.force).max()
