@@ -135,7 +135,9 @@ def test_points_of_no_element_are_fixed_by_their_motions(tmp_path):
     assert {name: rows.tolist() for name, rows in deck.fixed.items()} == {"fixed x": [1]}
 
 
-@pytest.mark.parametrize(("value", "moved"), [("", False), ("0.", False), ("1.", True), ("-2", True)])  # fmt: skip
+@pytest.mark.parametrize(
+    ("value", "moved"), [("", False), ("0.", False), ("1.", True), ("-2", True)]
+)
 def test_supports_that_move_are_told(tmp_path, value, moved):
     text = CUBE + SOLID + STEEL + f"*BOUNDARY\n1,1,2,{value}\n2,3\n"
     model, deck = read(tmp_path, text)

@@ -180,7 +180,7 @@ def test_sets_of_an_assembly(read):
 
 
 def test_an_instance_is_turned_about_a_line_of_its_own(read):
-    """A third of a turn about (1, 1, 1) through (5, 0, 0): x becomes y, y becomes z, z becomes x."""
+    """A third of a turn about (1, 1, 1) through (5, 0, 0): x, y, z become y, z, x."""
     top = "*INSTANCE,NAME=I,PART=P\n1,2,3\n5,0,0,7,2,2,120\n*END INSTANCE\n"
     deck = read(PART + top).deck
     line = np.array([5.0, 0, 0])
