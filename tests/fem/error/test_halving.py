@@ -71,7 +71,9 @@ def test_bars_of_an_impact_hold(order):
     assert coarse == (order == 1)
 
 
-@pytest.mark.parametrize("n", [6, 12, 24])
+@pytest.mark.parametrize(
+    "n", [pytest.param(6, marks=pytest.mark.slow), 12, pytest.param(24, marks=pytest.mark.slow)]
+)
 def test_bars_are_wider_for_a_site_inside_an_element(n):
     def cantilever(count: int, **options) -> ao.AntiOscillators:
         held = [ao.Support(lambda x: np.isclose(x[0], 0))]
