@@ -9,7 +9,7 @@ from typing import Any
 from mpi4py import MPI
 
 from antiosc.checks import instance, path as checked_path, positive, shown
-from antiosc.errors import InputError, MeshError
+from antiosc.errors import InputError
 from antiosc.fem.assembly.deck_joints import attachments, joined
 from antiosc.fem.elements.anisotropic import AnisotropicSolid
 from antiosc.fem.elements.beam import Beam
@@ -107,9 +107,7 @@ def read_model(
     added = _listed("attached", attached, (PointMass, Spring))
     by_dim = on_root(comm, read)
     first = next(iter(by_dim.values()))
-    model = first.model
-    if model is None:
-        raise MeshError(f"{file.name} was read without its model.")
+    model = _model(first)
     told = list(first.told)
     if model["ignored"]:
         told.append(f"of {file.name} are not taken: {', '.join(model['ignored'])}.")
@@ -133,8 +131,7 @@ def groups_of_deck(path: str | Path, unit: str | float = "m", **options: Any) ->
     file = checked_path("path", path)
     by_dim = _reader(file, unit, *(options.get(name) for name in needed))()
     names = dict.fromkeys(group for raw in by_dim.values() for group in raw.groups)
-    model = next(iter(by_dim.values())).model
-    if model is not None and model["joined"]:
+    if _model(next(iter(by_dim.values())))["joined"]:
         inner = [f"{PARTS[dim]}:{group}" for dim, raw in by_dim.items() for group in raw.groups]
         names |= dict.fromkeys(inner)
     return list(names)
@@ -161,13 +158,18 @@ def _reader(
         options = {"density": density, "parts": parts}
         found = read_parts(file, unit=units, merge=merge, timeout=timeout, model=options)
         for dim, raw in found.items():
-            gdim = None if raw.model is None else raw.model["gdim"]
-            pieces = raw.model is not None and raw.model["joined"]
-            flat = flattened(raw, gdim, file.name)
-            found[dim] = sound(flat, file.name, made_here=False, pieces=pieces)
+            model = _model(raw)
+            flat = flattened(raw, model["gdim"], file.name)
+            found[dim] = sound(flat, file.name, made_here=False, pieces=model["joined"])
         return found
 
     return work
+
+
+def _model(raw: RawMesh) -> dict[str, Any]:
+    """What `read_parts` reads beside the cells."""
+    assert raw.model is not None
+    return raw.model
 
 
 def _part(
@@ -179,8 +181,7 @@ def _part(
     added: Sequence[PointMass | Spring],
 ) -> Structure:
     """The structure of the cells of one dimension; joined parts are supported together later."""
-    model = raw.model
-    assert model is not None
+    model = _model(raw)
     mesh = distributed(raw, name, comm)
     families = {
         group: _family(kind, arguments, place)
