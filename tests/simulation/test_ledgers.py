@@ -16,6 +16,9 @@ from march_audit import Motion, Steps
 Array = NDArray[np.float64]
 POINTS, WEIGHTS = np.polynomial.legendre.leggauss(6)
 SHARES = np.linspace(0, 1, 101)
+#: Other laws of the same kind have the same ledgers.
+ALIKE = ("Hertz1", "Power3", "Gonthier6", "Stronge8", "Tabulated12")
+NAMES = [name for name in SCENES if name not in ALIKE]
 
 
 def history(name: str) -> tuple[ao.SceneHistory, Steps]:
@@ -41,7 +44,7 @@ def to_nodes(halves: list[Array]) -> Array:
     return np.append(0.0, np.cumsum(np.stack(halves, axis=1).ravel()))
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", NAMES)
 def test_energies_are_the_integrals_of_their_powers(name: str) -> None:
     hit, steps = history(name)
     a, system, energy = hit.assembly, hit.assembly.system, hit.energy
@@ -90,7 +93,7 @@ def test_energies_are_the_integrals_of_their_powers(name: str) -> None:
     np.testing.assert_allclose(energy.contact, stored, rtol=0, atol=1e-9 * highest)
 
 
-@pytest.mark.parametrize("name", ["Hertz1", "plate", "rod", "slips", "loaded", "given step"])
+@pytest.mark.parametrize("name", ["Hertz2", "plate", "rod", "slips", "loaded", "given step"])
 def test_bodies_between_the_nodes_move_by_their_equations(name: str) -> None:
     hit, steps = history(name)
     a, system = hit.assembly, hit.assembly.system
@@ -133,7 +136,7 @@ def test_bodies_between_the_nodes_move_by_their_equations(name: str) -> None:
             np.testing.assert_allclose(mine, other, rtol=0, atol=atol)
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", NAMES)
 def test_contacts_have_the_impulse_the_peak_and_the_times_of_their_force(name: str) -> None:
     hit, steps = history(name)
     start, slope, bend = steps.force
@@ -150,7 +153,7 @@ def test_contacts_have_the_impulse_the_peak_and_the_times_of_their_force(name: s
         np.testing.assert_array_equal(found.friction, hit.run.force[:, first : first + count])
 
 
-@pytest.mark.parametrize("name", [name for name in SCENES if name != "own"])
+@pytest.mark.parametrize("name", [name for name in NAMES if name != "own"])
 def test_a_gain_of_energy_is_that_of_the_whole_balance(name: str) -> None:
     """Energy is put into the modes half-way."""
     hit, _ = history(name)

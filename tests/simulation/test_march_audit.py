@@ -42,8 +42,7 @@ def test_loops_give_the_numbers_of_numpy(name: str) -> None:
     np.testing.assert_allclose(other.force, found.run.force, rtol=0, atol=atol)
 
 
-SOLVED = ["Hertz2", "HuntCrossley4", "Stronge8", "YangSun9", "damped plate", "plastic plate",
-          "sticks", "loaded", "preloaded"]  # fmt: skip
+SOLVED = ["HuntCrossley4", "YangSun9", "sticks", "loaded"]
 
 
 @pytest.mark.parametrize("name", SOLVED)
