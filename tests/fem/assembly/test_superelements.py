@@ -157,6 +157,9 @@ def test_one_direction_is_joined_by_a_bushing_or_an_equation():
             [ao.Bushing(("plate", _above("a")), "ecu:a", {"x": 1e5}), *joints],
             at,
         )
+    far = ao.Bushing("plate:x1", "ecu:a", {"axial": 1e5})
+    with pytest.raises(InputError, match="acts on axial, a displacement that 'ecu:a' does not"):
+        ao.assemble({"plate": plate(), "ecu": model}, [far, *joints], at)
 
 
 def _above(name: str) -> tuple[float, ...]:

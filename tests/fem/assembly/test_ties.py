@@ -178,6 +178,23 @@ def test_a_gap_is_bridged_without_holding_rotations():
     assert (low[:6] < 1e-4 * low[6]).all()
 
 
+def test_surfaces_near_each_other_are_tied_by_default():
+    """Up to 0.3 of the radius of the smaller faces, 5 √2 mm; farther with a gap that says so."""
+    left = ao.Structure(box((0, 0, 0), (0.02, 0.02, 0.02), (1, 1, 1)), SOLID, order=1)
+    right = ao.Structure(box((0, 0, 0), (0.02, 0.02, 0.02), (1, 2, 2)), SOLID, order=1)
+    parts, most = {"left": left, "right": right}, 0.3 * 5e-3 * np.sqrt(2)
+
+    def tied(apart: float, **options: float) -> ao.Structure:
+        joint = ao.Tie("left:x1", "right:x0", **options)
+        return ao.assemble(parts, [joint], {"right": (0.02 + apart, 0, 0)})
+
+    assert tied(0.99 * most).rigid_modes.shape[1] == 6
+    assert tied(1.5 * most, gap=1.51 * most).rigid_modes.shape[1] == 6
+    for options in ({}, {"gap": 1.49 * most}):
+        with pytest.raises(InputError, match=r"touches nothing.* 0.00318 m apart at the nearest"):
+            tied(1.5 * most, **options)
+
+
 def test_a_gap_between_shells_is_bridged_by_their_rotations():
     """Two sheets 1 mm apart, of which one is brought to its place: six rigid motions, exactly."""
     sheet = ao.Shell(E, NU, 2700.0, 5e-3)

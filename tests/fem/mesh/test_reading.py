@@ -191,3 +191,37 @@ def test_the_callers_gmsh_session_survives(tmp_path, capfd):
     assert ao.read_mesh(path).n_cells  # and one that was ended does not matter
     assert ao.read_mesh(path).n_cells
     assert "initialized" not in "".join(capfd.readouterr())
+
+
+WRONG = [
+    ({"size": 0.0}, "size must be > 0"),
+    ({"gdim": 4}, "gdim must be"),
+    ({"gdim": 1}, "gdim must be"),
+    ({"order": 3}, "order must be"),
+    ({"refine": "here"}, "refine must be a list of pairs"),
+    ({"refine": 3}, "refine must be a list of pairs"),
+    ({"refine": [(0, 0, 0.1)]}, "refine lists pairs"),
+    ({"refine": [(3, 1e-3)]}, "refine lists pairs"),
+    ({"refine": [((0, "a"), 1e-3)]}, "a point of refine"),
+    ({"refine": [((0, 0), 0.0)]}, "a size of refine must be > 0"),
+    ({"cells": []}, "cells must be a dimension or names of groups"),
+    ({"cells": ["a", ""]}, "cells must be a dimension or names of groups"),
+    ({"cells": ["a", 3]}, "cells must be a dimension or names of groups"),
+    ({"cells": ""}, "cells must be a name"),
+    ({"cells": 4}, "cells must be at most 3"),
+    ({"cells": 0}, "cells must be a whole number >= 1"),
+    ({"cells": 2, "parts": ["a"]}, "which both select cells"),
+    ({"parts": "a"}, "parts must be a list of names"),
+    ({"trust": "yes"}, "trust must be"),
+    ({"solid": 1}, "solid must be"),
+    ({"fragments": "no"}, "fragments must be"),
+    ({"timeout": 0}, "timeout must be > 0"),
+    ({"merge": -1.0}, "merge must be > 0"),
+    ({"comm": "world"}, "comm must be an MPI communicator"),
+]
+
+
+@pytest.mark.parametrize(("options", "words"), WRONG)
+def test_wrong_arguments_are_named_before_a_file_is_looked_for(options, words, tmp_path):
+    with pytest.raises(ao.InputError, match=words):
+        ao.read_mesh(tmp_path / "none.msh", **options)
