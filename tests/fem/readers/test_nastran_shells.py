@@ -160,8 +160,11 @@ def test_plies_from_the_bottom(families, name, symmetric, bottom):
         words += [str(k + 1), *ply, "", "", "", ""] if name == "PCOMPG" else [*ply, ""]
     for k in range(0, len(words), 8):
         card += "," + ",".join(words[k : k + 8]) + "\n"
-    (((kind, given),), _) = families("CQUAD4,1,7,1,2,3,4,30.,.02\n" + card + MAT8)
+    (((kind, given),), ignored) = families("CQUAD4,1,7,1,2,3,4,30.,.02\n" + card + MAT8)
     assert kind == "Laminate"
+    assert ignored == [
+        f"where the nonstructural mass of {name} 7 lies, it is spread over the section"
+    ]
     expected = [(0, 1e-4), (45, 1e-4), (-30, 3e-4)]
     if symmetric:
         expected += expected[::-1]

@@ -1,0 +1,80 @@
+"""Limits of the process that reads: what the kernel is asked for, written down instead."""
+
+from __future__ import annotations
+
+import resource
+import signal
+import time
+
+import pytest
+
+from antiosc.fem.readers import isolation
+from antiosc.fem.readers.request import Request
+
+
+@pytest.fixture
+def asked(monkeypatch) -> list[tuple]:
+    found: list[tuple] = []
+    monkeypatch.setattr(resource, "setrlimit", lambda *one: found.append(("limit", *one)))
+    monkeypatch.setattr(signal, "signal", lambda *one: found.append(("signal", *one)))
+    monkeypatch.setattr(signal, "setitimer", lambda *one: found.append(("timer", *one)))
+    return found
+
+
+@pytest.mark.parametrize("hard", [resource.RLIM_INFINITY, 5000, 10**9])
+def test_memory_and_core_files_are_limited(asked, monkeypatch, hard):
+    monkeypatch.setattr(resource, "getrlimit", lambda what: (hard, hard))
+    Request("/a/b", "b", memory=10**6).limit_memory()
+    most = 5000 if hard == 5000 else 10**6
+    assert asked == [
+        ("limit", resource.RLIMIT_AS, (most, hard)), ("limit", resource.RLIMIT_CORE, (0, hard)),
+    ]  # fmt: skip
+
+
+def test_time_is_that_of_the_file_or_of_the_caller(asked):
+    Request("/a/b", "b").allow(12.5)
+    assert asked == [("signal", signal.SIGALRM, signal.SIG_DFL),
+                     ("timer", signal.ITIMER_REAL, 12.5)]  # fmt: skip
+    begun = time.monotonic()
+    Request("/a/b", "b", timeout=100.0, started=begun - 40.0).allow(12.5)
+    assert asked[-1][2] == pytest.approx(60.0, abs=5.0)
+    Request("/a/b", "b", timeout=100.0, started=begun - 400.0).allow(12.5)
+    assert asked[-1][2] == 1e-3
+
+
+def test_files_are_limited_but_for_those_of_trust(asked):
+    Request("/a/b", "b", trust=True).seal()
+    assert asked == []
+    Request("/a/b", "b").seal()
+    assert asked == [("signal", signal.SIGXFSZ, signal.SIG_IGN),
+                     ("limit", resource.RLIMIT_FSIZE, (2**20, 2**20))]  # fmt: skip
+
+
+def test_memory_of_a_reader_follows_from_the_file(monkeypatch):
+    """Two GiB and a hundred bytes for each of the file, of at most nine tenths of the machine."""
+    monkeypatch.setattr(isolation, "_machine_memory", lambda: 10 * 2**30)
+    assert isolation._memory(None) == 9 * 2**30
+    assert isolation._memory(1000) == 2 * 2**30 + 100_000
+    assert isolation._memory(2**30) == 9 * 2**30
+    monkeypatch.setattr(isolation, "_machine_memory", lambda: 2**30)
+    assert isolation._memory(None) == isolation._memory(10) == 2 * 2**30
+
+
+def test_a_file_larger_than_the_memory_is_refused(tmp_path, monkeypatch):
+    path = tmp_path / "part.msh"
+    path.write_bytes(b"x" * 1000)
+    monkeypatch.setattr(isolation, "_machine_memory", lambda: 1112)
+    assert isolation._size(path) == 1000
+    monkeypatch.setattr(isolation, "_machine_memory", lambda: 1111)
+    with pytest.raises(isolation.MeshError, match=r"part.msh has 9.31e-07 GiB, more than this mac"):
+        isolation._size(path)
+
+
+def test_arrays_of_an_answer_follow_each_other():
+    content = bytes(range(24))
+    one, two, none = isolation._arrays(
+        [("uint8", [2, 3]), ("<u2", [4]), ("float64", [0, 3])], content[:14]
+    )
+    assert one.tolist() == [[0, 1, 2], [3, 4, 5]]
+    assert two.tolist() == [6 + 256 * 7, 8 + 256 * 9, 10 + 256 * 11, 12 + 256 * 13]
+    assert none.shape == (0, 3)
