@@ -238,14 +238,20 @@ def _at_nodes(mesh: Mesh, form: WeakForm, shapes: Array) -> Array:
     """Displacement shapes at the geometry nodes of this rank: (nodes, 3, N + 1).
 
     Lagrange nodes of a cell come in one order, vertices first: a geometry node is the dof of
-    the same local number.
+    the same local number, but for mid-side nodes beside displacements of degree three.
     """
-    nodes = compat.geometry_nodes(mesh.dolfinx)
+    geometry, nodes = mesh.geometry, compat.geometry_nodes(mesh.dolfinx)
     result = np.zeros((len(mesh.dolfinx.geometry.x), 3, shapes.shape[1]))
     for axis, name in enumerate("xyz"):
-        if name in form.components:
-            dofs = compat.cell_dofs(form.space, form.components[name], np.arange(len(nodes)))
+        if name not in form.components:
+            continue
+        path = form.components[name]
+        dofs = compat.cell_dofs(form.space, path, np.arange(len(nodes)))
+        if nodes.shape[1] in (len(geometry.corners), dofs.shape[1]):
             result[nodes, axis] = shapes[dofs[:, : nodes.shape[1]]]
+        else:
+            table = compat.tabulate(form.space, path, geometry.reference_nodes)
+            result[nodes, axis] = table @ shapes[dofs]
     return result
 
 
