@@ -120,3 +120,31 @@ def test_errors_that_are_no_energies_are_refused(wrong):
 def test_no_correction_without_an_estimate():
     with pytest.raises(ao.InputError, match="error='estimate'"):
         ao.AntiOscillators(m0=1.0, k0=1e5, m=[1.0], omega=[10.0]).corrected()
+
+
+def test_a_misfit_counts_beside_the_error():
+    """Of either sign: the corrected model is that of the sum."""
+    given = model()
+    rng = np.random.default_rng(9)
+    root = np.sqrt(np.append(given.k0, given.k))
+    work = rng.normal(size=(7, 7)) * 3e-4 * root * root[:, None]
+    work = work + work.T
+    both = given.strain_error + work
+    assert np.linalg.eigvalsh(work)[0] < 0 < np.linalg.eigvalsh(both)[0]
+    plain = ao.AntiOscillators(given.m0, given.k0, given.m, given.omega, strain_error=both)
+    found = ao.AntiOscillators(
+        given.m0,
+        given.k0,
+        given.m,
+        given.omega,
+        strain_error=given.strain_error,
+        strain_misfit=work,
+    )
+    one, other = plain.corrected(), found.corrected()
+    assert other.k0 == pytest.approx(one.k0, rel=1e-12)
+    np.testing.assert_allclose(other.omega, one.omega, rtol=1e-12)
+    np.testing.assert_allclose(other.m, one.m, rtol=1e-9)
+    assert other.strain_misfit is None
+    small = found.truncated(2)
+    np.testing.assert_array_equal(small.strain_misfit, work[:3, :3])
+    np.testing.assert_array_equal(small.strain_error, given.strain_error[:3, :3])

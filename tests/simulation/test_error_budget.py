@@ -8,9 +8,12 @@ import pytest
 import antiosc as ao
 from antiosc.simulation.error_bars import CAUSES, QUANTITIES
 from antiosc.simulation.error_budget import (
+    COARSE_SHELL,
     RESOLVED,
     SAFETY,
     SAFETY_COARSE,
+    SAFETY_INSIDE,
+    SHELL,
     amplitudes,
 )
 from antiosc.simulation.quantities import FLOOR, differences
@@ -151,3 +154,32 @@ def test_refused_without_an_estimate():
     hand = ao.AntiOscillators(m0=0.05, k0=2e6, m=[0.5], omega=[4e3])
     with pytest.raises(ao.InputError, match="error='estimate'"):
         _ = struck(hand).error_budget
+
+
+@pytest.mark.parametrize("share", [0.04, 0.06])
+def test_the_bar_of_a_shell_is_the_larger_of_two_differences(share):
+    """To the model softened with and without its misfit; coarse ones hold the errors' share."""
+    given = model(share, strain_misfit=-0.8 * share * np.diag([2e6, *model().k]))
+    budget = struck(given).error_budget
+    raw = struck(given, tol=1e-5)
+    both = [struck(one.corrected(), tol=1e-5) for one in (given, model(share))]
+    off = [differences(raw, one) for one in both]
+    largest = {name: max(one[name] for one in off) for name in off[0]}
+    assert off[1]["peak_force"] > 2 * off[0]["peak_force"]
+    safety = SHELL * (SAFETY if share < COARSE_SHELL else SAFETY_COARSE)
+    assert budget.safety == pytest.approx(safety)
+    for name, bar in budget.items():
+        expected = safety * max(largest[name], FLOOR * max(largest.values()))
+        if share > COARSE_SHELL:
+            expected = max(expected, share)
+        assert bar.mesh == pytest.approx(expected, rel=0.05)
+
+
+def test_a_site_inside_an_element_has_a_wider_bar():
+    facts = {"inside_element": True, "not_included": "Nothing of the weld."}
+    usual, wide = (struck(model(info=f)).error_budget for f in ({}, facts))
+    assert wide.safety == SAFETY_INSIDE
+    ratio = wide["impulse"].mesh / usual["impulse"].mesh
+    assert ratio == pytest.approx(SAFETY_INSIDE / SAFETY, rel=1e-6)
+    assert wide.notes[-1] == "Nothing of the weld."
+    assert any("put a node there" in note for note in wide.notes)

@@ -236,3 +236,37 @@ def test_what_damped_modes_lose_is_known_over_long_steps() -> None:
     assert float(np.diff(hit.time).max()) * 2e4 > 2.0
     assert hit.energy.dissipated[-1] > 0.05 * float(hit.energy.kinetic.max())
     assert hit.energy.drift < 3e-5  # by the trapezoidal rule 1.3e-4
+
+
+def test_bodies_of_one_coordinate_fall_along_the_line_of_their_contact() -> None:
+    """Gravity as a vector pulls them by its part along the contact, a number by all of it."""
+    tilted = np.array([0.6, 0.0, 0.8])
+    box = ao.RigidBody(2.0, (1.0, 1.0, 1.0), {"top": ((0, 0, 0.1), tilted)})
+    two = ao.SiteModes(
+        [0.0], [[1.0, 2.0]], ["a", "b"], directions=[tilted, (0, 1.0, 0)], weight=[[1.0, 0, 0.5]]
+    )
+    contact = ao.Contact("box:top", "m", ao.Linear(1e5), gap=1.0)
+    for gravity, fall in (((0, 0, -10.0), -8.0), (-10.0, -10.0)):
+        bodies = {"box": box, "m": ao.RigidMass(0.5)}
+        if np.ndim(gravity) == 0:
+            bodies["box"] = ao.RigidMass(3.0)
+            contact = ao.Contact("box", "m", ao.Linear(1e5), gap=1.0)
+        hit = ao.Scene(bodies, [contact], gravity=gravity).run(0.01)
+        assert hit.bodies["m"].velocity()[-1] == pytest.approx(fall * 0.01)
+        assert hit.bodies["m"].momentum[-1] == pytest.approx(0.5 * fall * 0.01)
+    bodies = {"two": two, "wall": ao.Obstacle()}
+    contacts = [ao.Contact("two:a", "wall", ao.Linear(1e5), gap=1.0)]
+    hit = ao.Scene(bodies, contacts, gravity=(2.0, 5.0, 4.0)).run(0.01)
+    assert hit.bodies["two"].velocity("a")[-1] == pytest.approx(0.01 * (2.0 + 0.5 * 4.0))
+    with pytest.raises(ao.InputError, match="pushed along several directions: give gravity"):
+        ao.Scene(bodies, contacts, gravity=-9.81).run(0.01)
+
+
+def test_the_structure_of_a_scene_is_the_body_with_shapes() -> None:
+    shaped = ao.AntiOscillators(m0=0.1, k0=1e5, m=[0.2], omega=[900.0], shapes=np.eye(2))
+    bodies = {"part": shaped, "m": ao.RigidMass(0.5, 1.0)}
+    hit = ao.Scene(bodies, [ao.Contact("part", "m", ao.Linear(1e5))]).run(1e-3)
+    np.testing.assert_array_equal(hit.field(1e-3), hit.field(1e-3, "part"))
+    both = ao.Scene({**bodies, "m": shaped}, [ao.Contact("part", "m", ao.Linear(1e5))]).run(1e-3)
+    with pytest.raises(ao.InputError, match="there is no body 'structure'"):
+        both.field(1e-3)
