@@ -1,0 +1,149 @@
+"""Rows of `--dry-run`, and places of a scene that name groups of its meshes."""
+
+from __future__ import annotations
+
+from math import pi
+from types import SimpleNamespace
+
+import pytest
+
+from antiosc.errors import InputError
+from antiosc.scene_file import forecast, group_names
+from antiosc.scene_file.program import Call, Name, Statement
+from antiosc.simulation.compared_impact import COARSEST
+from antiosc.simulation.impact_band import BAND_OVER_PULSE
+from antiosc.simulation.simulate import DEFAULT_TOL
+
+
+def scene(data=None, varied=None, model=("model",)):
+    return SimpleNamespace(document=SimpleNamespace(data=data or {}), varied=varied or {},
+                           model=list(model))  # fmt: skip
+
+
+def found(**variables):
+    names = ("structure", "impactor", "contact")
+    return SimpleNamespace(**{**dict.fromkeys(names), **variables})
+
+
+BAND = 2 * pi * 1000.0
+TIME = BAND_OVER_PULSE * pi / BAND
+START = [("contact time", f"at least {TIME:.3g} s, that on a rigid wall"),
+         ("band of the impact", "up to 1e+03 Hz")]  # fmt: skip
+IMPACTS = {
+    "plain": ({}, {}, [("step", f"{TIME / COARSEST:.3g} s, halved until tol = {DEFAULT_TOL:g} is "
+                        "met")]),
+    "tol": ({"simulate": {"tol": 0.25}}, {},
+            [("step", f"{TIME / COARSEST:.3g} s, halved until tol = 0.25 is met")]),
+    "step": ({"simulate": {"step": 2e-6}}, {"a.b": [1]}, [("step", "2e-06 s, given")]),
+    "sweep": ({"simulate": {"step": 2e-6}}, {"a.b": [1, 2, 3]},
+              [("step", "2e-06 s, given"), ("sweep", "3 impacts")]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", IMPACTS)
+def test_rows_of_an_impact(monkeypatch, case):
+    monkeypatch.setattr(forecast, "impact_band", lambda impactor, contact: BAND)
+    data, varied, rows = IMPACTS[case]
+    assert forecast._of_impact(scene(data, varied), found()) == [*START, *rows]
+
+
+def test_rows_of_a_strike(monkeypatch):
+    monkeypatch.setattr(forecast, "impact_band", lambda impactor, contact: BAND)
+    chosen = ("mesh, model, step", "chosen while it runs, for an error of 0.05")
+    assert forecast._of_impact(scene({"strike": {"tol": 0.05}}), found()) == [chosen, *START]
+
+    def unknown(impactor, contact):
+        raise InputError("no mass.")
+
+    monkeypatch.setattr(forecast, "impact_band", unknown)
+    assert forecast._of_impact(scene(), found()) == [("contact time", "not forecast: no mass.")]
+
+
+def test_rows_of_a_model():
+    structure = SimpleNamespace(dofs=8)
+    sites = {"sites": {"a": {}, "b": {}}}
+    for extract, row in (
+        ({}, "7 of 2 site(s): about 9 solves"), ({"n": 5}, "5 of 2 site(s): about 7 solves"),
+        ({"band": 200 * pi}, "as many as needed up to 100 Hz"),
+    ):  # fmt: skip
+        rows = forecast._of_model(scene({**sites, "extract": extract}), found(structure=structure))
+        assert rows == [("anti-oscillators", row)]
+    assert forecast._of_model(scene(model=()), found(structure=structure)) == []
+    assert forecast._of_model(scene(), found()) == []
+
+
+def test_rows_of_a_structure(monkeypatch):
+    structure = SimpleNamespace(describe=lambda: "a beam", dofs=32, K=None)
+    plain = [("structure", "a beam"), ("dofs", "32"), ("factor", "by SciPy; not forecast")]
+    assert forecast._of_structure(found(structure=structure)) == plain
+    ball = SimpleNamespace(hertz=None)
+    monkeypatch.setattr(forecast, "advise", lambda part, impactor: "take solids")
+    rows = forecast._of_structure(found(structure=structure, impactor=ball))
+    assert rows == [*plain[:2], ("advised family", "take solids"), plain[2]]
+
+    def none(part, impactor):
+        raise InputError("no thickness.")
+
+    monkeypatch.setattr(forecast, "advise", none)
+    rows = forecast._of_structure(found(structure=structure, impactor=ball))
+    assert rows[2] == ("advised family", "no advice: no thickness.")
+
+
+# --- Groups ---------------------------------------------------------------------------------------
+
+DATA = {
+    "material": {"a": {"E": 1}, "b": {"E": 2}},
+    "supports": [{"where": "clamp"}, {"plane": []}],
+    "attached": [{"where": [0, 0, 1]}, {"where": "top"}],
+    "sites": {"s": {"point": "eye"}, "t": {"point": [0, 0, 0]}, "n": {"node": 3}},
+    "probes": {"p": {"point": "q:tip"}},
+    "map": {"where": "skin"},
+    "parts": {"q": {"material": {"E": 1}, "supports": [{"where": "foot"}]}},
+    "joints": [{"a": "q:x", "b": "r:y"}, {"group": "q:z", "a": 3}],
+}
+
+
+def test_places_that_name_groups():
+    assert dict(group_names._named(DATA, "")) == {
+        ("material", "a"): "a", ("material", "b"): "b", ("supports", 0, "where"): "clamp",
+        ("attached", 1, "where"): "top", ("sites", "s", "point"): "eye",
+        ("probes", "p", "point"): "q:tip", ("map", "where"): "skin",
+    }  # fmt: skip
+    assert dict(group_names._named(DATA, "q")) == {
+        ("joints", 0, "a"): "q:x", ("joints", 1, "group"): "q:z", ("probes", "p", "point"): "q:tip",
+        ("parts", "q", "supports", 0, "where"): "q:foot",
+    }  # fmt: skip
+    assert dict(group_names._named({"parts": {"q": {}}}, "q")) == {}
+    assert dict(group_names._named({"map": {"where": [0]}}, "")) == {}
+
+
+def test_meshes_and_decks_of_a_scene():
+    mesh = Call("ao.read_mesh", {"source": "a.msh"}, ("geometry",))
+    deck = Call("ao.read_model", {"path": "b.inp"}, ("parts", "q", "deck"))
+    parts = Call("ao.assemble", {"*parts": {"q": deck, "r": Call("ao.Structure", {"*mesh": mesh})}})
+    strike = Call("ao.strike", {"*source": "c.msh"}, ("strike",))
+    for statements, run, expected in (
+        ([Statement("structure", parts)], None, [("q", "b.inp"), ("", "a.msh")]),
+        ([], Statement("history", strike), [("", "c.msh")]),
+        ([], Statement("history", Call("ao.strike", {"*source": Name("mesh")})), []),
+        ([], Statement("history", Call("ao.simulate", {})), []),
+    ):
+        made = SimpleNamespace(structure=statements, simulation=run)
+        calls = list(group_names._meshes(made))
+        assert [(part, group_names._path(call).name) for part, call in calls] == expected
+
+
+def test_files_whose_groups_are_not_read(tmp_path, monkeypatch):
+    path = tmp_path / "a.msh"
+    path.write_bytes(b"x" * 11)
+    call = Call("ao.read_mesh", {"source": str(path)})
+    monkeypatch.setattr(group_names, "LARGEST", 10)
+    assert group_names._groups(call) == ([], "the file is larger than 1e-05 MB.")
+    for name in ("a.STEP", "b.geo", "c.stl"):
+        known, why = group_names._groups(Call("ao.read_mesh", {"source": name}))
+        assert known == []
+        assert why.startswith("a geometry has them once it is meshed")
+    monkeypatch.setattr(group_names, "LARGEST", 11)
+    monkeypatch.setattr(group_names, "_groups_of_deck", lambda call: ["A", "B"])
+    deck = Call("ao.read_model", {"path": str(path)})
+    assert group_names._groups(deck) == (["A", "B"], "")
