@@ -107,7 +107,7 @@ def delamination_load(D: float, G: float) -> float:
 def tensors(name: str, value: Any) -> Array:
     """Symmetric tensors (..., 3, 3) of such, or of six components (..., 6)."""
     given = checks.array(name, value, None)
-    if given.ndim >= 2 and given.shape[-2:] == (3, 3):
+    if given.shape[-2:] == (3, 3):
         size = np.abs(given).max(initial=0.0)
         if np.abs(given - np.swapaxes(given, -1, -2)).max(initial=0.0) > ASYMMETRY * size:
             raise InputError(f"{name} must be symmetric.")

@@ -144,6 +144,7 @@ def test_steps_keep_the_equations_of_the_method(law: str, method: str) -> None:
         for segment in hit.trajectory.segments[slice(*contact.segments)]:
             (q, v), F = segment.states(), segment.force
             h = np.diff(segment.time)[:, None]
+            assert F[0] == 0
             assert np.all(h <= 1e-5 * (1 + 1e-9))
             a = pulled(hit, q, v, F)
             if method == "newmark":

@@ -1,0 +1,172 @@
+"""Numbers in what runs say of themselves, and in how far they are refined, by stand-ins."""
+
+from __future__ import annotations
+
+from math import ceil
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import antiosc as ao
+from antiosc.simulation import comparison, march, truncation
+from antiosc.simulation.engine import Run
+from antiosc.simulation.model_errors import SAFETY, _changed, model_errors
+
+MODEL = ao.AntiOscillators(m0=0.1, k0=1e6, m=[0.3, 0.1], omega=[2e3, 9e3])
+
+
+def test_the_summary_of_a_scene_has_its_numbers() -> None:
+    bodies = {"part": MODEL, "ball": ao.RigidMass(0.05, 1.0), "far": ao.Obstacle()}
+    contacts = [
+        ao.Contact("part", "ball", ao.Hertz(1e9)),
+        ao.Contact("far", "part", ao.Linear(1e6), gap=0.5),
+    ]
+    hit = ao.Scene(bodies, contacts).run(1e-3)
+    head, first, second, told, message = hit.summary().splitlines()
+    assert head.split() == ["contact", "peak", "N", "impulse", "Ns", "touches", "time", "s"]
+    one = hit["part", "ball"]
+    assert first.startswith("part - ball ")
+    numbers = [float(each) for each in first.split()[3:]]
+    expected = [one.peak_force, one.impulse, len(one.contacts), one.contact_time]
+    np.testing.assert_allclose(numbers, expected, rtol=1e-3)
+    assert [float(each) for each in second.split()[3:]] == [0, 0, 0, 0]
+    assert told == f"energy drift {hit.energy.drift:.1e}; force error {hit.error['force']:.1e}"
+    assert message == hit.message
+    facts = dict(hit._facts())
+    assert facts["contacts"] == "2, 1 of them closed"
+    assert facts["peak force"] == f"{one.peak_force:.6g} N of part - ball"
+    assert facts["bodies"] == "part, ball, far"
+    assert facts["run"] == f"0.001 s, {hit.time.size} nodes, status 0"
+    numbers = hit.numbers()
+    assert numbers["contacts"]["part - ball"]["impulse"] == one.impulse
+    assert numbers["contacts"]["part - ball"]["contacts"] == [list(each) for each in one.contacts]
+    assert numbers["energy_drift"] == hit.energy.drift
+    given = ao.Scene(bodies, contacts).run(1e-3, step=1e-5)
+    assert "force error not known" in given.summary()
+
+
+def test_the_summary_of_an_impact_has_its_numbers() -> None:
+    hit = ao.simulate(MODEL, ao.RigidMass(0.05, 1.0), ao.Hertz(1e9), 2e-3)
+    rows = {line[:13].strip(): line[14:] for line in hit.summary().splitlines()}
+    expected = {
+        "peak force": f"{hit.peak_force:.6g} N",
+        "impulse": f"{hit.impulse:.6g} N s",
+        "contacts": str(len(hit.contacts)),
+        "contact time": f"{hit.contact_time:.6g} s",
+        "restitution": f"{hit.restitution:.4f}",
+        "energy drift": f"{hit.energy.drift:.1e}",
+        "step": f"{hit.step:.3g} s",
+        "force error": f"{hit.error['force']:.1e}",
+        "status": "Completed.",
+    }
+    assert rows == expected
+    cut = ao.simulate(MODEL, ao.RigidMass(0.05, 1.0), ao.Hertz(1e9), 5e-5, step=1e-6)
+    assert "restitution   -\n" in cut.summary()
+    assert "force error   not estimated" in cut.summary()
+
+
+def test_the_facts_of_a_model_have_its_numbers() -> None:
+    facts = dict(MODEL._facts())
+    assert facts["k0"] == "1e+06 N/m"
+    assert facts["m_st"] == "0.5 kg, 80.00% of it captured"
+    assert facts["anti-oscillators"] == f"2, {2e3 / 2 / np.pi:.5g}, {9e3 / 2 / np.pi:.5g} Hz"
+    more = ao.AntiOscillators(m0=0.0, k0=1.0, m=np.ones(5), omega=np.arange(1.0, 6.0))
+    low = ", ".join(f"{k / 2 / np.pi:.5g}" for k in (1, 2, 3))
+    assert dict(more._facts())["anti-oscillators"] == f"5, {low}, … Hz"
+    two = ao.AntiOscillators(
+        m0=np.eye(2), k0=np.diag([2e5, 3e5]), P=[[0.1], [0.2]], omega=[50.0], sites=["a", "b"]
+    )
+    assert dict(two._facts())["K0"] == "(2, 2), 3e+05 N/m at most"
+    assert dict(two._facts())["sites"] == "a, b"
+
+
+# -- shares of the element family
+
+
+def test_models_are_changed_as_much_as_families_differ() -> None:
+    """Up to 6 % of frequency and 60 % of shape at a limit, 5 % at clamps, 0.8 of a compliance."""
+    facts = {"omega": 4e3, "clamps": 1.0, "compliance": 2e-8}
+    own = MODEL.modal()
+    softer, stiffer = _changed(MODEL, facts)
+    x = np.minimum(own.omega / 4e3, 1.0)
+    assert 0 < x.min() < x.max() == 1
+    for body, sign, r in ((softer, 1, 1.6e-8), (stiffer, -1, 0.0)):
+        found = body.modal()
+        np.testing.assert_allclose(found.omega, own.omega * (1 - sign * (0.06 * x + 0.05)))
+        np.testing.assert_allclose(found.b, own.b * (1 + sign * 0.6 * x))
+        assert found.r == pytest.approx(own.r + r)
+    assert (softer.local_compliance, stiffer.local_compliance) == (0.0, pytest.approx(1.6e-8))
+
+
+def test_the_share_of_the_family_is_the_larger_change() -> None:
+    def run(peak: float, impulse: float) -> Any:
+        return SimpleNamespace(peak_force=peak, impulse=impulse, contact_time=1.0)
+
+    model = ao.AntiOscillators(m0=0.1, k0=1e6, m=[0.3], omega=[2e3], info={
+        "model": {"omega": 4e3, "clamps": 0.0, "compliance": 1e-8}})  # fmt: skip
+    answers = iter([run(9.0, 1.0), run(10.5, 0.7)])
+    shares, notes = model_errors(model, run(10.0, 1.0), lambda *_: next(answers), 1e-5)
+    expected = {"peak_force": max(0.1, 0.15), "impulse": 0.3, "contact_time": 0.15}
+    assert shares == {name: pytest.approx(SAFETY * value) for name, value in expected.items()}
+    assert notes == []
+
+
+# -- refinement of truncation, and of methods that are compared
+
+
+@pytest.mark.parametrize(("rate", "known"), [(1.0, 1.0), (1.7, 1.7), (0.2, 0.5), (3.0, 2.0)])
+def test_what_is_missing_follows_from_the_fall_of_the_error(rate: float, known: float) -> None:
+    estimates = {
+        n: truncation.TruncationError(n, 0.4 * (8 / n) ** rate, 0.0, 0.0) for n in (1, 2, 4, 8)
+    }
+    missing = truncation._missing(estimates, 0.01)
+    assert missing == ceil(8 * ((0.4 / 0.01) ** (1 / known) - 1) - 1e-9)
+    none = {2: truncation.TruncationError(2, np.inf, 0.0, 0.0)}
+    assert truncation._missing(none, 0.01) == 4
+    none = {6: truncation.TruncationError(6, np.inf, 0.0, 0.0)}
+    assert truncation._missing(none, 0.01) == 12
+
+
+class Runs:
+    """Runs whose forces have an error in proportion to the square of their step."""
+
+    def __init__(self, answers: tuple[int, ...] = ()) -> None:
+        self.answers = answers
+        self.asked: list[tuple[float, int]] = []
+
+    def __call__(self, size: float, left: int) -> Run:
+        k = len(self.asked)
+        self.asked.append((size, left))
+        t = np.linspace(0, 1.0, 101)
+        force = np.sin(np.pi * t)[:, None] * (1 + size**2)
+        answer = self.answers[k] if k < len(self.answers) else march.DONE
+        return Run(
+            time=t, force=force, depth=force, states=None, events=np.zeros((0, 4)), answer=answer,
+            steps=round(10 / size), attempts=1, touches=1, highest=1.0,
+        )  # fmt: skip
+
+
+def test_compared_methods_halve_their_step_until_two_runs_agree() -> None:
+    runs = Runs()
+    found = comparison._converged(runs, 0.4, 2.0, comparison.HALVED, 1e-3, 10_000)
+    sizes = 0.4 / 2.0 ** np.arange(len(runs.asked))
+    np.testing.assert_allclose([size for size, _ in runs.asked], sizes)
+    errors = np.abs((1 + sizes[:-1] ** 2) / (1 + sizes[1:] ** 2) - 1) / 3
+    assert errors[-1] <= 1e-3 < errors[-2]
+    assert found.force == pytest.approx(errors[-1], rel=1e-6)
+    assert found.peak == pytest.approx(errors[-1], rel=1e-6)
+    assert found.share == sizes[-1]
+    used = np.append(0, np.cumsum(np.round(10 / sizes)))[:-1]
+    assert [left for _, left in runs.asked] == [10_000 - int(each) for each in used]
+    # no room for twice the steps of the last; and a run that stops before its end
+    runs = Runs()
+    comparison._converged(runs, 0.4, 2.0, comparison.HALVED, 1e-9, 300)
+    assert len(runs.asked) == 3  # 25 + 50 + 100 steps; 200 more would not fit
+    stopped = Runs((march.DONE, march.TOO_MANY_STEPS))
+    found = comparison._converged(stopped, 0.4, 2.0, comparison.HALVED, 1e-9, 300)
+    assert (len(stopped.asked), found.force, found.share) == (2, np.inf, 0.4)
+    unstable = Runs((march.GREW,))
+    found = comparison._converged(unstable, 0.4, 2.0, comparison.HALVED, 1e-2, 10_000)
+    assert found.share < 0.2
