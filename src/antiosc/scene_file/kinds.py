@@ -107,10 +107,13 @@ def _short(kinds: Sequence[Kind]) -> str:
 
 
 def _plural(kinds: Sequence[Kind]) -> str:
-    first = kinds[0]
-    if first.name == "list":
-        return f"lists of {_plural(first.items or first.each[0])}"
-    return " or ".join(dict.fromkeys(_MANY.get(kind.name, kind.text) for kind in kinds))
+    return " or ".join(dict.fromkeys(_many(kind) for kind in kinds))
+
+
+def _many(kind: Kind) -> str:
+    if kind.name == "list":
+        return f"lists of {_plural(kind.items or kind.each[0])}"
+    return _MANY.get(kind.name, kind.text)
 
 
 #: What is looked up where a module imports a name for type checkers only.

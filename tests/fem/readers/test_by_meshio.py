@@ -1,0 +1,143 @@
+"""Meshes as meshio gives them: blocks of one kind become one, and every way to name groups."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from antiosc.errors import MeshError, MissingDependencyError
+from antiosc.fem.readers import by_meshio
+from antiosc.fem.readers.mixed import GMSH_EDGES, _block, _is_mixed
+from antiosc.fem.readers.neutral import FileMesh
+from antiosc.fem.readers.request import Request
+from antiosc.fem.readers.shapes import CORNERS, EDGES
+
+SQUARE = np.array([(0, 0), (1, 0), (1, 1), (0, 1), (2, 0), (2, 1)], dtype=float)
+
+
+def mesh(**more) -> SimpleNamespace:
+    """Triangles in two blocks, a line between them."""
+    blocks = [("triangle", [[0, 1, 2]]), ("line", [[0, 1]]), ("triangle", [[0, 2, 3], [1, 4, 5]])]
+    given = {"points": SQUARE, "field_data": {}, "cell_data": {}, "cell_sets": {}, "point_data": {},
+             **more}  # fmt: skip
+    cells = [SimpleNamespace(type=kind, data=np.array(data)) for kind, data in blocks]
+    return SimpleNamespace(cells=cells, **given)
+
+
+def read(monkeypatch, content) -> FileMesh:
+    monkeypatch.setattr(by_meshio, "_read", lambda path, name: content)
+    return by_meshio.read(Request("/a/part.vtu", "part.vtu"))
+
+
+def groups(found: FileMesh) -> dict:
+    return {n: {k: r.tolist() for k, r in parts.items()} for n, parts in found.groups.items()}
+
+
+def test_blocks_of_one_kind_are_joined_and_planes_lie_in_space(monkeypatch):
+    found = read(monkeypatch, mesh())
+    assert found.points.tolist() == [[*p, 0.0] for p in SQUARE.tolist()]
+    assert {label: block.tolist() for label, block in found.cells.items()} == {
+        "triangle": [[0, 1, 2], [0, 2, 3], [1, 4, 5]], "line": [[0, 1]],
+    }  # fmt: skip
+    assert (found.convention, found.groups, found.node_sets) == ("vtk", {}, {})
+
+
+def test_every_way_in_which_files_name_groups(monkeypatch):
+    """By numbers of cells with names beside them, without, by sets, and by tags of points."""
+    data = {
+        "gmsh:physical": [np.array([7]), np.array([7]), np.array([8, 7])],
+        "gmsh:geometrical": [np.array([1]), np.array([1]), np.array([1, 1])],
+        "cell_tags": [np.array([-1]), np.array([0]), np.array([-1, -2])],
+        "medit:ref": [np.array([3]), np.array([3]), np.array([4, 4])],
+        "part": [np.array([5]), np.array([5]), np.array([5, 6])],
+        "heat": [np.array([0.5]), np.array([0.5]), np.array([0.5, 0.5])],
+        "both": [np.array([[1, 2]]), np.array([[1, 2]]), np.array([[1, 2], [1, 2]])],
+    }
+    sets = {"chosen": [None, np.array([0]), np.array([1])], "part": [np.array([0]), None, None],
+            "empty": [np.array([]), None, None]}  # fmt: skip
+    content = mesh(
+        field_data={"skin": (7, 2), "rim": (7, 1)}, cell_data=data, cell_sets=sets,
+        cell_tags={-1: ["a", "b"]}, point_sets={"n": [1, 2]}, point_tags={9: ["tip"], 8: ["none"]},
+        point_data={"point_tags": np.array([0, 9, 9, 0, 0, 0])},
+    )  # fmt: skip
+    found = read(monkeypatch, content)
+    assert groups(found) == {
+        "skin": {"triangle": [0, 2]}, "rim": {"line": [0]}, "8": {"triangle": [1]},
+        "a": {"triangle": [0, 1]}, "b": {"triangle": [0, 1]},
+        "3": {"triangle": [0], "line": [0]}, "4": {"triangle": [1, 2]},
+        "part=5": {"triangle": [0, 1], "line": [0]}, "part=6": {"triangle": [2]},
+        "chosen": {"line": [0], "triangle": [2]},
+    }  # fmt: skip
+    assert {name: rows.tolist() for name, rows in found.node_sets.items()} == {
+        "n": [1, 2], "tip": [1, 2], "none": [],
+    }  # fmt: skip
+
+
+def test_cells_that_nothing_carries(monkeypatch):
+    content = mesh()
+    content.cells[0].type = "polygon"
+    with pytest.raises(MeshError, match=r"^part.vtu holds polygon cells, which no element"):
+        read(monkeypatch, content)
+
+
+def test_files_that_meshio_does_not_read(tmp_path):
+    for name, said, message in (
+        ("a.med", "No module named 'h5py'", "a.med needs h5py, which is not installed: sudo apt"),
+        ("a", "what", "a: files of the type (none) are not read; write the mesh as .msh"),
+        ("a.XYZ", "what", "a.XYZ: files of the type .xyz are not read; write the mesh as .msh"),
+        ("a.VTU", "what", "a.VTU cannot be read as VTU: it is damaged, or a variant of the format"),
+    ):
+        error = by_meshio._failure(tmp_path / name, name, said)
+        assert isinstance(error, MissingDependencyError) == ("h5py" in said)
+        assert str(error).startswith(message)
+
+
+# --- Several kinds of cells -----------------------------------------------------------------------
+
+KINDS = {
+    "tetra10": ("tetra", 10), "pyramid13": ("pyramid", 13), "wedge15": ("wedge", 15),
+    "hexahedron20": ("hexahedron", 20), "triangle6": ("triangle", 6), "quad8": ("quad", 8),
+    "wedge18": ("wedge", 18), "hexahedron27": ("hexahedron", 27), "quad9": ("quad", 9),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("convention", ["vtk", "gmsh"])
+@pytest.mark.parametrize("label", KINDS)
+def test_middle_nodes_in_both_orders(label, convention):
+    """In gmsh's order the k-th middle node lies on the k-th of its edges."""
+    shape, nodes = KINDS[label]
+    corners, edges = CORNERS[shape], EDGES[shape]
+    block = _block(label, np.arange(nodes)[None], convention)
+    assert block.corners.tolist() == [list(range(corners))]
+    order = GMSH_EDGES.get(shape, edges) if convention == "gmsh" else edges
+    where = {frozenset(edge): corners + k for k, edge in enumerate(order)}
+    assert block.mids.tolist() == [[where[frozenset(edge)] for edge in edges]]
+    assert sorted(block.inner[0].tolist()) == list(range(corners + len(edges), nodes))
+
+
+def of(aids=False, groups=None, **cells) -> FileMesh:
+    arrays = {label: np.zeros((count, 1), dtype=np.int64) for label, count in cells.items()}
+    return FileMesh(np.zeros((1, 3)), arrays, "vtk", groups=groups or {}, aids=aids)
+
+
+MIXED = [
+    (of(tetra=2, triangle=1, line=1, vertex=1), False),
+    (of(tetra=2, hexahedron=1), True),
+    (of(tetra=2, hexahedron=0), False),
+    (of(wedge=1), True),
+    (of(hexahedron20=1), True),
+    (of(hexahedron27=1, quad8=2), False),
+    (of(hexahedron=1, triangle=1, quad=1), False),
+    (of(tetra=1, pyramid=1, aids=True), True),
+    (of(tetra=1, pyramid=1, aids=True, groups={"a": {"tetra": np.array([0])}}), False),
+    (of(tetra=1, pyramid=1, aids=True, groups={"a": {"tetra": np.array([], dtype=int)}}), True),
+    (of(quad=1, triangle=1, aids=True, groups={"a": {"line": np.array([0])}}), True),
+    (of(), False),
+]
+
+
+@pytest.mark.parametrize(("content", "mixed"), MIXED)
+def test_what_has_to_be_cut(content, mixed):
+    assert _is_mixed(content) == mixed
