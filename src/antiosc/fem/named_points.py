@@ -101,7 +101,7 @@ def motions_without_mesh(
     matrices = cast("AssembledMatrices", structure.matrices)
     plane = matrices.layout.plane
     rotated = quantity == "rotation"
-    wanted = np.eye(3)[2 if rotated else 0 :] if plane and rotated else np.eye(3)[: 3 - plane]
+    wanted = np.eye(3)[2:] if plane and rotated else np.eye(3)[: 3 - plane]
     told = end.rotation_space if rotated else end.displacement_space
     if not all(end.along(told, axis) for axis in wanted):
         raise InputError(
