@@ -150,3 +150,18 @@ def test_the_compiled_march_gives_the_numbers_of_the_interpreted_one() -> None:
         assert a.answer == b.answer == march.DONE
         np.testing.assert_allclose(a.time, b.time, rtol=1e-7)
         np.testing.assert_allclose(a.force, b.force, atol=1e-6 * np.abs(a.force).max())
+
+
+def test_the_march_is_compiled_once_that_pays(monkeypatch: pytest.MonkeyPatch) -> None:
+    """After 20 000 interpreted steps where an earlier process compiled it, else after 400 000."""
+    monkeypatch.setattr(compilation, "_COMPILED", "antiosc.simulation.no_march")
+    whole = ModuleType("whole")
+    for cached, enough in ((True, 20_000), (False, 400_000)):
+        monkeypatch.setattr(compilation, "_interpreted", 0)
+        monkeypatch.setattr(compilation, "_cached", lambda cached=cached: cached)
+        monkeypatch.setattr(compilation, "compiled_march", lambda: whole)
+        assert compilation.fitting_march(enough - 500) is march
+        assert compilation.fitting_march(500) is march
+        assert compilation.fitting_march(1) is whole
+        monkeypatch.setattr(compilation, "compiled_march", lambda: None)
+        assert compilation.fitting_march(1) is march  # numba does not work here
