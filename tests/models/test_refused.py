@@ -15,7 +15,7 @@ from antiosc.contact import Tabulated
 from antiosc.models.reduced_matrices import ReducedMatrices
 from antiosc.models.resolved import resolved_frequency
 from antiosc.models.site_modes import SiteModes
-from antiosc.saved_fields import SavedFields
+from antiosc.saved_fields import FACES, SavedFields
 
 ONE = {"m0": 0.1, "k0": 1e5, "m": [0.2, 0.3], "omega": [900.0, 2e3]}
 MODEL = ao.AntiOscillators(**ONE)
@@ -151,3 +151,32 @@ def test_fields_are_linear_between_their_times() -> None:
     assert sorted(map(sorted, found.faces.tolist())) == [[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]]
     one = fields(time=np.zeros(1), factors=np.ones((1, 2)), shapes=np.ones((3, 3, 2)))
     np.testing.assert_array_equal(one.at(0.0), np.full((3, 3), 2.0))
+
+
+CORNERS = {
+    "tetra": [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)],
+    "pyramid": [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1)],
+    "wedge": [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (0, 1, 1)],
+    "hexahedron": [(x, y, z) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))],
+}
+VOLUMES = {"tetra": 1 / 6, "pyramid": 1 / 3, "wedge": 1 / 2, "hexahedron": 1.0}
+
+
+@pytest.mark.parametrize("kind", FACES)
+def test_the_faces_of_a_cell_enclose_it(kind: str) -> None:
+    """Each edge is passed twice, in opposite ways; the volume follows from the faces."""
+    faces = FACES[kind]
+    if kind not in CORNERS:  # a face itself
+        (face,) = faces
+        assert face == list(range(len(face)))
+        return
+    edges = [(a, b) for face in faces for a, b in zip(face, [*face[1:], face[0]], strict=True)]
+    assert len(set(edges)) == len(edges)
+    assert {(b, a) for a, b in edges} == set(edges)
+    x = np.array(CORNERS[kind], dtype=float)
+    volume = 0.0
+    for face in faces:
+        for k in range(1, len(face) - 1):
+            a, b, c = x[[face[0], face[k], face[k + 1]]]
+            volume += a @ np.cross(b, c) / 6
+    assert volume == pytest.approx(VOLUMES[kind])

@@ -178,7 +178,7 @@ def pressed(
     monkeypatch.setattr(module.pressing, "first_exit", lambda *_: inf)
     arguments = parts.modes, parts.contacts, parts.state, parts.tables, parts.work
     slot = module.pressing.press(*arguments)
-    assert count[layout.RETRIES] == len(lengths) - 1
+    assert count[layout.RETRIES] == len(lengths) - 1  # of those that were tried
     assert clock[layout.STEP] == lengths[-1]
     return slot, int(count[layout.LEVEL]), int(count[layout.REFUSED]), lengths
 
@@ -263,3 +263,22 @@ def test_a_step_that_is_taken_is_written_down(module: ModuleType) -> None:
     done = (at + slope * h / 2) @ (x[0] - before[0])
     done -= drift @ [p.integ()(h) - p.integ()(0.0) for p in curve]
     assert clock[layout.WORKED] - worked == pytest.approx(done, rel=1e-6)
+
+
+def test_a_given_step_is_halved_for_vibrations_that_it_does_not_resolve(
+    module: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Until the force that they may cause is twice the error of a step; other steps are not."""
+    asked: list[float] = []
+
+    def ripple(h: float, *_: object) -> float:
+        asked.append(h)
+        return 0.201 if h > 0.01 else 0.199
+
+    monkeypatch.setattr(module.pressing, "ripple", ripple)
+    slot, level, refused, lengths = pressed(module, monkeypatch, [0.5], ROOF=1.0)
+    assert asked == [0.5**5, 0.5**6, 0.5**7]
+    assert (slot, level, lengths) == (7, 7, [0.5**7])
+    assert refused == 2
+    slot, _, refused, _ = pressed(module, monkeypatch, [0.5])
+    assert (slot, refused, len(asked)) == (5, 0, 3)
