@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
+pytest.importorskip("dolfinx")
+
 import antiosc as ao
 from antiosc.scene_file.kinds import Kind, _alternatives, kinds_of, words
 from antiosc.scene_file.parameters import descriptions, parameters, takes
