@@ -218,6 +218,12 @@ def test_ribs_hold_the_edges_that_they_lie_on_and_part_the_surface():
     )
     assert layer_energy(askew, bent[:, None]) == pytest.approx(energy, rel=1e-9)
     assert layer_energy(ribbed, twisted(ribbed)) == pytest.approx(0.75 * energy, rel=1e-9)
+    errors = ShellErrors(on_mesh(alone))  # the layers are those of cells too
+    shapes = np.hstack([twisted(alone), 2 * twisted(alone)])
+    cells, gram = errors.of_cells(shapes), errors.gram(shapes)
+    assert cells.sum() == pytest.approx(np.trace(gram), rel=1e-9)
+    assert np.trace(gram) == pytest.approx(5 * energy, rel=1e-6)
+    assert gram == pytest.approx(gram[0, 0] * np.array([[1, 2], [2, 4]]), rel=1e-6)
     middle = ao.Structure(grouped(square, edges=at(0, 0.5)), {"sheet": SHEET, "rib": RIB})
     folded = ao.Structure(sheet(2, fold), SHEET)
     for part, count in ((alone, 1), (ribbed, 1), (middle, 2), (folded, 2), (two_thicknesses(2), 2)):
