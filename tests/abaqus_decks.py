@@ -48,7 +48,7 @@ def read(
 
 
 def alike(found: Any, expected: Any, rel: float = 1e-9) -> None:
-    """Equal texts, keys and lengths; numbers to `rel`, zeros to 1e-15."""
+    """Equal texts, keys and lengths; numbers to `rel`, those below 1e-14 are zeros."""
     if isinstance(expected, dict):
         assert set(found) == set(expected)
         for key, value in expected.items():
@@ -58,7 +58,8 @@ def alike(found: Any, expected: Any, rel: float = 1e-9) -> None:
         for one, value in zip(found, expected, strict=True):
             alike(one, value, rel)
     elif isinstance(expected, float):
-        assert found == pytest.approx(expected, rel=rel, abs=0 if expected else 1e-15)
+        noise = 0.0 if abs(expected) > 1e-14 else 1e-14
+        assert found == pytest.approx(expected, rel=rel, abs=noise)
     else:
         assert found == expected
 
