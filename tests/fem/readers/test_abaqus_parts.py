@@ -135,6 +135,15 @@ def test_points_of_no_element_are_fixed_by_their_motions(tmp_path):
     assert {name: rows.tolist() for name, rows in deck.fixed.items()} == {"fixed x": [1]}
 
 
+def test_blank_moments_of_inertia_are_zero(tmp_path):
+    text = SHEET + SHELL.format("") + STEEL + "*ELEMENT,TYPE=ROTARYI,ELSET=R\n9,3\n"
+    for values, expected in (("1.,,3.", [1e-3, 0, 3e-3]), ("2.", [2e-3, 0, 0])):
+        model, _ = read(tmp_path, text + f"*ROTARY INERTIA,ELSET=R\n{values}\n")
+        ((place, mass, inertia),) = model["masses"]
+        assert (place, mass) == (pytest.approx([0.02, 0.01, 0]), 0)
+        assert inertia == pytest.approx(expected)
+
+
 @pytest.mark.parametrize(
     ("value", "moved"), [("", False), ("0.", False), ("1.", True), ("-2", True)]
 )

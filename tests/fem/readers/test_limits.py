@@ -87,6 +87,9 @@ def test_universal_files_and_geometries(tmp_path, monkeypatch, allowed):
         assert by_gmsh.generate(request(part, trust=True)) == part
         assert allowed[-2:] == pytest.approx([base + 1e-5 * 2200] * 2)
     assert allowed[0] == pytest.approx(30 + 3e-5 * 7)
+    (tmp_path / "a.msh").write_text("$MeshFormat\n" + 10**6 * " ")
+    assert by_gmsh.read(request(tmp_path / "a.msh")).name == "mesh.msh"
+    assert allowed[-1] == pytest.approx(30 + 2e-6 * (10**6 + 12))
     (tmp_path / "b.geo").write_text('Merge "a.step";\n')
     by_gmsh.generate(request(tmp_path / "b.geo"))
     assert (tmp_path / "own/a.step").read_bytes() == (tmp_path / "a.step").read_bytes()
