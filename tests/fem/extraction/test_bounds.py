@@ -100,7 +100,7 @@ def _check_forces(structure: ao.Structure, sites: list[ao.Site], n: int, method:
 
 
 @pytest.mark.fem
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", ["krylov", pytest.param("modes", marks=pytest.mark.slow)])
 def test_force_is_continuous_in_the_angle_to_a_slide(method):
     structure = _slide(0.0)[0]
     _check_forces(structure, [_slide(angle)[1] for angle in [*ANGLES, 0.0]], 9, method)
