@@ -37,6 +37,11 @@ def test_two_rows_in_a_tuple_are_no_columns():
     assert (found.node.tolist(), found.component.tolist()) == ([10, 20], [1, 2])
 
 
+def test_columns_of_four_rows():
+    found = dof_map(([10, 10, 20, 20], ["x", 2, "UX", "t2"]), None, 4)
+    assert (found.node.tolist(), found.component.tolist()) == ([10, 10, 20, 20], [1, 2, 1, 2])
+
+
 def test_labels_without_a_map_have_no_coordinates():
     found = dof_map(None, np.array([[10, 1], [10, 2], [20, 8]]), 3)
     assert (found.node.tolist(), found.component.tolist()) == ([10, 10, 20], [1, 2, 8])
