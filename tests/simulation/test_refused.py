@@ -133,3 +133,16 @@ def test_nearly_what_is_refused_is_taken() -> None:
     assert ran(motion={"m": 2.0}).bodies["m"].velocity()[0] == 2.0
     hit = ran({"b": WIDE}, [ao.Contact("b:tip", "w", LAW, friction=0.3), TOUCH])
     assert hit["b:tip", "w"].friction.shape[1] == 1
+
+
+@pytest.mark.parametrize(("degrees", "refused"), [(2.0, False), (3.0, True), (177.0, True), (178.0, False)])
+def test_a_site_must_be_known_along_its_contact(degrees: float, refused: bool) -> None:
+    """Or against it, to a cosine of 0.999, which is 2.56 degrees."""
+    tilt = np.radians(degrees)
+    other = ao.SiteModes([0.0], [[1.0]], ["tip"], directions=[(np.sin(tilt), 0, np.cos(tilt))])
+    bodies, contact = {"a": FLAT, "b": other}, ao.Contact("a:tip", "b:tip", LAW, gap=1.0)
+    if refused:
+        with pytest.raises(ao.InputError, match="the contact at 'b:tip' is along"):
+            ran(bodies, [contact])
+    else:
+        assert ran(bodies, [contact]).status == 0
