@@ -111,7 +111,7 @@ def changes(node: ast.AST, index: bool = False) -> Iterator[tuple[Any, str]]:
 
     `index`: the node is an index, or a part of one.
     """
-    if _is_text(node) or _is_typing(node):
+    if _is_text(node) or _is_typing(node) or _is_guard(node):
         return
     if _is_of_versions(node):
         yield from _for_this_version(node)
@@ -180,6 +180,11 @@ def _is_text(node: ast.AST) -> bool:
     return isinstance(node, ast.JoinedStr) or (
         isinstance(node, ast.Constant) and isinstance(node.value, str | bytes)
     )
+
+
+def _is_guard(node: ast.AST) -> bool:
+    """`strict=True` of zip: it notices mistakes of a program, and changes no result without one."""
+    return isinstance(node, ast.keyword) and node.arg == "strict"
 
 
 def _is_typing(node: ast.AST) -> bool:

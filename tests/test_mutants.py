@@ -55,6 +55,11 @@ def test_the_second_of_two_is_not_drawn_as_the_last(source):
     assert "(-1)" not in {text for _, text in breaks.changes(ast.parse(source).body[0])}
 
 
+def test_guards_of_programs_are_not_drawn():
+    found = [text for _, text in breaks.changes(ast.parse("zip(a, b, strict=True)").body[0])]
+    assert found == ["pass", "(zip(b, a, strict=True))"]
+
+
 def test_lengths_in_pictures_are_not_drawn_a_tenth_longer():
     found = [one.text for one in breaks.breaks(Path("src/antiosc/charts/histories.py"))]
     assert "(1.1)" not in found
