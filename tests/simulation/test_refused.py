@@ -135,7 +135,9 @@ def test_nearly_what_is_refused_is_taken() -> None:
     assert hit["b:tip", "w"].friction.shape[1] == 1
 
 
-@pytest.mark.parametrize(("degrees", "refused"), [(2.0, False), (3.0, True), (177.0, True), (178.0, False)])
+@pytest.mark.parametrize(
+    ("degrees", "refused"), [(2.0, False), (3.0, True), (177.0, True), (178.0, False)]
+)
 def test_a_site_must_be_known_along_its_contact(degrees: float, refused: bool) -> None:
     """Or against it, to a cosine of 0.999, which is 2.56 degrees."""
     tilt = np.radians(degrees)
