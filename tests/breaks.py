@@ -25,7 +25,6 @@ OPERATORS: dict[type[ast.operator], type[ast.operator]] = {
     ast.Mult: ast.Div,
     ast.Div: ast.Mult,
     ast.Pow: ast.Mult,
-    ast.MatMult: ast.Mult,
 }
 COMPARISONS: dict[type[ast.cmpop], type[ast.cmpop]] = {
     ast.Lt: ast.GtE,
@@ -136,6 +135,8 @@ def expressions(node: ast.expr) -> Iterator[ast.expr]:
     match node:
         case ast.BinOp(left, operator, right) if type(operator) in OPERATORS:
             yield ast.BinOp(left, OPERATORS[type(operator)](), right)
+        case ast.BinOp(_, ast.MatMult(), _):  # `*` is the same of SciPy's matrices
+            yield ast.UnaryOp(ast.USub(), node)
         case ast.Compare(left, [operator], right):
             yield ast.Compare(left, [COMPARISONS[type(operator)]()], right)
         case ast.BoolOp(operator, values):
@@ -183,8 +184,8 @@ def _is_text(node: ast.AST) -> bool:
 
 
 def _is_guard(node: ast.AST) -> bool:
-    """`strict=True` of zip: it notices mistakes of a program, and changes no result without one."""
-    return isinstance(node, ast.keyword) and node.arg == "strict"
+    """What changes no result: `strict` of zip notices mistakes, `optimize` of einsum saves time."""
+    return isinstance(node, ast.keyword) and node.arg in ("strict", "optimize")
 
 
 def _is_typing(node: ast.AST) -> bool:

@@ -60,6 +60,10 @@ def test_guards_of_programs_are_not_drawn():
     assert found == ["pass", "(zip(b, a, strict=True))"]
 
 
+def test_a_product_of_matrices_is_negated():
+    assert [text for _, text in breaks.changes(ast.parse("A @ B").body[0])] == ["(-(A @ B))"]
+
+
 def test_lengths_in_pictures_are_not_drawn_a_tenth_longer():
     found = [one.text for one in breaks.breaks(Path("src/antiosc/charts/histories.py"))]
     assert "(1.1)" not in found
