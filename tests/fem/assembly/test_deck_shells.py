@@ -73,7 +73,7 @@ def held(offset: float) -> float:
     return 1 / (own - mixed**2 / axial)
 
 
-@pytest.mark.parametrize("share", [0.5, -0.75])
+@pytest.mark.parametrize("share", [pytest.param(0.5, marks=pytest.mark.slow), -0.75])
 def test_a_strip_beside_its_pins_is_an_arch(tmp_path, share):
     """A light strip with a mass in its middle: k = ω² m."""
     offset = share * T

@@ -112,7 +112,7 @@ def plate_error(n, cell, angles, h, supports):
 PLATES = [
     pytest.param((0, 90, 90, 0), SIMPLE, id="0/90/90/0"),
     pytest.param((0, 90), SIMPLE, id="0/90"),
-    pytest.param((45, -45), SLIDING, id="45/-45"),
+    pytest.param((45, -45), SLIDING, id="45/-45", marks=pytest.mark.slow),
 ]
 
 

@@ -74,7 +74,13 @@ def sandwich():
     return [face, ao.Layer.isotropic(E / 100, 0.0, 60.0, 15e-3), face]
 
 
-@pytest.mark.parametrize(("layers", "through", "count"), [(two_layers, 4, 4), (sandwich, 8, 2)])
+@pytest.mark.parametrize(
+    ("layers", "through", "count"),
+    [
+        (two_layers, 4, 4),
+        pytest.param(sandwich, 8, 2, marks=pytest.mark.slow),
+    ],
+)
 def test_a_layered_cantilever_as_shell_and_solid(layers, through, count):
     """Frequencies up and down, sideways, in twist; where thick faces bend alone, the lowest two."""
     length, width, h = 0.4, 0.04, 0.02

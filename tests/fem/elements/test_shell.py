@@ -60,7 +60,7 @@ def clamped_error(n, t, cell):
     return np.abs(factors / [first, second, second] - 1).max()
 
 
-@pytest.mark.parametrize("cell", [*CELLS, "one way"])
+@pytest.mark.parametrize("cell", [*CELLS, pytest.param("one way", marks=pytest.mark.slow)])
 def test_no_locking(cell):
     """Thin plates err at most twice as much as thick ones on the same mesh.
 
@@ -167,10 +167,14 @@ def test_clamped_circle_under_pressure(t, tmp_path):
 @pytest.mark.parametrize(
     ("supports", "factors"),
     [
-        ([], [13.468, 19.596, 24.270, 34.801, 34.801, 61.093]),
-        ([ao.Support(at(0, 0.0))], [3.4710, 8.5066, 21.285, 27.199, 30.955, 54.187]),
+        pytest.param([], [13.468, 19.596, 24.270, 34.801, 34.801, 61.093], id="FV12"),
+        pytest.param(
+            [ao.Support(at(0, 0.0))],
+            [3.4710, 8.5066, 21.285, 27.199, 30.955, 54.187],
+            id="FV16",
+            marks=pytest.mark.slow,
+        ),
     ],
-    ids=["FV12", "FV16"],
 )
 @pytest.mark.parametrize("cell", CELLS)
 def test_nafems_square_plates(cell, supports, factors):

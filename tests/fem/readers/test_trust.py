@@ -162,7 +162,9 @@ def test_cad_beside_a_script_is_merged(tmp_path):
     assert ao.read_mesh(tmp_path / "part.geo").n_cells > 100
 
 
-@pytest.mark.parametrize("text", ["Exit;", "Macro a\n Call a;\nReturn\nCall a;"])
+@pytest.mark.parametrize(
+    "text", ["Exit;", pytest.param("Macro a\n Call a;\nReturn\nCall a;", marks=pytest.mark.slow)]
+)
 def test_a_script_that_ends_or_holds_its_reader(tmp_path, text):
     path = tmp_path / "part.geo"
     path.write_text(BAR + text)
