@@ -244,7 +244,8 @@ def test_an_rbe2_is_a_rigid_body(tmp_path):
     grid = "GRID,100,,.5,.5,3."
     part = nastran(tmp_path, grid, "RBE2,50,100,123456,9,THRU,12")
     bars = [f"RBAR,{50 + n},100,{n},123456,,,123" for n in (9, 10, 11, 12)]
-    for made in (part, nastran(tmp_path, grid, *bars)):
+    led = nastran(tmp_path, "RBE2,50,9,123456,10,11,12")  # by a corner of the solids
+    for made in (part, nastran(tmp_path, grid, *bars), led):
         for direction in ((0, 0, 1), (1, 2, 3)):
             site = (1, 0, L), direction
             assert k0(made, *site) == pytest.approx(k0(other, *site), rel=1e-9)

@@ -99,15 +99,17 @@ def test_nodes_of_a_line_move_freely_along_it_and_not_across(tmp_path):
         assert np.linalg.matrix_rank(C[:, node]) == 2
 
 
-def test_the_mean_rotation_of_a_rigid_body_is_its_own(tmp_path):
+@pytest.mark.parametrize("count", [2, 5])
+def test_the_mean_rotation_of_a_rigid_body_is_its_own(tmp_path, count):
     """Motion 1 of the last node, whose coordinates are the axis."""
     axis = np.array([0.6, 0.0, 0.8])
-    x = np.vstack([ANY[:5], 2.5 * axis])
-    (row,) = equations(tmp_path, x, "*MPC\nMEANROT,1,2,3,4,5,6\n", turning=False)
+    x = np.vstack([ANY[:count], 2.5 * axis])
+    nodes = ",".join(str(k + 1) for k in range(count + 1))
+    (row,) = equations(tmp_path, x, f"*MPC\nMEANROT,{nodes}\n", turning=False)
     motions = rigid(x)
-    motions[5] = 0.0
-    motions[5, 0, 3:] = axis
-    assert row[5].tolist() == [1.0, 0, 0, 0, 0, 0]
+    motions[count] = 0.0
+    motions[count, 0, 3:] = axis
+    assert row[count].tolist() == [1.0, 0, 0, 0, 0, 0]
     about = motions @ np.concatenate((np.zeros(3), axis))
     assert np.einsum("nc,nc->", row, about) == pytest.approx(0.0, abs=1e-12)
     for shift in motions[:, :, :3].transpose(2, 0, 1):
