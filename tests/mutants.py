@@ -1,9 +1,9 @@
 """Draw random breaks of the source (`breaks.py`) and count how many the quick tests catch.
 
 A first run of the quick tests finds which of them run each of the places (`line_hits.py`), those
-that share a value with the test that made it included. Each break is tried by these; one of a place
-that is run when its module is imported, by the rest of `make check` too. Everything happens on a
-copy of the tree: the sources here are never touched.
+that share a value with the test that made it included. Each break is tried by these and by the tests
+of its folder; one of a place that is run when its module is imported, by the rest of `make check`
+too. Everything happens on a copy of the tree: the sources here are never touched.
 
     make mutants                     10 breaks
     make mutants COUNT=100 SEED=3    100 others
@@ -179,12 +179,13 @@ Stages = list[tuple[list[str], list[str]]]
 
 
 def stages(one: Break, tree: Path, runs: list[str], all_known: bool) -> Stages:
-    """The tests that run the place of the break and, where others may notice it, the rest."""
-    those: Stages = [(runs[:NAMED], [])]
-    if all_known and len(runs) <= NAMED:
-        return those
+    """The tests that run the place of the break, those of its folder, and, where others may notice
+    it, the rest."""
     own, near = mirrored(one.path, tree)
-    return [*those, (own, []), (near, own), (["tests"], [*own, *near])]
+    those: Stages = [(runs[:NAMED], []), (own, []), (near, own)]
+    if not all_known or len(runs) > NAMED:
+        those.append((["tests"], [*own, *near]))
+    return those
 
 
 def catch(one: Break, tree: Path, tests_of_it: Stages, patience: float) -> str:
