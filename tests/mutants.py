@@ -1,9 +1,9 @@
 """Draw random breaks of the source (`breaks.py`) and count how many the quick tests catch.
 
 A first run of the quick tests finds which of them run each of the places (`line_hits.py`), those
-that share a value with the test that made it included. Each break is tried by these and by the tests
-of its folder; one of a place that is run when its module is imported, by the rest of `make check`
-too. Everything happens on a copy of the tree: the sources here are never touched.
+that share a value with the test that made it included. Each break is tried by these and by the
+tests of its folder; one of a place that is run when its module is imported, by the rest of `make
+check` too. Everything happens on a copy of the tree: the sources here are never touched.
 
     make mutants                     10 breaks
     make mutants COUNT=100 SEED=3    100 others
