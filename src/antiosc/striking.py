@@ -5,9 +5,9 @@ the mesh's share of the budget is too large and can be made smaller, the next me
 cells that bring it down with few cells (`antiosc.fem.error.cell_sizes`). From the second mesh on
 the change from one mesh to the next makes its bar smaller where it allows it; on lines it is the
 least bar. The error of a cell counts as it does for this impact: by the mean over the contact of
-the amplitudes of all shapes, so that elements go where the contact force asks for them. Anti-
-oscillators and steps take a small share of the tolerance each, so that none of the three is finer
-than it must be.
+the amplitudes of all shapes, so that elements go where the contact force asks for them.
+Anti-oscillators and steps take a small share of the tolerance each, so that none of the three is
+finer than it must be.
 """
 
 from __future__ import annotations

@@ -89,12 +89,12 @@ def lattice_gradients(cell: str, degree: int, n: int) -> Array:
     return np.asarray(element.tabulate(1, X))[1:, :, :, 0]
 
 
-def nodes_between(cell: str, degree: int) -> list[tuple[list[int], int]]:
-    """(vertices of an edge, face or cell, node inside it) in dolfinx's order, of degree 2."""
+def nodes_between(cell: str) -> list[tuple[list[int], int]]:
+    """(vertices of an edge, face or cell, node inside it) of second order, in dolfinx's order."""
     import basix
 
     kind = getattr(basix.CellType, cell)
-    dofs = basix.create_element(basix.ElementFamily.P, kind, degree).entity_dofs
+    dofs = basix.create_element(basix.ElementFamily.P, kind, 2).entity_dofs
     return [
         (list(vertices), inside[0])
         for entities, nodes in zip(basix.topology(kind)[1:], dofs[1:], strict=True)

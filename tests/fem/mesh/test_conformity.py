@@ -86,7 +86,7 @@ PAIRS = {
 def test_nodes_inside_sides_are_those_of_the_neighbours(shape):
     """Numbered by their places; then one node of a cell is a copy, a corner, or of another side."""
     x, cells = PAIRS[shape]
-    between = compat.nodes_between(shape, 2)
+    between = compat.nodes_between(shape)
     corners = len(cells[0])
     places: dict[tuple[float, ...], int] = {tuple(p): k for k, p in enumerate(x)}
     whole = np.zeros((2, corners + len(between)), dtype=np.int64)

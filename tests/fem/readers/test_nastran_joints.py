@@ -217,6 +217,14 @@ def test_a_bush_along_its_line_needs_no_orientation(joints):
     np.testing.assert_allclose(K, expected, atol=1e-12)
 
 
+def test_only_the_constants_that_an_element_uses_count(joints):
+    """An entry that is not read is no matter where nothing uses it; GE is told once."""
+    cards = "PBUSH,3,K,10.\n,,GE,.1\nCBUSH,8,3,2,5\nCBUSH,9,3,3,5\nPELAS,4,40.,.2\nPELAS,6,1.,.2\n"
+    cards += "CELAS1,10,4,1,2\nCELAS1,11,4,2,2\nPBUSH,7,M,1.\n"
+    told = [text for text in joints(cards)["ignored"] if "GE of" in text]
+    assert told == ["GE of PELAS 4", "GE of PBUSH 3"]
+
+
 def test_viscous_dampers_act_along_their_line_and_about_it(joints):
     C = matrix(joints("PVISC,1,1.,1.,,3,10.,4.\nCVISC,9,3,2,5\n")["joints"]["dampers"])
     line = (X[4] - X[1]) / np.linalg.norm(X[4] - X[1])
@@ -313,6 +321,8 @@ WRONG = {
     "CBUSH,9,4,2,3\n": "CBUSH has no PBUSH",
     "PBUSH,3,K,1.\nCBUSH,9,3,2,3,,,,\n,,4\n": "OCID",
     "PBUSH,3,M,1.\nCBUSH,9,3,2,3\n": "its line M would change",
+    "CBUSH,9,4,2\nPBUSH,4,B,-1.\n": "CBUSH has a negative damping",
+    "CBUSH,9,4,2\nPBUSH,4,K,-1.\n": "CBUSH has a negative stiffness",
     "RBE2,9,1,127,2\n": "'127' are not components from 1 to 6",
     "RBAR,9,1,2,12345,6\n": "CNA or CNB",
     "RBE3,9,,7,123\n": "RBE3 names no nodes with weights",

@@ -19,7 +19,7 @@ from antiosc.fem.assembly.numbered_nodes import Nodes, Term
 
 @dataclass(frozen=True, eq=False)
 class NodeConstraints(Joint):
-    """Σ coefficient × motion = 0 between nodes and reference points; springs, dampers.
+    """Constraints Σ coefficient × motion = 0, springs and dampers of nodes and reference points.
 
     Attributes
     ----------
@@ -28,8 +28,8 @@ class NodeConstraints(Joint):
     masses : (terms of each of k motions, their mass matrix (k, k), kg).
     points : names of the reference points in the order of their numbers.
     numbers : part -> number of each node of its mesh, in the order in which they were read.
-    dampers : (terms of a relative motion, damping in N s/m).
     among : node that the deck does not have, in the middle of a face -> (node, weight) of its own.
+    dampers : (terms of a relative motion, damping in N s/m).
     """
 
     equations: Sequence[Sequence[Term]]

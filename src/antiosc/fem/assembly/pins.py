@@ -194,8 +194,8 @@ def _apart(directions: Array, a: Sparse, b: Sparse) -> Sparse:
     """b − a along directions (k, 3), without entries that are the rounding of equal ones."""
     along = scipy.sparse.csr_matrix(directions)
     found = (along @ (b - a)).tocsr()
-    told = abs(found) > COINCIDENT * (abs(along) @ (abs(a) + abs(b)))
-    return found.multiply(told).tocsr()
+    distinct = abs(found) > COINCIDENT * (abs(along) @ (abs(a) + abs(b)))
+    return found.multiply(distinct).tocsr()
 
 
 def _check_rotations(label: str, joint: _Pin, rotations: Array, a: Motion, b: Motion) -> None:

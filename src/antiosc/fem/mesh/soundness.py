@@ -46,8 +46,7 @@ def sound(raw: RawMesh, name: str, made_here: bool, pieces: bool = False) -> Raw
             f"({_centre(raw, flat[0])}) m: merge the nodes that coincide, or mesh it anew."
         )
     if kind.order > 1 and not made_here:
-        between = compat.nodes_between(kind.shape, kind.order)
-        unlike = conformity.unlike_middles(cells, between)
+        unlike = conformity.unlike_middles(cells, compat.nodes_between(kind.shape))
         if len(unlike):
             raise MeshError(
                 f"{len(unlike)} of {len(cells)} cells of {name} have a node inside a side that is "

@@ -263,7 +263,6 @@ def _springs(whole: Whole, builder: ModelBuilder) -> None:
     for card, within in whole.cards:
         if card.keyword not in LINKS:
             continue
-        add = builder.sprung if card.keyword == "SPRING" else builder.damped
         rows = [(f, p) for f, p in card.rows() if f]
         if not rows:
             raise MeshError(f"{card.place}: *{card.keyword} without a {LINKS[card.keyword]}.")
@@ -275,13 +274,16 @@ def _springs(whole: Whole, builder: ModelBuilder) -> None:
                 terms, values = _along_motions(nodes, *rows[0]), rows[1:]
             if len(values) != 1:
                 raise MeshError(
-                    f"{card.place}: *{card.keyword} needs one {LINKS[card.keyword]}, that does not "
+                    f"{card.place}: *{card.keyword} needs one {LINKS[card.keyword]} that does not "
                     f"depend on frequency or temperature; it has {len(values)}."
                 )
             value = real_number(values[0][0][0], values[0][1])
             if value < 0:
                 raise MeshError(f"{values[0][1]}: the {LINKS[card.keyword]} {value:g} is negative.")
-            add(terms, value, card.place)
+            if card.keyword == "SPRING":
+                builder.sprung(terms, value, card.place)
+            else:
+                builder.damped(terms, value)
     for keyword, number in given.items():
         _refuse_bare(whole, tuple(f"{keyword}{end}" for end in "A12"), number, f"*{keyword}")
     if whole.deck.left:

@@ -182,6 +182,11 @@ class ModelBuilder:
         """Set the section of rods."""
         self.rods.update(dict.fromkeys(map(int, elements), rod))
 
+    def tell_once(self, ignored: str) -> None:
+        """Note what is ignored of a joint, once however many elements it concerns."""
+        if ignored not in self.joint_told:
+            self.joint_told.append(ignored)
+
     def fix(self, nodes: IntArray, motions: Sequence[int]) -> None:
         """Fix motions (0 to 5) of nodes."""
         self.fixed[nodes[:, None], np.array(motions, dtype=np.int64)] = True
@@ -233,7 +238,7 @@ class ModelBuilder:
         elif moving:
             self.joints.springs.append((moving, stiffness))
 
-    def damped(self, terms: Sequence[Term], damping: float, place: Place) -> None:
+    def damped(self, terms: Sequence[Term], damping: float) -> None:
         """A damper against the sum of terms, in the deck's units; fixed motions drop out."""
         moving = self._moving(terms)
         if moving and damping:

@@ -287,6 +287,14 @@ def property_of(entry: Entry) -> int:
     return 0 if entry.name == "CONROD" else entry.whole(1, entry.whole(0))
 
 
+def its_property(entry: Entry, name: str, known: dict[int, tuple[Entry, int]]) -> tuple[Entry, int]:
+    """(entry, first field) of an element's property among `NastranDeck.properties`."""
+    number = property_of(entry)
+    if number not in known:
+        raise MeshError(f"{entry.place}: {entry.name} has no {name} {number}.")
+    return known[number]
+
+
 # --- Groups ---------------------------------------------------------------------------------------
 
 

@@ -103,9 +103,7 @@ def _rbe3(found: NastranDeck, builder: ModelBuilder, entry: Entry) -> None:
             break
         weight = Entry(entry.name, entry.place, [words[k]]).real(0)
         if k + 1 < len(words) and set(words[k + 1]) & set("456"):
-            told = f"the weight of rotations (components 456) of RBE3 {entry.text(0)}"
-            if told not in builder.joint_told:
-                builder.joint_told.append(told)
+            builder.tell_once(f"the weight of rotations (components 456) of RBE3 {entry.text(0)}")
         if k + 1 >= len(words) or set(words[k + 1]) - set("456") != set("123"):
             raise MeshError(
                 f"{entry.place}: RBE3 is read where the independent nodes move by 123; got "

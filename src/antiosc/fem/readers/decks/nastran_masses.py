@@ -8,7 +8,7 @@ from antiosc.errors import MeshError
 from antiosc.fem.readers.decks.builder import ModelBuilder
 from antiosc.fem.readers.decks.constraints import Term
 from antiosc.fem.readers.decks.deck import Array
-from antiosc.fem.readers.decks.nastran import NastranDeck
+from antiosc.fem.readers.decks.nastran import NastranDeck, its_property
 from antiosc.fem.readers.decks.nastran_cards import Entry
 
 #: Share of the largest moment of inertia that a negative one may have by rounding.
@@ -92,10 +92,8 @@ def _scalar(
     if entry.name in ("CMASS2", "CMASS4"):
         mass = entry.real(1, None)
     else:
-        number = entry.whole(1, entry.whole(0))
-        if number not in own:
-            raise MeshError(f"{entry.place}: {entry.name} has no PMASS {number}.")
-        mass = own[number][0].real(own[number][1] + 1, None)
+        shared, k = its_property(entry, "PMASS", own)
+        mass = shared.real(k + 1, None)
     if mass < 0:
         raise MeshError(f"{entry.place}: {entry.name} has a negative mass.")
     terms: list[Term] = []

@@ -2,105 +2,78 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from antiosc.errors import MeshError
 from antiosc.fem.readers.decks.builder import ModelBuilder
-from antiosc.fem.readers.decks.constraints import Term
-from antiosc.fem.readers.decks.deck import Array, Place
-from antiosc.fem.readers.decks.nastran import NastranDeck
+from antiosc.fem.readers.decks.deck import Array
+from antiosc.fem.readers.decks.nastran import NastranDeck, its_property
 from antiosc.fem.readers.decks.nastran_beams import orientation
 from antiosc.fem.readers.decks.nastran_cards import Entry
 
 #: Share of an arm below which it lies along the spring.
 ROUNDING_ARM = 1e-9
-#: Element -> (its property, number of fields of one of these).
-SCALAR = {"CELAS": ("PELAS", 4), "CDAMP": ("PDAMP", 2)}
+#: Element -> (its property, number of fields of one of these, what it gives).
+SCALAR = {"CELAS": ("PELAS", 4, "stiffness"), "CDAMP": ("PDAMP", 2, "damping")}
 
 #: Motion of one end: row of the node, direction, first motion (0 or 3), sign.
 End = tuple[int, Array, int, float]
-#: `ModelBuilder.sprung` or `ModelBuilder.damped`.
-Add = Callable[[Sequence[Term], float, Place], None]
 
 
 def read_springs(found: NastranDeck, builder: ModelBuilder) -> None:
     """Give the builder the springs and the dampers."""
-    for kind, (name, width) in SCALAR.items():
-        constants = found.properties(name, width)
-        add = builder.sprung if kind == "CELAS" else builder.damped
+    for kind, (name, width, what) in SCALAR.items():
+        known = found.properties(name, width)
         for entry in found.named(*(f"{kind}{k}" for k in (1, 2, 3, 4))):
-            _scalar(found, add, entry, name, constants)
-    for entry, k in found.properties("PELAS", 4).values():
-        if entry.real(k + 2):
-            builder.joint_told.append(f"GE of PELAS {entry.text(k)}")
+            if entry.name[-1] in "24":
+                value = entry.real(1, None)
+            else:
+                own, k = its_property(entry, name, known)
+                value = own.real(k + 1, None)
+                if name == "PELAS" and own.real(k + 2):
+                    builder.tell_once(f"GE of PELAS {own.text(k)}")
+            _scalar(found, builder, entry, what, value)
     viscous = found.properties("PVISC", 4)
     for entry in found.named("CVISC"):
-        _viscous(found, builder, entry, viscous)
+        _viscous(found, builder, entry, *its_property(entry, "PVISC", viscous))
     bushes = found.properties("PBUSH")
-    values = {number: _constants(builder, own) for number, (own, _) in bushes.items()}
     for entry in found.named("CBUSH"):
-        _bush(found, builder, entry, values)
+        own, _ = its_property(entry, "PBUSH", bushes)
+        _bush(found, builder, entry, own)
 
 
 def _scalar(
-    found: NastranDeck,
-    add: Add,
-    entry: Entry,
-    name: str,
-    constants: dict[int, tuple[Entry, int]],
+    found: NastranDeck, builder: ModelBuilder, entry: Entry, what: str, value: float
 ) -> None:
-    if entry.name[-1] in "24":
-        value = entry.real(1, None)
-    else:
-        number = entry.whole(1, entry.whole(0))
-        if number not in constants:
-            raise MeshError(f"{entry.place}: {entry.name} has no {name} {number}.")
-        own, k = constants[number]
-        value = own.real(k + 1, None)
+    """A spring or a damper between two motions, or of one against the ground."""
     ends: list[End] = []
     for (row, motion), sign in zip(found.scalar_ends(entry), (1.0, -1.0), strict=False):
         frame = found.frame(row, entry.place)
         ends.append((row, frame[motion % 3], 3 * (motion // 3), sign))
     if not ends:
         raise MeshError(f"{entry.place}: {entry.name} acts on no node.")
-    _add(add, entry, ends, value)
+    _add(builder, entry, ends, what, value)
 
 
-def _viscous(
-    found: NastranDeck,
-    builder: ModelBuilder,
-    entry: Entry,
-    constants: dict[int, tuple[Entry, int]],
-) -> None:
+def _viscous(found: NastranDeck, builder: ModelBuilder, entry: Entry, own: Entry, k: int) -> None:
     """CVISC: a damper along the line between two nodes, and one against the twist about it."""
-    number = entry.whole(1, entry.whole(0))
-    if number not in constants:
-        raise MeshError(f"{entry.place}: CVISC has no PVISC {number}.")
     rows = [found.row(entry.whole(k), entry.place) for k in (2, 3)]
     along = found.deck.points[rows[1]] - found.deck.points[rows[0]]
     length = np.linalg.norm(along)
     if length == 0:
         raise MeshError(f"{entry.place}: the ends of a CVISC coincide: it has no direction.")
-    own, k = constants[number]
     for first, value in ((0, own.real(k + 1)), (3, own.real(k + 2))):
         if value:
             unit = along / length
             ends = [(rows[0], unit, first, 1.0), (rows[1], unit, first, -1.0)]
-            _add(builder.damped, entry, ends, value)
+            _add(builder, entry, ends, "damping", value)
 
 
-def _bush(
-    found: NastranDeck,
-    builder: ModelBuilder,
-    entry: Entry,
-    constants: dict[int, tuple[list[float], list[float]]],
-) -> None:
-    number = entry.whole(1, entry.whole(0))
-    if number not in constants:
-        raise MeshError(f"{entry.place}: CBUSH has no PBUSH {number}.")
-    stiffness, damping = constants[number]
+def _bush(found: NastranDeck, builder: ModelBuilder, entry: Entry, own: Entry) -> None:
+    """CBUSH with the PBUSH `own`: springs and dampers at its place, on rigid arms."""
+    stiffness, damping = _constants(builder, own)
     acts = [bool(k or c) for k, c in zip(stiffness, damping, strict=True)]
     rows = [found.row(entry.whole(k), entry.place) for k in (2, 3) if entry.text(k)]
     x = found.deck.points[rows]
@@ -119,9 +92,9 @@ def _bush(
                 row = builder.joints.leader(row)
                 ends.append((row, arm, 3, sign))
             ends.append((row, axis, first, sign))
-        for add, value in ((builder.sprung, stiffness[k]), (builder.damped, damping[k])):
+        for what, value in (("stiffness", stiffness[k]), ("damping", damping[k])):
             if value:
-                _add(add, entry, ends, value)
+                _add(builder, entry, ends, what, value)
 
 
 def _constants(builder: ModelBuilder, own: Entry) -> tuple[list[float], list[float]]:
@@ -133,7 +106,7 @@ def _constants(builder: ModelBuilder, own: Entry) -> tuple[list[float], list[flo
         if kind in values:
             values[kind] = [own.real(start + k) for k in range(2, 8)]
         elif kind == "GE":
-            builder.joint_told.append(f"GE of PBUSH {own.text(0)}")
+            builder.tell_once(f"GE of PBUSH {own.text(0)}")
         elif kind not in ("", "RCV") or (not kind and any(given)):
             raise MeshError(
                 f"{own.place}: PBUSH is read with stiffnesses (K) and dampers (B) alone; its line "
@@ -169,14 +142,16 @@ def _bush_axes(
     return np.stack([line, y, np.cross(line, y)])
 
 
-def _add(add: Add, entry: Entry, ends: Sequence[End], value: float) -> None:
-    """A spring or a damper against the sum of motions along directions."""
+def _add(builder: ModelBuilder, entry: Entry, ends: Sequence[End], what: str, value: float) -> None:
+    """A spring ("stiffness") or a damper ("damping") against the sum of motions."""
     if value < 0:
-        what = "damping" if entry.name.startswith(("CVISC", "CDAMP")) else "stiffness"
         raise MeshError(f"{entry.place}: {entry.name} has a negative {what}.")
     terms = [
         (row, first + c, sign * float(direction[c]))
         for row, direction, first, sign in ends
         for c in range(3)
     ]
-    add(terms, value, entry.place)
+    if what == "stiffness":
+        builder.sprung(terms, value, entry.place)
+    else:
+        builder.damped(terms, value)
