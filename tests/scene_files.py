@@ -43,22 +43,35 @@ direction = [-0.2, -0.6, -0.8]
 radius = 4e-3
 snap = true
 """
+# sections that scenes have in common
+MASS = '[impactor]\nkind = "RigidMass"\nmass = 0.05\nvelocity = 1.0\n'
+LAW = '[contact]\nkind = "Hertz"\nstiffness = 5e8\n'
+HIT = f"{MASS}{LAW}[simulate]\nduration = 2e-3\n"
+SITE = "[sites.a]\npoint = [0, 0, 0]\ndirection = [0, 0, 1]\n"
+MATERIAL = '[{}]\nkind = "Solid"\nE = 7e10\nnu = 0.3\nrho = 2700\n'
+DECK, MESH = '[deck]\npath = "part.inp"\n', '[geometry]\nsource = "part.msh"\n'
+MODEL = '[model]\npath = "model.npz"\n'
+BODIES = """\
+[bodies.a]
+kind = "RigidMass"
+mass = 1.0
+velocity = 1.0
+[bodies.b]
+kind = "Obstacle"
+[[contacts]]
+a = "a"
+b = "b"
+law = {kind = "Linear", stiffness = 1e6}
+[run]
+duration = 1e-3
+"""
 #: A complete scene of NumPy and SciPy alone, line by line.
 BEAM = f"""\
 title = "a mass on a beam"
 {MATRICES}dof = "z"
 [extract]
 n = 6
-[impactor]
-kind = "RigidMass"
-mass = 0.05
-velocity = 1.0
-[contact]
-kind = "Hertz"
-stiffness = 5e8
-[simulate]
-duration = 2e-3
-"""
+{HIT}"""
 PROBE = "[probes.quarter]\npoint = [0.2, 0.0, 0.0]\n"
 SWEEP = "[sweep]\nimpactor.velocity = [0.5, 1.0, 2.0]\nsimulate.duration = [3e-3, 2e-3, 2e-3]\n"
 FRAME = f"""\

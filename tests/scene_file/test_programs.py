@@ -6,33 +6,23 @@ import pytest
 
 from antiosc.scene_file.read import read
 from antiosc.scene_file.scene import compiled
-from scene_files import MATRICES
+from scene_files import (
+    BODIES,
+    DECK,
+    HIT,
+    LAW,
+    MASS,
+    MATERIAL,
+    MATRICES,
+    MESH,
+    MODEL,
+    SITE,
+)
 
 pytest.importorskip("dolfinx")
 
 SPHERE = 'kind = "Sphere"\nradius = 0.01\nE = 2.1e11\nnu = 0.3\nrho = 7850\nvelocity = 1.0\n'
-MASS = '[impactor]\nkind = "RigidMass"\nmass = 0.05\nvelocity = 1.0\n'
-LAW = '[contact]\nkind = "Hertz"\nstiffness = 5e8\n'
-HIT = f"{MASS}{LAW}[simulate]\nduration = 2e-3\n"
 STRIKE = f"{MASS}{LAW}[strike]\nduration = 2e-3\ntol = 0.1\n"
-SITE = "[sites.a]\npoint = [0, 0, 0]\ndirection = [0, 0, 1]\n"
-MAT = '[{}]\nkind = "Solid"\nE = 7e10\nnu = 0.3\nrho = 2700\n'
-DECK, MESH = '[deck]\npath = "part.inp"\n', '[geometry]\nsource = "part.msh"\n'
-MODEL = '[model]\npath = "model.npz"\n'
-BODIES = """\
-[bodies.a]
-kind = "RigidMass"
-mass = 1.0
-velocity = 1.0
-[bodies.b]
-kind = "Obstacle"
-[[contacts]]
-a = "{}"
-b = "b"
-law = {{kind = "Linear", stiffness = 1e6}}
-[run]
-duration = 1e-3
-"""
 
 # the same in Python
 READ = 'structure = ao.read_model(path="part.inp")\n'
@@ -66,7 +56,7 @@ PROGRAMS = {
     "deck": (f'{DECK}unit = "mm"\n{SITE}{HIT}', "run",
              READ.replace(")", ', unit="mm")') + REDUCE + SIMULATE + TOLD + SUMMARY),
     "mesh": (
-        MESH + MAT.format("material") + SITE + '[structure]\norder = 2\n[[supports]]\n'
+        MESH + MATERIAL.format("material") + SITE + '[structure]\norder = 2\n[[supports]]\n'
         'where = "foot"\nfix = ["x", "y"]\n[[attached]]\nkind = "PointMass"\nwhere = [0, 0, 1]\n'
         f"mass = 2\n[extract]\nn = 5\n{HIT}[probes.tip]\npoint = [1, 0, 0]\n",
         "run",
@@ -88,7 +78,7 @@ model = ao.extract(
 {TOLD}{SUMMARY}""",
     ),
     "materials": (
-        MESH + MAT.format("material.a") + MAT.format("material.b") + SITE + HIT, "run",
+        MESH + MATERIAL.format("material.a") + MATERIAL.format("material.b") + SITE + HIT, "run",
         f"""\
 mesh = ao.read_mesh(source="part.msh")
 structure = ao.Structure(
@@ -142,7 +132,7 @@ history = ao.simulate(model, impactor, contact, duration=2e-3)
 {SUMMARY}""",
     ),
     "bodies": (
-        BODIES.format("a"), "run",
+        BODIES, "run",
         f"""\
 bodies = {{"a": ao.RigidMass(mass=1.0, velocity=1.0), "b": ao.Obstacle()}}
 scene = ao.Scene(bodies, [ao.Contact(law=ao.Linear(stiffness=1e6), a="a", b="b")])
@@ -150,7 +140,8 @@ history = scene.run(duration=1e-3)
 {SUMMARY}""",
     ),
     "scene": (
-        DECK + SITE + BODIES.format("structure:a") + "[scene]\ngravity = [0, 0, -9.81]\n[[loads]]\n"
+        DECK + SITE + BODIES.replace('"a"', '"structure:a"')
+        + "[scene]\ngravity = [0, 0, -9.81]\n[[loads]]\n"
         'end = "structure:a"\ntimes = [0.0, 1.0]\nforces = [0.0, 1.0]\n[motion.a]\n'
         "velocity = [0, 0, 1]\n", "run",
         f"""\
@@ -174,12 +165,13 @@ history = scene.run(duration=1e-3)
 {TOLD}{SUMMARY}""",
     ),
     "strike of a file": (
-        MESH + MAT.format("material") + SITE + '[[supports]]\nwhere = "foot"\n' + STRIKE, "run",
+        MESH + MATERIAL.format("material") + SITE + '[[supports]]\nwhere = "foot"\n' + STRIKE,
+        "run",
         STRUCK.format('"part.msh"', f"    material={SOLID},\n"
                       '    supports=[ao.Support(where="foot")],\n') + OWN + TOLD + SUMMARY,
     ),
     "strike of a mesh": (
-        MESH + "order = 1\n" + MAT.format("material") + SITE + STRIKE, "run",
+        MESH + "order = 1\n" + MATERIAL.format("material") + SITE + STRIKE, "run",
         'mesh = ao.read_mesh(source="part.msh", order=1)\n'
         + STRUCK.format("mesh", f"    material={SOLID},\n") + OWN + TOLD + SUMMARY,
     ),
@@ -214,7 +206,7 @@ history = scene.run(duration=1e-3)
                            f'{READ}found = ao.impact_map(structure, where="top")\n{TOLD}{FOUND}'),
     "parts": (
         '[parts.p.deck]\npath = "part.inp"\n[parts.q.geometry]\nsource = "part.msh"\n'
-        + MAT.format("parts.q.material") + '[[parts.q.supports]]\nwhere = "foot"\n[[joints]]\n'
+        + MATERIAL.format("parts.q.material") + '[[parts.q.supports]]\nwhere = "foot"\n[[joints]]\n'
         'kind = "Weld"\na = "p:x"\nb = "q:y"\n[at.q]\nshift = [0, 0, 1]\n[points]\n'
         f'hub = [1, 2, 3]\n[[supports]]\nwhere = "hub"\n{SITE}{HIT}', "run",
         f"""\

@@ -7,39 +7,11 @@ import pytest
 from antiosc.scene_file.problems import SceneFileError
 from antiosc.scene_file.read import read
 from antiosc.scene_file.scene import Compiled, compiled
-from scene_files import MATRICES
+from scene_files import BODIES, DECK, HIT, MATERIAL, MATRICES, MESH, MODEL, SITE
 
 pytest.importorskip("dolfinx")
 
-HIT = """\
-[impactor]
-kind = "RigidMass"
-mass = 0.05
-velocity = 1.0
-[contact]
-kind = "Hertz"
-stiffness = 5e8
-[simulate]
-duration = 2e-3
-"""
-SITE = "[sites.a]\npoint = [0, 0, 0]\ndirection = [0, 0, 1]\n"
-MAT = '[material]\nkind = "Solid"\nE = 7e10\nnu = 0.3\nrho = 2700\n'
-DECK, MESH = '[deck]\npath = "part.inp"\n', '[geometry]\nsource = "part.msh"\n'
-MODEL = '[model]\npath = "model.npz"\n'
-BODIES = """\
-[bodies.a]
-kind = "RigidMass"
-mass = 1.0
-velocity = 1.0
-[bodies.b]
-kind = "Obstacle"
-[[contacts]]
-a = "a"
-b = "b"
-law = {kind = "Linear", stiffness = 1e6}
-[run]
-duration = 1e-3
-"""
+MAT = MATERIAL.format("material")
 
 
 @pytest.fixture
