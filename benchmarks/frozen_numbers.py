@@ -1,11 +1,12 @@
 """Numbers of whole runs, written to a file that a later state of the code is compared with.
 
 The programs of the documentation are run page by page, and the scene files of the demos; models,
-histories, batches and maps that they leave behind give the numbers. A change that moves code without
-changing what it computes leaves them as they are. The numbers prove nothing by themselves.
+histories, batches and maps that they leave behind give the numbers. A change that moves code and
+computes the same leaves them as they are. The numbers prove nothing by themselves.
 
-    .venv/bin/python benchmarks/frozen_numbers.py out/frozen.json              (compare, or write if missing)
     .venv/bin/python benchmarks/frozen_numbers.py out/frozen.json --tol 1e-9
+
+compares with the file, or writes it where it is missing.
 """
 
 from __future__ import annotations
@@ -48,9 +49,8 @@ def main(file: Path, tol: float) -> int:
         return 0
     differences = list(_differences(json.loads(file.read_text()), numbers, tol))
     print(*differences, sep="\n")
-    print(
-        f"{len(differences)} of {sum(map(len, numbers.values()))} entries differ by more than {tol:g}"
-    )
+    total = sum(map(len, numbers.values()))
+    print(f"{len(differences)} of {total} entries differ by more than {tol:g}")
     return int(bool(differences))
 
 
