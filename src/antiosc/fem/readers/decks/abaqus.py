@@ -12,6 +12,7 @@ from antiosc.errors import MeshError
 from antiosc.fem.readers.decks.abaqus_cards import Card, cards
 from antiosc.fem.readers.decks.abaqus_elements import element_type, nodes_of_other
 from antiosc.fem.readers.decks.abaqus_generation import element_copies, filled, generated
+from antiosc.fem.readers.decks.abaqus_table import GENERATORS
 from antiosc.fem.readers.decks.deck import (
     LARGEST_NUMBER,
     Block,
@@ -24,9 +25,6 @@ from antiosc.fem.readers.decks.deck import (
     whole_number,
 )
 from antiosc.fem.readers.decks.sources import Sources
-
-#: Cards that generate nodes and elements and are not supported.
-UNREAD = ("NCOPY", "ELCOPY", "NMAP", "SYSTEM")
 
 
 @dataclass
@@ -58,7 +56,7 @@ def read_cards(path: Path, name: str, on_size: Callable[[int], None]) -> list[Ca
 def meshed(scope: Scope, with_sets: bool = True) -> Scope:
     """Fill the scope's nodes, elements and sets from its cards."""
     for card in scope.cards:
-        if card.keyword in UNREAD:
+        if card.keyword in GENERATORS:
             raise MeshError(
                 f"{card.place}: *{card.keyword} is not read here; write the nodes and elements "
                 "that it makes into the deck."

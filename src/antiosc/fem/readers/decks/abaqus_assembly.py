@@ -11,6 +11,8 @@ import numpy as np
 from antiosc.errors import MeshError
 from antiosc.fem.readers.decks.abaqus import Scope, extend, members, meshed, ranged, read_cards
 from antiosc.fem.readers.decks.abaqus_cards import Card
+from antiosc.fem.readers.decks.abaqus_table import account_for
+from antiosc.fem.readers.decks.account import Account
 from antiosc.fem.readers.decks.deck import Array, Block, Deck, IntArray, Place, real_number
 
 Rows = IntArray
@@ -37,6 +39,8 @@ class Whole:
     cards: list[tuple[Card, Instance]] = field(default_factory=list)
     #: cards of each step
     steps: list[list[Card]] = field(default_factory=list)
+    #: what becomes of each card
+    account: Account = field(default_factory=lambda: Account(""))
 
     def nodes(self, word: str, place: Place, within: Instance) -> Rows:
         """Rows of the node or of the set of nodes that `word` names."""
@@ -62,10 +66,12 @@ class Whole:
 
 def read(path: Path, name: str, on_size: Callable[[int], None] = lambda size: None) -> Whole:
     """The deck in a file; `on_size` is called with the number of bytes read."""
-    top, parts, placed, steps = _divided(read_cards(path, name, on_size), name)
+    cards = read_cards(path, name, on_size)
+    top, parts, placed, steps = _divided(cards, name)
     assembled = bool(placed)
     meshed(top, with_sets=not assembled)
-    whole = Whole(Deck(name), {}, [], steps)
+    whole = Whole(Deck(name), {}, [], steps, account_for(cards, name))
+    whole.deck.told += whole.account.unknown_cards()
     whole.instances[""] = _add(whole.deck, "", top, np.eye(3), np.zeros(3))
     for part in parts.values():
         if not any(card.option("PART").upper() == part.name.upper() for card, _ in placed):

@@ -11,8 +11,6 @@ from antiosc.fem.readers.decks.material import Material, isotropic, of_stiffness
 
 #: Kinds of *ELASTIC without their last letters, and how many constants each has.
 ELASTIC_CONSTANTS = {"ISO": 2, "ENGINEERINGCONSTANTS": 9, "LAMINA": 6, "ORTHO": 9}
-#: Cards of a material that say nothing of linear elasticity.
-NONLINEAR = ("PLASTIC", "CREEP", "HYPERFOAM", "VISCO", "CYCLICHARDENING", "DEFORMATIONPLASTICITY")
 
 
 def materials_of(cards: list[Card]) -> tuple[dict[str, Material], list[str]]:
@@ -37,8 +35,6 @@ def materials_of(cards: list[Card]) -> tuple[dict[str, Material], list[str]]:
         elif card.keyword == "DENSITY":
             values = card.first_numbers()
             current.density = values[0] if values else None
-        elif card.keyword in NONLINEAR:
-            ignored.append(f"*{card.keyword} ({card.place})")
     return found, ignored
 
 

@@ -7,8 +7,7 @@ listed.
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -27,35 +26,8 @@ from antiosc.fem.readers.decks.geometry import fixed_along_axes
 from antiosc.fem.readers.decks.model import finished
 from antiosc.fem.readers.unit_system import UnitSystem
 
-#: Unsupported cards that would change the result.
-REFUSED_CARDS = {
-    "CONTACTPAIR": "a contact pair",
-    "CONTACT": "general contact",
-    "CLEARANCE": "a contact pair",
-    "PRE-TENSIONSECTION": "a pre-tensioned bolt",
-    "CYCLICSYMMETRYMODEL": "cyclic symmetry",
-    "SUBMODEL": "a submodel",
-    "MODELCHANGE": "a change of the model between steps",
-    "GAP": "a gap element",
-    "CONNECTORSECTION": "a connector",
-    "EMBEDDEDELEMENT": "embedded elements",
-    "SHELLTOSOLIDCOUPLING": "a coupling of shells and solids",
-    "FLUIDSECTION": "a fluid",
-    "MEMBRANESECTION": "a membrane",
-    "RIGIDSURFACE": "a rigid surface",
-    "USERELEMENT": "a user element",
-    "MATRIXINPUT": "a matrix",
-    "SUBSTRUCTUREPROPERTY": "a substructure",
-    "CHANGESOLIDSECTION": "a change of the sections between steps",
-    "CHANGEMATERIAL": "a change of a material between steps",
-}
 #: Cards of springs and dampers, and what they give.
 LINKS = {"SPRING": "stiffness", "DASHPOT": "damping coefficient"}
-#: Loads and initial states, which are ignored.
-LOAD_CARDS = (
-    *("CLOAD", "DLOAD", "DSLOAD", "TEMPERATURE", "FILM", "RADIATE", "DFLUX", "CFLUX", "FIELD"),
-    *("INITIALCONDITIONS", "BASEMOTION", "DAMPING", "MODALDAMPING", "EXPANSION"),
-)
 #: Names of supports -> the motions (0 to 5) that they fix.
 NAMED = {
     "ENCASTRE": (0, 1, 2, 3, 4, 5),
@@ -72,8 +44,8 @@ NAMED = {
 def model_of(whole: Whole, units: UnitSystem, density: float | None) -> dict[str, Any]:
     """The deck's model in SI units; its groups and fixed nodes go into the deck."""
     first = whole.steps[0] if whole.steps else []
-    _refuse(card for card, _ in whole.cards)
-    _refuse(first)
+    whole.account.refuse()
+    whole.deck.told += whole.account.unknown_options()
     materials, ignored = materials_of([card for card, _ in whole.cards])
     builder = ModelBuilder(whole.deck, units, density)
     sections = Sections(whole, builder, materials)
@@ -96,35 +68,9 @@ def model_of(whole: Whole, units: UnitSystem, density: float | None) -> dict[str
     _distributing(whole, builder)
     _masses(whole, builder)
     _springs(whole, builder)
-    builder.ignored += [*ignored, *_ignored(whole), *supports.ignored, *filter(None, [varied])]
+    builder.ignored += [*ignored, *whole.account.ignored(), *supports.ignored]
+    builder.ignored += filter(None, [varied])
     return finished(builder, sections.roles)
-
-
-def _refuse(cards: Iterable[Card]) -> None:
-    for card in cards:
-        if card.keyword in REFUSED_CARDS:
-            raise MeshError(
-                f"{card.place}: *{card.keyword} is {REFUSED_CARDS[card.keyword]}, which is not "
-                "supported here and would change the result; remove it from the deck, or model "
-                "the part without it."
-            )
-        if card.keyword in LINKS and "NONLINEAR" in card.options:
-            raise MeshError(f"{card.place}: nonlinear springs and dashpots are not supported.")
-        if card.keyword == "FOUNDATION":
-            raise MeshError(f"{card.place}: *FOUNDATION is not supported; use springs.")
-
-
-def _ignored(whole: Whole) -> Iterator[str]:
-    every = [card for card, _ in whole.cards]
-    every += [card for step in whole.steps for card in step]
-    counts = Counter(card.keyword for card in every if card.keyword in LOAD_CARDS)
-    for keyword, count in sorted(counts.items()):
-        yield f"{count} *{keyword}"
-    if whole.steps:
-        yield f"{len(whole.steps)} *STEP"
-    later = [card for step in whole.steps[1:] for card in step if card.keyword == "BOUNDARY"]
-    if later:
-        yield f"*BOUNDARY of later steps ({later[0].place})"
 
 
 # --- Supports -------------------------------------------------------------------------------------
@@ -263,6 +209,8 @@ def _springs(whole: Whole, builder: ModelBuilder) -> None:
     for card, within in whole.cards:
         if card.keyword not in LINKS:
             continue
+        if "NONLINEAR" in card.options:
+            raise MeshError(f"{card.place}: nonlinear springs and dashpots are not supported.")
         rows = [(f, p) for f, p in card.rows() if f]
         if not rows:
             raise MeshError(f"{card.place}: *{card.keyword} without a {LINKS[card.keyword]}.")
