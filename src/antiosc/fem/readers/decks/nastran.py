@@ -10,9 +10,11 @@ from typing import Any
 import numpy as np
 
 from antiosc.errors import MeshError
+from antiosc.fem.readers.decks.account import Account
 from antiosc.fem.readers.decks.deck import Array, Block, Deck, IntArray, Numbering, Place
 from antiosc.fem.readers.decks.nastran_cards import Bulk, Entry, bulk_data, through
 from antiosc.fem.readers.decks.nastran_coordinates import Systems
+from antiosc.fem.readers.decks.nastran_table import account_for, is_other
 from antiosc.fem.readers.decks.sources import Sources
 from antiosc.fem.readers.shapes import CORNERS, EDGES
 
@@ -36,22 +38,6 @@ SHELLS = {
 }
 BEAMS = ("CBAR", "CBEAM")
 RODS = ("CROD", "CTUBE", "CONROD")
-#: Entries whose names begin like those of elements.
-NO_ELEMENTS = (
-    *("CORD", "CAERO", "CSUPER", "CSUPEXT", "CREEP", "CSSCHD", "CYAX", "CYJOIN", "CYSYM"),
-    *("CONV", "CHECK", "CLOAD", "CSET", "CFIELD", "CONTRLT", "CGEN", "CBARAO", "CTABLE"),
-)
-RIGID_ELEMENTS = (
-    *("RBE1", "RBE2", "RBE3", "RBAR", "RBAR1"),
-    *("RROD", "RTRPLT", "RSPLINE", "RJOINT", "RSSCON"),
-)
-
-
-def is_other(name: str) -> bool:
-    """Whether an entry is an element, but not a cell of a mesh."""
-    if name in SOLIDS or name in SHELLS or name in BEAMS or name in RODS:
-        return False
-    return name in RIGID_ELEMENTS or (name.startswith("C") and not name.startswith(NO_ELEMENTS))
 
 
 @dataclass
@@ -71,6 +57,8 @@ class NastranDeck:
     #: entries GRID in the order of the rows, and the rows of scalar points, which follow them
     grids: list[Entry] = field(default_factory=list)
     scalar: dict[int, int] = field(default_factory=dict)
+    #: what becomes of each entry
+    account: Account = field(default_factory=lambda: Account(""))
 
     def named(self, *names: str) -> list[Entry]:
         """All entries of these names."""
@@ -123,6 +111,8 @@ def read(path: Path, name: str, on_size: Callable[[int], None] = lambda size: No
     """The deck in a file; `on_size` is called with the number of bytes read."""
     bulk = bulk_data(Sources(path, name, on_size))
     found = _nodes(bulk, name)
+    found.account = account_for(bulk.entries, name)
+    found.deck.told += found.account.unknown_cards()
     _defaults(found)
     _elements(found)
     set_groups(found)

@@ -16,6 +16,8 @@ PROPERTY_NAMES = (
     re.compile(r"\$ANSA_NAME(?:_COMMENT)?;(\d+);P\w+;([^;]+);"),
     re.compile(r"\$ Femap(?: with NX Nastran)? Property (\d+) : (.+)"),
 )
+#: Entries of a text, whose lines have no fields.
+TEXTS = ("DEQATN",)
 #: Most copies of one entry.
 MOST_COPIES = 1_000_000
 #: A number; "+1" may mark a continuation.
@@ -75,17 +77,77 @@ def bulk_data(sources: Sources) -> Bulk:
     begins = [line.split("$")[0].upper().split()[:2] == ["BEGIN", "BULK"] for line in lines]
     # a file without case control contains only bulk data
     started = not any(begins)
-    _Collector(sources, bulk, started).read(lines, sources.name)
+    continuations = Continuations()
+    _Collector(sources, bulk, started, continuations).read(lines, sources.name)
     if not bulk.entries:
         raise MeshError(f"{sources.name} contains no bulk data (GRID, CHEXA, …).")
+    continuations.refuse_misplaced()
     return bulk
 
 
+class Continuations:
+    """Which entry a continuation belongs to: by its mark (fields 10 and 1), else by order."""
+
+    def __init__(self) -> None:
+        #: mark -> entries (by identity) whose last line ends with it
+        self._open: dict[str, dict[int, Entry]] = {}
+        #: identity of an entry -> the marks of its last line
+        self._marks: dict[int, tuple[str, ...]] = {}
+        self._last: Entry | None = None
+        #: marks of continuations that were joined to the entry before them, which has none
+        self._by_order: dict[str, Place] = {}
+
+    def ends(self, entry: Entry, mark: str) -> None:
+        """The last line is of this entry and ends with this mark."""
+        self._last = entry
+        label = mark.strip().upper()
+        # without a sign, the first letter stands for one
+        own = (label[1:].strip(),) if label[:1] in ("+", "*") else (label, label[1:])
+        if any(own):
+            self._marks[id(entry)] = own
+            for one in filter(None, own):
+                self._open.setdefault(one, {})[id(entry)] = entry
+
+    def entry_of(self, name: str, place: Place) -> Entry:
+        """The entry that a line with this first field continues."""
+        label = name[1:].strip().upper()
+        entry = self._last
+        assert entry is not None
+        before = self._marks.get(id(entry), ())
+        if label and label not in before:
+            some = list(self._open.get(label, {}).values())
+            if len(some) == 1:
+                entry = some[0]
+            elif some or before:
+                found = f"{len(some)} entries end" if some else "no entry before it ends"
+                raise MeshError(
+                    f"{place}: the continuation {name!r} does not follow its entry, and {found} "
+                    "with this mark; write it behind its entry."
+                )
+            else:
+                self._by_order[label] = place
+        for one in filter(None, self._marks.pop(id(entry), ())):
+            del self._open[one][id(entry)]
+        return entry
+
+    def refuse_misplaced(self) -> None:
+        """MeshError for a continuation that was written before its entry."""
+        for label, place in self._by_order.items():
+            for entry in self._open.get(label, {}).values():
+                raise MeshError(
+                    f"{place}: the continuation '+{label}' stands before its entry "
+                    f"({entry.place}); write it behind its entry."
+                )
+
+
 class _Collector:
-    def __init__(self, sources: Sources, bulk: Bulk, started: bool) -> None:
+    def __init__(
+        self, sources: Sources, bulk: Bulk, started: bool, continuations: Continuations
+    ) -> None:
         self.sources = sources
         self.bulk = bulk
         self.started = started
+        self.continuations = continuations
         self.ended = False
         #: whether the next line continues a list of free fields
         self.continued = False
@@ -138,27 +200,40 @@ class _Collector:
         if words[0] == "ENDDATA":
             self.ended = True
             return
-        if words[:2] == ["BEGIN", "BULK"]:
+        if words[0] == "BEGIN":  # of superelements, after the first
+            if words[1:] != ["BULK"]:
+                self._begin(Entry("BEGIN", place), "")
             return
         continued, self.continued = self.continued, "," in line and line.rstrip().endswith(",")
         if continued and words[0][0].isdigit() and "," in line:
             line = "," + line
-        name, fields, large = _fields(line, place)
+        if words[0].startswith(TEXTS):
+            self._begin(Entry(words[0][:6], place), "")
+            return
+        last = self.bulk.entries[-1].name if self.bulk.entries else ""
+        if last in TEXTS and line[0] in " +*,":
+            return
+        name, fields, large, mark = _fields(line, place)
         if name and name[0] == "=":
             self._copy(words[0].split(",")[0], fields, place)
             return
         if not name or name[0] in "+*":
             if not self.bulk.entries:
                 raise MeshError(f"{place}: a continuation without an entry before it.")
-            entry = self.bulk.entries[-1]
+            entry = self.continuations.entry_of(name, place)
             filled = -len(entry.fields) % 8
             if filled and not (large and filled == 4):
                 entry.fields += [""] * filled
             entry.fields += fields
+            self.continuations.ends(entry, mark)
             return
         if not name[0].isalpha():
             raise MeshError(f"{place}: {name[:20]!r} is not an entry of Nastran's bulk data.")
-        self.bulk.entries.append(Entry(name.rstrip("*").strip().upper(), place, fields))
+        self._begin(Entry(name.rstrip("*").strip().upper(), place, fields), mark)
+
+    def _begin(self, entry: Entry, mark: str) -> None:
+        self.bulk.entries.append(entry)
+        self.continuations.ends(entry, mark)
 
     def _copy(self, name: str, fields: list[str], place: Place) -> None:
         """Copies of the entry before: = the same field, == all of the rest, *(2) more by 2."""
@@ -179,7 +254,7 @@ class _Collector:
                 change = "=" if rest or k >= len(self.changes) else self.changes[k].strip()
                 rest = rest or change == "=="
                 own.fields.append(_changed(old, change, place))
-            self.bulk.entries.append(own)
+            self._begin(own, "")
 
 
 def _changed(old: str, change: str, place: Place) -> str:
@@ -194,8 +269,8 @@ def _changed(old: str, change: str, place: Place) -> str:
     return str(whole_number(old or "0", place) + whole_number(step, place))
 
 
-def _fields(line: str, place: Place) -> tuple[str, list[str], bool]:
-    """(name, four or eight fields, whether they are large)."""
+def _fields(line: str, place: Place) -> tuple[str, list[str], bool, str]:
+    """(name, four or eight fields, whether they are large, the mark of the continuation)."""
     if "," in line:
         first, *rest = (part.strip() for part in line.split(","))
         large = first.endswith("*") or first.startswith("*")
@@ -206,12 +281,13 @@ def _fields(line: str, place: Place) -> tuple[str, list[str], bool]:
                 f"{place}: a line of free fields has up to {count} after its name, and the mark of "
                 f"the next line; got {len(rest)}: write the further ones in a line of their own."
             )
-        return first, (rest + [""] * count)[:count], large
+        return first, (rest + [""] * count)[:count], large, "".join(rest[count : count + 1])
     name = line[:8].strip()
     large = "*" in name
     width, count = (16, 4) if large else (8, 8)
     body = line[8 : 8 + width * count].ljust(width * count)
-    return name, [body[k * width : (k + 1) * width].strip() for k in range(count)], large
+    fields = [body[k * width : (k + 1) * width].strip() for k in range(count)]
+    return name, fields, large, line[72:80]
 
 
 def through(words: list[str], place: Place) -> Iterator[tuple[int, int]]:

@@ -47,9 +47,6 @@ def materials_of(found: NastranDeck) -> tuple[dict[int, Material], list[str]]:
             material.constants = np.array(constants)
             material.density = entry.real(7) or None
         materials[number] = material
-    for name in ("MATS1", "MATT1", "CREEP"):
-        if entries := found.named(name):
-            ignored.append(f"{len(entries)} {name}")
     return materials, ignored
 
 

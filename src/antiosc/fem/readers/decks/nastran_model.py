@@ -7,7 +7,6 @@ loads are ignored and listed.
 
 from __future__ import annotations
 
-from collections import Counter
 from typing import Any
 
 import numpy as np
@@ -21,7 +20,6 @@ from antiosc.fem.readers.decks.model import finished
 from antiosc.fem.readers.decks.nastran import (
     NastranDeck,
     constraints,
-    is_other,
     set_groups,
     spc_sets,
 )
@@ -30,43 +28,15 @@ from antiosc.fem.readers.decks.nastran_masses import read_masses
 from antiosc.fem.readers.decks.nastran_materials import materials_of
 from antiosc.fem.readers.decks.nastran_sections import Properties
 from antiosc.fem.readers.decks.nastran_springs import read_springs
+from antiosc.fem.readers.decks.nastran_table import tell_damping
 from antiosc.fem.readers.decks.rods import hold_without_stiffness
 from antiosc.fem.readers.unit_system import UnitSystem
-
-#: Unsupported entries, other than elements, that would change the result.
-REFUSED_ENTRIES = {
-    "BCTABLE": "contact",
-    "BCONTACT": "contact",
-    "BSURF": "contact",
-    "BSURFS": "contact",
-    "DMIG": "a matrix",
-    "CSUPER": "a superelement",
-}
-#: Loads, which are ignored.
-LOAD_ENTRIES = (
-    *("FORCE", "MOMENT", "PLOAD", "GRAV", "RFORCE", "TEMP", "SPCD", "LOAD", "TLOAD", "RLOAD"),
-    *("DLOAD", "DAREA", "ACCEL", "DEFORM", "SLOAD", "CHBDY", "EPOINT"),
-)
-#: Elements that are read besides cells.
-TAKEN = (
-    *("CONM1", "CONM2", "CMASS1", "CMASS2", "CMASS3", "CMASS4", "CELAS1", "CELAS2", "CELAS3"),
-    *("CELAS4", "CDAMP1", "CDAMP2", "CDAMP3", "CDAMP4", "CVISC", "CBUSH", "RBE2", "RBE3", "RBAR"),
-    "PLOTEL",
-)
 
 
 def model_of(found: NastranDeck, units: UnitSystem, density: float | None) -> dict[str, Any]:
     """The deck's model in SI units; its groups and fixed nodes go into the deck."""
-    for entry in found.bulk.entries:
-        if entry.name.startswith("CHBDY"):
-            continue  # a surface of heat
-        if entry.name in REFUSED_ENTRIES or (is_other(entry.name) and entry.name not in TAKEN):
-            name = REFUSED_ENTRIES.get(entry.name)
-            what = f" is {name}, which" if name else ""
-            raise MeshError(
-                f"{entry.place}: {entry.name}{what} is not supported here and would change the "
-                "result; remove it from the deck, or model the part without it."
-            )
+    found.account.refuse()
+    tell_damping(found.account, found.bulk.entries)
     materials, ignored = materials_of(found)
     ends = beams.divide(found)
     set_groups(found)
@@ -85,9 +55,8 @@ def model_of(found: NastranDeck, units: UnitSystem, density: float | None) -> di
     if builder.truss and not _without_autospc(found):
         hold_without_stiffness(builder)
     found.deck.left.clear()
-    counts = Counter(e.name for e in found.bulk.entries if e.name.startswith(LOAD_ENTRIES))
-    loads = [f"{count} {name}" for name, count in sorted(counts.items())]
-    builder.ignored += [*ignored, *properties.ignored, *builder.joint_told, *loads]
+    builder.ignored += [*ignored, *properties.ignored, *builder.joint_told]
+    builder.ignored += found.account.ignored()
     return finished(builder, properties.roles)
 
 
