@@ -56,12 +56,20 @@ class Whole:
         if dot and name.upper() in self.instances:
             within, word = self.instances[name.upper()], inner
         first = within.first_node if keyword == "NSET" else within.first_element
-        found = members(within.scope, keyword, word, place)
-        if not len(found) and not within.name:
+        found = members(within.scope, keyword, word)
+        if not within.name:  # sets of the assembly may have members in instances
             sets = self.deck.node_sets if keyword == "NSET" else self.deck.element_sets
-            spelled = within.scope.spelling.get(word.upper(), word)
-            return sets.get(spelled, found)
-        return found + first
+            found = sets.get(within.scope.spelling.get(word.upper(), word), found)
+        if found is not None:
+            return found + first
+        if keyword == "ELSET" and within.scope.other_labels(word):
+            return np.zeros(0, dtype=np.int64)
+        what = "node" if keyword == "NSET" else "element"
+        where = f" in {within.name}" if within.name else ""
+        if word.lstrip("-").isdigit() and len(self.instances) > 1 and not within.name:
+            where = " outside the instances; name its instance (INSTANCE=)"
+        kind = what if word.lstrip("-").isdigit() else f"set of {what}s"
+        raise MeshError(f"{place}: there is no {kind} {word}{where}.")
 
 
 def read(path: Path, name: str, on_size: Callable[[int], None] = lambda size: None) -> Whole:
@@ -203,7 +211,13 @@ def _members(whole: Whole, card: Card) -> Iterator[Rows]:
     first = within.first_node if of_nodes else within.first_element
     for fields, place in card.rows():
         if "GENERATE" in card.options:
-            yield ranged(fields, place, numbering) + first
+            some = ranged(fields, place, numbering)
+            if not len(some):
+                raise MeshError(
+                    f"{place}: *{card.keyword} in the assembly selects nothing; name the instance "
+                    "of its numbers (INSTANCE=)."
+                )
+            yield some + first
             continue
         look_up = whole.nodes if of_nodes else whole.elements
         for word in fields:

@@ -126,7 +126,7 @@ _REFUSED = {
     "a model of another analysis": "IMPORT SYMMETRICMODELGENERATION",
     "a change of the sections between steps": "CHANGESOLIDSECTION",
     "a change of a material between steps": "CHANGEMATERIAL",
-    "an elastic foundation (use springs)": "FOUNDATION",
+    "": "FOUNDATION",
     "a release of beams' ends": "RELEASE",
     "a distribution over elements": "DISTRIBUTION",
     "a change of the nodes' places": "IMPERFECTION",
@@ -139,7 +139,7 @@ _REFUSED = {
 
 CARDS = table(
     read=READ, harmless=_HARMLESS.split(), ignored=_IGNORED.split(), refused=_REFUSED
-)  # fmt: skip
+)
 
 
 def account_for(cards: list[Card], name: str) -> Account:

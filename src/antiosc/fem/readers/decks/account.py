@@ -38,7 +38,7 @@ def table(
     ignored: Iterable[str],
     refused: Mapping[str, str],
 ) -> dict[str, Fate]:
-    """The fates of the cards of a dialect; `refused`: what they are -> names between spaces."""
+    """The fates of the cards of a dialect; `refused`: what they are, or "", -> names between spaces."""
     found = dict.fromkeys(read, Fate("read"))
     found |= dict.fromkeys(harmless, Fate("harmless"))
     found |= dict.fromkeys(ignored, Fate("ignored"))
@@ -68,9 +68,10 @@ class Account:
         """MeshError for the first card or option that is refused."""
         for name, place, fate in (*self.cards, *self.options):
             if fate.kind == "refused":
+                what = f" is {fate.what}, which" if fate.what else ""
                 raise MeshError(
-                    f"{place}: {name} is {fate.what}, which is not supported here and would change "
-                    "the result; remove it from the deck, or model the part without it."
+                    f"{place}: {name}{what} is not supported here and would change the result; "
+                    "remove it from the deck, or model the part without it."
                 )
 
     def ignored(self) -> list[str]:

@@ -14,6 +14,7 @@ from antiosc.fem.readers.decks.account import Account
 from antiosc.fem.readers.decks.deck import Array, Block, Deck, IntArray, Numbering, Place
 from antiosc.fem.readers.decks.nastran_cards import Bulk, Entry, bulk_data, through
 from antiosc.fem.readers.decks.nastran_coordinates import Systems
+from antiosc.fem.readers.decks.nastran_selection import used_sets
 from antiosc.fem.readers.decks.nastran_table import account_for, is_other
 from antiosc.fem.readers.decks.sources import Sources
 from antiosc.fem.readers.shapes import CORNERS, EDGES
@@ -63,6 +64,13 @@ class NastranDeck:
     def named(self, *names: str) -> list[Entry]:
         """All entries of these names."""
         return [entry for entry in self.bulk.entries if entry.name in names]
+
+    def used_sets(self, what: str) -> set[int]:
+        """Numbers of the sets of SPC, MPC or NSM that are used; the choice is told."""
+        bulk = self.bulk
+        used, told = used_sets(bulk.entries, bulk.control, self.deck.name, what)
+        self.deck.told += told
+        return used
 
     def row(self, label: int, place: Place) -> int:
         """Row of the node `label`."""
@@ -296,16 +304,10 @@ def set_groups(found: NastranDeck) -> None:
         found.deck.element_sets[str(number)] = elements
         if found.bulk.names.get(int(number)):
             found.deck.element_sets[found.bulk.names[int(number)]] = elements
-    for number in spc_sets(found):
+    for number in sorted({entry.whole(0) for entry in found.named("SPC", "SPC1")}):
         rows = [rows for rows, _, _ in constraints(found, number)]
         if rows:
             found.deck.node_sets[f"SPC {number}"] = np.unique(np.concatenate(rows))
-
-
-def spc_sets(found: NastranDeck) -> list[int]:
-    """Numbers of the sets of SPC and SPC1."""
-    entries = found.named("SPC", "SPC1")
-    return sorted({entry.whole(0) for entry in entries})
 
 
 def constraints(found: NastranDeck, number: int) -> list[tuple[IntArray, str, Entry]]:
@@ -321,5 +323,8 @@ def constraints(found: NastranDeck, number: int) -> list[tuple[IntArray, str, En
                     result.append((np.array([row]), entry.text(start + 1), entry))
             continue
         for first, last in through(entry.fields[2:], entry.place):
-            result.append((found.nodes.between(first, last), entry.text(1), entry))
+            rows = found.nodes.between(first, last)
+            if not len(rows):
+                found.row(first, entry.place)
+            result.append((rows, entry.text(1), entry))
     return result

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 from antiosc.errors import MeshError
 from antiosc.fem.readers.decks.deck import Place, real_number, whole_number
+from antiosc.fem.readers.decks.nastran_selection import CaseControl
 from antiosc.fem.readers.decks.sources import Sources
 
 #: Names of properties in comments of pre-processors: HyperMesh, ANSA, Femap.
@@ -22,7 +23,6 @@ TEXTS = ("DEQATN",)
 MOST_COPIES = 1_000_000
 #: A number; "+1" may mark a continuation.
 _NUMBER = re.compile(r"-?\.?\d")
-_SELECTED = re.compile(r"\s*(SPC|MPC)\s*=\s*(\d+)\s*$", re.IGNORECASE)
 _INCLUDE = re.compile(r"\s*INCLUDE\b\s*(.*)", re.IGNORECASE)
 
 
@@ -60,19 +60,16 @@ class Bulk:
     """The content of a deck's files."""
 
     entries: list[Entry] = field(default_factory=list)
-    #: numbers of the SPC sets that the case control selects
-    selected: list[int] = field(default_factory=list)
-    #: those of the MPC sets
-    selected_mpcs: list[int] = field(default_factory=list)
-    #: whether the deck has a case control
-    with_control: bool = False
+    name: str = ""
+    #: what the lines before the bulk data select
+    control: CaseControl = field(default_factory=CaseControl)
     #: number of a property -> its name in a comment
     names: dict[int, str] = field(default_factory=dict)
 
 
 def bulk_data(sources: Sources) -> Bulk:
     """All entries of a deck and of the files that it includes."""
-    bulk = Bulk()
+    bulk = Bulk(name=sources.name)
     lines = sources.main()
     begins = [line.split("$")[0].upper().split()[:2] == ["BEGIN", "BULK"] for line in lines]
     # a file without case control contains only bulk data
@@ -190,10 +187,7 @@ class _Collector:
         if line.upper().split()[:2] == ["BEGIN", "BULK"]:
             self.started = True
             return
-        self.bulk.with_control = True
-        if match := _SELECTED.match(line):
-            sets = self.bulk.selected if match[1].upper() == "SPC" else self.bulk.selected_mpcs
-            sets.append(int(match[2][:18]))
+        self.bulk.control.read(line)
 
     def _bulk(self, line: str, place: Place) -> None:
         words = line.upper().split()

@@ -13,6 +13,7 @@ import numpy as np
 
 from antiosc.errors import MeshError
 from antiosc.fem.readers.decks import nastran_beams as beams
+from antiosc.fem.readers.decks.account import lines
 from antiosc.fem.readers.decks.builder import ModelBuilder
 from antiosc.fem.readers.decks.deck import IntArray, Place
 from antiosc.fem.readers.decks.geometry import fixed_along_axes
@@ -21,7 +22,6 @@ from antiosc.fem.readers.decks.nastran import (
     NastranDeck,
     constraints,
     set_groups,
-    spc_sets,
 )
 from antiosc.fem.readers.decks.nastran_joints import read_joints
 from antiosc.fem.readers.decks.nastran_masses import read_masses
@@ -83,24 +83,14 @@ def _supports(found: NastranDeck, builder: ModelBuilder) -> None:
         permanent = grid.text(6) or (default.text(6) if default else "")
         if permanent:
             _fix(found, builder, np.array([row]), permanent, grid.place)
-    for number in _selected(found):
+    moved: list[Place] = []
+    for number in sorted(found.used_sets("SPC")):
         for rows, components, entry in constraints(found, number):
             _fix(found, builder, rows, components, entry.place)
-
-
-def _selected(found: NastranDeck) -> list[int]:
-    """The SPC and SPC1 sets of the first subcase, with those of SPCADD."""
-    wanted = found.bulk.selected[:1]
-    if not wanted:
-        return spc_sets(found)
-    sums = {entry.whole(0): entry for entry in found.named("SPCADD")}
-    result: list[int] = []
-    for number in wanted:
-        if number in sums:
-            entry = sums[number]
-            result += [entry.whole(k) for k in range(1, len(entry.fields)) if entry.text(k)]
-        result.append(number)
-    return result
+            if entry.name == "SPC" and (entry.real(3) or entry.real(6)):
+                moved.append(entry.place)
+    if moved:
+        builder.ignored.append(f"the motion of SPC ({lines(moved)}), fixed instead")
 
 
 def _fix(

@@ -14,8 +14,14 @@ BESIDE = (
 )
 #: Material, element or property -> the field (from 0) of its damping GE.
 DAMPING = {"MAT1": 7, "MAT2": 12, "MAT8": 16, "MAT9": 30, "PCOMP": 6, "PCOMPG": 6, "CELAS2": 6}
-#: An element without a counterpart; names that begin with C and are in no list are such, too.
-ELEMENT = Fate("refused", "an element")
+#: Elements without a counterpart; names that begin with C and are in no list are such, too.
+NO_COUNTERPART = (
+    *("RBE1", "RBAR1", "RROD", "RTRPLT", "RTRPLT1", "RSPLINE", "RJOINT", "RSSCON"),
+    *("CSHEAR", "CGAP", "CFAST", "CWELD", "CSEAM", "CBEND", "CBEAM3", "CBUSH1D", "CBUSH2D"),
+    *("CDAMP5", "CTRIAX", "CTRIAX6", "CTRAX3", "CTRAX6", "CQUADX", "CQUADX4", "CQUADX8", "CQUAD"),
+    *("CPLSTN3", "CPLSTN4", "CPLSTN6", "CPLSTN8", "CPLSTS3", "CPLSTS4", "CPLSTS6", "CPLSTS8"),
+    *("CHACAB", "CHACBR", "CAABSF", "CFLUID2", "CFLUID3", "CFLUID4", "CRAC2D", "CRAC3D"),
+)
 
 _READ = """
 GRID GRDSET SPOINT CORD1R CORD1C CORD1S CORD2R CORD2C CORD2S
@@ -65,12 +71,7 @@ _REFUSED = {
     "an axisymmetric model": "AXIC AXIF RINGAX RINGFL GRIDB CYAX CYJOIN CYSUP CYSYM SECTAX",
     "a support of edges or surfaces": "SPCAX GMSPC GMBC GMBNDC FEEDGE FEFACE",
     "a generator of nodes or elements": "CGEN GRIDG EGRID",
-    "a rigid element": "RBE1 RBAR1 RROD RTRPLT RTRPLT1 RSPLINE RJOINT RSSCON",
-    "an element": "CSHEAR CGAP CFAST CWELD CSEAM CBEND CBEAM3 CBUSH1D CBUSH2D CDAMP5 CELAS5 CRAC2D "
-    "CRAC3D CTRIAX CTRIAX6 CTRAX3 CTRAX6 CQUADX CQUADX4 CQUADX8 CQUAD CHACAB CHACBR CAABSF CCONEAX "
-    "CPLSTN3 CPLSTN4 CPLSTN6 CPLSTN8 CPLSTS3 CPLSTS4 CPLSTS6 CPLSTS8 CFLUID2 CFLUID3 CFLUID4 "
-    "CHEX8 CHEX20",
-}  # fmt: skip
+}
 #: Properties and materials of elements that are refused; one that is read and names them says so.
 _OF_OTHERS = """
 PSHEAR PGAP PFAST PWELD PSEAM PBEND PBEAM3 PBUSH1D PBUSH2D PDAMP5 PRAC2D PRAC3D PLPLANE PPLANE
@@ -82,19 +83,18 @@ ENTRIES = table(
     read=(*_READ.split(), *BESIDE),
     harmless=(*_HARMLESS.split(), *_OF_OTHERS.split()),
     ignored=_IGNORED.split(),
-    refused=_REFUSED,
+    refused=_REFUSED | {"": " ".join(NO_COUNTERPART)},
 )
 
 
 def fate_of(name: str) -> Fate:
     """What becomes of an entry."""
-    return ENTRIES.get(name, ELEMENT if name.startswith("C") else UNKNOWN)
+    return ENTRIES.get(name, Fate("refused") if name.startswith("C") else UNKNOWN)
 
 
 def is_other(name: str) -> bool:
     """Whether an entry is an element, but not a cell of a mesh."""
-    what = fate_of(name).what
-    return name in BESIDE or what in ("an element", "a rigid element")
+    return name in BESIDE or fate_of(name) == Fate("refused")
 
 
 def account_for(entries: Sequence[Entry], name: str) -> Account:
