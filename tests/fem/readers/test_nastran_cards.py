@@ -80,7 +80,7 @@ def bulk(folder, text: str):
 def test_every_form_has_the_same_fields(tmp_path, form, control):
     text = "".join(FORMS[form](name, fields) for name, fields in ENTRIES)
     found = bulk(tmp_path, control + text + ("ENDDATA\nno more\n" if control else ""))
-    assert found.with_control == bool(control)
+    assert found.control.given == bool(control)
     assert [entry.name for entry in found.entries] == [name for name, _ in ENTRIES]
     for entry, (_, fields) in zip(found.entries, ENTRIES, strict=True):
         assert [entry.text(k) for k in range(len(fields) + 9)] == [*fields, *[""] * 9]
@@ -105,7 +105,7 @@ def test_case_control_and_names_in_comments(tmp_path):
     text += "$ANSA_NAME_COMMENT;9;PSOLID;block;no\n$ Femap Property 10 : web \n"
     text += "$ Femap with NX Nastran Property 11 : flange\nGRID,1\nBEGIN BULK\nGRID,2\n"
     found = bulk(tmp_path, text)
-    assert (found.selected, found.selected_mpcs) == ([3, 5], [4, 6])
+    assert [found.control.of_first(what) for what in ("SPC", "MPC", "NSM")] == [5, 6, None]
     assert found.names == {7: "skin", 8: "a rib", 9: "block", 10: "web", 11: "flange"}
     assert [entry.whole(0) for entry in found.entries] == [1, 2]
 

@@ -261,7 +261,7 @@ WRONG = {
     "*EQUATION\n0\n": (1, "an *EQUATION of 0 terms."),
     "*EQUATION\n2\n1,1,1.\n": (2, "the *EQUATION ends after 1 of 2 terms."),
     "*EQUATION\n2\n": (1, "the *EQUATION ends after 0 of 2 terms."),
-    "*EQUATION\n2\n1,1,1.,X,1,1.\n": (2, "*EQUATION names 'X', which the deck does not define."),
+    "*EQUATION\n2\n1,1,1.,X,1,1.\n": (2, "there is no set of nodes X."),
     f"{PAIR}*EQUATION\n2\nP,1,1.,Q,1,1.\n": (
         6, "*EQUATION between several sets of nodes pairs them by their order, which is not kept "
         "here; write one equation for each pair.",

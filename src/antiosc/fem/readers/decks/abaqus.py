@@ -245,8 +245,9 @@ def _read_set(scope: Scope, card: Card) -> None:
         if elements is not None:
             found.append(nodes_of(scope.deck, elements))
         elif not scope.other_labels(card.option("ELSET")):
-            raise MeshError(
-                f"{card.place}: there is no set of elements {card.option('ELSET')!r} before it."
+            scope.deck.told.append(
+                f"{card.place}: *NSET {name} is of the set of elements {card.option('ELSET')}, which "
+                "does not exist before it."
             )
     lost: list[str] = []
     count = 0

@@ -104,7 +104,7 @@ def _of_sets(
     lengths = {len(some) for some in nodes}
     if 0 in lengths:
         word = next(w for (w, _, _), some in zip(triples, nodes, strict=True) if not len(some))
-        raise MeshError(f"{place}: *EQUATION names {word!r}, which the deck does not define.")
+        raise MeshError(f"{place}: *EQUATION names {word!r}, a set without nodes.")
     if len(nodes[0]) > 1 and lengths - {1}:
         largest = [some for some in nodes if len(some) > 1]
         if len(largest) > 1:

@@ -98,7 +98,7 @@ class Sections:
 
     def _rods(self, card: Card, elements: IntArray, material: dict[str, Any]) -> None:
         """T2D2 and T3D2, with their area in the first line."""
-        area = _first(card, "area")
+        area = _first(card, "area of rods")
         units = self.builder.units
         E, mass = material["E"] / units.stress, material["rho"] / units.density * area
         self.builder.add_rods(elements, Rod(E, material["nu"], area, 0.0, mass, card.place))

@@ -126,7 +126,7 @@ _REFUSED = {
     "a model of another analysis": "IMPORT SYMMETRICMODELGENERATION",
     "a change of the sections between steps": "CHANGESOLIDSECTION",
     "a change of a material between steps": "CHANGEMATERIAL",
-    "": "FOUNDATION",
+    "an elastic foundation (use springs)": "FOUNDATION",
     "a release of beams' ends": "RELEASE",
     "a distribution over elements": "DISTRIBUTION",
     "a change of the nodes' places": "IMPERFECTION",

@@ -323,8 +323,5 @@ def constraints(found: NastranDeck, number: int) -> list[tuple[IntArray, str, En
                     result.append((np.array([row]), entry.text(start + 1), entry))
             continue
         for first, last in through(entry.fields[2:], entry.place):
-            rows = found.nodes.between(first, last)
-            if not len(rows):
-                found.row(first, entry.place)
-            result.append((rows, entry.text(1), entry))
+            result.append((found.nodes.between(first, last), entry.text(1), entry))
     return result

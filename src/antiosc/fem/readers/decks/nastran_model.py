@@ -86,6 +86,8 @@ def _supports(found: NastranDeck, builder: ModelBuilder) -> None:
     moved: list[Place] = []
     for number in sorted(found.used_sets("SPC")):
         for rows, components, entry in constraints(found, number):
+            if not len(rows):
+                raise MeshError(f"{entry.place}: SPC1 {number} fixes a GRID that there is not.")
             _fix(found, builder, rows, components, entry.place)
             if entry.name == "SPC" and (entry.real(3) or entry.real(6)):
                 moved.append(entry.place)

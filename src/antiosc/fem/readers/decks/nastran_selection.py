@@ -60,7 +60,7 @@ def used_sets(
     present = {entry.whole(0) for entry in entries if entry.name in names}
     if not control.given:
         some = f"{name} has no case control: its {what} {_sets(present)} are all taken."
-        return present, [some] if present else []
+        return present, [some] if len(present) > 1 else []
     first = control.of_first(what)
     used = set() if first is None else {first}
     for entry in entries:
