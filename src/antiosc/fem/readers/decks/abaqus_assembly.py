@@ -83,6 +83,7 @@ def read(path: Path, name: str, on_size: Callable[[int], None] = lambda size: No
     whole.instances[""] = _add(whole.deck, "", top, np.eye(3), np.zeros(3))
     for part in parts.values():
         if not any(card.option("PART").upper() == part.name.upper() for card, _ in placed):
+            whole.deck.told.append(f"the part {part.name!r} of {name} has no instance: left out.")
             continue
         meshed(part)
     for card, own in placed:

@@ -21,6 +21,11 @@ def materials_of(cards: list[Card]) -> tuple[dict[str, Material], list[str]]:
     for card in cards:
         if card.keyword == "MATERIAL":
             name = card.needed("NAME")
+            if name.upper() in found:
+                raise MeshError(
+                    f"{card.place}: the material {name!r} is defined more than once, first in "
+                    f"{found[name.upper()].place}."
+                )
             current = found[name.upper()] = Material(name, card.place)
         elif current is None:
             continue

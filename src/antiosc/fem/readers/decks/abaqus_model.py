@@ -15,7 +15,7 @@ import numpy as np
 from antiosc.errors import MeshError
 from antiosc.fem.readers.decks.abaqus_assembly import Instance, Whole
 from antiosc.fem.readers.decks.abaqus_cards import Card
-from antiosc.fem.readers.decks.abaqus_joints import read_joints
+from antiosc.fem.readers.decks.abaqus_joints import read_joints, refuse_own_follower
 from antiosc.fem.readers.decks.abaqus_materials import materials_of
 from antiosc.fem.readers.decks.abaqus_orientations import Orientations
 from antiosc.fem.readers.decks.abaqus_sections import SECTION_CARDS, Sections
@@ -335,6 +335,7 @@ def _distributing(whole: Whole, builder: ModelBuilder) -> None:
         if not nodes or sum(weights) <= 0:
             raise MeshError(f"{card.place}: *DISTRIBUTING COUPLING names no nodes with weights.")
         for kind, (reference, *_) in _others(whole, card, within):
+            refuse_own_follower(reference, nodes, card)
             follower = builder.joints.leader(reference)
             some, own_weights = np.array(nodes), np.array(weights)
             builder.joints.mean(follower, range(6), some, own_weights, card.place)

@@ -135,7 +135,7 @@ def _nodes(bulk: Bulk, name: str) -> NastranDeck:
     if not grids:
         raise MeshError(f"{name} defines no nodes (GRID).")
     default = next((entry for entry in bulk.entries if entry.name == "GRDSET"), None)
-    grids = _once(grids, name)
+    grids = list(defined_once(grids, "GRID").values())
     labels = np.array([grid.whole(0) for grid in grids], dtype=np.int64)
     scalar = _scalar_points(bulk)
     both = np.intersect1d(labels, scalar)
@@ -167,17 +167,18 @@ def _nodes(bulk: Bulk, name: str) -> NastranDeck:
     return found
 
 
-def _once(grids: list[Entry], name: str) -> list[Entry]:
-    """Each GRID once; MeshError for two that differ."""
+def defined_once(entries: list[Entry], what: str) -> dict[int, Entry]:
+    """Number -> its entry; MeshError for two that differ."""
     first: dict[int, Entry] = {}
-    for grid in grids:
-        known = first.setdefault(grid.whole(0), grid)
-        if any(known.text(k) != grid.text(k) for k in range(8)):
+    for entry in entries:
+        known = first.setdefault(entry.whole(0), entry)
+        count = max(len(known.fields), len(entry.fields))
+        if known.name != entry.name or any(known.text(k) != entry.text(k) for k in range(count)):
             raise MeshError(
-                f"{grid.place}: {name} defines the GRID {grid.whole(0)} more than once, first "
+                f"{entry.place}: the deck defines the {what} {entry.whole(0)} more than once, first "
                 f"otherwise in {known.place}."
             )
-    return list(first.values())
+    return first
 
 
 def _scalar_points(bulk: Bulk) -> IntArray:

@@ -11,7 +11,7 @@ from antiosc.errors import MeshError
 from antiosc.fem.readers.decks.builder import ModelBuilder
 from antiosc.fem.readers.decks.deck import Array
 from antiosc.fem.readers.decks.material import Material, isotropic
-from antiosc.fem.readers.decks.nastran import NastranDeck
+from antiosc.fem.readers.decks.nastran import NastranDeck, defined_once
 from antiosc.fem.readers.decks.nastran_cards import Entry
 
 
@@ -19,8 +19,8 @@ def materials_of(found: NastranDeck) -> tuple[dict[int, Material], list[str]]:
     """(materials by number, what is ignored of them)."""
     materials: dict[int, Material] = {}
     ignored: list[str] = []
-    for entry in found.named("MAT1", "MAT2", "MAT8", "MAT9"):
-        number = entry.whole(0)
+    entries = found.named("MAT1", "MAT2", "MAT8", "MAT9")
+    for number, entry in defined_once(entries, "material").items():
         material = Material(f"{entry.name} {number}", entry.place)
         if entry.name == "MAT1":
             E, G, nu = _moduli(entry)
