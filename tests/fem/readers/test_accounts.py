@@ -5,13 +5,13 @@ from __future__ import annotations
 import re
 from collections import Counter
 
+import pytest
+
 import abaqus_decks as inp
 import nastran_decks as bdf
-import pytest
-from paths import DECKS
-
 from antiosc.errors import MeshError
 from antiosc.fem.readers.decks import abaqus_assembly, abaqus_table, nastran, nastran_table
+from paths import DECKS
 
 SECTION = inp.CUBE + inp.SOLID + inp.STEEL
 BLOCK = bdf.GRIDS + bdf.HEXA + "PSOLID,7,1\n" + bdf.MAT1

@@ -139,7 +139,7 @@ def test_a_continuation_goes_to_the_entry_of_its_mark(tmp_path, case, between):
 
 
 def test_a_continuation_before_its_entry_is_refused(tmp_path):
-    with pytest.raises(MeshError, match="before its entry"):
+    with pytest.raises(MeshError, match="does not follow its entry"):
         bulk(tmp_path, f"GRID,1\n+AB,{','.join(SECOND)}\nSPC1,{','.join(FIRST)},+AB\n")
 
 

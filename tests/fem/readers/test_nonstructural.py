@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import abaqus_decks as inp
-import nastran_decks as bdf
 import numpy as np
 import pytest
 
+import abaqus_decks as inp
+import nastran_decks as bdf
 from antiosc.errors import MeshError
 from antiosc.fem.readers.decks.deck import Block, Deck
 from antiosc.fem.readers.decks.geometry import measures_of

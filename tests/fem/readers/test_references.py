@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import abaqus_decks as inp
-import nastran_decks as bdf
 import numpy as np
 import pytest
 
+import abaqus_decks as inp
+import nastran_decks as bdf
 from antiosc.errors import MeshError
 
 CUBE = inp.CUBE + inp.SOLID + inp.STEEL
@@ -144,7 +144,7 @@ def test_a_material_of_one_name(tmp_path):
     ],
 )  # fmt: skip
 def test_entries_name_other_nodes_that_are_there(tmp_path, entry):
-    with pytest.raises(MeshError, match="follow itself|that there is not|no GRID"):
+    with pytest.raises(MeshError, match=r"follow itself|that there is not|no GRID"):
         bdf.read(tmp_path, BLOCK + entry)
 
 

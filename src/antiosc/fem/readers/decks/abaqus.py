@@ -246,8 +246,8 @@ def _read_set(scope: Scope, card: Card) -> None:
             found.append(nodes_of(scope.deck, elements))
         elif not scope.other_labels(card.option("ELSET")):
             scope.deck.told.append(
-                f"{card.place}: *NSET {name} is of the set of elements {card.option('ELSET')}, which "
-                "does not exist before it."
+                f"{card.place}: *NSET {name} is of the set of elements {card.option('ELSET')}, "
+                "which does not exist before it."
             )
     lost: list[str] = []
     count = 0

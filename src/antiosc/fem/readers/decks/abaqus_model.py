@@ -235,8 +235,8 @@ def _nonstructural(whole: Whole, builder: ModelBuilder) -> None:
             add_mass(builder, elements, value, UNITS[unit], card.place)
         else:
             raise MeshError(
-                f"{card.place}: *NONSTRUCTURAL MASS is one number in UNITS=TOTAL MASS (DISTRIBUTION="
-                "MASS or VOLUME PROPORTIONAL), MASS PER VOLUME, PER AREA or PER LENGTH."
+                f"{card.place}: *NONSTRUCTURAL MASS is one number in UNITS=TOTAL MASS "
+                "(DISTRIBUTION=MASS or VOLUME PROPORTIONAL), MASS PER VOLUME, PER AREA, PER LENGTH."
             )
 
 
@@ -293,9 +293,7 @@ def _springs(whole: Whole, builder: ModelBuilder, orientations: Orientations) ->
         )
 
 
-def _along_motions(
-    nodes: list[int], axes: Array, fields: list[str], place: Place
-) -> list[Term]:
+def _along_motions(nodes: list[int], axes: Array, fields: list[str], place: Place) -> list[Term]:
     """The motion of a node along one of the axes (rows), or the difference of two."""
     dofs = [whole_number(f, place) - 1 for f in fields[:2]]
     if not all(0 <= dof < 6 for dof in dofs) or len(dofs) < len(nodes):

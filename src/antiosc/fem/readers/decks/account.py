@@ -38,7 +38,10 @@ def table(
     ignored: Iterable[str],
     refused: Mapping[str, str],
 ) -> dict[str, Fate]:
-    """The fates of the cards of a dialect; `refused`: what they are, or "", -> names between spaces."""
+    """The fates of the cards of a dialect.
+
+    `refused`: what they are, or "", -> names between spaces.
+    """
     found = dict.fromkeys(read, Fate("read"))
     found |= dict.fromkeys(harmless, Fate("harmless"))
     found |= dict.fromkeys(ignored, Fate("ignored"))

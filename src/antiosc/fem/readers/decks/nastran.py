@@ -175,8 +175,8 @@ def defined_once(entries: list[Entry], what: str) -> dict[int, Entry]:
         count = max(len(known.fields), len(entry.fields))
         if known.name != entry.name or any(known.text(k) != entry.text(k) for k in range(count)):
             raise MeshError(
-                f"{entry.place}: the deck defines the {what} {entry.whole(0)} more than once, first "
-                f"otherwise in {known.place}."
+                f"{entry.place}: the deck defines the {what} {entry.whole(0)} more than once, "
+                f"first otherwise in {known.place}."
             )
     return first
 

@@ -74,11 +74,11 @@ def bulk_data(sources: Sources) -> Bulk:
     begins = [line.split("$")[0].upper().split()[:2] == ["BEGIN", "BULK"] for line in lines]
     # a file without case control contains only bulk data
     started = not any(begins)
-    continuations = Continuations()
-    _Collector(sources, bulk, started, continuations).read(lines, sources.name)
+    collector = _Collector(sources, bulk, started)
+    collector.read(lines, sources.name)
     if not bulk.entries:
         raise MeshError(f"{sources.name} contains no bulk data (GRID, CHEXA, …).")
-    continuations.refuse_misplaced()
+    collector.continuations.refuse_lost()
     return bulk
 
 
@@ -91,8 +91,8 @@ class Continuations:
         #: identity of an entry -> the marks of its last line
         self._marks: dict[int, tuple[str, ...]] = {}
         self._last: Entry | None = None
-        #: marks of continuations that were joined to the entry before them, which has none
-        self._by_order: dict[str, Place] = {}
+        #: continuations that were joined to the entry before them, which has no mark
+        self._by_order: list[tuple[str, Place]] = []
 
     def ends(self, entry: Entry, mark: str) -> None:
         """The last line is of this entry and ends with this mark."""
@@ -116,35 +116,32 @@ class Continuations:
             if len(some) == 1:
                 entry = some[0]
             elif some or before:
-                found = f"{len(some)} entries end" if some else "no entry before it ends"
-                raise MeshError(
-                    f"{place}: the continuation {name!r} does not follow its entry, and {found} "
-                    "with this mark; write it behind its entry."
-                )
+                self._refuse(name, place)
             else:
-                self._by_order[label] = place
+                self._by_order.append((name, place))
         for one in filter(None, self._marks.pop(id(entry), ())):
             del self._open[one][id(entry)]
         return entry
 
-    def refuse_misplaced(self) -> None:
-        """MeshError for a continuation that was written before its entry."""
-        for label, place in self._by_order.items():
-            for entry in self._open.get(label, {}).values():
-                raise MeshError(
-                    f"{place}: the continuation '+{label}' stands before its entry "
-                    f"({entry.place}); write it behind its entry."
-                )
+    def refuse_lost(self) -> None:
+        """MeshError where a mark has no continuation, and a continuation no mark."""
+        waiting = any(len(own) == 1 and own[0] for own in self._marks.values())
+        for name, place in self._by_order if waiting else ():
+            self._refuse(name, place)
+
+    def _refuse(self, name: str, place: Place) -> None:
+        raise MeshError(
+            f"{place}: the continuation {name[:20]!r} does not follow its entry; write it behind "
+            "the line that ends with its mark."
+        )
 
 
 class _Collector:
-    def __init__(
-        self, sources: Sources, bulk: Bulk, started: bool, continuations: Continuations
-    ) -> None:
+    def __init__(self, sources: Sources, bulk: Bulk, started: bool) -> None:
         self.sources = sources
         self.bulk = bulk
         self.started = started
-        self.continuations = continuations
+        self.continuations = Continuations()
         self.ended = False
         #: whether the next line continues a list of free fields
         self.continued = False

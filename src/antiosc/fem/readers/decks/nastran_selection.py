@@ -75,7 +75,8 @@ def used_sets(
         told.append(f"{what} = {first} of {name} needs the {_sets(lost)}, not there.")
     if others:
         told.append(
-            f"{what} {_sets(others)} of {name} do not act: the first subcase selects others or none."
+            f"{what} {_sets(others)} of {name} do not act: the first subcase selects others, "
+            "or none."
         )
     return used & present, told
 

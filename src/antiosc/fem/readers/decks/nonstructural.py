@@ -20,7 +20,9 @@ DIMENSION["AnisotropicSolid"] = 3
 UNITS = {"MASSPERLENGTH": 1, "MASSPERAREA": 2, "MASSPERVOLUME": 3}
 
 
-def add_mass(builder: ModelBuilder, elements: IntArray, value: float, dimension: int, place: Place) -> None:
+def add_mass(
+    builder: ModelBuilder, elements: IntArray, value: float, dimension: int, place: Place
+) -> None:
     """A mass per length, area or volume (1, 2, 3) of elements; 0: of what each has."""
     own, across, _ = _sections(builder, elements, place)
     if dimension in (1, 2) and (own != dimension).any():
