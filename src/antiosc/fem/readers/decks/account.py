@@ -94,10 +94,10 @@ class Account:
 
 def _counted(entries: Iterable[tuple[str, Place, Fate]], kind: Kind) -> list[str]:
     places: dict[str, list[Place]] = {}
-    for name, place, fate in sorted(entries, key=lambda one: one[0]):
-        if fate.kind == kind:
-            label = f"{name} {fate.what}" if fate.what else name
-            places.setdefault(label, []).append(place)
+    mine = [one for one in entries if one[2].kind == kind]
+    for name, place, fate in sorted(mine, key=lambda one: one[0]):
+        label = f"{name} {fate.what}" if fate.what else name
+        places.setdefault(label, []).append(place)
     return [f"{len(some)} {label} ({lines(some)})" for label, some in places.items()]
 
 
