@@ -159,7 +159,7 @@ def test_supports_that_move_are_told(tmp_path, value, moved):
 
 REFUSED = {
     "general": (SHEET + "*SHELL GENERAL SECTION,ELSET=ALL,MATERIAL=M\n.5\n",
-                "*SHELLGENERALSECTION is not supported."),
+                "remove it from the deck, or model the part without it."),
     "material": (SHEET + SHELL.format("ATTER"),
                  "there is no material 'MATTER' (*MATERIAL, NAME=)."),
     "no elasticity": (CUBE + SOLID + "*MATERIAL,NAME=M\n*DENSITY\n1.\n",

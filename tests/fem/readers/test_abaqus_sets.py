@@ -70,7 +70,7 @@ def test_sets_of_elements_and_of_those_that_are_no_cells(read):
     assert whole.deck.left == {"SPRINGA": 2, "MASS": 1}
     scope = whole.instances[""].scope
     assert scope.others == [("SPRINGA", 7, [1, 3]), ("SPRINGA", 8, [3, 5]), ("MASS", 9, [1])]
-    assert scope.other_sets == {"K": [7, 8], "A": [7, 9]}
+    assert scope.other_sets == {"K": [7, 8], "A": [7, 9, 7, 8]}
 
 
 def test_generated_nodes_lie_at_equal_distances(read):

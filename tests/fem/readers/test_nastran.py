@@ -183,7 +183,7 @@ def test_a_layered_plate_is_the_laminate(tmp_path):
 def test_deck_of_small_large_and_free_fields_without_case_control():
     found = nastran.read(DECKS / "tube.bdf", "tube.bdf")
     assert len(found.deck.points) == 32 + 12
-    assert found.bulk.selected == []
+    assert not found.bulk.control.given
 
 
 def test_copies_of_entries(tmp_path):

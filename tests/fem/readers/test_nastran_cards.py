@@ -80,7 +80,7 @@ def bulk(folder, text: str):
 def test_every_form_has_the_same_fields(tmp_path, form, control):
     text = "".join(FORMS[form](name, fields) for name, fields in ENTRIES)
     found = bulk(tmp_path, control + text + ("ENDDATA\nno more\n" if control else ""))
-    assert found.with_control == bool(control)
+    assert found.control.given == bool(control)
     assert [entry.name for entry in found.entries] == [name for name, _ in ENTRIES]
     for entry, (_, fields) in zip(found.entries, ENTRIES, strict=True):
         assert [entry.text(k) for k in range(len(fields) + 9)] == [*fields, *[""] * 9]
@@ -105,9 +105,48 @@ def test_case_control_and_names_in_comments(tmp_path):
     text += "$ANSA_NAME_COMMENT;9;PSOLID;block;no\n$ Femap Property 10 : web \n"
     text += "$ Femap with NX Nastran Property 11 : flange\nGRID,1\nBEGIN BULK\nGRID,2\n"
     found = bulk(tmp_path, text)
-    assert (found.selected, found.selected_mpcs) == ([3, 5], [4, 6])
+    assert [found.control.of_first(what) for what in ("SPC", "MPC", "NSM")] == [5, 6, None]
     assert found.names == {7: "skin", 8: "a rib", 9: "block", 10: "web", 11: "flange"}
     assert [entry.whole(0) for entry in found.entries] == [1, 2]
+
+
+LIST = [str(k) for k in (1, 123, *range(10, 22))]
+FIRST, SECOND = LIST[:8], LIST[8:]
+#: A parent with its mark, another entry, the continuation; and whether that is found.
+APART = {
+    "small": ("SPC1    " + "".join(f"{w:8}" for w in FIRST) + "+AB",
+              "+AB     " + "".join(f"{w:8}" for w in SECOND), True),
+    "a letter for the sign": ("SPC1    " + "".join(f"{w:8}" for w in FIRST) + "XAB",
+                              "+AB     " + "".join(f"{w:8}" for w in SECOND), True),
+    "free": (f"SPC1,{','.join(FIRST)},+AB", f"+AB,{','.join(SECOND)}", True),
+    "another mark": (f"SPC1,{','.join(FIRST)},+AB", f"+AC,{','.join(SECOND)}", False),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", APART)
+@pytest.mark.parametrize("between", ["SPC1,2,1,3,4,5,6,7,8,+CD\n+CD,9\n", "SPC1,2,1,3,,,,,,+E\n"])
+def test_a_continuation_goes_to_the_entry_of_its_mark(tmp_path, case, between):
+    first, second, found = APART[case]
+    text = f"{first}\n{between}{second}\n"
+    if not found:
+        with pytest.raises(MeshError, match="does not follow its entry"):
+            bulk(tmp_path, text)
+        return
+    one, other = bulk(tmp_path, text).entries
+    assert [word for word in one.fields if word] == LIST
+    assert "10" not in other.fields
+    assert [word for word in other.fields if word][:3] == ["2", "1", "3"]
+
+
+def test_a_continuation_before_its_entry_is_refused(tmp_path):
+    with pytest.raises(MeshError, match="does not follow its entry"):
+        bulk(tmp_path, f"GRID,1\n+AB,{','.join(SECOND)}\nSPC1,{','.join(FIRST)},+AB\n")
+
+
+def test_equations_are_texts(tmp_path):
+    """DEQATN has commas that divide no fields."""
+    found = bulk(tmp_path, "DEQATN  1       F(A,B,C,D,E,G,H,I,J,K,L)=A+B\n        +C,1\nGRID,1\n")
+    assert [entry.name for entry in found.entries] == ["DEQATN", "GRID"]
 
 
 def test_copies_step_by_whole_and_real_numbers(tmp_path):
@@ -192,7 +231,7 @@ def test_groups_by_property_and_by_support(tmp_path):
 
 WRONG = {
     GRIDS + "GRID,2,,9.\n": (
-        "line 9 of part.bdf: part.bdf defines the GRID 2 more than once, first otherwise in line "
+        "line 9 of part.bdf: the deck defines the GRID 2 more than once, first otherwise in line "
         "2 of part.bdf."
     ),
     GRIDS + "SPOINT,99,3\n": "part.bdf defines 3 as a GRID and as an SPOINT.",

@@ -141,6 +141,24 @@ def test_thicknesses_and_directions_of_elements(families, name, flag):
     assert any("thickness within 1 elements of PSHELL 7" in text for text in ignored)
 
 
+def test_a_thickness_of_zero_is_no_blank(families):
+    card = "CQUAD4,1,7,1,2,3,4\n,,,{}\nPSHELL,7,1,.5,1,,1\n" + MAT1
+    for given, mean in (("0.,.2,.2,0.0", 0.1), ("0.,.2,.2", 0.225), (",.2,.2,", 0.35)):
+        (((_, found),), _) = families(card.format(given))
+        assert found["thickness"] == pytest.approx(1e-3 * mean)
+    with pytest.raises(MeshError, match="no thickness"):
+        families(card.format("0.,0.,0.,0."))
+
+
+def test_moduli_of_zero_are_told(families):
+    """G = 0 of MAT1 and G1Z = 0 of MAT8 are no blanks; both are not taken."""
+    shell = QUAD_CARD + "PSHELL,7,{},.5,{},,{}\n"
+    _, ignored = families(shell.format(1, 1, 1) + MAT1.replace(",,.25", ",0.,.25"))
+    assert any("G of MAT1" in text for text in ignored)
+    _, ignored = families(shell.format(8, 8, 8) + "MAT8,8,9.+4,2.+4,.3,5.+3,0.,3.+3,2.-9\n")
+    assert any("transverse shear of MAT8 8" in text for text in ignored)
+
+
 def test_elements_of_unlike_thickness_are_apart(families):
     cards = "CQUAD4,1,7,1,2,3,4\nCTRIA3,2,7,2,5,3\n,,,.1,.1,.1\nPSHELL,7,1,.5,1,,1\n" + MAT1
     found, ignored = families(cards)

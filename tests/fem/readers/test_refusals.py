@@ -102,9 +102,12 @@ ABAQUS = {
         "a spring or a dashpot acts on motions from 1 to 6",
     ),
     "nonlinear spring": (WHOLE + "*SPRING,ELSET=K,NONLINEAR\n1\n", "nonlinear springs"),
-    "foundation": (WHOLE + "*FOUNDATION\nALL,F1,1.\n", r"\*FOUNDATION is not supported"),
+    "foundation": (WHOLE + "*FOUNDATION\nALL,F1,1.\n", r"\*FOUNDATION is an elastic"),
     "submodel": (WHOLE + "*BOUNDARY,SUBMODEL\n1,1\n", "SUBMODEL is not supported"),
-    "short transform": (WHOLE + "*TRANSFORM,NSET=ALL\n1,0,0\n", "six coordinates"),
+    "short transform": (
+        WHOLE + "*NSET,NSET=ALL\n1\n*TRANSFORM,NSET=ALL\n1,0,0\n",
+        "six coordinates",
+    ),
     "sphere": (
         WHOLE.replace("*NODE", "*NODE,NSET=N", 1) + "*TRANSFORM,NSET=N,TYPE=S\n0,0,0,1,0,0\n",
         "TYPE=R or C",

@@ -245,14 +245,19 @@ def test_coupled_motions_are_those_of_the_rigid_body(tmp_path, case):
     assert seen == {(n, int(m)) for n in range(3) for m in motions}
 
 
-@pytest.mark.parametrize("kind", ["KINEMATIC\n1,3\n", "DISTRIBUTING\n"])
-def test_the_reference_node_does_not_follow_itself(tmp_path, kind):
+def test_the_reference_node_does_not_follow_itself(tmp_path):
     found = []
     for surface in ("S", "L"):
         cards = SET + COUPLING.replace("SURFACE=S", f"SURFACE={surface}")
-        joints, _ = joints_of(tmp_path, ANY, f"{cards}*{kind}", turning=True)
+        joints, _ = joints_of(tmp_path, ANY, f"{cards}*KINEMATIC\n1,3\n", turning=True)
         found.append(joints.equations)
     assert found[0] == found[1] != []
+
+
+def test_no_node_follows_a_mean_of_which_it_is_a_part(tmp_path):
+    cards = SET + COUPLING.replace("SURFACE=S", "SURFACE=L") + "*DISTRIBUTING\n"
+    with pytest.raises(MeshError, match="a node of its own"):
+        joints_of(tmp_path, ANY, cards, turning=True)
 
 
 PAIR = "*NSET,NSET=P\n1,2\n*NSET,NSET=Q\n3,4\n"
@@ -261,7 +266,7 @@ WRONG = {
     "*EQUATION\n0\n": (1, "an *EQUATION of 0 terms."),
     "*EQUATION\n2\n1,1,1.\n": (2, "the *EQUATION ends after 1 of 2 terms."),
     "*EQUATION\n2\n": (1, "the *EQUATION ends after 0 of 2 terms."),
-    "*EQUATION\n2\n1,1,1.,X,1,1.\n": (2, "*EQUATION names 'X', which the deck does not define."),
+    "*EQUATION\n2\n1,1,1.,X,1,1.\n": (2, "there is no set of nodes X."),
     f"{PAIR}*EQUATION\n2\nP,1,1.,Q,1,1.\n": (
         6, "*EQUATION between several sets of nodes pairs them by their order, which is not kept "
         "here; write one equation for each pair.",

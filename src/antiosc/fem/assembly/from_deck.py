@@ -91,14 +91,17 @@ def read_model(
     Raises
     ------
     MeshError
-        As `read_mesh`; elements without a section, materials without elasticity or density, and
-        what is not supported and would change the result: contact pairs, cyclic symmetry, bolts
-        with pre-tension, element types that no family carries. The message names the line.
+        As `read_mesh`; elements without a section, materials without elasticity or density, names
+        of nodes, elements and sets that the deck does not define, and what is not supported and
+        would change the result: contact pairs, cyclic symmetry, bolts with pre-tension, element
+        types that no family carries. The message names the line.
 
     Warns
     -----
     AntioscWarning
-        What of the deck is not taken: loads, steps, nonlinear materials.
+        What of the deck is not taken: loads, steps, nonlinear materials; cards and options that
+        are unknown here; sets with missing members; sets of supports that are not selected. Each
+        with its count and its lines.
     """
     instance("comm", comm, MPI.Comm, "an MPI communicator (mpi4py)")
     file = checked_path("path", path)

@@ -12,6 +12,7 @@ from antiosc.errors import MeshError
 from antiosc.fem.readers.decks.abaqus_cards import Card, cards
 from antiosc.fem.readers.decks.abaqus_elements import element_type, nodes_of_other
 from antiosc.fem.readers.decks.abaqus_generation import element_copies, filled, generated
+from antiosc.fem.readers.decks.abaqus_table import GENERATORS
 from antiosc.fem.readers.decks.deck import (
     LARGEST_NUMBER,
     Block,
@@ -25,9 +26,6 @@ from antiosc.fem.readers.decks.deck import (
 )
 from antiosc.fem.readers.decks.sources import Sources
 
-#: Cards that generate nodes and elements and are not supported.
-UNREAD = ("NCOPY", "ELCOPY", "NMAP", "SYSTEM")
-
 
 @dataclass
 class Scope:
@@ -40,10 +38,17 @@ class Scope:
     elements: Numbering = field(default_factory=lambda: Numbering(np.zeros(0, dtype=np.int64)))
     #: elements that are not cells: (type, label, rows of nodes, set)
     others: list[tuple[str, int, list[int]]] = field(default_factory=list)
+    other_numbers: set[int] = field(default_factory=set)
     #: names in upper case -> as first written
     spelling: dict[str, str] = field(default_factory=dict)
     #: set names in upper case -> labels of `others` in it
     other_sets: dict[str, list[int]] = field(default_factory=dict)
+
+    def other_labels(self, word: str) -> list[int]:
+        """Labels of `others` that a number or the name of a set stands for."""
+        if not word.isdigit():
+            return self.other_sets.get(word.strip('"').upper(), [])
+        return [int(word)] if int(word) in self.other_numbers else []
 
     def spelled(self, name: str) -> str:
         """A set's name as first written; upper and lower case are not distinguished."""
@@ -58,7 +63,7 @@ def read_cards(path: Path, name: str, on_size: Callable[[int], None]) -> list[Ca
 def meshed(scope: Scope, with_sets: bool = True) -> Scope:
     """Fill the scope's nodes, elements and sets from its cards."""
     for card in scope.cards:
-        if card.keyword in UNREAD:
+        if card.keyword in GENERATORS:
             raise MeshError(
                 f"{card.place}: *{card.keyword} is not read here; write the nodes and elements "
                 "that it makes into the deck."
@@ -156,6 +161,7 @@ def _cells(scope: Scope, card: Card, kind: str, labels: list[IntArray]) -> IntAr
         scope.deck.leave(kind, len(rows))
         for numbers, _ in rows:
             scope.others.append((kind, numbers[0], numbers[1:]))
+            scope.other_numbers.add(numbers[0])
             if card.option("ELSET"):
                 name = scope.spelled(card.option("ELSET")).upper()
                 scope.other_sets.setdefault(name, []).append(numbers[0])
@@ -235,19 +241,36 @@ def _read_set(scope: Scope, card: Card) -> None:
     sets = scope.deck.node_sets if of_nodes else scope.deck.element_sets
     found: list[IntArray] = []
     if of_nodes and card.option("ELSET"):
-        elements = scope.deck.element_sets.get(scope.spelled(card.option("ELSET")))
+        elements = members(scope, "ELSET", card.option("ELSET"))
         if elements is not None:
             found.append(nodes_of(scope.deck, elements))
+        elif not scope.other_labels(card.option("ELSET")):
+            scope.deck.told.append(
+                f"{card.place}: *NSET {name} is of the set of elements {card.option('ELSET')}, "
+                "which does not exist before it."
+            )
+    lost: list[str] = []
+    count = 0
     for fields, place in card.rows():
         if "GENERATE" in card.options:
             found.append(ranged(fields, place, numbering))
             continue
         some = [f for f in fields if f]
-        found += [members(scope, card.keyword, word, place) for word in some]
-        if not of_nodes:
-            known = {label for _, label, _ in scope.others} if scope.others else set()
-            own = [int(w) for w in some if w.isdigit() and int(w) in known]
-            scope.other_sets.setdefault(name.upper(), []).extend(own)
+        count += len(some)
+        for word in some:
+            rows = members(scope, card.keyword, word)
+            own = [] if of_nodes else scope.other_labels(word)
+            if rows is None and not own:
+                lost.append(word)
+            if rows is not None:
+                found.append(rows)
+            if own:
+                scope.other_sets.setdefault(name.upper(), []).extend(own)
+    if lost:
+        scope.deck.told.append(
+            f"{card.place}: {len(lost)} of {count} members of *{card.keyword} {name} do not exist "
+            f"({', '.join(lost[:4])}{', …' * (len(lost) > 4)})."
+        )
     extend(sets, name, np.concatenate([np.zeros(0, dtype=np.int64), *found]))
 
 
@@ -264,8 +287,8 @@ def ranged(fields: list[str], place: Place, numbering: Numbering) -> IntArray:
     return numbering.between(first, last, step)
 
 
-def members(scope: Scope, keyword: str, word: str, place: Place) -> IntArray:
-    """Rows of a number, or of the set with this name."""
+def members(scope: Scope, keyword: str, word: str) -> IntArray | None:
+    """Rows of a number, or of the set with this name; None if there is none."""
     word = word.strip().strip('"')
     numbering, sets = (
         (scope.nodes, scope.deck.node_sets)
@@ -275,10 +298,9 @@ def members(scope: Scope, keyword: str, word: str, place: Place) -> IntArray:
     try:
         label = int(word)
     except ValueError:
-        spelled = scope.spelling.get(word.upper(), word)
-        return sets.get(spelled, np.zeros(0, dtype=np.int64))
+        return sets.get(scope.spelling.get(word.upper(), word))
     rows = numbering.rows(np.array([label]))
-    return rows[rows >= 0]
+    return rows if rows[0] >= 0 else None
 
 
 def nodes_of(deck: Deck, elements: IntArray) -> IntArray:

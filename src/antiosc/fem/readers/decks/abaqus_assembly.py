@@ -11,6 +11,8 @@ import numpy as np
 from antiosc.errors import MeshError
 from antiosc.fem.readers.decks.abaqus import Scope, extend, members, meshed, ranged, read_cards
 from antiosc.fem.readers.decks.abaqus_cards import Card
+from antiosc.fem.readers.decks.abaqus_table import account_for
+from antiosc.fem.readers.decks.account import Account
 from antiosc.fem.readers.decks.deck import Array, Block, Deck, IntArray, Place, real_number
 
 Rows = IntArray
@@ -37,6 +39,8 @@ class Whole:
     cards: list[tuple[Card, Instance]] = field(default_factory=list)
     #: cards of each step
     steps: list[list[Card]] = field(default_factory=list)
+    #: what becomes of each card
+    account: Account = field(default_factory=lambda: Account(""))
 
     def nodes(self, word: str, place: Place, within: Instance) -> Rows:
         """Rows of the node or of the set of nodes that `word` names."""
@@ -52,23 +56,34 @@ class Whole:
         if dot and name.upper() in self.instances:
             within, word = self.instances[name.upper()], inner
         first = within.first_node if keyword == "NSET" else within.first_element
-        found = members(within.scope, keyword, word, place)
-        if not len(found) and not within.name:
+        found = members(within.scope, keyword, word)
+        if not within.name:  # sets of the assembly may have members in instances
             sets = self.deck.node_sets if keyword == "NSET" else self.deck.element_sets
-            spelled = within.scope.spelling.get(word.upper(), word)
-            return sets.get(spelled, found)
-        return found + first
+            found = sets.get(within.scope.spelling.get(word.upper(), word), found)
+        if found is not None:
+            return found + first
+        if keyword == "ELSET" and within.scope.other_labels(word):
+            return np.zeros(0, dtype=np.int64)
+        what = "node" if keyword == "NSET" else "element"
+        where = f" in {within.name}" if within.name else ""
+        if word.lstrip("-").isdigit() and len(self.instances) > 1 and not within.name:
+            where = " outside the instances; name its instance (INSTANCE=)"
+        kind = what if word.lstrip("-").isdigit() else f"set of {what}s"
+        raise MeshError(f"{place}: there is no {kind} {word}{where}.")
 
 
 def read(path: Path, name: str, on_size: Callable[[int], None] = lambda size: None) -> Whole:
     """The deck in a file; `on_size` is called with the number of bytes read."""
-    top, parts, placed, steps = _divided(read_cards(path, name, on_size), name)
+    cards = read_cards(path, name, on_size)
+    top, parts, placed, steps = _divided(cards, name)
     assembled = bool(placed)
     meshed(top, with_sets=not assembled)
-    whole = Whole(Deck(name), {}, [], steps)
+    whole = Whole(Deck(name), {}, [], steps, account_for(cards, name))
+    whole.deck.told += whole.account.unknown_cards()
     whole.instances[""] = _add(whole.deck, "", top, np.eye(3), np.zeros(3))
     for part in parts.values():
         if not any(card.option("PART").upper() == part.name.upper() for card, _ in placed):
+            whole.deck.told.append(f"the part {part.name!r} of {name} has no instance: left out.")
             continue
         meshed(part)
     for card, own in placed:
@@ -197,7 +212,13 @@ def _members(whole: Whole, card: Card) -> Iterator[Rows]:
     first = within.first_node if of_nodes else within.first_element
     for fields, place in card.rows():
         if "GENERATE" in card.options:
-            yield ranged(fields, place, numbering) + first
+            some = ranged(fields, place, numbering)
+            if not len(some):
+                raise MeshError(
+                    f"{place}: *{card.keyword} in the assembly selects nothing; name the instance "
+                    "of its numbers (INSTANCE=)."
+                )
+            yield some + first
             continue
         look_up = whole.nodes if of_nodes else whole.elements
         for word in fields:

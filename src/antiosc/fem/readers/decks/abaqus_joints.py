@@ -104,7 +104,7 @@ def _of_sets(
     lengths = {len(some) for some in nodes}
     if 0 in lengths:
         word = next(w for (w, _, _), some in zip(triples, nodes, strict=True) if not len(some))
-        raise MeshError(f"{place}: *EQUATION names {word!r}, which the deck does not define.")
+        raise MeshError(f"{place}: *EQUATION names {word!r}, a set without nodes.")
     if len(nodes[0]) > 1 and lengths - {1}:
         largest = [some for some in nodes if len(some) > 1]
         if len(largest) > 1:
@@ -245,20 +245,23 @@ def _rigid(whole: Whole, joints: Constraints, card: Card, within: Instance) -> N
     named = card.option("ROTNODE")
     rotation_node = _one(whole, named, card.place, within) if named else None
     leader = joints.leader(reference, rotation_node)
-    rest = nodes[~np.isin(nodes, [n for n in (reference, rotation_node) if n is not None])]
-    joints.rigid(rest, leader, range(6), card.place)
+    own = [n for n in (reference, rotation_node) if n is not None]
+    joints.rigid(nodes[~np.isin(nodes, own)], leader, range(6), card.place)
+    if card.option("PINNSET"):
+        pinned = whole.nodes(card.option("PINNSET"), card.place, within)
+        joints.rigid(pinned[~np.isin(pinned, [*own, *nodes])], leader, range(3), card.place)
 
 
 def _nodes_of_sets(whole: Whole, card: Card, within: Instance) -> IntArray:
     found = [np.zeros(0, dtype=np.int64)]
-    for name in ("NSET", "TIENSET", "PINNSET"):
+    for name in ("NSET", "TIENSET"):
         if card.option(name):
             found.append(whole.nodes(card.option(name), card.place, within))
     if card.option("ELSET"):
         elements = whole.elements(card.option("ELSET"), card.place, within)
         found.append(nodes_of(whole.deck, elements))
     nodes = np.unique(np.concatenate(found))
-    if not len(nodes):
+    if not len(nodes) and not card.option("PINNSET"):
         raise MeshError(f"{card.place}: *{card.keyword} names no nodes (NSET= or ELSET=).")
     return nodes
 
@@ -299,13 +302,21 @@ class _Couplings:
         if kinematic:
             self._rigid(node, nodes, motions, card.place)
             return
-        weights = np.ones(len(nodes))
-        own = self.joints.leader(node)
-        self.joints.mean(own, motions, nodes[nodes != node], weights[nodes != node], card.place)
+        refuse_own_follower(node, nodes, card)
+        self.joints.mean(self.joints.leader(node), motions, nodes, np.ones(len(nodes)), card.place)
 
     def _rigid(self, node: int, nodes: IntArray, motions: Sequence[int], place: Place) -> None:
         leader = self.joints.leader(node)
         self.joints.rigid(nodes[nodes != node], leader, motions, place)
+
+
+def refuse_own_follower(node: int, nodes: Sequence[int] | IntArray, card: Card) -> None:
+    """MeshError for a reference node that is one of the nodes whose mean motion it follows."""
+    if node in nodes:
+        raise MeshError(
+            f"{card.place}: the reference node of *{card.keyword} is one of the nodes whose mean "
+            "motion it follows; give the coupling a node of its own."
+        )
 
 
 def _range(fields: Sequence[str], place: Place) -> list[int]:

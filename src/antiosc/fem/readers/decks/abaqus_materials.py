@@ -11,8 +11,6 @@ from antiosc.fem.readers.decks.material import Material, isotropic, of_stiffness
 
 #: Kinds of *ELASTIC without their last letters, and how many constants each has.
 ELASTIC_CONSTANTS = {"ISO": 2, "ENGINEERINGCONSTANTS": 9, "LAMINA": 6, "ORTHO": 9}
-#: Cards of a material that say nothing of linear elasticity.
-NONLINEAR = ("PLASTIC", "CREEP", "HYPERFOAM", "VISCO", "CYCLICHARDENING", "DEFORMATIONPLASTICITY")
 
 
 def materials_of(cards: list[Card]) -> tuple[dict[str, Material], list[str]]:
@@ -23,6 +21,11 @@ def materials_of(cards: list[Card]) -> tuple[dict[str, Material], list[str]]:
     for card in cards:
         if card.keyword == "MATERIAL":
             name = card.needed("NAME")
+            if name.upper() in found:
+                raise MeshError(
+                    f"{card.place}: the material {name!r} is defined more than once, first in "
+                    f"{found[name.upper()].place}."
+                )
             current = found[name.upper()] = Material(name, card.place)
         elif current is None:
             continue
@@ -37,8 +40,6 @@ def materials_of(cards: list[Card]) -> tuple[dict[str, Material], list[str]]:
         elif card.keyword == "DENSITY":
             values = card.first_numbers()
             current.density = values[0] if values else None
-        elif card.keyword in NONLINEAR:
-            ignored.append(f"*{card.keyword} ({card.place})")
     return found, ignored
 
 

@@ -7,8 +7,7 @@ listed.
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,8 +15,9 @@ import numpy as np
 from antiosc.errors import MeshError
 from antiosc.fem.readers.decks.abaqus_assembly import Instance, Whole
 from antiosc.fem.readers.decks.abaqus_cards import Card
-from antiosc.fem.readers.decks.abaqus_joints import read_joints
+from antiosc.fem.readers.decks.abaqus_joints import read_joints, refuse_own_follower
 from antiosc.fem.readers.decks.abaqus_materials import materials_of
+from antiosc.fem.readers.decks.abaqus_orientations import Orientations
 from antiosc.fem.readers.decks.abaqus_sections import SECTION_CARDS, Sections
 from antiosc.fem.readers.decks.abaqus_thickness import vary_thickness
 from antiosc.fem.readers.decks.builder import ModelBuilder
@@ -25,37 +25,11 @@ from antiosc.fem.readers.decks.constraints import Term
 from antiosc.fem.readers.decks.deck import Array, IntArray, Place, real_number, whole_number
 from antiosc.fem.readers.decks.geometry import fixed_along_axes
 from antiosc.fem.readers.decks.model import finished
+from antiosc.fem.readers.decks.nonstructural import UNITS, add_mass, add_total
 from antiosc.fem.readers.unit_system import UnitSystem
 
-#: Unsupported cards that would change the result.
-REFUSED_CARDS = {
-    "CONTACTPAIR": "a contact pair",
-    "CONTACT": "general contact",
-    "CLEARANCE": "a contact pair",
-    "PRE-TENSIONSECTION": "a pre-tensioned bolt",
-    "CYCLICSYMMETRYMODEL": "cyclic symmetry",
-    "SUBMODEL": "a submodel",
-    "MODELCHANGE": "a change of the model between steps",
-    "GAP": "a gap element",
-    "CONNECTORSECTION": "a connector",
-    "EMBEDDEDELEMENT": "embedded elements",
-    "SHELLTOSOLIDCOUPLING": "a coupling of shells and solids",
-    "FLUIDSECTION": "a fluid",
-    "MEMBRANESECTION": "a membrane",
-    "RIGIDSURFACE": "a rigid surface",
-    "USERELEMENT": "a user element",
-    "MATRIXINPUT": "a matrix",
-    "SUBSTRUCTUREPROPERTY": "a substructure",
-    "CHANGESOLIDSECTION": "a change of the sections between steps",
-    "CHANGEMATERIAL": "a change of a material between steps",
-}
 #: Cards of springs and dampers, and what they give.
 LINKS = {"SPRING": "stiffness", "DASHPOT": "damping coefficient"}
-#: Loads and initial states, which are ignored.
-LOAD_CARDS = (
-    *("CLOAD", "DLOAD", "DSLOAD", "TEMPERATURE", "FILM", "RADIATE", "DFLUX", "CFLUX", "FIELD"),
-    *("INITIALCONDITIONS", "BASEMOTION", "DAMPING", "MODALDAMPING", "EXPANSION"),
-)
 #: Names of supports -> the motions (0 to 5) that they fix.
 NAMED = {
     "ENCASTRE": (0, 1, 2, 3, 4, 5),
@@ -72,8 +46,8 @@ NAMED = {
 def model_of(whole: Whole, units: UnitSystem, density: float | None) -> dict[str, Any]:
     """The deck's model in SI units; its groups and fixed nodes go into the deck."""
     first = whole.steps[0] if whole.steps else []
-    _refuse(card for card, _ in whole.cards)
-    _refuse(first)
+    whole.account.refuse()
+    whole.deck.told += whole.account.unknown_options()
     materials, ignored = materials_of([card for card, _ in whole.cards])
     builder = ModelBuilder(whole.deck, units, density)
     sections = Sections(whole, builder, materials)
@@ -81,6 +55,7 @@ def model_of(whole: Whole, units: UnitSystem, density: float | None) -> dict[str
         if card.keyword in SECTION_CARDS:
             sections.read(card, within)
     varied = vary_thickness(whole, builder, sections.roles)
+    _nonstructural(whole, builder)
     builder.with_roles(sections.roles)
     for block in whole.deck.blocks:
         if block.type.startswith("T2D2"):  # bars of the plane
@@ -88,43 +63,22 @@ def model_of(whole: Whole, units: UnitSystem, density: float | None) -> dict[str
     supports = _Supports(whole, builder)
     top = whole.instances[""]
     both = [*whole.cards, *((card, top) for card in first)]
-    for card, within in both:
+    for card, within in whole.cards:
         if card.keyword == "BOUNDARY":
             supports.read(card, within)
+    own = [card for card in first if card.keyword == "BOUNDARY"]
+    if any(card.option("OP").upper() == "NEW" for card in own):
+        supports.start_anew()
+    for card in own:
+        supports.read(card, top)
     supports.apply()
     read_joints(whole, builder.joints, both)
     _distributing(whole, builder)
     _masses(whole, builder)
-    _springs(whole, builder)
-    builder.ignored += [*ignored, *_ignored(whole), *supports.ignored, *filter(None, [varied])]
+    _springs(whole, builder, sections.orientations)
+    builder.ignored += [*ignored, *whole.account.ignored(), *supports.ignored]
+    builder.ignored += filter(None, [varied])
     return finished(builder, sections.roles)
-
-
-def _refuse(cards: Iterable[Card]) -> None:
-    for card in cards:
-        if card.keyword in REFUSED_CARDS:
-            raise MeshError(
-                f"{card.place}: *{card.keyword} is {REFUSED_CARDS[card.keyword]}, which is not "
-                "supported here and would change the result; remove it from the deck, or model "
-                "the part without it."
-            )
-        if card.keyword in LINKS and "NONLINEAR" in card.options:
-            raise MeshError(f"{card.place}: nonlinear springs and dashpots are not supported.")
-        if card.keyword == "FOUNDATION":
-            raise MeshError(f"{card.place}: *FOUNDATION is not supported; use springs.")
-
-
-def _ignored(whole: Whole) -> Iterator[str]:
-    every = [card for card, _ in whole.cards]
-    every += [card for step in whole.steps for card in step]
-    counts = Counter(card.keyword for card in every if card.keyword in LOAD_CARDS)
-    for keyword, count in sorted(counts.items()):
-        yield f"{count} *{keyword}"
-    if whole.steps:
-        yield f"{len(whole.steps)} *STEP"
-    later = [card for step in whole.steps[1:] for card in step if card.keyword == "BOUNDARY"]
-    if later:
-        yield f"*BOUNDARY of later steps ({later[0].place})"
 
 
 # --- Supports -------------------------------------------------------------------------------------
@@ -147,22 +101,38 @@ class _Supports:
         """Mark the motions that one card fixes."""
         if "SUBMODEL" in card.options:
             raise MeshError(f"{card.place}: *BOUNDARY, SUBMODEL is not supported.")
-        moved = False
+        moved = other = False
         for fields, place in card.rows():
             if len(fields) < 2:
-                continue
+                raise MeshError(f"{place}: *BOUNDARY names no motion from 1 to 6.")
             nodes = self.whole.nodes(fields[0], place, within)
+            if not len(nodes):
+                raise MeshError(f"{place}: the set of nodes {fields[0]} has no nodes.")
             name = fields[1].upper()
             if name in NAMED:
                 self._mark(nodes, NAMED[name])
                 continue
             first = whole_number(fields[1], place)
             last = whole_number(fields[2], place) if len(fields) > 2 and fields[2] else first
+            if min(first, last) > 6 or first == last == 0:  # temperatures, pressures, …
+                other = True
+                continue
+            if not 1 <= first <= last <= 6:
+                raise MeshError(
+                    f"{place}: *BOUNDARY fixes motions from {first} to {last}; they are counted "
+                    "from 1 to 6."
+                )
             if len(fields) > 3 and fields[3]:
                 moved |= real_number(fields[3], place) != 0
-            self._mark(nodes, range(max(first, 1) - 1, min(last, 6)))
+            self._mark(nodes, range(first - 1, last))
         if moved:
             self.ignored.append(f"the motion of *BOUNDARY ({card.place}), fixed instead")
+        if other:
+            self.ignored.append(f"what is no motion of *BOUNDARY ({card.place})")
+
+    def start_anew(self) -> None:
+        """Drop the supports of the model (OP=NEW in the first step)."""
+        self.local[:] = False
 
     def _mark(self, nodes: IntArray, motions: Sequence[int]) -> None:
         self.local[nodes[:, None], np.array(motions, dtype=np.int64)] = True
@@ -211,6 +181,8 @@ def _others(whole: Whole, card: Card, within: Instance) -> Iterator[tuple[str, l
         if instance is not within and labels:
             break
         labels |= set(instance.scope.other_sets.get(name, []))
+    if not labels:
+        whole.elements(name, card.place, within)  # of cells, or an error
     for kind, label, nodes in within.scope.others:
         if label in labels:
             rows = within.scope.nodes.rows(np.array(nodes, dtype=np.int64))
@@ -247,6 +219,27 @@ def _masses(whole: Whole, builder: ModelBuilder) -> None:
     _refuse_bare(whole, ("MASS", "ROTARYI"), given, "*MASS")
 
 
+def _nonstructural(whole: Whole, builder: ModelBuilder) -> None:
+    """*NONSTRUCTURAL MASS."""
+    for card, within in whole.cards:
+        if card.keyword != "NONSTRUCTURALMASS":
+            continue
+        elements = whole.elements(card.needed("ELSET"), card.place, within)
+        value, *more = card.first_numbers() or [0.0]
+        unit = "".join(card.needed("UNITS").split()).upper()
+        way = "".join(card.option("DISTRIBUTION", "MASS PROPORTIONAL").split()).upper()
+        if unit == "TOTALMASS" and way in ("MASSPROPORTIONAL", "VOLUMEPROPORTIONAL") and not more:
+            by = way.removesuffix("PROPORTIONAL").lower()
+            add_total(builder, elements, value, card.place, by)
+        elif unit in UNITS and not more:
+            add_mass(builder, elements, value, UNITS[unit], card.place)
+        else:
+            raise MeshError(
+                f"{card.place}: *NONSTRUCTURAL MASS is one number in UNITS=TOTAL MASS "
+                "(DISTRIBUTION=MASS or VOLUME PROPORTIONAL), MASS PER VOLUME, PER AREA, PER LENGTH."
+            )
+
+
 def _refuse_bare(whole: Whole, kinds: tuple[str, ...], given: int, card: str) -> None:
     there = {kind: whole.deck.left.pop(kind) for kind in kinds if kind in whole.deck.left}
     count = sum(there.values())
@@ -257,12 +250,14 @@ def _refuse_bare(whole: Whole, kinds: tuple[str, ...], given: int, card: str) ->
         )
 
 
-def _springs(whole: Whole, builder: ModelBuilder) -> None:
+def _springs(whole: Whole, builder: ModelBuilder, orientations: Orientations) -> None:
     """Springs and dashpots."""
     given = dict.fromkeys(LINKS, 0)
     for card, within in whole.cards:
         if card.keyword not in LINKS:
             continue
+        if "NONLINEAR" in card.options:
+            raise MeshError(f"{card.place}: nonlinear springs and dashpots are not supported.")
         rows = [(f, p) for f, p in card.rows() if f]
         if not rows:
             raise MeshError(f"{card.place}: *{card.keyword} without a {LINKS[card.keyword]}.")
@@ -271,7 +266,11 @@ def _springs(whole: Whole, builder: ModelBuilder) -> None:
             if kind.endswith("A"):
                 terms, values = _axial(builder, nodes, card.place), rows
             else:
-                terms, values = _along_motions(nodes, *rows[0]), rows[1:]
+                axes = np.eye(3)
+                if card.option("ORIENTATION"):
+                    x, z = orientations.frame(card.option("ORIENTATION"), card.place)
+                    axes = np.stack([x, np.cross(z, x), z])
+                terms, values = _along_motions(nodes, axes, *rows[0]), rows[1:]
             if len(values) != 1:
                 raise MeshError(
                     f"{card.place}: *{card.keyword} needs one {LINKS[card.keyword]} that does not "
@@ -294,12 +293,17 @@ def _springs(whole: Whole, builder: ModelBuilder) -> None:
         )
 
 
-def _along_motions(nodes: list[int], fields: list[str], place: Place) -> list[Term]:
-    """The motion of a node, or the difference of two."""
+def _along_motions(nodes: list[int], axes: Array, fields: list[str], place: Place) -> list[Term]:
+    """The motion of a node along one of the axes (rows), or the difference of two."""
     dofs = [whole_number(f, place) - 1 for f in fields[:2]]
     if not all(0 <= dof < 6 for dof in dofs) or len(dofs) < len(nodes):
         raise MeshError(f"{place}: a spring or a dashpot acts on motions from 1 to 6.")
-    return [(n, d, s) for n, d, s in zip(nodes, dofs, (1.0, -1.0), strict=False)]
+    return [
+        (node, dof - dof % 3 + c, sign * float(axes[dof % 3, c]))
+        for node, dof, sign in zip(nodes, dofs, (1.0, -1.0), strict=False)
+        for c in range(3)
+        if axes[dof % 3, c]
+    ]
 
 
 def _axial(builder: ModelBuilder, nodes: list[int], place: Place) -> list[Term]:
@@ -329,6 +333,7 @@ def _distributing(whole: Whole, builder: ModelBuilder) -> None:
         if not nodes or sum(weights) <= 0:
             raise MeshError(f"{card.place}: *DISTRIBUTING COUPLING names no nodes with weights.")
         for kind, (reference, *_) in _others(whole, card, within):
+            refuse_own_follower(reference, nodes, card)
             follower = builder.joints.leader(reference)
             some, own_weights = np.array(nodes), np.array(weights)
             builder.joints.mean(follower, range(6), some, own_weights, card.place)

@@ -86,7 +86,7 @@ class Sections:
                     f"{card.place}: one section for {' and '.join(sorted(roles))} elements; give "
                     "each kind its own."
                 )
-            thickness = (card.first_numbers() or [1.0])[0] or 1.0
+            thickness = _first(card, "thickness")
             arguments["plane"] = roles.pop().removeprefix("plane ")
             arguments["thickness"] = thickness * self.builder.units.length
         elif roles == {"rod"}:
@@ -98,9 +98,7 @@ class Sections:
 
     def _rods(self, card: Card, elements: IntArray, material: dict[str, Any]) -> None:
         """T2D2 and T3D2, with their area in the first line."""
-        area = (card.first_numbers() or [1.0])[0] or 1.0
-        if area < 0:
-            raise MeshError(f"{card.place}: the area of rods must be above 0; it is {area:g}.")
+        area = _first(card, "area of rods")
         units = self.builder.units
         E, mass = material["E"] / units.stress, material["rho"] / units.density * area
         self.builder.add_rods(elements, Rod(E, material["nu"], area, 0.0, mass, card.place))
@@ -243,3 +241,12 @@ class Sections:
             "offset": offset * length,
         }
         self.builder.add(name, elements, Family("Beam", arguments, card.place))
+
+
+def _first(card: Card, what: str) -> float:
+    """The thickness or the area in the first line, 1 where it is left out."""
+    fields, place = next(card.rows(), ([], card.place))
+    value = real_number(fields[0], place) if fields and fields[0] else 1.0
+    if value <= 0:
+        raise MeshError(f"{place}: the {what} must be above 0; it is {value:g}.")
+    return value

@@ -68,3 +68,42 @@ def fixed_along_axes(fixed: BoolArray, frame: Array) -> BoolArray | None:
         result[cosines[~fixed].argmax(axis=1)] = True
         return ~result
     return None
+
+
+#: Corners of a cell as those of a hexahedron or a quadrilateral, some of them twice or more.
+_FULL = {
+    "triangle": (0, 1, 2, 2),
+    "tetra": (0, 1, 2, 2, 3, 3, 3, 3),
+    "pyramid": (0, 1, 2, 3, 4, 4, 4, 4),
+    "wedge": (0, 1, 2, 2, 3, 4, 5, 5),
+}
+
+
+def measures_of(deck: Deck, elements: IntArray) -> Array:
+    """Lengths, areas or volumes of elements with straight edges."""
+    found = np.zeros(len(elements))
+    start = 0
+    for block in deck.blocks:
+        mine = (elements >= start) & (elements < start + len(block))
+        corners = block.corners[elements[mine] - start]
+        start += len(block)
+        full = _FULL.get(block.shape, range(corners.shape[1]))
+        found[mine] = _measure(deck.points[corners[:, list(full)]])
+    return found
+
+
+def _measure(x: Array) -> Array:
+    """Of lines, quadrilaterals or hexahedra x (n, corners, 3), by two Gauss points a direction."""
+    dim = x.shape[1].bit_length() - 1
+    total = np.zeros(len(x))
+    signs = np.array([[-1, -1, -1], [1, -1, -1], [1, 1, -1], [-1, 1, -1]])
+    signs = np.vstack([signs, signs * [1, 1, -1]])[: x.shape[1], :dim]
+    for point in np.ndindex(*[2] * dim):
+        r = (2 * np.array(point) - 1) / np.sqrt(3)
+        values = (1 + signs * r) / 2
+        slopes = [
+            np.prod(np.delete(values, k, axis=1), axis=1) * signs[:, k] / 2 for k in range(dim)
+        ]
+        J = np.einsum("kc,nci->nki", np.array(slopes), x)
+        total += np.sqrt(np.linalg.det(J @ np.swapaxes(J, 1, 2)).clip(min=0.0))
+    return total

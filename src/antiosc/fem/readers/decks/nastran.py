@@ -10,9 +10,12 @@ from typing import Any
 import numpy as np
 
 from antiosc.errors import MeshError
+from antiosc.fem.readers.decks.account import Account
 from antiosc.fem.readers.decks.deck import Array, Block, Deck, IntArray, Numbering, Place
 from antiosc.fem.readers.decks.nastran_cards import Bulk, Entry, bulk_data, through
 from antiosc.fem.readers.decks.nastran_coordinates import Systems
+from antiosc.fem.readers.decks.nastran_selection import used_sets
+from antiosc.fem.readers.decks.nastran_table import account_for, is_other
 from antiosc.fem.readers.decks.sources import Sources
 from antiosc.fem.readers.shapes import CORNERS, EDGES
 
@@ -36,22 +39,6 @@ SHELLS = {
 }
 BEAMS = ("CBAR", "CBEAM")
 RODS = ("CROD", "CTUBE", "CONROD")
-#: Entries whose names begin like those of elements.
-NO_ELEMENTS = (
-    *("CORD", "CAERO", "CSUPER", "CSUPEXT", "CREEP", "CSSCHD", "CYAX", "CYJOIN", "CYSYM"),
-    *("CONV", "CHECK", "CLOAD", "CSET", "CFIELD", "CONTRLT", "CGEN", "CBARAO", "CTABLE"),
-)
-RIGID_ELEMENTS = (
-    *("RBE1", "RBE2", "RBE3", "RBAR", "RBAR1"),
-    *("RROD", "RTRPLT", "RSPLINE", "RJOINT", "RSSCON"),
-)
-
-
-def is_other(name: str) -> bool:
-    """Whether an entry is an element, but not a cell of a mesh."""
-    if name in SOLIDS or name in SHELLS or name in BEAMS or name in RODS:
-        return False
-    return name in RIGID_ELEMENTS or (name.startswith("C") and not name.startswith(NO_ELEMENTS))
 
 
 @dataclass
@@ -71,10 +58,19 @@ class NastranDeck:
     #: entries GRID in the order of the rows, and the rows of scalar points, which follow them
     grids: list[Entry] = field(default_factory=list)
     scalar: dict[int, int] = field(default_factory=dict)
+    #: what becomes of each entry
+    account: Account = field(default_factory=lambda: Account(""))
 
     def named(self, *names: str) -> list[Entry]:
         """All entries of these names."""
         return [entry for entry in self.bulk.entries if entry.name in names]
+
+    def used_sets(self, what: str) -> set[int]:
+        """Numbers of the sets of SPC, MPC or NSM that are used; the choice is told."""
+        bulk = self.bulk
+        used, told = used_sets(bulk.entries, bulk.control, self.deck.name, what)
+        self.deck.told += told
+        return used
 
     def row(self, label: int, place: Place) -> int:
         """Row of the node `label`."""
@@ -123,6 +119,8 @@ def read(path: Path, name: str, on_size: Callable[[int], None] = lambda size: No
     """The deck in a file; `on_size` is called with the number of bytes read."""
     bulk = bulk_data(Sources(path, name, on_size))
     found = _nodes(bulk, name)
+    found.account = account_for(bulk.entries, name)
+    found.deck.told += found.account.unknown_cards()
     _defaults(found)
     _elements(found)
     set_groups(found)
@@ -137,7 +135,7 @@ def _nodes(bulk: Bulk, name: str) -> NastranDeck:
     if not grids:
         raise MeshError(f"{name} defines no nodes (GRID).")
     default = next((entry for entry in bulk.entries if entry.name == "GRDSET"), None)
-    grids = _once(grids, name)
+    grids = list(defined_once(grids, "GRID").values())
     labels = np.array([grid.whole(0) for grid in grids], dtype=np.int64)
     scalar = _scalar_points(bulk)
     both = np.intersect1d(labels, scalar)
@@ -169,17 +167,18 @@ def _nodes(bulk: Bulk, name: str) -> NastranDeck:
     return found
 
 
-def _once(grids: list[Entry], name: str) -> list[Entry]:
-    """Each GRID once; MeshError for two that differ."""
+def defined_once(entries: list[Entry], what: str) -> dict[int, Entry]:
+    """Number -> its entry; MeshError for two that differ."""
     first: dict[int, Entry] = {}
-    for grid in grids:
-        known = first.setdefault(grid.whole(0), grid)
-        if any(known.text(k) != grid.text(k) for k in range(8)):
+    for entry in entries:
+        known = first.setdefault(entry.whole(0), entry)
+        count = max(len(known.fields), len(entry.fields))
+        if known.name != entry.name or any(known.text(k) != entry.text(k) for k in range(count)):
             raise MeshError(
-                f"{grid.place}: {name} defines the GRID {grid.whole(0)} more than once, first "
-                f"otherwise in {known.place}."
+                f"{entry.place}: the deck defines the {what} {entry.whole(0)} more than once, "
+                f"first otherwise in {known.place}."
             )
-    return list(first.values())
+    return first
 
 
 def _scalar_points(bulk: Bulk) -> IntArray:
@@ -306,16 +305,10 @@ def set_groups(found: NastranDeck) -> None:
         found.deck.element_sets[str(number)] = elements
         if found.bulk.names.get(int(number)):
             found.deck.element_sets[found.bulk.names[int(number)]] = elements
-    for number in spc_sets(found):
+    for number in sorted({entry.whole(0) for entry in found.named("SPC", "SPC1")}):
         rows = [rows for rows, _, _ in constraints(found, number)]
         if rows:
             found.deck.node_sets[f"SPC {number}"] = np.unique(np.concatenate(rows))
-
-
-def spc_sets(found: NastranDeck) -> list[int]:
-    """Numbers of the sets of SPC and SPC1."""
-    entries = found.named("SPC", "SPC1")
-    return sorted({entry.whole(0) for entry in entries})
 
 
 def constraints(found: NastranDeck, number: int) -> list[tuple[IntArray, str, Entry]]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 from antiosc.errors import MeshError
 from antiosc.fem.readers.decks.deck import Place, real_number, whole_number
+from antiosc.fem.readers.decks.nastran_selection import CaseControl
 from antiosc.fem.readers.decks.sources import Sources
 
 #: Names of properties in comments of pre-processors: HyperMesh, ANSA, Femap.
@@ -16,11 +17,12 @@ PROPERTY_NAMES = (
     re.compile(r"\$ANSA_NAME(?:_COMMENT)?;(\d+);P\w+;([^;]+);"),
     re.compile(r"\$ Femap(?: with NX Nastran)? Property (\d+) : (.+)"),
 )
+#: Entries of a text, whose lines have no fields.
+TEXTS = ("DEQATN",)
 #: Most copies of one entry.
 MOST_COPIES = 1_000_000
 #: A number; "+1" may mark a continuation.
 _NUMBER = re.compile(r"-?\.?\d")
-_SELECTED = re.compile(r"\s*(SPC|MPC)\s*=\s*(\d+)\s*$", re.IGNORECASE)
 _INCLUDE = re.compile(r"\s*INCLUDE\b\s*(.*)", re.IGNORECASE)
 
 
@@ -58,27 +60,80 @@ class Bulk:
     """The content of a deck's files."""
 
     entries: list[Entry] = field(default_factory=list)
-    #: numbers of the SPC sets that the case control selects
-    selected: list[int] = field(default_factory=list)
-    #: those of the MPC sets
-    selected_mpcs: list[int] = field(default_factory=list)
-    #: whether the deck has a case control
-    with_control: bool = False
+    name: str = ""
+    #: what the lines before the bulk data select
+    control: CaseControl = field(default_factory=CaseControl)
     #: number of a property -> its name in a comment
     names: dict[int, str] = field(default_factory=dict)
 
 
 def bulk_data(sources: Sources) -> Bulk:
     """All entries of a deck and of the files that it includes."""
-    bulk = Bulk()
+    bulk = Bulk(name=sources.name)
     lines = sources.main()
     begins = [line.split("$")[0].upper().split()[:2] == ["BEGIN", "BULK"] for line in lines]
     # a file without case control contains only bulk data
     started = not any(begins)
-    _Collector(sources, bulk, started).read(lines, sources.name)
+    collector = _Collector(sources, bulk, started)
+    collector.read(lines, sources.name)
     if not bulk.entries:
         raise MeshError(f"{sources.name} contains no bulk data (GRID, CHEXA, …).")
+    collector.continuations.refuse_lost()
     return bulk
+
+
+class Continuations:
+    """Which entry a continuation belongs to: by its mark (fields 10 and 1), else by order."""
+
+    def __init__(self) -> None:
+        #: mark -> entries (by identity) whose last line ends with it
+        self._open: dict[str, dict[int, Entry]] = {}
+        #: identity of an entry -> the marks of its last line
+        self._marks: dict[int, tuple[str, ...]] = {}
+        self._last: Entry | None = None
+        #: continuations that were joined to the entry before them, which has no mark
+        self._by_order: list[tuple[str, Place]] = []
+
+    def ends(self, entry: Entry, mark: str) -> None:
+        """The last line is of this entry and ends with this mark."""
+        self._last = entry
+        label = mark.strip().upper()
+        # without a sign, the first letter stands for one
+        own = (label[1:].strip(),) if label[:1] in ("+", "*") else (label, label[1:])
+        if any(own):
+            self._marks[id(entry)] = own
+            for one in filter(None, own):
+                self._open.setdefault(one, {})[id(entry)] = entry
+
+    def entry_of(self, name: str, place: Place) -> Entry:
+        """The entry that a line with this first field continues."""
+        label = name[1:].strip().upper()
+        entry = self._last
+        assert entry is not None
+        before = self._marks.get(id(entry), ())
+        if label and label not in before:
+            some = list(self._open.get(label, {}).values())
+            if len(some) == 1:
+                entry = some[0]
+            elif some or before:
+                self._refuse(name, place)
+            else:
+                self._by_order.append((name, place))
+        for one in filter(None, self._marks.pop(id(entry), ())):
+            del self._open[one][id(entry)]
+        return entry
+
+    def refuse_lost(self) -> None:
+        """MeshError where a mark has no continuation, and a continuation no mark."""
+        waiting = any(len(own) == 1 and own[0] for own in self._marks.values())
+        for name, place in self._by_order if waiting else ():
+            self._refuse(name, place)
+
+    def _refuse(self, name: str, place: Place) -> None:
+        raise MeshError(
+            f"{place}: the continuation {name[:20]!r} does not follow its entry; write it behind "
+            "the line that ends with its mark."
+        )
 
 
 class _Collector:
@@ -86,6 +141,7 @@ class _Collector:
         self.sources = sources
         self.bulk = bulk
         self.started = started
+        self.continuations = Continuations()
         self.ended = False
         #: whether the next line continues a list of free fields
         self.continued = False
@@ -128,37 +184,47 @@ class _Collector:
         if line.upper().split()[:2] == ["BEGIN", "BULK"]:
             self.started = True
             return
-        self.bulk.with_control = True
-        if match := _SELECTED.match(line):
-            sets = self.bulk.selected if match[1].upper() == "SPC" else self.bulk.selected_mpcs
-            sets.append(int(match[2][:18]))
+        self.bulk.control.read(line)
 
     def _bulk(self, line: str, place: Place) -> None:
         words = line.upper().split()
         if words[0] == "ENDDATA":
             self.ended = True
             return
-        if words[:2] == ["BEGIN", "BULK"]:
+        if words[0] == "BEGIN":  # of superelements, after the first
+            if words[1:] != ["BULK"]:
+                self._begin(Entry("BEGIN", place), "")
             return
         continued, self.continued = self.continued, "," in line and line.rstrip().endswith(",")
         if continued and words[0][0].isdigit() and "," in line:
             line = "," + line
-        name, fields, large = _fields(line, place)
+        if words[0].startswith(TEXTS):
+            self._begin(Entry(words[0][:6], place), "")
+            return
+        last = self.bulk.entries[-1].name if self.bulk.entries else ""
+        if last in TEXTS and line[0] in " +*,":
+            return
+        name, fields, large, mark = _fields(line, place)
         if name and name[0] == "=":
             self._copy(words[0].split(",")[0], fields, place)
             return
         if not name or name[0] in "+*":
             if not self.bulk.entries:
                 raise MeshError(f"{place}: a continuation without an entry before it.")
-            entry = self.bulk.entries[-1]
+            entry = self.continuations.entry_of(name, place)
             filled = -len(entry.fields) % 8
             if filled and not (large and filled == 4):
                 entry.fields += [""] * filled
             entry.fields += fields
+            self.continuations.ends(entry, mark)
             return
         if not name[0].isalpha():
             raise MeshError(f"{place}: {name[:20]!r} is not an entry of Nastran's bulk data.")
-        self.bulk.entries.append(Entry(name.rstrip("*").strip().upper(), place, fields))
+        self._begin(Entry(name.rstrip("*").strip().upper(), place, fields), mark)
+
+    def _begin(self, entry: Entry, mark: str) -> None:
+        self.bulk.entries.append(entry)
+        self.continuations.ends(entry, mark)
 
     def _copy(self, name: str, fields: list[str], place: Place) -> None:
         """Copies of the entry before: = the same field, == all of the rest, *(2) more by 2."""
@@ -179,7 +245,7 @@ class _Collector:
                 change = "=" if rest or k >= len(self.changes) else self.changes[k].strip()
                 rest = rest or change == "=="
                 own.fields.append(_changed(old, change, place))
-            self.bulk.entries.append(own)
+            self._begin(own, "")
 
 
 def _changed(old: str, change: str, place: Place) -> str:
@@ -194,8 +260,8 @@ def _changed(old: str, change: str, place: Place) -> str:
     return str(whole_number(old or "0", place) + whole_number(step, place))
 
 
-def _fields(line: str, place: Place) -> tuple[str, list[str], bool]:
-    """(name, four or eight fields, whether they are large)."""
+def _fields(line: str, place: Place) -> tuple[str, list[str], bool, str]:
+    """(name, four or eight fields, whether they are large, the mark of the continuation)."""
     if "," in line:
         first, *rest = (part.strip() for part in line.split(","))
         large = first.endswith("*") or first.startswith("*")
@@ -206,12 +272,13 @@ def _fields(line: str, place: Place) -> tuple[str, list[str], bool]:
                 f"{place}: a line of free fields has up to {count} after its name, and the mark of "
                 f"the next line; got {len(rest)}: write the further ones in a line of their own."
             )
-        return first, (rest + [""] * count)[:count], large
+        return first, (rest + [""] * count)[:count], large, "".join(rest[count : count + 1])
     name = line[:8].strip()
     large = "*" in name
     width, count = (16, 4) if large else (8, 8)
     body = line[8 : 8 + width * count].ljust(width * count)
-    return name, [body[k * width : (k + 1) * width].strip() for k in range(count)], large
+    fields = [body[k * width : (k + 1) * width].strip() for k in range(count)]
+    return name, fields, large, line[72:80]
 
 
 def through(words: list[str], place: Place) -> Iterator[tuple[int, int]]:

@@ -71,9 +71,21 @@ class Systems:
             if entry.name.startswith("CORD1"):
                 for start in (0, 4):
                     if entry.text(start):
-                        self._given[entry.whole(start)] = (entry, start)
+                        self._give(entry, start, 4)
             elif entry.name.startswith("CORD2"):
-                self._given[entry.whole(0)] = (entry, 0)
+                self._give(entry, 0, 16)
+
+    def _give(self, entry: Entry, start: int, width: int) -> None:
+        """Define a system; MeshError if it is defined otherwise, too."""
+        known, first = self._given.setdefault(entry.whole(start), (entry, start))
+        alike = known.name == entry.name and all(
+            known.text(first + k) == entry.text(start + k) for k in range(width)
+        )
+        if not alike:
+            raise MeshError(
+                f"{entry.place}: the coordinate system {entry.whole(start)} is defined more than "
+                f"once, first otherwise in {known.place}."
+            )
 
     def __call__(self, number: int, place: Place) -> System:
         """The system `number`; MeshError if there is none, or it depends on itself."""

@@ -23,26 +23,10 @@ def read_joints(found: NastranDeck, builder: ModelBuilder) -> None:
         _rbar(found, builder, entry)
     for entry in found.named("RBE3"):
         _rbe3(found, builder, entry)
-    wanted = _selected(found)
-    apart = 0
+    used = found.used_sets("MPC")
     for entry in found.named("MPC"):
-        if entry.whole(0) in wanted:
+        if entry.whole(0) in used:
             _mpc(found, builder, entry)
-        else:
-            apart += 1
-    if apart:
-        builder.ignored.append(f"{apart} MPC of sets that the case control does not select")
-
-
-def _selected(found: NastranDeck) -> set[int]:
-    """The MPC sets of the first subcase, with those of MPCADD; all without case control."""
-    if not found.bulk.selected_mpcs:
-        return set() if found.bulk.with_control else {e.whole(0) for e in found.named("MPC")}
-    first = found.bulk.selected_mpcs[0]
-    sums = {entry.whole(0): entry for entry in found.named("MPCADD")}
-    more = sums.get(first)
-    some = range(1, len(more.fields)) if more else range(0)
-    return {first} | {more.whole(k) for k in some if more and more.text(k)}
 
 
 def _motions(entry: Entry, text: str) -> list[int]:
@@ -72,13 +56,18 @@ def _rbe2(found: NastranDeck, builder: ModelBuilder, entry: Entry) -> None:
     if words and "." in words[-1]:
         words.pop()  # the coefficient of thermal expansion
     rows = _nodes(found, entry, words)
-    leader = builder.joints.leader(found.row(entry.whole(1), entry.place))
+    reference = found.row(entry.whole(1), entry.place)
+    if reference in rows:
+        raise MeshError(f"{entry.place}: the GRID {entry.whole(1)} of RBE2 cannot follow itself.")
+    leader = builder.joints.leader(reference)
     followers = np.array(rows, dtype=np.int64)
     builder.joints.rigid(followers, leader, motions, entry.place, own=True)
 
 
 def _rbar(found: NastranDeck, builder: ModelBuilder, entry: Entry) -> None:
     first, second = (found.row(entry.whole(k), entry.place) for k in (1, 2))
+    if first == second:
+        raise MeshError(f"{entry.place}: the GRID {entry.whole(1)} of RBAR cannot follow itself.")
     leads, follows = entry.text(3), entry.text(4)
     dependent = entry.text(6)
     if not leads and follows:
@@ -120,6 +109,8 @@ def _rbe3(found: NastranDeck, builder: ModelBuilder, entry: Entry) -> None:
         k = end
     if not rows or sum(weights) <= 0:
         raise MeshError(f"{entry.place}: RBE3 names no nodes with weights.")
+    if reference in rows:
+        raise MeshError(f"{entry.place}: the GRID {entry.whole(2)} of RBE3 cannot follow itself.")
     follower = builder.joints.leader(reference)
     table = np.array(rows, dtype=np.int64)
     builder.joints.mean(follower, motions, table, np.array(weights), entry.place)

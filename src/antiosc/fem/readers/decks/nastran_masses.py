@@ -1,15 +1,17 @@
-"""Masses of Nastran decks: CONM1, CONM2, CMASS1 to CMASS4."""
+"""Masses of Nastran decks: CONM1, CONM2, CMASS1 to CMASS4, NSM, NSM1, NSML, NSML1."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from antiosc._types import BoolArray
 from antiosc.errors import MeshError
 from antiosc.fem.readers.decks.builder import ModelBuilder
 from antiosc.fem.readers.decks.constraints import Term
-from antiosc.fem.readers.decks.deck import Array
-from antiosc.fem.readers.decks.nastran import NastranDeck, its_property
-from antiosc.fem.readers.decks.nastran_cards import Entry
+from antiosc.fem.readers.decks.deck import Array, real_number
+from antiosc.fem.readers.decks.nastran import NastranDeck, its_property, property_of
+from antiosc.fem.readers.decks.nastran_cards import Entry, through
+from antiosc.fem.readers.decks.nonstructural import add_mass, add_total
 
 #: Share of the largest moment of inertia that a negative one may have by rounding.
 INERTIA_ROUNDING = 1e-6
@@ -24,6 +26,52 @@ def read_masses(found: NastranDeck, builder: ModelBuilder, factor: float) -> Non
     own = found.properties("PMASS", 2)
     for entry in found.named("CMASS1", "CMASS2", "CMASS3", "CMASS4"):
         _scalar(found, builder, entry, own, factor)
+    used = found.used_sets("NSM")
+    for entry in found.named("NSM", "NSM1", "NSML", "NSML1"):
+        if entry.whole(0) in used:
+            _nonstructural(found, builder, entry, factor)
+
+
+def _nonstructural(found: NastranDeck, builder: ModelBuilder, entry: Entry, factor: float) -> None:
+    """NSM and NSML: pairs of a number and a mass; NSM1 and NSML1: one mass of several numbers."""
+    words = [entry.text(k).upper() for k in range(2, len(entry.fields))]
+    shared: list[tuple[list[str], str]] = []
+    if entry.name in ("NSM1", "NSML1"):
+        shared = [([word for word in words[1:] if word], words[0])]
+    else:
+        shared = [([words[k]], words[k + 1]) for k in range(0, len(words) - 1, 2) if words[k]]
+    for numbers, mass in shared:
+        elements = np.flatnonzero(_named(found, entry, numbers))
+        value = real_number(mass, entry.place) * factor
+        if entry.name.startswith("NSML"):
+            add_total(builder, elements, value, entry.place, "measure")
+        else:
+            add_mass(builder, elements, value, 0, entry.place)
+
+
+def _named(found: NastranDeck, entry: Entry, words: list[str]) -> BoolArray:
+    """The elements that a list of numbers of elements or properties names."""
+    kind = entry.text(1).upper()
+    if kind in ("ELEMENT", "CONROD"):
+        own = np.array([one.whole(0) for one in found.elements], dtype=np.int64)
+    elif kind.startswith("P"):
+        own = np.array([property_of(one) for one in found.elements], dtype=np.int64)
+    else:
+        raise MeshError(
+            f"{entry.place}: {entry.name} is read of properties and elements; got {kind!r}."
+        )
+    if words == ["ALL"]:
+        given = {one.whole(0) for one in found.named(kind)}
+        return np.isin(own, list(given)) if kind.startswith("P") else np.ones(len(own), dtype=bool)
+    if "BY" in words:
+        raise MeshError(f"{entry.place}: {entry.name} is read without BY; list the numbers.")
+    chosen = np.zeros(len(own), dtype=bool)
+    for first, last in through(words, entry.place):
+        some = (own >= first) & (own <= last)
+        if not some.any():
+            raise MeshError(f"{entry.place}: {entry.name} names {kind} {first}, of no element.")
+        chosen |= some
+    return chosen
 
 
 def _at_a_point(found: NastranDeck, builder: ModelBuilder, entry: Entry, factor: float) -> None:
@@ -35,7 +83,8 @@ def _at_a_point(found: NastranDeck, builder: ModelBuilder, entry: Entry, factor:
     J = np.array([[I11, -I21, -I31], [-I21, I22, -I32], [-I31, -I32, I33]])
     number = entry.whole(2, 0)
     if number == -1:  # the place of the mass
-        offset = offset - found.deck.points[row] if entry.text(4) else np.zeros(3)
+        given = any(entry.text(k) for k in (4, 5, 6))
+        offset = offset - found.deck.points[row] if given else np.zeros(3)
     elif number:
         axes = _axes(found, entry, number)
         offset, J = offset @ axes, axes.T @ J @ axes

@@ -11,7 +11,7 @@ from antiosc.errors import MeshError
 from antiosc.fem.readers.decks.builder import ModelBuilder
 from antiosc.fem.readers.decks.deck import Array
 from antiosc.fem.readers.decks.material import Material, isotropic
-from antiosc.fem.readers.decks.nastran import NastranDeck
+from antiosc.fem.readers.decks.nastran import NastranDeck, defined_once
 from antiosc.fem.readers.decks.nastran_cards import Entry
 
 
@@ -19,14 +19,14 @@ def materials_of(found: NastranDeck) -> tuple[dict[int, Material], list[str]]:
     """(materials by number, what is ignored of them)."""
     materials: dict[int, Material] = {}
     ignored: list[str] = []
-    for entry in found.named("MAT1", "MAT2", "MAT8", "MAT9"):
-        number = entry.whole(0)
+    entries = found.named("MAT1", "MAT2", "MAT8", "MAT9")
+    for number, entry in defined_once(entries, "material").items():
         material = Material(f"{entry.name} {number}", entry.place)
         if entry.name == "MAT1":
             E, G, nu = _moduli(entry)
             material.constants = isotropic(E, nu)
             material.density = entry.real(4) or None
-            if G and not math.isclose(G, E / (2 * (1 + nu)), rel_tol=0.02):
+            if G is not None and not math.isclose(G, E / (2 * (1 + nu)), rel_tol=0.02):
                 ignored.append(f"G of MAT1 {number}, which does not follow from E and NU")
         elif entry.name == "MAT2":
             plane = _triangle([entry.real(k) for k in range(1, 7)])
@@ -41,15 +41,12 @@ def materials_of(found: NastranDeck) -> tuple[dict[int, Material], list[str]]:
         else:
             E1, E2, n12, G12 = (entry.real(k, None) for k in (1, 2, 3, 4))
             G13, G23 = (entry.real(k) or G12 for k in (5, 6))
-            if not (entry.text(5) and entry.text(6)):
+            if not (entry.real(5) and entry.real(6)):
                 ignored.append(f"rigid transverse shear of MAT8 {number}, whose G12 is taken")
             constants = [E1, E2, np.nan, n12, np.nan, np.nan, G12, G13, G23]
             material.constants = np.array(constants)
             material.density = entry.real(7) or None
         materials[number] = material
-    for name in ("MATS1", "MATT1", "CREEP"):
-        if entries := found.named(name):
-            ignored.append(f"{len(entries)} {name}")
     return materials, ignored
 
 
@@ -61,16 +58,15 @@ def _triangle(values: list[float]) -> Array:
     return np.asarray(m + np.triu(m, 1).T)
 
 
-def _moduli(entry: Entry) -> tuple[float, float, float]:
-    """(E, G as given, nu); one of the three may be missing."""
-    E, G = entry.real(1), entry.real(2)
-    nu = entry.real(3) if entry.text(3) else None
-    if not E and G and nu is not None:
+def _moduli(entry: Entry) -> tuple[float, float | None, float]:
+    """(E, G as given, nu); one of the three may be left out."""
+    E, G, nu = (entry.real(k) if entry.text(k) else None for k in (1, 2, 3))
+    if E is None and G is not None and nu is not None:
         E = 2 * G * (1 + nu)
     if nu is None and E and G:
         nu = E / (2 * G) - 1
     if not E:
-        raise MeshError(f"{entry.place}: MAT1 needs E, or G and NU.")
+        raise MeshError(f"{entry.place}: MAT1 needs E, or G and NU, above 0.")
     return E, G, nu or 0.0
 
 

@@ -7,13 +7,13 @@ loads are ignored and listed.
 
 from __future__ import annotations
 
-from collections import Counter
 from typing import Any
 
 import numpy as np
 
 from antiosc.errors import MeshError
 from antiosc.fem.readers.decks import nastran_beams as beams
+from antiosc.fem.readers.decks.account import lines
 from antiosc.fem.readers.decks.builder import ModelBuilder
 from antiosc.fem.readers.decks.deck import IntArray, Place
 from antiosc.fem.readers.decks.geometry import fixed_along_axes
@@ -21,52 +21,22 @@ from antiosc.fem.readers.decks.model import finished
 from antiosc.fem.readers.decks.nastran import (
     NastranDeck,
     constraints,
-    is_other,
     set_groups,
-    spc_sets,
 )
 from antiosc.fem.readers.decks.nastran_joints import read_joints
 from antiosc.fem.readers.decks.nastran_masses import read_masses
 from antiosc.fem.readers.decks.nastran_materials import materials_of
 from antiosc.fem.readers.decks.nastran_sections import Properties
 from antiosc.fem.readers.decks.nastran_springs import read_springs
+from antiosc.fem.readers.decks.nastran_table import tell_damping
 from antiosc.fem.readers.decks.rods import hold_without_stiffness
 from antiosc.fem.readers.unit_system import UnitSystem
-
-#: Unsupported entries, other than elements, that would change the result.
-REFUSED_ENTRIES = {
-    "BCTABLE": "contact",
-    "BCONTACT": "contact",
-    "BSURF": "contact",
-    "BSURFS": "contact",
-    "DMIG": "a matrix",
-    "CSUPER": "a superelement",
-}
-#: Loads, which are ignored.
-LOAD_ENTRIES = (
-    *("FORCE", "MOMENT", "PLOAD", "GRAV", "RFORCE", "TEMP", "SPCD", "LOAD", "TLOAD", "RLOAD"),
-    *("DLOAD", "DAREA", "ACCEL", "DEFORM", "SLOAD", "CHBDY", "EPOINT"),
-)
-#: Elements that are read besides cells.
-TAKEN = (
-    *("CONM1", "CONM2", "CMASS1", "CMASS2", "CMASS3", "CMASS4", "CELAS1", "CELAS2", "CELAS3"),
-    *("CELAS4", "CDAMP1", "CDAMP2", "CDAMP3", "CDAMP4", "CVISC", "CBUSH", "RBE2", "RBE3", "RBAR"),
-    "PLOTEL",
-)
 
 
 def model_of(found: NastranDeck, units: UnitSystem, density: float | None) -> dict[str, Any]:
     """The deck's model in SI units; its groups and fixed nodes go into the deck."""
-    for entry in found.bulk.entries:
-        if entry.name.startswith("CHBDY"):
-            continue  # a surface of heat
-        if entry.name in REFUSED_ENTRIES or (is_other(entry.name) and entry.name not in TAKEN):
-            name = REFUSED_ENTRIES.get(entry.name)
-            what = f" is {name}, which" if name else ""
-            raise MeshError(
-                f"{entry.place}: {entry.name}{what} is not supported here and would change the "
-                "result; remove it from the deck, or model the part without it."
-            )
+    found.account.refuse()
+    tell_damping(found.account, found.bulk.entries)
     materials, ignored = materials_of(found)
     ends = beams.divide(found)
     set_groups(found)
@@ -85,9 +55,8 @@ def model_of(found: NastranDeck, units: UnitSystem, density: float | None) -> di
     if builder.truss and not _without_autospc(found):
         hold_without_stiffness(builder)
     found.deck.left.clear()
-    counts = Counter(e.name for e in found.bulk.entries if e.name.startswith(LOAD_ENTRIES))
-    loads = [f"{count} {name}" for name, count in sorted(counts.items())]
-    builder.ignored += [*ignored, *properties.ignored, *builder.joint_told, *loads]
+    builder.ignored += [*ignored, *properties.ignored, *builder.joint_told]
+    builder.ignored += found.account.ignored()
     return finished(builder, properties.roles)
 
 
@@ -114,24 +83,16 @@ def _supports(found: NastranDeck, builder: ModelBuilder) -> None:
         permanent = grid.text(6) or (default.text(6) if default else "")
         if permanent:
             _fix(found, builder, np.array([row]), permanent, grid.place)
-    for number in _selected(found):
+    moved: list[Place] = []
+    for number in sorted(found.used_sets("SPC")):
         for rows, components, entry in constraints(found, number):
+            if not len(rows):
+                raise MeshError(f"{entry.place}: SPC1 {number} fixes a GRID that there is not.")
             _fix(found, builder, rows, components, entry.place)
-
-
-def _selected(found: NastranDeck) -> list[int]:
-    """The SPC and SPC1 sets of the first subcase, with those of SPCADD."""
-    wanted = found.bulk.selected[:1]
-    if not wanted:
-        return spc_sets(found)
-    sums = {entry.whole(0): entry for entry in found.named("SPCADD")}
-    result: list[int] = []
-    for number in wanted:
-        if number in sums:
-            entry = sums[number]
-            result += [entry.whole(k) for k in range(1, len(entry.fields)) if entry.text(k)]
-        result.append(number)
-    return result
+            if entry.name == "SPC" and (entry.real(3) or entry.real(6)):
+                moved.append(entry.place)
+    if moved:
+        builder.ignored.append(f"the motion of SPC ({lines(moved)}), fixed instead")
 
 
 def _fix(

@@ -12,7 +12,14 @@ from antiosc.errors import MeshError
 from antiosc.fem.readers.decks.builder import Family, Rod
 from antiosc.fem.readers.decks.deck import IntArray
 from antiosc.fem.readers.decks.geometry import tangents_of
-from antiosc.fem.readers.decks.nastran import BEAMS, RODS, SHELLS, SOLIDS, property_of
+from antiosc.fem.readers.decks.nastran import (
+    BEAMS,
+    RODS,
+    SHELLS,
+    SOLIDS,
+    defined_once,
+    property_of,
+)
 from antiosc.fem.readers.decks.nastran_beams import PLAIN, offset_along, orientation
 from antiosc.fem.readers.decks.nastran_cards import Entry
 from antiosc.fem.readers.decks.nastran_materials import PropertyReader
@@ -38,7 +45,7 @@ class Properties(PropertyReader):
 
     def read(self) -> None:
         """Set the section of every element."""
-        known = {entry.whole(0): entry for entry in self.found.named(*PROPERTIES)}
+        known = defined_once(self.found.named(*PROPERTIES), "property")
         for number in np.unique(self._numbers):
             elements = np.flatnonzero(self._numbers == number)
             first = self.found.elements[elements[0]]

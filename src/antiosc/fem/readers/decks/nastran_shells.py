@@ -89,10 +89,12 @@ class Shells:
         for element in elements:
             own = self.found.elements[element]
             _, where, flag, corners = SHELL_FIELDS[own.name]
-            given = [own.real(OWN_THICKNESS + k, 0.0) for k in range(corners)]
             factor = thickness if own.whole(flag, 0) == 1 else 1.0
-            values = [t * factor if t else thickness for t in given]
-            if min(values) <= 0:
+            values = [
+                own.real(k) * factor if own.text(k) else thickness
+                for k in range(OWN_THICKNESS, OWN_THICKNESS + corners)
+            ]
+            if min(values) < 0 or max(values) <= 0:
                 raise MeshError(
                     f"{own.place}: {own.name} {own.whole(0)} has no thickness, here or in "
                     f"{entry.name} {entry.text(0)}."
