@@ -1,8 +1,12 @@
 """`python -m antiosc`: the command of the same name."""
 
+import os
 import sys
 
-from antiosc.cli import main
+if sys.path[0] in ("", os.getcwd()):
+    del sys.path[0]  # Python puts the working folder there: its files are no packages
+
+from antiosc.cli import main  # noqa: E402
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import os
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from types import ModuleType
@@ -15,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from antiosc import checks, files
 from antiosc._types import Array
 from antiosc.errors import InputError, MissingDependencyError
+from antiosc.isolation import loading
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -73,6 +75,9 @@ def new_figure(size: tuple[float, float], shown: bool) -> Figure:
 
 def _matplotlib(module: str) -> ModuleType:
     try:
+        if "matplotlib" not in sys.modules:
+            with loading():
+                importlib.import_module("matplotlib")
         return importlib.import_module(f"matplotlib.{module}")
     except ImportError:
         raise MissingDependencyError(

@@ -1,0 +1,207 @@
+"""The user's folder of compiled forms, without which every run would call the C compiler.
+
+FFCx loads the library of a form from its folder whatever it is: one that was cut off by a full disk
+ends the process, one that somebody else has put there runs in it. antiosc therefore has a folder of
+its own. It is the user's and nobody else may write there; a library is loaded if it is the one that
+was compiled (its checksum is in a file beside it), otherwise it is made again. dolfinx and FFCx read
+no configuration files meanwhile, for these name compilers, libraries and folders.
+"""
+
+from __future__ import annotations
+
+import errno
+import functools
+import hashlib
+import os
+import shutil
+import stat
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from importlib.machinery import EXTENSION_SUFFIXES
+from pathlib import Path
+from types import ModuleType
+from typing import IO, Any
+
+import dolfinx.jit
+import ffcx
+import ffcx.codegeneration.jit as ffcx_jit
+
+from antiosc.errors import warn
+from antiosc.isolation import own_folder
+
+#: Time for which a process waits for another one that compiles the same form, s.
+PATIENCE = 600.0
+#: Modules of dolfinx and FFCx that read configuration files, and names of the functions that do.
+READERS = ("_load_options", "_load_parameters")
+
+
+@contextmanager
+def checked_folder() -> Iterator[None]:
+    """Context in which dolfinx compiles into, and loads from, the user's folder alone.
+
+    OSError if the folder cannot be written.
+    """
+    usual = ffcx_jit.get_cached_module
+    if isinstance(usual, functools.partial):  # within such a context
+        yield
+        return
+    folder = place()
+    with ExitStack() as stack:
+        open_entries: dict[str, _Entry] = {}
+        stack.callback(lambda: [entry.release() for entry in open_entries.values()])
+        options = {"cache_dir": folder}
+        stack.enter_context(_replaced(dolfinx.jit, READERS, lambda: (options, {})))
+        settings = ffcx.options if hasattr(ffcx, "options") else ffcx.parameters
+        stack.enter_context(_replaced(settings, READERS, lambda: ({}, {})))
+        for own in (_cached, _compiled):
+            name = {_cached: "get_cached_module", _compiled: "_load_objects"}[own]
+            bound = functools.partial(own, folder, open_entries, getattr(ffcx_jit, name))
+            stack.enter_context(_replaced(ffcx_jit, (name,), bound))
+        yield
+
+
+@contextmanager
+def _replaced(
+    module: ModuleType, names: tuple[str, ...], function: Callable[..., Any]
+) -> Iterator[None]:
+    """Replace those functions of a module that it has."""
+    usual = {name: getattr(module, name) for name in names if hasattr(module, name)}
+    try:
+        for name in usual:
+            setattr(module, name, function)
+        yield
+    finally:
+        for name, one in usual.items():
+            setattr(module, name, one)
+
+
+def _cached(
+    folder: Path,
+    entries: dict[str, _Entry],
+    usual: Callable[..., tuple[Any, Any]],
+    name: str,
+    objects: list[str],
+    cache_dir: Path,
+    timeout: int,
+) -> tuple[Any, Any]:
+    """FFCx's `get_cached_module`: (None, None), and the entry held, if it has to be compiled."""
+    if Path(cache_dir) != folder:  # another thread of the program compiles for itself
+        return usual(name, objects, cache_dir, timeout)
+    entry = entries[name] = _Entry(folder, name)
+    if not entry.whole():
+        entry.clear()
+    try:
+        found = usual(name, objects, cache_dir, timeout)
+    except ImportError:  # made for another system
+        entry.clear()
+        found = usual(name, objects, cache_dir, timeout)
+    if found[0] is not None:
+        entries.pop(name).release()
+    return found
+
+
+def _compiled(
+    folder: Path,
+    entries: dict[str, _Entry],
+    usual: Callable[..., tuple[Any, Any]],
+    cache_dir: Path,
+    name: str,
+    objects: list[str],
+) -> tuple[Any, Any]:
+    """FFCx's `_load_objects`, of what it has just compiled."""
+    found = usual(cache_dir, name, objects)
+    if name in entries:
+        entry = entries.pop(name)
+        entry.seal()
+        entry.release()
+    return found
+
+
+class _Entry:
+    """The files of one compiled form; one process at a time may look at them or change them."""
+
+    def __init__(self, folder: Path, name: str) -> None:
+        self.library = folder / f"{name}{EXTENSION_SUFFIXES[0]}"
+        self.ready = folder / f"{name}.c.cached"
+        self.own = folder / f"{name}.sha256"
+        self.file: IO[str] = self.own.open("a+", encoding="ascii")
+        try:
+            _lock(self.file)
+        except BaseException:
+            self.file.close()
+            raise
+
+    def whole(self) -> bool:
+        """Whether the library is the one that was compiled."""
+        self.file.seek(0)
+        with suppress(OSError, ValueError):
+            return self.ready.is_file() and self.file.read() == self._checksum()
+        return False
+
+    def clear(self) -> None:
+        """Remove everything but the locked file."""
+        self.file.truncate(0)
+        for path in self.own.parent.glob(f"{self.own.stem}.*"):
+            if path != self.own:
+                shutil.rmtree(path) if path.is_dir() and not path.is_symlink() else path.unlink()
+
+    def seal(self) -> None:
+        """Note the library as whole."""
+        self.file.truncate(0)
+        self.file.write(self._checksum())
+
+    def release(self) -> None:
+        """Let others have it."""
+        self.file.close()
+
+    def _checksum(self) -> str:
+        return hashlib.sha256(self.library.read_bytes()).hexdigest()
+
+
+def _lock(file: IO[str]) -> None:
+    """Wait until no other process holds the file; TimeoutError after `PATIENCE`."""
+    import fcntl  # not on Windows
+
+    end = time.monotonic() + PATIENCE
+    while True:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return
+        except BlockingIOError:
+            if time.monotonic() > end:
+                raise TimeoutError(
+                    errno.ETIMEDOUT, f"another process has held it for {PATIENCE:g} s", file.name
+                ) from None
+            time.sleep(0.05)
+        except OSError:  # a file system without locks: two processes may compile at once
+            return
+
+
+# -- where it is
+
+
+def place() -> Path:
+    """The folder, made where it is missing; one of this process where it would not be safe."""
+    given = os.environ.get("XDG_CACHE_HOME", "")
+    users = Path(given) if os.path.isabs(given) else Path.home() / ".cache"
+    build = EXTENSION_SUFFIXES[0].split(".")[1]
+    folder = users / "antiosc" / f"ffcx-{ffcx.__version__}-{build}"
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    folder.mkdir(mode=0o700, exist_ok=True)
+    status = folder.lstat()
+    if not stat.S_ISDIR(status.st_mode) or status.st_uid != os.geteuid():
+        return _instead_of(folder)
+    if status.st_mode & (stat.S_IWGRP | stat.S_IWOTH):  # anybody may have put something there
+        shutil.rmtree(folder)
+        folder.mkdir(mode=0o700)
+    return folder
+
+
+@functools.cache
+def _instead_of(folder: Path) -> Path:
+    warn(
+        f"{folder} is a link or belongs to another user: what was compiled there is not run, and "
+        "this run compiles its finite elements anew; set XDG_CACHE_HOME to a folder of your own."
+    )
+    return Path(own_folder())
