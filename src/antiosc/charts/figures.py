@@ -55,7 +55,19 @@ def save_figure(figure: Any, path: str | os.PathLike[str], **options: Any) -> No
             f"a picture's name ends with one of .{', .'.join(sorted(known))}; got {path!s}."
         )
     with files.complete(path, "the picture") as part:
-        figure.savefig(part, **options)
+        render(figure, part, **options)
+
+
+def render(figure: Any, target: Any, **options: Any) -> None:
+    """`figure.savefig`; InputError if matplotlib, or LaTeX for it, cannot draw the figure."""
+    try:
+        figure.savefig(target, **options)
+    except (RuntimeError, ValueError) as error:
+        said = " ".join(str(error).split())[:200].rstrip(".")
+        remedy = "choose other names or options"
+        if _matplotlib().rcParams["text.usetex"]:
+            remedy = 'install LaTeX, or set matplotlib.rcParams["text.usetex"] = False'
+        raise InputError(f"the picture cannot be drawn ({said}): {remedy}.") from error
 
 
 def finished(figure: Figure, path: str | os.PathLike[str] | None) -> Figure | Path:
@@ -73,12 +85,13 @@ def new_figure(size: tuple[float, float], shown: bool) -> Figure:
     return _matplotlib("figure").Figure(figsize=size, layout="constrained")
 
 
-def _matplotlib(module: str) -> ModuleType:
+def _matplotlib(module: str = "") -> ModuleType:
+    """matplotlib, or a module of it."""
     try:
         if "matplotlib" not in sys.modules:
             with loading():
                 importlib.import_module("matplotlib")
-        return importlib.import_module(f"matplotlib.{module}")
+        return importlib.import_module(f"matplotlib.{module}".rstrip("."))
     except ImportError:
         raise MissingDependencyError(
             "charts need matplotlib: apt install python3-matplotlib, or pip install matplotlib."

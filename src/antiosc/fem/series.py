@@ -25,9 +25,7 @@ def listing(path: str | os.PathLike[str]) -> Path:
 
     The part after a point belongs to the name: `run_v=1.5` and `run_v=1.7` are two series.
     """
-    path = checks.path("path", path)
-    if not path.name:
-        raise InputError(f"a series needs a name; {str(path)!r} has none.")
+    path = checks.new_file("path", path)
     target = path if path.suffix.lower() == ".pvd" else path.with_name(f"{path.name}.pvd")
     if not target.stem.isprintable():
         raise InputError(
