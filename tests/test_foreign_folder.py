@@ -100,6 +100,7 @@ def antiosc(folder: Path, name: str) -> subprocess.CompletedProcess[str]:
     given = COMMANDS[name]
     safe = [] if given[0] == "-m" else ["-P"]  # a script's folder, not the working one, is searched
     environment = {**os.environ, "XDG_CACHE_HOME": f"{folder}-cache", "PYTHONPATH": f"{ROOT}/src"}
+    environment["OMPI_MCA_pml"] = "ob1,ucx"  # Debian leaves UCX out, others do not
     return subprocess.run(
         [sys.executable, *safe, *given],
         cwd=folder, env=environment, capture_output=True, text=True, timeout=300,

@@ -86,7 +86,9 @@ EXTRACT = """
 """
 
 
-def child(*parts: str, folder: Path | None = None, **environment: str) -> subprocess.CompletedProcess[str]:
+def child(
+    *parts: str, folder: Path | None = None, **environment: str
+) -> subprocess.CompletedProcess[str]:
     """A fresh Python that runs the parts, with an empty cache of compiled forms."""
     code = "\n".join(textwrap.dedent(part) for part in parts)
     done = subprocess.run(

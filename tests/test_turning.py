@@ -5,8 +5,8 @@ from __future__ import annotations
 import base64
 import hashlib
 import html
-import os
 import importlib.util
+import os
 import re
 import subprocess
 import sys

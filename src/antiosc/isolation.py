@@ -4,9 +4,9 @@ FFCx adds a handler to the root logger and redirects Python's warnings to it; do
 flags of the dynamic loader; PETSc installs signal handlers; setuptools, which calls the compiler,
 changes the environment and the module path.
 
-When they load, several packages take files of the working folder for their configuration (`.petscrc`,
-`petsc.cfg`, `ucx.conf`, `matplotlibrc`); such a file can name programs and libraries to run. They
-load in `/` instead, so that a folder from elsewhere configures nothing.
+When they load, several packages take files of the working folder for their configuration
+(`.petscrc`, `petsc.cfg`, `ucx.conf`, `matplotlibrc`); such a file can name programs and libraries
+to run. They load in `/` instead, so that a folder from elsewhere configures nothing.
 """
 
 from __future__ import annotations

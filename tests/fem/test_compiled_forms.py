@@ -103,7 +103,8 @@ def test_a_folder_of_somebody_else_is_left_alone(place, tmp_path, monkeypatch, o
         place.rename(tmp_path / "elsewhere")
         place.symlink_to(tmp_path / "elsewhere")
     else:
-        monkeypatch.setattr(os, "geteuid", lambda own=os.geteuid(): own + 1)
+        another = os.geteuid() + 1
+        monkeypatch.setattr(os, "geteuid", lambda: another)
     with pytest.warns(ao.AntioscWarning, match="XDG_CACHE_HOME"):
         found = compiled_forms.place()
     assert found != place

@@ -2,22 +2,22 @@
 
 FFCx loads the library of a form from its folder whatever it is: one that was cut off by a full disk
 ends the process, one that somebody else has put there runs in it. antiosc therefore has a folder of
-its own. It is the user's and nobody else may write there; a library is loaded if it is the one that
-was compiled (its checksum is in a file beside it), otherwise it is made again. dolfinx and FFCx read
-no configuration files meanwhile, for these name compilers, libraries and folders.
+its own. It is the user's, and nobody else may write there. A library is loaded if it is the one
+that was compiled (its checksum is in a file beside it); otherwise it is made again. dolfinx and
+FFCx read no configuration files meanwhile: these name compilers, libraries and folders.
 """
 
 from __future__ import annotations
 
 import errno
-import functools
 import hashlib
 import os
 import shutil
 import stat
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager, suppress
+from functools import cache, partial
 from importlib.machinery import EXTENSION_SUFFIXES
 from pathlib import Path
 from types import ModuleType
@@ -33,7 +33,7 @@ from antiosc.isolation import own_folder
 #: Time for which a process waits for another one that compiles the same form, s.
 PATIENCE = 600.0
 #: Modules of dolfinx and FFCx that read configuration files, and names of the functions that do.
-READERS = ("_load_options", "_load_parameters")
+READERS = {"_load_options", "_load_parameters"}
 
 
 @contextmanager
@@ -42,38 +42,35 @@ def checked_folder() -> Iterator[None]:
 
     OSError if the folder cannot be written.
     """
-    usual = ffcx_jit.get_cached_module
-    if isinstance(usual, functools.partial):  # within such a context
+    load, cached = ffcx_jit._load_objects, ffcx_jit.get_cached_module
+    if isinstance(cached, partial):  # within such a context
         yield
         return
     folder = place()
-    with ExitStack() as stack:
-        open_entries: dict[str, _Entry] = {}
-        stack.callback(lambda: [entry.release() for entry in open_entries.values()])
-        options = {"cache_dir": folder}
-        stack.enter_context(_replaced(dolfinx.jit, READERS, lambda: (options, {})))
-        settings = ffcx.options if hasattr(ffcx, "options") else ffcx.parameters
-        stack.enter_context(_replaced(settings, READERS, lambda: ({}, {})))
-        for own in (_cached, _compiled):
-            name = {_cached: "get_cached_module", _compiled: "_load_objects"}[own]
-            bound = functools.partial(own, folder, open_entries, getattr(ffcx_jit, name))
-            stack.enter_context(_replaced(ffcx_jit, (name,), bound))
-        yield
+    settings = ffcx.options if hasattr(ffcx, "options") else ffcx.parameters
+    held: dict[str, _Entry] = {}
+    try:
+        with (
+            _replaced(dolfinx.jit, READERS, lambda: ({"cache_dir": folder}, {})),
+            _replaced(settings, READERS, lambda: ({}, {})),
+            _replaced(ffcx_jit, {"get_cached_module"}, partial(_cached, folder, held, cached)),
+            _replaced(ffcx_jit, {"_load_objects"}, partial(_compiled, held, load)),
+        ):
+            yield
+    finally:
+        for entry in held.values():  # of which the compiler has failed
+            entry.release()
 
 
 @contextmanager
-def _replaced(
-    module: ModuleType, names: tuple[str, ...], function: Callable[..., Any]
-) -> Iterator[None]:
-    """Replace those functions of a module that it has."""
-    usual = {name: getattr(module, name) for name in names if hasattr(module, name)}
+def _replaced(module: ModuleType, names: set[str], function: Callable[..., Any]) -> Iterator[None]:
+    """Replace the functions of these names that a module has."""
+    usual = {name: value for name, value in vars(module).items() if name in names}
+    vars(module).update(dict.fromkeys(usual, function))
     try:
-        for name in usual:
-            setattr(module, name, function)
         yield
     finally:
-        for name, one in usual.items():
-            setattr(module, name, one)
+        vars(module).update(usual)
 
 
 def _cached(
@@ -102,7 +99,6 @@ def _cached(
 
 
 def _compiled(
-    folder: Path,
     entries: dict[str, _Entry],
     usual: Callable[..., tuple[Any, Any]],
     cache_dir: Path,
@@ -198,7 +194,7 @@ def place() -> Path:
     return folder
 
 
-@functools.cache
+@cache
 def _instead_of(folder: Path) -> Path:
     warn(
         f"{folder} is a link or belongs to another user: what was compiled there is not run, and "
