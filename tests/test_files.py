@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc import files
+from antiosc import checks, cli, files
 
 MODEL = ao.AntiOscillators(m0=1.0, k0=1e6, m=[1.0, 2.0], omega=[1e3, 2e3])
 
@@ -110,6 +110,16 @@ def test_no_place_for_a_file(tmp_path, name, says):
     with pytest.raises(ao.InputError, match=rf"cannot write the model to .*{says}"):
         MODEL.save(tmp_path / name)
     assert sorted(os.listdir(tmp_path)) == before
+
+
+@pytest.mark.parametrize("name", [".", "/", "..", "folder/.."])
+def test_a_folder_is_no_name_for_a_new_file(tmp_path, monkeypatch, name):
+    (tmp_path / "folder").mkdir()
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(["new", name]) == 1
+    with pytest.raises(ao.InputError, match=r"name of a file.*folder"):
+        checks.new_file("path", name)
+    assert os.listdir(tmp_path) == ["folder"]
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")

@@ -6,8 +6,10 @@ import importlib.metadata
 import importlib.util
 import os
 import re
+import signal
 import subprocess
 import sys
+import textwrap
 from pathlib import Path
 
 import numpy as np
@@ -161,3 +163,31 @@ def test_a_reader_that_has_seen_enough_ends_the_output_in_silence(arguments):
         run.stdout.close()
         assert run.stderr.read() == ""
     assert run.returncode == 1
+
+
+def test_sigterm_leaves_nothing_temporary(tmp_path):
+    code = """
+    import os, signal, sys, tempfile
+    from antiosc import cli, info
+    def report():
+        with tempfile.TemporaryDirectory() as folder:
+            print(folder, flush=True)
+            os.kill(os.getpid(), signal.SIGTERM)
+    info.report = report
+    sys.exit(cli.main(["info"]))
+    """
+    done = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(code)],
+        env={**os.environ, "TMPDIR": str(tmp_path)}, capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.returncode == 128 + signal.SIGTERM
+    assert done.stdout.startswith(str(tmp_path))
+    assert done.stderr == ""
+    assert not list(tmp_path.iterdir())
+
+
+def test_signals_of_the_program_that_calls_main_stay_its_own(capsys):
+    usual = signal.getsignal(signal.SIGTERM)
+    assert cli.main([]) == 0
+    assert signal.getsignal(signal.SIGTERM) is usual
+    capsys.readouterr()

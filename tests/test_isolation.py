@@ -86,12 +86,14 @@ EXTRACT = """
 """
 
 
-def child(*parts: str, folder: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+def child(
+    *parts: str, folder: Path | None = None, **environment: str
+) -> subprocess.CompletedProcess[str]:
     """A fresh Python that runs the parts, with an empty cache of compiled forms."""
     code = "\n".join(textwrap.dedent(part) for part in parts)
     done = subprocess.run(
         [sys.executable, "-c", code],
-        env={**os.environ, "XDG_CACHE_HOME": str(folder), **environment},
+        env={**os.environ, **({"XDG_CACHE_HOME": str(folder)} if folder else {}), **environment},
         capture_output=True,
         text=True,
         timeout=600,
@@ -146,7 +148,7 @@ def test_import_and_extraction_leave_no_trace(application, tmp_path):
         folder=tmp_path,
     )
     assert differences(done) == [{}, {}, {}]
-    assert list((tmp_path / "fenics").glob("*.so"))  # something was compiled
+    assert list((tmp_path / "antiosc").glob("*/*.so"))  # something was compiled
     assert done.stderr == ""
 
 
@@ -211,6 +213,36 @@ def test_signals_stay_with_python(tmp_path):
         folder=tmp_path,
     )
     assert done.stdout == "pipe\ninterrupt\n"
+
+
+@pytest.mark.fem
+@pytest.mark.slow
+def test_a_user_without_a_home(tmp_path, monkeypatch):
+    """In a container: neither HOME nor an entry in the list of users."""
+    for name in ("HOME", "XDG_CACHE_HOME", "XDG_CONFIG_HOME", "MPLCONFIGDIR"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    done = child(
+        """
+        import os, pwd
+        def nobody(uid):
+            raise KeyError(uid)
+        pwd.getpwuid = nobody
+        import antiosc.fem
+        from mpi4py import MPI
+        """,
+        EXTRACT,
+        f"""
+        hit.plot({str(tmp_path / "hit.svg")!r})
+        home = os.environ["HOME"]
+        assert os.stat(home).st_mode & 0o777 == 0o700
+        assert os.path.dirname(home) == {str(tmp_path)!r}
+        print(os.listdir(home))
+        """,
+    )
+    assert ".cache" in done.stdout
+    assert not list(tmp_path.glob("antiosc*"))
+    assert (tmp_path / "hit.svg").is_file()
 
 
 def test_what_others_change_is_put_back(monkeypatch):

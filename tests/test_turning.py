@@ -6,6 +6,7 @@ import base64
 import hashlib
 import html
 import importlib.util
+import os
 import re
 import subprocess
 import sys
@@ -49,7 +50,8 @@ def test_a_drawing_process_that_dies_is_told(monkeypatch, program, told):
     run = subprocess.run
 
     def dies(command, **options):
-        assert command[:3] == [sys.executable, "-m", "antiosc.charts.turning_child"]
+        assert command[:2] == [sys.executable, "-P"]  # the working folder has no packages
+        assert options["cwd"] == os.path.dirname(command[-1])
         return run([sys.executable, "-c", program], **options)
 
     monkeypatch.setattr(turning.subprocess, "run", dies)

@@ -233,6 +233,17 @@ def path(name: str, value: Any) -> Path:
     return Path(name_of_file)
 
 
+def new_file(name: str, value: Any) -> Path:
+    """`value` as the path of a file to be written, or InputError: "." and "/" name folders."""
+    found = path(name, value)
+    if found.name in ("", ".."):
+        raise InputError(
+            f"{name} must be the name of a file; {shown(os.fspath(value))} is a folder: give a "
+            "name in it."
+        )
+    return found
+
+
 def function(name: str, value: Any, what: str = "a function") -> Callable[..., Any]:
     """`value` if it can be called, or InputError; `what` says of which arguments."""
     if not callable(value):

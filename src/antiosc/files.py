@@ -1,14 +1,17 @@
 """Files are written completely or not at all: a reader never sees a partial file.
 
 The content is written to a temporary file in the same folder, flushed to the disk, and then renamed
-in one step. An interrupted run, a full disk or an error leaves the previous file unchanged.
+in one step. An interrupted run, a full disk or an error leaves the previous file unchanged. Folders
+take the place of others likewise.
 """
 
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import os
 import secrets
+import shutil
 import stat
 from collections.abc import Iterator
 from pathlib import Path
@@ -75,6 +78,28 @@ def write_through(path: Path, content: bytes) -> None:
     """Write a file, and wait until it is on the disk; for folders that nobody reads from yet."""
     path.write_bytes(content)
     _to_disk(path)
+
+
+def replace_folder(new: Path, target: Path) -> None:
+    """Put the folder `new` in the place of `target`, which may exist; OSError if it cannot be."""
+    if not target.is_dir():
+        os.replace(new, target)
+        return
+    if not _exchanged(new, target):
+        aside = target.with_name(f"{new.name}.old")
+        os.replace(target, aside)
+        os.replace(new, target)
+        new = aside
+    shutil.rmtree(new)
+
+
+def _exchanged(one: Path, other: Path) -> bool:
+    """Exchange the names of two folders in one step; False where the system cannot."""
+    rename = getattr(ctypes.CDLL(None), "renameat2", None) if os.name == "posix" else None
+    if rename is None:
+        return False
+    here, exchange = -100, 2  # AT_FDCWD, RENAME_EXCHANGE
+    return rename(here, os.fsencode(one), here, os.fsencode(other), exchange) == 0
 
 
 def cannot_write(what: str, path: str | os.PathLike[str], error: Exception) -> InputError:

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from antiosc import threads
 from antiosc.charts import turning
-from antiosc.isolation import restored, start_petsc
+from antiosc.isolation import loading, restored, start_petsc
 
 #: Fast BLAS libraries, as threadpoolctl and as people call them.
 BLAS_NAMES = {"openblas": "OpenBLAS", "blis": "BLIS", "mkl": "MKL"}
@@ -57,7 +57,7 @@ def report() -> str:
     remarks = []
     for package in PACKAGES:
         try:
-            with restored():
+            with loading(), restored():
                 found = package.version() if importlib.util.find_spec(package.module) else ""
         except Exception as error:  # an installed package can fail in any way: say so and go on
             found = "fails to load"
@@ -177,7 +177,8 @@ def _gmsh() -> str:
         "gmsh.option.setNumber('General.Terminal', 0);"
         "print(gmsh.option.getString('General.Version'))"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    program = [sys.executable, "-P", "-c", code]
+    done = subprocess.run(program, capture_output=True, text=True, timeout=60, cwd="/")
     if done.returncode:
         raise ImportError(" ".join(done.stderr.split()[-20:]) or f"it ends with {done.returncode}")
     return done.stdout.split()[-1]

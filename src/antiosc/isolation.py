@@ -3,23 +3,33 @@
 FFCx adds a handler to the root logger and redirects Python's warnings to it; dolfinx changes the
 flags of the dynamic loader; PETSc installs signal handlers; setuptools, which calls the compiler,
 changes the environment and the module path.
+
+When they load, several packages take files of the working folder for their configuration
+(`.petscrc`, `petsc.cfg`, `ucx.conf`, `matplotlibrc`); such a file can name programs and libraries
+to run. They load in `/` instead, so that a folder from elsewhere configures nothing.
 """
 
 from __future__ import annotations
 
+import atexit
 import locale
 import logging
 import os
+import shutil
 import sys
+import tempfile
 import threading
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 #: Loggers whose levels the packages change.
 LOGGERS = ("UFL", "ffcx", "FFCx")
 #: Entries that a package appended to the module path: it may look there again later.
 _appended: list[str] = []
+#: Held while the working folder is another one.
+_leaving = threading.RLock()
 
 
 @contextmanager
@@ -83,12 +93,52 @@ class _Below(logging.Filter):
         return record.levelno >= logging.WARNING or record.thread != self.thread
 
 
-def start_petsc() -> None:
-    """Initialise PETSc once, without its signal handlers.
+@contextmanager
+def loading() -> Iterator[None]:
+    """Context in which packages are imported: outside the working folder, and with a home.
 
-    By default these handlers abort all ranks on a broken pipe, a hang-up and other signals.
+    The working folder is one of the whole process, hence only what is loaded once belongs here.
+    """
+    _give_home()
+    with _leaving:
+        try:
+            here = os.open(".", getattr(os, "O_PATH", os.O_RDONLY))
+        except OSError:  # nothing can be read there
+            yield
+            return
+        try:
+            os.chdir("/")
+            yield
+        finally:
+            os.fchdir(here)
+            os.close(here)
+
+
+def _give_home() -> None:
+    """Set HOME to a folder of this process if the user has none: packages fail to load without.
+
+    In a container the user may have neither HOME nor an entry in /etc/passwd.
+    """
+    try:
+        Path.home()
+    except RuntimeError:
+        os.environ["HOME"] = own_folder()
+
+
+def own_folder() -> str:
+    """A new folder that only this user may enter; it is removed when the process ends."""
+    folder = tempfile.mkdtemp(prefix="antiosc-")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return folder
+
+
+def start_petsc() -> None:
+    """Initialise PETSc once, without its signal handlers and its configuration files.
+
+    By default these handlers abort all ranks on a broken pipe, a hang-up and other signals; the
+    files are `.petscrc` of the home and of the working folder. Options in PETSC_OPTIONS are taken.
     """
     if "petsc4py.PETSc" not in sys.modules:
         import petsc4py
 
-        petsc4py.init(["antiosc", "-no_signal_handler"])
+        petsc4py.init(["antiosc", "-no_signal_handler", "-skip_petscrc"])

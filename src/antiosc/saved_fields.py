@@ -196,10 +196,11 @@ class SavedFields(Brief):
 
     def _png(self, time: float) -> bytes:
         from antiosc.charts.deformed import Deformed, deformed_figure
+        from antiosc.charts.figures import render
 
         stream = io.BytesIO()
         found = Deformed.of(self.points, self.faces, self.at(time), self.largest)
-        deformed_figure(found, whole_scale=True).savefig(stream, format="png", dpi=100)
+        render(deformed_figure(found, whole_scale=True), stream, format="png", dpi=100)
         return stream.getvalue()
 
     def _facts(self) -> list[tuple[str, str]]:

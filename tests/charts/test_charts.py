@@ -10,6 +10,7 @@ import pytest
 
 import antiosc as ao
 from antiosc import plotting
+from antiosc.charts import figures
 from antiosc.plotting import parts
 from scenes import HERTZ, case_two
 
@@ -182,3 +183,15 @@ def test_errors_leave_out_what_has_no_logarithm():
 def test_drawing_is_loaded_when_asked_for():
     code = "import sys, antiosc, antiosc.plotting; sys.exit('matplotlib' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+@pytest.mark.parametrize(("settings", "told"), [({"text.usetex": True}, "usetex"), ({}, "names")])
+def test_a_picture_that_cannot_be_drawn(tmp_path, monkeypatch, settings, told):
+    """Without LaTeX, or with half a formula in a name."""
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with plt.rc_context(settings):
+        figure, _ = figures.panels(1, 1, (3.0, 2.0))
+        figure.suptitle("$" + "\\half{$")
+        with pytest.raises(ao.InputError, match=told):
+            figures.save_figure(figure, tmp_path / "picture.svg")
+    assert not list(tmp_path.iterdir())

@@ -34,6 +34,12 @@ def test_a_file_of_something_else(tmp_path, suffix):
     assert one_sentence(str(caught.value)), str(caught.value)
 
 
+@pytest.mark.parametrize("read", [ao.read_mesh, ao.read_model])
+def test_a_communicator_without_processes(read):
+    with refused("COMM_NULL"):
+        read("meshes/lever.msh", comm=MPI.COMM_NULL)
+
+
 def test_a_geometry_needs_a_size_and_a_mesh_takes_none(tmp_path):
     with refused(r"bracket\.step is a geometry, not a mesh: give the element size"):
         ao.read_mesh("meshes/bracket.step")

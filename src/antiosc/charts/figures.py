@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import os
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from types import ModuleType
@@ -15,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from antiosc import checks, files
 from antiosc._types import Array
 from antiosc.errors import InputError, MissingDependencyError
+from antiosc.isolation import loading
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -53,7 +55,19 @@ def save_figure(figure: Any, path: str | os.PathLike[str], **options: Any) -> No
             f"a picture's name ends with one of .{', .'.join(sorted(known))}; got {path!s}."
         )
     with files.complete(path, "the picture") as part:
-        figure.savefig(part, **options)
+        render(figure, part, **options)
+
+
+def render(figure: Any, target: Any, **options: Any) -> None:
+    """`figure.savefig`; InputError if matplotlib, or LaTeX for it, cannot draw the figure."""
+    try:
+        figure.savefig(target, **options)
+    except (RuntimeError, ValueError) as error:
+        said = " ".join(str(error).split())[:200].rstrip(".")
+        remedy = "choose other names or options"
+        if _matplotlib().rcParams["text.usetex"]:
+            remedy = 'install LaTeX, or set matplotlib.rcParams["text.usetex"] = False'
+        raise InputError(f"the picture cannot be drawn ({said}): {remedy}.") from error
 
 
 def finished(figure: Figure, path: str | os.PathLike[str] | None) -> Figure | Path:
@@ -71,9 +85,13 @@ def new_figure(size: tuple[float, float], shown: bool) -> Figure:
     return _matplotlib("figure").Figure(figsize=size, layout="constrained")
 
 
-def _matplotlib(module: str) -> ModuleType:
+def _matplotlib(module: str = "") -> ModuleType:
+    """matplotlib, or a module of it."""
     try:
-        return importlib.import_module(f"matplotlib.{module}")
+        if "matplotlib" not in sys.modules:
+            with loading():
+                importlib.import_module("matplotlib")
+        return importlib.import_module(f"matplotlib.{module}".rstrip("."))
     except ImportError:
         raise MissingDependencyError(
             "charts need matplotlib: apt install python3-matplotlib, or pip install matplotlib."

@@ -104,11 +104,11 @@ def _drawn(
             arrow=np.zeros((0, 3)) if arrow is None else arrow,
             **more,
         )
-        child = "antiosc.charts.turning_child"
-        program = [sys.executable, "-m", child, str(source), str(target)]
+        child = Path(__file__).with_name("turning_child.py")
+        program = [sys.executable, "-P", str(child), str(source), str(target)]
         try:
             done = subprocess.run(
-                program, capture_output=True, text=True, timeout=LIMIT, check=False
+                program, capture_output=True, text=True, timeout=LIMIT, check=False, cwd=folder
             )
         except subprocess.TimeoutExpired:
             raise AntioscError(f"PyVista drew for more than {LIMIT:g} s: broken off.") from None

@@ -1,12 +1,14 @@
 """Finite elements: from a mesh (gmsh, dolfinx, PETSc, SLEPc), or matrices (SciPy), to models."""
 
-from antiosc.isolation import restored, start_petsc
+from antiosc.isolation import loading, restored, start_petsc
 
 #: The package without which only given matrices can be extracted; None with all packages.
 missing: str | None = None
 
 try:
-    with restored():
+    with loading(), restored():
+        import mpi4py.MPI  # noqa: F401
+
         start_petsc()
         import dolfinx.fem.petsc  # noqa: F401
         import slepc4py.SLEPc  # noqa: F401

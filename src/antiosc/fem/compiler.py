@@ -10,6 +10,7 @@ from typing import Any
 import ffcx
 
 from antiosc.errors import InputError
+from antiosc.fem.compiled_forms import checked_folder
 from antiosc.isolation import quiet, restored
 
 FFCX = tuple(int(part) for part in ffcx.__version__.split(".")[:2])
@@ -26,7 +27,7 @@ def compiler() -> Iterator[None]:
     InputError if the system refuses to write the compiled files.
     """
     try:
-        with _lock, restored(), quiet(*NOISY), _derivatives_in_the_cell():
+        with _lock, restored(), quiet(*NOISY), _derivatives_in_the_cell(), checked_folder():
             yield
     except OSError as error:
         raise InputError(

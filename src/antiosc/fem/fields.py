@@ -69,7 +69,7 @@ def write_series(
     Returns
     -------
     Path
-        Of the `.pvd`, written last: until then it is absent, or lists no frame.
+        Of the `.pvd`. If the run is killed meanwhile, it is absent, or lists a whole series.
     """
     one_folder = checked_path("path", path).suffix.lower() == ".bp"
     target = checked_path("path", path) if one_folder else listing(path)

@@ -165,6 +165,11 @@ def _communicator(values: Iterable[Any], default: MPI.Comm) -> Any:
         if is_void(value):
             default = WORLD  # it may be a real one on other ranks
             continue  # to ask for its communicator kills the process
+        if MPI is not None and isinstance(value, MPI.Comm) and value == MPI.COMM_NULL:
+            raise InputError(
+                "comm is MPI.COMM_NULL, of which no process is a part: call this on the ranks of a "
+                "communicator alone."
+            )
         try:
             comm = getattr(value, "comm", None)
             if isinstance(comm, Serial):

@@ -96,7 +96,7 @@ class PeakField(Brief):
         InputError
             The file cannot be written.
         """
-        target = checks.path("path", path)
+        target = checks.new_file("path", path)
         if target.suffix.lower() != ".vtu":
             target = target.with_name(f"{target.name}.vtu")
         fields = {self.quantity: self.values, "time": self.times}

@@ -68,8 +68,6 @@ def _staged(target: Path) -> Path:
 
 def _moved(staged: Path, target: Path) -> None:
     try:
-        if target.is_dir():
-            shutil.rmtree(target)
-        os.replace(staged, target)
+        files.replace_folder(staged, target)
     except OSError as error:
         raise files.cannot_write("the series", target, error) from error

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import secrets
 from pathlib import Path
 
 from antiosc import checks
@@ -139,14 +140,14 @@ def _cad(source: str) -> bool:
 
 def write(path: str | os.PathLike[str], part: str | None = None) -> Path:
     """Write a new scene file, complete or absent; InputError if it exists."""
-    target = checks.path("the scene file", path)
+    target = checks.new_file("the scene file", path)
     if part is not None:
         checks.path("the file of the part", part)
         part = os.path.relpath(part, target.parent)
     content = text(target.name, part)
     if not content.isprintable() and any(c not in "\n" and not c.isprintable() for c in content):
         raise InputError(f"the name {checks.shown(part or target.name)} has control characters.")
-    beside = target.with_name(f".{target.name}.new")
+    beside = target.with_name(f".antiosc-{secrets.token_hex(6)}.toml")
     try:
         with beside.open("x", encoding="utf-8") as stream:
             stream.write(content)

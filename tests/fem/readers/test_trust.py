@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import sys
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ pytest.importorskip("gmsh")
 import gmsh
 
 import antiosc as ao
-from antiosc.fem.readers import geo_script
+from antiosc.fem.readers import geo_script, server
 from mesh_files import refusal
 from paths import MESHES
 
@@ -48,6 +49,16 @@ def test_options_beside_a_file_are_not_read(tmp_path, marked, suffix):
     assert not happened()
     assert ao.read_mesh(path, size=size, trust=True).n_cells
     assert happened()
+
+
+def test_modules_in_the_working_folder_are_not_imported(tmp_path, monkeypatch):
+    """The path of a notebook, or of `python -c`, has the working folder in front."""
+    (tmp_path / "gmsh.py").write_text(f"open({str(tmp_path / 'mark')!r}, 'w').close()")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", ["", *sys.path])
+    server._end()  # the next one has to import gmsh
+    assert ao.read_mesh(MESHES / "lever.msh").n_cells
+    assert not (tmp_path / "mark").exists()
 
 
 def test_a_trusted_script_runs_as_gmsh_runs_it(tmp_path, marked):

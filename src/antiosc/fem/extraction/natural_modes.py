@@ -94,7 +94,7 @@ class StructureModes(Brief):
         InputError
             The file cannot be written; matrices without coordinates.
         """
-        target = checks.path("path", path)
+        target = checks.new_file("path", path)
         if target.suffix.lower() != ".vtu":
             target = target.with_name(f"{target.name}.vtu")
         points, cells, shapes = source(self.structure).at_nodes(self.structure, self.shapes)

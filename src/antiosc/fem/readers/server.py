@@ -31,7 +31,8 @@ def ask(request: dict[str, Any]) -> tuple[int, bytes]:
         try:
             assert process.stdin is not None
             assert process.stdout is not None
-            line = {**request, "sys_path": [os.path.abspath(p) for p in sys.path]}
+            # "" stands for the working folder, which holds no packages
+            line = {**request, "sys_path": [os.path.abspath(p) for p in sys.path if p]}
             process.stdin.write(json.dumps(line).encode() + b"\n")
             process.stdin.flush()
             head = json.loads(process.stdout.readline())

@@ -1,0 +1,203 @@
+"""The user's folder of compiled forms, without which every run would call the C compiler.
+
+FFCx loads the library of a form from its folder whatever it is: one that was cut off by a full disk
+ends the process, one that somebody else has put there runs in it. antiosc therefore has a folder of
+its own. It is the user's, and nobody else may write there. A library is loaded if it is the one
+that was compiled (its checksum is in a file beside it); otherwise it is made again. dolfinx and
+FFCx read no configuration files meanwhile: these name compilers, libraries and folders.
+"""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import os
+import shutil
+import stat
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from functools import cache, partial
+from importlib.machinery import EXTENSION_SUFFIXES
+from pathlib import Path
+from types import ModuleType
+from typing import IO, Any
+
+import dolfinx.jit
+import ffcx
+import ffcx.codegeneration.jit as ffcx_jit
+
+from antiosc.errors import warn
+from antiosc.isolation import own_folder
+
+#: Time for which a process waits for another one that compiles the same form, s.
+PATIENCE = 600.0
+#: Modules of dolfinx and FFCx that read configuration files, and names of the functions that do.
+READERS = {"_load_options", "_load_parameters"}
+
+
+@contextmanager
+def checked_folder() -> Iterator[None]:
+    """Context in which dolfinx compiles into, and loads from, the user's folder alone.
+
+    OSError if the folder cannot be written.
+    """
+    load, cached = ffcx_jit._load_objects, ffcx_jit.get_cached_module
+    if isinstance(cached, partial):  # within such a context
+        yield
+        return
+    folder = place()
+    settings = ffcx.options if hasattr(ffcx, "options") else ffcx.parameters
+    held: dict[str, _Entry] = {}
+    try:
+        with (
+            _replaced(dolfinx.jit, READERS, lambda: ({"cache_dir": folder}, {})),
+            _replaced(settings, READERS, lambda: ({}, {})),
+            _replaced(ffcx_jit, {"get_cached_module"}, partial(_cached, folder, held, cached)),
+            _replaced(ffcx_jit, {"_load_objects"}, partial(_compiled, held, load)),
+        ):
+            yield
+    finally:
+        for entry in held.values():  # of which the compiler has failed
+            entry.release()
+
+
+@contextmanager
+def _replaced(module: ModuleType, names: set[str], function: Callable[..., Any]) -> Iterator[None]:
+    """Replace the functions of these names that a module has."""
+    usual = {name: value for name, value in vars(module).items() if name in names}
+    vars(module).update(dict.fromkeys(usual, function))
+    try:
+        yield
+    finally:
+        vars(module).update(usual)
+
+
+def _cached(
+    folder: Path,
+    entries: dict[str, _Entry],
+    usual: Callable[..., tuple[Any, Any]],
+    name: str,
+    objects: list[str],
+    cache_dir: Path,
+    timeout: int,
+) -> tuple[Any, Any]:
+    """FFCx's `get_cached_module`: (None, None), and the entry held, if it has to be compiled."""
+    if Path(cache_dir) != folder:  # another thread of the program compiles for itself
+        return usual(name, objects, cache_dir, timeout)
+    entry = entries[name] = _Entry(folder, name)
+    if not entry.whole():
+        entry.clear()
+    try:
+        found = usual(name, objects, cache_dir, timeout)
+    except ImportError:  # made for another system
+        entry.clear()
+        found = usual(name, objects, cache_dir, timeout)
+    if found[0] is not None:
+        entries.pop(name).release()
+    return found
+
+
+def _compiled(
+    entries: dict[str, _Entry],
+    usual: Callable[..., tuple[Any, Any]],
+    cache_dir: Path,
+    name: str,
+    objects: list[str],
+) -> tuple[Any, Any]:
+    """FFCx's `_load_objects`, of what it has just compiled."""
+    found = usual(cache_dir, name, objects)
+    if name in entries:
+        entry = entries.pop(name)
+        entry.seal()
+        entry.release()
+    return found
+
+
+class _Entry:
+    """The files of one compiled form; one process at a time may look at them or change them."""
+
+    def __init__(self, folder: Path, name: str) -> None:
+        self.library = folder / f"{name}{EXTENSION_SUFFIXES[0]}"
+        self.ready = folder / f"{name}.c.cached"
+        self.own = folder / f"{name}.sha256"
+        self.file: IO[str] = self.own.open("a+", encoding="ascii")
+        try:
+            _lock(self.file)
+        except BaseException:
+            self.file.close()
+            raise
+
+    def whole(self) -> bool:
+        """Whether the library is the one that was compiled."""
+        self.file.seek(0)
+        with suppress(OSError, ValueError):
+            return self.ready.is_file() and self.file.read() == self._checksum()
+        return False
+
+    def clear(self) -> None:
+        """Remove everything but the locked file."""
+        self.file.truncate(0)
+        for path in self.own.parent.glob(f"{self.own.stem}.*"):
+            if path != self.own:
+                shutil.rmtree(path) if path.is_dir() and not path.is_symlink() else path.unlink()
+
+    def seal(self) -> None:
+        """Note the library as whole."""
+        self.file.truncate(0)
+        self.file.write(self._checksum())
+
+    def release(self) -> None:
+        """Let others have it."""
+        self.file.close()
+
+    def _checksum(self) -> str:
+        return hashlib.sha256(self.library.read_bytes()).hexdigest()
+
+
+def _lock(file: IO[str]) -> None:
+    """Wait until no other process holds the file; TimeoutError after `PATIENCE`."""
+    import fcntl  # not on Windows
+
+    end = time.monotonic() + PATIENCE
+    while True:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return
+        except BlockingIOError:
+            if time.monotonic() > end:
+                raise TimeoutError(
+                    errno.ETIMEDOUT, f"another process has held it for {PATIENCE:g} s", file.name
+                ) from None
+            time.sleep(0.05)
+        except OSError:  # a file system without locks: two processes may compile at once
+            return
+
+
+# -- where it is
+
+
+def place() -> Path:
+    """The folder, made where it is missing; one of this process where it would not be safe."""
+    given = os.environ.get("XDG_CACHE_HOME", "")
+    users = Path(given) if os.path.isabs(given) else Path.home() / ".cache"
+    build = EXTENSION_SUFFIXES[0].split(".")[1]
+    folder = users / "antiosc" / f"ffcx-{ffcx.__version__}-{build}"
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    folder.mkdir(mode=0o700, exist_ok=True)
+    status = folder.lstat()
+    if not stat.S_ISDIR(status.st_mode) or status.st_uid != os.geteuid():
+        return _instead_of(folder)
+    if status.st_mode & (stat.S_IWGRP | stat.S_IWOTH):  # anybody may have put something there
+        shutil.rmtree(folder)
+        folder.mkdir(mode=0o700)
+    return folder
+
+
+@cache
+def _instead_of(folder: Path) -> Path:
+    warn(
+        f"{folder} is a link or belongs to another user: what was compiled there is not run, and "
+        "this run compiles its finite elements anew; set XDG_CACHE_HOME to a folder of your own."
+    )
+    return Path(own_folder())

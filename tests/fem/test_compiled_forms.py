@@ -1,0 +1,142 @@
+"""Compiled forms: what is damaged is made again, and what somebody else could write is not run."""
+
+from __future__ import annotations
+
+import os
+import stat
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("dolfinx")
+
+import dolfinx
+import ufl
+from mpi4py import MPI
+
+import antiosc as ao
+from antiosc.fem import compat, compiled_forms
+from antiosc.fem.compiler import compiler
+
+pytestmark = pytest.mark.fem
+
+
+@pytest.fixture
+def place(tmp_path, monkeypatch):
+    """The folder of compiled forms, at first empty."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    return compiled_forms.place()
+
+
+def length() -> float:
+    """Of three elements on a line, by a compiled form."""
+    line = dolfinx.mesh.create_unit_interval(MPI.COMM_SELF, 3)
+    return compat.integrate(compat.constant(line, 2.0) * ufl.dx(domain=line), line)
+
+
+def library(place: Path) -> Path:
+    return next(path for path in place.glob("libffcx_forms_*.so"))
+
+
+def cut(path: Path) -> None:
+    swapped(path, path.read_bytes()[: path.stat().st_size // 2])
+
+
+def flipped(path: Path) -> None:
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 1
+    swapped(path, bytes(content))
+
+
+def swapped(path: Path, content: bytes) -> None:
+    """This process has the old file loaded: it stays as it is, without a name."""
+    path.unlink()
+    path.write_bytes(content)
+
+
+def folder(path: Path) -> None:
+    path.unlink()
+    path.mkdir()
+
+
+DAMAGES = {
+    "cut": cut,
+    "flipped": flipped,
+    "empty": lambda path: swapped(path, b""),
+    "zeros": lambda path: swapped(path, bytes(path.stat().st_size)),
+    "missing": Path.unlink,
+    "a folder": folder,
+    "killed while it was compiled": lambda path: next(path.parent.glob("*forms*.cached")).unlink(),
+    "checksum lost": lambda path: next(path.parent.glob("*forms*.sha256")).unlink(),
+    "checksum no text": lambda path: next(path.parent.glob("*forms*.sha256")).write_bytes(b"\xff"),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_what_is_damaged_is_made_again(place, damage):
+    assert length() == pytest.approx(2.0)
+    compiled = library(place).read_bytes()
+    DAMAGES[damage](library(place))
+    assert length() == pytest.approx(2.0)
+    assert library(place).read_bytes()[:4] == b"\x7fELF"
+    assert len(library(place).read_bytes()) == len(compiled)
+    made = library(place).stat()
+    assert length() == pytest.approx(2.0)
+    assert library(place).stat() == made  # loaded, not compiled
+
+
+def test_nobody_else_may_write_there(place):
+    assert stat.S_IMODE(place.stat().st_mode) == 0o700
+    (place / "planted").touch()
+    assert compiled_forms.place() == place
+    assert (place / "planted").exists()
+    place.chmod(0o777)
+    assert compiled_forms.place() == place
+    assert not (place / "planted").exists()
+    assert stat.S_IMODE(place.stat().st_mode) == 0o700
+
+
+@pytest.mark.parametrize("of", ["another user", "a link"])
+def test_a_folder_of_somebody_else_is_left_alone(place, tmp_path, monkeypatch, of):
+    if of == "a link":
+        place.rename(tmp_path / "elsewhere")
+        place.symlink_to(tmp_path / "elsewhere")
+    else:
+        another = os.geteuid() + 1
+        monkeypatch.setattr(os, "geteuid", lambda: another)
+    with pytest.warns(ao.AntioscWarning, match="XDG_CACHE_HOME"):
+        found = compiled_forms.place()
+    assert found != place
+    assert stat.S_IMODE(found.stat().st_mode) == 0o700
+    assert compiled_forms.place() == found
+    found.rmdir()
+
+
+def test_one_process_at_a_time_makes_a_form(place, monkeypatch):
+    monkeypatch.setattr(compiled_forms, "PATIENCE", 0.1)
+    first = compiled_forms._Entry(place, "form")
+    with pytest.raises(ao.InputError, match="another process"), compiler():
+        compiled_forms._Entry(place, "form")
+    first.release()
+    compiled_forms._Entry(place, "form").release()
+
+
+def test_no_configuration_is_read(place):
+    readers = [name for name in compiled_forms.READERS if hasattr(dolfinx.jit, name)]
+    usual = [getattr(dolfinx.jit, name) for name in readers]
+    assert readers
+    with compiler():
+        assert [getattr(dolfinx.jit, name)()[0] for name in readers] == [{"cache_dir": place}]
+    assert [getattr(dolfinx.jit, name) for name in readers] == usual
+
+
+def test_a_form_of_the_program_goes_where_the_program_says(place, tmp_path):
+    """Another thread may compile for itself while antiosc does."""
+    import ffcx.codegeneration.jit as jit
+
+    with compiler():
+        found = jit.get_cached_module("libffcx_forms_x", [], tmp_path / "own", 1)
+    assert found == (None, None)
+    assert os.listdir(tmp_path / "own") == ["libffcx_forms_x.c"]
+    assert not os.listdir(place)
