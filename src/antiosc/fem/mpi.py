@@ -8,7 +8,9 @@ from __future__ import annotations
 import functools
 import inspect
 import pickle
+import threading
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import nullcontext
 from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
@@ -32,6 +34,9 @@ T = TypeVar("T")
 #: All processes, and this one alone.
 WORLD, ALONE = (SERIAL, SERIAL) if MPI is None else (MPI.COMM_WORLD, MPI.COMM_SELF)
 
+#: PETSc, SLEPc and dolfinx serve one thread at a time; SciPy's matrices need no lock.
+_packages = threading.RLock()
+
 #: The number of the next object that all ranks make together.
 _serial = 0
 
@@ -43,7 +48,7 @@ def collective(
 
     First the ranks compare fingerprints of their arguments. If these differ, all ranks raise
     InputError; otherwise they would deadlock, or mix two problems. At the end an error of one rank
-    is raised on all ranks. On one rank the function is called directly.
+    is raised on all ranks. On one rank the function is called directly, by one thread at a time.
 
     Parameters
     ----------
@@ -58,7 +63,8 @@ def collective(
         def guarded(*args: P.args, **kwargs: P.kwargs) -> T:
             comm = _communicator(_flat([*args, *kwargs.values()]), default)
             if comm.size == 1:
-                return _with_memory(function, *args, **kwargs)
+                with nullcontext() if isinstance(comm, Serial) else _packages:
+                    return _with_memory(function, *args, **kwargs)
             given = _given(signature, args, kwargs)
             for name in counts.keys() & given.keys():
                 given[name] = _counted(counts[name], given[name])

@@ -203,6 +203,9 @@ def without_openmp() -> Iterator[None]:
         yield
         return
     levels = openmp.omp_get_max_active_levels()
+    if not levels:  # another thread has set it, and puts it back
+        yield
+        return
     openmp.omp_set_max_active_levels(0)
     try:
         yield
