@@ -19,9 +19,10 @@ from pathlib import Path
 
 #: Loggers whose levels the packages change.
 LOGGERS = ("UFL", "ffcx", "FFCx")
-#: Variables that setuptools sets, and the package whose folders it appends to the module path.
-ENVIRONMENT, VENDOR = ("HOME", "PLAT"), "setuptools"
-#: Entries that it appended: it may look there again later.
+#: Variables that setuptools and threadpoolctl set; the package whose folders are put on the module
+#: path.
+ENVIRONMENT, VENDOR = ("HOME", "KMP_DUPLICATE_LIB_OK", "PLAT"), "setuptools"
+#: Entries that it put there: it may look there again later.
 _appended: list[str] = []
 #: Held while something is imported or compiled, for all of this belongs to the process.
 _lock = threading.RLock()
