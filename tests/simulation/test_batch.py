@@ -196,7 +196,9 @@ def closed_pool() -> ThreadPoolExecutor:
     return pool
 
 
-@pytest.mark.parametrize(("law", "says"), [(Deadly, "BrokenProcess"), (Unpicklable, "holds a file")])
+@pytest.mark.parametrize(
+    ("law", "says"), [(Deadly, "BrokenProcess"), (Unpicklable, "holds a file")]
+)
 def test_scenes_that_an_executor_loses_cost_no_other_and_can_be_made_up_for(law, says):
     """With `earlier` only the scenes without a result are integrated."""
     laws = [ao.Linear(2e6), ao.Linear(3e6), law(1e6)]

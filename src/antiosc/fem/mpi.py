@@ -18,9 +18,10 @@ import numpy as np
 from antiosc import errors
 from antiosc._types import Array
 from antiosc.checks import shown
-from antiosc.errors import AntioscWarning, InputError, OutOfMemoryError
+from antiosc.errors import AntioscWarning, InputError
 from antiosc.fem.communicator import SERIAL, Serial
 from antiosc.fem.fingerprint import fingerprint, is_void, named, number
+from antiosc.memory import within_memory
 
 MPI: Any
 try:
@@ -57,14 +58,14 @@ def collective(
     """
 
     def guard(function: Callable[P, T]) -> Callable[P, T]:
-        signature = inspect.signature(function)
+        signature, called = inspect.signature(function), within_memory(function)
 
         @functools.wraps(function)
         def guarded(*args: P.args, **kwargs: P.kwargs) -> T:
             comm = _communicator(_flat([*args, *kwargs.values()]), default)
             if comm.size == 1:
                 with nullcontext() if isinstance(comm, Serial) else _packages:
-                    return _with_memory(function, *args, **kwargs)
+                    return called(*args, **kwargs)
             given = _given(signature, args, kwargs)
             for name in counts.keys() & given.keys():
                 given[name] = _counted(counts[name], given[name])
@@ -72,7 +73,7 @@ def collective(
             result: Any = None
             error: Exception | None = None
             try:
-                result = _with_memory(function, *args, **kwargs)
+                result = called(*args, **kwargs)
             except Exception as caught:
                 error = caught
             _conclude(comm, error, args[0] if function.__name__ == "__init__" else result)
@@ -81,19 +82,6 @@ def collective(
         return guarded
 
     return guard
-
-
-def _with_memory(function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T:
-    try:
-        return function(*args, **kwargs)
-    except OutOfMemoryError:
-        raise
-    except MemoryError as error:
-        raise OutOfMemoryError(
-            f"{_public(function.__qualname__)} ran out of memory "
-            f"({str(error) or 'Python itself'}): use a coarser mesh or order=1, or free some "
-            "memory."
-        ) from error
 
 
 def compare(comm: MPI.Comm, name: str, arguments: dict[str, Any]) -> None:

@@ -103,7 +103,8 @@ def sweep(
         for i in todo:
             results[i] = make(**each[i])
         return results
-    for i, result in zip(todo, returned(executor, make, [((), each[i]) for i in todo])):
+    calls = [((), each[i]) for i in todo]
+    for i, result in zip(todo, returned(executor, make, calls), strict=True):
         results[i] = result
     failed = [i for i, result in enumerate(results) if isinstance(result, AntioscError)]
     if failed:
