@@ -184,7 +184,7 @@ def simulate_many(
     todo = [i for i, row in enumerate(rows) if row.verdict.status == STOPPED]
     chunk = TOGETHER if executor is None else -(-size // CHUNKS)
     parts = [todo[k : k + chunk] for k in range(0, len(todo), chunk)]
-    calls = [(([scenes[i] for i in part], limits), {}) for part in parts]
+    calls: list[Any] = [(([scenes[i] for i in part], limits), {}) for part in parts]
     with counting("simulating impacts", len(todo)) as ready:
         if executor is None:
             found: Iterable[Any] = (_solved(*given) for given, _ in calls)

@@ -78,7 +78,7 @@ class Space:
         """For p contacts, m rows, `size` modes."""
         slots = march.LEVELS + 2
         need = 8 * slots * (16 * m * m + 10 * m * size + 10 * size)
-        memory.require(need, f"a run with {p} contacts and {size} modes", SHORTER)
+        memory.require(need, f"a run with {p} contacts and {size} modes", "use fewer of them")
         tables = (
             np.full(slots, np.nan),
             np.zeros((slots, 3), dtype=np.int64),

@@ -178,5 +178,5 @@ def blocks(run: Run, size: int) -> list[tuple[int, int]]:
 def part_of(run: Run, first: int, last: int) -> Run:
     """The steps from `first` to `last` of a run, without states and events."""
     nodes = slice(2 * first, 2 * last + 1)
-    arrays = {"time": run.time[nodes], "force": run.force[nodes], "depth": run.depth[nodes]}
-    return replace(run, **arrays, states=None)
+    time, force, depth = run.time[nodes], run.force[nodes], run.depth[nodes]
+    return replace(run, time=time, force=force, depth=depth, states=None)
