@@ -246,7 +246,9 @@ def test_a_user_without_a_home(tmp_path, monkeypatch):
 
 
 def test_what_others_change_is_put_back(monkeypatch):
-    monkeypatch.setenv("ANTIOSC_TEST_KEPT", "as it was")
+    monkeypatch.setenv("HOME", "/as-it-was")
+    monkeypatch.delenv("PLAT", raising=False)
+    vendored = "/lib/setuptools/_vendor"
     root, show, flags = logging.getLogger(), warnings.showwarning, sys.getdlopenflags()
     handlers, level = list(root.handlers), root.level
 
@@ -255,9 +257,9 @@ def test_what_others_change_is_put_back(monkeypatch):
             root.handlers = [logging.StreamHandler()]
             root.setLevel(1)
             logging.captureWarnings(True)
-            os.environ["ANTIOSC_TEST_NEW"] = "1"
-            os.environ["ANTIOSC_TEST_KEPT"] = "otherwise"
-            sys.path.append("/vendored")
+            os.environ["PLAT"] = "1"
+            os.environ["HOME"] = "/otherwise"
+            sys.path.append(vendored)
             sys.setdlopenflags(flags ^ os.RTLD_GLOBAL)
             raise KeyError("also after an error")
 
@@ -266,13 +268,13 @@ def test_what_others_change_is_put_back(monkeypatch):
     assert root.handlers == handlers
     assert root.level == level
     assert warnings.showwarning is show
-    assert "ANTIOSC_TEST_NEW" not in os.environ
-    assert os.environ["ANTIOSC_TEST_KEPT"] == "as it was"
+    assert "PLAT" not in os.environ
+    assert os.environ["HOME"] == "/as-it-was"
     assert sys.getdlopenflags() == flags
-    assert "/vendored" not in sys.path
+    assert vendored not in sys.path
     with restored():
-        assert "/vendored" in sys.path
-    assert "/vendored" not in sys.path
+        assert vendored in sys.path
+    assert vendored not in sys.path
 
 
 def test_warnings_that_were_captured_stay_captured():

@@ -37,7 +37,9 @@ def __getattr__(name: str) -> Any:
             value = getattr(import_module(_MODULES[name]), name)
     else:
         value = getattr(import_module(_MODULES[name]), name)
-    globals()[name] = value
+    from antiosc.calls import checked
+
+    globals()[name] = value = checked(value)
     return value
 
 

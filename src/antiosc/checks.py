@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from antiosc._types import Array, Numbers
 from antiosc.errors import AccuracyError, InputError
+from antiosc.memory import within_memory
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -276,7 +277,7 @@ def within_range(function: Callable[P, T]) -> Callable[P, T]:
     """Decorate `function`: overflow, division by zero and NaN in it raise an AccuracyError.
 
     Each argument may be valid while their combination exceeds double precision, for instance a mass
-    of 1e-50 kg on a spring of 1e50 N/m.
+    of 1e-50 kg on a spring of 1e50 N/m. A MemoryError becomes an OutOfMemoryError.
     """
 
     @wraps(function)
@@ -293,7 +294,7 @@ def within_range(function: Callable[P, T]) -> Callable[P, T]:
                 f"({error}); check their units, which are SI."
             ) from error
 
-    return guarded
+    return within_memory(guarded)
 
 
 def shown(value: Any) -> str:

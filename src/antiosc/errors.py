@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import sys
 import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from contextvars import ContextVar
 
 
 class AntioscError(Exception):
@@ -44,8 +45,16 @@ class AccuracyWarning(AntioscWarning):
     """A usable result that is less accurate than requested, or than usual."""
 
 
+#: what takes antiosc's warnings of this thread; None: Python's own filters
+_taker: ContextVar[Callable[[str], None] | None] = ContextVar("antiosc_warnings", default=None)
+
+
 def warn(message: str, category: type[Warning] = AntioscWarning) -> None:
     """Warn at the line of the caller's own code, however deep in the library this is called."""
+    taker = _taker.get()
+    if taker is not None:
+        taker(message)
+        return
     warnings.warn(message, category, stacklevel=1 + _frames_to_caller())
 
 
@@ -62,6 +71,25 @@ def _frames_to_caller() -> int:
             return count
         frame, count = frame.f_back, count + 1
     return count
+
+
+@contextmanager
+def warnings_to(take: Callable[[str], None]) -> Iterator[None]:
+    """Give antiosc's warnings of this thread to `take`.
+
+    `warnings.catch_warnings` changes the filters of all threads, and leaves those of another thread
+    if two blocks overlap.
+    """
+    token = _taker.set(take)
+    try:
+        yield
+    finally:
+        _taker.reset(token)
+
+
+def without_warnings() -> AbstractContextManager[None]:
+    """Drop antiosc's warnings of this thread, which were given before."""
+    return warnings_to(lambda message: None)
 
 
 @contextmanager

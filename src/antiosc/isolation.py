@@ -22,23 +22,36 @@ import threading
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 
 #: Loggers whose levels the packages change.
 LOGGERS = ("UFL", "ffcx", "FFCx")
-#: Entries that a package appended to the module path: it may look there again later.
+#: Variables that setuptools and threadpoolctl set; the package whose folders are put on the module
+#: path.
+ENVIRONMENT, VENDOR = ("HOME", "KMP_DUPLICATE_LIB_OK", "PLAT"), "setuptools"
+#: Entries that it put there: it may look there again later.
 _appended: list[str] = []
-#: Held while the working folder is another one.
-_leaving = threading.RLock()
+#: Held while something is imported or compiled, for all of this belongs to the process.
+_lock = threading.RLock()
 
 
 @contextmanager
 def restored() -> Iterator[None]:
-    """Restore logging, warnings, environment, paths, loader flags and locale at the end."""
+    """Restore logging, warnings, environment, paths, loader flags and locale at the end.
+
+    One thread at a time. What other threads do to the environment and the module path meanwhile
+    stays.
+    """
+    with _lock:
+        yield from _restored()
+
+
+def _restored() -> Iterator[None]:
     root = logging.getLogger()
     handlers, level, show = list(root.handlers), root.level, warnings.showwarning
     levels = {name: _level(name) for name in LOGGERS}
-    environment = dict(os.environ)
+    environment = {name: os.environ.get(name) for name in ENVIRONMENT}
     flags = sys.getdlopenflags()
     former = locale.setlocale(locale.LC_ALL)
     path = list(sys.path)
@@ -46,8 +59,9 @@ def restored() -> Iterator[None]:
     try:
         yield
     finally:
-        _appended.extend(entry for entry in sys.path if entry not in (*path, *_appended))
-        sys.path[:] = path
+        new = [entry for entry in sys.path if entry not in path and VENDOR in Path(entry).parts]
+        _appended.extend(entry for entry in new if entry not in _appended)
+        sys.path[:] = [entry for entry in sys.path if entry not in new]
         root.handlers[:] = handlers
         root.setLevel(level)
         if warnings.showwarning is not show:
@@ -55,10 +69,10 @@ def restored() -> Iterator[None]:
         for name, before in levels.items():
             if before is not None:
                 logging.getLogger(name).setLevel(before)
-        for name in os.environ.keys() - environment.keys():
-            del os.environ[name]
         for name, value in environment.items():
-            if os.environ.get(name) != value:
+            if value is None:
+                os.environ.pop(name, None)
+            elif os.environ.get(name) != value:
                 os.environ[name] = value
         sys.setdlopenflags(flags)
         locale.setlocale(locale.LC_ALL, former)
@@ -100,7 +114,7 @@ def loading() -> Iterator[None]:
     The working folder is one of the whole process, hence only what is loaded once belongs here.
     """
     _give_home()
-    with _leaving:
+    with _lock:
         try:
             here = os.open(".", getattr(os, "O_PATH", os.O_RDONLY))
         except OSError:  # nothing can be read there
@@ -122,7 +136,12 @@ def _give_home() -> None:
     try:
         Path.home()
     except RuntimeError:
-        os.environ["HOME"] = own_folder()
+        os.environ["HOME"] = _home()
+
+
+@cache
+def _home() -> str:
+    return own_folder()
 
 
 def own_folder() -> str:

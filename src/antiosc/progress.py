@@ -12,6 +12,7 @@ import importlib
 import os
 import shutil
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -28,25 +29,33 @@ BAR = 50
 #: Variables in which mpirun tells a process its rank: of Open MPI, and of MPICH and its kin.
 RANK = ("OMPI_COMM_WORLD_RANK", "PMI_RANK", "PMIX_RANK")
 
-#: what is being done, the outermost first
-_lines: list[str] = []
+
+class _Lines(threading.local):
+    """What this thread is doing, the outermost first."""
+
+    def __init__(self) -> None:
+        self.texts: list[str] = []
+
+
+_lines = _Lines()
 
 
 @contextmanager
 def doing(text: str, rank: int = 0) -> Iterator[Callable[[str], None]]:
     """Show `text` while the block runs; call the function it gives to add how far it is."""
-    _lines.append(text)
-    index = len(_lines) - 1
+    lines = _lines.texts
+    index = len(lines)
+    lines.append(text)
 
     def further(more: str) -> None:
-        _lines[index] = f"{text}: {more}"
+        lines[index] = f"{text}: {more}"
         _write(rank)
 
     _write(rank)
     try:
         yield further
     finally:
-        del _lines[index:]
+        del lines[index:]
         _write(rank)
 
 
@@ -102,7 +111,7 @@ def _write(rank: int) -> None:
         if os.environ.get("TERM") == "dumb":
             return
         width = shutil.get_terminal_size().columns - 1
-        line = f"antiosc: {_lines[-1]} …"[:width] if _lines else ""
+        line = f"antiosc: {_lines.texts[-1]} …"[:width] if _lines.texts else ""
         stream.write(CLEAR + line)
         stream.flush()
     except (OSError, ValueError):  # a terminal that was closed

@@ -56,6 +56,12 @@ class SavedFields(Brief):
     factors: Array
 
     def __post_init__(self) -> None:
+        for name, dim in (("points", 2), ("shapes", 3), ("time", 1), ("factors", 2)):
+            value = checks.array(name, getattr(self, name), None)
+            if value.ndim != dim:
+                raise InputError(f"{name} must have {dim} axes; got an array of {value.shape}.")
+            checks.store(self, **{name: value})
+        checks.store(self, cells=_cells(self.cells))
         count, k = len(self.points), self.shapes.shape[-1]
         fits = (
             self.points.shape == (count, 3)
@@ -211,6 +217,20 @@ class SavedFields(Brief):
             ("time", f"{len(self.time)} times, {self.time[0]:.4g} to {self.time[-1]:.4g} s"),
             ("largest", f"{self.largest:.4g} m"),
         ]
+
+
+def _cells(given: Any) -> list[tuple[str, IntArray]]:
+    """Pairs (kind, cells), or InputError."""
+    try:
+        blocks = [(str(kind), np.asarray(cells)) for kind, cells in given]
+    except (TypeError, ValueError):
+        blocks = [("", np.zeros(0))]
+    if not blocks or any(cells.dtype.kind not in "iu" for _, cells in blocks):
+        raise InputError(
+            "cells must be pairs (kind, whole numbers (m, nodes)), as [('tetra10', cells)]; got "
+            f"{checks.shown(given)}."
+        )
+    return blocks
 
 
 def _outer(kind: str, cells: IntArray) -> IntArray:

@@ -34,12 +34,12 @@ from antiosc.fem.elements.solid import Solid
 from antiosc.fem.error import cell_sizes
 from antiosc.fem.error.estimator import estimator
 from antiosc.fem.error.remeshing import Source, source_of
-from antiosc.fem.linalg.memory import MEMORY_SHARE, free_memory
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.mpi import collective, on_root
 from antiosc.fem.site.site import Site
 from antiosc.fem.structure.structure import Structure
 from antiosc.fem.structure.support import Support
+from antiosc.memory import MEMORY_SHARE, free_memory
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import LinearBody
 from antiosc.models.motion import Motion

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from antiosc._types import Array
+from antiosc.isolation import restored
 
 if TYPE_CHECKING:
     from threadpoolctl import ThreadpoolController
@@ -130,11 +131,20 @@ class _Blas:
                 self.limit.restore_original_limits()
 
 
-@cache
 def _blas() -> _Blas | None:
-    """None where threadpoolctl is not installed."""
+    """The same for all Python threads; None where threadpoolctl is not installed."""
+    with _making:
+        return _made()
+
+
+_making = Lock()
+
+
+@cache
+def _made() -> _Blas | None:
     try:
-        from threadpoolctl import ThreadpoolController
+        with restored():
+            from threadpoolctl import ThreadpoolController
     except ImportError:
         return None
     import scipy.linalg  # noqa: F401  (loads the BLAS)

@@ -35,6 +35,15 @@ def test_a_field_is_the_sum_of_its_shapes():
     assert len(repr(fields).splitlines()) <= 5
 
 
+@pytest.mark.parametrize("at", range(5))
+@pytest.mark.parametrize("wrong", [None, "text", [[None]]])
+def test_fields_of_other_things_are_refused(at, wrong):
+    good = made()
+    given = [good.points, good.cells, good.shapes, good.time, good.factors]
+    with pytest.raises(ao.InputError):
+        SavedFields(*given[:at], wrong, *given[at + 1 :])
+
+
 def test_faces_between_cells_are_not_drawn():
     faces = made().faces
     assert faces.shape == (10, 4)

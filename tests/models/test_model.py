@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import struct
+import zipfile
 
 import numpy as np
 import pytest
@@ -190,6 +192,14 @@ class TestFile:
         path.write_bytes(content)
         with pytest.raises(ao.InputError, match=says):
             ao.AntiOscillators.load(path)
+
+    @pytest.mark.parametrize("text", ["((((", "{'descr':", "'''", "[1]"])
+    def test_an_array_with_a_damaged_header(self, tmp_path, text):
+        head = text.encode().ljust(118) + b"\n"
+        with zipfile.ZipFile(tmp_path / "m.npz", "w") as archive:
+            archive.writestr("m.npy", b"\x93NUMPY\x01\x00" + struct.pack("<H", len(head)) + head)
+        with pytest.raises(ao.InputError, match="damaged"):
+            ao.AntiOscillators.load(tmp_path / "m.npz")
 
     def test_missing_future_and_other_format(self, tmp_path):
         with pytest.raises(ao.InputError, match="no model file"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 
 import numpy as np
@@ -169,6 +170,61 @@ def test_executors_keep_the_order_and_tell_a_scene_that_fails(pool):
     assert isinstance(peaks[1], ao.InputError)
     assert peaks[0] == pytest.approx(peak_of(0.1, 0.01), rel=1e-6)
     assert peaks[2] == pytest.approx(peak_of(0.2, 0.01), rel=1e-6)
+
+
+class Deadly(ao.Linear):
+    """A law that ends another process as soon as it gets there."""
+
+    def __reduce__(self):
+        return revived, (os.getpid(), self.stiffness)
+
+
+def revived(parent: int, stiffness: float) -> ao.Linear:
+    if os.getpid() != parent:
+        os._exit(1)
+    return ao.Linear(stiffness)
+
+
+class Unpicklable(ao.Linear):
+    def __reduce__(self):
+        raise TypeError("it holds a file")
+
+
+def closed_pool() -> ThreadPoolExecutor:
+    pool = ThreadPoolExecutor(1)
+    pool.shutdown()
+    return pool
+
+
+@pytest.mark.parametrize(
+    ("law", "says"), [(Deadly, "BrokenProcess"), (Unpicklable, "holds a file")]
+)
+def test_scenes_that_an_executor_loses_cost_no_other_and_can_be_made_up_for(law, says):
+    """With `earlier` only the scenes without a result are integrated."""
+    laws = [ao.Linear(2e6), ao.Linear(3e6), law(1e6)]
+    given = case_two(3)[0], ao.RigidMass(0.1, 1.0)
+    with ProcessPoolExecutor(1) as pool, pytest.warns(ao.AccuracyWarning, match=says):
+        first = ao.simulate_many(*given, laws, 1e-3, executor=pool)
+    assert first.status.tolist() == [0, 0, 2]
+    assert np.isnan(first.peak_force).tolist() == [False, False, True]
+    whole = ao.simulate_many(*given, laws, 1e-3, earlier=first)
+    assert (whole.peak_force[:2] == first.peak_force[:2]).all()
+    alone = ao.simulate_many(*given, ao.Linear(1e6), 1e-3).peak_force
+    assert whole.peak_force[2] == pytest.approx(alone[0], rel=1e-9)
+    with pytest.raises(ao.InputError, match="one entry for each of 2"):
+        ao.simulate_many(*given, laws[:2], 1e-3, earlier=first)
+
+
+def test_a_sweep_keeps_what_an_executor_has_made():
+    with pytest.warns(ao.AccuracyWarning, match="2 of 2 calls failed.*shutdown"):
+        lost = ao.sweep(ao.RigidMass, mass=[1.0, 2.0], velocity=1.0, executor=closed_pool())
+    assert all(isinstance(each, ao.AntioscError) for each in lost)
+    masses = ao.sweep(ao.RigidMass, mass=[1.0, 2.0], velocity=1.0, earlier=lost)
+    again = ao.sweep(ao.RigidMass, mass=[1.0, 2.0], velocity=1.0, earlier=[masses[0], lost[1]])
+    assert again[0] is masses[0]
+    assert again[1].mass == 2.0
+    with pytest.raises(ao.AntioscError, match="shutdown"):
+        ao.simulate_many(case_two(2)[0], masses, ao.Hertz(1e9), 1e-3, executor=closed_pool())
 
 
 def test_bad_executor():

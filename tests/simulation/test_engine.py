@@ -114,7 +114,8 @@ def test_the_work_of_loads_over_steps_is_that_of_the_whole_balance() -> None:
     hit = scene.run(1e-3, tol=1e-3)
     mechanical = np.empty(len(hit.run.states))
     march.energies(hit.run.states, hit.assembly.system.omega, mechanical)
-    work = np.cumsum(_work_by_step(hit.assembly, hit.run, mechanical))
+    q, v = hit.run.states[:, 0], hit.run.states[:, 1]
+    work = np.cumsum(_work_by_step(hit.assembly, hit.run, q, v, mechanical))
     known = hit.energy.gravity[2::2]
     assert np.abs(known).max() > 0.02
     np.testing.assert_allclose(work, known, rtol=0, atol=1e-7)

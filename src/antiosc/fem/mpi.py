@@ -8,7 +8,9 @@ from __future__ import annotations
 import functools
 import inspect
 import pickle
+import threading
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import nullcontext
 from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
@@ -16,9 +18,10 @@ import numpy as np
 from antiosc import errors
 from antiosc._types import Array
 from antiosc.checks import shown
-from antiosc.errors import AntioscWarning, InputError, OutOfMemoryError
+from antiosc.errors import AntioscWarning, InputError
 from antiosc.fem.communicator import SERIAL, Serial
 from antiosc.fem.fingerprint import fingerprint, is_void, named, number
+from antiosc.memory import within_memory
 
 MPI: Any
 try:
@@ -32,6 +35,9 @@ T = TypeVar("T")
 #: All processes, and this one alone.
 WORLD, ALONE = (SERIAL, SERIAL) if MPI is None else (MPI.COMM_WORLD, MPI.COMM_SELF)
 
+#: PETSc, SLEPc and dolfinx serve one thread at a time; SciPy's matrices need no lock.
+_packages = threading.RLock()
+
 #: The number of the next object that all ranks make together.
 _serial = 0
 
@@ -43,7 +49,7 @@ def collective(
 
     First the ranks compare fingerprints of their arguments. If these differ, all ranks raise
     InputError; otherwise they would deadlock, or mix two problems. At the end an error of one rank
-    is raised on all ranks. On one rank the function is called directly.
+    is raised on all ranks. On one rank the function is called directly, by one thread at a time.
 
     Parameters
     ----------
@@ -52,13 +58,14 @@ def collective(
     """
 
     def guard(function: Callable[P, T]) -> Callable[P, T]:
-        signature = inspect.signature(function)
+        signature, called = inspect.signature(function), within_memory(function)
 
         @functools.wraps(function)
         def guarded(*args: P.args, **kwargs: P.kwargs) -> T:
             comm = _communicator(_flat([*args, *kwargs.values()]), default)
             if comm.size == 1:
-                return _with_memory(function, *args, **kwargs)
+                with nullcontext() if isinstance(comm, Serial) else _packages:
+                    return called(*args, **kwargs)
             given = _given(signature, args, kwargs)
             for name in counts.keys() & given.keys():
                 given[name] = _counted(counts[name], given[name])
@@ -66,7 +73,7 @@ def collective(
             result: Any = None
             error: Exception | None = None
             try:
-                result = _with_memory(function, *args, **kwargs)
+                result = called(*args, **kwargs)
             except Exception as caught:
                 error = caught
             _conclude(comm, error, args[0] if function.__name__ == "__init__" else result)
@@ -75,19 +82,6 @@ def collective(
         return guarded
 
     return guard
-
-
-def _with_memory(function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T:
-    try:
-        return function(*args, **kwargs)
-    except OutOfMemoryError:
-        raise
-    except MemoryError as error:
-        raise OutOfMemoryError(
-            f"{_public(function.__qualname__)} ran out of memory "
-            f"({str(error) or 'Python itself'}): use a coarser mesh or order=1, or free some "
-            "memory."
-        ) from error
 
 
 def compare(comm: MPI.Comm, name: str, arguments: dict[str, Any]) -> None:

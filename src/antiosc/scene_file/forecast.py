@@ -7,6 +7,7 @@ from typing import Any
 
 from antiosc.advice import advise
 from antiosc.errors import AntioscError
+from antiosc.memory import free_memory
 from antiosc.scene_file.result_tables import lines
 from antiosc.scene_file.run import Results, results
 from antiosc.scene_file.scene import Compiled
@@ -46,7 +47,6 @@ def _factor(structure: Any) -> str:
 
     if missing is not None or not hasattr(structure.K, "getSizes"):
         return "by SciPy; not forecast"
-    from antiosc.fem.linalg.memory import free_memory
     from antiosc.fem.linalg.solver_choice import BYTES, Plan
 
     entries = Plan(structure.K).entries

@@ -6,17 +6,16 @@ assembled.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from antiosc.errors import (
     AntioscError,
-    AntioscWarning,
     InputError,
     MissingDependencyError,
     finite_element_packages,
+    without_warnings,
 )
 from antiosc.scene_file.locations import Place
 from antiosc.scene_file.problems import label, unknown
@@ -98,8 +97,7 @@ def _groups_of_deck(call: Call) -> list[str]:
     """Names of the groups of a deck."""
     with finite_element_packages():
         from antiosc.fem.assembly.from_deck import groups_of_deck
-    with warnings.catch_warnings():  # a run tells what of the deck it does not take
-        warnings.simplefilter("ignore", AntioscWarning)
+    with without_warnings():  # a run tells what of the deck it does not take
         return groups_of_deck(**call.arguments)
 
 

@@ -18,7 +18,9 @@ from antiosc.scene_file.outputs import Output
 WITHHELD = {
     "trust": "a file cannot permit itself to run commands; use Python for a script that you trust",
     "shapes": "shapes are always kept, for fields and probes",
-    **dict.fromkeys(("comm", "groups", "info", "history", "self"), "it is an object of Python"),
+    **dict.fromkeys(
+        ("comm", "earlier", "groups", "info", "history", "self"), "it is an object of Python"
+    ),
 }
 #: Parameters whose texts are file names, beside those whose annotation says it.
 FILES = {("Structure.from_files", "map")}

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import sys
-import warnings
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, TypeVar
 
 from antiosc import progress
-from antiosc.errors import AntioscError, AntioscWarning, InputError
+from antiosc.errors import AntioscError, InputError, warnings_to
 from antiosc.scene_file.program import Call, Evaluation, Statement
 from antiosc.scene_file.read import Document
 from antiosc.scene_file.scene import Compiled
@@ -56,7 +55,7 @@ def results(compiled: Compiled, statements: list[Statement]) -> Results:
     """Run statements of a scene; SceneFileError with the line where one of them fails."""
     evaluation = Evaluation(_failure(compiled.document))
     found = Results(compiled, evaluation.variables)
-    with _told(found.warnings):
+    with warnings_to(partial(_told, found.warnings)):
         for each in statements:
             with progress.doing(DOING.get(each.variable, each.variable)):
                 evaluation.run(each)
@@ -77,23 +76,11 @@ def _failure(document: Document) -> Callable[[Call, Exception], Exception]:
     return failed
 
 
-@contextmanager
-def _told(sentences: list[str]) -> Iterator[None]:
-    """antiosc's warnings within the block are kept as sentences; others go their way."""
-    before = warnings.showwarning
-    with warnings.catch_warnings():
-        warnings.simplefilter("always", AntioscWarning)
-
-        def show(message: Any, category: Any, *rest: Any, **more: Any) -> None:
-            if issubclass(category, AntioscWarning):
-                text = " ".join(str(message).split())
-                if text not in sentences:
-                    sentences.append(text)
-            else:
-                before(message, category, *rest, **more)
-
-        warnings.showwarning = show
-        yield
+def _told(sentences: list[str], message: str) -> None:
+    """Keep a warning as a sentence, once."""
+    text = " ".join(message.split())
+    if text not in sentences:
+        sentences.append(text)
 
 
 # -- ranks

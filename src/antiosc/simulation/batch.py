@@ -18,13 +18,13 @@ from antiosc.contact import ContactLaw
 from antiosc.errors import AccuracyError, AccuracyWarning, AntioscError, InputError, warn
 from antiosc.models.body import LinearBody
 from antiosc.progress import counting
+from antiosc.simulation.executors import check_executor, returned
 from antiosc.simulation.integrators import MAX_STEPS
 from antiosc.simulation.simulate import DEFAULT_TOL, Outcome, integrated
 from antiosc.simulation.verdict import STOPPED, Verdict, tell_all
 
 CHUNKS = 64  # that the scenes are divided into for an executor
 TOGETHER = 16  # scenes between two looks at the progress
-EXECUTOR = "a concurrent.futures.Executor, such as ProcessPoolExecutor()"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -58,7 +58,11 @@ class Batch(Brief):
 
 
 def sweep(
-    make: Callable[..., Any], *, executor: Executor | None = None, **values: Any
+    make: Callable[..., Any],
+    *,
+    executor: Executor | None = None,
+    earlier: Sequence[Any] | None = None,
+    **values: Any,
 ) -> list[Any]:
     """Objects made from arrays: `sweep(RigidMass, mass=masses, velocity=2.0)`.
 
@@ -68,8 +72,10 @@ def sweep(
         A constructor, or any function of the keywords.
     executor : concurrent.futures.Executor, optional
         What calls `make`, for instance a pool of processes. A call that fails then leaves its
-        error in its place and costs no other; a warning names it. Without an executor the first
-        error is raised.
+        error, an AntioscError, in its place and costs no other; a warning names it. So does a
+        worker that dies. Without an executor the first error is raised.
+    earlier : sequence, optional
+        What an earlier call with the same values returned: only the calls that failed are made.
     values
         Every keyword is one value for all or a sequence; all sequences must have the same length.
 
@@ -81,22 +87,25 @@ def sweep(
     Raises
     ------
     InputError
-        For sequences of different lengths.
+        For sequences of different lengths, those of `earlier` included.
     """
     checks.function("make", make, "a constructor, such as RigidMass")
-    _check_executor(executor)
+    check_executor(executor)
     lengths = {k: len(v) for k, v in values.items() if _is_many(v)}
     size = _common_length(lengths)
     each = [{k: v[i] if k in lengths else v for k, v in values.items()} for i in range(size)]
+    results: list[Any] = [AntioscError("not called yet")] * size
+    if earlier is not None:
+        results = list(checks.instance("earlier", earlier, Sequence, "the list of an earlier call"))
+        _check_earlier(len(results), size)
+    todo = [i for i, result in enumerate(results) if isinstance(result, AntioscError)]
     if executor is None:
-        return [make(**keywords) for keywords in each]
-    futures = [executor.submit(make, **keywords) for keywords in each]
-    results: list[Any] = []
-    for future in futures:
-        try:
-            results.append(future.result())
-        except AntioscError as error:
-            results.append(error)
+        for i in todo:
+            results[i] = make(**each[i])
+        return results
+    calls = [((), each[i]) for i in todo]
+    for i, result in zip(todo, returned(executor, make, calls), strict=True):
+        results[i] = result
     failed = [i for i, result in enumerate(results) if isinstance(result, AntioscError)]
     if failed:
         warn(
@@ -120,6 +129,7 @@ def simulate_many(
     max_contacts: int = 10_000,
     max_steps: int = MAX_STEPS,
     executor: Executor | None = None,
+    earlier: Batch | None = None,
 ) -> Batch:
     """`simulate` with the exact method for many scenes.
 
@@ -132,7 +142,10 @@ def simulate_many(
     tol, max_contacts, max_steps
         As for `simulate`.
     executor : concurrent.futures.Executor, optional
-        What integrates the scenes, in chunks: processes, threads, `mpi4py.futures`, Dask's.
+        What integrates the scenes, in chunks: processes, threads, `mpi4py.futures`, Dask's. A
+        chunk that it does not return, for instance because a process died, fails as a whole.
+    earlier : Batch, optional
+        What an earlier call with the same scenes returned: only those of status 2 are integrated.
 
     Returns
     -------
@@ -157,7 +170,7 @@ def simulate_many(
         "initial_velocity": initial_velocity,
         "gravity": gravity,
     }
-    _check_executor(executor)
+    check_executor(executor)
     size = _common_length({k: len(v) for k, v in given.items() if _is_many(v)})
     columns = {k: list(v) if _is_many(v) else [v] * size for k, v in given.items()}
     accuracy = DEFAULT_TOL if tol is None else checks.tolerance(tol)
@@ -167,18 +180,22 @@ def simulate_many(
         "max_steps": checks.whole("max_steps", max_steps),
     }
     scenes = list(zip(*columns.values(), strict=True))
+    rows = _rows_of(earlier, size)
+    todo = [i for i, row in enumerate(rows) if row.verdict.status == STOPPED]
     chunk = TOGETHER if executor is None else -(-size // CHUNKS)
-    parts = [scenes[i : i + chunk] for i in range(0, size, chunk)]
-    rows: list[_Row] = []
-    with counting("simulating impacts", size) as ready:
+    parts = [todo[k : k + chunk] for k in range(0, len(todo), chunk)]
+    calls: list[Any] = [(([scenes[i] for i in part], limits), {}) for part in parts]
+    with counting("simulating impacts", len(todo)) as ready:
         if executor is None:
-            found: Iterable[list[_Row]] = (_solved(part, limits) for part in parts)
+            found: Iterable[Any] = (_solved(*given) for given, _ in calls)
         else:
-            futures = [executor.submit(_solved, part, limits) for part in parts]
-            found = (future.result() for future in futures)
-        for each in found:
-            rows.extend(each)
-            ready(len(rows))
+            found = returned(executor, _solved, calls)
+        for count, (part, result) in enumerate(zip(parts, found, strict=True), start=1):
+            if isinstance(result, AntioscError):
+                result = [_failed(result)] * len(part)
+            for i, row in zip(part, result, strict=True):
+                rows[i] = row
+            ready(min(count * chunk, len(todo)))
     _raise(rows)
     tell_all([r.verdict for r in rows])
     return _gathered(rows)
@@ -210,8 +227,12 @@ def _solved(scenes: Sequence[tuple[Any, ...]], limits: dict[str, Any]) -> list[_
         try:
             rows.append(_row(impact(*scene, **limits)))
         except AntioscError as error:
-            rows.append(_Row(Verdict(STOPPED, str(error)), error=error))
+            rows.append(_failed(error))
     return rows
+
+
+def _failed(error: AntioscError) -> _Row:
+    return _Row(Verdict(STOPPED, str(error)), error=error)
 
 
 @checks.within_range
@@ -297,9 +318,23 @@ def _gathered(rows: list[_Row]) -> Batch:
     )
 
 
-def _check_executor(executor: Any) -> None:
-    if executor is not None and not callable(getattr(executor, "submit", None)):
-        raise InputError(f"executor must be {EXECUTOR}; got {type(executor).__name__}.")
+def _rows_of(earlier: Batch | None, size: int) -> list[_Row]:
+    """The rows of a batch; without one, rows of status 2."""
+    if earlier is None:
+        return [_Row(Verdict(STOPPED, ""))] * size
+    batch = checks.instance("earlier", earlier, Batch, "the Batch of an earlier call")
+    _check_earlier(len(batch), size)
+    names = ("peak_force", "impulse", "contact_time", "restitution", "contacts", "step", "force")
+    rows = []
+    for i, (status, message) in enumerate(zip(batch.status.tolist(), batch.message, strict=True)):
+        values = {name: getattr(batch, name)[i] for name in names}
+        rows.append(_Row(Verdict(status, message), accuracy=batch.error[i], **values))
+    return rows
+
+
+def _check_earlier(length: int, size: int) -> None:
+    if length != size:
+        raise InputError(f"earlier must have one entry for each of {size} scenes; got {length}.")
 
 
 def _is_many(value: Any) -> bool:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from antiosc import memory
 from antiosc.simulation import march
 from antiosc.simulation.compilation import fitting_march
 from antiosc.simulation.laws import MEMORY
@@ -20,6 +21,9 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 _FIRST = 2048  # nodes of the first buffer
+#: Bytes of states that a run keeps; a longer one keeps those of every 2nd, 4th ... step.
+STATES = 1 << 27
+SHORTER = "shorten the duration, or use fewer contacts or anti-oscillators"
 
 
 @dataclass(eq=False)
@@ -29,7 +33,8 @@ class Run:
     Attributes
     ----------
     time : (2 n + 1,); force, depth : (2 n + 1, m).
-    states : (n + 1, 2, J) at the start and after each step; None if not kept.
+    states : (n // every + 1, 2, J) at the start of the steps 0, every, 2 every ...; None if not
+        kept. `antiosc.simulation.scene_states` finds those in between.
     events : (., 4) time, contact, piece that begins, closing speed.
     answer : why the march stopped.
     steps : taken; `attempts` those and the ones that were tried and given up for shorter ones,
@@ -50,6 +55,7 @@ class Run:
     refused: int = 0
     gained: float = 0.0
     work: float = 0.0
+    every: int = 1
 
 
 @dataclass(eq=False)
@@ -71,6 +77,8 @@ class Space:
     def of(cls, p: int, m: int, size: int) -> Space:
         """For p contacts, m rows, `size` modes."""
         slots = march.LEVELS + 2
+        need = 8 * slots * (16 * m * m + 10 * m * size + 10 * size)
+        memory.require(need, f"a run with {p} contacts and {size} modes", "use fewer of them")
         tables = (
             np.full(slots, np.nan),
             np.zeros((slots, 3), dtype=np.int64),
@@ -207,6 +215,7 @@ def run(
     out[0][0], out[1][0], out[2][0] = 0.0, row[march.FORCE], row[march.DEPTH]
     count[march.NODES] = 1
     found: list[tuple[Array, ...]] = []
+    thinned = _Thinned()
     while True:
         if chosen is march:
             answer = _interpret(start, space, out)
@@ -222,16 +231,18 @@ def run(
                 time[:nodes].copy(),
                 force[:nodes].copy(),
                 depth[:nodes].copy(),
-                kept[:states, :, :width].copy(),
                 met[:events].copy(),
             )
         )
+        thinned.add(kept[:states, :, :width])
         if chosen is march and module is None:
             chosen = fitting_march(int(count[march.STEPS]) - before)
             before = int(count[march.STEPS])
         if answer != march.FULL:
             break
-        buffer = min(4 * buffer, 1 << 17)
+        buffer = min(4 * buffer, 1 << 17, max(_FIRST, STATES // (8 * max(width, 1))))
+        used = sum(each.nbytes for parts in found for each in parts)
+        memory.require(used + 8 * buffer * (2 * m + width), f"a run of {p} contacts", SHORTER)
         out = buffers(buffer, p, m, width)
         count[march.NODES] = count[march.EVENTS] = count[march.STATES] = 0
     _keep(key, space)
@@ -243,8 +254,8 @@ def run(
         time=whole[0],
         force=whole[1],
         depth=whole[2],
-        states=whole[3] if keep else None,
-        events=whole[4],
+        states=thinned.states() if keep else None,
+        events=whole[3],
         answer=int(answer),
         steps=counts[march.STEPS],
         attempts=counts[march.STEPS] + counts[march.RETRIES],
@@ -253,7 +264,27 @@ def run(
         refused=counts[march.REFUSED],
         gained=clocks[march.SURPLUS],
         work=clocks[march.WORKED],
+        every=thinned.every,
     )
+
+
+class _Thinned:
+    """States of steps as they come; of every 2nd, 4th ... step where they would be too many."""
+
+    def __init__(self) -> None:
+        self.every, self._steps, self._parts = 1, 0, list[Array]()
+
+    def add(self, states: Array) -> None:
+        """States (n, 2, J) at the starts of the next n steps."""
+        self._parts.append(states[(-self._steps) % self.every :: self.every].copy())
+        self._steps += len(states)
+        while sum(part.nbytes for part in self._parts) > STATES and self._steps > self.every:
+            self._parts = [self.states()[::2].copy()]
+            self.every *= 2
+
+    def states(self) -> Array:
+        """All that are kept."""
+        return self._parts[0] if len(self._parts) == 1 else np.concatenate(self._parts)
 
 
 def _interpret(start: Start, space: Space, out: tuple[Array, ...]) -> int:

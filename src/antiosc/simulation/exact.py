@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -16,7 +17,7 @@ from antiosc.simulation.expected import stiffness_of
 from antiosc.simulation.given_step import stepped
 from antiosc.simulation.integrators import Contact, Problem, Segment, Trajectory, flight
 from antiosc.simulation.laws import forget, packed
-from antiosc.simulation.scene_states import node_states
+from antiosc.simulation.scene_states import AT_ONCE, node_states, starts
 from antiosc.simulation.system import System
 
 #: Change of a velocity, relative to it, below which it is rounding in part.
@@ -90,11 +91,11 @@ def of_problem(problem: Problem) -> System:
 
 def trajectory(problem: Problem, system: System, found: Run, duration: float) -> Trajectory:
     """The run as its contacts; flights and contacts as segments once they are asked for."""
-    assert found.states is not None
     spans, speeds, released = touches(found)
     time, force = found.time, np.maximum(found.force[:, 0], 0.0)
-    moving = (found.states[spans, 1] @ problem.rigid).tolist()
-    pulse, taken = fitting_march(0).pulse, _taken(problem, found)
+    _, v = starts(found, system, partial(_load, problem), spans.ravel())
+    moving = (v @ problem.rigid).reshape(spans.shape).tolist()
+    pulse, taken = fitting_march(0).pulse, _taken(problem, found, v[:, problem.freest])
     contacts: list[Contact] = []
     segments, at = 0, 0
     for c, (first, last) in enumerate(spans.tolist()):
@@ -105,18 +106,18 @@ def trajectory(problem: Problem, system: System, found: Run, duration: float) ->
             Contact(
                 start=float(time[2 * first]),
                 end=float(time[2 * last]),
-                segments=(segments, segments + 1),
+                segments=(segments, segments + len(_pieces(problem, first, last))),
                 speed=speeds[c],
                 released=released[c],
                 closing=moving[c][0],
                 parting=moving[c][1],
-                impulse=taken(first, last, area),
+                impulse=taken(c, first, last, area),
                 peak=peak,
                 time=time[nodes],
                 force=force[nodes],
             )
         )
-        segments, at = segments + 1, last
+        segments, at = contacts[-1].segments[1], last
     return Trajectory(
         lambda: _segments(problem, system, found, spans, force, duration),
         contacts,
@@ -148,56 +149,62 @@ def _segments(
     problem: Problem, system: System, found: Run, spans: Index, force: Array, duration: float
 ) -> list[Segment]:
     """Flights and contacts in their order."""
-    assert found.states is not None
-    at, end = 0, len(found.states) - 1
+    at, end = 0, found.time.size // 2
     result: list[Segment] = []
     for first, last in [*spans.tolist(), (end, end)]:
         if first > at or (first == end and not result):
             t, span = float(found.time[2 * at]), float(found.time[2 * first] - found.time[2 * at])
-            q, v = found.states[at]
+            (q,), (v,) = starts(found, system, partial(_load, problem), np.array([at]))
             result.append(flight(problem, t, q, v, span, duration))
-        if last > first:
-            result.append(_pressed(problem, system, found, force, first, last))
+        pieces = _pieces(problem, first, last)
+        result += [_pressed(problem, system, found, force, *piece) for piece in pieces]
         at = last
     return result
+
+
+def _pieces(problem: Problem, first: int, last: int) -> list[tuple[int, int]]:
+    """First and last steps of the segments of a contact: their states are found at once."""
+    most = max(AT_ONCE // max(problem.omega.size, 1), 1)
+    return [(k, min(k + most, last)) for k in range(first, last, most)]
+
+
+def _load(problem: Problem, t: Array) -> Array:
+    return np.broadcast_to(problem.load, (t.size, problem.load.size))
 
 
 def _pressed(
     problem: Problem, system: System, found: Run, force: Array, first: int, last: int
 ) -> Segment:
-    """The contact from step `first` to `last`."""
+    """A contact, or a part of it, from step `first` to `last`."""
     nodes = slice(2 * first, 2 * last + 1)
     time, raw = found.time[nodes], found.force[nodes, 0]
     step = time[2::2] - time[:-2:2]  # 0 where an event follows another within rounding
     curved = 4 * (raw[:-2:2] - 2 * raw[1:-1:2] + raw[2::2])
     bend = np.divide(curved, step**2, out=np.zeros_like(step), where=step > 0)
 
-    def load_at(t: Array) -> Array:
-        return np.broadcast_to(problem.load, (t.size, problem.load.size))
-
     return Segment(
         time=time,
         force=force[nodes],
         indentation=lambda: found.depth[nodes, 0],
-        states=lambda: node_states(found, system, load_at, first, last),
+        states=lambda: node_states(found, system, partial(_load, problem), first, last),
         bend=np.repeat(bend, 2),
     )
 
 
-def _taken(problem: Problem, found: Run) -> Callable[[int, int, float], float]:
-    """What gives the impulse [N s] from one step to another, of the integral of the parabolas.
+def _taken(problem: Problem, found: Run, ends: Array) -> Callable[[int, int, int, float], float]:
+    """What gives the impulse [N s] of contact c, from one step to another, of the integral of the
+    parabolas; `ends`: velocities of the freest mode where contacts begin and end.
 
     It is what a rigid mode has taken up, if there is one: a force that jumps to 0, as a damped one
     may, has two values at a node, and the integral knows one of them.
     """
-    assert found.states is not None
     j = problem.freest
-    along, load, speed = float(problem.rigid[j]), float(problem.load[j]), found.states[:, 1, j]
+    along, load, speeds = float(problem.rigid[j]), float(problem.load[j]), ends.tolist()
     if along == 0.0 or problem.decay[j] != 0.0:
-        return lambda first, last, area: area
+        return lambda c, first, last, area: area
 
-    def taken(first: int, last: int, area: float) -> float:
-        before, after = float(speed[first]), float(speed[last])
+    def taken(c: int, first: int, last: int, area: float) -> float:
+        before, after = speeds[2 * c], speeds[2 * c + 1]
         given = load * float(found.time[2 * last] - found.time[2 * first])
         change = given - (after - before)
         known = max(abs(before), abs(after), abs(given))

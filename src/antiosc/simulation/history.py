@@ -84,25 +84,28 @@ class History(HistoryResults):
     @cached_property
     def displacement(self) -> Array:
         """Displacement u of the structure's site [m], (n,)."""
-        q, _ = self._modal_states
-        s, r = self._size, self.bodies[0].r
-        return np.asarray(q[:, :s] @ self.bodies[0].b + r * self.force)
+        s, b = self._size, self.bodies[0].b
+        (moved,) = self._reduced(lambda q, v: (q[:, :s] @ b,))
+        return np.asarray(moved + self.bodies[0].r * self.force)
 
     @cached_property
     def velocity(self) -> Array:
         """Velocity of the structure's site [m/s], (n,), without the residual compliance."""
-        return np.asarray(self._modal_states[1][:, : self._size] @ self.bodies[0].b)
+        s, b = self._size, self.bodies[0].b
+        return self._reduced(lambda q, v: (v[:, :s] @ b,))[0]
 
     @cached_property
     def impactor_displacement(self) -> Array:
         """Displacement w of the impactor's contact point [m], (n,)."""
-        q, _ = self._modal_states
-        return np.asarray(q[:, self._size :] @ self.bodies[1].b - self.bodies[1].r * self.force)
+        s, b = self._size, self.bodies[1].b
+        (moved,) = self._reduced(lambda q, v: (q[:, s:] @ b,))
+        return np.asarray(moved - self.bodies[1].r * self.force)
 
     @cached_property
     def impactor_velocity(self) -> Array:
         """Velocity w' of the impactor's contact point [m/s], (n,)."""
-        return np.asarray(self._modal_states[1][:, self._size :] @ self.bodies[1].b)
+        s, b = self._size, self.bodies[1].b
+        return self._reduced(lambda q, v: (v[:, s:] @ b,))[0]
 
     # -- numbers
 
@@ -175,17 +178,23 @@ class History(HistoryResults):
     @cached_property
     def energy(self) -> Energy:
         """Energies of both whole bodies, and their drift."""
-        q, v = self._modal_states
         p = self.problem
         stored, lost = self._contact_energy
-        power = np.sum(2 * p.decay * v**2, axis=1)
+        kinetic, strain, power, work = self._reduced(
+            lambda q, v: (
+                0.5 * np.sum(v**2, axis=1),
+                0.5 * np.sum((p.omega * q) ** 2, axis=1),
+                np.sum(2 * p.decay * v**2, axis=1),
+                (q - p.q) @ p.load,
+            )
+        )
         braked = np.append(0.0, np.cumsum(np.diff(self.time) * (power[:-1] + power[1:]) / 2))
         return Energy(
-            kinetic=0.5 * np.sum(v**2, axis=1),
-            strain=0.5 * np.sum((p.omega * q) ** 2, axis=1) + 0.5 * p.r * self.force**2,
+            kinetic=kinetic,
+            strain=strain + 0.5 * p.r * self.force**2,
             contact=stored,
             dissipated=lost + braked,
-            gravity=(q - p.q) @ p.load,
+            gravity=work,
         )
 
     # -- at any time
@@ -196,10 +205,10 @@ class History(HistoryResults):
         Between two nodes the motion is the exact response to the force there.
         """
         times, index = self._locate(t)
-        q, v = self._modal_states
+        q, v = self._at_nodes(index)
         since, before = times - self.time[index], self.force[index]
         now, bend = self.force_at(times), self._bend[index]
-        return self.problem.forced(q[index], v[index], since, before, now, bend)
+        return self.problem.forced(q, v, since, before, now, bend)
 
     def force_at(self, t: ArrayLike) -> Array:
         """Contact force [N] at times (n,), as the method takes it between the nodes."""
@@ -278,8 +287,8 @@ class History(HistoryResults):
                 f"the momentum of {type(self.model).__name__} is not known: extract the model from "
                 "a mesh whose supports permit a rigid-body motion."
             )
-        v = self._part(self._modal_states[1], "structure")
-        return inertia.moved(v @ inertia.momentum, inertia.centre)
+        (moved,) = self._reduced(lambda q, v: (self._part(v, "structure") @ inertia.momentum,))
+        return inertia.moved(moved, inertia.centre)
 
     def _joined(self, pieces: Sequence[Array]) -> Array:
         """Segments end to end, the common nodes once."""
@@ -291,17 +300,35 @@ class History(HistoryResults):
         segments = self.trajectory.segments
         return np.append(self._joined([np.append(0.0, s.bends) for s in segments])[1:], 0.0)
 
-    @property
-    def _modal_states(self) -> tuple[Array, Array]:
-        """Modal displacements and velocities (n, J) at the nodes, kept where they are not large."""
-        kept: tuple[Array, Array] | None = self.__dict__.get("_kept_states")
-        if kept is not None:
-            return kept
+    @cached_property
+    def _modal_states(self) -> tuple[Array, Array] | None:
+        """Modal displacements and velocities (n, J) at the nodes; None where they are large."""
+        if 8 * self.time.size * self.problem.omega.size > KEPT_BYTES:
+            return None
         states = [s.states() for s in self.trajectory.segments]
-        joined = self._joined([q for q, _ in states]), self._joined([v for _, v in states])
-        if joined[0].nbytes <= KEPT_BYTES:
-            self.__dict__["_kept_states"] = joined
-        return joined
+        return self._joined([q for q, _ in states]), self._joined([v for _, v in states])
+
+    def _reduced(self, of: Callable[[Array, Array], tuple[Array, ...]]) -> tuple[Array, ...]:
+        """What `of` gives of modal states (n, J) at the nodes, segment by segment where they are
+        large."""
+        if self._modal_states is not None:
+            return of(*self._modal_states)
+        parts = [of(*s.states()) for s in self.trajectory.segments]
+        return tuple(self._joined(each) for each in zip(*parts, strict=True))
+
+    def _at_nodes(self, index: Index) -> tuple[Array, Array]:
+        """Modal states (., J) at some nodes."""
+        if self._modal_states is not None:
+            return self._modal_states[0][index], self._modal_states[1][index]
+        q, v = (np.empty((index.size, self.problem.omega.size)) for _ in range(2))
+        first = 0
+        for segment in self.trajectory.segments:
+            last = first + segment.time.size - 1
+            here = np.flatnonzero((index >= first) & (index <= last))
+            if here.size:
+                q[here], v[here] = (each[index[here] - first] for each in segment.states())
+            first = last
+        return q, v
 
     def _locate(self, t: ArrayLike) -> tuple[Array, Index]:
         times = checks.column("t", t)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from antiosc.memory import within_memory
 from antiosc.simulation.refinement import integrate
 from antiosc.simulation.scene_history import SceneHistory
 from antiosc.simulation.scene_parts import SceneParts
@@ -37,6 +38,7 @@ class Scene(SceneParts):
         For names that do not exist and values outside their range.
     """
 
+    @within_memory
     def run(
         self,
         duration: float,
@@ -75,5 +77,7 @@ class Scene(SceneParts):
             For a scene that cannot be posed.
         AccuracyError
             When a force leaves the range of its law.
+        OutOfMemoryError
+            For a run that does not fit in the free memory.
         """
         return integrate(self, duration, tol, max_contacts, max_steps, method, step)

@@ -11,23 +11,33 @@ from antiosc.simulation.compilation import fitting_march
 from antiosc.simulation.contact_energy import path_work, replay, stored_alone
 from antiosc.simulation.energy import Energy
 from antiosc.simulation.engine import Run
-from antiosc.simulation.scene_states import node_states, spans
+from antiosc.simulation.scene_states import blocks, node_states, part_of, spans, starts
 
 GAIN = 1e-3  # of the highest energy: a scene that gains more says so
 SHORT = 0.05  # phase of a mode over a step, below which the trapezoidal rule serves
 BALANCED = 5000  # nodes up to which the balance is always made
 
 
-def balance(assembly: Assembly, run: Run, q: Array, v: Array) -> Energy:
-    """Energies at the nodes, from the modal states (n, J) there."""
+def balance(assembly: Assembly, run: Run) -> Energy:
+    """Energies at the nodes."""
     a = assembly
     stored, lost = contact_energies(a, run)
-    kinetic, modal = 0.5 * np.sum(v**2, axis=1), 0.5 * np.sum((a.system.omega * q) ** 2, axis=1)
+    kinetic, modal = np.empty(run.time.size), np.empty(run.time.size)
+    work, braked = np.zeros(run.time.size - 1), np.zeros(run.time.size - 1)
+    for first, last in blocks(run, a.system.omega.size):
+        q, v = node_states(run, a.system, a.load, first, last)
+        nodes, between = slice(2 * first, 2 * last + 1), slice(2 * first, 2 * last)
+        kinetic[nodes] = 0.5 * np.sum(v**2, axis=1)
+        modal[nodes] = 0.5 * np.sum((a.system.omega * q) ** 2, axis=1)
+        part = part_of(run, first, last)
+        if np.any(a.system.loads):
+            work[between] = _work(a, part, q, v)
+        if np.any(a.system.decay):
+            braked[between] = _braked(a, part, q, v)
     acting = a.pushes(run.time)
     felt = acting - run.force @ a.G
     residual = felt @ a.r
-    work = _work(a, run, q, v) if np.any(a.system.loads) else np.zeros(run.time.size - 1)
-    work, braked = _in_flight(a, run, q, v, kinetic + modal, work)
+    work, braked = _in_flight(a, run, kinetic + modal, work, braked)
     if a.scene.loads:
         work = work + path_work(acting, residual).sum(axis=1)
     return Energy(
@@ -51,12 +61,17 @@ def gained(a: Assembly, run: Run) -> float:
     if run.time.size > BALANCED and not run.gained > 0.1 * GAIN * run.highest:
         return 0.0
     if system.decay.any() or (a.scene.loads and a.r.any()):
-        energy = balance(a, run, *node_states(run, system, a.load))
+        energy = balance(a, run)
         held, total = energy.kinetic + energy.strain + energy.contact, energy.total
     else:  # nothing between the ends of the steps is needed
-        assert run.states is not None
-        force, mechanical = run.force[::2], np.empty(len(run.states))
-        fitting_march(0).energies(run.states, system.omega, mechanical)
+        force, mechanical = run.force[::2], np.empty(run.time.size // 2 + 1)
+        work = np.zeros(mechanical.size - 1)
+        for first, last in blocks(run, system.omega.size):
+            q, v = starts(run, system, a.load, np.arange(first, last + 1))
+            here = mechanical[first : last + 1]
+            fitting_march(0).energies(np.stack([q, v], axis=1), system.omega, here)
+            if system.loads.any():
+                work[first:last] = _work_by_step(a, part_of(run, first, last), q, v, here)
         held = mechanical.copy()
         if system.R.any():
             held += 0.5 * np.einsum("ni,ij,nj->n", force, system.R, force)
@@ -64,23 +79,22 @@ def gained(a: Assembly, run: Run) -> float:
         held += stored[::2]
         total = held + lost[::2]
         if system.loads.any():
-            total[1:] -= np.cumsum(_work_by_step(a, run, mechanical))
+            total[1:] -= np.cumsum(work)
     highest = float(held.max())
     return float(total.max() - total[0]) / highest if highest > 0 else 0.0
 
 
 def _in_flight(
-    a: Assembly, run: Run, q: Array, v: Array, mechanical: Array, work: Array
+    a: Assembly, run: Run, mechanical: Array, work: Array, lost: Array
 ) -> tuple[Array, Array]:
     """Work (n,) of all modal loads since the start, and what the damping took.
 
-    `work` (n - 1,) from node to node. In flight the motion is exact and the steps are long: there
-    both follow from the balance.
+    `work`, `lost` (n - 1,) from node to node. In flight the motion is exact and the steps are long:
+    there both follow from the balance.
     """
     if not (np.any(work) or np.any(a.system.decay)):
         return np.zeros(run.time.size), np.zeros(run.time.size)
     damped = np.any(a.system.decay)
-    lost = _braked(a, run, q, v) if damped else np.zeros(run.time.size - 1)
     pressed = np.any(run.force != 0.0, axis=1)
     still = ~(pressed[:-1:2] | pressed[1::2] | pressed[2::2])
     flight = np.repeat(still, 2)
@@ -147,13 +161,12 @@ def _work(a: Assembly, run: Run, q: Array, v: Array) -> Array:
     return np.asarray(np.where(elastic, work, np.diff(path_work(load, q), axis=0)).sum(axis=1))
 
 
-def _work_by_step(a: Assembly, run: Run, mechanical: Array) -> Array:
+def _work_by_step(a: Assembly, run: Run, q: Array, v: Array, mechanical: Array) -> Array:
     """Work (n - 1,) of the modal loads over each step, without damping, from its ends alone.
 
     By parts as in `_work`; the integral of a rigid motion is that of its acceleration, a parabola.
     """
-    assert run.states is not None
-    system, q, v = a.system, run.states[:, 0], run.states[:, 1]
+    system = a.system
     f0, f1, f2 = run.force[:-2:2], run.force[1:-1:2], run.force[2::2]
     time = run.time[::2]
     h = np.diff(time)[:, None]

@@ -24,7 +24,14 @@ from antiosc.simulation.engine import Run
 from antiosc.simulation.history import no_field
 from antiosc.simulation.results import SceneResults
 from antiosc.simulation.scene_energy import balance
-from antiosc.simulation.scene_states import forces, located, node_states, spans, states
+from antiosc.simulation.scene_states import (
+    blocks,
+    forces,
+    located,
+    node_states,
+    spans,
+    states,
+)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -181,7 +188,7 @@ class SceneHistory(SceneResults):
     @cached_property
     def bodies(self) -> dict[str, BodyHistory]:
         """Histories of the bodies by name, at the nodes."""
-        return self._bodies(self.run.time, *self._states, self.run.force)
+        return self._bodies_of_steps(0, self.run.time.size // 2)
 
     def at(self, times: ArrayLike) -> dict[str, BodyHistory]:
         """The bodies by name at any times (n,) [s] of the run, exact between the nodes too.
@@ -231,7 +238,7 @@ class SceneHistory(SceneResults):
     @cached_property
     def energy(self) -> Energy:
         """Energies of the whole scene; `gravity` is the work of all loads."""
-        return balance(self.assembly, self.run, *self._states)
+        return balance(self.assembly, self.run)
 
     def of(self, body: str) -> tuple[Any, ModalBody | SiteModes]:
         """The model of a body of the scene, and its form in free modes.
@@ -283,9 +290,12 @@ class SceneHistory(SceneResults):
         """The rigid body that turned most, and by how much [rad]; ("", 0) without one."""
         if not any(isinstance(b.body, RigidBody) for b in self.assembly.bodies.values()):
             return "", 0.0  # the motion of all bodies is dear to find
+        whole = blocks(self.run, self.assembly.system.omega.size)
+        parts = [self._bodies_of_steps(*block) for block in whole] if whole[1:] else [self.bodies]
         turned = [
             (name, float(np.linalg.norm(body.rotation, axis=1).max()))
-            for name, body in self.bodies.items()
+            for part in parts
+            for name, body in part.items()
             if isinstance(body.placed.body, RigidBody)
         ]
         return max(turned, key=lambda pair: pair[1], default=("", 0.0))
@@ -306,7 +316,8 @@ class SceneHistory(SceneResults):
 
     # -- inside
 
-    @cached_property
-    def _states(self) -> tuple[Array, Array]:
-        """Modal states (n, J) at all nodes; at the middles from the step's start."""
-        return node_states(self.run, self.assembly.system, self.assembly.load)
+    def _bodies_of_steps(self, first: int, last: int) -> dict[str, BodyHistory]:
+        """Histories of the bodies at the nodes of the steps `first` to `last`."""
+        nodes = slice(2 * first, 2 * last + 1)
+        q, v = node_states(self.run, self.assembly.system, self.assembly.load, first, last)
+        return self._bodies(self.run.time[nodes], q, v, self.run.force[nodes])

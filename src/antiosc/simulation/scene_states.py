@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from antiosc import memory
 from antiosc._types import Array
 from antiosc.simulation import march
 from antiosc.simulation.engine import Run
@@ -16,6 +18,10 @@ Index = NDArray[np.intp]
 
 #: Modal responses that are computed at once.
 BLOCK = 1 << 18
+#: States of one mode at the ends of steps that are found at once where all are not needed together.
+AT_ONCE = 1 << 22
+#: Remedy where the motion of all modes at all times does not fit.
+AT = "ask for the motion at fewer times, as hit.at(times), or use fewer anti-oscillators"
 
 
 def spans(run: Run, system: System, c: int) -> list[tuple[float, float]]:
@@ -72,10 +78,51 @@ def states(
 
     `load_at`: times (n,) -> modal loads (n, J), linear over each step.
     """
-    assert run.states is not None
-    q, v = run.states[step, 0], run.states[step, 1]
+    q, v = starts(run, system, load_at, step)
     if run.time.size < 3:
         return q, v
+    return _moved(run, system, load_at, step, since, q, v)
+
+
+def starts(
+    run: Run, system: System, load_at: Callable[[Array], Array], step: Index
+) -> tuple[Array, Array]:
+    """Modal displacements and velocities (n, J) at the starts of steps (n,), the end as the last.
+
+    From those that the run has kept, by the exact motion over the steps in between.
+    """
+    assert run.states is not None
+    if run.every == 1:
+        return run.states[step, 0], run.states[step, 1]
+    q, v = (np.empty((step.size, system.omega.size)) for _ in range(2))
+    kept, which = np.unique(step // run.every, return_inverse=True)
+    beyond = step % run.every
+    most = max(BLOCK // max(system.omega.size, 1), 1)
+    for begin in range(0, kept.size, most):
+        here = np.flatnonzero((which >= begin) & (which < begin + most))
+        x, y = (run.states[kept[begin : begin + most], i] for i in range(2))
+        way = np.zeros(len(x), dtype=np.intp)
+        np.maximum.at(way, which[here] - begin, beyond[here])
+        for k in range(int(way.max()) + 1):
+            there = here[beyond[here] == k]
+            q[there], v[there] = x[which[there] - begin], y[which[there] - begin]
+            on = np.flatnonzero(way > k)
+            own = kept[begin + on] * run.every + k
+            h = run.time[2 * own + 2] - run.time[2 * own]
+            x[on], y[on] = _moved(run, system, load_at, own, h, x[on], y[on])
+    return q, v
+
+
+def _moved(
+    run: Run,
+    system: System,
+    load_at: Callable[[Array], Array],
+    step: Index,
+    since: Array,
+    q: Array,
+    v: Array,
+) -> tuple[Array, Array]:
+    """The states at times since the starts of steps, from those there."""
     size = system.omega.size
     out = np.empty((6, step.size * size))
     omega, decay = np.tile(system.omega, step.size), np.tile(system.decay, step.size)
@@ -107,15 +154,29 @@ def node_states(
 
     By blocks of steps, for the responses take several times the memory of the states.
     """
-    assert run.states is not None
-    last = run.states.shape[0] - 1 if last is None else last
+    last = run.time.size // 2 if last is None else last
     size = system.omega.size
-    q, v = (np.empty((2 * (last - first) + 1, size)) for _ in range(2))
-    q[::2], v[::2] = run.states[first : last + 1, 0], run.states[first : last + 1, 1]
+    nodes = 2 * (last - first) + 1
+    memory.require(16 * nodes * size, f"the motion of {size} modes at {nodes} times", AT)
+    q, v = (np.empty((nodes, size)) for _ in range(2))
+    q[::2], v[::2] = starts(run, system, load_at, np.arange(first, last + 1))
     block = max(BLOCK // max(size, 1), 1)
     for begin in range(first, last, block):
         steps = np.arange(begin, min(begin + block, last))
         since = run.time[2 * steps + 1] - run.time[2 * steps]
-        at = 2 * (steps - first) + 1
-        q[at], v[at] = states(run, system, load_at, steps, since)
+        at = 2 * (steps - first)
+        q[at + 1], v[at + 1] = _moved(run, system, load_at, steps, since, q[at], v[at])
     return q, v
+
+
+def blocks(run: Run, size: int) -> list[tuple[int, int]]:
+    """First and last steps of the parts of a run whose states of `size` modes are found at once."""
+    steps, most = run.time.size // 2, max(AT_ONCE // max(size, 1), 1)
+    return [(k, min(k + most, steps)) for k in range(0, max(steps, 1), most)]
+
+
+def part_of(run: Run, first: int, last: int) -> Run:
+    """The steps from `first` to `last` of a run, without states and events."""
+    nodes = slice(2 * first, 2 * last + 1)
+    time, force, depth = run.time[nodes], run.force[nodes], run.depth[nodes]
+    return replace(run, time=time, force=force, depth=depth, states=None)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import time
 from pathlib import Path
@@ -13,8 +14,9 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 import parts
+from antiosc import memory
 from antiosc.errors import AntioscWarning
-from antiosc.fem.linalg import cholmod, forecast, memory, solver, solver_choice
+from antiosc.fem.linalg import cholmod, forecast, solver, solver_choice
 from mpi import run_ranks
 from paths import TESTS
 
@@ -85,11 +87,32 @@ def test_a_matrix_whose_factor_is_forecast_is_analysed_once(monkeypatch):
 
 def test_no_memory_for_the_factor(monkeypatch):
     monkeypatch.setattr(memory, "free_memory", lambda: 1e6)
+    for name in ("ANALYSIS", "MULTIGRID"):
+        monkeypatch.setattr(solver_choice, name, 1.0)
+    made = solver_choice.Multigrid
+
+    def multigrid(*given):
+        gc.collect()
+        assert not [each for each in gc.get_objects() if isinstance(each, cholmod.Analysis)]
+        return made(*given)
+
+    monkeypatch.setattr(solver_choice, "Multigrid", multigrid)
     with pytest.warns(AntioscWarning, match="GB are free: an iterative solver is used"):
         model = ao.extract(block(), SITE, n=3)
     assert model.k0 > 0
-    with pytest.raises(ao.InputError, match=r"needs about 0\.0\d+ GB and 0\.001 GB are free"):
+    with pytest.raises(ao.OutOfMemoryError, match=r"about 0\.0\d+ GB and 0\.001 GB are free"):
         ao.extract(block("direct"), SITE, n=3)
+
+
+@pytest.mark.parametrize("choice", ["auto", "direct", "iterative"])
+@pytest.mark.parametrize("free", [1e4, 3e6])  # too little for an analysis, and for a solver alone
+def test_a_part_that_no_solver_has_room_for_is_refused_before_the_work(monkeypatch, choice, free):
+    part = block(choice)
+    monkeypatch.setattr(memory, "free_memory", lambda: free)
+    for solver_of in ("Multigrid", "factorize"):
+        monkeypatch.setattr(solver_choice, solver_of, lambda *given: pytest.fail("it began"))
+    with pytest.raises(ao.OutOfMemoryError, match="dofs needs about"):
+        ao.extract(part, SITE, n=3)
 
 
 def test_a_thin_body_needs_less_than_a_compact_one(monkeypatch):

@@ -75,6 +75,14 @@ def test_every_way_in_which_files_name_groups(monkeypatch):
     }  # fmt: skip
 
 
+def test_fields_that_name_no_group_are_passed_over(monkeypatch):
+    """MED and VTK keep fields where gmsh's formats keep (tag, dimension) of the groups' names."""
+    fields = {"time": np.array([1.0]), "force": np.ones(3), "stress": {"TE4": 1}, "top": [7, 2]}
+    tags = [np.array([7]), np.array([3]), np.array([7, 8])]
+    content = mesh(field_data=fields, cell_data={"gmsh:physical": tags})
+    assert groups(read(monkeypatch, content))["top"] == {"triangle": [0, 1]}
+
+
 def test_cells_that_nothing_carries(monkeypatch):
     content = mesh()
     content.cells[0].type = "polygon"

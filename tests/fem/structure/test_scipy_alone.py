@@ -11,6 +11,7 @@ import scipy.linalg
 import scipy.sparse
 
 import antiosc as ao
+from antiosc import memory
 from antiosc.fem.linalg import scipy_solvers
 from antiosc.fem.structure import structure as structures
 
@@ -174,6 +175,7 @@ for name in ("sched_getaffinity", "fchown", "fchmod", "O_CLOEXEC"):  # as on Win
     delattr(os, name)
 import numpy as np
 import antiosc as ao
+from antiosc import memory
 n = 30
 K = 1e4 * (2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1))
 part = ao.Structure.from_matrices(K, np.eye(n))
@@ -270,9 +272,11 @@ def test_the_entries_of_a_factor_are_forecast(dofs):
 def test_a_factor_that_does_not_fit_is_refused_before_it_is_made(monkeypatch):
     A = lattice(9, 3)
     monkeypatch.setattr(scipy_solvers, "FORECAST_ROWS", 100)
-    monkeypatch.setattr(scipy_solvers, "free_memory", lambda: 1e6)
+    monkeypatch.setattr(memory, "free_memory", lambda: 1e6)
     monkeypatch.setattr(scipy_solvers.SuperLU, "_set_up", lambda self: pytest.fail("factored"))
-    with pytest.raises(ao.InputError, match=r"the factor of 2187 dofs needs about .* GB are free"):
+    with pytest.raises(
+        ao.OutOfMemoryError, match=r"the factor of 2187 dofs needs about .* GB are free"
+    ):
         scipy_solvers.factorize(A)
 
 
@@ -281,5 +285,5 @@ def test_a_factor_that_breaks_off_for_memory_is_one_sentence(monkeypatch):
         raise MemoryError
 
     monkeypatch.setattr(scipy.sparse.linalg, "splu", full)
-    with pytest.raises(ao.InputError, match="does not fit in the memory"):
+    with pytest.raises(ao.OutOfMemoryError, match="factor of 54 dofs ran out"):
         scipy_solvers.SuperLU(lattice(3, 2))

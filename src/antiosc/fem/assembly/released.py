@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from typing import cast
 
 import numpy as np
 
 from antiosc._types import Array
-from antiosc.errors import AntioscWarning, InputError
+from antiosc.errors import InputError, without_warnings
 from antiosc.fem.assembly.assembled import AssembledMatrices
 from antiosc.fem.assembly.elimination import eliminate
 from antiosc.fem.assembly.layout import Member, Sparse
@@ -76,8 +75,7 @@ class ReleasedAssembly:
             for site in sites:
                 if site.point is None:
                     raise InputError("reactions of an assembly take sites at points, not dofs.")
-                with warnings.catch_warnings():  # it was told when the model was extracted
-                    warnings.simplefilter("ignore", AntioscWarning)
+                with without_warnings():  # it was told when the model was extracted
                     found = before_joining(self._matrices, site, self._part)
                 columns += [each.b for each in (found, *found.across)]
             b = np.column_stack(columns)

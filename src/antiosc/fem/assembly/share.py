@@ -8,7 +8,6 @@ solves, which take nearly all of the time, are shared.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -20,7 +19,7 @@ from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from antiosc._types import Array
-from antiosc.errors import InputError
+from antiosc.errors import InputError, without_warnings
 from antiosc.fem.assembly.superelement import Superelement
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.mesh.whole import whole
@@ -105,8 +104,7 @@ def on_every_rank(
         if id(part) not in made:
             mesh = whole(part.mesh)
             try:
-                with warnings.catch_warnings():  # they were told of the part
-                    warnings.simplefilter("ignore")
+                with without_warnings():  # they were told of the part
                     made[id(part)] = part.again(mesh)
             except Exception as caught:
                 error = caught

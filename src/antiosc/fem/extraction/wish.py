@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
+from antiosc import memory
 from antiosc.checks import choice, instance, positive, text, tolerance, whole
 from antiosc.errors import AccuracyWarning, InputError, warn
 from antiosc.fem import mpi
-from antiosc.fem.linalg import memory
 from antiosc.fem.site.site import Site
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.anti_oscillators import AntiOscillators
@@ -64,11 +64,9 @@ def checked_wish(
         )
     need = 16 * (n + 2) * structure.rows
     free = mpi.on_root(structure.comm, memory.free_memory) / structure.comm.size
-    if band is None and need > memory.MEMORY_SHARE * free:
-        raise InputError(
-            f"n = {n} anti-oscillators of {structure.size} dofs take {need / 1e9:.3g} GB "
-            f"of basis vectors and {free / 1e9:.3g} GB are free: reduce n."
-        )
+    if band is None:
+        what = f"a basis for n = {n} anti-oscillators of {structure.size} dofs"
+        memory.require(need, what, "reduce n", free)
     if band is not None:
         band = positive("band", band, "rad/s")
     return Wish(n, method, tolerance(tol), band, positive("accuracy", accuracy), error)

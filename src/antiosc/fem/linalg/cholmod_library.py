@@ -17,12 +17,8 @@ from typing import Any
 
 from petsc4py import PETSc
 
-from antiosc.errors import (
-    AntioscError,
-    MissingDependencyError,
-    NotConvergedError,
-    OutOfMemoryError,
-)
+from antiosc.errors import AntioscError, MissingDependencyError, NotConvergedError
+from antiosc.memory import SMALLER, ran_out
 
 #: First numbers of the versions whose structures are those below.
 VERSIONS = (3, 4, 5)
@@ -180,11 +176,8 @@ def _unlike_defaults(lib: Any) -> str:
 def failure(common: Common, what: str, size: float | None = None) -> AntioscError:
     """The error for CHOLMOD's status after a call that failed at `what` (of `size` bytes)."""
     if common.status == NO_MEMORY:
-        need = "" if size is None else f" ({size / 1e9:.3g} GB)"
-        return OutOfMemoryError(
-            f"there is not enough memory for {what}{need}: use solver='iterative', a coarser mesh "
-            "or order=1, or free some memory."
-        )
+        need = "" if size is None else f" of {size / 1e9:.3g} GB"
+        return ran_out(f"{what}{need}", remedy=f"use solver='iterative', {SMALLER[4:]}")
     reason = FAILURES.get(common.status, "it gives no reason")
     return NotConvergedError(f"CHOLMOD failed during {what}: {reason} (status {common.status}).")
 
@@ -203,6 +196,9 @@ def without_openmp() -> Iterator[None]:
         yield
         return
     levels = openmp.omp_get_max_active_levels()
+    if not levels:  # another thread has set it, and puts it back
+        yield
+        return
     openmp.omp_set_max_active_levels(0)
     try:
         yield

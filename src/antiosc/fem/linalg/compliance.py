@@ -21,8 +21,9 @@ import numpy as np
 import scipy.linalg.blas
 import scipy.sparse
 
+from antiosc import memory
 from antiosc._types import Array, IntArray, Matrix
-from antiosc.fem.linalg import memory, solver_choice
+from antiosc.fem.linalg import solver_choice
 from antiosc.fem.linalg.algebra import gathered, multiply, sum_of
 from antiosc.fem.linalg.cholmod import Cholesky
 from antiosc.fem.linalg.petsc_algebra import csr, lower
@@ -92,9 +93,8 @@ def _room(structure: Factored) -> bool:
     if more > memory.MEMORY_SHARE * free:
         warn(
             comm,
-            f"the additional factors of the map need about {more / 1e9:.3g} GB and "
-            f"{free / 1e9:.3g} GB are free: every site is solved separately, which takes about "
-            "ten times as long.",
+            f"{memory.shortage('a map with additional factors', more, free)}: every site is "
+            "solved separately, which takes about ten times as long.",
         )
         return False
     return True

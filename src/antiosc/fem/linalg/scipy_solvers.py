@@ -9,9 +9,9 @@ import numpy as np
 import scipy.sparse
 import scipy.sparse.linalg
 
+from antiosc import memory
 from antiosc._types import Array, Matrix
-from antiosc.errors import InputError, NotConvergedError
-from antiosc.fem.linalg.memory import MEMORY_SHARE, free_memory
+from antiosc.errors import NotConvergedError
 from antiosc.fem.linalg.solver import SINGULAR, Factorization
 
 #: Rows from which the memory of a factor is forecast.
@@ -20,6 +20,9 @@ FORECAST_ROWS = 30_000
 ENTRY_BYTES, L_AND_U = 12.0, 2
 #: Share of the rows that groups of rows alike may be for a forecast.
 LEAST_REDUCTION = 0.6
+
+#: Remedy for matrices that are too large.
+REDUCE = "reduce the matrices, take a coarser mesh, or a machine with more memory"
 
 try:
     cholmod: Any = import_module("sksparse.cholmod")
@@ -40,7 +43,7 @@ def factorize(A: Matrix) -> Factorization:
 
     Raises
     ------
-    InputError
+    OutOfMemoryError
         The forecast of the factor does not fit in the free memory.
     """
     _check_memory(A)
@@ -52,12 +55,7 @@ def _check_memory(A: Matrix) -> None:
     if rows < FORECAST_ROWS:
         return
     bytes_each = (L_AND_U if cholmod is None else 1) * ENTRY_BYTES
-    need, free = bytes_each * entries_of_factor(A), free_memory()
-    if need > MEMORY_SHARE * free:
-        raise InputError(
-            f"the factor of {rows} dofs needs about {need / 1e9:.3g} GB and {free / 1e9:.3g} GB "
-            "are free: reduce the matrices, take a coarser mesh, or a machine with more memory."
-        )
+    memory.require(bytes_each * entries_of_factor(A), f"the factor of {rows} dofs", REDUCE)
 
 
 def entries_of_factor(A: Matrix) -> float:
@@ -101,10 +99,7 @@ class SuperLU(Factorization):
         except RuntimeError as error:  # an empty column of what is left
             raise NotConvergedError(SINGULAR.format(f"SuperLU: {error}")) from error
         except MemoryError as error:
-            raise InputError(
-                f"the factor of {self.A.shape[0]} dofs does not fit in the memory: reduce the "
-                "matrices, take a coarser mesh, or a machine with more memory."
-            ) from error
+            raise memory.ran_out(f"the factor of {self.A.shape[0]} dofs", error, REDUCE) from error
         if not np.array_equal(self._lu.perm_r, self._lu.perm_c):
             raise NotConvergedError(SINGULAR.format("a pivot is zero"))
         pivots = self._lu.U.diagonal()

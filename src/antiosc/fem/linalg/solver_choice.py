@@ -2,7 +2,8 @@
 
 The size of a Cholesky factor of a compact body grows as n^(4/3). If it does not fit in the free
 memory, conjugate gradients with algebraic multigrid are used, which take about a hundred times as
-long for each solve.
+long for each solve. If their matrices do not fit either, an OutOfMemoryError says so before they
+are made.
 """
 
 from __future__ import annotations
@@ -12,9 +13,9 @@ from collections.abc import Callable, Sequence
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from antiosc import memory
 from antiosc._types import Array
-from antiosc.errors import InputError
-from antiosc.fem.linalg import cholmod, memory
+from antiosc.fem.linalg import cholmod
 from antiosc.fem.linalg.algebra import by_strains
 from antiosc.fem.linalg.cholmod import Analysis
 from antiosc.fem.linalg.forecast import Forecast, forecasts
@@ -32,6 +33,12 @@ from antiosc.fem.mpi import on_root, warn
 
 #: Bytes per entry of the factor, and of the matrices and work arrays beside it.
 BYTES = 8 * 1.3
+#: Bytes of the multigrid for each entry of A: its levels, and the products while they are made.
+MULTIGRID = 75.0
+#: Bytes for each entry of A of an analysis of its factor: copies of A.
+ANALYSIS = 20.0
+#: Remedy where neither fits.
+SMALLER_MESH = "use a coarser mesh or order=1, or a machine with more memory"
 #: Entries of a factor over rows^(4/3), for the most compact bodies: cubes of quadratic tetrahedra.
 COMPACT = 35.0
 #: Most rows of an interface between ranks that are kept as a dense matrix, 0.3 GB on each rank.
@@ -76,28 +83,41 @@ def solver_for(A: PETSc.Mat, choice: Choice, motions: Callable[[], Array]) -> So
 
 
 def _of_entries(A: PETSc.Mat, choice: Choice, motions: Callable[[], Array]) -> Solver:
-    if choice == "iterative":
-        return Multigrid(A, motions())
     rows = A.getSize()[0]
     free = on_root(A.getComm().tompi4py(), memory.free_memory)
+    if choice == "iterative":
+        return _iterative(A, motions, free)
     if BYTES * COMPACT * rows ** (4 / 3) <= memory.MEMORY_SHARE * free:
         return factorize(A)
+    memory.require(ANALYSIS * _entries(A), f"any solver of {rows} dofs", SMALLER_MESH, free)
     plan = Plan(A)
     need = BYTES * plan.entries
     if need <= memory.MEMORY_SHARE * free:
         return plan.factorize()
-    text = (
-        f"the factor of {rows} dofs needs about {need / 1e9:.3g} GB and {free / 1e9:.3g} GB are "
-        "free"
-    )
+    what = f"the factor of {rows} dofs"
     if choice == "direct":
-        raise InputError(f"{text}: take solver='iterative', a coarser mesh, or order=1.")
+        memory.require(need, what, "take solver='iterative', a coarser mesh, or order=1", free)
+    del plan  # its analysis has copies of A
+    solver = _iterative(A, motions, free)
     warn(
         A.getComm().tompi4py(),
-        f"{text}: an iterative solver is used (conjugate gradients with multigrid), which takes "
-        "about a hundred times as long for each solve; a coarser mesh or order=1 may fit.",
+        f"{memory.shortage(what, need, free)}: an iterative solver is used (conjugate gradients "
+        "with multigrid), which takes about a hundred times as long for each solve; a coarser mesh "
+        "or order=1 may fit.",
     )
+    return solver
+
+
+def _iterative(A: PETSc.Mat, motions: Callable[[], Array], free: float) -> Solver:
+    """The iterative solver, or OutOfMemoryError before its matrices are made."""
+    what = f"the iterative solver of {A.getSize()[0]} dofs"
+    memory.require(MULTIGRID * _entries(A), what, SMALLER_MESH, free)
     return Multigrid(A, motions())
+
+
+def _entries(A: PETSc.Mat) -> float:
+    """Entries of A, of all ranks together."""
+    return float(A.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)["nz_used"])
 
 
 class Plan:

@@ -12,12 +12,13 @@ import numpy as np
 from petsc4py import PETSc
 
 from antiosc._types import Array
-from antiosc.errors import NotConvergedError, OutOfMemoryError
+from antiosc.errors import NotConvergedError
 from antiosc.fem.linalg.cholmod import Analysis, Cholesky, NotPositiveDefiniteError
 from antiosc.fem.linalg.dropped import watch
 from antiosc.fem.linalg.forecast import Forecast, best_ordering, count
 from antiosc.fem.linalg.petsc_algebra import csr, dense, lower
 from antiosc.fem.linalg.solver import SINGULAR, Factorization, Solver
+from antiosc.memory import ran_out
 
 #: PETSC_ERR_MEM
 PETSC_NO_MEMORY = 55
@@ -71,10 +72,7 @@ class PetscSolver(Solver):
             self._ksp.setUp()
         except PETSc.Error as error:
             if error.ierr == PETSC_NO_MEMORY:
-                raise OutOfMemoryError(
-                    f"there is not enough memory for a solve with {self.A.getSize()[0]} rows: use "
-                    "solver='iterative', a coarser mesh or order=1."
-                ) from error
+                raise ran_out(f"the solver of {self.A.getSize()[0]} dofs") from error
             raise NotConvergedError(SINGULAR.format(f"PETSc error {error.ierr}")) from error
         self._b, self._x = self.A.createVecs()
 

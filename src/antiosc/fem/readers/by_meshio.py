@@ -116,7 +116,7 @@ def _failure(path: Path, name: str, text: str) -> MeshError | MissingDependencyE
 
 def _cell_sets(mesh: Any) -> Iterator[tuple[str, int, IntArray]]:
     """(group name, block, rows) from every way in which meshio's formats carry cell groups."""
-    physical = {(int(tag), int(dim)): name for name, (tag, dim) in mesh.field_data.items()}
+    physical = dict(_named(mesh))
     families = getattr(mesh, "cell_tags", {})  # MED: tag -> names
     for key, blocks in mesh.cell_data.items():
         for index, values in enumerate(blocks):
@@ -138,6 +138,14 @@ def _cell_sets(mesh: Any) -> Iterator[tuple[str, int, IntArray]]:
         for index, rows in enumerate(blocks):
             if rows is not None and len(rows) and name not in mesh.cell_data:
                 yield str(name), index, np.asarray(rows, dtype=np.int64)
+
+
+def _named(mesh: Any) -> Iterator[tuple[tuple[int, int], str]]:
+    """((tag, dimension), name) of groups; fields of other formats (MED, VTK) have other values."""
+    for name, value in mesh.field_data.items():
+        pair = np.asarray(value)
+        if pair.shape == (2,) and np.issubdtype(pair.dtype, np.integer):
+            yield (int(pair[0]), int(pair[1])), name
 
 
 def _by_value(values: Any) -> Iterator[tuple[int, IntArray]]:

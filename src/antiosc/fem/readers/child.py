@@ -113,7 +113,10 @@ def _read(ask):  # type: ignore[no-untyped-def]
         return {"error": "MemoryError", "message": ""}, []
     except Exception as error:
         said = " ".join(str(error).replace(ask.path, ask.name).split())[:200].rstrip(".")
-        message = f"{ask.name} cannot be read ({type(error).__name__}): {said or 'it is damaged'}."
+        message = (
+            f"{ask.name} cannot be read: it is damaged, or a variant of its format that is not "
+            f"supported ({type(error).__name__}: {said or 'no reason given'})."
+        )
         return {"error": "MeshError", "message": message}, []
 
 

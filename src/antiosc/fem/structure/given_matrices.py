@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from antiosc import fem
 from antiosc._types import Array, BoolArray, IntArray, Matrix
-from antiosc.checks import LARGEST, array
+from antiosc.checks import LARGEST, SMALLEST, array
 from antiosc.errors import InputError, finite_element_packages
 from antiosc.fem.fingerprint import of_petsc
 from antiosc.fem.linalg import algebra
@@ -143,6 +143,11 @@ def _check_values(name: str, values: Array) -> None:
         raise InputError(
             f"{name} has an entry of {largest:g}; entries must not exceed {LARGEST:g} in magnitude "
             "(a penalty of 1e30 is sufficient)."
+        )
+    if 0.0 < largest < SMALLEST:
+        raise InputError(
+            f"{name} has no entry above {largest:g} in magnitude; the largest must be at least "
+            f"{SMALLEST:g}: check the units, which are SI."
         )
 
 

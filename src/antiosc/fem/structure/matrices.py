@@ -69,6 +69,7 @@ class StructureMatrices:
             if better >= null_space.FAR * shift:
                 break
             shift = better
+            del factor  # there may be no room for two
             factor = self._solver_of(shift)
         return factor, shift
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -14,7 +13,7 @@ from petsc4py import PETSc
 
 from antiosc._types import Array, Box, IntArray
 from antiosc.checks import array, shown, whole
-from antiosc.errors import AntioscWarning, InputError
+from antiosc.errors import InputError, without_warnings
 from antiosc.fem import compat
 from antiosc.fem.elements.weak_form import Family, Kind, Parts, WeakForm, measure
 from antiosc.fem.linalg.algebra import dot, multiply
@@ -148,8 +147,7 @@ class MeshedStructure(StructureMatrices):
 
     def unsupported(self) -> MeshedStructure:
         """The same without its supports."""
-        with warnings.catch_warnings():  # it was warned of when the structure was made
-            warnings.simplefilter("ignore", AntioscWarning)
+        with without_warnings():  # it was warned of when the structure was made
             return self.again(self.mesh, ())
 
     def part_of_cells(self) -> IntArray:

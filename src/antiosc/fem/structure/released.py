@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Container, Mapping, Sequence
 
 import numpy as np
 
 from antiosc._types import Array, IntArray
-from antiosc.errors import AntioscWarning
+from antiosc.errors import without_warnings
 from antiosc.fem import compat
 from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.site.functionals import functionals
@@ -61,8 +60,7 @@ class ReleasedMesh:
 
     def applied(self, sites: Sequence[Site], rigid: Array) -> tuple[Array, Array]:
         """(bᵀg (P, 6 S), bᵀr (P, 3)) of the directions of contact of the sites."""
-        with warnings.catch_warnings():  # they were told of when the model was extracted
-            warnings.simplefilter("ignore", AntioscWarning)
+        with without_warnings():  # they were told of when the model was extracted
             found = functionals(self._free, sites)
         b = np.column_stack([each.b for one in found for each in (one, *one.across)])
         return dot(self._comm, b, self._motions), dot(self._comm, b, rigid)
@@ -80,8 +78,7 @@ def _unsupported(structure: Structure) -> Structure:
     """The same structure without its supports."""
     assert structure.made_of is not None
     mesh, material, options = structure.made_of
-    with warnings.catch_warnings():  # it was warned of when the structure was made
-        warnings.simplefilter("ignore", AntioscWarning)
+    with without_warnings():  # it was warned of when the structure was made
         return Structure(mesh, material, **options)
 
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from antiosc.fem.linalg import memory
+from antiosc import memory
 
+V1 = "/sys/fs/cgroup/memory/memory."
 MACHINE = ["MemTotal:   100 kB", "MemAvailable:   64 kB", "SwapTotal:   9 kB"]
 
 
@@ -19,6 +20,8 @@ MACHINE = ["MemTotal:   100 kB", "MemAvailable:   64 kB", "SwapTotal:   9 kB"]
         ({"/proc/meminfo": MACHINE, "max": ["max"], "current": ["20000"]}, 65536.0),
         ({"/proc/meminfo": MACHINE, "max": ["50000"]}, 65536.0),
         ({"max": ["50000"], "current": ["20000"]}, 30000.0),
+        ({"max": ["50000"], "current": ["20000"], "stat": ["inactive_file 5000"]}, 35000.0),
+        ({V1 + "limit_in_bytes": ["50000"], V1 + "usage_in_bytes": ["20000"]}, 30000.0),
         ({}, np.inf),
     ],
 )
@@ -28,6 +31,22 @@ def test_the_smaller_of_machine_and_container(files, free, monkeypatch):
 
     monkeypatch.setattr(memory, "_lines", lines)
     assert memory.free_memory() == free
+
+
+def test_the_limit_of_the_process_counts(monkeypatch):
+    """What `ulimit -v` leaves, of 3 pages that are used."""
+    resource = pytest.importorskip("resource")
+    limit = 10 * resource.getpagesize()
+    monkeypatch.setattr(resource, "getrlimit", lambda kind: (limit, limit))
+    monkeypatch.setattr(memory, "_lines", lambda path: ["3 2 1"] if "statm" in path else [])
+    assert memory.free_memory() == 7 * resource.getpagesize()
+
+
+def test_what_does_not_fit_is_one_sentence(monkeypatch):
+    monkeypatch.setattr(memory, "free_memory", lambda: 2e9)
+    memory.require(1.7e9, "a run", "do less")
+    with pytest.raises(memory.OutOfMemoryError, match=r"^a run needs .* 1.9 GB .* 2 GB .*: do les"):
+        memory.require(1.9e9, "a run", "do less")
 
 
 def test_files_that_are_not_there_are_empty(tmp_path):
