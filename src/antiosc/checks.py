@@ -296,6 +296,11 @@ def shown(value: Any) -> str:
     return line if len(line) <= 80 else f"an object of type {type(value).__name__}"
 
 
+def in_words(point: Any) -> str:
+    """A point (n,) [m] in a message."""
+    return "(" + ", ".join(f"{c:.6g}" for c in point) + ") m"
+
+
 # -- helpers
 
 

@@ -301,6 +301,7 @@ def _model(
     info: dict[str, Any] = {
         "structure": structure.describe(),
         "dofs": structure.dofs,
+        "meshed": structure.matrices.meshed,
         "method": wish.method,
         "modes_computed": len(modes.omega),
         "converged": checks.pop("converged") + added,

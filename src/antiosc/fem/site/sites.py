@@ -16,9 +16,11 @@ from antiosc.fem.structure.meshed import MeshedStructure
 
 #: A point lies on a sheet up to this share of the structure's size.
 ON_SHEET = 1e-6
-#: A patch is whole with this share of its load on the face, resolved by faces up to this times its
-#: radius, and partly supported where these carry more than this share of its load.
-WHOLE_PATCH, RESOLVED_SIZE, PARTLY = 0.9, 1.2, 0.1
+#: A patch is whole with this share of its load on the face, and partly supported where supports
+#: carry more than this share of its load.
+WHOLE_PATCH, PARTLY = 0.9, 0.1
+#: Rounding of the sizes of faces, which resolve a patch if they do not exceed its radius.
+ROUNDING = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +146,7 @@ def tell(structure: MeshedStructure, sites: Sites) -> None:
             f"refined: give the site a radius, here for instance radius={size:.1g} (the element "
             f"there measures {size:.2g} m; its radius should not be smaller).",
         )
-    coarse = sites.size > RESOLVED_SIZE * sites.radii
+    coarse = sites.size > (1 + ROUNDING) * sites.radii
     if coarse.any() and kind.outside:
         i = int(np.argmax(np.where(coarse, sites.size / sites.radii, 0.0)))
         _warn(
