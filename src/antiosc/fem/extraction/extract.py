@@ -302,6 +302,7 @@ def _model(
         "structure": structure.describe(),
         "dofs": structure.dofs,
         "meshed": structure.matrices.meshed,
+        **structure.matrices.plausibility,
         "method": wish.method,
         "modes_computed": len(modes.omega),
         "converged": checks.pop("converged") + added,

@@ -9,6 +9,7 @@ from math import inf
 
 import numpy as np
 
+from antiosc import plausible
 from antiosc._types import Array
 from antiosc.checks import in_words as text
 from antiosc.errors import InputError
@@ -43,6 +44,9 @@ def functionals_at(structure: MeshedStructure, sites: Sequence[Site]) -> list[Fu
     for i, site in enumerate(sites):
         _check_distance(mesh, extent, site, points[i], nearest[i])
     radii = np.array([np.nan if site.radius is None else site.radius for site in sites])
+    plausible.tell(
+        plausible.of_patch(site.radius, extent) for site in sites if site.radius is not None
+    )
     found = located(structure, nearest.x, directions, radii, nearest)
     _check(found)
     tell(structure, found)

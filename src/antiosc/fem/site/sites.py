@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import ceil, floor, log10
 
 import numpy as np
 import scipy.sparse
@@ -143,8 +144,9 @@ def tell(structure: MeshedStructure, sites: Sites) -> None:
         _warn(
             structure,
             "the compliance under a point load on a solid grows without limit as the mesh is "
-            f"refined: give the site a radius, here for instance radius={size:.1g} (the element "
-            f"there measures {size:.2g} m; its radius should not be smaller).",
+            "refined: give the site a radius, here for instance "
+            f"radius={rounded_up(size):g} (the element there measures {size:.2g} m; its radius "
+            "should not be smaller).",
         )
     coarse = sites.size > (1 + ROUNDING) * sites.radii
     if coarse.any() and kind.outside:
@@ -153,7 +155,7 @@ def tell(structure: MeshedStructure, sites: Sites) -> None:
             structure,
             f"the facets at the site{_at(coarse)} measure {sites.size[i]:.2g} m, more than "
             f"the radius {sites.radii[i]:g} m: the patch is not resolved; read the geometry with "
-            f"refine=[(point, {sites.radii[i]:g})] or take radius={sites.size[i]:.1g}.",
+            f"refine=[(point, {sites.radii[i]:g})] or take radius={rounded_up(sites.size[i]):g}.",
         )
     cut = sites.share < WHOLE_PATCH
     if cut.any():
@@ -171,6 +173,12 @@ def tell(structure: MeshedStructure, sites: Sites) -> None:
             f"patch{_at(constrained)}: its half-space compliance does not hold there; move the "
             "site or take a smaller radius.",
         )
+
+
+def rounded_up(value: float) -> float:
+    """A positive value with two digits, not less than it."""
+    step = 10.0 ** (floor(log10(value)) - 1)
+    return float(f"{ceil(value / step - ROUNDING) * step:.2g}")
 
 
 def _at(which: BoolArray) -> str:
