@@ -48,7 +48,7 @@ def same_blow(names: dict[str, Any]) -> None:
     """The script that draws the pictures, and the page for beginners, have README's blow."""
     script, site, sphere = demo("impact_on_bracket"), names["site"], names["sphere"]
     given = {name: one.default for name, one in inspect.signature(script.main).parameters.items()}
-    assert (script.POINT, script.STRIKE) == (site.point, site.direction)
+    assert (site.point, site.direction) == (script.POINT, script.STRIKE)
     assert (given["radius"], given["n"]) == (site.radius, names["model"].n)
     assert (given["sphere"], given["velocity"]) == (sphere.radius, sphere.velocity)
     assert given["duration"] == names["hit"].time[-1]

@@ -298,7 +298,8 @@ def shown(value: Any) -> str:
 
 def in_words(point: Any) -> str:
     """A point (n,) [m] in a message."""
-    return "(" + ", ".join(f"{c:.6g}" for c in point) + ") m"
+    rounding = 1e-9 * max(map(abs, point), default=0.0)
+    return "(" + ", ".join(f"{c if abs(c) > rounding else 0.0:.6g}" for c in point) + ") m"
 
 
 # -- helpers

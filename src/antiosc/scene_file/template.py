@@ -157,7 +157,8 @@ def _outline(part: str) -> tuple[Outline | None, list[str]]:
     try:
         found = outline(Call("ao.read_model" if deck else "ao.read_mesh", made))
     except (AntioscError, OSError) as error:
-        return None, [f"the box of {name} is not known: {error}"]
+        why = error.strerror if isinstance(error, OSError) else str(error).rstrip(".")
+        return None, [f"the box of {name} is not known: {why}."]
     return found, [f"{name} reaches {found.text()}."]
 
 
