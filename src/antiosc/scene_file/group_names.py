@@ -195,7 +195,8 @@ def outline(call: Call) -> Outline:
             raise InputError(str(error)) from None
     x = np.vstack([points for points, _ in pieces])
     box = np.pad([x.min(axis=0), x.max(axis=0)], ((0, 0), (0, 3 - x.shape[1])))
-    digits = DIGITS - floor(log10(max(float(np.ptp(box, axis=0).max()), np.finfo(float).tiny)))
+    longest = float(np.ptp(box, axis=0).max())
+    digits = DIGITS - floor(log10(longest)) if longest else DIGITS
     low, high = np.round(box, digits) + 0.0  # gmsh's boxes are wider by 1e-7
     return Outline(path.name, groups, low, high, max(size for _, size in pieces))
 

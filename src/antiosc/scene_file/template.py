@@ -168,7 +168,8 @@ def write(path: str | os.PathLike[str], part: str | None = None) -> tuple[Path, 
     InputError if it exists.
     """
     target = checks.path("the scene file", path)
-    around, told = None, []
+    around: Outline | None = None
+    told: list[str] = []
     if part is not None:
         checks.path("the file of the part", part)
         around, told = _outline(part)
