@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import re
 import runpy
 import shutil
@@ -11,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from paths import ROOT
+from paths import ROOT, demo
 
 
 def programs() -> list[str]:
@@ -39,7 +40,43 @@ def test_the_program_of_the_readme_runs(tmp_path, monkeypatch, capsys):
     assert 0 < hit.restitution < 1
     assert model.n == 20
     assert (tmp_path / "out" / "bracket.pvd").is_file()
-    assert "peak force" in capsys.readouterr().out
+    same_blow(names)
+    same_numbers(capsys.readouterr().out)
+
+
+def same_blow(names: dict[str, Any]) -> None:
+    """The script that draws the pictures, and the page for beginners, have README's blow."""
+    script, site, sphere = demo("impact_on_bracket"), names["site"], names["sphere"]
+    given = {name: one.default for name, one in inspect.signature(script.main).parameters.items()}
+    assert (site.point, site.direction) == (script.POINT, script.STRIKE)
+    assert (given["radius"], given["n"]) == (site.radius, names["model"].n)
+    assert (given["sphere"], given["velocity"]) == (sphere.radius, sphere.velocity)
+    assert given["duration"] == names["hit"].time[-1]
+    program = programs()[0]
+    assert f"size={given['size']:.0e}".replace("e-0", "e-") in program
+    first = (ROOT / "docs" / "first_impact.md").read_text(encoding="utf-8")
+    same = ("eye = ", "ao.read_mesh(", "ao.Structure(", "site = ", "ao.extract(", "ao.Sphere(")
+    for line in program.splitlines():
+        if any(word in line for word in same):
+            assert line.split("= ", 1)[1] in first
+
+
+def same_numbers(said: str) -> None:
+    """The guide shows what the program prints."""
+    shown = (ROOT / "docs" / "guide.md").read_text(encoding="utf-8").partition("`make demo`")[2]
+
+    def numbers(name: str, text: str) -> list[float]:
+        (line,) = re.findall(rf"^{name}\D*(.*)", text, re.M)[:1]
+        return [float(one) for one in re.findall(r"\d+\.?\d*(?:e[-+]\d+)?", line)]
+
+    pairs = {"peak force": 1.0, "restitution": 1.0, "contact time": 1e-6, "site": 1.0}
+    for name, scale in pairs.items():
+        found, told = numbers(name, said), numbers(name, shown)
+        count = 3 if name == "site" else 1
+        told = [scale * one for one in told[:count]]
+        assert found[:count] == pytest.approx(told, rel=5e-3, abs=1e-4 * (name == "site"))
+    assert "(time integration; mesh: not estimated" in said
+    assert "(time integration; mesh: not estimated" in shown
 
 
 @pytest.mark.fem

@@ -308,6 +308,12 @@ def shown(value: Any) -> str:
     return line if len(line) <= 80 else f"an object of type {type(value).__name__}"
 
 
+def in_words(point: Any) -> str:
+    """A point (n,) [m] in a message."""
+    rounding = 1e-9 * max(map(abs, point), default=0.0)
+    return "(" + ", ".join(f"{c if abs(c) > rounding else 0.0:.6g}" for c in point) + ") m"
+
+
 # -- helpers
 
 

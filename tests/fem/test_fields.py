@@ -22,7 +22,7 @@ from scenes import finely
 pytestmark = pytest.mark.fem
 
 PLANE = ao.Solid(**parts.STEEL, plane="stress", thickness=0.01)
-SITE = ao.Site((0.13, 0.06), (0.2, -1), radius=0.03)
+SITE = ao.Site((0.13, 0.06), (0.2, -1), radius=0.034)
 DURATION = 1e-3
 
 

@@ -1,4 +1,4 @@
-"""Parts that are hundreds of metres long, or of no known material, are told of the units."""
+"""Numbers in other units than SI are told of first: parts, materials, sizes, patches, blows."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 import parts
+from antiosc import plausible
 from antiosc.errors import AntioscWarning
-from antiosc.fem.mesh.units import tell_of_units
+from paths import MESHES
 
 pytestmark = pytest.mark.fem
 
@@ -19,36 +20,118 @@ SKIN = ao.Layer.isotropic(E=70e9, nu=0.3, rho=1600.0, thickness=1e-3)
 
 
 @pytest.mark.parametrize(
-    ("material", "speed"),
+    ("material", "held"),
     [
-        (ao.Solid(E=210e3, nu=0.3, rho=7850.0), "5.17"),  # MPa with kg/m³
-        (ao.Solid(E=210e9, nu=0.3, rho=7.85e-9), r"5.17e\+09"),  # Pa with t/mm³
-        (ao.Beam(E=210e3, nu=0.3, rho=7850.0, section=CIRCLE), "5.17"),
-        (ao.Shell(E=210e9, nu=0.3, rho=7.85, thickness=1e-3), r"1.64e\+05"),
+        (ao.Beam(E=210e3, nu=0.3, rho=7850.0, section=CIRCLE), "5.17 m/s.*E in MPa is probably"),
+        (ao.Solid(E=210, nu=0.3, rho=7850.0), "0.164 m/s.*E in GPa is probably"),
+        (ao.Solid(E=210e9, nu=0.3, rho=7.85e-9), r"5.17e\+09 m/s.*rho in t/mm³ is probably"),
+    ],
+)
+def test_materials_that_cannot_be_are_refused(material, held):
+    with pytest.raises(ao.InputError, match=held):
+        plausible.of_material(material)
+
+
+@pytest.mark.parametrize(
+    ("material", "held"),
+    [
+        (ao.Shell(E=210e9, nu=0.3, rho=7.85, thickness=1e-3), r"1.64e\+05.*rho in g/cm³"),
+        (ao.Solid(E=2.5e3, nu=0.3, rho=1200.0), "1.44 m/s.*E in MPa"),  # of plastics, or a gel
+        (ao.Solid(E=210e3, nu=0.3, rho=7.85e-9), "E in MPa and rho in t/mm³"),
         (ao.Laminate([FOAM]), "45.6"),
     ],
 )
-def test_materials_in_other_units(material, speed):
-    with pytest.warns(AntioscWarning, match=rf"√\(E/ρ\) = {speed} m/s.*units are SI"):
-        tell_of_units(1.0, [material])
+def test_materials_that_may_be_are_told_of(material, held):
+    with pytest.warns(AntioscWarning, match=rf"√\(E/ρ\) = .*{held}"):
+        plausible.tell([plausible.of_material(material)])
 
 
 def test_materials_in_si_units_are_told_nothing_of():
     steel = ao.Solid(**parts.STEEL)
     rubber, diamond = ao.Solid(5e6, 0.49, 1100.0), ao.Solid(1.05e12, 0.1, 3510.0)
-    tell_of_units(99.0, [steel, rubber, diamond, ao.Laminate([SKIN, FOAM, SKIN])])
+    for one in (steel, rubber, diamond, ao.Laminate([SKIN, FOAM, SKIN])):
+        assert plausible.of_material(one) == ""
+    assert plausible.of_part(99.0) == plausible.of_part(2e-3) == ""
 
 
-def test_a_structure_in_millimetres_is_told_of():
-    mesh = parts.box(n=(2, 1, 1), size=(200.0, 50.0, 40.0))
-    with pytest.warns(AntioscWarning, match=r"210 m long, more than 100 m: units are SI"):
-        ao.Structure(mesh, ao.Solid(**parts.STEEL), [ao.Support("left")])
-    with pytest.warns(AntioscWarning, match=r"wave speed in a Solid of this part"):
+def test_a_structure_in_other_units_is_told_of():
+    with pytest.warns(AntioscWarning, match=r"210 m long, more than 100 m.*unit="):
+        ao.Structure(
+            parts.box(n=(2, 1, 1), size=(200.0, 50.0, 40.0)),
+            ao.Solid(**parts.STEEL),
+            [ao.Support("left")],
+        )
+    with pytest.raises(ao.InputError, match="wave speed in a Solid"):
         ao.Structure(parts.box(n=(2, 1, 1)), ao.Solid(210e3, 0.3, 7850.0), [ao.Support("left")])
 
 
 def test_alike_materials_are_told_of_once():
-    alike = [ao.Solid(210e3, 0.3, 7850.0), ao.Solid(210e3, 0.2, 7850.0)]
+    alike = [ao.Solid(2.5e3, 0.3, 1200.0), ao.Solid(2.5e3, 0.2, 1200.0)]
+    every = [*alike, ao.Truss(2.5e3, 0.3, 1200.0, 1e-3)]
     with pytest.warns(AntioscWarning) as told:
-        tell_of_units(1.0, [*alike, ao.Truss(210e3, 0.3, 7850.0, 1e-3)])
+        plausible.tell(map(plausible.of_material, every))
     assert ["Solid" in str(one.message) for one in told] == [True, False]
+
+
+def test_sizes_and_patches_larger_than_the_part_are_refused():
+    with pytest.raises(ao.MeshError, match=r"size=5 m is larger.*0.08.* m.*size=0.005"):
+        ao.read_mesh(MESHES / "bracket.step", size=5)
+    part = ao.Structure(
+        parts.box(n=(2, 1, 1)), ao.Solid(**parts.STEEL), [ao.Support("left")], order=1
+    )
+    site = ao.Site((0.1, 0.02, 0.04), (0, 0, -1), radius=4.0)
+    with pytest.raises(ao.InputError, match=r"radius 4 m.*larger than the part.*0.004 m"):
+        ao.extract(part, site, n=2)
+
+
+def test_a_mesh_in_millimetres_is_blamed_before_its_facets():
+    far = parts.box(n=(2, 1, 1), size=(80.0, 20.0, 20.0))  # not long enough to be told of itself
+    part = ao.Structure(far, ao.Solid(**parts.STEEL), [ao.Support("left")], order=1)
+    site = ao.Site((40.0, 10.0, 20.0), (0, 0, -1), radius=4e-3)
+    with pytest.warns(AntioscWarning) as told:
+        ao.extract(part, site, n=2)
+    assert 'unit="mm"' in str(told[0].message)
+    assert "facets" in str(told[1].message)
+
+
+def soft(**info) -> ao.AntiOscillators:
+    """A model whose patch is far too small for a hard blow."""
+    return ao.AntiOscillators(
+        m0=0.1, k0=1e7, m=[0.2], omega=[5e3], local_compliance=2e-9, radius=4e-3, info=info
+    )
+
+
+def ball(velocity: float) -> ao.Sphere:
+    return ao.Sphere(0.01, 210e9, 0.3, 7850.0, velocity)
+
+
+@pytest.mark.parametrize("run", ["simulate", "simulate_many", "scene"])
+def test_what_is_implausible_is_blamed_before_the_patch(run):
+    model, impactor = soft(doubts=["the part is odd."]), ball(2000.0)
+    law = impactor.hertz(70e9, 0.33)
+
+    def hit() -> object:
+        if run == "scene":
+            bodies = {"part": model, "ball": impactor}
+            return ao.Scene(bodies, [ao.Contact("part", "ball", law)]).run(1e-4)
+        return getattr(ao, run)(model, impactor, law, 1e-4)
+
+    speed = "2000 m/s is faster than 100 m/s.*2 m/s is probably meant"
+    with (
+        pytest.warns(AntioscWarning, match=speed) as told,
+        pytest.raises(ao.AccuracyError, match=f"the part is odd.*{speed}.*the peak force"),
+    ):
+        hit()
+    assert "odd" not in str(told[0].message)  # it was told when the part was made
+
+
+def test_stress_against_the_modulus():
+    assert "0.39 E" in plausible.of_blow(soft(wave_speed=5.09), [ball(2.0)])
+    assert plausible.of_blow(soft(wave_speed=5090.0), [ball(2.0)]) == ""
+    with pytest.raises(ao.InputError, match="30 m/s is probably meant"):
+        plausible.of_blow(soft(), [ball(3e4)])
+
+
+def test_a_surface_softer_than_rubber_is_told_of():
+    with pytest.warns(AntioscWarning, match=r"7e\+10 is probably meant"):
+        ball(1.0).hertz(70e3, 0.33)

@@ -112,6 +112,10 @@ def test_coordinates_of_nodes_beside_labels(tmp_path):
         ao.extract(part, ao.Site((0.23, 0, 0), (0, 0, 1)))
     assert ao.extract(part, ao.Site((0.23, 0, 0), (0, 0, 1), snap=True), n=4).k0 == model.k0
     hit = ao.simulate(model, ao.RigidMass(0.1, 1.0), ao.Hertz(1e8), 5e-3)
+    with pytest.raises(ao.InputError, match=r"\(20, 0, 0\) m is 19.5 m off .* \(0.5, 0, 0\) m"):
+        ao.extract(part, ao.Site((20, 0, 0), (0, 0, 1), snap=True))
+    with pytest.raises(ao.InputError, match=r"\(20, 0, 0\) m is 19.5 m off .* \(0.5, 0, 0\) m"):
+        ao.probe(part, hit, (20, 0, 0))
     moved = ao.probe(part, hit, (0.2, 0, 0))
     assert moved.shape == (len(hit.time), 3)
     np.testing.assert_allclose(moved[:, 2], hit.displacement, atol=1e-12)

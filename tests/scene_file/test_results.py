@@ -198,6 +198,7 @@ def test_files_are_those_that_are_asked_for(tmp_path):
     assert content["warnings"] == []
     assert content["result"] == {
         "status": 0, "message": "it < ended", "error": {"force": 2e-4, "time": None},
+        "error_covers": "time integration",
         "energy_drift": 1e-7, "peak_force": 123.456789, "impulse": 0.5, "contact_time": 2e-4,
         "contacts": [[0.0, 1e-4], [2e-4, 3e-4]], "restitution": 0.87654, "step": 1e-6,
     }  # fmt: skip

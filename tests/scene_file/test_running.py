@@ -19,8 +19,10 @@ from paths import MESHES
 from scene_files import (
     BEAM,
     FRAME,
+    MATERIAL,
     PROBE,
     SCENES,
+    SITE,
     STRIKE,
     SWEEP,
     antiosc,
@@ -172,7 +174,7 @@ def test_what_a_new_scene_has_in_comments_is_right(tmp_path, capsys):
     text = re.sub(sections_and_keys, "", target.read_text(), flags=re.M)
     assert len(re.findall(r"^\w[\w.]* = ", text, re.M)) > 35
     text = text.replace('where = "clamp"', "", 1)  # one of two ways to say it
-    text = re.sub(r"^(size|refine) = .*", "", text, flags=re.M)  # of geometries, not of meshes
+    text = re.sub(r"^(size|refine|unit) = .*", "", text, flags=re.M)  # not of this mesh
     text = text.replace('where = "top"', 'where = "eye"')
     head, _, tail = text.partition("\n[strike]\n")
     strike, _, rest = tail.partition("\n# A scene of several")
@@ -190,6 +192,51 @@ def test_a_new_scene_of_a_part_has_no_mistakes(tmp_path, capsys):
     for name, part in {"a": SCENES / "bar.inp", "b": SCENES.parents[1] / "meshes/beam.msh"}.items():
         assert antiosc("new", tmp_path / f"{name}.toml", part) == 0
         assert antiosc("check", tmp_path / f"{name}.toml") == 0
+
+
+@pytest.mark.fem
+@pytest.mark.parametrize("part", ["bracket.step", "bracket.msh"])
+def test_the_box_of_a_part_is_told_and_its_sites_are_tested(part, tmp_path, capsys):
+    pytest.importorskip("dolfinx")
+    path = tmp_path / "new.toml"
+    box = "from (0, 0, 0) m to (0.084, 0.06, 0.086) m; groups: "
+    for command in ("new", "check"):
+        assert antiosc(command, path, *([MESHES / part] if command == "new" else [])) == 0
+        told = capsys.readouterr().out
+        assert box in told
+    if part.endswith("msh"):
+        assert antiosc("run", path, "--dry-run") == 0
+        assert box + "clamp, base, eye" in capsys.readouterr().out
+    text = path.read_text()
+    assert "point = [0.042, 0.03, 0.086]" in text  # in the middle of the upper side
+    for old, new, found in (
+        ("point = [0.042, 0.03, 0.086]", "point = [20, 40, 75]", 1),
+        ("point = [0.042, 0.03, 0.086]", "point = [0.042, 0.03, 0.087]", 0),
+        ("[output]", "[probes.a]\npoint = [0, 300]\n[output]", 1),
+    ):
+        assert antiosc("check", written(tmp_path, text.replace(old, new, 1))) == found
+        assert ("outside the box of bracket" in capsys.readouterr().err) == bool(found)
+
+
+@pytest.mark.fem
+def test_parts_of_an_assembly_are_tested_in_their_places(tmp_path, capsys):
+    pytest.importorskip("dolfinx")
+    one = f'[parts.X.geometry]\nsource = "{MESHES}/beam.msh"\n{MATERIAL.format("parts.X.material")}'
+    text = one.replace("X", "a") + one.replace("X", "b") + "[at.b]\nshift = [0, 0, 5]\n" + SITE
+    for z, found in ((5, 0), (2, 1)):
+        path = written(tmp_path, text.replace("point = [0, 0, 0]", f"point = [0.5, 0, {z}]"))
+        assert antiosc("check", path) == found
+        assert ("2 m outside the box of beam.msh" in capsys.readouterr().err) == bool(found)
+
+
+@pytest.mark.fem
+def test_what_was_told_comes_before_an_error(tmp_path, capsys):
+    pytest.importorskip("dolfinx")
+    scene = STRIKE.partition("[strike]")[0].replace("velocity = 2.0", "velocity = 2000.0")
+    scene = scene.replace("stiffness = 1e9", "stiffness = 1e11").replace("4e-3", "6e-3")
+    assert antiosc("run", written(tmp_path, scene + "[simulate]\nduration = 1e-4\n")) == 1
+    told = capsys.readouterr().err
+    assert told.index("2000 m/s is faster") < told.index("the peak force")
 
 
 def test_dry_run_tells_what_will_be_computed(tmp_path, capsys):

@@ -11,7 +11,7 @@ from math import cos, pi, radians, sqrt
 import numpy as np
 from scipy.special import ellipkm1, elliprd
 
-from antiosc import checks
+from antiosc import checks, plausible
 from antiosc.errors import InputError
 
 Radii = float | tuple[float, float]
@@ -19,10 +19,12 @@ Radii = float | tuple[float, float]
 
 def effective_modulus(E1: float, nu1: float, E2: float | None, nu2: float | None) -> float:
     """E* [Pa] with 1/E* = (1 - nu1^2)/E1 + (1 - nu2^2)/E2; E2 None or infinite: rigid body 2."""
-    compliance = (1 - checks.poisson(nu1) ** 2) / checks.positive("E1", E1, "Pa")
+    moduli = [checks.positive("E1", E1, "Pa")]
+    compliance = (1 - checks.poisson(nu1) ** 2) / moduli[0]
     if E2 is not None and not checks.rigid(E2):
-        second = checks.poisson(nu1 if nu2 is None else nu2)
-        compliance += (1 - second**2) / checks.positive("E2", E2, "Pa")
+        moduli.append(checks.positive("E2", E2, "Pa"))
+        compliance += (1 - checks.poisson(nu1 if nu2 is None else nu2) ** 2) / moduli[1]
+    plausible.tell(map(plausible.of_modulus, moduli))
     return 1 / compliance
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -24,15 +25,21 @@ from antiosc.fem.recovery import at_nodes as nodal
 from antiosc.fem.recovery.place import Place
 from antiosc.fem.recovery.quantities import evaluator
 from antiosc.fem.recovery.shape_slopes import PointsInCells
+from antiosc.fem.site.site import Reach
 from antiosc.fem.structure.meshed import MeshedStructure, alone
 from antiosc.fem.structure.structure import Structure, on_mesh
 from antiosc.names import known
 
 
-def at_point(structure: Structure, shapes: Array, x: Array, part: str | None) -> Array:
-    """Displacements (gdim, columns) of the point next to x (3,) for shapes (rows, columns)."""
+def at_point(
+    structure: Structure, shapes: Array, x: Array, part: str | None, reach: Reach
+) -> Array:
+    """Displacements (gdim, columns) of the point next to x (3,) for shapes (rows, columns).
+
+    InputError for a point farther off than `reach`.
+    """
     parts = _parts(structure, shapes, part)
-    return _decided(structure, lambda: _displacements(parts, x))
+    return _decided(structure, lambda: _displacements(parts, x, reach))
 
 
 def _decided(structure: Structure, work: Callable[[], Array]) -> Array:
@@ -43,12 +50,10 @@ def _decided(structure: Structure, work: Callable[[], Array]) -> Array:
     return on_root(structure.comm, work) if structure.matrices.assembled else work()
 
 
-def _displacements(parts: Sequence[tuple[Member, Array]], x: Array) -> Array:
+def _displacements(parts: Sequence[tuple[Member, Array]], x: Array, reach: Reach) -> Array:
     """Displacements (gdim, columns) of the point next to x (3,) of all parts."""
-    found = [closest_point.closest(m.part.mesh, m.at.own(x[None])[0]) for m, _ in parts]
-    k = int(np.argmin([nearest.distance for nearest in found]))
-    member, own = parts[k]
-    values = _at_point(member, found[k], own)
+    member, found, own = _nearest(parts, x[None], reach)
+    values = _at_point(member, found[0], own)
     components = [name for name in "xyz" if name in member.part.form.components]
     return values[: len(components)]
 
@@ -60,16 +65,16 @@ def recovered(
     part: str | None,
     quantity: str,
     place: Place,
-    most: float | None,
+    reach: Reach,
 ) -> Array:
     """A quantity (P, …, columns) of every shape at the points next to `points` (P, 3).
 
-    InputError for a point farther from the structure than `most` [m].
+    InputError for a point farther from the structure than `reach`.
     """
     parts = _parts(structure, shapes, part)
     if place.stiffener is not None:
         parts = _stiffeners(parts, place.stiffener)
-    return _decided(structure, lambda: _recovered(parts, points, quantity, place, most))
+    return _decided(structure, lambda: _recovered(parts, points, quantity, place, reach))
 
 
 def _stiffeners(parts: list[tuple[Member, Array]], name: str) -> list[tuple[Member, Array]]:
@@ -94,20 +99,10 @@ def _recovered(
     points: Array,
     quantity: str,
     place: Place,
-    most: float | None,
+    reach: Reach,
 ) -> Array:
     """`recovered` of the nearest of some parts."""
-    parts = [
-        (member, closest_point.closest_many(member.part.mesh, member.at.own(points)), own)
-        for member, own in candidates
-    ]
-    k = int(np.argmin([found.distance.sum() for _, found, _ in parts]))
-    member, found, own = parts[k]
-    if most is not None and found.distance.max() > most:
-        raise InputError(
-            f"a point that is asked lies {found.distance.max():.3g} m off the structure; at most "
-            f"{most:.3g} m is taken as lying on it: shorten the gauge, or move it."
-        )
+    member, found, own = _nearest(candidates, points, reach)
     mesh = member.part.mesh
     evaluate = evaluator(member.part, quantity, place.within(member.at.rotation))
     with_ghosts = compat.with_ghosts(member.part.form.space, own)
@@ -123,6 +118,22 @@ def _recovered(
     values[mine] = here
     values = np.asarray(mesh.comm.allreduce(values))
     return values if place.local else _turned(member.at.rotation, values, quantity)
+
+
+def _nearest(
+    candidates: Sequence[tuple[Member, Array]], points: Array, reach: Reach
+) -> tuple[Member, closest_point.ClosestPoints, Array]:
+    """The part next to points (P, 3), its points next to them, and its shapes."""
+    parts = [
+        (member, closest_point.closest_many(member.part.mesh, member.at.own(points)), own)
+        for member, own in candidates
+    ]
+    member, found, own = min(parts, key=lambda part: float(part[1].distance.sum()))
+    far, mesh = int(np.argmax(found.distance)), member.part.mesh
+    there = member.at.placed(found.x[far][None])[0]
+    element = partial(closest_point.size_at, mesh, found[far])
+    reach.check(points[far], there, mesh.extent(), element)
+    return member, found, own
 
 
 def _turned(R: Array, values: Array, quantity: str) -> Array:

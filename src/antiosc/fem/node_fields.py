@@ -9,16 +9,24 @@ import numpy as np
 from antiosc._types import Array, IntArray
 from antiosc.errors import InputError
 from antiosc.fem.recovery.place import Place
+from antiosc.fem.site.on_nodes import check_reach
+from antiosc.fem.site.site import Reach
 from antiosc.fem.structure.nodal import NodalMatrices
 from antiosc.fem.structure.structure import Structure
 
 
-def at_point(structure: Structure, shapes: Array, x: Array, part: str | None) -> Array:
-    """Displacements (3, columns) of the node next to x (3,) for shapes (rows, columns)."""
+def at_point(
+    structure: Structure, shapes: Array, x: Array, part: str | None, reach: Reach
+) -> Array:
+    """Displacements (3, columns) of the node next to x (3,) for shapes (rows, columns).
+
+    InputError for a node farther off than `reach`.
+    """
     _one_part(part)
     nodal = cast(NodalMatrices, structure.matrices)
     points, rows = nodal.nodes()
     nearest = int(np.argmin(((points - x) ** 2).sum(axis=1)))
+    check_reach(reach, x, points, nearest)
     return _displacements(rows[nearest : nearest + 1], shapes)[0]
 
 
@@ -29,7 +37,7 @@ def recovered(
     part: str | None,
     quantity: str,
     place: Place,
-    most: float | None,
+    reach: Reach,
 ) -> Array:
     """InputError: matrices have neither materials nor elements."""
     raise InputError(

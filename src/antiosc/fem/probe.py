@@ -8,6 +8,7 @@ from it, and accelerations, need more anti-oscillators than the force (docs/resu
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import inf
 from typing import cast
 
 import numpy as np
@@ -20,6 +21,7 @@ from antiosc.fem.fields import counted, shapes_of, source
 from antiosc.fem.mpi import collective
 from antiosc.fem.named_points import motions_without_mesh, point_of
 from antiosc.fem.recovery.place import Place, place
+from antiosc.fem.site.site import Reach
 from antiosc.fem.structure.structure import Structure
 from antiosc.simulation.body_motion import amplitudes, times_of
 from antiosc.simulation.history import History
@@ -57,6 +59,7 @@ def probe(
     fibre: Sequence[float] = (0.0, 0.0),
     axes: str = "global",
     stiffener: str | None = None,
+    snap: float | None = None,
 ) -> Array:
     """One quantity at one point of the structure at `times`.
 
@@ -67,10 +70,10 @@ def probe(
     history : History, SceneHistory or BodyHistory
         A BodyHistory is `hit.bodies[name]` of a scene.
     point : sequence of floats, or str
-        Coordinates in m; the nearest point of the structure is taken. A text names a group, of an
-        assembly "part:group": the point next to the centroid of its entities is taken, where a
-        `Site` of the same name lies. Of an assembly it may also name a reference point, or a site
-        of a superelement, which have displacements and rotations alone.
+        Coordinates in m; the nearest point of the structure is taken, within `snap`. A text names a
+        group, of an assembly "part:group": the point next to the centroid of its entities is taken,
+        where a `Site` of the same name lies. Of an assembly it may also name a reference point, or
+        a site of a superelement, which have displacements and rotations alone.
     quantity : str
         "displacement" (n, 3) m, "velocity" (n, 3) m/s, "acceleration" (n, 3) m/s²: of plane parts
         (n, 2); relative to the supports where a `Base` moves them.
@@ -104,6 +107,9 @@ def probe(
     stiffener : str, optional
         Group of a `Beam` on the edges of a shell: strain, stress and section forces of this beam,
         at its point next to `point`.
+    snap : float, optional
+        Largest distance in m of the point from the structure; default: 2 % of the part's size, or
+        one element.
 
     Notes
     -----
@@ -116,7 +122,8 @@ def probe(
     ------
     InputError
         A model without shapes, or extracted from another structure; a quantity that the element
-        family does not have; a layer, a part or a group that does not exist.
+        family does not have; a layer, a part or a group that does not exist; a point that lies
+        too far from the structure.
     """
     if not isinstance(quantity, str):  # times as the fourth argument
         if times is not None and quantity is not None:
@@ -125,11 +132,16 @@ def probe(
     checks.choice("quantity", quantity, PROBED_QUANTITIES)
     checks.instance("structure", structure, Structure, "a Structure")
     there = place(surface, layer, fibre, axes, stiffener)
+    if snap is not None:
+        snap = inf if checks.rigid(snap) else checks.positive("snap", snap, "m")
+    elif isinstance(point, str):
+        snap = inf
+    reach = Reach("the point of the probe", snap)
     x, part, end = point_of(structure, point, part)
     shapes = shapes_of(structure, history, body)
     at = times_of(history, times)
     if end is None:
-        columns = _columns(structure, shapes, x[None], quantity, part, there)[0]
+        columns = _columns(structure, shapes, x[None], quantity, part, there, reach)[0]
     else:
         columns = motions_without_mesh(structure, shapes, str(point), end, quantity)
     factors = amplitudes(history, at, body, DERIVATIVES.get(quantity, 0))
@@ -186,7 +198,8 @@ def strain_gauge(
     points = x + np.outer(nodes, d) * length / 2
     shapes = shapes_of(structure, history, body)
     at = times_of(history, times)
-    columns = _columns(structure, shapes, points, "strain", part, there, most=OFF_GAUGE * length)
+    reach = Reach("a point of the gauge,", OFF_GAUGE * length, "shorten the gauge, or move it")
+    columns = _columns(structure, shapes, points, "strain", part, there, reach)
     along = np.einsum("p,i,pijk,j->k", weights / 2, d, columns, d, optimize=True)
     return np.asarray(amplitudes(history, at, body) @ along)
 
@@ -198,12 +211,12 @@ def _columns(
     quantity: str,
     part: str | None,
     there: Place,
-    most: float | None = None,
+    reach: Reach,
 ) -> Array:
     """The quantity (P, …, columns) of every shape at points (P, 3)."""
     where = source(structure)
     recovered = {"von_mises": "stress"}.get(quantity, quantity)
     if quantity in ("displacement", "velocity", "acceleration"):
-        return np.stack([where.at_point(structure, shapes, x, part) for x in points])
-    found = where.recovered(structure, shapes, points, part, recovered, there, most)
+        return np.stack([where.at_point(structure, shapes, x, part, reach) for x in points])
+    found = where.recovered(structure, shapes, points, part, recovered, there, reach)
     return cast(Array, found)

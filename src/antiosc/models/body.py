@@ -93,6 +93,18 @@ def checked_body(name: str, body: Any) -> Body:
     )
 
 
+def places_of(body: Any) -> dict[str, tuple[float, ...]]:
+    """Where the sites of an extracted body lie [m], by name; "" is the name of a single one."""
+    info = getattr(body, "info", None)
+    info = info if isinstance(info, dict) else {}
+    named = info.get("points", {"": info.get("point")})
+    return {
+        str(name): tuple(point)
+        for name, point in (named.items() if isinstance(named, dict) else ())
+        if isinstance(point, list | tuple) and all(isinstance(c, int | float) for c in point)
+    }
+
+
 def several_contact_points(name: str, sites: tuple[str, ...]) -> str:
     """Message for a body of several sites where one is needed."""
     return (

@@ -25,8 +25,10 @@ from antiosc.scene_file.scene import Compiled, compiled
 
 def new(options: argparse.Namespace) -> int:
     """`antiosc new FILE [PART]`."""
-    path = template.write(options.file, options.part)
+    path, told = template.write(options.file, options.part)
     say(f"wrote {path}; next: edit it, then antiosc check {path}")
+    for sentence in told:
+        say(sentence)
     return 0
 
 

@@ -8,6 +8,7 @@ from typing import Any
 from antiosc.advice import advise
 from antiosc.errors import AntioscError
 from antiosc.memory import free_memory
+from antiosc.scene_file.group_names import outlines
 from antiosc.scene_file.result_tables import lines
 from antiosc.scene_file.run import Results, results
 from antiosc.scene_file.scene import Compiled
@@ -22,6 +23,7 @@ def text(scene: Compiled) -> str:
     rows: list[tuple[str, str]] = []
     if found.structure is not None:
         rows += _of_structure(found)
+    rows += [(f"box of {one.name}", one.text()) for one in outlines(scene)]
     rows += _of_model(scene, found)
     if found.impactor is not None and found.contact is not None:
         rows += _of_impact(scene, found)

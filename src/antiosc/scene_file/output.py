@@ -15,10 +15,12 @@ import numpy as np
 
 from antiosc import checks, files, info
 from antiosc.errors import InputError, MissingDependencyError
+from antiosc.models.body import places_of
 from antiosc.scene_file import result_tables
 from antiosc.scene_file.outputs import Output
 from antiosc.scene_file.run import Results, on_first
 from antiosc.simulation.error_bars import CAUSES
+from antiosc.simulation.results import covers
 from antiosc.simulation.scene_history import SceneHistory
 
 
@@ -134,6 +136,7 @@ def numbers(history: Any) -> dict[str, Any]:
         "status": history.status,
         "message": history.message,
         "error": _plain(history.error),
+        "error_covers": covers(history),
         "energy_drift": _plain(history.energy.drift),
     }
     budget = result_tables.error_budget(history)
@@ -161,7 +164,8 @@ def _contact(one: Any) -> dict[str, Any]:
 def model_numbers(model: Any) -> dict[str, Any]:
     """The parameters of a reduced model as JSON values; SI units."""
     names = ("k0", "m0", "m_st", "omega", "m", "P", "sites")
-    return {name: _plain(getattr(model, name, None)) for name in names}
+    own = {name: _plain(getattr(model, name, None)) for name in names}
+    return own | {"points": _plain(places_of(model))}
 
 
 def write_numbers(path: Path, content: Mapping[str, Any]) -> Path:

@@ -22,6 +22,7 @@ from antiosc.scene_file.output import ends
 from antiosc.scene_file.report_pictures import Picture, pictures
 from antiosc.scene_file.run import Results, on_first
 from antiosc.simulation.error_bars import CAUSES, QUANTITIES
+from antiosc.simulation.results import covers
 from antiosc.simulation.scene_history import SceneHistory
 
 #: What stands in a script of a page.
@@ -147,6 +148,7 @@ def _results(history: Any) -> list[str]:
 
 def _errors(history: Any) -> list[str]:
     rows = [(f"time integration: {name}", f"{value:.2g}") for name, value in history.error.items()]
+    rows.append(("these errors cover", covers(history)))
     rows.append(("energy drift over the run", f"{history.energy.drift:.2g} of the energy"))
     pieces = [_table(rows)]
     budget: Any = result_tables.error_budget(history)

@@ -7,7 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from antiosc import checks
 from antiosc.errors import AntioscError
+from antiosc.models.body import places_of
 from antiosc.scene_file.run import Results
 
 #: Rows of a table of a sweep that are printed; the files hold all.
@@ -56,17 +58,22 @@ def _short(value: Any) -> str:
 
 def model_rows(model: Any) -> list[tuple[str, str]]:
     """The parameters of the reduced model."""
+    places = [
+        (f"site {name}".rstrip(), checks.in_words(point))
+        for name, point in places_of(model).items()
+    ]
     if np.ndim(model.k0):
         several = [("sites", ", ".join(model.sites)), ("anti-oscillators", f"{model.n}")]
-        return [*several, ("antiresonances", _frequencies(model.omega))]
+        return [*places, *several, ("antiresonances", _frequencies(model.omega))]
     rows = [
+        *places,
         ("static stiffness k0", f"{model.k0:.5g} N/m"),
         ("static mass m_st", f"{model.m_st:.5g} kg"),
         ("anti-oscillators", f"{model.n}"),
         ("antiresonances", _frequencies(model.omega)),
     ]
     if model.m_st > 0:
-        rows.insert(3, ("captured mass", f"{1 - model.m0 / model.m_st:.2%} of m_st"))
+        rows.insert(-1, ("captured mass", f"{1 - model.m0 / model.m_st:.2%} of m_st"))
     return rows
 
 

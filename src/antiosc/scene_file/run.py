@@ -55,10 +55,15 @@ def results(compiled: Compiled, statements: list[Statement]) -> Results:
     """Run statements of a scene; SceneFileError with the line where one of them fails."""
     evaluation = Evaluation(_failure(compiled.document))
     found = Results(compiled, evaluation.variables)
-    with warnings_to(partial(_told, found.warnings)):
-        for each in statements:
-            with progress.doing(DOING.get(each.variable, each.variable)):
-                evaluation.run(each)
+    try:
+        with warnings_to(partial(_told, found.warnings)):
+            for each in statements:
+                with progress.doing(DOING.get(each.variable, each.variable)):
+                    evaluation.run(each)
+    except AntioscError:  # what was told before may say why
+        for sentence in found.warnings:
+            progress.say(f"warning: {sentence}", sys.stderr)
+        raise
     return found
 
 

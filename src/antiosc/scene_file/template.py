@@ -7,7 +7,9 @@ import secrets
 from pathlib import Path
 
 from antiosc import checks
-from antiosc.errors import InputError
+from antiosc.errors import AntioscError, InputError
+from antiosc.scene_file.group_names import Outline, outline
+from antiosc.scene_file.program import Call
 
 #: Endings of decks, which describe materials and supports themselves.
 DECK_ENDINGS = {".inp", ".bdf", ".nas", ".fem", ".dat"}
@@ -40,7 +42,7 @@ rho = 7850.0        # density, kg/m³
 # Groups of cells may have materials of their own: [material.GROUP] in place of [material].
 
 [[supports]]                                        # one such table for each support
-plane = [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]          # the nodes on a plane: [point, normal]
+plane = {plane}          # the nodes on a plane: [point, normal]
 # where = "clamp"                                   # or the nodes of a named group of the mesh
 # fix = ["x", "z"]                                  # by default all components
 
@@ -68,10 +70,10 @@ REST = """
 # was saved). docs/scene_files.md describes all sections.
 
 [sites.tip]                         # where the structure is struck
-point = [0.0, 0.0, 0.1]
+point = {point}             # m
 direction = [0.0, 0.0, -1.0]        # in which the impactor pushes
 radius = 2e-3                       # of the patch over which the force is spread; beams need none
-snap = true                         # take the nearest point of the structure
+snap = true                         # the nearest point, 2 % of the part's size away or less
 
 [extract]                           # the reduction to anti-oscillators
 n = 20
@@ -105,7 +107,7 @@ duration = 1e-3     # s
 
 # -- what is written ------------------------------------------------------------------------------
 # [probes.top]                      # points whose motion is wanted
-# point = [0.0, 0.0, 0.1]
+# point = {point}
 
 [output]
 csv = true          # history.csv, probes.csv
@@ -124,27 +126,56 @@ json = true         # result.json
 """
 
 
-def text(name: str, part: str | None) -> str:
-    """The scene as a text; `part` is the file of the structure, as the scene names it."""
+def text(name: str, part: str | None, around: Outline | None = None) -> str:
+    """The scene as a text; `part` is the file of the structure, as the scene names it.
+
+    `around`: its box; the site lies in the middle of its upper side.
+    """
     source = part or "part.step"
     quoted = '"' + source.replace("\\", "\\\\").replace('"', '\\"') + '"'
     deck = Path(source).suffix.lower() in DECK_ENDINGS
     size = "size = 5e-3" if part is None or _cad(source) else "# size = 5e-3"
     body = DECK if deck else GEOMETRY_SECTION
-    return HEAD.format(name=name) + body.format(source=quoted, size=size) + REST
+    point, plane = [0.0, 0.0, 0.1], [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
+    if around is not None:
+        low, high = around.low.tolist(), around.high.tolist()
+        point = [*(float(f"{c:.4g}") for c in (around.low + around.high)[:2] / 2), high[2]]
+        flat = low[2] == high[2]
+        plane = [low, [1.0, 0.0, 0.0] if flat else [0.0, 0.0, 1.0]]
+    rest = REST.replace("{point}", f"{point}")
+    return HEAD.format(name=name) + body.format(source=quoted, size=size, plane=plane) + rest
 
 
 def _cad(source: str) -> bool:
     return Path(source).suffix.lower() in {".step", ".stp", ".iges", ".igs", ".brep", ".geo"}
 
 
-def write(path: str | os.PathLike[str], part: str | None = None) -> Path:
-    """Write a new scene file, complete or absent; InputError if it exists."""
+def _outline(part: str) -> tuple[Outline | None, list[str]]:
+    """The outline of a file, and a sentence that tells it or why it is not known."""
+    name = Path(part).name
+    deck = Path(part).suffix.lower() in DECK_ENDINGS
+    made = {"path": part, "unit": "mm"} if deck else {"source": part}
+    try:
+        found = outline(Call("ao.read_model" if deck else "ao.read_mesh", made))
+    except (AntioscError, OSError) as error:
+        why = error.strerror if isinstance(error, OSError) else str(error).rstrip(".")
+        return None, [f"the box of {name} is not known: {why}."]
+    return found, [f"{name} reaches {found.text()}."]
+
+
+def write(path: str | os.PathLike[str], part: str | None = None) -> tuple[Path, list[str]]:
+    """Write a new scene file, complete or absent; its path, and what is told of the part.
+
+    InputError if it exists.
+    """
     target = checks.new_file("the scene file", path)
+    around: Outline | None = None
+    told: list[str] = []
     if part is not None:
         checks.path("the file of the part", part)
+        around, told = _outline(part)
         part = os.path.relpath(part, target.parent)
-    content = text(target.name, part)
+    content = text(target.name, part, around)
     if not content.isprintable() and any(c not in "\n" and not c.isprintable() for c in content):
         raise InputError(f"the name {checks.shown(part or target.name)} has control characters.")
     beside = target.with_name(f".antiosc-{secrets.token_hex(6)}.toml")
@@ -161,4 +192,4 @@ def write(path: str | os.PathLike[str], part: str | None = None) -> Path:
         ) from None
     except OSError as error:
         raise InputError(f"cannot write {str(target)!r}: {error.strerror}.") from None
-    return target
+    return target, told

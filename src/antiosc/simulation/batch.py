@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from antiosc import checks
+from antiosc import checks, plausible
 from antiosc._types import Array, Index
 from antiosc.brief import Brief
 from antiosc.contact import ContactLaw
@@ -179,6 +179,8 @@ def simulate_many(
         "max_contacts": checks.whole("max_contacts", max_contacts),
         "max_steps": checks.whole("max_steps", max_steps),
     }
+    speeds = columns["impactors"], columns["initial_velocity"]
+    plausible.tell([plausible.of_blow(model, *speeds) for model in columns["models"][:1]])
     scenes = list(zip(*columns.values(), strict=True))
     rows = _rows_of(earlier, size)
     todo = [i for i, row in enumerate(rows) if row.verdict.status == STOPPED]
@@ -266,7 +268,9 @@ def impact(
     law = outcome.problem.law
     if law.valid_force < inf and outcome.trajectory.peak_force > law.valid_force:
         peak = outcome.trajectory.peak_force
-        raise AccuracyError(f"{law.out_of_range(peak, None)}.")
+        blow = plausible.of_blow(model, [impactor], velocity)
+        doubts = [*plausible.of_model(model), *filter(None, [blow])]
+        raise AccuracyError(plausible.first(doubts, f"{law.out_of_range(peak, None)}."))
     return outcome
 
 

@@ -16,12 +16,13 @@ from antiosc import checks
 from antiosc._types import Array, Index
 from antiosc.charts.histories import plot_history
 from antiosc.errors import InputError
+from antiosc.models.body import places_of
 from antiosc.models.modal import ModalBody
 from antiosc.simulation.contact_energy import replay, stored_alone
 from antiosc.simulation.energy import Energy
 from antiosc.simulation.error_bars import ErrorBudget
 from antiosc.simulation.integrators import Problem, Trajectory
-from antiosc.simulation.results import HistoryResults
+from antiosc.simulation.results import HistoryResults, covered
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -244,6 +245,7 @@ class History(HistoryResults):
         """The numbers of the impact as a short table."""
         e = self.restitution
         rows = [
+            *(("site", checks.in_words(point)) for point in places_of(self.model).values()),
             ("peak force", f"{self.peak_force:.6g} N"),
             ("impulse", f"{self.impulse:.6g} N s"),
             ("contacts", f"{len(self.contacts)}"),
@@ -251,10 +253,7 @@ class History(HistoryResults):
             ("restitution", "-" if e is None else f"{e:.4f}"),
             ("energy drift", f"{self.energy.drift:.1e}"),
             ("step", f"{self.step:.3g} s"),
-            (
-                "force error",
-                f"{self.error['force']:.1e}" if "force" in self.error else "not estimated",
-            ),
+            ("force error", covered(self)),
             ("status", self.message),
         ]
         return "\n".join(f"{name:<13} {value}" for name, value in rows)

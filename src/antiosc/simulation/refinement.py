@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from antiosc import checks
+from antiosc import checks, plausible
 from antiosc._types import Array
 from antiosc.errors import AccuracyError, AccuracyWarning, InputError, warn
 from antiosc.simulation.assembly import Assembly, assemble
@@ -36,6 +36,8 @@ def integrate(
     checks.whole("max_contacts", max_contacts)
     checks.whole("max_steps", max_steps)
     checks.instance("method", method, str, "'exact' or the name of an integrator")
+    bodies = list(scene.bodies.values())
+    doubts = [*plausible.of_model(*bodies), *plausible.tell(_of_blows(scene))]
     assembly = assemble(scene, duration)
     start(assembly)
     try:
@@ -77,10 +79,15 @@ def integrate(
             continue
         peak = history[contact.a, contact.b].peak_force
         if peak > law.valid_force:
-            raise AccuracyError(
-                f"contact {contact.a!r}, {contact.b!r}: {law.out_of_range(peak, None)}."
-            )
+            reason = f"contact {contact.a!r}, {contact.b!r}: {law.out_of_range(peak, None)}."
+            raise AccuracyError(plausible.first(doubts, reason))
     return history
+
+
+def _of_blows(scene: SceneParts) -> list[str]:
+    """What is implausible of the blows of a scene, on each of its bodies."""
+    bodies, motions = list(scene.bodies.values()), list((scene.motion or {}).values())
+    return [plausible.of_blow(body, bodies, *motions) for body in bodies]
 
 
 def start(assembly: Assembly) -> None:

@@ -18,6 +18,7 @@ from antiosc._types import Array
 from antiosc.brief import Brief
 from antiosc.errors import InputError, MissingDependencyError
 from antiosc.models import model_file
+from antiosc.models.body import places_of
 
 #: The format of a file of results.
 FORMAT = "antiosc-history"
@@ -199,6 +200,8 @@ class HistoryResults(Results):
             "energy_drift": float(own.energy.drift),
             "step": float(own.step),
             "error": {name: float(value) for name, value in own.error.items()},
+            "error_covers": covers(own),
+            "sites": {name: list(point) for name, point in places_of(own.model).items()},
             "status": int(own.status),
             "message": str(own.message),
         }
@@ -273,6 +276,8 @@ class SceneResults(Results):
             "contacts": contacts,
             "energy_drift": float(own.energy.drift),
             "error": {name: float(value) for name, value in own.error.items()},
+            "error_covers": covers(own),
+            "sites": {name: list(point) for name, point in scene_places(own).items()},
             "status": int(own.status),
             "message": str(own.message),
         }
@@ -288,6 +293,36 @@ class SceneResults(Results):
             ("peak force", f"{peak:.6g} N of {a} - {b}"),
             ("run", f"{own.time[-1]:.4g} s, {own.time.size} nodes, status {own.status}"),
         ]
+
+
+def covers(history: Any) -> str:
+    """What the `error` of a history covers, and where the mesh's stands."""
+    scene = getattr(history, "assembly", None)
+    bodies = [getattr(history, "model", None)]
+    if scene is not None:
+        bodies = [placed.body for placed in scene.bodies.values()]
+    facts = [info for one in bodies if isinstance(info := getattr(one, "info", None), dict)]
+    if not any("structure" in info for info in facts):
+        return "time integration"
+    if any(getattr(one, "strain_error", None) is not None for one in bodies):
+        return "time integration; mesh: in error_budget"
+    remedy = ', error="estimate" of extract does' if any(i.get("meshed") for i in facts) else ""
+    return f"time integration; mesh: not estimated{remedy}"
+
+
+def covered(history: Any) -> str:
+    """The error of the force of a history, with what it covers."""
+    known = f"{history.error['force']:.1e}" if "force" in history.error else "not estimated"
+    return f"{known} ({covers(history)})"
+
+
+def scene_places(history: Any) -> dict[str, tuple[float, ...]]:
+    """Where the sites of the bodies of a scene lie [m]: "body:site", or "body" -> point."""
+    return {
+        f"{name}:{site}" if site else name: point
+        for name, placed in history.assembly.bodies.items()
+        for site, point in places_of(placed.body).items()
+    }
 
 
 def _quoted(name: str) -> str:

@@ -22,7 +22,7 @@ from antiosc.simulation.contact_rows import along, find
 from antiosc.simulation.energy import Energy
 from antiosc.simulation.engine import Run
 from antiosc.simulation.history import no_field
-from antiosc.simulation.results import SceneResults
+from antiosc.simulation.results import SceneResults, covered, scene_places
 from antiosc.simulation.scene_energy import balance
 from antiosc.simulation.scene_states import (
     blocks,
@@ -309,8 +309,9 @@ class SceneHistory(SceneResults):
                 f"{contact.a + ' - ' + contact.b:<24} {h.peak_force:>11.5g} {h.impulse:>11.5g}"
                 f" {len(h.contacts):>7} {h.contact_time:>10.4g}"
             )
-        known = f"{self.error['force']:.1e}" if self.error else "not known"
-        rows.append(f"energy drift {self.energy.drift:.1e}; force error {known}")
+        places = scene_places(self).items()
+        rows += [f"site {name:<19} {checks.in_words(point)}" for name, point in places]
+        rows.append(f"energy drift {self.energy.drift:.1e}; force error {covered(self)}")
         rows.append(self.message)
         return "\n".join(rows)
 

@@ -21,7 +21,7 @@ from functools import partial
 from math import inf
 from typing import Any
 
-from antiosc import checks
+from antiosc import checks, plausible
 from antiosc.contact import ContactLaw
 from antiosc.errors import AccuracyError, InputError
 from antiosc.models.anti_oscillators import AntiOscillators
@@ -126,6 +126,7 @@ def simulate(
     max_contacts = checks.whole("max_contacts", max_contacts)
     max_steps = checks.whole("max_steps", max_steps)
     checks.instance("contact", contact, ContactLaw, LAW)
+    doubts = plausible.tell([plausible.of_blow(model, [impactor], initial_velocity)])
 
     options: dict[str, Any] = {
         "initial_velocity": initial_velocity, "gravity": gravity, "gap": gap,
@@ -159,7 +160,7 @@ def simulate(
         budget=partial(error_budget, again=exactly),
     )
     verdict.tell()
-    check_range(history)
+    check_range(history, [*plausible.of_model(model), *doubts])
     return history
 
 
@@ -177,14 +178,14 @@ def exact_run(
     return outcome.history(model, impactor)
 
 
-def check_range(history: History) -> None:
-    """AccuracyError if the peak force is outside the range of validity of its law."""
+def check_range(history: History, doubts: Sequence[str] = ()) -> None:
+    """AccuracyError, behind what is implausible, if the peak force leaves the range of its law."""
     law = history.problem.law
     if law.valid_force < inf and history.peak_force > law.valid_force:
         reason = law.out_of_range(
             history.peak_force, checked_body("model", history.model).patch_radius
         )
-        raise AccuracyError(f"{reason}.")
+        raise AccuracyError(plausible.first(doubts, f"{reason}."))
 
 
 @dataclass(frozen=True, eq=False)

@@ -42,7 +42,7 @@ def test_a_free_body_moves_as_a_whole():
     """A free block, struck at two corners: its momentum is that of the balls."""
     free = ao.Structure(box((8, 3, 2)), ao.Solid(**STEEL))
     sites = {
-        name: ao.Site((x, 0.025, 0.04), (0, 0, -1), radius=0.02)
+        name: ao.Site((x, 0.025, 0.04), (0, 0, -1), radius=0.022)
         for name, x in (("left", 0.03), ("right", 0.17))
     }
     model = ao.extract(free, sites, 12)
@@ -148,7 +148,7 @@ def test_gravity_as_a_number_needs_one_direction(block):
     turned = ao.Scene(bodies, [contact], base=vector).run(1e-4)
     both = (each.bodies["part"].displacement("near")[-1] for each in (alike, turned))
     np.testing.assert_allclose(*both, rtol=1e-6)
-    sites = {**CORNERS, "side": ao.Site((0.12, 0.0, 0.02), (0, 1, 0), radius=0.02)}
+    sites = {**CORNERS, "side": ao.Site((0.12, 0.0, 0.02), (0, 1, 0), radius=0.022)}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ao.AccuracyWarning)  # coarse for that patch
         mixed = ao.extract(block, sites, 6)

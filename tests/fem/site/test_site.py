@@ -140,6 +140,54 @@ def test_a_point_outside_says_how_far_and_where_to_strike():
     np.testing.assert_allclose(snapped, at(structure, (0.1, 0.02, 0.04), (0, 0, -1)), atol=1e-6)
 
 
+def test_a_snap_reaches_two_hundredths_of_the_part_or_one_element():
+    fine = ao.Structure(parts.box((40, 4, 4)), SOLID, order=1)  # 0.2 m long, elements of 15 mm
+    coarse = ao.Structure(parts.box(), SOLID, order=1)  # elements of 60 mm
+    off = (0.1, 0.02, 0.065)
+    both = r"\(0.1, 0.02, 0.065\) m is 0.025 m off .* \(0.1, 0.02, 0.04\) m.*0.0168.* snap="
+    with pytest.raises(ao.InputError, match=both):
+        at(fine, off, (0, 0, -1), snap=True)
+    with pytest.raises(ao.InputError, match=r"farther than 0\.024 m"):
+        at(fine, off, (0, 0, -1), snap=0.024)
+    on = at(fine, (0.1, 0.02, 0.04), (0, 0, -1))
+    np.testing.assert_allclose(at(fine, off, (0, 0, -1), snap=0.026), on, atol=1e-6)
+    at(coarse, off, (0, 0, -1), snap=True)
+    millimetres = ao.Site((20, 40, 75), (0, 0, -1), snap=True)
+    with pytest.raises(ao.InputError, match=r"86.* m off .* coordinates are in metres"):
+        ao.extract(fine, {"a": ao.Site((*off[:2], 0.04), (0, 0, -1)), "b": millimetres})
+    pair = ao.assemble({"a": coarse, "b": coarse}, at={"b": (0, 0, 1)})
+    with pytest.raises(ao.InputError, match=r"\(0.1, 0.02, 0.64\) m is 0.36 m off"):
+        ao.extract(pair, ao.Site((0.1, 0.02, 0.64), (0, 0, -1), snap=True, part="b"))
+    with pytest.raises(ao.InputError, match="snap must be > 0"):
+        ao.Site(off, (0, 0, -1), snap=-1e-3)
+
+
+def test_a_probe_reaches_as_far_as_a_snap():
+    part = ao.Structure(parts.box((40, 4, 4)), SOLID, [ao.Support("left")], order=1)
+    model = ao.extract(part, ao.Site((0.15, 0.02, 0.045), (0, 0, -1), radius=0.01, snap=True), n=2)
+    hit = ao.simulate(model, ao.RigidMass(0.1, 1.0), ao.Hertz(1e9), 1e-4)
+    for quantity in ("displacement", "strain"):
+        with pytest.raises(ao.InputError, match=r"\(300, 0, 0\) m is 300 m off .* \(0.2, 0, 0\)"):
+            ao.probe(part, hit, (300, 0), quantity)
+        moved = ao.probe(part, hit, (0.21, 0, 0), quantity)
+        near = ao.probe(part, hit, (0.2, 0, 0), quantity)
+        np.testing.assert_allclose(moved, near, rtol=1e-9)
+        far = ao.probe(part, hit, (0.3, 0, 0), quantity, snap=0.11)
+        np.testing.assert_allclose(far, near, rtol=1e-9)
+    assert "(0.15, 0.02, 0.04) m" in hit.summary()
+    assert hit.numbers()["sites"][""] == pytest.approx([0.15, 0.02, 0.04])
+
+
+@pytest.mark.parametrize("error", [None, "estimate"])
+def test_a_summary_tells_what_its_error_covers(error):
+    part = ao.Structure(parts.box((8, 4, 4), cell="tetrahedron"), SOLID, [ao.Support("left")])
+    model = ao.extract(part, ao.Site((0.15, 0.02, 0.04), (0, 0, -1), radius=0.03), n=2, error=error)
+    hit = ao.simulate(model, ao.RigidMass(0.1, 1.0), ao.Hertz(1e9), 1e-4)
+    told = "in error_budget" if error else 'not estimated, error="estimate"'
+    for text in (hit.summary(), hit.numbers()["error_covers"]):
+        assert f"time integration; mesh: {told}" in text
+
+
 def test_a_point_above_a_plane_part_is_off_it():
     structure = ao.Structure(parts.plate(), PLANE)
     with pytest.raises(ao.InputError, match=r"is 0.01 m off the structure"):

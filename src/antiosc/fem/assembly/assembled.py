@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import scipy.sparse
@@ -109,6 +109,16 @@ class AssembledMatrices(StructureMatrices):
             raise InputError(f"the mass of the part {name!r} is not known: it is a superelement.")
         own = sum(member.part.mass for member in self.layout.members.values())
         return float(own + self.added.mass)
+
+    @property
+    def plausibility(self) -> dict[str, Any]:
+        """What was implausible of the parts, and the largest √(E/ρ), m/s."""
+        known = [member.part.plausibility for member in self.layout.members.values()]
+        doubts = list(dict.fromkeys(text for one in known for text in one.get("doubts", ())))
+        found: dict[str, Any] = {"doubts": doubts} if doubts else {}
+        if known and not self.layout.condensed:
+            found["wave_speed"] = max(one["wave_speed"] for one in known)
+        return found
 
     @property
     def dimensions(self) -> Box:

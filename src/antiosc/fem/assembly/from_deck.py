@@ -125,10 +125,13 @@ def read_model(
     return joined(made, numbers, model, more, added, solver)
 
 
-def groups_of_deck(path: str | Path, unit: str | float = "m", **options: Any) -> list[str]:
-    """Names of the groups of a deck, as supports and sites name them; nothing is assembled.
+def outline_of_deck(
+    path: str | Path, unit: str | float = "m", **options: Any
+) -> tuple[list[str], list[RawMesh]]:
+    """Names of the groups of a deck, as supports and sites name them, and its cells by dimension.
 
-    `options` are others of `read_model`; those that reading does not need are not looked at.
+    Nothing is assembled. `options` are others of `read_model`; those that reading does not need
+    are not looked at.
     """
     needed = ("density", "merge", "parts", "timeout")
     file = checked_path("path", path)
@@ -137,7 +140,7 @@ def groups_of_deck(path: str | Path, unit: str | float = "m", **options: Any) ->
     if _model(next(iter(by_dim.values())))["joined"]:
         inner = [f"{PARTS[dim]}:{group}" for dim, raw in by_dim.items() for group in raw.groups]
         names |= dict.fromkeys(inner)
-    return list(names)
+    return list(names), list(by_dim.values())
 
 
 def _reader(

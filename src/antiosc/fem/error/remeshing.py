@@ -23,7 +23,7 @@ from antiosc.fem.error.lines import halved, with_node
 from antiosc.fem.mesh.mesh import Mesh, distributed
 from antiosc.fem.mesh.reading import flattened, read_mesh
 from antiosc.fem.mesh.soundness import sound
-from antiosc.fem.mpi import bounds, on_root
+from antiosc.fem.mpi import bounds, on_root, warn
 from antiosc.fem.readers import GEOMETRY, RawMesh, Refinement, SizeField, read
 from antiosc.fem.readers.request import GRADING as USUAL
 
@@ -126,7 +126,10 @@ class OfGeometry:
     @cached_property
     def coarsest(self) -> Mesh:
         """The mesh of the largest cells that the geometry allows."""
-        return read_mesh(self._path, size=ANY, order=1)
+        raw = self._read(None, 1, (), None, USUAL)
+        for sentence in raw.told:
+            warn(MPI.COMM_WORLD, sentence)
+        return distributed(raw, self._path.name, MPI.COMM_WORLD)
 
     def thickness(self) -> float:
         """Twice the volume over the surface of the coarsest mesh [m]."""
@@ -158,12 +161,22 @@ class OfGeometry:
         return self._meshed(mesh, wished, GRADING)
 
     def _meshed(self, like: Mesh, wished: SizeField | None, grading: Sequence[float]) -> Mesh:
-        def work() -> RawMesh:
-            near = self._refine
-            raw = read(self._path, ANY, self._order, near, sizes=wished, grading=grading)
-            return sound(flattened(raw, like.gdim, self._path.name), self._path.name, True)
+        raw = self._read(like.gdim, self._order, self._refine, wished, grading)
+        return distributed(raw, self._path.name, MPI.COMM_WORLD)
 
-        return distributed(on_root(like.comm, work), self._path.name, like.comm)
+    def _read(
+        self,
+        gdim: int | None,
+        order: int,
+        refine: Sequence[Refinement],
+        wished: SizeField | None,
+        grading: Sequence[float],
+    ) -> RawMesh:
+        def work() -> RawMesh:
+            raw = read(self._path, ANY, order, refine, sizes=wished, grading=grading)
+            return sound(flattened(raw, gdim, self._path.name), self._path.name, True)
+
+        return on_root(MPI.COMM_WORLD, work)
 
 
 class OfLines:

@@ -301,6 +301,8 @@ def _model(
     info: dict[str, Any] = {
         "structure": structure.describe(),
         "dofs": structure.dofs,
+        "meshed": structure.matrices.meshed,
+        **structure.matrices.plausibility,
         "method": wish.method,
         "modes_computed": len(modes.omega),
         "converged": checks.pop("converged") + added,

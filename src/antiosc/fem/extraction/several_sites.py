@@ -145,6 +145,7 @@ def _model(
     info: dict[str, Any] = {
         "structure": structure.describe(),
         "dofs": structure.dofs,
+        **structure.matrices.plausibility,
         "method": wish.method,
         "modes_computed": len(known.modes.omega),
         "converged": checks.pop("converged"),

@@ -291,6 +291,7 @@ def _model(
             "dofs": structure.dofs,
             "method": method,
             "converged": len(modes.omega),
+            **({} if where.point is None else {"point": where.point.tolist()}),
         },
     )
 

@@ -11,6 +11,7 @@ import dolfinx
 import numpy as np
 from mpi4py import MPI
 
+from antiosc import plausible
 from antiosc._types import IntArray
 from antiosc.checks import (
     array,
@@ -110,8 +111,8 @@ def read_mesh(
     ------
     MeshError
         Missing, unreadable or damaged file, no usable cells, mixed cell kinds, repeated cells,
-        pieces that share no node, a size that would take more than 10 million cells, a script that
-        does more than describe a geometry.
+        pieces that share no node, a size larger than the part or one that would take more than 10
+        million cells, a script that does more than describe a geometry.
 
     Warns
     -----
@@ -161,6 +162,8 @@ def read_mesh(
             solid=solid,
             fragments=fragments,
         )
+        if size is not None:
+            plausible.refuse_size(size, raw.points, file.name)
         made_here = file.suffix.lower() in GEOMETRY or solid
         return sound(flattened(raw, gdim, file.name), file.name, made_here)
 

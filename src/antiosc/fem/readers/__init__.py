@@ -31,6 +31,7 @@ __all__ = [
     "SizeField",
     "UnitSystem",
     "Wanted",
+    "outline",
     "read",
     "read_parts",
 ]
@@ -60,6 +61,11 @@ def read(
     cad |= {"sizes": sizes, "grading": grading}
     content = _content(path, size, order, refine, trust, timeout, unit, merge, None, **cad)
     return selected(content, cells, order, path.name)
+
+
+def outline(path: Path, unit: UnitSystem | None = None) -> FileMesh:
+    """A geometry, not meshed: a line between the corners of its box [m], and its groups."""
+    return _content(path, None, None, (), False, None, unit, None, None, outline=True)
 
 
 def read_parts(
@@ -114,6 +120,7 @@ def _content(
     fragments: bool = False,
     sizes: SizeField | None = None,
     grading: Sequence[float] = GRADING,
+    outline: bool = False,
 ) -> FileMesh:
     """All that the file holds; `model`: materials, sections, supports and joints of a deck too."""
     suffix = path.suffix.lower()
@@ -124,7 +131,7 @@ def _content(
         raise MeshError(
             f"fragments=True joins the solids of CAD files ({', '.join(CAD)}); got {path.name}."
         )
-    if geometry and size is None and suffix not in SCRIPTS:
+    if geometry and size is None and suffix not in SCRIPTS and not outline:
         raise MeshError(
             f"{path.name} is a geometry, not a mesh: give the element size in metres, "
             "as in read_mesh(path, size=5e-3)."
@@ -155,6 +162,7 @@ def _content(
         "trust": trust,
         "sizes": None if sizes is None else vars(sizes),
         "grading": list(grading),
+        "outline": outline,
     }
     timeout = None if timeout is None else float(timeout)  # for JSON, as the size
     content = read_apart(path, geometry=geometry, options=options, timeout=timeout)

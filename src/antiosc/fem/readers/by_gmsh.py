@@ -104,6 +104,8 @@ def _through_gmsh(ask: Request, path: Path) -> FileMesh:
             fill(gmsh, ask)
         elif suffix in CAD:
             names = named_solids(gmsh, ask.fragments, ask.name)
+        if ask.outline:
+            return _outline(gmsh, names, stated)
         if suffix != ".msh":
             meshing.generate(gmsh, ask, stated * ask.unit[0])
         found = _arrays(gmsh, ask.name, names)
@@ -117,6 +119,16 @@ def _through_gmsh(ask: Request, path: Path) -> FileMesh:
         if gmsh.model.getDimension() > 0 and suffix in GEOMETRY:
             reason += "; a smaller size, or a repaired geometry, may help"
         raise MeshError(f"gmsh cannot read or mesh {ask.name}: {reason}.") from error
+
+
+def _outline(gmsh: ModuleType, names: Names, scale: float) -> FileMesh:
+    """A line between the corners of the box around gmsh's model, in all its groups."""
+    corners = np.reshape(gmsh.model.getBoundingBox(-1, -1), (2, 3)) * scale
+    groups = gmsh.model.getPhysicalGroups()
+    listed = [gmsh.model.getPhysicalName(dim, tag) or str(tag) for dim, tag in groups]
+    listed += [name for several in names.values() for name in several]
+    one = {"line": np.zeros(1, dtype=np.int64)}
+    return FileMesh(corners, {"line": np.array([[0, 1]])}, "gmsh", dict.fromkeys(listed, one))
 
 
 def _session() -> ModuleType:

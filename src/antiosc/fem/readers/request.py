@@ -40,6 +40,8 @@ class Request:
     solid: bool = False
     #: cut the solids of an assembly at each other, so that they share nodes
     fragments: bool = False
+    #: the box around a geometry and its groups alone, without a mesh
+    outline: bool = False
     #: whether all commands of gmsh are permitted
     trust: bool = False
     #: time limit, s; None: chosen for the kind of file

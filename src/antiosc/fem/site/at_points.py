@@ -4,18 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from functools import partial
+from math import inf
 
 import numpy as np
 
+from antiosc import plausible
 from antiosc._types import Array
+from antiosc.checks import in_words as text
 from antiosc.errors import InputError
 from antiosc.fem.elements.weak_form import WeakForm
 from antiosc.fem.mesh import closest_point
 from antiosc.fem.mesh.entities import centre
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.site.patches import loads
-from antiosc.fem.site.site import LEAST_FREE_SHARE, Functional, Site, constrained, tangents
+from antiosc.fem.site.site import (
+    LEAST_FREE_SHARE,
+    Functional,
+    Reach,
+    Site,
+    constrained,
+    tangents,
+)
 from antiosc.fem.site.sites import Sites, located, on_free_dofs, sums, tell
 from antiosc.fem.structure.meshed import MeshedStructure
 
@@ -32,8 +42,11 @@ def functionals_at(structure: MeshedStructure, sites: Sequence[Site]) -> list[Fu
     nearest = closest_point.closest_many(mesh, points)
     extent = mesh.extent()
     for i, site in enumerate(sites):
-        _check_distance(extent, site, nearest[i])
+        _check_distance(mesh, extent, site, points[i], nearest[i])
     radii = np.array([np.nan if site.radius is None else site.radius for site in sites])
+    plausible.tell(
+        plausible.of_patch(site.radius, extent) for site in sites if site.radius is not None
+    )
     found = located(structure, nearest.x, directions, radii, nearest)
     _check(found)
     tell(structure, found)
@@ -81,7 +94,7 @@ def _placed(structure: MeshedStructure, site: Site) -> Site:
         return site
     assert site.direction is not None  # Site has seen to that
     x = centre(structure.mesh, site.point)[: len(site.direction)]
-    return replace(site, point=tuple(x.tolist()), snap=True)
+    return replace(site, point=tuple(x.tolist()), snap=inf)
 
 
 def _check(found: Sites) -> None:
@@ -118,14 +131,16 @@ def _in_space(mesh: Mesh, form: WeakForm, site: Site) -> tuple[Array, Array]:
     return point, direction
 
 
-def _check_distance(extent: float, site: Site, nearest: closest_point.ClosestPoint) -> None:
-    if nearest.distance > ON_STRUCTURE * extent and not site.snap:
-        raise InputError(
-            f"the point {text(site.point)} is {nearest.distance:.3g} m off the structure; its "
-            f"nearest point is {text(nearest.x)}: use that, or Site(..., snap=True)."
-        )
-
-
-def text(point: Any) -> str:
-    """A point in words."""
-    return "(" + ", ".join(f"{c:.6g}" for c in point) + ") m"
+def _check_distance(
+    mesh: Mesh, extent: float, site: Site, point: Array, nearest: closest_point.ClosestPoint
+) -> None:
+    on = ON_STRUCTURE * extent
+    if site.snap is False:
+        if nearest.distance > on:
+            raise InputError(
+                f"the point {text(site.point)} is {nearest.distance:.3g} m off the structure; its "
+                f"nearest point is {text(nearest.x)}: use that, or Site(..., snap=True)."
+            )
+        return
+    reach = Reach("the point of the site", None if site.snap is True else max(site.snap, on))
+    reach.check(point, nearest.x, extent, partial(closest_point.size_at, mesh, nearest))

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from math import inf
 
 import numpy as np
 
 from antiosc._types import Array
+from antiosc.checks import in_words as text
 from antiosc.errors import InputError
 from antiosc.fem.assembly.assembled import AssembledMatrices
 from antiosc.fem.assembly.ends import Motion
@@ -15,8 +17,13 @@ from antiosc.fem.assembly.layout import Member
 from antiosc.fem.mesh.surface import Faces
 from antiosc.fem.mpi import on_root
 from antiosc.fem.named_points import middle_of, motion_of
-from antiosc.fem.site.at_points import functionals_at, text
-from antiosc.fem.site.site import LEAST_FREE_SHARE, Functional, Site, constrained
+from antiosc.fem.site.at_points import functionals_at
+from antiosc.fem.site.site import (
+    LEAST_FREE_SHARE,
+    Functional,
+    Site,
+    constrained,
+)
 from antiosc.fem.structure.meshed import MeshedStructure
 
 #: Parts this share of the size of the assembly farther off than the nearest one are as near.
@@ -77,7 +84,7 @@ def before_joining(
         if end is not None:
             return _without_mesh(structure, site, end, direction / np.linalg.norm(direction))
         member, own = middle_of(structure, site.point)
-        site = replace(site, snap=True)
+        site = replace(site, snap=inf)
     else:
         point = np.pad(site.point, (0, 3 - len(site.point)))
         member = struck(structure, point, direction, site.part)

@@ -15,7 +15,14 @@ from scipy.spatial import cKDTree
 
 from antiosc._types import Array, BoolArray, IntArray
 from antiosc.errors import InputError
-from antiosc.fem.site.site import LEAST_FREE_SHARE, Functional, Site, constrained, tangents
+from antiosc.fem.site.site import (
+    LEAST_FREE_SHARE,
+    Functional,
+    Reach,
+    Site,
+    constrained,
+    tangents,
+)
 from antiosc.fem.structure.nodal import NodalMatrices
 from antiosc.fem.structure.structure import Structure
 
@@ -131,7 +138,10 @@ def _at_point(
     if site.radius is None:
         distance, nearest = tree.query(point)
         size = float(np.ptp(points, axis=0).max())
-        if distance > AT_NODE * size and not site.snap:
+        if site.snap:
+            snap = None if site.snap is True else site.snap
+            check_reach(Reach("the point of the site", snap), point, points, int(nearest))
+        elif distance > AT_NODE * size:
             raise InputError(
                 f"the point is no node: the nearest is node {numbers[nearest]}, {distance:.3g} m "
                 "away; use that, Site(..., snap=True), or a patch with radius=."
@@ -155,6 +165,15 @@ def _at_point(
     weights = np.bincount(next_to, minlength=len(around)) / len(next_to)
     chosen = weights > 0
     return numbers[around[chosen]], weights[chosen], point
+
+
+def check_reach(reach: Reach, point: Array, points: Array, nearest: int) -> None:
+    """`Reach.check` of nodes (P, 3); an element is the distance from one to the next."""
+    x = points[nearest]
+    size = float(np.linalg.norm(np.ptp(points, axis=0)))
+    reach.check(
+        point, x, size, lambda: float(np.sort(np.linalg.norm(points - x, axis=1))[:2].max())
+    )
 
 
 def _covered(points: Array, direction: Array, radius: float) -> BoolArray:

@@ -6,19 +6,24 @@ the nodal forces of a unit force there.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from math import inf
+from numbers import Real
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from antiosc._types import Array
-from antiosc.checks import array, flag, kept, positive, store, text, whole
+from antiosc.checks import array, flag, in_words, kept, positive, rigid, store, text, whole
 from antiosc.errors import InputError
 from antiosc.matrix_files.dof_map import component_of
 
 #: A site with less than this share of its load on free dofs is fixed by the supports.
 LEAST_FREE_SHARE = 1e-9
+#: Without a length a point is moved by at most this share of the part's size, or by one element.
+SNAP_SHARE = 0.02
 
 
 @dataclass(frozen=True)
@@ -39,8 +44,9 @@ class Site:
         solid (on a solid the compliance of a point then diverges with mesh refinement), and on a
         shell a patch with the thickness as radius. With this radius the shell has the compliance of
         a solid without the half-space compliance of the patch.
-    snap : bool
-        Move a point that is off the structure to the nearest point of the structure.
+    snap : bool or float
+        Move a point that is off the structure to the nearest point of the structure: True by at
+        most 2 % of the part's size or one element, a number by at most this length in m.
     dof : int or str
         For matrices, instead of point and direction: the number of the dof at the site. With
         `node`: "x", "y", "z", "rx", "ry", "rz" or the number of the dof at the node.
@@ -61,7 +67,7 @@ class Site:
     point: Sequence[float] | str | None = None
     direction: Sequence[float] | None = None
     radius: float | None = None
-    snap: bool = False
+    snap: bool | float = False
     dof: int | str | None = None
     vector: ArrayLike | None = None
     part: str | None = None
@@ -79,7 +85,10 @@ class Site:
                 raise InputError("a Site at a node needs one of: dof, as dof='z', or direction.")
         if self.radius is not None:
             store(self, radius=positive("radius", self.radius, "m"))
-        store(self, snap=flag("snap", self.snap))
+        if isinstance(self.snap, bool) or not isinstance(self.snap, Real):
+            store(self, snap=flag("snap", self.snap))
+        else:
+            store(self, snap=inf if rigid(self.snap) else positive("snap", self.snap, "m"))
         store(self, tangential=flag("tangential", self.tangential))
         if self.tangential and self.direction is None:
             raise InputError("tangential directions need a Site with a direction.")
@@ -132,6 +141,41 @@ class Functional:
     direction: Array | None = None
     #: the same along the directions across it, if asked for
     across: tuple[Functional, ...] = ()
+
+
+@dataclass(frozen=True)
+class Reach:
+    """How far a given point may lie from the structure, onto which it is moved.
+
+    Attributes
+    ----------
+    what : the point in words.
+    snap : largest distance [m]; None: `SNAP_SHARE` of the part's size, or one element.
+    remedy : what the caller can do.
+    """
+
+    what: str
+    snap: float | None = None
+    remedy: str = "give a point on it, or the length that it may be moved as snap="
+
+    def check(self, point: Any, nearest: Any, size: float, element: Callable[[], float]) -> None:
+        """InputError for a point (3,) whose nearest point (3,) of the structure is too far [m].
+
+        `size`, `element`: of the part, and of its element there [m].
+        """
+        distance = float(np.linalg.norm(np.asarray(point) - nearest))
+        most = SNAP_SHARE * size if self.snap is None else self.snap
+        if distance > most and self.snap is None:
+            most = max(most, element())
+        if distance <= most:
+            return
+        rule = "2 % of the part's size, or one element" if self.snap is None else "the length given"
+        units = f"; coordinates are in metres, and the part measures {size:.3g} m"
+        raise InputError(
+            f"{self.what} {in_words(point)} is {distance:.3g} m off the structure, whose nearest "
+            f"point is {in_words(nearest)}: farther than {most:.3g} m, {rule}"
+            f"{units if distance > size else ''}; {self.remedy}."
+        )
 
 
 def tangents(directions: Array, plane: bool) -> list[Array]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import ceil, floor, log10
 
 import numpy as np
 import scipy.sparse
@@ -16,9 +17,11 @@ from antiosc.fem.structure.meshed import MeshedStructure
 
 #: A point lies on a sheet up to this share of the structure's size.
 ON_SHEET = 1e-6
-#: A patch is whole with this share of its load on the face, resolved by faces up to this times its
-#: radius, and partly supported where these carry more than this share of its load.
-WHOLE_PATCH, RESOLVED_SIZE, PARTLY = 0.9, 1.2, 0.1
+#: A patch is whole with this share of its load on the face, and partly supported where supports
+#: carry more than this share of its load.
+WHOLE_PATCH, PARTLY = 0.9, 0.1
+#: Rounding of the sizes of faces, which resolve a patch if they do not exceed its radius.
+ROUNDING = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,17 +144,18 @@ def tell(structure: MeshedStructure, sites: Sites) -> None:
         _warn(
             structure,
             "the compliance under a point load on a solid grows without limit as the mesh is "
-            f"refined: give the site a radius, here for instance radius={size:.1g} (the element "
-            f"there measures {size:.2g} m; its radius should not be smaller).",
+            "refined: give the site a radius, here for instance "
+            f"radius={rounded_up(size):g} (the element there measures {size:.2g} m; its radius "
+            "should not be smaller).",
         )
-    coarse = sites.size > RESOLVED_SIZE * sites.radii
+    coarse = sites.size > (1 + ROUNDING) * sites.radii
     if coarse.any() and kind.outside:
         i = int(np.argmax(np.where(coarse, sites.size / sites.radii, 0.0)))
         _warn(
             structure,
             f"the facets at the site{_at(coarse)} measure {sites.size[i]:.2g} m, more than "
             f"the radius {sites.radii[i]:g} m: the patch is not resolved; read the geometry with "
-            f"refine=[(point, {sites.radii[i]:g})] or take radius={sites.size[i]:.1g}.",
+            f"refine=[(point, {sites.radii[i]:g})] or take radius={rounded_up(sites.size[i]):g}.",
         )
     cut = sites.share < WHOLE_PATCH
     if cut.any():
@@ -169,6 +173,12 @@ def tell(structure: MeshedStructure, sites: Sites) -> None:
             f"patch{_at(constrained)}: its half-space compliance does not hold there; move the "
             "site or take a smaller radius.",
         )
+
+
+def rounded_up(value: float) -> float:
+    """A positive value with two digits, not less than it."""
+    step = 10.0 ** (floor(log10(value)) - 1)
+    return float(f"{ceil(value / step - ROUNDING) * step:.2g}")
 
 
 def _at(which: BoolArray) -> str:

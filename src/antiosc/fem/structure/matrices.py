@@ -48,6 +48,11 @@ class StructureMatrices:
     nodal: ClassVar[bool] = False
 
     @property
+    def plausibility(self) -> dict[str, Any]:
+        """What an extraction hands on for the plausibility of blows: "doubts", "wave_speed"."""
+        return {}
+
+    @property
     def located(self) -> bool:
         """Whether they are given matrices with coordinates of their nodes."""
         return False

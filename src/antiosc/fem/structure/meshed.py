@@ -11,6 +11,7 @@ import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from antiosc import plausible
 from antiosc._types import Array, Box, IntArray
 from antiosc.checks import array, shown, whole
 from antiosc.errors import InputError, without_warnings
@@ -21,7 +22,6 @@ from antiosc.fem.linalg.solver import Choice, checked_choice
 from antiosc.fem.linalg.strains import attach
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.mesh.surface import Faces
-from antiosc.fem.mesh.units import tell_of_units
 from antiosc.fem.mpi import bounds, warn
 from antiosc.fem.structure import remaining_motions, rigid_body_modes
 from antiosc.fem.structure.attachments import (
@@ -56,6 +56,7 @@ class MeshedStructure(StructureMatrices):
         other supports.
     supports : what holds it.
     stiffeners : the beams on the edges of a sheet, by group.
+    doubts : sentences on what is implausible of its size and its materials.
     """
 
     mesh: Mesh = field(kw_only=True)
@@ -66,6 +67,7 @@ class MeshedStructure(StructureMatrices):
     again: Callable[..., MeshedStructure] = field(kw_only=True)
     supports: Sequence[Support] = field(default=(), kw_only=True)
     stiffeners: Mapping[str, Stiffener] = field(default_factory=dict, kw_only=True)
+    doubts: tuple[str, ...] = field(default=(), kw_only=True)
 
     meshed: ClassVar[bool] = True
 
@@ -98,6 +100,12 @@ class MeshedStructure(StructureMatrices):
     def mass(self) -> float:
         """Total mass in kg."""
         return self.total_mass
+
+    @property
+    def plausibility(self) -> dict[str, Any]:
+        """What was implausible, and the largest √(E/ρ) of its materials, m/s."""
+        speed = max(material.bar_speed() for material, _ in self.parts)
+        return {"wave_speed": speed, **({"doubts": list(self.doubts)} if self.doubts else {})}
 
     @property
     def dimensions(self) -> Box:
@@ -186,7 +194,10 @@ def assembled(
     cells, beams = divided(mesh, material)
     parts = parts_of(mesh, cells)
     stiffeners = [beam for _, beam, _ in beams]
-    tell_of_units(mesh.extent(), [*(one for one, _ in parts), *stiffeners])
+    materials = [*(one for one, _ in parts), *stiffeners]
+    doubts = plausible.tell(
+        [plausible.of_part(mesh.extent()), *map(plausible.of_material, materials)]
+    )
     form = parts[0][0].weak_form(mesh, parts, order)
     conditions = fixed_dofs(mesh, form, supports)
     with doing(f"assembly of {mesh.n_cells} cells", mesh.comm.rank):
@@ -241,6 +252,7 @@ def assembled(
         again=again,
         supports=held,
         stiffeners={name: lines for name, (_, lines) in on_edges.items()},
+        doubts=doubts,
     )
 
 
