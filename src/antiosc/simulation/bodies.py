@@ -91,6 +91,8 @@ class Placed:
     omega, decay : (J,).
     B : (J, P) and r : (P, P) of all columns; `sites` has the columns of each name.
     directions : (P, 3) or None.
+    axes : direction (3,) of each site's coordinate, of a body without `directions`, that its
+        contacts give it.
     pushes : direction (3,) in which the contact pushes each site, where known.
     inertia : Inertia or None.
     weight : modal forces of a unit gravity, (J,) along the one coordinate of a body without
@@ -116,6 +118,17 @@ class Placed:
     gap: float = 0.0
     local_compliance: Mapping[str, float] = field(default_factory=dict)
     modes: ModalBody | SiteModes | None = None
+    axes: dict[str, Array] = field(default_factory=dict)
+
+    def columns_of(self, site: str) -> tuple[int, ...]:
+        """The columns of a site; () of an obstacle."""
+        return () if isinstance(self.body, Obstacle) else self.sites[site]
+
+    def known(self, site: str) -> Array | None:
+        """Directions (k, 3) of the first k columns of a site; None where they are not known."""
+        if self.directions is not None:
+            return self.directions[list(self.sites[site])]
+        return self.axes[site][None] if site in self.axes else None
 
     @property
     def supported(self) -> bool:

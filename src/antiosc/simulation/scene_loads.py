@@ -12,23 +12,14 @@ from antiosc.simulation.impactors import Obstacle
 from antiosc.simulation.scene_parts import SceneParts
 
 
-def axes_of(
-    scene: SceneParts, bodies: dict[str, Placed], lines: list[Array | None]
-) -> dict[str, Array | None]:
-    """Direction in space of the one coordinate of each body that knows none itself."""
+def axes_of(bodies: dict[str, Placed]) -> dict[str, Array | None]:
+    """Direction in space of the one coordinate of each body that moves along one."""
     axes: dict[str, Array | None] = {}
     for name, body in bodies.items():
         if body.directions is not None and len(body.directions):
             axes[name] = body.directions[0] if body.inertia is None else None
-            continue
-        axes[name] = None
-        for contact, line in zip(scene.contacts, lines, strict=True):
-            if line is not None and name in (
-                contact.a.partition(":")[0],
-                contact.b.partition(":")[0],
-            ):
-                axes[name] = line
-                break
+        else:
+            axes[name] = next(iter(body.axes.values()), None)
     return axes
 
 
