@@ -160,7 +160,7 @@ def random_scene(seed: int) -> ao.Scene:
 
 
 def _each_once(pairs: list[tuple[str, str]]) -> list[tuple[str, str]]:
-    """The pairs; one that is there in reverse too has another obstacle or site at the same place."""
+    """The pairs; one that is there in reverse too gets another obstacle or site there."""
 
     def apart(a: str, b: str) -> tuple[str, str]:
         if "floor" in (a, b):

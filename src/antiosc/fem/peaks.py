@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike
 from antiosc import checks, files
 from antiosc._types import Array, IntArray
 from antiosc.brief import Brief
-from antiosc.errors import InputError
 from antiosc.fem.fields import counted, shapes_of, source
 from antiosc.fem.mpi import collective
 from antiosc.fem.recovery.place import Place, place
@@ -161,8 +160,6 @@ def peak_field(
     at = times_of(history, times)
     if times is None and not isinstance(history, BodyHistory):
         at = np.union1d(at, np.linspace(at[0], at[-1], EVEN_TIMES + 1))
-    if not len(at):
-        raise InputError("times must hold one time or more.")
     factors = amplitudes(history, at, body, derivative)
     if recovered == "motion":
         points, cells, moved = source(structure).at_nodes(structure, shapes, part)

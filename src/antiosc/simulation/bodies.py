@@ -26,6 +26,10 @@ from antiosc.simulation.impactors import Impactor, Obstacle
 
 #: cosine of the angle beyond which two directions are not taken as one
 PARALLEL = 0.999
+#: the largest principal moment over the sum of the others, in figures that are rounded
+TRIANGLE = 1.01
+#: share of a body's momentum in its elastic modes from which supports hold it
+HELD = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +51,8 @@ class RigidBody:
     Raises
     ------
     InputError
-        For a mass that is not > 0 and an inertia that is not positive definite.
+        For a mass that is not > 0 and an inertia that is not positive definite, or that no body
+        has.
     """
 
     mass: float
@@ -65,6 +70,12 @@ class RigidBody:
             raise InputError(
                 "inertia must be symmetric and positive definite [kg m^2]: three moments > 0 or"
                 " their tensor."
+            )
+        moments = np.linalg.eigvalsh(tensor)
+        if moments[2] > TRIANGLE * (moments[0] + moments[1]):
+            raise InputError(
+                f"inertia has the principal moments {moments[0]:g}, {moments[1]:g},"
+                f" {moments[2]:g} kg m^2, which no body has: none exceeds the sum of the others."
             )
         object.__setattr__(self, "inertia", tensor)
         object.__setattr__(self, "centre", checks.array("centre", self.centre, (3,)))
@@ -134,6 +145,18 @@ class Placed:
     def supported(self) -> bool:
         """Whether no rigid-body mode moves a site: measured from its equilibrium under gravity."""
         return not bool(np.any(self.B[self.omega == 0] != 0))
+
+    @property
+    def grounded(self) -> bool:
+        """Whether it is the ground or its supports hold it, so that motion of the ground acts."""
+        rigid = self.omega == 0
+        if isinstance(self.body, Obstacle) or not rigid.any():
+            return True
+        carried = self.weight if self.inertia is None else self.inertia.momentum[:, :3]
+        if carried is None:
+            return False
+        size = float(np.abs(carried).max(initial=0.0))
+        return bool(np.any(np.abs(carried[~rigid]) > HELD * size))
 
 
 def place(name: str, body: Any, motion: Motion | float | None) -> Placed:

@@ -44,7 +44,7 @@ def times_of(history: Motions, times: Any) -> Array:
             "the motion of a body of a scene is known at its own times: probe "
             "hit.at(times)[name], or the scene's history with body=name."
         )
-    return checks.array("times", times, (None,))
+    return checks.filled("times", times)
 
 
 def amplitudes(history: Motions, times: Array, body: str, derivative: int = 0) -> Array:

@@ -67,6 +67,11 @@ def acting(
                 pull = np.where(body.omega == 0, pull, 0.0)
             loads[:, spans[name]] += pull
     if scene.base is not None:
+        if not any(body.grounded for body in bodies.values()):
+            raise InputError(
+                "base moves the ground, and no body of the scene stands on it: all are free; leave"
+                " base out, or add a support or an Obstacle."
+            )
         given = scene.base.accelerations
         given = given if given.ndim == 2 else given[:, None]
         moved = np.stack(

@@ -8,8 +8,9 @@ a's site (of b's, where a's is not known); its force F >= 0 pushes a along +d an
 A body that knows no directions in space (`RigidMass`, `Sphere`, a model made by hand) has one
 coordinate, which takes the place of the displacement along d: as b it moves toward a when its
 velocity is > 0. The d of its first contact is the direction of this coordinate; a later contact
-along -d takes it with the opposite sign, and one along another line is refused. Everything is measured relative to the ground, and a body that its supports hold
-at its sites from its own equilibrium under gravity.
+along -d takes it with the opposite sign, and one along another line is refused. Everything is
+measured relative to the ground, and a body that its supports hold at its sites from its own
+equilibrium under gravity.
 """
 
 from __future__ import annotations
@@ -133,9 +134,9 @@ class Base:
 
 
 def _series(name: str, times: ArrayLike, values: ArrayLike) -> tuple[Array, Array]:
-    t = checks.array(f"times of {name}", times, (None,))
-    if not t.size or np.any(np.diff(t) <= 0):
-        raise InputError(f"the times of {name} must ascend; give at least one.")
+    t = checks.filled(f"times of {name}", times)
+    if np.any(np.diff(t) < checks.SMALLEST):
+        raise InputError(f"the times of {name} must ascend.")
     return t, checks.array(f"values of {name}", values, None)
 
 

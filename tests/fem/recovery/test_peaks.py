@@ -79,7 +79,7 @@ def test_times_and_nodes_of_an_envelope(struck, monkeypatch):
     blocks = ao.peak_field(part, hit, "velocity", times)
     np.testing.assert_allclose(blocks.values, peak.values, rtol=1e-12)
     np.testing.assert_array_equal(blocks.times, peak.times)
-    with pytest.raises(ao.InputError, match="one time or more"):
+    with pytest.raises(ao.InputError, match="one number or more"):
         ao.peak_field(part, hit, "velocity", [])
     with pytest.raises(ao.InputError, match="quantity must be"):
         ao.peak_field(part, hit, "pressure")
