@@ -20,7 +20,7 @@ def plate(law: ao.ContactLaw, tilt: float) -> tuple[ao.Scene, Array]:
     sites = {name: ((x, y, 0.0), UP) for name, (x, y) in CORNERS.items()}
     gaps = np.array([tilt * (x + 0.3 * y) for x, y in CORNERS.values()])
     gaps -= gaps.min()
-    body = ao.RigidBody(2.0, (2 * 0.06**2 / 3, 2 * 0.1**2 / 3, 1.0), sites)
+    body = ao.RigidBody(2.0, (2 * 0.06**2 / 3, 2 * 0.1**2 / 3, 2 * 0.0136 / 3), sites)
     contacts = [
         ao.Contact(f"plate:{c}", "floor", law, gap=float(g))
         for c, g in zip(CORNERS, gaps, strict=True)
