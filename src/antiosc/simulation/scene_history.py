@@ -22,6 +22,7 @@ from antiosc.simulation.contact_rows import along, find
 from antiosc.simulation.energy import Energy
 from antiosc.simulation.engine import Run
 from antiosc.simulation.history import no_field
+from antiosc.simulation.main_impact import contact_time
 from antiosc.simulation.results import SceneResults
 from antiosc.simulation.scene_energy import balance
 from antiosc.simulation.scene_states import forces, located, node_states, spans, states
@@ -63,8 +64,15 @@ class ContactHistory(Brief):
 
     @property
     def contact_time(self) -> float:
-        """Sum of the durations of all contacts [s]."""
-        return float(sum(end - start for start, end in self.contacts))
+        """Time [s] from the first touch to the last release of the main impact; see `History`."""
+        f, step = self.force, np.diff(self.time[::2])
+        areas = step / 6 * (f[:-2:2] + 4 * f[1:-1:2] + f[2::2])
+        given = np.append(0.0, np.cumsum(areas))
+        at = np.searchsorted(self.time[::2], np.reshape(self.contacts, (-1, 2)))
+        return contact_time(
+            (start, end, float(given[last] - given[first]))
+            for (start, end), (first, last) in zip(self.contacts, at, strict=True)
+        )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -147,7 +155,9 @@ class SceneHistory(SceneResults):
     ----------
     error : estimated relative errors of the forces: "force" (L2 norm of all) and "peak"; empty for
         a given step.
-    status : 0: completed; 1: completed, tol not met; 2: stopped before the end.
+    status : 0: completed; 1: completed, tol not met; 2: stopped before the end; 3: completed, but
+        a contact that touched during the run goes on at its end: its contact time, impulse and
+        peak force count up to there.
     message : the status in words.
     """
 

@@ -43,7 +43,7 @@ from antiosc.simulation.integrators import (
 )
 from antiosc.simulation.truncation import Run, choose_n
 from antiosc.simulation.two_bodies import LAW, assemble, check_span, without_patch
-from antiosc.simulation.verdict import Verdict, judge
+from antiosc.simulation.verdict import Verdict, impact_verdict
 
 DEFAULT_TOL = 1e-3
 METHODS = ("exact", *FIXED_STEP, *IVP_METHODS)
@@ -237,7 +237,7 @@ def integrated(
     step = None if step is None else checked_step(step, duration)
     wanted = problem, duration, scale, step, tol, max_contacts, max_steps
     trajectory, step, error = exact(*wanted) if method == "exact" else compared(method, *wanted)
-    verdict = judge(
+    verdict = impact_verdict(
         problem,
         duration,
         touched=bool(trajectory.contacts),
