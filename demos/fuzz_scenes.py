@@ -103,7 +103,7 @@ def check(hit: ao.SceneHistory) -> tuple[str, dict[str, float]]:
     highest = float(np.max(energy.kinetic + energy.strain + energy.contact))
     gain = float(np.max(energy.total - energy.total[0])) / highest if highest else 0.0
     found = {"momentum": momentum, "gain": gain}
-    if hit.status == 0:
+    if hit.status in (0, 3):
         found["drift"] = energy.drift
         if gain > GAIN:
             return f"gained {gain:.1e} of its highest energy", found

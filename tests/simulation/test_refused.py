@@ -91,7 +91,7 @@ REFUSED: list[tuple[Callable[[], Any], str]] = [
     (lambda: ao.AntiOscillators(m0=0.1, k0=1e5, m=[0.1], omega=[1e-320]), "every omega must be"),
     (lambda: ao.RigidBody(1.0, (1, 1, 1), {"a": 3.0}), r"site 'a' must be \(point, direction\)"),
     (lambda: ao.RigidBody(1.0, (1, 1, 1), {"a": (UP, (0, 0, 0))}), "must not be a zero vector"),
-    (lambda: ran().bodies["m"].rotation, "'m' is no RigidBody"),
+    (lambda: ran().bodies["m"].rotation, "'m' does not know how it turns"),
     (lambda: ran().bodies["m"].angular_momentum(), "'m' does not know how it turns"),
     (lambda: ran({"b": FLAT}).bodies["b"].momentum, "'b' does not know what it carries"),
     (lambda: ran().coordinates(0.0, "b"), "there is no body 'b' in the scene: name one of m, w"),

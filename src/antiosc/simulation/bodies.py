@@ -141,6 +141,12 @@ class Placed:
             return self.directions[list(self.sites[site])]
         return self.axes[site][None] if site in self.axes else None
 
+    def rotation(self, q: Array) -> Array:
+        """Rotation vectors (n, 3) [rad] of the rigid motion with modal displacements q (n, J)."""
+        if self.inertia is None:
+            raise InputError(f"the model of {self.name!r} does not know how it turns.")
+        return self.inertia.rotation(np.where(self.omega == 0, q, 0.0))
+
     @property
     def supported(self) -> bool:
         """Whether no rigid-body mode moves a site: measured from its equilibrium under gravity."""

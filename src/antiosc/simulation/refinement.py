@@ -6,7 +6,7 @@ import numpy as np
 
 from antiosc import checks
 from antiosc._types import Array
-from antiosc.errors import AccuracyError, AccuracyWarning, InputError, warn
+from antiosc.errors import AccuracyError, InputError
 from antiosc.simulation.assembly import Assembly, assemble
 from antiosc.simulation.convergence import Converged, converge, stopped
 from antiosc.simulation.engine import Run
@@ -18,7 +18,7 @@ from antiosc.simulation.scene_energy import GAIN, gained
 from antiosc.simulation.scene_history import SceneHistory
 from antiosc.simulation.scene_parts import SceneParts
 from antiosc.simulation.scene_states import touching
-from antiosc.simulation.verdict import judge
+from antiosc.simulation.verdict import judge, tell_rotation
 
 #: Contacts that a message names.
 NAMED = 5
@@ -66,13 +66,7 @@ def integrate(
     )
     notes = " ".join([verdict.message, *assembly.notes])
     history = SceneHistory(assembly, found.run, error, verdict.status, notes)
-    turned = history.largest_rotation()
-    if turned[1] > 0.1:
-        warn(
-            f"{turned[0]!r} turned by {turned[1]:.2g} rad; rotations are taken as small, below"
-            f" 0.1 rad.",
-            AccuracyWarning,
-        )
+    tell_rotation(*history.largest_rotation())
     verdict.tell()
     for contact, law in zip(scene.contacts, assembly.laws, strict=True):
         if law.valid_force == np.inf:

@@ -16,7 +16,7 @@ from antiosc.errors import InputError
 from antiosc.models.modal import ModalBody
 from antiosc.models.site_modes import SiteModes
 from antiosc.simulation.assembly import Assembly
-from antiosc.simulation.bodies import Placed, RigidBody
+from antiosc.simulation.bodies import Placed
 from antiosc.simulation.compilation import fitting_march
 from antiosc.simulation.contact_rows import along, find
 from antiosc.simulation.energy import Energy
@@ -131,11 +131,8 @@ class BodyHistory(Brief):
 
     @property
     def rotation(self) -> Array:
-        """Rotation vector (n, 3) [rad] of a rigid body, taken as small."""
-        if not isinstance(self.placed.body, RigidBody):
-            raise InputError(f"{self.placed.name!r} is no RigidBody.")
-        moments, axes = np.linalg.eigh(self.placed.body.inertia)
-        return np.asarray((self.q[:, 3:] / np.sqrt(moments)) @ axes.T)
+        """Rotation vector (n, 3) [rad] of the rigid motion, taken as small."""
+        return self.placed.rotation(self.q)
 
     def _row(self, site: str, direction: ArrayLike | None) -> Array:
         checks.instance("site", site, str, "the name of a site")
@@ -290,13 +287,18 @@ class SceneHistory(SceneResults):
         return own.field(self.coordinates(t, body))
 
     def largest_rotation(self) -> tuple[str, float]:
-        """The rigid body that turned most, and by how much [rad]; ("", 0) without one."""
-        if not any(isinstance(b.body, RigidBody) for b in self.assembly.bodies.values()):
-            return "", 0.0  # the motion of all bodies is dear to find
+        """The free body that turned most by a step's end, and how far [rad]; ("", 0) without one.
+
+        Of bodies whose inertia in space is known.
+        """
+        assert self.run.states is not None
+        q = self.run.states[:, 0]
         turned = [
-            (name, float(np.linalg.norm(body.rotation, axis=1).max()))
-            for name, body in self.bodies.items()
-            if isinstance(body.placed.body, RigidBody)
+            (name, float(np.linalg.norm(body.rotation(q[:, own]), axis=1).max()))
+            for (name, body), own in zip(
+                self.assembly.bodies.items(), self.assembly.spans.values(), strict=True
+            )
+            if body.inertia is not None and not body.omega.all()
         ]
         return max(turned, key=lambda pair: pair[1], default=("", 0.0))
 

@@ -37,7 +37,7 @@ def spans(run: Run, system: System, c: int) -> list[tuple[float, float]]:
 
 
 def touching(run: Run, system: System) -> list[int]:
-    """The contacts that touched during the run and go on at its end; not those that rest all along."""
+    """The contacts that touched during the run and go on at its end."""
     pieces: dict[int, list[int]] = {}
     for _, which, piece, _ in run.events:
         pieces.setdefault(int(which), []).append(int(piece))

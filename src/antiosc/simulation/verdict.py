@@ -16,6 +16,8 @@ COMPLETED, INEXACT, STOPPED, TOUCHING = 0, 1, 2, 3
 
 #: A closing speed below this share of the modal contributions is rounding error.
 _SPEED_ROUNDING = 1e-12
+#: Rotation [rad] of a body above which a warning is given.
+SMALL_ROTATION = 0.1
 #: Scenes of a batch that a warning names.
 _NAMED = 5
 
@@ -115,6 +117,16 @@ def never_touched(problem: Problem, duration: float) -> str:
     else:
         why = "nothing moves the bodies toward each other; give one a velocity > 0, or gravity"
     return why
+
+
+def tell_rotation(name: str, angle: float) -> None:
+    """Warn of a body that turned so far that its rotation is not small."""
+    if angle > SMALL_ROTATION:
+        warn(
+            f"{name!r} turned by {angle:.2g} rad; rotations are taken as small, below"
+            f" {SMALL_ROTATION:g} rad.",
+            AccuracyWarning,
+        )
 
 
 def tell_all(verdicts: Sequence[Verdict]) -> None:
