@@ -169,8 +169,8 @@ def positives(name: str, value: Any, unit: str = "") -> Array:
     if result.size and not result.min() >= SMALLEST:
         worst = int(np.argmin(result))
         raise InputError(
-            f"every {name} must be > 0, at least {SMALLEST:g}{_in(unit)}; {name}[{worst}] ="
-            f" {result[worst]:g}."
+            f"every {name} must be > 0; {name}[{worst}] = {result[worst]:g} is below"
+            f" {SMALLEST:g}{_in(unit)}."
         )
     return result
 

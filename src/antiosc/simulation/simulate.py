@@ -212,17 +212,28 @@ class Outcome:
 
         Of bodies whose inertia in space is known.
         """
+        first = self.bodies[0].omega.size
+        free = {
+            name: (body.inertia, own)
+            for name, body, own in zip(
+                ("structure", "impactor"),
+                self.bodies,
+                (slice(first), slice(first, None)),
+                strict=True,
+            )
+            if body.inertia is not None and not body.omega.all()
+        }
+        if not free:
+            return "", 0.0
         at = np.array([c.end for c in self.trajectory.contacts[-LOOKED_AT:]])
         if not self.trajectory.failure:
             at = np.append(at, self.duration)
-        q, turned, first = self._glided(at), [], 0
-        for name, body in zip(("structure", "impactor"), self.bodies, strict=True):
-            own = slice(first, first + body.omega.size)
-            first = own.stop
-            if body.inertia is not None and not body.omega.all():
-                angles = np.linalg.norm(body.inertia.rotation(q[:, own]), axis=1)
-                turned.append((name, float(angles.max(initial=0.0))))
-        return max(turned, key=lambda pair: pair[1], default=("", 0.0))
+        q = self._glided(at)
+        angles = {
+            name: float(np.linalg.norm(inertia.rotation(q[:, own]), axis=1).max(initial=0.0))
+            for name, (inertia, own) in free.items()
+        }
+        return max(angles.items(), key=lambda pair: pair[1])
 
     def _glided(self, at: Array) -> Array:
         """Displacements (n, J) in rigid-body modes at times, for each contact as its impulse."""
