@@ -175,7 +175,7 @@ def random_model(rng: Rng) -> ao.AntiOscillators:
     damping = None
     if rng.random() < 0.3:
         damping = ao.Damping(
-            ratio=10 ** rng.uniform(-4, 0.3),
+            ratio=10 ** rng.uniform(-4, -0.7),
             alpha=float(rng.choice([0.0, 10.0])),
             beta=float(rng.choice([0.0, 1e-6])),
         )

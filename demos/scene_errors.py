@@ -57,7 +57,7 @@ def main(scenes: int = 500, first: int = 0, tol: float = 1e-3) -> dict[str, Any]
             counts["refused"] += 1
             continue
         counts[f"status {hit.status}"] += 1
-        if hit.status or truth.status:
+        if {hit.status, truth.status} & {1, 2}:
             continue
         error = max(difference(hit.run, truth.run, tol)[:2])
         laws[name] += 1

@@ -6,3 +6,5 @@ import pytest
 FREE_ON_PURPOSE = pytest.mark.filterwarnings(
     "ignore:the supports leave:antiosc.errors.AntioscWarning"
 )
+#: Tests of bodies that turn farther than the theory of small rotations covers.
+TURNS_FAR = pytest.mark.filterwarnings("ignore:.*turned by")

@@ -20,7 +20,7 @@ def plate(law: ao.ContactLaw, tilt: float) -> tuple[ao.Scene, Array]:
     sites = {name: ((x, y, 0.0), UP) for name, (x, y) in CORNERS.items()}
     gaps = np.array([tilt * (x + 0.3 * y) for x, y in CORNERS.values()])
     gaps -= gaps.min()
-    body = ao.RigidBody(2.0, (2 * 0.06**2 / 3, 2 * 0.1**2 / 3, 1.0), sites)
+    body = ao.RigidBody(2.0, (2 * 0.06**2 / 3, 2 * 0.1**2 / 3, 2 * 0.0136 / 3), sites)
     contacts = [
         ao.Contact(f"plate:{c}", "floor", law, gap=float(g))
         for c, g in zip(CORNERS, gaps, strict=True)
@@ -130,7 +130,7 @@ def random_law(rng: np.random.Generator) -> ao.ContactLaw:
 def random_scene(seed: int) -> ao.Scene:
     """One to four chains and masses with one to six contacts, loads, residual compliance."""
     rng = np.random.default_rng(seed)
-    bodies, ends = {"floor": ao.Obstacle()}, ["floor"]
+    bodies, ends = {"floor": ao.Obstacle(), "wall": ao.Obstacle()}, ["floor"]
     for i in range(int(rng.integers(1, 5))):
         name, sites = f"b{i}", int(rng.integers(1, 4))
         if rng.random() < 0.3:
@@ -143,13 +143,28 @@ def random_scene(seed: int) -> ao.Scene:
         a = rng.normal(size=(sites, sites)) * (rng.random() < 0.3)
         names = [f"s{j}" for j in range(sites)]
         bodies[name] = ao.SiteModes(
-            omega, b, names, r=a @ a.T * 1e-8, decay=0.01 * (rng.random() < 0.5) * omega
+            omega,
+            np.tile(b, 2),
+            [*names, *(f"{s}'" for s in names)],
+            r=np.tile(a @ a.T * 1e-8, (2, 2)),
+            decay=0.01 * (rng.random() < 0.5) * omega,
         )
         ends += [f"{name}:{s}" for s in names]
     pairs = {tuple(map(str, rng.choice(ends, 2, replace=False))) for _ in range(rng.integers(1, 7))}
     contacts = [
         ao.Contact(a, b, random_law(rng), gap=float(rng.choice([0, 10 ** rng.uniform(-6, -3)])))
-        for a, b in sorted(pairs)
+        for a, b in _each_once(sorted(pairs))
     ]
     times, forces = np.sort(rng.uniform(0, 5e-3, 3)), rng.normal(size=3) * 10 ** rng.uniform(0, 3)
     return ao.Scene(bodies, contacts, loads=[ao.Load(str(rng.choice(ends[1:])), times, forces)])
+
+
+def _each_once(pairs: list[tuple[str, str]]) -> list[tuple[str, str]]:
+    """The pairs; one that is there in reverse too gets another obstacle or site there."""
+
+    def apart(a: str, b: str) -> tuple[str, str]:
+        if "floor" in (a, b):
+            return ("wall", b) if a == "floor" else (a, "wall")
+        return (f"{a}'", b) if ":" in a else (a, f"{b}'" if ":" in b else b)
+
+    return [apart(a, b) if a > b and (b, a) in pairs else (a, b) for a, b in pairs]

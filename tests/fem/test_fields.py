@@ -272,6 +272,10 @@ def test_a_series_removes_only_what_its_list_names(tmp_path, hit):
     structure, history = hit
     mine = tmp_path / "run_2024.vtu"
     mine.write_text("not a frame")
+    for write in (ao.write_series, ao.save_fields):
+        with pytest.raises(ao.InputError, match="times"):
+            write(structure, history, tmp_path / "run.pvd", [])
+    assert list(tmp_path.iterdir()) == [mine]
     listing = ao.write_series(structure, history, tmp_path / "run.pvd", [0.0, 1e-6])
     listing.chmod(0o600)
     text = listing.read_text().replace("run_0001.vtu", "run_2024.vtu/../../outside.vtu")

@@ -62,6 +62,9 @@ WRONG_MAPS = {
     "rows": ("10 1\n10 2\n",
              "map.txt must have a row of node, dof or of node, dof, x, y, z for each of the 3 "
              "rows of the matrices, or rows of node, x, y, z; got 2 rows of 2 numbers."),
+    "strange dof": ("10 1\n10 99\n20 1\n",
+                    "dofs of map.txt are 1 to 6 for x, y, z, rx, ry, rz, and 0 or up to 30 for "
+                    "others; got node 10, dof 99."),
     "no nodes": ("5 0 0 0\n", "map.txt has none of the nodes of the matrices."),
 }  # fmt: skip
 

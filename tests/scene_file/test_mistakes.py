@@ -38,7 +38,7 @@ ONE = {
     "a value out of range": ("mass = 0.05", "mass = -0.05", ["mass must be > 0", "-0.05"]),
     "a number that is not finite": ("mass = 0.05", "mass = nan", ["mass must be finite"]),
     "a fraction for a whole number": ("n = 6", "n = 2.5", ["must be a whole number", "2.5"]),
-    "a whole number out of range": ("n = 6", "n = -1", ["n must be a whole number >= 1"]),
+    "a whole number out of range": ("n = 6", "n = -1", ["n must be a whole number >= 0"]),
     "a value of a function out of range": (
         "duration = 2e-3", "duration = 0", ["duration must be > 0 (in s)"],
     ),

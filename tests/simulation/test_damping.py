@@ -55,6 +55,16 @@ class TestDamping:
         with pytest.raises(ao.InputError, match=says):
             ao.Damping(**kwargs)
 
+    @pytest.mark.parametrize("ratio", [5, 1.0, [0.02, 3.0]])
+    def test_per_cent_are_no_ratios(self, ratio):
+        with pytest.raises(ao.InputError, match=r"0\.05 is 5 %"):
+            ao.Damping(ratio)
+
+    def test_a_high_ratio_is_told(self):
+        with pytest.warns(ao.AntioscWarning, match=r"0\.05 is 5 %"):
+            ao.Damping([0.02, 0.5])
+        assert ao.Damping(0.2).ratio == 0.2
+
 
 def _site(hit: ao.History, t: float) -> tuple[float, float]:
     q, v = hit.states(t)

@@ -22,7 +22,7 @@ def test_random_scenes_end_with_finite_forces_and_their_energy() -> None:
             warnings.simplefilter("ignore", ao.AccuracyWarning)
             hit = random_scene(seed).run(5e-3)
         assert np.isfinite(hit.run.force).all(), seed
-        if hit.status == 0:
+        if hit.status in (0, 3):
             completed += 1
             assert hit.energy.drift < 1e-2, seed
     assert completed >= 59
@@ -47,7 +47,7 @@ def test_no_random_scene_takes_ten_seconds_of_cpu() -> None:
             energy = hit.energy
             signal.setitimer(signal.ITIMER_PROF, 0.0)
             assert np.isfinite(hit.run.force).all(), seed
-            if hit.status == 0:
+            if hit.status in (0, 3):
                 completed += 1
                 highest = np.max(energy.kinetic + energy.strain + energy.contact)
                 assert np.max(energy.total - energy.total[0]) <= 1e-3 * highest, seed

@@ -162,7 +162,7 @@ def test_sites_of_one_direction_tell_that_their_order_counts() -> None:
     contact = ao.Contact("low:side", "high:side", ao.Hertz(1e8))
     message = ao.Scene(bodies, [contact]).run(1e-3).message
     assert "pushes 'high:side' against the direction of its site" in message
-    assert "No contact touched within 0.001 s" in message
+    assert "Never touched: no contact closed within 0.001 s" in message
 
 
 def test_a_body_that_moves_away_is_told() -> None:

@@ -88,6 +88,42 @@ def test_no_contact_is_said(scene, says):
     assert (hit.peak_force, hit.impulse, hit.contact_time, hit.restitution) == (0, 0, 0, None)
 
 
+@pytest.mark.parametrize(
+    ("duration", "speed", "status"), [(12e-3, 0.01, 0), (1e-3, 0.01, 3), (1e-3, -0.01, 0)]
+)
+@pytest.mark.parametrize("law", [ao.Hertz(HERTZ), ao.HuntCrossley(HERTZ, 0.7)])
+def test_one_impact_has_one_verdict_and_one_contact_time(law, duration, speed, status):
+    """Whole, cut during contact, and without any: of `simulate` and of the same scene."""
+    model, _ = case_two(9)
+    striker = ao.RigidMass(0.24, speed)
+    told = []
+    for run in (
+        lambda: ao.simulate(model, striker, law, duration),
+        lambda: ao.Scene({"a": model, "b": striker}, [ao.Contact("a", "b", law)]).run(duration),
+    ):
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            told.append((run(), [w.category for w in caught]))
+    (hit, one), (scene, other) = told
+    contact = scene["a", "b"]
+    if status == 3 or isinstance(law, ao.Hertz):
+        assert hit.status == status
+    assert (scene.status, other) == (hit.status, one)
+    assert contact.contact_time == pytest.approx(hit.contact_time, rel=1e-6)
+    np.testing.assert_allclose(contact.contacts, hit.contacts, rtol=1e-6)
+    if duration > 1e-3:
+        assert contact.contact_time > 1.1 * sum(end - start for start, end in hit.contacts[:3])
+
+
+def test_what_rests_all_along_does_not_cut_an_impact():
+    mass, law = ao.RigidMass(1.0), ao.Linear(1e6)
+    contacts = [ao.Contact("m", "floor", law)]
+    bodies = {"m": mass, "floor": ao.Obstacle()}
+    rest = ao.Scene(bodies, contacts, gravity=-9.81, preload=True).run(1e-3)
+    assert (rest.status, rest.message) == (0, "Completed.")
+    assert rest["m", "floor"].contact_time == pytest.approx(1e-3)
+
+
 def test_a_run_that_goes_as_asked_says_nothing():
     _, time = hertz_impact(0.5, 1.0, 1e9)
     with warnings.catch_warnings():

@@ -142,7 +142,7 @@ def _branch(name: str, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
     if xs.size < 2:
         raise InputError(f"the {name} curve needs at least 2 points; got {xs.size}.")
     for what, values, unit in (("indentation", xs, "m"), ("force", ys, "N")):
-        falls = np.flatnonzero(np.diff(values) <= 0)
+        falls = np.flatnonzero(np.diff(values) < checks.SMALLEST)
         if falls.size:
             i = int(falls[0])
             raise InputError(

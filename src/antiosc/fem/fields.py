@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from antiosc._types import Array, IntArray
-from antiosc.checks import array, instance, path as checked_path
+from antiosc.checks import array, filled, instance, path as checked_path
 from antiosc.errors import InputError, MissingDependencyError
 from antiosc.fem import node_fields
 from antiosc.fem.mpi import collective, on_root
@@ -76,7 +76,7 @@ def write_series(
     own = shapes_of(structure, history, body)
     if times is None:
         times = np.linspace(history.time[0], history.time[-1], 40)
-    at = array("times", times, (None,))
+    at = filled("times", times)
     if one_folder:
         _write_vtx(target, structure, own, at, amplitudes(history, at, body))
         return target
@@ -123,7 +123,7 @@ def save_fields(
     """
     target = checked_path("path", path)
     own = shapes_of(structure, history, body)
-    at = np.unique(history.time) if times is None else array("times", times, (None,))
+    at = np.unique(history.time) if times is None else filled("times", times)
     points, cells, shapes = source(structure).at_nodes(structure, own)
     factors = amplitudes(history, at, body)
     on_root(structure.comm, lambda: SavedFields(points, cells, shapes, at, factors).save(target))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,13 +14,14 @@ from numpy.typing import ArrayLike
 from antiosc import checks, files
 from antiosc._types import Array, IntArray
 from antiosc.brief import Brief
-from antiosc.errors import InputError
+from antiosc.errors import AccuracyWarning
+from antiosc.fem import peak_search
 from antiosc.fem.fields import counted, shapes_of, source
-from antiosc.fem.mpi import collective
+from antiosc.fem.mpi import collective, warn
 from antiosc.fem.recovery.place import Place, place
 from antiosc.fem.structure.structure import Structure
 from antiosc.fem.vtu import Frames
-from antiosc.simulation.body_motion import amplitudes, times_of
+from antiosc.simulation.body_motion import amplitudes, modal_sizes, times_of
 from antiosc.simulation.history import History
 from antiosc.simulation.scene_history import BodyHistory, SceneHistory
 from antiosc.stresses import equivalent, extreme_principal
@@ -34,10 +36,8 @@ PEAK_QUANTITIES = {
     "stress": ("stress", 0, "Pa"),
     "strain": ("strain", 0, ""),
 }
-#: Times that are looked at besides the nodes of the history.
-EVEN_TIMES = 500
-#: Bytes of the values of a block of nodes at all times.
-BLOCK_BYTES = 2**26
+#: Share of the largest value from which what the times may miss is told.
+UNRESOLVED = 0.05
 #: Distance between two places of `PeakField.largest`, over the size of the part.
 PLACES_APART = 0.05
 
@@ -52,6 +52,8 @@ class PeakField(Brief):
     points : (P, 3) nodes of the mesh, m.
     values : (P,) largest value at each.
     times : (P,) when it occurs, s.
+    error : what a value may be too low by, as times that were chosen miss peaks, at most; for
+        those that were given it is not known (None).
     """
 
     quantity: str
@@ -60,6 +62,7 @@ class PeakField(Brief):
     values: Array
     times: Array
     _cells: list[tuple[str, IntArray]] = field(repr=False)
+    error: float | None = None
 
     def largest(
         self, count: int = 5, apart: float | None = None
@@ -86,6 +89,8 @@ class PeakField(Brief):
         rows = [f"largest {self.quantity}{unit} at (x, y, z) [m], time [s]"]
         for value, x, t in self.largest(count):
             rows.append(f"{value:>12.5g}  ({', '.join(f'{c:.5g}' for c in x)})  {t:.5g}")
+        if self.error is not None:
+            rows.append(f"between the times that were looked at: up to {self.error:.2g} more")
         return "\n".join(rows)
 
     def write(self, path: str | Path) -> Path:
@@ -130,7 +135,9 @@ def peak_field(
         "von_mises": equivalent stress; "stress", "strain": the principal value of largest size;
         "displacement", "velocity", "acceleration": the length of the vector.
     times : array_like (n,), optional
-        Times in s at which it is looked at; default: the nodes of the history and 501 even ones.
+        Times in s at which it is looked at. Default: so many that the fastest motion of the model
+        is resolved, and about each node's largest value still more; the `error` of the result tells
+        what they miss. The body of a scene's `bodies` is known at its own times alone.
     body : str
         As in `probe`.
     part : str, optional
@@ -150,6 +157,11 @@ def peak_field(
     ------
     InputError
         As `probe`.
+
+    Warns
+    -----
+    AccuracyWarning
+        The run is too long for times that resolve all its motion.
     """
     checks.choice("quantity", quantity, tuple(PEAK_QUANTITIES))
     checks.instance("structure", structure, Structure, "a Structure")
@@ -159,24 +171,49 @@ def peak_field(
         checks.text("part", part)
     shapes = shapes_of(structure, history, body)
     at = times_of(history, times)
+    search: Callable[..., tuple[Array, Array, float | None]]
     if times is None and not isinstance(history, BodyHistory):
-        at = np.union1d(at, np.linspace(at[0], at[-1], EVEN_TIMES + 1))
-    if not len(at):
-        raise InputError("times must hold one time or more.")
-    factors = amplitudes(history, at, body, derivative)
+        motion = _motion(history, at, body, derivative)
+        search = partial(peak_search.search, motion)
+    else:
+        search = partial(_at_times, amplitudes(history, at, body, derivative), at)
     if recovered == "motion":
         points, cells, moved = source(structure).at_nodes(structure, shapes, part)
-        values, when = _largest(moved, factors, at, _length)
+        values, when, error = search(moved, _length)
     else:
         points, cells, nodes, columns = source(structure).tensors_at_nodes(
             structure, shapes, recovered, places, part
         )
-        own = _largest(
-            columns, factors, at, equivalent if quantity == "von_mises" else extreme_principal
+        scalar = equivalent if quantity == "von_mises" else extreme_principal
+        own, then, error = search(columns, scalar)
+        values, when = _at_points(nodes, own, then, len(points))
+    found = structure.comm.bcast((points, cells, values, when, error), root=0)
+    result = _used(quantity, unit, *found)
+    largest = float(result.values.max(initial=0.0))
+    if result.error is not None and result.error > UNRESOLVED * largest:
+        warn(
+            structure.comm,
+            f"the {quantity} may be up to {result.error / largest:.0%} of its largest value higher"
+            f" between the {peak_search.MOST} times that are looked at, which is too few for"
+            f" {history.time[-1]:g} s: give times in the part that matters, or shorten the run.",
+            AccuracyWarning,
         )
-        values, when = _at_points(nodes, *own, len(points))
-    found = structure.comm.bcast((points, cells, values, when), root=0)
-    return _used(quantity, unit, *found)
+    return result
+
+
+def _motion(history: Any, nodes: Array, body: str, derivative: int) -> peak_search.Motion:
+    """The motion of a body over the run, by its modes."""
+    return peak_search.Motion(
+        nodes,
+        lambda t: amplitudes(history, t, body, derivative),
+        *modal_sizes(history, nodes, body, derivative),
+    )
+
+
+def _at_times(
+    factors: Array, times: Array, columns: Array, scalar: Callable[[Array], Array]
+) -> tuple[Array, Array, None]:
+    return (*peak_search.largest(columns, factors, times, scalar), None)
 
 
 def _used(
@@ -186,31 +223,18 @@ def _used(
     cells: list[tuple[str, IntArray]],
     values: Array,
     when: Array,
+    error: float | None,
 ) -> PeakField:
     """The field without nodes that no cell has: those of other ranks' cells."""
     used = np.unique(np.concatenate([numbers.ravel() for _, numbers in cells]))
     own: list[tuple[str, IntArray]] = [(kind, np.searchsorted(used, c)) for kind, c in cells]
-    return PeakField(quantity, unit, points[used], values[used], when[used], own)
+    return PeakField(quantity, unit, points[used], values[used], when[used], own, error)
 
 
 def _places(surface: Any, layer: Any, fibre: Any) -> list[Place]:
     """Where in the thickness or section the quantity is recovered; both sides by default."""
     surfaces = ["top", "bottom"] if surface is None else [surface]
     return [place(each, layer, fibre, "global") for each in surfaces]
-
-
-def _largest(
-    columns: Array, factors: Array, times: Array, scalar: Callable[[Array], Array]
-) -> tuple[Array, Array]:
-    """Largest value (S,) of a scalar of components (S, c, columns) at all times, and its time."""
-    values, when = np.zeros(len(columns)), np.zeros(len(columns))
-    step = max(1, int(BLOCK_BYTES / (8 * 3 * columns.shape[1] * len(times))))
-    for first in range(0, len(columns), step):
-        block = slice(first, first + step)
-        found = scalar(np.moveaxis(columns[block] @ factors.T, 1, -1))  # (block, times)
-        k = found.argmax(axis=1)
-        values[block], when[block] = found[np.arange(len(k)), k], times[k]
-    return values, when
 
 
 def _length(vectors: Array) -> Array:

@@ -15,6 +15,8 @@ from antiosc.errors import InputError
 from antiosc.matrix_files.entries import Labels
 from antiosc.matrix_files.source import Source
 
+#: Largest number of a dof: Abaqus's temperatures have 11 to 30.
+LARGEST_DOF = 30
 #: Displacements and rotations of a node by their numbers 1 to 6.
 COMPONENTS = ("x", "y", "z", "rx", "ry", "rz")
 #: The same in Ansys's mapping files and in Nastran's tables.
@@ -138,6 +140,13 @@ def dof_map(given: Any, labels: Labels | None, size: int) -> DofMap | None:
     whole = table[:, :2]
     if (whole != np.floor(whole)).any():
         raise InputError(f"nodes and dofs of {name} must be whole numbers.")
+    strange = np.flatnonzero((whole < 0).any(axis=1) | (whole[:, 1] > LARGEST_DOF))
+    if len(strange):
+        node, dof = whole[strange[0]]
+        raise InputError(
+            f"dofs of {name} are 1 to 6 for x, y, z, rx, ry, rz, and 0 or up to {LARGEST_DOF} for"
+            f" others; got node {node:g}, dof {dof:g}."
+        )
     own = whole.astype(np.int64)
     if len(np.unique(own, axis=0)) < size:
         raise InputError(f"{name} names one dof of a node twice.")

@@ -22,11 +22,13 @@ from numpy.typing import ArrayLike
 from antiosc import checks
 from antiosc._types import Array, ComplexArray
 from antiosc.brief import Brief
-from antiosc.errors import InputError
+from antiosc.errors import InputError, warn
 from antiosc.models.motion import Inertia, Motion, unit_vector
 
 #: Share of a rigid motion's kinetic energy outside the body's rigid-body modes that is rounding.
 MISSED_ENERGY = 1e-8
+#: Damping ratio above which a warning is given.
+UNUSUAL_RATIO = 0.2
 #: Message for a body without a displacement field.
 NO_SHAPES = (
     "this model has no displacement field: it has no shapes (model files do not store them); "
@@ -41,8 +43,8 @@ class Damping:
     Parameters
     ----------
     ratio : float or sequence of float
-        Damping ratios of the elastic free modes in ascending order; the last value applies to all
-        higher modes.
+        Damping ratios of the elastic free modes in ascending order, below 1 (0.05 is 5 % of the
+        critical damping; a warning above 0.2); the last value applies to all higher modes.
     alpha, beta : float
         Rayleigh coefficients of C = alpha M + beta K [1/s], [s]. beta acts as a dashpot parallel to
         every spring of the model; alpha damps rigid-body motion as well.
@@ -56,6 +58,17 @@ class Damping:
         ratios = checks.column("ratio", self.ratio)
         if not ratios.size or np.any(ratios < 0):
             raise InputError(f"damping ratios must be >= 0; got {checks.shown(self.ratio)}.")
+        largest = float(ratios.max())
+        if largest >= 1:
+            raise InputError(
+                f"a damping ratio must be below 1, the critical damping: 0.05 is 5 %; got"
+                f" {largest:g}."
+            )
+        if largest > UNUSUAL_RATIO:
+            warn(
+                f"a damping ratio of {largest:g} is {largest:.0%} of the critical damping, more "
+                f"than structures have: 0.05 is 5 %."
+            )
         checks.store(
             self,
             ratio=float(ratios[0]) if ratios.size == 1 else tuple(ratios.tolist()),

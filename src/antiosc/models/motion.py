@@ -22,6 +22,9 @@ from antiosc._types import Array
 from antiosc.brief import Brief
 from antiosc.errors import InputError
 
+#: Share of a body's inertia below which it has none about an axis.
+INERTIALESS = 1e-9
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Inertia(Brief):
@@ -69,6 +72,18 @@ class Inertia(Brief):
     def along(self, momentum: Array) -> Inertia:
         """The same body with other coordinates, whose momenta are `momentum` (C, 6)."""
         return Inertia(self.point, self.matrix, momentum)
+
+    def rotation(self, amplitudes: Array) -> Array:
+        """Rotation vectors (n, 3) [rad] of the rigid motion with amplitudes (n, C), or their rates.
+
+        It is that of the whole body with the same angular momentum about its centre; zero about
+        axes without inertia.
+        """
+        centre, spins = self.centre, np.eye(3)
+        motions = np.concatenate((np.cross(spins, self.point - centre), spins), axis=1)
+        tensor = self.moved(motions @ self.matrix, centre)[:, 3:]
+        turning = self.moved(self.momentum, centre)[:, 3:]
+        return np.asarray(amplitudes @ turning @ np.linalg.pinv(tensor, rcond=INERTIALESS))
 
     def moved(self, momenta: Array, about: Array) -> Array:
         """(P, L) about another point `about` (3,) from `momenta` (..., 6) about the reference."""

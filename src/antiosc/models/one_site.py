@@ -39,19 +39,12 @@ def checked(model: Parameters) -> dict[str, Any]:
                 f"{name} belongs to a model of several sites: give its P and the names of its "
                 "sites too."
             )
-    m, omega = checks.column("m", model.m), checks.column("omega", model.omega)
+    m, omega = checks.positives("m", model.m, "kg"), checks.positives("omega", model.omega, "rad/s")
     if m.shape != omega.shape:
         raise InputError(
             f"m and omega must have one entry per anti-oscillator;"
             f" got {m.size} masses and {omega.size} frequencies."
         )
-    for name, values in (("m", m), ("omega", omega)):
-        if np.any(values <= 0):
-            worst = int(np.argmin(values))
-            raise InputError(
-                f"every {name} must be > 0; {name}[{worst}] = {values[worst]:g}"
-                f" (drop massless anti-oscillators: they never move the site)."
-            )
     order = np.argsort(omega, kind="stable")
     m0 = checks.number("m0", model.m0, "kg")
     total = float(m.sum()) + max(m0, 0.0)

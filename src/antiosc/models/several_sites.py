@@ -33,10 +33,8 @@ def checked(model: Parameters) -> dict[str, Any]:
     if k0.shape != (p, p):
         raise InputError(f"k0 must be square (p, p); got shape {k0.shape}.")
     m0 = checks.array("m0", model.m0, (p, p))
-    omega = checks.column("omega", model.omega)
+    omega = checks.positives("omega", model.omega, "rad/s")
     P = checks.array("P", model.P, (p, omega.size))
-    if np.any(omega <= 0):
-        raise InputError(f"every omega must be > 0; the least is {omega.min():g} rad/s.")
     order = np.argsort(omega, kind="stable")
     omega, P = omega[order], P[:, order]
     m0 = _semidefinite("m0", m0, np.sqrt(np.abs(m0.diagonal()) + np.sum(P**2, axis=1)))

@@ -14,7 +14,6 @@ from antiosc.errors import InputError, MissingDependencyError
 from antiosc.scene_file.kinds import Kind, words
 from antiosc.scene_file.locations import Place
 from antiosc.scene_file.parameters import (
-    RULES,
     WITHHELD,
     Parameter,
     parameters,
@@ -180,11 +179,9 @@ class Builder:
     def value(self, parameter: Parameter, value: Any, place: Place) -> Any:
         """A value as an argument; raises Mistake after noting what is wrong."""
         converted = self._converted(parameter.kinds, value, place, parameter.about)
-        name = parameter.name
-        chosen = any(kind.name == "choice" for kind in parameter.kinds)
-        if name in RULES and not chosen and isinstance(converted, int | float | str):
+        if parameter.check is not None and not isinstance(converted, Call):
             try:
-                RULES[name](converted)
+                parameter.check(parameter.name, converted)
             except InputError as error:
                 self._wrong(place, f"{label(place)}: {error}")
         return converted

@@ -5,12 +5,13 @@ from __future__ import annotations
 import functools
 import inspect
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import antiosc
 from antiosc import checks
+from antiosc.models.modal import as_damping
 from antiosc.scene_file.kinds import DATA, PATH, TEXT, Kind, kinds_of
 from antiosc.scene_file.outputs import Output
 
@@ -25,22 +26,26 @@ WITHHELD = {
 #: Parameters whose texts are file names, beside those whose annotation says it.
 FILES = {("Structure.from_files", "map")}
 
+#: (name, value) -> the value, or InputError
+Check = Callable[[str, Any], Any]
+
 
 @dataclass(frozen=True)
 class Parameter:
-    """One key of a section: its kinds, whether it must be there, and what it means."""
+    """One key of a section: its kinds, whether it must be there, what it means, and its check."""
 
     name: str
     kinds: tuple[Kind, ...]
     needed: bool
     default: Any
     about: str
+    check: Check | None = None
 
 
 @functools.cache
 def parameters(function: str) -> Mapping[str, Parameter]:
     """Name -> Parameter of a public callable such as "Solid" or "Hertz.from_radii"."""
-    return _of(resolved(function), function)
+    return _parameters(resolved(function), function)
 
 
 def resolved(function: str) -> Callable[..., Any]:
@@ -58,7 +63,7 @@ def takes(function: str, name: str) -> bool:
     return name in inspect.signature(resolved(function)).parameters
 
 
-def _of(call: Callable[..., Any], function: str) -> dict[str, Parameter]:
+def _parameters(call: Callable[..., Any], function: str) -> dict[str, Parameter]:
     described = descriptions(call)
     found = {}
     for name, given in inspect.signature(call).parameters.items():
@@ -74,7 +79,8 @@ def _of(call: Callable[..., Any], function: str) -> dict[str, Parameter]:
             continue
         needed = given.default is given.empty
         default = None if needed else given.default
-        found[name] = Parameter(name, kinds, needed, default, described.get(name, ""))
+        check = CHECKS.get(function, {}).get(name)
+        found[name] = Parameter(name, kinds, needed, default, described.get(name, ""), check)
     return found
 
 
@@ -110,48 +116,74 @@ def _first_sentence(text: str) -> str:
     return sentence if len(sentence) <= 160 else f"{sentence[:157].rsplit(' ', 1)[0]} …"
 
 
-def _unit(value: Any) -> Any:
+def _of(unit: str) -> Check:
+    return functools.partial(checks.positive, unit=unit)
+
+
+def _choice(options: Collection[Any]) -> Check:
+    return functools.partial(checks.choice, options=options)
+
+
+def _method(name: str, value: Any) -> Any:
+    from antiosc.simulation.comparison import METHODS
+
+    return checks.choice(name, value, METHODS)
+
+
+def _unit(name: str, value: Any) -> Any:
     from antiosc.fem.readers.unit_system import UnitSystem
 
     return UnitSystem.of(value)
 
 
-def _method(value: Any) -> Any:
-    from antiosc.simulation.comparison import METHODS
-
-    return checks.choice("method", value, METHODS)
-
-
-def _quantity(value: Any) -> Any:
+def _quantity(name: str, value: Any) -> Any:
     from antiosc.fem.probe import PROBED_QUANTITIES
 
-    return checks.choice("quantity", value, PROBED_QUANTITIES)
+    return checks.choice(name, value, PROBED_QUANTITIES)
 
 
-#: Name of a parameter of a function -> the check of its value. Constructors check their own;
-#: functions check when they run, which is too late for a file that is only looked at.
-RULES: dict[str, Callable[[Any], Any]] = {
-    **{
-        name: functools.partial(checks.positive, name, unit=unit)
-        for name, unit in {
-            "duration": "s",
-            "step": "s",
-            "size": "m",
-            "band": "rad/s",
-            "accuracy": "",
-            "density": "kg/m³",
-            "timeout": "s",
-            "radius": "m",
-        }.items()
-    },
-    **{
-        name: functools.partial(checks.whole, name)
-        for name in ("n", "modes", "max_contacts", "max_steps", "order")
-    },
-    "tol": checks.tolerance,
-    "gap": functools.partial(checks.nonnegative, "gap", unit="m"),
-    "merge": functools.partial(checks.positive, "merge", unit="m"),
-    "unit": _unit,
+def _tolerance(name: str, value: Any) -> float:
+    return checks.tolerance(value, name)
+
+
+def _count_or_auto(name: str, value: Any) -> Any:
+    return value if value == "auto" else checks.whole(name, value, least=0)
+
+
+_SECONDS, _METRES, _ORDER = _of("s"), _of("m"), _choice((1, 2))
+_GAP: Check = functools.partial(checks.nonnegative, unit="m")
+_READING: dict[str, Check] = {"unit": _unit, "merge": _METRES, "timeout": _SECONDS}
+_RUN: dict[str, Check] = {
+    "duration": _SECONDS,
     "method": _method,
-    "quantity": _quantity,
+    "step": _SECONDS,
+    "tol": _tolerance,
+    "max_contacts": checks.whole,
+    "max_steps": checks.whole,
+}
+#: Function -> parameter -> the check of its value. A function checks its values when it runs, which
+#: is too late for a file that is only looked at; constructors are tried (`trial`).
+CHECKS: dict[str, dict[str, Check]] = {
+    "read_mesh": {**_READING, "size": _METRES, "order": _ORDER},
+    "read_model": {**_READING, "density": _of("kg/m³")},
+    "Structure": {"order": _ORDER},
+    "extract": {
+        "n": functools.partial(checks.whole, least=0),
+        "tol": _tolerance,
+        "band": _of("rad/s"),
+        "accuracy": checks.positive,
+        "damping": lambda _, value: as_damping(value),
+    },
+    "simulate": {**_RUN, "n": _count_or_auto, "gap": _GAP},
+    "strike": {"duration": _SECONDS, "tol": _tolerance, "order": _ORDER, "gap": _GAP},
+    "Scene.run": _RUN,
+    "impact_map": {
+        "duration": _SECONDS,
+        "radius": _METRES,
+        "n": checks.whole,
+        "modes": checks.whole,
+        "band": _of("rad/s"),
+        "accuracy": checks.positive,
+    },
+    "probe": {"quantity": _quantity, "times": checks.filled},
 }

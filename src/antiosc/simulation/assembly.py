@@ -10,7 +10,7 @@ from antiosc._types import Array
 from antiosc.contact import ContactLaw, Hertz
 from antiosc.errors import InputError
 from antiosc.simulation.bodies import Placed, place
-from antiosc.simulation.contact_rows import along, find, order_notes, row_of, tangents_of
+from antiosc.simulation.contact_rows import along, find, give_axes, order_notes, row_of, tangents_of
 from antiosc.simulation.laws import packed
 from antiosc.simulation.scene_loads import acting, axes_of
 from antiosc.simulation.scene_parts import SceneParts
@@ -76,6 +76,7 @@ def assemble(scene: SceneParts, duration: float) -> Assembly:
     tangents: list[tuple[int, int]] = []
     lines: list[Array | None] = []
     ends = [(find(c.a, bodies), find(c.b, bodies)) for c in scene.contacts]
+    give_axes(scene, ends, bodies)
     for contact, pair in zip(scene.contacts, ends, strict=True):
         row, direction = row_of(contact, pair, columns, k)
         normal.append(row)
@@ -85,7 +86,7 @@ def assemble(scene: SceneParts, duration: float) -> Assembly:
         tangents.append((len(scene.contacts) + len(rubbing), len(sides)))
         rubbing += sides
     G = np.array(normal + rubbing)
-    axes = axes_of(scene, bodies, lines)
+    axes = axes_of(bodies)
     gaps = np.zeros(len(G))
     for i, (contact, (a, b)) in enumerate(zip(scene.contacts, ends, strict=True)):
         gaps[i] = a[0].gap + b[0].gap if contact.gap is None else contact.gap

@@ -21,7 +21,7 @@ from antiosc.progress import counting
 from antiosc.simulation.executors import check_executor, returned
 from antiosc.simulation.integrators import MAX_STEPS
 from antiosc.simulation.simulate import DEFAULT_TOL, Outcome, integrated
-from antiosc.simulation.verdict import STOPPED, Verdict, tell_all
+from antiosc.simulation.verdict import STOPPED, Verdict, tell_all, tell_rotation
 
 CHUNKS = 64  # that the scenes are divided into for an executor
 TOGETHER = 16  # scenes between two looks at the progress
@@ -200,6 +200,8 @@ def simulate_many(
             ready(min(count * chunk, len(todo)))
     _raise(rows)
     tell_all([r.verdict for r in rows])
+    scene = max(range(len(rows)), key=lambda i: rows[i].turned[1])
+    tell_rotation(f"{rows[scene].turned[0]} of scene {scene}", rows[scene].turned[1])
     return _gathered(rows)
 
 
@@ -220,6 +222,7 @@ class _Row:
     accuracy: float = np.nan
     force: tuple[Array, Array] = (np.zeros(0), np.zeros(0))
     error: AntioscError | None = None
+    turned: tuple[str, float] = ("", 0.0)
 
 
 def _solved(scenes: Sequence[tuple[Any, ...]], limits: dict[str, Any]) -> list[_Row]:
@@ -290,6 +293,7 @@ def _row(outcome: Outcome) -> _Row:
             np.concatenate([np.zeros(0), *(c.time for c in run.contacts)]),
             np.concatenate([np.zeros(0), *(c.force for c in run.contacts)]),
         ),
+        turned=outcome.largest_rotation(),
     )
 
 

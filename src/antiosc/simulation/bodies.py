@@ -26,6 +26,10 @@ from antiosc.simulation.impactors import Impactor, Obstacle
 
 #: cosine of the angle beyond which two directions are not taken as one
 PARALLEL = 0.999
+#: the largest principal moment over the sum of the others, in figures that are rounded
+TRIANGLE = 1.01
+#: share of a body's momentum in its elastic modes from which supports hold it
+HELD = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +51,8 @@ class RigidBody:
     Raises
     ------
     InputError
-        For a mass that is not > 0 and an inertia that is not positive definite.
+        For a mass that is not > 0 and an inertia that is not positive definite, or that no body
+        has.
     """
 
     mass: float
@@ -65,6 +70,12 @@ class RigidBody:
             raise InputError(
                 "inertia must be symmetric and positive definite [kg m^2]: three moments > 0 or"
                 " their tensor."
+            )
+        moments = np.linalg.eigvalsh(tensor)
+        if moments[2] > TRIANGLE * (moments[0] + moments[1]):
+            raise InputError(
+                f"inertia has the principal moments {moments[0]:g}, {moments[1]:g},"
+                f" {moments[2]:g} kg m^2, which no body has: none exceeds the sum of the others."
             )
         object.__setattr__(self, "inertia", tensor)
         object.__setattr__(self, "centre", checks.array("centre", self.centre, (3,)))
@@ -91,6 +102,8 @@ class Placed:
     omega, decay : (J,).
     B : (J, P) and r : (P, P) of all columns; `sites` has the columns of each name.
     directions : (P, 3) or None.
+    axes : direction (3,) of each site's coordinate, of a body without `directions`, that its
+        contacts give it.
     pushes : direction (3,) in which the contact pushes each site, where known.
     inertia : Inertia or None.
     weight : modal forces of a unit gravity, (J,) along the one coordinate of a body without
@@ -116,11 +129,40 @@ class Placed:
     gap: float = 0.0
     local_compliance: Mapping[str, float] = field(default_factory=dict)
     modes: ModalBody | SiteModes | None = None
+    axes: dict[str, Array] = field(default_factory=dict)
+
+    def columns_of(self, site: str) -> tuple[int, ...]:
+        """The columns of a site; () of an obstacle."""
+        return () if isinstance(self.body, Obstacle) else self.sites[site]
+
+    def known(self, site: str) -> Array | None:
+        """Directions (k, 3) of the first k columns of a site; None where they are not known."""
+        if self.directions is not None:
+            return self.directions[list(self.sites[site])]
+        return self.axes[site][None] if site in self.axes else None
+
+    def rotation(self, q: Array) -> Array:
+        """Rotation vectors (n, 3) [rad] of the rigid motion with modal displacements q (n, J)."""
+        if self.inertia is None:
+            raise InputError(f"the model of {self.name!r} does not know how it turns.")
+        return self.inertia.rotation(np.where(self.omega == 0, q, 0.0))
 
     @property
     def supported(self) -> bool:
         """Whether no rigid-body mode moves a site: measured from its equilibrium under gravity."""
         return not bool(np.any(self.B[self.omega == 0] != 0))
+
+    @property
+    def grounded(self) -> bool:
+        """Whether it is the ground or its supports hold it, so that motion of the ground acts."""
+        rigid = self.omega == 0
+        if isinstance(self.body, Obstacle) or not rigid.any():
+            return True
+        carried = self.weight if self.inertia is None else self.inertia.momentum[:, :3]
+        if carried is None:
+            return False
+        size = float(np.abs(carried).max(initial=0.0))
+        return bool(np.any(np.abs(carried[~rigid]) > HELD * size))
 
 
 def place(name: str, body: Any, motion: Motion | float | None) -> Placed:

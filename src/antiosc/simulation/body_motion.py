@@ -44,7 +44,7 @@ def times_of(history: Motions, times: Any) -> Array:
             "the motion of a body of a scene is known at its own times: probe "
             "hit.at(times)[name], or the scene's history with body=name."
         )
-    return checks.array("times", times, (None,))
+    return checks.filled("times", times)
 
 
 def amplitudes(history: Motions, times: Array, body: str, derivative: int = 0) -> Array:
@@ -58,11 +58,32 @@ def amplitudes(history: Motions, times: Array, body: str, derivative: int = 0) -
         x = history.coordinates(times, body)  # type: ignore[arg-type]
         return own.amplitudes(x)
     q, forces = _modal(history, times, body, derivative)
-    if isinstance(own, SiteModes):
-        loads = np.zeros((len(q), own.b.shape[1])) if derivative else forces
-    else:
-        loads = np.zeros(len(q)) if derivative else forces[:, 0]
+    return _factors(own, q, np.zeros_like(forces) if derivative else forces)
+
+
+def _factors(own: ModalBody | SiteModes, q: Array, forces: Array) -> Array:
+    """Factors (n, B) of the body's shapes for modal displacements (n, J) and forces (n, P)."""
+    loads = forces if isinstance(own, SiteModes) else forces[:, 0]
     return own.amplitudes(own.coordinates(q, loads))
+
+
+def modal_sizes(
+    history: Motions, times: Array, body: str, derivative: int
+) -> tuple[Array, Array, Array]:
+    """Frequencies (J,) of a body's modes, their factors (J, B), and their largest amplitudes (J,).
+
+    The amplitudes are those of the oscillations at `times`, or of their derivatives, without what
+    follows the forces slowly; those of rigid-body modes are zero.
+    """
+    own = modes_of(history, body)
+    (v, forces), (a, _) = (_modal(history, times, body, k) for k in (1, 2))
+    omega = own.omega
+    # of the oscillation x: x' = v and x'' = a
+    swing = np.hypot(omega * v, a).max(axis=0)
+    sizes = np.zeros(omega.size)
+    np.divide(swing, omega ** (2 - derivative), out=sizes, where=omega > 0)
+    shapes = _factors(own, np.eye(omega.size), np.zeros((omega.size, forces.shape[1])))
+    return omega, shapes, sizes
 
 
 def _modal(history: Motions, times: Array, body: str, derivative: int) -> tuple[Array, Array]:

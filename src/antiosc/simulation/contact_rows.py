@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 
 from antiosc._types import Array
@@ -31,29 +33,58 @@ def find(end: str, bodies: dict[str, Placed]) -> tuple[Placed, str]:
     raise InputError(f"{end!r} names no site of the body {name!r}; it has {listed}.")
 
 
+def give_axes(
+    scene: SceneParts, ends: Sequence[tuple[End, End]], bodies: Mapping[str, Placed]
+) -> None:
+    """Give the sites without a direction (`Placed.axes`) that of their contacts.
+
+    Sites without directions that touch each other move along one axis, in the same sense; it is
+    the direction of the first contact of any of them that has one.
+    """
+    open_ends = [
+        [(body.name, at) for body, at in pair if body.columns_of(at) and body.directions is None]
+        for pair in ends
+    ]
+    links = [pair for pair in open_ends if len(pair) == 2]
+    for pair, reached in zip(ends, open_ends, strict=True):
+        direction = direction_of(pair)
+        while direction is not None and reached:
+            name, at = reached.pop()
+            if at not in bodies[name].axes:
+                bodies[name].axes[at] = direction
+                reached += [other for link in links if (name, at) in link for other in link]
+
+
 def along(body: Placed, site: str, direction: Array | None, end: str) -> Array:
     """Coefficients (P,) of the body's columns that give a site's displacement along a direction."""
     row = np.zeros(body.B.shape[1])
-    if isinstance(body.body, Obstacle):
+    columns = list(body.columns_of(site))
+    if not columns:
         return row
-    columns = list(body.sites[site])
-    if direction is None or body.directions is None:
-        row[columns[0]] = 1.0
-        return row
-    known = body.directions[columns]
-    if len(columns) == 1 and (known[0] == direction).all():
+    known = body.known(site)
+    if direction is None or known is None or (len(known) == 1 and (known[0] == direction).all()):
         row[columns[0]] = 1.0
         return row
     parts, *_ = np.linalg.lstsq(known.T, direction, rcond=None)
     found = known.T @ parts
     if np.linalg.norm(found) < PARALLEL or found @ direction < PARALLEL * np.linalg.norm(found):
-        raise InputError(
-            f"the contact at {end!r} is along {np.round(direction, 4).tolist()}, but the model"
-            f" knows that site only along {np.round(known, 4).tolist()}; extract it along the"
-            f" contact."
+        remedy = (
+            "which is that of another contact of this body of one coordinate; use a RigidBody"
+            if body.directions is None
+            else "as the model has it; extract it along the contact"
         )
-    row[columns] = parts
+        raise InputError(
+            f"the contact at {end!r} is along {np.round(direction, 4).tolist()}, but this end moves"
+            f" only along {np.round(known, 4).tolist()}, {remedy}."
+        )
+    row[columns[: len(known)]] = parts
     return row
+
+
+def direction_of(ends: tuple[End, End]) -> Array | None:
+    """Direction (3,) of a contact in space, where one of its ends knows it."""
+    (a, at), (b, bt) = ends
+    return a.pushes.get(at, b.pushes.get(bt))
 
 
 def row_of(
@@ -63,9 +94,7 @@ def row_of(
     (a, at), (b, bt) = ends
     if isinstance(a.body, Obstacle) and isinstance(b.body, Obstacle):
         raise InputError(f"both ends of the contact {contact.a!r}, {contact.b!r} are obstacles.")
-    direction = a.pushes.get(at)
-    if direction is None:
-        direction = b.pushes.get(bt)
+    direction = direction_of(ends)
     row = np.zeros(size)
     row[columns[b.name]] += along(b, bt, direction, contact.b)
     row[columns[a.name]] -= along(a, at, direction, contact.a)
@@ -95,7 +124,7 @@ def tangents_of(
 ) -> list[Array]:
     """Rows of the tangential displacement of b against a, one or two."""
     ends = [find(contact.a, bodies), find(contact.b, bodies)]
-    moving = [(body, site) for body, site in ends if not isinstance(body.body, Obstacle)]
+    moving = [(body, site) for body, site in ends if body.columns_of(site)]
     if direction is None or any(body.directions is None for body, _ in moving):
         raise InputError(
             f"friction between {contact.a!r} and {contact.b!r} needs ends that move along the"

@@ -136,9 +136,9 @@ class History(HistoryResults):
     def contact_time(self) -> float:
         """Time from the first touch to the last release of the main impact [s]; 0 without contact.
 
-        A contact that goes on at the end of the run counts up to there (status 3).
         Successive contacts belong to one impact if the flight between them is shorter than the
-        impact up to then. The main impact is the one with the largest impulse.
+        impact up to then. The main impact is the one with the largest impulse. A contact that goes
+        on at the end of the run counts up to there (status 3).
         """
         return self.trajectory.contact_time
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from antiosc import checks, plausible
 from antiosc._types import Array
-from antiosc.errors import AccuracyError, AccuracyWarning, InputError, warn
+from antiosc.errors import AccuracyError, InputError
 from antiosc.simulation.assembly import Assembly, assemble
 from antiosc.simulation.convergence import Converged, converge, stopped
 from antiosc.simulation.engine import Run
@@ -17,6 +17,11 @@ from antiosc.simulation.laws import forget
 from antiosc.simulation.scene_energy import GAIN, gained
 from antiosc.simulation.scene_history import SceneHistory
 from antiosc.simulation.scene_parts import SceneParts
+from antiosc.simulation.scene_states import touching
+from antiosc.simulation.verdict import judge, tell_rotation
+
+#: Contacts that a message names.
+NAMED = 5
 
 
 def integrate(
@@ -52,28 +57,19 @@ def integrate(
         for kind, parameters in zip(assembly.system.kinds, assembly.system.params, strict=True):
             forget(int(kind), parameters)
     error = {} if step is not None else {"force": found.force, "peak": found.peak}
-    status, message = verdict(found, tol, max_contacts, max_steps, failure)
-    if status == 0:
-        gain = gained(assembly, found.run)
-        if gain > GAIN:
-            status, message = (
-                1,
-                (
-                    f"The scene gained energy, {gain:.2g} of the highest that it had; use a smaller"
-                    f" tol."
-                ),
-            )
-    notes = " ".join([message, *never_touched(assembly, found.run), *assembly.notes])
-    history = SceneHistory(assembly, found.run, error, status, notes)
-    turned = history.largest_rotation()
-    if turned[1] > 0.1:
-        warn(
-            f"{turned[0]!r} turned by {turned[1]:.2g} rad; rotations are taken as small, below"
-            f" 0.1 rad.",
-            AccuracyWarning,
-        )
-    if status:
-        warn(message, AccuracyWarning)
+    failure = failure or stopped(
+        found.run.answer, float(found.run.time[-1]), max_contacts, max_steps
+    )
+    verdict = judge(
+        failure,
+        never_touched(assembly, found.run),
+        "" if failure else inexact(assembly, found, tol, max_steps),
+        cut_short(assembly, found.run),
+    )
+    notes = " ".join([verdict.message, *assembly.notes])
+    history = SceneHistory(assembly, found.run, error, verdict.status, notes)
+    tell_rotation(*history.largest_rotation())
+    verdict.tell()
     for contact, law in zip(scene.contacts, assembly.laws, strict=True):
         if law.valid_force == np.inf:
             continue
@@ -138,48 +134,55 @@ def exactly(
     return Converged(found, step, 0.0, 0.0, duration), failure
 
 
-def verdict(
-    found: Converged, tol: float, max_contacts: int, max_steps: int, failure: str = ""
-) -> tuple[int, str]:
-    """Status and message of a run: 0 completed, 1 tolerance not met, 2 stopped before the end.
-
-    `failure`: why it stopped, if that is known.
-    """
-    answer, t = found.run.answer, float(found.run.time[-1])
-    failure = failure or stopped(answer, t, max_contacts, max_steps)
-    if failure:
-        return 2, failure[0].upper() + failure[1:] + "."
+def inexact(assembly: Assembly, found: Converged, tol: float, max_steps: int) -> str:
+    """Why a run that reached its end does not meet the tolerance; "" if it does."""
     worst = found.worst
     if worst == np.inf:
         if found.certain > 0:
-            return 1, (
+            return (
                 f"The error is not known: a finer run takes too many steps. Up to"
                 f" {found.certain:.4g} s the two agree; shorten the duration to that."
             )
-        return 1, (
+        return (
             f"The error is not known: max_steps = {max_steps} leaves no finer run to compare with;"
             f" raise it or shorten the duration."
         )
     if not worst <= tol:
-        return 1, (
+        return (
             f"The contact forces did not converge: finer runs differ by {worst:.2g}, not"
             f" tol = {tol:g} (they rattle, so that small errors grow). Up to {found.certain:.4g} s"
             f" they agree; shorten the duration to that."
         )
-    return 0, "Completed."
+    gain = gained(assembly, found.run)
+    if gain > GAIN:
+        return f"The scene gained energy, {gain:.2g} of the highest that it had; use a smaller tol."
+    return ""
 
 
-def never_touched(assembly: Assembly, run: Run) -> list[str]:
-    """A note on a run without any contact, which may come from a wrong sign."""
+def cut_short(assembly: Assembly, run: Run) -> str:
+    """Which contacts go on at the end of the run; those that rest since its start do not count."""
+    contacts = [assembly.scene.contacts[c] for c in touching(run, assembly.system)]
+    if not contacts:
+        return ""
+    named = ", ".join(f"{c.a!r} - {c.b!r}" for c in contacts[:NAMED])
+    more = ", ..." if len(contacts) > NAMED else ""
+    return (
+        f"The run ends during contact of {named}{more}: contact time, impulse and peak force are"
+        f" those up to {run.time[-1]:g} s; lengthen the duration."
+    )
+
+
+def never_touched(assembly: Assembly, run: Run) -> str:
+    """Why no contact touched, which may come from a wrong sign; "" if one did."""
     system = assembly.system
     if run.touches or np.any(system.pressed):
-        return []
+        return ""
     p = len(assembly.laws)
     speed = system.beta[:p] @ system.v
     if np.all(speed <= 0) and np.any(speed < 0):
         c = assembly.scene.contacts[int(np.argmin(speed))]
-        return [
-            f"No contact touched: {c.a!r}, {c.b!r} opens at {-speed.min():g} m/s at first; if it"
-            f" should close, reverse the velocity or, for bodies of one coordinate, the ends."
-        ]
-    return [f"No contact touched within {run.time[-1]:g} s."]
+        return (
+            f"{c.a!r}, {c.b!r} opens at {-speed.min():g} m/s at first; if it should close, reverse"
+            f" the velocity or, for bodies of one coordinate, the ends"
+        )
+    return f"no contact closed within {run.time[-1]:g} s; lengthen the duration or give a velocity"

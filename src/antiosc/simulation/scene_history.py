@@ -16,12 +16,13 @@ from antiosc.errors import InputError
 from antiosc.models.modal import ModalBody
 from antiosc.models.site_modes import SiteModes
 from antiosc.simulation.assembly import Assembly
-from antiosc.simulation.bodies import Placed, RigidBody
+from antiosc.simulation.bodies import Placed
 from antiosc.simulation.compilation import fitting_march
 from antiosc.simulation.contact_rows import along, find
 from antiosc.simulation.energy import Energy
 from antiosc.simulation.engine import Run
 from antiosc.simulation.history import no_field
+from antiosc.simulation.main_impact import contact_time
 from antiosc.simulation.results import SceneResults, covered, scene_places
 from antiosc.simulation.scene_energy import balance
 from antiosc.simulation.scene_states import (
@@ -70,8 +71,15 @@ class ContactHistory(Brief):
 
     @property
     def contact_time(self) -> float:
-        """Sum of the durations of all contacts [s]."""
-        return float(sum(end - start for start, end in self.contacts))
+        """Time [s] from the first touch to the last release of the main impact; see `History`."""
+        f, step = self.force, np.diff(self.time[::2])
+        areas = step / 6 * (f[:-2:2] + 4 * f[1:-1:2] + f[2::2])
+        given = np.append(0.0, np.cumsum(areas))
+        at = np.searchsorted(self.time[::2], np.reshape(self.contacts, (-1, 2)))
+        return contact_time(
+            (start, end, float(given[last] - given[first]))
+            for (start, end), (first, last) in zip(self.contacts, at, strict=True)
+        )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -130,11 +138,8 @@ class BodyHistory(Brief):
 
     @property
     def rotation(self) -> Array:
-        """Rotation vector (n, 3) [rad] of a rigid body, taken as small."""
-        if not isinstance(self.placed.body, RigidBody):
-            raise InputError(f"{self.placed.name!r} is no RigidBody.")
-        moments, axes = np.linalg.eigh(self.placed.body.inertia)
-        return np.asarray((self.q[:, 3:] / np.sqrt(moments)) @ axes.T)
+        """Rotation vector (n, 3) [rad] of the rigid motion, taken as small."""
+        return self.placed.rotation(self.q)
 
     def _row(self, site: str, direction: ArrayLike | None) -> Array:
         checks.instance("site", site, str, "the name of a site")
@@ -154,7 +159,9 @@ class SceneHistory(SceneResults):
     ----------
     error : estimated relative errors of the forces: "force" (L2 norm of all) and "peak"; empty for
         a given step.
-    status : 0: completed; 1: completed, tol not met; 2: stopped before the end.
+    status : 0: completed; 1: completed, tol not met; 2: stopped before the end; 3: completed, but
+        a contact that touched during the run goes on at its end: its contact time, impulse and
+        peak force count up to there.
     message : the status in words.
     """
 
@@ -287,16 +294,18 @@ class SceneHistory(SceneResults):
         return own.field(self.coordinates(t, body))
 
     def largest_rotation(self) -> tuple[str, float]:
-        """The rigid body that turned most, and by how much [rad]; ("", 0) without one."""
-        if not any(isinstance(b.body, RigidBody) for b in self.assembly.bodies.values()):
-            return "", 0.0  # the motion of all bodies is dear to find
-        whole = blocks(self.run, self.assembly.system.omega.size)
-        parts = [self._bodies_of_steps(*block) for block in whole] if whole[1:] else [self.bodies]
+        """The free body that turned most by a step's end, and how far [rad]; ("", 0) without one.
+
+        Of bodies whose inertia in space is known.
+        """
+        assert self.run.states is not None
+        q = self.run.states[:, 0]
         turned = [
-            (name, float(np.linalg.norm(body.rotation, axis=1).max()))
-            for part in parts
-            for name, body in part.items()
-            if isinstance(body.placed.body, RigidBody)
+            (name, float(np.linalg.norm(body.rotation(q[:, own]), axis=1).max()))
+            for (name, body), own in zip(
+                self.assembly.bodies.items(), self.assembly.spans.values(), strict=True
+            )
+            if body.inertia is not None and not body.omega.all()
         ]
         return max(turned, key=lambda pair: pair[1], default=("", 0.0))
 

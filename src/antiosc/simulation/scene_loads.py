@@ -12,23 +12,14 @@ from antiosc.simulation.impactors import Obstacle
 from antiosc.simulation.scene_parts import SceneParts
 
 
-def axes_of(
-    scene: SceneParts, bodies: dict[str, Placed], lines: list[Array | None]
-) -> dict[str, Array | None]:
-    """Direction in space of the one coordinate of each body that knows none itself."""
+def axes_of(bodies: dict[str, Placed]) -> dict[str, Array | None]:
+    """Direction in space of the one coordinate of each body that moves along one."""
     axes: dict[str, Array | None] = {}
     for name, body in bodies.items():
         if body.directions is not None and len(body.directions):
             axes[name] = body.directions[0] if body.inertia is None else None
-            continue
-        axes[name] = None
-        for contact, line in zip(scene.contacts, lines, strict=True):
-            if line is not None and name in (
-                contact.a.partition(":")[0],
-                contact.b.partition(":")[0],
-            ):
-                axes[name] = line
-                break
+        else:
+            axes[name] = next(iter(body.axes.values()), None)
     return axes
 
 
@@ -76,6 +67,11 @@ def acting(
                 pull = np.where(body.omega == 0, pull, 0.0)
             loads[:, spans[name]] += pull
     if scene.base is not None:
+        if not any(body.grounded for body in bodies.values()):
+            raise InputError(
+                "base moves the ground, and no body of the scene stands on it: all are free; leave"
+                " base out, or add a support or an Obstacle."
+            )
         given = scene.base.accelerations
         given = given if given.ndim == 2 else given[:, None]
         moved = np.stack(

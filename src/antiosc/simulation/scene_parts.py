@@ -7,8 +7,10 @@ a's site (of b's, where a's is not known); its force F >= 0 pushes a along +d an
 
 A body that knows no directions in space (`RigidMass`, `Sphere`, a model made by hand) has one
 coordinate, which takes the place of the displacement along d: as b it moves toward a when its
-velocity is > 0. Everything is measured relative to the ground, and a body that its supports hold
-at its sites from its own equilibrium under gravity.
+velocity is > 0. The d of its first contact is the direction of this coordinate; a later contact
+along -d takes it with the opposite sign, and one along another line is refused. Everything is
+measured relative to the ground, and a body that its supports hold at its sites from its own
+equilibrium under gravity.
 """
 
 from __future__ import annotations
@@ -132,9 +134,9 @@ class Base:
 
 
 def _series(name: str, times: ArrayLike, values: ArrayLike) -> tuple[Array, Array]:
-    t = checks.array(f"times of {name}", times, (None,))
-    if not t.size or np.any(np.diff(t) <= 0):
-        raise InputError(f"the times of {name} must ascend; give at least one.")
+    t = checks.filled(f"times of {name}", times)
+    if np.any(np.diff(t) < checks.SMALLEST):
+        raise InputError(f"the times of {name} must ascend.")
     return t, checks.array(f"values of {name}", values, None)
 
 
@@ -185,12 +187,32 @@ class SceneParts:
             checks.store(self, gravity=tuple(vector.tolist()))
         else:
             checks.store(self, gravity=checks.number("gravity", self.gravity, "m/s^2"))
-        ends = [(c.a, c.b) for c in self.contacts]
-        if len(set(ends)) < len(ends):
-            raise InputError("two contacts have the same ends; give each pair of sites once.")
+        self._check_pairs()
         unknown = set(self.motion) - set(self.bodies)
         if unknown:
             raise InputError(
                 f"motion names the bodies {sorted(unknown)}, which are not in the scene:"
                 f" {', '.join(self.bodies)}."
             )
+
+    def _check_pairs(self) -> None:
+        """InputError for two contacts between the same two sites, in either order."""
+        seen: dict[frozenset[str], Contact] = {}
+        for contact in self.contacts:
+            ends = frozenset(self._site_of(end) for end in (contact.a, contact.b))
+            if len(ends) == 1:
+                raise InputError(
+                    f"the contact {contact.a!r}, {contact.b!r} joins a site to itself; name two."
+                )
+            other = seen.setdefault(ends, contact)
+            if other is not contact:
+                raise InputError(
+                    f"the contacts {other.a!r}, {other.b!r} and {contact.a!r}, {contact.b!r} have"
+                    f" the same ends; give each pair of sites once (a stop on the other side is"
+                    f" another body or site)."
+                )
+
+    def _site_of(self, end: str) -> str:
+        """An end under one name: the site of a body that has no more than one may have any."""
+        name = end.partition(":")[0]
+        return end if len(getattr(self.bodies.get(name), "sites", ())) > 1 else name

@@ -32,7 +32,7 @@ def spans(run: Run, system: System, c: int) -> list[tuple[float, float]]:
         if int(which) != c:
             continue
         if piece == march.APART:
-            if open_at is not None:
+            if open_at is not None and t > open_at:  # one that is over at once is no contact
                 found.append((open_at, float(t)))
             open_at = None
         elif open_at is None:
@@ -40,6 +40,18 @@ def spans(run: Run, system: System, c: int) -> list[tuple[float, float]]:
     if open_at is not None:
         found.append((open_at, float(run.time[-1])))
     return found
+
+
+def touching(run: Run, system: System) -> list[int]:
+    """The contacts that touched during the run and go on at its end."""
+    pieces: dict[int, list[int]] = {}
+    for _, which, piece, _ in run.events:
+        pieces.setdefault(int(which), []).append(int(piece))
+    return sorted(
+        c
+        for c, own in pieces.items()
+        if own[-1] != march.APART and (march.APART in own or not system.pressed[c])
+    )
 
 
 def between(t: Array, breaks: Array, values: Array) -> Array:

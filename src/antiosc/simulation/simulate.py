@@ -21,7 +21,10 @@ from functools import partial
 from math import inf
 from typing import Any
 
+import numpy as np
+
 from antiosc import checks, plausible
+from antiosc._types import Array
 from antiosc.contact import ContactLaw
 from antiosc.errors import AccuracyError, InputError
 from antiosc.models.anti_oscillators import AntiOscillators
@@ -41,11 +44,14 @@ from antiosc.simulation.integrators import (
     Problem,
     Trajectory,
 )
+from antiosc.simulation.modal_response import responses
 from antiosc.simulation.truncation import Run, choose_n
 from antiosc.simulation.two_bodies import LAW, assemble, check_span, without_patch
-from antiosc.simulation.verdict import Verdict, judge
+from antiosc.simulation.verdict import Verdict, impact_verdict, tell_rotation
 
 DEFAULT_TOL = 1e-3
+#: Contacts, the last ones, after which the rotation of a body is looked at.
+LOOKED_AT = 50
 METHODS = ("exact", *FIXED_STEP, *IVP_METHODS)
 
 
@@ -160,6 +166,7 @@ def simulate(
         budget=partial(error_budget, again=exactly),
     )
     verdict.tell()
+    tell_rotation(*outcome.largest_rotation())
     check_range(history, [*plausible.of_model(model), *doubts])
     return history
 
@@ -199,6 +206,49 @@ class Outcome:
     error: dict[str, float]
     verdict: Verdict
     note: str
+    duration: float
+
+    def largest_rotation(self) -> tuple[str, float]:
+        """The free body that turned most by the end of a contact or of the run, and how far [rad].
+
+        Of bodies whose inertia in space is known.
+        """
+        first = self.bodies[0].omega.size
+        free = {
+            name: (body.inertia, own)
+            for name, body, own in zip(
+                ("structure", "impactor"),
+                self.bodies,
+                (slice(first), slice(first, None)),
+                strict=True,
+            )
+            if body.inertia is not None and not body.omega.all()
+        }
+        if not free:
+            return "", 0.0
+        at = np.array([c.end for c in self.trajectory.contacts[-LOOKED_AT:]])
+        if not self.trajectory.failure:
+            at = np.append(at, self.duration)
+        q = self._glided(at)
+        angles = {
+            name: float(np.linalg.norm(inertia.rotation(q[:, own]), axis=1).max(initial=0.0))
+            for name, (inertia, own) in free.items()
+        }
+        return max(angles.items(), key=lambda pair: pair[1])
+
+    def _glided(self, at: Array) -> Array:
+        """Displacements (n, J) in rigid-body modes at times, for each contact as its impulse."""
+        p, contacts = self.problem, self.trajectory.contacts
+        rigid = p.omega == 0
+        still, decay = p.omega[rigid], p.decay[rigid]
+        middle = np.array([0.5 * (c.start + c.end) for c in contacts])
+        impulse = np.array([c.impulse for c in contacts])
+        free = responses(still, decay, at)
+        pushed = responses(still, decay, np.maximum(at[:, None] - middle, 0.0)).S
+        q = np.zeros((at.size, p.omega.size))
+        q[:, rigid] = free.S * p.v[rigid] + free.J0 * p.load[rigid]
+        q[:, rigid] -= p.beta[rigid] * np.einsum("ncj,c->nj", pushed, impulse)
+        return q
 
     def history(self, model: LinearBody, impactor: LinearBody) -> History:
         """The run as a History."""
@@ -238,7 +288,7 @@ def integrated(
     step = None if step is None else checked_step(step, duration)
     wanted = problem, duration, scale, step, tol, max_contacts, max_steps
     trajectory, step, error = exact(*wanted) if method == "exact" else compared(method, *wanted)
-    verdict = judge(
+    verdict = impact_verdict(
         problem,
         duration,
         touched=bool(trajectory.contacts),
@@ -247,7 +297,7 @@ def integrated(
         error=max(error.values(), default=0.0),
         tol=tol,
     )
-    return Outcome(problem, bodies, trajectory, step, error, verdict, note)
+    return Outcome(problem, bodies, trajectory, step, error, verdict, note, duration)
 
 
 def _truncated(

@@ -16,6 +16,8 @@ COMPLETED, INEXACT, STOPPED, TOUCHING = 0, 1, 2, 3
 
 #: A closing speed below this share of the modal contributions is rounding error.
 _SPEED_ROUNDING = 1e-12
+#: Rotation [rad] of a body above which a warning is given.
+SMALL_ROTATION = 0.1
 #: Scenes of a batch that a warning names.
 _NAMED = 5
 
@@ -43,7 +45,26 @@ class Verdict:
             warn(self.message)
 
 
-def judge(
+def judge(failure: str, untouched: str, inexact: str, cut: str) -> Verdict:
+    """The verdict on one run, of an impact or a scene; "" for what does not apply.
+
+    Parameters
+    ----------
+    failure : why the run stopped before its end.
+    untouched : why nothing touched.
+    inexact : that the tolerance was not met.
+    cut : which contacts go on at the end.
+    """
+    if failure:
+        return Verdict(STOPPED, failure[0].upper() + failure[1:] + ".")
+    if inexact:
+        return Verdict(INEXACT, " ".join(filter(None, (inexact, cut))))
+    if untouched:
+        return Verdict(COMPLETED, f"Never touched: {untouched}.", odd=True)
+    return Verdict(TOUCHING, cut) if cut else Verdict(COMPLETED, "Completed.")
+
+
+def impact_verdict(
     problem: Problem,
     duration: float,
     *,
@@ -53,7 +74,7 @@ def judge(
     error: float,
     tol: float,
 ) -> Verdict:
-    """The verdict on one run.
+    """The verdict on one impact.
 
     Parameters
     ----------
@@ -62,24 +83,23 @@ def judge(
     failure : why the run stopped before its end, if it did.
     error, tol : estimated relative error of the force, and the one asked for.
     """
-    if failure:
-        return Verdict(STOPPED, failure[0].upper() + failure[1:] + ".")
-    if not touched:
-        return Verdict(COMPLETED, _never_touched(problem, duration), odd=True)
     cut = (
         f"The run ends during contact: contact time, impulse and peak force are those up to"
         f" {duration:g} s, and a restitution is not known; lengthen the duration."
     )
-    if error > tol:
-        inexact = (
-            f"The force history reached a relative error of {error:.2g}, not tol = {tol:g}, within"
-            f" the bound on steps; raise max_steps or shorten the duration."
-        )
-        return Verdict(INEXACT, inexact if released else f"{inexact} {cut}")
-    return Verdict(COMPLETED, "Completed.") if released else Verdict(TOUCHING, cut)
+    inexact = (
+        f"The force history reached a relative error of {error:.2g}, not tol = {tol:g}, within"
+        f" the bound on steps; raise max_steps or shorten the duration."
+    )
+    return judge(
+        failure,
+        "" if touched else never_touched(problem, duration),
+        inexact if touched and error > tol else "",
+        cut if touched and not released else "",
+    )
 
 
-def _never_touched(problem: Problem, duration: float) -> str:
+def never_touched(problem: Problem, duration: float) -> str:
     """Why the bodies did not touch, from the initial motion."""
     speed, push = float(problem.beta @ problem.v), float(problem.beta @ problem.load)
     if abs(speed) <= _SPEED_ROUNDING * float(np.abs(problem.beta) @ np.abs(problem.v)):
@@ -96,7 +116,17 @@ def _never_touched(problem: Problem, duration: float) -> str:
         why = f"gravity opens the gap at {-push:g} m/s^2; reverse its sign or give a velocity > 0"
     else:
         why = "nothing moves the bodies toward each other; give one a velocity > 0, or gravity"
-    return f"Never touched: {why}."
+    return why
+
+
+def tell_rotation(name: str, angle: float) -> None:
+    """Warn of a body that turned so far that its rotation is not small."""
+    if angle > SMALL_ROTATION:
+        warn(
+            f"{name!r} turned by {angle:.2g} rad; rotations are taken as small, below"
+            f" {SMALL_ROTATION:g} rad.",
+            AccuracyWarning,
+        )
 
 
 def tell_all(verdicts: Sequence[Verdict]) -> None:

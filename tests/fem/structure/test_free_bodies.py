@@ -23,10 +23,10 @@ from free_bodies import (
     rigid_field,
     site_vectors,
 )
-from marks import FREE_ON_PURPOSE
+from marks import FREE_ON_PURPOSE, TURNS_FAR
 from scenes import finely
 
-pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]
+pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE, TURNS_FAR]
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -349,3 +349,15 @@ def test_two_free_bodies_each_as_the_impactor_of_the_other():
     assert one.energy.kinetic[0] == pytest.approx(total, rel=1e-9)
     assert two.energy.kinetic[0] == pytest.approx(total, rel=1e-9)
     assert two.peak_force == pytest.approx(one.peak_force, rel=2e-3)
+
+
+def test_a_free_mesh_that_turns_far_is_told():
+    """The bar that is struck near its end, and the same motion started as a spin."""
+    structure, site = CASES["block"][0](), CASES["block"][1]
+    model = extract(structure, site, 4, "krylov")
+    for spin, far in ((60.0, True), (20.0, False)):
+        motion = ao.Motion(velocity=-np.array(site.direction), spin=(0, 0, spin))
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            ao.simulate(model, ao.Obstacle(1.0), ao.Hertz(1e9), 2e-3, initial_velocity=motion)
+        assert any("turned by 0.12 rad" in str(w.message) for w in caught) == far

@@ -12,6 +12,7 @@ from antiosc._types import Array
 from antiosc.contact import State
 from antiosc.simulation.integrators.problem import Integrator, Problem, Segment
 from antiosc.simulation.integrators.touch import next_touch
+from antiosc.simulation.main_impact import contact_time
 
 _FLIGHT_NODES = 200
 
@@ -93,17 +94,7 @@ class Trajectory:
     @property
     def contact_time(self) -> float:
         """Length [s] of the main impact: see `History.contact_time`."""
-        groups: list[tuple[float, float, float]] = []
-        for contact in self.contacts:
-            start, end, impulse = contact.start, contact.end, contact.impulse
-            if groups and start - groups[-1][1] < groups[-1][1] - groups[-1][0]:
-                groups[-1] = (groups[-1][0], end, groups[-1][2] + impulse)
-            else:
-                groups.append((start, end, impulse))
-        if not groups:
-            return 0.0
-        main = max(groups, key=lambda g: g[2])
-        return main[1] - main[0]
+        return contact_time((c.start, c.end, c.impulse) for c in self.contacts)
 
     @property
     def restitution(self) -> float | None:
