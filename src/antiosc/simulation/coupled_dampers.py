@@ -45,21 +45,26 @@ def refuse_coupling(
     off = _difference(problem, run, own, whole)
     if off > tol:
         raise AccuracyError(
-            f"the dampers couple the modes of the model, which its damping ratios neglect: impulse, "
-            f"peak force or contact time are off by {off:.2g}, more than tol = {tol:g}; take weaker "
-            f"dampers or a tol above {off:.2g}."
+            "the dampers couple the modes of the model, which its damping ratios neglect: impulse, "
+            f"peak force or contact time are off by {off:.2g}, more than tol = {tol:g}; take "
+            f"weaker dampers or a tol above {off:.2g}."
         )
     return {"dampers": off}, (
         f"The damping ratios neglect how the dampers couple the modes: an error of {off:.2g}."
     )
 
 
+def has_dampers(model: Any) -> bool:
+    """Whether damping ratios of the model stand for dampers of its assembly."""
+    info = getattr(model, "info", None)
+    return isinstance(info, dict) and "dampers" in info and model.damping is not None
+
+
 def _matrix(body: ModalBody, side: Any) -> Array | None:
     """D (J, J) of the dampers of a model in its free modes; None without dampers."""
-    info = getattr(side, "info", None)
-    facts = info.get("dampers") if isinstance(info, dict) else None
-    if facts is None or body.shape is None or side.damping is None:
+    if not has_dampers(side) or body.shape is None:
         return None
+    facts = side.info["dampers"]
     amplitudes = body.shape if body.amplitude is None else body.amplitude @ body.shape
     moved = np.asarray(facts["ends"])[:, : side.n + 1] @ amplitudes[: side.n + 1]
     return np.asarray(moved.T @ np.asarray(facts["damping"]) @ moved)

@@ -9,6 +9,7 @@ from antiosc._types import Array
 from antiosc.errors import AccuracyError, AccuracyWarning, InputError, warn
 from antiosc.simulation.assembly import Assembly, assemble
 from antiosc.simulation.convergence import Converged, converge, stopped
+from antiosc.simulation.coupled_dampers import has_dampers
 from antiosc.simulation.engine import Run
 from antiosc.simulation.equilibrium import closed, settle
 from antiosc.simulation.expected import stiffness_at
@@ -68,6 +69,12 @@ def integrate(
         warn(
             f"{turned[0]!r} turned by {turned[1]:.2g} rad; rotations are taken as small, below"
             f" 0.1 rad.",
+            AccuracyWarning,
+        )
+    if damped := [name for name, body in scene.bodies.items() if has_dampers(body)]:
+        warn(
+            f"the damping ratios of {damped[0]!r} neglect how its dampers couple its modes, with an"
+            f" error that a scene does not know; simulate states it for one site.",
             AccuracyWarning,
         )
     if status:

@@ -148,6 +148,14 @@ def test_an_impact_states_the_coupling_that_it_neglects_and_is_refused_beyond_to
         ao.simulate(model, ball, law, duration, tol=1e-4)
 
 
+def test_a_scene_warns_that_it_does_not_know_the_coupling():
+    model = ao.extract(braked(1.0), {"tip": TIP}, n=4)
+    bodies = {"part": model, "ball": ao.RigidMass(0.1, 1.0)}
+    scene = ao.Scene(bodies, [ao.Contact("part:tip", "ball", ao.Linear(1e5))])
+    with pytest.warns(ao.AccuracyWarning, match="dampers couple"):
+        scene.run(4e-3)
+
+
 def test_what_takes_no_dampers_says_so():
     part = beams(4.0, 2e4)
     for call in (lambda: ao.full(part, MIDDLE), lambda: ao.superposition(part, MIDDLE, 3)):

@@ -38,11 +38,15 @@ def refuse_locking(structure: MeshedStructure) -> None:
     """
     form, mesh, none = structure.form, structure.mesh, np.zeros(0, dtype=int)
     linear = compat.lagrange(mesh.dolfinx, 1, 0)
-    if compat.cell_dofs(form.space, (0,), none).shape[1] > (
-        compat.cell_dofs(linear, (0,), none).shape[1]
+    if (
+        compat.cell_dofs(form.space, (0,), none).shape[1]
+        > (compat.cell_dofs(linear, (0,), none).shape[1])
     ):
         return
-    nu = max((_poisson(m) for m, _ in structure.parts if getattr(m, "plane", None) != "stress"), default=0.0)
+    nu = max(
+        (_poisson(m) for m, _ in structure.parts if getattr(m, "plane", None) != "stress"),
+        default=0.0,
+    )
     told = (
         f"Poisson's ratio is {nu:.4g} and the {mesh.cell} elements are linear (order=1): from "
         f"{LOCKING:g} on they lock, and the estimate of their error is too small; take order=2."
