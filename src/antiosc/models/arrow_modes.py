@@ -71,20 +71,17 @@ def _zeros(
 ) -> tuple[Index, Array]:
     """Zeros of Z in each (lower, upper): index of the nearest pole (-1: zero) and shift from it."""
     n, size = poles.size, upper.size
-    middle = 0.5 * (lower + upper)
-
-    def stiffness(x: Array) -> Array:
-        return np.asarray(
-            k0 - x * m0 - x * np.sum((m * poles)[:, None] / (poles[:, None] - x), axis=0)
-        )
-
-    right = stiffness(middle) > 0
+    half = 0.5 * (upper - lower)
+    middle = lower + half
+    # lower + half itself may be rounded to a pole
+    hung = (m * poles)[:, None] / ((poles[:, None] - lower) - half)
+    right = k0 - middle * (m0 + np.sum(hung, axis=0)) > 0
     right[n:] = False  # no pole bounds the last interval
     origin = np.where(right, np.arange(size), np.arange(size) - 1)
     at_pole = origin >= 0
     base = np.where(at_pole, poles[origin], 0.0)
-    low = np.where(right, middle - upper, 0.0)
-    high = np.where(right, 0.0, np.where(np.arange(size) < n, middle, upper) - lower)
+    low = np.where(right, -half, 0.0)
+    high = np.where(right, 0.0, np.where(np.arange(size) < n, half, upper - lower))
 
     gap = poles[:, None] - base
     weight = (m * poles)[:, None] * np.ones(size)

@@ -18,6 +18,7 @@ from antiosc.contact import ContactLaw
 from antiosc.errors import AccuracyError, AccuracyWarning, AntioscError, InputError, warn
 from antiosc.models.body import LinearBody
 from antiosc.progress import counting
+from antiosc.simulation.coupled_dampers import refuse_coupling
 from antiosc.simulation.executors import check_executor, returned
 from antiosc.simulation.integrators import MAX_STEPS
 from antiosc.simulation.simulate import DEFAULT_TOL, Outcome, integrated
@@ -268,6 +269,8 @@ def impact(
         max_contacts=max_contacts,
         max_steps=max_steps,
     )
+    sides = model, impactor
+    refuse_coupling(outcome.problem, outcome.bodies, sides, outcome.trajectory, tol)
     law = outcome.problem.law
     if law.valid_force < inf and outcome.trajectory.peak_force > law.valid_force:
         peak = outcome.trajectory.peak_force

@@ -44,7 +44,8 @@ class History(HistoryResults):
     message : explanation of the status, and changes made to the contact law.
     step : the step used during contact [s].
     error : estimated relative errors reached: "force" (L2 norm) and "peak"; empty when the step
-        was given. With n="auto" also "truncation peak_force", "... impulse", "... contact_time".
+        was given. With n="auto" also "truncation peak_force", "... impulse", "... contact_time";
+        "dampers": of the coupling of modes by dampers, the largest in these three.
     budget : what makes the `error_budget` of a run of `simulate`.
     structure : of `strike`, the structure of the last mesh, for `probe` and fields; not pickled.
     """

@@ -6,9 +6,10 @@ import numpy as np
 
 from antiosc import checks, plausible
 from antiosc._types import Array
-from antiosc.errors import AccuracyError, InputError
+from antiosc.errors import AccuracyError, AccuracyWarning, InputError, warn
 from antiosc.simulation.assembly import Assembly, assemble
 from antiosc.simulation.convergence import Converged, converge, stopped
+from antiosc.simulation.coupled_dampers import has_dampers
 from antiosc.simulation.engine import Run
 from antiosc.simulation.equilibrium import closed, settle
 from antiosc.simulation.expected import stiffness_at
@@ -69,6 +70,12 @@ def integrate(
     notes = " ".join([verdict.message, *assembly.notes])
     history = SceneHistory(assembly, found.run, error, verdict.status, notes)
     tell_rotation(*history.largest_rotation())
+    if damped := [name for name, body in scene.bodies.items() if has_dampers(body)]:
+        warn(
+            f"the damping ratios of {damped[0]!r} neglect how its dampers couple its modes, with an"
+            f" error that a scene does not know; simulate states it for one site.",
+            AccuracyWarning,
+        )
     verdict.tell()
     for contact, law in zip(scene.contacts, assembly.laws, strict=True):
         if law.valid_force == np.inf:

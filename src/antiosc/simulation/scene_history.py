@@ -26,7 +26,6 @@ from antiosc.simulation.main_impact import contact_time
 from antiosc.simulation.results import SceneResults, covered, scene_places
 from antiosc.simulation.scene_energy import balance
 from antiosc.simulation.scene_states import (
-    blocks,
     forces,
     located,
     node_states,

@@ -32,6 +32,7 @@ from antiosc.models.body import LinearBody, checked_body
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Motion
 from antiosc.simulation.compared_impact import compared
+from antiosc.simulation.coupled_dampers import refuse_coupling
 from antiosc.simulation.error_budget import error_budget
 from antiosc.simulation.exact import exact
 from antiosc.simulation.expected import scaled
@@ -124,7 +125,8 @@ def simulate(
     InputError
         For input that breaks a rule.
     AccuracyError
-        If the peak force is outside the range of validity of the contact law.
+        If the peak force is outside the range of validity of the contact law, or the coupling of
+        the modes by the dampers of an assembly changes the impact by more than `tol`.
     """
     duration = checks.positive("duration", duration, "s")
     accuracy = DEFAULT_TOL if tol is None else checks.tolerance(tol)
@@ -156,13 +158,16 @@ def simulate(
     if n is not None:
         model, truncation, shortage = _truncated(model, n, again, accuracy)
     outcome = run_of(model, accuracy, method)
+    coupling, damped = refuse_coupling(
+        outcome.problem, outcome.bodies, (model, impactor), outcome.trajectory, accuracy
+    )
     verdict = outcome.verdict.with_shortage(shortage)
     history = outcome.history(model, impactor)
     history = replace(
         history,
-        error={**history.error, **truncation},
+        error={**history.error, **truncation, **coupling},
         status=verdict.status,
-        message=" ".join(filter(None, (history.message, shortage))),
+        message=" ".join(filter(None, (history.message, shortage, damped))),
         budget=partial(error_budget, again=exactly),
     )
     verdict.tell()

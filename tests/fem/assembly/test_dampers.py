@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+import scipy.linalg
 
 pytest.importorskip("dolfinx")
 
@@ -88,6 +91,69 @@ def test_strong_dampers_and_those_that_brake_rigid_motions_are_refused():
     )
     with pytest.raises(InputError, match="brakes a rigid-body motion"):
         ao.extract(part, MIDDLE, n=4)
+
+
+def braked(c: float) -> ao.Structure:
+    """A cantilever with a damper at its tip."""
+    return ao.assemble(
+        {"a": ao.Structure(line((0, 0, 0), (1, 0, 0), 6), BEAM, [ao.Support("start")])},
+        [ao.Bushing("a:end", "ground", damping={"z": c})],
+        points={"ground": (1, 0, 0)},
+        supports=[ao.Support("ground")],
+    )
+
+
+def impulse(K, M, C, b, mass: float, stiffness: float, duration: float, steps: int) -> float:
+    """Impulse of a mass with 1 m/s on a spring, by exponentials of the whole state matrix."""
+    n, beside = len(K), np.append(b, -1.0)
+    inverse = np.linalg.inv(scipy.linalg.block_diag(M, mass))
+    moves = []
+    for spring in (0.0, stiffness):
+        A = np.zeros((2 * n + 2, 2 * n + 2))
+        A[: n + 1, n + 1 :] = np.eye(n + 1)
+        pressed = scipy.linalg.block_diag(K, 0.0) + spring * np.outer(beside, beside)
+        A[n + 1 :] = -inverse @ np.hstack([pressed, scipy.linalg.block_diag(C, 0.0)])
+        moves.append(scipy.linalg.expm(A * duration / steps))
+    z, total = np.zeros(2 * n + 2), 0.0
+    z[-1] = 1.0
+    for k in range(steps):
+        depth = -float(beside @ z[: n + 1])
+        total += max(depth, 0.0)
+        z = moves[k == 0 or depth > 0] @ z
+    return stiffness * total * duration / steps
+
+
+@pytest.mark.parametrize("share", [0.005, 0.03])
+def test_an_impact_states_the_coupling_that_it_neglects_and_is_refused_beyond_tol(share):
+    """The error of the impulse against a solution in all states."""
+    bare = braked(1e-9)
+    K, M = dense(bare)
+    free = free_dofs(bare)
+    b = functional(bare, TIP).b[free]
+    k0 = 1 / (b @ np.linalg.solve(K, b))
+    mass, law = 0.3 * bare.mass, ao.Linear(20 * k0)
+    duration = 3 * np.pi * np.sqrt(mass / law.stiffness)
+    c = share * np.sqrt(mass * law.stiffness)
+    part = braked(c)
+    model = ao.extract(part, TIP, n=12)
+    ball = ao.RigidMass(mass, 1.0)
+    hit = ao.simulate(model, ball, law, duration, tol=0.2)
+    ratios = ao.simulate(replace(model, info={}), ball, law, duration, tol=1e-5)
+    true = impulse(K, M, c * np.outer(b, b), b, mass, law.stiffness, duration, 20_000)
+    off = abs(ratios.impulse / true - 1)
+    assert off > 2e-4
+    assert 0.95 * off - 1e-4 < hit.error["dampers"]
+    assert "dampers" in hit.message
+    with pytest.raises(AccuracyError, match="couple"):
+        ao.simulate(model, ball, law, duration, tol=1e-4)
+
+
+def test_a_scene_warns_that_it_does_not_know_the_coupling():
+    model = ao.extract(braked(1.0), {"tip": TIP}, n=4)
+    bodies = {"part": model, "ball": ao.RigidMass(0.1, 1.0)}
+    scene = ao.Scene(bodies, [ao.Contact("part:tip", "ball", ao.Linear(1e5))])
+    with pytest.warns(ao.AccuracyWarning, match="dampers couple"):
+        scene.run(4e-3)
 
 
 def test_what_takes_no_dampers_says_so():

@@ -3,6 +3,8 @@ nested meshes."""
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
 
@@ -166,3 +168,28 @@ def test_refused_where_it_does_not_hold():
         ao.extract(matrices, ao.Site(dof=0), n=1, error="estimate")
     with pytest.raises(ao.InputError, match="error must be"):
         ao.extract(matrices, ao.Site(dof=0), n=1, error="guess")
+
+
+@pytest.mark.parametrize("cell", CELLS)
+def test_linear_elements_that_lock_have_no_bar(cell):
+    """Of nearly incompressible solids; in plane stress, and with order 2, nothing locks."""
+    plane = cell in ("triangle", "quadrilateral")
+    mesh = plate((6, 2), cell=cell) if plane else box((3, 1, 1), cell=cell)
+    point, direction = ((0.1, 0.06), (0, -1)) if plane else ((0.1, 0.025, 0.04), (0, 0, -1))
+    site = ao.Site(point, direction, radius=0.02)
+
+    def extracted(nu: float, order: int, kind: str | None) -> None:
+        solid = ao.Solid(E=1e9, nu=nu, rho=1e3, plane=kind if plane else None)
+        part = ao.Structure(mesh, solid, [ao.Support("left")], order=order)
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "the facets at the site")
+            ao.extract(part, site, n=2, error="estimate")
+
+    with pytest.raises(ao.InputError, match="order=2"):
+        extracted(0.499, 1, "strain")
+    with pytest.warns(ao.AccuracyWarning, match="order=2"):
+        extracted(0.42, 1, "strain")
+    extracted(0.3, 1, "strain")
+    extracted(0.499, 2, "strain")
+    if plane:
+        extracted(0.499, 1, "stress")

@@ -130,6 +130,37 @@ def test_unobservable_modes_never_appear(rng):
     np.testing.assert_allclose(model.omega**2, side, rtol=1e-9)
 
 
+@pytest.mark.parametrize("method", ["modes", "krylov"])
+@pytest.mark.parametrize("held", [[27], [27, 28]])
+def test_antioscillators_that_are_counted_carry_mass(rng, method, held):
+    """Two sides that an uneven mesh makes a little unlike, and three masses on the axis."""
+    half = rng.uniform(1e5, 3e5, 14)
+    K = np.zeros((29, 29))
+    for i, j, k in [
+        *((i, i + 1, half[i]) for i in range(13)),
+        *((13 + i, 14 + i, half[::-1][1 + i]) for i in range(13)),
+        (13, 27, 2e5), (27, 28, 3e5), (0, 0, 1e5), (26, 26, 1e5), (28, 28, 2e5),
+    ]:  # fmt: skip
+        K[i, i] += k
+        if i != j:
+            K[j, j] += k
+            K[i, j] = K[j, i] = -k
+    uneven = np.where(np.arange(29) < 13, 1 + 1e-5 * np.arange(29), 1.0)
+    structure = ao.Structure.from_matrices(K, np.diag(uneven))
+    sites = {f"s{i}": ao.Site(dof=i) for i in held} if len(held) > 1 else ao.Site(dof=27)
+    model = ao.extract(structure, sites, n=8, method=method)
+    # of even sides: those that move alike, as half of them with half of mass 13
+    axis = np.setdiff1d([*range(14), 28], held)
+    alike = K[np.ix_(axis, axis)]
+    alike[12:14, 12:14] *= [[1, np.sqrt(2)], [np.sqrt(2), 1]]
+    exact = scipy.linalg.eigvalsh(alike)[:8]
+    found = model.info["converged"] if method == "krylov" else 8
+    assert model.n == 8
+    assert model.mass_shares.min() > 1e-6
+    assert found >= 3
+    np.testing.assert_allclose(model.omega[:found] ** 2, exact[:found], rtol=1e-3)
+
+
 @pytest.mark.parametrize("supported", [True, False])
 def test_bound_holds_and_is_tight(supported, rng):
     K, M = chain(200, fixed=supported, rng=rng)

@@ -18,7 +18,7 @@ from antiosc.fem.error.halving import HalvedBeams
 from antiosc.fem.error.lines import inside, polygon
 from antiosc.fem.error.patch import patch_of
 from antiosc.fem.error.shell import ShellErrors
-from antiosc.fem.error.solid import SolidErrors
+from antiosc.fem.error.solid import SolidErrors, refuse_locking
 from antiosc.fem.site.site import Functional
 from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.fem.structure.structure import Structure, on_mesh
@@ -44,6 +44,7 @@ class ModelErrors:
         elif isinstance(self._errors, ShellErrors):
             self._not_included = self._errors.faceted
         else:
+            refuse_locking(part)
             self._geometry = faceted(part.mesh)
             if self._geometry:
                 self._layers, self._mass = layers(part)

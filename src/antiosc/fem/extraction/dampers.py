@@ -91,6 +91,8 @@ def damped(
         )
     ratio = D.diagonal() / (2 * omega)
     model.info["damper_coupling"] = coupling
+    ends = structure.comm.allreduce(G @ model.shapes)
+    model.info["dampers"] = {"ends": np.asarray(ends).tolist(), "damping": c.tolist()}
     return replace(model, m=m, damping=Damping(ratio=np.maximum(ratio, 0.0).tolist()))
 
 

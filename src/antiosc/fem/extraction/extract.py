@@ -45,7 +45,6 @@ from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.site.functionals import functionals
 from antiosc.fem.site.site import Functional, Site
 from antiosc.fem.structure.structure import Structure
-from antiosc.models import driving_point as bands
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.modal import Damping, as_damping
 from antiosc.threads import one_thread
@@ -65,7 +64,7 @@ def extract(
     site: Site | Mapping[str, Site],
     n: int | None = None,
     method: Method = "krylov",
-    tol: float = bands.UNOBSERVABLE,
+    tol: float | None = None,
     *,
     band: float | None = None,
     accuracy: float = 1e-3,
@@ -79,7 +78,7 @@ def extract(
     site: Sequence[Site],
     n: int | None = None,
     method: Method = "krylov",
-    tol: float = bands.UNOBSERVABLE,
+    tol: float | None = None,
     *,
     band: float | None = None,
     accuracy: float = 1e-3,
@@ -95,7 +94,7 @@ def extract(
     site: Site | Sequence[Site] | Mapping[str, Site],
     n: int | None = None,
     method: Method = "krylov",
-    tol: float = bands.UNOBSERVABLE,
+    tol: float | None = None,
     *,
     band: float | None = None,
     accuracy: float = 1e-3,
@@ -119,9 +118,11 @@ def extract(
         (`info["converged"]` of them) have converged to antiresonances of the structure; the upper
         ones represent all higher antiresonances. "modes": the n lowest antiresonances, by SLEPc, as
         in the article.
-    tol : float
+    tol : float, optional
         Share in |Z| at the frequency of a mode, at 1 % damping, below which the mode is
-        unobservable; its mass is added to m0.
+        unobservable: it is not counted, and its mass is added to m0. Default: a hundredth of
+        `accuracy`. At a site of symmetry an uneven mesh gives every mode that the symmetry hides a
+        little mass.
     band : float, optional
         Highest circular frequency of interest, rad/s (see `impact_band`). The number of
         anti-oscillators is chosen so that the error of Z(ω) up to this frequency is at most

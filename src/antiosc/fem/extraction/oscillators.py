@@ -131,8 +131,10 @@ def oscillators(known: Found, n: int, tol: float) -> Oscillators:
     static, c = known.static, known.c
     # ω = 0 is left only by rounding: rigid modes that vanish at the site are deflated.
     real = known.poles > 0
-    seen = np.zeros(len(c), dtype=bool)
-    seen[real] = bands.shares(static.k0, known.m0, c[real] ** 2, known.poles[real]) > tol
+    first = np.diff(known.modes.omega, prepend=-np.inf) > REPEATED * known.modes.omega
+    group = np.cumsum(first) - 1  # its mass is split by the basis: it is observable as a whole
+    mass: Array = np.bincount(group, np.where(real, c**2, 0.0))
+    seen = real & (bands.shares(static.k0, known.m0, mass, known.poles[first]) > tol)[group]
     omega, psi, c = known.modes.omega[seen], known.modes.phi[:, seen] * c[seen], c[seen]
     start = np.flatnonzero(np.diff(omega, prepend=-np.inf) > REPEATED * omega)
     merged = len(omega) - len(start)

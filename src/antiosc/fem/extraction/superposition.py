@@ -38,6 +38,10 @@ from antiosc.models.modal import Damping, ModalBody, as_damping
 from antiosc.models.motion import Inertia
 from antiosc.threads import one_thread
 
+#: Share in the receptance of the site, at its own frequency, of a mode that counts as one of n. It
+#: is that of anti-oscillators at the default accuracy; `full` keeps all but rounding.
+COUNTED = 1e-5
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class NaturalModes(Brief, Body):
@@ -164,7 +168,7 @@ def superposition(
     asked, most = n + 2, SEARCHED * (n + DEFAULT_COUNT)
     while True:
         modes = solver.lowest(asked)
-        seen = _seen(structure, where, static, modes)
+        seen = _seen(structure, where, static, modes, COUNTED)
         if len(seen.omega) >= n or modes.complete or asked >= most:
             break
         asked = min(most, len(modes.omega) + max(8, len(modes.omega) // 2))
@@ -211,7 +215,7 @@ def full(
     static = static_mode(structure, where)
     solver = ModeSolver(structure)
     modes = solver.lowest(structure.dofs)
-    seen = _seen(structure, where, static, modes)
+    seen = _seen(structure, where, static, modes, UNOBSERVABLE)
     massless = len(modes.omega) < solver.limit  # such motions have no mode, but a compliance
     model = _model(structure, site, where, static, seen, massless, "full")
     return replace(model, damping=given)
@@ -223,13 +227,18 @@ def _check_arguments(structure: Structure, site: Site) -> None:
     refuse_dampers(structure, "a model of natural modes")
 
 
-def _seen(structure: Structure, where: Functional, static: StaticMode, modes: Modes) -> Modes:
-    """The modes that move the site, equal frequencies merged, the rigid-body one in front."""
+def _seen(
+    structure: Structure, where: Functional, static: StaticMode, modes: Modes, tol: float
+) -> Modes:
+    """The modes that move the site, equal frequencies merged, the rigid-body one in front.
+
+    `tol`: the share in the receptance that they exceed.
+    """
     check_modes(structure, modes)
     b = dot(structure.comm, modes.phi, where.b)
     along = 0.0 if static.rigid is None else static.rigid[1]
     shares = shares_of_receptance(np.append(along, b), np.append(0.0, modes.omega**2))
-    seen = shares[1:] > UNOBSERVABLE
+    seen = shares[1:] > tol
     omega, b, phi = modes.omega[seen], b[seen], modes.phi[:, seen]
     if len(omega):
         start = np.flatnonzero(np.diff(omega, prepend=-np.inf) > REPEATED * omega)

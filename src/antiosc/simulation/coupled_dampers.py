@@ -1,0 +1,106 @@
+"""What damping ratios leave out of the dampers of an assembly: the coupling of the free modes.
+
+In the free modes of a model the dampers are a matrix D, of which `AntiOscillators.damping` has the
+diagonal: enough for resonance, but in an impact that is shorter than the beat of two modes the
+other entries count as much. The same impact is integrated with D and with its diagonal, by
+Newmark's rule with equal steps; the larger difference of impulse, peak force and contact time is
+the error of the run, apart from what the modes of the model do not have.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from antiosc._types import Array
+from antiosc.errors import AccuracyError
+from antiosc.models.modal import ModalBody
+from antiosc.simulation.integrators import Problem, Trajectory
+
+#: Steps in all contacts together, and the most in the whole run.
+STEPS, MOST_STEPS = 1000, 20_000
+#: Differences of times below so many steps are the error of the steps.
+TIME_STEPS = 2.0
+
+
+def refuse_coupling(
+    problem: Problem, bodies: tuple[ModalBody, ModalBody], sides: tuple[Any, Any],
+    run: Trajectory, tol: float,
+) -> tuple[dict[str, float], str]:  # fmt: skip
+    """The error by the dampers of the models `sides`, and what is to be said; nothing without.
+
+    AccuracyError if it exceeds `tol`.
+    """
+    blocks = [_matrix(body, side) for body, side in zip(bodies, sides, strict=True)]
+    if all(block is None for block in blocks) or not run.contacts:
+        return {}, ""
+    own = np.diag(2 * problem.decay)
+    whole, first = own.copy(), 0
+    for block, body in zip(blocks, bodies, strict=True):
+        span = slice(first, first + body.omega.size)
+        first = span.stop
+        if block is not None:
+            whole[span, span] += block - np.diag(np.diag(block))
+    off = _difference(problem, run, own, whole)
+    if off > tol:
+        raise AccuracyError(
+            "the dampers couple the modes of the model, which its damping ratios neglect: impulse, "
+            f"peak force or contact time are off by {off:.2g}, more than tol = {tol:g}; take "
+            f"weaker dampers or a tol above {off:.2g}."
+        )
+    return {"dampers": off}, (
+        f"The damping ratios neglect how the dampers couple the modes: an error of {off:.2g}."
+    )
+
+
+def has_dampers(model: Any) -> bool:
+    """Whether damping ratios of the model stand for dampers of its assembly."""
+    info = getattr(model, "info", None)
+    return isinstance(info, dict) and "dampers" in info and model.damping is not None
+
+
+def _matrix(body: ModalBody, side: Any) -> Array | None:
+    """D (J, J) of the dampers of a model in its free modes; None without dampers."""
+    if not has_dampers(side) or body.shape is None:
+        return None
+    facts = side.info["dampers"]
+    amplitudes = body.shape if body.amplitude is None else body.amplitude @ body.shape
+    moved = np.asarray(facts["ends"])[:, : side.n + 1] @ amplitudes[: side.n + 1]
+    return np.asarray(moved.T @ np.asarray(facts["damping"]) @ moved)
+
+
+def _difference(problem: Problem, run: Trajectory, own: Array, whole: Array) -> float:
+    """Largest relative difference of the impacts with the damping matrices `own` and `whole`."""
+    start, touching = run.contacts[0].start, sum(c.end - c.start for c in run.contacts)
+    span = float(run.segments[-1].time[-1]) - start  # a contact may be new, or missing
+    h = max(touching / STEPS, span / MOST_STEPS)
+    q, v = problem.free(problem.q, problem.v, start)
+    one, other = (_impact(problem, D, q, v, h, int(np.ceil(span / h))) for D in (own, whole))
+    off = np.abs(other - one) / np.maximum(one, np.finfo(float).tiny)
+    off[2] -= min(off[2], TIME_STEPS * h / max(one[2], h))
+    return float(off.max())
+
+
+def _impact(p: Problem, D: Array, q: Array, v: Array, h: float, steps: int) -> Array:
+    """(impulse, peak force, contact time) by Newmark's rule with the damping matrix D."""
+    x, law = p.square, p.law
+    inverse = np.linalg.inv(np.diag(1 + h * h * x / 4) + h / 2 * D)
+    pull = h / 2 * inverse @ p.beta  # how a unit of the new force slows the modes
+    gain = float(p.beta @ pull)
+    state, force = law.touch(float(p.beta @ v)), np.zeros(steps + 1)
+    for k in range(steps):
+        F = float(force[k])
+        a = p.load - p.beta * F - x * q - D @ v
+        v1 = inverse @ (v + h / 2 * (a + p.load - x * (q + h / 2 * v)))
+        q1 = q + h / 2 * (v + v1)
+        delta, rate = p.approach(q1), float(p.beta @ v1) + p.r * F / h
+        alpha, alpha_rate = p.r + h / 2 * gain, gain + p.r / h
+        # without force while the bodies are apart, whatever the law says of the rate
+        F1 = law.implicit(delta, alpha, rate, alpha_rate, state, F)
+        F1 = F1 if delta > law.origin(state) else 0.0
+        q, v, force[k + 1] = q1 - h / 2 * pull * F1, v1 - pull * F1, F1
+        state = law.advance(delta - alpha * F1, rate - alpha_rate * F1, state)
+    touched = np.flatnonzero(force)
+    length = (touched[-1] - touched[0] + 1) * h if len(touched) else 0.0
+    return np.array([h * force.sum(), force.max(), length])
