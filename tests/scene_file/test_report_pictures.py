@@ -129,12 +129,9 @@ def test_the_arrow_of_the_impact(case):
     assert drawn._struck(results(sites)) == expected
 
 
-@pytest.mark.parametrize("page", ["", "<html>"])
 @pytest.mark.parametrize("known", [True, False])
-def test_a_structure_from_several_sides_or_turned_by_hand(monkeypatch, page, known):
+def test_a_structure_from_several_sides(monkeypatch, known):
     shown = []
-    by_hand = drawn.Picture("hand", "how", "", page)
-    monkeypatch.setattr(drawn, "_turned", lambda found, arrow: by_hand)
     monkeypatch.setattr(drawn, "plot_deformed", lambda *one, **named: shown.append((one, named)))
 
     def draw(heading, caption, draw, ending):
@@ -142,42 +139,17 @@ def test_a_structure_from_several_sides_or_turned_by_hand(monkeypatch, page, kno
         return drawn.Picture(heading, caption, "data")
 
     monkeypatch.setattr(drawn, "_drawn", draw)
-    sites = STRUCK["one"][0] if known else {}
-    found = results(sites, structure="structure", history="history")
-    made = list(drawn._of_structure(found))
-    several = known and not page
-    names = ["", ", from behind", ", from above"] if several else [""]
-    assert [one.heading for one in made] == [
-        *(f"Deformed structure{name}" for name in names), *(["hand"] if page else []),
-    ]  # fmt: skip
-    assert made[0].caption == (drawn.DEFORMED if page else f"{drawn.DEFORMED} how")
-    assert all(one.caption == drawn.DEFORMED for one in made[1 : len(names)])
+    found = results(STRUCK["one"][0] if known else {}, structure="structure", history="history")
+    headings = [one.heading for one in drawn._of_structure(found)]
+    assert len(set(headings)) == len(headings) == (3 if known else 1)
     point, direction = STRUCK["one"][1] if known else (None, None)
-    views = [None, (24.0, 128.0), (75.0, -52.0)][: len(names)]
-    assert [one for one, _ in shown] == [("structure", "history", "path")] * len(names)
-    assert [named for _, named in shown] == [
-        {"view": view, "point": point, "direction": direction} for view in views
+    views = list(drawn.VIEWS.values())[: len(headings)]
+    assert shown == [
+        (("structure", "history", "path"), {"view": view, "point": point, "direction": direction})
+        for view in views
     ]
     monkeypatch.setattr(drawn, "_drawn", lambda *_: drawn.Picture("one", "not drawn", ""))
     assert [one.heading for one in drawn._of_structure(found)] == ["one"]
-
-
-def test_views_that_are_turned_by_hand(monkeypatch):
-    found = results(structure="structure", history="history")
-    monkeypatch.setattr(drawn.turning, "available", lambda: True)
-    monkeypatch.setattr(drawn, "turning_deformed", lambda *one, **named: f"{one} {named}")
-    one = drawn._turned(found, {"point": 1})
-    assert one.page == "('structure', 'history') {'point': 1}"
-    assert one.caption == f"{drawn.DEFORMED} {drawn.BY_HAND}"
-
-    def broken(*_, **__):
-        raise InputError("no faces.")
-
-    monkeypatch.setattr(drawn, "turning_deformed", broken)
-    one = drawn._turned(found, {})
-    assert (one.page, one.caption) == ("", "It cannot be turned by hand here: no faces.")
-    monkeypatch.setattr(drawn.turning, "available", lambda: False)
-    assert drawn._turned(found, {}).caption.startswith("To turn it by hand, ")
 
 
 def test_pictures_are_those_of_what_was_found(monkeypatch):
