@@ -13,6 +13,8 @@ export OMPI_MCA_rmaps_base_oversubscribe = 1
 export PRTE_MCA_rmaps_default_mapping_policy = :oversubscribe
 export UCX_LOG_LEVEL ?= fatal
 export HWLOC_HIDE_ERRORS ?= 2
+# What Python has compiled serves the next process too.
+unexport PYTHONDONTWRITEBYTECODE
 # Tests are many small problems: one thread each, unless the caller says otherwise.
 test check: export OMP_NUM_THREADS ?= 1
 # OpenBLAS rounds differently on each kind of processor; it takes the kernels of another kind if told.

@@ -10,6 +10,7 @@ from antiosc.fem.readers import read
 from antiosc.fem.readers.size_field import SizeField
 from antiosc.fem.readers.table import is_bulk, is_deck, library_of
 from antiosc.fem.readers.unit_system import UnitSystem
+from refusals import refused
 
 
 @pytest.mark.parametrize(
@@ -68,34 +69,19 @@ def test_decks_that_share_their_endings_with_others(tmp_path):
 
 
 OPTIONS = {
-    ("a.msh", (("solid", True),)): (
-        "solid=True fills the closed surface of an .stl file; got a.msh."
-    ),
-    ("a.msh", (("fragments", True),)): (
-        "fragments=True joins the solids of CAD files (.step, .stp, .brep, .iges, .igs); got a.msh."
-    ),
-    ("a.STEP", ()): (
-        "a.STEP is a geometry, not a mesh: give the element size in metres, as in read_mesh(path, "
-        "size=5e-3)."
-    ),
-    ("a.stl", (("solid", True),)): (
-        "a.stl is a geometry, not a mesh: give the element size in metres, as in read_mesh(path, "
-        "size=5e-3)."
-    ),
-    ("a.vtu", (("size", 1.0),)): "a.vtu is a finished mesh: size= and refine= apply to geometry",
-    ("a.vtu", (("refine", (((0, 0, 0), 1.0),)),)): "a.vtu is a finished mesh: size= and refine=",
-    ("a.igs", (("size", 1.0), ("unit", UnitSystem(1.0)))): (
-        "a.igs states its own unit of length: leave unit= out."
-    ),
-    ("a.geo", (("merge", 1e-3),)): (
-        "a.geo is a geometry: merge= applies to finished meshes and decks."
-    ),
+    ("a.msh", (("solid", True),)): (None, "solid=True"),
+    ("a.msh", (("fragments", True),)): (None, "fragments=True"),
+    ("a.STEP", ()): (None, "a.STEP"),
+    ("a.stl", (("solid", True),)): (None, "a.stl"),
+    ("a.vtu", (("size", 1.0),)): (None, "apply"),
+    ("a.vtu", (("refine", (((0, 0, 0), 1.0),)),)): (None, "refine="),
+    ("a.igs", (("size", 1.0), ("unit", UnitSystem(1.0)))): (None, "states"),
+    ("a.geo", (("merge", 1e-3),)): (None, "applies"),
 }
 
 
 @pytest.mark.parametrize("case", OPTIONS)
 def test_options_that_do_not_fit_a_file(tmp_path, case):
     name, options = case
-    with pytest.raises(MeshError) as caught:
+    with refused(*OPTIONS[case], MeshError):
         read(tmp_path / name, **dict(options))
-    assert str(caught.value).startswith(OPTIONS[case])

@@ -7,10 +7,11 @@ import json
 import numpy as np
 import pytest
 
-from antiosc.errors import InputError, MeshError
+from antiosc.errors import MeshError
 from antiosc.fem.readers import _alone, merging
 from antiosc.fem.readers.neutral import FileMesh, of_dimension, packed, unpacked
 from antiosc.fem.readers.selection import selected
+from refusals import refused
 
 CUBE = [(x, y, z) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
 #: Two cubes along x, a free node, and the quadrilaterals around the first.
@@ -56,29 +57,26 @@ def test_a_mesh_comes_back_through_json_and_arrays():
 
 
 DAMAGED = {
-    "points": (2, POINTS[:, :2], "points must be of shape (n, 3)"),
-    "flat": (2, POINTS.ravel(), "points must be of shape (n, 3)"),
-    "whole": (2, POINTS.astype(int), "points must be of shape (n, 3)"),
-    "cells": (3, HEXAHEDRA[:, :7], "hexahedron cells of shape (2, 7)"),
-    "a row": (3, HEXAHEDRA[0], "hexahedron cells of shape (8,)"),
-    "nodes": (3, HEXAHEDRA + 2, "the hexahedron cells name nodes that the file does not hold"),
-    "negative": (4, SIDES - 1, "the quad cells name nodes that the file does not hold"),
-    "numbers": (4, SIDES.astype(float), "the quad cells name nodes by float64"),
-    "rows": (0, np.array([2, 0, 2, 1]),
-             "group 'a' names hexahedron cells that the file does not hold"),
-    "rows of b": (0, np.array([1, 0, 2, 2]),
-                  "group 'b' names line cells that the file does not hold"),
-    "sets": (1, np.full(18, 13), "a node set names nodes that the file does not hold"),
+    "points": (2, POINTS[:, :2], None, "points"),
+    "flat": (2, POINTS.ravel(), None, "points"),
+    "whole": (2, POINTS.astype(int), None, "points"),
+    "cells": (3, HEXAHEDRA[:, :7], None, "hexahedron"),
+    "a row": (3, HEXAHEDRA[0], None, "hexahedron"),
+    "nodes": (3, HEXAHEDRA + 2, None, "name"),
+    "negative": (4, SIDES - 1, None, "quad"),
+    "numbers": (4, SIDES.astype(float), None, "float64"),
+    "rows": (0, np.array([2, 0, 2, 1]), None, "group"),
+    "rows of b": (0, np.array([1, 0, 2, 2]), None, "line"),
+    "sets": (1, np.full(18, 13), None, "node"),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("case", DAMAGED)
 def test_what_is_not_consistent_is_refused(case):
-    k, wrong, message = DAMAGED[case]
+    k, wrong, line, word = DAMAGED[case]
     head, arrays = packed(whole())
-    with pytest.raises(ValueError, match=r"(?s)^") as caught:
+    with refused(line, word, ValueError):
         unpacked(head, [*arrays[:k], wrong, *arrays[k + 1 :]])
-    assert str(caught.value) == message
 
 
 # --- Merging --------------------------------------------------------------------------------------
@@ -198,38 +196,32 @@ def test_the_middle_of_a_line_is_found_by_its_place(order):
 X = ("one mesh carries one kind of cells, so say which are meant, as in cells=3 (dimension) or "
      'cells="group".')  # fmt: skip
 WRONG = {
-    "no cells": (FileMesh(POINTS, {"vertex": np.array([[0]])}, "vtk"), None,
-                 "p.vtu contains no cells: no lines, faces or volumes (found: vertex)."),
-    "nothing": (FileMesh(POINTS, {}, "vtk"), None,
-                "p.vtu contains no cells: no lines, faces or volumes (found: none)."),
-    "mixed": (FileMesh(POINTS, {"quad": SIDES, "triangle": SIDES[:2, :3]}, "vtk"), None,
-              "p.vtu mixes cell kinds (3 quad, 2 triangle); one kind is needed: in gmsh recombine "
-              "all surfaces or none (Mesh.RecombineAll)."),
-    "lost": (FileMesh(POINTS, {"hexahedron": HEXAHEDRA, "line": np.array([[0, 1], [0, 2], [3, 6]]),
-                               "quad": np.array([[0, 1, 2, 5]])}, "vtk"), None,
-             "p.vtu holds 2 volumes and besides 2 lines (line) and 1 faces (quad) that are not "
-             f"sides of them, one at (0, 0, 0) m: {X}"),
-    "dimension": (FileMesh(POINTS, {"quad": SIDES}, "vtk"), 3,
-                  "p.vtu contains no cells of dimension 3 for cells=3."),
-    "group": (cubes(groups={"b": {"quad": np.array([0])}, "a": {"line": np.array([0])},
-                            "v": {"vertex": np.array([0])}}), "v",
-              "p.vtu has no group of cells 'v' (cells=); it has: 'a', 'b'."),
-    "no group": (cubes(), ["x"], "p.vtu has no group of cells 'x' (cells=); it has: none."),
-    "serendipity": (FileMesh(np.eye(8, 3), {"quad8": np.arange(8)[None]}, "vtk"), None,
-                    "second-order quadrilateral cells of 8 nodes (serendipity) have no counterpart "
-                    "here: write the mesh with all mid-face nodes, or read it with order=1 "
-                    "(straight edges)."),
-    "infinite": (FileMesh(np.full((2, 3), np.inf), {"line": np.array([[0, 1]])}, "vtk"), None,
-                 "some node coordinates of the mesh are not finite."),
+    "no cells": (FileMesh(POINTS, {"vertex": np.array([[0]])}, "vtk"), None, None, "vertex"),
+    "nothing": (FileMesh(POINTS, {}, "vtk"), None, None, "found"),
+    "mixed": (
+        FileMesh(POINTS, {"quad": SIDES, "triangle": SIDES[:2, :3]}, "vtk"), None,
+        None, "Mesh.RecombineAll"),
+    "lost": (
+        FileMesh(POINTS, {"hexahedron": HEXAHEDRA, "line": np.array([[0, 1], [0, 2], [3, 6]]),
+                               "quad": np.array([[0, 1, 2, 5]])}, "vtk"), None, None, "carries"),
+    "dimension": (FileMesh(POINTS, {"quad": SIDES}, "vtk"), 3, None, "for"),
+    "group": (
+        cubes(groups={"b": {"quad": np.array([0])}, "a": {"line": np.array([0])},
+                            "v": {"vertex": np.array([0])}}), "v", None, "cells="),
+    "no group": (cubes(), ["x"], None, "cells="),
+    "serendipity": (
+        FileMesh(np.eye(8, 3), {"quad8": np.arange(8)[None]}, "vtk"), None, None, "second-order"),
+    "infinite": (
+        FileMesh(np.full((2, 3), np.inf), {"line": np.array([[0, 1]])}, "vtk"),
+        None, None, "coordinates"),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("case", WRONG)
 def test_what_is_no_mesh_is_told(case):
-    mesh, wanted, message = WRONG[case]
-    with pytest.raises((MeshError, InputError)) as caught:
+    mesh, wanted, line, word = WRONG[case]
+    with refused(line, word):
         selected(mesh, wanted, None, "p.vtu")
-    assert str(caught.value) == message
 
 
 def test_straight_cells_of_curved_ones():

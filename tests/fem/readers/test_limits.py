@@ -12,6 +12,7 @@ from antiosc.errors import MeshError
 from antiosc.fem.readers import by_deck, by_gmsh, by_unv, meshing
 from antiosc.fem.readers.neutral import FileMesh
 from antiosc.fem.readers.request import Request
+from refusals import refused
 
 
 @pytest.fixture
@@ -228,21 +229,17 @@ def test_the_forecast_of_cells(allowed):
 
 
 TOO_SMALL = {
-    (1e-3, 3): "a.step would need about 2.0e+11 cells at size=1e-06 m, more than 1e+07: choose a "
-               "larger size.",
-    (1e-3, 2): "a.step would need about 9.2e+07 faces at size=1e-06 m, more than 1e+07: choose a "
-               "larger size.",
-    (1e-6, 1): "a.step would need about 3.0e+07 lines at size=1e-09 m, more than 1e+07: choose a "
-               "larger size.",
+    (1e-3, 3): (None, "cells"),
+    (1e-3, 2): (None, "faces"),
+    (1e-6, 1): (None, "lines"),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("case", TOO_SMALL)
 def test_sizes_that_fill_the_machine(allowed, case):
     size, dim = case
-    with pytest.raises(MeshError) as caught:
+    with refused(*TOO_SMALL[case], MeshError):
         meshing.expected_cells(Gmsh(), ask_for(size=size), dim, size, 1e-3)
-    assert str(caught.value) == TOO_SMALL[case]
 
 
 @pytest.mark.parametrize("refined", [False, True])

@@ -10,6 +10,7 @@ from antiosc.fem.readers.decks import nastran
 from antiosc.fem.readers.decks.nastran_cards import bulk_data
 from antiosc.fem.readers.decks.sources import Sources
 from antiosc.fem.readers.shapes import CORNERS, EDGES
+from refusals import refused
 
 #: Names and fields of entries of one to four lines.
 ENTRIES = [
@@ -191,50 +192,32 @@ def test_groups_by_property_and_by_support(tmp_path):
 
 
 WRONG = {
-    GRIDS + "GRID,2,,9.\n": (
-        "line 9 of part.bdf: part.bdf defines the GRID 2 more than once, first otherwise in line "
-        "2 of part.bdf."
-    ),
-    GRIDS + "SPOINT,99,3\n": "part.bdf defines 3 as a GRID and as an SPOINT.",
-    GRIDS + "CQUAD4,1,7,1,2,3,99\n": (
-        "line 9 of part.bdf: CQUAD4 1 has the node 99, for which there is no GRID."
-    ),
-    GRIDS + "CTRIA6,1,7,1,2,3,4,5,-6\n": (
-        "line 9 of part.bdf: CTRIA6 1 has the node -6, for which there is no GRID."
-    ),
-    GRIDS + "CBAR,1,7,1\n": "line 9 of part.bdf: field 5 of CBAR is empty.",
-    GRIDS + "CBAR,,7,1,2\n": "line 9 of part.bdf: field 2 of CBAR is empty.",
-    GRIDS + "CBAR,1,7,1,2\n\n+,1\nCBAR,1,7,3,4\n": (
-        "line 12 of part.bdf: the element 1 is defined more than once."
-    ),
-    GRIDS + "CBAR,1,7,x,2\n": "line 9 of part.bdf: 'x' is not an integer.",
-    GRIDS + "=(2)\n": "line 9 of part.bdf: '=(2)' repeats no copy, or one too often.",
-    GRIDS + "=,*1,==\n=(1000001)\n": (
-        "line 10 of part.bdf: '=(1000001)' repeats no copy, or one too often."
-    ),
-    GRIDS + "=,*1,==\n=(0)\n": "line 10 of part.bdf: '=(0)' repeats no copy, or one too often.",
-    GRIDS + "=,*1,==\n=(X)\n": "line 10 of part.bdf: 'X' is not an integer.",
-    "1GRID,2\n": "line 1 of part.bdf: '1GRID' is not an entry of Nastran's bulk data.",
-    "+,2\n": "line 1 of part.bdf: a continuation without an entry before it.",
-    "GRID*,1,,2.,3.,*A,4.\n": (
-        "line 1 of part.bdf: a line of free fields has up to 4 after its name, and the mark of the "
-        "next line; got 6: write the further ones in a line of their own."
-    ),
-    "GRID,1,,2.,3.,,,,,-5\n": (
-        "line 1 of part.bdf: a line of free fields has up to 8 after its name, and the mark of the "
-        "next line; got 9: write the further ones in a line of their own."
-    ),
-    "INCLUDE 'part.bdf'\n": "line 1 of part.bdf: 'part.bdf' includes itself.",
-    "$\nINCLUDE 'no\n": "line 2 of part.bdf: there is no file 'no' beside part.bdf.",
-    "INCLUDE\n": "line 1 of part.bdf: an include without the name of a file.",
-    "GRID,1,3\n": "line 1 of part.bdf: there is no coordinate system 3.",
+    GRIDS + "GRID,2,,9.\n": (9, "otherwise"),
+    GRIDS + "SPOINT,99,3\n": (None, "SPOINT"),
+    GRIDS + "CQUAD4,1,7,1,2,3,99\n": (9, "CQUAD4"),
+    GRIDS + "CTRIA6,1,7,1,2,3,4,5,-6\n": (9, "CTRIA6"),
+    GRIDS + "CBAR,1,7,1\n": (9, "field"),
+    GRIDS + "CBAR,,7,1,2\n": (9, "field"),
+    GRIDS + "CBAR,1,7,1,2\n\n+,1\nCBAR,1,7,3,4\n": (12, "element"),
+    GRIDS + "CBAR,1,7,x,2\n": (9, "integer"),
+    GRIDS + "=(2)\n": (9, "repeats"),
+    GRIDS + "=,*1,==\n=(1000001)\n": (10, "repeats"),
+    GRIDS + "=,*1,==\n=(0)\n": (10, "repeats"),
+    GRIDS + "=,*1,==\n=(X)\n": (10, "integer"),
+    "1GRID,2\n": (1, "data"),
+    "+,2\n": (1, "continuation"),
+    "GRID*,1,,2.,3.,*A,4.\n": (1, "further"),
+    "GRID,1,,2.,3.,,,,,-5\n": (1, "further"),
+    "INCLUDE 'part.bdf'\n": (1, "includes"),
+    "$\nINCLUDE 'no\n": (2, "beside"),
+    "INCLUDE\n": (1, "include"),
+    "GRID,1,3\n": (1, "coordinate"),
 }
 
 
-@pytest.mark.parametrize("text", WRONG, ids=lambda text: WRONG[text][:60])
+@pytest.mark.parametrize("text", WRONG)
 def test_what_is_wrong_is_told_with_its_line(tmp_path, text):
     path = tmp_path / "part.bdf"
     path.write_text(text)
-    with pytest.raises(MeshError) as caught:
+    with refused(*WRONG[text], MeshError):
         nastran.read(path, path.name)
-    assert str(caught.value) == WRONG[text]
