@@ -28,9 +28,3 @@ def test_the_smaller_of_machine_and_container(files, free, monkeypatch):
 
     monkeypatch.setattr(memory, "_lines", lines)
     assert memory.free_memory() == free
-
-
-def test_files_that_are_not_there_are_empty(tmp_path):
-    (tmp_path / "two").write_text("a\nb\n")
-    assert memory._lines(str(tmp_path / "two")) == ["a", "b"]
-    assert memory._lines(str(tmp_path / "none")) == []
