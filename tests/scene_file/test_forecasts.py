@@ -5,9 +5,7 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 from antiosc.scene_file import group_names
-from antiosc.scene_file.output import numbers
 from antiosc.scene_file.program import Call, Name, Statement
-from antiosc.simulation.error_bars import CAUSES
 
 # --- Groups ---------------------------------------------------------------------------------------
 
@@ -67,13 +65,3 @@ def test_files_whose_groups_are_not_read(tmp_path, monkeypatch):
     monkeypatch.setattr(group_names, "_groups_of_deck", lambda call: ["A", "B"])
     deck = Call("ao.read_model", {"path": str(path)})
     assert group_names._groups(deck) == (["A", "B"], "")
-
-
-def test_the_error_budget_in_numbers_for_programs():
-    causes = {cause: 0.1 * k for k, cause in enumerate((*CAUSES, "total"))}
-    hit = SimpleNamespace(
-        status=0, message="", error={}, energy=SimpleNamespace(drift=0.0), peak_force=1.0,
-        impulse=2.0, contact_time=3.0, contacts=[], restitution=None, step=1e-6,
-        error_budget={"peak_force": SimpleNamespace(value=1.0, **causes)},
-    )  # fmt: skip
-    assert numbers(hit)["error_budget"] == {"peak_force": causes}

@@ -267,13 +267,6 @@ def test_groups_that_a_mesh_does_not_have_are_told(tmp_path, capsys):
     assert "groups of bracket.step were not checked: a geometry" in capsys.readouterr().out
 
 
-def test_a_component_that_no_support_fixes_is_told_without_the_mesh(tmp_path, capsys):
-    text = STRUCK.replace('where = "clamp"', 'where = "clamp"\nfix = ["x", "q"]')
-    ((line, sentence),) = sentences(written(tmp_path, text), capsys)
-    assert line == text.splitlines().index('fix = ["x", "q"]') + 1
-    assert "the component 'q' does not exist. There is all, x, y, z" in sentence
-
-
 @pytest.mark.fem
 def test_a_deck_is_read_for_its_groups(tmp_path, capsys):
     """Names of supports, sites and probes; and a deck that cannot be read."""

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from antiosc.errors import InputError
-from antiosc.scene_file import output, result_tables, template
+from antiosc.scene_file import output, template
 from antiosc.scene_file.problems import Problems, SceneFileError
 from antiosc.scene_file.program import Call
 from antiosc.scene_file.run import Results
@@ -79,20 +79,6 @@ def history(**more) -> SimpleNamespace:
 
 VALUES = {"tip": np.arange(15.0).reshape(5, 3) - 20, "speed": np.array([3.0, -4.0]),
           "forces": np.arange(20.0).reshape(5, 4), "count": np.arange(5.0)}  # fmt: skip
-
-
-def test_probes_by_their_times(tmp_path):
-    found = results(tmp_path, history=history(), probes=VALUES)
-    assert result_tables.probe_rows(found) == [
-        ("probe tip", "at most 20 m"), ("probe speed", "at most 4 m/s"),
-        ("probe forces", "at most 19 SI"), ("probe count", "at most 4"),
-    ]  # fmt: skip
-    (times, first), (others, second) = output.probe_columns(found)
-    assert times.tolist() == history().time.tolist()
-    assert list(first) == ["tip x (m)", "tip y (m)", "tip z (m)",
-                           *(f"forces {k} (SI)" for k in (1, 2, 3, 4)), "count"]  # fmt: skip
-    assert first["tip y (m)"].tolist() == VALUES["tip"][:, 1].tolist()
-    assert (others.tolist(), list(second)) == ([0.0, 0.5], ["speed (m/s)"])
 
 
 def test_files_are_those_that_are_asked_for(tmp_path):
@@ -176,26 +162,6 @@ def test_mistakes_are_told_by_their_lines():
     told = str(caught.value).splitlines()
     assert len(told) == 101
     assert told[-2:] == ["s:1: 099", "s: and 2 more."]
-
-
-@pytest.mark.parametrize(
-    ("part", "held", "size"),
-    [
-        (None, 'source = "part.step"', "size = 5e-3"),
-        ("a.STEP", 'source = "a.STEP"', "size = 5e-3"),
-        ("a.geo", 'source = "a.geo"', "size = 5e-3"),
-        ("a.msh", 'source = "a.msh"', "# size = 5e-3"),
-        ('a"b.msh', 'source = "a\\"b.msh"', "# size = 5e-3"),
-        ("a.BDF", '[deck]\npath = "a.BDF"', None),
-        ("a.inp", '[deck]\npath = "a.inp"', None),
-    ],
-)
-def test_a_new_scene_of_a_part(part, held, size):
-    text = template.text("name.toml", part)
-    assert held in text
-    assert "antiosc check name.toml " in text
-    assert ("\nsize = 5e-3" in text) == (size == "size = 5e-3")
-    assert ("[geometry]\n" in text) == (size is not None)
 
 
 def test_names_with_control_characters_are_refused(tmp_path):

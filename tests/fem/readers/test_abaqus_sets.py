@@ -180,15 +180,6 @@ def test_sets_of_an_assembly(read):
     assert (second.first_node, second.first_element) == (11, 4)
 
 
-def test_an_instance_is_turned_about_a_line_of_its_own(read):
-    """A third of a turn about (1, 1, 1) through (5, 0, 0): x, y, z become y, z, x."""
-    top = "*INSTANCE,NAME=I,PART=P\n1,2,3\n5,0,0,7,2,2,120\n*END INSTANCE\n"
-    deck = read(PART + top).deck
-    line = np.array([5.0, 0, 0])
-    own = np.array([(1.0 + k % 5, 2.0 + k // 5, 3.0) for k in range(10)]) - line
-    np.testing.assert_allclose(deck.points, own[:, [2, 0, 1]] + line, atol=1e-12)
-
-
 def test_what_an_instance_tells_is_told_once(read):
     """A part whose elements list too many nodes, and with springs, placed twice."""
     more = "*ELEMENT,TYPE=S3\n50,1,3,5,7\n*ELEMENT,TYPE=MASS\n60,1\n*END PART"

@@ -12,7 +12,6 @@ from antiosc.errors import MeshError
 from antiosc.fem.readers import by_deck, by_gmsh, by_unv, meshing
 from antiosc.fem.readers.neutral import FileMesh
 from antiosc.fem.readers.request import Request
-from refusals import refused
 
 
 @pytest.fixture
@@ -226,20 +225,6 @@ def test_the_forecast_of_cells(allowed):
         share = {1: 1.0, 2: 4 / sqrt(3), 3: 6 * sqrt(2)}[dim]
         found = meshing.expected_cells(Gmsh(masses=False), plain, dim, 0.5, 1.0)
         assert found == pytest.approx(share * bound / 0.5**dim)
-
-
-TOO_SMALL = {
-    (1e-3, 3): (None, "cells"),
-    (1e-3, 2): (None, "faces"),
-    (1e-6, 1): (None, "lines"),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("case", TOO_SMALL)
-def test_sizes_that_fill_the_machine(allowed, case):
-    size, dim = case
-    with refused(*TOO_SMALL[case], MeshError):
-        meshing.expected_cells(Gmsh(), ask_for(size=size), dim, size, 1e-3)
 
 
 @pytest.mark.parametrize("refined", [False, True])

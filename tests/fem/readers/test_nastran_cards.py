@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
 from antiosc.errors import MeshError
 from antiosc.fem.readers.decks import nastran
 from antiosc.fem.readers.decks.nastran_cards import bulk_data
 from antiosc.fem.readers.decks.sources import Sources
-from antiosc.fem.readers.shapes import CORNERS, EDGES
 from refusals import refused
 
 #: Names and fields of entries of one to four lines.
@@ -109,63 +107,6 @@ def test_case_control_and_names_in_comments(tmp_path):
     assert (found.selected, found.selected_mpcs) == ([3, 5], [4, 6])
     assert found.names == {7: "skin", 8: "a rib", 9: "block", 10: "web", 11: "flange"}
     assert [entry.whole(0) for entry in found.entries] == [1, 2]
-
-
-def test_copies_step_by_whole_and_real_numbers(tmp_path):
-    """= keeps a field, == the rest, *n adds; (n) after = repeats the last copy."""
-    text = "SPC1,1,123,4,5,6,7,8,9\n=,*2,=,*(3),,==\n=(2)\n"
-    text += "GRID,1,,1.5,2.\n=,*10,=,*-.25,*1.,==\n=1\n"
-    found = bulk(tmp_path, text)
-    rows = [[entry.text(k) for k in range(8)] for entry in found.entries]
-    assert rows[:4] == [
-        [str(1 + 2 * k), "123", str(4 + 3 * k), "" if k else "5", *"6789"] for k in range(4)
-    ]
-    assert [(int(row[0]), row[1], float(row[2]), float(row[3])) for row in rows[4:]] == [
-        (1, "", 1.5, 2.0), (11, "", 1.25, 3.0), (21, "", 1.0, 4.0),
-    ]  # fmt: skip
-    places = [str(entry.place) for entry in found.entries]
-    assert places == [f"line {k} of part.bdf" for k in (1, 2, 3, 3, 4, 5, 6)]
-
-
-#: Names of cells -> (shape, ends of the edges whose middles follow the corners).
-RING3, RING4 = ["01", "12", "20"], ["01", "12", "23", "30"]
-CELLS = {
-    "CTETRA": ("tetra", [*RING3, "03", "13", "23"]),
-    "CPYRAM": ("pyramid", [*RING4, "04", "14", "24", "34"]),
-    "CPYRA": ("pyramid", [*RING4, "04", "14", "24", "34"]),
-    "CPENTA": ("wedge", [*RING3, "03", "14", "25", "34", "45", "53"]),
-    "CHEXA": ("hexahedron", [*RING4, "04", "15", "26", "37", "45", "56", "67", "74"]),
-    "CTRIA6": ("triangle", RING3),
-    "CQUAD8": ("quad", RING4),
-}
-
-
-@pytest.mark.parametrize("name", CELLS)
-def test_middle_nodes_lie_between_their_corners(tmp_path, name):
-    """All of them, all but the last, and none."""
-    shape, edges = CELLS[name]
-    rng = np.random.default_rng(3)
-    count = CORNERS[shape]
-    corners = np.round(rng.uniform(-1, 1, (count, 3)), 2)
-    x = np.vstack([corners, [corners[[int(c) for c in edge]].mean(axis=0) for edge in edges]])
-    text = "".join(f"GRID,{10 + k},,{a:.3f},{b:.3f},{c:.3f}\n" for k, (a, b, c) in enumerate(x))
-    nodes = [str(10 + k) for k in range(len(x))]
-    text += free(name, ["1", "7", *nodes]) + free(name, ["2", "", *nodes[:-1]])
-    text += free(name, ["3", "7", *nodes[:count]])
-    path = tmp_path / "part.bdf"
-    path.write_text(text)
-    found = nastran.read(path, path.name)
-    whole, straight = found.deck.blocks
-    assert (whole.shape, whole.type, straight.shape) == (shape, name, shape)
-    assert straight.mids.shape == (1, 0)
-    assert whole.inner.shape == (2, 0)
-    ends = found.deck.points[whole.corners[0]][np.array(EDGES[shape])].mean(axis=1)
-    np.testing.assert_allclose(found.deck.points[whole.mids[0]], ends, atol=1e-3)
-    lost = np.flatnonzero(whole.mids[1] != whole.mids[0])
-    last = {frozenset(map(int, edges[-1]))}
-    assert {frozenset(EDGES[shape][k]) for k in lost} == last
-    assert whole.mids[1][lost].tolist() == [-1]
-    assert {n: r.tolist() for n, r in found.deck.element_sets.items()} == {"2": [1], "7": [0, 2]}
 
 
 GRIDS = "".join(f"GRID,{k},,{k}.,0.,0.\n" for k in range(1, 9))
