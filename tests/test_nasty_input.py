@@ -37,7 +37,7 @@ DEAR |= {name for name in CALLS if name.endswith(".plot") or name.startswith("pl
 OWN_FUNCTIONS = {"make", "run"}
 
 QUICK = settings(
-    max_examples=20,
+    max_examples=10,
     derandomize=True,
     database=None,
     deadline=None,
@@ -108,7 +108,7 @@ def test_some_nasty_arguments(name, data):
 
 
 @pytest.mark.parametrize("name", [name for name in CALLS if name in DEAR])
-@settings(QUICK, max_examples=8)
+@settings(QUICK, max_examples=5)
 @given(data=st.data())
 def test_some_nasty_arguments_of_what_takes_longer(name, data):
     assert not attempt(name, data.draw(changes(name, OF_TYPES)))
