@@ -1,6 +1,6 @@
 # Every target sets up what it needs, once; `make help` lists them.
 .DEFAULT_GOAL := help
-.PHONY: help setup demo article bench budget decks validate peers docs dist test check check-cores mutants test-trixie test-sid test-newest memcheck lint fmt clean
+.PHONY: help setup demo article bench budget decks validate peers docs dist test check check-cores test-trixie test-sid test-newest memcheck lint fmt clean
 
 PYTHON := .venv/bin/python
 READY  := .venv/ready
@@ -13,8 +13,10 @@ export OMPI_MCA_rmaps_base_oversubscribe = 1
 export PRTE_MCA_rmaps_default_mapping_policy = :oversubscribe
 export UCX_LOG_LEVEL ?= fatal
 export HWLOC_HIDE_ERRORS ?= 2
+# What Python has compiled serves the next process too.
+unexport PYTHONDONTWRITEBYTECODE
 # Tests are many small problems: one thread each, unless the caller says otherwise.
-test check mutants: export OMP_NUM_THREADS ?= 1
+test check: export OMP_NUM_THREADS ?= 1
 # OpenBLAS rounds differently on each kind of processor; it takes the kernels of another kind if told.
 ifdef CORE
 export OPENBLAS_CORETYPE := $(CORE)
@@ -81,9 +83,6 @@ test-sid: ## all tests in a tree of Debian sid, likewise
 
 test-newest: ## what needs NumPy and SciPy alone, on the newest Python, NumPy and SciPy to be had
 	.ci/newest
-
-mutants: $(READY) ## random breaks of the source, and which of them `make check` catches; COUNT=10 SEED=0
-	$(PYTHON) tests/mutants.py --count $(or $(COUNT),10) --seed $(or $(SEED),0)
 
 memcheck: $(READY) ## every call to CHOLMOD under valgrind (apt install valgrind; some minutes)
 	.ci/memcheck $(PYTHON)

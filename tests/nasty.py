@@ -47,8 +47,6 @@ INNER = {
 }
 if importlib.util.find_spec("pandas") is None:
     INNER.add("to_dataframe")
-if importlib.util.find_spec("ipywidgets") is None:
-    INNER.add("show")
 #: What functions return: antiosc alone makes them.
 RESULTS = {
     *("Advice", "Batch", "BeamModes", "Energy", "History", "ImpactMap"),

@@ -10,6 +10,9 @@ from typing import Any
 import numpy as np
 
 from antiosc import cli
+from antiosc.scene_file.read import read
+from antiosc.scene_file.run import results
+from antiosc.scene_file.scene import compiled
 from paths import DEMOS, MESHES
 
 SCENES = DEMOS / "scenes"
@@ -134,15 +137,10 @@ def numbers(folder: Path) -> dict[str, Any]:
     return found
 
 
-def program(path, capsys, command: str = "run") -> dict:
-    """The variables of the program that --python prints, after it ran."""
-    capsys.readouterr()
-    assert antiosc(command, path, "--python") == 0
-    text = capsys.readouterr().out
-    found: dict = {}
-    exec(compile(text, str(path), "exec"), found)
-    capsys.readouterr()
-    return found
+def program(path: Path, command: str = "run") -> dict[str, Any]:
+    """What a scene makes when its statements run: name -> object."""
+    scene = compiled(read(path))
+    return results(scene, scene.statements(command)).variables
 
 
 def table(path) -> dict[str, np.ndarray]:

@@ -26,7 +26,7 @@ SUPPORTS = [
     ("guided", "pinned", 0.0),
     ("guided", "guided", 0.45),
 ]
-SOME = SUPPORTS[::2]  # for the slower tests
+SOME = [SUPPORTS[i] for i in (1, 5, 6, 10)]  # for the slower tests
 
 
 def struck(beam: UniformBeam, supports: tuple[str, str, float]) -> StruckBeam:

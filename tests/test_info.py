@@ -77,14 +77,6 @@ def test_a_broken_package_is_reported_and_the_rest_still_shown(tmp_path):
     assert "BLAS" in text
 
 
-def test_pyvista_is_optional(monkeypatch):
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    assert "pip install 'pyvista[jupyter]'" in info._pyvista()
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name: "there")
-    monkeypatch.setattr(importlib.metadata, "version", lambda name: f"{name} 9.1")
-    assert info._pyvista() == "pyvista 9.1"
-
-
 @pytest.mark.skipif(
     not (REFERENCE_BLAS.exists() and Path("/proc/self/maps").exists()),
     reason="no reference BLAS installed here, or no /proc",

@@ -110,9 +110,6 @@ def _results(command: argparse.ArgumentParser) -> None:
     command.add_argument("--out", metavar="FOLDER", help="where the files of [output] go")
     command.add_argument("--report", metavar="OUT.html", help="write a report: one page, one file")
     command.add_argument(
-        "--python", action="store_true", help="print the equivalent program instead of running"
-    )
-    command.add_argument(
         "--dry-run",
         action="store_true",
         help="print what would be computed and what it costs, instead of running",

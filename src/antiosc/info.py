@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from antiosc import threads
-from antiosc.charts import turning
 from antiosc.isolation import loading, restored, start_petsc
 
 #: Fast BLAS libraries, as threadpoolctl and as people call them.
@@ -66,7 +65,7 @@ def report() -> str:
         if not found:
             missing.append(package)
     rows += [("solvers", ", ".join(solvers()) or "none of CHOLMOD, MUMPS"), ("CHOLMOD", _cholmod())]
-    rows += [("threads", _threads()), ("PyVista", _pyvista())]
+    rows += [("threads", _threads())]
 
     used = blas()
     rows.append(("BLAS", f"{used.name}  {used.path}"))
@@ -187,14 +186,6 @@ def _gmsh() -> str:
 def _numba() -> str:
     # Imported, an old one would warn of a newer Python; it is first used when a scene is long.
     return importlib.metadata.version("numba")
-
-
-def _pyvista() -> str:
-    """Its version, or what reports have without it; it is optional, so that nothing is missing."""
-    # Imported it would load VTK, which takes seconds; it draws in processes of its own.
-    if turning.available():
-        return importlib.metadata.version("pyvista")
-    return f"none, reports have pictures from three sides; for fields that turn {turning.REMEDY}"
 
 
 PACKAGES = [

@@ -1,8 +1,7 @@
-"""`SavedFields`: the displacements of a part at all times in one compact file, with a slider."""
+"""`SavedFields`: the displacements of a part at all times in one compact file."""
 
 from __future__ import annotations
 
-import io
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,7 +15,7 @@ from numpy.typing import ArrayLike
 from antiosc import checks
 from antiosc._types import Array, IntArray
 from antiosc.brief import Brief
-from antiosc.errors import InputError, MissingDependencyError
+from antiosc.errors import InputError
 from antiosc.models import model_file
 
 if TYPE_CHECKING:
@@ -166,48 +165,6 @@ class SavedFields(Brief):
         seen_from = None if view is None else checks.array("view", view, (2,))
         found = Deformed.of(self.points, self.faces, self.at(time), self.largest)
         return draw_deformed(found, path, view=seen_from, whole_scale=True)
-
-    def show(self, frames: int = 60) -> Any:
-        """The deformed part with a slider of time, for a notebook.
-
-        Parameters
-        ----------
-        frames : int
-            Times of the slider, evenly over those of the fields.
-
-        Raises
-        ------
-        MissingDependencyError
-            ipywidgets, or matplotlib.
-        """
-        count = checks.whole("frames", frames, least=2, most=10_000)
-        try:
-            import ipywidgets
-        except ImportError:
-            raise MissingDependencyError(
-                "the slider needs ipywidgets: pip install ipywidgets; plot(time) draws one picture."
-            ) from None
-        times = np.linspace(self.time[0], self.time[-1], count)
-        slider = ipywidgets.IntSlider(0, 0, count - 1, description="time")
-        said = ipywidgets.Label()
-        image = ipywidgets.Image(format="png")
-
-        def draw(_: object = None) -> None:
-            said.value = f"{1e3 * times[slider.value]:.4g} ms"
-            image.value = self._png(float(times[slider.value]))
-
-        slider.observe(draw, names="value")
-        draw()
-        return ipywidgets.VBox([ipywidgets.HBox([slider, said]), image])
-
-    def _png(self, time: float) -> bytes:
-        from antiosc.charts.deformed import Deformed, deformed_figure
-        from antiosc.charts.figures import render
-
-        stream = io.BytesIO()
-        found = Deformed.of(self.points, self.faces, self.at(time), self.largest)
-        render(deformed_figure(found, whole_scale=True), stream, format="png", dpi=100)
-        return stream.getvalue()
 
     def _facts(self) -> list[tuple[str, str]]:
         kinds = ", ".join(f"{len(cells)} {kind}" for kind, cells in self.cells)

@@ -10,7 +10,7 @@ import antiosc as ao
 from paths import DEMOS, demo
 from scenes import HERTZ, case_two
 
-pytestmark = pytest.mark.fem
+pytestmark = [pytest.mark.fem, pytest.mark.slow]
 
 
 @pytest.fixture(scope="module")

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import subprocess
 import sys
+import warnings
 from types import SimpleNamespace
 
 import pytest
@@ -49,6 +51,18 @@ def test_derivatives_are_counted_by_the_directions_of_the_cell(monkeypatch):
     counts = (1, 2) if compiler.FFCX < (0, 6) else (1, 2, 3)
     assert asked == [(*given[:6], counts, "component")]
     assert tables.get_ffcx_table_values is own
+
+
+def test_no_file_is_left_open(tmp_path):
+    """FFCx 0.5 claims a compilation by a file that it would not close."""
+    compiler = pytest.importorskip("antiosc.fem.compiler").compiler
+    jit = pytest.importorskip("ffcx.codegeneration.jit")
+    with warnings.catch_warnings(record=True) as told, compiler():
+        warnings.simplefilter("always")
+        jit.get_cached_module("claimed", [], tmp_path, 1)
+        gc.collect()
+    assert not told
+    assert (tmp_path / "claimed.c").read_bytes() == b""
 
 
 @pytest.mark.slow

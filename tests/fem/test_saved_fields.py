@@ -113,55 +113,6 @@ def test_pictures_of_surfaces_lines_and_nodes(tmp_path):
     assert colours == (0.0, pytest.approx(6e3))
 
 
-def test_a_slider_needs_ipywidgets(monkeypatch):
-    monkeypatch.setitem(sys.modules, "ipywidgets", None)
-    with pytest.raises(ao.MissingDependencyError, match=r"pip install ipywidgets; plot\(time\)"):
-        made().show()
-
-
-def test_the_slider_draws_the_time_that_it_shows():
-    pytest.importorskip("ipywidgets")
-    pytest.importorskip("matplotlib")
-    box = made().show(frames=4)
-    (slider, said), image = box.children[0].children, box.children[1]
-    first = bytes(image.value)
-    assert first.startswith(b"\x89PNG")
-    slider.value = 3
-    assert said.value == "3000 ms"
-    assert bytes(image.value) != first
-    slider.value = 0
-    assert bytes(image.value) == first
-
-
-NOTEBOOK = """
-import antiosc as ao
-fields = ao.SavedFields.load("fields.npz")
-fields
----
-box = fields.show(frames=3)
-box
----
-box.children[0].children[0].value = 2
-print(len(box.children[1].value) > 1000)
-"""
-
-
-@pytest.mark.slow
-def test_a_notebook_shows_table_and_slider(tmp_path):
-    client = pytest.importorskip("nbclient")
-    nbformat = pytest.importorskip("nbformat")
-    pytest.importorskip("ipywidgets")
-    made().save(tmp_path / "fields.npz")
-    cells = [nbformat.v4.new_code_cell(text) for text in NOTEBOOK.split("---")]
-    notebook = nbformat.v4.new_notebook(cells=cells)
-    where = {"metadata": {"path": str(tmp_path)}}
-    client.NotebookClient(notebook, timeout=120, resources=where).execute()
-    outputs = [cell.outputs[0] for cell in notebook.cells]
-    assert "<b>SavedFields</b><table>" in outputs[0].data["text/html"]
-    assert "application/vnd.jupyter.widget-view+json" in outputs[1].data
-    assert outputs[2].text == "True\n"
-
-
 @pytest.mark.fem
 def test_the_file_of_a_run_has_the_field_of_the_run(tmp_path):
     pytest.importorskip("dolfinx")

@@ -7,7 +7,6 @@ import tracemalloc
 
 import numpy as np
 import pytest
-import scipy.sparse
 
 import antiosc as ao
 from antiosc.matrix_files.reading import read_pair
@@ -108,15 +107,6 @@ def test_matrices_are_chosen_by_name(tmp_path):
     with pytest.raises(ao.InputError, match=r"km\.op4 holds the matrices A1, KGG, KAA, MAA"):
         read_pair(tmp_path / "km.op4", tmp_path / "km.op4")
     same(read_pair(tmp_path / "km.op4", tmp_path / "km.op4", names=("a1", "maa")))
-
-
-def test_pyyeti_reads_and_writes_the_same(tmp_path):
-    op4 = pytest.importorskip("pyyeti.nastran.op4")
-    for binary in (True, False):
-        for style in ("dense", "bigmat", "nonbigmat"):
-            given = [scipy.sparse.coo_matrix(A) if style != "dense" else A for A in (K, M)]
-            op4.write(str(tmp_path / "a.op4"), ["KAA", "MAA"], given, binary=binary, sparse=style)
-            same(read_pair(tmp_path / "a.op4", tmp_path / "a.op4"))
 
 
 # -- files that are no matrices

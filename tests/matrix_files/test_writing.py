@@ -113,16 +113,6 @@ def test_unknown_endings_are_refused(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_pyyeti_reads_what_is_written(tmp_path):
-    op4 = pytest.importorskip("pyyeti.nastran.op4")
-    own = ONE.to_matrices()
-    own.save(tmp_path / "x.op4")
-    found = op4.load(str(tmp_path / "x.op4"), into="dct", justmatrix=True)
-    for name, A in (("kaa", own.K), ("maa", own.M)):
-        other = found[name]
-        np.testing.assert_array_equal(getattr(other, "toarray", lambda o=other: o)(), A)
-
-
 @pytest.mark.parametrize(("low", "high", "off"), [(-9, 0, 6e-12), (0, 9, 6e-14)])
 def test_numbers_in_sixteen_characters_keep_12_to_15_digits(rng, low, high, off):
     for value in rng.choice([-1.0, 1.0], 400) * 10 ** rng.uniform(low, high, 400):

@@ -23,62 +23,41 @@ SITES = ao.SiteModes(
 )  # fmt: skip
 
 CASES = {
-    "damping": (lambda: ao.Damping(ratio=-0.1), "damping ratios must be >= 0"),
-    "no damping": (lambda: ao.Damping(ratio=[]), "damping ratios must be >= 0"),
-    "frequency": (lambda: ao.ModalBody([-1.0], [1.0]), "omega must be >= 0; its least"),
-    "decay": (lambda: ao.ModalBody(OMEGA, B, decay=[0, -1]), "negative damping adds energy"),
-    "columns": (lambda: ao.ModalBody(OMEGA, B, basis=np.eye(2)), "basis must list arrays"),
-    "vector": (lambda: ao.ModalBody(OMEGA, B, basis=(np.ones(2),)), "basis must list arrays"),
-    "rows": (
-        lambda: ao.ModalBody(OMEGA, B, basis=(np.ones((2, 1)), np.ones((3, 1)))),
-        "with one number of rows",
-    ),
-    "momenta of modes": (lambda: ao.ModalBody(OMEGA, B, inertia=INERTIA), "one row for each of 2"),
-    "coordinates": (lambda: BODY.field(np.ones(3)), r"coordinates must have shape \(..., 2\)"),
-    "one coordinate": (lambda: BODY.amplitudes(1.0), "coordinates must have shape"),
-    "momenta": (lambda: INERTIA.moved(np.ones(5), np.zeros(3)), r"momenta must have shape \(...,"),
-    "frequency of sites": (lambda: ao.SiteModes([-1.0], [[1.0]], ["a"]), "omega must be >= 0"),
+    "damping": (lambda: ao.Damping(ratio=-0.1), "ratios"),
+    "no damping": (lambda: ao.Damping(ratio=[]), "ratios"),
+    "frequency": (lambda: ao.ModalBody([-1.0], [1.0]), "omega"),
+    "decay": (lambda: ao.ModalBody(OMEGA, B, decay=[0, -1]), "negative"),
+    "columns": (lambda: ao.ModalBody(OMEGA, B, basis=np.eye(2)), "arrays"),
+    "vector": (lambda: ao.ModalBody(OMEGA, B, basis=(np.ones(2),)), "arrays"),
+    "rows": (lambda: ao.ModalBody(OMEGA, B, basis=(np.ones((2, 1)), np.ones((3, 1)))), "number"),
+    "momenta of modes": (lambda: ao.ModalBody(OMEGA, B, inertia=INERTIA), "row"),
+    "coordinates": (lambda: BODY.field(np.ones(3)), "coordinates"),
+    "one coordinate": (lambda: BODY.amplitudes(1.0), "coordinates"),
+    "momenta": (lambda: INERTIA.moved(np.ones(5), np.zeros(3)), "momenta"),
+    "frequency of sites": (lambda: ao.SiteModes([-1.0], [[1.0]], ["a"]), "omega"),
     "compliance": (
-        lambda: ao.SiteModes(OMEGA, np.ones((2, 2)), ["a", "b"], r=[[1, 2], [2, 1]]),
-        "r must be symmetric and positive semidefinite",
-    ),
+        lambda: ao.SiteModes(OMEGA, np.ones((2, 2)), ["a", "b"], r=[[1, 2], [2, 1]]), "definite"),
     "skew compliance": (
         lambda: ao.SiteModes(OMEGA, np.ones((2, 2)), ["a", "b"], r=[[1, 0.1], [0, 1]]),
-        "r must be symmetric and positive semidefinite",
-    ),
-    "decay of sites": (
-        lambda: ao.SiteModes(OMEGA, np.ones((2, 1)), ["a"], decay=[0, -1]),
-        "decay must be >= 0",
-    ),
+        "symmetric"),
+    "decay of sites": (lambda: ao.SiteModes(OMEGA, np.ones((2, 1)), ["a"], decay=[0, -1]), "decay"),
     "momenta of sites": (
-        lambda: ao.SiteModes(OMEGA, np.ones((2, 1)), ["a"], inertia=INERTIA),
-        "one row for each of the 2 modes",
-    ),
-    "shapes": (
-        lambda: ao.SiteModes(OMEGA, np.ones((2, 1)), ["a"], basis=(np.eye(3),)),
-        "one column for each of the 2 coordinates",
-    ),
+        lambda: ao.SiteModes(OMEGA, np.ones((2, 1)), ["a"], inertia=INERTIA), "modes"),
+    "shapes": (lambda: ao.SiteModes(OMEGA, np.ones((2, 1)), ["a"], basis=(np.eye(3),)), "column"),
     "unknown patch": (
         lambda: ao.SiteModes(OMEGA, np.ones((2, 1)), ["a"], local_compliance={"b": 1e-9}),
-        "local_compliance names .*b",
-    ),
-    "q of sites": (lambda: SITES.coordinates(np.ones(3), np.ones(2)), "q must have shape"),
-    "forces of sites": (lambda: SITES.coordinates(np.ones(2), np.ones(3)), "q must have shape"),
-    "field of sites": (lambda: SITES.field(np.ones(3)), "coordinates must have shape"),
-    "not axes": (lambda: figures.axes_or_new("top"), "ax must be matplotlib axes"),
-    "no hits": (lambda: plotting.plot_force({}), "give at least one History"),
-    "not a hit": (
-        lambda: plotting.plot_force(3.0),
-        "must be a History; got float",
-    ),
-    "not a named hit": (
-        lambda: plotting.plot_force({"a": None}),
-        "the History named 'a' must be a History; got None",
-    ),
-    "a class": (lambda: plotting.plot_masses(ao.AntiOscillators), "must be AntiOscillators"),
-    "small": (lambda: figures.panels(1, 1, (0.1, 4.0)), "two lengths from 0.5 to 100 inches"),
-    "large": (lambda: figures.panels(1, 1, (4.0, 101.0)), "two lengths from 0.5 to 100 inches"),
-}
+        "local_compliance"),
+    "q of sites": (lambda: SITES.coordinates(np.ones(3), np.ones(2)), "shape"),
+    "forces of sites": (lambda: SITES.coordinates(np.ones(2), np.ones(3)), "shape"),
+    "field of sites": (lambda: SITES.field(np.ones(3)), "coordinates"),
+    "not axes": (lambda: figures.axes_or_new("top"), "matplotlib"),
+    "no hits": (lambda: plotting.plot_force({}), "History"),
+    "not a hit": (lambda: plotting.plot_force(3.0), "float"),
+    "not a named hit": (lambda: plotting.plot_force({"a": None}), "named"),
+    "a class": (lambda: plotting.plot_masses(ao.AntiOscillators), "AntiOscillators"),
+    "small": (lambda: figures.panels(1, 1, (0.1, 4.0)), "lengths"),
+    "large": (lambda: figures.panels(1, 1, (4.0, 101.0)), "lengths"),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("case", CASES)

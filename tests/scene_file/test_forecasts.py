@@ -2,94 +2,10 @@
 
 from __future__ import annotations
 
-from math import pi
 from types import SimpleNamespace
 
-import pytest
-
-from antiosc.errors import InputError
-from antiosc.scene_file import forecast, group_names
-from antiosc.scene_file.output import numbers
+from antiosc.scene_file import group_names
 from antiosc.scene_file.program import Call, Name, Statement
-from antiosc.simulation.compared_impact import COARSEST
-from antiosc.simulation.error_bars import CAUSES
-from antiosc.simulation.impact_band import BAND_OVER_PULSE
-from antiosc.simulation.simulate import DEFAULT_TOL
-
-
-def scene(data=None, varied=None, model=("model",)):
-    return SimpleNamespace(document=SimpleNamespace(data=data or {}), varied=varied or {},
-                           model=list(model))  # fmt: skip
-
-
-def found(**variables):
-    names = ("structure", "impactor", "contact")
-    return SimpleNamespace(**{**dict.fromkeys(names), **variables})
-
-
-BAND = 2 * pi * 1000.0
-TIME = BAND_OVER_PULSE * pi / BAND
-START = [("contact time", f"at least {TIME:.3g} s, that on a rigid wall"),
-         ("band of the impact", "up to 1e+03 Hz")]  # fmt: skip
-IMPACTS = {
-    "plain": ({}, {}, [("step", f"{TIME / COARSEST:.3g} s, halved until tol = {DEFAULT_TOL:g} is "
-                        "met")]),
-    "tol": ({"simulate": {"tol": 0.25}}, {},
-            [("step", f"{TIME / COARSEST:.3g} s, halved until tol = 0.25 is met")]),
-    "step": ({"simulate": {"step": 2e-6}}, {"a.b": [1]}, [("step", "2e-06 s, given")]),
-    "sweep": ({"simulate": {"step": 2e-6}}, {"a.b": [1, 2, 3]},
-              [("step", "2e-06 s, given"), ("sweep", "3 impacts")]),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("case", IMPACTS)
-def test_rows_of_an_impact(monkeypatch, case):
-    monkeypatch.setattr(forecast, "impact_band", lambda impactor, contact: BAND)
-    data, varied, rows = IMPACTS[case]
-    assert forecast._of_impact(scene(data, varied), found()) == [*START, *rows]
-
-
-def test_rows_of_a_strike(monkeypatch):
-    monkeypatch.setattr(forecast, "impact_band", lambda impactor, contact: BAND)
-    chosen = ("mesh, model, step", "chosen while it runs, for an error of 0.05")
-    assert forecast._of_impact(scene({"strike": {"tol": 0.05}}), found()) == [chosen, *START]
-
-    def unknown(impactor, contact):
-        raise InputError("no mass.")
-
-    monkeypatch.setattr(forecast, "impact_band", unknown)
-    assert forecast._of_impact(scene(), found()) == [("contact time", "not forecast: no mass.")]
-
-
-def test_rows_of_a_model():
-    structure = SimpleNamespace(dofs=8)
-    sites = {"sites": {"a": {}, "b": {}}}
-    for extract, row in (
-        ({}, "7 of 2 site(s): about 9 solves"), ({"n": 5}, "5 of 2 site(s): about 7 solves"),
-        ({"band": 200 * pi}, "as many as needed up to 100 Hz"),
-    ):  # fmt: skip
-        rows = forecast._of_model(scene({**sites, "extract": extract}), found(structure=structure))
-        assert rows == [("anti-oscillators", row)]
-    assert forecast._of_model(scene(model=()), found(structure=structure)) == []
-    assert forecast._of_model(scene(), found()) == []
-
-
-def test_rows_of_a_structure(monkeypatch):
-    structure = SimpleNamespace(describe=lambda: "a beam", dofs=32, K=None)
-    plain = [("structure", "a beam"), ("dofs", "32"), ("factor", "by SciPy; not forecast")]
-    assert forecast._of_structure(found(structure=structure)) == plain
-    ball = SimpleNamespace(hertz=None)
-    monkeypatch.setattr(forecast, "advise", lambda part, impactor: "take solids")
-    rows = forecast._of_structure(found(structure=structure, impactor=ball))
-    assert rows == [*plain[:2], ("advised family", "take solids"), plain[2]]
-
-    def none(part, impactor):
-        raise InputError("no thickness.")
-
-    monkeypatch.setattr(forecast, "advise", none)
-    rows = forecast._of_structure(found(structure=structure, impactor=ball))
-    assert rows[2] == ("advised family", "no advice: no thickness.")
-
 
 # --- Groups ---------------------------------------------------------------------------------------
 
@@ -149,13 +65,3 @@ def test_files_whose_groups_are_not_read(tmp_path, monkeypatch):
     monkeypatch.setattr(group_names, "_groups_of_deck", lambda call: ["A", "B"])
     deck = Call("ao.read_model", {"path": str(path)})
     assert group_names._groups(deck) == (["A", "B"], "")
-
-
-def test_the_error_budget_in_numbers_for_programs():
-    causes = {cause: 0.1 * k for k, cause in enumerate((*CAUSES, "total"))}
-    hit = SimpleNamespace(
-        status=0, message="", error={}, energy=SimpleNamespace(drift=0.0), peak_force=1.0,
-        impulse=2.0, contact_time=3.0, contacts=[], restitution=None, step=1e-6,
-        error_budget={"peak_force": SimpleNamespace(value=1.0, **causes)},
-    )  # fmt: skip
-    assert numbers(hit)["error_budget"] == {"peak_force": causes}

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
-
 from antiosc.scene_file.locations import line_of, locations
 
 TEXT = '''\
@@ -58,22 +56,6 @@ LINES = {
 def test_every_key_has_its_line():
     found = locations(TEXT)
     assert {place: found.get(place) for place in LINES} == LINES
-
-
-def test_every_place_of_the_data_is_found():
-    found = locations(TEXT)
-
-    def walk(value, place) -> None:
-        if place:
-            assert place in found, place
-        if isinstance(value, dict):
-            for key, each in value.items():
-                walk(each, (*place, key))
-        elif isinstance(value, list):
-            for number, each in enumerate(value):
-                walk(each, (*place, number))
-
-    walk(tomllib.loads(TEXT), ())
 
 
 def test_a_place_that_is_not_written_is_that_of_the_table_around_it():

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from antiosc.errors import InputError
-from antiosc.scene_file import output, report, result_tables, template
-from antiosc.scene_file.outputs import Output
-from antiosc.scene_file.problems import Problems, SceneFileError, label, listed, nearest, unknown
+from antiosc.scene_file import output, template
+from antiosc.scene_file.problems import Problems, SceneFileError
 from antiosc.scene_file.program import Call
 from antiosc.scene_file.run import Results
 from antiosc.scene_file.scene import Compiled
@@ -26,40 +25,6 @@ MODEL = Model(
     k=np.arange(2.0, 8), sites=(), save=lambda path: path.write_bytes(b"saved"),
     plot=lambda path: path.write_bytes(b"drawn"),
 )  # fmt: skip
-SEVERAL = Model(k0=np.eye(2), n=3, omega=2 * np.pi * np.array([5.0, 6.0, 7.0]), sites=("a", "b"))
-
-
-def test_rows_of_a_model():
-    assert result_tables.model_rows(MODEL) == [
-        ("static stiffness k0", "2e+06 N/m"),
-        ("static mass m_st", "0.5 kg"),
-        ("anti-oscillators", "6"),
-        ("captured mass", "96.00% of m_st"),
-        ("antiresonances", "1, 2, 3, 4, 5, … Hz"),
-    ]
-    free = Model(**{**vars(MODEL), "m_st": 0.0, "omega": MODEL.omega[:5]})
-    assert [name for name, _ in result_tables.model_rows(free)] == [
-        "static stiffness k0", "static mass m_st", "anti-oscillators", "antiresonances",
-    ]  # fmt: skip
-    assert result_tables.model_rows(free)[-1][1] == "1, 2, 3, 4, 5 Hz"
-    assert result_tables.model_rows(SEVERAL) == [
-        ("sites", "a, b"), ("anti-oscillators", "3"), ("antiresonances", "5, 6, 7 Hz"),
-    ]  # fmt: skip
-    none = Model(k0=np.eye(2), n=0, omega=np.zeros(0), sites=("a", "b"))
-    assert result_tables.model_rows(none)[-1] == ("antiresonances", "none Hz")
-
-
-def test_columns_of_names_and_of_tables():
-    assert result_tables.lines([("a", "1"), ("long name", "")]) == "a          1\nlong name"
-    assert result_tables.lines([]) == ""
-    table = {"n": [1, 22], "value": [1.0, 123456.789], "w": ["a", "bcd"]}
-    assert result_tables.columns(table) == (
-        " n       value    w\n 1           1    a\n22  1.2346e+05  bcd"
-    )
-    for count, more in ((30, 0), (31, 1), (33, 3)):
-        text = result_tables.columns({"n": list(range(count))}).splitlines()
-        assert text[30] == "29"
-        assert text[31:] == ([f"… and {more} more rows (see sweep.csv)"] if more else [])
 
 
 class Map(SimpleNamespace):
@@ -80,23 +45,6 @@ TWO = Map(points=POINTS, names=np.array(["u", "v", "u", "v"]), skipped=3,
           k0=np.array([2e6, np.nan, 1e6, 3e6]), peak_force=np.array([10.0, 20.0, 30.0, 5.0]),
           write=lambda path: path, plot=lambda path: path.write_bytes(b"drawn"))  # fmt: skip
 ONE = Map(**{**vars(TWO), "names": np.array(["u"] * 4), "skipped": 0})
-
-
-def test_rows_of_a_map():
-    assert result_tables.map_rows(TWO) == [
-        ("sites", "4, 3 left out"),
-        ("k0 (N/m)", "1e+06 to 3e+06"),
-        ("peak_force (N)", "5 to 30"),
-        ("u", "2 sites, at most 30 N at (0, 1.25, 0) m"),
-        ("v", "2 sites, at most 20 N at (1, 0, 0) m"),
-    ]
-    assert result_tables.map_rows(ONE)[0] == ("sites", "4")
-    assert len(result_tables.map_rows(ONE)) == 3
-    units = {"m_st": "kg", "omega_1": "rad/s", "contact_time": "s", "impulse": "N s",
-             "peak_deflection": "m"}  # fmt: skip
-    for name, unit in units.items():
-        assert result_tables.named(name) == f"{name} ({unit})"
-    assert result_tables.named("other") == "other"
 
 
 PROBED = {"tip": {}, "speed": {"quantity": "velocity", "times": [0.0, 0.5]},
@@ -131,45 +79,6 @@ def history(**more) -> SimpleNamespace:
 
 VALUES = {"tip": np.arange(15.0).reshape(5, 3) - 20, "speed": np.array([3.0, -4.0]),
           "forces": np.arange(20.0).reshape(5, 4), "count": np.arange(5.0)}  # fmt: skip
-
-
-def test_probes_by_their_times(tmp_path):
-    found = results(tmp_path, history=history(), probes=VALUES)
-    assert result_tables.probe_rows(found) == [
-        ("probe tip", "at most 20 m"), ("probe speed", "at most 4 m/s"),
-        ("probe forces", "at most 19 SI"), ("probe count", "at most 4"),
-    ]  # fmt: skip
-    (times, first), (others, second) = output.probe_columns(found)
-    assert times.tolist() == history().time.tolist()
-    assert list(first) == ["tip x (m)", "tip y (m)", "tip z (m)",
-                           *(f"forces {k} (SI)" for k in (1, 2, 3, 4)), "count"]  # fmt: skip
-    assert first["tip y (m)"].tolist() == VALUES["tip"][:, 1].tolist()
-    assert (others.tolist(), list(second)) == ([0.0, 0.5], ["speed (m/s)"])
-
-
-def test_the_text_of_a_run(tmp_path):
-    structure = SimpleNamespace(describe=lambda: "a beam")
-    found = results(tmp_path, history=history(), structure=structure, model=MODEL, probes=VALUES)
-    pieces = result_tables.text(found).split("\n\n")
-    assert pieces[:2] == ["a title", "a beam"]
-    assert pieces[2] == result_tables.lines(result_tables.model_rows(MODEL))
-    assert pieces[3:] == ["the summary", result_tables.lines(result_tables.probe_rows(found))]
-    assert result_tables.text(results(tmp_path)) == "a title"
-    batch = SimpleNamespace(
-        peak_force=np.array([1.0, 2.0]), impulse=np.array([3.0, 4.0]),
-        contact_time=np.array([5.0, 6.0]), restitution=np.array([0.5, np.nan]),
-        contacts=np.array([1, 2]), status=np.array([0, 1]),
-    )  # fmt: skip
-    swept = results(tmp_path, batch=batch)
-    assert list(result_tables.sweep_columns(swept)) == [
-        "impactor.mass", "peak force (N)", "impulse (N s)", "contact time (s)", "restitution",
-        "contacts", "status",
-    ]  # fmt: skip
-    first = result_tables.text(swept).splitlines()[3].split()
-    assert first == ["1", "1", "3", "5", "0.5", "1", "0"]
-    assert result_tables.text(results(tmp_path, found=ONE)).splitlines()[2:] == [
-        "sites           4", "k0 (N/m)        1e+06 to 3e+06", "peak_force (N)  5 to 30",
-    ]  # fmt: skip
 
 
 def test_files_are_those_that_are_asked_for(tmp_path):
@@ -232,73 +141,7 @@ def test_a_picture_that_cannot_be_drawn_is_told(tmp_path):
     assert asked.warnings == ["model.png is not drawn: no colours."]
 
 
-def test_what_is_written_where_nothing_else_is_asked_for():
-    asked = {"csv": True, "json": True, "plot": None, "fields": False, "model": False}
-    assert vars(Output()) == asked
-
-
-def test_a_page_of_made_up_results(tmp_path):
-    (tmp_path / "scene.toml").write_text("a < b")
-    structure = SimpleNamespace(describe=lambda: "a beam")
-    found = results(tmp_path, history=history(), structure=structure, model=MODEL, probes=VALUES)
-    found.warnings.append("mind <this>")
-    page = report.page(found, [])
-    rows = {
-        "peak force": "123.457 N", "impulse": "0.5 N s", "contact time": "0.0002 s",
-        "contacts": "2", "coefficient of restitution": "0.8765", "probe speed": "at most 4 m/s",
-        "time integration: force": "0.0002", "energy drift over the run": "1e-07 of the energy",
-        "structure": "a beam", "static mass m_st": "0.5 kg",
-    }  # fmt: skip
-    for name, value in rows.items():
-        assert f"<tr><th>{name}</th><td>{value}</td></tr>" in page, name
-    assert '<p class="warning">mind &lt;this&gt;</p>' in page
-    assert "<p>it &lt; ended</p>" in page
-    assert "<pre>a &lt; b</pre>" in page
-    assert "<h1>a title</h1>" in page
-    cells = '<td class="number">{}</td>' * 4
-    assert f"<tr>{cells.format(1, '1', '1', '2')}</tr>" in page
-    assert f"<tr>{cells.format(6, '6', '6', '7')}</tr>" in page
-    assert page.index("<h2>Results") < page.index("<h2>Errors") < page.index("<h2>Model")
-    assert "script-src" not in page
-    swept = report.page(results(tmp_path, found=TWO), [])
-    assert "<h2>Map</h2>" in swept
-    assert "<tr><th>sites</th><td>4, 3 left out</td></tr>" in swept
-    assert "<h2>Model</h2>" not in swept
-    assert "<h2>Results</h2>" not in swept
-    no_bounce = history()
-    no_bounce.restitution = None
-    assert "<td>not defined</td>" in report.page(results(tmp_path, history=no_bounce), [])
-    (tmp_path / "scene.toml").unlink()
-    assert "<pre></pre>" in report.page(found, [])
-
-
-def test_cells_of_a_page():
-    for value, cell in {
-        1.23456789: '<td class="number">1.2346</td>', np.nan: '<td class="number">–</td>',
-        3: '<td class="number">3</td>', "12 %": '<td class="number">12 %</td>',
-        "a<b": "<td>a&lt;b</td>", "-1.5e-3": '<td class="number">-1.5e-3</td>',
-        "3 N": "<td>3 N</td>",
-    }.items():  # fmt: skip
-        assert report._cell(value) == cell
-    assert report._table([]) == ""
-
-
 # --- Mistakes -------------------------------------------------------------------------------------
-
-
-def test_lists_of_names_have_twenty_at_most():
-    assert listed([]) == "none"
-    assert listed("ab") == "a, b"
-    assert listed(map(str, range(20))) == ", ".join(map(str, range(20)))
-    assert listed(map(str, range(21))) == ", ".join(map(str, range(20))) + ", …"
-    assert label(()) == "the scene"
-    assert label(("a", 2, "b")) == "a[2].b"
-    assert nearest("HURTZ", ["Hertz", "Linear"]) == "Hertz"
-    assert nearest("xyz", ["Hertz"]) is None
-    assert unknown("the part", "b", []) == "the part 'b' does not exist. There is none."
-    assert unknown("the part", "ba", ["bar", "x"]) == (
-        "the part 'ba' does not exist; did you mean 'bar'? There is bar, x."
-    )
 
 
 def test_mistakes_are_told_by_their_lines():
@@ -320,26 +163,6 @@ def test_mistakes_are_told_by_their_lines():
     told = str(caught.value).splitlines()
     assert len(told) == 101
     assert told[-2:] == ["s:1: 099", "s: and 2 more."]
-
-
-@pytest.mark.parametrize(
-    ("part", "held", "size"),
-    [
-        (None, 'source = "part.step"', "size = 5e-3"),
-        ("a.STEP", 'source = "a.STEP"', "size = 5e-3"),
-        ("a.geo", 'source = "a.geo"', "size = 5e-3"),
-        ("a.msh", 'source = "a.msh"', "# size = 5e-3"),
-        ('a"b.msh', 'source = "a\\"b.msh"', "# size = 5e-3"),
-        ("a.BDF", '[deck]\npath = "a.BDF"', None),
-        ("a.inp", '[deck]\npath = "a.inp"', None),
-    ],
-)
-def test_a_new_scene_of_a_part(part, held, size):
-    text = template.text("name.toml", part)
-    assert held in text
-    assert "antiosc check name.toml " in text
-    assert ("\nsize = 5e-3" in text) == (size == "size = 5e-3")
-    assert ("[geometry]\n" in text) == (size is not None)
 
 
 def test_names_with_control_characters_are_refused(tmp_path):

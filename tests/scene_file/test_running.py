@@ -33,11 +33,11 @@ from scene_files import (
 )
 
 
-def test_a_scene_runs_as_the_program_that_it_prints(tmp_path, capsys):
+def test_a_scene_runs_as_its_program(tmp_path, capsys):
     path = written(tmp_path, BEAM + PROBE)
     assert antiosc("run", path, "--out", tmp_path / "out") == 0
     told = capsys.readouterr().out
-    found = program(path, capsys)
+    found = program(path)
     hit = found["history"]
     assert hit.summary() in told
     assert found["structure"].describe() in told
@@ -52,8 +52,8 @@ def test_a_scene_runs_as_the_program_that_it_prints(tmp_path, capsys):
     assert np.abs(probes["quarter z (m)"]).max() > 0
 
 
-def test_the_program_is_the_api_as_users_write_it(tmp_path, capsys):
-    hit = program(written(tmp_path, BEAM), capsys)["history"]
+def test_the_program_is_the_api_as_users_write_it(tmp_path):
+    hit = program(written(tmp_path, BEAM))["history"]
     part = ao.Structure.from_files(
         f"{SCENES}/beam_K.mtx", f"{SCENES}/beam_M.mtx", map=f"{SCENES}/beam_nodes.txt"
     )
@@ -68,7 +68,7 @@ def test_a_scene_of_several_contacts_runs_as_its_program(tmp_path, capsys):
     path = written(tmp_path, FRAME)
     assert antiosc("run", path, "--out", tmp_path / "out") == 0
     told = capsys.readouterr().out
-    hit = program(path, capsys)["history"]
+    hit = program(path)["history"]
     assert hit.summary() in told
     first = hit["structure:middle", "ball"]
     result = numbers(tmp_path / "out")["result"]
@@ -83,7 +83,7 @@ def test_a_sweep_is_many_runs(tmp_path, capsys):
     assert antiosc("sweep", path, "--out", tmp_path / "out") == 0
     columns = table(tmp_path / "out/sweep.csv")
     assert columns["impactor.velocity"].tolist() == [0.5, 1.0, 2.0]
-    batch = program(path, capsys, "sweep")["batch"]
+    batch = program(path, "sweep")["batch"]
     assert np.array_equal(columns["peak force (N)"], batch.peak_force)
     first, _, last = batch.peak_force
     for velocity, duration, peak in ((0.5, 3e-3, first), (2.0, 2e-3, last)):
@@ -316,7 +316,7 @@ nu = 0.3
 """
     path = written(tmp_path, BEAM[:start] + hammer + BEAM[end:])
     assert antiosc("run", path, "--out", tmp_path) == 0
-    found = program(path, capsys)
+    found = program(path)
     assert found["impactor"].mass == 0.5
     assert numbers(tmp_path)["result"]["peak_force"] == found["history"].peak_force
     assert antiosc("check", written(tmp_path, path.read_text().replace("IK07", "IK77"))) == 1
@@ -360,8 +360,8 @@ def test_a_sweep_of_impactors_has_the_law_of_each(tmp_path, capsys):
     law = 'velocity = 1.0\n[contact]\nkind = "impactor.hertz"\nE = 70e9\nnu = 0.33\n'
     scene = BEAM[:start] + ball + law + BEAM[end:]
     path = written(tmp_path, scene + "[sweep]\nimpactor.radius = [0.01, 0.02]\n")
-    batch = program(path, capsys, "sweep")["batch"]
+    batch = program(path, "sweep")["batch"]
     for radius, peak in zip((0.01, 0.02), batch.peak_force, strict=True):
         single = scene.replace("radius = 0.01", f"radius = {radius}")
-        own = program(written(tmp_path, single, f"{radius}.toml"), capsys)["history"]
+        own = program(written(tmp_path, single, f"{radius}.toml"))["history"]
         assert own.peak_force == pytest.approx(peak, rel=2e-3)

@@ -40,7 +40,7 @@ def compare(batch: ao.Batch, alone: list[ao.History], rel: float = 1e-9) -> None
 @pytest.mark.parametrize("step", [None, 4e-6])
 def test_same_as_one_by_one(rng, law, step):
     model, striker = case_two(10)
-    n = 12
+    n = 6
     masses = striker.mass * 10 ** rng.uniform(-1, 1, n)
     speeds = 10 ** rng.uniform(-2.5, 0, n)
     contacts = [law(rng) for _ in range(n)]

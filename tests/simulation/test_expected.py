@@ -2,17 +2,11 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-from typing import Any
-
 import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.simulation import convergence, march
 from antiosc.simulation.assembly import assemble
-from antiosc.simulation.convergence import FLOOR, MORE, MOST, NEAR, SECOND, converge, left
-from antiosc.simulation.engine import Run
 from antiosc.simulation.expected import deepest, pressed_depth, scaled, stiffness_at, stiffness_of
 from antiosc.simulation.two_bodies import assemble as pose
 from laws import laws
@@ -129,100 +123,3 @@ def test_a_scene_expects_each_contact_by_its_speed_and_what_pushes_it() -> None:
 
 
 # -- refinement
-
-
-class Runs:
-    """Stand-ins of runs whose forces have an error in proportion to their share."""
-
-    def __init__(self, error: float, answers: tuple[int, ...] = (), attempts: int = 10) -> None:
-        self.error, self.answers, self.attempts = error, answers, attempts
-        self.asked: list[dict[str, Any]] = []
-
-    def __call__(self, system: Any, duration: float, share: float, **given: Any) -> Run:
-        k = len(self.asked)
-        self.asked.append({"share": share, **given})
-        answer = self.answers[k] if k < len(self.answers) else march.DONE
-        t = np.linspace(0, duration, 201)
-        force = 5.0 * np.sin(np.pi * t / duration) * (1 + self.error * share)
-        return Run(
-            time=t, force=force[:, None], depth=force[:, None], states=None,
-            events=np.zeros((0, 4)), answer=answer, steps=100, attempts=self.attempts,
-            touches=1, highest=1.0,
-        )  # fmt: skip
-
-
-def refined(monkeypatch: pytest.MonkeyPatch, runs: Runs, tol: float, **more: Any) -> Any:
-    monkeypatch.setattr(convergence, "run", runs)
-    r = more.get("r", 0.0)
-    system: Any = SimpleNamespace(beta=np.ones((1, 1)), R=np.full((1, 1), r))
-    law = more.get("law", ao.Linear(1.0))
-    return converge(system, [law], 1e-4, 1.0, tol, 7, more.get("most", 10**6))
-
-
-@pytest.mark.parametrize("error", [0.01, 0.5, 2.0, 5.0])
-def test_runs_are_refined_until_two_agree(monkeypatch: pytest.MonkeyPatch, error: float) -> None:
-    tol = 1e-2
-    runs = Runs(error)
-    found = refined(monkeypatch, runs, tol)
-    share, finer, expected = tol / 2, SECOND, []
-    for _ in range(8):
-        expected.append(share)
-        if len(expected) > 1:
-            one, other = (1 + error * each for each in expected[-2:])
-            known = max(left(finer, False) * abs(one / other - 1), FLOOR * share)
-            if known <= tol:
-                break
-            finer = MORE if known <= NEAR * tol else MOST
-        share /= finer
-    assert [each["share"] for each in runs.asked] == pytest.approx(expected)
-    assert found.force == pytest.approx(known, rel=1e-6)
-    assert found.share == expected[-1]
-    assert found.certain == 1.0
-    assert runs.asked[0]["scale"] == 0.0
-    assert runs.asked[1]["scale"] == pytest.approx(5.0 * (1 + error * tol / 2))
-    assert all(each["fine"] == 1e-4 / convergence.FINE for each in runs.asked)
-    assert all(each["max_contacts"] == 7 for each in runs.asked)
-
-
-def test_rates_on_what_has_no_mass_are_refined_faster(monkeypatch: pytest.MonkeyPatch) -> None:
-    runs = Runs(0.3)
-    law = ao.HuntCrossley(1e9, 0.5)
-    found = refined(monkeypatch, runs, 1e-2, law=law, r=1e-9)
-    assert runs.asked[0]["share"] / runs.asked[1]["share"] == MOST
-    off = 0.3 * (runs.asked[0]["share"] - runs.asked[1]["share"])
-    assert found.force == pytest.approx(left(MOST, rated=True) * off, rel=0.01)
-    plain = Runs(0.3)
-    refined(monkeypatch, plain, 1e-2, law=law)
-    assert plain.asked[0]["share"] / plain.asked[1]["share"] == SECOND
-
-
-def test_runs_that_stop_are_not_compared(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Unstable ones are repeated with a finer share, three times at most; limits end all."""
-    runs = Runs(0.1, (march.GREW, march.STUCK))
-    assert refined(monkeypatch, runs, 1e-2).worst <= 1e-2
-    shares = np.array([each["share"] for each in runs.asked])
-    np.testing.assert_allclose(shares[:-2] / shares[1:-1], [MOST, MOST])
-    assert len(shares) == 4
-    runs = Runs(0.1, (march.GREW,) * 9)
-    assert refined(monkeypatch, runs, 1e-2).worst == np.inf
-    assert len(runs.asked) == convergence.PATIENCE
-    for answer in (march.TOO_MANY_CONTACTS, march.TOO_MANY_STEPS):
-        runs = Runs(0.1, (answer,))
-        found = refined(monkeypatch, runs, 1e-2)
-        assert (len(runs.asked), found.worst, found.certain) == (1, np.inf, 0.0)
-
-
-def test_a_finer_run_has_room_for_so_many_steps(monkeypatch: pytest.MonkeyPatch) -> None:
-    runs = Runs(5.0, attempts=2000)
-    refined(monkeypatch, runs, 1e-3, most=10**6)
-    rooms = [each["max_steps"] for each in runs.asked]
-    assert rooms[:3] == [10**6, 100_000, 100_000]
-    runs = Runs(5.0, attempts=10)
-    refined(monkeypatch, runs, 1e-3, most=60_000)
-    assert [each["max_steps"] for each in runs.asked][:2] == [60_000, convergence.CHEAP]
-    runs = Runs(5.0, attempts=30)
-    found = refined(monkeypatch, runs, 1e-3, most=89)
-    assert (len(runs.asked), found.worst) == (1, np.inf)
-    runs = Runs(5.0, attempts=30)
-    refined(monkeypatch, runs, 1e-3, most=90)
-    assert [each["max_steps"] for each in runs.asked] == [90, 60]

@@ -9,11 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from antiosc import checks, files
 from antiosc._types import Array, IntArray
 from antiosc.charts.figures import finished
 from antiosc.charts.surfaces import colour_scale, draw_faces, draw_lines, frame, space
-from antiosc.charts.turning import picture
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -66,37 +64,11 @@ def draw_deformed(
     view: Array | None = None,
     whole_scale: bool = False,
 ) -> Figure | Path:
-    """A figure of a deformed surface, or its file; options as of `deformed_figure`.
-
-    A PNG file is drawn by PyVista where it is installed.
-    """
-    if path is not None and checks.path("path", path).suffix.lower() == ".png":
-        content = _by_pyvista(found, arrow, view, whole_scale)
-        if content is not None:
-            with files.complete(path, "the picture") as part:
-                part.write_bytes(content)
-            return checks.path("path", path)
+    """A figure of a deformed surface, or its file; options as of `deformed_figure`."""
     figure = deformed_figure(
         found, arrow=arrow, view=view, whole_scale=whole_scale, shown=path is None
     )
     return finished(figure, path)
-
-
-def _by_pyvista(
-    found: Deformed, arrow: tuple[Array, Array] | None, view: Array | None, whole_scale: bool
-) -> bytes | None:
-    """The picture as PNG; None of lines, and where PyVista does not draw."""
-    if found.faces.shape[1] < 3:
-        return None
-    return picture(
-        found.moved,
-        found.faces,
-        found.values,
-        found.label,
-        None if arrow is None else found.arrow(*arrow),
-        view=(24.0, -52.0) if view is None else (float(view[0]), float(view[1])),
-        scale=(0.0, found.largest) if whole_scale and found.largest else None,
-    )
 
 
 def deformed_figure(

@@ -5,7 +5,8 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from pathlib import Path
+from typing import IO, Any
 
 import ffcx
 
@@ -27,7 +28,7 @@ def compiler() -> Iterator[None]:
     InputError if the system refuses to write the compiled files.
     """
     try:
-        with _lock, restored(), quiet(*NOISY), _derivatives_in_the_cell(), checked_folder():
+        with _lock, restored(), quiet(*NOISY), _mended(), checked_folder():
             yield
     except OSError as error:
         raise InputError(
@@ -38,14 +39,17 @@ def compiler() -> Iterator[None]:
 
 
 @contextmanager
-def _derivatives_in_the_cell() -> Iterator[None]:
-    """Number derivatives by the directions of the cell, as Basix does; FFCx 0.5 uses x, y, z.
+def _mended() -> Iterator[None]:
+    """FFCx 0.5 without two faults; newer ones do not have them.
 
-    On a shell in space the numbers of the first derivatives agree; those of higher ones do not.
+    It numbers derivatives by x, y, z, where Basix takes the directions of the cell: on a shell in
+    space those of second and higher order differ. And it never closes the empty C file by which it
+    claims a compilation, so that Python warns of it.
     """
     if FFCX >= (0, 6):
         yield
         return
+    import ffcx.codegeneration.jit as jit
     import ffcx.ir.elementtables as tables
 
     values = tables.get_ffcx_table_values
@@ -55,8 +59,15 @@ def _derivatives_in_the_cell() -> Iterator[None]:
         counts = counts[: cell.topological_dimension()]
         return values(points, cell, *head, counts, component)
 
-    tables.get_ffcx_table_values = in_the_cell
+    def claimed(path: Path, mode: str) -> IO[Any]:
+        file = open(path, mode)  # noqa: SIM115
+        if path.suffix == ".c":
+            file.close()
+        return file
+
+    tables.get_ffcx_table_values, jit.open = in_the_cell, claimed
     try:
         yield
     finally:
         tables.get_ffcx_table_values = values
+        del jit.open

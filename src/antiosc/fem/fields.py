@@ -104,7 +104,7 @@ def save_fields(
     """Write the displacements of all nodes at many times to one compact file.
 
     It holds the shapes once and their factors at each time; `SavedFields.load(path)` reads it with
-    NumPy alone, and `show()` puts it under a slider in a notebook.
+    NumPy alone.
 
     Parameters
     ----------

@@ -14,7 +14,6 @@ from antiosc._types import Array, BoolArray, IntArray
 from antiosc.charts.deformed import Deformed, draw_deformed
 from antiosc.charts.figures import finished
 from antiosc.charts.surfaces import colour_scale, draw_faces, frame, space
-from antiosc.charts.turning import turning_page
 from antiosc.errors import InputError
 from antiosc.simulation.history import History
 from antiosc.simulation.scene_history import SceneHistory
@@ -136,25 +135,6 @@ def plot_deformed(
     arrow = _arrow(point, direction)
     found = deformed(structure, history, time, body)
     return draw_deformed(found, path, arrow=arrow, view=seen_from)
-
-
-def turning_deformed(
-    structure: Structure,
-    history: History | SceneHistory,
-    time: float | None = None,
-    *,
-    body: str = "structure",
-    point: Sequence[float] | None = None,
-    direction: Sequence[float] | None = None,
-) -> str:
-    """A page in HTML with the deformed part, which is turned by hand; needs PyVista with trame.
-
-    Arguments as of `plot_deformed`, errors too, and those of `antiosc.charts.turning`.
-    """
-    arrow = _arrow(point, direction)
-    found = deformed(structure, history, time, body)
-    way = None if arrow is None else found.arrow(*arrow)
-    return turning_page(found.moved, found.faces, found.values, found.label, way)
 
 
 def deformed(

@@ -8,7 +8,6 @@ import sys
 import traceback
 from pathlib import Path
 
-from antiosc import info
 from antiosc.errors import AntioscError, InputError
 from antiosc.progress import say
 from antiosc.scene_file import (
@@ -76,11 +75,6 @@ def map(options: argparse.Namespace) -> int:
 
 def _study(options: argparse.Namespace, scene: Compiled, command: str) -> int:
     """Print, forecast or compute what a command does."""
-    program = scene.program(command)
-    if options.python:
-        heading = f"antiosc {command} {scene.document.path}, as a program; antiosc {info.version()}"
-        say(program.text(heading).rstrip())
-        return 0
     if options.dry_run:
         from antiosc.scene_file.forecast import text
 
@@ -88,7 +82,7 @@ def _study(options: argparse.Namespace, scene: Compiled, command: str) -> int:
         return 0
     page = None if options.report is None else report.checked(options.report)
     folder = _folder(options, scene)
-    found = runs.results(scene, program.statements)
+    found = runs.results(scene, scene.statements(command))
     say(tables.text(found))
     written = [] if folder is None else output.write(found, folder)
     if page is not None:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import base64
 import datetime
-import hashlib
 import platform
 import re
 from collections.abc import Iterable, Sequence
@@ -25,8 +23,6 @@ from antiosc.simulation.error_bars import CAUSES, QUANTITIES
 from antiosc.simulation.results import covers
 from antiosc.simulation.scene_history import SceneHistory
 
-#: What stands in a script of a page.
-SCRIPT = r"<script\b[^>]*>(.*?)</script>"
 STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem;
   color: #1a1a1a; background: #fff }
@@ -37,11 +33,10 @@ th, td { text-align: left; padding: 0.2rem 1rem 0.2rem 0; border-bottom: 1px sol
 td.number { text-align: right; font-variant-numeric: tabular-nums }
 pre { background: #f5f5f5; padding: 1rem; overflow-x: auto; font-size: 13px }
 figure { margin: 2rem 0 } img { max-width: 100% }
-iframe { width: 100%; height: 32rem; border: 1px solid #e4e4e4 }
 figcaption, .from { color: #555; font-size: 14px }
 .warning { border-left: 4px solid #c60; padding-left: 1rem }
 """
-#: Nothing of the page may be fetched, and nothing in it is executed but `_scripts`.
+#: Nothing of the page may be fetched, and nothing in it is executed.
 POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
 
 
@@ -93,7 +88,7 @@ def page_of(
     """A page with a title, elements in HTML, pictures, and further elements."""
     head = (
         '<meta charset="utf-8">\n'
-        f'<meta http-equiv="Content-Security-Policy" content="{POLICY}{_scripts(drawn)}">\n'
+        f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">\n'
         '<meta name="viewport" content="width=device-width">\n'
         f"<title>{escape(title)}</title>\n<style>{STYLE}</style>"
     )
@@ -204,24 +199,11 @@ def _anti_oscillators(model: Any) -> str:
 # -- HTML
 
 
-def _scripts(drawn: Sequence[Picture]) -> str:
-    """What the policy adds for views that are turned by hand: their scripts, each by its hash."""
-    bodies = [body for one in drawn for body in re.findall(SCRIPT, one.page, re.DOTALL)]
-    digests = (hashlib.sha256(body.encode()).digest() for body in bodies)
-    hashes = [f"'sha256-{base64.b64encode(digest).decode()}'" for digest in digests]
-    return f"; script-src {' '.join(hashes)}" if hashes else ""
-
-
 def _figure(picture: Picture) -> str:
     caption = escape(f"{picture.caption} {_program()}.")
     image = ""
     if picture.data:
         image = f'<img alt="{escape(picture.heading)}" src="{picture.data}">'
-    if picture.page:
-        image = (
-            f'<iframe sandbox="allow-scripts" title="{escape(picture.heading)}"'
-            f' srcdoc="{escape(picture.page)}"></iframe>'
-        )
     heading = escape(picture.heading)
     return f"<figure><h3>{heading}</h3>{image}<figcaption>{caption}</figcaption></figure>"
 

@@ -13,12 +13,11 @@ from typing import Any
 import numpy as np
 
 from antiosc import progress
-from antiosc.charts import turning
 from antiosc.charts.figures import legend_beside, new_figure, save_figure
 from antiosc.charts.histories import plot_force, plot_motion
 from antiosc.charts.models import plot_model
 from antiosc.errors import AntioscError
-from antiosc.plotting.parts import plot_deformed, plot_map, turning_deformed
+from antiosc.plotting.parts import plot_deformed, plot_map
 from antiosc.scene_file import result_tables
 from antiosc.scene_file.output import ends
 from antiosc.scene_file.run import Results
@@ -32,7 +31,6 @@ DEFORMED = (
     "The structure at the time of the largest displacement of its site, or of the largest force;"
     " displacements are drawn larger by the factor stated."
 )
-BY_HAND = "Drag it to turn it, with shift to move it; the wheel enlarges it (vtk.js by PyVista)."
 #: How a part in space is shown: name -> (elevation, azimuth) in degrees; None: the usual view.
 VIEWS = {"": None, ", from behind": (24.0, 128.0), ", from above": (75.0, -52.0)}
 
@@ -45,13 +43,11 @@ class Picture:
     ----------
     heading, caption : what it shows, with units.
     data : a data URL; empty where it could not be drawn, and the caption says why.
-    page : in place of it a page in HTML that is turned by hand; empty: none.
     """
 
     heading: str
     caption: str
     data: str
-    page: str = ""
 
 
 def pictures(found: Results) -> Iterator[Picture]:
@@ -120,35 +116,16 @@ def _of_history(found: Results) -> Iterator[Picture]:
 
 
 def _of_structure(found: Results) -> Iterator[Picture]:
-    """The deformed structure: a view that is turned by hand, or pictures from several sides."""
+    """The deformed structure, from several sides where the site is known."""
     point, direction = _struck(found)
-    arrow = {"point": point, "direction": direction}
-    turned = _turned(found, arrow)
-    for name, view in (VIEWS if point is not None and not turned.page else {"": None}).items():
+    for name, view in (VIEWS if point is not None else {"": None}).items():
+        options = {"point": point, "direction": direction, "view": view}
         picture = _drawn(
-            f"Deformed structure{name}",
-            f"{DEFORMED} {turned.caption}" if not (name or turned.page) else DEFORMED,
-            partial(_deformed, found, view=view, **arrow),
-            ".png",
+            f"Deformed structure{name}", DEFORMED, partial(_deformed, found, **options), ".png"
         )
         yield picture
         if not picture.data:  # it cannot be drawn from another side either
             return
-    if turned.page:
-        yield turned
-
-
-def _turned(found: Results, arrow: dict[str, Any]) -> Picture:
-    """The view that is turned by hand; without a page where it cannot be made, and why."""
-    heading = "Deformed structure, turned by hand"
-    if not turning.available():
-        return Picture(heading, f"To turn it by hand, {turning.REMEDY}.", "")
-    with progress.doing(f"drawing: {heading}"):
-        try:
-            page = turning_deformed(found.structure, found.history, **arrow)
-        except AntioscError as error:
-            return Picture(heading, f"It cannot be turned by hand here: {error}", "")
-    return Picture(heading, f"{DEFORMED} {BY_HAND}", "", page)
 
 
 def _deformed(found: Results, path: Path, **options: Any) -> None:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from antiosc.scene_file import impact, struck, studies
-from antiosc.scene_file.program import Call, Name, Program, Statement
+from antiosc.scene_file.program import Call, Name, Statement
 from antiosc.scene_file.read import Document
 from antiosc.scene_file.sections import SECTIONS
 from antiosc.scene_file.tables import Tables
@@ -63,15 +63,12 @@ class Compiled:
         there = {"run": self.simulation, "sweep": self.sweep, "map": self.map}
         return [f"antiosc {name}" for name, statements in there.items() if statements]
 
-    def program(self, command: str = "run") -> Program:
+    def statements(self, command: str = "run") -> list[Statement]:
         """What `antiosc run`, `sweep` or `map` computes."""
-        told = ["structure.describe()"] if self.structure else []
         if command == "map" and self.map is not None:
-            found = "{k: (v.min(), v.max()) for k, v in found.quantities().items()}"
-            return Program([*self.structure, *self.strike, self.map], [*told, found])
+            return [*self.structure, *self.strike, self.map]
         if command == "sweep":
-            printed = [*told, "batch.peak_force, batch.contact_time, batch.restitution"]
-            return Program([*self.structure, *self.model, *self.sweep], printed)
+            return [*self.structure, *self.model, *self.sweep]
         statements = [*self.structure, *self.model, *self.strike]
         if self.simulation is not None:
             statements.append(self.simulation)
@@ -79,11 +76,9 @@ class Compiled:
                 statements.append(Statement("model", Name("history.model")))
                 if not any(each.variable == "structure" for each in self.structure):
                     statements.append(Statement("structure", Name("history.structure")))
-                    told = ["structure.describe()"]
-            told.append("history.summary()")
         if self.probes:
             statements.append(Statement("probes", dict(self.probes)))
-        return Program(statements, told)
+        return statements
 
 
 def compiled(document: Document) -> Compiled:

@@ -21,7 +21,6 @@ HEAD = """\
 #   antiosc check {name}              looks for mistakes, without meshing
 #   antiosc run {name} --dry-run      tells what a run will cost
 #   antiosc run {name} --report report.html
-#   antiosc run {name} --python       prints the same scene as a Python program
 
 title = "A first scene"
 """

@@ -48,25 +48,6 @@ def test_wrong_ends_and_names_are_refused(name):
     assert make().label(2) == f"joint 2 ({name})"
 
 
-@pytest.mark.parametrize("name", [name for name in JOINTS if name not in ("Tie", "Equation")])
-def test_ends_are_stored_as_tuples(name):
-    made = JOINTS[name]()
-    first, second = (made.group, made.point) if name in ("Rigid", "Mean") else (made.a, made.b)
-    assert (first, second) == (A, ("b", (1.0, 2.0, 3.0)))
-    if name in ("Weld", "Ball", "Hinge", "Slider", "Bushing"):
-        assert list(JOINTS[name](point=(1, 2)).point) == [1.0, 2.0]
-        for wrong in ((1,), "here", (1, 2, float("nan"))):
-            with pytest.raises(InputError, match="point"):
-                JOINTS[name](point=wrong)
-    if name in ("Hinge", "Slider"):
-        assert JOINTS[name](axis=[0, 2, 0]).axis == (0.0, 2.0, 0.0)
-        with pytest.raises(InputError, match="axis"):
-            JOINTS[name](axis=(0, 1))
-    if name not in ("Rigid", "Mean"):
-        with pytest.raises(InputError, match="to itself"):
-            JOINTS[name](A, A)
-
-
 def test_wrong_values_are_refused():
     for gap in (0.0, -1e-3, "small"):
         with pytest.raises(InputError, match="gap"):

@@ -174,17 +174,3 @@ def test_thin_cells_of_thin_parts(cell, axis):
         assert not thin(13, 8.1, (11, 7))
     found = {tuple(int(k) for k in e) for e in basix.topology(getattr(basix.CellType, cell))[1]}
     assert found == set(solid.SOLID_EDGES[cell])
-
-
-def test_orders_that_no_family_has():
-    for order in (0, 3, "2"):
-        with pytest.raises(ao.InputError, match="order must be"):
-            ao.Structure(box((1, 1, 1)), ao.Solid(**STEEL), order=order)
-    with pytest.raises(ao.InputError, match="need order=2"):
-        ao.Structure(plate((1, 1)), ao.Shell(**STEEL, thickness=0.01), order=1)
-    for given in ("mesh", None):
-        with pytest.raises(ao.InputError, match="mesh must come from read_mesh"):
-            ao.Structure(given, ao.Solid(**STEEL))
-    for wrong in ({"dolfinx": None}, {"groups": 3}, {"name": 3}):
-        with pytest.raises(ao.InputError, match=next(iter(wrong))):
-            ao.Mesh(**{"dolfinx": plate((1, 1)).dolfinx, **wrong})

@@ -8,10 +8,6 @@ import pytest
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.closed_form.family_limits import strip, thickness_shear
-from antiosc.fem.error.beam_model import beam_facts
-from antiosc.fem.site.site import Functional
-from antiosc.fem.structure.structure import on_mesh
 from antiosc.simulation import model_errors
 from antiosc.simulation.error_bars import QUANTITIES
 from parts import frame, line, named
@@ -132,58 +128,3 @@ def test_strike_says_that_solids_are_needed():
     assert hit.error_budget.numerical <= 0.005 < hit.error_budget.worst
     assert "share of the model" in hit.message
     assert ao.strike(line(0.3, 4), site, *IMPACT, tol=0.1, **options).status == 0
-
-
-def test_the_limits_of_what_was_measured():
-    """A figure just within each of them, a reason just outside."""
-    A, I = 2e-4, 2e-4 * 0.01**2 / 12  # noqa: E741
-
-    def facts(section=BAR, length=0.3, x=0.5, direction=(0, -1), bend=0.0, **options):  # type: ignore[no-untyped-def]
-        mesh = frame([(0, 0), (length / 2, bend * length), (length, 0)], [(0, 1), (1, 2)], 2)
-        part = on_mesh(ao.Structure(mesh, ao.Beam(**{**STEEL, **options}, section=section)))
-        direction = np.array([*direction, 0.0]) / np.linalg.norm(direction)
-        x = np.array([x * length, 0.0, 0.0])
-        return beam_facts(part, Functional(np.zeros(0), point=x, direction=direction))
-
-    def sides(width, height):  # type: ignore[no-untyped-def]
-        return ao.Section.rectangle(width=width, height=height)
-
-    within = [
-        {},
-        {"section": ao.Section(A, I, A**4 / 144 / I * 1.04)},
-        {"section": ao.Section(A, I, A**4 / 144 / I * 0.96)},
-        {"length": 0.101},
-        {"x": 0.04 / 0.3 * 1.01},
-        {"x": 1 - 0.04 / 0.3 * 1.01},
-        {"section": sides(0.0249, 0.01)},
-        {"section": sides(0.01, 0.0249)},
-        {"nu": 0.201},
-        {"nu": 0.399},
-        {"direction": (0.0199, -1)},
-        {"bend": 1e-8},
-    ]
-    outside = [
-        {"section": ao.Section(A, I, A**4 / 144 / I * 1.06)},
-        {"section": ao.Section(A, I, A**4 / 144 / I * 0.94)},
-        {"length": 0.099},
-        {"x": 0.04 / 0.3 * 0.99},
-        {"x": 1 - 0.04 / 0.3 * 0.99},
-        {"section": sides(0.0251, 0.01)},
-        {"section": sides(0.01, 0.0251)},
-        {"nu": 0.199},
-        {"nu": 0.401},
-        {"direction": (0.0202, -1)},
-        {"bend": 1e-5},
-    ]
-    for options in within:
-        assert isinstance(facts(**options), dict), options
-    for options in outside:
-        assert isinstance(facts(**options), str), options
-    found = facts()
-    assert found["compliance"] == pytest.approx(1 / (210e9 * np.sqrt(A)))
-    across = strip(0.02, 0.01, *STEEL.values())
-    assert found["omega"] == pytest.approx(2 * np.pi * across)
-    tall = facts(section=sides(0.01, 0.02))
-    low = min(strip(0.01, 0.02, *STEEL.values()), thickness_shear(0.02, *STEEL.values()))
-    assert tall["omega"] == pytest.approx(2 * np.pi * low)
-    assert (found["clamps"], tall["clamps"]) == (0.0, 0.0)

@@ -12,9 +12,9 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 from antiosc.fem import compat
-from antiosc.fem.error.bisection import DIVIDED, divided, gathered, refined
+from antiosc.fem.error.bisection import DIVIDED, gathered, refined
 from antiosc.fem.error.cell_sizes import edge_lengths, growth
-from antiosc.fem.error.lines import inside, polygon
+from antiosc.fem.error.lines import inside
 from antiosc.fem.error.remeshing import (
     LINES,
     graded_sizes,
@@ -25,7 +25,7 @@ from antiosc.fem.error.remeshing import (
     wished_sizes,
 )
 from antiosc.fem.readers.request import GRADING
-from parts import box, frame, gmsh_cube, line, plate
+from parts import box, gmsh_cube, plate
 from sheets import rectangle
 
 pytestmark = pytest.mark.fem
@@ -91,16 +91,6 @@ def test_measures_and_sizes_of_simplices(cell):
     assert growth(mesh.comm, ratio, dim) == pytest.approx(np.mean(ratio**-dim), rel=1e-12)
 
 
-@pytest.mark.parametrize("cell", ["quadrilateral", "hexahedron"])
-def test_other_cells_are_used_as_they_are(cell):
-    size = (0.3, 0.2, 0.1)[: 2 + (cell == "hexahedron")]
-    mesh = box((3, 2, 2)[: len(size)], size, cell)
-    source = source_of(mesh)
-    assert f"{cell} cells are not divided" in source.fixed
-    assert source.thickness() == pytest.approx(min(size))
-    assert source.first(1e-3, [((0.1, 0.1, 0.0)[: len(size)], 1e-3)]) is mesh
-
-
 def test_cells_around_points_have_the_sizes_of_the_points():
     """Of the first mesh: below 1/0.75 of the size asked at the distance of their middle."""
     mesh = plate((4, 3), (0.4, 0.3), "triangle")
@@ -134,35 +124,6 @@ def test_cells_around_points_have_the_sizes_of_the_points():
     )
 
 
-@pytest.mark.parametrize("cell", ["triangle", "tetrahedron"])
-def test_children_have_the_wishes_of_their_parents(cell):
-    """Wish times size is the parent's; cells without one are whole, groups keep their entities."""
-    mesh = sheared(cell)
-    whole = gathered(mesh, np.where(np.arange(mesh.n_cells) % 3, 1.0, 0.4))
-    halves = divided(whole, cell)
-
-    def sizes(pieces) -> np.ndarray:
-        x, pairs = pieces.points[pieces.cells], list(combinations(range(mesh.tdim + 1), 2))
-        return np.mean([np.linalg.norm(x[:, a] - x[:, b], axis=1) for a, b in pairs], axis=0)
-
-    x, y = (one.points[one.cells] for one in (whole, halves))
-    middle = y.mean(axis=1)
-    square = np.swapaxes(x[:, 1:] - x[:, :1], 1, 2)
-    local = np.linalg.solve(square, np.swapaxes(middle - x[:, :1], 1, 2))
-    inside = (local.min(axis=1) > -1e-9) & (local.sum(axis=1) < 1 + 1e-9)
-    assert (inside.sum(axis=0) == 1).all()
-    parent = inside.argmax(axis=0)
-    wished = whole.values * sizes(whole)
-    assert halves.values * sizes(halves) == pytest.approx(wished[parent], rel=1e-9)
-    for k, value in enumerate(whole.values):
-        assert (parent == k).sum() > 1 or value == 1.0
-    for name in mesh.groups:
-        (rows,) = halves.groups[name].values()
-        assert len(np.unique(np.sort(rows, axis=1), axis=0)) == len(rows)
-        old = whole.points[np.unique(*whole.groups[name].values())]
-        assert np.ptp(halves.points[np.unique(rows)], axis=0) == pytest.approx(np.ptp(old, axis=0))
-
-
 def test_divided_triangles_in_space_keep_their_sides():
     mesh = rectangle(3, 1.0, 1.0)
     x = mesh.dolfinx.geometry.x
@@ -180,27 +141,6 @@ def test_divided_triangles_in_space_keep_their_sides():
         if one is mesh:
             before = dict((where, sign) for sign, where in signs)
         assert all(before[where] == sign for sign, where in signs)
-
-
-def test_lines_are_halved_until_they_are_short():
-    """Eight on the diagonal, a node at the site, then as many halvings as the ratio asks for."""
-    mesh = line(1.0, 3)
-    source = source_of(mesh)
-    assert (source.thickness(), source.fixed) == (0.0, "")
-    assert source.extent() == pytest.approx(1.0)
-    assert largest(mesh) == pytest.approx(1 / 3)
-    first = source.first(0.5, [((0.4, 0.0), 0.01)])
-    assert largest(first) <= 1 / LINES < 2 * largest(first)
-    x = np.sort(first.dolfinx.geometry.x[:, 0])
-    assert np.abs(x - 0.4).min() < 1e-12
-    assert not inside(first, np.array([0.4, 0.0, 0.0]))
-    assert inside(mesh, np.array([0.4, 0.0, 0.0]))
-    assert not inside(mesh, np.array([1 / 3 + 2e-4, 0.0, 0.0]))
-    for ratio, times in ((1.0, 1), (0.5, 1), (0.3, 2), (0.26, 2), (0.12, 3)):
-        own = np.ones(first.n_cells)
-        own[1] = ratio
-        assert source.finer(first, own).n_cells == 2**times * first.n_cells
-    assert source_of(mesh).first(0.5, []).n_cells == 12
 
 
 GEOMETRY = """
@@ -251,20 +191,3 @@ def test_a_mesh_file_is_a_source(cell, divided, tmp_path):
     assert (source.fixed == "") == divided
     assert source.extent() == pytest.approx(np.sqrt(2))
     assert source.thickness() == pytest.approx(2 / 4 if divided else 1.0)
-
-
-def test_corners_of_lines_that_may_stand_for_a_curve():
-    """Sides of a regular polygon are one, corners of frames and straight lines are not."""
-
-    def path(angle: float) -> ao.Mesh:
-        turn = np.radians(angle) * np.arange(4)
-        steps = np.column_stack([np.cos(turn), np.sin(turn)])
-        x = np.vstack([np.zeros(2), np.cumsum(steps, axis=0)])
-        return frame(x, [(k, k + 1) for k in range(4)], 1)
-
-    for angle in (0.21, 5.0, 22.9):
-        assert f"angles of up to {angle:.2g}°" in polygon(path(angle))
-    for angle in (0.0, 0.19, 23.1, 90.0):
-        assert polygon(path(angle)) == ""
-    star = frame([(0, 0), (1, 0), (-1, 0.1), (0, 1)], [(0, 1), (0, 2), (0, 3)], 1)
-    assert polygon(star) == ""  # three at a node are a joint

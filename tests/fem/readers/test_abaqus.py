@@ -194,23 +194,6 @@ def test_instances_are_moved_and_turned():
     assert nodes_of(mesh, "Tip") == nodes_of(mesh, "Bar-2.end")
 
 
-@pytest.mark.parametrize(
-    ("lines", "corner"),
-    [
-        ("3.,,\n", (3, 0, 0)), ("3.\n", (3, 0, 0)), (",2.\n", (0, 2, 0)), ("", (0, 0, 0)),
-        # a quarter turn about the line through (2, 0, 0) along z, after the shift
-        ("3.,0.,1.\n2.,,,2.,,1.,90.\n", (2, 1, 1)),
-    ],
-)  # fmt: skip
-def test_blank_shifts_of_instances_are_zero(tmp_path, lines, corner):
-    text = (DECKS / "instances.inp").read_text()
-    start, end = text.index(" 3., 0., 0."), text.index("*End Instance\n*Nset, nset=Tip")
-    path = tmp_path / "part.inp"
-    path.write_text(text[:start] + lines + text[end:])
-    deck = abaqus_assembly.read(path, path.name).deck
-    np.testing.assert_allclose(deck.points[8], corner, atol=1e-12)
-
-
 def test_nodes_that_coincide_are_merged(tmp_path):
     other = CUBE.replace("*NODE", "*NODE\n11,1,0,0\n12,2,0,0\n13,2,1,0\n14,1,1,0").replace(
         "*ELEMENT", "15,1,0,1\n16,2,0,1\n17,2,1,1\n18,1,1,1.0000001\n*ELEMENT"
@@ -223,13 +206,6 @@ def test_nodes_that_coincide_are_merged(tmp_path):
     assert len(mesh.dolfinx.geometry.x) == 12
 
 
-def test_generated_nodes_and_elements():
-    mesh = ao.read_mesh(DECKS / "generated.inp")
-    assert mesh.n_cells == 8
-    assert volume(mesh) == pytest.approx(8.0, rel=1e-13)
-    assert len(mesh.group("SHEET")[2]) == 8
-
-
 def test_quadratic_beams_give_their_middle_node_second():
     mesh = ao.read_mesh(DECKS / "frame.inp")
     assert (mesh.cell, mesh.order, mesh.n_cells) == ("interval", 2, 2)
@@ -237,46 +213,6 @@ def test_quadratic_beams_give_their_middle_node_second():
     ends = deck.points[deck.blocks[0].corners]
     np.testing.assert_allclose(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1), 1.0)
     assert volume(mesh) == pytest.approx(2.0, rel=1e-13)
-
-
-def test_elements_that_are_no_cells_are_counted():
-    with pytest.warns(ao.AntioscWarning, match="4 elements; 1 of them .* out 2 MASS, 1 SPRINGA"):
-        mesh = ao.read_mesh(DECKS / "springs.inp")
-    assert mesh.n_cells == 1
-
-
-BAD = {
-    "no nodes": ("*ELEMENT, TYPE=C3D4\n1,1,2,3,4\n", "node 1, which the deck does not define"),
-    "unknown node": (CUBE.replace("7,8\n", "7,99\n"), "line 11 .* node 99"),
-    "cut": (CUBE[:-6], "element 1 of type C3D8 has 5 nodes; it must have 8"),
-    "word": (CUBE.replace("1,2,3", "1,two,3"), "line 11 of .*'two' is not an integer"),
-    "not a number": (CUBE.replace("1,0,0,0", "1,0,nan,0"), "line 2 .*'nan' is not a number"),
-    "too large": (CUBE.replace("5,6,7,8", "5,6,7,9" + "0" * 30), "is too large"),
-    "other keyword": ("no deck at all\n", "not an Abaqus deck"),
-    "text": ("", "is empty"),
-    "binary": ("*NODE\n\0\0\0", "zero bytes"),
-    "set": (CUBE + "*NSET\n1,2\n", r"line 12 .*\*NSET needs NSET="),
-    "range": (CUBE + "*NSET,NSET=A,GENERATE\n8,1\n", "selects nothing"),
-    "outside": (CUBE + "*INCLUDE,INPUT=../../etc/passwd\n", "outside the folder"),
-    "absolute": (CUBE + "*INCLUDE,INPUT=/etc/passwd\n", "outside the folder"),
-    "itself": (CUBE + "*INCLUDE,INPUT=part.inp\n", "includes itself"),
-    "missing": (CUBE + "*INCLUDE,INPUT=other.inp\n", "no file 'other.inp' beside"),
-    "copies": (CUBE + "*NCOPY,CHANGE NUMBER=10,SHIFT\n1,0,0\n", r"\*NCOPY is not read"),
-    "twice": (CUBE + "1,1,2,3,4,5,6,7,8\n", "defines 1 elements twice, one of them 1"),
-    "flat": (NODES + "*ELEMENT,TYPE=C3D6\n1,1,1,1,2,2,2\n", "so that they have no volume"),
-    "huge row": (CUBE + "*ELGEN\n1,2000000000,1,1,2000000000\n", r"ELGEN would make 4e|would make"),
-    "no cells": (NODES + "*ELEMENT,TYPE=D\n1,1,2,3\n", "no elements that are cells .*1 D"),
-}
-
-
-@pytest.mark.parametrize("case", BAD)
-def test_bad_decks_are_refused_in_one_sentence(tmp_path, case):
-    text, message = BAD[case]
-    path = write(tmp_path / "part.inp", text)
-    with pytest.raises(ao.MeshError, match=message) as caught:
-        ao.read_mesh(path)
-    assert "\n" not in str(caught.value)
-    assert len(str(caught.value)) < 450
 
 
 def test_an_include_through_a_link_out_of_the_folder_is_refused(tmp_path):

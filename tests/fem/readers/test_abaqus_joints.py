@@ -7,12 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from antiosc.fem.readers import shapes
 from antiosc.fem.readers.decks import abaqus_assembly, ties
 from antiosc.fem.readers.decks.abaqus_joints import read_joints
-from antiosc.fem.readers.decks.abaqus_surfaces import SOLID_FACES, _faces
 from antiosc.fem.readers.decks.constraints import Constraints
-from antiosc.fem.readers.decks.deck import Block, Deck, Place
+from antiosc.fem.readers.decks.deck import Deck, Place
 
 RNG = np.random.default_rng(17)
 ANY = RNG.normal(size=(6, 3))
@@ -157,17 +155,3 @@ def test_shapes_of_faces_are_one_at_their_node_and_have_their_slopes(count):
     for k, step in enumerate(h * np.eye(2)):
         rise = ties._shapes(count, xi + step)[0] - ties._shapes(count, xi - step)[0]
         np.testing.assert_allclose(slopes[:, k], rise / (2 * h), atol=1e-9)
-
-
-@pytest.mark.parametrize("shape", ["tetra", "hexahedron", "wedge"])
-def test_middle_nodes_of_a_face_follow_its_corners(tmp_path, shape):
-    """The k-th lies between the k-th corner and the next one."""
-    edges = shapes.EDGES[shape]
-    n = shapes.CORNERS[shape]
-    corners, mids = np.arange(n)[None], n + np.arange(len(edges))[None]
-    ends = {n + k: frozenset(edge) for k, edge in enumerate(edges)}
-    block = Block(shape, shape, corners, mids, np.zeros((1, 0), dtype=np.int64))
-    for side in range(1, len(SOLID_FACES[shape]) + 1):
-        ((face, between),) = _faces([block], np.arange(1), f"S{side}", Place(tmp_path, 1))
-        wanted = [frozenset(pair) for pair in zip(face, np.roll(face, -1), strict=True)]
-        assert [ends[k] for k in between.tolist()] == wanted

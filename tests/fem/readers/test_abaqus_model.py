@@ -215,14 +215,6 @@ def test_what_is_wrong_is_told_with_its_line(read, cards):
         read(cards)
 
 
-def test_elements_without_values_are_told_by_their_numbers(read):
-    with pytest.raises(MeshError, match=r"has 1 MASS elements, but .* to 0 of them"):
-        read("*ELEMENT,TYPE=MASS,ELSET=P\n8,2\n")
-    with pytest.raises(MeshError, match=r"has 2 SPRINGA elements, but .* give values to 1 of them"):
-        read("*ELEMENT,TYPE=SPRINGA,ELSET=S\n8,2,3\n*ELEMENT,TYPE=SPRINGA,ELSET=T\n9,2,4\n"
-             "*SPRING,ELSET=S\n\n4.\n")  # fmt: skip
-
-
 def test_what_of_a_deck_is_not_taken_is_counted(read):
     step = "*STEP\n*BOUNDARY\n1,1\n*CLOAD\n2,1,3.\n*END STEP\n"
     later = "*STEP\n*BOUNDARY\n2,1,1,.5\n*DLOAD\nALL,GRAV,9.,0,0,1\n*CLOAD\n2,1,3.\n*END STEP\n"

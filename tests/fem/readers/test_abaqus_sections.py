@@ -85,18 +85,6 @@ def test_a_solid_of_nine_constants(tmp_path, kind):
         assert str(caught.value) == message
 
 
-def test_the_first_of_several_densities_and_temperatures(tmp_path):
-    text = CUBE + SOLID + "*MATERIAL,NAME=M\n*ELASTIC,TYPE=isotropic\n2E5,.3,20\n1E5,.2,90\n"
-    text += "*DENSITY\n8.E-9,20\n7.E-9,90\n*CREEP\n1\n*PLASTIC\n2\n"
-    model, _ = read(tmp_path, text)
-    alike(model["families"][0][2], {"E": E, "nu": NU, "rho": RHO})
-    assert model["ignored"] == [
-        f"*ELASTIC of other temperatures ({line(text, '*ELASTIC')})",
-        f"1 *CREEP ({line(text, '*CREEP')})",
-        f"1 *PLASTIC ({line(text, '*PLASTIC')})",
-    ]
-
-
 def test_a_density_for_materials_without_one(tmp_path):
     text = CUBE + SOLID + STEEL.replace("*DENSITY\n8.E-9\n", "*DENSITY\n")
     model, _ = read(tmp_path, text, density=5.0)
@@ -135,19 +123,6 @@ def test_shells_beside_their_nodes(tmp_path, option):
         alike(model["families"], [["All", "Shell", expected, line(text, "*SHELL")]])
         assert deck.told == told
         assert (model["gdim"], model["halve"], model["joined"]) == (3, False, False)
-
-
-@pytest.mark.parametrize("option", ["", ",OFFSET=SPOS"])
-def test_layers_in_order(tmp_path, option):
-    """Thickness, points of integration, material, angle; the section's material is the default."""
-    section = f"*SHELL SECTION,ELSET=ALL,COMPOSITE,MATERIAL=P{option}\n.5,3,,30.\n.25,,P\n"
-    text = SHEET + section + PLY
-    model, _ = read(tmp_path, text)
-    expected = {"layers": [layer(5e-4, 30.0), layer(2.5e-4, 0.0)], "axis": [1.0, 0.0, 0.0],
-                "top": [0.0, 0.0, 1.0]}  # fmt: skip
-    if option:
-        expected["offset"] = -3.75e-4
-    alike(model["families"], [["All", "Laminate", expected, line(text, "*SHELL")]])
 
 
 def test_layers_of_a_closed_shell_have_no_top(tmp_path):
@@ -236,13 +211,3 @@ def test_offsets_of_beams_are_shares_of_their_height_and_width(tmp_path):
     apart = BARS.replace("2,4,3", "2,4,5") + section.format(",OFFSET2=.5")
     with pytest.raises(MeshError, match=rf"^{line(apart, '*BEAM')}: OFFSET2 is read for beams in"):
         read(tmp_path, apart)
-
-
-@pytest.mark.parametrize(
-    ("data", "thickness"), [("", 1e-3), ("\n", 1e-3), (",1\n", 1e-3), ("2.\n", 2e-3)]
-)
-def test_the_thickness_of_plane_sections_is_1_where_it_is_not_given(tmp_path, data, thickness):
-    text = SHEET.replace("S4", "CPS4") + SOLID + data + STEEL
-    model, _ = read(tmp_path, text)
-    expected = {"E": E, "nu": NU, "rho": RHO, "plane": "stress", "thickness": thickness}
-    alike(model["families"], [["All", "Solid", expected, line(text, "*SOLID")]])

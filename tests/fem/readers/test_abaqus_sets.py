@@ -7,6 +7,7 @@ import pytest
 
 from antiosc.errors import MeshError
 from antiosc.fem.readers.decks import abaqus_assembly
+from refusals import refused
 
 
 @pytest.fixture
@@ -179,15 +180,6 @@ def test_sets_of_an_assembly(read):
     assert (second.first_node, second.first_element) == (11, 4)
 
 
-def test_an_instance_is_turned_about_a_line_of_its_own(read):
-    """A third of a turn about (1, 1, 1) through (5, 0, 0): x, y, z become y, z, x."""
-    top = "*INSTANCE,NAME=I,PART=P\n1,2,3\n5,0,0,7,2,2,120\n*END INSTANCE\n"
-    deck = read(PART + top).deck
-    line = np.array([5.0, 0, 0])
-    own = np.array([(1.0 + k % 5, 2.0 + k // 5, 3.0) for k in range(10)]) - line
-    np.testing.assert_allclose(deck.points, own[:, [2, 0, 1]] + line, atol=1e-12)
-
-
 def test_what_an_instance_tells_is_told_once(read):
     """A part whose elements list too many nodes, and with springs, placed twice."""
     more = "*ELEMENT,TYPE=S3\n50,1,3,5,7\n*ELEMENT,TYPE=MASS\n60,1\n*END PART"
@@ -231,84 +223,39 @@ def test_files_include_one_another_fifteen_deep(read):
 
 ASSEMBLED = PART + TOP
 WRONG = {
-    "words\n": "line 1 of part.inp: data before the first keyword: not an Abaqus deck.",
-    "** words\n": "part.inp contains no keyword (*NODE, …): it is not an Abaqus deck.",
-    "*INCLUDE\n": "line 1 of part.inp: *INCLUDE needs INPUT=.",
-    "*NODE\n*INCLUDE,INPUT=\" '' \"\n": (
-        "line 2 of part.inp: an include without the name of a file."
-    ),
-    "*NODE\n*INCLUDE,INPUT=" + 300 * "x" + "\n": (
-        f"line 2 of part.inp: there is no file {80 * 'x'!r} beside part.inp."
-    ),
-    "*NODE,SYSTEM=C\n1,2,3\n": (
-        "line 1 of part.inp: *NODE, SYSTEM=C is not read here; give rectangular coordinates."
-    ),
-    SHEET + "*ELGEN\n10,2,2,10\n": (
-        "part.inp defines 1 elements twice, one of them 20; every element needs a number of its "
-        "own."
-    ),
-    SHEET + "*ELGEN\n10\n": "line 18 of part.inp: 2 numbers are needed at least.",
-    SHEET + "*ELGEN\n10,2,2,1,2,500,7\n": (
-        "line 18 of part.inp: *ELGEN needs the node 501, which the deck does not define."
-    ),
-    SHEET + "*ELGEN\n10,2000,1,1,5000\n": (
-        "line 18 of part.inp: *ELGEN would make 10000000 elements."
-    ),
-    SHEET + "*NFILL\nA,B,2\n": (
-        "line 18 of part.inp: *NFILL needs two sets, a number of lines and a step."
-    ),
-    SHEET + "*NGEN\n1,19,4\n": "line 18 of part.inp: *NGEN from 1 to 19 by 4 does not fit.",
-    SHEET + "*ELEMENT,TYPE=S3\n50,1,3,6\n51,1,3,8\n": (
-        "line 18 of part.inp: element 50 (S3) has the node 6, which the deck does not define (2 "
-        "such elements)."
-    ),
-    SHEET + "*ELEMENT,TYPE=S3\n50,1,3,0\n": (
-        "line 18 of part.inp: element 50 (S3) has the node 0, which the deck does not define (1 "
-        "such elements)."
-    ),
-    SHEET + "*ELEMENT,TYPE=S3\n50,1,3,5\n51,1\n": (
-        "line 19 of part.inp: element 51 of type S3 has 1 nodes; it must have 3: the deck is cut "
-        "off, or of another program."
-    ),
-    SHEET + "*ELEMENT,TYPE=S3\n50,1,3,\n": (
-        "line 18 of part.inp: element 50 of type S3 has 2 nodes; it must have 3: the deck is cut "
-        "off, or of another program."
-    ),
-    SHEET + f"*ELEMENT,TYPE=S3\n{2**63},1,3,5\n": (
-        "line 18 of part.inp: a number of a node or element is too large."
-    ),
-    SHEET + f"*NSET,NSET=A\n1\n*NODE\n{2**63},1\n": (
-        f"line 20 of part.inp: the number {2**63} is too large."
-    ),
-    SHEET + "*NODE\n1,1e61\n": "line 18 of part.inp: the number 1e61 is too large.",
-    SHEET + "*NODE\n1.5,1\n": "line 18 of part.inp: '1.5' is not an integer.",
-    SHEET + "*NSET,NSET=A,GENERATE\n1\n": (
-        "line 18 of part.inp: GENERATE needs a first and a last number."
-    ),
-    SHEET + "*NSET,NSET=A,GENERATE\n1,9,0\n": (
-        "line 18 of part.inp: GENERATE from 1 to 9 by 0 selects nothing."
-    ),
-    ASSEMBLED.replace("PART=p", "PART=q"): (
-        "line 24 of part.inp: the instance 'I-1' is of the part 'q', which the deck does not "
-        "define."
-    ),
-    ASSEMBLED.replace("INSTANCE=I-2\n1", "INSTANCE=I-3\n1"): (
-        "line 36 of part.inp: there is no instance 'I-3'."
-    ),
-    ASSEMBLED.replace("0,0,5,0,0,6,90", "0,0,5,0,0,6"): (
-        "line 28 of part.inp: the rotation of an instance is two points and an angle."
-    ),
-    ASSEMBLED.replace("0,0,5,0,0,6,90", "0,0,5,0,0,5,90"): (
-        "line 28 of part.inp: the two points of a rotation coincide."
-    ),
+    "words\n": (1, "keyword"),
+    "** words\n": (None, "contains"),
+    "*INCLUDE\n": (1, "*INCLUDE"),
+    "*NODE\n*INCLUDE,INPUT=\" '' \"\n": (2, "name of a file"),
+    "*NODE\n*INCLUDE,INPUT=" + 300 * "x" + "\n": (2, "beside"),
+    "*NODE,SYSTEM=C\n1,2,3\n": (1, "rectangular"),
+    SHEET + "*ELGEN\n10,2,2,10\n": (None, "defines"),
+    SHEET + "*ELGEN\n10\n": (18, "numbers"),
+    SHEET + "*ELGEN\n10,2,2,1,2,500,7\n": (18, "*ELGEN"),
+    SHEET + "*ELGEN\n10,2000,1,1,5000\n": (18, "would"),
+    SHEET + "*NFILL\nA,B,2\n": (18, "*NFILL"),
+    SHEET + "*NGEN\n1,19,4\n": (18, "*NGEN"),
+    SHEET + "*ELEMENT,TYPE=S3\n50,1,3,6\n51,1,3,8\n": (18, "such"),
+    SHEET + "*ELEMENT,TYPE=S3\n50,1,3,0\n": (18, "such"),
+    SHEET + "*ELEMENT,TYPE=S3\n50,1,3,5\n51,1\n": (19, "program"),
+    SHEET + "*ELEMENT,TYPE=S3\n50,1,3,\n": (18, "program"),
+    SHEET + f"*ELEMENT,TYPE=S3\n{2**63},1,3,5\n": (18, "large"),
+    SHEET + f"*NSET,NSET=A\n1\n*NODE\n{2**63},1\n": (20, "large"),
+    SHEET + "*NODE\n1,1e61\n": (18, "large"),
+    SHEET + "*NODE\n1.5,1\n": (18, "integer"),
+    SHEET + "*NSET,NSET=A,GENERATE\n1\n": (18, "last"),
+    SHEET + "*NSET,NSET=A,GENERATE\n1,9,0\n": (18, "selects"),
+    ASSEMBLED.replace("PART=p", "PART=q"): (24, "part"),
+    ASSEMBLED.replace("INSTANCE=I-2\n1", "INSTANCE=I-3\n1"): (36, "no instance"),
+    ASSEMBLED.replace("0,0,5,0,0,6,90", "0,0,5,0,0,6"): (28, "angle"),
+    ASSEMBLED.replace("0,0,5,0,0,6,90", "0,0,5,0,0,5,90"): (28, "coincide"),
 }
 
 
-@pytest.mark.parametrize("text", WRONG, ids=lambda text: WRONG[text][:60])
+@pytest.mark.parametrize("text", WRONG)
 def test_what_is_wrong_is_told_with_its_line(read, text):
-    with pytest.raises(MeshError) as caught:
+    with refused(*WRONG[text], MeshError):
         read(text)
-    assert str(caught.value) == WRONG[text]
 
 
 def test_large_numbers_that_are_whole_are_read(read):

@@ -7,9 +7,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from antiosc.errors import MeshError, MissingDependencyError
+from antiosc.errors import MeshError
 from antiosc.fem.readers import by_meshio
-from antiosc.fem.readers.mixed import GMSH_EDGES, _block, _is_mixed
+from antiosc.fem.readers.mixed import GMSH_EDGES, _block
 from antiosc.fem.readers.neutral import FileMesh
 from antiosc.fem.readers.request import Request
 from antiosc.fem.readers.shapes import CORNERS, EDGES
@@ -90,18 +90,6 @@ def test_cells_that_nothing_carries(monkeypatch):
         read(monkeypatch, content)
 
 
-def test_files_that_meshio_does_not_read(tmp_path):
-    for name, said, message in (
-        ("a.med", "No module named 'h5py'", "a.med needs h5py, which is not installed: sudo apt"),
-        ("a", "what", "a: files of the type (none) are not read; write the mesh as .msh"),
-        ("a.XYZ", "what", "a.XYZ: files of the type .xyz are not read; write the mesh as .msh"),
-        ("a.VTU", "what", "a.VTU cannot be read as VTU: it is damaged, or a variant of the format"),
-    ):
-        error = by_meshio._failure(tmp_path / name, name, said)
-        assert isinstance(error, MissingDependencyError) == ("h5py" in said)
-        assert str(error).startswith(message)
-
-
 # --- Several kinds of cells -----------------------------------------------------------------------
 
 KINDS = {
@@ -123,29 +111,3 @@ def test_middle_nodes_in_both_orders(label, convention):
     where = {frozenset(edge): corners + k for k, edge in enumerate(order)}
     assert block.mids.tolist() == [[where[frozenset(edge)] for edge in edges]]
     assert sorted(block.inner[0].tolist()) == list(range(corners + len(edges), nodes))
-
-
-def of(aids=False, groups=None, **cells) -> FileMesh:
-    arrays = {label: np.zeros((count, 1), dtype=np.int64) for label, count in cells.items()}
-    return FileMesh(np.zeros((1, 3)), arrays, "vtk", groups=groups or {}, aids=aids)
-
-
-MIXED = [
-    (of(tetra=2, triangle=1, line=1, vertex=1), False),
-    (of(tetra=2, hexahedron=1), True),
-    (of(tetra=2, hexahedron=0), False),
-    (of(wedge=1), True),
-    (of(hexahedron20=1), True),
-    (of(hexahedron27=1, quad8=2), False),
-    (of(hexahedron=1, triangle=1, quad=1), False),
-    (of(tetra=1, pyramid=1, aids=True), True),
-    (of(tetra=1, pyramid=1, aids=True, groups={"a": {"tetra": np.array([0])}}), False),
-    (of(tetra=1, pyramid=1, aids=True, groups={"a": {"tetra": np.array([], dtype=int)}}), True),
-    (of(quad=1, triangle=1, aids=True, groups={"a": {"line": np.array([0])}}), True),
-    (of(), False),
-]
-
-
-@pytest.mark.parametrize(("content", "mixed"), MIXED)
-def test_what_has_to_be_cut(content, mixed):
-    assert _is_mixed(content) == mixed

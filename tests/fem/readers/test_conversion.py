@@ -189,26 +189,6 @@ def test_cells_of_several_dimensions_have_their_groups():
     ]
 
 
-@pytest.mark.parametrize(
-    ("shape", "cut"), [("hexahedron", "wedge"), ("wedge", "pyramid"), ("quad", "triangle")]
-)
-def test_collapsed_elements_are_cut_into_sound_cells(shape, cut):
-    """With two corners at one node: the volume of what is left."""
-    deck = deck_of([shape], 1)
-    own = deck.blocks[0].corners[0]
-    for k in {"hexahedron": (3, 7), "wedge": (5,), "quad": (3,)}[shape]:
-        own[k] = own[2 if shape == "wedge" else k - 1]
-    mesh = as_mesh(deck)
-    ((label, cells),) = mesh.cells.items()
-    x = mesh.points[cells]
-    sides = x[:, 1:] - x[:, :1]
-    size = np.sqrt(np.linalg.det(sides @ sides.transpose(0, 2, 1)))
-    expected = {"wedge": (3, 3.0), "pyramid": (2, 2.0), "triangle": (1, 1.0)}[cut]
-    assert label == ("triangle" if shape == "quad" else "tetra")
-    assert (len(cells), size.sum()) == (expected[0], pytest.approx(expected[1]))
-    assert all(len(set(cell)) == len(cell) for cell in cells.tolist())
-
-
 def test_elements_without_volume_are_refused():
     deck = deck_of(["quad", "quad"], 1)
     deck.blocks[1].corners[0, 1:] = deck.blocks[1].corners[0, 0]

@@ -108,21 +108,6 @@ def test_shells_and_beams_that_are_no_sides_of_solids_are_told(tmp_path):
             ao.read_mesh(path, cells=wrong)
 
 
-def test_a_construction_line_in_no_group_is_none_of_the_part(tmp_path):
-    path = tmp_path / "part.geo"
-    square = """
-        Point(1) = {0, 0, 0, 1}; Point(2) = {1, 0, 0, 1}; Point(3) = {1, 1, 0, 1};
-        Point(4) = {0, 1, 0, 1}; Line(1) = {1, 2}; Line(2) = {2, 3}; Line(3) = {3, 4};
-        Line(4) = {4, 1}; Curve Loop(1) = {1, 2, 3, 4}; Plane Surface(1) = {1}; Line(5) = {1, 3};
-    """
-    path.write_text(square)
-    assert "besides 2 lines" in refusal(path)
-    path.write_text(square + 'Physical Surface("part") = {1};')
-    assert ao.read_mesh(path).tdim == 2
-    path.write_text(square + 'Physical Surface("part") = {1}; Physical Curve("rib") = {5};')
-    assert "besides 2 lines" in refusal(path)
-
-
 def told(path: Path) -> list[str]:
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
@@ -166,32 +151,6 @@ def test_cracks_and_overlaps_are_told(tmp_path, shape):
     single = len(cells) // 2
     write(path, points, (shape, cells[:single]))
     assert told(path) == []
-
-
-def test_a_node_that_hangs_on_an_edge_is_told(tmp_path):
-    points = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 0, 0], [2, 1, 0], [1, 0.5, 0]]
-    points += [[2, 0.5, 0]]
-    quads = [[0, 1, 2, 3], [1, 4, 7, 6], [6, 7, 5, 2]]
-    (hanging,) = told(write(tmp_path / "part.vtu", points, ("quad", quads)))
-    assert "1 nodes of part.vtu lie on cells" in hanging
-    assert "(1, 0.5) m" in hanging
-
-
-def test_sheets_and_lines_that_touch_unjoined_are_told(tmp_path):
-    skin = [[0, 0, 0], [2, 0, 0], [2, 2, 0], [0, 2, 0]]
-    blade = [[0, 1, 0], [2, 1, 0], [2, 1, 1], [0, 1, 1]]  # its foot lies on the skin
-    bridge = [[0, 2, 1]]
-    triangles = [[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7], [3, 7, 8]]
-    path = write(tmp_path / "t.vtu", skin + blade + bridge, ("triangle", triangles))
-    (crack,) = told(path)
-    assert "2 nodes of t.vtu lie on cells" in crack
-    frame = [[0, 0, 0], [2, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
-    lines = [[0, 1], [2, 3], [3, 4], [4, 0]]
-    (crack,) = told(write(tmp_path / "f.vtu", frame, ("line", lines)))
-    assert "1 nodes of f.vtu lie on cells" in crack
-    over = [[0, 0, 0], [1, 0, 0], [0.5, 0, 0], [2, 0, 0]]
-    path = write(tmp_path / "o.vtu", over, ("line", [[0, 1], [2, 3], [0, 3]]))
-    assert any("overlap others" in t for t in told(path))
 
 
 def test_sound_meshes_are_told_nothing_of():

@@ -2,47 +2,13 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
-from antiosc.errors import InputError, MeshError
+from antiosc.errors import MeshError
 from antiosc.fem.readers import read
-from antiosc.fem.readers.size_field import SizeField
 from antiosc.fem.readers.table import is_bulk, is_deck, library_of
 from antiosc.fem.readers.unit_system import UnitSystem
-
-
-@pytest.mark.parametrize(
-    ("unit", "length", "force"),
-    [
-        *(("m", 1, 1), ("mm", 1e-3, 1), ("cm", 1e-2, 1), (2.5, 2.5, 1)),
-        ("in", 0.0254, 0.45359237 * 9.80665),
-    ],
-)
-def test_units_follow_from_length_force_and_second(unit, length, force):
-    found = UnitSystem.of(unit)
-    mass = force / length  # of force = mass × length / s²
-    expected = (length, force, mass, force / length**2, mass / length**3)
-    own = (found.length, found.force, found.mass, found.stress, found.density)
-    assert own == pytest.approx(expected, rel=1e-12)
-
-
-def test_units_that_do_not_exist():
-    for wrong, message in (("km", "unit must be one of 'm', 'mm', 'cm', 'in', or a number: metres"),
-                           (-1.0, "unit must be > 0")):  # fmt: skip
-        with pytest.raises(InputError, match=message):
-            UnitSystem.of(wrong)
-
-
-def test_expected_cells_are_regular_simplices_of_the_mean_size():
-    """√3/4 h² and √2/12 h³, times the factors by which gmsh's meshes are finer or coarser."""
-    square = SizeField([[0, 0, 0], [2, 0, 0], [2, 3, 1], [0, 3, 1]], [[0, 1, 2], [0, 2, 3]],
-                       [0.1, 0.2, 0.3, 0.5])  # fmt: skip
-    area = np.sqrt(10)  # of each half, 2 by √(3² + 1)
-    count = sum(area / (np.sqrt(3) / 4 * h**2) for h in (0.2, 0.3))
-    assert square.expected() == pytest.approx(1.35 * count)
-    tetra = SizeField([[0, 0, 0], [2, 0, 0], [0, 3, 0], [0, 0, 4]], [[0, 1, 2, 3]], [0.5] * 4)
-    assert tetra.expected() == pytest.approx(0.95 * 4 / (np.sqrt(2) / 12 * 0.5**3))
+from refusals import refused
 
 
 def test_decks_that_share_their_endings_with_others(tmp_path):
@@ -68,34 +34,19 @@ def test_decks_that_share_their_endings_with_others(tmp_path):
 
 
 OPTIONS = {
-    ("a.msh", (("solid", True),)): (
-        "solid=True fills the closed surface of an .stl file; got a.msh."
-    ),
-    ("a.msh", (("fragments", True),)): (
-        "fragments=True joins the solids of CAD files (.step, .stp, .brep, .iges, .igs); got a.msh."
-    ),
-    ("a.STEP", ()): (
-        "a.STEP is a geometry, not a mesh: give the element size in metres, as in read_mesh(path, "
-        "size=5e-3)."
-    ),
-    ("a.stl", (("solid", True),)): (
-        "a.stl is a geometry, not a mesh: give the element size in metres, as in read_mesh(path, "
-        "size=5e-3)."
-    ),
-    ("a.vtu", (("size", 1.0),)): "a.vtu is a finished mesh: size= and refine= apply to geometry",
-    ("a.vtu", (("refine", (((0, 0, 0), 1.0),)),)): "a.vtu is a finished mesh: size= and refine=",
-    ("a.igs", (("size", 1.0), ("unit", UnitSystem(1.0)))): (
-        "a.igs states its own unit of length: leave unit= out."
-    ),
-    ("a.geo", (("merge", 1e-3),)): (
-        "a.geo is a geometry: merge= applies to finished meshes and decks."
-    ),
+    ("a.msh", (("solid", True),)): (None, "solid=True"),
+    ("a.msh", (("fragments", True),)): (None, "fragments=True"),
+    ("a.STEP", ()): (None, "a.STEP"),
+    ("a.stl", (("solid", True),)): (None, "a.stl"),
+    ("a.vtu", (("size", 1.0),)): (None, "apply"),
+    ("a.vtu", (("refine", (((0, 0, 0), 1.0),)),)): (None, "refine="),
+    ("a.igs", (("size", 1.0), ("unit", UnitSystem(1.0)))): (None, "states"),
+    ("a.geo", (("merge", 1e-3),)): (None, "applies"),
 }
 
 
 @pytest.mark.parametrize("case", OPTIONS)
 def test_options_that_do_not_fit_a_file(tmp_path, case):
     name, options = case
-    with pytest.raises(MeshError) as caught:
+    with refused(*OPTIONS[case], MeshError):
         read(tmp_path / name, **dict(options))
-    assert str(caught.value).startswith(OPTIONS[case])

@@ -8,7 +8,6 @@ import subprocess
 import sys
 import warnings
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -173,46 +172,8 @@ def test_med_with_groups(tmp_path):
     assert set(found.group("held"))
 
 
-@pytest.mark.parametrize(
-    ("name", "content", "message"),
-    [
-        ("part.vtu", "<VTKFile>", "part.vtu cannot be read as VTU: it is damaged, or a variant"),
-        ("part.mesh", "MeshVersionFormatted 9\nx", "cannot be read as Medit"),
-        ("part.xyz", "1 2 3", "files of the type .xyz are not read; write the mesh as .msh"),
-        ("part.dat", "VARIABLES = nothing\n", "cannot be read as Tecplot"),
-    ],
-)
-def test_other_files_are_refused_in_our_own_words(tmp_path, name, content, message):
-    path = tmp_path / name
-    path.write_text(content)
-    with pytest.raises(ao.MeshError, match=message) as caught:
-        ao.read_mesh(path)
-    assert "\n" not in str(caught.value)
-    assert "meshio" not in str(caught.value)
-
-
 def test_bulk_data_by_its_content(tmp_path):
     path = tmp_path / "part.dat"
     path.write_text((DECKS / "bar.bdf").read_text())
     assert ao.read_mesh(path).n_cells == ao.read_mesh(DECKS / "bar.bdf").n_cells
     assert ao.read_model(path).mass == pytest.approx(ao.read_model(DECKS / "bar.bdf").mass)
-
-
-@pytest.mark.parametrize("point", [(0.3, -0.2), (0.3, -0.2, 0.7)])
-@pytest.mark.parametrize("size", [None, 0.05])
-def test_the_size_around_a_point_grows_with_the_distance(point, size):
-    """Half of the local one as far as `reach` of it, then by `growth`, up to the size elsewhere."""
-    said = {}
-    field = SimpleNamespace(add=lambda kind: 3, setString=lambda *given: said.update([given[1:]]))
-    gmsh = SimpleNamespace(model=SimpleNamespace(mesh=SimpleNamespace(field=field)))
-    ask = SimpleNamespace(size=size, grading=(0.5, 4.0))
-    assert meshing._graded_field(gmsh, point, 0.01, ask) == 3
-    formula = said["F"].replace("^", "**")
-    names = {"Min": min, "Max": max, "Sqrt": np.sqrt}
-    x = np.array([*point, 0.0][:3])
-    for distance in (0.0, 0.03, 0.04, 0.05, 0.2):
-        for axis in np.eye(3):
-            at = dict(zip("xyz", x + distance * axis, strict=True))
-            expected = 0.005 + 0.5 * max(0.0, distance - 0.04)
-            found = eval(formula, {**names, **at})
-            assert found == pytest.approx(min(expected, size or 1e22), rel=1e-9)

@@ -11,13 +11,11 @@ import pytest
 pytest.importorskip("dolfinx")
 pytest.importorskip("meshio")
 
-import basix
 import meshio
 
 import antiosc as ao
-from antiosc.fem import compat
 from antiosc.fem.readers.conversion import EDGES
-from antiosc.fem.readers.mixed import CELLS, GMSH_EDGES, GMSH_FACES, _block
+from antiosc.fem.readers.mixed import CELLS, GMSH_EDGES, GMSH_FACES
 from antiosc.fem.readers.shapes import rectangles
 
 pytestmark = pytest.mark.fem
@@ -149,14 +147,3 @@ def test_groups_of_mixed_cells_keep_their_cells(tmp_path):
     for name, area in (("left", 1.0), ("right", 0.5), ("middle", 1.0)):
         part = ao.Structure(ao.read_mesh(path, cells=name), ao.Solid(1e9, 0.3, 1e3, plane="stress"))
         assert part.mass == pytest.approx(1e3 * area, rel=1e-12)
-
-
-@pytest.mark.parametrize("convention", ["vtk", "gmsh"])
-def test_nodes_on_faces_in_both_orders(convention):
-    """Of a cube with its nodes where dolfinx has them: each lies amid the corners of its face."""
-    order = compat.node_order("hexahedron", 27, convention)
-    places = np.empty((27, 3))
-    places[order] = basix.create_element(basix.ElementFamily.P, basix.CellType.hexahedron, 2).points
-    block = _block("hexahedron27", np.arange(27)[None], convention)
-    middles = [places[list(face)].mean(axis=0) for face in rectangles("hexahedron")]
-    np.testing.assert_allclose(places[block.inner[0]], [*middles, [0.5] * 3], atol=1e-12)

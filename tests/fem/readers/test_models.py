@@ -94,15 +94,6 @@ def test_an_orthotropic_shell_is_a_laminate_of_one_layer(abaqus, kind):
     assert given["top"] == pytest.approx([0, 0, 1])
 
 
-def test_engineering_constants_may_be_isotropic(abaqus):
-    G = 2e5 / 2.6
-    card = f"*ELASTIC,TYPE=ENGINEERINGCONSTANTS\n2E5,2E5,2E5,.3,.3,.3,{G},{G},\n{G}\n"
-    model, _ = abaqus(CUBE + SOLID + "*MATERIAL,NAME=M\n" + card + DENSITY)
-    ((_, family, given, _),) = model["families"]
-    assert family == "Solid"
-    assert given == pytest.approx({"E": 2e11, "nu": 0.3, "rho": 2e3})
-
-
 @pytest.mark.parametrize(
     ("layer", "angle"), [("", 0), (",30.", 30), (",TURNED", 40), (",SWAPPED", 90)]
 )
@@ -142,15 +133,6 @@ def test_a_rigid_body_of_elements_is_that_of_their_nodes(abaqus):
     ]
     assert models[0]["joints"] == models[1]["joints"]
     assert len(models[0]["joints"]["equations"]) > 0
-
-
-@pytest.mark.parametrize(("kind", "plane"), [("CPS4", "stress"), ("CPE4R", "strain")])
-def test_plane_sections_have_their_thickness(abaqus, kind, plane):
-    model, _ = abaqus(SHEET.replace("S4", kind) + SOLID + "4.\n" + STEEL)
-    ((_, _, given, _),) = model["families"]
-    assert given["plane"] == plane
-    assert given["thickness"] == pytest.approx(4e-3)
-    assert (model["gdim"], model["halve"]) == (2, False)
 
 
 @pytest.mark.parametrize(
@@ -344,26 +326,6 @@ def test_a_shell_of_one_ply(bulk):
     assert layer["thickness"] == pytest.approx(4e-4)
     assert layer["G13"] == layer["G23"] == pytest.approx(5e9)
     assert "rigid transverse shear of MAT8 2" in model["ignored"][0]
-
-
-def test_an_include_may_go_on_over_lines(tmp_path):
-    (tmp_path / "in a folder").mkdir()
-    (tmp_path / "in a folder" / "grids.bdf").write_text(GRIDS)
-    path = tmp_path / "part.bdf"
-    path.write_text("INCLUDE 'in a fol\n  der/grids.bdf'\n" + QUAD.removeprefix(GRIDS))
-    assert len(nastran.read(path, path.name).deck.points) == 8
-
-
-def test_names_in_quotes_may_hold_commas(abaqus):
-    solid = SOLID.replace("=ALL", '="A, B"').replace("=M", '="Steel, old"')
-    text = CUBE.replace("=ALL", '="A, B"') + solid + STEEL.replace("=M", '="Steel, old"')
-    model, _ = abaqus(text)
-    assert model["families"][0][0] == "A, B"
-
-
-def test_the_nodes_of_an_element_set(abaqus):
-    _, deck = abaqus(CUBE + "*NSET,NSET=B,ELSET=ALL\n" + SOLID + STEEL)
-    assert (deck.node_sets["B"] + 1).tolist() == list(range(1, 9))
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,6 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from antiosc.errors import MeshError
 from antiosc.fem.readers.decks import nastran, nastran_model
 from antiosc.fem.readers.decks.deck import Place
 from antiosc.fem.readers.decks.nastran_cards import Entry
@@ -83,40 +82,6 @@ def test_ends_follow_their_nodes_but_for_what_is_released(tmp_path, first, secon
     assert np.linalg.matrix_rank(found.reshape(len(found), -1)) == len(found)
 
 
-def test_one_end_beside_its_node(tmp_path):
-    model, deck = read(tmp_path, f"CBAR,1,7,1,3,{words(V)}\n,,,0.,0.,0.,{words(W[1])}\n")
-    np.testing.assert_allclose(deck.points[4:], [X[2] + W[1]], atol=1e-12)
-    assert deck.blocks[0].corners.tolist() == [[1, 2], [2, 3], [0, 4]]
-    assert len(model["joints"]["equations"]) == 6
-    for flags in ("0", "00"):
-        plain, _ = read(tmp_path, f"CBAR,1,7,1,3,{words(V)}\n,{flags},\n")
-        assert plain["joints"]["equations"] == []
-
-
-WRONG = {
-    ",a1\n": "line {} of part.bdf: the pin flags 'a1' are not components from 1 to 6.",
-    ",,7\n": "line {} of part.bdf: the pin flags '7' are not components from 1 to 6.",
-    ",,," + words(X[1] - X[0]) + "\n": "line {} of part.bdf: CBAR 1 has no length.",
-    ",,," + words([0.5, 0, 0]) + "\nGOO": (
-        "line {} of part.bdf: CBAR with offsets in the element's system (OFFT = GOO) is not "
-        "supported; give them in the displacement system (GGG)."
-    ),
-}
-
-
-@pytest.mark.parametrize("case", WRONG)
-def test_ends_that_are_refused(tmp_path, case):
-    more, _, kind = case.partition("\n")
-    end = "4" if "no length" in WRONG[case] else "3"
-    text = f"CBAR,1,7,1,{end},{words(V)}{',' + kind if kind else ''}\n{more}\n"
-    if "no length" in WRONG[case]:
-        text = text.replace(words(X[1] - X[0]), words((X[3] - X[0]).round(3)))
-    line = 2 + 3 + len(X) + 2 + 1
-    with pytest.raises(MeshError) as caught:
-        read(tmp_path, text)
-    assert str(caught.value) == WRONG[case].format(line)
-
-
 def test_a_tapered_beam_is_sixteen_pieces_of_the_sections_at_their_middles(tmp_path):
     pbeam = "PBEAM,6,1,4.-4,8.-9,6.-9,,2.-9,,\n,,,,,,,,,\n,NO,1.,2.-4,4.-9,2.-9,,1.-9,\n"
     model, deck = read(tmp_path, pbeam + f"CBEAM,1,6,1,3,{words(V)}\n")
@@ -188,49 +153,3 @@ def test_torsion_of_boxes_and_hexagons():
     tube, other = profile("TUBE", 1.0, 0.4), profile("TUBE2", 1.0, 0.6)
     assert (tube.A, tube.I, tube.J) == (other.A, other.I, other.J)
     assert pytest.approx(np.pi) == profile("TUBE", 1.0, 0.0).A
-
-
-@pytest.mark.parametrize(
-    ("kind", "dimensions"),
-    [("TUBE", (0.0, 0.0)), ("TUBE2", (1.0, 0.0)), ("ROD", (0.0,)), ("BAR", (1.0, 0.0))],
-)
-def test_dimensions_that_are_not_above_zero(kind, dimensions):
-    with pytest.raises(MeshError) as caught:
-        profile(kind, *dimensions)
-    assert str(caught.value) == "line 1 of a deck: PBARL needs dimensions above 0."
-
-
-def stations(name: str, fields: str) -> BeamProfiles:
-    return BeamProfiles(Entry(name, Place("a deck", 1), fields.split(",")))
-
-
-def test_stations_of_constants():
-    """Blank values are linear between the ends; SO = YES has a line of places of stresses."""
-    text = "1,1,6.,4.,2.,.5,1.,3.,,,,,,,,,YES,1.,3.,2.,,,,1.,,,,,,,,,NO,.25,,,1.5,,.5,,.8,.6"
-    found = stations("PBEAM", text)
-    one, two = found.at(0.25), found.at(1.0)
-    assert [place for place, _ in found.stations] == [0.0, 0.25, 1.0]
-    assert found.tapered
-    assert (one.profile.A, one.extra) == pytest.approx((5.25, 2.5))
-    assert pytest.approx(0.5) == one.profile.J
-    # I1 = 3.5, I2 = 1.5, I12 = 0.5 in principal axes
-    half = np.hypot(1.0, 0.5)
-    assert (one.profile.I, one.profile.I_side) == pytest.approx((2.5 + half, 2.5 - half))
-    assert one.angle == pytest.approx(np.arctan2(0.5, 1.0) / 2)
-    assert pytest.approx(3.0) == two.profile.A
-    assert one.profile.shear == pytest.approx(0.7)
-    assert found.told == ["K1 and K2 of PBEAM 1, which differ: their mean is taken"]
-    plain = stations("PBEAM", "1,1,6.,4.,2.,,1.")
-    assert not plain.tapered
-    assert plain.at(0.5).profile.shear == 1.0
-    assert plain.told == []
-    alike = stations("PBEAM", "1,1,6.,4.,2.,,1.,,,,,,,,,,NO,1.,6.,4.,2.,,1.")
-    assert not alike.tapered
-
-
-def test_stations_of_profiles():
-    """The mass beside each and the place of the last are by default those before and the end."""
-    found = stations("PBEAML", "1,1,,BAR,,,,,3.,2.,5.,YES,.5,2.,,4.,NO,,1.,1.,")
-    assert [place for place, _ in found.stations] == [0.0, 0.5, 1.0]
-    sizes = [(one.profile.width, one.profile.height, one.extra) for _, one in found.stations]
-    assert sizes == [(3, 2, 5), (2, 2, 4), (1, 1, 5)]

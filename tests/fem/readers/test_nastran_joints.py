@@ -334,11 +334,3 @@ def test_what_is_wrong_is_told_with_its_line(joints, card):
     line = frame_of_bars().count("\n") + 1 + card.startswith(("PBUSH,3,K", "PVISC"))
     with pytest.raises(MeshError, match=f"line {line} of .*{WRONG[card]}"):
         joints(card)
-
-
-def test_weights_of_rotations_are_told(joints):
-    for components, told in (("123", []), ("1234", ["9"])):
-        model = joints(f"RBE3,9,,7,123456,1.,{components},4,5\n,6\n")
-        assert [text for text in model["ignored"] if "RBE3" in text] == [
-            f"the weight of rotations (components 456) of RBE3 {one}" for one in told
-        ]

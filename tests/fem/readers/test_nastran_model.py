@@ -14,19 +14,6 @@ from nastran_decks import CORNERS, CYCLIC, GRIDS, HEXA, MAT1, NU, RHO, E, groups
 # --- Solids ---------------------------------------------------------------------------------------
 
 
-def test_a_solid_of_one_material(tmp_path):
-    text = GRIDS + HEXA + "PSOLID,7,1\n" + MAT1
-    model, _ = read(tmp_path, text)
-    alike(model["families"], [["7", "Solid", {"E": E, "nu": NU, "rho": RHO}, line(text, "PSOLID")]])
-    for function in ("SMECH", "PFLUID"):
-        other = text.replace("PSOLID,7,1", f"PSOLID,7,1,,,,,{function}")
-        if function == "SMECH":
-            assert read(tmp_path, other)[0]["families"] == model["families"]
-        else:
-            with pytest.raises(MeshError, match=rf"^{line(text, 'PSOLID')}: PSOLID with FCTN="):
-                read(tmp_path, other)
-
-
 @pytest.mark.parametrize(("system", "axes"), [("0", np.eye(3)), ("5", np.eye(3)[[1, 2, 0]])])
 def test_a_solid_of_21_constants(tmp_path, system, axes):
     """MAT9 counts 11, 22, 33, 12, 23, 31; the result 11, 22, 33, 23, 13, 12."""
@@ -176,17 +163,6 @@ def test_a_section_is_turned_to_its_principal_axes(tmp_path):
     off = bar.replace("1.,0.\n", "1.,0.,,\n,,,0.,.1,0.,0.,.1,0.\n")
     with pytest.raises(MeshError, match="with I12 and with offsets of its elements is not supp"):
         read(tmp_path, GRIDS + off + pbar + MAT1)
-
-
-def test_bars_of_unlike_orientation_and_offset_are_apart(tmp_path):
-    bars = "CBAR,1,7,1,2,0.,1.,0.\nCBAR,2,7,4,3,0.,1.,0.,,\n,,,0.,.5,0.,0.,.5,0.\n"
-    bars += "CBAR,3,7,5,6,0.,0.,2.\nCBAR,4,7,8,7,0.,5.,0.\n"
-    model, deck = read(tmp_path, GRIDS + bars + BAR + MAT1)
-    found = [(one["orientation"], one["offset"]) for _, _, one, _ in model["families"]]
-    assert found == [([0, 1, 0], 0), ([0, 1, 0], pytest.approx(5e-4)), ([0, 0, 1], 0)]
-    names = [name for name, *_ in model["families"]]
-    assert [deck.element_sets[name].tolist() for name in names] == [[0, 3], [1], [2]]
-    assert all(name.startswith("7 along (") for name in names)
 
 
 WALL = "PBARL,7,1,,BAR\n,3.,2.,4.-9\n"

@@ -159,13 +159,6 @@ def test_moduli_of_zero_are_told(families):
     assert any("transverse shear of MAT8 8" in text for text in ignored)
 
 
-def test_elements_of_unlike_thickness_are_apart(families):
-    cards = "CQUAD4,1,7,1,2,3,4\nCTRIA3,2,7,2,5,3\n,,,.1,.1,.1\nPSHELL,7,1,.5,1,,1\n" + MAT1
-    found, ignored = families(cards)
-    assert sorted(given["thickness"] for _, given in found) == pytest.approx([1e-4, 5e-4])
-    assert not any("variation of the thickness" in text for text in ignored)
-
-
 @pytest.mark.parametrize("name", ["PCOMP", "PCOMPG"])
 @pytest.mark.parametrize("symmetric", ["", "SYM"])
 @pytest.mark.parametrize("bottom", ["", "-.5", "0."])
@@ -232,10 +225,3 @@ def test_what_is_wrong_is_told_with_its_line(families, card):
     line = grids().count("\n") + 2 + beyond
     with pytest.raises(MeshError, match=rf"line {line} of .*{message}"):
         families(QUAD_CARD + card + MAT2 + MAT1 + MAT8)
-
-
-def test_own_thicknesses_do_not_apply_to_plies(families):
-    cards = "CQUAD4,1,7,1,2,3,4\n,,,.1,.1,.1,.1\nPCOMP,7\n,2,.3,0.\n" + MAT8
-    line = grids().count("\n") + 1
-    with pytest.raises(MeshError, match=f"line {line} of .*do not apply to the plies of PCOMP"):
-        families(cards)

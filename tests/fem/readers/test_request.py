@@ -50,16 +50,6 @@ def test_files_are_limited_but_for_those_of_trust(asked):
                      ("limit", resource.RLIMIT_FSIZE, (2**20, 2**20))]  # fmt: skip
 
 
-def test_memory_of_a_reader_follows_from_the_file(monkeypatch):
-    """Two GiB and a hundred bytes for each of the file, of at most nine tenths of the machine."""
-    monkeypatch.setattr(isolation, "_machine_memory", lambda: 10 * 2**30)
-    assert isolation._memory(None) == 9 * 2**30
-    assert isolation._memory(1000) == 2 * 2**30 + 100_000
-    assert isolation._memory(2**30) == 9 * 2**30
-    monkeypatch.setattr(isolation, "_machine_memory", lambda: 2**30)
-    assert isolation._memory(None) == isolation._memory(10) == 2 * 2**30
-
-
 def test_a_file_larger_than_the_memory_is_refused(tmp_path, monkeypatch):
     path = tmp_path / "part.msh"
     path.write_bytes(b"x" * 1000)
@@ -68,13 +58,3 @@ def test_a_file_larger_than_the_memory_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(isolation, "_machine_memory", lambda: 1111)
     with pytest.raises(isolation.MeshError, match=r"part.msh has 9.31e-07 GiB, more than this mac"):
         isolation._size(path)
-
-
-def test_arrays_of_an_answer_follow_each_other():
-    content = bytes(range(24))
-    one, two, none = isolation._arrays(
-        [("uint8", [2, 3]), ("<u2", [4]), ("float64", [0, 3])], content[:14]
-    )
-    assert one.tolist() == [[0, 1, 2], [3, 4, 5]]
-    assert two.tolist() == [6 + 256 * 7, 8 + 256 * 9, 10 + 256 * 11, 12 + 256 * 13]
-    assert none.shape == (0, 3)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from antiosc.fem.readers import neutral, shapes
-from antiosc.fem.readers.decks.abaqus_elements import element_type, nodes_of_other
+from antiosc.fem.readers.decks.abaqus_elements import element_type
 from antiosc.fem.readers.decks.abaqus_model import NAMED
 from antiosc.fem.readers.decks.abaqus_surfaces import SOLID_FACES
 from antiosc.fem.readers.mixed import GMSH_EDGES, GMSH_FACES
@@ -114,58 +114,6 @@ def test_inner_nodes_of_the_hexahedron_of_27():
     assert names == ["x0", "x1", "y0", "y1", "bottom", "top", "centre"]
     assert list(found.corners) == list(range(8))
     assert list(found.mids) == list(range(8, 20))
-
-
-@pytest.mark.parametrize(
-    ("name", "shape", "role", "nodes"),
-    [
-        ("C3D4", "tetra", "solid", 4),
-        ("C3D10HS", "tetra", "solid", 10),
-        ("C3D5", "pyramid", "solid", 5),
-        ("C3D13", "pyramid", "solid", 13),
-        ("C3D6", "wedge", "solid", 6),
-        ("C3D15", "wedge", "solid", 15),
-        ("C3D18", "wedge", "solid", 18),
-        ("C3D8I", "hexahedron", "solid", 8),
-        ("C3D20R", "hexahedron", "solid", 20),
-        ("C3D27", "hexahedron", "solid", 27),
-        ("S3", "triangle", "shell", 3),
-        ("S4R", "quad", "shell", 4),
-        ("STRI65", "triangle", "shell", 6),
-        ("S8R5", "quad", "shell", 8),
-        ("S9R5", "quad", "shell", 9),
-        ("CPS3", "triangle", "plane stress", 3),
-        ("CPS8R", "quad", "plane stress", 8),
-        ("CPE6", "triangle", "plane strain", 6),
-        ("CPE4R", "quad", "plane strain", 4),
-        ("CAX4", "quad", "other", 4),
-        ("B31", "line", "beam", 2),
-        ("B32R", "line", "beam", 3),
-        ("B33", "line", "beam", 2),
-        ("DC3D8", "hexahedron", "other", 8),
-        ("DS4", "quad", "other", 4),
-    ],
-)
-def test_element_types(name, shape, role, nodes):
-    found = element_type(name)
-    assert (found.shape, found.role, found.nodes) == (shape, role, nodes)
-
-
-@pytest.mark.parametrize(
-    ("name", "nodes"),
-    [
-        ("MASS", 1),
-        ("ROTARYI", 1),
-        ("SPRING1", 1),
-        ("SPRING2", 2),
-        ("SPRINGA", 2),
-        ("D", 3),
-        ("U1", None),
-    ],
-)
-def test_elements_that_are_no_cells(name, nodes):
-    assert element_type(name) is None
-    assert nodes_of_other(name) == nodes
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from antiosc.fem.readers.decks import abaqus_assembly
 from antiosc.fem.readers.decks.abaqus_joints import read_joints
 from antiosc.fem.readers.decks.abaqus_surfaces import surfaces_of
 from antiosc.fem.readers.decks.constraints import Constraints
+from refusals import refused
 
 RNG = np.random.default_rng(37)
 
@@ -262,66 +263,43 @@ def test_no_node_follows_a_mean_of_which_it_is_a_part(tmp_path):
 
 PAIR = "*NSET,NSET=P\n1,2\n*NSET,NSET=Q\n3,4\n"
 WRONG = {
-    "*EQUATION,REMOVE\n": (0, "equations that a step removes are not supported."),
-    "*EQUATION\n0\n": (1, "an *EQUATION of 0 terms."),
-    "*EQUATION\n2\n1,1,1.\n": (2, "the *EQUATION ends after 1 of 2 terms."),
-    "*EQUATION\n2\n": (1, "the *EQUATION ends after 0 of 2 terms."),
-    "*EQUATION\n2\n1,1,1.,X,1,1.\n": (2, "there is no set of nodes X."),
-    f"{PAIR}*EQUATION\n2\nP,1,1.,Q,1,1.\n": (
-        6, "*EQUATION between several sets of nodes pairs them by their order, which is not kept "
-        "here; write one equation for each pair.",
-    ),
-    "*EQUATION\n2\n1,1,1.,2,7,1.\n": (2, "*EQUATION acts on motions from 1 to 6; got 7."),
-    "*EQUATION\n2\n1,0,1.,2,1,1.\n": (2, "*EQUATION acts on motions from 1 to 6; got 0."),
-    "*EQUATION\n2\n1,1,0.,2,1,1.\n": (2, "the first term of *EQUATION has the coefficient 0."),
-    "*EQUATION\n2\n1,1,1.,2,1,x\n": (2, "'x' is not a number."),
-    "*MPC\nPLANE,1,2,3\n": (1, "the *MPC of type PLANE needs four nodes or more."),
-    "*MPC\nSTRAIGHT,1,2\n": (1, "the *MPC of type STRAIGHT needs three nodes or more."),
-    "*MPC\nMEANROT,1,2\n": (
-        1, "the *MPC of type MEANROT needs an axis and two nodes or more.",
-    ),
-    "*MPC\nTIE,1,2,3\n": (
-        1, "the *MPC of type TIE with 3 nodes is not supported here and would change the result; "
-        "write it as *EQUATION, or remove it.",
-    ),
-    "*MPC\nBEAM,1,2\n": (
-        1, "the *MPC of type BEAM with 2 nodes is not supported here and would change the result; "
-        "write it as *EQUATION, or remove it.",
-    ),
-    "*MPC\nUSER,1,2\n": (
-        1, "the *MPC of type USER with 2 nodes is not supported here and would change the result; "
-        "write it as *EQUATION, or remove it.",
-    ),
-    "*RIGID BODY,REF NODE=1\n": (0, "*RIGIDBODY names no nodes (NSET= or ELSET=)."),
-    f"{PAIR}*RIGID BODY,REF NODE=P,NSET=P\n": (4, "'P' must be one node; it is 2."),
-    f"{PAIR}*RIGID BODY,NSET=P\n": (4, "*RIGIDBODY needs REFNODE=."),
-    "*TIE\nA,B\n": (1, "there is no surface 'A' (*SURFACE, NAME=)."),
-    "*TIE,CYCLIC SYMMETRY\nA,B\n": (
-        0, "*TIE makes a sector of a whole ring, which is not supported here; model the whole "
-        "part.",
-    ),
-    f"{SET}*TIE\nS,S\n": (8, "the master surface of *TIE must be of faces of elements."),
-    "*COUPLING,REF NODE=1,SURFACE=A\n": (0, "there is no surface 'A' (*SURFACE, NAME=)."),
-    f"{SET}*COUPLING,REF NODE=1,SURFACE=S,ORIENTATION=O\n": (
-        7, "*COUPLING in an orientation is not supported.",
-    ),
-    "*KINEMATIC\n": (0, "*KINEMATIC without *COUPLING before it."),
-    f"{SET}{COUPLING}*KINEMATIC\n0,2\n": (9, "motions from 0 to 2; they are counted from 1 to 6."),
-    f"{SET}{COUPLING}*KINEMATIC\n3,2\n": (9, "motions from 3 to 2; they are counted from 1 to 6."),
-    f"{SET}{COUPLING}*KINEMATIC\n6,7\n": (9, "motions from 6 to 7; they are counted from 1 to 6."),
-    "*EQUATION\n2\n1,4,1.,2,4,-1.\n": (
-        2, "a constraint acts on a rotation of a node of solids, which have no rotations; "
-        "constrain displacements of several nodes.",
-    ),
+    "*EQUATION,REMOVE\n": (0, "equations"),
+    "*EQUATION\n0\n": (1, "terms"),
+    "*EQUATION\n2\n1,1,1.\n": (2, "ends"),
+    "*EQUATION\n2\n": (1, "ends"),
+    "*EQUATION\n2\n1,1,1.,X,1,1.\n": (2, "X"),
+    f"{PAIR}*EQUATION\n2\nP,1,1.,Q,1,1.\n": (6, "equation"),
+    "*EQUATION\n2\n1,1,1.,2,7,1.\n": (2, "got"),
+    "*EQUATION\n2\n1,0,1.,2,1,1.\n": (2, "got"),
+    "*EQUATION\n2\n1,1,0.,2,1,1.\n": (2, "coefficient"),
+    "*EQUATION\n2\n1,1,1.,2,1,x\n": (2, "number"),
+    "*MPC\nPLANE,1,2,3\n": (1, "PLANE"),
+    "*MPC\nSTRAIGHT,1,2\n": (1, "STRAIGHT"),
+    "*MPC\nMEANROT,1,2\n": (1, "MEANROT"),
+    "*MPC\nTIE,1,2,3\n": (1, "TIE"),
+    "*MPC\nBEAM,1,2\n": (1, "BEAM"),
+    "*MPC\nUSER,1,2\n": (1, "USER"),
+    "*RIGID BODY,REF NODE=1\n": (0, "ELSET="),
+    f"{PAIR}*RIGID BODY,REF NODE=P,NSET=P\n": (4, "node"),
+    f"{PAIR}*RIGID BODY,NSET=P\n": (4, "REFNODE="),
+    "*TIE\nA,B\n": (1, "*SURFACE"),
+    "*TIE,CYCLIC SYMMETRY\nA,B\n": (0, "sector"),
+    f"{SET}*TIE\nS,S\n": (8, "elements"),
+    "*COUPLING,REF NODE=1,SURFACE=A\n": (0, "*SURFACE"),
+    f"{SET}*COUPLING,REF NODE=1,SURFACE=S,ORIENTATION=O\n": (7, "orientation"),
+    "*KINEMATIC\n": (0, "*KINEMATIC"),
+    f"{SET}{COUPLING}*KINEMATIC\n0,2\n": (9, "counted"),
+    f"{SET}{COUPLING}*KINEMATIC\n3,2\n": (9, "counted"),
+    f"{SET}{COUPLING}*KINEMATIC\n6,7\n": (9, "counted"),
+    "*EQUATION\n2\n1,4,1.,2,4,-1.\n": (2, "displacements"),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("cards", WRONG)
 def test_what_is_wrong_is_told_with_its_line(tmp_path, cards):
-    beyond, message = WRONG[cards]
-    with pytest.raises(MeshError) as caught:
+    beyond, word = WRONG[cards]
+    with refused(8 + beyond, word, MeshError):
         joints_of(tmp_path, ANY, cards)
-    assert str(caught.value) == f"line {8 + beyond} of a.inp: {message}"
 
 
 LINES = {

@@ -97,33 +97,6 @@ def test_units_of_the_file_count_unless_others_are_given(tmp_path):
     assert ao.read_mesh(path, unit="cm").extent() == pytest.approx(np.sqrt(3) * 1e-2, rel=1e-12)
 
 
-#: The element's three lines, twice.
-HEAD = f"{7:10d}{115:10d}"
-CELL = brick()[brick().index(HEAD) : brick().index("    -1\n    -1\n  2467") + 0]
-TWICE = brick().replace(CELL, 2 * CELL)
-
-BAD = {
-    "other": ("solid part\n", "holds no data sets"),
-    "cut": (brick()[:400], "ends within a data set"),
-    "no cells": (brick().replace(f"{115:10d}", f"{161:10d}", 1), "no elements that are cells"),
-    "nodes": (brick().replace(f"{1:10d}{8:10d}\n", f"{1:10d}{7:10d}\n"), "its head tells 7; it"),
-    "unknown": (brick().replace(f"{18:10d}\n    -1", f"{99:10d}\n    -1"), "has the node 99"),
-    "head": (brick().replace(f"{8:10d}\n", "\n", 1), "head of an element has six numbers; got 5"),
-    "twice": (TWICE, "gives two elements one number"),
-    "word": (brick().replace("D+00", "X+00", 1), r"line 4 of bad.unv: .* number"),
-}
-
-
-@pytest.mark.parametrize("case", BAD)
-def test_damaged_files_are_refused_in_words(tmp_path, case):
-    text, message = BAD[case]
-    path = tmp_path / "bad.unv"
-    path.write_text(text)
-    with pytest.raises(ao.MeshError, match=message) as caught:
-        ao.read_mesh(path)
-    assert "\n" not in str(caught.value)
-
-
 #: Finite-element descriptors of the universal file (dataset 2412): nodes by the last digit, what
 #: they are by the rest: plane stress, plane strain, plate, membrane and thin shell.
 DESCRIPTORS = {11: ("line", 2), 21: ("line", 2), 22: ("line", 2), 23: ("line", 3), 24: ("line", 3)}

@@ -9,6 +9,7 @@ from antiosc.errors import MeshError
 from antiosc.fem.readers import by_unv
 from antiosc.fem.readers.request import Request
 from antiosc.fem.readers.shapes import CORNERS, EDGES
+from refusals import refused
 
 RNG = np.random.default_rng(41)
 
@@ -157,59 +158,30 @@ GOOD = nodes(SQUARE) + CELLS
 HEAD = data_set(2412, *element(7, 91, [101, 102, 103]))
 #: What is written, and what is said.
 WRONG = {
-    GOOD + "\0": "part.unv holds zero bytes: it is binary, or it is damaged.",
-    GOOD + "    -1\n  151\n": "part.unv ends within a data set: it is cut off.",
-    "    -1\n    -1\n    -1\nwords\n    -1\n": (
-        "part.unv holds no data sets between lines of -1: it is no universal file."
-    ),
-    data_set(164, "5 mm", "0.0 1.0") + GOOD: (
-        "line 4 of part.unv: the factor of length in data set 164 must be positive."
-    ),
-    data_set(164, "5 mm", "  ") + GOOD: "line 4 of part.unv: '' is not a number.",
-    data_set(2411, "  101 1 1 11", "0. 0.") + CELLS: (
-        "line 4 of part.unv: a node needs a number and three coordinates."
-    ),
-    data_set(2411, "  ", "0. 0. 0.") + CELLS: (
-        "line 4 of part.unv: a node needs a number and three coordinates."
-    ),
-    data_set(2411, "x 1 1 11", "0. 0. 0.") + CELLS: "line 3 of part.unv: 'x' is not an integer.",
-    data_set(15, "101 0 0 11 0. 0.") + CELLS: (
-        "line 3 of part.unv: a node needs a number and three coordinates."
-    ),
-    nodes(SQUARE) + data_set(2412, "7 91 1 1 3", "101 102 103"): (
-        "line 14 of part.unv: the head of an element has six numbers; got 5."
-    ),
-    nodes(SQUARE) + data_set(2412, "7 91 1 1 1 4", "101 102 103"): (
-        "line 14 of part.unv: element 7 ends before its 4 nodes."
-    ),
-    nodes(SQUARE) + data_set(2412, "7 91 1 1 1 4", "101 102 103 104"): (
-        "line 14 of part.unv: element 7 of type 91 has 4 nodes, of which its head tells 4; it must "
-        "have 3."
-    ),
-    nodes(SQUARE) + data_set(2412, "7 91 1 1 1 2", "101 102 103"): (
-        "line 14 of part.unv: element 7 of type 91 has 3 nodes, of which its head tells 2; it must "
-        "have 3."
-    ),
-    nodes(SQUARE) + data_set(2412, *element(7, 91, [101, 102, 9])): (
-        "element 7 of part.unv has the node 9, which the file does not define."
-    ),
-    nodes(SQUARE) + data_set(2412, *element(7, 91, [101, 102, 103])) + HEAD: (
-        "part.unv gives two elements one number."
-    ),
-    nodes(SQUARE) + nodes(SQUARE[:1]) + CELLS: "part.unv gives two nodes one number.",
-    CELLS: "part.unv has no nodes (data sets 2411, 781 or 15).",
-    nodes(SQUARE): "part.unv has no elements that are cells of a mesh.",
-    GOOD + data_set(2467, "4 0 0 0 0 0 0 3", "a", "7 101 0 0"): (
-        "line 21 of part.unv: the group 'a' ends before its 3 members."
-    ),
-    GOOD + data_set(2467, "4 0 0 0 0 0 0 1", "a", "7 101 0 x"): (
-        "line 23 of part.unv: 'x' is not an integer."
-    ),
+    GOOD + "\0": (None, "damaged"),
+    GOOD + "    -1\n  151\n": (None, "ends"),
+    "    -1\n    -1\n    -1\nwords\n    -1\n": (None, "universal"),
+    data_set(164, "5 mm", "0.0 1.0") + GOOD: (4, "positive"),
+    data_set(164, "5 mm", "  ") + GOOD: (4, "number"),
+    data_set(2411, "  101 1 1 11", "0. 0.") + CELLS: (4, "coordinates"),
+    data_set(2411, "  ", "0. 0. 0.") + CELLS: (4, "coordinates"),
+    data_set(2411, "x 1 1 11", "0. 0. 0.") + CELLS: (3, "integer"),
+    data_set(15, "101 0 0 11 0. 0.") + CELLS: (3, "coordinates"),
+    nodes(SQUARE) + data_set(2412, "7 91 1 1 3", "101 102 103"): (14, "numbers"),
+    nodes(SQUARE) + data_set(2412, "7 91 1 1 1 4", "101 102 103"): (14, "ends"),
+    nodes(SQUARE) + data_set(2412, "7 91 1 1 1 4", "101 102 103 104"): (14, "must have 3"),
+    nodes(SQUARE) + data_set(2412, "7 91 1 1 1 2", "101 102 103"): (14, "must have 3"),
+    nodes(SQUARE) + data_set(2412, *element(7, 91, [101, 102, 9])): (None, "define"),
+    nodes(SQUARE) + data_set(2412, *element(7, 91, [101, 102, 103])) + HEAD: (None, "elements"),
+    nodes(SQUARE) + nodes(SQUARE[:1]) + CELLS: (None, "two nodes"),
+    CELLS: (None, "sets"),
+    nodes(SQUARE): (None, "cells"),
+    GOOD + data_set(2467, "4 0 0 0 0 0 0 3", "a", "7 101 0 0"): (21, "members"),
+    GOOD + data_set(2467, "4 0 0 0 0 0 0 1", "a", "7 101 0 x"): (23, "integer"),
 }
 
 
-@pytest.mark.parametrize("text", WRONG, ids=lambda text: WRONG[text])
+@pytest.mark.parametrize("text", WRONG)
 def test_what_is_wrong_is_told_with_its_line(read, text):
-    with pytest.raises(MeshError) as caught:
+    with refused(*WRONG[text], MeshError):
         read(text)
-    assert str(caught.value) == WRONG[text]
