@@ -100,7 +100,7 @@ def test_the_supports_are_those_that_the_first_subcase_selects(tmp_path, control
     _, deck = bdf.read(tmp_path, f"SOL 103\nCEND\n{control}BEGIN BULK\n{BLOCK}{SUPPORTS}")
     assert set(held(deck)) == set(motions)
     (told,) = deck.told
-    assert f"SPC set{'s' * (len(others) > 1)} {', '.join(map(str, others))} of" in told
+    assert f"SPC set{'s' * (len(others) > 1)} {', '.join(map(str, others))}, which" in told
 
 
 def test_without_case_control_all_sets_act_and_are_told(tmp_path):

@@ -75,8 +75,7 @@ def used_sets(
         told.append(f"{what} = {first} of {name} needs the {_sets(lost)}, not there.")
     if others:
         told.append(
-            f"{what} {_sets(others)} of {name} do not act: the first subcase selects others, "
-            "or none."
+            f"not used of {name}: {what} {_sets(others)}, which the first subcase does not select."
         )
     return used & present, told
 
