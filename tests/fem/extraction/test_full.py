@@ -45,7 +45,7 @@ def rectangle() -> ao.Mesh:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "plate.geo"
         path.write_text(text)
-        return ao.read_mesh(path, size=1.0)
+        return ao.read_mesh(path, size=0.4)
 
 
 def direct(part: ao.Structure, site: ao.Site, omega: np.ndarray) -> np.ndarray:

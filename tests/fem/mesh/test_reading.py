@@ -55,8 +55,8 @@ def test_step_in_millimetres_becomes_metres():
         gmsh.option.setNumber("General.Terminal", 0)
         gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
         gmsh.model.occ.importShapes("meshes/bracket.step")
-        # a size that would do in either unit
-        bracket = ao.read_mesh("meshes/bracket.step", size=20.0)
+        # a size of metres
+        bracket = ao.read_mesh("meshes/bracket.step", size=0.05)
     finally:
         gmsh.finalize()
     extent = np.ptp(bracket.dolfinx.geometry.x, axis=0)
