@@ -8,7 +8,10 @@ import pytest
 import antiosc as ao
 from antiosc.closed_form import free_free
 from antiosc.simulation.body_motion import amplitudes, forces_of
+from marks import TURNS_FAR
 from struck_beams import THICK
+
+pytestmark = TURNS_FAR
 
 X = np.linspace(0, THICK.length, 5)
 BEAM = free_free(THICK, 0.1).anti_oscillators(2, X)  # pushed along +y
