@@ -68,7 +68,7 @@ class TestItSeesFaults:
             raise ZeroDivisionError("division by zero")
 
         monkeypatch.setattr(ao.Hertz, "implicit", broken)
-        result = fuzz.main(scenes=15)
+        result = fuzz.main(scenes=40)
         assert any("division by zero" in failure for failure in result["failures"])
 
     def test_unexpected_refusal(self):
