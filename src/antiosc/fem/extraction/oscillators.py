@@ -133,7 +133,7 @@ def oscillators(known: Found, n: int, tol: float) -> Oscillators:
     real = known.poles > 0
     first = np.diff(known.modes.omega, prepend=-np.inf) > REPEATED * known.modes.omega
     group = np.cumsum(first) - 1  # its mass is split by the basis: it is observable as a whole
-    mass: Array = np.bincount(group, np.where(real, c**2, 0.0))
+    mass = np.asarray(np.bincount(group, np.where(real, c**2, 0.0)), dtype=float)
     seen = real & (bands.shares(static.k0, known.m0, mass, known.poles[first]) > tol)[group]
     omega, psi, c = known.modes.omega[seen], known.modes.phi[:, seen] * c[seen], c[seen]
     start = np.flatnonzero(np.diff(omega, prepend=-np.inf) > REPEATED * omega)
