@@ -144,8 +144,9 @@ AOM_API int aom_law_check(const aom_law *law);
 /* Force and its derivatives by indentation and rate, into out. */
 AOM_API void aom_law_force(const aom_law *law, double delta, double rate, const double *state,
                            double out[3]);
-/* Energy [J] that the contact can still give back. */
-AOM_API double aom_law_energy(const aom_law *law, double delta, const double *state);
+/* Energies [J] that the contact can still give back at n indentations, into out [n]. */
+AOM_API void aom_law_energies(const aom_law *law, int64_t n, const double *delta,
+                              const double *state, double *out);
 /* Work [J] of loading a new contact up to delta. */
 AOM_API double aom_law_loading_work(const aom_law *law, double delta);
 /* A contact begins (`first`: new bodies) at a closing speed; state is brought up to date. */

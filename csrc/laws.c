@@ -87,6 +87,8 @@ static curve loading(const aom_law *law, double delta) {
     return (curve){k * delta * sqrt(delta), 1.5 * k * sqrt(delta)};
 }
 
+static double law_energy(const aom_law *law, double delta, const double *state);
+
 double aom_law_loading_work(const aom_law *law, double delta) {
     const double *p = law->params;
     if (delta <= 0.0 || law->kind == AOM_USER)
@@ -94,7 +96,7 @@ double aom_law_loading_work(const aom_law *law, double delta) {
     if (law->kind == AOM_TABLE)
         return table_area(loading_table(law), loading_knots(law), delta);
     if (!remembers(law->kind))
-        return aom_law_energy(law, delta, p);
+        return law_energy(law, delta, NULL);
     double k = p[0], y = p[1];
     bool yields = (law->kind == AOM_THORNTON || law->kind == AOM_STRONGE) && delta > y;
     double d = yields ? y : delta, elastic = 0.4 * k * d * d * sqrt(d);
@@ -399,7 +401,7 @@ static double hysteretic_energy(const aom_law *law, double delta, const double *
     return force_at(law, turn, state) * (turn - low) * part;
 }
 
-double aom_law_energy(const aom_law *law, double delta, const double *state) {
+static double law_energy(const aom_law *law, double delta, const double *state) {
     const double *p = law->params;
     if (delta <= 0.0 || law->kind == AOM_USER)
         return 0.0;
@@ -417,6 +419,12 @@ double aom_law_energy(const aom_law *law, double delta, const double *state) {
     double top = smaller(force, p[3] * p[3] * p[3]);
     double stored = 0.4 * p[2] * pow(top, 5.0 / 3.0) - 0.5 * p[1] * top * top;
     return stored + 0.5 * p[4] * (force * force - top * top);
+}
+
+void aom_law_energies(const aom_law *law, int64_t n, const double *delta, const double *state,
+                      double *out) {
+    for (int64_t k = 0; k < n; k++)
+        out[k] = law_energy(law, delta[k], state);
 }
 
 void aom_law_touch(const aom_law *law, double speed, int first, double *state) {
@@ -444,10 +452,10 @@ void aom_law_advance(const aom_law *law, double delta, double *state) {
     if (!remembers(law->kind) || elastic_table(law) || delta <= state[1])
         return;
     double work = reloading_work(law, delta, state[0]) - reloading_work(law, state[1], state[0]);
-    double before = aom_law_energy(law, state[1], state);
+    double before = law_energy(law, state[1], state);
     state[0] = larger(state[0], delta);
     state[1] = delta;
-    state[2] += work - (aom_law_energy(law, delta, state) - before);
+    state[2] += work - (law_energy(law, delta, state) - before);
 }
 
 double aom_law_origin(const aom_law *law, const double *state) { return origin(law, state); }

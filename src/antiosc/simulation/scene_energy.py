@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from antiosc import march
 from antiosc._types import Array
-from antiosc.simulation import march
+from antiosc.contact.compiled import is_compiled
 from antiosc.simulation.assembly import Assembly
-from antiosc.simulation.compilation import fitting_march
 from antiosc.simulation.contact_energy import path_work, replay, stored_alone
 from antiosc.simulation.energy import Energy
 from antiosc.simulation.engine import Run
@@ -46,7 +46,7 @@ def gained(a: Assembly, run: Run) -> float:
     of one's own need not know its energy.
     """
     system = a.system
-    if march.USER in system.kinds.tolist():
+    if not all(map(is_compiled, system.laws)):
         return 0.0
     if run.time.size > BALANCED and not run.gained > 0.1 * GAIN * run.highest:
         return 0.0
@@ -55,8 +55,7 @@ def gained(a: Assembly, run: Run) -> float:
         held, total = energy.kinetic + energy.strain + energy.contact, energy.total
     else:  # nothing between the ends of the steps is needed
         assert run.states is not None
-        force, mechanical = run.force[::2], np.empty(len(run.states))
-        fitting_march(0).energies(run.states, system.omega, mechanical)
+        force, mechanical = run.force[::2], march.energies(run.states, system.omega)
         held = mechanical.copy()
         if system.R.any():
             held += 0.5 * np.einsum("ni,ij,nj->n", force, system.R, force)

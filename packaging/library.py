@@ -1,0 +1,80 @@
+"""Compile the C library of the march into the Python package: `python packaging/library.py`.
+
+The compiler is $CC, else cc, gcc or clang, else zig's of the package `ziglang`. The environment
+variable ANTIOSC_TARGET, such as aarch64-linux-gnu.2.17, has zig compile for another platform.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+import sysconfig
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+SOURCE, PACKAGE = ROOT / "csrc", ROOT / "src" / "antiosc"
+FLAGS = ["-std=c99", "-O3", "-fPIC", "-fvisibility=hidden", "-shared"]
+WARNINGS = ["-Wall", "-Wextra", "-pedantic", "-Wconversion"]
+
+
+def source_hash() -> str:
+    """What `antiosc.march.source_hash` gives."""
+    text = hashlib.sha256()
+    for path in sorted(SOURCE.glob("*.[ch]")):
+        text.update(path.read_bytes().replace(b"\r\n", b"\n"))
+    return text.hexdigest()[:16]
+
+
+def compiler() -> list[str]:
+    """The command of a C compiler; empty if there is none."""
+    if os.environ.get("ANTIOSC_TARGET"):
+        return [*_zig(), "-target", os.environ["ANTIOSC_TARGET"]]
+    if os.environ.get("CC"):
+        return shlex.split(os.environ["CC"])
+    for name in ("cc", "gcc", "clang"):
+        if shutil.which(name):
+            return [name]
+    return _zig() if importlib.util.find_spec("ziglang") else []
+
+
+def _zig() -> list[str]:
+    return [sys.executable, "-m", "ziglang", "cc"]
+
+
+def target() -> str:
+    """The platform that is compiled for: linux, macos or windows."""
+    wanted = os.environ.get("ANTIOSC_TARGET", "") or sysconfig.get_platform()
+    for name, signs in {"windows": ("windows", "win"), "macos": ("macos",)}.items():
+        if wanted.startswith(signs) or f"-{signs[0]}" in wanted:
+            return name
+    return "linux"
+
+
+def build() -> Path:
+    """Compile the library; returns where it stands."""
+    command = compiler()
+    if not command:
+        raise SystemExit("antiosc: no C compiler; install gcc, or `pip install ziglang`.")
+    suffix = {"windows": ".dll", "macos": ".dylib"}.get(target(), ".so")
+    out = PACKAGE / f"libantiosc_march{suffix}"
+    made = out.with_suffix(".part")
+    command += [*FLAGS, *WARNINGS, f'-DAOM_SOURCE_HASH="{source_hash()}"']
+    command += ["-o", str(made), str(SOURCE / "antiosc_march.c")]
+    if target() == "windows":
+        command.remove("-fPIC")
+    else:
+        command.append("-lm")
+    subprocess.run(command, check=True)
+    made.replace(out)  # a process that has loaded the old one keeps it
+    for rest in PACKAGE.glob("libantiosc_march*.pdb"):
+        rest.unlink()
+    return out
+
+
+if __name__ == "__main__":
+    print(build())
