@@ -12,9 +12,8 @@ static bool attempt(aom_stepper *st, int index, double h) {
     ready_step(st, index, h);
     ready_local(st, index, h);
     free_step(st, index, h, st->work.base);
-    if (m == 1)
-        if (one_force(st, h, local))
-            return true;
+    if (m == 1 && one_force(st, h, local))
+        return true;
     for (int i = 0; i < m; i++)
         st->work.force[i].f[0] = st->rows[i].force;
     for (int stage = 0; stage < 2; stage++) {

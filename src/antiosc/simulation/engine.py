@@ -188,7 +188,7 @@ def run(
         if answer == march.FULL:
             parts.append(buffers.taken())
             nodes = min(4 * nodes, _LONGEST)
-            buffers = Buffers(nodes, p, m, size if keep else 0)
+            buffers = Buffers(nodes, p, m, size)
             record = buffers.emptied(keep)
         elif answer != march.PAUSED:
             break
