@@ -291,9 +291,10 @@ AOM_API aom_difference aom_compare(int n_rows, int64_t n_a, const double *time_a
                                    const double *force_a, int64_t n_b, const double *time_b,
                                    const double *force_b, double end, double limit, double *peaks);
 
-/* Time integral of the force of a row from step `first` to `last`, and its largest value. */
-AOM_API void aom_pulse(const double *time, const double *force, int n_rows, int row, int64_t first,
-                       int64_t last, double *area, double *peak);
+/* Of n spans of steps, first to last [n][2], the time integral of the force of a row, and its largest
+ * value, into out [n][2]. */
+AOM_API void aom_pulses(const double *time, const double *force, int n_rows, int row, int64_t n,
+                        const int64_t *spans, double *out);
 
 #ifdef __cplusplus
 }

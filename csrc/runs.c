@@ -125,8 +125,8 @@ aom_difference aom_compare(int m, int64_t n_a, const double *time_a, const doubl
     return found;
 }
 
-void aom_pulse(const double *time, const double *force, int m, int row, int64_t first,
-               int64_t last, double *area, double *peak) {
+static void pulse(const double *time, const double *force, int m, int row, int64_t first,
+                  int64_t last, double *area, double *peak) {
     *area = *peak = 0.0;
     for (int64_t n = 2 * first; n < 2 * last; n += 2) {
         const double *f = force + n * m + row;
@@ -137,4 +137,10 @@ void aom_pulse(const double *time, const double *force, int m, int row, int64_t 
         else
             *peak = larger(*peak, larger(f0, f2));
     }
+}
+
+void aom_pulses(const double *time, const double *force, int m, int row, int64_t n,
+                const int64_t *spans, double *out) {
+    for (int64_t k = 0; k < n; k++)
+        pulse(time, force, m, row, spans[2 * k], spans[2 * k + 1], out + 2 * k, out + 2 * k + 1);
 }

@@ -61,7 +61,7 @@ class Buffers:
             np.empty((nodes // 2 + 2, 2, size)),
             np.empty((nodes + p + 1, 4)),
         )
-        at = [each.ctypes.data for each in self.arrays]
+        at = map(march.address, self.arrays)
         # room for one state more than the march writes: the last
         self.record = march.Record(nodes, nodes // 2 + 1, len(self.arrays[4]), 0, 0, 0, *at)
         self.states = self.record.states
@@ -103,7 +103,7 @@ class Space:
     def renew(self, given: Given) -> None:
         """Be for other bodies of as many modes and rows: new memory costs more than a run."""
         answer = march.library.aom_create(
-            byref(given.system), self.memory.ctypes.data, self.memory.nbytes, byref(self.stepper)
+            byref(given.system), march.address(self.memory), self.memory.nbytes, byref(self.stepper)
         )
         _check(answer)
 
@@ -194,7 +194,7 @@ def run(
             break
     if keep:
         last = buffers.arrays[3][record.n_states]
-        march.library.aom_modal_state(space.stepper, last.ctypes.data)
+        march.library.aom_modal_state(space.stepper, march.address(last))
         record.n_states += 1
     parts.append(buffers.taken())
     told = march.library.aom_summarize(space.stepper)

@@ -89,7 +89,7 @@ class Given:
         parts = (s.omega, s.decay, s.beta, s.R, s.breaks, s.loads, s.offsets, s.q, s.v)
         self.block = np.concatenate([each.ravel() for each in parts], dtype=float)
         self.bodies = self.block[: 2 * size + m * (size + m)].tobytes()
-        at = [self.block.ctypes.data]
+        at = [march.address(self.block)]
         for each in parts[:-1]:
             at.append(at[-1] + 8 * each.size)
         *arrays, q, v = at
