@@ -77,7 +77,7 @@ typedef struct walk {
 } walk;
 
 static void walk_to(walk *w, double t) {
-    while (w->step + 3 < w->n && w->time[w->step + 2] <= t)
+    while (w->step + 4 < w->n && w->time[w->step + 2] <= t)
         w->step += 2;
     double start = w->time[w->step], h = w->time[w->step + 2] - start;
     w->u = h > 0.0 ? within((t - start) / h, 0.0, 1.0) : 0.0;
@@ -98,7 +98,7 @@ aom_difference aom_compare(int m, int64_t n_a, const double *time_a, const doubl
     bool exceeded = false;
     for (int i = 0; i < 2 * m; i++)
         peaks[i] = 0.0;
-    while (a.node < n_a || b.node < n_b) {
+    while (n_a >= 3 && n_b >= 3 && (a.node < n_a || b.node < n_b)) {
         bool from_a = b.node >= n_b || (a.node < n_a && time_a[a.node] <= time_b[b.node]);
         double t = from_a ? time_a[a.node++] : time_b[b.node++], apart = 0.0, square = 0.0;
         if (t > end)

@@ -202,8 +202,9 @@ def run(
     if answer == march.LAW_FAILED:
         given.failed()
     whole = parts[0]
-    if len(parts) > 1:
-        whole = tuple(np.concatenate(part) for part in zip(*parts, strict=True))
+    if len(parts) > 1:  # a part begins with the node that the one before ends with
+        rest = [(time[1:], force[1:], depth[1:], *kept) for time, force, depth, *kept in parts[1:]]
+        whole = tuple(np.concatenate(part) for part in zip(parts[0], *rest, strict=True))
     return Run(
         time=whole[0],
         force=whole[1],
