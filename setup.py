@@ -1,4 +1,4 @@
-"""The C library of the march, built with the package, and the wheel's tag: any Python, one platform."""
+"""The C library of the march, built with the package; a wheel is for one platform, any Python."""
 
 from __future__ import annotations
 
@@ -34,4 +34,5 @@ class OfOnePlatform(Distribution):
         return True
 
 
-setup(distclass=OfOnePlatform, cmdclass={"build_py": BuildWithLibrary, "bdist_wheel": PlatformWheel})
+COMMANDS = {"build_py": BuildWithLibrary, "bdist_wheel": PlatformWheel}
+setup(distclass=OfOnePlatform, cmdclass=COMMANDS)

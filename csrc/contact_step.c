@@ -124,7 +124,7 @@ static bool end_at_exit(aom_stepper *st, double first) {
             return false;
         double v = motion->rate[1], g = beyond(&b, exit, motion->depth[1], v);
         if (fabs(g) <= close) {
-            if (near || exit != LOW || -v * length < 1e3 * close)
+            if (near || exit != LOW || -v * length < 1e3 * close || length + g / v == length)
                 break;
             near = true; /* a release is located to rounding: once more */
         }

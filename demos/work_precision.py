@@ -11,7 +11,7 @@ by itself. Also measured, with the error beside the time:
 - the time of a scene against its number of contacts: a beam that is thrown onto 1 to 6 stops.
 
 Seconds are those of the processor, so that other work on the machine counts little. The exact
-method is compiled first where numba is installed; the others are Python.
+method runs in C; the others are Python.
 
     OMP_NUM_THREADS=1 .venv/bin/python demos/work_precision.py
 """

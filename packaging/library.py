@@ -1,7 +1,7 @@
 """Compile the C library of the march into the Python package: `python packaging/library.py`.
 
-The compiler is $CC, else cc, gcc or clang, else zig's of the package `ziglang`. With the environment
-variable ANTIOSC_TARGET, one of TARGETS, zig compiles for another platform.
+The compiler is $CC, else cc, gcc or clang, else zig's of the package `ziglang`. With
+$ANTIOSC_TARGET, one of TARGETS, zig compiles for another platform.
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ from __future__ import annotations
 import ctypes
 import hashlib
 import sys
-from ctypes import POINTER, Structure, byref, c_char_p, c_double, c_int, c_int64, c_size_t, c_void_p
+from ctypes import POINTER, Structure, c_char_p, c_double, c_int, c_int64, c_size_t, c_void_p
 from pathlib import Path
 from typing import Any
 
@@ -31,12 +31,8 @@ LINEAR, POWER, HERTZ, DAMPED, THORNTON, STRONGE, YANG_SUN, TAN_SUN, TABLE, USER 
 # branches of a law
 APART, FORWARD, CUT, BACK = range(4)
 
-FORCE = ctypes.CFUNCTYPE(
-    c_int, c_void_p, c_double, c_double, POINTER(c_double), POINTER(c_double)
-)
-TOUCH = ctypes.CFUNCTYPE(
-    c_int, c_void_p, c_double, c_int, POINTER(c_double), POINTER(c_double)
-)
+FORCE = ctypes.CFUNCTYPE(c_int, c_void_p, c_double, c_double, POINTER(c_double), POINTER(c_double))
+TOUCH = ctypes.CFUNCTYPE(c_int, c_void_p, c_double, c_int, POINTER(c_double), POINTER(c_double))
 ADVANCE = FORCE
 
 
@@ -196,10 +192,10 @@ def _doubles(*arrays: Array) -> list[Array]:
     return [np.ascontiguousarray(each, dtype=float) for each in arrays]
 
 
-def address(values: Array | NDArray[np.int64]) -> int:
+def address(values: NDArray[Any]) -> int:
     """Where the numbers of an array stand; NumPy's own way takes thrice as long."""
     try:
-        return ctypes.addressof(ctypes.c_char.from_buffer(values))
+        return ctypes.addressof(ctypes.c_char.from_buffer(values))  # type: ignore[arg-type]
     except (TypeError, ValueError):  # read-only, empty
         return values.ctypes.data
 

@@ -15,8 +15,7 @@ from antiosc import march
 from antiosc.simulation import engine
 from antiosc.simulation.assembly import assemble
 from antiosc.simulation.scene_energy import _work_by_step, gained
-from antiosc.simulation.scene_states import forces as forces_at
-from antiosc.simulation.scene_states import located
+from antiosc.simulation.scene_states import forces as forces_at, located
 from scenes import HERTZ, case_two
 
 LAW = ao.Hertz(HERTZ)

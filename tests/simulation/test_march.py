@@ -265,7 +265,7 @@ def test_the_march_is_a_collocation_of_order_four() -> None:
 
 def collocated(s: System, k: float, q: Array, v: Array, f0: float, h: float) -> tuple:
     """A step under the parabola of the force that meets F = k delta at h/2 and h."""
-    b, none = s.beta[0], np.zeros_like(q)
+    b = s.beta[0]
 
     def moved(f: Array, t: float) -> tuple[Array, Array]:
         a = np.array([f[0], (4 * f[1] - 3 * f[0] - f[2]) / h, 4 * (f[0] - 2 * f[1] + f[2]) / h**2])

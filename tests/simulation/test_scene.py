@@ -12,12 +12,12 @@ from scipy.integrate import solve_ivp
 
 import antiosc as ao
 from antiosc import march
-from antiosc.simulation.assembly import assemble
 from antiosc.simulation import engine
+from antiosc.simulation.assembly import assemble
 from antiosc.simulation.engine import run
 from antiosc.simulation.scene_states import forces, located
-from march_builds import built
 from direct import force_error, physical
+from march_builds import built
 from scene_cases import CORNERS, LAWS, bounce, plate, rod_between_walls, stops
 from scenes import HERTZ, case_two, hertz_impact
 

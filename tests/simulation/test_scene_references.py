@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 import antiosc as ao
 from antiosc import march
-from antiosc.simulation.assembly import assemble
 from antiosc.simulation import engine
+from antiosc.simulation.assembly import assemble
 from antiosc.simulation.engine import run
 from antiosc.simulation.scene_states import forces, located
-from march_builds import built
 from direct import beam, force_error, free_modes, physical
+from march_builds import built
 
 Array = NDArray[np.float64]
 EI, RHO_A, LENGTH = 20.0, 0.8, 0.5  # a strip of aluminium, 30 mm x 6 mm and half as stiff

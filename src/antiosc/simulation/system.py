@@ -94,7 +94,7 @@ class Given:
             at.append(at[-1] + 8 * each.size)
         *arrays, q, v = at
         self.laws = [packed(law) for law in s.laws]
-        self.contacts: CArray[march.Contact] = (march.Contact * p)()
+        self.contacts = (march.Contact * p)()
         each_contact = zip(
             self.contacts, self.laws, s.slip.tolist(), s.tangents.tolist(), s.mass.tolist(),
             s.depth.tolist(), s.speed.tolist(), s.slowest.tolist(), s.pressed.tolist(), strict=True,
