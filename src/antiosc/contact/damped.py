@@ -3,7 +3,8 @@
 v0 is the speed of approach of the present contact and d follows from a coefficient of restitution
 e. For two free rigid bodies the motion has the first integral d (1 + e') = ln[(1 + d)/(1 - d e')]
 between d and the ratio e' of parting and closing speed, whatever k, n and the masses
-(`restitution_of`); of the laws here only Gonthier's returns e itself.
+(`restitution_of`); of the laws here only Gonthier's returns e itself. In chatter v0 -> 0 and d/v0
+would grow without bound: v0 is held above 1 % of the fastest approach so far.
 """
 
 from __future__ import annotations
@@ -13,18 +14,14 @@ from dataclasses import dataclass, field
 from math import log1p
 from typing import ClassVar
 
-from antiosc import checks
-from antiosc.contact.base import ContactLaw, State
+from antiosc import checks, march
+from antiosc.contact.compiled import Compiled
 from antiosc.contact.power import checked_exponent
 from antiosc.errors import InputError
 
-# In chatter v0 -> 0 and d/v0 would grow without bound: it is held above this share of the
-# fastest approach so far.
-_SLOWEST = 0.01
-
 
 @dataclass(frozen=True)
-class _Damped(ContactLaw):
+class _Damped(Compiled):
     """F = stiffness * delta^exponent * (1 + d * rate/v0), never negative.
 
     Parameters
@@ -42,6 +39,8 @@ class _Damped(ContactLaw):
     exponent: float = 1.5
     factor: float = field(init=False, repr=False, compare=False)
 
+    kind: ClassVar[int] = march.DAMPED
+    size: ClassVar[int] = 2  # d/v0, fastest approach so far
     rate_dependent: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
@@ -61,32 +60,8 @@ class _Damped(ContactLaw):
     def _factor(e: float) -> float:
         """d for a coefficient of restitution e."""
 
-    # state: (d/v0, fastest approach so far)
-    def touch(self, speed: float, state: State | None = None) -> State:
-        fastest = max(speed, 0.0 if state is None else state[1])
-        v0 = max(speed, _SLOWEST * fastest)
-        return (self.factor / v0 if v0 > 0 else 0.0, fastest)
-
-    def force(self, delta: float, rate: float, state: State) -> float:
-        if delta <= 0:
-            return 0.0
-        return float(max(self.stiffness * delta**self.exponent * (1 + state[0] * rate), 0.0))
-
-    def tangent(self, delta: float, rate: float, state: State) -> tuple[float, float]:
-        grip = 1 + state[0] * rate
-        if delta <= 0 or grip <= 0:
-            return (0.0, 0.0)
-        elastic = self.stiffness * delta**self.exponent
-        return (float(self.exponent * elastic / delta * grip), float(elastic * state[0]))
-
-    def energy(self, delta: float, state: State) -> float:
-        n = self.exponent + 1
-        return float(self.stiffness * delta**n / n) if delta > 0 else 0.0
-
-    def damping(self, delta: float, rate: float, state: State) -> float:
-        if delta <= 0:
-            return 0.0
-        return self.force(delta, rate, state) - float(self.stiffness * delta**self.exponent)
+    def parameters(self) -> list[float]:
+        return [self.stiffness, self.exponent, self.factor]
 
 
 class HuntCrossley(_Damped):

@@ -12,132 +12,28 @@ reloads from delta_p.
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from dataclasses import dataclass
-from math import log, pi, sqrt
+from math import pi, sqrt
 from typing import ClassVar
 
-from antiosc import checks
-from antiosc.contact.base import ContactLaw, State
+from antiosc import checks, march
+from antiosc.contact.compiled import Compiled
 from antiosc.errors import InputError
 
 
-class Hysteretic(ContactLaw):
-    """Base of the laws of this module; U(x) = x^unload_exponent, V(x) = x^reload_exponent.
+class Hysteretic(Compiled):
+    """Base of the laws of this module.
 
     The state is (delta_m, delta_t, lost): deepest indentation [m], turning point [m] from which
     unloading starts, and the energy lost so far [J].
     """
 
     has_memory: ClassVar[bool] = True
-    unload_exponent: ClassVar[float] = 1.5
-    reload_exponent: ClassVar[float] = 1.5
-    #: reloading goes back along the unloading curve
-    retraces: ClassVar[bool] = True
+    size: ClassVar[int] = 3
 
-    @abstractmethod
-    def loading(self, delta: float) -> float:
-        """Virgin force [N] for delta > 0."""
-
-    @abstractmethod
-    def loading_slope(self, delta: float) -> float:
-        """Its derivative [N/m]."""
-
-    @abstractmethod
-    def loading_work(self, delta: float) -> float:
-        """Its integral from 0 [J]."""
-
-    @abstractmethod
     def permanent(self, deepest: float) -> float:
         """Permanent indentation delta_p [m] after a deepest one, 0 <= delta_p < deepest."""
-
-    # U and V with derivative and integral from 0: (value, slope, integral)
-    def unload_shape(self, x: float) -> tuple[float, float, float]:
-        return _power(x, self.unload_exponent)
-
-    def reload_shape(self, x: float) -> tuple[float, float, float]:
-        return _power(x, self.reload_exponent)
-
-    # -- the contract
-
-    def touch(self, speed: float, state: State | None = None) -> State:
-        if state is None:
-            return (0.0, 0.0, 0.0)
-        turn = state[0] if self.retraces else self.permanent(state[0])
-        return (state[0], turn, state[2])
-
-    def origin(self, state: State) -> float:
-        return self.permanent(state[0])
-
-    def lost(self, state: State) -> float:
-        return state[2]
-
-    def force(self, delta: float, rate: float, state: State) -> float:
-        return self._curve(delta, state)[0]
-
-    def tangent(self, delta: float, rate: float, state: State) -> tuple[float, float]:
-        return (self._curve(delta, state)[1], 0.0)
-
-    def energy(self, delta: float, state: State) -> float:
-        deepest, turn, _ = state
-        low = self.permanent(deepest)
-        if delta <= low:
-            return 0.0
-        if delta >= turn:
-            top = self._curve(delta, state)[0]
-            low = self.permanent(max(delta, deepest))
-            return top * (delta - low) * self.unload_shape(1.0)[2]
-        top = self._curve(turn, state)[0]
-        return top * (turn - low) * self.unload_shape((delta - low) / (turn - low))[2]
-
-    def advance(self, delta: float, rate: float, state: State) -> State:
-        deepest, turn, lost = state
-        if delta <= turn:
-            return state
-        work = self._work(delta, state) - self._work(turn, state)
-        before = self.energy(turn, state)
-        new = (max(deepest, delta), delta, lost)
-        return (new[0], delta, lost + work - (self.energy(delta, new) - before))
-
-    # -- inside
-
-    def _curve(self, delta: float, state: State) -> tuple[float, float]:
-        """Force and slope."""
-        deepest, turn, _ = state
-        if delta >= deepest:
-            return (self.loading(delta), self.loading_slope(delta)) if delta > 0 else (0.0, 0.0)
-        low = self.permanent(deepest)
-        if delta <= low:
-            return (0.0, 0.0)
-        if delta >= turn:
-            return self._reload(delta, deepest, low)
-        top = self.loading(deepest) if turn == deepest else self._reload(turn, deepest, low)[0]
-        value, slope, _ = self.unload_shape((delta - low) / (turn - low))
-        return (top * value, top * slope / (turn - low))
-
-    def _reload(self, delta: float, deepest: float, low: float) -> tuple[float, float]:
-        top = self.loading(deepest)
-        value, slope, _ = self.reload_shape((delta - low) / (deepest - low))
-        return (top * value, top * slope / (deepest - low))
-
-    def _work(self, delta: float, state: State) -> float:
-        """Work along reloading and virgin loading up to delta >= delta_t, from a fixed origin."""
-        deepest = state[0]
-        if deepest == 0.0:
-            return self.loading_work(delta)
-        low = self.permanent(deepest)
-        share = (min(delta, deepest) - low) / (deepest - low)
-        work = self.loading(deepest) * (deepest - low) * self.reload_shape(share)[2]
-        if delta > deepest:
-            work += self.loading_work(delta) - self.loading_work(deepest)
-        return work
-
-
-def _power(x: float, n: float) -> tuple[float, float, float]:
-    if x <= 0.0:
-        return (0.0, 0.0, 0.0)
-    value = x**n
-    return (value, n * value / x, value * x / (n + 1))
+        return self.origin((deepest, 0.0, 0.0))
 
 
 @dataclass(frozen=True)
@@ -159,6 +55,8 @@ class Thornton(Hysteretic):
     stiffness: float
     yield_indentation: float
 
+    kind: ClassVar[int] = march.THORNTON
+
     def __post_init__(self) -> None:
         checks.store(
             self,
@@ -178,29 +76,8 @@ class Thornton(Hysteretic):
         p = checks.positive("yield_pressure", yield_pressure, "Pa")
         return cls(4 / 3 * E * sqrt(R), R * (pi * p / (2 * E)) ** 2)
 
-    def loading(self, delta: float) -> float:
-        y = self.yield_indentation
-        if delta <= y:
-            return self.stiffness * delta * sqrt(delta)
-        return self.stiffness * sqrt(y) * (1.5 * delta - 0.5 * y)
-
-    def loading_slope(self, delta: float) -> float:
-        return 1.5 * self.stiffness * sqrt(min(delta, self.yield_indentation))
-
-    def loading_work(self, delta: float) -> float:
-        y = self.yield_indentation
-        elastic = 0.4 * self.stiffness * min(delta, y) ** 2.5
-        if delta <= y:
-            return elastic
-        return elastic + self.stiffness * sqrt(y) * (delta - y) * (0.75 * (delta + y) - 0.5 * y)
-
-    def permanent(self, deepest: float) -> float:
-        y = self.yield_indentation
-        if deepest <= y:
-            return 0.0
-        # 1 - F_m/F_e with x = sqrt(y/delta_m): (1 - x)^2 (2 + x)/2 > 0 without cancellation
-        x = sqrt(y / deepest)
-        return deepest * (1 - x) ** 2 * (2 + x) / 2
+    def parameters(self) -> list[float]:
+        return [self.stiffness, self.yield_indentation]
 
 
 @dataclass(frozen=True)
@@ -224,8 +101,7 @@ class Stronge(Hysteretic):
     stiffness: float
     yield_indentation: float
 
-    FULLY_PLASTIC: ClassVar[float] = 84.0
-    PRESSURE: ClassVar[float] = 3.3  # 3 times p_y/Y = 1.1 at yield
+    kind: ClassVar[int] = march.STRONGE
 
     def __post_init__(self) -> None:
         checks.store(
@@ -234,51 +110,8 @@ class Stronge(Hysteretic):
             yield_indentation=checks.positive("yield_indentation", self.yield_indentation, "m"),
         )
 
-    def _yield_force(self) -> float:
-        return float(self.stiffness * self.yield_indentation**1.5)
-
-    def loading(self, delta: float) -> float:
-        x = delta / self.yield_indentation
-        if x <= 1:
-            return self.stiffness * delta * sqrt(delta)
-        area = 2 * x - 1
-        return self._yield_force() * area * (1 + log(min(area, self._full())) / self.PRESSURE)
-
-    def loading_slope(self, delta: float) -> float:
-        x = delta / self.yield_indentation
-        if x <= 1:
-            return 1.5 * self.stiffness * sqrt(delta)
-        area = 2 * x - 1
-        growth = 1 + log(min(area, self._full())) / self.PRESSURE
-        if x < self.FULLY_PLASTIC:
-            growth += 1 / self.PRESSURE
-        return 2 * self._yield_force() / self.yield_indentation * growth
-
-    def loading_work(self, delta: float) -> float:
-        y = self.yield_indentation
-        x = delta / y
-        elastic = 0.4 * self.stiffness * min(delta, y) ** 2.5
-        if x <= 1:
-            return elastic
-        s, full = 2 * x - 1, self._full()
-        a = min(s, full)
-        # integral of s (1 + ln s/P) ds/2 from 1 to a
-        work = (a * a - 1) / 4 + (a * a * (2 * log(a) - 1) + 1) / (8 * self.PRESSURE)
-        if s > full:
-            work += (s * s - full * full) / 4 * (1 + log(full) / self.PRESSURE)
-        return elastic + self._yield_force() * y * work
-
-    def permanent(self, deepest: float) -> float:
-        x = deepest / self.yield_indentation
-        if x <= 1:
-            return 0.0
-        # x - sqrt(2x - 1) = (x - 1)^2/(x + sqrt(2x - 1))
-        printed = self.yield_indentation * (x - 1) ** 2 / (x + sqrt(2 * x - 1))
-        lossless = deepest - 2.5 * self.loading_work(deepest) / self.loading(deepest)
-        return max(printed, lossless)
-
-    def _full(self) -> float:
-        return 2 * self.FULLY_PLASTIC - 1
+    def parameters(self) -> list[float]:
+        return [self.stiffness, self.yield_indentation]
 
 
 @dataclass(frozen=True)
@@ -288,9 +121,6 @@ class _Laminate(Hysteretic):
     stiffness: float
     critical: float
 
-    unload_exponent: ClassVar[float] = 2.5
-    retraces: ClassVar[bool] = False
-
     def __post_init__(self) -> None:
         checks.store(
             self,
@@ -298,14 +128,8 @@ class _Laminate(Hysteretic):
             critical=checks.positive("critical", self.critical, "m"),
         )
 
-    def loading(self, delta: float) -> float:
-        return self.stiffness * delta * sqrt(delta)
-
-    def loading_slope(self, delta: float) -> float:
-        return 1.5 * self.stiffness * sqrt(delta)
-
-    def loading_work(self, delta: float) -> float:
-        return 0.4 * self.stiffness * delta * delta * sqrt(delta)
+    def parameters(self) -> list[float]:
+        return [self.stiffness, self.critical]
 
 
 @dataclass(frozen=True)
@@ -316,10 +140,7 @@ class YangSun(_Laminate):
     `stiffness` in N m^-3/2.
     """
 
-    def permanent(self, deepest: float) -> float:
-        if deepest <= self.critical:
-            return 0.0
-        return float(deepest * (1 - (self.critical / deepest) ** 0.4))
+    kind: ClassVar[int] = march.YANG_SUN
 
 
 @dataclass(frozen=True)
@@ -332,6 +153,8 @@ class TanSun(_Laminate):
 
     slope: float = 0.5
 
+    kind: ClassVar[int] = march.TAN_SUN
+
     def __post_init__(self) -> None:
         super().__post_init__()
         slope = checks.number("slope", self.slope)
@@ -339,5 +162,5 @@ class TanSun(_Laminate):
             raise InputError(f"slope must lie in 0 < slope < 1; got {slope:g}.")
         checks.store(self, slope=slope)
 
-    def permanent(self, deepest: float) -> float:
-        return self.slope * max(deepest - self.critical, 0.0)
+    def parameters(self) -> list[float]:
+        return [self.stiffness, self.critical, self.slope]

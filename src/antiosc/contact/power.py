@@ -6,11 +6,9 @@ from dataclasses import dataclass, field, replace
 from math import inf, sqrt
 from typing import Any, ClassVar
 
-import numpy as np
-
-from antiosc import checks
-from antiosc._types import Array
-from antiosc.contact.base import ContactLaw, State
+from antiosc import checks, march
+from antiosc.contact.base import State
+from antiosc.contact.compiled import Compiled
 from antiosc.contact.geometry import (
     Radii,
     effective_modulus,
@@ -29,7 +27,7 @@ def checked_exponent(value: Any) -> float:
 
 
 @dataclass(frozen=True)
-class Power(ContactLaw):
+class Power(Compiled):
     """F = stiffness * delta^exponent.
 
     Parameters
@@ -43,6 +41,8 @@ class Power(ContactLaw):
     stiffness: float
     exponent: float
 
+    kind: ClassVar[int] = march.POWER
+
     def __post_init__(self) -> None:
         checks.store(
             self,
@@ -50,45 +50,23 @@ class Power(ContactLaw):
             exponent=checked_exponent(self.exponent),
         )
 
-    def force(self, delta: float, rate: float, state: State) -> float:
-        return float(self.stiffness * delta**self.exponent) if delta > 0 else 0.0
-
-    def tangent(self, delta: float, rate: float, state: State) -> tuple[float, float]:
-        if delta <= 0:
-            return (0.0, 0.0)
-        return (float(self.exponent * self.stiffness * delta ** (self.exponent - 1)), 0.0)
-
-    def energy(self, delta: float, state: State) -> float:
-        if delta <= 0:
-            return 0.0
-        n = self.exponent + 1
-        return float(self.stiffness * delta**n / n)
-
-    def energies(self, delta: Array, state: State) -> Array:
-        n = self.exponent + 1
-        return np.asarray(self.stiffness * np.maximum(delta, 0.0) ** n / n)
+    def parameters(self) -> list[float]:
+        return [self.stiffness, self.exponent]
 
 
 @dataclass(frozen=True)
-class Linear(ContactLaw):
+class Linear(Compiled):
     """F = stiffness * delta, a spring that can only push. `stiffness` in N/m."""
 
     stiffness: float
 
+    kind: ClassVar[int] = march.LINEAR
+
     def __post_init__(self) -> None:
         checks.store(self, stiffness=checks.positive("stiffness", self.stiffness, "N/m"))
 
-    def force(self, delta: float, rate: float, state: State) -> float:
-        return self.stiffness * delta if delta > 0 else 0.0
-
-    def tangent(self, delta: float, rate: float, state: State) -> tuple[float, float]:
-        return (self.stiffness if delta > 0 else 0.0, 0.0)
-
-    def energy(self, delta: float, state: State) -> float:
-        return 0.5 * self.stiffness * delta * delta if delta > 0 else 0.0
-
-    def energies(self, delta: Array, state: State) -> Array:
-        return np.asarray(0.5 * self.stiffness * np.maximum(delta, 0.0) ** 2)
+    def parameters(self) -> list[float]:
+        return [self.stiffness]
 
     def implicit(
         self,
@@ -103,7 +81,7 @@ class Linear(ContactLaw):
 
 
 @dataclass(frozen=True)
-class Hertz(ContactLaw):
+class Hertz(Compiled):
     """Hertz's law F = stiffness * delta^(3/2), optionally minus the compliance of a patch.
 
     Parameters
@@ -127,6 +105,7 @@ class Hertz(ContactLaw):
     stiffness: float
     compliance: float = 0.0
 
+    kind: ClassVar[int] = march.HERTZ
     #: rho at which the law with a compliance ends
     END: ClassVar[float] = 0.7
 
@@ -189,32 +168,8 @@ class Hertz(ContactLaw):
             f" radius); {remedy}"
         )
 
-    def force(self, delta: float, rate: float, state: State) -> float:
-        if self.compliance == 0.0:
-            return self.stiffness * delta * sqrt(delta) if delta > 0 else 0.0
-        return self.implicit(delta, 0.0, rate, 0.0, state)
-
-    def tangent(self, delta: float, rate: float, state: State) -> tuple[float, float]:
-        if delta <= 0:
-            return (0.0, 0.0)
-        if self.compliance == 0.0:
-            return (1.5 * self.stiffness * sqrt(delta), 0.0)
-        s = min(self.force(delta, rate, state) ** (1 / 3), self._end)
-        return (1 / ((2 / 3) * self._a / s - self.compliance), 0.0)
-
-    def energy(self, delta: float, state: State) -> float:
-        if delta <= 0:
-            return 0.0
-        F = self.force(delta, 0.0, state)
-        top = min(F, self.valid_force)
-        stored = 0.4 * self._a * top ** (5 / 3) - 0.5 * self.compliance * top**2
-        return stored + 0.5 * self._end_slope * (F * F - top * top)
-
-    def energies(self, delta: Array, state: State) -> Array:
-        if self.compliance > 0.0:
-            return super().energies(delta, state)
-        depth = np.maximum(delta, 0.0)
-        return np.asarray(0.4 * self.stiffness * depth * depth * np.sqrt(depth))
+    def parameters(self) -> list[float]:
+        return [self.stiffness, self.compliance, self._a, self._end, self._end_slope]
 
     def implicit(
         self,

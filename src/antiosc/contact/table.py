@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from bisect import bisect_right
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from antiosc import checks
+from antiosc import checks, march
 from antiosc._types import Array
-from antiosc.contact.base import State
 from antiosc.contact.plastic import Hysteretic
 from antiosc.errors import InputError
 
@@ -32,6 +31,8 @@ class Tabulated(Hysteretic):
     point the loading curve goes on along its end tangent and `valid_force` is exceeded.
     """
 
+    kind: ClassVar[int] = march.TABLE
+
     @checks.within_range
     def __init__(
         self,
@@ -44,26 +45,17 @@ class Tabulated(Hysteretic):
             raise InputError(
                 f"the loading curve must start at (0, 0); it starts at ({x[0]:g} m, {F[0]:g} N)."
             )
-        self._loading = _Curve(x, F)
-        self._unload, self._remains = self._loading, 0.0
         self.elastic = unloading is None
         self.valid_force = float(F[-1])
+        remains, xu, Fu = 0.0, x, F
         if unloading is not None:
-            if not isinstance(unloading, list | tuple) or len(unloading) != 2:
-                raise InputError(
-                    "unloading must be a pair (indentation, force) of the unloading curve; got"
-                    f" {checks.shown(unloading)}."
-                )
-            xu, Fu = _branch("unloading", *unloading)
-            meets = np.allclose((xu[-1], Fu[-1]), (x[-1], F[-1]), rtol=1e-9, atol=0)
-            if Fu[0] != 0 or xu[0] < 0 or not meets:
-                raise InputError(
-                    f"the unloading curve must run from zero force at an indentation >= 0 to the"
-                    f" end of the loading curve ({x[-1]:g} m, {F[-1]:g} N); it runs from"
-                    f" ({xu[0]:g} m, {Fu[0]:g} N) to ({xu[-1]:g} m, {Fu[-1]:g} N)."
-                )
-            self._remains = float(xu[0] / xu[-1])
-            self._unload = _Curve((xu - xu[0]) / (xu[-1] - xu[0]), Fu / Fu[-1])
+            xu, Fu = _unloading(unloading, x, F)
+            remains = float(xu[0] / xu[-1])
+            xu, Fu = (xu - xu[0]) / (xu[-1] - xu[0]), Fu / Fu[-1]
+        first, second = _knots(x, F), _knots(xu, Fu)
+        head = [float(self.elastic), remains, float(x.size), float(xu.size), 5.0 + len(first)]
+        self._parameters = [*head, *first, *second]
+        if unloading is not None:
             self._check_loss(x)
 
     def out_of_range(self, peak: float, radius: float | None) -> str:
@@ -72,29 +64,8 @@ class Tabulated(Hysteretic):
             f" {self.valid_force:.4g} N; measure or extrapolate the curve further"
         )
 
-    def advance(self, delta: float, rate: float, state: State) -> State:
-        return state if self.elastic else super().advance(delta, rate, state)
-
-    def energy(self, delta: float, state: State) -> float:
-        return self.loading_work(delta) if self.elastic else super().energy(delta, state)
-
-    def loading(self, delta: float) -> float:
-        return self._loading.at(delta)[0]
-
-    def loading_slope(self, delta: float) -> float:
-        return self._loading.at(delta)[1]
-
-    def loading_work(self, delta: float) -> float:
-        return self._loading.at(delta)[2]
-
-    def permanent(self, deepest: float) -> float:
-        return self._remains * deepest
-
-    def unload_shape(self, x: float) -> tuple[float, float, float]:
-        return self._unload.at(x)
-
-    def reload_shape(self, x: float) -> tuple[float, float, float]:
-        return self._unload.at(x)
+    def parameters(self) -> list[float]:
+        return self._parameters
 
     def _check_loss(self, depths: Array) -> None:
         for d in depths[1:]:
@@ -107,32 +78,31 @@ class Tabulated(Hysteretic):
                 )
 
 
-class _Curve:
-    """Monotone cubic through points, as plain floats: quick for one value at a time."""
+def _knots(x: Array, y: Array) -> list[float]:
+    """Knots, four rows of coefficients (a spare 0 each), value and slope at the end."""
+    from scipy.interpolate import PchipInterpolator  # loaded where it is used
 
-    def __init__(self, x: Array, y: Array) -> None:
-        from scipy.interpolate import PchipInterpolator  # loaded where it is used
+    cubic = PchipInterpolator(x, y)
+    rows = [x, *np.pad(cubic.c, ((0, 0), (0, 1))), [y[-1], cubic(x[-1], 1)]]
+    return np.concatenate(rows).tolist()  # type: ignore[no-any-return]
 
-        cubic = PchipInterpolator(x, y)
-        self.x = x.tolist()
-        self.c = cubic.c.T.tolist()
-        self.area = cubic.antiderivative()(x).tolist()
-        self.end = (float(y[-1]), float(cubic(x[-1], 1)))
 
-    def at(self, x: float) -> tuple[float, float, float]:
-        """Value, slope and integral from the first point, where the curve is 0."""
-        if x <= self.x[0]:
-            return (0.0, 0.0, 0.0)
-        if x >= self.x[-1]:
-            d, (value, slope) = x - self.x[-1], self.end
-            return (value + slope * d, slope, self.area[-1] + d * (value + 0.5 * slope * d))
-        i = bisect_right(self.x, x) - 1
-        d, (a, b, c, e) = x - self.x[i], self.c[i]
-        return (
-            ((a * d + b) * d + c) * d + e,
-            (3 * a * d + 2 * b) * d + c,
-            self.area[i] + (((a * d / 4 + b / 3) * d + c / 2) * d + e) * d,
+def _unloading(unloading: Any, x: Array, F: Array) -> tuple[Array, Array]:
+    """The unloading curve, which must end where the loading curve (x, F) does."""
+    if not isinstance(unloading, list | tuple) or len(unloading) != 2:
+        raise InputError(
+            "unloading must be a pair (indentation, force) of the unloading curve; got"
+            f" {checks.shown(unloading)}."
         )
+    xu, Fu = _branch("unloading", *unloading)
+    meets = np.allclose((xu[-1], Fu[-1]), (x[-1], F[-1]), rtol=1e-9, atol=0)
+    if Fu[0] != 0 or xu[0] < 0 or not meets:
+        raise InputError(
+            f"the unloading curve must run from zero force at an indentation >= 0 to the"
+            f" end of the loading curve ({x[-1]:g} m, {F[-1]:g} N); it runs from"
+            f" ({xu[0]:g} m, {Fu[0]:g} N) to ({xu[-1]:g} m, {Fu[-1]:g} N)."
+        )
+    return xu, Fu
 
 
 def _branch(name: str, x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:

@@ -11,7 +11,6 @@ from antiosc.contact import ContactLaw, Hertz
 from antiosc.errors import InputError
 from antiosc.simulation.bodies import Placed, place
 from antiosc.simulation.contact_rows import along, find, give_axes, order_notes, row_of, tangents_of
-from antiosc.simulation.laws import packed
 from antiosc.simulation.scene_loads import acting, axes_of
 from antiosc.simulation.scene_parts import SceneParts
 from antiosc.simulation.scene_scales import MINDLIN, STIFFEST, mass_behind, scales
@@ -103,10 +102,6 @@ def assemble(scene: SceneParts, duration: float) -> Assembly:
     R = G @ r @ G.T
     gaps = offsets[0, : len(laws)]
     depth, speed, slip, lasting = scales(scene, laws, mass, beta, v, loads, gaps, local, duration)
-    rows = [packed(law) for law in laws]
-    params = np.zeros((len(rows), max(values.size for _, values in rows)))
-    for row, (_, values) in zip(params, rows, strict=True):
-        row[: values.size] = values
     system = System(
         omega=omega,
         decay=np.concatenate([b.decay for b in bodies.values()]),
@@ -115,8 +110,7 @@ def assemble(scene: SceneParts, duration: float) -> Assembly:
         breaks=breaks,
         loads=loads,
         offsets=offsets,
-        kinds=np.array([kind for kind, _ in rows], dtype=np.int64),
-        params=params,
+        laws=laws,
         slip=slip,
         tangents=np.array(tangents, dtype=np.int64),
         q=np.zeros(omega.size),

@@ -6,9 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from antiosc import checks
+from antiosc import checks, march
 from antiosc.errors import InputError
-from antiosc.simulation import march
 from antiosc.simulation.assembly import Assembly
 from antiosc.simulation.convergence import Converged, difference
 from antiosc.simulation.engine import Run

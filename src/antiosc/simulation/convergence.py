@@ -8,12 +8,9 @@ from math import isfinite, sqrt
 
 import numpy as np
 
-from antiosc._types import Array
+from antiosc import march
 from antiosc.contact import ContactLaw
-from antiosc.simulation import march
-from antiosc.simulation.compilation import fitting_march
 from antiosc.simulation.engine import Run, run
-from antiosc.simulation.scene_states import forces, located
 from antiosc.simulation.system import System
 
 # Of the tolerance, the share of the first run; by what the second run divides it, and a third:
@@ -154,31 +151,14 @@ def difference(coarse: Run, fine: Run, tol: float) -> tuple[float, float, float]
     Up to the end of the shorter run.
     """
     end = min(float(coarse.time[-1]), float(fine.time[-1]))
-    gap, size, until, peaks = _apart(coarse, fine, end, np.inf)
+    if min(coarse.time.size, fine.time.size) < 3:  # one stopped at once
+        return 0.0, 0.0, end
+    both = coarse.time, coarse.force, fine.time, fine.force, end
+    gap, size, until, peaks = march.compare(*both, np.inf)
     if size == 0.0:
         return (0.0, 0.0, end) if gap == 0.0 else (1.0, 1.0, 0.0)
     force, (one, other) = sqrt(gap / size), peaks.tolist()
     if force > tol:
-        until = _apart(coarse, fine, end, tol**2 * size)[2]
+        until = march.compare(*both, tol**2 * size)[2]
     apart = max(abs(a - b) for a, b in zip(one, other, strict=True))
     return force, apart / max(other), until
-
-
-def _apart(a: Run, b: Run, end: float, limit: float) -> tuple[float, float, float, Array]:
-    """Integrals of |F_a - F_b|^2 and |F_b|^2, when the first reaches a limit, peaks (2, m)."""
-    m = a.force.shape[1]
-    module = fitting_march(0)
-    if module is not march and min(a.time.size, b.time.size) > 2:
-        peaks = np.zeros((2, m))
-        return (*module.compare(a.time, a.force, b.time, b.force, end, limit, peaks), peaks)
-    time = np.concatenate((a.time, b.time))
-    time.sort()
-    time = time[time <= end]
-    one, other = (forces(each, *located(each, time)) for each in (a, b))
-    half = 0.5 * np.diff(time)
-    apart, size = ((one - other) ** 2).sum(axis=1), (other**2).sum(axis=1)
-    used = np.cumsum(half * (apart[:-1] + apart[1:]))
-    beyond = np.flatnonzero(used > limit)
-    until = float(time[1 + beyond[0]]) if beyond.size else end
-    peaks = np.array([abs(one).max(axis=0), abs(other).max(axis=0)])
-    return float(used[-1]), float(half @ (size[:-1] + size[1:])), until, peaks

@@ -1,26 +1,23 @@
-"""One run of the march: the space that it works in, and what it returns."""
+"""One run of the march: the memory that it works in, and what it returns."""
 
 from __future__ import annotations
 
 from collections import OrderedDict
+from ctypes import byref, c_void_p
 from dataclasses import dataclass
-from math import ceil, log2
-from types import ModuleType
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from antiosc import memory
-from antiosc.simulation import march
-from antiosc.simulation.compilation import fitting_march
-from antiosc.simulation.laws import MEMORY
-from antiosc.simulation.system import Start, System
+from antiosc import march, memory
+from antiosc.errors import InputError
+from antiosc.simulation.system import Given, System
 
 Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
-_FIRST = 2048  # nodes of the first buffer
+_FIRST, _LONGEST = 2048, 1 << 17  # nodes of the first buffer, and of the largest
+# numbers that the march may read and write between two looks for an interrupt: some 0.1 s
+_AT_ONCE = 100_000_000
 #: Bytes of states that a run keeps; a longer one keeps those of every 2nd, 4th ... step.
 STATES = 1 << 27
 SHORTER = "shorten the duration, or use fewer contacts or anti-oscillators"
@@ -35,7 +32,7 @@ class Run:
     time : (2 n + 1,); force, depth : (2 n + 1, m).
     states : (n // every + 1, 2, J) at the start of the steps 0, every, 2 every ...; None if not
         kept. `antiosc.simulation.scene_states` finds those in between.
-    events : (., 4) time, contact, piece that begins, closing speed.
+    events : (., 4) time, contact, branch that begins, closing speed.
     answer : why the march stopped.
     steps : taken; `attempts` those and the ones that were tried and given up for shorter ones,
         `refused` because of their error.
@@ -58,101 +55,83 @@ class Run:
     every: int = 1
 
 
-@dataclass(eq=False)
-class Space:
-    """Arrays of the march for as many modes, rows and contacts (shapes: `march/layout.py`).
+class Buffers:
+    """What the march writes into: times, forces, depths, states, events."""
 
-    `tables` hold the responses of the steps that earlier runs of the same bodies and rows used;
-    all else is filled anew by each run.
+    def __init__(self, nodes: int, p: int, m: int, size: int) -> None:
+        self.arrays = (
+            np.empty(nodes),
+            np.empty((nodes, m)),
+            np.empty((nodes, m)),
+            np.empty((nodes // 2 + 2, 2, size)),
+            np.empty((nodes + p + 1, 4)),
+        )
+        at = map(march.address, self.arrays)
+        # room for one state more than the march writes: the last
+        self.record = march.Record(nodes, nodes // 2 + 1, len(self.arrays[4]), 0, 0, 0, *at)
+        self.states = self.record.states
+
+    def emptied(self, keep: bool) -> march.Record:
+        """The record, empty; `keep`: states are written too."""
+        record = self.record
+        record.n_nodes = record.n_states = record.n_events = 0
+        record.states = self.states if keep else None
+        return record
+
+    def taken(self) -> tuple[Array, ...]:
+        """Copies of the nodes and events that were written."""
+        nodes, events = self.record.n_nodes, self.record.n_events
+        time, force, depth, _, met = self.arrays
+        return time[:nodes].copy(), force[:nodes].copy(), depth[:nodes].copy(), met[:events].copy()
+
+    def states_taken(self) -> Array:
+        """The states that were written, in the buffer."""
+        return self.arrays[3][: self.record.n_states]
+
+
+class Space:
+    """A stepper in its memory, and its first buffers.
+
+    It holds the responses of the steps that earlier runs of the same bodies and rows used.
     """
 
-    tables: tuple[NDArray[Any], ...]
-    state: tuple[NDArray[Any], ...]
-    work: tuple[NDArray[Any], ...]
-    out: tuple[NDArray[Any], ...]
-    shape: tuple[int, int, int]
-    nbytes: int
+    def __init__(self, given: Given) -> None:
+        system = given.system
+        self.shape = system.n_contacts, system.n_rows, system.n_modes
+        p, _, modes = self.shape
+        size = march.library.aom_memory_size(byref(system))
+        memory.require(size, f"a run with {p} contacts and {modes} modes", "use fewer of them")
+        self.memory = np.empty(-(-size // 16), dtype=np.complex128)
+        self.stepper = c_void_p()
+        self.buffers = Buffers(_FIRST, *self.shape)
+        self.nbytes = size + sum(each.nbytes for each in self.buffers.arrays)
+        self.renew(given)
 
-    @classmethod
-    def of(cls, p: int, m: int, size: int) -> Space:
-        """For p contacts, m rows, `size` modes."""
-        slots = march.LEVELS + 2
-        need = 8 * slots * (16 * m * m + 10 * m * size + 10 * size)
-        memory.require(need, f"a run with {p} contacts and {size} modes", "use fewer of them")
-        tables = (
-            np.full(slots, np.nan),
-            np.zeros((slots, 3), dtype=np.int64),
-            np.empty((slots, 6, size)),
-            np.empty((slots, 2, m, 2, size)),
-            np.empty((slots, 4, m, m)),
-            np.empty((slots, 4, 3, m, m)),
-            np.empty((slots, 2 + 3 * m, 2, size)),
+    def renew(self, given: Given) -> None:
+        """Be for other bodies of as many modes and rows: new memory costs more than a run."""
+        answer = march.library.aom_create(
+            byref(given.system), march.address(self.memory), self.memory.nbytes, byref(self.stepper)
         )
-        state = (
-            np.zeros(16),
-            np.zeros(15, dtype=np.int64),
-            np.empty((2, size)),
-            np.empty((7, m)),
-            np.empty(p, dtype=np.int64),
-            np.empty((p, MEMORY)),
-            np.empty((3, p, 2)),
-            np.empty((p, 2)),
-        )
-        work = (
-            np.zeros((3, m)),
-            np.zeros((4, m)),
-            np.zeros((4, m)),
-            np.zeros((2, m)),
-            np.zeros(size),
-            np.zeros(size),
-            np.zeros(m),
-            np.zeros(m),
-            np.zeros(2, dtype=np.int64),
-            np.zeros((p, size)),
-            np.zeros(p),
-            np.zeros((march.LEVELS + 1, p)),
-            np.zeros(march.LEVELS + 1, dtype=np.int64),
-        )
-        out = buffers(_FIRST, p, m, size)
-        nbytes = sum(each.nbytes for each in (*tables, *out))
-        return cls(tables, state, work, out, (p, m, size), nbytes)
-
-    def begin(self, start: Start) -> None:
-        """Put all that runs change to the start."""
-        for mine, given in zip(self.state, start.state, strict=True):
-            mine[...] = given
-        for each in self.work[4:8]:  # loads and gaps, which the march sets where there are any
-            each.fill(0.0)
-
-
-def buffers(nodes: int, p: int, m: int, size: int) -> tuple[Array, ...]:
-    """What the march writes into: times, forces, depths, states, events."""
-    return (
-        np.empty(nodes),
-        np.empty((nodes, m)),
-        np.empty((nodes, m)),
-        np.empty((nodes // 2 + 2, 2, size)),
-        np.empty((nodes + p + 1, 4)),
-    )
+        _check(answer)
 
 
 _kept: OrderedDict[tuple[object, ...], Space] = OrderedDict()
 _MOST_KEPT, _LARGEST_KEPT = 8, 1 << 23  # of them; bytes of one
 
 
-def _space(key: tuple[object, ...], system: System) -> Space:
-    """Space with the responses for halvings of the longest step [s].
+def _space(key: tuple[object, ...], given: Given) -> Space:
+    """Space for a system, with the responses of its bodies if they are kept.
 
     It is taken out of the store, so that no other thread fills it meanwhile.
     """
     found = _kept.pop(key, None)
     if found is not None:
         return found
-    shape = system.kinds.size, *system.beta.shape
     oldest = _oldest() if len(_kept) >= _MOST_KEPT else None
-    if oldest is None or oldest.shape != shape:
-        return Space.of(*shape)
-    oldest.tables[0].fill(np.nan)  # new memory costs more than a run of few modes
+    system = given.system
+    if oldest is None or oldest.shape != (system.n_contacts, system.n_rows, system.n_modes):
+        return Space(given)
+    oldest.renew(given)
     return oldest
 
 
@@ -173,12 +152,21 @@ def _keep(key: tuple[object, ...], space: Space) -> None:
         _oldest()
 
 
+def _check(answer: int) -> None:
+    """InputError where the march refuses what it is given."""
+    if answer > march.LAW_FAILED:
+        name = march.library.aom_status_name(answer).decode()
+        raise InputError(
+            f"the march refuses the system ({name}): its numbers must be finite, its laws and"
+            f" scales in their range (csrc/antiosc_march.h)."
+        )
+
+
 def run(
     system: System,
     duration: float,
     share: float,
     *,
-    module: ModuleType | None = None,
     scale: float = 0.0,
     fine: float,
     step: float | None = None,
@@ -191,65 +179,45 @@ def run(
     The steps under contact are halvings of the longest; with `step` [s] given they are that step,
     or halvings of it where the forces need them.
     """
-    p, (m, size) = system.kinds.size, system.beta.shape
-    width = size if keep else 0
-    if march.USER in system.kinds.tolist():
-        module = march  # only the interpreted march calls a law of one's own
-    chosen, before = module or fitting_march(0), 0
-    unit = 1.0 if step is None else step
-    longest = unit * 2.0 ** ceil(log2(duration / unit))
-    start = system.start
-    key = (chosen.__name__, longest, *start.key)
-    space = _space(key, system)
-    space.begin(start)
-    clock, count, x, row = space.state[:4]
-    clock[march.DURATION], clock[march.SHARE], clock[march.LONGEST] = duration, share, longest
-    roof = np.inf if step is None else step
-    clock[march.FINE], clock[march.CAP], clock[march.ROOF] = fine, min(duration / 16, roof), roof
-    clock[march.FORCE_SCALE] = max(clock[march.FORCE_SCALE], scale)
-    clock[march.KNOWN] = float(scale > 0)
-    count[march.MOST_TOUCHES], count[march.MOST_STEPS] = max_contacts, max_steps
-    count[march.KEEP] = keep
-    given = start.modes, start.acting, start.contacts
-    out, buffer = space.out, _FIRST
-    out[0][0], out[1][0], out[2][0] = 0.0, row[march.FORCE], row[march.DEPTH]
-    count[march.NODES] = 1
-    found: list[tuple[Array, ...]] = []
+    given = system.packed
+    p, m, size = len(system.laws), *system.beta.shape
+    key = (p, m, size, given.bodies)
+    space = _space(key, given)
+    options = march.Options(duration, share, scale, step or 0.0, fine, max_contacts, max_steps)
+    answer = march.library.aom_start(space.stepper, byref(given.system), byref(options))
+    _check(answer)
+    parts: list[tuple[Array, ...]] = []
     thinned = _Thinned()
-    while True:
-        if chosen is march:
-            answer = _interpret(start, space, out)
-        else:
-            answer = chosen.march(*given, space.state, space.tables, space.work, out)
-        nodes, states, events = count[march.NODES], count[march.STATES], count[march.EVENTS]
-        time, force, depth, kept, met = out
-        if keep and answer != march.FULL:
-            kept[states] = x
-            states += 1
-        found.append(
-            (
-                time[:nodes].copy(),
-                force[:nodes].copy(),
-                depth[:nodes].copy(),
-                met[:events].copy(),
-            )
-        )
-        thinned.add(kept[:states, :, :width])
-        if chosen is march and module is None:
-            chosen = fitting_march(int(count[march.STEPS]) - before)
-            before = int(count[march.STEPS])
-        if answer != march.FULL:
+    at_once = max(_AT_ONCE // (50 * (m + 1) * (size + m + 20)), 16)
+    nodes, buffers = _FIRST, space.buffers
+    record = buffers.emptied(keep)
+    while answer in (march.DONE, march.PAUSED, march.FULL):
+        answer = march.library.aom_integrate(space.stepper, byref(record), np.inf, at_once)
+        if answer == march.FULL:
+            parts.append(buffers.taken())
+            thinned.add(buffers.states_taken())
+            nodes = min(4 * nodes, _LONGEST, max(_FIRST, STATES // (8 * max(size, 1))))
+            used = sum(each.nbytes for part in parts for each in part)
+            need = used + 8 * nodes * (2 * m + size)
+            memory.require(need, f"a run of {p} contacts", SHORTER)
+            buffers = Buffers(nodes, p, m, size)
+            record = buffers.emptied(keep)
+        elif answer != march.PAUSED:
             break
-        buffer = min(4 * buffer, 1 << 17, max(_FIRST, STATES // (8 * max(width, 1))))
-        used = sum(each.nbytes for parts in found for each in parts)
-        memory.require(used + 8 * buffer * (2 * m + width), f"a run of {p} contacts", SHORTER)
-        out = buffers(buffer, p, m, width)
-        count[march.NODES] = count[march.EVENTS] = count[march.STATES] = 0
+    if keep:
+        last = buffers.arrays[3][record.n_states]
+        march.library.aom_modal_state(space.stepper, march.address(last))
+        record.n_states += 1
+    parts.append(buffers.taken())
+    thinned.add(buffers.states_taken())
+    told = march.library.aom_summarize(space.stepper)
     _keep(key, space)
-    whole = found[0]
-    if len(found) > 1:
-        whole = tuple(np.concatenate(parts) for parts in zip(*found, strict=True))
-    counts, clocks = count.tolist(), clock.tolist()
+    if answer == march.LAW_FAILED:
+        given.failed()
+    whole = parts[0]
+    if len(parts) > 1:  # a part begins with the node that the one before ends with
+        rest = [(time[1:], force[1:], depth[1:], *kept) for time, force, depth, *kept in parts[1:]]
+        whole = tuple(np.concatenate(part) for part in zip(parts[0], *rest, strict=True))
     return Run(
         time=whole[0],
         force=whole[1],
@@ -257,13 +225,13 @@ def run(
         states=thinned.states() if keep else None,
         events=whole[3],
         answer=int(answer),
-        steps=counts[march.STEPS],
-        attempts=counts[march.STEPS] + counts[march.RETRIES],
-        touches=counts[march.TOUCHES],
-        highest=clocks[march.HIGHEST],
-        refused=counts[march.REFUSED],
-        gained=clocks[march.SURPLUS],
-        work=clocks[march.WORKED],
+        steps=told.steps,
+        attempts=told.attempts,
+        touches=told.touches,
+        highest=told.highest,
+        refused=told.refused,
+        gained=told.gained,
+        work=told.work,
         every=thinned.every,
     )
 
@@ -285,17 +253,3 @@ class _Thinned:
     def states(self) -> Array:
         """All that are kept."""
         return self._parts[0] if len(self._parts) == 1 else np.concatenate(self._parts)
-
-
-def _interpret(start: Start, space: Space, out: tuple[Array, ...]) -> int:
-    """The interpreted march; it reads single numbers of lists more quickly than those of arrays."""
-    clock, count, x, row, mode, *others = space.state
-    read = [each.tolist() for each in (clock, count, mode)]
-    state = (read[0], read[1], x, row, read[2], *others)
-    contacts = (start.contacts[0].tolist(), *start.contacts[1:])
-    work = (*space.work[:8], space.work[8].tolist(), *space.work[9:])
-    with np.errstate(all="ignore"):  # forces that are not found overflow: the march sees it
-        answer = march.march(start.modes, start.acting, contacts, state, space.tables, work, out)
-    for array, values in zip((clock, count, mode), read, strict=True):
-        array[...] = values
-    return int(answer)

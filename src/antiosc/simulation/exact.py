@@ -8,15 +8,13 @@ from itertools import pairwise
 
 import numpy as np
 
+from antiosc import march
 from antiosc._types import Array, Index
-from antiosc.simulation import march
-from antiosc.simulation.compilation import fitting_march
 from antiosc.simulation.convergence import converge, stopped
 from antiosc.simulation.engine import Run
 from antiosc.simulation.expected import stiffness_of
 from antiosc.simulation.given_step import stepped
 from antiosc.simulation.integrators import Contact, Problem, Segment, Trajectory, flight
-from antiosc.simulation.laws import forget, packed
 from antiosc.simulation.scene_states import AT_ONCE, node_states, starts
 from antiosc.simulation.system import System
 
@@ -39,22 +37,19 @@ def exact(
     """
     system = of_problem(problem)
     error: dict[str, float] = {}
-    try:
-        if step is not None:
-            found, failure = stepped(
-                system,
-                lambda: np.array([stiffness_of(problem)]),
-                duration,
-                step,
-                max_contacts,
-                max_steps,
-            )
-        else:
-            best = converge(system, (problem.law,), scale, duration, tol, max_contacts, max_steps)
-            found, error = best.run, {"force": best.force, "peak": best.peak}
-            failure = stopped(found.answer, float(found.time[-1]), max_contacts, max_steps)
-    finally:
-        forget(int(system.kinds[0]), system.params[0])
+    if step is not None:
+        found, failure = stepped(
+            system,
+            lambda: np.array([stiffness_of(problem)]),
+            duration,
+            step,
+            max_contacts,
+            max_steps,
+        )
+    else:
+        best = converge(system, (problem.law,), scale, duration, tol, max_contacts, max_steps)
+        found, error = best.run, {"force": best.force, "peak": best.peak}
+        failure = stopped(found.answer, float(found.time[-1]), max_contacts, max_steps)
     result = trajectory(problem, system, found, duration)
     result.failure = failure
     if step is None:
@@ -67,7 +62,6 @@ def exact(
 def of_problem(problem: Problem) -> System:
     """One impact as the march takes it."""
     p = problem
-    kind, parameters = packed(p.law)
     return System(
         omega=p.omega,
         decay=p.decay,
@@ -76,8 +70,7 @@ def of_problem(problem: Problem) -> System:
         breaks=np.zeros(1),
         loads=p.load[None],
         offsets=np.array([[p.gap]]),
-        kinds=np.array([kind], dtype=np.int64),
-        params=parameters[None],
+        laws=(p.law,),
         slip=np.zeros((1, 2)),
         tangents=np.array([[1, 0]], dtype=np.int64),
         q=p.q,
@@ -95,13 +88,14 @@ def trajectory(problem: Problem, system: System, found: Run, duration: float) ->
     time, force = found.time, np.maximum(found.force[:, 0], 0.0)
     _, v = starts(found, system, partial(_load, problem), spans.ravel())
     moving = (v @ problem.rigid).reshape(spans.shape).tolist()
-    pulse, taken = fitting_march(0).pulse, _taken(problem, found, v[:, problem.freest])
+    taken = _taken(problem, found, v[:, problem.freest])
+    pulses = march.pulses(time, found.force, 0, spans).tolist()
     contacts: list[Contact] = []
     segments, at = 0, 0
     for c, (first, last) in enumerate(spans.tolist()):
         segments += first > at  # the flight before it
         nodes = slice(2 * first, 2 * last + 1)
-        area, peak = pulse(time, found.force, 0, first, last)
+        area, peak = pulses[c]
         contacts.append(
             Contact(
                 start=float(time[2 * first]),

@@ -6,10 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from antiosc import checks
+from antiosc import checks, march
 from antiosc._types import Array
 from antiosc.errors import InputError
-from antiosc.simulation import march
 from antiosc.simulation.convergence import stopped
 from antiosc.simulation.engine import Run, run
 from antiosc.simulation.stability import clear_step, margin
@@ -62,7 +61,7 @@ def stepped(
 
 def _unstable(system: System, stiffness: Array, step: float, t: float, grew: bool) -> str:
     """That the step lies in a window of instability, if it does or the energy grew."""
-    p = system.kinds.size
+    p = len(system.laws)
     modes = system.omega, system.beta[:p], system.R[:p, :p]
     if not grew and margin(*modes, stiffness, step) == np.inf:
         return ""  # the halvings resolve it

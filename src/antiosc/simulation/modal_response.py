@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from antiosc import march
 from antiosc._types import Array
-from antiosc.simulation import march
 
 
 class Responses(NamedTuple):
@@ -31,7 +31,4 @@ class Responses(NamedTuple):
 def responses(omega: Array, decay: Array, t: Array | float) -> Responses:
     """All responses of the modes (omega, decay), each (..., J), after times `t` [s]."""
     time = np.asarray(t, dtype=float)[..., np.newaxis]
-    damped = bool(np.any(decay))
-    with np.errstate(all="ignore"):  # of the branches that do not apply
-        found = march.response(omega, decay, time, damped)
-    return Responses(*(np.asarray(each) for each in found))
+    return Responses(*march.responses(np.asarray(omega), np.asarray(decay), time))

@@ -14,7 +14,6 @@ from antiosc.simulation.engine import Run
 from antiosc.simulation.equilibrium import closed, settle
 from antiosc.simulation.expected import stiffness_at
 from antiosc.simulation.given_step import checked_step, stepped
-from antiosc.simulation.laws import forget
 from antiosc.simulation.scene_energy import GAIN, gained
 from antiosc.simulation.scene_history import SceneHistory
 from antiosc.simulation.scene_parts import SceneParts
@@ -46,17 +45,13 @@ def integrate(
     doubts = [*plausible.of_model(*bodies), *plausible.tell(_of_blows(scene))]
     assembly = assemble(scene, duration)
     start(assembly)
-    try:
-        if method == "exact":
-            found, failure = exactly(assembly, duration, tol, step, max_contacts, max_steps)
-        else:
-            failure = ""
-            from antiosc.simulation.comparison import compared  # which is seldom needed
+    if method == "exact":
+        found, failure = exactly(assembly, duration, tol, step, max_contacts, max_steps)
+    else:
+        failure = ""
+        from antiosc.simulation.comparison import compared  # which is seldom needed
 
-            found = compared(assembly, duration, method, tol, step, max_contacts, max_steps)
-    finally:
-        for kind, parameters in zip(assembly.system.kinds, assembly.system.params, strict=True):
-            forget(int(kind), parameters)
+        found = compared(assembly, duration, method, tol, step, max_contacts, max_steps)
     error = {} if step is not None else {"force": found.force, "peak": found.peak}
     failure = failure or stopped(
         found.run.answer, float(found.run.time[-1]), max_contacts, max_steps

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from antiosc import checks
+from antiosc import checks, march
 from antiosc._types import Array
 from antiosc.brief import Brief
 from antiosc.errors import InputError
@@ -17,7 +17,6 @@ from antiosc.models.modal import ModalBody
 from antiosc.models.site_modes import SiteModes
 from antiosc.simulation.assembly import Assembly
 from antiosc.simulation.bodies import Placed
-from antiosc.simulation.compilation import fitting_march
 from antiosc.simulation.contact_rows import along, find
 from antiosc.simulation.energy import Energy
 from antiosc.simulation.engine import Run
@@ -65,7 +64,7 @@ class ContactHistory(Brief):
     def _pulse(self) -> tuple[float, float]:
         """Impulse [N s] and largest force [N]."""
         steps = self.time.size // 2
-        area, top = fitting_march(0).pulse(self.time, self.force[:, None], 0, 0, steps)
+        area, top = march.pulses(self.time, self.force[:, None], 0, np.array([[0, steps]]))[0]
         return float(area), float(top)
 
     @property

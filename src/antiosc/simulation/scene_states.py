@@ -8,9 +8,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from antiosc import memory
+from antiosc import march, memory
 from antiosc._types import Array
-from antiosc.simulation import march
 from antiosc.simulation.engine import Run
 from antiosc.simulation.system import System
 
@@ -135,11 +134,7 @@ def _moved(
     v: Array,
 ) -> tuple[Array, Array]:
     """The states at times since the starts of steps, from those there."""
-    size = system.omega.size
-    out = np.empty((6, step.size * size))
-    omega, decay = np.tile(system.omega, step.size), np.tile(system.decay, step.size)
-    march.responses(omega, decay, np.repeat(since, size), out)
-    P, W, S, J0, J1, J2 = out.reshape(6, step.size, size)
+    P, W, S, J0, J1, J2 = march.responses(system.omega, system.decay, since[:, None])
     f0, f1, f2 = (run.force[2 * step + i] for i in range(3))
     start, middle = run.time[2 * step], run.time[2 * step + 1]
     h = run.time[2 * step + 2] - start

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from ctypes import addressof
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -9,8 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from antiosc.simulation import march
-from antiosc.simulation.laws import MEMORY
+from antiosc import march
+from antiosc.contact import ContactLaw
+from antiosc.simulation.laws import OwnLaw, packed
 
 Array = NDArray[np.float64]
 
@@ -19,7 +22,9 @@ SLOWEST = 1e-4  # of the closing speed that is expected: what begins more slowly
 
 @dataclass(eq=False)
 class System:
-    """Modes, rows and contacts as the march takes them (see `march.march`).
+    """Modes, rows and contacts as the march takes them (`csrc/antiosc_march.h`).
+
+    It is not to be changed once it has run.
 
     Attributes
     ----------
@@ -27,7 +32,7 @@ class System:
     beta : (m, J), the p contacts first, then the tangential rows of their friction.
     R : (m, m) residual compliance.
     breaks, loads, offsets : (K,), (K, J), (K, m).
-    kinds, params : (p,) and (p, .) of the laws.
+    laws : p contact laws.
     slip : (p, 2) coefficient of friction, tangential stiffness [N/m].
     tangents : (p, 2) first tangential row and their number.
     q, v : (J,) initial state.
@@ -43,8 +48,7 @@ class System:
     breaks: Array
     loads: Array
     offsets: Array
-    kinds: NDArray[np.int64]
-    params: Array
+    laws: Sequence[ContactLaw]
     slip: Array
     tangents: NDArray[np.int64]
     q: Array
@@ -65,57 +69,44 @@ class System:
         return SLOWEST * self.speed
 
     @cached_property
-    def start(self) -> Start:
-        """What every run begins with; the system is not to be changed once it has run."""
-        return Start.of(self)
+    def packed(self) -> Given:
+        """The system as the march takes it."""
+        return Given(self)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in self.__dict__.items() if name != "packed"}
 
 
-@dataclass(eq=False)
-class Start:
-    """A system as the march takes it, and its state at the start (shapes: `march/layout.py`)."""
+class Given:
+    """A system as the march takes it: all its arrays in one block of memory.
 
-    modes: tuple[Array, ...]
-    acting: tuple[Array, ...]
-    contacts: tuple[NDArray[Any], ...]
-    state: tuple[NDArray[Any], ...]
-    key: tuple[object, ...]
+    `bodies` are those that the responses of the modes depend on.
+    """
 
-    @classmethod
-    def of(cls, system: System) -> Start:
-        """The start of a system."""
-        p, (m, size) = system.kinds.size, system.beta.shape
-        clock, count = np.zeros(16), np.zeros(15, dtype=np.int64)
-        mode, s, anchor = np.zeros(p, dtype=np.int64), np.zeros((p, MEMORY)), np.zeros((3, p, 2))
-        x, row, scales = np.empty((2, size)), np.zeros((7, m)), np.empty((p, 2))
-        met = np.empty((p, 2))
-        x[0], x[1] = system.q, system.v
-        scales[:, 0], scales[:, 1] = system.depth, system.speed
-        met[:, 0], met[:, 1] = system.mass, system.slowest
-        count[march.LEVEL] = 4
-        count[march.LOADED] = np.count_nonzero(system.loads) > 0
-        count[march.SHIFTED] = np.count_nonzero(system.offsets) > 0
-        row[march.FRESH] = 1.0
-        row[march.DEPTH] = system.beta @ system.q - system.offsets[0]
-        row[march.RATE] = system.beta @ system.v
-        if np.count_nonzero(system.pressed):
-            for c in np.flatnonzero(system.pressed > 0):
-                mode[c] = march.change(
-                    system.kinds[c], march.APART, march.HIGH, 0.0, 0.0, system.params[c], s[c]
-                )
-                row[march.FORCE, c] = system.pressed[c]
-            clock[march.FORCE_SCALE] = system.pressed.max()
-            count[march.LEVEL] = 10
-            row[march.DEPTH] -= system.R @ row[march.FORCE]
-        for c, (first, n) in enumerate(system.tangents.tolist()):
-            anchor[0, c, :n] = row[march.DEPTH, first : first + n]
-        clock[march.GIVEN] = system.given + march.mechanical(x, system.omega)
-        clock[march.HIGHEST] = clock[march.GIVEN]
-        modes = (system.omega, system.decay, system.beta, system.R)
-        rated = any(kind in (march.DAMPED, march.USER) for kind in system.kinds.tolist())
-        return cls(
-            modes,
-            (system.breaks, system.loads, system.offsets),
-            (system.kinds, system.params, system.slip, system.tangents, met),
-            (clock, count, x, row, mode, s, anchor, scales),
-            (rated, p, *(each.tobytes() for each in modes)),
+    def __init__(self, system: System) -> None:
+        s = system
+        p, (m, size), breaks = len(s.laws), s.beta.shape, s.breaks.size
+        parts = (s.omega, s.decay, s.beta, s.R, s.breaks, s.loads, s.offsets, s.q, s.v)
+        self.block = np.concatenate([each.ravel() for each in parts], dtype=float)
+        self.bodies = self.block[: 2 * size + m * (size + m)].tobytes()
+        at = [march.address(self.block)]
+        for each in parts[:-1]:
+            at.append(at[-1] + 8 * each.size)
+        *arrays, q, v = at
+        self.laws = [packed(law) for law in s.laws]
+        self.contacts = (march.Contact * p)()
+        each_contact = zip(
+            self.contacts, self.laws, s.slip.tolist(), s.tangents.tolist(), s.mass.tolist(),
+            s.depth.tolist(), s.speed.tolist(), s.slowest.tolist(), s.pressed.tolist(), strict=True,
+        )  # fmt: skip
+        for contact, (law, _), slip, tangents, *scales in each_contact:
+            contact.__init__(law, *slip, *tangents, *scales)
+        self.system = march.System(
+            size, m, p, breaks, *arrays, addressof(self.contacts), q, v, s.given
         )
+
+    def failed(self) -> None:
+        """Raise the error of a law of the user's own."""
+        for _, own in self.laws:
+            if isinstance(own, OwnLaw) and own.error is not None:
+                raise own.error

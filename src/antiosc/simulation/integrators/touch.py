@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from antiosc import march
 from antiosc._types import Array
-from antiosc.simulation import march
+from antiosc.contact import Linear
 from antiosc.simulation.engine import run
 from antiosc.simulation.integrators.problem import Problem
 from antiosc.simulation.system import System
@@ -24,8 +25,7 @@ def next_touch(
         breaks=np.zeros(1),
         loads=p.load[None],
         offsets=np.array([[p.gap + origin]]),
-        kinds=np.array([march.LINEAR], dtype=np.int64),
-        params=np.ones((1, 1)),
+        laws=(Linear(1.0),),
         slip=np.zeros((1, 2)),
         tangents=np.array([[1, 0]], dtype=np.int64),
         q=q,

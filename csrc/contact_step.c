@@ -1,0 +1,274 @@
+/* A step under contact, as long as its error permits, up to where a contact leaves its branch. */
+#include "internal.h"
+
+#define INTERPOLATION 0.0482 /* max |s (s - 1/2)(s - 1)| on [0, 1] */
+#define KINKED 0.075         /* error of the parabola through t^(3/2), over its second difference */
+#define RIPPLE 2.0           /* force of unresolved vibrations, over the error of a step's force */
+
+/* Forces and motion of a step h under contact, into the workspace; false if they are not found. */
+static bool attempt(aom_stepper *st, int index, double h) {
+    int m = st->system.n_rows;
+    const influence *local = st->slots[index].local;
+    ready_step(st, index, h);
+    ready_local(st, index, h);
+    free_step(st, index, h, st->work.base);
+    if (m == 1 && one_force(st, h, local))
+        return true;
+    for (int i = 0; i < m; i++)
+        st->work.force[i].f[0] = st->rows[i].force;
+    for (int stage = 0; stage < 2; stage++) {
+        double u = 0.5 * h * (1 + stage);
+        for (int i = 0; i < m; i++) {
+            const influence *by = local + (ptrdiff_t)i * m;
+            stages *base = st->work.base + i;
+            for (int j = 0; j < m; j++) {
+                base->depth[stage] -= by[j].depth[stage][0] * st->rows[j].force;
+                base->rate[stage] -= by[j].rate[stage][0] * st->rows[j].force;
+            }
+            const row_state *row = st->rows + i; /* a first guess on the last parabola */
+            st->work.force[i].f[stage + 1] = row->force + u * (row->slope + 0.5 * u * row->bend);
+        }
+    }
+    return all_forces(st, local);
+}
+
+/* Where a branch is left between the start and a stage of the step: the time after the start of
+ * that half, and by which bound. */
+static double exit_time(const branch_bounds *b, const contact_state *contact, double a, double va,
+                        double e, double ve, double half, bound *by) {
+    double near = SHARP * contact->depth_scale, even = 1e-6 * contact->speed_scale;
+    double found = INFINITY;
+    *by = NOTHING;
+    if (e < b->low - near) {
+        found = crossing(a, va, e, ve, half, b->low);
+        *by = LOW;
+    } else if (e > b->high + near) {
+        found = crossing(a, va, e, ve, half, b->high);
+        *by = HIGH;
+    }
+    if (ve < b->slow - even || ve > b->fast + even) {
+        double edge = ve < b->slow ? b->slow : b->fast;
+        double at = ve != va ? half * within((edge - va) / (ve - va), 0.0, 1.0) : 0.0;
+        if (at < found) {
+            found = at;
+            *by = ve < b->slow ? SLOW : FAST;
+        }
+    }
+    return found;
+}
+
+/* When the first contact leaves its branch in the step, INFINITY if none does. */
+static double first_exit(aom_stepper *st) {
+    double half = 0.5 * st->now.step, first = INFINITY;
+    for (int c = 0; c < st->system.n_contacts; c++) {
+        const contact_state *contact = st->contacts + c;
+        branch_bounds b = law_bounds(&st->system.contacts[c].law, contact->branch, contact->memory);
+        const stages *motion = st->work.motion + c;
+        const row_state *row = st->rows + c;
+        double y[3] = {row->depth, motion->depth[0], motion->depth[1]};
+        double d[3] = {row->rate, motion->rate[0], motion->rate[1]};
+        for (int stage = 0; stage < 2; stage++) {
+            bound by;
+            double found = exit_time(&b, contact, y[stage], d[stage], y[stage + 1], d[stage + 1],
+                                     half, &by);
+            if (by == NOTHING)
+                continue;
+            found += half * stage;
+            if (by <= HIGH && found > 1e-3 * half)
+                found = polished(found, y, d, 2.0 * half, by == LOW ? b.low : b.high);
+            if (found < first) {
+                first = found;
+                st->exit_contact = c;
+                st->exit_bound = by;
+            }
+            break;
+        }
+    }
+    return first;
+}
+
+/* How far the indentation and rate lie beyond the bound of the exit. */
+static double beyond(const branch_bounds *b, bound exit, double depth, double rate) {
+    switch (exit) {
+    case LOW:
+        return b->low - depth;
+    case HIGH:
+        return depth - b->high;
+    case SLOW:
+        return b->slow - rate;
+    default:
+        return rate - b->fast;
+    }
+}
+
+/* Shorten the step to end where the contact of the exit leaves its branch, at about `first`. */
+static bool end_at_exit(aom_stepper *st, double first) {
+    int c = st->exit_contact;
+    bound exit = st->exit_bound;
+    const contact_state *contact = st->contacts + c;
+    const aom_law *law = &st->system.contacts[c].law;
+    const stages *motion = st->work.motion + c;
+    branch_bounds b = law_bounds(law, contact->branch, contact->memory);
+    double low = 0.0, high = st->now.step;
+    double g_low = beyond(&b, exit, st->rows[c].depth, st->rows[c].rate);
+    double g_high = beyond(&b, exit, motion->depth[1], motion->rate[1]);
+    double length = first;
+    bool near = false;
+    /* a damped law's force is cut where it is 0: what is left of it there is lost */
+    double even = law->kind == AOM_DAMPED ? SHARP : 1e-6;
+    double close = exit <= HIGH ? SHARP * contact->depth_scale : even * contact->speed_scale;
+    for (int tries = 0; tries < 14; tries++) {
+        st->now.retries++;
+        st->now.step = length; /* of the attempt that counts, should the tries end before */
+        if (!attempt(st, SCRATCH, length))
+            return false;
+        double v = motion->rate[1], g = beyond(&b, exit, motion->depth[1], v);
+        if (fabs(g) <= close) {
+            if (near || exit != LOW || -v * length < 1e3 * close || length + g / v == length)
+                break;
+            near = true; /* a release is located to rounding: once more */
+        }
+        if (g > 0.0) {
+            high = length;
+            g_high = g;
+        } else {
+            low = length;
+            g_low = g;
+        }
+        double speed = exit == LOW ? -v : v;
+        double new = exit <= HIGH && speed > 0.0 ? length - g / speed : -1.0;
+        if (!(low < new && new < high) && g_low < 0.0 && 0.0 < g_high && tries < 8)
+            new = low + (high - low) * g_low / (g_low - g_high);
+        if (!(low < new && new < high))
+            new = 0.5 * (low + high);
+        length = new;
+    }
+    return true;
+}
+
+/* Error of a step's parabola: from the third difference with the value before/2 before the step; in
+ * the first step of a contact, whose force may rise as t^(3/2), from the second difference. */
+static double misfit(double earlier, const double f[3], double before, double h, bool fresh) {
+    if (fresh)
+        return KINKED * fabs(f[0] - 2.0 * f[1] + f[2]);
+    double g = 0.5 * before, e = 0.5 * h;
+    double d1 = (f[0] - earlier) / g, d2 = (f[1] - f[0]) / e, d3 = (f[2] - f[1]) / e;
+    double third = ((d3 - d2) / h - (d2 - d1) / (g + e)) / (g + h);
+    return INTERPOLATION * h * h * h * fabs(third);
+}
+
+/* Largest error of the parabolas of the step. */
+static double worst_misfit(const aom_stepper *st) {
+    double worst = 0.0;
+    for (int i = 0; i < st->system.n_rows; i++)
+        worst = larger(worst, misfit(st->rows[i].middle, st->work.force[i].f, st->now.last_step,
+                                     st->now.step, st->rows[i].fresh));
+    return worst;
+}
+
+/* Force that the vibrations which a step h does not resolve may cause, at most.
+ *
+ * A mode with omega h > 2 vibrates about its deflection under the present forces. Unresolved
+ * vibrations can be driven by the steps themselves, and at omega h = 2 pi the nodes do not see
+ * them. */
+static double ripple(aom_stepper *st, double h) {
+    int J = st->system.n_modes, m = st->system.n_rows;
+    double worst = 0.0;
+    for (int c = 0; c < st->system.n_contacts; c++) {
+        const contact_state *contact = st->contacts + c;
+        const aom_law *law = &st->system.contacts[c].law;
+        const row_state *row = st->rows + c;
+        if (!pressing(contact->branch))
+            continue;
+        double stiffness =
+            law_tangent(st, law, contact->branch, row->depth, row->rate, contact->memory).by_delta;
+        double residual = st->system.residual[(ptrdiff_t)c * (m + 1)];
+        double begun = 0.0, swing = 0.0, soft = residual;
+        if (row->fresh) {
+            stiffness = larger(stiffness, st->now.force_scale / contact->depth_scale);
+            double depth = row->depth + h * row->rate;
+            double after =
+                law_tangent(st, law, contact->branch, depth, row->rate, contact->memory).force;
+            begun = fabs(after - row->force);
+        }
+        const double *beta = beta_row(st, c);
+        for (int j = 0; j < J; j++) {
+            double w = st->system.omega[j], w2 = w * w, pull = -st->work.load[j], change = 0.0;
+            if (w * h <= 2.0)
+                continue;
+            for (int i = 0; i < m; i++) {
+                pull += beta_row(st, i)[j] * st->rows[i].force;
+                change += beta_row(st, i)[j] * st->rows[i].slope;
+            }
+            double q = st->x[j] + pull / w2, v = st->x[J + j] + change / w2;
+            swing += fabs(beta[j]) * sqrt(q * q + v * v / w2);
+            soft += beta[j] * beta[j] / w2;
+        }
+        swing += begun * (soft - residual);
+        worst = larger(worst, stiffness * swing / (1.0 + stiffness * soft));
+    }
+    return worst;
+}
+
+/* The level at which the tries begin. */
+static int first_level(aom_stepper *st, bool blind, double limit) {
+    int level = st->now.level;
+    while (level_step(st, level) > st->now.cap && level < LEVELS - 3)
+        level++;
+    if (blind)
+        return level + 3 < LEVELS - 3 ? level + 3 : LEVELS - 3;
+    while (st->options.step > 0.0 && level < LEVELS - 3 &&
+           !(ripple(st, level_step(st, level)) <= RIPPLE * limit)) {
+        level++;
+        st->now.refused++;
+    }
+    return level;
+}
+
+/* The next step under contact, up to the first exit: its slot, AT_ONCE or NO_STEP. */
+int contact_step(aom_stepper *st) {
+    course *now = &st->now;
+    double limit = st->options.rel_tol * now->force_scale, left = now->left;
+    /* exits without end at one time: step over them */
+    bool blind = now->idle > 4 * st->system.n_contacts + 8;
+    int level = first_level(st, blind, limit);
+    while (level < LEVELS - 2 && !st->law_failed) {
+        int index = level;
+        double h = level_step(st, level);
+        if (h >= left) {
+            index = SCRATCH;
+            h = left;
+        }
+        now->step = h;
+        bool found = attempt(st, index, h);
+        double worst = found ? worst_misfit(st) : INFINITY;
+        bool jump = h <= 1e-9 * now->cap; /* no smaller step helps */
+        int finer = 0;
+        if (worst > limit && !(found && (blind || jump))) {
+            now->refused++;
+            finer = !found || worst < 16.0 * limit ? 1 : worst < 128.0 * limit ? 2 : 3;
+        } else if (!blind) {
+            double first = first_exit(st);
+            if (first <= 1e-9 * h)
+                return AT_ONCE;
+            if (first < INFINITY) {
+                if (end_at_exit(st, first)) {
+                    now->level = level;
+                    return SCRATCH;
+                }
+                st->exit_contact = -1;
+                finer = 1;
+            }
+        }
+        if (finer == 0) {
+            bool coarser = worst < limit / 16.0 && level > 0 && index != SCRATCH;
+            now->level = coarser ? level - 1 : level;
+            return index;
+        }
+        now->retries++;
+        level += finer;
+        while (index == SCRATCH && level_step(st, level) >= 0.5 * left && level < LEVELS)
+            level++;
+    }
+    return NO_STEP;
+}

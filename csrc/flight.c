@@ -1,0 +1,262 @@
+/* Free motion under the loads, up to the next touch. */
+#include "internal.h"
+
+#define ROUNDING 1e-13 /* of the sum of the modes' parts: below it a speed of approach is rounding */
+
+/* Indentations and rates of all rows after the time of a slot without contact forces. Depth and
+ * rate of row i go to depth[i * stride], rate[i * stride]. */
+static void free_motion(const aom_stepper *st, int index, double t, double *depth, double *rate,
+                        ptrdiff_t stride) {
+    int J = st->system.n_modes, m = st->system.n_rows;
+    const slot *s = st->slots + index;
+    const double *q = st->x, *v = st->x + J;
+    const double *S = s->response + 2 * (ptrdiff_t)J, *J0 = S + J, *J1 = J0 + J;
+    for (int i = 0; i < m; i++) {
+        const double *a = s->rows + 4 * (ptrdiff_t)i * J, *b = a + J, *c = b + J, *d = c + J;
+        double y[2] = {0.0, 0.0}, r[2] = {0.0, 0.0};
+        int j = 0;
+        for (; j + 1 < J; j += 2)
+            for (int k = 0; k < 2; k++) { /* two sums each: additions need not wait */
+                y[k] += a[j + k] * q[j + k] + b[j + k] * v[j + k];
+                r[k] += c[j + k] * q[j + k] + d[j + k] * v[j + k];
+            }
+        if (j < J) {
+            y[0] += a[j] * q[j] + b[j] * v[j];
+            r[0] += c[j] * q[j] + d[j] * v[j];
+        }
+        double total = y[0] + y[1], speed = r[0] + r[1];
+        if (st->loaded) {
+            const double *beta = beta_row(st, i), *at = st->work.load, *rise = st->work.load_rate;
+            for (j = 0; j < J; j++) {
+                total += beta[j] * (at[j] * J0[j] + rise[j] * J1[j]);
+                speed += beta[j] * (at[j] * S[j] + rise[j] * J0[j]);
+            }
+        }
+        depth[i * stride] = total - (st->work.offset[i] + st->work.drift[i] * t);
+        rate[i * stride] = speed - st->work.drift[i];
+    }
+}
+
+/* Indentations and rates at h/2 and h without contact forces. */
+void free_step(aom_stepper *st, int index, double h, stages *out) {
+    ptrdiff_t stride = (ptrdiff_t)(sizeof *out / sizeof(double));
+    free_motion(st, index + 1, 0.5 * h, out->depth, out->rate, stride);
+    free_motion(st, index, h, out->depth + 1, out->rate + 1, stride);
+}
+
+/* Loads and gaps from the present time on, with their slopes; the time that they hold. */
+double acting_now(aom_stepper *st) {
+    const aom_system *system = &st->system;
+    double t = st->now.time, end = st->options.duration;
+    int k = st->now.segment, J = system->n_modes, m = system->n_rows;
+    while (k + 1 < system->n_breaks && system->breaks[k + 1] - t <= 1e-13 * end)
+        k++;
+    st->now.segment = k;
+    bool last = k + 1 == system->n_breaks;
+    double since = t - system->breaks[k];
+    double span = last ? INFINITY : system->breaks[k + 1] - system->breaks[k];
+    if (st->shifted)
+        for (int i = 0; i < m; i++) {
+            const double *at = system->offsets + (ptrdiff_t)k * m + i;
+            st->work.drift[i] = last ? 0.0 : (at[m] - at[0]) / span;
+            st->work.offset[i] = at[0] + st->work.drift[i] * since;
+        }
+    if (st->loaded)
+        for (int j = 0; j < J; j++) {
+            const double *at = system->loads + (ptrdiff_t)k * J + j;
+            st->work.load_rate[j] = last ? 0.0 : (at[J] - at[0]) / span;
+            st->work.load[j] = at[0] + st->work.load_rate[j] * since;
+        }
+    return last ? end - t : smaller(end, system->breaks[k + 1]) - t;
+}
+
+/* How each contact sees the free motion about that which the loads give. */
+void amplitudes(aom_stepper *st) {
+    int J = st->system.n_modes, p = st->system.n_contacts;
+    double *curved = st->missed + (ptrdiff_t)LEVELS * p, left = st->now.left;
+    memset(st->known, 0, LEVELS * sizeof *st->known);
+    for (int c = 0; c < p; c++)
+        st->sag[c] = curved[c] = 0.0;
+    for (int j = 0; j < J; j++) {
+        double w = st->system.omega[j], decay = st->system.decay[j], w2 = w * w, amplitude;
+        double load = st->work.load[j], rise = st->work.load_rate[j];
+        double q = st->x[j], v = st->x[J + j];
+        if (w > 0.0) {
+            double rest = q - (load - 2.0 * decay * rise / w2) / w2, moving = (v - rise / w2) / w;
+            amplitude = sqrt(rest * rest + moving * moving);
+        } else
+            amplitude = larger(fabs(load), fabs(load + rise * left)) + 2.0 * decay * fabs(v);
+        for (int c = 0; c < p; c++) {
+            double seen = fabs(beta_row(st, c)[j]) * amplitude;
+            st->swing[(ptrdiff_t)c * J + j] = seen;
+            if (w > 0.0)
+                curved[c] += seen * (w2 + 2.0 * decay * w);
+            else
+                st->sag[c] += seen;
+        }
+    }
+    for (int c = 0; c < p; c++)
+        curved[c] += st->sag[c];
+}
+
+/* The most by which free motion rises above its chord over h at a contact. */
+static double chord(aom_stepper *st, int c, int index, double h) {
+    int J = st->system.n_modes, p = st->system.n_contacts;
+    double *kept = st->missed + (ptrdiff_t)index * p + c, part = h * h / 8.0;
+    if (index < LEVELS && st->known[index])
+        return *kept;
+    const double *swing = st->swing + (ptrdiff_t)c * J, *omega = st->system.omega;
+    double total = st->sag[c] * part;
+    for (int j = 0; j < J; j++)
+        total += swing[j] * smaller(2.0, omega[j] * (omega[j] + 2.0 * st->system.decay[j]) * part);
+    if (index < LEVELS)
+        *kept = total;
+    return total;
+}
+
+static double origin_of(const aom_stepper *st, int c) {
+    return law_bounds(&st->system.contacts[c].law, AOM_APART, st->contacts[c].memory).high;
+}
+
+/* When the contact c touches within h, by Newton's method on the exact motion. At the end of h it
+ * lies `after` beyond and closes at a rate `closing`. */
+static double touch_time(aom_stepper *st, int c, double after, double closing, double h) {
+    double origin = origin_of(st, c), before = smaller(st->rows[c].depth - origin, 0.0);
+    double guess = crossing(before, st->rows[c].rate, after, closing, h, 0.0);
+    if (!(0.0 < guess && guess < h))
+        guess = h * before / (before - after);
+    double low = 0.0, high = h;
+    stages *motion = st->work.base;
+    ptrdiff_t stride = (ptrdiff_t)(sizeof *motion / sizeof(double));
+    for (int tries = 0; tries < 60; tries++) {
+        ready_rows(st, SCRATCH, guess);
+        free_motion(st, SCRATCH, guess, motion->depth, motion->rate, stride);
+        double g = motion[c].depth[0] - origin, v = motion[c].rate[0];
+        if (fabs(g) <= 0.01 * SHARP * st->contacts[c].depth_scale)
+            break;
+        if (g > 0.0)
+            high = guess;
+        else
+            low = guess;
+        double new = v > 0.0 ? guess - g / v : -1.0;
+        if (!(low < new && new < high))
+            new = 0.5 * (low + high);
+        if (fabs(new - guess) <= 1e-15 * h)
+            break;
+        guess = new;
+    }
+    return guess;
+}
+
+/* Whether the bodies approach each other at a contact, by more than the rounding of the modes: a
+ * site that the motion has not reached yet moves to and fro by rounding alone. */
+static bool approaches(const aom_stepper *st, int c) {
+    int J = st->system.n_modes;
+    const double *beta = beta_row(st, c), *v = st->x + J;
+    double total = fabs(st->work.drift[c]);
+    for (int j = 0; j < J; j++)
+        total += fabs(beta[j] * v[j]);
+    return st->rows[c].rate > ROUNDING * total;
+}
+
+/* The contact that touches now, or -1. */
+static int touching_now(const aom_stepper *st) {
+    for (int c = 0; c < st->system.n_contacts; c++) {
+        double close = SHARP * st->contacts[c].depth_scale;
+        if (st->rows[c].depth >= origin_of(st, c) - close && approaches(st, c))
+            return c;
+    }
+    return -1;
+}
+
+typedef enum verdict { CLEAR, UNCERTAIN, STRUCK } verdict;
+
+/* What a step h of free motion, whose end is known, means for a contact.
+ *
+ * It holds no touch if the larger of its ends lies below 0 by more than a chord can miss, or while
+ * the bodies recede fast enough. */
+static verdict seen(aom_stepper *st, int c, int index, double h) {
+    double origin = origin_of(st, c), rate = st->rows[c].rate;
+    double before = smaller(st->rows[c].depth - origin, 0.0);
+    double after = st->work.free_depth[c] - origin;
+    double most = chord(st, c, index, h), close = SHARP * st->contacts[c].depth_scale;
+    double curved = st->missed[(ptrdiff_t)LEVELS * st->system.n_contacts + c];
+    double fine = st->options.resolution;
+    double room = h <= fine / 16.0 ? close : smaller(close - most, 0.0);
+    bool keeps = fabs(rate) >= h * curved; /* the sign of its rate */
+    if (larger(before, after) <= room || (keeps && rate < 0.0 && after <= 0.0))
+        return CLEAR;
+    return after > close && (keeps || h <= fine || most <= close) ? STRUCK : UNCERTAIN;
+}
+
+/* The earliest touch of those that lie beyond at the end of h; sets the exit. */
+static double first_touch(aom_stepper *st, double h) {
+    double first = INFINITY;
+    for (int c = 0; c < st->system.n_contacts; c++) {
+        double after = st->work.free_depth[c] - origin_of(st, c);
+        if (after <= SHARP * st->contacts[c].depth_scale)
+            continue;
+        double found = touch_time(st, c, after, st->work.free_rate[c], h);
+        if (found < first) {
+            first = found;
+            st->exit_contact = c;
+            st->exit_bound = HIGH;
+        }
+    }
+    return first;
+}
+
+/* The next step of free flight, up to a touch: its slot, AT_ONCE or NO_STEP. */
+int flight_step(aom_stepper *st) {
+    course *now = &st->now;
+    int now_touching = touching_now(st), level = now->level, index;
+    if (now_touching >= 0) {
+        st->exit_contact = now_touching;
+        st->exit_bound = HIGH;
+        return AT_ONCE;
+    }
+    double h;
+    bool struck;
+    for (;;) {
+        index = level;
+        h = level_step(st, level);
+        if (h >= now->left) {
+            index = SCRATCH;
+            h = now->left;
+        }
+        ready_rows(st, index, h);
+        free_motion(st, index, h, st->work.free_depth, st->work.free_rate, 1);
+        bool clear = true;
+        struck = false;
+        for (int c = 0; c < st->system.n_contacts; c++) {
+            verdict each = seen(st, c, index, h);
+            clear = clear && each != UNCERTAIN;
+            struck = struck || each == STRUCK;
+        }
+        if (index < LEVELS)
+            st->known[index] = true;
+        if (clear)
+            break;
+        level++;
+        while (index == SCRATCH && level_step(st, level) >= 0.5 * now->left && level < LEVELS)
+            level++;
+        if (level >= LEVELS - 1)
+            return NO_STEP;
+    }
+    now->level = level > 0 ? level - 1 : 0;
+    if (struck) {
+        double first = first_touch(st, h);
+        if (first < INFINITY) {
+            index = SCRATCH;
+            h = first;
+        }
+        if (h <= 1e-15 * st->options.duration)
+            return AT_ONCE;
+    }
+    ready_step(st, index, h);
+    free_step(st, index, h, st->work.motion);
+    for (int i = 0; i < st->system.n_rows; i++)
+        st->work.force[i] = (nodes){{0.0, 0.0, 0.0}};
+    now->step = h;
+    return index;
+}

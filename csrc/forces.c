@@ -1,0 +1,259 @@
+/* The contact forces of a step, at its middle and its end, that meet the laws and friction. */
+#include "internal.h"
+
+#ifndef SWEEPS /* tests try other numbers */
+#define SWEEPS 12
+#endif
+enum { NEWTON = 40 };
+
+#define SQUARED 1e-7 /* of the forces: Newton's correction after which none is needed */
+#define SETTLED 1e-12 /* of the forces: a sweep that changes them by less is the last */
+
+/* Newton's method for the two forces of one contact without friction. */
+bool one_force(aom_stepper *st, double h, const influence *local) {
+    const contact_state *contact = st->contacts;
+    const aom_law *law = &st->system.contacts[0].law;
+    const row_state *row = st->rows;
+    const stages *base = st->work.base;
+    int branch = contact->branch;
+    bool presses = pressing(branch), close = !presses;
+    double f0 = row->force, f1 = 0.0, f2 = 0.0;
+    const double *a1 = local->depth[0], *a2 = local->depth[1];
+    const double *b1 = local->rate[0], *b2 = local->rate[1];
+    double d1 = base->depth[0] - a1[0] * f0, v1 = base->rate[0] - b1[0] * f0;
+    double d2 = base->depth[1] - a2[0] * f0, v2 = base->rate[1] - b2[0] * f0;
+    if (presses) { /* a first guess on the last parabola */
+        f1 = f0 + 0.5 * h * (row->slope + 0.25 * h * row->bend);
+        f2 = f0 + h * (row->slope + 0.5 * h * row->bend);
+    }
+    for (int tries = 0; tries < SWEEPS; tries++) {
+        double x1 = d1 - a1[1] * f1 - a1[2] * f2, y1 = v1 - b1[1] * f1 - b1[2] * f2;
+        double x2 = d2 - a2[1] * f1 - a2[2] * f2, y2 = v2 - b2[1] * f1 - b2[2] * f2;
+        if (close) {
+            *st->work.force = (nodes){{f0, f1, f2}};
+            *st->work.motion = (stages){{x1, x2}, {y1, y2}};
+            return true;
+        }
+        tangent one = law_tangent(st, law, branch, x1, y1, contact->memory);
+        tangent two = law_tangent(st, law, branch, x2, y2, contact->memory);
+        double j11 = 1.0 + one.by_delta * a1[1] + one.by_rate * b1[1];
+        double j12 = one.by_delta * a1[2] + one.by_rate * b1[2];
+        double j21 = two.by_delta * a2[1] + two.by_rate * b2[1];
+        double j22 = 1.0 + two.by_delta * a2[2] + two.by_rate * b2[2];
+        double det = j11 * j22 - j12 * j21;
+        if (!(fabs(det) > 1e-300))
+            return false;
+        double r1 = f1 - one.force, r2 = f2 - two.force;
+        double e1 = (r1 * j22 - r2 * j12) / det, e2 = (r2 * j11 - r1 * j21) / det;
+        double size = larger(1e-3 * st->now.force_scale, larger(fabs(f1), fabs(f2)));
+        double far = larger(fabs(e1), fabs(e2));
+        close = far <= SQUARED * size; /* what the correction leaves is its square */
+        if (tries > 2 && !close)
+            close = far <= 1e-15 * larger(one.by_delta * fabs(d1) / larger(j11, 1.0),
+                                          two.by_delta * fabs(d2) / larger(j22, 1.0));
+        f1 -= e1;
+        f2 -= e2;
+        if (!(fabs(f1) + fabs(f2) < 1e300))
+            return false;
+    }
+    return false;
+}
+
+/* Indentation and rate of row i at a stage under the forces of the attempt. */
+static void felt(const aom_stepper *st, const influence *local, int stage, int i, double *delta,
+                 double *rate) {
+    int m = st->system.n_rows;
+    const nodes *force = st->work.force;
+    const influence *by = local + (ptrdiff_t)i * m;
+    double d = st->work.base[i].depth[stage], v = st->work.base[i].rate[stage];
+    for (int j = 0; j < m; j++) {
+        d -= by[j].depth[stage][1] * force[j].f[1] + by[j].depth[stage][2] * force[j].f[2];
+        v -= by[j].rate[stage][1] * force[j].f[1] + by[j].rate[stage][2] * force[j].f[2];
+    }
+    *delta = d;
+    *rate = v;
+}
+
+/* Friction of one contact by a spring that slides; by how much its forces changed. */
+static double rub(aom_stepper *st, const influence *local, int stage, int c) {
+    const aom_contact *contact = st->system.contacts + c;
+    nodes *force = st->work.force;
+    double(*anchor)[2] = st->contacts[c].anchor;
+    int first = contact->first_tangential, count = contact->n_tangential, node = stage + 1;
+    double stiffness = contact->tangential_stiffness, old[2] = {0.0, 0.0}, total = 0.0;
+    for (int r = 0; r < count; r++) {
+        int i = first + r;
+        double way, rate, held = local[(ptrdiff_t)i * (st->system.n_rows + 1)].depth[stage][node];
+        felt(st, local, stage, i, &way, &rate);
+        old[r] = force[i].f[node];
+        double stuck = stiffness * (way - anchor[stage][r]);
+        anchor[node][r] = way + held * old[r]; /* the way without this force */
+        force[i].f[node] -= (old[r] - stuck) / (1.0 + stiffness * held);
+        total += force[i].f[node] * force[i].f[node];
+    }
+    double most = contact->friction * larger(force[c].f[node], 0.0), change = 0.0;
+    double ratio = total > most * most ? most / sqrt(total) : 1.0;
+    for (int r = 0; r < count; r++) {
+        int i = first + r;
+        double held = local[(ptrdiff_t)i * (st->system.n_rows + 1)].depth[stage][node];
+        force[i].f[node] *= ratio;
+        anchor[node][r] -= force[i].f[node] * (held + 1.0 / stiffness);
+        change = larger(change, fabs(force[i].f[node] - old[r]));
+    }
+    return change;
+}
+
+/* Solve A x = b in place by elimination with pivots; x into b. */
+static bool eliminate(double *A, double *b, int n) {
+    for (int k = 0; k < n; k++) {
+        int best = k;
+        for (int i = k + 1; i < n; i++)
+            if (fabs(A[i * n + k]) > fabs(A[best * n + k]))
+                best = i;
+        if (!(fabs(A[best * n + k]) > 1e-300))
+            return false;
+        if (best != k) {
+            for (int j = 0; j < n; j++) {
+                double swap = A[k * n + j];
+                A[k * n + j] = A[best * n + j];
+                A[best * n + j] = swap;
+            }
+            double swap = b[k];
+            b[k] = b[best];
+            b[best] = swap;
+        }
+        for (int i = k + 1; i < n; i++) {
+            double f = A[i * n + k] / A[k * n + k];
+            if (f == 0.0)
+                continue;
+            for (int j = k; j < n; j++)
+                A[i * n + j] -= f * A[k * n + j];
+            b[i] -= f * b[k];
+        }
+    }
+    for (int i = n - 1; i >= 0; i--) {
+        for (int j = i + 1; j < n; j++)
+            b[i] -= A[i * n + j] * b[j];
+        b[i] /= A[i * n + i];
+    }
+    return true;
+}
+
+/* Sums of the squares of the laws' residuals and of the normal forces; with a matrix its rows and
+ * the residuals for Newton's method. */
+static void residuals(aom_stepper *st, const influence *local, int n, double *A, double *g,
+                      double *norm, double *size) {
+    int m = st->system.n_rows;
+    *norm = *size = 0.0;
+    for (int stage = 0; stage < 2; stage++)
+        for (int i = 0; i < n; i++) {
+            int c = st->work.active[i], k = stage * n + i;
+            double delta, rate, f = st->work.force[c].f[stage + 1];
+            felt(st, local, stage, c, &delta, &rate);
+            tangent law = law_tangent(st, &st->system.contacts[c].law, st->contacts[c].branch,
+                                      delta, rate, st->contacts[c].memory);
+            *norm += (f - law.force) * (f - law.force);
+            *size += f * f;
+            if (A == NULL)
+                continue;
+            g[k] = f - law.force;
+            for (int other = 0; other < 2; other++)
+                for (int j = 0; j < n; j++) {
+                    const influence *by = local + (ptrdiff_t)c * m + st->work.active[j];
+                    A[k * 2 * n + other * n + j] = law.by_delta * by->depth[stage][other + 1] +
+                                                   law.by_rate * by->rate[stage][other + 1];
+                }
+            A[k * 2 * n + k] += 1.0;
+        }
+}
+
+/* One step of Newton's method for all normal forces of both stages, shortened if need be. */
+static bool together(aom_stepper *st, const influence *local) {
+    int m = st->system.n_rows, n = 0;
+    nodes *force = st->work.force, *before = st->work.before;
+    double *A = st->work.matrix, *g = st->work.rest, best, size, norm, length = 1.0;
+    for (int c = 0; c < st->system.n_contacts; c++)
+        if (pressing(st->contacts[c].branch))
+            st->work.active[n++] = c;
+    memcpy(before, force, (size_t)m * sizeof *force);
+    residuals(st, local, n, A, g, &best, &size);
+    if (best <= 1e-28 * size)
+        return true;
+    if (!eliminate(A, g, 2 * n))
+        return false;
+    for (int tries = 0; tries < 11; tries++) {
+        for (int stage = 0; stage < 2; stage++)
+            for (int i = 0; i < n; i++) {
+                int c = st->work.active[i];
+                force[c].f[stage + 1] = before[c].f[stage + 1] - length * g[stage * n + i];
+            }
+        residuals(st, local, n, NULL, NULL, &norm, &size);
+        if (norm < best)
+            return true;
+        length *= 0.5;
+    }
+    memcpy(force, before, (size_t)m * sizeof *force);
+    return best <= 1e-20 * size; /* what is left is rounding */
+}
+
+/* One sweep over the contacts, each force by a step of Newton's method on its own law (`take`: it
+ * is changed, else only asked for). The largest change, force and rounding into out. */
+static void sweep(aom_stepper *st, const influence *local, bool take, double out[3]) {
+    int m = st->system.n_rows;
+    nodes *force = st->work.force;
+    for (int stage = 0; stage < 2; stage++)
+        for (int c = 0; c < st->system.n_contacts; c++) {
+            const aom_contact *contact = st->system.contacts + c;
+            double *f = &force[c].f[stage + 1], delta, rate;
+            if (!pressing(st->contacts[c].branch)) {
+                *f = 0.0;
+                for (int r = 0; r < contact->n_tangential; r++)
+                    force[contact->first_tangential + r].f[stage + 1] = 0.0;
+                continue;
+            }
+            felt(st, local, stage, c, &delta, &rate);
+            tangent law = law_tangent(st, &contact->law, st->contacts[c].branch, delta, rate,
+                                      st->contacts[c].memory);
+            const influence *own = local + (ptrdiff_t)c * (m + 1);
+            double give = own->depth[stage][stage + 1] * law.by_delta +
+                          own->rate[stage][stage + 1] * law.by_rate;
+            double grip = 1.0 + larger(give, 0.0), old = *f, new = old - (old - law.force) / grip;
+            double rounding = 1e-15 * law.by_delta / grip * fabs(st->work.base[c].depth[stage]);
+            out[2] = larger(out[2], rounding);
+            if (take)
+                *f = new;
+            out[0] = larger(out[0], fabs(new - old));
+            out[1] = larger(out[1], fabs(new));
+            if (contact->n_tangential > 0)
+                out[0] = larger(out[0], rub(st, local, stage, c));
+        }
+}
+
+/* Forces of all rows at h/2 and h that meet laws and friction, into work.force, from the motion
+ * work.base that those at 0 alone leave: Gauss and Seidel's sweeps; the whole system by Newton's
+ * method where they do not converge. */
+bool all_forces(aom_stepper *st, const influence *local) {
+    int m = st->system.n_rows;
+    nodes *force = st->work.force;
+    for (int tries = 0; tries < SWEEPS + NEWTON; tries++) {
+        if (tries == SWEEPS) /* the sweeps may have led away */
+            for (int c = 0; c < st->system.n_contacts; c++)
+                force[c].f[1] = force[c].f[2] = force[c].f[0];
+        if (tries >= SWEEPS && !together(st, local))
+            return false;
+        double found[3] = {0.0, 1e-3 * st->now.force_scale, 0.0}, total = 0.0;
+        sweep(st, local, tries < SWEEPS, found);
+        for (int i = 0; i < m; i++)
+            total += fabs(force[i].f[1]) + fabs(force[i].f[2]);
+        if (!(total + found[0] < 1e300) || st->law_failed)
+            return false;
+        if (found[0] > SETTLED * found[1] + found[2])
+            continue;
+        for (int stage = 0; stage < 2; stage++)
+            for (int i = 0; i < m; i++)
+                felt(st, local, stage, i, &st->work.motion[i].depth[stage],
+                     &st->work.motion[i].rate[stage]);
+        return true;
+    }
+    return false;
+}

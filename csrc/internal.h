@@ -1,0 +1,171 @@
+/* What the files of the march share: the stepper's memory, and the functions of each file. */
+#ifndef AOM_INTERNAL_H
+#define AOM_INTERNAL_H
+
+#include <math.h>
+#include <stdbool.h>
+#include <string.h>
+
+#include "antiosc_march.h"
+
+enum {
+    LEVELS = 64,          /* steps H, H/2, H/4 ... */
+    SCRATCH = LEVELS,     /* slot of a step of any length; its half stands in the next */
+    SLOTS = LEVELS + 2
+};
+
+#define SHARP 1e-9 /* of the depth or the speed: a bound is met */
+
+/* What ends a step: the bounds of a branch. */
+typedef enum bound { LOW, HIGH, SLOW, FAST, NOTHING } bound;
+
+typedef struct branch_bounds {
+    double low, high, slow, fast; /* least and largest indentation, least and largest rate */
+} branch_bounds;
+
+/* Force and its slopes by indentation and rate. */
+typedef struct tangent {
+    double force, by_delta, by_rate;
+} tangent;
+
+/* How the force of a row at the nodes 0, h/2, h holds back the indentation and the rate of another
+ * at h/2 and h: [stage][node]. */
+typedef struct influence {
+    double depth[2][3], rate[2][3];
+} influence;
+
+/* Indentation and rate of a row at h/2 and h. */
+typedef struct stages {
+    double depth[2], rate[2];
+} stages;
+
+/* Forces of a row at 0, h/2 and h. */
+typedef struct nodes {
+    double f[3];
+} nodes;
+
+/* Responses after a time `span`, for the length of a step. */
+typedef struct slot {
+    double span; /* [s], NaN: none */
+    bool has_coupling, has_local, has_moves;
+    double *response; /* [6][J]: P, W, S, J0, J1, J2 */
+    double *rows;     /* [m][4][J]: depth by q, by v; rate by q, by v */
+    double *coupling; /* [4][m][m]: beta S beta^T, beta J0 beta^T, ... */
+    influence *local; /* [m][m]; of this step and the slot of its half */
+    double *moves;    /* [2][2][J], then [m][3][2][J]: what takes (q, v) over the step */
+} slot;
+
+typedef struct row_state {
+    double force, middle; /* at the end and in the middle of the last step */
+    double slope, bend;   /* derivatives of the parabola at its end */
+    double depth, rate;
+    bool fresh; /* its contact has just begun: no parabola stands behind it */
+} row_state;
+
+typedef struct contact_state {
+    int branch;
+    double memory[AOM_MEMORY];  /* what the law remembers */
+    double anchor[3][2];        /* where the tangential springs hang at 0, h/2, h */
+    double depth_scale, speed_scale; /* the largest that were met or are expected */
+} contact_state;
+
+/* All that a run changes, but for the arrays beside it. */
+typedef struct course {
+    double time, last_step, step, left; /* left: until the loads change */
+    double force_scale, longest, cap;   /* longest step; cap: of the present contact */
+    double worked, given, highest, surplus;
+    int level, segment, flown_segment;
+    bool flying;
+    int64_t steps, retries, touches, refused, idle;
+} course;
+
+typedef struct workspace {
+    nodes *force;         /* [m] of the attempt */
+    stages *base, *motion; /* [m] without and with the forces of the attempt */
+    double *free_depth, *free_rate; /* [m] */
+    double *parabola;     /* [m][3]: value, slope, curvature at 0 */
+    double *load, *load_rate;       /* [J] */
+    double *offset, *drift;         /* [m] */
+    double *matrix, *rest;          /* [2p][2p], [2p] */
+    nodes *before;        /* [m] */
+    int *active;          /* [p] */
+} workspace;
+
+struct aom_stepper {
+    aom_system system;
+    aom_options options;
+    bool loaded, shifted, rated;
+    bool law_failed;
+    int exit_contact; /* the contact that leaves its branch at the end of the step, or -1 */
+    bound exit_bound;
+    slot slots[SLOTS];
+    workspace work;
+    /* what aom_save keeps: contiguous from here */
+    course now;
+    size_t changing_bytes;
+    double *x; /* [2][J]: q, v */
+    row_state *rows;
+    contact_state *contacts;
+    /* bounds of a flight, found at its begin: */
+    double *swing;  /* [p][J]: how a contact sees the amplitude of a mode */
+    double *sag;    /* [p]: the largest second derivative by rigid modes */
+    double *missed; /* [LEVELS + 1][p]: what a chord can miss; last row: second derivatives */
+    bool *known;    /* [LEVELS]: of missed */
+};
+
+/* ---- responses.c */
+void response(double omega, double decay, double t, double out[6]);
+void ready_rows(aom_stepper *st, int slot, double t);
+void ready_step(aom_stepper *st, int slot, double h);
+void ready_local(aom_stepper *st, int slot, double h);
+void ready_moves(aom_stepper *st, int slot);
+
+/* ---- laws.c */
+tangent law_tangent(aom_stepper *st, const aom_law *law, int branch, double delta, double rate,
+                    const double *memory);
+branch_bounds law_bounds(const aom_law *law, int branch, const double *memory);
+int next_branch(aom_stepper *st, const aom_law *law, int branch, bound exit, double delta,
+                double rate, double *memory);
+void law_expected(aom_stepper *st, const aom_law *law, double mass, double speed,
+                  const double *memory, double *depth, double *force);
+void user_advance(aom_stepper *st, const aom_user_law *user, double delta, double rate,
+                  double *memory);
+
+/* ---- forces.c */
+bool one_force(aom_stepper *st, double h, const influence *local);
+bool all_forces(aom_stepper *st, const influence *local);
+
+/* ---- contact_step.c */
+int contact_step(aom_stepper *st);
+
+/* ---- crossings.c */
+double crossing(double y0, double d0, double y1, double d1, double h, double edge);
+double polished(double at, const double y[3], const double d[3], double h, double edge);
+
+/* ---- flight.c */
+double acting_now(aom_stepper *st);
+void free_step(aom_stepper *st, int slot, double h, stages *out);
+void amplitudes(aom_stepper *st);
+int flight_step(aom_stepper *st);
+
+/* ---- runs.c */
+double mechanical_energy(int n, const double *x, const double *omega);
+
+/* Answers of contact_step and flight_step other than the slot of the step. */
+enum { AT_ONCE = -1, NO_STEP = -2 };
+
+static inline double larger(double a, double b) { return a > b ? a : b; }
+static inline double smaller(double a, double b) { return a < b ? a : b; }
+static inline double within(double x, double low, double high) {
+    return smaller(larger(x, low), high);
+}
+static inline bool pressing(int branch) { return branch == AOM_FORWARD || branch == AOM_BACK; }
+static inline const double *beta_row(const aom_stepper *st, int i) {
+    return st->system.beta + (ptrdiff_t)i * st->system.n_modes;
+}
+/* Length of a step of a level. */
+static inline double level_step(const aom_stepper *st, int level) {
+    return ldexp(st->now.longest, -level);
+}
+
+#endif

@@ -1,0 +1,278 @@
+/* The free and the forced motion of modes after a time, found once for all steps of one length. */
+#include "internal.h"
+
+/* (e^z - 1)/z, (e^z - 1 - z)/z^2 and (e^z - 1 - z - z^2/2)/z^3. */
+static void phi(double z, double out[3]) {
+    if (fabs(z) >= 0.7) {
+        out[0] = expm1(z) / z;
+        out[1] = (out[0] - 1.0) / z;
+        out[2] = (out[1] - 0.5) / z;
+        return;
+    }
+    double term[3] = {1.0, 0.5, 1.0 / 6.0};
+    memcpy(out, term, sizeof term);
+    for (int k = 1; k < 20; k++)
+        for (int n = 0; n < 3; n++) {
+            term[n] *= z / (k + n + 1);
+            out[n] += term[n];
+        }
+}
+
+/* `response` without damping, from z = omega t, sin(z/2) and cos(z/2). */
+static void undamped(double z, double t, double half, double cosine, double out[6]) {
+    double ratio = z > 0.0 ? half / z : 0.5;
+    double S = 2.0 * ratio * cosine, J0 = 2.0 * ratio * ratio, P = 1.0 - 2.0 * half * half;
+    double J1, J2, square = t * t;
+    if (z < 1.0) {
+        double x = z * z;
+        J1 = (1 - x / 20 * (1 - x / 42 * (1 - x / 72 * (1 - x / 110 * (1 - x / 156))))) / 6;
+        J2 = (1 - x / 30 * (1 - x / 56 * (1 - x / 90 * (1 - x / 132 * (1 - x / 182))))) / 24;
+    } else {
+        double over = 1.0 / (z * z);
+        J1 = (1.0 - S) * over;
+        J2 = (0.5 - J0) * over;
+    }
+    out[0] = P;
+    out[1] = P;
+    out[2] = S * t;
+    out[3] = J0 * square;
+    out[4] = J1 * square * t;
+    out[5] = J2 * square * square;
+}
+
+/* Partial fractions of an over-damped mode: J_k = (phi_k+1(slow) - phi_k+1(fast))/(2 g). */
+static void split(double e, double g, double x, double J[3]) {
+    double slow[3], fast[3];
+    phi(-x / (e + g), slow);
+    phi(-(e + g), fast);
+    for (int k = 0; k < 3; k++)
+        J[k] = (slow[k] - fast[k]) / (2.0 * g);
+}
+
+/* J0, J1, J2 over t^2, t^3, t^4 for small phases: power series of S, from the differential
+ * equation. */
+static void series(double e, double x, double J[3]) {
+    double a = 0.0, b = 1.0;
+    J[0] = 0.5;
+    J[1] = 1.0 / 6.0;
+    J[2] = 1.0 / 24.0;
+    for (int k = 0; k < 20; k++) {
+        double next = -(2.0 * e * (k + 1) * b + x * a) / ((k + 1) * (k + 2));
+        a = b;
+        b = next;
+        J[0] += b / (k + 3);
+        J[1] += b / ((k + 3) * (k + 4));
+        J[2] += b / ((k + 3) * (k + 4) * (k + 5));
+    }
+}
+
+static void damped(double z, double e, double t, double out[6]) {
+    double x = z * z, gap = (e - z) * (e + z), g = sqrt(fabs(gap)), S, C, J[3];
+    if (gap > 0.0) { /* over-damped: the slow root is -x/(e + g), no difference of large numbers */
+        double slow = exp(-x / (e + g)), fast = expm1(-2.0 * g);
+        S = g < 1e-6 ? exp(-e) : -slow * fast / (2.0 * g);
+        C = slow * (1.0 + 0.5 * fast);
+    } else {
+        double fade = exp(-e);
+        S = g < 1e-6 ? fade : fade * sin(g) / g;
+        C = fade * cos(g);
+    }
+    double P = C + e * S, W = C - e * S;
+    if (z < 1.0 && e < 0.5)
+        series(e, x, J);
+    else if (gap > 0.25 * e * e)
+        split(e, g, x, J);
+    else {
+        J[0] = (1.0 - P) / x;
+        J[1] = (1.0 - S - 2.0 * e * J[0]) / x;
+        J[2] = (0.5 - J[0] - 2.0 * e * J[1]) / x;
+    }
+    double square = t * t;
+    out[0] = P;
+    out[1] = W;
+    out[2] = S * t;
+    out[3] = J[0] * square;
+    out[4] = J[1] * square * t;
+    out[5] = J[2] * square * square;
+}
+
+/* P, W, S, J0, J1, J2 (see aom_responses); nothing cancels for small or large omega t or d t. */
+void response(double omega, double decay, double t, double out[6]) {
+    double z = omega * t;
+    if (decay > 0.0)
+        damped(z, decay * t, t, out);
+    else
+        undamped(z, t, sin(0.5 * z), cos(0.5 * z), out);
+}
+
+/* `response` after t and after t/2, which share their sines. */
+static void response_twice(double omega, double decay, double t, double whole[6], double half[6]) {
+    if (decay > 0.0) {
+        damped(omega * t, decay * t, t, whole);
+        damped(0.5 * omega * t, 0.5 * decay * t, 0.5 * t, half);
+        return;
+    }
+    double z = omega * t, sine = sin(0.25 * z), cosine = cos(0.25 * z);
+    undamped(z, t, 2.0 * sine * cosine, 1.0 - 2.0 * sine * sine, whole);
+    undamped(0.5 * z, 0.5 * t, sine, cosine, half);
+}
+
+void aom_responses(int64_t n, const double *omega, const double *decay, const double *t,
+                   int t_stride, double *out) {
+    for (int64_t j = 0; j < n; j++) {
+        double each[6];
+        response(omega[j], decay[j], t[j * t_stride], each);
+        for (int k = 0; k < 6; k++)
+            out[k * n + j] = each[k];
+    }
+}
+
+/* ---- slots */
+
+/* The rows of a slot that give indentation and rate from (q, v), from its responses. */
+static void fill_rows(aom_stepper *st, slot *s, double t) {
+    int J = st->system.n_modes;
+    const double *omega = st->system.omega;
+    const double *P = s->response, *W = P + J, *S = W + J;
+    for (int i = 0; i < st->system.n_rows; i++) {
+        const double *beta = beta_row(st, i);
+        double *depth_q = s->rows + 4 * (ptrdiff_t)i * J, *depth_v = depth_q + J;
+        double *rate_q = depth_v + J, *rate_v = rate_q + J;
+        for (int j = 0; j < J; j++) {
+            depth_q[j] = beta[j] * P[j];
+            depth_v[j] = beta[j] * S[j];
+            rate_q[j] = -omega[j] * omega[j] * depth_v[j];
+            rate_v[j] = beta[j] * W[j];
+        }
+    }
+    s->span = t;
+    s->has_coupling = s->has_local = s->has_moves = false;
+}
+
+/* See to it that a slot holds the responses after t. */
+void ready_rows(aom_stepper *st, int index, double t) {
+    slot *s = st->slots + index;
+    if (s->span == t)
+        return;
+    aom_responses(st->system.n_modes, st->system.omega, st->system.decay, &t, 0, s->response);
+    fill_rows(st, s, t);
+}
+
+/* See to it that a slot holds the responses after h, and the next one those after h/2.
+ *
+ * They are found together for a step that is used once; those of the levels each by itself, so that
+ * a run does not depend on which of them earlier runs left. */
+void ready_step(aom_stepper *st, int index, double h) {
+    slot *whole = st->slots + index, *half = whole + 1;
+    if (index < LEVELS || whole->span == h || half->span == 0.5 * h) {
+        ready_rows(st, index, h);
+        ready_rows(st, index + 1, 0.5 * h);
+        return;
+    }
+    int J = st->system.n_modes;
+    for (int j = 0; j < J; j++) {
+        double one[6], other[6];
+        response_twice(st->system.omega[j], st->system.decay[j], h, one, other);
+        for (int k = 0; k < 6; k++) {
+            whole->response[(ptrdiff_t)k * J + j] = one[k];
+            half->response[(ptrdiff_t)k * J + j] = other[k];
+        }
+    }
+    fill_rows(st, whole, h);
+    fill_rows(st, half, 0.5 * h);
+}
+
+/* beta S beta^T, beta J0 beta^T, beta J1 beta^T, beta J2 beta^T. */
+static void ready_coupling(aom_stepper *st, slot *s) {
+    int J = st->system.n_modes, m = st->system.n_rows;
+    if (s->has_coupling)
+        return;
+    const double *S = s->response + 2 * (ptrdiff_t)J;
+    for (int a = 0; a < m; a++)
+        for (int b = 0; b <= a; b++) {
+            const double *left = beta_row(st, a), *right = beta_row(st, b);
+            double total[4] = {0.0, 0.0, 0.0, 0.0};
+            for (int j = 0; j < J; j++) {
+                double product = left[j] * right[j];
+                for (int k = 0; k < 4; k++)
+                    total[k] += product * S[(ptrdiff_t)k * J + j];
+            }
+            for (int k = 0; k < 4; k++) {
+                s->coupling[((ptrdiff_t)k * m + a) * m + b] = total[k];
+                s->coupling[((ptrdiff_t)k * m + b) * m + a] = total[k];
+            }
+        }
+    s->has_coupling = true;
+}
+
+/* See to it that the slot of a step holds how the forces at its nodes hold back the motion.
+ *
+ * The rate of what has no mass, -R F', is that of the parabola; by backward differences where a law
+ * depends on the rate: there it relaxes, the faster the less the contact is closed, and only they
+ * damp that out. */
+void ready_local(aom_stepper *st, int index, double h) {
+    slot *whole = st->slots + index;
+    if (whole->has_local)
+        return;
+    ready_coupling(st, whole);
+    ready_coupling(st, whole + 1);
+    int m = st->system.n_rows;
+    ptrdiff_t square = (ptrdiff_t)m * m;
+    for (ptrdiff_t n = 0; n < square; n++) {
+        influence *to = whole->local + n;
+        for (int stage = 0; stage < 2; stage++) {
+            const double *K = (stage == 0 ? whole + 1 : whole)->coupling + n;
+            for (int k = 0; k < 2; k++) {
+                double *out = k == 0 ? to->depth[stage] : to->rate[stage];
+                double zero = K[(1 - k) * square], one = K[(2 - k) * square] / h;
+                double two = K[(3 - k) * square] / (h * h);
+                out[0] = zero - 3.0 * one + 4.0 * two;
+                out[1] = 4.0 * one - 8.0 * two;
+                out[2] = 4.0 * two - one;
+            }
+        }
+        double r = st->system.residual[n], rate = r / h;
+        to->depth[0][1] += r;
+        to->depth[1][2] += r;
+        if (st->rated) {
+            to->rate[0][0] -= 2.0 * rate;
+            to->rate[0][1] += 2.0 * rate;
+            to->rate[1][1] -= 2.0 * rate;
+            to->rate[1][2] += 2.0 * rate;
+        } else {
+            to->rate[0][0] -= rate;
+            to->rate[0][2] += rate;
+            to->rate[1][0] += rate;
+            to->rate[1][1] -= 4.0 * rate;
+            to->rate[1][2] += 3.0 * rate;
+        }
+    }
+    whole->has_local = true;
+}
+
+/* See to it that a slot holds what takes (q, v) over the step: (P, W), (S, -omega^2 S), and what
+ * values, slopes and curvatures of the forces of each row at the step's start add. */
+void ready_moves(aom_stepper *st, int index) {
+    slot *s = st->slots + index;
+    if (s->has_moves)
+        return;
+    int J = st->system.n_modes;
+    const double *P = s->response, *W = P + J, *S = W + J, *omega = st->system.omega;
+    double *to = s->moves;
+    memcpy(to, P, (size_t)J * sizeof *to);
+    memcpy(to + J, W, (size_t)J * sizeof *to);
+    for (int j = 0; j < J; j++) {
+        to[2 * J + j] = S[j];
+        to[3 * J + j] = -omega[j] * omega[j] * S[j];
+    }
+    for (int i = 0; i < st->system.n_rows; i++) {
+        const double *beta = beta_row(st, i);
+        double *out = to + 4 * (ptrdiff_t)J + 6 * (ptrdiff_t)i * J;
+        for (int k = 0; k < 3; k++)
+            for (int j = 0; j < J; j++) {
+                out[(2 * k) * (ptrdiff_t)J + j] = beta[j] * S[(k + 1) * (ptrdiff_t)J + j];
+                out[(2 * k + 1) * (ptrdiff_t)J + j] = beta[j] * S[k * (ptrdiff_t)J + j];
+            }
+    }
+    s->has_moves = true;
+}

@@ -1,0 +1,146 @@
+/* What is read from runs: states, energies, the pulse of a contact, the difference of two runs. */
+#include "internal.h"
+
+/* Kinetic and strain energy of x = (q, v). */
+double mechanical_energy(int n, const double *x, const double *omega) {
+    double total[2] = {0.0, 0.0};
+    for (int j = 0; j < n; j++) {
+        double strained = omega[j] * x[j], moving = x[n + j];
+        total[0] += strained * strained;
+        total[1] += moving * moving;
+    }
+    return 0.5 * (total[0] + total[1]);
+}
+
+void aom_energies(int64_t n, int n_modes, const double *states, const double *omega, double *out) {
+    for (int64_t k = 0; k < n; k++)
+        out[k] = mechanical_energy(n_modes, states + 2 * k * n_modes, omega);
+}
+
+/* Value at time t, and slope, of what is linear between breaks and constant afterwards. */
+static void between(const aom_system *system, const double *values, int width, int i, double t,
+                    double *value, double *slope) {
+    int k = 0;
+    while (k + 1 < system->n_breaks && system->breaks[k + 1] <= t)
+        k++;
+    const double *at = values + (ptrdiff_t)k * width + i;
+    bool last = k + 1 == system->n_breaks;
+    *slope = last ? 0.0 : (at[width] - at[0]) / (system->breaks[k + 1] - system->breaks[k]);
+    *value = at[0] + *slope * (t - system->breaks[k]);
+}
+
+void aom_state_at(const aom_system *system, const aom_record *record, int64_t k, double t,
+                  double *state, double *force, double *depth) {
+    int J = system->n_modes, m = system->n_rows;
+    const double *F = record->force + 2 * k * m, *x = record->states + 2 * k * J;
+    double start = record->time[2 * k], h = record->time[2 * k + 2] - start;
+    double over = h > 0.0 ? 1.0 / h : 0.0;
+    for (int j = 0; j < J; j++) {
+        double r[6], f = 0.0, g = 0.0, c = 0.0, load, rise, w = system->omega[j];
+        response(w, system->decay[j], t, r);
+        between(system, system->loads, J, j, start, &load, &rise);
+        for (int i = 0; i < m; i++) {
+            double b = system->beta[(ptrdiff_t)i * J + j], f0 = F[i], f1 = F[m + i];
+            double f2 = F[2 * m + i];
+            f += b * f0;
+            g += b * (4.0 * f1 - 3.0 * f0 - f2) * over;
+            c += b * 4.0 * (f0 - 2.0 * f1 + f2) * over * over;
+        }
+        f -= load;
+        g -= rise;
+        state[j] = r[0] * x[j] + r[2] * x[J + j] - f * r[3] - g * r[4] - c * r[5];
+        state[J + j] = r[1] * x[J + j] - w * w * r[2] * x[j] - f * r[2] - g * r[3] - c * r[4];
+    }
+    if (force == NULL || depth == NULL)
+        return;
+    double u = t * over;
+    for (int i = 0; i < m; i++) {
+        double f0 = F[i], f1 = F[m + i], f2 = F[2 * m + i];
+        force[i] = f0 + u * (4.0 * f1 - 3.0 * f0 - f2 + 2.0 * u * (f0 - 2.0 * f1 + f2));
+    }
+    for (int i = 0; i < m; i++) {
+        double gap, drift, way = 0.0;
+        between(system, system->offsets, m, i, start, &gap, &drift);
+        for (int j = 0; j < J; j++)
+            way += system->beta[(ptrdiff_t)i * J + j] * state[j];
+        for (int j = 0; j < m; j++)
+            way -= system->residual[(ptrdiff_t)i * m + j] * force[j];
+        depth[i] = way - gap - drift * t;
+    }
+}
+
+/* A run as aom_compare walks through it. */
+typedef struct walk {
+    int64_t n, node, step; /* nodes, the next one, the start of the present step */
+    const double *time, *force;
+    double u; /* share of the step that has passed */
+} walk;
+
+static void walk_to(walk *w, double t) {
+    while (w->step + 4 < w->n && w->time[w->step + 2] <= t)
+        w->step += 2;
+    double start = w->time[w->step], h = w->time[w->step + 2] - start;
+    w->u = h > 0.0 ? within((t - start) / h, 0.0, 1.0) : 0.0;
+}
+
+static double walk_force(const walk *w, int m, int i) {
+    const double *f = w->force + w->step * m + i;
+    double f0 = f[0], f1 = f[m], f2 = f[2 * m], u = w->u;
+    return f0 + u * ((4.0 * f1 - 3.0 * f0 - f2) + 2.0 * u * (f0 - 2.0 * f1 + f2));
+}
+
+aom_difference aom_compare(int m, int64_t n_a, const double *time_a, const double *force_a,
+                           int64_t n_b, const double *time_b, const double *force_b, double end,
+                           double limit, double *peaks) {
+    walk a = {n_a, 0, 0, time_a, force_a, 0.0}, b = {n_b, 0, 0, time_b, force_b, 0.0};
+    aom_difference found = {0.0, 0.0, end};
+    double before = 0.0, last = 0.0, last_size = 0.0;
+    bool exceeded = false;
+    for (int i = 0; i < 2 * m; i++)
+        peaks[i] = 0.0;
+    while (n_a >= 3 && n_b >= 3 && (a.node < n_a || b.node < n_b)) {
+        bool from_a = b.node >= n_b || (a.node < n_a && time_a[a.node] <= time_b[b.node]);
+        double t = from_a ? time_a[a.node++] : time_b[b.node++], apart = 0.0, square = 0.0;
+        if (t > end)
+            break;
+        walk_to(&a, t);
+        walk_to(&b, t);
+        for (int i = 0; i < m; i++) {
+            double fa = walk_force(&a, m, i), fb = walk_force(&b, m, i);
+            apart += (fa - fb) * (fa - fb);
+            square += fb * fb;
+            peaks[i] = larger(peaks[i], fabs(fa));
+            peaks[m + i] = larger(peaks[m + i], fabs(fb));
+        }
+        found.gap += 0.5 * (t - before) * (apart + last);
+        found.size += 0.5 * (t - before) * (square + last_size);
+        before = t;
+        last = apart;
+        last_size = square;
+        if (found.gap > limit && !exceeded) {
+            exceeded = true;
+            found.until = t;
+        }
+    }
+    return found;
+}
+
+static void pulse(const double *time, const double *force, int m, int row, int64_t first,
+                  int64_t last, double *area, double *peak) {
+    *area = *peak = 0.0;
+    for (int64_t n = 2 * first; n < 2 * last; n += 2) {
+        const double *f = force + n * m + row;
+        double f0 = f[0], f1 = f[m], f2 = f[2 * m], a = f1 - f0, b = f2 - f1;
+        *area += (time[n + 2] - time[n]) * (f0 + 4.0 * f1 + f2) / 6.0;
+        if (3.0 * a > b && 3.0 * b < a) /* it rises at first and falls at last */
+            *peak = larger(*peak, f0 + (3.0 * a - b) * (3.0 * a - b) / (8.0 * (a - b)));
+        else
+            *peak = larger(*peak, larger(f0, f2));
+    }
+}
+
+void aom_pulses(const double *time, const double *force, int m, int row, int64_t n,
+                const int64_t *spans, double *out) {
+    for (int64_t k = 0; k < n; k++)
+        pulse(time, force, m, row, spans[2 * k], spans[2 * k + 1], out + 2 * k, out + 2 * k + 1);
+}

@@ -1,0 +1,88 @@
+"""Compile the C library of the march into the Python package: `python packaging/library.py`.
+
+The compiler is $CC, else cc, gcc or clang, else zig's of the package `ziglang`. With
+$ANTIOSC_TARGET, one of TARGETS, zig compiles for another platform.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+import sysconfig
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+SOURCE, PACKAGE = ROOT / "csrc", ROOT / "src" / "antiosc"
+# zig's target: the wheel's platform
+TARGETS = {
+    "x86_64-linux-gnu.2.17": "manylinux_2_17_x86_64",
+    "aarch64-linux-gnu.2.17": "manylinux_2_17_aarch64",
+    "x86_64-macos.11.0": "macosx_11_0_x86_64",
+    "aarch64-macos.11.0": "macosx_11_0_arm64",
+    "x86_64-windows-gnu": "win_amd64",
+}
+FLAGS = ["-std=c99", "-O3", "-fvisibility=hidden", "-shared"]
+SUFFIXES = {"win": ".dll", "macos": ".dylib"}
+WARNINGS = ["-Wall", "-Wextra", "-pedantic", "-Wconversion"]
+
+
+def source_hash() -> str:
+    """What `antiosc.march.source_hash` gives."""
+    text = hashlib.sha256()
+    for path in sorted(SOURCE.glob("*.[ch]")):
+        text.update(path.read_bytes().replace(b"\r\n", b"\n"))
+    return text.hexdigest()[:16]
+
+
+def compiler() -> list[str]:
+    """The command of a C compiler; empty if there is none."""
+    if os.environ.get("ANTIOSC_TARGET"):
+        return [*_zig(), "-target", os.environ["ANTIOSC_TARGET"]]
+    if os.environ.get("CC"):
+        return shlex.split(os.environ["CC"])
+    for name in ("cc", "gcc", "clang"):
+        if shutil.which(name):
+            return [name]
+    return _zig() if importlib.util.find_spec("ziglang") else []
+
+
+def _zig() -> list[str]:
+    return [sys.executable, "-m", "ziglang", "cc"]
+
+
+def platform_tag() -> str:
+    """The wheel's platform where zig compiles for another one than this; else empty."""
+    return TARGETS.get(os.environ.get("ANTIOSC_TARGET", ""), "")
+
+
+def suffix() -> str:
+    """Of the library, by the platform that is compiled for."""
+    platform = platform_tag() or sysconfig.get_platform()
+    return next((end for sign, end in SUFFIXES.items() if platform.startswith(sign)), ".so")
+
+
+def build() -> Path:
+    """Compile the library; returns where it stands."""
+    command = compiler()
+    if not command:
+        raise SystemExit("antiosc: no C compiler; install gcc, or `pip install ziglang`.")
+    out = PACKAGE / f"libantiosc_march{suffix()}"
+    made = out.with_suffix(".part")
+    command += [*FLAGS, *WARNINGS, f'-DAOM_SOURCE_HASH="{source_hash()}"']
+    command += ["-o", str(made), str(SOURCE / "antiosc_march.c")]
+    if suffix() != ".dll":  # there all code can be moved, and mathematics is in C's library
+        command += ["-fPIC", "-lm"]
+    subprocess.run(command, check=True)
+    made.replace(out)  # a process that has loaded the old one keeps it
+    for rest in PACKAGE.glob("libantiosc_march*.pdb"):
+        rest.unlink()
+    return out
+
+
+if __name__ == "__main__":
+    print(build())
