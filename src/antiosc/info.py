@@ -183,8 +183,6 @@ def _gmsh() -> str:
     return done.stdout.split()[-1]
 
 
-
-
 PACKAGES = [
     Package("NumPy", "numpy", "python3-numpy", _attribute("numpy")),
     Package("SciPy", "scipy", "python3-scipy", _attribute("scipy")),

@@ -24,6 +24,8 @@ CONTAINERS = (
         f"/sys/fs/cgroup/memory/memory.{x}" for x in ("limit_in_bytes", "usage_in_bytes", "stat")
     ),
 )
+#: Bytes below which the free memory is not looked up: that takes longer than a short run.
+UNNOTICED = 1 << 26
 #: Remedy where a run needs too much.
 SMALLER = "use a coarser mesh or order=1, or free some memory"
 
@@ -62,7 +64,11 @@ def require(need: float, what: str, remedy: str, free: float | None = None) -> N
     ----------
     what, remedy : parts of the sentence "`what` needs 3 GB and 2 GB are free: `remedy`."
     free : bytes, where they are known from before.
+
+    Less than `UNNOTICED` passes.
     """
+    if free is None and need < UNNOTICED:
+        return
     free = free_memory() if free is None else free
     if need > MEMORY_SHARE * free:
         raise OutOfMemoryError(f"{shortage(what, need, free)}: {remedy}.")

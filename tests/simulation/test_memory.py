@@ -73,7 +73,8 @@ def test_contacts_that_do_not_fit_are_refused_before_the_work(monkeypatch):
     contacts = [ao.Contact("wall", name, ao.Hertz(1e8)) for name in bodies]
     many = ao.Scene(bodies={"wall": ao.Obstacle(), **bodies}, contacts=contacts)
     monkeypatch.setattr(memory, "free_memory", lambda: 2e7)
-    monkeypatch.setattr(engine.march, "march", lambda *given: pytest.fail("it ran"))
+    monkeypatch.setattr(memory, "UNNOTICED", 0)
+    monkeypatch.setattr(engine, "Buffers", lambda *given: pytest.fail("it ran"))
     with pytest.raises(ao.OutOfMemoryError, match=r"60 contacts .* GB are free"):
         many.run(1e-4)
 
@@ -83,7 +84,7 @@ def test_an_allocation_that_fails_is_one_sentence(monkeypatch, run):
     def full(*given):
         raise MemoryError("Unable to allocate 7 GiB")
 
-    monkeypatch.setattr(engine, "buffers", full)
+    monkeypatch.setattr(engine, "Buffers", full)
     monkeypatch.setattr(engine, "_kept", type(engine._kept)())
     given = case_two(1)[0], ao.RigidMass(1, 1), ao.Linear(1e6)
     calls = {"scene": scene().run, "simulate": partial(ao.simulate, *given)}
