@@ -64,14 +64,8 @@ def main(repeats: int = 200, scenes: int = 1000, workers: int = 8) -> dict[str, 
                 return ao.simulate(model, striker, law, DURATION, tol=TOL)
 
             alone = engine(whole())
-            impacts.append(
-                {
-                    "n": n,
-                    "speed": speed,
-                    "engine": ms(alone, repeats),
-                    "simulate": ms(whole, repeats),
-                }
-            )
+            both = {"engine": ms(alone, repeats), "simulate": ms(whole, repeats)}
+            impacts.append({"n": n, "speed": speed, **both})
     return {
         "first": json.loads(done.stdout),
         "impacts": impacts,
