@@ -16,15 +16,10 @@ static bool attempt(aom_stepper *st, int index, double h) {
         return true;
     for (int i = 0; i < m; i++)
         st->work.force[i].f[0] = st->rows[i].force;
+    start_forces(st, local);
     for (int stage = 0; stage < 2; stage++) {
         double u = 0.5 * h * (1 + stage);
         for (int i = 0; i < m; i++) {
-            const influence *by = local + (ptrdiff_t)i * m;
-            stages *base = st->work.base + i;
-            for (int j = 0; j < m; j++) {
-                base->depth[stage] -= by[j].depth[stage][0] * st->rows[j].force;
-                base->rate[stage] -= by[j].rate[stage][0] * st->rows[j].force;
-            }
             const row_state *row = st->rows + i; /* a first guess on the last parabola */
             st->work.force[i].f[stage + 1] = row->force + u * (row->slope + 0.5 * u * row->bend);
         }

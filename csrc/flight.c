@@ -26,7 +26,13 @@ static void free_motion(const aom_stepper *st, int index, double t, double *dept
     const double *S = s->response + 2 * (ptrdiff_t)J, *J0 = S + J, *J1 = J0 + J;
     for (int i = 0; i < m; i++) {
         const double *a = s->rows + 4 * (ptrdiff_t)i * J, *b = a + J, *c = b + J, *d = c + J;
-        double total = dot2(J, a, q, b, v), speed = dot2(J, c, q, d, v);
+        const row_span *span = st->spans + i;
+        double total = 0.0, speed = 0.0;
+        for (int part = 0; part < 2; part++) {
+            int from = span->begin[part], n = span->end[part] - from;
+            total += dot2(n, a + from, q + from, b + from, v + from);
+            speed += dot2(n, c + from, q + from, d + from, v + from);
+        }
         if (st->loaded) {
             const double *beta = beta_row(st, i), *at = st->work.load, *rise = st->work.load_rate;
             for (int j = 0; j < J; j++) {

@@ -59,19 +59,66 @@ bool one_force(aom_stepper *st, double h, const influence *local) {
     return false;
 }
 
+/* Whether a row is alone in its group: its coupling with itself is then that of the group. */
+static bool alone(const aom_stepper *st, int g) { return st->first[g] == st->second[g]; }
+
+/* What the forces at a node of all rows take from the indentation and rate of row i at a stage:
+ * those of the groups (sums: [G][stride]), and what its own coupling is beyond its group's. */
+static void held_back(const aom_stepper *st, const influence *local, int stage, int i, int node,
+                      const double *sums, int stride, double own, double *delta, double *rate) {
+    int g = st->group[i], G = st->n_groups;
+    const influence *by = local + pair_of(st, g, 0);
+    double d = 0.0, v = 0.0;
+    for (int h = 0; h < G; h++) {
+        d += by[h].depth[stage][node] * sums[h * stride];
+        v += by[h].rate[stage][node] * sums[h * stride];
+    }
+    if (!alone(st, g)) {
+        d += (local[i].depth[stage][node] - by[g].depth[stage][node]) * own;
+        v += (local[i].rate[stage][node] - by[g].rate[stage][node]) * own;
+    }
+    *delta -= d;
+    *rate -= v;
+}
+
+/* Sums of the forces of each group at a node. */
+static void add_up(aom_stepper *st, int node, double *sums, int stride) {
+    for (int g = 0; g < st->n_groups; g++)
+        sums[g * stride] = 0.0;
+    for (int i = 0; i < st->system.n_rows; i++)
+        sums[st->group[i] * stride] += st->work.force[i].f[node];
+}
+
+/* Take from the free motion of the step what the forces at its start hold back. */
+void start_forces(aom_stepper *st, const influence *local) {
+    add_up(st, 0, st->work.sum[0], 2);
+    for (int i = 0; i < st->system.n_rows; i++)
+        for (int stage = 0; stage < 2; stage++)
+            held_back(st, local, stage, i, 0, st->work.sum[0], 2, st->work.force[i].f[0],
+                      st->work.base[i].depth + stage, st->work.base[i].rate + stage);
+}
+
+static void add_up_both(aom_stepper *st) {
+    add_up(st, 1, st->work.sum[0], 2);
+    add_up(st, 2, st->work.sum[0] + 1, 2);
+}
+
+/* Change the force of a row at a stage. */
+static void put(aom_stepper *st, int stage, int i, double value) {
+    int g = st->group[i];
+    double *f = &st->work.force[i].f[stage + 1], *sum = &st->work.sum[g][stage];
+    *sum = alone(st, g) ? value : *sum + (value - *f);
+    *f = value;
+}
+
 /* Indentation and rate of row i at a stage under the forces of the attempt. */
 static void felt(const aom_stepper *st, const influence *local, int stage, int i, double *delta,
                  double *rate) {
-    int m = st->system.n_rows;
-    const nodes *force = st->work.force;
-    const influence *by = local + (ptrdiff_t)i * m;
-    double d = st->work.base[i].depth[stage], v = st->work.base[i].rate[stage];
-    for (int j = 0; j < m; j++) {
-        d -= by[j].depth[stage][1] * force[j].f[1] + by[j].depth[stage][2] * force[j].f[2];
-        v -= by[j].rate[stage][1] * force[j].f[1] + by[j].rate[stage][2] * force[j].f[2];
-    }
-    *delta = d;
-    *rate = v;
+    const double *f = st->work.force[i].f;
+    *delta = st->work.base[i].depth[stage];
+    *rate = st->work.base[i].rate[stage];
+    held_back(st, local, stage, i, 1, st->work.sum[0], 2, f[1], delta, rate);
+    held_back(st, local, stage, i, 2, st->work.sum[0] + 1, 2, f[2], delta, rate);
 }
 
 /* Friction of one contact by a spring that slides; by how much its forces changed. */
@@ -83,20 +130,20 @@ static double rub(aom_stepper *st, const influence *local, int stage, int c) {
     double stiffness = contact->tangential_stiffness, old[2] = {0.0, 0.0}, total = 0.0;
     for (int r = 0; r < count; r++) {
         int i = first + r;
-        double way, rate, held = local[(ptrdiff_t)i * (st->system.n_rows + 1)].depth[stage][node];
+        double way, rate, held = local[i].depth[stage][node];
         felt(st, local, stage, i, &way, &rate);
         old[r] = force[i].f[node];
         double stuck = stiffness * (way - anchor[stage][r]);
         anchor[node][r] = way + held * old[r]; /* the way without this force */
-        force[i].f[node] -= (old[r] - stuck) / (1.0 + stiffness * held);
+        put(st, stage, i, force[i].f[node] - (old[r] - stuck) / (1.0 + stiffness * held));
         total += force[i].f[node] * force[i].f[node];
     }
     double most = contact->friction * larger(force[c].f[node], 0.0), change = 0.0;
     double ratio = total > most * most ? most / sqrt(total) : 1.0;
     for (int r = 0; r < count; r++) {
         int i = first + r;
-        double held = local[(ptrdiff_t)i * (st->system.n_rows + 1)].depth[stage][node];
-        force[i].f[node] *= ratio;
+        double held = local[i].depth[stage][node];
+        put(st, stage, i, ratio * force[i].f[node]);
         anchor[node][r] -= force[i].f[node] * (held + 1.0 / stiffness);
         change = larger(change, fabs(force[i].f[node] - old[r]));
     }
@@ -139,89 +186,164 @@ static bool eliminate(double *A, double *b, int n) {
     return true;
 }
 
-/* Sums of the squares of the laws' residuals and of the normal forces; with a matrix its rows and
- * the residuals for Newton's method. */
-static void residuals(aom_stepper *st, const influence *local, int n, double *A, double *g,
-                      double *norm, double *size) {
-    int m = st->system.n_rows;
+/* Slopes and residuals of the laws of n pressing contacts; sums of the squares of the residuals and
+ * of the normal forces. */
+static void residuals(aom_stepper *st, const influence *local, int n, double *norm, double *size) {
     *norm = *size = 0.0;
-    for (int stage = 0; stage < 2; stage++)
-        for (int i = 0; i < n; i++) {
-            int c = st->work.active[i], k = stage * n + i;
+    for (int i = 0; i < n; i++)
+        for (int stage = 0; stage < 2; stage++) {
+            int c = st->work.active[i];
+            newton_row *row = st->work.newton + i;
             double delta, rate, f = st->work.force[c].f[stage + 1];
             felt(st, local, stage, c, &delta, &rate);
             tangent law = law_tangent(st, &st->system.contacts[c].law, st->contacts[c].branch,
                                       delta, rate, st->contacts[c].memory);
-            *norm += (f - law.force) * (f - law.force);
+            row->rest[stage] = f - law.force;
+            row->by_delta[stage] = law.by_delta;
+            row->by_rate[stage] = law.by_rate;
+            *norm += row->rest[stage] * row->rest[stage];
             *size += f * f;
-            if (A == NULL)
-                continue;
-            g[k] = f - law.force;
-            for (int other = 0; other < 2; other++)
-                for (int j = 0; j < n; j++) {
-                    const influence *by = local + (ptrdiff_t)c * m + st->work.active[j];
-                    A[k * 2 * n + other * n + j] = law.by_delta * by->depth[stage][other + 1] +
-                                                   law.by_rate * by->rate[stage][other + 1];
-                }
-            A[k * 2 * n + k] += 1.0;
         }
+}
+
+/* Slope of a law's force at a stage by the force at a node behind an influence. */
+static double slope_by(const newton_row *row, const influence *by, int stage, int node) {
+    return row->by_delta[stage] * by->depth[stage][node] +
+           row->by_rate[stage] * by->rate[stage][node];
+}
+
+/* The inverse of what a contact's matrix is beyond its group's coupling. */
+static bool invert_own(const aom_stepper *st, const influence *local, int c, newton_row *row) {
+    int g = st->group[c];
+    double B[2][2] = {{1.0, 0.0}, {0.0, 1.0}};
+    for (int s = 0; s < 2 && !alone(st, g); s++)
+        for (int t = 0; t < 2; t++)
+            B[s][t] += slope_by(row, local + c, s, t + 1) -
+                       slope_by(row, local + pair_of(st, g, g), s, t + 1);
+    double det = B[0][0] * B[1][1] - B[0][1] * B[1][0];
+    row->inverse[0][0] = B[1][1] / det;
+    row->inverse[0][1] = -B[0][1] / det;
+    row->inverse[1][0] = -B[1][0] / det;
+    row->inverse[1][1] = B[0][0] / det;
+    return fabs(det) > 1e-300;
+}
+
+/* The groups of n pressing contacts, numbered in work.place (-1: none); their number. */
+static int pressing_groups(aom_stepper *st, int n) {
+    int found = 0;
+    for (int g = 0; g < st->n_groups; g++)
+        st->work.place[g] = -1;
+    for (int i = 0; i < n; i++) {
+        int *place = st->work.place + st->group[st->work.active[i]];
+        if (*place < 0)
+            *place = found++;
+    }
+    return found;
+}
+
+/* The corrections of Newton's method for all normal forces of both stages. The matrix is that of
+ * each contact by itself and one of the rank of the groups, so that the sums of the corrections over
+ * the groups are found first (Woodbury). */
+static bool corrections(aom_stepper *st, const influence *local, int n) {
+    int K = pressing_groups(st, n), size = 2 * K;
+    double *A = st->work.matrix, *E = st->work.rest;
+    memset(A, 0, (size_t)size * (size_t)size * sizeof *A);
+    memset(E, 0, (size_t)size * sizeof *E);
+    for (int k = 0; k < size; k++)
+        A[(ptrdiff_t)k * (size + 1)] = 1.0;
+    for (int i = 0; i < n; i++) {
+        newton_row *row = st->work.newton + i;
+        int c = st->work.active[i], at = 2 * st->work.place[st->group[c]];
+        if (!invert_own(st, local, c, row))
+            return false;
+        for (int s = 0; s < 2; s++)
+            E[at + s] += row->inverse[s][0] * row->rest[0] + row->inverse[s][1] * row->rest[1];
+        for (int h = 0; h < st->n_groups; h++) {
+            const influence *by = local + pair_of(st, st->group[c], h);
+            int to = 2 * st->work.place[h];
+            for (int t = 0; t < 2 && to >= 0; t++) {
+                double one = slope_by(row, by, 0, t + 1), two = slope_by(row, by, 1, t + 1);
+                for (int s = 0; s < 2; s++)
+                    A[(ptrdiff_t)(at + s) * size + to + t] +=
+                        row->inverse[s][0] * one + row->inverse[s][1] * two;
+            }
+        }
+    }
+    if (!eliminate(A, E, size))
+        return false;
+    for (int i = 0; i < n; i++) {
+        newton_row *row = st->work.newton + i;
+        double left[2] = {row->rest[0], row->rest[1]};
+        for (int h = 0; h < st->n_groups; h++) {
+            const influence *by = local + pair_of(st, st->group[st->work.active[i]], h);
+            int to = 2 * st->work.place[h];
+            for (int t = 0; t < 2 && to >= 0; t++)
+                for (int s = 0; s < 2; s++)
+                    left[s] -= slope_by(row, by, s, t + 1) * E[to + t];
+        }
+        for (int s = 0; s < 2; s++)
+            row->step[s] = row->inverse[s][0] * left[0] + row->inverse[s][1] * left[1];
+    }
+    return true;
 }
 
 /* One step of Newton's method for all normal forces of both stages, shortened if need be. */
 static bool together(aom_stepper *st, const influence *local) {
     int m = st->system.n_rows, n = 0;
     nodes *force = st->work.force, *before = st->work.before;
-    double *A = st->work.matrix, *g = st->work.rest, best, size, norm, length = 1.0;
+    double best, size, norm, length = 1.0;
     for (int c = 0; c < st->system.n_contacts; c++)
         if (pressing(st->contacts[c].branch))
             st->work.active[n++] = c;
     memcpy(before, force, (size_t)m * sizeof *force);
-    residuals(st, local, n, A, g, &best, &size);
+    residuals(st, local, n, &best, &size);
     if (best <= 1e-28 * size)
         return true;
-    if (!eliminate(A, g, 2 * n))
+    if (!corrections(st, local, n))
         return false;
     for (int tries = 0; tries < 11; tries++) {
-        for (int stage = 0; stage < 2; stage++)
-            for (int i = 0; i < n; i++) {
-                int c = st->work.active[i];
-                force[c].f[stage + 1] = before[c].f[stage + 1] - length * g[stage * n + i];
-            }
-        residuals(st, local, n, NULL, NULL, &norm, &size);
+        for (int i = 0; i < n; i++) {
+            int c = st->work.active[i];
+            for (int stage = 0; stage < 2; stage++)
+                force[c].f[stage + 1] =
+                    before[c].f[stage + 1] - length * st->work.newton[i].step[stage];
+        }
+        add_up_both(st);
+        residuals(st, local, n, &norm, &size);
         if (norm < best)
             return true;
         length *= 0.5;
     }
     memcpy(force, before, (size_t)m * sizeof *force);
+    add_up_both(st);
     return best <= 1e-20 * size; /* what is left is rounding */
 }
 
 /* One sweep over the contacts, each force by a step of Newton's method on its own law (`take`: it
  * is changed, else only asked for). The largest change, force and rounding into out. */
 static void sweep(aom_stepper *st, const influence *local, bool take, double out[3]) {
-    int m = st->system.n_rows;
-    nodes *force = st->work.force;
     for (int stage = 0; stage < 2; stage++)
         for (int c = 0; c < st->system.n_contacts; c++) {
             const aom_contact *contact = st->system.contacts + c;
-            double *f = &force[c].f[stage + 1], delta, rate;
+            double delta, rate;
             if (!pressing(st->contacts[c].branch)) {
-                *f = 0.0;
+                put(st, stage, c, 0.0);
                 for (int r = 0; r < contact->n_tangential; r++)
-                    force[contact->first_tangential + r].f[stage + 1] = 0.0;
+                    put(st, stage, contact->first_tangential + r, 0.0);
                 continue;
             }
             felt(st, local, stage, c, &delta, &rate);
             tangent law = law_tangent(st, &contact->law, st->contacts[c].branch, delta, rate,
                                       st->contacts[c].memory);
-            const influence *own = local + (ptrdiff_t)c * (m + 1);
+            const influence *own = local + c;
             double give = own->depth[stage][stage + 1] * law.by_delta +
                           own->rate[stage][stage + 1] * law.by_rate;
-            double grip = 1.0 + larger(give, 0.0), old = *f, new = old - (old - law.force) / grip;
+            double grip = 1.0 + larger(give, 0.0), old = st->work.force[c].f[stage + 1];
+            double new = old - (old - law.force) / grip;
             double rounding = 1e-15 * law.by_delta / grip * fabs(st->work.base[c].depth[stage]);
             out[2] = larger(out[2], rounding);
             if (take)
-                *f = new;
+                put(st, stage, c, new);
             out[0] = larger(out[0], fabs(new - old));
             out[1] = larger(out[1], fabs(new));
             if (contact->n_tangential > 0)
@@ -235,10 +357,13 @@ static void sweep(aom_stepper *st, const influence *local, bool take, double out
 bool all_forces(aom_stepper *st, const influence *local) {
     int m = st->system.n_rows;
     nodes *force = st->work.force;
+    add_up_both(st);
     for (int tries = 0; tries < SWEEPS + NEWTON; tries++) {
-        if (tries == SWEEPS) /* the sweeps may have led away */
+        if (tries == SWEEPS) { /* the sweeps may have led away */
             for (int c = 0; c < st->system.n_contacts; c++)
                 force[c].f[1] = force[c].f[2] = force[c].f[0];
+            add_up_both(st);
+        }
         if (tries >= SWEEPS && !together(st, local))
             return false;
         double found[3] = {0.0, 1e-3 * st->now.force_scale, 0.0}, total = 0.0;

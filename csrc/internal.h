@@ -50,10 +50,15 @@ typedef struct slot {
     bool has_coupling, has_local, has_moves;
     double *response; /* [6][J]: P, W, S, J0, J1, J2 */
     double *rows;     /* [m][4][J]: depth by q, by v; rate by q, by v */
-    double *coupling; /* [4][m][m]: beta S beta^T, beta J0 beta^T, ... */
-    influence *local; /* [m][m]; of this step and the slot of its half */
+    double *coupling; /* [4][pairs]: beta S beta^T, beta J0 beta^T, ... */
+    influence *local; /* [pairs]; of this step and the slot of its half */
     double *moves;    /* [2][2][J], then [m][3][2][J]: what takes (q, v) over the step */
 } slot;
+
+/* The modes that a row moves: two stretches, for a row has at most two bodies. All others are 0. */
+typedef struct row_span {
+    int begin[2], end[2];
+} row_span;
 
 typedef struct row_state {
     double force, middle; /* at the end and in the middle of the last step */
@@ -79,6 +84,12 @@ typedef struct course {
     int64_t steps, retries, touches, refused, idle;
 } course;
 
+/* One contact in Newton's method for all forces: the slopes of its law and its residual, at h/2, h. */
+typedef struct newton_row {
+    double by_delta[2], by_rate[2], rest[2];
+    double inverse[2][2], step[2]; /* of its own part of the matrix; the correction */
+} newton_row;
+
 typedef struct workspace {
     nodes *force;         /* [m] of the attempt */
     stages *base, *motion; /* [m] without and with the forces of the attempt */
@@ -86,7 +97,10 @@ typedef struct workspace {
     double *parabola;     /* [m][3]: value, slope, curvature at 0 */
     double *load, *load_rate;       /* [J] */
     double *offset, *drift;         /* [m] */
-    double *matrix, *rest;          /* [2p][2p], [2p] */
+    double *matrix, *rest;          /* [2G][2G], [2G] */
+    newton_row *newton;   /* [p] */
+    int *place;           /* [G] of a group among those that press */
+    double (*sum)[2];     /* [G] of the forces of a group, at h/2 and h */
     nodes *before;        /* [m] */
     int *active;          /* [p] */
 } workspace;
@@ -96,6 +110,13 @@ struct aom_stepper {
     aom_options options;
     bool loaded, shifted, rated;
     bool law_failed;
+    /* Rows that push the same place of other rows' bodies, such as contacts of one site, are a group:
+     * between two rows the coupling is that of their groups. A pair is a row by itself (m of them),
+     * or two groups (G G). A group of one row has its own coupling. */
+    row_span *spans;     /* [m] */
+    int n_groups;
+    int *group;          /* [m] */
+    int *first, *second; /* [G] two rows of a group, the same of a group of one */
     int exit_contact; /* the contact that leaves its branch at the end of the step, or -1 */
     bound exit_bound;
     slot slots[SLOTS];
@@ -118,6 +139,9 @@ void response(double omega, double decay, double t, double out[6]);
 void ready_rows(aom_stepper *st, int slot, double t);
 void ready_step(aom_stepper *st, int slot, double h);
 void ready_local(aom_stepper *st, int slot, double h);
+int count_groups(const aom_system *system);
+void find_groups(aom_stepper *st);
+void find_spans(aom_stepper *st);
 void ready_moves(aom_stepper *st, int slot);
 
 /* ---- laws.c */
@@ -133,6 +157,7 @@ void user_advance(aom_stepper *st, const aom_user_law *user, double delta, doubl
 
 /* ---- forces.c */
 bool one_force(aom_stepper *st, double h, const influence *local);
+void start_forces(aom_stepper *st, const influence *local);
 bool all_forces(aom_stepper *st, const influence *local);
 
 /* ---- contact_step.c */
@@ -162,6 +187,13 @@ static inline double within(double x, double low, double high) {
 static inline bool pressing(int branch) { return branch == AOM_FORWARD || branch == AOM_BACK; }
 static inline const double *beta_row(const aom_stepper *st, int i) {
     return st->system.beta + (ptrdiff_t)i * st->system.n_modes;
+}
+/* The pair of two groups. */
+static inline ptrdiff_t pair_of(const aom_stepper *st, int g, int h) {
+    return st->system.n_rows + (ptrdiff_t)g * st->n_groups + h;
+}
+static inline ptrdiff_t n_pairs(const aom_stepper *st) {
+    return st->system.n_rows + (ptrdiff_t)st->n_groups * st->n_groups;
 }
 /* Length of a step of a level. */
 static inline double level_step(const aom_stepper *st, int level) {

@@ -138,12 +138,13 @@ static void fill_rows(aom_stepper *st, slot *s, double t) {
         const double *beta = beta_row(st, i);
         double *depth_q = s->rows + 4 * (ptrdiff_t)i * J, *depth_v = depth_q + J;
         double *rate_q = depth_v + J, *rate_v = rate_q + J;
-        for (int j = 0; j < J; j++) {
-            depth_q[j] = beta[j] * P[j];
-            depth_v[j] = beta[j] * S[j];
-            rate_q[j] = -omega[j] * omega[j] * depth_v[j];
-            rate_v[j] = beta[j] * W[j];
-        }
+        for (int part = 0; part < 2; part++)
+            for (int j = st->spans[i].begin[part]; j < st->spans[i].end[part]; j++) {
+                depth_q[j] = beta[j] * P[j];
+                depth_v[j] = beta[j] * S[j];
+                rate_q[j] = -omega[j] * omega[j] * depth_v[j];
+                rate_v[j] = beta[j] * W[j];
+            }
     }
     s->span = t;
     s->has_coupling = s->has_local = s->has_moves = false;
@@ -182,26 +183,114 @@ void ready_step(aom_stepper *st, int index, double h) {
     fill_rows(st, half, 0.5 * h);
 }
 
-/* beta S beta^T, beta J0 beta^T, beta J1 beta^T, beta J2 beta^T. */
+/* ---- groups of rows */
+
+/* Whether rows i and k are of one group: where they differ, no other row is moved, nor both. */
+static bool same_group(const aom_system *s, int i, int k) {
+    int J = s->n_modes, m = s->n_rows;
+    const double *one = s->beta + (ptrdiff_t)i * J, *other = s->beta + (ptrdiff_t)k * J;
+    for (int j = 0; j < J; j++) {
+        if (one[j] == other[j])
+            continue;
+        if (one[j] != 0.0 && other[j] != 0.0)
+            return false;
+        for (int x = 0; x < m; x++)
+            if (x != i && x != k && s->beta[(ptrdiff_t)x * J + j] != 0.0)
+                return false;
+    }
+    for (int x = 0; x < m; x++)
+        if (x != i && x != k &&
+            s->residual[(ptrdiff_t)i * m + x] != s->residual[(ptrdiff_t)k * m + x])
+            return false;
+    return true;
+}
+
+int count_groups(const aom_system *system) {
+    int found = 0;
+    for (int i = 0; i < system->n_rows; i++) {
+        int k = 0;
+        while (k < i && !same_group(system, i, k))
+            k++;
+        found += k == i;
+    }
+    return found;
+}
+
+/* The group of every row, and two rows of each. */
+void find_groups(aom_stepper *st) {
+    int found = 0;
+    for (int i = 0; i < st->system.n_rows; i++) {
+        int g = 0;
+        while (g < found && !same_group(&st->system, i, st->first[g]))
+            g++;
+        st->group[i] = g;
+        if (g == found)
+            st->first[g] = st->second[found++] = i;
+        else if (st->second[g] == st->first[g])
+            st->second[g] = i;
+    }
+}
+
+/* The modes that each row moves: from the first to the last that is not 0, less the longest gap. */
+void find_spans(aom_stepper *st) {
+    for (int i = 0; i < st->system.n_rows; i++) {
+        const double *beta = beta_row(st, i);
+        int first = -1, end = 0, cut = 0, resume = 0;
+        for (int j = 0; j < st->system.n_modes; j++) {
+            if (beta[j] == 0.0)
+                continue;
+            if (first < 0)
+                first = j;
+            else if (j - end > resume - cut) {
+                cut = end;
+                resume = j;
+            }
+            end = j + 1;
+        }
+        if (resume == cut) /* no gap */
+            cut = resume = end;
+        st->spans[i] = (row_span){{first < 0 ? 0 : first, resume}, {cut, end}};
+    }
+}
+
+/* The rows between which a pair is the coupling. */
+static void rows_of_pair(const aom_stepper *st, ptrdiff_t n, int *a, int *b) {
+    int m = st->system.n_rows, G = st->n_groups;
+    *a = *b = (int)n;
+    if (n >= m) {
+        int g = (int)(n - m) / G, h = (int)(n - m) % G;
+        *a = st->first[g];
+        *b = g == h ? st->second[g] : st->first[h];
+    }
+}
+
+/* beta S beta^T, beta J0 beta^T, beta J1 beta^T, beta J2 beta^T of the pairs. */
 static void ready_coupling(aom_stepper *st, slot *s) {
-    int J = st->system.n_modes, m = st->system.n_rows;
+    int J = st->system.n_modes;
+    ptrdiff_t pairs = n_pairs(st);
     if (s->has_coupling)
         return;
     const double *S = s->response + 2 * (ptrdiff_t)J;
-    for (int a = 0; a < m; a++)
-        for (int b = 0; b <= a; b++) {
-            const double *left = beta_row(st, a), *right = beta_row(st, b);
-            double total[4] = {0.0, 0.0, 0.0, 0.0};
-            for (int j = 0; j < J; j++) {
+    for (ptrdiff_t n = 0; n < pairs; n++) {
+        int a, b;
+        rows_of_pair(st, n, &a, &b);
+        if (n >= st->system.n_rows && b <= a) { /* known: as the other way round, or by itself */
+            ptrdiff_t known = a == b ? a : pair_of(st, st->group[b], st->group[a]);
+            for (int k = 0; k < 4; k++)
+                s->coupling[k * pairs + n] = s->coupling[k * pairs + known];
+            continue;
+        }
+        const double *left = beta_row(st, a), *right = beta_row(st, b);
+        double total[4] = {0.0, 0.0, 0.0, 0.0};
+        for (int part = 0; part < 2; part++)
+            for (int j = st->spans[a].begin[part]; j < st->spans[a].end[part]; j++) {
                 double product = left[j] * right[j];
                 for (int k = 0; k < 4; k++)
                     total[k] += product * S[(ptrdiff_t)k * J + j];
             }
-            for (int k = 0; k < 4; k++) {
-                s->coupling[((ptrdiff_t)k * m + a) * m + b] = total[k];
-                s->coupling[((ptrdiff_t)k * m + b) * m + a] = total[k];
-            }
-        }
+        for (int k = 0; k < 4; k++)
+            s->coupling[k * pairs + n] = total[k];
+    }
     s->has_coupling = true;
 }
 
@@ -216,22 +305,23 @@ void ready_local(aom_stepper *st, int index, double h) {
         return;
     ready_coupling(st, whole);
     ready_coupling(st, whole + 1);
-    int m = st->system.n_rows;
-    ptrdiff_t square = (ptrdiff_t)m * m;
-    for (ptrdiff_t n = 0; n < square; n++) {
+    ptrdiff_t pairs = n_pairs(st);
+    for (ptrdiff_t n = 0; n < pairs; n++) {
+        int a, b;
+        rows_of_pair(st, n, &a, &b);
         influence *to = whole->local + n;
         for (int stage = 0; stage < 2; stage++) {
             const double *K = (stage == 0 ? whole + 1 : whole)->coupling + n;
             for (int k = 0; k < 2; k++) {
                 double *out = k == 0 ? to->depth[stage] : to->rate[stage];
-                double zero = K[(1 - k) * square], one = K[(2 - k) * square] / h;
-                double two = K[(3 - k) * square] / (h * h);
+                double zero = K[(1 - k) * pairs], one = K[(2 - k) * pairs] / h;
+                double two = K[(3 - k) * pairs] / (h * h);
                 out[0] = zero - 3.0 * one + 4.0 * two;
                 out[1] = 4.0 * one - 8.0 * two;
                 out[2] = 4.0 * two - one;
             }
         }
-        double r = st->system.residual[n], rate = r / h;
+        double r = st->system.residual[(ptrdiff_t)a * st->system.n_rows + b], rate = r / h;
         to->depth[0][1] += r;
         to->depth[1][2] += r;
         if (st->rated) {
@@ -269,10 +359,11 @@ void ready_moves(aom_stepper *st, int index) {
         const double *beta = beta_row(st, i);
         double *out = to + 4 * (ptrdiff_t)J + 6 * (ptrdiff_t)i * J;
         for (int k = 0; k < 3; k++)
-            for (int j = 0; j < J; j++) {
-                out[(2 * k) * (ptrdiff_t)J + j] = beta[j] * S[(k + 1) * (ptrdiff_t)J + j];
-                out[(2 * k + 1) * (ptrdiff_t)J + j] = beta[j] * S[k * (ptrdiff_t)J + j];
-            }
+            for (int part = 0; part < 2; part++)
+                for (int j = st->spans[i].begin[part]; j < st->spans[i].end[part]; j++) {
+                    out[(2 * k) * (ptrdiff_t)J + j] = beta[j] * S[(k + 1) * (ptrdiff_t)J + j];
+                    out[(2 * k + 1) * (ptrdiff_t)J + j] = beta[j] * S[k * (ptrdiff_t)J + j];
+                }
     }
     s->has_moves = true;
 }

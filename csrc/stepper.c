@@ -41,19 +41,19 @@ static void *take(arena *a, size_t count, size_t size) {
     return a->at == NULL ? NULL : a->at + begin;
 }
 
-static void lay_out_slots(aom_stepper *st, arena *a, size_t J, size_t m) {
+static void lay_out_slots(aom_stepper *st, arena *a, size_t J, size_t m, size_t G) {
     for (int k = 0; k < SLOTS; k++) {
         slot *s = st == NULL ? NULL : st->slots + k;
         double *response = take(a, 6 * J, sizeof(double)), *rows = take(a, 4 * m * J, sizeof(double));
-        double *coupling = take(a, 4 * m * m, sizeof(double));
-        influence *local = take(a, m * m, sizeof(influence));
+        double *coupling = take(a, 4 * (m + G * G), sizeof(double));
+        influence *local = take(a, m + G * G, sizeof(influence));
         double *moves = take(a, (4 + 6 * m) * J, sizeof(double));
         if (s != NULL)
             *s = (slot){NAN, false, false, false, response, rows, coupling, local, moves};
     }
 }
 
-static void lay_out_work(workspace *w, arena *a, size_t J, size_t m, size_t p) {
+static void lay_out_work(workspace *w, arena *a, size_t J, size_t m, size_t p, size_t G) {
     w->force = take(a, m, sizeof(nodes));
     w->before = take(a, m, sizeof(nodes));
     w->base = take(a, m, sizeof(stages));
@@ -65,19 +65,27 @@ static void lay_out_work(workspace *w, arena *a, size_t J, size_t m, size_t p) {
     w->load_rate = take(a, J, sizeof(double));
     w->offset = take(a, m, sizeof(double));
     w->drift = take(a, m, sizeof(double));
-    w->matrix = take(a, 4 * p * p, sizeof(double));
-    w->rest = take(a, 2 * p, sizeof(double));
+    w->matrix = take(a, 4 * G * G, sizeof(double));
+    w->rest = take(a, 2 * G, sizeof(double));
+    w->newton = take(a, p, sizeof(newton_row));
+    w->place = take(a, G, sizeof(int));
+    w->sum = take(a, G, sizeof *w->sum);
     w->active = take(a, p, sizeof(int));
 }
 
-/* The arrays of a stepper behind it in its memory; returns the bytes of all. */
-static size_t lay_out(const aom_system *system, void *memory) {
+/* The arrays of a stepper behind it in its memory, for so many groups; returns the bytes of all. */
+static size_t lay_out(const aom_system *system, int groups, void *memory) {
     size_t J = (size_t)system->n_modes, m = (size_t)system->n_rows, p = (size_t)system->n_contacts;
+    size_t G = (size_t)groups;
     arena a = {memory, 0};
     aom_stepper *st = take(&a, 1, sizeof *st), unused;
-    lay_out_work(st == NULL ? &unused.work : &st->work, &a, J, m, p);
-    size_t changing = a.used;
+    lay_out_work(st == NULL ? &unused.work : &st->work, &a, J, m, p, G);
     aom_stepper *to = st == NULL ? &unused : st;
+    to->spans = take(&a, m, sizeof(row_span));
+    to->group = take(&a, m, sizeof(int));
+    to->first = take(&a, G, sizeof(int));
+    to->second = take(&a, G, sizeof(int));
+    size_t changing = a.used;
     to->x = take(&a, 2 * J, sizeof(double));
     to->rows = take(&a, m, sizeof(row_state));
     to->contacts = take(&a, p, sizeof(contact_state));
@@ -86,7 +94,7 @@ static size_t lay_out(const aom_system *system, void *memory) {
     to->missed = take(&a, (LEVELS + 1) * p, sizeof(double));
     to->known = take(&a, LEVELS, sizeof(bool));
     to->changing_bytes = a.used - changing;
-    lay_out_slots(st, &a, J, m);
+    lay_out_slots(st, &a, J, m, G);
     return a.used;
 }
 
@@ -97,7 +105,7 @@ static bool good_sizes(const aom_system *s) {
 }
 
 size_t aom_memory_size(const aom_system *system) {
-    return good_sizes(system) ? lay_out(system, NULL) : 0;
+    return good_sizes(system) ? lay_out(system, count_groups(system), NULL) : 0;
 }
 
 /* ---- checks */
@@ -169,11 +177,15 @@ static int check(const aom_system *s, const aom_options *o) {
 int aom_create(const aom_system *system, void *memory, size_t bytes, aom_stepper **made) {
     if (!good_sizes(system))
         return AOM_BAD_SIZE;
-    if (memory == NULL || bytes < lay_out(system, NULL))
+    int groups = count_groups(system);
+    if (memory == NULL || bytes < lay_out(system, groups, NULL))
         return AOM_SMALL_MEMORY;
     *made = memory;
-    lay_out(system, memory);
+    lay_out(system, groups, memory);
     (*made)->system = *system;
+    (*made)->n_groups = groups;
+    find_groups(*made);
+    find_spans(*made);
     (*made)->rated = false;
     return AOM_DONE;
 }
@@ -305,12 +317,12 @@ static void turn(int J, const double *restrict moves, double *restrict q, double
     }
 }
 
-/* What a force with value, slope and curvature f at the step's start takes from the state. */
-static void push(int J, const double *restrict moves, const double f[3], double *restrict q,
-                 double *restrict v) {
+/* What a force with value, slope and curvature f at the step's start takes from modes of the state. */
+static void push(int J, int begin, int end, const double *restrict moves, const double f[3],
+                 double *restrict q, double *restrict v) {
     const double *a = moves, *b = a + 2 * (ptrdiff_t)J, *c = b + 2 * (ptrdiff_t)J;
     double f0 = f[0], f1 = f[1], f2 = f[2];
-    for (int j = 0; j < J; j++) {
+    for (int j = begin; j < end; j++) {
         q[j] -= f0 * a[j] + f1 * b[j] + f2 * c[j];
         v[j] -= f0 * a[J + j] + f1 * b[J + j] + f2 * c[J + j];
     }
@@ -328,7 +340,9 @@ static void move(aom_stepper *st, int index, double h) {
     for (int i = 0; i < m; i++) {
         const double *f = st->work.parabola + 3 * (ptrdiff_t)i;
         if (f[0] != 0.0 || f[1] != 0.0 || f[2] != 0.0)
-            push(J, s->moves + (4 + 6 * (ptrdiff_t)i) * J, f, q, v);
+            for (int part = 0; part < 2; part++)
+                push(J, st->spans[i].begin[part], st->spans[i].end[part],
+                     s->moves + (4 + 6 * (ptrdiff_t)i) * J, f, q, v);
     }
     if (st->loaded) {
         const double *S = s->response + 2 * (ptrdiff_t)J, *J0 = S + J, *J1 = J0 + J;

@@ -107,6 +107,13 @@ class Space:
         self.nbytes = size + sum(each.nbytes for each in self.buffers.arrays)
         self.renew(given)
 
+    def fits(self, given: Given) -> bool:
+        """Whether other bodies have as many modes and rows, and need no more memory."""
+        system = given.system
+        same = self.shape == (system.n_contacts, system.n_rows, system.n_modes)
+        need = march.library.aom_memory_size(byref(system)) if same else 0
+        return same and int(need) <= self.memory.nbytes
+
     def renew(self, given: Given) -> None:
         """Be for other bodies of as many modes and rows: new memory costs more than a run."""
         answer = march.library.aom_create(
@@ -128,8 +135,7 @@ def _space(key: tuple[object, ...], given: Given) -> Space:
     if found is not None:
         return found
     oldest = _oldest() if len(_kept) >= _MOST_KEPT else None
-    system = given.system
-    if oldest is None or oldest.shape != (system.n_contacts, system.n_rows, system.n_modes):
+    if oldest is None or not oldest.fits(given):
         return Space(given)
     oldest.renew(given)
     return oldest
