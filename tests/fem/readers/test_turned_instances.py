@@ -11,9 +11,7 @@ from antiosc.errors import MeshError
 TURNED = "*INSTANCE,NAME=I,PART=P\n100,0,0\n5,0,0,5,0,1,90\n*END INSTANCE\n"
 STRAIGHT = "*INSTANCE,NAME=J,PART=P\n0,0,50\n*END INSTANCE\n"
 BEAM = "*BEAM SECTION,ELSET=ALL,MATERIAL=M,SECTION=RECT\n2,1\n"
-ORTHOTROPIC = (
-    "*MATERIAL,NAME=M\n*ELASTIC,TYPE=LAMINA\n9E4,2E4,.25,5E3,4E3,3E3\n*DENSITY\n2.E-9\n"
-)
+ORTHOTROPIC = "*MATERIAL,NAME=M\n*ELASTIC,TYPE=LAMINA\n9E4,2E4,.25,5E3,4E3,3E3\n*DENSITY\n2.E-9\n"
 LAYERS = "*SHELL SECTION,ELSET=ALL,COMPOSITE{}\n.5,3,M,0.\n"
 ALONG = "*ORIENTATION,NAME=O\n{}\n"
 
@@ -73,7 +71,7 @@ def test_springs_along_axes_of_their_part(tmp_path):
 )
 def test_supports_in_the_axes_of_their_part(tmp_path, transform, fixed):
     part = BENT + "*NSET,NSET=E\n9\n*SHELL SECTION,ELSET=ALL,MATERIAL=M\n.5\n" + transform
-    model, found = read(tmp_path, deck(part, TURNED, "*BOUNDARY\nI.E,1,1\n"))
+    _, found = read(tmp_path, deck(part, TURNED, "*BOUNDARY\nI.E,1,1\n"))
     assert {name: rows.tolist() for name, rows in found.fixed.items()} == {fixed: [8]}
 
 

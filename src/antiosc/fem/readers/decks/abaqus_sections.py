@@ -220,7 +220,7 @@ class Sections:
         if len(rows) > 1 and rows[1][0]:
             values = [real_number(f, rows[1][1]) if f else 0.0 for f in (*rows[1][0], "0", "0")]
             first = within.turn @ values[:3]
-        elif profile.I != profile.I_side or any(card.option(k) for k in ("OFFSET1", "OFFSET2")):
+        elif profile.I_side != profile.I or any(card.option(k) for k in ("OFFSET1", "OFFSET2")):
             within.refuse_turned(card)
         shares = [real_number(card.option(k, "0"), card.place) for k in ("OFFSET1", "OFFSET2")]
         offset = shares[0] * profile.height
