@@ -379,6 +379,7 @@ OWN: dict[str, dict[str, Any]] = {
     "AntiOscillators.field": {"coordinates": [0.1, 0.2, 0.3]}, "History.of": {"body": "impactor"},
     "Inertia": {"point": (0, 0, 0), "matrix": np.eye(6), "momentum": np.ones((2, 6))},
     "Inertia.along": {"momentum": np.ones((2, 6))}, "Inertia.moved": {"about": (0, 0, 1)},
+    "Inertia.rotation": {"amplitudes": np.ones((2, 3))},
     "Motion.at": {"inertia": inertia},
     "Base": {"times": [0.0, 1e-3], "accelerations": [0.0, 1.0]},
     "Load": {"end": "part", "times": [0.0, 1e-3], "forces": [0.0, 1.0]},

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 import antiosc as ao
 from antiosc.fem import compat
+from antiosc.fem.compiler import compiler
 from antiosc.fem.linalg.petsc_algebra import csr
 
 Array = NDArray[np.float64]
@@ -203,7 +204,8 @@ def moments(mesh: ao.Mesh) -> np.ndarray:
     weights = compat.constant(domain, np.zeros(len(EXPONENTS)))
     monomials = [np.prod([x[a] ** p for a, p in enumerate(e[: mesh.gdim])]) for e in EXPONENTS]
     dx = ufl.Measure("dx", domain=domain, metadata={"quadrature_degree": 7})
-    form = dolfinx.fem.form(sum(w * m for w, m in zip(weights, monomials, strict=True)) * dx)
+    with compiler():
+        form = dolfinx.fem.form(sum(w * m for w, m in zip(weights, monomials, strict=True)) * dx)
     result = []
     for row in np.eye(len(EXPONENTS)):
         weights.value[:] = row

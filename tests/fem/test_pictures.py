@@ -22,7 +22,7 @@ def hit():
     plane = ao.Solid(**parts.STEEL, plane="stress", thickness=0.01)
     sheet = parts.plate((6, 3), (0.2, 0.06), "quadrilateral")
     structure = ao.Structure(sheet, plane, [ao.Support("left")])
-    model = ao.extract(structure, ao.Site((0.13, 0.06), (0.2, -1), radius=0.03), n=4)
+    model = ao.extract(structure, ao.Site((0.13, 0.06), (0.2, -1), radius=0.035), n=4)
     return structure, ao.simulate(model, ao.RigidMass(0.1, 1.0), ao.Hertz(1e9), 1e-3)
 
 

@@ -123,7 +123,7 @@ def test_the_file_of_a_run_has_the_field_of_the_run(tmp_path):
         ao.Solid(**parts.STEEL, plane="stress", thickness=0.01),
         [ao.Support("left")],
     )
-    site = ao.Site((0.13, 0.06), (0.2, -1), radius=0.03)
+    site = ao.Site((0.13, 0.06), (0.2, -1), radius=0.035)
     hit = ao.simulate(ao.extract(part, site, 6), ao.RigidMass(0.1, 1.0), ao.Hertz(1e8), 3e-4)
     fields = SavedFields.load(ao.save_fields(part, hit, tmp_path / "fields.npz"))
     assert len(fields.time) == len(np.unique(hit.time))

@@ -37,7 +37,7 @@ ao.write_series(part, hit, sys.argv[1] + "/run.pvd", times)
 
 
 def struck(part):
-    site = ao.Site((0.13, 0.06), (0.2, -1), radius=0.03)
+    site = ao.Site((0.13, 0.06), (0.2, -1), radius=0.035)
     return ao.simulate(ao.extract(part, site, 4), ao.RigidMass(0.1, 1.0), ao.Hertz(1e8), 3e-4)
 
 

@@ -30,8 +30,9 @@ import ffcx.codegeneration.jit as ffcx_jit
 from antiosc.errors import warn
 from antiosc.isolation import own_folder
 
-#: Time for which a process waits for another one that compiles the same form, s.
-PATIENCE = 600.0
+#: Time for which a process waits for another one that compiles the same form, s. A lock ends with
+#: its process, and a form takes a minute of processor time at most; a busy machine gives it little.
+PATIENCE = 3600.0
 #: Modules of dolfinx and FFCx that read configuration files, and names of the functions that do.
 READERS = {"_load_options", "_load_parameters"}
 

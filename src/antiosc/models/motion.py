@@ -79,6 +79,7 @@ class Inertia(Brief):
         It is that of the whole body with the same angular momentum about its centre; zero about
         axes without inertia.
         """
+        amplitudes = checks.array("amplitudes", amplitudes, (None, len(self.momentum)))
         centre, spins = self.centre, np.eye(3)
         motions = np.concatenate((np.cross(spins, self.point - centre), spins), axis=1)
         tensor = self.moved(motions @ self.matrix, centre)[:, 3:]

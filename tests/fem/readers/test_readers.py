@@ -61,6 +61,7 @@ def test_what_is_no_file_is_told_at_once(tmp_path, kind, suffix):
         (-signal.SIGSEGV, b"", "broke off (SIGSEGV; it had"),
         (-signal.SIGABRT, b"{}", "broke off (SIGABRT"),
         (-signal.SIGALRM, b"", "needs a longer timeout="),
+        (-signal.SIGPROF, b"", "needs a longer timeout="),
         (3, b"", "ended with code 3"),
         (0, b"", "gave no mesh"),
         (0, b"no JSON", "is damaged"),

@@ -33,8 +33,10 @@ def test_memory_and_core_files_are_limited(asked, monkeypatch, hard):
 
 def test_time_is_that_of_the_file_or_of_the_caller(asked):
     Request("/a/b", "b").allow(12.5)
-    assert asked == [("signal", signal.SIGALRM, signal.SIG_DFL),
-                     ("timer", signal.ITIMER_REAL, 12.5)]  # fmt: skip
+    assert ("signal", signal.SIGPROF, signal.SIG_DFL) in asked
+    assert ("timer", signal.ITIMER_PROF, 12.5) in asked  # a busy machine takes longer
+    ((_, _, waiting),) = [one for one in asked if one[:2] == ("timer", signal.ITIMER_REAL)]
+    assert waiting > 100.0
     begun = time.monotonic()
     Request("/a/b", "b", timeout=100.0, started=begun - 40.0).allow(12.5)
     assert asked[-1][2] == pytest.approx(60.0, abs=5.0)

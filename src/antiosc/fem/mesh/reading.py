@@ -102,8 +102,8 @@ def read_mesh(
         Let a `.geo` include other files, run programs and write files; read the options (`.opt`)
         beside a file. Only for files whose author you know.
     timeout
-        Seconds after which reading ends with an error. Default: ten times or more of what a file of
-        its size, or that number of cells, needs.
+        Seconds after which reading ends with an error. Default: ten times or more of the processor
+        time that a file of its size, or that number of cells, needs.
     comm
         The MPI communicator that shares the mesh.
 

@@ -16,6 +16,7 @@ import numpy as np
 from antiosc.errors import AntioscError, MeshError, MissingDependencyError
 from antiosc.fem.readers import server
 from antiosc.fem.readers.neutral import FileMesh, unpacked
+from antiosc.fem.readers.request import OVERTIME
 from antiosc.progress import doing
 
 #: Least address space of a reader, bytes; gmsh and its libraries need a tenth of it.
@@ -93,7 +94,7 @@ def _memory(size: int | None) -> int:
 
 
 def _broken_off(name: str, code: int, memory: int) -> MeshError:
-    if code == -signal.SIGALRM:
+    if -code in OVERTIME:
         return MeshError(
             f"reading {name} took longer than a file of its kind and size may take: it is damaged, "
             "or needs a longer timeout=."

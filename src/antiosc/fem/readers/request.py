@@ -14,6 +14,10 @@ Refinement = tuple[Sequence[float], float]
 #: Growth of the sizes per unit of distance from a refined point, and how many of the smallest size
 #: are between the point and where it begins.
 GRADING = (0.35, 2.0)
+#: Times as long as it may compute, a reader that waits may take: a busy machine lets it wait.
+WAITING = 20.0
+#: How the kernel ends a reader that takes too long.
+OVERTIME = (signal.SIGALRM, signal.SIGPROF)
 #: "density": of materials without one, kg/m³; "parts": names of parts, None: all
 ModelOptions = dict[str, Any]
 
@@ -44,7 +48,7 @@ class Request:
     outline: bool = False
     #: whether all commands of gmsh are permitted
     trust: bool = False
-    #: time limit, s; None: chosen for the kind of file
+    #: time limit, s; None: processor time, chosen for the kind of file
     timeout: float | None = None
     #: units of the file: m, N
     unit: Sequence[float] = (1.0, 1.0)
@@ -63,14 +67,18 @@ class Request:
             resource.setrlimit(what, (most, hard))
 
     def allow(self, seconds: float) -> None:
-        """End this process after `seconds`, or at the caller's timeout.
+        """End this process after `seconds` of processor time, or at the caller's timeout.
 
         The kernel does this, whatever code is running.
         """
-        if self.timeout is not None:
-            seconds = max(self.timeout - (time.monotonic() - self.started), 1e-3)
-        signal.signal(signal.SIGALRM, signal.SIG_DFL)
-        signal.setitimer(signal.ITIMER_REAL, seconds)
+        for ending in OVERTIME:
+            signal.signal(ending, signal.SIG_DFL)
+        if self.timeout is None:
+            signal.setitimer(signal.ITIMER_PROF, seconds)
+            signal.setitimer(signal.ITIMER_REAL, WAITING * seconds)
+        else:
+            left = max(self.timeout - (time.monotonic() - self.started), 1e-3)
+            signal.setitimer(signal.ITIMER_REAL, left)
 
     def seal(self) -> None:
         """Limit the files written from now on to a megabyte, unless the file is trusted."""

@@ -26,6 +26,18 @@ class Instance:
     scope: Scope
     first_node: int
     first_element: int
+    #: x in the whole deck: turn @ x in the part + shift
+    turn: Array
+    shift: Array
+
+    def refuse_turned(self, card: Card) -> None:
+        """MeshError if the instance is rotated: the card gives motions or axes by their numbers."""
+        if not np.allclose(self.turn, np.eye(3), rtol=0, atol=1e-9):
+            raise MeshError(
+                f"{card.place}: the instance {self.name!r} is rotated, and the axes of this "
+                f"*{card.keyword} in its part may be those before or after; give it outside the "
+                "part, or by vectors (n1, *ORIENTATION)."
+            )
 
 
 @dataclass
@@ -187,7 +199,7 @@ def _add(deck: Deck, name: str, scope: Scope, turn: Array, shift: Array) -> Inst
         extend(deck.element_sets, prefix + label, rows + elements)
     if name:
         extend(deck.element_sets, name, np.arange(elements, deck.n_elements))
-    return Instance(name, scope, nodes, elements)
+    return Instance(name, scope, nodes, elements, turn, shift)
 
 
 def _name_sets(whole: Whole, top: Scope) -> None:

@@ -28,6 +28,7 @@ def read_joints(whole: Whole, joints: Constraints, cards: Cards) -> None:
     def equation(card: Card, within: Instance) -> None:
         if {"REMOVE", "REMOVEALL"} & card.options.keys():
             raise MeshError(f"{card.place}: equations that a step removes are not supported.")
+        within.refuse_turned(card)
         for terms, place in _equations(whole, card, within):
             joints.equation(terms, place)
 
@@ -286,9 +287,12 @@ class _Couplings:
             case "KINEMATIC" | "DISTRIBUTING":
                 if self.current is None:
                     raise MeshError(f"{card.place}: *{card.keyword} without *COUPLING before it.")
+                if any(fields for fields, _ in card.rows()):
+                    within.refuse_turned(card)
                 node, nodes, _ = self.current
                 self._couple(card, node, nodes, card.keyword == "KINEMATIC")
             case "KINEMATICCOUPLING":
+                within.refuse_turned(card)
                 node = _one(self.whole, card.needed("REFNODE"), card.place, within)
                 for fields, place in card.rows():
                     if fields:

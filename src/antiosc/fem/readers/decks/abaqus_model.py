@@ -101,6 +101,7 @@ class _Supports:
         """Mark the motions that one card fixes."""
         if "SUBMODEL" in card.options:
             raise MeshError(f"{card.place}: *BOUNDARY, SUBMODEL is not supported.")
+        within.refuse_turned(card)
         moved = other = False
         for fields, place in card.rows():
             if len(fields) < 2:
@@ -143,7 +144,8 @@ class _Supports:
         kind = card.option("TYPE", "R").upper()[:1]
         if len(values) < 6 or kind not in "RC":
             raise MeshError(f"{card.place}: *TRANSFORM needs six coordinates, TYPE=R or C.")
-        a, b = np.array(values[:3]), np.array(values[3:])
+        shift = within.shift if kind == "C" else 0.0
+        a, b = np.reshape(values, (2, 3)) @ within.turn.T + shift
         for node in nodes:
             if kind == "R":
                 x, z = a, np.cross(a, b)
@@ -205,6 +207,8 @@ def _masses(whole: Whole, builder: ModelBuilder) -> None:
         if card.keyword == "ROTARYINERTIA" and any(values[3:6]):
             raise MeshError(f"{card.place}: products of inertia are not supported.")
         alike = len({*values[:3]}) == 1 and len(values) >= 3
+        if card.keyword == "ROTARYINERTIA" and not alike:
+            within.refuse_turned(card)
         if card.option("ORIENTATION") and not alike:
             raise MeshError(
                 f"{card.place}: *ROTARY INERTIA in an orientation is not supported; give it in the "
@@ -268,8 +272,10 @@ def _springs(whole: Whole, builder: ModelBuilder, orientations: Orientations) ->
             else:
                 axes = np.eye(3)
                 if card.option("ORIENTATION"):
-                    x, z = orientations.frame(card.option("ORIENTATION"), card.place)
+                    x, z = orientations.frame(card.option("ORIENTATION"), card.place, within)
                     axes = np.stack([x, np.cross(z, x), z])
+                else:
+                    within.refuse_turned(card)
                 terms, values = _along_motions(nodes, axes, *rows[0]), rows[1:]
             if len(values) != 1:
                 raise MeshError(

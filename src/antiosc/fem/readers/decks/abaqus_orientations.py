@@ -8,36 +8,48 @@ from collections.abc import Iterable
 import numpy as np
 
 from antiosc.errors import MeshError
+from antiosc.fem.readers.decks.abaqus_assembly import Instance
 from antiosc.fem.readers.decks.abaqus_cards import Card
 from antiosc.fem.readers.decks.deck import Array, Place, real_number
 
 
 class Orientations:
-    """The *ORIENTATION cards among some cards, by their names."""
+    """The *ORIENTATION cards among some cards, by their names and the instances they are in.
 
-    def __init__(self, cards: Iterable[Card]) -> None:
-        self._cards = {c.needed("NAME").upper(): c for c in cards if c.keyword == "ORIENTATION"}
+    Those of a part turn with each of its instances.
+    """
 
-    def __contains__(self, name: str) -> bool:
-        return name.upper() in self._cards
+    def __init__(self, cards: Iterable[tuple[Card, Instance]]) -> None:
+        self._cards = {
+            f"{within.name}.{card.needed('NAME')}".upper().removeprefix("."): (card, within.turn)
+            for card, within in cards
+            if card.keyword == "ORIENTATION"
+        }
 
-    def axis(self, name: str, place: Place) -> Array:
+    def find(self, name: str, within: Instance) -> tuple[Card, Array] | None:
+        """The card of a name in an instance, or else in the assembly, and how it is turned."""
+        own = self._cards.get(f"{within.name}.{name}".upper())
+        return own or self._cards.get(name.upper())
+
+    def axis(self, name: str, place: Place, within: Instance) -> Array:
         """Direction 1 of an *ORIENTATION."""
-        return self.frame(name, place)[0]
+        return self.frame(name, place, within)[0]
 
-    def frame(self, name: str, place: Place) -> tuple[Array, Array]:
+    def frame(self, name: str, place: Place, within: Instance) -> tuple[Array, Array]:
         """Directions 1 and 3 of an *ORIENTATION."""
-        card = self._cards.get(name.upper())
-        if card is None:
+        found = self.find(name, within)
+        if found is None:
             raise MeshError(f"{place}: there is no orientation {name!r} (*ORIENTATION, NAME=).")
+        card, turn = found
         system = card.option("SYSTEM", "RECTANGULAR").upper()
         rows = [(f, p) for f, p in card.rows() if f]
         if not system.startswith("R") or not rows or "DEFINITION" in card.options:
             raise MeshError(
                 f"{card.place}: *ORIENTATION is read as RECTANGULAR, by two points, only."
             )
-        values = [real_number(f, rows[0][1]) if f else 0.0 for f in (*rows[0][0], *"000000")][:6]
-        a, b = np.array(values[:3]), np.array(values[3:])
+        values = [real_number(f, rows[0][1]) if f else 0.0 for f in (*rows[0][0], *"000000000")]
+        a, b, origin = np.reshape(values[:9], (3, 3))
+        a, b = turn @ (a - origin), turn @ (b - origin)
         normal = np.cross(a, b)
         if not normal.any():
             raise MeshError(f"{card.place}: the two points of *ORIENTATION give no plane.")

@@ -31,7 +31,7 @@ class Sections:
         self.whole = whole
         self.builder = builder
         self.materials = materials
-        self.orientations = Orientations(card for card, _ in whole.cards)
+        self.orientations = Orientations(whole.cards)
         self.roles = [
             known.role if (known := element_type(block.type)) else "other"
             for block in whole.deck.blocks
@@ -45,11 +45,11 @@ class Sections:
         name = self._name(card, within)
         match card.keyword:
             case "SOLIDSECTION":
-                self._solid(card, name, elements)
+                self._solid(card, name, elements, within)
             case "SHELLSECTION":
-                self._shell(card, name, elements)
+                self._shell(card, name, elements, within)
             case "BEAMSECTION" | "BEAMGENERALSECTION":
-                self._beam(card, name, elements)
+                self._beam(card, name, elements, within)
             case _:
                 raise MeshError(f"{card.place}: *{card.keyword} is not supported.")
 
@@ -66,7 +66,7 @@ class Sections:
         starts = np.cumsum([0, *map(len, self.whole.deck.blocks)])
         return {self.roles[k] for k in np.searchsorted(starts, elements, side="right") - 1}
 
-    def _solid(self, card: Card, name: str, elements: IntArray) -> None:
+    def _solid(self, card: Card, name: str, elements: IntArray, within: Instance) -> None:
         arguments: dict[str, Any]
         material = self._material(card.needed("MATERIAL"), card.place)
         roles = self._role(elements)
@@ -74,8 +74,10 @@ class Sections:
         if stiffness is not None and roles == {"solid"}:
             arguments = {"stiffness": stiffness, "rho": self.builder.rho(material)}
             if card.option("ORIENTATION"):
-                x, normal = self.orientations.frame(card.option("ORIENTATION"), card.place)
+                x, normal = self.orientations.frame(card.option("ORIENTATION"), card.place, within)
                 arguments["axes"] = [x.tolist(), np.cross(normal, x).tolist()]
+            else:
+                within.refuse_turned(card)
             self.builder.add(name, elements, Family("AnisotropicSolid", arguments, card.place))
             return
         E, nu = self.builder.elastic(material, "solids")
@@ -117,18 +119,18 @@ class Sections:
             "family here carries in this way."
         )
 
-    def _shell(self, card: Card, name: str, elements: IntArray) -> None:
+    def _shell(self, card: Card, name: str, elements: IntArray, within: Instance) -> None:
         if self._role(elements) != {"shell"}:
             self._refuse_roles(card, self._role(elements))
         if "COMPOSITE" in card.options:
             layers = [(f, p) for f, p in card.rows() if f]
-            self._laminate(card, name, elements, layers)
+            self._laminate(card, name, elements, layers, within)
             return
         material = self._material(card.needed("MATERIAL"), card.place)
         thickness = (card.first_numbers() or [0.0])[0]
         if material.constants is not None and material.isotropic is None:
             row = [repr(thickness), "", material.name, "0"]
-            self._laminate(card, name, elements, [(row, card.place)])
+            self._laminate(card, name, elements, [(row, card.place)], within)
             return
         E, nu = self.builder.elastic(material, "shells")
         arguments = {
@@ -154,21 +156,28 @@ class Sections:
         return {"offset": -share * thickness * self.builder.units.length}
 
     def _laminate(
-        self, card: Card, name: str, elements: IntArray, rows: list[tuple[list[str], Place]]
+        self,
+        card: Card,
+        name: str,
+        elements: IntArray,
+        rows: list[tuple[list[str], Place]],
+        within: Instance,
     ) -> None:
         normals = normals_of(self.whole.deck, elements)
         top = common_direction(normals)
         length = self.builder.units.length
         axis = np.array([1.0, 0.0, 0.0])
         if card.option("ORIENTATION"):
-            axis = self.orientations.axis(card.option("ORIENTATION"), card.place)
-        elif top is not None and abs(top[0]) > math.cos(math.radians(0.1)):
-            axis = np.array([0.0, 0.0, 1.0])
+            axis = self.orientations.axis(card.option("ORIENTATION"), card.place, within)
+        else:
+            within.refuse_turned(card)
+            if top is not None and abs(top[0]) > math.cos(math.radians(0.1)):
+                axis = np.array([0.0, 0.0, 1.0])
         layers: list[dict[str, float]] = []
         for fields, place in rows:
             fields = [*fields, "", "", "", ""]
             material = self._material(fields[2] or card.option("MATERIAL"), place)
-            angle = self._angle(fields[3], axis, top, place)
+            angle = self._angle(fields[3], axis, top, place, within)
             layers.append(self.builder.layer(material, real_number(fields[0], place), angle))
         arguments = {
             "layers": layers,
@@ -178,13 +187,15 @@ class Sections:
         }
         self.builder.add(name, elements, Family("Laminate", arguments, card.place))
 
-    def _angle(self, word: str, axis: Array, top: Array | None, place: Place) -> float:
+    def _angle(
+        self, word: str, axis: Array, top: Array | None, place: Place, within: Instance
+    ) -> float:
         """Degrees from the axis of the stack to direction 1 of a layer."""
         if not word:
             return 0.0
-        if word not in self.orientations:
+        if self.orientations.find(word, within) is None:
             return real_number(word, place)
-        own = self.orientations.axis(word, place)
+        own = self.orientations.axis(word, place, within)
         if top is None:
             raise MeshError(
                 f"{place}: layers with an *ORIENTATION of their own need a flat shell; give "
@@ -193,7 +204,7 @@ class Sections:
         flat = [v - (v @ top) * top for v in (axis, own)]
         return math.degrees(math.atan2(np.cross(flat[0], flat[1]) @ top, flat[0] @ flat[1]))
 
-    def _beam(self, card: Card, name: str, elements: IntArray) -> None:
+    def _beam(self, card: Card, name: str, elements: IntArray, within: Instance) -> None:
         if self._role(elements) != {"beam"}:
             self._refuse_roles(card, self._role(elements))
         material = self._material(card.needed("MATERIAL"), card.place)
@@ -208,7 +219,9 @@ class Sections:
         first = np.array([0.0, 0.0, -1.0])
         if len(rows) > 1 and rows[1][0]:
             values = [real_number(f, rows[1][1]) if f else 0.0 for f in (*rows[1][0], "0", "0")]
-            first = np.array(values[:3])
+            first = within.turn @ values[:3]
+        elif profile.I_side != profile.I or any(card.option(k) for k in ("OFFSET1", "OFFSET2")):
+            within.refuse_turned(card)
         shares = [real_number(card.option(k, "0"), card.place) for k in ("OFFSET1", "OFFSET2")]
         offset = shares[0] * profile.height
         if all(shares):
