@@ -178,6 +178,7 @@ def figures(hit: ao.SceneHistory, mass: float) -> tuple[dict[str, float], tuple[
         "momentum": float(np.linalg.norm(P[-1] - P[0] - mass * gravity * hit.time[-1])),
         "drift": hit.energy.drift,
         "status": float(hit.status),
+        "force at the end": sum(float(one.force[-1]) for one in forces),
     }, (t, boards["upper"])
 
 

@@ -20,7 +20,7 @@ def test_drop_on_corners(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
         assert row["corners"] == {"face": 4, "edge": 2, "corner": 1}[kind]
         assert row["impulse"] == pytest.approx(row["momentum"], rel=1e-6)
         assert row["drift"] < 1e-2
-        assert row["status"] == 0
+        assert row["status"] == (3 if row["force at the end"] > 0 else 0)
     # the heavy part lies off the middle, but the box and its boards are the same from both sides
     for axis in "xyz":
         one, other = numbers[f"face +{axis}"], numbers[f"face -{axis}"]

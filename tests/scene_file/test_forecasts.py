@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
+import numpy as np
+import pytest
+
+from antiosc.errors import AntioscError, InputError
 from antiosc.scene_file import group_names
 from antiosc.scene_file.program import Call, Name, Statement
 
@@ -51,17 +55,20 @@ def test_meshes_and_decks_of_a_scene():
         assert [(part, group_names._path(call).name) for part, call in calls] == expected
 
 
-def test_files_whose_groups_are_not_read(tmp_path, monkeypatch):
+def test_the_outline_of_a_file(tmp_path, monkeypatch):
+    """The box of all cells in space, the largest of them; a file that is too large is not read."""
     path = tmp_path / "a.msh"
     path.write_bytes(b"x" * 11)
     call = Call("ao.read_mesh", {"source": str(path)})
-    monkeypatch.setattr(group_names, "LARGEST", 10)
-    assert group_names._groups(call) == ([], "the file is larger than 1e-05 MB.")
-    for name in ("a.STEP", "b.geo", "c.stl"):
-        known, why = group_names._groups(Call("ao.read_mesh", {"source": name}))
-        assert known == []
-        assert why.startswith("a geometry has them once it is meshed")
+    pieces = [(np.array([[0.0, 1.0], [3.0, -1.0]]), 0.5), (np.array([[4.0, 0.0]]), 0.7)]
+    monkeypatch.setattr(group_names, "_read", lambda call, path: (["A", "B"], pieces))
     monkeypatch.setattr(group_names, "LARGEST", 11)
-    monkeypatch.setattr(group_names, "_groups_of_deck", lambda call: ["A", "B"])
-    deck = Call("ao.read_model", {"path": str(path)})
-    assert group_names._groups(deck) == (["A", "B"], "")
+    found = group_names.outline(call)
+    assert (found.name, found.groups, found.element) == ("a.msh", ["A", "B"], 0.7)
+    assert (found.low.tolist(), found.high.tolist()) == ([0, -1, 0], [4, 1, 0])
+    assert found.distance(np.array([4.0, 1.6, 0.0])) == 0.0
+    assert found.distance(np.array([7.0, 5.0, 0.0])) == pytest.approx(5.0)
+    monkeypatch.setattr(group_names, "LARGEST", 10)
+    with pytest.raises(AntioscError, match="larger") as refused:
+        group_names.outline(call)
+    assert not isinstance(refused.value, InputError)  # no mistake of the scene

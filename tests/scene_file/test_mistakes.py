@@ -232,7 +232,7 @@ duration = 1e-4
 
 @pytest.mark.fem
 def test_groups_that_a_mesh_does_not_have_are_told(tmp_path, capsys):
-    """Of a support, a material, a probe; the mesh is read, not those that must be made first."""
+    """Of a support, a material, a probe; a mesh is read, a geometry opened."""
     pytest.importorskip("dolfinx")
     text = STRUCK.replace('where = "clamp"', 'where = "klamp"')
     text = text.replace("[material]", "[material.boddy]")
@@ -244,9 +244,10 @@ def test_groups_that_a_mesh_does_not_have_are_told(tmp_path, capsys):
         assert f"did you mean '{near}'" in found.pop(lines.index(key) + 1)
     assert not found
     assert antiosc("check", written(tmp_path, STRUCK)) == 0
-    assert "not checked" not in capsys.readouterr().out
+    assert "groups: clamp, base, eye, bore" in capsys.readouterr().out
     assert antiosc("check", SCENES / "step.toml") == 0
-    assert "groups of bracket.step were not checked: a geometry" in capsys.readouterr().out
+    box = "from (0, 0, 0) m to (0.084, 0.06, 0.086) m"
+    assert f"bracket.step reaches {box}" in capsys.readouterr().out
 
 
 @pytest.mark.fem
@@ -273,16 +274,17 @@ def test_a_deck_is_read_for_its_groups(tmp_path, capsys):
 @pytest.mark.fem
 def test_groups_of_a_deck_of_several_parts(tmp_path):
     pytest.importorskip("dolfinx")
-    from antiosc.fem.assembly.from_deck import groups_of_deck
+    from antiosc.fem.assembly.from_deck import outline_of_deck
 
     text = "*NODE\n1,0,0,0\n2,1,0,0\n3,1,1,0\n4,0,1,0\n5,0,0,1\n*NSET,NSET=TIP\n5\n"
     text += "*ELEMENT,TYPE=S4,ELSET=SKIN\n1,1,2,3,4\n*ELEMENT,TYPE=B31,ELSET=POLE\n2,1,5\n"
     text += "*SHELL SECTION,ELSET=SKIN,MATERIAL=M\n.1\n"
     text += "*BEAM SECTION,ELSET=POLE,MATERIAL=M,SECTION=RECT\n.1,.2\n0,1,0\n"
     text += "*MATERIAL,NAME=M\n*ELASTIC\n1E9,.2\n*DENSITY\n1000\n"
-    found = groups_of_deck(written(tmp_path, text, "two.inp"))
+    found, cells = outline_of_deck(written(tmp_path, text, "two.inp"))
     assert {"SKIN", "POLE", "TIP", "faces:SKIN", "beams:POLE", "beams:TIP"} <= set(found)
     assert "beams:SKIN" not in found
+    assert [raw.points[raw.cells].shape for raw in cells] == [(1, 4, 3), (1, 2, 3)]
 
 
 def test_files_that_are_no_scene_are_refused(tmp_path, capsys):
