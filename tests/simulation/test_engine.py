@@ -213,3 +213,17 @@ def test_buffers_of_any_size_hold_the_same_run(monkeypatch) -> None:
     assert one.time.size > 500
     for name in ("time", "force", "depth", "states", "events"):
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+
+
+@pytest.mark.parametrize("m0", [0.02, 0.0], ids=["mass", "massless"])
+def test_contacts_of_one_site_share_their_coupling(m0):
+    """Balls of unlike speeds on one site, by sums over the group and by another integrator."""
+    part = ao.AntiOscillators(m0=m0, k0=1e6, m=[0.1, 0.05], omega=[2000.0, 9000.0])
+    balls = {f"ball {i}": ao.RigidMass(0.02, 1.0 + 0.2 * i) for i in range(3)}
+    contacts = [ao.Contact("part", name, ao.Hertz(1e9), gap=1e-6 * len(name)) for name in balls]
+    scene = ao.Scene({"part": part, **balls}, contacts)
+    hit, other = scene.run(1e-4, tol=1e-5), scene.run(1e-4, tol=1e-3, method="DOP853")
+    for contact in contacts:
+        one, two = hit[contact.a, contact.b], other[contact.a, contact.b]
+        assert one.peak_force == pytest.approx(two.peak_force, rel=2e-3)
+        assert one.impulse == pytest.approx(two.impulse, rel=2e-3)
