@@ -227,3 +227,6 @@ def test_contacts_of_one_site_share_their_coupling(m0):
         one, two = hit[contact.a, contact.b], other[contact.a, contact.b]
         assert one.peak_force == pytest.approx(two.peak_force, rel=2e-3)
         assert one.impulse == pytest.approx(two.impulse, rel=2e-3)
+    run, system = hit.run, hit.assembly.system
+    moved = run.states[:, 0] @ system.beta.T - run.force[::2] @ system.R - system.offsets[0]
+    np.testing.assert_allclose(run.depth[::2], moved, rtol=0, atol=1e-9 * np.abs(moved).max())
