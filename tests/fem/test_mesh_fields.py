@@ -107,7 +107,7 @@ def test_nodes_and_cells_in_the_order_of_vtk(name):
     assert outer == pytest.approx(0.22 if mesh.tdim == 3 else 0.06)
     assert moved.shape == (len(points), 3, 2)
     x = np.array([0.11, 0.07, 0.0 if mesh.tdim == 2 else 0.05])
-    at = mesh_fields.at_point(part, shapes(part, np.eye(3)), x, None, Reach("x"))
+    at = mesh_fields.at_point(part, shapes(part, np.eye(3)), x, None, Reach("the point"))
     np.testing.assert_allclose(at[:, 0], field(x[None])[0][: 2 if flat else 3], atol=1e-12)
 
 
@@ -126,5 +126,5 @@ def test_parts_of_an_assembly_lie_in_their_places():
         assert kind == "hexahedron"
         np.testing.assert_allclose(found[:, :, 0], field(points), atol=1e-12)
     x = TURNED.placed(np.array([[0.1, 0.1, 0.05]]))[0]
-    at = mesh_fields.at_point(both, u, x, None, Reach("x"))
+    at = mesh_fields.at_point(both, u, x, None, Reach("the point"))
     np.testing.assert_allclose(at[:, 0], field(x[None])[0], atol=1e-12)

@@ -2,9 +2,9 @@
 
 In the free modes of a model the dampers are a matrix D, of which `AntiOscillators.damping` has the
 diagonal: enough for resonance, but in an impact that is shorter than the beat of two modes the
-other entries count as much. The same impact is integrated with D and with its diagonal, by
-Newmark's rule with equal steps; the larger difference of impulse, peak force and contact time is
-the error of the run, apart from what the modes of the model do not have.
+other entries count as much. The same impact is integrated with D and with its diagonal, in equal
+steps that are exact for a force linear in each; the larger difference of impulse, peak force and
+contact time is the error of the run, apart from what the modes of the model do not have.
 """
 
 from __future__ import annotations
@@ -12,11 +12,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import scipy.linalg
 
 from antiosc._types import Array
 from antiosc.errors import AccuracyError
 from antiosc.models.modal import ModalBody
 from antiosc.simulation.integrators import Problem, Trajectory
+from antiosc.simulation.main_impact import contact_time
 
 #: Steps in all contacts together, and the most in the whole run.
 STEPS, MOST_STEPS = 1000, 20_000
@@ -83,24 +85,29 @@ def _difference(problem: Problem, run: Trajectory, own: Array, whole: Array) -> 
 
 
 def _impact(p: Problem, D: Array, q: Array, v: Array, h: float, steps: int) -> Array:
-    """(impulse, peak force, contact time) by Newmark's rule with the damping matrix D."""
-    x, law = p.square, p.law
-    inverse = np.linalg.inv(np.diag(1 + h * h * x / 4) + h / 2 * D)
-    pull = h / 2 * inverse @ p.beta  # how a unit of the new force slows the modes
-    gain = float(p.beta @ pull)
-    state, force = law.touch(float(p.beta @ v)), np.zeros(steps + 1)
+    """(impulse, peak force, contact time) with the damping matrix D and a force linear in steps."""
+    law, J, zero = p.law, len(q), np.zeros(len(q))
+    rates = np.zeros((2 * J + 3, 2 * J + 3))  # of y = (q, v, force, its change in the step, 1)
+    rates[:J, J : 2 * J] = np.eye(J)
+    rates[J : 2 * J] = np.column_stack([np.diag(-p.square), -D, -p.beta, zero, p.load])
+    rates[2 * J, 2 * J + 1] = 1 / h
+    move = scipy.linalg.expm(h * rates)
+    pull = move[:, 2 * J + 1].copy()
+    move[:, 2 * J] -= pull  # the change is minus the force, for a step that ends without one
+    at = np.array([[*p.beta, *zero, 0, 0, -p.gap], [*zero, *p.beta, p.r / h, 0, 0]])
+    alpha, alpha_rate = np.array([p.r, p.r / h]) - at[:, : 2 * J] @ pull[: 2 * J]
+    y, state, force = np.array([*q, *v, 0, 0, 1]), law.touch(float(p.beta @ v)), np.zeros(steps + 1)
     for k in range(steps):
         F = float(force[k])
-        a = p.load - p.beta * F - x * q - D @ v
-        v1 = inverse @ (v + h / 2 * (a + p.load - x * (q + h / 2 * v)))
-        q1 = q + h / 2 * (v + v1)
-        delta, rate = p.approach(q1), float(p.beta @ v1) + p.r * F / h
-        alpha, alpha_rate = p.r + h / 2 * gain, gain + p.r / h
+        y1 = move @ y
+        y1[2 * J] = F  # of the rate of the residual compliance
+        delta, rate = (float(one) for one in at @ y1)
         # without force while the bodies are apart, whatever the law says of the rate
         F1 = law.implicit(delta, alpha, rate, alpha_rate, state, F)
         F1 = F1 if delta > law.origin(state) else 0.0
-        q, v, force[k + 1] = q1 - h / 2 * pull * F1, v1 - pull * F1, F1
+        y, force[k + 1] = y1 + F1 * pull, F1
+        y[2 * J :] = F1, 0, 1
         state = law.advance(delta - alpha * F1, rate - alpha_rate * F1, state)
-    touched = np.flatnonzero(force)
-    length = (touched[-1] - touched[0] + 1) * h if len(touched) else 0.0
-    return np.array([h * force.sum(), force.max(), length])
+    edges = np.flatnonzero(np.diff(np.append(0, force > 0), append=0)).reshape(-1, 2)
+    time = contact_time((h * a, h * b, h * force[a:b].sum()) for a, b in edges)
+    return np.array([h * force.sum(), force.max(), time])

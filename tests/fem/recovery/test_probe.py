@@ -15,14 +15,16 @@ from antiosc.fem import mesh_fields
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.recovery.place import Place
 from antiosc.fem.site.functionals import functional
+from antiosc.fem.site.site import Reach
 from sheets import RIB, SHEET, grouped, rectangle
 
 pytestmark = pytest.mark.fem
 
 PLANE = ao.Solid(**parts.STEEL, plane="stress", thickness=0.01)
-SITE = ao.Site((0.13, 0.06), (0.2, -1), radius=0.03)
+SITE = ao.Site((0.13, 0.06), (0.2, -1), radius=0.035)
 BALL, LAW = ao.RigidMass(mass=0.1, velocity=1.0), ao.Hertz(1e8)
 DURATION = 1e-3
+REACH = Reach("the point")
 POINTS = [(0.2, 0.06), (0.07, 0.031), (0.1, 0.0), (0.01, 0.01), (0.15, 0.02), (0.0, 0.05)]
 
 
@@ -68,10 +70,10 @@ def references(part, solved, point):
     x = np.array([[*point, 0.0]])
 
     def recovered(quantity):
-        found = mesh_fields.recovered(part, u.T, x, None, quantity, Place(), None)[0]
+        found = mesh_fields.recovered(part, u.T, x, None, quantity, Place(), REACH)[0]
         return np.moveaxis(found, -1, 0)
 
-    moved = [mesh_fields.at_point(part, w.T, x[0], None).T for w in (u, v, a)]
+    moved = [mesh_fields.at_point(part, w.T, x[0], None, REACH).T for w in (u, v, a)]
     names = ("displacement", "velocity", "acceleration")
     return {
         **dict(zip(names, moved, strict=True)),
@@ -171,7 +173,7 @@ def test_a_residual_compliance_adds_its_stress():
     u[free, 0] = np.linalg.solve(csr(part.K)[free][:, free].toarray(), 5 * b[free])
     for point in POINTS:
         x = np.array([[*point, 0.0]])
-        exact = mesh_fields.recovered(part, u, x, None, "stress", Place(), None)[0, ..., 0]
+        exact = mesh_fields.recovered(part, u, x, None, "stress", Place(), REACH)[0, ..., 0]
         found = ao.probe(part, hit, point, "stress", body="part")[-1]
         np.testing.assert_allclose(found, exact, atol=1e-6 * np.abs(exact).max())
 

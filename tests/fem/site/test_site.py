@@ -153,9 +153,10 @@ def test_a_snap_reaches_two_hundredths_of_the_part_or_one_element():
     np.testing.assert_allclose(at(fine, off, (0, 0, -1), snap=0.026), on, atol=1e-6)
     at(coarse, off, (0, 0, -1), snap=True)
     millimetres = ao.Site((20, 40, 75), (0, 0, -1), snap=True)
-    with pytest.raises(ao.InputError, match=r"86.* m off .* coordinates are in metres"):
+    with pytest.raises(ao.InputError, match=r"87.* m off .* coordinates are in metres"):
         ao.extract(fine, {"a": ao.Site((*off[:2], 0.04), (0, 0, -1)), "b": millimetres})
-    pair = ao.assemble({"a": coarse, "b": coarse}, at={"b": (0, 0, 1)})
+    spring = ao.Bushing("a:right", "b:right", dict.fromkeys(("x", "y", "z", "rx", "ry", "rz"), 1e6))
+    pair = ao.assemble({"a": coarse, "b": coarse}, [spring], at={"b": (0, 0, 1)})
     with pytest.raises(ao.InputError, match=r"\(0.1, 0.02, 0.64\) m is 0.36 m off"):
         ao.extract(pair, ao.Site((0.1, 0.02, 0.64), (0, 0, -1), snap=True, part="b"))
     with pytest.raises(ao.InputError, match="snap must be > 0"):

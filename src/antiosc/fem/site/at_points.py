@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from math import inf
@@ -33,8 +33,15 @@ from antiosc.fem.structure.meshed import MeshedStructure
 ON_STRUCTURE = 1e-6
 
 
-def functionals_at(structure: MeshedStructure, sites: Sequence[Site]) -> list[Functional]:
-    """b of sites at points of a mesh, all at once; errors as in `functionals`."""
+def functionals_at(
+    structure: MeshedStructure,
+    sites: Sequence[Site],
+    placed: Callable[[Array], Array] = np.asarray,
+) -> list[Functional]:
+    """b of sites at points of a mesh, all at once; errors as in `functionals`.
+
+    `placed` moves points (n, 3) of the mesh to where an assembly has them: errors name these.
+    """
     sites = [_placed(structure, site) for site in sites]
     mesh = structure.mesh
     given = [_in_space(mesh, structure.form, site) for site in sites]
@@ -42,13 +49,13 @@ def functionals_at(structure: MeshedStructure, sites: Sequence[Site]) -> list[Fu
     nearest = closest_point.closest_many(mesh, points)
     extent = mesh.extent()
     for i, site in enumerate(sites):
-        _check_distance(mesh, extent, site, points[i], nearest[i])
+        _check_distance(mesh, extent, site, placed(np.array([points[i], nearest[i].x])), nearest[i])
     radii = np.array([np.nan if site.radius is None else site.radius for site in sites])
     plausible.tell(
         plausible.of_patch(site.radius, extent) for site in sites if site.radius is not None
     )
     found = located(structure, nearest.x, directions, radii, nearest)
-    _check(found)
+    _check(found, placed)
     tell(structure, found)
     columns = found.loads.toarray().T
     sides = _across(structure, sites, found)
@@ -97,23 +104,24 @@ def _placed(structure: MeshedStructure, site: Site) -> Site:
     return replace(site, point=tuple(x.tolist()), snap=inf)
 
 
-def _check(found: Sites) -> None:
+def _check(found: Sites, placed: Callable[[Array], Array]) -> None:
     """InputError for the first site without a surface under its patch, or that cannot move."""
+    points = placed(found.points)
     for i, radius in enumerate(found.radii):
         if found.depth[i] > radius:
             raise InputError(
-                f"the site at {text(found.points[i])} lies about {found.depth[i]:.2g} m inside "
+                f"the site at {text(points[i])} lies about {found.depth[i]:.2g} m inside "
                 f"the part, deeper than its radius {radius:g} m: a patch needs a surface; give a "
                 "point on it."
             )
         if found.share[i] <= 0:
             raise InputError(
-                f"the patch of radius {radius:g} m at {text(found.points[i])} finds no surface: "
+                f"the patch of radius {radius:g} m at {text(points[i])} finds no surface: "
                 f"the facets there measure {found.size[i]:.3g} m; refine around the site, "
                 f"refine=[(point, {radius:g})]."
             )
         if found.moving[i] <= LEAST_FREE_SHARE:
-            raise InputError(constrained(f"the site at {text(found.points[i])}"))
+            raise InputError(constrained(f"the site at {text(points[i])}"))
 
 
 def _in_space(mesh: Mesh, form: WeakForm, site: Site) -> tuple[Array, Array]:
@@ -132,15 +140,17 @@ def _in_space(mesh: Mesh, form: WeakForm, site: Site) -> tuple[Array, Array]:
 
 
 def _check_distance(
-    mesh: Mesh, extent: float, site: Site, point: Array, nearest: closest_point.ClosestPoint
+    mesh: Mesh, extent: float, site: Site, points: Array, nearest: closest_point.ClosestPoint
 ) -> None:
+    """InputError for a site too far off; `points` (2, 3): the site and the nearest to it."""
     on = ON_STRUCTURE * extent
     if site.snap is False:
         if nearest.distance > on:
             raise InputError(
-                f"the point {text(site.point)} is {nearest.distance:.3g} m off the structure; its "
-                f"nearest point is {text(nearest.x)}: use that, or Site(..., snap=True)."
+                f"the point {text(points[0, : mesh.gdim])} is {nearest.distance:.3g} m off "
+                f"the structure; its nearest point is {text(points[1])}: use that, or "
+                "Site(..., snap=True)."
             )
         return
     reach = Reach("the point of the site", None if site.snap is True else max(site.snap, on))
-    reach.check(point, nearest.x, extent, partial(closest_point.size_at, mesh, nearest))
+    reach.check(*points, extent, partial(closest_point.size_at, mesh, nearest))

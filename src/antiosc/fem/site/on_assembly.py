@@ -91,7 +91,7 @@ def before_joining(
         own = member.at.own(point[None])[0]
     along = direction @ member.at.rotation
     there = replace(site, point=tuple(own.tolist()), direction=tuple(along.tolist()), part=None)
-    (found,) = functionals_at(part_of(member), [there])
+    (found,) = functionals_at(part_of(member), [there], member.at.placed)
     assert found.point is not None
 
     def placed(one: Functional) -> Functional:
