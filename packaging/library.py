@@ -18,6 +18,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 SOURCE, PACKAGE = ROOT / "csrc", ROOT / "src" / "antiosc"
+UNITS = ("antiosc_march.c", "export/antiosc_model.c", "export/fmu.c")
 FLAGS = ["-std=c99", "-O3", "-fPIC", "-fvisibility=hidden", "-shared"]
 WARNINGS = ["-Wall", "-Wextra", "-pedantic", "-Wconversion"]
 
@@ -25,7 +26,7 @@ WARNINGS = ["-Wall", "-Wextra", "-pedantic", "-Wconversion"]
 def source_hash() -> str:
     """What `antiosc.march.source_hash` gives."""
     text = hashlib.sha256()
-    for path in sorted(SOURCE.glob("*.[ch]")):
+    for path in sorted(SOURCE.rglob("*.[ch]")):
         text.update(path.read_bytes().replace(b"\r\n", b"\n"))
     return text.hexdigest()[:16]
 
@@ -64,7 +65,7 @@ def build() -> Path:
     out = PACKAGE / f"libantiosc_march{suffix}"
     made = out.with_suffix(".part")
     command += [*FLAGS, *WARNINGS, f'-DAOM_SOURCE_HASH="{source_hash()}"']
-    command += ["-o", str(made), str(SOURCE / "antiosc_march.c")]
+    command += ["-o", str(made), *(str(SOURCE / unit) for unit in UNITS)]
     if target() == "windows":
         command.remove("-fPIC")
     else:
