@@ -380,9 +380,10 @@ static int do_step(instance *self, double at, double h) {
     return FMI_OK;
 }
 
-/* A kept state: its size, phase and start, then the run's. */
+/* A kept state: its size, checksum, phase and start, then the run's. */
 typedef struct kept {
     size_t bytes;
+    uint64_t sum;
     double start;
     int phase;
     char token[TOKEN];
@@ -390,11 +391,20 @@ typedef struct kept {
 
 static size_t kept_size(const instance *self) { return sizeof(kept) + axm_state_size(self->run); }
 
+/* FNV-1a. */
+static uint64_t checksum(const char *bytes, size_t size) {
+    uint64_t sum = 14695981039346656037u;
+    for (size_t k = 0; k < size; k++)
+        sum = (sum ^ (unsigned char)bytes[k]) * 1099511628211u;
+    return sum;
+}
+
 static void keep(const instance *self, char *to) {
-    kept head = {kept_size(self), self->start, (int)self->phase, {0}};
+    axm_save(self->run, to + sizeof(kept));
+    uint64_t sum = checksum(to + sizeof(kept), kept_size(self) - sizeof(kept));
+    kept head = {kept_size(self), sum, self->start, (int)self->phase, {0}};
     memcpy(head.token, self->file.token, TOKEN);
     memcpy(to, &head, sizeof head);
-    axm_save(self->run, to + sizeof head);
 }
 
 static int back_to(instance *self, const char *from, size_t bytes) {
@@ -453,7 +463,8 @@ static int deserialize(instance *self, const unsigned char *bytes, size_t size, 
         return failure(self, "a state of this model has %zu bytes, not %zu.", kept_size(self),
                        size);
     memcpy(&head, bytes, sizeof head);
-    if (head.bytes != size || memcmp(head.token, self->file.token, TOKEN) != 0)
+    if (head.bytes != size || memcmp(head.token, self->file.token, TOKEN) != 0 ||
+        head.sum != checksum((const char *)bytes + sizeof head, size - sizeof head))
         return failure(self, "these bytes are no state of this model.");
     if (*state == NULL)
         *state = malloc(size);

@@ -20,7 +20,7 @@ from paths import DEMOS, ROOT
 DOCS = ROOT / "docs"
 #: pages whose programs need NumPy and SciPy alone
 LIGHT = {
-    *("errors", "howto/contacts", "howto/sweep", "howto/cluster"),
+    *("errors", "howto/contacts", "howto/sweep", "howto/cluster", "howto/export"),
     *("api/models", "api/contact", "api/simulation", "api/scenes", "api/errors"),
 }
 MESHED = {"howto/deck", "howto/units", "howto/map", "api/structures"}
