@@ -4,6 +4,8 @@
 
 PYTHON := .venv/bin/python
 READY  := .venv/ready
+# the march in C, beside the Python package; built anew when its sources change
+LIBRARY := src/antiosc/libantiosc_march.so
 TOOLS  := .venv/tools
 
 # Open MPI: root is allowed (containers, CI), more ranks than cores too, and no chatter about the machine.
@@ -103,10 +105,14 @@ fmt: $(TOOLS)/ready ## put the code in its format
 	$(TOOLS)/bin/ruff format .
 
 clean: ## remove .venv, caches and out/
-	rm -rf .venv out build src/*.egg-info .pytest_cache .mypy_cache .ruff_cache
+	rm -rf .venv out build $(LIBRARY) src/*.egg-info .pytest_cache .mypy_cache .ruff_cache
 	find . -name __pycache__ -prune -exec rm -rf {} +
 
-$(READY): .ci/setup .ci/install .ci/packages pyproject.toml
+$(LIBRARY): packaging/library.py $(wildcard csrc/*.[ch] csrc/export/*.[ch])
+	.ci/install .ci/packages
+	/usr/bin/python3 packaging/library.py
+
+$(READY): .ci/setup .ci/install .ci/packages pyproject.toml setup.py | $(LIBRARY)
 	.ci/setup
 	@touch $@
 

@@ -199,8 +199,8 @@ typedef struct aom_options {
 /* rel_tol 1e-3, no scale and step, resolution duration/1e4, 10 000 touches, 1 000 000 steps. */
 AOM_API aom_options aom_default_options(double duration);
 
-/* What a run writes down, into arrays of the caller's. A step adds two nodes, its middle and its
- * end; the first record begins with a node for the start. */
+/* What a run writes down, into arrays of the caller's. An empty record begins with the present node;
+ * each step adds two, its middle and its end: step k has the nodes 2 k, 2 k + 1, 2 k + 2. */
 typedef struct aom_event {
     double time;    /* [s] */
     double contact; /* its number; doubles, so that events are one array of doubles */
@@ -239,7 +239,7 @@ AOM_API int aom_start(aom_stepper *stepper, const aom_system *system, const aom_
 AOM_API int aom_integrate(aom_stepper *stepper, aom_record *record, double until,
                           int64_t max_attempts);
 
-/* Empty a record: it keeps no node. */
+/* Empty a record. */
 AOM_API void aom_clear(aom_record *record);
 
 typedef struct aom_summary {
@@ -291,9 +291,10 @@ AOM_API aom_difference aom_compare(int n_rows, int64_t n_a, const double *time_a
                                    const double *force_a, int64_t n_b, const double *time_b,
                                    const double *force_b, double end, double limit, double *peaks);
 
-/* Time integral of the force of a row from step `first` to `last`, and its largest value. */
-AOM_API void aom_pulse(const double *time, const double *force, int n_rows, int row, int64_t first,
-                       int64_t last, double *area, double *peak);
+/* Of n spans of steps, first to last [n][2], the time integral of the force of a row, and its largest
+ * value, into out [n][2]. */
+AOM_API void aom_pulses(const double *time, const double *force, int n_rows, int row, int64_t n,
+                        const int64_t *spans, double *out);
 
 #ifdef __cplusplus
 }

@@ -12,9 +12,8 @@ static bool attempt(aom_stepper *st, int index, double h) {
     ready_step(st, index, h);
     ready_local(st, index, h);
     free_step(st, index, h, st->work.base);
-    if (m == 1)
-        if (one_force(st, h, local))
-            return true;
+    if (m == 1 && one_force(st, h, local))
+        return true;
     for (int i = 0; i < m; i++)
         st->work.force[i].f[0] = st->rows[i].force;
     for (int stage = 0; stage < 2; stage++) {
@@ -125,7 +124,7 @@ static bool end_at_exit(aom_stepper *st, double first) {
             return false;
         double v = motion->rate[1], g = beyond(&b, exit, motion->depth[1], v);
         if (fabs(g) <= close) {
-            if (near || exit != LOW || -v * length < 1e3 * close)
+            if (near || exit != LOW || -v * length < 1e3 * close || length + g / v == length)
                 break;
             near = true; /* a release is located to rounding: once more */
         }

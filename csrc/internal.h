@@ -75,7 +75,7 @@ typedef struct course {
     double force_scale, longest, cap;   /* longest step; cap: of the present contact */
     double worked, given, highest, surplus;
     int level, segment, flown_segment;
-    bool flying, started;
+    bool flying;
     int64_t steps, retries, touches, refused, idle;
 } course;
 

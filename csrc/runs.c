@@ -77,7 +77,7 @@ typedef struct walk {
 } walk;
 
 static void walk_to(walk *w, double t) {
-    while (w->step + 3 < w->n && w->time[w->step + 2] <= t)
+    while (w->step + 4 < w->n && w->time[w->step + 2] <= t)
         w->step += 2;
     double start = w->time[w->step], h = w->time[w->step + 2] - start;
     w->u = h > 0.0 ? within((t - start) / h, 0.0, 1.0) : 0.0;
@@ -98,7 +98,7 @@ aom_difference aom_compare(int m, int64_t n_a, const double *time_a, const doubl
     bool exceeded = false;
     for (int i = 0; i < 2 * m; i++)
         peaks[i] = 0.0;
-    while (a.node < n_a || b.node < n_b) {
+    while (n_a >= 3 && n_b >= 3 && (a.node < n_a || b.node < n_b)) {
         bool from_a = b.node >= n_b || (a.node < n_a && time_a[a.node] <= time_b[b.node]);
         double t = from_a ? time_a[a.node++] : time_b[b.node++], apart = 0.0, square = 0.0;
         if (t > end)
@@ -125,8 +125,8 @@ aom_difference aom_compare(int m, int64_t n_a, const double *time_a, const doubl
     return found;
 }
 
-void aom_pulse(const double *time, const double *force, int m, int row, int64_t first,
-               int64_t last, double *area, double *peak) {
+static void pulse(const double *time, const double *force, int m, int row, int64_t first,
+                  int64_t last, double *area, double *peak) {
     *area = *peak = 0.0;
     for (int64_t n = 2 * first; n < 2 * last; n += 2) {
         const double *f = force + n * m + row;
@@ -137,4 +137,10 @@ void aom_pulse(const double *time, const double *force, int m, int row, int64_t 
         else
             *peak = larger(*peak, larger(f0, f2));
     }
+}
+
+void aom_pulses(const double *time, const double *force, int m, int row, int64_t n,
+                const int64_t *spans, double *out) {
+    for (int64_t k = 0; k < n; k++)
+        pulse(time, force, m, row, spans[2 * k], spans[2 * k + 1], out + 2 * k, out + 2 * k + 1);
 }

@@ -489,22 +489,19 @@ static bool grew(aom_stepper *st) {
     return !(surplus <= (GROWTH - 1.0) * now->highest);
 }
 
-static bool full(const aom_stepper *st, const aom_record *out) {
-    (void)st;
+static bool full(const aom_record *out) {
     return out->n_nodes + 2 > out->max_nodes || out->n_events + 1 > out->max_events ||
            (out->states != NULL && out->n_states + 1 > out->max_states);
 }
 
-/* The node of the start. */
-static void write_start(aom_stepper *st, aom_record *out) {
-    int m = st->system.n_rows;
-    int64_t n = out->n_nodes++;
-    out->time[n] = 0.0;
-    for (int i = 0; i < m; i++) {
-        out->force[n * m + i] = st->rows[i].force;
-        out->depth[n * m + i] = st->rows[i].depth;
+/* The node that an empty record begins with. */
+static void write_present(const aom_stepper *st, aom_record *out) {
+    out->time[0] = st->now.time;
+    for (int i = 0; i < st->system.n_rows; i++) {
+        out->force[i] = st->rows[i].force;
+        out->depth[i] = st->rows[i].depth;
     }
-    st->now.started = true;
+    out->n_nodes = 1;
 }
 
 /* The next step, or event; AOM_DONE: go on. */
@@ -552,11 +549,8 @@ int aom_integrate(aom_stepper *st, aom_record *out, double until, int64_t max_at
     course *now = &st->now;
     double duration = st->options.duration;
     int64_t before = now->steps + now->retries;
-    if (!now->started) {
-        if (out->n_nodes + 3 > out->max_nodes)
-            return AOM_FULL;
-        write_start(st, out);
-    }
+    if (out->n_nodes == 0 && out->max_nodes > 0)
+        write_present(st, out);
     for (;;) {
         if (duration - now->time <= 1e-13 * duration) {
             now->time = duration;
@@ -567,7 +561,7 @@ int aom_integrate(aom_stepper *st, aom_record *out, double until, int64_t max_at
             return AOM_TOO_MANY_STEPS;
         if (now->time >= until || attempts - before >= max_attempts)
             return AOM_PAUSED;
-        if (full(st, out))
+        if (full(out))
             return AOM_FULL;
         int status = one_step(st, out);
         if (status != AOM_DONE)

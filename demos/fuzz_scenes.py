@@ -28,14 +28,12 @@ import options
 from numpy.typing import NDArray
 
 import antiosc as ao
-from antiosc.simulation.compilation import compiled_march
 
 Array = NDArray[np.float64]
 Rng = np.random.Generator
 
 MOMENTUM, GAIN, CONE = 1e-10, 1e-3, 1e-6
 DURATION = 5e-3
-WORTH_COMPILING = 50  # scenes
 UP = (0.0, 0.0, 1.0)
 
 
@@ -48,8 +46,6 @@ def main(scenes: int = 1000, first: int = 0, budget: float = 10.0) -> dict[str, 
     first : number of the first scene, which is the seed of its random numbers
     budget : seconds of CPU after which one scene counts as hanging
     """
-    if scenes >= WORTH_COMPILING:
-        compiled_march()  # where numba is installed: long scenes are slow without
     counts: Counter[str] = Counter()
     failures: list[str] = []
     figures: dict[str, list[float]] = {"momentum": [], "gain": [], "drift": [], "seconds": []}

@@ -23,10 +23,8 @@ from fuzz_scenes import law
 
 import antiosc as ao
 from antiosc.closed_form import UniformBeam, cantilever, pinned_pinned
-from antiosc.simulation.compilation import compiled_march
 from antiosc.simulation.convergence import difference
 
-WORTH_COMPILING = 50  # scenes
 FINER = 100.0
 BEAM = UniformBeam.euler_bernoulli(E=67e9, rho=2400.0, area=2e-4, inertia=0.33e-8, length=1.0)
 
@@ -40,8 +38,6 @@ def main(scenes: int = 500, first: int = 0, tol: float = 1e-3) -> dict[str, Any]
     first : number of the first scene, which is the seed of its random numbers
     tol : tolerance of the runs
     """
-    if scenes >= WORTH_COMPILING:
-        compiled_march()
     laws: Counter[str] = Counter()
     counts: Counter[str] = Counter()
     errors, estimates, steps, outside = [], [], [], []

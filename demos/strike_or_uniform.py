@@ -30,7 +30,6 @@ from strike_scenes import SCENES, Scene
 import antiosc as ao
 from antiosc import plotting
 from antiosc.fem.error.remeshing import source_of
-from antiosc.simulation.compilation import compiled_march
 from antiosc.simulation.quantities import differences
 
 #: The grid of fixed choices: sizes over the scene's, anti-oscillators, time tolerances.
@@ -65,7 +64,6 @@ def main(
     """
     kept = Path(out) if out else None
     found: Found = json.loads(kept.read_text()) if kept and kept.exists() else {}
-    compiled_march()
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
         warnings.simplefilter("ignore", ao.AntioscWarning)
         for name in (name for name in scenes if name not in found):

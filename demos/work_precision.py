@@ -11,7 +11,7 @@ by itself. Also measured, with the error beside the time:
 - the time of a scene against its number of contacts: a beam that is thrown onto 1 to 6 stops.
 
 Seconds are those of the processor, so that other work on the machine counts little. The exact
-method is compiled first where numba is installed; the others are Python.
+method runs in C; the others are Python.
 
     OMP_NUM_THREADS=1 .venv/bin/python demos/work_precision.py
 """
@@ -35,7 +35,6 @@ import antiosc as ao
 from antiosc import files, plotting
 from antiosc.closed_form import UniformBeam, pinned_pinned
 from antiosc.simulation.compared_impact import force_difference
-from antiosc.simulation.compilation import compiled_march
 from antiosc.simulation.integrators import FIXED_STEP
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -83,7 +82,6 @@ def main(
     """
     out.mkdir(parents=True, exist_ok=True)
     models = {n: pinned_pinned(BEAM).anti_oscillators(n) for n in sorted({SWEPT, *numbers})}
-    compiled_march()
     table = []
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ao.AccuracyWarning)

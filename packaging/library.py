@@ -1,7 +1,7 @@
 """Compile the C library of the march into the Python package: `python packaging/library.py`.
 
-The compiler is $CC, else cc, gcc or clang, else zig's of the package `ziglang`. The environment
-variable ANTIOSC_TARGET, such as aarch64-linux-gnu.2.17, has zig compile for another platform.
+The compiler is $CC, else cc, gcc or clang, else zig's of the package `ziglang`. With
+$ANTIOSC_TARGET, one of TARGETS, zig compiles for another platform.
 """
 
 from __future__ import annotations
@@ -19,7 +19,16 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 SOURCE, PACKAGE = ROOT / "csrc", ROOT / "src" / "antiosc"
 UNITS = ("antiosc_march.c", "export/antiosc_model.c", "export/fmu.c")
-FLAGS = ["-std=c99", "-O3", "-fPIC", "-fvisibility=hidden", "-shared"]
+# zig's target: the wheel's platform
+TARGETS = {
+    "x86_64-linux-gnu.2.17": "manylinux_2_17_x86_64",
+    "aarch64-linux-gnu.2.17": "manylinux_2_17_aarch64",
+    "x86_64-macos.11.0": "macosx_11_0_x86_64",
+    "aarch64-macos.11.0": "macosx_11_0_arm64",
+    "x86_64-windows-gnu": "win_amd64",
+}
+FLAGS = ["-std=c99", "-O3", "-fvisibility=hidden", "-shared"]
+SUFFIXES = {"win": ".dll", "macos": ".dylib"}
 WARNINGS = ["-Wall", "-Wextra", "-pedantic", "-Wconversion"]
 
 
@@ -47,13 +56,15 @@ def _zig() -> list[str]:
     return [sys.executable, "-m", "ziglang", "cc"]
 
 
-def target() -> str:
-    """The platform that is compiled for: linux, macos or windows."""
-    wanted = os.environ.get("ANTIOSC_TARGET", "") or sysconfig.get_platform()
-    for name, signs in {"windows": ("windows", "win"), "macos": ("macos",)}.items():
-        if wanted.startswith(signs) or f"-{signs[0]}" in wanted:
-            return name
-    return "linux"
+def platform_tag() -> str:
+    """The wheel's platform where zig compiles for another one than this; else empty."""
+    return TARGETS.get(os.environ.get("ANTIOSC_TARGET", ""), "")
+
+
+def suffix() -> str:
+    """Of the library, by the platform that is compiled for."""
+    platform = platform_tag() or sysconfig.get_platform()
+    return next((end for sign, end in SUFFIXES.items() if platform.startswith(sign)), ".so")
 
 
 def build() -> Path:
@@ -61,15 +72,12 @@ def build() -> Path:
     command = compiler()
     if not command:
         raise SystemExit("antiosc: no C compiler; install gcc, or `pip install ziglang`.")
-    suffix = {"windows": ".dll", "macos": ".dylib"}.get(target(), ".so")
-    out = PACKAGE / f"libantiosc_march{suffix}"
+    out = PACKAGE / f"libantiosc_march{suffix()}"
     made = out.with_suffix(".part")
     command += [*FLAGS, *WARNINGS, f'-DAOM_SOURCE_HASH="{source_hash()}"']
     command += ["-o", str(made), *(str(SOURCE / unit) for unit in UNITS)]
-    if target() == "windows":
-        command.remove("-fPIC")
-    else:
-        command.append("-lm")
+    if suffix() != ".dll":  # there all code can be moved, and mathematics is in C's library
+        command += ["-fPIC", "-lm"]
     subprocess.run(command, check=True)
     made.replace(out)  # a process that has loaded the old one keeps it
     for rest in PACKAGE.glob("libantiosc_march*.pdb"):

@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, partial
-from types import ModuleType
 from typing import ClassVar
 
 import numpy as np
 
 import antiosc as ao
 from antiosc.contact import State
-from antiosc.simulation import march
 from direct import chain, free_modes
 from march_audit import Audit, audited
 from scene_cases import LAWS, ball, plate, rod_between_walls, stops
@@ -106,10 +104,10 @@ SHARE = 1e-3
 
 
 @cache
-def checked(name: str, module: ModuleType = march) -> Audit:
+def checked(name: str) -> Audit:
     """The run of a scene, after its audit."""
     scene, duration = SCENES[name]
     step = GIVEN.get(name)
-    found = audited(scene(), duration, 0.05 if step else SHARE, module, step)
+    found = audited(scene(), duration, 0.05 if step else SHARE, step)
     assert found.run.touches > 0 or found.made.system.pressed.any()
     return found

@@ -48,8 +48,6 @@ QUICK = "not slow and not mpi"
 PATIENCE, RUN = 150.0, 12
 #: Most tests that are named in one command.
 NAMED = 2000
-#: Folders whose code numba compiles: only there does a break need a compilation of its own.
-COMPILED = ("simulation", "contact")
 #: Modules that each run of the tests has anew, and those that are imported once.
 OWN = ("antiosc", "antiosc_probe", "place_notes", "breaks", "line_hits", "paths", "__main__")
 LONG = (
@@ -89,15 +87,11 @@ def first_failure(
     tests: Sequence[str],
     without: Sequence[str] = (),
     *,
-    compiled: bool = True,
     patience: float = PATIENCE,
 ) -> str:
-    """The first failure of the quick tests; "" where all pass.
-
-    With `compiled`, what numba compiled for another break is not used.
-    """
+    """The first failure of the quick tests; "" where all pass."""
     options = ["-x", *tests, *(f"--ignore={path}" for path in without)]
-    status, output = pytest_run(tree, options, compiled=compiled, patience=patience)
+    status, output = pytest_run(tree, options, patience=patience)
     if status in (0, 5):  # 5: no test there
         return ""
     told = [line for line in output if line.startswith(("FAILED tests", "ERROR tests"))]
@@ -107,7 +101,7 @@ def first_failure(
 
 
 def pytest_run(
-    tree: Path, options: Sequence[str], *, compiled: bool = False, patience: float = PATIENCE
+    tree: Path, options: Sequence[str], *, patience: float = PATIENCE
 ) -> tuple[int, list[str]]:
     """(status, lines) of pytest with the quick tests of the copy; ended where a test hangs.
 
@@ -115,12 +109,11 @@ def pytest_run(
     """
     command = ["-q", "-m", QUICK, "-p", "no:cacheprovider", "--no-header"]
     command += ["-o", f"faulthandler_timeout={patience}", *options]
-    folder = Path(tempfile.mkdtemp(dir=tree.parent)) if compiled else tree.parent / "numba"
     reading, writing = os.pipe()
     pid = os.fork()
     if pid == 0:
         os.close(reading)
-        _test_and_exit(tree, command, folder, writing)
+        _test_and_exit(tree, command, writing)
     os.close(writing)
     limit = threading.Timer(RUN * patience, _kill, (pid,))
     limit.start()
@@ -131,12 +124,10 @@ def pytest_run(
         limit.cancel()
         _kill(pid)
         status = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
-        if compiled:
-            shutil.rmtree(folder, ignore_errors=True)
     return status, output
 
 
-def _test_and_exit(tree: Path, command: list[str], numba: Path, output: int) -> NoReturn:
+def _test_and_exit(tree: Path, command: list[str], output: int) -> NoReturn:
     """The tests of the copy in this fork, which ends with pytest's status."""
     status = 70
     try:
@@ -147,7 +138,7 @@ def _test_and_exit(tree: Path, command: list[str], numba: Path, output: int) -> 
         os.close(output)  # what a test leaves running does not hold it open
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
         os.chdir(tree)
-        os.environ |= {"PYTHONPATH": str(tree / "src"), "NUMBA_CACHE_DIR": str(numba)}
+        os.environ["PYTHONPATH"] = str(tree / "src")
         for name in [name for name in sys.modules if name.partition(".")[0] in OWN]:
             del sys.modules[name]
         sys.path[:] = [str(tree / "src"), *(p for p in sys.path if p != str(ROOT / "tests"))]
@@ -192,13 +183,10 @@ def catch(one: Break, tree: Path, tests_of_it: Stages, patience: float) -> str:
     """The test that catches the break, "" if none does; the copy is whole afterwards."""
     target = tree / one.path
     source = target.read_bytes()
-    compiled = one.path.parts[2] in COMPILED
     try:
         _write(target, one.apply(source))
         for tests, without in tests_of_it:
-            caught = tests and first_failure(
-                tree, tests, without, compiled=compiled, patience=patience
-            )
+            caught = tests and first_failure(tree, tests, without, patience=patience)
             if caught:
                 return caught
         return ""

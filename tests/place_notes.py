@@ -127,13 +127,6 @@ def pytest_configure() -> None:
     functools.cached_property = _NotingProperty  # type: ignore[misc]
 
 
-def pytest_collection_finish() -> None:
-    """The march stays interpreted: numba cannot compile the notes."""
-    from antiosc.simulation import compilation
-
-    compilation._load = lambda: None
-
-
 def pytest_runtest_logstart(nodeid: str) -> None:
     begin(nodeid)
 

@@ -6,7 +6,6 @@ functions and the values.
 
 from __future__ import annotations
 
-import sys
 import warnings
 from typing import Any
 
@@ -19,7 +18,6 @@ import matplotlib.pyplot as plt
 from hypothesis import HealthCheck, given, settings, strategies as st
 
 import antiosc as ao
-from antiosc.simulation import compilation
 from nasty import EXTREMES, TYPES, is_fem, parameters, public, sound, unmade, verdict
 
 plt.switch_backend("Agg")
@@ -64,15 +62,6 @@ def attempt(name: str, change: dict[str, int]) -> str:
     if "plot" in name:
         plt.close("all")
     return wrong
-
-
-@pytest.fixture(autouse=True)
-def march(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Compiling counts for no call: it comes before the slow tests, the others do without it."""
-    if request.node.get_closest_marker("slow"):
-        compilation.compiled_march()
-    elif compilation._COMPILED not in sys.modules:
-        monkeypatch.setitem(sys.modules, compilation._COMPILED, None)
 
 
 @st.composite

@@ -183,11 +183,6 @@ def _gmsh() -> str:
     return done.stdout.split()[-1]
 
 
-def _numba() -> str:
-    # Imported, an old one would warn of a newer Python; it is first used when a scene is long.
-    return importlib.metadata.version("numba")
-
-
 def _pyvista() -> str:
     """Its version, or what reports have without it; it is optional, so that nothing is missing."""
     # Imported it would load VTK, which takes seconds; it draws in processes of its own.
@@ -199,7 +194,6 @@ def _pyvista() -> str:
 PACKAGES = [
     Package("NumPy", "numpy", "python3-numpy", _attribute("numpy")),
     Package("SciPy", "scipy", "python3-scipy", _attribute("scipy")),
-    Package("numba", "numba", "python3-numba", _numba),
     Package("matplotlib", "matplotlib", "python3-matplotlib", _attribute("matplotlib")),
     Package("MPI", "mpi4py", "python3-mpi4py", _mpi),
     Package("mpi4py", "mpi4py", "python3-mpi4py", _attribute("mpi4py")),

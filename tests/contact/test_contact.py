@@ -126,7 +126,7 @@ def test_thornton_yield_from_material():
     assert law.stiffness == pytest.approx(ao.Hertz.from_radii(R, E_star, 0.0).stiffness)
     # the pressure cut-off: dF/d(area of contact) = p beyond yield, with area = pi R delta
     delta = 5 * law.yield_indentation
-    assert law.loading_slope(delta) == pytest.approx(np.pi * R * p)
+    assert law.tangent(delta, 0.0, law.touch(1.0))[0] == pytest.approx(np.pi * R * p)
 
 
 def test_yang_sun_unloads_with_constant_rigidity():
@@ -353,7 +353,7 @@ def test_the_work_of_loading_is_the_integral_of_the_force():
         if not law.has_memory:
             continue
         depths = np.concatenate([np.linspace(0, 1.4e-4, 6001), np.linspace(1.4e-4, 2e-3, 6001)])
-        forces = [law.loading(d) if d else 0.0 for d in depths]
+        forces = [law.force(d, 0.0, law.touch(1.0)) for d in depths]
         work = np.append(0.0, np.cumsum(np.diff(depths) * (np.add(forces[1:], forces[:-1])) / 2))
         for i in (60, 900, 6000, 8000, 12001):
             assert law.loading_work(depths[i]) == pytest.approx(work[i], rel=2e-3)

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.simulation import convergence, march
+from antiosc import march
+from antiosc.simulation import convergence
 from antiosc.simulation.convergence import SECOND, converge
 from antiosc.simulation.engine import Run
 

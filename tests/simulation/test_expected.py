@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.simulation import convergence, march
+from antiosc import march
+from antiosc.simulation import convergence
 from antiosc.simulation.assembly import assemble
 from antiosc.simulation.convergence import FLOOR, MORE, MOST, NEAR, SECOND, converge, left
 from antiosc.simulation.engine import Run

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from antiosc import march
 from antiosc.contact import ContactLaw, State
-from antiosc.simulation import march
 from antiosc.simulation.assembly import Assembly, assemble
 from antiosc.simulation.engine import Run
 from antiosc.simulation.integrators.scene_steps import SCENE_STEPS

@@ -1,86 +1,196 @@
-"""Parts of the march against closed forms: responses, crossings, the mass that a blow meets."""
+"""Parts of the march against closed forms: responses, crossings, chords, errors, differences."""
 
 from __future__ import annotations
 
+from math import inf
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from scipy.integrate import trapezoid
 
 import antiosc as ao
-from antiosc.simulation import compilation, convergence, engine, march
+from antiosc import march
+from antiosc.simulation import convergence, engine
 from antiosc.simulation.assembly import assemble
 from antiosc.simulation.convergence import converge, difference, left
-from antiosc.simulation.march.course import mass_felt
-from antiosc.simulation.march.crossings import crossing, polished
-from antiosc.simulation.march.curves import table_at
-from antiosc.simulation.march.responses import responses, responses_twice
-from antiosc.simulation.march.tables import moves, push
 from antiosc.simulation.refinement import start
-from marches import written_out
+from antiosc.simulation.system import System
+from march_audit import motion
+from march_builds import Stepper, built, doubles, law_at
 from scenes import HERTZ, case_two
 
-
-def test_a_step_and_its_half_share_their_sines() -> None:
-    omega = np.array([0.0, 1e-3, 0.3, 2.0, 40.0, 7.0])
-    decay = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.5])
-    whole, half, one, other = (np.empty((6, omega.size)) for _ in range(4))
-    responses_twice(omega, decay, 1.3, whole, half)
-    responses(omega, decay, 1.3, one)
-    responses(omega, decay, 0.65, other)
-    np.testing.assert_allclose(whole, one, rtol=1e-13, atol=1e-15)
-    np.testing.assert_allclose(half, other, rtol=1e-13, atol=1e-15)
+Array = NDArray[np.float64]
+OMEGA, DECAY = np.array([0.0, 300.0, 2e3, 9e3, 3e4]), np.array([0.0, 4.0, 0.0, 90.0, 0.0])
+LOW, HIGH, SLOW, FAST = range(4)  # the bounds of a branch
 
 
-def test_a_mode_over_a_step_under_a_parabola() -> None:
-    """q'' + w^2 q = -(a + b t + c t^2/2), solved by hand; rows of zeros add nothing."""
-    w, h, (a, b, c), (q, v) = 3.0, 0.7, (2.0, -5.0, 11.0), (0.3, -0.8)
-    omega, beta = np.array([w]), np.array([[1.0], [0.0]])
-    table, move = np.empty((1, 6, 1)), np.empty((1, 8, 2, 1))
-    responses(omega, np.zeros(1), h, table[0])
-    moves(0, omega, beta, table, move)
-    x = np.array([[q], [v]])
-    push(move[0], np.array([[a, 9.0], [b, 9.0], [c, 9.0]]), x)
+def system(laws: list[ao.ContactLaw], **given: Array) -> System:
+    """Modes, loads and gaps at random for the laws."""
+    rng, p = np.random.default_rng(3), len(laws)
+    a = rng.normal(size=(p, p))
+    own = {
+        "omega": OMEGA, "decay": DECAY, "beta": rng.normal(size=(p, OMEGA.size)),
+        "R": 1e-7 * a @ a.T, "breaks": np.array([0.0, 0.2, 0.7]),
+        "loads": rng.normal(size=(3, OMEGA.size)), "offsets": rng.normal(size=(3, p)) * 1e-6,
+        "q": rng.normal(size=OMEGA.size) * 1e-5, "v": rng.normal(size=OMEGA.size),
+    }  # fmt: skip
+    return System(
+        **{**own, **given}, laws=laws, slip=np.zeros((p, 2)), tangents=np.array([[p, 0]] * p),
+        mass=np.ones(p), depth=np.full(p, 1e-4), speed=np.full(p, 2.0), pressed=np.zeros(p),
+    )  # fmt: skip
 
-    def rest(t: float) -> np.ndarray:  # a particular solution and its rate
-        value = -(a + b * t + c * t * t / 2 - c / w**2) / w**2
-        return np.array([value, -(b + c * t) / w**2])
 
-    free = np.array([q, v]) - rest(0.0)
-    cosine, sine = np.cos(w * h), np.sin(w * h)
-    turned = np.array([[cosine, sine / w], [-w * sine, cosine]]) @ free
-    np.testing.assert_allclose(x[:, 0], turned + rest(h), rtol=1e-13)
+@pytest.mark.parametrize("ratio", [0.0, 0.01, 0.5, 0.999999999999, 1.1, 30.0])
+def test_responses_are_those_of_the_equation_of_motion(ratio: float) -> None:
+    """Against its power series and the roots of its characteristic polynomial."""
+    omega = np.array([1e-3, 0.3, 2.0, 7.0, 40.0])
+    decay, t = ratio * omega, np.array([[1e-6], [0.04], [1.3]])
+    P, W, S, J0, J1, J2 = march.responses(omega, decay, t)
+    none, one = np.zeros_like(P), np.ones_like(P)
+    still = [none, none, none]
+    moved = motion(omega, decay, t, one, none, still), motion(omega, decay, t, none, one, still)
+    tight = {"rtol": 1e-7 if 0.99 < ratio < 1.2 else 1e-9, "atol": 1e-13}
+    np.testing.assert_allclose(P, moved[0][0], **tight)
+    np.testing.assert_allclose(S, moved[1][0], **tight)
+    np.testing.assert_allclose(W, moved[1][1], **tight)
+    np.testing.assert_allclose(-(omega**2) * S, moved[0][1], **tight)
+    for k, J in enumerate((J0, J1, J2)):
+        push = [one * (k == n) for n in range(3)]
+        scale = t ** (k + 2)
+        found = motion(omega, decay, t, none, none, push)[0]
+        np.testing.assert_allclose(J / scale, found / scale, rtol=1e-6, atol=1e-9)
 
 
 def test_a_crossing_is_that_of_the_polynomial() -> None:
-    p = np.polynomial.Polynomial([1.0, 2.0, -7.0, 3.0, -1.0, 0.5])
+    parts, p = built(), np.polynomial.Polynomial([1.0, 2.0, -7.0, 3.0, -1.0, 0.5])
     d, h, at = p.deriv(), 0.3, 0.28
-    bound = float(p(at))
-    cubic = crossing(p(h / 2), d(h / 2), p(h), d(h), h / 2, bound) + h / 2
-    values = [f(t) for t in (0.0, h / 2, h) for f in (p, d)]
+    bound, y, s = float(p(at)), *(doubles([f(t) for t in (0.0, h / 2, h)]) for f in (p, d))
+    cubic = parts.part_crossing(y[1], s[1], y[2], s[2], h / 2, bound) + h / 2
     assert cubic == pytest.approx(at, rel=1e-3)
     assert abs(cubic - at) > 1e-7
-    assert polished(cubic, *values, h, bound) == pytest.approx(at, rel=1e-10)
-    assert polished(0.05, *values, h, 5.0) == 0.05  # no crossing: left as it was
+    assert parts.part_polished(cubic, y, s, h, bound) == pytest.approx(at, rel=1e-10)
+    assert parts.part_polished(0.05, y, s, h, 5.0) == 0.05  # no crossing: left as it was
+
+
+def test_the_misfit_of_a_cubic_is_its_distance_from_the_parabola() -> None:
+    """On the nodes 0, h/2, h, with a value half a step before; a force that begins as t^(3/2)."""
+    rng, t, misfit = np.random.default_rng(0), np.linspace(0, 1, 20_001), built().part_misfit
+    for before, h in ((1.0, 1.0), (0.3, 0.9), (2.0, 0.4)):
+        cubic = np.polynomial.Polynomial(rng.normal(size=4))
+        earlier, *nodes = cubic(np.array([-before / 2, 0.0, h / 2, h]))
+        parabola = np.polynomial.Polynomial.fit([0, h / 2, h], nodes, 2)
+        worst = np.abs(cubic(h * t) - parabola(h * t)).max()
+        assert misfit(earlier, doubles(nodes), before, h, 0) == pytest.approx(worst, rel=2e-3)
+    nodes = np.array([0.0, 0.5, 1.0]) ** 1.5
+    worst = np.abs(t**1.5 - np.polynomial.Polynomial.fit([0, 0.5, 1], nodes, 2)(t)).max()
+    assert worst < misfit(9.0, doubles(nodes), 1.0, 1.0, 1) < 1.35 * worst
+
+
+def test_a_chord_misses_no_more_than_its_curvature_and_twice_its_amplitude() -> None:
+    """Σ swing min(2, ω (ω + 2 d) h²/8), with the amplitudes about where the loads hold the modes;
+    of what has no frequency the largest acceleration."""
+    s = system([ao.Linear(1.0), ao.Linear(1.0)])
+    load, rise = s.loads[0], (s.loads[1] - s.loads[0]) / 0.2
+    square = np.where(OMEGA > 0, OMEGA, 1.0) ** 2
+    rest = (load - 2 * DECAY * rise / square) / square
+    wide = np.hypot(s.q - rest, (s.v - rise / square) / np.sqrt(square))
+    wide[0] = max(abs(load[0]), abs(load[0] + 0.3 * rise[0]))
+    stepper = Stepper(s, 0.3)
+    for c in (0, 1):
+        swing = np.abs(s.beta[c]) * wide
+        for h in (1e-5, 1e-3, 0.2):
+            expected = swing @ np.minimum(2.0, OMEGA * (OMEGA + 2 * DECAY) * h * h / 8)
+            expected += swing[0] * h * h / 8
+            found = stepper.library.part_chord(stepper.at, c, h)
+            assert found == pytest.approx(expected, rel=1e-12)
 
 
 @pytest.mark.parametrize("t", [1e-5, 1e-2])
 def test_a_rigid_mass_and_a_spring_feel_a_force_as_they_do(t: float) -> None:
     """A mass alone is felt whole; on a spring the motion under a force is (1 - cos wt) F/k."""
-    none = np.zeros((1, 1))
-    modes = (np.zeros(1), np.zeros(1), np.array([[0.5]]), none)
-    assert mass_felt(0, t, modes) == pytest.approx(4.0)
-    w = 300.0
-    modes = (np.array([w]), np.zeros(1), np.array([[0.5]]), none)
-    way = 0.25 * (1 - np.cos(w * t)) / w**2
-    assert mass_felt(0, t, modes) == pytest.approx(0.5 * t * t / way, rel=1e-9)
+    given = {
+        "decay": np.zeros(1), "beta": np.array([[0.5]]), "R": np.zeros((1, 1)),
+        "loads": np.zeros((3, 1)), "q": np.zeros(1), "v": np.ones(1),
+    }  # fmt: skip
+    way = 0.25 * (1 - np.cos(300.0 * t)) / 300.0**2
+    for w, mass in ((0.0, 4.0), (300.0, 0.5 * t * t / way)):
+        stepper = Stepper(system([ao.Linear(1.0)], omega=np.array([w]), **given), 1.0)
+        found = stepper.library.part_mass_felt(stepper.at, 0, t)
+        assert found == pytest.approx(mass, rel=1e-9)
+
+
+@pytest.mark.parametrize("fresh", [0, 1])
+def test_ripple_is_the_amplitude_of_what_a_step_does_not_resolve(fresh: int) -> None:
+    """On a spring k behind a compliance c an amplitude a of the free motion is k a/(1 + k c)."""
+    stiffness, h, depth = (3e5, 2e6), 1e-3, 2e-4
+    s = system([ao.Linear(k) for k in stiffness])
+    stepper, worst = Stepper(s, 1.0, h), []
+    for c, k in enumerate(stiffness):
+        amplitude, soft = 0.0, 0.0
+        for j in np.flatnonzero(h * OMEGA > 2):
+            rest = s.loads[0, j] / OMEGA[j] ** 2
+            amplitude += abs(s.beta[c, j]) * np.hypot(s.q[j] - rest, s.v[j] / OMEGA[j])
+            soft += s.beta[c, j] ** 2 / OMEGA[j] ** 2
+        if fresh:  # the force that begins sets the modes in motion
+            amplitude += abs(k * (depth + h * (s.beta[c] @ s.v))) * soft
+        worst.append(k * amplitude / (1 + k * (soft + s.R[c, c])))
+    found = stepper.library.part_ripple(stepper.at, h, depth, fresh)
+    assert found == pytest.approx(max(worst), rel=1e-9)
+
+
+BOUNDS = [
+    (ao.Linear(1e9), march.FORWARD, (), (0.0, inf, -inf, inf)),
+    (ao.Linear(1e9), march.APART, (), (-inf, 0.0, -inf, inf)),
+    (ao.HuntCrossley(1e9, 0.5), march.FORWARD, (0.25,), (0.0, inf, -4.0, inf)),
+    (ao.HuntCrossley(1e9, 0.5), march.CUT, (0.25,), (0.0, inf, -inf, -4.0)),
+    (ao.TanSun(1e9, 1e-5, 0.4), march.FORWARD, (3e-5, 0.0, 2e-5), (8e-6, 3e-5, 0.0, inf)),
+    (ao.TanSun(1e9, 1e-5, 0.4), march.FORWARD, (3e-5, 0.0, 3e-5), (8e-6, inf, 0.0, inf)),
+    (ao.TanSun(1e9, 1e-5, 0.4), march.BACK, (3e-5, 2e-5, 0.0), (8e-6, 2e-5, -inf, inf)),
+    (ao.TanSun(1e9, 1e-5, 0.4), march.APART, (3e-5, 2e-5, 0.0), (-inf, 8e-6, -inf, inf)),
+    (ao.Thornton(1e9, 1e-5), march.FORWARD, (0.0, 0.0, 0.0), (0.0, 1e-5, 0.0, inf)),
+    (ao.Thornton(1e9, 1e-5), march.FORWARD, (1e-5, 0.0, 1.1e-5), (0.0, inf, 0.0, inf)),
+    (ao.Stronge(1e9, 1e-5), march.FORWARD, (1e-5, 0.0, 1e-5), (0.0, 84e-5, 0.0, inf)),
+]
+
+
+@pytest.mark.parametrize(("law", "branch", "memory", "bounds"), BOUNDS)
+def test_a_branch_of_a_law_ends_at_its_bounds(
+    law: ao.ContactLaw, branch: int, memory: tuple, bounds: tuple
+) -> None:
+    out = doubles([0.0] * 4)
+    built().part_bounds(law_at(law), branch, doubles([*memory, *[0.0] * 8]), out)
+    assert tuple(out) == pytest.approx(bounds, rel=1e-12)
+
+
+def test_a_law_with_memory_goes_through_its_branches() -> None:
+    """Loading, turning, unloading, reloading from the turning point, and back along the curve."""
+    law, memory, change = ao.Thornton(1e9, 1e-5), doubles([0.0] * 8), built().part_next_branch
+    at = law_at(law)
+    assert change(at, march.APART, HIGH, 0.0, 1.0, memory) == march.FORWARD
+    assert change(at, march.FORWARD, SLOW, 4e-5, 0.0, memory) == march.BACK
+    assert memory[:2] == [4e-5, 4e-5]
+    assert change(at, march.BACK, LOW, 0.0, -1.0, memory) == march.APART
+    assert change(at, march.APART, HIGH, 0.0, 1.0, memory) == march.BACK  # it retraces
+    assert change(at, march.BACK, HIGH, 4e-5, 1.0, memory) == march.FORWARD
+    law, memory = ao.HuntCrossley(1e9, 0.5), doubles([0.0] * 8)
+    assert change(law_at(law), march.APART, HIGH, 0.0, 2.0, memory) == march.FORWARD
+    assert memory[:2] == pytest.approx(law.touch(2.0))
+    assert change(law_at(law), march.FORWARD, SLOW, 1e-5, -9.0, memory) == march.CUT
+    assert change(law_at(law), march.CUT, FAST, 1e-5, 0.0, memory) == march.FORWARD
+
+
+# -- runs
+
+
+def blow(duration: float) -> tuple[ao.Scene, float]:
+    model, mass = case_two(9)
+    return ao.Scene({"a": model, "b": mass}, [ao.Contact("a", "b", ao.Hertz(HERTZ))]), duration
 
 
 def test_two_runs_serve_a_smooth_blow(monkeypatch) -> None:
-    model, mass = case_two(9)
-    scene = ao.Scene({"a": model, "b": mass}, [ao.Contact("a", "b", ao.Hertz(HERTZ))])
-    made = assemble(scene, 1e-3)
+    made = assemble(*blow(1e-3))
     start(made)
     shares = []
 
@@ -102,65 +212,8 @@ def test_what_is_left_of_a_difference(finer: float) -> None:
     assert left(finer**3, rated=True) == pytest.approx(convergence.MARGIN / (finer - 1))
 
 
-@pytest.mark.parametrize("by_numba", [False, pytest.param(True, marks=pytest.mark.slow)])
-def test_compiled_differences_and_energies_are_those_of_numpy(monkeypatch, by_numba) -> None:
-    if by_numba:
-        pytest.importorskip("numba")
-    model, mass = case_two(9)
-    scene = ao.Scene({"a": model, "b": mass}, [ao.Contact("a", "b", ao.Hertz(HERTZ))])
-    made = assemble(scene, 2e-3)
-    compiled = compilation.compiled_march() if by_numba else written_out()
-    if compiled is None:
-        pytest.skip("numba does not work here")
-    runs = [engine.run(made.system, 2e-3, share, fine=made.lasting / 200) for share in (0.1, 1e-2)]
-    found = {}
-    for module in (march, compiled):
-        monkeypatch.setattr(convergence, "fitting_march", lambda _, module=module: module)
-        found[module] = [difference(*runs, tol) for tol in (1e-3, 1.0)]
-    np.testing.assert_allclose(found[compiled], found[march], rtol=1e-10)
-    assert found[march][0][2] < found[march][1][2] == 2e-3
-    assert runs[0].states is not None
-    energies = np.empty((2, len(runs[0].states)))
-    march.energies(runs[0].states, made.system.omega, energies[0])
-    compiled.energies(runs[0].states, made.system.omega, energies[1])
-    np.testing.assert_allclose(energies[1], energies[0], rtol=1e-12)
-
-
-def free_flight(module, seed: int, damped: bool) -> list[float]:
-    """`chord` of arrays at random, by the loops or by NumPy."""
-    rng = np.random.default_rng(seed)
-    omega = np.array([0.0, 3.0, 40.0, 900.0])
-    decay = 0.4 * omega if damped else np.zeros(4)
-    work: list[object] = [None] * 13
-    levels = march.LEVELS
-    work[9], work[10] = rng.uniform(0.1, 1, (2, 4)), rng.uniform(0.1, 1, 2)
-    work[11], work[12] = np.zeros((levels + 1, 2)), np.zeros(levels + 1, dtype=np.int64)
-    modes = (omega, decay, None, None)
-    chord, spans = module.flight.chord, (1e-3, 0.05, 2.0)
-    return [chord(c, levels, h, modes, work) for c in (0, 1) for h in spans]
-
-
-@pytest.mark.parametrize("damped", [False, True])
-def test_a_chord_misses_no_more_than_its_curvature_and_twice_its_amplitude(damped) -> None:
-    """Σ swing min(2, ω (ω + 2 d) h²/8) and what has no frequency, by both branches."""
-    rng = np.random.default_rng(5)
-    swing, bend = rng.uniform(0.1, 1, (2, 4)), rng.uniform(0.1, 1, 2)
-    omega = np.array([0.0, 3.0, 40.0, 900.0])
-    growth = omega * (omega + 2 * (0.4 * omega if damped else 0.0))
-    expected = [
-        bend[c] * h**2 / 8 + sum(swing[c] * np.minimum(2.0, growth * h**2 / 8))
-        for c in (0, 1)
-        for h in (1e-3, 0.05, 2.0)
-    ]
-    for module in (march, written_out()):
-        np.testing.assert_allclose(free_flight(module, 5, damped), expected, rtol=1e-12)
-
-
-@pytest.mark.parametrize("module", ["numpy", "loops"])
-def test_the_difference_of_two_runs_is_the_integral_of_its_square(monkeypatch, module) -> None:
+def test_the_difference_of_two_runs_is_the_integral_of_its_square() -> None:
     """Runs of parabolas on unlike nodes, forces from the first node on; by trapezoids between."""
-    other = march if module == "numpy" else written_out()
-    monkeypatch.setattr(convergence, "fitting_march", lambda _: other)
     time = np.array([0.0, 0.1, 0.2, 0.45, 0.7, 0.85, 1.0]), np.array([0.0, 0.3, 0.6, 0.8, 1.0])
     rng = np.random.default_rng(8)
     force = [rng.uniform(1.0, 3.0, (t.size, 2)) for t in time]
@@ -187,11 +240,41 @@ def test_the_difference_of_two_runs_is_the_integral_of_its_square(monkeypatch, m
     assert until == nodes[np.flatnonzero(used > limit)[0]]
 
 
-@pytest.mark.parametrize("x", [-0.3, 0.0, 0.25, 0.5, 0.8, 1.5, 1.9, 2.0, 2.7])
-def test_a_table_is_its_cubic_and_a_straight_line_beyond(x) -> None:
-    """Packed from x³ on three knots, behind two other parameters."""
-    knots = np.array([0.0, 0.5, 2.0])
-    packed = [np.array([7.0, 7.0]), knots, np.ones(3), 3 * knots, 3 * knots**2, knots**3]
-    found = table_at(np.concatenate([*packed, np.array([8.0, 12.0])]), 2, 3, x)
-    inside, beyond = min(max(x, 0.0), 2.0), max(x - 2.0, 0.0)
-    np.testing.assert_allclose(found, [inside**3 + 12 * beyond, 3 * inside**2], rtol=1e-12)
+def test_energies_are_those_of_the_modes() -> None:
+    x = np.random.default_rng(1).normal(size=(7, 2, OMEGA.size))
+    expected = 0.5 * ((OMEGA * x[:, 0]) ** 2 + x[:, 1] ** 2).sum(axis=1)
+    np.testing.assert_allclose(march.energies(x, OMEGA), expected, rtol=1e-12)
+
+
+def test_the_march_is_a_collocation_of_order_four() -> None:
+    """Against a march of fixed steps in NumPy, written for one contact of one spring."""
+    model, mass = case_two(9)
+    made = assemble(ao.Scene({"a": model, "b": mass}, [ao.Contact("a", "b", ao.Linear(1e6))]), 1e-4)
+    start(made)
+    s = made.system
+    found = engine.run(s, 1e-4, 1e-7, fine=made.lasting / 200)
+    errors = []
+    for count in (8, 16):
+        q, v, f = s.q.copy(), s.v.copy(), 0.0
+        for _ in range(count):
+            q, v, f = collocated(s, 1e6, q, v, f, 1e-4 / count)
+        errors.append(abs(f / found.force[-1, 0] - 1))
+    assert errors[1] < 1e-4
+    assert errors[0] / errors[1] > 10
+
+
+def collocated(s: System, k: float, q: Array, v: Array, f0: float, h: float) -> tuple:
+    """A step under the parabola of the force that meets F = k delta at h/2 and h."""
+    b = s.beta[0]
+
+    def moved(f: Array, t: float) -> tuple[Array, Array]:
+        a = np.array([f[0], (4 * f[1] - 3 * f[0] - f[2]) / h, 4 * (f[0] - 2 * f[1] + f[2]) / h**2])
+        return motion(s.omega, s.decay, np.full((1, 1), t), q[None], v[None], -a[:, None, None] * b)
+
+    zero = np.array([f0, 0.0, 0.0])
+    free = np.array([b @ moved(zero, t)[0][0] for t in (h / 2, h)])
+    unit = [zero + np.eye(3)[i] for i in (1, 2)]
+    give = free[:, None] - [[b @ moved(e, t)[0][0] for e in unit] for t in (h / 2, h)]
+    f = np.append(f0, np.linalg.solve(np.eye(2) + k * give, k * free))
+    (q1,), (v1,) = moved(f, h)
+    return q1, v1, f[2]

@@ -9,13 +9,11 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.simulation.compilation import compiled_march
 from scene_cases import random_scene
 
 
 @pytest.mark.slow
 def test_random_scenes_end_with_finite_forces_and_their_energy() -> None:
-    compiled_march()  # sooner, where there is one
     completed = 0
     for seed in range(60):
         with warnings.catch_warnings():
@@ -30,9 +28,6 @@ def test_random_scenes_end_with_finite_forces_and_their_energy() -> None:
 
 @pytest.mark.slow
 def test_no_random_scene_takes_ten_seconds_of_cpu() -> None:
-    if compiled_march() is None:
-        pytest.skip("the interpreted march is slower")
-
     def late(number: int, frame: object) -> None:
         raise TimeoutError
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from collections import OrderedDict
 
 import numpy as np
 import pytest
@@ -10,12 +11,13 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 import antiosc as ao
-from antiosc.simulation import march
+from antiosc import march
+from antiosc.simulation import engine
 from antiosc.simulation.assembly import assemble
 from antiosc.simulation.engine import run
-from antiosc.simulation.march import forces as solver
 from antiosc.simulation.scene_states import forces, located
 from direct import force_error, physical
+from march_builds import built
 from scene_cases import CORNERS, LAWS, bounce, plate, rod_between_walls, stops
 from scenes import HERTZ, case_two, hertz_impact
 
@@ -178,9 +180,10 @@ def test_sweeps_and_newtons_method_give_the_same_forces(monkeypatch) -> None:
     contacts = [ao.Contact(*pair, law) for pair, law in zip(ends, laws, strict=True)]
     made = assemble(ao.Scene({"b": body, **masses}, contacts), 5e-4)
     runs = []
-    for sweeps in (solver.SWEEPS, 0):
-        monkeypatch.setattr(solver, "SWEEPS", sweeps)
-        runs.append(run(made.system, 5e-4, 1e-3, module=march, fine=1e-8))
+    for library in (built(), built("SWEEPS=0")):
+        monkeypatch.setattr(march, "library", library)
+        monkeypatch.setattr(engine, "_kept", OrderedDict())
+        runs.append(run(made.system, 5e-4, 1e-3, fine=1e-8))
     a, b = runs
     assert a.time.size == b.time.size
     np.testing.assert_allclose(a.force, b.force, atol=1e-10 * a.force.max())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from collections.abc import Callable
 from functools import cache
 
@@ -10,12 +11,13 @@ import pytest
 from numpy.typing import NDArray
 
 import antiosc as ao
-from antiosc.simulation import march
+from antiosc import march
+from antiosc.simulation import engine
 from antiosc.simulation.assembly import assemble
 from antiosc.simulation.engine import run
-from antiosc.simulation.march import forces as solver
 from antiosc.simulation.scene_states import forces, located
 from direct import beam, force_error, free_modes, physical
+from march_builds import built
 
 Array = NDArray[np.float64]
 EI, RHO_A, LENGTH = 20.0, 0.8, 0.5  # a strip of aluminium, 30 mm x 6 mm and half as stiff
@@ -203,9 +205,10 @@ def test_sweeps_and_newtons_method_agree(
     scene, duration, _ = posed()
     made = assemble(scene, duration)
     runs = []
-    for sweeps in (solver.SWEEPS, 0):
-        monkeypatch.setattr(solver, "SWEEPS", sweeps)
-        runs.append(run(made.system, duration / 2, 1e-3, module=march, fine=made.lasting / 200))
+    for library in (built(), built("SWEEPS=0")):
+        monkeypatch.setattr(march, "library", library)
+        monkeypatch.setattr(engine, "_kept", OrderedDict())
+        runs.append(run(made.system, duration / 2, 1e-3, fine=made.lasting / 200))
     a, b = runs
     assert a.touches > 0
     assert a.time.size == b.time.size

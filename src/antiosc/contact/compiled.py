@@ -6,7 +6,7 @@ A subclass gives the kind and the parameters; the formulas stand in C alone.
 from __future__ import annotations
 
 from abc import abstractmethod
-from ctypes import addressof, c_double
+from ctypes import addressof, byref, c_double
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -47,21 +47,27 @@ class Compiled(ContactLaw):
 
     def force(self, delta: float, rate: float, state: State) -> float:
         out = _Three()
-        march.library.aom_law_force(self._at, delta, rate, _Three(*state), out)
+        march.library.aom_law_force(self._at, delta, rate, _Three(*state[:3]), out)
         return out[0]
 
     def tangent(self, delta: float, rate: float, state: State) -> tuple[float, float]:
         out = _Three()
-        march.library.aom_law_force(self._at, delta, rate, _Three(*state), out)
+        march.library.aom_law_force(self._at, delta, rate, _Three(*state[:3]), out)
         return out[1], out[2]
 
     def energy(self, delta: float, state: State) -> float:
-        return float(self.energies(np.array([delta], dtype=float), state)[0])
+        out = c_double()
+        at = byref(c_double(delta)), _Three(*state[:3]), byref(out)
+        march.library.aom_law_energies(self._at, 1, *at)
+        return out.value
+
+    def potential(self, delta: float, state: State) -> float:
+        return super().potential(delta, state) if self.has_memory else self.energy(delta, state)
 
     def energies(self, delta: Array, state: State) -> Array:
         depth, out = np.ascontiguousarray(delta, dtype=float), np.empty(len(delta))
         march.library.aom_law_energies(
-            self._at, depth.size, depth.ctypes.data, _Three(*state), out.ctypes.data
+            self._at, depth.size, march.address(depth), _Three(*state[:3]), march.address(out)
         )
         return out
 
@@ -72,21 +78,21 @@ class Compiled(ContactLaw):
     def touch(self, speed: float, state: State | None = None) -> State:
         if not self.size:
             return ()
-        now = _Three(*(state or ()))
+        now = _Three(*(state or ())[:3])
         march.library.aom_law_touch(self._at, speed, state is None, now)
         return tuple(now[: self.size])
 
     def advance(self, delta: float, rate: float, state: State) -> State:
         if not self.has_memory:
             return state
-        now = _Three(*state)
+        now = _Three(*state[:3])
         march.library.aom_law_advance(self._at, delta, now)
         return tuple(now)
 
     def origin(self, state: State) -> float:
         if not self.has_memory:
             return 0.0
-        return float(march.library.aom_law_origin(self._at, _Three(*state)))
+        return float(march.library.aom_law_origin(self._at, _Three(*state[:3])))
 
     def lost(self, state: State) -> float:
         return state[2] if self.has_memory else 0.0

@@ -61,7 +61,7 @@ class Buffers:
             np.empty((nodes // 2 + 2, 2, size)),
             np.empty((nodes + p + 1, 4)),
         )
-        at = [each.ctypes.data for each in self.arrays]
+        at = map(march.address, self.arrays)
         # room for one state more than the march writes: the last
         self.record = march.Record(nodes, nodes // 2 + 1, len(self.arrays[4]), 0, 0, 0, *at)
         self.states = self.record.states
@@ -103,7 +103,7 @@ class Space:
     def renew(self, given: Given) -> None:
         """Be for other bodies of as many modes and rows: new memory costs more than a run."""
         answer = march.library.aom_create(
-            byref(given.system), self.memory.ctypes.data, self.memory.nbytes, byref(self.stepper)
+            byref(given.system), march.address(self.memory), self.memory.nbytes, byref(self.stepper)
         )
         _check(answer)
 
@@ -188,13 +188,13 @@ def run(
         if answer == march.FULL:
             parts.append(buffers.taken())
             nodes = min(4 * nodes, _LONGEST)
-            buffers = Buffers(nodes, p, m, size if keep else 0)
+            buffers = Buffers(nodes, p, m, size)
             record = buffers.emptied(keep)
         elif answer != march.PAUSED:
             break
     if keep:
         last = buffers.arrays[3][record.n_states]
-        march.library.aom_modal_state(space.stepper, last.ctypes.data)
+        march.library.aom_modal_state(space.stepper, march.address(last))
         record.n_states += 1
     parts.append(buffers.taken())
     told = march.library.aom_summarize(space.stepper)
@@ -202,8 +202,9 @@ def run(
     if answer == march.LAW_FAILED:
         given.failed()
     whole = parts[0]
-    if len(parts) > 1:
-        whole = tuple(np.concatenate(part) for part in zip(*parts, strict=True))
+    if len(parts) > 1:  # a part begins with the node that the one before ends with
+        rest = [(time[1:], force[1:], depth[1:], *kept) for time, force, depth, *kept in parts[1:]]
+        whole = tuple(np.concatenate(part) for part in zip(parts[0], *rest, strict=True))
     return Run(
         time=whole[0],
         force=whole[1],

@@ -88,12 +88,13 @@ def trajectory(problem: Problem, system: System, found: Run, duration: float) ->
     time, force = found.time, np.maximum(found.force[:, 0], 0.0)
     moving = (found.states[spans, 1] @ problem.rigid).tolist()
     taken = _taken(problem, found)
+    pulses = march.pulses(time, found.force, 0, spans).tolist()
     contacts: list[Contact] = []
     segments, at = 0, 0
     for c, (first, last) in enumerate(spans.tolist()):
         segments += first > at  # the flight before it
         nodes = slice(2 * first, 2 * last + 1)
-        area, peak = march.pulse(time, found.force, 0, first, last)
+        area, peak = pulses[c]
         contacts.append(
             Contact(
                 start=float(time[2 * first]),

@@ -57,7 +57,8 @@ class ContactHistory(Brief):
     def _pulse(self) -> tuple[float, float]:
         """Impulse [N s] and largest force [N]."""
         steps = self.time.size // 2
-        return march.pulse(self.time, self.force[:, None], 0, 0, steps)
+        area, top = march.pulses(self.time, self.force[:, None], 0, np.array([[0, steps]]))[0]
+        return float(area), float(top)
 
     @property
     def contact_time(self) -> float:

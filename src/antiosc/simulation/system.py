@@ -89,12 +89,12 @@ class Given:
         parts = (s.omega, s.decay, s.beta, s.R, s.breaks, s.loads, s.offsets, s.q, s.v)
         self.block = np.concatenate([each.ravel() for each in parts], dtype=float)
         self.bodies = self.block[: 2 * size + m * (size + m)].tobytes()
-        at = [self.block.ctypes.data]
+        at = [march.address(self.block)]
         for each in parts[:-1]:
             at.append(at[-1] + 8 * each.size)
         *arrays, q, v = at
         self.laws = [packed(law) for law in s.laws]
-        self.contacts: CArray[march.Contact] = (march.Contact * p)()
+        self.contacts = (march.Contact * p)()
         each_contact = zip(
             self.contacts, self.laws, s.slip.tolist(), s.tangents.tolist(), s.mass.tolist(),
             s.depth.tolist(), s.speed.tolist(), s.slowest.tolist(), s.pressed.tolist(), strict=True,

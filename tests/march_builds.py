@@ -1,0 +1,75 @@
+"""The march compiled for tests: with its inner functions, or with other numbers in it."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from ctypes import byref, c_double, c_int, c_void_p
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from antiosc import march
+from antiosc.simulation.system import System
+from paths import ROOT
+
+_PARTS: dict[str, tuple[Any, ...]] = {
+    "part_crossing": (c_double, *[c_double] * 6),
+    "part_polished": (c_double, c_double, c_void_p, c_void_p, c_double, c_double),
+    "part_misfit": (c_double, c_double, c_void_p, c_double, c_double, c_int),
+    "part_chord": (c_double, c_void_p, c_int, c_double),
+    "part_mass_felt": (c_double, c_void_p, c_int, c_double),
+    "part_ripple": (c_double, c_void_p, c_double, c_double, c_int),
+    "part_bounds": (None, c_void_p, c_int, c_void_p, c_void_p),
+    "part_next_branch": (c_int, c_void_p, c_int, c_int, c_double, c_double, c_void_p),
+}
+
+
+@cache
+def built(*defines: str) -> Any:
+    """The library with `tests/march_parts.c`, and macros such as SWEEPS=0."""
+    sys.path.insert(0, str(ROOT / "packaging"))
+    try:
+        import library
+    finally:
+        sys.path.pop(0)
+    out = Path(tempfile.mkdtemp()) / "libmarch.so"
+    flags = ["-std=c99", "-O1", "-fPIC", "-shared", *(f"-D{each}" for each in defines)]
+    units = [ROOT / "tests" / "march_parts.c", ROOT / "csrc" / "export" / "antiosc_model.c"]
+    command = [*library.compiler(), *flags, "-o", str(out), *map(str, units), "-lm"]
+    subprocess.run(command, check=True)
+    found = march.load(out, out.parent)
+    for name, (result, *arguments) in _PARTS.items():
+        function = getattr(found, name)
+        function.restype, function.argtypes = result, arguments
+    return found
+
+
+class Stepper:
+    """A stepper of the test's library at the start of a run."""
+
+    def __init__(self, system: System, duration: float, step: float = 0.0) -> None:
+        self.library, given = built(), system.packed
+        self.keeps = given
+        size = self.library.aom_memory_size(byref(given.system))
+        self.memory = np.empty(-(-size // 16), dtype=np.complex128)
+        self.at = c_void_p()
+        options = march.Options(duration, 1e-3, 0.0, step, duration / 1e4, 100, 10_000)
+        made = self.library.aom_create(
+            byref(given.system), self.memory.ctypes.data, self.memory.nbytes, byref(self.at)
+        )
+        assert made == march.DONE
+        assert self.library.aom_start(self.at, byref(given.system), byref(options)) == march.DONE
+
+
+def doubles(values: Sequence[float]) -> Any:
+    return (c_double * len(values))(*values)
+
+
+def law_at(law: Any) -> Any:
+    """The library's structure of a law."""
+    return byref(law.kernel[0])
