@@ -100,6 +100,21 @@ def test_the_initial_velocity_is_a_parameter(model, struck):
     assert peak == pytest.approx(slower.peak_force, rel=1e-5)
 
 
+@pytest.mark.parametrize("direction", [None, (0.0, 0.0, 1.0)])
+def test_the_start_of_simulate_is_that_of_the_export(tmp_path, direction):
+    """A free body is thrown on a mass at rest, beyond a gap."""
+    thrown = ao.AntiOscillators(0.1, 0.0, [0.2], [4e3], direction=direction)
+    given = {"initial_velocity": 0.4, "gap": 1e-5}
+    rest = ao.RigidMass(0.05, 0.0)
+    ao.export(tmp_path / "a.fmu", thrown, rest, LAW, duration=DURATION, tol=1e-6, **given)
+    run = Fmu(tmp_path / "a.fmu", tmp_path / "unpacked").instance()
+    assert run.begin() == OK
+    found = run.run(DURATION, 3, ["peak_force", "impulse", "velocity"])[-1]
+    run.close()
+    hit = ao.simulate(thrown, rest, LAW, DURATION, tol=1e-7, **given)
+    assert found == pytest.approx([hit.peak_force, hit.impulse, hit.velocity[-1]], rel=1e-5)
+
+
 @VERSIONS
 def test_calls_in_a_wrong_order_are_errors(struck):
     assert struck.instance(token="another").handle is None

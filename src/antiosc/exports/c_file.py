@@ -71,7 +71,9 @@ def text(title: str, data: RunData) -> str:
         for short, each in zip(outputs, data.output_variables, strict=True)
     ]
     inputs = (
-        "Forces on the sites: axm_set_input(run, site, force, rate)." if data.input_variables else ""
+        "Forces on the sites: axm_set_input(run, site, force, rate)."
+        if data.input_variables
+        else ""
     )
     head = _HEAD.format(
         title=title, version=__version__, name=name, upper=upper, first=outputs[0], inputs=inputs,

@@ -12,7 +12,8 @@ from antiosc.contact import ContactLaw
 from antiosc.errors import InputError
 from antiosc.exports import c_file, fmu, modelica, mujoco
 from antiosc.exports.run_data import RunData, of_model, of_scene
-from antiosc.models.body import LinearBody
+from antiosc.models.body import LinearBody, checked_body
+from antiosc.models.motion import Motion
 from antiosc.simulation.scene import Scene
 from antiosc.simulation.scene_parts import Contact, SceneParts
 
@@ -30,7 +31,9 @@ def export(
     *,
     duration: float | None = None,
     tol: float = 1e-5,
+    initial_velocity: float | Motion = 0.0,
     gravity: float | Sequence[float] = 0.0,
+    gap: float | None = None,
     fmi: int = 2,
 ) -> None:
     """Write an impact, a scene, or a model alone for another program.
@@ -60,7 +63,7 @@ def export(
         times. The run may go on for a thousand times as long.
     tol : float
         Relative error of the contact forces of an exported run over `duration`, in the L2 norm.
-    gravity : float or sequence of 3 floats
+    initial_velocity, gravity, gap
         As for `simulate`; a scene has its own.
     fmi : 2 or 3
         Version of the standard of an FMU.
@@ -71,17 +74,15 @@ def export(
         For an unknown ending, a law that has no form in C (a class of the user's: use `Tabulated`),
         or a source that the file cannot hold; nothing is written then.
     """
-    target = Path(checks.path("path", path))
-    ending = target.suffix.lower()
-    if ending not in {*_RUNS, *_MODELS}:
-        known = ", ".join([*_RUNS, *_MODELS])
-        raise InputError(f"export writes files that end in {known}; got {target.name!r}.")
+    target, ending = Path(path), checked(path)
     if duration is not None:
         duration = checks.positive("duration", duration, "s")
-    scene = _scene(source, impactor, contact, gravity)
+    scene = _scene(source, impactor, contact, initial_velocity, gravity, gap)
     if ending in _MODELS:
         if scene is source:
-            raise InputError(f"a file {ending} holds one model; a Scene can be an .fmu or a .c file.")
+            raise InputError(
+                f"a file {ending} holds one model; a Scene can be an .fmu or a .c file."
+            )
         _MODELS[ending](target, source, impactor, contact, duration)
         return
     data = _run_data(source, scene, duration, checks.tolerance(tol))
@@ -89,8 +90,23 @@ def export(
     _RUNS[ending](target, data, **options)
 
 
+def checked(path: str | os.PathLike[str]) -> str:
+    """The ending of a file that can be written: ".fmu", ".c", ".xml" or ".mo"; InputError else."""
+    target = Path(checks.path("path", path))
+    ending = target.suffix.lower()
+    if ending not in {*_RUNS, *_MODELS}:
+        known = ", ".join([*_RUNS, *_MODELS])
+        raise InputError(f"export writes files that end in {known}; got {target.name!r}.")
+    return ending
+
+
 def _scene(
-    source: Any, impactor: LinearBody | None, contact: ContactLaw | None, gravity: Any
+    source: Any,
+    impactor: LinearBody | None,
+    contact: ContactLaw | None,
+    initial_velocity: float | Motion,
+    gravity: Any,
+    gap: float | None,
 ) -> SceneParts | None:
     """The scene of an impact; None for a model alone."""
     if (impactor is None) != (contact is None):
@@ -101,11 +117,24 @@ def _scene(
         return source
     if impactor is None or contact is None:
         return None
+    motion = _motion(source, initial_velocity)
     return Scene(
         {"structure": source, "impactor": impactor},
-        [Contact("structure", "impactor", contact)],
+        [Contact("structure", "impactor", contact, gap)],
         gravity=gravity,
+        motion={} if motion == 0 else {"structure": motion},
     )
+
+
+def _motion(model: LinearBody, initial: float | Motion) -> float | Motion:
+    """The motion of the structure for a scene; a number is > 0 when it closes the gap."""
+    if isinstance(initial, Motion):
+        return initial
+    speed = checks.number("initial_velocity", initial, "m/s")
+    modes = checked_body("model", model).modal()
+    if modes.direction is None or modes.inertia is None:
+        return -speed
+    return Motion(tuple(float(-speed * x) for x in modes.direction))
 
 
 def _run_data(source: Any, scene: SceneParts | None, duration: float | None, tol: float) -> RunData:

@@ -57,7 +57,9 @@ def write(
     files.write_text(path, ET.tostring(root, "unicode") + "\n", "the MJCF file")
 
 
-def _mass(parent: ET.Element, name: str, mass: float, axis: np.ndarray, stiffness: float) -> ET.Element:
+def _mass(
+    parent: ET.Element, name: str, mass: float, axis: np.ndarray, stiffness: float
+) -> ET.Element:
     """A mass that slides along the axis on a spring to its parent."""
     body = ET.SubElement(parent, "body", name=name)
     ET.SubElement(

@@ -25,7 +25,14 @@ from antiosc.simulation.system import Given, System
 
 #: kinds of outputs, `axm_kind`
 FORCE, INDENTATION, PEAK, IMPULSE, DISPLACEMENT, VELOCITY = range(6)
-UNITS = {FORCE: "N", INDENTATION: "m", PEAK: "N", IMPULSE: "N.s", DISPLACEMENT: "m", VELOCITY: "m/s"}
+UNITS = {
+    FORCE: "N",
+    INDENTATION: "m",
+    PEAK: "N",
+    IMPULSE: "N.s",
+    DISPLACEMENT: "m",
+    VELOCITY: "m/s",
+}
 OF_CONTACT = {FORCE: "force", INDENTATION: "indentation", PEAK: "peak_force", IMPULSE: "impulse"}
 OF_SITE = {DISPLACEMENT: "displacement", VELOCITY: "velocity"}
 #: expected contact times for which the step is chosen by default, and how much longer a run may be
