@@ -1,7 +1,7 @@
 """Exported runs in other programs: FMPy, MuJoCo and a C compiler beside a scene's run.
 
-    .venv/bin/python -m pip install fmpy mujoco        (neither is in Debian)
-    .venv/bin/python benchmarks/exports.py --scenes 20
+.venv/bin/python -m pip install fmpy mujoco        (neither is in Debian)
+.venv/bin/python benchmarks/exports.py --scenes 20
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 import zipfile
 from collections.abc import Callable, Sequence
-from ctypes import POINTER, byref, c_char_p, c_double, c_int, c_size_t, c_uint32, c_void_p
+from ctypes import byref, c_char_p, c_double, c_int, c_size_t, c_uint32, c_void_p
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
@@ -147,6 +147,3 @@ class Instance:
     def close(self) -> None:
         """Free it."""
         self._function("FreeInstance", None)(c_void_p(self.handle))
-
-
-__all__ = ["ERROR", "OK", "Fmu", "Instance", "POINTER"]

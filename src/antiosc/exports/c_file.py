@@ -25,8 +25,9 @@ _HEAD = """\
  *     double value = axm_output(run, {upper}_{first});
  *
  * status is AOM_DONE (0) if all is well. {inputs}
- * Nothing is allocated; several runs may live at once. Define {upper}_MAIN for a program that prints
- * the outputs over {duration:.6g} s as a table. The interface is that of antiosc_model.h below.
+ * Nothing is allocated; several runs may live at once. Define {upper}_MAIN for a program that
+ * prints the outputs over {duration:.6g} s as a table. The interface is that of antiosc_model.h
+ * below.
  *
  * Outputs:
 {outputs}

@@ -74,22 +74,22 @@ def _variables(data: RunData) -> Iterator[tuple[int, str, Variable]]:
 
 
 def _root(fmi: str, name: str, token: dict[str, str]) -> ET.Element:
-    return ET.Element(
-        "fmiModelDescription",
-        fmiVersion=fmi,
-        modelName=name,
+    attributes = {
+        "fmiVersion": fmi,
+        "modelName": name,
         **token,
-        description="an impact on anti-oscillators, or a port of a linear structure",
-        generationTool=f"antiosc {__version__}",
-        variableNamingConvention="flat",
-    )
+        "description": "an impact on anti-oscillators, or a port of a linear structure",
+        "generationTool": f"antiosc {__version__}",
+        "variableNamingConvention": "flat",
+    }
+    return ET.Element("fmiModelDescription", attributes)
 
 
 def _units(root: ET.Element) -> None:
     units = ET.SubElement(root, "UnitDefinitions")
     for name, base in _UNITS.items():
         powers = {unit: str(power) for unit, power in base.items()}
-        ET.SubElement(ET.SubElement(units, "Unit", name=name), "BaseUnit", **powers)
+        ET.SubElement(ET.SubElement(units, "Unit", name=name), "BaseUnit", powers)
 
 
 def _experiment(root: ET.Element, data: RunData) -> None:
@@ -116,7 +116,7 @@ def _description_2(name: str, title: str, data: RunData) -> ET.Element:
     )  # fmt: skip
     if data.input_variables:
         abilities["canInterpolateInputs"] = "true"
-    slave = ET.SubElement(root, "CoSimulation", modelIdentifier=name, **abilities)
+    slave = ET.SubElement(root, "CoSimulation", {"modelIdentifier": name, **abilities})
     listed = ET.SubElement(slave, "SourceFiles")
     for unit in UNITS:
         ET.SubElement(listed, "File", name=unit)
@@ -152,11 +152,10 @@ def _description_2(name: str, title: str, data: RunData) -> ET.Element:
 def _description_3(name: str, title: str, data: RunData) -> ET.Element:
     root = _root("3.0", title, {"instantiationToken": data.token})
     ET.SubElement(
-        root, "CoSimulation", modelIdentifier=name,
-        **_true(
+        root, "CoSimulation", {"modelIdentifier": name, **_true(
             "canHandleVariableCommunicationStepSize", "canGetAndSetFMUState",
             "canSerializeFMUState",
-        ),
+        )},
     )  # fmt: skip
     _units(root)
     _experiment(root, data)
@@ -180,8 +179,8 @@ def _description_3(name: str, title: str, data: RunData) -> ET.Element:
             each.set("start", repr(float(variable.start)))
     structure = ET.SubElement(root, "ModelStructure")
     for group in ("Output", "InitialUnknown"):
-        for number in outputs:
-            ET.SubElement(structure, group, valueReference=number)
+        for reference in outputs:
+            ET.SubElement(structure, group, valueReference=reference)
     return root
 
 

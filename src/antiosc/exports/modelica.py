@@ -1,4 +1,4 @@
-"""A model for Modelica: masses and springs of the standard library behind a translational flange."""
+"""A model for Modelica: masses and springs of its standard library behind a flange."""
 
 from __future__ import annotations
 
@@ -22,7 +22,8 @@ model {name} "Structure struck at one site, as anti-oscillators (antiosc {versio
     annotation (Placement(transformation(extent={{{{-60,-10}},{{-40,10}}}})));
   Modelica.Mechanics.Translational.Components.Mass mass[{n}](m=m)
     annotation (Placement(transformation(extent={{{{60,-10}},{{80,10}}}})));
-  Modelica.Mechanics.Translational.Components.Spring spring[{n}](c={{m[i]*omega[i]^2 for i in 1:{n}}})
+  Modelica.Mechanics.Translational.Components.Spring spring[{n}](
+    c={{m[i]*omega[i]^2 for i in 1:{n}}})
     annotation (Placement(transformation(extent={{{{10,-10}},{{30,10}}}})));
 {ground}equation
   connect(flange, site.flange_a);

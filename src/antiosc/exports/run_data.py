@@ -1,4 +1,4 @@
-"""What an exported run is made of: the numbers of `csrc/export/antiosc_model.h`, and their names."""
+"""What an exported run is made of: the numbers of `export/antiosc_model.h`, and their names."""
 
 from __future__ import annotations
 
@@ -204,7 +204,7 @@ def _linear(body: Placed) -> System:
 
 
 def _columns(body: Placed, prefix: str = "") -> list[str]:
-    """Names of a body's columns with a dot behind: "tip.", "tip.1.", "tip.2."; "" of the only one."""
+    """Names of a body's columns with a dot behind: "tip.", "tip.1."; "" of the only one."""
     names = [""] * body.B.shape[1]
     for site, columns in body.sites.items():
         for k, column in enumerate(columns):

@@ -10,7 +10,6 @@ from pathlib import Path
 
 from antiosc import info
 from antiosc.errors import AntioscError, InputError
-from antiosc.exports.export import checked
 from antiosc.progress import say
 from antiosc.scene_file import (
     group_names,
@@ -76,6 +75,8 @@ def map(options: argparse.Namespace) -> int:
 
 def export(options: argparse.Namespace) -> int:
     """`antiosc export FILE OUT`."""
+    from antiosc.exports.export import checked
+
     kind = checked(options.out)
     scene = compiled(read(options.file))
     found = runs.results(scene, exported(scene, options.out, options.fmi, kind == ".mo"))
