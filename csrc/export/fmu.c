@@ -102,7 +102,7 @@ static size_t doubles_of(const int32_t *counts) {
             return 0;
     double J = counts[0], m = counts[1], p = counts[2], K = counts[3], S = counts[4], N = counts[5];
     double total = N_OPTIONS + J * (4 + m + K + S + N) + m * (m + K + S) + K * (1 + S) + N +
-                   p * CONTACT_DOUBLES + counts[7];
+                   p * (double)CONTACT_DOUBLES + counts[7];
     return total < 1e9 ? (size_t)total : 0;
 }
 
@@ -407,36 +407,50 @@ static void keep(const instance *self, char *to) {
     memcpy(to, &head, sizeof head);
 }
 
-static int back_to(instance *self, const char *from, size_t bytes) {
+/* Whether bytes are a whole state of this model. */
+static bool is_state(const instance *self, const char *bytes) {
     kept head;
-    if (!allowed(self, "setting a state", READABLE | IN(FAILED)))
-        return FMI_ERROR;
-    if (from == NULL || bytes < sizeof head)
-        return failure(self, "this is no state of this model.");
-    memcpy(&head, from, sizeof head);
-    if (bytes != kept_size(self) || head.bytes != bytes ||
-        memcmp(head.token, self->file.token, TOKEN) != 0 || head.phase < INSTANTIATED ||
-        head.phase > FAILED)
-        return failure(self, "this is no state of this model.");
-    self->start = head.start;
-    self->phase = (phase)head.phase;
-    axm_restore(self->run, from + sizeof head);
+    memcpy(&head, bytes, sizeof head);
+    size_t size = kept_size(self);
+    return head.bytes == size && memcmp(head.token, self->file.token, TOKEN) == 0 &&
+           head.phase >= INSTANTIATED && head.phase <= FAILED &&
+           head.sum == checksum(bytes + sizeof head, size - sizeof head);
+}
+
+/* Room for a state in *state, which is NULL or a state, perhaps of another model. */
+static int state_room(instance *self, void **state) {
+    kept head = {0};
+    if (*state != NULL)
+        memcpy(&head, *state, sizeof head);
+    if (head.bytes == kept_size(self))
+        return FMI_OK;
+    void *room = realloc(*state, kept_size(self));
+    if (room == NULL)
+        return failure(self, "too little memory for the state.");
+    *state = room;
     return FMI_OK;
 }
 
 static int get_state(instance *self, void **state) {
     if (!allowed(self, "reading the state", READABLE) || state == NULL)
         return FMI_ERROR;
-    if (*state == NULL)
-        *state = malloc(kept_size(self));
-    if (*state == NULL)
-        return failure(self, "too little memory for the state.");
-    keep(self, *state);
-    return FMI_OK;
+    int status = state_room(self, state);
+    if (status == FMI_OK)
+        keep(self, *state);
+    return status;
 }
 
-static int set_state(instance *self, const void *state) {
-    return self == NULL ? FMI_ERROR : back_to(self, state, kept_size(self));
+static int set_state(instance *self, const char *state) {
+    if (!allowed(self, "setting a state", READABLE | IN(FAILED)))
+        return FMI_ERROR;
+    if (state == NULL || !is_state(self, state))
+        return failure(self, "this is no state of this model.");
+    kept head;
+    memcpy(&head, state, sizeof head);
+    self->start = head.start;
+    self->phase = (phase)head.phase;
+    axm_restore(self->run, state + sizeof head);
+    return FMI_OK;
 }
 
 static int serialized_size(instance *self, size_t *size) {
@@ -446,9 +460,11 @@ static int serialized_size(instance *self, size_t *size) {
     return FMI_OK;
 }
 
-static int serialize(instance *self, const void *state, unsigned char *bytes, size_t size) {
+static int serialize(instance *self, const char *state, unsigned char *bytes, size_t size) {
     if (!allowed(self, "writing the state", READABLE) || state == NULL || bytes == NULL)
         return FMI_ERROR;
+    if (!is_state(self, state))
+        return failure(self, "this is no state of this model.");
     if (size < kept_size(self))
         return failure(self, "the state needs %zu bytes, not %zu.", kept_size(self), size);
     memcpy(bytes, state, kept_size(self));
@@ -458,20 +474,15 @@ static int serialize(instance *self, const void *state, unsigned char *bytes, si
 static int deserialize(instance *self, const unsigned char *bytes, size_t size, void **state) {
     if (!allowed(self, "reading a state", READABLE) || bytes == NULL || state == NULL)
         return FMI_ERROR;
-    kept head;
     if (size != kept_size(self))
         return failure(self, "a state of this model has %zu bytes, not %zu.", kept_size(self),
                        size);
-    memcpy(&head, bytes, sizeof head);
-    if (head.bytes != size || memcmp(head.token, self->file.token, TOKEN) != 0 ||
-        head.sum != checksum((const char *)bytes + sizeof head, size - sizeof head))
+    if (!is_state(self, (const char *)bytes))
         return failure(self, "these bytes are no state of this model.");
-    if (*state == NULL)
-        *state = malloc(size);
-    if (*state == NULL)
-        return failure(self, "too little memory for the state.");
-    memcpy(*state, bytes, size);
-    return FMI_OK;
+    int status = state_room(self, state);
+    if (status == FMI_OK)
+        memcpy(*state, bytes, size);
+    return status;
 }
 
 static int unsupported(instance *self, const char *call) {
