@@ -1,6 +1,6 @@
 # Every target sets up what it needs, once; `make help` lists them.
 .DEFAULT_GOAL := help
-.PHONY: help setup demo article bench budget decks validate peers docs dist test check check-cores mutants test-trixie test-sid test-newest memcheck lint fmt clean
+.PHONY: help setup demo article bench budget decks validate peers docs dist test check check-cores mutants test-trixie test-sid test-newest memcheck fuzz wheels lint fmt clean
 
 PYTHON := .venv/bin/python
 READY  := .venv/ready
@@ -89,6 +89,12 @@ mutants: $(READY) ## random breaks of the source, and which of them `make check`
 
 memcheck: $(READY) ## every call to CHOLMOD under valgrind (apt install valgrind; some minutes)
 	.ci/memcheck $(PYTHON)
+
+fuzz: ## the march's C header under sanitizers, valgrind and ten minutes of libFuzzer
+	.ci/fuzz $(SECONDS)
+
+wheels: ## wheels for Linux, macOS and Windows in out/wheels, compiled here by PyPI's ziglang
+	.ci/wheels
 
 dist: $(READY) ## wheel and source archive in out/dist, checked by twine
 	.ci/dist out/dist $(PYTHON)

@@ -3,6 +3,19 @@
 
 #define ROUNDING 1e-13 /* of the sum of the modes' parts: below it a speed of approach is rounding */
 
+/* The sum of a x + b y; four sums, so that additions need not wait for each other. */
+static double dot2(int n, const double *restrict a, const double *restrict x,
+                   const double *restrict b, const double *restrict y) {
+    double sum[4] = {0.0, 0.0, 0.0, 0.0};
+    int j = 0;
+    for (; j + 3 < n; j += 4)
+        for (int k = 0; k < 4; k++)
+            sum[k] += a[j + k] * x[j + k] + b[j + k] * y[j + k];
+    for (; j < n; j++)
+        sum[j & 3] += a[j] * x[j] + b[j] * y[j];
+    return (sum[0] + sum[2]) + (sum[1] + sum[3]);
+}
+
 /* Indentations and rates of all rows after the time of a slot without contact forces. Depth and
  * rate of row i go to depth[i * stride], rate[i * stride]. */
 static void free_motion(const aom_stepper *st, int index, double t, double *depth, double *rate,
@@ -13,21 +26,10 @@ static void free_motion(const aom_stepper *st, int index, double t, double *dept
     const double *S = s->response + 2 * (ptrdiff_t)J, *J0 = S + J, *J1 = J0 + J;
     for (int i = 0; i < m; i++) {
         const double *a = s->rows + 4 * (ptrdiff_t)i * J, *b = a + J, *c = b + J, *d = c + J;
-        double y[2] = {0.0, 0.0}, r[2] = {0.0, 0.0};
-        int j = 0;
-        for (; j + 1 < J; j += 2)
-            for (int k = 0; k < 2; k++) { /* two sums each: additions need not wait */
-                y[k] += a[j + k] * q[j + k] + b[j + k] * v[j + k];
-                r[k] += c[j + k] * q[j + k] + d[j + k] * v[j + k];
-            }
-        if (j < J) {
-            y[0] += a[j] * q[j] + b[j] * v[j];
-            r[0] += c[j] * q[j] + d[j] * v[j];
-        }
-        double total = y[0] + y[1], speed = r[0] + r[1];
+        double total = dot2(J, a, q, b, v), speed = dot2(J, c, q, d, v);
         if (st->loaded) {
             const double *beta = beta_row(st, i), *at = st->work.load, *rise = st->work.load_rate;
-            for (j = 0; j < J; j++) {
+            for (int j = 0; j < J; j++) {
                 total += beta[j] * (at[j] * J0[j] + rise[j] * J1[j]);
                 speed += beta[j] * (at[j] * S[j] + rise[j] * J0[j]);
             }

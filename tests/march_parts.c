@@ -46,3 +46,11 @@ AOM_API int part_next_branch(const aom_law *law, int branch, int exit, double de
                              double *memory) {
     return next_branch(NULL, law, branch, (bound)exit, delta, rate, memory);
 }
+
+/* Bytes of the structures that Python mirrors. */
+AOM_API void part_sizes(size_t *out) {
+    const size_t sizes[] = {sizeof(aom_user_law), sizeof(aom_law),    sizeof(aom_contact),
+                            sizeof(aom_system),   sizeof(aom_options), sizeof(aom_record),
+                            sizeof(aom_summary),  sizeof(aom_difference)};
+    memcpy(out, sizes, sizeof sizes);
+}

@@ -40,8 +40,8 @@ MODULES = {
 INNER = {
     *("force", "tangent", "energy", "energies", "touch", "advance", "origin", "lost", "damping"),
     "potential",
-    *("implicit", "out_of_range", "loading", "loading_slope", "loading_work", "permanent"),
-    *("unload_shape", "reload_shape", "weak_form", "half_space_compliance", "shear_stiffness"),
+    *("implicit", "out_of_range", "loading_work", "permanent", "parameters"),
+    *("weak_form", "half_space_compliance", "shear_stiffness"),
     *("rotary_inertia", "dimensions", "bar_speed", "constants"),
     *("prepare", "constraints", "elastic", "label", "placed", "own"),
 }

@@ -13,6 +13,8 @@ from pathlib import Path
 
 import pytest
 
+import antiosc as ao
+from antiosc import march
 from paths import ROOT
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
@@ -32,7 +34,7 @@ def test_the_conda_recipe_agrees_with_the_project():
     assert set(recipe) >= {"package", "source", "build", "requirements", "test", "about"}
     package = recipe["package"]
     assert (package["name"], package["version"]) == (PROJECT["name"], PROJECT["version"])
-    assert recipe["build"]["noarch"] == "python"
+    assert "noarch" not in recipe["build"]  # it holds a library
     scripts = [f"{name} = {target}" for name, target in PROJECT["scripts"].items()]
     assert recipe["build"]["entry_points"] == scripts
     run = [re.sub(r"\s", "", one) for one in recipe["requirements"]["run"]]
@@ -52,6 +54,18 @@ def test_the_dockerfile_names_what_is_there():
     for target in re.findall(r"\bmake (\w+)", text):
         assert re.search(rf"^{target}:", makefile, re.MULTILINE), target
     assert ".venv" in (ROOT / ".dockerignore").read_text(encoding="utf-8")
+
+
+def test_a_library_that_is_missing_damaged_or_of_other_sources_is_refused(tmp_path: Path):
+    damaged = tmp_path / "damaged.so"
+    damaged.write_bytes(b"no library")
+    with pytest.raises(ao.MissingDependencyError, match="missing"):
+        march.load(tmp_path / "none.so")
+    with pytest.raises(ao.MissingDependencyError, match="cannot be loaded"):
+        march.load(damaged)
+    (tmp_path / "antiosc_march.h").write_text("changed")
+    with pytest.raises(ao.MissingDependencyError, match="make"):
+        march.load(source=tmp_path)
 
 
 @pytest.mark.slow
@@ -80,7 +94,9 @@ def test_wheel_and_archive_are_whole_and_the_wheel_runs(tmp_path: Path):
     assert inside == sources | {f"antiosc/{path.relative_to(ROOT)}" for path in ours}
     with tarfile.open(archive) as file:
         names = {name.split("/", 1)[-1] for name in file.getnames()}
-    assert {f"src/{name}" for name in sources} | {"pyproject.toml", "LICENSE"} <= names
+    own = {f"src/{name}" for name in sources if "libantiosc_march" not in name}
+    assert own | {"pyproject.toml", "LICENSE", "setup.py", "csrc/antiosc_march.h"} <= names
+    assert not any("libantiosc_march" in name for name in names)
 
     # an environment of its own with the NumPy and SciPy of this machine; nothing is fetched
     run(sys.executable, "-m", "venv", "--system-site-packages", "fresh")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 from math import inf
 from types import SimpleNamespace
 
@@ -40,6 +41,14 @@ def system(laws: list[ao.ContactLaw], **given: Array) -> System:
         **{**own, **given}, laws=laws, slip=np.zeros((p, 2)), tangents=np.array([[p, 0]] * p),
         mass=np.ones(p), depth=np.full(p, 1e-4), speed=np.full(p, 2.0), pressed=np.zeros(p),
     )  # fmt: skip
+
+
+def test_the_structures_have_the_sizes_of_the_librarys() -> None:
+    sizes = (ctypes.c_size_t * 8)()
+    built().part_sizes(sizes)
+    mirrored = (march.UserLaw, march.Law, march.Contact, march.System)
+    mirrored += (march.Options, march.Record, march.Summary, march.Difference)
+    assert list(sizes) == [ctypes.sizeof(each) for each in mirrored]
 
 
 @pytest.mark.parametrize("ratio", [0.0, 0.01, 0.5, 0.999999999999, 1.1, 30.0])

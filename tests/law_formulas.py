@@ -1,0 +1,65 @@
+"""Forces of the contact laws by formulas in Python, with which those of the C library compare."""
+
+from __future__ import annotations
+
+from math import log
+
+import numpy as np
+from scipy.integrate import trapezoid
+from scipy.interpolate import PchipInterpolator
+from scipy.optimize import brentq
+
+import antiosc as ao
+
+
+def virgin(law: ao.ContactLaw, d: float) -> float:
+    """Force of a new contact at an indentation d > 0, at rest."""
+    k = getattr(law, "stiffness", 0.0)
+    if isinstance(law, ao.Linear):
+        return k * d
+    if isinstance(law, ao.Hertz) and law.compliance:
+        end, c = law.valid_force, law.compliance
+        reach = (end / k) ** (2 / 3) - c * end
+        if d > reach:
+            return end + (d - reach) / ((2 / 3) * k ** (-2 / 3) * end ** (-1 / 3) - c)
+        return brentq(lambda F: (F / k) ** (2 / 3) - c * F - d, 0.0, end, xtol=1e-12, rtol=1e-14)
+    if isinstance(law, ao.Thornton) and d > law.yield_indentation:
+        y = law.yield_indentation
+        return k * y**1.5 + 1.5 * k * y**0.5 * (d - y)
+    if isinstance(law, ao.Stronge) and d > law.yield_indentation:
+        y = law.yield_indentation
+        s = 2 * d / y - 1
+        return k * y**1.5 * s * (1 + log(min(s, 167.0)) / 3.3)
+    if isinstance(law, ao.Tabulated):
+        n = int(law.parameters()[2])
+        x, y = np.array(law.parameters()[5 : 5 + n]), points(law)
+        cubic = PchipInterpolator(x, y)
+        return float(cubic(d) if d < x[-1] else y[-1] + cubic(x[-1], 1) * (d - x[-1]))
+    return float(k * d ** getattr(law, "exponent", 1.5))
+
+
+def points(law: ao.Tabulated) -> np.ndarray:
+    """Forces of the loading table's points."""
+    values, n = np.array(law.parameters()[5:]), int(law.parameters()[2])
+    return np.append(values[4 * n : 5 * n - 1], values[5 * n])
+
+
+def permanent(law: ao.ContactLaw, m: float) -> float:
+    """Permanent indentation after a deepest one m, as the laws' papers have it."""
+    if isinstance(law, ao.Thornton):
+        hertz = law.stiffness * m**1.5
+        return m * (1 - virgin(law, m) / hertz) if m > law.yield_indentation else 0.0
+    if isinstance(law, ao.YangSun):
+        return m * (1 - (law.critical / m) ** 0.4) if m > law.critical else 0.0
+    if isinstance(law, ao.TanSun):
+        return law.slope * max(m - law.critical, 0.0)
+    if isinstance(law, ao.Stronge):
+        x = m / law.yield_indentation
+        if x <= 1:
+            return 0.0
+        d = np.linspace(0, m, 200_001)
+        F = np.array([virgin(law, each) if each else 0.0 for each in d[::100]])
+        work = float(trapezoid(F, d[::100]))
+        printed = m - law.yield_indentation * (2 * x - 1) ** 0.5
+        return max(printed, m - 2.5 * work / virgin(law, m))
+    return law.parameters()[1] * m
