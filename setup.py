@@ -19,9 +19,15 @@ import library
 
 class BuildWithLibrary(build_py):
     def run(self) -> None:
-        self.package_data.setdefault("antiosc", []).append(library.build().name)
+        name = library.build().name
+        self.package_data.setdefault("antiosc", []).extend([name, "binaries/*"])
         self.__dict__.pop("data_files", None)  # found before the library was there
         super().run()
+        if not self.editable_mode:  # `export` takes the sources along
+            for file in sorted(library.SOURCE.rglob("*.[ch]")):
+                out = Path(self.build_lib, "antiosc", "csrc", file.relative_to(library.SOURCE))
+                self.mkpath(str(out.parent))
+                self.copy_file(str(file), str(out))
 
 
 class PlatformWheel(bdist_wheel):

@@ -1,7 +1,8 @@
 """Compile the C library of the march into the Python package: `python packaging/library.py`.
 
 The compiler is $CC, else cc, gcc or clang, else zig's of the package `ziglang`. With
-$ANTIOSC_TARGET, one of TARGETS, zig compiles for another platform.
+$ANTIOSC_TARGET, one of TARGETS, zig compiles for another platform. With `--fmu` zig compiles for all
+of them into the folder `binaries`, from where exported FMUs take their libraries.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 SOURCE, PACKAGE = ROOT / "csrc", ROOT / "src" / "antiosc"
+UNITS = ("antiosc_march.c", "export/antiosc_model.c", "export/fmu.c")
 # zig's target: the wheel's platform
 TARGETS = {
     "x86_64-linux-gnu.2.17": "manylinux_2_17_x86_64",
@@ -27,6 +29,9 @@ TARGETS = {
     "x86_64-windows-gnu": "win_amd64",
 }
 FLAGS = ["-std=c99", "-O3", "-fvisibility=hidden", "-shared"]
+# systems as zig and as FMI 3 name them, and where the libraries of FMUs stand
+SYSTEMS = {"linux": "linux", "macos": "darwin", "windows": "windows"}
+BINARIES = PACKAGE / "binaries"
 SUFFIXES = {"win": ".dll", "macos": ".dylib"}
 WARNINGS = ["-Wall", "-Wextra", "-pedantic", "-Wconversion"]
 
@@ -34,7 +39,7 @@ WARNINGS = ["-Wall", "-Wextra", "-pedantic", "-Wconversion"]
 def source_hash() -> str:
     """What `antiosc.march.source_hash` gives."""
     text = hashlib.sha256()
-    for path in sorted(SOURCE.glob("*.[ch]")):
+    for path in sorted(SOURCE.rglob("*.[ch]")):
         text.update(path.read_bytes().replace(b"\r\n", b"\n"))
     return text.hexdigest()[:16]
 
@@ -60,9 +65,9 @@ def platform_tag() -> str:
     return TARGETS.get(os.environ.get("ANTIOSC_TARGET", ""), "")
 
 
-def suffix() -> str:
-    """Of the library, by the platform that is compiled for."""
-    platform = platform_tag() or sysconfig.get_platform()
+def suffix(platform: str = "") -> str:
+    """Of the library, by the wheel's platform, or that which is compiled for."""
+    platform = platform or platform_tag() or sysconfig.get_platform()
     return next((end for sign, end in SUFFIXES.items() if platform.startswith(sign)), ".so")
 
 
@@ -71,18 +76,37 @@ def build() -> Path:
     command = compiler()
     if not command:
         raise SystemExit("antiosc: no C compiler; install gcc, or `pip install ziglang`.")
-    out = PACKAGE / f"libantiosc_march{suffix()}"
+    return _compiled(command, PACKAGE / f"libantiosc_march{suffix()}")
+
+
+def build_for_fmus() -> list[Path]:
+    """Compile the libraries of all platforms of TARGETS; returns where they stand."""
+    if not importlib.util.find_spec("ziglang"):
+        raise SystemExit("antiosc: no compiler for other platforms; `pip install ziglang`.")
+    BINARIES.mkdir(exist_ok=True)
+    found = []
+    for target, platform in TARGETS.items():
+        machine, system = target.split(".")[0].split("-")[:2]
+        out = BINARIES / f"{machine}-{SYSTEMS[system]}{suffix(platform)}"
+        found.append(_compiled([*_zig(), "-target", target, "-s"], out))
+    return found
+
+
+def _compiled(command: list[str], out: Path) -> Path:
     made = out.with_suffix(".part")
-    command += [*FLAGS, *WARNINGS, f'-DAOM_SOURCE_HASH="{source_hash()}"']
-    command += ["-o", str(made), str(SOURCE / "antiosc_march.c")]
-    if suffix() != ".dll":  # there all code can be moved, and mathematics is in C's library
+    command = [*command, *FLAGS, *WARNINGS, f'-DAOM_SOURCE_HASH="{source_hash()}"']
+    command += ["-o", str(made), *(str(SOURCE / unit) for unit in UNITS)]
+    if out.suffix != ".dll":  # there all code can be moved, and mathematics is in C's library
         command += ["-fPIC", "-lm"]
     subprocess.run(command, check=True)
     made.replace(out)  # a process that has loaded the old one keeps it
-    for rest in PACKAGE.glob("libantiosc_march*.pdb"):
+    for rest in [*out.parent.glob("*.pdb"), *out.parent.glob("*.lib")]:
         rest.unlink()
     return out
 
 
 if __name__ == "__main__":
-    print(build())
+    if sys.argv[1:] == ["--fmu"]:
+        print(*build_for_fmus(), sep="\n")
+    else:
+        print(build())

@@ -40,8 +40,9 @@ def built(*defines: str) -> Any:
         sys.path.pop(0)
     out = Path(tempfile.mkdtemp()) / "libmarch.so"
     flags = ["-std=c99", "-O1", "-fPIC", "-shared", *(f"-D{each}" for each in defines)]
-    source = str(ROOT / "tests" / "march_parts.c")
-    subprocess.run([*library.compiler(), *flags, "-o", str(out), source, "-lm"], check=True)
+    units = [ROOT / "tests" / "march_parts.c", ROOT / "csrc" / "export" / "antiosc_model.c"]
+    command = [*library.compiler(), *flags, "-o", str(out), *map(str, units), "-lm"]
+    subprocess.run(command, check=True)
     found = march.load(out, out.parent)
     for name, (result, *arguments) in _PARTS.items():
         function = getattr(found, name)

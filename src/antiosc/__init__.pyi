@@ -39,6 +39,9 @@ from antiosc.errors import (
     NotConvergedError as NotConvergedError,
     OutOfMemoryError as OutOfMemoryError,
 )
+from antiosc.exports.export import (
+    export as export,
+)
 from antiosc.fem.assembly.assemble import (
     assemble as assemble,
 )

@@ -22,6 +22,7 @@ COMMANDS = {
     "run": "simulate the impact of a scene file",
     "sweep": "simulate the impact for each value of the section [sweep]",
     "map": "simulate the impact at every point of the section [map]",
+    "export": "write the impact of a scene file for another program: FMU, C, MuJoCo, Modelica",
     "schema": "print the JSON schema of scene files, for editors",
 }
 
@@ -98,6 +99,12 @@ def _parser() -> argparse.ArgumentParser:
         if name == "new":
             command.add_argument(
                 "part", metavar="PART", nargs="?", help="the mesh, CAD file or deck that is struck"
+            )
+        if name == "export":
+            ends = "the file to write; its ending decides what: .fmu, .c, .xml or .mo"
+            command.add_argument("out", metavar="OUT", help=ends)
+            command.add_argument(
+                "--fmi", type=int, choices=(2, 3), default=2, help="version of an FMU's standard"
             )
         if name in ("run", "sweep", "map"):
             _results(command)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ctypes
 import hashlib
+import platform as platforms
 import sys
 from ctypes import POINTER, Structure, c_char_p, c_double, c_int, c_int64, c_size_t, c_void_p
 from pathlib import Path
@@ -117,10 +118,25 @@ class Difference(Structure):
     _fields_ = [(name, c_double) for name in ("gap", "size", "until")]
 
 
+class Model(Structure):
+    """`axm_model` of `csrc/export/antiosc_model.h`"""
+
+    _fields_ = [
+        ("system", System),
+        ("options", Options),
+        ("n_sites", c_int),
+        *((name, c_void_p) for name in ("site_modes", "site_forces", "site_shifts")),
+        ("n_parameters", c_int),
+        *((name, c_void_p) for name in ("parameters", "start")),
+        ("n_outputs", c_int),
+        ("outputs", c_void_p),
+    ]
+
+
 _PACKAGE = Path(__file__).parent
 _SUFFIX = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
-_FILE = _PACKAGE / f"libantiosc_march{_SUFFIX}"
-_SOURCE = _PACKAGE.parent.parent / "csrc"
+FILE = _PACKAGE / f"libantiosc_march{_SUFFIX}"
+SOURCE = _PACKAGE.parent.parent / "csrc"
 _REMEDY = "build it with `make` in the source folder, or install antiosc anew"
 
 _SIGNATURES: dict[str, tuple[Any, ...]] = {  # result, arguments
@@ -146,6 +162,7 @@ _SIGNATURES: dict[str, tuple[Any, ...]] = {  # result, arguments
         Difference, c_int, c_int64, c_void_p, c_void_p, c_int64, c_void_p, c_void_p, c_double,
         c_double, c_void_p,
     ),
+    "axm_size": (c_size_t, c_void_p),
     "aom_pulses": (None, c_void_p, c_void_p, c_int, c_int, c_int64, c_void_p, c_void_p),
 }  # fmt: skip
 
@@ -153,12 +170,12 @@ _SIGNATURES: dict[str, tuple[Any, ...]] = {  # result, arguments
 def source_hash(folder: Path) -> str:
     """A hash of the sources in a folder, as the build compiles it into the library."""
     text = hashlib.sha256()
-    for path in sorted(folder.glob("*.[ch]")):
+    for path in sorted(folder.rglob("*.[ch]")):
         text.update(path.read_bytes().replace(b"\r\n", b"\n"))
     return text.hexdigest()[:16]
 
 
-def load(path: Path = _FILE, source: Path = _SOURCE) -> Any:
+def load(path: Path = FILE, source: Path = SOURCE) -> Any:
     """The library; MissingDependencyError where it is missing, damaged or not of these sources."""
     if not path.is_file():
         raise MissingDependencyError(f"the library {path.name} is missing: {_REMEDY}.")
@@ -182,6 +199,14 @@ def load(path: Path = _FILE, source: Path = _SOURCE) -> Any:
             f"the library {path.name} was built from other sources than those in csrc: run `make`."
         )
     return found
+
+
+def platform() -> str:
+    """The platform of the library, as FMI 3 names it."""
+    machine = {"AMD64": "x86_64", "arm64": "aarch64", "ARM64": "aarch64"}
+    system = {"win32": "windows", "darwin": "darwin"}.get(sys.platform, "linux")
+    name = platforms.machine()
+    return f"{machine.get(name, name)}-{system}"
 
 
 library = load()

@@ -20,8 +20,8 @@ from paths import DEMOS, ROOT
 DOCS = ROOT / "docs"
 #: pages whose programs need NumPy and SciPy alone
 LIGHT = {
-    *("errors", "howto/contacts", "howto/sweep", "howto/cluster"),
-    *("api/models", "api/contact", "api/simulation", "api/scenes", "api/errors"),
+    *("errors", "howto/contacts", "howto/sweep", "howto/cluster", "howto/export"),
+    *("api/models", "api/contact", "api/simulation", "api/scenes", "api/errors", "api/exports"),
 }
 MESHED = {"howto/deck", "howto/units", "howto/map", "api/structures"}
 SLOW = {"first_impact", "limits", "api/extraction", "api/assemblies", "api/results"}

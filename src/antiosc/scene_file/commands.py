@@ -18,6 +18,7 @@ from antiosc.scene_file import (
     run as runs,
     template,
 )
+from antiosc.scene_file.exported import exported
 from antiosc.scene_file.read import read
 from antiosc.scene_file.scene import Compiled, compiled
 
@@ -71,6 +72,19 @@ def map(options: argparse.Namespace) -> int:
             f"{options.file} has no [map]; with that line alone all of the surface is struck."
         )
     return _study(options, scene, "map")
+
+
+def export(options: argparse.Namespace) -> int:
+    """`antiosc export FILE OUT`."""
+    from antiosc.exports.export import checked
+
+    kind = checked(options.out)
+    scene = compiled(read(options.file))
+    found = runs.results(scene, exported(scene, options.out, options.fmi, kind == ".mo"))
+    for sentence in found.warnings:
+        say(f"warning: {sentence}", sys.stderr)
+    say(f"wrote {options.out}")
+    return 0
 
 
 def _study(options: argparse.Namespace, scene: Compiled, command: str) -> int:

@@ -267,7 +267,8 @@ def _rigid(name: str, body: RigidBody) -> Placed:
 
 def _started(placed: Placed, motion: Motion | float) -> Array:
     """Modal velocities of a body that moves without strain."""
-    if placed.directions is None and len(placed.sites) == 1 and not isinstance(motion, Motion):
+    along = placed.directions is None or placed.inertia is None  # a number is the speed along it
+    if along and placed.B.shape[1] == 1 and not isinstance(motion, Motion):
         modes = ModalBody(placed.omega, placed.B[:, 0])
         return modes.rigid_motion(checks.number(f"motion of {placed.name!r}", motion, "m/s"))
     one = np.zeros(placed.omega.size) if not placed.B.shape[1] else placed.B[:, 0]

@@ -1,0 +1,1 @@
+"""Impacts and models for other programs: FMUs, one C file, MuJoCo, Modelica."""

@@ -1,0 +1,193 @@
+"""FMUs: the description of the model, its numbers, the library that runs it, and its sources.
+
+FMI 2.0.4 and 3.0.1 for co-simulation, https://fmi-standard.org.
+"""
+
+from __future__ import annotations
+
+import re
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+from antiosc import __version__, files
+from antiosc.exports.run_data import RunData, Variable, model_file
+from antiosc.exports.sources import PLATFORMS, UNITS, binaries, sources
+
+_DATE = (2020, 1, 1, 0, 0, 0)  # of all entries: equal models make equal files
+#: units in SI base units
+_UNITS = {
+    "N": {"kg": 1, "m": 1, "s": -2},
+    "N.s": {"kg": 1, "m": 1, "s": -1},
+    "m": {"m": 1},
+    "m/s": {"m": 1, "s": -1},
+    "s": {"s": 1},
+}
+_CAUSES = ("input", "output", "parameter")
+
+
+def write(path: Path, data: RunData, *, fmi: int) -> None:
+    """Write the FMU of a run for version 2 or 3 of the standard."""
+    name = identifier(path.stem)
+    describe = _description_2 if fmi == 2 else _description_3
+    with files.complete(path, "the FMU") as part, zipfile.ZipFile(part, "w") as archive:
+        _add(archive, "modelDescription.xml", _text(describe(name, path.stem, data)))
+        _add(archive, "resources/model.aom", model_file(data))
+        for platform, library in binaries().items():
+            old, ending = PLATFORMS[platform]
+            folder = platform if fmi == 3 else old
+            if folder:
+                _add(archive, f"binaries/{folder}/{name}{ending}", library)
+        for file, text in sources().items():
+            _add(archive, f"sources/{file}", text.encode())
+        if fmi == 3:
+            _add(archive, "sources/buildDescription.xml", _text(_build_description(name)))
+
+
+def identifier(text: str) -> str:
+    """A name as C has it."""
+    name = re.sub(r"\W", "_", text, flags=re.ASCII)
+    return name if name[:1].isalpha() else f"model_{name}"
+
+
+def _add(archive: zipfile.ZipFile, name: str, content: bytes) -> None:
+    entry = zipfile.ZipInfo(name, _DATE)
+    entry.compress_type = zipfile.ZIP_DEFLATED
+    entry.external_attr = 0o644 << 16
+    archive.writestr(entry, content)
+
+
+def _text(root: ET.Element) -> bytes:
+    ET.indent(root)
+    return ET.tostring(root, "utf-8", xml_declaration=True)
+
+
+def _variables(data: RunData) -> Iterator[tuple[int, str, Variable]]:
+    """Value reference, causality and variable: as `csrc/export/fmu.c` numbers them."""
+    groups = (data.input_variables, data.output_variables, data.parameter_variables)
+    number = 0
+    for causality, variables in zip(_CAUSES, groups, strict=True):
+        for variable in variables:
+            number += 1
+            yield number, causality, variable
+
+
+def _root(fmi: str, name: str, token: dict[str, str]) -> ET.Element:
+    attributes = {
+        "fmiVersion": fmi,
+        "modelName": name,
+        **token,
+        "description": "an impact on anti-oscillators, or a port of a linear structure",
+        "generationTool": f"antiosc {__version__}",
+        "variableNamingConvention": "flat",
+    }
+    return ET.Element("fmiModelDescription", attributes)
+
+
+def _units(root: ET.Element) -> None:
+    units = ET.SubElement(root, "UnitDefinitions")
+    for name, base in _UNITS.items():
+        powers = {unit: str(power) for unit, power in base.items()}
+        ET.SubElement(ET.SubElement(units, "Unit", name=name), "BaseUnit", powers)
+
+
+def _experiment(root: ET.Element, data: RunData) -> None:
+    ET.SubElement(
+        root,
+        "DefaultExperiment",
+        startTime="0",
+        stopTime=repr(float(data.duration)),
+        tolerance=repr(float(data.options[1])),
+        stepSize=repr(float(data.duration) / 1000),
+    )
+
+
+def _true(*names: str) -> dict[str, str]:
+    return dict.fromkeys(names, "true")
+
+
+def _description_2(name: str, title: str, data: RunData) -> ET.Element:
+    root = _root("2.0", title, {"guid": data.token})
+    root.set("numberOfEventIndicators", "0")
+    abilities = _true(
+        "canHandleVariableCommunicationStepSize", "canGetAndSetFMUstate",
+        "canSerializeFMUstate", "canNotUseMemoryManagementFunctions",
+    )  # fmt: skip
+    if data.input_variables:
+        abilities["canInterpolateInputs"] = "true"
+    slave = ET.SubElement(root, "CoSimulation", {"modelIdentifier": name, **abilities})
+    listed = ET.SubElement(slave, "SourceFiles")
+    for unit in UNITS:
+        ET.SubElement(listed, "File", name=unit)
+    _units(root)
+    _experiment(root, data)
+    variables = ET.SubElement(root, "ModelVariables")
+    time = ET.SubElement(
+        variables, "ScalarVariable", name="time", valueReference="0", causality="independent",
+        variability="continuous",
+    )  # fmt: skip
+    ET.SubElement(time, "Real", unit="s")
+    outputs = []
+    for number, causality, variable in _variables(data):
+        each = ET.SubElement(
+            variables, "ScalarVariable", name=variable.name, valueReference=str(number),
+            description=variable.description, causality=causality,
+            variability="fixed" if causality == "parameter" else "continuous",
+        )  # fmt: skip
+        real = ET.SubElement(each, "Real", unit=variable.unit)
+        if causality == "output":
+            each.set("initial", "calculated")
+            outputs.append(str(number + 1))  # indices count from 1, the time first
+        else:
+            real.set("start", repr(float(variable.start)))
+    structure = ET.SubElement(root, "ModelStructure")
+    for group in ("Outputs", "InitialUnknowns"):
+        unknowns = ET.SubElement(structure, group)
+        for index in outputs:
+            ET.SubElement(unknowns, "Unknown", index=index)
+    return root
+
+
+def _description_3(name: str, title: str, data: RunData) -> ET.Element:
+    root = _root("3.0", title, {"instantiationToken": data.token})
+    ET.SubElement(
+        root, "CoSimulation", {"modelIdentifier": name, **_true(
+            "canHandleVariableCommunicationStepSize", "canGetAndSetFMUState",
+            "canSerializeFMUState",
+        )},
+    )  # fmt: skip
+    _units(root)
+    _experiment(root, data)
+    variables = ET.SubElement(root, "ModelVariables")
+    ET.SubElement(
+        variables, "Float64", name="time", valueReference="0", causality="independent",
+        variability="continuous", unit="s",
+    )  # fmt: skip
+    outputs = []
+    for number, causality, variable in _variables(data):
+        each = ET.SubElement(
+            variables, "Float64", name=variable.name, valueReference=str(number),
+            description=variable.description, causality=causality,
+            variability="fixed" if causality == "parameter" else "continuous",
+            unit=variable.unit,
+        )  # fmt: skip
+        if causality == "output":
+            outputs.append(str(number))
+            each.set("initial", "calculated")
+        else:
+            each.set("start", repr(float(variable.start)))
+    structure = ET.SubElement(root, "ModelStructure")
+    for group in ("Output", "InitialUnknown"):
+        for reference in outputs:
+            ET.SubElement(structure, group, valueReference=reference)
+    return root
+
+
+def _build_description(name: str) -> ET.Element:
+    root = ET.Element("fmiBuildDescription", fmiVersion="3.0")
+    configuration = ET.SubElement(root, "BuildConfiguration", modelIdentifier=name)
+    listed = ET.SubElement(configuration, "SourceFileSet", language="C99")
+    for unit in UNITS:
+        ET.SubElement(listed, "SourceFile", name=unit)
+    return root

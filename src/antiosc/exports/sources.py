@@ -1,0 +1,42 @@
+"""The C sources and compiled libraries that exports take along."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from antiosc import march
+from antiosc.errors import MissingDependencyError
+
+_PACKAGE = Path(march.__file__).parent
+#: platform of FMI 3 -> its folder in FMI 2, the ending of a library there
+PLATFORMS = {
+    "x86_64-linux": ("linux64", ".so"),
+    "aarch64-linux": ("", ".so"),
+    "x86_64-windows": ("win64", ".dll"),
+    "x86_64-darwin": ("darwin64", ".dylib"),
+    "aarch64-darwin": ("", ".dylib"),
+}
+#: what one compiler call compiles
+UNITS = ("antiosc_march.c", "export/antiosc_model.c", "export/fmu.c")
+
+
+def sources() -> dict[str, str]:
+    """Name -> text of the C sources, with folders."""
+    for folder in (_PACKAGE / "csrc", march.SOURCE):
+        files = sorted([*folder.glob("*.[ch]"), *folder.glob("export/*.[ch]")])
+        if files:
+            return {f.relative_to(folder).as_posix(): f.read_text("utf-8") for f in files}
+    raise MissingDependencyError("the C sources are missing: install antiosc anew.")
+
+
+def binaries() -> dict[str, bytes]:
+    """Platform -> library: the one in use, and those of other platforms that were built.
+
+    `packaging/library.py --fmu` builds the others into the folder `binaries`.
+    """
+    found = {march.platform(): march.FILE.read_bytes()}
+    for name, (_, ending) in PLATFORMS.items():
+        file = _PACKAGE / "binaries" / f"{name}{ending}"
+        if file.is_file():
+            found.setdefault(name, file.read_bytes())
+    return found

@@ -1,0 +1,273 @@
+"""Exported runs against `simulate`, closed forms and the model's dynamic stiffness."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pytest
+
+import antiosc as ao
+from antiosc import closed_form
+from fmus import ERROR, OK, Fmu
+
+DURATION = 2e-3
+BALL = ao.RigidMass(mass=0.05, velocity=1.0)
+LAW = ao.Hertz(1.55e10)
+VERSIONS = pytest.mark.parametrize("fmi", [2, 3])
+
+
+@pytest.fixture(scope="module")
+def model():
+    beam = closed_form.UniformBeam.timoshenko(
+        E=206e9, nu=0.3, rho=7833.0, area=1e-4, inertia=1e-8 / 12, length=0.4
+    )
+    return closed_form.pinned_pinned(beam).anti_oscillators(8)
+
+
+@pytest.fixture(scope="module")
+def hit(model):
+    return ao.simulate(model, BALL, LAW, duration=DURATION, tol=1e-7)
+
+
+@pytest.fixture
+def struck(model, tmp_path, fmi):
+    """The FMU of the impact."""
+    ao.export(tmp_path / "blow.fmu", model, BALL, LAW, duration=DURATION, tol=1e-6, fmi=fmi)
+    return Fmu(tmp_path / "blow.fmu", tmp_path / "unpacked")
+
+
+@VERSIONS
+@pytest.mark.parametrize("steps", [1, 40, 1000])
+def test_an_fmu_gives_the_impact_at_any_communication_step(struck, hit, steps):
+    run = struck.instance()
+    assert run.begin() == OK
+    names = ["peak_force", "impulse", "displacement", "impactor_displacement", "force"]
+    rows = np.array(run.run(DURATION, steps, names))
+    run.close()
+    expected = [hit.peak_force, hit.impulse, hit.displacement[-1], hit.impactor_displacement[-1]]
+    assert rows[-1, :4] == pytest.approx(expected, rel=1e-6)
+    moments = DURATION * np.arange(1, steps + 1) / steps
+    at = np.searchsorted(hit.time, moments) // 2 * 2  # the parabola of the step
+    at = np.clip(at, 0, hit.time.size - 3)
+    u = (moments - hit.time[at]) / np.maximum(hit.time[at + 2] - hit.time[at], 1e-300)
+    f0, f1, f2 = (hit.force[at + k] for k in range(3))
+    force = f0 + u * (4 * f1 - 3 * f0 - f2 + 2 * u * (f0 - 2 * f1 + f2))
+    if steps == 1000:
+        assert np.linalg.norm(rows[:, 4] - force) <= 1e-5 * np.linalg.norm(force)
+
+
+@VERSIONS
+def test_states_resets_and_two_instances(struck):
+    one, two = struck.instance(), struck.instance()
+    assert one.begin() == two.begin(start=5.0, initial_velocity=0.5) == OK
+    assert two.step(5.0, 1e-4) == OK
+    assert one.step(0.0, 1e-4) == OK
+    kept = one.state()
+    assert one.step(1e-4, 4e-4) == OK
+    late = one.get("force", "displacement", "peak_force", "time")
+    assert one.back_to(kept) == OK
+    assert one.step(1e-4, 4e-4) == OK
+    assert one.get("force", "displacement", "peak_force", "time") == late
+    code, same = two.state_of(one.bytes_of(kept))  # another instance goes on from it
+    assert code == OK
+    assert two.back_to(same) == OK
+    assert two.step(1e-4, 4e-4) == OK
+    assert two.get("force", "displacement", "peak_force", "time") == late
+    assert one.call("Reset") == OK
+    assert one.begin() == OK
+    assert one.step(0.0, 5e-4) == OK
+    assert one.get("force", "displacement") == pytest.approx(late[:2], rel=1e-12)
+    damaged = bytearray(one.bytes_of(kept))
+    damaged[len(damaged) // 2] ^= 0xFF
+    assert one.state_of(bytes(damaged))[0] == ERROR
+    assert one.state_of(b"")[0] == ERROR
+    one.close()
+    two.close()
+
+
+@VERSIONS
+def test_the_initial_velocity_is_a_parameter(model, struck):
+    run = struck.instance()
+    assert run.begin(initial_velocity=0.3) == OK
+    assert run.step(0.0, DURATION) == OK
+    (peak,) = run.get("peak_force")
+    run.close()
+    slower = ao.simulate(model, ao.RigidMass(0.05, 0.3), LAW, duration=DURATION, tol=1e-7)
+    assert peak == pytest.approx(slower.peak_force, rel=1e-5)
+
+
+@pytest.mark.parametrize("direction", [None, (0.0, 0.0, 1.0)])
+def test_the_start_of_simulate_is_that_of_the_export(tmp_path, direction):
+    """A free body is thrown on a mass at rest, beyond a gap."""
+    thrown = ao.AntiOscillators(0.1, 0.0, [0.2], [4e3], direction=direction)
+    given = {"initial_velocity": 0.4, "gap": 1e-5}
+    rest = ao.RigidMass(0.05, 0.0)
+    ao.export(tmp_path / "a.fmu", thrown, rest, LAW, duration=DURATION, tol=1e-6, **given)
+    run = Fmu(tmp_path / "a.fmu", tmp_path / "unpacked").instance()
+    assert run.begin() == OK
+    found = run.run(DURATION, 3, ["peak_force", "impulse", "velocity"])[-1]
+    run.close()
+    hit = ao.simulate(thrown, rest, LAW, DURATION, tol=1e-7, **given)
+    assert found == pytest.approx([hit.peak_force, hit.impulse, hit.velocity[-1]], rel=1e-5)
+
+
+@VERSIONS
+def test_calls_in_a_wrong_order_are_errors(struck):
+    assert struck.instance(token="another").handle is None
+    run = struck.instance()
+    for call in ("ExitInitializationMode", "Terminate"):
+        assert run.call(call) == ERROR
+    assert run.step(0.0, 1e-4) == ERROR
+    assert run.begin() == OK
+    assert run.call("EnterInitializationMode", *[0] * 5) == ERROR
+    assert run.set("force", 1.0) == ERROR
+    assert run.set("initial_velocity", 1.0) == ERROR
+    for at, h in [(0.0, -1e-4), (1.0, 1e-4), (0.0, np.nan), (np.nan, 1e-4), (0.0, np.inf)]:
+        assert run.step(at, h) == ERROR
+    assert run.step(0.0, 1e-4) == OK
+    assert run.call("Terminate") == OK
+    assert run.step(1e-4, 1e-4) == ERROR
+    assert run.said
+    run.close()
+    run._function("FreeInstance", None)(None)
+
+
+@VERSIONS
+@pytest.mark.parametrize("damage", ["cut", "longer", "counts", "missing"])
+def test_a_damaged_model_file_is_refused(struck, damage):
+    file = struck.folder / "resources" / "model.aom"
+    content = bytearray(file.read_bytes())
+    if damage == "counts":
+        content[8:12] = (10**6).to_bytes(4, "little")
+    file.write_bytes({"cut": content[:-8], "longer": content + b"0"}.get(damage, content))
+    if damage == "missing":
+        file.unlink()
+    run = struck.instance()
+    assert run.handle is None
+    assert run.said
+
+
+@VERSIONS
+def test_a_port_answers_a_constant_force_as_its_modes_do(model, tmp_path, fmi):
+    ao.export(tmp_path / "port.fmu", model, fmi=fmi)
+    run = Fmu(tmp_path / "port.fmu", tmp_path / "unpacked").instance()
+    assert run.begin(force=7.0) == OK
+    modes = model.modal()
+    t = 3e-4
+    rows = run.run(t, 3, ["displacement", "velocity"])
+    run.close()
+    w, b = modes.omega, modes.b
+    moved = 7.0 * (np.sum((b / w) ** 2 * (1 - np.cos(w * t))) + modes.r)
+    speed = 7.0 * np.sum(b**2 / w * np.sin(w * t))
+    assert rows[-1] == pytest.approx([moved, speed], rel=1e-10)
+
+
+def test_a_scene_of_several_contacts(model, tmp_path):
+    scene = ao.Scene(
+        {"strip": model, "ball": BALL, "stop": ao.Obstacle()},
+        [
+            ao.Contact("strip", "ball", LAW),
+            ao.Contact("stop", "strip", ao.HuntCrossley(1e8, 0.3), gap=1e-4),
+        ],
+    )
+    ao.export(tmp_path / "scene.fmu", scene, duration=1e-3, tol=1e-6)
+    run = Fmu(tmp_path / "scene.fmu", tmp_path / "unpacked").instance()
+    assert run.begin() == OK
+    names = ["strip,ball.peak_force", "stop,strip.impulse", "strip.displacement"]
+    found = run.run(1e-3, 7, names)[-1]
+    run.close()
+    hit = scene.run(1e-3, tol=1e-6)
+    expected = [
+        hit["strip", "ball"].peak_force,
+        hit["stop", "strip"].impulse,
+        hit.bodies["strip"].displacement()[-1],
+    ]
+    assert found == pytest.approx(expected, rel=1e-5)
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
+def test_the_c_file_is_the_same_run(model, tmp_path):
+    ao.export(tmp_path / "blow.c", model, BALL, LAW, duration=DURATION, tol=1e-6)
+    ao.export(tmp_path / "blow.fmu", model, BALL, LAW, duration=DURATION, tol=1e-6)
+    build = ["cc", "-std=c99", "-O1", "-DBLOW_MAIN", "-o", "blow", "blow.c", "-lm"]
+    subprocess.run(build, cwd=tmp_path, check=True)
+    table = subprocess.run([tmp_path / "blow"], capture_output=True, text=True, check=True)
+    rows = np.array([line.split() for line in table.stdout.splitlines()], dtype=float)
+    run = Fmu(tmp_path / "blow.fmu", tmp_path / "unpacked").instance()
+    assert run.begin() == OK
+    names = [name for name in run.fmu.variables if name not in ("time", "initial_velocity")]
+    found = np.array(run.run(DURATION, 1000, names))
+    run.close()
+    size = np.abs(found).max(axis=0)
+    assert np.abs(rows[1:, 1:] - found).max(axis=0) / size == pytest.approx(0.0, abs=1e-12)
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
+def test_an_fmu_is_built_from_its_sources(struck_sources, tmp_path):
+    listed = [each.attrib["name"] for each in struck_sources.description.iter("File")]
+    folder = struck_sources.folder / "sources"
+    build = ["cc", "-std=c99", "-shared", "-fPIC", "-o", str(tmp_path / "own.so"), *listed, "-lm"]
+    subprocess.run(build, cwd=folder, check=True)
+    assert (tmp_path / "own.so").stat().st_size > 0
+
+
+@pytest.fixture
+def struck_sources(model, tmp_path):
+    ao.export(tmp_path / "blow.fmu", model, BALL, LAW, duration=DURATION)
+    return Fmu(tmp_path / "blow.fmu", tmp_path / "unpacked")
+
+
+def stiffness(m0, k0, m, k, x):
+    """Z of masses on springs at x = omega^2."""
+    m, k = np.asarray(m)[:, None], np.asarray(k)[:, None]
+    return k0 - x * m0 - np.sum(k * x * m / (k - x * m), axis=0)
+
+
+def test_mujoco_and_modelica_have_the_dynamic_stiffness_of_the_model(model, tmp_path):
+    w = np.linspace(10.0, 2 * model.omega[3], 50)
+    expected = model.dynamic_stiffness(w)
+    ao.export(tmp_path / "blow.xml", model, BALL, LAW, duration=DURATION)
+    world = ET.parse(tmp_path / "blow.xml").getroot().find("worldbody")
+    site = world.find("body[@name='site']")
+    masses = [float(each.attrib["mass"]) for each in site.iter("inertial")]
+    springs = [float(each.attrib["stiffness"]) for each in site.iter("joint")]
+    found = stiffness(masses[0], springs[0], masses[1:], springs[1:], w**2)
+    assert found == pytest.approx(expected, rel=1e-9)
+    ao.export(tmp_path / "beam.mo", model)
+    text = (tmp_path / "beam.mo").read_text()
+    m0, k0 = (float(re.search(rf" {name} = (\S+)", text)[1]) for name in ("m0", "k0"))
+    m, omega = (
+        np.fromstring(re.search(rf" {name}\[8\] = {{(.*?)}}", text)[1], sep=",")
+        for name in ("m", "omega")
+    )
+    assert stiffness(m0, k0, m, omega**2 * m, w**2) == pytest.approx(expected, rel=1e-9)
+
+
+def test_the_contact_of_mujoco_has_the_peak_of_the_law():
+    """Of Hertz's law on a rigid wall: K = 1.25 F/delta."""
+    from antiosc.exports.mujoco import equal_stiffness
+
+    wall = ao.AntiOscillators(m0=1e9, k0=0.0, m=[], omega=[])
+    k, (mass, speed) = LAW.stiffness, (BALL.mass, BALL.velocity)
+    depth = (1.25 * mass * speed**2 / k) ** 0.4
+    expected = 1.25 * k * depth**0.5
+    assert equal_stiffness(wall, BALL, LAW) == pytest.approx(expected, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("name", "given", "word"),
+    [
+        ("x.txt", (BALL, LAW), "fmu"),
+        ("x.fmu", (BALL,), "both"),
+        ("x.mo", (BALL, LAW), "flange"),
+        ("x.xml", (ao.Obstacle(), LAW), "RigidMass"),
+    ],
+)
+def test_what_cannot_be_exported_is_told_and_nothing_written(model, tmp_path, name, given, word):
+    with pytest.raises(ao.InputError, match=word):
+        ao.export(tmp_path / name, model, *given)
+    assert not list(tmp_path.iterdir())
