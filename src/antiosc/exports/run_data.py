@@ -19,7 +19,7 @@ from antiosc.simulation.assembly import Assembly, assemble
 from antiosc.simulation.bodies import Placed, place
 from antiosc.simulation.convergence import FINE
 from antiosc.simulation.impactors import Impactor, Obstacle, RigidMass, Sphere
-from antiosc.simulation.refinement import exactly, start, verdict
+from antiosc.simulation.refinement import exactly, inexact, start
 from antiosc.simulation.scene_parts import SceneParts
 from antiosc.simulation.system import Given, System
 
@@ -174,8 +174,7 @@ def of_scene(scene: SceneParts, duration: float | None, tol: float, plain: bool)
     assembly = assemble(scene, duration)
     start(assembly)
     found, _ = exactly(assembly, duration, tol, None, *_MAX)
-    status, message = verdict(found, tol, *_MAX)
-    if status:
+    if message := inexact(assembly, found, tol, _MAX[1]):
         warn(message, AccuracyWarning)
     names, modes, columns = _sites(assembly, plain)
     shift = assembly.pushes(assembly.system.breaks) @ assembly.r
