@@ -302,7 +302,9 @@ def recovered(
 ) -> np.ndarray:
     """A quantity (points, …, columns) of displacements u (rows, columns)."""
     if quantity == "displacement":
-        return np.stack([mesh_fields.at_point(case.part, u, np.array(x), None, NEAR) for x in where])
+        return np.stack(
+            [mesh_fields.at_point(case.part, u, np.array(x), None, NEAR) for x in where]
+        )
     points = np.array(where)
     return mesh_fields.recovered(case.part, u, points, None, quantity, Place(), NEAR)
 
