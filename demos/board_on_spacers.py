@@ -72,10 +72,12 @@ def main(
         model = ao.extract(part, site, n=n)
         hit = ao.simulate(model, ball, contact, duration)
         chip = ao.probe(part, hit, (*CHIP, HIGH), "acceleration", times, part="board")
+        moved = ao.probe(part, hit, (*CHIP, HIGH), "displacement", times, part="board")
         lines[name] = chip[:, 2] / G0
         numbers[name] = {
             **compared.numbers(part, model, hit, ball.mass, ball.velocity),
             "chip": float(np.abs(chip).max()),
+            "moved": float(np.abs(moved).max()),
             "seconds": time.perf_counter() - started,
         }
     if first:

@@ -31,8 +31,11 @@ from antiosc.fem import mesh_fields
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.recovery.place import Place
 from antiosc.fem.site.functionals import functional
+from antiosc.fem.site.site import Reach
 
 ROOT = Path(__file__).resolve().parent.parent
+#: The points that are compared lie on the part.
+NEAR = Reach("the point")
 ALUMINIUM = {"E": 70e9, "nu": 0.33, "rho": 2700.0}
 STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}
 #: Highest frequency of the shock response spectra, Hz; they are compared at a point where they are
@@ -299,9 +302,11 @@ def recovered(
 ) -> np.ndarray:
     """A quantity (points, …, columns) of displacements u (rows, columns)."""
     if quantity == "displacement":
-        return np.stack([mesh_fields.at_point(case.part, u, np.array(x), None) for x in where])
+        return np.stack(
+            [mesh_fields.at_point(case.part, u, np.array(x), None, NEAR) for x in where]
+        )
     points = np.array(where)
-    return mesh_fields.recovered(case.part, u, points, None, quantity, Place(), None)
+    return mesh_fields.recovered(case.part, u, points, None, quantity, Place(), NEAR)
 
 
 def chosen(case: Case, count: int) -> list[tuple[float, ...]]:

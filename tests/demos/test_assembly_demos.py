@@ -27,8 +27,9 @@ def test_board_on_spacers(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
     solid, springs = numbers["solid spacers"], numbers["springs"]
     spacers = 4 * script.NYLON["rho"] * script.WIDE**2 * script.HIGH
     assert solid["mass"] - springs["mass"] == pytest.approx(spacers, rel=1e-9)
-    # the springs are those of the spacers as beams
-    for name, share in (("k0", 1e-3), ("first", 1e-3), ("peak_force", 0.03), ("chip", 0.2)):
+    # the springs are those of the spacers as beams; 40 anti-oscillators give the chip its motion,
+    # not its largest acceleration
+    for name, share in (("k0", 1e-3), ("first", 1e-3), ("peak_force", 0.03), ("moved", 0.06)):
         assert springs[name] == pytest.approx(solid[name], rel=share)
     assert (tmp_path / "board_on_spacers.png").stat().st_size > 0
     assert "solid spacers" in capsys.readouterr().out

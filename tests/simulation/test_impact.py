@@ -302,7 +302,7 @@ def test_public_names_exist():
 
 def test_a_run_over_which_no_phase_is_left_is_refused():
     model = ao.AntiOscillators(m0=1e20, k0=0.0, m=[1e-40], omega=[1e40])
-    ball, law = ao.RigidMass(1e60, -1e60), ao.Hertz(1e-20)
+    ball, law = ao.RigidMass(1e60, -1.0), ao.Hertz(1e-20)
     with pytest.raises(ao.AccuracyError, match=r"the fastest motion, 1e\+40 rad"):
         ao.simulate(model, ball, law, 1e60)
     with pytest.raises(ao.AccuracyError, match="rounding destroys the phase"):
