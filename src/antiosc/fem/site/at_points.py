@@ -153,4 +153,4 @@ def _check_distance(
             )
         return
     reach = Reach("the point of the site", None if site.snap is True else max(site.snap, on))
-    reach.check(*points, extent, partial(closest_point.size_at, mesh, nearest))
+    reach.check(points[0], points[1], extent, partial(closest_point.size_at, mesh, nearest))
