@@ -62,10 +62,10 @@ def board():
         ],
         at={
             "sw": (0.007, 0.007, -0.01), "ne": (0.087, 0.067, -0.01),
-            "fin": ao.Placement((0.1, 0.04, 0.0), (0, 1, 0), 30.0),
+            "fin": ao.Placement((0.1, 0.04, 0.0), (0, 1, 0), np.pi / 6),
         },
         attached=[ao.PointMass((0.06, 0.05, 0.0), 5e-3)],
-    ), ao.Site((0.04, 0.03, 0.0), (0, 0, -1), part="board"), ("fin", (0.14, 0.04, -0.03))
+    ), ao.Site((0.04, 0.03, 0.0), (0, 0, -1), part="board"), ("fin", (0.1346, 0.04, -0.02))
 
 def free():
     # meshes that do not match, tied; nothing is held; a single cell: ranks without any of the part

@@ -17,7 +17,7 @@ from mpi import run_ranks
 pytestmark = pytest.mark.fem
 
 BALL, LAW = ao.RigidMass(mass=0.1, velocity=1.0), ao.Hertz(1e8)
-SITE = ao.Site((0.13, 0.06), (0.2, -1), radius=0.035)
+SITE = ao.Site((0.13, 0.06), (0.2, -1), radius=0.034)
 
 
 @pytest.fixture(scope="module")

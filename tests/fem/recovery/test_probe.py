@@ -21,7 +21,7 @@ from sheets import RIB, SHEET, grouped, rectangle
 pytestmark = pytest.mark.fem
 
 PLANE = ao.Solid(**parts.STEEL, plane="stress", thickness=0.01)
-SITE = ao.Site((0.13, 0.06), (0.2, -1), radius=0.035)
+SITE = ao.Site((0.13, 0.06), (0.2, -1), radius=0.034)
 BALL, LAW = ao.RigidMass(mass=0.1, velocity=1.0), ao.Hertz(1e8)
 DURATION = 1e-3
 REACH = Reach("the point")
@@ -103,11 +103,11 @@ def test_every_quantity_converges_to_the_unreduced_model(sheet):
     for n in (6, 12, 24):
         hit = ao.simulate(ao.extract(part, SITE, n), BALL, LAW, DURATION, tol=1e-5)
         worst[n] = errors(part, hit, times, solved)
-        force = hit.force_at(times)
-        worst[n]["force"] = np.abs(force - solved[3]).max() / solved[3].max()
+        # what is left of the force's error is that of the time integration
+        assert np.abs(hit.force_at(times) - solved[3]).max() < 1e-5 * solved[3].max()
     for coarse, fine in ((6, 12), (12, 24)):
         assert all(worst[fine][q] < worst[coarse][q] for q in worst[fine])
-    limits = {"displacement": 1e-5, "velocity": 3e-4, "acceleration": 1.5e-2, "force": 1e-5}
+    limits = {"displacement": 1e-5, "velocity": 3e-4, "acceleration": 1.5e-2}
     for quantity, value in worst[24].items():
         assert value < limits.get(quantity, 2e-4), quantity
 
