@@ -21,6 +21,7 @@ pytestmark = [
     pytest.mark.fem,
     pytest.mark.filterwarnings("ignore:the compliance under a point"),
     pytest.mark.filterwarnings("ignore:an edge cuts the patch"),
+    pytest.mark.filterwarnings("ignore:the radius 1e-05 m of the site is less"),
     pytest.mark.filterwarnings("ignore:the 1 .* are springs"),
     pytest.mark.filterwarnings("ignore:.* a mass on a held node"),
 ]

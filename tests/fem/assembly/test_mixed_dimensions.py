@@ -46,7 +46,8 @@ def test_a_shell_edge_on_a_solid_against_the_solid_throughout(cell):
     )  # fmt: skip
     ours = ao.extract(joined, ao.Site((0.17, 0.02, 0.0), (0, 0, -1), radius=5e-3), n=16)
     assert ours.k0 == pytest.approx(exact, rel=5e-3)
-    for omega in ours.omega[:2]:
+    # an uneven mesh gives a mode in the plane of the strip 6e-6 of the mass
+    for omega in ours.omega[ours.m > 1e-4 * ours.m_st][:2]:
         assert np.abs(whole.omega / omega - 1).min() < 5e-3
 
 
