@@ -1,8 +1,8 @@
 """Compile the C library of the march into the Python package: `python packaging/library.py`.
 
 The compiler is $CC, else cc, gcc or clang, else zig's of the package `ziglang`. With
-$ANTIOSC_TARGET, one of TARGETS, zig compiles for another platform. With `--fmu` zig compiles for all
-of them into the folder `binaries`, from where exported FMUs take their libraries.
+$ANTIOSC_TARGET, one of TARGETS, zig compiles for another platform. With `--fmu` zig compiles for
+all of them into the folder `binaries`, from where exported FMUs take their libraries.
 """
 
 from __future__ import annotations

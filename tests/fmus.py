@@ -10,6 +10,8 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
 
+from antiosc import march
+
 LOG2 = ctypes.CFUNCTYPE(None, c_void_p, c_char_p, c_int, c_char_p, c_char_p, c_char_p)
 LOG3 = ctypes.CFUNCTYPE(None, c_void_p, c_int, c_char_p, c_char_p)
 OK, ERROR = 0, 3
@@ -34,7 +36,8 @@ class Fmu:
             each.attrib["name"]: int(each.attrib["valueReference"])
             for each in self.description.find("ModelVariables") or ()
         }
-        (binary,) = folder.glob("binaries/*linux*/*.so")
+        place = march.platform() if self.version == 3 else "linux64"
+        (binary,) = (folder / "binaries" / place).glob("*.so")
         self.library = ctypes.CDLL(str(binary))
         self.token = self.description.attrib[("guid", "instantiationToken")[self.version - 2]]
 

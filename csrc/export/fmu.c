@@ -106,6 +106,15 @@ static size_t doubles_of(const int32_t *counts) {
     return total < 1e9 ? (size_t)total : 0;
 }
 
+/* Whether so many bytes are left of a file: nothing is allocated for more. */
+static bool left_are(FILE *stream, double bytes) {
+    long at = ftell(stream);
+    if (at < 0 || fseek(stream, 0, SEEK_END) != 0)
+        return false;
+    long end = ftell(stream);
+    return (double)(end - at) == bytes && fseek(stream, at, SEEK_SET) == 0;
+}
+
 static bool read_body(model_file *file, FILE *stream) {
     char magic[8];
     int32_t counts[N_COUNTS];
@@ -118,12 +127,14 @@ static bool read_body(model_file *file, FILE *stream) {
     if (doubles == 0)
         return false;
     size_t ints = CONTACT_INTS * (size_t)counts[2] + 2 * (size_t)counts[6];
+    if (!left_are(stream, 4.0 * (double)ints + 8.0 * (double)doubles))
+        return false;
     file->ints = calloc(ints + 1, sizeof(int32_t));
     file->doubles = calloc(doubles, sizeof(double));
     file->contacts = calloc((size_t)counts[2] + 1, sizeof *file->contacts);
     if (file->ints == NULL || file->doubles == NULL || file->contacts == NULL ||
         fread(file->ints, sizeof(int32_t), ints, stream) != ints ||
-        fread(file->doubles, sizeof(double), doubles, stream) != doubles || fgetc(stream) != EOF)
+        fread(file->doubles, sizeof(double), doubles, stream) != doubles)
         return false;
     const int32_t *contact = file->ints;
     double numbers = 0.0;

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import ctypes
 import re
 import shutil
 import subprocess
+from concurrent.futures import ThreadPoolExecutor
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -98,6 +100,43 @@ def test_the_initial_velocity_is_a_parameter(model, struck):
     run.close()
     slower = ao.simulate(model, ao.RigidMass(0.05, 0.3), LAW, duration=DURATION, tol=1e-7)
     assert peak == pytest.approx(slower.peak_force, rel=1e-5)
+
+
+@VERSIONS
+def test_a_state_of_another_model_or_a_damaged_one_is_refused(model, struck, tmp_path, fmi):
+    ao.export(tmp_path / "port.fmu", model, fmi=fmi)
+    port = Fmu(tmp_path / "port.fmu", tmp_path / "other").instance()
+    run = struck.instance()
+    assert run.begin() == port.begin() == OK
+    others = port.state()
+    before = run.get("displacement", "force", "time")
+    assert run.back_to(others) == ERROR
+    mine = run.state()
+    assert port.back_to(mine) == ERROR
+    size = len(run.bytes_of(mine))
+    ctypes.memset(mine.value + size // 2, 0x5A, 8)
+    assert run.back_to(mine) == ERROR
+    assert run.get("displacement", "force", "time") == before
+    keep = "GetFMUstate" if fmi == 2 else "GetFMUState"
+    assert run.call(keep, ctypes.byref(others)) == OK  # room for a smaller one grows
+    assert run.step(0.0, 1e-4) == OK
+    assert run.back_to(others) == OK
+    run.close()
+    port.close()
+
+
+@VERSIONS
+def test_two_threads_run_two_instances(struck):
+    def peak(velocity):
+        run = struck.instance()
+        assert run.begin(initial_velocity=velocity) == OK
+        rows = run.run(DURATION, 50, ["peak_force", "displacement"])
+        run.close()
+        return rows
+
+    velocities = [0.2, 0.5, 1.0, 2.0]
+    with ThreadPoolExecutor(4) as pool:
+        assert list(pool.map(peak, velocities)) == [peak(v) for v in velocities]
 
 
 @pytest.mark.parametrize("direction", [None, (0.0, 0.0, 1.0)])
