@@ -32,11 +32,14 @@ def sources() -> dict[str, str]:
 def binaries() -> dict[str, bytes]:
     """Platform -> library: the one in use, and those of other platforms that were built.
 
-    `packaging/library.py --fmu` builds the others into the folder `binaries`.
+    `packaging/library.py --fmu` builds the others into the folder `binaries`; those of other sources
+    are left out.
     """
     found = {march.platform(): march.FILE.read_bytes()}
+    sources = march.library.aom_source_hash()
     for name, (_, ending) in PLATFORMS.items():
         file = _PACKAGE / "binaries" / f"{name}{ending}"
-        if file.is_file():
-            found.setdefault(name, file.read_bytes())
+        content = file.read_bytes() if file.is_file() else b""
+        if sources in content:
+            found.setdefault(name, content)
     return found
