@@ -405,6 +405,7 @@ OWN: dict[str, dict[str, Any]] = {
     "Structure.uniform_inertia": {"direction": np.array([0.0, 0.0, 1.0])},
     "Mesh": {"dolfinx": lambda: mesh().dolfinx}, "Mesh.group": {"name": "none"},
     "read_model": {"path": str(DECKS / "layers.inp")},
+    "export": {"path": "out.fmu", "source": model},
     "Structure.from_matrices": {}, "ReducedMatrices": {"labels": [[1, 0], [2, 0], [3, 0]]},
     "Structure.from_files": {"K": matrix_file, "M": matrix_file},
     "ReducedMatrices.save": {"path": "reduced.op4"}, "ModalBody": {"r": 1e-9},

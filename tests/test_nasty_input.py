@@ -52,7 +52,9 @@ def _in_a_folder_of_its_own(tmp_path_factory, monkeypatch):
 
 
 def names_of(name: str) -> list[str]:
-    return [p for p in {**parameters(CALLS[name]), **unmade(name, CALLS[name])} if p != "self"]
+    """Parameters of a call, but for results of the caller's own that it gives back."""
+    known = {**parameters(CALLS[name]), **unmade(name, CALLS[name])}
+    return [p for p in known if p != "self" and (name, p) != ("sweep", "earlier")]
 
 
 def attempt(name: str, change: dict[str, int]) -> str:

@@ -171,9 +171,16 @@ def of_blow(model: Any, movers: Iterable[Any], *velocities: Any) -> str:
 
 def _fastest(velocity: Any) -> float:
     """The largest speed [m/s] of a number, an array or a `Motion`; 0 for anything else."""
+    given = getattr(velocity, "velocity", velocity)
+    if type(given) not in (int, float, list, tuple, np.ndarray) and not isinstance(
+        given, np.number
+    ):
+        return 0.0
     try:
-        values = np.asarray(getattr(velocity, "velocity", velocity), dtype=float)
-    except (TypeError, ValueError):
+        values = np.asarray(given)
+    except ValueError:  # a list of unlike rows
+        return 0.0
+    if values.dtype.kind not in "iuf":
         return 0.0
     finite = np.abs(values[np.isfinite(values)])
     return float(finite.max(initial=0.0))

@@ -74,7 +74,8 @@ def export(
         For an unknown ending, a law that has no form in C (a class of the user's: use `Tabulated`),
         or a source that the file cannot hold; nothing is written then.
     """
-    target, ending = Path(path), checked(path)
+    ending = checked(path)
+    target = Path(path)
     if duration is not None:
         duration = checks.positive("duration", duration, "s")
     scene = _scene(source, impactor, contact, initial_velocity, gravity, gap)

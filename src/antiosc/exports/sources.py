@@ -32,8 +32,8 @@ def sources() -> dict[str, str]:
 def binaries() -> dict[str, bytes]:
     """Platform -> library: the one in use, and those of other platforms that were built.
 
-    `packaging/library.py --fmu` builds the others into the folder `binaries`; those of other sources
-    are left out.
+    `packaging/library.py --fmu` builds the others into the folder `binaries`; those that were built
+    of other sources are left out.
     """
     found = {march.platform(): march.FILE.read_bytes()}
     sources = march.library.aom_source_hash()

@@ -180,8 +180,8 @@ def simulate_many(
         "max_contacts": checks.whole("max_contacts", max_contacts),
         "max_steps": checks.whole("max_steps", max_steps),
     }
-    speeds = columns["impactors"], columns["initial_velocity"]
-    plausible.tell([plausible.of_blow(model, *speeds) for model in columns["models"][:1]])
+    movers, speeds = columns["impactors"], columns["initial_velocity"]
+    plausible.tell([plausible.of_blow(m, movers, *speeds) for m in columns["models"][:1]])
     scenes = list(zip(*columns.values(), strict=True))
     rows = _rows_of(earlier, size)
     todo = [i for i, row in enumerate(rows) if row.verdict.status == STOPPED]

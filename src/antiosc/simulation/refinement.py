@@ -38,8 +38,8 @@ def integrate(
     tol = checks.positive("tol", tol)
     if tol >= 1:
         raise InputError(f"tol is a relative error, 0 < tol < 1; got {tol:g}.")
-    checks.whole("max_contacts", max_contacts)
-    checks.whole("max_steps", max_steps)
+    max_contacts = checks.whole("max_contacts", max_contacts)
+    max_steps = checks.whole("max_steps", max_steps)
     checks.instance("method", method, str, "'exact' or the name of an integrator")
     bodies = list(scene.bodies.values())
     doubts = [*plausible.of_model(*bodies), *plausible.tell(_of_blows(scene))]
