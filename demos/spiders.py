@@ -164,6 +164,7 @@ def by_mumps(A: scipy.sparse.csr_matrix, b: Array) -> Row:
     solver = PETSc.KSP().create(MPI.COMM_SELF)
     solver.setOperators(matrix)
     solver.setType("preonly")
+    solver.setErrorIfNotConverged(True)
     solver.getPC().setType("cholesky")
     solver.getPC().setFactorSolverType("mumps")
     _, seconds = clocked(solver.setUp)
@@ -176,7 +177,7 @@ def by_mumps(A: scipy.sparse.csr_matrix, b: Array) -> Row:
         "entries of the matrix": A.nnz,
         "of the factor, MUMPS": float(entries),
         "factor s, MUMPS": seconds,
-        "compliance": float(b @ x.getArray()),
+        "compliance": float(b.dot(x.getArray())),
     }
 
 
