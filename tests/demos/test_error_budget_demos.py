@@ -95,6 +95,7 @@ def test_random_shells(tmp_path, capsys):
     assert "| plate |" in page.read_text()
 
 
+@pytest.mark.filterwarnings("ignore:the facets at the site")  # of a coarse mesh
 def test_beams_beside_solid_bars(tmp_path):
     page = tmp_path / "model.md"
     (found,) = demo("beam_model").main(bars=1, fine=0.6, page=str(page))

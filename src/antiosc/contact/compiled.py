@@ -47,12 +47,12 @@ class Compiled(ContactLaw):
 
     def force(self, delta: float, rate: float, state: State) -> float:
         out = _Three()
-        march.library.aom_law_force(self._at, delta, rate, _Three(*state[:3]), out)
+        march.library.aom_law_force(self._at, delta, rate, _Three(*(state or ())[:3]), out)
         return out[0]
 
     def tangent(self, delta: float, rate: float, state: State) -> tuple[float, float]:
         out = _Three()
-        march.library.aom_law_force(self._at, delta, rate, _Three(*state[:3]), out)
+        march.library.aom_law_force(self._at, delta, rate, _Three(*(state or ())[:3]), out)
         return out[1], out[2]
 
     def energy(self, delta: float, state: State) -> float:
