@@ -114,7 +114,7 @@ def test_force_on_a_block_is_continuous_in_the_angle_to_its_slide(method):
     rails = ao.Support(lambda x: np.isclose(x[2], 0), ["y", "z"])
     block = ao.Structure(box((4, 3, 2), (0.1, 0.06, 0.03)), ao.Solid(**STEEL), [rails])
     sites = [
-        ao.Site((0.07, 0.033, 0.03), (np.sin(angle), 0, -np.cos(angle)), radius=0.02)
+        ao.Site((0.07, 0.033, 0.03), (np.sin(angle), 0, -np.cos(angle)), radius=0.025)
         for angle in [*ANGLES, 0.0]
     ]
     _check_forces(block, sites, 20, method)
