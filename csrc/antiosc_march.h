@@ -144,6 +144,9 @@ AOM_API int aom_law_check(const aom_law *law);
 /* Force and its derivatives by indentation and rate, into out. */
 AOM_API void aom_law_force(const aom_law *law, double delta, double rate, const double *state,
                            double out[3]);
+/* Forces at n indentations at rest, into out [n]. */
+AOM_API void aom_law_forces(const aom_law *law, int64_t n, const double *delta,
+                            const double *state, double *out);
 /* Energies [J] that the contact can still give back at n indentations, into out [n]. */
 AOM_API void aom_law_energies(const aom_law *law, int64_t n, const double *delta,
                               const double *state, double *out);

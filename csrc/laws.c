@@ -421,6 +421,15 @@ static double law_energy(const aom_law *law, double delta, const double *state) 
     return stored + 0.5 * p[4] * (force * force - top * top);
 }
 
+void aom_law_forces(const aom_law *law, int64_t n, const double *delta, const double *state,
+                    double *out) {
+    for (int64_t k = 0; k < n; k++) {
+        double found[3];
+        aom_law_force(law, delta[k], 0.0, state, found);
+        out[k] = found[0];
+    }
+}
+
 void aom_law_energies(const aom_law *law, int64_t n, const double *delta, const double *state,
                       double *out) {
     for (int64_t k = 0; k < n; k++)

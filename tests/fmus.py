@@ -34,7 +34,7 @@ class Fmu:
         self.version = int(self.description.attrib["fmiVersion"][0])
         self.variables = {
             each.attrib["name"]: int(each.attrib["valueReference"])
-            for each in self.description.find("ModelVariables") or ()
+            for each in self.description.findall("ModelVariables/*")
         }
         place = march.platform() if self.version == 3 else "linux64"
         (binary,) = (folder / "binaries" / place).glob("*.so")

@@ -160,11 +160,12 @@ def random_scene(seed: int) -> ao.Scene:
 
 
 def _each_once(pairs: list[tuple[str, str]]) -> list[tuple[str, str]]:
-    """The pairs; one that is there in reverse too gets another obstacle or site there."""
+    """The pairs; one that is there in reverse too gets another obstacle or site there, or goes."""
 
     def apart(a: str, b: str) -> tuple[str, str]:
         if "floor" in (a, b):
             return ("wall", b) if a == "floor" else (a, "wall")
         return (f"{a}'", b) if ":" in a else (a, f"{b}'" if ":" in b else b)
 
-    return [apart(a, b) if a > b and (b, a) in pairs else (a, b) for a, b in pairs]
+    kept = [apart(a, b) if a > b and (b, a) in pairs else (a, b) for a, b in pairs]
+    return [(a, b) for a, b in kept if a < b or (b, a) not in kept]

@@ -145,6 +145,7 @@ _SIGNATURES: dict[str, tuple[Any, ...]] = {  # result, arguments
     "aom_status_name": (c_char_p, c_int),
     "aom_law_check": (c_int, c_void_p),
     "aom_law_force": (None, c_void_p, c_double, c_double, c_void_p, c_void_p),
+    "aom_law_forces": (None, c_void_p, c_int64, c_void_p, c_void_p, c_void_p),
     "aom_law_energies": (None, c_void_p, c_int64, c_void_p, c_void_p, c_void_p),
     "aom_law_loading_work": (c_double, c_void_p, c_double),
     "aom_law_touch": (None, c_void_p, c_double, c_int, c_void_p),

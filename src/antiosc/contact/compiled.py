@@ -71,6 +71,14 @@ class Compiled(ContactLaw):
         )
         return out
 
+    def forces_at_rest(self, delta: Array, state: State) -> Array:
+        """Forces (n,) [N] at indentations (n,) [m] that do not change."""
+        depth, out = np.ascontiguousarray(delta, dtype=float), np.empty(len(delta))
+        march.library.aom_law_forces(
+            self._at, depth.size, march.address(depth), _Three(*state[:3]), march.address(out)
+        )
+        return out
+
     def loading_work(self, delta: float) -> float:
         """Work [J] of loading a new contact up to delta."""
         return float(march.library.aom_law_loading_work(self._at, delta))

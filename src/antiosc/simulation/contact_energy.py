@@ -8,6 +8,7 @@ import numpy as np
 
 from antiosc._types import Array
 from antiosc.contact import ContactLaw, State
+from antiosc.contact.compiled import Compiled, is_compiled
 
 
 def stored_alone(law: ContactLaw, force: Array, depth: Array) -> Array:
@@ -38,6 +39,15 @@ def replay(
     state: State | None = None
     for (a, b), speed in zip(spans, speeds, strict=False):
         state = law.touch(speed, state)
+        if is_compiled(law) and not law.has_memory:  # the state lasts as long as the contact
+            assert isinstance(law, Compiled)
+            span = slice(a, b + 1)
+            stored[span] = law.energies(depth[span], state)
+            if law.rate_dependent:
+                damping[span] = force[span] - law.forces_at_rest(depth[span], state)
+            if b < depth.size - 1:
+                stored[b] = damping[b] = 0.0
+            continue
         before = law.lost(state)
         for n in range(a, b + 1):
             delta = float(depth[n])
