@@ -112,6 +112,7 @@ def test_a_structure_knows_its_dimensions():
     assert ao.Structure(line, bar).dimensions == pytest.approx((1.0, 0.02, 0.01))
 
 
+@pytest.mark.filterwarnings("ignore:the facets at the site")  # of coarse meshes
 @pytest.mark.fem
 @pytest.mark.slow
 def test_the_ladder_bears_the_advice_out(tmp_path):

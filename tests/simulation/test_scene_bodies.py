@@ -186,7 +186,7 @@ def test_a_damped_contact_that_begins_at_rest(method: str) -> None:
     )
     hit = scene.run(5e-3)
     other = scene.run(5e-3, method=method, tol=2e-3)
-    assert hit.status == 0
+    assert hit.status == 3  # the contact goes on at the end
     assert hit.run.attempts < 2000
     one, two = hit["floor", "chain:near"], other["floor", "chain:near"]
     assert one.peak_force == pytest.approx(two.peak_force, rel=5e-3)
