@@ -38,7 +38,18 @@ MODULES = {
 #: Steps of the march and of the assembly: they are called with what antiosc itself has checked,
 #: a contact law's methods a million times a run.
 INNER = {
-    *("force", "tangent", "energy", "energies", "touch", "advance", "origin", "lost", "damping"),
+    *(
+        "force",
+        "tangent",
+        "energy",
+        "energies",
+        "forces_at_rest",
+        "touch",
+        "advance",
+        "origin",
+        "lost",
+        "damping",
+    ),
     "potential",
     *("implicit", "out_of_range", "loading_work", "permanent", "parameters"),
     *("weak_form", "half_space_compliance", "shear_stiffness"),
