@@ -63,9 +63,6 @@ from antiosc.fem.assembly.pins import (
     Slider as Slider,
     Weld as Weld,
 )
-from antiosc.fem.assembly.placement import (
-    Placement as Placement,
-)
 from antiosc.fem.assembly.spiders import (
     Mean as Mean,
     Rigid as Rigid,
@@ -134,6 +131,9 @@ from antiosc.fem.site.site import (
 from antiosc.fem.structure.attachments import (
     PointMass as PointMass,
     Spring as Spring,
+)
+from antiosc.fem.structure.placement import (
+    Placement as Placement,
 )
 from antiosc.fem.structure.structure import (
     Structure as Structure,

@@ -13,7 +13,6 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -28,11 +27,10 @@ from antiosc.fem.extraction.oscillators import error_bound, lumped, oscillators,
 from antiosc.fem.extraction.static_mode import static_modes
 from antiosc.fem.linalg.compliance import deflections
 from antiosc.fem.mpi import agree, collective, on_root
-from antiosc.fem.site.map_on_assembly import sites_on_assembly
-from antiosc.fem.site.map_sites import MapSites, sites_of
+from antiosc.fem.site.map_sites import sites_of
 from antiosc.fem.site.site import Functional
 from antiosc.fem.site.sites import Sites
-from antiosc.fem.structure.structure import Structure, on_mesh
+from antiosc.fem.structure.structure import Structure, with_parts
 from antiosc.map_results import ImpactMap
 from antiosc.models import driving_point as bands, free_modes
 from antiosc.models.body import LinearBody, checked_body
@@ -40,9 +38,6 @@ from antiosc.models.free_modes import SiteModels
 from antiosc.simulation.batch import simulate_many
 from antiosc.simulation.deflection import peak_deflections
 from antiosc.threads import one_thread
-
-if TYPE_CHECKING:
-    from antiosc.fem.assembly.assembled import AssembledMatrices
 
 #: Free modes where neither `modes` nor a band says how many.
 FREE_MODES = 20
@@ -121,7 +116,8 @@ def impact_map(
         checked_body("impactor", impactor)
         instance("contact", contact, ContactLaw, "a ContactLaw such as Hertz(stiffness)")
         duration = positive("duration", duration, "s")
-    found = _sites(structure, where, direction, radius)
+    matrices = with_parts(structure, "a map needs a mesh: matrices have no points.")
+    found = sites_of(matrices, where, direction, radius)
     sites = found.sites
     refuse_dampers(structure, "a map")
     structure.factorize()
@@ -177,17 +173,6 @@ def impact_map(
     if impactor is None or contact is None or duration is None:
         return result
     return _struck(structure, result, impactor, contact, duration)
-
-
-def _sites(
-    structure: Structure, where: Any, direction: Sequence[float] | None, radius: float | None
-) -> MapSites:
-    """The sites of the map on a mesh, or on an assembly."""
-    if structure.matrices.assembled:
-        matrices = cast("AssembledMatrices", structure.matrices)
-        return sites_on_assembly(matrices, where, direction, radius)
-    meshed = on_mesh(structure, "a map needs a mesh: matrices have no points.")
-    return sites_of(meshed, where, direction, radius)
 
 
 # --- Free modes ---------------------------------------------------------------------------------

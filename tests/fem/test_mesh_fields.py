@@ -9,9 +9,9 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 from antiosc.fem import compat, mesh_fields
-from antiosc.fem.assembly.placement import Placement
 from antiosc.fem.mesh.conformity import _SIMPLICES
 from antiosc.fem.site.site import Reach
+from antiosc.fem.structure.placement import Placement
 from antiosc.fem.structure.structure import on_mesh
 from assemblies import BEAM, SOLID, box, line
 from sheets import SHEET, sheet

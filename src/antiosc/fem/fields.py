@@ -20,7 +20,7 @@ from antiosc.errors import InputError, MissingDependencyError
 from antiosc.fem import node_fields
 from antiosc.fem.mpi import collective, on_root
 from antiosc.fem.series import listing, write_frames
-from antiosc.fem.structure.structure import Structure, on_mesh
+from antiosc.fem.structure.structure import Structure, with_parts
 from antiosc.fem.vtu import Frames
 from antiosc.saved_fields import SavedFields
 from antiosc.simulation.body_motion import Motions, amplitudes, modes_of
@@ -170,8 +170,7 @@ def source(structure: Structure) -> ModuleType:
     """What gives the fields of the structure: its mesh, or the nodes of given matrices."""
     if structure.matrices.located:
         return node_fields
-    if not structure.matrices.assembled:
-        on_mesh(structure)
+    with_parts(structure)
     from antiosc.fem import mesh_fields  # needs dolfinx
 
     return mesh_fields

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -12,13 +12,10 @@ from antiosc._types import Array, IntArray
 from antiosc.checks import shown
 from antiosc.errors import InputError
 from antiosc.fem import compat
-from antiosc.fem.assembly.assembled import AssembledMatrices
-from antiosc.fem.assembly.layout import Member
-from antiosc.fem.assembly.placement import Placement
 from antiosc.fem.elements.weak_form import WeakForm
 from antiosc.fem.mesh import closest_point
 from antiosc.fem.mesh.mesh import Mesh
-from antiosc.fem.mpi import agree, on_root
+from antiosc.fem.mpi import agree
 from antiosc.fem.readers import KINDS
 from antiosc.fem.readers.neutral import FACETS
 from antiosc.fem.recovery import at_nodes as nodal
@@ -26,8 +23,9 @@ from antiosc.fem.recovery.place import Place
 from antiosc.fem.recovery.quantities import evaluator
 from antiosc.fem.recovery.shape_slopes import PointsInCells
 from antiosc.fem.site.site import Reach
+from antiosc.fem.structure.member import Member
 from antiosc.fem.structure.meshed import MeshedStructure, alone
-from antiosc.fem.structure.structure import Structure, on_mesh
+from antiosc.fem.structure.structure import Structure, with_parts
 from antiosc.names import known
 
 
@@ -38,16 +36,8 @@ def at_point(
 
     InputError for a point farther off than `reach`.
     """
-    parts = _parts(structure, shapes, part)
-    return _decided(structure, lambda: _displacements(parts, x, reach))
-
-
-def _decided(structure: Structure, work: Callable[[], Array]) -> Array:
-    """The result of `work()`, which on an assembly is done by rank 0, for it has the parts whole.
-
-    Two ranks might otherwise take different ones of parts that are equally near.
-    """
-    return on_root(structure.comm, work) if structure.matrices.assembled else work()
+    parts = with_parts(structure).fields(shapes, part)
+    return with_parts(structure).decided(lambda: _displacements(parts, x, reach))
 
 
 def _displacements(parts: Sequence[tuple[Member, Array]], x: Array, reach: Reach) -> Array:
@@ -71,10 +61,10 @@ def recovered(
 
     InputError for a point farther from the structure than `reach`.
     """
-    parts = _parts(structure, shapes, part)
+    parts = with_parts(structure).fields(shapes, part)
     if place.stiffener is not None:
         parts = _stiffeners(parts, place.stiffener)
-    return _decided(structure, lambda: _recovered(parts, points, quantity, place, reach))
+    return with_parts(structure).decided(lambda: _recovered(parts, points, quantity, place, reach))
 
 
 def _stiffeners(parts: list[tuple[Member, Array]], name: str) -> list[tuple[Member, Array]]:
@@ -149,7 +139,7 @@ def at_nodes(
     structure: Structure, shapes: Array, part: str | None = None
 ) -> tuple[Array, list[tuple[str, IntArray]], Array]:
     """Points (P, 3), cells of each part by meshio's names, shapes (P, 3, columns), on rank 0."""
-    parts = _parts(structure, shapes, part)
+    parts = with_parts(structure).fields(shapes, part)
     points, cells, found = _side_by_side([_gathered(member, own) for member, own in parts])
     kinds = [_kind(m.part.mesh, c) for (m, _), c in zip(parts, cells, strict=True)]
     return points, list(zip(kinds, cells, strict=True)), found
@@ -162,7 +152,7 @@ def tensors_at_nodes(
 
     A point may have several tensors: of materials, of cells of a sheet, of the places given.
     """
-    parts = _parts(structure, shapes, part)
+    parts = with_parts(structure).fields(shapes, part)
     points, cells, _ = at_nodes(structure, shapes[:, :0], part)
     node, tensors, start = [], [], 0
     for member, own in parts:
@@ -190,7 +180,9 @@ def tensors_at_nodes(
 
 def surface(structure: Structure, shapes: Array) -> tuple[Array, IntArray, Array]:
     """Points (P, 3), corners of the outer faces, shapes (P, 3, columns), on rank 0."""
-    parts = [pair for pair in _parts(structure, shapes, None) if pair[0].part.mesh.tdim > 1]
+    parts = [
+        pair for pair in with_parts(structure).fields(shapes, None) if pair[0].part.mesh.tdim > 1
+    ]
     if not parts:
         raise InputError("a mesh of lines has no surface: write_series writes its motion.")
     points, cells, found = _side_by_side([_gathered(member, own) for member, own in parts])
@@ -200,16 +192,6 @@ def surface(structure: Structure, shapes: Array) -> tuple[Array, IntArray, Array
             np.vstack([f[:, [0, 1, 2]], f[:, [0, 2, 3]]]) if f.shape[1] == 4 else f for f in faces
         ]
     return points, np.vstack(faces), found
-
-
-def _parts(structure: Structure, shapes: Array, name: str | None) -> list[tuple[Member, Array]]:
-    """The parts of the structure (or the one named) with the shapes on their rows."""
-    if isinstance(structure.matrices, AssembledMatrices):
-        return structure.matrices.fields(shapes, name)
-    meshed = on_mesh(structure)
-    if name is not None:
-        raise InputError(f"part={name!r} names a part of an assembly; {meshed.mesh.name} is one.")
-    return [(Member("", meshed, Placement(), 0), shapes)]
 
 
 def _at_point(member: Member, nearest: closest_point.ClosestPoint, shapes: Array) -> Array:

@@ -12,14 +12,13 @@ import numpy as np
 from antiosc import checks
 from antiosc._types import Array
 from antiosc.errors import InputError
-from antiosc.fem.mpi import on_root
-from antiosc.fem.structure.structure import Structure, on_mesh
+from antiosc.fem.structure.structure import MeshedParts, Structure, with_parts
 from antiosc.names import known
 
 if TYPE_CHECKING:
     from antiosc.fem.assembly.assembled import AssembledMatrices
     from antiosc.fem.assembly.ends import Motion
-    from antiosc.fem.assembly.layout import Member
+    from antiosc.fem.structure.member import Member
 
 #: What a point without a mesh has.
 MOTIONS = ("displacement", "velocity", "acceleration", "rotation")
@@ -46,39 +45,44 @@ def point_of(
         )
     if structure.matrices.located:
         raise InputError("matrices have no groups: give the point's coordinates.")
-    from antiosc.fem.mesh.entities import centre  # needs dolfinx
-
-    if not structure.matrices.assembled:
-        return centre(on_mesh(structure).mesh, point), None, None
-    matrices = cast("AssembledMatrices", structure.matrices)
+    matrices = with_parts(structure)
     without_mesh = motion_of(matrices, point)
     if without_mesh is not None:
         return without_mesh.point, None, without_mesh
 
-    def work() -> tuple[Array, str]:
+    def work() -> tuple[Array, str | None]:
         member, own = middle_of(matrices, point)
-        return member.at.placed(own[None])[0], member.name
+        return member.at.placed(own[None])[0], member.name or None
 
-    return *on_root(structure.comm, work), None
+    return *matrices.decided(work), None
 
 
-def middle_of(matrices: AssembledMatrices, name: str) -> tuple[Member, Array]:
-    """(part, centroid (3,) of the group "part:group" in the axes of the part [m])."""
-    from antiosc.fem.assembly.ends import group_end
-    from antiosc.fem.mesh.entities import centre
+def middle_of(matrices: MeshedParts, name: str) -> tuple[Member, Array]:
+    """(part, centroid (3,) of a group in the axes of the part [m]).
 
-    member, group = group_end(matrices.layout, "point", name)
+    `name`: the group of one mesh, or "part:group".
+    """
+    from antiosc.fem.mesh.entities import centre  # needs dolfinx
+
+    (member, *_), group = matrices.members(), name
+    if matrices.assembled:
+        from antiosc.fem.assembly.ends import group_end
+
+        layout = cast("AssembledMatrices", matrices).layout
+        member, group = group_end(layout, "point", name)
     return member, centre(member.part.mesh, group)
 
 
-def motion_of(matrices: AssembledMatrices, name: str) -> Motion | None:
+def motion_of(matrices: MeshedParts, name: str) -> Motion | None:
     """The motion of a reference point or of a site of a superelement; None for "part:group".
 
     InputError for a name without a colon that is no reference point.
     """
+    if not matrices.assembled:
+        return None
     from antiosc.fem.assembly.ends import motion
 
-    layout = matrices.layout
+    layout = cast("AssembledMatrices", matrices).layout
     part, colon, _ = name.partition(":")
     if not colon and name not in layout.points:
         points = known(name, layout.points, "the reference points")

@@ -13,9 +13,9 @@ force and the inertia of the reduced motion balance to rounding.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -29,7 +29,7 @@ from antiosc.fem.fields import counted, shapes_of
 from antiosc.fem.linalg.algebra import dot
 from antiosc.fem.mpi import collective
 from antiosc.fem.site.site import Site
-from antiosc.fem.structure.structure import Structure, on_mesh
+from antiosc.fem.structure.structure import Structure, with_parts
 from antiosc.simulation.body_motion import amplitudes, forces_of, times_of
 from antiosc.simulation.history import History
 from antiosc.simulation.scene_history import SceneHistory
@@ -65,22 +65,6 @@ class Reactions(Brief):
     def total(self) -> Array:
         """(n, 3) sum of the forces of all supports, N: inertia − applied where they hold it."""
         return np.asarray(sum(self.force.values()))
-
-
-class Released(Protocol):
-    """A structure with its supports released: `ReleasedMesh` and `ReleasedAssembly`."""
-
-    centres: dict[str, Array]
-    pulled: Array
-
-    def inertia(self, following: Array, rigid: Array) -> tuple[Array, Array]:
-        """(M g, M r) of the motions g of the supports and of rigid motions r."""
-
-    def rigid(self) -> Array:
-        """Unit translations of the whole."""
-
-    def applied(self, sites: Sequence[Site], rigid: Array) -> tuple[Array, Array]:
-        """(bᵀg, bᵀr) of the directions of contact of the sites."""
 
 
 @collective(history=counted)
@@ -126,7 +110,10 @@ def reactions(
     shapes = shapes_of(structure, history, body)
     at = times_of(history, times)
     sites = _named(site)
-    released = _released(structure)
+    matrices = with_parts(structure, "given matrices have lost the dofs of their supports.")
+    from antiosc.fem.released import Released  # needs dolfinx
+
+    released = Released(matrices, structure.supports)
     _check(structure, history, body)
     following = _following(structure, released.pulled)
     rigid = released.rigid()
@@ -165,20 +152,6 @@ def _check(structure: Structure, history: Any, body: str) -> None:
         raise InputError(
             "reactions under gravity of a part that its supports let slide are not implemented."
         )
-
-
-def _released(structure: Structure) -> Released:
-    """The structure with its supports released."""
-    if structure.matrices.assembled:
-        from antiosc.fem.assembly.released import ReleasedAssembly  # needs dolfinx
-
-        return ReleasedAssembly(structure)
-    on_mesh(structure, "given matrices have lost the dofs of their supports.")
-    if not structure.supports:
-        raise InputError("the structure has no supports: it has no reactions.")
-    from antiosc.fem.structure.released import ReleasedMesh  # needs dolfinx
-
-    return ReleasedMesh(structure)
 
 
 def _named(site: Any) -> list[Site]:

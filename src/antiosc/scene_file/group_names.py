@@ -119,7 +119,7 @@ def outlines(found: Compiled) -> list[Outline]:
 def _check_points(found: Compiled, known: Mapping[str, Outline]) -> None:
     """Note sites and probes that lie outside all boxes."""
     with finite_element_packages():
-        from antiosc.fem.assembly.placement import placement
+        from antiosc.fem.structure.placement import placement
     data = found.document.data
     places = _at(found)
     boxes = {part: one.placed(placement(part, places.get(part))) for part, one in known.items()}

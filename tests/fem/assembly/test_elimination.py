@@ -14,8 +14,8 @@ from antiosc.fem.assembly.arguments import checked_parts, checked_places
 from antiosc.fem.assembly.constraint_rows import Rows
 from antiosc.fem.assembly.elimination import eliminate
 from antiosc.fem.assembly.layout import Layout
-from antiosc.fem.assembly.placement import Placement
 from antiosc.fem.assembly.rotations import curl
+from antiosc.fem.structure.placement import Placement
 from assemblies import SOLID, box
 
 pytestmark = pytest.mark.fem

@@ -14,8 +14,8 @@ from antiosc.fem.assembly.arguments import checked_parts, checked_places, checke
 from antiosc.fem.assembly.ends import motion
 from antiosc.fem.assembly.layout import Layout
 from antiosc.fem.assembly.motions import rigid_motions
-from antiosc.fem.assembly.placement import Placement, skew
 from antiosc.fem.mesh.mesh import Mesh
+from antiosc.fem.structure.placement import Placement, skew
 from assemblies import BEAM, NU, RHO, SOLID, E, box, line
 from sheets import sheet
 

@@ -12,7 +12,7 @@ pytest.importorskip("dolfinx")
 
 from antiosc.errors import InputError
 from antiosc.fem.assembly import ends, overlaps
-from antiosc.fem.assembly.placement import Placement, placement, skew
+from antiosc.fem.structure.placement import Placement, placement, skew
 
 pytestmark = pytest.mark.fem
 

@@ -35,7 +35,7 @@ from antiosc.fem.assembly.attached import attachment, superelement
 from antiosc.fem.assembly.constraint_rows import Constraints, Eliminated, Redundant, Rows
 from antiosc.fem.assembly.elimination import eliminate
 from antiosc.fem.assembly.joint import Joint, Stiffness
-from antiosc.fem.assembly.layout import ROTATIONS, Layout, Sparse
+from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.assembly.share import Share, communicator, on_every_rank
 from antiosc.fem.assembly.shared_nodes import SharedNodes
 from antiosc.fem.assembly.strainless import modes_of, tell_motions
@@ -45,6 +45,7 @@ from antiosc.fem.assembly.wide import nested_basis
 from antiosc.fem.linalg.solver import Choice, checked_choice
 from antiosc.fem.mpi import collective, on_root
 from antiosc.fem.structure.attachments import PointMass, Spring
+from antiosc.fem.structure.member import ROTATIONS
 from antiosc.fem.structure.structure import Structure
 from antiosc.fem.structure.support import Support
 from antiosc.models.anti_oscillators import AntiOscillators

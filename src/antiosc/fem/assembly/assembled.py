@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 import scipy.sparse
@@ -17,7 +17,7 @@ from antiosc.checks import array
 from antiosc.errors import InputError
 from antiosc.fem.assembly.constraint_rows import Constraints, Eliminated
 from antiosc.fem.assembly.joint import Stiffness
-from antiosc.fem.assembly.layout import POINT_DOFS, Layout, Member, Sparse
+from antiosc.fem.assembly.layout import POINT_DOFS, Layout, Sparse
 from antiosc.fem.assembly.motions import rigid_motions
 from antiosc.fem.assembly.share import Share
 from antiosc.fem.assembly.wide import rounded
@@ -25,8 +25,11 @@ from antiosc.fem.linalg.algebra import by_strains, multiply
 from antiosc.fem.linalg.petsc_algebra import PRODUCT, csr, from_csr
 from antiosc.fem.mpi import on_root
 from antiosc.fem.structure.matrices import StructureMatrices
+from antiosc.fem.structure.member import Member
 from antiosc.models.motion import Inertia
 from antiosc.names import known
+
+Found = TypeVar("Found")
 
 
 class Added:
@@ -210,11 +213,20 @@ class AssembledMatrices(StructureMatrices):
         q = self.share.whole(shapes)
         return [(member, np.asarray(self.T[member.rows] @ q)) for member in members]
 
-    def functional(self, member: Member, b: Array) -> Array:
-        """The functional of q (n,), whole, that a functional b of the dofs of one part is."""
-        q = np.asarray(self.T[member.rows].T @ b)
-        q[self.eliminated.dependent] = 0.0
-        return q
+    #: every rank has the parts whole and works alone
+    workers: ClassVar[MPI.Comm] = MPI.COMM_SELF
+
+    def decided(self, work: Callable[[], Found]) -> Found:
+        """The result of `work()` by rank 0, since another may choose otherwise by rounding."""
+        return on_root(self.comm, work)
+
+    def own(self, rows: Array) -> Array:
+        """The rows of this rank of what `decided` work has found whole."""
+        return self.share.own(rows)
+
+    def joined(self, member: Member, loads: Any) -> Any:
+        """Loads (rows, …) on the dofs of a part as loads on q, whole."""
+        return self.T[member.rows].T @ loads
 
 
 def stacked(functionals: Sequence[Sparse], count: int) -> Sparse:

@@ -9,12 +9,12 @@ import scipy.sparse
 
 from antiosc.errors import InputError
 from antiosc.fem.assembly.ends import Motion, motion
-from antiosc.fem.assembly.entities import nodes_of
 from antiosc.fem.assembly.joint import Stiffness
-from antiosc.fem.assembly.layout import DISPLACEMENTS, ROTATIONS, Layout
+from antiosc.fem.assembly.layout import Layout
 from antiosc.fem.assembly.superelement import Condensed
 from antiosc.fem.mesh.entities import largest
 from antiosc.fem.structure.attachments import PointMass, Spring
+from antiosc.fem.structure.member import DISPLACEMENTS, ROTATIONS
 
 
 def attachment(layout: Layout, one: PointMass | Spring) -> list[Stiffness]:
@@ -69,6 +69,6 @@ def _places(layout: Layout, where: str | Sequence[float]) -> list[Motion]:
         if group in member.part.mesh.groups and largest(member.part.mesh, group)[0] == 0:
             return [
                 motion(layout, (member.name, tuple(member.nodes[node])))
-                for node in nodes_of(member, group)
+                for node in member.nodes_of(group)
             ]
     return [motion(layout, where, partly=True)]

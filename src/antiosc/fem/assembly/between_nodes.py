@@ -19,8 +19,9 @@ import scipy.sparse
 from antiosc._types import Array, IntArray
 from antiosc.fem import compat
 from antiosc.fem.assembly.coincident_nodes import CoincidentNodes
-from antiosc.fem.assembly.layout import DISPLACEMENTS, ROTATIONS, Sparse
+from antiosc.fem.assembly.layout import Sparse
 from antiosc.fem.assembly.numbered_nodes import Nodes, Term
+from antiosc.fem.structure.member import DISPLACEMENTS, ROTATIONS
 
 #: node that the deck does not have -> (node of the deck, weight) of those among which it lies
 Among = Mapping[int, Sequence[tuple[int, float]]]

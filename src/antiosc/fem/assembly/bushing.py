@@ -14,8 +14,9 @@ from antiosc.checks import coordinates, positive, shown, store
 from antiosc.errors import InputError
 from antiosc.fem.assembly.ends import End, Motion, checked_end, end_text, motion
 from antiosc.fem.assembly.joint import Joint, Stiffness, checked_name
-from antiosc.fem.assembly.layout import DISPLACEMENTS, ROTATIONS, Layout
+from antiosc.fem.assembly.layout import Layout
 from antiosc.fem.assembly.pins import COINCIDENT, carried
+from antiosc.fem.structure.member import DISPLACEMENTS, ROTATIONS
 
 AXES = (*DISPLACEMENTS, *ROTATIONS, "axial")
 

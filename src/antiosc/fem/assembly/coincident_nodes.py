@@ -13,8 +13,9 @@ import numpy as np
 
 from antiosc._types import Array
 from antiosc.fem import compat
-from antiosc.fem.assembly.layout import DISPLACEMENTS, ROTATIONS, Sparse
+from antiosc.fem.assembly.layout import Sparse
 from antiosc.fem.assembly.numbered_nodes import Nodes, Term
+from antiosc.fem.structure.member import DISPLACEMENTS, ROTATIONS
 
 #: Distance from the tied place, as a share of the distance between the tied nodes.
 TIED_NEAR = 1e-3

@@ -17,12 +17,12 @@ import scipy.sparse
 from antiosc._types import Array, IntArray
 from antiosc.checks import array, shown
 from antiosc.errors import InputError
-from antiosc.fem.assembly.entities import nodes_of, points_of
-from antiosc.fem.assembly.layout import DISPLACEMENTS, ROTATIONS, Layout, Member, Sparse
-from antiosc.fem.assembly.placement import skew
+from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.assembly.superelement import Condensed, interface
 from antiosc.fem.mesh.entities import Quadrature
 from antiosc.fem.structure.attachments import NEAR
+from antiosc.fem.structure.member import DISPLACEMENTS, ROTATIONS, Member
+from antiosc.fem.structure.placement import skew
 from antiosc.names import known
 
 #: Share of the largest second moment of a group below which it does not tell a rotation.
@@ -149,10 +149,10 @@ def motion(layout: Layout, end: End, *, partly: bool = False) -> Motion:
             f"there is no reference point {end!r}; {points}{hint if end in layout.members else ''}."
         )
     member, group = _member_and_group(layout, end)
-    nodes = nodes_of(member, group)
+    nodes = member.nodes_of(group)
     if len(nodes) == 1:
         return _of_nodes(layout, member, nodes)
-    return mean(layout, member, points_of(member, group))
+    return mean(layout, member, member.points_of(group))
 
 
 def _of_condensed(layout: Layout, one: Condensed, end: End, partly: bool) -> Motion:

@@ -15,7 +15,8 @@ from antiosc.errors import InputError
 from antiosc.fem.assembly.constraint_rows import Rows
 from antiosc.fem.assembly.ends import End, checked_end, end_text, motion
 from antiosc.fem.assembly.joint import Joint, checked_name
-from antiosc.fem.assembly.layout import DISPLACEMENTS, ROTATIONS, Layout
+from antiosc.fem.assembly.layout import Layout
+from antiosc.fem.structure.member import DISPLACEMENTS, ROTATIONS
 
 
 @dataclass(frozen=True)

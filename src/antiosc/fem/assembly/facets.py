@@ -10,8 +10,9 @@ import scipy.sparse
 
 from antiosc._types import Array, IntArray
 from antiosc.fem import compat
-from antiosc.fem.assembly.layout import Member, Sparse
+from antiosc.fem.assembly.layout import Sparse
 from antiosc.fem.mesh.entities import cells_at, frames, largest
+from antiosc.fem.structure.member import Member
 
 
 class Facets:

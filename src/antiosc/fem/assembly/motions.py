@@ -15,9 +15,10 @@ import scipy.linalg
 import scipy.sparse
 
 from antiosc._types import Array, BoolArray, IntArray
-from antiosc.fem.assembly.layout import ROTATIONS, Layout, Member, Sparse
+from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.assembly.superelement import MOVE, TURN
 from antiosc.fem.structure import remaining_motions
+from antiosc.fem.structure.member import ROTATIONS
 from antiosc.fem.structure.rigid_body_modes import polynomials
 
 #: Residual of the constraints over the sizes of their terms below which a motion satisfies them.
@@ -51,28 +52,13 @@ def rigid_motions(layout: Layout, point: Array) -> Array:
     """The six rigid motions (n, 6) of u: translations along x, y, z, rotations about `point`."""
     result = np.zeros((layout.count, 6))
     for member in layout.members.values():
-        result[member.rows] = _of_member(member, point)
+        result[member.rows] = member.rigid(point)
     for one in layout.condensed.values():
         result[one.rows] = one.motions(point)
     for name, x in layout.points.items():
         result[layout.of_point(name)] = _of_point(x - point)
     if layout.plane:
         result[:, [2, 3, 4]] = 0.0
-    return result
-
-
-def _of_member(member: Member, point: Array) -> Array:
-    """Six rigid motions on the dofs of a part, in its axes."""
-    result = np.zeros((member.size, 6))
-    arm = member.nodes - point
-    for name, (component,) in member.part.form.components.items():
-        rows = np.arange(component, member.size, member.block)
-        axis = member.at.rotation[:, "xyz".index(name[-1])]
-        if name in ROTATIONS:
-            result[rows, 3:] = axis
-        else:
-            result[rows, :3] = axis
-            result[rows, 3:] = np.cross(arm, axis)  # axis·(θ × r) = θ·(r × axis)
     return result
 
 
@@ -94,7 +80,7 @@ def pieces(layout: Layout) -> Iterator[Loose]:
             size = max(float(np.linalg.norm(np.ptp(x, axis=0))) / 2, 1e-9 * layout.size)
             rows = (member.block * nodes[:, None] + np.arange(member.block)).ravel()
             yield _loose(layout, member.name, member.first + rows, centre, size,
-                         _of_member(member, centre)[rows])  # fmt: skip
+                         member.rigid(centre)[rows])  # fmt: skip
     for one in layout.condensed.values():
         x = one.points
         centre = (x.min(axis=0) + x.max(axis=0)) / 2

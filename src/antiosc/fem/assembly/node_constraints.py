@@ -13,8 +13,9 @@ from antiosc._types import BoolArray, IntArray
 from antiosc.fem.assembly.between_nodes import between_nodes
 from antiosc.fem.assembly.constraint_rows import Rows
 from antiosc.fem.assembly.joint import Joint, Stiffness
-from antiosc.fem.assembly.layout import DISPLACEMENTS, ROTATIONS, Layout, Member, Sparse
+from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.assembly.numbered_nodes import Nodes, Term
+from antiosc.fem.structure.member import DISPLACEMENTS, ROTATIONS, Member
 
 
 @dataclass(frozen=True, eq=False)

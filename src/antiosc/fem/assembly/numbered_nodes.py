@@ -11,7 +11,8 @@ import scipy.sparse
 from antiosc._types import Array, IntArray
 from antiosc.errors import InputError
 from antiosc.fem import compat
-from antiosc.fem.assembly.layout import DISPLACEMENTS, ROTATIONS, Layout, Sparse
+from antiosc.fem.assembly.layout import Layout, Sparse
+from antiosc.fem.structure.member import DISPLACEMENTS, ROTATIONS
 
 #: Number of a node, or -1 - k for the k-th reference point; motion 0 to 5; coefficient.
 Term = tuple[int, int, float]

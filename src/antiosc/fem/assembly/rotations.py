@@ -6,7 +6,8 @@ import numpy as np
 
 from antiosc._types import Array, IntArray
 from antiosc.fem import compat
-from antiosc.fem.assembly.layout import DISPLACEMENTS, Layout, Member, Sparse
+from antiosc.fem.assembly.layout import Layout, Sparse
+from antiosc.fem.structure.member import DISPLACEMENTS, Member
 
 
 def curl(layout: Layout, member: Member, cell: IntArray, X: Array) -> Sparse:

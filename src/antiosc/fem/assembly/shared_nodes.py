@@ -21,8 +21,9 @@ from antiosc.errors import InputError
 from antiosc.fem import compat
 from antiosc.fem.assembly.constraint_rows import Rows
 from antiosc.fem.assembly.joint import Joint
-from antiosc.fem.assembly.layout import DISPLACEMENTS, ROTATIONS, Layout, Member
+from antiosc.fem.assembly.layout import Layout
 from antiosc.fem.mesh.cell_geometry import projected
+from antiosc.fem.structure.member import DISPLACEMENTS, ROTATIONS, Member
 
 #: Nodes with one number lie in one place, up to this share of the size of the assembly.
 SAME_PLACE = 1e-6

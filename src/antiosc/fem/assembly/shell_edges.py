@@ -15,9 +15,10 @@ from antiosc._types import Array, BoolArray, IntArray
 from antiosc.errors import InputError
 from antiosc.fem.assembly.constraint_rows import Rows
 from antiosc.fem.assembly.facets import Facets
-from antiosc.fem.assembly.layout import DISPLACEMENTS, ROTATIONS, Layout, Sparse
+from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.assembly.overlaps import Overlap, closest
-from antiosc.fem.assembly.placement import skew
+from antiosc.fem.structure.member import DISPLACEMENTS, ROTATIONS
+from antiosc.fem.structure.placement import skew
 
 #: Points through the thickness.
 LAYERS = 5

@@ -13,9 +13,9 @@ from antiosc.checks import store
 from antiosc.errors import InputError
 from antiosc.fem.assembly.constraint_rows import Rows
 from antiosc.fem.assembly.ends import End, Motion, checked_end, end_text, group_end, mean, motion
-from antiosc.fem.assembly.entities import nodes_of, points_of
 from antiosc.fem.assembly.joint import Joint, checked_name
-from antiosc.fem.assembly.layout import DISPLACEMENTS, ROTATIONS, Layout, Member
+from antiosc.fem.assembly.layout import Layout
+from antiosc.fem.structure.member import DISPLACEMENTS, ROTATIONS, Member
 
 #: Rotations about axes with less than this share of the largest second moment are not told.
 COLLINEAR = 1e-12
@@ -49,7 +49,7 @@ class Rigid(Joint):
         """A group that follows no given point gets a reference point of its own."""
         if self.point is None:
             member, group = group_end(layout, "group", self.group)
-            nodes = nodes_of(member, group)
+            nodes = member.nodes_of(group)
             if len(nodes) < 2:
                 raise InputError(f"{label}: {self.group!r} is a single point, which is rigid.")
             layout.add_point(label, member.nodes[nodes].mean(axis=0))
@@ -59,7 +59,7 @@ class Rigid(Joint):
     ) -> list[Rows]:
         """Every dof of the group is that of the rigid motion of the point."""
         member, group = group_end(layout, "group", self.group)
-        nodes = nodes_of(member, group)
+        nodes = member.nodes_of(group)
         if self.point is None:
             leader = motion(layout, label)
             rows = following(layout, member, nodes, leader, label)
@@ -117,13 +117,13 @@ class Mean(Joint):
     ) -> list[Rows]:
         """Displacement and rotation of the point are the mean ones of the group."""
         member, group = group_end(layout, "group", self.group)
-        nodes = nodes_of(member, group)
+        nodes = member.nodes_of(group)
         follower = motion(layout, self.point)
         if len(nodes) == 1:
             raise InputError(
                 f"{label}: {self.group!r} is a single point; a Mean needs several (use Weld)."
             )
-        leader = mean(layout, member, points_of(member, group))
+        leader = mean(layout, member, member.points_of(group))
         if set(leader.displacements.indices) & set(follower.displacements.indices):
             raise InputError(
                 f"{label}: the point {end_text(self.point)} is one of the group {self.group!r} "

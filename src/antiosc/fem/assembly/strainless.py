@@ -11,10 +11,11 @@ from antiosc._types import Array, Matrix
 from antiosc.errors import AccuracyError, InputError, warn
 from antiosc.fem.assembly import motions
 from antiosc.fem.assembly.constraint_rows import Eliminated
-from antiosc.fem.assembly.layout import Layout, Member
+from antiosc.fem.assembly.layout import Layout
 from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.linalg.scaling import force_ratios
 from antiosc.fem.structure import rigid_body_modes
+from antiosc.fem.structure.member import Member
 from antiosc.fem.structure.null_space import SHIFT, orthonormal
 
 #: Share of the largest motion below which a part is at rest, but for rounding.

@@ -12,8 +12,8 @@ from antiosc._types import IntArray
 from antiosc.checks import shown
 from antiosc.errors import InputError
 from antiosc.fem.assembly.ends import group_end, motion
-from antiosc.fem.assembly.entities import nodes_of
-from antiosc.fem.assembly.layout import DISPLACEMENTS, ROTATIONS, Layout, Member, Sparse
+from antiosc.fem.assembly.layout import Layout, Sparse
+from antiosc.fem.structure.member import DISPLACEMENTS, ROTATIONS, Member
 from antiosc.fem.structure.support import Support
 
 
@@ -80,7 +80,7 @@ def _components(layout: Layout, support: Support) -> list[str]:
 def _nodes(layout: Layout, support: Support) -> Sequence[tuple[Member, IntArray]]:
     if isinstance(support.where, str):
         member, group = group_end(layout, "where", support.where)
-        return [(member, nodes_of(member, group))]
+        return [(member, member.nodes_of(group))]
     found: list[tuple[Member, IntArray]] = []
     for member in layout.members.values():
         mask = np.asarray(support.where(member.nodes.T), dtype=bool)

@@ -28,11 +28,12 @@ from antiosc.fem.assembly.constraint_rows import Rows
 from antiosc.fem.assembly.ends import checked_end, group_end
 from antiosc.fem.assembly.facets import Facets
 from antiosc.fem.assembly.joint import Joint, checked_name
-from antiosc.fem.assembly.layout import DISPLACEMENTS, ROTATIONS, Layout, Sparse
+from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.assembly.overlaps import FACING, Overlap, on_faces, overlap
-from antiosc.fem.assembly.placement import skew
 from antiosc.fem.assembly.rotations import curl
 from antiosc.fem.assembly.shell_edges import led_by_solid, rotation_rows, with_free_rotations
+from antiosc.fem.structure.member import DISPLACEMENTS, ROTATIONS
+from antiosc.fem.structure.placement import skew
 
 #: Surfaces lie on each other up to this share of the mean size of their faces.
 GAP = 0.3

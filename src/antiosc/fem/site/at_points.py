@@ -1,4 +1,4 @@
-"""Load vectors of sites that are points of a mesh."""
+"""Load vectors of sites that are points of a mesh, or of the parts of an assembly."""
 
 from __future__ import annotations
 
@@ -13,10 +13,13 @@ from antiosc import plausible
 from antiosc._types import Array
 from antiosc.checks import in_words as text
 from antiosc.errors import InputError
+from antiosc.fem.assembly.assembled import AssembledMatrices
+from antiosc.fem.assembly.ends import Motion
 from antiosc.fem.elements.weak_form import WeakForm
 from antiosc.fem.mesh import closest_point
-from antiosc.fem.mesh.entities import centre
 from antiosc.fem.mesh.mesh import Mesh
+from antiosc.fem.mesh.surface import Faces
+from antiosc.fem.named_points import middle_of, motion_of
 from antiosc.fem.site.patches import loads
 from antiosc.fem.site.site import (
     LEAST_FREE_SHARE,
@@ -27,22 +30,183 @@ from antiosc.fem.site.site import (
     tangents,
 )
 from antiosc.fem.site.sites import Sites, located, on_free_dofs, sums, tell
+from antiosc.fem.structure.member import Member
 from antiosc.fem.structure.meshed import MeshedStructure
+from antiosc.fem.structure.structure import MeshedParts
 
 #: A point counts as on the structure up to this share of the structure's size.
 ON_STRUCTURE = 1e-6
+#: Parts this share of the size of the assembly farther off than the nearest one are as near.
+AS_NEAR = 1e-9
 
 
-def functionals_at(
-    structure: MeshedStructure,
-    sites: Sequence[Site],
-    placed: Callable[[Array], Array] = np.asarray,
+def functionals_at(structure: MeshedParts, sites: Sequence[Site]) -> list[Functional]:
+    """b of sites at points, all at once; errors as in `functionals`."""
+
+    def work() -> list[Functional]:
+        found = before_joining(structure, sites, lambda member: member.part)
+        if isinstance(structure, AssembledMatrices):
+            found = [_joined(structure, *pair) for pair in zip(sites, found, strict=True)]
+        return found
+
+    return [_each(structure.own, found) for found in structure.decided(work)]
+
+
+def _each(change: Callable[[Array], Array], found: Functional) -> Functional:
+    """A site with `change` applied to b along and across its direction."""
+    across = tuple(_each(change, side) for side in found.across)
+    return replace(found, b=change(found.b), across=across)
+
+
+def _joined(structure: AssembledMatrices, site: Site, found: Functional) -> Functional:
+    """b of q, whole, of a site with b of u."""
+    joined = _each(lambda b: np.asarray(structure.T.T @ b), found)
+    if np.linalg.norm(joined.b) <= LEAST_FREE_SHARE * np.linalg.norm(found.b):
+        assert found.point is not None
+        named = repr(site.point) if isinstance(site.point, str) else f"at {text(found.point)}"
+        raise InputError(constrained(f"the site {named}"))
+    return joined
+
+
+def before_joining(
+    structure: MeshedParts, sites: Sequence[Site], part_of: Callable[[Member], MeshedStructure]
 ) -> list[Functional]:
-    """b of sites at points of a mesh, all at once; errors as in `functionals`.
+    """b of sites as functionals of the dofs of all parts before they are joined.
+
+    `part_of` gives the structure of a part: as it is, or without its supports.
+    """
+    found: dict[int, Functional] = {}
+    struck: dict[str, tuple[Member, dict[int, Site]]] = {}
+    for k, site in enumerate(sites):
+        assert site.direction is not None  # Site has seen to that
+        direction = np.pad(site.direction, (0, 3 - len(site.direction)))
+        end = motion_of(structure, site.point) if isinstance(site.point, str) else None
+        if end is not None and isinstance(structure, AssembledMatrices) and site.part is None:
+            found[k] = _without_mesh(structure, site, end, direction / np.linalg.norm(direction))
+            continue
+        member, aim = _in_part(structure, site, direction)
+        struck.setdefault(member.name, (member, {}))[1][k] = aim
+    for member, there in struck.values():
+        own = _on_mesh(part_of(member), list(there.values()), member.at.placed)
+        found.update(zip(there, [_placed(structure, member, one) for one in own], strict=True))
+    return [found[k] for k in range(len(sites))]
+
+
+def _in_part(structure: MeshedParts, site: Site, direction: Array) -> tuple[Member, Site]:
+    """The part that is struck, and the site in its axes."""
+    snap = site.snap
+    if isinstance(site.point, str):
+        if site.part is not None and structure.assembled:
+            raise InputError(
+                f'Site(point={site.point!r}) is a name and tells the part ("part:group"): leave '
+                f"part={site.part!r} out."
+            )
+        structure.members(site.part)
+        member, own = middle_of(structure, site.point)
+        snap = inf
+    else:
+        assert site.point is not None
+        x = np.pad(site.point, (0, 3 - len(site.point)))[None]
+        if site.part is not None:
+            (member,) = structure.members(site.part)
+        else:
+            (member,) = nearest_parts(structure, x, direction)
+        own = member.at.own(x)[0]
+    along = direction @ member.at.rotation
+    at, towards = tuple(own.tolist()), tuple(along.tolist())
+    return member, replace(site, point=at, direction=towards, snap=snap, part=None)
+
+
+def _placed(structure: MeshedParts, member: Member, found: Functional) -> Functional:
+    """A site of a part as one of the structure, of all of its dofs."""
+    assert found.point is not None
+    assert found.direction is not None
+    b = found.b
+    if isinstance(structure, AssembledMatrices):
+        b = np.zeros(structure.layout.count)
+        b[member.rows] = found.b
+    x, along = member.at.placed(found.point[None])[0], member.at.rotation @ found.direction
+    across = tuple(_placed(structure, member, side) for side in found.across)
+    return replace(found, b=b, point=x, direction=along, across=across)
+
+
+def _without_mesh(
+    structure: AssembledMatrices, site: Site, end: Motion, direction: Array
+) -> Functional:
+    """b, of u, of a site of a superelement, or of a reference point."""
+    layout = structure.layout
+    part, _, name = str(site.point).partition(":")
+    if layout.plane and direction[2]:
+        raise InputError(
+            f"direction {site.direction} leaves the plane in which the assembly moves."
+        )
+    if site.radius is not None or site.tangential:
+        raise InputError(
+            f"the site {site.point!r} of a superelement has the patch and the directions with "
+            "which it was extracted: leave radius and tangential out."
+            if name
+            else f"the reference point {site.point!r} has no surface: leave radius and tangential "
+            "out, or give each direction a site of its own."
+        )
+    if not end.along(end.displacement_space, direction):
+        raise InputError(
+            f"the site {site.point!r} of a superelement does not move along the direction of "
+            "impact: extract its model with Site(..., tangential=True)."
+        )
+    b = np.asarray(end.displacements.T @ direction)
+    if not name:
+        return Functional(b, point=end.point, direction=direction)
+    own = layout.condensed[part].part.ends[name]
+    return Functional(b, own.radius, own.local_compliance, end.point, direction)
+
+
+def nearest_parts(structure: MeshedParts, points: Array, direction: Array) -> list[Member]:
+    """The part that an impactor strikes at each of the points (P, 3): the nearest.
+
+    Where parts touch, it is the one whose surface faces the impactor most.
+    """
+    members = structure.members()
+    if not isinstance(structure, AssembledMatrices) or len(members) == 1:
+        return members * len(points)
+    distance = np.array([m.closest(points).distance for m in members])
+    near = distance <= distance.min(axis=0) + AS_NEAR * structure.layout.size
+    found = []
+    for point, which in zip(points, near.T, strict=True):
+        some = [m for m, one in zip(members, which, strict=True) if one]
+        facing = partial(_facing, point=point, direction=direction)
+        found.append(some[0] if len(some) == 1 else min(some, key=facing))
+    return found
+
+
+def _facing(member: Member, point: Array, direction: Array) -> float:
+    """Cosine between the direction of impact and the outward normal of the part at a point.
+
+    0 for parts without an outside.
+    """
+    part = member.part
+    if not part.kind.outside:
+        return 0.0
+    faces = Faces(part.mesh, sheet=False)
+    along = direction @ member.at.rotation
+    found = faces.contact(
+        member.at.own(point[None]),
+        along[None],
+        np.array([1e-6 * part.mesh.extent()]),
+        np.zeros(len(faces.facets), dtype=int),
+    )
+    return float(found.normals[0] @ along)
+
+
+# -- on one mesh
+
+
+def _on_mesh(
+    structure: MeshedStructure, sites: Sequence[Site], placed: Callable[[Array], Array]
+) -> list[Functional]:
+    """b of sites at points of a mesh.
 
     `placed` moves points (n, 3) of the mesh to where an assembly has them: errors name these.
     """
-    sites = [_placed(structure, site) for site in sites]
     mesh = structure.mesh
     given = [_in_space(mesh, structure.form, site) for site in sites]
     points, directions = (np.array(each) for each in zip(*given, strict=True))
@@ -89,19 +253,6 @@ def _across(
             b = np.ascontiguousarray(columns[i])
             sides[i].append(Functional(b, point=found.points[i], direction=across[i]))
     return [tuple(each) for each in sides]
-
-
-def _placed(structure: MeshedStructure, site: Site) -> Site:
-    """A site whose point is given by coordinates."""
-    if site.part is not None:
-        raise InputError(
-            f"part={site.part!r} names a part of an assembly; {structure.mesh.name} is one."
-        )
-    if not isinstance(site.point, str):
-        return site
-    assert site.direction is not None  # Site has seen to that
-    x = centre(structure.mesh, site.point)[: len(site.direction)]
-    return replace(site, point=tuple(x.tolist()), snap=inf)
 
 
 def _check(found: Sites, placed: Callable[[Array], Array]) -> None:

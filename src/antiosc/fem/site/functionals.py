@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -13,10 +12,8 @@ from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.algebra import norm
 from antiosc.fem.site.on_nodes import functional_on_nodes
 from antiosc.fem.site.site import LEAST_FREE_SHARE, Functional, Site, constrained
-from antiosc.fem.structure.structure import Structure, on_mesh
-
-if TYPE_CHECKING:
-    from antiosc.fem.assembly.assembled import AssembledMatrices
+from antiosc.fem.structure.matrices import StructureMatrices
+from antiosc.fem.structure.structure import Structure, with_parts
 
 
 def functional(structure: Structure, site: Site) -> Functional:
@@ -36,24 +33,25 @@ def functionals(structure: Structure, sites: Sequence[Site]) -> list[Functional]
     if structure.matrices.nodal:
         given = [functional_on_nodes(structure, site) for site in sites]
         pairs = zip(given, sites, strict=True)
-        return [one or _algebraic(structure, site) for one, site in pairs]
+        return [one or algebraic(structure.matrices, site) for one, site in pairs]
     at_points = [site for site in sites if site.point is not None]
     found: Iterator[Functional] = iter(())
-    if at_points and structure.matrices.assembled:
-        from antiosc.fem.site.on_assembly import functionals_on  # needs dolfinx
-
-        found = iter(functionals_on(cast("AssembledMatrices", structure.matrices), at_points))
-    elif at_points:
-        meshed = on_mesh(structure, "matrices have no points: use Site(dof=i) or Site(vector=b).")
+    if at_points:
+        matrices = with_parts(
+            structure, "matrices have no points: use Site(dof=i) or Site(vector=b)."
+        )
         from antiosc.fem.site.at_points import functionals_at  # needs dolfinx
 
-        found = iter(functionals_at(meshed, at_points))
-    return [_algebraic(structure, site) if site.point is None else next(found) for site in sites]
+        found = iter(functionals_at(matrices, at_points))
+    return [
+        algebraic(structure.matrices, site) if site.point is None else next(found) for site in sites
+    ]
 
 
-def _algebraic(structure: Structure, site: Site) -> Functional:
+def algebraic(structure: StructureMatrices, site: Site) -> Functional:
+    """b of a site that is given by a dof or a vector."""
     first, last = algebra.row_range(structure.K)
-    n = structure.size
+    n, comm = algebra.size(structure.K), algebra.communicator(structure.K)
     if site.node is not None:
         raise InputError(
             "the nodes of this structure have no numbers: Site(node=…) needs matrices with a map, "
@@ -69,8 +67,8 @@ def _algebraic(structure: Structure, site: Site) -> Functional:
         b = np.zeros(last - first)
         if first <= site.dof < last:
             b[site.dof - first] = 1.0
-    whole = norm(structure.comm, b)
+    whole = norm(comm, b)
     b[structure.fixed[structure.fixed < len(b)]] = 0.0
-    if norm(structure.comm, b) <= LEAST_FREE_SHARE * whole:
+    if norm(comm, b) <= LEAST_FREE_SHARE * whole:
         raise InputError(constrained("the site"))
     return Functional(b)

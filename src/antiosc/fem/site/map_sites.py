@@ -8,16 +8,22 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse
+import scipy.sparse.linalg
 from numpy.typing import NDArray
 
 from antiosc._types import Array, BoolArray, IntArray
 from antiosc.checks import array, coordinates, positive
 from antiosc.errors import InputError
+from antiosc.fem.assembly.assembled import AssembledMatrices
+from antiosc.fem.assembly.ends import group_end
 from antiosc.fem.mesh.closest_point import closest_many
 from antiosc.fem.mesh.surface import Faces
-from antiosc.fem.site.at_points import ON_STRUCTURE
+from antiosc.fem.site.at_points import ON_STRUCTURE, nearest_parts
+from antiosc.fem.site.site import LEAST_FREE_SHARE
 from antiosc.fem.site.sites import Sites, located, tell
+from antiosc.fem.structure.member import Member
 from antiosc.fem.structure.meshed import MeshedStructure
+from antiosc.fem.structure.structure import MeshedParts
 
 #: A site with less than this share of its load on free dofs is fixed by the supports.
 LEAST_FREE_SHARE_ON_MAP = 0.05
@@ -129,15 +135,32 @@ class Ground:
 
 
 def sites_of(
-    structure: MeshedStructure, where: Any, direction: Sequence[float] | None, radius: float | None
+    structure: MeshedParts, where: Any, direction: Sequence[float] | None, radius: float | None
 ) -> MapSites:
-    """The sites of a map of one mesh; InputError where none of a surface can move."""
-    names = targets(where)
-    found = [
-        movable(sites_on(structure, one, direction, radius), one)
-        for one in ([where] if names is None else names)
-    ]
-    return joined(found)
+    """The sites of a map: on groups ("part:group" of an assembly) and parts, or at points.
+
+    None: on all surfaces. InputError where none of a surface that is named can move.
+    """
+
+    def work() -> MapSites:
+        names = targets(where)
+        if where is None:
+            found = [
+                _on_part(structure, member, None, direction, radius, member.name)
+                for member in structure.members()
+            ]
+            return movable(joined(found), None)
+        if names is None:
+            return _at_points(structure, where, direction, radius)
+        found = []
+        for name in names:
+            member, group = _named(structure, name)
+            there = _on_part(structure, member, group, direction, radius, name)
+            found.append(movable(there, name))
+        return joined(found)
+
+    found = structure.decided(work)
+    return replace(found, sites=replace(found.sites, loads=structure.own(found.sites.loads)))
 
 
 def movable(found: MapSites, where: Any) -> MapSites:
@@ -151,11 +174,83 @@ def movable(found: MapSites, where: Any) -> MapSites:
     return found
 
 
+def _named(structure: MeshedParts, name: str) -> tuple[Member, str | None]:
+    """The part and the group of a group of one mesh, of "part:group", or of "part"."""
+    if not isinstance(structure, AssembledMatrices):
+        return structure.members()[0], name
+    return (
+        group_end(structure.layout, "where", name)
+        if ":" in name
+        else (structure.members(name)[0], None)
+    )
+
+
+def _at_points(
+    structure: MeshedParts, where: Any, direction: Sequence[float] | None, radius: float | None
+) -> MapSites:
+    """Sites at points, each on the part that a `Site` there would strike."""
+    points = points_given(where, direction)
+    assert direction is not None  # points_given has seen to that
+    members = structure.members()
+    if isinstance(structure, AssembledMatrices):
+        distance = np.min([m.closest(points).distance for m in members], axis=0)
+        on_structure(points, distance, structure.layout.size)
+    struck = nearest_parts(structure, points, _in_space(direction))
+    found, order = [], []
+    for member in members:
+        own = np.flatnonzero([one.name == member.name for one in struck])
+        if len(own):
+            there = member.at.own(points[own])
+            found.append(_on_part(structure, member, there, direction, radius, member.name))
+            order.append(own[found[-1].kept])
+    every = movable(joined(found), None)
+    return every.taken(np.argsort(np.concatenate(order)))
+
+
+def _on_part(
+    structure: MeshedParts,
+    member: Member,
+    where: str | Array | None,
+    direction: Sequence[float] | None,
+    radius: float | None,
+    name: str,
+) -> MapSites:
+    """Sites of a part, chosen in its own axes, returned in those of the assembly; perhaps none."""
+    if direction is None and not member.part.kind.outside:
+        which = f"the part {member.name!r}" if member.name else member.part.mesh.name
+        raise InputError(
+            f"{which} has no outward normal, as no shell and no beam has: give the direction of "
+            "impact, for instance direction=(0, 0, -1)."
+        )
+    R = member.at.rotation
+    own = None if direction is None else (_in_space(direction) @ R).tolist()
+    found = sites_on(member.part, where, own, radius)
+    sites = found.sites
+    if not len(sites):
+        return found
+    loads = structure.joined(member, sites.loads).tocsr()
+    moves = np.ones(len(sites), dtype=bool)
+    if isinstance(structure, AssembledMatrices):
+        size = scipy.sparse.linalg.norm(loads, axis=0)
+        moves = size > LEAST_FREE_SHARE * scipy.sparse.linalg.norm(sites.loads, axis=0)
+    placed = replace(
+        sites,
+        points=member.at.placed(sites.points),
+        directions=sites.directions @ R.T,
+        loads=loads,
+        weighted=None,
+    )
+    names = np.full(len(sites), name)
+    return replace(found, sites=placed, names=names).only(moves)
+
+
 def sites_on(
     structure: MeshedStructure, where: Any, direction: Sequence[float] | None, radius: float | None
 ) -> MapSites:
     """The sites of one surface (a group, or None for all), or at points: perhaps none."""
-    along = None if direction is None else _unit(direction)
+    along = None if direction is None else _in_space(direction)
+    if along is not None:
+        along = along / np.linalg.norm(along)
     if radius is not None:
         positive("radius", radius, "m")
     ground = (
@@ -164,11 +259,6 @@ def sites_on(
         else _given(structure, where, along)
     )
     count = len(ground.points)
-    if along is None and not structure.kind.outside:
-        raise InputError(
-            "shells and beams have no outward normal: give the direction of impact, for instance "
-            "direction=(0, 0, -1)."
-        )
     directions = -ground.normals if along is None else np.tile(along, (count, 1))
     radii = np.full(count, np.nan if radius is None else radius)
     found = located(structure, ground.points, directions, radii)
@@ -225,13 +315,12 @@ def points_given(points: Any, direction: Any) -> Array:
     return np.pad(at, ((0, 0), (0, 3 - at.shape[1])))
 
 
-def _unit(direction: Sequence[float]) -> Array:
-    along = np.zeros(3)
+def _in_space(direction: Sequence[float]) -> Array:
+    """A direction with three components, or InputError."""
     given = coordinates("direction", direction, "")
-    along[: len(given)] = given
-    if not np.linalg.norm(along):
+    if not np.linalg.norm(given):
         raise InputError("direction must not be the zero vector.")
-    return along / np.linalg.norm(along)
+    return np.pad(given, (0, 3 - len(given)))
 
 
 def _given(structure: MeshedStructure, points: Any, along: Array | None) -> Ground:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 from mpi4py import MPI
@@ -34,9 +34,13 @@ from antiosc.fem.structure.attachments import (
 )
 from antiosc.fem.structure.materials import divided, parts_of
 from antiosc.fem.structure.matrices import StructureMatrices
+from antiosc.fem.structure.member import Member
+from antiosc.fem.structure.placement import Placement
 from antiosc.fem.structure.support import NO_DOFS, Support, fixed_dofs
 from antiosc.models.motion import Inertia
 from antiosc.progress import doing
+
+T = TypeVar("T")
 
 
 @dataclass(eq=False)
@@ -75,6 +79,35 @@ class MeshedStructure(StructureMatrices):
     def comm(self) -> MPI.Comm:
         """The MPI communicator that shares the mesh."""
         return self.mesh.comm
+
+    # -- the one part of an assembly without joints
+
+    #: each rank has its own rows, and all ranks work on them together
+    workers = comm
+
+    def members(self, name: str | None = None) -> list[Member]:
+        """The structure as the only part; InputError for the name of a part."""
+        if name is not None:
+            raise InputError(
+                f"part={shown(name)} names a part of an assembly; {self.mesh.name} is one."
+            )
+        return [Member("", self, Placement(), 0)]
+
+    def fields(self, shapes: Array, name: str | None = None) -> list[tuple[Member, Array]]:
+        """[(part, its dofs)] for `shapes` (rows of this rank, k)."""
+        return [(member, shapes) for member in self.members(name)]
+
+    def decided(self, work: Callable[[], T]) -> T:
+        """The result of `work()`, which all ranks do."""
+        return work()
+
+    def own(self, rows: T) -> T:
+        """The rows of this rank of what `decided` work has found: those that it has."""
+        return rows
+
+    def joined(self, member: Member, loads: T) -> T:
+        """Loads on the dofs of the part as loads on those of the structure: the same."""
+        return loads
 
     @property
     def kind(self) -> Kind:
