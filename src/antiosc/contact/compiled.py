@@ -5,8 +5,8 @@ A subclass gives the kind and the parameters; the formulas stand in C alone.
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from ctypes import addressof, byref, c_double
+from dataclasses import fields
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -15,11 +15,12 @@ import numpy as np
 from antiosc import march
 from antiosc._types import Array
 from antiosc.contact.base import ContactLaw, State
+from antiosc.declared import Checked
 
 _Three = c_double * 3
 
 
-class Compiled(ContactLaw):
+class Compiled(Checked, ContactLaw):
     """Base of the laws that the library knows."""
 
     #: the library's number of the law
@@ -27,9 +28,9 @@ class Compiled(ContactLaw):
     #: numbers of the state
     size: ClassVar[int] = 0
 
-    @abstractmethod
     def parameters(self) -> list[float]:
-        """Parameters as the library takes them."""
+        """Parameters as the library takes them: the fields of a dataclass."""
+        return [getattr(self, one.name) for one in fields(self)]
 
     @cached_property
     def kernel(self) -> tuple[march.Law, Any]:

@@ -12,12 +12,20 @@ from __future__ import annotations
 from abc import abstractmethod
 from dataclasses import dataclass, field
 from math import log1p
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from antiosc import checks, march
 from antiosc.contact.compiled import Compiled
 from antiosc.contact.power import checked_exponent
+from antiosc.declared import checked_by
 from antiosc.errors import InputError
+
+
+def _checked_restitution(name: str, value: Any) -> float:
+    e = checks.number(name, value)
+    if not 0 < e <= 1:
+        raise InputError(f"restitution must lie in 0 < e <= 1; got {e:g}.")
+    return e
 
 
 @dataclass(frozen=True)
@@ -34,9 +42,9 @@ class _Damped(Compiled):
         >= 1; 1.5 is Hertz's.
     """
 
-    stiffness: float
-    restitution: float
-    exponent: float = 1.5
+    stiffness: float = field(metadata=checked_by(checks.positive, "N/m^exponent"))
+    restitution: float = field(metadata=checked_by(_checked_restitution))
+    exponent: float = field(default=1.5, metadata=checked_by(checked_exponent))
     factor: float = field(init=False, repr=False, compare=False)
 
     kind: ClassVar[int] = march.DAMPED
@@ -44,16 +52,8 @@ class _Damped(Compiled):
     rate_dependent: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
-        e = checks.number("restitution", self.restitution)
-        if not 0 < e <= 1:
-            raise InputError(f"restitution must lie in 0 < e <= 1; got {e:g}.")
-        checks.store(
-            self,
-            stiffness=checks.positive("stiffness", self.stiffness, "N/m^exponent"),
-            restitution=e,
-            exponent=checked_exponent(self.exponent),
-            factor=self._factor(e),
-        )
+        super().__post_init__()
+        checks.store(self, factor=self._factor(self.restitution))
 
     @staticmethod
     @abstractmethod

@@ -12,12 +12,13 @@ reloads from delta_p.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import pi, sqrt
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from antiosc import checks, march
 from antiosc.contact.compiled import Compiled
+from antiosc.declared import checked_by
 from antiosc.errors import InputError
 
 
@@ -52,17 +53,10 @@ class Thornton(Hysteretic):
         delta_y [m] at first yield.
     """
 
-    stiffness: float
-    yield_indentation: float
+    stiffness: float = field(metadata=checked_by(checks.positive, "N m^-3/2"))
+    yield_indentation: float = field(metadata=checked_by(checks.positive, "m"))
 
     kind: ClassVar[int] = march.THORNTON
-
-    def __post_init__(self) -> None:
-        checks.store(
-            self,
-            stiffness=checks.positive("stiffness", self.stiffness, "N m^-3/2"),
-            yield_indentation=checks.positive("yield_indentation", self.yield_indentation, "m"),
-        )
 
     @classmethod
     @checks.within_range
@@ -75,9 +69,6 @@ class Thornton(Hysteretic):
         R = checks.positive("radius", radius, "m")
         p = checks.positive("yield_pressure", yield_pressure, "Pa")
         return cls(4 / 3 * E * sqrt(R), R * (pi * p / (2 * E)) ** 2)
-
-    def parameters(self) -> list[float]:
-        return [self.stiffness, self.yield_indentation]
 
 
 @dataclass(frozen=True)
@@ -98,38 +89,18 @@ class Stronge(Hysteretic):
         delta_y [m] at first yield.
     """
 
-    stiffness: float
-    yield_indentation: float
+    stiffness: float = field(metadata=checked_by(checks.positive, "N m^-3/2"))
+    yield_indentation: float = field(metadata=checked_by(checks.positive, "m"))
 
     kind: ClassVar[int] = march.STRONGE
-
-    def __post_init__(self) -> None:
-        checks.store(
-            self,
-            stiffness=checks.positive("stiffness", self.stiffness, "N m^-3/2"),
-            yield_indentation=checks.positive("yield_indentation", self.yield_indentation, "m"),
-        )
-
-    def parameters(self) -> list[float]:
-        return [self.stiffness, self.yield_indentation]
 
 
 @dataclass(frozen=True)
 class _Laminate(Hysteretic):
     """F = k delta^1.5 on loading and reloading, unloading with the power 2.5."""
 
-    stiffness: float
-    critical: float
-
-    def __post_init__(self) -> None:
-        checks.store(
-            self,
-            stiffness=checks.positive("stiffness", self.stiffness, "N m^-3/2"),
-            critical=checks.positive("critical", self.critical, "m"),
-        )
-
-    def parameters(self) -> list[float]:
-        return [self.stiffness, self.critical]
+    stiffness: float = field(metadata=checked_by(checks.positive, "N m^-3/2"))
+    critical: float = field(metadata=checked_by(checks.positive, "m"))
 
 
 @dataclass(frozen=True)
@@ -143,6 +114,13 @@ class YangSun(_Laminate):
     kind: ClassVar[int] = march.YANG_SUN
 
 
+def _checked_slope(name: str, value: Any) -> float:
+    slope = checks.number(name, value)
+    if not 0 < slope < 1:
+        raise InputError(f"slope must lie in 0 < slope < 1; got {slope:g}.")
+    return slope
+
+
 @dataclass(frozen=True)
 class TanSun(_Laminate):
     """Indentation of laminates. T. M. Tan, C. T. Sun, J. Appl. Mech. 52 (1985) 6-12.
@@ -151,16 +129,6 @@ class TanSun(_Laminate):
     0 < slope < 1. `stiffness` in N m^-3/2.
     """
 
-    slope: float = 0.5
+    slope: float = field(default=0.5, metadata=checked_by(_checked_slope))
 
     kind: ClassVar[int] = march.TAN_SUN
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        slope = checks.number("slope", self.slope)
-        if not 0 < slope < 1:
-            raise InputError(f"slope must lie in 0 < slope < 1; got {slope:g}.")
-        checks.store(self, slope=slope)
-
-    def parameters(self) -> list[float]:
-        return [self.stiffness, self.critical, self.slope]

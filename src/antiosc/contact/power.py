@@ -15,12 +15,13 @@ from antiosc.contact.geometry import (
     hertz_stiffness,
     relative_curvatures,
 )
+from antiosc.declared import checked_by
 from antiosc.errors import InputError, NotConvergedError
 
 
-def checked_exponent(value: Any) -> float:
+def checked_exponent(name: str, value: Any) -> float:
     """n of a force that grows as delta^n, 1 <= n <= 10, or InputError."""
-    n = checks.number("exponent", value)
+    n = checks.number(name, value)
     if not 1 <= n <= 10:
         raise InputError(f"exponent must lie in 1 <= n <= 10 (1 linear, 1.5 Hertz); got {n:g}.")
     return n
@@ -38,35 +39,19 @@ class Power(Compiled):
         >= 1.
     """
 
-    stiffness: float
-    exponent: float
+    stiffness: float = field(metadata=checked_by(checks.positive, "N/m^exponent"))
+    exponent: float = field(metadata=checked_by(checked_exponent))
 
     kind: ClassVar[int] = march.POWER
-
-    def __post_init__(self) -> None:
-        checks.store(
-            self,
-            stiffness=checks.positive("stiffness", self.stiffness, "N/m^exponent"),
-            exponent=checked_exponent(self.exponent),
-        )
-
-    def parameters(self) -> list[float]:
-        return [self.stiffness, self.exponent]
 
 
 @dataclass(frozen=True)
 class Linear(Compiled):
     """F = stiffness * delta, a spring that can only push. `stiffness` in N/m."""
 
-    stiffness: float
+    stiffness: float = field(metadata=checked_by(checks.positive, "N/m"))
 
     kind: ClassVar[int] = march.LINEAR
-
-    def __post_init__(self) -> None:
-        checks.store(self, stiffness=checks.positive("stiffness", self.stiffness, "N/m"))
-
-    def parameters(self) -> list[float]:
-        return [self.stiffness]
 
     def implicit(
         self,
@@ -102,8 +87,8 @@ class Hertz(Compiled):
     so that a run can complete and report the peak force; `simulate` then raises AccuracyError.
     """
 
-    stiffness: float
-    compliance: float = 0.0
+    stiffness: float = field(metadata=checked_by(checks.positive, "N m^-3/2"))
+    compliance: float = field(default=0.0, metadata=checked_by(checks.nonnegative, "m/N"))
 
     kind: ClassVar[int] = march.HERTZ
     #: rho at which the law with a compliance ends
@@ -116,12 +101,11 @@ class Hertz(Compiled):
 
     @checks.within_range
     def __post_init__(self) -> None:
-        k = checks.positive("stiffness", self.stiffness, "N m^-3/2")
-        c = checks.nonnegative("compliance", self.compliance, "m/N")
+        super().__post_init__()
+        k, c = self.stiffness, self.compliance
         a = k ** (-2 / 3)
         s = self.END * 2 * a / (3 * c) if c > 0 else inf
         slope = (2 / 3) * a / s - c if c > 0 else 0.0
-        checks.store(self, stiffness=k, compliance=c)
         checks.store(self, _a=a, _end=s, _end_slope=slope, valid_force=s**3)
 
     @classmethod
@@ -167,9 +151,6 @@ class Hertz(Compiled):
             f" without the patch's own compliance holds (contact radius below 0.58 of the patch"
             f" radius); {remedy}"
         )
-
-    def parameters(self) -> list[float]:
-        return [self.stiffness, self.compliance, self._a, self._end, self._end_slope]
 
     def implicit(
         self,

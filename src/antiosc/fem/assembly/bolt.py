@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import scipy.sparse
 
 from antiosc._types import Array
-from antiosc.checks import instance, store
+from antiosc.checks import instance
+from antiosc.declared import checked_by
 from antiosc.errors import InputError
-from antiosc.fem.assembly.ends import End, checked_end, end_text, motion
-from antiosc.fem.assembly.joint import Joint, Stiffness, checked_name
+from antiosc.fem.assembly.ends import end_text, motion
+from antiosc.fem.assembly.joint import NAME, Between, Stiffness
 from antiosc.fem.assembly.layout import Layout
 from antiosc.fem.elements.beam import Beam, heights
 
@@ -20,7 +21,7 @@ GAUSS_POINTS = 5
 
 
 @dataclass(frozen=True)
-class Bolt(Joint):
+class Bolt(Between):
     """A straight beam between two ends: of groups their mean motions, so that its forces spread.
 
     The element has the exact static stiffness of a Timoshenko beam, and its consistent mass.
@@ -35,23 +36,13 @@ class Bolt(Joint):
         What messages call the joint.
     """
 
-    a: End
-    b: End
-    beam: Beam
-    name: str | None = None
+    beam: Beam = field(metadata=checked_by(instance, Beam, "a Beam"))
+    name: str | None = field(default=None, metadata=NAME)
 
     def __post_init__(self) -> None:
-        store(
-            self,
-            a=checked_end("a", self.a),
-            b=checked_end("b", self.b),
-            beam=instance("beam", self.beam, Beam, "a Beam"),
-            name=checked_name(self.name),
-        )
+        super().__post_init__()
         if self.beam.offset:
             raise InputError("the beam of a Bolt has no offset: it goes from end to end.")
-        if self.a == self.b:
-            raise InputError(f"a Bolt joins {end_text(self.a)} to itself.")
 
     def elastic(self, layout: Layout, label: str) -> list[Stiffness]:
         """Stiffness and mass of the beam."""

@@ -10,10 +10,11 @@ import numpy as np
 import scipy.sparse
 
 from antiosc._types import Array
-from antiosc.checks import coordinates, positive, shown, store
+from antiosc.checks import coordinates, positive, shown
+from antiosc.declared import checked_by
 from antiosc.errors import InputError
-from antiosc.fem.assembly.ends import End, Motion, checked_end, end_text, motion
-from antiosc.fem.assembly.joint import Joint, Stiffness, checked_name
+from antiosc.fem.assembly.ends import End, Motion, end_text, motion
+from antiosc.fem.assembly.joint import NAME, Between, Stiffness
 from antiosc.fem.assembly.layout import Layout
 from antiosc.fem.assembly.pins import COINCIDENT, carried
 from antiosc.fem.structure.member import DISPLACEMENTS, ROTATIONS
@@ -21,8 +22,20 @@ from antiosc.fem.structure.member import DISPLACEMENTS, ROTATIONS
 AXES = (*DISPLACEMENTS, *ROTATIONS, "axial")
 
 
+def _by_components(what: str, given: Any) -> dict[str, float]:
+    """Stiffness or damping by components."""
+    if not isinstance(given, Mapping):
+        raise InputError(f"the {what} of a Bushing is a dict, as {{'z': 1e6}}; got {shown(given)}.")
+    for name in given:
+        if not isinstance(name, str) or name not in AXES:
+            raise InputError(
+                f"a Bushing acts on {', '.join(AXES)}; {shown(name)} is not one of them."
+            )
+    return {name: positive(f"the {what} of {name}", value) for name, value in given.items()}
+
+
 @dataclass(frozen=True)
-class Bushing(Joint):
+class Bushing(Between):
     """Springs and dampers between two ends (CBUSH).
 
     Parameters
@@ -43,27 +56,20 @@ class Bushing(Joint):
         free modes; `extract` refuses those that couple the modes.
     """
 
-    a: End
-    b: End
-    stiffness: Mapping[str, float] = field(default_factory=dict)
-    point: Sequence[float] | None = None
-    name: str | None = None
-    damping: Mapping[str, float] = field(default_factory=dict)
+    stiffness: Mapping[str, float] = field(
+        default_factory=dict, metadata=checked_by(_by_components)
+    )
+    point: Sequence[float] | None = field(default=None, metadata=checked_by(coordinates))
+    name: str | None = field(default=None, metadata=NAME)
+    damping: Mapping[str, float] = field(default_factory=dict, metadata=checked_by(_by_components))
 
     def __post_init__(self) -> None:
-        store(self, a=checked_end("a", self.a), b=checked_end("b", self.b))
-        if self.a == self.b:
-            raise InputError(f"a Bushing joins {end_text(self.a)} to itself.")
-        springs = _checked("stiffness", self.stiffness)
-        dampers = _checked("damping", self.damping)
-        if not springs and not dampers:
+        super().__post_init__()
+        if not self.stiffness and not self.damping:
             raise InputError(
                 f"a Bushing needs a stiffness, as {{'z': 1e6}}, or a damping; got "
                 f"{shown(self.stiffness)}."
             )
-        store(self, stiffness=springs, damping=dampers, name=checked_name(self.name))
-        if self.point is not None:
-            store(self, point=coordinates("point", self.point))
 
     def elastic(self, layout: Layout, label: str) -> list[Stiffness]:
         """k (b − a)² of each component."""
@@ -110,18 +116,6 @@ class Bushing(Joint):
             for given in (self.stiffness, self.damping)
         )
         return [Stiffness(G, k, np.zeros_like(k), c=c if self.damping else None)]
-
-
-def _checked(what: str, given: Any) -> dict[str, float]:
-    """Stiffness or damping by components."""
-    if not isinstance(given, Mapping):
-        raise InputError(f"the {what} of a Bushing is a dict, as {{'z': 1e6}}; got {shown(given)}.")
-    for name in given:
-        if not isinstance(name, str) or name not in AXES:
-            raise InputError(
-                f"a Bushing acts on {', '.join(AXES)}; {shown(name)} is not one of them."
-            )
-    return {name: positive(f"the {what} of {name}", value) for name, value in given.items()}
 
 
 def _check_moves(label: str, name: str, direction: Array, *ends: tuple[End, Motion]) -> None:

@@ -16,6 +16,7 @@ import scipy.sparse
 
 from antiosc._types import Array, IntArray
 from antiosc.checks import array, shown
+from antiosc.declared import checked_by
 from antiosc.errors import InputError
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.assembly.superelement import Condensed, interface
@@ -88,6 +89,9 @@ def checked_end(name: str, end: Any) -> End:
         f'{name} must be "part:group", a pair ("part", point) or the name of a reference point; '
         f"got {shown(end)}."
     )
+
+
+END = checked_by(checked_end)
 
 
 def end_text(end: End) -> str:

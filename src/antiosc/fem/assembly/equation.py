@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from antiosc.checks import number, shown, store
 from antiosc.errors import InputError
 from antiosc.fem.assembly.constraint_rows import Rows
 from antiosc.fem.assembly.ends import End, checked_end, end_text, motion
-from antiosc.fem.assembly.joint import Joint, checked_name
+from antiosc.fem.assembly.joint import NAME, Joint
 from antiosc.fem.assembly.layout import Layout
 from antiosc.fem.structure.member import DISPLACEMENTS, ROTATIONS
 
@@ -33,7 +33,7 @@ class Equation(Joint):
     """
 
     terms: Sequence[tuple[End, str, float]]
-    name: str | None = None
+    name: str | None = field(default=None, metadata=NAME)
 
     def __post_init__(self) -> None:
         if not isinstance(self.terms, Sequence) or isinstance(self.terms, str) or not self.terms:
@@ -43,7 +43,8 @@ class Equation(Joint):
         terms = tuple(_checked(term) for term in self.terms)
         if not any(coefficient for _, _, coefficient in terms):
             raise InputError("an Equation needs a coefficient that is not 0.")
-        store(self, terms=terms, name=checked_name(self.name))
+        store(self, terms=terms)
+        super().__post_init__()
 
     def constraints(
         self, layout: Layout, before: Sequence[Rows], fixed: BoolArray, label: str

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from abc import ABC
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
 
 from antiosc._types import Array, BoolArray
 from antiosc.checks import text
+from antiosc.declared import Checked, checked_by
+from antiosc.errors import InputError
 from antiosc.fem.assembly.constraint_rows import Rows
+from antiosc.fem.assembly.ends import END, End, end_text
 from antiosc.fem.assembly.layout import Layout, Sparse
 
 
@@ -53,7 +55,7 @@ class Stiffness:
         return found
 
 
-class Joint(ABC):
+class Joint(Checked):
     """A joint between parts: linear constraints, springs and masses.
 
     `name` is what messages call it.
@@ -63,7 +65,7 @@ class Joint(ABC):
     #: whether its constraints are made after those of other joints
     late: ClassVar[bool] = False
 
-    def prepare(self, layout: Layout, label: str) -> None:  # noqa: B027
+    def prepare(self, layout: Layout, label: str) -> None:
         """Add the reference points that the joint brings with it to the layout."""
 
     def constraints(
@@ -88,6 +90,18 @@ class Joint(ABC):
         return repr(self.name) if self.name else f"joint {number} ({type(self).__name__})"
 
 
-def checked_name(name: str | None) -> str | None:
-    """A name, or None."""
-    return None if name is None else text("name", name)
+@dataclass(frozen=True)
+class Between(Joint):
+    """Base of the joints of two ends."""
+
+    a: End = field(metadata=END)
+    b: End = field(metadata=END)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.a == self.b:
+            raise InputError(f"a {type(self).__name__} joins {end_text(self.a)} to itself.")
+
+
+#: Metadata of the field `name` of a joint.
+NAME = checked_by(text)

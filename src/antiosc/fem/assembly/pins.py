@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import ClassVar
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
 
 import numpy as np
 import scipy.sparse
 
 from antiosc._types import Array, BoolArray
-from antiosc.checks import array, coordinates, store
+from antiosc.checks import array, coordinates
+from antiosc.declared import checked_by
 from antiosc.errors import InputError
 from antiosc.fem.assembly.constraint_rows import Rows
-from antiosc.fem.assembly.ends import End, Motion, checked_end, end_text, motion
-from antiosc.fem.assembly.joint import Joint, checked_name
+from antiosc.fem.assembly.ends import End, Motion, end_text, motion
+from antiosc.fem.assembly.joint import NAME, Between
 from antiosc.fem.assembly.layout import Layout, Sparse
 
 #: Points this share of the size of the assembly apart are one; coefficients this share apart too.
@@ -24,19 +25,9 @@ HAS_ROTATION = 1 - 1e-6
 
 
 @dataclass(frozen=True)
-class _Pin(Joint):
-    a: End
-    b: End
-    point: Sequence[float] | None = None
-    name: str | None = None
-
-    def __post_init__(self) -> None:
-        store(self, a=checked_end("a", self.a), b=checked_end("b", self.b))
-        store(self, name=checked_name(self.name))
-        if self.point is not None:
-            store(self, point=coordinates("point", self.point))
-        if self.a == self.b:
-            raise InputError(f"{type(self).__name__} joins {end_text(self.a)} to itself.")
+class _Pin(Between):
+    point: Sequence[float] | None = field(default=None, metadata=checked_by(coordinates))
+    name: str | None = field(default=None, metadata=NAME)
 
     def constraints(
         self, layout: Layout, before: Sequence[Rows], fixed: BoolArray, label: str
@@ -97,19 +88,19 @@ class Ball(_Pin):
         return np.eye(3), np.zeros((0, 3))
 
 
+def _checked_axis(name: str, value: Any) -> tuple[float, ...]:
+    axis = array(name, value, (3,))
+    if not np.linalg.norm(axis):
+        raise InputError("axis must not be the zero vector.")
+    return tuple(axis.tolist())
+
+
 @dataclass(frozen=True)
 class _Axis(_Pin):
-    axis: Sequence[float] = (0.0, 0.0, 1.0)
+    axis: Sequence[float] = field(default=(0.0, 0.0, 1.0), metadata=checked_by(_checked_axis))
 
     #: whether the axis is that of a rotation
     _turns_about_axis: ClassVar[bool] = True
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        axis = array("axis", self.axis, (3,))
-        if not np.linalg.norm(axis):
-            raise InputError("axis must not be the zero vector.")
-        store(self, axis=tuple(axis.tolist()))
 
     def constraints(
         self, layout: Layout, before: Sequence[Rows], fixed: BoolArray, label: str

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import scipy.sparse
 
 from antiosc._types import Array, BoolArray, IntArray
-from antiosc.checks import store
 from antiosc.errors import InputError
 from antiosc.fem.assembly.constraint_rows import Rows
-from antiosc.fem.assembly.ends import End, Motion, checked_end, end_text, group_end, mean, motion
-from antiosc.fem.assembly.joint import Joint, checked_name
+from antiosc.fem.assembly.ends import END, End, Motion, end_text, group_end, mean, motion
+from antiosc.fem.assembly.joint import NAME, Joint
 from antiosc.fem.assembly.layout import Layout
 from antiosc.fem.structure.member import DISPLACEMENTS, ROTATIONS, Member
 
@@ -36,14 +35,9 @@ class Rigid(Joint):
         What messages call the joint.
     """
 
-    group: str
-    point: End | None = None
-    name: str | None = None
-
-    def __post_init__(self) -> None:
-        store(self, group=checked_end("group", self.group), name=checked_name(self.name))
-        if self.point is not None:
-            store(self, point=checked_end("point", self.point))
+    group: str = field(metadata=END)
+    point: End | None = field(default=None, metadata=END)
+    name: str | None = field(default=None, metadata=NAME)
 
     def prepare(self, layout: Layout, label: str) -> None:
         """A group that follows no given point gets a reference point of its own."""
@@ -100,17 +94,9 @@ class Mean(Joint):
         What messages call the joint.
     """
 
-    group: str
-    point: End
-    name: str | None = None
-
-    def __post_init__(self) -> None:
-        store(
-            self,
-            group=checked_end("group", self.group),
-            point=checked_end("point", self.point),
-            name=checked_name(self.name),
-        )
+    group: str = field(metadata=END)
+    point: End = field(metadata=END)
+    name: str | None = field(default=None, metadata=NAME)
 
     def constraints(
         self, layout: Layout, before: Sequence[Rows], fixed: BoolArray, label: str

@@ -14,7 +14,7 @@ functions are added to those of the nodes beside them, so that the sum of all st
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
@@ -22,12 +22,13 @@ import scipy.sparse
 import scipy.spatial
 
 from antiosc._types import Array, BoolArray, IntArray
-from antiosc.checks import positive, store
+from antiosc.checks import positive
+from antiosc.declared import checked_by
 from antiosc.errors import InputError, warn
 from antiosc.fem.assembly.constraint_rows import Rows
-from antiosc.fem.assembly.ends import checked_end, group_end
+from antiosc.fem.assembly.ends import group_end
 from antiosc.fem.assembly.facets import Facets
-from antiosc.fem.assembly.joint import Joint, checked_name
+from antiosc.fem.assembly.joint import NAME, Between
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.assembly.overlaps import FACING, Overlap, on_faces, overlap
 from antiosc.fem.assembly.rotations import curl
@@ -50,7 +51,7 @@ CLOSED = 1e-12
 
 
 @dataclass(frozen=True)
-class Tie(Joint):
+class Tie(Between):
     """Two surfaces (or edges) that move together, with meshes that need not match.
 
     Parameters
@@ -67,20 +68,10 @@ class Tie(Joint):
         What messages call the joint.
     """
 
-    a: str
-    b: str
-    gap: float | None = None
-    name: str | None = None
+    gap: float | None = field(default=None, metadata=checked_by(positive, "m"))
+    name: str | None = field(default=None, metadata=NAME)
 
     late: ClassVar[bool] = True
-
-    def __post_init__(self) -> None:
-        store(self, a=checked_end("a", self.a), b=checked_end("b", self.b))
-        store(self, name=checked_name(self.name))
-        if self.gap is not None:
-            store(self, gap=positive("gap", self.gap, "m"))
-        if self.a == self.b:
-            raise InputError(f"a Tie joins {self.a!r} to itself.")
 
     def constraints(
         self, layout: Layout, before: Sequence[Rows], fixed: BoolArray, label: str

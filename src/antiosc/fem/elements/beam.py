@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 import ufl
 
 from antiosc._types import Array, Box
-from antiosc.checks import array, flag, instance, number, poisson, positive, store
+from antiosc.checks import array, flag, instance, number
+from antiosc.declared import checked_by
 from antiosc.errors import InputError
 from antiosc.fem import compat
-from antiosc.fem.elements.material_axes import checked, shown_direction
+from antiosc.fem.elements.material_axes import DIRECTION, Direction, shown_direction
 from antiosc.fem.elements.section import Section
 from antiosc.fem.elements.weak_form import (
     Isotropic,
@@ -66,26 +67,13 @@ class Beam(Isotropic):
     kind: ClassVar[Kind] = Kind("beam", outside=False, point_load=True)
     patch_radius: ClassVar[None] = None
 
-    E: float
-    nu: float
-    rho: float
-    section: Section
-    orientation: Sequence[float] | Callable[[Array], Array] | None = None
-    offset: float = 0.0
-    shear: bool = True
+    section: Section = field(metadata=checked_by(instance, Section, "a Section"))
+    orientation: Direction | None = field(default=None, metadata=DIRECTION)
+    offset: float = field(default=0.0, metadata=checked_by(number, "m"))
+    shear: bool = field(default=True, metadata=checked_by(flag))
 
     def __post_init__(self) -> None:
-        store(
-            self,
-            E=positive("E", self.E, "Pa"),
-            nu=poisson(self.nu),
-            rho=positive("rho", self.rho, "kg/m³"),
-            section=instance("section", self.section, Section, "a Section"),
-            offset=number("offset", self.offset, "m"),
-            shear=flag("shear", self.shear),
-        )
-        if self.orientation is not None:
-            store(self, orientation=checked("orientation", self.orientation))
+        super().__post_init__()
         if self.offset and self.orientation is None:
             raise InputError(
                 f"offset = {self.offset:g} m is measured along the orientation: give this as well, "

@@ -3,18 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from math import sqrt
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from antiosc.checks import array, number, positive, store
+from antiosc._types import Array
+from antiosc.checks import array, number, positive
+from antiosc.declared import checked_by
 from antiosc.errors import InputError
-from antiosc.fem.elements.material_axes import Direction, checked
+from antiosc.fem.elements.material_axes import DIRECTION, Direction
 from antiosc.fem.elements.plate_section import PlateSection
 from antiosc.fem.elements.shell import Sheet
+
+
+def _definite(name: str, value: ArrayLike, size: int) -> Array:
+    """A stiffness as a symmetric, positive definite matrix, or InputError."""
+    m = array(name, value, (size, size))
+    symmetric = np.abs(m - m.T).max() <= 1e-9 * np.abs(m).max()
+    if not symmetric or not np.linalg.eigvalsh(m).min() > 1e-12 * np.abs(m).max():
+        raise InputError(
+            f"the stiffness {name} of a shell must be symmetric and positive definite."
+        )
+    return np.asarray((m + m.T) / 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,30 +53,15 @@ class GivenSheet(Sheet):
         Stiffnesses that are not symmetric and positive definite.
     """
 
-    A: ArrayLike
-    D: ArrayLike
-    S: ArrayLike
-    mass: float
-    inertia: float
-    thickness: float
-    axis: Direction = (1.0, 0.0, 0.0)
-    top: Direction | None = None
-    offset: float = 0.0
-
-    def __post_init__(self) -> None:
-        for name, size in (("A", 3), ("D", 3), ("S", 2)):
-            m = array(name, getattr(self, name), (size, size))
-            symmetric = np.abs(m - m.T).max() <= 1e-9 * np.abs(m).max()
-            if not symmetric or not np.linalg.eigvalsh(m).min() > 1e-12 * np.abs(m).max():
-                raise InputError(
-                    f"the stiffness {name} of a shell must be symmetric and positive definite."
-                )
-            store(self, **{name: (m + m.T) / 2})
-        for name in ("mass", "inertia", "thickness"):
-            store(self, **{name: positive(name, getattr(self, name))})
-        store(self, axis=checked("axis", self.axis), offset=number("offset", self.offset, "m"))
-        if self.top is not None:
-            store(self, top=checked("top", self.top))
+    A: ArrayLike = field(metadata=checked_by(_definite, 3))
+    D: ArrayLike = field(metadata=checked_by(_definite, 3))
+    S: ArrayLike = field(metadata=checked_by(_definite, 2))
+    mass: float = field(metadata=checked_by(positive))
+    inertia: float = field(metadata=checked_by(positive))
+    thickness: float = field(metadata=checked_by(positive))
+    axis: Direction = field(default=(1.0, 0.0, 0.0), metadata=DIRECTION)
+    top: Direction | None = field(default=None, metadata=DIRECTION)
+    offset: float = field(default=0.0, metadata=checked_by(number, "m"))
 
     @cached_property
     def section(self) -> PlateSection:

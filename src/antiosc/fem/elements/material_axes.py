@@ -15,6 +15,7 @@ import numpy as np
 
 from antiosc._types import Array, BoolArray, IntArray
 from antiosc.checks import array, positive
+from antiosc.declared import checked_by
 from antiosc.errors import InputError
 from antiosc.fem import compat
 from antiosc.fem.elements.weak_form import Parts
@@ -40,6 +41,9 @@ def checked(name: str, direction: object) -> Direction:
     vector = array(name, direction, (3,))
     positive(f"the length of {name}", np.linalg.norm(vector))
     return tuple(vector.tolist())
+
+
+DIRECTION = checked_by(checked)
 
 
 def axes_and_sides(mesh: Mesh, parts: Parts) -> tuple[fem.Function, fem.Function]:

@@ -18,20 +18,24 @@ J. Numer. Methods Eng. 40 (1997) 51-60.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from antiosc._types import Array
-from antiosc.checks import number, poisson, positive, shown, store, within_range
+from antiosc.checks import number, poisson, positive, shown, within_range
+from antiosc.declared import Checked, checked_by
 from antiosc.errors import InputError
 
 #: Share of a stiffness below which terms that should cancel are rounding error.
 STIFFNESS_ROUNDING = 1e-12
 
 
+_MODULUS = checked_by(positive, "Pa")
+
+
 @dataclass(frozen=True)
-class Layer:
+class Layer(Checked):
     """A layer of an orthotropic material: a ply, or a core.
 
     Parameters
@@ -56,26 +60,18 @@ class Layer:
         E1/E2.
     """
 
-    E1: float
-    E2: float
-    nu12: float
-    G12: float
-    G13: float
-    G23: float
-    rho: float
-    thickness: float
-    angle: float = 0.0
+    E1: float = field(metadata=_MODULUS)
+    E2: float = field(metadata=_MODULUS)
+    nu12: float = field(metadata=checked_by(number))
+    G12: float = field(metadata=_MODULUS)
+    G13: float = field(metadata=_MODULUS)
+    G23: float = field(metadata=_MODULUS)
+    rho: float = field(metadata=checked_by(positive, "kg/m³"))
+    thickness: float = field(metadata=checked_by(positive, "m"))
+    angle: float = field(default=0.0, metadata=checked_by(number, "degrees"))
 
     def __post_init__(self) -> None:
-        for name in ("E1", "E2", "G12", "G13", "G23"):
-            store(self, **{name: positive(name, getattr(self, name), "Pa")})
-        store(
-            self,
-            rho=positive("rho", self.rho, "kg/m³"),
-            thickness=positive("thickness", self.thickness, "m"),
-            angle=number("angle", self.angle, "degrees"),
-            nu12=number("nu12", self.nu12),
-        )
+        super().__post_init__()
         if self.nu12**2 * self.E2 >= self.E1:
             raise InputError(
                 f"nu12² must be < E1/E2 = {self.E1 / self.E2:g}, else the strain energy is not "

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from antiosc.checks import positive, store, within_range
+from antiosc.checks import positive, within_range
+from antiosc.declared import Checked, checked_by
 from antiosc.errors import InputError
 
 
 @dataclass(frozen=True)
-class Section:
+class Section(Checked):
     """A cross-section in its principal axes y (the "height") and z, SI units.
 
     `I` is the second moment of area for bending in the plane of the height (sufficient for a plane
@@ -21,18 +22,11 @@ class Section:
     Timoshenko's shear coefficient κ.
     """
 
-    A: float
-    I: float  # noqa: E741  (the field's own name for it)
-    I_side: float | None = None
-    J: float | None = None
-    shear: float = 5 / 6
-
-    def __post_init__(self) -> None:
-        store(self, A=positive("A", self.A, "m²"), I=positive("I", self.I, "m⁴"))
-        for name in ("I_side", "J"):
-            if getattr(self, name) is not None:
-                store(self, **{name: positive(name, getattr(self, name), "m⁴")})
-        store(self, shear=positive("shear", self.shear))
+    A: float = field(metadata=checked_by(positive, "m²"))
+    I: float = field(metadata=checked_by(positive, "m⁴"))  # noqa: E741  (the field's own name for it)
+    I_side: float | None = field(default=None, metadata=checked_by(positive, "m⁴"))
+    J: float | None = field(default=None, metadata=checked_by(positive, "m⁴"))
+    shear: float = field(default=5 / 6, metadata=checked_by(positive))
 
     @property
     def side(self) -> float:

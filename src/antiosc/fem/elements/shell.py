@@ -6,7 +6,7 @@ Their strains stand in `antiosc.fem.elements.shell_strains`.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from math import sqrt
 from typing import TYPE_CHECKING, ClassVar
@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING, ClassVar
 import ufl
 
 from antiosc._types import Box
-from antiosc.checks import number, poisson, positive, store
+from antiosc.checks import number, positive, store
+from antiosc.declared import Checked, checked_by
 from antiosc.errors import InputError
 from antiosc.fem import compat
-from antiosc.fem.elements.material_axes import Direction, checked
+from antiosc.fem.elements.material_axes import DIRECTION, Direction
 from antiosc.fem.elements.mitc import dropped
 from antiosc.fem.elements.plate_section import Layer, PlateSection, stacked
 from antiosc.fem.elements.shell_strains import (
@@ -44,7 +45,7 @@ FOR_SHEAR, FOR_MEMBRANE = 10.0, 1000.0
 PATCH_RADIUS = 1.0
 
 
-class Sheet:
+class Sheet(Checked):
     """Base of `Shell` and `Laminate`: the element, on one mesh for both kinds of section."""
 
     kind: ClassVar[Kind] = Kind("sheet", outside=False, point_load=False, sheet=True)
@@ -148,24 +149,9 @@ class Shell(Isotropic, Sheet):
     neighbouring cells may differ: the energy does not depend on the sign of the normal.
     """
 
-    E: float
-    nu: float
-    rho: float
-    thickness: float
-    offset: float = 0.0
-    top: Direction | None = None
-
-    def __post_init__(self) -> None:
-        store(
-            self,
-            E=positive("E", self.E, "Pa"),
-            nu=poisson(self.nu),
-            rho=positive("rho", self.rho, "kg/m³"),
-            thickness=positive("thickness", self.thickness, "m"),
-            offset=number("offset", self.offset, "m"),
-        )
-        if self.top is not None:
-            store(self, top=checked("top", self.top))
+    thickness: float = field(metadata=checked_by(positive, "m"))
+    offset: float = field(default=0.0, metadata=checked_by(number, "m"))
+    top: Direction | None = field(default=None, metadata=DIRECTION)
 
     @property
     def G(self) -> float:
@@ -209,16 +195,14 @@ class Laminate(Sheet):
     """
 
     layers: Sequence[Layer]
-    axis: Direction = (1.0, 0.0, 0.0)
-    top: Direction | None = None
-    offset: float = 0.0
+    axis: Direction = field(default=(1.0, 0.0, 0.0), metadata=DIRECTION)
+    top: Direction | None = field(default=None, metadata=DIRECTION)
+    offset: float = field(default=0.0, metadata=checked_by(number, "m"))
 
     def __post_init__(self) -> None:
         if isinstance(self.layers, Sequence):
             store(self, layers=tuple(self.layers))
-        store(self, axis=checked("axis", self.axis), offset=number("offset", self.offset, "m"))
-        if self.top is not None:
-            store(self, top=checked("top", self.top))
+        super().__post_init__()
         _ = self.section  # which checks the layers
 
     @cached_property

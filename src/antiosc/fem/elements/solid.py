@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar, Literal
 
 import numpy as np
 import ufl
 
 from antiosc._types import Array, Box
-from antiosc.checks import choice, poisson, positive, store
+from antiosc.checks import choice, positive
+from antiosc.declared import checked_by
 from antiosc.errors import InputError
 from antiosc.fem import compat
 from antiosc.fem.elements.weak_form import (
@@ -58,21 +59,10 @@ class Solid(Isotropic):
     #: the compliance of a point grows without limit, but no radius is the right one everywhere
     patch_radius: ClassVar[None] = None
 
-    E: float
-    nu: float
-    rho: float
-    plane: Literal["stress", "strain"] | None = None
-    thickness: float = 1.0
-
-    def __post_init__(self) -> None:
-        store(
-            self,
-            E=positive("E", self.E, "Pa"),
-            nu=poisson(self.nu),
-            rho=positive("rho", self.rho, "kg/m³"),
-            plane=choice("plane", self.plane, (None, "stress", "strain")),
-            thickness=positive("thickness", self.thickness, "m"),
-        )
+    plane: Literal["stress", "strain"] | None = field(
+        default=None, metadata=checked_by(choice, (None, "stress", "strain"))
+    )
+    thickness: float = field(default=1.0, metadata=checked_by(positive, "m"))
 
     @property
     def voigt(self) -> Array:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import sqrt
 from typing import ClassVar
 
 import ufl
 
 from antiosc._types import Box
-from antiosc.checks import poisson, positive, store
+from antiosc.checks import positive
+from antiosc.declared import checked_by
 from antiosc.errors import InputError
 from antiosc.fem import compat
 from antiosc.fem.elements.weak_form import (
@@ -44,19 +45,7 @@ class Truss(Isotropic):
     kind: ClassVar[Kind] = Kind("truss", outside=False, point_load=True)
     patch_radius: ClassVar[None] = None
 
-    E: float
-    nu: float
-    rho: float
-    area: float
-
-    def __post_init__(self) -> None:
-        store(
-            self,
-            E=positive("E", self.E, "Pa"),
-            nu=poisson(self.nu),
-            rho=positive("rho", self.rho, "kg/m³"),
-            area=positive("area", self.area, "m²"),
-        )
+    area: float = field(metadata=checked_by(positive, "m²"))
 
     def weak_form(self, mesh: Mesh, parts: Parts, order: int) -> WeakForm:
         """Axial strain energy of the bars, and their masses at the ends."""

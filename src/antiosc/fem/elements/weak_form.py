@@ -8,7 +8,7 @@ cells of this rank that the material fills. All materials of one structure are o
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import sqrt
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
@@ -16,6 +16,8 @@ import numpy as np
 import ufl
 
 from antiosc._types import Array, Box, IntArray
+from antiosc.checks import poisson, positive
+from antiosc.declared import Checked, checked_by
 from antiosc.fem import compat
 from antiosc.fem.mesh.mesh import Mesh
 
@@ -121,12 +123,13 @@ class Family(Protocol):
 Parts = Sequence[tuple[Any, IntArray]]
 
 
-class Isotropic:
+@dataclass(frozen=True)
+class Isotropic(Checked):
     """The constants of a material without directions, as `Family` asks for them."""
 
-    E: float
-    nu: float
-    rho: float
+    E: float = field(metadata=checked_by(positive, "Pa"))
+    nu: float = field(metadata=checked_by(lambda _, nu: poisson(nu)))
+    rho: float = field(metadata=checked_by(positive, "kg/m³"))
 
     def bar_speed(self) -> float:
         """Speed √(E/ρ) of waves in a bar, m/s."""

@@ -8,7 +8,7 @@ springs are sums of m b bᵀ where bᵀu is one displacement component of a poin
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import dolfinx
@@ -17,7 +17,8 @@ import scipy.spatial
 from petsc4py import PETSc
 
 from antiosc._types import Array, IntArray
-from antiosc.checks import array, coordinates, nonnegative, positive, shown, store
+from antiosc.checks import array, coordinates, nonnegative, positive, shown
+from antiosc.declared import Checked, checked_by
 from antiosc.errors import InputError
 from antiosc.fem import compat
 from antiosc.fem.elements.beam import Beam, on_lines
@@ -34,13 +35,35 @@ SAME_DOF = 1e-7
 NEAR = 1e-3
 
 
-def _checked_where(where: Any) -> str | tuple[float, ...]:
+def _checked_where(_: str, where: Any) -> str | tuple[float, ...]:
     """A group's name, or coordinates."""
     return where if isinstance(where, str) else coordinates("where, if no group's name,", where)
 
 
+def _checked_inertia(name: str, value: Any) -> float | tuple[float, ...]:
+    values = array(name, value, None)
+    if values.shape not in ((), (3,)):
+        raise InputError(f"inertia must be one number or three (in kg m²); got {shown(value)}.")
+    if (values < 0).any():
+        raise InputError(f"inertia must be >= 0 (in kg m²); got {shown(value)}.")
+    return tuple(values.tolist()) if values.ndim else float(values)
+
+
+def _checked_stiffness(_: str, stiffness: Any) -> dict[str, float]:
+    if not isinstance(stiffness, Mapping) or not stiffness:
+        raise InputError("a Spring needs a stiffness, as in Spring(where, {'z': 1e5}).")
+    for name in stiffness:
+        if name not in COMPONENTS:
+            raise InputError(
+                f"a Spring acts on {', '.join(COMPONENTS)}; {name!r} is not one of them."
+            )
+    return {
+        name: positive(f"the stiffness along {name}", value) for name, value in stiffness.items()
+    }
+
+
 @dataclass(frozen=True)
-class PointMass:
+class PointMass(Checked):
     """A rigid mass at a point, such as a motor on a panel.
 
     Parameters
@@ -54,25 +77,13 @@ class PointMass:
         Moments of inertia about x, y and z, kg m²; on beams and shells.
     """
 
-    where: str | Sequence[float]
-    mass: float
-    inertia: float | Sequence[float] = 0.0
+    where: str | Sequence[float] = field(metadata=checked_by(_checked_where))
+    mass: float = field(metadata=checked_by(nonnegative, "kg"))
+    inertia: float | Sequence[float] = field(default=0.0, metadata=checked_by(_checked_inertia))
 
     def __post_init__(self) -> None:
-        values = array("inertia", self.inertia, None)
-        if values.shape not in ((), (3,)):
-            raise InputError(
-                f"inertia must be one number or three (in kg m²); got {shown(self.inertia)}."
-            )
-        if (values < 0).any():
-            raise InputError(f"inertia must be >= 0 (in kg m²); got {shown(self.inertia)}.")
-        store(
-            self,
-            where=_checked_where(self.where),
-            mass=nonnegative("mass", self.mass, "kg"),
-            inertia=tuple(values.tolist()) if values.ndim else float(values),
-        )
-        if self.mass == 0 and not values.any():
+        super().__post_init__()
+        if self.mass == 0 and not np.any(self.inertia):
             raise InputError("a PointMass needs a mass or an inertia; both are 0.")
 
     def values(self) -> dict[str, float]:
@@ -82,7 +93,7 @@ class PointMass:
 
 
 @dataclass(frozen=True)
-class Spring:
+class Spring(Checked):
     """A spring from a point of the structure to the ground.
 
     Parameters
@@ -93,25 +104,8 @@ class Spring:
         Component -> stiffness: of "x", "y", "z" (N/m), "rx", "ry", "rz" (N m/rad).
     """
 
-    where: str | Sequence[float]
-    stiffness: Mapping[str, float]
-
-    def __post_init__(self) -> None:
-        store(self, where=_checked_where(self.where))
-        if not isinstance(self.stiffness, Mapping) or not self.stiffness:
-            raise InputError("a Spring needs a stiffness, as in Spring(where, {'z': 1e5}).")
-        for name in self.stiffness:
-            if name not in COMPONENTS:
-                raise InputError(
-                    f"a Spring acts on {', '.join(COMPONENTS)}; {name!r} is not one of them."
-                )
-        store(
-            self,
-            stiffness={
-                name: positive(f"the stiffness along {name}", value)
-                for name, value in self.stiffness.items()
-            },
-        )
+    where: str | Sequence[float] = field(metadata=checked_by(_checked_where))
+    stiffness: Mapping[str, float] = field(metadata=checked_by(_checked_stiffness))
 
 
 @dataclass(frozen=True)

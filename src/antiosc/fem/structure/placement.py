@@ -3,18 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from antiosc._types import Array
-from antiosc.checks import array, coordinates, number, shown, store
+from antiosc.checks import array, coordinates, number, shown
+from antiosc.declared import Checked, checked_by
 from antiosc.errors import InputError
 
 
+def _in_space(name: str, value: Any) -> tuple[float, ...]:
+    given = coordinates(name, value)
+    return (*given, 0.0)[:3]
+
+
+def _axis(name: str, value: Any) -> tuple[float, ...]:
+    axis = array(name, value, (3,))
+    if not np.linalg.norm(axis):
+        raise InputError("axis must not be the zero vector: it is the axis of rotation.")
+    return tuple(axis.tolist())
+
+
 @dataclass(frozen=True)
-class Placement:
+class Placement(Checked):
     """A rotation about an axis, then a translation: x → c + R (x − c) + shift.
 
     Parameters
@@ -29,22 +42,10 @@ class Placement:
         The point c on the axis of rotation, m.
     """
 
-    shift: Sequence[float] = (0.0, 0.0, 0.0)
-    axis: Sequence[float] = (0.0, 0.0, 1.0)
-    angle: float = 0.0
-    about: Sequence[float] = (0.0, 0.0, 0.0)
-
-    def __post_init__(self) -> None:
-        axis = array("axis", self.axis, (3,))
-        if not np.linalg.norm(axis):
-            raise InputError("axis must not be the zero vector: it is the axis of rotation.")
-        store(
-            self,
-            shift=_in_space("shift", self.shift),
-            axis=tuple(axis.tolist()),
-            angle=number("angle", self.angle, "rad"),
-            about=_in_space("about", self.about),
-        )
+    shift: Sequence[float] = field(default=(0.0, 0.0, 0.0), metadata=checked_by(_in_space))
+    axis: Sequence[float] = field(default=(0.0, 0.0, 1.0), metadata=checked_by(_axis))
+    angle: float = field(default=0.0, metadata=checked_by(number, "rad"))
+    about: Sequence[float] = field(default=(0.0, 0.0, 0.0), metadata=checked_by(_in_space))
 
     @property
     def rotation(self) -> Array:
@@ -88,8 +89,3 @@ def placement(name: str, given: Any) -> Placement:
         raise InputError(
             f"at[{name!r}] must be a translation (x, y, z) in m or a Placement; got {shown(given)}."
         ) from error
-
-
-def _in_space(name: str, value: Any) -> tuple[float, ...]:
-    given = coordinates(name, value)
-    return (*given, 0.0)[:3]
