@@ -27,7 +27,7 @@ from petsc4py import PETSc
 
 import antiosc as ao
 from antiosc.fem.assembly import wide
-from antiosc.fem.assembly.constraint_rows import Rows
+from antiosc.fem.assembly.joint import Rows
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.site.functionals import functional
 

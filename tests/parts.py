@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 import antiosc as ao
 from antiosc.fem import compat
-from antiosc.fem.compiler import compiler
+from antiosc.fem.compiled_forms import compiler
 from antiosc.fem.linalg.petsc_algebra import csr
 
 Array = NDArray[np.float64]

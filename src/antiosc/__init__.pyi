@@ -45,20 +45,16 @@ from antiosc.exports.export import (
 from antiosc.fem.assembly.assemble import (
     assemble as assemble,
 )
-from antiosc.fem.assembly.bolt import (
-    Bolt as Bolt,
-)
 from antiosc.fem.assembly.bushing import (
+    Bolt as Bolt,
     Bushing as Bushing,
-)
-from antiosc.fem.assembly.equation import (
-    Equation as Equation,
 )
 from antiosc.fem.assembly.from_deck import (
     read_model as read_model,
 )
 from antiosc.fem.assembly.pins import (
     Ball as Ball,
+    Equation as Equation,
     Hinge as Hinge,
     Slider as Slider,
     Weld as Weld,

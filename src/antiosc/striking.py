@@ -32,7 +32,7 @@ from antiosc.fem import compat
 from antiosc.fem.elements.beam import Beam
 from antiosc.fem.elements.solid import Solid
 from antiosc.fem.error import cell_sizes
-from antiosc.fem.error.estimator import estimator
+from antiosc.fem.error.model_errors import estimator
 from antiosc.fem.error.remeshing import Source, source_of
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.mpi import collective, on_root

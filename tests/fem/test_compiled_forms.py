@@ -16,7 +16,7 @@ from mpi4py import MPI
 
 import antiosc as ao
 from antiosc.fem import compat, compiled_forms
-from antiosc.fem.compiler import compiler
+from antiosc.fem.compiled_forms import compiler
 
 pytestmark = pytest.mark.fem
 

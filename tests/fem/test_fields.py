@@ -14,7 +14,7 @@ import scipy.linalg
 
 import antiosc as ao
 import parts
-from antiosc.fem import compat, vtu
+from antiosc.fem import compat, series
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.site.functionals import functional
 from scenes import finely
@@ -231,7 +231,7 @@ def test_series_for_paraview(tmp_path, kind):
 
 def test_an_interrupted_series_leaves_nothing(tmp_path, hit, monkeypatch):
     structure, history = hit
-    content, calls = vtu.Frames.content, []
+    content, calls = series.Frames.content, []
 
     def broken(self, *arguments):
         calls.append(1)
@@ -239,7 +239,7 @@ def test_an_interrupted_series_leaves_nothing(tmp_path, hit, monkeypatch):
             raise KeyboardInterrupt
         return content(self, *arguments)
 
-    monkeypatch.setattr(vtu.Frames, "content", broken)
+    monkeypatch.setattr(series.Frames, "content", broken)
     with pytest.raises(KeyboardInterrupt):
         ao.write_series(structure, history, tmp_path / "series.pvd", [0.0, 1e-4, 2e-4, 3e-4])
     assert list(tmp_path.iterdir()) == []

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from antiosc import files
-from antiosc.fem import series, vtu
+from antiosc.fem import series
 
 CHANGES = {"open", "os.rename", "os.link", "os.remove", "os.rmdir", "os.mkdir", "os.chmod"}
 POINTS = np.eye(3)
-FRAMES = vtu.Frames(POINTS, [("triangle", np.array([[0, 1, 2]]))])
+FRAMES = series.Frames(POINTS, [("triangle", np.array([[0, 1, 2]]))])
 
 
 def write(target, count: int) -> None:

@@ -12,12 +12,12 @@ pytest.importorskip("dolfinx")
 
 import basix
 
-from antiosc.fem.elements import anisotropic, material_axes, mitc
-from antiosc.fem.error import cell_strains, facets, gaps, smooth_pieces
+from antiosc.fem.elements import anisotropic, material_axes, shell_strains
+from antiosc.fem.error import gaps, projection, smooth_pieces
 from antiosc.fem.mesh import conformity
+from antiosc.fem.series import TYPES
 from antiosc.fem.site import patches
 from antiosc.fem.structure import attachments
-from antiosc.fem.vtu import TYPES
 
 pytestmark = pytest.mark.fem
 
@@ -35,9 +35,9 @@ def test_edges_of_cells():
     assert edges("triangle") == smooth_pieces.ENDS
     assert len(smooth_pieces.ENDS) == smooth_pieces.EDGES
     for corners in (3, 4):
-        own = sorted(sorted(pair) for pair in facets.FACET_SIDES[corners])
+        own = sorted(sorted(pair) for pair in gaps.FACET_SIDES[corners])
         assert own == sorted(sorted(pair) for pair in edges(SHAPES[corners]))
-    assert facets.FACET_SIDES[2] == [(0,), (1,)]
+    assert gaps.FACET_SIDES[2] == [(0,), (1,)]
 
 
 def test_corners_around_cells():
@@ -70,15 +70,15 @@ def test_simplices_fill_their_cells():
 
 
 def test_components_of_strains():
-    assert cell_strains.STRAIN_PLACES[3] == list(anisotropic.VOIGT)
+    assert projection.STRAIN_PLACES[3] == list(anisotropic.VOIGT)
     voigt = [(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)]
     assert list(anisotropic.VOIGT) == voigt
-    assert cell_strains.STRAIN_PLACES[2] == [pair for pair in voigt if 2 not in pair]
+    assert projection.STRAIN_PLACES[2] == [pair for pair in voigt if 2 not in pair]
 
 
 def test_exponents_of_polynomials():
-    assert sorted(mitc.CUBIC) == [(r, 3 - r) for r in range(4)]
-    assert sorted(mitc.QUADRATIC) == sorted((r, s) for r in range(3) for s in range(3 - r))
+    assert sorted(shell_strains.CUBIC) == [(r, 3 - r) for r in range(4)]
+    assert sorted(shell_strains.QUADRATIC) == sorted((r, s) for r in range(3) for s in range(3 - r))
 
 
 def test_kinds_of_cells_have_their_numbers_in_vtk():

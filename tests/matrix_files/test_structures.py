@@ -7,7 +7,7 @@ import pytest
 import scipy.sparse
 
 import antiosc as ao
-from antiosc.fem.structure import nodal
+from antiosc.fem.structure import matrices
 from matrix_writers import (
     dmig,
     matrix_market,
@@ -258,5 +258,5 @@ def test_rotations_are_rigid_up_to_the_digits_of_coordinates(monkeypatch, ratio,
             K += np.outer(row, row)
     body = ao.Structure.from_matrices(K, np.eye(12), map=rows)
     turning = np.arange(6) >= 3
-    monkeypatch.setattr(nodal, "force_ratios", lambda *_: np.where(turning, ratio, 0.0))
+    monkeypatch.setattr(matrices, "force_ratios", lambda *_: np.where(turning, ratio, 0.0))
     assert (body.rigid_inertia is not None) == rigid

@@ -14,6 +14,7 @@ import hashlib
 import os
 import shutil
 import stat
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -27,8 +28,8 @@ import dolfinx.jit
 import ffcx
 import ffcx.codegeneration.jit as ffcx_jit
 
-from antiosc.errors import warn
-from antiosc.isolation import own_folder
+from antiosc.errors import InputError, warn
+from antiosc.isolation import own_folder, quiet, restored
 
 #: Time for which a process waits for another one that compiles the same form, s. A lock ends with
 #: its process, and a form takes a minute of processor time at most; a busy machine gives it little.
@@ -202,3 +203,68 @@ def _instead_of(folder: Path) -> Path:
         "this run compiles its finite elements anew; set XDG_CACHE_HOME to a folder of your own."
     )
     return Path(own_folder())
+
+
+# -- Settings of FFCx while something is compiled, restored afterwards.
+
+
+FFCX = tuple(int(part) for part in ffcx.__version__.split(".")[:2])
+#: Loggers that report every step; from 0.6 on FFCx itself keeps the root logger quiet.
+NOISY = ("UFL", "FFCx", "ffcx", *([""] if FFCX < (0, 6) else []))
+
+_compiling = threading.RLock()
+
+
+@contextmanager
+def compiler() -> Iterator[None]:
+    """Context in which forms are compiled: without log output, and correctly on shells in space.
+
+    InputError if the system refuses to write the compiled files.
+    """
+    try:
+        with _compiling, restored(), quiet(*NOISY), _mended(), checked_folder():
+            yield
+    except OSError as error:
+        raise InputError(
+            "compiled finite elements cannot be written to "
+            f"{error.filename or 'their cache folder'} ({error.strerror or error}): set "
+            "XDG_CACHE_HOME, or HOME, to a folder that can be written."
+        ) from error
+
+
+@contextmanager
+def _mended() -> Iterator[None]:
+    """FFCx 0.5 without two faults; newer ones do not have them.
+
+    It numbers derivatives by x, y, z, where Basix takes the directions of the cell: on a shell in
+    space those of second and higher order differ. And it never closes the empty C file by which it
+    claims a compilation, so that Python warns of it.
+    """
+    if FFCX >= (0, 6):
+        yield
+        return
+    import ffcx.codegeneration.jit as jit
+    import ffcx.ir.elementtables as tables
+
+    if hasattr(jit, "open"):  # inside another such context
+        yield
+        return
+    values = tables.get_ffcx_table_values
+
+    def in_the_cell(points: Any, cell: Any, *others: Any) -> Any:
+        *head, counts, component = others
+        counts = counts[: cell.topological_dimension()]
+        return values(points, cell, *head, counts, component)
+
+    def claimed(path: Path, mode: str) -> IO[Any]:
+        file = open(path, mode)  # noqa: SIM115
+        if path.suffix == ".c":
+            file.close()
+        return file
+
+    tables.get_ffcx_table_values, jit.open = in_the_cell, claimed
+    try:
+        yield
+    finally:
+        tables.get_ffcx_table_values = values
+        del jit.open

@@ -19,9 +19,8 @@ from antiosc.fem.mpi import agree
 from antiosc.fem.readers import KINDS
 from antiosc.fem.readers.neutral import FACETS
 from antiosc.fem.recovery import at_nodes as nodal
-from antiosc.fem.recovery.place import Place
-from antiosc.fem.recovery.quantities import evaluator
-from antiosc.fem.recovery.shape_slopes import PointsInCells
+from antiosc.fem.recovery.at_nodes import evaluator
+from antiosc.fem.recovery.place import Place, PointsInCells
 from antiosc.fem.site.site import Reach
 from antiosc.fem.structure.member import Member
 from antiosc.fem.structure.meshed import MeshedStructure, alone

@@ -19,9 +19,34 @@ from antiosc import errors
 from antiosc._types import Array
 from antiosc.checks import shown
 from antiosc.errors import AntioscWarning, InputError
-from antiosc.fem.communicator import SERIAL, Serial
 from antiosc.fem.fingerprint import fingerprint, is_void, named, number
 from antiosc.memory import within_memory
+
+
+class Serial:
+    """What antiosc uses of an MPI communicator, on one rank."""
+
+    rank, size = 0, 1
+
+    def allreduce(self, value: Any) -> Any:
+        """The sum over the one rank."""
+        return value
+
+    def allgather(self, value: Any) -> list[Any]:
+        """The values of all ranks."""
+        return [value]
+
+    def gather(self, value: Any, root: int = 0) -> list[Any]:
+        """The values of all ranks, on `root`."""
+        return [value]
+
+    def bcast(self, value: Any, root: int = 0) -> Any:
+        """The value of rank `root`."""
+        return value
+
+
+SERIAL = Serial()
+
 
 MPI: Any
 try:

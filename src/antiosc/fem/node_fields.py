@@ -11,7 +11,7 @@ from antiosc.errors import InputError
 from antiosc.fem.recovery.place import Place
 from antiosc.fem.site.on_nodes import check_reach
 from antiosc.fem.site.site import Reach
-from antiosc.fem.structure.nodal import NodalMatrices
+from antiosc.fem.structure.matrices import NodalMatrices
 from antiosc.fem.structure.structure import Structure
 
 

@@ -19,8 +19,8 @@ from antiosc.fem import peak_search
 from antiosc.fem.fields import counted, shapes_of, source
 from antiosc.fem.mpi import collective, warn
 from antiosc.fem.recovery.place import Place, place
+from antiosc.fem.series import Frames
 from antiosc.fem.structure.structure import Structure
-from antiosc.fem.vtu import Frames
 from antiosc.simulation.body_motion import amplitudes, modal_sizes, times_of
 from antiosc.simulation.history import History
 from antiosc.simulation.scene_history import BodyHistory, SceneHistory

@@ -10,7 +10,7 @@ import scipy.optimize
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.fem.assembly.bolt import element
+from antiosc.fem.assembly.bushing import element
 from antiosc.fem.site.functionals import functional
 from assemblies import BEAM, NU, SOLID, E, box, dense, eigenfrequencies, free_dofs, line
 from marks import FREE_ON_PURPOSE

@@ -11,8 +11,8 @@ import scipy.sparse
 
 import antiosc as ao
 import every_joint
-from antiosc.fem.assembly.constraint_rows import Rows
 from antiosc.fem.assembly.elimination import eliminate
+from antiosc.fem.assembly.joint import Rows
 from antiosc.fem.fields import shapes_of
 from antiosc.simulation.body_motion import amplitudes
 from assemblies import BEAM, SOLID, box, line

@@ -18,7 +18,7 @@ pytestmark = [pytest.mark.fem, pytest.mark.mpi]
 SCRIPT = """
     import json, warnings, numpy as np
     import antiosc as ao
-    from antiosc.fem.error.estimator import estimator
+    from antiosc.fem.error.model_errors import estimator
     from mpi4py import MPI
     from parts import STEEL, box, plate
     from sheets import sheet

@@ -9,11 +9,9 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 from antiosc.fem import compat
-from antiosc.fem.error import facets
-from antiosc.fem.error.estimator import estimator
-from antiosc.fem.error.facets import faceted
-from antiosc.fem.error.gaps import mean_gaps
-from antiosc.fem.error.model_errors import layers
+from antiosc.fem.error import gaps
+from antiosc.fem.error.gaps import faceted, mean_gaps
+from antiosc.fem.error.model_errors import estimator, layers
 from parts import STEEL, box, plate
 from sheets import sheet
 
@@ -143,7 +141,7 @@ SOLIDS = {
 @pytest.mark.parametrize("name", SOLIDS)
 def test_every_common_side_of_two_facets_has_its_angle(name):
     x, corners, count, angle = SOLIDS[name]
-    found = facets._angles(x, np.array(corners))
+    found = gaps._angles(x, np.array(corners))
     assert found == pytest.approx(np.full(count, angle))
 
 

@@ -13,8 +13,7 @@ pytest.importorskip("dolfinx")
 import antiosc as ao
 from antiosc.fem import compat
 from antiosc.fem.error.free_edges import layers_of
-from antiosc.fem.error.sheet_recovery import SheetRecovery, section_forces
-from antiosc.fem.error.sheet_strains import StrainsOfSheets
+from antiosc.fem.error.sheet_strains import SheetRecovery, StrainsOfSheets, section_forces
 from antiosc.fem.error.shell import ShellErrors
 from antiosc.fem.error.smooth_pieces import smooth_pieces
 from antiosc.fem.linalg.petsc_algebra import csr

@@ -12,9 +12,8 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 from antiosc.fem import compat
-from antiosc.fem.error.bisection import DIVIDED, gathered, refined
+from antiosc.fem.error.bisection import DIVIDED, gathered, inside, refined
 from antiosc.fem.error.cell_sizes import edge_lengths, growth
-from antiosc.fem.error.lines import inside
 from antiosc.fem.error.remeshing import (
     LINES,
     graded_sizes,

@@ -9,7 +9,7 @@ pytest.importorskip("dolfinx")
 
 from antiosc.errors import MeshError
 from antiosc.fem import compat
-from antiosc.fem.mesh.folded_cells import MID_SIDE_EDGES, collapsed, folded, straightened
+from antiosc.fem.mesh.soundness import MID_SIDE_EDGES, collapsed, folded, straightened
 
 pytestmark = pytest.mark.fem
 

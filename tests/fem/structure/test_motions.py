@@ -8,7 +8,7 @@ import pytest
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.fem.structure.remaining_motions import of_body
+from antiosc.fem.structure.rigid_body_modes import of_body
 from parts import STEEL, box, named, plate
 
 pytestmark = pytest.mark.fem

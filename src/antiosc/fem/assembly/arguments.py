@@ -13,8 +13,8 @@ from antiosc.errors import InputError
 from antiosc.fem.assembly.joint import Joint
 from antiosc.fem.assembly.superelement import Superelement, of_matrices, of_model
 from antiosc.fem.structure.attachments import PointMass, Spring
+from antiosc.fem.structure.matrices import NodalMatrices
 from antiosc.fem.structure.meshed import MeshedStructure
-from antiosc.fem.structure.nodal import NodalMatrices
 from antiosc.fem.structure.placement import Placement, placement
 from antiosc.fem.structure.structure import Structure, on_mesh
 from antiosc.models.anti_oscillators import AntiOscillators

@@ -31,16 +31,14 @@ from antiosc.fem.assembly.assembled import (
     take_by_strains,
     without_stiffness,
 )
-from antiosc.fem.assembly.attached import attachment, superelement
-from antiosc.fem.assembly.constraint_rows import Constraints, Eliminated, Redundant, Rows
 from antiosc.fem.assembly.elimination import eliminate
-from antiosc.fem.assembly.joint import Joint, Stiffness
+from antiosc.fem.assembly.joint import Constraints, Eliminated, Joint, Redundant, Rows, Stiffness
 from antiosc.fem.assembly.layout import Layout, Sparse
+from antiosc.fem.assembly.motions import modes_of, tell_motions
 from antiosc.fem.assembly.share import Share, communicator, on_every_rank
 from antiosc.fem.assembly.shared_nodes import SharedNodes
-from antiosc.fem.assembly.strainless import modes_of, tell_motions
 from antiosc.fem.assembly.superelement import TURN
-from antiosc.fem.assembly.supports import support_rows
+from antiosc.fem.assembly.supports import attachment, superelement, support_rows
 from antiosc.fem.assembly.wide import nested_basis
 from antiosc.fem.linalg.solver import Choice, checked_choice
 from antiosc.fem.mpi import collective, on_root

@@ -15,8 +15,7 @@ from petsc4py import PETSc
 from antiosc._types import Array, BoolArray, Box
 from antiosc.checks import array
 from antiosc.errors import InputError
-from antiosc.fem.assembly.constraint_rows import Constraints, Eliminated
-from antiosc.fem.assembly.joint import Stiffness
+from antiosc.fem.assembly.joint import Constraints, Eliminated, Stiffness
 from antiosc.fem.assembly.layout import POINT_DOFS, Layout, Sparse
 from antiosc.fem.assembly.motions import rigid_motions
 from antiosc.fem.assembly.share import Share

@@ -1,4 +1,4 @@
-"""Dofs between constrained nodes.
+"""Numbered nodes of a deck, and the dofs between constrained ones.
 
 The displacements here are richer than those of a deck's elements. Where constraints determine all
 nodes of an edge or a face of a cell, the dofs between these nodes follow by the functions of the
@@ -17,11 +17,179 @@ import numpy as np
 import scipy.sparse
 
 from antiosc._types import Array, IntArray
+from antiosc.errors import InputError
 from antiosc.fem import compat
-from antiosc.fem.assembly.coincident_nodes import CoincidentNodes
-from antiosc.fem.assembly.layout import Sparse
-from antiosc.fem.assembly.numbered_nodes import Nodes, Term
+from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.structure.member import DISPLACEMENTS, ROTATIONS
+
+#: Number of a node, or -1 - k for the k-th reference point; motion 0 to 5; coefficient.
+Term = tuple[int, int, float]
+
+
+class Nodes:
+    """Where the numbered nodes of an assembly are: part, cell, and place in the cell."""
+
+    def __init__(
+        self, layout: Layout, points: Sequence[str], numbers: Mapping[str, IntArray]
+    ) -> None:
+        self.layout = layout
+        self.points = points
+        self.members = list(layout.members.values())
+        self.at_cell: list[dict[int, tuple[int, int]]] = []
+        self.tables: list[IntArray] = []
+        self._single: dict[tuple[int, int], Sparse] = {}
+        #: which dofs are zero
+        self.fixed = np.zeros(layout.count, dtype=bool)
+        for member in self.members:
+            mesh = member.part.mesh
+            read = np.asarray(mesh.dolfinx.geometry.input_global_indices)
+            of_cells = read[compat.geometry_nodes(mesh.dolfinx)]
+            table = np.asarray(numbers[member.name])[of_cells]
+            _, first = np.unique(table, return_index=True)
+            self.tables.append(table)
+            width = table.shape[1]
+            flat = table.ravel()
+            self.at_cell.append({int(flat[k]): divmod(int(k), width) for k in first})
+
+    def reference_points(self, member: int) -> Array:
+        """Reference coordinates of the nodes of a cell of a part."""
+        mesh = self.members[member].part.mesh
+        kind = getattr(basix.CellType, mesh.cell)
+        element = basix.create_element(basix.ElementFamily.P, kind, mesh.order)
+        return np.asarray(element.points)
+
+    def _owner(self, number: int, rotations: bool) -> tuple[int, int, int]:
+        """(part, cell, node of the cell) of a node; of rotations a part that has them."""
+        for k, where in enumerate(self.at_cell):
+            if number in where and (self.members[k].has_rotations or not rotations):
+                return k, *where[number]
+        what = "rotation of the node" if rotations else "node"
+        raise InputError(f"a constraint acts on the {what} {number}, which no part has.")
+
+    def functionals(self, equations: Sequence[Sequence[Term]]) -> Sparse:
+        """Σ coefficient × motion, one row for each list of terms."""
+        count, layout = len(equations), self.layout
+        flat = [(row, *term) for row, terms in enumerate(equations) for term in terms]
+        result = layout.nothing(count)
+        groups: dict[tuple[int, bool], list[tuple[int, int, int, int, float]]] = {}
+        rows, columns, values = [], [], []
+        for row, number, motion, coefficient in flat:
+            if number < 0:
+                rows.append(row)
+                columns.append(layout.of_point(self.points[-1 - number])[motion])
+                values.append(coefficient)
+                continue
+            rotations = motion >= 3
+            k, cell, local = self._owner(int(number), rotations)
+            groups.setdefault((k, rotations), []).append(
+                (row, cell, local, motion % 3, coefficient)
+            )
+        if rows:
+            result = layout.matrix(np.array(rows), np.array(columns), np.array(values), count)
+        for (k, rotations), terms in groups.items():
+            whole = np.array([t[:4] for t in terms])
+            X = self.reference_points(k)[whole[:, 2]]
+            names = ROTATIONS if rotations else DISPLACEMENTS
+            three = layout.at_points(self.members[k], whole[:, 1], X, names)
+            rows_of_points = 3 * np.arange(len(terms)) + whole[:, 3]
+            pick = scipy.sparse.csr_matrix(
+                (np.array([t[4] for t in terms]), (whole[:, 0], rows_of_points)),
+                shape=(count, 3 * len(terms)),
+            )
+            result = result + pick @ three
+        return result.tocsr()
+
+    def dof(self, term: Term) -> int:
+        """The dof that a motion of a node is; -1 if it is no single one."""
+        own = self.single(term[0], term[1])
+        return int(own.indices[0]) if own.nnz == 1 else -1
+
+    def is_fixed(self, number: int, motion: int) -> bool:
+        """Whether a motion of a node is zero."""
+        return bool(self.fixed[self.single(number, motion).indices].all())
+
+    def single(self, number: int, motion: int) -> Sparse:
+        """One motion of one node."""
+        if (number, motion) not in self._single:
+            self._single[number, motion] = self.functionals([[(number, motion, 1.0)]])
+        return self._single[number, motion]
+
+
+# -- Nodes that constraints tie to the place of a cell where they lie.
+#
+# Where all nodes of an edge or a face are tied in this way to one cell, as *TIE and equations
+# between coincident nodes do it, what lies between them follows the displacement of that cell at
+# its own place. Meshes that fit are then joined as if they had common nodes.
+
+
+#: Distance from the tied place, as a share of the distance between the tied nodes.
+TIED_NEAR = 1e-3
+LEAST_WEIGHT = 1e-9
+
+
+class CoincidentNodes:
+    """The constraints of this kind among those of a deck."""
+
+    def __init__(self, nodes: Nodes, equations: Sequence[Sequence[Term]]) -> None:
+        self.nodes = nodes
+        self.equations = equations
+        self._places: dict[int, Array] = {}
+        leaders = {n for terms in equations for n, _, _ in terms[1:] if n >= 0}
+        some = np.fromiter(leaders, dtype=int, count=len(leaders))
+        #: node -> (part, cell) of the cells around it, of nodes that others follow
+        self.cells: dict[int, set[tuple[int, int]]] = {}
+        for k, table in enumerate(nodes.tables):
+            for cell, local in zip(*np.nonzero(np.isin(table, some)), strict=True):
+                self.cells.setdefault(int(table[cell, local]), set()).add((k, int(cell)))
+
+    def displacement(
+        self, numbers: Sequence[int], weights: Array, motion: int, rows: Mapping[int, int]
+    ) -> Sparse | None:
+        """One motion at the place `weights` of these nodes, in the cell that all are tied to.
+
+        `rows`: node -> number of its constraint. None if they are not all tied to one cell.
+        """
+        if not all(number in rows for number in numbers):
+            return None
+        own = np.array([self._position(number) for number in numbers])
+        reach = TIED_NEAR * float(np.linalg.norm(own - own.mean(axis=0), axis=1).max())
+        total: dict[int, float] = {}
+        for number, weight, x in zip(numbers, weights, own, strict=True):
+            first, *others = self.equations[rows[number]]
+            shares = {n: -c / first[2] for n, _, c in others if abs(c) > LEAST_WEIGHT}
+            if any(m != motion or n < 0 for n, m, c in others if n in shares):
+                return None
+            if not shares or abs(sum(shares.values()) - 1) > TIED_NEAR:
+                return None
+            there = sum(share * self._position(n) for n, share in shares.items())
+            if not float(np.linalg.norm(there - x)) <= reach:
+                return None
+            for n, share in shares.items():
+                total[n] = total.get(n, 0.0) + weight * share
+        around = [self.cells.get(n, set()) for n in total]
+        common = set.intersection(*around)
+        names = ROTATIONS if motion >= 3 else DISPLACEMENTS
+        for k, cell in sorted(common):
+            member = self.nodes.members[k]
+            if member.part.form.components.get(names[motion % 3]) is None:
+                continue
+            table, X_of = self.nodes.tables[k][cell].tolist(), self.nodes.reference_points(k)
+            X = sum(w * X_of[table.index(n)] for n, w in total.items())
+            three = self.nodes.layout.at_points(member, np.array([cell]), X[None], names)
+            return three[[motion % 3]]
+        return None
+
+    def _position(self, number: int) -> Array:
+        """Coordinates of a node of the deck."""
+        if number not in self._places:
+            self._places[number] = np.full(3, np.nan)
+            for k, where in enumerate(self.nodes.at_cell):
+                if number in where:
+                    mesh = self.nodes.members[k].part.mesh.dolfinx
+                    row = compat.geometry_nodes(mesh)[where[number]]
+                    self._places[number] = np.asarray(mesh.geometry.x[row])
+        return self._places[number]
+
 
 #: node that the deck does not have -> (node of the deck, weight) of those among which it lies
 Among = Mapping[int, Sequence[tuple[int, float]]]

@@ -18,7 +18,7 @@ import scipy.sparse.csgraph
 
 from antiosc._types import Array, BoolArray, IntArray
 from antiosc.errors import AccuracyError, InputError
-from antiosc.fem.assembly.constraint_rows import Eliminated, Redundant, Rows
+from antiosc.fem.assembly.joint import Eliminated, Redundant, Rows
 from antiosc.fem.assembly.layout import Sparse
 from antiosc.fem.assembly.wide import rounded
 

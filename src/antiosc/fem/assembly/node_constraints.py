@@ -10,11 +10,9 @@ import numpy as np
 import scipy.sparse
 
 from antiosc._types import BoolArray, IntArray
-from antiosc.fem.assembly.between_nodes import between_nodes
-from antiosc.fem.assembly.constraint_rows import Rows
-from antiosc.fem.assembly.joint import Joint, Stiffness
+from antiosc.fem.assembly.between_nodes import Nodes, Term, between_nodes
+from antiosc.fem.assembly.joint import Joint, Rows, Stiffness
 from antiosc.fem.assembly.layout import Layout, Sparse
-from antiosc.fem.assembly.numbered_nodes import Nodes, Term
 from antiosc.fem.structure.member import DISPLACEMENTS, ROTATIONS, Member
 
 

@@ -1,4 +1,4 @@
-"""Joints of two ends at one point: `Weld`, `Ball`, `Hinge`, `Slider`."""
+"""Linear constraints of ends: `Weld`, `Ball`, `Hinge`, `Slider` at one point, and `Equation`."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ import numpy as np
 import scipy.sparse
 
 from antiosc._types import Array, BoolArray
-from antiosc.checks import array, coordinates
+from antiosc.checks import array, coordinates, number, shown, store
 from antiosc.declared import checked_by
 from antiosc.errors import InputError
-from antiosc.fem.assembly.constraint_rows import Rows
-from antiosc.fem.assembly.ends import End, Motion, end_text, motion
-from antiosc.fem.assembly.joint import NAME, Between
+from antiosc.fem.assembly.ends import End, Motion, checked_end, end_text, motion
+from antiosc.fem.assembly.joint import NAME, Between, Joint, Rows
 from antiosc.fem.assembly.layout import Layout, Sparse
+from antiosc.fem.structure.member import DISPLACEMENTS, ROTATIONS
 
 #: Points this share of the size of the assembly apart are one; coefficients this share apart too.
 COINCIDENT = 1e-9
@@ -199,3 +199,68 @@ def _check_rotations(label: str, joint: _Pin, rotations: Array, a: Motion, b: Mo
                     "solid, or a straight row of them, does not rotate; give a group of faces, or "
                     "use a Ball."
                 )
+
+
+@dataclass(frozen=True)
+class Equation(Joint):
+    """Σ coefficient · component = 0 of displacements (m) and rotations (rad).
+
+    Parameters
+    ----------
+    terms : sequence of (end, component, coefficient)
+        `end` as for `Weld`; `component` is "x", "y", "z", "rx", "ry" or "rz" in the axes of the
+        assembly.
+    name : str, optional
+        What messages call the equation.
+    """
+
+    terms: Sequence[tuple[End, str, float]]
+    name: str | None = field(default=None, metadata=NAME)
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.terms, Sequence) or isinstance(self.terms, str) or not self.terms:
+            raise InputError(
+                f"terms must list (end, component, coefficient); got {shown(self.terms)}."
+            )
+        terms = tuple(_checked_term(term) for term in self.terms)
+        if not any(coefficient for _, _, coefficient in terms):
+            raise InputError("an Equation needs a coefficient that is not 0.")
+        store(self, terms=terms)
+        super().__post_init__()
+
+    def constraints(
+        self, layout: Layout, before: Sequence[Rows], fixed: BoolArray, label: str
+    ) -> list[Rows]:
+        """The one row of the equation."""
+        total = layout.nothing(1)
+        for end, component, coefficient in self.terms:
+            own = motion(layout, end, partly=True)
+            six = scipy.sparse.vstack([own.displacements, own.rotations]).tocsr()
+            row = six[(DISPLACEMENTS + ROTATIONS).index(component)]
+            if not row.nnz or (component in DISPLACEMENTS and not own.has(component)):
+                raise InputError(
+                    f"{label}: {end_text(end)} has no component {component!r}; points of solids "
+                    "have no rotations, plane parts move along x and y, a site of a model along "
+                    "its direction."
+                )
+            total = total + coefficient * row
+        total = total.tocsr()
+        total.eliminate_zeros()
+        if not total.nnz:
+            raise InputError(f"{label} says 0 = 0: its terms cancel.")
+        return [Rows(total, np.full(1, -1), label)]
+
+
+def _checked_term(term: Any) -> tuple[End, str, float]:
+    if not isinstance(term, tuple | list) or len(term) != 3:
+        raise InputError(
+            f"a term must be (end, component, coefficient), as (('plate', (0, 0, 0)), 'z', 1.0); "
+            f"got {shown(term)}."
+        )
+    end, component, coefficient = term
+    if not isinstance(component, str) or component not in DISPLACEMENTS + ROTATIONS:
+        raise InputError(
+            f"a component must be one of {', '.join(DISPLACEMENTS + ROTATIONS)}; "
+            f"got {shown(component)}."
+        )
+    return checked_end("end", end), component, number("a coefficient", coefficient)

@@ -19,8 +19,7 @@ import scipy.sparse
 from antiosc._types import BoolArray, IntArray
 from antiosc.errors import InputError
 from antiosc.fem import compat
-from antiosc.fem.assembly.constraint_rows import Rows
-from antiosc.fem.assembly.joint import Joint
+from antiosc.fem.assembly.joint import Joint, Rows
 from antiosc.fem.assembly.layout import Layout
 from antiosc.fem.mesh.cell_geometry import projected
 from antiosc.fem.structure.member import DISPLACEMENTS, ROTATIONS, Member

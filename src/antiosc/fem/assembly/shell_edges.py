@@ -13,8 +13,8 @@ import scipy.sparse
 
 from antiosc._types import Array, BoolArray, IntArray
 from antiosc.errors import InputError
-from antiosc.fem.assembly.constraint_rows import Rows
 from antiosc.fem.assembly.facets import Facets
+from antiosc.fem.assembly.joint import Rows
 from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.assembly.overlaps import Overlap, closest
 from antiosc.fem.structure.member import DISPLACEMENTS, ROTATIONS

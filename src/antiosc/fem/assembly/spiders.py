@@ -10,9 +10,8 @@ import scipy.sparse
 
 from antiosc._types import Array, BoolArray, IntArray
 from antiosc.errors import InputError
-from antiosc.fem.assembly.constraint_rows import Rows
 from antiosc.fem.assembly.ends import END, End, Motion, end_text, group_end, mean, motion
-from antiosc.fem.assembly.joint import NAME, Joint
+from antiosc.fem.assembly.joint import NAME, Joint, Rows
 from antiosc.fem.assembly.layout import Layout
 from antiosc.fem.structure.member import DISPLACEMENTS, ROTATIONS, Member
 

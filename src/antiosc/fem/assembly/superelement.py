@@ -17,7 +17,7 @@ import scipy.sparse
 from antiosc._types import Array, BoolArray, IntArray
 from antiosc.errors import InputError
 from antiosc.fem.linalg import algebra
-from antiosc.fem.structure.nodal import NodalMatrices
+from antiosc.fem.structure.matrices import NodalMatrices
 from antiosc.fem.structure.placement import Placement
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.reduced_matrices import reduced_matrices

@@ -25,13 +25,11 @@ from antiosc._types import Array, BoolArray, IntArray
 from antiosc.checks import positive
 from antiosc.declared import checked_by
 from antiosc.errors import InputError, warn
-from antiosc.fem.assembly.constraint_rows import Rows
 from antiosc.fem.assembly.ends import group_end
 from antiosc.fem.assembly.facets import Facets
-from antiosc.fem.assembly.joint import NAME, Between
-from antiosc.fem.assembly.layout import Layout, Sparse
+from antiosc.fem.assembly.joint import NAME, Between, Rows
+from antiosc.fem.assembly.layout import Layout, Sparse, curl
 from antiosc.fem.assembly.overlaps import FACING, Overlap, on_faces, overlap
-from antiosc.fem.assembly.rotations import curl
 from antiosc.fem.assembly.shell_edges import led_by_solid, rotation_rows, with_free_rotations
 from antiosc.fem.structure.member import DISPLACEMENTS, ROTATIONS
 from antiosc.fem.structure.placement import skew

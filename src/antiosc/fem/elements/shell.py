@@ -19,11 +19,11 @@ from antiosc.declared import Checked, checked_by
 from antiosc.errors import InputError
 from antiosc.fem import compat
 from antiosc.fem.elements.material_axes import DIRECTION, Direction
-from antiosc.fem.elements.mitc import dropped
 from antiosc.fem.elements.plate_section import Layer, PlateSection, stacked
 from antiosc.fem.elements.shell_strains import (
     Strains,
     areas_of,
+    dropped,
     energies,
     frames,
     inertia,
@@ -141,7 +141,7 @@ class Shell(Isotropic, Sheet):
 
     Components: x, y, z (displacements) and rx, ry, rz (rotations). Triangles, plane or curved, are
     cubic and fully integrated; in the shear strain the rotations are replaced by quadratics with
-    the same moments along the edges, so that thin plates do not lock (`antiosc.fem.elements.mitc`).
+    the same moments along the edges, so that thin plates do not lock (`shell_strains`).
     Quadrilaterals are quadratic. Their shear strain is integrated at 2×2 points, with a share of
     full integration that vanishes with the thickness. The same holds for the membrane strain of
     curved quadrilaterals, which are for smooth surfaces only: use triangles where surfaces or

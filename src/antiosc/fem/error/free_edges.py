@@ -20,8 +20,7 @@ import numpy as np
 
 from antiosc._types import Array, BoolArray, IntArray
 from antiosc.fem import compat
-from antiosc.fem.error.sheet_recovery import SheetRecovery
-from antiosc.fem.error.sheet_strains import BENDING, MEMBRANE, SHEAR
+from antiosc.fem.error.sheet_strains import BENDING, MEMBRANE, SHEAR, SheetRecovery
 from antiosc.fem.error.smooth_pieces import (
     EDGES,
     ENDS,
@@ -31,7 +30,7 @@ from antiosc.fem.error.smooth_pieces import (
     edge_normals,
     neighbours,
 )
-from antiosc.fem.recovery.shape_slopes import PointsInCells, gauss_points
+from antiosc.fem.recovery.place import PointsInCells, gauss_points
 from antiosc.fem.structure.meshed import MeshedStructure
 
 #: Gauss points of an edge, and their weights.

@@ -18,7 +18,7 @@ import scipy.sparse.linalg
 from antiosc._types import Array, IntArray
 from antiosc.errors import InputError
 from antiosc.fem import compat
-from antiosc.fem.error.lines import halved
+from antiosc.fem.error.bisection import halved
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.site.site import Functional
 from antiosc.fem.site.sites import located

@@ -4,25 +4,196 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from antiosc._types import Array
 from antiosc.errors import InputError
-from antiosc.fem.error.beam_model import beam_facts
-from antiosc.fem.error.estimator import NO_MESH, estimator
-from antiosc.fem.error.facets import faceted
-from antiosc.fem.error.gaps import mean_gaps
+from antiosc.fem.error.bisection import inside, polygon
+from antiosc.fem.error.gaps import faceted, mean_gaps
 from antiosc.fem.error.halving import HalvedBeams
-from antiosc.fem.error.lines import inside, polygon
-from antiosc.fem.error.patch import patch_of
 from antiosc.fem.error.shell import ShellErrors
 from antiosc.fem.error.solid import SolidErrors, refuse_locking
+from antiosc.fem.linalg.algebra import dot
 from antiosc.fem.site.site import Functional
+from antiosc.fem.site.sites import located
 from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.fem.structure.structure import Structure, on_mesh
 from antiosc.models.anti_oscillators import AntiOscillators
+
+if TYPE_CHECKING:
+    from antiosc.fem.error.shell import ShellErrors
+    from antiosc.fem.error.solid import SolidErrors
+from math import pi, sqrt
+
+from antiosc.closed_form.family_limits import strip, thickness_shear
+from antiosc.fem import compat
+from antiosc.fem.elements.beam import Beam, heights
+
+# -- What the share "model" of an error budget must know of a struck beam.
+#
+# It is known for straight bars of full rectangular section with a site away from their ends
+# (`antiosc.simulation.model_errors`), since only these were measured against solids.
+
+
+#: A section is a full rectangle if 144 I_y I_z is A⁴ within this.
+FULL = 0.05
+#: Least length and least distance of the site from the ends, over the larger side; largest ratio of
+#: the sides; Poisson's ratios.
+LENGTH, FROM_ENDS, SIDES, NU = 5.0, 2.0, 2.5, (0.2, 0.4)
+#: Largest share of a direction across the one that is meant, and deviation from a straight line
+#: over the length.
+ALONG, STRAIGHT = 0.02, 1e-6
+#: Message where there is no figure.
+UNKNOWN = "Not included: the error of the beam model itself, for {}."
+
+
+def beam_facts(part: MeshedStructure, site: Functional) -> dict[str, float] | str:
+    """What tells the model's share, JSON values, or a sentence why there is none.
+
+    "compliance" is 1/(E √A) [m/N], "omega" the circular frequency at which the section deforms
+    [rad/s], "clamps" the number of held ends times the larger side over the length.
+    """
+    try:
+        return _facts(part, site)
+    except _Unknown as reason:
+        return UNKNOWN.format(reason)
+
+
+class _Unknown(Exception):
+    """Why there is no figure."""
+
+
+def _facts(part: MeshedStructure, site: Functional) -> dict[str, float]:
+    assert site.point is not None
+    assert site.direction is not None  # or HalvedBeams refuses it
+    beam = part.parts[0][0]
+    _need(len(part.parts) == 1 and isinstance(beam, Beam), "the part has several sections")
+    _need(beam.shear and not beam.offset, "it is measured for Timoshenko's beam on its axis alone")
+    section = beam.section
+    _need(
+        abs(144 * section.I * section.side / section.A**4 - 1) <= FULL,
+        "it is measured for full rectangular sections alone (Section.rectangle)",
+    )
+    axis, ends = _line(part)
+    _need(abs(float(site.direction @ axis)) <= ALONG, "the beam is not struck across its axis")
+    height = sqrt(12 * section.I / section.A)
+    width = section.A / height
+    if not _along_height(part, beam, axis, site.direction):
+        height, width = width, height
+    side, length = max(height, width), float(ends[1] - ends[0])
+    _need(length >= LENGTH * side, f"the beam is shorter than {LENGTH:g} times its larger side")
+    _need(side <= SIDES * min(height, width), f"one side is more than {SIDES:g} times the other")
+    at = float(site.point @ axis)
+    _need(
+        min(at - ends[0], ends[1] - at) >= FROM_ENDS * side,
+        f"the site is nearer to an end than {FROM_ENDS:g} times the larger side",
+    )
+    _need(NU[0] <= beam.nu <= NU[1], f"it is measured for Poisson's ratios of {NU[0]} to {NU[1]}")
+    material = beam.E, beam.nu, beam.rho
+    fails = min(strip(width, height, *material), thickness_shear(height, *material))
+    return {
+        "compliance": 1 / (beam.E * sqrt(section.A)),
+        "omega": 2 * pi * fails,
+        "clamps": 2.0 * bool(len(part.fixed)) * side / length,
+    }
+
+
+def _need(fact: bool, otherwise: str) -> None:
+    if not fact:
+        raise _Unknown(otherwise)
+
+
+def _line(part: MeshedStructure) -> tuple[Array, Array]:
+    """(unit vector along the beam, places of its ends along it); it must be one straight line."""
+    x = part.mesh.dolfinx.geometry.x
+    _, sizes, directions = np.linalg.svd(x - x.mean(axis=0), full_matrices=False)
+    _need(sizes[1] <= STRAIGHT * sizes[0], "the beams are not one straight line (joints count)")
+    reach = x @ directions[0]
+    return directions[0], np.array([reach.min(), reach.max()])
+
+
+def _along_height(part: MeshedStructure, beam: Beam, axis: Array, direction: Array) -> bool:
+    """Whether the height of the section lies along the impact; otherwise its width must."""
+    if part.mesh.gdim == 2 or beam.section.isotropic:
+        return True
+    nodes = compat.geometry_nodes(part.mesh.dolfinx)[:1]
+    middle = part.mesh.dolfinx.geometry.x[nodes].mean(axis=1)
+    height = heights(beam, axis[None, :], middle)[0]
+    height = height - (height @ axis) * axis
+    share = abs(float(height @ direction)) / float(np.linalg.norm(height))
+    _need(share <= ALONG or share >= sqrt(1 - ALONG**2), "the impact is not along a side")
+    return share > ALONG
+
+
+#: Message for matrices.
+NO_MESH = "the error of a mesh needs the mesh: given matrices have none, so leave error=None."
+#: Why the recovery of strains does not tell the errors of other families.
+WHY = {
+    "beam": (
+        "which are compared with a finer mesh: leave error=None and compare two element sizes"
+    ),
+    "truss": "whose nodes are hinges, so that no mesh could be finer: leave error=None",
+}
+
+
+def estimator(structure: Structure) -> SolidErrors | ShellErrors:
+    """The estimator of the structure's element family; InputError where there is none."""
+    matrices = on_mesh(structure, NO_MESH)
+    if matrices.kind.name in WHY:
+        raise InputError(
+            f"error='estimate' holds for solids, beams and shells; {matrices.mesh.name} is made of "
+            f"{matrices.kind.name} elements, {WHY[matrices.kind.name]}."
+        )
+    # needs dolfinx
+    if matrices.kind.sheet:
+        from antiosc.fem.error.shell import ShellErrors
+
+        return ShellErrors(matrices)
+    from antiosc.fem.error.solid import SolidErrors
+
+    return SolidErrors(matrices)
+
+
+# -- What another radius of a site's patch would change in the compliance of the part.
+#
+# The patch's compliance holds that of its half-space, which is subtracted from Hertz's law. What
+# remains does not depend on the radius, as long as it is small against the local thickness and
+# resolved by the mesh; a second radius measures how far that holds.
+
+
+#: The second radius over the first; the other one where the larger patch leaves the face.
+RADII = (np.sqrt(2.0), np.sqrt(0.5))
+#: Least share of the load of the second patch on its face.
+WHOLE_LOAD = 0.99
+
+
+def patch_of(structure: Structure, site: Functional) -> dict[str, float] | None:
+    """What a budget must know of a site's patch, JSON values; None for a point.
+
+    "faces" is the size of the faces under it [m]. Where the patch has a half-space, "radius" is
+    that of a second patch [m], and "compliance" the change of the part's compliance beyond the
+    half-space [m/N].
+    """
+    if site.radius is None:
+        return None
+    assert site.point is not None
+    assert site.direction is not None  # where there is a patch
+    for factor in RADII:
+        place = site.point[None, :], site.direction[None, :], np.array([factor * site.radius])
+        found = located(on_mesh(structure), *place)
+        facts = {"faces": float(found.size[0])}
+        if found.share[0] >= WHOLE_LOAD:
+            break
+    if not site.local_compliance or found.share[0] < WHOLE_LOAD or not found.local[0]:
+        return facts
+    b = found.loads[:, 0].toarray().ravel()
+    # bᵀA⁻¹b of both is a difference of two squares: one solve, without cancellation
+    apart = structure.factorize().solve_checked((b - site.b)[:, None])[:, 0]
+    change = float(dot(structure.comm, apart, b + site.b))
+    change -= float(found.local[0]) - site.local_compliance
+    return {**facts, "radius": float(found.radii[0]), "compliance": change}
 
 
 class ModelErrors:

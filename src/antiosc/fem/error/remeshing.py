@@ -17,9 +17,16 @@ from mpi4py import MPI
 
 from antiosc._types import Array
 from antiosc.fem import compat
-from antiosc.fem.error.bisection import DIVIDED, KIND_OF, divisible, gathered, refined
+from antiosc.fem.error.bisection import (
+    DIVIDED,
+    KIND_OF,
+    divisible,
+    gathered,
+    halved,
+    refined,
+    with_node,
+)
 from antiosc.fem.error.cell_sizes import edge_lengths
-from antiosc.fem.error.lines import halved, with_node
 from antiosc.fem.mesh.mesh import Mesh, distributed
 from antiosc.fem.mesh.reading import flattened, read_mesh
 from antiosc.fem.mesh.soundness import sound

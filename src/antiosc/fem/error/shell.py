@@ -25,8 +25,7 @@ from antiosc._types import Array
 from antiosc.errors import InputError
 from antiosc.fem import compat
 from antiosc.fem.error.free_edges import layers_of
-from antiosc.fem.error.sheet_recovery import SheetRecovery
-from antiosc.fem.error.sheet_strains import SHEAR
+from antiosc.fem.error.sheet_strains import SHEAR, SheetRecovery
 from antiosc.fem.error.smooth_pieces import FLAT, smooth_pieces
 from antiosc.fem.structure.meshed import MeshedStructure
 

@@ -18,8 +18,7 @@ import numpy as np
 from antiosc._types import Array, IntArray
 from antiosc.errors import AccuracyWarning, InputError
 from antiosc.fem import compat
-from antiosc.fem.error.cell_strains import CellStrains
-from antiosc.fem.error.projection import Projection
+from antiosc.fem.error.projection import CellStrains, Projection
 from antiosc.fem.mpi import warn
 from antiosc.fem.structure.meshed import MeshedStructure
 
@@ -67,7 +66,7 @@ def _poisson(material: Any) -> float:
 
 @dataclass(frozen=True)
 class SolidErrors:
-    """The estimator of 2-D and 3-D solids; see `antiosc.fem.error.estimator`."""
+    """The estimator of 2-D and 3-D solids; see `antiosc.fem.error.model_errors`."""
 
     structure: MeshedStructure
 

@@ -24,12 +24,12 @@ from antiosc.fem.linalg.algebra import (
     by_scipy,
     by_strains,
     dot,
+    frequency,
     gathered,
     multiply,
     norm,
     row_range,
 )
-from antiosc.fem.linalg.scaling import frequency
 from antiosc.fem.mpi import on_root
 from antiosc.fem.structure.structure import Structure
 

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse
 
 from antiosc._types import Array, IntArray, Matrix
-from antiosc.fem.communicator import SERIAL, Serial
+from antiosc.fem.mpi import SERIAL, Serial
 
 
 def communicator(matrix: Matrix) -> Serial:

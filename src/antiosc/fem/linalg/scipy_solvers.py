@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from importlib import import_module
 from typing import Any
 
@@ -12,7 +13,9 @@ import scipy.sparse.linalg
 from antiosc import memory
 from antiosc._types import Array, Matrix
 from antiosc.errors import NotConvergedError
-from antiosc.fem.linalg.solver import SINGULAR, Factorization
+from antiosc.fem.linalg import scipy_solvers
+from antiosc.fem.linalg.algebra import by_scipy
+from antiosc.fem.linalg.solver import SINGULAR, Choice, Factorization, Solver
 
 #: Rows from which the memory of a factor is forecast.
 FORECAST_ROWS = 30_000
@@ -143,3 +146,16 @@ class Cholmod(Factorization):
     def solve_block(self, R: Array) -> Array:
         """A⁻¹R for a block of vectors (rows, k)."""
         return np.asarray(self._solve(np.asfortranarray(R)))
+
+
+def solver_for(A: Matrix, choice: Choice, motions: Callable[[], Array]) -> Solver:
+    """The solver of A that `choice` names; "auto": direct if its factor fits in memory.
+
+    `motions` gives rigid-body motions (rows of this rank, r) for a multigrid. A SciPy matrix is
+    always solved directly.
+    """
+    if by_scipy(A):
+        return scipy_solvers.factorize(A)
+    from antiosc.fem.linalg import solver_choice  # needs PETSc
+
+    return solver_choice.solver_for(A, choice, motions)

@@ -13,8 +13,7 @@ from antiosc import checks
 from antiosc._types import Array, Matrix
 from antiosc.errors import AccuracyError
 from antiosc.fem.linalg import algebra
-from antiosc.fem.linalg.algebra import multiply
-from antiosc.fem.linalg.scaling import norms, roots
+from antiosc.fem.linalg.algebra import multiply, norms, roots
 from antiosc.threads import one_thread
 
 #: Of a solver: "auto" is direct if the factor fits in memory.

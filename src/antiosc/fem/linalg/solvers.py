@@ -14,9 +14,8 @@ from petsc4py import PETSc
 from antiosc._types import Array
 from antiosc.errors import NotConvergedError
 from antiosc.fem.linalg.cholmod import Analysis, Cholesky, NotPositiveDefiniteError
-from antiosc.fem.linalg.dropped import watch
 from antiosc.fem.linalg.forecast import Forecast, best_ordering, count
-from antiosc.fem.linalg.petsc_algebra import csr, dense, lower
+from antiosc.fem.linalg.petsc_algebra import csr, dense, lower, watch
 from antiosc.fem.linalg.solver import SINGULAR, Factorization, Solver
 from antiosc.memory import ran_out
 

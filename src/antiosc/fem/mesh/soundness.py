@@ -8,9 +8,10 @@ import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from antiosc._types import Array
 from antiosc.errors import MeshError, warn
 from antiosc.fem import compat
-from antiosc.fem.mesh import conformity, folded_cells
+from antiosc.fem.mesh import conformity
 from antiosc.fem.readers import RawMesh
 from antiosc.fem.readers.neutral import IntArray
 
@@ -38,7 +39,7 @@ def sound(raw: RawMesh, name: str, made_here: bool, pieces: bool = False) -> Raw
     vertices = raw.cells[:, : kind.vertices]
     _refuse_repeated(raw, vertices, name)
     cells = raw.cells[:, compat.node_order(kind.shape, kind.nodes, raw.convention)]
-    flat = folded_cells.collapsed(raw.points, cells, kind.shape, kind.order)
+    flat = collapsed(raw.points, cells, kind.shape, kind.order)
     if len(flat):
         measure = ("length", "area", "volume")[kind.dim - 1]
         raise MeshError(
@@ -56,10 +57,10 @@ def sound(raw: RawMesh, name: str, made_here: bool, pieces: bool = False) -> Raw
     if not pieces:
         _refuse_pieces(raw, name)
     fills = kind.dim == raw.points.shape[1]
-    if fills and made_here and kind.order == 2 and kind.shape in folded_cells.MID_SIDE_EDGES:
-        return replace(raw, points=folded_cells.straightened(raw.points, raw.cells, kind.shape))
+    if fills and made_here and kind.order == 2 and kind.shape in MID_SIDE_EDGES:
+        return replace(raw, points=straightened(raw.points, raw.cells, kind.shape))
     if kind.dim > 1:
-        bad = folded_cells.folded(raw.points, cells, kind.shape, kind.order)
+        bad = folded(raw.points, cells, kind.shape, kind.order)
         if len(bad):
             warn(
                 f"{len(bad)} of {len(cells)} cells of {name} fold over themselves, one at "
@@ -142,3 +143,82 @@ def _tell_unfit(raw: RawMesh, vertices: IntArray, name: str, pieces: bool) -> No
 
 def _centre(raw: RawMesh, cell: int) -> str:
     return ", ".join(f"{c:.4g}" for c in raw.points[raw.cells[cell]].mean(axis=0))
+
+
+# -- Folded and collapsed cells: found by their Jacobian, straightened if gmsh made them.
+#
+# A curved cell at a tight fillet may have a negative Jacobian at a corner. Integrals over it are
+# wrong without any other symptom, and a point in it has two sets of reference coordinates.
+
+
+#: Smallest Jacobian determinant over the largest in a cell, from which on it counts as sound.
+SOUND = 0.02
+#: Measure of a cell over its size to the power of its dimension below which it has none.
+LEAST_MEASURE = 1e-7
+#: Size of a cell over that of the mesh below which it is a point.
+POINT = 1e-12
+#: Mid-side nodes of second-order simplices in gmsh's order, from the third vertex on.
+MID_SIDE_EDGES = {
+    "triangle": [(0, 1), (1, 2), (2, 0)],
+    "tetrahedron": [(0, 1), (1, 2), (2, 0), (3, 0), (3, 2), (3, 1)],
+}
+
+
+def folded(points: Array, cells: IntArray, shape: str, order: int, least: float = 0.0) -> IntArray:
+    """Cells whose smallest Jacobian is at most `least` of the largest.
+
+    Solids, or faces in the plane or in space; their nodes are in dolfinx's order.
+    """
+    slopes = compat.lattice_gradients(shape, order, 3 if order > 1 else 1)
+    found = []
+    for start in range(0, len(cells), 20_000):
+        x = points[cells[start : start + 20_000]]
+        J = np.einsum("dqn,cni->cqdi", slopes, x, optimize=True)
+        det = np.linalg.det(J) if J.shape[2] == J.shape[3] else _along_mean_normal(J)
+        det = det * np.sign(det.sum(axis=1))[:, None]
+        found.append(start + np.flatnonzero(det.min(axis=1) <= least * det.max(axis=1)))
+    return np.concatenate([np.zeros(0, dtype=np.int64), *found])
+
+
+def _along_mean_normal(J: Array) -> Array:
+    """Areas (cells, q) of faces in space, as seen along the mean normal of each."""
+    normals = np.cross(J[:, :, 0], J[:, :, 1])
+    mean = normals.sum(axis=1)
+    size = np.linalg.norm(mean, axis=1, keepdims=True)
+    return np.einsum("cqi,ci->cq", normals, mean / np.where(size > 0, size, 1.0))
+
+
+def collapsed(points: Array, cells: IntArray, shape: str, order: int) -> IntArray:
+    """Cells (nodes in dolfinx's order) without length, area or volume, in any space."""
+    slopes = compat.lattice_gradients(shape, order, order)
+    J = np.einsum("dqn,cni->cqdi", slopes, points[cells], optimize=True)
+    measure = np.sqrt(np.abs(np.linalg.det(J @ J.swapaxes(2, 3)))).max(axis=1)
+    size = np.abs(J).max(axis=(1, 2, 3))
+    nothing = size <= POINT * np.ptp(points, axis=0).max()
+    return np.flatnonzero(nothing | (measure <= LEAST_MEASURE * size ** slopes.shape[0]))
+
+
+def straightened(points: Array, cells: IntArray, shape: str) -> Array:
+    """`points` with the mid-side nodes of folded second-order simplices moved to the midpoints.
+
+    `cells` are in gmsh's order. Neighbours share those nodes: repeated until no cell is folded.
+    """
+    points = points.copy()
+    edges = np.array(MID_SIDE_EDGES[shape])
+    middles = slice(edges.max() + 1, edges.max() + 1 + len(edges))
+    reordered = cells[:, compat.node_order(shape, cells.shape[1], "gmsh")]
+    bad = folded(points, reordered, shape, 2, SOUND)
+    before = -1
+    straight = np.zeros(len(cells), dtype=bool)
+    while len(bad):
+        straight[bad] = True
+        if straight.sum() == before:
+            raise MeshError(
+                f"gmsh made {len(bad)} cells without volume: choose another element size."
+            )
+        before = int(straight.sum())
+        points[cells[straight][:, middles]] = points[cells[straight][:, edges]].mean(axis=2)
+        near = np.isin(cells, cells[straight][:, middles]).any(axis=1)
+        suspects = np.flatnonzero(near)
+        bad = suspects[folded(points, reordered[suspects], shape, 2, SOUND)]
+    return points

@@ -6,17 +6,35 @@ two materials has two. In sheets and beams each cell has its own: neighbours may
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from types import ModuleType
+
 import numpy as np
 
 from antiosc._types import Array, IntArray
 from antiosc.errors import InputError
 from antiosc.fem import compat
 from antiosc.fem.mpi import agree
-from antiosc.fem.recovery.place import Place
-from antiosc.fem.recovery.quantities import evaluator
-from antiosc.fem.recovery.shape_slopes import PointsInCells
+from antiosc.fem.recovery import beam, sheet, solid, truss
+from antiosc.fem.recovery.place import Place, PointsInCells
+from antiosc.fem.recovery.sheet import SheetAxes
 from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.stresses import PAIRS
+
+FAMILIES: dict[str, ModuleType] = {"solid": solid, "beam": beam, "sheet": sheet, "truss": truss}
+#: Gives a quantity (P, …, columns) at points.
+Evaluate = Callable[[PointsInCells], Array]
+
+
+def evaluator(part: MeshedStructure, quantity: str, place: Place) -> Evaluate:
+    """What gives "strain", "stress", "rotation" or "section_forces"; to be made on all ranks."""
+    family = FAMILIES[part.kind.name]
+    function = getattr(family, quantity)
+    if family is sheet and quantity != "rotation":
+        axes = SheetAxes(part)
+        return lambda at: function(at, place, axes)
+    return lambda at: function(at, place)
+
 
 #: Points at which shapes are evaluated at once.
 AT_ONCE = 4096

@@ -12,9 +12,7 @@ import numpy as np
 
 from antiosc._types import Array
 from antiosc.fem.elements.beam import Beam, heights
-from antiosc.fem.recovery.place import Place
-from antiosc.fem.recovery.shape_slopes import PointsInCells, gauss_points, lagrange_1d
-from antiosc.fem.recovery.tensors import in_frame
+from antiosc.fem.recovery.place import Place, PointsInCells, gauss_points, in_frame, lagrange_1d
 
 
 class Frame(NamedTuple):

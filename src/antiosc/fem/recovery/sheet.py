@@ -18,9 +18,7 @@ from antiosc.fem.elements.given_sheet import GivenSheet
 from antiosc.fem.elements.material_axes import axes_and_sides
 from antiosc.fem.elements.plate_section import Layer, shear_stresses
 from antiosc.fem.elements.shell import Laminate, Sheet
-from antiosc.fem.recovery.place import Place
-from antiosc.fem.recovery.shape_slopes import PointsInCells, gauss_points, lagrange_1d
-from antiosc.fem.recovery.tensors import in_frame
+from antiosc.fem.recovery.place import Place, PointsInCells, gauss_points, in_frame, lagrange_1d
 from antiosc.fem.structure.meshed import MeshedStructure
 
 #: Cosine of the angle to the normal from which x is near it.
@@ -225,7 +223,7 @@ def _raw(at: PointsInCells, axes: SheetAxes) -> Strains:
 
 
 def _leaning(at: PointsInCells, rotations: Array, frame: Frame) -> Array:
-    """(θ×n) along e1 and e2 (P, 2, columns), on triangles as `antiosc.fem.elements.mitc` has it."""
+    """(θ×n) along e1 and e2 (P, 2, columns), of triangles interpolated as in `shell_strains`."""
     e1, e2, n = frame
     tangents = np.stack([e1, e2], axis=1)
     if at.part.mesh.cell != "triangle":

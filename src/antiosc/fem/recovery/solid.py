@@ -7,8 +7,7 @@ import numpy as np
 from antiosc._types import Array
 from antiosc.errors import InputError
 from antiosc.fem.elements.solid import Solid
-from antiosc.fem.recovery.place import Place
-from antiosc.fem.recovery.shape_slopes import PointsInCells
+from antiosc.fem.recovery.place import Place, PointsInCells
 from antiosc.stresses import PAIRS, full
 
 

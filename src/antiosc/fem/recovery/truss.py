@@ -6,8 +6,7 @@ import numpy as np
 
 from antiosc._types import Array
 from antiosc.errors import InputError
-from antiosc.fem.recovery.place import Place
-from antiosc.fem.recovery.shape_slopes import PointsInCells
+from antiosc.fem.recovery.place import Place, PointsInCells
 
 
 def strain(at: PointsInCells, place: Place) -> Array:

@@ -23,7 +23,7 @@ from antiosc.fem.site.site import (
     constrained,
     tangents,
 )
-from antiosc.fem.structure.nodal import NodalMatrices
+from antiosc.fem.structure.matrices import NodalMatrices
 from antiosc.fem.structure.structure import Structure
 
 #: A point is a node up to this share of the part's size.

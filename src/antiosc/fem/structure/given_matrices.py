@@ -26,8 +26,7 @@ from antiosc.fem.linalg.algebra import communicator, dot, multiply, norm
 from antiosc.fem.linalg.solver import Solver
 from antiosc.fem.mpi import agree, alike
 from antiosc.fem.structure import null_space
-from antiosc.fem.structure.matrices import StructureMatrices
-from antiosc.fem.structure.nodal import NodalMatrices
+from antiosc.fem.structure.matrices import NodalMatrices, StructureMatrices
 from antiosc.matrix_files.dof_map import DofMap, rows_of
 
 if TYPE_CHECKING:

@@ -23,7 +23,7 @@ from antiosc.fem.linalg.strains import attach
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.mesh.surface import Faces
 from antiosc.fem.mpi import bounds, warn
-from antiosc.fem.structure import remaining_motions, rigid_body_modes
+from antiosc.fem.structure import rigid_body_modes
 from antiosc.fem.structure.attachments import (
     Matrices,
     PointMass,
@@ -258,7 +258,7 @@ def assembled(
     springs = np.column_stack([attached_inertia[:, :0], *(one.springs for one in added)])
     modes, shift = rigid_body_modes.of_mesh(form, fixed, K, M, springs)
     if conditions and modes.shape[1]:
-        motions = remaining_motions.described(mesh, form, modes)
+        motions = rigid_body_modes.described(mesh, form, modes)
         warn(
             mesh.comm,
             f"the supports leave the structure free to move as a rigid body: {motions}; hold "

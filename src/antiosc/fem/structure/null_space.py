@@ -13,15 +13,25 @@ import numpy as np
 from antiosc._types import Array, Matrix
 from antiosc.errors import AccuracyError, AntioscError, InputError, NotConvergedError
 from antiosc.fem.linalg import algebra
-from antiosc.fem.linalg.algebra import by_strains, communicator, dot, multiply, norm, sum_of
-from antiosc.fem.linalg.factor import solver_for
-from antiosc.fem.linalg.scaling import frequency, norms, roots, softness
+from antiosc.fem.linalg.algebra import (
+    by_strains,
+    communicator,
+    dot,
+    frequency,
+    multiply,
+    norm,
+    norms,
+    roots,
+    softness,
+    sum_of,
+)
+from antiosc.fem.linalg.scipy_solvers import solver_for
 from antiosc.fem.linalg.solver import Solver
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-#: Force or energy of r over that of the entries (`antiosc.fem.linalg.scaling`) below which r counts
+#: Force or energy of r over that of the entries (`antiosc.fem.linalg.algebra`) below which r counts
 #: as a rigid-body mode; rounding leaves about 1e-16.
 RIGID_FORCE = 1e-11
 #: Shift over the estimate of the first elastic ω²: modes converge fast, A stays well conditioned.

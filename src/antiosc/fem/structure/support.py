@@ -10,13 +10,12 @@ import dolfinx
 import numpy as np
 
 from antiosc._types import Array, BoolArray, IntArray
-from antiosc.checks import shown, store
+from antiosc.checks import array, coordinates, nonnegative, shown, store
 from antiosc.errors import InputError
 from antiosc.fem import compat
 from antiosc.fem.elements.weak_form import WeakForm
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.mpi import agree, bounds
-from antiosc.fem.structure import regions
 
 Where = str | Callable[[Array], BoolArray]
 
@@ -62,7 +61,7 @@ class Support:
         named = [name for name, value in given.items() if value is not None]
         if len(named) > 1:
             raise InputError(f"a Support takes one of where, near, box, plane; got {named}.")
-        make = {"near": regions.ball, "box": regions.box, "plane": regions.plane}
+        make = {"near": ball, "box": _box, "plane": _plane}
         if named and named[0] in make:
             store(self, where=make[named[0]](given[named[0]]))
         if not isinstance(self.where, str) and not callable(self.where):
@@ -131,7 +130,7 @@ def _there(mesh: Mesh, form: WeakForm, where: Where, path: tuple[int, ...]) -> I
     if callable(where):
         dofs, x = compat.dof_coordinates(form.space, path)
         mask, error = None, None
-        size = {"size": mesh.extent()} if isinstance(where, regions.Region) else {}
+        size = {"size": mesh.extent()} if isinstance(where, Region) else {}
         try:
             mask = np.asarray(where(x.T, **size), dtype=bool)
             if mask.shape != (len(x),):
@@ -167,6 +166,117 @@ def label(where: Where) -> str:
     """Where a support is, in a sentence."""
     if isinstance(where, str):
         return f"on group {where!r}"
-    if isinstance(where, regions.Region):
+    if isinstance(where, Region):
         return str(where)
     return f"by function {getattr(where, '__name__', repr(where))!r}"
+
+
+#: What lies outside a region by this share of the size of the mesh belongs to it.
+AT_FACE = 1e-6
+
+
+@dataclass(frozen=True)
+class Ball:
+    """Points that are no further than `radius` (m) from `centre` (m)."""
+
+    centre: tuple[float, ...]
+    radius: float
+
+    def __call__(self, x: Array, size: float | None = None) -> BoolArray:
+        """Which points x (3, n) belong to it; `size`: of the mesh, m."""
+        offset = x - np.reshape(self.centre, (3, 1))
+        return np.asarray(np.linalg.norm(offset, axis=0) <= self.radius + _slack(x, size))
+
+    def __str__(self) -> str:
+        return f"within {self.radius:g} m of {_point(self.centre)}"
+
+
+@dataclass(frozen=True)
+class Box:
+    """Points between `lower` and `upper` (m) in every direction."""
+
+    lower: tuple[float, ...]
+    upper: tuple[float, ...]
+
+    def __call__(self, x: Array, size: float | None = None) -> BoolArray:
+        """Which points x (3, n) belong to it; `size`: of the mesh, m."""
+        slack = _slack(x, size)
+        low, high = (np.reshape(corner, (3, 1)) for corner in (self.lower, self.upper))
+        return np.asarray(((x >= low - slack) & (x <= high + slack)).all(axis=0))
+
+    def __str__(self) -> str:
+        return f"in the _box from {_point(self.lower)} to {_point(self.upper)}"
+
+
+@dataclass(frozen=True)
+class Plane:
+    """Points of the _plane through `point` (m) across the unit vector `normal`."""
+
+    point: tuple[float, ...]
+    normal: tuple[float, ...]
+
+    def __call__(self, x: Array, size: float | None = None) -> BoolArray:
+        """Which points x (3, n) belong to it; `size`: of the mesh, m."""
+        height = np.asarray(self.normal) @ (x - np.reshape(self.point, (3, 1)))
+        return np.asarray(np.abs(height) <= _slack(x, size))
+
+    def __str__(self) -> str:
+        return f"on the _plane through {_point(self.point)} across {_numbers(self.normal)}"
+
+
+Region = Ball | Box | Plane
+
+
+def ball(given: Any) -> Ball:
+    """near=(point, radius)."""
+    centre, radius = _pair("near", given, "(point, radius), as near=((0, 0, 0.1), 5e-3)")
+    return Ball(_padded("the point of near", centre), nonnegative("the radius of near", radius))
+
+
+def _box(given: Any) -> Box:
+    """_box=(lower, upper)."""
+    pair = _pair("_box", given, "(lower, upper), as _box=((0, 0, 0), (0.1, 0.2, 0.05))")
+    lower, upper = (_padded("a corner of _box", corner) for corner in pair)
+    if any(low > high for low, high in zip(lower, upper, strict=True)):
+        raise InputError(
+            f"_box=(lower, upper) has a lower corner {_numbers(lower)} above the upper corner "
+            f"{_numbers(upper)} in some direction: exchange these coordinates."
+        )
+    return Box(lower, upper)
+
+
+def _plane(given: Any) -> Plane:
+    """_plane=(point, normal)."""
+    pair = _pair("_plane", given, "(point, normal), as _plane=((0, 0, 0), (0, 0, 1))")
+    point, normal = _padded("the point of _plane", pair[0]), array("normal", pair[1], (None,))
+    across = np.array(_padded("the normal of _plane", normal))
+    length = float(np.linalg.norm(across))
+    if length == 0:
+        raise InputError("the normal of _plane must not be the zero vector.")
+    return Plane(point, tuple((across / length).tolist()))
+
+
+def _pair(name: str, given: Any, form: str) -> tuple[Any, Any]:
+    if not isinstance(given, list | tuple) or len(given) != 2:
+        raise InputError(f"{name} must be a pair {form}; got {shown(given)}.")
+    return given[0], given[1]
+
+
+def _padded(name: str, given: Any) -> tuple[float, ...]:
+    """Three coordinates; z = 0 where there are two."""
+    point = coordinates(name, given)
+    return (*point, 0.0) if len(point) == 2 else tuple(point)
+
+
+def _slack(x: Array, size: float | None) -> float:
+    if size is None:
+        size = float(np.linalg.norm(np.ptp(x, axis=1))) if x.shape[1] else 0.0
+    return AT_FACE * size
+
+
+def _point(point: tuple[float, ...]) -> str:
+    return f"{_numbers(point)} m"
+
+
+def _numbers(values: tuple[float, ...]) -> str:
+    return "(" + ", ".join(f"{value:g}" for value in values) + ")"
