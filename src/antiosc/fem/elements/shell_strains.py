@@ -15,6 +15,7 @@ the layers are unsymmetric.
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import factorial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -28,11 +29,6 @@ from antiosc.fem.elements.plate_section import PlateSection
 from antiosc.fem.elements.weak_form import Parts, coefficient
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.mpi import agree
-
-if TYPE_CHECKING:
-    from ufl.core.expr import Expr
-from math import factorial
-from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from ufl.core.expr import Expr

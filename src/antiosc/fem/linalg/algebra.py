@@ -2,23 +2,19 @@
 
 Vectors are NumPy arrays of the rows this rank owns, blocks of vectors are (rows, columns); inner
 products sum over the ranks. Matrices are PETSc's, whose rows are spread over the ranks, or SciPy's,
-which one process holds: each function here passes them on to `petsc_algebra` or `scipy_algebra`.
+which one process holds; each function here passes PETSc's on to `petsc_algebra`.
 """
 
 from __future__ import annotations
 
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import scipy.sparse
 
 from antiosc._types import Array, IntArray, Matrix
-from antiosc.fem.linalg import scipy_algebra
-
-if TYPE_CHECKING:
-    from mpi4py import MPI
-from typing import TYPE_CHECKING
+from antiosc.fem.mpi import SERIAL
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -39,28 +35,26 @@ def by_scipy(matrix: Matrix) -> bool:
     return bool(scipy.sparse.issparse(matrix))
 
 
-def _backend(matrix: Matrix) -> ModuleType:
-    if by_scipy(matrix):
-        return scipy_algebra
+def _petsc() -> ModuleType:
     from antiosc.fem.linalg import petsc_algebra  # needs PETSc
 
     return petsc_algebra
 
 
 def communicator(matrix: Matrix) -> MPI.Comm:
-    """The communicator that shares the matrix."""
-    return _backend(matrix).communicator(matrix)
+    """The communicator that shares the matrix; `SERIAL` of one of SciPy's."""
+    return cast("MPI.Comm", SERIAL if by_scipy(matrix) else _petsc().communicator(matrix))
 
 
 def size(matrix: Matrix) -> int:
     """Number of rows on all ranks."""
-    return int(_backend(matrix).size(matrix))
+    return int(matrix.shape[0] if by_scipy(matrix) else _petsc().size(matrix))
 
 
 def row_range(matrix: Matrix) -> tuple[int, int]:
     """First row of this rank, and the one after its last."""
-    first, last = _backend(matrix).row_range(matrix)
-    return first, last
+    first, last = (0, matrix.shape[0]) if by_scipy(matrix) else _petsc().row_range(matrix)
+    return int(first), int(last)
 
 
 def rows(matrix: Matrix) -> int:
@@ -71,33 +65,37 @@ def rows(matrix: Matrix) -> int:
 
 def diagonal(matrix: Matrix) -> Array:
     """The diagonal on the rows of this rank."""
-    return np.asarray(_backend(matrix).diagonal(matrix))
+    return np.asarray(matrix.diagonal() if by_scipy(matrix) else _petsc().diagonal(matrix))
 
 
 def entries(matrix: Matrix) -> tuple[IntArray, IntArray, Array]:
     """The rows of this rank as CSR arrays: pointers, global columns, values."""
-    pointers, columns, values = _backend(matrix).entries(matrix)
+    if by_scipy(matrix):
+        return matrix.indptr, matrix.indices, matrix.data
+    pointers, columns, values = _petsc().entries(matrix)
     return pointers, columns, values
 
 
 def multiply(matrix: Matrix, x: Array) -> Array:
     """matrix · x for a vector or a block of vectors."""
-    return np.asarray(_backend(matrix).multiply(matrix, x))
+    return np.asarray(matrix @ x if by_scipy(matrix) else _petsc().multiply(matrix, x))
 
 
 def by_strains(matrix: Matrix) -> bool:
     """Whether products with the matrix are taken by its strains (`antiosc.fem.linalg.strains`)."""
-    return bool(_backend(matrix).by_strains(matrix))
+    return not by_scipy(matrix) and bool(_petsc().by_strains(matrix))
 
 
 def sum_of(K: Matrix, shift: float, M: Matrix) -> Matrix:
     """K + shift·M; K itself where the shift is zero."""
-    return _backend(K).sum_of(K, shift, M)
+    if by_scipy(K):
+        return K if shift == 0.0 else (K + shift * M).tocsr()
+    return _petsc().sum_of(K, shift, M)
 
 
 def skew(matrix: Matrix) -> Matrix:
     """matrixᵀ - matrix."""
-    return _backend(matrix).skew(matrix)
+    return (matrix.T - matrix).tocsr() if by_scipy(matrix) else _petsc().skew(matrix)
 
 
 def hold(matrix: Matrix, rows: IntArray, value: float) -> Matrix:
@@ -105,22 +103,31 @@ def hold(matrix: Matrix, rows: IntArray, value: float) -> Matrix:
 
     `rows` are global numbers of rows of this rank. A PETSc matrix is changed in place.
     """
-    return _backend(matrix).hold(matrix, rows, value)
+    if not by_scipy(matrix):
+        return _petsc().hold(matrix, rows, value)
+    free, held = np.ones(matrix.shape[0]), np.zeros(matrix.shape[0])
+    free[rows], held[rows] = 0.0, value
+    kept = scipy.sparse.diags(free)
+    result = (kept @ matrix @ kept + scipy.sparse.diags(held)).tocsr()
+    result.eliminate_zeros()
+    return result
 
 
 def gathered(matrix: Matrix, root: int) -> scipy.sparse.csr_matrix | None:
     """The whole matrix as a SciPy matrix on rank `root`; None elsewhere."""
-    return _backend(matrix).gathered(matrix, root)
+    return matrix if by_scipy(matrix) else _petsc().gathered(matrix, root)
 
 
 def free_when_dropped(*matrices: Any) -> None:
-    """Have the memory of the matrices freed when nobody uses them any more. Collective."""
-    _backend(matrices[0]).free_when_dropped(*matrices)
+    """Have the memory of PETSc's matrices freed when nobody uses them any more. Collective."""
+    if not by_scipy(matrices[0]):
+        _petsc().free_when_dropped(*matrices)
 
 
 def declare_definite(matrix: Matrix) -> None:
-    """Tell the back-end that the matrix is symmetric and positive definite."""
-    _backend(matrix).declare_definite(matrix)
+    """Tell PETSc that its matrix is symmetric and positive definite."""
+    if not by_scipy(matrix):
+        _petsc().declare_definite(matrix)
 
 
 # -- Norms of displacements and forces scaled by the diagonal of the matrix, D = diag(A).
