@@ -167,6 +167,10 @@ def by_mumps(A: scipy.sparse.csr_matrix, b: Array) -> Row:
     solver.setErrorIfNotConverged(True)
     solver.getPC().setType("cholesky")
     solver.getPC().setFactorSolverType("mumps")
+    # delayed pivots of an indefinite matrix outgrow the forecast of the memory
+    solver.setOptionsPrefix("bordered_")
+    PETSc.Options()["bordered_mat_mumps_icntl_14"] = 200
+    solver.setFromOptions()
     _, seconds = clocked(solver.setUp)
     x, load = matrix.createVecs()
     load.setArray(b)

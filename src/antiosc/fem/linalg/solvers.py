@@ -21,6 +21,9 @@ from antiosc.memory import ran_out
 
 #: PETSC_ERR_MEM
 PETSC_NO_MEMORY = 55
+#: Per cent by which MUMPS may exceed its forecast of the memory (20 if not told): entries that
+#: gather on one rank exceed it at times.
+WORKSPACE = 60
 
 
 class OnOneRank(Factorization):
@@ -113,7 +116,9 @@ class Distributed(PetscSolver, Factorization):
         pc.setType(PETSc.PC.Type.CHOLESKY)
         pc.setFactorSolverType("mumps")
         prefix = self._ksp.getOptionsPrefix()
-        PETSc.Options()[prefix + "mat_mumps_icntl_7"] = best_ordering(self.A, self._forecasts)
+        options = PETSc.Options()
+        options[prefix + "mat_mumps_icntl_7"] = best_ordering(self.A, self._forecasts)
+        options[prefix + "mat_mumps_icntl_14"] = WORKSPACE
         self._ksp.setFromOptions()
 
     @property
