@@ -15,7 +15,7 @@ pytest.importorskip("dolfinx")
 import antiosc as ao
 import parts
 from antiosc.errors import NotConvergedError
-from antiosc.fem.linalg import forecast, solvers
+from antiosc.fem.linalg import solvers
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.linalg.substructures import Substructures, _cover, _cut, interface
 
@@ -42,32 +42,13 @@ def check(solver, part, R) -> None:
     np.testing.assert_allclose(solver.solve_checked(R[:, 0]), solver.solve_block(R)[:, 0])
 
 
-@pytest.mark.parametrize("forecasts", [True, False])
-def test_mumps(part, loads, forecasts):
-    found = forecast.forecasts(part.K) if forecasts else ()
-    factor = solvers.Distributed(part.K, found)
+def test_mumps_and_its_forecast(part, loads):
+    factor = solvers.Distributed(part.K)
     check(factor, part, loads)
     direct = solvers.OnOneRank(part.K)
     assert 0.5 * direct.entries < factor.entries < 3 * direct.entries
-
-
-def test_a_forecast_is_of_the_size_of_the_factor(part):
-    found = forecast.forecasts(part.K)
-    assert [one.ordering for one in found] == [forecast.AMF, forecast.PORD]
-    entries = solvers.Distributed(part.K, found).entries
-    for one in found:
-        assert 0.3 * entries < one.entries < 3 * entries
-        # c² operations for a column of c entries: the mean column squared at least
-        n = part.K.getSize()[0]
-        assert 0.3 * n * (entries / n) ** 2 < one.operations < 30 * n * (entries / n) ** 2
-    best = forecast.best_ordering(part.K, found)
-    assert best == min(found, key=lambda one: one.operations).ordering
-
-
-def test_large_numbers_of_mumps_are_millions():
-    assert forecast.count(17) == 17
-    assert forecast.count(-3) == 3e6
-    assert forecast.count(0) == 0
+    assert 0.3 * factor.entries < solvers.forecast(part.K) < 3 * factor.entries
+    assert [solvers.count(found) for found in (17, -3, 0)] == [17, 3e6, 0]
 
 
 @pytest.mark.parametrize("kind", ["every seventh node", "none", "all"])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gc
-import json
 import time
 from pathlib import Path
 
@@ -16,9 +15,7 @@ import antiosc as ao
 import parts
 from antiosc import memory
 from antiosc.errors import AntioscWarning
-from antiosc.fem.linalg import cholmod, forecast, solver, solver_choice
-from mpi import run_ranks
-from paths import TESTS
+from antiosc.fem.linalg import cholmod, solver, solver_choice, solvers
 
 pytestmark = pytest.mark.fem
 
@@ -33,11 +30,9 @@ def block(solver="auto", supports=("left",), n=(8, 4, 3)) -> ao.Structure:
 @pytest.mark.slow
 def test_forecast_against_the_factor_itself():
     part = block(n=(16, 10, 8))
-    found = forecast.forecasts(part.K)
-    assert [f.ordering for f in found] == [forecast.AMF, forecast.PORD]
     # CHOLMOD's, with an ordering of its own, and supernodes that are held as full rectangles
     entries = part.factorize().cholesky.supernodes.values.size
-    assert 0.7 < min(f.entries for f in found) / entries < 2.0
+    assert 0.7 < solvers.forecast(part.K) / entries < 2.0
     assert entries < solver_choice.COMPACT * part.K.getSize()[0] ** (4 / 3)
 
 
@@ -79,7 +74,7 @@ def test_a_matrix_whose_factor_is_forecast_is_analysed_once(monkeypatch):
         return analyse(self, matrix, permutation)
 
     monkeypatch.setattr(cholmod.Analysis, "_analysed", counted)
-    monkeypatch.setattr(forecast, "forecasts", None)
+    monkeypatch.setattr(solver_choice, "forecast", None)
     seconds = ao.extract(part, SITE, n=3).info["seconds"]
     assert made == [rows // 3, rows]  # the graph of the nodes, and the rows in its order
     assert seconds["factorization"] > 0.1  # the forecast is part of it
@@ -118,7 +113,7 @@ def test_a_part_that_no_solver_has_room_for_is_refused_before_the_work(monkeypat
 def test_a_thin_body_needs_less_than_a_compact_one(monkeypatch):
     # Between the general bound and the forecast: the forecast decides, without a word.
     part = block(n=(24, 12, 1))
-    need = solver_choice.BYTES * min(f.entries for f in forecast.forecasts(part.K))
+    need = solver_choice.BYTES * solvers.forecast(part.K)
     bound = solver_choice.BYTES * solver_choice.COMPACT * part.K.getSize()[0] ** (4 / 3)
     assert need < bound / 2
     monkeypatch.setattr(memory, "free_memory", lambda: 2 * need)
@@ -133,27 +128,3 @@ def test_free_memory_is_a_number():
 def test_unknown_solver():
     with pytest.raises(ao.InputError, match="solver must be 'auto', 'direct' or 'iterative'"):
         block("umfpack")
-
-
-ORDERINGS = """
-import json, sys
-sys.path.insert(0, sys.argv[1])
-import antiosc as ao
-import parts
-from antiosc.fem.linalg import forecast
-
-chosen = []
-for n, size in (((24, 24, 1), (0.2, 0.2, 0.008)), ((7, 7, 7), (1.0, 1.0, 1.0))):
-    part = ao.Structure(parts.box(n, size), ao.Solid(**parts.STEEL), [ao.Support("left")])
-    found = forecast.forecasts(part.K)
-    forecast.FORECAST = 1
-    best = forecast.best_ordering(part.K)
-    chosen.append(min((f.operations, f.ordering) for f in found)[1] == best)
-print(json.dumps(chosen))
-"""
-
-
-@pytest.mark.mpi
-def test_two_ranks_take_the_ordering_with_fewer_operations():
-    here = str(TESTS)
-    assert [json.loads(text) for text in run_ranks(2, ORDERINGS, here)] == [[True, True]] * 2

@@ -8,7 +8,7 @@ are made.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -18,7 +18,6 @@ from antiosc._types import Array
 from antiosc.fem.linalg import cholmod
 from antiosc.fem.linalg.algebra import by_strains
 from antiosc.fem.linalg.cholmod import Analysis
-from antiosc.fem.linalg.forecast import Forecast, forecasts
 from antiosc.fem.linalg.solver import Choice, Factorization, Solver
 from antiosc.fem.linalg.solvers import (
     ByPetsc,
@@ -26,6 +25,7 @@ from antiosc.fem.linalg.solvers import (
     OnOneRank,
     PetscSolver,
     analysed,
+    forecast,
 )
 from antiosc.fem.linalg.strains import Refined
 from antiosc.fem.linalg.substructures import Substructures, interface
@@ -127,40 +127,35 @@ class Plan:
         comm = A.getComm().tompi4py()
         self.A = A
         self._analysis: Analysis | None = None
-        self._forecasts: list[Forecast] = []
         if comm.size == 1 and not cholmod_refused(comm):
             self._analysis = analysed(A)
-        else:
-            self._forecasts = forecasts(A)
 
     @property
     def entries(self) -> float:
         """Entries of the factor, of all ranks together; 0 where there is no forecast."""
         if self._analysis is not None:
             return float(self._analysis.entries)
-        return min((f.entries for f in self._forecasts), default=0.0)
+        return forecast(self.A)
 
     def factorize(self) -> Factorization:
         """The factor; once, since the analysis becomes it."""
         analysis, self._analysis = self._analysis, None
-        return factorize(self.A, analysis, self._forecasts)
+        return factorize(self.A, analysis)
 
 
-def factorize(
-    A: PETSc.Mat, analysis: Analysis | None = None, found: Sequence[Forecast] = ()
-) -> Factorization:
+def factorize(A: PETSc.Mat, analysis: Analysis | None = None) -> Factorization:
     """The Cholesky factor of A by the fastest method for the number of ranks.
 
-    `analysis`, `found`: what is known of A from before, on one rank and on several.
+    `analysis`: what is known of A from before, on one rank.
     """
     comm = A.getComm().tompi4py()
     refused = cholmod_refused(comm)
     if comm.size == 1:
         return ByPetsc(A) if refused else OnOneRank(A, analysis)
     if refused:
-        return Distributed(A, found)
+        return Distributed(A)
     rows = interface(A)
-    return Substructures(A, rows) if len(rows) <= INTERFACE else Distributed(A, found)
+    return Substructures(A, rows) if len(rows) <= INTERFACE else Distributed(A)
 
 
 def cholmod_refused(comm: MPI.Comm) -> bool:
