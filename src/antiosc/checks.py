@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 import reprlib
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from functools import wraps
 from math import inf, isfinite
 from numbers import Integral, Real
@@ -282,6 +282,17 @@ def instance(name: str, value: object, kind: type | tuple[type, ...], what: str)
         kind_given = "" if value is None else f"{type(value).__name__} "
         raise InputError(f"{name} must be {what}; got {kind_given}{shown(value)}.")
     return value
+
+
+def several(name: str, value: Any, kind: type[C] | tuple[type[C], ...], what: str) -> list[C]:
+    """One object of `kind`, or a sequence of them, as a list, or InputError."""
+    items = [value] if isinstance(value, kind) else value
+    if not isinstance(items, Sequence) or isinstance(items, str):
+        raise InputError(f"{name} must be a list of {what}; got {shown(value)}.")
+    for one in items:
+        if not isinstance(one, kind):
+            raise InputError(f"{name} must hold {what}; got {type(one).__name__} {shown(one)}.")
+    return list(items)
 
 
 def store(target: Any, **values: Any) -> None:

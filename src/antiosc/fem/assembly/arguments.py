@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -10,28 +10,13 @@ import numpy as np
 from antiosc._types import Array
 from antiosc.checks import array, shown
 from antiosc.errors import InputError
-from antiosc.fem.assembly.joint import Joint
 from antiosc.fem.assembly.superelement import Superelement, of_matrices, of_model
-from antiosc.fem.structure.attachments import PointMass, Spring
 from antiosc.fem.structure.matrices import NodalMatrices
 from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.fem.structure.placement import Placement, placement
 from antiosc.fem.structure.structure import Structure, on_mesh
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.names import known
-
-
-def checked_joints(joints: Any) -> Sequence[Joint]:
-    """The joints as a sequence."""
-    items = [joints] if isinstance(joints, Joint) else joints
-    if not isinstance(items, Sequence) or isinstance(items, str):
-        raise InputError(
-            f"joints must be a list of joints such as Tie and Hinge; got {shown(joints)}."
-        )
-    for one in items:
-        if not isinstance(one, Joint):
-            raise InputError(f"joints must hold joints such as Tie and Hinge; got {shown(one)}.")
-    return items
 
 
 def checked_parts(parts: Any) -> dict[str, MeshedStructure | Superelement]:
@@ -101,14 +86,3 @@ def checked_points(members: Mapping[str, Any], points: Any) -> dict[str, Array]:
             raise InputError(f"points[{name!r}] must be 2 or 3 numbers in m; got {shown(x)}.")
         found[name] = np.pad(xs, (0, 3 - len(xs)))
     return found
-
-
-def checked_attachments(attached: Any) -> Sequence[PointMass | Spring]:
-    """Masses and springs as a sequence."""
-    items = [attached] if isinstance(attached, PointMass | Spring) else attached
-    good = isinstance(items, Sequence) and all(isinstance(one, PointMass | Spring) for one in items)
-    if not good:
-        raise InputError(
-            f"attached must be a list of PointMass and Spring objects; got {shown(attached)}."
-        )
-    return list(items)

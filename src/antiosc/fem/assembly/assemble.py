@@ -13,11 +13,10 @@ import scipy.sparse.csgraph
 from petsc4py import PETSc
 
 from antiosc._types import Array, BoolArray, IntArray
+from antiosc.checks import several
 from antiosc.errors import InputError, warn
 from antiosc.fem.assembly import motions
 from antiosc.fem.assembly.arguments import (
-    checked_attachments,
-    checked_joints,
     checked_parts,
     checked_places,
     checked_points,
@@ -106,7 +105,7 @@ def assemble(
     """
     return put_together(
         parts,
-        checked_joints(joints),
+        several("joints", joints, Joint, "joints such as Tie and Hinge"),
         at,
         points=points,
         supports=supports,
@@ -151,7 +150,12 @@ def put_together(
     of: list[Constraints] = []
 
     def work() -> _Joined:
-        made, constraints, K, M = _joined(layout, joints, supports, checked_attachments(attached))
+        made, constraints, K, M = _joined(
+            layout,
+            joints,
+            supports,
+            several("attached", attached, (PointMass, Spring), "PointMass and Spring objects"),
+        )
         whole.extend((K, M))
         of.append(constraints)
         return made

@@ -22,9 +22,9 @@ from antiosc.fem.assembly.layout import Layout, Sparse
 from antiosc.fem.assembly.superelement import MOVE, TURN
 from antiosc.fem.linalg.algebra import force_ratios, multiply
 from antiosc.fem.structure import rigid_body_modes
-from antiosc.fem.structure.member import ROTATIONS, Member
+from antiosc.fem.structure.member import Member
 from antiosc.fem.structure.null_space import SHIFT, orthonormal
-from antiosc.fem.structure.rigid_body_modes import polynomials
+from antiosc.fem.structure.rigid_body_modes import on_dofs, polynomials
 
 #: Residual of the constraints over the sizes of their terms below which a motion satisfies them.
 SATISFIES = 1e-9
@@ -204,11 +204,7 @@ def fields(layout: Layout) -> Array:
     for _, field in polynomials(2 if layout.plane else 3):
         column = np.zeros(layout.count)
         for member in layout.members.values():
-            move, turn = field((member.nodes - centre) / size)
-            for name, (component,) in member.part.form.components.items():
-                rows = member.first + np.arange(component, member.size, member.block)
-                axis = member.at.rotation[:, "xyz".index(name[-1])]
-                column[rows] = axis @ turn / size if name in ROTATIONS else axis @ move
+            column[member.rows] = on_dofs(member.part.form, field, centre, size, member.at)
         for one in layout.condensed.values():
             move, turn = field((one.positions - centre) / size)
             kind, axes = one.part.kind, one.axes.T

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse
 
 from antiosc._types import IntArray
-from antiosc.checks import shown
+from antiosc.checks import several
 from antiosc.errors import InputError
 from antiosc.fem.assembly.ends import Motion, group_end, motion
 from antiosc.fem.assembly.joint import Stiffness
@@ -23,9 +23,7 @@ from antiosc.fem.structure.support import Support
 
 def support_rows(layout: Layout, supports: Any) -> list[Sparse]:
     """Functionals that the supports hold at zero."""
-    items = [supports] if isinstance(supports, Support) else supports
-    if not isinstance(items, Sequence) or not all(isinstance(s, Support) for s in items):
-        raise InputError(f"supports must be a list of Support(where, fix); got {shown(supports)}.")
+    items = several("supports", supports, Support, "Support(where, fix)")
     return [_rows(layout, support) for support in items]
 
 

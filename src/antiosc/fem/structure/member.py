@@ -15,6 +15,7 @@ from antiosc.fem import compat
 from antiosc.fem.mesh.closest_point import ClosestPoints, closest_many
 from antiosc.fem.mesh.entities import DEGREE, Quadrature, largest, quadrature
 from antiosc.fem.structure.placement import Placement
+from antiosc.fem.structure.rigid_body_modes import about
 from antiosc.fem.structure.support import dofs_of_group
 
 if TYPE_CHECKING:
@@ -101,22 +102,5 @@ class Member:
         return replace(own, x=self.at.placed(own.x))
 
     def rigid(self, point: Array) -> Array:
-        """Six rigid motions on the dofs of this rank, in the axes of the part.
-
-        Unit translations along x, y, z of the assembly and unit rotations about `point`; a plane
-        part has zeros where it cannot move.
-        """
-        form = self.part.form
-        result = np.zeros((len(self.nodes) * self.block, 6))
-        arm = self.nodes - point
-        for name, (component,) in form.components.items():
-            rows = np.arange(component, len(result), self.block)
-            axis = self.at.rotation[:, "xyz".index(name[-1])]
-            if name in ROTATIONS:
-                result[rows, 3:] = axis
-            else:
-                result[rows, :3] = axis
-                result[rows, 3:] = np.cross(arm, axis)  # axis·(θ × r) = θ·(r × axis)
-        if "z" not in form.components:
-            result[:, [2, 3, 4]] = 0.0
-        return result[: compat.local_size(form.space)]
+        """Six rigid motions about `point` on the dofs of this rank, in the axes of the part."""
+        return about(self.part.form, point, self.at)

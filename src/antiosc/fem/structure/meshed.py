@@ -13,7 +13,7 @@ from petsc4py import PETSc
 
 from antiosc import plausible
 from antiosc._types import Array, Box, IntArray
-from antiosc.checks import array, shown, whole
+from antiosc.checks import array, several, shown, whole
 from antiosc.errors import InputError, without_warnings
 from antiosc.fem import compat
 from antiosc.fem.elements.weak_form import Family, Kind, Parts, WeakForm, measure
@@ -224,6 +224,10 @@ def assembled(
     if order not in (1, 2):
         raise InputError(f"order must be 1 or 2; got {order}.")
     checked_choice(solver)
+    held = several("supports", supports, Support, "Support(where, fix)")
+    carried: list[PointMass | Spring] = several(
+        "attached", attached, (PointMass, Spring), "PointMass and Spring objects"
+    )
     cells, beams = divided(mesh, material)
     parts = parts_of(mesh, cells)
     stiffeners = [beam for _, beam, _ in beams]
@@ -232,7 +236,7 @@ def assembled(
         [plausible.of_part(mesh.extent()), *map(plausible.of_material, materials)]
     )
     form = parts[0][0].weak_form(mesh, parts, order)
-    conditions = fixed_dofs(mesh, form, supports)
+    conditions = fixed_dofs(mesh, form, held)
     with doing(f"assembly of {mesh.n_cells} cells", mesh.comm.rank):
         K = compat.assemble(form.stiffness, form.space, conditions, 1.0)
         M = compat.assemble(form.mass, form.space, conditions, 0.0)
@@ -246,7 +250,7 @@ def assembled(
     to = Matrices(mesh, form, rest, M, fixed)
     on_edges = {name: add_beams(to, name, beam, edges) for name, beam, edges in beams}
     added = [one for one, _ in on_edges.values()]
-    added += [add_at_points(to, one) for one in _checked(attached)]
+    added += [add_at_points(to, one) for one in carried]
     if form.strains is not None:
         strains, degree = form.strains
         S = compat.strain_matrix(strains, degree, form.space, conditions)
@@ -265,7 +269,6 @@ def assembled(
             "that too unless it is intended.",
         )
     given = dict(material) if isinstance(material, Mapping) else material
-    held, carried = _items(supports), _items(attached)
 
     def again(copy: Mesh, supports: Sequence[Support] = held) -> MeshedStructure:
         return assembled(copy, given, supports, order=order, attached=carried, solver=solver)
@@ -308,11 +311,6 @@ def alone(stiffener: Stiffener) -> MeshedStructure:
     )
 
 
-def _items(given: Any) -> list[Any]:
-    """A sequence, or one object alone, as a list of its own."""
-    return list(given) if isinstance(given, Sequence) else [given]
-
-
 def _take_by_strains(K: PETSc.Mat, S: PETSc.Mat, rest: PETSc.Mat, fixed: IntArray) -> None:
     """Add `rest` to K, and let products with K be taken by S, its strains."""
     K.axpy(1.0, rest, structure=PETSc.Mat.Structure.SAME_NONZERO_PATTERN)
@@ -327,17 +325,3 @@ def _zeros_like(matrix: PETSc.Mat) -> PETSc.Mat:
     result = matrix.duplicate()
     result.zeroEntries()
     return result
-
-
-def _checked(attached: Any) -> Sequence[PointMass | Spring]:
-    items = [attached] if isinstance(attached, PointMass | Spring) else attached
-    if not isinstance(items, Sequence):
-        raise InputError(
-            f"attached must be a list of PointMass and Spring objects; got {shown(attached)}."
-        )
-    for one in items:
-        if not isinstance(one, PointMass | Spring):
-            raise InputError(
-                f"attached must hold PointMass and Spring objects; got {type(one).__name__}."
-            )
-    return items

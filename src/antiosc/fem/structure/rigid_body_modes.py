@@ -22,7 +22,10 @@ from antiosc.fem.linalg.algebra import dot, force_ratios, frequency, multiply
 from antiosc.fem.mesh.mesh import Mesh
 from antiosc.fem.mpi import bounds
 from antiosc.fem.structure.null_space import RIGID_FORCE, SHIFT, orthonormal
+from antiosc.fem.structure.placement import Placement
 
+#: where a body stands that was not moved
+HERE = Placement()
 #: scaled coordinates (n, 3) -> (displacement (3, n), rotation (3, n))
 Field = Callable[[Array], tuple[Array, Array]]
 
@@ -64,27 +67,45 @@ def motions(form: WeakForm, K: PETSc.Mat) -> Array:
     return fields[:, :rigid_count]
 
 
-def about(form: WeakForm, point: Array) -> Array:
-    """The six rigid motions of the unsupported body (rows of this rank, 6).
+def about(form: WeakForm, point: Array, at: Placement = HERE) -> Array:
+    """The six rigid motions of the unsupported body that stands `at` its place (dofs, 6).
 
     Unit translations along x, y and z, unit rotations about the axes through `point` (3,) [m]; a
-    plane structure has zeros where it cannot move.
+    plane structure has zeros where it cannot move. Ghosts included.
     """
-    result = np.zeros((compat.local_size(form.space), 6))
-    plane = "z" not in form.components
-    for name, path in form.components.items():
-        dofs, x = compat.dof_coordinates(form.space, path)
-        mine = dofs < len(result)
-        axis = "xyz".index(name[-1])
-        for motion in (0, 1, 5) if plane else range(6):
-            turn = np.eye(3)[motion - 3] if motion > 2 else np.zeros(3)
-            if name.startswith("r"):
-                result[dofs[mine], motion] = turn[axis]
-            elif motion > 2:
-                result[dofs[mine], motion] = np.cross(turn, x[mine] - point)[:, axis]
-            else:
-                result[dofs[mine], motion] = float(axis == motion)
-    return result
+    x, block = at.placed(form.space.tabulate_dof_coordinates()), form.space.dofmap.index_map_bs
+    result = np.zeros((len(x) * block, 6))
+    for name, (component,) in form.components.items():
+        rows = np.arange(component, len(result), block)
+        axis = at.rotation[:, "xyz".index(name[-1])]
+        if name.startswith("r"):
+            result[rows, 3:] = axis
+        else:
+            result[rows, :3] = axis
+            result[rows, 3:] = np.cross(x - point, axis)  # axis·(θ × r) = θ·(r × axis)
+    if "z" not in form.components:
+        result[:, [2, 3, 4]] = 0.0
+    return result[: compat.local_size(form.space)]
+
+
+def on_dofs(
+    form: WeakForm,
+    field: Field,
+    centre: Array,
+    size: float,
+    at: Placement = HERE,
+) -> Array:
+    """A field of the coordinates (x − centre)/size on the dofs of this rank (rows,)."""
+    x, block = at.placed(form.space.tabulate_dof_coordinates()), form.space.dofmap.index_map_bs
+    displacement, rotation = field((x - centre) / size)
+    column = np.zeros(len(x) * block)
+    for name, (component,) in form.components.items():
+        axis = at.rotation[:, "xyz".index(name[-1])]
+        # the displacement was given per unit of the scaled coordinates
+        column[component::block] = axis @ (rotation if name[0] == "r" else displacement)
+        if name[0] == "r":
+            column[component::block] /= size
+    return column[: compat.local_size(form.space)]
 
 
 def _vanishing(comm: MPI.Comm, fields: Array, fixed: IntArray, springs: Array) -> Array:
@@ -119,25 +140,11 @@ def first_elastic(
 
 def _fields(form: WeakForm, comm: MPI.Comm) -> tuple[Array, int]:
     """(polynomial fields on the dofs of this rank (rows, k), how many of them are rigid)."""
-    located = {name: compat.dof_coordinates(form.space, p) for name, p in form.components.items()}
-    dim = 3 if "z" in located else 2
-    low, high = bounds(comm, located["x"][1])
-    rows = compat.local_size(form.space)
-    columns = []
-    rigid_count = 0
-    for rigid, field in polynomials(dim):
-        column = np.zeros(rows)
-        for name, (dofs, x) in located.items():
-            mine = dofs < rows
-            s = (x[mine] - (low + high) / 2) / (high - low).max()
-            displacement, rotation = field(s)
-            if name in "xyz":
-                column[dofs[mine]] = displacement["xyz".index(name)]
-            else:  # the displacement was given per unit of the scaled coordinates
-                column[dofs[mine]] = rotation["xyz".index(name[1])] / (high - low).max()
-        columns.append(column)
-        rigid_count += rigid
-    return np.column_stack(columns), rigid_count
+    low, high = bounds(comm, form.space.tabulate_dof_coordinates())
+    every = list(polynomials(3 if "z" in form.components else 2))
+    size = float((high - low).max())
+    columns = [on_dofs(form, field, (low + high) / 2, size) for _, field in every]
+    return np.column_stack(columns), sum(rigid for rigid, _ in every)
 
 
 def polynomials(dim: int) -> Iterator[tuple[bool, Field]]:

@@ -110,10 +110,10 @@ class Structure(Brief):
         started = time.perf_counter()
         with finite_element_packages():
             from antiosc.fem.structure.meshed import assembled
-            from antiosc.fem.structure.support import Support
         options: dict[str, Any] = {"order": order, "attached": attached, "solver": solver}
-        self._hold(assembled(mesh, material, supports, **options), started)
-        self.supports = (supports,) if isinstance(supports, Support) else tuple(supports)
+        made = assembled(mesh, material, supports, **options)
+        self._hold(made, started)
+        self.supports = tuple(made.supports)
         self.made_of = mesh, material, options
 
     @classmethod

@@ -86,17 +86,8 @@ def fixed_dofs(
     mesh: Mesh, form: WeakForm, supports: Sequence[Support]
 ) -> dict[tuple[int, ...], IntArray]:
     """Path of each component -> its fixed dofs of this rank, ghosts included."""
-    if isinstance(supports, Support):
-        supports = [supports]
-    if not isinstance(supports, Sequence):
-        raise InputError(f"supports must be a list of Support(where, fix); got {shown(supports)}.")
     fixed: dict[tuple[int, ...], IntArray] = {}
     for support in supports:
-        if not isinstance(support, Support):
-            raise InputError(
-                f"supports must be a list of Support(where, fix); got {type(support).__name__} "
-                f"{support!r} in it."
-            )
         count = 0
         for name in _components(support.fix, form):
             path = form.components[name]
