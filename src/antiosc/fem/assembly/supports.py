@@ -28,7 +28,7 @@ def support_rows(layout: Layout, supports: Any) -> list[Sparse]:
 
 
 def _rows(layout: Layout, support: Support) -> Sparse:
-    names = _components(layout, support)
+    names = support.components(["x", "y", "rz"] if layout.plane else DISPLACEMENTS + ROTATIONS)
     if isinstance(support.where, str) and (
         support.where in layout.points or support.where.split(":", 1)[0] in layout.condensed
     ):
@@ -39,7 +39,7 @@ def _rows(layout: Layout, support: Support) -> Sparse:
         lost = [name for name in names if name in DISPLACEMENTS and not point.has(name)]
         if lost:
             raise InputError(
-                f"the support on {_where(support)} fixes {', '.join(lost)}, which this site does "
+                f"the support {support.label} fixes {', '.join(lost)}, which this site does "
                 "not have."
             )
         return all_six[[(DISPLACEMENTS + ROTATIONS).index(name) for name in names]]
@@ -53,30 +53,10 @@ def _rows(layout: Layout, support: Support) -> Sparse:
     result = scipy.sparse.vstack([layout.nothing(0), *found]).tocsr()
     if not result.nnz:
         raise InputError(
-            f"the support on {_where(support)} fixes nothing: no node of the assembly that can "
+            f"the support {support.label} fixes nothing: no node of the assembly that can "
             f"move along {', '.join(names)} lies there."
         )
     return result
-
-
-def _where(support: Support) -> str:
-    if isinstance(support.where, str):
-        return repr(support.where)
-    return f"function {getattr(support.where, '__name__', repr(support.where))!r}"
-
-
-def _components(layout: Layout, support: Support) -> list[str]:
-    known = ["x", "y", "rz"] if layout.plane else [*DISPLACEMENTS, *ROTATIONS]
-    if support.fix == "all":
-        return known
-    names = [support.fix] if isinstance(support.fix, str) else list(support.fix)
-    for name in names:
-        if name not in known:
-            raise InputError(
-                f"fix={support.fix!r} is not a component of this assembly: it must be 'all' or of "
-                f"{', '.join(map(repr, known))}."
-            )
-    return names
 
 
 def _nodes(layout: Layout, support: Support) -> Sequence[tuple[Member, IntArray]]:
@@ -85,13 +65,7 @@ def _nodes(layout: Layout, support: Support) -> Sequence[tuple[Member, IntArray]
         return [(member, member.nodes_of(group))]
     found: list[tuple[Member, IntArray]] = []
     for member in layout.members.values():
-        mask = np.asarray(support.where(member.nodes.T), dtype=bool)
-        if mask.shape != (len(member.nodes),):
-            raise InputError(
-                "a support's function must return one bool per point: shape "
-                f"({len(member.nodes)},); got {mask.shape}."
-            )
-        found.append((member, np.flatnonzero(mask)))
+        found.append((member, np.flatnonzero(support.selected(member.nodes))))
     return found
 
 

@@ -81,6 +81,39 @@ class Support:
                 )
         store(self, fix=names)
 
+    def components(self, known: Iterable[str]) -> list[str]:
+        """The names that are fixed, of those that a structure has; InputError for others."""
+        names = list(known)
+        if self.fix == "all":
+            return names
+        fixed = [self.fix] if isinstance(self.fix, str) else list(self.fix)
+        if not set(fixed) <= set(names):
+            raise InputError(
+                f"fix={self.fix!r} is not a component of this structure: it must be 'all' or of "
+                f"{', '.join(map(repr, names))}."
+            )
+        return fixed
+
+    def selected(self, x: Array, **size: float) -> BoolArray:
+        """Which of the points x (n, 3) the function `where` selects."""
+        assert callable(self.where)
+        mask = np.asarray(self.where(x.T, **size), dtype=bool)
+        if mask.shape != (len(x),):
+            raise InputError(
+                f"a support's function must return one bool per point: shape ({len(x)},); "
+                f"got {mask.shape}."
+            )
+        return mask
+
+    @property
+    def label(self) -> str:
+        """Where it is, in a sentence."""
+        if isinstance(self.where, str):
+            return f"on group {self.where!r}"
+        if isinstance(self.where, Region):
+            return str(self.where)
+        return f"by function {getattr(self.where, '__name__', repr(self.where))!r}"
+
 
 def fixed_dofs(
     mesh: Mesh, form: WeakForm, supports: Sequence[Support]
@@ -89,51 +122,32 @@ def fixed_dofs(
     fixed: dict[tuple[int, ...], IntArray] = {}
     for support in supports:
         count = 0
-        for name in _components(support.fix, form):
+        for name in support.components(form.components):
             path = form.components[name]
-            dofs = _there(mesh, form, support.where, path)
+            dofs = _there(mesh, form, support, path)
             count += mesh.comm.allreduce(len(dofs))
             fixed[path] = np.union1d(fixed.get(path, NO_DOFS), dofs).astype(np.int32)
         if not count:
             low, high = (_text(corner) for corner in bounds(mesh.comm, mesh.dolfinx.geometry.x))
             raise InputError(
-                f"the support {label(support.where)} fixes nothing: no point of the mesh lies "
+                f"the support {support.label} fixes nothing: no point of the mesh lies "
                 f"there; check the group or the coordinates (the mesh spans {low} to {high} m)."
             )
     return fixed
 
 
-def _components(fix: str | Iterable[str], form: WeakForm) -> list[str]:
-    known = list(form.components)
-    if fix == "all":
-        return known
-    names = [fix] if isinstance(fix, str) else list(fix)
-    wrong = [name for name in names if name not in known]
-    if wrong or not names:
-        raise InputError(
-            f"fix={fix!r} is not a component of this structure: it must be 'all' or of "
-            f"{', '.join(map(repr, known))}."
-        )
-    return names
-
-
-def _there(mesh: Mesh, form: WeakForm, where: Where, path: tuple[int, ...]) -> IntArray:
-    if callable(where):
-        dofs, x = compat.dof_coordinates(form.space, path)
-        mask, error = None, None
-        size = {"size": mesh.extent()} if isinstance(where, Region) else {}
-        try:
-            mask = np.asarray(where(x.T, **size), dtype=bool)
-            if mask.shape != (len(x),):
-                raise InputError(
-                    f"a support's function must return one bool per point: shape ({len(x)},); "
-                    f"got {mask.shape}."
-                )
-        except Exception as caught:
-            error = caught
-        agree(mesh.comm, error)
-        return dofs[mask]
-    return dofs_of_group(mesh, form, where, path)
+def _there(mesh: Mesh, form: WeakForm, support: Support, path: tuple[int, ...]) -> IntArray:
+    if isinstance(support.where, str):
+        return dofs_of_group(mesh, form, support.where, path)
+    dofs, x = compat.dof_coordinates(form.space, path)
+    mask, error = None, None
+    size = {"size": mesh.extent()} if isinstance(support.where, Region) else {}
+    try:
+        mask = support.selected(x, **size)
+    except Exception as caught:
+        error = caught
+    agree(mesh.comm, error)
+    return dofs[mask]
 
 
 def dofs_of_group(mesh: Mesh, form: WeakForm, group: str, path: tuple[int, ...]) -> IntArray:
@@ -151,15 +165,6 @@ def _topological(mesh: Mesh, component: Any, dim: int, entities: IntArray) -> In
 
 def _text(point: Array) -> str:
     return "(" + ", ".join(f"{c:.4g}" for c in point) + ")"
-
-
-def label(where: Where) -> str:
-    """Where a support is, in a sentence."""
-    if isinstance(where, str):
-        return f"on group {where!r}"
-    if isinstance(where, Region):
-        return str(where)
-    return f"by function {getattr(where, '__name__', repr(where))!r}"
 
 
 #: What lies outside a region by this share of the size of the mesh belongs to it.
@@ -196,12 +201,12 @@ class Box:
         return np.asarray(((x >= low - slack) & (x <= high + slack)).all(axis=0))
 
     def __str__(self) -> str:
-        return f"in the _box from {_point(self.lower)} to {_point(self.upper)}"
+        return f"in the box from {_point(self.lower)} to {_point(self.upper)}"
 
 
 @dataclass(frozen=True)
 class Plane:
-    """Points of the _plane through `point` (m) across the unit vector `normal`."""
+    """Points of the plane through `point` (m) across the unit vector `normal`."""
 
     point: tuple[float, ...]
     normal: tuple[float, ...]
@@ -212,7 +217,7 @@ class Plane:
         return np.asarray(np.abs(height) <= _slack(x, size))
 
     def __str__(self) -> str:
-        return f"on the _plane through {_point(self.point)} across {_numbers(self.normal)}"
+        return f"on the plane through {_point(self.point)} across {_numbers(self.normal)}"
 
 
 Region = Ball | Box | Plane
@@ -225,25 +230,25 @@ def ball(given: Any) -> Ball:
 
 
 def _box(given: Any) -> Box:
-    """_box=(lower, upper)."""
-    pair = _pair("_box", given, "(lower, upper), as _box=((0, 0, 0), (0.1, 0.2, 0.05))")
-    lower, upper = (_padded("a corner of _box", corner) for corner in pair)
+    """box=(lower, upper)."""
+    pair = _pair("box", given, "(lower, upper), as box=((0, 0, 0), (0.1, 0.2, 0.05))")
+    lower, upper = (_padded("a corner of box", corner) for corner in pair)
     if any(low > high for low, high in zip(lower, upper, strict=True)):
         raise InputError(
-            f"_box=(lower, upper) has a lower corner {_numbers(lower)} above the upper corner "
+            f"box=(lower, upper) has a lower corner {_numbers(lower)} above the upper corner "
             f"{_numbers(upper)} in some direction: exchange these coordinates."
         )
     return Box(lower, upper)
 
 
 def _plane(given: Any) -> Plane:
-    """_plane=(point, normal)."""
-    pair = _pair("_plane", given, "(point, normal), as _plane=((0, 0, 0), (0, 0, 1))")
-    point, normal = _padded("the point of _plane", pair[0]), array("normal", pair[1], (None,))
-    across = np.array(_padded("the normal of _plane", normal))
+    """plane=(point, normal)."""
+    pair = _pair("plane", given, "(point, normal), as plane=((0, 0, 0), (0, 0, 1))")
+    point, normal = _padded("the point of plane", pair[0]), array("normal", pair[1], (None,))
+    across = np.array(_padded("the normal of plane", normal))
     length = float(np.linalg.norm(across))
     if length == 0:
-        raise InputError("the normal of _plane must not be the zero vector.")
+        raise InputError("the normal of plane must not be the zero vector.")
     return Plane(point, tuple((across / length).tolist()))
 
 
