@@ -403,20 +403,6 @@ def global_dofs(space: fem.FunctionSpace, local: IntArray) -> IntArray:
     return (np.asarray(blocks) * bs + local % bs).astype(np.int32)
 
 
-def cells_of(mesh: dolfinx.mesh.Mesh, facets: IntArray) -> IntArray:
-    """A cell at each facet."""
-    dim = mesh.topology.dim
-    mesh.topology.create_connectivity(dim - 1, dim)
-    to_cell = mesh.topology.connectivity(dim - 1, dim)
-    return np.array([to_cell.links(f)[0] for f in facets], dtype=np.int32)
-
-
-def facet_numbers(mesh: dolfinx.mesh.Mesh, cells: IntArray, facets: IntArray) -> IntArray:
-    """Local number of each facet in its cell, shape (n,)."""
-    own = cell_entities(mesh, mesh.topology.dim - 1)[np.asarray(cells, dtype=np.intp)]
-    return np.asarray((own == np.asarray(facets)[:, None]).argmax(axis=1))
-
-
 def cell_dofs(space: fem.FunctionSpace, path: Sequence[int], cells: IntArray) -> IntArray:
     """Dofs of this rank (unrolled) of one scalar component in cells: (cells, functions)."""
     (component,) = path  # of a blocked space, whose components share their nodes

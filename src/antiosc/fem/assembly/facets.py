@@ -11,34 +11,25 @@ import scipy.sparse
 from antiosc._types import Array, IntArray
 from antiosc.fem import compat
 from antiosc.fem.assembly.layout import Sparse
-from antiosc.fem.mesh.entities import cells_at, frames, largest
+from antiosc.fem.mesh.entities import Entities, largest
 from antiosc.fem.structure.member import Member
 
 
-class Facets:
-    """Entities of the largest dimension in a group of a part, F of them.
+class Facets(Entities):
+    """Entities of the largest dimension in a group of a part, in the assembly.
 
     Attributes
     ----------
     member : the part.
     dim : 0 points, 1 edges, 2 faces.
-    cells : (F,) a cell at each.
+    corners : (F, v, 3) in order around each [m].
     """
 
     def __init__(self, member: Member, group: str) -> None:
-        self.member, mesh = member, member.part.mesh
-        self.dim, entities = largest(mesh, group)
-        self.cells, number = cells_at(mesh, self.dim, entities)
-        self._origin, self._axes = frames(mesh, self.dim, number)
-        vertices = compat.entity_vertices(mesh.dolfinx, self.dim)[entities]
-        corners = member.vertices[vertices]
-        self.simplex = corners.shape[1] == self.dim + 1
-        self.affine = mesh.geometry.affine
-        # in order around the face
+        self.member = member
+        super().__init__(member.part.mesh, *largest(member.part.mesh, group))
+        corners = member.vertices[self.vertices]
         self.corners = corners if self.simplex else corners[:, [0, 1, 3, 2]]
-
-    def __len__(self) -> int:
-        return len(self.cells)
 
     @cached_property
     def centres(self) -> Array:
@@ -50,12 +41,6 @@ class Facets:
         """Radius (F,) of a ball around the middle that holds the face [m]."""
         ball = np.linalg.norm(self.corners - self.centres[:, None], axis=2).max(axis=1)
         return np.asarray(ball * (1.0 if self.affine else 1.3))
-
-    @cached_property
-    def middle(self) -> Array:
-        """Coordinates (F, dim) of the middle in the reference face."""
-        middle = 1 / (self.dim + 1) if self.simplex else 0.5
-        return np.full((len(self), self.dim), middle)
 
     @cached_property
     def normals(self) -> Array:
@@ -111,14 +96,9 @@ class Facets:
         """Area or length, m² or m."""
         return float(self.rule()[2].sum())
 
-    def reference(self, face: IntArray, xi: Array) -> Array:
-        """Reference coordinates (n, tdim) in the cells of points ξ (n, dim) of faces (n,)."""
-        return np.asarray(self._origin[face] + np.einsum("ntd,nd->nt", self._axes[face], xi))
-
     def at(self, face: IntArray, xi: Array) -> tuple[Array, Array]:
         """(points (n, 3) [m], derivatives (n, 3, dim)) in the assembly at ξ in faces."""
-        x, J = self.member.part.mesh.geometry.at(self.cells[face], self.reference(face, xi))
-        J = np.einsum("nxt,ntd->nxd", J, self._axes[face])
+        x, J = super().at(face, xi)
         return self.member.at.placed(x), np.einsum("cx,nxd->ncd", self.member.at.rotation, J)
 
     def basis(self, face: IntArray, xi: Array) -> Sparse:

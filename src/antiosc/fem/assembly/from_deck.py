@@ -8,7 +8,7 @@ from typing import Any
 
 from mpi4py import MPI
 
-from antiosc.checks import instance, path as checked_path, positive, shown
+from antiosc.checks import instance, path as checked_path, positive, several, shown
 from antiosc.errors import InputError
 from antiosc.fem.assembly.deck_joints import attachments, joined
 from antiosc.fem.elements.anisotropic import AnisotropicSolid
@@ -106,8 +106,10 @@ def read_model(
     instance("comm", comm, MPI.Comm, "an MPI communicator (mpi4py)")
     file = checked_path("path", path)
     read = _reader(file, unit, density, merge, parts, timeout)
-    more = _listed("supports", supports, (Support,))
-    added = _listed("attached", attached, (PointMass, Spring))
+    more = several("supports", supports, Support, "Support objects")
+    added: list[PointMass | Spring] = several(
+        "attached", attached, (PointMass, Spring), "PointMass and Spring objects"
+    )
     by_dim = on_root(comm, read)
     first = next(iter(by_dim.values()))
     model = _model(first)
@@ -199,15 +201,6 @@ def _part(
     supported = [Support(group, fix) for group, fix in model["supports"] if raw.groups.get(group)]
     attached = [*attachments(model), *added]
     return Structure(mesh, families, [*supported, *more], attached=attached, solver=solver)
-
-
-def _listed(name: str, given: Any, kinds: tuple[type, ...]) -> list[Any]:
-    """A sequence of objects, or one alone, as a list."""
-    items = [given] if isinstance(given, kinds) else given
-    if not isinstance(items, Sequence) or not all(isinstance(one, kinds) for one in items):
-        names = " and ".join(kind.__name__ for kind in kinds)
-        raise InputError(f"{name} must be a list of {names} objects; got {shown(given)}.")
-    return list(items)
 
 
 def _family(kind: str, arguments: dict[str, Any], place: str) -> Family:

@@ -10,6 +10,7 @@ from mpi4py import MPI
 
 from antiosc._types import Array, IntArray
 from antiosc.errors import InputError
+from antiosc.fem import compat
 from antiosc.fem.mesh.mesh import Mesh
 
 #: Degree of the rules with which groups are integrated: products of two cubics on straight cells.
@@ -51,11 +52,10 @@ def cells_at(mesh: Mesh, dim: int, entities: IntArray) -> tuple[IntArray, IntArr
         return np.asarray(entities), np.zeros(len(entities), dtype=int)
     topology.create_entities(dim)
     topology.create_connectivity(dim, mesh.tdim)
-    topology.create_connectivity(mesh.tdim, dim)
-    to_cell, of_cell = topology.connectivity(dim, mesh.tdim), topology.connectivity(mesh.tdim, dim)
-    cells = np.array([to_cell.links(e)[0] for e in entities], dtype=np.int32)
-    number = [int(np.argmax(of_cell.links(c) == e)) for c, e in zip(cells, entities, strict=True)]
-    return cells, np.array(number, dtype=int)
+    to_cell = topology.connectivity(dim, mesh.tdim)
+    cells = np.asarray(to_cell.array)[np.asarray(to_cell.offsets)[entities]]
+    own = compat.cell_entities(mesh.dolfinx, dim)[cells]
+    return cells, np.asarray((own == np.asarray(entities)[:, None]).argmax(axis=1))
 
 
 def frames(mesh: Mesh, dim: int, number: IntArray) -> tuple[Array, Array]:
@@ -68,6 +68,43 @@ def frames(mesh: Mesh, dim: int, number: IntArray) -> tuple[Array, Array]:
     origin = np.array([corners[e[0]] for e in entities])
     axes = np.array([(corners[e[1 : dim + 1]] - corners[e[0]]).T for e in entities])
     return origin[number], axes.reshape(len(entities), mesh.tdim, dim)[number]
+
+
+class Entities:
+    """Entities of one dimension of a mesh, F of them.
+
+    A point of one has coordinates ξ in the reference entity and X = origin + axes ξ in the
+    reference cell.
+
+    Attributes
+    ----------
+    cells : (F,) a cell at each.
+    vertices : (F, v) numbers of the geometry nodes at their vertices.
+    corners : (F, v, 3) vertices [m].
+    middle : (F, dim) coordinates ξ of their middles.
+    """
+
+    def __init__(self, mesh: Mesh, dim: int, entities: IntArray) -> None:
+        self.mesh, self.dim = mesh, dim
+        self.cells, number = cells_at(mesh, dim, entities)
+        self._origin, self._axes = frames(mesh, dim, number)
+        self.vertices = compat.entity_vertices(mesh.dolfinx, dim)[entities]
+        self.corners = mesh.dolfinx.geometry.x[self.vertices]
+        self.simplex = self.corners.shape[1] == dim + 1
+        self.affine = mesh.geometry.affine
+        self.middle = np.full((len(self), dim), 1 / (dim + 1) if self.simplex else 0.5)
+
+    def __len__(self) -> int:
+        return len(self.cells)
+
+    def reference(self, face: IntArray, xi: Array) -> Array:
+        """Reference coordinates (n, tdim) in the cells of points ξ (n, dim) of entities (n,)."""
+        return np.asarray(self._origin[face] + np.einsum("ntd,nd->nt", self._axes[face], xi))
+
+    def at(self, face: IntArray, xi: Array) -> tuple[Array, Array]:
+        """(points (n, 3) [m], derivatives (n, 3, dim)) at ξ in entities."""
+        x, J = self.mesh.geometry.at(self.cells[face], self.reference(face, xi))
+        return x, np.einsum("nxt,ntd->nxd", J, self._axes[face])
 
 
 def shape(mesh: Mesh, dim: int) -> str:

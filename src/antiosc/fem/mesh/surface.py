@@ -1,8 +1,7 @@
 """The faces of a part at which impacts are possible: the outer facets of a solid, the cells of a
 shell.
 
-Both are treated in the same way: a point of a face has coordinates ξ in the reference face and X =
-origin + axes ξ in the reference cell.
+Both are treated in the same way.
 """
 
 from __future__ import annotations
@@ -10,13 +9,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-import basix
 import numpy as np
 from mpi4py import MPI
 
 from antiosc._types import Array, IntArray
 from antiosc.fem import compat
 from antiosc.fem.mesh.cell_geometry import clamped, excess, near, projected
+from antiosc.fem.mesh.entities import Entities
 from antiosc.fem.mesh.mesh import Mesh
 
 #: Faces whose normals differ by less than this cosine lie on one side of an edge.
@@ -57,57 +56,19 @@ class Contact:
     label: IntArray
 
 
-class Faces:
-    """Faces of one rank with their geometry, F of them.
-
-    Attributes
-    ----------
-    facets : (F,) numbers of the facets (of the cells on sheets).
-    cells : (F,) the cell at each.
-    vertices : (F, v) numbers of the geometry nodes at their vertices.
-    corners : (F, v, 3) vertices [m].
-    """
+class Faces(Entities):
+    """Faces of one rank; `facets` (F,) are the numbers of the facets, of the cells on sheets."""
 
     def __init__(self, mesh: Mesh, sheet: bool) -> None:
-        self.mesh, self.sheet = mesh, sheet
-        self.dim = dim = mesh.tdim if sheet else mesh.tdim - 1
+        self.sheet = sheet
         if sheet:
-            own = compat.cell_map(mesh.dolfinx).size_local
-            self.facets: IntArray = np.arange(own, dtype=np.int32)
-            self.cells: IntArray = self.facets
+            self.facets: IntArray = np.arange(
+                compat.cell_map(mesh.dolfinx).size_local, dtype=np.int32
+            )
         else:
             self.facets = np.sort(compat.exterior_facets(mesh.dolfinx))
-            self.cells = compat.cells_of(mesh.dolfinx, self.facets)
-        self.vertices = compat.entity_vertices(mesh.dolfinx, dim)[self.facets]
-        self.corners = mesh.dolfinx.geometry.x[self.vertices]
-        self._origin, self._axes = self._reference_frames()
-        self.simplex = self.corners.shape[1] == dim + 1
-        self.affine = mesh.geometry.affine
-        middle = np.full((len(self.facets), dim), 1 / (dim + 1) if self.simplex else 0.5)
-        self.middle = middle
+        super().__init__(mesh, mesh.tdim if sheet else mesh.tdim - 1, self.facets)
         self.centres = self.corners.mean(axis=1)
-
-    def _reference_frames(self) -> tuple[Array, Array]:
-        """Origin (F, tdim) and axes (F, tdim, d) of each face in the reference cell."""
-        mesh = self.mesh
-        if self.sheet:
-            n = len(self.facets)
-            return np.zeros((n, mesh.tdim)), np.tile(np.eye(mesh.tdim), (n, 1, 1))
-        kind = getattr(basix.CellType, mesh.cell)
-        corners, faces = np.asarray(basix.geometry(kind)), basix.topology(kind)[mesh.tdim - 1]
-        number = compat.facet_numbers(mesh.dolfinx, self.cells, self.facets)
-        origin = np.array([corners[face[0]] for face in faces])
-        axes = np.array([(corners[face[1 : mesh.tdim]] - corners[face[0]]).T for face in faces])
-        return origin[number], axes[number]
-
-    def reference(self, face: IntArray, xi: Array) -> Array:
-        """Reference coordinates (n, tdim) in the cells of points ξ (n, d) of faces (n,)."""
-        return np.asarray(self._origin[face] + np.einsum("ntd,nd->nt", self._axes[face], xi))
-
-    def at(self, face: IntArray, xi: Array) -> tuple[Array, Array]:
-        """(points (n, 3) [m], derivatives (n, 3, d)) at ξ in faces."""
-        x, J = self.mesh.geometry.at(self.cells[face], self.reference(face, xi))
-        return x, np.einsum("nxt,ntd->nxd", J, self._axes[face])
 
     def across(self, face: IntArray, xi: Array) -> tuple[Array, Array]:
         """(points, unit normals (n, 3)) at ξ in faces: outward on solids."""
