@@ -24,13 +24,18 @@ from antiosc.errors import AccuracyWarning, InputError, warn
 from antiosc.fem.extraction.dampers import refuse_dampers
 from antiosc.fem.extraction.eigenmodes import Modes, ModeSolver
 from antiosc.fem.extraction.krylov import by_krylov
-from antiosc.fem.extraction.oscillators import error_bound, lumped, oscillators, wanted
-from antiosc.fem.extraction.static_mode import static_modes
+from antiosc.fem.extraction.oscillators import (
+    at_one_site,
+    elastic_count,
+    error_bound,
+    lumped,
+    oscillators,
+)
+from antiosc.fem.extraction.site_shapes import shapes_of_models
 from antiosc.fem.linalg.compliance import deflections
 from antiosc.fem.mpi import agree, collective, on_root
 from antiosc.fem.site.map_on_assembly import sites_on_assembly
 from antiosc.fem.site.map_sites import MapSites, sites_of
-from antiosc.fem.site.site import Functional
 from antiosc.fem.site.sites import Sites
 from antiosc.fem.structure.structure import Structure, on_mesh
 from antiosc.map_results import ImpactMap
@@ -223,15 +228,16 @@ def _refined(
     omega, m = models.omega.copy(), models.m.copy()
     k0, m0, m_st, error = models.k0.copy(), models.m0.copy(), models.m_st.copy(), error.copy()
     n = m.shape[1]
-    targets = [Functional(b) for b in sites.loads[:, worst].toarray().T]
-    statics = static_modes(structure, targets)
-    counts = [wanted(static, n) for static in statics]
+    loads = sites.loads[:, worst].toarray()
+    statics = shapes_of_models(structure, np.split(loads, len(worst), axis=1))
+    counts = [elastic_count(static, n) for static in statics]
     found = by_krylov(structure, statics, counts, bands.UNOBSERVABLE, band, 0.0)
-    for i, static, (modes, remainder) in zip(worst, statics, found, strict=True):
+    for i, static, count, (modes, remainder) in zip(worst, statics, counts, found, strict=True):
         known = lumped(structure, static, modes)
-        kept = oscillators(known, n, bands.UNOBSERVABLE)
+        elastic = oscillators(known, count, bands.UNOBSERVABLE)
+        kept = at_one_site(static, elastic, n)
         assert remainder is not None  # there is a band
-        bound = error_bound(structure, known, remainder, kept, band)
+        bound, _ = error_bound(structure, known, remainder, elastic, band, kept.omega)
         if bound >= error[i]:
             continue
         size = len(kept.m)

@@ -191,7 +191,7 @@ class AntiOscillators(Brief, Parameters):
         return replace(
             self,
             m0=self.m0 + self.m[n:].sum(axis=0),
-            m=None if self.sites else self.m[:n],
+            m=self.m[:n],
             P=None if self.P is None else self.P[:, :n],
             omega=self.omega[:n],
             participation=p,

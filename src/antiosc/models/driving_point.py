@@ -22,6 +22,8 @@ START = 0.25
 #: an anti-oscillator is unobservable if its share in |Z| at its own frequency, where it is largest,
 #: is below this
 UNOBSERVABLE = 1e-8
+#: number of frequencies at which Z is computed at a time: all at once take N times the memory
+AT_ONCE = 500
 #: share of the largest stiffness of several sites, on equal masses, below which one is rounding
 UNSTRAINED = 1e-10
 
@@ -120,12 +122,12 @@ def shares_at_sites(k0: Array, m0: Array, P: Array, poles: Array) -> Array:
     units or combinations of the sites are taken.
     """
     share = np.zeros(len(poles))
-    real = poles > 0
-    p, P = poles[real], P[real]
-    x = p * (1 + 1j * DAMPING) ** 2
-    Z = stiffness_at_sites(x, k0, m0, P, p)
-    own = np.einsum("ip,ip->i", P, np.linalg.solve(Z, P[:, :, None])[:, :, 0])
-    share[real] = np.abs(x**2 / (p - x) * own)
+    real = np.flatnonzero(poles > 0)
+    for i in np.split(real, range(AT_ONCE, len(real), AT_ONCE)):
+        x = poles[i] * (1 + 1j * DAMPING) ** 2
+        Z = stiffness_at_sites(x, k0, m0, P[real], poles[real])
+        own = np.einsum("ip,ip->i", P[i], np.linalg.solve(Z, P[i, :, None])[:, :, 0])
+        share[i] = np.abs(x**2 / (poles[i] - x) * own)
     return share
 
 
@@ -142,6 +144,8 @@ def spectral_norms(matrices: Numbers) -> Array:
     """2-norms (W,) of matrices (W, m, n); 0 of empty ones."""
     if 0 in matrices.shape:
         return np.zeros(len(matrices))
+    if 1 in matrices.shape[1:]:
+        return np.sqrt(np.sum(np.abs(matrices) ** 2, axis=(1, 2)))
     return np.asarray(np.linalg.norm(matrices, 2, axis=(1, 2)))
 
 

@@ -24,7 +24,7 @@ def checked(model: Parameters) -> dict[str, Any]:
 
     They are sorted by frequency.
     """
-    if model.m is not None:
+    if model.m is not None and np.ndim(model.m) != 3:
         raise InputError("with several sites the inertias are given as P, not as m.")
     if model.P is None:
         raise InputError("several sites need P (p, N), the inertias of the constraint modes.")

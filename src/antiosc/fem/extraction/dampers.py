@@ -58,9 +58,8 @@ def damped(
     InputError
         A damper brakes a rigid-body motion; a model without shapes.
     """
-    m = None if model.sites else model.m
     if given is not None:
-        return replace(model, m=m, damping=given)
+        return replace(model, damping=given)
     dampers = structure.matrices.dampers()
     if not dampers:
         return model
@@ -93,7 +92,7 @@ def damped(
     model.info["damper_coupling"] = coupling
     ends = structure.comm.allreduce(G @ model.shapes)
     model.info["dampers"] = {"ends": np.asarray(ends).tolist(), "damping": c.tolist()}
-    return replace(model, m=m, damping=Damping(ratio=np.maximum(ratio, 0.0).tolist()))
+    return replace(model, damping=Damping(ratio=np.maximum(ratio, 0.0).tolist()))
 
 
 def _check_seen(structure: Structure, G: Any, c: Array, moved: Array, omega: Array) -> None:

@@ -10,24 +10,30 @@ rigid-body mode of its own, with the share σ² of its compliance:
     K Y₀ = B₀ - M R RᵀB₀,  C₀ = B₀ᵀY₀         the others, self-equilibrated;
     Φ = [Φ_r, Y₀C₀⁻¹ - Φ_r(B₁ᵀY₀C₀⁻¹)],       K0 = diag(0, C₀⁻¹).
 
-A rigid-body mode with a share below `SMALL_SHARE` is not one of Φ_r: its mass 1/(sσ²) would hide
-all others. It is modelled apart (`antiosc.models.rigid_share`).
+With one site that is φ_st = A⁻¹b/(bᵀA⁻¹b), or φ_CR = R Rᵀb/|Rᵀb|², which is M-orthogonal to the
+rigid-body modes that vanish at the site, so that these drop out (Article, section 3.3). A
+rigid-body mode with a share below `SMALL_SHARE` is not one of Φ_r: its mass 1/(sσ²) would hide all
+others. The static modes are then those of the elastic motions, and the weak rigid-body mode is
+modelled separately (`antiosc.models.rigid_share`).
 Displacements u of the sites are Wᵀu in this basis, and a matrix Z of it is W Z Wᵀ of the sites.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
 
 from antiosc._types import Array, IntArray
-from antiosc.fem.extraction.static_mode import SUM_ROUNDING, beside_rigid, moved_by_strain
+from antiosc.fem.extraction.static_mode import beside_rigid, moved_by_strain
 from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.rigid_share import HIDDEN, SMALL_SHARE
 
+#: Rounding of the terms of RᵀB: those of R, and their sum.
+SUM_ROUNDING = 4 * float(np.finfo(float).eps)
 #: A site whose load has less than this share of its compliance outside the span of the others
 #: follows their motion: its own would make Z = H⁻¹ lose the square of it.
 FOLLOWS = 1e-10
@@ -37,7 +43,7 @@ AS_GOOD = 0.5
 
 @dataclass(frozen=True)
 class SiteShapes:
-    """Shapes Φ of unit displacements at p independent sites, in the basis of loads `B W`.
+    """Shapes Φ of unit displacements at p >= 1 independent sites, in the basis of loads `B W`.
 
     Attributes
     ----------
@@ -55,6 +61,7 @@ class SiteShapes:
     missed : (h, p) what of them is left out.
     doubt : (r, p) rounding of the displacements in all rigid-body modes.
     y, bAb : (rows, p) A⁻¹ load, and (p, p) loadᵀ A⁻¹ load.
+    share : largest share σ² of a rigid-body mode in the compliances.
     """
 
     kept: IntArray
@@ -72,6 +79,7 @@ class SiteShapes:
     doubt: Array
     y: Array
     bAb: Array
+    share: float
 
     @property
     def rigid(self) -> Array:
@@ -81,14 +89,31 @@ class SiteShapes:
 
     @property
     def slide(self) -> Array:
-        """(p, h) the same in the rigid-body modes that are modelled beside."""
+        """(p, h) the same in the rigid-body modes `nodal`: those that are modelled beside."""
         return np.asarray(np.linalg.solve(self.W.T, self.beside.T))
+
+    @property
+    def rigid_shapes(self) -> Array:
+        """(rows, q + h) M-orthonormal rigid-body modes: those of `rigid`, then `nodal`."""
+        own = np.flatnonzero(self.moved)
+        return np.hstack([self.phi[:, own] * self.moved[own], self.nodal])
 
 
 def site_shapes(structure: Structure, B: Array) -> SiteShapes:
     """The shapes of the sites whose loads are the columns of B (rows of this rank, c)."""
+    return shapes_of_models(structure, [B])[0]
+
+
+def shapes_of_models(structure: Structure, loads: Sequence[Array]) -> list[SiteShapes]:
+    """The same for the sites of several models, from one block of right-hand sides."""
+    solved = structure.factorize().solve_checked(np.hstack(loads))
+    parts = np.split(solved, np.cumsum([B.shape[1] for B in loads])[:-1], axis=1)
+    return [_shapes(structure, B, Y) for B, Y in zip(loads, parts, strict=True)]
+
+
+def _shapes(structure: Structure, B: Array, Y: Array) -> SiteShapes:
     comm, factor = structure.comm, structure.factorize()
-    kept, dependence, W, Y, V, sigma = _basis(structure, B)
+    kept, dependence, W, Y, V, sigma = _basis(structure, B, Y)
     given, B, R = B[:, kept], B[:, kept] @ W, structure.rigid_modes @ V
     root = np.sqrt(structure.shift) or 1.0
     q = int(np.sum(sigma**2 > SMALL_SHARE))
@@ -129,14 +154,16 @@ def site_shapes(structure: Structure, B: Array) -> SiteShapes:
         doubt=doubt,
         y=y,
         bAb=dot(comm, load, y),
+        share=float(sigma.max(initial=0.0) ** 2),
     )
 
 
-def _basis(structure: Structure, B: Array) -> tuple[IntArray, Array, Array, Array, Array, Array]:
-    """(kept, dependence, W, A⁻¹BW, V, σ) of `SiteShapes`; σ (p,), descending."""
+def _basis(
+    structure: Structure, B: Array, Y: Array
+) -> tuple[IntArray, Array, Array, Array, Array, Array]:
+    """(kept, dependence, W, A⁻¹BW, V, σ) of `SiteShapes` from Y = A⁻¹B; σ (p,), descending."""
     comm, factor, R = structure.comm, structure.factorize(), structure.rigid_modes
     root = np.sqrt(structure.shift) or 1.0
-    Y = factor.solve_checked(B)
     C = dot(comm, B, Y)
     kept, dependence = independent((C + C.T) / 2)
     B, Y = B[:, kept], Y[:, kept]

@@ -1,0 +1,205 @@
+"""The anti-oscillator models of a structure: each of one site, or of several named ones."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from antiosc._types import Array
+from antiosc.fem import mpi
+from antiosc.fem.extraction.body_inertia import inertia_of, uniform_inertia, weights_of
+from antiosc.fem.extraction.eigenmodes import Modes, ModeSolver
+from antiosc.fem.extraction.krylov import by_krylov
+from antiosc.fem.extraction.oscillators import (
+    Found,
+    Kept,
+    OneSite,
+    at_one_site,
+    elastic_count,
+    error_bound,
+    left_out,
+    lumped,
+    oscillators,
+)
+from antiosc.fem.extraction.ritz_basis import Remainder
+from antiosc.fem.extraction.self_check import checked_modes
+from antiosc.fem.extraction.site_shapes import SiteShapes, shapes_of_models
+from antiosc.fem.extraction.wish import DEFAULT_COUNT, SEARCHED, STEP_AIM, Wish, tell
+from antiosc.fem.linalg.algebra import dot
+from antiosc.fem.site.site import Functional
+from antiosc.fem.structure.structure import Structure
+from antiosc.models.anti_oscillators import AntiOscillators
+
+if TYPE_CHECKING:
+    from antiosc.fem.error.model_errors import ModelErrors
+
+#: The functionals of the columns of each site of a model, the normal first.
+Columns = Mapping[str, Sequence[Functional]]
+#: The name of the site of a model of one site without a name.
+UNNAMED = ""
+
+
+def models_of(
+    structure: Structure,
+    groups: Sequence[Columns],
+    wish: Wish,
+    shapes: bool,
+    spent: float,
+    errors: ModelErrors | None,
+) -> list[AntiOscillators]:
+    """The models of groups of sites. `spent`: seconds taken by the factorization for the sites."""
+    started = time.perf_counter()
+    loads = [np.column_stack([c.b for own in each.values() for c in own]) for each in groups]
+    statics = shapes_of_models(structure, loads)
+    counts = [
+        elastic_count(static, wish.n) if UNNAMED in each else wish.n
+        for each, static in zip(groups, statics, strict=True)
+    ]
+    if wish.method == "krylov":
+        found = by_krylov(structure, statics, counts, wish.tol, wish.band, STEP_AIM * wish.accuracy)
+    else:
+        found = [_by_modes(structure, s, n, wish) for s, n in zip(statics, counts, strict=True)]
+    models: list[AntiOscillators] = []
+    for each, static, n, (modes, remainder) in zip(groups, statics, counts, found, strict=True):
+        known = lumped(structure, static, modes)
+        kept = oscillators(known, n, wish.tol)
+        info = {
+            **_facts(structure, known, kept, wish),
+            "seconds": {
+                **structure.seconds,
+                "site": spent,
+                "modes": (time.perf_counter() - started) / (len(models) + 1),
+            },
+        }
+        one = at_one_site(static, kept, wish.n) if UNNAMED in each else None
+        if wish.band is not None and remainder is not None:
+            omega = kept.omega if one is None else one.omega
+            bound, lowest = error_bound(structure, known, remainder, kept, wish.band, omega)
+            info["band"] = {"bottom": lowest, "top": wish.band, "error_bound": bound}
+        if one is None:
+            model = _at_named_sites(structure, each, static, kept, info)
+        else:
+            (target,) = each[UNNAMED]
+            model = _at_one_site(structure, target, one, len(kept.omega), info)
+            if errors is not None:
+                model = errors.added_to(model, target)
+        mpi.on_root(structure.comm, partial(tell, model, wish, modes.complete))
+        models.append(model if shapes else replace(model, shapes=None, hidden=None))
+    return models
+
+
+def _by_modes(
+    structure: Structure, static: SiteShapes, n: int, wish: Wish
+) -> tuple[Modes, Remainder | None]:
+    """The lowest constraint modes until n of them are observable (or the error of Z meets the
+    bound)."""
+    solver = ModeSolver(structure, static)
+    most = min(solver.limit, SEARCHED * (n + DEFAULT_COUNT))
+    asked = n + 2 if n and wish.band is None else min(n, DEFAULT_COUNT)
+    while True:
+        modes = solver.lowest(asked)
+        known = lumped(structure, static, modes)
+        kept = oscillators(known, n, wish.tol)
+        remainder = None if wish.band is None else left_out(known)
+        enough = modes.complete or asked >= most or len(kept.omega) >= n or not known.m0.any()
+        if not enough and remainder is not None and wish.band is not None:
+            error, _ = error_bound(structure, known, remainder, kept, wish.band)
+            enough = error <= wish.accuracy
+        if enough:
+            return modes, remainder
+        asked = min(most, len(modes.omega) + max(8, len(modes.omega) // 2))
+
+
+def _facts(structure: Structure, known: Found, kept: Kept, wish: Wish) -> dict[str, Any]:
+    checks = checked_modes(structure, known, wish.method)
+    return {
+        "structure": structure.describe(),
+        "dofs": structure.dofs,
+        **structure.matrices.plausibility,
+        "method": wish.method,
+        "modes_computed": len(known.modes.omega),
+        "converged": checks.pop("converged"),
+        "modes_unobservable": kept.unobservable,
+        "modes_merged": kept.merged,
+        "rigid_modes": int(structure.rigid_modes.shape[1]),
+        "rigid_share": known.static.share,
+        "checks": checks,
+    }
+
+
+def _at_one_site(
+    structure: Structure, target: Functional, one: OneSite, elastic: int, info: dict[str, Any]
+) -> AntiOscillators:
+    """The model of one site without a name."""
+    info["meshed"] = structure.matrices.meshed
+    info["converged"] += len(one.m) - elastic  # the weak rigid-body mode is one
+    if target.point is not None and target.direction is not None:
+        info["point"] = target.point.tolist()
+        info["direction"] = target.direction.tolist()
+    weight = uniform_inertia(structure, target)
+    parts = np.column_stack([one.residual, one.psi])
+    shapes = np.column_stack([parts.sum(axis=1), one.psi])
+    return AntiOscillators(
+        m0=one.m0,
+        k0=one.k0,
+        m=one.m,
+        omega=one.omega,
+        local_compliance=target.local_compliance,
+        radius=target.radius,
+        participation=None if weight is None else np.asarray(dot(structure.comm, parts, weight)),
+        shapes=shapes,
+        direction=target.direction,
+        inertia=inertia_of(structure, shapes, one.hidden),
+        hidden=one.hidden if structure.rigid_inertia is not None else None,
+        info=info,
+    )
+
+
+def _at_named_sites(
+    structure: Structure, sites: Columns, static: SiteShapes, kept: Kept, info: dict[str, Any]
+) -> AntiOscillators:
+    """The model of several sites, and of one with a name."""
+    ends = np.cumsum([len(own) for own in sites.values()])
+    columns = {
+        name: tuple(range(end - len(own), end))
+        for (name, own), end in zip(sites.items(), ends.tolist(), strict=True)
+    }
+    firsts = [own[0] for own in sites.values()]
+    directions = [column.direction for own in sites.values() for column in own]
+    placed = all(direction is not None for direction in directions)
+    info["independent"] = static.kept.tolist()
+    if placed:
+        points = {name: own[0].point for name, own in sites.items()}
+        info["points"] = {n: point.tolist() for n, point in points.items() if point is not None}
+    shapes = np.hstack([static.phi @ static.W.T, kept.phi])
+    return AntiOscillators(
+        m0=_turned(static.W, kept.m0),
+        k0=_turned(static.W, static.k0),
+        P=static.W @ kept.P.T,
+        omega=kept.omega,
+        sites=tuple(sites),
+        columns=columns,
+        dependence=static.dependence,
+        rigid=static.rigid,
+        slide=static.slide,
+        local_compliance=np.array([one.local_compliance for one in firsts]),
+        radius=tuple(one.radius for one in firsts),
+        participation=weights_of(structure, shapes) if placed else None,
+        shapes=shapes,
+        direction=np.array(directions) if placed else None,
+        inertia=inertia_of(structure, shapes, static.nodal),
+        hidden=static.nodal,
+        info=info,
+    )
+
+
+def _turned(W: Array, matrix: Array) -> Array:
+    """W matrix Wᵀ, positive semidefinite as `matrix` is."""
+    values, vectors = np.linalg.eigh(matrix)
+    factor = W @ (vectors * np.sqrt(np.maximum(values, 0.0)))
+    return np.asarray(factor @ factor.T)
