@@ -290,9 +290,10 @@ def _struck(
     def gathered(name: str) -> Array:
         return np.concatenate([getattr(batch, name) for batch, _ in parts])
 
-    result.info["seconds"]["impacts"] = time.perf_counter() - started
+    seconds = {**result.info["seconds"], "impacts": time.perf_counter() - started}
     return replace(
         result,
+        info={**result.info, "seconds": seconds},
         peak_force=gathered("peak_force"),
         contact_time=gathered("contact_time"),
         restitution=gathered("restitution"),

@@ -11,6 +11,7 @@ import numpy as np
 from antiosc._types import Array
 from antiosc.models.body import Body
 from antiosc.models.modal import Damping
+from antiosc.models.model_info import ModelInfo
 from antiosc.models.motion import Inertia
 
 
@@ -30,7 +31,7 @@ class Parameters(Body):
     inertia: Inertia | None = None
     hidden: Array | None = None
     damping: Damping | None = None
-    info: dict[str, Any] = field(default_factory=dict)
+    info: ModelInfo = field(default_factory=ModelInfo)
     P: Any = None
     sites: tuple[str, ...] = ()
     columns: Mapping[str, tuple[int, ...]] = field(default_factory=dict)

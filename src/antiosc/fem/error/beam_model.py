@@ -16,6 +16,7 @@ from antiosc.fem import compat
 from antiosc.fem.elements.beam import Beam, heights
 from antiosc.fem.site.site import Functional
 from antiosc.fem.structure.meshed import MeshedStructure
+from antiosc.models.model_info import BeamSection
 
 #: A section is a full rectangle if 144 I_y I_z is A⁴ within this.
 FULL = 0.05
@@ -29,7 +30,7 @@ ALONG, STRAIGHT = 0.02, 1e-6
 UNKNOWN = "Not included: the error of the beam model itself, for {}."
 
 
-def beam_facts(part: MeshedStructure, site: Functional) -> dict[str, float] | str:
+def beam_facts(part: MeshedStructure, site: Functional) -> BeamSection | str:
     """What tells the model's share, JSON values, or a sentence why there is none.
 
     "compliance" is 1/(E √A) [m/N], "omega" the circular frequency at which the section deforms
@@ -45,7 +46,7 @@ class _Unknown(Exception):
     """Why there is no figure."""
 
 
-def _facts(part: MeshedStructure, site: Functional) -> dict[str, float]:
+def _facts(part: MeshedStructure, site: Functional) -> BeamSection:
     assert site.point is not None
     assert site.direction is not None  # or HalvedBeams refuses it
     beam = part.parts[0][0]

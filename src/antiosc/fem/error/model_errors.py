@@ -18,11 +18,12 @@ from antiosc.fem.error.halving import HalvedBeams
 from antiosc.fem.error.lines import inside, polygon
 from antiosc.fem.error.patch import patch_of
 from antiosc.fem.error.shell import ShellErrors
-from antiosc.fem.error.solid import SolidErrors, refuse_locking
+from antiosc.fem.error.solid import refuse_locking
 from antiosc.fem.site.site import Functional
 from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.fem.structure.structure import Structure, on_mesh
 from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.model_info import FacetGaps
 
 
 class ModelErrors:
@@ -52,36 +53,35 @@ class ModelErrors:
     def added_to(self, model: AntiOscillators, site: Functional) -> AntiOscillators:
         """The model with its `strain_error`; `info` holds what the budget must know besides."""
         started = time.perf_counter()
+        misfit = None
+        info = replace(model.info, not_included=self._not_included or None)
         if isinstance(self._errors, HalvedBeams):
-            model = replace(model, strain_error=self._errors.gram(model, site))
+            E = self._errors.gram(model, site)
             assert site.point is not None  # or `gram` refuses it
-            model.info["inside_element"] = inside(on_mesh(self._structure).mesh, site.point)
-            model.info["model"] = beam_facts(on_mesh(self._structure), site)
+            part = on_mesh(self._structure)
+            info = replace(
+                info, inside_element=inside(part.mesh, site.point), model=beam_facts(part, site)
+            )
         elif isinstance(self._errors, ShellErrors):
             E, misfit = self._errors.gram_and_misfit(_shapes(model))
-            model = replace(model, strain_error=E, strain_misfit=misfit)
         else:
-            model = self._of_solid(self._errors, model, site)
-        if self._not_included:
-            model.info["not_included"] = self._not_included
-        model.info["seconds"]["error"] = time.perf_counter() - started
-        return model
+            E, outside = self._errors.gram_and_layers(_shapes(model), self._layers)
+            info = replace(
+                info,
+                patch=patch_of(self._structure, site),
+                geometry=self._gaps(outside, model.k0 == 0),
+            )
+        seconds = {**(info.seconds or {}), "error": time.perf_counter() - started}
+        info = replace(info, seconds=seconds)
+        return replace(model, strain_error=E, strain_misfit=misfit, info=info)
 
-    def _of_solid(
-        self, errors: SolidErrors, model: AntiOscillators, site: Functional
-    ) -> AntiOscillators:
-        E, outside = errors.gram_and_layers(_shapes(model), self._layers)
-        model = replace(model, strain_error=E)
-        model.info["patch"] = patch_of(self._structure, site)
-        if self._geometry:
-            if model.k0 == 0:  # a rigid motion
-                outside[0] = 0.0
-            model.info["geometry"] = {
-                "note": self._geometry,
-                "stiffness": outside.tolist(),
-                "mass": self._mass,
-            }
-        return model
+    def _gaps(self, outside: Array, rigid: bool) -> FacetGaps | None:
+        """The energies `outside` of the layers; the first shape may be a rigid motion."""
+        if not self._geometry:
+            return None
+        if rigid:
+            outside[0] = 0.0
+        return {"note": self._geometry, "stiffness": outside.tolist(), "mass": self._mass}
 
 
 def _shapes(model: AntiOscillators) -> Array:

@@ -13,6 +13,7 @@ from antiosc.fem.linalg.algebra import dot
 from antiosc.fem.site.site import Functional
 from antiosc.fem.site.sites import located
 from antiosc.fem.structure.structure import Structure, on_mesh
+from antiosc.models.model_info import Patch
 
 #: The second radius over the first; the other one where the larger patch leaves the face.
 RADII = (np.sqrt(2.0), np.sqrt(0.5))
@@ -20,7 +21,7 @@ RADII = (np.sqrt(2.0), np.sqrt(0.5))
 WHOLE_LOAD = 0.99
 
 
-def patch_of(structure: Structure, site: Functional) -> dict[str, float] | None:
+def patch_of(structure: Structure, site: Functional) -> Patch | None:
     """What a budget must know of a site's patch, JSON values; None for a point.
 
     "faces" is the size of the faces under it [m]. Where the patch has a half-space, "radius" is
@@ -34,7 +35,7 @@ def patch_of(structure: Structure, site: Functional) -> dict[str, float] | None:
     for factor in RADII:
         place = site.point[None, :], site.direction[None, :], np.array([factor * site.radius])
         found = located(on_mesh(structure), *place)
-        facts = {"faces": float(found.size[0])}
+        facts: Patch = {"faces": float(found.size[0])}
         if found.share[0] >= WHOLE_LOAD:
             break
     if not site.local_compliance or found.share[0] < WHOLE_LOAD or not found.local[0]:

@@ -80,7 +80,8 @@ def damped(
             "a spring beside it that holds the motion."
         )
     D, omega = D[~rigid][:, ~rigid], body.omega[~rigid]
-    reliable = omega <= np.append(0.0, model.omega)[min(int(model.info["converged"]), model.n)]
+    converged = min(model.info.converged or 0, model.n)
+    reliable = omega <= np.append(0.0, model.omega)[converged]
     coupling = _coupling(D[reliable][:, reliable], omega[reliable])
     if coupling > COUPLING:
         raise AccuracyError(
@@ -89,10 +90,13 @@ def damped(
             "the model, Damping(ratio=...)."
         )
     ratio = D.diagonal() / (2 * omega)
-    model.info["damper_coupling"] = coupling
-    ends = structure.comm.allreduce(G @ model.shapes)
-    model.info["dampers"] = {"ends": np.asarray(ends).tolist(), "damping": c.tolist()}
-    return replace(model, damping=Damping(ratio=np.maximum(ratio, 0.0).tolist()))
+    ends = np.asarray(structure.comm.allreduce(G @ model.shapes))
+    info = replace(
+        model.info,
+        damper_coupling=coupling,
+        dampers={"ends": ends.tolist(), "damping": c.tolist()},
+    )
+    return replace(model, info=info, damping=Damping(ratio=np.maximum(ratio, 0.0).tolist()))
 
 
 def _check_seen(structure: Structure, G: Any, c: Array, moved: Array, omega: Array) -> None:

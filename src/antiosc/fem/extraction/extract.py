@@ -86,7 +86,7 @@ def extract(
         if the structure has fewer observable modes at the site.
     method : "krylov" or "modes"
         "krylov": the most accurate Z(ω) for n solves. The lower anti-oscillators
-        (`info["converged"]` of them) have converged to antiresonances of the structure; the upper
+        (`info.converged` of them) have converged to antiresonances of the structure; the upper
         ones represent all higher antiresonances. "modes": the n lowest antiresonances, by SLEPc, as
         in the article.
     tol : float, optional
@@ -99,10 +99,10 @@ def extract(
         anti-oscillators is chosen so that the error of Z(ω) up to this frequency is at most
         `accuracy`.
     accuracy : float
-        Largest |ΔZ|/|Z| over the band, at 1 % damping. `info["band"]["error_bound"]` is the bound
+        Largest |ΔZ|/|Z| over the band, at 1 % damping. `info.band["error_bound"]` is the bound
         that was reached, including truncation and rounding. Of several sites: the largest relative
         error of their displacements under any forces, in units in which their compliances are the
-        identity, ‖H ΔZ‖₂, from `info["band"]["bottom"]` [rad/s] on.
+        identity, ‖H ΔZ‖₂, from `info.band["bottom"]` [rad/s] on.
     shapes : bool
         Store the shapes, from which displacement fields are computed, n + 1 vectors for each site.
     error : "estimate", optional
@@ -119,7 +119,7 @@ def extract(
         A site that cannot move independently of those before it (a second site on a rigid part,
         say) follows them: `dependence` of the model.
         `info` holds the numbers of modes that were found and dropped, and the checks. If the share
-        of the rigid-body modes in the compliance of the site ("rigid_share") is below 1e-4, they
+        of the rigid-body modes in the compliance of the site (`rigid_share`) is below 1e-4, they
         are represented by an anti-oscillator of nearly zero frequency; below 1e-16 they are left
         out, and k0 > 0.
 

@@ -53,14 +53,16 @@ def judge(name: str, value: float, limit: float, comm: MPI.Comm) -> None:
     )
 
 
-def checked_modes(structure: Structure, known: Found, method: Method) -> dict[str, float]:
+def checked_modes(
+    structure: Structure, known: Found, method: Method
+) -> tuple[dict[str, float], int]:
     """Check constraint modes against their equations; AccuracyError far beyond CHECK.
 
     Ritz pairs may have large residuals, but must be orthogonal in K and in M.
 
     Returns
     -------
-    What was measured, and the number of modes that have "converged".
+    What was measured, and the number of modes that have converged.
     """
     modes, static, comm = known.modes, known.static, structure.comm
     if len(modes.omega) and modes.omega[0] ** 2 < MECHANISM * structure.shift:
@@ -89,7 +91,7 @@ def checked_modes(structure: Structure, known: Found, method: Method) -> dict[st
     }
     for name, value in measured.items():
         judge(name, value, FORCES if name == "residual" else CHECK, comm)
-    return {**measured, "converged": int(np.sum(off < CONVERGED))}
+    return measured, int(np.sum(off < CONVERGED))
 
 
 def _displacement(comm: MPI.Comm, load: Array, phi: Array) -> float:

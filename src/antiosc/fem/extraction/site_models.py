@@ -6,7 +6,7 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -34,6 +34,7 @@ from antiosc.fem.linalg.algebra import dot
 from antiosc.fem.site.site import Functional
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.model_info import Band, ModelInfo
 
 if TYPE_CHECKING:
     from antiosc.fem.error.model_errors import ModelErrors
@@ -68,19 +69,21 @@ def models_of(
     for each, static, n, (modes, remainder) in zip(groups, statics, counts, found, strict=True):
         known = lumped(structure, static, modes)
         kept = oscillators(known, n, wish.tol)
-        info = {
-            **_facts(structure, known, kept, wish),
-            "seconds": {
+        one = at_one_site(static, kept, wish.n) if UNNAMED in each else None
+        band: Band | None = None
+        if wish.band is not None and remainder is not None:
+            omega = kept.omega if one is None else one.omega
+            bound, lowest = error_bound(structure, known, remainder, kept, wish.band, omega)
+            band = {"bottom": lowest, "top": wish.band, "error_bound": bound}
+        info = replace(
+            _info(structure, known, kept, wish),
+            band=band,
+            seconds={
                 **structure.seconds,
                 "site": spent,
                 "modes": (time.perf_counter() - started) / (len(models) + 1),
             },
-        }
-        one = at_one_site(static, kept, wish.n) if UNNAMED in each else None
-        if wish.band is not None and remainder is not None:
-            omega = kept.omega if one is None else one.omega
-            bound, lowest = error_bound(structure, known, remainder, kept, wish.band, omega)
-            info["band"] = {"bottom": lowest, "top": wish.band, "error_bound": bound}
+        )
         if one is None:
             model = _at_named_sites(structure, each, static, kept, info)
         else:
@@ -115,32 +118,34 @@ def _by_modes(
         asked = min(most, len(modes.omega) + max(8, len(modes.omega) // 2))
 
 
-def _facts(structure: Structure, known: Found, kept: Kept, wish: Wish) -> dict[str, Any]:
-    checks = checked_modes(structure, known, wish.method)
-    return {
-        "structure": structure.describe(),
-        "dofs": structure.dofs,
+def _info(structure: Structure, known: Found, kept: Kept, wish: Wish) -> ModelInfo:
+    measured, converged = checked_modes(structure, known, wish.method)
+    return ModelInfo(
+        structure=structure.describe(),
+        dofs=structure.dofs,
+        method=wish.method,
+        modes_computed=len(known.modes.omega),
+        converged=converged,
+        modes_unobservable=kept.unobservable,
+        modes_merged=kept.merged,
+        rigid_modes=int(structure.rigid_modes.shape[1]),
+        rigid_share=known.static.share,
+        checks=measured,
         **structure.matrices.plausibility,
-        "method": wish.method,
-        "modes_computed": len(known.modes.omega),
-        "converged": checks.pop("converged"),
-        "modes_unobservable": kept.unobservable,
-        "modes_merged": kept.merged,
-        "rigid_modes": int(structure.rigid_modes.shape[1]),
-        "rigid_share": known.static.share,
-        "checks": checks,
-    }
+    )
 
 
 def _at_one_site(
-    structure: Structure, target: Functional, one: OneSite, elastic: int, info: dict[str, Any]
+    structure: Structure, target: Functional, one: OneSite, elastic: int, info: ModelInfo
 ) -> AntiOscillators:
     """The model of one site without a name."""
-    info["meshed"] = structure.matrices.meshed
-    info["converged"] += len(one.m) - elastic  # the weak rigid-body mode is one
+    info = replace(
+        info,
+        meshed=structure.matrices.meshed,
+        converged=(info.converged or 0) + len(one.m) - elastic,  # the weak rigid-body mode is one
+    )
     if target.point is not None and target.direction is not None:
-        info["point"] = target.point.tolist()
-        info["direction"] = target.direction.tolist()
+        info = replace(info, point=target.point.tolist(), direction=target.direction.tolist())
     weight = uniform_inertia(structure, target)
     parts = np.column_stack([one.residual, one.psi])
     shapes = np.column_stack([parts.sum(axis=1), one.psi])
@@ -161,7 +166,7 @@ def _at_one_site(
 
 
 def _at_named_sites(
-    structure: Structure, sites: Columns, static: SiteShapes, kept: Kept, info: dict[str, Any]
+    structure: Structure, sites: Columns, static: SiteShapes, kept: Kept, info: ModelInfo
 ) -> AntiOscillators:
     """The model of several sites, and of one with a name."""
     ends = np.cumsum([len(own) for own in sites.values()])
@@ -172,10 +177,11 @@ def _at_named_sites(
     firsts = [own[0] for own in sites.values()]
     directions = [column.direction for own in sites.values() for column in own]
     placed = all(direction is not None for direction in directions)
-    info["independent"] = static.kept.tolist()
+    info = replace(info, independent=static.kept.tolist())
     if placed:
-        points = {name: own[0].point for name, own in sites.items()}
-        info["points"] = {n: point.tolist() for n, point in points.items() if point is not None}
+        places = {name: own[0].point for name, own in sites.items()}
+        points = {name: place.tolist() for name, place in places.items() if place is not None}
+        info = replace(info, points=points)
     shapes = np.hstack([static.phi @ static.W.T, kept.phi])
     return AntiOscillators(
         m0=_turned(static.W, kept.m0),

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -36,6 +35,7 @@ from antiosc.models.body import Body
 from antiosc.models.driving_point import UNOBSERVABLE, shares_of_receptance
 from antiosc.models.free_modes import RESIDUAL_ROUNDING
 from antiosc.models.modal import Damping, ModalBody, as_damping
+from antiosc.models.model_info import ModelInfo
 from antiosc.models.motion import Inertia
 from antiosc.threads import one_thread
 
@@ -76,7 +76,7 @@ class NaturalModes(Brief, Body):
     local_compliance: float = 0.0
     radius: float | None = None
     damping: Damping | None = None
-    info: dict[str, Any] = field(default_factory=dict)
+    info: ModelInfo = field(default_factory=ModelInfo)
 
     @property
     def n(self) -> int:
@@ -306,13 +306,13 @@ def _model(
         hidden=hidden if structure.rigid_inertia is not None else None,
         local_compliance=where.local_compliance,
         radius=site.radius,
-        info={
-            "structure": structure.describe(),
-            "dofs": structure.dofs,
-            "method": method,
-            "converged": len(modes.omega),
-            **({} if where.point is None else {"point": where.point.tolist()}),
-        },
+        info=ModelInfo(
+            structure=structure.describe(),
+            dofs=structure.dofs,
+            method=method,
+            converged=len(modes.omega),
+            point=None if where.point is None else where.point.tolist(),
+        ),
     )
 
 

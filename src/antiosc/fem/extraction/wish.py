@@ -105,20 +105,20 @@ def tell(model: AntiOscillators, wish: Wish, complete: bool) -> None:
     too low."""
     if wish.band is None and model.n < wish.n and not complete:
         warn(
-            f"only {model.n} of the first {model.info['modes_computed']} modes are observable at "
+            f"only {model.n} of the first {model.info.modes_computed} modes are observable at "
             f"the site (share in Z above {wish.tol:g}), fewer than n = {wish.n}: the model "
             "contains these; reduce tol for more.",
             AccuracyWarning,
         )
-    if model.info["converged"] == 0 and model.n >= SETTLED_FROM:
+    if model.info.converged == 0 and model.n >= SETTLED_FROM:
         warn(
             f"none of the {model.n} anti-oscillators has converged to an antiresonance: their "
             "frequencies are unreliable; check whether some part is very slender.",
             AccuracyWarning,
         )
-    if wish.band is None or "band" not in model.info:
+    if wish.band is None or model.info.band is None:
         return
-    error = model.info["band"]["error_bound"]
+    error = model.info.band["error_bound"]
     if not error <= wish.accuracy:
         warn(
             f"with {model.n} anti-oscillators the error of Z up to {wish.band:g} rad/s is at most "
