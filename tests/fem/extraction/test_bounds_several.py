@@ -1,4 +1,4 @@
-"""The claimed bounds of Z of several sites against eliminations in extended precision."""
+"""The claimed bounds of Z of p ≥ 1 sites against eliminations in extended precision."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def _extracted(seed: int) -> tuple[float, float, str]:
 
 
 def test_bound_over_the_band_holds():
-    check_bounds(_extracted, [17, 24, 34, 43, 51, 60], 1 / 4)
+    check_bounds(_extracted, [1, 10, 17, 24, 34, 43, 51, 60], 1 / 4)
 
 
 @pytest.mark.slow
@@ -106,11 +106,11 @@ def test_a_rigid_motion_that_hardly_moves_the_sites_is_beside(angle):
     assert np.sum(model.site_modes().omega == 0) == 1
 
 
+@pytest.mark.parametrize("p", [1, 2])
 @pytest.mark.parametrize("held", [0, 1])
-def test_bound_of_what_krylov_steps_leave_out(held, rng):
+def test_bound_of_what_krylov_steps_leave_out(held, p, rng):
     K, M = loose_chains((80,), held, rng)
-    B = np.zeros((80, 2))
-    B[[40, 23], [0, 1]] = 1.0
+    B = np.eye(80)[:, [40, 23][:p]]
     structure, band = ao.Structure.from_matrices(K, M), 80.0
     L = np.linalg.cholesky(B.T @ structure.factorize().solve_block(B))
     ratios = []
@@ -125,5 +125,6 @@ def test_bound_of_what_krylov_steps_leave_out(held, rng):
             ratios.append(bound / error)
     assert len(ratios) >= 2
     assert min(ratios) >= 1
-    # ‖H‖‖ΔZ‖ is far above ‖HΔZ‖ where one combination of the sites resonates and others do not
-    assert min(ratios) <= 1e4
+    # 1/|sin arg z| is 50 at one per cent of damping; ‖H‖‖ΔZ‖ is far above ‖HΔZ‖ where one
+    # combination of several sites resonates and others do not
+    assert min(ratios) <= (50 if p == 1 else 1e4)

@@ -1,7 +1,7 @@
 """Anti-oscillators of p ≥ 1 sites from their constraint modes, and a bound on the error of Z.
 
-All matrices are in the basis of loads of `SiteShapes`, in which the compliances of the sites are
-the identity.
+All matrices are in the basis of loads of `SiteShapes`, in which the compliances of several sites
+are the identity.
 
 The error of Z at every damped frequency of a band is the sum of the truncation error of the method
 (`Remainder`), of the unobservable modes that were dropped and the repeated ones that were merged,

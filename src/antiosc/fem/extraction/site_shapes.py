@@ -3,8 +3,9 @@
 With B (n, p) the loads of the sites, A = K + sM and C = BᵀA⁻¹B, the limit s → 0 of A⁻¹B C⁻¹ is
 φ_st, φ_CR, or a mixture of both, whatever the supports. It is computed in the basis of loads
 B W = B L⁻ᵀU, with C = L Lᵀ and the singular value decomposition RᵀB L⁻ᵀ/√s = V Σ Uᵀ of the
-M-orthonormal rigid-body modes R. In this basis C is the identity, and every load moves at most one
-rigid-body mode of its own, with the share σ² of its compliance:
+M-orthonormal rigid-body modes R. In this basis C is the identity (a single site keeps its own unit,
+W = ±1), and every load moves at most one rigid-body mode of its own, with the share σ² of its
+compliance:
 
     Φ_r = R V₁/(√s Σ₁)                        the q loads that move one, without a solve;
     K Y₀ = B₀ - M R RᵀB₀,  C₀ = B₀ᵀY₀         the others, self-equilibrated;
@@ -117,7 +118,8 @@ def _shapes(structure: Structure, B: Array, Y: Array) -> SiteShapes:
     given, B, R = B[:, kept], B[:, kept] @ W, structure.rigid_modes @ V
     root = np.sqrt(structure.shift) or 1.0
     q = int(np.sum(sigma**2 > SMALL_SHARE))
-    moved = np.where(np.arange(len(sigma)) < q, root * sigma, 0.0)
+    unit = float(np.sqrt(dot(comm, B[:, 0], Y[:, 0]))) if len(kept) == 1 else 1.0
+    moved = np.where(np.arange(len(sigma)) < q, unit * root * sigma, 0.0)
     strong, nodal = R[:, :q], R[:, q:]
     slides = dot(comm, nodal, B)
     beside = np.zeros_like(slides)
@@ -133,7 +135,7 @@ def _shapes(structure: Structure, B: Array, Y: Array) -> SiteShapes:
             strain[q:] = moved_by_strain(structure, R, y0)
         C0 = dot(comm, B[:, q:], y0)
         k0[q:, q:] = np.linalg.inv((C0 + C0.T) / 2)
-        elastic = y0 @ k0[q:, q:]
+        elastic = y0 @ k0[q:, q:] if len(kept) > 1 else y0 / C0
         elastic = elastic - phi @ dot(comm, B[:, :q], elastic)
         phi = np.hstack([phi, elastic])
     m_phi = multiply(structure.M, phi)
@@ -176,6 +178,8 @@ def _basis(
         along = scipy.linalg.solve_triangular(L, dot(comm, R, B @ W).T / root, lower=True).T
         V, sigma, U = np.linalg.svd(along)
         turn = scipy.linalg.solve_triangular(L, U.T, lower=True, trans="T")
+        if len(kept) == 1:  # a single site keeps its own unit, and no rounding is added
+            turn = U.T
         W, Y = W @ turn, Y @ turn
     sigma = np.append(sigma, np.zeros(len(kept) - len(sigma)))
     return kept, dependence, W, Y, V, sigma
