@@ -39,7 +39,7 @@ from antiosc.fem.site.map_sites import MapSites, sites_of
 from antiosc.fem.site.sites import Sites
 from antiosc.fem.structure.structure import Structure, on_mesh
 from antiosc.map_results import ImpactMap
-from antiosc.models import driving_point as bands, free_modes
+from antiosc.models import driving_point, free_modes
 from antiosc.models.body import LinearBody, checked_body
 from antiosc.models.free_modes import SiteModels
 from antiosc.simulation.batch import simulate_many
@@ -231,10 +231,10 @@ def _refined(
     loads = sites.loads[:, worst].toarray()
     statics = shapes_of_models(structure, np.split(loads, len(worst), axis=1))
     counts = [elastic_count(static, n) for static in statics]
-    found = by_krylov(structure, statics, counts, bands.UNOBSERVABLE, band, 0.0)
+    found = by_krylov(structure, statics, counts, driving_point.UNOBSERVABLE, band, 0.0)
     for i, static, count, (modes, remainder) in zip(worst, statics, counts, found, strict=True):
         known = lumped(structure, static, modes)
-        elastic = oscillators(known, count, bands.UNOBSERVABLE)
+        elastic = oscillators(known, count, driving_point.UNOBSERVABLE)
         kept = at_one_site(static, elastic, n)
         assert remainder is not None  # there is a band
         bound, _ = error_bound(structure, known, remainder, elastic, band, kept.omega)

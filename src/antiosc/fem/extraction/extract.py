@@ -12,7 +12,13 @@ from antiosc.fem import mpi
 from antiosc.fem.extraction.dampers import damped, refuse_dampers
 from antiosc.fem.extraction.ritz_basis import BASIS_STEP
 from antiosc.fem.extraction.site_models import UNNAMED, Columns, models_of
-from antiosc.fem.extraction.wish import ErrorWish, Method, Wish, checked_sites, checked_wish
+from antiosc.fem.extraction.wish import (
+    ErrorOption,
+    ExtractOptions,
+    Method,
+    checked_options,
+    checked_sites,
+)
 from antiosc.fem.site.functionals import functionals
 from antiosc.fem.site.site import Site
 from antiosc.fem.structure.structure import Structure
@@ -40,7 +46,7 @@ def extract(
     band: float | None = None,
     accuracy: float = 1e-3,
     shapes: bool = True,
-    error: ErrorWish = None,
+    error: ErrorOption = None,
     damping: float | Sequence[float] | Damping | None = None,
 ) -> AntiOscillators: ...
 @overload
@@ -54,7 +60,7 @@ def extract(
     band: float | None = None,
     accuracy: float = 1e-3,
     shapes: bool = True,
-    error: ErrorWish = None,
+    error: ErrorOption = None,
     damping: float | Sequence[float] | Damping | None = None,
 ) -> list[AntiOscillators]: ...
 @mpi.collective()
@@ -70,7 +76,7 @@ def extract(
     band: float | None = None,
     accuracy: float = 1e-3,
     shapes: bool = True,
-    error: ErrorWish = None,
+    error: ErrorOption = None,
     damping: float | Sequence[float] | Damping | None = None,
 ) -> AntiOscillators | list[AntiOscillators]:
     """The anti-oscillator model of a structure at a site, or at several.
@@ -138,7 +144,7 @@ def extract(
     sites = checked_sites(structure, site)
     names = list(site) if isinstance(site, Mapping) else []
     flag("shapes", shapes)
-    wish = checked_wish(structure, n, method, tol, band, accuracy, error)
+    options = checked_options(structure, n, method, tol, band, accuracy, error)
     given = as_damping(damping)
     if given is not None:
         refuse_dampers(structure, "damping=")
@@ -154,9 +160,11 @@ def extract(
     if names:
         groups = [{n: [one, *one.across] for n, one in zip(names, targets, strict=True)}]
     models: list[AntiOscillators] = []
-    width = _together(structure, wish)
+    width = _together(structure, options)
     for first in range(0, len(groups), width):
-        models += models_of(structure, groups[first : first + width], wish, shapes, spent, errors)
+        models += models_of(
+            structure, groups[first : first + width], options, shapes, spent, errors
+        )
         if len(groups) > width:
             log.info("extracted %d of %d sites", len(models), len(groups))
     models = [damped(structure, model, given) for model in models]
@@ -170,9 +178,9 @@ def _model_errors(structure: Structure, named_sites: int) -> ModelErrors:
     return ModelErrors(structure, named_sites)
 
 
-def _together(structure: Structure, wish: Wish) -> int:
+def _together(structure: Structure, options: ExtractOptions) -> int:
     """Number of models processed at once: as many as fit in SLICE bytes of basis vectors."""
-    if wish.method == "modes":
+    if options.method == "modes":
         return 1
-    columns = wish.n + 2 if wish.band is None else 2 * BASIS_STEP
+    columns = options.n + 2 if options.band is None else 2 * BASIS_STEP
     return max(1, int(SLICE / (16 * columns * structure.size)))

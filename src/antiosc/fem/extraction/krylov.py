@@ -40,7 +40,7 @@ from antiosc.fem.extraction.ritz_basis import BASIS_STEP, Remainder, RitzBasis
 from antiosc.fem.extraction.site_shapes import SiteShapes
 from antiosc.fem.linalg.algebra import dot
 from antiosc.fem.structure.structure import Structure
-from antiosc.models import driving_point as bands
+from antiosc.models import driving_point
 from antiosc.progress import doing
 
 #: The largest number of steps is STEPS_PER_ONE times the number of anti-oscillators wanted, plus
@@ -94,12 +94,12 @@ class Lanczos:
         theta, turn = self._basis.resolved(n)
         P = turn.T @ self._c[:n] / np.sqrt(theta)[:, None]
         poles = np.maximum(1 / theta - self._shift, 0.0)
-        return bands.semidefinite(self._static.mass - P.T @ P), P, poles
+        return driving_point.semidefinite(self._static.mass - P.T @ P), P, poles
 
     def observable(self, n: int, tol: float) -> int:
         """How many pairs of the first n vectors have more than the share `tol` in Z."""
         m0, P, poles = self.parameters(n)
-        return int(np.sum(bands.shares_at_sites(self._static.k0, m0, P, poles) > tol))
+        return int(np.sum(driving_point.shares_at_sites(self._static.k0, m0, P, poles) > tol))
 
     def release(self) -> None:
         """Release the memory of the basis."""
@@ -119,7 +119,7 @@ class Lanczos:
         def bound(x: ComplexArray) -> Array:
             z = x + shift
             X = start / (1 - z[:, None] * theta)[:, :, None]
-            Q = bands.spectral_norms(rest + z[:, None, None] * (following @ X))
+            Q = driving_point.spectral_norms(rest + z[:, None, None] * (following @ X))
             Q += none + beside * np.abs(z) * np.linalg.norm(X, axis=(1, 2))
             return np.asarray(np.abs(x * Q) ** 2 * np.abs(z) / z.imag)
 
@@ -130,10 +130,10 @@ class Lanczos:
         m0, P, poles = self.parameters(n)
         k0 = self._static.k0
         P, poles = P[poles > 0], poles[poles > 0]
-        lowest = bands.lowest_frequency_at_sites(k0, self._static.mass, poles)
-        x = bands.samples(band, lowest) ** 2
-        Z = bands.stiffness_at_sites(x, k0, m0, P, poles)
-        inverse = bands.spectral_norms(np.linalg.inv(Z))
+        lowest = driving_point.lowest_frequency_at_sites(k0, self._static.mass, poles)
+        x = driving_point.samples(band, lowest) ** 2
+        Z = driving_point.stiffness_at_sites(x, k0, m0, P, poles)
+        inverse = driving_point.spectral_norms(np.linalg.inv(Z))
         return float(np.max(self.remainder(n)(x) * inverse))
 
 

@@ -23,7 +23,7 @@ from antiosc.fem.extraction.ritz_basis import Remainder, mass_above
 from antiosc.fem.extraction.site_shapes import SiteShapes
 from antiosc.fem.linalg.algebra import by_strains, diagonal, dot, multiply
 from antiosc.fem.structure.structure import Structure
-from antiosc.models import driving_point as bands
+from antiosc.models import driving_point
 from antiosc.models.batched_modes import MASSLESS
 from antiosc.models.rigid_share import with_rigid
 
@@ -32,7 +32,7 @@ REPEATED = 1e-6
 #: Singular value of the P of a repeated frequency, over the largest, below which it is rounding.
 TOLD_APART = 1e-8
 #: Distance of the samples of a bound, and the largest share by which it rises between two of them.
-SAMPLE_STEP, SAMPLE_RISE = bands.DAMPING / 4, 0.05
+SAMPLE_STEP, SAMPLE_RISE = driving_point.DAMPING / 4, 0.05
 #: Rounding of the solves, in units of ε for every entry of the matrices.
 SOLVE_ROUNDING = 64.0
 
@@ -70,7 +70,9 @@ class Found:
     def stiffness(self, x: ComplexArray) -> Numbers:
         """Z (W, p, p) with all modes found."""
         real = self.poles > 0
-        return bands.stiffness_at_sites(x, self.static.k0, self.m0, self.P[real], self.poles[real])
+        return driving_point.stiffness_at_sites(
+            x, self.static.k0, self.m0, self.P[real], self.poles[real]
+        )
 
 
 def lumped(structure: Structure, static: SiteShapes, modes: Modes) -> Found:
@@ -81,7 +83,7 @@ def lumped(structure: Structure, static: SiteShapes, modes: Modes) -> Found:
     for _ in range(2):  # twice is enough (Kahan)
         part = dot(comm, m_phi, residual)
         P, residual = P + part, residual - phi @ part
-    m0 = bands.semidefinite(dot(comm, residual, multiply(structure.M, residual)))
+    m0 = driving_point.semidefinite(dot(comm, residual, multiply(structure.M, residual)))
     massless = m0.diagonal() <= MASSLESS**2 * static.mass.diagonal()
     m0[massless], m0[:, massless] = 0.0, 0.0
     return Found(
@@ -132,7 +134,7 @@ def oscillators(known: Found, n: int, tol: float) -> Kept:
     P = np.array([u @ known.P[group] for group, u in mixed]).reshape(-1, known.P.shape[1])
     poles = np.array([u**2 @ known.poles[group] for group, u in mixed])
     # ω = 0 is left only by rounding: rigid modes that do not move the sites are deflated.
-    seen = np.flatnonzero(bands.shares_at_sites(static.k0, known.m0, P, poles) > tol)
+    seen = np.flatnonzero(driving_point.shares_at_sites(static.k0, known.m0, P, poles) > tol)
     modes = sum({group[0]: len(group) for group, _ in (mixed[i] for i in seen)}.values())
     order = seen[np.argsort(poles[seen], kind="stable")[:n]]
     turn = np.zeros((len(omega), len(order)))
@@ -140,7 +142,7 @@ def oscillators(known: Found, n: int, tol: float) -> Kept:
         turn[mixed[i][0], column] = mixed[i][1]
     lost = known.P - turn @ P[order]  # what is not kept goes back to m0
     return Kept(
-        m0=bands.semidefinite(known.m0 + lost.T @ lost),
+        m0=driving_point.semidefinite(known.m0 + lost.T @ lost),
         P=P[order],
         omega=np.sqrt(poles[order]),
         residual=known.residual + known.modes.phi @ lost,
@@ -187,7 +189,7 @@ class OneSite:
 
 def elastic_count(static: SiteShapes, n: int) -> int:
     """Number of elastic anti-oscillators of n at one site: a weak rigid-body mode takes one."""
-    return n - 1 if n and static.beside.any() else n
+    return n - 1 if n and static.weak.any() else n
 
 
 def at_one_site(static: SiteShapes, kept: Kept, n: int) -> OneSite:
@@ -199,7 +201,7 @@ def at_one_site(static: SiteShapes, kept: Kept, n: int) -> OneSite:
     k0, m0, omega = w**2 * float(static.k0[0, 0]), w**2 * float(kept.m0[0, 0]), kept.omega
     c = w * kept.P[:, 0]
     m, residual, psi, hidden = c**2, w * kept.residual[:, 0], kept.phi * c, static.nodal
-    if n and static.beside.any():
+    if n and static.weak.any():
         a = float(static.slide[0, 0])
         weak, hidden = hidden[:, 0] * np.sign(a), hidden[:, 1:]
         shapes = np.column_stack([weak, residual + psi.sum(axis=1), psi])
@@ -223,10 +225,10 @@ def error_bound(
     """
     static = known.static
     poles = (kept.omega if omega is None else omega) ** 2
-    lowest = bands.lowest_frequency_at_sites(static.k0, static.mass, poles)
-    x = bands.samples(band, lowest, SAMPLE_STEP) ** 2
-    elastic = bands.stiffness_at_sites(x, static.k0, kept.m0, kept.P, kept.omega**2)
-    change = bands.spectral_norms(known.stiffness(x) - elastic)
+    lowest = driving_point.lowest_frequency_at_sites(static.k0, static.mass, poles)
+    x = driving_point.samples(band, lowest, SAMPLE_STEP) ** 2
+    elastic = driving_point.stiffness_at_sites(x, static.k0, kept.m0, kept.P, kept.omega**2)
+    change = driving_point.spectral_norms(known.stiffness(x) - elastic)
     sizes = np.linalg.svd(elastic, compute_uv=False)
     # the numbers of the sites themselves are rounded, of Z = W (this one) Wᵀ
     spread = np.linalg.norm(np.abs(np.linalg.inv(static.W)) @ np.abs(static.W), 2)
@@ -234,15 +236,15 @@ def error_bound(
     left = remainder(x) + change + stored + _rounding(structure, known, x)
     off = (1 + SAMPLE_RISE) * left / sizes[:, -1]
     off = np.where(off < 1, off / np.where(off < 1, 1 - off, 1.0), np.inf)
-    # the rigid-body motions beside: H = H_e - a aᵀ/x
-    moved = static.beside.T @ static.beside / x[:, None, None]
+    # with the weak rigid-body modes: H = H_e - a aᵀ/x
+    moved = static.weak.T @ static.weak / x[:, None, None]
     whole = np.linalg.inv(np.eye(len(static.W)) - moved @ elastic)  # H_e⁻¹ H, its inverse
-    off = off * bands.spectral_norms(whole)
+    off = off * driving_point.spectral_norms(whole)
     # displacements of the sites in rigid-body motions: their rounding, and what is left out
-    rounding = bands.spectral_norms(static.doubt[None])
-    largest = static.moved.max(initial=0.0) + bands.spectral_norms(static.beside[None])
-    hidden = bands.spectral_norms(static.missed[None]) + rounding
-    off = off + bands.spectral_norms(elastic @ whole) / np.abs(x) * (
+    rounding = driving_point.spectral_norms(static.uncertainty[None])
+    largest = static.moved.max(initial=0.0) + driving_point.spectral_norms(static.weak[None])
+    hidden = driving_point.spectral_norms(static.missed[None]) + rounding
+    off = off + driving_point.spectral_norms(elastic @ whole) / np.abs(x) * (
         hidden**2 + 2 * largest * rounding
     )
     return float(np.max(off)), float(np.sqrt(x[0]).real)
@@ -272,21 +274,23 @@ def _rounding(structure: Structure, known: Found, x: ComplexArray) -> Array:
     parts = []
     for matrix in (structure.K, structure.M):
         gram = dot(structure.comm, shapes, diagonal(matrix)[:, None] * shapes)
-        parts.append(bands.spectral_norms(weight.conj().transpose(0, 2, 1) @ (gram @ weight)))
+        parts.append(
+            driving_point.spectral_norms(weight.conj().transpose(0, 2, 1) @ (gram @ weight))
+        )
     if by_strains(structure.K):  # a sum of squares of strains, each to ε of its own terms
         bent = (x / np.sqrt(poles)[:, None]).T[:, :, None] * weight[:, count:]
         bent = np.abs(bent).transpose(0, 2, 1) @ np.abs(bent)
-        energy = bands.spectral_norms(known.static.k0 + bent)
+        energy = driving_point.spectral_norms(known.static.k0 + bent)
         parts[0] = np.sqrt(parts[0] * energy)
     left = SOLVE_ROUNDING * np.finfo(float).eps * (parts[0] + np.abs(x) * parts[1])
-    # amplitudes of the modes beside the residual shapes, and beside the static ones
+    # amplitudes of the modes relative to the residual shapes, and to the static ones
     size = np.abs(weight[:, count:])
     bent = size * (np.abs(x)[:, None] / poles)[:, :, None]
-    left += 2 * bands.spectral_norms(bent.transpose(0, 2, 1) @ np.abs(known.coupling[real]))
+    left += 2 * driving_point.spectral_norms(bent.transpose(0, 2, 1) @ np.abs(known.coupling[real]))
     for matrix, own, times in (
         (known.stiffnesses - np.diag(known.poles), bent, np.ones(len(x))),
         (known.masses - np.eye(len(known.P)), size, np.abs(x)),
     ):
         off = np.abs(matrix[np.ix_(real, real)]) @ own
-        left += times * bands.spectral_norms(own.transpose(0, 2, 1) @ off)
+        left += times * driving_point.spectral_norms(own.transpose(0, 2, 1) @ off)
     return left

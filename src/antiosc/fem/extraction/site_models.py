@@ -29,7 +29,13 @@ from antiosc.fem.extraction.oscillators import (
 from antiosc.fem.extraction.ritz_basis import Remainder
 from antiosc.fem.extraction.self_check import checked_modes
 from antiosc.fem.extraction.site_shapes import SiteShapes, shapes_of_models
-from antiosc.fem.extraction.wish import DEFAULT_COUNT, SEARCHED, STEP_AIM, Wish, tell
+from antiosc.fem.extraction.wish import (
+    DEFAULT_COUNT,
+    SEARCHED,
+    STEP_AIM,
+    ExtractOptions,
+    warn_of_shortfall,
+)
 from antiosc.fem.linalg.algebra import dot
 from antiosc.fem.site.site import Functional
 from antiosc.fem.structure.structure import Structure
@@ -48,7 +54,7 @@ UNNAMED = ""
 def models_of(
     structure: Structure,
     groups: Sequence[Columns],
-    wish: Wish,
+    options: ExtractOptions,
     shapes: bool,
     spent: float,
     errors: ModelErrors | None,
@@ -58,25 +64,27 @@ def models_of(
     loads = [np.column_stack([c.b for own in each.values() for c in own]) for each in groups]
     statics = shapes_of_models(structure, loads)
     counts = [
-        elastic_count(static, wish.n) if UNNAMED in each else wish.n
+        elastic_count(static, options.n) if UNNAMED in each else options.n
         for each, static in zip(groups, statics, strict=True)
     ]
-    if wish.method == "krylov":
-        found = by_krylov(structure, statics, counts, wish.tol, wish.band, STEP_AIM * wish.accuracy)
+    if options.method == "krylov":
+        found = by_krylov(
+            structure, statics, counts, options.tol, options.band, STEP_AIM * options.accuracy
+        )
     else:
-        found = [_by_modes(structure, s, n, wish) for s, n in zip(statics, counts, strict=True)]
+        found = [_by_modes(structure, s, n, options) for s, n in zip(statics, counts, strict=True)]
     models: list[AntiOscillators] = []
     for each, static, n, (modes, remainder) in zip(groups, statics, counts, found, strict=True):
         known = lumped(structure, static, modes)
-        kept = oscillators(known, n, wish.tol)
-        one = at_one_site(static, kept, wish.n) if UNNAMED in each else None
+        kept = oscillators(known, n, options.tol)
+        one = at_one_site(static, kept, options.n) if UNNAMED in each else None
         band: Band | None = None
-        if wish.band is not None and remainder is not None:
+        if options.band is not None and remainder is not None:
             omega = kept.omega if one is None else one.omega
-            bound, lowest = error_bound(structure, known, remainder, kept, wish.band, omega)
-            band = {"bottom": lowest, "top": wish.band, "error_bound": bound}
+            bound, lowest = error_bound(structure, known, remainder, kept, options.band, omega)
+            band = {"bottom": lowest, "top": options.band, "error_bound": bound}
         info = replace(
-            _info(structure, known, kept, wish),
+            _info(structure, known, kept, options),
             band=band,
             seconds={
                 **structure.seconds,
@@ -91,39 +99,39 @@ def models_of(
             model = _at_one_site(structure, target, one, len(kept.omega), info)
             if errors is not None:
                 model = errors.added_to(model, target)
-        mpi.on_root(structure.comm, partial(tell, model, wish, modes.complete))
+        mpi.on_root(structure.comm, partial(warn_of_shortfall, model, options, modes.complete))
         models.append(model if shapes else replace(model, shapes=None, hidden=None))
     return models
 
 
 def _by_modes(
-    structure: Structure, static: SiteShapes, n: int, wish: Wish
+    structure: Structure, static: SiteShapes, n: int, options: ExtractOptions
 ) -> tuple[Modes, Remainder | None]:
     """The lowest constraint modes until n of them are observable (or the error of Z meets the
     bound)."""
     solver = ModeSolver(structure, static)
     most = min(solver.limit, SEARCHED * (n + DEFAULT_COUNT))
-    asked = n + 2 if n and wish.band is None else min(n, DEFAULT_COUNT)
+    asked = n + 2 if n and options.band is None else min(n, DEFAULT_COUNT)
     while True:
         modes = solver.lowest(asked)
         known = lumped(structure, static, modes)
-        kept = oscillators(known, n, wish.tol)
-        remainder = None if wish.band is None else left_out(known)
+        kept = oscillators(known, n, options.tol)
+        remainder = None if options.band is None else left_out(known)
         enough = modes.complete or asked >= most or len(kept.omega) >= n or not known.m0.any()
-        if not enough and remainder is not None and wish.band is not None:
-            error, _ = error_bound(structure, known, remainder, kept, wish.band)
-            enough = error <= wish.accuracy
+        if not enough and remainder is not None and options.band is not None:
+            error, _ = error_bound(structure, known, remainder, kept, options.band)
+            enough = error <= options.accuracy
         if enough:
             return modes, remainder
         asked = min(most, len(modes.omega) + max(8, len(modes.omega) // 2))
 
 
-def _info(structure: Structure, known: Found, kept: Kept, wish: Wish) -> ModelInfo:
-    measured, converged = checked_modes(structure, known, wish.method)
+def _info(structure: Structure, known: Found, kept: Kept, options: ExtractOptions) -> ModelInfo:
+    measured, converged = checked_modes(structure, known, options.method)
     return ModelInfo(
         structure=structure.describe(),
         dofs=structure.dofs,
-        method=wish.method,
+        method=options.method,
         modes_computed=len(known.modes.omega),
         converged=converged,
         modes_unobservable=kept.unobservable,

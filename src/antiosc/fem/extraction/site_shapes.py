@@ -58,9 +58,10 @@ class SiteShapes:
     moved : (p,) displacement of each site in its rigid-body mode of unit mass [kg^-½ of the basis];
         0: none.
     nodal : (rows, h) M-orthonormal rigid-body modes from which the constraint modes are kept free.
-    beside : (h, p) displacements of the sites in those, which are modelled beside; usually 0.
+    weak : (h, p) displacements of the sites in those of them that hardly move the sites and are
+        modelled separately; usually 0.
     missed : (h, p) what of them is left out.
-    doubt : (r, p) rounding of the displacements in all rigid-body modes.
+    uncertainty : (r, p) rounding of the displacements in all rigid-body modes.
     y, bAb : (rows, p) A⁻¹ load, and (p, p) loadᵀ A⁻¹ load.
     share : largest share σ² of a rigid-body mode in the compliances.
     """
@@ -75,9 +76,9 @@ class SiteShapes:
     mass: Array
     moved: Array
     nodal: Array
-    beside: Array
+    weak: Array
     missed: Array
-    doubt: Array
+    uncertainty: Array
     y: Array
     bAb: Array
     share: float
@@ -90,8 +91,8 @@ class SiteShapes:
 
     @property
     def slide(self) -> Array:
-        """(p, h) the same in the rigid-body modes `nodal`: those that are modelled beside."""
-        return np.asarray(np.linalg.solve(self.W.T, self.beside.T))
+        """(p, h) the same in the rigid-body modes `nodal`: the weak ones."""
+        return np.asarray(np.linalg.solve(self.W.T, self.weak.T))
 
     @property
     def rigid_shapes(self) -> Array:
@@ -122,9 +123,9 @@ def _shapes(structure: Structure, B: Array, Y: Array) -> SiteShapes:
     moved = np.where(np.arange(len(sigma)) < q, unit * root * sigma, 0.0)
     strong, nodal = R[:, :q], R[:, q:]
     slides = dot(comm, nodal, B)
-    beside = np.zeros_like(slides)
-    weak = np.flatnonzero(sigma[q : q + nodal.shape[1]] ** 2 > HIDDEN)
-    beside[weak, q + weak] = slides[weak, q + weak]
+    weak = np.zeros_like(slides)
+    own = np.flatnonzero(sigma[q : q + nodal.shape[1]] ** 2 > HIDDEN)
+    weak[own, q + own] = slides[own, q + own]
     load = B - multiply(structure.M, nodal) @ slides if nodal.shape[1] else B
     y = Y - nodal @ (slides / root**2)
     phi, k0, strain = strong / moved[:q], np.zeros_like(W), np.zeros(len(kept))
@@ -139,7 +140,7 @@ def _shapes(structure: Structure, B: Array, Y: Array) -> SiteShapes:
         elastic = elastic - phi @ dot(comm, B[:, :q], elastic)
         phi = np.hstack([phi, elastic])
     m_phi = multiply(structure.M, phi)
-    doubt = SUM_ROUNDING * dot(comm, np.abs(R), np.abs(given)) @ np.abs(W) + strain
+    uncertainty = SUM_ROUNDING * dot(comm, np.abs(R), np.abs(given)) @ np.abs(W) + strain
     return SiteShapes(
         kept=kept,
         dependence=dependence,
@@ -151,9 +152,9 @@ def _shapes(structure: Structure, B: Array, Y: Array) -> SiteShapes:
         mass=dot(comm, phi, m_phi),
         moved=moved,
         nodal=nodal,
-        beside=beside,
-        missed=slides - beside,
-        doubt=doubt,
+        weak=weak,
+        missed=slides - weak,
+        uncertainty=uncertainty,
         y=y,
         bAb=dot(comm, load, y),
         share=float(sigma.max(initial=0.0) ** 2),
