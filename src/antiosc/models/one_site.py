@@ -11,10 +11,9 @@ from antiosc import checks
 from antiosc._types import Array
 from antiosc.errors import InputError
 from antiosc.models.arrow_modes import arrow_modes
-from antiosc.models.in_space import in_space
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import unit_vector
-from antiosc.models.parameters import Parameters
+from antiosc.models.parameters import Parameters, in_space
 from antiosc.models.softened import checked_error, checked_symmetric
 
 #: m0 is negligible if its own free mode lies so far above the last pole (squared frequencies).

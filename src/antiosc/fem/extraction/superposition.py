@@ -23,8 +23,7 @@ from antiosc.fem.extraction.dampers import refuse_dampers
 from antiosc.fem.extraction.eigenmodes import DENSE_MANY, Modes, ModeSolver
 from antiosc.fem.extraction.oscillators import REPEATED
 from antiosc.fem.extraction.self_check import CHECK
-from antiosc.fem.extraction.site_shapes import SiteShapes, site_shapes
-from antiosc.fem.extraction.static_mode import beside_rigid
+from antiosc.fem.extraction.site_shapes import SiteShapes, beside_rigid, site_shapes
 from antiosc.fem.extraction.wish import DEFAULT_COUNT, SEARCHED
 from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.mpi import collective, on_root
