@@ -17,6 +17,7 @@ from antiosc.checks import path as checked_path, whole
 from antiosc.errors import InputError
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.free_modes import SiteModels
+from antiosc.models.model_info import ModelInfo
 from antiosc.plotting import plot_map
 
 if TYPE_CHECKING:
@@ -73,7 +74,7 @@ class ImpactMap(Brief):
             self.models.model(i),
             local_compliance=float(self.local_compliance[i]),
             radius=None if self.radius is None else float(self.radius[i]),
-            info={"point": self.points[i].tolist(), "direction": self.directions[i].tolist()},
+            info=ModelInfo(point=self.points[i].tolist(), direction=self.directions[i].tolist()),
         )
 
     def quantities(self) -> dict[str, Array]:

@@ -23,16 +23,21 @@ from antiosc.errors import AccuracyWarning, InputError, warn
 from antiosc.fem.extraction.dampers import refuse_dampers
 from antiosc.fem.extraction.eigenmodes import Modes, ModeSolver
 from antiosc.fem.extraction.krylov import by_krylov
-from antiosc.fem.extraction.oscillators import error_bound, lumped, oscillators, wanted
-from antiosc.fem.extraction.static_mode import static_modes
+from antiosc.fem.extraction.oscillators import (
+    at_one_site,
+    elastic_count,
+    error_bound,
+    lumped,
+    oscillators,
+)
+from antiosc.fem.extraction.site_shapes import shapes_of_models
 from antiosc.fem.linalg.compliance import deflections
 from antiosc.fem.mpi import agree, collective, on_root
 from antiosc.fem.site.map_sites import sites_of
-from antiosc.fem.site.site import Functional
 from antiosc.fem.site.sites import Sites
 from antiosc.fem.structure.structure import Structure, with_parts
 from antiosc.map_results import ImpactMap
-from antiosc.models import driving_point as bands, free_modes
+from antiosc.models import driving_point, free_modes
 from antiosc.models.body import LinearBody, checked_body
 from antiosc.models.free_modes import SiteModels
 from antiosc.simulation.batch import simulate_many
@@ -208,15 +213,16 @@ def _refined(
     omega, m = models.omega.copy(), models.m.copy()
     k0, m0, m_st, error = models.k0.copy(), models.m0.copy(), models.m_st.copy(), error.copy()
     n = m.shape[1]
-    targets = [Functional(b) for b in sites.loads[:, worst].toarray().T]
-    statics = static_modes(structure, targets)
-    counts = [wanted(static, n) for static in statics]
-    found = by_krylov(structure, statics, counts, bands.UNOBSERVABLE, band, 0.0)
-    for i, static, (modes, remainder) in zip(worst, statics, found, strict=True):
+    loads = sites.loads[:, worst].toarray()
+    statics = shapes_of_models(structure, np.split(loads, len(worst), axis=1))
+    counts = [elastic_count(static, n) for static in statics]
+    found = by_krylov(structure, statics, counts, driving_point.UNOBSERVABLE, band, 0.0)
+    for i, static, count, (modes, remainder) in zip(worst, statics, counts, found, strict=True):
         known = lumped(structure, static, modes)
-        kept = oscillators(known, n, bands.UNOBSERVABLE)
+        elastic = oscillators(known, count, driving_point.UNOBSERVABLE)
+        kept = at_one_site(static, elastic, n)
         assert remainder is not None  # there is a band
-        bound = error_bound(structure, known, remainder, kept, band)
+        bound, _ = error_bound(structure, known, remainder, elastic, band, kept.omega)
         if bound >= error[i]:
             continue
         size = len(kept.m)
@@ -269,9 +275,10 @@ def _struck(
     def gathered(name: str) -> Array:
         return np.concatenate([getattr(batch, name) for batch, _ in parts])
 
-    result.info["seconds"]["impacts"] = time.perf_counter() - started
+    seconds = {**result.info["seconds"], "impacts": time.perf_counter() - started}
     return replace(
         result,
+        info={**result.info, "seconds": seconds},
         peak_force=gathered("peak_force"),
         contact_time=gathered("contact_time"),
         restitution=gathered("restitution"),

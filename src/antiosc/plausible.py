@@ -14,6 +14,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from antiosc.errors import InputError, MeshError, warn
+from antiosc.models.model_info import info_of
 
 #: Speeds √(E/ρ) of waves in bars, m/s: rubber has some 50, diamond 18 000.
 SLOWEST_WAVE, FASTEST_WAVE = 50.0, 20_000.0
@@ -133,9 +134,7 @@ def of_modulus(E: float) -> str:
 
 def of_model(*models: Any) -> list[str]:
     """What was implausible of the parts from which models were extracted."""
-    facts = [getattr(one, "info", None) for one in models]
-    found = [info.get("doubts") for info in facts if isinstance(info, dict)]
-    return [str(text) for listed in found if isinstance(listed, list | tuple) for text in listed]
+    return [str(text) for one in models for text in info_of(one).doubts or ()]
 
 
 def of_blow(model: Any, movers: Iterable[Any], *velocities: Any) -> str:
@@ -149,8 +148,7 @@ def of_blow(model: Any, movers: Iterable[Any], *velocities: Any) -> str:
     """
     given = [*velocities, *(getattr(one, "velocity", 0.0) for one in movers)]
     speed = max(map(_fastest, given), default=0.0)
-    info = getattr(model, "info", None)
-    wave = info.get("wave_speed") if isinstance(info, dict) else None
+    wave = info_of(model).wave_speed
     units = f"velocities are in m/s; {1e-3 * speed:g} m/s is probably meant ({speed:g} mm/s)"
     sentence = ""
     if speed > FASTEST_BLOW:

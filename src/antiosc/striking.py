@@ -129,7 +129,7 @@ def strike(
     History
         Of the last mesh, on its corrected model, which is nearer to the truth: the mesh's bars are
         those of `simulate` less the correction. Of shells it is the raw model. `error_budget` is
-        known, `model.info["strike"]` lists the meshes. Status 1 and a sentence in the message if
+        known, `model.info.strike` lists the meshes. Status 1 and a sentence in the message if
         the budget exceeds `tol`, and what meeting it would cost, or that the share of
         the beam model exceeds it.
 
@@ -315,7 +315,7 @@ def _room(budget: ErrorBudget, tol: float) -> dict[str, float]:
 def _finished(answer: Answer, tol: float, records: list[dict[str, Any]], told: str) -> History:
     """The history, with its budget and the story of its meshes."""
     hit, budget = answer.hit, answer.budget
-    hit.model.info["strike"] = records
+    model = replace(hit.model, info=replace(hit.model.info, strike=records))
     dofs = ", ".join(str(record["dofs"]) for record in records)
     story = f"Meshes of {dofs} dofs; bar {100 * budget.worst:.2g} % for tol = {100 * tol:g} %."
     if budget.worst > tol and not told:
@@ -328,6 +328,7 @@ def _finished(answer: Answer, tol: float, records: list[dict[str, Any]], told: s
         budget = replace(budget, notes=(*budget.notes, told))
     return replace(
         hit,
+        model=model,
         status=1 if told and hit.status == 0 else hit.status,
         message=" ".join(filter(None, (hit.message, story, told))),
         budget=partial(_known, budget),

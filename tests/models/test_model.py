@@ -6,6 +6,7 @@ import json
 import os
 import struct
 import zipfile
+from dataclasses import FrozenInstanceError
 
 import numpy as np
 import pytest
@@ -165,6 +166,21 @@ class TestFile:
         for name in ("m", "omega", "participation"):
             assert np.array_equal(getattr(back, name), getattr(model, name))
         assert back.modal().decay == pytest.approx(model.modal().decay)
+
+    def test_facts_are_a_record_that_nothing_changes(self, tmp_path):
+        """Names that it does not have, of files of other versions, are kept beside."""
+        given = {"dofs": 12, "band": {"top": 3.0}, "weld": "left"}
+        model = ao.AntiOscillators(m0=0.5, k0=1e5, m=[], info=given)
+        assert (model.info.dofs, model.info["dofs"], model.info.notes) == (12, 12, {"weld": "left"})
+        assert model.info.as_dict() == given
+        assert model.info.get("patch") is None
+        with pytest.raises(FrozenInstanceError):
+            model.info.dofs = 13
+        model.save(tmp_path / "m.npz")
+        assert ao.AntiOscillators.load(tmp_path / "m.npz").info == model.info
+        for wrong in ({"dofs": -1}, {"band": 3.0}, "none"):
+            with pytest.raises(ao.InputError, match="info"):
+                ao.AntiOscillators(m0=0.5, k0=1e5, m=[], info=wrong)
 
     def test_header_explains_itself(self, tmp_path):
         random_model(np.random.default_rng(0), 2).save(tmp_path / "m.npz")

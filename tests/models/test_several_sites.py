@@ -166,7 +166,7 @@ def test_saved_and_loaded(tmp_path, rng):
     assert again.sites == model.sites == ("s0", "s1", "s2")
     assert again.columns == model.columns
     assert again.radius == model.radius == (None, 2e-3, None)
-    assert again.info == {"method": "by hand"}
+    assert again.info.as_dict() == {"method": "by hand"}
     assert again.shapes is None
     both = again.site_modes().receptance(OMEGA), model.site_modes().receptance(OMEGA)
     np.testing.assert_array_equal(*both)

@@ -24,7 +24,7 @@ from antiosc import checks
 from antiosc._types import Array
 from antiosc.brief import Brief
 from antiosc.errors import InputError
-from antiosc.fem.extraction.static_mode import beside_rigid
+from antiosc.fem.extraction.site_shapes import beside_rigid
 from antiosc.fem.fields import counted, shapes_of
 from antiosc.fem.linalg.algebra import dot
 from antiosc.fem.mpi import collective

@@ -31,6 +31,7 @@ from antiosc.errors import InputError
 from antiosc.models import one_site, saved_models, several_sites, softened
 from antiosc.models.body import several_contact_points
 from antiosc.models.modal import Damping, ModalBody
+from antiosc.models.model_info import ModelInfo
 from antiosc.models.parameters import Parameters
 from antiosc.models.reduced_matrices import ReducedMatrices, reduced_matrices
 from antiosc.models.site_modes import SiteModes
@@ -82,8 +83,8 @@ class AntiOscillators(Brief, Parameters):
         Shapes of those h motions; not saved to files.
     damping : Damping, optional
         Damping of the free modes.
-    info : dict
-        Data of the extraction, JSON values.
+    info : ModelInfo, or dict
+        What is known of the extraction (`antiosc.models.model_info`).
     P : array_like, shape (p, N), optional
         Several sites: inertias [kg^1/2] of the constraint modes, in place of `m`.
     sites : sequence of str
@@ -116,7 +117,7 @@ class AntiOscillators(Brief, Parameters):
     def __post_init__(self) -> None:
         if self.damping is not None:
             checks.instance("damping", self.damping, Damping, "a Damping(ratio, alpha, beta)")
-        checks.instance("info", self.info, dict, "a dict of facts")
+        checks.store(self, info=ModelInfo.of(self.info))
         if self.P is not None or len(checks.instance("sites", self.sites, (list, tuple), "names")):
             for name in ("strain_error", "strain_misfit"):
                 if getattr(self, name) is not None:
@@ -140,7 +141,7 @@ class AntiOscillators(Brief, Parameters):
             ("k0", f"{self.k0:.6g} N/m"),
             ("m_st", f"{self.m_st:.6g} kg, {captured:.2%} of it captured"),
             ("anti-oscillators", f"{self.n}{', ' + lowest + more + ' Hz' if self.n else ''}"),
-            *([("from", self.info["structure"])] if "structure" in self.info else []),
+            *([("from", self.info.structure)] if self.info.structure else []),
         ]
 
     @property
@@ -191,7 +192,7 @@ class AntiOscillators(Brief, Parameters):
         return replace(
             self,
             m0=self.m0 + self.m[n:].sum(axis=0),
-            m=None if self.sites else self.m[:n],
+            m=self.m[:n],
             P=None if self.P is None else self.P[:, :n],
             omega=self.omega[:n],
             participation=p,

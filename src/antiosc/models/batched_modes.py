@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from antiosc._types import Array
-from antiosc.models import driving_point as bands
+from antiosc.models import driving_point
 
 #: Relative norm of a new direction after orthogonalisation, below which the space is exhausted.
 EXHAUSTED = 1e-10
@@ -54,8 +54,8 @@ def parameters(
         x = np.where(theta > 0, 1 / theta - shift, np.inf)
     real = np.isfinite(x) & (x > 0)
     rest = left + np.sum(np.where(real, 0.0, m), axis=1)
-    share = bands.shares(k0, rest, np.where(real, m, 0.0), np.where(real, x, 1.0))
-    seen = share > bands.UNOBSERVABLE
+    share = driving_point.shares(k0, rest, np.where(real, m, 0.0), np.where(real, x, 1.0))
+    seen = share > driving_point.UNOBSERVABLE
     order = np.argsort(np.where(seen, x, np.inf), axis=1, kind="stable")
     x, m, seen = (np.take_along_axis(a, order, axis=1) for a in (x, m, seen))
     seen[:, n:] = False

@@ -12,6 +12,7 @@ from typing import Any, Protocol, runtime_checkable
 from antiosc import checks
 from antiosc.errors import InputError
 from antiosc.models.modal import ModalBody
+from antiosc.models.model_info import info_of
 from antiosc.models.motion import Motion
 
 
@@ -95,12 +96,11 @@ def checked_body(name: str, body: Any) -> Body:
 
 def places_of(body: Any) -> dict[str, tuple[float, ...]]:
     """Where the sites of an extracted body lie [m], by name; "" is the name of a single one."""
-    info = getattr(body, "info", None)
-    info = info if isinstance(info, dict) else {}
-    named = info.get("points", {"": info.get("point")})
+    info = info_of(body)
+    named = {"": info.point} if info.points is None else info.points
     return {
         str(name): tuple(point)
-        for name, point in (named.items() if isinstance(named, dict) else ())
+        for name, point in named.items()
         if isinstance(point, list | tuple) and all(isinstance(c, int | float) for c in point)
     }
 

@@ -22,6 +22,8 @@ START = 0.25
 #: an anti-oscillator is unobservable if its share in |Z| at its own frequency, where it is largest,
 #: is below this
 UNOBSERVABLE = 1e-8
+#: number of frequencies at which Z is computed at a time: all at once take N times the memory
+AT_ONCE = 500
 #: share of the largest stiffness of several sites, on equal masses, below which one is rounding
 UNSTRAINED = 1e-10
 
@@ -40,32 +42,20 @@ def samples(top: float, lowest: float, step: float = DAMPING) -> ComplexArray:
     return np.geomspace(start, top, count) * (1 + 1j * DAMPING)
 
 
-def driving_point(
-    x: Numbers, k0: ArrayLike, m0: ArrayLike, m: ArrayLike, poles: ArrayLike
-) -> Numbers:
-    """Z at x = omega^2 of shape (..., W) for k0, m0 (...,) and m, poles = omega_i^2 (..., N).
-
-    The formula uses m0, not m_st = m0 + sum(m_i): if an m_i is large, -x m_st and the term of m_i
-    would cancel.
-    """
-    k0, m0, m, poles = (np.asarray(a, dtype=float) for a in (k0, m0, m, poles))
-    real = m > 0
-    weight, poles = np.where(real, m * poles, 0.0), np.where(real, poles, -1.0)
-    hung = np.sum(weight[..., None, :] / (poles[..., None, :] - x[..., None]), axis=-1)
-    return np.asarray(k0[..., None] - x * (m0[..., None] + hung))
-
-
 def shares(k0: ArrayLike, m0: ArrayLike, m: ArrayLike, poles: ArrayLike) -> Array:
     """|change of Z|/|Z| (..., N) at each damped pole if its mass is added to m0 instead.
 
-    Arguments as of `driving_point`; poles with m = 0 have no share.
+    Of many models of one site: k0, m0 (...,) and m, poles = omega_i^2 (..., N); poles with m = 0
+    have no share. Z is written with m0, not m_st = m0 + sum(m_i): if an m_i is large, -x m_st and
+    the term of m_i would cancel.
     """
-    m, poles = np.asarray(m, dtype=float), np.asarray(poles, dtype=float)
+    k0, m0, m, poles = (np.asarray(a, dtype=float) for a in (k0, m0, m, poles))
+    weight, poles = np.where(m > 0, m * poles, 0.0), np.where(m > 0, poles, -1.0)
     share = np.zeros(m.shape)
     for i in range(m.shape[-1]):  # one after the other: all at once take N times the memory
         pole = np.where(m[..., i] > 0, poles[..., i], 1.0)
         x = pole * (1 + 1j * DAMPING) ** 2
-        Z = driving_point(x[..., None], k0, m0, m, poles)[..., 0]
+        Z = k0 - x * (m0 + np.sum(weight / (poles - x[..., None]), axis=-1))
         share[..., i] = m[..., i] * np.abs(x**2 / (pole - x) / Z)
     return share
 
@@ -80,18 +70,7 @@ def shares_of_receptance(b: ArrayLike, poles: ArrayLike) -> Array:
     return share
 
 
-def lowest_frequency(k0: float, m_st: float, omega: ArrayLike) -> float:
-    """Frequency [rad/s] at which Z begins to vary: sqrt(k0/m_st) or the first pole.
-
-    inf for a rigid mass, whose Z has no such frequency.
-    """
-    known = [float(w) for w in np.atleast_1d(np.asarray(omega, dtype=float))[:1]]
-    if k0 > 0:
-        known.append(float(np.sqrt(k0 / m_st)))
-    return min(known, default=float("inf"))
-
-
-# -- several sites: Z, K0, M0 are (p, p), and mode i has P_i (p,), its inertia at the sites
+# -- p >= 1 sites: Z, K0, M0 are (p, p), and mode i has P_i (p,), its inertia at the sites
 
 
 def stiffness_at_sites(x: Numbers, k0: Array, m0: Array, P: Array, poles: Array) -> Numbers:
@@ -120,17 +99,20 @@ def shares_at_sites(k0: Array, m0: Array, P: Array, poles: Array) -> Array:
     units or combinations of the sites are taken.
     """
     share = np.zeros(len(poles))
-    real = poles > 0
-    p, P = poles[real], P[real]
-    x = p * (1 + 1j * DAMPING) ** 2
-    Z = stiffness_at_sites(x, k0, m0, P, p)
-    own = np.einsum("ip,ip->i", P, np.linalg.solve(Z, P[:, :, None])[:, :, 0])
-    share[real] = np.abs(x**2 / (p - x) * own)
+    real = np.flatnonzero(poles > 0)
+    for i in np.split(real, range(AT_ONCE, len(real), AT_ONCE)):
+        x = poles[i] * (1 + 1j * DAMPING) ** 2
+        Z = stiffness_at_sites(x, k0, m0, P[real], poles[real])
+        own = np.einsum("ip,ip->i", P[i], np.linalg.solve(Z, P[i, :, None])[:, :, 0])
+        share[i] = np.abs(x**2 / (poles[i] - x) * own)
     return share
 
 
 def lowest_frequency_at_sites(k0: Array, m_st: Array, poles: Array) -> float:
-    """Frequency [rad/s] at which Z begins to vary: the lowest of k0 on m_st, or the first pole."""
+    """Frequency [rad/s] at which Z begins to vary: the lowest of k0 on m_st, or the first pole.
+
+    inf for a rigid mass, whose Z has no such frequency.
+    """
     found = [float(x) for x in poles[:1]]
     scale = 1 / np.sqrt(np.maximum(m_st.diagonal(), np.finfo(float).tiny))
     values = np.linalg.eigvalsh(k0 * scale[:, None] * scale)
@@ -142,6 +124,8 @@ def spectral_norms(matrices: Numbers) -> Array:
     """2-norms (W,) of matrices (W, m, n); 0 of empty ones."""
     if 0 in matrices.shape:
         return np.zeros(len(matrices))
+    if 1 in matrices.shape[1:]:
+        return np.sqrt(np.sum(np.abs(matrices) ** 2, axis=(1, 2)))
     return np.asarray(np.linalg.norm(matrices, 2, axis=(1, 2)))
 
 

@@ -32,7 +32,7 @@ from numpy.typing import ArrayLike
 from antiosc import checks
 from antiosc._types import Array, Numbers
 from antiosc.errors import InputError
-from antiosc.models import driving_point as bands
+from antiosc.models import driving_point
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.batched_modes import parameters
 from antiosc.models.rigid_share import HIDDEN, SMALL_SHARE, with_rigid
@@ -235,7 +235,7 @@ def error_bound(
     slow = np.where(s > 0, 0.0, np.abs(G - b**2 @ (1 / (omega**2 + shift) ** 2))[:, None])
     theta = s / np.where(r > 0, r, 1.0)
     p = theta * (omega[-1] ** 2 + shift)
-    at = bands.samples(band, min(omega[omega > 0].min(), models.omega.min(initial=np.inf)))
+    at = driving_point.samples(band, min(omega[omega > 0].min(), models.omega.min(initial=np.inf)))
     x = at**2
     z = x + shift
     far = np.abs(1 - z / (omega[-1] ** 2 + shift))

@@ -100,8 +100,98 @@ def as_damping(value: Any) -> Damping | None:
     return Damping(ratio=value)
 
 
+class FreeModes(Brief):
+    """What bodies in free modes with one contact point (`ModalBody`) and with several share.
+
+    Arrays of the contact points have an axis for them where there are several.
+    """
+
+    omega: Array
+    b: Array
+    r: Any
+    decay: Array | None
+    shape: Array | None
+    residual: Array | None
+    basis: tuple[Array, ...] | None
+    inertia: Inertia | None
+    amplitude: Array | None = None
+
+    def _check_modes(self, *points: int | None) -> None:
+        """Check and store what both have; `points` is the axis of the contact points."""
+        omega = checks.array("omega", self.omega, (None,))
+        if np.any(omega < 0):
+            raise InputError(f"omega must be >= 0; its least entry is {omega.min():g} rad/s.")
+        size = omega.size
+        checks.store(self, omega=omega, b=checks.array("b", self.b, (size, *points)))
+        if self.decay is not None:
+            checks.store(self, decay=checks.array("decay", self.decay, (size,)))
+            if np.any(self.decay < 0):
+                raise InputError("decay must be >= 0: negative damping adds energy.")
+        if self.shape is not None:
+            checks.store(self, shape=checks.array("shape", self.shape, (None, size)))
+        own = self._size
+        if self.residual is not None:
+            rows = own if points or self.shape is not None else None
+            rest = checks.array("residual", self.residual, (rows, *self.b.shape[1:]))
+            checks.store(self, residual=rest)
+        if self.basis is not None:
+            checks.store(self, basis=checked_basis(self.basis))
+        if self.amplitude is not None:
+            checks.store(self, amplitude=checks.array("amplitude", self.amplitude, (None, own)))
+        if self.inertia is not None:
+            checks.instance("inertia", self.inertia, Inertia, "an Inertia")
+        if self.inertia is not None and len(self.inertia.momentum) != size:
+            raise InputError(
+                f"inertia.momentum needs one row for each of {size} modes; got"
+                f" {len(self.inertia.momentum)}."
+            )
+
+    @property
+    def _size(self) -> int:
+        """Number of own coordinates."""
+        return len(self.omega) if self.shape is None else len(self.shape)
+
+    def coordinates(self, q: ArrayLike, force: ArrayLike) -> Array:
+        """Own coordinates (..., C) for modal ones (..., J), contact forces (...,) or (..., P)."""
+        q = checks.array("q", q, None)
+        force = checks.array("force", force, None)
+        size, *points = self.b.shape
+        shapes = [(*q.shape[:-1], *points), *([] if points else [()])]
+        if q.ndim == 0 or q.shape[-1] != size or force.shape not in shapes:
+            raise InputError(
+                f"q must have shape (..., {size}) and force shape (...,"
+                f"{''.join(f' {p}' for p in points)}); got {q.shape} and {force.shape}."
+            )
+        x = q if self.shape is None else q @ self.shape.T
+        if self.residual is None or (self.shape is None and not points):
+            return x
+        return np.asarray(x + np.tensordot(force, self.residual.T, axes=len(points)))
+
+    def amplitudes(self, coordinates: ArrayLike) -> Array:
+        """Amplitudes (..., B) of the columns of `basis` for own coordinates (..., C)."""
+        x = checks.array("coordinates", coordinates, None)
+        if x.ndim == 0 or x.shape[-1] != self._size:
+            raise InputError(f"coordinates must have shape (..., {self._size}); got {x.shape}.")
+        return x if self.amplitude is None else np.asarray(x @ self.amplitude.T)
+
+    def field(self, coordinates: ArrayLike) -> Array:
+        """Displacements (..., n) of the whole body for own coordinates (..., C)."""
+        if self.basis is None:
+            raise InputError(NO_SHAPES)
+        return combined(self.basis, self.amplitudes(coordinates))
+
+    def receptance(self, omega: ArrayLike) -> ComplexArray:
+        """H(omega) = u/F [m/N], damping included; of several contact points (..., P, P)."""
+        w = checks.spectrum("omega", omega)[..., np.newaxis]
+        loss = 0.0 if self.decay is None else 2j * self.decay * w
+        modal = 1 / (self.omega**2 - w**2 + loss)
+        b = self.b.reshape(len(self.b), -1)
+        H = (b.T * modal[..., np.newaxis, :]) @ b
+        return np.asarray((H if self.b.ndim > 1 else H[..., 0, 0]) + self.r + 0j)
+
+
 @dataclass(frozen=True, eq=False, repr=False)
-class ModalBody(Brief):
+class ModalBody(FreeModes):
     """A linear body in free modes (see the module's equations).
 
     Attributes
@@ -135,36 +225,12 @@ class ModalBody(Brief):
     inertia: Inertia | None = None
 
     def __post_init__(self) -> None:
-        checks.store(self, omega=checks.array("omega", self.omega, (None,)))
-        size = self.omega.size
-        for name in ("b", "decay", "weight"):
-            value = getattr(self, name)
-            if value is not None or name == "b":
-                checks.store(self, **{name: checks.array(name, value, (size,))})
-        if np.any(self.omega < 0):
-            raise InputError(f"omega must be >= 0; its least entry is {self.omega.min():g} rad/s.")
-        if self.decay is not None and np.any(self.decay < 0):
-            raise InputError("decay must be >= 0: negative damping adds energy.")
+        self._check_modes()
         checks.store(self, r=checks.nonnegative("r", self.r, "m/N"))
-        if self.shape is not None:
-            checks.store(self, shape=checks.array("shape", self.shape, (None, size)))
-        if self.residual is not None:
-            rows = None if self.shape is None else len(self.shape)
-            checks.store(self, residual=checks.array("residual", self.residual, (rows,)))
-        own = size if self.shape is None else len(self.shape)
-        if self.basis is not None:
-            checks.store(self, basis=checked_basis(self.basis))
-        if self.amplitude is not None:
-            checks.store(self, amplitude=checks.array("amplitude", self.amplitude, (None, own)))
+        if self.weight is not None:
+            checks.store(self, weight=checks.array("weight", self.weight, self.omega.shape))
         if self.direction is not None:
             checks.store(self, direction=unit_vector("direction", self.direction))
-        if self.inertia is not None:
-            checks.instance("inertia", self.inertia, Inertia, "an Inertia")
-        if self.inertia is not None and len(self.inertia.momentum) != size:
-            raise InputError(
-                f"inertia.momentum needs one row for each of {size} modes; got"
-                f" {len(self.inertia.momentum)}."
-            )
 
     @cached_property
     def mobility(self) -> float:
@@ -175,42 +241,6 @@ class ModalBody(Brief):
         x, b = self.omega[~rigid] ** 2, self.b[~rigid]
         inertia = float(np.sum((b / x) ** 2))
         return (float(np.sum(b**2 / x)) + self.r) ** 2 / inertia if inertia > 0 else 0.0
-
-    def coordinates(self, q: ArrayLike, force: ArrayLike) -> Array:
-        """Own coordinates (..., C) for modal ones of shape (..., J) and contact forces (...,)."""
-        q = checks.array("q", q, None)
-        force = checks.array("force", force, None)
-        if q.ndim == 0 or q.shape[-1] != self.omega.size or force.shape not in ((), q.shape[:-1]):
-            raise InputError(
-                f"q must have shape (..., {self.omega.size}) and force shape (...,); got {q.shape}"
-                f" and {force.shape}."
-            )
-        if self.shape is None:
-            return q
-        x = q @ self.shape.T
-        if self.residual is not None:
-            x = x + np.multiply.outer(force, self.residual)
-        return np.asarray(x)
-
-    def amplitudes(self, coordinates: ArrayLike) -> Array:
-        """Amplitudes (..., B) of the columns of `basis` for own coordinates (..., C)."""
-        x = checks.array("coordinates", coordinates, None)
-        size = len(self.omega) if self.shape is None else len(self.shape)
-        if x.ndim == 0 or x.shape[-1] != size:
-            raise InputError(f"coordinates must have shape (..., {size}); got {x.shape}.")
-        return x if self.amplitude is None else np.asarray(x @ self.amplitude.T)
-
-    def field(self, coordinates: ArrayLike) -> Array:
-        """Displacements (..., n) of the whole body for own coordinates (..., C)."""
-        if self.basis is None:
-            raise InputError(NO_SHAPES)
-        return combined(self.basis, self.amplitudes(coordinates))
-
-    def receptance(self, omega: ArrayLike) -> ComplexArray:
-        """H(omega) = u/F [m/N], damping included."""
-        w = checks.spectrum("omega", omega)[..., np.newaxis]
-        loss = 0.0 if self.decay is None else 2j * self.decay * w
-        return np.asarray(np.sum(self.b**2 / (self.omega**2 - w**2 + loss), axis=-1) + self.r + 0j)
 
     def rigid_motion(self, velocity: float | Motion) -> Array:
         """Modal velocities (J,) of a rigid-body motion.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,10 +11,9 @@ from antiosc import checks
 from antiosc._types import Array
 from antiosc.errors import InputError
 from antiosc.models.arrow_modes import arrow_modes
-from antiosc.models.in_space import in_space
 from antiosc.models.modal import ModalBody
-from antiosc.models.motion import Inertia, unit_vector
-from antiosc.models.parameters import Parameters
+from antiosc.models.motion import unit_vector
+from antiosc.models.parameters import Parameters, in_space
 from antiosc.models.softened import checked_error, checked_symmetric
 
 #: m0 is negligible if its own free mode lies so far above the last pole (squared frequencies).
@@ -95,52 +93,37 @@ def modal(model: Parameters) -> ModalBody:
     np.add.at(mass, group.ravel(), model.m)
     x, shape = arrow_modes(model.k0, 0.0 if massless else model.m0, mass, poles)
     shape = shape[np.concatenate(([0], 1 + group.ravel()))]
-    residual = np.zeros(model.n + 1)
+    # hidden motions in front, so that the frequencies ascend; their coordinates follow lambda
+    hidden = model.hidden_count
+    none, own = np.zeros(hidden), np.eye(hidden)
+    omega = np.concatenate((none, np.sqrt(x)))
+    residual = np.zeros(model.n + 1 + hidden)
     if massless:
         residual[0] = 1.0 / (model.k0 + float(model.k.sum()))
-    omega = np.sqrt(x)
-    seen = ModalBody(
+    weight = None if model.participation is None else shape.T @ model.participation
+    b = np.concatenate((none, shape[0]))
+    shape = np.roll(block_diag(shape, own), hidden, axis=1)
+    amplitude = block_diag(_relative(model.n), own)
+    inertia, basis = model.inertia, None
+    if inertia is not None:
+        inertia = inertia.along((amplitude @ shape).T @ inertia.momentum)
+        if model.direction is not None:
+            pull = inertia.momentum[:, :3] @ model.direction
+            weight = pull if weight is None else np.concatenate((pull[:hidden], weight))
+    if model.shapes is not None and not (hidden and model.hidden is None):
+        basis = (model.shapes, model.hidden) if hidden else (model.shapes,)
+    return ModalBody(
         omega=omega,
-        b=shape[0],
+        b=b,
         r=float(residual[0]),
         decay=None if model.damping is None else model.damping.decay(omega),
-        weight=None if model.participation is None else shape.T @ model.participation,
-        shape=shape,
-        residual=residual,
-        basis=None if model.shapes is None else (model.shapes,),
-        amplitude=_relative(model.n),
-        direction=model.direction,
-    )
-    return seen if model.inertia is None else _with_hidden(model, seen, model.inertia)
-
-
-def _with_hidden(model: Parameters, seen: ModalBody, inertia: Inertia) -> ModalBody:
-    """The body with its hidden rigid-body motions as additional modes."""
-    count = len(inertia.momentum) - model.n - 1
-    none, own = np.zeros(count), np.eye(count)
-    # in front, so that the frequencies ascend; their coordinates follow lambda
-    shape = np.roll(block_diag(seen.shape, own), count, axis=1)
-    amplitude = block_diag(seen.amplitude, own)
-    momentum = (amplitude @ shape).T @ inertia.momentum
-    basis, decay, weight = seen.basis, seen.decay, seen.weight
-    if basis is not None and count:
-        basis = None if model.hidden is None else (*basis, model.hidden)
-    if decay is not None and model.damping is not None:
-        decay = np.concatenate((none + model.damping.alpha / 2, decay))
-    if model.direction is not None:
-        pull = momentum[:, :3] @ model.direction
-        weight = pull if weight is None else np.concatenate((pull[:count], weight))
-    return replace(
-        seen,
-        omega=np.concatenate((none, seen.omega)),
-        b=np.concatenate((none, seen.b)),
-        decay=decay,
         weight=weight,
         shape=shape,
-        residual=np.concatenate((seen.residual, none)),  # type: ignore[arg-type]
-        basis=basis,
+        residual=residual,
+        basis=basis,  # type: ignore[arg-type]
         amplitude=amplitude,
-        inertia=inertia.along(momentum),
+        direction=model.direction,
+        inertia=inertia,
     )
 
 

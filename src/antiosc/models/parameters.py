@@ -8,9 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from antiosc._types import Array
+from antiosc import checks
+from antiosc._types import Array, Index
+from antiosc.errors import InputError
 from antiosc.models.body import Body
 from antiosc.models.modal import Damping
+from antiosc.models.model_info import ModelInfo
 from antiosc.models.motion import Inertia
 
 
@@ -30,7 +33,7 @@ class Parameters(Body):
     inertia: Inertia | None = None
     hidden: Array | None = None
     damping: Damping | None = None
-    info: dict[str, Any] = field(default_factory=dict)
+    info: ModelInfo = field(default_factory=ModelInfo)
     P: Any = None
     sites: tuple[str, ...] = ()
     columns: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
@@ -66,3 +69,33 @@ class Parameters(Body):
     def m_st(self) -> Any:
         """Static mass m0 + sum(m_i) [kg], or the rigid-body mass m_CR. Article eq. (15)."""
         return self.m0 + self.m.sum(axis=0)
+
+
+def in_space(model: Parameters, rows: Index, slides: int | None = None) -> dict[str, Any]:
+    """Shapes, momenta and hidden motions as they are stored; InputError where they do not fit.
+
+    `rows` sorts the shapes; the momenta of the hidden motions follow theirs. `slides` is the number
+    of hidden motions where the momenta do not tell it.
+    """
+    found: dict[str, Any] = {}
+    in_order = np.array_equal(rows, np.arange(rows.size))
+    if model.shapes is not None:
+        shapes = checks.array("shapes", model.shapes, (None, rows.size))
+        found["shapes"] = shapes if in_order else shapes[:, rows]
+    if model.inertia is not None:
+        momentum = checks.instance("inertia", model.inertia, Inertia, "an Inertia").momentum
+        if len(momentum) < rows.size:
+            raise InputError(
+                f"inertia.momentum needs a row for each of psi_0 ... psi_{rows.size - 1}, "
+                f"{rows.size} shapes, and one for each hidden motion; got {len(momentum)}."
+            )
+        all_rows = np.concatenate((rows, np.arange(rows.size, len(momentum))))
+        found["inertia"] = model.inertia if in_order else model.inertia.along(momentum[all_rows])
+    if model.hidden is not None:
+        if model.inertia is not None:
+            slides = len(model.inertia.momentum) - rows.size
+        if slides is None:
+            raise InputError("hidden motions need the inertia, which holds their momentum.")
+        nodes = None if model.shapes is None else len(model.shapes)
+        found["hidden"] = checks.array("hidden", model.hidden, (nodes, slides))
+    return found

@@ -8,6 +8,7 @@ import numpy as np
 
 from antiosc import checks
 from antiosc.errors import InputError
+from antiosc.models.model_info import info_of
 
 
 def resolved_frequency(source: Any) -> float:
@@ -37,14 +38,14 @@ def resolved_frequency(source: Any) -> float:
     model = getattr(source, "model", source)
     placed = getattr(source, "placed", None)
     model = model if placed is None else placed.body
-    info = getattr(model, "info", None)
-    if not isinstance(info, dict) or "converged" not in info:
+    info = info_of(model)
+    if info.converged is None:
         raise InputError(
             "which frequencies a model resolves is known of models that extract, superposition or "
             f"full returned, and of histories of impacts on them; got {checks.shown(source)}."
         )
-    if info.get("method") == "full":
+    if info.method == "full":
         return float("inf")
     omega = np.sort(np.asarray(model.omega, dtype=float))
-    count = min(int(info["converged"]), omega.size)
+    count = min(info.converged, omega.size)
     return float(omega[count - 1]) / (2 * np.pi) if count else 0.0

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from antiosc.errors import InputError
 from antiosc.models import model_file
 from antiosc.models.modal import Damping
+from antiosc.models.model_info import ModelInfo
 from antiosc.models.motion import Inertia
 from antiosc.models.parameters import Parameters
 
@@ -73,7 +74,7 @@ def save(model: Parameters, path: str | os.PathLike[str]) -> None:
         "meaning": _MEANING,
         **{name: _plain(getattr(model, name)) for name in _SCALARS},
         "damping": None if model.damping is None else model.damping.as_dict(),
-        "info": model.info,
+        "info": model.info.as_dict(),
     }
     if several:
         header["sites"] = list(model.sites)
@@ -91,7 +92,7 @@ def arguments(path: str | os.PathLike[str]) -> dict[str, Any]:
             **{name: arrays[name] for name in _ARRAYS if name in arrays},
             "inertia": _inertia(arrays),
             "damping": None if damping is None else Damping(**damping),
-            "info": dict(header.get("info", {})),
+            "info": ModelInfo.of(header.get("info", {})),
             "sites": tuple(header.get("sites", ())),
             "columns": dict(header.get("columns", {})),
             **{name: header[name] for name in _SCALARS},

@@ -10,8 +10,7 @@ from scipy.linalg import block_diag
 from antiosc import checks
 from antiosc._types import Array, Index, Numbers
 from antiosc.errors import InputError
-from antiosc.models.in_space import in_space
-from antiosc.models.parameters import Parameters
+from antiosc.models.parameters import Parameters, in_space
 from antiosc.models.reduced_modes import reduced_modes, rigid_motions, stiffness_scale
 from antiosc.models.site_modes import SiteModes, columns_of_sites, unit_vectors
 
@@ -24,7 +23,7 @@ def checked(model: Parameters) -> dict[str, Any]:
 
     They are sorted by frequency.
     """
-    if model.m is not None:
+    if model.m is not None and np.ndim(model.m) != 3:
         raise InputError("with several sites the inertias are given as P, not as m.")
     if model.P is None:
         raise InputError("several sites need P (p, N), the inertias of the constraint modes.")

@@ -7,18 +7,16 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from antiosc import checks
-from antiosc._types import Array, ComplexArray
-from antiosc.brief import Brief
+from antiosc._types import Array
 from antiosc.errors import InputError
-from antiosc.models.modal import NO_SHAPES, checked_basis, combined
+from antiosc.models.modal import FreeModes
 from antiosc.models.motion import Inertia
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SiteModes(Brief):
+class SiteModes(FreeModes):
     """A linear body in its free modes, seen from several sites.
 
     With mass-normalised modes q_j and forces f on the columns,
@@ -73,11 +71,8 @@ class SiteModes(Brief):
     local_compliance: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        omega = checks.array("omega", self.omega, (None,))
-        if np.any(omega < 0):
-            raise InputError(f"omega must be >= 0; its least entry is {omega.min():g} rad/s.")
-        b = checks.array("b", self.b, (omega.size, None))
-        count = b.shape[1]
+        self._check_modes(None)
+        modes, count = self.b.shape
         r = np.zeros((count, count)) if self.r is None else self.r
         r = checks.array("r", r, (count, count))
         size = float(np.abs(r).max(initial=0.0))
@@ -85,42 +80,18 @@ class SiteModes(Brief):
             np.abs(r - r.T).max() > 1e-9 * size or np.linalg.eigvalsh(r).min() < -1e-9 * size
         ):
             raise InputError("r must be symmetric and positive semidefinite, as a compliance is.")
-        decay = np.zeros(omega.size) if self.decay is None else self.decay
-        decay = checks.array("decay", decay, (omega.size,))
-        if np.any(decay < 0):
-            raise InputError("decay must be >= 0: negative damping feeds energy in.")
-        sites = columns_of_sites(self.sites, count)
-        for name, value in (("omega", omega), ("b", b), ("r", r), ("decay", decay)):
-            object.__setattr__(self, name, value)
-        object.__setattr__(self, "sites", sites)
+        checks.store(self, r=r, sites=columns_of_sites(self.sites, count))
+        if self.decay is None:
+            checks.store(self, decay=np.zeros(modes))
         if self.directions is not None:
             directions = checks.array("directions", self.directions, (count, 3))
-            object.__setattr__(self, "directions", unit_vectors("directions", directions))
-        if self.inertia is not None:
-            checks.instance("inertia", self.inertia, Inertia, "an Inertia")
-        if self.inertia is not None and len(self.inertia.momentum) != omega.size:
-            raise InputError(
-                f"inertia.momentum needs one row for each of the {omega.size} modes;"
-                f" got {len(self.inertia.momentum)}."
-            )
-        self._check_shapes(omega.size, count)
-
-    def _check_shapes(self, modes: int, count: int) -> None:
-        """Check what belongs to fields, gravity and patches."""
+            checks.store(self, directions=unit_vectors("directions", directions))
         if self.weight is not None:
             checks.store(self, weight=checks.array("weight", self.weight, (modes, 3)))
         elif self.inertia is not None:
             checks.store(self, weight=self.inertia.momentum[:, :3])
-        if self.shape is not None:
-            checks.store(self, shape=checks.array("shape", self.shape, (None, modes)))
-        own = modes if self.shape is None else len(self.shape)
-        if self.residual is not None:
-            checks.store(self, residual=checks.array("residual", self.residual, (own, count)))
-        if self.basis is not None:
-            basis = checked_basis(self.basis)
-            if sum(block.shape[1] for block in basis) != own:
-                raise InputError(f"basis needs one column for each of the {own} coordinates.")
-            checks.store(self, basis=basis)
+        if self.basis is not None and sum(each.shape[1] for each in self.basis) != self._size:
+            raise InputError(f"basis needs one column for each of the {self._size} coordinates.")
         local = self.local_compliance
         checks.instance("local_compliance", local, Mapping, "a dict {name of a site: m/N}")
         unknown = set(local) - set(self.sites)
@@ -128,40 +99,6 @@ class SiteModes(Brief):
             raise InputError(f"local_compliance names {checks.shown(unknown)}, no site.")
         local = {name: checks.nonnegative("local_compliance", local[name], "m/N") for name in local}
         checks.store(self, local_compliance=local)
-
-    def coordinates(self, q: ArrayLike, forces: ArrayLike) -> Array:
-        """Own coordinates (..., C) for modal ones (..., J) and forces on the columns (..., P)."""
-        q, forces = checks.array("q", q, None), checks.array("forces", forces, None)
-        sizes = self.b.shape
-        if q.ndim == 0 or q.shape[-1] != sizes[0] or forces.shape != (*q.shape[:-1], sizes[1]):
-            raise InputError(
-                f"q must have shape (..., {sizes[0]}) and forces (..., {sizes[1]}); got {q.shape} "
-                f"and {forces.shape}."
-            )
-        x = q if self.shape is None else q @ self.shape.T
-        return x if self.residual is None else np.asarray(x + forces @ self.residual.T)
-
-    def amplitudes(self, coordinates: ArrayLike) -> Array:
-        """Amplitudes (..., C) of the columns of `basis`: the coordinates themselves."""
-        return checks.array("coordinates", coordinates, None)
-
-    def field(self, coordinates: ArrayLike) -> Array:
-        """Displacements (..., n) of the whole body for own coordinates (..., C)."""
-        if self.basis is None:
-            raise InputError(NO_SHAPES)
-        x = checks.array("coordinates", coordinates, None)
-        own = sum(block.shape[1] for block in self.basis)
-        if x.ndim == 0 or x.shape[-1] != own:
-            raise InputError(f"coordinates must have shape (..., {own}); got {x.shape}.")
-        return combined(self.basis, x)
-
-    def receptance(self, omega: ArrayLike) -> ComplexArray:
-        """H(omega) (..., P, P) [m/N]: displacements of the columns per force on them, damped."""
-        assert self.decay is not None
-        assert self.r is not None
-        w = checks.spectrum("omega", omega)[..., np.newaxis]
-        modal = 1 / (self.omega**2 - w**2 + 2j * self.decay * w)
-        return np.asarray((self.b.T * modal[..., np.newaxis, :]) @ self.b + self.r)
 
 
 def columns_of_sites(sites: Any, count: int) -> dict[str, tuple[int, ...]]:

@@ -17,6 +17,7 @@ import scipy.linalg
 from antiosc._types import Array
 from antiosc.errors import AccuracyError
 from antiosc.models.modal import ModalBody
+from antiosc.models.model_info import info_of
 from antiosc.simulation.integrators import Problem, Trajectory
 from antiosc.simulation.main_impact import contact_time
 
@@ -58,8 +59,7 @@ def refuse_coupling(
 
 def has_dampers(model: Any) -> bool:
     """Whether damping ratios of the model stand for dampers of its assembly."""
-    info = getattr(model, "info", None)
-    return isinstance(info, dict) and "dampers" in info and model.damping is not None
+    return info_of(model).dampers is not None and model.damping is not None
 
 
 def _matrix(body: ModalBody, side: Any) -> Array | None:

@@ -115,8 +115,7 @@ def _safety(model: AntiOscillators, share: float) -> tuple[float, list[str]]:
             f"The errors of the strains hold {share:.0%} of the energy: the mesh is coarse, and "
             "its bar is less certain."
         )
-    patch = model.info.get("patch")
-    faces = float(patch.get("faces", 0.0)) if isinstance(patch, dict) else 0.0
+    faces = float((model.info.patch or {}).get("faces", 0.0))
     coarse = faces / (RESOLVED * model.radius) if model.radius is not None else 0.0
     safety = max(safety, SAFETY_COARSE * coarse)
     if coarse > 1:
@@ -126,13 +125,13 @@ def _safety(model: AntiOscillators, share: float) -> tuple[float, list[str]]:
         )
     if model.strain_misfit is not None:
         safety *= SHELL
-    if model.info.get("inside_element") is True:
+    if model.info.inside_element:
         safety = max(safety, SAFETY_INSIDE)
         doubts.append(
             "The site lies inside an element of a beam: the mesh's bar is wider; put a node there."
         )
-    if isinstance(left_out := model.info.get("not_included"), str):
-        doubts.append(left_out)
+    if model.info.not_included:
+        doubts.append(model.info.not_included)
     return safety, doubts
 
 
@@ -170,10 +169,10 @@ def _patch(
     the run with that change in the contact tells its effect.
     """
     none = dict.fromkeys(QUANTITIES, 0.0)
-    other = model.info.get("patch")
+    other = model.info.patch
     if model.radius is None:
         return none, []
-    if not isinstance(other, dict) or "compliance" not in other:
+    if other is None or "compliance" not in other:
         return none, [NO_PATCH]
     change = float(other["compliance"])
     local = max(model.local_compliance - abs(change), 0.0)
@@ -197,8 +196,8 @@ def _geometry(
     Between both lie layers that the mesh lacks or has in excess. Their strain energy over that of
     the contact, and their mass over the structure's, change all stiffnesses and masses of the run.
     """
-    facts = model.info.get("geometry")
-    if not isinstance(facts, dict):
+    facts = model.info.geometry
+    if facts is None:
         return dict.fromkeys(QUANTITIES, 0.0), []
     weights = np.diag(amplitudes(hit))
     energy = weights @ np.append(model.k0, model.k)

@@ -27,6 +27,7 @@ import numpy as np
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import Body
 from antiosc.models.modal import ModalBody
+from antiosc.models.model_info import BeamSection
 from antiosc.simulation.error_bars import QUANTITIES
 from antiosc.simulation.history import History
 from antiosc.simulation.quantities import differences, floored
@@ -53,17 +54,17 @@ def model_errors(
 
     The model's info tells what is needed ("model"), or why there is no figure.
     """
-    facts = model.info.get("model")
+    facts = model.info.model
     none = dict.fromkeys(QUANTITIES, 0.0)
     if isinstance(facts, str):
         return none, [facts]
-    if not isinstance(facts, dict):
+    if facts is None:
         return none, []
     softer, stiffer = (differences(raw, again(each, tol)) for each in _changed(model, facts))
     return floored({name: SAFETY * max(softer[name], stiffer[name]) for name in softer}), []
 
 
-def _changed(model: AntiOscillators, facts: dict[str, float]) -> tuple[Body, Body]:
+def _changed(model: AntiOscillators, facts: BeamSection) -> tuple[Body, Body]:
     """The model with all changes that make it softer, and with all that make it stiffer."""
     modes = model.modal()
     x = np.minimum(modes.omega / facts["omega"], 1.0)

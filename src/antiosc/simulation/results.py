@@ -19,6 +19,7 @@ from antiosc.brief import Brief
 from antiosc.errors import InputError, MissingDependencyError
 from antiosc.models import model_file
 from antiosc.models.body import places_of
+from antiosc.models.model_info import info_of
 
 #: The format of a file of results.
 FORMAT = "antiosc-history"
@@ -301,12 +302,12 @@ def covers(history: Any) -> str:
     bodies = [getattr(history, "model", None)]
     if scene is not None:
         bodies = [placed.body for placed in scene.bodies.values()]
-    facts = [info for one in bodies if isinstance(info := getattr(one, "info", None), dict)]
-    if not any("structure" in info for info in facts):
+    facts = [info_of(one) for one in bodies]
+    if not any(info.structure for info in facts):
         return "time integration"
     if any(getattr(one, "strain_error", None) is not None for one in bodies):
         return "time integration; mesh: in error_budget"
-    remedy = ', error="estimate" of extract does' if any(i.get("meshed") for i in facts) else ""
+    remedy = ', error="estimate" of extract does' if any(i.meshed for i in facts) else ""
     return f"time integration; mesh: not estimated{remedy}"
 
 

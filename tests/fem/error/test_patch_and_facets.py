@@ -169,4 +169,4 @@ def test_a_point_has_no_patch():
     part = ao.Structure(plate(), ao.Solid(**STEEL, plane="stress"), [ao.Support("left")], order=1)
     with pytest.warns(ao.AccuracyWarning, match="point"):
         model = ao.extract(part, ao.Site((0.2, 0.06), (0, -1)), n=2, error="estimate")
-    assert model.info["patch"] is None
+    assert model.info.patch is None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-import warnings
 from itertools import pairwise
 
 import numpy as np
@@ -16,9 +15,6 @@ from antiosc.models import driving_point as bands, free_modes
 from antiosc.models.free_modes import at_sites, error_bound
 from antiosc.models.rigid_share import with_rigid
 from loose_bodies import (
-    REFERENCE,
-    check_bounds,
-    elastic_frequencies,
     exact_stiffness,
     loose_bodies,
 )
@@ -26,42 +22,6 @@ from marks import FREE_ON_PURPOSE
 from parts import STEEL, box
 
 METHODS = ("krylov", "modes")
-
-
-def _frequencies(model: ao.AntiOscillators, band: float) -> np.ndarray:
-    """Damped frequencies over the band, others than those at which the bound was found."""
-    lowest = bands.lowest_frequency(model.k0, model.m_st, model.omega)
-    start = min(1e-3 * band, lowest)
-    own = model.omega[model.omega < band] * (1 + 1j * bands.DAMPING)
-    return np.concatenate([own, np.geomspace(start, band, 60) * (1 + 1j * bands.DAMPING)])
-
-
-def _extracted(seed: int) -> tuple[float, float, str]:
-    """(largest error of Z over a band, claimed bound, what was extracted) of a random structure."""
-    rng = np.random.default_rng(seed)
-    rigid, method = seed % 8, METHODS[seed // 8 % 2]
-    K, M, b = loose_bodies(rng, rigid)
-    band = float(rng.choice(elastic_frequencies(K, M, rigid))) * rng.uniform(0.5, 2)
-    n = int(rng.integers(1, min(6, len(b)))) if rng.integers(2) else None
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        structure = ao.Structure.from_matrices(K, M)
-        model = ao.extract(structure, ao.Site(vector=b), n, method, band=band)
-    omega = _frequencies(model, band)
-    error = np.abs(model.dynamic_stiffness(omega) / exact_stiffness(K, M, b, omega) - 1)
-    what = f"seed {seed}: {method}, n = {n}, {rigid} rigid-body modes"
-    return float(np.max(error)) - REFERENCE, model.info["band"]["error_bound"], what
-
-
-@pytest.mark.fem
-def test_bound_over_the_band_holds():
-    check_bounds(_extracted, [1, 2, 8, 10, 16, 18, 24, 26], 1 / 3)
-
-
-@pytest.mark.slow
-@pytest.mark.fem
-def test_bound_over_the_band_holds_for_three_hundred():
-    check_bounds(_extracted, range(300), 1 / 3)
 
 
 # --- A rigid-body motion that hardly moves the site ----------------------------------------------
@@ -258,7 +218,7 @@ def test_the_search_for_modes_ends_where_the_site_sees_none(monkeypatch):
 
     monkeypatch.setattr(eigenmodes, "DENSE", 0)
     monkeypatch.setattr(eigenmodes, "DENSE_MANY", 0)
-    monkeypatch.setattr(sys.modules["antiosc.fem.extraction.extract"], "SEARCHED", 1)
+    monkeypatch.setattr(sys.modules["antiosc.fem.extraction.site_models"], "SEARCHED", 1)
     K = scipy.linalg.block_diag(_row(3), _row(200))  # the site sees the first row only
     structure = ao.Structure.from_matrices(K, np.eye(203))
     site = ao.Site(dof=0)

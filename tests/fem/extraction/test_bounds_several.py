@@ -1,9 +1,8 @@
-"""The claimed bounds of Z of several sites against eliminations in extended precision."""
+"""The claimed bounds of Z of p ≥ 1 sites against eliminations in extended precision."""
 
 from __future__ import annotations
 
 import warnings
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +10,6 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag, solve_triangular
 
 import antiosc as ao
-from antiosc.fem.extraction.site_oscillators import left_out
 from antiosc.models import driving_point as bands
 from chains import loose_chains
 from loose_bodies import (
@@ -69,7 +67,7 @@ def _extracted(seed: int) -> tuple[float, float, str]:
 
 
 def test_bound_over_the_band_holds():
-    check_bounds(_extracted, [17, 24, 34, 43, 51, 60], 1 / 4)
+    check_bounds(_extracted, [1, 10, 17, 24, 34, 43, 51, 60], 1 / 4)
 
 
 @pytest.mark.slow
@@ -108,11 +106,11 @@ def test_a_rigid_motion_that_hardly_moves_the_sites_is_beside(angle):
     assert np.sum(model.site_modes().omega == 0) == 1
 
 
+@pytest.mark.parametrize("p", [1, 2])
 @pytest.mark.parametrize("held", [0, 1])
-def test_bound_of_what_krylov_steps_leave_out(held, rng):
+def test_bound_of_what_krylov_steps_leave_out(held, p, rng):
     K, M = loose_chains((80,), held, rng)
-    B = np.zeros((80, 2))
-    B[[40, 23], [0, 1]] = 1.0
+    B = np.eye(80)[:, [40, 23][:p]]
     structure, band = ao.Structure.from_matrices(K, M), 80.0
     L = np.linalg.cholesky(B.T @ structure.factorize().solve_block(B))
     ratios = []
@@ -127,25 +125,6 @@ def test_bound_of_what_krylov_steps_leave_out(held, rng):
             ratios.append(bound / error)
     assert len(ratios) >= 2
     assert min(ratios) >= 1
-    # ‖H‖‖ΔZ‖ is far above ‖HΔZ‖ where one combination of the sites resonates and others do not
-    assert min(ratios) <= 1e4
-
-
-@pytest.mark.parametrize("beyond", [1.0001, 1.5, 40.0])
-def test_the_share_of_modes_above_the_last_is_bounded(beyond):
-    """Modes on poles just above the last known one, in Z and as mass: their difference."""
-    rng = np.random.default_rng(3)
-    poles, P = 9e6 * beyond * np.array([1.0, 1.2, 7.0]), rng.normal(size=(3, 2))
-    m0 = P.T @ P
-    known = SimpleNamespace(
-        poles=np.array([1e4, 9e6]), m0=m0, modes=SimpleNamespace(complete=False)
-    )
-    x = np.concatenate([np.linspace(1e5, 8.99e6, 200), np.linspace(9e6, 4e8, 200)])
-    x = x * (1 + 2j * bands.DAMPING)
-    lever = poles / (poles - x[:, None]) - 1
-    off = np.einsum("w,wi,ip,iq->wpq", x, lever, P, P)
-    error = np.linalg.norm(off, 2, axis=(1, 2))
-    bound = left_out(known)(x)
-    assert np.all(error <= bound)
-    if beyond < 1.001:
-        assert np.max(error / bound) > 0.5
+    # 1/|sin arg z| is 50 at one per cent of damping; ‖H‖‖ΔZ‖ is far above ‖HΔZ‖ where one
+    # combination of several sites resonates and others do not
+    assert min(ratios) <= (50 if p == 1 else 1e4)

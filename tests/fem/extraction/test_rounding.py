@@ -11,11 +11,9 @@ import scipy.linalg
 pytest.importorskip("dolfinx")
 
 import antiosc as ao
-from antiosc.fem.extraction import oscillators, site_oscillators
+from antiosc.fem.extraction import oscillators
 from antiosc.fem.extraction.eigenmodes import Modes
 from antiosc.fem.extraction.site_shapes import site_shapes
-from antiosc.fem.extraction.static_mode import static_mode
-from antiosc.fem.site.site import Functional
 
 pytestmark = pytest.mark.fem
 
@@ -39,14 +37,11 @@ def constrained(K: np.ndarray, M: np.ndarray, B: np.ndarray) -> tuple[np.ndarray
 
 
 def found(pair, B: np.ndarray, modes: Modes):
-    """(Z of these modes, bound on its rounding, sites' own loads): of one site, or of several."""
+    """(Z of these modes, bound on its rounding, loads in whose basis they are)."""
     part = ao.Structure.from_matrices(*pair)
-    if B.shape[1] == 1:
-        known = oscillators.lumped(part, static_mode(part, Functional(B[:, 0])), modes)
-        return known.stiffness(X)[:, None, None], oscillators._rounding(part, known, X), B
     shapes = site_shapes(part, B)
-    known = site_oscillators.lumped(part, shapes, modes)
-    return known.stiffness(X), site_oscillators._rounding(part, known, X), B @ shapes.W
+    known = oscillators.lumped(part, shapes, modes)
+    return known.stiffness(X), oscillators._rounding(part, known, X), B @ shapes.W
 
 
 #: Errors of the modes: their frequencies, sizes, and parts of each other in them.

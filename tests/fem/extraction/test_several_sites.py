@@ -34,7 +34,8 @@ CASES = {
     "free, p = r": ((5, 7), 0, 2),
     "free, p > r": ((12,), 0, 3),
     "partly free": ((6, 6, 5), 1, 4),
-    "one site": ((9,), 0, 1),
+    "one site": ((12,), 1, 1),
+    "one site, free": ((9,), 0, 1),
 }
 
 
@@ -89,15 +90,16 @@ def test_every_truncation_is_passive(held, method, rng):
         np.testing.assert_allclose(shapes[:, :3].T @ M @ shapes[:, 3:], model.P, atol=1e-11)
 
 
-def test_first_blocks_match_the_moments(rng):
+@pytest.mark.parametrize("p", [1, 2])
+def test_first_blocks_match_the_moments(p, rng):
     """N blocks of p vectors match 2N moments ΦᵀM TʲΦ of the constrained structure."""
     K, M = loose_chains((40,), 1, rng)
-    B = rng.standard_normal((40, 2))
+    B = rng.standard_normal((40, p))
     Y = np.linalg.solve(K, B)
     shapes = Y @ np.linalg.inv(B.T @ Y)
     T = np.linalg.solve(K, M) - Y @ np.linalg.solve(B.T @ Y, Y.T @ M)
     for blocks in (1, 2, 4):
-        model = ao.extract(ao.Structure.from_matrices(K, M), sites_of(B), 2 * blocks)
+        model = ao.extract(ao.Structure.from_matrices(K, M), sites_of(B), p * blocks)
         power = shapes
         for j in range(1, 2 * blocks + 2):
             power = T @ power

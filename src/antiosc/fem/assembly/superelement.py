@@ -136,7 +136,7 @@ class Condensed:
 
 def of_model(name: str, model: AntiOscillators) -> Superelement:
     """The superelement of an anti-oscillator model of several sites; InputError for others."""
-    points = model.info.get("points", {})
+    points = model.info.points or {}
     if not model.sites or model.direction is None or set(points) != set(model.sites):
         raise InputError(
             f"the part {name!r} is a model without named sites in space: extract it with "

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from math import pi, sqrt
+from typing import Any
 
 import numpy as np
 
 from antiosc._types import Array
+from antiosc.closed_form.family_limits import strip, thickness_shear
 from antiosc.errors import InputError
+from antiosc.fem import compat
+from antiosc.fem.elements.beam import Beam, heights
 from antiosc.fem.error.bisection import inside, polygon
 from antiosc.fem.error.gaps import faceted, mean_gaps
 from antiosc.fem.error.halving import HalvedBeams
@@ -21,15 +25,8 @@ from antiosc.fem.site.sites import located
 from antiosc.fem.structure.meshed import MeshedStructure
 from antiosc.fem.structure.structure import Structure, on_mesh
 from antiosc.models.anti_oscillators import AntiOscillators
+from antiosc.models.model_info import BeamSection, FacetGaps, Patch
 
-if TYPE_CHECKING:
-    from antiosc.fem.error.shell import ShellErrors
-    from antiosc.fem.error.solid import SolidErrors
-from math import pi, sqrt
-
-from antiosc.closed_form.family_limits import strip, thickness_shear
-from antiosc.fem import compat
-from antiosc.fem.elements.beam import Beam, heights
 
 # -- What the share "model" of an error budget must know of a struck beam.
 #
@@ -49,7 +46,7 @@ ALONG, STRAIGHT = 0.02, 1e-6
 UNKNOWN = "Not included: the error of the beam model itself, for {}."
 
 
-def beam_facts(part: MeshedStructure, site: Functional) -> dict[str, float] | str:
+def beam_facts(part: MeshedStructure, site: Functional) -> BeamSection | str:
     """What tells the model's share, JSON values, or a sentence why there is none.
 
     "compliance" is 1/(E √A) [m/N], "omega" the circular frequency at which the section deforms
@@ -65,7 +62,7 @@ class _Unknown(Exception):
     """Why there is no figure."""
 
 
-def _facts(part: MeshedStructure, site: Functional) -> dict[str, float]:
+def _facts(part: MeshedStructure, site: Functional) -> BeamSection:
     assert site.point is not None
     assert site.direction is not None  # or HalvedBeams refuses it
     beam = part.parts[0][0]
@@ -146,13 +143,8 @@ def estimator(structure: Structure) -> SolidErrors | ShellErrors:
             f"error='estimate' holds for solids, beams and shells; {matrices.mesh.name} is made of "
             f"{matrices.kind.name} elements, {WHY[matrices.kind.name]}."
         )
-    # needs dolfinx
     if matrices.kind.sheet:
-        from antiosc.fem.error.shell import ShellErrors
-
         return ShellErrors(matrices)
-    from antiosc.fem.error.solid import SolidErrors
-
     return SolidErrors(matrices)
 
 
@@ -169,7 +161,7 @@ RADII = (np.sqrt(2.0), np.sqrt(0.5))
 WHOLE_LOAD = 0.99
 
 
-def patch_of(structure: Structure, site: Functional) -> dict[str, float] | None:
+def patch_of(structure: Structure, site: Functional) -> Patch | None:
     """What a budget must know of a site's patch, JSON values; None for a point.
 
     "faces" is the size of the faces under it [m]. Where the patch has a half-space, "radius" is
@@ -183,7 +175,7 @@ def patch_of(structure: Structure, site: Functional) -> dict[str, float] | None:
     for factor in RADII:
         place = site.point[None, :], site.direction[None, :], np.array([factor * site.radius])
         found = located(on_mesh(structure), *place)
-        facts = {"faces": float(found.size[0])}
+        facts: Patch = {"faces": float(found.size[0])}
         if found.share[0] >= WHOLE_LOAD:
             break
     if not site.local_compliance or found.share[0] < WHOLE_LOAD or not found.local[0]:
@@ -223,36 +215,35 @@ class ModelErrors:
     def added_to(self, model: AntiOscillators, site: Functional) -> AntiOscillators:
         """The model with its `strain_error`; `info` holds what the budget must know besides."""
         started = time.perf_counter()
+        misfit = None
+        info = replace(model.info, not_included=self._not_included or None)
         if isinstance(self._errors, HalvedBeams):
-            model = replace(model, strain_error=self._errors.gram(model, site))
+            E = self._errors.gram(model, site)
             assert site.point is not None  # or `gram` refuses it
-            model.info["inside_element"] = inside(on_mesh(self._structure).mesh, site.point)
-            model.info["model"] = beam_facts(on_mesh(self._structure), site)
+            part = on_mesh(self._structure)
+            info = replace(
+                info, inside_element=inside(part.mesh, site.point), model=beam_facts(part, site)
+            )
         elif isinstance(self._errors, ShellErrors):
             E, misfit = self._errors.gram_and_misfit(_shapes(model))
-            model = replace(model, strain_error=E, strain_misfit=misfit)
         else:
-            model = self._of_solid(self._errors, model, site)
-        if self._not_included:
-            model.info["not_included"] = self._not_included
-        model.info["seconds"]["error"] = time.perf_counter() - started
-        return model
+            E, outside = self._errors.gram_and_layers(_shapes(model), self._layers)
+            info = replace(
+                info,
+                patch=patch_of(self._structure, site),
+                geometry=self._gaps(outside, model.k0 == 0),
+            )
+        seconds = {**(info.seconds or {}), "error": time.perf_counter() - started}
+        info = replace(info, seconds=seconds)
+        return replace(model, strain_error=E, strain_misfit=misfit, info=info)
 
-    def _of_solid(
-        self, errors: SolidErrors, model: AntiOscillators, site: Functional
-    ) -> AntiOscillators:
-        E, outside = errors.gram_and_layers(_shapes(model), self._layers)
-        model = replace(model, strain_error=E)
-        model.info["patch"] = patch_of(self._structure, site)
-        if self._geometry:
-            if model.k0 == 0:  # a rigid motion
-                outside[0] = 0.0
-            model.info["geometry"] = {
-                "note": self._geometry,
-                "stiffness": outside.tolist(),
-                "mass": self._mass,
-            }
-        return model
+    def _gaps(self, outside: Array, rigid: bool) -> FacetGaps | None:
+        """The energies `outside` of the layers; the first shape may be a rigid motion."""
+        if not self._geometry:
+            return None
+        if rigid:
+            outside[0] = 0.0
+        return {"note": self._geometry, "stiffness": outside.tolist(), "mass": self._mass}
 
 
 def _shapes(model: AntiOscillators) -> Array:

@@ -58,9 +58,8 @@ def damped(
     InputError
         A damper brakes a rigid-body motion; a model without shapes.
     """
-    m = None if model.sites else model.m
     if given is not None:
-        return replace(model, m=m, damping=given)
+        return replace(model, damping=given)
     dampers = structure.matrices.dampers()
     if not dampers:
         return model
@@ -81,7 +80,8 @@ def damped(
             "a spring beside it that holds the motion."
         )
     D, omega = D[~rigid][:, ~rigid], body.omega[~rigid]
-    reliable = omega <= np.append(0.0, model.omega)[min(int(model.info["converged"]), model.n)]
+    converged = min(model.info.converged or 0, model.n)
+    reliable = omega <= np.append(0.0, model.omega)[converged]
     coupling = _coupling(D[reliable][:, reliable], omega[reliable])
     if coupling > COUPLING:
         raise AccuracyError(
@@ -90,10 +90,13 @@ def damped(
             "the model, Damping(ratio=...)."
         )
     ratio = D.diagonal() / (2 * omega)
-    model.info["damper_coupling"] = coupling
-    ends = structure.comm.allreduce(G @ model.shapes)
-    model.info["dampers"] = {"ends": np.asarray(ends).tolist(), "damping": c.tolist()}
-    return replace(model, m=m, damping=Damping(ratio=np.maximum(ratio, 0.0).tolist()))
+    ends = np.asarray(structure.comm.allreduce(G @ model.shapes))
+    info = replace(
+        model.info,
+        damper_coupling=coupling,
+        dampers={"ends": ends.tolist(), "damping": c.tolist()},
+    )
+    return replace(model, info=info, damping=Damping(ratio=np.maximum(ratio, 0.0).tolist()))
 
 
 def _check_seen(structure: Structure, G: Any, c: Array, moved: Array, omega: Array) -> None:

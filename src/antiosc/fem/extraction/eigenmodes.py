@@ -19,7 +19,8 @@ import numpy as np
 import scipy.linalg
 
 from antiosc._types import Array, IntArray, Matrix
-from antiosc.fem.extraction.mode_search import Held, Pin, Search
+from antiosc.fem.extraction.mode_search import Pin, Search
+from antiosc.fem.extraction.site_shapes import SiteShapes
 from antiosc.fem.linalg.algebra import (
     by_scipy,
     by_strains,
@@ -64,11 +65,10 @@ class Modes:
 class ModeSolver:
     """Finds the lowest elastic modes, in as many rounds as the caller wants.
 
-    With the static mode of a site, or the shapes of several, it finds the constraint modes,
-    otherwise the natural modes.
+    With the shapes of sites it finds the constraint modes, otherwise the natural modes.
     """
 
-    def __init__(self, structure: Structure, held: Held | None = None) -> None:
+    def __init__(self, structure: Structure, held: SiteShapes | None = None) -> None:
         self._structure = structure
         self._rows = structure.rows
         self._pin = None if held is None else Pin(held)

@@ -5,45 +5,22 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from functools import partial
-from typing import TYPE_CHECKING, Any, overload
-
-import numpy as np
+from typing import TYPE_CHECKING, overload
 
 from antiosc.checks import flag, within_range
 from antiosc.fem import mpi
-from antiosc.fem.extraction.body_inertia import inertia_of, uniform_inertia
 from antiosc.fem.extraction.dampers import damped, refuse_dampers
-from antiosc.fem.extraction.eigenmodes import Modes, ModeSolver
-from antiosc.fem.extraction.krylov import by_krylov
-from antiosc.fem.extraction.oscillators import (
-    Found,
-    Oscillators,
-    error_bound,
-    left_out,
-    lumped,
-    oscillators,
-    wanted,
-)
-from antiosc.fem.extraction.ritz_basis import BASIS_STEP, Remainder
-from antiosc.fem.extraction.self_check import checked_modes
-from antiosc.fem.extraction.several_sites import of_several_sites
-from antiosc.fem.extraction.static_mode import StaticMode, static_modes
+from antiosc.fem.extraction.ritz_basis import BASIS_STEP
+from antiosc.fem.extraction.site_models import UNNAMED, Columns, models_of
 from antiosc.fem.extraction.wish import (
-    DEFAULT_COUNT,
-    SEARCHED,
-    STEP_AIM,
-    ErrorWish,
+    ErrorOption,
+    ExtractOptions,
     Method,
-    Wish,
+    checked_options,
     checked_sites,
-    checked_wish,
-    tell,
 )
-from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.site.functionals import functionals
-from antiosc.fem.site.site import Functional, Site
+from antiosc.fem.site.site import Site
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.modal import Damping, as_damping
@@ -69,7 +46,7 @@ def extract(
     band: float | None = None,
     accuracy: float = 1e-3,
     shapes: bool = True,
-    error: ErrorWish = None,
+    error: ErrorOption = None,
     damping: float | Sequence[float] | Damping | None = None,
 ) -> AntiOscillators: ...
 @overload
@@ -83,7 +60,7 @@ def extract(
     band: float | None = None,
     accuracy: float = 1e-3,
     shapes: bool = True,
-    error: ErrorWish = None,
+    error: ErrorOption = None,
     damping: float | Sequence[float] | Damping | None = None,
 ) -> list[AntiOscillators]: ...
 @mpi.collective()
@@ -99,7 +76,7 @@ def extract(
     band: float | None = None,
     accuracy: float = 1e-3,
     shapes: bool = True,
-    error: ErrorWish = None,
+    error: ErrorOption = None,
     damping: float | Sequence[float] | Damping | None = None,
 ) -> AntiOscillators | list[AntiOscillators]:
     """The anti-oscillator model of a structure at a site, or at several.
@@ -115,7 +92,7 @@ def extract(
         if the structure has fewer observable modes at the site.
     method : "krylov" or "modes"
         "krylov": the most accurate Z(ω) for n solves. The lower anti-oscillators
-        (`info["converged"]` of them) have converged to antiresonances of the structure; the upper
+        (`info.converged` of them) have converged to antiresonances of the structure; the upper
         ones represent all higher antiresonances. "modes": the n lowest antiresonances, by SLEPc, as
         in the article.
     tol : float, optional
@@ -128,10 +105,10 @@ def extract(
         anti-oscillators is chosen so that the error of Z(ω) up to this frequency is at most
         `accuracy`.
     accuracy : float
-        Largest |ΔZ|/|Z| over the band, at 1 % damping. `info["band"]["error_bound"]` is the bound
+        Largest |ΔZ|/|Z| over the band, at 1 % damping. `info.band["error_bound"]` is the bound
         that was reached, including truncation and rounding. Of several sites: the largest relative
         error of their displacements under any forces, in units in which their compliances are the
-        identity, ‖H ΔZ‖₂, from `info["band"]["bottom"]` [rad/s] on.
+        identity, ‖H ΔZ‖₂, from `info.band["bottom"]` [rad/s] on.
     shapes : bool
         Store the shapes, from which displacement fields are computed, n + 1 vectors for each site.
     error : "estimate", optional
@@ -148,7 +125,7 @@ def extract(
         A site that cannot move independently of those before it (a second site on a rigid part,
         say) follows them: `dependence` of the model.
         `info` holds the numbers of modes that were found and dropped, and the checks. If the share
-        of the rigid-body modes in the compliance of the site ("rigid_share") is below 1e-4, they
+        of the rigid-body modes in the compliance of the site (`rigid_share`) is below 1e-4, they
         are represented by an anti-oscillator of nearly zero frequency; below 1e-16 they are left
         out, and k0 > 0.
 
@@ -167,7 +144,7 @@ def extract(
     sites = checked_sites(structure, site)
     names = list(site) if isinstance(site, Mapping) else []
     flag("shapes", shapes)
-    wish = checked_wish(structure, n, method, tol, band, accuracy, error)
+    options = checked_options(structure, n, method, tol, band, accuracy, error)
     given = as_damping(damping)
     if given is not None:
         refuse_dampers(structure, "damping=")
@@ -179,18 +156,19 @@ def extract(
     spent = time.perf_counter() - started
     if not factored:
         spent -= structure.seconds["factorization"]
+    groups: list[Columns] = [{UNNAMED: [one]} for one in targets]
     if names:
-        named = {n: [one, *one.across] for n, one in zip(names, targets, strict=True)}
-        return damped(structure, of_several_sites(structure, named, wish, shapes), given)
+        groups = [{n: [one, *one.across] for n, one in zip(names, targets, strict=True)}]
     models: list[AntiOscillators] = []
-    width = _together(structure, wish)
-    for first in range(0, len(targets), width):
-        some = targets[first : first + width]
-        models += _extracted(structure, some, wish, shapes, spent, errors)
-        if len(targets) > width:
-            log.info("extracted %d of %d sites", len(models), len(targets))
+    width = _together(structure, options)
+    for first in range(0, len(groups), width):
+        models += models_of(
+            structure, groups[first : first + width], options, shapes, spent, errors
+        )
+        if len(groups) > width:
+            log.info("extracted %d of %d sites", len(models), len(groups))
     models = [damped(structure, model, given) for model in models]
-    return models[0] if isinstance(site, Site) else models
+    return models if isinstance(site, list | tuple) else models[0]
 
 
 def _model_errors(structure: Structure, named_sites: int) -> ModelErrors:
@@ -200,137 +178,9 @@ def _model_errors(structure: Structure, named_sites: int) -> ModelErrors:
     return ModelErrors(structure, named_sites)
 
 
-def _together(structure: Structure, wish: Wish) -> int:
-    """Number of sites processed at once: as many as fit in SLICE bytes of basis vectors."""
-    if wish.method == "modes":
+def _together(structure: Structure, options: ExtractOptions) -> int:
+    """Number of models processed at once: as many as fit in SLICE bytes of basis vectors."""
+    if options.method == "modes":
         return 1
-    columns = wish.n + 2 if wish.band is None else 2 * BASIS_STEP
+    columns = options.n + 2 if options.band is None else 2 * BASIS_STEP
     return max(1, int(SLICE / (16 * columns * structure.size)))
-
-
-def _extracted(
-    structure: Structure,
-    targets: list[Functional],
-    wish: Wish,
-    shapes: bool,
-    spent: float,
-    errors: ModelErrors | None,
-) -> list[AntiOscillators]:
-    """The models of a few sites."""
-    started = time.perf_counter()
-    statics = static_modes(structure, targets)
-    if wish.method == "krylov":
-        counts = [wanted(static, wish.n) for static in statics]
-        found = by_krylov(structure, statics, counts, wish.tol, wish.band, STEP_AIM * wish.accuracy)
-    else:
-        found = [_observable(structure, targets[0], statics[0], wish)]
-    models: list[AntiOscillators] = []
-    for target, static, (modes, remainder) in zip(targets, statics, found, strict=True):
-        known = lumped(structure, static, modes)
-        kept = oscillators(known, wish.n, wish.tol)
-        worst = _checked(structure, target, known, wish.method)
-        seconds = {
-            **structure.seconds,
-            "site": spent,
-            "modes": (time.perf_counter() - started) / (len(models) + 1),
-        }
-        model = _model(structure, target, known, kept, worst, wish, seconds)
-        if wish.band is not None and remainder is not None:
-            error = error_bound(structure, known, remainder, kept, wish.band)
-            model.info["band"] = {"top": wish.band, "error_bound": error}
-        if errors is not None:
-            model = errors.added_to(model, target)
-        mpi.on_root(structure.comm, partial(tell, model, wish, modes.complete))
-        models.append(model if shapes else replace(model, shapes=None, hidden=None))
-    return models
-
-
-def _observable(
-    structure: Structure, target: Functional, static: StaticMode, wish: Wish
-) -> tuple[Modes, Remainder | None]:
-    """The lowest constraint modes until n of them are observable (or the error of Z meets the
-    bound)."""
-    solver = ModeSolver(structure, static)
-    n = wanted(static, wish.n)
-    most = min(solver.limit, SEARCHED * (n + DEFAULT_COUNT))
-    asked = n + 2 if n and wish.band is None else min(n, DEFAULT_COUNT)
-    while True:
-        modes = solver.lowest(asked)
-        known = lumped(structure, static, modes)
-        kept = oscillators(known, wish.n, wish.tol)
-        remainder = None if wish.band is None else left_out(known)
-        if modes.complete or asked >= most or n == 0:
-            return modes, remainder
-        if remainder is None or wish.band is None:
-            if len(kept.chain[2]) >= n or known.m0 == 0:
-                return modes, None
-        elif len(kept.chain[2]) >= n or (
-            error_bound(structure, known, remainder, kept, wish.band) <= wish.accuracy
-        ):
-            return modes, remainder
-        asked = min(most, len(modes.omega) + max(8, len(modes.omega) // 2))
-
-
-def _checked(
-    structure: Structure, target: Functional, known: Found, method: Method
-) -> dict[str, float]:
-    """The check of the modes of one site (`checked_modes`)."""
-    static = known.static
-    strain = float(dot(structure.comm, static.phi, multiply(structure.K, static.phi)))
-    return checked_modes(
-        structure,
-        known,
-        method,
-        b=target.b[:, None],
-        load=static.load[:, None],
-        phi=static.phi[:, None],
-        mass=np.array([[static.mass]]),
-        stiffness=abs(strain / static.k0 - 1) if static.k0 else 0.0,
-    )
-
-
-def _model(
-    structure: Structure,
-    target: Functional,
-    known: Found,
-    kept: Oscillators,
-    checks: dict[str, Any],
-    wish: Wish,
-    seconds: dict[str, float],
-) -> AntiOscillators:
-    modes, added = known.modes, len(kept.m) - len(kept.chain[2])
-    info: dict[str, Any] = {
-        "structure": structure.describe(),
-        "dofs": structure.dofs,
-        "meshed": structure.matrices.meshed,
-        **structure.matrices.plausibility,
-        "method": wish.method,
-        "modes_computed": len(modes.omega),
-        "converged": checks.pop("converged") + added,
-        "modes_unobservable": kept.unobservable,
-        "modes_merged": kept.merged,
-        "rigid_modes": int(structure.rigid_modes.shape[1]),
-        "rigid_share": known.static.share,
-        "checks": checks,
-        "seconds": seconds,
-    }
-    if target.point is not None and target.direction is not None:
-        info["point"] = target.point.tolist()
-        info["direction"] = target.direction.tolist()
-    weight = uniform_inertia(structure, target)
-    parts = np.column_stack([kept.residual, kept.psi])
-    shapes = np.column_stack([parts.sum(axis=1), kept.psi])
-    return AntiOscillators(
-        m0=kept.m0,
-        k0=kept.k0,
-        m=kept.m,
-        omega=kept.omega,
-        local_compliance=target.local_compliance,
-        radius=target.radius,
-        participation=None if weight is None else np.asarray(dot(structure.comm, parts, weight)),
-        shapes=shapes,
-        direction=target.direction,
-        inertia=inertia_of(structure, shapes, kept.hidden),
-        hidden=kept.hidden if structure.rigid_inertia is not None else None,
-        info=info,
-    )

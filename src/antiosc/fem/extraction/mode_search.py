@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from antiosc._types import Array
+from antiosc.fem.extraction.site_shapes import SiteShapes
 from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.structure.structure import Structure
 
@@ -21,32 +22,12 @@ RESIDUAL = 1e-11
 GUARD = 4
 
 
-class Held(Protocol):
-    """The shapes that hold a site, or several: what `StaticMode` and `SiteShapes` have in common.
-
-    Attributes
-    ----------
-    load : reactions that hold the sites, (rows,) or (rows, p).
-    y, bAb : A⁻¹ load, and loadᵀA⁻¹ load.
-    nodal : (rows, h) M-orthonormal rigid-body modes from which the modes are kept free.
-    """
-
-    @property
-    def load(self) -> Array: ...
-    @property
-    def y(self) -> Array: ...
-    @property
-    def bAb(self) -> float | Array: ...
-    @property
-    def nodal(self) -> Array: ...
-
-
 class Pin:
-    """The constraint of one site or several as blocks of columns."""
+    """The constraint of the sites."""
 
-    def __init__(self, held: Held) -> None:
-        self.load, self.y = (x[:, None] if x.ndim == 1 else x for x in (held.load, held.y))
-        self._inverse = np.linalg.inv(np.atleast_2d(held.bAb))
+    def __init__(self, held: SiteShapes) -> None:
+        self.load, self.y = held.load, held.y
+        self._inverse = np.linalg.inv(held.bAb)
 
     def constrained(self, comm: MPI.Comm, x: Array) -> Array:
         """x − Y (BᵀY)⁻¹Bᵀx, which vanishes at the sites."""

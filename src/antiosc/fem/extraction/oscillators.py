@@ -1,10 +1,14 @@
-"""Anti-oscillators from constraint modes, and a bound on the error of Z.
+"""Anti-oscillators of p ≥ 1 sites from their constraint modes, and a bound on the error of Z.
+
+All matrices are in the basis of loads of `SiteShapes`, in which the compliances of several sites
+are the identity.
 
 The error of Z at every damped frequency of a band is the sum of the truncation error of the method
 (`Remainder`), of the unobservable modes that were dropped and the repeated ones that were merged,
 of the limited number of anti-oscillators, and of rounding. The latter is the effect of a relative
-change ε of every entry of K and M on Z, |φ|ᵀ(|K| + |x||M|)|φ| ε with the shape φ(x) of the
-structure at that frequency, estimated with the diagonals of K and M.
+change ε of every entry of K and M on Z, |φ|ᵀ(|K| + |x||M|)|φ| ε with the shapes φ(x) of the
+structure at that frequency, estimated with the diagonals of K and M. ‖ΔZ‖₂‖Z⁻¹‖₂ bounds the
+relative error of the displacements of the sites under any forces on them, of one site |ΔZ|/|Z|.
 """
 
 from __future__ import annotations
@@ -13,39 +17,44 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from antiosc._types import Array, ComplexArray, Numbers
+from antiosc._types import Array, ComplexArray, IntArray, Numbers
 from antiosc.fem.extraction.eigenmodes import Modes
 from antiosc.fem.extraction.ritz_basis import Remainder, mass_above
-from antiosc.fem.extraction.static_mode import StaticMode
+from antiosc.fem.extraction.site_shapes import SiteShapes
 from antiosc.fem.linalg.algebra import by_strains, diagonal, dot, multiply
 from antiosc.fem.structure.structure import Structure
-from antiosc.models import driving_point as bands
+from antiosc.models import driving_point
 from antiosc.models.batched_modes import MASSLESS
 from antiosc.models.rigid_share import with_rigid
 
 #: Frequencies closer than this (relatively) are one repeated frequency: only Σm_i has a meaning.
 REPEATED = 1e-6
+#: Singular value of the P of a repeated frequency, over the largest, below which it is rounding.
+TOLD_APART = 1e-8
 #: Distance of the samples of a bound, and the largest share by which it rises between two of them.
-SAMPLE_STEP, SAMPLE_RISE = bands.DAMPING / 4, 0.05
+SAMPLE_STEP, SAMPLE_RISE = driving_point.DAMPING / 4, 0.05
 #: Rounding of the solves, in units of ε for every entry of the matrices.
 SOLVE_ROUNDING = 64.0
 
 
 @dataclass(frozen=True)
-class Projected:
-    """Constraint modes φ_i, and the static shapes projected on them; one site: without the axis p.
+class Found:
+    """All constraint modes φ_i that were found, and the static shapes Φ projected on them.
 
     Attributes
     ----------
-    c : φ_iᵀMφ_st of the modes, kg^½, (n,) or (n, p).
-    residual : the shapes that move with m0, on the rows of this rank, (rows,) or (rows, p).
+    P : φ_iᵀMΦ of the modes, kg^½ of the basis, (n, p).
+    m0 : residual mass (p, p).
+    residual : (rows, p) the shapes that move with m0, on the rows of this rank.
     k_phi, m_phi : Kφ_i and Mφ_i on the rows of this rank, (rows, n).
     stiffnesses, masses : φ_iᵀKφ_j and φ_iᵀMφ_j as they are, (n, n).
-    coupling : φ_iᵀKφ_st as it is, (n,) or (n, p).
+    coupling : φ_iᵀKΦ as it is, (n, p).
     """
 
+    static: SiteShapes
     modes: Modes
-    c: Array
+    P: Array
+    m0: Array
     residual: Array
     k_phi: Array
     m_phi: Array
@@ -58,51 +67,115 @@ class Projected:
         """ω_i², rad²/s²."""
         return self.modes.omega**2
 
+    def stiffness(self, x: ComplexArray) -> Numbers:
+        """Z (W, p, p) with all modes found."""
+        real = self.poles > 0
+        return driving_point.stiffness_at_sites(
+            x, self.static.k0, self.m0, self.P[real], self.poles[real]
+        )
 
-def project(structure: Structure, static: Array, modes: Modes) -> Projected:
-    """The static shapes (rows,) or (rows, p) without the M-orthonormal modes."""
+
+def lumped(structure: Structure, static: SiteShapes, modes: Modes) -> Found:
+    """Residual masses and shapes: Φ without the M-orthonormal modes, free of cancellation."""
     comm, phi = structure.comm, modes.phi
     k_phi, m_phi = multiply(structure.K, phi), multiply(structure.M, phi)
-    residual, c = static, np.zeros(phi.shape[1:] + static.shape[1:])
+    residual, P = static.phi, np.zeros((phi.shape[1], static.phi.shape[1]))
     for _ in range(2):  # twice is enough (Kahan)
         part = dot(comm, m_phi, residual)
-        c, residual = c + part, residual - phi @ part
-    products = dot(comm, phi, k_phi), dot(comm, phi, m_phi), dot(comm, k_phi, static)
-    return Projected(modes, c, residual, k_phi, m_phi, *products)
+        P, residual = P + part, residual - phi @ part
+    m0 = driving_point.semidefinite(dot(comm, residual, multiply(structure.M, residual)))
+    massless = m0.diagonal() <= MASSLESS**2 * static.mass.diagonal()
+    m0[massless], m0[:, massless] = 0.0, 0.0
+    return Found(
+        static=static,
+        modes=modes,
+        P=P,
+        m0=m0,
+        residual=residual,
+        k_phi=k_phi,
+        m_phi=m_phi,
+        stiffnesses=dot(comm, phi, k_phi),
+        masses=dot(comm, phi, m_phi),
+        coupling=dot(comm, k_phi, static.phi),
+    )
 
 
 @dataclass(frozen=True)
-class Found(Projected):
-    """All modes found at a site, as parameters of its elastic motions; m0 its residual mass, kg."""
+class Kept:
+    """The anti-oscillators of a model.
 
-    static: StaticMode
-    m0: float
+    Attributes
+    ----------
+    m0, P, omega : residual mass (p, p), P (N, p) and circular frequencies (N,).
+    residual, phi : (rows, p) and (rows, N) the shapes that move with m0 and with the modes of unit
+        mass, on the rows of this rank.
+    unobservable, merged : numbers of modes that were dropped and merged.
+    """
 
-    def stiffness(self, x: ComplexArray) -> Numbers:
-        """Z with all modes found."""
-        real = self.poles > 0
-        m, poles = self.c[real] ** 2, self.poles[real]
-        return bands.driving_point(x, self.static.k0, self.m0, m, poles)
+    m0: Array
+    P: Array
+    omega: Array
+    residual: Array
+    phi: Array
+    unobservable: int
+    merged: int
 
 
-def lumped(structure: Structure, static: StaticMode, modes: Modes) -> Found:
-    """Residual mass and shape of φ_st without the M-orthonormal modes, free of cancellation."""
-    found = project(structure, static.phi, modes)
-    m0 = float(dot(structure.comm, found.residual, multiply(structure.M, found.residual)))
-    return Found(**vars(found), static=static, m0=0.0 if m0 <= MASSLESS**2 * static.mass else m0)
+def oscillators(known: Found, n: int, tol: float) -> Kept:
+    """The n lowest anti-oscillators with more than the share `tol` in Z.
+
+    Of a repeated frequency as many are kept as the sites can tell apart, at most p. The masses of
+    all others are added to m0.
+    """
+    static, omega = known.static, known.modes.omega
+    start = np.flatnonzero(np.diff(omega, prepend=-np.inf) > REPEATED * omega)
+    groups = np.split(np.arange(len(omega)), start[1:]) if len(omega) else []
+    mixed = [(group, u) for group in groups for u in _told_apart(known, group).T]
+    P = np.array([u @ known.P[group] for group, u in mixed]).reshape(-1, known.P.shape[1])
+    poles = np.array([u**2 @ known.poles[group] for group, u in mixed])
+    # ω = 0 is left only by rounding: rigid modes that do not move the sites are deflated.
+    seen = np.flatnonzero(driving_point.shares_at_sites(static.k0, known.m0, P, poles) > tol)
+    modes = sum({group[0]: len(group) for group, _ in (mixed[i] for i in seen)}.values())
+    order = seen[np.argsort(poles[seen], kind="stable")[:n]]
+    turn = np.zeros((len(omega), len(order)))
+    for column, i in enumerate(order):
+        turn[mixed[i][0], column] = mixed[i][1]
+    lost = known.P - turn @ P[order]  # what is not kept goes back to m0
+    return Kept(
+        m0=driving_point.semidefinite(known.m0 + lost.T @ lost),
+        P=P[order],
+        omega=np.sqrt(poles[order]),
+        residual=known.residual + known.modes.phi @ lost,
+        phi=known.modes.phi @ turn,
+        unobservable=len(omega) - modes,
+        merged=modes - len(seen),
+    )
+
+
+def _told_apart(known: Found, group: IntArray) -> Array:
+    """Combinations (g, k) of the g modes of one frequency that the sites can distinguish."""
+    if len(group) < 2:
+        return np.eye(len(group))
+    scale = np.sqrt(known.static.mass.diagonal())
+    U, size, _ = np.linalg.svd(known.P[group] / scale)
+    count = int(np.sum(size > TOLD_APART * size[0]))
+    if count == len(group):
+        return np.eye(count)
+    U = U[:, :count]
+    # their own frequencies differ by rounding, and the stiffness between them is to vanish
+    _, own = np.linalg.eigh(U.T @ (known.poles[group][:, None] * U))
+    return np.asarray(U @ own)
 
 
 @dataclass(frozen=True)
-class Oscillators:
-    """The parameters of a model, its shapes on the rows of this rank, and the dropped modes.
+class OneSite:
+    """The parameters of a model of one site, in units of the site itself.
 
     Attributes
     ----------
     k0, m0, omega, m : as of `AntiOscillators`.
     residual, psi : (rows,) and (rows, N) the shapes that move with m0 and with the m_i.
     hidden : (rows, h) rigid-body modes that are not in the model.
-    chain : (k0, m0, m, poles) of the elastic motions alone.
-    unobservable, merged : numbers of modes that were dropped and merged.
     """
 
     k0: float
@@ -112,71 +185,69 @@ class Oscillators:
     residual: Array
     psi: Array
     hidden: Array
-    chain: tuple[float, float, Array, Array]
-    unobservable: int
-    merged: int
 
 
-def wanted(static: StaticMode, n: int) -> int:
-    """Number of elastic anti-oscillators of n: a separate rigid-body motion takes one."""
-    return n - 1 if static.apart is not None and n else n
+def elastic_count(static: SiteShapes, n: int) -> int:
+    """Number of elastic anti-oscillators of n at one site: a weak rigid-body mode takes one."""
+    return n - 1 if n and static.weak.any() else n
 
 
-def oscillators(known: Found, n: int, tol: float) -> Oscillators:
-    """The n lowest anti-oscillators with more than the share `tol` in Z.
+def at_one_site(static: SiteShapes, kept: Kept, n: int) -> OneSite:
+    """The n anti-oscillators m_i = (φ_stᵀMφ_i)² (Article (12)) of `kept` at a single site.
 
-    m_i = (φ_stᵀMφ_i)² of M-orthonormal modes (Article (12)); repeated frequencies are merged; a
-    rigid-body motion that is modelled separately is added.
+    A weak rigid-body mode becomes one of them (`antiosc.models.rigid_share`).
     """
-    static, c = known.static, known.c
-    # ω = 0 is left only by rounding: rigid modes that vanish at the site are deflated.
-    real = known.poles > 0
-    first = np.diff(known.modes.omega, prepend=-np.inf) > REPEATED * known.modes.omega
-    group = np.cumsum(first) - 1  # its mass is split by the basis: it is observable as a whole
-    mass = np.asarray(np.bincount(group, np.where(real, c**2, 0.0)), dtype=float)
-    seen = real & (bands.shares(static.k0, known.m0, mass, known.poles[first]) > tol)[group]
-    omega, psi, c = known.modes.omega[seen], known.modes.phi[:, seen] * c[seen], c[seen]
-    start = np.flatnonzero(np.diff(omega, prepend=-np.inf) > REPEATED * omega)
-    merged = len(omega) - len(start)
-    m = c**2
-    if merged:
-        m, k = (np.add.reduceat(v, start) for v in (m, m * omega**2))
-        omega, psi = np.sqrt(k / m), np.add.reduceat(psi, start, axis=1)
-    few = wanted(static, n)
-    # what is not kept goes back to m0, with its shape
-    lost = known.c.copy()
-    lost[np.flatnonzero(seen)[: start[few] if few < len(start) else len(lost)]] = 0.0
-    m0 = known.m0 + float(lost @ lost)
-    residual = known.residual + known.modes.phi @ lost
-    omega, m, psi = omega[:few], m[:few], psi[:, :few]
-    chain = (static.k0, m0, m, omega**2)
-    k0, hidden = static.k0, static.nodal
-    if static.apart is not None and n:
-        shapes = np.column_stack([static.apart, residual + psi.sum(axis=1), psi])
-        m0, m, omega, own, turn = with_rigid(k0, m0, m, omega, static.along)
-        k0, residual, psi, hidden = 0.0, shapes @ own, shapes @ turn, static.beside
-    unobservable = int(np.sum(~seen))
-    return Oscillators(k0, m0, omega, m, residual, psi, hidden, chain, unobservable, merged)
+    w = float(static.W[0, 0])
+    k0, m0, omega = w**2 * float(static.k0[0, 0]), w**2 * float(kept.m0[0, 0]), kept.omega
+    c = w * kept.P[:, 0]
+    m, residual, psi, hidden = c**2, w * kept.residual[:, 0], kept.phi * c, static.nodal
+    if n and static.weak.any():
+        a = float(static.slide[0, 0])
+        weak, hidden = hidden[:, 0] * np.sign(a), hidden[:, 1:]
+        shapes = np.column_stack([weak, residual + psi.sum(axis=1), psi])
+        m0, m, omega, own, turn = with_rigid(k0, m0, m, omega, abs(a))
+        k0, residual, psi = 0.0, shapes @ own, shapes @ turn
+    return OneSite(k0, m0, omega, m, residual, psi, hidden)
 
 
 def error_bound(
-    structure: Structure, known: Found, remainder: Remainder, kept: Oscillators, band: float
-) -> float:
-    """Bound on |ΔZ|/|Z| of the parameters over the band up to `band` [rad/s]."""
+    structure: Structure,
+    known: Found,
+    remainder: Remainder,
+    kept: Kept,
+    band: float,
+    omega: Array | None = None,
+) -> tuple[float, float]:
+    """(bound on ‖HZ_true - 1‖₂ and its inverse, lowest frequency) of the band up to `band` [rad/s].
+
+    Below that frequency Z is quasi-static. `omega`: frequencies of the finished model, if they are
+    others than those of `kept`.
+    """
     static = known.static
-    lowest = bands.lowest_frequency(kept.k0, kept.m0 + float(kept.m.sum()), kept.omega)
-    x = bands.samples(band, lowest, SAMPLE_STEP) ** 2
-    elastic = bands.driving_point(x, *kept.chain)
-    left = remainder(x) + np.abs(known.stiffness(x) - elastic) + _rounding(structure, known, x)
-    off = (1 + SAMPLE_RISE) * left / np.abs(elastic)
-    # |1/Z - 1/Z_e| |Z_e| of the true elastic Z and this one
+    poles = (kept.omega if omega is None else omega) ** 2
+    lowest = driving_point.lowest_frequency_at_sites(static.k0, static.mass, poles)
+    x = driving_point.samples(band, lowest, SAMPLE_STEP) ** 2
+    elastic = driving_point.stiffness_at_sites(x, static.k0, kept.m0, kept.P, kept.omega**2)
+    change = driving_point.spectral_norms(known.stiffness(x) - elastic)
+    sizes = np.linalg.svd(elastic, compute_uv=False)
+    # the numbers of the sites themselves are rounded, of Z = W (this one) Wᵀ
+    spread = np.linalg.norm(np.abs(np.linalg.inv(static.W)) @ np.abs(static.W), 2)
+    stored = np.finfo(float).eps * len(static.W) * spread**2 * sizes[:, 0]
+    left = remainder(x) + change + stored + _rounding(structure, known, x)
+    off = (1 + SAMPLE_RISE) * left / sizes[:, -1]
     off = np.where(off < 1, off / np.where(off < 1, 1 - off, 1.0), np.inf)
-    Z = bands.driving_point(x, kept.k0, kept.m0, kept.m, kept.omega**2)
-    off = off * np.abs(Z / elastic)
-    # the displacement of the site in the rigid-body motion: its rounding, or all of it if left out
-    known_a = static.along if kept.k0 == 0 else 0.0
-    off = off + np.abs(Z / x) * ((static.along + static.doubt) ** 2 - known_a**2)
-    return float(np.max(off))
+    # with the weak rigid-body modes: H = H_e - a aᵀ/x
+    moved = static.weak.T @ static.weak / x[:, None, None]
+    whole = np.linalg.inv(np.eye(len(static.W)) - moved @ elastic)  # H_e⁻¹ H, its inverse
+    off = off * driving_point.spectral_norms(whole)
+    # displacements of the sites in rigid-body motions: their rounding, and what is left out
+    rounding = driving_point.spectral_norms(static.uncertainty[None])
+    largest = static.moved.max(initial=0.0) + driving_point.spectral_norms(static.weak[None])
+    hidden = driving_point.spectral_norms(static.missed[None]) + rounding
+    off = off + driving_point.spectral_norms(elastic @ whole) / np.abs(x) * (
+        hidden**2 + 2 * largest * rounding
+    )
+    return float(np.max(off)), float(np.sqrt(x[0]).real)
 
 
 def left_out(known: Found) -> Remainder:
@@ -184,34 +255,42 @@ def left_out(known: Found) -> Remainder:
 
     Without them their mass is in m0.
     """
-    mass = 0.0 if known.modes.complete else known.m0
+    mass = 0.0 if known.modes.complete else float(np.linalg.norm(known.m0, 2))
     return mass_above(float(known.poles.max(initial=0.0)), mass)
 
 
 def _rounding(structure: Structure, known: Found, x: ComplexArray) -> Array:
-    """Rounding error of Z at complex x = ω²: (W,).
+    """Norm of the rounding error of Z at complex x = ω²: (W,).
 
     From the entries, the solves, and the measured orthogonality of the modes.
     """
     real = known.poles > 0
-    poles, c = known.poles[real], known.c[real]
+    poles, P = known.poles[real], known.P[real]
+    count = P.shape[1]
     shapes = np.column_stack([known.residual, known.modes.phi[:, real]])
-    weight = np.column_stack([np.ones(len(x)), c * poles / (poles - x[:, None])])
+    lever = poles / (poles - x[:, None])
+    sized = np.broadcast_to(np.eye(count), (len(x), count, count))
+    weight = np.concatenate([sized, lever[:, :, None] * P], axis=1)
     parts = []
     for matrix in (structure.K, structure.M):
         gram = dot(structure.comm, shapes, diagonal(matrix)[:, None] * shapes)
-        parts.append(np.einsum("wi,wi->w", weight @ gram, weight.conj()).real)
+        parts.append(
+            driving_point.spectral_norms(weight.conj().transpose(0, 2, 1) @ (gram @ weight))
+        )
     if by_strains(structure.K):  # a sum of squares of strains, each to ε of its own terms
-        energy = known.static.k0 + np.abs(weight[:, 1:] * x[:, None] / poles) ** 2 @ poles
+        bent = (x / np.sqrt(poles)[:, None]).T[:, :, None] * weight[:, count:]
+        bent = np.abs(bent).transpose(0, 2, 1) @ np.abs(bent)
+        energy = driving_point.spectral_norms(known.static.k0 + bent)
         parts[0] = np.sqrt(parts[0] * energy)
     left = SOLVE_ROUNDING * np.finfo(float).eps * (parts[0] + np.abs(x) * parts[1])
-    # amplitudes of the modes beside the residual shape, and beside the static one
-    size = np.abs(weight[:, 1:])
-    bent = size * np.abs(x)[:, None] / poles
-    left += 2 * bent @ np.abs(known.coupling[real])
+    # amplitudes of the modes relative to the residual shapes, and to the static ones
+    size = np.abs(weight[:, count:])
+    bent = size * (np.abs(x)[:, None] / poles)[:, :, None]
+    left += 2 * driving_point.spectral_norms(bent.transpose(0, 2, 1) @ np.abs(known.coupling[real]))
     for matrix, own, times in (
         (known.stiffnesses - np.diag(known.poles), bent, np.ones(len(x))),
-        (known.masses - np.eye(len(known.c)), size, np.abs(x)),
+        (known.masses - np.eye(len(known.P)), size, np.abs(x)),
     ):
-        left += times * np.einsum("wi,wi->w", own @ np.abs(matrix[real][:, real]), own)
+        off = np.abs(matrix[np.ix_(real, real)]) @ own
+        left += times * driving_point.spectral_norms(own.transpose(0, 2, 1) @ off)
     return left

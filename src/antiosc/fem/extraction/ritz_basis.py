@@ -1,9 +1,8 @@
-"""The basis of a Krylov method: orthonormal in A = K + sM, and what both recurrences do with it.
+"""The basis of a Krylov method, orthonormal in A = K + sM.
 
-`antiosc.fem.extraction.krylov` (one site) and `block_krylov` (several) apply the constrained
-operator T = A⁻¹M - Y(BᵀY)⁻¹BᵀA⁻¹M, which is symmetric in the inner product of A. A `RitzBasis`
-orthogonalises the results against the basis, keeps them free of the rigid-body modes that the sites
-do not see, and finds the Ritz pairs of T.
+`antiosc.fem.extraction.krylov` applies the constrained operator T = A⁻¹M - Y(BᵀY)⁻¹BᵀA⁻¹M, which
+is symmetric in the inner product of A. A `RitzBasis` orthogonalises the results against the basis,
+keeps them free of the rigid-body modes that the sites do not see, and finds the Ritz pairs of T.
 """
 
 from __future__ import annotations
@@ -14,7 +13,8 @@ import numpy as np
 
 from antiosc._types import Array, ComplexArray
 from antiosc.fem.extraction.eigenmodes import Modes, polish
-from antiosc.fem.extraction.mode_search import Held, Pin
+from antiosc.fem.extraction.mode_search import Pin
+from antiosc.fem.extraction.site_shapes import SiteShapes
 from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.structure.structure import Structure
 from antiosc.models.batched_modes import EXHAUSTED
@@ -26,8 +26,7 @@ NOISE = 1e-18
 #: Columns by which a basis grows.
 BASIS_STEP = 16
 
-#: Bound on |Z - Z_N| [N/m], of several sites on its spectral norm, at complex x = ω² of shape (W,):
-#: (W,).
+#: Bound on the spectral norm of Z - Z_N [N/m] at complex x = ω² of shape (W,): (W,).
 Remainder = Callable[[ComplexArray], Array]
 
 
@@ -50,7 +49,7 @@ class RitzBasis:
     H : VᵀMV (steps, steps), that is T in the basis; it grows by `project`.
     """
 
-    def __init__(self, structure: Structure, held: Held, room: int) -> None:
+    def __init__(self, structure: Structure, held: SiteShapes, room: int) -> None:
         self._comm, self._M, self._shift = structure.comm, structure.M, structure.shift
         self._A, self._pin = structure.factorize().A, Pin(held)
         rows, self._locked = held.nodal.shape

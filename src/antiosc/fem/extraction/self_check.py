@@ -8,13 +8,13 @@ import numpy as np
 
 from antiosc.errors import AccuracyError, AccuracyWarning
 from antiosc.fem import mpi
-from antiosc.fem.linalg.algebra import dot
+from antiosc.fem.linalg.algebra import dot, multiply
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
     from antiosc._types import Array
-    from antiosc.fem.extraction.oscillators import Projected
+    from antiosc.fem.extraction.oscillators import Found
     from antiosc.fem.extraction.wish import Method
     from antiosc.fem.structure.structure import Structure
 
@@ -54,65 +54,51 @@ def judge(name: str, value: float, limit: float, comm: MPI.Comm) -> None:
 
 
 def checked_modes(
-    structure: Structure,
-    known: Projected,
-    method: Method,
-    *,
-    b: Array,
-    load: Array,
-    phi: Array,
-    mass: Array,
-    stiffness: float,
-) -> dict[str, float]:
+    structure: Structure, known: Found, method: Method
+) -> tuple[dict[str, float], int]:
     """Check constraint modes against their equations; AccuracyError far beyond CHECK.
 
     Ritz pairs may have large residuals, but must be orthogonal in K and in M.
 
-    Parameters
-    ----------
-    known : the modes, and the shapes of the p sites projected on them.
-    b, load : load vectors of the sites, and those that the reactions take; loadᵀphi = 1; (rows, p).
-    phi : static shapes of the sites, (rows, p).
-    mass : phiᵀM phi, (p, p).
-    stiffness : relative error of phiᵀK phi.
-
     Returns
     -------
-    What was measured, and the number of modes that have "converged".
+    What was measured, and the number of modes that have converged.
     """
-    modes, comm = known.modes, structure.comm
+    modes, static, comm = known.modes, known.static, structure.comm
     if len(modes.omega) and modes.omega[0] ** 2 < MECHANISM * structure.shift:
         raise AccuracyError(
             f"the structure moves without strain (ω = {modes.omega[0]:.1e} rad/s) but not as a "
             "rigid body: some part is attached by a hinge, a single common point or line; join it "
             "along a face."
         )
-    # The reactions hold the sites: Kφ - ω²Mφ = load μ, and loadᵀphi = 1 gives μ.
+    # The reactions hold the sites: Kφ - ω²Mφ = load μ, and loadᵀΦ = 1 gives μ.
     residual = known.k_phi - known.m_phi * modes.omega**2
-    residual = residual - load @ dot(comm, phi, residual)
+    residual = residual - static.load @ dot(comm, static.phi, residual)
     sizes = structure.factorize().force_sizes(np.hstack([residual, known.k_phi]))
     left, size = np.split(sizes, 2)
     off = left / np.maximum(size, np.finfo(float).tiny)
     scale = np.sqrt(modes.omega**2 + structure.shift)
     projection = (known.stiffnesses - np.diag(modes.omega**2)) / np.outer(scale, scale)
+    strain = dot(comm, static.phi, multiply(structure.K, static.phi)) - static.k0
+    sites = np.sqrt((static.k0 + structure.shift * static.mass).diagonal())
     own = {"residual": off} if method == "modes" else {"projection": projection}
     measured = {
         **{name: float(np.abs(value).max(initial=0.0)) for name, value in own.items()},
         "orthogonality": float(np.abs(known.masses - np.eye(len(off))).max(initial=0.0)),
-        "constraint": _displacement(comm, b, modes.phi),
-        "mass": _excess(mass, known.c.reshape(len(off), len(mass))),
-        "stiffness": stiffness,
+        "constraint": _displacement(comm, static.load, modes.phi),
+        "mass": _excess(static.mass, known.P),
+        "stiffness": float(np.abs(strain / np.outer(sites, sites)).max()),
     }
     for name, value in measured.items():
         judge(name, value, FORCES if name == "residual" else CHECK, comm)
-    return {**measured, "converged": int(np.sum(off < CONVERGED))}
+    return measured, int(np.sum(off < CONVERGED))
 
 
-def _displacement(comm: MPI.Comm, b: Array, phi: Array) -> float:
+def _displacement(comm: MPI.Comm, load: Array, phi: Array) -> float:
     """Largest displacement of a site in a mode, over their sizes."""
-    squares = [comm.allreduce(np.einsum("ij,ij->j", x, x)) for x in (b, phi)]
+    squares = [comm.allreduce(np.einsum("ij,ij->j", x, x)) for x in (load, phi)]
     sizes = np.sqrt(np.outer(*squares))
-    return float((np.abs(dot(comm, b, phi)) / sizes).max(initial=0.0))
+    return float((np.abs(dot(comm, load, phi)) / sizes).max(initial=0.0))
 
 
 def _excess(mass: Array, P: Array) -> float:

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,7 +23,7 @@ from antiosc.fem.extraction.dampers import refuse_dampers
 from antiosc.fem.extraction.eigenmodes import DENSE_MANY, Modes, ModeSolver
 from antiosc.fem.extraction.oscillators import REPEATED
 from antiosc.fem.extraction.self_check import CHECK
-from antiosc.fem.extraction.static_mode import StaticMode, beside_rigid, static_mode
+from antiosc.fem.extraction.site_shapes import SiteShapes, beside_rigid, site_shapes
 from antiosc.fem.extraction.wish import DEFAULT_COUNT, SEARCHED
 from antiosc.fem.linalg.algebra import dot, multiply
 from antiosc.fem.mpi import collective, on_root
@@ -35,6 +34,7 @@ from antiosc.models.body import Body
 from antiosc.models.driving_point import UNOBSERVABLE, shares_of_receptance
 from antiosc.models.free_modes import RESIDUAL_ROUNDING
 from antiosc.models.modal import Damping, ModalBody, as_damping
+from antiosc.models.model_info import ModelInfo
 from antiosc.models.motion import Inertia
 from antiosc.threads import one_thread
 
@@ -75,7 +75,7 @@ class NaturalModes(Brief, Body):
     local_compliance: float = 0.0
     radius: float | None = None
     damping: Damping | None = None
-    info: dict[str, Any] = field(default_factory=dict)
+    info: ModelInfo = field(default_factory=ModelInfo)
 
     @property
     def n(self) -> int:
@@ -163,7 +163,7 @@ def superposition(
     if n > structure.dofs:
         raise InputError(f"n must be at most the structure's {structure.dofs} dofs; got {n}.")
     where = functional(structure, site)
-    static = static_mode(structure, where)
+    static = site_shapes(structure, where.b[:, None])
     solver = ModeSolver(structure)
     asked, most = n + 2, SEARCHED * (n + DEFAULT_COUNT)
     while True:
@@ -212,7 +212,7 @@ def full(
         )
     given = as_damping(damping)
     where = functional(structure, site)
-    static = static_mode(structure, where)
+    static = site_shapes(structure, where.b[:, None])
     solver = ModeSolver(structure)
     modes = solver.lowest(structure.dofs)
     seen = _seen(structure, where, static, modes, UNOBSERVABLE)
@@ -228,7 +228,7 @@ def _check_arguments(structure: Structure, site: Site) -> None:
 
 
 def _seen(
-    structure: Structure, where: Functional, static: StaticMode, modes: Modes, tol: float
+    structure: Structure, where: Functional, static: SiteShapes, modes: Modes, tol: float
 ) -> Modes:
     """The modes that move the site, equal frequencies merged, the rigid-body one in front.
 
@@ -236,8 +236,9 @@ def _seen(
     """
     check_modes(structure, modes)
     b = dot(structure.comm, modes.phi, where.b)
-    along = 0.0 if static.rigid is None else static.rigid[1]
-    shares = shares_of_receptance(np.append(along, b), np.append(0.0, modes.omega**2))
+    rigid, a = _rigid_modes(static)
+    moving = a != 0
+    shares = shares_of_receptance(np.append(a[moving].sum(), b), np.append(0.0, modes.omega**2))
     seen = shares[1:] > tol
     omega, b, phi = modes.omega[seen], b[seen], modes.phi[:, seen]
     if len(omega):
@@ -245,10 +246,17 @@ def _seen(
         size = np.sqrt(np.add.reduceat(b**2, start))
         phi = np.add.reduceat(phi * b, start, axis=1) / size
         omega = omega[start]
-    if static.rigid is not None:
-        omega = np.concatenate([[0.0], omega])
-        phi = np.column_stack([static.rigid[0], phi])
-    return Modes(omega, phi, modes.complete)
+    omega = np.append(np.zeros(int(moving.sum())), omega)
+    return Modes(omega, np.hstack([rigid[:, moving], phi]), modes.complete)
+
+
+def _rigid_modes(static: SiteShapes) -> tuple[Array, Array]:
+    """M-orthonormal rigid-body modes (rows, r), and the displacements >= 0 of the site in them.
+
+    At most one of them moves the site.
+    """
+    a = np.hstack([static.rigid, static.slide])[0]
+    return static.rigid_shapes * np.where(a < 0, -1.0, 1.0), np.abs(a)
 
 
 def check_modes(structure: Structure, modes: Modes) -> None:
@@ -273,7 +281,7 @@ def _model(
     structure: Structure,
     site: Site,
     where: Functional,
-    static: StaticMode,
+    static: SiteShapes,
     modes: Modes,
     static_correction: bool,
     method: str,
@@ -283,6 +291,8 @@ def _model(
     if static_correction:
         r, residual = _left_out(structure, where, static, modes, b)
     inertia = uniform_inertia(structure, where)
+    rigid, a = _rigid_modes(static)
+    hidden = rigid[:, a == 0]
     return NaturalModes(
         omega=modes.omega,
         b=b,
@@ -291,26 +301,26 @@ def _model(
         residual=residual,
         weight=None if inertia is None else np.asarray(dot(structure.comm, modes.phi, inertia)),
         direction=where.direction,
-        inertia=inertia_of(structure, static.beside, modes.phi),
-        hidden=static.beside if structure.rigid_inertia is not None else None,
+        inertia=inertia_of(structure, hidden, modes.phi),
+        hidden=hidden if structure.rigid_inertia is not None else None,
         local_compliance=where.local_compliance,
         radius=site.radius,
-        info={
-            "structure": structure.describe(),
-            "dofs": structure.dofs,
-            "method": method,
-            "converged": len(modes.omega),
-            **({} if where.point is None else {"point": where.point.tolist()}),
-        },
+        info=ModelInfo(
+            structure=structure.describe(),
+            dofs=structure.dofs,
+            method=method,
+            converged=len(modes.omega),
+            point=None if where.point is None else where.point.tolist(),
+        ),
     )
 
 
 def _left_out(
-    structure: Structure, where: Functional, static: StaticMode, modes: Modes, b: Array
+    structure: Structure, where: Functional, static: SiteShapes, modes: Modes, b: Array
 ) -> tuple[float, Array]:
     """Static deflection under a unit force without that of the modes: at the site, and the
     shape."""
-    elastic = static.y
+    elastic = static.y[:, 0] / static.W[0, 0]
     if structure.rigid_modes.shape[1]:
         elastic = beside_rigid(structure, structure.factorize(), where.b)
     compliance = float(dot(structure.comm, where.b, elastic))

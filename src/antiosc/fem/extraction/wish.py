@@ -31,11 +31,11 @@ STEP_AIM = 0.6
 SETTLED_FROM = 10
 
 Method = Literal["krylov", "modes"]
-ErrorWish = Literal["estimate"] | None
+ErrorOption = Literal["estimate"] | None
 
 
 @dataclass(frozen=True)
-class Wish:
+class ExtractOptions:
     """What the caller asked for, checked."""
 
     n: int
@@ -43,19 +43,19 @@ class Wish:
     tol: float
     band: float | None
     accuracy: float
-    error: ErrorWish = None
+    error: ErrorOption = None
 
 
-def checked_wish(
+def checked_options(
     structure: Structure,
     n: int | None,
     method: Method,
     tol: float | None,
     band: float | None,
     accuracy: float,
-    error: ErrorWish = None,
-) -> Wish:
-    """The wish; InputError for numbers outside their range and vectors that memory cannot hold."""
+    error: ErrorOption = None,
+) -> ExtractOptions:
+    """The options; InputError for numbers out of range and vectors that memory cannot hold."""
     choice("method", method, get_args(Method))
     choice("error", error, (None, "estimate"))
     if n is None:
@@ -75,7 +75,7 @@ def checked_wish(
         band = positive("band", band, "rad/s")
     accuracy = positive("accuracy", accuracy)
     tol = OBSERVABLE * min(accuracy, 1.0) if tol is None else tolerance(tol)
-    return Wish(n, method, tol, band, accuracy, error)
+    return ExtractOptions(n, method, tol, band, accuracy, error)
 
 
 def checked_sites(structure: Any, site: Any) -> list[Site]:
@@ -100,34 +100,34 @@ def checked_sites(structure: Any, site: Any) -> list[Site]:
     return sites
 
 
-def tell(model: AntiOscillators, wish: Wish, complete: bool) -> None:
+def warn_of_shortfall(model: AntiOscillators, options: ExtractOptions, complete: bool) -> None:
     """Warn of too few modes, of frequencies that have not converged, and of a band not reached or
     too low."""
-    if wish.band is None and model.n < wish.n and not complete:
+    if options.band is None and model.n < options.n and not complete:
         warn(
-            f"only {model.n} of the first {model.info['modes_computed']} modes are observable at "
-            f"the site (share in Z above {wish.tol:g}), fewer than n = {wish.n}: the model "
+            f"only {model.n} of the first {model.info.modes_computed} modes are observable at "
+            f"the site (share in Z above {options.tol:g}), fewer than n = {options.n}: the model "
             "contains these; reduce tol for more.",
             AccuracyWarning,
         )
-    if model.info["converged"] == 0 and model.n >= SETTLED_FROM:
+    if model.info.converged == 0 and model.n >= SETTLED_FROM:
         warn(
             f"none of the {model.n} anti-oscillators has converged to an antiresonance: their "
             "frequencies are unreliable; check whether some part is very slender.",
             AccuracyWarning,
         )
-    if wish.band is None or "band" not in model.info:
+    if options.band is None or model.info.band is None:
         return
-    error = model.info["band"]["error_bound"]
-    if not error <= wish.accuracy:
+    error = model.info.band["error_bound"]
+    if not error <= options.accuracy:
         warn(
-            f"with {model.n} anti-oscillators the error of Z up to {wish.band:g} rad/s is at most "
-            f"{error:.1e}, above accuracy = {wish.accuracy:g}: raise n or lower the band.",
+            f"with {model.n} anti-oscillators the error of Z up to {options.band:g} rad/s is at "
+            f"most {error:.1e}, above accuracy = {options.accuracy:g}: raise n or lower the band.",
             AccuracyWarning,
         )
-    elif model.n and wish.band < model.omega[0]:
+    elif model.n and options.band < model.omega[0]:
         warn(
-            f"the band ends at {wish.band:g} rad/s, below the first antiresonance "
+            f"the band ends at {options.band:g} rad/s, below the first antiresonance "
             f"{model.omega[0]:g} rad/s: the model consists almost only of its static stiffness "
             "and mass; raise the band if the impact is shorter.",
             AccuracyWarning,

@@ -1,0 +1,169 @@
+"""`ModelInfo`: where a model comes from, how it was found, and what its errors need to know."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, TypedDict
+
+from antiosc import checks
+from antiosc.brief import Brief
+
+
+class Band(TypedDict, total=False):
+    """The band of an extraction: its ends [rad/s], and the bound on the error of Z over it."""
+
+    bottom: float
+    top: float
+    error_bound: float
+
+
+class Patch(TypedDict, total=False):
+    """The patch of a site.
+
+    faces : size of the faces under it [m]; radius : that of a second patch [m]; compliance : change
+    of the part's compliance with it, beyond that of the half-space [m/N].
+    """
+
+    faces: float
+    radius: float
+    compliance: float
+
+
+class FacetGaps(TypedDict):
+    """The layers between flat faces and the curved surface that they stand for.
+
+    note : a sentence; stiffness : their strain energies in the shapes [N/m]; mass : over that of
+    the structure.
+    """
+
+    note: str
+    stiffness: list[float]
+    mass: float
+
+
+class BeamSection(TypedDict):
+    """What the error of beam theory follows from.
+
+    compliance : 1/(E √A) [m/N]; omega : frequency of the section's deformation [rad/s]; clamps :
+    number of held ends times the larger side over the length.
+    """
+
+    compliance: float
+    omega: float
+    clamps: float
+
+
+class DamperEnds(TypedDict):
+    """Displacements of dampers' ends in the shapes (e, p + N), and damping (e, e) [N s/m]."""
+
+    ends: list[list[float]]
+    damping: list[list[float]]
+
+
+@dataclass(frozen=True, repr=False)
+class ModelInfo(Brief):
+    """What is known of an extracted model besides its numbers; nothing changes it afterwards.
+
+    `info.dofs` and `info["dofs"]` are the same; the latter is a KeyError where nothing is known.
+
+    Attributes
+    ----------
+    structure : description of the structure.
+    dofs : number of its dofs.
+    meshed : whether it has a mesh of its own, whose error can be estimated.
+    method : "krylov", "modes", "superposition" or "full".
+    modes_computed, modes_unobservable, modes_merged : numbers of constraint modes that were
+        computed, dropped for their small share in Z, and merged with others of their frequency.
+    converged : how many of the lowest anti-oscillators have converged to antiresonances.
+    rigid_modes : number of rigid-body modes of the structure.
+    rigid_share : largest share of one of them in the compliance of the sites.
+    independent : columns of the sites that move independently of those before.
+    point, direction : place [m] and direction of a site without a name.
+    points : places [m] of named sites.
+    checks : measured errors of the modes, relative.
+    seconds : times of the steps of the extraction [s].
+    band : of an extraction with a band.
+    damper_coupling : largest coupling of free modes by dampers, relative; dampers : their ends.
+    inside_element : whether the site lies inside an element of a beam.
+    model : data of the error of beam theory, or a sentence why there is none.
+    patch, geometry, not_included : of the patch of the site, of curved surfaces, and a sentence on
+        what the estimate of the mesh's error leaves out.
+    doubts : sentences on what is implausible of the part; wave_speed : largest √(E/ρ) [m/s].
+    strike : dofs and errors of the meshes that `strike` has tried.
+    notes : anything else, JSON values.
+    """
+
+    structure: str | None = None
+    method: str | None = None
+    dofs: int | None = None
+    converged: int | None = None
+    modes_computed: int | None = None
+    modes_unobservable: int | None = None
+    modes_merged: int | None = None
+    meshed: bool | None = None
+    rigid_modes: int | None = None
+    rigid_share: float | None = None
+    independent: Sequence[int] | None = None
+    point: Sequence[float] | None = None
+    direction: Sequence[float] | None = None
+    points: Mapping[str, Sequence[float]] | None = None
+    checks: Mapping[str, float] | None = None
+    seconds: Mapping[str, float] | None = None
+    band: Band | None = None
+    damper_coupling: float | None = None
+    dampers: DamperEnds | None = None
+    inside_element: bool | None = None
+    model: BeamSection | str | None = None
+    patch: Patch | None = None
+    geometry: FacetGaps | None = None
+    not_included: str | None = None
+    doubts: Sequence[str] | None = None
+    wave_speed: float | None = None
+    strike: Sequence[Mapping[str, Any]] | None = None
+    notes: Mapping[str, Any] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, given: Any) -> ModelInfo:
+        """A record of itself or of a mapping, whose unknown names are `notes`; else InputError."""
+        if isinstance(given, ModelInfo):
+            return given
+        checks.instance("info", given, Mapping, "a ModelInfo, or a dict of facts")
+        known = {name: value for name, value in given.items() if name in _NAMES}
+        notes = {name: value for name, value in given.items() if name not in _NAMES}
+        return cls(**known, notes=notes)
+
+    def __post_init__(self) -> None:
+        for name in ("dofs", "converged", "modes_computed", "rigid_modes"):
+            if getattr(self, name) is not None:
+                checks.whole(f"info.{name}", getattr(self, name), least=0)
+        for name in ("points", "checks", "seconds", "band", "dampers", "patch", "geometry"):
+            if getattr(self, name) is not None:
+                checks.instance(f"info.{name}", getattr(self, name), Mapping, "a dict")
+
+    def as_dict(self) -> dict[str, Any]:
+        """What is known, as JSON values."""
+        known = {name: getattr(self, name) for name in _NAMES}
+        return {n: value for n, value in known.items() if value is not None} | dict(self.notes)
+
+    def __getitem__(self, name: str) -> Any:
+        return self.as_dict()[name]
+
+    def get(self, name: str, default: Any = None) -> Any:
+        """`info[name]`, or `default` where nothing is known."""
+        return self.as_dict().get(name, default)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.as_dict()
+
+
+_NAMES = tuple(each.name for each in dataclasses.fields(ModelInfo) if each.name != "notes")
+#: The record of a body of which nothing is known.
+UNKNOWN = ModelInfo()
+
+
+def info_of(body: Any) -> ModelInfo:
+    """The record of a body; an empty one of a body without."""
+    info = getattr(body, "info", None)
+    return info if isinstance(info, ModelInfo) else UNKNOWN
