@@ -217,6 +217,14 @@ def test_a_dolfinx_mesh_with_tags():
 # --- Ranks ----------------------------------------------------------------------------------------
 
 
+def test_a_mesh_is_shown_in_a_few_lines():
+    text = repr(
+        ao.read_mesh(dolfinx.mesh.create_box(MPI.COMM_SELF, [[0, 0, 0], [1, 1, 1]], [2, 1, 1]))
+    )
+    assert "12 of kind tetrahedron" in text
+    assert len(text.splitlines()) <= 4
+
+
 @pytest.mark.mpi
 def test_two_ranks_hold_the_same_mesh(tmp_path):
     paths = [
