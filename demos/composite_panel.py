@@ -13,9 +13,9 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
+import command_line
 import dolfinx
 import numpy as np
-import options
 from mpi4py import MPI
 
 import antiosc as ao
@@ -124,15 +124,21 @@ def plot(hits: dict[str, ao.History], path: Path) -> None:
 
 def command(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--length", type=options.positive, default=0.40, help="of the panels, m")
-    parser.add_argument("--width", type=options.positive, default=0.30, help="of the panels, m")
-    parser.add_argument("--sphere", type=options.positive, default=10e-3, help="radius, m")
-    parser.add_argument("--height", type=options.positive, default=0.5, help="of the fall, m")
-    parser.add_argument("--elements", type=options.count, default=16, help="along the width")
-    parser.add_argument("--n", type=options.count, default=160, help="anti-oscillators")
-    parser.add_argument("--duration", type=options.positive, default=4e-3, help="simulated time, s")
+    parser.add_argument(
+        "--length", type=command_line.positive, default=0.40, help="of the panels, m"
+    )
+    parser.add_argument(
+        "--width", type=command_line.positive, default=0.30, help="of the panels, m"
+    )
+    parser.add_argument("--sphere", type=command_line.positive, default=10e-3, help="radius, m")
+    parser.add_argument("--height", type=command_line.positive, default=0.5, help="of the fall, m")
+    parser.add_argument("--elements", type=command_line.count, default=16, help="along the width")
+    parser.add_argument("--n", type=command_line.count, default=160, help="anti-oscillators")
+    parser.add_argument(
+        "--duration", type=command_line.positive, default=4e-3, help="simulated time, s"
+    )
     parser.add_argument("--out", type=Path, default=ROOT / "out", help="folder of the picture")
-    options.run(parser, main, arguments)
+    command_line.run(parser, main, arguments)
 
 
 if __name__ == "__main__":

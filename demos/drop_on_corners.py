@@ -19,9 +19,9 @@ from itertools import product
 from math import sqrt
 from pathlib import Path
 
+import command_line
 import dolfinx
 import numpy as np
-import options
 from mpi4py import MPI
 from numpy.typing import NDArray
 
@@ -218,12 +218,12 @@ def plot(
 
 def command(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--height", type=options.positive, default=0.75, help="of the fall, m")
-    parser.add_argument("--n", type=options.count, default=120, help="anti-oscillators")
-    parser.add_argument("--size", type=options.positive, default=16e-3, help="of elements, m")
-    parser.add_argument("--duration", type=options.positive, default=4e-3, help="of a run, s")
+    parser.add_argument("--height", type=command_line.positive, default=0.75, help="of the fall, m")
+    parser.add_argument("--n", type=command_line.count, default=120, help="anti-oscillators")
+    parser.add_argument("--size", type=command_line.positive, default=16e-3, help="of elements, m")
+    parser.add_argument("--duration", type=command_line.positive, default=4e-3, help="of a run, s")
     parser.add_argument("--out", type=Path, default=ROOT / "out")
-    options.run(parser, main, arguments)
+    command_line.run(parser, main, arguments)
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-import options
+import command_line
 
 import antiosc as ao
 from antiosc import plotting
@@ -149,13 +149,13 @@ def print_table(
 
 def command(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    kinds = {float: options.positive, int: options.seed, Path: Path}
+    kinds = {float: command_line.positive, int: command_line.seed, Path: Path}
     for name, parameter in inspect.signature(main).parameters.items():
         kind = next(made for given, made in kinds.items() if isinstance(parameter.default, given))
         parser.add_argument(
             f"--{name}", type=kind, default=parameter.default, help="(default: %(default)s)"
         )
-    options.run(parser, main, arguments)
+    command_line.run(parser, main, arguments)
 
 
 if __name__ == "__main__":

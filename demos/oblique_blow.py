@@ -17,8 +17,8 @@ from collections.abc import Sequence
 from math import cos, inf, radians, sin
 from pathlib import Path
 
+import command_line
 import numpy as np
-import options
 from numpy.typing import NDArray
 
 import antiosc as ao
@@ -168,7 +168,7 @@ def command(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument(
         "--angles",
-        type=options.listed(options.positive),
+        type=command_line.listed(command_line.positive),
         default=(10.0, 30.0, 50.0, 70.0),
         help="of incidence, from the normal, degrees",
     )
@@ -179,10 +179,10 @@ def command(arguments: Sequence[str] | None = None) -> None:
         ("size", 6e-3, "largest element, m"),
         ("duration", 4e-4, "simulated time, s"),
     ):
-        parser.add_argument(f"--{name}", type=options.positive, default=default, help=text)
-    parser.add_argument("--n", type=options.count, default=40, help="anti-oscillators")
+        parser.add_argument(f"--{name}", type=command_line.positive, default=default, help=text)
+    parser.add_argument("--n", type=command_line.count, default=40, help="anti-oscillators")
     parser.add_argument("--out", type=Path, default=ROOT / "out")
-    options.run(parser, main, arguments)
+    command_line.run(parser, main, arguments)
 
 
 if __name__ == "__main__":

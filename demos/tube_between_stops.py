@@ -17,8 +17,8 @@ import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
+import command_line
 import numpy as np
-import options
 from numpy.typing import NDArray
 
 import antiosc as ao
@@ -144,14 +144,14 @@ def command(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument(
         "--gaps",
-        type=options.listed(options.positive),
+        type=command_line.listed(command_line.positive),
         default=(0.2e-3, 0.406e-3, 0.8e-3),
         help="to each side, m",
     )
-    parser.add_argument("--n", type=options.count, default=40, help="anti-oscillators")
-    parser.add_argument("--duration", type=options.positive, default=0.25, help="s")
+    parser.add_argument("--n", type=command_line.count, default=40, help="anti-oscillators")
+    parser.add_argument("--duration", type=command_line.positive, default=0.25, help="s")
     parser.add_argument("--out", type=Path, default=ROOT / "out")
-    options.run(parser, main, arguments)
+    command_line.run(parser, main, arguments)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """One table of a collection of decks: read, struck, or refused, and in which words.
 
-    make decks                        those of Debian's calculix-ccx-test, if it is installed
-    make decks DECKS=some/folder      any other folder of .inp (also .inp.gz)
+    make bench-decks                        those of Debian's calculix-ccx-test, if it is installed
+    make bench-decks DECKS=some/folder      any other folder of .inp (also .inp.gz)
 
 Every deck that becomes a structure is struck. Its mass is compared with ρV of the deck's elements
 as an independent parser measures them (`census`), and k0 with a sparse solve by SciPy: of matrices

@@ -1,4 +1,4 @@
-"""A few of the random scenes of demos/fuzz.py, and that its checks would see a fault."""
+"""A few of the random scenes of benchmarks/fuzz.py, and that its checks would see a fault."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A few of the random scenes of demos/fuzz_scenes.py, and that its checks would see a fault."""
+"""Some random scenes of benchmarks/fuzz_scenes.py, and that its checks would see a fault."""
 
 from __future__ import annotations
 

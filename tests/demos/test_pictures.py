@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from paths import DEMOS, demo
+from paths import BENCHMARKS, DEMOS, demo
 from scenes import HERTZ, case_two
 
 pytestmark = [pytest.mark.fem, pytest.mark.slow]
@@ -67,5 +67,6 @@ def test_errors_against_seconds(tmp_path):
 
 
 def test_no_demo_has_a_plotting_library_of_its_own():
-    own = [p.name for p in DEMOS.glob("*.py") if "pyplot" in p.read_text(encoding="utf-8")]
+    scripts = [*DEMOS.glob("*.py"), *BENCHMARKS.glob("*.py")]
+    own = [p.name for p in scripts if "pyplot" in p.read_text(encoding="utf-8")]
     assert own == []

@@ -1,4 +1,4 @@
-"""Errors of random blows under all laws, by demos/scene_errors.py."""
+"""Errors of random blows under all laws, by benchmarks/scene_errors.py."""
 
 from __future__ import annotations
 

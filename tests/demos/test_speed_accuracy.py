@@ -6,11 +6,11 @@ import sys
 
 import pytest
 
-from paths import DEMOS
+from paths import BENCHMARKS
 
 pytest.importorskip("dolfinx")
 
-sys.path.insert(0, str(DEMOS))
+sys.path.insert(0, str(BENCHMARKS))
 
 import speed_accuracy
 

@@ -1,8 +1,8 @@
 """Published tests of stops and of rods that strike, by ways other than the validation book's.
 
-Scenes, data and published values are those of `demos/validation`, which also says where they were
-read. The book takes rods in beam elements; here they are taken in their exact modes (the sines and
-cosines of the wave equation) with the rest as residual compliance.
+Scenes, data and published values are those of `benchmarks/validation`, which also says where they
+were read. The book takes rods in beam elements; here they are taken in their exact modes (the sines
+and cosines of the wave equation) with the rest as residual compliance.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from paths import DEMOS
+from paths import BENCHMARKS
 
 #: name of a rod's case in the book
 WALLS = ("abaqus_truss", "vm265", "sdnv100", "sdnv100_confined")
@@ -22,8 +22,8 @@ WALLS = ("abaqus_truss", "vm265", "sdnv100", "sdnv100_confined")
 @pytest.fixture
 def book(monkeypatch):
     """A module of the book by its name."""
-    monkeypatch.syspath_prepend(str(DEMOS))
-    monkeypatch.syspath_prepend(str(DEMOS / "validation"))
+    monkeypatch.syspath_prepend(str(BENCHMARKS))
+    monkeypatch.syspath_prepend(str(BENCHMARKS / "validation"))
     return importlib.import_module
 
 
