@@ -11,9 +11,7 @@ draws them. It runs on one rank or on several:
 
 from __future__ import annotations
 
-import argparse
 import time
-from collections.abc import Sequence
 from pathlib import Path
 
 import command_line
@@ -158,16 +156,5 @@ def ends(block: dolfinx.mesh.Mesh, z: float) -> tuple[dolfinx.mesh.MeshTags, int
     return dolfinx.mesh.meshtags(block, 2, np.sort(faces), np.ones(len(faces), np.int32)), 1
 
 
-def command(arguments: Sequence[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--size", type=command_line.positive, default=8e-3, help="of elements, m")
-    parser.add_argument("--height", type=command_line.positive, default=0.05, help="of the fall, m")
-    parser.add_argument("--radius", type=command_line.positive, default=8e-3, help="of the ball, m")
-    parser.add_argument("--n", type=command_line.count, default=60, help="anti-oscillators")
-    parser.add_argument("--duration", type=command_line.positive, default=6e-3, help="of a run, s")
-    parser.add_argument("--out", type=Path, default=ROOT / "out")
-    command_line.run(parser, main, arguments)
-
-
 if __name__ == "__main__":
-    command()
+    command_line.command(main)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import inspect
+import re
 import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -48,6 +50,32 @@ def line(start: Sequence[float], end: Sequence[float], count: int) -> ao.Mesh:
         path.write_text(points + 'Line(1) = {1, 2};\nPhysical Curve("line") = {1};\n')
         size = float(np.linalg.norm(np.subtract(end, start))) / count
         return ao.read_mesh(path, size=size, gdim=3)
+
+
+def command(main: Callable[..., Any], arguments: Sequence[str] | None = None) -> Any:
+    """Run `main` with the arguments of the command line, which are its parameters.
+
+    Their types are those of the defaults, their help the section "Parameters" of its docstring.
+    """
+    told = inspect.getdoc(main) or ""
+    parser = argparse.ArgumentParser(description=told.split("\n\n")[0])
+    for name, parameter in inspect.signature(main).parameters.items():
+        default = parameter.default
+        line = re.search(rf"^(?:.*, )?{name}(?:, .*)? : (.*)$", told, re.MULTILINE)
+        parser.add_argument(
+            f"--{name}",
+            type=_reader(default),
+            default=default,
+            help=f"{line[1] if line else ''} (default: %(default)s)",
+        )
+    return run(parser, main, arguments)
+
+
+def _reader(default: Any) -> Callable[[str], Any]:
+    """What reads a text of the kind of a default."""
+    if isinstance(default, tuple):
+        return listed(_reader(default[0]))
+    return {float: positive, int: count}.get(type(default), Path)
 
 
 def run(parser: argparse.ArgumentParser, main: Callable[..., Any], arguments: Any = None) -> Any:

@@ -9,8 +9,6 @@ under the ball is not in it, so the sandwich is struck softer than this says.
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Sequence
 from pathlib import Path
 
 import command_line
@@ -122,24 +120,5 @@ def plot(hits: dict[str, ao.History], path: Path) -> None:
     plotting.save_figure(figure, path, dpi=120)
 
 
-def command(arguments: Sequence[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument(
-        "--length", type=command_line.positive, default=0.40, help="of the panels, m"
-    )
-    parser.add_argument(
-        "--width", type=command_line.positive, default=0.30, help="of the panels, m"
-    )
-    parser.add_argument("--sphere", type=command_line.positive, default=10e-3, help="radius, m")
-    parser.add_argument("--height", type=command_line.positive, default=0.5, help="of the fall, m")
-    parser.add_argument("--elements", type=command_line.count, default=16, help="along the width")
-    parser.add_argument("--n", type=command_line.count, default=160, help="anti-oscillators")
-    parser.add_argument(
-        "--duration", type=command_line.positive, default=4e-3, help="simulated time, s"
-    )
-    parser.add_argument("--out", type=Path, default=ROOT / "out", help="folder of the picture")
-    command_line.run(parser, main, arguments)
-
-
 if __name__ == "__main__":
-    command()
+    command_line.command(main)

@@ -11,10 +11,8 @@ them over the orientations. Rotations are small: a run covers the first blow.
 
 from __future__ import annotations
 
-import argparse
 import time
 import warnings
-from collections.abc import Sequence
 from itertools import product
 from math import sqrt
 from pathlib import Path
@@ -216,15 +214,5 @@ def plot(
     plotting.save_figure(figure, path, dpi=120)
 
 
-def command(arguments: Sequence[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--height", type=command_line.positive, default=0.75, help="of the fall, m")
-    parser.add_argument("--n", type=command_line.count, default=120, help="anti-oscillators")
-    parser.add_argument("--size", type=command_line.positive, default=16e-3, help="of elements, m")
-    parser.add_argument("--duration", type=command_line.positive, default=4e-3, help="of a run, s")
-    parser.add_argument("--out", type=Path, default=ROOT / "out")
-    command_line.run(parser, main, arguments)
-
-
 if __name__ == "__main__":
-    command()
+    command_line.command(main)

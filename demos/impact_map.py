@@ -9,10 +9,8 @@ much the answer depends on where it falls; a few sites are extracted by themselv
 
 from __future__ import annotations
 
-import argparse
 import time
 import warnings
-from collections.abc import Sequence
 from pathlib import Path
 
 import command_line
@@ -89,21 +87,5 @@ def _text(point: np.ndarray) -> str:
     return "(" + ", ".join(f"{1e3 * c:.1f}" for c in point) + ") mm"
 
 
-def command(arguments: Sequence[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument(
-        "--size", type=command_line.positive, default=6e-3, help="largest elements, m"
-    )
-    parser.add_argument(
-        "--radius", type=command_line.positive, default=3e-3, help="of the patches, m"
-    )
-    parser.add_argument(
-        "--velocity", type=command_line.positive, default=1.0, help="of the sphere, m/s"
-    )
-    parser.add_argument("--check", type=command_line.count, default=5, help="sites to compare")
-    parser.add_argument("--out", type=Path, default=ROOT / "out", help="folder of the results")
-    command_line.run(parser, main, arguments)
-
-
 if __name__ == "__main__":
-    command()
+    command_line.command(main)

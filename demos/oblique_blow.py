@@ -11,9 +11,7 @@ same blow on a part that does not move. One model serves all angles.
 
 from __future__ import annotations
 
-import argparse
 import time
-from collections.abc import Sequence
 from math import cos, inf, radians, sin
 from pathlib import Path
 
@@ -164,26 +162,5 @@ def plot(hits: dict[str, ao.SceneHistory], path: Path) -> None:
     plotting.save_figure(figure, path, dpi=120)
 
 
-def command(arguments: Sequence[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument(
-        "--angles",
-        type=command_line.listed(command_line.positive),
-        default=(10.0, 30.0, 50.0, 70.0),
-        help="of incidence, from the normal, degrees",
-    )
-    for name, default, text in (
-        ("speed", 2.0, "along the normal, m/s"),
-        ("friction", 0.25, "coefficient"),
-        ("radius", 10e-3, "of the sphere, m"),
-        ("size", 6e-3, "largest element, m"),
-        ("duration", 4e-4, "simulated time, s"),
-    ):
-        parser.add_argument(f"--{name}", type=command_line.positive, default=default, help=text)
-    parser.add_argument("--n", type=command_line.count, default=40, help="anti-oscillators")
-    parser.add_argument("--out", type=Path, default=ROOT / "out")
-    command_line.run(parser, main, arguments)
-
-
 if __name__ == "__main__":
-    command()
+    command_line.command(main)

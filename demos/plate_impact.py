@@ -11,8 +11,6 @@ who solved the infinite plate. Lengths are counted in the wave's own measure, th
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Sequence
 from math import sqrt
 from pathlib import Path
 
@@ -167,22 +165,5 @@ def plot(
     plotting.save_figure(figure, path, dpi=120)
 
 
-def command(arguments: Sequence[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument(
-        "--thickness", type=command_line.positive, default=2e-3, help="of the plate, m"
-    )
-    parser.add_argument(
-        "--velocity", type=command_line.positive, default=0.1, help="of the sphere, m/s"
-    )
-    numbers = command_line.listed(command_line.positive)
-    parser.add_argument("--inelasticities", type=numbers, default=(0.1, 0.3, 0.5), help="a,b,…")
-    parser.add_argument("--sizes", type=numbers, default=(2, 3, 4, 5, 6, 8, 10), help="a,b,…")
-    parser.add_argument("--elements", type=command_line.count, default=32, help="along a side")
-    parser.add_argument("--n", type=command_line.count, default=60, help="anti-oscillators")
-    parser.add_argument("--out", type=Path, default=ROOT / "out", help="folder of the pictures")
-    command_line.run(parser, main, arguments)
-
-
 if __name__ == "__main__":
-    command()
+    command_line.command(main)

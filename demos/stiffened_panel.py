@@ -10,9 +10,7 @@ between two stringers, and the skin over a stringer.
 
 from __future__ import annotations
 
-import argparse
 import time
-from collections.abc import Sequence
 from math import cos, radians, sin
 from pathlib import Path
 
@@ -158,21 +156,5 @@ def plot(hits: dict[tuple[str, str], ao.History], path: Path) -> None:
     plotting.save_figure(figure, path, dpi=120)
 
 
-def command(arguments: Sequence[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--skin", type=command_line.positive, default=2e-3, help="thickness, m")
-    parser.add_argument("--blade", type=command_line.positive, default=3e-3, help="thickness, m")
-    parser.add_argument("--sphere", type=command_line.positive, default=15e-3, help="radius, m")
-    parser.add_argument(
-        "--velocity", type=command_line.positive, default=2.0, help="of the sphere, m/s"
-    )
-    parser.add_argument("--n", type=command_line.count, default=40, help="anti-oscillators")
-    parser.add_argument(
-        "--duration", type=command_line.positive, default=4e-3, help="simulated time, s"
-    )
-    parser.add_argument("--out", type=Path, default=ROOT / "out", help="folder of the results")
-    command_line.run(parser, main, arguments)
-
-
 if __name__ == "__main__":
-    command()
+    command_line.command(main)

@@ -11,10 +11,8 @@ of the free end. Where rattling makes the forces uncertain, it says until when t
 
 from __future__ import annotations
 
-import argparse
 import time
 import warnings
-from collections.abc import Sequence
 from pathlib import Path
 
 import command_line
@@ -140,19 +138,5 @@ def plot(hits: dict[str, ao.SceneHistory], duration: float, path: Path) -> None:
     plotting.save_figure(figure, path, dpi=120)
 
 
-def command(arguments: Sequence[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument(
-        "--gaps",
-        type=command_line.listed(command_line.positive),
-        default=(0.2e-3, 0.406e-3, 0.8e-3),
-        help="to each side, m",
-    )
-    parser.add_argument("--n", type=command_line.count, default=40, help="anti-oscillators")
-    parser.add_argument("--duration", type=command_line.positive, default=0.25, help="s")
-    parser.add_argument("--out", type=Path, default=ROOT / "out")
-    command_line.run(parser, main, arguments)
-
-
 if __name__ == "__main__":
-    command()
+    command_line.command(main)
