@@ -415,7 +415,7 @@ OWN: dict[str, dict[str, Any]] = {
     "Section.tube": {"d": 0.02, "t": 1e-3}, "sweep": {"mass": [1.0, 2.0]},
     "Structure.uniform_inertia": {"direction": np.array([0.0, 0.0, 1.0])},
     "Mesh": {"dolfinx": lambda: mesh().dolfinx}, "Mesh.group": {"name": "none"},
-    "read_model": {"path": str(DECKS / "layers.inp")},
+    "read_model": {"path": str(DECKS / "c3d10.inp")},
     "export": {"path": "out.fmu", "source": model},
     "Structure.from_matrices": {}, "ReducedMatrices": {"labels": [[1, 0], [2, 0], [3, 0]]},
     "Structure.from_files": {"K": matrix_file, "M": matrix_file},

@@ -23,8 +23,11 @@ LIGHT = {
     *("errors", "howto/contacts", "howto/sweep", "howto/cluster", "howto/export"),
     *("api/models", "api/contact", "api/simulation", "api/scenes", "api/errors", "api/exports"),
 }
-MESHED = {"howto/deck", "howto/units", "howto/map", "api/structures"}
-SLOW = {"first_impact", "limits", "api/extraction", "api/assemblies", "api/results"}
+MESHED = {"howto/deck", "howto/units"}
+SLOW = {
+    *("first_impact", "limits", "howto/map"),
+    *("api/extraction", "api/assemblies", "api/results", "api/structures"),
+}
 
 
 def programs(page: str) -> list[str]:
