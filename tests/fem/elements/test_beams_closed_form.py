@@ -130,7 +130,7 @@ def test_a_solid_bar_becomes_the_beam():
     mesh = parts.plate((40, 4), (L, h))
     solid = ao.Solid(E=67e9, nu=0.3, rho=2400.0, plane="stress", thickness=t)
     structure = ao.Structure(mesh, solid, [ao.Support("left")])
-    with pytest.warns(AntioscWarning, match="point load on a solid"):
+    with pytest.warns(AntioscWarning, match="point"):
         model = ao.extract(structure, ao.Site((L, h / 2), (0, -1)), n=3, method="modes")
     exact = closed_form.cantilever(
         closed_form.UniformBeam.timoshenko(

@@ -203,7 +203,7 @@ def test_opposite_normals(cell):
     mesh = rectangle(3, 1.0, 1.0, cell)
     both = mesh, flipped(mesh, slice(4, 5))
     layers = unsymmetric(0.05)
-    with pytest.raises(InputError, match=r"opposite normals at [34] edges, one at \(.*give Lamina"):
+    with pytest.raises(InputError, match="opposite"):
         ao.Structure(both[1], ao.Laminate(layers))
     straight, settled = (
         ao.Structure(m, ao.Laminate(layers, top=(0, 0.2, 1)), SIMPLE) for m in both
@@ -273,8 +273,8 @@ def test_laminate_and_shell_by_group():
     assert mixed.dimensions == pytest.approx((2, 1, 0.01))
     site = ao.Site((1.5, 0.5, 0), (0, 0, 1))
     assert ao.extract(mixed, site, n=2).radius == pytest.approx(0.01)
-    with pytest.raises(InputError, match="of one family: Solid, Beam, Truss, or Shell"):
+    with pytest.raises(InputError, match="Solid"):
         ao.Structure(mesh, {"left": metal, "right": ao.Solid(E, NU, RHO)})
     sphere = ao.Sphere(0.01, E, NU, RHO, velocity=1.0)
-    with pytest.raises(InputError, match="got a Laminate: give the dimensions"):
+    with pytest.raises(InputError, match="dimensions"):
         ao.advise(ao.Structure(mesh, layered), sphere)

