@@ -188,6 +188,7 @@ def test_sizes_in_headers_are_not_believed(tmp_path):
     refused(tmp_path, {**good, "m.npy": long})
 
 
+@pytest.mark.slow
 def test_a_bomb_is_not_blown_up(tmp_path):
     bomb = member(np.zeros(2**24))  # 128 MiB of zeros in 130 kB
     assert "damaged" in refused(tmp_path, {**saved(tmp_path), "m.npy": bomb}, zipfile.ZIP_DEFLATED)

@@ -77,6 +77,7 @@ def test_a_broken_package_is_reported_and_the_rest_still_shown(tmp_path):
     assert "BLAS" in text
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(
     not (REFERENCE_BLAS.exists() and Path("/proc/self/maps").exists()),
     reason="no reference BLAS installed here, or no /proc",
@@ -139,6 +140,7 @@ def test_errors_of_antiosc_become_one_line_and_exit_code_1(capsys, monkeypatch):
     assert capsys.readouterr().err == "antiosc: the number must be > 0; got -1.\n"
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize(
     "arguments", [[], pytest.param(["info"], marks=pytest.mark.slow), ["--help"]]
 )

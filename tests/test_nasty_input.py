@@ -37,7 +37,7 @@ SLOWEST = {"strike", "extract", "read_model", "impact_map", "SavedFields.plot"}
 OWN_FUNCTIONS = {"make", "run"}
 
 QUICK = settings(
-    max_examples=10,
+    max_examples=4,
     derandomize=True,
     database=None,
     deadline=None,

@@ -31,6 +31,7 @@ def run(program: str, folder: Path, monkeypatch) -> dict[str, Any]:
     return runpy.run_path("program.py")
 
 
+@pytest.mark.slow
 @pytest.mark.fem
 def test_the_program_of_the_readme_runs(tmp_path, monkeypatch, capsys):
     names = run(programs()[0], tmp_path, monkeypatch)

@@ -36,6 +36,7 @@ def integrated(t, a, f: float, Q: float) -> tuple[float, float]:
     return every.max(), -every.min()
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("Q", [3.0, 50.0])
 @pytest.mark.parametrize("even", [True, False])
 def test_srs_is_the_extreme_of_integrated_oscillators(Q, even):
@@ -55,6 +56,7 @@ def test_srs_is_the_extreme_of_integrated_oscillators(Q, even):
         assert found.maximax[i] == pytest.approx(max(exact), rel=tol)
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("even", [True, False])
 def test_srs_of_velocities_is_that_of_the_mean_accelerations(even):
     """Against integrations with the acceleration that is constant in each step."""

@@ -180,6 +180,7 @@ def test_errors_leave_out_what_has_no_logarithm():
         plotting.plot_errors({"a": 3.0})
 
 
+@pytest.mark.slow
 def test_drawing_is_loaded_when_asked_for():
     code = "import sys, antiosc, antiosc.plotting; sys.exit('matplotlib' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

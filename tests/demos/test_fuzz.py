@@ -63,6 +63,7 @@ class TestItSeesFaults:
         hit.trajectory.contacts[0].impulse *= 1 + 1e-6
         assert "momentum error" in fuzz.check(hit, {})[0]
 
+    @pytest.mark.slow
     def test_crash(self, monkeypatch):
         def broken(self, *args, **kwargs):
             raise ZeroDivisionError("division by zero")

@@ -10,6 +10,7 @@ from paths import demo
 errors = demo("scene_errors")
 
 
+@pytest.mark.slow
 def test_a_few_blows() -> None:
     result = errors.main(scenes=4, first=20, tol=1e-2)
     assert set(result["counts"]) <= {"status 0", "status 3"}

@@ -43,6 +43,7 @@ def test_stiffened_panel(tmp_path):
     assert len(list(tmp_path.glob("*.vtu"))) == 30
 
 
+@pytest.mark.slow
 def test_shell_size():
     rows = demo("shell_size").main(elements=(4, 8), n=4)
     assert rows[1]["dofs"] > 3 * rows[0]["dofs"]

@@ -27,6 +27,7 @@ def book(monkeypatch):
     return importlib.import_module("book")
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize(
     "name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in ALL]
 )

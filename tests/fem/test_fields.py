@@ -79,6 +79,7 @@ MODELS = {
 }
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("kind", [*MODELS, "plain"])
 @pytest.mark.parametrize("role", ["structure", "impactor"])
 def test_every_model_gives_the_field_of_its_own_motion(kind, role, tmp_path):
@@ -109,6 +110,7 @@ def test_every_model_gives_the_field_of_its_own_motion(kind, role, tmp_path):
     np.testing.assert_allclose(moved[-1], written, atol=1e-9 * np.abs(moved).max())
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("kind", MODELS)
 def test_at_rest_under_a_force_the_field_is_the_static_deflection(kind):
     """x = K⁻¹ b F by a direct solve: no mode that was left out is missing from it."""
@@ -185,6 +187,7 @@ def test_probe_of_a_beam_and_of_a_solid():
     assert moved.shape[1] == 3
 
 
+@pytest.mark.sample
 @pytest.mark.filterwarnings("ignore:the facets at the site measure")
 @pytest.mark.parametrize("kind", [*parts.CELLS, "line"])
 def test_series_for_paraview(tmp_path, kind):

@@ -73,6 +73,7 @@ def test_a_flat_sheet_read_as_plane_deflects_across_its_plane(tmp_path):
     assert np.abs(moved[:, 2]).max() > 0.5 * np.abs(tip[-1, 2])
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("scale", [1.0, 10.0])
 def test_the_arrow_of_a_picture_ends_at_the_site_and_the_view_is_the_given_one(scale):
     """It is a quarter as long as the part, along the direction, in mm or in m."""

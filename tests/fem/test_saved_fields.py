@@ -99,6 +99,7 @@ def test_a_damaged_file_is_told(change, tmp_path):
         SavedFields.load(tmp_path / "fields.npz")
 
 
+@pytest.mark.slow
 def test_pictures_of_surfaces_lines_and_nodes(tmp_path):
     pytest.importorskip("matplotlib")
     import matplotlib.image

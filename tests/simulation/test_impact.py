@@ -178,6 +178,7 @@ class TestTwoModels:
 
 
 class TestErrorControl:
+    @pytest.mark.sample
     @pytest.mark.parametrize("tol", [1e-2, 1e-3, 1e-4])
     def test_tolerance_is_kept(self, tol):
         model, striker = case_two(9)

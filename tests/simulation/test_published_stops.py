@@ -56,6 +56,7 @@ def outside(rows) -> list[str]:
     return [row.quantity for row in rows if not row.agrees]
 
 
+@pytest.mark.slow
 def test_sdnl104_by_newmark_to_the_digits_printed(book):
     stops = book("stops")
     hit = stops.pushed(stops.ten_elements()).run(0.16, method="newmark", step=1e-4)

@@ -165,6 +165,7 @@ class TestRestitution:
 class TestChoiceOfN:
     """The runs that choose n are made like the one that is asked for."""
 
+    @pytest.mark.sample
     @pytest.mark.parametrize(
         ("method", "given"),
         [

@@ -68,6 +68,7 @@ def test_a_bar_beside_its_nodes_bends_under_an_axial_force(tmp_path):
     assert 1 / stiffness(bar, ao.Site((0.2, 0, 0), (1, 0, 0))) == pytest.approx(exact, rel=1e-9)
 
 
+@pytest.mark.sample
 @pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")  # a metre for a millimetre
 @pytest.mark.parametrize(
     "deck", ["bar.bdf", "plate.bdf", "cantilever.inp", "block.inp", "layers.inp", "excentric"]
@@ -170,6 +171,7 @@ SPRINGS = {
 }
 
 
+@pytest.mark.sample
 @pytest.mark.filterwarnings("ignore:the compliance under a point load")
 @pytest.mark.parametrize("kind", SPRINGS)
 def test_a_spring_acts_on_one_component_of_its_node(tmp_path, kind):

@@ -116,6 +116,7 @@ PLATES = [
 ]
 
 
+@pytest.mark.sample(-1)
 @pytest.mark.parametrize(("angles", "supports"), PLATES)
 @pytest.mark.parametrize("h", [pytest.param(0.1, marks=pytest.mark.slow), 0.01])
 @pytest.mark.parametrize("cell", CELLS)
@@ -150,6 +151,7 @@ def test_an_isotropic_section_stands_for_its_own_thickness():
 # --- axes, angles and sides -------------------------------------------------------------------
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("cell", CELLS)
 def test_isotropic_layers_are_a_shell(cell):
     thirds = [ao.Layer.isotropic(E, NU, RHO, t) for t in (2e-3, 5e-3, 3e-3)]
@@ -158,6 +160,7 @@ def test_isotropic_layers_are_a_shell(cell):
     assert max(differ(one, ao.Structure(mesh, ao.Shell(E, NU, RHO, 1e-2)))) < 1e-12
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("cell", CELLS)
 def test_angles_count_from_the_axis_about_the_normal(cell):
     """One ply at 30° is one at 0° on an axis rotated by 30°; seen from below it lies at −30°."""
@@ -197,6 +200,7 @@ def test_a_laminate_rotated_in_space_keeps_its_frequencies(cell):
     assert free(np.eye(3), layers=over) != pytest.approx(here, rel=1e-3)
 
 
+@pytest.mark.sample(-1)
 @pytest.mark.parametrize("cell", CELLS)
 def test_opposite_normals(cell):
     """Refused where they matter, and settled by a top."""
@@ -215,6 +219,7 @@ def test_opposite_normals(cell):
     assert frequencies(part, 2) == pytest.approx(frequencies(same, 2), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_the_top_of_a_plane_mesh_is_up():
     """dolfinx turns every other triangle of its own rectangles over."""
     corners = [np.zeros(2), np.ones(2)]
@@ -254,6 +259,7 @@ def test_an_axis_as_a_function():
     assert max(differ(one, other)) < 1e-9
 
 
+@pytest.mark.slow
 def test_laminate_and_shell_by_group():
     """A step from metal to the same metal in layers, and to a lighter one."""
     mesh = rectangle((4, 2), 2.0, 1.0)

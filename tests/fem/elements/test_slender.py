@@ -47,6 +47,7 @@ def compare(model: ao.AntiOscillators, exact: ao.AntiOscillators, tol: float) ->
     np.testing.assert_allclose(model.m[:3], exact.m, rtol=2 * tol)
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("held", [True, False], ids=["cantilever", "free"])
 @pytest.mark.parametrize(("slenderness", "elements", "method"), CASES)
 def test_however_slender_and_fine(slenderness, elements, held, method):
@@ -64,6 +65,7 @@ def test_however_slender_and_fine(slenderness, elements, held, method):
     assert model.info["converged"] >= 3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "held", [True, pytest.param(False, marks=pytest.mark.slow)], ids=["mast", "free"]
 )
@@ -113,6 +115,7 @@ def test_products_by_strains_are_those_of_the_entries():
         assert np.abs(product - entries[:, :k]).max() < 1e-12 * np.abs(entries).max()
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("held", [True, False], ids=["held", "free"])
 def test_far_beyond_sixteen_digits_is_refused(held):
     structure = ao.Structure(
@@ -143,6 +146,7 @@ def test_a_small_error_is_warned_of_and_a_large_one_refused():
             judge("stiffness", wrong, 1e-6, MPI.COMM_SELF)
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("held", [True, False], ids=["cantilever", "free"])
 @pytest.mark.parametrize("axis", [(1.0, 0.0), (1.0, 2.0, 2.0)], ids=["plane", "space"])
 @pytest.mark.parametrize("side", [0.2, 1e-4], ids=["stocky", "slender"])

@@ -122,6 +122,7 @@ NASTRAN = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:of truss.bdf are not taken. the torsion of rods")
 def test_seventy_two_bars_have_the_frequencies_of_nastran(tmp_path):
     path = tmp_path / "truss.bdf"

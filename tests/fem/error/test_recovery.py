@@ -42,6 +42,7 @@ def nodal(structure: ao.Structure, field) -> np.ndarray:
     return values
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("cell", CELLS)
 def test_strains_of_degree_one_have_no_error(cell, order):
@@ -170,6 +171,7 @@ def test_refused_where_it_does_not_hold():
         ao.extract(matrices, ao.Site(dof=0), n=1, error="guess")
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("cell", CELLS)
 def test_linear_elements_that_lock_have_no_bar(cell):
     """Of nearly incompressible solids; in plane stress, and with order 2, nothing locks."""

@@ -84,6 +84,7 @@ STRUCTURES = {
 }
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("name", list(STRUCTURES))
 def test_the_strains_are_those_of_the_stiffness(name):
     """Their energy is uᵀKu, for any u without in-plane rotations, whose squares are of degree 6."""
@@ -130,6 +131,7 @@ def _normals(mesh) -> np.ndarray:
     return n / np.linalg.norm(n, axis=1, keepdims=True)
 
 
+@pytest.mark.sample(-1)
 @pytest.mark.parametrize("mesh", SQUARES)
 def test_strains_of_degree_two_have_no_error(mesh):
     """Cubic displacements, quadratic rotations: whatever the axes and the normals of the cells."""
@@ -199,6 +201,7 @@ def tube(s, t):
     return 0.3 * np.cos(2 * np.pi * s), 0.3 * np.sin(2 * np.pi * s), t
 
 
+@pytest.mark.slow
 def test_ribs_hold_the_edges_that_they_lie_on_and_part_the_surface():
     """Of the four equal layers of a twisted square one is gone with a rib along that side."""
     square = rectangle(2, 1.0, 1.0)

@@ -68,6 +68,7 @@ def _extracted(seed: int) -> tuple[float, float, str]:
     return float(np.max(error - 10 * doubt)), model.info["band"]["error_bound"], what
 
 
+@pytest.mark.slow
 def test_bound_over_the_band_holds():
     check_bounds(_extracted, [17, 24, 34, 43, 51, 60], 1 / 4)
 
@@ -91,6 +92,7 @@ def _stack(angle: float) -> tuple[Array, Array, Array]:
     return block_diag(along, across), np.diag(np.concatenate([m, m])), B
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("angle", [1e-1, 1e-3, 1e-5, 1e-7])
 def test_a_rigid_motion_that_hardly_moves_the_sites_is_beside(angle):
     K, M, B = _stack(angle)
@@ -108,6 +110,7 @@ def test_a_rigid_motion_that_hardly_moves_the_sites_is_beside(angle):
     assert np.sum(model.site_modes().omega == 0) == 1
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("held", [0, 1])
 def test_bound_of_what_krylov_steps_leave_out(held, rng):
     K, M = loose_chains((80,), held, rng)

@@ -83,6 +83,7 @@ def diagonal(points):
     return kind.crossed if points[1][0] == points[2][0] else kind.right
 
 
+@pytest.mark.slow
 def test_nafems_fv12_free_thin_square_plate():
     """NAFEMS R0015, values recalled: 1.622, 2.360, 2.922, 4.233 (twice), 7.416 Hz after 6 rigid.
 

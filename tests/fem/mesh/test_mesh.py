@@ -37,6 +37,7 @@ def expected_moments(dim: int, bent: bool) -> np.ndarray:
 # --- Cells and formats ----------------------------------------------------------------------------
 
 
+@pytest.mark.sample(-1)
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("cell", parts.CELLS)
 @pytest.mark.parametrize(
@@ -81,6 +82,7 @@ def written_by_meshio(path, cell: str, order: int, tmp_path, **sets):
     return path
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("cell", parts.CELLS)
 @pytest.mark.parametrize("suffix", ["vtu", "vtk"])

@@ -153,6 +153,7 @@ def test_cracks_and_overlaps_are_told(tmp_path, shape):
     assert told(path) == []
 
 
+@pytest.mark.slow
 def test_sound_meshes_are_told_nothing_of():
     for path in MESHES.glob("*.msh"):
         assert told(path) == []

@@ -84,6 +84,7 @@ def check(mesh, shape, straight=False):
     np.testing.assert_allclose(quarters, quarters.round(), atol=1e-9)
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("kind", NASTRAN)
 @pytest.mark.parametrize("second", [True, False], ids=["curved", "straight"])
 def test_nastran(tmp_path, kind, second):

@@ -51,6 +51,7 @@ def test_options_beside_a_file_are_not_read(tmp_path, marked, suffix):
     assert happened()
 
 
+@pytest.mark.slow
 def test_modules_in_the_working_folder_are_not_imported(tmp_path, monkeypatch):
     """The path of a notebook, or of `python -c`, has the working folder in front."""
     (tmp_path / "gmsh.py").write_text(f"open({str(tmp_path / 'mark')!r}, 'w').close()")
