@@ -547,7 +547,7 @@ def _nan(value: Any, where: str, depth: int = 0) -> str:
         inside = [(f"[{key!r}]", one) for key, one in value.items()]
     elif isinstance(value, list | tuple):
         inside = [(f"[{i}]", one) for i, one in enumerate(value)]
-    elif type(value).__module__.startswith("antiosc") and not isinstance(value, type):
+    elif str(type(value).__module__).startswith("antiosc") and not isinstance(value, type):
         inside = list(_attributes(value))
     return next(filter(None, (_nan(v, where + name, depth + 1) for name, v in inside)), "")
 
