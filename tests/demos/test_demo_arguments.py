@@ -9,7 +9,7 @@ from functools import wraps
 import pytest
 
 import antiosc as ao
-from paths import DEMOS, demo
+from paths import BENCHMARKS, DEMOS, demo
 
 SCRIPTS = [p.stem for p in DEMOS.glob("*.py") if "def main(" in p.read_text(encoding="utf-8")]
 
@@ -46,6 +46,16 @@ def test_what_antiosc_refuses_is_one_line(name, capsys):
         demo("command_line").command(main, [])
     assert ended.value.code == 1
     assert capsys.readouterr().err.endswith(": radius must be > 0 (in m); got 0.\n")
+
+
+@pytest.mark.fem
+@pytest.mark.slow
+@pytest.mark.parametrize("name", sorted(p.stem for p in BENCHMARKS.glob("*.py")))
+def test_a_measurement_is_loaded_with_what_it_imports(name):
+    if name == "exports":
+        pytest.importorskip("fmpy")
+        pytest.importorskip("mujoco")
+    assert demo(name).__doc__
 
 
 @pytest.mark.fem

@@ -21,7 +21,7 @@ def test_a_few_blows() -> None:
 
 @pytest.mark.slow
 def test_forces_are_within_the_tolerance_in_99_of_100_scenes() -> None:
-    result = errors.main(scenes=200)
+    result = errors.main(scenes=100)
     assert len(result["laws"]) == 12
-    assert len(result["errors"]) >= 190
+    assert len(result["errors"]) >= 95
     assert np.mean(np.array(result["errors"]) <= 1) >= 0.99

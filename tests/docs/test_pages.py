@@ -141,38 +141,6 @@ def test_a_page_has_the_whole_script(light):
     assert len(headings) == 3
 
 
-def test_paragraphs_of_comments_are_text(light):
-    script = '''"""Title."""
-
-import x
-
-# -- how it is drawn
-
-# Two lines
-# of *text*.
-
-# a comment of code
-y = """a
-
-# no comment"""
-#: what z is
-z = 2
-'''
-    assert light.cells(script) == [
-        ("code", "import x"),
-        ("text", "## How it is drawn"),
-        ("text", "Two lines\nof *text*."),
-        ("code", '# a comment of code\ny = """a\n\n# no comment"""\n#: what z is\nz = 2'),
-    ]
-
-
-def test_a_new_page_is_listed(generated, monkeypatch, tmp_path):
-    monkeypatch.setattr(generated, "HERE", tmp_path)
-    for name in ("index", "old", "new"):
-        (tmp_path / f"{name}.md").write_text("# Page\n", encoding="utf-8")
-    assert generated.with_other_pages("old\n%PAGES\n") == "old\nnew\n"
-
-
 def test_pages_that_measurements_wrote_keep_their_links(generated, tmp_path):
     generated.measured_pages(tmp_path)
     text = (tmp_path / "article_page.md").read_text(encoding="utf-8")
@@ -182,14 +150,6 @@ def test_pages_that_measurements_wrote_keep_their_links(generated, tmp_path):
     link = "see [it](../benchmarks/speed/free_modes.md) and [that](../demos/pictures/x.png)"
     there = "see [it](demos/free_modes_page.md) and [that](../demos/pictures/x.png)"
     assert generated.of_this_folder(link) == there
-
-
-def test_docstrings_become_sound_markup(generated):
-    lines = ["Parameters", "----------", "x : float", "    |Z| of `a|b_`.", "", "A paragraph.", ""]
-    generated.plain(lines)
-    generated.with_notes(lines)
-    assert lines[3] == r"    \|Z\| of `a|b_`."
-    assert lines[5:8] == ["Notes", "-----", "A paragraph."]
 
 
 @pytest.mark.parametrize(

@@ -60,8 +60,8 @@ def test_bound_over_the_band_holds():
 
 @pytest.mark.slow
 @pytest.mark.fem
-def test_bound_over_the_band_holds_for_three_hundred():
-    check_bounds(_extracted, range(300), 1 / 3)
+def test_bound_over_the_band_holds_for_a_hundred():
+    check_bounds(_extracted, range(100), 1 / 3)
 
 
 # --- A rigid-body motion that hardly moves the site ----------------------------------------------

@@ -70,12 +70,7 @@ def _extracted(seed: int) -> tuple[float, float, str]:
 
 @pytest.mark.slow
 def test_bound_over_the_band_holds():
-    check_bounds(_extracted, [17, 24, 34, 43, 51, 60], 1 / 4)
-
-
-@pytest.mark.slow
-def test_bound_over_the_band_holds_for_three_hundred():
-    check_bounds(_extracted, range(300), 1 / 4)
+    check_bounds(_extracted, range(100), 1 / 4)
 
 
 def _stack(angle: float) -> tuple[Array, Array, Array]:
