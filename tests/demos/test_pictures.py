@@ -29,10 +29,7 @@ def drawn(path) -> bool:
 def test_comparisons_of_histories(tmp_path, hits):
     one, other = hits
     path = tmp_path / "picture.png"
-    sites = demo("stiffened_panel").SITES
-    demo("stiffened_panel").plot({(n, s): one for s in sites for n in ("shells", "beams")}, path)
-    assert drawn(path)
-    demo("composite_panel").plot({"aluminium": one, "carbon": other}, path)
+    demo("compared").plot_hits({"here": {"aluminium": one, "carbon": other}}, path)
     assert drawn(path)
     demo("fidelity").plot({"strut": {"beam": one, "solid": other}, "strip": {"solid": one}}, path)
     assert drawn(path)
