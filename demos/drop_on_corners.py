@@ -18,6 +18,7 @@ from math import sqrt
 from pathlib import Path
 
 import command_line
+import compared
 import dolfinx
 import numpy as np
 from mpi4py import MPI
@@ -70,7 +71,13 @@ def main(
         hit = dropped(model, up, sqrt(2 * 9.81 * height)).run(duration)
         numbers[name], shown[name] = figures(hit, part.mass)
     seconds = time.perf_counter() - started
-    print_table(numbers)
+    columns = {
+        "corners": ("corners", 1.0, ".0f"),
+        "peak force N": ("peak force", 1.0, ".0f"),
+        "lower board g": ("lower", 1 / 9.81, ".0f"),
+        "upper g": ("upper", 1 / 9.81, ".0f"),
+    }
+    compared.table("falls on", numbers, columns)
     print(f"{len(numbers)} orientations in {seconds:.1f} s, {seconds / len(numbers):.2f} s each")
     out.mkdir(parents=True, exist_ok=True)
     plot(numbers, shown, out / "drop_on_corners.png")
@@ -178,15 +185,6 @@ def figures(hit: ao.SceneHistory, mass: float) -> tuple[dict[str, float], tuple[
         "status": float(hit.status),
         "force at the end": sum(float(one.force[-1]) for one in forces),
     }, (t, boards["upper"])
-
-
-def print_table(numbers: dict[str, dict[str, float]]) -> None:
-    print(f"{'falls on':<16}{'corners':>8}{'peak force N':>14}{'lower board g':>15}{'upper g':>10}")
-    for name, row in numbers.items():
-        print(
-            f"{name:<16}{row['corners']:>8.0f}{row['peak force']:>14.0f}"
-            f"{row['lower'] / 9.81:>15.0f}{row['upper'] / 9.81:>10.0f}"
-        )
 
 
 def plot(

@@ -125,19 +125,6 @@ def test_equal_curves_are_all_seen():
         assert first.get_linewidth() > second.get_linewidth() + 0.5
 
 
-def test_running_mean_keeps_the_impulse():
-    """That of a straight line is its value in the middle, that of many pulses their level."""
-    t = np.linspace(0, 1, 7)
-    at, mean = plotting.running_mean(t, 3 * t, 0.2)
-    inside = (at > 0.1) & (at < 0.9)
-    assert mean[inside] == pytest.approx(3 * at[inside])
-    t = np.linspace(0, 1, 4001)
-    at, mean = plotting.running_mean(t, np.sin(20 * np.pi * t) ** 2, 0.1)
-    assert mean[(at > 0.05) & (at < 0.95)] == pytest.approx(0.5, abs=1e-4)
-    with pytest.raises(ao.InputError, match="time must ascend"):
-        plotting.running_mean([1, 0], [1, 1], 0.1)
-
-
 def test_many_contacts_have_a_mean_and_an_error_has_a_band():
     hit = impact(8e-3)
     hit.error.clear()
