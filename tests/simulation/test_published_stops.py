@@ -123,15 +123,3 @@ def test_sdnl301_exact(book):
     for name in tube.STOPS:  # every stop is struck, on both sides
         assert len(hit[f"up {name}", f"tube:{name}"].contacts) > 1
         assert len(hit[f"tube:{name}", f"down {name}"].contacts) > 1
-
-
-@pytest.mark.slow
-def test_sdnl301_by_leapfrog_as_it_was_published(book):
-    """Central differences in steps of 5e-6 s, as in the command file: the same forces."""
-    tube = book("tube")
-    scene = tube.tube(1e5)
-    exact, other = scene.run(0.25, tol=1e-2), scene.run(0.25, method="leapfrog", step=5e-6)
-    for name in tube.STOPS:
-        for pair in ((f"up {name}", f"tube:{name}"), (f"tube:{name}", f"down {name}")):
-            assert other[pair].impulse == pytest.approx(exact[pair].impulse, rel=0.02)
-            assert other[pair].peak_force == pytest.approx(exact[pair].peak_force, rel=0.02)

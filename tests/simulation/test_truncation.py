@@ -64,14 +64,6 @@ def coverage(scenes: int) -> tuple[np.ndarray, np.ndarray]:
     return share, factor
 
 
-@pytest.mark.filterwarnings("ignore::antiosc.errors.AccuracyWarning")
-@pytest.mark.slow
-def test_estimate_covers_the_truth_in_a_few_scenes():
-    share, factor = coverage(8)
-    assert share.min() >= 0.8
-    assert factor.max() < 15
-
-
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::antiosc.errors.AccuracyWarning")
 def test_estimate_covers_the_truth_in_200_scenes():

@@ -16,6 +16,7 @@ from antiosc.fem.site.functionals import functional
 from assemblies import BEAM, dense, free_dofs, line
 
 pytestmark = [
+    pytest.mark.slow,
     pytest.mark.fem,
     pytest.mark.filterwarnings("ignore:the joints leave parts free"),
 ]

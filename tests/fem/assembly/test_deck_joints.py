@@ -150,6 +150,7 @@ def test_a_spring_between_two_columns_is_in_series(tmp_path):
     assert k0(part, (1, 0, 7), (0, 0, 1)) == pytest.approx(exact, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_shells_beside_solids_and_beams_beside_shells_share_nodes(tmp_path):
     """A sheet on the top of a column, and a post on a corner of the sheet: all of them carry."""
     sheet = "*ELEMENT, TYPE=S4, ELSET=SHEET\n50,9,10,11,12\n"

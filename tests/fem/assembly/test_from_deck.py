@@ -101,6 +101,7 @@ def test_a_solid_deck_has_its_materials_and_supports():
     assert ao.extract(block, site, n=6).k0 == pytest.approx(stiffness(block, site), rel=1e-8)
 
 
+@pytest.mark.slow
 def test_a_layered_deck_stacks_toward_the_normals_of_its_cells():
     plate = ao.read_model(DECKS / "layers.inp")
     ply = (140e9, 10e9, 0.3, 5e9, 5e9, 3e9, 1600.0, 0.001)

@@ -13,7 +13,7 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 
-pytestmark = pytest.mark.fem
+pytestmark = [pytest.mark.fem, pytest.mark.slow]
 
 E, NU, RHO, R, L = 2e11, 0.3, 7800.0, 0.05, 1.0
 A, I = np.pi * R**2, np.pi * R**4 / 4  # noqa: E741

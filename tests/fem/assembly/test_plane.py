@@ -14,6 +14,7 @@ from antiosc.errors import AntioscWarning
 from assemblies import NU, RHO, E, box, line
 
 pytestmark = [
+    pytest.mark.slow,
     pytest.mark.fem,
     pytest.mark.filterwarnings("ignore:[0-9]+ constraint:antiosc.errors.AntioscWarning"),
 ]

@@ -19,6 +19,7 @@ from antiosc.fem.mesh.reading import read_mesh
 from assemblies import eigenfrequencies, static
 
 pytestmark = [
+    pytest.mark.slow,
     pytest.mark.fem,
     pytest.mark.filterwarnings("ignore:the joints leave:antiosc.errors.AntioscWarning"),
 ]

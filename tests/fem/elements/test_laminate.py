@@ -126,6 +126,7 @@ def test_plates_have_naviers_frequencies(cell, h, angles, supports):
     assert np.log2(coarse / fine) > 3.2
 
 
+@pytest.mark.slow
 def test_a_soft_core_leaves_no_spurious_mode():
     """What the quadrilaterals integrate in full must count with how soft in shear the stack is."""
     core = ao.Layer.isotropic(1e6, 0.3, 30.0, 20e-3)
@@ -200,6 +201,7 @@ def test_a_laminate_rotated_in_space_keeps_its_frequencies(cell):
     assert free(np.eye(3), layers=over) != pytest.approx(here, rel=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.sample(-1)
 @pytest.mark.parametrize("cell", CELLS)
 def test_opposite_normals(cell):

@@ -40,7 +40,7 @@ from sheets import (
     unsymmetric,
 )
 
-pytestmark = pytest.mark.fem
+pytestmark = [pytest.mark.fem, pytest.mark.slow]
 
 
 def two_layers(ratio=5.0):

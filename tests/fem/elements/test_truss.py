@@ -18,7 +18,7 @@ from antiosc.fem import compat
 from marks import FREE_ON_PURPOSE
 from mesh_files import write
 
-pytestmark = pytest.mark.fem
+pytestmark = [pytest.mark.fem, pytest.mark.slow]
 
 #: The ten-bar truss: points over its bay and pairs of them.
 POINTS = np.array([[2, 1], [2, 0], [1, 1], [1, 0], [0, 1], [0, 0]]) * 9.144

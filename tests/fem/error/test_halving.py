@@ -15,7 +15,7 @@ from antiosc.fem.structure.structure import on_mesh
 from antiosc.simulation.error_bars import QUANTITIES
 from parts import frame, line, named
 
-pytestmark = pytest.mark.fem
+pytestmark = [pytest.mark.fem, pytest.mark.slow]
 
 BEAM = ao.Beam(210e9, 0.3, 7850.0, ao.Section.rectangle(0.03, 0.03))
 PORTAL = [(0, 0), (0, 1.0), (1.0, 1.0), (1.0, 0)], [(0, 1), (1, 2), (2, 3)]

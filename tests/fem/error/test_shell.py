@@ -46,6 +46,7 @@ from sheets import (
 )
 
 pytestmark = [
+    pytest.mark.slow,
     pytest.mark.fem,
     pytest.mark.filterwarnings("ignore:the supports leave:antiosc.errors.AntioscWarning"),
 ]

@@ -12,7 +12,7 @@ import antiosc as ao
 import parts
 from antiosc.fem.linalg.petsc_algebra import csr
 
-pytestmark = pytest.mark.fem
+pytestmark = [pytest.mark.fem, pytest.mark.slow]
 
 
 def test_a_pinned_beam_by_its_closed_form():

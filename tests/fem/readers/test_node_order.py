@@ -16,7 +16,7 @@ import antiosc as ao
 from antiosc.fem import compat
 from antiosc.fem.elements.weak_form import measure
 
-pytestmark = pytest.mark.fem
+pytestmark = [pytest.mark.fem, pytest.mark.slow]
 
 A, B, C = 0.15, -0.1, 0.2
 

@@ -22,7 +22,7 @@ from mpi import run_ranks
 from paths import TESTS
 from sheets import RIB, SHEET, at, dof, frequencies, grouped, interpolated, loaded, rectangle, sheet
 
-pytestmark = pytest.mark.fem
+pytestmark = [pytest.mark.fem, pytest.mark.slow]
 
 E, RHO = 70e9, 2700.0
 CELLS = ["triangle", "quadrilateral"]
