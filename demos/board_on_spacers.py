@@ -11,15 +11,13 @@ draws them. It runs on one rank or on several:
 
 from __future__ import annotations
 
-import argparse
 import time
-from collections.abc import Sequence
 from pathlib import Path
 
+import command_line
 import compared
 import dolfinx
 import numpy as np
-import options
 from mpi4py import MPI
 from numpy.typing import NDArray
 
@@ -158,16 +156,5 @@ def ends(block: dolfinx.mesh.Mesh, z: float) -> tuple[dolfinx.mesh.MeshTags, int
     return dolfinx.mesh.meshtags(block, 2, np.sort(faces), np.ones(len(faces), np.int32)), 1
 
 
-def command(arguments: Sequence[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--size", type=options.positive, default=8e-3, help="of elements, m")
-    parser.add_argument("--height", type=options.positive, default=0.05, help="of the fall, m")
-    parser.add_argument("--radius", type=options.positive, default=8e-3, help="of the ball, m")
-    parser.add_argument("--n", type=options.count, default=60, help="anti-oscillators")
-    parser.add_argument("--duration", type=options.positive, default=6e-3, help="of a run, s")
-    parser.add_argument("--out", type=Path, default=ROOT / "out")
-    options.run(parser, main, arguments)
-
-
 if __name__ == "__main__":
-    command()
+    command_line.command(main)

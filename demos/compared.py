@@ -40,17 +40,30 @@ def numbers(
 
 def print_table(title: str, rows: Mapping[str, Mapping[str, float]], own: Columns) -> None:
     """A line for each structure: the common columns, its own ones and the seconds."""
-    columns = {**COMMON, **own, **SECONDS}
+    table(title, rows, {**COMMON, **own, **SECONDS})
+
+
+def table(title: str, rows: Mapping[str, Mapping[str, float | None]], columns: Columns) -> None:
+    """A line for each row; "-" where a number is None."""
     first = max(len(title), *(len(name) for name in rows)) + 2
     widths = [max(10, len(heading) + 2) for heading in columns]
     heads = (f"{h:>{w}}" for h, w in zip(columns, widths, strict=True))
     print(f"{title:<{first}}" + "".join(heads))
     for name, row in rows.items():
-        cells = (
-            f"{row[key] * factor:>{w}{digits}}"
-            for (key, factor, digits), w in zip(columns.values(), widths, strict=True)
-        )
-        print(f"{name:<{first}}" + "".join(cells))
+        line = f"{name:<{first}}"
+        for (key, factor, digits), width in zip(columns.values(), widths, strict=True):
+            value = row[key]
+            line += f"{'-':>{width}}" if value is None else f"{value * factor:>{width}{digits}}"
+        print(line)
+
+
+def plot_hits(columns: Mapping[str, Mapping[str, ao.History]], path: Path) -> None:
+    """Force and motion over time: a column for each title, a curve for each name in it."""
+    figure, axes = plotting.panels(2, len(columns), size=(5 * len(columns), 6))
+    for k, (title, hits) in enumerate(columns.items()):
+        plotting.plot_force(hits, axes[0, k]).set_title(title)
+        plotting.plot_motion(hits, axes[1, k])
+    plotting.save_figure(figure, path, dpi=120)
 
 
 def plot(

@@ -9,17 +9,15 @@ under the ball is not in it, so the sandwich is struck softer than this says.
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Sequence
 from pathlib import Path
 
+import command_line
+import compared
 import dolfinx
 import numpy as np
-import options
 from mpi4py import MPI
 
 import antiosc as ao
-from antiosc import plotting
 
 ROOT = Path(__file__).resolve().parent.parent
 STEEL = {"E": 210e9, "nu": 0.3, "rho": 7850.0}
@@ -34,6 +32,17 @@ CARBON = ao.Laminate([PLY.rotated(a) for a in (0, 45, -45, 90, 90, -45, 45, 0)])
 FACE = [PLY.rotated(a) for a in (45, -45)]
 SANDWICH = ao.Laminate([*FACE, FOAM, *FACE[::-1]])
 SHEET = ao.Shell(**ALUMINIUM, thickness=CARBON.section.I0 / ALUMINIUM["rho"])
+COLUMNS: compared.Columns = {
+    "thick mm": ("thickness", 1e3, ".2f"),
+    "mass kg": ("mass", 1.0, ".3f"),
+    "D11 N m": ("bending", 1.0, ".1f"),
+    "k0 N/m": ("k0", 1.0, ".4g"),
+    "first AO Hz": ("first", 1.0, ".0f"),
+    "peak N": ("peak_force", 1.0, ".0f"),
+    "contact us": ("contact_time", 1e6, ".0f"),
+    "deflection mm": ("deflection", 1e3, ".3f"),
+    "restitution": ("restitution", 1.0, ".3f"),
+}
 PANELS = {"aluminium": SHEET, "carbon": CARBON, "sandwich": SANDWICH}
 
 
@@ -78,62 +87,19 @@ def main(
         surface = ACROSS if isinstance(material, ao.Laminate) else ALUMINIUM
         contact = striker.hertz(surface["E"], surface["nu"])
         hit = hits[name] = ao.simulate(model, striker, contact, duration=duration)
-        S, bending = material.section.S[0, 0], material.section.D[0, 0]
         numbers[name] = {
+            **compared.numbers(part, model, hit, striker.mass, striker.velocity),
             "thickness": material.thickness,
-            "mass": part.mass,
-            "bending": bending,
-            "shear": S,
-            "k0": model.k0,
-            "first": model.omega[0] / (2 * np.pi),
-            "peak_force": hit.peak_force,
+            "bending": material.section.D[0, 0],
             "contact_time": hit.contact_time,
             "deflection": float(np.max(hit.displacement)),
             "restitution": hit.restitution,
-            "impulse": hit.impulse,
-            "momentum": striker.mass * (striker.velocity - hit.impactor_velocity[-1]),
         }
-    print_table(numbers)
-    plot(hits, out / "composite_panel.png")
+    compared.table("panel", numbers, COLUMNS)
+    compared.plot_hits({"panels of one mass": hits}, out / "composite_panel.png")
     print(f"written to {out}: composite_panel.png")
     return numbers
 
 
-def print_table(numbers: dict[str, dict[str, float]]) -> None:
-    """One line a panel."""
-    print(
-        "            thick (mm)  mass (kg)  D11 (N m)  S (kN/mm)  k0 (N/m)  first AO (Hz)  peak (N)"
-        "  contact (us)  deflection (mm)  restitution"
-    )
-    for name, row in numbers.items():
-        print(
-            f"{name:10s} {1e3 * row['thickness']:11.2f} {row['mass']:10.3f} {row['bending']:10.1f} "
-            f"{1e-6 * row['shear']:10.3f} {row['k0']:9.4g} {row['first']:14.0f} "
-            f"{row['peak_force']:9.0f} {1e6 * row['contact_time']:13.0f} "
-            f"{1e3 * row['deflection']:16.3f} {row['restitution']:12.3f}"
-        )
-
-
-def plot(hits: dict[str, ao.History], path: Path) -> None:
-    """Force and deflection of all panels."""
-    figure, axes = plotting.panels(1, 2, size=(10, 4))
-    plotting.plot_force(hits, axes[0, 0])
-    plotting.plot_motion(hits, axes[0, 1])
-    plotting.save_figure(figure, path, dpi=120)
-
-
-def command(arguments: Sequence[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--length", type=options.positive, default=0.40, help="of the panels, m")
-    parser.add_argument("--width", type=options.positive, default=0.30, help="of the panels, m")
-    parser.add_argument("--sphere", type=options.positive, default=10e-3, help="radius, m")
-    parser.add_argument("--height", type=options.positive, default=0.5, help="of the fall, m")
-    parser.add_argument("--elements", type=options.count, default=16, help="along the width")
-    parser.add_argument("--n", type=options.count, default=160, help="anti-oscillators")
-    parser.add_argument("--duration", type=options.positive, default=4e-3, help="simulated time, s")
-    parser.add_argument("--out", type=Path, default=ROOT / "out", help="folder of the picture")
-    options.run(parser, main, arguments)
-
-
 if __name__ == "__main__":
-    command()
+    command_line.command(main)

@@ -11,17 +11,16 @@ them over the orientations. Rotations are small: a run covers the first blow.
 
 from __future__ import annotations
 
-import argparse
 import time
 import warnings
-from collections.abc import Sequence
 from itertools import product
 from math import sqrt
 from pathlib import Path
 
+import command_line
+import compared
 import dolfinx
 import numpy as np
-import options
 from mpi4py import MPI
 from numpy.typing import NDArray
 
@@ -72,7 +71,13 @@ def main(
         hit = dropped(model, up, sqrt(2 * 9.81 * height)).run(duration)
         numbers[name], shown[name] = figures(hit, part.mass)
     seconds = time.perf_counter() - started
-    print_table(numbers)
+    columns = {
+        "corners": ("corners", 1.0, ".0f"),
+        "peak force N": ("peak force", 1.0, ".0f"),
+        "lower board g": ("lower", 1 / 9.81, ".0f"),
+        "upper g": ("upper", 1 / 9.81, ".0f"),
+    }
+    compared.table("falls on", numbers, columns)
     print(f"{len(numbers)} orientations in {seconds:.1f} s, {seconds / len(numbers):.2f} s each")
     out.mkdir(parents=True, exist_ok=True)
     plot(numbers, shown, out / "drop_on_corners.png")
@@ -182,15 +187,6 @@ def figures(hit: ao.SceneHistory, mass: float) -> tuple[dict[str, float], tuple[
     }, (t, boards["upper"])
 
 
-def print_table(numbers: dict[str, dict[str, float]]) -> None:
-    print(f"{'falls on':<16}{'corners':>8}{'peak force N':>14}{'lower board g':>15}{'upper g':>10}")
-    for name, row in numbers.items():
-        print(
-            f"{name:<16}{row['corners']:>8.0f}{row['peak force']:>14.0f}"
-            f"{row['lower'] / 9.81:>15.0f}{row['upper'] / 9.81:>10.0f}"
-        )
-
-
 def plot(
     numbers: dict[str, dict[str, float]], shown: dict[str, tuple[Array, Array]], path: Path
 ) -> None:
@@ -216,15 +212,5 @@ def plot(
     plotting.save_figure(figure, path, dpi=120)
 
 
-def command(arguments: Sequence[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--height", type=options.positive, default=0.75, help="of the fall, m")
-    parser.add_argument("--n", type=options.count, default=120, help="anti-oscillators")
-    parser.add_argument("--size", type=options.positive, default=16e-3, help="of elements, m")
-    parser.add_argument("--duration", type=options.positive, default=4e-3, help="of a run, s")
-    parser.add_argument("--out", type=Path, default=ROOT / "out")
-    options.run(parser, main, arguments)
-
-
 if __name__ == "__main__":
-    command()
+    command_line.command(main)

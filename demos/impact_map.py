@@ -9,14 +9,12 @@ much the answer depends on where it falls; a few sites are extracted by themselv
 
 from __future__ import annotations
 
-import argparse
 import time
 import warnings
-from collections.abc import Sequence
 from pathlib import Path
 
+import command_line
 import numpy as np
-import options
 
 import antiosc as ao
 
@@ -89,15 +87,5 @@ def _text(point: np.ndarray) -> str:
     return "(" + ", ".join(f"{1e3 * c:.1f}" for c in point) + ") mm"
 
 
-def command(arguments: Sequence[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--size", type=options.positive, default=6e-3, help="largest elements, m")
-    parser.add_argument("--radius", type=options.positive, default=3e-3, help="of the patches, m")
-    parser.add_argument("--velocity", type=options.positive, default=1.0, help="of the sphere, m/s")
-    parser.add_argument("--check", type=options.count, default=5, help="sites to compare")
-    parser.add_argument("--out", type=Path, default=ROOT / "out", help="folder of the results")
-    options.run(parser, main, arguments)
-
-
 if __name__ == "__main__":
-    command()
+    command_line.command(main)

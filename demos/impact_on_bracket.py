@@ -10,13 +10,10 @@ structure, of the reduced model and of the impact. It writes to out/: the force 
 
 from __future__ import annotations
 
-import argparse
-import inspect
 import time
-from collections.abc import Sequence
 from pathlib import Path
 
-import options
+import command_line
 
 import antiosc as ao
 from antiosc import plotting
@@ -40,9 +37,9 @@ COVERS = '(time integration; mesh: not estimated, error="estimate" does)'
 #
 # Four steps: a *structure* is a mesh with a material and supports; a *site* says where and along
 # which direction it is struck, with a patch wider than the real contact; a *model* is the
-# structure as seen from the site, by 20 anti-oscillators (n = 0: as many as the frequencies of the
-# blow ask for); `simulate` integrates the model, the sphere and Hertz's law. Only the mesh and the
-# model take time: another speed or another sphere costs milliseconds.
+# structure as seen from the site, by 20 anti-oscillators; `simulate` integrates the model, the
+# sphere and Hertz's law. Only the mesh and the model take time: another speed or another sphere
+# costs milliseconds.
 
 
 def main(
@@ -60,7 +57,7 @@ def main(
     ----------
     size : largest element, m
     radius : radius of the contact patch that the force spreads over, m
-    n : anti-oscillators; 0: as many as the frequencies of the impact need
+    n : anti-oscillators
     sphere : radius of the steel sphere, m
     velocity : of the sphere, m/s
     duration : simulated time, s
@@ -78,8 +75,7 @@ def main(
     site = ao.Site(point=POINT, direction=STRIKE, radius=radius, snap=True)
     striker = ao.Sphere(radius=sphere, **STEEL, velocity=velocity)
     contact = striker.hertz(ALUMINIUM["E"], ALUMINIUM["nu"], radii=(EYE_RADIUS, float("inf")))
-    reach = {"n": n} if n else {"band": ao.impact_band(striker, contact)}
-    model = ao.extract(part, site, **reach)
+    model = ao.extract(part, site, n=n)
     seconds |= model.info["seconds"]
 
     started = time.perf_counter()
@@ -147,16 +143,5 @@ def print_table(
         print(f"{name:20s}  {value}")
 
 
-def command(arguments: Sequence[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    kinds = {float: options.positive, int: options.seed, Path: Path}
-    for name, parameter in inspect.signature(main).parameters.items():
-        kind = next(made for given, made in kinds.items() if isinstance(parameter.default, given))
-        parser.add_argument(
-            f"--{name}", type=kind, default=parameter.default, help="(default: %(default)s)"
-        )
-    options.run(parser, main, arguments)
-
-
 if __name__ == "__main__":
-    command()
+    command_line.command(main)

@@ -11,15 +11,13 @@ on several:
 
 from __future__ import annotations
 
-import argparse
 import time
-from collections.abc import Sequence
 from pathlib import Path
 
+import command_line
 import compared
 import dolfinx
 import numpy as np
-import options
 from mpi4py import MPI
 from numpy.typing import NDArray
 
@@ -124,20 +122,5 @@ def square_tube(width: float, wall: float) -> ao.Section:
     return ao.Section(A=area, I=second, J=mean**3 * wall, shear=0.44)
 
 
-def command(arguments: Sequence[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument(
-        "--bolts", type=options.listed(options.count), default=(1, 3), help="spaces to a side"
-    )
-    parser.add_argument("--thickness", type=options.positive, default=5e-3, help="of the panel, m")
-    parser.add_argument("--size", type=options.positive, default=0.06, help="of elements, m")
-    parser.add_argument("--mass", type=options.positive, default=0.1, help="of the part, kg")
-    parser.add_argument("--velocity", type=options.positive, default=10.0, help="of the part, m/s")
-    parser.add_argument("--n", type=options.count, default=60, help="anti-oscillators")
-    parser.add_argument("--duration", type=options.positive, default=12e-3, help="of a run, s")
-    parser.add_argument("--out", type=Path, default=ROOT / "out")
-    options.run(parser, main, arguments)
-
-
 if __name__ == "__main__":
-    command()
+    command_line.command(main)

@@ -11,14 +11,13 @@ same blow on a part that does not move. One model serves all angles.
 
 from __future__ import annotations
 
-import argparse
 import time
-from collections.abc import Sequence
 from math import cos, inf, radians, sin
 from pathlib import Path
 
+import command_line
+import compared
 import numpy as np
-import options
 from numpy.typing import NDArray
 
 import antiosc as ao
@@ -32,6 +31,14 @@ EYE_RADIUS = 18e-3  # the struck cylinder, along x through (0, 30, 60) mm
 ANGLE = radians(35)  # of the struck point around that cylinder, from its top
 NORMAL = np.array([0.0, -sin(ANGLE), -cos(ANGLE)])  # into the bracket
 ALONG = np.array([1.0, 0.0, 0.0])  # the way that the sphere slides
+COLUMNS: compared.Columns = {
+    "peak N": ("peak force", 1.0, ".0f"),
+    "friction N": ("friction", 1.0, ".0f"),
+    "restitution": ("restitution", 1.0, ".3f"),
+    "sideways m/s": ("sideways", 1.0, ".3f"),
+    "spin rad/s": ("spin", 1.0, ".1f"),
+    "in the part %": ("left in the part", 100.0, ".1f"),
+}
 POINT = np.array([19.3e-3, 30e-3, 60e-3]) - EYE_RADIUS * NORMAL
 
 
@@ -72,7 +79,7 @@ def main(
             hit = blow(body, law, radius, speed, angle, friction).run(duration)
             numbers[f"{angle:g} {name}"] = figures(hit, radius)
             hits[f"{angle:g} {name}"] = hit
-    print_table(numbers)
+    compared.table("angle", numbers, COLUMNS)
     out.mkdir(parents=True, exist_ok=True)
     plot(hits, out / "oblique_blow.png")
     print(f"written to {out}: oblique_blow.png")
@@ -129,17 +136,6 @@ def figures(hit: ao.SceneHistory, radius: float) -> dict[str, float]:
     }
 
 
-def print_table(numbers: dict[str, dict[str, float]]) -> None:
-    head = f"{'angle':<14}{'peak N':>8}{'friction N':>12}{'restitution':>13}"
-    print(head + f"{'sideways m/s':>14}{'spin rad/s':>12}{'in the part':>13}")
-    for name, row in numbers.items():
-        print(
-            f"{name:<14}{row['peak force']:>8.0f}{row['friction']:>12.0f}"
-            f"{row['restitution']:>13.3f}{row['sideways']:>14.3f}{row['spin']:>12.1f}"
-            f"{row['left in the part']:>13.1%}"
-        )
-
-
 def plot(hits: dict[str, ao.SceneHistory], path: Path) -> None:
     """Contact force and friction over time, on the bracket."""
     figure, axes = plotting.panels(2, 1, size=(9, 6))
@@ -164,26 +160,5 @@ def plot(hits: dict[str, ao.SceneHistory], path: Path) -> None:
     plotting.save_figure(figure, path, dpi=120)
 
 
-def command(arguments: Sequence[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument(
-        "--angles",
-        type=options.listed(options.positive),
-        default=(10.0, 30.0, 50.0, 70.0),
-        help="of incidence, from the normal, degrees",
-    )
-    for name, default, text in (
-        ("speed", 2.0, "along the normal, m/s"),
-        ("friction", 0.25, "coefficient"),
-        ("radius", 10e-3, "of the sphere, m"),
-        ("size", 6e-3, "largest element, m"),
-        ("duration", 4e-4, "simulated time, s"),
-    ):
-        parser.add_argument(f"--{name}", type=options.positive, default=default, help=text)
-    parser.add_argument("--n", type=options.count, default=40, help="anti-oscillators")
-    parser.add_argument("--out", type=Path, default=ROOT / "out")
-    options.run(parser, main, arguments)
-
-
 if __name__ == "__main__":
-    command()
+    command_line.command(main)

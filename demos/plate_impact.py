@@ -11,14 +11,12 @@ who solved the infinite plate. Lengths are counted in the wave's own measure, th
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Sequence
 from math import sqrt
 from pathlib import Path
 
+import command_line
 import dolfinx
 import numpy as np
-import options
 from mpi4py import MPI
 from scipy.optimize import brentq
 
@@ -167,18 +165,5 @@ def plot(
     plotting.save_figure(figure, path, dpi=120)
 
 
-def command(arguments: Sequence[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--thickness", type=options.positive, default=2e-3, help="of the plate, m")
-    parser.add_argument("--velocity", type=options.positive, default=0.1, help="of the sphere, m/s")
-    numbers = options.listed(options.positive)
-    parser.add_argument("--inelasticities", type=numbers, default=(0.1, 0.3, 0.5), help="a,b,…")
-    parser.add_argument("--sizes", type=numbers, default=(2, 3, 4, 5, 6, 8, 10), help="a,b,…")
-    parser.add_argument("--elements", type=options.count, default=32, help="along a side")
-    parser.add_argument("--n", type=options.count, default=60, help="anti-oscillators")
-    parser.add_argument("--out", type=Path, default=ROOT / "out", help="folder of the pictures")
-    options.run(parser, main, arguments)
-
-
 if __name__ == "__main__":
-    command()
+    command_line.command(main)

@@ -10,17 +10,15 @@ between two stringers, and the skin over a stringer.
 
 from __future__ import annotations
 
-import argparse
 import time
-from collections.abc import Sequence
 from math import cos, radians, sin
 from pathlib import Path
 
+import command_line
+import compared
 import numpy as np
-import options
 
 import antiosc as ao
-from antiosc import plotting
 
 ROOT = Path(__file__).resolve().parent.parent
 ALUMINIUM = {"E": 70e9, "nu": 0.33, "rho": 2700.0}
@@ -54,8 +52,8 @@ def main(
     out.mkdir(parents=True, exist_ok=True)
     striker = ao.Sphere(radius=sphere, **STEEL, velocity=velocity)
     contact = striker.hertz(ALUMINIUM["E"], ALUMINIUM["nu"], radii=(RADIUS, float("inf")))
-    numbers: dict[str, dict[str, float]] = {}
-    hits = {}
+    numbers = {}
+    hits: dict[str, dict[str, ao.History]] = {place: {} for place in SITES}
     for name, build in (("shells", with_blades), ("beams", with_beams)):
         started = time.perf_counter()
         part = build(skin, blade)
@@ -63,26 +61,20 @@ def main(
             site = ao.Site(surface(*at), inward(at[1]), snap=True)
             model = ao.extract(part, site, n=n)
             hit = ao.simulate(model, striker, contact, duration=duration)
-            hits[name, place] = hit
+            hits[place][f"stiffeners as {name}"] = hit
             numbers[f"{name}, {place}"] = {
-                "dofs": part.dofs,
-                "mass": part.mass,
-                "k0": model.k0,
-                "m_st": model.m_st,
-                "first": model.omega[0] / (2 * np.pi),
-                "peak_force": hit.peak_force,
+                **compared.numbers(part, model, hit, striker.mass, velocity),
                 "contact_time": hit.contact_time,
                 "restitution": hit.restitution,
-                "momentum": striker.mass * (velocity - hit.impactor_velocity[-1]),
-                "impulse": hit.impulse,
                 "seconds": time.perf_counter() - started,
             }
             started = time.perf_counter()
         if name == "shells":
             frames = np.linspace(0, duration, 30)
             ao.write_series(part, hit, out / "stiffened_panel.pvd", frames)
-    print_table(numbers)
-    plot(hits, out / "stiffened_panel.png")
+    own = {"contact us": ("contact_time", 1e6, ".1f"), "restitution": ("restitution", 1.0, ".3f")}
+    compared.print_table("model, site", numbers, own)
+    compared.plot_hits(hits, out / "stiffened_panel.png")
     print(f"written to {out}: stiffened_panel.png, stiffened_panel.pvd")
     return numbers
 
@@ -132,43 +124,5 @@ def toward_axis(x: np.ndarray) -> np.ndarray:
     return np.stack([0 * x[0], -x[1], -x[2]])
 
 
-def print_table(numbers: dict[str, dict[str, float]]) -> None:
-    """One line a scene."""
-    print(
-        f"{'':28s}   dofs  mass (kg)  k0 (N/m)  m_st (kg)  first AO (Hz)  peak (N)  "
-        "contact (us)  restitution      s"
-    )
-    for name, row in numbers.items():
-        parting = row["restitution"]  # None: still in touch
-        restitution = "-" if parting is None else f"{parting:.3f}"
-        print(
-            f"{name:28s} {row['dofs']:6.0f} {row['mass']:10.4f} {row['k0']:9.4g} "
-            f"{row['m_st']:10.4f} {row['first']:14.1f} {row['peak_force']:9.1f} "
-            f"{1e6 * row['contact_time']:13.1f} {restitution:>12s} {row['seconds']:6.1f}"
-        )
-
-
-def plot(hits: dict[tuple[str, str], ao.History], path: Path) -> None:
-    """Force and deflection at both sites, both models."""
-    figure, axes = plotting.panels(2, 2, size=(10, 6))
-    for column, place in enumerate(SITES):
-        named = {f"stiffeners as {name}": hit for (name, at), hit in hits.items() if at == place}
-        plotting.plot_force(named, axes[0, column]).set_title(place)
-        plotting.plot_motion(named, axes[1, column])
-    plotting.save_figure(figure, path, dpi=120)
-
-
-def command(arguments: Sequence[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--skin", type=options.positive, default=2e-3, help="thickness, m")
-    parser.add_argument("--blade", type=options.positive, default=3e-3, help="thickness, m")
-    parser.add_argument("--sphere", type=options.positive, default=15e-3, help="radius, m")
-    parser.add_argument("--velocity", type=options.positive, default=2.0, help="of the sphere, m/s")
-    parser.add_argument("--n", type=options.count, default=40, help="anti-oscillators")
-    parser.add_argument("--duration", type=options.positive, default=4e-3, help="simulated time, s")
-    parser.add_argument("--out", type=Path, default=ROOT / "out", help="folder of the results")
-    options.run(parser, main, arguments)
-
-
 if __name__ == "__main__":
-    command()
+    command_line.command(main)

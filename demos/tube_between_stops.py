@@ -11,14 +11,13 @@ of the free end. Where rattling makes the forces uncertain, it says until when t
 
 from __future__ import annotations
 
-import argparse
 import time
 import warnings
-from collections.abc import Sequence
 from pathlib import Path
 
+import command_line
+import compared
 import numpy as np
-import options
 from numpy.typing import NDArray
 
 import antiosc as ao
@@ -32,6 +31,12 @@ STIFFNESS = 1e5  # of a plate, N/m
 DAMPING = ao.Damping(alpha=0.1526, beta=1.79e-5)  # of the tube: alpha M + beta K
 FORCE, FREQUENCY = 11 * 4.138, 251.2 / (2 * np.pi)  # on each span, N, Hz
 PLATES = {"a": 0.25, "b": 0.5, "c": 0.75, "end": 1.0}
+COLUMNS: compared.Columns = {
+    "impacts": ("impacts", 1.0, ".0f"),
+    "peak N": ("peak force", 1.0, ".1f"),
+    **{f"rms {plate} N": (f"rms {plate}", 1.0, ".1f") for plate in PLATES},
+    **compared.SECONDS,
+}
 SPANS = {"span 1": 0.125, "span 2": 0.375, "span 3": 0.625, "span 4": 0.875}
 
 
@@ -71,7 +76,10 @@ def main(
             hits[name] = between_plates(body, gap, duration).run(duration, tol=1e-2)
         numbers[name] = figures(hits[name], duration)
         numbers[name]["seconds"] = time.perf_counter() - started
-    print_table(numbers, hits)
+    compared.table("gap", numbers, COLUMNS)
+    for name, hit in hits.items():
+        if hit.status:
+            print(f"{name}: {hit.message}")
     out.mkdir(parents=True, exist_ok=True)
     plot(hits, duration, out / "tube_between_stops.png")
     print(f"written to {out}: tube_between_stops.png")
@@ -111,18 +119,6 @@ def figures(hit: ao.SceneHistory, duration: float) -> dict[str, float]:
     return found
 
 
-def print_table(numbers: dict[str, dict[str, float]], hits: dict[str, ao.SceneHistory]) -> None:
-    head = "".join(f"{'rms ' + s + ' N':>12}" for s in PLATES)
-    print(f"{'gap':<10}{'impacts':>8}{'peak N':>9}{head}{'s':>7}")
-    for name, row in numbers.items():
-        rms = "".join(f"{row['rms ' + s]:>12.1f}" for s in PLATES)
-        print(
-            f"{name:<10}{row['impacts']:>8.0f}{row['peak force']:>9.1f}{rms}{row['seconds']:>7.1f}"
-        )
-        if row["status"]:
-            print(f"          {hits[name].message}")
-
-
 def plot(hits: dict[str, ao.SceneHistory], duration: float, path: Path) -> None:
     """Motion of the free end, and the force on its plate: a row for each gap."""
     figure, axes = plotting.panels(len(hits), 2, size=(11, 2.1 * len(hits)), sharex=True)
@@ -140,19 +136,5 @@ def plot(hits: dict[str, ao.SceneHistory], duration: float, path: Path) -> None:
     plotting.save_figure(figure, path, dpi=120)
 
 
-def command(arguments: Sequence[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument(
-        "--gaps",
-        type=options.listed(options.positive),
-        default=(0.2e-3, 0.406e-3, 0.8e-3),
-        help="to each side, m",
-    )
-    parser.add_argument("--n", type=options.count, default=40, help="anti-oscillators")
-    parser.add_argument("--duration", type=options.positive, default=0.25, help="s")
-    parser.add_argument("--out", type=Path, default=ROOT / "out")
-    options.run(parser, main, arguments)
-
-
 if __name__ == "__main__":
-    command()
+    command_line.command(main)

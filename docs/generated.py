@@ -12,27 +12,30 @@ HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent
 #: a line of an API page: the public names of these modules and packages stand in its place
 LISTED = re.compile(r"^%API(?P<modules>.*)$", re.MULTILINE)
-#: pictures of demos that the repository keeps, by the script that makes them
+#: folder of scripts -> script -> pictures that the repository keeps of it
 PICTURES = {
-    "assembly_accuracy": ["assembly_accuracy.png"],
-    "blas_threads": ["../speed/blas_threads.png"],
-    "board_on_spacers": ["board_on_spacers.png"],
-    "composite_panel": ["composite_panel.png"],
-    "drop_on_corners": ["drop_on_corners.png"],
-    "error_budget": ["../speed/error_budget_effectivity.png"],
-    "error_budget_tables": ["../speed/strike_or_uniform.png"],
-    "impact_map": ["bracket_map.png"],
-    "impact_on_bracket": ["bracket.png", "bracket_force.png"],
-    "local_quantities": ["../speed/local_quantities.png"],
-    "machine_guard": ["machine_guard.png"],
-    "oblique_blow": ["oblique_blow.png"],
-    "plate_impact": ["plate_impact.png"],
-    "speed_accuracy": ["../speed/speed_accuracy_bracket_43935.png"],
-    "stability": ["stability.png", "stability_scenes.png", "stability_windows.png"],
-    "stiffened_panel": ["stiffened_panel.png"],
-    "strike_or_uniform": ["../speed/strike_or_uniform.png"],
-    "tube_between_stops": ["tube_between_stops.png"],
-    "work_precision": ["work_precision.png", "work_precision_contacts.png"],
+    "demos": {
+        "board_on_spacers": ["board_on_spacers.png"],
+        "composite_panel": ["composite_panel.png"],
+        "drop_on_corners": ["drop_on_corners.png"],
+        "impact_map": ["bracket_map.png"],
+        "impact_on_bracket": ["bracket.png", "bracket_force.png"],
+        "machine_guard": ["machine_guard.png"],
+        "oblique_blow": ["oblique_blow.png"],
+        "plate_impact": ["plate_impact.png"],
+        "stiffened_panel": ["stiffened_panel.png"],
+        "tube_between_stops": ["tube_between_stops.png"],
+    },
+    "benchmarks": {
+        "assembly_accuracy": ["assembly_accuracy.png"],
+        "blas_threads": ["../speed/blas_threads.png"],
+        "error_budget": ["../speed/error_budget_effectivity.png"],
+        "local_quantities": ["../speed/local_quantities.png"],
+        "speed_accuracy": ["../speed/speed_accuracy_bracket_43935.png"],
+        "stability": ["stability.png", "stability_scenes.png", "stability_windows.png"],
+        "strike_or_uniform": ["../speed/strike_or_uniform.png"],
+        "work_precision": ["work_precision.png", "work_precision_contacts.png"],
+    },
 }
 
 
@@ -120,40 +123,42 @@ def with_notes(lines: list[str]) -> None:
 
 
 def demo_pages(folder: Path) -> None:
-    """A page for each demo: what it shows, its pictures, its script in the light format."""
+    """A page for each demo and each measurement, and the pages that measurements have written."""
     folder.mkdir(exist_ok=True)
-    names = []
-    for script in sorted((ROOT / "demos").glob("*.py")):
-        text = ast.get_docstring(ast.parse(script.read_text(encoding="utf-8")))
-        if text is None or '__name__ == "__main__"' not in script.read_text(encoding="utf-8"):
-            continue  # a part of another demo
-        names.append(script.stem)
-        title, *body = text.split("\n")
-        pictures = [
-            f"![{script.stem}](../../demos/pictures/{name})"
-            for name in PICTURES.get(script.stem, [])
-        ]
-        page = [
-            f"# {title.rstrip('.')}",
-            "",
-            *fenced(body),
-            "",
-            *pictures,
-            "",
-            f"The script, [`demos/{script.name}`](../../demos/{script.name}):",
-            "",
-        ]
-        page += ["\n\n".join(light.markdown(script.read_text(encoding="utf-8")))]
-        write(folder / f"{script.stem}.md", "\n".join(page) + "\n")
-    names += measured_pages(folder)
+    lists = {name: script_pages(ROOT / name, folder) for name in PICTURES}
+    lists["benchmarks"] += measured_pages(folder)
     index = ["# Demos", "", "Every demo is a script in `demos/`; `--help` lists its options.", ""]
-    index += ["```{toctree}", *names, "```"]
+    index += ["```{toctree}", *lists["demos"], "```", "", "## Measurements", ""]
+    index += ["`benchmarks/` has the scripts, and the pages that they have written.", ""]
+    index += ["```{toctree}", *lists["benchmarks"], "```"]
     write(folder / "index.md", "\n".join(index) + "\n")
 
 
+def script_pages(scripts: Path, folder: Path) -> list[str]:
+    """A page for each script: what it shows, its pictures, its code in the light format."""
+    names = []
+    for script in sorted(scripts.glob("*.py")):
+        source = script.read_text(encoding="utf-8")
+        text = ast.get_docstring(ast.parse(source))
+        if text is None or '__name__ == "__main__"' not in source:
+            continue  # a part of another script
+        names.append(script.stem)
+        title, *body = text.split("\n")
+        above = f"../../{scripts.name}"
+        pictures = PICTURES[scripts.name].get(script.stem, [])
+        page = [f"# {title.rstrip('.')}", "", *fenced(body), ""]
+        page += [f"![{script.stem}]({above}/pictures/{name})" for name in pictures]
+        link = f"[`{scripts.name}/{script.name}`]({above}/{script.name})"
+        page += ["", f"The script, {link}:", "", "\n\n".join(light.markdown(source))]
+        write(folder / f"{script.stem}.md", "\n".join(page) + "\n")
+    return names
+
+
 def measured_pages(folder: Path) -> list[str]:
-    """Copies of the pages that demos have written, with links that hold from here."""
-    sources = sorted([*(ROOT / "demos").glob("*.md"), *(ROOT / "demos/speed").glob("*.md")])
+    """Copies of the pages that measurements have written, with links that hold from here."""
+    sources = sorted((ROOT / "benchmarks").glob("*.md")) + sorted(
+        (ROOT / "benchmarks/speed").glob("*.md")
+    )
     stems = {source: f"{source.stem.lower()}_page" for source in sources}
     for source, stem in stems.items():
 
@@ -171,8 +176,8 @@ def measured_pages(folder: Path) -> list[str]:
 
 
 def of_this_folder(text: str) -> str:
-    """A page whose links to pages of demos lead to their copies here."""
-    copies = re.compile(r"\]\(\.\./demos/(?:speed/)?(\w+)\.md\)")
+    """A page whose links to pages of measurements lead to their copies here."""
+    copies = re.compile(r"\]\(\.\./benchmarks/(?:speed/)?(\w+)\.md\)")
     return copies.sub(lambda found: f"](demos/{found[1].lower()}_page.md)", text)
 
 

@@ -1,4 +1,4 @@
-"""Every call to CHOLMOD, with results that are read to the last entry; for `make memcheck`."""
+"""Every call to CHOLMOD, with results that are read to the last entry; for `.ci/memcheck`."""
 
 from __future__ import annotations
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import sys
 
 import numpy as np
 import pytest
@@ -28,8 +29,32 @@ def pytest_report_header() -> str:
     return f"OpenBLAS: core type {', '.join(sorted(cores)) or 'none'}"
 
 
+def pytest_collection_finish() -> None:
+    """Compile forms with little optimisation: small meshes, and hundreds of forms in a new cache.
+
+    FFCx holds such libraries apart from those of a user's own runs.
+    """
+    if "dolfinx.jit" in sys.modules:
+        names = ("DOLFINX_DEFAULT_JIT_PARAMETERS", "DOLFINX_DEFAULT_JIT_OPTIONS")
+        for name in names:  # the older one is of dolfinx 0.5
+            defaults = getattr(sys.modules["dolfinx.jit"], name, {})
+            if defaults:
+                defaults["cffi_extra_compile_args"] = (["-O1", "-g0"], "")
+
+
+@pytest.hookimpl(tryfirst=True)  # before pytest selects by marks
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Skip what needs the finite-element packages where they are not installed."""
+    """Make the further cases of a sample slow; skip what needs packages that are not installed."""
+    samples: dict[str, list[pytest.Item]] = {}
+    for item in items:
+        if item.get_closest_marker("sample") and not item.get_closest_marker("slow"):
+            name = item.nodeid.partition("[")[0]
+            samples.setdefault(name, []).append(item)
+    for cases in samples.values():
+        (chosen,) = cases[0].get_closest_marker("sample").args or (0,)
+        for item in cases:
+            if item is not cases[chosen]:
+                item.add_marker(pytest.mark.slow)
     missing = [name for name in ("dolfinx", "gmsh") if importlib.util.find_spec(name) is None]
     if not missing:
         return

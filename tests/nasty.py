@@ -415,7 +415,7 @@ OWN: dict[str, dict[str, Any]] = {
     "Section.tube": {"d": 0.02, "t": 1e-3}, "sweep": {"mass": [1.0, 2.0]},
     "Structure.uniform_inertia": {"direction": np.array([0.0, 0.0, 1.0])},
     "Mesh": {"dolfinx": lambda: mesh().dolfinx}, "Mesh.group": {"name": "none"},
-    "read_model": {"path": str(DECKS / "layers.inp")},
+    "read_model": {"path": str(DECKS / "c3d10.inp")},
     "export": {"path": "out.fmu", "source": model},
     "Structure.from_matrices": {}, "ReducedMatrices": {"labels": [[1, 0], [2, 0], [3, 0]]},
     "Structure.from_files": {"K": matrix_file, "M": matrix_file},
@@ -547,7 +547,7 @@ def _nan(value: Any, where: str, depth: int = 0) -> str:
         inside = [(f"[{key!r}]", one) for key, one in value.items()]
     elif isinstance(value, list | tuple):
         inside = [(f"[{i}]", one) for i, one in enumerate(value)]
-    elif type(value).__module__.startswith("antiosc") and not isinstance(value, type):
+    elif str(type(value).__module__).startswith("antiosc") and not isinstance(value, type):
         inside = list(_attributes(value))
     return next(filter(None, (_nan(v, where + name, depth + 1) for name, v in inside)), "")
 

@@ -11,13 +11,14 @@ TESTS = Path(__file__).resolve().parent
 ROOT = TESTS.parent
 MESHES = ROOT / "meshes"
 DEMOS = ROOT / "demos"
+BENCHMARKS = ROOT / "benchmarks"
 
 
 def demo(name: str) -> ModuleType:
-    """The demo of that name as a module; demos import each other by name."""
-    if str(DEMOS) not in sys.path:
-        sys.path.insert(0, str(DEMOS))
-    spec = importlib.util.spec_from_file_location(name, DEMOS / f"{name}.py")
+    """The demo or the measurement of that name as a module; they import each other by name."""
+    sys.path[:0] = [str(folder) for folder in (BENCHMARKS, DEMOS) if str(folder) not in sys.path]
+    folder = next(one for one in (DEMOS, BENCHMARKS) if (one / f"{name}.py").is_file())
+    spec = importlib.util.spec_from_file_location(name, folder / f"{name}.py")
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from antiosc.closed_form import StruckBeam, UniformBeam
 
@@ -26,7 +27,11 @@ SUPPORTS = [
     ("guided", "pinned", 0.0),
     ("guided", "guided", 0.45),
 ]
-SOME = [SUPPORTS[i] for i in (1, 5, 6, 10)]  # for the slower tests
+#: for the slower tests: two of them in `make check`
+SOME = [
+    *(SUPPORTS[i] for i in (5, 6)),
+    *(pytest.param(SUPPORTS[i], marks=pytest.mark.slow) for i in (1, 10)),
+]
 
 
 def struck(beam: UniformBeam, supports: tuple[str, str, float]) -> StruckBeam:

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from antiosc import cli, info, threads
+from antiosc import cli, info
 from antiosc.errors import InputError
 
 REFERENCE_BLAS = Path("/usr/lib/x86_64-linux-gnu/blas/libblas.so.3")
@@ -37,13 +37,6 @@ def run_info(before: str = "", **environment: str) -> str:
 
 def row(text: str, name: str) -> str:
     return re.search(rf"^{name} +(.+)$", text, re.MULTILINE)[1]
-
-
-@pytest.mark.slow
-def test_versions_are_those_of_the_metadata():
-    text = run_info()
-    for name, distribution in {"NumPy": "numpy", "SciPy": "scipy", "antiosc": "antiosc"}.items():
-        assert row(text, name) == importlib.metadata.version(distribution)
 
 
 @pytest.mark.fem
@@ -77,6 +70,7 @@ def test_a_broken_package_is_reported_and_the_rest_still_shown(tmp_path):
     assert "BLAS" in text
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(
     not (REFERENCE_BLAS.exists() and Path("/proc/self/maps").exists()),
     reason="no reference BLAS installed here, or no /proc",
@@ -95,25 +89,6 @@ def test_the_blas_is_one_that_the_kernel_has_mapped():
     mapped = {line.split()[-1] for line in Path("/proc/self/maps").read_text().splitlines()}
     assert found.path in mapped
     assert found.slow == (found.name == "reference")
-
-
-@pytest.mark.slow
-def test_threads_follow_the_environment():
-    assert row(run_info(OMP_NUM_THREADS="3"), "threads").startswith("3 (OMP_NUM_THREADS), ")
-    both = run_info(OMP_NUM_THREADS="3", OPENBLAS_NUM_THREADS="2")
-    assert row(both, "threads").startswith("2 (OPENBLAS_NUM_THREADS), ")
-
-
-@pytest.mark.slow
-def test_threads_that_are_chosen_here_are_told():
-    unset = dict.fromkeys(threads.VARIABLES, "")
-    assert re.match(
-        r"1, more for large factors while cores are free; \d+ cores, \d+ free$",
-        row(run_info(**unset), "threads"),
-    )
-    text = run_info("sys.modules['threadpoolctl'] = None", **unset)
-    assert "threadpoolctl is missing" in row(text, "threads")
-    assert "python3-threadpoolctl" in text.splitlines()[-1]
 
 
 def test_version_option(capsys):
@@ -139,6 +114,7 @@ def test_errors_of_antiosc_become_one_line_and_exit_code_1(capsys, monkeypatch):
     assert capsys.readouterr().err == "antiosc: the number must be > 0; got -1.\n"
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize(
     "arguments", [[], pytest.param(["info"], marks=pytest.mark.slow), ["--help"]]
 )
@@ -176,10 +152,3 @@ def test_sigterm_leaves_nothing_temporary(tmp_path):
     assert done.stdout.startswith(str(tmp_path))
     assert done.stderr == ""
     assert not list(tmp_path.iterdir())
-
-
-def test_signals_of_the_program_that_calls_main_stay_its_own(capsys):
-    usual = signal.getsignal(signal.SIGTERM)
-    assert cli.main([]) == 0
-    assert signal.getsignal(signal.SIGTERM) is usual
-    capsys.readouterr()

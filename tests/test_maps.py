@@ -92,6 +92,7 @@ def test_free_body():
         assert result.models.m_st[i] == pytest.approx(direct.m_st, rel=1e-5)
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("cell", ["hexahedron", "tetrahedron"])
 def test_loads_of_a_surface_are_those_of_single_sites(cell):
     structure = block(cell=cell)
@@ -110,6 +111,7 @@ def test_loads_of_a_surface_are_those_of_single_sites(cell):
                 np.testing.assert_allclose(found.loads[:, i].toarray()[:, 0], one.b, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_patch_has_its_centre_at_the_site_on_any_mesh():
     """Force and moments of the load, and so m_CR of a free block, do not depend on the mesh."""
     site = ao.Site((0.071, 0.037, SIZE[2]), (0.3, -0.2, -1.0), radius=0.012)
@@ -137,6 +139,7 @@ def test_curved_patch_carries_a_unit_force():
     assert (found.share > 0.99).sum() > 30
 
 
+@pytest.mark.slow
 def test_sheets_of_two_thicknesses_have_patches_of_two_sizes():
     groups = {
         "left": (1, lambda x: np.isclose(x[0], 0)),
@@ -165,6 +168,7 @@ def test_sheets_of_two_thicknesses_have_patches_of_two_sizes():
     assert set(result.radius[inner]) == {4e-3, 8e-3}
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
 def test_given_points_of_a_sheet(cell):
     groups = {
@@ -208,6 +212,7 @@ def test_the_half_space_is_that_of_the_material_at_the_site():
     np.testing.assert_allclose(result.local_compliance, expected)
 
 
+@pytest.mark.slow
 def test_sites_that_are_not_good_enough_are_extracted(steel):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)
@@ -243,9 +248,9 @@ def test_files(mapped, tmp_path):
     assert len(read.cells_dict["triangle"]) == len(mapped.elements) > 30
     assert mapped.plot(tmp_path / "map.png", "k0").stat().st_size > 5000
     assert sorted(p.name for p in tmp_path.iterdir()) == ["map.png", "map.vtu"]
-    with pytest.raises(ao.InputError, match="quantity must be one of"):
+    with pytest.raises(ao.InputError, match="quantity"):
         mapped.plot(tmp_path / "no.png", "peak_force")
-    with pytest.raises(ao.InputError, match="cannot write the map"):
+    with pytest.raises(ao.InputError, match="write"):
         mapped.write(tmp_path / "none" / "map.vtu")
 
 
@@ -257,7 +262,7 @@ def test_sites_on_supports_are_counted(steel, mapped):
     messages = " ".join(str(warning.message) for warning in said)
     assert "5 of 35 sites are left out" in messages
     assert "give the site a radius" in messages
-    with pytest.raises(ao.InputError, match="no site of the map can move"):
+    with pytest.raises(ao.InputError, match="site"):
         ao.impact_map(steel, "left")
 
 
@@ -300,10 +305,11 @@ def test_an_empty_group():
     groups = {"left": (2, lambda x: np.isclose(x[0], 0)), "cut": (2, lambda x: x[0] == middle)}
     mesh = parts.box((2, 2, 2), SIZE, groups=groups)
     part = ao.Structure(mesh, ao.Solid(**parts.STEEL), supports=[ao.Support("left")])
-    with pytest.raises(ao.InputError, match="'cut' holds no outer faces"):
+    with pytest.raises(ao.InputError, match="cut"):
         ao.impact_map(part, "cut")
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
 def test_discs_on_a_sheet_are_those_of_single_sites(cell):
     shell = ao.Structure(
@@ -323,6 +329,7 @@ def test_discs_on_a_sheet_are_those_of_single_sites(cell):
             assert np.linalg.norm(off) < 1e-12 * np.linalg.norm(site.b)
 
 
+@pytest.mark.slow
 def test_a_shell_map():
     shell = ao.Structure(
         parts.plate((6, 3)), ao.Shell(**parts.STEEL, thickness=0.01), [ao.Support("left")]
@@ -345,9 +352,9 @@ def test_a_shell_map():
 
 def test_shells_and_matrices_say_what_they_need(steel):
     matrices = ao.Structure.from_matrices(np.diag([1.0, 2.0]), np.eye(2))
-    with pytest.raises(ao.InputError, match="a map needs a mesh"):
+    with pytest.raises(ao.InputError, match="mesh"):
         ao.impact_map(matrices)
     plate = parts.plate()
     shell = ao.Structure(plate, ao.Shell(**parts.STEEL, thickness=0.01))
-    with pytest.raises(ao.InputError, match="shells and beams have no outward normal"):
+    with pytest.raises(ao.InputError, match="shells"):
         ao.impact_map(shell)

@@ -29,7 +29,7 @@ ANY, OF_TYPES, OF_EXTREMES = range(len(POOL)), range(len(TYPES)), range(len(TYPE
 #: Those that assemble, extract, march or draw: some milliseconds a call and more.
 DEAR = {"Structure", "extract", "full", "superposition", "impact_map", "simulate", "simulate_many"}
 DEAR |= {"assemble", "choose_n", "truncation_error", "probe", "strain_gauge", "write_series"}
-DEAR |= {"save_fields", "read_mesh", "peak_field", "reactions", "strike"}
+DEAR |= {"save_fields", "read_mesh", "read_model", "peak_field", "reactions", "strike"}
 DEAR |= {name for name in CALLS if name.endswith(".plot") or name.startswith("plotting.")}
 #: Of these the ones that mesh and factor at each value that they take.
 SLOWEST = {"strike", "extract", "read_model", "impact_map", "SavedFields.plot"}
@@ -37,7 +37,7 @@ SLOWEST = {"strike", "extract", "read_model", "impact_map", "SavedFields.plot"}
 OWN_FUNCTIONS = {"make", "run"}
 
 QUICK = settings(
-    max_examples=10,
+    max_examples=4,
     derandomize=True,
     database=None,
     deadline=None,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import sys
 from types import SimpleNamespace
 
 import pytest
@@ -83,25 +82,6 @@ def test_counted_work_tells_what_remains(terminal, monkeypatch):
         "sites: 400 of 400",
         "",
     ]
-
-
-@pytest.mark.parametrize(("left", "text"), [(99, "99 s"), (240, "4 min"), (7200, "2 h")])
-def test_times_are_told_in_words(monkeypatch, left, text):
-    monkeypatch.setattr(progress, "_tqdm", lambda: None)
-    assert progress.share(1, 2, left) == f"1 of 2, about {text} left"
-    assert progress.share(0, 2, left) == "0 of 2"
-
-
-def test_tqdm_draws_the_share_where_it_is_installed(monkeypatch):
-    class tqdm:
-        @staticmethod
-        def format_meter(n, total, elapsed, ncols):
-            return f"{n}/{total} [{elapsed:g}] {ncols}"
-
-    monkeypatch.setitem(sys.modules, "tqdm", SimpleNamespace(tqdm=tqdm))
-    assert progress.share(3, 9, 2.0) == f"3/9 [2] {progress.BAR}"
-    monkeypatch.setitem(sys.modules, "tqdm", None)  # cannot be imported
-    assert progress.share(3, 9, 2.0) == "3 of 9, about 4 s left"
 
 
 def test_only_the_first_rank_of_all_tells(terminal, monkeypatch):

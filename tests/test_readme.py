@@ -31,6 +31,7 @@ def run(program: str, folder: Path, monkeypatch) -> dict[str, Any]:
     return runpy.run_path("program.py")
 
 
+@pytest.mark.slow
 @pytest.mark.fem
 def test_the_program_of_the_readme_runs(tmp_path, monkeypatch, capsys):
     names = run(programs()[0], tmp_path, monkeypatch)
@@ -128,7 +129,7 @@ def test_the_sites_of_the_readme_run(tmp_path, monkeypatch, capsys):
 def test_every_path_that_a_page_names_exists(page):
     text = (ROOT / page).read_text(encoding="utf-8")
     links = re.findall(r"\]\(([^)#]+)\)", text)
-    named = re.findall(r"`((?:src|meshes|demos|tests)/[^`]*)`", text)
+    named = re.findall(r"`((?:src|meshes|demos|benchmarks|tests)/[^`]*)`", text)
     assert links
     folder = (ROOT / page).parent
     assert [p for p in links if not p.startswith("http") and not (folder / p).exists()] == []

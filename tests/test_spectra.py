@@ -36,6 +36,7 @@ def integrated(t, a, f: float, Q: float) -> tuple[float, float]:
     return every.max(), -every.min()
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("Q", [3.0, 50.0])
 @pytest.mark.parametrize("even", [True, False])
 def test_srs_is_the_extreme_of_integrated_oscillators(Q, even):
@@ -55,6 +56,7 @@ def test_srs_is_the_extreme_of_integrated_oscillators(Q, even):
         assert found.maximax[i] == pytest.approx(max(exact), rel=tol)
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("even", [True, False])
 def test_srs_of_velocities_is_that_of_the_mean_accelerations(even):
     """Against integrations with the acceleration that is constant in each step."""
@@ -92,7 +94,7 @@ def test_velocities_have_the_spectrum_that_samples_of_accelerations_miss():
 
 def test_accelerations_that_change_from_sample_to_sample_are_told():
     t = np.linspace(0, 5e-3, 2001)
-    with pytest.warns(ao.AccuracyWarning, match="do not resolve them"):
+    with pytest.warns(ao.AccuracyWarning, match="resolve"):
         ao.srs(t, np.cos(2 * np.pi * 1.9e5 * t), [300.0])
     ao.srs(t, np.cos(2 * np.pi * 5e4 * t), [300.0])
 
@@ -120,7 +122,7 @@ def test_the_resolved_frequency_is_that_of_converged_antiresonances():
     hit = ao.simulate(model, ao.RigidMass(1.0, 1.0), ao.Hertz(1e9), 1e-3)
     assert ao.resolved_frequency(hit) == top
     assert ao.resolved_frequency(ao.full(part, ao.Site(dof=size - 1))) == float("inf")
-    with pytest.raises(ao.InputError, match="extract, superposition or full"):
+    with pytest.raises(ao.InputError, match="superposition"):
         ao.resolved_frequency(ao.AntiOscillators(m0=0.1, k0=1e6, m=[0.3], omega=[2e3]))
 
 

@@ -38,6 +38,7 @@ def coarse(cell: str = "triangle") -> ao.Mesh:
     return plate((6, 2), (0.3, 0.1), cell)
 
 
+@pytest.mark.sample(-1)
 @pytest.mark.parametrize(("order", "tol"), [(1, 0.005), (2, 0.001)])
 def test_the_tolerance_is_met(order, tol, true):
     hit = ao.strike(coarse(), SITE, *IMPACT, tol=tol, material=SHEET, supports=HELD, order=order)
@@ -85,6 +86,7 @@ def test_a_structure_gets_a_bar_only():
     assert ao.strike(part, SITE, *IMPACT, tol=0.5).status == 0
 
 
+@pytest.mark.slow
 def test_squares_are_not_divided():
     hit = ao.strike(
         coarse("quadrilateral"), SITE, *IMPACT, tol=1e-4, material=SHEET, supports=HELD, order=1
@@ -160,6 +162,7 @@ BLOWS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("blow", [pytest.param("short", marks=pytest.mark.slow), "long"])
 @pytest.mark.parametrize(
     ("place", "lines", "order", "tol"),
@@ -182,6 +185,7 @@ def test_meshes_of_lines_meet_the_tolerance(place, lines, order, tol, blow):
     assert dofs == sorted(set(dofs))
 
 
+@pytest.mark.slow
 def test_bars_of_lines_are_at_least_the_change_from_the_mesh_before():
     site = ao.Site((0.25, 0), (0, -1))
     options = {"material": PLANE_BEAM, "supports": HELD}
@@ -221,6 +225,7 @@ def test_geometries_of_lines_are_meshed_more_finely(tmp_path):
         assert abs(getattr(rough, name) / getattr(fine, name) - 1) <= bar
 
 
+@pytest.mark.slow
 def test_an_arc_of_lines_is_told():
     angle = np.linspace(0, np.pi / 2, 9)
     points = [(float(np.cos(a)), float(np.sin(a))) for a in angle]

@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import importlib
-import subprocess
-import sys
 import threading
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -78,22 +75,6 @@ def test_a_container_s_quota_counts(monkeypatch):
     for text, count in (("max 100000", 8), ("250000 100000", 2), ("50000 100000", 1), ("", 8)):
         monkeypatch.setattr(threads, "_text", lambda _, text=text: text)
         assert threads.cores() == count
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(not Path("/proc/loadavg").exists(), reason="no /proc here")
-def test_a_busy_machine_has_no_core_free():
-    busy = [
-        subprocess.Popen([sys.executable, "-c", "while True: pass"])
-        for _ in range(2 * threads.cores())
-    ]
-    try:
-        time.sleep(0.5)
-        assert threads.free_cores() == 1
-    finally:
-        for process in busy:
-            process.kill()
-            process.wait()
 
 
 def test_one_thread_inside_and_as_before_afterwards(two_threads):
@@ -211,34 +192,3 @@ def test_an_extraction_keeps_to_one_thread(two_threads, monkeypatch):
     ao.extract(part, ao.Site(dof=4), n=3)
     assert seen == [{1}]
     assert now() == {2}
-
-
-def test_pools_of_other_libraries_are_not_touched():
-    """OpenMP's own pools stay as they are: only those of a BLAS are limited and put back."""
-    calls = []
-
-    class Limit:
-        def restore_original_limits(self):
-            calls.append("restored")
-
-    class Controller:
-        def info(self):
-            return [
-                {"user_api": "openmp", "num_threads": 8},
-                {"user_api": "blas", "num_threads": 3},
-                {"user_api": "blas", "num_threads": 2},
-            ]
-
-        def limit(self, **limits):
-            calls.append(limits)
-            return Limit()
-
-    blas = threads._Blas(Controller())
-    assert [pool["num_threads"] for pool in blas.pools()] == [3, 2]
-    blas.enter()
-    blas.enter()
-    assert blas.before == 3
-    blas.leave()
-    assert calls == [{"limits": 1, "user_api": "blas"}]
-    blas.leave()
-    assert calls[1:] == ["restored"]

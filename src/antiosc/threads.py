@@ -4,7 +4,7 @@ OpenBLAS threads synchronise in busy loops, thousands of times in one sparse fac
 another program uses one of the cores, they wait for it as well, and two threads take up to nine
 times as long as one. If all cores are free, only large fronts become faster. A number of threads
 that the user has set in the environment is respected; other libraries are not changed.
-`demos/blas_threads.py` measures it.
+`benchmarks/blas_threads.py` measures it.
 """
 
 from __future__ import annotations

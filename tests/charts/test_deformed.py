@@ -17,6 +17,7 @@ def _close():
     plt.close("all")
 
 
+@pytest.mark.sample(-1)
 @pytest.mark.parametrize("corners", [1, 2, 3, 4])
 def test_a_deformed_surface_is_drawn_in_its_scale_without_axes(corners):
     """Colours of the mean values of faces; the arrow ends where the impact is."""

@@ -56,18 +56,6 @@ def test_the_axes_of_a_force_hold_the_pulses_with_room() -> None:
     assert [each.get_linewidth() for each in ax.lines[::2]] == [2.6, 1.0]
 
 
-def test_an_error_is_a_band_from_half_a_percent_on() -> None:
-    hit = pulses((0.0, 0.1, 10.0), peak=0.003)
-    assert not plotting.plot_force(hit).collections
-    hit.error["truncation peak_force"] = 0.002
-    ax = plotting.plot_force(hit)
-    (band,) = ax.collections
-    assert band.get_label() == "estimated error ±0.5%"
-    box = band.get_paths()[0].get_extents()
-    np.testing.assert_allclose((box.ymin, box.ymax), (0.0, 10.05), atol=1e-9)
-    assert 0 < band.get_alpha() < 0.5
-
-
 def test_a_running_mean_of_unequal_steps_is_the_integral_over_its_window() -> None:
     rng = np.random.default_rng(7)
     t = np.cumsum(rng.uniform(0.1, 1, 30)) + 3

@@ -17,6 +17,7 @@ from spectral_beam import SpectralBeam
 from struck_beams import SLENDER, SUPPORTS, THICK, UNIT, hinged_roots, struck
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize(
     ("ends", "equation"),
     [
@@ -87,6 +88,7 @@ def test_shear_beam_limit():
     np.testing.assert_allclose(np.log10(np.divide(errors[:-1], errors[1:])), 1, atol=0.02)
 
 
+@pytest.mark.slow
 def test_slender_limit_is_euler_bernoulli_with_order_two():
     errors = []
     exact = free_free(UNIT, 0.3).anti_oscillators(5)
@@ -100,6 +102,7 @@ def test_slender_limit_is_euler_bernoulli_with_order_two():
     np.testing.assert_allclose(order, 2, atol=0.1)
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("supports", SUPPORTS, ids=str)
 def test_frequencies_against_the_spectral_beam(supports):
     exact = struck(THICK, supports)
@@ -112,6 +115,7 @@ def test_frequencies_against_the_spectral_beam(supports):
     )
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize(
     ("supports", "corrected"),
     [(("clamped", "free", 0.6), True), (("free", "free", 0.3), False)],

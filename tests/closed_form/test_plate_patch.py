@@ -148,6 +148,7 @@ def lifted(k: float, nu: float) -> float:
     return abs(moved) - (1 - nu) / k
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("nu", [0.02, 0.3, 0.45])
 def test_the_compliance_is_what_the_plate_moves_more_than_the_layer(nu):
     """The integral of both over all wave numbers, by Airy's function for the layer."""

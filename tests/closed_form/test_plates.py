@@ -38,6 +38,7 @@ def test_compliance_at_the_centre_is_timoshenkos():
     assert SQUARE.compliance(0.5, 0.5) * SQUARE.D == pytest.approx(0.01160, abs=5e-6)
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("point", POINTS)
 def test_anti_oscillators_give_the_receptance_back(point):
     model = PLATE.anti_oscillators(*point, 60)
@@ -75,6 +76,7 @@ def test_mindlin_tends_to_kirchhoff():
     assert thick.mindlin(1, 2) / unit == pytest.approx(4.6084, abs=2e-4)
 
 
+@pytest.mark.slow
 def test_mindlin_compliance_grows_as_the_logarithm_of_the_radius():
     thick = SupportedPlate(70e9, 0.3, 2700.0, 0.1, 1.0, 1.0)
     wide, narrow = (thick.mindlin_compliance(0.5, 0.5, r, 2000) for r in (0.01, 0.005))

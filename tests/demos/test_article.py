@@ -1,4 +1,4 @@
-"""One test per claim of the article, on the demos that make demos/ARTICLE.md."""
+"""One test per claim of the article, on the demos that make benchmarks/ARTICLE.md."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from paths import DEMOS
+from paths import BENCHMARKS
 
 pytestmark = [pytest.mark.fem, pytest.mark.slow]
 
@@ -19,7 +19,7 @@ pytest.importorskip("dolfinx")
 @pytest.fixture(scope="module")
 def demos() -> dict[str, ModuleType]:
     """The demos' modules, which import one another by name."""
-    sys.path.insert(0, str(DEMOS))
+    sys.path.insert(0, str(BENCHMARKS))
     try:
         import article
         import article_beam
@@ -27,7 +27,7 @@ def demos() -> dict[str, ModuleType]:
         import article_case2
         import article_parts
     finally:
-        sys.path.remove(str(DEMOS))
+        sys.path.remove(str(BENCHMARKS))
     return {
         "article": article,
         "beam": article_beam,
@@ -263,8 +263,8 @@ def test_figures_and_page(demos, case1, case2, tmp_path):
 
 
 def test_page_in_the_repository_names_every_claim(demos):
-    """demos/ARTICLE.md is the generated one: same sections, same claims, no gap."""
-    page = (DEMOS / "ARTICLE.md").read_text(encoding="utf-8")
+    """benchmarks/ARTICLE.md is the generated one: same sections, same claims, no gap."""
+    page = (BENCHMARKS / "ARTICLE.md").read_text(encoding="utf-8")
     for words in (
         "89 %",
         "86 %",
@@ -278,4 +278,4 @@ def test_page_in_the_repository_names_every_claim(demos):
         assert words in page
     assert "| nan" not in page
     for picture in page.split("pictures/")[1:]:
-        assert (DEMOS / "pictures" / picture.split(")")[0]).is_file()
+        assert (BENCHMARKS / "pictures" / picture.split(")")[0]).is_file()

@@ -104,10 +104,3 @@ def test_spiders(tmp_path: Path) -> None:
     assert mean["as assemble does"][entries] < mean["eliminated, no basis"][entries]
     assert rigid["as assemble does"][entries] < rigid["bordered"][entries]
     assert "| Mean, 625 |" in (tmp_path / "spiders.md").read_text()
-
-
-def test_assembly_speed(tmp_path: Path) -> None:
-    ratios = demo("assembly_speed").main(sizes=(2,), rounds=1, out=tmp_path)
-    assert set(ratios) == {2}
-    table = (tmp_path / "assembly_speed.md").read_text()
-    assert "two, tied" in table

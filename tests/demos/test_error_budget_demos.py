@@ -27,49 +27,6 @@ def test_random_parts(tmp_path, capsys):
     assert "| all | 4 |" in capsys.readouterr().out
 
 
-def test_strike_beside_fixed_choices(tmp_path, capsys):
-    out = tmp_path / "runs.json"
-    script = demo("strike_or_uniform")
-    found = script.main(scenes=("plane part",), tols=(0.01,), dofs=15_000, out=str(out))
-    rows = found["plane part"]["runs"]
-    (own,) = (row for row in rows if row["run"] == "strike")
-    assert own["true"] <= own["promised"] <= own["asked"]
-    best = [min(r["true"] for r in rows if r["run"] == run) for run in ("fixed", "corrected")]
-    assert best[1] < 0.01
-    assert json.loads(out.read_text())["plane part"]["runs"] == rows
-    assert out.with_suffix(".png").exists()
-    assert "over the cheapest fixed choice within 0.01" in capsys.readouterr().out
-
-
-def test_the_page_is_written_from_both_files(tmp_path):
-    parts, runs = tmp_path / "parts.jsonl", tmp_path / "runs.json"
-    demo("error_budget").main(parts=2, seed=4, dim=2, out=str(parts))
-    demo("strike_or_uniform").main(scenes=("plane part",), tols=(0.01,), dofs=9000, out=str(runs))
-    script = demo("error_budget_tables")
-    script.structured_blocks.table = lambda: "| blocks |"
-    text = script.main(str(parts), str(runs), str(tmp_path / "page.md"))
-    assert (tmp_path / "page.md").read_text() == text
-    assert "| all | 2 |" in text
-    assert "plane part" in text
-    assert (tmp_path / "strike_or_uniform.png").exists()
-
-
-def test_values_are_extrapolated_with_their_order():
-    sizes = [1.0, 0.5, 0.3]
-    limit, order = demo("structured_blocks").extrapolated([3 + 2 * h**2.5 for h in sizes], sizes)
-    assert limit == pytest.approx(3)
-    assert order == pytest.approx(2.5)
-
-
-def test_adapted_meshes_beside_uniform_ones(tmp_path, capsys):
-    script, scene = demo("strike_or_uniform"), demo("strike_scenes").SCENES["plane part"]
-    path = scene.path(tmp_path)
-    _, true = script.truth(scene, path, 15_000)
-    found = script.compared(scene, path, true, 1)
-    assert [len(found[way]) for way in ("uniform", "adapted")] == [3, 4]
-    assert found["adapted"][-1]["corrected"] < found["adapted"][0]["raw"]
-
-
 def test_strike_over_lines(tmp_path):
     page = tmp_path / "beams.md"
     rows = demo("strike_beams").main(cases=3, seed=1, tols=(0.01,), page=str(page))

@@ -1,4 +1,4 @@
-"""A few of the random scenes of demos/fuzz.py, and that its checks would see a fault."""
+"""A few of the random scenes of benchmarks/fuzz.py, and that its checks would see a fault."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 
 import antiosc as ao
 from paths import demo
-from scenes import HERTZ, case_two, rigid
+from scenes import rigid
 
 fuzz = demo("fuzz")
 
@@ -22,7 +22,7 @@ def test_random_scenes():
 
 @pytest.mark.slow
 def test_more_random_scenes():
-    result = fuzz.main(scenes=1000, seed=4)
+    result = fuzz.main(scenes=400, seed=4)
     assert result["failures"] == []
 
 
@@ -63,6 +63,7 @@ class TestItSeesFaults:
         hit.trajectory.contacts[0].impulse *= 1 + 1e-6
         assert "momentum error" in fuzz.check(hit, {})[0]
 
+    @pytest.mark.slow
     def test_crash(self, monkeypatch):
         def broken(self, *args, **kwargs):
             raise ZeroDivisionError("division by zero")
@@ -76,51 +77,3 @@ class TestItSeesFaults:
         law = replace(ao.Hertz(1.0), compliance=1.0)
         assert fuzz.expected(ao.AccuracyError("the peak force"), {"contact": law})
         assert not fuzz.expected(ao.AccuracyError("the peak force"), {"contact": ao.Hertz(1.0)})
-
-
-@pytest.mark.slow
-def test_stability_demo_small(tmp_path):
-    stability = demo("stability")
-    result = stability.main(most=4, counts=2, steps=5, decades=2, hard=False, fine=26, out=tmp_path)
-    limits = result["limits"]
-    # central differences diverge above the limit that the contact lowers; the others nowhere
-    model = stability.pinned_pinned(stability.BEAM).anti_oscillators(4)
-    bound = 0.7 * demo("stability_scenes").stable_steps(model)[1]
-    failed = [r for r in result["runs"] if r["kind"] == "diverged" and "margin" not in r]
-    assert {r["method"] for r in failed} == {"leapfrog"}
-    assert all(r["step"] > bound for r in failed)
-    assert limits["exact"]["first diverged"] is None
-    assert limits["newmark"]["first diverged"] is None
-    drifts = [r["drift"] for r in result["runs"] if r["method"] == "conserving"]
-    assert max(drifts) < 1e-9
-    assert (tmp_path / "stability.png").stat().st_size > 0
-    # the exact integrator fails in the predicted windows alone, the implicit ones in none
-    windows = result["windows"]
-    bad = [r for r in windows if r["kind"] in ("wrong", "diverged") and r["method"] != "leapfrog"]
-    assert len(bad) >= 3
-    assert {r["method"] for r in bad} == {"exact"}
-    assert all(r["margin"] < 1 for r in bad)
-    assert (tmp_path / "stability_windows.png").stat().st_size > 0
-    assert not list(tmp_path.glob("*.part"))
-
-
-@pytest.mark.slow
-def test_work_precision_parts(tmp_path):
-    work = demo("work_precision")
-    model, _ = case_two(4)
-    run = work.default_run(model, 4, 0.01, repeats=1)
-    assert run["error"] < 1e-3
-    batch = work.batch_rate(model, scenes=24, repeats=1)
-    assert batch["largest difference"] < 1e-9
-    assert batch["largest error"] <= 1e-3
-    steps = np.array([1.6e-5, 8e-6])
-    scene = work.Scene("small", model, work.STRIKER, ao.Hertz(HERTZ), 3e-4, steps)
-    truth = scene.run("DOP853", tol=1e-5)
-    rows = [work.measure(scene, truth, "exact", {"step": float(h)}, 1) for h in scene.steps]
-    assert rows[1]["error"] < 0.4 * rows[0]["error"]
-    work.chart(rows, tmp_path / "chart.png")
-    assert (tmp_path / "chart.png").stat().st_size > 0
-    stops = [work.on_stops(p, 6, 1) for p in (1, 3)]
-    assert all(row["touches"] >= row["contacts"] and row["error"] <= 1e-3 for row in stops)
-    work.chart_contacts(stops, tmp_path / "contacts.png")
-    assert (tmp_path / "contacts.png").stat().st_size > 0

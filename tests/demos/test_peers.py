@@ -1,4 +1,4 @@
-"""The comparison with CalculiX: meshes, decks, what is read; the runs are left to `make peers`."""
+"""The comparison with CalculiX: meshes, decks, what is read; `make bench-peers` runs it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from paths import DEMOS
+from paths import BENCHMARKS
 
 pytestmark = pytest.mark.fem
 PRINTED = """
@@ -24,8 +24,8 @@ PRINTED = """
 
 @pytest.fixture
 def bodies(monkeypatch):
-    monkeypatch.syspath_prepend(str(DEMOS))
-    monkeypatch.syspath_prepend(str(DEMOS / "peers"))
+    monkeypatch.syspath_prepend(str(BENCHMARKS))
+    monkeypatch.syspath_prepend(str(BENCHMARKS / "peers"))
     return importlib.import_module("bodies")
 
 

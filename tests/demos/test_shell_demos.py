@@ -41,9 +41,3 @@ def test_stiffened_panel(tmp_path):
     assert numbers["shells, over a stringer"]["k0"] > 3 * numbers["shells, between stringers"]["k0"]
     assert (tmp_path / "stiffened_panel.png").stat().st_size > 0
     assert len(list(tmp_path.glob("*.vtu"))) == 30
-
-
-def test_shell_size():
-    rows = demo("shell_size").main(elements=(4, 8), n=4)
-    assert rows[1]["dofs"] > 3 * rows[0]["dofs"]
-    assert all(row["memory"] > 0 and row["total"] > row["modes"] for row in rows)

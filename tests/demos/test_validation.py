@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from paths import DEMOS, ROOT
+from paths import BENCHMARKS, ROOT
 
 pytestmark = pytest.mark.fem
 QUICK = {"sdnd101", "sdnd108", "vm65", "sdnl105", "hertz"}
@@ -22,11 +22,12 @@ ALL = [
 
 @pytest.fixture
 def book(monkeypatch):
-    monkeypatch.syspath_prepend(str(DEMOS))
-    monkeypatch.syspath_prepend(str(DEMOS / "validation"))
+    monkeypatch.syspath_prepend(str(BENCHMARKS))
+    monkeypatch.syspath_prepend(str(BENCHMARKS / "validation"))
     return importlib.import_module("book")
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize(
     "name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in ALL]
 )

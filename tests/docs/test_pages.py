@@ -15,7 +15,7 @@ import pytest
 
 import antiosc as ao
 import html_pages
-from paths import DEMOS, ROOT
+from paths import BENCHMARKS, DEMOS, ROOT
 
 DOCS = ROOT / "docs"
 #: pages whose programs need NumPy and SciPy alone
@@ -23,8 +23,11 @@ LIGHT = {
     *("errors", "howto/contacts", "howto/sweep", "howto/cluster", "howto/export"),
     *("api/models", "api/contact", "api/simulation", "api/scenes", "api/errors", "api/exports"),
 }
-MESHED = {"howto/deck", "howto/units", "howto/map", "api/structures"}
-SLOW = {"first_impact", "limits", "api/extraction", "api/assemblies", "api/results"}
+MESHED = {"howto/deck", "howto/units"}
+SLOW = {
+    *("first_impact", "limits", "howto/map"),
+    *("api/extraction", "api/assemblies", "api/results", "api/structures"),
+}
 
 
 def programs(page: str) -> list[str]:
@@ -98,18 +101,23 @@ def test_every_public_name_stands_on_one_page_of_the_api(generated):
     assert sorted(listed) == sorted(ao.__all__)
 
 
-def test_every_demo_has_a_page_and_its_pictures_exist(generated, tmp_path):
+def test_every_script_has_a_page_and_its_pictures_exist(generated, tmp_path):
     generated.demo_pages(tmp_path / "demos")
     pages = {path.stem for path in (tmp_path / "demos").glob("*.md")} - {"index"}
-    pages = {page for page in pages if not page.endswith("_page")}
-    scripts = {p.stem for p in DEMOS.glob("*.py") if "__main__" in p.read_text(encoding="utf-8")}
-    assert pages == scripts
-    for pictures in generated.PICTURES.values():
-        assert [p for p in pictures if not (DEMOS / "pictures" / p).is_file()] == []
-    drawing = {p.stem for p in DEMOS.glob("*.py") if ".png" in p.read_text(encoding="utf-8")}
-    # pictures of the article stand on its own page; those of the last ones take many minutes
-    others = {"article", "article_case1", "article_case2", "fidelity", "strike_or_uniform"}
-    assert (drawing & scripts) - others <= set(generated.PICTURES)
+    scripts = {
+        path.stem: path
+        for folder in (DEMOS, BENCHMARKS)
+        for path in folder.glob("*.py")
+        if '"__main__"' in path.read_text(encoding="utf-8")
+    }
+    assert {page for page in pages if not page.endswith("_page")} == set(scripts)
+    shown = {
+        name: [ROOT / folder / "pictures" / p for p in pictures]
+        for folder, named in generated.PICTURES.items()
+        for name, pictures in named.items()
+    }
+    assert [p for pictures in shown.values() for p in pictures if not p.is_file()] == []
+    assert {path.stem for path in scripts.values() if path.parent == DEMOS} <= set(shown)
 
 
 @pytest.fixture
@@ -119,7 +127,7 @@ def light(monkeypatch):
 
 
 def test_a_page_has_the_whole_script(light):
-    for script in sorted(DEMOS.glob("*.py")):
+    for script in [*DEMOS.glob("*.py"), *BENCHMARKS.glob("*.py")]:
         source = script.read_text(encoding="utf-8")
         found = light.cells(source)
         code = "\n\n\n".join(body for kind, body in found if kind == "code")
@@ -133,55 +141,15 @@ def test_a_page_has_the_whole_script(light):
     assert len(headings) == 3
 
 
-def test_paragraphs_of_comments_are_text(light):
-    script = '''"""Title."""
-
-import x
-
-# -- how it is drawn
-
-# Two lines
-# of *text*.
-
-# a comment of code
-y = """a
-
-# no comment"""
-#: what z is
-z = 2
-'''
-    assert light.cells(script) == [
-        ("code", "import x"),
-        ("text", "## How it is drawn"),
-        ("text", "Two lines\nof *text*."),
-        ("code", '# a comment of code\ny = """a\n\n# no comment"""\n#: what z is\nz = 2'),
-    ]
-
-
-def test_a_new_page_is_listed(generated, monkeypatch, tmp_path):
-    monkeypatch.setattr(generated, "HERE", tmp_path)
-    for name in ("index", "old", "new"):
-        (tmp_path / f"{name}.md").write_text("# Page\n", encoding="utf-8")
-    assert generated.with_other_pages("old\n%PAGES\n") == "old\nnew\n"
-
-
-def test_pages_that_demos_wrote_keep_their_links(generated, tmp_path):
+def test_pages_that_measurements_wrote_keep_their_links(generated, tmp_path):
     generated.measured_pages(tmp_path)
     text = (tmp_path / "article_page.md").read_text(encoding="utf-8")
-    pictures = re.findall(r"\]\(\.\./\.\./(demos/[^)]+)\)", text)
+    pictures = re.findall(r"\]\(\.\./\.\./(benchmarks/[^)]+)\)", text)
     assert pictures
     assert [p for p in pictures if not (ROOT / p).is_file()] == []
-    link = "see [it](../demos/speed/free_modes.md) and [that](../demos/pictures/x.png)"
+    link = "see [it](../benchmarks/speed/free_modes.md) and [that](../demos/pictures/x.png)"
     there = "see [it](demos/free_modes_page.md) and [that](../demos/pictures/x.png)"
     assert generated.of_this_folder(link) == there
-
-
-def test_docstrings_become_sound_markup(generated):
-    lines = ["Parameters", "----------", "x : float", "    |Z| of `a|b_`.", "", "A paragraph.", ""]
-    generated.plain(lines)
-    generated.with_notes(lines)
-    assert lines[3] == r"    \|Z\| of `a|b_`."
-    assert lines[5:8] == ["Notes", "-----", "A paragraph."]
 
 
 @pytest.mark.parametrize(

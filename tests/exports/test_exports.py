@@ -42,6 +42,7 @@ def struck(model, tmp_path, fmi):
     return Fmu(tmp_path / "blow.fmu", tmp_path / "unpacked")
 
 
+@pytest.mark.sample(-1)
 @VERSIONS
 @pytest.mark.parametrize("steps", [1, 40, 1000])
 def test_an_fmu_gives_the_impact_at_any_communication_step(struck, hit, steps):
@@ -245,6 +246,7 @@ def test_the_c_file_is_the_same_run(model, tmp_path):
     assert np.abs(rows[1:, 1:] - found).max(axis=0) / size == pytest.approx(0.0, abs=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
 def test_an_fmu_is_built_from_its_sources(struck_sources, tmp_path):
     listed = [each.attrib["name"] for each in struck_sources.description.iter("File")]

@@ -54,21 +54,12 @@ def swapped(path: Path, content: bytes) -> None:
     path.write_bytes(content)
 
 
-def folder(path: Path) -> None:
-    path.unlink()
-    path.mkdir()
-
-
 DAMAGES = {
     "cut": cut,
     "flipped": flipped,
-    "empty": lambda path: swapped(path, b""),
-    "zeros": lambda path: swapped(path, bytes(path.stat().st_size)),
     "missing": Path.unlink,
-    "a folder": folder,
     "killed while it was compiled": lambda path: next(path.parent.glob("*forms*.cached")).unlink(),
     "checksum lost": lambda path: next(path.parent.glob("*forms*.sha256")).unlink(),
-    "checksum no text": lambda path: next(path.parent.glob("*forms*.sha256")).write_bytes(b"\xff"),
 }
 
 

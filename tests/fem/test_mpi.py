@@ -9,19 +9,6 @@ from mpi import run_ranks
 pytestmark = pytest.mark.mpi
 
 
-def test_output_of_all_ranks():
-    script = """
-        from mpi4py import MPI
-        print(MPI.COMM_WORLD.rank, MPI.COMM_WORLD.allreduce(1))
-    """
-    output = run_ranks(2, script)
-    assert output == ["0 2\n", "1 2\n"]
-
-
-def test_arguments_are_handed_on():
-    assert run_ranks(1, "import sys; print(sys.argv[1:])", "a", "b") == ["['a', 'b']\n"]
-
-
 def test_one_rank_that_raises_fails_all():
     script = """
         from mpi4py import MPI

@@ -95,10 +95,11 @@ def test_a_damaged_file_is_told(change, tmp_path):
     arrays |= {"factors": fields.factors, "cells0": CUBES}
     header = {"format": FORMAT, "version": model_file.VERSION, "kinds": ["hexahedron"]}
     model_file.write(tmp_path / "fields.npz", header, {**arrays, **change})
-    with pytest.raises(ao.InputError, match=r"fields\.npz is damaged .*write it again"):
+    with pytest.raises(ao.InputError, match="damaged"):
         SavedFields.load(tmp_path / "fields.npz")
 
 
+@pytest.mark.slow
 def test_pictures_of_surfaces_lines_and_nodes(tmp_path):
     pytest.importorskip("matplotlib")
     import matplotlib.image

@@ -46,6 +46,7 @@ def frames(target) -> list[bytes]:
     return [(target.parent / entry.get("file")).read_bytes() for entry in entries]
 
 
+@pytest.mark.slow
 def test_a_killed_process_leaves_the_old_series_or_the_new_one(tmp_path, monkeypatch):
     monkeypatch.setattr(files, "_to_disk", lambda path: None)  # the system lives on
     whole = []

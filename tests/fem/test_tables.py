@@ -10,44 +10,12 @@ import pytest
 
 pytest.importorskip("dolfinx")
 
-import basix
 
-from antiosc.fem.elements import anisotropic, material_axes, shell_strains
-from antiosc.fem.error import gaps, projection, smooth_pieces
 from antiosc.fem.mesh import conformity
 from antiosc.fem.series import TYPES
 from antiosc.fem.site import patches
-from antiosc.fem.structure import attachments
 
 pytestmark = pytest.mark.fem
-
-SHAPES = {2: "interval", 3: "triangle", 4: "quadrilateral"}
-
-
-def edges(shape: str) -> list[list[int]]:
-    """Corners of the edges of a cell, in Basix's order."""
-    return basix.topology(getattr(basix.CellType, shape))[1]
-
-
-def test_edges_of_cells():
-    for shape, own in attachments.SHEET_EDGES.items():
-        assert [list(pair) for pair in own] == edges(shape)
-    assert edges("triangle") == smooth_pieces.ENDS
-    assert len(smooth_pieces.ENDS) == smooth_pieces.EDGES
-    for corners in (3, 4):
-        own = sorted(sorted(pair) for pair in gaps.FACET_SIDES[corners])
-        assert own == sorted(sorted(pair) for pair in edges(SHAPES[corners]))
-    assert gaps.FACET_SIDES[2] == [(0,), (1,)]
-
-
-def test_corners_around_cells():
-    """Neighbours in turn are the ends of an edge, and all edges are gone along once."""
-    around = [*material_axes.CORNERS_IN_TURN.items()]
-    around += [(SHAPES[n], turn) for n, turn in gaps.AROUND.items() if n > 2]
-    for shape, turn in around:
-        pairs = [sorted(pair) for pair in zip(turn, np.roll(turn, -1).tolist(), strict=True)]
-        assert sorted(pairs) == sorted(edges(shape))
-    assert gaps.AROUND[2] == [0, 1]
 
 
 def test_simplices_fill_their_cells():
@@ -67,18 +35,6 @@ def test_simplices_fill_their_cells():
                 b = np.linalg.solve((p[1:] - p[0]).T, point - p[0])
                 inside += bool(b.min() > 0 and b.sum() < 1)
             assert inside == 1
-
-
-def test_components_of_strains():
-    assert projection.STRAIN_PLACES[3] == list(anisotropic.VOIGT)
-    voigt = [(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)]
-    assert list(anisotropic.VOIGT) == voigt
-    assert projection.STRAIN_PLACES[2] == [pair for pair in voigt if 2 not in pair]
-
-
-def test_exponents_of_polynomials():
-    assert sorted(shell_strains.CUBIC) == [(r, 3 - r) for r in range(4)]
-    assert sorted(shell_strains.QUADRATIC) == sorted((r, s) for r in range(3) for s in range(3 - r))
 
 
 def test_kinds_of_cells_have_their_numbers_in_vtk():

@@ -12,6 +12,7 @@ from antiosc.fem.series import BYTES_AT_ONCE, Frames
 COUNTS = [9, BYTES_AT_ONCE // 24 + 1, 2 * BYTES_AT_ONCE // 8, 2 * BYTES_AT_ONCE // 8 + 5]
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("count", COUNTS)
 def test_frames_are_read_again(count, tmp_path):
     rng = np.random.default_rng(count)

@@ -163,6 +163,7 @@ BAD = {
 }  # fmt: skip
 
 
+@pytest.mark.sample(-1)
 @pytest.mark.parametrize("case", BAD)
 def test_one_sentence_for_a_bad_file(case, tmp_path):
     text, says = BAD[case]

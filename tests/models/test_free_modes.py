@@ -44,6 +44,7 @@ def test_all_modes_give_the_structure(rng, rigid, method):
     assert np.all(np.isin(joined[::2], omega))
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("place", [0.5, 0.17])
 def test_pinned_beam_anywhere(place):
     struck = pinned_pinned(BEAM, place)
@@ -61,6 +62,7 @@ def test_pinned_beam_anywhere(place):
     assert model.m_st == pytest.approx(struck.static_mass, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_free_beam_off_centre():
     struck = free_free(BEAM, 0.3)
     free = struck.modes(60, static_correction=True).modal()
@@ -97,6 +99,7 @@ def test_bound_holds_and_falls(rng, rigid):
     assert bounds[-1] < 2e-2
 
 
+@pytest.mark.slow
 def test_few_krylov_beat_few_modes():
     struck = pinned_pinned(BEAM, 0.41)
     free = struck.modes(60).modal()

@@ -73,6 +73,7 @@ def test_free_modes_are_exact_for_any_ratio_of_masses(rng, m0, k0):
     assert H * model.dynamic_stiffness(w) == pytest.approx(np.ones(8), rel=1e-11)
 
 
+@pytest.mark.slow
 def test_antiresonances_of_symmetric_models_may_lie_one_rounding_apart(rng):
     for _ in range(400):
         first = rng.uniform(10.0, 1e5, 3)

@@ -68,6 +68,7 @@ def test_an_assembly_runs(tmp_path, capsys):
     assert re.search(r"probe middle +at most [\d.e-]+ rad", capsys.readouterr().out)
 
 
+@pytest.mark.slow
 def test_a_map_of_both_parts_and_a_probe_of_a_group(tmp_path, capsys):
     """`antiosc map` tells the hardest blow on each part; `run` the motion of "second:right"."""
     pytest.importorskip("dolfinx")

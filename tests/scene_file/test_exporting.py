@@ -22,6 +22,7 @@ def history(path):
     return found.history
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize(("text", "fmi"), [(BEAM, 2), (BEAM, 3), (FALLS, 2), (FRAME, 3)])
 def test_the_fmu_of_a_scene_file_gives_its_forces(tmp_path, text, fmi):
     path = written(tmp_path, text)

@@ -66,6 +66,7 @@ def sentences(path, capsys) -> list[tuple[int, str]]:
     return found
 
 
+@pytest.mark.sample(-1)
 @pytest.mark.parametrize("case", ONE)
 def test_one_mistake_is_one_sentence_with_its_line(tmp_path, capsys, case):
     old, new, held = ONE[case]
@@ -208,6 +209,7 @@ def test_hostile_files_are_refused_in_words(tmp_path, capsys, text):
     assert len(told) < 5000
 
 
+@pytest.mark.sample(-1)
 @pytest.mark.parametrize("line", ["[x{}]", "k{} = 1"])
 def test_many_mistakes_are_not_all_told(tmp_path, capsys, line):
     path = written(tmp_path, "\n".join(line.format(i) for i in range(20_000)))
@@ -230,6 +232,7 @@ duration = 1e-4
 """
 
 
+@pytest.mark.slow
 @pytest.mark.fem
 def test_groups_that_a_mesh_does_not_have_are_told(tmp_path, capsys):
     """Of a support, a material, a probe; a mesh is read, a geometry opened."""

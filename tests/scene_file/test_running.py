@@ -64,6 +64,7 @@ def test_the_program_is_the_api_as_users_write_it(tmp_path):
     assert model.k0 == pytest.approx(48 * 210e9 * 0.03 * 0.01**3 / 12 / 0.8**3, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_scene_of_several_contacts_runs_as_its_program(tmp_path, capsys):
     path = written(tmp_path, FRAME)
     assert antiosc("run", path, "--out", tmp_path / "out") == 0
@@ -164,6 +165,7 @@ def test_new_writes_a_scene_that_is_complete_or_absent(tmp_path, capsys):
     assert "'part.step', which does not exist" in told
 
 
+@pytest.mark.slow
 @pytest.mark.fem
 def test_what_a_new_scene_has_in_comments_is_right(tmp_path, capsys):
     """Its keys and values are taken when their # is removed."""
@@ -194,6 +196,7 @@ def test_a_new_scene_of_a_part_has_no_mistakes(tmp_path, capsys):
         assert antiosc("check", tmp_path / f"{name}.toml") == 0
 
 
+@pytest.mark.sample
 @pytest.mark.fem
 @pytest.mark.parametrize("part", ["bracket.step", "bracket.msh"])
 def test_the_box_of_a_part_is_told_and_its_sites_are_tested(part, tmp_path, capsys):
@@ -229,6 +232,7 @@ def test_parts_of_an_assembly_are_tested_in_their_places(tmp_path, capsys):
         assert ("2 m outside the box of beam.msh" in capsys.readouterr().err) == bool(found)
 
 
+@pytest.mark.slow
 @pytest.mark.fem
 def test_what_was_told_comes_before_an_error(tmp_path, capsys):
     pytest.importorskip("dolfinx")

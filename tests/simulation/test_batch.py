@@ -36,6 +36,7 @@ def compare(batch: ao.Batch, alone: list[ao.History], rel: float = 1e-9) -> None
         assert force == pytest.approx(there, abs=1e-6 * hit.peak_force)
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("law", LAWS.values(), ids=LAWS.keys())
 @pytest.mark.parametrize("step", [None, 4e-6])
 def test_same_as_one_by_one(rng, law, step):
@@ -150,6 +151,7 @@ def peak_of(mass: float, velocity: float) -> float:
     return ao.simulate(case_two(2)[0], ao.RigidMass(mass, velocity), ao.Hertz(1e9), 1e-3).peak_force
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("pool", [ThreadPoolExecutor, ProcessPoolExecutor])
 def test_executors_keep_the_order_and_tell_a_scene_that_fails(pool):
     model = ao.AntiOscillators(0.1, 1e7, [], [], local_compliance=2e-8, radius=1e-3)
@@ -196,6 +198,7 @@ def closed_pool() -> ThreadPoolExecutor:
     return pool
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize(
     ("law", "says"), [(Deadly, "BrokenProcess"), (Unpicklable, "holds a file")]
 )

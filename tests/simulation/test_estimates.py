@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -54,8 +56,10 @@ def scene_of(seed: int) -> tuple[ao.AntiOscillators, ao.RigidMass, ao.ContactLaw
     return model, striker, law, float(np.clip(slowest, 8 * time, 40 * time))
 
 
-def independent(model, striker, law, duration) -> ao.History:
-    """The same impact by an integrator of another kind, to 1e-6; by a finer step where none can."""
+@cache
+def independent(seed: int) -> ao.History:
+    """The impact by an integrator of another kind, to 1e-6; by a finer step where none can."""
+    model, striker, law, duration = scene_of(seed)
     if law.rate_dependent and model.m0 == 0:
         return ao.simulate(model, striker, law, duration, tol=1e-6)
     return ao.simulate(model, striker, law, duration, "DOP853", tol=1e-6)
@@ -64,7 +68,7 @@ def independent(model, striker, law, duration) -> ao.History:
 def errors(seed: int, tol: float) -> tuple[np.ndarray, np.ndarray] | None:
     """(estimated, true) errors of force and peak in one scene; None where no run can be had."""
     scene = scene_of(seed)
-    hit, truth = ao.simulate(*scene, tol=tol), independent(*scene)
+    hit, truth = ao.simulate(*scene, tol=tol), independent(seed)
     if not truth.contacts or {hit.status, truth.status} & {1, 2}:
         return None
     l2, peak = force_difference(hit.trajectory, truth.trajectory)
@@ -73,14 +77,14 @@ def errors(seed: int, tol: float) -> tuple[np.ndarray, np.ndarray] | None:
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::antiosc.errors.AntioscWarning")
-def test_estimates_cover_the_true_errors_of_240_scenes():
+def test_estimates_cover_the_true_errors_of_random_scenes():
     """At least 95 % of the true errors lie under the estimate, and nearly all under the tolerance.
 
     True errors below 1e-5 are left out, where the reference itself is no better.
     """
-    found = {(s, tol): errors(s, tol) for s in range(240) for tol in (1e-2, 1e-3)}
+    found = {(s, tol): errors(s, tol) for s in range(100) for tol in (1e-2, 1e-3)}
     kept = {key: pair for key, pair in found.items() if pair is not None}
-    assert len({s for s, _ in kept}) >= 200
+    assert len({s for s, _ in kept}) >= 80
     assert {s % KINDS for s, _ in kept} == set(range(KINDS))
     estimated, true = (np.array([pair[i] for pair in kept.values()]) for i in (0, 1))
     tol = np.array([key[1] for key in kept])

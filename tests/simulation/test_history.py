@@ -65,6 +65,7 @@ def test_large_histories_are_computed_in_blocks_and_not_kept(hit, monkeypatch):
     assert hit._modal_states is not None
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize(("nodes", "kept"), [(1_000_000, True), (2_000_000, False)])
 def test_states_above_64_mib_are_not_kept(monkeypatch, nodes, kept):
     """Of five modes: 40 MB are kept, 80 MB are not."""

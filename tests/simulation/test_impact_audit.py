@@ -49,6 +49,7 @@ every = pytest.mark.parametrize(
 )
 
 
+@pytest.mark.sample
 @every
 def test_motion_between_the_nodes_follows_from_the_force(law: str, method: str) -> None:
     """From each node on, under the parabola of force and gravity; at the nodes of the method."""

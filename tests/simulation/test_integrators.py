@@ -76,6 +76,7 @@ def test_momentum_is_exact_whatever_the_step(method):
     assert lost == pytest.approx(run.impulse, rel=1e-12)
 
 
+@pytest.mark.sample
 @methods
 @pytest.mark.parametrize("law", [LAWS["hertz"], LAWS["thornton"]], ids=["hertz", "thornton"])
 def test_massless_contact_point(law, method):
@@ -94,6 +95,7 @@ def test_rate_dependent_law_on_a_massless_point():
             strike(law, method, 1e-6, m0=0.0)
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("method", ["RK45", "DOP853", "Radau", "BDF", "LSODA"])
 def test_every_solve_ivp_method_agrees(method):
     exact = strike(LAWS["hertz"], "exact", 2e-7)

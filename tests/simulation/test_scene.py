@@ -25,6 +25,7 @@ Array = NDArray[np.float64]
 UP = (0.0, 0.0, 1.0)
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("tilt", [0.0, 1e-3])
 @pytest.mark.parametrize(("k", "n"), [(1e6, 1.0), (1e8, 1.5)])
 def test_plate_on_four_corners(tilt: float, k: float, n: float) -> None:
@@ -50,6 +51,7 @@ def test_plate_that_lands_flat_is_one_mass_on_four_springs() -> None:
     np.testing.assert_allclose(momentum, [0, 0, 2.0], atol=1e-4)
 
 
+@pytest.mark.sample(-1)
 @pytest.mark.parametrize("n", [1.0, 1.5])
 def test_rod_bounces_between_walls(n: float) -> None:
     scene, K, M = rod_between_walls(n)

@@ -172,8 +172,7 @@ def test_a_body_that_moves_away_is_told() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("method", ["newmark", "DOP853"])
-def test_a_damped_contact_that_begins_at_rest(method: str) -> None:
+def test_a_damped_contact_that_begins_at_rest() -> None:
     """Its damping is defined by the closing speed that is expected, for all integrators."""
     K = 1e5 * np.array([[1, -1, 0], [-1, 2, -1], [0, -1, 1.0]])
     x, phi = np.linalg.eigh(K / 0.1)
@@ -185,7 +184,7 @@ def test_a_damped_contact_that_begins_at_rest(method: str) -> None:
         loads=[ao.Load("chain:far", [0.0, 1e-3, 2e-3], [0.0, 50.0, 0.0])],
     )
     hit = scene.run(5e-3)
-    other = scene.run(5e-3, method=method, tol=2e-3)
+    other = scene.run(5e-3, method="newmark", tol=2e-3)
     assert hit.status == 3  # the contact goes on at the end
     assert hit.run.attempts < 2000
     one, two = hit["floor", "chain:near"], other["floor", "chain:near"]

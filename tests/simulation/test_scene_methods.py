@@ -35,6 +35,7 @@ def several(law: ao.ContactLaw) -> ao.Scene:
     return ao.Scene(bodies, contacts)
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize(
     ("law", "method"),
     [
@@ -62,6 +63,7 @@ def test_every_law(law: ao.ContactLaw, method: str) -> None:
         np.testing.assert_allclose(other.contacts, one.contacts, rtol=0, atol=h + 2e-6)
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("method", [*STEPS, "DOP853"])
 def test_hertz_in_closed_form(method: str) -> None:
     bodies = {"m": ao.RigidMass(0.5, 1.0), "w": ao.Obstacle()}
@@ -85,6 +87,7 @@ def test_the_conserving_rule_conserves_energy_at_any_step() -> None:
     assert total + contact == pytest.approx(0.5 * float(start @ start), rel=1e-9)
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("method", ["newmark", "leapfrog", "DOP853"])
 def test_coupling_without_mass_and_a_preload(method: str) -> None:
     """A site without inertia under a load that is released: the exact method's forces."""

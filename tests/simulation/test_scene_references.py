@@ -144,6 +144,7 @@ LONG = [
 ]
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("posed", SCENES)
 def test_forces_are_those_of_the_unreduced_system(posed: Callable[[], Posed]) -> None:
     scene, duration, (t, force) = posed()
@@ -154,6 +155,7 @@ def test_forces_are_those_of_the_unreduced_system(posed: Callable[[], Posed]) ->
     assert hit.energy.drift < 1e-3
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("method", ["newmark", "conserving", "leapfrog", "DOP853"])
 @pytest.mark.parametrize("posed", LONG)
 def test_other_methods_meet_their_tolerance(posed: Callable[[], Posed], method: str) -> None:
@@ -165,6 +167,7 @@ def test_other_methods_meet_their_tolerance(posed: Callable[[], Posed], method: 
     assert hit.energy.drift < 5e-3
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("method", ["newmark", "conserving", "leapfrog"])
 def test_fixed_steps_are_of_second_order(method: str) -> None:
     """Of the velocities at the end: forces that begin with a kink are met to the power 3/2."""

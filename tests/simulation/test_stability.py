@@ -182,6 +182,7 @@ def truth():
 class TestRuns:
     """Of the whole simulation."""
 
+    @pytest.mark.sample
     @pytest.mark.parametrize("y", [2.5, 5.5, 6.0])
     def test_a_given_step_in_a_window_is_told(self, truth, y):
         with pytest.warns(ao.AccuracyWarning, match="gained energy"):
@@ -200,6 +201,7 @@ class TestRuns:
         assert hit.status == TOUCHING
         assert hit.peak_force == pytest.approx(truth.peak_force, rel=6e-3)
 
+    @pytest.mark.sample
     @pytest.mark.parametrize("speed", [0.3, 0.6, 0.8])
     def test_chosen_steps_keep_the_tolerance(self, speed):
         """Steps in a window show as an error of the force, and are refused."""
@@ -307,6 +309,7 @@ def resting(p: int, stiffness: float) -> ao.Scene:
     return ao.Scene(bodies, contacts, gravity=100.0, preload=True)
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("p", [1, 2, 4])
 def test_contacts_that_excite_the_modes_together_are_told(p: int) -> None:
     """k h^2/m = 10.6 lies in the window from 9.6 to 12; each of two springs alone is stable.

@@ -31,9 +31,9 @@ from antiosc.simulation.truncation import Run, truncation_error
 #: share of the errors of strains in the energy exceeds COARSE, or the faces under the patch are
 #: RESOLVED times its radius (in proportion to them, above the first factor).
 SAFETY, SAFETY_COARSE, COARSE, RESOLVED = 2.0, 3.0, 0.1, 1.2
-#: Both factors of shells over the usual ones (demos/shell_error_bars.py). Blows that are too short
-#: for the cells of a shell make errors that no shape of the model shows, neither raw nor corrected:
-#: above COARSE_SHELL a bar is at least the share of the errors of strains in the energy.
+#: Both factors of shells over the usual ones (benchmarks/shell_error_bars.py). Blows that are too
+#: short for the cells of a shell make errors that no shape of the model shows, neither raw nor
+#: corrected: above COARSE_SHELL a bar is at least the share of the errors of strains in the energy.
 SHELL, COARSE_SHELL = 1.5, 0.05
 #: The same for a site inside an element of a beam, whose kink there is not resolved.
 SAFETY_INSIDE = 5.0

@@ -2,8 +2,8 @@
 
 A point load on a solid bar deforms the section around it. Beyond the half-space that a contact law
 holds, this changes three things, which were measured on solid bars of rectangular section against
-closed forms (`demos/beam_model.py`; lengths of 5 to 40 heights, widths of half to twice the height;
-x is a frequency over that at which the section deforms):
+closed forms (`benchmarks/beam_model.py`; lengths of 5 to 40 heights, widths of half to twice the
+height; x is a frequency over that at which the section deforms):
 
     compliance of the site    by up to LOCAL/(E √A)
     values of modes there     by up to VALUES x   (stresses across the axis, as in von Kármán's and

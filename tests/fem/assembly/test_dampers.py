@@ -16,6 +16,7 @@ from antiosc.fem.site.functionals import functional
 from assemblies import BEAM, dense, free_dofs, line
 
 pytestmark = [
+    pytest.mark.slow,
     pytest.mark.fem,
     pytest.mark.filterwarnings("ignore:the joints leave parts free"),
 ]
@@ -47,6 +48,7 @@ def receptance(part: ao.Structure, site: ao.Site, c: float, omega: np.ndarray) -
     return np.array([b @ np.linalg.solve(K + 1j * w * C - w**2 * M, b) for w in omega])
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("spring", [0.0, 2e4])
 def test_the_receptance_is_that_with_the_damper(spring):
     """Within what the model says that it leaves out; without the damper it is far off."""
@@ -123,6 +125,7 @@ def impulse(K, M, C, b, mass: float, stiffness: float, duration: float, steps: i
     return stiffness * total * duration / steps
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("share", [0.005, 0.03])
 def test_an_impact_states_the_coupling_that_it_neglects_and_is_refused_beyond_tol(share):
     """The error of the impulse against a solution in all states."""

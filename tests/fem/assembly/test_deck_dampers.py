@@ -16,7 +16,6 @@ pytestmark = [
 
 E, NU, RHO, R, L, COUNT, C = 2e11, 0.3, 7800.0, 0.02, 1.0, 4, 3.0
 TIP = ao.Site((L, 0, 0), (0, 0, 1))
-BEFORE = ao.Site((L - L / COUNT, 0, 0), (0, 0, 1))
 
 
 def nastran(*more: str) -> str:
@@ -60,6 +59,7 @@ def structure(folder, text: str) -> ao.Structure:
     return ao.read_model(path, "mm" if text.startswith("*") else "m")
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("case", DECKS)
 def test_a_damper_to_the_ground_gives_its_ratios(case, tmp_path):
     text = DECKS[case]

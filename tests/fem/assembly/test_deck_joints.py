@@ -65,6 +65,7 @@ def test_equations_between_a_set_and_a_node_are_one_for_each(tmp_path):
     assert k0(part) == pytest.approx(E * A / L, rel=1e-9)
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("turning", ["", ", ROT NODE=200"])
 def test_a_rigid_body_is_that_of_an_assembly(tmp_path, turning):
     nodes = "*NODE\n100, .5, .5, 3.\n200, 0., 0., 0.\n"
@@ -149,6 +150,7 @@ def test_a_spring_between_two_columns_is_in_series(tmp_path):
     assert k0(part, (1, 0, 7), (0, 0, 1)) == pytest.approx(exact, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_shells_beside_solids_and_beams_beside_shells_share_nodes(tmp_path):
     """A sheet on the top of a column, and a post on a corner of the sheet: all of them carry."""
     sheet = "*ELEMENT, TYPE=S4, ELSET=SHEET\n50,9,10,11,12\n"
@@ -166,6 +168,7 @@ def test_shells_beside_solids_and_beams_beside_shells_share_nodes(tmp_path):
     assert 1 / stiff == pytest.approx(1 / below + 1 / (E * 0.04), rel=1e-8)
 
 
+@pytest.mark.slow
 def test_supports_by_a_group_of_one_of_the_parts(tmp_path):
     """Named besides those of the deck: the group is that of the part that has it."""
     sheet = "*ELEMENT, TYPE=S4, ELSET=SHEET\n50,9,10,11,12\n*NSET, NSET=BASE\n1,2,3,4\n"
@@ -278,6 +281,7 @@ def _compliances(part: ao.Structure, sites: list[ao.Site]) -> np.ndarray:
     return np.asarray(B.T @ spsolve(K, B))
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("kind", ["CELAS2", "CBUSH"])
 def test_springs_between_nodes_are_in_series(tmp_path, kind):
     """From the top of the column to a node that is held: both carry."""
@@ -290,6 +294,7 @@ def test_springs_between_nodes_are_in_series(tmp_path, kind):
     assert k0(held) == pytest.approx(E * A / L + k, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_some_parts_of_a_deck(tmp_path):
     """Two columns on a tie: one alone has no tie, and the mass on the other is left out."""
     first = column().replace("ELSET=ALL", "ELSET=ONE")

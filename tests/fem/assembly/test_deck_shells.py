@@ -13,7 +13,11 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 
-pytestmark = [pytest.mark.fem, pytest.mark.filterwarnings("ignore:of part.bdf are not taken")]
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.fem,
+    pytest.mark.filterwarnings("ignore:of part.bdf are not taken"),
+]
 
 E, T, WIDTH, LENGTH = 2e11, 0.02, 0.1, 1.0
 MANY = 8
@@ -73,6 +77,7 @@ def held(offset: float) -> float:
     return 1 / (own - mixed**2 / axial)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [pytest.param(0.5, marks=pytest.mark.slow), -0.75])
 def test_a_strip_beside_its_pins_is_an_arch(tmp_path, share):
     """A light strip with a mass in its middle: k = ω² m."""
@@ -94,6 +99,7 @@ def test_a_strip_beside_its_pins_is_an_arch(tmp_path, share):
     assert abs(held(offset) / held(0) - 1) > 0.1
 
 
+@pytest.mark.slow
 def test_offsets_count_toward_the_normal(tmp_path):
     """A strip and a stiffener, both beside their nodes: their distance counts."""
     bars = "".join(

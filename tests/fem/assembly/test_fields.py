@@ -52,6 +52,7 @@ def hits() -> list[ao.History]:
     ]
 
 
+@pytest.mark.sample(-1)
 @pytest.mark.parametrize("quantity", ["displacement", "acceleration", "rotation", "stress"])
 @pytest.mark.parametrize(("point", "name"), [((0.03, 0.004, 0.018), "left"),
                                              ((0.163, 0.017, 0.003), "right")])  # fmt: skip
@@ -75,6 +76,7 @@ def test_a_series_holds_all_parts_in_their_places(tmp_path):
     np.testing.assert_allclose(found.point_data["displacement"][end], moved[0], rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_map_of_a_part_is_that_of_the_uncut_bar():
     """Every site of a group of the turned half: the same model as the uncut bar has there."""
     options = {"n": 4, "modes": 12, "impactor": ao.RigidMass(0.05, 1.0)}
@@ -92,6 +94,7 @@ def test_a_map_of_a_part_is_that_of_the_uncut_bar():
     assert len(ao.impact_map(cut(), "right", direction=(0, 0, -1), n=2).points) > 9
 
 
+@pytest.mark.slow
 def test_a_map_over_several_parts_is_the_maps_of_each(tmp_path):
     """Groups of both parts, all their surfaces, and points: the models of single extractions."""
     options = {"n": 4, "modes": 12}
@@ -178,6 +181,7 @@ def test_a_reference_point_is_struck_and_probed():
         ao.extract(part, ao.Site("tip", (0, 0, -1), radius=1e-3))
 
 
+@pytest.mark.slow
 def test_a_turned_part_of_an_anisotropic_material_is_the_part():
     """Its axes turn with it: model, motion, and stresses in global and in local axes."""
     C = np.diag([10.0, 4.0, 3.0, 1.0, 1.5, 2.0]) * 1e9

@@ -68,6 +68,7 @@ def test_a_bar_beside_its_nodes_bends_under_an_axial_force(tmp_path):
     assert 1 / stiffness(bar, ao.Site((0.2, 0, 0), (1, 0, 0))) == pytest.approx(exact, rel=1e-9)
 
 
+@pytest.mark.sample
 @pytest.mark.filterwarnings("ignore::antiosc.AntioscWarning")  # a metre for a millimetre
 @pytest.mark.parametrize(
     "deck", ["bar.bdf", "plate.bdf", "cantilever.inp", "block.inp", "layers.inp", "excentric"]
@@ -100,6 +101,7 @@ def test_a_solid_deck_has_its_materials_and_supports():
     assert ao.extract(block, site, n=6).k0 == pytest.approx(stiffness(block, site), rel=1e-8)
 
 
+@pytest.mark.slow
 def test_a_layered_deck_stacks_toward_the_normals_of_its_cells():
     plate = ao.read_model(DECKS / "layers.inp")
     ply = (140e9, 10e9, 0.3, 5e9, 5e9, 3e9, 1600.0, 0.001)
@@ -170,6 +172,7 @@ SPRINGS = {
 }
 
 
+@pytest.mark.sample
 @pytest.mark.filterwarnings("ignore:the compliance under a point load")
 @pytest.mark.parametrize("kind", SPRINGS)
 def test_a_spring_acts_on_one_component_of_its_node(tmp_path, kind):

@@ -81,6 +81,7 @@ def convex(n: int, corners: int) -> np.ndarray:
     return circle + RNG.normal(scale=0.5, size=(n, 1, 2))
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize(("v", "w"), [(3, 3), (4, 3), (4, 4)])
 def test_common_polygons_have_the_area_of_common_points(v, w):
     first, second = convex(20, v), convex(20, w)

@@ -116,6 +116,7 @@ def test_hinged_beams_by_the_transfer_matrix():
     assert np.count_nonzero(np.diff(signs)) == 4
 
 
+@pytest.mark.slow
 def test_welded_beams_of_two_sections_by_the_transfer_matrix():
     """A cantilever that is stepped at a Weld: roots of the clamped-free 2 × 2 determinant."""
     sections = ao.Section.rectangle(0.01, 0.02), ao.Section.rectangle(0.01, 0.012)
@@ -147,6 +148,7 @@ def test_welded_beams_of_two_sections_by_the_transfer_matrix():
     assert np.count_nonzero(np.diff(signs)) == 4
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("joint", [ao.Mean, ao.Rigid])
 def test_a_mass_on_a_spider_at_the_end_of_a_rod(joint):
     """Longitudinal, ν = 0: κ tan κ = (mass of the rod) / (mass on it)."""
@@ -168,6 +170,7 @@ def test_a_mass_on_a_spider_at_the_end_of_a_rod(joint):
     assert ao.extract(part, site, n=0).k0 == pytest.approx(E * 0.02**2 / 0.3, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_slider_and_a_ball_transmit_what_they_should():
     """A portal: the ball carries no moment, the slider no force along its axis."""
     for joint, free in (
@@ -326,6 +329,7 @@ def test_an_equation_couples_what_it_says():
     assert found == pytest.approx(k + 4 * k, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_dynamic_stiffness_against_dense_solves():
     """Z(ω) of beams welded at an angle, on a bushing, against the dense constrained matrices."""
     parts = {

@@ -51,6 +51,7 @@ def test_a_shell_edge_on_a_solid_against_the_solid_throughout(cell):
         assert np.abs(whole.omega / omega - 1).min() < 5e-3
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("angle", [0.0, np.pi / 6])
 def test_a_shell_edge_on_a_solid_keeps_rigid_motions(angle):
     """A free block with a fin: six motions without strain, whatever way the fin stands."""

@@ -2,7 +2,7 @@
 
 NAFEMS, The Standard NAFEMS Benchmarks, TNSB Rev. 3 (1990): E = 200 GPa, ν = 0.3, ρ = 8000 kg/m³.
 The values were read in published verification manuals: those of FV12, FV32 and FV52 as
-`demos/validation/frequencies.py` names them, those of FV22 in that of OptiStruct (OS-V: 0435).
+`benchmarks/validation/frequencies.py` names them, those of FV22 in that of OptiStruct (OS-V: 0435).
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 
-pytestmark = pytest.mark.fem
+pytestmark = [pytest.mark.fem, pytest.mark.slow]
 
 E, NU, RHO, R, L = 2e11, 0.3, 7800.0, 0.05, 1.0
 A, I = np.pi * R**2, np.pi * R**4 / 4  # noqa: E741
@@ -54,6 +54,7 @@ CLAMPED = "SPC1,1,123456,1,3\n"
 TIP = L**3 / (3 * E * I) + L / GA  # of a cantilever
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("pins", ["56,", ",56"])
 def test_a_hinge_between_two_bars(tmp_path, pins):
     """Moments are released at one end in the middle: two cantilevers beside each other."""
@@ -79,6 +80,7 @@ def test_a_pin_releases_one_plane_alone(tmp_path):
     )
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("name", ["CBAR", "CBEAM"])
 def test_a_bar_off_its_nodes_bends_under_an_axial_force(tmp_path, name):
     """Offsets askew to the orientation; a spring k at the node, e beside the end that is struck."""
@@ -136,6 +138,7 @@ def test_a_mass_beside_its_node_is_one_on_a_rigid_arm(tmp_path):
     assert abs(omegas(plain)[0] / omegas(first)[0] - 1) > 1e-3
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("system", ["5", "-1"])
 def test_a_mass_in_a_system_of_its_own(tmp_path, system):
     """Turned by 90° about z: x of the system is y, y is −x; −1 gives the place itself."""
@@ -149,6 +152,7 @@ def test_a_mass_in_a_system_of_its_own(tmp_path, system):
     assert omegas(first) == pytest.approx(omegas(second), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_scalar_masses_and_points(tmp_path):
     """Three CMASS2 are one CONM2; a mass on a spring from a scalar point is an absorber."""
     root = line(2) + BAR + "SPC1,1,123456,1\n"
@@ -171,6 +175,7 @@ def test_scalar_masses_and_points(tmp_path):
     assert abs(low - k / m).min() < 0.1 * k / m
 
 
+@pytest.mark.slow
 def test_an_rbe2_follows_the_directions_of_its_nodes(tmp_path):
     """One direction of a node's own, askew to the axes: held there, the tip is a roller."""
     system = "CORD2R,5,,0.,0.,0.,0.,0.,1.,\n,.8,.6,0.\n"
@@ -196,6 +201,7 @@ def test_an_rbe2_follows_the_directions_of_its_nodes(tmp_path):
 ROD = 2e-4
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("kind", ["CROD", "CONROD", "CTUBE"])
 @pytest.mark.filterwarnings("ignore:the 2 C.* are springs")
 @pytest.mark.filterwarnings("ignore:of part.bdf are not taken. a mass on a held node")
@@ -219,6 +225,7 @@ def test_rods_are_springs_along_their_lines(tmp_path, kind):
     assert k0(part, (L, 0, 0), (0, 0, 1)) == pytest.approx(expected, rel=1e-8)
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("orientation", [",,,", "0.,1.,0.,", ",,,5"])
 def test_a_bushing_between_nodes_apart_has_rigid_arms(tmp_path, orientation):
     """CBUSH at a third of its line, against one between coincident nodes on arms by RBE2."""

@@ -14,6 +14,7 @@ from antiosc.errors import AntioscWarning
 from assemblies import NU, RHO, E, box, line
 
 pytestmark = [
+    pytest.mark.slow,
     pytest.mark.fem,
     pytest.mark.filterwarnings("ignore:[0-9]+ constraint:antiosc.errors.AntioscWarning"),
 ]
@@ -154,6 +155,7 @@ def test_every_joint_in_the_plane_is_the_one_in_space():
             np.testing.assert_allclose(own, there, rtol=0, atol=1e-5 * np.abs(there).max())
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:the supports leave:antiosc.errors.AntioscWarning")
 def test_free_plane_assemblies_are_those_in_space():
     """Two motions that the equation allows; five where the hinge and the ball turn besides."""

@@ -40,6 +40,7 @@ def check_balance(found, axes=(0, 1, 2)):
     return scale
 
 
+@pytest.mark.slow
 def test_a_bar_cut_in_two_has_the_reactions_of_one_mesh():
     """Held at both ends and along the bottom of one half: all nodes of the cut match."""
     ends = [ao.Support("x0"), ao.Support("x1", ("x", "y"))]
@@ -159,6 +160,7 @@ def test_at_rest_forces_and_moments_are_those_of_statics():
     np.testing.assert_allclose(found.moment["hinge"][-1], np.zeros(3), atol=1e-6)
 
 
+@pytest.mark.slow
 def test_what_an_assembly_cannot_tell():
     block = ao.Structure(box((0, 0, 0), (0.05, 0.02, 0.02), (2, 1, 1)), SOLID)
     free = ao.assemble({"a": block, "b": block}, [ao.Tie("a:x1", "b:x0")], at={"b": (0.05, 0, 0)})

@@ -16,6 +16,7 @@ from antiosc.fem.linalg.petsc_algebra import csr
 from assemblies import NU, SOLID, box
 
 pytestmark = [
+    pytest.mark.slow,
     pytest.mark.fem,
     pytest.mark.filterwarnings("ignore:the compliance under a point"),
     pytest.mark.filterwarnings("ignore:none of the"),

@@ -21,6 +21,7 @@ HEX, TET, TRI, QUAD = "hexahedron", "tetrahedron", "triangle", "quadrilateral"
 STRAIN = 1e-3
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize(
     ("first", "second", "n", "m"),
@@ -64,6 +65,7 @@ def test_constant_shear_passes_through_a_tie_between_held_sides():
         assert np.abs(u[member.rows][0::3] - STRAIN * member.nodes[:, 1]).max() < 1e-11 * STRAIN
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("order", [1, 2])
 def test_constant_stress_passes_where_four_parts_meet(order):
     """Four squares with four meshes, tied along all four lines that they share."""
@@ -122,6 +124,7 @@ def test_a_tie_converges_as_the_coarser_of_its_sides(order):
         assert error < 1.02 * max(others)
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("turned", [False, True])
 def test_a_tie_keeps_mass_and_rigid_motions(turned):
     """A free bar of two parts, the second one made elsewhere and brought to its place."""
@@ -208,6 +211,7 @@ def test_a_gap_between_shells_is_bridged_by_their_rotations():
     assert pair.T @ pair.eliminated.coordinates(exact) == pytest.approx(exact, abs=1e-10)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("second", [TRI, pytest.param(QUAD, marks=pytest.mark.slow)])
 def test_shell_edges_are_tied_with_their_rotations(second):
     """A cantilever plate of two sheets with different meshes bends as one of a single mesh."""

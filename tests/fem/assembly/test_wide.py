@@ -39,6 +39,7 @@ def table(supports: list[ao.Support]) -> ao.Structure:
     )
 
 
+@pytest.mark.sample(-1)
 @pytest.mark.parametrize("supports", [[], [ao.Support("z0")]])
 def test_it_is_the_same_structure(monkeypatch, supports):
     dense = table(supports)
@@ -90,6 +91,7 @@ def test_the_matrix_stays_sparse(monkeypatch):
     assert found[0] < 0.7 * found[1]
 
 
+@pytest.mark.slow
 def test_parts_with_different_nodes_do_not_fill_the_factor():
     """A flat sheet on a block: the factor is as sparse as those of both by themselves."""
     sheet = ao.Structure(

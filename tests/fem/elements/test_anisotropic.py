@@ -50,6 +50,7 @@ def test_a_bar_is_as_stiff_as_the_modulus_along_it(along):
     assert 1 / own[0, 0] == pytest.approx(modulus, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_a_turned_body_of_a_turned_material_is_the_same(tmp_path):
     R = turn(1.1)
     deck = "*NODE\n"
@@ -77,6 +78,7 @@ DECK = (
 )
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("oriented", [False, True])
 def test_a_deck_of_wood_is_as_stiff_as_the_modulus_along_it(tmp_path, oriented):
     """Upright, direction 3 carries; with an *ORIENTATION direction 1."""

@@ -175,6 +175,7 @@ def test_linear_elements_do_not_lock():
     assert tip == pytest.approx(L**3 / 3 / EI + L / GA - L * h**2 / 12 / EI, rel=1e-7)
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("direction", [(1, 0, 0), (0, 0, 1), (2, -1, 2)])
 @pytest.mark.parametrize("order", [1, 2])
 def test_orientation_in_space(direction, order):

@@ -50,6 +50,7 @@ def test_boxes_and_thicknesses():
     assert part.dimensions == pytest.approx((0.3, 0.2, 0.01))
 
 
+@pytest.mark.slow
 def test_widths_of_beams_and_bars_are_those_of_rectangles():
     low, high = (ao.Section.rectangle(width=w, height=h) for w, h in ((0.03, 0.01), (0.01, 0.02)))
     mesh = halves(line(1.0, 2), 0.5)

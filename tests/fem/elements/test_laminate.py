@@ -116,6 +116,7 @@ PLATES = [
 ]
 
 
+@pytest.mark.sample(-1)
 @pytest.mark.parametrize(("angles", "supports"), PLATES)
 @pytest.mark.parametrize("h", [pytest.param(0.1, marks=pytest.mark.slow), 0.01])
 @pytest.mark.parametrize("cell", CELLS)
@@ -125,6 +126,7 @@ def test_plates_have_naviers_frequencies(cell, h, angles, supports):
     assert np.log2(coarse / fine) > 3.2
 
 
+@pytest.mark.slow
 def test_a_soft_core_leaves_no_spurious_mode():
     """What the quadrilaterals integrate in full must count with how soft in shear the stack is."""
     core = ao.Layer.isotropic(1e6, 0.3, 30.0, 20e-3)
@@ -150,6 +152,7 @@ def test_an_isotropic_section_stands_for_its_own_thickness():
 # --- axes, angles and sides -------------------------------------------------------------------
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("cell", CELLS)
 def test_isotropic_layers_are_a_shell(cell):
     thirds = [ao.Layer.isotropic(E, NU, RHO, t) for t in (2e-3, 5e-3, 3e-3)]
@@ -158,6 +161,7 @@ def test_isotropic_layers_are_a_shell(cell):
     assert max(differ(one, ao.Structure(mesh, ao.Shell(E, NU, RHO, 1e-2)))) < 1e-12
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("cell", CELLS)
 def test_angles_count_from_the_axis_about_the_normal(cell):
     """One ply at 30° is one at 0° on an axis rotated by 30°; seen from below it lies at −30°."""
@@ -197,13 +201,15 @@ def test_a_laminate_rotated_in_space_keeps_its_frequencies(cell):
     assert free(np.eye(3), layers=over) != pytest.approx(here, rel=1e-3)
 
 
+@pytest.mark.slow
+@pytest.mark.sample(-1)
 @pytest.mark.parametrize("cell", CELLS)
 def test_opposite_normals(cell):
     """Refused where they matter, and settled by a top."""
     mesh = rectangle(3, 1.0, 1.0, cell)
     both = mesh, flipped(mesh, slice(4, 5))
     layers = unsymmetric(0.05)
-    with pytest.raises(InputError, match=r"opposite normals at [34] edges, one at \(.*give Lamina"):
+    with pytest.raises(InputError, match="opposite"):
         ao.Structure(both[1], ao.Laminate(layers))
     straight, settled = (
         ao.Structure(m, ao.Laminate(layers, top=(0, 0.2, 1)), SIMPLE) for m in both
@@ -215,6 +221,7 @@ def test_opposite_normals(cell):
     assert frequencies(part, 2) == pytest.approx(frequencies(same, 2), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_the_top_of_a_plane_mesh_is_up():
     """dolfinx turns every other triangle of its own rectangles over."""
     corners = [np.zeros(2), np.ones(2)]
@@ -254,6 +261,7 @@ def test_an_axis_as_a_function():
     assert max(differ(one, other)) < 1e-9
 
 
+@pytest.mark.slow
 def test_laminate_and_shell_by_group():
     """A step from metal to the same metal in layers, and to a lighter one."""
     mesh = rectangle((4, 2), 2.0, 1.0)
@@ -273,8 +281,8 @@ def test_laminate_and_shell_by_group():
     assert mixed.dimensions == pytest.approx((2, 1, 0.01))
     site = ao.Site((1.5, 0.5, 0), (0, 0, 1))
     assert ao.extract(mixed, site, n=2).radius == pytest.approx(0.01)
-    with pytest.raises(InputError, match="of one family: Solid, Beam, Truss, or Shell"):
+    with pytest.raises(InputError, match="Solid"):
         ao.Structure(mesh, {"left": metal, "right": ao.Solid(E, NU, RHO)})
     sphere = ao.Sphere(0.01, E, NU, RHO, velocity=1.0)
-    with pytest.raises(InputError, match="got a Laminate: give the dimensions"):
+    with pytest.raises(InputError, match="dimensions"):
         ao.advise(ao.Structure(mesh, layered), sphere)

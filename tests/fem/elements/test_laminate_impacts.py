@@ -40,7 +40,7 @@ from sheets import (
     unsymmetric,
 )
 
-pytestmark = pytest.mark.fem
+pytestmark = [pytest.mark.fem, pytest.mark.slow]
 
 
 def two_layers(ratio=5.0):
@@ -51,6 +51,7 @@ def two_layers(ratio=5.0):
     ]
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("cell", CELLS)
 def test_a_cantilever_strip_bends_and_stretches_as_a_beam(cell):
     """Pushed up at the tip: w = F L³/3D* + F L/S, and the middle stretches, u = (B/A) F L²/2D*."""
@@ -105,6 +106,7 @@ def test_a_layered_cantilever_as_shell_and_solid(layers, through, count):
     assert found[:2] == pytest.approx(exact[:2], rel=2.5e-3)
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("cell", CELLS)
 def test_a_free_unsymmetric_laminate_is_struck(cell):
     """Exact rigid motions, the mass ρtA, and what momentum the sphere loses the sheet has."""
@@ -225,7 +227,7 @@ def test_a_layer_needs_a_material(wrong, message):
 
 
 def test_isotropic_layers_are_checked_as_shells():
-    with pytest.raises(InputError, match="nu must lie in"):
+    with pytest.raises(InputError, match="nu"):
         ao.Layer.isotropic(E, 0.5, RHO, 1e-3)
     with pytest.raises(InputError, match="E must be > 0"):
         ao.Layer.isotropic(-E, 0.3, RHO, 1e-3)
@@ -233,7 +235,7 @@ def test_isotropic_layers_are_checked_as_shells():
 
 @pytest.mark.parametrize("layers", [[], [1.0, 2.0], "0/90", None])
 def test_a_laminate_needs_layers(layers):
-    with pytest.raises(InputError, match="layers lists the Layer objects of the stack"):
+    with pytest.raises(InputError, match="layers"):
         ao.Laminate(layers)
 
 
@@ -258,5 +260,5 @@ def test_directions_that_do_not_say_where():
 
 def test_navier_refuses_what_it_does_not_solve():
     for angles in ([30], [30, -30, -30, 30], [0, 45]):
-        with pytest.raises(InputError, match="a cross-ply or an antisymmetric angle-ply"):
+        with pytest.raises(InputError, match="antisymmetric"):
             navier(stack(angles, 0.01))

@@ -47,6 +47,7 @@ def panel() -> ao.Mesh:
     return ao.read_mesh(FOLDER / "panel.msh")
 
 
+@pytest.mark.sample(-1)
 @pytest.mark.parametrize("group", PANEL)
 def test_panel(panel, group):
     assert area(panel, group) == pytest.approx(PANEL[group], rel=1e-5)

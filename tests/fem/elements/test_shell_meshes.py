@@ -57,6 +57,7 @@ def warped(n, cell):
     )
 
 
+@pytest.mark.sample(-1)
 @pytest.mark.parametrize("cell", CELLS)
 @pytest.mark.parametrize("case", ["membrane", "bending", "twist"])
 def test_patch(cell, case):
@@ -97,6 +98,7 @@ def test_patch(cell, case):
     assert np.abs(force[inner]).max() < 1e-11 * scale
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize(("cell", "order"), SHELLS)
 @pytest.mark.parametrize("t", [1e-1, 2e-3])
 def test_a_free_shell_has_six_zero_modes_and_its_mass(cell, order, t):
@@ -124,6 +126,7 @@ def test_a_flat_free_sheet_of_quadrilaterals_has_six_zero_modes():
     assert omega[5] < 0.05 * omega[6]
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("cell", CELLS)
 def test_the_sign_of_normals_does_not_matter(cell):
     """Half of the cells turned over: the same frequencies."""
@@ -211,6 +214,7 @@ def compliance(structure, site):
     return float(b @ structure.factorize().solve_checked(b))
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("n", [10, 16])
 @pytest.mark.parametrize("radius", [0.1, 0.05])
 def test_patch_compliance_is_mindlins(n, radius):
@@ -245,7 +249,7 @@ def test_the_weights_of_a_patch_are_its_motion():
 
 
 def test_a_patch_over_the_edge_warns():
-    with pytest.warns(AntioscWarning, match="an edge cuts the patch"):
+    with pytest.warns(AntioscWarning, match="patch"):
         functional(plate(6, 0.02, supports=[]), ao.Site((0.01, 0.45, 0), (0, 0, 1), radius=0.1))
 
 
@@ -283,6 +287,7 @@ def test_thin_plate_anti_oscillators_are_kirchhoffs(point, cell):
     assert model.m == pytest.approx(exact.m, rel=5e-3)
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("point", [(0.5, 0.5), (0.35, 0.3)])
 def test_constraint_modes_are_counted(point):
     """A mode that the site does not see, or the rest of a repeated one, is a constraint mode too.

@@ -17,7 +17,7 @@ from antiosc.fem.linalg.algebra import multiply
 from antiosc.fem.linalg.petsc_algebra import csr
 from marks import FREE_ON_PURPOSE
 
-pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE]
+pytestmark = [pytest.mark.slow, pytest.mark.fem, FREE_ON_PURPOSE]
 
 #: slenderness L/h and elements: ε (L/r)² n² is 1e-9, 5e-5, 0.5, 50 and 5e3
 CASES = [
@@ -47,6 +47,7 @@ def compare(model: ao.AntiOscillators, exact: ao.AntiOscillators, tol: float) ->
     np.testing.assert_allclose(model.m[:3], exact.m, rtol=2 * tol)
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("held", [True, False], ids=["cantilever", "free"])
 @pytest.mark.parametrize(("slenderness", "elements", "method"), CASES)
 def test_however_slender_and_fine(slenderness, elements, held, method):
@@ -64,6 +65,7 @@ def test_however_slender_and_fine(slenderness, elements, held, method):
     assert model.info["converged"] >= 3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "held", [True, pytest.param(False, marks=pytest.mark.slow)], ids=["mast", "free"]
 )
@@ -113,6 +115,7 @@ def test_products_by_strains_are_those_of_the_entries():
         assert np.abs(product - entries[:, :k]).max() < 1e-12 * np.abs(entries).max()
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("held", [True, False], ids=["held", "free"])
 def test_far_beyond_sixteen_digits_is_refused(held):
     structure = ao.Structure(
@@ -143,6 +146,7 @@ def test_a_small_error_is_warned_of_and_a_large_one_refused():
             judge("stiffness", wrong, 1e-6, MPI.COMM_SELF)
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("held", [True, False], ids=["cantilever", "free"])
 @pytest.mark.parametrize("axis", [(1.0, 0.0), (1.0, 2.0, 2.0)], ids=["plane", "space"])
 @pytest.mark.parametrize("side", [0.2, 1e-4], ids=["stocky", "slender"])
@@ -168,7 +172,7 @@ def test_stiffeners_of_a_sheet_are_not_rigid_in_shear():
     edges = {"blade": (1, lambda x: np.isclose(x[1], 0))}
     beam = ao.Beam(**parts.STEEL, section=ao.Section.circle(0.01), shear=False)
     sheet = parts.plate(groups={**edges, "skin": (2, lambda x: x[0] > -1)})
-    with pytest.raises(ao.InputError, match=r"'blade'\) deform in shear with their shell"):
+    with pytest.raises(ao.InputError, match="blade"):
         ao.Structure(sheet, {"skin": ao.Shell(**parts.STEEL, thickness=1e-3), "blade": beam})
     with pytest.raises(ao.InputError, match="shear must be True or False; got 0"):
         ao.Beam(**parts.STEEL, section=ao.Section.circle(0.01), shear=0)

@@ -59,6 +59,7 @@ def shaken(cell: str, size, amount: float = 0.15) -> ao.Mesh:
     return mesh
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("cell", parts.CELLS)
 @pytest.mark.parametrize(("geometry", "order"), [(1, 1), (1, 2), (2, 2)])
 def test_mass_and_rigid_motions_are_exact(tmp_path, cell, geometry, order):
@@ -82,6 +83,7 @@ def test_mass_and_rigid_motions_are_exact(tmp_path, cell, geometry, order):
         assert shift @ (M @ shift) == pytest.approx(mass, rel=1e-13)
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("cell", parts.CELLS)
 def test_moment_of_inertia(cell, order):
@@ -94,6 +96,7 @@ def test_moment_of_inertia(cell, order):
     assert turn @ (csr(structure.M) @ turn) == pytest.approx(expected, rel=1e-13)
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("cell", parts.CELLS)
 def test_patch_of_constant_strain(cell, order):

@@ -74,6 +74,7 @@ REASONS = {
 }
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("reason", list(REASONS))
 def test_there_is_no_figure_where_none_was_measured(reason):
     found = REASONS[reason]()
@@ -96,6 +97,7 @@ def test_frames_and_changes_of_section_have_no_figure():
     assert any("several sections" in note for note in found.notes)
 
 
+@pytest.mark.slow
 def test_height_and_width_are_those_along_and_across_the_impact():
     """A beam in space lying on its side is the plane beam with its sides exchanged."""
     facts = []
@@ -120,6 +122,7 @@ def test_height_and_width_are_those_along_and_across_the_impact():
     assert "not along a side" in ao.extract(part, skew, n=10, error="estimate").info["model"]
 
 
+@pytest.mark.slow
 def test_strike_says_that_solids_are_needed():
     options = {"material": ao.Beam(**STEEL, section=BAR), "supports": HELD}
     site = ao.Site((0.15, 0), (0, -1))

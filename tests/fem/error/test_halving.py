@@ -15,7 +15,7 @@ from antiosc.fem.structure.structure import on_mesh
 from antiosc.simulation.error_bars import QUANTITIES
 from parts import frame, line, named
 
-pytestmark = pytest.mark.fem
+pytestmark = [pytest.mark.fem, pytest.mark.slow]
 
 BEAM = ao.Beam(210e9, 0.3, 7850.0, ao.Section.rectangle(0.03, 0.03))
 PORTAL = [(0, 0), (0, 1.0), (1.0, 1.0), (1.0, 0)], [(0, 1), (1, 2), (2, 3)]
@@ -43,6 +43,7 @@ CASES = {
 }
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("name", list(CASES))
 def test_frequencies_of_the_corrected_model(name, order):
@@ -56,6 +57,7 @@ def test_frequencies_of_the_corrected_model(name, order):
         assert abs(model.corrected().k0 - fine.k0) < 0.2 * (model.k0 - fine.k0)
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("order", [1, 2])
 def test_bars_of_an_impact_hold(order):
     part, site = CASES["portal"]
@@ -71,6 +73,7 @@ def test_bars_of_an_impact_hold(order):
     assert coarse == (order == 1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "n", [pytest.param(6, marks=pytest.mark.slow), 12, pytest.param(24, marks=pytest.mark.slow)]
 )
@@ -115,6 +118,7 @@ def test_a_node_at_the_site_keeps_groups():
     assert with_node(cut, np.array([0.4, 0.0, 0.0])).n_cells == 7
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("order", [1, 2])
 def test_interpolated_rigid_motions_have_no_strain(order):
     part = on_mesh(ao.Structure(frame(*IN_SPACE, 3), BEAM, order=order))
@@ -128,7 +132,7 @@ def test_interpolated_rigid_motions_have_no_strain(order):
 
 def test_what_halving_does_not_take():
     part, _ = CASES["portal"]
-    with pytest.raises(ao.InputError, match="needs a Site with a point"):
+    with pytest.raises(ao.InputError, match="Site"):
         ao.extract(part(4, 2), ao.Site(dof=20), n=2, error="estimate")
 
 

@@ -145,6 +145,7 @@ def test_every_common_side_of_two_facets_has_its_angle(name):
     assert found == pytest.approx(np.full(count, angle))
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("held", [True, False])
 def test_a_budget_is_told_of_the_layers_outside_of_facets(held):
     """The energies of the shapes in them, and their mass; of a rigid motion there is none."""

@@ -42,6 +42,7 @@ def nodal(structure: ao.Structure, field) -> np.ndarray:
     return values
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("cell", CELLS)
 def test_strains_of_degree_one_have_no_error(cell, order):
@@ -161,7 +162,7 @@ def test_refused_where_it_does_not_hold():
     sheet = plate((2, 2), (0.1, 0.1), "triangle")
     shell = ao.Structure(ao.Mesh(sheet.dolfinx, sheet.groups), ao.Solid(**STEEL, plane="stress"))
     site = {"tip": ao.Site((0.1, 0.1), (0, 1))}
-    with pytest.raises(ao.InputError, match="models of one site"):
+    with pytest.raises(ao.InputError, match="site"):
         ao.extract(shell, site, n=2, error="estimate")
     matrices = ao.Structure.from_matrices(np.diag([2.0, 3.0]), np.eye(2))
     with pytest.raises(ao.InputError, match="needs the mesh"):
@@ -170,6 +171,7 @@ def test_refused_where_it_does_not_hold():
         ao.extract(matrices, ao.Site(dof=0), n=1, error="guess")
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("cell", CELLS)
 def test_linear_elements_that_lock_have_no_bar(cell):
     """Of nearly incompressible solids; in plane stress, and with order 2, nothing locks."""

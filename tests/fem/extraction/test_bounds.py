@@ -59,6 +59,7 @@ def _check_forces(structure: ao.Structure, sites: list[ao.Site], n: int, method:
         assert np.abs(following - one).max() <= (3 * angle**2 + 2e-4) * forces[-1].max()
 
 
+@pytest.mark.slow
 @pytest.mark.fem
 @pytest.mark.parametrize("method", ["krylov", pytest.param("modes", marks=pytest.mark.slow)])
 def test_force_is_continuous_in_the_angle_to_a_slide(method):
@@ -80,6 +81,7 @@ def test_force_on_a_block_is_continuous_in_the_angle_to_its_slide(method):
     _check_forces(block, sites, 20, method)
 
 
+@pytest.mark.sample
 @pytest.mark.fem
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("angle", [1e-1, 1e-3, 1e-4, 1e-6, 1e-7, 1e-9, 1e-12])

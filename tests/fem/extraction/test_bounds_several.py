@@ -67,12 +67,12 @@ def _extracted(seed: int) -> tuple[float, float, str]:
 
 
 def test_bound_over_the_band_holds():
-    check_bounds(_extracted, [1, 10, 17, 24, 34, 43, 51, 60], 1 / 4)
+    check_bounds(_extracted, [1, 10, 17, 24], 1 / 4)
 
 
 @pytest.mark.slow
-def test_bound_over_the_band_holds_for_three_hundred():
-    check_bounds(_extracted, range(300), 1 / 4)
+def test_bound_over_the_band_holds_for_a_hundred():
+    check_bounds(_extracted, range(100), 1 / 4)
 
 
 def _stack(angle: float) -> tuple[Array, Array, Array]:
@@ -89,6 +89,7 @@ def _stack(angle: float) -> tuple[Array, Array, Array]:
     return block_diag(along, across), np.diag(np.concatenate([m, m])), B
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("angle", [1e-1, 1e-3, 1e-5, 1e-7])
 def test_a_rigid_motion_that_hardly_moves_the_sites_is_beside(angle):
     K, M, B = _stack(angle)
@@ -107,6 +108,7 @@ def test_a_rigid_motion_that_hardly_moves_the_sites_is_beside(angle):
 
 
 @pytest.mark.parametrize("p", [1, 2])
+@pytest.mark.sample
 @pytest.mark.parametrize("held", [0, 1])
 def test_bound_of_what_krylov_steps_leave_out(held, p, rng):
     K, M = loose_chains((80,), held, rng)

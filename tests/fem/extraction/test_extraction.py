@@ -72,6 +72,7 @@ def test_zeros_of_the_model_are_the_free_frequencies(case):
     assert strength.sum() == pytest.approx(total, rel=1e-6)
 
 
+@pytest.mark.sample
 def test_antiresonances_interlace_the_free_frequencies(case):
     """Between two neighbouring free frequencies that move the site lies one antiresonance."""
     structure, b, rigid, model = case
@@ -172,6 +173,7 @@ def test_slepc_finds_what_a_dense_solver_finds(supports):
         assert value < 1e-7, name
 
 
+@pytest.mark.slow
 def test_more_rounds_deflate_what_is_known():
     """Forty observable modes need several rounds; they are the forty of one long round."""
     structure = ao.Structure(parts.box((6, 3, 2), (0.12, 0.05, 0.04)), SOLID, LEFT)
@@ -283,6 +285,7 @@ def test_a_free_square_bar_struck_obliquely_is_a_plane_beam():
     assert oblique.info["modes_unobservable"] > 6
 
 
+@pytest.mark.slow
 def test_square_plate_at_its_centre():
     """A solid square plate keeps one in eight modes or so; turned by 90° it is the same plate."""
     mesh = parts.box((6, 6, 1), (0.2, 0.2, 0.01))

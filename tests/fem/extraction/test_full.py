@@ -56,6 +56,7 @@ def direct(part: ao.Structure, site: ao.Site, omega: np.ndarray) -> np.ndarray:
     return np.array([b[free] @ np.linalg.solve(K - w**2 * M, b[free]) for w in omega])
 
 
+@pytest.mark.sample(-1)
 def test_full_is_the_direct_solution(plate):
     part, site = plate
     omega = np.array([300.0, 5e3, 4.1e4, 2e5])
@@ -68,6 +69,7 @@ def test_full_is_the_direct_solution(plate):
     np.testing.assert_allclose(model.dynamic_stiffness(omega) * H.real, 1, rtol=1e-5)
 
 
+@pytest.mark.sample
 def test_static_correction_makes_the_rest_static(plate):
     """With it the receptance errs as ω² beyond the modes kept; without, by a constant."""
     part, site = plate
@@ -81,6 +83,7 @@ def test_static_correction_makes_the_rest_static(plate):
     assert np.all(left < 1e-3 * off)
 
 
+@pytest.mark.sample
 def test_superposition_keeps_the_lowest_of_full(plate):
     part, site = plate
     full, few = ao.full(part, site), ao.superposition(part, site, 5)
@@ -89,6 +92,7 @@ def test_superposition_keeps_the_lowest_of_full(plate):
     np.testing.assert_allclose(np.abs(few.b), np.abs(full.b[:5]), rtol=1e-6)
 
 
+@pytest.mark.sample
 def test_residual_shape_goes_with_the_residual_compliance(plate):
     part, site = plate
     model = ao.superposition(part, site, 4, static_correction=True)
@@ -98,6 +102,7 @@ def test_residual_shape_goes_with_the_residual_compliance(plate):
     np.testing.assert_allclose(model.shapes.T @ (M @ model.shapes), np.eye(4), atol=1e-7)
 
 
+@pytest.mark.sample
 def test_the_field_is_that_of_a_direct_solve(plate):
     """u = (K - ω²M)⁻¹b everywhere: by all modes, and by few with the residual shape at low ω."""
     part, site = plate
@@ -121,6 +126,7 @@ def test_the_field_is_that_of_a_direct_solve(plate):
         np.testing.assert_allclose(u, exact, atol=off * np.abs(exact).max())
 
 
+@pytest.mark.sample
 def test_weight_of_a_free_part_is_its_mass(plate):
     """The rigid-body mode b = 1/√m_CR feels gravity as the body it belongs to."""
     part, site = plate
@@ -147,6 +153,7 @@ def test_massless_dofs_are_a_compliance():
     assert full.weight is None
 
 
+@pytest.mark.sample
 def test_same_impact_from_both_routes(plate):
     part, site = plate
     full = ao.full(part, site)
@@ -171,6 +178,7 @@ def test_bad_input():
         ao.full(big, ao.Site(dof=0))
 
 
+@pytest.mark.slow
 def test_many_modes_of_a_free_slender_beam():
     """ω² spans 1e7 from the first to the last: the first and the rigid-body modes must not show."""
     L, side = 1.0, 0.014

@@ -155,6 +155,7 @@ def test_remainder_is_the_error_itself_at_low_frequency(n, rng):
     assert error <= bound <= error * np.sqrt(1 + (1.1 * share) ** 2)
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("method", ["krylov", "modes"])
 def test_band_stops_where_the_accuracy_is_reached(steel, method):
     reference = ao.extract(steel, SITE, n=60)
@@ -211,6 +212,7 @@ def test_shapes_carry_the_masses(steel):
     assert ao.extract(steel, SITE, n=3, shapes=False).shapes is None
 
 
+@pytest.mark.slow
 def test_several_sites_on_one_factorization(monkeypatch):
     module = importlib.import_module("antiosc.fem.extraction.extract")
     structure = block()
@@ -232,6 +234,7 @@ def test_several_sites_on_one_factorization(monkeypatch):
     assert structure.factorize() is factor
 
 
+@pytest.mark.slow
 def test_a_slender_beam_stays_accurate():
     # κ(K) is about 1e12 here: what was lost would show against LAPACK's constraint modes.
     mesh = ao.read_mesh(MESHES / "beam.msh")

@@ -52,6 +52,7 @@ OFF: dict[str, Callable] = {
 }
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("sites", [[0], [0, 4, 7]])
 @pytest.mark.parametrize("name", list(OFF))
 def test_the_bound_holds_and_is_not_wide(pair, name, sites):

@@ -39,6 +39,7 @@ CASES = {
 }
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("case", CASES)
 def test_all_modes_are_the_structure(case, method, rng):
@@ -58,6 +59,7 @@ def test_all_modes_are_the_structure(case, method, rng):
     np.testing.assert_allclose(model.m0, np.linalg.inv(B.T @ np.linalg.solve(M, B)), rtol=1e-9)
 
 
+@pytest.mark.sample(-1)
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("held", [0, 1])
 def test_one_named_site_is_the_site_alone(held, method, rng):
@@ -72,6 +74,7 @@ def test_one_named_site_is_the_site_alone(held, method, rng):
         np.testing.assert_allclose(named.k0[0, 0], alone.k0, rtol=1e-9)
 
 
+@pytest.mark.sample(-1)
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("held", [0, 1])
 def test_every_truncation_is_passive(held, method, rng):
@@ -201,6 +204,7 @@ def test_bad_names(block, sites, words):
         ao.extract(block, sites)
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("family", ["beam", "shell"])
 def test_beams_and_shells(family):
     if family == "beam":
@@ -225,6 +229,7 @@ def test_beams_and_shells(family):
         np.testing.assert_allclose(H[:, i, i] * alone.dynamic_stiffness(omega), 1.0, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_as_many_modes_are_searched_as_the_bound_needs():
     """A long row of masses: the tighter the bound, the more, and never all."""
     n = 1200

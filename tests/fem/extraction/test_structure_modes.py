@@ -12,7 +12,7 @@ import antiosc as ao
 import parts
 from antiosc.fem.linalg.petsc_algebra import csr
 
-pytestmark = pytest.mark.fem
+pytestmark = [pytest.mark.fem, pytest.mark.slow]
 
 
 def test_a_pinned_beam_by_its_closed_form():
@@ -83,6 +83,7 @@ def diagonal(points):
     return kind.crossed if points[1][0] == points[2][0] else kind.right
 
 
+@pytest.mark.slow
 def test_nafems_fv12_free_thin_square_plate():
     """NAFEMS R0015, values recalled: 1.622, 2.360, 2.922, 4.233 (twice), 7.416 Hz after 6 rigid.
 

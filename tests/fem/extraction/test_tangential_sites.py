@@ -91,6 +91,7 @@ def test_a_plane_part_has_one_tangential_direction():
     np.testing.assert_allclose(model.direction, [[0, -1, 0], [1, 0, 0]], atol=1e-15)
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize(("mu", "slides"), [(0.05, True), (5.0, False)])
 def test_an_oblique_blow_rubs(mu, slides):
     """A free block thrown askew on the floor: its momentum is what the contact's forces give."""

@@ -80,6 +80,7 @@ def test_a_matrix_whose_factor_is_forecast_is_analysed_once(monkeypatch):
     assert seconds["factorization"] > 0.1  # the forecast is part of it
 
 
+@pytest.mark.slow
 def test_no_memory_for_the_factor(monkeypatch):
     monkeypatch.setattr(memory, "free_memory", lambda: 1e6)
     for name in ("ANALYSIS", "MULTIGRID"):
@@ -99,6 +100,7 @@ def test_no_memory_for_the_factor(monkeypatch):
         ao.extract(block("direct"), SITE, n=3)
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("choice", ["auto", "direct", "iterative"])
 @pytest.mark.parametrize("free", [1e4, 3e6])  # too little for an analysis, and for a solver alone
 def test_a_part_that_no_solver_has_room_for_is_refused_before_the_work(monkeypatch, choice, free):

@@ -22,6 +22,7 @@ pytestmark = pytest.mark.fem
 HERE = str(TESTS)
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("seed", range(6))
 def test_cover_is_the_least(seed):
     rng = np.random.default_rng(seed)

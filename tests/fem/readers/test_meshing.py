@@ -117,7 +117,7 @@ def test_damaged_files_are_refused_or_read(tmp_path, seed):
     files += [cube(gmsh, tmp_path / "cube", kernel) for kernel in ("occ", "own")]
     gmsh.finalize()
     told = []
-    for k in range(60):
+    for k in range(30):
         file = rng.choice(files)
         path = tmp_path / f"damaged{k}{file.suffix}"
         path.write_bytes(damaged(file.read_bytes(), rng))
@@ -128,7 +128,7 @@ def test_damaged_files_are_refused_or_read(tmp_path, seed):
                 ao.read_mesh(path, size=0.5 if geometry else None, timeout=20)
             except ao.InputError as error:
                 told.append(str(error))
-    assert len(told) > 20
+    assert len(told) > 10
     assert not [t for t in told if "\n" in t or not t.endswith(".")]
 
 

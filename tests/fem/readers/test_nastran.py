@@ -44,6 +44,7 @@ def test_a_solid_deck_is_a_structure():
     assert tube.mass == pytest.approx(1000 * volume(tube.mesh), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_plate_of_quadrilaterals_and_triangles():
     with pytest.warns(ao.AntioscWarning, match="5 elements; 3 of them .* 1 CELAS2, 1 CONM2"):
         mesh = ao.read_mesh(DECKS / "plate.bdf", unit="mm")

@@ -16,7 +16,7 @@ import antiosc as ao
 from antiosc.fem import compat
 from antiosc.fem.elements.weak_form import measure
 
-pytestmark = pytest.mark.fem
+pytestmark = [pytest.mark.fem, pytest.mark.slow]
 
 A, B, C = 0.15, -0.1, 0.2
 
@@ -84,6 +84,7 @@ def check(mesh, shape, straight=False):
     np.testing.assert_allclose(quarters, quarters.round(), atol=1e-9)
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("kind", NASTRAN)
 @pytest.mark.parametrize("second", [True, False], ids=["curved", "straight"])
 def test_nastran(tmp_path, kind, second):

@@ -82,6 +82,7 @@ def test_a_reader_that_hangs_is_ended_and_the_next_one_reads(tmp_path):
     assert ao.read_mesh(MESHES / "lever.msh").n_cells
 
 
+@pytest.mark.slow
 def test_the_reading_process_may_be_lost(tmp_path):
     assert ao.read_mesh(MESHES / "lever.msh").n_cells
     os.kill(isolation.server._process.pid, signal.SIGKILL)
@@ -142,6 +143,7 @@ def test_the_answer_of_a_reader_is_checked(tmp_path, monkeypatch):
         answer({**good, "cells": ["wedge"]}, arrays)
 
 
+@pytest.mark.slow
 def test_a_script_sees_little_of_the_environment(tmp_path, monkeypatch):
     for name in ("SECRET", "OMPI_COMM_WORLD_RANK"):
         monkeypatch.setenv(name, "told")

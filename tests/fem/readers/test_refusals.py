@@ -121,6 +121,7 @@ ABAQUS = {
 }  # fmt: skip
 
 
+@pytest.mark.sample(-1)
 @pytest.mark.parametrize("case", ABAQUS)
 def test_abaqus(tmp_path, case):
     text, line, word = ABAQUS[case]

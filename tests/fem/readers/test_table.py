@@ -10,9 +10,9 @@ import pytest
 
 pytest.importorskip("dolfinx")
 
-from paths import DECKS
+from paths import BENCHMARKS, DECKS
 
-sys.path.insert(0, str(DECKS))
+sys.path.insert(0, str(BENCHMARKS / "decks"))
 import census
 import table
 

@@ -51,6 +51,7 @@ def test_options_beside_a_file_are_not_read(tmp_path, marked, suffix):
     assert happened()
 
 
+@pytest.mark.slow
 def test_modules_in_the_working_folder_are_not_imported(tmp_path, monkeypatch):
     """The path of a notebook, or of `python -c`, has the working folder in front."""
     (tmp_path / "gmsh.py").write_text(f"open({str(tmp_path / 'mark')!r}, 'w').close()")
@@ -127,7 +128,7 @@ SNEAKY = [
 
 @pytest.mark.parametrize("text", SNEAKY)
 def test_scripts_that_do_more_than_describe_a_part(text):
-    with pytest.raises(ao.MeshError, match=r"part\.geo is refused for line \d+ .*trust=True"):
+    with pytest.raises(ao.MeshError, match="refused"):
         geo_script.harmless(BAR + text, "part.geo")
 
 

@@ -67,6 +67,7 @@ def test_stress_in_a_corner_of_one_cell_is_the_probe_there(struck):
     )
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("quantity", ["displacement", "velocity", "acceleration", "von_mises"])
 def test_no_peak_of_a_long_run_is_missed(struck, quantity):
     """Against 40 times in each period of the fastest mode; `error` bounds what is missed."""

@@ -112,6 +112,7 @@ def test_every_quantity_converges_to_the_unreduced_model(sheet):
         assert value < limits.get(quantity, 2e-4), quantity
 
 
+@pytest.mark.slow
 def test_a_superposition_gives_them_too(sheet):
     part, times, solved = sheet
     hit = ao.simulate(ao.full(part, SITE), BALL, LAW, DURATION, tol=1e-5)
@@ -229,6 +230,7 @@ def test_section_forces_of_a_plane_beam():
     np.testing.assert_allclose(fibre[0, 0], -M * 0.01 / beam.section.I, rtol=1e-9)
 
 
+@pytest.mark.sample
 @pytest.mark.filterwarnings("ignore:.*patch")
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
 def test_a_stiffener_takes_its_share_of_the_moment(cell):
@@ -292,6 +294,7 @@ def test_a_part_that_an_assembly_turns_feels_the_same():
         np.testing.assert_allclose(seen, expected, atol=1e-4 * np.abs(own).max())
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:an edge cuts the patch")
 def test_what_cannot_be_probed_is_refused(sheet):
     part = sheet[0]

@@ -136,6 +136,7 @@ def test_the_impact_does_not_depend_on_the_patch(block):
     assert max(bare) < min(peaks)
 
 
+@pytest.mark.slow
 def test_supports_under_a_patch_are_told():
     groups = {"held": (2, lambda x: np.isclose(x[2], 0.03) & (x[0] < 0.03 + 1e-9))}
     mesh = parts.box((12, 8, 2), (0.12, 0.08, 0.03), groups=groups)

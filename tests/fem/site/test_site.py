@@ -81,6 +81,7 @@ def test_displacement_of_any_point_in_the_plane(cell):
         assert at(structure, (*point, 0.0), (3, -4, 0)) @ u == pytest.approx(expected, rel=1e-12)
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("cell", parts.CELLS)
 def test_curved_cells(tmp_path, cell):
     """On cells of order 2 a linear field is exact at every point of the bent cube."""
@@ -105,6 +106,7 @@ def test_a_node_is_one_dof():
     assert b.min() == pytest.approx(-1.0)
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("order", [1, 2])
 @pytest.mark.parametrize("dim", [2, 3])
 def test_a_point_on_a_beam(dim, order):
@@ -179,6 +181,7 @@ def test_a_probe_reaches_as_far_as_a_snap():
     assert hit.numbers()["sites"][""] == pytest.approx([0.15, 0.02, 0.04])
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("error", [None, "estimate"])
 def test_a_summary_tells_what_its_error_covers(error):
     part = ao.Structure(parts.box((8, 4, 4), cell="tetrahedron"), SOLID, [ao.Support("left")])
@@ -197,6 +200,7 @@ def test_a_point_above_a_plane_part_is_off_it():
         at(structure, (0.1, 0.02, 0.0), (0, 1, 1))
 
 
+@pytest.mark.sample(-1)
 @pytest.mark.parametrize(
     "part", ["lever", "arch", "frame", pytest.param("bracket", marks=pytest.mark.slow)]
 )

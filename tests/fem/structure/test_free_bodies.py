@@ -29,6 +29,7 @@ from scenes import finely
 pytestmark = [pytest.mark.fem, FREE_ON_PURPOSE, TURNS_FAR]
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("name", CASES)
 def test_mass_felt_at_the_site(name):
     make, site = CASES[name]
@@ -38,6 +39,7 @@ def test_mass_felt_at_the_site(name):
     assert model.m_st == pytest.approx(effective_mass(structure, site), rel=1e-10)
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("method", ["modes", "krylov"])
 @pytest.mark.parametrize("name", CASES)
 def test_momentum_and_angular_momentum_after_the_impact(name, method):
@@ -171,6 +173,7 @@ def model_of(kind: str, structure: ao.Structure, site: ao.Site):
         return ao.extract(structure, site, n=8, method=kind)
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("kind", ["krylov", "modes", "superposition", "corrected", "full"])
 @pytest.mark.parametrize("name", THROWN)
 def test_a_falling_spinning_struck_body_moves_as_mechanics_says(name, kind):
@@ -233,6 +236,7 @@ def test_a_falling_spinning_struck_body_moves_as_mechanics_says(name, kind):
             assert e[i] @ moved == expected
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("name", THROWN)
 def test_a_number_is_a_translation_toward_the_impactor(name):
     make, site = THROWN[name]

@@ -58,6 +58,7 @@ def check(model: ao.AntiOscillators, K: np.ndarray, tol: float) -> None:
 # -- penalties
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("method", ["krylov", "modes"])
 @pytest.mark.parametrize("n", [2, 4, 12, 150, 700])
 @pytest.mark.parametrize("penalty", [1e14, 1e18, 1e24, 1e30])
@@ -99,6 +100,7 @@ def _with(K, M, first_of_K, first_of_M):
     return K, M
 
 
+@pytest.mark.sample(-1)
 @pytest.mark.parametrize("free", [False, True])
 @pytest.mark.parametrize("penalty", [1e8, 1e10, 1e18, 1e24, 1e30])
 def test_a_coupling_by_penalty_is_right_or_refused(penalty, free):
@@ -228,6 +230,7 @@ FORMS = {
 }
 
 
+@pytest.mark.sample
 @pytest.mark.filterwarnings("ignore:the matrix subclass:PendingDeprecationWarning")
 @pytest.mark.parametrize("name", FORMS)
 def test_every_form_of_a_matrix(name):
@@ -264,6 +267,7 @@ def test_dofs_without_stiffness_or_mass():
         ao.Structure.from_matrices(K, M)
 
 
+@pytest.mark.sample
 def test_matrices_of_a_slender_beam_keep_their_strains():
     section = ao.Section.rectangle(1e-5, 1e-5)
     beam = ao.Structure(

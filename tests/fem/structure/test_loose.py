@@ -44,6 +44,7 @@ OTHER = at(x=0.4, y=0.1, z=0.2)
 EDGE = at(x=0.0, z=0.0)
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize(
     ("supports", "words"),
     [
@@ -80,6 +81,7 @@ def test_a_ball_joint_leaves_three_rotations():
     assert "translation" not in words
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize(
     ("held", "words"),
     [

@@ -22,12 +22,13 @@ from mpi import run_ranks
 from paths import TESTS
 from sheets import RIB, SHEET, at, dof, frequencies, grouped, interpolated, loaded, rectangle, sheet
 
-pytestmark = pytest.mark.fem
+pytestmark = [pytest.mark.fem, pytest.mark.slow]
 
 E, RHO = 70e9, 2700.0
 CELLS = ["triangle", "quadrilateral"]
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("cell", CELLS)
 def test_a_stiffened_strip_is_a_composite_beam(cell):
     """A cantilever of T section: parallel axes and the shift of the neutral axis."""
@@ -81,6 +82,7 @@ def test_a_blade_as_beam_and_as_shell():
     assert both[0][1] > 1.2 * bare[0]
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("order", [1, 2])
 def test_rigid_motions_strain_no_stiffener(order):
     """A rib around a curved sheet, off its surface: six rigid-body modes, exact mass."""
@@ -183,6 +185,7 @@ def test_values_out_of_range():
         ao.Beam(E, 0.3, RHO, ao.Section.circle(0.01), offset=0.02)
 
 
+@pytest.mark.slow
 def test_attachments_that_find_no_place():
     mesh = grouped(rectangle(2, 1, 1), lambda x: np.isclose(x[0], 0))
 

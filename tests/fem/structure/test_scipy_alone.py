@@ -64,6 +64,7 @@ def test_all_anti_oscillators_give_the_driving_point(free, method, direct):
     )
 
 
+@pytest.mark.sample
 @DIRECT
 @pytest.mark.parametrize("free", [False, True])
 def test_sparse_modes_are_those_of_lapack(free, direct):
@@ -194,6 +195,7 @@ print(model.k0)
 """
 
 
+@pytest.mark.slow
 def test_extraction_without_the_packages():
     done = subprocess.run(
         [sys.executable, "-W", "error", "-c", ALONE],
@@ -209,6 +211,7 @@ def test_extraction_without_the_packages():
 # -- the same results as with PETSc
 
 
+@pytest.mark.sample
 @pytest.mark.fem
 @pytest.mark.parametrize("supported", [True, False])
 def test_both_back_ends_agree(supported):

@@ -204,6 +204,7 @@ def handed_over(structure: ao.Structure, kind: str):
     return pair, free
 
 
+@pytest.mark.sample
 @pytest.mark.parametrize("kind", ["csr", "coo", "dense", "petsc"])
 @pytest.mark.parametrize("supports", [[ao.Support("left")], []], ids=["supported", "free"])
 def test_matrices_give_the_model_of_the_mesh(kind, supports):
@@ -321,6 +322,7 @@ class Rubbery:
     E, nu, rho = SOLID.E, SOLID.nu, SOLID.rho
 
 
+@pytest.mark.slow
 def test_a_family_of_ones_own_says_what_a_site_takes():
     clamp = [ao.Support("left")]
     own, solid = (ao.Structure(parts.box((16, 4, 4)), m, clamp) for m in (Rubbery(), SOLID))

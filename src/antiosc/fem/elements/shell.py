@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 #: t²/(t² + 1000 s²) of the membrane energy, s being the rise of a curved cell over its chords.
 FOR_SHEAR, FOR_MEMBRANE = 10.0, 1000.0
 #: Radius of a site's patch over the thickness, where none is given: that at which a plate deforms
-#: as a solid does without what its patch has of a half-space (demos/fidelity.py compares them).
+#: as a solid does without what its patch has of a half-space (compared by benchmarks/fidelity.py).
 PATCH_RADIUS = 1.0
 
 

@@ -27,7 +27,6 @@ from antiosc.fem.structure.structure import Structure, on_mesh
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.model_info import BeamSection, FacetGaps, Patch
 
-
 # -- What the share "model" of an error budget must know of a struck beam.
 #
 # It is known for straight bars of full rectangular section with a site away from their ends

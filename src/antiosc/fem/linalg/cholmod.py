@@ -5,8 +5,8 @@ load is that of its own branch of the elimination tree (`antiosc.fem.linalg.comp
 ordering is computed on the graph of the nodes. If the library cannot be called directly
 (`refusal`), PETSc's interface to it is used (`antiosc.fem.linalg.solvers.ByPetsc`).
 
-The table in demos/speed/cholmod_or_mumps.md shows what this wins over MUMPS: whole maps 1.6 times
-(43 263 dofs) and 2.6 times (119 523) as fast, with 5 to 7 times less for each site.
+The table in benchmarks/speed/cholmod_or_mumps.md shows what this wins over MUMPS: whole maps 1.6
+times (43 263 dofs) and 2.6 times (119 523) as fast, with 5 to 7 times less for each site.
 
 Chen, Davis, Hager and Rajamanickam, *Algorithm 887: CHOLMOD*, ACM TOMS 35 (2008).
 """

@@ -12,7 +12,7 @@ the ranks, a dense solve, and a backward substitution (Przemieniecki, AIAA J. 1 
 
 On two ranks MUMPS takes 1.8 to 3 times as long for the factor of a bracket, 4 to 10 times as long
 for a solve and 4 to 7 times as long for 16, in half of the memory
-(demos/speed/cholmod_or_mumps.md).
+(benchmarks/speed/cholmod_or_mumps.md).
 """
 
 from __future__ import annotations

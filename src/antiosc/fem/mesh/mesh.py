@@ -11,6 +11,7 @@ import numpy as np
 from mpi4py import MPI
 
 from antiosc._types import Array, IntArray
+from antiosc.brief import Brief
 from antiosc.checks import (
     instance,
     shown,
@@ -24,8 +25,8 @@ from antiosc.fem.readers.selection import keys
 from antiosc.names import known
 
 
-@dataclass(frozen=True, eq=False)
-class Mesh:
+@dataclass(frozen=True, eq=False, repr=False)
+class Mesh(Brief):
     """A dolfinx mesh whose entities have names. Coordinates in metres."""
 
     #: the dolfinx mesh
@@ -97,6 +98,11 @@ class Mesh:
             groups = known(name, self.groups, "its groups")
             raise InputError(f"{self.name} has no group {shown(name)}; {groups}.")
         return self.groups[name]
+
+    def _facts(self) -> list[tuple[str, str]]:
+        cells = f"{self.n_cells} of kind {self.cell}, order {self.order}"
+        facts = [("cells", cells), ("name", self.name)]
+        return [*facts, ("groups", ", ".join(self.groups))] if self.groups else facts
 
 
 def distributed(raw: RawMesh, name: str, comm: MPI.Comm) -> Mesh:

@@ -1,0 +1,233 @@
+"""Where integrators fail: maps of energy drift over the number of anti-oscillators and the step.
+
+Three charts. The first strikes the article's second beam with N = 1 ... 200 anti-oscillators and
+steps over four decades, one panel for each fixed-step method; drawn in are the stability limit of
+central differences, h omega_max = 2, and the same with the contact's stiffness on the residual
+mass. The second takes N = 10 through hard scenes: stiff contact, m0 -> 0, light and heavy
+impactors, grazing speed, rest under gravity, an anti-oscillator next to massless. The third draws
+the error of the force over the step, finely, for a heavy mass on a soft structure whose light
+residual mass has its mode far above the others: the exact method has windows of steps in which
+the contact drives that mode, shaded where `antiosc.simulation.stability` predicts them.
+
+Each run is one of: good; energy (drift above 1 % of the energy there is); wrong (force off by more
+than 10 % in the L2 norm); diverged; and the seconds tell where a method only gets slow.
+
+    .venv/bin/python benchmarks/stability.py
+"""
+
+from __future__ import annotations
+
+import argparse
+import inspect
+import json
+import time
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import options
+from stability_charts import METHODS, chart_numbers, chart_scenes
+from stability_scenes import BEAM, HERTZ, STRIKER, Scene, hard_scenes
+
+import antiosc as ao
+from antiosc import files, plotting
+from antiosc.closed_form import pinned_pinned
+from antiosc.simulation.compared_impact import force_difference
+from antiosc.simulation.expected import scaled, stiffness_of
+from antiosc.simulation.stability import margin
+from antiosc.simulation.two_bodies import assemble
+
+ROOT = Path(__file__).resolve().parent.parent
+#: Newmark's curve lies under the one of the conserving method, which is drawn after it.
+WIDTHS = {"newmark": 6.0, "conserving": 1.5}
+WINDOW = 3e-4  # s, about the first rise of the force
+
+
+def main(
+    most: int = 200,
+    counts: int = 8,
+    steps: int = 9,
+    decades: float = 4.0,
+    hard: bool = True,
+    fine: int = 120,
+    out: Path = ROOT / "out",
+) -> dict[str, Any]:
+    """Draw the charts; return the table of runs and the measured limits.
+
+    Parameters
+    ----------
+    most : largest number of anti-oscillators
+    counts : how many numbers of anti-oscillators, from 1
+    steps : how many steps
+    decades : over how many decades, up to 1e-4 s
+    hard : whether to run the hard scenes as well
+    fine : number of steps on the chart of windows
+    out : folder of the charts and the table
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    full = pinned_pinned(BEAM).anti_oscillators(most)
+    numbers = np.unique(np.geomspace(1, most, counts).round().astype(int))
+    times = np.geomspace(10 ** (-4 - decades), 1e-4, steps)
+    table = []
+    for n in numbers:
+        scene = Scene(
+            f"N = {n}", full.truncated(int(n)), STRIKER, ao.Hertz(HERTZ), WINDOW, unit=1.0
+        )
+        table += survey(scene, times, n=int(n))
+    chart_numbers(table, full, numbers, times, out / "stability.png")
+    rows = list(table)
+    if hard:
+        scenes = hard_scenes(full.truncated(min(10, most)))
+        ratios = np.geomspace(10 ** (0.5 - decades), 10**0.5, steps)
+        hard_table = [row for s in scenes for row in survey(s, ratios * s.unit)]
+        chart_scenes(hard_table, scenes, ratios, out / "stability_scenes.png")
+        rows += hard_table + [adaptive(s, m) for s in scenes for m in ("exact", "DOP853", "Radau")]
+    found = windows(fine, out / "stability_windows.png")
+    rows += found
+    files.write_text(out / "stability.json", json.dumps(rows, indent=1))
+    return {"runs": rows, "limits": measured_limits(table), "windows": found}
+
+
+def survey(scene: Scene, times: np.ndarray, n: int | None = None) -> list[dict[str, Any]]:
+    """All methods at all steps against a converged run."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ao.AccuracyWarning)
+        truth = scene.run("exact", tol=1e-4)
+        return [
+            {"scene": scene.name, "n": n, **attempt(scene, truth, method, float(h))}
+            for method in METHODS
+            for h in times
+            if h <= scene.duration
+        ]
+
+
+def attempt(scene: Scene, truth: ao.History, method: str, h: float) -> dict[str, Any]:
+    began = time.perf_counter()
+    hit = scene.run(method, step=h)
+    seconds = time.perf_counter() - began
+    error = force_difference(hit.trajectory, truth.trajectory)[0]
+    drift = hit.energy.drift
+    top = float(hit.problem.omega.max())
+    kind = "good"
+    if hit.trajectory.diverged:
+        kind = "diverged"
+    elif not error <= 0.1:
+        kind = "wrong"
+    elif not drift <= 0.01:
+        kind = "energy"
+    return {
+        "method": method,
+        "step": h,
+        "h_omega": h * top,
+        "kind": kind,
+        "error": min(error, 1e9),
+        "drift": min(drift, 1e9),
+        "contacts": len(hit.contacts),
+        "seconds": seconds,
+    }
+
+
+def adaptive(scene: Scene, method: str) -> dict[str, Any]:
+    """A method that chooses its own step: it does not fail, it gets slow."""
+    began = time.perf_counter()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ao.AccuracyWarning)
+        hit = scene.run(method, tol=1e-3 if method == "exact" else 1e-2, max_steps=20_000)
+    return {
+        "scene": scene.name,
+        "method": f"{method} (adaptive)",
+        "kind": "good" if hit.status == 0 else f"status {hit.status}",
+        "drift": hit.energy.drift,
+        "contacts": len(hit.contacts),
+        "evaluations": hit.trajectory.evaluations,
+        "seconds": time.perf_counter() - began,
+    }
+
+
+def windows(count: int, path: Path) -> list[dict[str, Any]]:
+    """The fixed-step methods over `count` steps about the exact method's windows."""
+    model = ao.AntiOscillators(m0=2e-4, k0=7e6, m=[0.18, 0.01, 0.001], omega=[1.5e4, 6e4, 2.5e5])
+    scene = Scene("windows", model, ao.RigidMass(10.0, 0.3), ao.Hertz(1.2e10), 1e-3, unit=1.0)
+    problem, bodies = assemble(scene.model, scene.impactor, scene.law)
+    problem, _ = scaled(problem, bodies, scene.duration)
+    y = np.linspace(1.0, 8.0, count)
+    times = y / problem.omega.max()
+    stiffness, soft = np.array([stiffness_of(problem)]), np.array([[problem.r]])
+    rooms = np.array(
+        [margin(problem.omega, problem.beta[None], soft, stiffness, float(h)) for h in times]
+    )
+    rows = survey(scene, times)
+    for row in rows:
+        row["margin"] = float(min(rooms[int(np.argmin(np.abs(times - row["step"])))], 1e9))
+    fig, axes = plotting.panels(1, 1, size=(8, 4))
+    ax = axes[0, 0]
+    for method in METHODS:
+        mine = [r for r in rows if r["method"] == method]
+        x, y_error = [r["h_omega"] for r in mine], [r["error"] for r in mine]
+        ax.semilogy(x, y_error, ".-", lw=WIDTHS.get(method, 1.5), label=method)
+    ax.fill_between(
+        y, 0, 1, rooms < 1, transform=ax.get_xaxis_transform(), alpha=0.2, label="predicted window"
+    )
+    ax.set(xlabel=r"step, $h\,\omega_{max}$", ylabel="error of the force", ylim=(3e-4, 3))
+    ax.legend(fontsize=8, ncols=5, loc="lower center", bbox_to_anchor=(0.5, 1))
+    plotting.save_figure(fig, path, dpi=120)
+    return rows
+
+
+def measured_limits(table: list[dict[str, Any]]) -> dict[str, dict[str, float | None]]:
+    """Per method: the smallest h omega_max that failed, and the largest that was good."""
+    limits = {}
+    for method in METHODS:
+        rows = [r for r in table if r["method"] == method]
+        bad = [r["h_omega"] for r in rows if r["kind"] == "diverged"]
+        good = [r["h_omega"] for r in rows if r["kind"] == "good"]
+        limits[method] = {
+            "first diverged": min(bad, default=None),
+            "last good": max(good, default=None),
+        }
+    return limits
+
+
+def report(result: dict[str, Any]) -> None:
+    tally: dict[tuple[str, str], dict[str, int]] = {}
+    for row in result["runs"]:
+        part = "windows" if "margin" in row else "hard" if row.get("n") is None else "N"
+        kinds = tally.setdefault((row["method"], part), {})
+        kinds[row["kind"]] = kinds.get(row["kind"], 0) + 1
+    bad = [r for r in result["windows"] if r["method"] == "exact" and r["kind"] != "good"]
+    if bad:
+        span = ", ".join(f"{r['h_omega']:.2f}" for r in bad)
+        print(f"exact, windows: fails at h omega_max = {span}")
+    for (method, part), kinds in tally.items():
+        print(f"{method:<20}{part:<9}" + "  ".join(f"{k} {v}" for k, v in kinds.items()))
+    for method, limits in result["limits"].items():
+        listed = "  ".join(
+            f"{k} {'-' if v is None else format(v, '.3g')}" for k, v in limits.items()
+        )
+        print(f"{method:<20}h omega_max: {listed}")
+    for row in result["runs"]:
+        if "adaptive" in row["method"]:
+            print(
+                f"{row['scene']:<20}{row['method']:<20}{row['kind']:<10}"
+                f"{row['evaluations']:>9} evaluations {row['seconds']:>8.3f} s"
+                f"  drift {row['drift']:.0e}"
+            )
+
+
+def command(arguments: Sequence[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(description=inspect.getdoc(main))
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.add_argument("--most", type=options.count, default=200)
+    parser.add_argument("--counts", type=options.count, default=8)
+    parser.add_argument("--steps", type=options.count, default=9)
+    parser.add_argument("--decades", type=options.positive, default=4.0)
+    parser.add_argument("--hard", action=argparse.BooleanOptionalAction, default=True)
+    parser.add_argument("--fine", type=options.count, default=120)
+    parser.add_argument("--out", type=Path, default=ROOT / "out")
+    report(options.run(parser, main, arguments))
+
+
+if __name__ == "__main__":
+    command()

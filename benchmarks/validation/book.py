@@ -1,0 +1,191 @@
+"""The validation book: every published case is run, and one page with pictures is written.
+
+    .venv/bin/python benchmarks/validation/book.py --help
+
+Rows that lie outside the bound of their source stay and must be explained: without an explanation
+the program ends with exit code 1.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+import frequencies
+import masses
+import options
+import rods
+import spheres
+import stops
+import tube
+from case import Case, Row, Waiting
+from waiting import SEARCHED, WAITING
+
+ROOT = Path(__file__).resolve().parents[2]
+CASES: list[Case] = [
+    *masses.CASES,
+    *rods.CASES,
+    *stops.CASES,
+    *tube.CASES,
+    *spheres.CASES,
+    *frequencies.CASES,
+]
+INTRODUCTION = """# Validation
+
+Published tests, run by the public API in one go (`make bench-validate` writes this page and its
+pictures; the scripts are in `benchmarks/validation/`). Each row gives the published value, ours,
+their difference and the bound of the source. *How known* says whether the value was **read** in
+the source or in a page that quotes it, is **recalled** (and is then no proof), or is the solution
+of an **equation** that the source prints. Rows outside their bound stay; the reason stands below
+the table.
+"""
+HEAD = ["quantity", "published", "how known", "antiosc", "difference", "bound", "verdict"]
+
+
+def main(only: tuple[str, ...] = (), out: Path = ROOT / "docs") -> dict[str, list[Row]]:
+    """Run the cases, all unless some are named; write `out`/validation.md and its pictures.
+
+    Parameters
+    ----------
+    only : names of cases
+    out : folder of the page; pictures go to `pictures/` in it
+    """
+    chosen = [case for case in CASES if not only or case.name in only]
+    pictures = out / "pictures"
+    pictures.mkdir(parents=True, exist_ok=True)
+    found: dict[str, list[Row]] = {}
+    seconds = {}
+    for case in chosen:
+        started = time.perf_counter()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # bodies that fly are meant to be free
+            found[case.name] = case.run(pictures / f"validation_{case.name}.png")
+        seconds[case.name] = time.perf_counter() - started
+        outside = sum(not row.agrees for row in found[case.name])
+        print(
+            f"{case.name:<18}{len(found[case.name]):3d} rows, {outside} outside, "
+            f"{seconds[case.name]:.1f} s",
+            flush=True,
+        )
+    text = page(chosen, found, [] if only else [(w, w.run()) for w in WAITING])
+    (out / "validation.md").write_text(text, encoding="utf-8")
+    print(f"written to {out}: validation.md and pictures")
+    return found
+
+
+def page(
+    cases: list[Case],
+    found: dict[str, list[Row]],
+    waiting: list[tuple[Waiting, dict[str, float]]],
+) -> str:
+    """The page in Markdown."""
+    rows = [row for case in cases for row in found[case.name]]
+    within = sum(row.agrees for row in rows)
+    parts = [
+        INTRODUCTION,
+        f"{len(cases)} cases, {len(rows)} rows, {within} within the bound of their source. "
+        + options.code_state(),
+        "",
+        "## All rows",
+        "",
+        line(["case", *HEAD]),
+        line(["---"] * (len(HEAD) + 1)),
+    ]
+    for case in cases:
+        link = f"[{case.name}](#{anchor(case.title)})"
+        parts += [line([link, *row.cells()]) for row in found[case.name]]
+    for kind, measured in (("Published solutions", False), ("Measured", True)):
+        chosen = [case for case in cases if case.measured == measured]
+        if chosen:
+            parts += ["", f"## {kind}"]
+        for case in chosen:
+            parts += ["", *section(case, found[case.name])]
+    if waiting:
+        parts += ["", *still_waiting(waiting)]
+    return "\n".join(parts) + "\n"
+
+
+def section(case: Case, rows: list[Row]) -> list[str]:
+    """One case: data, source, picture, and reasons for rows outside."""
+    parts = [
+        f"### {case.title}",
+        "",
+        f"*Given:* {case.given}.",
+        "",
+        f"*Source:* {case.source}.",
+        "",
+        f"![{case.title}](pictures/validation_{case.name}.png)",
+    ]
+    reasons: dict[str, list[str]] = {}
+    for row in rows:
+        if not row.agrees:
+            reasons.setdefault(row.why, []).append(row.quantity)
+    for why, quantities in reasons.items():
+        parts += ["", f"*Outside the bound:* {'; '.join(quantities)}. {why or 'Not explained.'}"]
+    return parts
+
+
+def still_waiting(waiting: list[tuple[Waiting, dict[str, float]]]) -> list[str]:
+    """The tests whose values could not be had."""
+    parts = [
+        "## Tests whose values could not be had",
+        "",
+        "The text at hand of these tests ends before their tables and diagrams. Their inputs run "
+        "(`benchmarks/validation/waiting.py`); the numbers are ours.",
+    ]
+    for test, values in waiting:
+        shown = ", ".join(f"{name} {value:.4g}" for name, value in values.items())
+        parts += [
+            "",
+            f"**{test.title}.** {test.source}. *Given:* {test.given}. *Missing:* {test.missing}. "
+            f"*antiosc:* {shown}.",
+        ]
+    parts += [
+        "",
+        "What was looked for in stored copies of public pages, documents, threads and "
+        "repositories, by title, authors, doi and content, and what was found of it (one measured "
+        "experiment of six could be read):",
+        "",
+        line(["experiment", "found"]),
+        line(["---"] * 2),
+        *(line(list(row)) for row in SEARCHED),
+    ]
+    return parts
+
+
+def line(cells: list[str]) -> str:
+    """A row of a table."""
+    return "| " + " | ".join(cells) + " |"
+
+
+def anchor(title: str) -> str:
+    """The anchor that Markdown readers give a heading."""
+    kept = "".join(c for c in title.lower() if c.isalnum() or c in " -_")
+    return kept.replace(" ", "-")
+
+
+def command(arguments: Sequence[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    names = [case.name for case in CASES]
+    parser.add_argument("--only", nargs="+", choices=names, default=(), help="names of cases")
+    parser.add_argument("--out", type=Path, default=ROOT / "docs")
+    found = options.run(parser, main, arguments)
+    unexplained = [
+        f"{name}: {row.quantity}"
+        for name, rows in found.items()
+        for row in rows
+        if not row.agrees and not row.why
+    ]
+    for text in unexplained:
+        print(f"outside its bound and not explained: {text}", file=sys.stderr)
+    return 1 if unexplained else 0
+
+
+if __name__ == "__main__":
+    sys.exit(command())
