@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -194,6 +194,15 @@ class SceneParts:
                 f"motion names the bodies {sorted(unknown)}, which are not in the scene:"
                 f" {', '.join(self.bodies)}."
             )
+
+    @classmethod
+    def of_two(cls, model: Any, impactor: Any, law: ContactLaw, gap: float, gravity: Any) -> Self:
+        """The bodies "structure" and "impactor" of `simulate`, which has checked them."""
+        parts, contact = cls.__new__(cls), Contact.__new__(Contact)
+        checks.store(contact, a="structure", b="impactor", law=law, gap=gap)
+        bodies = {"structure": model, "impactor": impactor}
+        checks.store(parts, bodies=bodies, contacts=(contact,), gravity=gravity, motion={})
+        return parts
 
     def _check_pairs(self) -> None:
         """InputError for two contacts between the same two sites, in either order."""
