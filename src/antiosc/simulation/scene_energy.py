@@ -15,7 +15,6 @@ from antiosc.simulation.scene_states import blocks, node_states, part_of, starts
 
 GAIN = 1e-3  # of the highest energy: a scene that gains more says so
 SHORT = 0.05  # phase of a mode over a step, below which the trapezoidal rule serves
-BALANCED = 5000  # nodes up to which the balance is always made
 
 
 def balance(assembly: Assembly, run: Run) -> Energy:
@@ -52,13 +51,13 @@ def balance(assembly: Assembly, run: Run) -> Energy:
 def gained(a: Assembly, run: Run) -> float:
     """Energy that came from nowhere, relative to the highest.
 
-    The balance of a long run is dear to find: it is made only where the march had a doubt. A law
-    of one's own need not know its energy.
+    The balance is dear to find: it is made only where the march had a doubt, and of other methods.
+    A law of one's own need not know its energy.
     """
     system = a.system
     if not all(map(is_compiled, system.laws)):
         return 0.0
-    if run.time.size > BALANCED and not run.gained > 0.1 * GAIN * run.highest:
+    if not run.gained > 0.1 * GAIN * run.highest:
         return 0.0
     if system.decay.any() or (a.scene.loads and a.r.any()):
         energy = balance(a, run)

@@ -300,6 +300,7 @@ class SceneIVP:
             steps=steps,
             attempts=steps,
             touches=self.contacts.touches,
+            gained=np.inf,  # not known
             highest=self.system.given
             + march.mechanical(np.stack((self.system.q, self.system.v)), self.system.omega),
         )

@@ -354,6 +354,7 @@ def _written(
         steps=n,
         attempts=n,
         touches=contacts.touches,
+        gained=np.inf,  # not known
         highest=highest,
     )
 
