@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -195,15 +195,6 @@ class SceneParts:
                 f" {', '.join(self.bodies)}."
             )
 
-    @classmethod
-    def of_two(cls, model: Any, impactor: Any, law: ContactLaw, gap: float, gravity: Any) -> Self:
-        """The bodies "structure" and "impactor" of `simulate`, which has checked them."""
-        parts, contact = cls.__new__(cls), Contact.__new__(Contact)
-        checks.store(contact, a="structure", b="impactor", law=law, gap=gap)
-        bodies = {"structure": model, "impactor": impactor}
-        checks.store(parts, bodies=bodies, contacts=(contact,), gravity=gravity, motion={})
-        return parts
-
     def _check_pairs(self) -> None:
         """InputError for two contacts between the same two sites, in either order."""
         seen: dict[frozenset[str], Contact] = {}
@@ -225,3 +216,14 @@ class SceneParts:
         """An end under one name: the site of a body that has no more than one may have any."""
         name = end.partition(":")[0]
         return end if len(getattr(self.bodies.get(name), "sites", ())) > 1 else name
+
+
+def of_two(
+    model: Any, impactor: Any, law: ContactLaw, gap: float, gravity: float | Sequence[float]
+) -> SceneParts:
+    """The bodies "structure" and "impactor" of `simulate`, which has checked them."""
+    parts, contact = SceneParts.__new__(SceneParts), Contact.__new__(Contact)
+    checks.store(contact, a="structure", b="impactor", law=law, gap=gap)
+    bodies = {"structure": model, "impactor": impactor}
+    checks.store(parts, bodies=bodies, contacts=(contact,), gravity=gravity, motion={})
+    return parts

@@ -73,15 +73,16 @@ def simulate(
     duration : float
         Time to simulate [s].
     method : str
-        "exact", "newmark", "conserving", "leapfrog", or a method of `scipy.integrate.solve_ivp`
-        such as "DOP853".
+        "exact"; to compare with, "newmark", "conserving", "leapfrog", or a method of
+        `scipy.integrate.solve_ivp` such as "DOP853". These take much longer: they step through
+        flights too.
     n : int or "auto", optional
         Number of anti-oscillators of the model to use; default all. "auto" takes the smallest
         number whose estimated truncation error of peak force, impulse and contact time meets
         `tol` (see `antiosc.simulation.truncation`).
     step : float, optional
-        Fixed time step during contact [s] (solve_ivp: largest step). By default the step is
-        refined until the force history has converged; unstable steps are avoided.
+        Time step [s]: of "exact" during contact, of solve_ivp the largest, of the others all along.
+        By default the step is refined until the force history has converged.
     tol : float
         Relative error of the force history in the L2 norm, and of its peak; default 1e-3.
     initial_velocity : float or Motion

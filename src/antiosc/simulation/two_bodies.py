@@ -20,7 +20,7 @@ from antiosc.models.motion import Motion
 from antiosc.simulation.assembly import Assembly, freed, side_by_side
 from antiosc.simulation.bodies import of_one_site
 from antiosc.simulation.expected import expected_impact
-from antiosc.simulation.scene_parts import SceneParts
+from antiosc.simulation.scene_parts import of_two
 from antiosc.simulation.system import System
 
 #: Largest phase of a motion [rad]: rounding leaves some 0.1 rad of it.
@@ -78,7 +78,7 @@ def pose(
         speed=np.array([speed]),
         pressed=np.zeros(1),
     )
-    scene = SceneParts.of_two(model, impactor, contact, gap, gravity)
+    scene = of_two(model, impactor, contact, gap, gravity)
     parts = side_by_side(bodies)
     return Assembly(scene, bodies, *parts, _ROW, [law], notes, system, lasting)
 
