@@ -270,7 +270,7 @@ def _numbers_of(found: Results) -> dict[str, Any]:
 
 def _pictures(found: Results) -> list[tuple[str, Callable[[Path], Any]]]:
     pictures: list[tuple[str, Callable[[Path], Any]]] = []
-    if found.history is not None and hasattr(found.history, "plot"):
+    if found.history is not None and not isinstance(found.history, SceneHistory):
         pictures.append(("force", found.history.plot))
     if found.model is not None:
         pictures.append(("model", found.model.plot))

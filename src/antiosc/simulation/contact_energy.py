@@ -43,7 +43,8 @@ def replay(
         if is_compiled(law):
             assert isinstance(law, Compiled)
             if law.has_memory:
-                stored[span], plastic[span], state = _remembered(law, depth[span], state)
+                stored[span], lost, state = _remembered(law, depth[span], state)
+                plastic[span] += lost
             else:  # the state lasts as long as the contact
                 stored[span] = law.energies(depth[span], state)
             if law.rate_dependent:
