@@ -187,7 +187,10 @@ def inexact(assembly: Assembly, found: Converged, tol: float, max_steps: int) ->
         )
     gain = gained(assembly, found.run)
     if gain > GAIN:
-        return f"The scene gained energy, {gain:.2g} of the highest that it had; use a smaller tol or step."
+        return (
+            f"The scene gained energy, {gain:.2g} of the highest that it had; use a smaller tol or"
+            f" step."
+        )
     return ""
 
 
