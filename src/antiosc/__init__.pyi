@@ -194,6 +194,7 @@ from antiosc.simulation.energy import (
 )
 from antiosc.simulation.history import (
     History as History,
+    SceneHistory as SceneHistory,
 )
 from antiosc.simulation.impact_band import (
     impact_band as impact_band,
@@ -218,7 +219,6 @@ from antiosc.simulation.scene import (
 from antiosc.simulation.scene_history import (
     BodyHistory as BodyHistory,
     ContactHistory as ContactHistory,
-    SceneHistory as SceneHistory,
 )
 from antiosc.simulation.scene_parts import (
     Base as Base,

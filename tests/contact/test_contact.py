@@ -181,7 +181,7 @@ def test_hertz_without_patch_on_a_spring_is_hertz_on_the_stiffer_spring():
     assert "was subtracted" in a.message
     twice = ao.simulate(with_patch, striker, ao.Power(k, 1.5), 2e-3)
     assert twice.peak_force < 0.98 * a.peak_force
-    assert "was not subtracted" in twice.message
+    assert "stays in" in twice.message
 
 
 def test_patch_too_small_for_the_force():

@@ -23,8 +23,8 @@ from antiosc.fem.series import Frames, listing, write_frames
 from antiosc.fem.structure.structure import Structure, with_parts
 from antiosc.saved_fields import SavedFields
 from antiosc.simulation.body_motion import Motions, amplitudes, modes_of
-from antiosc.simulation.history import History
-from antiosc.simulation.scene_history import BodyHistory, SceneHistory
+from antiosc.simulation.history import History, SceneHistory
+from antiosc.simulation.scene_history import BodyHistory
 from antiosc.threads import one_thread
 
 

@@ -22,8 +22,8 @@ from antiosc.fem.recovery.place import Place, place
 from antiosc.fem.series import Frames
 from antiosc.fem.structure.structure import Structure
 from antiosc.simulation.body_motion import amplitudes, modal_sizes, times_of
-from antiosc.simulation.history import History
-from antiosc.simulation.scene_history import BodyHistory, SceneHistory
+from antiosc.simulation.history import History, SceneHistory
+from antiosc.simulation.scene_history import BodyHistory
 from antiosc.stresses import equivalent, extreme_principal
 from antiosc.threads import one_thread
 

@@ -24,8 +24,8 @@ from antiosc.fem.recovery.place import Place, place
 from antiosc.fem.site.site import Reach
 from antiosc.fem.structure.structure import Structure
 from antiosc.simulation.body_motion import amplitudes, times_of
-from antiosc.simulation.history import History
-from antiosc.simulation.scene_history import BodyHistory, SceneHistory
+from antiosc.simulation.history import History, SceneHistory
+from antiosc.simulation.scene_history import BodyHistory
 from antiosc.stresses import von_mises
 from antiosc.threads import one_thread
 

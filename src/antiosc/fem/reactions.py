@@ -31,8 +31,7 @@ from antiosc.fem.mpi import collective
 from antiosc.fem.site.site import Site
 from antiosc.fem.structure.structure import Structure, with_parts
 from antiosc.simulation.body_motion import amplitudes, forces_of, times_of
-from antiosc.simulation.history import History
-from antiosc.simulation.scene_history import SceneHistory
+from antiosc.simulation.history import History, SceneHistory
 from antiosc.threads import one_thread
 
 
@@ -140,13 +139,9 @@ def reactions(
 
 
 def _check(structure: Structure, history: Any, body: str) -> None:
-    if isinstance(history, History):
-        pulled = bool(np.any(history.problem.load)) and body == "structure"
-        moved = False
-    else:
-        scene = history.assembly.scene
-        pulled, moved = bool(np.any(scene.gravity)), scene.base is not None
-    if moved:
+    scene = history.assembly.scene
+    pulled = bool(np.any(scene.gravity))
+    if scene.base is not None:
         raise InputError("reactions under a moving ground (Base) are not implemented.")
     if pulled and structure.rigid_modes.shape[1]:
         raise InputError(

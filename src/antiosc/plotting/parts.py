@@ -15,8 +15,7 @@ from antiosc.charts.deformed import Deformed, draw_deformed
 from antiosc.charts.figures import finished
 from antiosc.charts.surfaces import colour_scale, draw_faces, frame, space
 from antiosc.errors import InputError
-from antiosc.simulation.history import History
-from antiosc.simulation.scene_history import SceneHistory
+from antiosc.simulation.history import History, SceneHistory
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

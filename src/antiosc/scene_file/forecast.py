@@ -12,7 +12,7 @@ from antiosc.scene_file.group_names import outlines
 from antiosc.scene_file.result_tables import lines
 from antiosc.scene_file.run import Results, results
 from antiosc.scene_file.scene import Compiled
-from antiosc.simulation.compared_impact import COARSEST
+from antiosc.simulation.comparison import FIRST
 from antiosc.simulation.impact_band import BAND_OVER_PULSE, impact_band
 from antiosc.simulation.simulate import DEFAULT_TOL
 
@@ -89,7 +89,7 @@ def _of_impact(scene: Compiled, found: Results) -> list[tuple[str, str]]:
     rows.append(("contact time", f"at least {time:.3g} s, that on a rigid wall"))
     rows.append(("band of the impact", f"up to {band / (2 * pi):.3g} Hz"))
     if "strike" not in scene.document.data:
-        step = asked.get("step", time / COARSEST)
+        step = asked.get("step", time / FIRST)
         tol = asked.get("tol", DEFAULT_TOL)
         how = "given" if "step" in asked else f"halved until tol = {tol:g} is met"
         rows.append(("step", f"{step:.3g} s, {how}"))

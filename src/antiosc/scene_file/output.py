@@ -20,8 +20,8 @@ from antiosc.scene_file import result_tables
 from antiosc.scene_file.outputs import Output
 from antiosc.scene_file.run import Results, on_first
 from antiosc.simulation.error_bars import CAUSES
+from antiosc.simulation.history import SceneHistory
 from antiosc.simulation.results import covers
-from antiosc.simulation.scene_history import SceneHistory
 
 
 def folder(path: str | os.PathLike[str]) -> Path:
@@ -270,7 +270,7 @@ def _numbers_of(found: Results) -> dict[str, Any]:
 
 def _pictures(found: Results) -> list[tuple[str, Callable[[Path], Any]]]:
     pictures: list[tuple[str, Callable[[Path], Any]]] = []
-    if found.history is not None and hasattr(found.history, "plot"):
+    if found.history is not None and not isinstance(found.history, SceneHistory):
         pictures.append(("force", found.history.plot))
     if found.model is not None:
         pictures.append(("model", found.model.plot))

@@ -20,8 +20,8 @@ from antiosc.scene_file.output import ends
 from antiosc.scene_file.report_pictures import Picture, pictures
 from antiosc.scene_file.run import Results, on_first
 from antiosc.simulation.error_bars import CAUSES, QUANTITIES
+from antiosc.simulation.history import SceneHistory
 from antiosc.simulation.results import covers
-from antiosc.simulation.scene_history import SceneHistory
 
 STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem;

@@ -21,7 +21,7 @@ from antiosc.plotting.parts import plot_deformed, plot_map
 from antiosc.scene_file import result_tables
 from antiosc.scene_file.output import ends
 from antiosc.scene_file.run import Results
-from antiosc.simulation.scene_history import SceneHistory
+from antiosc.simulation.history import SceneHistory
 
 #: Inches of a chart.
 SIZE = (7.0, 3.4)

@@ -18,7 +18,7 @@ from antiosc import checks
 from antiosc._types import Array
 from antiosc.errors import InputError
 from antiosc.models.anti_oscillators import AntiOscillators
-from antiosc.models.body import LinearBody, checked_body
+from antiosc.models.body import Body, LinearBody, checked_body
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Inertia, Motion
 from antiosc.models.site_modes import SiteModes, unit_vectors
@@ -188,7 +188,11 @@ def _single(name: str, body: LinearBody) -> Placed:
     own = isinstance(body, Impactor)
     if own and not isinstance(velocity, Motion):
         velocity = -float(velocity) if modes.direction is not None else float(velocity)
-    start = modes.rigid_motion(velocity)
+    return of_one_site(name, body, asked, modes, modes.rigid_motion(velocity))
+
+
+def of_one_site(name: str, body: LinearBody, asked: Body, modes: ModalBody, start: Array) -> Placed:
+    """A body of one contact point, with its modal velocities (J,) at the start."""
     direction = modes.direction
     return Placed(
         name=name,

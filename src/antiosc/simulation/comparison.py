@@ -6,13 +6,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from antiosc import checks, march
+from antiosc import march
 from antiosc.errors import InputError
 from antiosc.simulation.assembly import Assembly
 from antiosc.simulation.convergence import Converged, difference
 from antiosc.simulation.engine import Run
-from antiosc.simulation.integrators.ivp import METHODS as IVP_METHODS
-from antiosc.simulation.integrators.scene_ivp import SceneIVP
+from antiosc.simulation.integrators.scene_ivp import IVP_METHODS, SceneIVP
 from antiosc.simulation.integrators.scene_steps import SCENE_STEPS
 
 #: what runs a scene, by name
@@ -33,13 +32,20 @@ def compared(
     max_contacts: int,
     max_steps: int,
 ) -> Converged:
-    """A run by `method` with its estimated errors; with a `step` [s] given, of one run: none."""
-    checks.choice("method", method, METHODS)
+    """A run by `method` with its estimated errors; with a `step` [s] given, of one run: none.
+
+    Of `solve_ivp` the step is the longest.
+    """
     if method in IVP_METHODS:
-        if step is not None:
-            raise InputError(f"{method} chooses its steps itself; give tol instead of step.")
+        # a contact is met by some steps, also one that begins and ends in what was a long step
+        longest = step or min(assembly.lasting, duration) / 4
+
+        def solve(rtol: float, left: int) -> Run:
+            solver = SceneIVP(method, max(rtol, 3e-14), assembly.system, assembly.laws, longest)
+            return solver.run(duration, max_contacts, left)
+
         return _converged(
-            lambda rtol, left: _ivp(assembly, method, rtol, duration, max_contacts, left),
+            solve,
             tol / 10,
             TIGHTER,
             1.0,
@@ -53,20 +59,15 @@ def compared(
         return kind(assembly.system, assembly.laws).run(duration, h, max_contacts, left)
 
     if step is not None:
-        step = checks.positive("step", step, "s")
         found = one(step, max_steps)
         return Converged(found, step, 0.0, 0.0, duration)
     first = min(assembly.lasting / FIRST, duration / FIRST, longest)
+    if duration / first > max_steps:
+        raise InputError(
+            f"{method} needs steps of {first:.3g} s, {duration / first:.3g} of them, more than"
+            f" max_steps = {max_steps}; use method='exact'."
+        )
     return _converged(one, first, 2.0, HALVED, tol, max_steps)
-
-
-def _ivp(
-    assembly: Assembly, method: str, rtol: float, duration: float, max_contacts: int, left: int
-) -> Run:
-    # a contact is met by some steps, also one that begins and ends in what was a long step
-    longest = min(assembly.lasting / 4, duration / 4)
-    solver = SceneIVP(method, max(rtol, 3e-14), assembly.system, assembly.laws, longest)
-    return solver.run(duration, max_contacts, left)
 
 
 def _converged(

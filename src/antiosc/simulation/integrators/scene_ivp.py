@@ -20,6 +20,7 @@ from antiosc.simulation.engine import Run
 from antiosc.simulation.integrators.joint_contacts import JointContacts
 from antiosc.simulation.system import System
 
+IVP_METHODS = ("RK45", "RK23", "DOP853", "Radau", "BDF", "LSODA")
 #: of the right-hand side, for each step that is allowed
 EVALUATIONS = 12
 #: events one after the other without any time in between
@@ -299,6 +300,7 @@ class SceneIVP:
             steps=steps,
             attempts=steps,
             touches=self.contacts.touches,
+            gained=np.inf,  # not known
             highest=self.system.given
             + march.mechanical(np.stack((self.system.q, self.system.v)), self.system.omega),
         )

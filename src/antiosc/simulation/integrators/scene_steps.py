@@ -14,10 +14,9 @@ import numpy as np
 
 from antiosc import march
 from antiosc._types import Array
-from antiosc.contact import ContactLaw
+from antiosc.contact import ContactLaw, State
 from antiosc.errors import InputError
 from antiosc.simulation.engine import Run
-from antiosc.simulation.integrators.conserving import Quotient
 from antiosc.simulation.integrators.joint_contacts import JointContacts
 from antiosc.simulation.system import System
 
@@ -201,6 +200,51 @@ class LeapfrogScene(SceneStep):
         return Step(q1, v1 - F1 @ pull, F1, free - s.R @ F1, rate - A_rate @ F1, (F + F1) / 2)
 
 
+class Quotient:
+    """Mean force over a step h that takes the unloaded indentation from `before` to `after`.
+
+    The unloaded indentation includes that of the residual compliance r in series.
+    """
+
+    def __init__(self, law: ContactLaw, r: float, state: State, before: float, h: float) -> None:
+        self.law, self.r, self.state, self.before, self.h = law, r, state, before, h
+        self.start = self._potential(before)
+
+    def solve(self, free: float, alpha: float) -> float:
+        """F = mean(free - alpha F): the right-hand side does not rise with F."""
+        high = self.mean(free)
+        if high <= 0.0:
+            return 0.0
+
+        from scipy.optimize import brentq  # loaded where it is used: it takes long
+
+        def excess(F: float) -> float:
+            return F - self.mean(free - alpha * F)
+
+        if excess(high) <= 0.0:  # by rounding, when alpha F is nothing beside the indentation
+            return high
+        return float(brentq(excess, 0.0, high, xtol=1e-300, rtol=1e-15, maxiter=2000))
+
+    def mean(self, after: float) -> float:
+        law, change = self.law, after - self.before
+        energy, force = self._potential(after)
+        energy0, force0 = self.start
+        if abs(change) > 1e-5 * max(abs(after), abs(self.before)):
+            F = (energy - energy0) / change
+        else:
+            F = 0.5 * (force + force0)
+        if law.rate_dependent:
+            middle = 0.5 * (after + self.before)
+            F = max(F + law.damping(middle, change / self.h, self.state), 0.0)
+        return F
+
+    def _potential(self, free: float) -> tuple[float, float]:
+        """Energy of contact and residual compliance in series, and the force."""
+        F = self.law.implicit(free, self.r, 0.0, 0.0, self.state)
+        delta = free - self.r * F
+        return self.law.potential(delta, self.state) + 0.5 * self.r * F * F, F
+
+
 class ConservingScene(SceneStep):
     """Midpoint rule with the difference quotient of each contact's potential."""
 
@@ -310,6 +354,7 @@ def _written(
         steps=n,
         attempts=n,
         touches=contacts.touches,
+        gained=np.inf,  # not known
         highest=highest,
     )
 
