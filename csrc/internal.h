@@ -94,6 +94,7 @@ typedef struct workspace {
     nodes *force;         /* [m] of the attempt */
     stages *base, *motion; /* [m] without and with the forces of the attempt */
     double *free_depth, *free_rate; /* [m] */
+    double *peaks;        /* [2][m] of two runs */
     double *parabola;     /* [m][3]: value, slope, curvature at 0 */
     double *load, *load_rate;       /* [J] */
     double *offset, *drift;         /* [m] */
@@ -108,6 +109,7 @@ typedef struct workspace {
 struct aom_stepper {
     aom_system system;
     aom_options options;
+    double halved[LEVELS + 1]; /* 2^-level */
     bool loaded, shifted, rated;
     bool law_failed;
     /* Rows that push the same place of other rows' bodies, such as contacts of one site, are a group:
@@ -173,6 +175,9 @@ void free_step(aom_stepper *st, int slot, double h, stages *out);
 void amplitudes(aom_stepper *st);
 int flight_step(aom_stepper *st);
 
+/* ---- stepper.c */
+void write_state(const aom_stepper *st, aom_record *out);
+
 /* ---- runs.c */
 double mechanical_energy(int n, const double *x, const double *omega);
 
@@ -197,7 +202,7 @@ static inline ptrdiff_t n_pairs(const aom_stepper *st) {
 }
 /* Length of a step of a level. */
 static inline double level_step(const aom_stepper *st, int level) {
-    return ldexp(st->now.longest, -level);
+    return st->now.longest * st->halved[level];
 }
 
 #endif

@@ -24,7 +24,7 @@ const char *aom_status_name(int status) {
 }
 
 aom_options aom_default_options(double duration) {
-    return (aom_options){duration, 1e-3, 0.0, 0.0, duration / 1e4, 10000, 1000000};
+    return (aom_options){duration, 1e-3, 0.0, 0.0, duration / 1e4, 10000, 1000000, 0};
 }
 
 /* ---- memory */
@@ -60,6 +60,7 @@ static void lay_out_work(workspace *w, arena *a, size_t J, size_t m, size_t p, s
     w->motion = take(a, m, sizeof(stages));
     w->free_depth = take(a, m, sizeof(double));
     w->free_rate = take(a, m, sizeof(double));
+    w->peaks = take(a, 2 * m, sizeof(double));
     w->parabola = take(a, 3 * m, sizeof(double));
     w->load = take(a, J, sizeof(double));
     w->load_rate = take(a, J, sizeof(double));
@@ -187,6 +188,8 @@ int aom_create(const aom_system *system, void *memory, size_t bytes, aom_stepper
     find_groups(*made);
     find_spans(*made);
     (*made)->rated = false;
+    for (int level = 0; level <= LEVELS; level++)
+        (*made)->halved[level] = ldexp(1.0, -level);
     return AOM_DONE;
 }
 
@@ -382,13 +385,19 @@ static void write_nodes(aom_stepper *st, aom_record *out, double h) {
     }
 }
 
+/* Write the present state, at the start of a step, if it is one of those that are kept. */
+void write_state(const aom_stepper *st, aom_record *out) {
+    size_t J = (size_t)st->system.n_modes;
+    if (out->states != NULL && (out->every < 2 || out->n_nodes / 2 % out->every == 0))
+        memcpy(out->states + 2 * (size_t)out->n_states++ * J, st->x, 2 * J * sizeof *st->x);
+}
+
 /* Go to the end of the step and write it down. */
 static void accept_step(aom_stepper *st, int index, aom_record *out) {
     course *now = &st->now;
     int J = st->system.n_modes;
     double h = now->step;
-    if (out->states != NULL)
-        memcpy(out->states + 2 * out->n_states++ * J, st->x, 2 * (size_t)J * sizeof *st->x);
+    write_state(st, out);
     parabolas(st, h);
     move(st, index, h);
     write_nodes(st, out, h);
@@ -583,7 +592,10 @@ int aom_integrate(aom_stepper *st, aom_record *out, double until, int64_t max_at
     }
 }
 
-void aom_clear(aom_record *record) { record->n_nodes = record->n_states = record->n_events = 0; }
+void aom_clear(aom_record *record) {
+    record->n_nodes = record->n_states = record->n_events = 0;
+    record->every = 1;
+}
 
 /* ---- what is told of a run */
 

@@ -122,17 +122,10 @@ int axm_create(const axm_model *model, void *memory, size_t bytes, axm_run **mad
 /* ---- the present step */
 
 static aom_record present_record(const axm_run *run, aom_event *events, int room) {
-    aom_record record = {3,
-                         1,
-                         room,
-                         (int64_t)run->filled[0],
-                         0,
-                         0,
-                         run->node_time,
-                         run->node_force,
-                         run->node_depth,
-                         run->node_state,
-                         events};
+    aom_record record = {.max_nodes = 3, .max_states = 1, .max_events = room,
+                         .n_nodes = (int64_t)run->filled[0], .time = run->node_time,
+                         .force = run->node_force, .depth = run->node_depth,
+                         .states = run->node_state, .events = events};
     return record;
 }
 
