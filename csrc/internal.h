@@ -181,6 +181,18 @@ void write_state(const aom_stepper *st, aom_record *out);
 /* ---- runs.c */
 double mechanical_energy(int n, const double *x, const double *omega);
 
+/* Memory of the caller's: where the next array begins; without memory only the size is counted. */
+typedef struct arena {
+    char *at;
+    size_t used;
+} arena;
+
+static inline void *take(arena *a, size_t count, size_t size) {
+    size_t begin = a->used;
+    a->used += (count * size + 15) & ~(size_t)15;
+    return a->at == NULL ? NULL : a->at + begin;
+}
+
 /* Answers of contact_step and flight_step other than the slot of the step. */
 enum { AT_ONCE = -1, NO_STEP = -2 };
 

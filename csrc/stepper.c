@@ -29,18 +29,6 @@ aom_options aom_default_options(double duration) {
 
 /* ---- memory */
 
-/* Where the next array begins; without memory only the size is counted. */
-typedef struct arena {
-    char *at;
-    size_t used;
-} arena;
-
-static void *take(arena *a, size_t count, size_t size) {
-    size_t begin = a->used;
-    a->used += (count * size + 15) & ~(size_t)15;
-    return a->at == NULL ? NULL : a->at + begin;
-}
-
 static void lay_out_slots(aom_stepper *st, arena *a, size_t J, size_t m, size_t G) {
     for (int k = 0; k < SLOTS; k++) {
         slot *s = st == NULL ? NULL : st->slots + k;

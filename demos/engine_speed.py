@@ -79,8 +79,7 @@ def engine(hit: ao.History) -> Callable[[], Any]:
     problem = hit.problem
     system = of_problem(problem)
     lasting = 3 * problem.depth / problem.speed
-    laws = (problem.law,)
-    return lambda: converge(system, laws, lasting, DURATION, TOL, 10_000, 1_000_000)
+    return lambda: converge(system, lasting, DURATION, TOL, 10_000, 1_000_000)
 
 
 def ms(work: Callable[[], Any], repeats: int) -> list[float]:
