@@ -52,7 +52,7 @@ typedef struct slot {
     double *rows;     /* [m][4][J]: depth by q, by v; rate by q, by v */
     double *coupling; /* [4][pairs]: beta S beta^T, beta J0 beta^T, ... */
     influence *local; /* [pairs]; of this step and the slot of its half */
-    double *moves;    /* [2][2][J], then [m][3][2][J]: what takes (q, v) over the step */
+    double *moves;    /* [4][J], then [m][4][J]: what takes (q, v) over the step */
 } slot;
 
 /* The modes that a row moves: two stretches, for a row has at most two bodies. All others are 0. */
@@ -137,7 +137,6 @@ struct aom_stepper {
 };
 
 /* ---- responses.c */
-void response(double omega, double decay, double t, double out[6]);
 void ready_rows(aom_stepper *st, int slot, double t);
 void ready_step(aom_stepper *st, int slot, double h);
 void ready_local(aom_stepper *st, int slot, double h);

@@ -37,7 +37,7 @@ void aom_state_at(const aom_system *system, const aom_record *record, int64_t k,
     double over = h > 0.0 ? 1.0 / h : 0.0;
     for (int j = 0; j < J; j++) {
         double r[6], f = 0.0, g = 0.0, c = 0.0, load, rise, w = system->omega[j];
-        response(w, system->decay[j], t, r);
+        aom_responses(1, &w, system->decay + j, &t, 0, r);
         between(system, system->loads, J, j, start, &load, &rise);
         for (int i = 0; i < m; i++) {
             double b = system->beta[(ptrdiff_t)i * J + j], f0 = F[i], f1 = F[m + i];

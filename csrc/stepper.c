@@ -35,7 +35,7 @@ static void lay_out_slots(aom_stepper *st, arena *a, size_t J, size_t m, size_t 
         double *response = take(a, 6 * J, sizeof(double)), *rows = take(a, 4 * m * J, sizeof(double));
         double *coupling = take(a, 4 * (m + G * G), sizeof(double));
         influence *local = take(a, m + G * G, sizeof(influence));
-        double *moves = take(a, (4 + 6 * m) * J, sizeof(double));
+        double *moves = take(a, (4 + 4 * m) * J, sizeof(double));
         if (s != NULL)
             *s = (slot){NAN, false, false, false, response, rows, coupling, local, moves};
     }
@@ -311,11 +311,11 @@ static void turn(int J, const double *restrict moves, double *restrict q, double
 /* What a force with value, slope and curvature f at the step's start takes from modes of the state. */
 static void push(int J, int begin, int end, const double *restrict moves, const double f[3],
                  double *restrict q, double *restrict v) {
-    const double *a = moves, *b = a + 2 * (ptrdiff_t)J, *c = b + 2 * (ptrdiff_t)J;
+    const double *S = moves, *J0 = S + J, *J1 = J0 + J, *J2 = J1 + J;
     double f0 = f[0], f1 = f[1], f2 = f[2];
     for (int j = begin; j < end; j++) {
-        q[j] -= f0 * a[j] + f1 * b[j] + f2 * c[j];
-        v[j] -= f0 * a[J + j] + f1 * b[J + j] + f2 * c[J + j];
+        q[j] -= f0 * J0[j] + f1 * J1[j] + f2 * J2[j];
+        v[j] -= f0 * S[j] + f1 * J0[j] + f2 * J1[j];
     }
 }
 
@@ -333,7 +333,7 @@ static void move(aom_stepper *st, int index, double h) {
         if (f[0] != 0.0 || f[1] != 0.0 || f[2] != 0.0)
             for (int part = 0; part < 2; part++)
                 push(J, st->spans[i].begin[part], st->spans[i].end[part],
-                     s->moves + (4 + 6 * (ptrdiff_t)i) * J, f, q, v);
+                     s->moves + (4 + 4 * (ptrdiff_t)i) * J, f, q, v);
     }
     if (st->loaded) {
         const double *S = s->response + 2 * (ptrdiff_t)J, *J0 = S + J, *J1 = J0 + J;

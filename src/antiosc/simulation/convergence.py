@@ -15,7 +15,8 @@ FINE = 200  # touches closer than the expected contact time over this count as o
 class Converged:
     """The finest run, its estimated relative errors, and until when [s] two runs agreed.
 
-    `share`: what its steps were chosen by, or the step [s]. The errors are infinite where no finer run reached the end.
+    `share`: what its steps were chosen by, or the step [s]. The errors are infinite where no finer
+    run reached the end.
     """
 
     run: Run
