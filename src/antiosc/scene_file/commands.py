@@ -18,7 +18,7 @@ from antiosc.scene_file import (
     run as runs,
     template,
 )
-from antiosc.scene_file.exported import exported
+from antiosc.scene_file.exported import export as exported
 from antiosc.scene_file.read import read
 from antiosc.scene_file.scene import Compiled, compiled
 
@@ -35,7 +35,7 @@ def new(options: argparse.Namespace) -> int:
 def check(options: argparse.Namespace) -> int:
     """`antiosc check FILE`."""
     found = compiled(read(options.file))
-    told = group_names.check(found)
+    told = [*(f"warning: {sentence}" for sentence in found.warnings), *group_names.check(found)]
     say(f"{options.file}: no mistakes found; for {', '.join(found.does()) or 'nothing to run'}.")
     for sentence in told:
         say(f"{options.file}: {sentence}")
@@ -45,7 +45,7 @@ def check(options: argparse.Namespace) -> int:
 def run(options: argparse.Namespace) -> int:
     """`antiosc run FILE`."""
     scene = compiled(read(options.file))
-    if scene.simulation is None:
+    if scene.history is None:
         raise InputError(
             f"{options.file} has no simulation to run: give [simulate], or [run] for a scene of "
             "several contacts."
@@ -56,7 +56,7 @@ def run(options: argparse.Namespace) -> int:
 def sweep(options: argparse.Namespace) -> int:
     """`antiosc sweep FILE`."""
     scene = compiled(read(options.file))
-    if not scene.sweep:
+    if scene.batch is None:
         raise InputError(
             f"{options.file} has no [sweep]; one is, for instance, [sweep] with the line "
             "impactor.velocity = [0.5, 1.0, 2.0]."
@@ -80,8 +80,7 @@ def export(options: argparse.Namespace) -> int:
 
     kind = checked(options.out)
     scene = compiled(read(options.file))
-    found = runs.results(scene, exported(scene, options.out, options.fmi, kind == ".mo"))
-    for sentence in found.warnings:
+    for sentence in exported(scene, options.out, options.fmi, kind == ".mo"):
         say(f"warning: {sentence}", sys.stderr)
     say(f"wrote {options.out}")
     return 0
@@ -96,7 +95,7 @@ def _study(options: argparse.Namespace, scene: Compiled, command: str) -> int:
         return 0
     page = None if options.report is None else report.checked(options.report)
     folder = _folder(options, scene)
-    found = runs.results(scene, scene.statements(command))
+    found = runs.results(scene, runs.COMMANDS[command])
     say(tables.text(found))
     written = [] if folder is None else output.write(found, folder)
     if page is not None:

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+import antiosc
 from antiosc import checks
 from antiosc._types import Array
 from antiosc.errors import (
@@ -26,9 +27,9 @@ from antiosc.errors import (
     without_warnings,
 )
 from antiosc.fem.site.site import SNAP_SHARE
+from antiosc.scene_file.build import Call, calls_in
 from antiosc.scene_file.locations import Place
 from antiosc.scene_file.problems import label, unknown
-from antiosc.scene_file.program import Call, Evaluation, calls_in
 from antiosc.scene_file.scene import Compiled
 
 #: Largest file that is read for its groups, bytes.
@@ -144,31 +145,26 @@ def _check_points(found: Compiled, known: Mapping[str, Outline]) -> None:
 
 def _at(found: Compiled) -> Mapping[str, Any]:
     """Part -> where an assembly places it."""
-    for statement in found.structure:
-        for call in calls_in(statement.expression):
-            if call.function == "ao.assemble":
-                at: Mapping[str, Any] = Evaluation(_failed).value(call.arguments.get("at", {}))
-                return at
-    return {}
+    places = found.structure.arguments.get("at", {}) if found.structure is not None else {}
+    return {part: call.made for part, call in places.items()}
 
 
 def _meshes(found: Compiled) -> Iterator[tuple[str, Call]]:
     """("" or name of a part, the call of read_mesh or read_model)."""
-    for statement in found.structure:
-        for call in calls_in(statement.expression):
-            if call.function in ("ao.read_mesh", "ao.read_model"):
-                inner = call.place[:1] == ("parts",)
-                yield (str(call.place[1]) if inner else "", call)
-    run = found.simulation
-    if run is not None and run.expression.function == "ao.strike":
-        source = run.expression.arguments["*source"]
+    run = found.history
+    source = found.structure
+    if source is None and run is not None and run.name == "strike":
+        source = run.arguments["source"]
         if isinstance(source, str):
-            yield "", Call("ao.read_mesh", {"source": source}, ("geometry",))
+            source = Call(antiosc.read_mesh, {"source": source}, ("geometry",))
+    for call in calls_in(source):
+        if call.name in ("read_mesh", "read_model"):
+            yield (str(call.place[1]) if call.place[0] == "parts" else "", call)
 
 
 def _path(call: Call) -> Path:
     """The file that a call of read_mesh or read_model reads."""
-    return Path(str(call.arguments["path" if call.function == "ao.read_model" else "source"]))
+    return Path(str(call.arguments["path" if call.name == "read_model" else "source"]))
 
 
 def outline(call: Call) -> Outline:
@@ -208,16 +204,12 @@ def _read(call: Call, path: Path) -> tuple[list[str], list[tuple[Array, float]]]
         unit = call.arguments.get("unit")
         found = opened(path, None if unit is None else UnitSystem.of(unit))
         return list(found.groups), [(found.points, call.arguments.get("size") or 0.0)]
-    if call.function == "ao.read_model":
+    if call.name == "read_model":
         names, raws = outline_of_deck(**call.arguments)
         return names, [(raw.points, _largest(raw.points[raw.cells])) for raw in raws]
 
-    mesh = Evaluation(_failed).value(call)
+    mesh = call.make(**call.arguments)
     return list(mesh.groups), [(mesh.dolfinx.geometry.x, _largest(mesh.geometry.nodes))]
-
-
-def _failed(_: Call, error: Exception) -> Exception:
-    return error
 
 
 def _largest(cells: Array) -> float:

@@ -199,7 +199,7 @@ def _plain(value: Any) -> Any:
 def write(found: Results, target: Path) -> list[Path]:
     """The files that the scene asks for, written on the first rank; their paths."""
     asked = found.compiled.output
-    wanted = Output() if asked is None else Output(**asked.arguments)
+    wanted = Output() if asked is None else asked.made
     written: list[Path] = []
     if wanted.fields and found.history is not None and found.structure is not None:
         import antiosc
@@ -218,8 +218,8 @@ def write(found: Results, target: Path) -> list[Path]:
         if wanted.model and found.model is not None:
             found.model.save(target / "model.npz")
             paths.append(target / "model.npz")
-        if found.found is not None and wanted.fields:
-            paths.append(found.found.write(target / "map.vtu"))
+        if found.map is not None and wanted.fields:
+            paths.append(found.map.write(target / "map.vtu"))
         if wanted.plot is not None:
             for name, draw in _pictures(found):
                 paths += _drawn(draw, target / f"{name}.{wanted.plot}", told)
@@ -240,11 +240,11 @@ def _tables(found: Results) -> list[tuple[str, dict[str, Any]]]:
             tables.append((name, {"time (s)": at, **columns}))
     if found.batch is not None:
         tables.append(("sweep.csv", result_tables.sweep_columns(found)))
-    if found.found is not None:
-        points = {f"{axis} (m)": found.found.points[:, k] for k, axis in enumerate("xyz")}
-        if len(found.found.surfaces()) > 1:
-            points = {"surface": found.found.names.tolist(), **points}
-        named = {result_tables.named(n): v for n, v in found.found.quantities().items()}
+    if found.map is not None:
+        points = {f"{axis} (m)": found.map.points[:, k] for k, axis in enumerate("xyz")}
+        if len(found.map.surfaces()) > 1:
+            points = {"surface": found.map.names.tolist(), **points}
+        named = {result_tables.named(n): v for n, v in found.map.quantities().items()}
         tables.append(("map.csv", points | named))
     return tables
 
@@ -260,10 +260,10 @@ def _numbers_of(found: Results) -> dict[str, Any]:
         content["probes"] = {n: float(np.abs(v).max()) for n, v in (found.probes or {}).items()}
     if found.batch is not None:
         content["sweep"] = result_tables.sweep_columns(found)
-    if found.found is not None:
-        names = found.found.names.tolist()
+    if found.map is not None:
+        names = found.map.names.tolist()
         content["map"] = {
-            "points": found.found.points, "surface": names, **found.found.quantities()
+            "points": found.map.points, "surface": names, **found.map.quantities()
         }  # fmt: skip
     return content
 
@@ -274,8 +274,8 @@ def _pictures(found: Results) -> list[tuple[str, Callable[[Path], Any]]]:
         pictures.append(("force", found.history.plot))
     if found.model is not None:
         pictures.append(("model", found.model.plot))
-    if found.found is not None:
-        pictures.append(("map", found.found.plot))
+    if found.map is not None:
+        pictures.append(("map", found.map.plot))
     return pictures
 
 

@@ -71,8 +71,8 @@ def page(found: Results, drawn: Sequence[Picture]) -> str:
         body.append(_table(result_tables.probe_rows(found)))
     if found.batch is not None:
         body += ["<h2>Sweep</h2>", _columns(result_tables.sweep_columns(found))]
-    if found.found is not None:
-        body += ["<h2>Map</h2>", _table(result_tables.map_rows(found.found))]
+    if found.map is not None:
+        body += ["<h2>Map</h2>", _table(result_tables.map_rows(found.map))]
     if found.history is not None:
         body += ["<h2>Errors</h2>", *_errors(found.history)]
     if found.structure is not None or found.model is not None:

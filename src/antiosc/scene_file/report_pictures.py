@@ -74,13 +74,13 @@ def pictures(found: Results) -> Iterator[Picture]:
             "Peak force (N) of each impact, over the first value that varies.",
             lambda figure: _swept(found, figure.subplots()),
         )
-    if found.found is not None:
+    if found.map is not None:
         for quantity in ("peak_force", "contact_time", "k0"):
-            if quantity in found.found.quantities():
+            if quantity in found.map.quantities():
                 yield _drawn(
                     f"Map: {quantity.replace('_', ' ')}",
                     f"{result_tables.named(quantity)} over the surface.",
-                    partial(plot_map, found.found, quantity=quantity),
+                    partial(plot_map, found.map, quantity=quantity),
                     ".png",
                 )
 

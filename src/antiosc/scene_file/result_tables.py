@@ -28,8 +28,8 @@ def text(found: Results) -> str:
         pieces.append(lines(probe_rows(found)))
     if found.batch is not None:
         pieces.append(columns(sweep_columns(found)))
-    if found.found is not None:
-        pieces.append(lines(map_rows(found.found)))
+    if found.map is not None:
+        pieces.append(lines(map_rows(found.map)))
     return "\n\n".join(piece for piece in pieces if piece)
 
 

@@ -6,10 +6,11 @@ import os
 import secrets
 from pathlib import Path
 
+import antiosc
 from antiosc import checks
 from antiosc.errors import AntioscError, InputError
+from antiosc.scene_file.build import Call
 from antiosc.scene_file.group_names import Outline, outline
-from antiosc.scene_file.program import Call
 
 #: Endings of decks, which describe materials and supports themselves.
 DECK_ENDINGS = {".inp", ".bdf", ".nas", ".fem", ".dat"}
@@ -155,7 +156,7 @@ def _outline(part: str) -> tuple[Outline | None, list[str]]:
     deck = Path(part).suffix.lower() in DECK_ENDINGS
     made = {"path": part, "unit": "mm"} if deck else {"source": part}
     try:
-        found = outline(Call("ao.read_model" if deck else "ao.read_mesh", made))
+        found = outline(Call(antiosc.read_model if deck else antiosc.read_mesh, made))
     except (AntioscError, OSError) as error:
         why = error.strerror if isinstance(error, OSError) else str(error).rstrip(".")
         return None, [f"the box of {name} is not known: {why}."]
