@@ -208,8 +208,8 @@ class Builder:
         whole &= all(value is not None for value in arguments.values())
         method = function.rpartition(".")[2]
         made = Call(getattr(own, method, None) or resolved(function), arguments, place)
-        if function in (methods or {}).values() and own is None:
-            return None
+        if own is None and (function, None) in (methods or {}).values():
+            return None  # a method of a body that is wrong
         if light(function):
             return self._tried(made, known, table, whole)
         return made if whole else None
