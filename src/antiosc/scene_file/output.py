@@ -21,7 +21,12 @@ from antiosc.scene_file.outputs import Output
 from antiosc.scene_file.run import Results, on_first
 from antiosc.simulation.error_bars import CAUSES
 from antiosc.simulation.results import covers
-from antiosc.simulation.scene_history import SceneHistory
+
+#: What a history of one impact records, and its units.
+_UNITS = {
+    **{"force": "N", "indentation": "m", "displacement": "m", "velocity": "m/s"},
+    **{"impactor displacement": "m", "impactor velocity": "m/s"},
+}
 
 
 def folder(path: str | os.PathLike[str]) -> Path:
@@ -56,43 +61,21 @@ def _cell(value: Any) -> Any:
     return files.table_text(value) if isinstance(value, str) else value
 
 
-def ends(history: SceneHistory) -> list[tuple[str, str]]:
-    """The ends of the contacts of a scene, in its order."""
-    return [(contact.a, contact.b) for contact in history.assembly.scene.contacts]
-
-
 def history_columns(history: Any) -> dict[str, Any]:
-    """Name with unit -> values, of a `History` or a `SceneHistory`."""
-    if isinstance(history, SceneHistory):
-        return _scene_columns(history)
-    columns = {
-        "time (s)": history.time,
-        "force (N)": history.force,
-        "indentation (m)": history.indentation,
-        "displacement (m)": history.displacement,
-        "velocity (m/s)": history.velocity,
-        "impactor displacement (m)": history.impactor_displacement,
-        "impactor velocity (m/s)": history.impactor_velocity,
-    }
-    return columns | _energy_columns(history.energy)
-
-
-def _scene_columns(history: Any) -> dict[str, Any]:
+    """Name with unit -> values, of one impact or of several contacts."""
     columns = {"time (s)": history.time}
-    for a, b in ends(history):
-        contact = history[a, b]
+    contacts = result_tables.contacts_of(history)
+    for (a, b), contact in contacts.items():
         columns[f"force {a} {b} (N)"] = contact.force
         columns[f"indentation {a} {b} (m)"] = contact.indentation
         for k in range(contact.friction.shape[1]):
             columns[f"friction {k + 1} {a} {b} (N)"] = contact.friction[:, k]
-    return columns | _energy_columns(history.energy)
-
-
-def _energy_columns(energy: Any) -> dict[str, Any]:
-    return {
-        f"{name} energy (J)": getattr(energy, name)
-        for name in ("kinetic", "strain", "contact", "dissipated")
+    units = {} if contacts else _UNITS
+    columns |= {
+        f"{name} ({u})": getattr(history, name.replace(" ", "_")) for name, u in units.items()
     }
+    energies = ("kinetic", "strain", "contact", "dissipated")
+    return columns | {f"{name} energy (J)": getattr(history.energy, name) for name in energies}
 
 
 def probe_columns(found: Results) -> list[tuple[Any, dict[str, Any]]]:
@@ -102,29 +85,29 @@ def probe_columns(found: Results) -> list[tuple[Any, dict[str, Any]]]:
         asked = found.compiled.probes[name].arguments
         at = np.asarray(asked.get("times", found.history.time), dtype=float).reshape(-1)
         own = _components(name, np.asarray(values), result_tables.probe_unit(found, name))
-        for known, columns in groups:
-            if np.array_equal(known, at):
-                columns.update(own)
-                break
-        else:
+        equal = next((columns for known, columns in groups if np.array_equal(known, at)), None)
+        if equal is None:
             groups.append((at, own))
+        else:
+            equal.update(own)
     return groups
 
 
 def _components(name: str, values: Any, unit: str) -> dict[str, Any]:
     """A scalar, the components of a vector, or the six of a symmetric tensor, as columns."""
     shown = f" ({unit})" if unit else ""
-    if values.ndim == 3:
-        rows, columns = np.triu_indices(values.shape[1])
-        return {
-            f"{name} {'xyz'[i]}{'xyz'[j]}{shown}": values[:, i, j]
-            for i, j in zip(rows, columns, strict=True)
-        }
     if values.ndim == 1:
         return {name + shown: values}
-    count = values.shape[1]
-    axes = "xyz" if count <= 3 else [str(k + 1) for k in range(count)]
-    return {f"{name} {axes[k]}{shown}": values[:, k] for k in range(count)}
+    if values.ndim == 3:
+        upper = np.triu_indices(values.shape[1])
+        axes, values = (
+            [f"{'xyz'[i]}{'xyz'[j]}" for i, j in zip(*upper, strict=True)],
+            values[:, *upper],
+        )
+    else:
+        count = values.shape[1]
+        axes = list("xyz"[:count]) if count <= 3 else [str(k + 1) for k in range(count)]
+    return {f"{name} {axis}{shown}": values[:, k] for k, axis in enumerate(axes)}
 
 
 # -- numbers
@@ -135,9 +118,9 @@ def numbers(history: Any) -> dict[str, Any]:
     found: dict[str, Any] = {
         "status": history.status,
         "message": history.message,
-        "error": _plain(history.error),
+        "error": history.error,
         "error_covers": covers(history),
-        "energy_drift": _plain(history.energy.drift),
+        "energy_drift": history.energy.drift,
     }
     budget = result_tables.error_budget(history)
     if budget:
@@ -145,27 +128,23 @@ def numbers(history: Any) -> dict[str, Any]:
         found["error_budget"] = {
             name: {cause: getattr(bar, cause) for cause in causes} for name, bar in budget.items()
         }
-    if isinstance(history, SceneHistory):
-        found["contacts"] = {f"{a} {b}": _contact(history[a, b]) for a, b in ends(history)}
+    contacts = result_tables.contacts_of(history)
+    if contacts:
+        found["contacts"] = {f"{a} {b}": _contact(one) for (a, b), one in contacts.items()}
     else:
         found |= _contact(history) | {"restitution": history.restitution, "step": history.step}
     return found
 
 
 def _contact(one: Any) -> dict[str, Any]:
-    return {
-        "peak_force": one.peak_force,
-        "impulse": one.impulse,
-        "contact_time": one.contact_time,
-        "contacts": [list(map(float, pair)) for pair in one.contacts],
-    }
+    names = ("peak_force", "impulse", "contact_time", "contacts")
+    return {name: getattr(one, name) for name in names}
 
 
 def model_numbers(model: Any) -> dict[str, Any]:
     """The parameters of a reduced model as JSON values; SI units."""
     names = ("k0", "m0", "m_st", "omega", "m", "P", "sites")
-    own = {name: _plain(getattr(model, name, None)) for name in names}
-    return own | {"points": _plain(places_of(model))}
+    return {name: getattr(model, name, None) for name in names} | {"points": places_of(model)}
 
 
 def write_numbers(path: Path, content: Mapping[str, Any]) -> Path:
@@ -180,12 +159,10 @@ def _plain(value: Any) -> Any:
     """A value of JSON."""
     if isinstance(value, Mapping):
         return {str(key): _plain(each) for key, each in value.items()}
-    if isinstance(value, np.ndarray):
+    if isinstance(value, np.ndarray | np.generic):
         return _plain(value.tolist())
     if isinstance(value, list | tuple):
         return [_plain(each) for each in value]
-    if isinstance(value, np.generic):
-        return _plain(value.item())
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if value is None or isinstance(value, bool | int | str):
