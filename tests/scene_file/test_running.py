@@ -72,10 +72,10 @@ def test_a_scene_of_several_contacts_runs_as_its_program(tmp_path, capsys):
     assert hit.summary() in told
     first = hit["structure:middle", "ball"]
     result = numbers(tmp_path / "out")["result"]
-    assert result["contacts"]["structure:middle ball"]["peak_force"] == first.peak_force > 0
+    assert result["contacts"]["structure:middle - ball"]["peak_force"] == first.peak_force > 0
     columns = table(tmp_path / "out/history.csv")
     second = hit["structure:end", "stop"]
-    assert np.array_equal(columns["force structure:end stop (N)"], second.force)
+    assert np.array_equal(columns["structure:end - stop force (N)"], second.force)
 
 
 def test_a_sweep_is_many_runs(tmp_path, capsys):

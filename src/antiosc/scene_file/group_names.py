@@ -98,10 +98,9 @@ def check(found: Compiled) -> list[str]:
             continue
         told.append(f"{one.name} reaches {one.text()}.")
         for place, group in _named(found.document.data, part):
-            found_name = group.partition(":")[2] if part else group
-            if found_name not in one.groups:
+            if isinstance(group, str) and group not in one.groups:
                 what = f"{label(place)}: in {one.name} the group"
-                problems.add(place, unknown(what, found_name, one.groups))
+                problems.add(place, unknown(what, group, one.groups))
     if len(known) == sum(1 for _ in _meshes(found)):
         _check_points(found, known)
     problems.raise_if_any()
@@ -217,39 +216,26 @@ def _largest(cells: Array) -> float:
     return float(np.linalg.norm(np.ptp(cells, axis=1), axis=1).max(initial=0.0))
 
 
-def _named(data: Mapping[str, Any], part: str) -> Iterator[tuple[Place, str]]:
-    """Places of a scene that name a group of a mesh, and the name; of a part "part:group"."""
-    if part:
-        yield from _in_joints(data, part)
+def _named(data: Mapping[str, Any], part: str) -> Iterator[tuple[Place, Any]]:
+    """Places of a scene that may name a group of a mesh, or of a part, and what stands there."""
     own: Mapping[str, Any] = data["parts"][part] if part else data
     start: Place = ("parts", part) if part else ()
-    mark = f"{part}:" if part else ""
     material = own.get("material", {})
     if material and all(isinstance(each, dict) for each in material.values()):
-        for group in material:
-            yield (*start, "material", group), mark + group
+        yield from (((*start, "material", group), group) for group in material)
     for name in ("supports", "attached"):
         for i, table in enumerate(own.get(name, ())):
-            if isinstance(table.get("where"), str):
-                yield (*start, name, i, "where"), mark + table["where"]
-    if part:
+            yield (*start, name, i, "where"), table.get("where")
+    ends: list[tuple[Place, Any]] = [
+        ((name, key, "point"), table.get("point"))
+        for name in ("sites", "probes")
+        for key, table in data.get(name, {}).items()
+    ]
+    if not part:
+        yield from [*ends, (("map", "where"), data.get("map", {}).get("where"))]
         return
-    for name in ("sites", "probes"):
-        for key, table in data.get(name, {}).items():
-            if isinstance(table.get("point"), str):
-                yield (name, key, "point"), table["point"]
-    if isinstance(data.get("map", {}).get("where"), str):
-        yield ("map", "where"), data["map"]["where"]
-
-
-def _in_joints(data: Mapping[str, Any], part: str) -> Iterator[tuple[Place, str]]:
-    """Ends "part:group" of joints and sites of an assembly."""
     for i, table in enumerate(data.get("joints", ())):
-        for key in ("a", "b", "group"):
-            if isinstance(table.get(key), str) and table[key].startswith(f"{part}:"):
-                yield ("joints", i, key), table[key]
-    for name in ("sites", "probes"):
-        for key, table in data.get(name, {}).items():
-            point = table.get("point")
-            if isinstance(point, str) and point.startswith(f"{part}:"):
-                yield (name, key, "point"), point
+        ends += [(("joints", i, key), table.get(key)) for key in ("a", "b", "group")]
+    for place, text in ends:
+        if isinstance(text, str) and text.startswith(f"{part}:"):
+            yield place, text.removeprefix(f"{part}:")

@@ -20,13 +20,6 @@ from antiosc.scene_file import result_tables
 from antiosc.scene_file.outputs import Output
 from antiosc.scene_file.run import Results, on_first
 from antiosc.simulation.error_bars import CAUSES
-from antiosc.simulation.results import covers
-
-#: What a history of one impact records, and its units.
-_UNITS = {
-    **{"force": "N", "indentation": "m", "displacement": "m", "velocity": "m/s"},
-    **{"impactor displacement": "m", "impactor velocity": "m/s"},
-}
 
 
 def folder(path: str | os.PathLike[str]) -> Path:
@@ -62,20 +55,10 @@ def _cell(value: Any) -> Any:
 
 
 def history_columns(history: Any) -> dict[str, Any]:
-    """Name with unit -> values, of one impact or of several contacts."""
-    columns = {"time (s)": history.time}
-    contacts = result_tables.contacts_of(history)
-    for (a, b), contact in contacts.items():
-        columns[f"force {a} {b} (N)"] = contact.force
-        columns[f"indentation {a} {b} (m)"] = contact.indentation
-        for k in range(contact.friction.shape[1]):
-            columns[f"friction {k + 1} {a} {b} (N)"] = contact.friction[:, k]
-    units = {} if contacts else _UNITS
-    columns |= {
-        f"{name} ({u})": getattr(history, name.replace(" ", "_")) for name, u in units.items()
-    }
+    """Name with unit -> values: the table of the history, and the energies of all bodies."""
+    own = {n.replace("[", "(").replace("]", ")"): v for n, v in history.columns().items()}
     energies = ("kinetic", "strain", "contact", "dissipated")
-    return columns | {f"{name} energy (J)": getattr(history.energy, name) for name in energies}
+    return own | {f"{name} energy (J)": getattr(history.energy, name) for name in energies}
 
 
 def probe_columns(found: Results) -> list[tuple[Any, dict[str, Any]]]:
@@ -115,30 +98,12 @@ def _components(name: str, values: Any, unit: str) -> dict[str, Any]:
 
 def numbers(history: Any) -> dict[str, Any]:
     """The results of one run as JSON values; SI units."""
-    found: dict[str, Any] = {
-        "status": history.status,
-        "message": history.message,
-        "error": history.error,
-        "error_covers": covers(history),
-        "energy_drift": history.energy.drift,
-    }
     budget = result_tables.error_budget(history)
-    if budget:
-        causes = (*CAUSES, "total")
-        found["error_budget"] = {
-            name: {cause: getattr(bar, cause) for cause in causes} for name, bar in budget.items()
-        }
-    contacts = result_tables.contacts_of(history)
-    if contacts:
-        found["contacts"] = {f"{a} {b}": _contact(one) for (a, b), one in contacts.items()}
-    else:
-        found |= _contact(history) | {"restitution": history.restitution, "step": history.step}
-    return found
-
-
-def _contact(one: Any) -> dict[str, Any]:
-    names = ("peak_force", "impulse", "contact_time", "contacts")
-    return {name: getattr(one, name) for name in names}
+    bars = {
+        name: {cause: getattr(bar, cause) for cause in (*CAUSES, "total")}
+        for name, bar in budget.items()
+    }
+    return history.numbers() | ({"error_budget": bars} if bars else {})
 
 
 def model_numbers(model: Any) -> dict[str, Any]:
@@ -198,8 +163,10 @@ def write(found: Results, target: Path) -> list[Path]:
         if found.map is not None and wanted.fields:
             paths.append(found.map.write(target / "map.vtu"))
         if wanted.plot is not None:
-            for name, draw in _pictures(found):
-                paths += _drawn(draw, target / f"{name}.{wanted.plot}", told)
+            shown = {"force": found.history, "model": found.model, "map": found.map}
+            for name, one in shown.items():
+                if hasattr(one, "plot"):
+                    paths += _drawn(one.plot, target / f"{name}.{wanted.plot}", told)
         return paths, told
 
     paths, told = on_first(files_of_first)
@@ -211,18 +178,17 @@ def _tables(found: Results) -> list[tuple[str, dict[str, Any]]]:
     tables = []
     if found.history is not None:
         tables.append(("history.csv", history_columns(found.history)))
-    if found.probes:
-        for k, (at, columns) in enumerate(probe_columns(found)):
-            name = "probes.csv" if k == 0 else f"probes_{k + 1}.csv"
-            tables.append((name, {"time (s)": at, **columns}))
+    for k, (at, columns) in enumerate(probe_columns(found) if found.probes else ()):
+        name = f"probes_{k + 1}.csv" if k else "probes.csv"
+        tables.append((name, {"time (s)": at, **columns}))
     if found.batch is not None:
         tables.append(("sweep.csv", result_tables.sweep_columns(found)))
     if found.map is not None:
-        points = {f"{axis} (m)": found.map.points[:, k] for k, axis in enumerate("xyz")}
-        if len(found.map.surfaces()) > 1:
-            points = {"surface": found.map.names.tolist(), **points}
+        several = len(found.map.surfaces()) > 1
+        table = {"surface": found.map.names.tolist()} if several else {}
+        table |= {f"{axis} (m)": found.map.points[:, k] for k, axis in enumerate("xyz")}
         named = {result_tables.named(n): v for n, v in found.map.quantities().items()}
-        tables.append(("map.csv", points | named))
+        tables.append(("map.csv", table | named))
     return tables
 
 
@@ -238,22 +204,9 @@ def _numbers_of(found: Results) -> dict[str, Any]:
     if found.batch is not None:
         content["sweep"] = result_tables.sweep_columns(found)
     if found.map is not None:
-        names = found.map.names.tolist()
-        content["map"] = {
-            "points": found.map.points, "surface": names, **found.map.quantities()
-        }  # fmt: skip
+        content["map"] = {"points": found.map.points, "surface": found.map.names.tolist()}
+        content["map"] |= found.map.quantities()
     return content
-
-
-def _pictures(found: Results) -> list[tuple[str, Callable[[Path], Any]]]:
-    pictures: list[tuple[str, Callable[[Path], Any]]] = []
-    if found.history is not None and hasattr(found.history, "plot"):
-        pictures.append(("force", found.history.plot))
-    if found.model is not None:
-        pictures.append(("model", found.model.plot))
-    if found.map is not None:
-        pictures.append(("map", found.map.plot))
-    return pictures
 
 
 def _drawn(draw: Callable[[Path], Any], path: Path, told: list[str]) -> list[Path]:
