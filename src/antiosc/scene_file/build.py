@@ -109,6 +109,8 @@ class Builder:
         self.document = document
         self.data = document.data
         self.problems = document.problems
+        #: (place, sentence): notes a mistake
+        self.note = document.problems.add
         #: warnings of the objects that were made
         self.told: list[str] = []
 
@@ -130,13 +132,13 @@ class Builder:
                 close = nearest(name, known)
                 hint = f"; did you mean [{close}], {known[close].about}?" if close else "."
                 where = f"[{label(place)}]" if place else "a scene"
-                self.problems.add(
+                self.note(
                     at,
                     f"{where} has no section {checks.shown(name)}{hint} There is {listed(known)}.",
                 )
             elif not isinstance(value, forms[known[name].form][0]):
                 form = forms[known[name].form][1].format(label(at))
-                self.problems.add(at, f"{label(at)} must be {form}.")
+                self.note(at, f"{label(at)} must be {form}.")
 
     def part(self, name: str, form: type = dict, data: Any = None) -> Any:
         """A section, or an empty one where it is missing or of the wrong form."""
@@ -198,7 +200,7 @@ class Builder:
             function, own = self._function(makes, table, place, methods or {})
             known = {n: p for n, p in parameters(function).items() if n not in withheld}
         except MissingDependencyError as error:
-            self.problems.add(place, f"{label(place)} cannot be used here: {error}")
+            self.note(place, f"{label(place)} cannot be used here: {error}")
             return None
         except Mistake:
             return None
@@ -247,9 +249,7 @@ class Builder:
         for one in missing:
             if one.name not in meant:
                 about = f" ({one.about})" if one.about else ""
-                self.problems.add(
-                    place, f"{label(place)} lacks {one.name!r}, {words(one.kinds)}{about}."
-                )
+                self.note(place, f"{label(place)} lacks {one.name!r}, {words(one.kinds)}{about}.")
         return bool(missing)
 
     def _values(
@@ -310,7 +310,7 @@ class Builder:
                 place, sentence = refused(replace(call, arguments=arguments), error)
                 key = str(place[-1]) if len(place) > len(call.place) else ""
             if key not in lost and (whole or key):
-                self.problems.add(place, sentence)
+                self.note(place, sentence)
             if key in lost or not isinstance(arguments.get(key), float):
                 return None
             arguments[key] = STAND_IN
@@ -412,9 +412,9 @@ class Builder:
     def names(self, what: str, name: str, known: Sequence[str], place: Place) -> bool:
         """Note a name that refers to nothing; whether it does exist."""
         if name not in known:
-            self.problems.add(place, unknown(f"{label(place)}: the {what}", name, known))
+            self.note(place, unknown(f"{label(place)}: the {what}", name, known))
         return name in known
 
     def _wrong(self, place: Place, sentence: str) -> Any:
-        self.problems.add(place, sentence)
+        self.note(place, sentence)
         raise Mistake

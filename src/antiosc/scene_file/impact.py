@@ -24,11 +24,11 @@ def impact(build: Builder, structure: Call | None, model: Call | None) -> dict[s
     many = [n for n in ("contacts", "bodies", "run") if n in build.data]
     for name in ("scene", "loads", "base", "motion"):
         if name in build.data and not many:
-            build.problems.add(
+            build.note(
                 (name,), f"[{name}] belongs to a scene of several contacts: give [[contacts]]."
             )
     if single and many:
-        build.problems.add(
+        build.note(
             (many[0],),
             f"[{single[0]}] describes one impact and [{many[0]}] a scene of several contacts;"
             " keep one of the two.",
@@ -41,9 +41,7 @@ def impact(build: Builder, structure: Call | None, model: Call | None) -> dict[s
 def _single(build: Builder, structure: Call | None, model: Call | None) -> dict[str, Any]:
     for name in ("impactor", "contact"):
         if name not in build.data:
-            build.problems.add(
-                (), f"the scene has no [{name}], {SECTIONS[name].about}: give its kind."
-            )
+            build.note((), f"the scene has no [{name}], {SECTIONS[name].about}: give its kind.")
     impactor = build.table("impactor")
     methods = own_laws("impactor", build.data.get("impactor"), impactor)
     both = {"impactor": impactor, "contact": build.table("contact", methods=methods)}
@@ -56,12 +54,10 @@ def _strike(build: Builder, structure: Call | None, both: Mapping[str, Any]) -> 
     """The impact to a tolerance."""
     for name in ("simulate", "extract"):
         if name in build.data:
-            build.problems.add(
-                (name,), f"[strike] chooses what [{name}] says; keep one of the two."
-            )
+            build.note((name,), f"[strike] chooses what [{name}] says; keep one of the two.")
     sites = build.named("sites")
     if len(build.part("sites")) != 1 or not (structure or struck.refined(build)):
-        build.problems.add(("strike",), "[strike] needs a structure and one site, [sites.NAME].")
+        build.note(("strike",), "[strike] needs a structure and one site, [sites.NAME].")
         return None
     given = {**struck.to_strike(build, structure), "site": next(iter(sites.values()), None)}
     return build.table("strike", given={**given, **both})
@@ -94,9 +90,7 @@ def _several(build: Builder, model: Call | None) -> dict[str, Any]:
     own: dict[str, Any] = {STRUCTURE: model} if struck.source(build) else {}
     named, tables = build.named("bodies"), build.part("bodies")
     if STRUCTURE in tables and own:
-        build.problems.add(
-            ("bodies", STRUCTURE), f"the body {STRUCTURE!r} is the structure of this scene."
-        )
+        build.note(("bodies", STRUCTURE), f"the body {STRUCTURE!r} is the structure of this scene.")
     ends = Ends(build, {**own, **dict.fromkeys(tables), **named, **own})
     methods: dict[str, tuple[str, Any]] = {}
     for name, table in tables.items():
@@ -112,7 +106,7 @@ def _several(build: Builder, model: Call | None) -> dict[str, Any]:
     more = {"loads": loads, "base": build.table("base"), "motion": motion}
     scene = build.section("scene", given | {name: one for name, one in more.items() if one})
     if "run" not in build.data and "map" not in build.data:
-        build.problems.add((), "a scene of several contacts needs [run] with its duration.")
+        build.note((), "a scene of several contacts needs [run] with its duration.")
     return {"scene": scene, "history": build.table("run", given={"self": scene})}
 
 
@@ -122,19 +116,19 @@ def _contacts(
     """[[contacts]], whose `law` may be one of a body."""
     written = build.part("contacts", list)
     if not written:
-        build.problems.add((), "a scene of several bodies needs [[contacts]].")
+        build.note((), "a scene of several bodies needs [[contacts]].")
     found = []
     for i, table in enumerate(written):
         place: Place = ("contacts", i)
         if not isinstance(table, dict):
-            build.problems.add(place, f"{label(place)} must be a table, [[contacts]].")
+            build.note(place, f"{label(place)} must be a table, [[contacts]].")
             continue
         law, at = None, (*place, "law")
         if isinstance(table.get("law"), dict):
             law = build.call(SECTIONS["contact"], table["law"], at, methods=methods)
         else:
             like = 'law = {kind = "Hertz", stiffness = 1e9}'
-            build.problems.add(at, f"{label(at)} must be a table, as {like}.")
+            build.note(at, f"{label(at)} must be a table, as {like}.")
         for key in ("a", "b"):
             ends.check(table, key, place)
         rest = {key: value for key, value in table.items() if key != "law"}

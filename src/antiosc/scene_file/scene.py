@@ -77,9 +77,7 @@ def compiled(document: Document) -> Compiled:
     if "probes" in build.data and (
         source in ("", "model") or not {"simulate", "run", "strike"} & set(build.data)
     ):
-        build.problems.add(
-            ("probes",), "[probes] need a structure of this scene and its simulation."
-        )
+        build.note(("probes",), "[probes] need a structure of this scene and its simulation.")
     batch = studies.sweep(build, model, impactor, contact)
     surface = studies.surface(build, source, structure, impactor, contact)
     output = build.table("output")

@@ -31,13 +31,13 @@ def source(build: Builder) -> str:
     """Which section says what is struck; "" for rigid bodies alone."""
     there = [name for name in SOURCES if name in build.data]
     if len(there) > 1:
-        build.problems.add(
+        build.note(
             (there[1],),
             f"[{there[0]}] and [{there[1]}] both say what is struck; keep one of them.",
         )
     if not there and not build.data.get("bodies"):
         names = ", ".join(f"[{name}]" for name in SOURCES)
-        build.problems.add((), f"the scene does not say what is struck: give one of {names}.")
+        build.note((), f"the scene does not say what is struck: give one of {names}.")
     return there[0] if there else ""
 
 
@@ -45,15 +45,11 @@ def structure(build: Builder, source: str) -> Call | None:
     """The structure; None for a saved model, for rigid bodies, and for a mesh that is refined."""
     for name in ("joints", "at", "points", "assembly"):
         if name in build.data and source != "parts":
-            build.problems.add(
-                (name,), f"[{name}] belongs to an assembly; this scene has no [parts.NAME]."
-            )
+            build.note((name,), f"[{name}] belongs to an assembly; this scene has no [parts.NAME].")
     taken, remedy = _BESIDE.get(source, ("material structure supports attached", ""))
     for name in ("material", "structure", "supports", "attached"):
         if name in build.data and name not in taken.split():
-            build.problems.add(
-                (name,), f"[{name}] has no place beside [{source}]: {remedy.format(name)}."
-            )
+            build.note((name,), f"[{name}] has no place beside [{source}]: {remedy.format(name)}.")
     if source == "parts":
         return _assembly(build)
     if source == "matrices":
@@ -101,7 +97,7 @@ def _supported(build: Builder, data: Mapping[str, Any], place: Place) -> dict[st
         for name in fix if isinstance(fix, list) else [fix]:
             if isinstance(name, str) and name not in FIXED:
                 at = (*place, "supports", i, "fix")
-                build.problems.add(at, unknown(f"{label(at)}: the component", name, FIXED))
+                build.note(at, unknown(f"{label(at)}: the component", name, FIXED))
     given = {name: build.listed(name, data, place) for name in ("supports", "attached")}
     return {name: value for name, value in given.items() if value}
 
@@ -111,7 +107,7 @@ def material(build: Builder, data: Mapping[str, Any], place: Place) -> Any:
     table, at = data.get("material"), (*place, "material")
     section = SECTIONS["material"]
     if not isinstance(table, dict):
-        build.problems.add(
+        build.note(
             place,
             f"there is no [{label(at)}]; it takes kind and the constants, as in `[{label(at)}]`"
             ' `kind = "Solid"`.',
@@ -128,13 +124,13 @@ def _assembly(build: Builder) -> Call | None:
     for name, data in build.part("parts").items():
         place: Place = ("parts", name)
         if not isinstance(data, dict):
-            build.problems.add(place, f"{label(place)} must be a table, [parts.{name}].")
+            build.note(place, f"{label(place)} must be a table, [parts.{name}].")
             continue
         build.known_sections(data, SECTIONS["parts"].inner, place)
         if "deck" in data or "geometry" in data:
             parts[name] = _part(build, data, place)
         else:
-            build.problems.add(place, f"{label(place)} lacks a geometry or a deck.")
+            build.note(place, f"{label(place)} lacks a geometry or a deck.")
     joints, placed, points = build.listed("joints"), build.named("at"), _points(build)
     for call in joints:
         _joint_ends(build, call, list(parts))
@@ -173,21 +169,17 @@ def model(build: Builder, source: str, structure: Call | None) -> Call | None:
     sites = build.named("sites")
     given = build.data.get("sites")
     if source in ("", "model") and given:
-        build.problems.add(
-            ("sites",), "[sites] belong to a structure; this scene has none of its own."
-        )
+        build.note(("sites",), "[sites] belong to a structure; this scene has none of its own.")
     if source == "model":
         return build.table("model")
     needed = {"extract", "simulate", "contacts", "run", "sweep"} & set(build.data)
     if not source or "strike" in build.data or not (needed or sites):
         return None
     if not given:
-        build.problems.add(
-            (source,), "the scene has no site: give [sites.NAME] with point and direction."
-        )
+        build.note((source,), "the scene has no site: give [sites.NAME] with point and direction.")
     several = len(given or {}) > 1 or "contacts" in build.data
     if several and "contacts" not in build.data and "simulate" in build.data:
-        build.problems.add(
+        build.note(
             ("sites",),
             "[simulate] takes one site, and there are several: give [[contacts]] between"
             ' "structure:SITE" and [bodies.NAME].',

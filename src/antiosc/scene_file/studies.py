@@ -26,19 +26,19 @@ def sweep(
     if "sweep" not in build.data:
         return None
     if not all(name in build.data for name in VARIED):
-        build.problems.add(
+        build.note(
             ("sweep",), "[sweep] varies [impactor], [contact] and [simulate]; give all three."
         )
         return None
     if not build.part("sweep"):
-        build.problems.add(
+        build.note(
             ("sweep",), "[sweep] holds no list of values, as impactor.velocity = [1.0, 2.0]."
         )
     values = {name: _values(build, name) for name in build.part("sweep")}
     sizes = {f"{one}.{name}": len(v) for one, each in values.items() for name, v in each.items()}
     if len(set(sizes.values())) > 1:
         text = ", ".join(f"{name}: {size}" for name, size in sizes.items())
-        build.problems.add(("sweep",), f"the lists of [sweep] must be equally long; got {text}.")
+        build.note(("sweep",), f"the lists of [sweep] must be equally long; got {text}.")
         return None
     if not sizes or model is None or impactor is None or contact is None:
         return None
@@ -56,7 +56,7 @@ def _values(build: Builder, section: str) -> dict[str, Any]:
     """The parameters of a section with their lists in [sweep]."""
     lists = build.data["sweep"][section]
     if section not in VARIED or not isinstance(lists, dict):
-        build.problems.add(
+        build.note(
             ("sweep", section),
             f"[sweep] has lists of {listed(VARIED)}, as impactor.velocity = [1.0, 2.0]; got"
             f" {section!r}.",
@@ -64,7 +64,7 @@ def _values(build: Builder, section: str) -> dict[str, Any]:
         return {}
     known = _known(build, section)
     if not known:
-        build.problems.add(
+        build.note(
             ("sweep", section),
             f"[sweep] cannot vary [{section}], whose kind is wrong or a law of the impactor;"
             ' give a law by itself, as kind = "Hertz".',
@@ -84,7 +84,7 @@ def _values(build: Builder, section: str) -> dict[str, Any]:
         except Mistake:
             continue
         if not 0 < len(entries) <= MOST_IMPACTS:
-            build.problems.add(
+            build.note(
                 place, f"{label(place)} must have 1 to {MOST_IMPACTS} values; got {len(entries)}."
             )
             del found[key]
@@ -114,7 +114,7 @@ def _varied(build: Builder, call: Call, values: Mapping[str, Any]) -> Any:
         return antiosc.sweep(call.make, **{**fixed, **values})
     except AntioscError as error:
         arguments = {**call.arguments, **values}
-        build.problems.add(*refused(Call(call.make, arguments, ("sweep", *call.place)), error))
+        build.note(*refused(Call(call.make, arguments, ("sweep", *call.place)), error))
         return None
 
 
@@ -124,7 +124,7 @@ def _batch(build: Builder, values: Mapping[str, Any], made: tuple[Any, ...]) -> 
     table = build.part("simulate")
     lost = [name for name in table if name not in known]
     if lost:
-        build.problems.add(
+        build.note(
             ("simulate", lost[0]),
             f"[simulate] has {lost[0]!r}, which a sweep does not take; it takes {listed(known)}.",
         )
@@ -141,7 +141,7 @@ def surface(
     if not isinstance(build.data.get("map"), dict):
         return None
     if source not in ("geometry", "deck", "parts"):
-        build.problems.add(("map",), "[map] needs a structure of [geometry], [deck] or [parts].")
+        build.note(("map",), "[map] needs a structure of [geometry], [deck] or [parts].")
     given: dict[str, Any] = {"structure": structure}
     table = dict(build.data["map"])
     if {"impactor", "contact"} & set(build.data):
@@ -149,5 +149,5 @@ def surface(
         if "duration" not in table and "duration" in build.part("simulate"):
             table["duration"] = build.part("simulate")["duration"]
         if "duration" not in table:
-            build.problems.add(("map",), "[map] lacks 'duration', of each impact in s.")
+            build.note(("map",), "[map] lacks 'duration', of each impact in s.")
     return build.section("map", given, table)
