@@ -96,14 +96,14 @@ def test_a_map_of_both_parts_and_a_probe_of_a_group(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("old", "new", "held"),
     [
-        ('a = ["first"', 'a = ["frist"', "did you mean 'first'"),
-        ("[at.second]", "[at.secnd]", "did you mean 'second'"),
-        ('"Section.rectangle"', '"Section.rectangel"', "did you mean 'Section.rectangle'"),
-        ("height = 0.01 }", "higth = 0.01 }", "did you mean 'height'"),
-        ('kind = "Weld"', 'kind = "Wield"', "did you mean 'Weld'"),
-        ("[at.second]", "[material]\n[at.second]", "each part has its own"),
-        ("near = [[0, 0, 0], 1e-6]", "near = [[0, 0, 0]]", "the list has 1 entries"),
-        ("[[parts.first.supports]]", "[[parts.first.suports]]", "did you mean [supports]"),
+        ('a = ["first"', 'a = ["frist"', "'first'"),
+        ("[at.second]", "[at.secnd]", "'second'"),
+        ('"Section.rectangle"', '"Section.rectangel"', "'Section.rectangle'"),
+        ("height = 0.01 }", "higth = 0.01 }", "'height'"),
+        ('kind = "Weld"', 'kind = "Wield"', "'Weld'"),
+        ("[at.second]", "[material]\n[at.second]", "parts.NAME"),
+        ("near = [[0, 0, 0], 1e-6]", "near = [[0, 0, 0]]", "1 entries"),
+        ("[[parts.first.supports]]", "[[parts.first.suports]]", "[supports]"),
         ('quantity = "rotation"', 'quantity = "rotations"', "'rotation'"),
     ],
 )

@@ -32,7 +32,7 @@ STRUCK = {
 
 def results(sites=(), **variables):
     document = SimpleNamespace(data={"sites": sites} if sites else {})
-    found = {"history": None, "model": None, "batch": None, "found": None, "structure": None,
+    found = {"history": None, "model": None, "batch": None, "map": None, "structure": None,
              "probes": None, **variables}  # fmt: skip
     return SimpleNamespace(compiled=SimpleNamespace(document=document), **found)
 
@@ -79,7 +79,7 @@ def test_pictures_are_those_of_what_was_found(monkeypatch):
     assert list(drawn.pictures(results(model=1))) == ["Anti-oscillators", "Dynamic stiffness"]
     assert list(drawn.pictures(results(batch=1))) == ["Sweep"]
     surface = SimpleNamespace(quantities=lambda: {"k0": 1, "peak_force": 1, "m_st": 1})
-    assert list(drawn.pictures(results(found=surface))) == ["Map: peak force", "Map: k0"]
+    assert list(drawn.pictures(results(map=surface))) == ["Map: peak force", "Map: k0"]
 
 
 def test_a_picture_is_data_or_a_sentence():
