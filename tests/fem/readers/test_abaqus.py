@@ -15,9 +15,9 @@ import antiosc as ao
 from antiosc.fem import compat
 from antiosc.fem.elements.weak_form import measure
 from antiosc.fem.readers import conversion
-from antiosc.fem.readers.decks import abaqus_assembly
-from antiosc.fem.readers.decks.deck import Block, Deck
+from antiosc.fem.readers.deck import Block, Deck
 from antiosc.fem.readers.shapes import CORNERS, EDGES
+from antiosc_decks.abaqus import assembly as abaqus_assembly
 from paths import DECKS
 
 pytestmark = pytest.mark.fem

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from antiosc.errors import MeshError
-from antiosc.fem.readers.decks import abaqus_assembly, abaqus_model
 from antiosc.fem.readers.unit_system import UnitSystem
+from antiosc_decks.abaqus import assembly as abaqus_assembly, model as abaqus_model
 
 RNG = np.random.default_rng(29)
 X = np.round(RNG.uniform(-1, 1, (6, 3)), 3)

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from antiosc.errors import MeshError
-from antiosc.fem.readers.decks import nastran, nastran_model
 from antiosc.fem.readers.unit_system import UnitSystem
+from antiosc_decks.nastran import mesh as nastran, model as nastran_model
 
 RNG = np.random.default_rng(23)
 X = np.round(RNG.uniform(-1, 1, (7, 3)), 3)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from antiosc.errors import MeshError
-from antiosc.fem.readers.decks import nastran
+from antiosc_decks.nastran import mesh as nastran
 from nastran_decks import GRIDS, HEXA, MAT1, read
 from refusals import refused
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from antiosc.errors import MeshError
-from antiosc.fem.readers.decks import nastran, nastran_model
 from antiosc.fem.readers.unit_system import UnitSystem
+from antiosc_decks.nastran import mesh as nastran, model as nastran_model
 
 RNG = np.random.default_rng(31)
 ORIGIN, E1, E2 = np.round(RNG.uniform(-1, 1, (3, 3)), 3)

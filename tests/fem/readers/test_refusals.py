@@ -8,8 +8,9 @@ from __future__ import annotations
 import pytest
 
 from antiosc.errors import MeshError
-from antiosc.fem.readers.decks import abaqus_assembly, abaqus_model, nastran, nastran_model
 from antiosc.fem.readers.unit_system import UnitSystem
+from antiosc_decks.abaqus import assembly as abaqus_assembly, model as abaqus_model
+from antiosc_decks.nastran import mesh as nastran, model as nastran_model
 from refusals import refused
 
 CORNERS = [(x, y, z) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from antiosc.errors import MeshError
-from antiosc.fem.readers.decks import abaqus_assembly
-from antiosc.fem.readers.decks.abaqus_joints import read_joints
-from antiosc.fem.readers.decks.abaqus_surfaces import surfaces_of
-from antiosc.fem.readers.decks.constraints import Constraints
+from antiosc_decks.abaqus import assembly as abaqus_assembly
+from antiosc_decks.abaqus.joints import read_joints
+from antiosc_decks.abaqus.surfaces import surfaces_of
+from antiosc_decks.model.constraints import Constraints
 from refusals import refused
 
 RNG = np.random.default_rng(37)

@@ -1,0 +1,157 @@
+"""Springs and dampers of Nastran decks: CELAS1 to 4, CDAMP1 to 4, CVISC and CBUSH."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from antiosc.errors import MeshError
+from antiosc.fem.readers.deck import Array
+from antiosc_decks.model.builder import ModelBuilder
+from antiosc_decks.nastran.beams import orientation
+from antiosc_decks.nastran.cards import Entry
+from antiosc_decks.nastran.mesh import NastranDeck, its_property
+
+#: Share of an arm below which it lies along the spring.
+ROUNDING_ARM = 1e-9
+#: Element -> (its property, number of fields of one of these, what it gives).
+SCALAR = {"CELAS": ("PELAS", 4, "stiffness"), "CDAMP": ("PDAMP", 2, "damping")}
+
+#: Motion of one end: row of the node, direction, first motion (0 or 3), sign.
+End = tuple[int, Array, int, float]
+
+
+def read_springs(found: NastranDeck, builder: ModelBuilder) -> None:
+    """Give the builder the springs and the dampers."""
+    for kind, (name, width, what) in SCALAR.items():
+        known = found.properties(name, width)
+        for entry in found.named(*(f"{kind}{k}" for k in (1, 2, 3, 4))):
+            if entry.name[-1] in "24":
+                value = entry.real(1, None)
+            else:
+                own, k = its_property(entry, name, known)
+                value = own.real(k + 1, None)
+                if name == "PELAS" and own.real(k + 2):
+                    builder.tell_once(f"GE of PELAS {own.text(k)}")
+            _scalar(found, builder, entry, what, value)
+    viscous = found.properties("PVISC", 4)
+    for entry in found.named("CVISC"):
+        _viscous(found, builder, entry, *its_property(entry, "PVISC", viscous))
+    bushes = found.properties("PBUSH")
+    for entry in found.named("CBUSH"):
+        own, _ = its_property(entry, "PBUSH", bushes)
+        _bush(found, builder, entry, own)
+
+
+def _scalar(
+    found: NastranDeck, builder: ModelBuilder, entry: Entry, what: str, value: float
+) -> None:
+    """A spring or a damper between two motions, or of one against the ground."""
+    ends: list[End] = []
+    for (row, motion), sign in zip(found.scalar_ends(entry), (1.0, -1.0), strict=False):
+        frame = found.frame(row, entry.place)
+        ends.append((row, frame[motion % 3], 3 * (motion // 3), sign))
+    if not ends:
+        raise MeshError(f"{entry.place}: {entry.name} acts on no node.")
+    _add(builder, entry, ends, what, value)
+
+
+def _viscous(found: NastranDeck, builder: ModelBuilder, entry: Entry, own: Entry, k: int) -> None:
+    """CVISC: a damper along the line between two nodes, and one against the twist about it."""
+    rows = [found.row(entry.whole(k), entry.place) for k in (2, 3)]
+    along = found.deck.points[rows[1]] - found.deck.points[rows[0]]
+    length = np.linalg.norm(along)
+    if length == 0:
+        raise MeshError(f"{entry.place}: the ends of a CVISC coincide: it has no direction.")
+    for first, value in ((0, own.real(k + 1)), (3, own.real(k + 2))):
+        if value:
+            unit = along / length
+            ends = [(rows[0], unit, first, 1.0), (rows[1], unit, first, -1.0)]
+            _add(builder, entry, ends, "damping", value)
+
+
+def _bush(found: NastranDeck, builder: ModelBuilder, entry: Entry, own: Entry) -> None:
+    """CBUSH with the PBUSH `own`: springs and dampers at its place, on rigid arms."""
+    stiffness, damping = _constants(builder, own)
+    acts = [bool(k or c) for k, c in zip(stiffness, damping, strict=True)]
+    rows = [found.row(entry.whole(k), entry.place) for k in (2, 3) if entry.text(k)]
+    x = found.deck.points[rows]
+    if entry.text(9) not in ("", "-1"):
+        raise MeshError(f"{entry.place}: CBUSH with a place of its own (OCID) is not supported.")
+    apart = len(rows) == 2 and np.linalg.norm(x[1] - x[0]) > 0
+    share = entry.real(8, 0.5)
+    place = x[0] + share * (x[1] - x[0]) if apart else x[0]
+    axes = _bush_axes(found, entry, acts, x if apart else x[:1], place)
+    for k in np.flatnonzero(acts):
+        axis, first = axes[k % 3], 3 * (int(k) // 3)
+        ends: list[End] = []
+        for row, at, sign in zip(rows, x, (1.0, -1.0), strict=False):
+            arm = np.cross(place - at, axis) if not first else np.zeros(3)
+            if np.linalg.norm(arm) > ROUNDING_ARM * np.linalg.norm(place - at):
+                row = builder.joints.leader(row)
+                ends.append((row, arm, 3, sign))
+            ends.append((row, axis, first, sign))
+        for what, value in (("stiffness", stiffness[k]), ("damping", damping[k])):
+            if value:
+                _add(builder, entry, ends, what, value)
+
+
+def _constants(builder: ModelBuilder, own: Entry) -> tuple[list[float], list[float]]:
+    """(K1 to K6, B1 to B6) of a PBUSH; its damping by GE is told."""
+    values = {"K": [0.0] * 6, "B": [0.0] * 6}
+    for start in range(0, len(own.fields), 8):
+        kind = own.text(start + 1).upper()
+        given = [own.text(start + k) for k in range(2, 8)]
+        if kind in values:
+            values[kind] = [own.real(start + k) for k in range(2, 8)]
+        elif kind == "GE":
+            builder.tell_once(f"GE of PBUSH {own.text(0)}")
+        elif kind not in ("", "RCV") or (not kind and any(given)):
+            raise MeshError(
+                f"{own.place}: PBUSH is read with stiffnesses (K) and dampers (B) alone; its line "
+                f"{kind or '(?)'} would change the result."
+            )
+    return values["K"], values["B"]
+
+
+def _bush_axes(
+    found: NastranDeck, entry: Entry, acts: Sequence[bool], x: Array, place: Array
+) -> Array:
+    """Axes of a CBUSH as rows: of its system, by its line and a vector, or of the deck.
+
+    `acts`: which of the six motions have a constant.
+    """
+    if entry.text(7) and found.systems is not None:
+        return found.systems(entry.whole(7), entry.place).frame(place)
+    across = any(acts[k] for k in (1, 2, 4, 5))
+    given = any(entry.text(k) for k in (4, 5, 6))
+    if len(x) == 1 and not given:
+        return np.eye(3)
+    if len(x) == 1 or (across and not given):
+        raise MeshError(
+            f"{entry.place}: CBUSH needs the system CID at coincident nodes or to the ground, and "
+            "CID or an orientation between nodes apart, unless it acts along their line alone."
+        )
+    line = (x[1] - x[0]) / np.linalg.norm(x[1] - x[0])
+    v = np.eye(3)[int(np.argmin(np.abs(line)))]
+    if given:
+        v = orientation(found, entry, line)
+    y = v - (v @ line) * line
+    y /= np.linalg.norm(y)
+    return np.stack([line, y, np.cross(line, y)])
+
+
+def _add(builder: ModelBuilder, entry: Entry, ends: Sequence[End], what: str, value: float) -> None:
+    """A spring ("stiffness") or a damper ("damping") against the sum of motions."""
+    if value < 0:
+        raise MeshError(f"{entry.place}: {entry.name} has a negative {what}.")
+    terms = [
+        (row, first + c, sign * float(direction[c]))
+        for row, direction, first, sign in ends
+        for c in range(3)
+    ]
+    if what == "stiffness":
+        builder.sprung(terms, value, entry.place)
+    else:
+        builder.damped(terms, value)
