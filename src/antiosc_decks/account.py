@@ -12,7 +12,6 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
-from antiosc.errors import MeshError
 from antiosc.fem.readers.deck import Place
 
 Kind = Literal["read", "harmless", "ignored", "refused", "unknown"]
@@ -72,8 +71,8 @@ class Account:
         for name, place, fate in (*self.cards, *self.options):
             if fate.kind == "refused":
                 what = f" is {fate.what}, which" if fate.what else ""
-                raise MeshError(
-                    f"{place}: {name}{what} is not supported here and would change the result; "
+                raise place.error(
+                    f"{name}{what} is not supported here and would change the result; "
                     "remove it from the deck, or model the part without it."
                 )
 

@@ -52,7 +52,7 @@ class Sources:
         """
         named = named.strip().strip("'\"").strip()
         if not named:
-            raise MeshError(f"{at}: an include without the name of a file.")
+            raise at.error("an include without the name of a file.")
         try:
             name = named.replace("\\", "/")
             path = (self.folder / name).resolve()
@@ -64,16 +64,16 @@ class Sources:
         except (OSError, ValueError):
             inside, found = True, False
         if not inside:
-            raise MeshError(
-                f"{at}: {named[:80]!r} lies outside the folder of {self.name}; a deck may include "
+            raise at.error(
+                f"{named[:80]!r} lies outside the folder of {self.name}; a deck may include "
                 "files of its own folder only: copy it there."
             )
         if not found:
-            raise MeshError(f"{at}: there is no file {named[:80]!r} beside {self.name}.")
+            raise at.error(f"there is no file {named[:80]!r} beside {self.name}.")
         if path in self._open:
-            raise MeshError(f"{at}: {named[:80]!r} includes itself.")
+            raise at.error(f"{named[:80]!r} includes itself.")
         if len(self._open) >= DEEPEST_INCLUDE:
-            raise MeshError(f"{at}: files include one another more than {DEEPEST_INCLUDE} deep.")
+            raise at.error(f"files include one another more than {DEEPEST_INCLUDE} deep.")
         self._open.append(path)
         return self.lines(path, path.name)
 

@@ -33,8 +33,8 @@ class Instance:
     def refuse_turned(self, card: Card) -> None:
         """MeshError if the instance is rotated: the card gives motions or axes by their numbers."""
         if not np.allclose(self.turn, np.eye(3), rtol=0, atol=1e-9):
-            raise MeshError(
-                f"{card.place}: the instance {self.name!r} is rotated, and the axes of this "
+            raise card.place.error(
+                f"the instance {self.name!r} is rotated, and the axes of this "
                 f"*{card.keyword} in its part may be those before or after; give it outside the "
                 "part, or by vectors (n1, *ORIENTATION)."
             )
@@ -81,7 +81,7 @@ class Whole:
         if word.lstrip("-").isdigit() and len(self.instances) > 1 and not within.name:
             where = " outside the instances; name its instance (INSTANCE=)"
         kind = what if word.lstrip("-").isdigit() else f"set of {what}s"
-        raise MeshError(f"{place}: there is no {kind} {word}{where}.")
+        raise place.error(f"there is no {kind} {word}{where}.")
 
 
 def read(path: Path, name: str, on_size: Callable[[int], None] = lambda size: None) -> Whole:
@@ -145,9 +145,8 @@ def _placed(deck: Deck, card: Card, own: Scope, parts: dict[str, Scope]) -> Inst
     name = card.needed("NAME")
     wanted = card.option("PART")
     if wanted.upper() not in parts:
-        raise MeshError(
-            f"{card.place}: the instance {name!r} is of the part {wanted!r}, which "
-            "the deck does not define."
+        raise card.place.error(
+            f"the instance {name!r} is of the part {wanted!r}, which the deck does not define."
         )
     part = parts[wanted.upper()]
     if any(c.keyword in ("NODE", "ELEMENT") for c in own.cards):
@@ -162,7 +161,7 @@ def _placed(deck: Deck, card: Card, own: Scope, parts: dict[str, Scope]) -> Inst
         fields, place = rows[1]
         numbers = [real_number(f, place) if f else 0.0 for f in fields]
         if len(numbers) < 7:
-            raise MeshError(f"{place}: the rotation of an instance is two points and an angle.")
+            raise place.error("the rotation of an instance is two points and an angle.")
         a, b = np.array(numbers[:3]), np.array(numbers[3:6])
         turn = _rotation(b - a, numbers[6], place)
         shift = a + turn @ (shift - a)
@@ -173,7 +172,7 @@ def _rotation(axis: Array, degrees: float, place: Place) -> Array:
     """Rodrigues' matrix of a rotation about an axis."""
     length = float(np.linalg.norm(axis))
     if length == 0:
-        raise MeshError(f"{place}: the two points of a rotation coincide.")
+        raise place.error("the two points of a rotation coincide.")
     x, y, z = axis / length
     K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     angle = np.deg2rad(degrees)
@@ -217,7 +216,7 @@ def _members(whole: Whole, card: Card) -> Iterator[Rows]:
     if card.option("INSTANCE"):
         wanted = card.option("INSTANCE").upper()
         if wanted not in whole.instances:
-            raise MeshError(f"{card.place}: there is no instance {card.option('INSTANCE')!r}.")
+            raise card.place.error(f"there is no instance {card.option('INSTANCE')!r}.")
         within = whole.instances[wanted]
     of_nodes = card.keyword == "NSET"
     numbering = within.scope.nodes if of_nodes else within.scope.elements
@@ -226,8 +225,8 @@ def _members(whole: Whole, card: Card) -> Iterator[Rows]:
         if "GENERATE" in card.options:
             some = ranged(fields, place, numbering)
             if not len(some):
-                raise MeshError(
-                    f"{place}: *{card.keyword} in the assembly selects nothing; name the instance "
+                raise place.error(
+                    f"*{card.keyword} in the assembly selects nothing; name the instance "
                     "of its numbers (INSTANCE=)."
                 )
             yield some + first

@@ -52,7 +52,7 @@ class Card:
         """Value of a required option."""
         value = self.option(name)
         if not value:
-            raise MeshError(f"{self.place}: *{self.keyword} needs {name}=.")
+            raise self.place.error(f"*{self.keyword} needs {name}=.")
         return value
 
 
@@ -81,7 +81,7 @@ def _collect(sources: Sources, lines: list[str], file: str, found: list[Card]) -
             if not found and "**" in line:  # a comment behind what an editor or a mail put there
                 continue
             if not found:
-                raise MeshError(f"{place}: data before the first keyword: not an Abaqus deck.")
+                raise place.error("data before the first keyword: not an Abaqus deck.")
             found[-1].lines.append(line)
             found[-1].places.append(place)
             continue

@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from antiosc.errors import MeshError
 from antiosc.fem.readers.deck import Block, IntArray, Numbering, Place, whole_number
 from antiosc_decks.abaqus.cards import Card
 
@@ -21,15 +20,15 @@ def generated(
 ) -> Iterator[tuple[int, list[float]]]:
     """Nodes on straight lines between two others (*NGEN)."""
     if card.option("LINE"):
-        raise MeshError(f"{card.place}: *NGEN makes straight lines only here (LINE=).")
+        raise card.place.error("*NGEN makes straight lines only here (LINE=).")
     for fields, place in card.rows():
         first, last, *rest = _whole(fields, place, 2)
         step = rest[0] if rest else 1
         ends = [known.get(first), known.get(last)]
         if ends[0] is None or ends[1] is None:
-            raise MeshError(f"{place}: *NGEN from {first} to {last}: both nodes must exist.")
+            raise place.error(f"*NGEN from {first} to {last}: both nodes must exist.")
         if step < 1 or (last - first) % step or not 0 < (last - first) // step <= MOST_GENERATED:
-            raise MeshError(f"{place}: *NGEN from {first} to {last} by {step} does not fit.")
+            raise place.error(f"*NGEN from {first} to {last} by {step} does not fit.")
         a, b = np.array(ends[0]), np.array(ends[1])
         count = (last - first) // step
         for k in range(count + 1):
@@ -41,19 +40,19 @@ def filled(
 ) -> Iterator[tuple[int, list[float]]]:
     """Nodes on lines between those of two sets (*NFILL)."""
     if card.option("BIAS", "1") not in ("1", "1.", "1.0") or "SINGULAR" in card.options:
-        raise MeshError(f"{card.place}: *NFILL is read with equal distances only.")
+        raise card.place.error("*NFILL is read with equal distances only.")
     for fields, place in card.rows():
         if len(fields) < 4:
-            raise MeshError(f"{place}: *NFILL needs two sets, a number of lines and a step.")
+            raise place.error("*NFILL needs two sets, a number of lines and a step.")
         pair = [sets.get(name.upper(), []) for name in fields[:2]]
         lines, step = _whole(fields[2:4], place, 2)
         if len(pair[0]) != len(pair[1]) or not pair[0]:
-            raise MeshError(
-                f"{place}: *NFILL between {fields[0]!r} ({len(pair[0])} nodes) and {fields[1]!r} "
+            raise place.error(
+                f"*NFILL between {fields[0]!r} ({len(pair[0])} nodes) and {fields[1]!r} "
                 f"({len(pair[1])}): both sets must be made by *NODE or *NGEN and be equally long."
             )
         if not 0 < lines * len(pair[0]) <= MOST_GENERATED:
-            raise MeshError(f"{place}: *NFILL over {lines} lines does not fit.")
+            raise place.error(f"*NFILL over {lines} lines does not fit.")
         for one, other in zip(*pair, strict=True):
             a, b = np.array(known[one]), np.array(known[other])
             for k in range(1, lines):
@@ -74,7 +73,7 @@ def element_copies(
         counts[counts[:, 0] < 1, 0] = 1
         total = int(np.prod(counts[:, 0].astype(object)))
         if not 0 < total <= MOST_GENERATED:
-            raise MeshError(f"{place}: *ELGEN would make {total} elements.")
+            raise place.error(f"*ELGEN would make {total} elements.")
         block, row = _of_label(master, blocks, labels, place)
         steps = [np.arange(n) for n in counts[:, 0]]
         i = np.stack([one.ravel() for one in np.meshgrid(*steps, indexing="ij")], axis=1)
@@ -99,9 +98,8 @@ def _shifted(rows: IntArray, shift: IntArray, nodes: Numbering, place: Place) ->
     wanted = label[rows][None, :] + shift[:, None]
     found = nodes.rows(wanted)
     if found.size and (found < 0).any():
-        raise MeshError(
-            f"{place}: *ELGEN needs the node {wanted[found < 0][0]}, which the deck does not "
-            "define."
+        raise place.error(
+            f"*ELGEN needs the node {wanted[found < 0][0]}, which the deck does not define."
         )
     return found
 
@@ -113,11 +111,11 @@ def _of_label(
         rows = np.flatnonzero(own == label)
         if len(rows):
             return block, int(rows[0])
-    raise MeshError(f"{place}: *ELGEN copies the element {label}, which is not defined before.")
+    raise place.error(f"*ELGEN copies the element {label}, which is not defined before.")
 
 
 def _whole(fields: Sequence[str], place: Place, least: int) -> list[int]:
     numbers = [whole_number(field, place) for field in fields if field]
     if len(numbers) < least:
-        raise MeshError(f"{place}: {least} numbers are needed at least.")
+        raise place.error(f"{least} numbers are needed at least.")
     return numbers

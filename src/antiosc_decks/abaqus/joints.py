@@ -7,14 +7,12 @@ from itertools import combinations
 
 import numpy as np
 
-from antiosc.errors import MeshError
 from antiosc.fem.readers.deck import IntArray, Place, real_number, whole_number
 from antiosc_decks.abaqus.assembly import Instance, Whole
 from antiosc_decks.abaqus.cards import Card
 from antiosc_decks.abaqus.mesh import nodes_of
-from antiosc_decks.abaqus.surfaces import Surface, surfaces_of
+from antiosc_decks.abaqus.ties import Surface, surfaces_of, tie
 from antiosc_decks.model.constraints import Constraints, Term
-from antiosc_decks.model.ties import tie
 
 #: Most terms of an equation: more are damage.
 LONGEST_EQUATION = 1_000_000
@@ -27,15 +25,15 @@ def read_joints(whole: Whole, joints: Constraints, cards: Cards) -> None:
 
     def equation(card: Card, within: Instance) -> None:
         if {"REMOVE", "REMOVEALL"} & card.options.keys():
-            raise MeshError(f"{card.place}: equations that a step removes are not supported.")
+            raise card.place.error("equations that a step removes are not supported.")
         within.refuse_turned(card)
         for terms, place in _equations(whole, card, within):
             joints.equation(terms, place)
 
     def ties(card: Card, within: Instance) -> None:
         if {"CYCLICSYMMETRY", "MULTISTAGE", "FLUIDPERIODIC"} & card.options.keys():
-            raise MeshError(
-                f"{card.place}: *TIE makes a sector of a whole ring, which is not supported here; "
+            raise card.place.error(
+                "*TIE makes a sector of a whole ring, which is not supported here; "
                 "model the whole part."
             )
         for fields, place in card.rows():
@@ -63,7 +61,7 @@ def read_joints(whole: Whole, joints: Constraints, cards: Cards) -> None:
 
 def _surface(surfaces: dict[str, Surface], name: str, place: Place) -> Surface:
     if name.upper() not in surfaces:
-        raise MeshError(f"{place}: there is no surface {name!r} (*SURFACE, NAME=).")
+        raise place.error(f"there is no surface {name!r} (*SURFACE, NAME=).")
     return surfaces[name.upper()]
 
 
@@ -71,7 +69,7 @@ def _one(whole: Whole, word: str, place: Place, within: Instance) -> int:
     """The node that a number or a set of one node names."""
     nodes = whole.nodes(word, place, within)
     if len(nodes) != 1:
-        raise MeshError(f"{place}: {word!r} must be one node; it is {len(nodes)}.")
+        raise place.error(f"{word!r} must be one node; it is {len(nodes)}.")
     return int(nodes[0])
 
 
@@ -83,14 +81,14 @@ def _equations(whole: Whole, card: Card, within: Instance) -> Iterator[tuple[lis
     for fields, place in rows:
         count = whole_number(fields[0], place)
         if not 0 < count <= LONGEST_EQUATION:
-            raise MeshError(f"{place}: an *EQUATION of {count} terms.")
+            raise place.error(f"an *EQUATION of {count} terms.")
         words: list[str] = []
         at = place
         while len(words) < 3 * count:
             more = next(rows, None)
             if more is None:
                 found = len(words) // 3
-                raise MeshError(f"{at}: the *EQUATION ends after {found} of {count} terms.")
+                raise at.error(f"the *EQUATION ends after {found} of {count} terms.")
             words += more[0] + [""] * (-len(more[0]) % 3)
             at = more[1]
         yield from _of_sets(whole, words[: 3 * count], at, within)
@@ -105,12 +103,12 @@ def _of_sets(
     lengths = {len(some) for some in nodes}
     if 0 in lengths:
         word = next(w for (w, _, _), some in zip(triples, nodes, strict=True) if not len(some))
-        raise MeshError(f"{place}: *EQUATION names {word!r}, a set without nodes.")
+        raise place.error(f"*EQUATION names {word!r}, a set without nodes.")
     if len(nodes[0]) > 1 and lengths - {1}:
         largest = [some for some in nodes if len(some) > 1]
         if len(largest) > 1:
-            raise MeshError(
-                f"{place}: *EQUATION between several sets of nodes pairs them by their order, "
+            raise place.error(
+                "*EQUATION between several sets of nodes pairs them by their order, "
                 "which is not kept here; write one equation for each pair."
             )
     for k in range(len(nodes[0])):
@@ -118,10 +116,10 @@ def _of_sets(
         for (_, dof, factor), some in zip(triples, nodes, strict=True):
             motion = whole_number(dof, place) - 1
             if not 0 <= motion < 6:
-                raise MeshError(f"{place}: *EQUATION acts on motions from 1 to 6; got {dof}.")
+                raise place.error(f"*EQUATION acts on motions from 1 to 6; got {dof}.")
             terms.append((int(some[k if len(some) > 1 else 0]), motion, real_number(factor, place)))
         if not terms[0][2]:
-            raise MeshError(f"{place}: the first term of *EQUATION has the coefficient 0.")
+            raise place.error("the first term of *EQUATION has the coefficient 0.")
         yield terms, place
 
 
@@ -157,8 +155,8 @@ def _mpc(whole: Whole, joints: Constraints, card: Card, within: Instance) -> Non
             terms = [(nodes[0], c, float(along[c])) for c in range(3)]
             joints.equation([*terms, *((nodes[1], c, -a) for _, c, a in terms)], place)
         else:
-            raise MeshError(
-                f"{place}: the *MPC of type {kind} with {len(nodes)} nodes is not supported here "
+            raise place.error(
+                f"the *MPC of type {kind} with {len(nodes)} nodes is not supported here "
                 "and would change the result; write it as *EQUATION, or remove it."
             )
 
@@ -167,12 +165,12 @@ def _plane(joints: Constraints, nodes: list[int], place: Place) -> None:
     """Nodes that stay in one plane, for small motions."""
     x = np.array([joints.place(node) for node in nodes])
     if len(nodes) < 4:
-        raise MeshError(f"{place}: the *MPC of type PLANE needs four nodes or more.")
+        raise place.error("the *MPC of type PLANE needs four nodes or more.")
     some = range(min(len(nodes), 12))
     area = {c: float(np.linalg.norm(_normal(x[list(c)]))) for c in combinations(some, 3)}
     first = max(area, key=lambda c: area[c])
     if area[first] <= 1e-9 * float(np.ptp(x, axis=0).max()) ** 2:
-        raise MeshError(f"{place}: the nodes of the *MPC of type PLANE lie on one line.")
+        raise place.error("the nodes of the *MPC of type PLANE lie on one line.")
     normal = _normal(x[list(first)]) / area[first]
     basis = np.column_stack([x[first[1]] - x[first[0]], x[first[2]] - x[first[0]]])
     along = [int(k) for k in np.argsort(-np.abs(normal), kind="stable")]
@@ -194,12 +192,12 @@ def _straight(joints: Constraints, nodes: list[int], place: Place) -> None:
     """Nodes that stay on one straight line, for small motions."""
     x = np.array([joints.place(node) for node in nodes])
     if len(nodes) < 3:
-        raise MeshError(f"{place}: the *MPC of type STRAIGHT needs three nodes or more.")
+        raise place.error("the *MPC of type STRAIGHT needs three nodes or more.")
     far = int(np.argmax(np.linalg.norm(x - x[0], axis=1)))
     axis = x[far] - x[0]
     length = float(np.linalg.norm(axis))
     if length == 0:
-        raise MeshError(f"{place}: the nodes of the *MPC of type STRAIGHT coincide.")
+        raise place.error("the nodes of the *MPC of type STRAIGHT coincide.")
     unit = axis / length
     across = np.linalg.svd(unit[None])[2][1:]
     for k, node in enumerate(nodes):
@@ -223,14 +221,14 @@ def _mean_rotation(joints: Constraints, nodes: list[int], place: Place) -> None:
     axis = joints.place(last)
     length = float(np.linalg.norm(axis))
     if length == 0 or len(own) < 2:
-        raise MeshError(f"{place}: the *MPC of type MEANROT needs an axis and two nodes or more.")
+        raise place.error("the *MPC of type MEANROT needs an axis and two nodes or more.")
     axis = axis / length
     x = np.array([joints.place(node) for node in own])
     r = x - x.mean(axis=0)
     r = r - np.outer(r @ axis, axis)
     size = np.einsum("pi,pi->p", r, r)
     if size.min() <= 1e-18 * max(size.max(), 1e-300):
-        raise MeshError(f"{place}: a node of the *MPC of type MEANROT lies on its axis.")
+        raise place.error("a node of the *MPC of type MEANROT lies on its axis.")
     turn = np.cross(axis, r) / size[:, None] / len(own)  # a·(r × u)/r²
     turn = turn - turn.mean(axis=0)  # of motions from their mean
     terms = [(node, c, -float(turn[p, c])) for p, node in enumerate(own) for c in range(3)]
@@ -263,7 +261,7 @@ def _nodes_of_sets(whole: Whole, card: Card, within: Instance) -> IntArray:
         found.append(nodes_of(whole.deck, elements))
     nodes = np.unique(np.concatenate(found))
     if not len(nodes) and not card.option("PINNSET"):
-        raise MeshError(f"{card.place}: *{card.keyword} names no nodes (NSET= or ELSET=).")
+        raise card.place.error(f"*{card.keyword} names no nodes (NSET= or ELSET=).")
     return nodes
 
 
@@ -281,12 +279,12 @@ class _Couplings:
                 name = card.needed("SURFACE")
                 surface = _surface(self.surfaces, name, card.place)
                 if card.option("ORIENTATION"):
-                    raise MeshError(f"{card.place}: *COUPLING in an orientation is not supported.")
+                    raise card.place.error("*COUPLING in an orientation is not supported.")
                 node = _one(self.whole, card.needed("REFNODE"), card.place, within)
                 self.current = (node, surface.nodes, card)
             case "KINEMATIC" | "DISTRIBUTING":
                 if self.current is None:
-                    raise MeshError(f"{card.place}: *{card.keyword} without *COUPLING before it.")
+                    raise card.place.error(f"*{card.keyword} without *COUPLING before it.")
                 if any(fields for fields, _ in card.rows()):
                     within.refuse_turned(card)
                 node, nodes, _ = self.current
@@ -317,8 +315,8 @@ class _Couplings:
 def refuse_own_follower(node: int, nodes: Sequence[int] | IntArray, card: Card) -> None:
     """MeshError for a reference node that is one of the nodes whose mean motion it follows."""
     if node in nodes:
-        raise MeshError(
-            f"{card.place}: the reference node of *{card.keyword} is one of the nodes whose mean "
+        raise card.place.error(
+            f"the reference node of *{card.keyword} is one of the nodes whose mean "
             "motion it follows; give the coupling a node of its own."
         )
 
@@ -330,5 +328,5 @@ def _range(fields: Sequence[str], place: Place) -> list[int]:
         return list(range(6))
     first, last = given[0], given[-1]
     if not 1 <= first <= last <= 6:
-        raise MeshError(f"{place}: motions from {first} to {last}; they are counted from 1 to 6.")
+        raise place.error(f"motions from {first} to {last}; they are counted from 1 to 6.")
     return list(range(first - 1, last))

@@ -64,8 +64,8 @@ def meshed(scope: Scope, with_sets: bool = True) -> Scope:
     """Fill the scope's nodes, elements and sets from its cards."""
     for card in scope.cards:
         if card.keyword in GENERATORS:
-            raise MeshError(
-                f"{card.place}: *{card.keyword} is not read here; write the nodes and elements "
+            raise card.place.error(
+                f"*{card.keyword} is not read here; write the nodes and elements "
                 "that it makes into the deck."
             )
     _read_nodes(scope)
@@ -87,8 +87,8 @@ def _read_nodes(scope: Scope) -> None:
         made: list[int] = []
         if card.keyword == "NODE" and "PRINT" not in card.options:
             if card.option("SYSTEM", "R").upper() not in ("R", ""):
-                raise MeshError(
-                    f"{card.place}: *NODE, SYSTEM={card.option('SYSTEM')} is not read here; give "
+                raise card.place.error(
+                    f"*NODE, SYSTEM={card.option('SYSTEM')} is not read here; give "
                     "rectangular coordinates."
                 )
             for fields, place in card.rows():
@@ -178,8 +178,8 @@ def _cells(scope: Scope, card: Card, kind: str, labels: list[IntArray]) -> IntAr
     if len(wrong):
         row = int(wrong[0])
         missing = int(table[row, 1:][nodes[row] < 0][0])
-        raise MeshError(
-            f"{rows[row][1]}: element {table[row, 0]} ({kind}) has the node {missing}, which "
+        raise rows[row][1].error(
+            f"element {table[row, 0]} ({kind}) has the node {missing}, which "
             f"the deck does not define ({len(wrong)} such elements)."
         )
     pick = [nodes[:, list(some)] for some in (known.corners, known.mids, known.inner)]
@@ -203,15 +203,15 @@ def _numbers(scope: Scope, card: Card, width: int, kind: str) -> list[tuple[list
         except ValueError:
             numbers = [whole_number(word, place) for word in words if word.strip()]
         if max(map(abs, numbers), default=0) > LARGEST_NUMBER:
-            raise MeshError(f"{place}: a number of a node or element is too large.")
+            raise place.error("a number of a node or element is too large.")
         current += numbers
         if len(current) >= least:
             longer += len(current) > least
             found.append((current[:least], start))
             current = []
     if current:
-        raise MeshError(
-            f"{start}: element {current[0]} of type {kind} has {len(current) - 1} nodes; it must "
+        raise start.error(
+            f"element {current[0]} of type {kind} has {len(current) - 1} nodes; it must "
             f"have {width}: the deck is cut off, or of another program."
         )
     if longer:
@@ -277,13 +277,13 @@ def _read_set(scope: Scope, card: Card) -> None:
 def ranged(fields: list[str], place: Place, numbering: Numbering) -> IntArray:
     """Rows of the existing numbers in a range, which may be wide."""
     if len(fields) < 2:
-        raise MeshError(f"{place}: GENERATE needs a first and a last number.")
+        raise place.error("GENERATE needs a first and a last number.")
     first, last = (whole_number(field, place) for field in fields[:2])
     step = whole_number(fields[2], place) if len(fields) > 2 and fields[2] else 1
     if step == 0 and first == last:
         step = 1
     if step < 1 or last < first:
-        raise MeshError(f"{place}: GENERATE from {first} to {last} by {step} selects nothing.")
+        raise place.error(f"GENERATE from {first} to {last} by {step} selects nothing.")
     return numbering.between(first, last, step)
 
 

@@ -18,10 +18,8 @@ from antiosc.fem.readers.unit_system import UnitSystem
 from antiosc_decks.abaqus.assembly import Instance, Whole
 from antiosc_decks.abaqus.cards import Card
 from antiosc_decks.abaqus.joints import read_joints, refuse_own_follower
-from antiosc_decks.abaqus.materials import materials_of
-from antiosc_decks.abaqus.orientations import Orientations
-from antiosc_decks.abaqus.sections import SECTION_CARDS, Sections
-from antiosc_decks.abaqus.thickness import vary_thickness
+from antiosc_decks.abaqus.properties import Orientations, materials_of
+from antiosc_decks.abaqus.sections import SECTION_CARDS, Sections, vary_thickness
 from antiosc_decks.model.builder import ModelBuilder
 from antiosc_decks.model.constraints import Term
 from antiosc_decks.model.finished import finished
@@ -100,15 +98,15 @@ class _Supports:
     def read(self, card: Card, within: Instance) -> None:
         """Mark the motions that one card fixes."""
         if "SUBMODEL" in card.options:
-            raise MeshError(f"{card.place}: *BOUNDARY, SUBMODEL is not supported.")
+            raise card.place.error("*BOUNDARY, SUBMODEL is not supported.")
         within.refuse_turned(card)
         moved = other = False
         for fields, place in card.rows():
             if len(fields) < 2:
-                raise MeshError(f"{place}: *BOUNDARY names no motion from 1 to 6.")
+                raise place.error("*BOUNDARY names no motion from 1 to 6.")
             nodes = self.whole.nodes(fields[0], place, within)
             if not len(nodes):
-                raise MeshError(f"{place}: the set of nodes {fields[0]} has no nodes.")
+                raise place.error(f"the set of nodes {fields[0]} has no nodes.")
             name = fields[1].upper()
             if name in NAMED:
                 self._mark(nodes, NAMED[name])
@@ -119,9 +117,8 @@ class _Supports:
                 other = True
                 continue
             if not 1 <= first <= last <= 6:
-                raise MeshError(
-                    f"{place}: *BOUNDARY fixes motions from {first} to {last}; they are counted "
-                    "from 1 to 6."
+                raise place.error(
+                    f"*BOUNDARY fixes motions from {first} to {last}; they are counted from 1 to 6."
                 )
             if len(fields) > 3 and fields[3]:
                 moved |= real_number(fields[3], place) != 0
@@ -143,7 +140,7 @@ class _Supports:
         values = [real_number(f, p) if f else 0.0 for fields, p in card.rows() for f in fields][:6]
         kind = card.option("TYPE", "R").upper()[:1]
         if len(values) < 6 or kind not in "RC":
-            raise MeshError(f"{card.place}: *TRANSFORM needs six coordinates, TYPE=R or C.")
+            raise card.place.error("*TRANSFORM needs six coordinates, TYPE=R or C.")
         shift = within.shift if kind == "C" else 0.0
         a, b = np.reshape(values, (2, 3)) @ within.turn.T + shift
         for node in nodes:
@@ -154,7 +151,7 @@ class _Supports:
                 x = self.whole.deck.points[node] - a
                 x = x - (x @ z) / (z @ z) * z if z.any() else x
             if not (np.linalg.norm(x) and np.linalg.norm(z)):
-                raise MeshError(f"{card.place}: *TRANSFORM gives no axes.")
+                raise card.place.error("*TRANSFORM gives no axes.")
             x, z = x / np.linalg.norm(x), z / np.linalg.norm(z)
             self.frames[int(node)] = np.stack([x, np.cross(z, x), z])
 
@@ -189,9 +186,8 @@ def _others(whole: Whole, card: Card, within: Instance) -> Iterator[tuple[str, l
         if label in labels:
             rows = within.scope.nodes.rows(np.array(nodes, dtype=np.int64))
             if (rows < 0).any():
-                raise MeshError(
-                    f"{card.place}: element {label} ({kind}) has a node that the deck does not "
-                    "define."
+                raise card.place.error(
+                    f"element {label} ({kind}) has a node that the deck does not define."
                 )
             yield kind, [int(row) + within.first_node for row in rows]
 
@@ -203,15 +199,15 @@ def _masses(whole: Whole, builder: ModelBuilder) -> None:
             continue
         values = [real_number(f, p) if f else 0.0 for fields, p in card.rows() for f in fields]
         if not values:
-            raise MeshError(f"{card.place}: *{card.keyword} without a value.")
+            raise card.place.error(f"*{card.keyword} without a value.")
         if card.keyword == "ROTARYINERTIA" and any(values[3:6]):
-            raise MeshError(f"{card.place}: products of inertia are not supported.")
+            raise card.place.error("products of inertia are not supported.")
         alike = len({*values[:3]}) == 1 and len(values) >= 3
         if card.keyword == "ROTARYINERTIA" and not alike:
             within.refuse_turned(card)
         if card.option("ORIENTATION") and not alike:
-            raise MeshError(
-                f"{card.place}: *ROTARY INERTIA in an orientation is not supported; give it in the "
+            raise card.place.error(
+                "*ROTARY INERTIA in an orientation is not supported; give it in the "
                 "axes of the deck."
             )
         for _, nodes in _others(whole, card, within):
@@ -238,8 +234,8 @@ def _nonstructural(whole: Whole, builder: ModelBuilder) -> None:
         elif unit in UNITS and not more:
             add_mass(builder, elements, value, UNITS[unit], card.place)
         else:
-            raise MeshError(
-                f"{card.place}: *NONSTRUCTURAL MASS is one number in UNITS=TOTAL MASS "
+            raise card.place.error(
+                "*NONSTRUCTURAL MASS is one number in UNITS=TOTAL MASS "
                 "(DISTRIBUTION=MASS or VOLUME PROPORTIONAL), MASS PER VOLUME, PER AREA, PER LENGTH."
             )
 
@@ -261,10 +257,10 @@ def _springs(whole: Whole, builder: ModelBuilder, orientations: Orientations) ->
         if card.keyword not in LINKS:
             continue
         if "NONLINEAR" in card.options:
-            raise MeshError(f"{card.place}: nonlinear springs and dashpots are not supported.")
+            raise card.place.error("nonlinear springs and dashpots are not supported.")
         rows = [(f, p) for f, p in card.rows() if f]
         if not rows:
-            raise MeshError(f"{card.place}: *{card.keyword} without a {LINKS[card.keyword]}.")
+            raise card.place.error(f"*{card.keyword} without a {LINKS[card.keyword]}.")
         for kind, nodes in _others(whole, card, within):
             given[card.keyword] += 1
             if kind.endswith("A"):
@@ -278,13 +274,13 @@ def _springs(whole: Whole, builder: ModelBuilder, orientations: Orientations) ->
                     within.refuse_turned(card)
                 terms, values = _along_motions(nodes, axes, *rows[0]), rows[1:]
             if len(values) != 1:
-                raise MeshError(
-                    f"{card.place}: *{card.keyword} needs one {LINKS[card.keyword]} that does not "
+                raise card.place.error(
+                    f"*{card.keyword} needs one {LINKS[card.keyword]} that does not "
                     f"depend on frequency or temperature; it has {len(values)}."
                 )
             value = real_number(values[0][0][0], values[0][1])
             if value < 0:
-                raise MeshError(f"{values[0][1]}: the {LINKS[card.keyword]} {value:g} is negative.")
+                raise values[0][1].error(f"the {LINKS[card.keyword]} {value:g} is negative.")
             if card.keyword == "SPRING":
                 builder.sprung(terms, value, card.place)
             else:
@@ -303,7 +299,7 @@ def _along_motions(nodes: list[int], axes: Array, fields: list[str], place: Plac
     """The motion of a node along one of the axes (rows), or the difference of two."""
     dofs = [whole_number(f, place) - 1 for f in fields[:2]]
     if not all(0 <= dof < 6 for dof in dofs) or len(dofs) < len(nodes):
-        raise MeshError(f"{place}: a spring or a dashpot acts on motions from 1 to 6.")
+        raise place.error("a spring or a dashpot acts on motions from 1 to 6.")
     return [
         (node, dof - dof % 3 + c, sign * float(axes[dof % 3, c]))
         for node, dof, sign in zip(nodes, dofs, (1.0, -1.0), strict=False)
@@ -318,7 +314,7 @@ def _axial(builder: ModelBuilder, nodes: list[int], place: Place) -> list[Term]:
     along = x[nodes[1]] - x[nodes[0]]
     length = float(np.linalg.norm(along))
     if length == 0:
-        raise MeshError(f"{place}: the ends of a spring or a dashpot coincide: no direction.")
+        raise place.error("the ends of a spring or a dashpot coincide: no direction.")
     unit = (along / length).tolist()
     return [(n, c, s * unit[c]) for n, s in ((nodes[0], -1.0), (nodes[1], 1.0)) for c in range(3)]
 
@@ -337,7 +333,7 @@ def _distributing(whole: Whole, builder: ModelBuilder) -> None:
             nodes += [int(n) for n in own]
             weights += [weight] * len(own)
         if not nodes or sum(weights) <= 0:
-            raise MeshError(f"{card.place}: *DISTRIBUTING COUPLING names no nodes with weights.")
+            raise card.place.error("*DISTRIBUTING COUPLING names no nodes with weights.")
         for kind, (reference, *_) in _others(whole, card, within):
             refuse_own_follower(reference, nodes, card)
             follower = builder.joints.leader(reference)

@@ -1,22 +1,21 @@
-"""Sections of Abaqus and CalculiX decks: solids, rods, shells and beams."""
+"""Sections of Abaqus and CalculiX decks: solids, rods, shells with *NODAL THICKNESS, and beams."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from antiosc.errors import MeshError
 from antiosc.fem.readers.deck import Array, IntArray, Place, real_number
 from antiosc_decks.abaqus.assembly import Instance, Whole
 from antiosc_decks.abaqus.cards import Card
 from antiosc_decks.abaqus.elements import element_type
-from antiosc_decks.abaqus.orientations import Orientations
-from antiosc_decks.abaqus.profiles import profile_of
+from antiosc_decks.abaqus.properties import Orientations, profile_of
 from antiosc_decks.model.builder import Family, ModelBuilder, Rod
 from antiosc_decks.model.geometry import common_direction, normals_of, tangents_of
-from antiosc_decks.model.material import Material
+from antiosc_decks.model.properties import Material
 
 SECTION_CARDS = (
     *("SOLIDSECTION", "SHELLSECTION", "BEAMSECTION", "BEAMGENERALSECTION"),
@@ -51,7 +50,7 @@ class Sections:
             case "BEAMSECTION" | "BEAMGENERALSECTION":
                 self._beam(card, name, elements, within)
             case _:
-                raise MeshError(f"{card.place}: *{card.keyword} is not supported.")
+                raise card.place.error(f"*{card.keyword} is not supported.")
 
     def _name(self, card: Card, within: Instance) -> str:
         spelled = within.scope.spelling.get(card.option("ELSET").upper(), card.option("ELSET"))
@@ -59,7 +58,7 @@ class Sections:
 
     def _material(self, name: str, place: Place) -> Material:
         if name.upper() not in self.materials:
-            raise MeshError(f"{place}: there is no material {name!r} (*MATERIAL, NAME=).")
+            raise place.error(f"there is no material {name!r} (*MATERIAL, NAME=).")
         return self.materials[name.upper()]
 
     def _role(self, elements: IntArray) -> set[str]:
@@ -84,8 +83,8 @@ class Sections:
         arguments = {"E": E, "nu": nu, "rho": self.builder.rho(material)}
         if roles & {"plane stress", "plane strain"}:
             if len(roles) > 1:
-                raise MeshError(
-                    f"{card.place}: one section for {' and '.join(sorted(roles))} elements; give "
+                raise card.place.error(
+                    f"one section for {' and '.join(sorted(roles))} elements; give "
                     "each kind its own."
                 )
             thickness = _first(card, "thickness")
@@ -110,12 +109,12 @@ class Sections:
             {b.type for b, r in zip(self.whole.deck.blocks, self.roles, strict=True) if r in roles}
         )
         if any(kind.startswith(("CAX", "CGAX", "SAX")) for kind in kinds):
-            raise MeshError(
-                f"{card.place}: the elements {', '.join(kinds)} are axisymmetric, which is not "
+            raise card.place.error(
+                f"the elements {', '.join(kinds)} are axisymmetric, which is not "
                 "supported; model the part, or a sector between planes of symmetry, by solids."
             )
-        raise MeshError(
-            f"{card.place}: *{card.keyword} for elements ({', '.join(kinds)}) that no element "
+        raise card.place.error(
+            f"*{card.keyword} for elements ({', '.join(kinds)}) that no element "
             "family here carries in this way."
         )
 
@@ -197,9 +196,8 @@ class Sections:
             return real_number(word, place)
         own = self.orientations.axis(word, place, within)
         if top is None:
-            raise MeshError(
-                f"{place}: layers with an *ORIENTATION of their own need a flat shell; give "
-                "angles instead."
+            raise place.error(
+                "layers with an *ORIENTATION of their own need a flat shell; give angles instead."
             )
         flat = [v - (v @ top) * top for v in (axis, own)]
         return math.degrees(math.atan2(np.cross(flat[0], flat[1]) @ top, flat[0] @ flat[1]))
@@ -225,14 +223,12 @@ class Sections:
         shares = [real_number(card.option(k, "0"), card.place) for k in ("OFFSET1", "OFFSET2")]
         offset = shares[0] * profile.height
         if all(shares):
-            raise MeshError(
-                f"{card.place}: a beam off its nodes in both directions is not supported."
-            )
+            raise card.place.error("a beam off its nodes in both directions is not supported.")
         if shares[1]:
             tangent = common_direction(tangents_of(self.whole.deck, elements), least=1 - 1e-9)
             if tangent is None:
-                raise MeshError(
-                    f"{card.place}: OFFSET2 is read for beams in one direction only; give each "
+                raise card.place.error(
+                    "OFFSET2 is read for beams in one direction only; give each "
                     "direction a section of its own."
                 )
             offset = shares[1] * profile.width
@@ -261,5 +257,70 @@ def _first(card: Card, what: str) -> float:
     fields, place = next(card.rows(), ([], card.place))
     value = real_number(fields[0], place) if fields and fields[0] else 1.0
     if value <= 0:
-        raise MeshError(f"{place}: the {what} must be above 0; it is {value:g}.")
+        raise place.error(f"the {what} must be above 0; it is {value:g}.")
     return value
+
+
+def vary_thickness(whole: Whole, builder: ModelBuilder, roles: Sequence[str]) -> str:
+    """Thicknesses by *NODAL THICKNESS, the mean of each element; a sentence if they vary.
+
+    CalculiX takes them whether or not the section says so.
+    """
+    count = len(whole.deck.points)
+    at_node = np.full(count, np.nan)
+    first: Card | None = None
+    for card, within in whole.cards:
+        if card.keyword != "NODALTHICKNESS":
+            continue
+        first = first or card
+        for fields, place in card.rows():
+            if len(fields) > 1:
+                nodes = whole.nodes(fields[0], place, within)
+                at_node[nodes] = real_number(fields[1], place)
+    if first is None:
+        return ""
+    varying, start = 0, 0
+    for block, role in zip(whole.deck.blocks, roles, strict=True):
+        own = np.arange(start, start + len(block))
+        start += len(block)
+        if role != "shell":
+            continue
+        values = at_node[np.hstack([block.corners, np.maximum(block.mids, 0)])]
+        values = np.where(
+            np.hstack([block.corners >= 0, block.mids >= 0]) & np.isfinite(values),
+            values,
+            _own_thickness(builder, own)[:, None],
+        )
+        varying += int((np.ptp(values, axis=1) > 1e-9 * values.max(axis=1)).sum())
+        _thin(builder, own, values[:, : block.corners.shape[1]].mean(axis=1), first.place)
+    if not varying:
+        return ""
+    return (
+        f"the variation of the thickness within {varying} elements (*NODAL THICKNESS, "
+        f"{first.place}), the mean of the corners is taken in each"
+    )
+
+
+def _own_thickness(builder: ModelBuilder, elements: IntArray) -> Array:
+    """That of the sections, in the deck's units."""
+    length = builder.units.length
+    families = [one.arguments.get("thickness", np.nan) / length for one in builder.families]
+    number = builder.of_element[elements]
+    return np.where(number >= 0, np.array([*families, np.nan])[number], np.nan)
+
+
+def _thin(builder: ModelBuilder, elements: IntArray, thickness: Array, place: Place) -> None:
+    """Give elements thicknesses of their own."""
+    numbers = builder.of_element[elements]
+    for number in np.unique(numbers[numbers >= 0]):
+        family, name = builder.families[number], builder.names[number]
+        if family.kind != "Shell":
+            raise place.error("*NODAL THICKNESS is read for isotropic shells only.")
+        mine = numbers == number
+        for value in np.unique(np.round(thickness[mine], 12)):
+            some = elements[mine & (np.round(thickness, 12) == value)]
+            own = {**family.arguments, "thickness": float(value) * builder.units.length}
+            if "offset" in own:
+                own["offset"] *= own["thickness"] / family.arguments["thickness"]
+            label = f"{name} of thickness {value:g}"
+            builder.add(label, some, Family("Shell", own, family.place))

@@ -9,12 +9,39 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from antiosc._types import BoolArray
 from antiosc.errors import MeshError
-from antiosc.fem.readers.deck import Array, Deck, IntArray, Place
+from antiosc.fem.readers.deck import Array, Block, Deck, IntArray, Place
 from antiosc.fem.readers.unit_system import UnitSystem
-from antiosc_decks.model.choice import chosen_elements, nodes_of_block, some_rows
 from antiosc_decks.model.constraints import Constraints, Term
-from antiosc_decks.model.material import Material
+from antiosc_decks.model.properties import Material
+
+
+def chosen_elements(deck: Deck) -> BoolArray:
+    """The elements of the parts that the caller chooses."""
+    chosen = np.full(deck.n_elements, deck.wanted is None)
+    for name in deck.wanted or ():
+        own = deck.element_sets.get(name, np.zeros(0, dtype=np.int64))
+        if not len(own):
+            known = sorted(n for n, some in deck.element_sets.items() if len(some))
+            shown = ", ".join(map(repr, known[:20])) or "none"
+            raise MeshError(f"{deck.name} has no elements of a part {name!r}; it has: {shown}.")
+        chosen[own] = True
+    return chosen
+
+
+def some_rows(block: Block, some: BoolArray) -> Block:
+    """Some elements of a block."""
+    tables = (block.corners[some], block.mids[some], block.inner[some])
+    return Block(block.shape, block.type, *tables)
+
+
+def nodes_of_block(block: Block) -> IntArray:
+    """All nodes of a block's elements."""
+    every = [table.ravel() for table in (block.corners, block.mids, block.inner)]
+    nodes = np.unique(np.concatenate(every))
+    return nodes[nodes >= 0]
+
 
 MOTIONS = ("x", "y", "z", "rx", "ry", "rz")
 #: Direction cosines below this are rounding.
@@ -114,21 +141,19 @@ class ModelBuilder:
             return material.density * self.units.density
         if self.density is not None:
             return self.density
-        raise MeshError(
-            f"{material.place}: the material {material.name!r} has no density, without which "
+        raise material.place.error(
+            f"the material {material.name!r} has no density, without which "
             "nothing can be struck; add it to the deck, or give read_model(..., density=…), kg/m³."
         )
 
     def elastic(self, material: Material, what: str) -> tuple[float, float]:
         """(E in Pa, nu) of a material that must be isotropic."""
         if material.constants is None:
-            raise MeshError(
-                f"{material.place}: the material {material.name!r} has no linear elasticity."
-            )
+            raise material.place.error(f"the material {material.name!r} has no linear elasticity.")
         found = material.isotropic
         if found is None:
-            raise MeshError(
-                f"{material.place}: the material {material.name!r} is not isotropic, but {what} "
+            raise material.place.error(
+                f"the material {material.name!r} is not isotropic, but {what} "
                 "must be; only layers of shells may be orthotropic."
             )
         return found[0] * self.units.stress, found[1]
@@ -140,8 +165,8 @@ class ModelBuilder:
         if material.constants is None or material.isotropic is not None:
             return None
         if not np.isfinite(material.constants).all():
-            raise MeshError(
-                f"{material.place}: the material {material.name!r} is given for layers alone, in "
+            raise material.place.error(
+                f"the material {material.name!r} is given for layers alone, in "
                 "plane stress, and cannot fill solids; give all nine constants."
             )
         E1, E2, E3, n12, n13, n23, G12, G13, G23 = material.constants
@@ -155,9 +180,7 @@ class ModelBuilder:
     def layer(self, material: Material, thickness: float, angle: float) -> dict[str, float]:
         """Arguments of a `Layer`; the thickness is in the deck's units."""
         if material.constants is None:
-            raise MeshError(
-                f"{material.place}: the material {material.name!r} has no linear elasticity."
-            )
+            raise material.place.error(f"the material {material.name!r} has no linear elasticity.")
         E1, E2, _, nu12, _, _, *G = (float(c) for c in material.constants)
         G12, G13, G23 = (value * self.units.stress for value in G)
         return {

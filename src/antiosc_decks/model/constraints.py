@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from antiosc._types import BoolArray
-from antiosc.errors import MeshError
 from antiosc.fem.readers.deck import Array, Deck, IntArray, Place
 from antiosc.fem.readers.unit_system import UnitSystem
 from antiosc_decks.model.geometry import AXIS_COSINE
@@ -74,8 +73,8 @@ class Constraints:
         kept = [(*own, c) for own, c in found.items() if abs(c) > NEGLIGIBLE_TERM * largest]
         for node, motion, _ in kept:
             if motion >= 3 and self._used(node) and not self.has_rotations[node]:
-                raise MeshError(
-                    f"{place}: a constraint acts on a rotation of a node of solids, which have no "
+                raise place.error(
+                    "a constraint acts on a rotation of a node of solids, which have no "
                     "rotations; constrain displacements of several nodes."
                 )
         if kept:
@@ -207,8 +206,8 @@ class Constraints:
         led = np.einsum("ij,jpk->ipk", cross, rotations)
         displacements = w[None, :, None] * np.eye(3)[:, None, :] + led
         if not good.all() and any(c >= 3 or np.abs(arm).max() > 1e-9 for c in motions):
-            raise MeshError(
-                f"{place}: the nodes whose mean motion is taken lie on one line, so that their "
+            raise place.error(
+                "the nodes whose mean motion is taken lie on one line, so that their "
                 "rotation is not known; take more nodes, or displacements alone at their centre."
             )
         pairs = [(p, k) for p in range(len(nodes)) for k in range(3)]

@@ -1,22 +1,25 @@
 """The model of a deck: what its reader has collected, checked and joined.
 
 The result consists of numbers, texts and lists, because the reading process returns it as JSON;
-`antiosc.fem.assembly.from_deck` builds the structure from it.
+`antiosc.fem.assembly.from_deck` builds the structure from it. With elements that are not chosen,
+what acts on their nodes is left out. A support on an edge holds all of it; a middle node without
+the ends of its edge is held by a constraint.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
+from antiosc._types import BoolArray
 from antiosc.errors import MeshError
 from antiosc.fem.readers.deck import IntArray, Place
 from antiosc.fem.readers.shapes import EDGES
-from antiosc_decks.model.builder import MOTIONS, ModelBuilder
-from antiosc_decks.model.left_out import keep
-from antiosc_decks.model.middles import hold_middles
+from antiosc_decks.model.builder import MOTIONS, ModelBuilder, some_rows
+from antiosc_decks.model.constraints import Term
 from antiosc_decks.model.rods import join_rods, make_truss
 
 #: What may be joined in one structure.
@@ -112,9 +115,7 @@ def _check(builder: ModelBuilder, node: int, what: str, place: Place) -> None:
     """MeshError for a node that nothing holds."""
     node = builder.joints.alias.get((node, 0), (node, 0))[0]
     if not (node < len(builder.used) and builder.used[node]) and node not in builder.joints.loose():
-        raise MeshError(
-            f"{place}: {what} acts on a node of no element with a section; add the section."
-        )
+        raise place.error(f"{what} acts on a node of no element with a section; add the section.")
 
 
 def _point(builder: ModelBuilder, node: int, what: str, place: Place) -> list[float]:
@@ -178,3 +179,61 @@ def _supports(builder: ModelBuilder, count: int) -> list[Any]:
             builder.deck.fixed[name] = nodes
             supports.append([name, [MOTIONS[k]]])
     return supports
+
+
+def keep(builder: ModelBuilder, kept: BoolArray, roles: list[str]) -> list[str]:
+    """Leave out elements, and what acts on their nodes; the roles of the blocks that remain."""
+    if kept.all():
+        return roles
+    ends = np.cumsum([0, *map(len, builder.deck.blocks)])
+    own = [kept[a:b] for a, b in pairwise(ends)]
+    roles = [role for role, some in zip(roles, own, strict=True) if some.any()]
+    builder.deck.blocks = [
+        some_rows(block, some) for block, some in zip(builder.deck.blocks, own, strict=True)
+        if some.any()
+    ]  # fmt: skip
+    number = np.cumsum(kept) - 1
+    sets = builder.deck.element_sets
+    builder.deck.element_sets = {name: number[one[kept[one]]] for name, one in sets.items()}
+    builder.of_element = builder.of_element[kept]
+    _leave(builder)
+    return roles
+
+
+def _leave(builder: ModelBuilder) -> None:
+    """Drop what acts on nodes of elements that are not chosen."""
+    count = len(builder.gone)
+
+    def stays(terms: Sequence[Term]) -> bool:
+        return not any(n < count and builder.gone[n] for n, _, _ in terms)
+
+    joints = builder.joints
+    before = len(joints.every()) + len(builder.masses) + len(builder.springs)
+    joints.equations = [terms for terms in joints.equations if stays(terms)]
+    joints.springs = [one for one in joints.springs if stays(one[0])]
+    joints.dampers = [one for one in joints.dampers if stays(one[0])]
+    joints.masses = [one for one in joints.masses if all(map(stays, one[0]))]
+    builder.masses = [one for one in builder.masses if not builder.gone[one[0]]]
+    builder.springs = [one for one in builder.springs if not builder.gone[one[0]]]
+    left = before - len(joints.every()) - len(builder.masses) - len(builder.springs)
+    if left:
+        builder.ignored.append(
+            f"{left} constraints, springs, dampers or masses on parts that are left out"
+        )
+
+
+def hold_middles(builder: ModelBuilder) -> None:
+    """Constraints for middle nodes whose edges have an end that is free."""
+    fixed = builder.fixed
+    held: set[tuple[int, int]] = set()
+    for block in builder.deck.blocks:
+        if not block.mids.shape[1] or block.shape == "line":
+            continue
+        ends = block.corners[:, np.array(EDGES[block.shape])]  # (n, edges, 2)
+        for motion in range(6):
+            alone = (block.mids >= 0) & fixed[block.mids, motion]
+            alone &= ~fixed[ends, motion].all(axis=2)
+            held.update((int(node), motion) for node in np.unique(block.mids[alone]))
+    for node, motion in sorted(held):
+        if motion < 3 or builder.has_rotations[node]:
+            builder.joints.equations.append([(node, motion, 1.0)])

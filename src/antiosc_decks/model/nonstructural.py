@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from antiosc.errors import MeshError
 from antiosc.fem.readers.deck import Array, IntArray, Place
 from antiosc_decks.model.builder import Family, ModelBuilder, Rod
 from antiosc_decks.model.geometry import measures_of
@@ -27,7 +26,7 @@ def add_mass(
     own, across, _ = _sections(builder, elements, place)
     if dimension in (1, 2) and (own != dimension).any():
         what = "length" if dimension == 1 else "area"
-        raise MeshError(f"{place}: a mass per {what} on elements that have none.")
+        raise place.error(f"a mass per {what} on elements that have none.")
     _spread(builder, elements, np.where((own < 3) & (dimension < 3), value / across, value))
 
 
@@ -37,12 +36,12 @@ def add_total(
     """A mass spread over elements by their "measure" (length or area), "volume" or "mass"."""
     dimension, across, density = _sections(builder, elements, place)
     if by == "measure" and len(set(dimension.tolist())) > 1:
-        raise MeshError(f"{place}: one mass is spread over lines, areas or volumes alone.")
+        raise place.error("one mass is spread over lines, areas or volumes alone.")
     measure = measures_of(builder.deck, elements)
     share = {"measure": 1 / across, "volume": np.ones(len(across)), "mass": density}[by]
     total = float((share * across * measure).sum())
     if not total > 0:
-        raise MeshError(f"{place}: the elements of the nonstructural mass have no {by}.")
+        raise place.error(f"the elements of the nonstructural mass have no {by}.")
     _spread(builder, elements, value / total * share)
 
 
@@ -51,7 +50,7 @@ def _sections(
 ) -> tuple[IntArray, Array, Array]:
     """(dimension, thickness or area across it, density) of elements, in the deck's units."""
     if not len(elements):
-        raise MeshError(f"{place}: the nonstructural mass is on no element with a section.")
+        raise place.error("the nonstructural mass is on no element with a section.")
     found = [_section(builder, int(element), place) for element in elements]
     dimension, across, density = (np.array(column) for column in zip(*found, strict=True))
     return dimension, across, density
@@ -63,7 +62,7 @@ def _section(builder: ModelBuilder, element: int, place: Place) -> tuple[int, fl
         return 1, rod.area, rod.mass / rod.area
     number = builder.of_element[element]
     if number < 0:
-        raise MeshError(f"{place}: the nonstructural mass is on an element without a section.")
+        raise place.error("the nonstructural mass is on an element without a section.")
     family = builder.families[number]
     units, a = builder.units, family.arguments
     across = 1.0

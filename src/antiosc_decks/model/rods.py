@@ -104,7 +104,7 @@ def _spring(builder: ModelBuilder, a: int, b: int, rod: Rod) -> float:
     along = builder.deck.points[b] - builder.deck.points[a]
     length = float(np.linalg.norm(along))
     if length == 0:
-        raise MeshError(f"{rod.place}: the ends of a rod coincide, so that it has no direction.")
+        raise rod.place.error("the ends of a rod coincide, so that it has no direction.")
     unit = along / length
 
     def apart(motion: int) -> list[Term]:

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from antiosc.errors import MeshError
 from antiosc.fem.readers.deck import Array, Block, IntArray
 from antiosc_decks.model.builder import ModelBuilder
 from antiosc_decks.nastran.cards import Entry
@@ -112,7 +111,7 @@ def _own_ends(
     line = x[1] + offsets[1] - x[0] - offsets[0]
     length = float(np.linalg.norm(line))
     if length <= 1e-12 * max(float(np.abs(x).max()), 1e-300):
-        raise MeshError(f"{entry.place}: {entry.name} {entry.whole(0)} has no length.")
+        raise entry.place.error(f"{entry.name} {entry.whole(0)} has no length.")
     height = orientation(found, entry, line / length)
     if not any(pins) and _alike(offsets, height):
         return {}  # by the section
@@ -128,7 +127,7 @@ def _pins(entry: Entry, text: str) -> set[int]:
     if not text or not set(text) - {"0"}:
         return set()
     if not text.isdigit() or not set(text) <= set("123456"):
-        raise MeshError(f"{entry.place}: the pin flags {text!r} are not components from 1 to 6.")
+        raise entry.place.error(f"the pin flags {text!r} are not components from 1 to 6.")
     return {int(c) - 1 for c in text}
 
 
@@ -140,8 +139,8 @@ def _offsets(found: NastranDeck, entry: Entry, nodes: tuple[int, int]) -> Array:
     kind = entry.text(7).upper()
     along = (kind if kind.isalpha() else "GGG").ljust(3, "G")
     if "O" in along[1:] or "E" in along[1:]:
-        raise MeshError(
-            f"{entry.place}: {entry.name} with offsets in the element's system (OFFT = {kind}) is "
+        raise entry.place.error(
+            f"{entry.name} with offsets in the element's system (OFFT = {kind}) is "
             "not supported; give them in the displacement system (GGG)."
         )
     return np.stack(
@@ -170,9 +169,8 @@ def orientation(found: NastranDeck, entry: Entry, tangent: Array) -> Array:
     v = v - (v @ tangent) * tangent
     size = float(np.linalg.norm(v))
     if size <= 1e-9 * long or not long:
-        raise MeshError(
-            f"{entry.place}: the orientation of {entry.name} {entry.whole(0)} is missing, or "
-            "along its axis."
+        raise entry.place.error(
+            f"the orientation of {entry.name} {entry.whole(0)} is missing, or along its axis."
         )
     return np.asarray(v / size)
 

@@ -42,7 +42,7 @@ class Entry:
         """An integer; MeshError if it is none, or missing without a default."""
         if not self.text(k):
             if default is None:
-                raise MeshError(f"{self.place}: field {k + 2} of {self.name} is empty.")
+                raise self.place.error(f"field {k + 2} of {self.name} is empty.")
             return default
         return whole_number(self.text(k), self.place)
 
@@ -50,7 +50,7 @@ class Entry:
         """A number; MeshError if it is none, or missing without a default."""
         if not self.text(k):
             if default is None:
-                raise MeshError(f"{self.place}: field {k + 2} of {self.name} is empty.")
+                raise self.place.error(f"field {k + 2} of {self.name} is empty.")
             return default
         return real_number(self.text(k), self.place)
 
@@ -130,8 +130,8 @@ class Continuations:
             self._refuse(name, place)
 
     def _refuse(self, name: str, place: Place) -> None:
-        raise MeshError(
-            f"{place}: the continuation {name[:20]!r} does not follow its entry; write it behind "
+        raise place.error(
+            f"the continuation {name[:20]!r} does not follow its entry; write it behind "
             "the line that ends with its mark."
         )
 
@@ -210,7 +210,7 @@ class _Collector:
             return
         if not name or name[0] in "+*":
             if not self.bulk.entries:
-                raise MeshError(f"{place}: a continuation without an entry before it.")
+                raise place.error("a continuation without an entry before it.")
             entry = self.continuations.entry_of(name, place)
             filled = -len(entry.fields) % 8
             if filled and not (large and filled == 4):
@@ -219,7 +219,7 @@ class _Collector:
             self.continuations.ends(entry, mark)
             return
         if not name[0].isalpha():
-            raise MeshError(f"{place}: {name[:20]!r} is not an entry of Nastran's bulk data.")
+            raise place.error(f"{name[:20]!r} is not an entry of Nastran's bulk data.")
         self._begin(Entry(name.rstrip("*").strip().upper(), place, fields), mark)
 
     def _begin(self, entry: Entry, mark: str) -> None:
@@ -229,12 +229,12 @@ class _Collector:
     def _copy(self, name: str, fields: list[str], place: Place) -> None:
         """Copies of the entry before: = the same field, == all of the rest, *(2) more by 2."""
         if not self.bulk.entries:
-            raise MeshError(f"{place}: a copy (=) without an entry before it.")
+            raise place.error("a copy (=) without an entry before it.")
         times = 1
         if name != "=":
             times = whole_number(name[1:].strip("()"), place)
             if not 0 < times <= MOST_COPIES or not self.changes:
-                raise MeshError(f"{place}: {name[:20]!r} repeats no copy, or one too often.")
+                raise place.error(f"{name[:20]!r} repeats no copy, or one too often.")
         else:
             self.changes = fields
         for _ in range(times):
@@ -268,8 +268,8 @@ def _fields(line: str, place: Place) -> tuple[str, list[str], bool, str]:
         count = 4 if large else 8
         # the one after them names the continuation
         if any(rest[count + 1 :]) or _NUMBER.match("".join(rest[count : count + 1])):
-            raise MeshError(
-                f"{place}: a line of free fields has up to {count} after its name, and the mark of "
+            raise place.error(
+                f"a line of free fields has up to {count} after its name, and the mark of "
                 f"the next line; got {len(rest)}: write the further ones in a line of their own."
             )
         return first, (rest + [""] * count)[:count], large, "".join(rest[count : count + 1])

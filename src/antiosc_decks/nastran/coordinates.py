@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from antiosc.errors import MeshError
 from antiosc.fem.readers.deck import Array, Place
 from antiosc_decks.nastran.cards import Entry
 
@@ -82,8 +81,8 @@ class Systems:
             known.text(first + k) == entry.text(start + k) for k in range(width)
         )
         if not alike:
-            raise MeshError(
-                f"{entry.place}: the coordinate system {entry.whole(start)} is defined more than "
+            raise entry.place.error(
+                f"the coordinate system {entry.whole(start)} is defined more than "
                 f"once, first otherwise in {known.place}."
             )
 
@@ -91,9 +90,9 @@ class Systems:
         """The system `number`; MeshError if there is none, or it depends on itself."""
         if number not in self._placed:
             if number not in self._given:
-                raise MeshError(f"{place}: there is no coordinate system {number}.")
+                raise place.error(f"there is no coordinate system {number}.")
             if number in self._open or len(self._open) > 200:
-                raise MeshError(f"{place}: the coordinate system {number} depends on itself.")
+                raise place.error(f"the coordinate system {number} depends on itself.")
             self._open.add(number)
             self._placed[number] = self._place(*self._given[number])
             self._open.discard(number)
@@ -111,6 +110,6 @@ class Systems:
         y = np.cross(z, c - a)
         size = np.linalg.norm(z)
         if not np.linalg.norm(y) > 1e-12 * size * np.linalg.norm(c - a):
-            raise MeshError(f"{entry.place}: the three points of {entry.name} lie on one line.")
+            raise entry.place.error(f"the three points of {entry.name} lie on one line.")
         z, y = z / np.linalg.norm(z), y / np.linalg.norm(y)
         return System(a, np.stack([np.cross(y, z), y, z]), entry.name[-1])

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from antiosc._types import BoolArray
-from antiosc.errors import MeshError
 from antiosc.fem.readers.deck import Array, real_number
 from antiosc_decks.model.builder import ModelBuilder
 from antiosc_decks.model.constraints import Term
@@ -57,19 +56,17 @@ def _named(found: NastranDeck, entry: Entry, words: list[str]) -> BoolArray:
     elif kind.startswith("P"):
         own = np.array([property_of(one) for one in found.elements], dtype=np.int64)
     else:
-        raise MeshError(
-            f"{entry.place}: {entry.name} is read of properties and elements; got {kind!r}."
-        )
+        raise entry.place.error(f"{entry.name} is read of properties and elements; got {kind!r}.")
     if words == ["ALL"]:
         given = {one.whole(0) for one in found.named(kind)}
         return np.isin(own, list(given)) if kind.startswith("P") else np.ones(len(own), dtype=bool)
     if "BY" in words:
-        raise MeshError(f"{entry.place}: {entry.name} is read without BY; list the numbers.")
+        raise entry.place.error(f"{entry.name} is read without BY; list the numbers.")
     chosen = np.zeros(len(own), dtype=bool)
     for first, last in through(words, entry.place):
         some = (own >= first) & (own <= last)
         if not some.any():
-            raise MeshError(f"{entry.place}: {entry.name} names {kind} {first}, of no element.")
+            raise entry.place.error(f"{entry.name} names {kind} {first}, of no element.")
         chosen |= some
     return chosen
 
@@ -89,7 +86,7 @@ def _at_a_point(found: NastranDeck, builder: ModelBuilder, entry: Entry, factor:
         axes = _axes(found, entry, number)
         offset, J = offset @ axes, axes.T @ J @ axes
     if mass < 0 or np.linalg.eigvalsh(J).min() < -INERTIA_ROUNDING * np.abs(J).max():
-        raise MeshError(f"{entry.place}: the mass or the inertia of CONM2 is negative.")
+        raise entry.place.error("the mass or the inertia of CONM2 is negative.")
     plain = not offset.any() and not (J - np.diag(np.diag(J))).any()
     if plain and (builder.has_rotations[row] or not J.any()):
         if mass or J.any():
@@ -113,7 +110,7 @@ def _matrix(found: NastranDeck, builder: ModelBuilder, entry: Entry, factor: flo
         six = np.kron(np.eye(2), _axes(found, entry, entry.whole(2)))
         M = six.T @ M @ six
     if np.linalg.eigvalsh(M).min() < -INERTIA_ROUNDING * np.abs(M).max():
-        raise MeshError(f"{entry.place}: the matrix of CONM1 is not that of a mass: it has a "
+        raise entry.place.error("the matrix of CONM1 is not that of a mass: it has a "
                         "negative eigenvalue.")  # fmt: skip
     builder.body(row, M, float(np.trace(M[:3, :3])) / 3, entry.place)
 
@@ -123,8 +120,8 @@ def _axes(found: NastranDeck, entry: Entry, number: int) -> Array:
     assert found.systems is not None
     system = found.systems(number, entry.place)
     if system.kind != "R":
-        raise MeshError(
-            f"{entry.place}: {entry.name} is read in rectangular systems; give the coordinate "
+        raise entry.place.error(
+            f"{entry.name} is read in rectangular systems; give the coordinate "
             f"system {number} as CORD2R."
         )
     return system.axes
@@ -144,7 +141,7 @@ def _scalar(
         shared, k = its_property(entry, "PMASS", own)
         mass = shared.real(k + 1, None)
     if mass < 0:
-        raise MeshError(f"{entry.place}: {entry.name} has a negative mass.")
+        raise entry.place.error(f"{entry.name} has a negative mass.")
     terms: list[Term] = []
     ends = found.scalar_ends(entry)
     length = builder.units.length
@@ -154,7 +151,7 @@ def _scalar(
         scale = sign * (length if first else 1.0)
         terms += [(row, first + c, scale * float(direction[c])) for c in range(3) if direction[c]]
     if not terms:
-        raise MeshError(f"{entry.place}: {entry.name} acts on no node.")
+        raise entry.place.error(f"{entry.name} acts on no node.")
     if mass:
         # three of them, one along each axis, are one mass
         share = mass / 3 if len(ends) == 1 and ends[0][1] < 3 else 0.0

@@ -7,10 +7,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from antiosc.errors import MeshError
 from antiosc.fem.readers.deck import Array
 from antiosc_decks.model.builder import ModelBuilder
-from antiosc_decks.model.material import Material, isotropic
+from antiosc_decks.model.properties import Material, isotropic
 from antiosc_decks.nastran.cards import Entry
 from antiosc_decks.nastran.mesh import NastranDeck, defined_once
 
@@ -66,7 +65,7 @@ def _moduli(entry: Entry) -> tuple[float, float | None, float]:
     if nu is None and E and G:
         nu = E / (2 * G) - 1
     if not E:
-        raise MeshError(f"{entry.place}: MAT1 needs E, or G and NU, above 0.")
+        raise entry.place.error("MAT1 needs E, or G and NU, above 0.")
     return E, G, nu or 0.0
 
 
@@ -86,8 +85,8 @@ class PropertyReader:
         """The material whose number is in field k (from 0)."""
         number = entry.whole(k)
         if number not in self.materials:
-            raise MeshError(
-                f"{entry.place}: there is no MAT1, MAT2, MAT8 or MAT9 with the number {number}."
+            raise entry.place.error(
+                f"there is no MAT1, MAT2, MAT8 or MAT9 with the number {number}."
             )
         return self.materials[number]
 

@@ -76,7 +76,7 @@ class NastranDeck:
         """Row of the node `label`."""
         row = int(self.nodes.rows(np.array([label]))[0])
         if row < 0:
-            raise MeshError(f"{place}: there is no GRID {label}.")
+            raise place.error(f"there is no GRID {label}.")
         return row
 
     def properties(self, name: str, width: int = 8) -> dict[int, tuple[Entry, int]]:
@@ -100,9 +100,8 @@ class NastranDeck:
             if row in self.scalar and motion in (-1, 0):
                 motion = 0
             elif not 0 <= motion < 6 or row in self.scalar:
-                raise MeshError(
-                    f"{entry.place}: {entry.name} acts on a component from 1 to 6 of a GRID, or on "
-                    "a scalar point."
+                raise entry.place.error(
+                    f"{entry.name} acts on a component from 1 to 6 of a GRID, or on a scalar point."
                 )
             found.append((row, motion))
         return found
@@ -147,7 +146,7 @@ def _nodes(bulk: Bulk, name: str) -> NastranDeck:
     def position(label: int, place: Place) -> Array:
         row = int(nodes.rows(np.array([label]))[0])
         if not 0 <= row < len(grids):
-            raise MeshError(f"{place}: there is no GRID {label}.")
+            raise place.error(f"there is no GRID {label}.")
         if row not in placed:
             grid = grids[row]
             number = _given(grid, 1, default)
@@ -174,8 +173,8 @@ def defined_once(entries: list[Entry], what: str) -> dict[int, Entry]:
         known = first.setdefault(entry.whole(0), entry)
         count = max(len(known.fields), len(entry.fields))
         if known.name != entry.name or any(known.text(k) != entry.text(k) for k in range(count)):
-            raise MeshError(
-                f"{entry.place}: the deck defines the {what} {entry.whole(0)} more than once, "
+            raise entry.place.error(
+                f"the deck defines the {what} {entry.whole(0)} more than once, "
                 f"first otherwise in {known.place}."
             )
     return first
@@ -188,7 +187,7 @@ def _scalar_points(bulk: Bulk) -> IntArray:
         if entry.name == "SPOINT":
             for first, last in through(entry.fields, entry.place):
                 if last - first > 10_000_000:
-                    raise MeshError(f"{entry.place}: SPOINT from {first} to {last}.")
+                    raise entry.place.error(f"SPOINT from {first} to {last}.")
                 numbers.update(range(first, last + 1))
     return np.array(sorted(numbers), dtype=np.int64)
 
@@ -230,7 +229,7 @@ def _elements(found: NastranDeck) -> None:
             continue
         label = entry.whole(0)
         if label in seen:
-            raise MeshError(f"{entry.place}: the element {label} is defined more than once.")
+            raise entry.place.error(f"the element {label} is defined more than once.")
         seen.add(label)
         shape = shape_of(entry.name)
         curved = any(nodes[CORNERS[shape] :])
@@ -246,9 +245,8 @@ def _elements(found: NastranDeck) -> None:
         if lost.any():
             row, k = np.argwhere(lost)[0]
             entry = some[row][0]
-            raise MeshError(
-                f"{entry.place}: {name} {entry.whole(0)} has the node {table[row, k]}, for which "
-                "there is no GRID."
+            raise entry.place.error(
+                f"{name} {entry.whole(0)} has the node {table[row, k]}, for which there is no GRID."
             )
         mids = rows[:, corners:]
         if name in SOLIDS:
@@ -290,7 +288,7 @@ def its_property(entry: Entry, name: str, known: dict[int, tuple[Entry, int]]) -
     """(entry, first field) of an element's property among `NastranDeck.properties`."""
     number = property_of(entry)
     if number not in known:
-        raise MeshError(f"{entry.place}: {entry.name} has no {name} {number}.")
+        raise entry.place.error(f"{entry.name} has no {name} {number}.")
     return known[number]
 
 

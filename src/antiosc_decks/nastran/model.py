@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from antiosc.errors import MeshError
 from antiosc.fem.readers.deck import IntArray, Place
 from antiosc.fem.readers.unit_system import UnitSystem
 from antiosc_decks.account import lines
@@ -20,7 +19,7 @@ from antiosc_decks.model.finished import finished
 from antiosc_decks.model.geometry import fixed_along_axes
 from antiosc_decks.model.rods import hold_without_stiffness
 from antiosc_decks.nastran import beams as beams
-from antiosc_decks.nastran.joints import read_joints
+from antiosc_decks.nastran.joints import read_joints, read_springs
 from antiosc_decks.nastran.masses import read_masses
 from antiosc_decks.nastran.materials import materials_of
 from antiosc_decks.nastran.mesh import (
@@ -29,7 +28,6 @@ from antiosc_decks.nastran.mesh import (
     set_groups,
 )
 from antiosc_decks.nastran.sections import Properties
-from antiosc_decks.nastran.springs import read_springs
 from antiosc_decks.nastran.table import tell_damping
 
 
@@ -87,7 +85,7 @@ def _supports(found: NastranDeck, builder: ModelBuilder) -> None:
     for number in sorted(found.used_sets("SPC")):
         for rows, components, entry in constraints(found, number):
             if not len(rows):
-                raise MeshError(f"{entry.place}: SPC1 {number} fixes a GRID that there is not.")
+                raise entry.place.error(f"SPC1 {number} fixes a GRID that there is not.")
             _fix(found, builder, rows, components, entry.place)
             if entry.name == "SPC" and (entry.real(3) or entry.real(6)):
                 moved.append(entry.place)
@@ -100,7 +98,7 @@ def _fix(
 ) -> None:
     components = components or "0"
     if not components.isdigit() or not set(components) <= set("0123456"):
-        raise MeshError(f"{place}: {components!r} are not components from 1 to 6.")
+        raise place.error(f"{components!r} are not components from 1 to 6.")
     motions = sorted({int(c) - 1 for c in components} - {-1})
     scalar = np.array([row for row in rows if int(row) in found.scalar], dtype=np.int64)
     builder.fix(scalar, [0])

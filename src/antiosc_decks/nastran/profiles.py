@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from antiosc.errors import MeshError
-from antiosc_decks.model import profiles
+from antiosc_decks.model import properties as profiles
 from antiosc_decks.nastran.cards import Entry
 
 #: Supported cross-sections and the number of their dimensions.
@@ -66,9 +65,8 @@ class BeamProfiles:
         if mixed:
             first, second = mean + half, mean - half
         if min(A, first, second) <= 0:
-            raise MeshError(
-                f"{self.entry.place}: {self.entry.name} needs A, I1 and I2 above 0, and I12² below "
-                "I1 I2."
+            raise self.entry.place.error(
+                f"{self.entry.name} needs A, I1 and I2 above 0, and I12² below I1 I2."
             )
         own = replace(near.profile, A=A, I=first, I_side=second, J=J or (first + second) / 2)
         return BeamProfile(own, extra, near.sheared, angle)
@@ -88,7 +86,7 @@ class BeamProfiles:
             k1, k2 = entry.real(start, 1.0), entry.real(start + 1, 1.0)
             self._beside(start)
         if min(area, first, second) <= 0:
-            raise MeshError(f"{entry.place}: {entry.name} needs A, I1 and I2 above 0.")
+            raise entry.place.error(f"{entry.name} needs A, I1 and I2 above 0.")
         shear = (k1 + k2) / 2 if k1 and k2 else 0.0
         label = f"{entry.name} {entry.text(0)}"
         if bool(k1) != bool(k2) or (shear and not math.isclose(k1, k2, rel_tol=1e-3)):
@@ -129,17 +127,17 @@ class BeamProfiles:
                 last = ends[place]
         for place in ends:
             if not 0 < place <= 1:
-                raise MeshError(f"{entry.place}: X/XB of {entry.name} lies between 0 and 1.")
+                raise entry.place.error(f"X/XB of {entry.name} lies between 0 and 1.")
         if ends and 1.0 not in ends:
-            raise MeshError(f"{entry.place}: {entry.name} gives no section at X/XB = 1.")
+            raise entry.place.error(f"{entry.name} gives no section at X/XB = 1.")
         return ends, start
 
     def _beside(self, start: int) -> None:
         """What follows the sections of PBEAM."""
         entry = self.entry
         if any(entry.real(start + k) for k in range(12, 16)):
-            raise MeshError(
-                f"{entry.place}: PBEAM with its neutral axis off the shear centre (N1, N2) is not "
+            raise entry.place.error(
+                "PBEAM with its neutral axis off the shear centre (N1, N2) is not "
                 "supported; put the nodes on the neutral axis."
             )
         label = f"PBEAM {entry.text(0)}"
@@ -155,13 +153,13 @@ class BeamProfiles:
         entry = self.entry
         kind = entry.text(3).upper()
         if kind not in DIMENSIONS:
-            raise MeshError(
-                f"{entry.place}: {entry.name} of the type {kind!r} is not supported; give its "
+            raise entry.place.error(
+                f"{entry.name} of the type {kind!r} is not supported; give its "
                 f"constants by PBAR, or take one of {', '.join(DIMENSIONS)}."
             )
         if entry.name == "PBEAML" and kind in LOPSIDED:
-            raise MeshError(
-                f"{entry.place}: PBEAML of the type {kind!r} has its neutral axis off the shear "
+            raise entry.place.error(
+                f"PBEAML of the type {kind!r} has its neutral axis off the shear "
                 "centre, which is not supported; give its constants by PBAR."
             )
         count = DIMENSIONS[kind]
@@ -176,9 +174,9 @@ class BeamProfiles:
             stations.append((place, BeamProfile(self._shape(kind, own), beside, True)))
             start += 3 + count
         if not all(0 <= place <= 1 for place, _ in stations):
-            raise MeshError(f"{entry.place}: X/XB of {entry.name} lies between 0 and 1.")
+            raise entry.place.error(f"X/XB of {entry.name} lies between 0 and 1.")
         if len(stations) > 1 and stations[-1][0] != 1:
-            raise MeshError(f"{entry.place}: {entry.name} gives no section at X/XB = 1.")
+            raise entry.place.error(f"{entry.name} gives no section at X/XB = 1.")
         if kind not in ("ROD", "TUBE", "TUBE2", "BAR", "BOX"):
             self.told.append(
                 f"the shear coefficients and the torsion constant that Nastran gives {entry.name} "
@@ -194,7 +192,7 @@ class BeamProfiles:
         ]
         hollow = entry.text(3).upper() == "TUBE"
         if min(d) <= 0 and not (hollow and d[0] > 0 and d[1] == 0):
-            raise MeshError(f"{entry.place}: {entry.name} needs dimensions above 0.")
+            raise entry.place.error(f"{entry.name} needs dimensions above 0.")
         return d
 
     def _shape(self, kind: str, d: Sequence[float]) -> profiles.Profile:
@@ -215,8 +213,8 @@ class BeamProfiles:
             bredt = profiles.box_torsion(*d) if kind == "BOX1" else None
             return profiles.walled(walls, bredt)
         except ValueError as error:
-            raise MeshError(
-                f"{self.entry.place}: the dimensions of {self.entry.name} {self.entry.text(0)} do "
+            raise self.entry.place.error(
+                f"the dimensions of {self.entry.name} {self.entry.text(0)} do "
                 f"not fit into each other for the type {kind!r}."
             ) from error
 

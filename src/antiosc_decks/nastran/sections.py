@@ -63,7 +63,7 @@ class Properties(PropertyReader):
             names = {self.found.elements[k].name for k in elements}
             wrong = sorted(name for name in names if name not in wanted)
             if wrong:
-                raise MeshError(f"{entry.place}: {entry.name} is not a property of {wrong[0]}.")
+                raise entry.place.error(f"{entry.name} is not a property of {wrong[0]}.")
             match entry.name:
                 case "PSOLID":
                     self._solid(entry, str(number), elements)
@@ -96,7 +96,7 @@ class Properties(PropertyReader):
 
     def _solid(self, entry: Entry, name: str, elements: IntArray) -> None:
         if entry.text(6) not in ("", "SMECH"):
-            raise MeshError(f"{entry.place}: PSOLID with FCTN={entry.text(6)} is not a solid.")
+            raise entry.place.error(f"PSOLID with FCTN={entry.text(6)} is not a solid.")
         material = self.material(entry, 1)
         number = entry.text(2)
         stiffness = self.builder.anisotropic(material)
@@ -104,15 +104,15 @@ class Properties(PropertyReader):
             arguments: dict[str, Any] = {"stiffness": stiffness}
             arguments["rho"] = self.builder.rho(material)
             if not number or number == "-1":
-                raise MeshError(
-                    f"{entry.place}: PSOLID with {material.name} has its directions in each "
+                raise entry.place.error(
+                    f"PSOLID with {material.name} has its directions in each "
                     "element's own system (CORDM); give CORDM = 0 or a rectangular system."
                 )
             assert self.found.systems is not None
             system = self.found.systems(entry.whole(2), entry.place)
             if system.kind != "R":
-                raise MeshError(
-                    f"{entry.place}: the directions of {material.name} are read in rectangular "
+                raise entry.place.error(
+                    f"the directions of {material.name} are read in rectangular "
                     f"systems; the CORDM {entry.whole(2)} is none."
                 )
             arguments["axes"] = system.axes[:2].tolist()
@@ -127,14 +127,14 @@ class Properties(PropertyReader):
         if entry.name == "PTUBE":
             outer, t = entry.real(2, None), entry.real(3)
             if entry.real(5, outer) != outer:
-                raise MeshError(f"{entry.place}: tapered tubes (PTUBE with OD2) are not supported.")
+                raise entry.place.error("tapered tubes (PTUBE with OD2) are not supported.")
             inner = outer - 2 * t if t else 0.0
             area = math.pi * (outer**2 - inner**2) / 4
             torsion, extra = math.pi * (outer**4 - inner**4) / 32, entry.real(4)
         else:
             area, torsion, extra = entry.real(k + 1), entry.real(k + 2), entry.real(k + 4)
         if area <= 0:
-            raise MeshError(f"{entry.place}: {entry.name} needs an area above 0.")
+            raise entry.place.error(f"{entry.name} needs an area above 0.")
         units = self.builder.units
         material = self.material(entry, k)
         E, nu = (value / u for value, u in zip(self.builder.elastic(material, "rods"),
@@ -171,8 +171,8 @@ class Properties(PropertyReader):
             height = np.array(key[:3])
             if one.angle:
                 if key[3]:
-                    raise MeshError(
-                        f"{entry.place}: {entry.name} with I12 and with offsets of its elements is "
+                    raise entry.place.error(
+                        f"{entry.name} with I12 and with offsets of its elements is "
                         "not supported; rotate the section to its principal axes."
                     )
                 side = np.cross(tangents_of(self.found.deck, np.array(some[:1]))[0], height)

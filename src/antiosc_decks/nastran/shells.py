@@ -7,11 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from antiosc.errors import MeshError
 from antiosc.fem.readers.deck import Array, IntArray
 from antiosc_decks.model.builder import Family
 from antiosc_decks.model.geometry import common_direction, corners_of, normals_of
-from antiosc_decks.model.material import Material
+from antiosc_decks.model.properties import Material
 from antiosc_decks.nastran.cards import Entry
 from antiosc_decks.nastran.materials import PropertyReader
 
@@ -40,13 +39,12 @@ class Shells:
         """PSHELL."""
         thickness = entry.real(2, 0.0)
         if not entry.text(3) or entry.whole(3) == -1:
-            raise MeshError(
-                f"{entry.place}: PSHELL without bending (MID2) is a membrane, which is not "
-                "supported; give MID2."
+            raise entry.place.error(
+                "PSHELL without bending (MID2) is a membrane, which is not supported; give MID2."
             )
         if entry.text(10):
-            raise MeshError(
-                f"{entry.place}: PSHELL with MID4, which couples stretching with bending, is not "
+            raise entry.place.error(
+                "PSHELL with MID4, which couples stretching with bending, is not "
                 "supported; give the layers by PCOMP, or an offset."
             )
         off = entry.real(12) if entry.text(12) else 0.0
@@ -95,8 +93,8 @@ class Shells:
                 for k in range(OWN_THICKNESS, OWN_THICKNESS + corners)
             ]
             if min(values) < 0 or max(values) <= 0:
-                raise MeshError(
-                    f"{own.place}: {own.name} {own.whole(0)} has no thickness, here or in "
+                raise own.place.error(
+                    f"{own.name} {own.whole(0)} has no thickness, here or in "
                     f"{entry.name} {entry.text(0)}."
                 )
             varying += max(values) - min(values) > 1e-9 * max(values)
@@ -123,7 +121,7 @@ class Shells:
             )
             share = 5 / 6
         if min(ratio, share) <= 0:
-            raise MeshError(f"{entry.place}: 12I/T³ and TS/T of PSHELL must be above 0.")
+            raise entry.place.error("12I/T³ and TS/T of PSHELL must be above 0.")
         units = self.builder.units
         t = thickness * units.length
         mass = self.builder.rho(membrane) * t + self.whole.beside(entry.real(7), 1.0) * units.length
@@ -153,7 +151,7 @@ class Shells:
         how = entry.text(7).upper()
         if how not in ("", "SYM") or not plies:
             what = f"LAM={how}" if plies else "no plies"
-            raise MeshError(f"{entry.place}: {entry.name} with {what} is not supported.")
+            raise entry.place.error(f"{entry.name} with {what} is not supported.")
         if how == "SYM":
             plies += plies[::-1]
         total = sum(thickness for _, thickness, _ in plies)
@@ -166,8 +164,8 @@ class Shells:
         for own, offset, some in self._by_thickness(elements, total, entry):
             if not math.isclose(own, total, rel_tol=1e-9):
                 first = self.found.elements[some[0]]
-                raise MeshError(
-                    f"{first.place}: {first.name} {first.whole(0)} has thicknesses of its own, "
+                raise first.place.error(
+                    f"{first.name} {first.whole(0)} has thicknesses of its own, "
                     f"which do not apply to the plies of {entry.name}."
                 )
             offset += off if abs(off) > 1e-9 * total else 0.0
@@ -179,8 +177,8 @@ class Shells:
         if material.plane is not None:
             Q = _plane(material)
             if np.abs(Q[:2, 2]).max() > 1e-9 * np.abs(Q).max():
-                raise MeshError(
-                    f"{material.place}: {material.name} couples stretching with shear, which plies "
+                raise material.place.error(
+                    f"{material.name} couples stretching with shear, which plies "
                     "here do not; give the ply along its fibres by MAT8."
                 )
             S = np.linalg.inv(Q)
@@ -253,12 +251,12 @@ def _plane(material: Material) -> Array:
     """Stresses (σ1, σ2, τ12) of plane strains (3, 3)."""
     if material.plane is not None:
         if not np.linalg.eigvalsh(material.plane).min() > 0:
-            raise MeshError(
-                f"{material.place}: the stiffness of {material.name} is not positive definite."
+            raise material.place.error(
+                f"the stiffness of {material.name} is not positive definite."
             )
         return material.plane
     if material.constants is None:
-        raise MeshError(f"{material.place}: {material.name} is not a material of shells.")
+        raise material.place.error(f"{material.name} is not a material of shells.")
     E1, E2, _, n12, _, _, G12, *_ = material.constants
     n21 = n12 * E2 / E1
     Q = np.array([[E1, n21 * E1, 0], [n21 * E1, E2, 0], [0, 0, (1 - n12 * n21) * G12]])
@@ -270,5 +268,5 @@ def _across(material: Material) -> Array:
     if material.plane is not None:  # G11, G12, G22 of a MAT2
         return np.asarray(material.plane[:2, :2])
     if material.constants is None:
-        raise MeshError(f"{material.place}: {material.name} is not a material of shells.")
+        raise material.place.error(f"{material.name} is not a material of shells.")
     return np.diag(material.constants[7:9])

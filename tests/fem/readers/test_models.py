@@ -11,7 +11,7 @@ import pytest
 from antiosc.fem.readers.unit_system import UnitSystem
 from antiosc_decks.abaqus import assembly as abaqus_assembly, model as abaqus_model
 from antiosc_decks.model.geometry import fixed_along_axes
-from antiosc_decks.model.material import isotropic, of_stiffness
+from antiosc_decks.model.properties import isotropic, of_stiffness
 from antiosc_decks.nastran import mesh as nastran, model as nastran_model
 
 CORNERS = [(x, y, z) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]

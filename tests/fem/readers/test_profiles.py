@@ -9,9 +9,9 @@ import pytest
 
 from antiosc.errors import MeshError
 from antiosc.fem.readers.deck import Place
-from antiosc_decks.abaqus import profiles as abaqus_profiles
+from antiosc_decks.abaqus import properties as abaqus_profiles
 from antiosc_decks.abaqus.cards import Card
-from antiosc_decks.model import profiles
+from antiosc_decks.model import properties as profiles
 from antiosc_decks.nastran import profiles as nastran_profiles
 from antiosc_decks.nastran.cards import Entry
 

@@ -13,7 +13,7 @@ from antiosc.fem.readers.mixed import GMSH_EDGES, GMSH_FACES
 from antiosc.fem.readers.node_table import NodeTable
 from antiosc_decks.abaqus.elements import element_type
 from antiosc_decks.abaqus.model import NAMED
-from antiosc_decks.abaqus.surfaces import SOLID_FACES
+from antiosc_decks.abaqus.ties import SOLID_FACES
 
 #: by their dimension
 SIMPLICES = ["point", "interval", "triangle", "tetrahedron"]

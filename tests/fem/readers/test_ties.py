@@ -8,7 +8,7 @@ import pytest
 from antiosc.errors import MeshError
 from antiosc_decks.abaqus import assembly as abaqus_assembly
 from antiosc_decks.abaqus.joints import read_joints
-from antiosc_decks.abaqus.surfaces import surfaces_of
+from antiosc_decks.abaqus.ties import surfaces_of
 from antiosc_decks.model.constraints import Constraints
 from refusals import refused
 

@@ -50,6 +50,10 @@ class Place:
     def __str__(self) -> str:
         return f"line {self.line} of {self.file}"
 
+    def error(self, text: str) -> MeshError:
+        """The error with the sentence `text` about this place."""
+        return MeshError(f"{self}: {text}")
+
 
 @dataclass
 class Deck:
