@@ -1,7 +1,8 @@
-"""Lines of a deck and of the files that it includes, which must be in its folder."""
+"""Lines of a deck and of the files that it includes, from its folder or the one above."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -10,6 +11,9 @@ from antiosc.fem.readers.deck import Place
 
 #: Greatest depth of included files.
 DEEPEST_INCLUDE = 16
+#: Least names in the path of a folder above the deck's from which files may be included: none of
+#: the system, no home.
+DEEP_ENOUGH = 4
 #: Largest size of all files of a deck together, bytes.
 LARGEST_DECK = 4 * 2**30
 
@@ -21,6 +25,7 @@ class Sources:
         self.path = path
         self.name = name
         self.folder = path.resolve().parent
+        self.root = _root(path)
         self.size = 0
         self._open: list[Path] = []
         self._on_size = on_size
@@ -59,14 +64,15 @@ class Sources:
             nested = (self._open[-1].parent / name).resolve() if self._open else path
             if not path.is_file() and nested.is_file():  # beside the file that includes it
                 path = nested
-            inside = path.is_relative_to(self.folder)
+            inside = path.is_relative_to(self.root)
             found = inside and path.is_file()
         except (OSError, ValueError):
             inside, found = True, False
         if not inside:
             raise at.error(
                 f"{named[:80]!r} lies outside the folder of {self.name}; a deck may include "
-                "files of its own folder only: copy it there."
+                "files of its own folder, and of the one above where both are the user's: copy it "
+                "there."
             )
         if not found:
             raise at.error(f"there is no file {named[:80]!r} beside {self.name}.")
@@ -80,3 +86,14 @@ class Sources:
     def leave(self) -> None:
         """Leave the file that was entered last."""
         self._open.pop()
+
+
+def _root(path: Path) -> Path:
+    """The folder of a deck, or the one above where the deck and both folders are the user's own."""
+    folder = path.resolve().parent
+    above = folder.parent
+    try:
+        own = all(one.stat().st_uid == os.getuid() for one in (path, folder, above))
+    except OSError:
+        own = False
+    return above if own and len(above.parts) >= DEEP_ENOUGH else folder

@@ -24,18 +24,11 @@ def read_joints(whole: Whole, joints: Constraints, cards: Cards) -> None:
     surfaces = surfaces_of(whole, cards)
 
     def equation(card: Card, within: Instance) -> None:
-        if {"REMOVE", "REMOVEALL"} & card.options.keys():
-            raise card.place.error("equations that a step removes are not supported.")
         within.refuse_turned(card)
         for terms, place in _equations(whole, card, within):
             joints.equation(terms, place)
 
     def ties(card: Card, within: Instance) -> None:
-        if {"CYCLICSYMMETRY", "MULTISTAGE", "FLUIDPERIODIC"} & card.options.keys():
-            raise card.place.error(
-                "*TIE makes a sector of a whole ring, which is not supported here; "
-                "model the whole part."
-            )
         for fields, place in card.rows():
             if len(fields) < 2:
                 continue
@@ -240,9 +233,12 @@ def _mean_rotation(joints: Constraints, nodes: list[int], place: Place) -> None:
 
 def _rigid(whole: Whole, joints: Constraints, card: Card, within: Instance) -> None:
     nodes = _nodes_of_sets(whole, card, within)
-    reference = _one(whole, card.needed("REFNODE"), card.place, within)
-    named = card.option("ROTNODE")
-    rotation_node = _one(whole, named, card.place, within) if named else None
+    reference, rotation_node = (
+        _one(whole, card.option(name), card.place, within) if card.option(name) else None
+        for name in ("REFNODE", "ROTNODE")
+    )
+    if reference is None:  # a body that nothing else acts on: its nodes lead themselves
+        reference = joints.point(joints.deck.points[nodes].mean(axis=0))
     leader = joints.leader(reference, rotation_node)
     own = [n for n in (reference, rotation_node) if n is not None]
     joints.rigid(nodes[~np.isin(nodes, own)], leader, range(6), card.place)
@@ -278,8 +274,6 @@ class _Couplings:
             case "COUPLING":
                 name = card.needed("SURFACE")
                 surface = _surface(self.surfaces, name, card.place)
-                if card.option("ORIENTATION"):
-                    raise card.place.error("*COUPLING in an orientation is not supported.")
                 node = _one(self.whole, card.needed("REFNODE"), card.place, within)
                 self.current = (node, surface.nodes, card)
             case "KINEMATIC" | "DISTRIBUTING":

@@ -97,8 +97,6 @@ class _Supports:
 
     def read(self, card: Card, within: Instance) -> None:
         """Mark the motions that one card fixes."""
-        if "SUBMODEL" in card.options:
-            raise card.place.error("*BOUNDARY, SUBMODEL is not supported.")
         within.refuse_turned(card)
         moved = other = False
         for fields, place in card.rows():
@@ -256,8 +254,6 @@ def _springs(whole: Whole, builder: ModelBuilder, orientations: Orientations) ->
     for card, within in whole.cards:
         if card.keyword not in LINKS:
             continue
-        if "NONLINEAR" in card.options:
-            raise card.place.error("nonlinear springs and dashpots are not supported.")
         rows = [(f, p) for f, p in card.rows() if f]
         if not rows:
             raise card.place.error(f"*{card.keyword} without a {LINKS[card.keyword]}.")

@@ -17,10 +17,7 @@ from antiosc_decks.model.builder import Family, ModelBuilder, Rod
 from antiosc_decks.model.geometry import common_direction, normals_of, tangents_of
 from antiosc_decks.model.properties import Material
 
-SECTION_CARDS = (
-    *("SOLIDSECTION", "SHELLSECTION", "BEAMSECTION", "BEAMGENERALSECTION"),
-    "SHELLGENERALSECTION",
-)
+SECTION_CARDS = ("SOLIDSECTION", "SHELLSECTION", "BEAMSECTION", "BEAMGENERALSECTION")
 
 
 class Sections:
@@ -47,10 +44,8 @@ class Sections:
                 self._solid(card, name, elements, within)
             case "SHELLSECTION":
                 self._shell(card, name, elements, within)
-            case "BEAMSECTION" | "BEAMGENERALSECTION":
-                self._beam(card, name, elements, within)
             case _:
-                raise card.place.error(f"*{card.keyword} is not supported.")
+                self._beam(card, name, elements, within)
 
     def _name(self, card: Card, within: Instance) -> str:
         spelled = within.scope.spelling.get(card.option("ELSET").upper(), card.option("ELSET"))

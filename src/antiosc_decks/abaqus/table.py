@@ -28,13 +28,13 @@ READ = {
     "NODALTHICKNESS": "",
     "ORIENTATION": "NAME SYSTEM DEFINITION",
     "TRANSFORM": "NSET TYPE",
-    "BOUNDARY": "OP=MOD|NEW AMPLITUDE FIXED TYPE INPUT SUBMODEL",
-    "EQUATION": "INPUT REMOVE REMOVEALL",
+    "BOUNDARY": "OP=MOD|NEW AMPLITUDE FIXED TYPE INPUT",
+    "EQUATION": "INPUT",
     "MPC": "",
     "RIGIDBODY": "NSET ELSET REFNODE ROTNODE TIENSET PINNSET ISOTHERMAL POSITION=INPUT",
-    "TIE": "NAME POSITIONTOLERANCE ADJUST TYPE CYCLICSYMMETRY MULTISTAGE FLUIDPERIODIC",
+    "TIE": "NAME POSITIONTOLERANCE ADJUST TYPE",
     "SURFACE": "NAME TYPE INTERNAL",
-    "COUPLING": "CONSTRAINTNAME REFNODE SURFACE ORIENTATION",
+    "COUPLING": "CONSTRAINTNAME REFNODE SURFACE",
     "KINEMATIC": "",
     "DISTRIBUTING": "WEIGHTINGMETHOD=UNIFORM",
     "KINEMATICCOUPLING": "REFNODE",
@@ -42,8 +42,8 @@ READ = {
     "MASS": "ELSET",
     "ROTARYINERTIA": "ELSET ORIENTATION",
     "NONSTRUCTURALMASS": "ELSET UNITS DISTRIBUTION",
-    "SPRING": "ELSET NONLINEAR ORIENTATION",
-    "DASHPOT": "ELSET NONLINEAR ORIENTATION",
+    "SPRING": "ELSET ORIENTATION",
+    "DASHPOT": "ELSET ORIENTATION",
 }
 #: Options that would change the result.
 REFUSED_OPTIONS = {
@@ -54,6 +54,16 @@ REFUSED_OPTIONS = {
     ("KINEMATICCOUPLING", "ORIENTATION"): "a coupling along axes of its own",
     ("RIGIDBODY", "POSITION"): "a change of the place of the reference node",
     ("INSTANCE", "LIBRARY"): "a part of another analysis",
+    ("EQUATION", "REMOVE"): "a change of the equations between steps",
+    ("EQUATION", "REMOVEALL"): "a change of the equations between steps",
+    **dict.fromkeys(
+        (("TIE", kind) for kind in ("CYCLICSYMMETRY", "MULTISTAGE", "FLUIDPERIODIC")),
+        "a sector of a whole ring",
+    ),
+    ("COUPLING", "ORIENTATION"): "a coupling along axes of its own",
+    ("BOUNDARY", "SUBMODEL"): "a submodel",
+    ("SPRING", "NONLINEAR"): "a nonlinear law",
+    ("DASHPOT", "NONLINEAR"): "a nonlinear law",
 }
 #: Cards that are also read in the first step.
 IN_STEPS = (

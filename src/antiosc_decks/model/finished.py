@@ -18,6 +18,7 @@ from antiosc._types import BoolArray
 from antiosc.errors import MeshError
 from antiosc.fem.readers.deck import IntArray, Place
 from antiosc.fem.readers.shapes import EDGES
+from antiosc_decks.account import lines
 from antiosc_decks.model.builder import MOTIONS, ModelBuilder, some_rows
 from antiosc_decks.model.constraints import Term
 from antiosc_decks.model.rods import join_rods, make_truss
@@ -45,10 +46,10 @@ def finished(builder: ModelBuilder, roles: Sequence[str]) -> dict[str, Any]:
             "plane elements are read alone: give each kind a deck of its own."
         )
     hold_middles(builder)
+    _drop_held_masses(builder)
     stiffened = present == {"shell", "beam"} and not builder.joints.every() and _on_edges(builder)
     several = len(present) > 1 and not stiffened
     joined = several or bool(builder.joints.every())
-    _drop_held_masses(builder)
     if joined:
         _attach(builder)
     joints = builder.joints.finished(builder.units)
@@ -82,15 +83,35 @@ def finished(builder: ModelBuilder, roles: Sequence[str]) -> dict[str, Any]:
 
 
 def _drop_held_masses(builder: ModelBuilder) -> None:
-    """Masses on nodes of no element that do not move, as at the far ends of rods."""
-    kept = []
+    """Masses on nodes of no element that do not move, or that nothing joins to an element."""
+    joints, count = builder.joints, len(builder.used)
+    both = (*joints.springs, *joints.dampers)
+    acting = {n for terms in (*joints.equations, *(t for t, _ in both)) for n, _, _ in terms}
+    acting |= {node for node, *_ in builder.springs}
+
+    def moves(node: int) -> bool:
+        node = joints.alias.get((node, 0), (node, 0))[0]
+        return node in acting or (node < count and bool(builder.used[node]))
+
+    kept, alone = [], []
     for one in builder.masses:
         node, place = one[:2]
         if not builder.used[node] and builder.fixed[node, :3].all():
             builder.ignored.append(f"a mass on a held node of no element ({place})")
-        else:
+        elif moves(node):
             kept.append(one)
+        else:
+            alone.append(place)
+    if alone:
+        builder.ignored.append(f"masses that nothing joins to an element ({lines(alone)})")
     builder.masses = kept
+    before = len(joints.masses)
+    joints.masses = [
+        one for one in joints.masses if any(moves(n) for terms in one[0] for n, _, _ in terms)
+    ]
+    if len(joints.masses) < before:
+        left = before - len(joints.masses)
+        builder.ignored.append(f"{left} rigid bodies that nothing joins to an element")
 
 
 def _attach(builder: ModelBuilder) -> None:

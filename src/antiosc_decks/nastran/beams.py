@@ -12,9 +12,10 @@ import numpy as np
 
 from antiosc.fem.readers.deck import Array, Block, IntArray
 from antiosc_decks.model.builder import ModelBuilder
-from antiosc_decks.nastran.cards import Entry
-from antiosc_decks.nastran.mesh import BEAMS, NastranDeck, property_of
+from antiosc_decks.nastran.cards import Entry, motions_of
+from antiosc_decks.nastran.mesh import NastranDeck, property_of
 from antiosc_decks.nastran.profiles import BeamProfiles
+from antiosc_decks.nastran.table import CELLS
 
 #: Uniform pieces of a tapered beam; the error of its stiffness falls with their number squared.
 TAPER_PIECES = 16
@@ -55,7 +56,7 @@ def divide(found: NastranDeck) -> list[End]:
     for k, block in enumerate(found.deck.blocks):
         entries = found.elements[start : start + len(block)]
         start += len(block)
-        if block.type not in BEAMS:
+        if CELLS[block.type].role != "beam":
             elements += entries
             continue
         lines: list[tuple[int, int]] = []
@@ -104,7 +105,7 @@ def _own_ends(
     found: NastranDeck, entry: Entry, x: Array, nodes: tuple[int, int]
 ) -> dict[int, tuple[Array, tuple[int, ...], Array]]:
     """End 0 or 1 -> (place, motions that follow the node, axes of the beam)."""
-    pins = [_pins(entry, entry.text(k)) for k in (8, 9)]
+    pins = [motions_of(entry.text(k), entry.place) for k in (8, 9)]
     offsets = _offsets(found, entry, nodes)
     if not any(pins) and not offsets.any():
         return {}
@@ -121,14 +122,6 @@ def _own_ends(
         for k in (0, 1)
         if pins[k] or offsets[k].any()
     }
-
-
-def _pins(entry: Entry, text: str) -> set[int]:
-    if not text or not set(text) - {"0"}:
-        return set()
-    if not text.isdigit() or not set(text) <= set("123456"):
-        raise entry.place.error(f"the pin flags {text!r} are not components from 1 to 6.")
-    return {int(c) - 1 for c in text}
 
 
 def _offsets(found: NastranDeck, entry: Entry, nodes: tuple[int, int]) -> Array:

@@ -55,6 +55,14 @@ class Entry:
         return real_number(self.text(k), self.place)
 
 
+def motions_of(text: str, place: Place) -> list[int]:
+    """Motions 0 to 5 of components such as "123" or "1 2 3"; none of 0 and of a blank."""
+    digits = "".join(text.split())
+    if not set(digits) <= set("0123456"):
+        raise place.error(f"{text!r} are not components from 1 to 6.")
+    return sorted({int(c) - 1 for c in digits} - {-1})
+
+
 @dataclass
 class Bulk:
     """The content of a deck's files."""

@@ -10,7 +10,7 @@ from antiosc.fem.readers.deck import Array
 from antiosc_decks.model.builder import ModelBuilder
 from antiosc_decks.model.constraints import Term
 from antiosc_decks.nastran.beams import orientation
-from antiosc_decks.nastran.cards import Entry
+from antiosc_decks.nastran.cards import Entry, motions_of
 from antiosc_decks.nastran.mesh import NastranDeck, its_property
 
 ALL = (0, 1, 2, 3, 4, 5)
@@ -33,9 +33,10 @@ def read_joints(found: NastranDeck, builder: ModelBuilder) -> None:
 
 
 def _motions(entry: Entry, text: str) -> list[int]:
-    if not text.isdigit() or not set(text) <= set("123456"):
+    found = motions_of(text, entry.place)
+    if not found or "0" in text:
         raise entry.place.error(f"{text!r} are not components from 1 to 6.")
-    return sorted(int(c) - 1 for c in set(text))
+    return found
 
 
 def _nodes(found: NastranDeck, entry: Entry, words: list[str]) -> list[int]:
@@ -76,7 +77,7 @@ def _rbar(found: NastranDeck, builder: ModelBuilder, entry: Entry) -> None:
     if not leads and follows:
         first, second, leads, follows = second, first, follows, leads
         dependent = entry.text(5)
-    if set(leads) != set("123456") or follows:
+    if set(leads) - {" "} != set("123456") or follows:
         raise entry.place.error("RBAR is read with CNA or CNB = 123456 only.")
     motions = _motions(entry, dependent) if dependent else list(ALL)
     leader = builder.joints.leader(first)
@@ -96,7 +97,7 @@ def _rbe3(found: NastranDeck, builder: ModelBuilder, entry: Entry) -> None:
         weight = Entry(entry.name, entry.place, [words[k]]).real(0)
         if k + 1 < len(words) and set(words[k + 1]) & set("456"):
             builder.tell_once(f"the weight of rotations (components 456) of RBE3 {entry.text(0)}")
-        if k + 1 >= len(words) or set(words[k + 1]) - set("456") != set("123"):
+        if k + 1 >= len(words) or set(words[k + 1]) - set("456 ") != set("123"):
             raise entry.place.error(
                 "RBE3 is read where the independent nodes move by 123; got "
                 f"{words[k + 1] if k + 1 < len(words) else 'nothing'!r}."
@@ -198,11 +199,12 @@ def _bush(found: NastranDeck, builder: ModelBuilder, entry: Entry, own: Entry) -
     acts = [bool(k or c) for k, c in zip(stiffness, damping, strict=True)]
     rows = [found.row(entry.whole(k), entry.place) for k in (2, 3) if entry.text(k)]
     x = found.deck.points[rows]
-    if entry.text(9) not in ("", "-1"):
-        raise entry.place.error("CBUSH with a place of its own (OCID) is not supported.")
     apart = len(rows) == 2 and np.linalg.norm(x[1] - x[0]) > 0
     share = entry.real(8, 0.5)
     place = x[0] + share * (x[1] - x[0]) if apart else x[0]
+    if entry.whole(9, -1) >= 0 and found.systems is not None:
+        offset = np.array([entry.real(k) for k in (10, 11, 12)])
+        place = found.systems(entry.whole(9), entry.place).point(offset)
     axes = _bush_axes(found, entry, acts, x if apart else x[:1], place)
     for k in np.flatnonzero(acts):
         axis, first = axes[k % 3], 3 * (int(k) // 3)

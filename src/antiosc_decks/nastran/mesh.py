@@ -11,34 +11,13 @@ import numpy as np
 
 from antiosc.errors import MeshError
 from antiosc.fem.readers.deck import Array, Block, Deck, IntArray, Numbering, Place
-from antiosc.fem.readers.shapes import CORNERS, EDGES
+from antiosc.fem.readers.shapes import CORNERS
 from antiosc_decks.account import Account
 from antiosc_decks.nastran.cards import Bulk, Entry, bulk_data, through
 from antiosc_decks.nastran.coordinates import Systems
 from antiosc_decks.nastran.selection import used_sets
-from antiosc_decks.nastran.table import account_for, is_other
+from antiosc_decks.nastran.table import CELLS, account_for, is_other
 from antiosc_decks.sources import Sources
-
-#: Solids, whose nodes begin in field 2: shape, and the order of the middle nodes of the edges.
-#: Nastran lists those of the upright edges before those of the top.
-SOLIDS = {
-    "CTETRA": ("tetra", (0, 1, 2, 3, 4, 5)),
-    "CPYRAM": ("pyramid", (0, 1, 2, 3, 4, 5, 6, 7)),
-    "CPYRA": ("pyramid", (0, 1, 2, 3, 4, 5, 6, 7)),
-    "CPENTA": ("wedge", (0, 1, 2, 6, 7, 8, 3, 4, 5)),
-    "CHEXA": ("hexahedron", (0, 1, 2, 3, 8, 9, 10, 11, 4, 5, 6, 7)),
-}
-#: Shells: shape, and whether they have middle nodes.
-SHELLS = {
-    "CTRIA3": ("triangle", False),
-    "CTRIAR": ("triangle", False),
-    "CTRIA6": ("triangle", True),
-    "CQUAD4": ("quad", False),
-    "CQUADR": ("quad", False),
-    "CQUAD8": ("quad", True),
-}
-BEAMS = ("CBAR", "CBEAM")
-RODS = ("CROD", "CTUBE", "CONROD")
 
 
 @dataclass
@@ -58,6 +37,8 @@ class NastranDeck:
     #: entries GRID in the order of the rows, and the rows of scalar points, which follow them
     grids: list[Entry] = field(default_factory=list)
     scalar: dict[int, int] = field(default_factory=dict)
+    #: entries that are read as others, in the deck's terms
+    converted: list[str] = field(default_factory=list)
     #: what becomes of each entry
     account: Account = field(default_factory=lambda: Account(""))
 
@@ -121,6 +102,7 @@ def read(path: Path, name: str, on_size: Callable[[int], None] = lambda size: No
     found.account = account_for(bulk.entries, name)
     found.deck.told += found.account.unknown_cards()
     _defaults(found)
+    _rods_of_bars(found)
     _elements(found)
     set_groups(found)
     return found
@@ -217,66 +199,58 @@ def _defaults(found: NastranDeck) -> None:
             entry.fields[7] = entry.text(7) or default.text(7)
 
 
+def _rods_of_bars(found: NastranDeck) -> None:
+    """CBAR of a PBAR without second moments are CROD; the model tells it."""
+    bare = {
+        entry.text(0): entry
+        for entry in found.named("PBAR")
+        if not any(entry.text(k).strip("+-.0") for k in (3, 4))
+    }
+    for entry in found.named("CBAR"):
+        if (entry.text(1) or entry.text(0)) in bare:
+            entry.name, entry.fields = "CROD", entry.fields[:4]
+    for number, entry in bare.items():
+        area, torsion, extra = (entry.text(k) for k in (2, 5, 6))
+        entry.name, entry.fields = "PROD", [*entry.fields[:2], area, torsion, "", extra]
+        found.converted.append(f"bending, pins and offsets of PBAR {number} (no I1, I2): rods")
+
+
 def _elements(found: NastranDeck) -> None:
     """Blocks by type and number of nodes; elements keep the order of their blocks."""
     sorted_out: dict[tuple[str, bool], list[tuple[Entry, list[int]]]] = {}
     seen: set[int] = set()
     for entry in found.bulk.entries:
-        nodes = _nodes_of(entry)
-        if nodes is None:
+        cell = CELLS.get(entry.name)
+        if cell is None:
             if is_other(entry.name):
                 found.deck.leave(entry.name, 1)
             continue
+        corners = CORNERS[cell.shape]
+        every = range(cell.first, cell.first + corners + len(cell.middles))
+        if cell.role in ("beam", "rod"):
+            nodes = [entry.whole(k) for k in every]
+        else:  # 0: left out
+            nodes = [entry.whole(k, 0) for k in every]
         label = entry.whole(0)
         if label in seen:
             raise entry.place.error(f"the element {label} is defined more than once.")
         seen.add(label)
-        shape = shape_of(entry.name)
-        curved = any(nodes[CORNERS[shape] :])
-        sorted_out.setdefault((entry.name, curved), []).append((entry, nodes))
+        sorted_out.setdefault((entry.name, any(nodes[corners:])), []).append((entry, nodes))
     for (name, curved), some in sorted_out.items():
-        shape = shape_of(name)
-        corners, edges = CORNERS[shape], len(EDGES[shape])
-        table = np.zeros((len(some), corners + edges), dtype=np.int64)
-        for row, (_, nodes) in enumerate(some):
-            table[row, : len(nodes)] = nodes[: corners + edges]
+        cell = CELLS[name]
+        corners = CORNERS[cell.shape]
+        table = np.array([nodes for _, nodes in some], dtype=np.int64)
         rows = np.where(table > 0, found.nodes.rows(table), -1)
-        lost = ((rows < 0) & (table != 0)) | ((rows < 0) & (np.arange(corners + edges) < corners))
+        lost = (rows < 0) & ((table != 0) | (np.arange(table.shape[1]) < corners))
         if lost.any():
             row, k = np.argwhere(lost)[0]
             entry = some[row][0]
             raise entry.place.error(
                 f"{name} {entry.whole(0)} has the node {table[row, k]}, for which there is no GRID."
             )
-        mids = rows[:, corners:]
-        if name in SOLIDS:
-            mids = mids[:, list(SOLIDS[name][1])]
-        kept = mids if curved else mids[:, :0]
-        found.deck.blocks.append(Block(shape, name, rows[:, :corners], kept, mids[:, :0]))
+        mids = rows[:, corners:][:, list(cell.middles) if curved else []]
+        found.deck.blocks.append(Block(cell.shape, name, rows[:, :corners], mids, mids[:, :0]))
         found.elements += [entry for entry, _ in some]
-
-
-def shape_of(name: str) -> str:
-    """Shape of the cell that an element is."""
-    if name in SOLIDS:
-        return SOLIDS[name][0]
-    return SHELLS[name][0] if name in SHELLS else "line"
-
-
-def _nodes_of(entry: Entry) -> list[int] | None:
-    """Numbers of the nodes, 0 for omitted ones; None if the element is not a cell."""
-    if entry.name in SOLIDS:
-        shape = SOLIDS[entry.name][0]
-        return [entry.whole(k, 0) for k in range(2, 2 + CORNERS[shape] + len(EDGES[shape]))]
-    if entry.name in SHELLS:
-        shape, curved = SHELLS[entry.name]
-        return [entry.whole(k, 0) for k in range(2, 2 + CORNERS[shape] * (2 if curved else 1))]
-    if entry.name in BEAMS:
-        return [entry.whole(2), entry.whole(3)]
-    if entry.name in RODS:
-        first = 1 if entry.name == "CONROD" else 2
-        return [entry.whole(first), entry.whole(first + 1)]
-    return None
 
 
 def property_of(entry: Entry) -> int:

@@ -19,6 +19,7 @@ from antiosc_decks.model.finished import finished
 from antiosc_decks.model.geometry import fixed_along_axes
 from antiosc_decks.model.rods import hold_without_stiffness
 from antiosc_decks.nastran import beams as beams
+from antiosc_decks.nastran.cards import motions_of
 from antiosc_decks.nastran.joints import read_joints, read_springs
 from antiosc_decks.nastran.masses import read_masses
 from antiosc_decks.nastran.materials import materials_of
@@ -53,7 +54,7 @@ def model_of(found: NastranDeck, units: UnitSystem, density: float | None) -> di
     if builder.truss and not _without_autospc(found):
         hold_without_stiffness(builder)
     found.deck.left.clear()
-    builder.ignored += [*ignored, *properties.ignored, *builder.joint_told]
+    builder.ignored += [*ignored, *found.converted, *properties.ignored, *builder.joint_told]
     builder.ignored += found.account.ignored()
     return finished(builder, properties.roles)
 
@@ -96,10 +97,7 @@ def _supports(found: NastranDeck, builder: ModelBuilder) -> None:
 def _fix(
     found: NastranDeck, builder: ModelBuilder, rows: IntArray, components: str, place: Place
 ) -> None:
-    components = components or "0"
-    if not components.isdigit() or not set(components) <= set("0123456"):
-        raise place.error(f"{components!r} are not components from 1 to 6.")
-    motions = sorted({int(c) - 1 for c in components} - {-1})
+    motions = motions_of(components, place)
     scalar = np.array([row for row in rows if int(row) in found.scalar], dtype=np.int64)
     builder.fix(scalar, [0])
     plain = [row for row in rows if int(row) not in (found.systems_of | found.scalar)]

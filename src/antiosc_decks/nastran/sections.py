@@ -1,4 +1,4 @@
-"""Properties of Nastran decks: solids, rods and beams; shells are in `nastran_shells`."""
+"""Properties of Nastran decks: solids, rods and beams; shells are in `shells`."""
 
 from __future__ import annotations
 
@@ -15,21 +15,11 @@ from antiosc_decks.model.geometry import tangents_of
 from antiosc_decks.nastran.beams import PLAIN, offset_along, orientation
 from antiosc_decks.nastran.cards import Entry
 from antiosc_decks.nastran.materials import PropertyReader
-from antiosc_decks.nastran.mesh import (
-    BEAMS,
-    RODS,
-    SHELLS,
-    SOLIDS,
-    defined_once,
-    property_of,
-)
+from antiosc_decks.nastran.mesh import defined_once, property_of
 from antiosc_decks.nastran.profiles import BeamProfiles
 from antiosc_decks.nastran.shells import Shells
+from antiosc_decks.nastran.table import CELLS, PROPERTIES
 
-PROPERTIES = (
-    *("PSOLID", "PROD", "PTUBE", "PSHELL", "PCOMP", "PCOMPG"),
-    *("PBAR", "PBARL", "PBEAM", "PBEAML"),
-)
 #: Beginnings of properties of springs, dampers and masses, and of loads, which share numbers.
 NO_SECTIONS = ("PLOAD", "PELAS", "PDAMP", "PVISC", "PBUSH", "PMASS")
 
@@ -39,7 +29,7 @@ class Properties(PropertyReader):
     """Adds the properties of a deck to its builder."""
 
     def __post_init__(self) -> None:
-        self.roles = [_role(block.type) for block in self.found.deck.blocks]
+        self.roles = [CELLS[block.type].role for block in self.found.deck.blocks]
         numbers = [property_of(entry) for entry in self.found.elements]
         self._numbers = np.array(numbers, dtype=np.int64)
 
@@ -56,14 +46,9 @@ class Properties(PropertyReader):
             entry = known.get(int(number))
             if entry is None:
                 raise MeshError(self._unknown(first, int(number)))
-            families = {"PSOLID": tuple(SOLIDS)}
-            families |= {"PROD": ("CROD",), "PTUBE": ("CTUBE",)}
-            families |= dict.fromkeys(("PSHELL", "PCOMP", "PCOMPG"), tuple(SHELLS))
-            wanted = families.get(entry.name, BEAMS)
-            names = {self.found.elements[k].name for k in elements}
-            wrong = sorted(name for name in names if name not in wanted)
-            if wrong:
-                raise entry.place.error(f"{entry.name} is not a property of {wrong[0]}.")
+            names = sorted({self.found.elements[k].name for k in elements})
+            for wrong in (name for name in names if entry.name not in CELLS[name].properties):
+                raise entry.place.error(f"{entry.name} is not a property of {wrong}.")
             match entry.name:
                 case "PSOLID":
                     self._solid(entry, str(number), elements)
@@ -86,7 +71,7 @@ class Properties(PropertyReader):
         )
         kind = next((name for name in others if name not in ("PARAM", "PLOTEL")), None)
         if kind and kind not in PROPERTIES and not kind.startswith(NO_SECTIONS):
-            instead = " or ".join(_properties_for(element))
+            instead = " or ".join(CELLS[element.name].properties)
             return f"{label}a {kind}, which is not supported; give it as {instead}."
         return f"{label}which is none of {', '.join(PROPERTIES)} in the deck."
 
@@ -194,19 +179,3 @@ class Properties(PropertyReader):
             }
             label = name if len(apart) == 1 else f"{name} along {key[:3]}"
             self.builder.add(label, np.array(some), Family("Beam", arguments, entry.place))
-
-
-def _properties_for(element: Entry) -> tuple[str, ...]:
-    if element.name in SOLIDS:
-        return ("PSOLID",)
-    if element.name in RODS:
-        return ("PTUBE",) if element.name == "CTUBE" else ("PROD",)
-    return ("PSHELL", "PCOMP") if element.name in SHELLS else ("PBAR", "PBEAM")
-
-
-def _role(name: str) -> str:
-    if name in SOLIDS:
-        return "solid"
-    if name in RODS:
-        return "rod"
-    return "shell" if name in SHELLS else "beam" if name in BEAMS else "other"

@@ -8,21 +8,14 @@ from typing import Any
 import numpy as np
 
 from antiosc.fem.readers.deck import Array, IntArray
+from antiosc.fem.readers.shapes import CORNERS
 from antiosc_decks.model.builder import Family
 from antiosc_decks.model.geometry import common_direction, corners_of, normals_of
 from antiosc_decks.model.properties import Material
 from antiosc_decks.nastran.cards import Entry
 from antiosc_decks.nastran.materials import PropertyReader
+from antiosc_decks.nastran.table import CELLS
 
-#: Fields of THETA or MCID, of ZOFFS, of TFLAG, and the number of corners.
-SHELL_FIELDS = {
-    "CTRIA3": (5, 6, 9, 3),
-    "CTRIAR": (5, 6, 9, 3),
-    "CQUAD4": (6, 7, 9, 4),
-    "CQUADR": (6, 7, 9, 4),
-    "CTRIA6": (8, 9, 13, 3),
-    "CQUAD8": (14, 15, 16, 4),
-}
 #: Field of the thickness of the first corner.
 OWN_THICKNESS = 10
 
@@ -38,10 +31,16 @@ class Shells:
     def shell(self, entry: Entry, name: str, elements: IntArray) -> None:
         """PSHELL."""
         thickness = entry.real(2, 0.0)
-        if not entry.text(3) or entry.whole(3) == -1:
-            raise entry.place.error(
-                "PSHELL without bending (MID2) is a membrane, which is not supported; give MID2."
-            )
+        for k, other, what in ((1, 3, "stretching"), (3, 1, "bending")):
+            if not entry.text(k) and entry.text(other):
+                entry.fields += [""] * (4 - len(entry.fields))
+                entry.fields[k] = entry.text(other)
+                self.whole.ignored.append(
+                    f"that PSHELL {entry.text(0)} has no stiffness against {what} (no "
+                    f"MID{(k + 1) // 2}), that of its other material is taken"
+                )
+        if entry.whole(3) == -1:
+            raise entry.place.error("PSHELL in plane strain (MID2 = -1) is not supported.")
         if entry.text(10):
             raise entry.place.error(
                 "PSHELL with MID4, which couples stretching with bending, is not "
@@ -86,11 +85,11 @@ class Shells:
         varying = 0
         for element in elements:
             own = self.found.elements[element]
-            _, where, flag, corners = SHELL_FIELDS[own.name]
-            factor = thickness if own.whole(flag, 0) == 1 else 1.0
+            cell = CELLS[own.name]
+            factor = thickness if own.whole(cell.flag, 0) == 1 else 1.0
             values = [
                 own.real(k) * factor if own.text(k) else thickness
-                for k in range(OWN_THICKNESS, OWN_THICKNESS + corners)
+                for k in range(OWN_THICKNESS, OWN_THICKNESS + CORNERS[cell.shape])
             ]
             if min(values) < 0 or max(values) <= 0:
                 raise own.place.error(
@@ -98,7 +97,7 @@ class Shells:
                     f"{entry.name} {entry.text(0)}."
                 )
             varying += max(values) - min(values) > 1e-9 * max(values)
-            key = (float(np.round(np.mean(values), 12)), own.real(where))
+            key = (float(np.round(np.mean(values), 12)), own.real(cell.offset))
             apart.setdefault(key, []).append(int(element))
         if varying:
             self.whole.ignored.append(
@@ -235,7 +234,7 @@ class Shells:
     def _axis(self, element: int, normal: Array) -> Array:
         """Direction of 0° in an element: its first side rotated by THETA, or x of MCID."""
         entry = self.found.elements[element]
-        where = SHELL_FIELDS[entry.name][0]
+        where = CELLS[entry.name].theta
         word = entry.text(where)
         if word.lstrip("+-").isdigit() and self.found.systems is not None:
             return np.asarray(self.found.systems(int(word), entry.place).axes[0])

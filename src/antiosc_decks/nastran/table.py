@@ -3,10 +3,52 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from antiosc_decks.account import UNKNOWN, Account, Fate, table
 from antiosc_decks.nastran.cards import Entry
 
+
+class Cell(NamedTuple):
+    """An element that is a cell of a mesh, and the places of its fields (from 0)."""
+
+    #: a key of `antiosc.fem.readers.shapes.EDGES`
+    shape: str
+    role: str
+    #: those that give its section
+    properties: tuple[str, ...]
+    #: which of its middle nodes lies on each edge; () without such
+    middles: tuple[int, ...] = ()
+    #: of its first node
+    first: int = 2
+    #: of a shell: THETA or MCID, ZOFFS, TFLAG
+    theta: int = 0
+    offset: int = 0
+    flag: int = 9
+
+
+_SOLID, _SHELL = ("solid", ("PSOLID",)), ("shell", ("PSHELL", "PCOMP", "PCOMPG"))
+_BEAM = Cell("line", "beam", ("PBAR", "PBARL", "PBEAM", "PBEAML"))
+_ROD = Cell("line", "rod", ("PROD",))
+_PYRAMID = Cell("pyramid", *_SOLID, tuple(range(8)))
+#: Nastran lists the middles of the upright edges of solids before those of the top.
+CELLS = {
+    "CTETRA": Cell("tetra", *_SOLID, tuple(range(6))),
+    "CPYRAM": _PYRAMID,
+    "CPYRA": _PYRAMID,
+    "CPENTA": Cell("wedge", *_SOLID, (0, 1, 2, 6, 7, 8, 3, 4, 5)),
+    "CHEXA": Cell("hexahedron", *_SOLID, (0, 1, 2, 3, 8, 9, 10, 11, 4, 5, 6, 7)),
+    **dict.fromkeys(("CTRIA3", "CTRIAR"), Cell("triangle", *_SHELL, theta=5, offset=6)),
+    "CTRIA6": Cell("triangle", *_SHELL, (0, 1, 2), theta=8, offset=9, flag=13),
+    **dict.fromkeys(("CQUAD4", "CQUADR"), Cell("quad", *_SHELL, theta=6, offset=7)),
+    "CQUAD8": Cell("quad", *_SHELL, (0, 1, 2, 3), theta=14, offset=15, flag=16),
+    **dict.fromkeys(("CBAR", "CBEAM"), _BEAM),
+    "CROD": _ROD,
+    "CTUBE": _ROD._replace(properties=("PTUBE",)),
+    "CONROD": _ROD._replace(properties=("PROD",), first=1),
+}
+#: Properties that give sections.
+PROPERTIES = tuple(dict.fromkeys(name for cell in CELLS.values() for name in cell.properties))
 #: Elements that are read, but are no cells of a mesh.
 BESIDE = (
     *("CONM1", "CONM2", "CMASS1", "CMASS2", "CMASS3", "CMASS4", "CELAS1", "CELAS2", "CELAS3"),
@@ -24,11 +66,9 @@ NO_COUNTERPART = (
 )
 
 _READ = """
-GRID GRDSET SPOINT CORD1R CORD1C CORD1S CORD2R CORD2C CORD2S
-CTETRA CPYRAM CPYRA CPENTA CHEXA CTRIA3 CTRIAR CTRIA6 CQUAD4 CQUADR CQUAD8
-CBAR CBEAM BAROR BEAMOR CROD CTUBE CONROD
-PSOLID PSHELL PCOMP PCOMPG PROD PTUBE PBAR PBARL PBEAM PBEAML PELAS PDAMP PVISC PBUSH PMASS
-MAT1 MAT2 MAT8 MAT9 SPC SPC1 SPCADD MPC MPCADD NSM NSM1 NSML NSML1 NSMADD PARAM
+GRID GRDSET SPOINT CORD1R CORD1C CORD1S CORD2R CORD2C CORD2S BAROR BEAMOR
+PELAS PDAMP PVISC PBUSH PMASS MAT1 MAT2 MAT8 MAT9 SPC SPC1 SPCADD MPC MPCADD
+NSM NSM1 NSML NSML1 NSMADD PARAM
 """
 _HARMLESS = """
 ECHOON ECHOOFF MDLPRM PLOTEL PLOTEL3 PLOTEL4 PLOTEL6 PLOTEL8 PLOTTET PLOTPYR PLOTPEN PLOTHEX
@@ -81,7 +121,7 @@ MAT3 MAT10 MAT11 MAT3D MATG MATHE MATHP MATEV MATPOR
 """
 
 ENTRIES = table(
-    read=(*_READ.split(), *BESIDE),
+    read=(*_READ.split(), *CELLS, *PROPERTIES, *BESIDE),
     harmless=(*_HARMLESS.split(), *_OF_OTHERS.split()),
     ignored=_IGNORED.split(),
     refused=_REFUSED | {"": " ".join(NO_COUNTERPART)},

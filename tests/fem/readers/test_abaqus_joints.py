@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from antiosc.fem.readers.deck import Deck, Place
-from antiosc_decks.abaqus import assembly as abaqus_assembly
+from antiosc_decks.abaqus import assembly as abaqus_assembly, ties
 from antiosc_decks.abaqus.joints import read_joints
-from antiosc_decks.model import ties
 from antiosc_decks.model.constraints import Constraints
 
 RNG = np.random.default_rng(17)

@@ -96,8 +96,13 @@ def test_options_are_told_or_refused(tmp_path):
     assert any("SOLIDSECTION, NOVEL=" in text for text in deck.told)
     sheet = inp.SHEET + "*SHELL SECTION,ELSET=ALL,COMPOSITE{}\n1,,M,0\n" + inp.STEEL
     inp.read(tmp_path, sheet.format(""))
-    with pytest.raises(MeshError, match="SYMMETRIC= is a half of the layers"):
-        inp.read(tmp_path, sheet.format(",SYMMETRIC"))
+    for text in (
+        sheet.format(",SYMMETRIC"), SECTION + "*EQUATION,REMOVE\n",
+        SECTION + "*TIE,CYCLIC SYMMETRY\nA,B\n",
+        SECTION + "*COUPLING,REF NODE=1,SURFACE=S,ORIENTATION=O\n",
+    ):  # fmt: skip
+        with pytest.raises(MeshError, match="would change the result"):
+            inp.read(tmp_path, text)
 
 
 def test_damping_of_materials_is_told(tmp_path):
@@ -113,6 +118,7 @@ def test_no_card_has_two_fates():
         lists = [module._HARMLESS, module._IGNORED, *module._REFUSED.values()]
         if module is nastran_table:
             lists += [module._READ, module._OF_OTHERS, " ".join(module.BESIDE)]
+            lists += [" ".join(module.CELLS), " ".join(module.PROPERTIES)]
             lists += [" ".join(module.NO_COUNTERPART)]
         else:
             lists += [" ".join(module.READ)]

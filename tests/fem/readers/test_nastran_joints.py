@@ -317,7 +317,7 @@ WRONG = {
     "CELAS2,9,4.,2,7\n": "a component from 1 to 6",
     "CELAS2,9,4.\n": "CELAS2 acts on no node",
     "CBUSH,9,4,2,3\n": "CBUSH has no PBUSH",
-    "PBUSH,3,K,1.\nCBUSH,9,3,2,3,,,,\n,,4\n": "OCID",
+    "PBUSH,3,K,1.\nCBUSH,9,3,2,3,,,,\n,,4\n": "system",
     "PBUSH,3,M,1.\nCBUSH,9,3,2,3\n": "its line M would change",
     "CBUSH,9,4,2\nPBUSH,4,B,-1.\n": "CBUSH has a negative damping",
     "CBUSH,9,4,2\nPBUSH,4,K,-1.\n": "CBUSH has a negative stiffness",
