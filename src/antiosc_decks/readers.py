@@ -29,7 +29,7 @@ def _reader(
         found = read(Path(ask.path), ask.name, lambda size: ask.allow(30 + 3e-5 * size))
         deck: Deck = found.deck
         if ask.model is not None:
-            deck.wanted = ask.model.get("parts")
+            deck.wanted, deck.piece = ask.model.get("parts"), ask.model.get("piece")
             deck.model = model_of(found, UnitSystem(*ask.unit), ask.model.get("density"))
         if not deck.n_elements:
             left = f": it has {listed(deck.left)}" if deck.left else ""

@@ -77,6 +77,8 @@ class Deck:
     told: list[str] = field(default_factory=list)
     #: names of the parts (sets of elements) that a model is made of; None: of all elements
     wanted: list[str] | None = None
+    #: which of the pieces that share no node a model is made of, 1: the largest; None: of all
+    piece: int | None = None
     #: materials, sections, supports, masses in SI units, if they were requested
     model: dict[str, Any] | None = None
 

@@ -20,7 +20,8 @@ GRADING = (0.35, 2.0)
 WAITING = 20.0
 #: How the kernel ends a reader that takes too long.
 OVERTIME = (signal.SIGALRM, signal.SIGPROF)
-#: "density": of materials without one, kg/m³; "parts": names of parts, None: all
+#: "density": of materials without one, kg/m³; "parts": names of parts, "piece": rank of a piece by
+#: its size, None: all
 ModelOptions = dict[str, Any]
 
 
