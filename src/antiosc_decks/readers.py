@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -15,8 +14,7 @@ from antiosc.fem.readers.request import FileReader, Request
 from antiosc.fem.readers.unit_system import UnitSystem
 from antiosc_decks.abaqus import assembly, model as abaqus_model
 from antiosc_decks.nastran import mesh, model as nastran_model
-
-_BULK = re.compile(rb"^\s*(BEGIN\s+BULK|GRID[*, ]|CEND\b)", re.IGNORECASE | re.MULTILINE)
+from antiosc_decks.sources import BULK as _BULK
 
 
 def _reader(
@@ -42,4 +40,4 @@ def _reader(
 ABAQUS = FileReader(_reader(assembly.read, abaqus_model.model_of), model=True)
 NASTRAN = FileReader(_reader(mesh.read, nastran_model.model_of), model=True)
 #: Files of Nastran with endings that other programs use too.
-BULK = NASTRAN._replace(matches=lambda start: _BULK.search(start) is not None)
+BULK = NASTRAN._replace(matches=lambda start: _BULK.search(start.decode("latin-1")) is not None)

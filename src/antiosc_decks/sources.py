@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable
 from pathlib import Path
 
 from antiosc.errors import MeshError
 from antiosc.fem.readers.deck import Place
 
+#: What the first lines of Nastran's bulk data are known by.
+BULK = re.compile(r"^\s*(BEGIN\s+BULK|GRID[*, ]|CEND\b)", re.IGNORECASE | re.MULTILINE)
 #: Greatest depth of included files.
 DEEPEST_INCLUDE = 16
 #: Least names in the path of a folder above the deck's from which files may be included: none of

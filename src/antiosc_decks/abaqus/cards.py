@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from antiosc.errors import MeshError
 from antiosc.fem.readers.deck import Place, real_number
-from antiosc_decks.sources import Sources
+from antiosc_decks.sources import BULK, Sources
 
 #: Cards whose data may be in a separate file (INPUT=).
 WITH_INPUT = ("NODE", "ELEMENT", "NSET", "ELSET", "BOUNDARY", "EQUATION")
@@ -81,7 +81,9 @@ def _collect(sources: Sources, lines: list[str], file: str, found: list[Card]) -
             if not found and "**" in line:  # a comment behind what an editor or a mail put there
                 continue
             if not found:
-                raise place.error("data before the first keyword: not an Abaqus deck.")
+                bulk = any(map(BULK.match, lines))
+                what = "Nastran bulk data, name it .bdf" if bulk else "not an Abaqus deck"
+                raise place.error(f"data before the first keyword: {what}.")
             found[-1].lines.append(line)
             found[-1].places.append(place)
             continue

@@ -168,7 +168,7 @@ class ModelBuilder:
             return self.density
         raise material.place.error(
             f"the material {material.name!r} has no density, without which "
-            "nothing can be struck; add it to the deck, or give read_model(..., density=…), kg/m³."
+            "nothing can be struck; add it to the deck, or give density= in kg/m³."
         )
 
     def elastic(self, material: Material, what: str) -> tuple[float, float]:

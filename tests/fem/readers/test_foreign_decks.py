@@ -108,3 +108,8 @@ def test_one_of_several_pieces(tmp_path):
     assert [bool(piece(rank).model["masses"]) for rank in (1, 2)] == [False, True]
     with pytest.raises(MeshError, match="2 pieces"):
         piece(3)
+
+
+def test_bulk_data_by_the_name_of_an_abaqus_deck_are_called_so(tmp_path):
+    with pytest.raises(MeshError, match=r"line 1 of part\.inp.*Nastran"):
+        inp.read(tmp_path, BLOCK)
