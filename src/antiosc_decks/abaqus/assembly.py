@@ -54,6 +54,10 @@ class Whole:
     #: what becomes of each card
     account: Account = field(default_factory=lambda: Account(""))
 
+    def named(self, *keywords: str) -> list[tuple[Card, Instance]]:
+        """The cards of the model of these keywords."""
+        return [(card, within) for card, within in self.cards if card.keyword in keywords]
+
     def nodes(self, word: str, place: Place, within: Instance) -> Rows:
         """Rows of the node or of the set of nodes that `word` names."""
         return self._rows("NSET", word, place, within)

@@ -23,7 +23,6 @@ from antiosc_decks.abaqus.sections import SECTION_CARDS, Sections, vary_thicknes
 from antiosc_decks.model.builder import ModelBuilder
 from antiosc_decks.model.constraints import Term
 from antiosc_decks.model.finished import finished
-from antiosc_decks.model.geometry import fixed_along_axes
 from antiosc_decks.model.nonstructural import UNITS, add_mass, add_total
 
 #: Cards of springs and dampers, and what they give.
@@ -49,9 +48,8 @@ def model_of(whole: Whole, units: UnitSystem, density: float | None) -> dict[str
     materials, ignored = materials_of([card for card, _ in whole.cards])
     builder = ModelBuilder(whole.deck, units, density)
     sections = Sections(whole, builder, materials)
-    for card, within in whole.cards:
-        if card.keyword in SECTION_CARDS:
-            sections.read(card, within)
+    for card, within in whole.named(*SECTION_CARDS):
+        sections.read(card, within)
     varied = vary_thickness(whole, builder, sections.roles)
     _nonstructural(whole, builder)
     builder.with_roles(sections.roles)
@@ -61,9 +59,8 @@ def model_of(whole: Whole, units: UnitSystem, density: float | None) -> dict[str
     supports = _Supports(whole, builder)
     top = whole.instances[""]
     both = [*whole.cards, *((card, top) for card in first)]
-    for card, within in whole.cards:
-        if card.keyword == "BOUNDARY":
-            supports.read(card, within)
+    for card, within in whole.named("BOUNDARY"):
+        supports.read(card, within)
     own = [card for card in first if card.keyword == "BOUNDARY"]
     if any(card.option("OP").upper() == "NEW" for card in own):
         supports.start_anew()
@@ -91,9 +88,8 @@ class _Supports:
         self.local = np.zeros((len(whole.deck.points), 6), dtype=bool)
         self.frames: dict[int, Array] = {}
         self.ignored: list[str] = []
-        for card, within in whole.cards:
-            if card.keyword == "TRANSFORM":
-                self._transform(card, within)
+        for card, within in whole.named("TRANSFORM"):
+            self._transform(card, within)
 
     def read(self, card: Card, within: Instance) -> None:
         """Mark the motions that one card fixes."""
@@ -135,7 +131,7 @@ class _Supports:
 
     def _transform(self, card: Card, within: Instance) -> None:
         nodes = self.whole.nodes(card.needed("NSET"), card.place, within)
-        values = [real_number(f, p) if f else 0.0 for fields, p in card.rows() for f in fields][:6]
+        values = card.numbers()[:6]
         kind = card.option("TYPE", "R").upper()[:1]
         if len(values) < 6 or kind not in "RC":
             raise card.place.error("*TRANSFORM needs six coordinates, TYPE=R or C.")
@@ -157,12 +153,8 @@ class _Supports:
         """Give the builder the fixed motions, along the axes of the deck."""
         for node, frame in self.frames.items():
             for part in (slice(0, 3), slice(3, 6)):
-                fixed = fixed_along_axes(self.local[node, part], frame)
-                if fixed is None:
-                    fixed = self.builder.joints.fixed_rows(
-                        node, frame[self.local[node, part]], part.start
-                    )
-                self.local[node, part] = fixed
+                own = self.local[node, part]
+                own[:] = self.builder.joints.fixed_along(node, own, frame, part.start)
             self.builder.joints.frames[node] = frame
         self.builder.fixed |= self.local
 
@@ -192,10 +184,8 @@ def _others(whole: Whole, card: Card, within: Instance) -> Iterator[tuple[str, l
 
 def _masses(whole: Whole, builder: ModelBuilder) -> None:
     given = 0
-    for card, within in whole.cards:
-        if card.keyword not in ("MASS", "ROTARYINERTIA"):
-            continue
-        values = [real_number(f, p) if f else 0.0 for fields, p in card.rows() for f in fields]
+    for card, within in whole.named("MASS", "ROTARYINERTIA"):
+        values = card.numbers()
         if not values:
             raise card.place.error(f"*{card.keyword} without a value.")
         if card.keyword == "ROTARYINERTIA" and any(values[3:6]):
@@ -219,9 +209,7 @@ def _masses(whole: Whole, builder: ModelBuilder) -> None:
 
 def _nonstructural(whole: Whole, builder: ModelBuilder) -> None:
     """*NONSTRUCTURAL MASS."""
-    for card, within in whole.cards:
-        if card.keyword != "NONSTRUCTURALMASS":
-            continue
+    for card, within in whole.named("NONSTRUCTURALMASS"):
         elements = whole.elements(card.needed("ELSET"), card.place, within)
         value, *more = card.first_numbers() or [0.0]
         unit = "".join(card.needed("UNITS").split()).upper()
@@ -251,16 +239,15 @@ def _refuse_bare(whole: Whole, kinds: tuple[str, ...], given: int, card: str) ->
 def _springs(whole: Whole, builder: ModelBuilder, orientations: Orientations) -> None:
     """Springs and dashpots."""
     given = dict.fromkeys(LINKS, 0)
-    for card, within in whole.cards:
-        if card.keyword not in LINKS:
-            continue
+    for card, within in whole.named(*LINKS):
         rows = [(f, p) for f, p in card.rows() if f]
         if not rows:
             raise card.place.error(f"*{card.keyword} without a {LINKS[card.keyword]}.")
         for kind, nodes in _others(whole, card, within):
             given[card.keyword] += 1
             if kind.endswith("A"):
-                terms, values = _axial(builder, nodes, card.place), rows
+                terms, _ = builder.joints.elongation(nodes[0], nodes[1], card.place)
+                values = rows
             else:
                 axes = np.eye(3)
                 if card.option("ORIENTATION"):
@@ -304,22 +291,9 @@ def _along_motions(nodes: list[int], axes: Array, fields: list[str], place: Plac
     ]
 
 
-def _axial(builder: ModelBuilder, nodes: list[int], place: Place) -> list[Term]:
-    """How much longer a spring or a dashpot between two nodes becomes."""
-    x = builder.deck.points
-    along = x[nodes[1]] - x[nodes[0]]
-    length = float(np.linalg.norm(along))
-    if length == 0:
-        raise place.error("the ends of a spring or a dashpot coincide: no direction.")
-    unit = (along / length).tolist()
-    return [(n, c, s * unit[c]) for n, s in ((nodes[0], -1.0), (nodes[1], 1.0)) for c in range(3)]
-
-
 def _distributing(whole: Whole, builder: ModelBuilder) -> None:
     """*DISTRIBUTING COUPLING: the node of an element DCOUP3D follows the mean of others."""
-    for card, within in whole.cards:
-        if card.keyword != "DISTRIBUTINGCOUPLING":
-            continue
+    for card, within in whole.named("DISTRIBUTINGCOUPLING"):
         nodes, weights = [], []
         for fields, place in card.rows():
             if not fields:

@@ -229,18 +229,11 @@ class Sections:
             offset = shares[1] * profile.width
             first, profile = np.cross(tangent, first), profile.rotated()
         length = self.builder.units.length
-        section = {
-            "A": profile.A * length**2,
-            "I": profile.I * length**4,
-            "I_side": profile.I_side * length**4,
-            "J": profile.J * length**4,
-            "shear": profile.shear,
-        }
         arguments = {
             "E": E,
             "nu": nu,
             "rho": self.builder.rho(material),
-            "section": section,
+            "section": profile.section(length),
             "orientation": first.tolist(),
             "offset": offset * length,
         }
@@ -264,9 +257,7 @@ def vary_thickness(whole: Whole, builder: ModelBuilder, roles: Sequence[str]) ->
     count = len(whole.deck.points)
     at_node = np.full(count, np.nan)
     first: Card | None = None
-    for card, within in whole.cards:
-        if card.keyword != "NODALTHICKNESS":
-            continue
+    for card, within in whole.named("NODALTHICKNESS"):
         first = first or card
         for fields, place in card.rows():
             if len(fields) > 1:

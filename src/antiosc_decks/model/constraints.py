@@ -16,7 +16,7 @@ import numpy as np
 from antiosc._types import BoolArray
 from antiosc.fem.readers.deck import Array, Deck, IntArray, Place
 from antiosc.fem.readers.unit_system import UnitSystem
-from antiosc_decks.model.geometry import AXIS_COSINE
+from antiosc_decks.model.geometry import AXIS_COSINE, fixed_along_axes
 
 Term = tuple[int, int, float]
 #: Coefficients below this share of the largest of a constraint are rounding.
@@ -80,13 +80,16 @@ class Constraints:
         if kept:
             self.equations.append(kept)
 
-    def fixed_rows(self, node: int, directions: Array, first: int) -> BoolArray:
-        """Motions of a node (`first` = 0: displacements, 3: rotations) along directions are zero.
+    def fixed_along(self, node: int, fixed: BoolArray, frame: Array, first: int) -> BoolArray:
+        """Motions (`first` = 0: displacements, 3: rotations) along rows of `frame` are zero.
 
         Which of those along the axes (3,) are: they become supports, the others constraints.
         """
+        along = fixed_along_axes(fixed, frame)
+        if along is not None:
+            return along
         along = np.zeros(3, dtype=bool)
-        for direction in directions:
+        for direction in frame[fixed]:
             order = np.argsort(-np.abs(direction), kind="stable")
             if abs(direction[order[0]]) > AXIS_COSINE:
                 along[order[0]] = True
@@ -94,6 +97,20 @@ class Constraints:
             terms = [(node, first + int(k), float(direction[k])) for k in order]
             self.equations.append([t for t in terms if abs(t[2]) > NEGLIGIBLE_TERM])
         return along
+
+    def elongation(self, a: int, b: int, place: Place, first: int = 0) -> tuple[list[Term], float]:
+        """(how much longer the line between two nodes becomes, its length).
+
+        `first` = 3: how much more twisted.
+        """
+        along = self.place(b) - self.place(a)
+        length = float(np.linalg.norm(along))
+        if length == 0:
+            raise place.error("the ends of an element coincide, so that it has no direction.")
+        unit = (along / length).tolist()
+        return [
+            (n, first + c, s * unit[c]) for n, s in ((a, -1.0), (b, 1.0)) for c in range(3)
+        ], length
 
     def _along_axes(self, node: int, motion: int) -> list[tuple[tuple[int, int], float]]:
         if (node, motion) in self.alias:

@@ -68,6 +68,11 @@ class Profile:
     height: float = 0.0
     width: float = 0.0
 
+    def section(self, length: float) -> dict[str, float]:
+        """Arguments of an `antiosc.Section`; `length` is the deck's unit in m."""
+        second = {name: getattr(self, name) * length**4 for name in ("I", "I_side", "J")}
+        return {"A": self.A * length**2, **second, "shear": self.shear}
+
     def rotated(self) -> Profile:
         """The same cross-section rotated by 90°."""
         return Profile(self.A, self.I_side, self.I, self.J, self.shear, self.width, self.height)

@@ -12,7 +12,6 @@ from antiosc._types import BoolArray
 from antiosc.errors import MeshError
 from antiosc.fem.readers.deck import Place
 from antiosc_decks.model.builder import MOTIONS, Family, ModelBuilder, Rod
-from antiosc_decks.model.constraints import Term
 
 #: Component of a rod's direction over the largest below which it is rounding.
 FLAT = 1e-8
@@ -101,20 +100,9 @@ def hold_without_stiffness(builder: ModelBuilder) -> None:
 
 def _spring(builder: ModelBuilder, a: int, b: int, rod: Rod) -> float:
     """Add the springs of a rod between two nodes; its length."""
-    along = builder.deck.points[b] - builder.deck.points[a]
-    length = float(np.linalg.norm(along))
-    if length == 0:
-        raise rod.place.error("the ends of a rod coincide, so that it has no direction.")
-    unit = along / length
-
-    def apart(motion: int) -> list[Term]:
-        return [
-            (node, motion + c, sign * float(unit[c]))
-            for node, sign in ((a, -1.0), (b, 1.0))
-            for c in range(3)
-        ]
-
-    builder.sprung(apart(0), rod.EA / length, rod.place)
+    terms, length = builder.joints.elongation(a, b, rod.place)
+    builder.sprung(terms, rod.EA / length, rod.place)
     if rod.torsion and builder.has_rotations[[a, b]].all():
-        builder.sprung(apart(3), rod.GJ / length, rod.place)
+        twist, _ = builder.joints.elongation(a, b, rod.place, 3)
+        builder.sprung(twist, rod.GJ / length, rod.place)
     return length

@@ -182,15 +182,11 @@ def _scalar(
 def _viscous(found: NastranDeck, builder: ModelBuilder, entry: Entry, own: Entry, k: int) -> None:
     """CVISC: a damper along the line between two nodes, and one against the twist about it."""
     rows = [found.row(entry.whole(k), entry.place) for k in (2, 3)]
-    along = found.deck.points[rows[1]] - found.deck.points[rows[0]]
-    length = np.linalg.norm(along)
-    if length == 0:
-        raise entry.place.error("the ends of a CVISC coincide: it has no direction.")
     for first, value in ((0, own.real(k + 1)), (3, own.real(k + 2))):
-        if value:
-            unit = along / length
-            ends = [(rows[0], unit, first, 1.0), (rows[1], unit, first, -1.0)]
-            _add(builder, entry, ends, "damping", value)
+        terms, _ = builder.joints.elongation(rows[0], rows[1], entry.place, first)
+        if value < 0:
+            raise entry.place.error("CVISC has a negative damping.")
+        builder.damped(terms, value)
 
 
 def _bush(found: NastranDeck, builder: ModelBuilder, entry: Entry, own: Entry) -> None:
@@ -202,7 +198,7 @@ def _bush(found: NastranDeck, builder: ModelBuilder, entry: Entry, own: Entry) -
     apart = len(rows) == 2 and np.linalg.norm(x[1] - x[0]) > 0
     share = entry.real(8, 0.5)
     place = x[0] + share * (x[1] - x[0]) if apart else x[0]
-    if entry.whole(9, -1) >= 0 and found.systems is not None:
+    if entry.whole(9, -1) >= 0:
         offset = np.array([entry.real(k) for k in (10, 11, 12)])
         place = found.systems(entry.whole(9), entry.place).point(offset)
     axes = _bush_axes(found, entry, acts, x if apart else x[:1], place)
@@ -245,7 +241,7 @@ def _bush_axes(
 
     `acts`: which of the six motions have a constant.
     """
-    if entry.text(7) and found.systems is not None:
+    if entry.text(7):
         return found.systems(entry.whole(7), entry.place).frame(place)
     across = any(acts[k] for k in (1, 2, 4, 5))
     given = any(entry.text(k) for k in (4, 5, 6))

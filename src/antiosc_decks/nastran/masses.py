@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from antiosc._types import BoolArray
-from antiosc.fem.readers.deck import Array, real_number
+from antiosc.fem.readers.deck import real_number
 from antiosc_decks.model.builder import ModelBuilder
 from antiosc_decks.model.constraints import Term
 from antiosc_decks.model.nonstructural import add_mass, add_total
@@ -83,7 +83,7 @@ def _at_a_point(found: NastranDeck, builder: ModelBuilder, entry: Entry, factor:
         given = any(entry.text(k) for k in (4, 5, 6))
         offset = offset - found.deck.points[row] if given else np.zeros(3)
     elif number:
-        axes = _axes(found, entry, number)
+        axes = found.axes(entry, number)
         offset, J = offset @ axes, axes.T @ J @ axes
     if mass < 0 or np.linalg.eigvalsh(J).min() < -INERTIA_ROUNDING * np.abs(J).max():
         raise entry.place.error("the mass or the inertia of CONM2 is negative.")
@@ -107,24 +107,12 @@ def _matrix(found: NastranDeck, builder: ModelBuilder, entry: Entry, factor: flo
     M[np.tril_indices(6)] = [entry.real(k) * factor for k in range(3, 24)]
     M = M + M.T - np.diag(np.diag(M))
     if entry.whole(2, 0):
-        six = np.kron(np.eye(2), _axes(found, entry, entry.whole(2)))
+        six = np.kron(np.eye(2), found.axes(entry, entry.whole(2)))
         M = six.T @ M @ six
     if np.linalg.eigvalsh(M).min() < -INERTIA_ROUNDING * np.abs(M).max():
         raise entry.place.error("the matrix of CONM1 is not that of a mass: it has a "
                         "negative eigenvalue.")  # fmt: skip
     builder.body(row, M, float(np.trace(M[:3, :3])) / 3, entry.place)
-
-
-def _axes(found: NastranDeck, entry: Entry, number: int) -> Array:
-    """The axes of a rectangular system as rows."""
-    assert found.systems is not None
-    system = found.systems(number, entry.place)
-    if system.kind != "R":
-        raise entry.place.error(
-            f"{entry.name} is read in rectangular systems; give the coordinate "
-            f"system {number} as CORD2R."
-        )
-    return system.axes
 
 
 def _scalar(

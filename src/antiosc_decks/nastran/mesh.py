@@ -27,11 +27,11 @@ class NastranDeck:
     deck: Deck
     bulk: Bulk
     nodes: Numbering
+    systems: Systems
     #: entry of each element that is a cell, in the order of the deck's elements
     elements: list[Entry] = field(default_factory=list)
     #: system of the displacements at each node: row -> number, where it is not the basic one
     systems_of: dict[int, int] = field(default_factory=dict)
-    systems: Systems | None = None
     #: what is special about elements that are beams, by their number
     beams: dict[int, Any] = field(default_factory=dict)
     #: entries GRID in the order of the rows, and the rows of scalar points, which follow them
@@ -89,10 +89,18 @@ class NastranDeck:
 
     def frame(self, row: int, place: Place) -> Array:
         """Directions of the displacements at a node, as rows."""
-        number = self.systems_of.get(row, 0)
-        if number <= 0 or self.systems is None:
-            return np.eye(3)
+        number = max(self.systems_of.get(row, 0), 0)
         return self.systems(number, place).frame(self.deck.points[row])
+
+    def axes(self, entry: Entry, number: int) -> Array:
+        """The axes of a rectangular system as rows."""
+        system = self.systems(number, entry.place)
+        if system.kind != "R":
+            raise entry.place.error(
+                f"{entry.name} is read in rectangular systems; give the coordinate system "
+                f"{number} as CORD2R."
+            )
+        return system.axes
 
 
 def read(path: Path, name: str, on_size: Callable[[int], None] = lambda size: None) -> NastranDeck:
@@ -139,7 +147,7 @@ def _nodes(bulk: Bulk, name: str) -> NastranDeck:
     systems = Systems(bulk.entries, position)
     points = np.array([position(grid.whole(0), grid.place) for grid in grids])
     points = np.vstack([points, np.zeros((len(scalar), 3))])
-    found = NastranDeck(Deck(name, points), bulk, nodes, systems=systems, grids=grids)
+    found = NastranDeck(Deck(name, points), bulk, nodes, systems, grids=grids)
     found.scalar = {len(grids) + k: int(label) for k, label in enumerate(scalar)}
     for row, grid in enumerate(grids):
         number = _given(grid, 5, default)

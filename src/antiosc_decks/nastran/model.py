@@ -16,9 +16,8 @@ from antiosc.fem.readers.unit_system import UnitSystem
 from antiosc_decks.account import lines
 from antiosc_decks.model.builder import ModelBuilder
 from antiosc_decks.model.finished import finished
-from antiosc_decks.model.geometry import fixed_along_axes
 from antiosc_decks.model.rods import hold_without_stiffness
-from antiosc_decks.nastran import beams as beams
+from antiosc_decks.nastran import beams
 from antiosc_decks.nastran.cards import motions_of
 from antiosc_decks.nastran.joints import read_joints, read_springs
 from antiosc_decks.nastran.masses import read_masses
@@ -107,7 +106,5 @@ def _fix(
             frame = found.frame(int(row), place)
             for first in (0, 3):
                 own = np.isin(np.arange(first, first + 3), motions)
-                along = fixed_along_axes(own, frame)
-                if along is None:
-                    along = builder.joints.fixed_rows(int(row), frame[own], first)
+                along = builder.joints.fixed_along(int(row), own, frame, first)
                 builder.fix(np.array([row]), [first + int(k) for k in np.flatnonzero(along)])

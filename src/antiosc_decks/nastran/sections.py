@@ -93,14 +93,7 @@ class Properties(PropertyReader):
                     f"PSOLID with {material.name} has its directions in each "
                     "element's own system (CORDM); give CORDM = 0 or a rectangular system."
                 )
-            assert self.found.systems is not None
-            system = self.found.systems(entry.whole(2), entry.place)
-            if system.kind != "R":
-                raise entry.place.error(
-                    f"the directions of {material.name} are read in rectangular "
-                    f"systems; the CORDM {entry.whole(2)} is none."
-                )
-            arguments["axes"] = system.axes[:2].tolist()
+            arguments["axes"] = self.found.axes(entry, entry.whole(2))[:2].tolist()
             self.builder.add(name, elements, Family("AnisotropicSolid", arguments, entry.place))
             return
         E, nu = self.builder.elastic(material, "solids")
@@ -166,13 +159,7 @@ class Properties(PropertyReader):
                 "E": E,
                 "nu": nu,
                 "rho": density + self.beside(one.extra, profile.A),
-                "section": {
-                    "A": profile.A * length**2,
-                    "I": profile.I * length**4,
-                    "I_side": profile.I_side * length**4,
-                    "J": profile.J * length**4,
-                    "shear": profile.shear,
-                },
+                "section": profile.section(length),
                 "orientation": height.tolist(),
                 "offset": key[3] * length,
                 "shear": one.sheared,

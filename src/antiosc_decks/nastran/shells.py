@@ -236,7 +236,7 @@ class Shells:
         entry = self.found.elements[element]
         where = CELLS[entry.name].theta
         word = entry.text(where)
-        if word.lstrip("+-").isdigit() and self.found.systems is not None:
+        if word.lstrip("+-").isdigit():
             return np.asarray(self.found.systems(int(word), entry.place).axes[0])
         nodes = [self.found.row(entry.whole(k), entry.place) for k in (2, 3)]
         side = self.found.deck.points[nodes[1]] - self.found.deck.points[nodes[0]]

@@ -313,7 +313,7 @@ WRONG = {
     "CDAMP1,9,4,2,3\n": "CDAMP1 has no PDAMP 4",
     "CDAMP2,9,-4.,2,3\n": "CDAMP2 has a negative damping",
     "CVISC,9,4,2,3\n": "CVISC has no PVISC 4",
-    "PVISC,4,1.\nCVISC,9,4,2,2\n": "the ends of a CVISC coincide",
+    "PVISC,4,1.\nCVISC,9,4,2,2\n": "coincide",
     "CELAS2,9,4.,2,7\n": "a component from 1 to 6",
     "CELAS2,9,4.\n": "CELAS2 acts on no node",
     "CBUSH,9,4,2,3\n": "CBUSH has no PBUSH",
