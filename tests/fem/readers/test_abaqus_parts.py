@@ -78,7 +78,7 @@ def test_rods_beside_other_elements_are_springs(tmp_path):
 def test_a_rod_without_a_length_or_a_section(tmp_path):
     cube = "*ELEMENT,TYPE=C3D8,ELSET=C\n9,1,2,3,4,5,6,7,8\n*SOLID SECTION,ELSET=C,MATERIAL=M\n"
     text = RODS.replace("1,1,2\n", "1,2,11\n") + "*NODE\n11,20,0,0\n" + cube
-    with pytest.raises(MeshError, match=f"{line(text, '*SOLID')}: .*coincide"):
+    with pytest.raises(MeshError, match=rf"{line(text, '*SOLID')}: .*coincide"):
         read(tmp_path, text)
     with pytest.raises(MeshError, match="T3D2 .*section"):
         read(tmp_path, RODS.replace("*SOLID SECTION,ELSET=B,MATERIAL=M\n", "") + cube)
