@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.matrix_files import dmig
 from antiosc.matrix_files.reading import read_pair
 from antiosc.matrix_files.source import fortran
+from antiosc_decks.matrices import dmig
 
 ONE = ao.AntiOscillators(m0=0.02, k0=3e5, m=[0.3, 0.05, 0.2], omega=[900.0, 2500.0, 7000.0])
 TWO = ao.AntiOscillators(

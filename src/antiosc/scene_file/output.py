@@ -20,6 +20,7 @@ from antiosc.scene_file import result_tables
 from antiosc.scene_file.outputs import Output
 from antiosc.scene_file.run import Results, on_first
 from antiosc.simulation.error_bars import CAUSES
+from antiosc.simulation.history import SceneHistory
 
 
 def folder(path: str | os.PathLike[str]) -> Path:
