@@ -18,6 +18,7 @@ PICTURES = {
     "blas_threads": ["../speed/blas_threads.png"],
     "board_on_spacers": ["board_on_spacers.png"],
     "composite_panel": ["composite_panel.png"],
+    "drop": ["drop.png"],
     "drop_on_corners": ["drop_on_corners.png"],
     "error_budget": ["../speed/error_budget_effectivity.png"],
     "error_budget_tables": ["../speed/strike_or_uniform.png"],

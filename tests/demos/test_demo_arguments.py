@@ -18,6 +18,7 @@ BAD = {
     "board_on_spacers": {"--size": ("0", "x"), "--height": ("-1",), "--n": ("0",)},
     "cholmod_or_mumps": {"--sizes": ("x", "0"), "--sites": ("0",), "--rounds": ("0",)},
     "composite_panel": {"--length": ("x", "-1", "nan", "0"), "--elements": ("1.5", "0")},
+    "drop": {"--height": ("0", "x"), "--impacts": ("0",), "--falls": ("-1",)},
     "drop_on_corners": {"--height": ("0", "x"), "--n": ("0",), "--size": ("-1",)},
     "error_budget": {"--parts": ("0", "x"), "--seed": ("-1",), "--dim": ("4", "x")},
     "fidelity": {"--fine": ("x", "0", "-1", "inf"), "--cases": ("x", ""), "--n": ("0", "2.5")},

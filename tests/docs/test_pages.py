@@ -21,9 +21,10 @@ DOCS = ROOT / "docs"
 #: pages whose programs need NumPy and SciPy alone
 LIGHT = {
     *("errors", "howto/contacts", "howto/sweep", "howto/cluster", "howto/export"),
-    *("api/models", "api/contact", "api/simulation", "api/scenes", "api/errors", "api/exports"),
+    *("api/models", "api/contact", "api/simulation", "api/scenes", "api/drops"),
+    *("api/errors", "api/exports"),
 }
-MESHED = {"howto/deck", "howto/units", "howto/map", "api/structures"}
+MESHED = {"howto/deck", "howto/units", "howto/map", "howto/drop", "api/structures"}
 SLOW = {"first_impact", "limits", "api/extraction", "api/assemblies", "api/results"}
 
 

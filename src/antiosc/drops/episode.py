@@ -33,6 +33,8 @@ LONG = 6.0
 TURNS = 0.03
 #: Longest run, over the first one.
 LONGEST = 32.0
+#: A gap [m] that is rounding error.
+ROUNDING = 1e-18
 #: Points that may touch within a run are those lower than this many times its way.
 REACH = 3.0
 #: Points are one contact that lie closer together than this share of the extent.
@@ -203,7 +205,7 @@ def _scene(
             f"{BODY}:{k}",
             FLOOR,
             floor.law_for(tuple(body.radii[i].tolist()), body.materials[i]),
-            gap=float(lifted[k] - lower),
+            gap=float(lifted[k] - lower) if lifted[k] - lower > ROUNDING else 0.0,
             friction=floor.friction,
         )
         for k, i in enumerate(which.tolist())

@@ -17,7 +17,7 @@ from antiosc._types import Array
 from antiosc.brief import Brief
 from antiosc.drops.body import FreeBody
 from antiosc.drops.episode import BODY, Episode
-from antiosc.drops.filters import CLASSES, MEMORY, cfc_filter
+from antiosc.drops.filters import CLASSES, LEAST_RATE, MEMORY, cfc_filter
 from antiosc.drops.flight import Flight, State, ringing
 from antiosc.errors import AccuracyWarning, InputError, warn
 from antiosc.spectra import ShockSpectrum, srs
@@ -226,7 +226,7 @@ class Fall(Brief):
         begin = own[0].start.time - max(checks.nonnegative("before", before, "s"), rest)
         end = own[-1].end.time + max(checks.nonnegative("after", after, "s"), rest)
         begin, end = max(begin, 0.0), min(end, self.end.time)
-        step = self._step(end - begin)
+        step = self._step(end - begin, filter)
         t = begin + step * np.arange(max(int((end - begin) / step), 2))
         a = self.acceleration(t, at)
         return t, a if filter is None else cfc_filter(step, a, filter)
@@ -237,11 +237,13 @@ class Fall(Brief):
         k = checks.whole("impact", impact, least=0, most=len(self.groups) - 1)
         return [self.episodes[i] for i in self.groups[k]]
 
-    def _step(self, span: float) -> float:
-        """Step [s] that resolves the highest mode, and the contacts."""
+    def _step(self, span: float, filter: str | None) -> float:
+        """Step [s] that resolves the highest mode, the contacts and the filter."""
         highest = float(self.body.omega.max(initial=0.0)) / (2 * np.pi)
         shortest = min(one.duration for one in self.episodes)
         step = min(shortest / 50, 1 / (SAMPLES * highest) if highest else np.inf)
+        if filter is not None:
+            step = min(step, 1 / (2 * LEAST_RATE * CLASSES[filter]))
         return max(step, span / MOST)
 
     def acceleration(self, times: ArrayLike, at: Sequence[float] | str | None = None) -> Array:

@@ -122,13 +122,15 @@ def of_mesh(part: MeshedStructure) -> Skin:
     count = np.bincount(edges.ravel(), minlength=len(x))
     total = np.bincount(edges.ravel(), np.repeat(length, 2), minlength=len(x))
     sharp, curvatures = np.ones(len(x), dtype=bool), np.zeros((len(x), 2))
+    normals = ground.normals
     triangles = ground.elements if ground.elements.shape[1] == 3 else np.zeros((0, 3), dtype=int)
     if part.kind.outside and len(triangles):
         sharp = _sharp(x, ground.normals, triangles)
-        curvatures = _curvatures(x, ground.normals, edges)
+        fitted, curvatures = _fitted(x, normals, edges)
+        normals = np.where(sharp[:, None], normals, fitted)
     materials, half = _materials(part)
     sizes = total / np.maximum(count, 1)
-    return Skin(x, ground.normals, curvatures, sharp, sizes, materials, half, triangles)
+    return Skin(x, normals, curvatures, sharp, sizes, materials, half, triangles)
 
 
 def _edges(elements: IntArray) -> IntArray:
@@ -165,28 +167,31 @@ def _sharp(x: Array, normals: Array, triangles: IntArray) -> BoolArray:
     return least < SMOOTH
 
 
-def _curvatures(x: Array, normals: Array, edges: IntArray) -> Array:
-    """Principal curvatures (P, 2), ascending, that fit those along the edges at each vertex."""
+def _fitted(x: Array, normals: Array, edges: IntArray) -> tuple[Array, Array]:
+    """Normals (P, 3) and principal curvatures (P, 2), ascending, of quadrics through neighbours.
+
+    Over the plane of the mean normal the neighbours lie at a u + b v + (c u^2 + 2 d u v + e v^2)/2.
+    """
     both = np.vstack([edges, edges[:, ::-1]])
-    way = x[both[:, 1]] - x[both[:, 0]]
-    n = normals[both[:, 0]]
-    square = np.einsum("ed,ed->e", way, way)
-    along = -2 * np.einsum("ed,ed->e", way, n) / square
+    at = both[:, 0]
+    way = x[both[:, 1]] - x[at]
+    length = np.linalg.norm(way, axis=1)
+    size = np.bincount(at, length, len(x)) / np.maximum(np.bincount(at, minlength=len(x)), 1)
     axis = np.eye(3)[np.argmin(np.abs(normals), axis=1)]
     first = np.cross(normals, axis)
     first /= np.maximum(np.linalg.norm(first, axis=1, keepdims=True), np.finfo(float).tiny)
     second = np.cross(normals, first)
-    c = np.einsum("ed,ed->e", way, first[both[:, 0]])
-    s = np.einsum("ed,ed->e", way, second[both[:, 0]])
-    size = np.maximum(np.hypot(c, s), np.finfo(float).tiny)
-    c, s = c / size, s / size
-    rows = np.stack([c * c, 2 * c * s, s * s], axis=1)
-    A, b = np.zeros((len(x), 3, 3)), np.zeros((len(x), 3))
-    np.add.at(A, both[:, 0], rows[:, :, None] * rows[:, None, :])
-    np.add.at(b, both[:, 0], rows * along[:, None])
-    form = np.einsum("pij,pj->pi", np.linalg.pinv(A), b)
-    tensors = np.stack([form[:, [0, 1]], form[:, [1, 2]]], axis=1)
-    return np.asarray(np.linalg.eigvalsh(tensors))
+    own = way / size[at, None]
+    u, v, w = (np.einsum("ed,ed->e", own, axes[at]) for axes in (first, second, normals))
+    rows = np.stack([u, v, u * u / 2, u * v, v * v / 2], axis=1)
+    A, f = np.zeros((len(x), 5, 5)), np.zeros((len(x), 5))
+    np.add.at(A, at, rows[:, :, None] * rows[:, None, :])
+    np.add.at(f, at, rows * w[:, None])
+    a, b, c, d, e = np.einsum("pij,pj->ip", np.linalg.pinv(A, rcond=1e-9), f)
+    fitted = normals - a[:, None] * first - b[:, None] * second
+    fitted /= np.maximum(np.linalg.norm(fitted, axis=1, keepdims=True), np.finfo(float).tiny)
+    bend = -np.stack([np.stack([c, d], axis=1), np.stack([d, e], axis=1)], axis=1)
+    return fitted, np.linalg.eigvalsh(bend / size[:, None, None])
 
 
 def hull(points: Array) -> IntArray:

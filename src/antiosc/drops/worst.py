@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +16,7 @@ from antiosc.charts.surfaces import colour_scale, draw_faces, frame, space
 from antiosc.drops.episode import BODY
 from antiosc.errors import InputError, without_warnings
 from antiosc.fem.peaks import PeakField, peak_field
+from antiosc.simulation.scene_history import BodyHistory
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from antiosc.drops.fall import Fall
 
 #: Looks at a period of the mode that is the fastest of those which matter, at most so many.
-LOOKS, MOST = 8, 400
+LOOKS, MOST = 8, 200
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -67,28 +68,25 @@ def worst(fall: Fall, quantity: str, impacts: Any = None, **options: Any) -> Wor
     if not fall.groups:
         raise InputError("the fall has no impact; let it last longer (until=).")
     chosen = range(len(fall.groups)) if impacts is None else checks.column("impacts", impacts)
-    found: WorstField | None = None
-    skin = skin_of(structure)
+    parts: list[BodyHistory] = []
     for k in map(int, chosen):
         if not 0 <= k < len(fall.groups):
             raise InputError(f"impacts are numbered from 0 to {len(fall.groups) - 1}; got {k}.")
         for one in (fall.episodes[i] for i in fall.groups[k]):
             times = _times(fall, one.duration)
-            with without_warnings():
-                own = peak_field(structure, one.history, quantity, times, body=BODY, **options)
-            then = own.times + one.start.time
-            if found is None:
-                which = np.full(own.values.size, k)
-                found = WorstField(
-                    quantity, own.unit, own.points, own.values, then, own._cells, None,
-                    which, (skin.points, skin.triangles),
-                )  # fmt: skip
-            else:
-                more = own.values > found.values
-                found.values[more], found.times[more] = own.values[more], then[more]
-                found.impact[more] = k
-    assert found is not None
-    return found
+            own = one.history.at(times)[BODY]
+            parts.append(replace(own, time=times + one.start.time))
+    joined = {n: np.concatenate([getattr(p, n) for p in parts]) for n in ("time", "q", "v", "a")}
+    count = joined["time"].size, parts[0].forces.shape[1]
+    whole = replace(parts[0], forces=np.zeros(count), **joined)
+    with without_warnings():
+        found = peak_field(structure, whole, quantity, **options)
+    begins = [fall.episodes[own[0]].start.time for own in fall.groups]
+    skin = skin_of(structure)
+    return WorstField(
+        quantity, found.unit, found.points, found.values, found.times, found._cells, None,
+        np.searchsorted(begins, found.times, side="right") - 1, (skin.points, skin.triangles),
+    )  # fmt: skip
 
 
 def _times(fall: Fall, duration: float) -> Array:
