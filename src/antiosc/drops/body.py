@@ -254,14 +254,13 @@ class _Residual:
             found = functionals(structure, sites)
         shapes, residual = [], []
         B = np.column_stack([np.column_stack([f.b, *(a.b for a in f.across)]) for f in found])
-        Y = structure.factorize().solve_block(B)
+        C = _compliances(structure, B)
         x = self.omega**2 + structure.shift
         for n, (i, one) in enumerate(zip(which.tolist(), found, strict=True)):
             b = B[:, 3 * n : 3 * n + 3]
             axes = np.array([one.direction, *(a.direction for a in one.across)])
             own, rigid = b.T @ self.phi, b.T @ structure.rigid_modes
-            r = b.T @ Y[:, 3 * n : 3 * n + 3]
-            r = r - (own / x) @ own.T - rigid @ rigid.T / structure.shift
+            r = C[n] - (own / x) @ own.T - rigid @ rigid.T / structure.shift
             if not skin.sharp[self.own[i]]:
                 nu = float(np.nan_to_num(skin.materials[self.own[i], 1], nan=UNKNOWN_NU))
                 aside = (2 - nu) / (2 * (1 - nu))
@@ -269,6 +268,29 @@ class _Residual:
             residual.append(axes.T @ _positive(r) @ axes)
             shapes.append((axes.T @ own).T)
         return np.array(shapes), np.array(residual)
+
+
+def _compliances(structure: Structure, B: Array) -> Array:
+    """B'(K + sM)^-1 B (n, 3, 3) of the loads of n sites, three columns each."""
+    import scipy.sparse
+
+    from antiosc.fem.linalg.compliance import compliances
+    from antiosc.fem.linalg.solvers import OnOneRank
+
+    solver, count = structure.factorize(), B.shape[1] // 3
+    if not isinstance(solver, OnOneRank):
+        Y = solver.solve_block(B)
+        return np.array([B[:, k : k + 3].T @ Y[:, k : k + 3] for k in range(0, 3 * count, 3)])
+    # entries beside the diagonal from those of the sums: 2 b'Cc = (b + c)'C(b + c) - b'Cb - c'Cc
+    pairs = [(0, 1), (0, 2), (1, 2)]
+    sums = [B[:, k + i] + B[:, k + j] for k in range(0, 3 * count, 3) for i, j in pairs]
+    found = compliances(solver.cholesky, scipy.sparse.csr_matrix(np.column_stack([B, *sums])))
+    own, both = found[: 3 * count].reshape(-1, 3), found[3 * count :].reshape(-1, 3)
+    C = np.zeros((count, 3, 3))
+    C[:, range(3), range(3)] = own
+    for n, (i, j) in enumerate(pairs):
+        C[:, i, j] = C[:, j, i] = (both[:, n] - own[:, i] - own[:, j]) / 2
+    return C
 
 
 def _positive(matrix: Array) -> Array:

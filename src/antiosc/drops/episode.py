@@ -113,12 +113,11 @@ def episode(
         gaps = np.array([held.get(i, max(float(heights[i]), 0.0)) for i in which.tolist()])
         with without_warnings():
             history = _scene(body, start, which, gaps, floor, gravity).run(duration, tol=tol)
-        last, touching = _released(history, len(which))
-        spin = float(np.linalg.norm(_spin_at(body, start, history, float(history.time[-1]))))
-        if touching and history.status != 2 and 2 * duration * max(spin, TURNS / longest) < TURNS:
+        end, touching = _end(body, history, len(which))
+        longer = touching and end == history.time[-1] and history.status != 2
+        if longer and duration < longest:
             duration *= 2
             continue
-        end = float(history.time[-1]) if touching else last
         state, heights_at_end, corrected = _handed_over(body, start, history, end, which, floor)
         missed = _missed(body, state, which)
         if missed is not None and missed not in extra and len(which) < MOST:
@@ -265,24 +264,39 @@ def _posed(body: FreeBody, start: State, which: IntArray) -> tuple[SiteModes, Ar
     return modes, shapes
 
 
-def _released(history: SceneHistory, count: int) -> tuple[float, bool]:
-    """Time of the last release [s], and whether a contact goes on at the end of the run."""
-    last, end = 0.0, float(history.time[-1])
-    for k in range(count):
-        for _, release in history[f"{BODY}:{k}", FLOOR].contacts:
-            last = max(last, release)
-    return (last, last >= end * (1 - 1e-12)) if last > 0 else (end, False)
+def _end(body: FreeBody, history: SceneHistory, count: int) -> tuple[float, bool]:
+    """Time at which the episode ends [s], and whether the body still touches.
+
+    It ends when all has parted for good, or until the body has turned too far: contacts that follow
+    within a third of `TURNS` belong to it. A contact that lasts is cut where it has turned by it.
+    """
+    last = float(history.time[-1])
+    spans: list[tuple[float, float]] = []
+    for start, end in sorted(
+        span for k in range(count) for span in history[f"{BODY}:{k}", FLOOR].contacts
+    ):
+        if spans and start <= spans[-1][1]:
+            spans[-1] = spans[-1][0], max(spans[-1][1], end)
+        else:
+            spans.append((start, end))
+    if not spans:
+        return last, False
+    times = np.linspace(0.0, last, SAMPLES + 1)
+    turn = history.at(times)[BODY].q[:, 3:6] / np.sqrt(body.principal[0])
+    angle = np.linalg.norm(turn - turn[0], axis=1)
+    nodes = history.time[::2]
+    too_far = nodes[np.searchsorted(nodes, np.append(times[angle > TURNS], last)[0])]
+    for (_, end), (following, _) in zip(spans, [*spans[1:], (np.inf, 0.0)], strict=True):
+        if end > too_far or end >= last * (1 - 1e-12):
+            return float(too_far), True
+        if following > last or np.interp(following, times, angle) > TURNS / 3:
+            return end, False
+    return last, True
 
 
 def _modal(history: SceneHistory, t: float, name: str) -> tuple[Array, Array]:
     found = history.at([t])[name]
     return found.q[0], found.v[0]
-
-
-def _spin_at(body: FreeBody, start: State, history: SceneHistory, t: float) -> Array:
-    moments, axes = body.principal
-    _, v = _modal(history, t, BODY)
-    return np.asarray((v[3:6] / np.sqrt(moments)) @ (axes @ start.R.T))
 
 
 def _handed_over(

@@ -30,7 +30,7 @@ AT_ONCE = 4096
 #: A spin whose axis deviates by less than this share from the angular momentum keeps it.
 SPINNING = 1e-12
 #: Relative error of the orientation over one flight.
-ROTATION_ERROR = 1e-11
+ROTATION_ERROR = 1e-10
 #: Time of a touch is found to this share of the extent over the speed.
 TOUCH = 1e-12
 
