@@ -14,6 +14,8 @@ from scene_files import BEAM, FRAME, SCENES, SWEEP, antiosc, numbers, written
 
 pytestmark = pytest.mark.fem
 
+#: What a report shows of a map.
+MAPPED = ("peak force", "contact time", "k0")
 PART = f"""\
 [parts.NAME.geometry]
 source = "{MESHES}/beam.msh"
@@ -84,7 +86,9 @@ def test_a_map_of_both_parts_and_a_probe_of_a_group(tmp_path, capsys):
     for name in ("first", "second"):
         forces = [float(row.split(",")[force]) for row in table[1:] if row.startswith(name)]
         assert f"{names.count(name)} sites, at most {max(forces):.5g} N at (" in told
-    assert "at most" in (tmp_path / "map.html").read_text()
+    page = (tmp_path / "map.html").read_text()
+    assert "at most" in page
+    assert re.findall("<h3>(.*?)</h3>", page) == [f"Map: {name}" for name in MAPPED]
     assert numbers(tmp_path)["map"]["surface"] == names
     assert antiosc("run", path, "--out", tmp_path) == 0
     end = np.loadtxt(tmp_path / "probes.csv", delimiter=",", skiprows=1)[:, :4]
