@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from antiosc._types import Array, BoolArray, IntArray
 from antiosc.checks import array, coordinates, positive
 from antiosc.errors import InputError
+from antiosc.fem.assembly import MeshedParts
 from antiosc.fem.assembly.assembled import AssembledMatrices
 from antiosc.fem.assembly.ends import group_end
 from antiosc.fem.mesh.closest_point import closest_many
@@ -23,7 +24,6 @@ from antiosc.fem.site.site import LEAST_FREE_SHARE
 from antiosc.fem.site.sites import Sites, located, tell
 from antiosc.fem.structure.member import Member
 from antiosc.fem.structure.meshed import MeshedStructure
-from antiosc.fem.structure.structure import MeshedParts
 
 #: A site with less than this share of its load on free dofs is fixed by the supports.
 LEAST_FREE_SHARE_ON_MAP = 0.05
