@@ -73,7 +73,7 @@ def history(**more) -> SimpleNamespace:
         energy=SimpleNamespace(**energy, drift=1e-7), status=0, message="it < ended",
         error={"force": 2e-4, "time": np.nan}, peak_force=123.456789, impulse=0.5,
         contact_time=2e-4, contacts=[(0.0, 1e-4), (2e-4, 3e-4)], restitution=0.87654, step=1e-6,
-        summary=lambda: "the summary", **more,
+        summary=lambda: "the summary", assembly=SimpleNamespace(bodies={}), **more,
     )  # fmt: skip
 
 
