@@ -44,7 +44,7 @@ def test_comparisons_of_histories(tmp_path, hits):
 def test_studies(tmp_path):
     path = tmp_path / "picture.png"
     module = demo("work_precision")
-    methods = [*module.FIXED_STEP, *module.SOLVE_IVP]
+    methods = [*module.SCENE_STEPS, *module.SOLVE_IVP]
     rows = [
         {"scene": s, "method": m, "seconds": t, "evaluations": 1e3 * t, "error": 1e-2 / t / (k + 1)}
         for s in ("first", "second")
