@@ -326,9 +326,8 @@ def _finished(answer: Answer, tol: float, records: list[dict[str, Any]], told: s
         )
     if told:
         budget = replace(budget, notes=(*budget.notes, told))
-    return replace(
-        hit,
-        model=model,
+    return hit.with_model(
+        model,
         status=1 if told and hit.status == 0 else hit.status,
         message=" ".join(filter(None, (hit.message, story, told))),
         budget=partial(_known, budget),

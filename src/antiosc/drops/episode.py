@@ -22,9 +22,9 @@ from antiosc.errors import without_warnings
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Inertia, ModalState
 from antiosc.models.site_modes import SiteModes
+from antiosc.simulation.history import SceneHistory
 from antiosc.simulation.impactors import Obstacle
 from antiosc.simulation.scene import Scene
-from antiosc.simulation.scene_history import SceneHistory
 from antiosc.simulation.scene_parts import Contact
 
 #: Duration of a first run, over the expected time of contact.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -396,6 +396,12 @@ class History(HistoryResults):
                 f"t must lie within the run, 0 <= t <= {end:g} s; got {times[outside][0]:g} s."
             )
         return np.minimum(times, end)
+
+    def with_model(self, model: Any, **changes: Any) -> Self:
+        """The same history with the structure's model told more of itself, and other `changes`."""
+        own = self._ends[0]
+        bodies = {**self.assembly.bodies, own.name: replace(own, body=model)}
+        return replace(self, assembly=replace(self.assembly, bodies=bodies), **changes)
 
     def __getstate__(self) -> dict[str, Any]:
         """The fields, for pickle; a structure stays behind."""
