@@ -80,7 +80,7 @@ def test_a_rod_without_a_length_or_a_section(tmp_path):
     text = RODS.replace("1,1,2\n", "1,2,11\n") + "*NODE\n11,20,0,0\n" + cube
     with pytest.raises(MeshError, match=rf"{line(text, '*SOLID')}: .*coincide"):
         read(tmp_path, text)
-    with pytest.raises(MeshError, match="T3D2 .*section"):
+    with pytest.raises(MeshError, match=r"T3D2 .*section"):
         read(tmp_path, RODS.replace("*SOLID SECTION,ELSET=B,MATERIAL=M\n", "") + cube)
 
 
