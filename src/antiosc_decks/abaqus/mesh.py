@@ -21,8 +21,13 @@ from antiosc.fem.readers.deck import (
     whole_number,
 )
 from antiosc_decks.abaqus.cards import Card, cards
-from antiosc_decks.abaqus.elements import element_type, nodes_of_other
-from antiosc_decks.abaqus.generation import element_copies, filled, generated
+from antiosc_decks.abaqus.elements import (
+    element_copies,
+    element_type,
+    filled,
+    generated,
+    nodes_of_other,
+)
 from antiosc_decks.abaqus.table import GENERATORS
 from antiosc_decks.sources import Sources
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 
 from antiosc.errors import MeshError
 from antiosc.fem.readers.deck import Place, real_number, whole_number
-from antiosc_decks.nastran.selection import CaseControl
 from antiosc_decks.sources import Sources
 
 #: Names of properties in comments of pre-processors: HyperMesh, ANSA, Femap.
@@ -24,6 +23,9 @@ MOST_COPIES = 1_000_000
 #: A number; "+1" may mark a continuation.
 _NUMBER = re.compile(r"-?\.?\d")
 _INCLUDE = re.compile(r"\s*INCLUDE\b\s*(.*)", re.IGNORECASE)
+
+_SUBCASE = re.compile(r"\s*(SUBCASE|SUBCOM|SYM|SYMCOM|REPCASE)\b", re.IGNORECASE)
+_SELECTED = re.compile(r"\s*(SPC|MPC|NSM)\s*=\s*(\d+)\s*$", re.IGNORECASE)
 
 
 @dataclass
@@ -61,6 +63,28 @@ def motions_of(text: str, place: Place) -> list[int]:
     if not set(digits) <= set("0123456"):
         raise place.error(f"{text!r} are not components from 1 to 6.")
     return sorted({int(c) - 1 for c in digits} - {-1})
+
+
+@dataclass
+class CaseControl:
+    """What the lines before the bulk data select."""
+
+    #: whether there are such lines
+    given: bool = False
+    subcase: int = 0
+    #: (what, number of the subcase; 0: above all) -> set
+    sets: dict[tuple[str, int], int] = field(default_factory=dict)
+
+    def read(self, line: str) -> None:
+        """One line."""
+        self.given = True
+        self.subcase += bool(_SUBCASE.match(line))
+        if match := _SELECTED.match(line):
+            self.sets[match[1].upper(), self.subcase] = int(match[2][:18])
+
+    def of_first(self, what: str) -> int | None:
+        """The set of the first subcase, by default that above all subcases."""
+        return self.sets.get((what, 1), self.sets.get((what, 0)))
 
 
 @dataclass

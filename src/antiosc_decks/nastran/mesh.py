@@ -15,9 +15,15 @@ from antiosc.fem.readers.shapes import CORNERS
 from antiosc_decks.account import Account
 from antiosc_decks.nastran.cards import Bulk, Entry, bulk_data, through
 from antiosc_decks.nastran.coordinates import Systems
-from antiosc_decks.nastran.selection import used_sets
 from antiosc_decks.nastran.table import CELLS, account_for, is_other
 from antiosc_decks.sources import Sources
+
+#: What the case control selects -> the entries of these sets, and the one that adds them.
+SETS = {
+    "SPC": (("SPC", "SPC1"), "SPCADD"),
+    "MPC": (("MPC",), "MPCADD"),
+    "NSM": (("NSM", "NSM1", "NSML", "NSML1"), "NSMADD"),
+}
 
 
 @dataclass
@@ -47,11 +53,38 @@ class NastranDeck:
         return [entry for entry in self.bulk.entries if entry.name in names]
 
     def used_sets(self, what: str) -> set[int]:
-        """Numbers of the sets of SPC, MPC or NSM that are used; the choice is told."""
-        bulk = self.bulk
-        used, told = used_sets(bulk.entries, bulk.control, self.deck.name, what)
-        self.deck.told += told
-        return used
+        """Numbers of the sets of SPC, MPC or NSM that the first subcase selects.
+
+        Without case control all of them are used. The choice is told; MeshError if there are no
+        supports of the number that is selected.
+        """
+        names, adding = SETS[what]
+        name, control = self.deck.name, self.bulk.control
+        present = {entry.whole(0) for entry in self.named(*names)}
+        if not control.given:
+            if len(present) > 1:
+                some = f"{name} has no case control: its {what} {_sets(present)} are all taken."
+                self.deck.told.append(some)
+            return present
+        first = control.of_first(what)
+        used = set() if first is None else {first}
+        for entry in self.named(adding):
+            if entry.whole(0) == first:
+                parts = {entry.whole(k) for k in range(1, len(entry.fields)) if entry.text(k)}
+                used = parts | used & present
+        lost, others = used - present, present - used
+        if lost == used and what == "SPC" and used:
+            raise MeshError(
+                f"the case control of {name} selects SPC = {first}, which is not there."
+            )
+        if lost:
+            self.deck.told.append(f"{what} = {first} of {name} needs the {_sets(lost)}, not there.")
+        if others:
+            self.deck.told.append(
+                f"not used of {name}: {what} {_sets(others)}, which the first subcase does not "
+                "select."
+            )
+        return used & present
 
     def row(self, label: int, place: Place) -> int:
         """Row of the node `label`."""
@@ -114,6 +147,11 @@ def read(path: Path, name: str, on_size: Callable[[int], None] = lambda size: No
     _elements(found)
     set_groups(found)
     return found
+
+
+def _sets(numbers: set[int]) -> str:
+    shown = ", ".join(map(str, sorted(numbers)[:8])) + ", …" * (len(numbers) > 8)
+    return f"set{'s' * (len(numbers) > 1)} {shown}"
 
 
 # --- Nodes ----------------------------------------------------------------------------------------
