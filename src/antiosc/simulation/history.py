@@ -397,7 +397,7 @@ class History(HistoryResults):
             )
         return np.minimum(times, end)
 
-    def with_model(self, model: Any, **changes: Any) -> Self:
+    def with_model(self, model: Any, **changes: Any) -> History:
         """The same history with the structure's model told more of itself, and other `changes`."""
         own = self._ends[0]
         bodies = {**self.assembly.bodies, own.name: replace(own, body=model)}
