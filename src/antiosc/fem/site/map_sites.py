@@ -217,10 +217,10 @@ def _on_part(
 ) -> MapSites:
     """Sites of a part, chosen in its own axes, returned in those of the assembly; perhaps none."""
     if direction is None and not member.part.kind.outside:
-        which = f"the part {member.name!r}" if member.name else member.part.mesh.name
+        which = f" (the part {member.name!r})" if member.name else ""
         raise InputError(
-            f"{which} has no outward normal, as no shell and no beam has: give the direction of "
-            "impact, for instance direction=(0, 0, -1)."
+            f"shells and beams have no outward normal{which}: give the direction of impact, for "
+            "instance direction=(0, 0, -1)."
         )
     R = member.at.rotation
     own = None if direction is None else (_in_space(direction) @ R).tolist()
