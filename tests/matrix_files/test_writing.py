@@ -108,7 +108,7 @@ def test_a_binary_matrix_ends_with_a_column_beyond_the_last(tmp_path):
 
 
 def test_unknown_endings_are_refused(tmp_path):
-    with pytest.raises(ao.InputError, match=r"matrices are written to \.mtx, \.op4, \.pch"):
+    with pytest.raises(ao.InputError, match=r"\.mtx.*\.op4"):
         ONE.to_matrices().save(tmp_path / "x.txt")
     assert not list(tmp_path.iterdir())
 
