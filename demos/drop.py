@@ -46,7 +46,7 @@ def main(
     fall = ao.drop(part, height, until=impacts, **given)
     print(part.describe())
     print(fall.summary())
-    peak, stress = fall.peak("acceleration", POINT, "CFC1000"), fall.worst("von_mises", range(2))
+    peak, stress = fall.peak("acceleration", POINT, "CFC1000"), fall.worst(impacts=(0, 1))
     numbers = {
         "peak force": fall.peak_force,
         "peak g": peak.g,

@@ -15,6 +15,7 @@ from antiosc.drops.body import FreeBody
 from antiosc.drops.course import Setting, fallen, hung
 from antiosc.drops.episode import BODY
 from antiosc.drops.flight import Flight, State
+from antiosc.drops.floor import law_of
 from antiosc.drops.orientation import tilted
 
 G = 9.81
@@ -190,7 +191,7 @@ def test_a_bar_flies_as_in_a_floating_frame() -> None:
     until = fall.episodes[-1].end.time - touch.time + 1e-5
     peaks = floating(body, touch, k, until)
     mine = [float(one.forces()[1].sum(axis=1).max()) for one in fall.episodes]
-    np.testing.assert_allclose(mine[:2], peaks[:2], rtol=0.01)
+    np.testing.assert_allclose(mine[:2], peaks[:2], rtol=2e-3)
     assert mine[1] > 1.3 * mine[0]
 
 
@@ -282,5 +283,5 @@ def test_bad_input(change: dict[str, object], word: str) -> None:
 def test_floors_take_one_law() -> None:
     with pytest.raises(ao.InputError, match="one of"):
         ao.Floor(material=ao.Solid(210e9, 0.3, 7800), layer=ao.SoftLayer(0.01, 1e6))
-    soft = ao.Floor(layer=ao.SoftLayer(0.01, 1e6)).law_for((0.1, 0.1), np.full(2, np.nan))
+    soft = law_of(ao.Floor(layer=ao.SoftLayer(0.01, 1e6)), (0.1, 0.1), np.full(2, np.nan))
     assert soft.force(1e-3, 0.0, soft.touch(0.0)) == pytest.approx(np.pi * 1e6 * 0.1 * 1e-6 / 0.01)

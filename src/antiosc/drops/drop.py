@@ -11,7 +11,7 @@ from antiosc import checks
 from antiosc.drops.body import MODES, free_body
 from antiosc.drops.course import MOST_IMPACTS, Setting, fallen, hung
 from antiosc.drops.ensemble import Drops, Tilts, tumbles
-from antiosc.drops.fall import Fall
+from antiosc.drops.fall import Fall, warn_of
 from antiosc.drops.floor import Floor
 from antiosc.drops.orientation import orientation
 from antiosc.errors import InputError
@@ -119,7 +119,7 @@ def drop(
         if executor is not None:
             raise InputError("an executor computes an ensemble: give ensemble=Tilts(...).")
         fall = fallen(body, start, setting)
-        fall.tell()
+        warn_of(fall)
         return fall
     checks.instance("ensemble", ensemble, Tilts, "Tilts(sigma=...)")
     check_executor(executor)

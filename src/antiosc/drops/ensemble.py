@@ -59,23 +59,24 @@ class Tilts:
         if not any((self.sigma, self.height, self.friction, self.spin)):
             raise InputError("Tilts in which nothing varies: give sigma, height, friction or spin.")
 
-    def draw(
-        self, rng: np.random.Generator, body: FreeBody, start: State, setting: Setting
-    ) -> tuple[State, Setting]:
-        """One start and its setting."""
-        from scipy.spatial.transform import Rotation
 
-        if np.isinf(self.sigma):
-            R = np.asarray(Rotation.from_quat(rng.standard_normal(4)).as_matrix())
-        else:
-            angle = np.radians(self.sigma) * np.append(rng.standard_normal(2), 0.0)
-            R = turned(angle) @ start.R
-        height = setting.height * max(1 + self.height * rng.standard_normal(), 0.01)
-        friction = max(setting.floor.friction + self.friction * rng.standard_normal(), 0.0)
-        spin = start.spin(body) + self.spin * rng.standard_normal(3)
-        floor = replace(setting.floor, friction=friction)
-        own = replace(setting, height=height, floor=floor)
-        return hung(body, own, R, spin, start.velocity), own
+def drawn(
+    tilts: Tilts, rng: np.random.Generator, body: FreeBody, start: State, setting: Setting
+) -> tuple[State, Setting]:
+    """One start and its setting."""
+    from scipy.spatial.transform import Rotation
+
+    if np.isinf(tilts.sigma):
+        R = np.asarray(Rotation.from_quat(rng.standard_normal(4)).as_matrix())
+    else:
+        angle = np.radians(tilts.sigma) * np.append(rng.standard_normal(2), 0.0)
+        R = turned(angle) @ start.R
+    height = setting.height * max(1 + tilts.height * rng.standard_normal(), 0.01)
+    friction = max(setting.floor.friction + tilts.friction * rng.standard_normal(), 0.0)
+    spin = start.spin(body) + tilts.spin * rng.standard_normal(3)
+    floor = replace(setting.floor, friction=friction)
+    own = replace(setting, height=height, floor=floor)
+    return hung(body, own, R, spin, start.velocity), own
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -209,7 +210,7 @@ def _some(given: tuple[FreeBody, State, Setting, Tilts], seeds: Sequence[Any]) -
     body, start, setting, ensemble = given
     found: list[Any] = []
     for seed in seeds:
-        own, there = ensemble.draw(np.random.default_rng(seed), body, start, setting)
+        own, there = drawn(ensemble, np.random.default_rng(seed), body, start, setting)
         try:
             with without_warnings():
                 fall = fallen(body, own, there)

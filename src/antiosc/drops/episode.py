@@ -17,7 +17,7 @@ import numpy as np
 from antiosc._types import Array, IntArray
 from antiosc.drops.body import FreeBody
 from antiosc.drops.flight import State, turned
-from antiosc.drops.floor import Floor
+from antiosc.drops.floor import Floor, law_of
 from antiosc.errors import without_warnings
 from antiosc.models.modal import ModalBody
 from antiosc.models.motion import Inertia, ModalState
@@ -131,7 +131,7 @@ def episode(
 def _contact_time(body: FreeBody, start: State, heights: Array, floor: Floor) -> float:
     """Expected time [s] of a contact of the lowest point with the floor."""
     i = int(np.argmin(heights))
-    law = floor.law_for(tuple(body.radii[i].tolist()), body.materials[i])
+    law = law_of(floor, tuple(body.radii[i].tolist()), body.materials[i])
     arm = _arms(body, start, np.array([i]))[0]
     spin = start.spin(body)
     n = np.array([0.0, 0.0, 1.0])
@@ -203,7 +203,7 @@ def _scene(
         Contact(
             f"{BODY}:{k}",
             FLOOR,
-            floor.law_for(tuple(body.radii[i].tolist()), body.materials[i]),
+            law_of(floor, tuple(body.radii[i].tolist()), body.materials[i]),
             gap=float(lifted[k] - lower) if lifted[k] - lower > ROUNDING else 0.0,
             friction=floor.friction,
         )

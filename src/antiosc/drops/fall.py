@@ -381,7 +381,7 @@ class Fall(Brief):
         """
         from antiosc.drops.course import fallen, nudged
 
-        angle = checks.positive("angle", angle, "rad")
+        angle, spread = checks.positive("angle", angle, "rad"), checks.positive("spread", spread)
         own, known = self.impacts.column("peak_force"), len(self.impacts)
         for axis in np.eye(3)[:2]:
             for sign in (-1, 1):
@@ -417,18 +417,19 @@ class Fall(Brief):
             ("end", f"{self.status} at {self.end.time:.4g} s"),
         ]
 
-    def tell(self) -> None:
-        """Warn of a spin that stiffens the part, and of a fall that does not come to rest."""
-        ratio = self.fastest_spin * self.body.slowest / (2 * np.pi)
-        if ratio > STIFFENS:
-            warn(
-                f"the part spins with {self.fastest_spin:.3g} rad/s, {ratio:.2g} of its lowest "
-                f"natural frequency: the stiffening by the spin is left out, which matters above "
-                f"{STIFFENS:g}.",
-                AccuracyWarning,
-            )
-        if "not at rest" in self.status:
-            warn(f"the fall is ended {self.status}; give until=.", AccuracyWarning)
+
+def warn_of(fall: Fall) -> None:
+    """Warn of a spin that stiffens the part, and of a fall that does not come to rest."""
+    ratio = fall.fastest_spin * fall.body.slowest / (2 * np.pi)
+    if ratio > STIFFENS:
+        warn(
+            f"the part spins with {fall.fastest_spin:.3g} rad/s, {ratio:.2g} of its lowest "
+            f"natural frequency: the stiffening by the spin is left out, which matters above "
+            f"{STIFFENS:g}.",
+            AccuracyWarning,
+        )
+    if "not at rest" in fall.status:
+        warn(f"the fall is ended {fall.status}; give until=.", AccuracyWarning)
 
 
 def _carried(body: FreeBody, spin: Array, turning: Array, arm: Array) -> Array:

@@ -49,13 +49,14 @@ class SoftLayer:
         if self.loss > LARGEST_LOSS:
             raise InputError(f"loss is a loss factor of at most {LARGEST_LOSS:g}; got {self.loss}.")
 
-    def law(self, radii: tuple[float, float]) -> ContactLaw:
-        """F = pi E sqrt(R1 R2) delta^2/thickness, the elastic foundation (Johnson 1985, 4.3)."""
-        stiffness = pi * self.E * sqrt(radii[0] * radii[1]) / self.thickness
-        if self.loss == 0.0:
-            return Power(stiffness, 2.0)
-        # half a cycle with the loss factor eta leaves exp(-pi eta) = e^2 of the energy
-        return HuntCrossley(stiffness, float(np.exp(-pi * self.loss / 2)), 2.0)
+
+def _cushioned(layer: SoftLayer, radii: tuple[float, float]) -> ContactLaw:
+    """F = pi E sqrt(R1 R2) delta^2/thickness, the elastic foundation (Johnson 1985, 4.3)."""
+    stiffness = pi * layer.E * sqrt(radii[0] * radii[1]) / layer.thickness
+    if layer.loss == 0.0:
+        return Power(stiffness, 2.0)
+    # half a cycle with the loss factor eta leaves exp(-pi eta) = e^2 of the energy
+    return HuntCrossley(stiffness, float(np.exp(-pi * layer.loss / 2)), 2.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,18 +107,19 @@ class Floor:
         if self.law is not None and self.restitution is not None:
             raise InputError("a floor with its own law takes no restitution: the law has it.")
 
-    def law_for(self, radii: tuple[float, float], material: Array) -> ContactLaw:
-        """Law of a contact with principal radii [m] and (E [Pa], nu) of the part."""
-        if self.law is not None:
-            return self.law
-        if self.layer is not None:
-            return self.layer.law(radii)
-        other = (inf, 0.3) if self.material is None else constants(self.material)
-        E, nu = (float(value) for value in material)
-        law = _hertz(radii, (inf, 0.3) if isnan(E) else (E, nu), (inf, inf), other)
-        if self.restitution is None or self.restitution == 1.0:
-            return law
-        return HuntCrossley(law.stiffness, self.restitution)
+
+def law_of(floor: Floor, radii: tuple[float, float], material: Array) -> ContactLaw:
+    """Law of a contact with principal radii [m] and (E [Pa], nu) of the part."""
+    if floor.law is not None:
+        return floor.law
+    if floor.layer is not None:
+        return _cushioned(floor.layer, radii)
+    other = (inf, 0.3) if floor.material is None else constants(floor.material)
+    E, nu = (float(value) for value in material)
+    law = _hertz(radii, (inf, 0.3) if isnan(E) else (E, nu), (inf, inf), other)
+    if floor.restitution is None or floor.restitution == 1.0:
+        return law
+    return HuntCrossley(law.stiffness, floor.restitution)
 
 
 def constants(material: Any) -> tuple[float, float]:
@@ -185,7 +187,7 @@ def contact_at(
     x = checks.array("point", point, (3,))
     radii, material = _vertex(part, x, radius)
     if isinstance(other, Floor):
-        return other.law_for(radii, np.array(material))
+        return law_of(other, radii, np.array(material))
     if isinstance(other, Sphere):
         return _hertz(radii, material, (other.radius, other.radius), (other.E, other.nu))
     if isinstance(other, Structure):
