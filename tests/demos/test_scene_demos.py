@@ -25,7 +25,7 @@ def test_drop_on_corners(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
         one, other = numbers[f"face +{axis}"], numbers[f"face -{axis}"]
         assert one["peak force"] == pytest.approx(other["peak force"], rel=0.05)
     # four corners share what one carries alone
-    assert numbers["face -z"]["peak force"] < 0.6 * numbers["corner -x-y-z"]["peak force"]
+    assert numbers["face -z"]["peak force"] / 4 < 0.6 * numbers["corner -x-y-z"]["peak force"]
     assert (tmp_path / "drop_on_corners.png").stat().st_size > 0
     assert "upper g" in capsys.readouterr().out
 

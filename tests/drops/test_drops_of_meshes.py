@@ -62,7 +62,7 @@ def test_the_body_of_a_mesh(case: ao.Structure) -> None:
 
 
 def test_the_law_of_a_ball_is_hertz_of_its_radius(tmp_path: Path) -> None:
-    mesh = meshed(tmp_path, "Sphere(1) = {0, 0, 0, 0.02}", 0.004)
+    mesh = meshed(tmp_path, "Sphere(1) = {0, 0, 0, 0.02}", 0.006)
     part = ao.Structure(mesh, STEEL)
     law = ao.contact_at(part, (0.0, 0.0, -0.02), ALUMINIUM)
     known = ao.Hertz.from_radii(0.02, 210e9, 0.3, np.inf, 70e9, 0.33)

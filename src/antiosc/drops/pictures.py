@@ -29,7 +29,7 @@ def overview(fall: Fall, path: str | os.PathLike[str] | None) -> Figure | Path:
     figure = new_figure((9.0, 6.0), shown=path is None)
     grid = figure.add_gridspec(2, 2)
     first = fall.episodes[0].start if fall.episodes else fall.end
-    axes = figure.add_subplot(grid[0, 0], projection="3d", proj_type="ortho")
+    axes = figure.add_subplot(grid[0, 0], projection="3d", proj_type="ortho", computed_zorder=False)
     _posed(axes, fall, first)
     axes.set_title("at the first touch", fontsize=10)
     height = figure.add_subplot(grid[0, 1])
@@ -114,7 +114,7 @@ def _posed(
         axes.scatter(*x.T, s=12)
     top = max(float(x[:, 2].max()), half)
     axes.set(xlim=(-half, half), ylim=(-half, half), zlim=(0, top))
-    axes.set_box_aspect((2 * half, 2 * half, top))
+    axes.set_box_aspect((2 * half, 2 * half, top), zoom=1.5)
     axes.set_axis_off()
 
 
@@ -128,7 +128,7 @@ def film(fall: Fall, path: str | os.PathLike[str], seconds: float) -> Path:
     if target.suffix.lower() == ".mp4" and not animation.writers.is_available("ffmpeg"):
         raise InputError("an .mp4 needs ffmpeg, which is not installed; write a .gif.")
     figure = new_figure((6.0, 5.0), shown=False)
-    axes = figure.add_subplot(projection="3d", proj_type="ortho")
+    axes = figure.add_subplot(projection="3d", proj_type="ortho", computed_zorder=False)
     surface = _surface(fall)
     begin = fall.episodes[0].start.time * 0.9 if fall.episodes else 0.0
     times = np.linspace(begin, fall.end.time, max(int(RATE * seconds), 2))
