@@ -55,7 +55,7 @@ INNER = {
     *("weak_form", "half_space_compliance", "shear_stiffness"),
     *("rotary_inertia", "dimensions", "bar_speed", "constants"),
     *("worst", "animate"),  # of a fall: need a mesh, and a second
-    *("prepare", "constraints", "elastic", "label", "placed", "own"),
+    *("prepare", "constraints", "elastic", "label", "placed", "own", "components", "selected"),
 }
 if importlib.util.find_spec("pandas") is None:
     INNER.add("to_dataframe")
