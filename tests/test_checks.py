@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc import checks, errors
+from antiosc.base import checks, errors
 
 NO_NUMBER = [
     None,

@@ -16,7 +16,7 @@ import pytest
 import scipy.sparse
 
 import antiosc as ao
-from antiosc import errors, isolation, progress
+from antiosc.base import errors, isolation, progress
 from antiosc.fem.structure.structure import Structure
 
 

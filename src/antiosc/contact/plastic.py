@@ -16,10 +16,10 @@ from dataclasses import dataclass, field
 from math import pi, sqrt
 from typing import Any, ClassVar
 
-from antiosc import checks, march
+from antiosc.base import checks, march
+from antiosc.base.declared import checked_by
+from antiosc.base.errors import InputError
 from antiosc.contact.compiled import Compiled
-from antiosc.declared import checked_by
-from antiosc.errors import InputError
 
 
 class Hysteretic(Compiled):

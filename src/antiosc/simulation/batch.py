@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from antiosc import checks, plausible
-from antiosc._types import Array, Index
-from antiosc.brief import Brief
+from antiosc.base import checks, plausible
+from antiosc.base._types import Array, Index
+from antiosc.base.brief import Brief
+from antiosc.base.errors import AccuracyWarning, AntioscError, InputError, warn
+from antiosc.base.progress import counting
 from antiosc.contact import ContactLaw
-from antiosc.errors import AccuracyWarning, AntioscError, InputError, warn
 from antiosc.models.body import LinearBody
-from antiosc.progress import counting
 from antiosc.simulation.executors import check_executor, returned
 from antiosc.simulation.history import History
 from antiosc.simulation.refinement import METHODS, check_range

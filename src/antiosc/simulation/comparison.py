@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from antiosc import march
-from antiosc.errors import InputError
+from antiosc.base import march
+from antiosc.base.errors import InputError
 from antiosc.simulation.assembly import Assembly
 from antiosc.simulation.convergence import Converged, difference
 from antiosc.simulation.engine import Run

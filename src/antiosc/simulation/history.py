@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from antiosc import checks
-from antiosc._types import Array, Index
+from antiosc.base import checks
+from antiosc.base._types import Array, Index
+from antiosc.base.errors import InputError
 from antiosc.charts.histories import plot_history
-from antiosc.errors import InputError
 from antiosc.models.modal import ModalBody
 from antiosc.models.site_modes import SiteModes
 from antiosc.simulation.assembly import Assembly
@@ -231,7 +231,7 @@ class History(HistoryResults):
         return np.maximum(forces(self.run, *self._located(t))[:, row], 0.0)
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:
-        """Force and motions as a matplotlib figure; see `antiosc.plotting.plot_history`.
+        """Force and motions as a matplotlib figure; see `antiosc.results.plotting.plot_history`.
 
         With `path` (PNG, PDF, SVG, …) the picture is written, and the path returned.
         """

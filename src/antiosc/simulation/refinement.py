@@ -7,9 +7,9 @@ from typing import TypeVar
 
 import numpy as np
 
-from antiosc import checks, plausible
-from antiosc._types import Array
-from antiosc.errors import AccuracyError, AccuracyWarning, InputError, warn
+from antiosc.base import checks, plausible
+from antiosc.base._types import Array
+from antiosc.base.errors import AccuracyError, AccuracyWarning, InputError, warn
 from antiosc.simulation.assembly import Assembly, assemble
 from antiosc.simulation.comparison import METHODS, compared
 from antiosc.simulation.convergence import Converged, converge, stopped

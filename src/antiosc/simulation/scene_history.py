@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from antiosc import checks, march
-from antiosc._types import Array
-from antiosc.brief import Brief
-from antiosc.errors import InputError
+from antiosc.base import checks, march
+from antiosc.base._types import Array
+from antiosc.base.brief import Brief
+from antiosc.base.errors import InputError
 from antiosc.simulation.bodies import Placed
 from antiosc.simulation.contact_energy import impulses
 from antiosc.simulation.contact_rows import along, find

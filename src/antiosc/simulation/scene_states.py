@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from antiosc import march, memory
-from antiosc._types import Array
+from antiosc.base import march, memory
+from antiosc.base._types import Array
 from antiosc.simulation.engine import Run
 from antiosc.simulation.system import System
 

@@ -20,9 +20,9 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from antiosc import checks, plausible
+from antiosc.base import checks, plausible
+from antiosc.base.errors import InputError
 from antiosc.contact import ContactLaw
-from antiosc.errors import InputError
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import LinearBody
 from antiosc.models.motion import Motion

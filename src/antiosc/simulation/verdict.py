@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from antiosc.errors import AccuracyWarning, AntioscWarning, warn
+from antiosc.base.errors import AccuracyWarning, AntioscWarning, warn
 
 #: status of a run: complete; complete, but not to the tolerance; stopped before the end; complete,
 #: but the bodies still touch at the end

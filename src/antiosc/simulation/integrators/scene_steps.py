@@ -12,10 +12,10 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from antiosc import march
-from antiosc._types import Array
+from antiosc.base import march
+from antiosc.base._types import Array
+from antiosc.base.errors import InputError
 from antiosc.contact import ContactLaw, State
-from antiosc.errors import InputError
 from antiosc.simulation.engine import Run
 from antiosc.simulation.integrators.joint_contacts import JointContacts
 from antiosc.simulation.system import System
