@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid, trapezoid
 
 import antiosc as ao
+from antiosc import plotting
 from antiosc.closed_form import BeamModes, StruckBeam, UniformBeam
-from antiosc.results import plotting
 
 Floats = NDArray[np.float64]
 

@@ -24,10 +24,10 @@ import options
 from threadpoolctl import ThreadpoolController
 
 import antiosc as ao
+from antiosc import plotting
 from antiosc.base import threads
 from antiosc.fem.linalg.cholmod import Cholesky
 from antiosc.fem.linalg.petsc_algebra import csr, lower
-from antiosc.results import plotting
 
 ROOT = Path(__file__).resolve().parent.parent
 OUT = ROOT / "benchmarks" / "speed"

@@ -28,8 +28,8 @@ import numpy as np
 import options
 
 import antiosc as ao
+from antiosc import plotting
 from antiosc.closed_form import UniformBeam, pinned_pinned
-from antiosc.results import plotting
 from antiosc.simulation.convergence import converge
 
 BEAM = UniformBeam.euler_bernoulli(E=67e9, rho=2400.0, area=2e-4, inertia=0.33e-8, length=1.0)

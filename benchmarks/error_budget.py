@@ -30,10 +30,10 @@ import options
 from random_parts import Case, drawn, geometry
 
 import antiosc as ao
+from antiosc import plotting
 from antiosc.fem.error import cell_sizes
 from antiosc.fem.error.model_errors import estimator
 from antiosc.fem.error.remeshing import source_of
-from antiosc.results import plotting
 from antiosc.simulation.error_bars import QUANTITIES
 from antiosc.simulation.error_budget import amplitudes
 from antiosc.simulation.quantities import differences

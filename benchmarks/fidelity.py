@@ -22,8 +22,8 @@ import options
 from mpi4py import MPI
 
 import antiosc as ao
+from antiosc import plotting
 from antiosc.fem import compat
-from antiosc.results import plotting
 from antiosc.studies.advice import advise
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -26,12 +26,12 @@ import scipy.linalg
 from scipy.spatial import cKDTree
 
 import antiosc as ao
+from antiosc import plotting
 from antiosc.fem import mesh_fields
 from antiosc.fem.linalg.petsc_algebra import csr
 from antiosc.fem.recovery.place import Place
 from antiosc.fem.site.functionals import functional
 from antiosc.fem.site.site import Reach
-from antiosc.results import plotting
 
 ROOT = Path(__file__).resolve().parent.parent
 #: The points that are compared lie on the part.

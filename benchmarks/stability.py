@@ -32,9 +32,9 @@ from stability_charts import METHODS, chart_numbers, chart_scenes
 from stability_scenes import BEAM, HERTZ, STRIKER, Scene, hard_scenes
 
 import antiosc as ao
+from antiosc import plotting
 from antiosc.base import files, march
 from antiosc.closed_form import pinned_pinned
-from antiosc.results import plotting
 from antiosc.simulation.convergence import difference
 from antiosc.simulation.expected import stiffness_at
 from antiosc.simulation.stability import margin

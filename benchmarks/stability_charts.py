@@ -10,7 +10,7 @@ from matplotlib.colors import ListedColormap
 from stability_scenes import Scene, stable_steps
 
 import antiosc as ao
-from antiosc.results import plotting
+from antiosc import plotting
 from antiosc.simulation.integrators.scene_steps import SCENE_STEPS
 
 METHODS = ("exact", *SCENE_STEPS)

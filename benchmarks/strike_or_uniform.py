@@ -28,8 +28,8 @@ from error_budget import finer
 from strike_scenes import SCENES, Scene
 
 import antiosc as ao
+from antiosc import plotting
 from antiosc.fem.error.remeshing import source_of
-from antiosc.results import plotting
 from antiosc.simulation.quantities import differences
 
 #: The grid of fixed choices: sizes over the scene's, anti-oscillators, time tolerances.

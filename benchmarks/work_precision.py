@@ -32,9 +32,9 @@ import numpy as np
 import options
 
 import antiosc as ao
+from antiosc import plotting
 from antiosc.base import files
 from antiosc.closed_form import UniformBeam, pinned_pinned
-from antiosc.results import plotting
 from antiosc.simulation.convergence import difference
 from antiosc.simulation.integrators.scene_steps import SCENE_STEPS
 

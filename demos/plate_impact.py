@@ -21,9 +21,9 @@ from mpi4py import MPI
 from scipy.optimize import brentq
 
 import antiosc as ao
+from antiosc import plotting
 from antiosc.closed_form import zener
 from antiosc.closed_form.plates import SupportedPlate
-from antiosc.results import plotting
 
 ROOT = Path(__file__).resolve().parent.parent
 ALUMINIUM = {"E": 70e9, "nu": 0.33, "rho": 2700.0}

@@ -23,9 +23,8 @@ from typing import Any
 import numpy as np
 
 import antiosc as ao
-from antiosc import closed_form, contact
+from antiosc import closed_form, contact, plotting
 from antiosc.closed_form import zener
-from antiosc.results import plotting
 from paths import DECKS
 
 MODULES = {

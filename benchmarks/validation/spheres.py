@@ -10,8 +10,8 @@ from case import Case, Row
 from frequencies import meshed, quadrilateral
 
 import antiosc as ao
+from antiosc import plotting
 from antiosc.closed_form import SupportedPlate, zener
-from antiosc.results import plotting
 
 
 def hertz(picture: Path) -> list[Row]:

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from antiosc import plotting
 from antiosc.charts import surfaces
 from antiosc.charts.deformed import Deformed, deformed_figure
-from antiosc.results import plotting
 
 plt = pytest.importorskip("matplotlib.pyplot")
 

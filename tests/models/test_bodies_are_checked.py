@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import antiosc as ao
+from antiosc import plotting
 from antiosc.base.errors import InputError
 from antiosc.charts import figures
 from antiosc.models import model_file
-from antiosc.results import plotting
 
 OMEGA, B = [0.0, 2e3], [1.0, 0.5]
 MODEL = ao.AntiOscillators(m0=0.1, k0=1e6, m=[0.3], omega=[2e3])

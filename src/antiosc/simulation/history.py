@@ -231,7 +231,7 @@ class History(HistoryResults):
         return np.maximum(forces(self.run, *self._located(t))[:, row], 0.0)
 
     def plot(self, path: str | os.PathLike[str] | None = None) -> Figure | Path:
-        """Force and motions as a matplotlib figure; see `antiosc.results.plotting.plot_history`.
+        """Force and motions as a matplotlib figure; see `antiosc.plotting.plot_history`.
 
         With `path` (PNG, PDF, SVG, …) the picture is written, and the path returned.
         """

@@ -19,7 +19,7 @@ from antiosc.base.errors import AntioscError
 from antiosc.charts.figures import legend_beside, new_figure, save_figure
 from antiosc.charts.histories import plot_force, plot_motion
 from antiosc.charts.models import plot_model
-from antiosc.results.plotting.parts import plot_deformed, plot_map
+from antiosc.plotting.parts import plot_deformed, plot_map
 
 #: Inches of a chart.
 SIZE = (7.0, 3.4)
