@@ -111,6 +111,7 @@ class Placed:
     start : (J,) modal velocities; displaced : (J,) modal displacements, None for zero.
     gap : distance [m] that the body brings with it.
     local_compliance : half-space compliances [m/N] of the patches by site, which its modes contain.
+    patch_radius : radius [m] of the patch of its one site, if it has one.
     modes : its form in free modes, if it has another one than this; it has the fields.
     """
 
@@ -129,6 +130,7 @@ class Placed:
     displaced: Array | None = None
     gap: float = 0.0
     local_compliance: Mapping[str, float] = field(default_factory=dict)
+    patch_radius: float | None = None
     modes: ModalBody | SiteModes | None = None
     axes: dict[str, Array] = field(default_factory=dict)
 
@@ -218,6 +220,7 @@ def of_one_site(name: str, body: LinearBody, asked: Body, modes: ModalBody, star
         start=start,
         gap=asked.gap,
         local_compliance={"": asked.local_compliance},
+        patch_radius=asked.patch_radius,
         modes=modes,
     )
 

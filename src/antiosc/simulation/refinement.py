@@ -9,7 +9,7 @@ import numpy as np
 
 from antiosc.base import checks, plausible
 from antiosc.base._types import Array
-from antiosc.base.errors import AccuracyError, AccuracyWarning, InputError, warn
+from antiosc.base.errors import AccuracyError, AccuracyWarning, warn
 from antiosc.simulation.assembly import Assembly, assemble
 from antiosc.simulation.comparison import METHODS, compared
 from antiosc.simulation.convergence import Converged, converge, stopped
@@ -41,9 +41,7 @@ def integrate(
 ) -> SceneHistory:
     """The history of a scene; see `Scene.run`."""
     duration = checks.positive("duration", duration, "s")
-    tol = checks.positive("tol", tol)
-    if tol >= 1:
-        raise InputError(f"tol is a relative error, 0 < tol < 1; got {tol:g}.")
+    tol = checks.tolerance(tol)
     max_contacts = checks.whole("max_contacts", max_contacts)
     max_steps = checks.whole("max_steps", max_steps)
     checks.choice("method", method, METHODS)
@@ -107,8 +105,8 @@ def check_range(history: History, doubts: Sequence[str] = ()) -> None:
             continue
         peak = history.contact_histories[c].peak_force
         if peak > law.valid_force:
-            struck = a.bodies[contact.a.partition(":")[0]].body
-            reason = law.out_of_range(peak, getattr(struck, "patch_radius", None))
+            struck = a.bodies[contact.a.partition(":")[0]]
+            reason = law.out_of_range(peak, struck.patch_radius)
             where = f"contact {contact.a!r}, {contact.b!r}: " if len(a.laws) > 1 else ""
             raise AccuracyError(plausible.first(doubts, f"{where}{reason}."))
 
