@@ -177,3 +177,14 @@ def test_times_are_found_in_their_steps_in_any_unit(seconds):
             found = scene_states.located(run, np.array([seconds * time * off]))
             assert found[0] == [step]
             assert found[1] == pytest.approx(since * seconds, abs=1e-14 * seconds)
+
+
+def test_a_picture_of_several_contacts_names_them():
+    bodies = {
+        "a": random_model(np.random.default_rng(0), 3),
+        "b": ao.RigidMass(0.1, 2.0),
+        "c": ao.RigidMass(0.2),
+    }
+    contacts = [ao.Contact("a", "b", ao.Hertz(HERTZ)), ao.Contact("b", "c", ao.Hertz(HERTZ), 1e-3)]
+    with pytest.raises(ao.InputError, match="several contacts"):
+        ao.Scene(bodies, contacts).run(1e-3).plot()
