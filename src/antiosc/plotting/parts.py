@@ -100,7 +100,7 @@ def plot_map(
 
 def plot_deformed(
     structure: Structure,
-    history: History | SceneHistory,
+    history: History,
     path: str | os.PathLike[str] | None = None,
     time: float | None = None,
     *,
@@ -136,14 +136,11 @@ def plot_deformed(
     return draw_deformed(found, path, arrow=arrow, view=seen_from)
 
 
-def deformed(
-    structure: Structure, history: History | SceneHistory, time: float | None, body: str
-) -> Deformed:
+def deformed(structure: Structure, history: History, time: float | None, body: str) -> Deformed:
     """The surface of a part at one time; arguments as of `plot_deformed`."""
     from antiosc.results.fields import skin
 
-    kinds = (History, SceneHistory)
-    checks.instance("history", history, kinds, "a History, which simulate and Scene.run return")
+    checks.instance("history", history, History, "a History, which simulate and Scene.run return")
     history.of(body)  # type: ignore[arg-type]
     if time is None:
         time = float(history.time[np.argmax(_motion(history, body))])
@@ -164,7 +161,7 @@ def _arrow(
     return tip, np.array(checks.coordinates("direction", direction))
 
 
-def _motion(history: History | SceneHistory, body: str) -> Array:
+def _motion(history: History, body: str) -> Array:
     """What is largest at the time of the picture: the motion of the site, or the contact forces."""
     if isinstance(history, SceneHistory):
         return np.asarray(np.abs(history.run.force).max(axis=1))

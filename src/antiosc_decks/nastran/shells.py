@@ -155,7 +155,7 @@ class Shells:
             plies += plies[::-1]
         total = sum(thickness for _, thickness, _ in plies)
         off = entry.real(1) + total / 2 if entry.text(1) else 0.0
-        layers = [self._ply(m, t, angle, entry) for m, t, angle in plies]
+        layers = [self._ply(m, t, angle) for m, t, angle in plies]
         extra = self.whole.beside(entry.real(2), total)
         self.whole.tell_beside(entry, extra)
         for layer in layers:
@@ -170,9 +170,7 @@ class Shells:
             offset += off if abs(off) > 1e-9 * total else 0.0
             self._directed(entry, name, some, "Laminate", {"layers": layers}, offset)
 
-    def _ply(
-        self, material: Material, thickness: float, angle: float, entry: Entry
-    ) -> dict[str, float]:
+    def _ply(self, material: Material, thickness: float, angle: float) -> dict[str, float]:
         if material.plane is not None:
             Q = _plane(material)
             if np.abs(Q[:2, 2]).max() > 1e-9 * np.abs(Q).max():
