@@ -141,7 +141,7 @@ def deformed(structure: Structure, history: History, time: float | None, body: s
     from antiosc.results.fields import skin
 
     checks.instance("history", history, History, "a History, which simulate and Scene.run return")
-    history.of(body)  # type: ignore[arg-type]
+    history.of(body)
     if time is None:
         time = float(history.time[np.argmax(_motion(history, body))])
     points, faces, moved = skin(structure, history, checks.number("time", time, "s"), body=body)

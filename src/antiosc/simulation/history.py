@@ -414,7 +414,7 @@ class SceneHistory(History):
     named = True
 
     @property
-    def _nodes(self) -> Run:  # type: ignore[override]
+    def _nodes(self) -> Run:
         """The run as it is: a scene may have many flights."""
         return self.run
 

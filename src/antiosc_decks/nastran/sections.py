@@ -75,10 +75,6 @@ class Properties(PropertyReader):
             return f"{label}a {kind}, which is not supported; give it as {instead}."
         return f"{label}which is none of {', '.join(PROPERTIES)} in the deck."
 
-    def _block(self, element: int) -> int:
-        ends = np.cumsum([len(block) for block in self.found.deck.blocks])
-        return int(np.searchsorted(ends, element, side="right"))
-
     def _solid(self, entry: Entry, name: str, elements: IntArray) -> None:
         if entry.text(6) not in ("", "SMECH"):
             raise entry.place.error(f"PSOLID with FCTN={entry.text(6)} is not a solid.")
