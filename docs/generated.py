@@ -70,7 +70,8 @@ def with_lists(text: str, elsewhere: list[str]) -> str:
         lines = ["```{eval-rst}", ".. currentmodule:: antiosc", ""]
         for name in names:
             kind = "autofunction" if name[0].islower() else "autoclass"
-            lines += [f".. {kind}:: {name}"] + ["   :members:"] * (kind == "autoclass") + [""]
+            members = ["   :members:", "   :inherited-members: Exception, ImportError, dict, tuple"]
+            lines += [f".. {kind}:: {name}", *(members if kind == "autoclass" else ()), ""]
         return "\n".join([*lines, "```"])
 
     return LISTED.sub(listed, text)
