@@ -288,10 +288,12 @@ def several(name: str, value: Any, kind: type[C] | tuple[type[C], ...], what: st
     """One object of `kind`, or a sequence of them, as a list, or InputError."""
     items = [value] if isinstance(value, kind) else value
     if not isinstance(items, Sequence) or isinstance(items, str):
-        raise InputError(f"{name} must be a list of {what}; got {shown(value)}.")
+        items = [value]
     for one in items:
         if not isinstance(one, kind):
-            raise InputError(f"{name} must hold {what}; got {type(one).__name__} {shown(one)}.")
+            raise InputError(
+                f"{name} must be a list of {what}; got {type(one).__name__} {shown(one)} in it."
+            )
     return list(items)
 
 

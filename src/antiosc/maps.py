@@ -20,6 +20,7 @@ from antiosc._types import Array
 from antiosc.checks import instance, positive, whole, within_range
 from antiosc.contact import ContactLaw
 from antiosc.errors import AccuracyWarning, InputError, warn
+from antiosc.fem.assembly import with_parts
 from antiosc.fem.extraction.dampers import refuse_dampers
 from antiosc.fem.extraction.eigenmodes import Modes, ModeSolver
 from antiosc.fem.extraction.krylov import by_krylov
@@ -35,7 +36,7 @@ from antiosc.fem.linalg.compliance import deflections
 from antiosc.fem.mpi import agree, collective, on_root
 from antiosc.fem.site.map_sites import sites_of
 from antiosc.fem.site.sites import Sites
-from antiosc.fem.structure.structure import Structure, with_parts
+from antiosc.fem.structure.structure import Structure
 from antiosc.map_results import ImpactMap
 from antiosc.models import driving_point, free_modes
 from antiosc.models.body import LinearBody, checked_body

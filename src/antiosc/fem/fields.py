@@ -18,9 +18,10 @@ from antiosc._types import Array, IntArray
 from antiosc.checks import array, filled, instance, path as checked_path
 from antiosc.errors import InputError, MissingDependencyError
 from antiosc.fem import node_fields
+from antiosc.fem.assembly import with_parts
 from antiosc.fem.mpi import collective, on_root
 from antiosc.fem.series import Frames, listing, write_frames
-from antiosc.fem.structure.structure import Structure, with_parts
+from antiosc.fem.structure.structure import Structure
 from antiosc.saved_fields import SavedFields
 from antiosc.simulation.body_motion import Motions, amplitudes, modes_of
 from antiosc.simulation.history import History

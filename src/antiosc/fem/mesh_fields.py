@@ -12,6 +12,7 @@ from antiosc._types import Array, IntArray
 from antiosc.checks import shown
 from antiosc.errors import InputError
 from antiosc.fem import compat
+from antiosc.fem.assembly import with_parts
 from antiosc.fem.elements.weak_form import WeakForm
 from antiosc.fem.mesh import closest_point
 from antiosc.fem.mesh.mesh import Mesh
@@ -24,7 +25,7 @@ from antiosc.fem.recovery.place import Place, PointsInCells
 from antiosc.fem.site.site import Reach
 from antiosc.fem.structure.member import Member
 from antiosc.fem.structure.meshed import MeshedStructure, alone
-from antiosc.fem.structure.structure import Structure, with_parts
+from antiosc.fem.structure.structure import Structure
 from antiosc.names import known
 
 

@@ -12,7 +12,8 @@ import numpy as np
 from antiosc import checks
 from antiosc._types import Array
 from antiosc.errors import InputError
-from antiosc.fem.structure.structure import MeshedParts, Structure, with_parts
+from antiosc.fem.assembly import MeshedParts, with_parts
+from antiosc.fem.structure.structure import Structure
 from antiosc.names import known
 
 if TYPE_CHECKING:

@@ -24,12 +24,13 @@ from antiosc import checks
 from antiosc._types import Array
 from antiosc.brief import Brief
 from antiosc.errors import InputError
+from antiosc.fem.assembly import with_parts
 from antiosc.fem.extraction.site_shapes import beside_rigid
 from antiosc.fem.fields import counted, shapes_of
 from antiosc.fem.linalg.algebra import dot
 from antiosc.fem.mpi import collective
 from antiosc.fem.site.site import Site
-from antiosc.fem.structure.structure import Structure, with_parts
+from antiosc.fem.structure.structure import Structure
 from antiosc.simulation.body_motion import amplitudes, forces_of, times_of
 from antiosc.simulation.history import History
 from antiosc.simulation.scene_history import SceneHistory

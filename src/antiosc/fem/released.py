@@ -8,6 +8,7 @@ import numpy as np
 
 from antiosc._types import Array, IntArray
 from antiosc.errors import InputError, without_warnings
+from antiosc.fem.assembly import MeshedParts
 from antiosc.fem.assembly.assembled import AssembledMatrices
 from antiosc.fem.assembly.elimination import eliminate
 from antiosc.fem.assembly.motions import rigid_motions
@@ -17,7 +18,6 @@ from antiosc.fem.site.functionals import algebraic
 from antiosc.fem.site.site import Functional, Site
 from antiosc.fem.structure.member import Member
 from antiosc.fem.structure.meshed import MeshedStructure
-from antiosc.fem.structure.structure import MeshedParts
 from antiosc.fem.structure.support import Support, fixed_dofs
 
 

@@ -26,7 +26,6 @@ from numpy.typing import ArrayLike
 from antiosc import checks
 from antiosc._types import Array, Numbers
 from antiosc.brief import Brief
-from antiosc.charts.models import plot_model
 from antiosc.errors import InputError
 from antiosc.models import one_site, saved_models, several_sites, softened
 from antiosc.models.body import several_contact_points
@@ -239,6 +238,8 @@ class AntiOscillators(Brief, Parameters):
 
         With `path` (PNG, PDF, SVG, …) the picture is written, and the path returned.
         """
+        from antiosc.charts.models import plot_model
+
         return plot_model(self, path)
 
     @property

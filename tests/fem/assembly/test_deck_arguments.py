@@ -18,8 +18,8 @@ WRONG = {
     "density": (-1.0, "density must be > 0 (in kg/m³)"),
     "timeout": (0.0, "timeout must be > 0 (in s)"),
     "comm": (3, "comm must be an MPI communicator (mpi4py)"),
-    "supports": (["clamp"], "supports must be a list of Support objects; got ['clamp']."),
-    "attached": (3, "attached must be a list of PointMass and Spring objects; got 3."),
+    "supports": (["clamp"], "supports must be a list of Support objects; got str 'clamp'"),
+    "attached": (3, "attached must be a list of PointMass and Spring objects; got int 3"),
     "parts": ([], "parts must be a list of names; got []."),
 }
 

@@ -198,7 +198,9 @@ def test_attachments_that_find_no_place():
         built(PointMass("rib", 1.0))
     with pytest.raises(InputError, match="no group 'motor'"):
         built(PointMass("motor", 1.0))
-    with pytest.raises(InputError, match="must hold PointMass and Spring objects; got float"):
+    with pytest.raises(
+        InputError, match="must be a list of PointMass and Spring objects; got float"
+    ):
         built(1.0)
     with pytest.raises(InputError, match="group 'sheet' holds no edges"):
         built(material={"sheet": RIB, "rib": SHEET})

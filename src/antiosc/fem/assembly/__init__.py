@@ -1,1 +1,22 @@
 """Assemblies: parts with their own meshes, joined by linear constraints u = T q."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, TypeAlias, cast
+
+from antiosc.errors import InputError
+from antiosc.fem.structure.structure import NO_MESH, Structure
+
+if TYPE_CHECKING:
+    from antiosc.fem.assembly.assembled import AssembledMatrices
+    from antiosc.fem.structure.meshed import MeshedStructure
+
+#: Matrices of one mesh, or of several that are joined; both give their `members`.
+MeshedParts: TypeAlias = "MeshedStructure | AssembledMatrices"
+
+
+def with_parts(structure: Structure, otherwise: str = NO_MESH) -> MeshedParts:
+    """The matrices of one mesh or of several; InputError that says `otherwise` for given ones."""
+    if not (structure.matrices.meshed or structure.matrices.assembled):
+        raise InputError(otherwise)
+    return cast("MeshedParts", structure.matrices)

@@ -13,6 +13,7 @@ from antiosc import plausible
 from antiosc._types import Array
 from antiosc.checks import in_words as text
 from antiosc.errors import InputError
+from antiosc.fem.assembly import MeshedParts
 from antiosc.fem.assembly.assembled import AssembledMatrices
 from antiosc.fem.assembly.ends import Motion
 from antiosc.fem.elements.weak_form import WeakForm
@@ -32,7 +33,6 @@ from antiosc.fem.site.site import (
 from antiosc.fem.site.sites import Sites, located, on_free_dofs, sums, tell
 from antiosc.fem.structure.member import Member
 from antiosc.fem.structure.meshed import MeshedStructure
-from antiosc.fem.structure.structure import MeshedParts
 
 #: A point counts as on the structure up to this share of the structure's size.
 ON_STRUCTURE = 1e-6

@@ -8,12 +8,13 @@ import numpy as np
 
 from antiosc.checks import array
 from antiosc.errors import InputError
+from antiosc.fem.assembly import with_parts
 from antiosc.fem.linalg import algebra
 from antiosc.fem.linalg.algebra import norm
 from antiosc.fem.site.on_nodes import functional_on_nodes
 from antiosc.fem.site.site import LEAST_FREE_SHARE, Functional, Site, constrained
 from antiosc.fem.structure.matrices import StructureMatrices
-from antiosc.fem.structure.structure import Structure, with_parts
+from antiosc.fem.structure.structure import Structure
 
 
 def functional(structure: Structure, site: Site) -> Functional:

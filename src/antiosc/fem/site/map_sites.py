@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from antiosc._types import Array, BoolArray, IntArray
 from antiosc.checks import array, coordinates, positive
 from antiosc.errors import InputError
+from antiosc.fem.assembly import MeshedParts
 from antiosc.fem.assembly.assembled import AssembledMatrices
 from antiosc.fem.assembly.ends import group_end
 from antiosc.fem.mesh.closest_point import closest_many
@@ -23,7 +24,6 @@ from antiosc.fem.site.site import LEAST_FREE_SHARE
 from antiosc.fem.site.sites import Sites, located, tell
 from antiosc.fem.structure.member import Member
 from antiosc.fem.structure.meshed import MeshedStructure
-from antiosc.fem.structure.structure import MeshedParts
 
 #: A site with less than this share of its load on free dofs is fixed by the supports.
 LEAST_FREE_SHARE_ON_MAP = 0.05
@@ -217,10 +217,10 @@ def _on_part(
 ) -> MapSites:
     """Sites of a part, chosen in its own axes, returned in those of the assembly; perhaps none."""
     if direction is None and not member.part.kind.outside:
-        which = f"the part {member.name!r}" if member.name else member.part.mesh.name
+        which = f" (the part {member.name!r})" if member.name else ""
         raise InputError(
-            f"{which} has no outward normal, as no shell and no beam has: give the direction of "
-            "impact, for instance direction=(0, 0, -1)."
+            f"shells and beams have no outward normal{which}: give the direction of impact, for "
+            "instance direction=(0, 0, -1)."
         )
     R = member.at.rotation
     own = None if direction is None else (_in_space(direction) @ R).tolist()

@@ -10,7 +10,7 @@ import os
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any, TypeAlias, cast
+from typing import TYPE_CHECKING, Any, cast
 
 from numpy.typing import ArrayLike
 
@@ -32,7 +32,6 @@ from antiosc.progress import doing
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from antiosc.fem.assembly.assembled import AssembledMatrices
     from antiosc.fem.elements.weak_form import Family
     from antiosc.fem.mesh.mesh import Mesh
     from antiosc.fem.structure.attachments import PointMass, Spring
@@ -330,20 +329,13 @@ class Structure(Brief):
             raise AttributeError(f"the structure has no {name!r}: {error}") from None
 
 
-#: Matrices of one mesh, or of several that are joined; both give their `members`.
-MeshedParts: TypeAlias = "MeshedStructure | AssembledMatrices"
 NO_MESH = "matrices have no mesh: build the Structure from a mesh for this."
 
 
-def with_parts(structure: Structure, otherwise: str = NO_MESH) -> MeshedParts:
-    """The matrices of one mesh or of several; InputError that says `otherwise` for given ones."""
-    if not (structure.matrices.meshed or structure.matrices.assembled):
-        raise InputError(otherwise)
-    return cast("MeshedParts", structure.matrices)
-
-
 def on_mesh(structure: Structure, otherwise: str = NO_MESH) -> MeshedStructure:
-    """As `with_parts`, of one mesh alone."""
+    """The matrices of `structure` with their mesh; InputError that says `otherwise` without one."""
     if structure.matrices.assembled:
         raise InputError("this takes a structure of one mesh; an assembly has one for each part.")
-    return cast("MeshedStructure", with_parts(structure, otherwise))
+    if not structure.matrices.meshed:
+        raise InputError(otherwise)
+    return cast("MeshedStructure", structure.matrices)
