@@ -1,9 +1,10 @@
-"""How fast the engine is: the first impact of a process, one impact, a batch, threads.
+"""How fast the engine is: the first impact of a process, one impact, a batch, threads; a chart.
 
 The article's case 2 with error estimate at tol = 1e-3: a mass of 0.24 kg strikes the middle of a
 pinned beam. `engine` is the C library with the refinement of its runs, `simulate` all that a user
-calls. Seconds are those of the processor, but for threads; quantiles of 10 % and 50 %, for other
-work on the machine counts.
+calls. Seconds are those of the processor, but for threads; the least and the median of repeats, for
+other work on the machine counts. Instructions are those of a warm `simulate` as valgrind counts
+them, which other work does not change.
 
     OMP_NUM_THREADS=1 .venv/bin/python benchmarks/engine_speed.py
 """
@@ -13,17 +14,20 @@ from __future__ import annotations
 import argparse
 import inspect
 import json
+import re
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import options
 
 import antiosc as ao
+from antiosc import plotting
 from antiosc.closed_form import UniformBeam, pinned_pinned
 from antiosc.simulation.convergence import converge
 from antiosc.simulation.exact import of_problem
@@ -31,30 +35,40 @@ from antiosc.simulation.exact import of_problem
 BEAM = UniformBeam.euler_bernoulli(E=67e9, rho=2400.0, area=2e-4, inertia=0.33e-8, length=1.0)
 HERTZ, DURATION, TOL = 1.55e10, 4e-3, 1e-3
 FIRST = """
-import json, time
+import json, sys, time
 import antiosc as ao
-model = ao.AntiOscillators(m0=0.1, k0=1e5, m=[0.1] * 20, omega=[1e3 * (i + 1) for i in range(20)])
+n, count = int(sys.argv[1]), int(sys.argv[2])
+model = ao.AntiOscillators(m0=0.1, k0=1e5, m=[0.1] * n, omega=[1e3 * (i + 1) for i in range(n)])
 mass, law, simulate = ao.RigidMass(0.24, 1.0), ao.Hertz(1.55e10), ao.simulate
 spent = []
-for _ in range(3):
+for _ in range(count):
     began = time.process_time()
     simulate(model, mass, law, 4e-3)
     spent.append(1e3 * (time.process_time() - began))
 print(json.dumps(spent))
 """
+PROCESSES = 5  # of whose first calls the median is taken
 
 
-def main(repeats: int = 200, scenes: int = 1000, workers: int = 8) -> dict[str, Any]:
+def main(
+    repeats: int = 200,
+    scenes: int = 1000,
+    workers: int = 8,
+    chart: Path | None = None,
+    count: bool = False,
+) -> dict[str, Any]:
     """Measure; times in ms.
 
     Parameters
     ----------
-    repeats : runs of which quantiles are taken
+    repeats : runs of which the least and the median are taken
     scenes : in the batch
     workers : threads that are compared with one
+    chart : picture of the first and the warm call, if wanted
+    count : count instructions by valgrind, which takes a minute
     """
     models = {n: pinned_pinned(BEAM).anti_oscillators(n) for n in (20, 100)}
-    done = subprocess.run([sys.executable, "-c", FIRST], capture_output=True, text=True, check=True)
+    first = {n: [calls(n, 3) for _ in range(PROCESSES)] for n in models}
     impacts = []
     for n, model in models.items():
         for speed in (0.01, 1.0):
@@ -66,12 +80,53 @@ def main(repeats: int = 200, scenes: int = 1000, workers: int = 8) -> dict[str, 
             alone = engine(whole())
             both = {"engine": ms(alone, repeats), "simulate": ms(whole, repeats)}
             impacts.append({"n": n, "speed": speed, **both})
-    return {
-        "first": json.loads(done.stdout),
+    result = {
+        "first": {n: np.median(each, axis=0).tolist() for n, each in first.items()},
         "impacts": impacts,
+        "instructions": {n: instructions(n) for n in models if count},
         "batch": batch(models[20], scenes),
         "threads": threads(models[100], workers),
     }
+    if chart is not None:
+        draw(result, chart)
+    return result
+
+
+def calls(n: int, count: int, *before: str) -> list[float]:
+    """Times [ms] of the first calls of a new process."""
+    command = [*before, sys.executable, "-c", FIRST, str(n), str(count)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    return [float(each) for each in json.loads(done.stdout)]
+
+
+def instructions(n: int, count: int = 20) -> float:
+    """Instructions of a warm call."""
+    found = []
+    for times in (2, 2 + count):
+        command = ["valgrind", "--tool=callgrind", "--callgrind-out-file=/dev/null"]
+        command += [sys.executable, "-c", FIRST, str(n), str(times)]
+        done = subprocess.run(command, capture_output=True, text=True, check=True)
+        counted = re.search(r"Collected : (\d+)", done.stderr)
+        assert counted is not None
+        found.append(int(counted[1]))
+    return (found[1] - found[0]) / count
+
+
+def draw(result: dict[str, Any], path: Path) -> None:
+    """The first and the second call of a process, and many, for each number of anti-oscillators."""
+    figure, ((axis,),) = plotting.panels(1, 1, size=(6, 3.4))
+    names = ["first call", "second", "warm simulate", "engine alone"]
+    for k, (n, first) in enumerate(result["first"].items()):
+        warm = next(r for r in result["impacts"] if r["n"] == n and r["speed"] == 1.0)
+        values = [*first[:2], warm["simulate"][1], warm["engine"][1]]
+        at = np.arange(len(names)) + 0.4 * (k - 0.5)
+        bars = axis.bar(at, values, 0.38, label=f"N = {n}")
+        axis.bar_label(bars, [f"{value:.2g}" for value in values])
+    axis.set_xticks(range(len(names)), names)
+    axis.set_yscale("log")
+    axis.set_ylabel("ms of the processor, median")
+    axis.legend()
+    plotting.save_figure(figure, path, dpi=80, bbox_inches="tight")
 
 
 def engine(hit: ao.History) -> Callable[[], Any]:
@@ -79,18 +134,17 @@ def engine(hit: ao.History) -> Callable[[], Any]:
     problem = hit.problem
     system = of_problem(problem)
     lasting = 3 * problem.depth / problem.speed
-    laws = (problem.law,)
-    return lambda: converge(system, laws, lasting, DURATION, TOL, 10_000, 1_000_000)
+    return lambda: converge(system, lasting, DURATION, TOL, 10_000, 1_000_000)
 
 
 def ms(work: Callable[[], Any], repeats: int) -> list[float]:
-    """Quantiles of the time [ms] of the processor."""
+    """The least and the median of the time [ms] of the processor."""
     spent = []
     for _ in range(repeats):
         began = time.process_time()
         work()
         spent.append(1e3 * (time.process_time() - began))
-    return [float(each) for each in np.quantile(spent, [0.1, 0.5])]
+    return [float(each) for each in np.quantile(spent, [0.0, 0.5])]
 
 
 def batch(model: ao.AntiOscillators, scenes: int) -> dict[str, float]:
@@ -124,10 +178,12 @@ def threads(model: ao.AntiOscillators, workers: int) -> dict[str, float]:
 
 
 def report(result: dict[str, Any]) -> None:
-    print("first, second, third simulate of a process, ms:", np.round(result["first"], 2))
+    for n, first in result["first"].items():
+        print(f"N = {n:>3}: first, second, third simulate of a process, ms:", np.round(first, 2))
     for r in result["impacts"]:
         parts = (f"{what} {r[what][0]:.3f} ({r[what][1]:.3f})" for what in ("engine", "simulate"))
         print(f"N = {r['n']:>3}, {r['speed']:>4g} m/s, ms: {', '.join(parts)}")
+    print("instructions of a warm simulate:", result["instructions"])
     print("scenes a second:", {k: round(v) for k, v in result["batch"].items()})
     one, several = result["threads"].values()
     print(f"400 impacts: {result['threads']}, ratio {one / several:.2f}")
@@ -139,6 +195,8 @@ def command(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--repeats", type=options.count, default=200)
     parser.add_argument("--scenes", type=options.count, default=1000)
     parser.add_argument("--workers", type=options.count, default=8)
+    parser.add_argument("--chart", type=Path)
+    parser.add_argument("--count", action="store_true")
     report(options.run(parser, main, arguments))
 
 

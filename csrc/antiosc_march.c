@@ -6,4 +6,5 @@
 #include "laws.c"
 #include "responses.c"
 #include "runs.c"
+#include "solve.c"
 #include "stepper.c"

@@ -38,7 +38,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#define AOM_VERSION 1 /* of this interface; aom_version() is that of the library */
+#define AOM_VERSION 2 /* of this interface; aom_version() is that of the library */
 
 #ifndef AOM_API
 #if defined(_WIN32)
@@ -119,6 +119,7 @@ typedef enum aom_branch {
 typedef struct aom_user_law {
     void *context; /* passed on to the functions */
     int n_state;   /* 0 to AOM_MEMORY - 2 */
+    int rated;     /* whether the force depends on the rate */
     /* force, d force/d delta, d force/d rate into out */
     int (*force)(void *context, double delta, double rate, const double *state, double out[3]);
     /* a contact begins at the closing speed; `first`: for the first time, state is to be made.
@@ -197,6 +198,7 @@ typedef struct aom_options {
     double resolution;    /* [s]: touches closer than this may count as one */
     int64_t max_contacts; /* touches */
     int64_t max_steps;    /* attempted steps */
+    int64_t max_runs;     /* of aom_solve; 0: 12 */
 } aom_options;
 
 /* rel_tol 1e-3, no scale and step, resolution duration/1e4, 10 000 touches, 1 000 000 steps. */
@@ -214,10 +216,11 @@ typedef struct aom_event {
 typedef struct aom_record {
     int64_t max_nodes, max_states, max_events; /* room; >= 3, 1 (0 without states), n_contacts+2 */
     int64_t n_nodes, n_states, n_events;       /* written so far */
+    int64_t every;                             /* states of the steps 0, every, 2 every ... */
     double *time;                              /* [max_nodes] */
     double *force;                             /* [max_nodes][n_rows] */
     double *depth;                             /* [max_nodes][n_rows] indentations, tangential ways */
-    double *states;    /* [max_states][2][n_modes] q, v at the start of each step; may be NULL */
+    double *states;    /* [max_states][2][n_modes] q, v at the start of steps; may be NULL */
     aom_event *events; /* [max_events] */
 } aom_record;
 
@@ -242,7 +245,7 @@ AOM_API int aom_start(aom_stepper *stepper, const aom_system *system, const aom_
 AOM_API int aom_integrate(aom_stepper *stepper, aom_record *record, double until,
                           int64_t max_attempts);
 
-/* Empty a record. */
+/* Empty a record; states of every step. */
 AOM_API void aom_clear(aom_record *record);
 
 typedef struct aom_summary {
@@ -256,6 +259,29 @@ typedef struct aom_summary {
 } aom_summary;
 
 AOM_API aom_summary aom_summarize(const aom_stepper *stepper);
+
+typedef struct aom_solution {
+    int best;             /* the record that holds the finest run that counts */
+    int answer;           /* the status of this run */
+    double force, peak;   /* estimated relative errors of its forces (L2 norm) and of their peak;
+                             infinite where no finer run reached the end */
+    double certain;       /* until when two runs agree [s] */
+    double share;         /* rel_tol of the next run */
+    aom_summary summary;  /* of the best run */
+    int present;          /* the record of the run that goes on */
+    int before, runs, worse, failed; /* the rest is aom_solve's */
+    int64_t used;
+    double finer, scale;
+    aom_summary earlier;
+} aom_solution;
+
+/* Repeat the run from aom_start on with smaller steps until the forces of two agree to
+ * options.rel_tol; all in one call but for AOM_FULL (the record `present` is full: make it larger,
+ * or keep fewer of its states, and go on) and AOM_PAUSED (so many attempts are made: go on). The
+ * solution is all 0 at first. The state of the end stands behind the others: records have room for
+ * one more than max_states. With max_runs = 1 it is one run to rel_tol, whose errors are not known. */
+AOM_API int aom_solve(aom_stepper *stepper, const aom_system *system, const aom_options *options,
+                      aom_solution *solution, aom_record records[3], int64_t max_attempts);
 
 /* Present modal state: q into state[0 .. n_modes-1], v behind it. */
 AOM_API void aom_modal_state(const aom_stepper *stepper, double *state);
@@ -284,15 +310,15 @@ AOM_API void aom_energies(int64_t n, int n_modes, const double *states, const do
                           double *out);
 
 typedef struct aom_difference {
-    double gap, size; /* integrals of |F_a - F_b|^2 and |F_b|^2 over time */
-    double until;     /* when the first exceeds the limit, else the end */
+    double force, peak; /* relative differences, in the L2 norm and of the peak */
+    double until;       /* the time up to which the first is below the tolerance [s] */
 } aom_difference;
 
-/* Compare the forces of two runs of at least 3 nodes up to `end`, at the nodes of both; the largest
- * |F_a| and |F_b| of every row into peaks [2][n_rows]. */
+/* Compare the forces of two runs up to the end of the shorter one, at the nodes of both; `peaks`
+ * is [2][n_rows] numbers to work in. */
 AOM_API aom_difference aom_compare(int n_rows, int64_t n_a, const double *time_a,
                                    const double *force_a, int64_t n_b, const double *time_b,
-                                   const double *force_b, double end, double limit, double *peaks);
+                                   const double *force_b, double tol, double *peaks);
 
 /* Of n spans of steps, first to last [n][2], the time integral of the force of a row, and its largest
  * value, into out [n][2]. */

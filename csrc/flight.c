@@ -3,17 +3,24 @@
 
 #define ROUNDING 1e-13 /* of the sum of the modes' parts: below it a speed of approach is rounding */
 
-/* The sum of a x + b y; four sums, so that additions need not wait for each other. */
-static double dot2(int n, const double *restrict a, const double *restrict x,
-                   const double *restrict b, const double *restrict y) {
-    double sum[4] = {0.0, 0.0, 0.0, 0.0};
+/* Add to the indentation and the rate of a row what n of its modes do. Two sums of each, so that
+ * additions need not wait for each other. */
+static void add_modes(int n, ptrdiff_t J, const double *restrict rows, const double *restrict q,
+                      const double *restrict v, double *depth, double *rate) {
+    const double *restrict a = rows, *restrict b = a + J, *restrict c = b + J, *restrict d = c + J;
+    double x[2] = {0.0, 0.0}, y[2] = {0.0, 0.0};
     int j = 0;
-    for (; j + 3 < n; j += 4)
-        for (int k = 0; k < 4; k++)
-            sum[k] += a[j + k] * x[j + k] + b[j + k] * y[j + k];
-    for (; j < n; j++)
-        sum[j & 3] += a[j] * x[j] + b[j] * y[j];
-    return (sum[0] + sum[2]) + (sum[1] + sum[3]);
+    for (; j + 1 < n; j += 2)
+        for (int k = 0; k < 2; k++) {
+            x[k] += a[j + k] * q[j + k] + b[j + k] * v[j + k];
+            y[k] += c[j + k] * q[j + k] + d[j + k] * v[j + k];
+        }
+    if (j < n) {
+        x[0] += a[j] * q[j] + b[j] * v[j];
+        y[0] += c[j] * q[j] + d[j] * v[j];
+    }
+    *depth += x[0] + x[1];
+    *rate += y[0] + y[1];
 }
 
 /* Indentations and rates of all rows after the time of a slot without contact forces. Depth and
@@ -25,13 +32,13 @@ static void free_motion(const aom_stepper *st, int index, double t, double *dept
     const double *q = st->x, *v = st->x + J;
     const double *S = s->response + 2 * (ptrdiff_t)J, *J0 = S + J, *J1 = J0 + J;
     for (int i = 0; i < m; i++) {
-        const double *a = s->rows + 4 * (ptrdiff_t)i * J, *b = a + J, *c = b + J, *d = c + J;
         const row_span *span = st->spans + i;
         double total = 0.0, speed = 0.0;
         for (int part = 0; part < 2; part++) {
             int from = span->begin[part], n = span->end[part] - from;
-            total += dot2(n, a + from, q + from, b + from, v + from);
-            speed += dot2(n, c + from, q + from, d + from, v + from);
+            if (n > 0)
+                add_modes(n, J, s->rows + 4 * (ptrdiff_t)i * J + from, q + from, v + from, &total,
+                          &speed);
         }
         if (st->loaded) {
             const double *beta = beta_row(st, i), *at = st->work.load, *rise = st->work.load_rate;
@@ -133,25 +140,30 @@ static double touch_time(aom_stepper *st, int c, double after, double closing, d
     double guess = crossing(before, st->rows[c].rate, after, closing, h, 0.0);
     if (!(0.0 < guess && guess < h))
         guess = h * before / (before - after);
-    double low = 0.0, high = h;
+    double low = 0.0, high = h, sharp = 0.01 * SHARP * st->contacts[c].depth_scale;
+    double curved = st->missed[(ptrdiff_t)LEVELS * st->system.n_contacts + c];
     stages *motion = st->work.base;
     ptrdiff_t stride = (ptrdiff_t)(sizeof *motion / sizeof(double));
     for (int tries = 0; tries < 60; tries++) {
         ready_rows(st, SCRATCH, guess);
         free_motion(st, SCRATCH, guess, motion->depth, motion->rate, stride);
         double g = motion[c].depth[0] - origin, v = motion[c].rate[0];
-        if (fabs(g) <= 0.01 * SHARP * st->contacts[c].depth_scale)
+        if (fabs(g) <= sharp)
             break;
         if (g > 0.0)
             high = guess;
         else
             low = guess;
-        double new = v > 0.0 ? guess - g / v : -1.0;
-        if (!(low < new && new < high))
+        double new = v > 0.0 ? guess - g / v : -1.0, way = g / v;
+        bool last = 0.5 * curved * way * way <= sharp; /* of the step by Newton's method */
+        if (!(low < new && new < high)) {
             new = 0.5 * (low + high);
-        if (fabs(new - guess) <= 1e-15 * h)
-            break;
+            last = false;
+        }
+        last = last || fabs(new - guess) <= 1e-15 * h;
         guess = new;
+        if (last)
+            break;
     }
     return guess;
 }
@@ -225,6 +237,7 @@ int flight_step(aom_stepper *st) {
     }
     double h;
     bool struck;
+    workspace *w = &st->work;
     for (;;) {
         index = level;
         h = level_step(st, level);
@@ -252,19 +265,23 @@ int flight_step(aom_stepper *st) {
             return NO_STEP;
     }
     now->level = level > 0 ? level - 1 : 0;
-    if (struck) {
-        double first = first_touch(st, h);
-        if (first < INFINITY) {
-            index = SCRATCH;
-            h = first;
-        }
-        if (h <= 1e-15 * st->options.duration)
-            return AT_ONCE;
+    double first = struck ? first_touch(st, h) : INFINITY;
+    if (first < INFINITY) {
+        index = SCRATCH;
+        h = first;
     }
+    if (struck && h <= 1e-15 * st->options.duration)
+        return AT_ONCE;
     ready_step(st, index, h);
-    free_step(st, index, h, st->work.motion);
-    for (int i = 0; i < st->system.n_rows; i++)
-        st->work.force[i] = (nodes){{0.0, 0.0, 0.0}};
+    ptrdiff_t stride = (ptrdiff_t)(sizeof *w->motion / sizeof(double));
+    if (first < INFINITY)
+        free_motion(st, index, h, w->free_depth, w->free_rate, 1);
+    free_motion(st, index + 1, 0.5 * h, w->motion->depth, w->motion->rate, stride);
+    for (int i = 0; i < st->system.n_rows; i++) {
+        w->motion[i].depth[1] = w->free_depth[i];
+        w->motion[i].rate[1] = w->free_rate[i];
+        w->force[i] = (nodes){{0.0, 0.0, 0.0}};
+    }
     now->step = h;
     return index;
 }

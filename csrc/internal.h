@@ -52,7 +52,7 @@ typedef struct slot {
     double *rows;     /* [m][4][J]: depth by q, by v; rate by q, by v */
     double *coupling; /* [4][pairs]: beta S beta^T, beta J0 beta^T, ... */
     influence *local; /* [pairs]; of this step and the slot of its half */
-    double *moves;    /* [2][2][J], then [m][3][2][J]: what takes (q, v) over the step */
+    double *moves;    /* [4][J], then [m][4][J]: what takes (q, v) over the step */
 } slot;
 
 /* The modes that a row moves: two stretches, for a row has at most two bodies. All others are 0. */
@@ -94,6 +94,7 @@ typedef struct workspace {
     nodes *force;         /* [m] of the attempt */
     stages *base, *motion; /* [m] without and with the forces of the attempt */
     double *free_depth, *free_rate; /* [m] */
+    double *peaks;        /* [2][m] of two runs */
     double *parabola;     /* [m][3]: value, slope, curvature at 0 */
     double *load, *load_rate;       /* [J] */
     double *offset, *drift;         /* [m] */
@@ -108,6 +109,7 @@ typedef struct workspace {
 struct aom_stepper {
     aom_system system;
     aom_options options;
+    double halved[LEVELS + 1]; /* 2^-level */
     bool loaded, shifted, rated;
     bool law_failed;
     /* Rows that push the same place of other rows' bodies, such as contacts of one site, are a group:
@@ -135,7 +137,6 @@ struct aom_stepper {
 };
 
 /* ---- responses.c */
-void response(double omega, double decay, double t, double out[6]);
 void ready_rows(aom_stepper *st, int slot, double t);
 void ready_step(aom_stepper *st, int slot, double h);
 void ready_local(aom_stepper *st, int slot, double h);
@@ -173,8 +174,23 @@ void free_step(aom_stepper *st, int slot, double h, stages *out);
 void amplitudes(aom_stepper *st);
 int flight_step(aom_stepper *st);
 
+/* ---- stepper.c */
+void write_state(const aom_stepper *st, aom_record *out);
+
 /* ---- runs.c */
 double mechanical_energy(int n, const double *x, const double *omega);
+
+/* Memory of the caller's: where the next array begins; without memory only the size is counted. */
+typedef struct arena {
+    char *at;
+    size_t used;
+} arena;
+
+static inline void *take(arena *a, size_t count, size_t size) {
+    size_t begin = a->used;
+    a->used += (count * size + 15) & ~(size_t)15;
+    return a->at == NULL ? NULL : a->at + begin;
+}
 
 /* Answers of contact_step and flight_step other than the slot of the step. */
 enum { AT_ONCE = -1, NO_STEP = -2 };
@@ -197,7 +213,7 @@ static inline ptrdiff_t n_pairs(const aom_stepper *st) {
 }
 /* Length of a step of a level. */
 static inline double level_step(const aom_stepper *st, int level) {
-    return ldexp(st->now.longest, -level);
+    return st->now.longest * st->halved[level];
 }
 
 #endif

@@ -18,26 +18,31 @@ static void phi(double z, double out[3]) {
         }
 }
 
-/* `response` without damping, from z = omega t, sin(z/2) and cos(z/2). */
-static void undamped(double z, double t, double half, double cosine, double out[6]) {
-    double ratio = z > 0.0 ? half / z : 0.5;
-    double S = 2.0 * ratio * cosine, J0 = 2.0 * ratio * ratio, P = 1.0 - 2.0 * half * half;
-    double J1, J2, square = t * t;
-    if (z < 1.0) {
-        double x = z * z;
-        J1 = (1 - x / 20 * (1 - x / 42 * (1 - x / 72 * (1 - x / 110 * (1 - x / 156))))) / 6;
-        J2 = (1 - x / 30 * (1 - x / 56 * (1 - x / 90 * (1 - x / 132 * (1 - x / 182))))) / 24;
-    } else {
-        double over = 1.0 / (z * z);
-        J1 = (1.0 - S) * over;
-        J2 = (0.5 - J0) * over;
+/* The responses [6][n] of modes without damping after times t, from the sines of omega t/2 in their
+ * first row and the cosines in the second. All branches are computed and one is taken, so that the
+ * compiler finds several modes at once. */
+static inline void undamped(ptrdiff_t n, const double *restrict omega, const double *restrict t,
+                            int t_stride, double *out) {
+    double *restrict to_P = out, *restrict to_W = out + n, *restrict to_S = out + 2 * n;
+    double *restrict to_J0 = out + 3 * n, *restrict to_J1 = out + 4 * n;
+    double *restrict to_J2 = out + 5 * n;
+    for (ptrdiff_t j = 0; j < n; j++) {
+        double after = t[j * t_stride], square = after * after, z = omega[j] * after;
+        double sine = to_P[j], cosine = to_W[j];
+        double share = sine / (z > 0.0 ? z : 1.0), ratio = z > 0.0 ? share : 0.5;
+        double large = z > 1.0 ? z : 1.0, over = 1.0 / (large * large), x = z < 1.0 ? z * z : 1.0;
+        double S = 2.0 * ratio * cosine, J0 = 2.0 * ratio * ratio, P = 1.0 - 2.0 * sine * sine;
+        double J1 = 1 - x * (1 / 110.) * (1 - x * (1 / 156.));
+        double J2 = 1 - x * (1 / 132.) * (1 - x * (1 / 182.));
+        J1 = (1 - x * (1 / 20.) * (1 - x * (1 / 42.) * (1 - x * (1 / 72.) * J1))) * (1 / 6.);
+        J2 = (1 - x * (1 / 30.) * (1 - x * (1 / 56.) * (1 - x * (1 / 90.) * J2))) * (1 / 24.);
+        double far1 = (1.0 - S) * over, far2 = (0.5 - J0) * over;
+        to_P[j] = to_W[j] = P;
+        to_S[j] = S * after;
+        to_J0[j] = J0 * square;
+        to_J1[j] = (z < 1.0 ? J1 : far1) * square * after;
+        to_J2[j] = (z < 1.0 ? J2 : far2) * square * square;
     }
-    out[0] = P;
-    out[1] = P;
-    out[2] = S * t;
-    out[3] = J0 * square;
-    out[4] = J1 * square * t;
-    out[5] = J2 * square * square;
 }
 
 /* Partial fractions of an over-damped mode: J_k = (phi_k+1(slow) - phi_k+1(fast))/(2 g). */
@@ -96,35 +101,48 @@ static void damped(double z, double e, double t, double out[6]) {
     out[5] = J[2] * square * square;
 }
 
-/* P, W, S, J0, J1, J2 (see aom_responses); nothing cancels for small or large omega t or d t. */
-void response(double omega, double decay, double t, double out[6]) {
-    double z = omega * t;
-    if (decay > 0.0)
-        damped(z, decay * t, t, out);
-    else
-        undamped(z, t, sin(0.5 * z), cos(0.5 * z), out);
-}
-
-/* `response` after t and after t/2, which share their sines. */
-static void response_twice(double omega, double decay, double t, double whole[6], double half[6]) {
-    if (decay > 0.0) {
-        damped(omega * t, decay * t, t, whole);
-        damped(0.5 * omega * t, 0.5 * decay * t, 0.5 * t, half);
-        return;
+/* The responses of the damped modes among n. */
+static void damped_ones(ptrdiff_t n, const double *omega, const double *decay, const double *t,
+                        int t_stride, double *out) {
+    for (ptrdiff_t j = 0; j < n; j++) {
+        double each[6], after = t[j * t_stride];
+        if (!(decay[j] > 0.0))
+            continue;
+        damped(omega[j] * after, decay[j] * after, after, each);
+        for (int k = 0; k < 6; k++)
+            out[k * n + j] = each[k];
     }
-    double z = omega * t, sine = sin(0.25 * z), cosine = cos(0.25 * z);
-    undamped(z, t, 2.0 * sine * cosine, 1.0 - 2.0 * sine * sine, whole);
-    undamped(0.5 * z, 0.5 * t, sine, cosine, half);
 }
 
 void aom_responses(int64_t n, const double *omega, const double *decay, const double *t,
                    int t_stride, double *out) {
     for (int64_t j = 0; j < n; j++) {
-        double each[6];
-        response(omega[j], decay[j], t[j * t_stride], each);
-        for (int k = 0; k < 6; k++)
-            out[k * n + j] = each[k];
+        double half = 0.5 * omega[j] * t[j * t_stride];
+        out[j] = sin(half);
+        out[n + j] = cos(half);
     }
+    if (t_stride == 0) /* constants for the compiler */
+        undamped((ptrdiff_t)n, omega, t, 0, out);
+    else
+        undamped((ptrdiff_t)n, omega, t, 1, out);
+    damped_ones((ptrdiff_t)n, omega, decay, t, t_stride, out);
+}
+
+/* The responses after t and after t/2, which share their sines. */
+static void responses_twice(int n, const double *omega, const double *decay, double t,
+                            double *whole, double *half) {
+    double before = 0.5 * t;
+    for (int j = 0; j < n; j++) {
+        double quarter = 0.25 * omega[j] * t, sine = sin(quarter), cosine = cos(quarter);
+        half[j] = sine;
+        half[n + j] = cosine;
+        whole[j] = 2.0 * sine * cosine;
+        whole[n + j] = 1.0 - 2.0 * sine * sine;
+    }
+    undamped(n, omega, &before, 0, half);
+    undamped(n, omega, &t, 0, whole);
+    damped_ones(n, omega, decay, &before, 0, half);
+    damped_ones(n, omega, decay, &t, 0, whole);
 }
 
 /* ---- slots */
@@ -170,15 +188,8 @@ void ready_step(aom_stepper *st, int index, double h) {
         ready_rows(st, index + 1, 0.5 * h);
         return;
     }
-    int J = st->system.n_modes;
-    for (int j = 0; j < J; j++) {
-        double one[6], other[6];
-        response_twice(st->system.omega[j], st->system.decay[j], h, one, other);
-        for (int k = 0; k < 6; k++) {
-            whole->response[(ptrdiff_t)k * J + j] = one[k];
-            half->response[(ptrdiff_t)k * J + j] = other[k];
-        }
-    }
+    responses_twice(st->system.n_modes, st->system.omega, st->system.decay, h, whole->response,
+                    half->response);
     fill_rows(st, whole, h);
     fill_rows(st, half, 0.5 * h);
 }
@@ -340,8 +351,8 @@ void ready_local(aom_stepper *st, int index, double h) {
     whole->has_local = true;
 }
 
-/* See to it that a slot holds what takes (q, v) over the step: (P, W), (S, -omega^2 S), and what
- * values, slopes and curvatures of the forces of each row at the step's start add. */
+/* See to it that a slot holds what takes (q, v) over the step: (P, W), (S, -omega^2 S), and beta (S,
+ * J0, J1, J2) of each row, with which values, slopes and curvatures of its force count. */
 void ready_moves(aom_stepper *st, int index) {
     slot *s = st->slots + index;
     if (s->has_moves)
@@ -357,13 +368,11 @@ void ready_moves(aom_stepper *st, int index) {
     }
     for (int i = 0; i < st->system.n_rows; i++) {
         const double *beta = beta_row(st, i);
-        double *out = to + 4 * (ptrdiff_t)J + 6 * (ptrdiff_t)i * J;
-        for (int k = 0; k < 3; k++)
+        double *out = to + 4 * (1 + (ptrdiff_t)i) * J;
+        for (ptrdiff_t k = 0; k < 4; k++)
             for (int part = 0; part < 2; part++)
-                for (int j = st->spans[i].begin[part]; j < st->spans[i].end[part]; j++) {
-                    out[(2 * k) * (ptrdiff_t)J + j] = beta[j] * S[(k + 1) * (ptrdiff_t)J + j];
-                    out[(2 * k + 1) * (ptrdiff_t)J + j] = beta[j] * S[k * (ptrdiff_t)J + j];
-                }
+                for (int j = st->spans[i].begin[part]; j < st->spans[i].end[part]; j++)
+                    out[k * J + j] = beta[j] * S[k * J + j];
     }
     s->has_moves = true;
 }

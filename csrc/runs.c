@@ -37,7 +37,7 @@ void aom_state_at(const aom_system *system, const aom_record *record, int64_t k,
     double over = h > 0.0 ? 1.0 / h : 0.0;
     for (int j = 0; j < J; j++) {
         double r[6], f = 0.0, g = 0.0, c = 0.0, load, rise, w = system->omega[j];
-        response(w, system->decay[j], t, r);
+        aom_responses(1, &w, system->decay + j, &t, 0, r);
         between(system, system->loads, J, j, start, &load, &rise);
         for (int i = 0; i < m; i++) {
             double b = system->beta[(ptrdiff_t)i * J + j], f0 = F[i], f1 = F[m + i];
@@ -89,39 +89,57 @@ static double walk_force(const walk *w, int m, int i) {
     return f0 + u * ((4.0 * f1 - 3.0 * f0 - f2) + 2.0 * u * (f0 - 2.0 * f1 + f2));
 }
 
-aom_difference aom_compare(int m, int64_t n_a, const double *time_a, const double *force_a,
-                           int64_t n_b, const double *time_b, const double *force_b, double end,
-                           double limit, double *peaks) {
-    walk a = {n_a, 0, 0, time_a, force_a, 0.0}, b = {n_b, 0, 0, time_b, force_b, 0.0};
-    aom_difference found = {0.0, 0.0, end};
-    double before = 0.0, last = 0.0, last_size = 0.0;
-    bool exceeded = false;
-    for (int i = 0; i < 2 * m; i++)
-        peaks[i] = 0.0;
-    while (n_a >= 3 && n_b >= 3 && (a.node < n_a || b.node < n_b)) {
-        bool from_a = b.node >= n_b || (a.node < n_a && time_a[a.node] <= time_b[b.node]);
-        double t = from_a ? time_a[a.node++] : time_b[b.node++], apart = 0.0, square = 0.0;
+/* Integrals of |F_a - F_b|^2 and |F_b|^2 over time into `total`, and the largest |F_a| and |F_b| of
+ * every row, up to `end`; the time at which the first integral exceeds the limit, else the end. */
+static double integrals(int m, walk a, walk b, double end, double limit, double total[2],
+                        double *peaks) {
+    double before = 0.0, last[2] = {0.0, 0.0}, until = end;
+    total[0] = total[1] = 0.0;
+    memset(peaks, 0, 2 * (size_t)m * sizeof *peaks);
+    while (a.node < a.n || b.node < b.n) {
+        bool from_a = b.node >= b.n || (a.node < a.n && a.time[a.node] <= b.time[b.node]);
+        double t = from_a ? a.time[a.node++] : b.time[b.node++], now[2] = {0.0, 0.0};
         if (t > end)
             break;
         walk_to(&a, t);
         walk_to(&b, t);
         for (int i = 0; i < m; i++) {
             double fa = walk_force(&a, m, i), fb = walk_force(&b, m, i);
-            apart += (fa - fb) * (fa - fb);
-            square += fb * fb;
+            now[0] += (fa - fb) * (fa - fb);
+            now[1] += fb * fb;
             peaks[i] = larger(peaks[i], fabs(fa));
             peaks[m + i] = larger(peaks[m + i], fabs(fb));
         }
-        found.gap += 0.5 * (t - before) * (apart + last);
-        found.size += 0.5 * (t - before) * (square + last_size);
-        before = t;
-        last = apart;
-        last_size = square;
-        if (found.gap > limit && !exceeded) {
-            exceeded = true;
-            found.until = t;
+        for (int k = 0; k < 2; k++) {
+            total[k] += 0.5 * (t - before) * (now[k] + last[k]);
+            last[k] = now[k];
         }
+        before = t;
+        if (total[0] > limit && until == end)
+            until = t;
     }
+    return until;
+}
+
+aom_difference aom_compare(int m, int64_t n_a, const double *time_a, const double *force_a,
+                           int64_t n_b, const double *time_b, const double *force_b, double tol,
+                           double *peaks) {
+    walk a = {n_a, 0, 0, time_a, force_a, 0.0}, b = {n_b, 0, 0, time_b, force_b, 0.0};
+    aom_difference found = {0.0, 0.0, smaller(time_a[n_a - 1], time_b[n_b - 1])};
+    double total[2], apart = 0.0, most = 0.0;
+    if (n_a < 3 || n_b < 3) /* one stopped at once */
+        return found;
+    integrals(m, a, b, found.until, INFINITY, total, peaks);
+    if (total[1] == 0.0)
+        return total[0] == 0.0 ? found : (aom_difference){1.0, 1.0, 0.0};
+    for (int i = 0; i < m; i++) {
+        apart = larger(apart, fabs(peaks[i] - peaks[m + i]));
+        most = larger(most, peaks[m + i]);
+    }
+    found.force = sqrt(total[0] / total[1]);
+    found.peak = apart / most;
+    if (found.force > tol)
+        found.until = integrals(m, a, b, found.until, tol * tol * total[1], total, peaks);
     return found;
 }
 

@@ -24,22 +24,10 @@ const char *aom_status_name(int status) {
 }
 
 aom_options aom_default_options(double duration) {
-    return (aom_options){duration, 1e-3, 0.0, 0.0, duration / 1e4, 10000, 1000000};
+    return (aom_options){duration, 1e-3, 0.0, 0.0, duration / 1e4, 10000, 1000000, 0};
 }
 
 /* ---- memory */
-
-/* Where the next array begins; without memory only the size is counted. */
-typedef struct arena {
-    char *at;
-    size_t used;
-} arena;
-
-static void *take(arena *a, size_t count, size_t size) {
-    size_t begin = a->used;
-    a->used += (count * size + 15) & ~(size_t)15;
-    return a->at == NULL ? NULL : a->at + begin;
-}
 
 static void lay_out_slots(aom_stepper *st, arena *a, size_t J, size_t m, size_t G) {
     for (int k = 0; k < SLOTS; k++) {
@@ -47,7 +35,7 @@ static void lay_out_slots(aom_stepper *st, arena *a, size_t J, size_t m, size_t 
         double *response = take(a, 6 * J, sizeof(double)), *rows = take(a, 4 * m * J, sizeof(double));
         double *coupling = take(a, 4 * (m + G * G), sizeof(double));
         influence *local = take(a, m + G * G, sizeof(influence));
-        double *moves = take(a, (4 + 6 * m) * J, sizeof(double));
+        double *moves = take(a, (4 + 4 * m) * J, sizeof(double));
         if (s != NULL)
             *s = (slot){NAN, false, false, false, response, rows, coupling, local, moves};
     }
@@ -60,6 +48,7 @@ static void lay_out_work(workspace *w, arena *a, size_t J, size_t m, size_t p, s
     w->motion = take(a, m, sizeof(stages));
     w->free_depth = take(a, m, sizeof(double));
     w->free_rate = take(a, m, sizeof(double));
+    w->peaks = take(a, 2 * m, sizeof(double));
     w->parabola = take(a, 3 * m, sizeof(double));
     w->load = take(a, J, sizeof(double));
     w->load_rate = take(a, J, sizeof(double));
@@ -187,6 +176,8 @@ int aom_create(const aom_system *system, void *memory, size_t bytes, aom_stepper
     find_groups(*made);
     find_spans(*made);
     (*made)->rated = false;
+    for (int level = 0; level <= LEVELS; level++)
+        (*made)->halved[level] = ldexp(1.0, -level);
     return AOM_DONE;
 }
 
@@ -320,11 +311,11 @@ static void turn(int J, const double *restrict moves, double *restrict q, double
 /* What a force with value, slope and curvature f at the step's start takes from modes of the state. */
 static void push(int J, int begin, int end, const double *restrict moves, const double f[3],
                  double *restrict q, double *restrict v) {
-    const double *a = moves, *b = a + 2 * (ptrdiff_t)J, *c = b + 2 * (ptrdiff_t)J;
+    const double *S = moves, *J0 = S + J, *J1 = J0 + J, *J2 = J1 + J;
     double f0 = f[0], f1 = f[1], f2 = f[2];
     for (int j = begin; j < end; j++) {
-        q[j] -= f0 * a[j] + f1 * b[j] + f2 * c[j];
-        v[j] -= f0 * a[J + j] + f1 * b[J + j] + f2 * c[J + j];
+        q[j] -= f0 * J0[j] + f1 * J1[j] + f2 * J2[j];
+        v[j] -= f0 * S[j] + f1 * J0[j] + f2 * J1[j];
     }
 }
 
@@ -342,7 +333,7 @@ static void move(aom_stepper *st, int index, double h) {
         if (f[0] != 0.0 || f[1] != 0.0 || f[2] != 0.0)
             for (int part = 0; part < 2; part++)
                 push(J, st->spans[i].begin[part], st->spans[i].end[part],
-                     s->moves + (4 + 6 * (ptrdiff_t)i) * J, f, q, v);
+                     s->moves + (4 + 4 * (ptrdiff_t)i) * J, f, q, v);
     }
     if (st->loaded) {
         const double *S = s->response + 2 * (ptrdiff_t)J, *J0 = S + J, *J1 = J0 + J;
@@ -382,13 +373,19 @@ static void write_nodes(aom_stepper *st, aom_record *out, double h) {
     }
 }
 
+/* Write the present state, at the start of a step, if it is one of those that are kept. */
+void write_state(const aom_stepper *st, aom_record *out) {
+    size_t J = (size_t)st->system.n_modes;
+    if (out->states != NULL && (out->every < 2 || out->n_nodes / 2 % out->every == 0))
+        memcpy(out->states + 2 * (size_t)out->n_states++ * J, st->x, 2 * J * sizeof *st->x);
+}
+
 /* Go to the end of the step and write it down. */
 static void accept_step(aom_stepper *st, int index, aom_record *out) {
     course *now = &st->now;
     int J = st->system.n_modes;
     double h = now->step;
-    if (out->states != NULL)
-        memcpy(out->states + 2 * out->n_states++ * J, st->x, 2 * (size_t)J * sizeof *st->x);
+    write_state(st, out);
     parabolas(st, h);
     move(st, index, h);
     write_nodes(st, out, h);
@@ -583,7 +580,10 @@ int aom_integrate(aom_stepper *st, aom_record *out, double until, int64_t max_at
     }
 }
 
-void aom_clear(aom_record *record) { record->n_nodes = record->n_states = record->n_events = 0; }
+void aom_clear(aom_record *record) {
+    record->n_nodes = record->n_states = record->n_events = 0;
+    record->every = 1;
+}
 
 /* ---- what is told of a run */
 

@@ -24,6 +24,7 @@ _PARTS: dict[str, tuple[Any, ...]] = {
     "part_chord": (c_double, c_void_p, c_int, c_double),
     "part_mass_felt": (c_double, c_void_p, c_int, c_double),
     "part_ripple": (c_double, c_void_p, c_double, c_double, c_int),
+    "part_left_over": (c_double, c_double, c_int),
     "part_bounds": (None, c_void_p, c_int, c_void_p, c_void_p),
     "part_sizes": (None, c_void_p),
     "part_next_branch": (c_int, c_void_p, c_int, c_int, c_double, c_double, c_void_p),
@@ -59,7 +60,7 @@ class Stepper:
         size = self.library.aom_memory_size(byref(given.system))
         self.memory = np.empty(-(-size // 16), dtype=np.complex128)
         self.at = c_void_p()
-        options = march.Options(duration, 1e-3, 0.0, step, duration / 1e4, 100, 10_000)
+        options = march.Options(duration, 1e-3, 0.0, step, duration / 1e4, 100, 10_000, 1)
         made = self.library.aom_create(
             byref(given.system), self.memory.ctypes.data, self.memory.nbytes, byref(self.at)
         )

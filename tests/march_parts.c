@@ -37,6 +37,8 @@ AOM_API double part_ripple(aom_stepper *st, double h, double depth, int fresh) {
     return ripple(st, h);
 }
 
+AOM_API double part_left_over(double finer, int rated) { return left_over(finer, rated != 0); }
+
 AOM_API void part_bounds(const aom_law *law, int branch, const double *memory, double *out) {
     branch_bounds b = law_bounds(law, branch, memory);
     memcpy(out, &b, sizeof b);
@@ -51,6 +53,6 @@ AOM_API int part_next_branch(const aom_law *law, int branch, int exit, double de
 AOM_API void part_sizes(size_t *out) {
     const size_t sizes[] = {sizeof(aom_user_law), sizeof(aom_law),    sizeof(aom_contact),
                             sizeof(aom_system),   sizeof(aom_options), sizeof(aom_record),
-                            sizeof(aom_summary),  sizeof(aom_difference)};
+                            sizeof(aom_summary),  sizeof(aom_difference), sizeof(aom_solution)};
     memcpy(out, sizes, sizeof sizes);
 }

@@ -1,9 +1,7 @@
 /* A run that goes on by communication steps: whole steps of the stepper, read in between. */
 #include "antiosc_model.h"
 
-#include <math.h>
-#include <stdbool.h>
-#include <string.h>
+#include "../internal.h"
 
 struct axm_run {
     const axm_model *model;
@@ -27,26 +25,15 @@ struct axm_run {
     double *filled;                  /* [1] nodes of the present step */
 };
 
-typedef struct run_arena {
-    char *at;
-    size_t used;
-} run_arena;
-
-static void *run_take(run_arena *a, size_t count, size_t size) {
-    size_t begin = a->used;
-    a->used += (count * size + 15) & ~(size_t)15;
-    return a->at == NULL ? NULL : a->at + begin;
-}
-
-static double *run_doubles(run_arena *a, int count) { return run_take(a, (size_t)count, sizeof(double)); }
+static double *run_doubles(arena *a, int count) { return take(a, (size_t)count, sizeof(double)); }
 
 static bool is_port(const axm_model *model) { return model->system.n_contacts == 0; }
 
 /* The arrays of a run behind it in its memory; returns the bytes of all. */
 static size_t lay_out_run(const axm_model *model, void *memory) {
     int J = model->system.n_modes, m = model->system.n_rows, p = model->system.n_contacts;
-    run_arena a = {memory, 0};
-    axm_run unused, *run = run_take(&a, 1, sizeof *run);
+    arena a = {memory, 0};
+    axm_run unused, *run = take(&a, 1, sizeof *run);
     if (run == NULL)
         run = &unused;
     run->v = run_doubles(&a, J);
@@ -71,7 +58,7 @@ static size_t lay_out_run(const axm_model *model, void *memory) {
     run->filled = run_doubles(&a, 1);
     run->changing = a.used - begin;
     if (!is_port(model))
-        run->stepper = run_take(&a, aom_memory_size(&model->system), 1);
+        run->stepper = take(&a, aom_memory_size(&model->system), 1);
     return a.used;
 }
 
@@ -122,17 +109,10 @@ int axm_create(const axm_model *model, void *memory, size_t bytes, axm_run **mad
 /* ---- the present step */
 
 static aom_record present_record(const axm_run *run, aom_event *events, int room) {
-    aom_record record = {3,
-                         1,
-                         room,
-                         (int64_t)run->filled[0],
-                         0,
-                         0,
-                         run->node_time,
-                         run->node_force,
-                         run->node_depth,
-                         run->node_state,
-                         events};
+    aom_record record = {.max_nodes = 3, .max_states = 1, .max_events = room,
+                         .n_nodes = (int64_t)run->filled[0], .time = run->node_time,
+                         .force = run->node_force, .depth = run->node_depth,
+                         .states = run->node_state, .events = events};
     return record;
 }
 

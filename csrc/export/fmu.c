@@ -67,7 +67,7 @@ static void fill_model(model_file *file, const int32_t *counts) {
     size_t S = (size_t)counts[4], N = (size_t)counts[5];
     axm_model *model = &file->model;
     const double *o = next(&at, N_OPTIONS);
-    model->options = (aom_options){o[0], o[1], o[2], o[3], o[4], INT64_MAX / 4, INT64_MAX / 4};
+    model->options = (aom_options){o[0], o[1], o[2], o[3], o[4], INT64_MAX / 4, INT64_MAX / 4, 0};
     aom_system *s = &model->system;
     *s = (aom_system){.n_modes = counts[0],
                       .n_rows = counts[1],

@@ -21,7 +21,7 @@ from antiosc._types import Array
 from antiosc.errors import MissingDependencyError
 
 #: AOM_VERSION that the structures below belong to
-VERSION = 1
+VERSION = 2
 #: numbers that a contact may remember
 MEMORY = 8
 
@@ -43,6 +43,7 @@ class UserLaw(Structure):
     _fields_ = [
         ("context", c_void_p),
         ("n_state", c_int),
+        ("rated", c_int),
         ("force", FORCE),
         ("touch", TOUCH),
         ("advance", ADVANCE),
@@ -89,7 +90,7 @@ class Options(Structure):
     _fields_ = [
         *((name, c_double) for name in ("duration", "rel_tol", "force_scale", "step")),
         ("resolution", c_double),
-        *((name, c_int64) for name in ("max_contacts", "max_steps")),
+        *((name, c_int64) for name in ("max_contacts", "max_steps", "max_runs")),
     ]
 
 
@@ -98,7 +99,7 @@ class Record(Structure):
 
     _fields_ = [
         *((name, c_int64) for name in ("max_nodes", "max_states", "max_events")),
-        *((name, c_int64) for name in ("n_nodes", "n_states", "n_events")),
+        *((name, c_int64) for name in ("n_nodes", "n_states", "n_events", "every")),
         *((name, c_void_p) for name in ("time", "force", "depth", "states", "events")),
     ]
 
@@ -115,7 +116,21 @@ class Summary(Structure):
 class Difference(Structure):
     """`aom_difference`"""
 
-    _fields_ = [(name, c_double) for name in ("gap", "size", "until")]
+    _fields_ = [(name, c_double) for name in ("force", "peak", "until")]
+
+
+class Solution(Structure):
+    """`aom_solution`"""
+
+    _fields_ = [
+        *((name, c_int) for name in ("best", "answer")),
+        *((name, c_double) for name in ("force", "peak", "certain", "share")),
+        ("summary", Summary),
+        *((name, c_int) for name in ("present", "before", "runs", "worse", "failed")),
+        ("used", c_int64),
+        *((name, c_double) for name in ("finer", "scale")),
+        ("earlier", Summary),
+    ]
 
 
 class Model(Structure):
@@ -155,13 +170,14 @@ _SIGNATURES: dict[str, tuple[Any, ...]] = {  # result, arguments
     "aom_create": (c_int, c_void_p, c_void_p, c_size_t, c_void_p),
     "aom_start": (c_int, c_void_p, c_void_p, c_void_p),
     "aom_integrate": (c_int, c_void_p, c_void_p, c_double, c_int64),
+    "aom_solve": (c_int, c_void_p, c_void_p, c_void_p, c_void_p, c_void_p, c_int64),
     "aom_summarize": (Summary, c_void_p),
     "aom_modal_state": (None, c_void_p, c_void_p),
     "aom_responses": (None, c_int64, c_void_p, c_void_p, c_void_p, c_int, c_void_p),
     "aom_energies": (None, c_int64, c_int, c_void_p, c_void_p, c_void_p),
     "aom_compare": (
         Difference, c_int, c_int64, c_void_p, c_void_p, c_int64, c_void_p, c_void_p, c_double,
-        c_double, c_void_p,
+        c_void_p,
     ),
     "axm_size": (c_size_t, c_void_p),
     "aom_pulses": (None, c_void_p, c_void_p, c_int, c_int, c_int64, c_void_p, c_void_p),
@@ -260,17 +276,17 @@ def pulses(time: Array, force: Array, row: int, spans: NDArray[np.intp]) -> Arra
 
 
 def compare(
-    time_a: Array, force_a: Array, time_b: Array, force_b: Array, end: float, limit: float
-) -> tuple[float, float, float, Array]:
-    """Integrals of |a - b|^2 and |b|^2 up to `end` [s] over the nodes of both runs.
+    time_a: Array, force_a: Array, time_b: Array, force_b: Array, tol: float
+) -> tuple[float, float, float]:
+    """Relative difference of the forces of two runs in the L2 norm, and of their peak.
 
-    With them the time [s] when the first has used up `limit`, and the largest |a| and |b| of every
-    row, (2, m). A run has at least three nodes.
+    With them the time [s] up to which the first is below the tolerance. At the nodes of both, up to
+    the end of the shorter run.
     """
     given = _doubles(time_a, force_a, time_b, force_b)
-    peaks = np.empty((2, force_a.shape[1]))
+    work = np.empty((2, force_a.shape[1]))
     a, fa, b, fb = map(address, given)
     found = library.aom_compare(
-        len(peaks.T), time_a.size, a, fa, time_b.size, b, fb, end, limit, address(peaks)
+        len(work.T), time_a.size, a, fa, time_b.size, b, fb, tol, address(work)
     )
-    return found.gap, found.size, found.until, peaks
+    return found.force, found.peak, found.until

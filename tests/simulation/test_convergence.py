@@ -2,49 +2,43 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from types import SimpleNamespace
-from typing import Any
+from dataclasses import dataclass, field
 
 import numpy as np
-import pytest
 
 import antiosc as ao
-from antiosc import march
-from antiosc.simulation import convergence
-from antiosc.simulation.convergence import SECOND, converge
-from antiosc.simulation.engine import Run
+from antiosc.contact import State
+from antiosc.simulation.assembly import assemble
+from antiosc.simulation.convergence import converge
 
 
-def run_of(time, force) -> Run:
-    """A run with these forces (n,) at its nodes."""
-    return Run(
-        time=np.asarray(time, float),
-        force=np.asarray(force, float)[:, None],
-        depth=np.zeros((len(time), 1)),
-        states=None,
-        events=np.zeros((0, 4)),
-        answer=march.DONE,
-        steps=1,
-        attempts=1,
-        touches=1,
-        highest=1.0,
-    )
+@dataclass
+class Unlike(ao.ContactLaw):
+    """A spring that is another one in every run."""
+
+    runs: list[float] = field(default_factory=list)
+
+    def touch(self, speed: float, state: State | None = None) -> State:
+        if speed == 1.0 and state is None:
+            self.runs.append(1e6 * (1.0 + 0.05 * np.sin(2.4 * len(self.runs))))
+        return ()
+
+    def force(self, delta: float, rate: float, state: State) -> float:
+        return self.runs[-1] * max(delta, 0.0)
+
+    def tangent(self, delta: float, rate: float, state: State) -> tuple[float, float]:
+        return (self.runs[-1] if delta > 0 else 0.0, 0.0)
+
+    def energy(self, delta: float, state: State) -> float:
+        return 0.5 * self.runs[-1] * max(delta, 0.0) ** 2
 
 
-def test_a_run_whose_forces_do_not_settle_is_not_taken_for_converged(monkeypatch):
-    """A vibration whose phase is another one in every run: no two of them agree by chance."""
-    t = np.linspace(0.0, 1.0, 401)
-    shares = []
-
-    def vibrating(system, duration, share, **given):
-        shares.append(share)
-        phase = 2.4 * len(shares)
-        return replace(run_of(t, 1.0 + 0.01 * np.sin(200 * t + phase)), attempts=100)
-
-    monkeypatch.setattr(convergence, "run", vibrating)
-    system: Any = SimpleNamespace(beta=np.ones((1, 1)), R=np.zeros((1, 1)))
-    found = converge(system, [ao.Linear(1.0)], 1e-4, 1.0, 1e-3, 100, 10**6)
+def test_a_run_whose_forces_do_not_settle_is_not_taken_for_converged() -> None:
+    law = Unlike()
+    bodies = {"wall": ao.Obstacle(), "mass": ao.RigidMass(1.0, 1.0)}
+    scene = ao.Scene(bodies, [ao.Contact("wall", "mass", law)])
+    made = assemble(scene, 1e-2)
+    law.runs.clear()
+    found = converge(made.system, made.lasting, 1e-2, 1e-3, 100, 10**6)
     assert found.force > 1e-3
-    assert len(shares) > 3
-    assert shares[1] == pytest.approx(shares[0] / SECOND)
+    assert len(law.runs) > 3

@@ -13,9 +13,9 @@ from scipy.integrate import trapezoid
 
 import antiosc as ao
 from antiosc import march
-from antiosc.simulation import convergence, engine
+from antiosc.simulation import engine
 from antiosc.simulation.assembly import assemble
-from antiosc.simulation.convergence import converge, difference, left
+from antiosc.simulation.convergence import converge, difference
 from antiosc.simulation.refinement import start
 from antiosc.simulation.system import System
 from march_audit import motion
@@ -44,10 +44,10 @@ def system(laws: list[ao.ContactLaw], **given: Array) -> System:
 
 
 def test_the_structures_have_the_sizes_of_the_librarys() -> None:
-    sizes = (ctypes.c_size_t * 8)()
+    sizes = (ctypes.c_size_t * 9)()
     built().part_sizes(sizes)
     mirrored = (march.UserLaw, march.Law, march.Contact, march.System)
-    mirrored += (march.Options, march.Record, march.Summary, march.Difference)
+    mirrored += (march.Options, march.Record, march.Summary, march.Difference, march.Solution)
     assert list(sizes) == [ctypes.sizeof(each) for each in mirrored]
 
 
@@ -198,27 +198,20 @@ def blow(duration: float) -> tuple[ao.Scene, float]:
     return ao.Scene({"a": model, "b": mass}, [ao.Contact("a", "b", ao.Hertz(HERTZ))]), duration
 
 
-def test_two_runs_serve_a_smooth_blow(monkeypatch) -> None:
+def test_two_runs_serve_a_smooth_blow() -> None:
     made = assemble(*blow(1e-3))
     start(made)
-    shares = []
-
-    def run(system, duration, share, **how):
-        shares.append(share)
-        return engine.run(system, duration, share, **how)
-
-    monkeypatch.setattr(convergence, "run", run)
     tol = 1e-2
-    found = converge(made.system, made.laws, made.lasting, 1e-3, tol, 100, 10**6)
-    assert shares == [tol * convergence.FIRST, tol * convergence.FIRST / convergence.SECOND]
+    found = converge(made.system, made.lasting, 1e-3, tol, 100, 10**6)
+    assert found.share == tol / 8  # half, and of this a quarter
     assert max(found.force, found.peak) <= tol
 
 
 @pytest.mark.parametrize("finer", [2.0, 4.0, 8.0])
 def test_what_is_left_of_a_difference(finer: float) -> None:
-    """Errors e and e/f differ by e - e/f, of which the finer has 1/(f - 1)."""
-    assert left(finer, rated=False) == pytest.approx(convergence.MARGIN / (finer - 1))
-    assert left(finer**3, rated=True) == pytest.approx(convergence.MARGIN / (finer - 1))
+    """Errors e and e/f differ by e - e/f, of which the finer has 1/(f - 1); twice that is told."""
+    assert built().part_left_over(finer, 0) == pytest.approx(2 / (finer - 1))
+    assert built().part_left_over(finer**3, 1) == pytest.approx(2 / (finer - 1))
 
 
 def test_the_difference_of_two_runs_is_the_integral_of_its_square() -> None:

@@ -72,7 +72,7 @@ def test_contacts_that_do_not_fit_are_refused_before_the_work(monkeypatch):
     bodies = {f"m{i}": ao.RigidMass(0.01, 1.0) for i in range(60)}
     contacts = [ao.Contact("wall", name, ao.Hertz(1e8)) for name in bodies]
     many = ao.Scene(bodies={"wall": ao.Obstacle(), **bodies}, contacts=contacts)
-    monkeypatch.setattr(memory, "free_memory", lambda: 2e7)
+    monkeypatch.setattr(memory, "free_memory", lambda: 1e7)
     monkeypatch.setattr(memory, "UNNOTICED", 0)
     monkeypatch.setattr(engine, "Buffers", lambda *given: pytest.fail("it ran"))
     with pytest.raises(ao.OutOfMemoryError, match=r"60 contacts .* GB are free"):

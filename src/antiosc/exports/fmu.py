@@ -30,9 +30,8 @@ _CAUSES = ("input", "output", "parameter")
 def write(path: Path, data: RunData, *, fmi: int) -> None:
     """Write the FMU of a run for version 2 or 3 of the standard."""
     name = identifier(path.stem)
-    describe = _description_2 if fmi == 2 else _description_3
     with files.complete(path, "the FMU") as part, zipfile.ZipFile(part, "w") as archive:
-        _add(archive, "modelDescription.xml", _text(describe(name, path.stem, data)))
+        _add(archive, "modelDescription.xml", _text(_description(name, path.stem, data, fmi)))
         _add(archive, "resources/model.aom", model_file(data))
         for platform, library in binaries().items():
             old, ending = PLATFORMS[platform]
@@ -73,18 +72,6 @@ def _variables(data: RunData) -> Iterator[tuple[int, str, Variable]]:
             yield number, causality, variable
 
 
-def _root(fmi: str, name: str, token: dict[str, str]) -> ET.Element:
-    attributes = {
-        "fmiVersion": fmi,
-        "modelName": name,
-        **token,
-        "description": "an impact on anti-oscillators, or a port of a linear structure",
-        "generationTool": f"antiosc {__version__}",
-        "variableNamingConvention": "flat",
-    }
-    return ET.Element("fmiModelDescription", attributes)
-
-
 def _units(root: ET.Element) -> None:
     units = ET.SubElement(root, "UnitDefinitions")
     for name, base in _UNITS.items():
@@ -103,84 +90,61 @@ def _experiment(root: ET.Element, data: RunData) -> None:
     )
 
 
-def _true(*names: str) -> dict[str, str]:
-    return dict.fromkeys(names, "true")
-
-
-def _description_2(name: str, title: str, data: RunData) -> ET.Element:
-    root = _root("2.0", title, {"guid": data.token})
-    root.set("numberOfEventIndicators", "0")
-    abilities = _true(
-        "canHandleVariableCommunicationStepSize", "canGetAndSetFMUstate",
-        "canSerializeFMUstate", "canNotUseMemoryManagementFunctions",
-    )  # fmt: skip
-    if data.input_variables:
-        abilities["canInterpolateInputs"] = "true"
-    slave = ET.SubElement(root, "CoSimulation", {"modelIdentifier": name, **abilities})
-    listed = ET.SubElement(slave, "SourceFiles")
-    for unit in UNITS:
-        ET.SubElement(listed, "File", name=unit)
+def _description(name: str, title: str, data: RunData, fmi: int) -> ET.Element:
+    """modelDescription.xml: what version 2 nests or counts, version 3 writes as attributes."""
+    two = fmi == 2
+    root = ET.Element("fmiModelDescription", {
+        "fmiVersion": f"{fmi}.0", "modelName": title,
+        "guid" if two else "instantiationToken": data.token,
+        "description": "an impact on anti-oscillators, or a port of a linear structure",
+        "generationTool": f"antiosc {__version__}", "variableNamingConvention": "flat",
+        **({"numberOfEventIndicators": "0"} if two else {}),
+    })  # fmt: skip
+    state = "FMUstate" if two else "FMUState"
+    abilities = ["canHandleVariableCommunicationStepSize", f"canGetAndSet{state}"]
+    abilities.append(f"canSerialize{state}")
+    if two:
+        abilities.append("canNotUseMemoryManagementFunctions")
+        abilities += ["canInterpolateInputs"] if data.input_variables else []
+    abilities_of = {"modelIdentifier": name, **dict.fromkeys(abilities, "true")}
+    slave = ET.SubElement(root, "CoSimulation", abilities_of)
+    if two:
+        listed = ET.SubElement(slave, "SourceFiles")
+        for unit in UNITS:
+            ET.SubElement(listed, "File", name=unit)
     _units(root)
     _experiment(root, data)
     variables = ET.SubElement(root, "ModelVariables")
-    time = ET.SubElement(
-        variables, "ScalarVariable", name="time", valueReference="0", causality="independent",
-        variability="continuous",
-    )  # fmt: skip
-    ET.SubElement(time, "Real", unit="s")
-    outputs = []
-    for number, causality, variable in _variables(data):
-        each = ET.SubElement(
-            variables, "ScalarVariable", name=variable.name, valueReference=str(number),
-            description=variable.description, causality=causality,
-            variability="fixed" if causality == "parameter" else "continuous",
-        )  # fmt: skip
-        real = ET.SubElement(each, "Real", unit=variable.unit)
-        if causality == "output":
-            each.set("initial", "calculated")
-            outputs.append(str(number + 1))  # indices count from 1, the time first
-        else:
-            real.set("start", repr(float(variable.start)))
-    structure = ET.SubElement(root, "ModelStructure")
-    for group in ("Outputs", "InitialUnknowns"):
-        unknowns = ET.SubElement(structure, group)
-        for index in outputs:
-            ET.SubElement(unknowns, "Unknown", index=index)
-    return root
 
-
-def _description_3(name: str, title: str, data: RunData) -> ET.Element:
-    root = _root("3.0", title, {"instantiationToken": data.token})
-    ET.SubElement(
-        root, "CoSimulation", {"modelIdentifier": name, **_true(
-            "canHandleVariableCommunicationStepSize", "canGetAndSetFMUState",
-            "canSerializeFMUState",
-        )},
-    )  # fmt: skip
-    _units(root)
-    _experiment(root, data)
-    variables = ET.SubElement(root, "ModelVariables")
-    ET.SubElement(
-        variables, "Float64", name="time", valueReference="0", causality="independent",
-        variability="continuous", unit="s",
-    )  # fmt: skip
-    outputs = []
-    for number, causality, variable in _variables(data):
-        each = ET.SubElement(
-            variables, "Float64", name=variable.name, valueReference=str(number),
-            description=variable.description, causality=causality,
-            variability="fixed" if causality == "parameter" else "continuous",
-            unit=variable.unit,
-        )  # fmt: skip
-        if causality == "output":
-            outputs.append(str(number))
-            each.set("initial", "calculated")
+    def variable(attributes: dict[str, str], unit: str, start: str = "") -> None:
+        own = {"unit": unit, **({"start": start} if start else {})}
+        if two:
+            ET.SubElement(ET.SubElement(variables, "ScalarVariable", attributes), "Real", own)
         else:
-            each.set("start", repr(float(variable.start)))
+            ET.SubElement(variables, "Float64", {**attributes, **own})
+
+    time = {"name": "time", "valueReference": "0", "causality": "independent"}
+    variable({**time, "variability": "continuous"}, "s")
+    outputs = []
+    for number, causality, each in _variables(data):
+        fixed = "fixed" if causality == "parameter" else "continuous"
+        attributes = {
+            "name": each.name, "valueReference": str(number), "description": each.description,
+            "causality": causality, "variability": fixed,
+        }  # fmt: skip
+        if causality == "output":
+            outputs.append(number)
+            variable({**attributes, "initial": "calculated"}, each.unit)
+        else:
+            variable(attributes, each.unit, repr(float(each.start)))
     structure = ET.SubElement(root, "ModelStructure")
     for group in ("Output", "InitialUnknown"):
-        for reference in outputs:
-            ET.SubElement(structure, group, valueReference=reference)
+        unknowns = ET.SubElement(structure, f"{group}s") if two else structure
+        for number in outputs:
+            if two:  # indices count from 1, the time first
+                ET.SubElement(unknowns, "Unknown", index=str(number + 1))
+            else:
+                ET.SubElement(unknowns, group, valueReference=str(number))
     return root
 
 

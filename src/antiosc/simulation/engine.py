@@ -1,9 +1,9 @@
-"""One run of the march: the memory that it works in, and what it returns."""
+"""The march from Python: the memory that it works in, and what it returns."""
 
 from __future__ import annotations
 
 from collections import OrderedDict
-from ctypes import byref, c_void_p
+from ctypes import addressof, byref, c_void_p
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +15,7 @@ from antiosc.simulation.system import Given, System
 
 Array = NDArray[np.float64]
 
-_FIRST, _LONGEST = 2048, 1 << 17  # nodes of the first buffer, and of the largest
+_FIRST = 2048  # nodes of the first buffer; a full one becomes four times as large
 # numbers that the march may read and write between two looks for an interrupt: some 0.1 s
 _AT_ONCE = 100_000_000
 #: Bytes of states that a run keeps; a longer one keeps those of every 2nd, 4th ... step.
@@ -56,41 +56,81 @@ class Run:
 
 
 class Buffers:
-    """What the march writes into: times, forces, depths, states, events."""
+    """What the march writes of a run into: times, forces, depths, states, events."""
 
-    def __init__(self, nodes: int, p: int, m: int, size: int) -> None:
-        self.arrays = (
+    def __init__(self, record: march.Record, p: int, m: int, size: int) -> None:
+        self.record, self.shape = record, (p, m, size)
+        self.arrays: tuple[Array, ...] = ()
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of all arrays."""
+        return sum(each.nbytes for each in self.arrays)
+
+    def enlarge(self, keep: bool) -> None:
+        """Room for more nodes; `keep`: for their states too, of every 2nd where they are many."""
+        r, (p, m, size) = self.record, self.shape
+        nodes = r.max_nodes
+        if r.n_nodes + 2 > nodes or r.n_events + 1 > r.max_events:
+            nodes = max(4 * nodes, _FIRST)
+        most = max(STATES // (16 * max(size, 1)), 4)
+        if keep and self.arrays and r.n_states >= most - 2:
+            self.thin()
+        need = 8 * nodes * (2 * m + 5) + 16 * size * min(nodes // 2, most)
+        memory.require(need, f"a run of {p} contacts", SHORTER)
+        arrays = (
             np.empty(nodes),
             np.empty((nodes, m)),
             np.empty((nodes, m)),
-            np.empty((nodes // 2 + 2, 2, size)),
+            np.empty((min(nodes // 2 + 2, most) if keep else 0, 2, size)),
             np.empty((nodes + p + 1, 4)),
         )
-        at = map(march.address, self.arrays)
-        # room for one state more than the march writes: the last
-        self.record = march.Record(nodes, nodes // 2 + 1, len(self.arrays[4]), 0, 0, 0, *at)
-        self.states = self.record.states
+        for new, old in zip(arrays, self._written(), strict=False):
+            new[: len(old)] = old
+        self.arrays = arrays
+        r.max_nodes, r.max_events = nodes, len(arrays[4])
+        r.max_states = len(arrays[3]) - 1  # and the state of the end
+        r.time, r.force, r.depth, r.states, r.events = map(march.address, arrays)
+        if not keep:
+            r.states = None
 
-    def emptied(self, keep: bool) -> march.Record:
-        """The record, empty; `keep`: states are written too."""
-        record = self.record
-        record.n_nodes = record.n_states = record.n_events = 0
-        record.states = self.states if keep else None
-        return record
+    def thin(self) -> None:
+        """Keep every other state of those that are kept."""
+        r, states = self.record, self.arrays[3]
+        half = states[: r.n_states : 2].copy()
+        states[: len(half)] = half
+        r.n_states, r.every = len(half), 2 * r.every
 
-    def taken(self) -> tuple[Array, ...]:
-        """Copies of the nodes and events that were written."""
-        nodes, events = self.record.n_nodes, self.record.n_events
-        time, force, depth, _, met = self.arrays
-        return time[:nodes].copy(), force[:nodes].copy(), depth[:nodes].copy(), met[:events].copy()
+    def _written(self) -> list[Array]:
+        r = self.record
+        counts = r.n_nodes, r.n_nodes, r.n_nodes, r.n_states, r.n_events
+        return [each[:count] for each, count in zip(self.arrays, counts, strict=False)]
 
-    def states_taken(self) -> Array:
-        """The states that were written, in the buffer."""
-        return self.arrays[3][: self.record.n_states]
+    def run(self, answer: int, told: march.Summary, keep: bool) -> Run:
+        """What was written, as copies."""
+        while keep and 16 * self.record.n_states * self.shape[2] > STATES:
+            self.thin()
+        time, force, depth, states, events = (each.copy() for each in self._written())
+        return Run(
+            time=time,
+            force=force,
+            depth=depth,
+            states=states if keep else None,
+            events=events,
+            answer=answer,
+            steps=told.steps,
+            attempts=told.attempts,
+            touches=told.touches,
+            highest=told.highest,
+            refused=told.refused,
+            gained=told.gained,
+            work=told.work,
+            every=self.record.every,
+        )
 
 
 class Space:
-    """A stepper in its memory, and its first buffers.
+    """A stepper in its memory, and the buffers of its runs.
 
     It holds the responses of the steps that earlier runs of the same bodies and rows used.
     """
@@ -103,9 +143,14 @@ class Space:
         memory.require(size, f"a run with {p} contacts and {modes} modes", "use fewer of them")
         self.memory = np.empty(-(-size // 16), dtype=np.complex128)
         self.stepper = c_void_p()
-        self.buffers = Buffers(_FIRST, *self.shape)
-        self.nbytes = size + sum(each.nbytes for each in self.buffers.arrays)
+        self.records = (march.Record * 3)()
+        self.buffers = [Buffers(record, *self.shape) for record in self.records]
         self.renew(given)
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of all its memory."""
+        return self.memory.nbytes + sum(each.nbytes for each in self.buffers)
 
     def fits(self, given: Given) -> bool:
         """Whether other bodies have as many modes and rows, and need no more memory."""
@@ -168,6 +213,36 @@ def _check(answer: int) -> None:
         )
 
 
+def solve(system: System, options: march.Options, keep: bool = True) -> tuple[Run, march.Solution]:
+    """The run of the options, or the finest of several, and what is known of its errors."""
+    given = system.packed
+    p, (m, size) = len(system.laws), system.beta.shape
+    key = (p, m, size, given.bodies)
+    space = _space(key, given)
+    solution, buffers = march.Solution(), space.buffers
+    for each in buffers:
+        held = keep and each.arrays and len(each.arrays[3])
+        each.record.states = march.address(each.arrays[3]) if held else None
+        if keep and not held:
+            each.record.max_nodes = 0
+    arguments = (
+        space.stepper, byref(given.system), byref(options), byref(solution),
+        addressof(space.records), max(_AT_ONCE // (50 * (m + 1) * (size + m + 20)), 16),
+    )  # fmt: skip
+    answer = march.PAUSED
+    while answer in (march.PAUSED, march.FULL):
+        answer = march.library.aom_solve(*arguments)
+        if answer == march.FULL:
+            buffers[solution.present].enlarge(keep)
+    _check(answer)
+    if answer == march.LAW_FAILED:
+        _keep(key, space)
+        given.failed()
+    found = buffers[solution.best].run(solution.answer, solution.summary, keep)
+    _keep(key, space)
+    return found, solution
+
+
 def run(
     system: System,
     duration: float,
@@ -185,77 +260,5 @@ def run(
     The steps under contact are halvings of the longest; with `step` [s] given they are that step,
     or halvings of it where the forces need them.
     """
-    given = system.packed
-    p, m, size = len(system.laws), *system.beta.shape
-    key = (p, m, size, given.bodies)
-    space = _space(key, given)
-    options = march.Options(duration, share, scale, step or 0.0, fine, max_contacts, max_steps)
-    answer = march.library.aom_start(space.stepper, byref(given.system), byref(options))
-    _check(answer)
-    parts: list[tuple[Array, ...]] = []
-    thinned = _Thinned()
-    at_once = max(_AT_ONCE // (50 * (m + 1) * (size + m + 20)), 16)
-    nodes, buffers = _FIRST, space.buffers
-    record = buffers.emptied(keep)
-    while answer in (march.DONE, march.PAUSED, march.FULL):
-        answer = march.library.aom_integrate(space.stepper, byref(record), np.inf, at_once)
-        if answer == march.FULL:
-            parts.append(buffers.taken())
-            thinned.add(buffers.states_taken())
-            nodes = min(4 * nodes, _LONGEST, max(_FIRST, STATES // (8 * max(size, 1))))
-            used = sum(each.nbytes for part in parts for each in part)
-            need = used + 8 * nodes * (2 * m + size)
-            memory.require(need, f"a run of {p} contacts", SHORTER)
-            buffers = Buffers(nodes, p, m, size)
-            record = buffers.emptied(keep)
-        elif answer != march.PAUSED:
-            break
-    if keep:
-        last = buffers.arrays[3][record.n_states]
-        march.library.aom_modal_state(space.stepper, march.address(last))
-        record.n_states += 1
-    parts.append(buffers.taken())
-    thinned.add(buffers.states_taken())
-    told = march.library.aom_summarize(space.stepper)
-    _keep(key, space)
-    if answer == march.LAW_FAILED:
-        given.failed()
-    whole = parts[0]
-    if len(parts) > 1:  # a part begins with the node that the one before ends with
-        rest = [(time[1:], force[1:], depth[1:], *kept) for time, force, depth, *kept in parts[1:]]
-        whole = tuple(np.concatenate(part) for part in zip(parts[0], *rest, strict=True))
-    return Run(
-        time=whole[0],
-        force=whole[1],
-        depth=whole[2],
-        states=thinned.states() if keep else None,
-        events=whole[3],
-        answer=int(answer),
-        steps=told.steps,
-        attempts=told.attempts,
-        touches=told.touches,
-        highest=told.highest,
-        refused=told.refused,
-        gained=told.gained,
-        work=told.work,
-        every=thinned.every,
-    )
-
-
-class _Thinned:
-    """States of steps as they come; of every 2nd, 4th ... step where they would be too many."""
-
-    def __init__(self) -> None:
-        self.every, self._steps, self._parts = 1, 0, list[Array]()
-
-    def add(self, states: Array) -> None:
-        """States (n, 2, J) at the starts of the next n steps."""
-        self._parts.append(states[(-self._steps) % self.every :: self.every].copy())
-        self._steps += len(states)
-        while sum(part.nbytes for part in self._parts) > STATES and self._steps > self.every:
-            self._parts = [self.states()[::2].copy()]
-            self.every *= 2
-
-    def states(self) -> Array:
-        """All that are kept."""
-        return self._parts[0] if len(self._parts) == 1 else np.concatenate(self._parts)
+    options = march.Options(duration, share, scale, step or 0.0, fine, max_contacts, max_steps, 1)
+    return solve(system, options, keep)[0]

@@ -47,7 +47,7 @@ def exact(
             max_steps,
         )
     else:
-        best = converge(system, (problem.law,), scale, duration, tol, max_contacts, max_steps)
+        best = converge(system, scale, duration, tol, max_contacts, max_steps)
         found, error = best.run, {"force": best.force, "peak": best.peak}
         failure = stopped(found.answer, float(found.time[-1]), max_contacts, max_steps)
     result = trajectory(problem, system, found, duration)

@@ -26,7 +26,7 @@ class OwnLaw:
         functions = (
             march.FORCE(self._force), march.TOUCH(self._touch), march.ADVANCE(self._advance)
         )  # fmt: skip
-        self.kernel = march.UserLaw(None, self.size, *functions)
+        self.kernel = march.UserLaw(None, self.size, law.rate_dependent, *functions)
 
     def _force(self, _: Any, delta: float, rate: float, state: Any, out: Any) -> int:
         try:

@@ -120,8 +120,8 @@ def exactly(
     """The run by the exact method, and why a given step [s] failed."""
     system, laws = assembly.system, assembly.laws
     if step is None:
-        lasting = assembly.lasting
-        return converge(system, laws, lasting, duration, tol, max_contacts, max_steps), ""
+        limits = max_contacts, max_steps
+        return converge(system, assembly.lasting, duration, tol, *limits), ""
     step = checked_step(step, duration)
 
     def stiffness() -> Array:
