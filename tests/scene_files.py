@@ -11,7 +11,7 @@ import numpy as np
 
 from antiosc import cli
 from antiosc.scene_file.read import read
-from antiosc.scene_file.run import results
+from antiosc.scene_file.run import COMMANDS, Results, results
 from antiosc.scene_file.scene import compiled
 from paths import DEMOS, MESHES
 
@@ -137,10 +137,9 @@ def numbers(folder: Path) -> dict[str, Any]:
     return found
 
 
-def program(path: Path, command: str = "run") -> dict[str, Any]:
-    """What a scene makes when its statements run: name -> object."""
-    scene = compiled(read(path))
-    return results(scene, scene.statements(command)).variables
+def objects(path: Path, command: str = "run") -> Results:
+    """What a scene makes when it runs."""
+    return results(compiled(read(path)), COMMANDS[command])
 
 
 def table(path) -> dict[str, np.ndarray]:

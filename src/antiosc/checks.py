@@ -110,12 +110,12 @@ def rigid(value: Any) -> bool:
     return endless(value) and bool(value > 0)
 
 
-def poisson(nu: Any) -> float:
+def poisson(value: Any, name: str = "nu") -> float:
     """Poisson's ratio of a stable isotropic material, -1 < nu < 0.5, or InputError."""
-    result = number("nu", nu)
+    result = number(name, value)
     if not -1 < result < 0.5:
         raise InputError(
-            f"nu must lie in -1 < nu < 0.5 (0.5 is incompressible and has no finite"
+            f"{name} must lie in -1 < {name} < 0.5 (0.5 is incompressible and has no finite"
             f" stiffness here); got {result:g}."
         )
     return result

@@ -124,10 +124,9 @@ def _results(command: argparse.ArgumentParser) -> None:
 
 
 def _on_scene_file(options: argparse.Namespace) -> int:
-    from antiosc.scene_file import commands
+    from antiosc.scene_file.commands import guarded
 
-    options.command = getattr(commands, options.command)
-    return commands.guarded(options)
+    return guarded(options)
 
 
 def _info(_options: argparse.Namespace) -> int:

@@ -187,6 +187,7 @@ PACKAGES = [
     Package("NumPy", "numpy", "python3-numpy", _attribute("numpy")),
     Package("SciPy", "scipy", "python3-scipy", _attribute("scipy")),
     Package("matplotlib", "matplotlib", "python3-matplotlib", _attribute("matplotlib")),
+    Package("jinja2", "jinja2", "python3-jinja2", _attribute("jinja2")),
     Package("MPI", "mpi4py", "python3-mpi4py", _mpi),
     Package("mpi4py", "mpi4py", "python3-mpi4py", _attribute("mpi4py")),
     Package("PETSc", "petsc4py", "python3-petsc4py-real", _petsc),

@@ -14,6 +14,8 @@ from scene_files import BEAM, FRAME, SCENES, SWEEP, antiosc, numbers, written
 
 pytestmark = pytest.mark.fem
 
+#: What a report shows of a map.
+MAPPED = ("peak force", "contact time", "k0")
 PART = f"""\
 [parts.NAME.geometry]
 source = "{MESHES}/beam.msh"
@@ -84,7 +86,9 @@ def test_a_map_of_both_parts_and_a_probe_of_a_group(tmp_path, capsys):
     for name in ("first", "second"):
         forces = [float(row.split(",")[force]) for row in table[1:] if row.startswith(name)]
         assert f"{names.count(name)} sites, at most {max(forces):.5g} N at (" in told
-    assert "at most" in (tmp_path / "map.html").read_text()
+    page = (tmp_path / "map.html").read_text()
+    assert "at most" in page
+    assert re.findall("<h3>(.*?)</h3>", page) == [f"Map: {name}" for name in MAPPED]
     assert numbers(tmp_path)["map"]["surface"] == names
     assert antiosc("run", path, "--out", tmp_path) == 0
     end = np.loadtxt(tmp_path / "probes.csv", delimiter=",", skiprows=1)[:, :4]
@@ -96,14 +100,14 @@ def test_a_map_of_both_parts_and_a_probe_of_a_group(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("old", "new", "held"),
     [
-        ('a = ["first"', 'a = ["frist"', "did you mean 'first'"),
-        ("[at.second]", "[at.secnd]", "did you mean 'second'"),
-        ('"Section.rectangle"', '"Section.rectangel"', "did you mean 'Section.rectangle'"),
-        ("height = 0.01 }", "higth = 0.01 }", "did you mean 'height'"),
-        ('kind = "Weld"', 'kind = "Wield"', "did you mean 'Weld'"),
-        ("[at.second]", "[material]\n[at.second]", "each part has its own"),
-        ("near = [[0, 0, 0], 1e-6]", "near = [[0, 0, 0]]", "the list has 1 entries"),
-        ("[[parts.first.supports]]", "[[parts.first.suports]]", "did you mean [supports]"),
+        ('a = ["first"', 'a = ["frist"', "'first'"),
+        ("[at.second]", "[at.secnd]", "'second'"),
+        ('"Section.rectangle"', '"Section.rectangel"', "'Section.rectangle'"),
+        ("height = 0.01 }", "higth = 0.01 }", "'height'"),
+        ('kind = "Weld"', 'kind = "Wield"', "'Weld'"),
+        ("[at.second]", "[material]\n[at.second]", "parts.NAME"),
+        ("near = [[0, 0, 0], 1e-6]", "near = [[0, 0, 0]]", "1 entries"),
+        ("[[parts.first.supports]]", "[[parts.first.suports]]", "[supports]"),
         ('quantity = "rotation"', 'quantity = "rotations"', "'rotation'"),
     ],
 )

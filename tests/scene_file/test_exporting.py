@@ -5,31 +5,21 @@ from __future__ import annotations
 import pytest
 
 import antiosc as ao
-from antiosc.scene_file.read import read
-from antiosc.scene_file.run import results
-from antiosc.scene_file.scene import compiled
 from fmus import OK, Fmu
-from scene_files import BEAM, BODIES, FRAME, HIT, LAW, MATRICES, antiosc, written
+from scene_files import BEAM, BODIES, FRAME, HIT, LAW, MATRICES, antiosc, objects, written
 
 MODEL = f"{MATRICES}dof = 'z'\n[extract]\nn = 6\n"
 #: The ball falls on the beam.
 FALLS = BEAM.replace("duration", "gap = 1e-5\ngravity = 9.81\nduration")
 
 
-def history(path):
-    scene = compiled(read(path))
-    found = results(scene, [*scene.structure, *scene.model, *scene.strike, scene.simulation])
-    return found.history
-
-
-@pytest.mark.sample
 @pytest.mark.parametrize(("text", "fmi"), [(BEAM, 2), (BEAM, 3), (FALLS, 2), (FRAME, 3)])
 def test_the_fmu_of_a_scene_file_gives_its_forces(tmp_path, text, fmi):
     path = written(tmp_path, text)
     assert antiosc("export", path, tmp_path / "blow.fmu", "--fmi", fmi) == 0
     fmu = Fmu(tmp_path / "blow.fmu", tmp_path / "unpacked")
     assert fmu.version == fmi
-    run, hit = fmu.instance(), history(path)
+    run, hit = fmu.instance(), objects(path).history
     assert run.begin() == OK
     contacts = [name for name in fmu.variables if name.endswith("peak_force")]
     found = run.run(hit.time[-1], 3, contacts)[-1]

@@ -7,9 +7,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+pytest.importorskip("dolfinx")
+
+import antiosc as ao
 from antiosc.errors import AntioscError, InputError
 from antiosc.scene_file import group_names
-from antiosc.scene_file.program import Call, Name, Statement
+from antiosc.scene_file.build import Call
 
 # --- Groups ---------------------------------------------------------------------------------------
 
@@ -25,32 +28,37 @@ DATA = {
 }
 
 
+def named(data, part):
+    return {place: name for place, name in group_names._named(data, part) if isinstance(name, str)}
+
+
 def test_places_that_name_groups():
-    assert dict(group_names._named(DATA, "")) == {
+    assert named(DATA, "") == {
         ("material", "a"): "a", ("material", "b"): "b", ("supports", 0, "where"): "clamp",
         ("attached", 1, "where"): "top", ("sites", "s", "point"): "eye",
         ("probes", "p", "point"): "q:tip", ("map", "where"): "skin",
     }  # fmt: skip
-    assert dict(group_names._named(DATA, "q")) == {
-        ("joints", 0, "a"): "q:x", ("joints", 1, "group"): "q:z", ("probes", "p", "point"): "q:tip",
-        ("parts", "q", "supports", 0, "where"): "q:foot",
+    assert named(DATA, "q") == {
+        ("joints", 0, "a"): "x", ("joints", 1, "group"): "z", ("probes", "p", "point"): "tip",
+        ("parts", "q", "supports", 0, "where"): "foot",
     }  # fmt: skip
-    assert dict(group_names._named({"parts": {"q": {}}}, "q")) == {}
-    assert dict(group_names._named({"map": {"where": [0]}}, "")) == {}
+    assert named({"parts": {"q": {}}}, "q") == {}
+    assert named({"map": {"where": [0]}}, "") == {}
 
 
 def test_meshes_and_decks_of_a_scene():
-    mesh = Call("ao.read_mesh", {"source": "a.msh"}, ("geometry",))
-    deck = Call("ao.read_model", {"path": "b.inp"}, ("parts", "q", "deck"))
-    parts = Call("ao.assemble", {"*parts": {"q": deck, "r": Call("ao.Structure", {"*mesh": mesh})}})
-    strike = Call("ao.strike", {"*source": "c.msh"}, ("strike",))
-    for statements, run, expected in (
-        ([Statement("structure", parts)], None, [("q", "b.inp"), ("", "a.msh")]),
-        ([], Statement("history", strike), [("", "c.msh")]),
-        ([], Statement("history", Call("ao.strike", {"*source": Name("mesh")})), []),
-        ([], Statement("history", Call("ao.simulate", {})), []),
+    mesh = Call(ao.read_mesh, {"source": "a.msh"}, ("geometry",))
+    deck = Call(ao.read_model, {"path": "b.inp"}, ("parts", "q", "deck"))
+    parts = Call(ao.assemble, {"parts": {"q": deck, "r": Call(ao.Structure, {"mesh": mesh})}})
+    strikes = [Call(ao.strike, {"source": source}) for source in ("c.msh", mesh, parts)]
+    for structure, run, expected in (
+        (parts, None, [("q", "b.inp"), ("", "a.msh")]),
+        (parts, strikes[2], [("q", "b.inp"), ("", "a.msh")]),
+        (None, strikes[0], [("", "c.msh")]),
+        (None, strikes[1], [("", "a.msh")]),
+        (None, Call(ao.simulate, {}), []),
     ):
-        made = SimpleNamespace(structure=statements, simulation=run)
+        made = SimpleNamespace(structure=structure, history=run)
         calls = list(group_names._meshes(made))
         assert [(part, group_names._path(call).name) for part, call in calls] == expected
 
@@ -59,7 +67,7 @@ def test_the_outline_of_a_file(tmp_path, monkeypatch):
     """The box of all cells in space, the largest of them; a file that is too large is not read."""
     path = tmp_path / "a.msh"
     path.write_bytes(b"x" * 11)
-    call = Call("ao.read_mesh", {"source": str(path)})
+    call = Call(ao.read_mesh, {"source": str(path)})
     pieces = [(np.array([[0.0, 1.0], [3.0, -1.0]]), 0.5), (np.array([[4.0, 0.0]]), 0.7)]
     monkeypatch.setattr(group_names, "_read", lambda call, path: (["A", "B"], pieces))
     monkeypatch.setattr(group_names, "LARGEST", 11)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, Literal
 
 import numpy as np
@@ -15,11 +17,7 @@ pytest.importorskip("dolfinx")
 
 import antiosc as ao
 from antiosc.scene_file.kinds import kinds_of, words
-
-
-def nothing() -> None:
-    """A function whose module has the names of the annotations."""
-
+from antiosc.scene_file.sections import FAMILIES, IMPACTORS, JOINTS, LAWS
 
 TEXT = 'a text in "quotes"'
 ANNOTATIONS = {
@@ -47,9 +45,38 @@ ANNOTATIONS = {
 @pytest.mark.parametrize("case", ANNOTATIONS)
 def test_annotations_in_words_and_what_fits_them(case):
     annotation, text, fitting, others = ANNOTATIONS[case]
-    kinds = kinds_of(annotation, nothing)
+    kinds = kinds_of(annotation)
     assert words(kinds) == text
     for value in fitting:
         assert any(kind.fits(value) for kind in kinds), value
     for value in others:
         assert not any(kind.fits(value) for kind in kinds), value
+
+
+def test_a_name_for_a_type_holds_what_the_type_holds():
+    """From NumPy 2.4 ArrayLike is such a name, of which nothing but its value tells the type."""
+    for annotation in (float, list[int], ArrayLike):
+        assert kinds_of(SimpleNamespace(__value__=annotation)) == kinds_of(annotation) != ()
+
+
+def test_every_public_class_of_a_section_is_in_its_list():
+    """A new material, law, impactor or joint, and each constructor of a law or an impactor."""
+    public = [getattr(ao, name) for name in ao.__all__ if inspect.isclass(getattr(ao, name))]
+    public = [kind for kind in public if not inspect.isabstract(kind)]
+    laws = [kind for kind in public if issubclass(kind, ao.ContactLaw)]
+    impactors = [kind for kind in public if callable(getattr(kind, "modal", None))]
+    impactors = [kind for kind in impactors if kind not in (ao.AntiOscillators, ao.LinearBody)]
+
+    def constructors(kind: type) -> list[str]:
+        names = inspect.getmembers(kind, inspect.ismethod)
+        own = [n for n, method in names if method.__annotations__["return"] == kind.__name__]
+        return [kind.__name__, *(f"{kind.__name__}.{n}" for n in own)]
+
+    found = {
+        FAMILIES: [kind.__name__ for kind in public if hasattr(kind, "weak_form")],
+        JOINTS: [kind.__name__ for kind in public if hasattr(kind, "constraints")],
+        LAWS: [name for kind in laws for name in constructors(kind)],
+        IMPACTORS: [name for kind in impactors for name in constructors(kind)],
+    }
+    for names, kinds in found.items():
+        assert set(kinds) == set(names.split()) - {"named_impactor"}

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from antiosc.scene_file.locations import line_of, locations
+import tomllib
+
+from antiosc.scene_file.locations import lines_of
 
 TEXT = '''\
 # a comment with [brackets] and = signs
@@ -54,11 +56,14 @@ LINES = {
 
 
 def test_every_key_has_its_line():
-    found = locations(TEXT)
-    assert {place: found.get(place) for place in LINES} == LINES
+    assert dict(zip(LINES, lines_of(TEXT, LINES), strict=True)) == LINES
 
 
 def test_a_place_that_is_not_written_is_that_of_the_table_around_it():
-    found = locations(TEXT)
-    assert line_of(found, ("a", "b", "missing", 3)) == 4
-    assert line_of(found, ("nothing",)) == 1
+    assert lines_of(TEXT, [("a", "b", "missing", 3), ("nothing",), ("t", 7)]) == [4, 1, 17]
+
+
+def test_a_text_with_the_key_of_the_lines_has_no_lines():
+    text = 'y = 1\n[a]\n"\\u0000line" = 1\n'
+    assert tomllib.loads(text)
+    assert lines_of(text, [("a",)]) == [1]

@@ -32,7 +32,7 @@ STRUCK = {
 
 def results(sites=(), **variables):
     document = SimpleNamespace(data={"sites": sites} if sites else {})
-    found = {"history": None, "model": None, "batch": None, "found": None, "structure": None,
+    found = {"history": None, "model": None, "batch": None, "map": None, "structure": None,
              "probes": None, **variables}  # fmt: skip
     return SimpleNamespace(compiled=SimpleNamespace(document=document), **found)
 
@@ -64,22 +64,6 @@ def test_a_structure_from_several_sides(monkeypatch, known):
     ]
     monkeypatch.setattr(drawn, "_drawn", lambda *_: drawn.Picture("one", "not drawn", ""))
     assert [one.heading for one in drawn._of_structure(found)] == ["one"]
-
-
-def test_pictures_are_those_of_what_was_found(monkeypatch):
-    monkeypatch.setattr(drawn, "_chart", lambda heading, *_: heading)
-    monkeypatch.setattr(drawn, "_drawn", lambda heading, *_: heading)
-    monkeypatch.setattr(drawn, "_of_structure", lambda found: ["Structure"])
-    hit = SimpleNamespace()
-    force = ["Contact force", "Displacements", "Energies"]
-    assert list(drawn.pictures(results(history=hit))) == force
-    assert list(drawn.pictures(results(history=hit, probes={"a": 1}, structure=1))) == [
-        *force, "Probes", "Structure",
-    ]  # fmt: skip
-    assert list(drawn.pictures(results(model=1))) == ["Anti-oscillators", "Dynamic stiffness"]
-    assert list(drawn.pictures(results(batch=1))) == ["Sweep"]
-    surface = SimpleNamespace(quantities=lambda: {"k0": 1, "peak_force": 1, "m_st": 1})
-    assert list(drawn.pictures(results(found=surface))) == ["Map: peak force", "Map: k0"]
 
 
 def test_a_picture_is_data_or_a_sentence():

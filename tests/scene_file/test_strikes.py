@@ -7,11 +7,10 @@ import pickle
 import numpy as np
 import pytest
 
-from antiosc.scene_file.program import Name
 from antiosc.scene_file.read import read
 from antiosc.scene_file.scene import compiled
 from paths import MESHES
-from scene_files import STRIKE, antiosc, numbers, program, table, written
+from scene_files import STRIKE, antiosc, numbers, objects, table, written
 
 
 @pytest.mark.fem
@@ -20,14 +19,14 @@ def test_a_strike_takes_what_the_scene_says(tmp_path, capsys):
     pytest.importorskip("dolfinx")
 
     def struck(text: str) -> dict:
-        found = compiled(read(written(tmp_path, text))).simulation.expression
-        assert found.function == "ao.strike"
+        found = compiled(read(written(tmp_path, text))).history
+        assert found.name == "strike"
         return found.arguments
 
-    assert Name("structure") in struck(STRIKE).values()
+    assert struck(STRIKE)["source"].name == "Structure"
     given = struck(STRIKE.replace("order = 1\n", "").replace("[structure]\n", ""))
-    assert f"{MESHES}/bracket.msh" in given.values()
-    assert given["material"].function == "ao.Solid"
+    assert given["source"] == f"{MESHES}/bracket.msh"
+    assert given["material"].name == "Solid"
     assert [one.arguments["where"] for one in given["supports"]] == ["clamp"]
     assert antiosc("check", written(tmp_path, f"{STRIKE}[simulate]\nduration = 1e-3\n")) == 1
     assert "[strike] chooses what [simulate] says" in capsys.readouterr().err
@@ -81,8 +80,8 @@ def test_probes_of_a_strike_are_those_of_its_last_mesh(tmp_path, capsys):
     path = written(tmp_path, STRIKE_PLATE)
     assert antiosc("run", path, "--out", tmp_path / "out") == 0
     capsys.readouterr()
-    found = program(path)
-    hit, probes = found["history"], found["probes"]
+    found = objects(path)
+    hit, probes = found.history, found.probes
     assert hit.structure.dofs == hit.model.info["strike"][-1]["dofs"]
     site = -probes["tip"][:, 1]  # one point of the patch
     assert np.abs(site - hit.displacement).max() < 0.05 * np.abs(hit.displacement).max()

@@ -10,7 +10,7 @@ from antiosc.errors import AntioscError
 from antiosc.memory import free_memory
 from antiosc.scene_file.group_names import outlines
 from antiosc.scene_file.result_tables import lines
-from antiosc.scene_file.run import Results, results
+from antiosc.scene_file.run import COMMANDS, Results, results
 from antiosc.scene_file.scene import Compiled
 from antiosc.simulation.compared_impact import COARSEST
 from antiosc.simulation.impact_band import BAND_OVER_PULSE, impact_band
@@ -19,7 +19,7 @@ from antiosc.simulation.simulate import DEFAULT_TOL
 
 def text(scene: Compiled) -> str:
     """Family, dofs, n, step and cost; the structure is built for it, but not factored."""
-    found = results(scene, [*scene.structure, *scene.strike_before_model])
+    found = results(scene, COMMANDS["dry run"])
     rows: list[tuple[str, str]] = []
     if found.structure is not None:
         rows += _of_structure(found)
@@ -61,7 +61,7 @@ def _factor(structure: Any) -> str:
 
 
 def _of_model(scene: Compiled, found: Results) -> list[tuple[str, str]]:
-    if not scene.model or found.structure is None:
+    if scene.model is None or found.structure is None:
         return []
     asked = scene.document.data.get("extract", {})
     sites = len(scene.document.data.get("sites", {}))

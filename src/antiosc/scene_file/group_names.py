@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+import antiosc
 from antiosc import checks
 from antiosc._types import Array
 from antiosc.errors import (
@@ -26,9 +27,9 @@ from antiosc.errors import (
     without_warnings,
 )
 from antiosc.fem.site.site import SNAP_SHARE
+from antiosc.scene_file.build import Call, calls_in
 from antiosc.scene_file.locations import Place
 from antiosc.scene_file.problems import label, unknown
-from antiosc.scene_file.program import Call, Evaluation, calls_in
 from antiosc.scene_file.scene import Compiled
 
 #: Largest file that is read for its groups, bytes.
@@ -97,10 +98,9 @@ def check(found: Compiled) -> list[str]:
             continue
         told.append(f"{one.name} reaches {one.text()}.")
         for place, group in _named(found.document.data, part):
-            found_name = group.partition(":")[2] if part else group
-            if found_name not in one.groups:
+            if isinstance(group, str) and group not in one.groups:
                 what = f"{label(place)}: in {one.name} the group"
-                problems.add(place, unknown(what, found_name, one.groups))
+                problems.add(place, unknown(what, group, one.groups))
     if len(known) == sum(1 for _ in _meshes(found)):
         _check_points(found, known)
     problems.raise_if_any()
@@ -144,31 +144,26 @@ def _check_points(found: Compiled, known: Mapping[str, Outline]) -> None:
 
 def _at(found: Compiled) -> Mapping[str, Any]:
     """Part -> where an assembly places it."""
-    for statement in found.structure:
-        for call in calls_in(statement.expression):
-            if call.function == "ao.assemble":
-                at: Mapping[str, Any] = Evaluation(_failed).value(call.arguments.get("at", {}))
-                return at
-    return {}
+    places = found.structure.arguments.get("at", {}) if found.structure is not None else {}
+    return {part: call.made for part, call in places.items()}
 
 
 def _meshes(found: Compiled) -> Iterator[tuple[str, Call]]:
     """("" or name of a part, the call of read_mesh or read_model)."""
-    for statement in found.structure:
-        for call in calls_in(statement.expression):
-            if call.function in ("ao.read_mesh", "ao.read_model"):
-                inner = call.place[:1] == ("parts",)
-                yield (str(call.place[1]) if inner else "", call)
-    run = found.simulation
-    if run is not None and run.expression.function == "ao.strike":
-        source = run.expression.arguments["*source"]
+    run = found.history
+    source = found.structure
+    if source is None and run is not None and run.name == "strike":
+        source = run.arguments["source"]
         if isinstance(source, str):
-            yield "", Call("ao.read_mesh", {"source": source}, ("geometry",))
+            source = Call(antiosc.read_mesh, {"source": source}, ("geometry",))
+    for call in calls_in(source):
+        if call.name in ("read_mesh", "read_model"):
+            yield (str(call.place[1]) if call.place[0] == "parts" else "", call)
 
 
 def _path(call: Call) -> Path:
     """The file that a call of read_mesh or read_model reads."""
-    return Path(str(call.arguments["path" if call.function == "ao.read_model" else "source"]))
+    return Path(str(call.arguments["path" if call.name == "read_model" else "source"]))
 
 
 def outline(call: Call) -> Outline:
@@ -208,16 +203,12 @@ def _read(call: Call, path: Path) -> tuple[list[str], list[tuple[Array, float]]]
         unit = call.arguments.get("unit")
         found = opened(path, None if unit is None else UnitSystem.of(unit))
         return list(found.groups), [(found.points, call.arguments.get("size") or 0.0)]
-    if call.function == "ao.read_model":
+    if call.name == "read_model":
         names, raws = outline_of_deck(**call.arguments)
         return names, [(raw.points, _largest(raw.points[raw.cells])) for raw in raws]
 
-    mesh = Evaluation(_failed).value(call)
+    mesh = call.make(**call.arguments)
     return list(mesh.groups), [(mesh.dolfinx.geometry.x, _largest(mesh.geometry.nodes))]
-
-
-def _failed(_: Call, error: Exception) -> Exception:
-    return error
 
 
 def _largest(cells: Array) -> float:
@@ -225,39 +216,26 @@ def _largest(cells: Array) -> float:
     return float(np.linalg.norm(np.ptp(cells, axis=1), axis=1).max(initial=0.0))
 
 
-def _named(data: Mapping[str, Any], part: str) -> Iterator[tuple[Place, str]]:
-    """Places of a scene that name a group of a mesh, and the name; of a part "part:group"."""
-    if part:
-        yield from _in_joints(data, part)
+def _named(data: Mapping[str, Any], part: str) -> Iterator[tuple[Place, Any]]:
+    """Places of a scene that may name a group of a mesh, or of a part, and what stands there."""
     own: Mapping[str, Any] = data["parts"][part] if part else data
     start: Place = ("parts", part) if part else ()
-    mark = f"{part}:" if part else ""
     material = own.get("material", {})
     if material and all(isinstance(each, dict) for each in material.values()):
-        for group in material:
-            yield (*start, "material", group), mark + group
+        yield from (((*start, "material", group), group) for group in material)
     for name in ("supports", "attached"):
         for i, table in enumerate(own.get(name, ())):
-            if isinstance(table.get("where"), str):
-                yield (*start, name, i, "where"), mark + table["where"]
-    if part:
+            yield (*start, name, i, "where"), table.get("where")
+    ends: list[tuple[Place, Any]] = [
+        ((name, key, "point"), table.get("point"))
+        for name in ("sites", "probes")
+        for key, table in data.get(name, {}).items()
+    ]
+    if not part:
+        yield from [*ends, (("map", "where"), data.get("map", {}).get("where"))]
         return
-    for name in ("sites", "probes"):
-        for key, table in data.get(name, {}).items():
-            if isinstance(table.get("point"), str):
-                yield (name, key, "point"), table["point"]
-    if isinstance(data.get("map", {}).get("where"), str):
-        yield ("map", "where"), data["map"]["where"]
-
-
-def _in_joints(data: Mapping[str, Any], part: str) -> Iterator[tuple[Place, str]]:
-    """Ends "part:group" of joints and sites of an assembly."""
     for i, table in enumerate(data.get("joints", ())):
-        for key in ("a", "b", "group"):
-            if isinstance(table.get(key), str) and table[key].startswith(f"{part}:"):
-                yield ("joints", i, key), table[key]
-    for name in ("sites", "probes"):
-        for key, table in data.get(name, {}).items():
-            point = table.get("point")
-            if isinstance(point, str) and point.startswith(f"{part}:"):
-                yield (name, key, "point"), point
+        ends += [(("joints", i, key), table.get(key)) for key in ("a", "b", "group")]
+    for place, text in ends:
+        if isinstance(text, str) and text.startswith(f"{part}:"):
+            yield place, text.removeprefix(f"{part}:")

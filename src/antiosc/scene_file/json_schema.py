@@ -5,20 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from antiosc.scene_file.build import KIND
 from antiosc.scene_file.kinds import Kind
 from antiosc.scene_file.parameters import Parameter, parameters
-from antiosc.scene_file.sections import SECTIONS, Section, constructors_of
-from antiosc.scene_file.studies import VARIED
-
-_SCHEMA_TYPES: dict[str, dict[str, Any]] = {
-    "number": {"type": "number"},
-    "whole": {"type": "integer"},
-    "text": {"type": "string"},
-    "path": {"type": "string"},
-    "flag": {"type": "boolean"},
-    "data": {"type": ["number", "string", "array"]},
-}
+from antiosc.scene_file.sections import KIND, SECTIONS, VARIED, Section, constructors_of
 
 
 def schema() -> dict[str, Any]:
@@ -31,9 +20,16 @@ def schema() -> dict[str, Any]:
     }
 
 
+def _closed(properties: Mapping[str, Any]) -> dict[str, Any]:
+    return {"type": "object", "additionalProperties": False, "properties": dict(properties)}
+
+
+def _many(one: Any) -> dict[str, Any]:
+    return {"type": "object", "additionalProperties": one}
+
+
 def _sections(known: Mapping[str, Section]) -> dict[str, Any]:
-    properties = {name: _section(name, section) for name, section in known.items()}
-    return {"type": "object", "additionalProperties": False, "properties": properties}
+    return _closed({name: _section(name, section) for name, section in known.items()})
 
 
 def _section(name: str, section: Section) -> dict[str, Any]:
@@ -41,22 +37,16 @@ def _section(name: str, section: Section) -> dict[str, Any]:
     if section.form == "text":
         return {**about, "type": "string"}
     if name == "points":
-        point = {"type": "array", "items": {"type": "number"}}
-        return {**about, "type": "object", "additionalProperties": point}
+        return {**about, **_many({"type": "array", "items": {"type": "number"}})}
     if name == "sweep":
-        lists = {"type": "object", "additionalProperties": {"type": "array"}}
-        properties = dict.fromkeys(VARIED, lists)
-        return {
-            **about, "type": "object", "additionalProperties": False, "properties": properties
-        }  # fmt: skip
+        return {**about, **_closed(dict.fromkeys(VARIED, _many({"type": "array"})))}
     if section.inner:
-        return {**about, "type": "object", "additionalProperties": _sections(section.inner)}
-    one = _one_of(section.makes(), section.given, methods=name in ("contact",))
+        return {**about, **_many(_sections(section.inner))}
+    one = _one_of(section.makes, section.given.split(), methods=name == "contact")
     if section.form == "list":
         return {**about, "type": "array", "items": one}
     if section.form == "named":
-        many = {"type": "object", "additionalProperties": one}
-        return {**about, **({"anyOf": [one, many]} if section.alone else many)}
+        return {**about, **({"anyOf": [one, _many(one)]} if section.alone else _many(one))}
     return {**about, **one}
 
 
@@ -64,26 +54,16 @@ def _one_of(makes: Sequence[str], given: Iterable[str] = (), methods: bool = Fal
     """A table of one of several kinds."""
     tables = [_table(name, given, len(makes) > 1) for name in makes]
     if methods:  # laws that a body makes, as "impactor.hertz"
-        tables.append(
-            {
-                "type": "object",
-                "required": [KIND],
-                "properties": {KIND: {"type": "string", "pattern": r"^[^.]+\.[a-z]\w*$"}},
-            }
-        )
+        kind = {KIND: {"type": "string", "pattern": r"^[^.]+\.[a-z]\w*$"}}
+        tables.append({"type": "object", "required": [KIND], "properties": kind})
     return tables[0] if len(tables) == 1 else {"anyOf": tables}
 
 
 def _table(function: str, given: Iterable[str], several: bool) -> dict[str, Any]:
     known = {n: p for n, p in parameters(function).items() if n not in set(given)}
-    properties: dict[str, Any] = {name: _parameter(p) for name, p in known.items()}
-    needed = [name for name, p in known.items() if p.needed]
-    if several:
-        properties = {KIND: {"const": function}, **properties}
-        needed = [KIND, *needed]
-    table: dict[str, Any] = {
-        "type": "object", "additionalProperties": False, "properties": properties
-    }  # fmt: skip
+    kind = {KIND: {"const": function}} if several else {}
+    needed = [*kind, *(name for name, p in known.items() if p.needed)]
+    table = _closed({**kind, **{name: _parameter(p) for name, p in known.items()}})
     return {**table, "required": needed} if needed else table
 
 
@@ -96,21 +76,17 @@ def _parameter(one: Parameter) -> dict[str, Any]:
     return found
 
 
-def _kind(kind: Kind) -> dict[str, Any]:
-    if kind.name == "choice":
-        return {"enum": list(kind.options)}
+def _kind(kind: Kind) -> Any:
     if kind.name == "list" and kind.each:
         entries = [_any(each) for each in kind.each]
         return {"type": "array", "prefixItems": entries, "minItems": len(entries)}
     if kind.name == "list":
         return {"type": "array", "items": _any(kind.items)}
     if kind.name == "table":
-        return {"type": "object", "additionalProperties": _any(kind.items)}
-    if kind.name == "object":
-        makes = constructors_of(kind.options[0])
-        laws = any(name.startswith("Hertz") for name in makes)
-        return _one_of(makes, methods=laws) if makes else {"type": "object"}  # type: ignore[no-any-return]
-    return dict(_SCHEMA_TYPES[kind.name])
+        return _many(_any(kind.items))
+    if kind.name == "object" and (makes := constructors_of(kind.options[0])):
+        return _one_of(makes, methods="Hertz" in makes)
+    return kind.schema
 
 
 def _any(kinds: Sequence[Kind]) -> dict[str, Any]:

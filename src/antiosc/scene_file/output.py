@@ -20,8 +20,6 @@ from antiosc.scene_file import result_tables
 from antiosc.scene_file.outputs import Output
 from antiosc.scene_file.run import Results, on_first
 from antiosc.simulation.error_bars import CAUSES
-from antiosc.simulation.results import covers
-from antiosc.simulation.scene_history import SceneHistory
 
 
 def folder(path: str | os.PathLike[str]) -> Path:
@@ -56,43 +54,11 @@ def _cell(value: Any) -> Any:
     return files.table_text(value) if isinstance(value, str) else value
 
 
-def ends(history: SceneHistory) -> list[tuple[str, str]]:
-    """The ends of the contacts of a scene, in its order."""
-    return [(contact.a, contact.b) for contact in history.assembly.scene.contacts]
-
-
 def history_columns(history: Any) -> dict[str, Any]:
-    """Name with unit -> values, of a `History` or a `SceneHistory`."""
-    if isinstance(history, SceneHistory):
-        return _scene_columns(history)
-    columns = {
-        "time (s)": history.time,
-        "force (N)": history.force,
-        "indentation (m)": history.indentation,
-        "displacement (m)": history.displacement,
-        "velocity (m/s)": history.velocity,
-        "impactor displacement (m)": history.impactor_displacement,
-        "impactor velocity (m/s)": history.impactor_velocity,
-    }
-    return columns | _energy_columns(history.energy)
-
-
-def _scene_columns(history: Any) -> dict[str, Any]:
-    columns = {"time (s)": history.time}
-    for a, b in ends(history):
-        contact = history[a, b]
-        columns[f"force {a} {b} (N)"] = contact.force
-        columns[f"indentation {a} {b} (m)"] = contact.indentation
-        for k in range(contact.friction.shape[1]):
-            columns[f"friction {k + 1} {a} {b} (N)"] = contact.friction[:, k]
-    return columns | _energy_columns(history.energy)
-
-
-def _energy_columns(energy: Any) -> dict[str, Any]:
-    return {
-        f"{name} energy (J)": getattr(energy, name)
-        for name in ("kinetic", "strain", "contact", "dissipated")
-    }
+    """Name with unit -> values: the table of the history, and the energies of all bodies."""
+    own = {n.replace("[", "(").replace("]", ")"): v for n, v in history.columns().items()}
+    energies = ("kinetic", "strain", "contact", "dissipated")
+    return own | {f"{name} energy (J)": getattr(history.energy, name) for name in energies}
 
 
 def probe_columns(found: Results) -> list[tuple[Any, dict[str, Any]]]:
@@ -102,29 +68,29 @@ def probe_columns(found: Results) -> list[tuple[Any, dict[str, Any]]]:
         asked = found.compiled.probes[name].arguments
         at = np.asarray(asked.get("times", found.history.time), dtype=float).reshape(-1)
         own = _components(name, np.asarray(values), result_tables.probe_unit(found, name))
-        for known, columns in groups:
-            if np.array_equal(known, at):
-                columns.update(own)
-                break
-        else:
+        equal = next((columns for known, columns in groups if np.array_equal(known, at)), None)
+        if equal is None:
             groups.append((at, own))
+        else:
+            equal.update(own)
     return groups
 
 
 def _components(name: str, values: Any, unit: str) -> dict[str, Any]:
     """A scalar, the components of a vector, or the six of a symmetric tensor, as columns."""
     shown = f" ({unit})" if unit else ""
-    if values.ndim == 3:
-        rows, columns = np.triu_indices(values.shape[1])
-        return {
-            f"{name} {'xyz'[i]}{'xyz'[j]}{shown}": values[:, i, j]
-            for i, j in zip(rows, columns, strict=True)
-        }
     if values.ndim == 1:
         return {name + shown: values}
-    count = values.shape[1]
-    axes = "xyz" if count <= 3 else [str(k + 1) for k in range(count)]
-    return {f"{name} {axes[k]}{shown}": values[:, k] for k in range(count)}
+    if values.ndim == 3:
+        upper = np.triu_indices(values.shape[1])
+        axes, values = (
+            [f"{'xyz'[i]}{'xyz'[j]}" for i, j in zip(*upper, strict=True)],
+            values[:, *upper],
+        )
+    else:
+        count = values.shape[1]
+        axes = list("xyz"[:count]) if count <= 3 else [str(k + 1) for k in range(count)]
+    return {f"{name} {axis}{shown}": values[:, k] for k, axis in enumerate(axes)}
 
 
 # -- numbers
@@ -132,40 +98,18 @@ def _components(name: str, values: Any, unit: str) -> dict[str, Any]:
 
 def numbers(history: Any) -> dict[str, Any]:
     """The results of one run as JSON values; SI units."""
-    found: dict[str, Any] = {
-        "status": history.status,
-        "message": history.message,
-        "error": _plain(history.error),
-        "error_covers": covers(history),
-        "energy_drift": _plain(history.energy.drift),
-    }
     budget = result_tables.error_budget(history)
-    if budget:
-        causes = (*CAUSES, "total")
-        found["error_budget"] = {
-            name: {cause: getattr(bar, cause) for cause in causes} for name, bar in budget.items()
-        }
-    if isinstance(history, SceneHistory):
-        found["contacts"] = {f"{a} {b}": _contact(history[a, b]) for a, b in ends(history)}
-    else:
-        found |= _contact(history) | {"restitution": history.restitution, "step": history.step}
-    return found
-
-
-def _contact(one: Any) -> dict[str, Any]:
-    return {
-        "peak_force": one.peak_force,
-        "impulse": one.impulse,
-        "contact_time": one.contact_time,
-        "contacts": [list(map(float, pair)) for pair in one.contacts],
+    bars = {
+        name: {cause: getattr(bar, cause) for cause in (*CAUSES, "total")}
+        for name, bar in budget.items()
     }
+    return history.numbers() | ({"error_budget": bars} if bars else {})
 
 
 def model_numbers(model: Any) -> dict[str, Any]:
     """The parameters of a reduced model as JSON values; SI units."""
     names = ("k0", "m0", "m_st", "omega", "m", "P", "sites")
-    own = {name: _plain(getattr(model, name, None)) for name in names}
-    return own | {"points": _plain(places_of(model))}
+    return {name: getattr(model, name, None) for name in names} | {"points": places_of(model)}
 
 
 def write_numbers(path: Path, content: Mapping[str, Any]) -> Path:
@@ -180,12 +124,10 @@ def _plain(value: Any) -> Any:
     """A value of JSON."""
     if isinstance(value, Mapping):
         return {str(key): _plain(each) for key, each in value.items()}
-    if isinstance(value, np.ndarray):
+    if isinstance(value, np.ndarray | np.generic):
         return _plain(value.tolist())
     if isinstance(value, list | tuple):
         return [_plain(each) for each in value]
-    if isinstance(value, np.generic):
-        return _plain(value.item())
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if value is None or isinstance(value, bool | int | str):
@@ -199,7 +141,7 @@ def _plain(value: Any) -> Any:
 def write(found: Results, target: Path) -> list[Path]:
     """The files that the scene asks for, written on the first rank; their paths."""
     asked = found.compiled.output
-    wanted = Output() if asked is None else Output(**asked.arguments)
+    wanted = Output() if asked is None else asked.made
     written: list[Path] = []
     if wanted.fields and found.history is not None and found.structure is not None:
         import antiosc
@@ -218,11 +160,13 @@ def write(found: Results, target: Path) -> list[Path]:
         if wanted.model and found.model is not None:
             found.model.save(target / "model.npz")
             paths.append(target / "model.npz")
-        if found.found is not None and wanted.fields:
-            paths.append(found.found.write(target / "map.vtu"))
+        if found.map is not None and wanted.fields:
+            paths.append(found.map.write(target / "map.vtu"))
         if wanted.plot is not None:
-            for name, draw in _pictures(found):
-                paths += _drawn(draw, target / f"{name}.{wanted.plot}", told)
+            shown = {"force": found.history, "model": found.model, "map": found.map}
+            for name, one in shown.items():
+                if hasattr(one, "plot"):
+                    paths += _drawn(one.plot, target / f"{name}.{wanted.plot}", told)
         return paths, told
 
     paths, told = on_first(files_of_first)
@@ -234,18 +178,17 @@ def _tables(found: Results) -> list[tuple[str, dict[str, Any]]]:
     tables = []
     if found.history is not None:
         tables.append(("history.csv", history_columns(found.history)))
-    if found.probes:
-        for k, (at, columns) in enumerate(probe_columns(found)):
-            name = "probes.csv" if k == 0 else f"probes_{k + 1}.csv"
-            tables.append((name, {"time (s)": at, **columns}))
+    for k, (at, columns) in enumerate(probe_columns(found) if found.probes else ()):
+        name = f"probes_{k + 1}.csv" if k else "probes.csv"
+        tables.append((name, {"time (s)": at, **columns}))
     if found.batch is not None:
         tables.append(("sweep.csv", result_tables.sweep_columns(found)))
-    if found.found is not None:
-        points = {f"{axis} (m)": found.found.points[:, k] for k, axis in enumerate("xyz")}
-        if len(found.found.surfaces()) > 1:
-            points = {"surface": found.found.names.tolist(), **points}
-        named = {result_tables.named(n): v for n, v in found.found.quantities().items()}
-        tables.append(("map.csv", points | named))
+    if found.map is not None:
+        several = len(found.map.surfaces()) > 1
+        table = {"surface": found.map.names.tolist()} if several else {}
+        table |= {f"{axis} (m)": found.map.points[:, k] for k, axis in enumerate("xyz")}
+        named = {result_tables.named(n): v for n, v in found.map.quantities().items()}
+        tables.append(("map.csv", table | named))
     return tables
 
 
@@ -260,23 +203,10 @@ def _numbers_of(found: Results) -> dict[str, Any]:
         content["probes"] = {n: float(np.abs(v).max()) for n, v in (found.probes or {}).items()}
     if found.batch is not None:
         content["sweep"] = result_tables.sweep_columns(found)
-    if found.found is not None:
-        names = found.found.names.tolist()
-        content["map"] = {
-            "points": found.found.points, "surface": names, **found.found.quantities()
-        }  # fmt: skip
+    if found.map is not None:
+        content["map"] = {"points": found.map.points, "surface": found.map.names.tolist()}
+        content["map"] |= found.map.quantities()
     return content
-
-
-def _pictures(found: Results) -> list[tuple[str, Callable[[Path], Any]]]:
-    pictures: list[tuple[str, Callable[[Path], Any]]] = []
-    if found.history is not None and hasattr(found.history, "plot"):
-        pictures.append(("force", found.history.plot))
-    if found.model is not None:
-        pictures.append(("model", found.model.plot))
-    if found.found is not None:
-        pictures.append(("map", found.found.plot))
-    return pictures
 
 
 def _drawn(draw: Callable[[Path], Any], path: Path, told: list[str]) -> list[Path]:

@@ -1,4 +1,4 @@
-"""A scene file as data, with the line of each key."""
+"""A scene file as data."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from typing import Any
 
 from antiosc import checks
 from antiosc.errors import InputError
-from antiosc.scene_file.locations import Place, locations
 from antiosc.scene_file.problems import Problems, SceneFileError
 
 #: Largest scene file, bytes; time histories of loads are the longest part of one.
@@ -47,43 +46,42 @@ def read(path: str | os.PathLike[str]) -> Document:
     """Read a scene file; SceneFileError for a text that is not TOML, InputError for no file."""
     source = checks.path("the scene file", path)
     text = _text(source)
+    too_deep = f"{source}:1: brackets are nested deeper than {DEEPEST} levels."
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise SceneFileError(_syntax(str(source), text, error)) from None
     except RecursionError:
-        raise SceneFileError(
-            f"{source}:1: brackets are nested deeper than {DEEPEST} levels."
-        ) from None
+        raise SceneFileError(too_deep) from None
     except ValueError as error:
         raise SceneFileError(f"{source}:1: this is not a TOML file: {error}.") from None
-    if _depth(data) > DEEPEST:
-        raise SceneFileError(f"{source}:1: brackets are nested deeper than {DEEPEST} levels.")
-    problems = Problems(str(source), locations(text))
-    _refuse_control_characters(data, problems)
+    problems = Problems(str(source), text)
+    # level by level, without recursion
+    level: list[tuple[tuple[str | int, ...], Any]] = [((), data)]
+    for _ in range(DEEPEST):
+        level = [inner for place, value in level for inner in _inner(place, value, problems)]
+    if any(isinstance(value, dict | list) for _, value in level):
+        raise SceneFileError(too_deep)
+    problems.raise_if_any()
     return Document(source, data, problems)
 
 
 def _text(source: Path) -> str:
+    refused = f"cannot read the scene file {str(source)!r}"
     try:
         status = source.stat()
-    except OSError as error:
-        raise InputError(f"cannot read the scene file {str(source)!r}: {error.strerror}.") from None
-    if not stat.S_ISREG(status.st_mode):
-        raise InputError(f"cannot read the scene file {str(source)!r}: it is not a regular file.")
-    if status.st_size > LARGEST_FILE:
-        raise InputError(
-            f"the scene file {str(source)!r} has {status.st_size} bytes, more than {LARGEST_FILE}; "
-            "is it a scene? Meshes and matrices are named in it by their paths."
-        )
-    try:
+        if not stat.S_ISREG(status.st_mode):
+            raise InputError(f"{refused}: it is not a regular file.")
+        if status.st_size > LARGEST_FILE:
+            raise InputError(
+                f"the scene file {str(source)!r} has {status.st_size} bytes, more than "
+                f"{LARGEST_FILE}; is it a scene? It names meshes and matrices by their paths."
+            )
         return source.read_bytes().decode("utf-8").replace("\r\n", "\n")
     except UnicodeDecodeError as error:
-        raise InputError(
-            f"the scene file {str(source)!r} is not a text in UTF-8 (byte {error.start})."
-        ) from None
+        raise InputError(f"{refused}: it is not a text in UTF-8 (byte {error.start}).") from None
     except OSError as error:
-        raise InputError(f"cannot read the scene file {str(source)!r}: {error.strerror}.") from None
+        raise InputError(f"{refused}: {error.strerror}.") from None
 
 
 def _syntax(name: str, text: str, error: tomllib.TOMLDecodeError) -> str:
@@ -97,33 +95,14 @@ def _syntax(name: str, text: str, error: tomllib.TOMLDecodeError) -> str:
     )
 
 
-def _refuse_control_characters(data: dict[str, Any], problems: Problems) -> None:
-    """SceneFileError for names and texts that would change what a terminal or a page shows."""
-    left: list[tuple[Place, Any]] = [((), data)]
-    while left:
-        place, value = left.pop()
-        if isinstance(value, dict):
-            for key, inner in value.items():
-                if _CONTROL.search(key):
-                    problems.add(place, f"a name holds a control character: {checks.shown(key)}.")
-                left.append(((*place, key), inner))
-        elif isinstance(value, list):
-            left += [((*place, i), inner) for i, inner in enumerate(value)]
-        elif isinstance(value, str) and _CONTROL.search(value):
-            problems.add(place, f"the text holds a control character: {checks.shown(value)}.")
-    problems.raise_if_any()
-
-
-def _depth(value: Any) -> int:
-    """Levels of tables and lists within each other, found without recursion."""
-    level, deepest = [value], 0
-    while level and deepest <= DEEPEST:
-        deepest += 1
-        inner: list[Any] = []
-        for each in level:
-            if isinstance(each, dict):
-                inner += each.values()
-            elif isinstance(each, list):
-                inner += each
-        level = inner
-    return deepest
+def _inner(place: Any, value: Any, problems: Problems) -> list[tuple[Any, Any]]:
+    """Entries of a table or list; names and texts that would change a terminal are noted."""
+    if isinstance(value, dict):
+        for key in filter(_CONTROL.search, value):
+            problems.add(place, f"a name holds a control character: {checks.shown(key)}.")
+        return [((*place, key), each) for key, each in value.items()]
+    if isinstance(value, list):
+        return [((*place, i), each) for i, each in enumerate(value)]
+    if isinstance(value, str) and _CONTROL.search(value):
+        problems.add(place, f"the text holds a control character: {checks.shown(value)}.")
+    return []

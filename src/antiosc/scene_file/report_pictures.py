@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import base64
 import tempfile
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
+from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,9 +19,7 @@ from antiosc.charts.models import plot_model
 from antiosc.errors import AntioscError
 from antiosc.plotting.parts import plot_deformed, plot_map
 from antiosc.scene_file import result_tables
-from antiosc.scene_file.output import ends
 from antiosc.scene_file.run import Results
-from antiosc.simulation.scene_history import SceneHistory
 
 #: Inches of a chart.
 SIZE = (7.0, 3.4)
@@ -35,8 +33,7 @@ DEFORMED = (
 VIEWS = {"": None, ", from behind": (24.0, 128.0), ", from above": (75.0, -52.0)}
 
 
-@dataclass(frozen=True)
-class Picture:
+class Picture(NamedTuple):
     """A picture of the page.
 
     Attributes
@@ -59,57 +56,56 @@ def pictures(found: Results) -> Iterator[Picture]:
             "Anti-oscillators",
             "Frequency (Hz) and mass of each anti-oscillator: in kg at one site, as share of the"
             " static mass at several.",
-            lambda figure: _spectrum(found.model, figure.subplots()),
+            partial(_spectrum, found.model),
         )
         yield _drawn(
             "Dynamic stiffness",
             "|Z(ω)| (N/m) over frequency (Hz), infinite at the antiresonances, and the share of the"
             " static mass that the anti-oscillators hold.",
-            lambda path: plot_model(found.model, path),
+            partial(plot_model, found.model),
             ".svg",
         )
     if found.batch is not None:
         yield _chart(
             "Sweep",
             "Peak force (N) of each impact, over the first value that varies.",
-            lambda figure: _swept(found, figure.subplots()),
+            partial(_swept, found),
         )
-    if found.found is not None:
-        for quantity in ("peak_force", "contact_time", "k0"):
-            if quantity in found.found.quantities():
-                yield _drawn(
-                    f"Map: {quantity.replace('_', ' ')}",
-                    f"{result_tables.named(quantity)} over the surface.",
-                    partial(plot_map, found.found, quantity=quantity),
-                    ".png",
-                )
+    quantities = {} if found.map is None else found.map.quantities()
+    for quantity in ("peak_force", "contact_time", "k0"):
+        if quantity in quantities:
+            yield _drawn(
+                f"Map: {quantity.replace('_', ' ')}",
+                f"{result_tables.named(quantity)} over the surface.",
+                partial(plot_map, found.map, quantity=quantity),
+                ".png",
+            )
 
 
 def _of_history(found: Results) -> Iterator[Picture]:
     hit = found.history
-    scene = isinstance(hit, SceneHistory)
-    force = _forces if scene else plot_force
+    contacts = result_tables.contacts_of(hit)
     yield _chart(
         "Contact force",
         "Force (N) over time (ms); an estimated error of 0.5 % or more is drawn as a band.",
-        lambda figure: force(hit, figure.subplots()),
+        partial(_forces, contacts) if contacts else partial(plot_force, hit),
     )
-    if not scene:
+    if not contacts:
         yield _chart(
             "Displacements",
             "Displacements (mm) of the site and of the impactor over time (ms).",
-            lambda figure: plot_motion(hit, figure.subplots()),
+            partial(plot_motion, hit),
         )
     yield _chart(
         "Energies",
         "Energies (J) of both bodies, of the contact and of what is dissipated, over time (ms).",
-        lambda figure: _energies(hit, figure.subplots()),
+        partial(_energies, hit),
     )
     if found.probes:
         yield _chart(
             "Probes",
             "The signals of the probes, each divided by its largest value (in the legend).",
-            lambda figure: _probes(found, figure.subplots()),
+            partial(_probes, found),
         )
     if found.structure is not None:
         yield from _of_structure(found)
@@ -120,16 +116,11 @@ def _of_structure(found: Results) -> Iterator[Picture]:
     point, direction = _struck(found)
     for name, view in (VIEWS if point is not None else {"": None}).items():
         options = {"point": point, "direction": direction, "view": view}
-        picture = _drawn(
-            f"Deformed structure{name}", DEFORMED, partial(_deformed, found, **options), ".png"
-        )
+        draw = partial(plot_deformed, found.structure, found.history, **options)
+        picture = _drawn(f"Deformed structure{name}", DEFORMED, draw, ".png")
         yield picture
         if not picture.data:  # it cannot be drawn from another side either
             return
-
-
-def _deformed(found: Results, path: Path, **options: Any) -> None:
-    plot_deformed(found.structure, found.history, path, **options)
 
 
 def _struck(found: Results) -> tuple[Any, Any]:
@@ -144,22 +135,37 @@ def _struck(found: Results) -> tuple[Any, Any]:
 # -- charts
 
 
-def _forces(hit: SceneHistory, ax: Any) -> None:
-    for a, b in ends(hit)[:CURVES]:
-        contact = hit[a, b]
-        ax.plot(1e3 * contact.time, contact.force, lw=1.2, label=_plain(f"{a} – {b}"))
+def _curves(ax: Any, curves: Iterable[tuple[str, Any, Any]], y: str) -> None:
+    """Curves over time: (name, times in s, values)."""
+    for name, time, values in islice(curves, CURVES):
+        ax.plot(1e3 * np.asarray(time), values, lw=1.2, label=_plain(name))
     ax.set_xlabel("time (ms)")
-    ax.set_ylabel("contact force (N)")
+    ax.set_ylabel(y)
     legend_beside(ax)
+
+
+def _forces(contacts: Mapping[tuple[str, str], Any], ax: Any) -> None:
+    curves = ((f"{a} – {b}", one.time, one.force) for (a, b), one in contacts.items())
+    _curves(ax, curves, "contact force (N)")
 
 
 def _energies(hit: Any, ax: Any) -> None:
-    energy = hit.energy
-    for name in ("kinetic", "strain", "contact", "dissipated"):
-        ax.plot(1e3 * hit.time, getattr(energy, name), lw=1.2, label=name)
-    ax.set_xlabel("time (ms)")
-    ax.set_ylabel("energy (J)")
-    legend_beside(ax)
+    names = ("kinetic", "strain", "contact", "dissipated")
+    _curves(ax, ((name, hit.time, getattr(hit.energy, name)) for name in names), "energy (J)")
+
+
+def _probes(found: Results, ax: Any) -> None:
+    curves = (_probe(found, name, np.asarray(v)) for name, v in found.probes.items())
+    _curves(ax, curves, "share of the largest value")
+
+
+def _probe(found: Results, name: str, values: Any) -> tuple[str, Any, Any]:
+    """The component with the largest value, divided by it."""
+    flat = values.reshape(len(values), -1)
+    largest = np.abs(flat).max(axis=0)
+    times = found.compiled.probes[name].arguments.get("times", found.history.time)
+    told = f"{name}, at most {largest.max():.3g} {result_tables.probe_unit(found, name)}"
+    return told, times, flat[:, int(np.argmax(largest))] / (float(largest.max()) or 1.0)
 
 
 def _spectrum(model: Any, ax: Any) -> None:
@@ -176,26 +182,10 @@ def _spectrum(model: Any, ax: Any) -> None:
 
 def _swept(found: Results, ax: Any) -> None:
     name, values = next(iter(found.compiled.varied.items()))
-    numbers = [v for v in values if isinstance(v, int | float)]
-    x = numbers if len(numbers) == len(values) else range(len(values))
-    ax.plot(x, found.batch.peak_force, "o-", ms=4, lw=1)
+    numbers = all(isinstance(v, int | float) for v in values)
+    ax.plot(values if numbers else range(len(values)), found.batch.peak_force, "o-", ms=4, lw=1)
     ax.set_xlabel(_plain(f"{name} (SI)"))
     ax.set_ylabel("peak force (N)")
-
-
-def _probes(found: Results, ax: Any) -> None:
-    for name, values in list(found.probes.items())[:CURVES]:
-        times = found.compiled.probes[name].arguments.get("times", found.history.time)
-        flat = np.asarray(values).reshape(len(values), -1)
-        largest = np.abs(flat).max(axis=0)
-        column = flat[:, int(np.argmax(largest))]
-        size = float(largest.max())
-        unit = result_tables.probe_unit(found, name)
-        label = _plain(f"{name}, at most {size:.3g} {unit}")
-        ax.plot(1e3 * np.asarray(times), column / (size or 1.0), lw=1.2, label=label)
-    ax.set_xlabel("time (ms)")
-    ax.set_ylabel("share of the largest value")
-    legend_beside(ax)
 
 
 def _plain(name: str) -> str:
@@ -208,11 +198,11 @@ def _plain(name: str) -> str:
 
 
 def _chart(heading: str, caption: str, fill: Callable[[Any], Any]) -> Picture:
-    """A chart that a function draws into a new figure."""
+    """A chart that a function draws into new axes."""
 
     def draw(path: Path) -> None:
         figure = new_figure(SIZE, shown=False)
-        fill(figure)
+        fill(figure.subplots())
         save_figure(figure, path)
 
     return _drawn(heading, caption, draw, ".svg")

@@ -1,91 +1,123 @@
-"""Running a scene: its statements one by one, the same on all ranks, with their messages."""
+"""Running a scene: its objects one by one, the same on all ranks, with their messages."""
 
 from __future__ import annotations
 
+import contextlib
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from typing import Any, TypeVar
 
 from antiosc import progress
 from antiosc.errors import AntioscError, InputError, warnings_to
-from antiosc.scene_file.program import Call, Evaluation, Statement
+from antiosc.scene_file.build import Call, refused, replaced
 from antiosc.scene_file.read import Document
 from antiosc.scene_file.scene import Compiled
-from antiosc.scene_file.trial import refused
 
 T = TypeVar("T")
 
-#: Variable -> what a progress line says while it is made.
+#: What is called -> what a progress line says meanwhile.
 DOING = {
-    "mesh": "reading the mesh",
-    "structure": "building the structure",
-    "model": "reducing the structure",
-    "history": "simulating the impact",
-    "batch": "simulating the sweep",
-    "found": "mapping the surface",
-    "probes": "motion of the probes",
+    "read_mesh": "reading the mesh",
+    **dict.fromkeys(
+        ("read_model", "Structure", "Structure.from_files", "assemble"), "building the structure"
+    ),
+    **dict.fromkeys(("extract", "AntiOscillators.load"), "reducing the structure"),
+    **dict.fromkeys(("simulate", "strike", "Scene.run"), "simulating the impact"),
+    "simulate_many": "simulating the sweep",
+    "impact_map": "mapping the surface",
+    "probe": "motion of the probes",
+}
+#: Command -> the objects that it makes.
+COMMANDS = {
+    "run": ("structure", "model", "impactor", "contact", "history", "probes"),
+    "sweep": ("structure", "model", "impactor", "batch"),
+    "map": ("structure", "impactor", "contact", "map"),
+    "dry run": ("structure", "impactor", "contact"),
 }
 
 
 @dataclass
 class Results:
-    """What a scene has made.
+    """What a scene has made; None for what it has not.
 
     Attributes
     ----------
     compiled : the scene.
-    variables : name of the program -> object; "structure", "model", "history", "batch", …
     warnings : sentences that were told on the way.
     """
 
     compiled: Compiled
-    variables: dict[str, Any]
+    structure: Any = None
+    model: Any = None
+    impactor: Any = None
+    contact: Any = None
+    history: Any = None
+    probes: Any = None
+    batch: Any = None
+    map: Any = None
     warnings: list[str] = field(default_factory=list)
 
-    def __getattr__(self, name: str) -> Any:
-        """An object of the program, or None if the scene has none of this name."""
-        if name.startswith("_") or name == "variables":
-            raise AttributeError(name)
-        return self.variables.get(name)
+
+class Evaluation:
+    """Makes the objects of calls, each once; a mistake of the scene gets its line."""
+
+    def __init__(self, document: Document) -> None:
+        self.document = document
+        self._made: dict[int, Any] = {}
+
+    def __call__(self, value: Any) -> Any:
+        """A value with the objects of the calls in it."""
+        return replaced(value, self._object)
+
+    def _object(self, call: Call) -> Any:
+        if call.made is not None:
+            return call.made
+        if id(call) not in self._made:
+            arguments = {name: self(value) for name, value in call.arguments.items()}
+            text = DOING.get(call.name)
+            with progress.doing(text) if text else contextlib.nullcontext():
+                self._made[id(call)] = self._called(call, arguments)
+        return self._made[id(call)]
+
+    def _called(self, call: Call, arguments: dict[str, Any]) -> Any:
+        try:
+            return call.make(**arguments)
+        except InputError as error:
+            if not call.place:
+                raise
+            raise self.document.problems.error(*refused(call, error)) from error
 
 
-def results(compiled: Compiled, statements: list[Statement]) -> Results:
-    """Run statements of a scene; SceneFileError with the line where one of them fails."""
-    evaluation = Evaluation(_failure(compiled.document))
-    found = Results(compiled, evaluation.variables)
-    try:
-        with warnings_to(partial(_told, found.warnings)):
-            for each in statements:
-                with progress.doing(DOING.get(each.variable, each.variable)):
-                    evaluation.run(each)
-    except AntioscError:  # what was told before may say why
-        for sentence in found.warnings:
-            progress.say(f"warning: {sentence}", sys.stderr)
-        raise
+def results(compiled: Compiled, wanted: Sequence[str]) -> Results:
+    """Make objects of a scene; SceneFileError with the line where one of them fails."""
+    evaluate = Evaluation(compiled.document)
+    found = Results(compiled, warnings=list(compiled.warnings))
+    with telling(found.warnings):
+        for name in wanted:
+            setattr(found, name, evaluate(getattr(compiled, name)))
+        if compiled.history is not None and compiled.history.name == "strike" and found.history:
+            found.model = found.history.model
+            found.structure = found.structure or found.history.structure
     return found
 
 
-def _failure(document: Document) -> Callable[[Call, Exception], Exception]:
-    """What becomes of an exception of a call: antiosc's own gets its line."""
+@contextlib.contextmanager
+def telling(sentences: list[str]) -> Any:
+    """Keep the warnings of the block, each once; an error tells them first: they may say why."""
 
-    def failed(call: Call, error: Exception) -> Exception:
-        if not isinstance(error, AntioscError):
-            return error
-        if not call.place or not isinstance(error, InputError):
-            return error
-        place, sentence = refused(call, error)
-        return document.problems.error(place, sentence)
+    def keep(message: str) -> None:
+        text = " ".join(message.split())
+        if text not in sentences:
+            sentences.append(text)
 
-    return failed
-
-
-def _told(sentences: list[str], message: str) -> None:
-    """Keep a warning as a sentence, once."""
-    text = " ".join(message.split())
-    if text not in sentences:
-        sentences.append(text)
+    try:
+        with warnings_to(keep):
+            yield
+    except AntioscError:
+        for sentence in sentences:
+            progress.say(f"warning: {sentence}", sys.stderr)
+        raise
 
 
 # -- ranks

@@ -1,4 +1,4 @@
-"""A scene file as a program: which sections make which objects, and how they refer to each other.
+"""A scene file as objects: which sections make which, and how they refer to each other.
 
 geometry | deck | matrices | parts → structure → sites → model → impactor, contact → history
                                                          bodies, contacts → scene → history
@@ -11,41 +11,43 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from antiosc.scene_file import impact, struck, studies
-from antiosc.scene_file.program import Call, Name, Statement
+from antiosc.scene_file.build import Builder, Call
 from antiosc.scene_file.read import Document
 from antiosc.scene_file.sections import SECTIONS
-from antiosc.scene_file.tables import Tables
-
-#: Sections that make a history.
-SIMULATED = {"simulate", "run", "strike"}
 
 
 @dataclass(frozen=True)
 class Compiled:
-    """What the sections of a scene file make, as statements of a program.
+    """What the sections of a scene file make, as calls; None where a section is missing.
 
     Attributes
     ----------
-    structure : make `structure`; empty for a saved model and for rigid bodies.
-    model : make `model`.
-    strike : make `impactor` and `contact`, or `bodies` and `scene`.
-    simulation : makes `history`, if the scene has a simulation.
-    probes : name -> call, of `structure` and `history`.
-    sweep : make `batch`, if the scene has a sweep.
-    map : makes `found`, if the scene has a map.
+    structure, model : what is struck; None where [strike] makes them.
+    impactor, contact : of one impact; `scene` of several contacts.
+    history : of the simulation.
+    probes : name -> call, of the structure and the history.
+    batch, map : of [sweep] and [map].
     output : the files that are written.
+    warnings : of the objects that were made.
     """
 
     document: Document
-    title: str = ""
-    structure: list[Statement] = field(default_factory=list)
-    model: list[Statement] = field(default_factory=list)
-    strike: list[Statement] = field(default_factory=list)
-    simulation: Statement | None = None
+    structure: Call | None = None
+    model: Call | None = None
+    impactor: Call | None = None
+    contact: Call | None = None
+    scene: Call | None = None
+    history: Call | None = None
     probes: Mapping[str, Call] = field(default_factory=dict)
-    sweep: list[Statement] = field(default_factory=list)
-    map: Statement | None = None
+    batch: Call | None = None
+    map: Call | None = None
     output: Call | None = None
+    warnings: list[str] = field(default_factory=list)
+
+    @property
+    def title(self) -> str:
+        """What the scene shows."""
+        return str(self.document.data.get("title", ""))
 
     @property
     def varied(self) -> dict[str, Any]:
@@ -53,59 +55,39 @@ class Compiled:
         table = self.document.data.get("sweep", {})
         return {f"{a}.{b}": values for a, lists in table.items() for b, values in lists.items()}
 
-    @property
-    def strike_before_model(self) -> list[Statement]:
-        """What of the impact needs no model."""
-        return [each for each in self.strike if each.variable in ("impactor", "contact")]
-
     def does(self) -> list[str]:
         """The commands that this scene is for."""
-        there = {"run": self.simulation, "sweep": self.sweep, "map": self.map}
-        return [f"antiosc {name}" for name, statements in there.items() if statements]
-
-    def statements(self, command: str = "run") -> list[Statement]:
-        """What `antiosc run`, `sweep` or `map` computes."""
-        if command == "map" and self.map is not None:
-            return [*self.structure, *self.strike, self.map]
-        if command == "sweep":
-            return [*self.structure, *self.model, *self.sweep]
-        statements = [*self.structure, *self.model, *self.strike]
-        if self.simulation is not None:
-            statements.append(self.simulation)
-            if self.simulation.expression.function == "ao.strike":
-                statements.append(Statement("model", Name("history.model")))
-                if not any(each.variable == "structure" for each in self.structure):
-                    statements.append(Statement("structure", Name("history.structure")))
-        if self.probes:
-            statements.append(Statement("probes", dict(self.probes)))
-        return statements
+        there = {"run": self.history, "sweep": self.batch, "map": self.map}
+        return [f"antiosc {name}" for name, call in there.items() if call is not None]
 
 
 def compiled(document: Document) -> Compiled:
     """The objects of a document; SceneFileError with all its mistakes."""
-    tables = Tables(document)
-    tables.known_sections(tables.data, SECTIONS, ())
-    source = struck.source(tables)
-    structure = struck.structure(tables, source)
-    sites = struck.sites(tables, source)
-    model = struck.model(tables, source, sites)
-    strike, simulation = impact.simulation(tables, source)
-    probes = _probes(tables, source)
-    sweep = studies.sweep(tables, model, strike)
-    surface = studies.surface(tables, source, strike)
-    output = tables.table("output")
-    tables.problems.raise_if_any()
-    title = str(tables.data.get("title", ""))
+    build = Builder(document)
+    build.known_sections(build.data, SECTIONS)
+    source = struck.source(build)
+    structure = struck.structure(build, source)
+    model = struck.model(build, source, structure)
+    made = impact.impact(build, structure, model)
+    impactor, contact, history = (made.get(n) for n in ("impactor", "contact", "history"))
+    of_probes = structure
+    if history is not None and history.name == "strike" and structure is None:
+        of_probes = Call(_structure, {"history": history})
+    probes = build.named("probes", {"structure": of_probes, "history": history})
+    if "probes" in build.data and (
+        source in ("", "model") or not {"simulate", "run", "strike"} & set(build.data)
+    ):
+        build.note(("probes",), "[probes] need a structure of this scene and its simulation.")
+    batch = studies.sweep(build, model, impactor, contact)
+    surface = studies.surface(build, source, structure, impactor, contact)
+    output = build.table("output")
+    build.problems.raise_if_any()
     return Compiled(
-        document, title, structure, model, strike, simulation, probes, sweep, surface, output
-    )
+        document, structure, model, **made, probes=probes, batch=batch, map=surface,
+        output=output, warnings=build.told,
+    )  # fmt: skip
 
 
-def _probes(tables: Tables, source: str) -> dict[str, Call]:
-    given = {"*structure": Name("structure"), "*history": Name("history")}
-    probes = tables.named("probes", given=given)
-    if probes and (source in ("", "model") or not SIMULATED & set(tables.data)):
-        tables.problems.add(
-            ("probes",), "[probes] need a structure of this scene and its simulation."
-        )
-    return probes
+def _structure(history: Any) -> Any:
+    """The structure of a strike's last mesh."""
+    return history.structure

@@ -2,164 +2,152 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
-from antiosc.scene_file.build import KIND, Mistake
+import antiosc
+from antiosc.errors import AntioscError
+from antiosc.scene_file.build import Builder, Call, Mistake, refused, replaced
 from antiosc.scene_file.kinds import DATA, Kind
 from antiosc.scene_file.parameters import Parameter, parameters
 from antiosc.scene_file.problems import label, listed
-from antiosc.scene_file.program import Call, ForEach, Name, Statement
-from antiosc.scene_file.sections import SECTIONS
-from antiosc.scene_file.tables import Tables
-from antiosc.scene_file.trial import tried
+from antiosc.scene_file.sections import KIND, SECTIONS, VARIED
 
-#: Sections whose values a sweep may vary.
-VARIED = ("impactor", "contact", "simulate")
 #: Most impacts of a sweep.
 MOST_IMPACTS = 100_000
+#: What the other sections give to a batch.
+_GIVEN = ("models", "impactors", "contacts")
 
 
-def sweep(tables: Tables, model: list[Statement], strike: list[Statement]) -> list[Statement]:
-    """Statements that make `batch`; none without [sweep], or after a mistake in it."""
-    table = tables.part(tables.data, "sweep", dict)
-    if "sweep" not in tables.data:
-        return []
-    made = {each.variable: each.expression for each in strike}
-    if not model or "impactor" not in made or "simulate" not in tables.data:
-        tables.problems.add(
+def sweep(
+    build: Builder, model: Call | None, impactor: Call | None, contact: Call | None
+) -> Call | None:
+    """The batch; None without [sweep], or after a mistake in it."""
+    if "sweep" not in build.data:
+        return None
+    if not all(name in build.data for name in VARIED):
+        build.note(
             ("sweep",), "[sweep] varies [impactor], [contact] and [simulate]; give all three."
         )
-        return []
-    values = _values(tables, table)
+        return None
+    if not build.part("sweep"):
+        build.note(
+            ("sweep",), "[sweep] holds no list of values, as impactor.velocity = [1.0, 2.0]."
+        )
+    values = {name: _values(build, name) for name in build.part("sweep")}
     sizes = {f"{one}.{name}": len(v) for one, each in values.items() for name, v in each.items()}
     if len(set(sizes.values())) > 1:
         text = ", ".join(f"{name}: {size}" for name, size in sizes.items())
-        tables.problems.add(("sweep",), f"the lists of [sweep] must be equally long; got {text}.")
-        return []
-    if not table:
-        tables.problems.add(
-            ("sweep",), "[sweep] holds no list of values, as impactor.velocity = [1.0, 2.0]."
-        )
-    impactor, contact = made["impactor"], made["contact"]
-    if not sizes or impactor is None or contact is None:
-        return []
-    size = next(iter(sizes.values()))
-    impactors = _varied(tables, impactor, values.get("impactor", {}), size)
-    if contact.on is not None and "impactor" in values:
-        law = Call(contact.function, contact.arguments, contact.place, Name("impactor"))
-        laws = Statement("contacts", ForEach(law, "impactors"))
+        build.note(("sweep",), f"the lists of [sweep] must be equally long; got {text}.")
+        return None
+    if not sizes or model is None or impactor is None or contact is None:
+        return None
+    impactors = _varied(build, impactor, values.get("impactor", {}))
+    if build.data["contact"].get(KIND, "").startswith("impactor.") and isinstance(impactors, list):
+        arguments = replaced(contact.arguments, lambda call: call.made)
+        method = contact.make.__name__
+        contacts: Any = [getattr(each, method)(**arguments) for each in impactors]
     else:
-        laws = _varied(tables, contact, values.get("contact", {}), size)
-    names = ("model", impactors.variable, laws.variable)
-    batch = Statement("batch", _batch(tables, values.get("simulate", {}), names))
-    statements = [impactors, laws, batch]
-    return [] if any(each.expression is None for each in statements) else statements
+        contacts = _varied(build, contact, values.get("contact", {}))
+    return _batch(build, values.get("simulate", {}), (model, impactors, contacts))
 
 
-def _values(tables: Tables, table: dict[str, Any]) -> dict[str, dict[str, Any]]:
-    """Section -> its parameters with their lists."""
-    found: dict[str, dict[str, Any]] = {}
-    for section, lists in table.items():
-        if section not in VARIED or not isinstance(lists, dict):
-            tables.problems.add(
-                ("sweep", section),
-                f"[sweep] has lists of {listed(VARIED)}, as impactor.velocity = [1.0, 2.0]; got"
-                f" {section!r}.",
-            )
-            continue
-        known = _known(tables, section)
-        if not known:
-            tables.problems.add(
-                ("sweep", section),
-                f"[sweep] cannot vary [{section}], whose kind is wrong or a law of the impactor;"
-                ' give a law by itself, as kind = "Hertz".',
-            )
-            continue
-        for key, value in lists.items():
-            place = ("sweep", section, key)
+def _values(build: Builder, section: str) -> dict[str, Any]:
+    """The parameters of a section with their lists in [sweep]."""
+    lists = build.data["sweep"][section]
+    if section not in VARIED or not isinstance(lists, dict):
+        build.note(
+            ("sweep", section),
+            f"[sweep] has lists of {listed(VARIED)}, as impactor.velocity = [1.0, 2.0]; got"
+            f" {section!r}.",
+        )
+        return {}
+    known = _known(build, section)
+    if not known:
+        build.note(
+            ("sweep", section),
+            f"[sweep] cannot vary [{section}], whose kind is wrong or a law of the impactor;"
+            ' give a law by itself, as kind = "Hertz".',
+        )
+        return {}
+    found = {}
+    for key, value in lists.items():
+        place = ("sweep", section, key)
+        try:
             if key not in known:
-                tables.build.no_key(("sweep", section), key, known)
-                continue
-            each = Parameter(key, (Kind("list", items=known[key].kinds),), True, None, "")
-            try:
-                entries = [
-                    tables.build.value(known[key], entry, (*place, i))
-                    for i, entry in enumerate(tables.build.value(each, value, place))
-                ]
-            except Mistake:
-                continue
-            if not 0 < len(entries) <= MOST_IMPACTS:
-                tables.problems.add(
-                    place,
-                    f"{label(place)} must have 1 to {MOST_IMPACTS} values; got {len(entries)}.",
-                )
-                continue
-            found.setdefault(section, {})[key] = tuple(entries)
+                build.no_key(place[:2], key, known)
+            each = Parameter(key, (Kind("list", items=known[key].kinds),))
+            entries = build.value(each, value, place)
+            found[key] = tuple(
+                build.value(known[key], entry, (*place, i)) for i, entry in enumerate(entries)
+            )
+        except Mistake:
+            continue
+        if not 0 < len(entries) <= MOST_IMPACTS:
+            build.note(
+                place, f"{label(place)} must have 1 to {MOST_IMPACTS} values; got {len(entries)}."
+            )
+            del found[key]
     return found
 
 
-def _known(tables: Tables, section: str) -> dict[str, Parameter]:
-    """What a section of this scene takes."""
+def _known(build: Builder, section: str) -> Mapping[str, Parameter]:
+    """What a section of this scene takes in a sweep."""
     if section == "simulate":
         batch, one = parameters("simulate_many"), parameters("simulate")
         return {name: one[name] for name in batch if name in one and DATA in batch[name].kinds}
-    kind = tables.part(tables.data, section, dict).get(KIND)
-    if kind not in SECTIONS[section].makes():
-        return {}
-    return dict(parameters(kind))
+    kind = build.part(section).get(KIND)
+    return parameters(kind) if kind in SECTIONS[section].makes else {}
 
 
-def _varied(tables: Tables, call: Call, values: dict[str, Any], size: int) -> Statement:
+def _varied(build: Builder, call: Call, values: Mapping[str, Any]) -> Any:
     """Objects with one value of each list: `ao.sweep(ao.Sphere, radius=…, velocity=(…))`.
 
-    One object for all, where there is no list.
+    The one object for all, where there is no list; None after a mistake.
     """
-    one = call.place[0]
     if not values:
-        return Statement(str(one), call)
-    fixed = {
-        name: (value,) * size if isinstance(value, tuple) else value
-        for name, value in call.arguments.items()
-    }
-    arguments = {"*make": Name(call.function), **fixed, **values}
-    made = Call("ao.sweep", arguments, ("sweep", *call.place))
-    return Statement(f"{one}s", tried(tables.problems, made))
+        return call
+    size = len(next(iter(values.values())))
+    own = replaced(dict(call.arguments), lambda inner: inner.made)
+    fixed = {name: (one,) * size if isinstance(one, tuple) else one for name, one in own.items()}
+    try:
+        return antiosc.sweep(call.make, **{**fixed, **values})
+    except AntioscError as error:
+        arguments = {**call.arguments, **values}
+        build.note(*refused(Call(call.make, arguments, ("sweep", *call.place)), error))
+        return None
 
 
-def _batch(tables: Tables, values: dict[str, Any], names: tuple[str, ...]) -> Call | None:
+def _batch(build: Builder, values: Mapping[str, Any], made: tuple[Any, ...]) -> Call | None:
     """`ao.simulate_many` with what [simulate] says and the lists of [sweep]."""
-    withheld = ("models", "impactors", "contacts")
-    known = [name for name in parameters("simulate_many") if name not in withheld]
-    table = dict(tables.data["simulate"])
+    known = [name for name in parameters("simulate_many") if name not in _GIVEN]
+    table = build.part("simulate")
     lost = [name for name in table if name not in known]
     if lost:
-        tables.problems.add(
+        build.note(
             ("simulate", lost[0]),
             f"[simulate] has {lost[0]!r}, which a sweep does not take; it takes {listed(known)}.",
         )
         return None
-    given: dict[str, Any] = {f"*{k}": Name(n) for k, n in zip(withheld, names, strict=True)}
-    rest = {k: v for k, v in table.items() if k not in values}
-    return tables.build.call(
-        ("simulate_many",), rest, ("simulate",), given={**given, **values}, withheld=withheld
-    )
+    given = {**dict(zip(_GIVEN, made, strict=True)), **values}
+    rest = {name: value for name, value in table.items() if name not in values}
+    return build.call(("simulate_many",), rest, ("simulate",), given)
 
 
-def surface(tables: Tables, source: str, strike: list[Statement]) -> Statement | None:
-    """The statement that makes `found`, of [map]."""
-    if not isinstance(tables.data.get("map"), dict):
+def surface(
+    build: Builder, source: str, structure: Call | None, impactor: Any, contact: Any
+) -> Call | None:
+    """The map of [map]."""
+    if not isinstance(build.data.get("map"), dict):
         return None
     if source not in ("geometry", "deck", "parts"):
-        tables.problems.add(("map",), "[map] needs a structure of [geometry], [deck] or [parts].")
-    section = SECTIONS["map"]
-    given: dict[str, Any] = {"*structure": Name("structure")}
-    table = dict(tables.data["map"])
-    if {"impactor", "contact"} <= {each.variable for each in strike}:
-        given |= {"impactor": Name("impactor"), "contact": Name("contact")}
-        simulate = tables.part(tables.data, "simulate", dict)
-        if "duration" not in table and "duration" in simulate:
-            table["duration"] = simulate["duration"]
+        build.note(("map",), "[map] needs a structure of [geometry], [deck] or [parts].")
+    given: dict[str, Any] = {"structure": structure}
+    table = dict(build.data["map"])
+    if {"impactor", "contact"} & set(build.data):
+        given |= {"impactor": impactor, "contact": contact}
+        if "duration" not in table and "duration" in build.part("simulate"):
+            table["duration"] = build.part("simulate")["duration"]
         if "duration" not in table:
-            tables.problems.add(("map",), "[map] lacks 'duration', of each impact in s.")
-    call = tables.build.call(section.makes(), table, ("map",), given=given, withheld=section.given)
-    return None if call is None else Statement("found", call)
+            build.note(("map",), "[map] lacks 'duration', of each impact in s.")
+    return build.section("map", given, table)

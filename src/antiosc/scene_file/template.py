@@ -2,127 +2,23 @@
 
 from __future__ import annotations
 
+import json
 import os
 import secrets
 from pathlib import Path
 
+import antiosc
 from antiosc import checks
 from antiosc.errors import AntioscError, InputError
+from antiosc.scene_file.build import Call
 from antiosc.scene_file.group_names import Outline, outline
-from antiosc.scene_file.program import Call
+from antiosc.scene_file.pages import rendered
 
 #: Endings of decks, which describe materials and supports themselves.
 DECK_ENDINGS = {".inp", ".bdf", ".nas", ".fem", ".dat"}
 
-HEAD = """\
-# A scene of antiosc: what strikes what, and how. All numbers are in SI units.
-# Lines that begin with # are comments. Paths begin at the folder of this file.
-#
-#   antiosc check {name}              looks for mistakes, without meshing
-#   antiosc run {name} --dry-run      tells what a run will cost
-#   antiosc run {name} --report report.html
-
-title = "A first scene"
-"""
-
-GEOMETRY_SECTION = """
-# -- the structure: a mesh (.msh, .vtu, .unv, …) or a CAD file (.step, .iges, .brep, .geo) --------
-[geometry]
-source = {source}
-# unit = "mm"       # of the coordinates of a mesh; CAD files state their own
-{size}       # largest element of a CAD file, m
-# refine = [[[0.0, 0.0, 0.0], 1e-3]]    # small elements around a point: [point, size]
-
-[material]
-kind = "Solid"      # or Shell, Beam, Truss, Laminate, AnisotropicSolid
-E = 210e9           # Young's modulus, Pa
-nu = 0.3            # Poisson's ratio
-rho = 7850.0        # density, kg/m³
-# Groups of cells may have materials of their own: [material.GROUP] in place of [material].
-
-[[supports]]                                        # one such table for each support
-plane = {plane}          # the nodes on a plane: [point, normal]
-# where = "clamp"                                   # or the nodes of a named group of the mesh
-# fix = ["x", "z"]                                  # by default all components
-
-# [[attached]]                                      # masses and springs
-# kind = "PointMass"
-# where = [0.1, 0.0, 0.0]
-# mass = 0.2
-
-# [structure]                                       # options: order, solver
-"""
-
-DECK = """
-# -- the structure: a deck of Abaqus, CalculiX or Nastran, with its materials and supports --------
-[deck]
-path = {source}
-unit = "mm"         # of the deck: mm, N, t, MPa
-
-# [[supports]]      # more supports than those of the deck
-# where = "clamp"
-"""
-
-REST = """
-# In place of it: [matrices] (K and M of another program), [parts.NAME] with [[joints]] (an
-# assembly, with [at.NAME], [points] and [assembly]), [deck], [geometry] or [model] (a model that
-# was saved). docs/scene_files.md describes all sections.
-
-[sites.tip]                         # where the structure is struck
-point = {point}             # m
-direction = [0.0, 0.0, -1.0]        # in which the impactor pushes
-radius = 2e-3                       # of the patch over which the force is spread; beams need none
-snap = true                         # the nearest point, 2 % of the part's size away or less
-
-[extract]                           # the reduction to anti-oscillators
-n = 20
-
-# -- the impact -----------------------------------------------------------------------------------
-[impactor]
-kind = "Sphere"     # or RigidMass, Obstacle
-radius = 0.01       # m
-E = 210e9
-nu = 0.3
-rho = 7850.0
-velocity = 1.0      # m/s, toward the structure
-
-[contact]
-kind = "impactor.hertz"     # Hertz's law of this sphere on a surface; or Hertz, Linear, …
-E = 210e9                   # of the surface
-nu = 0.3
-# radii = 0.02              # radius of curvature of the surface, m; flat by default
-
-[simulate]
-duration = 1e-3     # s
-# tol = 1e-3        # relative error of the force
-
-# [strike] in place of [extract] and [simulate] chooses mesh, model and step for an error:
-# [strike]
-# duration = 1e-3
-# tol = 0.05        # largest relative error of peak force, impulse and contact time
-
-# A scene of several bodies has, in place of [impactor], [contact] and [simulate]:
-# [bodies.NAME], [[contacts]], [run], and [scene], [motion.NAME], [[loads]], [base] where needed.
-
-# -- what is written ------------------------------------------------------------------------------
-# [probes.top]                      # points whose motion is wanted
-# point = {point}
-
-[output]
-csv = true          # history.csv, probes.csv
-json = true         # result.json
-# plot = "png"      # pictures of the force and of the model
-# fields = true     # series.pvd, for ParaView
-# model = true      # model.npz, for [model] of other scenes
-
-# -- many impacts ---------------------------------------------------------------------------------
-# [sweep]                           # antiosc sweep: one run for each value
-# impactor.velocity = [0.5, 1.0, 2.0]
-
-# [map]                             # antiosc map: the same impact at many points
-# where = "top"                     # a group of faces; without it the whole surface
-# radius = 2e-3
-"""
+#: Endings of files of CAD, which are meshed here.
+CAD_ENDINGS = {".step", ".stp", ".iges", ".igs", ".brep", ".geo"}
 
 
 def text(name: str, part: str | None, around: Outline | None = None) -> str:
@@ -131,22 +27,21 @@ def text(name: str, part: str | None, around: Outline | None = None) -> str:
     `around`: its box; the site lies in the middle of its upper side.
     """
     source = part or "part.step"
-    quoted = '"' + source.replace("\\", "\\\\").replace('"', '\\"') + '"'
-    deck = Path(source).suffix.lower() in DECK_ENDINGS
-    size = "size = 5e-3" if part is None or _cad(source) else "# size = 5e-3"
-    body = DECK if deck else GEOMETRY_SECTION
+    ending = Path(source).suffix.lower()
     point, plane = [0.0, 0.0, 0.1], [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
     if around is not None:
         low, high = around.low.tolist(), around.high.tolist()
         point = [*(float(f"{c:.4g}") for c in (around.low + around.high)[:2] / 2), high[2]]
-        flat = low[2] == high[2]
-        plane = [low, [1.0, 0.0, 0.0] if flat else [0.0, 0.0, 1.0]]
-    rest = REST.replace("{point}", f"{point}")
-    return HEAD.format(name=name) + body.format(source=quoted, size=size, plane=plane) + rest
-
-
-def _cad(source: str) -> bool:
-    return Path(source).suffix.lower() in {".step", ".stp", ".iges", ".igs", ".brep", ".geo"}
+        plane = [low, [1.0, 0.0, 0.0] if low[2] == high[2] else [0.0, 0.0, 1.0]]
+    return rendered(
+        "scene.toml",
+        name=name,
+        source=json.dumps(source, ensure_ascii=False),
+        deck=ending in DECK_ENDINGS,
+        cad=ending in CAD_ENDINGS,
+        point=point,
+        plane=plane,
+    )
 
 
 def _outline(part: str) -> tuple[Outline | None, list[str]]:
@@ -155,7 +50,7 @@ def _outline(part: str) -> tuple[Outline | None, list[str]]:
     deck = Path(part).suffix.lower() in DECK_ENDINGS
     made = {"path": part, "unit": "mm"} if deck else {"source": part}
     try:
-        found = outline(Call("ao.read_model" if deck else "ao.read_mesh", made))
+        found = outline(Call(antiosc.read_model if deck else antiosc.read_mesh, made))
     except (AntioscError, OSError) as error:
         why = error.strerror if isinstance(error, OSError) else str(error).rstrip(".")
         return None, [f"the box of {name} is not known: {why}."]
@@ -174,9 +69,9 @@ def write(path: str | os.PathLike[str], part: str | None = None) -> tuple[Path, 
         checks.path("the file of the part", part)
         around, told = _outline(part)
         part = os.path.relpath(part, target.parent)
-    content = text(target.name, part, around)
-    if not content.isprintable() and any(c not in "\n" and not c.isprintable() for c in content):
+    if not f"{target.name}{part or ''}".isprintable():
         raise InputError(f"the name {checks.shown(part or target.name)} has control characters.")
+    content = text(target.name, part, around)
     beside = target.with_name(f".antiosc-{secrets.token_hex(6)}.toml")
     try:
         with beside.open("x", encoding="utf-8") as stream:
