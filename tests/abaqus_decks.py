@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 
-from antiosc.fem.readers.decks import abaqus_assembly, abaqus_model
-from antiosc.fem.readers.decks.deck import Deck
+from antiosc.fem.readers.deck import Deck
 from antiosc.fem.readers.unit_system import UnitSystem
+from antiosc_decks.abaqus import assembly as abaqus_assembly, model as abaqus_model
 
 NODES = """\
 *NODE,NSET=N

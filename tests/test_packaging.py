@@ -24,6 +24,7 @@ import antiosc as ao
 assert "site-packages" in ao.__file__, ao.__file__
 model = ao.AntiOscillators(m0=0.02, k0=1e6, m=[0.1], omega=[2000.0])
 print(ao.simulate(model, ao.RigidMass(0.1, velocity=1.0), ao.Hertz(1e9), duration=3e-3).summary())
+print(*model.to_matrices().save("blow.op4"))  # by a registered format
 ao.export("blow.c", model, ao.RigidMass(0.1, velocity=1.0), ao.Hertz(1e9))
 """
 
@@ -83,13 +84,16 @@ def test_wheel_and_archive_are_whole_and_the_wheel_runs(tmp_path: Path):
     (wheel,), (archive,) = (list((tmp_path / "dist").glob(kind)) for kind in ("*.whl", "*.tar.gz"))
     sources = {
         str(path.relative_to(ROOT / "src"))
-        for path in (ROOT / "src" / "antiosc").rglob("*")
+        for package in ("antiosc", "antiosc_decks")
+        for path in (ROOT / "src" / package).rglob("*")
         if path.is_file() and "__pycache__" not in path.parts
     }
     with zipfile.ZipFile(wheel) as file:
         inside = {name for name in file.namelist() if ".dist-info/" not in name}
         (points,) = (name for name in file.namelist() if name.endswith("entry_points.txt"))
-        assert "antiosc = antiosc.cli:main" in file.read(points).decode()
+        registered = file.read(points).decode()
+    assert "antiosc = antiosc.cli:main" in registered
+    assert "inp = antiosc_decks.readers:ABAQUS" in registered
     ours = sorted((ROOT / "csrc").rglob("*.[ch]"))
     assert inside == sources | {f"antiosc/{path.relative_to(ROOT)}" for path in ours}
     with tarfile.open(archive) as file:

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import antiosc as ao
-from antiosc.matrix_files import dmig
 from antiosc.matrix_files.reading import read_pair
 from antiosc.matrix_files.source import fortran
+from antiosc_decks.matrices import dmig
 
 ONE = ao.AntiOscillators(m0=0.02, k0=3e5, m=[0.3, 0.05, 0.2], omega=[900.0, 2500.0, 7000.0])
 TWO = ao.AntiOscillators(
@@ -108,7 +108,7 @@ def test_a_binary_matrix_ends_with_a_column_beyond_the_last(tmp_path):
 
 
 def test_unknown_endings_are_refused(tmp_path):
-    with pytest.raises(ao.InputError, match=r"matrices are written to \.mtx, \.op4, \.pch"):
+    with pytest.raises(ao.InputError, match=r"\.mtx.*\.op4"):
         ONE.to_matrices().save(tmp_path / "x.txt")
     assert not list(tmp_path.iterdir())
 

@@ -10,8 +10,9 @@ import scipy.sparse
 
 from antiosc import checks
 from antiosc.errors import InputError
-from antiosc.matrix_files import abaqus, dmig, harwell_boeing, matrix_market, op4
+from antiosc.matrix_files import abaqus, matrix_market
 from antiosc.matrix_files.entries import Entries, Labels, checked
+from antiosc.matrix_files.formats import formats
 from antiosc.matrix_files.source import Source, is_text
 
 
@@ -107,15 +108,12 @@ def _matrices(source: Source) -> Entries | dict[str, Entries]:
     content = source.content
     if content[:14].lower() == matrix_market.BANNER.lower():
         return matrix_market.read(source)
-    if harwell_boeing.matches(content):
-        return harwell_boeing.read(source)
-    if op4.matches(content):
-        return op4.read(source)
+    for form in formats():
+        if form.matches(content):
+            return form.read(source)
     if not is_text(content):
         raise InputError(
             f"{source.name} is a binary file, but not OP4: it is read as Matrix Market, Abaqus "
             "text, Harwell–Boeing, OP4 or DMIG."
         )
-    if dmig.matches(content):
-        return dmig.read(source)
     return abaqus.read(source)

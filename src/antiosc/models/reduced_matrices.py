@@ -22,13 +22,12 @@ from scipy.linalg import block_diag
 from antiosc import checks, files
 from antiosc._types import Array, IntArray
 from antiosc.errors import InputError
-from antiosc.matrix_files import dmig, matrix_market, op4
+from antiosc.matrix_files import matrix_market
 from antiosc.matrix_files.dof_map import component_of
+from antiosc.matrix_files.formats import formats
 
 #: Names of K and M in OP4 and DMIG files.
 NAMES = ("KAA", "MAA")
-#: Endings of files with DMIG cards.
-PUNCH = (".pch", ".dmig", ".bdf")
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,17 +77,14 @@ class ReducedMatrices:
         target = checks.path("path", path)
         ending = target.suffix.lower()
         matrices = dict(zip(NAMES, (self.K, self.M), strict=True))
-        if ending in PUNCH:
-            with files.complete(target, "the matrices") as part, part.open("w") as out:
-                dmig.write(out, matrices, self.labels)
-            return [target]
-        if ending == ".op4":
-            with files.complete(target, "the matrices") as part, part.open("wb") as stream:
-                op4.write(stream, matrices)
-            return [target, self._map(target)]
+        every = {one: form for form in formats() for one in form.endings}
+        if (form := every.get(ending)) and form.write:
+            with files.complete(target, "the matrices") as part:
+                form.write(part, matrices, self.labels)
+            return [target] if form.labelled else [target, self._map(target)]
         if ending != ".mtx":
             raise InputError(
-                f"matrices are written to .mtx, .op4, {', '.join(PUNCH)}; got {target.name!r}."
+                f"matrices are written to {', '.join(['.mtx', *every])}; got {target.name!r}."
             )
         written = []
         for letter, matrix in (("K", self.K), ("M", self.M)):

@@ -95,8 +95,8 @@ def test_a_deck_of_wood_is_as_stiff_as_the_modulus_along_it(tmp_path, oriented):
 
 
 def test_twenty_one_constants_are_read_in_abaqus_order(tmp_path):
-    from antiosc.fem.readers.decks import abaqus_assembly
-    from antiosc.fem.readers.decks.abaqus_materials import materials_of
+    from antiosc_decks.abaqus import assembly as abaqus_assembly
+    from antiosc_decks.abaqus.properties import materials_of
 
     path = tmp_path / "a.inp"
     rows = "1,2,3,4,5,6,7,8\n9,10,11,12,13,14,15,16\n17,18,19,20,21"

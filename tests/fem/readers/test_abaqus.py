@@ -15,9 +15,9 @@ import antiosc as ao
 from antiosc.fem import compat
 from antiosc.fem.elements.weak_form import measure
 from antiosc.fem.readers import conversion
-from antiosc.fem.readers.decks import abaqus_assembly
-from antiosc.fem.readers.decks.deck import Block, Deck
+from antiosc.fem.readers.deck import Block, Deck
 from antiosc.fem.readers.shapes import CORNERS, EDGES
+from antiosc_decks.abaqus import assembly as abaqus_assembly
 from paths import DECKS
 
 pytestmark = pytest.mark.fem
@@ -217,10 +217,11 @@ def test_quadratic_beams_give_their_middle_node_second():
 
 
 def test_an_include_through_a_link_out_of_the_folder_is_refused(tmp_path):
-    (tmp_path / "in").mkdir()
+    folder = tmp_path / "in" / "deeper"
+    folder.mkdir(parents=True)
     write(tmp_path / "secret.inp", CUBE)
-    (tmp_path / "in" / "link.inp").symlink_to(tmp_path / "secret.inp")
-    path = write(tmp_path / "in" / "part.inp", "*INCLUDE, INPUT=link.inp\n")
+    (folder / "link.inp").symlink_to(tmp_path / "secret.inp")
+    path = write(folder / "part.inp", "*INCLUDE, INPUT=link.inp\n")
     with pytest.raises(ao.MeshError, match="outside the folder"):
         ao.read_mesh(path)
 

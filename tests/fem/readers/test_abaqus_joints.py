@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from antiosc.fem.readers.decks import abaqus_assembly, ties
-from antiosc.fem.readers.decks.abaqus_joints import read_joints
-from antiosc.fem.readers.decks.constraints import Constraints
-from antiosc.fem.readers.decks.deck import Deck, Place
+from antiosc.fem.readers.deck import Deck, Place
+from antiosc_decks.abaqus import assembly as abaqus_assembly, ties
+from antiosc_decks.abaqus.joints import read_joints
+from antiosc_decks.model.constraints import Constraints
 
 RNG = np.random.default_rng(17)
 ANY = RNG.normal(size=(6, 3))

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from antiosc.errors import MeshError
-from antiosc.fem.readers.decks import abaqus_assembly, abaqus_model
 from antiosc.fem.readers.unit_system import UnitSystem
+from antiosc_decks.abaqus import assembly as abaqus_assembly, model as abaqus_model
 
 RNG = np.random.default_rng(29)
 X = np.round(RNG.uniform(-1, 1, (6, 3)), 3)
@@ -197,9 +197,9 @@ WRONG = {
     "*NSET,NSET=T\n3\n*TRANSFORM,NSET=T,TYPE=S\n1,0,0,0,1,0\n": (2, "six coordinates"),
     "*NSET,NSET=T\n3\n*TRANSFORM,NSET=T\n1,0,0,2,0,0\n": (2, "gives no axes"),
     "*BOUNDARY,SUBMODEL\n3,1\n": (0, "SUBMODEL"),
-    "*SPRING,ELSET=S,NONLINEAR\n1\n": (0, "nonlinear springs"),
+    "*SPRING,ELSET=S,NONLINEAR\n1\n": (0, "nonlinear"),
     "*FOUNDATION\n1,P1,3.\n": (0, "use springs"),
-    "*DASHPOT,ELSET=S,NONLINEAR\n1\n": (0, "nonlinear springs and dashpots"),
+    "*DASHPOT,ELSET=S,NONLINEAR\n1\n": (0, "nonlinear"),
     "*ELEMENT,TYPE=DASHPOT1,ELSET=S\n7,2\n*DASHPOT,ELSET=S\n3\n": (2, "one damping coefficient"),
     "*ELEMENT,TYPE=SPRINGA,ELSET=S\n7,2,3\n*SPRING,ELSET=S\n\n1.\n2.\n": (2, "it has 2"),
     "*ELEMENT,TYPE=DASHPOTA,ELSET=S\n7,2,3\n*DASHPOT,ELSET=S\n\n-4.\n": (4, "-4 is negative"),

@@ -9,7 +9,7 @@ import pytest
 
 from abaqus_decks import BARS, BENT, CUBE, NODES, NU, RHO, SHEET, SOLID, STEEL, E, alike, line, read
 from antiosc.errors import MeshError
-from antiosc.fem.readers.decks.abaqus_elements import element_type, nodes_of_other
+from antiosc_decks.abaqus.elements import element_type, nodes_of_other
 from refusals import refused
 
 SHELL = "*SHELL SECTION,ELSET=ALL,MATERIAL=M{}\n.5\n"
@@ -78,16 +78,10 @@ def test_rods_beside_other_elements_are_springs(tmp_path):
 def test_a_rod_without_a_length_or_a_section(tmp_path):
     cube = "*ELEMENT,TYPE=C3D8,ELSET=C\n9,1,2,3,4,5,6,7,8\n*SOLID SECTION,ELSET=C,MATERIAL=M\n"
     text = RODS.replace("1,1,2\n", "1,2,11\n") + "*NODE\n11,20,0,0\n" + cube
-    with pytest.raises(MeshError) as caught:
+    with pytest.raises(MeshError, match=rf"{line(text, '*SOLID')}: .*coincide"):
         read(tmp_path, text)
-    assert str(caught.value) == (
-        f"{line(text, '*SOLID')}: the ends of a rod coincide, so that it has no direction."
-    )
-    with pytest.raises(MeshError) as caught:
+    with pytest.raises(MeshError, match=r"T3D2 .*section"):
         read(tmp_path, RODS.replace("*SOLID SECTION,ELSET=B,MATERIAL=M\n", "") + cube)
-    assert str(caught.value) == (
-        "part.inp has T3D2 elements without a section, so that their material is not known."
-    )
 
 
 # --- Parts, and what is refused -------------------------------------------------------------------

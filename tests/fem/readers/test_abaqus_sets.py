@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from antiosc.errors import MeshError
-from antiosc.fem.readers.decks import abaqus_assembly
+from antiosc_decks.abaqus import assembly as abaqus_assembly
 from refusals import refused
 
 

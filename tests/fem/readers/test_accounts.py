@@ -10,7 +10,8 @@ import pytest
 import abaqus_decks as inp
 import nastran_decks as bdf
 from antiosc.errors import MeshError
-from antiosc.fem.readers.decks import abaqus_assembly, abaqus_table, nastran, nastran_table
+from antiosc_decks.abaqus import assembly as abaqus_assembly, table as abaqus_table
+from antiosc_decks.nastran import mesh as nastran, table as nastran_table
 from paths import DECKS
 
 SECTION = inp.CUBE + inp.SOLID + inp.STEEL
@@ -96,8 +97,13 @@ def test_options_are_told_or_refused(tmp_path):
     assert any("SOLIDSECTION, NOVEL=" in text for text in deck.told)
     sheet = inp.SHEET + "*SHELL SECTION,ELSET=ALL,COMPOSITE{}\n1,,M,0\n" + inp.STEEL
     inp.read(tmp_path, sheet.format(""))
-    with pytest.raises(MeshError, match="SYMMETRIC= is a half of the layers"):
-        inp.read(tmp_path, sheet.format(",SYMMETRIC"))
+    for text in (
+        sheet.format(",SYMMETRIC"), SECTION + "*EQUATION,REMOVE\n",
+        SECTION + "*TIE,CYCLIC SYMMETRY\nA,B\n",
+        SECTION + "*COUPLING,REF NODE=1,SURFACE=S,ORIENTATION=O\n",
+    ):  # fmt: skip
+        with pytest.raises(MeshError, match="would change the result"):
+            inp.read(tmp_path, text)
 
 
 def test_damping_of_materials_is_told(tmp_path):
@@ -113,6 +119,7 @@ def test_no_card_has_two_fates():
         lists = [module._HARMLESS, module._IGNORED, *module._REFUSED.values()]
         if module is nastran_table:
             lists += [module._READ, module._OF_OTHERS, " ".join(module.BESIDE)]
+            lists += [" ".join(module.CELLS), " ".join(module.PROPERTIES)]
             lists += [" ".join(module.NO_COUNTERPART)]
         else:
             lists += [" ".join(module.READ)]

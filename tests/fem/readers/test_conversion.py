@@ -7,7 +7,7 @@ import pytest
 
 from antiosc.errors import MeshError
 from antiosc.fem.readers.conversion import as_mesh
-from antiosc.fem.readers.decks.deck import Block, Deck
+from antiosc.fem.readers.deck import Block, Deck
 from antiosc.fem.readers.shapes import CORNERS, DIMENSION, EDGES, FACES, rectangles
 
 TRIANGLE = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]

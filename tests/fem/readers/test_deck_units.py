@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 
 from abaqus_decks import alike
-from antiosc.fem.readers.decks import abaqus_assembly, abaqus_model, nastran, nastran_model
 from antiosc.fem.readers.unit_system import UnitSystem
+from antiosc_decks.abaqus import assembly as abaqus_assembly, model as abaqus_model
+from antiosc_decks.nastran import mesh as nastran, model as nastran_model
 
 #: Quantity -> powers of length, force and mass, where mass is force / length.
 QUANTITIES = {

@@ -6,7 +6,7 @@ import pytest
 
 from antiosc.errors import MeshError
 from antiosc.fem.readers import read
-from antiosc.fem.readers.table import is_bulk, is_deck, library_of
+from antiosc.fem.readers.table import is_deck, reader_of
 from antiosc.fem.readers.unit_system import UnitSystem
 from refusals import refused
 
@@ -18,19 +18,18 @@ def test_decks_that_share_their_endings_with_others(tmp_path):
     found = {}
     for name, content in texts.items():
         (tmp_path / name).write_bytes(content)
-        found[name] = is_bulk(tmp_path / name)
-        assert is_deck(tmp_path / name) == found[name]
-        assert library_of(tmp_path / name) == ("numpy" if found[name] else "meshio")
+        found[name] = is_deck(tmp_path / name)
+        assert reader_of(tmp_path / name).library == ("numpy" if found[name] else "meshio")
     assert [name for name, deck in found.items() if deck] == ["a.dat", "b.dat", "c.pch", "d.asm"]
-    assert not is_bulk(tmp_path / "none.dat")
+    assert not is_deck(tmp_path / "none.dat")
     for name in ("a.inp", "a.BDF", "a.nas", "a.fem"):
         assert is_deck(name)
-        assert library_of(name) == "numpy"
+        assert reader_of(name).library == "numpy"
     assert not is_deck("a.unv")
     for suffix, library in {"unv": "numpy", "msh": "gmsh", "step": "gmsh", "vtu": "meshio"}.items():
         name = f"a.{suffix}"
-        assert library_of(name) == library
-    assert library_of("a.stl", solid=True) == "gmsh"
+        assert reader_of(name).library == library
+    assert reader_of("a.stl", solid=True).library == "gmsh"
 
 
 OPTIONS = {

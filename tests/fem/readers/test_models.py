@@ -8,10 +8,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from antiosc.fem.readers.decks import abaqus_assembly, abaqus_model, nastran, nastran_model
-from antiosc.fem.readers.decks.geometry import fixed_along_axes
-from antiosc.fem.readers.decks.material import isotropic, of_stiffness
 from antiosc.fem.readers.unit_system import UnitSystem
+from antiosc_decks.abaqus import assembly as abaqus_assembly, model as abaqus_model
+from antiosc_decks.model.geometry import fixed_along_axes
+from antiosc_decks.model.properties import isotropic, of_stiffness
+from antiosc_decks.nastran import mesh as nastran, model as nastran_model
 
 CORNERS = [(x, y, z) for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
 MM = UnitSystem.of("mm")

@@ -12,8 +12,8 @@ pytest.importorskip("dolfinx")
 import antiosc as ao
 from antiosc.fem import compat
 from antiosc.fem.elements.weak_form import measure
-from antiosc.fem.readers.decks import nastran
-from antiosc.fem.readers.decks.nastran_coordinates import System
+from antiosc_decks.nastran import mesh as nastran
+from antiosc_decks.nastran.coordinates import System
 from paths import DECKS
 
 pytestmark = pytest.mark.fem

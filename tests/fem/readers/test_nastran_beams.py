@@ -7,11 +7,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from antiosc.fem.readers.decks import nastran, nastran_model
-from antiosc.fem.readers.decks.deck import Place
-from antiosc.fem.readers.decks.nastran_cards import Entry
-from antiosc.fem.readers.decks.nastran_profiles import BeamProfiles
+from antiosc.fem.readers.deck import Place
 from antiosc.fem.readers.unit_system import UnitSystem
+from antiosc_decks.nastran import mesh as nastran, model as nastran_model
+from antiosc_decks.nastran.cards import Entry
+from antiosc_decks.nastran.profiles import BeamProfiles
 
 RNG = np.random.default_rng(43)
 X = np.round(RNG.uniform(-1, 1, (4, 3)), 3)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from antiosc.errors import MeshError
-from antiosc.fem.readers.decks import nastran
-from antiosc.fem.readers.decks.nastran_cards import bulk_data
-from antiosc.fem.readers.decks.sources import Sources
+from antiosc_decks.nastran import mesh as nastran
+from antiosc_decks.nastran.cards import bulk_data
+from antiosc_decks.sources import Sources
 from refusals import refused
 
 #: Names and fields of entries of one to four lines.

@@ -29,7 +29,7 @@ def test_a_solid_of_21_constants(tmp_path, system, axes):
     expected = {"stiffness": (1e6 * C[np.ix_(order, order)]).tolist(), "rho": 9e3,
                 "axes": axes[:2].tolist()}  # fmt: skip
     alike(model["families"], [["7", "AnisotropicSolid", expected, line(text, "PSOLID")]])
-    for number, message in (("", "own system"), ("-1", "own system"), ("6", "the CORDM 6 is none")):
+    for number, message in (("", "own system"), ("-1", "own system"), ("6", "rectangular")):
         wrong = text.replace(f"PSOLID,7,2,{system}", f"PSOLID,7,2,{number}")
         with pytest.raises(MeshError, match=rf"^{line(text, 'PSOLID')}: .*{message}"):
             read(tmp_path, wrong + CYCLIC.replace("CORD2R,5", "CORD2C,6"))

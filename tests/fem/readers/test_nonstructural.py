@@ -8,8 +8,8 @@ import pytest
 import abaqus_decks as inp
 import nastran_decks as bdf
 from antiosc.errors import MeshError
-from antiosc.fem.readers.decks.deck import Block, Deck
-from antiosc.fem.readers.decks.geometry import measures_of
+from antiosc.fem.readers.deck import Block, Deck
+from antiosc_decks.model.geometry import measures_of
 
 #: kg/m³ of a t/mm³.
 UNIT = 1e12

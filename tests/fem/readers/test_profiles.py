@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 
 from antiosc.errors import MeshError
-from antiosc.fem.readers.decks import abaqus_profiles, nastran_profiles, profiles
-from antiosc.fem.readers.decks.abaqus_cards import Card
-from antiosc.fem.readers.decks.deck import Place
-from antiosc.fem.readers.decks.nastran_cards import Entry
+from antiosc.fem.readers.deck import Place
+from antiosc_decks.abaqus import properties as abaqus_profiles
+from antiosc_decks.abaqus.cards import Card
+from antiosc_decks.model import properties as profiles
+from antiosc_decks.nastran import profiles as nastran_profiles
+from antiosc_decks.nastran.cards import Entry
 
 PLACE = Place(Path("a deck"), 1)
 

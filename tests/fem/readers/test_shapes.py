@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from antiosc.fem.readers import neutral, shapes
-from antiosc.fem.readers.decks.abaqus_elements import element_type
-from antiosc.fem.readers.decks.abaqus_model import NAMED
-from antiosc.fem.readers.decks.abaqus_surfaces import SOLID_FACES
 from antiosc.fem.readers.mixed import GMSH_EDGES, GMSH_FACES
 from antiosc.fem.readers.node_table import NodeTable
+from antiosc_decks.abaqus.elements import element_type
+from antiosc_decks.abaqus.model import NAMED
+from antiosc_decks.abaqus.ties import SOLID_FACES
 
 #: by their dimension
 SIMPLICES = ["point", "interval", "triangle", "tetrahedron"]

@@ -8,7 +8,7 @@ from typing import Any
 
 from mpi4py import MPI
 
-from antiosc.checks import instance, path as checked_path, positive, several, shown
+from antiosc.checks import instance, path as checked_path, positive, several, shown, whole
 from antiosc.errors import InputError
 from antiosc.fem.assembly.deck_joints import attachments, joined
 from antiosc.fem.elements.anisotropic import AnisotropicSolid
@@ -51,6 +51,7 @@ def read_model(
     density: float | None = None,
     merge: float | None = None,
     parts: Sequence[str] | None = None,
+    piece: int | None = None,
     solver: Choice = "auto",
     timeout: float | None = None,
     comm: MPI.Comm = MPI.COMM_WORLD,
@@ -74,6 +75,9 @@ def read_model(
     parts
         Names of parts, instances or sets of elements: only they are read. Constraints, springs and
         masses on nodes of the others alone are left out, and a warning counts them.
+    piece
+        Of elements that fall into pieces without a node in common: 1 for the largest, 2 for the
+        next; the others are left out likewise.
     solver
         As for `Structure`.
 
@@ -105,7 +109,7 @@ def read_model(
     """
     instance("comm", comm, MPI.Comm, "an MPI communicator (mpi4py)")
     file = checked_path("path", path)
-    read = _reader(file, unit, density, merge, parts, timeout)
+    read = _reader(file, unit, density, merge, parts, piece, timeout)
     more = several("supports", supports, Support, "Support objects")
     added: list[PointMass | Spring] = several(
         "attached", attached, (PointMass, Spring), "PointMass and Spring objects"
@@ -135,7 +139,7 @@ def outline_of_deck(
     Nothing is assembled. `options` are others of `read_model`; those that reading does not need
     are not looked at.
     """
-    needed = ("density", "merge", "parts", "timeout")
+    needed = ("density", "merge", "parts", "piece", "timeout")
     file = checked_path("path", path)
     by_dim = _reader(file, unit, *(options.get(name) for name in needed))()
     names = dict.fromkeys(group for raw in by_dim.values() for group in raw.groups)
@@ -146,7 +150,7 @@ def outline_of_deck(
 
 
 def _reader(
-    file: Path, unit: Any, density: Any, merge: Any, parts: Any, timeout: Any
+    file: Path, unit: Any, density: Any, merge: Any, parts: Any, piece: Any, timeout: Any
 ) -> Callable[[], dict[int, RawMesh]]:
     """A function that reads the deck: cells by their dimension; arguments are those of a user."""
     units = UnitSystem.of(unit)
@@ -161,17 +165,29 @@ def _reader(
         if not named or not parts:
             raise InputError(f"parts must be a list of names; got {shown(parts)}.")
         parts = list(parts)
+    if piece is not None:
+        piece = whole("piece", piece, least=1)
 
     def work() -> dict[int, RawMesh]:
-        options = {"density": density, "parts": parts}
+        options = {"density": density, "parts": parts, "piece": piece}
         found = read_parts(file, unit=units, merge=merge, timeout=timeout, model=options)
         for dim, raw in found.items():
             model = _model(raw)
             flat = flattened(raw, model["gdim"], file.name)
-            found[dim] = sound(flat, file.name, made_here=False, pieces=model["joined"])
+            found[dim] = sound(
+                flat, file.name, made_here=False, pieces=model["joined"], by=_choices(flat)
+            )
         return found
 
     return work
+
+
+def _choices(raw: RawMesh) -> str:
+    """Arguments of `read_model` that choose a part of a deck."""
+    sets = {name: len(own.get(raw.kind.dim, ())) for name, own in raw.groups.items()}
+    names = [repr(name) for name, count in sets.items() if 0 < count < len(raw.cells)]
+    named = f"; parts= names sets: {', '.join(names[:8])}{', …' * (len(names) > 8)}"
+    return f"piece=1 is the largest{named * bool(names)}"
 
 
 def _model(raw: RawMesh) -> dict[str, Any]:

@@ -19,10 +19,12 @@ from antiosc.fem.readers.neutral import IntArray
 TWO_SIDES = ("quadrilateral", "hexahedron")
 
 
-def sound(raw: RawMesh, name: str, made_here: bool, pieces: bool = False) -> RawMesh:
+def sound(
+    raw: RawMesh, name: str, made_here: bool, pieces: bool = False, by: str = 'cells="its group"'
+) -> RawMesh:
     """`raw` itself, or without folded cells if gmsh made it here; `name` is that of the file.
 
-    `pieces`: it may fall into pieces, for constraints join them.
+    `pieces`: it may fall into pieces, for constraints join them; `by`: what else chooses one.
 
     Raises
     ------
@@ -55,7 +57,7 @@ def sound(raw: RawMesh, name: str, made_here: bool, pieces: bool = False) -> Raw
                 f"({_centre(raw, unlike[0])}) m: merge the nodes that coincide, or mesh it anew."
             )
     if not pieces:
-        _refuse_pieces(raw, name)
+        _refuse_pieces(raw, name, by)
     fills = kind.dim == raw.points.shape[1]
     if fills and made_here and kind.order == 2 and kind.shape in MID_SIDE_EDGES:
         return replace(raw, points=straightened(raw.points, raw.cells, kind.shape))
@@ -103,7 +105,7 @@ def _refuse_repeated(raw: RawMesh, vertices: IntArray, name: str) -> None:
             )
 
 
-def _refuse_pieces(raw: RawMesh, name: str) -> None:
+def _refuse_pieces(raw: RawMesh, name: str, by: str) -> None:
     n = len(raw.points)
     first = np.repeat(raw.cells[:, :1], raw.cells.shape[1] - 1, axis=1)
     graph = coo_matrix(
@@ -117,7 +119,7 @@ def _refuse_pieces(raw: RawMesh, name: str) -> None:
         raise MeshError(
             f"{name} falls into {count} pieces that share no node ({shown} cells): join them "
             "(nodes that coincide: merge=1e-6; in gmsh: BooleanFragments or Coherence) or read the "
-            'piece of interest (cells="its group").'
+            f"piece of interest ({by})."
         )
 
 

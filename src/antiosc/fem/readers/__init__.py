@@ -20,7 +20,7 @@ from antiosc.fem.readers.neutral import KINDS, FileMesh, RawMesh, kind_of, of_di
 from antiosc.fem.readers.request import GRADING, ModelOptions, Refinement
 from antiosc.fem.readers.selection import Wanted, selected
 from antiosc.fem.readers.size_field import SizeField
-from antiosc.fem.readers.table import DECKS, is_deck
+from antiosc.fem.readers.table import deck_endings, is_deck
 from antiosc.fem.readers.unit_system import UnitSystem
 
 __all__ = [
@@ -148,8 +148,8 @@ def _content(
     unit = unit or UnitSystem()
     if model is not None and not is_deck(path):
         raise MeshError(
-            f"{path.name} is not a deck: read_model takes {', '.join(DECKS)}; for a mesh use "
-            "read_mesh and Structure."
+            f"{path.name} is not a deck: read_model takes {', '.join(deck_endings())}; for a mesh "
+            "use read_mesh and Structure."
         )
     options = {
         "unit": [unit.length, unit.force],

@@ -10,7 +10,7 @@ import numpy as np
 
 from antiosc.errors import MeshError
 from antiosc.fem.readers.conversion import as_mesh
-from antiosc.fem.readers.decks.deck import (
+from antiosc.fem.readers.deck import (
     Block,
     Deck,
     Numbering,

@@ -43,10 +43,10 @@ def _hollow_packages(folder: Path) -> None:
 
 def _in_a_fork(asked, nowhere):  # type: ignore[no-untyped-def]
     """(exit code, answer) of a fork of this process that reads one file."""
-    from antiosc.fem.readers.table import library_of
+    from antiosc.fem.readers.table import reader_of
 
-    with contextlib.suppress(ImportError):  # the reader raises an error if it is missing
-        importlib.import_module(library_of(asked["path"], asked.get("solid", False)))
+    with contextlib.suppress(Exception):  # the fork raises it again, and says it
+        importlib.import_module(reader_of(asked["path"], asked.get("solid", False)).library)
     reading, writing = os.pipe()
     pid = os.fork()
     if pid == 0:
@@ -106,7 +106,7 @@ def _read(ask):  # type: ignore[no-untyped-def]
     from antiosc.fem.readers.table import reader_of
 
     try:
-        return packed(reader_of(ask.path, ask.solid)(ask))
+        return packed(reader_of(ask.path, ask.solid).read(ask))
     except AntioscError as error:
         return {"error": type(error).__name__, "message": str(error)}, []
     except MemoryError:

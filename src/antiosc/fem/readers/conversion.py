@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 
 from antiosc.errors import MeshError
-from antiosc.fem.readers.decks.deck import Array, Block, Deck, IntArray, listed
+from antiosc.fem.readers.deck import Array, Block, Deck, IntArray, listed
 from antiosc.fem.readers.fixed_entities import DIAGONALS, FixedEntities, fixed_with
 from antiosc.fem.readers.neutral import FileMesh, of_dimension
 from antiosc.fem.readers.node_table import NodeTable

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from antiosc.fem.readers.decks.deck import Block
+from antiosc.fem.readers.deck import Block
 from antiosc.fem.readers.neutral import IntArray
 from antiosc.fem.readers.node_table import NodeTable, PairTable
 from antiosc.fem.readers.shapes import CORNERS, DIMENSION, EDGES, FACES, rectangles

@@ -11,7 +11,7 @@ import numpy as np
 
 from antiosc.errors import MeshError
 from antiosc.fem.readers.conversion import as_mesh
-from antiosc.fem.readers.decks.deck import Block, Deck
+from antiosc.fem.readers.deck import Block, Deck
 from antiosc.fem.readers.neutral import KINDS, SERENDIPITY, FileMesh, IntArray
 from antiosc.fem.readers.shapes import CORNERS, DIMENSION, EDGES, rectangles
 

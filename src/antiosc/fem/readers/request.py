@@ -6,9 +6,11 @@ import contextlib
 import resource
 import signal
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
+
+from antiosc.fem.readers.neutral import FileMesh
 
 Refinement = tuple[Sequence[float], float]
 #: Growth of the sizes per unit of distance from a refined point, and how many of the smallest size
@@ -18,7 +20,8 @@ GRADING = (0.35, 2.0)
 WAITING = 20.0
 #: How the kernel ends a reader that takes too long.
 OVERTIME = (signal.SIGALRM, signal.SIGPROF)
-#: "density": of materials without one, kg/m³; "parts": names of parts, None: all
+#: "density": of materials without one, kg/m³; "parts": names of parts, "piece": rank of a piece by
+#: its size, None: all
 ModelOptions = dict[str, Any]
 
 
@@ -86,3 +89,15 @@ class Request:
             signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
             with contextlib.suppress(ValueError):  # a lower limit is in force
                 resource.setrlimit(resource.RLIMIT_FSIZE, (2**20, 2**20))
+
+
+class FileReader(NamedTuple):
+    """A reader of one file type, which a package registers under `antiosc.readers`."""
+
+    read: Callable[[Request], FileMesh]
+    #: whether the files may contain whole models, for `read_model`
+    model: bool = False
+    #: whether a file that begins with these bytes is of this type; None: the ending says it
+    matches: Callable[[bytes], bool] | None = None
+    #: library that is imported once for all files
+    library: str = "numpy"

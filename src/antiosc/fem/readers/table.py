@@ -1,70 +1,64 @@
 """The reader of each file type.
 
-A new format is one function here: it gets a `Request`, reads `ask.path` and returns a `FileMesh`,
-or raises MeshError with one sentence that names the file `ask.name`. It runs in a separate process
-with limits on time and memory (`child`), which can import only those modules of antiosc that do not
-need dolfinx: `antiosc.errors`, `antiosc.checks` and this package. All other types go to meshio.
+A reader gets a `Request`, reads `ask.path` and returns a `FileMesh`, or raises MeshError with one
+sentence that names the file `ask.name`. It runs in a separate process with limits on time and
+memory (`child`), which can import only those modules of antiosc that do not need dolfinx:
+`antiosc.errors`, `antiosc.checks` and this package. Packages register further readers, each for one
+ending, as entry points of the group `antiosc.readers`; all other types go to meshio.
 """
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable
+from collections.abc import Iterator
 from pathlib import Path
 
-from antiosc.fem.readers import by_deck, by_gmsh, by_meshio, by_unv
-from antiosc.fem.readers.neutral import FileMesh
-from antiosc.fem.readers.request import Request
+from antiosc.fem.readers import by_gmsh, by_meshio, by_unv
+from antiosc.fem.readers.request import FileReader
+from antiosc.registered import loaded, registered
 
-Reader = Callable[[Request], FileMesh]
-
-DECKS: dict[str, Reader] = {
-    ".inp": by_deck.abaqus,
-    **dict.fromkeys((".bdf", ".nas", ".fem"), by_deck.nastran),
+#: Name is the ending of the files without its dot, value a `FileReader`.
+GROUP = "antiosc.readers"
+GENERATOR = FileReader(by_gmsh.generate, library="gmsh")
+BUILT_IN = {
+    ".msh": FileReader(by_gmsh.read, library="gmsh"),
+    ".unv": FileReader(by_unv.read),
+    **dict.fromkeys(by_gmsh.GEOMETRY, GENERATOR),
 }
-READERS: dict[str, Reader] = {
-    ".msh": by_gmsh.read,
-    **DECKS,
-    ".unv": by_unv.read,
-    **dict.fromkeys(by_gmsh.GEOMETRY, by_gmsh.generate),
-}
-
-
-#: Extensions that Nastran decks share with other files, and by what they are known.
-PERHAPS_BULK = (".dat", ".blk", ".pch", ".nastran", ".asm")
-BULK = re.compile(rb"^\s*(BEGIN\s+BULK|GRID[*, ]|CEND\b)", re.IGNORECASE | re.MULTILINE)
+MESHIO = FileReader(by_meshio.read, library="meshio")
 FIRST_BYTES = 2**20
 
 
-def reader_of(path: str | Path, solid: bool = False) -> Reader:
-    """The reader of a file, by its extension; `solid`: a surface to be filled."""
+def reader_of(path: str | Path, solid: bool = False) -> FileReader:
+    """The reader of a file, by its ending and content; `solid`: a surface to be filled."""
     if solid:
-        return by_gmsh.generate
-    if is_bulk(path):
-        return by_deck.nastran
-    return READERS.get(Path(path).suffix.lower(), by_meshio.read)
+        return GENERATOR
+    ending = Path(path).suffix.lower()
+    for reader in _registered(ending):
+        if reader.matches is None or reader.matches(_start(path)):
+            return reader
+    return BUILT_IN.get(ending, MESHIO)
 
 
-def is_bulk(path: str | Path) -> bool:
-    """Whether a file named like those of several programs (.dat, …) holds Nastran bulk data."""
-    if Path(path).suffix.lower() not in PERHAPS_BULK:
-        return False
+def _registered(ending: str) -> Iterator[FileReader]:
+    for entry in registered(GROUP):
+        if f".{entry.name.lower()}" == ending:
+            yield loaded(entry, FileReader)
+
+
+def _start(path: str | Path) -> bytes:
     try:
         with Path(path).open("rb") as file:
-            start = file.read(FIRST_BYTES)
+            return file.read(FIRST_BYTES)
     except OSError:
-        return False
-    return BULK.search(start) is not None
-
-
-def library_of(path: str | Path, solid: bool = False) -> str:
-    """The library that the reader of a file needs; it is imported once for all files."""
-    reader = reader_of(path, solid)
-    if reader is by_meshio.read:
-        return "meshio"
-    return "gmsh" if reader in (by_gmsh.read, by_gmsh.generate) else "numpy"
+        return b""
 
 
 def is_deck(path: str | Path) -> bool:
-    """Whether a file, by its extension, may contain a whole model."""
-    return Path(path).suffix.lower() in DECKS or is_bulk(path)
+    """Whether a file may contain a whole model."""
+    return reader_of(path).model
+
+
+def deck_endings() -> list[str]:
+    """Endings of the files that `read_model` reads, whatever their content."""
+    every = {f".{entry.name.lower()}": loaded(entry, FileReader) for entry in registered(GROUP)}
+    return sorted(one for one, reader in every.items() if reader.model and not reader.matches)

@@ -1,0 +1,134 @@
+"""Keyword cards of Abaqus and CalculiX: `*KEYWORD, OPTION=VALUE` and the data lines below it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from antiosc.errors import MeshError
+from antiosc.fem.readers.deck import Place, real_number
+from antiosc_decks.sources import BULK, Sources
+
+#: Cards whose data may be in a separate file (INPUT=).
+WITH_INPUT = ("NODE", "ELEMENT", "NSET", "ELSET", "BOUNDARY", "EQUATION")
+
+
+@dataclass
+class Card:
+    """One keyword with its options and data lines."""
+
+    #: without `*` and spaces, upper case
+    keyword: str
+    #: name in upper case -> value as written; "" for those without one
+    options: dict[str, str]
+    place: Place
+    #: data lines that are neither empty nor comments
+    lines: list[str] = field(default_factory=list)
+    #: file and line of each data line
+    places: list[Place] = field(default_factory=list)
+
+    def rows(self) -> Iterator[tuple[list[str], Place]]:
+        """(fields, place) of every data line; a comma at the end adds no field."""
+        for line, place in zip(self.lines, self.places, strict=True):
+            fields = [part.strip() for part in line.split(",")]
+            while fields and not fields[-1]:
+                fields.pop()
+            yield fields, place
+
+    def numbers(self) -> list[float]:
+        """Numbers of all data lines; an empty field is 0."""
+        return [_number(field, place) for fields, place in self.rows() for field in fields]
+
+    def first_numbers(self) -> list[float]:
+        """Numbers of the first data line; an empty field is 0."""
+        fields, place = next(self.rows(), ([], self.place))
+        return [_number(field, place) for field in fields]
+
+    def option(self, name: str, default: str = "") -> str:
+        """Value of an option, without quotes."""
+        return self.options.get(name, default).strip().strip('"').strip()
+
+    def needed(self, name: str) -> str:
+        """Value of a required option."""
+        value = self.option(name)
+        if not value:
+            raise self.place.error(f"*{self.keyword} needs {name}=.")
+        return value
+
+
+def _number(field: str, place: Place) -> float:
+    return real_number(field, place) if field else 0.0
+
+
+def cards(sources: Sources) -> list[Card]:
+    """All cards of a deck and of the files that it includes, in order."""
+    found: list[Card] = []
+    _collect(sources, sources.main(), sources.name, found)
+    if not found:
+        raise MeshError(f"{sources.name} contains no keyword (*NODE, …): it is not an Abaqus deck.")
+    return found
+
+
+def _collect(sources: Sources, lines: list[str], file: str, found: list[Card]) -> None:
+    number = 0
+    while number < len(lines):
+        line = lines[number].strip()
+        number += 1
+        if not line or line.startswith("**"):
+            continue
+        place = Place(file, number)
+        if not line.startswith("*"):
+            if not found and "**" in line:  # a comment behind what an editor or a mail put there
+                continue
+            if not found:
+                bulk = any(map(BULK.match, lines))
+                what = "Nastran bulk data, name it .bdf" if bulk else "not an Abaqus deck"
+                raise place.error(f"data before the first keyword: {what}.")
+            found[-1].lines.append(line)
+            found[-1].places.append(place)
+            continue
+        while line.endswith(",") and number < len(lines):
+            following = lines[number].strip()
+            if following.startswith("*"):
+                break
+            line += following
+            number += 1
+        card = _card(line, place)
+        if card.keyword == "INCLUDE":
+            _included(sources, card.needed("INPUT"), place, found)
+            continue
+        found.append(card)
+        if card.keyword in WITH_INPUT and card.option("INPUT"):
+            _included(sources, card.option("INPUT"), place, found)
+
+
+def _included(sources: Sources, named: str, place: Place, found: list[Card]) -> None:
+    lines = sources.enter(named, place)
+    _collect(sources, lines, named.strip().strip('"'), found)
+    sources.leave()
+
+
+def _card(line: str, place: Place) -> Card:
+    head, *rest = _outside_quotes(line[1:])
+    keyword = "".join(head.split()).upper()
+    options = {}
+    for part in rest:
+        name, _, value = part.partition("=")
+        name = "".join(name.split()).upper()
+        if name:
+            options[name] = value.strip()
+    return Card(keyword, options, place)
+
+
+def _outside_quotes(text: str) -> list[str]:
+    """Fields between the commas outside quotes."""
+    if '"' not in text:
+        return text.split(",")
+    fields, quoted = [""], False
+    for letter in text:
+        quoted ^= letter == '"'
+        if letter == "," and not quoted:
+            fields.append("")
+        else:
+            fields[-1] += letter
+    return fields

@@ -1,0 +1,187 @@
+"""What becomes of the cards of Abaqus and CalculiX decks, and of the options of those read."""
+
+from __future__ import annotations
+
+from antiosc_decks.abaqus.cards import Card
+from antiosc_decks.account import UNKNOWN, Account, Fate, table
+
+#: Cards that are read -> options that are read or harmless, with their values if not all are.
+READ = {
+    "NODE": "NSET INPUT SYSTEM",
+    "ELEMENT": "TYPE ELSET INPUT",
+    "NGEN": "NSET LINE",
+    "NFILL": "NSET BIAS SINGULAR",
+    "ELGEN": "ELSET",
+    "NSET": "NSET ELSET GENERATE UNSORTED INSTANCE INTERNAL INPUT",
+    "ELSET": "ELSET GENERATE UNSORTED INSTANCE INTERNAL INPUT",
+    "PART": "NAME",
+    "INSTANCE": "NAME PART",
+    "MATERIAL": "NAME",
+    "ELASTIC": "TYPE DEPENDENCIES",
+    "DENSITY": "DEPENDENCIES",
+    "SOLIDSECTION": "ELSET MATERIAL ORIENTATION CONTROLS",
+    "SHELLSECTION": "ELSET MATERIAL ORIENTATION COMPOSITE OFFSET NODALTHICKNESS SECTIONINTEGRATION "
+    "POISSON TEMPERATURE CONTROLS LAYUP STACKDIRECTION THICKNESSMODULUS",
+    "BEAMSECTION": "ELSET MATERIAL SECTION OFFSET1 OFFSET2 POISSON TEMPERATURE CONTROLS LUMPED "
+    "ROTARYINERTIA",
+    "BEAMGENERALSECTION": "ELSET MATERIAL SECTION OFFSET1 OFFSET2",
+    "NODALTHICKNESS": "",
+    "ORIENTATION": "NAME SYSTEM DEFINITION",
+    "TRANSFORM": "NSET TYPE",
+    "BOUNDARY": "OP=MOD|NEW AMPLITUDE FIXED TYPE INPUT",
+    "EQUATION": "INPUT",
+    "MPC": "",
+    "RIGIDBODY": "NSET ELSET REFNODE ROTNODE TIENSET PINNSET ISOTHERMAL POSITION=INPUT",
+    "TIE": "NAME POSITIONTOLERANCE ADJUST TYPE",
+    "SURFACE": "NAME TYPE INTERNAL",
+    "COUPLING": "CONSTRAINTNAME REFNODE SURFACE",
+    "KINEMATIC": "",
+    "DISTRIBUTING": "WEIGHTINGMETHOD=UNIFORM",
+    "KINEMATICCOUPLING": "REFNODE",
+    "DISTRIBUTINGCOUPLING": "ELSET",
+    "MASS": "ELSET",
+    "ROTARYINERTIA": "ELSET ORIENTATION",
+    "NONSTRUCTURALMASS": "ELSET UNITS DISTRIBUTION",
+    "SPRING": "ELSET ORIENTATION",
+    "DASHPOT": "ELSET ORIENTATION",
+}
+#: Options that would change the result.
+REFUSED_OPTIONS = {
+    ("SOLIDSECTION", "COMPOSITE"): "a solid of layers",
+    ("SHELLSECTION", "SYMMETRIC"): "a half of the layers",
+    ("SHELLSECTION", "SHELLTHICKNESS"): "a distribution of the thickness",
+    ("COUPLING", "INFLUENCERADIUS"): "a limit of the surface",
+    ("KINEMATICCOUPLING", "ORIENTATION"): "a coupling along axes of its own",
+    ("RIGIDBODY", "POSITION"): "a change of the place of the reference node",
+    ("INSTANCE", "LIBRARY"): "a part of another analysis",
+    ("EQUATION", "REMOVE"): "a change of the equations between steps",
+    ("EQUATION", "REMOVEALL"): "a change of the equations between steps",
+    **dict.fromkeys(
+        (("TIE", kind) for kind in ("CYCLICSYMMETRY", "MULTISTAGE", "FLUIDPERIODIC")),
+        "a sector of a whole ring",
+    ),
+    ("COUPLING", "ORIENTATION"): "a coupling along axes of its own",
+    ("BOUNDARY", "SUBMODEL"): "a submodel",
+    ("SPRING", "NONLINEAR"): "a nonlinear law",
+    ("DASHPOT", "NONLINEAR"): "a nonlinear law",
+}
+#: Cards that are also read in the first step.
+IN_STEPS = (
+    *("NSET", "ELSET", "SURFACE", "BOUNDARY", "EQUATION", "MPC", "RIGIDBODY", "TIE", "COUPLING"),
+    *("KINEMATIC", "DISTRIBUTING", "KINEMATICCOUPLING"),
+)
+#: Cards that generate nodes and elements and are not supported, of meshes neither.
+GENERATORS = ("NCOPY", "ELCOPY", "NMAP", "SYSTEM")
+
+_HARMLESS = """
+HEADING PREPRINT RESTART PARAMETER ENDPART ENDINSTANCE ASSEMBLY ENDASSEMBLY ENDSTEP
+OUTPUT NODEOUTPUT ELEMENTOUTPUT CONTACTOUTPUT ENERGYOUTPUT INCREMENTATIONOUTPUT MODALOUTPUT
+SURFACEOUTPUT INTEGRATEDOUTPUT INTEGRATEDOUTPUTSECTION RADIATIONOUTPUT FILEOUTPUT FILEFORMAT
+NODEPRINT ELPRINT FACEPRINT CONTACTPRINT ENERGYPRINT SECTIONPRINT MODALPRINT RADIATIONPRINT
+NODEFILE ELFILE CONTACTFILE ENERGYFILE SECTIONFILE MODALFILE ELEMENTMATRIXOUTPUT MATRIXGENERATE
+MONITOR PRINT DISPLAYBODY DIAGNOSTICS OUTPUTVARIABLES USEROUTPUTVARIABLES
+STATIC DYNAMIC FREQUENCY BUCKLE MODALDYNAMIC STEADYSTATEDYNAMICS COMPLEXFREQUENCY VISCO GEOSTATIC
+SOILS ANNEAL RANDOMRESPONSE RESPONSESPECTRUM DIRECTCYCLIC SUBSTRUCTUREGENERATE NOANALYSIS
+HEATTRANSFER COUPLEDTEMPERATURE-DISPLACEMENT UNCOUPLEDTEMPERATURE-DISPLACEMENT
+DYNAMICTEMPERATURE-DISPLACEMENT COUPLEDTHERMAL-ELECTRICAL MASSDIFFUSION ELECTROMAGNETICS CFD
+AMPLITUDE TIMEPOINTS CONTROLS SOLVERCONTROLS SECTIONCONTROLS BULKVISCOSITY SELECTEIGENMODES
+RETAINEDNODALDOFS SUBSTRUCTUREMATRIXOUTPUT SELECTCYCLICSYMMETRYMODES DISTRIBUTIONTABLE
+SURFACEINTERACTION SURFACEBEHAVIOR FRICTION CONTACTDAMPING CONTACTCONTROLS CHANGEFRICTION
+CHANGECONTACTTYPE CHANGESURFACEBEHAVIOR GAPCONDUCTANCE GAPHEATGENERATION GAPRADIATION
+CONTACTINCLUSIONS CONTACTEXCLUSIONS CONTACTPROPERTYASSIGNMENT CONTACTINITIALIZATIONASSIGNMENT
+CONTACTINITIALIZATIONDATA CONTACTCONTROLSASSIGNMENT CONTACTFORMULATION CONTACTSTABILIZATION
+CONNECTORBEHAVIOR CONNECTORELASTICITY CONNECTORDAMPING CONNECTORFRICTION CONNECTORLOCK
+CONNECTORSTOP CONNECTORCONSTITUTIVEREFERENCE
+PHYSICALCONSTANTS CONDUCTIVITY SPECIFICHEAT LATENTHEAT SPECIFICGASCONSTANT INELASTICHEATFRACTION
+JOULEHEATFRACTION VIEWFACTOR CAVITYDEFINITION VALUESATINFINITY ELECTRICALCONDUCTIVITY
+MAGNETICPERMEABILITY DIELECTRIC PIEZOELECTRIC FLUIDCONSTANTS DEPVAR
+BOUNDARYF EQUATIONF TRANSFORMF
+SENSITIVITY OBJECTIVE DESIGNVARIABLES DESIGNRESPONSE CONSTRAINT FEASIBLEDIRECTION FILTER
+"""
+_IGNORED = """
+STEP CLOAD DLOAD DSLOAD TEMPERATURE FIELD FILM SFILM RADIATE SRADIATE CFLUX DFLUX DSFLUX MASSFLOW
+INITIALCONDITIONS INITIALSTRAININCREASE BASEMOTION INERTIARELIEF CONNECTORLOAD CONNECTORMOTION
+DAMPING MODALDAMPING GLOBALDAMPING DAMPINGCONTROLS SLIDEDAMPING
+FIXEDMASSSCALING VARIABLEMASSSCALING EXPANSION NORMAL
+PLASTIC CREEP CYCLICHARDENING DEFORMATIONPLASTICITY RATEDEPENDENT VISCOELASTIC HYSTERESIS
+HYPERELASTIC HYPERFOAM MULLINSEFFECT LOWDENSITYFOAM USERMATERIAL NOCOMPRESSION NOTENSION CONCRETE
+TENSIONSTIFFENING POTENTIAL CAPPLASTICITY DRUCKERPRAGER DRUCKERPRAGERHARDENING MOHRCOULOMB
+MOHRCOULOMBHARDENING CONCRETEDAMAGEDPLASTICITY CONCRETECOMPRESSIONHARDENING
+CONCRETETENSIONSTIFFENING DAMAGEINITIATION DAMAGEEVOLUTION SHEARFAILURE TENSILEFAILURE
+CASTIRONPLASTICITY CHANGEPLASTIC SWELLING EOS
+"""
+_REFUSED = {
+    "a contact pair": "CONTACTPAIR CLEARANCE",
+    "general contact": "CONTACT",
+    "a pre-tensioned bolt": "PRE-TENSIONSECTION",
+    "cyclic symmetry": "CYCLICSYMMETRYMODEL",
+    "a submodel": "SUBMODEL",
+    "a change of the model between steps": "MODELCHANGE",
+    "a gap element": "GAP",
+    "a connector": "CONNECTORSECTION",
+    "a fastener": "FASTENER FASTENERPROPERTY",
+    "a joint between elements": "JOINT JOINTELASTICITY",
+    "embedded elements": "EMBEDDEDELEMENT",
+    "a coupling of shells and solids": "SHELLTOSOLIDCOUPLING",
+    "a fluid": "FLUIDSECTION FLUIDSECTIONS FLUIDCAVITY BEAMFLUIDINERTIA AQUA",
+    "a membrane": "MEMBRANESECTION",
+    "a surface without stiffness": "SURFACESECTION",
+    "a layer of glue or a gasket": "COHESIVESECTION GASKETSECTION",
+    "a frame element": "FRAMESECTION",
+    "a shell given by its stiffness": "SHELLGENERALSECTION",
+    "a rigid surface": "RIGIDSURFACE",
+    "a user element": "USERELEMENT UELPROPERTY",
+    "a matrix": "MATRIXINPUT MATRIXASSEMBLE",
+    "a substructure": "SUBSTRUCTUREPROPERTY",
+    "a model of another analysis": "IMPORT SYMMETRICMODELGENERATION",
+    "a change of the sections between steps": "CHANGESOLIDSECTION",
+    "a change of a material between steps": "CHANGEMATERIAL",
+    "an elastic foundation (use springs)": "FOUNDATION",
+    "a release of beams' ends": "RELEASE",
+    "a distribution over elements": "DISTRIBUTION",
+    "a change of the nodes' places": "IMPERFECTION",
+    "added inertia of beams": "BEAMADDEDINERTIA",
+    "an adjustment of the mass": "MASSADJUST",
+    "reinforcement": "REBAR REBARLAYER",
+    "a stiffness against transverse shear": "TRANSVERSESHEARSTIFFNESS",
+    "a generator of nodes or elements": " ".join(GENERATORS),
+}
+
+CARDS = table(read=READ, harmless=_HARMLESS.split(), ignored=_IGNORED.split(), refused=_REFUSED)
+
+
+def account_for(cards: list[Card], name: str) -> Account:
+    """What becomes of the cards of a deck: the model and its first step are read."""
+    account = Account(name)
+    count, step = 0, -1
+    for card in cards:
+        if card.keyword == "STEP":
+            count, step = count + 1, count
+        fate = _at_step(card.keyword, CARDS.get(card.keyword, UNKNOWN), step)
+        account.add(f"*{card.keyword}", card.place, fate)
+        if fate.kind == "read":
+            for option in card.options:
+                label = f"*{card.keyword}, {option}="
+                account.options.append((label, card.place, _of_option(card, option)))
+        if card.keyword == "ENDSTEP":
+            step = -1
+    return account
+
+
+def _at_step(keyword: str, fate: Fate, step: int) -> Fate:
+    """The fate of a card in a step, counted from 0; -1: in the model."""
+    if step < 0 or keyword in ("NSET", "ELSET") or fate.kind not in ("read", "refused"):
+        return fate
+    if step > 0:
+        return Fate("ignored", "of later steps")
+    return fate if fate.kind == "refused" or keyword in IN_STEPS else Fate("refused", "in a step")
+
+
+def _of_option(card: Card, option: str) -> Fate:
+    known = dict(word.partition("=")[::2] for word in READ[card.keyword].split())
+    values = known.get(option, "").split("|")
+    value = "".join(card.option(option).split()).upper()
+    if option in known and (values == [""] or value in values):
+        return Fate("read")
+    what = REFUSED_OPTIONS.get((card.keyword, option))
+    return Fate("refused", what) if what else UNKNOWN

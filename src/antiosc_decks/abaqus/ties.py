@@ -1,0 +1,227 @@
+"""*SURFACE and *TIE of Abaqus and CalculiX decks: faces of elements or nodes.
+
+Nodes of one surface are tied to faces of another by the shape functions of these.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from antiosc.fem.readers.deck import Array, Block, IntArray, Place
+from antiosc.fem.readers.shapes import EDGES
+from antiosc_decks.abaqus.assembly import Instance, Whole
+from antiosc_decks.abaqus.cards import Card
+from antiosc_decks.model.constraints import Constraints
+
+#: Corners of the faces S1, S2, … of solids.
+SOLID_FACES = {
+    "hexahedron": (
+        *((0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1)),
+        *((1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0)),
+    ),
+    "wedge": ((0, 1, 2), (3, 5, 4), (0, 3, 4, 1), (1, 4, 5, 2), (2, 5, 3, 0)),
+    "tetra": ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0)),
+    "pyramid": ((0, 1, 2, 3), (0, 4, 1), (1, 4, 2), (2, 4, 3), (3, 4, 0)),
+}
+
+
+@dataclass
+class Surface:
+    """Faces, by (corners, middles of edges; -1: none) in order around each; or nodes alone."""
+
+    faces: list[tuple[IntArray, IntArray]] = field(default_factory=list)
+    alone: list[IntArray] = field(default_factory=list)
+
+    @property
+    def nodes(self) -> IntArray:
+        """All of its nodes."""
+        every = [np.zeros(0, dtype=np.int64), *self.alone]
+        for corners, mids in self.faces:
+            every += [corners, mids]
+        nodes = np.unique(np.concatenate(every))
+        return nodes[nodes >= 0]
+
+
+def surfaces_of(whole: Whole, cards: Sequence[tuple[Card, Instance]]) -> dict[str, Surface]:
+    """The surfaces of a deck by name in upper case."""
+    found: dict[str, Surface] = {}
+    for card, within in cards:
+        if card.keyword != "SURFACE" or not card.option("NAME"):
+            continue
+        prefix = f"{within.name.upper()}." if within.name else ""
+        surface = found.setdefault(prefix + card.option("NAME").upper(), Surface())
+        of_nodes = card.option("TYPE").upper().startswith("NODE")
+        for fields, place in card.rows():
+            if not fields or not fields[0]:
+                continue
+            if of_nodes:
+                surface.alone.append(whole.nodes(fields[0], place, within))
+                continue
+            elements = whole.elements(fields[0], place, within)
+            side = fields[1].upper() if len(fields) > 1 else ""
+            surface.faces += list(_faces(whole.deck.blocks, elements, side, place))
+    return found
+
+
+def _faces(
+    blocks: Sequence[Block], elements: IntArray, side: str, place: Place
+) -> Iterator[tuple[IntArray, IntArray]]:
+    start = 0
+    for block in blocks:
+        own = elements[(elements >= start) & (elements < start + len(block))] - start
+        start += len(block)
+        if not len(own):
+            continue
+        corners = _corners(block.shape, side, place)
+        edges = [frozenset(edge) for edge in EDGES[block.shape]]
+        around = [
+            edges.index(frozenset((a, b)))
+            for a, b in zip(corners, (*corners[1:], corners[0]), strict=True)
+        ]
+        for row in own:
+            mids = block.mids[row][around] if block.mids.shape[1] else np.zeros(0, dtype=np.int64)
+            yield block.corners[row][list(corners)], mids
+
+
+def _corners(shape: str, side: str, place: Place) -> tuple[int, ...]:
+    if shape in ("triangle", "quad"):
+        return tuple(range(3 if shape == "triangle" else 4))
+    sides = SOLID_FACES.get(shape, ())
+    number = int(side[1:]) if side[:1] == "S" and side[1:].isdigit() else 0
+    if not 1 <= number <= len(sides):
+        raise place.error(
+            f"{side or 'no side'!r} is no side of a {shape}; it must be S1 to S{len(sides)}."
+        )
+    return sides[number - 1]
+
+
+#: Share of the mean length of the master's edges within which nodes are tied by default (Abaqus).
+TIE_REACH = 0.05
+#: Faces that are tried for each node, the nearest first.
+TRIED = 12
+NEWTON_STEPS = 12
+
+
+def tie(
+    joints: Constraints, slave: Surface, master: Surface, tolerance: float | None, place: Place
+) -> str:
+    """Tie the slave's nodes; a sentence where some are too far away, else "".
+
+    `tolerance` is in the deck's unit of length.
+    """
+    if not master.faces:
+        raise place.error("the master surface of *TIE must be of faces of elements.")
+    faces = _Faces(joints, master)
+    if tolerance is None:
+        tolerance = TIE_REACH * faces.size
+    own = set(master.nodes.tolist())
+    far = 0
+    nodes = slave.nodes
+    for node in nodes:
+        if int(node) in own:
+            continue
+        found = faces.nearest(joints.place(int(node)))
+        if found is None or found[0] > tolerance + 1e-9 * faces.size:
+            far += 1
+            continue
+        _, leaders, weights = found
+        both = bool(joints.has_rotations[node] and joints.has_rotations[leaders].all())
+        motions = range(6 if both else 3)
+        for c in motions:
+            terms = [(int(k), c, -float(w)) for k, w in zip(leaders, weights, strict=True)]
+            joints.equation([(int(node), c, 1.0), *terms], place)
+    if far == len(nodes):
+        raise place.error(
+            "*TIE joins nothing: no node of the slave surface lies within "
+            f"{tolerance:.3g} of the master surface (POSITION TOLERANCE=)."
+        )
+    if not far:
+        return ""
+    return (
+        f"{place}: {far} of {len(nodes)} slave nodes of *TIE lie further than {tolerance:.3g} from "
+        "the master surface and are not tied (POSITION TOLERANCE=)."
+    )
+
+
+class _Faces:
+    """Faces of one surface, and the place on them that is nearest to a point."""
+
+    def __init__(self, joints: Constraints, surface: Surface) -> None:
+        self.faces = []
+        edges = []
+        for corners, mids in surface.faces:
+            there = len(mids) and (mids >= 0).all()
+            nodes = np.concatenate([corners, mids]) if there else corners
+            x = np.array([joints.place(int(node)) for node in nodes])
+            self.faces.append((nodes, x))
+            ring = x[: len(corners)]
+            edges.append(np.linalg.norm(ring - np.roll(ring, 1, axis=0), axis=1).mean())
+        self.size = float(np.mean(edges))
+        self.centres = np.array([x.mean(axis=0) for _, x in self.faces])
+
+    def nearest(self, point: Array) -> tuple[float, IntArray, Array] | None:
+        """(distance, nodes, their weights)."""
+        order = np.argsort(np.linalg.norm(self.centres - point, axis=1), kind="stable")[:TRIED]
+        best: tuple[float, IntArray, Array] | None = None
+        for k in order:
+            nodes, x = self.faces[k]
+            weights = _projected(x, point)
+            distance = float(np.linalg.norm(weights @ x - point))
+            if best is None or distance < best[0] * (1 - 1e-9) - 1e-15:
+                best = distance, nodes, weights
+        return best
+
+
+def _projected(x: Array, point: Array) -> Array:
+    """Shape functions of the face at its place nearest to the point."""
+    triangle = len(x) in (3, 6)
+    xi = np.full(2, 1 / 3) if triangle else np.zeros(2)
+    for _ in range(NEWTON_STEPS):
+        values, slopes = _shapes(len(x), xi)
+        J = slopes.T @ x
+        step = np.linalg.lstsq(J.T, point - values @ x, rcond=None)[0]
+        new = _inside(xi + step, triangle)
+        if np.abs(new - xi).max() < 1e-12:
+            break
+        xi = new
+    return _shapes(len(x), xi)[0]
+
+
+def _inside(xi: Array, triangle: bool) -> Array:
+    if not triangle:
+        return np.clip(xi, -1.0, 1.0)
+    xi = np.clip(xi, 0.0, 1.0)
+    return xi / max(float(xi.sum()), 1.0)
+
+
+def _shapes(count: int, xi: Array) -> tuple[Array, Array]:
+    """Values (count,) and slopes (count, 2) of a triangle's or a serendipity quadrilateral's."""
+    r, s = xi
+    if count in (3, 6):
+        L = np.array([1 - r - s, r, s])
+        dL = np.array([[-1.0, -1], [1, 0], [0, 1]])
+        if count == 3:
+            return L, dL
+        pairs = ((0, 1), (1, 2), (2, 0))
+        values = [*(L * (2 * L - 1)), *(4 * L[a] * L[b] for a, b in pairs)]
+        between = [4 * (L[a] * dL[b] + L[b] * dL[a]) for a, b in pairs]
+        return np.array(values), np.vstack([(4 * L - 1)[:, None] * dL, between])
+    c = np.array([[-1.0, -1], [1, -1], [1, 1], [-1, 1]])
+    a, b = 1 + c[:, 0] * r, 1 + c[:, 1] * s
+    values = a * b / 4
+    slopes = np.stack([c[:, 0] * b, a * c[:, 1]], axis=1) / 4
+    if count == 4:
+        return values, slopes
+    p, q = 1 - r * r, 1 - s * s
+    mids = np.array([p * (1 - s), (1 + r) * q, p * (1 + s), (1 - r) * q]) / 2
+    by_r = [-r * (1 - s), q / 2, -r * (1 + s), -q / 2]
+    by_s = [-p / 2, -s * (1 + r), p / 2, -s * (1 - r)]
+    dmids = np.stack([by_r, by_s], axis=1)
+    for k in range(4):
+        for corner in (k, (k + 1) % 4):
+            values[corner] -= mids[k] / 2
+            slopes[corner] -= dmids[k] / 2
+    return np.concatenate([values, mids]), np.vstack([slopes, dmids])

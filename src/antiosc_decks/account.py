@@ -1,0 +1,111 @@
+"""What becomes of each card of a deck: read, harmless, ignored, refused, or unknown.
+
+The tables of the dialects (`abaqus_table`, `nastran_table`) say it card by card; a card that a
+table does not have is unknown. No card is dropped without a word: what is ignored or unknown is
+told with its count and its lines.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Literal, NamedTuple
+
+from antiosc.fem.readers.deck import Place
+
+Kind = Literal["read", "harmless", "ignored", "refused", "unknown"]
+#: Lines that are listed of each card.
+MOST_LINES = 4
+
+
+class Fate(NamedTuple):
+    """What becomes of a card; `what`: of a refused one, what it is; of others, a remark."""
+
+    kind: Kind
+    what: str = ""
+
+
+Table = Mapping[str, Fate]
+UNKNOWN = Fate("unknown")
+
+
+def table(
+    *,
+    read: Iterable[str],
+    harmless: Iterable[str],
+    ignored: Iterable[str],
+    refused: Mapping[str, str],
+) -> dict[str, Fate]:
+    """The fates of the cards of a dialect.
+
+    `refused`: what they are, or "", -> names between spaces.
+    """
+    found = dict.fromkeys(read, Fate("read"))
+    found |= dict.fromkeys(harmless, Fate("harmless"))
+    found |= dict.fromkeys(ignored, Fate("ignored"))
+    for what, names in refused.items():
+        found |= dict.fromkeys(names.split(), Fate("refused", what))
+    return found
+
+
+@dataclass
+class Account:
+    """The cards of a deck, each with its place and its fate."""
+
+    name: str
+    cards: list[tuple[str, Place, Fate]] = field(default_factory=list)
+    #: options and fields of cards that are read: what they are, the place of the card, their fate
+    options: list[tuple[str, Place, Fate]] = field(default_factory=list)
+
+    def add(self, card: str, place: Place, fate: Fate) -> None:
+        """Account for one card."""
+        self.cards.append((card, place, fate))
+
+    def counts(self) -> Counter[str]:
+        """Number of cards of each kind."""
+        return Counter(fate.kind for _, _, fate in self.cards)
+
+    def refuse(self) -> None:
+        """MeshError for the first card or option that is refused."""
+        for name, place, fate in (*self.cards, *self.options):
+            if fate.kind == "refused":
+                what = f" is {fate.what}, which" if fate.what else ""
+                raise place.error(
+                    f"{name}{what} is not supported here and would change the result; "
+                    "remove it from the deck, or model the part without it."
+                )
+
+    def ignored(self) -> list[str]:
+        """Count, name and lines of what is ignored."""
+        return _counted([*self.cards, *self.options], "ignored")
+
+    def unknown_cards(self) -> list[str]:
+        """A sentence on the cards that the table does not have, if there are such."""
+        found = _counted(self.cards, "unknown")
+        return found and [f"cards of {self.name} are unknown here and ignored: {', '.join(found)}."]
+
+    def unknown_options(self) -> list[str]:
+        """A sentence on the options and fields that are not read, if there are such."""
+        found = _counted(self.options, "unknown")
+        return found and [f"options of {self.name} are not read: {', '.join(found)}."]
+
+
+def _counted(entries: Iterable[tuple[str, Place, Fate]], kind: Kind) -> list[str]:
+    places: dict[str, list[Place]] = {}
+    mine = [one for one in entries if one[2].kind == kind]
+    for name, place, fate in sorted(mine, key=lambda one: one[0]):
+        label = f"{name} {fate.what}" if fate.what else name
+        places.setdefault(label, []).append(place)
+    return [f"{len(some)} {label} ({lines(some)})" for label, some in places.items()]
+
+
+def lines(places: Iterable[Place]) -> str:
+    """Lines and their file as text, shortened where they are many."""
+    some = list(places)
+    shown = some[:MOST_LINES]
+    more = f" and {len(some) - len(shown)} more" if len(some) > len(shown) else ""
+    if len({place.file for place in some}) > 1:
+        return ", ".join(map(str, shown)) + more
+    numbers = ", ".join(str(place.line) for place in shown)
+    return f"line{'s' * (len(some) > 1)} {numbers}{more} of {some[0].file}"

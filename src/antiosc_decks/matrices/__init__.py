@@ -1,0 +1,1 @@
+"""Files of matrices of Nastran (OP4, DMIG) and Ansys (Harwell–Boeing)."""

@@ -1,0 +1,311 @@
+"""Nastran OUTPUT4: matrices by columns, as text or binary, dense or sparse.
+
+Every matrix has a header (columns, rows, form, type, name), then records of columns: (column, first
+row, words) and values. With first row 0 the column is a list of strings, each with its own length
+and row: in one word (rows below 65536), or in two where the number of rows is negative ("BIGMAT").
+A record of column + 1 ends the matrix. MSC Nastran, *Reference Guide*, OUTPUT4.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy.sparse
+
+from antiosc._types import Array, IntArray
+from antiosc.errors import InputError
+from antiosc.matrix_files.entries import Entries, Labels
+from antiosc.matrix_files.formats import MatrixFormat
+from antiosc.matrix_files.source import Source, fortran, is_text
+
+#: Rows from which one word does not hold length and row of a string.
+BIGMAT_ROWS = 65536
+#: Form of a symmetric matrix, type of real numbers in double precision.
+SYMMETRIC_FORM, DOUBLE = 6, 2
+
+
+@dataclass(frozen=True)
+class _Header:
+    columns: int
+    rows: int
+    kind: int
+    name: str
+    bigmat: bool
+
+
+def matches(content: bytes) -> bool:
+    """Whether the content begins with the header of an OP4 file."""
+    if not is_text(content):
+        return _markers(content) is not None
+    line = content[:400].split(b"\n")[0].decode("ascii", "replace")
+    try:
+        _text_header(line)
+    except ValueError:
+        return False
+    return True
+
+
+def read(source: Source) -> dict[str, Entries]:
+    """The matrices of an OP4 file by their names."""
+    reader = _Text(source) if is_text(source.content) else _Binary(source)
+    found: dict[str, Entries] = {}
+    while (header := reader.header()) is not None:
+        if header.kind not in (1, 2):
+            raise InputError(
+                f"{source.name}: the matrix {header.name} is complex: stiffness and mass must be "
+                "real."
+            )
+        if header.rows != header.columns or header.rows < 1:
+            raise InputError(
+                f"{source.name}: the matrix {header.name} must be square; got {header.rows} rows "
+                f"and {header.columns} columns."
+            )
+        rows, columns, values = [], [], []
+        for column, row, value in reader.strings(header):
+            if row < 0 or row + len(value) > header.rows:
+                raise InputError(
+                    f"{source.name}: column {column + 1} of {header.name} has {len(value)} entries "
+                    f"from row {row + 1} of {header.rows} rows."
+                )
+            some = np.flatnonzero(value)
+            rows.append(row + some)
+            columns.append(np.full(len(some), column))
+            values.append(value[some])
+        joined = [np.concatenate([part[0][:0], *part]) if part else np.zeros(0) for part in
+                  (rows, columns, values)]  # fmt: skip
+        found[header.name] = Entries(
+            f"{source.name} ({header.name})",
+            joined[0].astype(np.int64),
+            joined[1].astype(np.int64),
+            joined[2],
+            header.rows,
+            triangle=False,
+        )
+    return found
+
+
+# -- text
+
+
+def _text_header(line: str) -> tuple[_Header, int, int]:
+    """Header, numbers in a line, and characters of each."""
+    wide = line.rstrip().endswith("|I16")
+    width = 16 if wide else 8
+    line = line.rstrip().removesuffix("|I16")
+    columns, rows = int(line[:width]), int(line[width : 2 * width])
+    rest = line[2 * width :]
+    form, kind, name = int(rest[:8]), int(rest[8:16]), rest[16:24].strip()
+    if columns < 0 or not 0 < form < 20 or not 0 < kind < 5 or not name[:1].isalpha():
+        raise ValueError(line)
+    layout = rest[24:].strip().upper().removeprefix("1P,").replace("D", "E").partition("E")
+    per_line, size = (int(layout[0]), int(layout[2].partition(".")[0])) if layout[2] else (5, 16)
+    if per_line < 1 or size < 1:
+        raise ValueError(line)
+    return _Header(columns, abs(rows), kind, name, rows < 0), per_line, size
+
+
+class _Text:
+    def __init__(self, source: Source) -> None:
+        self._source, self._lines, self._at = source, source.lines(), 0
+
+    def header(self) -> _Header | None:
+        while self._at < len(self._lines) and not self._lines[self._at].strip():
+            self._at += 1
+        if self._at == len(self._lines):
+            return None
+        try:
+            found, self._per_line, self._width = _text_header(self._line())
+        except ValueError:
+            raise self._bad("a header of columns, rows, form, type and name is expected") from None
+        return found
+
+    def strings(self, header: _Header) -> Iterator[tuple[int, int, Array]]:
+        words = 1 if header.kind == 1 else 2
+        bigmat = header.bigmat or header.rows >= BIGMAT_ROWS
+        while True:
+            column, row, count = self._whole(3)
+            if column > header.columns:
+                self._numbers(count)
+                return
+            if column < 1 or count < 0:
+                raise self._bad(f"columns are 1 to {header.columns}")
+            if row > 0:
+                yield column - 1, row - 1, self._numbers(count)
+                continue
+            while count > 0:
+                if bigmat:
+                    length, row = self._whole(2)
+                    length, count = length - 1, count - length - 1
+                else:
+                    (both,) = self._whole(1)
+                    length, row = (both >> 16) - 1, both & 0xFFFF
+                    count -= length + 1
+                if length < 0 or length % words:
+                    raise self._bad("the length of a string of entries is expected")
+                yield column - 1, row - 1, self._numbers(length // words)
+
+    def _line(self) -> str:
+        if self._at == len(self._lines):
+            raise self._source.error(self._at, "the file ends within a matrix.")
+        self._at += 1
+        return self._lines[self._at - 1].decode("ascii", "replace")
+
+    def _whole(self, count: int) -> list[int]:
+        line = self._line()
+        fields = [line[8 * k : 8 * k + 8] for k in range(count)]
+        if len(line.rstrip()) > 8 * count:  # |I16, or fields divided by blanks
+            fields = line.split()[:count]
+        try:
+            found = [int(field) for field in fields]
+        except ValueError:
+            found = []
+        if len(found) < count:
+            raise self._bad(f"{count} whole numbers are expected")
+        return found
+
+    def _numbers(self, count: int) -> Array:
+        lines = -(-count // self._per_line)
+        if self._at + lines > len(self._lines):
+            raise self._source.error(len(self._lines), "the file ends within a matrix.")
+        found = np.empty(count)
+        for first in range(0, count, self._per_line):
+            text = self._line().encode()
+            stop = min(first + self._per_line, count)
+            fields = [text[k * self._width :][: self._width] for k in range(stop - first)]
+            try:
+                found[first:stop] = [float(fortran(field)) for field in fields]
+            except ValueError:
+                raise self._bad(f"{stop - first} numbers are expected") from None
+        return found
+
+    def _bad(self, text: str) -> InputError:
+        line = self._lines[self._at - 1].decode("ascii", "replace").strip()[:60]
+        return self._source.error(self._at, f"{text}; got {line!r}.")
+
+
+# -- binary
+
+
+def _markers(content: bytes) -> tuple[str, int] | None:
+    """(byte order, bytes of an integer) of a binary file."""
+    for order in "<>":
+        for size, length in ((4, 24), (8, 48)):
+            if len(content) >= length + 8:
+                (first,) = struct.unpack_from(order + "i", content)
+                (last,) = struct.unpack_from(order + "i", content, length + 4)
+                if first == last == length:
+                    return order, size
+    return None
+
+
+class _Binary:
+    def __init__(self, source: Source) -> None:
+        found = _markers(source.content)
+        if found is None:
+            raise source.at_byte(0, "the record marker of an OP4 header is expected.")
+        self._order, self._size = found
+        self._integer = np.dtype(f"{self._order}i{self._size}")
+        self._source, self._at = source, 0
+
+    def header(self) -> _Header | None:
+        if self._at == len(self._source.content):
+            return None
+        start = self._at
+        record = self._record()
+        if len(record) != 6 * self._size:
+            raise self._source.at_byte(start, "the header of a matrix is expected.")
+        columns, rows, _, kind = (int(v) for v in np.frombuffer(record, self._integer, 4))
+        name = record[4 * self._size :].decode("ascii", "replace").strip()
+        return _Header(columns, abs(rows), kind, name, rows < 0)
+
+    def strings(self, header: _Header) -> Iterator[tuple[int, int, Array]]:
+        size = self._size
+        single = header.kind == 1 and size == 4
+        real = np.dtype(f"{self._order}f{4 if single else 8}")
+        words = real.itemsize // size  # of one number
+        bigmat = header.bigmat or header.rows >= BIGMAT_ROWS
+        while True:
+            start = self._at
+            record = self._record()
+            if len(record) < 3 * size:
+                raise self._source.at_byte(start, "the record of a column is expected.")
+            column, row, count = (int(v) for v in np.frombuffer(record, self._integer, 3))
+            if column > header.columns:
+                return
+            if column < 1 or count < 0 or len(record) < (3 + count) * size:
+                raise self._source.at_byte(
+                    start, f"column {column} of {header.columns} has {count} words in a record of "
+                    f"{len(record)} bytes."
+                )  # fmt: skip
+            at, end = 3 * size, (3 + count) * size
+            if row > 0:
+                yield column - 1, row - 1, np.frombuffer(record, real, count // words, at)
+                continue
+            while at < end:
+                lead: IntArray = np.frombuffer(record, self._integer, 2 if bigmat else 1, at)
+                at += lead.nbytes
+                if bigmat:
+                    length, row = int(lead[0]) - 1, int(lead[1])
+                else:
+                    length, row = (int(lead[0]) >> 16) - 1, int(lead[0]) & 0xFFFF
+                if length < 0 or at + length * size > end:
+                    raise self._source.at_byte(
+                        start, f"a string of {length} words does not fit in its record."
+                    )
+                yield column - 1, row - 1, np.frombuffer(record, real, length // words, at)
+                at += length * size
+
+    def _record(self) -> bytes:
+        """One Fortran record: its length, the bytes, the length again."""
+        content, at = self._source.content, self._at
+        if at + 4 > len(content):
+            raise self._source.at_byte(len(content), "the file ends within a matrix.")
+        (length,) = struct.unpack_from(self._order + "i", content, at)
+        if length < 0 or at + 8 + length > len(content):
+            raise self._source.at_byte(
+                at, f"the file ends within a record of {length} bytes."
+            )  # fmt: skip
+        (again,) = struct.unpack_from(self._order + "i", content, at + 4 + length)
+        if again != length:
+            raise self._source.at_byte(at, f"a record of {length} bytes ends with {again}.")
+        self._at = at + 8 + length
+        return content[at + 4 : at + 4 + length]
+
+
+# -- writing
+
+
+def write(path: Path, matrices: dict[str, Any], labels: Labels) -> None:
+    """Write symmetric matrices by name: binary, double precision, little-endian, BIGMAT."""
+    with path.open("wb") as out:
+        for name, matrix in matrices.items():
+            out.writelines(_written(name, scipy.sparse.csc_matrix(matrix)))
+
+
+def _written(name: str, columns: Any) -> Iterator[bytes]:
+    size = columns.shape[0]
+    label = name.upper()[:8].ljust(8).encode("ascii")
+    yield struct.pack("<5i8si", 24, size, -size, SYMMETRIC_FORM, DOUBLE, label, 24)
+    for column in range(size):
+        part = slice(columns.indptr[column], columns.indptr[column + 1])
+        row, value = columns.indices[part], columns.data[part]
+        if not len(row):
+            continue
+        # strings of neighbouring rows
+        cuts = np.flatnonzero(np.diff(row) != 1) + 1
+        content = b"".join(
+            struct.pack("<2i", 2 * len(v) + 1, r[0] + 1) + v.astype("<f8").tobytes()
+            for r, v in zip(np.split(row, cuts), np.split(value, cuts), strict=True)
+        )
+        length = 12 + len(content)
+        yield struct.pack("<4i", length, column + 1, 0, len(content) // 4) + content
+        yield struct.pack("<i", length)
+    yield struct.pack("<4idi", 20, size + 1, 1, 2, 1.0, 20)
+
+
+FORMAT = MatrixFormat(matches, read, write, (".op4",))

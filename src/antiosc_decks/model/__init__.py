@@ -1,0 +1,1 @@
+"""The model that a deck of any program describes."""

@@ -1,0 +1,299 @@
+"""`ModelBuilder`: collects materials, sections, supports, masses, springs and dampers of a deck."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from antiosc._types import BoolArray
+from antiosc.errors import MeshError
+from antiosc.fem.readers.deck import Array, Block, Deck, IntArray, Place
+from antiosc.fem.readers.unit_system import UnitSystem
+from antiosc_decks.model.constraints import Constraints, Term
+from antiosc_decks.model.properties import Material
+
+
+def chosen_elements(deck: Deck) -> BoolArray:
+    """The elements of the parts that the caller chooses."""
+    chosen = np.full(deck.n_elements, deck.wanted is None)
+    for name in deck.wanted or ():
+        own = deck.element_sets.get(name, np.zeros(0, dtype=np.int64))
+        if not len(own):
+            known = sorted(n for n, some in deck.element_sets.items() if len(some))
+            shown = ", ".join(map(repr, known[:20])) or "none"
+            raise MeshError(f"{deck.name} has no elements of a part {name!r}; it has: {shown}.")
+        chosen[own] = True
+    return chosen if deck.piece is None else _piece(deck, chosen)
+
+
+def _piece(deck: Deck, chosen: BoolArray) -> BoolArray:
+    """Those of the chosen elements that nodes in common join to the piece of this rank by size."""
+    from scipy.sparse import coo_matrix  # few files need it, and it loads slowly
+    from scipy.sparse.csgraph import connected_components
+
+    first = np.concatenate([block.corners[:, 0] for block in deck.blocks])
+    start, pairs = 0, []
+    for block in deck.blocks:
+        own = block.corners[chosen[start : start + len(block)]]
+        start += len(block)
+        pairs += [np.stack([own[:, 0], column]) for column in own.T]
+    size = len(deck.points)
+    ends = np.hstack(pairs)
+    graph = coo_matrix((np.ones(ends.shape[1], dtype=np.int8), tuple(ends)), shape=(size, size))
+    label = connected_components(graph, directed=False)[1][first]
+    pieces, count = np.unique(label[chosen], return_counts=True)
+    if not 1 <= (deck.piece or 0) <= len(pieces):
+        raise MeshError(
+            f"{deck.name} has {len(pieces)} pieces that share no node; there is no piece "
+            f"{deck.piece}."
+        )
+    wanted = pieces[np.argsort(-count, kind="stable")][(deck.piece or 1) - 1]
+    return np.asarray(chosen & (label == wanted))
+
+
+def some_rows(block: Block, some: BoolArray) -> Block:
+    """Some elements of a block."""
+    tables = (block.corners[some], block.mids[some], block.inner[some])
+    return Block(block.shape, block.type, *tables)
+
+
+def nodes_of_block(block: Block) -> IntArray:
+    """All nodes of a block's elements."""
+    every = [table.ravel() for table in (block.corners, block.mids, block.inner)]
+    nodes = np.unique(np.concatenate(every))
+    return nodes[nodes >= 0]
+
+
+MOTIONS = ("x", "y", "z", "rx", "ry", "rz")
+#: Direction cosines below this are rounding.
+LEAST_TERM = 1e-12
+
+
+@dataclass
+class Family:
+    """The section of a group of elements, as a class of antiosc and its arguments."""
+
+    kind: str
+    arguments: dict[str, Any]
+    place: Place
+
+
+class Rod(NamedTuple):
+    """The section of a rod, in the deck's units."""
+
+    E: float
+    nu: float
+    area: float
+    torsion: float
+    #: mass per length
+    mass: float
+    place: Place
+
+    @property
+    def EA(self) -> float:
+        """Stiffness against tension, times the length."""
+        return self.E * self.area
+
+    @property
+    def GJ(self) -> float:
+        """Stiffness against torsion, times the length."""
+        return self.E / (2 * (1 + self.nu)) * self.torsion
+
+
+@dataclass
+class ModelBuilder:
+    """Collects a model in SI units; `antiosc_decks.model.finished.finished` returns it."""
+
+    deck: Deck
+    units: UnitSystem
+    #: kg/m³, of materials without one
+    density: float | None = None
+    families: list[Family] = field(default_factory=list)
+    #: number of the family of each element, -1 without one
+    of_element: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    #: name of each family's group of elements
+    names: list[str] = field(default_factory=list)
+    #: number of an element -> its section, of rods
+    rods: dict[int, Rod] = field(default_factory=dict)
+    #: (node, place, kg, [kg m²])
+    masses: list[tuple[int, Place, float, list[float]]] = field(default_factory=list)
+    #: (node, place, {motion: stiffness}), to the ground
+    springs: list[tuple[int, Place, dict[str, float]]] = field(default_factory=list)
+    #: whether the deck has no other elements: the rods are a truss
+    truss: bool = False
+    #: what is ignored of joints
+    joint_told: list[str] = field(default_factory=list)
+    #: nodes that stay apart from others in their place
+    apart: list[int] = field(default_factory=list)
+    #: what is ignored, in the deck's terms
+    ignored: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.of_element = np.full(self.deck.n_elements, -1, dtype=np.int64)
+        self.fixed = np.zeros((len(self.deck.points), 6), dtype=bool)
+        self.used = np.zeros(len(self.deck.points), dtype=bool)
+        self.has_rotations = np.zeros(len(self.deck.points), dtype=bool)
+        self.joints = Constraints(self.deck, self.used, self.has_rotations)
+        self.chosen = chosen_elements(self.deck)
+        self.gone = np.zeros(len(self.deck.points), dtype=bool)
+
+    def with_roles(self, roles: Sequence[str]) -> None:
+        """What the blocks of the deck are; nodes of shells and beams have rotations."""
+        ends = np.cumsum([0, *map(len, self.deck.blocks)])
+        chosen = [self.chosen[slice(*some)] for some in pairwise(ends)]
+        present = {role for role, some in zip(roles, chosen, strict=True) if some.any()}
+        self.truss = present == {"rod"}
+        every = np.zeros(len(self.used), dtype=bool)
+        for role, block, some in zip(roles, self.deck.blocks, chosen, strict=True):
+            every[nodes_of_block(block)] = True
+            own = nodes_of_block(some_rows(block, some))
+            if role != "rod" or self.truss:
+                self.used[own] = True
+            else:
+                every[own] = False
+            if role in ("shell", "beam"):
+                self.has_rotations[own] = True
+        #: nodes of elements that are not chosen alone
+        self.gone = every & ~self.used
+
+    def rho(self, material: Material) -> float:
+        """Density in kg/m³."""
+        if material.density:
+            return material.density * self.units.density
+        if self.density is not None:
+            return self.density
+        raise material.place.error(
+            f"the material {material.name!r} has no density, without which "
+            "nothing can be struck; add it to the deck, or give density= in kg/m³."
+        )
+
+    def elastic(self, material: Material, what: str) -> tuple[float, float]:
+        """(E in Pa, nu) of a material that must be isotropic."""
+        if material.constants is None:
+            raise material.place.error(f"the material {material.name!r} has no linear elasticity.")
+        found = material.isotropic
+        if found is None:
+            raise material.place.error(
+                f"the material {material.name!r} is not isotropic, but {what} "
+                "must be; only layers of shells may be orthotropic."
+            )
+        return found[0] * self.units.stress, found[1]
+
+    def anisotropic(self, material: Material) -> list[list[float]] | None:
+        """The stiffness of a solid with directions, Pa; None of an isotropic one."""
+        if material.stiffness is not None:
+            return (material.stiffness * self.units.stress).tolist()  # type: ignore[no-any-return]
+        if material.constants is None or material.isotropic is not None:
+            return None
+        if not np.isfinite(material.constants).all():
+            raise material.place.error(
+                f"the material {material.name!r} is given for layers alone, in "
+                "plane stress, and cannot fill solids; give all nine constants."
+            )
+        E1, E2, E3, n12, n13, n23, G12, G13, G23 = material.constants
+        S = np.diag([1 / E1, 1 / E2, 1 / E3, 1 / G23, 1 / G13, 1 / G12])
+        S[0, 1] = S[1, 0] = -n12 / E1
+        S[0, 2] = S[2, 0] = -n13 / E1
+        S[1, 2] = S[2, 1] = -n23 / E2
+        C = np.linalg.inv(S)
+        return ((C + C.T) / 2 * self.units.stress).tolist()  # type: ignore[no-any-return]
+
+    def layer(self, material: Material, thickness: float, angle: float) -> dict[str, float]:
+        """Arguments of a `Layer`; the thickness is in the deck's units."""
+        if material.constants is None:
+            raise material.place.error(f"the material {material.name!r} has no linear elasticity.")
+        E1, E2, _, nu12, _, _, *G = (float(c) for c in material.constants)
+        G12, G13, G23 = (value * self.units.stress for value in G)
+        return {
+            "E1": E1 * self.units.stress,
+            "E2": E2 * self.units.stress,
+            "nu12": nu12,
+            "G12": G12,
+            "G13": G13,
+            "G23": G23,
+            "rho": self.rho(material),
+            "thickness": thickness * self.units.length,
+            "angle": angle,
+        }
+
+    def add(self, name: str, elements: IntArray, family: Family) -> None:
+        """Set the section of elements; a later one replaces an earlier one."""
+        self.of_element[elements] = len(self.families)
+        self.families.append(family)
+        self.names.append(name)
+
+    def add_rods(self, elements: IntArray, rod: Rod) -> None:
+        """Set the section of rods."""
+        self.rods.update(dict.fromkeys(map(int, elements), rod))
+
+    def tell_once(self, ignored: str) -> None:
+        """Note what is ignored of a joint, once however many elements it concerns."""
+        if ignored not in self.joint_told:
+            self.joint_told.append(ignored)
+
+    def fix(self, nodes: IntArray, motions: Sequence[int]) -> None:
+        """Fix motions (0 to 5) of nodes."""
+        self.fixed[nodes[:, None], np.array(motions, dtype=np.int64)] = True
+
+    def mass(self, node: int, mass: float, inertia: list[float], place: Place) -> None:
+        """A point mass in the deck's units."""
+        scaled = [value * self.units.mass * self.units.length**2 for value in inertia]
+        self.masses.append((node, place, mass * self.units.mass, scaled))
+
+    def body(self, node: int, matrix: Array, mass: float, place: Place) -> None:
+        """A mass matrix (6, 6) of the motions of a node along the axes, in the deck's units.
+
+        A node of solids has no rotations: its rotary inertia stays at rest.
+        """
+        size = np.array([1.0] * 3 + [self.units.length] * 3)
+        M = matrix * np.outer(size, size) * self.units.mass
+        own = [self.joints.alias.get((node, c), (node, c)) for c in range(6)]
+        point = own[0][0]
+        if point < len(self.used) and self.used[point] and not self.has_rotations[point]:
+            if M[3:, 3:].any():
+                self.ignored.append(f"inertia ({place}) on a node of solids, which does not rotate")
+            M = np.where(np.add.outer(np.arange(6) >= 3, np.arange(6) >= 3), 0.0, M)
+        kept = np.flatnonzero(M.any(axis=1))
+        rows: list[list[Term]] = [[(*own[c], 1.0)] for c in kept]
+        if rows:
+            self.joints.masses.append((rows, M[np.ix_(kept, kept)], mass * self.units.mass))
+
+    def scalar_mass(self, terms: list[Term], value: float, mass: float) -> None:
+        """A mass on a sum of motions, of which `mass` counts, in the deck's units."""
+        unit = self.units.mass
+        alias = self.joints.alias
+        own = [(*alias.get((n, m), (n, m)), c) for n, m, c in terms]
+        if any(n >= len(self.used) or self.used[n] or not self.fixed[n, m] for n, m, _ in own):
+            self.joints.masses.append(([own], np.array([[value * unit]]), mass * unit))
+
+    def spring(self, node: int, motion: int, stiffness: float, place: Place) -> None:
+        """A grounded spring in the deck's units."""
+        unit = self.units.force / self.units.length
+        if motion >= 3:
+            unit = self.units.force * self.units.length
+        self.springs.append((node, place, {MOTIONS[motion]: stiffness * unit}))
+
+    def sprung(self, terms: Sequence[Term], stiffness: float, place: Place) -> None:
+        """A spring against the sum of terms, in the deck's units; fixed motions drop out."""
+        moving = self._moving(terms)
+        if len(moving) == 1:
+            ((node, motion, coefficient),) = moving
+            self.spring(node, motion, stiffness * coefficient**2, place)
+        elif moving:
+            self.joints.springs.append((moving, stiffness))
+
+    def damped(self, terms: Sequence[Term], damping: float) -> None:
+        """A damper against the sum of terms, in the deck's units; fixed motions drop out."""
+        moving = self._moving(terms)
+        if moving and damping:
+            self.joints.dampers.append((moving, damping))
+
+    def _moving(self, terms: Sequence[Term]) -> list[Term]:
+        points = len(self.fixed)
+        return [
+            t for t in terms if abs(t[2]) > LEAST_TERM and not (t[0] < points and self.fixed[t[:2]])
+        ]

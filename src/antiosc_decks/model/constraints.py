@@ -1,0 +1,268 @@
+"""Linear constraints, springs and dampers between nodes of a deck.
+
+A constraint is a list of terms (node, motion 0 to 5, coefficient) whose sum is zero; its first term
+is the dependent one. Nodes of no element, such as the reference node of a rigid body, become points
+with six motions of their own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from antiosc._types import BoolArray
+from antiosc.fem.readers.deck import Array, Deck, IntArray, Place
+from antiosc.fem.readers.unit_system import UnitSystem
+from antiosc_decks.model.geometry import AXIS_COSINE, fixed_along_axes
+
+Term = tuple[int, int, float]
+#: Coefficients below this share of the largest of a constraint are rounding.
+NEGLIGIBLE_TERM = 1e-14
+
+
+@dataclass
+class Constraints:
+    """Collects what joins the nodes of a deck, in its units."""
+
+    deck: Deck
+    #: nodes of elements, and those of elements with rotations
+    used: BoolArray
+    has_rotations: BoolArray
+    equations: list[list[Term]] = field(default_factory=list)
+    #: (terms, stiffness): springs between motions
+    springs: list[tuple[list[Term], float]] = field(default_factory=list)
+    #: (terms, damping): dampers between motions
+    dampers: list[tuple[list[Term], float]] = field(default_factory=list)
+    #: (motions as lists of terms, mass matrix of these, mass): masses on motions
+    masses: list[tuple[list[list[Term]], Array, float]] = field(default_factory=list)
+    #: what a motion of a node stands for: those of a rotation node are rotations of another
+    alias: dict[tuple[int, int], tuple[int, int]] = field(default_factory=dict)
+    #: coordinates of points beyond the nodes of the deck
+    more: list[Array] = field(default_factory=list)
+    #: points with six motions at nodes of solids
+    leaders: dict[int, int] = field(default_factory=dict)
+    #: motions along directions of its own of a node: rows
+    frames: dict[int, Array] = field(default_factory=dict)
+
+    def place(self, node: int) -> Array:
+        """Coordinates of a node or a further point."""
+        count = len(self.deck.points)
+        return self.deck.points[node] if node < count else self.more[node - count]
+
+    def equation(self, terms: Iterable[Term], place: Place) -> None:
+        """Σ coefficient × motion = 0; motions of nodes with a frame are along its directions."""
+        self._sum_is_zero(
+            [
+                (*own, coefficient * value)
+                for node, motion, coefficient in terms
+                for own, value in self._along_axes(node, motion)
+            ],
+            place,
+        )
+
+    def _sum_is_zero(self, terms: Iterable[Term], place: Place) -> None:
+        """Σ coefficient × motion = 0 along the axes of the deck."""
+        found: dict[tuple[int, int], float] = {}
+        for node, motion, coefficient in terms:
+            own = self.alias.get((node, motion), (node, motion))
+            found[own] = found.get(own, 0.0) + coefficient
+        largest = max(map(abs, found.values()), default=0.0)
+        kept = [(*own, c) for own, c in found.items() if abs(c) > NEGLIGIBLE_TERM * largest]
+        for node, motion, _ in kept:
+            if motion >= 3 and self._used(node) and not self.has_rotations[node]:
+                raise place.error(
+                    "a constraint acts on a rotation of a node of solids, which have no "
+                    "rotations; constrain displacements of several nodes."
+                )
+        if kept:
+            self.equations.append(kept)
+
+    def fixed_along(self, node: int, fixed: BoolArray, frame: Array, first: int) -> BoolArray:
+        """Motions (`first` = 0: displacements, 3: rotations) along rows of `frame` are zero.
+
+        Which of those along the axes (3,) are: they become supports, the others constraints.
+        """
+        along = fixed_along_axes(fixed, frame)
+        if along is not None:
+            return along
+        along = np.zeros(3, dtype=bool)
+        for direction in frame[fixed]:
+            order = np.argsort(-np.abs(direction), kind="stable")
+            if abs(direction[order[0]]) > AXIS_COSINE:
+                along[order[0]] = True
+                continue
+            terms = [(node, first + int(k), float(direction[k])) for k in order]
+            self.equations.append([t for t in terms if abs(t[2]) > NEGLIGIBLE_TERM])
+        return along
+
+    def elongation(self, a: int, b: int, place: Place, first: int = 0) -> tuple[list[Term], float]:
+        """(how much longer the line between two nodes becomes, its length).
+
+        `first` = 3: how much more twisted.
+        """
+        along = self.place(b) - self.place(a)
+        length = float(np.linalg.norm(along))
+        if length == 0:
+            raise place.error("the ends of an element coincide, so that it has no direction.")
+        unit = (along / length).tolist()
+        return [
+            (n, first + c, s * unit[c]) for n, s in ((a, -1.0), (b, 1.0)) for c in range(3)
+        ], length
+
+    def _along_axes(self, node: int, motion: int) -> list[tuple[tuple[int, int], float]]:
+        if (node, motion) in self.alias:
+            return [(self.alias[node, motion], 1.0)]
+        frame = self.frames.get(node)
+        if frame is None:
+            return [((node, motion), 1.0)]
+        first = 3 * (motion // 3)
+        row = frame[motion - first]
+        order = np.argsort(-np.abs(row), kind="stable")
+        return [((node, first + int(k)), float(row[k])) for k in order if row[k]]
+
+    def _used(self, node: int) -> bool:
+        return node < len(self.deck.points) and bool(self.used[node])
+
+    def point(self, x: Array) -> int:
+        """A further point with six motions."""
+        self.more.append(np.asarray(x, dtype=float))
+        return len(self.deck.points) + len(self.more) - 1
+
+    def leader(self, node: int, rotation_node: int | None = None) -> int:
+        """A point with six motions at a node.
+
+        Its rotations are the displacements of `rotation_node`.
+        """
+        point = self.leaders.get(node, node)
+        if point == node and self._used(node) and not self.has_rotations[node]:
+            self.leaders[node] = point = self.point(self.place(node))
+            for c in range(3):
+                self.equations.append([(node, c, 1.0), (point, c, -1.0)])
+        if rotation_node is not None and rotation_node != node:
+            for c in range(3):
+                self.alias[rotation_node, c] = (point, 3 + c)
+        return point
+
+    def rigid(
+        self,
+        nodes: IntArray,
+        leader: int,
+        motions: Sequence[int],
+        place: Place,
+        own: bool = False,
+    ) -> None:
+        """Motions (of 0 to 5) of nodes follow those of a point as a rigid body.
+
+        `own`: motions along the directions of a node's own, where it has such.
+        """
+        x = self.place(leader)
+        for node in map(int, nodes):
+            if node == leader:
+                continue
+            r = self.place(node) - x
+            arm = np.array([[0, r[2], -r[1]], [-r[2], 0, r[0]], [r[1], -r[0], 0]])  # θ × r
+            for first in (0, 3):
+                if first and self._used(node) and not self.has_rotations[node]:
+                    continue
+                for pivot, along in self._directions(node, motions, first, own):
+                    terms = [(node, first + pivot, float(along[pivot]))]
+                    rest = [k for k in range(3) if along[k]]
+                    terms += [(node, first + k, float(along[k])) for k in rest if k != pivot]
+                    terms += [(leader, first + k, -float(along[k])) for k in rest]
+                    if not first:
+                        lever = along @ arm
+                        terms += [(leader, 3 + k, -float(lever[k])) for k in range(3) if lever[k]]
+                    self.equations.append(terms)
+
+    def _directions(
+        self, node: int, motions: Sequence[int], first: int, own: bool
+    ) -> list[tuple[int, Array]]:
+        """(the dependent axis, direction) of each of some motions; the axes differ."""
+        some = [c - first for c in motions if first <= c < first + 3]
+        if not own or node not in self.frames or len(some) == 3:
+            return [(k, np.eye(3)[k]) for k in some]
+        rows = self.frames[node][some].copy()
+        pivots: list[int] = []
+        for i in range(len(rows)):
+            # the same plane of directions, each with an axis that the others lack
+            left = np.abs(rows[i:]).copy()
+            left[:, pivots] = 0.0
+            j, pivot = np.unravel_index(int(np.argmax(left)), left.shape)
+            rows[[i, i + int(j)]] = rows[[i + int(j), i]]
+            rows[i] /= rows[i, pivot]
+            for k in range(len(rows)):
+                if k != i:
+                    rows[k] -= rows[k, pivot] * rows[i]
+            pivots.append(int(pivot))
+        rows[np.abs(rows) < NEGLIGIBLE_TERM] = 0.0
+        return list(zip(pivots, rows, strict=True))
+
+    def mean(
+        self, follower: int, motions: Sequence[int], nodes: IntArray, weights: Array, place: Place
+    ) -> None:
+        """Motions of a node follow the weighted mean ones of others (RBE3)."""
+        x = np.array([self.place(int(node)) for node in nodes])
+        w = weights / weights.sum()
+        centre = w @ x
+        r = x - centre
+        J = np.einsum("p,pi,pj->ij", w, r, r)
+        J = np.trace(J) * np.eye(3) - J
+        values, axes = np.linalg.eigh(J)
+        good = values > 1e-12 * max(values[-1], np.finfo(float).tiny)
+        inverse = axes[:, good] @ np.diag(1 / values[good]) @ axes[:, good].T
+        # θ = J⁻¹ Σ w r × u
+        skew = np.zeros((len(r), 3, 3))
+        skew[:, 0, 1], skew[:, 0, 2], skew[:, 1, 2] = -r[:, 2], r[:, 1], -r[:, 0]
+        skew -= np.swapaxes(skew, 1, 2)
+        rotations = np.einsum("ij,p,pjk->ipk", inverse, w, skew)
+        arm = self.place(follower) - centre
+        cross = np.array([[0, arm[2], -arm[1]], [-arm[2], 0, arm[0]], [arm[1], -arm[0], 0]])
+        led = np.einsum("ij,jpk->ipk", cross, rotations)
+        displacements = w[None, :, None] * np.eye(3)[:, None, :] + led
+        if not good.all() and any(c >= 3 or np.abs(arm).max() > 1e-9 for c in motions):
+            raise place.error(
+                "the nodes whose mean motion is taken lie on one line, so that their "
+                "rotation is not known; take more nodes, or displacements alone at their centre."
+            )
+        pairs = [(p, k) for p in range(len(nodes)) for k in range(3)]
+        for first, table in ((0, displacements), (3, rotations)):
+            for pivot, along in self._directions(follower, motions, first, own=True):
+                followed = sorted(np.flatnonzero(along), key=lambda k: k != pivot)
+                mean = np.einsum("i,ipk->pk", along, table)
+                terms = [(follower, first + int(k), float(along[k])) for k in followed]
+                terms += [(int(nodes[p]), k, -float(mean[p, k])) for p, k in pairs]
+                self._sum_is_zero(terms, place)
+
+    def loose(self) -> list[int]:
+        """Nodes of no element, and further points, that constraints, springs and dampers act on."""
+        nodes = {node for terms in self.every() for node, _, _ in terms}
+        return sorted(node for node in nodes if not self._used(node))
+
+    def every(self) -> list[list[Term]]:
+        """The terms of all constraints, springs, dampers and masses."""
+        masses = [terms for rows, _, _ in self.masses for terms in rows]
+        both = [terms for terms, _ in (*self.springs, *self.dampers)]
+        return [*self.equations, *both, *masses]
+
+    def finished(self, units: UnitSystem) -> dict[str, Any]:
+        """In SI units, as JSON holds it; the k-th point has the number -1 - k."""
+        length = units.length
+        loose = self.loose()
+        number = {node: -1 - k for k, node in enumerate(loose)}
+
+        def scaled(terms: list[Term]) -> list[list[float]]:
+            return [[number.get(n, n), m, c * (length if m >= 3 else 1.0)] for n, m, c in terms]
+
+        return {
+            "equations": [scaled(terms) for terms in self.equations],
+            "springs": [[scaled(terms), k * units.force / length] for terms, k in self.springs],
+            "dampers": [[scaled(terms), c * units.force / length] for terms, c in self.dampers],
+            "masses": [
+                [[[[number.get(n, n), m, c] for n, m, c in terms] for terms in rows], M.tolist(), m]
+                for rows, M, m in self.masses
+            ],
+            "points": [[float(c) * length for c in self.place(node)] for node in loose],
+        }

@@ -1,0 +1,260 @@
+"""The model of a deck: what its reader has collected, checked and joined.
+
+The result consists of numbers, texts and lists, because the reading process returns it as JSON;
+`antiosc.fem.assembly.from_deck` builds the structure from it. With elements that are not chosen,
+what acts on their nodes is left out. A support on an edge holds all of it; a middle node without
+the ends of its edge is held by a constraint.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from antiosc._types import BoolArray
+from antiosc.errors import MeshError
+from antiosc.fem.readers.deck import IntArray, Place
+from antiosc.fem.readers.shapes import EDGES
+from antiosc_decks.account import lines
+from antiosc_decks.model.builder import MOTIONS, ModelBuilder, some_rows
+from antiosc_decks.model.constraints import Term
+from antiosc_decks.model.rods import join_rods, make_truss
+
+#: What may be joined in one structure.
+JOINED = {"solid", "shell", "beam"}
+
+
+def finished(builder: ModelBuilder, roles: Sequence[str]) -> dict[str, Any]:
+    """The model; `roles` of the deck's blocks: "solid", "shell", "beam", …
+
+    Raises
+    ------
+    MeshError
+        Elements without a section, or families that cannot be combined in a structure.
+    """
+    roles = list(roles)
+    rods = make_truss(builder) if builder.truss else join_rods(builder, roles, builder.chosen)
+    roles = keep(builder, builder.chosen & ~rods, roles)
+    _refuse_uncovered(builder, roles)
+    present = {role for role, block in zip(roles, builder.deck.blocks, strict=True) if len(block)}
+    if len(present) > 1 and not present <= JOINED:
+        raise MeshError(
+            f"{builder.deck.name} has {' and '.join(sorted(present))} elements in one structure; "
+            "plane elements are read alone: give each kind a deck of its own."
+        )
+    hold_middles(builder)
+    _drop_held_masses(builder)
+    stiffened = present == {"shell", "beam"} and not builder.joints.every() and _on_edges(builder)
+    several = len(present) > 1 and not stiffened
+    joined = several or bool(builder.joints.every())
+    if joined:
+        _attach(builder)
+    joints = builder.joints.finished(builder.units)
+    groups = []
+    for number, (name, family) in enumerate(zip(builder.names, builder.families, strict=True)):
+        elements = np.flatnonzero(builder.of_element == number)
+        if not len(elements):
+            continue
+        given = builder.deck.element_sets.get(name)
+        if given is None or not np.array_equal(given, elements):
+            name = f"{name} ({family.place})"
+            if name in builder.deck.element_sets:
+                name = f"{name} {number}"
+            builder.deck.element_sets[name] = elements
+        groups.append([name, family.kind, family.arguments, str(family.place)])
+    plane = not builder.truss and not present <= JOINED
+    count = 2 if plane else 3 if builder.truss or present == {"solid"} else 6
+    return {
+        "families": groups,
+        "supports": _supports(builder, count),
+        "masses": [[_point(builder, n, "a mass", at), *own] for n, at, *own in builder.masses],
+        "springs": [[_point(builder, n, "a spring", at), own] for n, at, own in builder.springs],
+        "ignored": builder.ignored,
+        "gdim": 2 if count == 2 else 3,
+        "halve": "beam" in present and not stiffened,
+        "joined": joined,
+        "joints": joints,
+        "apart": builder.apart,
+        "fixed_points": _fixed_points(builder, count == 2),
+    }
+
+
+def _drop_held_masses(builder: ModelBuilder) -> None:
+    """Masses on nodes of no element that do not move, or that nothing joins to an element."""
+    joints, count = builder.joints, len(builder.used)
+    both = (*joints.springs, *joints.dampers)
+    acting = {n for terms in (*joints.equations, *(t for t, _ in both)) for n, _, _ in terms}
+    acting |= {node for node, *_ in builder.springs}
+
+    def moves(node: int) -> bool:
+        node = joints.alias.get((node, 0), (node, 0))[0]
+        return node in acting or (node < count and bool(builder.used[node]))
+
+    kept, alone = [], []
+    for one in builder.masses:
+        node, place = one[:2]
+        if not builder.used[node] and builder.fixed[node, :3].all():
+            builder.ignored.append(f"a mass on a held node of no element ({place})")
+        elif moves(node):
+            kept.append(one)
+        else:
+            alone.append(place)
+    if alone:
+        builder.ignored.append(f"masses that nothing joins to an element ({lines(alone)})")
+    builder.masses = kept
+    before = len(joints.masses)
+    joints.masses = [
+        one for one in joints.masses if any(moves(n) for terms in one[0] for n, _, _ in terms)
+    ]
+    if len(joints.masses) < before:
+        left = before - len(joints.masses)
+        builder.ignored.append(f"{left} rigid bodies that nothing joins to an element")
+
+
+def _attach(builder: ModelBuilder) -> None:
+    """Masses and grounded springs as those between numbered nodes."""
+    masses, builder.masses = builder.masses, []
+    springs, builder.springs = builder.springs, []
+    size = builder.units.length
+    for node, place, mass, inertia in masses:
+        _check(builder, node, "a mass", place)
+        own = np.diag([mass] * 3 + [value / size**2 for value in inertia])
+        builder.body(node, own / builder.units.mass, mass / builder.units.mass, place)
+    for node, place, stiffness in springs:
+        _check(builder, node, "a spring", place)
+        for name, value in stiffness.items():
+            motion = MOTIONS.index(name)
+            unit = builder.units.force * (size if motion >= 3 else 1 / size)
+            end = builder.joints.alias.get((node, motion), (node, motion))
+            builder.joints.springs.append(([(*end, 1.0)], value / unit))
+
+
+def _check(builder: ModelBuilder, node: int, what: str, place: Place) -> None:
+    """MeshError for a node that nothing holds."""
+    node = builder.joints.alias.get((node, 0), (node, 0))[0]
+    if not (node < len(builder.used) and builder.used[node]) and node not in builder.joints.loose():
+        raise place.error(f"{what} acts on a node of no element with a section; add the section.")
+
+
+def _point(builder: ModelBuilder, node: int, what: str, place: Place) -> list[float]:
+    """Coordinates of a node in m."""
+    _check(builder, node, what, place)
+    return [float(c) * builder.units.length for c in builder.deck.points[node]]
+
+
+def _on_edges(builder: ModelBuilder) -> bool:
+    """Whether all lines are edges of faces."""
+    edges: list[IntArray] = []
+    lines: list[IntArray] = []
+    for block in builder.deck.blocks:
+        ends = block.corners[:, np.array(EDGES[block.shape])].reshape(-1, 2)
+        (lines if block.shape == "line" else edges).append(np.sort(ends, axis=1))
+    sides = {(int(a), int(b)) for a, b in np.vstack(edges)}
+    return all((int(a), int(b)) in sides for a, b in np.vstack(lines))
+
+
+def _fixed_points(builder: ModelBuilder, plane: bool) -> list[Any]:
+    """[[number of a point of no element, motions]] that are fixed, or that nothing acts on."""
+    loose = builder.joints.loose()
+    acting = {(n, m) for terms in builder.joints.every() for n, m, _ in terms}
+    found: dict[int, set[str]] = {}
+    for k, node in enumerate(loose):
+        found[-1 - k] = {MOTIONS[m] for m in range(6) if (node, m) not in acting}
+    for node, motion in zip(*np.nonzero(builder.fixed), strict=True):
+        given = int(node), int(motion)
+        own, along = builder.joints.alias.get(given, given)
+        if own in loose:
+            found[-1 - loose.index(own)].add(MOTIONS[along])
+    known = {"x", "y", "rz"} if plane else set(MOTIONS)
+    return [[n, sorted(fixed & known)] for n, fixed in found.items() if fixed & known]
+
+
+def _refuse_uncovered(builder: ModelBuilder, roles: Sequence[str]) -> None:
+    start = 0
+    for role, block in zip(roles, builder.deck.blocks, strict=True):
+        if role == "other":
+            raise MeshError(
+                f"{builder.deck.name} has {len(block)} {block.type} elements, which no element "
+                "family here carries (solids, plane stress and strain, shells, beams)."
+            )
+        bare = int((builder.of_element[start : start + len(block)] < 0).sum())
+        if bare:
+            raise MeshError(
+                f"{builder.deck.name}: {bare} of {len(block)} {block.type} elements have no "
+                "section, so their material is not known."
+            )
+        start += len(block)
+
+
+def _supports(builder: ModelBuilder, count: int) -> list[Any]:
+    """[[group, motions]], one for each motion: an entity between nodes needs all of them."""
+    fixed = builder.fixed[:, :count] & builder.used[:, None]
+    supports = []
+    for k in range(count):
+        nodes = np.flatnonzero(fixed[:, k])
+        if len(nodes):
+            name = f"fixed {MOTIONS[k]}"
+            builder.deck.fixed[name] = nodes
+            supports.append([name, [MOTIONS[k]]])
+    return supports
+
+
+def keep(builder: ModelBuilder, kept: BoolArray, roles: list[str]) -> list[str]:
+    """Leave out elements, and what acts on their nodes; the roles of the blocks that remain."""
+    if kept.all():
+        return roles
+    ends = np.cumsum([0, *map(len, builder.deck.blocks)])
+    own = [kept[a:b] for a, b in pairwise(ends)]
+    roles = [role for role, some in zip(roles, own, strict=True) if some.any()]
+    builder.deck.blocks = [
+        some_rows(block, some) for block, some in zip(builder.deck.blocks, own, strict=True)
+        if some.any()
+    ]  # fmt: skip
+    number = np.cumsum(kept) - 1
+    sets = builder.deck.element_sets
+    builder.deck.element_sets = {name: number[one[kept[one]]] for name, one in sets.items()}
+    builder.of_element = builder.of_element[kept]
+    _leave(builder)
+    return roles
+
+
+def _leave(builder: ModelBuilder) -> None:
+    """Drop what acts on nodes of elements that are not chosen."""
+    count = len(builder.gone)
+
+    def stays(terms: Sequence[Term]) -> bool:
+        return not any(n < count and builder.gone[n] for n, _, _ in terms)
+
+    joints = builder.joints
+    before = len(joints.every()) + len(builder.masses) + len(builder.springs)
+    joints.equations = [terms for terms in joints.equations if stays(terms)]
+    joints.springs = [one for one in joints.springs if stays(one[0])]
+    joints.dampers = [one for one in joints.dampers if stays(one[0])]
+    joints.masses = [one for one in joints.masses if all(map(stays, one[0]))]
+    builder.masses = [one for one in builder.masses if not builder.gone[one[0]]]
+    builder.springs = [one for one in builder.springs if not builder.gone[one[0]]]
+    left = before - len(joints.every()) - len(builder.masses) - len(builder.springs)
+    if left:
+        builder.ignored.append(
+            f"{left} constraints, springs, dampers or masses on parts that are left out"
+        )
+
+
+def hold_middles(builder: ModelBuilder) -> None:
+    """Constraints for middle nodes whose edges have an end that is free."""
+    fixed = builder.fixed
+    held: set[tuple[int, int]] = set()
+    for block in builder.deck.blocks:
+        if not block.mids.shape[1] or block.shape == "line":
+            continue
+        ends = block.corners[:, np.array(EDGES[block.shape])]  # (n, edges, 2)
+        for motion in range(6):
+            alone = (block.mids >= 0) & fixed[block.mids, motion]
+            alone &= ~fixed[ends, motion].all(axis=2)
+            held.update((int(node), motion) for node in np.unique(block.mids[alone]))
+    for node, motion in sorted(held):
+        if motion < 3 or builder.has_rotations[node]:
+            builder.joints.equations.append([(node, motion, 1.0)])

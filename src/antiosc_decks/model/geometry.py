@@ -1,0 +1,109 @@
+"""Directions of a deck's elements."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from antiosc._types import BoolArray
+from antiosc.fem.readers.deck import Array, Deck, IntArray
+
+#: Cosine from which a direction is that of an axis.
+AXIS_COSINE = 1 - 1e-9
+
+
+def tangents_of(deck: Deck, elements: IntArray) -> Array:
+    """Unit vectors (n, 3) along lines, from their first node to their last."""
+    return _each(deck, elements, lambda x: x[:, 1] - x[:, 0])
+
+
+def normals_of(deck: Deck, elements: IntArray) -> Array:
+    """Unit normals (n, 3) of triangles and quadrilaterals, by the order of their corners."""
+    return _each(deck, elements, lambda x: np.cross(x[:, 2] - x[:, 0], x[:, -1] - x[:, 1]))
+
+
+def corners_of(deck: Deck, elements: IntArray) -> list[Array]:
+    """Coordinates (k, 3) of the corners of each element."""
+    found, start = [], 0
+    for block in deck.blocks:
+        own = elements[(elements >= start) & (elements < start + len(block))] - start
+        found += list(deck.points[block.corners[own]])
+        start += len(block)
+    return found
+
+
+def _each(deck: Deck, elements: IntArray, vector) -> Array:  # type: ignore[no-untyped-def]
+    found, start = [np.zeros((0, 3))], 0
+    for block in deck.blocks:
+        own = elements[(elements >= start) & (elements < start + len(block))] - start
+        if len(own):
+            found.append(vector(deck.points[block.corners[own]]))
+        start += len(block)
+    v = np.vstack(found)
+    length = np.linalg.norm(v, axis=1, keepdims=True)
+    return np.asarray(v / np.where(length > 0, length, 1.0))
+
+
+def common_direction(vectors: Array, least: float = 0.3) -> Array | None:
+    """The mean unit vector if every one has at least this cosine with it, else None."""
+    mean = vectors.mean(axis=0)
+    length = float(np.linalg.norm(mean))
+    if length == 0 or (vectors @ (mean / length)).min() < least:
+        return None
+    return np.asarray(mean / length)
+
+
+def fixed_along_axes(fixed: BoolArray, frame: Array) -> BoolArray | None:
+    """The motions along x, y and z (3,) that are fixed with those along the rows of `frame`.
+
+    None where they are not a set of these: one or two directions askew to the axes.
+    """
+    if fixed.all() or not fixed.any():
+        return fixed
+    cosines = np.abs(frame)
+    result = np.zeros(3, dtype=bool)
+    if (cosines[fixed].max(axis=1) > AXIS_COSINE).all():
+        result[cosines[fixed].argmax(axis=1)] = True
+        return result
+    if (cosines[~fixed].max(axis=1) > AXIS_COSINE).all():  # a whole plane between two axes
+        result[cosines[~fixed].argmax(axis=1)] = True
+        return ~result
+    return None
+
+
+#: Corners of a cell as those of a hexahedron or a quadrilateral, some of them twice or more.
+_FULL = {
+    "triangle": (0, 1, 2, 2),
+    "tetra": (0, 1, 2, 2, 3, 3, 3, 3),
+    "pyramid": (0, 1, 2, 3, 4, 4, 4, 4),
+    "wedge": (0, 1, 2, 2, 3, 4, 5, 5),
+}
+
+
+def measures_of(deck: Deck, elements: IntArray) -> Array:
+    """Lengths, areas or volumes of elements with straight edges."""
+    found = np.zeros(len(elements))
+    start = 0
+    for block in deck.blocks:
+        mine = (elements >= start) & (elements < start + len(block))
+        corners = block.corners[elements[mine] - start]
+        start += len(block)
+        full = _FULL.get(block.shape, range(corners.shape[1]))
+        found[mine] = _measure(deck.points[corners[:, list(full)]])
+    return found
+
+
+def _measure(x: Array) -> Array:
+    """Of lines, quadrilaterals or hexahedra x (n, corners, 3), by two Gauss points a direction."""
+    dim = x.shape[1].bit_length() - 1
+    total = np.zeros(len(x))
+    signs = np.array([[-1, -1, -1], [1, -1, -1], [1, 1, -1], [-1, 1, -1]])
+    signs = np.vstack([signs, signs * [1, 1, -1]])[: x.shape[1], :dim]
+    for point in np.ndindex(*[2] * dim):
+        r = (2 * np.array(point) - 1) / np.sqrt(3)
+        values = (1 + signs * r) / 2
+        slopes = [
+            np.prod(np.delete(values, k, axis=1), axis=1) * signs[:, k] / 2 for k in range(dim)
+        ]
+        J = np.einsum("kc,nci->nki", np.array(slopes), x)
+        total += np.sqrt(np.linalg.det(J @ np.swapaxes(J, 1, 2)).clip(min=0.0))
+    return total

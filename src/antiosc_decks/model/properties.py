@@ -1,0 +1,191 @@
+"""Materials of decks, in the decks' units, and cross-sections of beams from their dimensions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from antiosc.fem.readers.deck import Array, Place
+
+
+@dataclass
+class Material:
+    """Linear elasticity and density in the deck's units."""
+
+    name: str
+    place: Place
+    #: E1, E2, E3, nu12, nu13, nu23, G12, G13, G23; E3, nu13, nu23 may be nan (a lamina)
+    constants: Array | None = None
+    #: stresses (11, 22, 33, 23, 13, 12) of strains (6, 6), where `constants` do not say it all
+    stiffness: Array | None = None
+    #: stresses (11, 22, 12) of plane strains (3, 3), of a material of shells alone
+    plane: Array | None = None
+    density: float | None = None
+
+    @property
+    def isotropic(self) -> tuple[float, float] | None:
+        """(E, nu) if the material is isotropic."""
+        if self.constants is None:
+            return None
+        E1, E2, E3, n12, n13, n23, *G = self.constants
+        alike = np.allclose([E2, E3], E1, rtol=1e-4) and np.allclose([n13, n23], n12, atol=1e-4)
+        if alike and np.allclose(G, E1 / (2 * (1 + n12)), rtol=1e-4):
+            return float(E1), float(n12)
+        return None
+
+
+def isotropic(E: float, nu: float) -> Array:
+    """Constants of an isotropic material."""
+    G = E / (2 * (1 + nu))
+    return np.array([E, E, E, nu, nu, nu, G, G, G])
+
+
+def of_stiffness(D: Array) -> Array:
+    """Constants of an orthotropic stiffness matrix (6, 6); LinAlgError if it is singular."""
+    S = np.linalg.inv(D)
+    E = 1 / np.diag(S)[:3]
+    return np.array([*E, -S[0, 1] * E[0], -S[0, 2] * E[0], -S[1, 2] * E[1], *(1 / np.diag(S)[3:])])
+
+
+#: Timoshenko's shear coefficients, as in `antiosc.Section`.
+RECTANGLE, CIRCLE, TUBE, THIN = 5 / 6, 0.9, 0.5, 0.5
+
+
+@dataclass(frozen=True)
+class Profile:
+    """A cross-section in the deck's units; the height is along its first axis."""
+
+    A: float
+    #: about the axis across the height, and about the height
+    I: float  # noqa: E741
+    I_side: float
+    J: float
+    shear: float
+    #: along the height and across it, for offsets in shares of them
+    height: float = 0.0
+    width: float = 0.0
+
+    def section(self, length: float) -> dict[str, float]:
+        """Arguments of an `antiosc.Section`; `length` is the deck's unit in m."""
+        second = {name: getattr(self, name) * length**4 for name in ("I", "I_side", "J")}
+        return {"A": self.A * length**2, **second, "shear": self.shear}
+
+    def rotated(self) -> Profile:
+        """The same cross-section rotated by 90°."""
+        return Profile(self.A, self.I_side, self.I, self.J, self.shear, self.width, self.height)
+
+
+def rectangle(height: float, width: float) -> Profile:
+    """A solid rectangle (Timoshenko & Goodier, *Theory of Elasticity*, §109)."""
+    a, b = max(height, width), min(height, width)
+    n = np.arange(1, 40, 2)
+    series = float(np.sum(np.tanh(n * np.pi * a / (2 * b)) / n**5))
+    return Profile(
+        height * width,
+        width * height**3 / 12,
+        height * width**3 / 12,
+        a * b**3 / 3 * (1 - 192 / np.pi**5 * b / a * series),
+        RECTANGLE,
+        height,
+        width,
+    )
+
+
+def ellipse(height: float, width: float) -> Profile:
+    """A solid ellipse with these axes."""
+    area = math.pi * height * width / 4
+    return Profile(
+        area,
+        area * height**2 / 16,
+        area * width**2 / 16,
+        math.pi * height**3 * width**3 / (16 * (height**2 + width**2)),
+        CIRCLE,
+        height,
+        width,
+    )
+
+
+def tube(radius: float, wall: float) -> Profile:
+    """A round tube of this outer radius."""
+    inner = max(radius - wall, 0.0)
+    second = math.pi * (radius**4 - inner**4) / 4
+    area = math.pi * (radius**2 - inner**2)
+    return Profile(area, second, second, 2 * second, TUBE, 2 * radius, 2 * radius)
+
+
+def box(height: float, width: float, walls: tuple[float, float, float, float]) -> Profile | None:
+    """A rectangular tube; None if its walls differ on opposite sides.
+
+    `walls`: the two across the height (right, left), then the two along the width (top, bottom);
+    torsion by Bredt's formula for thin walls.
+    """
+    right, top, left, bottom = walls
+    if right != left or top != bottom:
+        return None
+    h, w = height - 2 * right, width - 2 * top
+    middle = (height - right) * (width - top)
+    around = 2 * (width - top) / right + 2 * (height - right) / top
+    return Profile(
+        height * width - h * w,
+        (width * height**3 - w * h**3) / 12,
+        (height * width**3 - h * w**3) / 12,
+        4 * middle**2 / around,
+        THIN,
+        height,
+        width,
+    )
+
+
+#: A rectangle: from and to along the height, from and to across it
+Wall = tuple[float, float, float, float]
+
+
+def walled(walls: Sequence[Wall], torsion: float | None = None) -> Profile:
+    """Rectangles that touch each other, symmetric about the height or the axis across it.
+
+    Torsion of thin open walls, Σ l t³/3, if it is not given. ValueError if a wall has no width.
+    """
+    low, high, left, right = np.array(walls, dtype=float).T
+    h, w = high - low, right - left
+    if min(h.min(), w.min()) <= 0:
+        raise ValueError("a wall without a width")
+    A = h * w
+    y, z = (low + high) / 2, (left + right) / 2
+    y, z = y - A @ y / A.sum(), z - A @ z / A.sum()
+    return Profile(
+        float(A.sum()),
+        float(np.sum(w * h**3 / 12 + A * y**2)),
+        float(np.sum(h * w**3 / 12 + A * z**2)),
+        torsion or float(np.sum(np.maximum(h, w) * np.minimum(h, w) ** 3) / 3),
+        THIN,
+        float(high.max() - low.min()),
+        float(right.max() - left.min()),
+    )
+
+
+def box_torsion(
+    width: float, height: float, top: float, bottom: float, left: float, right: float
+) -> float:
+    """Bredt's torsion constant of a rectangular tube with four walls."""
+    w, h = width - (left + right) / 2, height - (top + bottom) / 2
+    return 4 * (w * h) ** 2 / (w / top + w / bottom + h / left + h / right)
+
+
+def hexagon(height: float, width: float, tip: float) -> Profile:
+    """A full hexagon: a rectangle between two triangles with tips of this length.
+
+    ValueError if the triangles fill it.
+    """
+    flat = width - 2 * tip
+    if flat < 0:
+        raise ValueError("the tips are wider than the hexagon")
+    area = height * (flat + tip)
+    upright = flat * height**3 / 12 + tip * height**3 / 24
+    # ∫ z² over the rectangle, and over two triangles of which the base lies at flat/2
+    away = flat / 2 + tip / 3
+    across = height * flat**3 / 12 + 2 * (height * tip**3 / 36 + height * tip / 2 * away**2)
+    polar = upright + across
+    return Profile(area, upright, across, area**4 / (40 * polar), RECTANGLE, height, width)

@@ -1,0 +1,115 @@
+"""Nastran's coordinate systems: CORD1 and CORD2, rectangular, cylindrical, spherical."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from antiosc.fem.readers.deck import Array, Place
+from antiosc_decks.nastran.cards import Entry
+
+
+@dataclass(frozen=True)
+class System:
+    """A coordinate system: its origin, its axes as rows, and its kind."""
+
+    origin: Array
+    axes: Array
+    #: "R", "C" (r, θ in degrees, z) or "S" (r, θ from z, φ in degrees)
+    kind: str = "R"
+
+    def point(self, c: Array) -> Array:
+        """The point with coordinates `c`, in the basic system."""
+        if self.kind == "C":
+            angle = math.radians(c[1])
+            c = np.array([c[0] * math.cos(angle), c[0] * math.sin(angle), c[2]])
+        elif self.kind == "S":
+            theta, phi = math.radians(c[1]), math.radians(c[2])
+            across = c[0] * math.sin(theta)
+            c = np.array([across * math.cos(phi), across * math.sin(phi), c[0] * math.cos(theta)])
+        return np.asarray(self.origin + c @ self.axes)
+
+    def frame(self, x: Array) -> Array:
+        """Unit vectors (3, 3), as rows, of the system's directions at the point `x`."""
+        if self.kind == "R":
+            return self.axes
+        local = self.axes @ (x - self.origin)
+        phi = math.atan2(local[1], local[0])
+        around = np.array([-math.sin(phi), math.cos(phi), 0.0])
+        outward = np.array([math.cos(phi), math.sin(phi), 0.0])
+        up = np.array([0.0, 0.0, 1.0])
+        if self.kind == "C":
+            rows = np.stack([outward, around, up])
+        else:
+            theta = math.atan2(math.hypot(local[0], local[1]), local[2])
+            rows = np.stack(
+                [
+                    math.sin(theta) * outward + math.cos(theta) * up,
+                    math.cos(theta) * outward - math.sin(theta) * up,
+                    around,
+                ]
+            )
+        return np.asarray(rows @ self.axes)
+
+
+BASIC = System(np.zeros(3), np.eye(3))
+
+
+class Systems:
+    """The coordinate systems of a deck, each computed when it is first used."""
+
+    def __init__(self, entries: list[Entry], node: Callable[[int, Place], Array]) -> None:
+        self._node = node
+        self._placed: dict[int, System] = {0: BASIC}
+        self._open: set[int] = set()
+        self._given: dict[int, tuple[Entry, int]] = {}
+        for entry in entries:
+            if entry.name.startswith("CORD1"):
+                for start in (0, 4):
+                    if entry.text(start):
+                        self._give(entry, start, 4)
+            elif entry.name.startswith("CORD2"):
+                self._give(entry, 0, 16)
+
+    def _give(self, entry: Entry, start: int, width: int) -> None:
+        """Define a system; MeshError if it is defined otherwise, too."""
+        known, first = self._given.setdefault(entry.whole(start), (entry, start))
+        alike = known.name == entry.name and all(
+            known.text(first + k) == entry.text(start + k) for k in range(width)
+        )
+        if not alike:
+            raise entry.place.error(
+                f"the coordinate system {entry.whole(start)} is defined more than "
+                f"once, first otherwise in {known.place}."
+            )
+
+    def __call__(self, number: int, place: Place) -> System:
+        """The system `number`; MeshError if there is none, or it depends on itself."""
+        if number not in self._placed:
+            if number not in self._given:
+                raise place.error(f"there is no coordinate system {number}.")
+            if number in self._open or len(self._open) > 200:
+                raise place.error(f"the coordinate system {number} depends on itself.")
+            self._open.add(number)
+            self._placed[number] = self._place(*self._given[number])
+            self._open.discard(number)
+        return self._placed[number]
+
+    def _place(self, entry: Entry, start: int) -> System:
+        if entry.name.startswith("CORD1"):
+            nodes = [entry.whole(start + k) for k in (1, 2, 3)]
+            a, b, c = (self._node(number, entry.place) for number in nodes)
+        else:
+            base = self(entry.whole(1, 0), entry.place)
+            values = np.array([entry.real(k) for k in range(2, 11)]).reshape(3, 3)
+            a, b, c = (base.point(value) for value in values)
+        z = b - a
+        y = np.cross(z, c - a)
+        size = np.linalg.norm(z)
+        if not np.linalg.norm(y) > 1e-12 * size * np.linalg.norm(c - a):
+            raise entry.place.error(f"the three points of {entry.name} lie on one line.")
+        z, y = z / np.linalg.norm(z), y / np.linalg.norm(y)
+        return System(a, np.stack([np.cross(y, z), y, z]), entry.name[-1])

@@ -1,0 +1,43 @@
+"""Decks of Abaqus, CalculiX and Nastran as antiosc's neutral model: its entry points."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from antiosc.errors import MeshError
+from antiosc.fem.readers.conversion import as_mesh
+from antiosc.fem.readers.deck import Deck, listed
+from antiosc.fem.readers.neutral import FileMesh
+from antiosc.fem.readers.request import FileReader, Request
+from antiosc.fem.readers.unit_system import UnitSystem
+from antiosc_decks.abaqus import assembly, model as abaqus_model
+from antiosc_decks.nastran import mesh, model as nastran_model
+from antiosc_decks.sources import BULK as _BULK
+
+
+def _reader(
+    read: Callable[[Path, str, Callable[[int], None]], Any], model_of: Callable[..., dict[str, Any]]
+) -> Callable[[Request], FileMesh]:
+    """The reader of a dialect, from that of its mesh and that of its model."""
+
+    def reader(ask: Request) -> FileMesh:
+        # the time limit grows with the files that a deck includes
+        found = read(Path(ask.path), ask.name, lambda size: ask.allow(30 + 3e-5 * size))
+        deck: Deck = found.deck
+        if ask.model is not None:
+            deck.wanted, deck.piece = ask.model.get("parts"), ask.model.get("piece")
+            deck.model = model_of(found, UnitSystem(*ask.unit), ask.model.get("density"))
+        if not deck.n_elements:
+            left = f": it has {listed(deck.left)}" if deck.left else ""
+            raise MeshError(f"{deck.name} has no elements that are cells of a mesh{left}.")
+        return as_mesh(deck, halve_lines=bool(deck.model and deck.model["halve"]))
+
+    return reader
+
+
+ABAQUS = FileReader(_reader(assembly.read, abaqus_model.model_of), model=True)
+NASTRAN = FileReader(_reader(mesh.read, nastran_model.model_of), model=True)
+#: Files of Nastran with endings that other programs use too.
+BULK = NASTRAN._replace(matches=lambda start: _BULK.search(start.decode("latin-1")) is not None)
