@@ -1,10 +1,9 @@
 """A box of electronics is dropped in 26 orientations: on faces, edges and corners.
 
 The box is a shell of ABS; two circuit boards stand in it on four spacers each, the upper one with a
-heavy part. One model with ten sites is extracted (the eight corners and the middles of the boards,
-each in three directions); every orientation is a `Scene` of that model, whose corners fall on the
-floor, one to four of them at once. The script prints the peak accelerations of the boards and draws
-them over the orientations. Rotations are small: a run covers the first blow.
+heavy part. Its free modes are computed once; every orientation is a `drop` until the first impact
+is over, in which one to four corners touch. The script prints the peak accelerations of the boards
+and draws them over the orientations.
 
     .venv/bin/python demos/drop_on_corners.py --help
 """
@@ -12,9 +11,7 @@ them over the orientations. Rotations are small: a run covers the first blow.
 from __future__ import annotations
 
 import time
-import warnings
 from itertools import product
-from math import sqrt
 from pathlib import Path
 
 import command_line
@@ -32,6 +29,7 @@ ROOT = Path(__file__).resolve().parent.parent
 ABS = {"E": 2.3e9, "nu": 0.36, "rho": 1050.0, "thickness": 3e-3}
 LAMINATE = {"E": 22e9, "nu": 0.15, "rho": 1900.0, "thickness": 1.6e-3}
 SIZE = np.array([0.16, 0.10, 0.05])  # of the box, as in meshes/enclosure.geo
+MIDDLE = (0.08, 0.05)  # of the boards
 BOARD, BELOW = (0.14, 0.08), (0.01, 0.01)  # size of a board, and its place from the box's corner
 SCREWS = [(0.015, 0.015), (0.145, 0.015), (0.015, 0.085), (0.145, 0.085)]
 HEIGHTS = {"lower": 0.012, "upper": 0.032}  # of the boards over the bottom
@@ -45,7 +43,6 @@ def main(
     height: float = 0.75,
     n: int = 120,
     size: float = 16e-3,
-    duration: float = 4e-3,
     out: Path = ROOT / "out",
 ) -> dict[str, dict[str, float]]:
     """Drop the box in all orientations; return the numbers of each.
@@ -53,23 +50,23 @@ def main(
     Parameters
     ----------
     height : of the fall, m
-    n : anti-oscillators
+    n : free modes
     size : of the elements, m
-    duration : of each run, from the touch, s
     out : folder of the results
     """
     started = time.perf_counter()
     part = box(size)
-    with warnings.catch_warnings():
-        # the patch of a corner is no half-space; the law of the contact holds its compliance
-        warnings.filterwarnings("ignore", "an edge cuts the patch", ao.AccuracyWarning)
-        model = ao.extract(part, sites(), n=n).site_modes()
-    print(f"{part.describe()}, {part.mass:.3f} kg; model in {time.perf_counter() - started:.1f} s")
-    started = time.perf_counter()
-    numbers, shown = {}, {}
-    for name, up in orientations().items():
-        hit = dropped(model, up, sqrt(2 * 9.81 * height)).run(duration)
-        numbers[name], shown[name] = figures(hit, part.mass)
+    floor = ao.Floor(law=ao.Power(CORNER, 1.5))
+    numbers, shown, body = {}, {}, None
+    for name in orientations():
+        kind, lowest = name.split()
+        fall = ao.drop(
+            body or part, height, floor=floor, until=1, modes=n, damping=DAMPING, **{kind: lowest}
+        )
+        if body is None:
+            print(f"{part.describe()}; modes in {time.perf_counter() - started:.1f} s")
+            body, started = fall.body, time.perf_counter()
+        numbers[name], shown[name] = figures(fall)
     seconds = time.perf_counter() - started
     columns = {
         "corners": ("corners", 1.0, ".0f"),
@@ -101,90 +98,33 @@ def box(size: float) -> ao.Structure:
     return ao.assemble(parts, spacers, at, attached=[ao.PointMass(*HEAVY)])
 
 
-def sites() -> dict[str, ao.Site]:
-    """The corners of the box and the middles of the boards, in three directions each."""
-    found = {}
-    for i, corner in enumerate(product((0.0, 1.0), repeat=3)):
-        point = tuple(SIZE * corner)
-        found[f"corner {i}"] = ao.Site(point, (0, 0, 1), part="box", tangential=True)
-    for name, z in HEIGHTS.items():
-        middle = (SIZE[0] / 2, SIZE[1] / 2, z)
-        found[name] = ao.Site(middle, (0, 0, 1), part=name, tangential=True)
-    return found
-
-
-def orientations() -> dict[str, Array]:
-    """Name -> direction (3,) in the box that points up: 6 faces, 12 edges, 8 corners."""
+def orientations() -> list[str]:
+    """Names "face -z", "edge -x-z", "corner -x-y-z": what is lowest, 6 + 12 + 8 of them."""
     kinds = {1: "face", 2: "edge", 3: "corner"}
-    found = {}
+    names = []
     for signs in product((0, 1, -1), repeat=3):
         count = int(np.abs(signs).sum())
         if count:
-            # an edge or a corner strikes first where the box stands on it in balance
-            up = np.array(signs) * SIZE if count > 1 else np.array(signs, dtype=float)
-            down = "".join("+-"[s > 0] + axis for s, axis in zip(signs, "xyz", strict=True) if s)
-            found[f"{kinds[count]} {down}"] = up / np.linalg.norm(up)
-    return found
+            down = "".join("+-"[s < 0] + axis for s, axis in zip(signs, "xyz", strict=True) if s)
+            names.append(f"{kinds[count]} {down}")
+    return names
 
 
-def dropped(model: ao.SiteModes, up: Array, speed: float) -> ao.Scene:
-    """The scene of a fall on the corners; `up` in the axes of the box."""
-    corners = [name for name in model.sites if name.startswith("corner")]
-    assert model.directions is not None
-    turned = np.zeros((model.b.shape[1], len(corners)))
-    for k, name in enumerate(corners):
-        columns = list(model.sites[name])
-        turned[columns, k] = model.directions[columns] @ up
-    keep = [c for name in HEIGHTS for c in model.sites[name]]
-    change = np.column_stack((turned, np.eye(model.b.shape[1])[:, keep]))
-    first = len(corners)
-    named = {name: (k,) for k, name in enumerate(corners)}
-    named |= {b: tuple(first + 3 * i + j for j in range(3)) for i, b in enumerate(HEIGHTS)}
-    body = ao.SiteModes(
-        model.omega,
-        model.b @ change,
-        named,
-        r=change.T @ model.r @ change,
-        directions=np.vstack((np.tile(up, (first, 1)), model.directions[keep])),
-        decay=np.where(model.omega > 0, DAMPING * model.omega, 0.0),
-        inertia=model.inertia,
-    )
-    heights = np.array([np.dot(SIZE * corner, up) for corner in product((0.0, 1.0), repeat=3)])
-    gaps = np.round(heights - heights.min(), 12)
-    contacts = [
-        ao.Contact(f"box:{name}", "floor", ao.Power(CORNER, 1.5), gap=float(gap))
-        for name, gap in zip(corners, gaps, strict=True)
-    ]
-    return ao.Scene(
-        {"box": body, "floor": ao.Obstacle()},
-        contacts,
-        gravity=(-9.81 * up).tolist(),
-        motion={"box": ao.Motion(velocity=(-speed * up).tolist())},
-    )
-
-
-def figures(hit: ao.SceneHistory, mass: float) -> tuple[dict[str, float], tuple[Array, Array]]:
-    """The numbers of a run, and the acceleration of the upper board over time."""
-    t = np.linspace(0, hit.time[-1], 4000)
-    box = hit.at(t)["box"]
-    boards = {
-        name: np.linalg.norm([box.acceleration(name, axis) for axis in np.eye(3)], axis=0)
-        for name in HEIGHTS
+def figures(fall: ao.Fall) -> tuple[dict[str, float], tuple[Array, Array]]:
+    """The numbers of the first impact, and the acceleration of the upper board over time."""
+    boards = {name: fall.signal((*MIDDLE, z)) for name, z in HEIGHTS.items()}
+    size = {name: np.linalg.norm(a, axis=1) for name, (_, a) in boards.items()}
+    hit = fall.impacts[0]
+    change = fall.episodes[-1].end.velocity - fall.episodes[0].start.velocity
+    numbers = {name: float(a.max()) for name, a in size.items()} | {
+        "peak force": hit.peak_force,
+        "corners": float(hit.contacts),
+        "impulse": hit.impulse,
+        "momentum": fall.body.mass * float(change[2] + 9.81 * hit.contact_time),
+        "lost": hit.lost,
     }
-    forces = [hit[c.a, c.b] for c in hit.assembly.scene.contacts]
-    P = hit.bodies["box"].momentum
-    gravity = np.array(hit.assembly.scene.gravity)
-    return {
-        "lower": boards["lower"].max(),
-        "upper": boards["upper"].max(),
-        "peak force": max(one.peak_force for one in forces),
-        "corners": float(sum(one.impulse > 0 for one in forces)),
-        "impulse": sum(one.impulse for one in forces),
-        "momentum": float(np.linalg.norm(P[-1] - P[0] - mass * gravity * hit.time[-1])),
-        "drift": hit.energy.drift,
-        "status": float(hit.status),
-        "force at the end": sum(float(one.force[-1]) for one in forces),
-    }, (t, boards["upper"])
+    t = boards["upper"][0]
+    return numbers, (t - t[0], size["upper"])
 
 
 def plot(

@@ -17,6 +17,7 @@ PICTURES = {
     "demos": {
         "board_on_spacers": ["board_on_spacers.png"],
         "composite_panel": ["composite_panel.png"],
+        "drop": ["drop.png"],
         "drop_on_corners": ["drop_on_corners.png"],
         "impact_map": ["bracket_map.png"],
         "impact_on_bracket": ["bracket.png", "bracket_force.png"],

@@ -54,7 +54,8 @@ INNER = {
     *("implicit", "out_of_range", "loading_work", "permanent", "parameters"),
     *("weak_form", "half_space_compliance", "shear_stiffness"),
     *("rotary_inertia", "dimensions", "bar_speed", "constants"),
-    *("prepare", "constraints", "elastic", "label", "placed", "own"),
+    *("worst", "animate"),  # of a fall: need a mesh, and a second
+    *("prepare", "constraints", "elastic", "label", "placed", "own", "components", "selected"),
 }
 if importlib.util.find_spec("pandas") is None:
     INNER.add("to_dataframe")
@@ -63,7 +64,7 @@ RESULTS = {
     *("Advice", "Batch", "BeamModes", "Energy", "History", "ImpactMap"),
     *("BodyHistory", "ContactHistory", "SceneHistory", "StructureModes"),
     *("ShockSpectrum", "Spectrum", "PeakField", "Reactions", "BodyEnergy"),
-    *("NamedImpactor", "SavedHistory", "ContactStress", "SavedFields"),
+    *("NamedImpactor", "SavedHistory", "ContactStress", "SavedFields", "Fall", "Drops"),
 }
 #: Where NaN stands for "no such number", as the documentation says.
 NONE_IS_NAN = {"restitution", "error"}
@@ -240,6 +241,15 @@ def inertia() -> Any:
     return ao.Inertia((0, 0, 0), np.eye(6), np.ones((3, 6)))
 
 
+def fall(**more: Any) -> Any:
+    floor = ao.Floor(law=ao.HuntCrossley(1e8, 0.3))
+    return ao.drop(sphere(), 0.01, floor=floor, until=1, tol=1e-2, **more)
+
+
+def many_falls() -> Any:
+    return fall(ensemble=ao.Tilts(height=0.01), n=2)
+
+
 def scene() -> Any:
     block = ao.RigidBody(0.1, np.full(3, 1e-4), {"foot": ((0, 0, 0.01), (0, 0, -1))})
     return ao.Scene(
@@ -400,6 +410,16 @@ OWN: dict[str, dict[str, Any]] = {
         "contacts": lambda: [ao.Contact("part", "ball", ao.Linear(1e6))],
     },
     "Scene.run": {"max_steps": 20_000},
+    "drop": {
+        "part": sphere, "height": 0.01, "until": 1, "tol": 1e-2, "n": 2,
+        "floor": lambda: ao.Floor(law=ao.HuntCrossley(1e8, 0.3)),
+    },
+    "contact_at": {"part": part, "point": (0.05, 0.05, 0.02), "radius": 0.01},
+    "Tilts": {"sigma": 2.0},
+    "cfc_filter": {"step": 1e-5, "signal": [0.0, 1.0, 0.0], "name": "CFC180"},
+    "Fall.acceleration": {"times": [0.0, 0.01]},
+    "Drops.quantile": {"quantity": "peak_force", "q": 0.5},
+    "ModalState": {"displacements": [0.0, 1e-6], "velocities": [1.0, 0.0]},
     "RigidBody": {"inertia": np.eye(3), "sites": {"foot": ((0, 0, 0), (0, 0, 1))}},
     "SiteModes": {"b": [[0.5, 0.1], [0.4, 0.2]], "sites": ["foot", "tip"]},
     "SiteModes.coordinates": {"q": [0.1, 0.2, 0.3], "forces": [1.0, 2.0]},
@@ -470,6 +490,8 @@ SELVES: dict[str, Callable[[], Any]] = {
     "ContactHistory": lambda: scene_history()["part:foot", "ball"],
     "SiteModes": lambda: two_sites().site_modes(),
     "ReducedMatrices": lambda: model().to_matrices(),
+    "Floor": lambda: ao.Floor(law=ao.Hertz(1e8)), "SoftLayer": lambda: ao.SoftLayer(0.01, 1e6),
+    "Fall": fall, "Drops": many_falls,
     "Inertia": inertia, "Motion": lambda: ao.Motion((0, 0, 1.0)),
     "PointMass": lambda: ao.PointMass((0, 0, 0), 1.0),
     "SupportedPlate": lambda: closed_form.SupportedPlate(70e9, 0.3, 2700.0, 2e-3, 0.3, 0.2),

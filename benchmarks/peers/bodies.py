@@ -12,7 +12,7 @@ import gmsh
 import numpy as np
 from numpy.typing import NDArray
 
-from antiosc.fem.mesh import folded_cells
+from antiosc.fem.mesh.soundness import straightened
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -211,7 +211,7 @@ def meshed(
     number = np.zeros(int(tags.max()) + 1, dtype=np.int64)
     number[tags] = np.arange(len(tags))
     cells = number[nodes.reshape(-1, 10).astype(np.int64)]
-    return folded_cells.straightened(x * unit, cells, "tetrahedron"), cells[:, C3D10]
+    return straightened(x * unit, cells, "tetrahedron"), cells[:, C3D10]
 
 
 def tags_of_nodes() -> NDArray[np.uint64]:

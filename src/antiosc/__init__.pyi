@@ -28,6 +28,24 @@ from antiosc.contact.power import (
 from antiosc.contact.table import (
     Tabulated as Tabulated,
 )
+from antiosc.drops.drop import (
+    drop as drop,
+)
+from antiosc.drops.ensemble import (
+    Drops as Drops,
+    Tilts as Tilts,
+)
+from antiosc.drops.fall import (
+    Fall as Fall,
+)
+from antiosc.drops.filters import (
+    cfc_filter as cfc_filter,
+)
+from antiosc.drops.floor import (
+    Floor as Floor,
+    SoftLayer as SoftLayer,
+    contact_at as contact_at,
+)
 from antiosc.errors import (
     AccuracyError as AccuracyError,
     AccuracyWarning as AccuracyWarning,
@@ -158,6 +176,7 @@ from antiosc.models.modal import (
 )
 from antiosc.models.motion import (
     Inertia as Inertia,
+    ModalState as ModalState,
     Motion as Motion,
 )
 from antiosc.models.reduced_matrices import (

@@ -21,9 +21,10 @@ DOCS = ROOT / "docs"
 #: pages whose programs need NumPy and SciPy alone
 LIGHT = {
     *("errors", "howto/contacts", "howto/sweep", "howto/cluster", "howto/export"),
-    *("api/models", "api/contact", "api/simulation", "api/scenes", "api/errors", "api/exports"),
+    *("api/models", "api/contact", "api/simulation", "api/scenes", "api/drops"),
+    *("api/errors", "api/exports"),
 }
-MESHED = {"howto/deck", "howto/units"}
+MESHED = {"howto/deck", "howto/units", "howto/drop"}
 SLOW = {
     *("first_impact", "limits", "howto/map"),
     *("api/extraction", "api/assemblies", "api/results", "api/structures"),

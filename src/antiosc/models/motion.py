@@ -137,6 +137,27 @@ class Motion:
         return motion
 
 
+@dataclass(frozen=True, eq=False)
+class ModalState:
+    """The state in which a body of a scene starts, in its mass-normalised modes.
+
+    Parameters
+    ----------
+    displacements : array_like, shape (J,)
+        Of the modes [kg^1/2 m], in the order of the body's modes.
+    velocities : array_like, shape (J,)
+        [kg^1/2 m/s].
+    """
+
+    displacements: Array
+    velocities: Array
+
+    def __post_init__(self) -> None:
+        q = checks.array("displacements", self.displacements, (None,))
+        v = checks.array("velocities", self.velocities, (q.size,))
+        checks.store(self, displacements=checks.kept(q), velocities=checks.kept(v))
+
+
 def unit_vector(name: str, value: Any) -> Array:
     """`value` (3,) scaled to length 1, or InputError."""
     vector = checks.array(name, value, (3,))

@@ -113,7 +113,12 @@ def assemble(scene: SceneParts, duration: float) -> Assembly:
         laws=laws,
         slip=slip,
         tangents=np.array(tangents, dtype=np.int64),
-        q=np.zeros(omega.size),
+        q=np.concatenate(
+            [
+                np.zeros(b.omega.size) if b.displaced is None else b.displaced
+                for b in bodies.values()
+            ]
+        ),
         v=v,
         mass=mass,
         depth=depth,

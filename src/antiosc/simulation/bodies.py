@@ -20,7 +20,7 @@ from antiosc.errors import InputError
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import LinearBody, checked_body
 from antiosc.models.modal import ModalBody
-from antiosc.models.motion import Inertia, Motion
+from antiosc.models.motion import Inertia, ModalState, Motion
 from antiosc.models.site_modes import SiteModes, unit_vectors
 from antiosc.simulation.impactors import Impactor, Obstacle
 
@@ -108,7 +108,7 @@ class Placed:
     inertia : Inertia or None.
     weight : modal forces of a unit gravity, (J,) along the one coordinate of a body without
         directions, (J, 3) along the axes of the scene; or None.
-    start : (J,) modal velocities.
+    start : (J,) modal velocities; displaced : (J,) modal displacements, None for zero.
     gap : distance [m] that the body brings with it.
     local_compliance : half-space compliances [m/N] of the patches by site, which its modes contain.
     modes : its form in free modes, if it has another one than this; it has the fields.
@@ -126,6 +126,7 @@ class Placed:
     inertia: Inertia | None
     weight: Array | None
     start: Array
+    displaced: Array | None = None
     gap: float = 0.0
     local_compliance: Mapping[str, float] = field(default_factory=dict)
     modes: ModalBody | SiteModes | None = None
@@ -165,7 +166,7 @@ class Placed:
         return bool(np.any(np.abs(carried[~rigid]) > HELD * size))
 
 
-def place(name: str, body: Any, motion: Motion | float | None) -> Placed:
+def place(name: str, body: Any, motion: Motion | ModalState | float | None) -> Placed:
     """The body of that name with its start; InputError for a motion that it cannot have."""
     if isinstance(body, RigidBody):
         placed = _rigid(name, body)
@@ -178,7 +179,15 @@ def place(name: str, body: Any, motion: Motion | float | None) -> Placed:
     if motion is not None:
         if isinstance(body, Obstacle):
             raise InputError(f"body {name!r} is an obstacle, which does not move.")
-        placed.start = _started(placed, motion)
+        if isinstance(motion, ModalState):
+            if motion.velocities.size != placed.omega.size:
+                raise InputError(
+                    f"the ModalState of {name!r} has {motion.velocities.size} modes, the body"
+                    f" {placed.omega.size}."
+                )
+            placed.displaced, placed.start = motion.displacements, motion.velocities
+        else:
+            placed.start = _started(placed, motion)
     return placed
 
 

@@ -27,8 +27,8 @@ class Scene(SceneParts):
     base : Base, optional
         Motion of the ground.
     motion : mapping, optional
-        Name -> `Motion` with which a free body starts, or the velocity [m/s] along its one
-        coordinate.
+        Name -> `Motion` with which a free body starts, the velocity [m/s] along its one
+        coordinate, or its `ModalState`.
     preload : bool
         Start from the static equilibrium under gravity, the loads at t = 0 and closed contacts.
 

@@ -28,7 +28,7 @@ from antiosc.contact import ContactLaw
 from antiosc.errors import InputError
 from antiosc.models.anti_oscillators import AntiOscillators
 from antiosc.models.body import checked_body
-from antiosc.models.motion import Motion
+from antiosc.models.motion import ModalState, Motion
 from antiosc.models.site_modes import SiteModes
 from antiosc.simulation.bodies import RigidBody
 
@@ -149,7 +149,7 @@ class SceneParts:
     gravity: float | Sequence[float] = 0.0
     loads: Sequence[Load] = ()
     base: Base | None = None
-    motion: Mapping[str, Motion | float] = field(default_factory=dict)
+    motion: Mapping[str, Motion | ModalState | float] = field(default_factory=dict)
     preload: bool = False
 
     def __post_init__(self) -> None:
@@ -169,7 +169,7 @@ class SceneParts:
             if not several and not isinstance(body, RigidBody | SiteModes):
                 checked_body(f"body {name!r}", body)
         for name, motion in self.motion.items():
-            if not isinstance(motion, Motion):
+            if not isinstance(motion, Motion | ModalState):
                 checks.number(f"motion of {name!r}, if no Motion,", motion, "m/s")
         if not self.contacts:
             raise InputError("a scene needs at least one Contact.")

@@ -1,0 +1,1 @@
+"""Drops: free flight with large rotations, impacts on a floor, and what comes after."""

@@ -1,0 +1,287 @@
+"""Drops against closed forms, balances, and an integration in a floating frame."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+import antiosc as ao
+from antiosc.contact.damped import restitution_of
+from antiosc.drops.body import FreeBody
+from antiosc.drops.course import Setting, fallen, hung
+from antiosc.drops.episode import BODY
+from antiosc.drops.flight import Flight, State
+from antiosc.drops.floor import law_of
+from antiosc.drops.orientation import tilted
+
+G = 9.81
+HALF = np.array([0.075, 0.035, 0.004])
+CORNERS = HALF * np.array(list(product((-1, 1), repeat=3)))
+
+
+def block(mass: float = 0.3) -> ao.RigidBody:
+    x, y, z = HALF
+    moments = mass / 3 * np.array([y * y + z * z, x * x + z * z, x * x + y * y])
+    sites = {f"{i}": (p, (0, 0, 1)) for i, p in enumerate(CORNERS)}
+    return ao.RigidBody(mass, moments, sites)
+
+
+def bar(modes: int = 2) -> FreeBody:
+    """A flat steel bar along x that bends in x and z: free Bernoulli modes, tips that touch."""
+    length, width, height, rho, E = 0.15, 0.07, 0.008, 7800.0, 210e9
+    mass = rho * length * width * height
+    roots = [4.730040744862704, 7.853204624095838, 10.995607838001671][:modes]
+    stiff = np.sqrt(E * height**2 / (12 * rho))
+    omega = np.array([(root / length) ** 2 * stiff for root in roots])
+
+    def shape(root: float, x: float) -> float:
+        s = (np.cosh(root) - np.cos(root)) / (np.sinh(root) - np.sin(root))
+        k = root * (x / length + 0.5)
+        return np.cosh(k) + np.cos(k) - s * (np.sinh(k) + np.sin(k))
+
+    points = np.array([[s * length / 2, 0.0, -height / 2] for s in (-1, 1)])
+    shapes = np.zeros((2, modes, 3))
+    shapes[:, :, 2] = [[shape(r, x) / np.sqrt(mass) for r in roots] for x, _, _ in points]
+    moments = mass / 12 * np.array([width**2 + height**2, length**2 + height**2, length**2])
+    return FreeBody(
+        mass, np.zeros(3), np.diag(moments), points, np.zeros(2), np.full((2, 2), 1e-3),
+        np.full((2, 2), np.nan), omega, 0.002 * omega, shapes, length,
+    )  # fmt: skip
+
+
+def setting(law: ao.ContactLaw, friction: float = 0.0, **rest: float) -> Setting:
+    given = {"gravity": G, "height": 0.2, "impacts": 2, "duration": np.inf, "tol": 1e-4} | rest
+    return Setting(ao.Floor(law=law, friction=friction), **given)  # type: ignore[arg-type]
+
+
+def started(body: FreeBody, where: Setting, tilt: tuple[float, ...]) -> State:
+    return hung(body, where, tilted(np.array(tilt)), np.zeros(3), np.zeros(3))
+
+
+def test_a_ball_bounces_by_the_law_it_has() -> None:
+    e, k = 0.8, 1e10
+    floor = ao.Floor(law=ao.HuntCrossley(k, e))
+    ball = ao.Sphere(0.01, 200e9, 0.3, 7800)
+    fall = ao.drop(ball, 0.5, floor=floor, until=4)
+    v = np.sqrt(2 * G * 0.5) * restitution_of(1.5 * (1 - e)) ** np.arange(5)
+    np.testing.assert_allclose(fall.impacts.column("speed_before"), v[:-1], rtol=2e-4)
+    np.testing.assert_allclose(fall.impacts.column("speed_after"), v[1:], rtol=2e-4)
+    starts, ends = (
+        np.array([getattr(one, n).time for one in fall.episodes]) for n in ("start", "end")
+    )
+    np.testing.assert_allclose(starts[1:] - ends[:-1], 2 * v[1:-1] / G, rtol=1e-3)
+    elastic = ao.drop(
+        ao.Sphere(0.01, 200e9, 0.3, 7800), 0.5, floor=ao.Floor(law=ao.Hertz(k)), until=1
+    )
+    mass = ao.Sphere(0.01, 200e9, 0.3, 7800).mass
+    assert elastic.peak("force").value == pytest.approx(
+        k**0.4 * (1.25 * mass * v[0] ** 2) ** 0.6, rel=2e-3
+    )
+
+
+def test_a_rigid_blocks_first_two_impacts_are_those_of_impulses() -> None:
+    """Planar, elastic, of no duration: J = 2 v/(1/m + x^2/I)."""
+    height, angle, mass = 0.1, np.radians(12.0), 0.3
+    fall = ao.drop(block(), height, tilt=(0, 12, 0), floor=ao.Floor(law=ao.Hertz(1e13)), until=2)
+    inertia = mass / 3 * (HALF[0] ** 2 + HALF[2] ** 2)
+    corners = CORNERS[CORNERS[:, 1] > 0][:, [0, 2]]
+    turn = lambda a: np.array([[np.cos(a), np.sin(a)], [-np.sin(a), np.cos(a)]])  # noqa: E731
+    placed = corners @ turn(angle).T
+    low = placed[np.argmin(placed[:, 1])]
+    v, z = -np.sqrt(2 * G * height), -low[1]
+    J = -2 * v / (1 / mass + low[0] ** 2 / inertia)
+    v, w = v + J / mass, -low[0] * J / inertia  # the spin about y that lowers +x
+
+    def lowest(t: float) -> float:
+        others = corners[np.any(corners @ turn(angle).T != low, axis=1)]
+        return z + v * t - G * t * t / 2 + (others @ turn(angle + w * t).T)[:, 1].min()
+
+    t = brentq(lowest, 1e-6, next(s for s in np.arange(1e-4, 0.1, 1e-4) if lowest(s) < 0))
+    placed = corners @ turn(angle + w * t).T
+    hit = placed[np.argmin(placed[:, 1])]
+    speed = v - G * t - w * hit[0]
+    second = -2 * speed / (1 / mass + hit[0] ** 2 / inertia)
+    np.testing.assert_allclose(fall.impacts.column("impulse"), [J, second], rtol=5e-3)
+    assert np.diff(fall.impacts.column("time"))[0] == pytest.approx(t, rel=5e-3)
+    assert second > J
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+def test_what_a_hand_over_keeps(friction: float) -> None:
+    """Momentum, angular momentum and energy, in space, with spin, vibration and friction."""
+    body = bar()
+    where = setting(ao.Hertz(1e9), friction, impacts=3)
+    start = hung(
+        body, where, tilted(np.array([8.0, 14.0, 5.0])), np.array([9.0, -4.0, 6.0]), np.zeros(3)
+    )
+    fall = fallen(body, start, where)
+    energy = []
+    for one in fall.episodes:
+        for state, t in ((one.start, 0.0), (one.end, one.duration)):
+            scene = one.history.at([t])[BODY]
+            np.testing.assert_allclose(scene.momentum[0], body.mass * state.velocity, atol=1e-9)
+            L = scene.angular_momentum()[0]
+            np.testing.assert_allclose(L, state.momentum, atol=1e-6 * np.linalg.norm(L))
+            own = sum(state.energies(body, G)[:2])
+            assert own == pytest.approx(float(scene.kinetic[0] + scene.strain[0]), rel=1e-6)
+            energy.append(own)
+    assert len(fall.episodes) >= 3
+    assert energy[-1] < energy[0]
+    assert max(one.corrected for one in fall.episodes) < 0.05
+
+
+def test_free_flight_is_exact() -> None:
+    body = bar()
+    L = np.array([0.002, -0.02, 0.03])
+    none = np.zeros(2)
+    start = State(0.0, np.array([0, 0, 1.0]), np.zeros(3), tilted(np.array([20.0, 30.0, 0.0])), L,
+                  none, np.array([0.01, 0.003]), np.zeros((2, 0)))  # fmt: skip
+    flight = Flight(body, start, G)
+    found = flight.touch(flight.longest())
+    assert found is not None
+    every = np.arange(2)
+    assert abs(flight.heights(np.array([found]), every).min()) < 1e-9
+    assert (flight.heights(np.linspace(0, 0.9999 * found, 3000), every) > 0).all()
+    end = flight.at(found)
+    spin = [0.5 * L @ s.spin(body) for s in (start, end)]
+    assert spin[1] == pytest.approx(spin[0], rel=1e-7)
+    np.testing.assert_allclose(end.R @ end.R.T, np.eye(3), atol=1e-12)
+
+
+def floating(body: FreeBody, start: State, k: float, until: float) -> list[float]:
+    """Peak forces of the impacts of the plane bar, all in one nonlinear integration."""
+    size, inertia = body.omega.size, body.tensor[1, 1]
+    tilt = np.arctan2(start.R[0, 2], start.R[0, 0])  # about y
+
+    def forces(y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        z, a, q = y[0], y[1], y[2 : 2 + size]
+        own = body.points[:, [0, 2]] + np.stack([np.zeros(2), body.shapes[:, :, 2] @ q], axis=1)
+        c, s = np.cos(a), np.sin(a)
+        x, height = c * own[:, 0] + s * own[:, 1], z - s * own[:, 0] + c * own[:, 1]
+        return k * np.maximum(-height, 0.0) ** 1.5, x, np.full(2, c)
+
+    def rate(t: float, y: np.ndarray) -> np.ndarray:
+        F, x, c = forces(y)
+        q, p = y[2 : 2 + size], y[4 + size :]
+        bent = body.shapes[:, :, 2].T @ (F * c) - body.omega**2 * q - 2 * body.decay * p
+        rates = [F.sum() / body.mass - G, -(F @ x) / inertia]
+        return np.concatenate((y[2 + size :], rates, bent))
+
+    y = np.concatenate(([start.centre[2], tilt], start.q, [start.velocity[2], 0.0], start.p))
+    at = np.linspace(0, until, 40000)
+    found = solve_ivp(rate, (0, until), y, "DOP853", at, rtol=1e-8, atol=1e-11, max_step=1e-4)
+    assert found.success
+    F = np.array([forces(one)[0].sum() for one in found.y.T])
+    on = np.flatnonzero(F > 0)
+    parts = np.split(on, np.flatnonzero(np.diff(on) > 40) + 1)
+    return [float(F[part].max()) for part in parts]
+
+
+@pytest.mark.slow
+def test_a_bar_flies_as_in_a_floating_frame() -> None:
+    body, k = bar(), 2e8
+    where = setting(ao.Hertz(k), impacts=2)
+    start = started(body, where, (0.0, 11.5, 0.0))
+    fall = fallen(body, start, where)
+    touch = Flight(body, start, G).at(fall.episodes[0].start.time - 1e-5)
+    until = fall.episodes[-1].end.time - touch.time + 1e-5
+    peaks = floating(body, touch, k, until)
+    mine = [float(one.forces()[1].sum(axis=1).max()) for one in fall.episodes]
+    np.testing.assert_allclose(mine[:2], peaks[:2], rtol=2e-3)
+    assert mine[1] > 1.3 * mine[0]
+
+
+@pytest.mark.parametrize(
+    ("how", "count"), [({"face": "-x"}, 4), ({"edge": "-x+z"}, 2), ({"corner": "+x-y-z"}, 1)]
+)
+def test_faces_edges_and_corners_hit_first(how: dict[str, str], count: int) -> None:
+    fall = ao.drop(block(), 0.3, floor=ao.Floor(law=ao.Hertz(1e9)), until=0.01, **how)
+    low = CORNERS @ fall.start.R[2]
+    lowest = np.flatnonzero(low < low.min() + 1e-9)
+    assert len(lowest) == count
+    np.testing.assert_allclose((CORNERS @ fall.start.R.T)[lowest, :2].mean(axis=0), 0, atol=1e-12)
+    assert fall.start.centre[2] + low.min() == pytest.approx(0.3)
+
+
+def test_the_ends_of_a_fall() -> None:
+    floor = ao.Floor(law=ao.HuntCrossley(1e8, 0.4), friction=0.4)
+    fall = ao.drop(block(), 0.05, tilt=(4, 7, 0), floor=floor, tol=1e-2)
+    assert fall.status == "at rest"
+    assert abs(fall.end.R[2, 2]) > 0.999  # it lies flat
+    assert fall.end.centre[2] == pytest.approx(HALF[2], abs=2e-3)
+    _, energies = fall.energy()
+    assert (np.diff(energies.sum(axis=1)) < 1e-4 * energies[0].sum()).all()
+    assert ao.drop(block(), 0.05, floor=floor, until=0.02).end.time == pytest.approx(0.02)
+    assert "peak N" in str(fall.impacts)
+
+
+def test_an_accelerometer_feels_what_the_rigid_body_does() -> None:
+    fall = ao.drop(block(), 0.2, tilt=(5, 9, 0), floor=ao.Floor(law=ao.Hertz(1e8)), until=1)
+    one = fall.episodes[0]
+    peak = fall.peak("acceleration", at=(0, 0, 0))
+    assert peak.value == pytest.approx(fall.peak_force / 0.3, rel=2e-3)
+    assert peak.g == pytest.approx(peak.value / 9.80665)
+    change = np.linalg.norm(one.end.velocity - one.start.velocity + [0, 0, G * one.duration])
+    assert fall.velocity_change(at=(0, 0, 0)) == pytest.approx(change, rel=5e-3)
+    amplitude, duration = fall.half_sine(at=(0, 0, 0))
+    assert 2 * amplitude * duration / np.pi == pytest.approx(change, rel=5e-3)
+    assert fall.peak("acceleration", (0, 0, 0), filter="CFC180").value < 0.5 * peak.value
+    assert fall.srs((0, 0, 0), 0, [10.0, 1e5]).positive[1] == pytest.approx(peak.value, rel=0.05)
+
+
+def test_channel_frequency_classes_are_those_of_j211() -> None:
+    t = np.arange(0, 0.2, 1e-5)
+    for name, cfc in (("CFC60", 60), ("CFC1000", 1000)):
+        wave = np.sin(2 * np.pi * 5 / 3 * cfc * t)
+        assert ao.cfc_filter(1e-5, wave, name)[5000:15000].max() == pytest.approx(0.7071, abs=0.005)
+    with pytest.raises(ao.InputError, match="samples"):
+        ao.cfc_filter(1e-3, t, "CFC180")
+
+
+def test_ensembles_have_bars_and_do_not_depend_on_who_computes_them() -> None:
+    from concurrent.futures import ThreadPoolExecutor
+
+    given = {"height": 0.1, "floor": ao.Floor(law=ao.Hertz(1e9)), "until": 1, "tol": 1e-2}
+    spread = ao.Tilts(sigma=3.0, height=0.02)
+    many = ao.drop(block(), **given, ensemble=spread, n=24)
+    with ThreadPoolExecutor(2) as pool:
+        again = ao.drop(block(), **given, ensemble=spread, n=24, executor=pool)
+    np.testing.assert_array_equal(many.values["peak_force"], again.values["peak_force"])
+    median = many.quantile("peak_force", 0.5)
+    assert median.low < median.value < median.high
+    assert many.quantile("peak_force", 0.99).high == np.inf  # 24 falls do not bound it
+    assert not many.failed
+
+
+def test_the_first_impact_can_be_predicted() -> None:
+    fall = ao.drop(block(), 0.05, (10, 5, 0), ao.Floor(law=ao.Hertz(1e9)), until=3, tol=1e-2)
+    assert fall.horizon(1e-6) >= fall.horizon(0.2)
+    assert fall.horizon(1e-6) >= 2
+
+
+@pytest.mark.parametrize(
+    ("change", "word"),
+    [
+        ({"until": "now"}, "until"),
+        ({"height": -1.0}, "height"),
+        ({"face": "-z", "edge": "-x-z"}, "one of"),
+        ({"corner": "-x"}, "corner"),
+        ({"floor": ao.Floor()}, "rigid"),
+        ({"executor": object()}, "ensemble"),
+    ],
+)
+def test_bad_input(change: dict[str, object], word: str) -> None:
+    given = {"height": 0.1, "floor": ao.Floor(law=ao.Hertz(1e9)), "until": 1} | change
+    with pytest.raises(ao.InputError, match=word):
+        ao.drop(block(), **given)  # type: ignore[arg-type]
+
+
+def test_floors_take_one_law() -> None:
+    with pytest.raises(ao.InputError, match="one of"):
+        ao.Floor(material=ao.Solid(210e9, 0.3, 7800), layer=ao.SoftLayer(0.01, 1e6))
+    soft = law_of(ao.Floor(layer=ao.SoftLayer(0.01, 1e6)), (0.1, 0.1), np.full(2, np.nan))
+    assert soft.force(1e-3, 0.0, soft.touch(0.0)) == pytest.approx(np.pi * 1e6 * 0.1 * 1e-6 / 0.01)
